@@ -1,0 +1,26 @@
+//! Force laws shared by the full body and the local model of palpate, so that both speak the same physics.
+//!
+//! * [`Spring`]: a spring and a damper along one axis, with its force and its exact tangent.
+//! * [`one_sided`]: the rule that a surface pushes and never pulls.
+//!
+//! # Units, frames, signs
+//!
+//! Everything is SI and `f64`. Vectors are in whatever frame the caller uses, the same for all of them.
+//! A tension is positive when the spring is stretched; a spring's force is the force *on its node `a`*,
+//! the force on `b` is its negative.
+//!
+//! # Accuracy and limits
+//!
+//! The damper acts along the spring's current axis only. [`SpringTangent`] leaves out the derivative of the
+//! damper's force with respect to position (it is proportional to the velocity and not symmetric); everything
+//! else is exact, the geometric stiffness included.
+
+#![forbid(unsafe_code)]
+
+mod contact;
+mod error;
+mod spring;
+
+pub use contact::one_sided;
+pub use error::LawError;
+pub use spring::{ForceLaw, Spring, SpringTangent, Tension};

@@ -1,0 +1,237 @@
+//! A spring and a damper along one axis.
+
+use crate::LawError;
+use glam::{DMat3, DVec3};
+
+/// How a spring's tension depends on its extension.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum ForceLaw {
+    /// φ(e) = k e.
+    Linear {
+        /// k, N/m.
+        stiffness_n_per_m: f64,
+    },
+}
+
+/// The value of a force law at one extension.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tension {
+    /// φ(e), N; positive when stretched.
+    pub force_n: f64,
+    /// φ'(e), N/m.
+    pub stiffness_n_per_m: f64,
+}
+
+impl ForceLaw {
+    /// φ and φ' at extension `extension_m` (length minus rest length, m).
+    #[must_use]
+    pub fn at(self, extension_m: f64) -> Tension {
+        match self {
+            Self::Linear { stiffness_n_per_m } => Tension {
+                force_n: stiffness_n_per_m * extension_m,
+                stiffness_n_per_m,
+            },
+        }
+    }
+
+    fn validate(self) -> Result<(), LawError> {
+        match self {
+            Self::Linear { stiffness_n_per_m: k } if !(k.is_finite() && k > 0.0) => {
+                Err(LawError::Stiffness(k))
+            }
+            Self::Linear { .. } => Ok(()),
+        }
+    }
+}
+
+/// A spring with rest length ℓ₀ and law φ, and a damper b, side by side between two points `a` and `b`.
+///
+/// With d = x_b − x_a, ℓ = |d|, u = d/ℓ and ḋ = v_b − v_a, the force on `a` is
+///
+/// ```text
+/// f = (φ(ℓ − ℓ₀) + b u·ḋ) u
+/// ```
+///
+/// and the force on `b` is −f. Where the two points coincide the axis is undefined and the force is zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spring {
+    law: ForceLaw,
+    rest_length_m: f64,
+    damping_ns_per_m: f64,
+}
+
+/// Derivatives of a spring's force on `a`: ∂f/∂x_b = −∂f/∂x_a = `stiffness`, ∂f/∂v_b = −∂f/∂v_a = `damping`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpringTangent {
+    /// φ' u uᵀ + (φ/ℓ)(I − u uᵀ), N/m. The second term is the geometric stiffness.
+    pub stiffness: DMat3,
+    /// b u uᵀ, N s/m.
+    pub damping: DMat3,
+}
+
+impl Spring {
+    /// A spring of law `law` and rest length `rest_length_m`, beside a damper of `damping_ns_per_m`.
+    ///
+    /// # Errors
+    /// [`LawError`] when a parameter is not finite, the rest length or the stiffness is not above zero, or the
+    /// damping is negative.
+    pub fn new(law: ForceLaw, rest_length_m: f64, damping_ns_per_m: f64) -> Result<Self, LawError> {
+        law.validate()?;
+        if !(rest_length_m.is_finite() && rest_length_m > 0.0) {
+            return Err(LawError::RestLength(rest_length_m));
+        }
+        if !(damping_ns_per_m.is_finite() && damping_ns_per_m >= 0.0) {
+            return Err(LawError::Damping(damping_ns_per_m));
+        }
+        Ok(Self {
+            law,
+            rest_length_m,
+            damping_ns_per_m,
+        })
+    }
+
+    /// A linear spring of `stiffness_n_per_m`.
+    ///
+    /// # Errors
+    /// As [`Spring::new`].
+    pub fn linear(
+        stiffness_n_per_m: f64,
+        rest_length_m: f64,
+        damping_ns_per_m: f64,
+    ) -> Result<Self, LawError> {
+        Self::new(
+            ForceLaw::Linear { stiffness_n_per_m },
+            rest_length_m,
+            damping_ns_per_m,
+        )
+    }
+
+    /// The law φ.
+    #[must_use]
+    pub fn law(&self) -> ForceLaw {
+        self.law
+    }
+
+    /// ℓ₀, m.
+    #[must_use]
+    pub fn rest_length_m(&self) -> f64 {
+        self.rest_length_m
+    }
+
+    /// b, N s/m.
+    #[must_use]
+    pub fn damping_ns_per_m(&self) -> f64 {
+        self.damping_ns_per_m
+    }
+
+    /// The force on `a`, N, for d = x_b − x_a (m) and ḋ = v_b − v_a (m/s).
+    #[must_use]
+    pub fn force_on_a(&self, d: DVec3, d_dot: DVec3) -> DVec3 {
+        let length = d.length();
+        if length == 0.0 {
+            return DVec3::ZERO;
+        }
+        let u = d / length;
+        let tension = self.law.at(length - self.rest_length_m).force_n + self.damping_ns_per_m * u.dot(d_dot);
+        tension * u
+    }
+
+    /// The exact tangent at d = x_b − x_a.
+    ///
+    /// With `clamped`, the geometric stiffness of a compressed spring (φ < 0, which destabilises) and a
+    /// negative φ' are taken as zero, so that the result is positive semidefinite.
+    #[must_use]
+    pub fn tangent(&self, d: DVec3, clamped: bool) -> SpringTangent {
+        let length = d.length();
+        if length == 0.0 {
+            return SpringTangent {
+                stiffness: DMat3::ZERO,
+                damping: DMat3::ZERO,
+            };
+        }
+        let u = d / length;
+        let uu = DMat3::from_cols(u * u.x, u * u.y, u * u.z);
+        let Tension {
+            force_n,
+            stiffness_n_per_m,
+        } = self.law.at(length - self.rest_length_m);
+        let (mut axial, mut transverse) = (stiffness_n_per_m, force_n / length);
+        if clamped {
+            (axial, transverse) = (axial.max(0.0), transverse.max(0.0));
+        }
+        SpringTangent {
+            stiffness: axial * uu + transverse * (DMat3::IDENTITY - uu),
+            damping: self.damping_ns_per_m * uu,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spring() -> Spring {
+        Spring::linear(120.0, 0.02, 0.7).unwrap()
+    }
+
+    #[test]
+    fn a_stretched_spring_pulls_its_ends_together() {
+        let f = spring().force_on_a(DVec3::new(0.03, 0.0, 0.0), DVec3::ZERO);
+        assert!((f - DVec3::new(1.2, 0.0, 0.0)).length() < 1e-15);
+    }
+
+    #[test]
+    fn the_damper_resists_along_the_axis_only() {
+        let d = DVec3::new(0.0, 0.02, 0.0);
+        let f = spring().force_on_a(d, DVec3::new(5.0, 0.1, -3.0));
+        assert!((f - DVec3::new(0.0, 0.07, 0.0)).length() < 1e-15);
+    }
+
+    #[test]
+    fn coincident_ends_give_no_force_and_no_tangent() {
+        assert_eq!(spring().force_on_a(DVec3::ZERO, DVec3::X), DVec3::ZERO);
+        assert_eq!(spring().tangent(DVec3::ZERO, false).stiffness, DMat3::ZERO);
+    }
+
+    #[test]
+    fn the_tangent_is_the_derivative_of_the_force() {
+        let (s, h) = (spring(), 1e-7);
+        for d in [DVec3::new(0.03, 0.01, -0.02), DVec3::new(-0.004, 0.009, 0.002)] {
+            let tangent = s.tangent(d, false);
+            for axis in 0..3 {
+                let e = DVec3::AXES[axis] * h;
+                let dx = (s.force_on_a(d + e, DVec3::ZERO) - s.force_on_a(d - e, DVec3::ZERO)) / (2.0 * h);
+                let dv = (s.force_on_a(d, e) - s.force_on_a(d, -e)) / (2.0 * h);
+                assert!((dx - tangent.stiffness.col(axis)).length() < 1e-6 * 120.0);
+                assert!((dv - tangent.damping.col(axis)).length() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_clamped_tangent_is_positive_semidefinite_under_compression() {
+        let d = DVec3::new(0.0, 0.0, 0.005);
+        let across = |clamped| spring().tangent(d, clamped).stiffness.col(0).x;
+        assert!(across(false) < 0.0);
+        assert_eq!(across(true), 0.0);
+    }
+
+    #[test]
+    fn senseless_parameters_are_refused_with_the_value() {
+        assert_eq!(Spring::linear(0.0, 0.1, 0.0), Err(LawError::Stiffness(0.0)));
+        assert_eq!(Spring::linear(-1.0, 0.1, 0.0), Err(LawError::Stiffness(-1.0)));
+        assert!(matches!(
+            Spring::linear(f64::NAN, 0.1, 0.0),
+            Err(LawError::Stiffness(_))
+        ));
+        assert_eq!(Spring::linear(1.0, 0.0, 0.0), Err(LawError::RestLength(0.0)));
+        assert_eq!(Spring::linear(1.0, 0.1, -0.1), Err(LawError::Damping(-0.1)));
+        assert_eq!(
+            Spring::linear(1.0, 0.1, f64::INFINITY),
+            Err(LawError::Damping(f64::INFINITY))
+        );
+        let message = LawError::Damping(-0.1).to_string();
+        assert_eq!(message, "damping is -0.1 N s/m; it must be finite and at least 0");
+    }
+}
