@@ -1,0 +1,329 @@
+//! A block: a regular lattice of nodes in three dimensions, each joined to its 26 neighbours.
+
+use crate::error::check_positive;
+use crate::tissue::check_damping_ratio;
+use crate::{BodyError, Link, Network, Surface};
+use glam::DVec3;
+use palpate_laws::Spring;
+
+/// One of the six sides of a block, named by the axis it looks along.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Face {
+    /// The side towards −x.
+    NegX,
+    /// The side towards +x.
+    PosX,
+    /// The side towards −y.
+    NegY,
+    /// The side towards +y.
+    PosY,
+    /// The side towards −z.
+    NegZ,
+    /// The side towards +z.
+    PosZ,
+}
+
+impl Face {
+    /// All six.
+    pub const ALL: [Self; 6] = [
+        Self::NegX,
+        Self::PosX,
+        Self::NegY,
+        Self::PosY,
+        Self::NegZ,
+        Self::PosZ,
+    ];
+
+    /// 0 for x, 1 for y, 2 for z.
+    #[must_use]
+    pub fn axis(self) -> usize {
+        self as usize / 2
+    }
+
+    /// Whether it looks towards the positive end of its axis.
+    #[must_use]
+    pub fn is_positive(self) -> bool {
+        self as usize % 2 == 1
+    }
+
+    /// Outward unit normal.
+    #[must_use]
+    pub fn normal(self) -> DVec3 {
+        if self.is_positive() {
+            DVec3::AXES[self.axis()]
+        } else {
+            -DVec3::AXES[self.axis()]
+        }
+    }
+}
+
+/// The geometry of a block lattice, to be given a material by [`Block::uniform`] or
+/// [`Block::tissue`](Self::tissue).
+///
+/// Node (i, j, k) has index i + nx (j + ny k) and lies at centre − size/2 + (i, j, k) · cell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block {
+    nodes: [usize; 3],
+    size_m: DVec3,
+    center_m: DVec3,
+    fixed: Vec<Face>,
+}
+
+/// A block with its material: a network and its surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlockBody {
+    /// Nodes, masses, springs.
+    pub network: Network,
+    /// The six faces.
+    pub surface: Surface,
+}
+
+/// A lattice in which every node has the same mass and every spring the same stiffness, as in the seed paper.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UniformLattice {
+    /// k of every spring, N/m.
+    pub stiffness_n_per_m: f64,
+    /// Every damper is this times √(k m), m the mass of one node.
+    pub damping_ratio: f64,
+    /// Mass of the whole block, shared equally by its nodes, kg.
+    pub mass_kg: f64,
+}
+
+impl Block {
+    /// The largest number of nodes along one side.
+    pub const MAX_NODES_PER_SIDE: usize = 128;
+
+    /// A block of `nodes` nodes along x, y, z and of outer size `size_m`, centred on the origin, nothing fixed.
+    ///
+    /// # Errors
+    /// [`BodyError::LatticeNodes`] for fewer than two nodes along an axis or more than
+    /// [`Block::MAX_NODES_PER_SIDE`]; [`BodyError::Parameter`] for a size that is not finite and above zero.
+    pub fn new(nodes: [usize; 3], size_m: DVec3) -> Result<Self, BodyError> {
+        if nodes.iter().any(|n| !(2..=Self::MAX_NODES_PER_SIDE).contains(n)) {
+            return Err(BodyError::LatticeNodes { nodes });
+        }
+        for axis in 0..3 {
+            check_positive(
+                ["size along x, m", "size along y, m", "size along z, m"][axis],
+                size_m[axis],
+            )?;
+        }
+        Ok(Self {
+            nodes,
+            size_m,
+            center_m: DVec3::ZERO,
+            fixed: Vec::new(),
+        })
+    }
+
+    /// The same block centred on `center_m`.
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] when a coordinate is not finite.
+    pub fn centered_at(mut self, center_m: DVec3) -> Result<Self, BodyError> {
+        for axis in 0..3 {
+            let what = ["centre x, m", "centre y, m", "centre z, m"][axis];
+            crate::error::check(what, center_m[axis], center_m[axis].is_finite(), "finite")?;
+        }
+        self.center_m = center_m;
+        Ok(self)
+    }
+
+    /// The same block with all nodes of `face` fixed.
+    #[must_use]
+    pub fn fix(mut self, face: Face) -> Self {
+        if !self.fixed.contains(&face) {
+            self.fixed.push(face);
+        }
+        self
+    }
+
+    /// Nodes along x, y, z.
+    #[must_use]
+    pub fn nodes(&self) -> [usize; 3] {
+        self.nodes
+    }
+
+    /// Size of one cell, m.
+    #[must_use]
+    pub fn cell_m(&self) -> DVec3 {
+        self.size_m / DVec3::from_array(self.nodes.map(|n| (n - 1) as f64))
+    }
+
+    /// Index of node (i, j, k).
+    ///
+    /// # Panics
+    /// In debug builds, when an index is not below the number of nodes along its axis.
+    #[must_use]
+    pub fn node(&self, [i, j, k]: [usize; 3]) -> usize {
+        debug_assert!(
+            i < self.nodes[0] && j < self.nodes[1] && k < self.nodes[2],
+            "node out of the lattice"
+        );
+        i + self.nodes[0] * (j + self.nodes[1] * k)
+    }
+
+    /// A lattice of equal springs and equal masses.
+    ///
+    /// # Errors
+    /// [`BodyError`] when a parameter makes no sense or every node is fixed.
+    pub fn uniform(&self, lattice: &UniformLattice) -> Result<BlockBody, BodyError> {
+        let k = check_positive("spring stiffness, N/m", lattice.stiffness_n_per_m)?;
+        let mass = check_positive("mass of the block, kg", lattice.mass_kg)?;
+        let ratio = check_damping_ratio(lattice.damping_ratio)?;
+        let m = mass / self.node_total() as f64;
+        self.build(
+            vec![m; self.node_total()],
+            |_, _| k,
+            |k, _, _| ratio * (k * m).sqrt(),
+        )
+    }
+
+    pub(crate) fn node_total(&self) -> usize {
+        self.nodes.iter().product()
+    }
+
+    /// The lattice with `mass_kg` of every node, stiffness by (node (i, j, k), step to the other node), and
+    /// damping by (stiffness, mass of a, mass of b).
+    pub(crate) fn build(
+        &self,
+        mass_kg: Vec<f64>,
+        stiffness: impl Fn([usize; 3], [i32; 3]) -> f64,
+        damping: impl Fn(f64, f64, f64) -> f64,
+    ) -> Result<BlockBody, BodyError> {
+        let rest_m: Vec<DVec3> = self.grid().map(|ijk| self.rest(ijk)).collect();
+        let mut links = Vec::with_capacity(13 * rest_m.len());
+        for ijk in self.grid() {
+            for step in half_of_26() {
+                let Some(other) = self.neighbour(ijk, step) else {
+                    continue;
+                };
+                let (a, b) = (self.node(ijk), self.node(other));
+                let k = stiffness(ijk, step);
+                let c = damping(k, mass_kg[a], mass_kg[b]);
+                let spring =
+                    Spring::linear(k, rest_m[a].distance(rest_m[b]), c).map_err(|source| BodyError::Law {
+                        link: links.len(),
+                        source,
+                    })?;
+                links.push(Link { a, b, spring });
+            }
+        }
+        let fixed = self
+            .grid()
+            .map(|ijk| self.fixed.iter().any(|&face| self.on_face(ijk, face)))
+            .collect();
+        let surface = self.surface();
+        Ok(BlockBody {
+            network: Network::new(rest_m, mass_kg, fixed, links)?,
+            surface,
+        })
+    }
+
+    /// All (i, j, k), in the order of their indices.
+    pub(crate) fn grid(&self) -> impl Iterator<Item = [usize; 3]> + use<> {
+        let [nx, ny, nz] = self.nodes;
+        (0..nz).flat_map(move |k| (0..ny).flat_map(move |j| (0..nx).map(move |i| [i, j, k])))
+    }
+
+    fn rest(&self, ijk: [usize; 3]) -> DVec3 {
+        let cell = self.cell_m();
+        self.center_m - 0.5 * self.size_m + cell * DVec3::from_array(ijk.map(|n| n as f64))
+    }
+
+    fn neighbour(&self, ijk: [usize; 3], step: [i32; 3]) -> Option<[usize; 3]> {
+        let mut other = [0; 3];
+        for axis in 0..3 {
+            other[axis] = ijk[axis]
+                .checked_add_signed(step[axis] as isize)
+                .filter(|&n| n < self.nodes[axis])?;
+        }
+        Some(other)
+    }
+
+    /// 1 at either end of `axis`, 2 between: how many cells lie on the two sides of the node.
+    pub(crate) fn cells_beside(&self, ijk: [usize; 3], axis: usize) -> u32 {
+        if ijk[axis] == 0 || ijk[axis] + 1 == self.nodes[axis] {
+            1
+        } else {
+            2
+        }
+    }
+
+    fn on_face(&self, ijk: [usize; 3], face: Face) -> bool {
+        let axis = face.axis();
+        ijk[axis]
+            == if face.is_positive() {
+                self.nodes[axis] - 1
+            } else {
+                0
+            }
+    }
+
+    fn surface(&self) -> Surface {
+        let mut surface = Surface {
+            reach_m: 0.75 * self.cell_m().max_element(),
+            ..Surface::default()
+        };
+        for face in Face::ALL {
+            self.add_face(face, &mut surface);
+        }
+        for ijk in self.grid() {
+            let normal: DVec3 = Face::ALL
+                .into_iter()
+                .filter(|&face| self.on_face(ijk, face))
+                .map(Face::normal)
+                .sum();
+            // A node between two opposite faces of a block one cell thick is on both and has no normal of its
+            // own only if nothing else is left of the sum; two nodes a side leave no such node.
+            if let Some(normal) = normal.try_normalize() {
+                surface.nodes.push(self.node(ijk));
+                surface.normals.push(normal);
+            }
+        }
+        surface
+    }
+
+    fn add_face(&self, face: Face, surface: &mut Surface) {
+        let axis = face.axis();
+        // (u, v, normal) is right-handed for a positive face; for a negative one the winding is turned.
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let first = surface.vertices.len();
+        for q in 0..self.nodes[v] {
+            for p in 0..self.nodes[u] {
+                let mut ijk = [0; 3];
+                ijk[u] = p;
+                ijk[v] = q;
+                ijk[axis] = if face.is_positive() {
+                    self.nodes[axis] - 1
+                } else {
+                    0
+                };
+                surface.vertices.push(self.node(ijk));
+            }
+        }
+        let at = |p: usize, q: usize| first + p + self.nodes[u] * q;
+        for q in 0..self.nodes[v] - 1 {
+            for p in 0..self.nodes[u] - 1 {
+                let (a, b, c, d) = (at(p, q), at(p + 1, q), at(p + 1, q + 1), at(p, q + 1));
+                for [i, j, k] in [[a, b, c], [a, c, d]] {
+                    surface
+                        .triangles
+                        .push(if face.is_positive() { [i, j, k] } else { [i, k, j] });
+                }
+            }
+        }
+    }
+}
+
+/// The 13 of the 26 steps to a neighbour whose last nonzero component, counted from x, comes first positive:
+/// every pair of neighbours once.
+fn half_of_26() -> impl Iterator<Item = [i32; 3]> {
+    let range = || -1..=1;
+    range()
+        .flat_map(move |i| range().flat_map(move |j| range().map(move |k| [i, j, k])))
+        .filter(|step| *step > [0, 0, 0])
+}
+
+#[cfg(test)]
+mod tests;

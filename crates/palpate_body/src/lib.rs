@@ -1,0 +1,69 @@
+//! The full deformable body of palpate: point masses joined by springs and dampers, some of them fixed, with
+//! full geometric nonlinearity. It is what the local model approximates and what every scheme is judged by.
+//!
+//! # Getting started
+//!
+//! ```
+//! use glam::DVec3;
+//! use palpate_body::{Block, Body, Face, SemiImplicitEuler, ToolContact, ToolPoint, UniformLattice};
+//!
+//! # fn main() -> Result<(), palpate_body::BodyError> {
+//! // 6 x 6 x 6 nodes, 10 cm wide, 1 kg, its bottom fixed.
+//! let block = Block::new([6, 6, 6], DVec3::splat(0.1))?
+//!     .fix(Face::NegZ)
+//!     .uniform(&UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 })?;
+//! let mut body = Body::new(block.network, block.surface);
+//!
+//! // A tool that holds one node and pushes it down by 1 mm within one tick of 1 ms.
+//! let node = 3 + 6 * (3 + 6 * 5);
+//! let from = ToolPoint::at_rest(body.positions_m()[node]);
+//! let to = ToolPoint { position_m: from.position_m - 1e-3 * DVec3::Z, velocity_m_per_s: -DVec3::Z };
+//! let mut tool = ToolContact::hold(&body, node, from.position_m)?;
+//! body.advance(Some((&mut tool, &[from, to])), 1, &SemiImplicitEuler::default())?;
+//! assert!(tool.displayed_force_n(&body).z > 0.0);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Contents
+//!
+//! * Networks: [`Network`], [`Link`], and the block lattice [`Block`] with its [`Surface`].
+//! * Material: [`UniformLattice`] (every spring alike) and [`Tissue`] (from Young's modulus and density).
+//! * State and time: [`Body`], [`SemiImplicitEuler`], [`StepReport`].
+//! * The tool: [`ToolContact`], [`ToolPoint`].
+//! * Linearisation: [`TangentPattern`], [`Tangent`].
+//!
+//! # Units, frames, signs
+//!
+//! SI and `f64` throughout; one frame, the body's. A displayed force is what the body does to the hand: along
+//! the surface's outward normal it pushes the tool out.
+//!
+//! # Accuracy and limits
+//!
+//! * Contact is the seed paper's: the touched node sticks to the tool until its force would pull
+//!   ([`ToolContact`]). A tool touches one node at a time.
+//! * Springs do not know that cells have a volume: a body pressed through itself stays pressed through itself.
+//! * Semi-implicit Euler is of first order; it takes as many substeps as its stability needs
+//!   ([`SemiImplicitEuler`]), which is many for stiff tissue on a fine lattice.
+
+#![forbid(unsafe_code)]
+
+mod block;
+mod body;
+mod error;
+mod integrator;
+mod network;
+mod surface;
+mod tangent;
+mod tissue;
+mod tool;
+
+pub use block::{Block, BlockBody, Face, UniformLattice};
+pub use body::{Body, StepReport};
+pub use error::BodyError;
+pub use integrator::SemiImplicitEuler;
+pub use network::{Link, Network};
+pub use surface::Surface;
+pub use tangent::{Tangent, TangentPattern};
+pub use tissue::{CellStiffness, Tissue};
+pub use tool::{ToolContact, ToolPoint, Touched};

@@ -1,0 +1,185 @@
+//! A network of point masses, springs and dampers: what a body is made of, without its state.
+
+use crate::BodyError;
+use glam::DVec3;
+use palpate_laws::Spring;
+use std::collections::HashMap;
+
+/// A spring and damper e = (a, b) between two nodes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link {
+    /// Index of node a.
+    pub a: usize,
+    /// Index of node b.
+    pub b: usize,
+    /// The spring and the damper between them.
+    pub spring: Spring,
+}
+
+/// Nodes with masses and rest positions, some fixed, and the links between them. Immutable once built.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Network {
+    rest_m: Vec<DVec3>,
+    mass_kg: Vec<f64>,
+    fixed: Vec<bool>,
+    links: Vec<Link>,
+    free: Vec<usize>,
+    free_index: Vec<Option<usize>>,
+    /// Incident links of node i: `incident[incident_start[i]..incident_start[i + 1]]`.
+    incident: Vec<usize>,
+    incident_start: Vec<usize>,
+}
+
+impl Network {
+    /// A network of nodes at `rest_m` (m) with masses `mass_kg`, held where `fixed`, joined by `links`.
+    ///
+    /// # Errors
+    /// [`BodyError`] when there is no node or no free node, the lists differ in length, a position is not
+    /// finite, a mass not above zero, or a link names a node that does not exist, joins a node with itself,
+    /// or repeats another.
+    pub fn new(
+        rest_m: Vec<DVec3>,
+        mass_kg: Vec<f64>,
+        fixed: Vec<bool>,
+        links: Vec<Link>,
+    ) -> Result<Self, BodyError> {
+        validate_nodes(&rest_m, &mass_kg, &fixed)?;
+        validate_links(&links, rest_m.len())?;
+        let free: Vec<usize> = (0..rest_m.len()).filter(|&i| !fixed[i]).collect();
+        let mut free_index = vec![None; rest_m.len()];
+        for (index, &node) in free.iter().enumerate() {
+            free_index[node] = Some(index);
+        }
+        let (incident, incident_start) = incidence(&links, rest_m.len());
+        Ok(Self {
+            rest_m,
+            mass_kg,
+            fixed,
+            links,
+            free,
+            free_index,
+            incident,
+            incident_start,
+        })
+    }
+
+    /// Number of nodes.
+    #[must_use]
+    pub fn node_count(&self) -> usize {
+        self.rest_m.len()
+    }
+
+    /// Rest position of every node, m.
+    #[must_use]
+    pub fn rest_m(&self) -> &[DVec3] {
+        &self.rest_m
+    }
+
+    /// Mass of every node, kg.
+    #[must_use]
+    pub fn mass_kg(&self) -> &[f64] {
+        &self.mass_kg
+    }
+
+    /// Whether node `node` is fixed.
+    #[must_use]
+    pub fn is_fixed(&self, node: usize) -> bool {
+        self.fixed[node]
+    }
+
+    /// All links.
+    #[must_use]
+    pub fn links(&self) -> &[Link] {
+        &self.links
+    }
+
+    /// The nodes that are not fixed, in ascending order.
+    #[must_use]
+    pub fn free(&self) -> &[usize] {
+        &self.free
+    }
+
+    /// Where node `node` stands in [`Network::free`]; `None` for a fixed node.
+    #[must_use]
+    pub fn free_index(&self, node: usize) -> Option<usize> {
+        self.free_index[node]
+    }
+
+    /// Indices of the links that end at node `node`.
+    #[must_use]
+    pub fn incident_links(&self, node: usize) -> &[usize] {
+        &self.incident[self.incident_start[node]..self.incident_start[node + 1]]
+    }
+
+    /// The nodes joined to `node` by one link.
+    pub fn neighbours(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
+        self.incident_links(node).iter().map(move |&link| {
+            let Link { a, b, .. } = self.links[link];
+            if a == node { b } else { a }
+        })
+    }
+}
+
+fn validate_nodes(rest_m: &[DVec3], mass_kg: &[f64], fixed: &[bool]) -> Result<(), BodyError> {
+    let nodes = rest_m.len();
+    if nodes == 0 {
+        return Err(BodyError::NoNodes);
+    }
+    for (what, found) in [
+        ("the list of masses", mass_kg.len()),
+        ("the list of fixed nodes", fixed.len()),
+    ] {
+        if found != nodes {
+            return Err(BodyError::Length { what, found, nodes });
+        }
+    }
+    if let Some(node) = rest_m.iter().position(|x| !x.is_finite()) {
+        return Err(BodyError::Position { node });
+    }
+    if let Some(node) = mass_kg.iter().position(|m| !(m.is_finite() && *m > 0.0)) {
+        return Err(BodyError::Mass {
+            node,
+            mass_kg: mass_kg[node],
+        });
+    }
+    if fixed.iter().all(|&f| f) {
+        return Err(BodyError::AllFixed(nodes));
+    }
+    Ok(())
+}
+
+fn validate_links(links: &[Link], nodes: usize) -> Result<(), BodyError> {
+    let mut seen = HashMap::with_capacity(links.len());
+    for (link, &Link { a, b, .. }) in links.iter().enumerate() {
+        if let Some(node) = [a, b].into_iter().find(|&node| node >= nodes) {
+            return Err(BodyError::NodeOutOfRange { link, node, nodes });
+        }
+        if a == b {
+            return Err(BodyError::SelfLink { link, node: a });
+        }
+        if let Some(earlier) = seen.insert((a.min(b), a.max(b)), link) {
+            return Err(BodyError::DuplicateLink { link, earlier, a, b });
+        }
+    }
+    Ok(())
+}
+
+fn incidence(links: &[Link], nodes: usize) -> (Vec<usize>, Vec<usize>) {
+    let mut start = vec![0; nodes + 1];
+    for link in links {
+        start[link.a + 1] += 1;
+        start[link.b + 1] += 1;
+    }
+    for i in 0..nodes {
+        start[i + 1] += start[i];
+    }
+    let mut next = start.clone();
+    let mut incident = vec![0; 2 * links.len()];
+    for (index, link) in links.iter().enumerate() {
+        for node in [link.a, link.b] {
+            incident[next[node]] = index;
+            next[node] += 1;
+        }
+    }
+    (incident, start)
+}

@@ -1,0 +1,189 @@
+//! The exact sparse tangent of a body's internal forces.
+
+use crate::Body;
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMat, SymbolicSparseColMatRef};
+use glam::DMat3;
+
+/// Where the entries of a network's tangent lie: computed once in the life of a body, since its links never
+/// change. Degree of freedom 3 f + c is component c of node `network.free()[f]`.
+#[derive(Clone, Debug)]
+pub struct TangentPattern {
+    symbolic: SymbolicSparseColMat<usize>,
+    links: Vec<LinkSlots>,
+}
+
+/// K and B over the free nodes of a body at one state: the internal force changes by −K δx − B δv.
+///
+/// Both are symmetric and stored whole (both triangles), column by column. B is positive semidefinite; K is
+/// too unless a spring is compressed. The damper's own geometric term (∂/∂x of b u·ḋ u) is left out.
+#[derive(Clone, Debug)]
+pub struct Tangent {
+    symbolic: SymbolicSparseColMat<usize>,
+    stiffness: Vec<f64>,
+    damping: Vec<f64>,
+}
+
+/// A 3 × 3 block in compressed columns: entry (r, c) is at `first + c * stride + r`.
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    first: usize,
+    stride: usize,
+}
+
+/// The blocks that a link adds to; `None` where one of its ends is fixed.
+#[derive(Clone, Copy, Debug, Default)]
+struct LinkSlots {
+    aa: Option<Slot>,
+    bb: Option<Slot>,
+    /// Rows of a, columns of b, and the other way round.
+    ab_ba: Option<(Slot, Slot)>,
+}
+
+impl TangentPattern {
+    /// The pattern of `body`'s network.
+    #[must_use]
+    pub fn new(body: &Body) -> Self {
+        let network = body.network();
+        let columns: Vec<Vec<usize>> = network
+            .free()
+            .iter()
+            .map(|&node| {
+                let mut rows: Vec<usize> = network
+                    .neighbours(node)
+                    .filter_map(|other| network.free_index(other))
+                    .collect();
+                rows.extend(network.free_index(node));
+                rows.sort_unstable();
+                rows
+            })
+            .collect();
+        let dofs = 3 * columns.len();
+        let (mut starts, mut rows) = (vec![0], Vec::new());
+        let mut first = Vec::with_capacity(columns.len());
+        for column in &columns {
+            first.push(rows.len());
+            for _ in 0..3 {
+                rows.extend(column.iter().flat_map(|&row| [3 * row, 3 * row + 1, 3 * row + 2]));
+                starts.push(rows.len());
+            }
+        }
+        let slot = |row: usize, column: usize| {
+            let place = columns[column]
+                .binary_search(&row)
+                .expect("the pattern holds every pair of neighbours");
+            Slot {
+                first: first[column] + 3 * place,
+                stride: 3 * columns[column].len(),
+            }
+        };
+        let links = network
+            .links()
+            .iter()
+            .map(|link| {
+                let (a, b) = (network.free_index(link.a), network.free_index(link.b));
+                LinkSlots {
+                    aa: a.map(|a| slot(a, a)),
+                    bb: b.map(|b| slot(b, b)),
+                    ab_ba: a.zip(b).map(|(a, b)| (slot(a, b), slot(b, a))),
+                }
+            })
+            .collect();
+        Self {
+            symbolic: SymbolicSparseColMat::new_checked(dofs, dofs, starts, None, rows),
+            links,
+        }
+    }
+
+    /// A tangent with this pattern, all zero.
+    #[must_use]
+    pub fn zero(&self) -> Tangent {
+        let entries = self.symbolic.row_idx().len();
+        Tangent {
+            symbolic: self.symbolic.clone(),
+            stiffness: vec![0.0; entries],
+            damping: vec![0.0; entries],
+        }
+    }
+
+    /// Fills `tangent` with K and B of `body` at its present state. With `clamped`, every spring's share of K
+    /// is made positive semidefinite (see [`palpate_laws::Spring::tangent`]), and so is K.
+    ///
+    /// # Panics
+    /// When `body` or `tangent` belongs to another network.
+    pub fn fill(&self, body: &Body, clamped: bool, tangent: &mut Tangent) {
+        assert_eq!(
+            self.links.len(),
+            body.network().links().len(),
+            "the pattern is of another network"
+        );
+        assert_eq!(
+            self.symbolic.row_idx().len(),
+            tangent.stiffness.len(),
+            "the tangent is of another network"
+        );
+        tangent.stiffness.fill(0.0);
+        tangent.damping.fill(0.0);
+        let x = body.positions_m();
+        for (link, slots) in body.network().links().iter().zip(&self.links) {
+            let t = link.spring.tangent(x[link.b] - x[link.a], clamped);
+            for (values, block) in [
+                (&mut tangent.stiffness, t.stiffness),
+                (&mut tangent.damping, t.damping),
+            ] {
+                for slot in [slots.aa, slots.bb].into_iter().flatten() {
+                    slot.add(block, values);
+                }
+                if let Some((ab, ba)) = slots.ab_ba {
+                    ab.add(-block, values);
+                    ba.add(-block, values);
+                }
+            }
+        }
+    }
+
+    /// The positions of the entries, for a symbolic factorisation.
+    #[must_use]
+    pub fn symbolic(&self) -> SymbolicSparseColMatRef<'_, usize> {
+        self.symbolic.as_ref()
+    }
+}
+
+impl Slot {
+    fn add(self, block: DMat3, values: &mut [f64]) {
+        for c in 0..3 {
+            let column = block.col(c);
+            let at = self.first + c * self.stride;
+            for r in 0..3 {
+                values[at + r] += column[r];
+            }
+        }
+    }
+}
+
+impl Tangent {
+    /// K, N/m, over the degrees of freedom of the free nodes.
+    #[must_use]
+    pub fn stiffness(&self) -> SparseColMatRef<'_, usize, f64> {
+        SparseColMatRef::new(self.symbolic.as_ref(), &self.stiffness)
+    }
+
+    /// B, N s/m, likewise.
+    #[must_use]
+    pub fn damping(&self) -> SparseColMatRef<'_, usize, f64> {
+        SparseColMatRef::new(self.symbolic.as_ref(), &self.damping)
+    }
+
+    /// Adds `shift_n_per_m[i]` to entry (i, i) of K.
+    ///
+    /// # Panics
+    /// When there are fewer shifts than degrees of freedom.
+    pub fn add_to_stiffness_diagonal(&mut self, shift_n_per_m: &[f64]) {
+        for (column, shift) in shift_n_per_m.iter().enumerate().take(self.symbolic.ncols()) {
+            let range = self.symbolic.col_range(column);
+            let rows = &self.symbolic.row_idx()[range.clone()];
+            if let Ok(place) = rows.binary_search(&column) {
+                self.stiffness[range.start + place] += shift;
+            }
+        }
+    }
+}

@@ -1,0 +1,291 @@
+//! What a body must do, each a sentence with a predicted answer.
+
+use glam::{DQuat, DVec3};
+use palpate_body::*;
+use palpate_laws::Spring;
+
+const LATTICE: UniformLattice = UniformLattice {
+    stiffness_n_per_m: 100.0,
+    damping_ratio: 0.7,
+    mass_kg: 1.0,
+};
+
+fn block(n: usize) -> Body {
+    let block = Block::new([n; 3], DVec3::splat(0.1))
+        .unwrap()
+        .fix(Face::NegZ)
+        .uniform(&LATTICE)
+        .unwrap();
+    Body::new(block.network, block.surface)
+}
+
+/// N masses m on a line between two fixed ends, springs k of length ℓ.
+fn chain(masses: usize, k: f64, m: f64, b: f64) -> Body {
+    let n = masses + 2;
+    let rest = (0..n).map(|i| DVec3::X * (0.1 * i as f64)).collect::<Vec<_>>();
+    let links = (0..n - 1)
+        .map(|a| Link {
+            a,
+            b: a + 1,
+            spring: Spring::linear(k, 0.1, b).unwrap(),
+        })
+        .collect();
+    let fixed = (0..n).map(|i| i == 0 || i == n - 1).collect();
+    Body::new(
+        Network::new(rest, vec![m; n], fixed, links).unwrap(),
+        Surface::default(),
+    )
+}
+
+#[test]
+fn a_chain_between_fixed_ends_swings_at_its_closed_form_frequencies() {
+    let (masses, k, m) = (7, 50.0, 0.02);
+    let body = chain(masses, k, m, 0.0);
+    // From the assembled tangent: K of the longitudinal motion is tridiagonal with eigenvectors
+    // sin(n i pi/(N + 1)); the Rayleigh quotient must be the closed form, and the vector an eigenvector.
+    let pattern = TangentPattern::new(&body);
+    let mut tangent = pattern.zero();
+    pattern.fill(&body, false, &mut tangent);
+    let dense = tangent.stiffness().to_dense();
+    for n in 1..=masses {
+        let angle = n as f64 * std::f64::consts::PI / (masses + 1) as f64;
+        let omega = 2.0 * (k / m).sqrt() * (angle / 2.0).sin();
+        for row in 0..masses {
+            let kv: f64 = (0..masses)
+                .map(|c| dense[(3 * row, 3 * c)] * (angle * (c + 1) as f64).sin())
+                .sum();
+            let expected = m * omega * omega * (angle * (row + 1) as f64).sin();
+            assert!(
+                (kv - expected).abs() < 1e-10 * k,
+                "mode {n}, mass {row}: {kv} N/m, not {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_mode_of_the_chain_follows_the_predicted_discrete_trajectory() {
+    let (masses, k, m, n) = (7, 50.0, 0.02, 2);
+    let mut body = chain(masses, k, m, 0.0);
+    let angle = f64::from(n) * std::f64::consts::PI / (masses + 1) as f64;
+    let (omega, amplitude) = (2.0 * (k / m).sqrt() * (angle / 2.0).sin(), 1e-3);
+    let shape = |i: usize| (angle * i as f64).sin();
+    let x: Vec<DVec3> = body
+        .network()
+        .rest_m()
+        .iter()
+        .enumerate()
+        .map(|(i, x)| x + DVec3::X * amplitude * shape(i))
+        .collect();
+    body.set_state(&x, &vec![DVec3::ZERO; x.len()]).unwrap();
+    // Along the line linear springs are exactly linear, so each mode obeys v += -h w^2 q, q += h v, whose
+    // solution from (q0, 0) is q_j = q0 cos((j + 1/2) t)/cos(t/2) with cos t = 1 - (w h)^2/2.
+    let integrator = SemiImplicitEuler::default();
+    body.advance(None, 100, &integrator).unwrap();
+    let h = integrator.tick_s / 4.0;
+    let t = (1.0 - (omega * h).powi(2) / 2.0).acos();
+    let q = amplitude * (400.5 * t).cos() / (t / 2.0).cos();
+    for i in 0..x.len() {
+        let got = body.positions_m()[i].x - body.network().rest_m()[i].x;
+        assert!(
+            (got - q * shape(i)).abs() < 1e-12,
+            "node {i}: {got} m, not {} m",
+            q * shape(i)
+        );
+    }
+}
+
+#[test]
+fn a_damped_oscillator_follows_the_predicted_discrete_trajectory() {
+    let (k, m, b) = (100.0, 0.05, 0.3);
+    let mut body = chain(1, k, m, b);
+    let mut x = body.network().rest_m().to_vec();
+    x[1].x += 5e-3;
+    body.set_state(&x, &[DVec3::ZERO; 3]).unwrap();
+    body.advance(None, 250, &SemiImplicitEuler::default()).unwrap();
+    let (mut q, mut v, h) = (5e-3, 0.0, 2.5e-4);
+    for _ in 0..1000 {
+        v += h * (-2.0 * k * q - 2.0 * b * v) / m;
+        q += h * v;
+    }
+    assert!((body.positions_m()[1].x - 0.1 - q).abs() < 1e-12);
+    assert!((body.velocities_m_per_s()[1].x - v).abs() < 1e-11);
+}
+
+#[test]
+fn a_rigid_motion_makes_no_force() {
+    let mut body = block(5);
+    let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 1.1);
+    let shift = DVec3::new(0.3, -2.0, 0.7);
+    // Turning about an axis at 3 rad/s while moving on: dampers must not notice either.
+    let spin = DVec3::new(0.4, -3.0, 1.0);
+    let x: Vec<DVec3> = body
+        .network()
+        .rest_m()
+        .iter()
+        .map(|x| turn * *x + shift)
+        .collect();
+    let v: Vec<DVec3> = x
+        .iter()
+        .map(|x| spin.cross(*x) + DVec3::new(1.0, 0.0, -2.0))
+        .collect();
+    body.set_state(&x, &v).unwrap();
+    let mut force = vec![DVec3::ZERO; x.len()];
+    body.internal_forces_n(&mut force);
+    let largest = force.iter().map(|f| f.length()).fold(0.0, f64::max);
+    assert!(largest < 1e-12, "{largest} N");
+}
+
+#[test]
+fn the_tangent_is_the_derivative_of_the_force_in_a_large_deformation() {
+    let mut body = block(4);
+    let bend = |x: &DVec3| {
+        *x + DVec3::new(
+            0.02 * (30.0 * x.z).sin(),
+            -0.3 * x.x * (x.z + 0.05),
+            -0.4 * (x.z + 0.05),
+        )
+    };
+    let x: Vec<DVec3> = body.network().rest_m().iter().map(bend).collect();
+    let still = vec![DVec3::ZERO; x.len()];
+    body.set_state(&x, &still).unwrap();
+    let pattern = TangentPattern::new(&body);
+    let mut tangent = pattern.zero();
+    pattern.fill(&body, false, &mut tangent);
+    let (k, b) = (tangent.stiffness().to_dense(), tangent.damping().to_dense());
+    let free = body.network().free().to_vec();
+    let scale = (0..k.nrows()).map(|i| k[(i, i)].abs()).fold(0.0, f64::max);
+    let (mut plus, mut minus) = (still.clone(), still.clone());
+    let h = 1e-6;
+    for (f, &node) in free.iter().enumerate() {
+        for axis in 0..3 {
+            for (matrix, of_velocity) in [(&k, false), (&b, true)] {
+                for (sign, force) in [(1.0, &mut plus), (-1.0, &mut minus)] {
+                    let (mut xx, mut vv) = (x.clone(), still.clone());
+                    let step = DVec3::AXES[axis] * (sign * h);
+                    if of_velocity {
+                        vv[node] += step
+                    } else {
+                        xx[node] += step
+                    }
+                    body.set_state(&xx, &vv).unwrap();
+                    body.internal_forces_n(force);
+                }
+                for (g, &other) in free.iter().enumerate() {
+                    let derivative = (plus[other] - minus[other]) / (2.0 * h);
+                    for row in 0..3 {
+                        let error = (matrix[(3 * g + row, 3 * f + axis)] + derivative[row]).abs();
+                        assert!(error < 1e-6 * scale, "{error} at ({g}, {row}), ({f}, {axis})");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn tangents_are_symmetric_and_a_clamped_one_is_positive_semidefinite() {
+    let mut body = block(3);
+    let x: Vec<DVec3> = body
+        .network()
+        .rest_m()
+        .iter()
+        .map(|x| DVec3::new(x.x, x.y, 0.4 * x.z))
+        .collect();
+    body.set_state(&x, &vec![DVec3::ZERO; x.len()]).unwrap();
+    let pattern = TangentPattern::new(&body);
+    let mut tangent = pattern.zero();
+    let mut least = [0.0; 2];
+    for clamped in [false, true] {
+        pattern.fill(&body, clamped, &mut tangent);
+        let k = tangent.stiffness().to_dense();
+        for i in 0..k.nrows() {
+            for j in 0..i {
+                assert!((k[(i, j)] - k[(j, i)]).abs() < 1e-12);
+            }
+        }
+        least[usize::from(clamped)] = k.self_adjoint_eigenvalues(faer::Side::Lower).unwrap()[0];
+    }
+    assert!(least[0] < 0.0, "squeezed to 0.4 the block buckles: {}", least[0]);
+    assert!(least[1] > -1e-10, "{}", least[1]);
+}
+
+#[test]
+fn the_stable_step_is_safe_and_not_wasteful() {
+    let mut body = block(5);
+    let stable = SemiImplicitEuler::stable_step_s(&body);
+    let shaken: Vec<DVec3> = (0..body.network().node_count())
+        .map(|i| {
+            if body.network().is_fixed(i) {
+                DVec3::ZERO
+            } else {
+                DVec3::splat(1e-6 * (-1.0f64).powi(i as i32))
+            }
+        })
+        .collect();
+    let speed_after = |body: &mut Body, h: f64| {
+        body.set_state(&body.network().rest_m().to_vec(), &shaken)
+            .unwrap();
+        // A tick of one substep whose estimate is overruled by a margin of 1 and a bound on substeps.
+        let one = SemiImplicitEuler {
+            tick_s: h,
+            min_substeps: 1,
+            max_substeps: 1,
+            stability_margin: 1.0,
+        };
+        for _ in 0..400 {
+            body.advance(None, 1, &one)?;
+        }
+        Ok::<f64, BodyError>(
+            body.velocities_m_per_s()
+                .iter()
+                .map(|v| v.length())
+                .fold(0.0, f64::max),
+        )
+    };
+    assert!(
+        speed_after(&mut body, 0.999 * stable).unwrap() < 1e-6,
+        "stable at the estimate"
+    );
+    assert!(
+        matches!(
+            speed_after(&mut body, 1.01 * stable),
+            Err(BodyError::Parameter { .. })
+        ),
+        "refused beyond"
+    );
+}
+
+#[test]
+fn an_impossible_step_leaves_the_body_as_it_was() {
+    let mut body = block(3);
+    let integrator = SemiImplicitEuler::default();
+    let node = 26;
+    let p = body.positions_m()[node];
+    let mut tool = ToolContact::hold(&body, node, p).unwrap();
+    let before = body.positions_m().to_vec();
+    let far = ToolPoint {
+        position_m: p + DVec3::Z * 1e200,
+        velocity_m_per_s: DVec3::Z * 1e250,
+    };
+    let path = [ToolPoint::at_rest(p), far, far];
+    let error = body
+        .advance(Some((&mut tool, &path)), 2, &integrator)
+        .unwrap_err();
+    assert!(matches!(error, BodyError::Diverged { .. }), "{error}");
+    assert_eq!(body.positions_m(), before);
+    let nan = [ToolPoint::at_rest(p), ToolPoint::at_rest(DVec3::NAN)];
+    assert_eq!(
+        body.advance(Some((&mut tool, &nan)), 1, &integrator),
+        Err(BodyError::Path { index: 1 })
+    );
+    let short = [ToolPoint::at_rest(p)];
+    let error = body
+        .advance(Some((&mut tool, &short)), 1, &integrator)
+        .unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "a step of 1 ticks needs a path of 2 points, one more than ticks; it was given 1"
+    );
+    assert_eq!(body.positions_m(), before);
+}
