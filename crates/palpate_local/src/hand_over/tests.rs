@@ -1,0 +1,250 @@
+use super::*;
+use crate::{Contact, LocalModelError};
+use glam::DMat3;
+
+fn sample(sequence: u64) -> Sample {
+    let t = sequence as f64 * 1e-3;
+    Sample {
+        sequence,
+        time_s: t,
+        position_m: DVec3::new(0.0, 0.0, -0.01 * (12.0 * t).sin()),
+        velocity_m_per_s: DVec3::new(0.0, 0.0, -0.12 * (12.0 * t).cos()),
+        ..Sample::default()
+    }
+}
+
+/// One mass on a spring and a damper, moved by the tool through another spring and damper.
+fn model(sequence: u64) -> LocalModel {
+    let at = sample(sequence);
+    let mut m = LocalModel::silent(3);
+    m.id = ModelId {
+        body: 1,
+        epoch: 0,
+        sequence,
+    };
+    m.scheme = Scheme::Neighbourhood;
+    m.contact = Contact::Held;
+    (m.position_m, m.velocity_m_per_s) = (at.position_m, at.velocity_m_per_s);
+    m.force_n = DVec3::Z * 0.5;
+    m.stiffness_n_per_m = DMat3::from_diagonal(DVec3::splat(100.0));
+    m.damping_ns_per_m = DMat3::from_diagonal(DVec3::splat(0.3));
+    m.reduced.order = 3;
+    let (mass, k, b, h) = (0.01, 200.0, 0.6, 1e-3);
+    let mut implicit = [0.0; 9];
+    for i in 0..3 {
+        m.reduced.stiffness[4 * i] = k;
+        m.reduced.damping[4 * i] = b;
+        m.reduced.stiffness_rc[4 * i] = -100.0;
+        m.reduced.damping_rc[4 * i] = -0.3;
+        implicit[4 * i] = mass / h + b + h * k;
+    }
+    m.reduced.implicit.factorise(3, &implicit).unwrap();
+    m
+}
+
+fn hand_over(replay_per_tick: usize) -> HandOver {
+    HandOver::new(HandOverSettings {
+        order_capacity: 3,
+        history: 64,
+        replay_per_tick,
+        ..Default::default()
+    })
+    .unwrap()
+}
+
+/// Speaks at samples `range`, offering `model(built)` once, when sample `at` has been pushed.
+fn run(hand_over: &mut HandOver, range: std::ops::Range<u64>, built: u64, at: u64) -> Vec<Spoken> {
+    range
+        .map(|s| {
+            hand_over.push(sample(s));
+            if s == at {
+                assert_eq!(hand_over.offer(&model(built)), Offer::Taken);
+            }
+            hand_over.speak()
+        })
+        .collect()
+}
+
+#[test]
+fn a_model_that_is_handed_over_late_says_what_it_would_have_said_in_time() {
+    let in_time = run(&mut hand_over(8), 0..60, 10, 10);
+    let late = run(&mut hand_over(8), 0..60, 10, 30);
+    let swap = late.iter().position(|s| s.swap.is_some()).unwrap();
+    // 20 samples behind at tick 30; 8 a tick, one more each tick: caught up when 8 (k + 1) >= 20 + k.
+    assert_eq!(swap, 32);
+    assert_eq!(late[swap].swap.unwrap().replayed, 22);
+    for tick in swap..60 {
+        assert_eq!(in_time[tick].force_n, late[tick].force_n, "tick {tick}");
+    }
+    assert_eq!(late[29].force_n, DVec3::ZERO);
+    assert_eq!(late[29].model, None);
+}
+
+#[test]
+fn at_the_tick_of_the_model_step_the_force_is_that_of_the_body() {
+    let spoken = run(&mut hand_over(8), 0..20, 10, 10);
+    assert_eq!(spoken[10].force_n, DVec3::Z * 0.5);
+    assert_eq!(spoken[10].swap.unwrap().replayed, 0);
+}
+
+#[test]
+fn the_old_model_speaks_while_the_new_one_catches_up() {
+    let alone = run(&mut hand_over(8), 0..40, 5, 5);
+    let mut both = hand_over(2);
+    run(&mut both, 0..30, 5, 5);
+    let spoken = run(&mut both, 30..60, 20, 30);
+    let swap = spoken.iter().position(|s| s.swap.is_some()).unwrap();
+    // 10 behind, two a tick, one more each tick: 2 (k + 1) >= 10 + k at k = 8.
+    assert_eq!(swap, 8);
+    for (k, spoken) in spoken.iter().take(swap).enumerate() {
+        assert_eq!(spoken.force_n, alone[30 + k].force_n);
+    }
+    let at_swap = spoken[swap].swap.unwrap();
+    assert_eq!(spoken[swap].force_n, alone[38].force_n + at_swap.force_step_n);
+}
+
+#[test]
+fn a_model_offered_while_another_catches_up_has_to_wait() {
+    let mut h = hand_over(1);
+    run(&mut h, 0..30, 5, 20);
+    assert!(h.is_catching_up());
+    assert_eq!(h.offer(&model(25)), Offer::Busy);
+}
+
+#[test]
+fn models_without_a_state_speak_at_once() {
+    let mut h = hand_over(8);
+    (0..60).for_each(|s| h.push(sample(s)));
+    let mut tangent = model(0);
+    tangent.scheme = Scheme::Tangent;
+    assert_eq!(h.offer(&tangent), Offer::Taken);
+    let spoken = h.speak();
+    let dx = sample(59).position_m - sample(0).position_m;
+    assert_eq!(spoken.force_n, DVec3::Z * 0.5 - 100.0 * dx);
+    assert_eq!(spoken.swap.unwrap().replayed, 0);
+}
+
+#[test]
+fn apart_means_silent_whatever_the_rest_says() {
+    for scheme in Scheme::ALL {
+        let mut h = hand_over(8);
+        h.push(sample(0));
+        let mut apart = model(0);
+        (apart.scheme, apart.contact) = (scheme, Contact::Apart);
+        h.offer(&apart);
+        assert_eq!(h.speak().force_n, DVec3::ZERO);
+    }
+}
+
+#[test]
+fn a_surface_never_pulls_between_model_steps() {
+    let mut h = hand_over(8);
+    h.push(sample(0));
+    let mut touching = model(0);
+    touching.contact = Contact::Touching { normal: DVec3::Z };
+    touching.scheme = Scheme::Tangent;
+    h.offer(&touching);
+    let up = Sample {
+        sequence: 1,
+        position_m: DVec3::Z * 0.02,
+        ..Sample::default()
+    };
+    h.push(up);
+    assert_eq!(h.speak().force_n, DVec3::ZERO);
+    h.push(Sample {
+        sequence: 2,
+        position_m: DVec3::Z * -0.02,
+        ..up
+    });
+    assert_eq!(h.speak().force_n, DVec3::Z * 2.5);
+}
+
+#[test]
+fn models_that_cannot_be_used_are_refused_and_the_old_one_stays() {
+    let mut h = hand_over(8);
+    run(&mut h, 0..10, 5, 5);
+    let before = h.clone().speak().force_n;
+    let mut nan = model(9);
+    nan.force_n.x = f64::NAN;
+    assert_eq!(
+        h.offer(&nan),
+        Offer::Refused(LocalModelError::NotFinite { what: "force" })
+    );
+    let future = LocalModelError::FromTheFuture { model: 12, newest: 9 };
+    assert_eq!(h.offer(&model(12)), Offer::Refused(future));
+    assert_eq!(
+        h.offer(&model(5)),
+        Offer::Refused(LocalModelError::NotNewer { model: 5, active: 5 })
+    );
+    let mut large = LocalModel::silent(4);
+    large.id = ModelId {
+        sequence: 9,
+        ..model(9).id
+    };
+    large.reduced.order = 4;
+    let identity: Vec<f64> = (0..16).map(|i| f64::from(u8::from(i % 5 == 0))).collect();
+    large.reduced.implicit.factorise(4, &identity).unwrap();
+    assert_eq!(
+        h.offer(&large),
+        Offer::Refused(LocalModelError::Order {
+            order: 4,
+            capacity: 3
+        })
+    );
+    assert_eq!(h.speak().force_n, before);
+}
+
+#[test]
+fn a_model_older_than_the_history_is_refused_or_given_up() {
+    let mut h = hand_over(8);
+    (0..100).for_each(|s| h.push(sample(s)));
+    assert_eq!(
+        h.offer(&model(20)),
+        Offer::Refused(LocalModelError::TooOld {
+            model: 20,
+            oldest: 36
+        })
+    );
+    assert_eq!(h.offer(&model(40)), Offer::Taken);
+    // The samples jump: what was to be replayed is gone.
+    h.push(sample(500));
+    let spoken = h.speak();
+    assert_eq!(
+        spoken.abandoned,
+        Some(LocalModelError::TooOld {
+            model: 40,
+            oldest: 500
+        })
+    );
+    assert!(!h.is_catching_up());
+}
+
+#[test]
+fn a_low_pass_starts_from_what_was_felt_before() {
+    let mut h = hand_over(8);
+    h.push(sample(0));
+    let mut low = model(0);
+    low.scheme = Scheme::LowPass;
+    h.offer(&low);
+    let a = 1.0 - (-std::f64::consts::TAU * 10.0 * 1e-3).exp();
+    assert!((h.speak().force_n.z - 0.5 * a).abs() < 1e-15);
+}
+
+#[test]
+fn senseless_settings_are_refused() {
+    let good = HandOverSettings::default();
+    for bad in [
+        HandOverSettings {
+            replay_per_tick: 0,
+            ..good
+        },
+        HandOverSettings { history: 0, ..good },
+        HandOverSettings { tick_s: 0.0, ..good },
+        HandOverSettings {
+            cutoff_hz: f64::NAN,
+            ..good
+        },
+    ] {
+        assert!(matches!(HandOver::new(bad), Err(LocalModelError::Setting { .. })));
+    }
+}

@@ -1,0 +1,361 @@
+//! The local model as data.
+
+use crate::LocalModelError;
+use crate::dense::Cholesky;
+use glam::{DMat3, DVec3};
+
+/// How the loop makes force between two model steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Scheme {
+    /// The force of the last model step.
+    Hold,
+    /// The force of the last model step through a first-order low-pass at 10 Hz.
+    LowPass,
+    /// Force and static stiffness of the last model step, the whole body at rest in between.
+    #[default]
+    Tangent,
+    /// The nodes near the tool move, all others stand still: the seed paper's local linear approximation.
+    Neighbourhood,
+}
+
+impl Scheme {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Hold, Self::LowPass, Self::Tangent, Self::Neighbourhood];
+
+    /// Its name in files and tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Hold => "hold",
+            Self::LowPass => "low_pass",
+            Self::Tangent => "tangent",
+            Self::Neighbourhood => "neighbourhood",
+        }
+    }
+
+    /// Whether it has a state of its own, which must be brought up to now at a hand-over.
+    #[must_use]
+    pub fn has_state(self) -> bool {
+        matches!(self, Self::Neighbourhood)
+    }
+}
+
+/// Which body, which build of it, and which sample a local model is of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ModelId {
+    /// Identity of the body.
+    pub body: u64,
+    /// Counts rebuilds of that body: a model of another epoch is of another network.
+    pub epoch: u64,
+    /// Sequence number of the sample up to which the body had been stepped.
+    pub sequence: u64,
+}
+
+/// The contact at the model step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Contact {
+    /// The tool touches nothing: the force is zero.
+    #[default]
+    Apart,
+    /// The tool holds a node: pushed and pulled.
+    Held,
+    /// The tool touches the surface: pushed only.
+    Touching {
+        /// Outward unit normal of the surface.
+        normal: DVec3,
+    },
+}
+
+/// A local model, as it crosses from the model side to the loop. Its vectors have the length of the largest
+/// order it was made for and are written in place; nothing in it is allocated or freed on the way.
+///
+/// What cannot be trusted is checked by [`LocalModel::validate`] before it speaks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LocalModel {
+    /// What it is of.
+    pub id: ModelId,
+    /// How it makes force.
+    pub scheme: Scheme,
+    /// The contact at the model step.
+    pub contact: Contact,
+    /// f_N, the displayed force at the model step, N.
+    pub force_n: DVec3,
+    /// x_N, the tool's position at the model step, m.
+    pub position_m: DVec3,
+    /// v_N, the tool's velocity at the model step, m/s.
+    pub velocity_m_per_s: DVec3,
+    /// Static stiffness of the whole body (`Tangent`) or K_cc (`Neighbourhood`), N/m.
+    pub stiffness_n_per_m: DMat3,
+    /// B_cc (`Neighbourhood`), N s/m.
+    pub damping_ns_per_m: DMat3,
+    /// Whether the exact tangent could not be factorised and the clamped one took its place.
+    pub clamped: bool,
+    /// The reduced dynamics (`Neighbourhood`); of order zero for the others.
+    pub reduced: Reduced,
+}
+
+/// The reduced dynamics of a local model, with p its order. Matrices row by row, the first p·p (p·3) entries.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reduced {
+    /// p.
+    pub order: usize,
+    /// K̃ = Vᵀ K_rr V.
+    pub stiffness: Vec<f64>,
+    /// B̃ = Vᵀ B_rr V.
+    pub damping: Vec<f64>,
+    /// Vᵀ K_rc, p × 3.
+    pub stiffness_rc: Vec<f64>,
+    /// Vᵀ B_rc, p × 3.
+    pub damping_rc: Vec<f64>,
+    /// Vᵀ F_N.
+    pub force: Vec<f64>,
+    /// q̇_N = Vᵀ v_N.
+    pub velocity: Vec<f64>,
+    /// Factor of M̃/h + B̃ + h K̃, h the tick.
+    pub implicit: Cholesky,
+}
+
+impl LocalModel {
+    /// A model that displays no force, with room for a reduced order of `capacity`.
+    #[must_use]
+    pub fn silent(capacity: usize) -> Self {
+        Self {
+            id: ModelId::default(),
+            scheme: Scheme::Hold,
+            contact: Contact::Apart,
+            force_n: DVec3::ZERO,
+            position_m: DVec3::ZERO,
+            velocity_m_per_s: DVec3::ZERO,
+            stiffness_n_per_m: DMat3::ZERO,
+            damping_ns_per_m: DMat3::ZERO,
+            clamped: false,
+            reduced: Reduced::with_capacity(capacity),
+        }
+    }
+
+    /// Whether it has a state to be stepped: a dynamic scheme that is in contact.
+    #[must_use]
+    pub fn has_state(&self) -> bool {
+        self.scheme.has_state() && self.contact != Contact::Apart
+    }
+
+    /// Checks that every number is finite and every part as large as the order asks for.
+    ///
+    /// # Errors
+    /// [`LocalModelError::NotFinite`], [`LocalModelError::Size`], [`LocalModelError::Order`].
+    pub fn validate(&self) -> Result<(), LocalModelError> {
+        let normal = match self.contact {
+            Contact::Touching { normal } => normal,
+            Contact::Apart | Contact::Held => DVec3::ZERO,
+        };
+        for (what, ok) in [
+            ("force", self.force_n.is_finite()),
+            ("position", self.position_m.is_finite()),
+            ("velocity", self.velocity_m_per_s.is_finite()),
+            ("normal", normal.is_finite()),
+            ("stiffness", self.stiffness_n_per_m.is_finite()),
+            ("damping", self.damping_ns_per_m.is_finite()),
+        ] {
+            if !ok {
+                return Err(LocalModelError::NotFinite { what });
+            }
+        }
+        self.reduced.validate()
+    }
+
+    /// Becomes `other` without allocating.
+    ///
+    /// # Errors
+    /// [`LocalModelError::Order`] when `other`'s order exceeds the room; `self` is unchanged then.
+    pub fn copy_from(&mut self, other: &Self) -> Result<(), LocalModelError> {
+        self.reduced.copy_from(&other.reduced)?;
+        self.id = other.id;
+        self.scheme = other.scheme;
+        self.contact = other.contact;
+        self.force_n = other.force_n;
+        self.position_m = other.position_m;
+        self.velocity_m_per_s = other.velocity_m_per_s;
+        self.stiffness_n_per_m = other.stiffness_n_per_m;
+        self.damping_ns_per_m = other.damping_ns_per_m;
+        self.clamped = other.clamped;
+        Ok(())
+    }
+}
+
+impl Reduced {
+    fn with_capacity(p: usize) -> Self {
+        Self {
+            order: 0,
+            stiffness: vec![0.0; p * p],
+            damping: vec![0.0; p * p],
+            stiffness_rc: vec![0.0; 3 * p],
+            damping_rc: vec![0.0; 3 * p],
+            force: vec![0.0; p],
+            velocity: vec![0.0; p],
+            implicit: Cholesky::with_capacity(p),
+        }
+    }
+
+    /// The largest order there is room for.
+    #[must_use]
+    pub fn capacity(&self) -> usize {
+        self.force.len()
+    }
+
+    /// The vectors by name, with the number of entries that order p needs.
+    fn parts(&self) -> [(&'static str, &Vec<f64>, usize); 6] {
+        let p = self.order;
+        [
+            ("reduced stiffness", &self.stiffness, p * p),
+            ("reduced damping", &self.damping, p * p),
+            ("coupling stiffness", &self.stiffness_rc, 3 * p),
+            ("coupling damping", &self.damping_rc, 3 * p),
+            ("reduced force", &self.force, p),
+            ("reduced velocity", &self.velocity, p),
+        ]
+    }
+
+    fn validate(&self) -> Result<(), LocalModelError> {
+        let order = self.order;
+        if order > 0 && self.implicit.order() != order {
+            let found = self.implicit.order() * self.implicit.order();
+            return Err(LocalModelError::Size {
+                what: "implicit factor",
+                found,
+                needed: order * order,
+                order,
+            });
+        }
+        for (what, values, needed) in self.parts() {
+            match values.get(..needed) {
+                None => {
+                    return Err(LocalModelError::Size {
+                        what,
+                        found: values.len(),
+                        needed,
+                        order,
+                    });
+                }
+                Some(used) if !used.iter().all(|v| v.is_finite()) => {
+                    return Err(LocalModelError::NotFinite { what });
+                }
+                Some(_) => {}
+            }
+        }
+        if self.implicit.is_finite() {
+            Ok(())
+        } else {
+            Err(LocalModelError::NotFinite {
+                what: "implicit factor",
+            })
+        }
+    }
+
+    fn copy_from(&mut self, other: &Self) -> Result<(), LocalModelError> {
+        let capacity = self.capacity();
+        if other.order > capacity {
+            return Err(LocalModelError::Order {
+                order: other.order,
+                capacity,
+            });
+        }
+        self.implicit.copy_from(&other.implicit)?;
+        self.order = other.order;
+        let targets = [
+            &mut self.stiffness,
+            &mut self.damping,
+            &mut self.stiffness_rc,
+            &mut self.damping_rc,
+            &mut self.force,
+            &mut self.velocity,
+        ];
+        for (to, (_, from, used)) in targets.into_iter().zip(other.parts()) {
+            for (to, from) in to.iter_mut().zip(from.iter().take(used)) {
+                *to = *from;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn model(order: usize) -> LocalModel {
+        let mut model = LocalModel::silent(order);
+        model.scheme = Scheme::Neighbourhood;
+        model.contact = Contact::Held;
+        model.reduced.order = order;
+        let identity: Vec<f64> = (0..order * order)
+            .map(|i| f64::from(u8::from(i % (order + 1) == 0)))
+            .collect();
+        model.reduced.implicit.factorise(order, &identity).unwrap();
+        model
+    }
+
+    #[test]
+    fn a_number_that_is_not_finite_is_found_wherever_it_is() {
+        let good = model(3);
+        assert_eq!(good.validate(), Ok(()));
+        let poison: [(&str, fn(&mut LocalModel)); 8] = [
+            ("force", |m| m.force_n.y = f64::NAN),
+            ("position", |m| m.position_m.x = f64::INFINITY),
+            ("velocity", |m| m.velocity_m_per_s.z = f64::NAN),
+            ("normal", |m| m.contact = Contact::Touching { normal: DVec3::NAN }),
+            ("stiffness", |m| m.stiffness_n_per_m.y_axis.z = f64::NAN),
+            ("damping", |m| m.damping_ns_per_m.x_axis.x = f64::NAN),
+            ("reduced stiffness", |m| m.reduced.stiffness[8] = f64::NAN),
+            ("reduced velocity", |m| m.reduced.velocity[0] = f64::NEG_INFINITY),
+        ];
+        for (what, spoil) in poison {
+            let mut bad = good.clone();
+            spoil(&mut bad);
+            assert_eq!(bad.validate(), Err(LocalModelError::NotFinite { what }));
+        }
+    }
+
+    #[test]
+    fn a_part_of_the_wrong_size_is_found() {
+        let mut short = model(3);
+        short.reduced.damping_rc.truncate(8);
+        let (what, found) = ("coupling damping", 8);
+        assert_eq!(
+            short.validate(),
+            Err(LocalModelError::Size {
+                what,
+                found,
+                needed: 9,
+                order: 3
+            })
+        );
+        let mut unfactored = model(3);
+        unfactored.reduced.order = 2;
+        assert!(matches!(
+            unfactored.validate(),
+            Err(LocalModelError::Size {
+                what: "implicit factor",
+                ..
+            })
+        ));
+    }
+
+    #[test]
+    fn a_copy_is_whole_and_needs_room() {
+        let from = model(3);
+        let mut to = model(5);
+        to.copy_from(&from).unwrap();
+        assert_eq!((to.id, to.scheme, to.reduced.order), (from.id, from.scheme, 3));
+        assert_eq!(to.validate(), Ok(()));
+        let mut small = LocalModel::silent(2);
+        assert_eq!(
+            small.copy_from(&from),
+            Err(LocalModelError::Order {
+                order: 3,
+                capacity: 2
+            })
+        );
+        assert_eq!(small, LocalModel::silent(2));
+    }
+}
