@@ -1,0 +1,58 @@
+//! Builds a local model from a full body, and judges local models against the full body.
+//!
+//! * [`LocalModelBuilder`]: from the state of a body to a [`palpate_local::LocalModel`].
+//! * [`Comparison`]: every scheme against the oracle on the same samples.
+//!
+//! # Getting started
+//!
+//! ```
+//! use glam::DVec3;
+//! use palpate_body::{Block, Body, Face, ToolContact, UniformLattice};
+//! use palpate_local::{Sample, Scheme};
+//! use palpate_reduce::{Comparison, ComparisonOptions};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
+//! let block = Block::new([4, 4, 4], DVec3::splat(0.1))?.fix(Face::NegZ).uniform(&lattice)?;
+//! let body = Body::new(block.network, block.surface);
+//! let node = 1 + 4 * (1 + 4 * 3);
+//! let start = body.positions_m()[node];
+//! let samples: Vec<Sample> = (0..300)
+//!     .map(|i| {
+//!         let t = f64::from(i) * 1e-3;
+//!         Sample {
+//!             sequence: i as u64,
+//!             position_m: start - DVec3::Z * 0.005 * (10.0 * t).sin(),
+//!             velocity_m_per_s: -DVec3::Z * 0.05 * (10.0 * t).cos(),
+//!             ..Sample::default()
+//!         }
+//!     })
+//!     .collect();
+//! let contact = ToolContact::hold(&body, node, start)?;
+//! let comparison = Comparison::run(&body, &contact, &samples, &Scheme::ALL, &ComparisonOptions::default())?;
+//! let error = |scheme| comparison.relative_rms_error(scheme, 100).unwrap();
+//! assert!(error(Scheme::Tangent) < error(Scheme::Hold));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Units, frames, signs
+//!
+//! SI, `f64`; samples, models and bodies in one frame. Force is what the body does to the hand.
+//!
+//! # Accuracy and limits
+//!
+//! K is exact with its geometric stiffness. Where it cannot be factorised (a body that buckles) the clamped
+//! positive semidefinite tangent takes its place, and [`palpate_local::LocalModel::clamped`] says so.
+
+#![forbid(unsafe_code)]
+
+mod builder;
+mod compare;
+mod error;
+mod neighbourhood;
+mod static_stiffness;
+
+pub use builder::{BuilderOptions, LocalModelBuilder};
+pub use compare::{Comparison, ComparisonOptions};
+pub use error::ReduceError;

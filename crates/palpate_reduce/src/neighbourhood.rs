@@ -1,0 +1,139 @@
+//! The seed paper's local linear approximation (its Fig. 8): the nodes near the tool move, all others stand.
+
+use crate::ReduceError;
+use palpate_body::{Body, Tangent};
+use palpate_local::LocalModel;
+use faer::sparse::SparseColMatRef;
+use glam::{DMat3, DVec3};
+
+/// Room to select a neighbourhood and to cut its matrices out of the whole ones.
+#[derive(Debug)]
+pub(crate) struct Workspace {
+    /// The nodes within the rings, the driven one not among them.
+    nodes: Vec<usize>,
+    /// Where a degree of freedom stands among the selected ones.
+    local: Vec<Option<usize>>,
+    distance: Vec<Option<usize>>,
+    implicit: Vec<f64>,
+    force: Vec<DVec3>,
+}
+
+impl Workspace {
+    pub(crate) fn new(body: &Body) -> Self {
+        let nodes = body.network().node_count();
+        Self {
+            nodes: Vec::with_capacity(nodes),
+            local: vec![None; 3 * body.network().free().len()],
+            distance: vec![None; nodes],
+            implicit: Vec::new(),
+            force: vec![DVec3::ZERO; nodes],
+        }
+    }
+
+    /// Three times the largest number of free nodes within `rings` of a free node.
+    pub(crate) fn largest_order(&mut self, body: &Body, rings: usize) -> usize {
+        let largest = (0..body.network().free().len())
+            .map(|index| {
+                self.select(body, body.network().free()[index], rings);
+                3 * self.nodes.len()
+            })
+            .max()
+            .unwrap_or(0);
+        self.implicit = vec![0.0; largest * largest];
+        largest
+    }
+
+    /// Collects the free nodes within `rings` links of `node`, nearest first.
+    fn select(&mut self, body: &Body, node: usize, rings: usize) {
+        let network = body.network();
+        self.distance.fill(None);
+        self.distance[node] = Some(0);
+        self.nodes.clear();
+        let mut front = vec![node];
+        for ring in 1..=rings {
+            let mut next = Vec::new();
+            for other in front.iter().flat_map(|&node| network.neighbours(node)) {
+                if self.distance[other].is_none() && !network.is_fixed(other) {
+                    self.distance[other] = Some(ring);
+                    next.push(other);
+                }
+            }
+            next.sort_unstable();
+            self.nodes.extend(&next);
+            front = next;
+        }
+    }
+
+    /// Writes the reduced system of the nodes round `node` into `model`, with V the selection of its nodes.
+    pub(crate) fn build(
+        &mut self,
+        body: &Body,
+        tangent: &Tangent,
+        node: usize,
+        rings: usize,
+        tick_s: f64,
+        model: &mut LocalModel,
+    ) -> Result<(), ReduceError> {
+        self.select(body, node, rings);
+        let network = body.network();
+        let dof = |node: usize, axis: usize| 3 * network.free_index(node).expect("selected nodes are free") + axis;
+        let p = 3 * self.nodes.len();
+        let capacity = model.reduced.capacity();
+        if p > capacity || p * p > self.implicit.len() {
+            return Err(palpate_local::LocalModelError::Order { order: p, capacity }.into());
+        }
+        self.local.fill(None);
+        for (i, &selected) in self.nodes.iter().enumerate() {
+            (0..3).for_each(|axis| self.local[dof(selected, axis)] = Some(3 * i + axis));
+        }
+        body.internal_forces_n(&mut self.force);
+        let (k, b, r) = (tangent.stiffness(), tangent.damping(), &mut model.reduced);
+        r.order = p;
+        for (i, &selected) in self.nodes.iter().enumerate() {
+            for axis in 0..3 {
+                let column = 3 * i + axis;
+                for (matrix, cut) in [(k, &mut r.stiffness), (b, &mut r.damping)] {
+                    (0..p).for_each(|row| cut[row * p + column] = 0.0);
+                    for (row, value) in self.column(matrix, dof(selected, axis)) {
+                        cut[row * p + column] = value;
+                    }
+                }
+                r.force[column] = self.force[selected][axis];
+                r.velocity[column] = body.velocities_m_per_s()[selected][axis];
+            }
+        }
+        for axis in 0..3 {
+            for (matrix, cut) in [(k, &mut r.stiffness_rc), (b, &mut r.damping_rc)] {
+                (0..p).for_each(|row| cut[3 * row + axis] = 0.0);
+                for (row, value) in self.column(matrix, dof(node, axis)) {
+                    cut[3 * row + axis] = value;
+                }
+            }
+        }
+        model.stiffness_n_per_m = own_block(k, dof(node, 0));
+        model.damping_ns_per_m = own_block(b, dof(node, 0));
+        for (place, value) in self.implicit[..p * p].iter_mut().enumerate() {
+            let (row, column) = (place / p, place % p);
+            let inertia = if row == column { network.mass_kg()[self.nodes[row / 3]] / tick_s } else { 0.0 };
+            *value = inertia + r.damping[place] + tick_s * r.stiffness[place];
+        }
+        Ok(r.implicit.factorise(p, &self.implicit)?)
+    }
+
+    /// The entries of one column in the selected rows.
+    fn column<'a>(
+        &'a self,
+        matrix: SparseColMatRef<'a, usize, f64>,
+        column: usize,
+    ) -> impl Iterator<Item = (usize, f64)> + 'a {
+        let entries = matrix.row_idx_of_col(column).zip(matrix.val_of_col(column));
+        entries.filter_map(|(row, &value)| self.local[row].map(|row| (row, value)))
+    }
+}
+
+/// The 3 × 3 block of the node whose first degree of freedom is `first`.
+fn own_block(matrix: SparseColMatRef<'_, usize, f64>, first: usize) -> DMat3 {
+    let entry = |row: usize, column: usize| matrix.get(first + row, first + column).copied().unwrap_or(0.0);
+    let column = |c: usize| DVec3::new(entry(0, c), entry(1, c), entry(2, c));
+    DMat3::from_cols(column(0), column(1), column(2))
+}

@@ -1,0 +1,148 @@
+//! What a local model must know of its body.
+
+use faer::linalg::solvers::Solve;
+use glam::DVec3;
+use palpate_body::*;
+use palpate_local::{Contact, LocalModel, ModelId, Sample, Scheme};
+use palpate_reduce::*;
+
+const LATTICE: UniformLattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
+const ID: ModelId = ModelId { body: 7, epoch: 2, sequence: 50 };
+
+fn block(nodes: [usize; 3]) -> Body {
+    let block = Block::new(nodes, DVec3::splat(0.1)).unwrap().fix(Face::NegZ).uniform(&LATTICE).unwrap();
+    Body::new(block.network, block.surface)
+}
+
+fn build(scheme: Scheme, body: &Body, contact: &ToolContact) -> LocalModel {
+    let mut builder = LocalModelBuilder::new(body, BuilderOptions::default()).unwrap();
+    let mut model = LocalModel::silent(builder.order_capacity());
+    builder.build(scheme, body, contact, ToolPoint::default(), ID, &mut model).unwrap();
+    model.validate().unwrap();
+    model
+}
+
+/// Presses the middle of the top down by `depth` over 200 ticks and waits.
+fn pressed(nodes: [usize; 3], depth: f64) -> (Body, ToolContact, usize) {
+    let mut body = block(nodes);
+    let node = nodes[0] / 2 + nodes[0] * (nodes[1] / 2 + nodes[1] * (nodes[2] - 1));
+    let start = body.positions_m()[node];
+    let mut contact = ToolContact::hold(&body, node, start).unwrap();
+    let path: Vec<ToolPoint> = (0..=2000)
+        .map(|i| ToolPoint::at_rest(start - DVec3::Z * depth * (f64::from(i) / 200.0).min(1.0)))
+        .collect();
+    body.advance(Some((&mut contact, &path)), 2000, &SemiImplicitEuler::default()).unwrap();
+    (body, contact, node)
+}
+
+#[test]
+fn the_static_stiffness_is_the_dense_schur_complement() {
+    let (body, contact, node) = pressed([4, 4, 4], 0.02);
+    let model = build(Scheme::Tangent, &body, &contact);
+    let pattern = TangentPattern::new(&body);
+    let mut tangent = pattern.zero();
+    pattern.fill(&body, false, &mut tangent);
+    let k = tangent.stiffness().to_dense();
+    let c = 3 * body.network().free_index(node).unwrap();
+    let r: Vec<usize> = (0..k.nrows()).filter(|i| !(c..c + 3).contains(i)).collect();
+    let krr = faer::Mat::from_fn(r.len(), r.len(), |i, j| k[(r[i], r[j])]);
+    let krc = faer::Mat::from_fn(r.len(), 3, |i, j| k[(r[i], c + j)]);
+    let x = krr.partial_piv_lu().solve(&krc);
+    let d = faer::Mat::from_fn(3, 3, |i, j| k[(c + i, c + j)]) - krc.transpose() * &x;
+    for i in 0..3 {
+        for j in 0..3 {
+            let error = (model.stiffness_n_per_m.col(j)[i] - d[(i, j)]).abs();
+            assert!(error < 1e-4 * d[(2, 2)], "({i}, {j}): {error} N/m");
+        }
+    }
+    assert!(!model.clamped);
+    assert_eq!(model.contact, Contact::Held);
+    assert_eq!(model.force_n, contact.displayed_force_n(&body));
+}
+
+#[test]
+fn the_static_stiffness_is_the_slope_of_the_force_at_rest() {
+    let (lower, ..) = pressed([4, 4, 4], 0.0100);
+    let (body, contact, _) = pressed([4, 4, 4], 0.0101);
+    let (upper, ..) = pressed([4, 4, 4], 0.0102);
+    let slope = (contact.displayed_force_n(&upper).z - contact.displayed_force_n(&lower).z) / 2e-4;
+    let predicted = build(Scheme::Tangent, &body, &contact).stiffness_n_per_m.z_axis.z;
+    assert!((slope / predicted - 1.0).abs() < 1e-3, "{slope} N/m, tangent {predicted} N/m");
+}
+
+#[test]
+fn the_neighbourhood_is_the_ring_of_nodes_round_the_tool() {
+    let body = block([6, 6, 6]);
+    let node = 3 + 6 * (3 + 6 * 5);
+    let contact = ToolContact::hold(&body, node, DVec3::ZERO).unwrap();
+    let model = build(Scheme::Neighbourhood, &body, &contact);
+    assert_eq!(model.reduced.order, 3 * 17);
+    // A rigid shift of ring and tool stretches only the springs to the nodes that stand; by Newton's third
+    // law K (V; I) of a shift is what those springs add, so the tool's own row of it is zero here: every
+    // neighbour of the tool is in the ring.
+    let mut row = model.stiffness_n_per_m.z_axis;
+    for i in 0..17 {
+        for c in 0..3 {
+            row[c] += model.reduced.stiffness_rc[3 * (3 * i + 2) + c];
+        }
+    }
+    assert!(row.length() < 1e-10, "{row}");
+    assert_eq!(LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap().order_capacity(), 3 * 26);
+}
+
+#[test]
+fn a_tool_that_touches_nothing_gives_a_silent_model() {
+    let body = block([3, 3, 3]);
+    let contact = ToolContact::touch(0.005).unwrap();
+    for scheme in Scheme::ALL {
+        let model = build(scheme, &body, &contact);
+        assert_eq!((model.contact, model.force_n), (Contact::Apart, DVec3::ZERO));
+        assert_eq!(model.id, ID);
+    }
+}
+
+#[test]
+fn a_buckled_body_falls_back_to_the_clamped_tangent_and_says_so() {
+    let mut body = block([3, 3, 3]);
+    let squeezed: Vec<DVec3> =
+        body.network().rest_m().iter().map(|x| DVec3::new(x.x, x.y, 0.3 * (x.z + 0.05) - 0.05)).collect();
+    body.set_state(&squeezed, &vec![DVec3::ZERO; squeezed.len()]).unwrap();
+    let contact = ToolContact::hold(&body, 22, DVec3::ZERO).unwrap();
+    let model = build(Scheme::Tangent, &body, &contact);
+    assert!(model.clamped);
+    assert!(model.stiffness_n_per_m.is_finite());
+    assert!(model.stiffness_n_per_m.determinant() > 0.0);
+}
+
+#[test]
+fn options_that_make_no_sense_are_refused() {
+    let body = block([3, 3, 3]);
+    let good = BuilderOptions::default();
+    for bad in [
+        BuilderOptions { tick_s: 0.0, ..good },
+        BuilderOptions { tick_s: f64::NAN, ..good },
+        BuilderOptions { rings: 0, ..good },
+        BuilderOptions { rings: 9, ..good },
+        BuilderOptions { regularisation_per_s: -1.0, ..good },
+    ] {
+        assert!(matches!(LocalModelBuilder::new(&body, bad), Err(ReduceError::Option { .. })));
+    }
+    let contact = ToolContact::touch(0.005).unwrap();
+    let samples = [Sample::default(), Sample { sequence: 2, ..Sample::default() }];
+    let run = |options| Comparison::run(&body, &contact, &samples, &[], &options).unwrap_err();
+    let hole = ReduceError::Samples { index: 1, found: 2, expected: 1 };
+    assert_eq!(run(ComparisonOptions::default()), hole);
+    let never = ComparisonOptions { period_ticks: 0, ..Default::default() };
+    assert!(matches!(run(never), ReduceError::Option { .. }));
+}
+
+#[test]
+fn a_model_without_room_is_refused() {
+    let body = block([4, 4, 4]);
+    let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
+    let contact = ToolContact::hold(&body, 60, DVec3::ZERO).unwrap();
+    let mut small = LocalModel::silent(6);
+    let error = builder.build(Scheme::Neighbourhood, &body, &contact, ToolPoint::default(), ID, &mut small);
+    assert!(matches!(error, Err(ReduceError::LocalModel(_))));
+    assert_eq!((small.contact, small.reduced.order), (Contact::Apart, 0));
+}
