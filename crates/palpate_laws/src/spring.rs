@@ -202,9 +202,11 @@ mod tests {
             for axis in 0..3 {
                 let e = DVec3::AXES[axis] * h;
                 let dx = (s.force_on_a(d + e, DVec3::ZERO) - s.force_on_a(d - e, DVec3::ZERO)) / (2.0 * h);
-                let dv = (s.force_on_a(d, e) - s.force_on_a(d, -e)) / (2.0 * h);
+                // The force is linear in the velocity, so any step will do.
+                let v = DVec3::AXES[axis];
+                let dv = (s.force_on_a(d, v) - s.force_on_a(d, -v)) / 2.0;
                 assert!((dx - tangent.stiffness.col(axis)).length() < 1e-6 * 120.0);
-                assert!((dv - tangent.damping.col(axis)).length() < 1e-9);
+                assert!((dv - tangent.damping.col(axis)).length() < 1e-12);
             }
         }
     }

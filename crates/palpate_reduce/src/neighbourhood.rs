@@ -1,10 +1,10 @@
 //! The seed paper's local linear approximation (its Fig. 8): the nodes near the tool move, all others stand.
 
 use crate::ReduceError;
-use palpate_body::{Body, Tangent};
-use palpate_local::LocalModel;
 use faer::sparse::SparseColMatRef;
 use glam::{DMat3, DVec3};
+use palpate_body::{Body, Tangent};
+use palpate_local::LocalModel;
 
 /// Room to select a neighbourhood and to cut its matrices out of the whole ones.
 #[derive(Debug)]
@@ -76,7 +76,8 @@ impl Workspace {
     ) -> Result<(), ReduceError> {
         self.select(body, node, rings);
         let network = body.network();
-        let dof = |node: usize, axis: usize| 3 * network.free_index(node).expect("selected nodes are free") + axis;
+        let dof =
+            |node: usize, axis: usize| 3 * network.free_index(node).expect("selected nodes are free") + axis;
         let p = 3 * self.nodes.len();
         let capacity = model.reduced.capacity();
         if p > capacity || p * p > self.implicit.len() {
@@ -114,7 +115,11 @@ impl Workspace {
         model.damping_ns_per_m = own_block(b, dof(node, 0));
         for (place, value) in self.implicit[..p * p].iter_mut().enumerate() {
             let (row, column) = (place / p, place % p);
-            let inertia = if row == column { network.mass_kg()[self.nodes[row / 3]] / tick_s } else { 0.0 };
+            let inertia = if row == column {
+                network.mass_kg()[self.nodes[row / 3]] / tick_s
+            } else {
+                0.0
+            };
             *value = inertia + r.damping[place] + tick_s * r.stiffness[place];
         }
         Ok(r.implicit.factorise(p, &self.implicit)?)

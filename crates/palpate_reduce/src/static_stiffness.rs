@@ -37,11 +37,21 @@ impl StaticStiffness {
             .iter()
             .flat_map(|&node| [sigma_per_s * sigma_per_s * network.mass_kg()[node]; 3])
             .collect();
-        Ok(Self { symbolic, regularisation, shift: vec![0.0; unknowns], solution: Mat::zeros(unknowns, 3) })
+        Ok(Self {
+            symbolic,
+            regularisation,
+            shift: vec![0.0; unknowns],
+            solution: Mat::zeros(unknowns, 3),
+        })
     }
 
     /// D at `node`, N/m. Adds the regularisation and P to `tangent`'s K.
-    pub(crate) fn at(&mut self, tangent: &mut Tangent, body: &Body, node: usize) -> Result<DMat3, ReduceError> {
+    pub(crate) fn at(
+        &mut self,
+        tangent: &mut Tangent,
+        body: &Body,
+        node: usize,
+    ) -> Result<DMat3, ReduceError> {
         let c = 3 * body.network().free_index(node).expect("a driven node is free");
         let hold = HOLD * (0..3).map(|axis| diagonal(tangent, c + axis)).fold(0.0, f64::max);
         self.shift.copy_from_slice(&self.regularisation);
@@ -49,10 +59,12 @@ impl StaticStiffness {
         tangent.add_to_stiffness_diagonal(&self.shift);
         let factor = Llt::try_new_with_symbolic(self.symbolic.clone(), tangent.stiffness(), Side::Lower)
             .map_err(|error| match error {
-                LltError::Numeric(faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot { index }) => {
-                    ReduceError::Singular { pivot: index }
-                }
-                LltError::Generic(_) => ReduceError::Symbolic { unknowns: self.shift.len() },
+                LltError::Numeric(faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot {
+                    index,
+                }) => ReduceError::Singular { pivot: index },
+                LltError::Generic(_) => ReduceError::Symbolic {
+                    unknowns: self.shift.len(),
+                },
             })?;
         self.solution.fill(0.0);
         (0..3).for_each(|axis| self.solution[(c + axis, axis)] = 1.0);

@@ -1,0 +1,1 @@
+//! Touch deformable bodies through a force-feedback device, in Bevy.

@@ -1,0 +1,10 @@
+//! This example writes `assets/trajectories/probe.csv`, the hand that the `probing` example replays.
+
+use palpate_haptics::Probe;
+
+fn main() -> std::io::Result<()> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/trajectories/probe.csv");
+    Probe::default()
+        .trajectory()
+        .to_csv(std::io::BufWriter::new(std::fs::File::create(path)?))
+}

@@ -1,0 +1,128 @@
+//! The device: what gives samples and takes forces.
+
+mod replay;
+mod scripted;
+
+pub use replay::{AtEnd, ReplayDevice};
+pub use scripted::ScriptedDevice;
+
+use glam::{DQuat, DVec3};
+use std::time::Duration;
+use thiserror::Error;
+
+/// A force-feedback device, or a stand-in.
+///
+/// # Contract
+///
+/// * All methods but `describe` are called on the loop's thread, one at a time: `open` once, then `read` and
+///   `write` in turn at every tick, then `close` once. `describe` may also be called before `open`.
+/// * `read` and `write` must not allocate, log, or block longer than the time they are given: a tick is 1 ms.
+/// * Positions and forces are in the device's own frame, in metres and newtons.
+/// * `close` and dropping leave the actuators at zero force, whatever happened before; the loop also writes
+///   zero before it closes.
+/// * A device is made closed. One that has been closed can be opened again.
+pub trait HapticDevice: Send {
+    /// What it is and what it can do.
+    fn describe(&self) -> DeviceDescription;
+
+    /// Makes it ready, at zero force.
+    ///
+    /// # Errors
+    /// [`DeviceError::AlreadyOpen`], [`DeviceError::Disconnected`], [`DeviceError::Os`].
+    fn open(&mut self) -> Result<(), DeviceError>;
+
+    /// The newest reading, waiting `within` for it at most.
+    ///
+    /// # Errors
+    /// [`DeviceError::NotOpen`], [`DeviceError::TimedOut`], [`DeviceError::Disconnected`],
+    /// [`DeviceError::Os`], [`DeviceError::Protocol`]. The loop repeats the last reading and fades the force if
+    /// errors go on.
+    fn read(&mut self, within: Duration) -> Result<Reading, DeviceError>;
+
+    /// Shows `force_n` to the hand until the next call.
+    ///
+    /// # Errors
+    /// As `read`.
+    fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError>;
+
+    /// Zero force, and lets go of the hardware.
+    ///
+    /// # Errors
+    /// As `read`. The device counts as closed even then.
+    fn close(&mut self) -> Result<(), DeviceError>;
+}
+
+/// What a device is and can do.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeviceDescription {
+    /// A name for people.
+    pub name: String,
+    /// Corners of the box in which it can be moved, m, its own frame.
+    pub workspace_m: [DVec3; 2],
+    /// The largest force it can or should show, N; zero for a device without motors.
+    pub max_force_n: f64,
+    /// How often it can be read and written, Hz.
+    pub rate_hz: f64,
+}
+
+/// One reading, in the device's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// Position, m.
+    pub position_m: DVec3,
+    /// Velocity as the device itself knows it, m/s.
+    pub velocity_m_per_s: Option<DVec3>,
+    /// Orientation.
+    pub orientation: DQuat,
+    /// Bit i is set while button i is pressed.
+    pub buttons: u32,
+}
+
+impl Reading {
+    /// A reading at `position_m`, with nothing else to say.
+    #[must_use]
+    pub fn at(position_m: DVec3) -> Self {
+        Self {
+            position_m,
+            velocity_m_per_s: None,
+            orientation: DQuat::IDENTITY,
+            buttons: 0,
+        }
+    }
+
+    /// Whether every number is finite and the orientation a rotation.
+    #[must_use]
+    pub fn is_usable(&self) -> bool {
+        self.position_m.is_finite()
+            && self.velocity_m_per_s.is_none_or(DVec3::is_finite)
+            && self.orientation.is_finite()
+            && self.orientation.is_normalized()
+    }
+}
+
+/// Why a device could not do what it was asked. It carries no heap, so the loop can throw it away.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum DeviceError {
+    /// It is not open. Open it first.
+    #[error("the device is not open")]
+    NotOpen,
+    /// It is open already. Close it first.
+    #[error("the device is open already")]
+    AlreadyOpen,
+    /// No reading came in time. Check the cable and the load of the machine.
+    #[error("the device did not answer in time")]
+    TimedOut,
+    /// It is gone. Plug it in again.
+    #[error("the device is disconnected")]
+    Disconnected,
+    /// The operating system refused; its error number says why.
+    #[error("the operating system refused: {}", std::io::Error::from_raw_os_error(*.0))]
+    Os(i32),
+    /// What the device sent is not what its protocol allows.
+    #[error("the device broke its protocol: {0}")]
+    Protocol(&'static str),
+    /// The reading has a number that is not finite, or an orientation that is no rotation.
+    #[error("the reading is not finite, or its orientation is no rotation")]
+    Unusable,
+}

@@ -1,0 +1,127 @@
+//! From the device's frame to the scene's, and back for the force.
+
+use crate::error::{check, check_positive};
+use crate::{HapticsError, Reading};
+use glam::{DQuat, DVec3};
+
+/// How the device lies in the scene: x_scene = offset + rotation · (scale · x_device).
+///
+/// Velocities are rotated and scaled, orientations rotated. The force goes back through the inverse rotation
+/// and is not scaled: a newton in the scene is a newton on the hand, so limits mean what they say. With a scale
+/// s the hand feels s times the scene's stiffness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeviceFrame {
+    /// Device to scene.
+    pub rotation: DQuat,
+    /// Metres in the scene for a metre of the device.
+    pub scale: f64,
+    /// Where the device's origin lies in the scene, m.
+    pub offset_m: DVec3,
+}
+
+impl Default for DeviceFrame {
+    /// The device's frame is the scene's.
+    fn default() -> Self {
+        Self {
+            rotation: DQuat::IDENTITY,
+            scale: 1.0,
+            offset_m: DVec3::ZERO,
+        }
+    }
+}
+
+impl DeviceFrame {
+    /// Refuses what is no rotation, no scale or no place.
+    ///
+    /// # Errors
+    /// [`HapticsError::Setting`].
+    pub fn validate(&self) -> Result<(), HapticsError> {
+        let length = self.rotation.length();
+        check(
+            "length of the device frame's rotation",
+            length,
+            (length - 1.0).abs() < 1e-6,
+            "1 within 1e-6",
+        )?;
+        check_positive("scale of the device frame", self.scale)?;
+        let far = self.offset_m.abs().max_element();
+        check(
+            "offset of the device frame, m",
+            far,
+            self.offset_m.is_finite(),
+            "finite",
+        )
+    }
+
+    /// The reading in the scene's frame.
+    #[must_use]
+    pub fn to_scene(&self, reading: &Reading) -> Reading {
+        let turn = |v: DVec3| self.rotation * (self.scale * v);
+        Reading {
+            position_m: self.offset_m + turn(reading.position_m),
+            velocity_m_per_s: reading.velocity_m_per_s.map(turn),
+            orientation: self.rotation * reading.orientation,
+            buttons: reading.buttons,
+        }
+    }
+
+    /// The force, N, in the device's frame.
+    #[must_use]
+    pub fn force_to_device(&self, force_n: DVec3) -> DVec3 {
+        self.rotation.conjugate() * force_n
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn power_is_the_same_in_both_frames_up_to_the_scale() {
+        let frame = DeviceFrame {
+            rotation: DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.7),
+            scale: 2.5,
+            offset_m: DVec3::new(0.1, -0.2, 0.3),
+        };
+        frame.validate().unwrap();
+        let (v, f) = (DVec3::new(0.1, -0.4, 0.2), DVec3::new(1.0, 2.0, -0.5));
+        let reading = Reading {
+            velocity_m_per_s: Some(v),
+            ..Reading::at(DVec3::new(0.01, 0.02, 0.03))
+        };
+        let scene = frame.to_scene(&reading);
+        let power = f.dot(scene.velocity_m_per_s.unwrap());
+        assert!((power - 2.5 * frame.force_to_device(f).dot(v)).abs() < 1e-12);
+        let back = frame.rotation.conjugate() * (scene.position_m - frame.offset_m) / 2.5;
+        assert!((back - reading.position_m).length() < 1e-15);
+    }
+
+    #[test]
+    fn frames_that_make_no_sense_are_refused() {
+        let good = DeviceFrame::default();
+        for bad in [
+            DeviceFrame { scale: 0.0, ..good },
+            DeviceFrame {
+                scale: f64::NAN,
+                ..good
+            },
+            DeviceFrame {
+                rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, 0.9),
+                ..good
+            },
+            DeviceFrame {
+                rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, f64::NAN),
+                ..good
+            },
+            DeviceFrame {
+                offset_m: DVec3::new(0.0, f64::INFINITY, 0.0),
+                ..good
+            },
+        ] {
+            assert!(
+                matches!(bad.validate(), Err(HapticsError::Setting { .. })),
+                "{bad:?}"
+            );
+        }
+    }
+}

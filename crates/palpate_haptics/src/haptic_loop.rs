@@ -1,0 +1,330 @@
+//! One tick of the loop: reading in, force out.
+
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::indexing_slicing
+    )
+)]
+
+use crate::exchange::LoopEnds;
+use crate::timing::LoopReport;
+use crate::velocity::VelocityState;
+use crate::{
+    DeviceError, HapticsError, LoopConfig, LoopEvent, LoopEventKind, LoopSettings, Reading, SafetyChain,
+    SafetyInput, TickRecord, TickTiming,
+};
+use glam::{DQuat, DVec3};
+use palpate_local::{HandOver, ModelId, Offer, Sample, SampleOrigin, Spoken};
+
+/// Missed deadlines in a row that are bridged by interpolated samples; more begin the samples anew.
+pub const LONGEST_BRIDGE: u64 = 200;
+
+/// Ticks between two published reports.
+const REPORT_PERIOD: u64 = 64;
+
+/// The loop's half: it owns the speaking local model, the safety chain and the loop's ends of the exchange.
+///
+/// [`HapticLoop::tick`] is a function of its arguments, the loop's state and what has arrived by the exchange.
+/// It reads no clock, allocates, frees, locks and logs nothing, and does not panic.
+#[derive(Debug)]
+pub struct HapticLoop {
+    config: LoopConfig,
+    settings: LoopSettings,
+    ends: LoopEnds,
+    hand_over: HandOver,
+    safety: SafetyChain,
+    velocity: VelocityState,
+    /// Periods since the start, up to the last tick.
+    sequence: u64,
+    /// Ticks in a row without a usable reading.
+    silent_ticks: u64,
+    report: LoopReport,
+}
+
+/// The outcome of a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ticked {
+    /// The force to be written to the device, N, device frame.
+    pub device_force_n: DVec3,
+    /// Everything else, to be given back to [`HapticLoop::finish_tick`].
+    pub record: TickRecord,
+}
+
+impl HapticLoop {
+    pub(crate) fn new(
+        config: LoopConfig,
+        settings: LoopSettings,
+        ends: LoopEnds,
+    ) -> Result<Self, HapticsError> {
+        Ok(Self {
+            config,
+            settings,
+            ends,
+            hand_over: HandOver::new(config.hand_over)?,
+            safety: SafetyChain::new(config.hand_over.tick_s, config.device_limit_n)?,
+            velocity: VelocityState::default(),
+            sequence: 0,
+            silent_ticks: 0,
+            report: LoopReport::new(),
+        })
+    }
+
+    /// Sizes and rates.
+    #[must_use]
+    pub fn config(&self) -> &LoopConfig {
+        &self.config
+    }
+
+    /// One tick, `elapsed` periods after the last one (1, more where deadlines were missed), with what the
+    /// device gave. The force must be written before [`HapticLoop::finish_tick`] is called.
+    pub fn tick(&mut self, elapsed: u64, reading: Result<Reading, DeviceError>) -> Ticked {
+        let elapsed = elapsed.max(1);
+        let settings = self.adopt_settings();
+        let reading = reading.and_then(|r| {
+            if r.is_usable() {
+                Ok(r)
+            } else {
+                Err(DeviceError::Unusable)
+            }
+        });
+        self.account_for_deadlines(elapsed);
+        self.sequence += elapsed;
+        self.account_for_reading(&reading);
+        self.take_sample(elapsed, &reading);
+        let taken = self.take_model();
+        let spoken = self.hand_over.speak();
+        self.account_for_model(&spoken);
+        let periods = |ticks: u64| ticks as f64 * self.config.hand_over.tick_s / self.settings.model_period_s;
+        let input = SafetyInput {
+            force_n: spoken.force_n,
+            model_age_periods: spoken
+                .model
+                .map_or(0.0, |m| periods(self.sequence.saturating_sub(m.sequence))),
+            silent_ticks: self.silent_ticks,
+            paused: self.settings.paused,
+            elapsed,
+        };
+        let (force_n, safety) = self.safety.apply(&self.settings.safety, &input);
+        self.report.safety_acted += u64::from(safety.acted());
+        let sample = self.hand_over.history().newest().copied();
+        let timing = TickTiming::default();
+        let record = TickRecord {
+            elapsed,
+            reading,
+            sample,
+            settings,
+            taken,
+            spoken,
+            safety,
+            force_n,
+            timing,
+        };
+        Ticked {
+            device_force_n: self.settings.frame.force_to_device(force_n),
+            record,
+        }
+    }
+
+    /// After the force of `ticked` has been written: takes the time and publishes what the app wants to know.
+    pub fn finish_tick(
+        &mut self,
+        ticked: &Ticked,
+        timing: Option<TickTiming>,
+        written: Result<(), DeviceError>,
+    ) {
+        if let Err(error) = written {
+            self.report.device_errors += 1;
+            self.tell(LoopEventKind::DeviceFailed(error));
+        }
+        if let Some(timing) = timing {
+            self.report.lateness.record(timing.lateness_ns);
+            self.report.cost.record(timing.cost_ns);
+        }
+        self.report.ticks += 1;
+        self.ends
+            .samples
+            .input_buffer_mut()
+            .catch_up_with(self.hand_over.history());
+        self.ends.samples.publish();
+        if self.settings.record {
+            let record = TickRecord {
+                timing: timing.unwrap_or_default(),
+                ..ticked.record
+            };
+            self.report.dropped_records += u64::from(self.ends.records.try_send(record).is_err());
+        }
+        if self.report.ticks.is_multiple_of(REPORT_PERIOD) {
+            self.publish_report();
+        }
+    }
+
+    /// Tells the app that the device is open.
+    pub(crate) fn begin(&mut self) {
+        self.tell(LoopEventKind::Started);
+    }
+
+    /// The last words: `closed` is what closing the device gave.
+    pub(crate) fn end(&mut self, closed: Result<(), DeviceError>) {
+        if let Err(error) = closed {
+            self.report.device_errors += 1;
+            self.tell(LoopEventKind::DeviceFailed(error));
+        }
+        self.tell(LoopEventKind::Stopped);
+        self.report.ended = true;
+        self.publish_report();
+    }
+
+    fn publish_report(&mut self) {
+        self.ends.reports.input_buffer_mut().copy_from(&self.report);
+        self.ends.reports.publish();
+    }
+
+    fn tell(&mut self, kind: LoopEventKind) {
+        let event = LoopEvent {
+            sequence: self.sequence,
+            kind,
+        };
+        self.report.dropped_events += u64::from(self.ends.events.try_send(event).is_err());
+    }
+
+    fn adopt_settings(&mut self) -> Option<u64> {
+        if !self.ends.settings.update() {
+            return None;
+        }
+        let (number, settings) = *self.ends.settings.output_buffer();
+        self.settings = settings;
+        self.report.settings_number = number;
+        self.tell(LoopEventKind::SettingsAdopted(number));
+        Some(number)
+    }
+
+    fn account_for_deadlines(&mut self, elapsed: u64) {
+        let missed = elapsed - 1;
+        if missed > 0 {
+            self.report.missed_deadlines += missed;
+            let long = missed > LONGEST_BRIDGE;
+            self.tell(if long {
+                LoopEventKind::Gap(missed)
+            } else {
+                LoopEventKind::DeadlinesMissed(missed)
+            });
+        }
+    }
+
+    fn account_for_reading(&mut self, reading: &Result<Reading, DeviceError>) {
+        match reading {
+            Ok(_) => {
+                if self.silent_ticks > 0 {
+                    self.tell(LoopEventKind::DeviceRecovered(self.silent_ticks));
+                    // The device may have moved far meanwhile; that is no velocity.
+                    self.velocity.reset();
+                }
+                self.silent_ticks = 0;
+            }
+            Err(error) => {
+                if *error == DeviceError::Unusable {
+                    self.report.rejected_readings += 1;
+                } else {
+                    self.report.device_errors += 1;
+                }
+                // One word when it begins; `DeviceRecovered` says how long it lasted.
+                if self.silent_ticks == 0 {
+                    self.tell(LoopEventKind::DeviceFailed(*error));
+                }
+                self.silent_ticks += 1;
+            }
+        }
+    }
+
+    /// Makes the sample of this tick and those of the missed ones before it.
+    fn take_sample(&mut self, elapsed: u64, reading: &Result<Reading, DeviceError>) {
+        let last = self.hand_over.history().newest().copied();
+        let now = match (reading, last) {
+            (Ok(reading), _) => self.settings.frame.to_scene(reading),
+            (Err(_), Some(last)) => Reading {
+                orientation: last.orientation,
+                buttons: last.buttons,
+                ..Reading::at(last.position_m)
+            },
+            (Err(_), None) => return,
+        };
+        let origin = if reading.is_ok() {
+            SampleOrigin::Measured
+        } else {
+            SampleOrigin::Repeated
+        };
+        match last {
+            Some(last) if elapsed <= LONGEST_BRIDGE + 1 => {
+                for i in 1..elapsed {
+                    let along = i as f64 / elapsed as f64;
+                    let between = Reading {
+                        position_m: last.position_m + (now.position_m - last.position_m) * along,
+                        orientation: slerp(last.orientation, now.orientation, along),
+                        ..now
+                    };
+                    self.push(self.sequence - elapsed + i, &between, SampleOrigin::Interpolated);
+                }
+            }
+            _ => self.velocity.reset(),
+        }
+        self.push(self.sequence, &now, origin);
+    }
+
+    fn push(&mut self, sequence: u64, reading: &Reading, origin: SampleOrigin) {
+        let tick_s = self.config.hand_over.tick_s;
+        let told = reading.velocity_m_per_s;
+        let velocity_m_per_s = self
+            .velocity
+            .step(self.settings.velocity, reading.position_m, told, tick_s);
+        self.hand_over.push(Sample {
+            sequence,
+            time_s: sequence as f64 * tick_s,
+            position_m: reading.position_m,
+            velocity_m_per_s,
+            orientation: reading.orientation,
+            buttons: reading.buttons,
+            origin,
+        });
+    }
+
+    /// Takes the newest local model out of the exchange, if there is one and the hand-over has time for it.
+    fn take_model(&mut self) -> Option<ModelId> {
+        if self.hand_over.is_catching_up() || !self.ends.models.update() {
+            return None;
+        }
+        let model = self.ends.models.output_buffer();
+        let id = model.id;
+        let refused = if self.settings.body.is_some_and(|body| body != (id.body, id.epoch)) {
+            LoopEventKind::WrongBody(id)
+        } else {
+            match self.hand_over.offer(model) {
+                Offer::Taken | Offer::Busy => return Some(id),
+                Offer::Refused(error) => LoopEventKind::ModelRefused(error),
+            }
+        };
+        self.report.models_refused += 1;
+        self.tell(refused);
+        Some(id)
+    }
+
+    fn account_for_model(&mut self, spoken: &Spoken) {
+        if let Some(swap) = spoken.swap {
+            self.report.models_adopted += 1;
+            self.tell(LoopEventKind::ModelAdopted(swap));
+        }
+        if let Some(error) = spoken.abandoned {
+            self.report.models_refused += 1;
+            self.tell(LoopEventKind::ModelRefused(error));
+        }
+    }
+}
+
+/// Between two orientations; the later one where they are opposite and no way between is the shorter.
+fn slerp(from: DQuat, to: DQuat, along: f64) -> DQuat {
+    let between = from.slerp(to, along);
+    if between.is_finite() { between } else { to }
+}

@@ -1,0 +1,84 @@
+//! The 1 kHz side of palpate: devices, the haptic loop on a thread of its own, the lock-free exchange with the
+//! model side, the safety chain and the loop's account of itself. It knows no body and no game engine.
+//!
+//! # Getting started
+//!
+//! ```
+//! use glam::DVec3;
+//! use palpate_haptics::{Lockstep, LoopConfig, LoopSettings, Reading, ScriptedDevice, haptic_loop};
+//! use palpate_local::Contact;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! // A hand that stands still, and a loop in lock step. On a thread: `haptic_loop.spawn(device)`.
+//! let device = ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::ZERO)));
+//! let (mut handle, haptic_loop) = haptic_loop(LoopConfig::default(), LoopSettings::default())?;
+//! let mut lockstep = Lockstep::new(haptic_loop, Box::new(device))?;
+//! lockstep.run(50);
+//!
+//! // The model side: read the samples, build a local model from them, publish it.
+//! let newest = *handle.samples().newest().ok_or("no sample")?;
+//! let model = handle.model_slot();
+//! model.id.sequence = newest.sequence;
+//! model.contact = Contact::Held;
+//! model.force_n = DVec3::Y;
+//! handle.publish_model();
+//! lockstep.run(50);
+//! assert_eq!(newest.sequence, 50);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Contents
+//!
+//! * Devices: [`HapticDevice`], [`ScriptedDevice`], [`ReplayDevice`], [`Trajectory`], [`Probe`].
+//! * The two halves: [`haptic_loop`], [`HapticHandle`], [`HapticLoop`].
+//! * Two clocks: [`LoopThread`] on a thread of its own, [`Lockstep`] for tests and replay.
+//! * Settings: [`LoopConfig`], [`LoopSettings`], [`DeviceFrame`], [`VelocityEstimator`], [`SafetySettings`].
+//! * The loop's account: [`LoopReport`], [`LoopEvent`], [`TickRecord`].
+//!
+//! # Units, frames, signs
+//!
+//! SI and `f64` (histograms: µs). Readings and written forces are in the device's frame, all else in the
+//! scene's. Force is what the body does to the hand.
+//!
+//! # Limits
+//!
+//! * The thread asks the operating system for no priority yet; lateness is what an ordinary thread gets, and
+//!   it is measured ([`LoopReport::lateness`]).
+//! * A deadline counts as missed when its tick has not begun before the next one is due. A tick that overruns
+//!   its period shows as lateness of the next.
+//! * A device that blocks for ever in `read` blocks the loop with the last force written; the device's own
+//!   watchdog has to end it.
+
+#![forbid(unsafe_code)]
+
+mod clock;
+mod device;
+mod error;
+mod exchange;
+mod frame;
+mod haptic_loop;
+mod lockstep;
+mod record;
+mod runner;
+mod safety;
+mod settings;
+mod timing;
+mod trajectory;
+mod velocity;
+
+pub use device::{
+    AtEnd, DeviceDescription, DeviceError, HapticDevice, Reading, ReplayDevice, ScriptedDevice,
+};
+pub use error::{HapticsError, TrajectoryError};
+pub use exchange::{HapticHandle, haptic_loop};
+pub use frame::DeviceFrame;
+pub use haptic_loop::{HapticLoop, LONGEST_BRIDGE, Ticked};
+pub use lockstep::Lockstep;
+pub use record::{LoopEvent, LoopEventKind, TickRecord};
+pub use runner::{LoopThread, Stop, run};
+pub use safety::{SafetyChain, SafetyInput, SafetyReport, SafetySettings};
+pub use settings::{LoopConfig, LoopSettings};
+pub use timing::{LoopReport, TickTiming, TimeHistogram};
+pub use trajectory::{Probe, Trajectory};
+pub use velocity::VelocityEstimator;

@@ -1,0 +1,94 @@
+//! What leaves the loop by queues: events, and a record of every tick.
+
+use crate::{DeviceError, Reading, SafetyReport, TickTiming};
+use glam::DVec3;
+use palpate_local::{LocalModelError, ModelId, Sample, Spoken, Swap};
+use thiserror::Error;
+
+/// Something that happened in the loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoopEvent {
+    /// Sequence number of the tick.
+    pub sequence: u64,
+    /// What happened.
+    pub kind: LoopEventKind,
+}
+
+/// What happened.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum LoopEventKind {
+    /// The device is open and the loop has begun.
+    #[error("the device is open, the loop runs")]
+    Started,
+    /// The loop has written zero force, closed the device and ended.
+    #[error("the loop has stopped with zero force")]
+    Stopped,
+    /// A new local model speaks.
+    #[error("the local model of sample {} speaks, after {} replayed samples", .0.to.sequence, .0.replayed)]
+    ModelAdopted(Swap),
+    /// A local model was refused or given up; the one before goes on speaking.
+    #[error("a local model was refused")]
+    ModelRefused(#[source] LocalModelError),
+    /// A local model of another body or epoch was refused.
+    #[error("a local model of body {}, epoch {} was refused: the tool touches another", .0.body, .0.epoch)]
+    WrongBody(ModelId),
+    /// The device failed or its reading could not be used; the last sample is repeated.
+    #[error("the device failed")]
+    DeviceFailed(#[source] DeviceError),
+    /// The device gives readings again, after this many ticks without.
+    #[error("the device answers again after {0} ticks")]
+    DeviceRecovered(u64),
+    /// This many deadlines passed without a tick.
+    #[error("{0} deadlines were missed")]
+    DeadlinesMissed(u64),
+    /// So many deadlines were missed that the samples begin anew.
+    #[error("{0} deadlines were missed in a row: the samples begin anew")]
+    Gap(u64),
+    /// Settings of this number are in force.
+    #[error("settings {0} are in force")]
+    SettingsAdopted(u64),
+}
+
+impl LoopEventKind {
+    /// Whether it tells of something that went wrong.
+    #[must_use]
+    pub fn is_fault(&self) -> bool {
+        match self {
+            Self::ModelRefused(_)
+            | Self::WrongBody(_)
+            | Self::DeviceFailed(_)
+            | Self::DeadlinesMissed(_)
+            | Self::Gap(_) => true,
+            Self::Started
+            | Self::Stopped
+            | Self::ModelAdopted(_)
+            | Self::DeviceRecovered(_)
+            | Self::SettingsAdopted(_) => false,
+        }
+    }
+}
+
+/// Everything that went into one tick and came out of it. With the local models of the sequence numbers in
+/// `taken`, feeding `elapsed` and `reading` to another loop gives the same forces to the bit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TickRecord {
+    /// Periods since the last tick.
+    pub elapsed: u64,
+    /// What the device gave.
+    pub reading: Result<Reading, DeviceError>,
+    /// The sample made of it; `None` before the first reading.
+    pub sample: Option<Sample>,
+    /// Number of the settings that were adopted at this tick.
+    pub settings: Option<u64>,
+    /// The local model that was taken out of the exchange at this tick, to be caught up.
+    pub taken: Option<ModelId>,
+    /// The force before the safety chain, and the model it came from.
+    pub spoken: Spoken,
+    /// What the safety chain did.
+    pub safety: SafetyReport,
+    /// The force that was written, N, scene frame.
+    pub force_n: DVec3,
+    /// When it began and how long it took; zero in lock step.
+    pub timing: TickTiming,
+}

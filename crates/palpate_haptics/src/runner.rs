@@ -1,0 +1,169 @@
+//! The thread that owns a device and turns its loop, the only place that reads a clock.
+//!
+//! # Life of a loop's thread
+//!
+//! 1. (app) [`HapticLoop::spawn`] moves loop and device into a new thread named `haptic-loop`.
+//! 2. (thread) The device is opened. If that fails the app is told ([`crate::LoopEventKind::DeviceFailed`]), nothing
+//!    is written, and the thread goes on with 5.
+//! 3. (thread) At every deadline, a whole number of periods after the start on the monotonic clock: read, tick,
+//!    write. Deadlines that passed meanwhile are counted and left out, never made up by a burst.
+//! 4. (app) [`LoopThread::stop`], or dropping it, sets the stop flag. (thread) The flag is seen within a
+//!    period; zero force is written and the device closed. If the tick or the device panics, both are still
+//!    done while the thread unwinds.
+//! 5. (thread) The last report is published and the thread returns.
+//! 6. (app) The thread is joined; if it has not returned within 200 ms (a device that blocks) it is left to
+//!    itself, and [`Stop::Detached`] says so.
+
+use crate::clock::MonotonicClock;
+use crate::{DeviceError, HapticDevice, HapticLoop, HapticsError, TickTiming};
+use glam::DVec3;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// How long [`LoopThread::stop`] waits for the thread.
+const JOIN_WITHIN: Duration = Duration::from_millis(200);
+
+/// A running loop. Dropping it stops the loop with zero force and joins its thread.
+#[derive(Debug)]
+pub struct LoopThread {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<HapticLoop>>,
+}
+
+/// How a thread ended.
+#[derive(Debug)]
+pub enum Stop {
+    /// It returned, and the device with it. The loop can be started again.
+    Joined(Box<HapticLoop>),
+    /// The device or the loop panicked; zero force was written while it unwound.
+    Panicked,
+    /// It did not return in time and is left to itself; the device blocks.
+    Detached,
+    /// It had been stopped before.
+    AlreadyStopped,
+}
+
+impl HapticLoop {
+    /// Runs the loop with `device` on a thread of its own.
+    ///
+    /// # Errors
+    /// [`HapticsError::Thread`] when the operating system gives no thread.
+    pub fn spawn(self, device: Box<dyn HapticDevice>) -> Result<LoopThread, HapticsError> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&stop);
+        let thread = std::thread::Builder::new()
+            .name("haptic-loop".into())
+            .spawn(move || {
+                let (mut haptic_loop, mut device) = (self, device);
+                run(&mut haptic_loop, device.as_mut(), &flag);
+                haptic_loop
+            })
+            .map_err(HapticsError::Thread)?;
+        Ok(LoopThread {
+            stop,
+            thread: Some(thread),
+        })
+    }
+}
+
+impl LoopThread {
+    /// Whether the thread still runs.
+    #[must_use]
+    pub fn is_running(&self) -> bool {
+        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    }
+
+    /// Stops the loop with zero force and waits for its thread, 200 ms at most.
+    pub fn stop(&mut self) -> Stop {
+        // Relaxed would do: the flag carries no other data. Release keeps what the app did before visible.
+        self.stop.store(true, Ordering::Release);
+        let Some(thread) = self.thread.take() else {
+            return Stop::AlreadyStopped;
+        };
+        let clock = MonotonicClock::start();
+        let give_up = clock.now_ns() + JOIN_WITHIN.as_nanos() as u64;
+        while !thread.is_finished() {
+            if clock.now_ns() >= give_up {
+                return Stop::Detached;
+            }
+            clock.sleep_until((clock.now_ns() + 200_000).min(give_up));
+        }
+        thread
+            .join()
+            .map_or(Stop::Panicked, |haptic_loop| Stop::Joined(Box::new(haptic_loop)))
+    }
+}
+
+impl Drop for LoopThread {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+/// Opens `device` and turns `haptic_loop` on the calling thread until `stop` is set; then writes zero force and
+/// closes the device. This is what the thread of [`HapticLoop::spawn`] runs.
+pub fn run(haptic_loop: &mut HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) {
+    if let Err(error) = device.open() {
+        haptic_loop.end(Err(error));
+        return;
+    }
+    haptic_loop.begin();
+    let mut open = OpenDevice {
+        device,
+        closed: false,
+    };
+    turn(haptic_loop, open.device, stop);
+    let closed = open.close();
+    haptic_loop.end(closed);
+}
+
+fn turn(haptic_loop: &mut HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) {
+    let period = Duration::from_secs_f64(haptic_loop.config().hand_over.tick_s);
+    let period_ns = period.as_nanos() as u64;
+    let clock = MonotonicClock::start();
+    let mut deadline_ns = clock.now_ns() + period_ns;
+    let mut elapsed = 1;
+    while !stop.load(Ordering::Acquire) {
+        clock.sleep_until(deadline_ns);
+        let begun_ns = clock.now_ns();
+        let lateness_ns = begun_ns - deadline_ns;
+        // Deadlines after this one that have passed too: this tick stands for the newest of them.
+        let missed = lateness_ns / period_ns;
+        elapsed += missed;
+        let reading = device.read(period);
+        let ticked = haptic_loop.tick(elapsed, reading);
+        let written = device.write(ticked.device_force_n);
+        let timing = TickTiming {
+            lateness_ns,
+            cost_ns: clock.now_ns() - begun_ns,
+        };
+        haptic_loop.finish_tick(&ticked, Some(timing), written);
+        deadline_ns += period_ns * (1 + missed);
+        elapsed = 1;
+    }
+}
+
+/// An open device that is left with zero force and closed, whatever happens.
+struct OpenDevice<'a> {
+    device: &'a mut dyn HapticDevice,
+    closed: bool,
+}
+
+impl OpenDevice<'_> {
+    fn close(&mut self) -> Result<(), DeviceError> {
+        self.closed = true;
+        let zeroed = self.device.write(DVec3::ZERO);
+        self.device.close().and(zeroed)
+    }
+}
+
+impl Drop for OpenDevice<'_> {
+    fn drop(&mut self) {
+        if !self.closed {
+            // Nobody is left to be told: the thread unwinds.
+            let _ = self.close();
+        }
+    }
+}

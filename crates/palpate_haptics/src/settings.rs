@@ -1,0 +1,99 @@
+//! What is fixed when a loop is made, and what can be set while it runs.
+
+use crate::error::{check, check_positive};
+use crate::{DeviceFrame, HapticsError, SafetySettings, VelocityEstimator};
+use palpate_local::HandOverSettings;
+
+/// Sizes and rates of a loop, fixed at construction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoopConfig {
+    /// Tick, room for local models, samples kept and replayed.
+    pub hand_over: HandOverSettings,
+    /// Largest force of the device, N.
+    pub device_limit_n: f64,
+    /// Room for events that the app has not read yet.
+    pub event_capacity: usize,
+    /// Room for tick records that the app has not read yet.
+    pub record_capacity: usize,
+}
+
+impl Default for LoopConfig {
+    /// 1 kHz, 20 N, 1024 events, 8192 records.
+    fn default() -> Self {
+        Self {
+            hand_over: HandOverSettings::default(),
+            device_limit_n: 20.0,
+            event_capacity: 1024,
+            record_capacity: 8192,
+        }
+    }
+}
+
+/// What an app can set while the loop runs. It crosses whole: the newest counts, and the loop acknowledges it
+/// by its number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoopSettings {
+    /// How the device lies in the scene.
+    pub frame: DeviceFrame,
+    /// Limits of the safety chain.
+    pub safety: SafetySettings,
+    /// Where a sample's velocity comes from.
+    pub velocity: VelocityEstimator,
+    /// Time between two model steps, s; the age of a local model is counted in it.
+    pub model_period_s: f64,
+    /// Body and epoch whose models are taken; `None` takes any.
+    pub body: Option<(u64, u64)>,
+    /// Whether the app is paused: the force fades to zero.
+    pub paused: bool,
+    /// Whether a record of every tick is sent.
+    pub record: bool,
+}
+
+impl Default for LoopSettings {
+    /// 20 Hz, any body, not paused, no records.
+    fn default() -> Self {
+        Self {
+            frame: DeviceFrame::default(),
+            safety: SafetySettings::default(),
+            velocity: VelocityEstimator::default(),
+            model_period_s: 0.05,
+            body: None,
+            paused: false,
+            record: false,
+        }
+    }
+}
+
+impl LoopConfig {
+    pub(crate) fn validate(&self) -> Result<(), HapticsError> {
+        check_positive("tick, s", self.hand_over.tick_s)?;
+        let history = self.hand_over.history;
+        check("samples kept", history as f64, history >= 512, "at least 512")?;
+        let room = "at least 1";
+        check(
+            "room for events",
+            self.event_capacity as f64,
+            self.event_capacity >= 1,
+            room,
+        )?;
+        check(
+            "room for tick records",
+            self.record_capacity as f64,
+            self.record_capacity >= 1,
+            room,
+        )
+    }
+}
+
+impl LoopSettings {
+    /// Refuses settings that make no sense.
+    ///
+    /// # Errors
+    /// [`HapticsError::Setting`] with the first of them.
+    pub fn validate(&self) -> Result<(), HapticsError> {
+        self.frame.validate()?;
+        self.safety.validate()?;
+        self.velocity.validate()?;
+        check_positive("time between two model steps, s", self.model_period_s)
+    }
+}

@@ -1,0 +1,285 @@
+//! The loop on its own thread: what must hold whatever the machine's load. No times are judged here.
+
+use glam::DVec3;
+use palpate_haptics::*;
+use palpate_local::{Contact, HandOverSettings, Scheme};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// Forces written and calls made, as a device saw them.
+#[derive(Default)]
+struct Log {
+    last_force: Mutex<Option<DVec3>>,
+    closed: AtomicU64,
+    reads: AtomicU64,
+}
+
+struct Logged {
+    log: Arc<Log>,
+    read: Box<dyn FnMut(u64) -> Result<Reading, DeviceError> + Send>,
+}
+
+impl HapticDevice for Logged {
+    fn describe(&self) -> DeviceDescription {
+        ScriptedDevice::new(|_, _| Err(DeviceError::TimedOut)).describe()
+    }
+    fn open(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
+    fn read(&mut self, _: Duration) -> Result<Reading, DeviceError> {
+        (self.read)(self.log.reads.fetch_add(1, Ordering::SeqCst))
+    }
+    fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError> {
+        *self.log.last_force.lock().unwrap() = Some(force_n);
+        Ok(())
+    }
+    fn close(&mut self) -> Result<(), DeviceError> {
+        self.log.closed.fetch_add(1, Ordering::SeqCst);
+        Ok(())
+    }
+}
+
+fn start(
+    read: impl FnMut(u64) -> Result<Reading, DeviceError> + Send + 'static,
+) -> (HapticHandle, LoopThread, Arc<Log>) {
+    let log = Arc::new(Log::default());
+    let device = Logged {
+        log: log.clone(),
+        read: Box::new(read),
+    };
+    let safety = SafetySettings {
+        ramp_s: 0.0,
+        ..SafetySettings::default()
+    };
+    let settings = LoopSettings {
+        safety,
+        record: true,
+        ..LoopSettings::default()
+    };
+    let (mut handle, haptic_loop) = haptic_loop(LoopConfig::default(), settings).unwrap();
+    let thread = haptic_loop.spawn(Box::new(device)).unwrap();
+    publish(&mut handle, 0);
+    (handle, thread, log)
+}
+
+fn publish(handle: &mut HapticHandle, sequence: u64) {
+    let model = handle.model_slot();
+    (model.scheme, model.contact, model.force_n) = (Scheme::Hold, Contact::Held, DVec3::Y);
+    model.id.sequence = sequence;
+    handle.publish_model();
+}
+
+/// Waits until `done`, for ten seconds at most.
+#[expect(clippy::disallowed_methods, reason = "a test of a thread has to wait for it")]
+fn wait_for(mut done: impl FnMut() -> bool) {
+    for _ in 0..10_000 {
+        if done() {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    panic!("it did not happen within ten seconds");
+}
+
+#[test]
+fn every_period_is_a_tick_or_a_counted_missed_deadline() {
+    let (mut handle, mut thread, log) = start(|_| Ok(Reading::at(DVec3::ZERO)));
+    wait_for(|| log.reads.load(Ordering::SeqCst) > 400);
+    assert!(matches!(thread.stop(), Stop::Joined(_)));
+    let report = handle.report();
+    assert!(report.ended);
+    let (ticks, missed) = (report.ticks, report.missed_deadlines);
+    assert_eq!(ticks, log.reads.load(Ordering::SeqCst));
+    assert_eq!(report.lateness.count(), ticks);
+    assert_eq!(report.cost.count(), ticks);
+    assert_eq!(handle.samples().newest().unwrap().sequence, ticks + missed);
+    let mut counted = 0;
+    let records: Vec<TickRecord> = std::iter::from_fn(|| handle.next_record()).collect();
+    assert_eq!(records.len() as u64, ticks);
+    assert_eq!(records.iter().map(|r| r.elapsed).sum::<u64>(), ticks + missed);
+    while let Some(event) = handle.next_event() {
+        if let LoopEventKind::DeadlinesMissed(n) | LoopEventKind::Gap(n) = event.kind {
+            counted += n;
+        }
+    }
+    assert_eq!(counted, missed);
+}
+
+#[test]
+fn a_read_that_takes_five_periods_misses_deadlines_and_no_burst_makes_up_for_it() {
+    #[expect(clippy::disallowed_methods, reason = "the device is slow")]
+    let slow = |n| {
+        if n == 50 {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        Ok(Reading::at(DVec3::ZERO))
+    };
+    let (mut handle, mut thread, log) = start(slow);
+    wait_for(|| log.reads.load(Ordering::SeqCst) > 100);
+    thread.stop();
+    let records: Vec<TickRecord> = std::iter::from_fn(|| handle.next_record()).collect();
+    assert!(records[51].elapsed >= 5, "{}", records[51].elapsed);
+    assert!(handle.report().missed_deadlines >= 4);
+}
+
+#[test]
+fn stopping_and_dropping_leave_zero_force_and_a_closed_device() {
+    for drop_it in [false, true] {
+        let (_handle, mut thread, log) = start(|_| Ok(Reading::at(DVec3::ZERO)));
+        wait_for(|| {
+            *log.last_force.lock().unwrap() != Some(DVec3::ZERO) && log.reads.load(Ordering::SeqCst) > 5
+        });
+        if drop_it {
+            drop(thread);
+        } else {
+            assert!(matches!(thread.stop(), Stop::Joined(_)));
+            assert!(!thread.is_running());
+            assert!(matches!(thread.stop(), Stop::AlreadyStopped));
+        }
+        assert_eq!(*log.last_force.lock().unwrap(), Some(DVec3::ZERO));
+        assert_eq!(log.closed.load(Ordering::SeqCst), 1);
+    }
+}
+
+#[test]
+fn a_device_that_panics_is_left_with_zero_force() {
+    let (_handle, mut thread, log) = start(|n| {
+        assert!(n < 30, "a rehearsed panic of the device");
+        Ok(Reading::at(DVec3::ZERO))
+    });
+    wait_for(|| !thread.is_running());
+    assert!(matches!(thread.stop(), Stop::Panicked));
+    assert_eq!(*log.last_force.lock().unwrap(), Some(DVec3::ZERO));
+    assert_eq!(log.closed.load(Ordering::SeqCst), 1);
+}
+
+#[test]
+fn a_device_that_blocks_is_left_to_itself_and_that_is_said() {
+    let release = Arc::new(AtomicBool::new(false));
+    let gate = release.clone();
+    #[expect(clippy::disallowed_methods, reason = "the device blocks")]
+    let (_handle, mut thread, log) = start(move |n| {
+        while n == 20 && !gate.load(Ordering::SeqCst) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(Reading::at(DVec3::ZERO))
+    });
+    wait_for(|| log.reads.load(Ordering::SeqCst) > 20);
+    assert!(matches!(thread.stop(), Stop::Detached));
+    release.store(true, Ordering::SeqCst);
+    wait_for(|| log.closed.load(Ordering::SeqCst) == 1);
+}
+
+#[test]
+fn a_device_that_cannot_be_opened_is_reported_and_nothing_is_written() {
+    let (mut handle, haptic_loop) = haptic_loop(LoopConfig::default(), LoopSettings::default()).unwrap();
+    let mut device = ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::ZERO)));
+    device.open().unwrap();
+    let mut thread = haptic_loop.spawn(Box::new(device)).unwrap();
+    wait_for(|| !thread.is_running());
+    assert!(matches!(thread.stop(), Stop::Joined(_)));
+    let kinds: Vec<LoopEventKind> = std::iter::from_fn(|| handle.next_event())
+        .map(|e| e.kind)
+        .collect();
+    assert_eq!(
+        kinds,
+        [
+            LoopEventKind::DeviceFailed(DeviceError::AlreadyOpen),
+            LoopEventKind::Stopped
+        ]
+    );
+    assert!(handle.report().ended);
+}
+
+/// The real runner, its tick and its bookkeeping, with a state-carrying model changing all the time.
+#[test]
+fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
+    let hand_over = HandOverSettings {
+        order_capacity: 12,
+        ..HandOverSettings::default()
+    };
+    let config = LoopConfig {
+        hand_over,
+        event_capacity: 16,
+        record_capacity: 32,
+        ..LoopConfig::default()
+    };
+    let settings = LoopSettings {
+        record: true,
+        ..LoopSettings::default()
+    };
+    let (handle, mut haptic_loop) = haptic_loop(config, settings).unwrap();
+    let handle = Arc::new(Mutex::new(handle));
+    let (other, stop) = (handle.clone(), Arc::new(AtomicBool::new(false)));
+    let (flag, last) = (stop.clone(), Arc::new(AtomicU64::new(0)));
+    let newest = last.clone();
+    // The model side on another thread: dynamic models, new settings, all the time.
+    let model_side = std::thread::spawn(move || {
+        while !flag.load(Ordering::SeqCst) {
+            let mut handle = other.lock().unwrap();
+            let sequence = handle.samples().newest().map_or(0, |s| s.sequence);
+            let settings = LoopSettings {
+                paused: sequence % 7 == 0,
+                ..*handle.settings()
+            };
+            handle.set(settings).unwrap();
+            let model = handle.model_slot();
+            (model.scheme, model.contact, model.id.sequence) =
+                (Scheme::Neighbourhood, Contact::Held, sequence);
+            model.reduced.order = 12;
+            let identity: Vec<f64> = (0..144).map(|i| f64::from(u8::from(i % 13 == 0))).collect();
+            model.reduced.implicit.factorise(12, &identity).unwrap();
+            handle.publish_model();
+            drop(handle);
+            std::thread::yield_now();
+        }
+    });
+    let counter = stop.clone();
+    let mut device = ScriptedDevice::new(move |n, _| {
+        newest.store(n, Ordering::SeqCst);
+        if n == 400 {
+            counter.store(true, Ordering::SeqCst);
+        }
+        match n % 50 {
+            10 => Err(DeviceError::TimedOut),
+            20 => Ok(Reading::at(DVec3::NAN)),
+            _ => Ok(Reading::at(DVec3::X * 0.01 * (n as f64 * 0.01).sin())),
+        }
+    });
+    let allocations = allocation_counter::measure(|| run(&mut haptic_loop, &mut device, &stop));
+    model_side.join().unwrap();
+    assert!(last.load(Ordering::SeqCst) >= 400);
+    let mut handle = handle.lock().unwrap();
+    assert!(handle.report().models_adopted > 5 && handle.report().dropped_records > 0);
+    assert_eq!(allocations.count_total, 0, "{allocations:?}");
+    assert_eq!(allocations.count_current, 0, "nothing freed either");
+}
+
+/// Values that betray tearing: every number of a published model is the same.
+#[test]
+fn local_models_cross_whole() {
+    let (mut handle, mut thread, log) = start(|_| Ok(Reading::at(DVec3::ZERO)));
+    let mut sequence = 1;
+    while log.reads.load(Ordering::SeqCst) < 300 {
+        let model = handle.model_slot();
+        let value = (sequence % 1000) as f64 * 1e-3;
+        (model.scheme, model.contact, model.force_n) = (Scheme::Hold, Contact::Held, DVec3::splat(value));
+        model.id.sequence = 0;
+        (model.id.body, model.id.epoch) = (sequence, sequence);
+        handle.publish_model();
+        sequence += 1;
+    }
+    thread.stop();
+    let mut seen = 0;
+    while let Some(record) = handle.next_record() {
+        let (spoken, force) = (record.spoken, record.spoken.force_n);
+        let Some(model) = spoken.model.filter(|m| m.body > 0) else {
+            continue;
+        };
+        assert_eq!(model.body, model.epoch);
+        assert_eq!(force, DVec3::splat((model.body % 1000) as f64 * 1e-3));
+        seen += 1;
+    }
+    assert!(seen > 100, "{seen}");
+}

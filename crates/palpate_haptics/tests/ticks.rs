@@ -1,0 +1,379 @@
+//! The tick, in lock step or by hand.
+
+use glam::{DMat3, DQuat, DVec3};
+use palpate_haptics::*;
+use palpate_local::*;
+use proptest::prelude::*;
+
+/// Settings with no ramp and no slew to speak of, records on, velocities by difference.
+fn bare() -> LoopSettings {
+    let safety = SafetySettings {
+        ramp_s: 0.0,
+        max_slew_n_per_s: 1e9,
+        ..SafetySettings::default()
+    };
+    LoopSettings {
+        safety,
+        record: true,
+        velocity: VelocityEstimator::BackwardDifference,
+        ..Default::default()
+    }
+}
+
+fn halves(settings: LoopSettings) -> (HapticHandle, HapticLoop) {
+    haptic_loop(LoopConfig::default(), settings).unwrap()
+}
+
+fn publish(handle: &mut HapticHandle, sequence: u64, change: impl FnOnce(&mut LocalModel)) {
+    let model = handle.model_slot();
+    model.id = ModelId {
+        body: 1,
+        epoch: 0,
+        sequence,
+    };
+    model.scheme = Scheme::Tangent;
+    model.contact = Contact::Held;
+    model.force_n = DVec3::ZERO;
+    model.position_m = DVec3::ZERO;
+    model.velocity_m_per_s = DVec3::ZERO;
+    model.stiffness_n_per_m = DMat3::from_diagonal(DVec3::splat(100.0));
+    model.damping_ns_per_m = DMat3::ZERO;
+    model.reduced.order = 0;
+    change(model);
+    handle.publish_model();
+}
+
+fn tick(haptic_loop: &mut HapticLoop, elapsed: u64, reading: Result<Reading, DeviceError>) -> Ticked {
+    let ticked = haptic_loop.tick(elapsed, reading);
+    haptic_loop.finish_tick(&ticked, None, Ok(()));
+    ticked
+}
+
+fn at(x: f64) -> Result<Reading, DeviceError> {
+    Ok(Reading::at(DVec3::X * x))
+}
+
+fn events(handle: &mut HapticHandle) -> Vec<LoopEventKind> {
+    std::iter::from_fn(|| handle.next_event())
+        .map(|e| e.kind)
+        .collect()
+}
+
+#[test]
+fn a_published_model_speaks_at_the_next_tick() {
+    let (mut handle, mut haptic_loop) = halves(bare());
+    assert_eq!(tick(&mut haptic_loop, 1, at(0.01)).device_force_n, DVec3::ZERO);
+    publish(&mut handle, 1, |_| ());
+    let ticked = tick(&mut haptic_loop, 1, at(0.02));
+    assert!((ticked.device_force_n - DVec3::X * -2.0).length() < 1e-15);
+    assert_eq!(ticked.record.taken.unwrap().sequence, 1);
+    assert!(matches!(
+        events(&mut handle)[..],
+        [LoopEventKind::ModelAdopted(_)]
+    ));
+}
+
+#[test]
+fn a_missed_deadline_is_counted_and_bridged() {
+    let (mut handle, mut haptic_loop) = halves(bare());
+    tick(&mut haptic_loop, 1, at(0.0));
+    tick(&mut haptic_loop, 4, at(0.004));
+    let samples = handle.samples();
+    assert_eq!(samples.len(), 5);
+    for sequence in 1..=5 {
+        let sample = samples.get(sequence).unwrap();
+        assert!((sample.position_m.x - 0.001 * (sequence as f64 - 1.0)).abs() < 1e-15);
+        assert!((sample.time_s - sequence as f64 * 1e-3).abs() < 1e-15);
+        if sequence > 1 {
+            assert!(
+                (sample.velocity_m_per_s.x - 1.0).abs() < 1e-9,
+                "the hand did not move faster"
+            );
+        }
+        let between = (2..5).contains(&sequence);
+        let expected = if between {
+            SampleOrigin::Interpolated
+        } else {
+            SampleOrigin::Measured
+        };
+        assert_eq!(sample.origin, expected);
+    }
+    assert_eq!(events(&mut handle), [LoopEventKind::DeadlinesMissed(3)]);
+}
+
+#[test]
+fn a_long_gap_begins_the_samples_anew() {
+    let (mut handle, mut haptic_loop) = halves(bare());
+    tick(&mut haptic_loop, 1, at(0.0));
+    tick(&mut haptic_loop, LONGEST_BRIDGE + 1, at(0.1));
+    assert_eq!(handle.samples().len(), LONGEST_BRIDGE as usize + 2);
+    tick(&mut haptic_loop, LONGEST_BRIDGE + 2, at(0.5));
+    let samples = handle.samples();
+    assert_eq!(samples.len(), 1);
+    assert_eq!(samples.newest().unwrap().velocity_m_per_s, DVec3::ZERO);
+    let expected = [
+        LoopEventKind::DeadlinesMissed(LONGEST_BRIDGE),
+        LoopEventKind::Gap(LONGEST_BRIDGE + 1),
+    ];
+    assert_eq!(events(&mut handle), expected);
+}
+
+#[test]
+fn nan_from_a_device_reaches_neither_force_nor_samples() {
+    let (mut handle, mut haptic_loop) = halves(bare());
+    tick(&mut haptic_loop, 1, at(0.01));
+    publish(&mut handle, 1, |_| ());
+    tick(&mut haptic_loop, 1, at(0.01));
+    events(&mut handle);
+    for bad in [f64::NAN, f64::INFINITY] {
+        let ticked = tick(&mut haptic_loop, 1, at(bad));
+        assert_eq!(
+            ticked.device_force_n,
+            DVec3::X * -1.0,
+            "the last good sample is repeated"
+        );
+        let sample = *handle.samples().newest().unwrap();
+        assert_eq!(
+            (sample.position_m, sample.velocity_m_per_s),
+            (DVec3::X * 0.01, DVec3::ZERO)
+        );
+        assert_eq!(sample.origin, SampleOrigin::Repeated);
+    }
+    tick(&mut haptic_loop, 1, at(0.02));
+    let sample = *handle.samples().newest().unwrap();
+    assert_eq!(
+        sample.velocity_m_per_s,
+        DVec3::ZERO,
+        "where it moved meanwhile is no velocity"
+    );
+    let expected = [
+        LoopEventKind::DeviceFailed(DeviceError::Unusable),
+        LoopEventKind::DeviceRecovered(2),
+    ];
+    assert_eq!(events(&mut handle), expected);
+}
+
+#[test]
+fn nan_before_the_first_reading_makes_no_sample() {
+    let (mut handle, mut haptic_loop) = halves(bare());
+    assert_eq!(
+        tick(&mut haptic_loop, 1, at(f64::NAN)).device_force_n,
+        DVec3::ZERO
+    );
+    assert!(handle.samples().is_empty());
+}
+
+#[test]
+fn a_device_that_stays_silent_fades_to_zero() {
+    let (mut handle, mut haptic_loop) = halves(bare());
+    tick(&mut haptic_loop, 1, at(0.01));
+    publish(&mut handle, 1, |_| ());
+    let forces: Vec<f64> = (0..140)
+        .map(|_| {
+            tick(&mut haptic_loop, 1, Err(DeviceError::TimedOut))
+                .device_force_n
+                .x
+        })
+        .collect();
+    assert_eq!(forces[19], -1.0);
+    assert!(
+        forces[20] > -1.0 && forces[69] > -0.51 && forces[69] < -0.49,
+        "{}",
+        forces[69]
+    );
+    assert_eq!(forces[125], 0.0);
+}
+
+#[test]
+fn a_local_model_with_nan_or_of_another_body_is_refused() {
+    let settings = LoopSettings {
+        body: Some((1, 0)),
+        ..bare()
+    };
+    let (mut handle, mut haptic_loop) = halves(settings);
+    tick(&mut haptic_loop, 1, at(0.01));
+    publish(&mut handle, 1, |_| ());
+    tick(&mut haptic_loop, 1, at(0.01));
+    events(&mut handle);
+    publish(&mut handle, 2, |m| m.force_n.y = f64::NAN);
+    assert_eq!(
+        tick(&mut haptic_loop, 1, at(0.01)).device_force_n,
+        DVec3::X * -1.0
+    );
+    publish(&mut handle, 3, |m| m.id.body = 9);
+    assert_eq!(
+        tick(&mut haptic_loop, 1, at(0.01)).device_force_n,
+        DVec3::X * -1.0
+    );
+    publish(&mut handle, 4, |m| m.id.epoch = 9);
+    tick(&mut haptic_loop, 1, at(0.01));
+    let of = |body, epoch, sequence| ModelId {
+        body,
+        epoch,
+        sequence,
+    };
+    let expected = [
+        LoopEventKind::ModelRefused(LocalModelError::NotFinite { what: "force" }),
+        LoopEventKind::WrongBody(of(9, 0, 3)),
+        LoopEventKind::WrongBody(of(1, 9, 4)),
+    ];
+    assert_eq!(events(&mut handle), expected);
+}
+
+#[test]
+fn an_old_model_fades_after_three_model_periods() {
+    let (mut handle, mut haptic_loop) = halves(bare());
+    tick(&mut haptic_loop, 1, at(0.01));
+    publish(&mut handle, 1, |_| ());
+    let forces: Vec<f64> = (0..260)
+        .map(|_| tick(&mut haptic_loop, 1, at(0.01)).device_force_n.x)
+        .collect();
+    // forces[i] is of sample i + 2, so the model is 150 ticks old at i = 149.
+    assert_eq!(forces[149], -1.0);
+    assert!(forces[150] > -1.0);
+    assert_eq!(forces[251], 0.0);
+}
+
+#[test]
+fn settings_act_at_the_next_tick_and_are_acknowledged() {
+    let (mut handle, mut haptic_loop) = halves(bare());
+    tick(&mut haptic_loop, 1, at(0.01));
+    let frame = DeviceFrame {
+        rotation: DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2),
+        scale: 2.0,
+        offset_m: DVec3::Z,
+    };
+    assert_eq!(handle.set(LoopSettings { frame, ..bare() }).unwrap(), 1);
+    publish(&mut handle, 1, |m| m.position_m = DVec3::Z);
+    let ticked = tick(&mut haptic_loop, 1, at(0.01));
+    let sample = ticked.record.sample.unwrap();
+    assert!((sample.position_m - DVec3::new(0.0, 0.02, 1.0)).length() < 1e-15);
+    assert!((ticked.record.force_n - DVec3::Y * -2.0).length() < 1e-12);
+    assert!((ticked.device_force_n - DVec3::X * -2.0).length() < 1e-12);
+    assert_eq!(ticked.record.settings, Some(1));
+    assert!(events(&mut handle).contains(&LoopEventKind::SettingsAdopted(1)));
+}
+
+#[test]
+fn settings_that_make_no_sense_are_refused_and_the_old_ones_stay() {
+    let (mut handle, _haptic_loop) = halves(bare());
+    let mut bad = bare();
+    bad.model_period_s = 0.0;
+    let error = handle.set(bad).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "time between two model steps, s is 0; it must be finite and above 0"
+    );
+    bad = bare();
+    bad.frame.scale = f64::NAN;
+    assert!(handle.set(bad).is_err());
+    assert_eq!(*handle.settings(), bare());
+    for config in [
+        LoopConfig {
+            device_limit_n: f64::NAN,
+            ..LoopConfig::default()
+        },
+        LoopConfig {
+            event_capacity: 0,
+            ..LoopConfig::default()
+        },
+        LoopConfig {
+            record_capacity: 0,
+            ..LoopConfig::default()
+        },
+        LoopConfig {
+            hand_over: HandOverSettings {
+                history: 511,
+                ..Default::default()
+            },
+            ..Default::default()
+        },
+        LoopConfig {
+            hand_over: HandOverSettings {
+                tick_s: -1.0,
+                ..Default::default()
+            },
+            ..Default::default()
+        },
+    ] {
+        assert!(haptic_loop(config, bare()).is_err(), "{config:?}");
+    }
+}
+
+#[test]
+fn a_full_queue_drops_and_counts() {
+    let config = LoopConfig {
+        event_capacity: 2,
+        record_capacity: 3,
+        ..LoopConfig::default()
+    };
+    let (mut handle, mut haptic_loop) = haptic_loop(config, bare()).unwrap();
+    for _ in 0..64 {
+        tick(&mut haptic_loop, 2, at(0.0));
+    }
+    let report = handle.report();
+    assert_eq!((report.ticks, report.missed_deadlines), (64, 64));
+    assert_eq!((report.dropped_events, report.dropped_records), (62, 61));
+}
+
+#[test]
+fn lock_step_leaves_the_device_with_zero_force() {
+    let last = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
+    struct Witness(std::sync::Arc<std::sync::Mutex<Vec<&'static str>>>);
+    impl HapticDevice for Witness {
+        fn describe(&self) -> DeviceDescription {
+            ScriptedDevice::new(|_, _| Err(DeviceError::TimedOut)).describe()
+        }
+        fn open(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+        fn read(&mut self, _: std::time::Duration) -> Result<Reading, DeviceError> {
+            Ok(Reading::at(DVec3::X * 0.01))
+        }
+        fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError> {
+            self.0
+                .lock()
+                .unwrap()
+                .push(if force_n == DVec3::ZERO { "zero" } else { "force" });
+            Ok(())
+        }
+        fn close(&mut self) -> Result<(), DeviceError> {
+            self.0.lock().unwrap().push("closed");
+            Ok(())
+        }
+    }
+    let (mut handle, haptic_loop) = halves(bare());
+    let mut lockstep = Lockstep::new(haptic_loop, Box::new(Witness(last.clone()))).unwrap();
+    lockstep.run(1);
+    publish(&mut handle, 1, |_| ());
+    lockstep.run(1);
+    drop(lockstep);
+    assert_eq!(*last.lock().unwrap(), ["zero", "force", "zero", "closed"]);
+    assert_eq!(events(&mut handle).last(), Some(&LoopEventKind::Stopped));
+    assert!(handle.report().ended);
+}
+
+proptest! {
+    /// Whatever device and model side do, what is written is finite, within the limit, and grows slowly.
+    #[test]
+    fn no_input_gets_an_unsafe_force_out(
+        inputs in prop::collection::vec((1u64..300, any::<[f64; 3]>(), 0u8..6, any::<[f64; 3]>()), 1..60),
+    ) {
+        let settings = LoopSettings { velocity: VelocityEstimator::default(), ..LoopSettings::default() };
+        let (mut handle, mut haptic_loop) = halves(settings);
+        let (mut sequence, mut last) = (0, DVec3::ZERO);
+        for (elapsed, position, kind, force) in inputs {
+            if kind % 2 == 0 {
+                let scheme = Scheme::ALL[usize::from(kind / 2)];
+                publish(&mut handle, sequence, |m| (m.scheme, m.force_n) = (scheme, DVec3::from_array(force)));
+            }
+            let reading = if kind == 5 { Err(DeviceError::TimedOut) } else { Ok(Reading::at(DVec3::from_array(position))) };
+            let out = tick(&mut haptic_loop, elapsed, reading).record.force_n;
+            sequence += elapsed;
+            prop_assert!(out.is_finite() && out.length() <= 20.0 * (1.0 + 1e-12), "{out}");
+            let there = if out.length() == 0.0 { 0.0 } else { last.dot(out).max(0.0) / out.length() };
+            prop_assert!(out.length() <= there + 0.5 * elapsed as f64 + 1e-9, "{last} to {out}");
+            last = out;
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! Recorded hands: good files, bad files and the generator.
+
+use glam::DVec3;
+use palpate_haptics::*;
+
+fn read(text: &str) -> Result<Trajectory, TrajectoryError> {
+    Trajectory::from_csv(text.as_bytes(), "hand.csv")
+}
+
+fn message(text: &str) -> String {
+    read(text).unwrap_err().to_string()
+}
+
+#[test]
+fn a_file_is_read_as_it_was_written() {
+    let written = Probe::default().trajectory();
+    let mut text = Vec::new();
+    written.to_csv(&mut text).unwrap();
+    let read = Trajectory::from_csv(text.as_slice(), "probe.csv").unwrap();
+    assert_eq!(read.positions_m().len(), 5000);
+    assert_eq!(read.duration_s(), 5.0);
+    for (a, b) in read.positions_m().iter().zip(written.positions_m()) {
+        assert!((*a - *b).abs().max_element() <= 0.51e-7);
+    }
+}
+
+#[test]
+fn the_committed_hand_is_what_the_generator_makes() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/trajectories/probe.csv");
+    let mut expected = Vec::new();
+    Probe::default().trajectory().to_csv(&mut expected).unwrap();
+    let committed = std::fs::read(path).unwrap();
+    assert!(
+        committed == expected,
+        "run `cargo run -p palpate_haptics --example make_probe` to write it again"
+    );
+}
+
+#[test]
+fn a_time_that_begins_late_is_fine() {
+    let late = read("t_s,x_m,y_m,z_m\n12.5,0,0,0\n12.501,0,0,0.001\n").unwrap();
+    assert_eq!(late.positions_m(), [DVec3::ZERO, DVec3::Z * 0.001]);
+}
+
+#[test]
+fn every_fault_is_named_with_file_and_line() {
+    let ok = "t_s,x_m,y_m,z_m\n0,0,0,0\n0.001,0,0,0\n";
+    for (text, expected) in [
+        (
+            "x,y,z\n0,0,0\n",
+            "hand.csv:1: the header is \"x,y,z\"; it must be \"t_s,x_m,y_m,z_m\"",
+        ),
+        (
+            "",
+            "hand.csv:1: the header is \"\"; it must be \"t_s,x_m,y_m,z_m\"",
+        ),
+        (
+            &format!("{ok}0.002,0,abc,0\n"),
+            "hand.csv:4: y_m is \"abc\"; it must be a finite number",
+        ),
+        (
+            &format!("{ok}0.002,NaN,0,0\n"),
+            "hand.csv:4: x_m is \"NaN\"; it must be a finite number",
+        ),
+        (
+            &format!("{ok}0.002,0,0,inf\n"),
+            "hand.csv:4: z_m is \"inf\"; it must be a finite number",
+        ),
+        (
+            &format!("{ok}0.002,0,0\n"),
+            "hand.csv:4: 3 fields; a row has 4: t_s,x_m,y_m,z_m",
+        ),
+        (
+            &format!("{ok}0.002,0,0,0,0\n"),
+            "hand.csv:4: 5 fields; a row has 4: t_s,x_m,y_m,z_m",
+        ),
+        (
+            &format!("{ok}0.003,0,0,0\n"),
+            "hand.csv:4: t_s is 0.003; rows are 1 ms apart, so it must be 0.002",
+        ),
+        (
+            &format!("{ok}0.001,0,0,0\n"),
+            "hand.csv:4: t_s is 0.001; rows are 1 ms apart, so it must be 0.002",
+        ),
+        (
+            &format!("{ok}0.002,0,55,0\n"),
+            "hand.csv:4: y_m is 55 m; positions lie within 10 m of the origin",
+        ),
+        (
+            "t_s,x_m,y_m,z_m\n0,0,0,0\n",
+            "hand.csv: 1 rows; a trajectory has at least 2",
+        ),
+    ] {
+        assert_eq!(message(text), expected);
+    }
+    assert!(read(ok).is_ok());
+}
+
+#[test]
+fn text_that_is_not_utf_8_is_named_with_its_line() {
+    let bytes = b"t_s,x_m,y_m,z_m\n0,0,0,0\n0.001,0,\xff\xfe,0\n";
+    let error = Trajectory::from_csv(bytes.as_slice(), "hand.csv").unwrap_err();
+    assert!(error.to_string().starts_with("hand.csv:3: "), "{error}");
+}
+
+#[test]
+fn a_file_that_is_not_there_is_named_with_the_cause() {
+    let error = Trajectory::from_csv_file("no/such.csv").unwrap_err();
+    assert_eq!(error.to_string(), "no/such.csv: cannot be read or written");
+    assert!(std::error::Error::source(&error).is_some());
+}
+
+#[test]
+fn the_generated_hand_is_a_hand() {
+    let probe = Probe::default();
+    let still = Probe {
+        tremor_m: 0.0,
+        ..probe
+    }
+    .trajectory();
+    let hand = probe.trajectory();
+    let positions = hand.positions_m();
+    let step = |i: usize| (positions[(i + 1) % positions.len()] - positions[i]).length();
+    let fastest = (0..positions.len()).map(step).fold(0.0, f64::max) / Trajectory::PERIOD_S;
+    assert!(
+        fastest < 0.25,
+        "no jump, not even where it begins anew: {fastest} m/s"
+    );
+    let tremor = positions
+        .iter()
+        .zip(still.positions_m())
+        .map(|(a, b)| (*a - *b).length_squared() / 3.0);
+    let rms = (tremor.sum::<f64>() / positions.len() as f64).sqrt();
+    assert!((rms - 1e-4).abs() < 1e-9, "{rms} m");
+    let lowest = positions.iter().map(|p| p.y).fold(f64::MAX, f64::min);
+    assert!((probe.surface_m - lowest - probe.depth_m).abs() < 2e-3);
+    assert_ne!(Probe { seed: 2, ..probe }.trajectory(), hand);
+}
