@@ -20,41 +20,25 @@ fn compare(delay_ticks: usize, replay_per_tick: usize) -> Comparison {
     let body = reference_body().unwrap();
     let start = body.positions_m()[DRIVEN_NODE];
     let contact = ToolContact::hold(&body, DRIVEN_NODE, start).unwrap();
-    let options = ComparisonOptions {
-        delay_ticks,
-        replay_per_tick,
-        ..ComparisonOptions::default()
-    };
+    let options = ComparisonOptions { delay_ticks, replay_per_tick, ..ComparisonOptions::default() };
     Comparison::run(&body, &contact, &reference_samples(start), &Scheme::ALL, &options).unwrap()
 }
 
 /// The step asks for 5 %; the figures agree to the four digits of the file, so 0.5 % is asked here.
 /// The prototype replays all missed samples within one tick, so the comparison does too.
 #[test]
-#[expect(
-    clippy::print_stdout,
-    reason = "the table is what a reader of the test wants to see"
-)]
+#[expect(clippy::print_stdout, reason = "the table is what a reader of the test wants to see")]
 fn the_baselines_have_the_reference_s_errors() {
     let expected = reference();
-    println!(
-        "{:16}{:>10}{:>12}{:>12}",
-        "scheme", "delay ms", "reference", "here"
-    );
+    println!("{:16}{:>10}{:>12}{:>12}", "scheme", "delay ms", "reference", "here");
     for (delay, key) in [(0, "delay_0_ms"), (40, "delay_40_ms")] {
         let comparison = compare(delay, 64);
         for scheme in Scheme::ALL {
-            let reference = expected["relative_rms_error"][key][scheme.name()]
-                .as_f64()
-                .unwrap();
+            let reference = expected["relative_rms_error"][key][scheme.name()].as_f64().unwrap();
             let here = comparison.relative_rms_error(scheme, FROM).unwrap();
             println!("{:16}{delay:>10}{reference:>12.4}{here:>12.4}", scheme.name());
             let off = (here / reference - 1.0).abs();
-            assert!(
-                off < 0.005,
-                "{} at {delay} ms: {here}, reference {reference}",
-                scheme.name()
-            );
+            assert!(off < 0.005, "{} at {delay} ms: {here}, reference {reference}", scheme.name());
         }
         assert!(comparison.clamped.iter().all(|(_, models)| *models == 0));
     }
@@ -77,18 +61,12 @@ fn the_oracle_has_the_reference_s_peaks() {
 /// With the slices of 8 that the loop uses, a model 40 ms late changes over 5 ticks later; a scheme without a
 /// state has nothing to replay.
 #[test]
-#[expect(
-    clippy::print_stdout,
-    reason = "the table is what a reader of the test wants to see"
-)]
+#[expect(clippy::print_stdout, reason = "the table is what a reader of the test wants to see")]
 fn replay_in_slices_costs_the_dynamic_scheme_a_few_ticks() {
     let (whole, slices) = (compare(40, 64), compare(40, 8));
     for scheme in Scheme::ALL {
         let [whole, slices] = [&whole, &slices].map(|c| c.relative_rms_error(scheme, FROM).unwrap());
-        println!(
-            "{:16} replayed at once {whole:.4}, in slices of 8 {slices:.4}",
-            scheme.name()
-        );
+        println!("{:16} replayed at once {whole:.4}, in slices of 8 {slices:.4}", scheme.name());
         if scheme.has_state() {
             assert!((1.0..1.08).contains(&(slices / whole)), "{}", slices / whole);
         } else {

@@ -13,14 +13,8 @@ pub const DRIVEN_NODE: usize = 3 + 6 * (3 + 6 * 5);
 /// # Errors
 /// Never, unless the library refuses the reference's own body.
 pub fn reference_body() -> Result<Body, BodyError> {
-    let lattice = UniformLattice {
-        stiffness_n_per_m: 100.0,
-        damping_ratio: 0.7,
-        mass_kg: 1.0,
-    };
-    let block = Block::new([6, 6, 6], DVec3::splat(0.1))?
-        .fix(Face::NegZ)
-        .uniform(&lattice)?;
+    let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
+    let block = Block::new([6, 6, 6], DVec3::splat(0.1))?.fix(Face::NegZ).uniform(&lattice)?;
     Ok(Body::new(block.network, block.surface))
 }
 
@@ -28,16 +22,8 @@ pub fn reference_body() -> Result<Body, BodyError> {
 #[must_use]
 pub fn reference_offset(t: f64) -> DVec3 {
     let slow = 0.010 * (1.0 - (TAU * t).cos()) / 2.0;
-    let late = if t > 0.3 {
-        0.002 * (TAU * 3.3 * t).sin()
-    } else {
-        0.0
-    };
-    DVec3::new(
-        0.003 * (TAU * 1.7 * t).sin(),
-        0.0,
-        -(slow + 0.0008 * (TAU * 9.0 * t).sin() + late),
-    )
+    let late = if t > 0.3 { 0.002 * (TAU * 3.3 * t).sin() } else { 0.0 };
+    DVec3::new(0.003 * (TAU * 1.7 * t).sin(), 0.0, -(slow + 0.0008 * (TAU * 9.0 * t).sin() + late))
 }
 
 /// The reference's 1.5 s at 1 kHz, with backward differences as velocities, starting at `start_m`.
@@ -49,11 +35,7 @@ pub fn reference_samples(start_m: DVec3) -> Vec<Sample> {
             sequence: i,
             time_s: i as f64 * 1e-3,
             position_m: start_m + offset(i),
-            velocity_m_per_s: if i == 0 {
-                DVec3::ZERO
-            } else {
-                (offset(i) - offset(i - 1)) / 1e-3
-            },
+            velocity_m_per_s: if i == 0 { DVec3::ZERO } else { (offset(i) - offset(i - 1)) / 1e-3 },
             ..Sample::default()
         })
         .collect()

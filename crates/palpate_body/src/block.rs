@@ -25,14 +25,7 @@ pub enum Face {
 
 impl Face {
     /// All six.
-    pub const ALL: [Self; 6] = [
-        Self::NegX,
-        Self::PosX,
-        Self::NegY,
-        Self::PosY,
-        Self::NegZ,
-        Self::PosZ,
-    ];
+    pub const ALL: [Self; 6] = [Self::NegX, Self::PosX, Self::NegY, Self::PosY, Self::NegZ, Self::PosZ];
 
     /// 0 for x, 1 for y, 2 for z.
     #[must_use]
@@ -49,11 +42,7 @@ impl Face {
     /// Outward unit normal.
     #[must_use]
     pub fn normal(self) -> DVec3 {
-        if self.is_positive() {
-            DVec3::AXES[self.axis()]
-        } else {
-            -DVec3::AXES[self.axis()]
-        }
+        if self.is_positive() { DVec3::AXES[self.axis()] } else { -DVec3::AXES[self.axis()] }
     }
 }
 
@@ -103,17 +92,9 @@ impl Block {
             return Err(BodyError::LatticeNodes { nodes });
         }
         for axis in 0..3 {
-            check_positive(
-                ["size along x, m", "size along y, m", "size along z, m"][axis],
-                size_m[axis],
-            )?;
+            check_positive(["size along x, m", "size along y, m", "size along z, m"][axis], size_m[axis])?;
         }
-        Ok(Self {
-            nodes,
-            size_m,
-            center_m: DVec3::ZERO,
-            fixed: Vec::new(),
-        })
+        Ok(Self { nodes, size_m, center_m: DVec3::ZERO, fixed: Vec::new() })
     }
 
     /// The same block centred on `center_m`.
@@ -156,10 +137,7 @@ impl Block {
     /// In debug builds, when an index is not below the number of nodes along its axis.
     #[must_use]
     pub fn node(&self, [i, j, k]: [usize; 3]) -> usize {
-        debug_assert!(
-            i < self.nodes[0] && j < self.nodes[1] && k < self.nodes[2],
-            "node out of the lattice"
-        );
+        debug_assert!(i < self.nodes[0] && j < self.nodes[1] && k < self.nodes[2], "node out of the lattice");
         i + self.nodes[0] * (j + self.nodes[1] * k)
     }
 
@@ -172,11 +150,7 @@ impl Block {
         let mass = check_positive("mass of the block, kg", lattice.mass_kg)?;
         let ratio = check_damping_ratio(lattice.damping_ratio)?;
         let m = mass / self.node_total() as f64;
-        self.build(
-            vec![m; self.node_total()],
-            |_, _| k,
-            |k, _, _| ratio * (k * m).sqrt(),
-        )
+        self.build(vec![m; self.node_total()], |_, _| k, |k, _, _| ratio * (k * m).sqrt())
     }
 
     pub(crate) fn node_total(&self) -> usize {
@@ -201,23 +175,14 @@ impl Block {
                 let (a, b) = (self.node(ijk), self.node(other));
                 let k = stiffness(ijk, step);
                 let c = damping(k, mass_kg[a], mass_kg[b]);
-                let spring =
-                    Spring::linear(k, rest_m[a].distance(rest_m[b]), c).map_err(|source| BodyError::Law {
-                        link: links.len(),
-                        source,
-                    })?;
+                let spring = Spring::linear(k, rest_m[a].distance(rest_m[b]), c)
+                    .map_err(|source| BodyError::Law { link: links.len(), source })?;
                 links.push(Link { a, b, spring });
             }
         }
-        let fixed = self
-            .grid()
-            .map(|ijk| self.fixed.iter().any(|&face| self.on_face(ijk, face)))
-            .collect();
+        let fixed = self.grid().map(|ijk| self.fixed.iter().any(|&face| self.on_face(ijk, face))).collect();
         let surface = self.surface();
-        Ok(BlockBody {
-            network: Network::new(rest_m, mass_kg, fixed, links)?,
-            surface,
-        })
+        Ok(BlockBody { network: Network::new(rest_m, mass_kg, fixed, links)?, surface })
     }
 
     /// All (i, j, k), in the order of their indices.
@@ -234,46 +199,30 @@ impl Block {
     fn neighbour(&self, ijk: [usize; 3], step: [i32; 3]) -> Option<[usize; 3]> {
         let mut other = [0; 3];
         for axis in 0..3 {
-            other[axis] = ijk[axis]
-                .checked_add_signed(step[axis] as isize)
-                .filter(|&n| n < self.nodes[axis])?;
+            other[axis] =
+                ijk[axis].checked_add_signed(step[axis] as isize).filter(|&n| n < self.nodes[axis])?;
         }
         Some(other)
     }
 
     /// 1 at either end of `axis`, 2 between: how many cells lie on the two sides of the node.
     pub(crate) fn cells_beside(&self, ijk: [usize; 3], axis: usize) -> u32 {
-        if ijk[axis] == 0 || ijk[axis] + 1 == self.nodes[axis] {
-            1
-        } else {
-            2
-        }
+        if ijk[axis] == 0 || ijk[axis] + 1 == self.nodes[axis] { 1 } else { 2 }
     }
 
     fn on_face(&self, ijk: [usize; 3], face: Face) -> bool {
         let axis = face.axis();
-        ijk[axis]
-            == if face.is_positive() {
-                self.nodes[axis] - 1
-            } else {
-                0
-            }
+        ijk[axis] == if face.is_positive() { self.nodes[axis] - 1 } else { 0 }
     }
 
     fn surface(&self) -> Surface {
-        let mut surface = Surface {
-            reach_m: 0.75 * self.cell_m().max_element(),
-            ..Surface::default()
-        };
+        let mut surface = Surface { reach_m: 0.75 * self.cell_m().max_element(), ..Surface::default() };
         for face in Face::ALL {
             self.add_face(face, &mut surface);
         }
         for ijk in self.grid() {
-            let normal: DVec3 = Face::ALL
-                .into_iter()
-                .filter(|&face| self.on_face(ijk, face))
-                .map(Face::normal)
-                .sum();
+            let normal: DVec3 =
+                Face::ALL.into_iter().filter(|&face| self.on_face(ijk, face)).map(Face::normal).sum();
             // A node between two opposite faces of a block one cell thick is on both and has no normal of its
             // own only if nothing else is left of the sum; two nodes a side leave no such node.
             if let Some(normal) = normal.try_normalize() {
@@ -294,11 +243,7 @@ impl Block {
                 let mut ijk = [0; 3];
                 ijk[u] = p;
                 ijk[v] = q;
-                ijk[axis] = if face.is_positive() {
-                    self.nodes[axis] - 1
-                } else {
-                    0
-                };
+                ijk[axis] = if face.is_positive() { self.nodes[axis] - 1 } else { 0 };
                 surface.vertices.push(self.node(ijk));
             }
         }
@@ -307,9 +252,7 @@ impl Block {
             for p in 0..self.nodes[u] - 1 {
                 let (a, b, c, d) = (at(p, q), at(p + 1, q), at(p + 1, q + 1), at(p, q + 1));
                 for [i, j, k] in [[a, b, c], [a, c, d]] {
-                    surface
-                        .triangles
-                        .push(if face.is_positive() { [i, j, k] } else { [i, k, j] });
+                    surface.triangles.push(if face.is_positive() { [i, j, k] } else { [i, k, j] });
                 }
             }
         }

@@ -70,16 +70,9 @@ impl Body {
     /// entry is not finite. The body keeps its state then.
     pub fn set_state(&mut self, x_m: &[DVec3], v_m_per_s: &[DVec3]) -> Result<(), BodyError> {
         let nodes = self.network.node_count();
-        for (what, list) in [
-            ("the list of positions", x_m),
-            ("the list of velocities", v_m_per_s),
-        ] {
+        for (what, list) in [("the list of positions", x_m), ("the list of velocities", v_m_per_s)] {
             if list.len() != nodes {
-                return Err(BodyError::Length {
-                    what,
-                    found: list.len(),
-                    nodes,
-                });
+                return Err(BodyError::Length { what, found: list.len(), nodes });
             }
             if let Some(node) = list.iter().position(|value| !value.is_finite()) {
                 return Err(BodyError::Position { node });
@@ -105,9 +98,7 @@ impl Body {
         let mut sum = DVec3::ZERO;
         for &index in self.network.incident_links(node) {
             let link = &self.network.links()[index];
-            let f = link
-                .spring
-                .force_on_a(self.x[link.b] - self.x[link.a], self.v[link.b] - self.v[link.a]);
+            let f = link.spring.force_on_a(self.x[link.b] - self.x[link.a], self.v[link.b] - self.v[link.a]);
             sum += if link.a == node { f } else { -f };
         }
         sum
@@ -144,10 +135,7 @@ impl Body {
     ) -> Result<StepReport, BodyError> {
         if let Some((_, path)) = &tool {
             if path.len() != ticks + 1 {
-                return Err(BodyError::PathLength {
-                    ticks,
-                    points: path.len(),
-                });
+                return Err(BodyError::PathLength { ticks, points: path.len() });
             }
             if let Some(index) = path.iter().position(|p| !p.is_finite()) {
                 return Err(BodyError::Path { index });
@@ -179,8 +167,7 @@ impl Body {
                     }
                     observe(tick, contact.displayed_force_n(self));
                 }
-                self.refuse_divergence()
-                    .inspect_err(|_| *contact = contact_before)?;
+                self.refuse_divergence().inspect_err(|_| *contact = contact_before)?;
             }
         }
         Ok(StepReport { ticks, substeps })

@@ -144,19 +144,10 @@ pub(crate) fn check(
     ok: bool,
     allowed: &'static str,
 ) -> Result<f64, BodyError> {
-    if ok {
-        Ok(value)
-    } else {
-        Err(BodyError::Parameter { what, value, allowed })
-    }
+    if ok { Ok(value) } else { Err(BodyError::Parameter { what, value, allowed }) }
 }
 
 /// `value` if it is finite and above zero.
 pub(crate) fn check_positive(what: &'static str, value: f64) -> Result<f64, BodyError> {
-    check(
-        what,
-        value,
-        value.is_finite() && value > 0.0,
-        "finite and above 0",
-    )
+    check(what, value, value.is_finite() && value > 0.0, "finite and above 0")
 }

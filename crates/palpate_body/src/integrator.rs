@@ -29,12 +29,7 @@ pub struct SemiImplicitEuler {
 impl Default for SemiImplicitEuler {
     /// 1 ms, 4 to 1000 substeps, 0.9 of the stable step.
     fn default() -> Self {
-        Self {
-            tick_s: 1e-3,
-            min_substeps: 4,
-            max_substeps: 1000,
-            stability_margin: 0.9,
-        }
+        Self { tick_s: 1e-3, min_substeps: 4, max_substeps: 1000, stability_margin: 0.9 }
     }
 }
 
@@ -56,12 +51,7 @@ impl SemiImplicitEuler {
     pub fn substeps(&self, body: &Body) -> Result<usize, BodyError> {
         check_positive("tick, s", self.tick_s)?;
         let margin = self.stability_margin;
-        check(
-            "stability margin",
-            margin,
-            margin > 0.0 && margin <= 1.0,
-            "above 0 and at most 1",
-        )?;
+        check("stability margin", margin, margin > 0.0 && margin <= 1.0, "above 0 and at most 1")?;
         let (min, max) = (self.min_substeps, self.max_substeps);
         check(
             "least substeps in a tick",

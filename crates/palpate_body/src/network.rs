@@ -51,16 +51,7 @@ impl Network {
             free_index[node] = Some(index);
         }
         let (incident, incident_start) = incidence(&links, rest_m.len());
-        Ok(Self {
-            rest_m,
-            mass_kg,
-            fixed,
-            links,
-            free,
-            free_index,
-            incident,
-            incident_start,
-        })
+        Ok(Self { rest_m, mass_kg, fixed, links, free, free_index, incident, incident_start })
     }
 
     /// Number of nodes.
@@ -125,10 +116,7 @@ fn validate_nodes(rest_m: &[DVec3], mass_kg: &[f64], fixed: &[bool]) -> Result<(
     if nodes == 0 {
         return Err(BodyError::NoNodes);
     }
-    for (what, found) in [
-        ("the list of masses", mass_kg.len()),
-        ("the list of fixed nodes", fixed.len()),
-    ] {
+    for (what, found) in [("the list of masses", mass_kg.len()), ("the list of fixed nodes", fixed.len())] {
         if found != nodes {
             return Err(BodyError::Length { what, found, nodes });
         }
@@ -137,10 +125,7 @@ fn validate_nodes(rest_m: &[DVec3], mass_kg: &[f64], fixed: &[bool]) -> Result<(
         return Err(BodyError::Position { node });
     }
     if let Some(node) = mass_kg.iter().position(|m| !(m.is_finite() && *m > 0.0)) {
-        return Err(BodyError::Mass {
-            node,
-            mass_kg: mass_kg[node],
-        });
+        return Err(BodyError::Mass { node, mass_kg: mass_kg[node] });
     }
     if fixed.iter().all(|&f| f) {
         return Err(BodyError::AllFixed(nodes));

@@ -48,10 +48,8 @@ impl TangentPattern {
             .free()
             .iter()
             .map(|&node| {
-                let mut rows: Vec<usize> = network
-                    .neighbours(node)
-                    .filter_map(|other| network.free_index(other))
-                    .collect();
+                let mut rows: Vec<usize> =
+                    network.neighbours(node).filter_map(|other| network.free_index(other)).collect();
                 rows.extend(network.free_index(node));
                 rows.sort_unstable();
                 rows
@@ -68,13 +66,9 @@ impl TangentPattern {
             }
         }
         let slot = |row: usize, column: usize| {
-            let place = columns[column]
-                .binary_search(&row)
-                .expect("the pattern holds every pair of neighbours");
-            Slot {
-                first: first[column] + 3 * place,
-                stride: 3 * columns[column].len(),
-            }
+            let place =
+                columns[column].binary_search(&row).expect("the pattern holds every pair of neighbours");
+            Slot { first: first[column] + 3 * place, stride: 3 * columns[column].len() }
         };
         let links = network
             .links()
@@ -88,10 +82,7 @@ impl TangentPattern {
                 }
             })
             .collect();
-        Self {
-            symbolic: SymbolicSparseColMat::new_checked(dofs, dofs, starts, None, rows),
-            links,
-        }
+        Self { symbolic: SymbolicSparseColMat::new_checked(dofs, dofs, starts, None, rows), links }
     }
 
     /// A tangent with this pattern, all zero.
@@ -111,11 +102,7 @@ impl TangentPattern {
     /// # Panics
     /// When `body` or `tangent` belongs to another network.
     pub fn fill(&self, body: &Body, clamped: bool, tangent: &mut Tangent) {
-        assert_eq!(
-            self.links.len(),
-            body.network().links().len(),
-            "the pattern is of another network"
-        );
+        assert_eq!(self.links.len(), body.network().links().len(), "the pattern is of another network");
         assert_eq!(
             self.symbolic.row_idx().len(),
             tangent.stiffness.len(),
@@ -126,10 +113,8 @@ impl TangentPattern {
         let x = body.positions_m();
         for (link, slots) in body.network().links().iter().zip(&self.links) {
             let t = link.spring.tangent(x[link.b] - x[link.a], clamped);
-            for (values, block) in [
-                (&mut tangent.stiffness, t.stiffness),
-                (&mut tangent.damping, t.damping),
-            ] {
+            for (values, block) in [(&mut tangent.stiffness, t.stiffness), (&mut tangent.damping, t.damping)]
+            {
                 for slot in [slots.aa, slots.bb].into_iter().flatten() {
                     slot.add(block, values);
                 }

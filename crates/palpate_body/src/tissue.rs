@@ -37,11 +37,7 @@ pub struct Tissue {
 impl Default for Tissue {
     /// Soft, heavy as water, damped: 20 kPa, 1000 kg/m³, 0.5.
     fn default() -> Self {
-        Self {
-            youngs_modulus_pa: 20e3,
-            density_kg_per_m3: 1000.0,
-            damping_ratio: 0.5,
-        }
+        Self { youngs_modulus_pa: 20e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5 }
     }
 }
 
@@ -87,11 +83,7 @@ impl CellStiffness {
         if side.iter().chain(&face).all(|&k| k > 0.0) && through > 0.0 {
             Ok(Self { side, face, through })
         } else {
-            Err(BodyError::CellShape {
-                x_m: cell_m.x,
-                y_m: cell_m.y,
-                z_m: cell_m.z,
-            })
+            Err(BodyError::CellShape { x_m: cell_m.x, y_m: cell_m.y, z_m: cell_m.z })
         }
     }
 
@@ -122,10 +114,7 @@ impl Block {
         let mass = self
             .grid()
             .map(|ijk| {
-                cell_mass / 8.0
-                    * (0..3)
-                        .map(|axis| f64::from(self.cells_beside(ijk, axis)))
-                        .product::<f64>()
+                cell_mass / 8.0 * (0..3).map(|axis| f64::from(self.cells_beside(ijk, axis))).product::<f64>()
             })
             .collect();
         self.build(
@@ -133,9 +122,7 @@ impl Block {
             |ijk, step| {
                 let across = (0..3).filter(|&axis| step[axis] == 0);
                 springs.along(step)
-                    * across
-                        .map(|axis| f64::from(self.cells_beside(ijk, axis)) / 2.0)
-                        .product::<f64>()
+                    * across.map(|axis| f64::from(self.cells_beside(ijk, axis)) / 2.0).product::<f64>()
             },
             |k, m_a, m_b| ratio * (k * 2.0 * m_a * m_b / (m_a + m_b)).sqrt(),
         )
@@ -143,12 +130,7 @@ impl Block {
 }
 
 pub(crate) fn check_damping_ratio(ratio: f64) -> Result<f64, BodyError> {
-    check(
-        "damping ratio",
-        ratio,
-        ratio.is_finite() && ratio >= 0.0,
-        "finite and at least 0",
-    )
+    check("damping ratio", ratio, ratio.is_finite() && ratio >= 0.0, "finite and at least 0")
 }
 
 #[cfg(test)]
@@ -165,9 +147,7 @@ mod tests {
             .links()
             .iter()
             .map(|link| {
-                let ForceLaw::Linear { stiffness_n_per_m: k } = link.spring.law() else {
-                    unreachable!()
-                };
+                let ForceLaw::Linear { stiffness_n_per_m: k } = link.spring.law() else { unreachable!() };
                 let d = x[link.b] - x[link.a];
                 let extension = d.dot(strain * d) / d.length();
                 0.5 * k * extension * extension
@@ -181,13 +161,8 @@ mod tests {
         let (lambda, mu) = (0.4 * e, 0.4 * e);
         for size in [DVec3::splat(0.1), DVec3::new(0.1, 0.11, 0.09)] {
             let block = Block::new([6, 6, 6], size).unwrap();
-            let network = block
-                .tissue(&Tissue {
-                    youngs_modulus_pa: e,
-                    ..Tissue::default()
-                })
-                .unwrap()
-                .network;
+            let network =
+                block.tissue(&Tissue { youngs_modulus_pa: e, ..Tissue::default() }).unwrap().network;
             for strain in [
                 DMat3::from_diagonal(DVec3::new(0.01, -0.0025, -0.0025)),
                 DMat3::from_diagonal(DVec3::new(0.0, 0.02, 0.01)),
@@ -202,10 +177,7 @@ mod tests {
                 let density = 0.5 * lambda * trace * trace + mu * square;
                 let expected = density * size.element_product();
                 let got = energy(&network, strain);
-                assert!(
-                    (got / expected - 1.0).abs() < 1e-12,
-                    "{size}: {got} J, not {expected} J"
-                );
+                assert!((got / expected - 1.0).abs() < 1e-12, "{size}: {got} J, not {expected} J");
             }
         }
     }
@@ -220,64 +192,26 @@ mod tests {
         }
         assert!((springs.through / side - 3.0 / 16.0).abs() < 1e-14);
         let block = Block::new([4, 5, 6], DVec3::new(0.09, 0.12, 0.15)).unwrap();
-        let mass: f64 = block
-            .tissue(&Tissue::default())
-            .unwrap()
-            .network
-            .mass_kg()
-            .iter()
-            .sum();
+        let mass: f64 = block.tissue(&Tissue::default()).unwrap().network.mass_kg().iter().sum();
         assert!((mass / (1000.0 * 0.09 * 0.12 * 0.15) - 1.0).abs() < 1e-14);
     }
 
     #[test]
     fn cells_up_to_1_2_times_longer_are_taken_and_long_ones_refused() {
-        for cell in [
-            DVec3::new(1.2, 1.0, 1.0),
-            DVec3::new(1.2, 1.2, 1.0),
-            DVec3::new(1.0, 1.1, 1.2),
-        ] {
+        for cell in [DVec3::new(1.2, 1.0, 1.0), DVec3::new(1.2, 1.2, 1.0), DVec3::new(1.0, 1.1, 1.2)] {
             assert!(CellStiffness::isotropic(1e3, 0.01 * cell).is_ok(), "{cell}");
         }
         let long = CellStiffness::isotropic(1e3, DVec3::new(0.02, 0.01, 0.01));
-        assert_eq!(
-            long,
-            Err(BodyError::CellShape {
-                x_m: 0.02,
-                y_m: 0.01,
-                z_m: 0.01
-            })
-        );
+        assert_eq!(long, Err(BodyError::CellShape { x_m: 0.02, y_m: 0.01, z_m: 0.01 }));
     }
 
     #[test]
     fn senseless_tissue_is_refused() {
         let block = Block::new([3, 3, 3], DVec3::splat(0.1)).unwrap();
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(
-                block
-                    .tissue(&Tissue {
-                        youngs_modulus_pa: bad,
-                        ..Tissue::default()
-                    })
-                    .is_err()
-            );
-            assert!(
-                block
-                    .tissue(&Tissue {
-                        density_kg_per_m3: bad,
-                        ..Tissue::default()
-                    })
-                    .is_err()
-            );
+            assert!(block.tissue(&Tissue { youngs_modulus_pa: bad, ..Tissue::default() }).is_err());
+            assert!(block.tissue(&Tissue { density_kg_per_m3: bad, ..Tissue::default() }).is_err());
         }
-        assert!(
-            block
-                .tissue(&Tissue {
-                    damping_ratio: -0.1,
-                    ..Tissue::default()
-                })
-                .is_err()
-        );
+        assert!(block.tissue(&Tissue { damping_ratio: -0.1, ..Tissue::default() }).is_err());
     }
 }

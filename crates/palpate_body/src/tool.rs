@@ -18,10 +18,7 @@ impl ToolPoint {
     /// A tool that stands still at `position_m`.
     #[must_use]
     pub fn at_rest(position_m: DVec3) -> Self {
-        Self {
-            position_m,
-            velocity_m_per_s: DVec3::ZERO,
-        }
+        Self { position_m, velocity_m_per_s: DVec3::ZERO }
     }
 
     pub(crate) fn is_finite(&self) -> bool {
@@ -71,24 +68,15 @@ impl ToolContact {
     /// is not finite.
     pub fn hold(body: &Body, node: usize, tool_m: DVec3) -> Result<Self, BodyError> {
         if node >= body.network().node_count() {
-            return Err(BodyError::CannotHold {
-                node,
-                why: "there is no such node",
-            });
+            return Err(BodyError::CannotHold { node, why: "there is no such node" });
         }
         if body.network().is_fixed(node) {
-            return Err(BodyError::CannotHold {
-                node,
-                why: "it is fixed",
-            });
+            return Err(BodyError::CannotHold { node, why: "it is fixed" });
         }
         if !tool_m.is_finite() {
             return Err(BodyError::Path { index: 0 });
         }
-        Ok(Self::Held {
-            node,
-            offset_m: body.positions_m()[node] - tool_m,
-        })
+        Ok(Self::Held { node, offset_m: body.positions_m()[node] - tool_m })
     }
 
     /// A tool of radius `radius_m` that touches nothing yet.
@@ -96,10 +84,7 @@ impl ToolContact {
     /// # Errors
     /// [`BodyError::Parameter`] when the radius is not finite and above zero.
     pub fn touch(radius_m: f64) -> Result<Self, BodyError> {
-        Ok(Self::Touch {
-            radius_m: check_positive("tool radius, m", radius_m)?,
-            touched: None,
-        })
+        Ok(Self::Touch { radius_m: check_positive("tool radius, m", radius_m)?, touched: None })
     }
 
     /// The node that the tool drives now.
@@ -123,10 +108,9 @@ impl ToolContact {
     pub fn displayed_force_n(&self, body: &Body) -> DVec3 {
         match *self {
             Self::Held { node, .. } => body.internal_force_on_n(node),
-            Self::Touch {
-                touched: Some(Touched { node, normal, .. }),
-                ..
-            } => one_sided(body.internal_force_on_n(node), normal),
+            Self::Touch { touched: Some(Touched { node, normal, .. }), .. } => {
+                one_sided(body.internal_force_on_n(node), normal)
+            }
             Self::Touch { touched: None, .. } => DVec3::ZERO,
         }
     }
@@ -141,11 +125,7 @@ impl ToolContact {
 
     /// Begins a touch if the tool at `tool_m` has come below a free surface node of `body`.
     pub(crate) fn make(&mut self, body: &Body, tool_m: DVec3) {
-        let Self::Touch {
-            radius_m,
-            touched: touched @ None,
-        } = self
-        else {
+        let Self::Touch { radius_m, touched: touched @ None } = self else {
             return;
         };
         let surface = body.surface();
@@ -162,11 +142,7 @@ impl ToolContact {
             // A tool deep inside (a start in the middle of the body, say) touches nothing until it comes out.
             if gap < 0.0 && gap > -surface.reach_m && across.length_squared() < nearest {
                 nearest = across.length_squared();
-                *touched = Some(Touched {
-                    node,
-                    normal,
-                    offset_m: -across - *radius_m * normal,
-                });
+                *touched = Some(Touched { node, normal, offset_m: -across - *radius_m * normal });
             }
         }
     }

@@ -5,11 +5,7 @@ use palpate_body::*;
 use palpate_laws::Spring;
 
 fn link(a: usize, b: usize) -> Link {
-    Link {
-        a,
-        b,
-        spring: Spring::linear(1.0, 0.1, 0.0).unwrap(),
-    }
+    Link { a, b, spring: Spring::linear(1.0, 0.1, 0.0).unwrap() }
 }
 
 fn network(nodes: usize, links: Vec<Link>) -> Result<Network, BodyError> {
@@ -19,28 +15,10 @@ fn network(nodes: usize, links: Vec<Link>) -> Result<Network, BodyError> {
 
 #[test]
 fn links_are_checked() {
-    assert_eq!(
-        network(2, vec![link(0, 2)]),
-        Err(BodyError::NodeOutOfRange {
-            link: 0,
-            node: 2,
-            nodes: 2
-        })
-    );
-    assert_eq!(
-        network(2, vec![link(1, 1)]),
-        Err(BodyError::SelfLink { link: 0, node: 1 })
-    );
+    assert_eq!(network(2, vec![link(0, 2)]), Err(BodyError::NodeOutOfRange { link: 0, node: 2, nodes: 2 }));
+    assert_eq!(network(2, vec![link(1, 1)]), Err(BodyError::SelfLink { link: 0, node: 1 }));
     let twice = network(3, vec![link(0, 1), link(1, 2), link(1, 0)]);
-    assert_eq!(
-        twice,
-        Err(BodyError::DuplicateLink {
-            link: 2,
-            earlier: 0,
-            a: 1,
-            b: 0
-        })
-    );
+    assert_eq!(twice, Err(BodyError::DuplicateLink { link: 2, earlier: 0, a: 1, b: 0 }));
     assert!(network(3, vec![link(0, 1), link(1, 2)]).is_ok());
 }
 
@@ -48,17 +26,8 @@ fn links_are_checked() {
 fn nodes_are_checked() {
     assert_eq!(network(0, vec![]), Err(BodyError::NoNodes));
     let make = |x: f64, m: f64, fixed: Vec<bool>| Network::new(vec![DVec3::X * x], vec![m], fixed, vec![]);
-    assert_eq!(
-        make(f64::NAN, 1.0, vec![false]),
-        Err(BodyError::Position { node: 0 })
-    );
-    assert_eq!(
-        make(0.0, 0.0, vec![false]),
-        Err(BodyError::Mass {
-            node: 0,
-            mass_kg: 0.0
-        })
-    );
+    assert_eq!(make(f64::NAN, 1.0, vec![false]), Err(BodyError::Position { node: 0 }));
+    assert_eq!(make(0.0, 0.0, vec![false]), Err(BodyError::Mass { node: 0, mass_kg: 0.0 }));
     assert_eq!(make(0.0, 1.0, vec![true]), Err(BodyError::AllFixed(1)));
     let error = make(0.0, 1.0, vec![]).unwrap_err();
     assert_eq!(
@@ -74,15 +43,8 @@ fn a_state_that_does_not_fit_is_refused_and_the_old_one_kept() {
     let still = [DVec3::ZERO; 2];
     assert!(matches!(
         body.set_state(&before[..1], &still),
-        Err(BodyError::Length {
-            found: 1,
-            nodes: 2,
-            ..
-        })
+        Err(BodyError::Length { found: 1, nodes: 2, .. })
     ));
-    assert_eq!(
-        body.set_state(&before, &[DVec3::ZERO, DVec3::NAN]),
-        Err(BodyError::Position { node: 1 })
-    );
+    assert_eq!(body.set_state(&before, &[DVec3::ZERO, DVec3::NAN]), Err(BodyError::Position { node: 1 }));
     assert_eq!(body.positions_m(), before);
 }

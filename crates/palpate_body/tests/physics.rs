@@ -4,18 +4,10 @@ use glam::{DQuat, DVec3};
 use palpate_body::*;
 use palpate_laws::Spring;
 
-const LATTICE: UniformLattice = UniformLattice {
-    stiffness_n_per_m: 100.0,
-    damping_ratio: 0.7,
-    mass_kg: 1.0,
-};
+const LATTICE: UniformLattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
 
 fn block(n: usize) -> Body {
-    let block = Block::new([n; 3], DVec3::splat(0.1))
-        .unwrap()
-        .fix(Face::NegZ)
-        .uniform(&LATTICE)
-        .unwrap();
+    let block = Block::new([n; 3], DVec3::splat(0.1)).unwrap().fix(Face::NegZ).uniform(&LATTICE).unwrap();
     Body::new(block.network, block.surface)
 }
 
@@ -23,18 +15,10 @@ fn block(n: usize) -> Body {
 fn chain(masses: usize, k: f64, m: f64, b: f64) -> Body {
     let n = masses + 2;
     let rest = (0..n).map(|i| DVec3::X * (0.1 * i as f64)).collect::<Vec<_>>();
-    let links = (0..n - 1)
-        .map(|a| Link {
-            a,
-            b: a + 1,
-            spring: Spring::linear(k, 0.1, b).unwrap(),
-        })
-        .collect();
+    let links =
+        (0..n - 1).map(|a| Link { a, b: a + 1, spring: Spring::linear(k, 0.1, b).unwrap() }).collect();
     let fixed = (0..n).map(|i| i == 0 || i == n - 1).collect();
-    Body::new(
-        Network::new(rest, vec![m; n], fixed, links).unwrap(),
-        Surface::default(),
-    )
+    Body::new(Network::new(rest, vec![m; n], fixed, links).unwrap(), Surface::default())
 }
 
 #[test]
@@ -51,14 +35,9 @@ fn a_chain_between_fixed_ends_swings_at_its_closed_form_frequencies() {
         let angle = n as f64 * std::f64::consts::PI / (masses + 1) as f64;
         let omega = 2.0 * (k / m).sqrt() * (angle / 2.0).sin();
         for row in 0..masses {
-            let kv: f64 = (0..masses)
-                .map(|c| dense[(3 * row, 3 * c)] * (angle * (c + 1) as f64).sin())
-                .sum();
+            let kv: f64 = (0..masses).map(|c| dense[(3 * row, 3 * c)] * (angle * (c + 1) as f64).sin()).sum();
             let expected = m * omega * omega * (angle * (row + 1) as f64).sin();
-            assert!(
-                (kv - expected).abs() < 1e-10 * k,
-                "mode {n}, mass {row}: {kv} N/m, not {expected}"
-            );
+            assert!((kv - expected).abs() < 1e-10 * k, "mode {n}, mass {row}: {kv} N/m, not {expected}");
         }
     }
 }
@@ -87,11 +66,7 @@ fn a_mode_of_the_chain_follows_the_predicted_discrete_trajectory() {
     let q = amplitude * (400.5 * t).cos() / (t / 2.0).cos();
     for i in 0..x.len() {
         let got = body.positions_m()[i].x - body.network().rest_m()[i].x;
-        assert!(
-            (got - q * shape(i)).abs() < 1e-12,
-            "node {i}: {got} m, not {} m",
-            q * shape(i)
-        );
+        assert!((got - q * shape(i)).abs() < 1e-12, "node {i}: {got} m, not {} m", q * shape(i));
     }
 }
 
@@ -119,16 +94,8 @@ fn a_rigid_motion_makes_no_force() {
     let shift = DVec3::new(0.3, -2.0, 0.7);
     // Turning about an axis at 3 rad/s while moving on: dampers must not notice either.
     let spin = DVec3::new(0.4, -3.0, 1.0);
-    let x: Vec<DVec3> = body
-        .network()
-        .rest_m()
-        .iter()
-        .map(|x| turn * *x + shift)
-        .collect();
-    let v: Vec<DVec3> = x
-        .iter()
-        .map(|x| spin.cross(*x) + DVec3::new(1.0, 0.0, -2.0))
-        .collect();
+    let x: Vec<DVec3> = body.network().rest_m().iter().map(|x| turn * *x + shift).collect();
+    let v: Vec<DVec3> = x.iter().map(|x| spin.cross(*x) + DVec3::new(1.0, 0.0, -2.0)).collect();
     body.set_state(&x, &v).unwrap();
     let mut force = vec![DVec3::ZERO; x.len()];
     body.internal_forces_n(&mut force);
@@ -140,11 +107,7 @@ fn a_rigid_motion_makes_no_force() {
 fn the_tangent_is_the_derivative_of_the_force_in_a_large_deformation() {
     let mut body = block(4);
     let bend = |x: &DVec3| {
-        *x + DVec3::new(
-            0.02 * (30.0 * x.z).sin(),
-            -0.3 * x.x * (x.z + 0.05),
-            -0.4 * (x.z + 0.05),
-        )
+        *x + DVec3::new(0.02 * (30.0 * x.z).sin(), -0.3 * x.x * (x.z + 0.05), -0.4 * (x.z + 0.05))
     };
     let x: Vec<DVec3> = body.network().rest_m().iter().map(bend).collect();
     let still = vec![DVec3::ZERO; x.len()];
@@ -164,9 +127,9 @@ fn the_tangent_is_the_derivative_of_the_force_in_a_large_deformation() {
                     let (mut xx, mut vv) = (x.clone(), still.clone());
                     let step = DVec3::AXES[axis] * (sign * h);
                     if of_velocity {
-                        vv[node] += step
+                        vv[node] += step;
                     } else {
-                        xx[node] += step
+                        xx[node] += step;
                     }
                     body.set_state(&xx, &vv).unwrap();
                     body.internal_forces_n(force);
@@ -186,12 +149,7 @@ fn the_tangent_is_the_derivative_of_the_force_in_a_large_deformation() {
 #[test]
 fn tangents_are_symmetric_and_a_clamped_one_is_positive_semidefinite() {
     let mut body = block(3);
-    let x: Vec<DVec3> = body
-        .network()
-        .rest_m()
-        .iter()
-        .map(|x| DVec3::new(x.x, x.y, 0.4 * x.z))
-        .collect();
+    let x: Vec<DVec3> = body.network().rest_m().iter().map(|x| DVec3::new(x.x, x.y, 0.4 * x.z)).collect();
     body.set_state(&x, &vec![DVec3::ZERO; x.len()]).unwrap();
     let pattern = TangentPattern::new(&body);
     let mut tangent = pattern.zero();
@@ -223,35 +181,19 @@ fn the_stable_step_is_safe_and_not_wasteful() {
             }
         })
         .collect();
+    let rest = body.network().rest_m().to_vec();
     let speed_after = |body: &mut Body, h: f64| {
-        body.set_state(&body.network().rest_m().to_vec(), &shaken)
-            .unwrap();
+        body.set_state(&rest, &shaken).unwrap();
         // A tick of one substep whose estimate is overruled by a margin of 1 and a bound on substeps.
-        let one = SemiImplicitEuler {
-            tick_s: h,
-            min_substeps: 1,
-            max_substeps: 1,
-            stability_margin: 1.0,
-        };
+        let one = SemiImplicitEuler { tick_s: h, min_substeps: 1, max_substeps: 1, stability_margin: 1.0 };
         for _ in 0..400 {
             body.advance(None, 1, &one)?;
         }
-        Ok::<f64, BodyError>(
-            body.velocities_m_per_s()
-                .iter()
-                .map(|v| v.length())
-                .fold(0.0, f64::max),
-        )
+        Ok::<f64, BodyError>(body.velocities_m_per_s().iter().map(|v| v.length()).fold(0.0, f64::max))
     };
+    assert!(speed_after(&mut body, 0.999 * stable).unwrap() < 1e-6, "stable at the estimate");
     assert!(
-        speed_after(&mut body, 0.999 * stable).unwrap() < 1e-6,
-        "stable at the estimate"
-    );
-    assert!(
-        matches!(
-            speed_after(&mut body, 1.01 * stable),
-            Err(BodyError::Parameter { .. })
-        ),
+        matches!(speed_after(&mut body, 1.01 * stable), Err(BodyError::Parameter { .. })),
         "refused beyond"
     );
 }
@@ -264,25 +206,15 @@ fn an_impossible_step_leaves_the_body_as_it_was() {
     let p = body.positions_m()[node];
     let mut tool = ToolContact::hold(&body, node, p).unwrap();
     let before = body.positions_m().to_vec();
-    let far = ToolPoint {
-        position_m: p + DVec3::Z * 1e200,
-        velocity_m_per_s: DVec3::Z * 1e250,
-    };
+    let far = ToolPoint { position_m: p + DVec3::Z * 1e200, velocity_m_per_s: DVec3::Z * 1e250 };
     let path = [ToolPoint::at_rest(p), far, far];
-    let error = body
-        .advance(Some((&mut tool, &path)), 2, &integrator)
-        .unwrap_err();
+    let error = body.advance(Some((&mut tool, &path)), 2, &integrator).unwrap_err();
     assert!(matches!(error, BodyError::Diverged { .. }), "{error}");
     assert_eq!(body.positions_m(), before);
     let nan = [ToolPoint::at_rest(p), ToolPoint::at_rest(DVec3::NAN)];
-    assert_eq!(
-        body.advance(Some((&mut tool, &nan)), 1, &integrator),
-        Err(BodyError::Path { index: 1 })
-    );
+    assert_eq!(body.advance(Some((&mut tool, &nan)), 1, &integrator), Err(BodyError::Path { index: 1 }));
     let short = [ToolPoint::at_rest(p)];
-    let error = body
-        .advance(Some((&mut tool, &short)), 1, &integrator)
-        .unwrap_err();
+    let error = body.advance(Some((&mut tool, &short)), 1, &integrator).unwrap_err();
     assert_eq!(
         error.to_string(),
         "a step of 1 ticks needs a path of 2 points, one more than ticks; it was given 1"

@@ -6,16 +6,8 @@ use palpate_body::*;
 const RADIUS: f64 = 0.005;
 
 fn block() -> Body {
-    let lattice = UniformLattice {
-        stiffness_n_per_m: 100.0,
-        damping_ratio: 0.7,
-        mass_kg: 1.0,
-    };
-    let block = Block::new([6; 3], DVec3::splat(0.1))
-        .unwrap()
-        .fix(Face::NegZ)
-        .uniform(&lattice)
-        .unwrap();
+    let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
+    let block = Block::new([6; 3], DVec3::splat(0.1)).unwrap().fix(Face::NegZ).uniform(&lattice).unwrap();
     Body::new(block.network, block.surface)
 }
 
@@ -25,21 +17,12 @@ fn press(body: &mut Body, tool: &mut ToolContact, ticks: usize, height: impl Fn(
     let path: Vec<ToolPoint> = (0..=ticks)
         .map(|i| ToolPoint {
             position_m: at(i),
-            velocity_m_per_s: if i == 0 {
-                DVec3::ZERO
-            } else {
-                (at(i) - at(i - 1)) / 1e-3
-            },
+            velocity_m_per_s: if i == 0 { DVec3::ZERO } else { (at(i) - at(i - 1)) / 1e-3 },
         })
         .collect();
     let mut forces = Vec::new();
-    body.advance_observed(
-        Some((tool, &path)),
-        ticks,
-        &SemiImplicitEuler::default(),
-        |_, f| forces.push(f),
-    )
-    .unwrap();
+    body.advance_observed(Some((tool, &path)), ticks, &SemiImplicitEuler::default(), |_, f| forces.push(f))
+        .unwrap();
     forces
 }
 
@@ -63,10 +46,7 @@ fn touch_begins_in_the_tick_in_which_the_tool_crosses_the_surface() {
     let node = body.positions_m()[touched.node];
     // The nearest node of the top layer to (12, -8) mm is at (10, -10) mm.
     assert!((node - DVec3::new(0.01, -0.01, node.z)).length() < 1e-12);
-    assert!(
-        (node.z - (0.05 + 4.15e-3 - 6e-3)).abs() < 1e-15,
-        "the node is at the tool's foremost point"
-    );
+    assert!((node.z - (0.05 + 4.15e-3 - 6e-3)).abs() < 1e-15, "the node is at the tool's foremost point");
 }
 
 #[test]
@@ -80,11 +60,7 @@ fn pressing_pushes_back_and_never_pulls_and_leaving_ends_it() {
     // The second half of the wave is above the surface; the last ten milliseconds, on the way back, are left out.
     assert!(forces[270..].iter().all(|&f| f == DVec3::ZERO));
     assert_eq!(tool.touched(), None);
-    let moved = body
-        .positions_m()
-        .iter()
-        .zip(body.network().rest_m())
-        .map(|(x, r)| x.distance(*r));
+    let moved = body.positions_m().iter().zip(body.network().rest_m()).map(|(x, r)| x.distance(*r));
     assert!(moved.fold(0.0, f64::max) < 2e-3, "the body comes back");
 }
 
@@ -95,12 +71,8 @@ fn a_held_node_pulls_too() {
     let p = body.positions_m()[node];
     let mut tool = ToolContact::hold(&body, node, p).unwrap();
     let lifted = ToolPoint::at_rest(p + DVec3::Z * 2e-3);
-    body.advance(
-        Some((&mut tool, &[ToolPoint::at_rest(p), lifted])),
-        1,
-        &SemiImplicitEuler::default(),
-    )
-    .unwrap();
+    body.advance(Some((&mut tool, &[ToolPoint::at_rest(p), lifted])), 1, &SemiImplicitEuler::default())
+        .unwrap();
     assert!(tool.displayed_force_n(&body).z < 0.0);
 }
 
@@ -118,19 +90,7 @@ fn tools_that_make_no_sense_are_refused() {
         assert!(ToolContact::touch(bad).is_err());
     }
     let refused = |node, at| ToolContact::hold(&body, node, at).unwrap_err();
-    assert_eq!(
-        refused(216, DVec3::ZERO),
-        BodyError::CannotHold {
-            node: 216,
-            why: "there is no such node"
-        }
-    );
-    assert_eq!(
-        refused(0, DVec3::ZERO),
-        BodyError::CannotHold {
-            node: 0,
-            why: "it is fixed"
-        }
-    );
+    assert_eq!(refused(216, DVec3::ZERO), BodyError::CannotHold { node: 216, why: "there is no such node" });
+    assert_eq!(refused(0, DVec3::ZERO), BodyError::CannotHold { node: 0, why: "it is fixed" });
     assert_eq!(refused(215, DVec3::NAN), BodyError::Path { index: 0 });
 }

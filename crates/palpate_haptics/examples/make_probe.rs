@@ -4,7 +4,5 @@ use palpate_haptics::Probe;
 
 fn main() -> std::io::Result<()> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/trajectories/probe.csv");
-    Probe::default()
-        .trajectory()
-        .to_csv(std::io::BufWriter::new(std::fs::File::create(path)?))
+    Probe::default().trajectory().to_csv(std::io::BufWriter::new(std::fs::File::create(path)?))
 }

@@ -24,10 +24,9 @@ mod platform {
 
         /// Waits until the clock shows `deadline_ns`; returns at once if it does already.
         pub(crate) fn sleep_until(self, deadline_ns: u64) {
-            let (Ok(tv_sec), Ok(tv_nsec)) = (
-                (deadline_ns / NS_PER_S).try_into(),
-                (deadline_ns % NS_PER_S).try_into(),
-            ) else {
+            let (Ok(tv_sec), Ok(tv_nsec)) =
+                ((deadline_ns / NS_PER_S).try_into(), (deadline_ns % NS_PER_S).try_into())
+            else {
                 return;
             };
             // A signal may end the wait early.

@@ -82,12 +82,7 @@ impl Reading {
     /// A reading at `position_m`, with nothing else to say.
     #[must_use]
     pub fn at(position_m: DVec3) -> Self {
-        Self {
-            position_m,
-            velocity_m_per_s: None,
-            orientation: DQuat::IDENTITY,
-            buttons: 0,
-        }
+        Self { position_m, velocity_m_per_s: None, orientation: DQuat::IDENTITY, buttons: 0 }
     }
 
     /// Whether every number is finite and the orientation a rotation.

@@ -116,12 +116,7 @@ pub enum TrajectoryError {
 
 /// `value` if it is finite and above zero.
 pub(crate) fn check_positive(what: &'static str, value: f64) -> Result<(), HapticsError> {
-    check(
-        what,
-        value,
-        value.is_finite() && value > 0.0,
-        "finite and above 0",
-    )
+    check(what, value, value.is_finite() && value > 0.0, "finite and above 0")
 }
 
 /// An error naming `what` unless `ok`.
@@ -131,9 +126,5 @@ pub(crate) fn check(
     ok: bool,
     allowed: &'static str,
 ) -> Result<(), HapticsError> {
-    if ok {
-        Ok(())
-    } else {
-        Err(HapticsError::Setting { what, value, allowed })
-    }
+    if ok { Ok(()) } else { Err(HapticsError::Setting { what, value, allowed }) }
 }

@@ -24,10 +24,17 @@ pub struct HapticHandle {
     settings: Input<(u64, LoopSettings)>,
     newest_settings: (u64, LoopSettings),
     models: Input<LocalModel>,
-    samples: Output<SampleHistory>,
+    samples: Output<Sampled>,
     reports: Output<LoopReport>,
     events: Receiver<LoopEvent>,
     records: Receiver<TickRecord>,
+}
+
+/// What the loop publishes at every tick.
+#[derive(Clone, Debug)]
+pub(crate) struct Sampled {
+    pub(crate) history: SampleHistory,
+    pub(crate) latest: Option<TickRecord>,
 }
 
 /// The loop's ends of everything that crosses.
@@ -35,7 +42,7 @@ pub struct HapticHandle {
 pub(crate) struct LoopEnds {
     pub(crate) settings: Output<(u64, LoopSettings)>,
     pub(crate) models: Output<LocalModel>,
-    pub(crate) samples: Input<SampleHistory>,
+    pub(crate) samples: Input<Sampled>,
     pub(crate) reports: Input<LoopReport>,
     pub(crate) events: Sender<LoopEvent>,
     pub(crate) records: Sender<TickRecord>,
@@ -57,7 +64,7 @@ pub fn haptic_loop(
     // The vectors get their length here, before they are cloned into the three slots.
     let (models_in, models_out) = triple_buffer(&LocalModel::silent(config.hand_over.order_capacity));
     let history = SampleHistory::with_capacity(config.hand_over.history)?;
-    let (samples_in, samples_out) = triple_buffer(&history);
+    let (samples_in, samples_out) = triple_buffer(&Sampled { history, latest: None });
     let (reports_in, reports_out) = triple_buffer(&LoopReport::new());
     let (events_in, events_out) = bounded(config.event_capacity);
     let (records_in, records_out) = bounded(config.record_capacity);
@@ -119,7 +126,12 @@ impl HapticHandle {
 
     /// The newest samples.
     pub fn samples(&mut self) -> &SampleHistory {
-        self.samples.read()
+        &self.samples.read().history
+    }
+
+    /// The newest tick; `None` before the first.
+    pub fn latest_tick(&mut self) -> Option<TickRecord> {
+        self.samples.read().latest
     }
 
     /// The loop's newest account of itself.

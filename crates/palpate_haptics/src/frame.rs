@@ -22,11 +22,7 @@ pub struct DeviceFrame {
 impl Default for DeviceFrame {
     /// The device's frame is the scene's.
     fn default() -> Self {
-        Self {
-            rotation: DQuat::IDENTITY,
-            scale: 1.0,
-            offset_m: DVec3::ZERO,
-        }
+        Self { rotation: DQuat::IDENTITY, scale: 1.0, offset_m: DVec3::ZERO }
     }
 }
 
@@ -37,20 +33,10 @@ impl DeviceFrame {
     /// [`HapticsError::Setting`].
     pub fn validate(&self) -> Result<(), HapticsError> {
         let length = self.rotation.length();
-        check(
-            "length of the device frame's rotation",
-            length,
-            (length - 1.0).abs() < 1e-6,
-            "1 within 1e-6",
-        )?;
+        check("length of the device frame's rotation", length, (length - 1.0).abs() < 1e-6, "1 within 1e-6")?;
         check_positive("scale of the device frame", self.scale)?;
         let far = self.offset_m.abs().max_element();
-        check(
-            "offset of the device frame, m",
-            far,
-            self.offset_m.is_finite(),
-            "finite",
-        )
+        check("offset of the device frame, m", far, self.offset_m.is_finite(), "finite")
     }
 
     /// The reading in the scene's frame.
@@ -85,10 +71,7 @@ mod tests {
         };
         frame.validate().unwrap();
         let (v, f) = (DVec3::new(0.1, -0.4, 0.2), DVec3::new(1.0, 2.0, -0.5));
-        let reading = Reading {
-            velocity_m_per_s: Some(v),
-            ..Reading::at(DVec3::new(0.01, 0.02, 0.03))
-        };
+        let reading = Reading { velocity_m_per_s: Some(v), ..Reading::at(DVec3::new(0.01, 0.02, 0.03)) };
         let scene = frame.to_scene(&reading);
         let power = f.dot(scene.velocity_m_per_s.unwrap());
         assert!((power - 2.5 * frame.force_to_device(f).dot(v)).abs() < 1e-12);
@@ -101,27 +84,12 @@ mod tests {
         let good = DeviceFrame::default();
         for bad in [
             DeviceFrame { scale: 0.0, ..good },
-            DeviceFrame {
-                scale: f64::NAN,
-                ..good
-            },
-            DeviceFrame {
-                rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, 0.9),
-                ..good
-            },
-            DeviceFrame {
-                rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, f64::NAN),
-                ..good
-            },
-            DeviceFrame {
-                offset_m: DVec3::new(0.0, f64::INFINITY, 0.0),
-                ..good
-            },
+            DeviceFrame { scale: f64::NAN, ..good },
+            DeviceFrame { rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, 0.9), ..good },
+            DeviceFrame { rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, f64::NAN), ..good },
+            DeviceFrame { offset_m: DVec3::new(0.0, f64::INFINITY, 0.0), ..good },
         ] {
-            assert!(
-                matches!(bad.validate(), Err(HapticsError::Setting { .. })),
-                "{bad:?}"
-            );
+            assert!(matches!(bad.validate(), Err(HapticsError::Setting { .. })), "{bad:?}");
         }
     }
 }

@@ -2,12 +2,7 @@
 
 #![cfg_attr(
     not(test),
-    deny(
-        clippy::unwrap_used,
-        clippy::expect_used,
-        clippy::panic,
-        clippy::indexing_slicing
-    )
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
 use crate::exchange::LoopEnds;
@@ -84,13 +79,7 @@ impl HapticLoop {
     pub fn tick(&mut self, elapsed: u64, reading: Result<Reading, DeviceError>) -> Ticked {
         let elapsed = elapsed.max(1);
         let settings = self.adopt_settings();
-        let reading = reading.and_then(|r| {
-            if r.is_usable() {
-                Ok(r)
-            } else {
-                Err(DeviceError::Unusable)
-            }
-        });
+        let reading = reading.and_then(|r| if r.is_usable() { Ok(r) } else { Err(DeviceError::Unusable) });
         self.account_for_deadlines(elapsed);
         self.sequence += elapsed;
         self.account_for_reading(&reading);
@@ -112,21 +101,9 @@ impl HapticLoop {
         self.report.safety_acted += u64::from(safety.acted());
         let sample = self.hand_over.history().newest().copied();
         let timing = TickTiming::default();
-        let record = TickRecord {
-            elapsed,
-            reading,
-            sample,
-            settings,
-            taken,
-            spoken,
-            safety,
-            force_n,
-            timing,
-        };
-        Ticked {
-            device_force_n: self.settings.frame.force_to_device(force_n),
-            record,
-        }
+        let record =
+            TickRecord { elapsed, reading, sample, settings, taken, spoken, safety, force_n, timing };
+        Ticked { device_force_n: self.settings.frame.force_to_device(force_n), record }
     }
 
     /// After the force of `ticked` has been written: takes the time and publishes what the app wants to know.
@@ -145,16 +122,12 @@ impl HapticLoop {
             self.report.cost.record(timing.cost_ns);
         }
         self.report.ticks += 1;
-        self.ends
-            .samples
-            .input_buffer_mut()
-            .catch_up_with(self.hand_over.history());
+        let record = TickRecord { timing: timing.unwrap_or_default(), ..ticked.record };
+        let sampled = self.ends.samples.input_buffer_mut();
+        sampled.history.catch_up_with(self.hand_over.history());
+        sampled.latest = Some(record);
         self.ends.samples.publish();
         if self.settings.record {
-            let record = TickRecord {
-                timing: timing.unwrap_or_default(),
-                ..ticked.record
-            };
             self.report.dropped_records += u64::from(self.ends.records.try_send(record).is_err());
         }
         if self.report.ticks.is_multiple_of(REPORT_PERIOD) {
@@ -184,10 +157,7 @@ impl HapticLoop {
     }
 
     fn tell(&mut self, kind: LoopEventKind) {
-        let event = LoopEvent {
-            sequence: self.sequence,
-            kind,
-        };
+        let event = LoopEvent { sequence: self.sequence, kind };
         self.report.dropped_events += u64::from(self.ends.events.try_send(event).is_err());
     }
 
@@ -207,11 +177,7 @@ impl HapticLoop {
         if missed > 0 {
             self.report.missed_deadlines += missed;
             let long = missed > LONGEST_BRIDGE;
-            self.tell(if long {
-                LoopEventKind::Gap(missed)
-            } else {
-                LoopEventKind::DeadlinesMissed(missed)
-            });
+            self.tell(if long { LoopEventKind::Gap(missed) } else { LoopEventKind::DeadlinesMissed(missed) });
         }
     }
 
@@ -252,11 +218,7 @@ impl HapticLoop {
             },
             (Err(_), None) => return,
         };
-        let origin = if reading.is_ok() {
-            SampleOrigin::Measured
-        } else {
-            SampleOrigin::Repeated
-        };
+        let origin = if reading.is_ok() { SampleOrigin::Measured } else { SampleOrigin::Repeated };
         match last {
             Some(last) if elapsed <= LONGEST_BRIDGE + 1 => {
                 for i in 1..elapsed {
@@ -277,9 +239,7 @@ impl HapticLoop {
     fn push(&mut self, sequence: u64, reading: &Reading, origin: SampleOrigin) {
         let tick_s = self.config.hand_over.tick_s;
         let told = reading.velocity_m_per_s;
-        let velocity_m_per_s = self
-            .velocity
-            .step(self.settings.velocity, reading.position_m, told, tick_s);
+        let velocity_m_per_s = self.velocity.step(self.settings.velocity, reading.position_m, told, tick_s);
         self.hand_over.push(Sample {
             sequence,
             time_s: sequence as f64 * tick_s,

@@ -61,10 +61,7 @@ impl HapticLoop {
                 haptic_loop
             })
             .map_err(HapticsError::Thread)?;
-        Ok(LoopThread {
-            stop,
-            thread: Some(thread),
-        })
+        Ok(LoopThread { stop, thread: Some(thread) })
     }
 }
 
@@ -90,9 +87,7 @@ impl LoopThread {
             }
             clock.sleep_until((clock.now_ns() + 200_000).min(give_up));
         }
-        thread
-            .join()
-            .map_or(Stop::Panicked, |haptic_loop| Stop::Joined(Box::new(haptic_loop)))
+        thread.join().map_or(Stop::Panicked, |haptic_loop| Stop::Joined(Box::new(haptic_loop)))
     }
 }
 
@@ -110,10 +105,7 @@ pub fn run(haptic_loop: &mut HapticLoop, device: &mut dyn HapticDevice, stop: &A
         return;
     }
     haptic_loop.begin();
-    let mut open = OpenDevice {
-        device,
-        closed: false,
-    };
+    let mut open = OpenDevice { device, closed: false };
     turn(haptic_loop, open.device, stop);
     let closed = open.close();
     haptic_loop.end(closed);
@@ -135,10 +127,7 @@ fn turn(haptic_loop: &mut HapticLoop, device: &mut dyn HapticDevice, stop: &Atom
         let reading = device.read(period);
         let ticked = haptic_loop.tick(elapsed, reading);
         let written = device.write(ticked.device_force_n);
-        let timing = TickTiming {
-            lateness_ns,
-            cost_ns: clock.now_ns() - begun_ns,
-        };
+        let timing = TickTiming { lateness_ns, cost_ns: clock.now_ns() - begun_ns };
         haptic_loop.finish_tick(&ticked, Some(timing), written);
         deadline_ns += period_ns * (1 + missed);
         elapsed = 1;

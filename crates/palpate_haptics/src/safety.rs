@@ -12,12 +12,7 @@
 
 #![cfg_attr(
     not(test),
-    deny(
-        clippy::unwrap_used,
-        clippy::expect_used,
-        clippy::panic,
-        clippy::indexing_slicing
-    )
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
 use crate::HapticsError;
@@ -62,18 +57,8 @@ impl SafetySettings {
     /// [`HapticsError::Setting`].
     pub fn validate(&self) -> Result<(), HapticsError> {
         let at_least_0 = |v: f64| v.is_finite() && v >= 0.0;
-        check(
-            "start-up ramp, s",
-            self.ramp_s,
-            at_least_0(self.ramp_s),
-            "finite and at least 0",
-        )?;
-        check(
-            "fade, s",
-            self.fade_s,
-            at_least_0(self.fade_s),
-            "finite and at least 0",
-        )?;
+        check("start-up ramp, s", self.ramp_s, at_least_0(self.ramp_s), "finite and at least 0")?;
+        check("fade, s", self.fade_s, at_least_0(self.fade_s), "finite and at least 0")?;
         let periods = self.stale_after_periods;
         check(
             "model periods before the fade",
@@ -81,12 +66,7 @@ impl SafetySettings {
             periods.is_finite() && periods >= 1.0,
             "finite and at least 1",
         )?;
-        check(
-            "largest force, N",
-            self.max_force_n,
-            at_least_0(self.max_force_n),
-            "finite and at least 0",
-        )?;
+        check("largest force, N", self.max_force_n, at_least_0(self.max_force_n), "finite and at least 0")?;
         check_positive("largest growth of the force, N/s", self.max_slew_n_per_s)
     }
 }
@@ -151,12 +131,7 @@ impl SafetyChain {
     pub fn new(tick_s: f64, device_limit_n: f64) -> Result<Self, HapticsError> {
         check_positive("tick, s", tick_s)?;
         let ok = device_limit_n.is_finite() && device_limit_n >= 0.0;
-        check(
-            "largest force of the device, N",
-            device_limit_n,
-            ok,
-            "finite and at least 0",
-        )?;
+        check("largest force of the device, N", device_limit_n, ok, "finite and at least 0")?;
         Ok(Self {
             tick_s,
             device_limit_n,
@@ -170,15 +145,8 @@ impl SafetyChain {
 
     /// The force that may be written, N, and what was done to it.
     pub fn apply(&mut self, settings: &SafetySettings, input: &SafetyInput) -> (DVec3, SafetyReport) {
-        let mut report = SafetyReport {
-            not_finite: !input.force_n.is_finite(),
-            ..SafetyReport::default()
-        };
-        let mut force = if report.not_finite {
-            DVec3::ZERO
-        } else {
-            input.force_n
-        };
+        let mut report = SafetyReport { not_finite: !input.force_n.is_finite(), ..SafetyReport::default() };
+        let mut force = if report.not_finite { DVec3::ZERO } else { input.force_n };
 
         force *= self.gain(settings, input, &mut report);
 
@@ -202,11 +170,7 @@ impl SafetyChain {
     fn gain(&mut self, settings: &SafetySettings, input: &SafetyInput, report: &mut SafetyReport) -> f64 {
         let elapsed_s = self.tick_s * input.elapsed as f64;
         let part = |duration_s: f64| {
-            if duration_s > 0.0 {
-                elapsed_s / duration_s
-            } else {
-                1.0
-            }
+            if duration_s > 0.0 { elapsed_s / duration_s } else { 1.0 }
         };
         self.ramp = (self.ramp + part(settings.ramp_s)).min(1.0);
         report.stale = input.model_age_periods > settings.stale_after_periods;
@@ -217,11 +181,7 @@ impl SafetyChain {
             (&mut self.device, report.silent),
             (&mut self.pause, input.paused),
         ] {
-            *gain = if down {
-                (*gain - fade).max(0.0)
-            } else {
-                (*gain + fade).min(1.0)
-            };
+            *gain = if down { (*gain - fade).max(0.0) } else { (*gain + fade).min(1.0) };
         }
         report.gain = self.ramp * self.model * self.device * self.pause;
         report.gain

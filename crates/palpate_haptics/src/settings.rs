@@ -70,18 +70,8 @@ impl LoopConfig {
         let history = self.hand_over.history;
         check("samples kept", history as f64, history >= 512, "at least 512")?;
         let room = "at least 1";
-        check(
-            "room for events",
-            self.event_capacity as f64,
-            self.event_capacity >= 1,
-            room,
-        )?;
-        check(
-            "room for tick records",
-            self.record_capacity as f64,
-            self.record_capacity >= 1,
-            room,
-        )
+        check("room for events", self.event_capacity as f64, self.event_capacity >= 1, room)?;
+        check("room for tick records", self.record_capacity as f64, self.record_capacity >= 1, room)
     }
 }
 

@@ -30,10 +30,8 @@ impl Trajectory {
     /// [`TrajectoryError`], with file and line.
     pub fn from_csv_file(path: impl AsRef<Path>) -> Result<Self, TrajectoryError> {
         let path = path.as_ref();
-        let file = std::fs::File::open(path).map_err(|source| TrajectoryError::File {
-            path: path.to_owned(),
-            source,
-        })?;
+        let file = std::fs::File::open(path)
+            .map_err(|source| TrajectoryError::File { path: path.to_owned(), source })?;
         Self::from_csv(file, path)
     }
 
@@ -49,18 +47,11 @@ impl Trajectory {
                 csv::ErrorKind::Io(source) => TrajectoryError::File { path: path(), source },
                 kind => {
                     let source = std::io::Error::other(format!("{kind:?}")).into();
-                    TrajectoryError::Csv {
-                        path: path(),
-                        line,
-                        source,
-                    }
+                    TrajectoryError::Csv { path: path(), line, source }
                 }
             }
         };
-        let mut rows = csv::ReaderBuilder::new()
-            .flexible(true)
-            .trim(csv::Trim::All)
-            .from_reader(reader);
+        let mut rows = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(reader);
         let header = rows.headers().map_err(csv_error)?;
         if header.iter().ne(HEADER) {
             let found = header.iter().collect::<Vec<_>>().join(",");
@@ -72,51 +63,29 @@ impl Trajectory {
             let row = row.map_err(csv_error)?;
             let line = row.position().map_or(0, csv::Position::line);
             if row.len() != HEADER.len() {
-                return Err(TrajectoryError::Fields {
-                    path: path(),
-                    line,
-                    found: row.len(),
-                });
+                return Err(TrajectoryError::Fields { path: path(), line, found: row.len() });
             }
             let number = |i: usize| {
                 let finite = row[i].parse().ok().filter(|v: &f64| v.is_finite());
                 let (column, found) = (HEADER[i], || row[i].to_owned());
-                finite.ok_or_else(|| TrajectoryError::Number {
-                    path: path(),
-                    line,
-                    column,
-                    found: found(),
-                })
+                finite.ok_or_else(|| TrajectoryError::Number { path: path(), line, column, found: found() })
             };
             let (t, position) = (number(0)?, DVec3::new(number(1)?, number(2)?, number(3)?));
             if let Some(axis) = (0..3).find(|&axis| position[axis].abs() > 10.0) {
                 let (column, found) = (HEADER[axis + 1], position[axis]);
-                return Err(TrajectoryError::Far {
-                    path: path(),
-                    line,
-                    column,
-                    found,
-                });
+                return Err(TrajectoryError::Far { path: path(), line, column, found });
             }
             if positions_m.is_empty() {
                 start = t;
             }
             let expected = start + positions_m.len() as f64 * Self::PERIOD_S;
             if (t - expected).abs() > 1e-6 * (1.0 + expected.abs()) {
-                return Err(TrajectoryError::Time {
-                    path: path(),
-                    line,
-                    found: t,
-                    expected,
-                });
+                return Err(TrajectoryError::Time { path: path(), line, found: t, expected });
             }
             positions_m.push(position);
         }
         if positions_m.len() < 2 {
-            return Err(TrajectoryError::TooShort {
-                path: path(),
-                rows: positions_m.len(),
-            });
+            return Err(TrajectoryError::TooShort { path: path(), rows: positions_m.len() });
         }
         Ok(Self { positions_m })
     }

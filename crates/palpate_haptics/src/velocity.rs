@@ -6,7 +6,6 @@ use glam::DVec3;
 
 /// Where a sample's velocity comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
 pub enum VelocityEstimator {
     /// (x[n] − x[n−1])/h. Exact for a smooth path, rough for a quantised one: a step of 0.3 mm is 0.3 m/s.
     BackwardDifference,
@@ -60,9 +59,7 @@ impl VelocityState {
         told: Option<DVec3>,
         tick_s: f64,
     ) -> DVec3 {
-        let difference = self
-            .last_m
-            .map_or(DVec3::ZERO, |last| (position_m - last) / tick_s);
+        let difference = self.last_m.map_or(DVec3::ZERO, |last| (position_m - last) / tick_s);
         self.last_m = Some(position_m);
         match estimator {
             VelocityEstimator::BackwardDifference => difference,
@@ -92,21 +89,14 @@ mod tests {
     fn run(estimator: VelocityEstimator, path: impl Fn(f64) -> f64, ticks: u32) -> f64 {
         let mut state = VelocityState::default();
         (0..=ticks)
-            .map(|i| {
-                state
-                    .step(estimator, DVec3::X * path(f64::from(i) * 1e-3), None, 1e-3)
-                    .x
-            })
+            .map(|i| state.step(estimator, DVec3::X * path(f64::from(i) * 1e-3), None, 1e-3).x)
             .last()
             .unwrap()
     }
 
     #[test]
     fn a_steady_movement_is_found_exactly() {
-        for estimator in [
-            VelocityEstimator::BackwardDifference,
-            VelocityEstimator::default(),
-        ] {
+        for estimator in [VelocityEstimator::BackwardDifference, VelocityEstimator::default()] {
             assert!((run(estimator, |t| 0.2 * t, 100) - 0.2).abs() < 1e-12);
         }
     }
@@ -128,18 +118,12 @@ mod tests {
             let errors = (0..1000).map(|i| {
                 let t = f64::from(i) * 1e-3;
                 let v = state.step(estimator, DVec3::X * quantised(t), None, 1e-3).x;
-                if i < 50 {
-                    0.0
-                } else {
-                    (v - 0.12 * (6.0 * t).cos()).powi(2)
-                }
+                if i < 50 { 0.0 } else { (v - 0.12 * (6.0 * t).cos()).powi(2) }
             });
             (errors.sum::<f64>() / 950.0).sqrt()
         };
-        let (rough, calm) = (
-            noise(VelocityEstimator::BackwardDifference),
-            noise(VelocityEstimator::default()),
-        );
+        let (rough, calm) =
+            (noise(VelocityEstimator::BackwardDifference), noise(VelocityEstimator::default()));
         assert!(calm < 0.35 * rough, "{calm} m/s of {rough} m/s");
     }
 
@@ -147,14 +131,8 @@ mod tests {
     fn the_device_s_word_counts_if_it_gives_one() {
         let mut state = VelocityState::default();
         let told = Some(DVec3::Y);
-        assert_eq!(
-            state.step(VelocityEstimator::Device, DVec3::ZERO, told, 1e-3),
-            DVec3::Y
-        );
-        assert_eq!(
-            state.step(VelocityEstimator::Device, DVec3::X * 1e-3, None, 1e-3),
-            DVec3::X
-        );
+        assert_eq!(state.step(VelocityEstimator::Device, DVec3::ZERO, told, 1e-3), DVec3::Y);
+        assert_eq!(state.step(VelocityEstimator::Device, DVec3::X * 1e-3, None, 1e-3), DVec3::X);
     }
 
     #[test]

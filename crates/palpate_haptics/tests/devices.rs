@@ -7,11 +7,7 @@ use std::time::Duration;
 const WITHIN: Duration = Duration::from_millis(1);
 
 fn trajectory() -> Trajectory {
-    Trajectory::from_csv(
-        "t_s,x_m,y_m,z_m\n0,1,0,0\n0.001,2,0,0\n0.002,3,0,0\n".as_bytes(),
-        "t.csv",
-    )
-    .unwrap()
+    Trajectory::from_csv("t_s,x_m,y_m,z_m\n0,1,0,0\n0.001,2,0,0\n0.002,3,0,0\n".as_bytes(), "t.csv").unwrap()
 }
 
 fn x_of(device: &mut dyn HapticDevice) -> f64 {
@@ -20,10 +16,9 @@ fn x_of(device: &mut dyn HapticDevice) -> f64 {
 
 #[test]
 fn a_replay_gives_its_rows_and_then_stays_or_begins_anew() {
-    for (at_end, expected) in [
-        (AtEnd::Stay, [1.0, 2.0, 3.0, 3.0, 3.0]),
-        (AtEnd::Repeat, [1.0, 2.0, 3.0, 1.0, 2.0]),
-    ] {
+    for (at_end, expected) in
+        [(AtEnd::Stay, [1.0, 2.0, 3.0, 3.0, 3.0]), (AtEnd::Repeat, [1.0, 2.0, 3.0, 1.0, 2.0])]
+    {
         let mut device = ReplayDevice::new(trajectory(), at_end);
         device.open().unwrap();
         assert_eq!([(); 5].map(|()| x_of(&mut device)), expected);
@@ -45,9 +40,7 @@ fn a_script_hears_the_force_that_was_written_last() {
 fn a_closed_device_says_so_and_can_be_opened_again() {
     let devices: [Box<dyn HapticDevice>; 2] = [
         Box::new(ReplayDevice::new(trajectory(), AtEnd::Stay)),
-        Box::new(ScriptedDevice::new(|n, force| {
-            Ok(Reading::at(DVec3::new(1.0 + n as f64, force.y, 0.0)))
-        })),
+        Box::new(ScriptedDevice::new(|n, force| Ok(Reading::at(DVec3::new(1.0 + n as f64, force.y, 0.0))))),
     ];
     for mut device in devices {
         assert_eq!(device.read(WITHIN), Err(DeviceError::NotOpen));
@@ -55,11 +48,7 @@ fn a_closed_device_says_so_and_can_be_opened_again() {
         for _ in 0..2 {
             device.open().unwrap();
             assert_eq!(device.open(), Err(DeviceError::AlreadyOpen));
-            assert_eq!(
-                device.read(WITHIN).unwrap().position_m,
-                DVec3::X,
-                "from the beginning, no old force"
-            );
+            assert_eq!(device.read(WITHIN).unwrap().position_m, DVec3::X, "from the beginning, no old force");
             device.write(DVec3::Y).unwrap();
             device.close().unwrap();
         }
@@ -74,18 +63,9 @@ fn readings_that_are_no_readings_are_seen() {
     for bad in [
         Reading::at(DVec3::new(0.0, f64::NAN, 0.0)),
         Reading::at(DVec3::INFINITY),
-        Reading {
-            velocity_m_per_s: Some(DVec3::NAN),
-            ..good
-        },
-        Reading {
-            orientation: glam::DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0),
-            ..good
-        },
-        Reading {
-            orientation: glam::DQuat::from_xyzw(f64::NAN, 0.0, 0.0, 1.0),
-            ..good
-        },
+        Reading { velocity_m_per_s: Some(DVec3::NAN), ..good },
+        Reading { orientation: glam::DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), ..good },
+        Reading { orientation: glam::DQuat::from_xyzw(f64::NAN, 0.0, 0.0, 1.0), ..good },
     ] {
         assert!(!bad.is_usable());
     }

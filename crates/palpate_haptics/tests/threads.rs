@@ -44,19 +44,9 @@ fn start(
     read: impl FnMut(u64) -> Result<Reading, DeviceError> + Send + 'static,
 ) -> (HapticHandle, LoopThread, Arc<Log>) {
     let log = Arc::new(Log::default());
-    let device = Logged {
-        log: log.clone(),
-        read: Box::new(read),
-    };
-    let safety = SafetySettings {
-        ramp_s: 0.0,
-        ..SafetySettings::default()
-    };
-    let settings = LoopSettings {
-        safety,
-        record: true,
-        ..LoopSettings::default()
-    };
+    let device = Logged { log: log.clone(), read: Box::new(read) };
+    let safety = SafetySettings { ramp_s: 0.0, ..SafetySettings::default() };
+    let settings = LoopSettings { safety, record: true, ..LoopSettings::default() };
     let (mut handle, haptic_loop) = haptic_loop(LoopConfig::default(), settings).unwrap();
     let thread = haptic_loop.spawn(Box::new(device)).unwrap();
     publish(&mut handle, 0);
@@ -179,36 +169,17 @@ fn a_device_that_cannot_be_opened_is_reported_and_nothing_is_written() {
     let mut thread = haptic_loop.spawn(Box::new(device)).unwrap();
     wait_for(|| !thread.is_running());
     assert!(matches!(thread.stop(), Stop::Joined(_)));
-    let kinds: Vec<LoopEventKind> = std::iter::from_fn(|| handle.next_event())
-        .map(|e| e.kind)
-        .collect();
-    assert_eq!(
-        kinds,
-        [
-            LoopEventKind::DeviceFailed(DeviceError::AlreadyOpen),
-            LoopEventKind::Stopped
-        ]
-    );
+    let kinds: Vec<LoopEventKind> = std::iter::from_fn(|| handle.next_event()).map(|e| e.kind).collect();
+    assert_eq!(kinds, [LoopEventKind::DeviceFailed(DeviceError::AlreadyOpen), LoopEventKind::Stopped]);
     assert!(handle.report().ended);
 }
 
 /// The real runner, its tick and its bookkeeping, with a state-carrying model changing all the time.
 #[test]
 fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
-    let hand_over = HandOverSettings {
-        order_capacity: 12,
-        ..HandOverSettings::default()
-    };
-    let config = LoopConfig {
-        hand_over,
-        event_capacity: 16,
-        record_capacity: 32,
-        ..LoopConfig::default()
-    };
-    let settings = LoopSettings {
-        record: true,
-        ..LoopSettings::default()
-    };
+    let hand_over = HandOverSettings { order_capacity: 12, ..HandOverSettings::default() };
+    let config = LoopConfig { hand_over, event_capacity: 16, record_capacity: 32, ..LoopConfig::default() };
+    let settings = LoopSettings { record: true, ..LoopSettings::default() };
     let (handle, mut haptic_loop) = haptic_loop(config, settings).unwrap();
     let handle = Arc::new(Mutex::new(handle));
     let (other, stop) = (handle.clone(), Arc::new(AtomicBool::new(false)));
@@ -219,10 +190,7 @@ fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
         while !flag.load(Ordering::SeqCst) {
             let mut handle = other.lock().unwrap();
             let sequence = handle.samples().newest().map_or(0, |s| s.sequence);
-            let settings = LoopSettings {
-                paused: sequence % 7 == 0,
-                ..*handle.settings()
-            };
+            let settings = LoopSettings { paused: sequence % 7 == 0, ..*handle.settings() };
             handle.set(settings).unwrap();
             let model = handle.model_slot();
             (model.scheme, model.contact, model.id.sequence) =

@@ -7,11 +7,7 @@ use proptest::prelude::*;
 
 /// Settings with no ramp and no slew to speak of, records on, velocities by difference.
 fn bare() -> LoopSettings {
-    let safety = SafetySettings {
-        ramp_s: 0.0,
-        max_slew_n_per_s: 1e9,
-        ..SafetySettings::default()
-    };
+    let safety = SafetySettings { ramp_s: 0.0, max_slew_n_per_s: 1e9, ..SafetySettings::default() };
     LoopSettings {
         safety,
         record: true,
@@ -26,11 +22,7 @@ fn halves(settings: LoopSettings) -> (HapticHandle, HapticLoop) {
 
 fn publish(handle: &mut HapticHandle, sequence: u64, change: impl FnOnce(&mut LocalModel)) {
     let model = handle.model_slot();
-    model.id = ModelId {
-        body: 1,
-        epoch: 0,
-        sequence,
-    };
+    model.id = ModelId { body: 1, epoch: 0, sequence };
     model.scheme = Scheme::Tangent;
     model.contact = Contact::Held;
     model.force_n = DVec3::ZERO;
@@ -54,9 +46,7 @@ fn at(x: f64) -> Result<Reading, DeviceError> {
 }
 
 fn events(handle: &mut HapticHandle) -> Vec<LoopEventKind> {
-    std::iter::from_fn(|| handle.next_event())
-        .map(|e| e.kind)
-        .collect()
+    std::iter::from_fn(|| handle.next_event()).map(|e| e.kind).collect()
 }
 
 #[test]
@@ -67,10 +57,7 @@ fn a_published_model_speaks_at_the_next_tick() {
     let ticked = tick(&mut haptic_loop, 1, at(0.02));
     assert!((ticked.device_force_n - DVec3::X * -2.0).length() < 1e-15);
     assert_eq!(ticked.record.taken.unwrap().sequence, 1);
-    assert!(matches!(
-        events(&mut handle)[..],
-        [LoopEventKind::ModelAdopted(_)]
-    ));
+    assert!(matches!(events(&mut handle)[..], [LoopEventKind::ModelAdopted(_)]));
 }
 
 #[test]
@@ -85,17 +72,10 @@ fn a_missed_deadline_is_counted_and_bridged() {
         assert!((sample.position_m.x - 0.001 * (sequence as f64 - 1.0)).abs() < 1e-15);
         assert!((sample.time_s - sequence as f64 * 1e-3).abs() < 1e-15);
         if sequence > 1 {
-            assert!(
-                (sample.velocity_m_per_s.x - 1.0).abs() < 1e-9,
-                "the hand did not move faster"
-            );
+            assert!((sample.velocity_m_per_s.x - 1.0).abs() < 1e-9, "the hand did not move faster");
         }
         let between = (2..5).contains(&sequence);
-        let expected = if between {
-            SampleOrigin::Interpolated
-        } else {
-            SampleOrigin::Measured
-        };
+        let expected = if between { SampleOrigin::Interpolated } else { SampleOrigin::Measured };
         assert_eq!(sample.origin, expected);
     }
     assert_eq!(events(&mut handle), [LoopEventKind::DeadlinesMissed(3)]);
@@ -111,10 +91,7 @@ fn a_long_gap_begins_the_samples_anew() {
     let samples = handle.samples();
     assert_eq!(samples.len(), 1);
     assert_eq!(samples.newest().unwrap().velocity_m_per_s, DVec3::ZERO);
-    let expected = [
-        LoopEventKind::DeadlinesMissed(LONGEST_BRIDGE),
-        LoopEventKind::Gap(LONGEST_BRIDGE + 1),
-    ];
+    let expected = [LoopEventKind::DeadlinesMissed(LONGEST_BRIDGE), LoopEventKind::Gap(LONGEST_BRIDGE + 1)];
     assert_eq!(events(&mut handle), expected);
 }
 
@@ -127,39 +104,22 @@ fn nan_from_a_device_reaches_neither_force_nor_samples() {
     events(&mut handle);
     for bad in [f64::NAN, f64::INFINITY] {
         let ticked = tick(&mut haptic_loop, 1, at(bad));
-        assert_eq!(
-            ticked.device_force_n,
-            DVec3::X * -1.0,
-            "the last good sample is repeated"
-        );
+        assert_eq!(ticked.device_force_n, DVec3::X * -1.0, "the last good sample is repeated");
         let sample = *handle.samples().newest().unwrap();
-        assert_eq!(
-            (sample.position_m, sample.velocity_m_per_s),
-            (DVec3::X * 0.01, DVec3::ZERO)
-        );
+        assert_eq!((sample.position_m, sample.velocity_m_per_s), (DVec3::X * 0.01, DVec3::ZERO));
         assert_eq!(sample.origin, SampleOrigin::Repeated);
     }
     tick(&mut haptic_loop, 1, at(0.02));
     let sample = *handle.samples().newest().unwrap();
-    assert_eq!(
-        sample.velocity_m_per_s,
-        DVec3::ZERO,
-        "where it moved meanwhile is no velocity"
-    );
-    let expected = [
-        LoopEventKind::DeviceFailed(DeviceError::Unusable),
-        LoopEventKind::DeviceRecovered(2),
-    ];
+    assert_eq!(sample.velocity_m_per_s, DVec3::ZERO, "where it moved meanwhile is no velocity");
+    let expected = [LoopEventKind::DeviceFailed(DeviceError::Unusable), LoopEventKind::DeviceRecovered(2)];
     assert_eq!(events(&mut handle), expected);
 }
 
 #[test]
 fn nan_before_the_first_reading_makes_no_sample() {
     let (mut handle, mut haptic_loop) = halves(bare());
-    assert_eq!(
-        tick(&mut haptic_loop, 1, at(f64::NAN)).device_force_n,
-        DVec3::ZERO
-    );
+    assert_eq!(tick(&mut haptic_loop, 1, at(f64::NAN)).device_force_n, DVec3::ZERO);
     assert!(handle.samples().is_empty());
 }
 
@@ -168,50 +128,28 @@ fn a_device_that_stays_silent_fades_to_zero() {
     let (mut handle, mut haptic_loop) = halves(bare());
     tick(&mut haptic_loop, 1, at(0.01));
     publish(&mut handle, 1, |_| ());
-    let forces: Vec<f64> = (0..140)
-        .map(|_| {
-            tick(&mut haptic_loop, 1, Err(DeviceError::TimedOut))
-                .device_force_n
-                .x
-        })
-        .collect();
+    let forces: Vec<f64> =
+        (0..140).map(|_| tick(&mut haptic_loop, 1, Err(DeviceError::TimedOut)).device_force_n.x).collect();
     assert_eq!(forces[19], -1.0);
-    assert!(
-        forces[20] > -1.0 && forces[69] > -0.51 && forces[69] < -0.49,
-        "{}",
-        forces[69]
-    );
+    assert!(forces[20] > -1.0 && forces[69] > -0.51 && forces[69] < -0.49, "{}", forces[69]);
     assert_eq!(forces[125], 0.0);
 }
 
 #[test]
 fn a_local_model_with_nan_or_of_another_body_is_refused() {
-    let settings = LoopSettings {
-        body: Some((1, 0)),
-        ..bare()
-    };
+    let settings = LoopSettings { body: Some((1, 0)), ..bare() };
     let (mut handle, mut haptic_loop) = halves(settings);
     tick(&mut haptic_loop, 1, at(0.01));
     publish(&mut handle, 1, |_| ());
     tick(&mut haptic_loop, 1, at(0.01));
     events(&mut handle);
     publish(&mut handle, 2, |m| m.force_n.y = f64::NAN);
-    assert_eq!(
-        tick(&mut haptic_loop, 1, at(0.01)).device_force_n,
-        DVec3::X * -1.0
-    );
+    assert_eq!(tick(&mut haptic_loop, 1, at(0.01)).device_force_n, DVec3::X * -1.0);
     publish(&mut handle, 3, |m| m.id.body = 9);
-    assert_eq!(
-        tick(&mut haptic_loop, 1, at(0.01)).device_force_n,
-        DVec3::X * -1.0
-    );
+    assert_eq!(tick(&mut haptic_loop, 1, at(0.01)).device_force_n, DVec3::X * -1.0);
     publish(&mut handle, 4, |m| m.id.epoch = 9);
     tick(&mut haptic_loop, 1, at(0.01));
-    let of = |body, epoch, sequence| ModelId {
-        body,
-        epoch,
-        sequence,
-    };
+    let of = |body, epoch, sequence| ModelId { body, epoch, sequence };
     let expected = [
         LoopEventKind::ModelRefused(LocalModelError::NotFinite { what: "force" }),
         LoopEventKind::WrongBody(of(9, 0, 3)),
@@ -225,9 +163,7 @@ fn an_old_model_fades_after_three_model_periods() {
     let (mut handle, mut haptic_loop) = halves(bare());
     tick(&mut haptic_loop, 1, at(0.01));
     publish(&mut handle, 1, |_| ());
-    let forces: Vec<f64> = (0..260)
-        .map(|_| tick(&mut haptic_loop, 1, at(0.01)).device_force_n.x)
-        .collect();
+    let forces: Vec<f64> = (0..260).map(|_| tick(&mut haptic_loop, 1, at(0.01)).device_force_n.x).collect();
     // forces[i] is of sample i + 2, so the model is 150 ticks old at i = 149.
     assert_eq!(forces[149], -1.0);
     assert!(forces[150] > -1.0);
@@ -260,39 +196,21 @@ fn settings_that_make_no_sense_are_refused_and_the_old_ones_stay() {
     let mut bad = bare();
     bad.model_period_s = 0.0;
     let error = handle.set(bad).unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "time between two model steps, s is 0; it must be finite and above 0"
-    );
+    assert_eq!(error.to_string(), "time between two model steps, s is 0; it must be finite and above 0");
     bad = bare();
     bad.frame.scale = f64::NAN;
     assert!(handle.set(bad).is_err());
     assert_eq!(*handle.settings(), bare());
     for config in [
+        LoopConfig { device_limit_n: f64::NAN, ..LoopConfig::default() },
+        LoopConfig { event_capacity: 0, ..LoopConfig::default() },
+        LoopConfig { record_capacity: 0, ..LoopConfig::default() },
         LoopConfig {
-            device_limit_n: f64::NAN,
-            ..LoopConfig::default()
-        },
-        LoopConfig {
-            event_capacity: 0,
-            ..LoopConfig::default()
-        },
-        LoopConfig {
-            record_capacity: 0,
-            ..LoopConfig::default()
-        },
-        LoopConfig {
-            hand_over: HandOverSettings {
-                history: 511,
-                ..Default::default()
-            },
+            hand_over: HandOverSettings { history: 511, ..Default::default() },
             ..Default::default()
         },
         LoopConfig {
-            hand_over: HandOverSettings {
-                tick_s: -1.0,
-                ..Default::default()
-            },
+            hand_over: HandOverSettings { tick_s: -1.0, ..Default::default() },
             ..Default::default()
         },
     ] {
@@ -302,11 +220,7 @@ fn settings_that_make_no_sense_are_refused_and_the_old_ones_stay() {
 
 #[test]
 fn a_full_queue_drops_and_counts() {
-    let config = LoopConfig {
-        event_capacity: 2,
-        record_capacity: 3,
-        ..LoopConfig::default()
-    };
+    let config = LoopConfig { event_capacity: 2, record_capacity: 3, ..LoopConfig::default() };
     let (mut handle, mut haptic_loop) = haptic_loop(config, bare()).unwrap();
     for _ in 0..64 {
         tick(&mut haptic_loop, 2, at(0.0));
@@ -331,10 +245,7 @@ fn lock_step_leaves_the_device_with_zero_force() {
             Ok(Reading::at(DVec3::X * 0.01))
         }
         fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError> {
-            self.0
-                .lock()
-                .unwrap()
-                .push(if force_n == DVec3::ZERO { "zero" } else { "force" });
+            self.0.lock().unwrap().push(if force_n == DVec3::ZERO { "zero" } else { "force" });
             Ok(())
         }
         fn close(&mut self) -> Result<(), DeviceError> {

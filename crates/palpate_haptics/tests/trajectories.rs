@@ -46,50 +46,17 @@ fn a_time_that_begins_late_is_fine() {
 fn every_fault_is_named_with_file_and_line() {
     let ok = "t_s,x_m,y_m,z_m\n0,0,0,0\n0.001,0,0,0\n";
     for (text, expected) in [
-        (
-            "x,y,z\n0,0,0\n",
-            "hand.csv:1: the header is \"x,y,z\"; it must be \"t_s,x_m,y_m,z_m\"",
-        ),
-        (
-            "",
-            "hand.csv:1: the header is \"\"; it must be \"t_s,x_m,y_m,z_m\"",
-        ),
-        (
-            &format!("{ok}0.002,0,abc,0\n"),
-            "hand.csv:4: y_m is \"abc\"; it must be a finite number",
-        ),
-        (
-            &format!("{ok}0.002,NaN,0,0\n"),
-            "hand.csv:4: x_m is \"NaN\"; it must be a finite number",
-        ),
-        (
-            &format!("{ok}0.002,0,0,inf\n"),
-            "hand.csv:4: z_m is \"inf\"; it must be a finite number",
-        ),
-        (
-            &format!("{ok}0.002,0,0\n"),
-            "hand.csv:4: 3 fields; a row has 4: t_s,x_m,y_m,z_m",
-        ),
-        (
-            &format!("{ok}0.002,0,0,0,0\n"),
-            "hand.csv:4: 5 fields; a row has 4: t_s,x_m,y_m,z_m",
-        ),
-        (
-            &format!("{ok}0.003,0,0,0\n"),
-            "hand.csv:4: t_s is 0.003; rows are 1 ms apart, so it must be 0.002",
-        ),
-        (
-            &format!("{ok}0.001,0,0,0\n"),
-            "hand.csv:4: t_s is 0.001; rows are 1 ms apart, so it must be 0.002",
-        ),
-        (
-            &format!("{ok}0.002,0,55,0\n"),
-            "hand.csv:4: y_m is 55 m; positions lie within 10 m of the origin",
-        ),
-        (
-            "t_s,x_m,y_m,z_m\n0,0,0,0\n",
-            "hand.csv: 1 rows; a trajectory has at least 2",
-        ),
+        ("x,y,z\n0,0,0\n", "hand.csv:1: the header is \"x,y,z\"; it must be \"t_s,x_m,y_m,z_m\""),
+        ("", "hand.csv:1: the header is \"\"; it must be \"t_s,x_m,y_m,z_m\""),
+        (&format!("{ok}0.002,0,abc,0\n"), "hand.csv:4: y_m is \"abc\"; it must be a finite number"),
+        (&format!("{ok}0.002,NaN,0,0\n"), "hand.csv:4: x_m is \"NaN\"; it must be a finite number"),
+        (&format!("{ok}0.002,0,0,inf\n"), "hand.csv:4: z_m is \"inf\"; it must be a finite number"),
+        (&format!("{ok}0.002,0,0\n"), "hand.csv:4: 3 fields; a row has 4: t_s,x_m,y_m,z_m"),
+        (&format!("{ok}0.002,0,0,0,0\n"), "hand.csv:4: 5 fields; a row has 4: t_s,x_m,y_m,z_m"),
+        (&format!("{ok}0.003,0,0,0\n"), "hand.csv:4: t_s is 0.003; rows are 1 ms apart, so it must be 0.002"),
+        (&format!("{ok}0.001,0,0,0\n"), "hand.csv:4: t_s is 0.001; rows are 1 ms apart, so it must be 0.002"),
+        (&format!("{ok}0.002,0,55,0\n"), "hand.csv:4: y_m is 55 m; positions lie within 10 m of the origin"),
+        ("t_s,x_m,y_m,z_m\n0,0,0,0\n", "hand.csv: 1 rows; a trajectory has at least 2"),
     ] {
         assert_eq!(message(text), expected);
     }
@@ -113,23 +80,13 @@ fn a_file_that_is_not_there_is_named_with_the_cause() {
 #[test]
 fn the_generated_hand_is_a_hand() {
     let probe = Probe::default();
-    let still = Probe {
-        tremor_m: 0.0,
-        ..probe
-    }
-    .trajectory();
+    let still = Probe { tremor_m: 0.0, ..probe }.trajectory();
     let hand = probe.trajectory();
     let positions = hand.positions_m();
     let step = |i: usize| (positions[(i + 1) % positions.len()] - positions[i]).length();
     let fastest = (0..positions.len()).map(step).fold(0.0, f64::max) / Trajectory::PERIOD_S;
-    assert!(
-        fastest < 0.25,
-        "no jump, not even where it begins anew: {fastest} m/s"
-    );
-    let tremor = positions
-        .iter()
-        .zip(still.positions_m())
-        .map(|(a, b)| (*a - *b).length_squared() / 3.0);
+    assert!(fastest < 0.25, "no jump, not even where it begins anew: {fastest} m/s");
+    let tremor = positions.iter().zip(still.positions_m()).map(|(a, b)| (*a - *b).length_squared() / 3.0);
     let rms = (tremor.sum::<f64>() / positions.len() as f64).sqrt();
     assert!((rms - 1e-4).abs() < 1e-9, "{rms} m");
     let lowest = positions.iter().map(|p| p.y).fold(f64::MAX, f64::min);

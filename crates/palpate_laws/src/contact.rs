@@ -8,11 +8,7 @@ use glam::DVec3;
 /// `force_n` is what the body does to the hand, N; `normal` points out of the body.
 #[must_use]
 pub fn one_sided(force_n: DVec3, normal: DVec3) -> DVec3 {
-    if force_n.dot(normal) > 0.0 {
-        force_n
-    } else {
-        DVec3::ZERO
-    }
+    if force_n.dot(normal) > 0.0 { force_n } else { DVec3::ZERO }
 }
 
 #[cfg(test)]

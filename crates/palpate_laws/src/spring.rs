@@ -28,10 +28,9 @@ impl ForceLaw {
     #[must_use]
     pub fn at(self, extension_m: f64) -> Tension {
         match self {
-            Self::Linear { stiffness_n_per_m } => Tension {
-                force_n: stiffness_n_per_m * extension_m,
-                stiffness_n_per_m,
-            },
+            Self::Linear { stiffness_n_per_m } => {
+                Tension { force_n: stiffness_n_per_m * extension_m, stiffness_n_per_m }
+            }
         }
     }
 
@@ -84,11 +83,7 @@ impl Spring {
         if !(damping_ns_per_m.is_finite() && damping_ns_per_m >= 0.0) {
             return Err(LawError::Damping(damping_ns_per_m));
         }
-        Ok(Self {
-            law,
-            rest_length_m,
-            damping_ns_per_m,
-        })
+        Ok(Self { law, rest_length_m, damping_ns_per_m })
     }
 
     /// A linear spring of `stiffness_n_per_m`.
@@ -100,11 +95,7 @@ impl Spring {
         rest_length_m: f64,
         damping_ns_per_m: f64,
     ) -> Result<Self, LawError> {
-        Self::new(
-            ForceLaw::Linear { stiffness_n_per_m },
-            rest_length_m,
-            damping_ns_per_m,
-        )
+        Self::new(ForceLaw::Linear { stiffness_n_per_m }, rest_length_m, damping_ns_per_m)
     }
 
     /// The law φ.
@@ -145,17 +136,11 @@ impl Spring {
     pub fn tangent(&self, d: DVec3, clamped: bool) -> SpringTangent {
         let length = d.length();
         if length == 0.0 {
-            return SpringTangent {
-                stiffness: DMat3::ZERO,
-                damping: DMat3::ZERO,
-            };
+            return SpringTangent { stiffness: DMat3::ZERO, damping: DMat3::ZERO };
         }
         let u = d / length;
         let uu = DMat3::from_cols(u * u.x, u * u.y, u * u.z);
-        let Tension {
-            force_n,
-            stiffness_n_per_m,
-        } = self.law.at(length - self.rest_length_m);
+        let Tension { force_n, stiffness_n_per_m } = self.law.at(length - self.rest_length_m);
         let (mut axial, mut transverse) = (stiffness_n_per_m, force_n / length);
         if clamped {
             (axial, transverse) = (axial.max(0.0), transverse.max(0.0));
@@ -223,16 +208,10 @@ mod tests {
     fn senseless_parameters_are_refused_with_the_value() {
         assert_eq!(Spring::linear(0.0, 0.1, 0.0), Err(LawError::Stiffness(0.0)));
         assert_eq!(Spring::linear(-1.0, 0.1, 0.0), Err(LawError::Stiffness(-1.0)));
-        assert!(matches!(
-            Spring::linear(f64::NAN, 0.1, 0.0),
-            Err(LawError::Stiffness(_))
-        ));
+        assert!(matches!(Spring::linear(f64::NAN, 0.1, 0.0), Err(LawError::Stiffness(_))));
         assert_eq!(Spring::linear(1.0, 0.0, 0.0), Err(LawError::RestLength(0.0)));
         assert_eq!(Spring::linear(1.0, 0.1, -0.1), Err(LawError::Damping(-0.1)));
-        assert_eq!(
-            Spring::linear(1.0, 0.1, f64::INFINITY),
-            Err(LawError::Damping(f64::INFINITY))
-        );
+        assert_eq!(Spring::linear(1.0, 0.1, f64::INFINITY), Err(LawError::Damping(f64::INFINITY)));
         let message = LawError::Damping(-0.1).to_string();
         assert_eq!(message, "damping is -0.1 N s/m; it must be finite and at least 0");
     }

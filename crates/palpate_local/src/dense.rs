@@ -14,10 +14,7 @@ impl Cholesky {
     /// Room for up to `capacity` unknowns.
     #[must_use]
     pub fn with_capacity(capacity: usize) -> Self {
-        Self {
-            n: 0,
-            l: vec![0.0; capacity * capacity],
-        }
+        Self { n: 0, l: vec![0.0; capacity * capacity] }
     }
 
     /// Factorises the symmetric matrix `a` (n × n, row by row; its lower triangle is read).
@@ -28,17 +25,9 @@ impl Cholesky {
     pub fn factorise(&mut self, n: usize, a: &[f64]) -> Result<(), LocalModelError> {
         self.n = 0;
         let needed = n * n;
-        for (what, found) in [
-            ("matrix to factorise", a.len()),
-            ("room for a factor", self.l.len()),
-        ] {
+        for (what, found) in [("matrix to factorise", a.len()), ("room for a factor", self.l.len())] {
             if found < needed {
-                return Err(LocalModelError::Size {
-                    what,
-                    found,
-                    needed,
-                    order: n,
-                });
+                return Err(LocalModelError::Size { what, found, needed, order: n });
             }
         }
         for i in 0..n {
@@ -81,10 +70,7 @@ impl Cholesky {
     pub fn copy_from(&mut self, other: &Self) -> Result<(), LocalModelError> {
         let used = other.n * other.n;
         let (Some(to), Some(from)) = (self.l.get_mut(..used), other.l.get(..used)) else {
-            return Err(LocalModelError::Order {
-                order: other.n,
-                capacity: self.capacity(),
-            });
+            return Err(LocalModelError::Order { order: other.n, capacity: self.capacity() });
         };
         to.copy_from_slice(from);
         self.n = other.n;
@@ -113,12 +99,7 @@ impl Cholesky {
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 4];
     let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
-    let rest: f64 = a4
-        .remainder()
-        .iter()
-        .zip(b4.remainder())
-        .map(|(a, b)| a * b)
-        .sum();
+    let rest: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(a, b)| a * b).sum();
     for (a, b) in a4.zip(b4) {
         for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
             *sum += a * b;
@@ -167,22 +148,10 @@ mod tests {
     fn an_indefinite_matrix_is_refused_with_its_pivot() {
         let mut factor = Cholesky::with_capacity(2);
         let refused = factor.factorise(2, &[1.0, 2.0, 2.0, 1.0]).unwrap_err();
-        assert_eq!(
-            refused,
-            LocalModelError::Pivot {
-                index: 1,
-                pivot: -3.0
-            }
-        );
+        assert_eq!(refused, LocalModelError::Pivot { index: 1, pivot: -3.0 });
         assert_eq!(factor.order(), 0);
-        assert!(matches!(
-            factor.factorise(3, &spd(3)),
-            Err(LocalModelError::Size { .. })
-        ));
-        assert!(matches!(
-            factor.factorise(2, &[1.0]),
-            Err(LocalModelError::Size { .. })
-        ));
+        assert!(matches!(factor.factorise(3, &spd(3)), Err(LocalModelError::Size { .. })));
+        assert!(matches!(factor.factorise(2, &[1.0]), Err(LocalModelError::Size { .. })));
     }
 
     #[test]
@@ -190,13 +159,7 @@ mod tests {
         let mut large = Cholesky::with_capacity(4);
         large.factorise(4, &spd(4)).unwrap();
         let mut small = Cholesky::with_capacity(3);
-        assert_eq!(
-            small.copy_from(&large),
-            Err(LocalModelError::Order {
-                order: 4,
-                capacity: 3
-            })
-        );
+        assert_eq!(small.copy_from(&large), Err(LocalModelError::Order { order: 4, capacity: 3 }));
         let mut same = Cholesky::with_capacity(5);
         same.copy_from(&large).unwrap();
         assert_eq!(same.order(), 4);

@@ -1,10 +1,8 @@
 //! Hand-over: a new local model is brought up to now before it speaks.
 
-#![deny(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::indexing_slicing
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
 use crate::{LocalModel, LocalModelError, LocalState, LowPass, ModelId, Sample, SampleHistory, Scheme};
@@ -28,13 +26,7 @@ pub struct HandOverSettings {
 impl Default for HandOverSettings {
     /// 1 ms, order 96, 512 samples, 8 a tick, 10 Hz.
     fn default() -> Self {
-        Self {
-            tick_s: 1e-3,
-            order_capacity: 96,
-            history: 512,
-            replay_per_tick: 8,
-            cutoff_hz: 10.0,
-        }
+        Self { tick_s: 1e-3, order_capacity: 96, history: 512, replay_per_tick: 8, cutoff_hz: 10.0 }
     }
 }
 
@@ -111,11 +103,7 @@ impl HandOver {
     pub fn new(settings: HandOverSettings) -> Result<Self, LocalModelError> {
         if settings.replay_per_tick == 0 {
             let (what, allowed) = ("samples replayed in a tick", "at least 1");
-            return Err(LocalModelError::Setting {
-                what,
-                value: 0.0,
-                allowed,
-            });
+            return Err(LocalModelError::Setting { what, value: 0.0, allowed });
         }
         let speaker = Speaker {
             model: LocalModel::silent(settings.order_capacity),
@@ -171,32 +159,19 @@ impl HandOver {
         let sequence = model.id.sequence;
         let newest = self.history.newest().map_or(0, |s| s.sequence);
         if sequence > newest {
-            return Err(LocalModelError::FromTheFuture {
-                model: sequence,
-                newest,
-            });
+            return Err(LocalModelError::FromTheFuture { model: sequence, newest });
         }
         if self.spoken.is_some() {
             let active = self.speaking.model.id;
             let same_body = (active.body, active.epoch) == (model.id.body, model.id.epoch);
             if same_body && sequence <= active.sequence {
-                return Err(LocalModelError::NotNewer {
-                    model: sequence,
-                    active: active.sequence,
-                });
+                return Err(LocalModelError::NotNewer { model: sequence, active: active.sequence });
             }
         }
-        let first = if model.has_state() {
-            sequence + 1
-        } else {
-            newest + 1
-        };
+        let first = if model.has_state() { sequence + 1 } else { newest + 1 };
         let oldest = self.history.oldest_sequence().unwrap_or(0);
         if first < oldest {
-            return Err(LocalModelError::TooOld {
-                model: sequence,
-                oldest,
-            });
+            return Err(LocalModelError::TooOld { model: sequence, oldest });
         }
         self.incoming.model.copy_from(model)?;
         self.incoming.state.start(&self.incoming.model);
@@ -219,11 +194,7 @@ impl HandOver {
                 self.replay = None;
                 self.spoken = Some(newest.sequence);
                 let new = self.speaking.state.force_n(&self.speaking.model, &newest);
-                out.swap = Some(Swap {
-                    to: self.speaking.model.id,
-                    replayed,
-                    force_step_n: new - force,
-                });
+                out.swap = Some(Swap { to: self.speaking.model.id, replayed, force_step_n: new - force });
                 force = new;
             }
             Err(error) => {
@@ -271,10 +242,7 @@ impl HandOver {
             }
             let Some(sample) = self.history.get(next) else {
                 let oldest = self.history.oldest_sequence().unwrap_or(0);
-                return Err(LocalModelError::TooOld {
-                    model: model.id.sequence,
-                    oldest,
-                });
+                return Err(LocalModelError::TooOld { model: model.id.sequence, oldest });
             };
             state.advance(model, sample, self.settings.tick_s);
             next += 1;

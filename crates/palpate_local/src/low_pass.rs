@@ -18,17 +18,10 @@ impl LowPass {
     pub fn new(cutoff_hz: f64, step_s: f64) -> Result<Self, LocalModelError> {
         for (what, value) in [("low-pass cut-off, Hz", cutoff_hz), ("tick, s", step_s)] {
             if !(value.is_finite() && value > 0.0) {
-                return Err(LocalModelError::Setting {
-                    what,
-                    value,
-                    allowed: "finite and above 0",
-                });
+                return Err(LocalModelError::Setting { what, value, allowed: "finite and above 0" });
             }
         }
-        Ok(Self {
-            a: -(-std::f64::consts::TAU * cutoff_hz * step_s).exp_m1(),
-            y: DVec3::ZERO,
-        })
+        Ok(Self { a: -(-std::f64::consts::TAU * cutoff_hz * step_s).exp_m1(), y: DVec3::ZERO })
     }
 
     /// One step with input `u`; returns y.

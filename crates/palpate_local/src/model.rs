@@ -6,7 +6,6 @@ use glam::{DMat3, DVec3};
 
 /// How the loop makes force between two model steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[non_exhaustive]
 pub enum Scheme {
     /// The force of the last model step.
     Hold,
@@ -230,12 +229,7 @@ impl Reduced {
         for (what, values, needed) in self.parts() {
             match values.get(..needed) {
                 None => {
-                    return Err(LocalModelError::Size {
-                        what,
-                        found: values.len(),
-                        needed,
-                        order,
-                    });
+                    return Err(LocalModelError::Size { what, found: values.len(), needed, order });
                 }
                 Some(used) if !used.iter().all(|v| v.is_finite()) => {
                     return Err(LocalModelError::NotFinite { what });
@@ -246,19 +240,14 @@ impl Reduced {
         if self.implicit.is_finite() {
             Ok(())
         } else {
-            Err(LocalModelError::NotFinite {
-                what: "implicit factor",
-            })
+            Err(LocalModelError::NotFinite { what: "implicit factor" })
         }
     }
 
     fn copy_from(&mut self, other: &Self) -> Result<(), LocalModelError> {
         let capacity = self.capacity();
         if other.order > capacity {
-            return Err(LocalModelError::Order {
-                order: other.order,
-                capacity,
-            });
+            return Err(LocalModelError::Order { order: other.order, capacity });
         }
         self.implicit.copy_from(&other.implicit)?;
         self.order = other.order;
@@ -288,9 +277,8 @@ mod tests {
         model.scheme = Scheme::Neighbourhood;
         model.contact = Contact::Held;
         model.reduced.order = order;
-        let identity: Vec<f64> = (0..order * order)
-            .map(|i| f64::from(u8::from(i % (order + 1) == 0)))
-            .collect();
+        let identity: Vec<f64> =
+            (0..order * order).map(|i| f64::from(u8::from(i % (order + 1) == 0))).collect();
         model.reduced.implicit.factorise(order, &identity).unwrap();
         model
     }
@@ -299,7 +287,8 @@ mod tests {
     fn a_number_that_is_not_finite_is_found_wherever_it_is() {
         let good = model(3);
         assert_eq!(good.validate(), Ok(()));
-        let poison: [(&str, fn(&mut LocalModel)); 8] = [
+        type Spoil = fn(&mut LocalModel);
+        let poison: [(&str, Spoil); 8] = [
             ("force", |m| m.force_n.y = f64::NAN),
             ("position", |m| m.position_m.x = f64::INFINITY),
             ("velocity", |m| m.velocity_m_per_s.z = f64::NAN),
@@ -321,24 +310,10 @@ mod tests {
         let mut short = model(3);
         short.reduced.damping_rc.truncate(8);
         let (what, found) = ("coupling damping", 8);
-        assert_eq!(
-            short.validate(),
-            Err(LocalModelError::Size {
-                what,
-                found,
-                needed: 9,
-                order: 3
-            })
-        );
+        assert_eq!(short.validate(), Err(LocalModelError::Size { what, found, needed: 9, order: 3 }));
         let mut unfactored = model(3);
         unfactored.reduced.order = 2;
-        assert!(matches!(
-            unfactored.validate(),
-            Err(LocalModelError::Size {
-                what: "implicit factor",
-                ..
-            })
-        ));
+        assert!(matches!(unfactored.validate(), Err(LocalModelError::Size { what: "implicit factor", .. })));
     }
 
     #[test]
@@ -349,13 +324,7 @@ mod tests {
         assert_eq!((to.id, to.scheme, to.reduced.order), (from.id, from.scheme, 3));
         assert_eq!(to.validate(), Ok(()));
         let mut small = LocalModel::silent(2);
-        assert_eq!(
-            small.copy_from(&from),
-            Err(LocalModelError::Order {
-                order: 3,
-                capacity: 2
-            })
-        );
+        assert_eq!(small.copy_from(&from), Err(LocalModelError::Order { order: 3, capacity: 2 }));
         assert_eq!(small, LocalModel::silent(2));
     }
 }

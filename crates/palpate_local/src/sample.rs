@@ -65,17 +65,9 @@ impl SampleHistory {
     pub fn with_capacity(capacity: usize) -> Result<Self, LocalModelError> {
         if capacity == 0 {
             let (what, allowed) = ("sample history", "at least 1");
-            return Err(LocalModelError::Setting {
-                what,
-                value: 0.0,
-                allowed,
-            });
+            return Err(LocalModelError::Setting { what, value: 0.0, allowed });
         }
-        Ok(Self {
-            ring: vec![Sample::default(); capacity],
-            len: 0,
-            newest: 0,
-        })
+        Ok(Self { ring: vec![Sample::default(); capacity], len: 0, newest: 0 })
     }
 
     /// Adds the newest sample. One that does not follow the newest by exactly one starts the history anew.
@@ -94,14 +86,8 @@ impl SampleHistory {
     /// The sample of `sequence`, if it is still there.
     #[must_use]
     pub fn get(&self, sequence: u64) -> Option<&Sample> {
-        let kept = self
-            .oldest_sequence()
-            .is_some_and(|oldest| (oldest..=self.newest).contains(&sequence));
-        if kept {
-            self.ring.get(self.slot(sequence))
-        } else {
-            None
-        }
+        let kept = self.oldest_sequence().is_some_and(|oldest| (oldest..=self.newest).contains(&sequence));
+        if kept { self.ring.get(self.slot(sequence)) } else { None }
     }
 
     /// The newest sample.
@@ -158,11 +144,7 @@ mod tests {
     use super::*;
 
     fn sample(sequence: u64) -> Sample {
-        Sample {
-            sequence,
-            position_m: DVec3::splat(sequence as f64),
-            ..Sample::default()
-        }
+        Sample { sequence, position_m: DVec3::splat(sequence as f64), ..Sample::default() }
     }
 
     fn filled(sequences: impl IntoIterator<Item = u64>) -> SampleHistory {

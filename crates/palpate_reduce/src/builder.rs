@@ -21,11 +21,7 @@ pub struct BuilderOptions {
 impl Default for BuilderOptions {
     /// 1 ms, one ring, 2π · 0.01 s⁻¹.
     fn default() -> Self {
-        Self {
-            tick_s: 1e-3,
-            rings: 1,
-            regularisation_per_s: 0.01 * std::f64::consts::TAU,
-        }
+        Self { tick_s: 1e-3, rings: 1, regularisation_per_s: 0.01 * std::f64::consts::TAU }
     }
 }
 
@@ -48,18 +44,9 @@ impl LocalModelBuilder {
     /// [`ReduceError::Option`] for an option that makes no sense, [`ReduceError::Symbolic`] when the body is
     /// too large to be factorised.
     pub fn new(body: &Body, options: BuilderOptions) -> Result<Self, ReduceError> {
-        let BuilderOptions {
-            tick_s,
-            rings,
-            regularisation_per_s,
-        } = options;
+        let BuilderOptions { tick_s, rings, regularisation_per_s } = options;
         for (what, value, ok, allowed) in [
-            (
-                "tick, s",
-                tick_s,
-                tick_s.is_finite() && tick_s > 0.0,
-                "finite and above 0",
-            ),
+            ("tick, s", tick_s, tick_s.is_finite() && tick_s > 0.0, "finite and above 0"),
             ("rings of nodes", rings as f64, (1..=8).contains(&rings), "1 to 8"),
             (
                 "regularisation, 1/s",
@@ -127,15 +114,12 @@ impl LocalModelBuilder {
                 model.stiffness_n_per_m = this.static_stiffness.at(&mut this.tangent, body, node)?;
                 Ok(())
             })?,
-            _ => self.exact_or_clamped(body, model, |this, model| {
+            Scheme::Neighbourhood => self.exact_or_clamped(body, model, |this, model| {
                 let BuilderOptions { tick_s, rings, .. } = this.options;
-                this.neighbourhood
-                    .build(body, &this.tangent, node, rings, tick_s, model)
+                this.neighbourhood.build(body, &this.tangent, node, rings, tick_s, model)
             })?,
         }
-        model.contact = contact
-            .touched()
-            .map_or(Contact::Held, |t| Contact::Touching { normal: t.normal });
+        model.contact = contact.touched().map_or(Contact::Held, |t| Contact::Touching { normal: t.normal });
         Ok(())
     }
 
@@ -160,8 +144,5 @@ impl LocalModelBuilder {
 
 fn is_indefinite(error: &ReduceError) -> bool {
     use palpate_local::LocalModelError::Pivot;
-    matches!(
-        error,
-        ReduceError::Singular { .. } | ReduceError::LocalModel(Pivot { .. })
-    )
+    matches!(error, ReduceError::Singular { .. } | ReduceError::LocalModel(Pivot { .. }))
 }

@@ -103,18 +103,14 @@ impl Comparison {
                 let forces = &mut oracle[stepped..=i];
                 let along = Some((&mut contact, &path[stepped..=i]));
                 body.advance_observed(along, i - stepped, &options.integrator, |tick, f| {
-                    forces[tick] = f
+                    forces[tick] = f;
                 })?;
                 stepped = i;
             }
             for runner in &mut runners {
                 if due {
                     let mut model = LocalModel::silent(builder.order_capacity());
-                    let id = ModelId {
-                        body: 0,
-                        epoch: 0,
-                        sequence: sample.sequence,
-                    };
+                    let id = ModelId { body: 0, epoch: 0, sequence: sample.sequence };
                     builder.build(runner.scheme, &body, &contact, path[i], id, &mut model)?;
                     runner.clamped += usize::from(model.clamped);
                     runner.pending.push_back((i + options.delay_ticks, model));
@@ -125,21 +121,13 @@ impl Comparison {
         let oracle_peak_n = oracle.iter().fold(DVec3::ZERO, |peak, f| peak.max(f.abs()));
         let clamped = runners.iter().map(|r| (r.scheme, r.clamped)).collect();
         let displayed_n = runners.into_iter().map(|r| (r.scheme, r.displayed)).collect();
-        Ok(Self {
-            oracle_n: oracle,
-            displayed_n,
-            oracle_peak_n,
-            clamped,
-        })
+        Ok(Self { oracle_n: oracle, displayed_n, oracle_peak_n, clamped })
     }
 
     /// What `scheme` displayed; `None` if it was not run.
     #[must_use]
     pub fn displayed(&self, scheme: Scheme) -> Option<&[DVec3]> {
-        self.displayed_n
-            .iter()
-            .find(|(s, _)| *s == scheme)
-            .map(|(_, forces)| forces.as_slice())
+        self.displayed_n.iter().find(|(s, _)| *s == scheme).map(|(_, forces)| forces.as_slice())
     }
 
     /// RMS over the samples from index `from` on, and all three components, of the scheme's force minus the
@@ -153,11 +141,7 @@ impl Comparison {
 
 /// RMS of `displayed` − `oracle` over RMS of `oracle`, all components; `None` when the latter is zero.
 fn relative_rms_error(displayed: &[DVec3], oracle: &[DVec3]) -> Option<f64> {
-    let error: f64 = displayed
-        .iter()
-        .zip(oracle)
-        .map(|(d, o)| (*d - *o).length_squared())
-        .sum();
+    let error: f64 = displayed.iter().zip(oracle).map(|(d, o)| (*d - *o).length_squared()).sum();
     let reference: f64 = oracle.iter().map(|o| o.length_squared()).sum();
     (reference > 0.0).then(|| (error / reference).sqrt())
 }
@@ -179,29 +163,18 @@ impl Runner {
 }
 
 fn tool_point(sample: &Sample) -> ToolPoint {
-    ToolPoint {
-        position_m: sample.position_m,
-        velocity_m_per_s: sample.velocity_m_per_s,
-    }
+    ToolPoint { position_m: sample.position_m, velocity_m_per_s: sample.velocity_m_per_s }
 }
 
 fn validate(samples: &[Sample], options: &ComparisonOptions) -> Result<(), ReduceError> {
     if options.period_ticks == 0 {
         let what = "ticks between two model steps";
-        return Err(ReduceError::Option {
-            what,
-            value: 0.0,
-            allowed: "at least 1",
-        });
+        return Err(ReduceError::Option { what, value: 0.0, allowed: "at least 1" });
     }
     for (index, pair) in samples.windows(2).enumerate() {
         let (expected, found) = (pair[0].sequence + 1, pair[1].sequence);
         if found != expected {
-            return Err(ReduceError::Samples {
-                index: index + 1,
-                found,
-                expected,
-            });
+            return Err(ReduceError::Samples { index: index + 1, found, expected });
         }
     }
     Ok(())

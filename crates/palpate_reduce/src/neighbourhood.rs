@@ -115,11 +115,7 @@ impl Workspace {
         model.damping_ns_per_m = own_block(b, dof(node, 0));
         for (place, value) in self.implicit[..p * p].iter_mut().enumerate() {
             let (row, column) = (place / p, place % p);
-            let inertia = if row == column {
-                network.mass_kg()[self.nodes[row / 3]] / tick_s
-            } else {
-                0.0
-            };
+            let inertia = if row == column { network.mass_kg()[self.nodes[row / 3]] / tick_s } else { 0.0 };
             *value = inertia + r.damping[place] + tick_s * r.stiffness[place];
         }
         Ok(r.implicit.factorise(p, &self.implicit)?)

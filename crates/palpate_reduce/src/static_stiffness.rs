@@ -37,12 +37,7 @@ impl StaticStiffness {
             .iter()
             .flat_map(|&node| [sigma_per_s * sigma_per_s * network.mass_kg()[node]; 3])
             .collect();
-        Ok(Self {
-            symbolic,
-            regularisation,
-            shift: vec![0.0; unknowns],
-            solution: Mat::zeros(unknowns, 3),
-        })
+        Ok(Self { symbolic, regularisation, shift: vec![0.0; unknowns], solution: Mat::zeros(unknowns, 3) })
     }
 
     /// D at `node`, N/m. Adds the regularisation and P to `tangent`'s K.
@@ -62,9 +57,7 @@ impl StaticStiffness {
                 LltError::Numeric(faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot {
                     index,
                 }) => ReduceError::Singular { pivot: index },
-                LltError::Generic(_) => ReduceError::Symbolic {
-                    unknowns: self.shift.len(),
-                },
+                LltError::Generic(_) => ReduceError::Symbolic { unknowns: self.shift.len() },
             })?;
         self.solution.fill(0.0);
         (0..3).for_each(|axis| self.solution[(c + axis, axis)] = 1.0);

@@ -6,32 +6,18 @@ use palpate_body::*;
 use palpate_local::{Contact, LocalModel, ModelId, Sample, Scheme};
 use palpate_reduce::*;
 
-const LATTICE: UniformLattice = UniformLattice {
-    stiffness_n_per_m: 100.0,
-    damping_ratio: 0.7,
-    mass_kg: 1.0,
-};
-const ID: ModelId = ModelId {
-    body: 7,
-    epoch: 2,
-    sequence: 50,
-};
+const LATTICE: UniformLattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
+const ID: ModelId = ModelId { body: 7, epoch: 2, sequence: 50 };
 
 fn block(nodes: [usize; 3]) -> Body {
-    let block = Block::new(nodes, DVec3::splat(0.1))
-        .unwrap()
-        .fix(Face::NegZ)
-        .uniform(&LATTICE)
-        .unwrap();
+    let block = Block::new(nodes, DVec3::splat(0.1)).unwrap().fix(Face::NegZ).uniform(&LATTICE).unwrap();
     Body::new(block.network, block.surface)
 }
 
 fn build(scheme: Scheme, body: &Body, contact: &ToolContact) -> LocalModel {
     let mut builder = LocalModelBuilder::new(body, BuilderOptions::default()).unwrap();
     let mut model = LocalModel::silent(builder.order_capacity());
-    builder
-        .build(scheme, body, contact, ToolPoint::default(), ID, &mut model)
-        .unwrap();
+    builder.build(scheme, body, contact, ToolPoint::default(), ID, &mut model).unwrap();
     model.validate().unwrap();
     model
 }
@@ -45,8 +31,7 @@ fn pressed(nodes: [usize; 3], depth: f64) -> (Body, ToolContact, usize) {
     let path: Vec<ToolPoint> = (0..=2000)
         .map(|i| ToolPoint::at_rest(start - DVec3::Z * depth * (f64::from(i) / 200.0).min(1.0)))
         .collect();
-    body.advance(Some((&mut contact, &path)), 2000, &SemiImplicitEuler::default())
-        .unwrap();
+    body.advance(Some((&mut contact, &path)), 2000, &SemiImplicitEuler::default()).unwrap();
     (body, contact, node)
 }
 
@@ -82,10 +67,7 @@ fn the_static_stiffness_is_the_slope_of_the_force_at_rest() {
     let (upper, ..) = pressed([4, 4, 4], 0.0102);
     let slope = (contact.displayed_force_n(&upper).z - contact.displayed_force_n(&lower).z) / 2e-4;
     let predicted = build(Scheme::Tangent, &body, &contact).stiffness_n_per_m.z_axis.z;
-    assert!(
-        (slope / predicted - 1.0).abs() < 1e-3,
-        "{slope} N/m, tangent {predicted} N/m"
-    );
+    assert!((slope / predicted - 1.0).abs() < 1e-3, "{slope} N/m, tangent {predicted} N/m");
 }
 
 #[test]
@@ -105,12 +87,7 @@ fn the_neighbourhood_is_the_ring_of_nodes_round_the_tool() {
         }
     }
     assert!(row.length() < 1e-10, "{row}");
-    assert_eq!(
-        LocalModelBuilder::new(&body, BuilderOptions::default())
-            .unwrap()
-            .order_capacity(),
-        3 * 26
-    );
+    assert_eq!(LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap().order_capacity(), 3 * 26);
 }
 
 #[test]
@@ -127,14 +104,9 @@ fn a_tool_that_touches_nothing_gives_a_silent_model() {
 #[test]
 fn a_buckled_body_falls_back_to_the_clamped_tangent_and_says_so() {
     let mut body = block([3, 3, 3]);
-    let squeezed: Vec<DVec3> = body
-        .network()
-        .rest_m()
-        .iter()
-        .map(|x| DVec3::new(x.x, x.y, 0.3 * (x.z + 0.05) - 0.05))
-        .collect();
-    body.set_state(&squeezed, &vec![DVec3::ZERO; squeezed.len()])
-        .unwrap();
+    let squeezed: Vec<DVec3> =
+        body.network().rest_m().iter().map(|x| DVec3::new(x.x, x.y, 0.3 * (x.z + 0.05) - 0.05)).collect();
+    body.set_state(&squeezed, &vec![DVec3::ZERO; squeezed.len()]).unwrap();
     let contact = ToolContact::hold(&body, 22, DVec3::ZERO).unwrap();
     let model = build(Scheme::Tangent, &body, &contact);
     assert!(model.clamped);
@@ -148,41 +120,19 @@ fn options_that_make_no_sense_are_refused() {
     let good = BuilderOptions::default();
     for bad in [
         BuilderOptions { tick_s: 0.0, ..good },
-        BuilderOptions {
-            tick_s: f64::NAN,
-            ..good
-        },
+        BuilderOptions { tick_s: f64::NAN, ..good },
         BuilderOptions { rings: 0, ..good },
         BuilderOptions { rings: 9, ..good },
-        BuilderOptions {
-            regularisation_per_s: -1.0,
-            ..good
-        },
+        BuilderOptions { regularisation_per_s: -1.0, ..good },
     ] {
-        assert!(matches!(
-            LocalModelBuilder::new(&body, bad),
-            Err(ReduceError::Option { .. })
-        ));
+        assert!(matches!(LocalModelBuilder::new(&body, bad), Err(ReduceError::Option { .. })));
     }
     let contact = ToolContact::touch(0.005).unwrap();
-    let samples = [
-        Sample::default(),
-        Sample {
-            sequence: 2,
-            ..Sample::default()
-        },
-    ];
+    let samples = [Sample::default(), Sample { sequence: 2, ..Sample::default() }];
     let run = |options| Comparison::run(&body, &contact, &samples, &[], &options).unwrap_err();
-    let hole = ReduceError::Samples {
-        index: 1,
-        found: 2,
-        expected: 1,
-    };
+    let hole = ReduceError::Samples { index: 1, found: 2, expected: 1 };
     assert_eq!(run(ComparisonOptions::default()), hole);
-    let never = ComparisonOptions {
-        period_ticks: 0,
-        ..Default::default()
-    };
+    let never = ComparisonOptions { period_ticks: 0, ..Default::default() };
     assert!(matches!(run(never), ReduceError::Option { .. }));
 }
 
@@ -192,14 +142,7 @@ fn a_model_without_room_is_refused() {
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
     let contact = ToolContact::hold(&body, 60, DVec3::ZERO).unwrap();
     let mut small = LocalModel::silent(6);
-    let error = builder.build(
-        Scheme::Neighbourhood,
-        &body,
-        &contact,
-        ToolPoint::default(),
-        ID,
-        &mut small,
-    );
+    let error = builder.build(Scheme::Neighbourhood, &body, &contact, ToolPoint::default(), ID, &mut small);
     assert!(matches!(error, Err(ReduceError::LocalModel(_))));
     assert_eq!((small.contact, small.reduced.order), (Contact::Apart, 0));
 }

@@ -4,11 +4,7 @@ fn block(nodes: [usize; 3]) -> Block {
     Block::new(nodes, DVec3::new(0.1, 0.1, 0.1)).unwrap()
 }
 
-const LATTICE: UniformLattice = UniformLattice {
-    stiffness_n_per_m: 100.0,
-    damping_ratio: 0.7,
-    mass_kg: 1.0,
-};
+const LATTICE: UniformLattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
 
 #[test]
 fn six_nodes_a_side_make_1940_springs() {
@@ -50,11 +46,7 @@ fn the_surface_is_closed_and_looks_outward() {
 #[test]
 fn the_block_lies_round_its_centre() {
     let c = DVec3::new(1.0, -2.0, 3.0);
-    let body = block([3, 3, 3])
-        .centered_at(c)
-        .unwrap()
-        .uniform(&LATTICE)
-        .unwrap();
+    let body = block([3, 3, 3]).centered_at(c).unwrap().uniform(&LATTICE).unwrap();
     let mean: DVec3 = body.network.rest_m().iter().sum::<DVec3>() / 27.0;
     assert!((mean - c).length() < 1e-14);
     assert_eq!(body.network.rest_m()[0], c - DVec3::splat(0.05));
@@ -63,47 +55,18 @@ fn the_block_lies_round_its_centre() {
 #[test]
 fn senseless_blocks_are_refused_with_the_value() {
     let size = DVec3::splat(0.1);
-    assert_eq!(
-        Block::new([1, 6, 6], size),
-        Err(BodyError::LatticeNodes { nodes: [1, 6, 6] })
-    );
-    assert_eq!(
-        Block::new([6, 6, 129], size),
-        Err(BodyError::LatticeNodes { nodes: [6, 6, 129] })
-    );
+    assert_eq!(Block::new([1, 6, 6], size), Err(BodyError::LatticeNodes { nodes: [1, 6, 6] }));
+    assert_eq!(Block::new([6, 6, 129], size), Err(BodyError::LatticeNodes { nodes: [6, 6, 129] }));
     for bad in [0.0, -0.1, f64::NAN, f64::INFINITY] {
         let refused = Block::new([6, 6, 6], DVec3::new(0.1, bad, 0.1)).unwrap_err();
-        assert!(matches!(
-            refused,
-            BodyError::Parameter {
-                what: "size along y, m",
-                ..
-            }
-        ));
-        for lattice in [
-            UniformLattice {
-                stiffness_n_per_m: bad,
-                ..LATTICE
-            },
-            UniformLattice {
-                mass_kg: bad,
-                ..LATTICE
-            },
-        ] {
-            assert!(matches!(
-                block([3, 3, 3]).uniform(&lattice),
-                Err(BodyError::Parameter { .. })
-            ));
+        assert!(matches!(refused, BodyError::Parameter { what: "size along y, m", .. }));
+        for lattice in
+            [UniformLattice { stiffness_n_per_m: bad, ..LATTICE }, UniformLattice { mass_kg: bad, ..LATTICE }]
+        {
+            assert!(matches!(block([3, 3, 3]).uniform(&lattice), Err(BodyError::Parameter { .. })));
         }
     }
-    assert!(
-        block([3, 3, 3])
-            .uniform(&UniformLattice {
-                damping_ratio: -0.1,
-                ..LATTICE
-            })
-            .is_err()
-    );
+    assert!(block([3, 3, 3]).uniform(&UniformLattice { damping_ratio: -0.1, ..LATTICE }).is_err());
     assert!(block([3, 3, 3]).centered_at(DVec3::NAN).is_err());
     let all_fixed = block([2, 2, 2]).fix(Face::NegX).fix(Face::PosX).uniform(&LATTICE);
     assert_eq!(all_fixed, Err(BodyError::AllFixed(8)));

@@ -28,12 +28,7 @@ impl ReplayDevice {
     /// A device that replays `trajectory`.
     #[must_use]
     pub fn new(trajectory: Trajectory, at_end: AtEnd) -> Self {
-        Self {
-            trajectory,
-            at_end,
-            open: false,
-            next: 0,
-        }
+        Self { trajectory, at_end, open: false, next: 0 }
     }
 }
 
@@ -63,10 +58,8 @@ impl HapticDevice for ReplayDevice {
             return Err(DeviceError::NotOpen);
         }
         let positions = self.trajectory.positions_m();
-        let position = positions
-            .get(self.next)
-            .or(positions.last())
-            .ok_or(DeviceError::Protocol("no rows"))?;
+        let position =
+            positions.get(self.next).or(positions.last()).ok_or(DeviceError::Protocol("no rows"))?;
         self.next += 1;
         if self.next >= positions.len() && self.at_end == AtEnd::Repeat {
             self.next = 0;
@@ -75,11 +68,7 @@ impl HapticDevice for ReplayDevice {
     }
 
     fn write(&mut self, _force_n: DVec3) -> Result<(), DeviceError> {
-        if self.open {
-            Ok(())
-        } else {
-            Err(DeviceError::NotOpen)
-        }
+        if self.open { Ok(()) } else { Err(DeviceError::NotOpen) }
     }
 
     fn close(&mut self) -> Result<(), DeviceError> {

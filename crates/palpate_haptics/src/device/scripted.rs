@@ -26,13 +26,7 @@ impl ScriptedDevice {
             max_force_n: 20.0,
             rate_hz: 1000.0,
         };
-        Self {
-            script: Box::new(script),
-            description,
-            open: false,
-            reads: 0,
-            force_n: DVec3::ZERO,
-        }
+        Self { script: Box::new(script), description, open: false, reads: 0, force_n: DVec3::ZERO }
     }
 
     /// The same device with another description.

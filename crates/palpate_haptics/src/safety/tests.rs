@@ -10,11 +10,7 @@ fn warm(settings: &SafetySettings) -> SafetyChain {
 }
 
 fn still(force_n: DVec3) -> SafetyInput {
-    SafetyInput {
-        force_n,
-        elapsed: 1,
-        ..SafetyInput::default()
-    }
+    SafetyInput { force_n, elapsed: 1, ..SafetyInput::default() }
 }
 
 #[test]
@@ -49,10 +45,7 @@ fn a_length_that_overflows_is_not_let_through() {
 
 #[test]
 fn the_ramp_lets_force_in_over_its_time() {
-    let settings = SafetySettings {
-        max_slew_n_per_s: 1e9,
-        ..SafetySettings::default()
-    };
+    let settings = SafetySettings { max_slew_n_per_s: 1e9, ..SafetySettings::default() };
     let mut chain = SafetyChain::new(1e-3, 10.0).unwrap();
     for tick in 1..=600 {
         let (out, report) = chain.apply(&settings, &still(DVec3::X * 2.0));
@@ -64,15 +57,9 @@ fn the_ramp_lets_force_in_over_its_time() {
 
 #[test]
 fn a_stale_model_fades_in_a_tenth_of_a_second_and_a_fresh_one_comes_back() {
-    let settings = SafetySettings {
-        max_slew_n_per_s: 1e9,
-        ..SafetySettings::default()
-    };
+    let settings = SafetySettings { max_slew_n_per_s: 1e9, ..SafetySettings::default() };
     let mut chain = warm(&settings);
-    let aged = |model_age_periods| SafetyInput {
-        model_age_periods,
-        ..still(DVec3::X)
-    };
+    let aged = |model_age_periods| SafetyInput { model_age_periods, ..still(DVec3::X) };
     assert_eq!(chain.apply(&settings, &aged(3.0)).0, DVec3::X);
     for tick in 1..=120 {
         let (out, report) = chain.apply(&settings, &aged(3.02));
@@ -89,14 +76,8 @@ fn a_stale_model_fades_in_a_tenth_of_a_second_and_a_fresh_one_comes_back() {
 fn a_silent_device_and_a_pause_fade_too() {
     let settings = SafetySettings::default();
     for input in [
-        SafetyInput {
-            silent_ticks: 21,
-            ..still(DVec3::X * 0.4)
-        },
-        SafetyInput {
-            paused: true,
-            ..still(DVec3::X * 0.4)
-        },
+        SafetyInput { silent_ticks: 21, ..still(DVec3::X * 0.4) },
+        SafetyInput { paused: true, ..still(DVec3::X * 0.4) },
     ] {
         let mut chain = warm(&settings);
         let forces: Vec<f64> = (0..110).map(|_| chain.apply(&settings, &input).0.x).collect();
@@ -106,14 +87,8 @@ fn a_silent_device_and_a_pause_fade_too() {
 
 #[test]
 fn the_smaller_limit_of_magnitude_counts() {
-    let strong = SafetySettings {
-        max_slew_n_per_s: 1e9,
-        ..SafetySettings::default()
-    };
-    let weak = SafetySettings {
-        max_force_n: 2.0,
-        ..strong
-    };
+    let strong = SafetySettings { max_slew_n_per_s: 1e9, ..SafetySettings::default() };
+    let weak = SafetySettings { max_force_n: 2.0, ..strong };
     for (settings, limit) in [(strong, 10.0), (weak, 2.0)] {
         let (out, report) = warm(&settings).apply(&settings, &still(DVec3::new(30.0, 40.0, 0.0)));
         assert!((out - DVec3::new(0.6, 0.8, 0.0) * limit).length() < 1e-12);
@@ -136,10 +111,7 @@ fn growth_is_bounded_falling_is_free_and_turning_round_is_growth() {
 #[test]
 fn after_missed_deadlines_growth_is_counted_in_time() {
     let settings = SafetySettings::default();
-    let input = SafetyInput {
-        elapsed: 3,
-        ..still(DVec3::X * 9.0)
-    };
+    let input = SafetyInput { elapsed: 3, ..still(DVec3::X * 9.0) };
     assert!((warm(&settings).apply(&settings, &input).0.x - 1.5).abs() < 1e-12);
 }
 
@@ -149,39 +121,15 @@ fn limits_that_make_no_sense_are_refused() {
     good.validate().unwrap();
     for bad in [
         SafetySettings { ramp_s: -1.0, ..good },
-        SafetySettings {
-            ramp_s: f64::NAN,
-            ..good
-        },
-        SafetySettings {
-            fade_s: f64::INFINITY,
-            ..good
-        },
-        SafetySettings {
-            stale_after_periods: 0.5,
-            ..good
-        },
-        SafetySettings {
-            max_force_n: f64::NAN,
-            ..good
-        },
-        SafetySettings {
-            max_force_n: -1.0,
-            ..good
-        },
-        SafetySettings {
-            max_slew_n_per_s: 0.0,
-            ..good
-        },
-        SafetySettings {
-            max_slew_n_per_s: f64::INFINITY,
-            ..good
-        },
+        SafetySettings { ramp_s: f64::NAN, ..good },
+        SafetySettings { fade_s: f64::INFINITY, ..good },
+        SafetySettings { stale_after_periods: 0.5, ..good },
+        SafetySettings { max_force_n: f64::NAN, ..good },
+        SafetySettings { max_force_n: -1.0, ..good },
+        SafetySettings { max_slew_n_per_s: 0.0, ..good },
+        SafetySettings { max_slew_n_per_s: f64::INFINITY, ..good },
     ] {
-        assert!(
-            matches!(bad.validate(), Err(HapticsError::Setting { .. })),
-            "{bad:?}"
-        );
+        assert!(matches!(bad.validate(), Err(HapticsError::Setting { .. })), "{bad:?}");
     }
     assert!(SafetyChain::new(0.0, 1.0).is_err());
     assert!(SafetyChain::new(1e-3, f64::NAN).is_err());

@@ -31,13 +31,7 @@ pub struct Probe {
 impl Default for Probe {
     /// A 10 cm block round the origin and a tool of 5 mm radius: four probes, 5 s, up to 10 mm deep.
     fn default() -> Self {
-        Self {
-            surface_m: 0.055,
-            probes: 4,
-            depth_m: 0.010,
-            tremor_m: 1e-4,
-            seed: 1,
-        }
+        Self { surface_m: 0.055, probes: 4, depth_m: 0.010, tremor_m: 1e-4, seed: 1 }
     }
 }
 

@@ -17,11 +17,7 @@ fn sample(sequence: u64) -> Sample {
 fn model(sequence: u64) -> LocalModel {
     let at = sample(sequence);
     let mut m = LocalModel::silent(3);
-    m.id = ModelId {
-        body: 1,
-        epoch: 0,
-        sequence,
-    };
+    m.id = ModelId { body: 1, epoch: 0, sequence };
     m.scheme = Scheme::Neighbourhood;
     m.contact = Contact::Held;
     (m.position_m, m.velocity_m_per_s) = (at.position_m, at.velocity_m_per_s);
@@ -43,13 +39,8 @@ fn model(sequence: u64) -> LocalModel {
 }
 
 fn hand_over(replay_per_tick: usize) -> HandOver {
-    HandOver::new(HandOverSettings {
-        order_capacity: 3,
-        history: 64,
-        replay_per_tick,
-        ..Default::default()
-    })
-    .unwrap()
+    HandOver::new(HandOverSettings { order_capacity: 3, history: 64, replay_per_tick, ..Default::default() })
+        .unwrap()
 }
 
 /// Speaks at samples `range`, offering `model(built)` once, when sample `at` has been pushed.
@@ -144,18 +135,10 @@ fn a_surface_never_pulls_between_model_steps() {
     touching.contact = Contact::Touching { normal: DVec3::Z };
     touching.scheme = Scheme::Tangent;
     h.offer(&touching);
-    let up = Sample {
-        sequence: 1,
-        position_m: DVec3::Z * 0.02,
-        ..Sample::default()
-    };
+    let up = Sample { sequence: 1, position_m: DVec3::Z * 0.02, ..Sample::default() };
     h.push(up);
     assert_eq!(h.speak().force_n, DVec3::ZERO);
-    h.push(Sample {
-        sequence: 2,
-        position_m: DVec3::Z * -0.02,
-        ..up
-    });
+    h.push(Sample { sequence: 2, position_m: DVec3::Z * -0.02, ..up });
     assert_eq!(h.speak().force_n, DVec3::Z * 2.5);
 }
 
@@ -166,31 +149,16 @@ fn models_that_cannot_be_used_are_refused_and_the_old_one_stays() {
     let before = h.clone().speak().force_n;
     let mut nan = model(9);
     nan.force_n.x = f64::NAN;
-    assert_eq!(
-        h.offer(&nan),
-        Offer::Refused(LocalModelError::NotFinite { what: "force" })
-    );
+    assert_eq!(h.offer(&nan), Offer::Refused(LocalModelError::NotFinite { what: "force" }));
     let future = LocalModelError::FromTheFuture { model: 12, newest: 9 };
     assert_eq!(h.offer(&model(12)), Offer::Refused(future));
-    assert_eq!(
-        h.offer(&model(5)),
-        Offer::Refused(LocalModelError::NotNewer { model: 5, active: 5 })
-    );
+    assert_eq!(h.offer(&model(5)), Offer::Refused(LocalModelError::NotNewer { model: 5, active: 5 }));
     let mut large = LocalModel::silent(4);
-    large.id = ModelId {
-        sequence: 9,
-        ..model(9).id
-    };
+    large.id = ModelId { sequence: 9, ..model(9).id };
     large.reduced.order = 4;
     let identity: Vec<f64> = (0..16).map(|i| f64::from(u8::from(i % 5 == 0))).collect();
     large.reduced.implicit.factorise(4, &identity).unwrap();
-    assert_eq!(
-        h.offer(&large),
-        Offer::Refused(LocalModelError::Order {
-            order: 4,
-            capacity: 3
-        })
-    );
+    assert_eq!(h.offer(&large), Offer::Refused(LocalModelError::Order { order: 4, capacity: 3 }));
     assert_eq!(h.speak().force_n, before);
 }
 
@@ -198,24 +166,12 @@ fn models_that_cannot_be_used_are_refused_and_the_old_one_stays() {
 fn a_model_older_than_the_history_is_refused_or_given_up() {
     let mut h = hand_over(8);
     (0..100).for_each(|s| h.push(sample(s)));
-    assert_eq!(
-        h.offer(&model(20)),
-        Offer::Refused(LocalModelError::TooOld {
-            model: 20,
-            oldest: 36
-        })
-    );
+    assert_eq!(h.offer(&model(20)), Offer::Refused(LocalModelError::TooOld { model: 20, oldest: 36 }));
     assert_eq!(h.offer(&model(40)), Offer::Taken);
     // The samples jump: what was to be replayed is gone.
     h.push(sample(500));
     let spoken = h.speak();
-    assert_eq!(
-        spoken.abandoned,
-        Some(LocalModelError::TooOld {
-            model: 40,
-            oldest: 500
-        })
-    );
+    assert_eq!(spoken.abandoned, Some(LocalModelError::TooOld { model: 40, oldest: 500 }));
     assert!(!h.is_catching_up());
 }
 
@@ -234,16 +190,10 @@ fn a_low_pass_starts_from_what_was_felt_before() {
 fn senseless_settings_are_refused() {
     let good = HandOverSettings::default();
     for bad in [
-        HandOverSettings {
-            replay_per_tick: 0,
-            ..good
-        },
+        HandOverSettings { replay_per_tick: 0, ..good },
         HandOverSettings { history: 0, ..good },
         HandOverSettings { tick_s: 0.0, ..good },
-        HandOverSettings {
-            cutoff_hz: f64::NAN,
-            ..good
-        },
+        HandOverSettings { cutoff_hz: f64::NAN, ..good },
     ] {
         assert!(matches!(HandOver::new(bad), Err(LocalModelError::Setting { .. })));
     }
