@@ -40,3 +40,52 @@ pub fn reference_samples(start_m: DVec3) -> Vec<Sample> {
         })
         .collect()
 }
+
+/// A headless app in lock step whose every update is one model step, with a body and a hand.
+pub mod app {
+    use bevy::prelude::*;
+    use bevy::time::TimeUpdateStrategy;
+    use bevy_palpate::prelude::*;
+    use std::time::Duration;
+
+    /// An app with palpate in lock step, at 20 Hz, and a clock that advances 50 ms at every update.
+    #[must_use]
+    pub fn lockstep_app() -> App {
+        let mut app = App::new();
+        app.add_plugins(MinimalPlugins)
+            .add_plugins(
+                PalpatePlugins.set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() }),
+            )
+            .insert_resource(Time::<Fixed>::from_hz(20.0))
+            .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
+        app
+    }
+
+    /// Runs `steps` model steps. The first update of an app only starts its clock.
+    pub fn step(app: &mut App, steps: u64) {
+        let count = |app: &App| app.world().resource::<bevy_palpate::ModelStepCount>().0;
+        let until = count(app) + steps;
+        while count(app) < until {
+            app.update();
+        }
+    }
+
+    /// A hand that comes down from 2 mm above the top of a 10 cm block, presses 6 mm deep and leaves, 1.2 s.
+    #[must_use]
+    pub fn pressing_hand() -> ScriptedDevice {
+        ScriptedDevice::new(|n, _| {
+            let t = n as f64 * 1e-3;
+            let depth = 0.002 - 0.008 * (std::f64::consts::PI * t / 1.2).sin();
+            Ok(Reading::at(DVec3::new(0.012, 0.055 + depth, 0.009)))
+        })
+    }
+
+    /// Spawns a block fixed at its bottom and a tool with `device`; returns body and tool.
+    pub fn spawn_scene(app: &mut App, scheme: Scheme, device: fn() -> ScriptedDevice) -> (Entity, Entity) {
+        app.world_mut().resource_mut::<HapticDevices>().register("hand", move || Ok(device()));
+        let block = (DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(Face::Bottom));
+        let body = app.world_mut().spawn(block).id();
+        let tool = HapticTool { device: DeviceSelector::named("hand"), scheme, ..default() };
+        (body, app.world_mut().spawn(tool).id())
+    }
+}

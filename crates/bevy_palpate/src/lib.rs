@@ -1,1 +1,119 @@
 //! Touch deformable bodies through a force-feedback device, in Bevy.
+//!
+//! The full body steps at 20 Hz on Bevy's fixed schedule; a small local model ticks at 1 kHz on a thread of its
+//! own that owns the device, and is renewed lock-free at every model step.
+//!
+//! # Getting started
+//!
+//! ```
+//! use bevy::prelude::*;
+//! use bevy_palpate::prelude::*;
+//!
+//! fn main() -> AppExit {
+//!     App::new().add_plugins((MinimalPlugins, PalpatePlugins)).add_systems(Startup, setup).add_systems(Update, show).run()
+//! }
+//!
+//! fn setup(mut commands: Commands, mut devices: ResMut<HapticDevices>) {
+//!     devices.register("hand", || Ok(ScriptedDevice::new(|n, _| Ok(Reading::at(DVec3::Y * (0.056 - 2e-5 * n as f64))))));
+//!     commands.spawn((
+//!         DeformableBody::block([6, 6, 6], 0.1),
+//!         Tissue { youngs_modulus_pa: 20e3, ..default() },
+//!         FixedRegion::Face(Face::Bottom),
+//!     ));
+//!     commands.spawn(HapticTool { device: DeviceSelector::named("hand"), ..default() });
+//! }
+//!
+//! fn show(forces: Query<&ToolForce>, mut exit: MessageWriter<AppExit>) {
+//!     for force in &forces {
+//!         if force.force_n.y > 0.1 {
+//!             exit.write(AppExit::Success);
+//!         }
+//!     }
+//! }
+//! ```
+//!
+//! With a window, replace `MinimalPlugins` by `DefaultPlugins`, give the body a material and the tool a sphere;
+//! the example `probing` does.
+//!
+//! # Contents
+//!
+//! * Bodies: [`DeformableBody`] with its partners [`Tissue`] and [`FixedRegion`]; [`SimulatedBody`] to look inside.
+//! * Tools: [`HapticTool`] with its partner [`ToolSettings`]; results [`ToolForce`], [`LoopTiming`],
+//!   [`Touching`]; messages [`ContactBegan`], [`ContactEnded`]; every tick in [`TickRecording`].
+//! * Devices: [`DeviceSelector`], [`HapticDevices`].
+//! * Time: [`ModelStep`], [`HapticSystems`], [`ModelRate`], [`HapticClock`].
+//! * Faults: [`HapticFault`].
+//!
+//! # Feature flags
+//!
+//! | feature | adds |
+//! | --- | --- |
+//! | `window` | a renderer and a window (Bevy's `bevy_pbr` and `bevy_winit`) |
+//!
+//! None is on by default: a headless app builds no renderer.
+//!
+//! # Headless tests
+//!
+//! With [`HapticClock::Lockstep`] there is no thread and no sleeping: each model step turns the loops by exactly
+//! as many ticks as it is long, and the same scene gives the same bits. `MinimalPlugins` suffices.
+//!
+//! # Units, frames, signs
+//!
+//! SI. What is physics is `f64` (`DVec3`); `f32` begins at meshes and transforms. Forces, samples and bodies are
+//! in the world's frame. Force is what the body does to the hand: along the surface normal it pushes the tool
+//! out.
+//!
+//! # Accuracy and limits
+//!
+//! * The schemes are the seed paper's: on its body the force between model steps is off by 5 % (`Tangent`) to
+//!   25 % (`LowPass`) RMS, and touch made between two model steps is felt after the next one.
+//! * One tool touches one body, one node at a time; a second tool on the same body is refused with a fault.
+//! * A body lives in the world where it was built; moving its transform later moves neither it nor its picture.
+//! * A model step runs on the app's main thread; a large body makes frames longer, never the loop late.
+//!
+//! # Glossary
+//!
+//! | word | meaning |
+//! | --- | --- |
+//! | sample | one reading of the device in the scene |
+//! | tick | one turn of the haptic loop, 1 ms |
+//! | model step | one step of the full body, 50 ms unless set otherwise |
+//! | full body | all nodes and springs |
+//! | local model | what makes force between two model steps |
+//! | order | number of degrees of freedom of a local model |
+//! | hand-over | the model side publishing a local model and the loop adopting it |
+//! | oracle | the full body stepped at every tick: what every scheme is judged by |
+
+#![forbid(unsafe_code)]
+
+mod body;
+mod device;
+mod fault;
+mod plugins;
+mod reflect;
+mod schedule;
+mod tool;
+
+pub use body::{BodyPlugin, DeformableBody, Face, FixedRegion, HapticSetupSystems, SimulatedBody, Tissue};
+pub use device::{DeviceSelector, HapticDevices};
+pub use fault::{DeviceFault, HapticFault, HapticFaultKind};
+pub use plugins::{FaultLogPlugin, PalpatePlugins};
+pub use schedule::{HapticClock, HapticSchedulePlugin, HapticSystems, ModelRate, ModelStep, ModelStepCount};
+pub use tool::{
+    ContactBegan, ContactEnded, HapticTool, LoopTiming, TickRecording, ToolForce, ToolLoop, ToolPlugin,
+    ToolSettings, Touching,
+};
+
+/// What an app with haptic bodies needs.
+pub mod prelude {
+    pub use crate::{
+        ContactBegan, ContactEnded, DeformableBody, DeviceSelector, Face, FaultLogPlugin, FixedRegion,
+        HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin, HapticSystems, HapticTool, LoopTiming,
+        ModelRate, ModelStep, PalpatePlugins, Tissue, ToolForce, ToolSettings, Touching,
+    };
+    pub use glam::{DQuat, DVec3};
+    pub use palpate_haptics::{
+        DeviceFrame, HapticDevice, Reading, SafetySettings, ScriptedDevice, VelocityEstimator,
+    };
+    pub use palpate_local::Scheme;
+}

@@ -3,7 +3,7 @@
 use crate::error::check_positive;
 use crate::tissue::check_damping_ratio;
 use crate::{BodyError, Link, Network, Surface};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use palpate_laws::Spring;
 
 /// One of the six sides of a block, named by the axis it looks along.
@@ -76,6 +76,16 @@ pub struct UniformLattice {
     pub damping_ratio: f64,
     /// Mass of the whole block, shared equally by its nodes, kg.
     pub mass_kg: f64,
+}
+
+impl BlockBody {
+    /// The same block turned by `rotation` about the origin and then moved by `translation_m`.
+    #[must_use]
+    pub fn placed(mut self, rotation: DQuat, translation_m: DVec3) -> Self {
+        self.network = self.network.placed(rotation, translation_m);
+        self.surface.normals.iter_mut().for_each(|n| *n = rotation * *n);
+        self
+    }
 }
 
 impl Block {

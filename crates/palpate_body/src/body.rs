@@ -16,7 +16,7 @@ pub struct Body {
 }
 
 /// What a model step did.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StepReport {
     /// Ticks stepped.
     pub ticks: usize,
@@ -110,7 +110,7 @@ impl Body {
     ///
     /// # Errors
     /// [`BodyError::PathLength`], [`BodyError::Path`] for a path that does not fit or is not finite,
-    /// [`BodyError::Parameter`] for an integrator that cannot take the step; [`BodyError::Diverged`] when the
+    /// [`BodyError::Parameter`], [`BodyError::Substeps`] for an integrator that cannot take the step; [`BodyError::Diverged`] when the
     /// step left the finite numbers. In every case body and tool are as they were before.
     pub fn advance(
         &mut self,

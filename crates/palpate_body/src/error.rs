@@ -92,6 +92,17 @@ pub enum BodyError {
         /// What is allowed.
         allowed: &'static str,
     },
+    /// The step would need more substeps than are allowed. The body has not been stepped.
+    #[error(
+        "{needed} substeps of a tick are needed; at most {allowed} are allowed: soften the springs, use fewer nodes or \
+         allow more"
+    )]
+    Substeps {
+        /// Substeps needed for stability.
+        needed: f64,
+        /// [`crate::SemiImplicitEuler::max_substeps`].
+        allowed: usize,
+    },
     /// The cells of a lattice are too long in one direction for an isotropic network of springs.
     #[error(
         "cells of {x_m} m x {y_m} m x {z_m} m are too far from cubes for an isotropic tissue: \

@@ -47,7 +47,8 @@ impl SemiImplicitEuler {
     /// Substeps in a tick at the state of `body`.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when a setting makes no sense or more than `max_substeps` are needed.
+    /// [`BodyError::Parameter`] when a setting makes no sense, [`BodyError::Substeps`] when more than
+    /// `max_substeps` are needed.
     pub fn substeps(&self, body: &Body) -> Result<usize, BodyError> {
         check_positive("tick, s", self.tick_s)?;
         let margin = self.stability_margin;
@@ -60,8 +61,10 @@ impl SemiImplicitEuler {
             "at least 1 and at most the most",
         )?;
         let needed = (self.tick_s / (margin * Self::stable_step_s(body))).ceil();
-        let allowed = "at most max_substeps: soften the springs, use fewer nodes or allow more";
-        check("substeps needed in a tick", needed, needed <= max as f64, allowed)?;
+        // Also where the need is not a number.
+        if !(needed <= max as f64) {
+            return Err(BodyError::Substeps { needed, allowed: max });
+        }
         Ok(min.max(needed as usize))
     }
 }

@@ -1,7 +1,7 @@
 //! A network of point masses, springs and dampers: what a body is made of, without its state.
 
 use crate::BodyError;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use palpate_laws::Spring;
 use std::collections::HashMap;
 
@@ -52,6 +52,13 @@ impl Network {
         }
         let (incident, incident_start) = incidence(&links, rest_m.len());
         Ok(Self { rest_m, mass_kg, fixed, links, free, free_index, incident, incident_start })
+    }
+
+    /// The same network turned by `rotation` about the origin and then moved by `translation_m`.
+    #[must_use]
+    pub fn placed(mut self, rotation: DQuat, translation_m: DVec3) -> Self {
+        self.rest_m.iter_mut().for_each(|x| *x = rotation * *x + translation_m);
+        self
     }
 
     /// Number of nodes.

@@ -193,7 +193,7 @@ fn the_stable_step_is_safe_and_not_wasteful() {
     };
     assert!(speed_after(&mut body, 0.999 * stable).unwrap() < 1e-6, "stable at the estimate");
     assert!(
-        matches!(speed_after(&mut body, 1.01 * stable), Err(BodyError::Parameter { .. })),
+        matches!(speed_after(&mut body, 1.01 * stable), Err(BodyError::Substeps { allowed: 1, .. })),
         "refused beyond"
     );
 }

@@ -71,3 +71,17 @@ fn senseless_blocks_are_refused_with_the_value() {
     let all_fixed = block([2, 2, 2]).fix(Face::NegX).fix(Face::PosX).uniform(&LATTICE);
     assert_eq!(all_fixed, Err(BodyError::AllFixed(8)));
 }
+
+#[test]
+fn a_placed_block_is_the_same_block_elsewhere() {
+    let body = block([3, 3, 3]).fix(Face::NegZ).uniform(&LATTICE).unwrap();
+    let turn = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    let placed = body.clone().placed(turn, DVec3::X);
+    for (a, b) in body.network.rest_m().iter().zip(placed.network.rest_m()) {
+        assert!((*b - DVec3::new(a.x + 1.0, -a.z, a.y)).length() < 1e-15);
+    }
+    for (a, b) in body.surface.normals.iter().zip(&placed.surface.normals) {
+        assert!((*b - DVec3::new(a.x, -a.z, a.y)).length() < 1e-15);
+    }
+    assert_eq!(body.network.links(), placed.network.links());
+}

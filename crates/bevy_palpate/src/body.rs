@@ -1,0 +1,258 @@
+//! Bodies: what the user asks for, and what is simulated.
+
+mod mesh;
+
+use crate::fault::{HapticFault, HapticFaultKind};
+use crate::schedule::{HapticSystems, ModelStep};
+use bevy::ecs::query::QueryData;
+use bevy::prelude::*;
+use glam::DVec3;
+use palpate_body::{Block, Body, BodyError, StepReport};
+use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
+
+/// A body that can be touched. Its partners [`Tissue`], [`FixedRegion`] and [`Transform`] come by themselves.
+///
+/// The body is built where its transform places it (rotation and translation; a scale other than 1 is refused)
+/// and then lives in the world: moving its transform later moves neither the body nor its picture.
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[component(immutable)]
+#[require(Tissue, FixedRegion, Transform)]
+#[reflect(Component, Debug, PartialEq, Clone)]
+pub struct DeformableBody {
+    /// Nodes along x, y, z.
+    pub nodes: [usize; 3],
+    /// Size along x, y, z, m.
+    pub size_m: DVec3,
+}
+
+impl DeformableBody {
+    /// A cube of `nodes` nodes along x, y, z and `edge_m` wide, round the entity's origin.
+    #[must_use]
+    pub fn block(nodes: [usize; 3], edge_m: f64) -> Self {
+        Self { nodes, size_m: DVec3::splat(edge_m) }
+    }
+
+    /// A block of `nodes` nodes along x, y, z and of size `size_m`, round the entity's origin.
+    #[must_use]
+    pub fn block_of_size(nodes: [usize; 3], size_m: DVec3) -> Self {
+        Self { nodes, size_m }
+    }
+}
+
+/// What a body is made of: see [`palpate_body::Tissue`] for how it becomes springs. It may be changed while the
+/// body is touched; the body keeps its shape and motion then.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub struct Tissue {
+    /// Young's modulus, Pa. Soft organs: 1 kPa to 100 kPa. Poisson's ratio is 1/4.
+    pub youngs_modulus_pa: f64,
+    /// Density, kg/m³.
+    pub density_kg_per_m3: f64,
+    /// Damping of the springs; 0.5 is a tissue that hardly rings.
+    pub damping_ratio: f64,
+}
+
+impl Default for Tissue {
+    /// 20 kPa, 1000 kg/m³, 0.5.
+    fn default() -> Self {
+        let palpate_body::Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio } =
+            palpate_body::Tissue::default();
+        Self { youngs_modulus_pa, density_kg_per_m3, damping_ratio }
+    }
+}
+
+/// Which part of a body cannot move.
+#[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub enum FixedRegion {
+    /// Nothing: the body floats.
+    #[default]
+    Nothing,
+    /// One side.
+    Face(Face),
+    /// Several sides.
+    Faces(Vec<Face>),
+}
+
+/// A side of a block, in the body's own frame, named as in Bevy: y is up, −z is forward.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Debug, PartialEq, Hash, Clone)]
+pub enum Face {
+    /// −x.
+    Left,
+    /// +x.
+    Right,
+    /// −y.
+    Bottom,
+    /// +y.
+    Top,
+    /// −z.
+    Front,
+    /// +z.
+    Back,
+}
+
+impl From<Face> for palpate_body::Face {
+    fn from(face: Face) -> Self {
+        match face {
+            Face::Left => Self::NegX,
+            Face::Right => Self::PosX,
+            Face::Bottom => Self::NegY,
+            Face::Top => Self::PosY,
+            Face::Front => Self::NegZ,
+            Face::Back => Self::PosZ,
+        }
+    }
+}
+
+impl FixedRegion {
+    fn faces(&self) -> &[Face] {
+        match self {
+            Self::Nothing => &[],
+            Self::Face(face) => std::slice::from_ref(face),
+            Self::Faces(faces) => faces,
+        }
+    }
+}
+
+/// The simulated body, in the world's frame: made from [`DeformableBody`] and its partners, stepped at the
+/// model rate. Read it to look inside.
+#[derive(Component, Debug)]
+pub struct SimulatedBody {
+    pub(crate) body: Body,
+    pub(crate) builder: LocalModelBuilder,
+    pub(crate) epoch: u64,
+    pub(crate) last_step: StepReport,
+    /// Where the entity was when the body was built.
+    place: GlobalTransform,
+    picture: mesh::Picture,
+}
+
+impl SimulatedBody {
+    /// The full body: network, surface, positions, velocities, forces.
+    #[must_use]
+    pub fn body(&self) -> &Body {
+        &self.body
+    }
+
+    /// How often it has been built anew.
+    #[must_use]
+    pub fn epoch(&self) -> u64 {
+        self.epoch
+    }
+
+    /// What the last model step did.
+    #[must_use]
+    pub fn last_step(&self) -> StepReport {
+        self.last_step
+    }
+}
+
+/// Builds the bodies and writes their meshes. Their steps are the tools' affair
+/// ([`ToolPlugin`](crate::ToolPlugin)), because a body is moved along its tool's path.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BodyPlugin;
+
+impl Plugin for BodyPlugin {
+    fn build(&self, app: &mut App) {
+        app.register_type::<DeformableBody>()
+            .register_type::<Tissue>()
+            .register_type::<FixedRegion>()
+            .add_message::<HapticFault>()
+            .add_systems(
+                PreUpdate,
+                (build_bodies, mesh::give_meshes).chain().in_set(HapticSetupSystems::Bodies),
+            )
+            .add_systems(ModelStep, mesh::write_meshes.in_set(HapticSystems::Writeback));
+    }
+}
+
+/// What is made of new or changed components, in [`PreUpdate`].
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum HapticSetupSystems {
+    /// Builds bodies.
+    Bodies,
+    /// Starts and sets loops.
+    Tools,
+}
+
+#[derive(QueryData)]
+#[query_data(mutable)]
+struct Asked {
+    entity: Entity,
+    shape: &'static DeformableBody,
+    tissue: &'static Tissue,
+    fixed: &'static FixedRegion,
+    simulated: Option<&'static mut SimulatedBody>,
+}
+
+type AskedAnew = Or<(Changed<DeformableBody>, Changed<Tissue>, Changed<FixedRegion>)>;
+
+fn build_bodies(
+    mut commands: Commands,
+    mut asked: Query<Asked, AskedAnew>,
+    transforms: TransformHelper,
+    mut faults: MessageWriter<HapticFault>,
+) {
+    for mut asked in &mut asked {
+        let entity = asked.entity;
+        let place = match &asked.simulated {
+            Some(old) => old.place,
+            // The only error is a missing transform, which the body requires.
+            None => transforms.compute_global_transform(entity).unwrap_or_default(),
+        };
+        match simulate(&asked, &place) {
+            Ok(mut new) => match asked.simulated.as_mut() {
+                Some(old) => {
+                    let (x, v) = (old.body.positions_m(), old.body.velocities_m_per_s());
+                    // Another shape has another number of nodes and starts from rest.
+                    let _ = new.body.set_state(x, v);
+                    new.epoch = old.epoch + 1;
+                    new.picture = std::mem::take(&mut old.picture);
+                    **old = new;
+                }
+                None => {
+                    commands.entity(entity).insert(new);
+                }
+            },
+            Err(kind) => {
+                faults.write(HapticFault { entity: Some(entity), kind });
+            }
+        }
+    }
+}
+
+fn simulate(asked: &AskedItem, place: &GlobalTransform) -> Result<SimulatedBody, HapticFaultKind> {
+    let (scale, rotation, translation) = place.to_scale_rotation_translation();
+    if (scale - Vec3::ONE).abs().max_element() > 1e-4 {
+        return Err(HapticFaultKind::Scaled { scale });
+    }
+    let build = || -> Result<(Body, LocalModelBuilder), ReduceError> {
+        let mut block = Block::new(asked.shape.nodes, asked.shape.size_m)?;
+        for &face in asked.fixed.faces() {
+            block = block.fix(face.into());
+        }
+        let Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio } = *asked.tissue;
+        let block = block
+            .tissue(&palpate_body::Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio })?
+            .placed(rotation.as_dquat().normalize(), translation.as_dvec3());
+        let body = Body::new(block.network, block.surface);
+        // A body that cannot be stepped is refused here, not at its first step.
+        palpate_body::SemiImplicitEuler::default().substeps(&body)?;
+        let builder = LocalModelBuilder::new(&body, BuilderOptions::default())?;
+        Ok((body, builder))
+    };
+    match build() {
+        Ok((body, builder)) => {
+            let (last_step, picture) = (StepReport::default(), mesh::Picture::default());
+            Ok(SimulatedBody { body, builder, epoch: 0, last_step, place: *place, picture })
+        }
+        Err(ReduceError::Body(error)) => Err(HapticFaultKind::BuildBody(error)),
+        Err(error) => Err(HapticFaultKind::LocalModel(error)),
+    }
+}
+
+/// Keeps the type of a body's error in one place for the tools.
+pub(crate) fn step_fault(entity: Entity, error: BodyError) -> HapticFault {
+    HapticFault { entity: Some(entity), kind: HapticFaultKind::StepBody(error) }
+}

@@ -1,0 +1,106 @@
+//! Which device a tool has, and where devices come from.
+
+use crate::fault::DeviceFault;
+use bevy::platform::collections::HashMap;
+use bevy::prelude::*;
+use palpate_haptics::{AtEnd, HapticDevice, ReplayDevice, Trajectory};
+use std::path::Path;
+
+/// Which device a tool has. A selector is plain data; the device itself comes from [`HapticDevices`] when the
+/// tool's loop starts.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Debug, PartialEq, Hash, Clone)]
+pub enum DeviceSelector {
+    /// A recorded hand: a CSV file with the header `t_s,x_m,y_m,z_m` and a row each millisecond.
+    Replay {
+        /// The file, from the working directory or, if it is not there, from `assets` below it.
+        path: String,
+        /// Whether it begins anew at its end.
+        repeat: bool,
+    },
+    /// The device registered under this name in [`HapticDevices`].
+    Named(String),
+}
+
+impl DeviceSelector {
+    /// A recorded hand that is repeated for ever.
+    #[must_use]
+    pub fn replay(path: impl Into<String>) -> Self {
+        Self::Replay { path: path.into(), repeat: true }
+    }
+
+    /// The device registered as `name`.
+    #[must_use]
+    pub fn named(name: impl Into<String>) -> Self {
+        Self::Named(name.into())
+    }
+}
+
+impl Default for DeviceSelector {
+    /// The device registered as `"default"`.
+    fn default() -> Self {
+        Self::named("default")
+    }
+}
+
+/// What a registered function may fail with.
+type MakeError = Box<dyn std::error::Error + Send + Sync>;
+type Make = dyn Fn() -> Result<Box<dyn HapticDevice>, MakeError> + Send + Sync;
+
+/// The devices that tools can select by name.
+#[derive(Resource, Default)]
+pub struct HapticDevices {
+    named: HashMap<String, Box<Make>>,
+}
+
+impl HapticDevices {
+    /// Registers `make` under `name`; it is called whenever a tool with that name starts. A later
+    /// registration of the same name takes the place of the earlier one.
+    pub fn register<D: HapticDevice + 'static>(
+        &mut self,
+        name: impl Into<String>,
+        make: impl Fn() -> Result<D, MakeError> + Send + Sync + 'static,
+    ) {
+        self.named.insert(name.into(), Box::new(move || Ok(Box::new(make()?))));
+    }
+
+    /// The registered names, sorted.
+    #[must_use]
+    pub fn names(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = self.named.keys().map(String::as_str).collect();
+        names.sort_unstable();
+        names
+    }
+
+    /// Makes the device that `selector` selects. It is not open yet.
+    ///
+    /// # Errors
+    /// [`DeviceFault`] when there is no such name or file, or the device cannot be made.
+    pub fn make(&self, selector: &DeviceSelector) -> Result<Box<dyn HapticDevice>, DeviceFault> {
+        match selector {
+            DeviceSelector::Replay { path, repeat } => {
+                let below_assets = Path::new("assets").join(path);
+                let here = Path::new(path).exists() || !below_assets.exists();
+                let file = if here { Path::new(path) } else { &below_assets };
+                let at_end = if *repeat { AtEnd::Repeat } else { AtEnd::Stay };
+                Ok(Box::new(ReplayDevice::new(Trajectory::from_csv_file(file)?, at_end)))
+            }
+            DeviceSelector::Named(name) => match self.named.get(name) {
+                Some(make) => make().map_err(DeviceFault::Make),
+                None => {
+                    let known = match self.names()[..] {
+                        [] => "none".to_owned(),
+                        ref names => names.join(", "),
+                    };
+                    Err(DeviceFault::UnknownName { name: name.clone(), known })
+                }
+            },
+        }
+    }
+}
+
+impl std::fmt::Debug for HapticDevices {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("HapticDevices").field("names", &self.names()).finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,126 @@
+//! What went wrong, as a message.
+
+use bevy::prelude::*;
+use palpate_body::BodyError;
+use palpate_haptics::{DeviceError, HapticsError, LoopEventKind, TrajectoryError};
+use palpate_reduce::ReduceError;
+use thiserror::Error;
+
+/// Something went wrong with a body, a tool or its loop. What can go on goes on.
+#[derive(Message, Debug)]
+pub struct HapticFault {
+    /// The body or tool; `None` if it concerns all.
+    pub entity: Option<Entity>,
+    /// What went wrong, with its cause.
+    pub kind: HapticFaultKind,
+}
+
+/// What went wrong.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum HapticFaultKind {
+    /// A body could not be built. Correct its components; until then it is not simulated, or as it was.
+    #[error("the body cannot be built")]
+    BuildBody(#[source] BodyError),
+    /// A body's entity is scaled. Give the size to [`crate::DeformableBody`] and leave the scale at 1.
+    #[error("the body's transform has scale {scale}; it must be 1: give the size to the body itself")]
+    Scaled {
+        /// The scale found.
+        scale: Vec3,
+    },
+    /// A body could not be stepped. It is as it was before the step, at rest, and has let go of the tool.
+    #[error("the body cannot be stepped")]
+    StepBody(#[source] BodyError),
+    /// No local model could be built; the loop goes on with the last one, which fades when it gets old.
+    #[error("no local model can be built")]
+    LocalModel(#[source] ReduceError),
+    /// A tool has no device. Correct [`crate::HapticTool::device`].
+    #[error("the tool has no device")]
+    Device(#[source] DeviceFault),
+    /// A tool's settings make no sense; the old ones stay in force.
+    #[error("the tool's settings are refused")]
+    Settings(#[source] HapticsError),
+    /// A tool's radius makes no sense; it touches nothing.
+    #[error("the tool cannot touch")]
+    Tool(#[source] BodyError),
+    /// The loop reports a fault.
+    #[error("the haptic loop reports a fault")]
+    Loop(#[source] LoopEventKind),
+    /// The loop's thread has ended without being asked to: its device failed or panicked.
+    #[error("the haptic loop's thread has ended")]
+    LoopEnded,
+    /// The model side was so late that samples are lost; the body goes on from the oldest that is left.
+    #[error("{lost} samples were lost before the body could be moved along them")]
+    SamplesLost {
+        /// How many.
+        lost: u64,
+    },
+    /// Another tool touches the body that this one should touch. One tool at a time.
+    #[error("the body {body} is touched by another tool already")]
+    BodyTaken {
+        /// The body.
+        body: Entity,
+    },
+    /// The app's clock runs at another speed than real time, which a loop on a thread cannot.
+    #[error(
+        "the app's clock runs at {speed} times real time; a loop on a thread cannot: use the lock step clock"
+    )]
+    Speed {
+        /// The relative speed.
+        speed: f64,
+    },
+}
+
+/// Why a tool has no device.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum DeviceFault {
+    /// No device of this name is registered.
+    #[error("there is no device named \"{name}\"; registered are: {known}")]
+    UnknownName {
+        /// The name asked for.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
+    /// The recorded hand cannot be read.
+    #[error("the recorded hand cannot be read")]
+    Trajectory(#[from] TrajectoryError),
+    /// The registered function failed.
+    #[error("the device could not be made")]
+    Make(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// The loop could not be set up.
+    #[error("the loop could not be set up")]
+    Loop(#[from] HapticsError),
+    /// The device could not be opened.
+    #[error("the device could not be opened")]
+    Open(#[from] DeviceError),
+}
+
+impl HapticFaultKind {
+    /// The message and those of its causes, in one line.
+    #[must_use]
+    pub fn chain(&self) -> String {
+        let mut text = self.to_string();
+        let mut cause = std::error::Error::source(self);
+        while let Some(error) = cause {
+            text.push_str(": ");
+            text.push_str(&error.to_string());
+            cause = error.source();
+        }
+        text
+    }
+}
+
+/// Writes every fault to the log; a missed deadline, of which a busy machine makes many, at a lower level.
+pub(crate) fn log_faults(mut faults: MessageReader<HapticFault>) {
+    for HapticFault { entity, kind } in faults.read() {
+        match entity {
+            Some(entity) if matches!(kind, HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(_))) => {
+                debug!("{entity}: {}", kind.chain());
+            }
+            Some(entity) => warn!("{entity}: {}", kind.chain()),
+            None => warn!("{}", kind.chain()),
+        }
+    }
+}

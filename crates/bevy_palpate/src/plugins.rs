@@ -1,0 +1,52 @@
+//! The plugins, as one group.
+
+use crate::body::BodyPlugin;
+use crate::fault::log_faults;
+use crate::schedule::HapticSchedulePlugin;
+use crate::tool::ToolPlugin;
+use bevy::app::PluginGroupBuilder;
+use bevy::prelude::*;
+
+/// Everything that palpate needs, in one group.
+///
+/// | plugin | what it does |
+/// | --- | --- |
+/// | [`HapticSchedulePlugin`] | the schedule [`ModelStep`](crate::ModelStep), its rate and clock |
+/// | [`BodyPlugin`] | builds bodies, writes their meshes |
+/// | [`ToolPlugin`] | devices, loops, model steps, local models, results |
+/// | [`FaultLogPlugin`] | writes faults to the log |
+///
+/// Each can be set, disabled or replaced as in any group:
+///
+/// ```
+/// # use bevy::prelude::*;
+/// use bevy_palpate::prelude::*;
+/// # let mut app = App::new();
+/// app.add_plugins(MinimalPlugins).add_plugins(
+///     PalpatePlugins
+///         .set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() })
+///         .disable::<FaultLogPlugin>(),
+/// );
+/// ```
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PalpatePlugins;
+
+impl PluginGroup for PalpatePlugins {
+    fn build(self) -> PluginGroupBuilder {
+        PluginGroupBuilder::start::<Self>()
+            .add(HapticSchedulePlugin::default())
+            .add(BodyPlugin)
+            .add(ToolPlugin)
+            .add(FaultLogPlugin)
+    }
+}
+
+/// Writes every [`HapticFault`](crate::HapticFault) to the log, as a warning.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FaultLogPlugin;
+
+impl Plugin for FaultLogPlugin {
+    fn build(&self, app: &mut App) {
+        app.add_systems(Last, log_faults);
+    }
+}

@@ -1,0 +1,44 @@
+//! Reflection for the settings of the other crates, which do not know Bevy.
+
+use glam::{DQuat, DVec3};
+
+/// [`palpate_local::Scheme`].
+#[bevy::reflect::reflect_remote(palpate_local::Scheme)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(crate) enum ReflectedScheme {
+    Hold,
+    LowPass,
+    #[default]
+    Tangent,
+    Neighbourhood,
+}
+
+/// [`palpate_haptics::VelocityEstimator`].
+#[bevy::reflect::reflect_remote(palpate_haptics::VelocityEstimator)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum ReflectedVelocityEstimator {
+    BackwardDifference,
+    TwoPole { cutoff_hz: f64 },
+    Device,
+}
+
+/// [`palpate_haptics::SafetySettings`].
+#[bevy::reflect::reflect_remote(palpate_haptics::SafetySettings)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ReflectedSafetySettings {
+    pub ramp_s: f64,
+    pub stale_after_periods: f64,
+    pub silent_after_ticks: u64,
+    pub fade_s: f64,
+    pub max_force_n: f64,
+    pub max_slew_n_per_s: f64,
+}
+
+/// [`palpate_haptics::DeviceFrame`].
+#[bevy::reflect::reflect_remote(palpate_haptics::DeviceFrame)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ReflectedDeviceFrame {
+    pub rotation: DQuat,
+    pub scale: f64,
+    pub offset_m: DVec3,
+}

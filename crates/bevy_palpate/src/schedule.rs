@@ -1,0 +1,187 @@
+//! The model's own schedule, its rate and its clock.
+
+use crate::fault::{HapticFault, HapticFaultKind};
+use bevy::ecs::schedule::{LogLevel, ScheduleBuildSettings, ScheduleLabel};
+use bevy::prelude::*;
+use palpate_haptics::HapticsError;
+use std::time::Duration;
+
+/// The schedule of a model step: one turn of the ring, at the rate of [`ModelRate`], inside Bevy's fixed main
+/// loop (in [`FixedUpdate`]). The app's own `Time<Fixed>` is left as it is.
+#[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash, Default)]
+pub struct ModelStep;
+
+/// The sets of [`ModelStep`], in the order of the ring: each runs after the one before.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum HapticSystems {
+    /// For users: before anything else in a model step.
+    First,
+    /// Takes the samples of every tool's loop; in lock step, turns the loops first.
+    Receive,
+    /// Steps every body along the samples of the tool that touches it.
+    StepBody,
+    /// Builds a local model for every tool.
+    BuildLocalModel,
+    /// Hands the local models over to the loops.
+    Publish,
+    /// Writes meshes, results and messages.
+    Writeback,
+    /// For users: after everything else in a model step.
+    Last,
+}
+
+/// What makes the loops tick.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Resource, Debug, Default, PartialEq)]
+pub enum HapticClock {
+    /// Each loop on a thread of its own, at 1 kHz of real time: for use.
+    #[default]
+    Thread,
+    /// No threads: each model step turns every loop by as many ticks as it is long. The same scene gives the
+    /// same bits: for tests, and for other speeds than that of real time.
+    Lockstep,
+}
+
+/// How often the bodies are stepped.
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[reflect(Resource, Debug, Default, PartialEq)]
+pub struct ModelRate {
+    ticks: u32,
+}
+
+impl Default for ModelRate {
+    /// 20 Hz.
+    fn default() -> Self {
+        Self { ticks: 50 }
+    }
+}
+
+impl ModelRate {
+    /// A model step every `ticks` ticks of 1 ms.
+    ///
+    /// # Errors
+    /// [`HapticsError::Setting`] unless 1 to 200.
+    pub fn every_ticks(ticks: u32) -> Result<Self, HapticsError> {
+        if (1..=MAX_TICKS).contains(&ticks) {
+            Ok(Self { ticks })
+        } else {
+            let (what, allowed) = ("ticks between two model steps", "1 to 200");
+            Err(HapticsError::Setting { what, value: f64::from(ticks), allowed })
+        }
+    }
+
+    /// A model step `hz` times a second.
+    ///
+    /// # Errors
+    /// [`HapticsError::Setting`] unless 1000/hz is a whole number of ticks from 1 to 200: 20, 25, 50, 100 Hz
+    /// are such rates.
+    pub fn hz(hz: f64) -> Result<Self, HapticsError> {
+        let ticks = 1000.0 / hz;
+        let whole = (ticks - ticks.round()).abs() < 1e-9 * ticks;
+        if whole && (1.0..=f64::from(MAX_TICKS)).contains(&ticks) {
+            Ok(Self { ticks: ticks.round() as u32 })
+        } else {
+            let allowed = "5 to 1000, with a whole number of milliseconds between two steps";
+            Err(HapticsError::Setting { what: "model rate, Hz", value: hz, allowed })
+        }
+    }
+
+    /// Ticks of 1 ms between two model steps.
+    #[must_use]
+    pub fn ticks(self) -> u32 {
+        self.ticks
+    }
+
+    /// Time between two model steps, s.
+    #[must_use]
+    pub fn period_s(self) -> f64 {
+        f64::from(self.ticks) * 1e-3
+    }
+
+    fn period(self) -> Duration {
+        Duration::from_millis(u64::from(self.ticks))
+    }
+}
+
+/// The longest model step, in ticks: the samples that a body can consume at once.
+pub(crate) const MAX_TICKS: u32 = 200;
+
+/// How many model steps have been run.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Resource, Debug, Default, PartialEq)]
+pub struct ModelStepCount(pub u64);
+
+/// Time that has passed in the fixed main loop since the last model step.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+struct Accumulated(Duration);
+
+/// Adds the schedule [`ModelStep`], its rate and its clock.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct HapticSchedulePlugin {
+    /// How often the bodies are stepped.
+    pub rate: ModelRate,
+    /// What makes the loops tick.
+    pub clock: HapticClock,
+}
+
+impl Plugin for HapticSchedulePlugin {
+    fn build(&self, app: &mut App) {
+        let mut schedule = Schedule::new(ModelStep);
+        schedule.set_build_settings(ScheduleBuildSettings {
+            ambiguity_detection: LogLevel::Error,
+            ..ScheduleBuildSettings::default()
+        });
+        schedule.configure_sets(
+            (
+                HapticSystems::First,
+                HapticSystems::Receive,
+                HapticSystems::StepBody,
+                HapticSystems::BuildLocalModel,
+                HapticSystems::Publish,
+                HapticSystems::Writeback,
+                HapticSystems::Last,
+            )
+                .chain(),
+        );
+        app.add_schedule(schedule)
+            .insert_resource(self.rate)
+            .insert_resource(self.clock)
+            .init_resource::<Accumulated>()
+            .init_resource::<ModelStepCount>()
+            .add_message::<HapticFault>()
+            .add_systems(FixedUpdate, run_model_steps)
+            .add_systems(PreUpdate, watch_speed);
+    }
+}
+
+/// Runs [`ModelStep`] when it is due. In lock step every due step is run; on threads at most one at a time,
+/// because one step consumes all samples there are: a step longer than its period makes the local model older,
+/// and the next one longer.
+fn run_model_steps(world: &mut World) {
+    let (rate, clock) = (*world.resource::<ModelRate>(), *world.resource::<HapticClock>());
+    let delta = world.resource::<Time<Fixed>>().delta();
+    world.resource_mut::<Accumulated>().0 += delta;
+    while world.resource::<Accumulated>().0 >= rate.period() {
+        let mut accumulated = world.resource_mut::<Accumulated>();
+        accumulated.0 -= rate.period();
+        if clock == HapticClock::Thread {
+            let periods = (accumulated.0.as_nanos() / rate.period().as_nanos()) as u32;
+            accumulated.0 -= rate.period() * periods;
+        }
+        world.resource_mut::<ModelStepCount>().0 += 1;
+        world.run_schedule(ModelStep);
+    }
+}
+
+/// A loop on a thread runs in real time, whatever the speed of the app's clock.
+fn watch_speed(
+    time: Res<Time<Virtual>>,
+    clock: Res<HapticClock>,
+    mut last: Local<Option<f64>>,
+    mut faults: MessageWriter<HapticFault>,
+) {
+    let speed = time.relative_speed_f64();
+    if last.replace(speed) != Some(speed) && speed != 1.0 && *clock == HapticClock::Thread {
+        faults.write(HapticFault { entity: None, kind: HapticFaultKind::Speed { speed } });
+    }
+}

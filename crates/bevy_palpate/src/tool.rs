@@ -1,0 +1,116 @@
+//! Tools: what the user asks for, and what is computed.
+
+mod model;
+mod receive;
+mod results;
+mod start;
+
+pub use results::{LoopTiming, TickRecording, ToolForce, Touching};
+pub use start::ToolLoop;
+
+use crate::body::HapticSetupSystems;
+use crate::device::{DeviceSelector, HapticDevices};
+use crate::fault::HapticFault;
+use crate::schedule::{HapticSystems, ModelStep};
+use bevy::prelude::*;
+use glam::DVec3;
+use palpate_haptics::{DeviceFrame, SafetySettings, VelocityEstimator};
+use palpate_local::Scheme;
+
+/// A haptic interface point: a sphere at the place of its device. Its partners come by themselves; among them
+/// the results [`ToolForce`], [`LoopTiming`] and [`Touching`].
+///
+/// Spawning it starts a loop, removing it stops the loop with zero force and joins its thread. Its
+/// [`Transform`] follows the device; spawn it without a parent.
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[require(ToolSettings, ToolForce, LoopTiming, Touching, Transform)]
+#[reflect(Component, Debug, PartialEq, Clone)]
+pub struct HapticTool {
+    /// Which device moves it. A change starts another loop.
+    pub device: DeviceSelector,
+    /// How the loop makes force between two model steps. A change acts at the next model step.
+    #[reflect(remote = crate::reflect::ReflectedScheme)]
+    pub scheme: Scheme,
+    /// Radius of the sphere, m. A change ends a touch.
+    pub radius_m: f64,
+    /// The body that it can touch; `None`: the one that is nearest when the first sample arrives.
+    pub body: Option<Entity>,
+}
+
+impl Default for HapticTool {
+    /// The device `"default"`, [`Scheme::Tangent`], 5 mm, the nearest body.
+    fn default() -> Self {
+        Self { device: DeviceSelector::default(), scheme: Scheme::default(), radius_m: 0.005, body: None }
+    }
+}
+
+/// What can be set of a tool's loop while it runs.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub struct ToolSettings {
+    /// How the device lies in the scene.
+    #[reflect(remote = crate::reflect::ReflectedDeviceFrame)]
+    pub frame: DeviceFrame,
+    /// Limits of the safety chain.
+    #[reflect(remote = crate::reflect::ReflectedSafetySettings)]
+    pub safety: SafetySettings,
+    /// Where the samples' velocity comes from.
+    #[reflect(remote = crate::reflect::ReflectedVelocityEstimator)]
+    pub velocity: VelocityEstimator,
+}
+
+/// A tool has touched a body.
+#[derive(Message, Clone, Copy, Debug, PartialEq)]
+pub struct ContactBegan {
+    /// The tool.
+    pub tool: Entity,
+    /// The body.
+    pub body: Entity,
+    /// Where, m, world.
+    pub point_m: DVec3,
+    /// Outward unit normal of the body there, at rest.
+    pub normal: DVec3,
+}
+
+/// A tool has let go of a body.
+#[derive(Message, Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ContactEnded {
+    /// The tool.
+    pub tool: Entity,
+    /// The body.
+    pub body: Entity,
+}
+
+/// Runs the tools: devices, loops, the bodies' steps along their samples, local models, results.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ToolPlugin;
+
+impl Plugin for ToolPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<HapticDevices>()
+            .register_type::<HapticTool>()
+            .register_type::<ToolSettings>()
+            .register_type::<ToolForce>()
+            .register_type::<LoopTiming>()
+            .register_type::<Touching>()
+            .add_message::<HapticFault>()
+            .add_message::<ContactBegan>()
+            .add_message::<ContactEnded>()
+            .configure_sets(PreUpdate, (HapticSetupSystems::Bodies, HapticSetupSystems::Tools).chain())
+            .add_systems(
+                PreUpdate,
+                (start::start_loops, start::set_loops).chain().in_set(HapticSetupSystems::Tools),
+            )
+            .add_systems(
+                ModelStep,
+                (
+                    (receive::receive, receive::choose_bodies).chain().in_set(HapticSystems::Receive),
+                    model::step_bodies.in_set(HapticSystems::StepBody),
+                    model::build_local_models.in_set(HapticSystems::BuildLocalModel),
+                    model::publish_local_models.in_set(HapticSystems::Publish),
+                    results::write_results.in_set(HapticSystems::Writeback),
+                ),
+            )
+            .add_systems(PostUpdate, results::move_tools.before(TransformSystems::Propagate));
+    }
+}

@@ -1,0 +1,108 @@
+//! The model side of a step: bodies, local models, hand-over.
+
+use super::{ContactBegan, ContactEnded, HapticTool, ToolLoop};
+use crate::body::{SimulatedBody, step_fault};
+use crate::fault::{HapticFault, HapticFaultKind};
+use crate::schedule::ModelRate;
+use bevy::prelude::*;
+use palpate_body::{SemiImplicitEuler, ToolContact};
+use palpate_local::{Contact, ModelId, Scheme};
+
+/// Steps every body: along the samples of the tool that can touch it, or by the model period if there is none.
+pub(super) fn step_bodies(
+    mut bodies: Query<(Entity, &mut SimulatedBody)>,
+    mut tools: Query<(Entity, &mut ToolLoop)>,
+    rate: Res<ModelRate>,
+    mut began: MessageWriter<ContactBegan>,
+    mut ended: MessageWriter<ContactEnded>,
+    mut faults: MessageWriter<HapticFault>,
+) {
+    let integrator = SemiImplicitEuler::default();
+    for (entity, mut simulated) in &mut bodies {
+        let simulated = &mut *simulated;
+        let tool = tools.iter_mut().find(|(_, tool)| tool.body == Some(entity) && !tool.path.is_empty());
+        let stepped = match tool {
+            None => simulated.body.advance(None, rate.ticks() as usize, &integrator),
+            Some((tool_entity, mut tool)) => {
+                let ToolLoop { contact, path, .. } = &mut *tool;
+                let before = contact.touched();
+                let along = Some((&mut *contact, path.as_slice()));
+                let stepped = simulated.body.advance(along, path.len() - 1, &integrator);
+                if stepped.is_err() {
+                    let_go(contact);
+                }
+                let after = contact.touched();
+                if before.is_some() && after.map(|t| t.node) != before.map(|t| t.node) {
+                    ended.write(ContactEnded { tool: tool_entity, body: entity });
+                }
+                if let Some(touched) = after.filter(|t| before.is_none_or(|b| b.node != t.node)) {
+                    let point_m = simulated.body.positions_m()[touched.node];
+                    let normal = touched.normal;
+                    began.write(ContactBegan { tool: tool_entity, body: entity, point_m, normal });
+                }
+                stepped
+            }
+        };
+        match stepped {
+            Ok(report) => simulated.last_step = report,
+            Err(error) => {
+                bring_to_rest(simulated);
+                faults.write(step_fault(entity, error));
+            }
+        }
+    }
+}
+
+fn let_go(contact: &mut ToolContact) {
+    if let ToolContact::Touch { touched, .. } = contact {
+        *touched = None;
+    }
+}
+
+/// What could not be stepped from here may be from rest.
+fn bring_to_rest(simulated: &mut SimulatedBody) {
+    let x = simulated.body.positions_m().to_vec();
+    // The positions are the body's own, so they fit.
+    let _ = simulated.body.set_state(&x, &vec![glam::DVec3::ZERO; x.len()]);
+}
+
+/// Builds a local model for every tool that has new samples, into the slot of the exchange.
+pub(super) fn build_local_models(
+    mut bodies: Query<&mut SimulatedBody>,
+    mut tools: Query<(Entity, &HapticTool, &mut ToolLoop)>,
+    mut faults: MessageWriter<HapticFault>,
+) {
+    for (entity, asked, mut tool) in &mut tools {
+        let ToolLoop { handle, contact, path, consumed, body, built, .. } = &mut *tool;
+        *built = false;
+        let (Some(&point), Some(sequence)) = (path.last().filter(|_| path.len() > 1), *consumed) else {
+            continue;
+        };
+        let model = handle.model_slot();
+        let simulated = body.and_then(|body| Some((body, bodies.get_mut(body).ok()?)));
+        let Some((body, mut simulated)) = simulated else {
+            // Nothing to be felt: that is a model too, or the last touch would last until it is stale.
+            model.id = ModelId { body: 0, epoch: 0, sequence };
+            (model.scheme, model.contact, model.reduced.order) = (Scheme::Hold, Contact::Apart, 0);
+            *built = true;
+            continue;
+        };
+        let SimulatedBody { body: full, builder, epoch, .. } = &mut *simulated;
+        let id = ModelId { body: body.to_bits(), epoch: *epoch, sequence };
+        match builder.build(asked.scheme, full, contact, point, id, model) {
+            Ok(()) => *built = true,
+            Err(error) => {
+                faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::LocalModel(error) });
+            }
+        }
+    }
+}
+
+/// Hands over the local models that have been built.
+pub(super) fn publish_local_models(mut tools: Query<&mut ToolLoop>) {
+    for mut tool in &mut tools {
+        if std::mem::take(&mut tool.built) {
+            tool.handle.publish_model();
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! What a tool shows of itself.
+
+use super::ToolLoop;
+use bevy::prelude::*;
+use glam::DVec3;
+use palpate_haptics::TickRecord;
+use palpate_local::Sample;
+
+/// The force at the newest tick that the model step has seen.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub struct ToolForce {
+    /// What is written to the device, N, world frame; along the surface normal it pushes the tool out.
+    pub force_n: DVec3,
+    /// What the local model says, before the safety chain, N, world frame.
+    pub model_force_n: DVec3,
+    /// Whether the safety chain changed it.
+    pub safety_acted: bool,
+    /// Age of the local model at that tick, s.
+    pub model_age_s: f64,
+}
+
+/// The loop's account of itself since its start, renewed every 64 ticks.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub struct LoopTiming {
+    /// Ticks done.
+    pub ticks: u64,
+    /// Deadlines that passed without a tick.
+    pub missed_deadlines: u64,
+    /// Median of the time from deadline to tick, µs.
+    pub lateness_p50_us: f64,
+    /// Its 99th percentile, µs.
+    pub lateness_p99_us: f64,
+    /// Its 99.9th percentile, µs.
+    pub lateness_p999_us: f64,
+    /// Its maximum, µs.
+    pub lateness_max_us: f64,
+    /// Median of the time that a tick takes, device included, µs.
+    pub cost_p50_us: f64,
+    /// Its 99th percentile, µs.
+    pub cost_p99_us: f64,
+}
+
+/// What a tool touches now.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub struct Touching {
+    /// The body; `None` while the tool is free.
+    pub body: Option<Entity>,
+}
+
+/// Put it on a tool to record every tick.
+#[derive(Component, Clone, Debug, Default)]
+pub struct TickRecording {
+    /// The ticks since it was put there, as far as the model step has fetched them.
+    pub records: Vec<TickRecord>,
+    /// The samples that the body was moved along: one for each period, those of missed deadlines included.
+    pub samples: Vec<Sample>,
+    /// Ticks that are missing because the app fetched them too late.
+    pub dropped: u64,
+}
+
+/// Writes the results of every tool.
+pub(super) fn write_results(
+    mut tools: Query<(&mut ToolLoop, &mut ToolForce, &mut LoopTiming, &mut Touching)>,
+) {
+    for (mut tool, mut force, mut timing, mut touching) in &mut tools {
+        touching.set_if_neq(Touching { body: tool.body.filter(|_| tool.contact.touched().is_some()) });
+        let tick_s = tool.handle.config().hand_over.tick_s;
+        if let Some(TickRecord { spoken, safety, force_n, sample, .. }) = tool.handle.latest_tick() {
+            let newest = sample.map_or(0, |sample| sample.sequence);
+            let age = spoken.model.map_or(0, |model| newest.saturating_sub(model.sequence));
+            *force = ToolForce {
+                force_n,
+                model_force_n: spoken.force_n,
+                safety_acted: safety.acted(),
+                model_age_s: age as f64 * tick_s,
+            };
+        }
+        let report = tool.handle.report();
+        *timing = LoopTiming {
+            ticks: report.ticks,
+            missed_deadlines: report.missed_deadlines,
+            lateness_p50_us: report.lateness.quantile_us(0.5),
+            lateness_p99_us: report.lateness.quantile_us(0.99),
+            lateness_p999_us: report.lateness.quantile_us(0.999),
+            lateness_max_us: report.lateness.max_us(),
+            cost_p50_us: report.cost.quantile_us(0.5),
+            cost_p99_us: report.cost.quantile_us(0.99),
+        };
+    }
+}
+
+/// Moves every tool to its newest sample, every frame.
+pub(super) fn move_tools(mut tools: Query<(&mut ToolLoop, &mut Transform)>) {
+    for (mut tool, mut transform) in &mut tools {
+        // `latest_tick` and `samples` read the same buffer; neither takes anything out of it.
+        if let Some(sample) = tool.handle.samples().newest() {
+            transform.translation = sample.position_m.as_vec3();
+            transform.rotation = sample.orientation.as_quat();
+        }
+    }
+}

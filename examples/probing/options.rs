@@ -1,0 +1,71 @@
+//! The command line.
+
+use bevy::prelude::Resource;
+use bevy_palpate::prelude::Scheme;
+use clap::{Parser, ValueEnum};
+use palpate_haptics::Trajectory;
+use std::path::PathBuf;
+
+/// The hand that comes with the repository.
+const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/trajectories/probe.csv");
+
+/// A recorded hand probes a soft block; every scheme is then judged against the full body.
+#[derive(Clone, Debug, Parser, Resource)]
+#[command(
+    after_help = "The block is a cube of 10 cm round the origin, its top at y = 0.05 m, its bottom fixed; the tool is a \
+    sphere of 5 mm radius.\n\nExamples:\n  probing --seconds 10 --scheme hold\n  probing --trajectory hand.csv --out results"
+)]
+pub struct Options {
+    /// How long to probe, s [default: 5; with a window: until it is closed]
+    #[arg(long, value_parser = seconds)]
+    pub seconds: Option<f64>,
+    /// A hand of your own: CSV with the header t_s,x_m,y_m,z_m and a row each millisecond, positions of the
+    /// tool's centre in the scene; it is repeated at its end
+    #[arg(long, value_name = "FILE", default_value = BUILT_IN, hide_default_value = true, value_parser = trajectory)]
+    pub trajectory: PathBuf,
+    /// How the loop makes force between two model steps
+    #[arg(long, value_enum, default_value_t)]
+    pub scheme: SchemeName,
+    /// Where the trace and the plot are written
+    #[arg(long, value_name = "DIR", default_value = "target/palpate/probing")]
+    pub out: PathBuf,
+    /// Run without a window even if this program has one
+    #[arg(long)]
+    pub headless: bool,
+}
+
+/// The schemes by name.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub enum SchemeName {
+    Hold,
+    LowPass,
+    #[default]
+    Tangent,
+    Neighbourhood,
+}
+
+impl From<SchemeName> for Scheme {
+    fn from(name: SchemeName) -> Self {
+        match name {
+            SchemeName::Hold => Self::Hold,
+            SchemeName::LowPass => Self::LowPass,
+            SchemeName::Tangent => Self::Tangent,
+            SchemeName::Neighbourhood => Self::Neighbourhood,
+        }
+    }
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.5..=3600.0).contains(&seconds) => Ok(seconds),
+        _ => Err("it must be a number from 0.5 to 3600".into()),
+    }
+}
+
+/// Reads the file once so that what is wrong with it is said before anything starts.
+fn trajectory(path: &str) -> Result<PathBuf, String> {
+    Trajectory::from_csv_file(path).map(|_| path.into()).map_err(|error| {
+        let cause = std::error::Error::source(&error).map(|cause| format!(": {cause}"));
+        format!("{error}{}", cause.unwrap_or_default())
+    })
+}

@@ -1,0 +1,101 @@
+//! Force over time: the whole run, and the strongest touch from near.
+
+use crate::report::Run;
+use bevy_palpate::prelude::Scheme;
+use plotters::prelude::*;
+use std::ops::Range;
+use std::path::Path;
+
+type PlotResult<T = ()> = Result<T, Box<dyn std::error::Error + Send + Sync>>;
+
+/// A curve's name, colour and points (s, N).
+struct Curve {
+    name: &'static str,
+    color: RGBColor,
+    points: Vec<(f64, f64)>,
+}
+
+/// Half the time shown around the strongest touch, s.
+const NEAR_S: f64 = 0.35;
+
+/// Writes the plot to `path`.
+pub fn force_over_time(run: &Run, path: &Path) -> PlotResult {
+    let curves = curves(run);
+    let (Some(first), Some(last)) = (run.samples.first(), run.samples.last()) else { return Ok(()) };
+    let oracle = run.comparison.oracle_n.iter().zip(run.samples);
+    let peak = oracle.max_by(|a, b| a.0.y.total_cmp(&b.0.y)).map_or(first.time_s, |(_, s)| s.time_s);
+    let whole = first.time_s..last.time_s;
+    let near = (peak - NEAR_S).max(whole.start)..(peak + NEAR_S).min(whole.end);
+
+    let area = SVGBackend::new(path, (1000, 800)).into_drawing_area();
+    area.fill(&WHITE).map_err(text)?;
+    let (upper, lower) = area.split_vertically(400);
+    panel(&upper, "Force along the surface normal", whole, &curves)?;
+    panel(&lower, "The strongest touch", near, &curves)?;
+    area.present().map_err(text)
+}
+
+fn curves(run: &Run) -> Vec<Curve> {
+    let along = |forces: &[glam::DVec3]| -> Vec<(f64, f64)> {
+        run.samples.iter().zip(forces).map(|(s, f)| (s.time_s, f.y)).collect()
+    };
+    let colors =
+        [RGBColor(213, 94, 0), RGBColor(230, 159, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
+    let mut curves: Vec<Curve> = Scheme::ALL
+        .into_iter()
+        .zip(colors)
+        .filter_map(|(scheme, color)| {
+            Some(Curve { name: scheme.name(), color, points: along(run.comparison.displayed(scheme)?) })
+        })
+        .collect();
+    curves.push(Curve { name: "full body at 1 kHz", color: BLACK, points: along(&run.comparison.oracle_n) });
+    let felt = run.records.iter().filter_map(|r| Some((r.sample?.time_s, r.force_n.y))).collect();
+    curves.push(Curve { name: "written to the device", color: RGBColor(0, 114, 178), points: felt });
+    curves
+}
+
+fn panel(
+    area: &DrawingArea<SVGBackend, plotters::coord::Shift>,
+    title: &str,
+    time: Range<f64>,
+    curves: &[Curve],
+) -> PlotResult {
+    let shown = |curve: &Curve| -> Vec<(f64, f64)> {
+        curve.points.iter().copied().filter(|(t, _)| time.contains(t)).collect()
+    };
+    let top = curves.iter().flat_map(&shown).map(|(_, f)| f).fold(0.1, f64::max);
+    let mut chart = ChartBuilder::on(area)
+        .caption(title, ("sans-serif", 20))
+        .margin(12)
+        .x_label_area_size(42)
+        .y_label_area_size(56)
+        .build_cartesian_2d(time.clone(), -0.05 * top..1.1 * top)
+        .map_err(text)?;
+    chart
+        .configure_mesh()
+        .x_desc("time, s")
+        .y_desc("force, N")
+        .light_line_style(WHITE)
+        .draw()
+        .map_err(text)?;
+    for curve in curves {
+        let color = curve.color;
+        chart
+            .draw_series(LineSeries::new(shown(curve), color.stroke_width(1)))
+            .map_err(text)?
+            .label(curve.name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperRight)
+        .background_style(WHITE.mix(0.85))
+        .border_style(BLACK.mix(0.3))
+        .draw()
+        .map_err(text)
+}
+
+/// The plotter's errors hold references to its canvas.
+fn text(error: impl std::fmt::Display) -> Box<dyn std::error::Error + Send + Sync> {
+    error.to_string().into()
+}

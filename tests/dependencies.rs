@@ -1,0 +1,72 @@
+//! The crates depend on each other, and on the outside, only as the design allows.
+
+use cargo_metadata::{DependencyKind, MetadataCommand};
+use std::collections::BTreeSet;
+
+/// What each crate may depend on, beside `thiserror`: `(crate, allowed)`.
+const ALLOWED: [(&str, &[&str]); 6] = [
+    ("palpate_laws", &["glam"]),
+    ("palpate_body", &["palpate_laws", "glam", "faer"]),
+    ("palpate_local", &["palpate_laws", "glam"]),
+    ("palpate_reduce", &["palpate_body", "palpate_local", "palpate_laws", "glam", "faer"]),
+    (
+        "palpate_haptics",
+        &["palpate_local", "glam", "triple_buffer", "crossbeam-channel", "csv", "hdrhistogram", "rustix"],
+    ),
+    (
+        "bevy_palpate",
+        &[
+            "palpate_body",
+            "palpate_local",
+            "palpate_reduce",
+            "palpate_haptics",
+            "bevy",
+            "glam",
+            "winit",
+            "wgpu",
+        ],
+    ),
+];
+
+#[test]
+fn every_crate_depends_only_on_what_the_design_allows() {
+    let manifest = concat!(env!("CARGO_MANIFEST_DIR"), "/../Cargo.toml");
+    let metadata = MetadataCommand::new().manifest_path(manifest).no_deps().exec().unwrap();
+    let mut seen = BTreeSet::new();
+    for package in metadata.workspace_packages() {
+        let name = package.name.as_str();
+        // Tests and benches may use anything.
+        if ["palpate_tests", "palpate_benches"].contains(&name) {
+            continue;
+        }
+        let (_, allowed) = ALLOWED.iter().find(|(known, _)| *known == name).unwrap_or_else(|| {
+            panic!("{name} is not in the table of crates: add it there and in ARCHITECTURE.md")
+        });
+        seen.insert(name.to_owned());
+        for dependency in package.dependencies.iter().filter(|d| d.kind == DependencyKind::Normal) {
+            let on = dependency.name.as_str();
+            assert!(on == "thiserror" || allowed.contains(&on), "{name} may not depend on {on}");
+        }
+    }
+    assert_eq!(seen.len(), ALLOWED.len(), "{seen:?}");
+}
+
+/// `cargo test` and the headless examples must not build a renderer: what `cargo tree` says of the default
+/// members is what cargo builds for them on this machine.
+#[test]
+fn the_default_build_has_no_renderer() {
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    let tree = ["tree", "--offline", "--edges", "normal,build,dev", "--prefix", "none", "--format", "{p}"];
+    let output = std::process::Command::new(cargo).current_dir(root).args(tree).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    let names: BTreeSet<&str> = text.lines().filter_map(|line| line.split(' ').next()).collect();
+    assert!(
+        names.contains("bevy_mesh") && names.contains("palpate_tests"),
+        "the tree is that of the workspace"
+    );
+    for renderer in ["wgpu", "winit", "bevy_render", "bevy_pbr", "bevy_winit", "bevy_window"] {
+        assert!(!names.contains(renderer), "the default build has {renderer}");
+    }
+}

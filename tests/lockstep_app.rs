@@ -1,0 +1,320 @@
+//! A headless app in lock step: the whole ring inside Bevy, without threads, sleeps or a renderer.
+
+use bevy::prelude::*;
+use bevy_palpate::prelude::*;
+use bevy_palpate::{HapticFaultKind, ModelStepCount, SimulatedBody, TickRecording, ToolLoop};
+use palpate_tests::app::{lockstep_app, pressing_hand, spawn_scene, step};
+
+fn messages<M: Message>(app: &mut App) -> Vec<M> {
+    app.world_mut().resource_mut::<Messages<M>>().drain().collect()
+}
+
+fn faults(app: &mut App) -> Vec<String> {
+    messages::<HapticFault>(app).iter().map(|f| f.kind.chain()).collect()
+}
+
+fn forces(app: &mut App, tool: Entity, steps: u64) -> Vec<DVec3> {
+    (0..steps)
+        .map(|_| {
+            step(app, 1);
+            app.world().get::<ToolForce>(tool).unwrap().force_n
+        })
+        .collect()
+}
+
+#[test]
+fn a_hand_that_presses_a_block_is_pushed_back_and_let_go() {
+    let mut app = lockstep_app();
+    let (body, tool) = spawn_scene(&mut app, Scheme::Tangent, pressing_hand);
+    let forces = forces(&mut app, tool, 26);
+    assert!(forces.iter().all(|f| f.is_finite() && f.y >= 0.0));
+    let peak = forces.iter().map(|f| f.y).fold(0.0, f64::max);
+    assert!((0.5..5.0).contains(&peak), "{peak} N");
+    assert_eq!((forces[0], forces[25]), (DVec3::ZERO, DVec3::ZERO));
+    let began = messages::<ContactBegan>(&mut app);
+    let ended = messages::<ContactEnded>(&mut app);
+    // Messages are kept for two updates only, so a scene of 26 has to be asked again for them below.
+    assert!(began.len() <= 1 && ended.len() <= 1);
+    assert_eq!(faults(&mut app), [""; 0]);
+    let simulated = app.world().get::<SimulatedBody>(body).unwrap();
+    assert!(simulated.last_step().substeps >= 4);
+    assert_eq!(app.world().resource::<ModelStepCount>().0, 26);
+}
+
+#[test]
+fn touching_and_letting_go_are_told_once_each() {
+    #[derive(Resource, Default)]
+    struct Told(Vec<&'static str>);
+    let mut app = lockstep_app();
+    let (body, tool) = spawn_scene(&mut app, Scheme::Hold, pressing_hand);
+    app.init_resource::<Told>().add_systems(
+        Update,
+        move |mut began: MessageReader<ContactBegan>,
+              mut ended: MessageReader<ContactEnded>,
+              mut told: ResMut<Told>| {
+            for message in began.read() {
+                assert_eq!((message.body, message.tool), (body, tool));
+                assert!((message.normal - DVec3::Y).length() < 1e-12);
+                assert!((message.point_m - DVec3::new(0.01, 0.05, 0.01)).length() < 0.01);
+                told.0.push("began");
+            }
+            told.0.extend(ended.read().map(|_| "ended"));
+        },
+    );
+    step(&mut app, 10);
+    app.update();
+    assert_eq!(app.world().resource::<Told>().0, ["began"]);
+    assert_eq!(app.world().get::<Touching>(tool).unwrap().body, Some(body));
+    step(&mut app, 16);
+    app.update();
+    assert_eq!(app.world().resource::<Told>().0, ["began", "ended"]);
+    assert_eq!(app.world().get::<Touching>(tool).unwrap().body, None);
+}
+
+/// All bits of a run: every tick's force, and the body at the end.
+fn bits(scheme: Scheme) -> Vec<u64> {
+    let mut app = lockstep_app();
+    let (body, tool) = spawn_scene(&mut app, scheme, pressing_hand);
+    app.world_mut().entity_mut(tool).insert(TickRecording::default());
+    step(&mut app, 20);
+    let recording = app.world().get::<TickRecording>(tool).unwrap();
+    assert_eq!((recording.records.len(), recording.dropped), (1000, 0));
+    let forces = recording.records.iter().flat_map(|r| (r.force_n + r.spoken.force_n).to_array());
+    let body = app.world().get::<SimulatedBody>(body).unwrap().body();
+    let state = body.positions_m().iter().chain(body.velocities_m_per_s()).flat_map(|v| v.to_array());
+    forces.chain(state).map(f64::to_bits).collect()
+}
+
+#[test]
+fn the_same_scene_gives_the_same_bits() {
+    for scheme in Scheme::ALL {
+        let first = bits(scheme);
+        assert!(first.iter().any(|&b| f64::from_bits(b) > 0.5), "something happens");
+        for _ in 0..2 {
+            assert!(first == bits(scheme), "{}", scheme.name());
+        }
+    }
+}
+
+#[test]
+fn a_second_of_app_time_is_twenty_model_steps_whatever_the_fixed_rate() {
+    for hz in [64.0, 20.0, 100.0, 7.0] {
+        let mut app = lockstep_app();
+        app.insert_resource(Time::<Fixed>::from_hz(hz));
+        for _ in 0..=200 {
+            app.update();
+        }
+        let steps = app.world().resource::<ModelStepCount>().0;
+        let expected = (10.0 - 1.0 / hz) * 20.0;
+        assert!((steps as f64) > expected - 1.0 && steps <= 200, "{steps} steps at {hz} Hz");
+        assert_eq!(
+            app.world().resource::<Time<Fixed>>().timestep().as_secs_f64(),
+            Time::<Fixed>::from_hz(hz).timestep().as_secs_f64()
+        );
+    }
+}
+
+#[test]
+fn a_pause_stops_the_body_in_lock_step() {
+    let mut app = lockstep_app();
+    let (_, tool) = spawn_scene(&mut app, Scheme::Tangent, pressing_hand);
+    step(&mut app, 10);
+    app.world_mut().resource_mut::<Time<Virtual>>().pause();
+    let before = app.world().resource::<ModelStepCount>().0;
+    for _ in 0..5 {
+        app.update();
+    }
+    assert_eq!(app.world().resource::<ModelStepCount>().0, before);
+    app.world_mut().resource_mut::<Time<Virtual>>().unpause();
+    let forces = forces(&mut app, tool, 3);
+    assert!(forces[2].y > 0.1, "{forces:?}");
+}
+
+#[test]
+fn material_changed_under_the_tool_acts_and_keeps_the_shape() {
+    let mut app = lockstep_app();
+    let (body, tool) = spawn_scene(&mut app, Scheme::Tangent, pressing_hand);
+    step(&mut app, 12);
+    let before = app.world().get::<SimulatedBody>(body).unwrap().body().positions_m().to_vec();
+    let soft = app.world().get::<ToolForce>(tool).unwrap().force_n.y;
+    app.world_mut().get_mut::<Tissue>(body).unwrap().youngs_modulus_pa *= 2.0;
+    step(&mut app, 1);
+    let simulated = app.world().get::<SimulatedBody>(body).unwrap();
+    assert_eq!(simulated.epoch(), 1);
+    let moved =
+        simulated.body().positions_m().iter().zip(&before).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    assert!(moved < 3e-3, "{moved} m");
+    step(&mut app, 2);
+    let hard = app.world().get::<ToolForce>(tool).unwrap().force_n.y;
+    assert!(hard > 1.5 * soft, "{soft} N, then {hard} N");
+    assert_eq!(faults(&mut app), [""; 0]);
+}
+
+#[test]
+fn a_body_that_is_despawned_under_the_tool_lets_it_go() {
+    let mut app = lockstep_app();
+    let (body, tool) = spawn_scene(&mut app, Scheme::Tangent, pressing_hand);
+    step(&mut app, 10);
+    assert!(app.world().get::<ToolForce>(tool).unwrap().force_n.y > 0.1);
+    app.world_mut().despawn(body);
+    step(&mut app, 3);
+    assert_eq!(app.world().get::<ToolForce>(tool).unwrap().force_n, DVec3::ZERO);
+    assert_eq!(app.world().get::<ToolLoop>(tool).unwrap().body(), None);
+    assert_eq!(faults(&mut app), [""; 0]);
+}
+
+#[test]
+fn bodies_that_make_no_sense_are_faults_with_a_cause() {
+    let mut app = lockstep_app();
+    app.world_mut().spawn(DeformableBody::block([1, 6, 6], 0.1));
+    app.world_mut().spawn(DeformableBody::block([6, 6, 6], f64::NAN));
+    app.world_mut()
+        .spawn((DeformableBody::block([6, 6, 6], 0.1), Tissue { density_kg_per_m3: 0.0, ..default() }));
+    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), Transform::from_scale(Vec3::splat(2.0))));
+    app.world_mut()
+        .spawn((DeformableBody::block([5, 5, 5], 0.001), Tissue { youngs_modulus_pa: 1e12, ..default() }));
+    app.update();
+    assert_eq!(
+        faults(&mut app),
+        [
+            "the body cannot be built: a block needs 2 to 128 nodes along each axis; it was given [1, 6, 6]",
+            "the body cannot be built: size along x, m is NaN; it must be finite and above 0",
+            "the body cannot be built: density, kg/m3 is 0; it must be finite and above 0",
+            "the body's transform has scale [2, 2, 2]; it must be 1: give the size to the body itself",
+            "the body cannot be built: 440836 substeps of a tick are needed; at most 1000 are allowed: soften the \
+             springs, use fewer nodes or allow more",
+        ]
+    );
+    step(&mut app, 2);
+    assert_eq!(faults(&mut app), [""; 0], "said once");
+}
+
+#[test]
+fn tools_that_make_no_sense_are_faults_with_a_cause() {
+    let mut app = lockstep_app();
+    let spawn = |app: &mut App, tool: HapticTool| app.world_mut().spawn(tool).id();
+    spawn(&mut app, HapticTool::default());
+    app.update();
+    app.world_mut().resource_mut::<HapticDevices>().register("a", || Ok(pressing_hand()));
+    app.world_mut()
+        .resource_mut::<HapticDevices>()
+        .register("broken", || -> Result<ScriptedDevice, _> { Err("no cable".into()) });
+    for device in ["b", "broken"] {
+        spawn(&mut app, HapticTool { device: DeviceSelector::named(device), ..default() });
+    }
+    spawn(&mut app, HapticTool { device: DeviceSelector::replay("no/such.csv"), ..default() });
+    spawn(&mut app, HapticTool { device: DeviceSelector::named("a"), radius_m: 0.0, ..default() });
+    let tool = spawn(&mut app, HapticTool { device: DeviceSelector::named("a"), ..default() });
+    app.update();
+    let said = faults(&mut app);
+    assert!(
+        said[0].starts_with(
+            "the tool has no device: there is no device named \"default\"; registered are: none"
+        )
+    );
+    assert!(said[1].ends_with("there is no device named \"b\"; registered are: a, broken"), "{}", said[1]);
+    assert_eq!(said[2], "the tool has no device: the device could not be made: no cable");
+    assert!(
+        said[3].contains("the recorded hand cannot be read: no/such.csv: cannot be read or written: "),
+        "{}",
+        said[3]
+    );
+    assert_eq!(said[4], "the tool cannot touch: tool radius, m is 0; it must be finite and above 0");
+    assert_eq!(said.len(), 5);
+    app.world_mut().get_mut::<ToolSettings>(tool).unwrap().safety.max_slew_n_per_s = -1.0;
+    step(&mut app, 1);
+    assert_eq!(
+        faults(&mut app),
+        [
+            "the tool's settings are refused: largest growth of the force, N/s is -1; it must be finite and above 0"
+        ]
+    );
+}
+
+#[test]
+fn a_second_tool_on_the_same_body_is_refused_and_said_once() {
+    let mut app = lockstep_app();
+    spawn_scene(&mut app, Scheme::Hold, pressing_hand);
+    let second = HapticTool { device: DeviceSelector::named("hand"), ..default() };
+    let second = app.world_mut().spawn(second).id();
+    step(&mut app, 1);
+    let kinds = messages::<HapticFault>(&mut app);
+    assert!(matches!(kinds[..], [HapticFault { kind: HapticFaultKind::BodyTaken { .. }, .. }]), "{kinds:?}");
+    step(&mut app, 9);
+    assert_eq!(faults(&mut app), [""; 0]);
+    assert_eq!(app.world().get::<ToolLoop>(second).unwrap().body(), None);
+    assert_eq!(app.world().get::<ToolForce>(second).unwrap().force_n, DVec3::ZERO);
+}
+
+#[test]
+fn the_mesh_follows_the_body_where_the_entity_stands() {
+    use bevy::mesh::VertexAttributeValues;
+    let mut app = lockstep_app();
+    app.add_plugins((TransformPlugin, AssetPlugin::default(), bevy::mesh::MeshPlugin));
+    app.finish();
+    app.world_mut().resource_mut::<HapticDevices>().register("hand", || {
+        Ok(ScriptedDevice::new(|n, _| {
+            let t = n as f64 * 1e-3;
+            Ok(Reading::at(DVec3::new(1.012, 0.057 - 0.01 * t.min(0.8), 0.009)))
+        }))
+    });
+    let block = (
+        DeformableBody::block([6, 6, 6], 0.1),
+        FixedRegion::Face(Face::Bottom),
+        Transform::from_xyz(1.0, 0.0, 0.0),
+    );
+    let body = app.world_mut().spawn(block).id();
+    let tool = app.world_mut().spawn(HapticTool { device: DeviceSelector::named("hand"), ..default() }).id();
+    let vertices = |app: &App| {
+        let mesh = app.world().get::<Mesh3d>(body).unwrap();
+        let meshes = app.world().resource::<Assets<Mesh>>();
+        match meshes.get(&mesh.0).unwrap().attribute(Mesh::ATTRIBUTE_POSITION).unwrap() {
+            VertexAttributeValues::Float32x3(positions) => positions.clone(),
+            _ => unreachable!(),
+        }
+    };
+    step(&mut app, 1);
+    let rest = vertices(&app);
+    assert_eq!(rest.len(), 6 * 36);
+    assert!(rest.iter().flatten().all(|v| v.abs() <= 0.0500001));
+    step(&mut app, 18);
+    let pressed = vertices(&app);
+    let deepest = rest.iter().zip(&pressed).map(|(a, b)| a[1] - b[1]).fold(0.0, f32::max);
+    let height = app.world().get::<Transform>(tool).unwrap().translation.y;
+    assert!(
+        deepest > 0.005 && (0.05 - deepest - (height - 0.005)).abs() < 1e-4,
+        "{deepest} m under {height} m"
+    );
+}
+
+#[test]
+fn the_public_components_are_reflected() {
+    let app = lockstep_app();
+    let registry = app.world().resource::<AppTypeRegistry>().read();
+    for name in [
+        "DeformableBody",
+        "Tissue",
+        "FixedRegion",
+        "HapticTool",
+        "ToolSettings",
+        "ToolForce",
+        "LoopTiming",
+        "Touching",
+    ] {
+        let known =
+            registry.get_with_short_type_path(name).unwrap_or_else(|| panic!("{name} is not registered"));
+        assert!(known.data::<ReflectComponent>().is_some(), "{name}");
+    }
+}
+
+#[test]
+#[should_panic(expected = "ambigu")]
+fn ambiguous_systems_in_a_model_step_are_an_error() {
+    let mut app = lockstep_app();
+    app.add_systems(
+        ModelStep,
+        (|_: Query<&mut ToolForce>| (), |_: Query<&mut ToolForce>| ()).in_set(HapticSystems::Last),
+    );
+    spawn_scene(&mut app, Scheme::Hold, pressing_hand);
+    step(&mut app, 1);
+}

@@ -1,0 +1,115 @@
+//! A run on a thread, replayed in lock step from what was recorded, gives the same bits.
+
+use palpate_body::{Body, SemiImplicitEuler, ToolContact, ToolPoint};
+use palpate_haptics::*;
+use palpate_local::{ModelId, Sample, Scheme};
+use palpate_reduce::{BuilderOptions, LocalModelBuilder};
+use palpate_tests::{DRIVEN_NODE, reference_body, reference_offset};
+
+/// The model side of a run: the body, moved along the samples, and local models built of it.
+struct ModelSide {
+    body: Body,
+    contact: ToolContact,
+    builder: LocalModelBuilder,
+    at: Option<(u64, ToolPoint)>,
+}
+
+impl ModelSide {
+    fn new() -> Self {
+        let body = reference_body().unwrap();
+        let start = body.positions_m()[DRIVEN_NODE];
+        let contact = ToolContact::hold(&body, DRIVEN_NODE, start).unwrap();
+        let builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
+        Self { body, contact, builder, at: None }
+    }
+
+    /// Moves the body along the samples up to `sequence` and publishes a local model of it.
+    fn step(&mut self, sequence: u64, sample: impl Fn(u64) -> Sample, handle: &mut HapticHandle) {
+        let point = |s: &Sample| ToolPoint { position_m: s.position_m, velocity_m_per_s: s.velocity_m_per_s };
+        let (from, first) = self.at.unwrap_or_else(|| (sequence, point(&sample(sequence))));
+        let mut path = vec![first];
+        path.extend((from + 1..=sequence).map(|s| point(&sample(s))));
+        let last = path[path.len() - 1];
+        let along = Some((&mut self.contact, path.as_slice()));
+        self.body.advance(along, path.len() - 1, &SemiImplicitEuler::default()).unwrap();
+        self.at = Some((sequence, last));
+        let id = ModelId { body: 1, epoch: 0, sequence };
+        let model = handle.model_slot();
+        self.builder.build(Scheme::Neighbourhood, &self.body, &self.contact, last, id, model).unwrap();
+        handle.publish_model();
+    }
+}
+
+fn device() -> ScriptedDevice {
+    let start = reference_body().unwrap().positions_m()[DRIVEN_NODE];
+    ScriptedDevice::new(move |n, _| match n {
+        // A few faults, so that their consequences are replayed too.
+        300..303 => Err(DeviceError::TimedOut),
+        _ => Ok(Reading::at(start + reference_offset(n as f64 * 1e-3))),
+    })
+}
+
+fn settings() -> LoopSettings {
+    LoopSettings { record: true, ..LoopSettings::default() }
+}
+
+/// Runs on a thread for at least `ticks` ticks, with model steps as they come; returns the records and the
+/// sequence numbers of the model steps.
+#[expect(clippy::disallowed_methods, reason = "the model side waits for samples of a real thread")]
+fn record(ticks: usize) -> (Vec<TickRecord>, Vec<u64>) {
+    let (mut handle, haptic_loop) = haptic_loop(LoopConfig::default(), settings()).unwrap();
+    let mut thread = haptic_loop.spawn(Box::new(device())).unwrap();
+    let (mut model_side, mut records, mut steps) = (ModelSide::new(), Vec::new(), Vec::new());
+    while records.len() < ticks {
+        std::thread::sleep(std::time::Duration::from_millis(37));
+        let samples = handle.samples().clone();
+        if let Some(newest) = samples.newest() {
+            let sequence = newest.sequence;
+            steps.push(sequence);
+            model_side.step(sequence, |s| *samples.get(s).unwrap(), &mut handle);
+        }
+        records.extend(std::iter::from_fn(|| handle.next_record()));
+    }
+    thread.stop();
+    records.extend(std::iter::from_fn(|| handle.next_record()));
+    assert_eq!(handle.report().dropped_records, 0);
+    (records, steps)
+}
+
+#[test]
+fn a_thread_run_is_replayed_to_the_bit() {
+    let (records, steps) = record(1200);
+    let (mut handle, mut haptic_loop) = haptic_loop(LoopConfig::default(), settings()).unwrap();
+    let (mut model_side, mut samples) = (ModelSide::new(), std::collections::HashMap::new());
+    let mut steps = steps.into_iter().peekable();
+    let (mut adopted, mut loudest) = (0, 0.0_f64);
+    for recorded in &records {
+        if let Some(taken) = recorded.taken {
+            // Every model step up to the one that was taken; those between were never seen by the loop.
+            while let Some(sequence) = steps.next_if(|&s| s <= taken.sequence) {
+                model_side.step(sequence, |s| samples[&s], &mut handle);
+            }
+        }
+        let ticked = haptic_loop.tick(recorded.elapsed, recorded.reading);
+        haptic_loop.finish_tick(&ticked, None, Ok(()));
+        let again = TickRecord { timing: recorded.timing, ..ticked.record };
+        assert_eq!(again, *recorded);
+        for (a, b) in again.force_n.to_array().iter().zip(recorded.force_n.to_array()) {
+            assert_eq!(a.to_bits(), b.to_bits());
+        }
+        for (_, sample) in samples_of(&mut handle) {
+            samples.insert(sample.sequence, sample);
+        }
+        adopted += usize::from(recorded.spoken.swap.is_some());
+        loudest = loudest.max(recorded.force_n.length());
+    }
+    assert!(adopted > 10 && loudest > 1.0, "{adopted} models, {loudest} N");
+}
+
+/// The samples of the newest tick, the bridged ones before it included.
+fn samples_of(handle: &mut HapticHandle) -> Vec<(u64, Sample)> {
+    let elapsed = handle.latest_tick().map_or(1, |record| record.elapsed);
+    let samples = handle.samples();
+    let newest = samples.newest().map_or(0, |s| s.sequence);
+    (newest.saturating_sub(elapsed)..=newest).filter_map(|s| Some((s, *samples.get(s)?))).collect()
+}
