@@ -1,1 +1,1 @@
-//! Benchmarks of palpate.
+//! Benchmarks of palpate: see `ring.rs`.

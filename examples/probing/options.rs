@@ -27,7 +27,7 @@ pub struct Options {
     #[arg(long, value_enum, default_value_t)]
     pub scheme: SchemeName,
     /// Where the trace and the plot are written
-    #[arg(long, value_name = "DIR", default_value = "target/palpate/probing")]
+    #[arg(long, value_name = "DIR", default_value = "target/palpate/probing", value_parser = folder)]
     pub out: PathBuf,
     /// Run without a window even if this program has one
     #[arg(long)]
@@ -60,6 +60,11 @@ fn seconds(text: &str) -> Result<f64, String> {
         Ok(seconds) if (0.5..=3600.0).contains(&seconds) => Ok(seconds),
         _ => Err("it must be a number from 0.5 to 3600".into()),
     }
+}
+
+/// Makes the folder, so that what is wrong with it is said before anything starts.
+fn folder(path: &str) -> Result<PathBuf, String> {
+    std::fs::create_dir_all(path).map(|()| path.into()).map_err(|error| error.to_string())
 }
 
 /// Reads the file once so that what is wrong with it is said before anything starts.

@@ -8,6 +8,9 @@ use std::path::Path;
 
 type PlotResult<T = ()> = Result<T, Box<dyn std::error::Error + Send + Sync>>;
 
+/// A part of the picture.
+type Canvas<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+
 /// A curve's name, colour and points (s, N).
 struct Curve {
     name: &'static str,
@@ -29,10 +32,23 @@ pub fn force_over_time(run: &Run, path: &Path) -> PlotResult {
 
     let area = SVGBackend::new(path, (1000, 800)).into_drawing_area();
     area.fill(&WHITE).map_err(text)?;
-    let (upper, lower) = area.split_vertically(400);
+    let (panels, legend) = area.split_horizontally(830);
+    let (upper, lower) = panels.split_vertically(400);
     panel(&upper, "Force along the surface normal", whole, &curves)?;
     panel(&lower, "The strongest touch", near, &curves)?;
+    draw_legend(&legend, &curves)?;
     area.present().map_err(text)
+}
+
+/// The names beside the panels, where they hide nothing.
+fn draw_legend(area: &Canvas, curves: &[Curve]) -> PlotResult {
+    for (line, curve) in curves.iter().enumerate() {
+        let y = 60 + 22 * line as i32;
+        let stroke = PathElement::new([(4, y), (24, y)], curve.color.stroke_width(2));
+        area.draw(&stroke).map_err(text)?;
+        area.draw(&Text::new(curve.name, (30, y - 6), ("sans-serif", 12))).map_err(text)?;
+    }
+    Ok(())
 }
 
 fn curves(run: &Run) -> Vec<Curve> {
@@ -54,12 +70,7 @@ fn curves(run: &Run) -> Vec<Curve> {
     curves
 }
 
-fn panel(
-    area: &DrawingArea<SVGBackend, plotters::coord::Shift>,
-    title: &str,
-    time: Range<f64>,
-    curves: &[Curve],
-) -> PlotResult {
+fn panel(area: &Canvas, title: &str, time: Range<f64>, curves: &[Curve]) -> PlotResult {
     let shown = |curve: &Curve| -> Vec<(f64, f64)> {
         curve.points.iter().copied().filter(|(t, _)| time.contains(t)).collect()
     };
@@ -80,19 +91,9 @@ fn panel(
         .map_err(text)?;
     for curve in curves {
         let color = curve.color;
-        chart
-            .draw_series(LineSeries::new(shown(curve), color.stroke_width(1)))
-            .map_err(text)?
-            .label(curve.name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
+        chart.draw_series(LineSeries::new(shown(curve), color.stroke_width(1))).map_err(text)?;
     }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::UpperRight)
-        .background_style(WHITE.mix(0.85))
-        .border_style(BLACK.mix(0.3))
-        .draw()
-        .map_err(text)
+    Ok(())
 }
 
 /// The plotter's errors hold references to its canvas.

@@ -16,7 +16,7 @@ pub struct ReportPlugin;
 
 impl Plugin for ReportPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(Last, report.run_if(on_message::<AppExit>));
+        app.add_systems(Last, report.pipe(fail).run_if(on_message::<AppExit>));
     }
 }
 
@@ -50,13 +50,20 @@ fn report(
         Comparison::run(&Body::new(network, surface), &contact, samples, &Scheme::ALL, &settings)?;
     let run = Run { samples, records: &recording.records, comparison };
     print_table(&run, recording, timing, steps.0, tool.scheme)?;
-    std::fs::create_dir_all(&options.out)?;
     let trace = options.out.join("trace.csv");
     write_trace(&run, BufWriter::new(std::fs::File::create(&trace)?))?;
     let picture = options.out.join("force.svg");
     plot::force_over_time(&run, &picture)?;
     writeln!(std::io::stdout(), "\ntrace  {}\nplot   {}", trace.display(), picture.display())?;
     Ok(())
+}
+
+/// Ends the app with an error if there is no report.
+fn fail(In(result): In<Result>, mut exit: MessageWriter<AppExit>) {
+    if let Err(error) = result {
+        error!("the report cannot be made: {error}");
+        exit.write(AppExit::error());
+    }
 }
 
 /// The samples after the last hole: only they can be stepped along.

@@ -1,0 +1,68 @@
+//! What each part of the ring costs on the 6 × 6 × 6 block: a loop's tick for every scheme, a model step, the
+//! building of a local model. Run with `cargo bench -p palpate_benches`.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use glam::DVec3;
+use palpate_body::{Block, Body, Face, SemiImplicitEuler, ToolContact, ToolPoint, UniformLattice};
+use palpate_haptics::{LoopConfig, LoopSettings, Reading, haptic_loop};
+use palpate_local::{LocalModel, ModelId, Scheme};
+use palpate_reduce::{BuilderOptions, LocalModelBuilder};
+use std::hint::black_box;
+
+fn held_block(nodes: usize) -> (Body, ToolContact, ToolPoint) {
+    let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
+    let block = Block::new([nodes; 3], DVec3::splat(0.1)).and_then(|b| b.fix(Face::NegZ).uniform(&lattice));
+    let block = block.expect("the block is a good one");
+    let body = Body::new(block.network, block.surface);
+    let node = nodes / 2 + nodes * (nodes / 2 + nodes * (nodes - 1));
+    let at = ToolPoint::at_rest(body.positions_m()[node]);
+    let contact = ToolContact::hold(&body, node, at.position_m).expect("the node is free");
+    (body, contact, at)
+}
+
+fn ticks(c: &mut Criterion) {
+    let (body, contact, at) = held_block(6);
+    let mut group = c.benchmark_group("tick");
+    for scheme in Scheme::ALL {
+        let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).expect("good options");
+        let (mut handle, mut haptic_loop) =
+            haptic_loop(LoopConfig::default(), LoopSettings::default()).expect("good settings");
+        // A whole tick of the loop, exchange and safety chain included.
+        let mut n = 0u64;
+        let mut tick = move || {
+            n += 1;
+            let wobble = DVec3::Z * 1e-3 * (n as f64 * 0.01).sin();
+            let ticked = haptic_loop.tick(1, Ok(Reading::at(at.position_m - wobble)));
+            haptic_loop.finish_tick(&ticked, None, Ok(()));
+            ticked.device_force_n
+        };
+        tick();
+        let id = ModelId { body: 1, epoch: 0, sequence: 1 };
+        builder.build(scheme, &body, &contact, at, id, handle.model_slot()).expect("the block is held");
+        handle.publish_model();
+        group.bench_function(scheme.name(), |b| b.iter(&mut tick));
+    }
+}
+
+fn model_steps(c: &mut Criterion) {
+    let mut group = c.benchmark_group("model_side");
+    for nodes in [6, 10] {
+        let (mut body, mut contact, at) = held_block(nodes);
+        let path = vec![at; 51];
+        group.bench_function(format!("step of 50 ticks, {nodes}^3"), |b| {
+            b.iter(|| body.advance(Some((&mut contact, &path)), 50, &SemiImplicitEuler::default()));
+        });
+        let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).expect("good options");
+        let mut model = LocalModel::silent(builder.order_capacity());
+        for scheme in [Scheme::Tangent, Scheme::Neighbourhood] {
+            group.bench_function(format!("build {}, {nodes}^3", scheme.name()), |b| {
+                b.iter(|| {
+                    builder.build(scheme, black_box(&body), &contact, at, ModelId::default(), &mut model)
+                });
+            });
+        }
+    }
+}
+
+criterion_group! { name = benches; config = Criterion::default().sample_size(20); targets = ticks, model_steps }
+criterion_main!(benches);
