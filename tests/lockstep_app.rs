@@ -288,6 +288,49 @@ fn the_mesh_follows_the_body_where_the_entity_stands() {
 }
 
 #[test]
+fn a_removed_tool_or_body_is_simulated_no_more() {
+    let mut app = lockstep_app();
+    let (body, tool) = spawn_scene(&mut app, Scheme::Hold, pressing_hand);
+    step(&mut app, 3);
+    app.world_mut().entity_mut(tool).remove::<HapticTool>();
+    app.world_mut().entity_mut(body).remove::<DeformableBody>();
+    app.update();
+    assert!(app.world().get::<ToolLoop>(tool).is_none() && app.world().get::<SimulatedBody>(body).is_none());
+    step(&mut app, 2);
+    assert_eq!(faults(&mut app), [""; 0]);
+}
+
+#[test]
+fn another_device_means_another_loop() {
+    let mut app = lockstep_app();
+    let (_, tool) = spawn_scene(&mut app, Scheme::Hold, pressing_hand);
+    step(&mut app, 10);
+    assert!(app.world().get::<Touching>(tool).unwrap().body.is_some());
+    let away = || Ok(ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::Y * 0.5))));
+    app.world_mut().resource_mut::<HapticDevices>().register("away", away);
+    app.world_mut().get_mut::<HapticTool>(tool).unwrap().device = DeviceSelector::named("away");
+    step(&mut app, 4);
+    assert_eq!(app.world().get::<Transform>(tool).unwrap().translation, Vec3::Y * 0.5);
+    assert_eq!(app.world().get::<ToolForce>(tool).unwrap().force_n, DVec3::ZERO);
+    assert_eq!(app.world().get::<Touching>(tool).unwrap().body, None);
+}
+
+#[test]
+fn model_rates_are_whole_ticks() {
+    for (hz, ticks) in [(20.0, 50), (25.0, 40), (100.0, 10), (1000.0, 1), (5.0, 200)] {
+        assert_eq!(ModelRate::hz(hz).unwrap().ticks(), ticks);
+        assert_eq!(ModelRate::every_ticks(ticks).unwrap(), ModelRate::hz(hz).unwrap());
+    }
+    for hz in [0.0, -20.0, 30.0, 4.0, 2000.0, f64::NAN, f64::INFINITY] {
+        let error = ModelRate::hz(hz).unwrap_err().to_string();
+        assert!(
+            error.ends_with("it must be 5 to 1000, with a whole number of milliseconds between two steps")
+        );
+    }
+    assert!(ModelRate::every_ticks(0).is_err() && ModelRate::every_ticks(201).is_err());
+}
+
+#[test]
 fn the_public_components_are_reflected() {
     let app = lockstep_app();
     let registry = app.world().resource::<AppTypeRegistry>().read();

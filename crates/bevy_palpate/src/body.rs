@@ -163,8 +163,14 @@ impl Plugin for BodyPlugin {
                 PreUpdate,
                 (build_bodies, mesh::give_meshes).chain().in_set(HapticSetupSystems::Bodies),
             )
+            .add_observer(remove_simulation)
             .add_systems(ModelStep, mesh::write_meshes.in_set(HapticSystems::Writeback));
     }
+}
+
+/// A body that is a body no longer is not simulated.
+fn remove_simulation(removed: On<Remove, DeformableBody>, mut commands: Commands) {
+    commands.entity(removed.entity).try_remove::<SimulatedBody>();
 }
 
 /// What is made of new or changed components, in [`PreUpdate`].

@@ -49,6 +49,10 @@ pub enum HapticFaultKind {
     /// The loop's thread has ended without being asked to: its device failed or panicked.
     #[error("the haptic loop's thread has ended")]
     LoopEnded,
+    /// The loop's thread did not end within 200 ms of being asked to, because its device blocks; it is left to
+    /// itself and stops with zero force when the device lets it.
+    #[error("the haptic loop's thread does not end: its device blocks; it is left to itself")]
+    LoopDetached,
     /// The model side was so late that samples are lost; the body goes on from the oldest that is left.
     #[error("{lost} samples were lost before the body could be moved along them")]
     SamplesLost {

@@ -111,6 +111,7 @@ impl Plugin for ToolPlugin {
                     results::write_results.in_set(HapticSystems::Writeback),
                 ),
             )
+            .add_observer(start::remove_loop)
             .add_systems(PostUpdate, results::move_tools.before(TransformSystems::Propagate));
     }
 }

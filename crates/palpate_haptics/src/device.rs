@@ -6,6 +6,8 @@ mod scripted;
 pub use replay::{AtEnd, ReplayDevice};
 pub use scripted::ScriptedDevice;
 
+use crate::HapticsError;
+use crate::error::{check, check_positive};
 use glam::{DQuat, DVec3};
 use std::time::Duration;
 use thiserror::Error;
@@ -63,6 +65,23 @@ pub struct DeviceDescription {
     pub max_force_n: f64,
     /// How often it can be read and written, Hz.
     pub rate_hz: f64,
+}
+
+impl DeviceDescription {
+    /// Refuses a description that makes no sense: a driver's mistake must not become a force limit.
+    ///
+    /// # Errors
+    /// [`HapticsError::Setting`].
+    pub fn validate(&self) -> Result<(), HapticsError> {
+        let [low, high] = self.workspace_m;
+        let size = (high - low).min_element();
+        let ok = low.is_finite() && high.is_finite() && size >= 0.0;
+        check("smallest side of the device's workspace, m", size, ok, "finite and at least 0")?;
+        let force = self.max_force_n;
+        let ok = force.is_finite() && force >= 0.0;
+        check("largest force of the device, N", force, ok, "finite and at least 0")?;
+        check_positive("rate of the device, Hz", self.rate_hz)
+    }
 }
 
 /// One reading, in the device's frame.

@@ -70,3 +70,20 @@ fn readings_that_are_no_readings_are_seen() {
         assert!(!bad.is_usable());
     }
 }
+
+#[test]
+fn descriptions_that_make_no_sense_are_refused() {
+    let good = ScriptedDevice::new(|_, _| Err(DeviceError::TimedOut)).describe();
+    good.validate().unwrap();
+    ReplayDevice::new(trajectory(), AtEnd::Stay).describe().validate().unwrap();
+    for bad in [
+        DeviceDescription { max_force_n: f64::NAN, ..good.clone() },
+        DeviceDescription { max_force_n: -1.0, ..good.clone() },
+        DeviceDescription { max_force_n: f64::INFINITY, ..good.clone() },
+        DeviceDescription { rate_hz: 0.0, ..good.clone() },
+        DeviceDescription { workspace_m: [DVec3::ONE, DVec3::ZERO], ..good.clone() },
+        DeviceDescription { workspace_m: [DVec3::ZERO, DVec3::NAN], ..good.clone() },
+    ] {
+        assert!(matches!(bad.validate(), Err(HapticsError::Setting { .. })), "{bad:?}");
+    }
+}

@@ -251,3 +251,23 @@ fn local_models_cross_whole() {
     }
     assert!(seen > 100, "{seen}");
 }
+
+/// A model step that takes 150 ms makes the local model older; the loop goes on ticking.
+#[test]
+fn a_slow_model_side_makes_the_model_older_and_not_the_loop_late() {
+    let (mut handle, mut thread, log) = start(|_| Ok(Reading::at(DVec3::ZERO)));
+    wait_for(|| log.reads.load(Ordering::SeqCst) > 20);
+    let built_at = handle.samples().newest().unwrap().sequence;
+    let before = log.reads.load(Ordering::SeqCst);
+    // The model step takes until the loop has gone on by 150 samples.
+    wait_for(|| handle.samples().newest().unwrap().sequence >= built_at + 150);
+    publish(&mut handle, built_at);
+    assert!(log.reads.load(Ordering::SeqCst) > before, "the loop has ticked meanwhile");
+    let adopted =
+        |handle: &mut HapticHandle| handle.latest_tick().unwrap().spoken.model.unwrap().sequence == built_at;
+    wait_for(|| adopted(&mut handle));
+    let tick = handle.latest_tick().unwrap();
+    assert!(tick.sample.unwrap().sequence - built_at >= 150, "and the model is that old");
+    assert_eq!(tick.spoken.force_n, DVec3::Y);
+    thread.stop();
+}

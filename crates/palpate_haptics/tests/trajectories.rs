@@ -13,7 +13,7 @@ fn message(text: &str) -> String {
 
 #[test]
 fn a_file_is_read_as_it_was_written() {
-    let written = Probe::default().trajectory();
+    let written = Probe::default().trajectory().unwrap();
     let mut text = Vec::new();
     written.to_csv(&mut text).unwrap();
     let read = Trajectory::from_csv(text.as_slice(), "probe.csv").unwrap();
@@ -28,7 +28,7 @@ fn a_file_is_read_as_it_was_written() {
 fn the_committed_hand_is_what_the_generator_makes() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/trajectories/probe.csv");
     let mut expected = Vec::new();
-    Probe::default().trajectory().to_csv(&mut expected).unwrap();
+    Probe::default().trajectory().unwrap().to_csv(&mut expected).unwrap();
     let committed = std::fs::read(path).unwrap();
     assert!(
         committed == expected,
@@ -80,8 +80,8 @@ fn a_file_that_is_not_there_is_named_with_the_cause() {
 #[test]
 fn the_generated_hand_is_a_hand() {
     let probe = Probe::default();
-    let still = Probe { tremor_m: 0.0, ..probe }.trajectory();
-    let hand = probe.trajectory();
+    let still = Probe { tremor_m: 0.0, ..probe }.trajectory().unwrap();
+    let hand = probe.trajectory().unwrap();
     let positions = hand.positions_m();
     let step = |i: usize| (positions[(i + 1) % positions.len()] - positions[i]).length();
     let fastest = (0..positions.len()).map(step).fold(0.0, f64::max) / Trajectory::PERIOD_S;
@@ -91,5 +91,20 @@ fn the_generated_hand_is_a_hand() {
     assert!((rms - 1e-4).abs() < 1e-9, "{rms} m");
     let lowest = positions.iter().map(|p| p.y).fold(f64::MAX, f64::min);
     assert!((probe.surface_m - lowest - probe.depth_m).abs() < 2e-3);
-    assert_ne!(Probe { seed: 2, ..probe }.trajectory(), hand);
+    assert_ne!(Probe { seed: 2, ..probe }.trajectory().unwrap(), hand);
+}
+
+#[test]
+fn a_hand_that_makes_no_sense_is_refused() {
+    let good = Probe::default();
+    for bad in [
+        Probe { probes: 0, ..good },
+        Probe { probes: 1001, ..good },
+        Probe { depth_m: f64::NAN, ..good },
+        Probe { depth_m: -0.01, ..good },
+        Probe { tremor_m: f64::INFINITY, ..good },
+        Probe { surface_m: f64::NAN, ..good },
+    ] {
+        assert!(matches!(bad.trajectory(), Err(HapticsError::Setting { .. })), "{bad:?}");
+    }
 }

@@ -27,6 +27,7 @@ pub(super) fn receive(
                 lockstep.get().run(rate.ticks() as usize);
                 false
             }
+            Driver::Stopped => true,
         };
         if let Some(recording) = &mut recording {
             record_samples(tool.handle.samples(), &mut recording.samples);

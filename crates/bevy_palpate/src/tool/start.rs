@@ -4,15 +4,18 @@ use super::{HapticTool, TickRecording, ToolSettings};
 use crate::device::{DeviceSelector, HapticDevices};
 use crate::fault::{DeviceFault, HapticFault, HapticFaultKind};
 use crate::schedule::{HapticClock, ModelRate};
+use bevy::ecs::lifecycle::HookContext;
+use bevy::ecs::world::DeferredWorld;
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
 use palpate_body::{ToolContact, ToolPoint};
 use palpate_haptics::{
-    HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopSettings, LoopThread, haptic_loop,
+    HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopSettings, LoopThread, Stop, haptic_loop,
 };
 
 /// The running loop of a tool, and the model side's account of it. Removing it stops the loop.
 #[derive(Component, Debug)]
+#[component(on_remove = stop_loop)]
 pub struct ToolLoop {
     pub(super) handle: HapticHandle,
     pub(super) driver: Driver,
@@ -37,6 +40,22 @@ pub struct ToolLoop {
 pub(super) enum Driver {
     Thread(LoopThread),
     Lockstep(Box<SyncCell<Lockstep<dyn HapticDevice>>>),
+    Stopped,
+}
+
+impl Driver {
+    /// Ends the loop with zero force; what did not go well is a fault.
+    pub(super) fn stop(&mut self) -> Option<HapticFaultKind> {
+        match std::mem::replace(self, Self::Stopped) {
+            Self::Thread(mut thread) => match thread.stop() {
+                Stop::Joined(_) | Stop::AlreadyStopped => None,
+                Stop::Panicked => Some(HapticFaultKind::LoopEnded),
+                Stop::Detached => Some(HapticFaultKind::LoopDetached),
+            },
+            // Dropping it writes zero force and closes the device.
+            Self::Lockstep(_) | Self::Stopped => None,
+        }
+    }
 }
 
 impl std::fmt::Debug for Driver {
@@ -44,6 +63,7 @@ impl std::fmt::Debug for Driver {
         f.write_str(match self {
             Self::Thread(_) => "Thread",
             Self::Lockstep(_) => "Lockstep",
+            Self::Stopped => "Stopped",
         })
     }
 }
@@ -60,6 +80,21 @@ impl ToolLoop {
     pub fn contact(&self) -> &ToolContact {
         &self.contact
     }
+}
+
+/// A device that does not let its loop end must not go unnoticed.
+fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
+    let Some(mut tool) = world.get_mut::<ToolLoop>(entity) else { return };
+    if let Some(kind) = tool.driver.stop()
+        && let Some(mut faults) = world.get_resource_mut::<Messages<HapticFault>>()
+    {
+        faults.write(HapticFault { entity: Some(entity), kind });
+    }
+}
+
+/// A tool that is a tool no longer has no loop.
+pub(super) fn remove_loop(removed: On<Remove, HapticTool>, mut commands: Commands) {
+    commands.entity(removed.entity).try_remove::<ToolLoop>();
 }
 
 /// Starts a loop for every new tool, and another one for a tool whose device has changed.
@@ -79,17 +114,20 @@ pub(super) fn start_loops(
                 continue;
             }
         };
-        if let Some(mut running) = running
-            && running.device == tool.device
-        {
-            let ToolContact::Touch { radius_m, .. } = running.contact else { continue };
-            if radius_m != tool.radius_m {
-                running.contact = contact;
+        if let Some(mut running) = running {
+            if running.device == tool.device {
+                if !matches!(running.contact, ToolContact::Touch { radius_m, .. } if radius_m == tool.radius_m)
+                {
+                    running.contact = contact;
+                }
+                continue;
             }
-            continue;
+            // The old loop ends before its device is asked for again.
+            if let Some(kind) = running.driver.stop() {
+                faults.write(HapticFault { entity: Some(entity), kind });
+            }
+            commands.entity(entity).remove::<ToolLoop>();
         }
-        // An old loop ends here, before its device is asked for again.
-        commands.entity(entity).remove::<ToolLoop>();
         let started = devices
             .make(&tool.device)
             .and_then(|device| start(device, *clock, loop_settings(settings, *rate, None, false, false)));
@@ -122,7 +160,9 @@ fn start(
     clock: HapticClock,
     settings: LoopSettings,
 ) -> Result<(HapticHandle, Driver), DeviceFault> {
-    let config = LoopConfig { device_limit_n: device.describe().max_force_n, ..LoopConfig::default() };
+    let description = device.describe();
+    description.validate()?;
+    let config = LoopConfig { device_limit_n: description.max_force_n, ..LoopConfig::default() };
     let (handle, haptic_loop) = haptic_loop(config, settings)?;
     let driver = match clock {
         HapticClock::Thread => Driver::Thread(haptic_loop.spawn(device)?),

@@ -1,6 +1,8 @@
 //! A hand that probes a surface: the generator of `assets/trajectories/probe.csv`.
 
 use super::Trajectory;
+use crate::HapticsError;
+use crate::error::check;
 use glam::DVec3;
 use std::f64::consts::TAU;
 
@@ -44,8 +46,22 @@ const CIRCLE_M: (DVec3, f64) = (DVec3::new(0.008, 0.0, 0.007), 0.022);
 
 impl Probe {
     /// The hand's positions.
-    #[must_use]
-    pub fn trajectory(&self) -> Trajectory {
+    ///
+    /// # Errors
+    /// [`HapticsError::Setting`] when a number is not finite, there is no probe or more than 1000, or depth or
+    /// tremor is negative.
+    pub fn trajectory(&self) -> Result<Trajectory, HapticsError> {
+        let probes = self.probes;
+        check("number of probes", f64::from(probes), (1..=1000).contains(&probes), "1 to 1000")?;
+        check(
+            "height of the surface, m",
+            self.surface_m,
+            self.surface_m.abs() <= 1.0,
+            "within 1 m of the origin",
+        )?;
+        for (what, value) in [("depth of the probes, m", self.depth_m), ("tremor, m", self.tremor_m)] {
+            check(what, value, (0.0..=0.1).contains(&value), "0 to 0.1")?;
+        }
         let cycle = PHASES.iter().sum::<f64>() as usize;
         let total = cycle * self.probes as usize;
         let tremor = self.tremor(total as f64 * Trajectory::PERIOD_S);
@@ -56,7 +72,7 @@ impl Probe {
                 self.intended(probe, (i % cycle) as f64) + tremor(t)
             })
             .collect();
-        Trajectory { positions_m }
+        Ok(Trajectory { positions_m })
     }
 
     /// The intended place at `tick` of probe number `probe`.
