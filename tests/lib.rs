@@ -49,7 +49,6 @@ pub mod app {
     use std::time::Duration;
 
     /// An app with palpate in lock step, at 20 Hz, and a clock that advances 50 ms at every update.
-    #[must_use]
     pub fn lockstep_app() -> App {
         let mut app = App::new();
         app.add_plugins(MinimalPlugins)

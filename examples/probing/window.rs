@@ -6,6 +6,7 @@ use bevy_palpate::SimulatedBody;
 use bevy_palpate::prelude::*;
 
 /// Adds a window and what is to be seen in it, unless there is no place for one; says why not.
+#[expect(clippy::print_stderr, reason = "there is no log before there is an app")]
 pub fn add_plugins(app: &mut App, options: &Options) -> bool {
     if options.headless {
         return false;

@@ -61,8 +61,7 @@ impl SemiImplicitEuler {
             "at least 1 and at most the most",
         )?;
         let needed = (self.tick_s / (margin * Self::stable_step_s(body))).ceil();
-        // Also where the need is not a number.
-        if !(needed <= max as f64) {
+        if needed.is_nan() || needed > max as f64 {
             return Err(BodyError::Substeps { needed, allowed: max });
         }
         Ok(min.max(needed as usize))
