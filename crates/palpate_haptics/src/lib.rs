@@ -31,7 +31,7 @@
 //! # Contents
 //!
 //! * Devices: [`HapticDevice`], [`ScriptedDevice`], [`ReplayDevice`], [`Trajectory`], [`Probe`].
-//! * The two halves: [`haptic_loop`], [`HapticHandle`], [`HapticLoop`].
+//! * The two halves: [`haptic_loop()`], [`HapticHandle`], [`HapticLoop`].
 //! * Two clocks: [`LoopThread`] on a thread of its own, [`Lockstep`] for tests and replay.
 //! * Settings: [`LoopConfig`], [`LoopSettings`], [`DeviceFrame`], [`VelocityEstimator`], [`SafetySettings`].
 //! * The loop's account: [`LoopReport`], [`LoopEvent`], [`TickRecord`].

@@ -7,7 +7,7 @@ use glam::DVec3;
 /// Where a sample's velocity comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum VelocityEstimator {
-    /// (x[n] − x[n−1])/h. Exact for a smooth path, rough for a quantised one: a step of 0.3 mm is 0.3 m/s.
+    /// (xₙ − xₙ₋₁)/h. Exact for a smooth path, rough for a quantised one: a step of 0.3 mm is 0.3 m/s.
     BackwardDifference,
     /// The backward difference through two equal first-order low-passes in series, at `cutoff_hz` each.
     TwoPole {
