@@ -13,7 +13,7 @@ fn held_block(nodes: usize) -> (Body, ToolContact, ToolPoint) {
     let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
     let block = Block::new([nodes; 3], DVec3::splat(0.1)).and_then(|b| b.fix(Face::NegZ).uniform(&lattice));
     let block = block.expect("the block is a good one");
-    let body = Body::new(block.network, block.surface);
+    let body = Body::new(block.network, block.surface).expect("the surface is its own");
     let node = nodes / 2 + nodes * (nodes / 2 + nodes * (nodes - 1));
     let at = ToolPoint::at_rest(body.positions_m()[node]);
     let contact = ToolContact::hold(&body, node, at.position_m).expect("the node is free");

@@ -58,7 +58,7 @@ fn the_oracle_has_the_reference_s_peaks() {
     }
 }
 
-/// With the slices of 8 that the loop uses, a model 40 ms late changes over 5 ticks later; a scheme without a
+/// With the slices of 8 that the loop uses, a model 40 ms late changes over 4 ticks later; a scheme without a
 /// state has nothing to replay.
 #[test]
 #[expect(clippy::print_stdout, reason = "the table is what a reader of the test wants to see")]

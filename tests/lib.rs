@@ -15,7 +15,7 @@ pub const DRIVEN_NODE: usize = 3 + 6 * (3 + 6 * 5);
 pub fn reference_body() -> Result<Body, BodyError> {
     let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
     let block = Block::new([6, 6, 6], DVec3::splat(0.1))?.fix(Face::NegZ).uniform(&lattice)?;
-    Ok(Body::new(block.network, block.surface))
+    Body::new(block.network, block.surface)
 }
 
 /// Offset of the driven node at time `t` (s), m.

@@ -69,6 +69,11 @@ fn record(ticks: usize) -> (Vec<TickRecord>, Vec<u64>) {
             model_side.step(sequence, |s| *samples.get(s).unwrap(), &mut handle);
         }
         records.extend(std::iter::from_fn(|| handle.next_record()));
+        // Another frame in mid-run.
+        if records.len() > 600 && handle.settings().frame == DeviceFrame::default() {
+            let frame = DeviceFrame { offset_m: glam::DVec3::X * 1e-3, ..DeviceFrame::default() };
+            handle.set(LoopSettings { frame, ..settings() }).unwrap();
+        }
     }
     thread.stop();
     records.extend(std::iter::from_fn(|| handle.next_record()));
@@ -82,6 +87,7 @@ fn a_thread_run_is_replayed_to_the_bit() {
     let (mut handle, mut haptic_loop) = haptic_loop(LoopConfig::default(), settings()).unwrap();
     let (mut model_side, mut samples) = (ModelSide::new(), std::collections::HashMap::new());
     let mut steps = steps.into_iter().peekable();
+    assert!(records.iter().any(|r| r.settings.is_some()), "the settings changed on the way");
     let (mut adopted, mut loudest) = (0, 0.0_f64);
     for recorded in &records {
         if let Some(taken) = recorded.taken {
@@ -89,6 +95,9 @@ fn a_thread_run_is_replayed_to_the_bit() {
             while let Some(sequence) = steps.next_if(|&s| s <= taken.sequence) {
                 model_side.step(sequence, |s| samples[&s], &mut handle);
             }
+        }
+        if let Some((_, settings)) = recorded.settings {
+            handle.set(settings).unwrap();
         }
         let ticked = haptic_loop.tick(recorded.elapsed, recorded.reading);
         haptic_loop.finish_tick(&ticked, None, Ok(()));

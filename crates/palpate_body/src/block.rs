@@ -2,7 +2,7 @@
 
 use crate::error::check_positive;
 use crate::tissue::check_damping_ratio;
-use crate::{BodyError, Link, Network, Surface};
+use crate::{BodyError, Link, Network, Surface, SurfaceNode};
 use glam::{DQuat, DVec3};
 use palpate_laws::Spring;
 
@@ -80,11 +80,13 @@ pub struct UniformLattice {
 
 impl BlockBody {
     /// The same block turned by `rotation` about the origin and then moved by `translation_m`.
-    #[must_use]
-    pub fn placed(mut self, rotation: DQuat, translation_m: DVec3) -> Self {
-        self.network = self.network.placed(rotation, translation_m);
-        self.surface.normals.iter_mut().for_each(|n| *n = rotation * *n);
-        self
+    ///
+    /// # Errors
+    /// As [`Network::placed`].
+    pub fn placed(mut self, rotation: DQuat, translation_m: DVec3) -> Result<Self, BodyError> {
+        self.network = self.network.placed(rotation, translation_m)?;
+        self.surface.turn(rotation);
+        Ok(self)
     }
 }
 
@@ -231,13 +233,10 @@ impl Block {
             self.add_face(face, &mut surface);
         }
         for ijk in self.grid() {
-            let normal: DVec3 =
-                Face::ALL.into_iter().filter(|&face| self.on_face(ijk, face)).map(Face::normal).sum();
-            // A node between two opposite faces of a block one cell thick is on both and has no normal of its
-            // own only if nothing else is left of the sum; two nodes a side leave no such node.
-            if let Some(normal) = normal.try_normalize() {
-                surface.nodes.push(self.node(ijk));
-                surface.normals.push(normal);
+            let faces = Face::ALL.into_iter().filter(|&face| self.on_face(ijk, face));
+            let normals: Vec<DVec3> = faces.map(Face::normal).collect();
+            if !normals.is_empty() {
+                surface.nodes.push(SurfaceNode { node: self.node(ijk), normals });
             }
         }
         surface

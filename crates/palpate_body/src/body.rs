@@ -26,17 +26,20 @@ pub struct StepReport {
 
 impl Body {
     /// A body at rest.
-    #[must_use]
-    pub fn new(network: Network, surface: Surface) -> Self {
+    ///
+    /// # Errors
+    /// [`BodyError::Surface`], [`BodyError::Parameter`] when `surface` does not fit `network`.
+    pub fn new(network: Network, surface: Surface) -> Result<Self, BodyError> {
+        surface.validate(network.node_count())?;
         let (x, still) = (network.rest_m().to_vec(), vec![DVec3::ZERO; network.node_count()]);
-        Self {
+        Ok(Self {
             force: still.clone(),
             before: (x.clone(), still.clone()),
             v: still,
             x,
             network: Arc::new(network),
             surface: Arc::new(surface),
-        }
+        })
     }
 
     /// What it is made of.
@@ -63,7 +66,7 @@ impl Body {
         &self.v
     }
 
-    /// Puts the body into a state.
+    /// Puts the body into a state. Velocities of fixed nodes count as zero.
     ///
     /// # Errors
     /// [`BodyError::Length`] when a list has not one entry for each node, [`BodyError::Position`] when an
@@ -80,6 +83,10 @@ impl Body {
         }
         self.x.copy_from_slice(x_m);
         self.v.copy_from_slice(v_m_per_s);
+        // What is fixed does not move, whatever the list says.
+        for node in (0..nodes).filter(|&node| self.network.is_fixed(node)) {
+            self.v[node] = DVec3::ZERO;
+        }
         Ok(())
     }
 
@@ -110,6 +117,7 @@ impl Body {
     ///
     /// # Errors
     /// [`BodyError::PathLength`], [`BodyError::Path`] for a path that does not fit or is not finite,
+    /// [`BodyError::CannotHold`] for a contact with another body,
     /// [`BodyError::Parameter`], [`BodyError::Substeps`] for an integrator that cannot take the step; [`BodyError::Diverged`] when the
     /// step left the finite numbers. In every case body and tool are as they were before.
     pub fn advance(
@@ -133,7 +141,8 @@ impl Body {
         integrator: &SemiImplicitEuler,
         mut observe: impl FnMut(usize, DVec3),
     ) -> Result<StepReport, BodyError> {
-        if let Some((_, path)) = &tool {
+        if let Some((contact, path)) = &tool {
+            contact.validate(self)?;
             if path.len() != ticks + 1 {
                 return Err(BodyError::PathLength { ticks, points: path.len() });
             }

@@ -116,6 +116,14 @@ pub enum BodyError {
         /// Cell size along z.
         z_m: f64,
     },
+    /// A surface names a node or vertex that does not exist.
+    #[error("the surface names index {index}, but there are only {below}")]
+    Surface {
+        /// The index.
+        index: usize,
+        /// How many there are.
+        below: usize,
+    },
     /// A node that the tool should hold does not exist or is fixed.
     #[error("the tool cannot hold node {node}: {why}")]
     CannotHold {

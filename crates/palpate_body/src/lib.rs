@@ -12,7 +12,7 @@
 //! let block = Block::new([6, 6, 6], DVec3::splat(0.1))?
 //!     .fix(Face::NegZ)
 //!     .uniform(&UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 })?;
-//! let mut body = Body::new(block.network, block.surface);
+//! let mut body = Body::new(block.network, block.surface)?;
 //!
 //! // A tool that holds one node and pushes it down by 1 mm within one tick of 1 ms.
 //! let node = 3 + 6 * (3 + 6 * 5);
@@ -63,7 +63,7 @@ pub use body::{Body, StepReport};
 pub use error::BodyError;
 pub use integrator::SemiImplicitEuler;
 pub use network::{Link, Network};
-pub use surface::Surface;
+pub use surface::{Surface, SurfaceNode};
 pub use tangent::{Tangent, TangentPattern};
 pub use tissue::{CellStiffness, Tissue};
 pub use tool::{ToolContact, ToolPoint, Touched};

@@ -1,6 +1,7 @@
 //! A network of point masses, springs and dampers: what a body is made of, without its state.
 
 use crate::BodyError;
+use crate::error::check;
 use glam::{DQuat, DVec3};
 use palpate_laws::Spring;
 use std::collections::HashMap;
@@ -55,10 +56,16 @@ impl Network {
     }
 
     /// The same network turned by `rotation` about the origin and then moved by `translation_m`.
-    #[must_use]
-    pub fn placed(mut self, rotation: DQuat, translation_m: DVec3) -> Self {
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] when `rotation` is not of unit length or `translation_m` not finite.
+    pub fn placed(mut self, rotation: DQuat, translation_m: DVec3) -> Result<Self, BodyError> {
+        let length = rotation.length();
+        check("length of the rotation", length, (length - 1.0).abs() < 1e-6, "1 within 1e-6")?;
+        let far = translation_m.abs().max_element();
+        check("translation, m", far, translation_m.is_finite(), "finite")?;
         self.rest_m.iter_mut().for_each(|x| *x = rotation * *x + translation_m);
-        self
+        Ok(self)
     }
 
     /// Number of nodes.

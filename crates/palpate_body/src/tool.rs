@@ -1,7 +1,7 @@
 //! The tool as the body sees it: a point that drives one node, by grip or by touch.
 
 use crate::error::check_positive;
-use crate::{Body, BodyError};
+use crate::{Body, BodyError, SurfaceNode};
 use glam::DVec3;
 use palpate_laws::one_sided;
 
@@ -67,12 +67,7 @@ impl ToolContact {
     /// [`BodyError::CannotHold`] when there is no such node or it is fixed; [`BodyError::Path`] when `tool_m`
     /// is not finite.
     pub fn hold(body: &Body, node: usize, tool_m: DVec3) -> Result<Self, BodyError> {
-        if node >= body.network().node_count() {
-            return Err(BodyError::CannotHold { node, why: "there is no such node" });
-        }
-        if body.network().is_fixed(node) {
-            return Err(BodyError::CannotHold { node, why: "it is fixed" });
-        }
+        can_drive(body, node)?;
         if !tool_m.is_finite() {
             return Err(BodyError::Path { index: 0 });
         }
@@ -104,6 +99,9 @@ impl ToolContact {
 
     /// What the body does to the hand now, N, in the body's frame: the internal force on the driven node; for
     /// a touch only while it pushes along the normal; zero when nothing is driven.
+    ///
+    /// # Panics
+    /// When the contact belongs to a body with more nodes; see [`ToolContact::validate`].
     #[must_use]
     pub fn displayed_force_n(&self, body: &Body) -> DVec3 {
         match *self {
@@ -112,6 +110,22 @@ impl ToolContact {
                 one_sided(body.internal_force_on_n(node), normal)
             }
             Self::Touch { touched: None, .. } => DVec3::ZERO,
+        }
+    }
+
+    /// Refuses a contact that belongs to another body: one that drives a node which `body` has not, or has fixed.
+    ///
+    /// # Errors
+    /// [`BodyError::CannotHold`].
+    pub fn validate(&self, body: &Body) -> Result<(), BodyError> {
+        self.driven_node().map_or(Ok(()), |node| can_drive(body, node))
+    }
+
+    /// Lets go of what is touched; whether something was. What is held stays held.
+    pub fn let_go(&mut self) -> bool {
+        match self {
+            Self::Touch { touched, .. } => touched.take().is_some(),
+            Self::Held { .. } => false,
         }
     }
 
@@ -131,18 +145,22 @@ impl ToolContact {
         let surface = body.surface();
         let reach2 = surface.reach_m * surface.reach_m;
         let mut nearest = reach2;
-        for (&node, &normal) in surface.nodes.iter().zip(&surface.normals) {
-            if body.network().is_fixed(node) {
+        for SurfaceNode { node, normals } in &surface.nodes {
+            if body.network().is_fixed(*node) {
                 continue;
             }
-            let from_node = tool_m - body.positions_m()[node];
-            let height = from_node.dot(normal);
-            let across = from_node - height * normal;
-            let gap = height - *radius_m;
+            let from_node = tool_m - body.positions_m()[*node];
+            // Of the faces that meet here, the one that the tool is least inside of.
+            let height = |n: &&DVec3| from_node.dot(**n);
+            let Some(&normal) = normals.iter().max_by(|a, b| height(a).total_cmp(&height(b))) else {
+                continue;
+            };
+            let gap = from_node.dot(normal) - *radius_m;
+            let across = from_node - from_node.dot(normal) * normal;
             // A tool deep inside (a start in the middle of the body, say) touches nothing until it comes out.
             if gap < 0.0 && gap > -surface.reach_m && across.length_squared() < nearest {
                 nearest = across.length_squared();
-                *touched = Some(Touched { node, normal, offset_m: -across - *radius_m * normal });
+                *touched = Some(Touched { node: *node, normal, offset_m: -across - *radius_m * normal });
             }
         }
     }
@@ -155,4 +173,15 @@ impl ToolContact {
             *touched = None;
         }
     }
+}
+
+fn can_drive(body: &Body, node: usize) -> Result<(), BodyError> {
+    let why = if node >= body.network().node_count() {
+        "there is no such node"
+    } else if body.network().is_fixed(node) {
+        "it is fixed"
+    } else {
+        return Ok(());
+    };
+    Err(BodyError::CannotHold { node, why })
 }

@@ -38,7 +38,7 @@ fn nodes_are_checked() {
 
 #[test]
 fn a_state_that_does_not_fit_is_refused_and_the_old_one_kept() {
-    let mut body = Body::new(network(2, vec![link(0, 1)]).unwrap(), Surface::default());
+    let mut body = Body::new(network(2, vec![link(0, 1)]).unwrap(), Surface::default()).unwrap();
     let before = body.positions_m().to_vec();
     let still = [DVec3::ZERO; 2];
     assert!(matches!(
@@ -47,4 +47,17 @@ fn a_state_that_does_not_fit_is_refused_and_the_old_one_kept() {
     ));
     assert_eq!(body.set_state(&before, &[DVec3::ZERO, DVec3::NAN]), Err(BodyError::Position { node: 1 }));
     assert_eq!(body.positions_m(), before);
+}
+
+#[test]
+fn a_surface_that_does_not_fit_is_refused() {
+    let with = |surface| Body::new(network(2, vec![link(0, 1)]).unwrap(), surface).map(|_| ());
+    let node = |node, normal| SurfaceNode { node, normals: vec![normal] };
+    let nodes = |nodes| Surface { nodes, ..Surface::default() };
+    assert_eq!(with(nodes(vec![node(2, DVec3::X)])), Err(BodyError::Surface { index: 2, below: 2 }));
+    assert!(matches!(with(nodes(vec![node(1, DVec3::X * 2.0)])), Err(BodyError::Parameter { .. })));
+    assert!(matches!(with(nodes(vec![node(1, DVec3::NAN)])), Err(BodyError::Parameter { .. })));
+    let triangle = Surface { vertices: vec![0, 1], triangles: vec![[0, 1, 2]], ..Surface::default() };
+    assert_eq!(with(triangle), Err(BodyError::Surface { index: 2, below: 2 }));
+    assert_eq!(with(nodes(vec![node(1, DVec3::X)])), Ok(()));
 }

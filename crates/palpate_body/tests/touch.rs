@@ -8,7 +8,7 @@ const RADIUS: f64 = 0.005;
 fn block() -> Body {
     let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
     let block = Block::new([6; 3], DVec3::splat(0.1)).unwrap().fix(Face::NegZ).uniform(&lattice).unwrap();
-    Body::new(block.network, block.surface)
+    Body::new(block.network, block.surface).unwrap()
 }
 
 /// Moves the tool along `height` (of its lowest point above the surface at rest) and returns every force.
@@ -93,4 +93,43 @@ fn tools_that_make_no_sense_are_refused() {
     assert_eq!(refused(216, DVec3::ZERO), BodyError::CannotHold { node: 216, why: "there is no such node" });
     assert_eq!(refused(0, DVec3::ZERO), BodyError::CannotHold { node: 0, why: "it is fixed" });
     assert_eq!(refused(215, DVec3::NAN), BodyError::Path { index: 0 });
+}
+
+#[test]
+fn a_tool_in_free_air_near_an_edge_or_a_corner_touches_nothing() {
+    let body = block();
+    for i in 0..40 {
+        for j in 0..40 {
+            // A plane just above the top, reaching beyond its edges, and one beside a side.
+            let (u, v) = (f64::from(i) * 0.004 - 0.08, f64::from(j) * 0.004 - 0.08);
+            for free in [DVec3::new(u, v, 0.05 + RADIUS + 1e-6), DVec3::new(0.05 + RADIUS + 1e-6, u, v)] {
+                let (mut body, mut tool) = (body.clone(), ToolContact::touch(RADIUS).unwrap());
+                let path = [ToolPoint::at_rest(free); 2];
+                body.advance(Some((&mut tool, &path)), 1, &SemiImplicitEuler::default()).unwrap();
+                assert_eq!(tool.touched(), None, "at {free}");
+            }
+        }
+    }
+}
+
+#[test]
+fn pressing_near_an_edge_pushes_along_the_face() {
+    let (mut body, mut tool) = (block(), ToolContact::touch(RADIUS).unwrap());
+    let at = |depth: f64| ToolPoint::at_rest(DVec3::new(0.045, 0.01, 0.05 + RADIUS - depth));
+    let path: Vec<ToolPoint> = (0..=100).map(|i| at(4e-5 * f64::from(i))).collect();
+    body.advance(Some((&mut tool, &path)), 100, &SemiImplicitEuler::default()).unwrap();
+    assert_eq!(tool.touched().unwrap().normal, DVec3::Z);
+    assert!(tool.displayed_force_n(&body).z > 0.1);
+}
+
+#[test]
+fn a_contact_with_another_body_is_refused_and_nothing_is_stepped() {
+    let (mut body, path) = (block(), [ToolPoint::default(); 2]);
+    let before = body.positions_m().to_vec();
+    for (node, why) in [(400, "there is no such node"), (0, "it is fixed")] {
+        let mut foreign = ToolContact::Held { node, offset_m: DVec3::ZERO };
+        let refused = body.advance(Some((&mut foreign, &path)), 1, &SemiImplicitEuler::default());
+        assert_eq!(refused, Err(BodyError::CannotHold { node, why }));
+    }
+    assert_eq!(body.positions_m(), before);
 }

@@ -104,11 +104,15 @@ impl Reading {
         Self { position_m, velocity_m_per_s: None, orientation: DQuat::IDENTITY, buttons: 0 }
     }
 
-    /// Whether every number is finite and the orientation a rotation.
+    /// Whether every number is one that a hand can have, and the orientation a rotation: positions within 1 km of
+    /// the origin, velocities up to 10 km/s. That is far beyond any hand in any scene, and near enough that nothing
+    /// computed from it can overflow.
     #[must_use]
     pub fn is_usable(&self) -> bool {
-        self.position_m.is_finite()
-            && self.velocity_m_per_s.is_none_or(DVec3::is_finite)
+        // Not a number is not at most anything.
+        let within = |v: DVec3, limit: f64| v.to_array().iter().all(|c| c.abs() <= limit);
+        within(self.position_m, 1e3)
+            && self.velocity_m_per_s.is_none_or(|v| within(v, 1e4))
             && self.orientation.is_finite()
             && self.orientation.is_normalized()
     }
@@ -136,7 +140,7 @@ pub enum DeviceError {
     /// What the device sent is not what its protocol allows.
     #[error("the device broke its protocol: {0}")]
     Protocol(&'static str),
-    /// The reading has a number that is not finite, or an orientation that is no rotation.
-    #[error("the reading is not finite, or its orientation is no rotation")]
+    /// The reading has a number that is not finite or beyond all bounds, or an orientation that is no rotation.
+    #[error("the reading is not finite or beyond all bounds, or its orientation is no rotation")]
     Unusable,
 }

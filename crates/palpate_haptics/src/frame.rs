@@ -1,5 +1,10 @@
 //! From the device's frame to the scene's, and back for the force.
 
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
 use crate::error::{check, check_positive};
 use crate::{HapticsError, Reading};
 use glam::{DQuat, DVec3};

@@ -18,13 +18,17 @@ use palpate_local::{HandOver, ModelId, Offer, Sample, SampleOrigin, Spoken};
 /// Missed deadlines in a row that are bridged by interpolated samples; more begin the samples anew.
 pub const LONGEST_BRIDGE: u64 = 200;
 
+/// A longer sleep than that counts as one of that length: about three years of ticks of 1 ms.
+const LONGEST_GAP: u64 = 100_000_000_000;
+
 /// Ticks between two published reports.
 const REPORT_PERIOD: u64 = 64;
 
 /// The loop's half: it owns the speaking local model, the safety chain and the loop's ends of the exchange.
 ///
 /// [`HapticLoop::tick`] is a function of its arguments, the loop's state and what has arrived by the exchange.
-/// It reads no clock, allocates, frees, locks and logs nothing, and does not panic.
+/// It reads no clock, allocates, frees, locks and logs nothing, and does not panic. A loop runs once: it is used
+/// up by [`HapticLoop::spawn`], [`crate::run`] or [`crate::Lockstep`].
 #[derive(Debug)]
 pub struct HapticLoop {
     config: LoopConfig,
@@ -37,6 +41,8 @@ pub struct HapticLoop {
     sequence: u64,
     /// Ticks in a row without a usable reading.
     silent_ticks: u64,
+    /// The last write failed.
+    write_failed: bool,
     report: LoopReport,
 }
 
@@ -64,6 +70,7 @@ impl HapticLoop {
             velocity: VelocityState::default(),
             sequence: 0,
             silent_ticks: 0,
+            write_failed: false,
             report: LoopReport::new(),
         })
     }
@@ -77,14 +84,19 @@ impl HapticLoop {
     /// One tick, `elapsed` periods after the last one (1, more where deadlines were missed), with what the
     /// device gave. The force must be written before [`HapticLoop::finish_tick`] is called.
     pub fn tick(&mut self, elapsed: u64, reading: Result<Reading, DeviceError>) -> Ticked {
-        let elapsed = elapsed.max(1);
+        let elapsed = elapsed.clamp(1, LONGEST_GAP);
+        // Models before settings: whoever sets a tool to another body and then publishes a model of it must not
+        // have the model judged by the old settings.
+        let arrived = self.hand_over.is_ready() && self.ends.models.update();
+        let frame = self.settings.frame;
         let settings = self.adopt_settings();
-        let reading = reading.and_then(|r| if r.is_usable() { Ok(r) } else { Err(DeviceError::Unusable) });
+        let reading = reading.and_then(usable);
+        let in_scene = reading.map(|r| self.settings.frame.to_scene(&r)).and_then(usable);
         self.account_for_deadlines(elapsed);
-        self.sequence += elapsed;
-        self.account_for_reading(&reading);
-        self.take_sample(elapsed, &reading);
-        let taken = self.take_model();
+        self.sequence = self.sequence.saturating_add(elapsed);
+        let recovered = self.account_for_reading(&in_scene, elapsed);
+        self.take_sample(elapsed, &in_scene, recovered || frame != self.settings.frame);
+        let taken = if arrived { Some(self.take_model()) } else { None };
         let spoken = self.hand_over.speak();
         self.account_for_model(&spoken);
         let periods = |ticks: u64| ticks as f64 * self.config.hand_over.tick_s / self.settings.model_period_s;
@@ -95,6 +107,7 @@ impl HapticLoop {
                 .map_or(0.0, |m| periods(self.sequence.saturating_sub(m.sequence))),
             silent_ticks: self.silent_ticks,
             paused: self.settings.paused,
+            sampled: !self.hand_over.history().is_empty(),
             elapsed,
         };
         let (force_n, safety) = self.safety.apply(&self.settings.safety, &input);
@@ -115,8 +128,12 @@ impl HapticLoop {
     ) {
         if let Err(error) = written {
             self.report.device_errors += 1;
-            self.tell(LoopEventKind::DeviceFailed(error));
+            // One word when it begins.
+            if !self.write_failed {
+                self.tell(LoopEventKind::DeviceFailed(error));
+            }
         }
+        self.write_failed = written.is_err();
         if let Some(timing) = timing {
             self.report.lateness.record(timing.lateness_ns);
             self.report.cost.record(timing.cost_ns);
@@ -161,15 +178,18 @@ impl HapticLoop {
         self.report.dropped_events += u64::from(self.ends.events.try_send(event).is_err());
     }
 
-    fn adopt_settings(&mut self) -> Option<u64> {
+    fn adopt_settings(&mut self) -> Option<(u64, LoopSettings)> {
         if !self.ends.settings.update() {
             return None;
         }
         let (number, settings) = *self.ends.settings.output_buffer();
         self.settings = settings;
         self.report.settings_number = number;
+        if let Some(body) = settings.body {
+            self.hand_over.forget_others(body);
+        }
         self.tell(LoopEventKind::SettingsAdopted(number));
-        Some(number)
+        Some((number, settings))
     }
 
     fn account_for_deadlines(&mut self, elapsed: u64) {
@@ -177,19 +197,20 @@ impl HapticLoop {
         if missed > 0 {
             self.report.missed_deadlines += missed;
             let long = missed > LONGEST_BRIDGE;
+            self.report.gaps += u64::from(long);
             self.tell(if long { LoopEventKind::Gap(missed) } else { LoopEventKind::DeadlinesMissed(missed) });
         }
     }
 
-    fn account_for_reading(&mut self, reading: &Result<Reading, DeviceError>) {
+    /// Returns whether the device has answered again after a silence.
+    fn account_for_reading(&mut self, reading: &Result<Reading, DeviceError>, elapsed: u64) -> bool {
         match reading {
             Ok(_) => {
-                if self.silent_ticks > 0 {
-                    self.tell(LoopEventKind::DeviceRecovered(self.silent_ticks));
-                    // The device may have moved far meanwhile; that is no velocity.
-                    self.velocity.reset();
+                let silent = std::mem::take(&mut self.silent_ticks);
+                if silent > 0 {
+                    self.tell(LoopEventKind::DeviceRecovered(silent));
                 }
-                self.silent_ticks = 0;
+                silent > 0
             }
             Err(error) => {
                 if *error == DeviceError::Unusable {
@@ -201,39 +222,53 @@ impl HapticLoop {
                 if self.silent_ticks == 0 {
                     self.tell(LoopEventKind::DeviceFailed(*error));
                 }
-                self.silent_ticks += 1;
+                self.silent_ticks = self.silent_ticks.saturating_add(elapsed);
+                false
             }
         }
     }
 
-    /// Makes the sample of this tick and those of the missed ones before it.
-    fn take_sample(&mut self, elapsed: u64, reading: &Result<Reading, DeviceError>) {
+    /// Makes the sample of this tick and those of the missed ones before it. After a `jump` the tool is elsewhere
+    /// without having moved there: that is no velocity, and there is nothing between.
+    fn take_sample(&mut self, elapsed: u64, reading: &Result<Reading, DeviceError>, jump: bool) {
         let last = self.hand_over.history().newest().copied();
-        let now = match (reading, last) {
-            (Ok(reading), _) => self.settings.frame.to_scene(reading),
-            (Err(_), Some(last)) => Reading {
-                orientation: last.orientation,
-                buttons: last.buttons,
-                ..Reading::at(last.position_m)
-            },
-            (Err(_), None) => return,
-        };
-        let origin = if reading.is_ok() { SampleOrigin::Measured } else { SampleOrigin::Repeated };
-        match last {
-            Some(last) if elapsed <= LONGEST_BRIDGE + 1 => {
-                for i in 1..elapsed {
-                    let along = i as f64 / elapsed as f64;
-                    let between = Reading {
-                        position_m: last.position_m + (now.position_m - last.position_m) * along,
-                        orientation: slerp(last.orientation, now.orientation, along),
-                        ..now
-                    };
-                    self.push(self.sequence - elapsed + i, &between, SampleOrigin::Interpolated);
+        let first_missed = self.sequence.saturating_sub(elapsed - 1);
+        if let Some(last) = last.filter(|_| elapsed <= LONGEST_BRIDGE + 1) {
+            for (i, sequence) in (1..elapsed).zip(first_missed..) {
+                match reading {
+                    Ok(now) if !jump => {
+                        let along = i as f64 / elapsed as f64;
+                        let between = Reading {
+                            position_m: last.position_m + (now.position_m - last.position_m) * along,
+                            orientation: slerp(last.orientation, now.orientation, along),
+                            ..*now
+                        };
+                        self.push(sequence, &between, SampleOrigin::Interpolated);
+                    }
+                    _ => self.repeat(sequence, &last),
                 }
             }
-            _ => self.velocity.reset(),
+        } else {
+            self.velocity.reset();
         }
-        self.push(self.sequence, &now, origin);
+        match (reading, last) {
+            (Ok(now), _) => {
+                if jump {
+                    self.velocity.reset();
+                }
+                self.push(self.sequence, now, SampleOrigin::Measured);
+            }
+            (Err(_), Some(last)) => self.repeat(self.sequence, &last),
+            (Err(_), None) => {}
+        }
+    }
+
+    /// The last sample again, at rest.
+    fn repeat(&mut self, sequence: u64, last: &Sample) {
+        let at_rest =
+            Reading { orientation: last.orientation, buttons: last.buttons, ..Reading::at(last.position_m) };
+        self.velocity.reset();
+        self.push(sequence, &at_rest, SampleOrigin::Repeated);
     }
 
     fn push(&mut self, sequence: u64, reading: &Reading, origin: SampleOrigin) {
@@ -251,24 +286,21 @@ impl HapticLoop {
         });
     }
 
-    /// Takes the newest local model out of the exchange, if there is one and the hand-over has time for it.
-    fn take_model(&mut self) -> Option<ModelId> {
-        if self.hand_over.is_catching_up() || !self.ends.models.update() {
-            return None;
-        }
+    /// Offers the local model that has arrived.
+    fn take_model(&mut self) -> ModelId {
         let model = self.ends.models.output_buffer();
         let id = model.id;
-        let refused = if self.settings.body.is_some_and(|body| body != (id.body, id.epoch)) {
+        let refused = if self.settings.body.is_some_and(|body| body != id.body) {
             LoopEventKind::WrongBody(id)
         } else {
             match self.hand_over.offer(model) {
-                Offer::Taken | Offer::Busy => return Some(id),
+                Offer::Taken | Offer::Busy => return id,
                 Offer::Refused(error) => LoopEventKind::ModelRefused(error),
             }
         };
         self.report.models_refused += 1;
         self.tell(refused);
-        Some(id)
+        id
     }
 
     fn account_for_model(&mut self, spoken: &Spoken) {
@@ -281,6 +313,10 @@ impl HapticLoop {
             self.tell(LoopEventKind::ModelRefused(error));
         }
     }
+}
+
+fn usable(reading: Reading) -> Result<Reading, DeviceError> {
+    if reading.is_usable() { Ok(reading) } else { Err(DeviceError::Unusable) }
 }
 
 /// Between two orientations; the later one where they are opposite and no way between is the shorter.

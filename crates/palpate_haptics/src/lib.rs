@@ -76,7 +76,7 @@ pub use frame::DeviceFrame;
 pub use haptic_loop::{HapticLoop, LONGEST_BRIDGE, Ticked};
 pub use lockstep::Lockstep;
 pub use record::{LoopEvent, LoopEventKind, TickRecord};
-pub use runner::{LoopThread, Stop, run};
+pub use runner::{EndedLoop, LoopThread, Stop, run};
 pub use safety::{SafetyChain, SafetyInput, SafetyReport, SafetySettings};
 pub use settings::{LoopConfig, LoopSettings};
 pub use timing::{LoopReport, TickTiming, TimeHistogram};

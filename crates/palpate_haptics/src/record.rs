@@ -1,6 +1,6 @@
 //! What leaves the loop by queues: events, and a record of every tick.
 
-use crate::{DeviceError, Reading, SafetyReport, TickTiming};
+use crate::{DeviceError, LoopSettings, Reading, SafetyReport, TickTiming};
 use glam::DVec3;
 use palpate_local::{LocalModelError, ModelId, Sample, Spoken, Swap};
 use thiserror::Error;
@@ -30,8 +30,8 @@ pub enum LoopEventKind {
     /// A local model was refused or given up; the one before goes on speaking.
     #[error("a local model was refused")]
     ModelRefused(#[source] LocalModelError),
-    /// A local model of another body or epoch was refused.
-    #[error("a local model of body {}, epoch {} was refused: the tool touches another", .0.body, .0.epoch)]
+    /// A local model of another body was refused.
+    #[error("a local model of body {} was refused: the tool touches another", .0.body)]
     WrongBody(ModelId),
     /// The device failed or its reading could not be used; the last sample is repeated.
     #[error("the device failed")]
@@ -70,7 +70,8 @@ impl LoopEventKind {
 }
 
 /// Everything that went into one tick and came out of it. With the local models of the sequence numbers in
-/// `taken`, feeding `elapsed` and `reading` to another loop gives the same forces to the bit.
+/// `taken` and the `settings` where they changed, feeding `elapsed` and `reading` to another loop gives the same
+/// forces to the bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TickRecord {
     /// Periods since the last tick.
@@ -79,8 +80,8 @@ pub struct TickRecord {
     pub reading: Result<Reading, DeviceError>,
     /// The sample made of it; `None` before the first reading.
     pub sample: Option<Sample>,
-    /// Number of the settings that were adopted at this tick.
-    pub settings: Option<u64>,
+    /// The settings that were adopted at this tick, and their number.
+    pub settings: Option<(u64, LoopSettings)>,
     /// The local model that was taken out of the exchange at this tick, to be caught up.
     pub taken: Option<ModelId>,
     /// The force before the safety chain, and the model it came from.

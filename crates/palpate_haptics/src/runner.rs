@@ -10,13 +10,15 @@
 //! 4. (app) [`LoopThread::stop`], or dropping it, sets the stop flag. (thread) The flag is seen within a
 //!    period; zero force is written and the device closed. If the tick or the device panics, both are still
 //!    done while the thread unwinds.
-//! 5. (thread) The last report is published and the thread returns.
+//! 5. (thread) The last report is published and the thread returns. After a panic there is none: the app sees that
+//!    the thread has ended ([`LoopThread::is_running`]).
 //! 6. (app) The thread is joined; if it has not returned within 200 ms (a device that blocks) it is left to
 //!    itself, and [`Stop::Detached`] says so.
 
 use crate::clock::MonotonicClock;
 use crate::{DeviceError, HapticDevice, HapticLoop, HapticsError, TickTiming};
 use glam::DVec3;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -29,14 +31,14 @@ const JOIN_WITHIN: Duration = Duration::from_millis(200);
 #[derive(Debug)]
 pub struct LoopThread {
     stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<HapticLoop>>,
+    thread: Option<JoinHandle<EndedLoop>>,
 }
 
 /// How a thread ended.
 #[derive(Debug)]
 pub enum Stop {
-    /// It returned, and the device with it. The loop can be started again.
-    Joined(Box<HapticLoop>),
+    /// It returned; the device has zero force, is closed, and gone.
+    Joined,
     /// The device or the loop panicked; zero force was written while it unwound.
     Panicked,
     /// It did not return in time and is left to itself; the device blocks.
@@ -56,9 +58,8 @@ impl HapticLoop {
         let thread = std::thread::Builder::new()
             .name("haptic-loop".into())
             .spawn(move || {
-                let (mut haptic_loop, mut device) = (self, device);
-                run(&mut haptic_loop, device.as_mut(), &flag);
-                haptic_loop
+                let mut device = device;
+                run(self, device.as_mut(), &flag)
             })
             .map_err(HapticsError::Thread)?;
         Ok(LoopThread { stop, thread: Some(thread) })
@@ -87,7 +88,7 @@ impl LoopThread {
             }
             clock.sleep_until((clock.now_ns() + 200_000).min(give_up));
         }
-        thread.join().map_or(Stop::Panicked, |haptic_loop| Stop::Joined(Box::new(haptic_loop)))
+        thread.join().map_or(Stop::Panicked, |_| Stop::Joined)
     }
 }
 
@@ -99,16 +100,23 @@ impl Drop for LoopThread {
 
 /// Opens `device` and turns `haptic_loop` on the calling thread until `stop` is set; then writes zero force and
 /// closes the device. This is what the thread of [`HapticLoop::spawn`] runs.
-pub fn run(haptic_loop: &mut HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) {
+pub fn run(mut haptic_loop: HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) -> EndedLoop {
     if let Err(error) = device.open() {
         haptic_loop.end(Err(error));
-        return;
+        return EndedLoop { _memory: haptic_loop };
     }
     haptic_loop.begin();
     let mut open = OpenDevice { device, closed: false };
-    turn(haptic_loop, open.device, stop);
+    turn(&mut haptic_loop, open.device, stop);
     let closed = open.close();
     haptic_loop.end(closed);
+    EndedLoop { _memory: haptic_loop }
+}
+
+/// What is left of a loop that has ended: its memory, to be freed elsewhere than on the loop's thread.
+#[derive(Debug)]
+pub struct EndedLoop {
+    _memory: HapticLoop,
 }
 
 fn turn(haptic_loop: &mut HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) {
@@ -119,12 +127,19 @@ fn turn(haptic_loop: &mut HapticLoop, device: &mut dyn HapticDevice, stop: &Atom
     let mut elapsed = 1;
     while !stop.load(Ordering::Acquire) {
         clock.sleep_until(deadline_ns);
+        if stop.load(Ordering::Acquire) {
+            return;
+        }
         let begun_ns = clock.now_ns();
         let lateness_ns = begun_ns - deadline_ns;
         // Deadlines after this one that have passed too: this tick stands for the newest of them.
         let missed = lateness_ns / period_ns;
         elapsed += missed;
         let reading = device.read(period);
+        // The read may have blocked; after a stop no force may follow.
+        if stop.load(Ordering::Acquire) {
+            return;
+        }
         let ticked = haptic_loop.tick(elapsed, reading);
         let written = device.write(ticked.device_force_n);
         let timing = TickTiming { lateness_ns, cost_ns: clock.now_ns() - begun_ns };
@@ -151,8 +166,12 @@ impl OpenDevice<'_> {
 impl Drop for OpenDevice<'_> {
     fn drop(&mut self) {
         if !self.closed {
-            // Nobody is left to be told: the thread unwinds.
-            let _ = self.close();
+            // Nobody is left to be told: the thread unwinds. A device that panics once more while it is zeroed
+            // must be closed all the same, and must not abort the app.
+            let device = AssertUnwindSafe(&mut *self.device);
+            let _ = catch_unwind(move || { device }.0.write(DVec3::ZERO));
+            let device = AssertUnwindSafe(&mut *self.device);
+            let _ = catch_unwind(move || { device }.0.close());
         }
     }
 }

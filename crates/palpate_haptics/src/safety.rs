@@ -5,7 +5,7 @@
 //! | finite | a force that is not finite becomes zero | one bad number must not reach a motor | always on |
 //! | gains | start-up ramp × fade of a stale model × fade of a silent device × pause | a force appears and disappears slowly, and none outlives what it is based on | 0.5 s ramp; fade over 0.1 s, from 3 model periods or 20 silent ticks on |
 //! | magnitude | shortens the force to the smaller of the user's and the device's limit | motors and hands have limits | the device's limit |
-//! | slew | growth per tick is bounded, falling is free | a jump of force is a blow, letting go never is | 500 N/s |
+//! | slew | growth per tick is bounded (after missed deadlines, for 4 ticks at most), falling is free | a jump of force is a blow, letting go never is | 500 N/s |
 //! | finite | as the first | nothing after this line looks at the force again | always on |
 //!
 //! Between gains and magnitude is the place of the velocity guard and the passivity stage.
@@ -82,6 +82,8 @@ pub struct SafetyInput {
     pub silent_ticks: u64,
     /// Whether the app is paused.
     pub paused: bool,
+    /// Whether there has been a sample; the start-up ramp waits for it.
+    pub sampled: bool,
     /// Ticks since the last call: 1, more where deadlines were missed.
     pub elapsed: u64,
 }
@@ -150,14 +152,14 @@ impl SafetyChain {
 
         force *= self.gain(settings, input, &mut report);
 
-        let limit = settings.max_force_n.min(self.device_limit_n);
+        let limit = settings.max_force_n.min(self.device_limit_n).max(0.0);
         let length = force.length();
         if length > limit {
             force *= limit / length;
             report.magnitude_limited = true;
         }
 
-        let growth = settings.max_slew_n_per_s * self.tick_s * input.elapsed.max(1) as f64;
+        let growth = settings.max_slew_n_per_s * self.tick_s * gaining(input.elapsed) as f64;
         force = self.limit_growth(force, growth, &mut report);
 
         if !force.is_finite() {
@@ -168,20 +170,23 @@ impl SafetyChain {
     }
 
     fn gain(&mut self, settings: &SafetySettings, input: &SafetyInput, report: &mut SafetyReport) -> f64 {
-        let elapsed_s = self.tick_s * input.elapsed as f64;
-        let part = |duration_s: f64| {
-            if duration_s > 0.0 { elapsed_s / duration_s } else { 1.0 }
+        let tick_s = self.tick_s;
+        let part = |ticks: u64, duration_s: f64| {
+            if duration_s > 0.0 { tick_s * ticks as f64 / duration_s } else { 1.0 }
         };
-        self.ramp = (self.ramp + part(settings.ramp_s)).min(1.0);
+        let (down_by, up_by) =
+            (part(input.elapsed, settings.fade_s), part(gaining(input.elapsed), settings.fade_s));
+        if input.sampled {
+            self.ramp = (self.ramp + part(gaining(input.elapsed), settings.ramp_s)).min(1.0);
+        }
         report.stale = input.model_age_periods > settings.stale_after_periods;
         report.silent = input.silent_ticks > settings.silent_after_ticks;
-        let fade = part(settings.fade_s);
         for (gain, down) in [
             (&mut self.model, report.stale),
             (&mut self.device, report.silent),
             (&mut self.pause, input.paused),
         ] {
-            *gain = if down { (*gain - fade).max(0.0) } else { (*gain + fade).min(1.0) };
+            *gain = if down { (*gain - down_by).max(0.0) } else { (*gain + up_by).min(1.0) };
         }
         report.gain = self.ramp * self.model * self.device * self.pause;
         report.gain
@@ -202,6 +207,12 @@ impl SafetyChain {
         report.slew_limited = true;
         force * (allowed / length)
     }
+}
+
+/// Ticks for which force may grow after `elapsed` of them: while deadlines were missed the hand felt an old force,
+/// and time that it could not follow is no licence for a blow.
+fn gaining(elapsed: u64) -> u64 {
+    elapsed.clamp(1, 4)
 }
 
 #[cfg(test)]

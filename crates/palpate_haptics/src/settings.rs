@@ -41,8 +41,8 @@ pub struct LoopSettings {
     pub velocity: VelocityEstimator,
     /// Time between two model steps, s; the age of a local model is counted in it.
     pub model_period_s: f64,
-    /// Body and epoch whose models are taken; `None` takes any.
-    pub body: Option<(u64, u64)>,
+    /// The body whose models are taken, those of others falling silent at once; `None` takes any.
+    pub body: Option<u64>,
     /// Whether the app is paused: the force fades to zero.
     pub paused: bool,
     /// Whether a record of every tick is sent.
@@ -66,12 +66,15 @@ impl Default for LoopSettings {
 
 impl LoopConfig {
     pub(crate) fn validate(&self) -> Result<(), HapticsError> {
-        check_positive("tick, s", self.hand_over.tick_s)?;
+        self.hand_over.validate()?;
         let history = self.hand_over.history;
         check("samples kept", history as f64, history >= 512, "at least 512")?;
-        let room = "at least 1";
-        check("room for events", self.event_capacity as f64, self.event_capacity >= 1, room)?;
-        check("room for tick records", self.record_capacity as f64, self.record_capacity >= 1, room)
+        for (what, room) in
+            [("room for events", self.event_capacity), ("room for tick records", self.record_capacity)]
+        {
+            check(what, room as f64, (1..=1_000_000).contains(&room), "1 to 1000000")?;
+        }
+        Ok(())
     }
 }
 

@@ -52,6 +52,8 @@ pub struct LoopReport {
     /// Deadlines that passed without a tick: `ticks + missed_deadlines` is the number of periods since the
     /// start.
     pub missed_deadlines: u64,
+    /// Times that so many deadlines were missed in a row that the samples began anew.
+    pub gaps: u64,
     /// Readings that could not be used.
     pub rejected_readings: u64,
     /// Device errors, on reading and on writing.
@@ -81,6 +83,7 @@ impl LoopReport {
         Self {
             ticks: 0,
             missed_deadlines: 0,
+            gaps: 0,
             rejected_readings: 0,
             device_errors: 0,
             models_adopted: 0,
@@ -100,6 +103,7 @@ impl LoopReport {
         let Self {
             ticks,
             missed_deadlines,
+            gaps,
             rejected_readings,
             device_errors,
             models_adopted,
@@ -114,6 +118,7 @@ impl LoopReport {
         } = self;
         *ticks = other.ticks;
         *missed_deadlines = other.missed_deadlines;
+        *gaps = other.gaps;
         *rejected_readings = other.rejected_readings;
         *device_errors = other.device_errors;
         *models_adopted = other.models_adopted;

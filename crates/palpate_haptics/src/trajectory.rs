@@ -4,7 +4,8 @@ mod probe;
 
 pub use probe::Probe;
 
-use crate::TrajectoryError;
+use crate::error::check;
+use crate::{HapticsError, TrajectoryError};
 use glam::DVec3;
 use std::io::{Read, Write};
 use std::path::Path;
@@ -43,13 +44,7 @@ impl Trajectory {
         let path = || name.as_ref().to_owned();
         let csv_error = |source: csv::Error| {
             let line = source.position().map_or(1, csv::Position::line);
-            match source.into_kind() {
-                csv::ErrorKind::Io(source) => TrajectoryError::File { path: path(), source },
-                kind => {
-                    let source = std::io::Error::other(format!("{kind:?}")).into();
-                    TrajectoryError::Csv { path: path(), line, source }
-                }
-            }
+            TrajectoryError::Csv { path: path(), line, source }
         };
         let mut rows = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(reader);
         let header = rows.headers().map_err(csv_error)?;
@@ -79,7 +74,8 @@ impl Trajectory {
                 start = t;
             }
             let expected = start + positions_m.len() as f64 * Self::PERIOD_S;
-            if (t - expected).abs() > 1e-6 * (1.0 + expected.abs()) {
+            // A microsecond, and what rounding does to large times.
+            if (t - expected).abs() > 1e-6 + 4.0 * f64::EPSILON * expected.abs() {
                 return Err(TrajectoryError::Time { path: path(), line, found: t, expected });
             }
             positions_m.push(position);
@@ -88,6 +84,25 @@ impl Trajectory {
             return Err(TrajectoryError::TooShort { path: path(), rows: positions_m.len() });
         }
         Ok(Self { positions_m })
+    }
+
+    /// A hand at `positions_m`, one each millisecond.
+    ///
+    /// # Errors
+    /// [`HapticsError::Setting`] for fewer than two positions, or one that is not within 10 m of the origin.
+    pub fn from_positions(positions_m: Vec<DVec3>) -> Result<Self, HapticsError> {
+        let rows = positions_m.len();
+        check("number of positions", rows as f64, rows >= 2, "at least 2")?;
+        let far = |p: &DVec3| p.to_array().iter().map(|c| c.abs()).fold(0.0, f64::max);
+        let beyond = |p: &&DVec3| !(p.is_finite() && far(p) <= 10.0);
+        match positions_m.iter().find(beyond) {
+            Some(p) => Err(HapticsError::Setting {
+                what: "largest coordinate of a position, m",
+                value: if p.is_finite() { far(p) } else { f64::NAN },
+                allowed: "finite and at most 10",
+            }),
+            None => Ok(Self { positions_m }),
+        }
     }
 
     /// Writes the file's text, times from zero, positions to the nearest 0.1 µm.

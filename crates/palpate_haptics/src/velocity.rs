@@ -1,5 +1,10 @@
 //! Velocity from positions.
 
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
 use crate::HapticsError;
 use crate::error::check;
 use glam::DVec3;

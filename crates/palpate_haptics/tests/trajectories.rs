@@ -40,6 +40,8 @@ fn the_committed_hand_is_what_the_generator_makes() {
 fn a_time_that_begins_late_is_fine() {
     let late = read("t_s,x_m,y_m,z_m\n12.5,0,0,0\n12.501,0,0,0.001\n").unwrap();
     assert_eq!(late.positions_m(), [DVec3::ZERO, DVec3::Z * 0.001]);
+    assert!(read("t_s,x_m,y_m,z_m\n1700000000.000,0,0,0\n1700000000.001,0,0,0\n").is_ok());
+    assert!(read("t_s,x_m,y_m,z_m\n1700000000,0,0,0\n1700000001,0,0,0\n").is_err());
 }
 
 #[test]
@@ -56,6 +58,10 @@ fn every_fault_is_named_with_file_and_line() {
         (&format!("{ok}0.003,0,0,0\n"), "hand.csv:4: t_s is 0.003; rows are 1 ms apart, so it must be 0.002"),
         (&format!("{ok}0.001,0,0,0\n"), "hand.csv:4: t_s is 0.001; rows are 1 ms apart, so it must be 0.002"),
         (&format!("{ok}0.002,0,55,0\n"), "hand.csv:4: y_m is 55 m; positions lie within 10 m of the origin"),
+        (
+            "t_s,x_m,y_m,z_m\n1000,0,0,0\n1000,0,0,0\n",
+            "hand.csv:3: t_s is 1000; rows are 1 ms apart, so it must be 1000.001",
+        ),
         ("t_s,x_m,y_m,z_m\n0,0,0,0\n", "hand.csv: 1 rows; a trajectory has at least 2"),
     ] {
         assert_eq!(message(text), expected);
@@ -68,6 +74,7 @@ fn text_that_is_not_utf_8_is_named_with_its_line() {
     let bytes = b"t_s,x_m,y_m,z_m\n0,0,0,0\n0.001,0,\xff\xfe,0\n";
     let error = Trajectory::from_csv(bytes.as_slice(), "hand.csv").unwrap_err();
     assert!(error.to_string().starts_with("hand.csv:3: "), "{error}");
+    assert!(std::error::Error::source(&error).unwrap().is::<csv::Error>());
 }
 
 #[test]
@@ -106,5 +113,13 @@ fn a_hand_that_makes_no_sense_is_refused() {
         Probe { surface_m: f64::NAN, ..good },
     ] {
         assert!(matches!(bad.trajectory(), Err(HapticsError::Setting { .. })), "{bad:?}");
+    }
+}
+
+#[test]
+fn positions_that_make_no_sense_are_refused() {
+    assert!(Trajectory::from_positions(vec![DVec3::ZERO, DVec3::ONE]).is_ok());
+    for bad in [vec![DVec3::ZERO], vec![DVec3::ZERO, DVec3::NAN], vec![DVec3::ZERO, DVec3::X * 11.0]] {
+        assert!(matches!(Trajectory::from_positions(bad), Err(HapticsError::Setting { .. })));
     }
 }

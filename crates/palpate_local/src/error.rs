@@ -66,6 +66,22 @@ pub enum LocalModelError {
         /// Sample of the model in use.
         active: u64,
     },
+    /// The model is of an earlier build of the body than the one that speaks.
+    #[error("the local model is of epoch {model} of its body, the one in use of epoch {active}")]
+    OldEpoch {
+        /// Epoch of the model.
+        model: u64,
+        /// Epoch of the model in use.
+        active: u64,
+    },
+    /// The model's implicit step was made for another tick.
+    #[error("the local model steps by {found} s; the loop ticks every {needed} s")]
+    Step {
+        /// The model's step, s.
+        found: f64,
+        /// The loop's tick, s.
+        needed: f64,
+    },
     /// A setting is outside what is allowed.
     #[error("{what} is {value}; it must be {allowed}")]
     Setting {

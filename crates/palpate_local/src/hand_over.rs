@@ -5,8 +5,11 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use crate::{LocalModel, LocalModelError, LocalState, LowPass, ModelId, Sample, SampleHistory, Scheme};
+use crate::{
+    Contact, LocalModel, LocalModelError, LocalState, LowPass, ModelId, Sample, SampleHistory, Scheme,
+};
 use glam::DVec3;
+use palpate_laws::one_sided;
 
 /// Sizes and rates of a hand-over, fixed at construction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,7 +20,8 @@ pub struct HandOverSettings {
     pub order_capacity: usize,
     /// Samples kept for replay.
     pub history: usize,
-    /// Samples replayed into a new model in one tick, at most.
+    /// Missed samples replayed into a new model in one tick, at most; the samples of the tick itself come on top,
+    /// so that a model always catches up.
     pub replay_per_tick: usize,
     /// Cut-off of the low-pass of [`Scheme::LowPass`], Hz.
     pub cutoff_hz: f64,
@@ -27,6 +31,40 @@ impl Default for HandOverSettings {
     /// 1 ms, order 96, 512 samples, 8 a tick, 10 Hz.
     fn default() -> Self {
         Self { tick_s: 1e-3, order_capacity: 96, history: 512, replay_per_tick: 8, cutoff_hz: 10.0 }
+    }
+}
+
+impl HandOverSettings {
+    /// Refuses sizes and rates that make no sense.
+    ///
+    /// # Errors
+    /// [`LocalModelError::Setting`] for a tick that is not 10 µs to 0.1 s, a cut-off that is not finite and above
+    /// zero, an order above 4096, a replay that is not 1 to 10000 samples a tick, or a history that is not 1 to
+    /// 1000000 samples.
+    pub fn validate(&self) -> Result<(), LocalModelError> {
+        let Self { tick_s, order_capacity, history, replay_per_tick, cutoff_hz } = *self;
+        for (what, value, ok, allowed) in [
+            ("tick, s", tick_s, (1e-5..=0.1).contains(&tick_s), "1e-5 to 0.1"),
+            ("largest order of a local model", order_capacity as f64, order_capacity <= 4096, "at most 4096"),
+            ("samples kept", history as f64, (1..=1_000_000).contains(&history), "1 to 1000000"),
+            (
+                "samples replayed in a tick",
+                replay_per_tick as f64,
+                (1..=10_000).contains(&replay_per_tick),
+                "1 to 10000",
+            ),
+            (
+                "low-pass cut-off, Hz",
+                cutoff_hz,
+                cutoff_hz.is_finite() && cutoff_hz > 0.0,
+                "finite and above 0",
+            ),
+        ] {
+            if !ok {
+                return Err(LocalModelError::Setting { what, value, allowed });
+            }
+        }
+        Ok(())
     }
 }
 
@@ -46,6 +84,9 @@ struct Speaker {
 /// at most [`HandOverSettings::replay_per_tick`] a tick, while the old model goes on speaking; when it has
 /// caught up the two change places. So a model that took 40 ms to compute is not 40 ms late. Models without a
 /// state have nothing to catch up and speak at once.
+///
+/// Where ticks were missed, the speaking model is stepped along the bridging samples too, the last `replay_per_tick`
+/// of them; it skips those before.
 #[derive(Clone, Debug)]
 pub struct HandOver {
     settings: HandOverSettings,
@@ -56,6 +97,8 @@ pub struct HandOver {
     incoming: Speaker,
     /// Next sample to be replayed into `incoming`, and how many have been; `None` when it holds no model.
     replay: Option<(u64, u64)>,
+    /// Samples pushed since the last word.
+    fresh: u64,
     low_pass: LowPass,
 }
 
@@ -64,7 +107,7 @@ pub struct HandOver {
 pub enum Offer {
     /// It has been copied and will speak when it has caught up.
     Taken,
-    /// Another one is catching up; offer again when it has.
+    /// Another one is catching up, or there is no sample yet; offer again later.
     Busy,
     /// It is refused, and the one in use goes on speaking.
     Refused(LocalModelError),
@@ -98,13 +141,9 @@ impl HandOver {
     /// A silent hand-over.
     ///
     /// # Errors
-    /// [`LocalModelError::Setting`] for a tick or cut-off that is not finite and above zero, and for a history
-    /// or replay of zero samples.
+    /// As [`HandOverSettings::validate`].
     pub fn new(settings: HandOverSettings) -> Result<Self, LocalModelError> {
-        if settings.replay_per_tick == 0 {
-            let (what, allowed) = ("samples replayed in a tick", "at least 1");
-            return Err(LocalModelError::Setting { what, value: 0.0, allowed });
-        }
+        settings.validate()?;
         let speaker = Speaker {
             model: LocalModel::silent(settings.order_capacity),
             state: LocalState::with_capacity(settings.order_capacity),
@@ -116,6 +155,7 @@ impl HandOver {
             spoken: None,
             incoming: speaker,
             replay: None,
+            fresh: 0,
             low_pass: LowPass::new(settings.cutoff_hz, settings.tick_s)?,
         })
     }
@@ -129,12 +169,29 @@ impl HandOver {
     /// Adds the newest sample.
     pub fn push(&mut self, sample: Sample) {
         self.history.push(sample);
+        self.fresh = self.fresh.saturating_add(1);
     }
 
     /// Whether a model is being brought up to now.
     #[must_use]
     pub fn is_catching_up(&self) -> bool {
         self.replay.is_some()
+    }
+
+    /// Whether a model can be offered: there is a sample, and no other model is catching up.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        !self.is_catching_up() && !self.history.is_empty()
+    }
+
+    /// Forgets the models of all bodies but `body`: from the next word on they are not heard.
+    pub fn forget_others(&mut self, body: u64) {
+        if self.spoken.is_some() && self.speaking.model.id.body != body {
+            self.spoken = None;
+        }
+        if self.incoming.model.id.body != body {
+            self.replay = None;
+        }
     }
 
     /// The model that speaks; `None` before the first.
@@ -145,7 +202,7 @@ impl HandOver {
 
     /// Offers a new model, which is checked and copied.
     pub fn offer(&mut self, model: &LocalModel) -> Offer {
-        if self.is_catching_up() {
+        if !self.is_ready() {
             return Offer::Busy;
         }
         match self.take(model) {
@@ -163,15 +220,26 @@ impl HandOver {
         }
         if self.spoken.is_some() {
             let active = self.speaking.model.id;
-            let same_body = (active.body, active.epoch) == (model.id.body, model.id.epoch);
-            if same_body && sequence <= active.sequence {
+            let same_body = active.body == model.id.body;
+            if same_body && model.id.epoch < active.epoch {
+                return Err(LocalModelError::OldEpoch { model: model.id.epoch, active: active.epoch });
+            }
+            if same_body && model.id.epoch == active.epoch && sequence <= active.sequence {
                 return Err(LocalModelError::NotNewer { model: sequence, active: active.sequence });
             }
         }
-        let first = if model.has_state() { sequence + 1 } else { newest + 1 };
-        let oldest = self.history.oldest_sequence().unwrap_or(0);
-        if first < oldest {
-            return Err(LocalModelError::TooOld { model: sequence, oldest });
+        // A model without a state has nothing to catch up: it begins behind the newest sample.
+        let mut first = newest.saturating_add(1);
+        if model.has_state() {
+            let (found, needed) = (model.reduced.step_s, self.settings.tick_s);
+            if (found / needed - 1.0).abs() > 1e-9 {
+                return Err(LocalModelError::Step { found, needed });
+            }
+            first = sequence.saturating_add(1);
+            let oldest = self.history.oldest_sequence().unwrap_or(0);
+            if first < oldest {
+                return Err(LocalModelError::TooOld { model: sequence, oldest });
+            }
         }
         self.incoming.model.copy_from(model)?;
         self.incoming.state.start(&self.incoming.model);
@@ -202,14 +270,28 @@ impl HandOver {
                 out.abandoned = Some(error);
             }
         }
-        if self.speaking.model.scheme == Scheme::LowPass && self.spoken.is_some() {
-            force = self.low_pass.step(force);
-        } else {
-            self.low_pass.reset(force);
-        }
+        let fresh = std::mem::take(&mut self.fresh);
+        force = self.filter(force, fresh);
         out.force_n = force;
         out.model = self.spoken.map(|_| self.speaking.model.id);
         out
+    }
+
+    /// The low-pass of [`Scheme::LowPass`], with `fresh` samples since the last word. What touches nothing is
+    /// silent at once, and a surface does not pull, whatever the filter remembers.
+    fn filter(&mut self, force: DVec3, fresh: u64) -> DVec3 {
+        let model = &self.speaking.model;
+        let filtered = self.spoken.is_some() && model.scheme == Scheme::LowPass;
+        match model.contact {
+            Contact::Held if filtered => self.low_pass.advance(force, fresh),
+            Contact::Touching { normal } if filtered => {
+                one_sided(self.low_pass.advance(force, fresh), normal)
+            }
+            _ => {
+                self.low_pass.reset(force);
+                force
+            }
+        }
     }
 
     /// Steps the speaking model over the samples since it spoke last: one, or a few where ticks were missed,
@@ -219,7 +301,7 @@ impl HandOver {
             return DVec3::ZERO;
         };
         let slice = self.settings.replay_per_tick as u64;
-        let first = (spoken + 1).max((newest.sequence + 1).saturating_sub(slice));
+        let first = spoken.saturating_add(1).max(newest.sequence.saturating_add(1).saturating_sub(slice));
         let Speaker { model, state } = &mut self.speaking;
         for sequence in first..=newest.sequence {
             if let Some(sample) = self.history.get(sequence) {
@@ -236,7 +318,11 @@ impl HandOver {
             return Ok(None);
         };
         let Speaker { model, state } = &mut self.incoming;
-        for _ in 0..self.settings.replay_per_tick {
+        let budget = (self.settings.replay_per_tick as u64).saturating_add(self.fresh);
+        if !model.has_state() {
+            return Ok(Some(0));
+        }
+        for _ in 0..budget {
             if next > newest {
                 break;
             }
@@ -245,7 +331,7 @@ impl HandOver {
                 return Err(LocalModelError::TooOld { model: model.id.sequence, oldest });
             };
             state.advance(model, sample, self.settings.tick_s);
-            next += 1;
+            next = next.saturating_add(1);
             replayed += 1;
         }
         self.replay = Some((next, replayed));

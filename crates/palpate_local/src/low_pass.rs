@@ -1,5 +1,10 @@
 //! A first-order low-pass filter on the force.
 
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
 use crate::LocalModelError;
 use glam::DVec3;
 
@@ -24,15 +29,17 @@ impl LowPass {
         Ok(Self { a: -(-std::f64::consts::TAU * cutoff_hz * step_s).exp_m1(), y: DVec3::ZERO })
     }
 
-    /// One step with input `u`; returns y.
-    pub fn step(&mut self, u: DVec3) -> DVec3 {
-        self.y += self.a * (u - self.y);
+    /// `steps` steps with input `u`; returns y. An input that is not finite counts as zero.
+    pub fn advance(&mut self, u: DVec3, steps: u64) -> DVec3 {
+        let u = if u.is_finite() { u } else { DVec3::ZERO };
+        let left = (1.0 - self.a).powi(i32::try_from(steps).unwrap_or(i32::MAX));
+        self.y = u + left * (self.y - u);
         self.y
     }
 
-    /// Sets y.
+    /// Sets y; to zero if `y` is not finite.
     pub fn reset(&mut self, y: DVec3) {
-        self.y = y;
+        self.y = if y.is_finite() { y } else { DVec3::ZERO };
     }
 }
 
@@ -43,9 +50,19 @@ mod tests {
     #[test]
     fn a_step_is_followed_exponentially() {
         let mut filter = LowPass::new(10.0, 1e-3).unwrap();
-        let y = (0..100).map(|_| filter.step(DVec3::X)).last().unwrap();
+        let y = (0..100).map(|_| filter.advance(DVec3::X, 1)).last().unwrap();
         let expected = 1.0 - (-std::f64::consts::TAU * 10.0 * 0.1).exp();
         assert!((y.x - expected).abs() < 1e-13);
+        let mut at_once = LowPass::new(10.0, 1e-3).unwrap();
+        assert!((at_once.advance(DVec3::X, 100).x - expected).abs() < 1e-13);
+    }
+
+    #[test]
+    fn what_is_not_finite_leaves_no_trace() {
+        let mut filter = LowPass::new(10.0, 1e-3).unwrap();
+        filter.reset(DVec3::INFINITY);
+        assert_eq!(filter.advance(DVec3::NAN, 1), DVec3::ZERO);
+        assert!(filter.advance(DVec3::X, 1).x > 0.0);
     }
 
     #[test]

@@ -1,5 +1,10 @@
 //! The local model as data.
 
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
 use crate::LocalModelError;
 use crate::dense::Cholesky;
 use glam::{DMat3, DVec3};
@@ -111,8 +116,10 @@ pub struct Reduced {
     pub force: Vec<f64>,
     /// q̇_N = Vᵀ v_N.
     pub velocity: Vec<f64>,
-    /// Factor of M̃/h + B̃ + h K̃, h the tick.
+    /// Factor of M̃/h + B̃ + h K̃.
     pub implicit: Cholesky,
+    /// h, s: the tick for which the factor was made.
+    pub step_s: f64,
 }
 
 impl LocalModel {
@@ -193,6 +200,7 @@ impl Reduced {
             force: vec![0.0; p],
             velocity: vec![0.0; p],
             implicit: Cholesky::with_capacity(p),
+            step_s: 0.0,
         }
     }
 
@@ -216,7 +224,14 @@ impl Reduced {
     }
 
     fn validate(&self) -> Result<(), LocalModelError> {
-        let order = self.order;
+        let (order, capacity) = (self.order, self.capacity());
+        // First, so that the products below cannot overflow.
+        if order > capacity {
+            return Err(LocalModelError::Order { order, capacity });
+        }
+        if order > 0 && !(self.step_s.is_finite() && self.step_s > 0.0) {
+            return Err(LocalModelError::NotFinite { what: "step" });
+        }
         if order > 0 && self.implicit.order() != order {
             let found = self.implicit.order() * self.implicit.order();
             return Err(LocalModelError::Size {
@@ -251,6 +266,7 @@ impl Reduced {
         }
         self.implicit.copy_from(&other.implicit)?;
         self.order = other.order;
+        self.step_s = other.step_s;
         let targets = [
             &mut self.stiffness,
             &mut self.damping,
@@ -277,6 +293,7 @@ mod tests {
         model.scheme = Scheme::Neighbourhood;
         model.contact = Contact::Held;
         model.reduced.order = order;
+        model.reduced.step_s = 1e-3;
         let identity: Vec<f64> =
             (0..order * order).map(|i| f64::from(u8::from(i % (order + 1) == 0))).collect();
         model.reduced.implicit.factorise(order, &identity).unwrap();
@@ -314,6 +331,15 @@ mod tests {
         let mut unfactored = model(3);
         unfactored.reduced.order = 2;
         assert!(matches!(unfactored.validate(), Err(LocalModelError::Size { what: "implicit factor", .. })));
+    }
+
+    #[test]
+    fn an_order_beyond_all_bounds_is_found_without_overflow() {
+        for order in [4, usize::MAX] {
+            let mut vast = model(3);
+            vast.reduced.order = order;
+            assert_eq!(vast.validate(), Err(LocalModelError::Order { order, capacity: 3 }));
+        }
     }
 
     #[test]

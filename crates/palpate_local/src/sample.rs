@@ -1,5 +1,10 @@
 //! Samples of the device and their history.
 
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
 use crate::LocalModelError;
 use glam::{DQuat, DVec3};
 
@@ -28,9 +33,10 @@ pub enum SampleOrigin {
     /// The device was read at this tick.
     #[default]
     Measured,
-    /// The tick's deadline was missed; the sample lies on the line between its measured neighbours.
+    /// The tick's deadline was missed; the sample lies on the line between its neighbours.
     Interpolated,
-    /// The device gave nothing usable at this tick; the sample repeats the one before, at rest.
+    /// The device gave nothing usable at this tick, or the tool has been put elsewhere since; the sample repeats
+    /// the one before, at rest.
     Repeated,
 }
 
@@ -61,18 +67,18 @@ impl SampleHistory {
     /// Room for `capacity` samples.
     ///
     /// # Errors
-    /// [`LocalModelError::Setting`] for a capacity of zero.
+    /// [`LocalModelError::Setting`] unless 1 to a million.
     pub fn with_capacity(capacity: usize) -> Result<Self, LocalModelError> {
-        if capacity == 0 {
-            let (what, allowed) = ("sample history", "at least 1");
-            return Err(LocalModelError::Setting { what, value: 0.0, allowed });
+        if !(1..=1_000_000).contains(&capacity) {
+            let (what, allowed) = ("samples kept", "1 to 1000000");
+            return Err(LocalModelError::Setting { what, value: capacity as f64, allowed });
         }
         Ok(Self { ring: vec![Sample::default(); capacity], len: 0, newest: 0 })
     }
 
     /// Adds the newest sample. One that does not follow the newest by exactly one starts the history anew.
     pub fn push(&mut self, sample: Sample) {
-        if self.len > 0 && sample.sequence != self.newest + 1 {
+        if self.len > 0 && self.newest.checked_add(1) != Some(sample.sequence) {
             self.len = 0;
         }
         let slot = self.slot(sample.sequence);
@@ -99,7 +105,7 @@ impl SampleHistory {
     /// Sequence number of the oldest sample kept.
     #[must_use]
     pub fn oldest_sequence(&self) -> Option<u64> {
-        (self.len > 0).then(|| self.newest + 1 - self.len as u64)
+        (self.len > 0).then(|| self.newest.saturating_sub(self.len as u64 - 1))
     }
 
     /// How many samples are kept.
@@ -120,11 +126,11 @@ impl SampleHistory {
             self.len = 0;
             return;
         };
-        let joined = self.len > 0 && self.newest <= source.newest && self.newest + 1 >= oldest;
+        let joined = self.len > 0 && self.newest <= source.newest && self.newest.saturating_add(1) >= oldest;
         if !joined {
             self.len = 0;
         }
-        let first = if joined { self.newest + 1 } else { oldest };
+        let first = if joined { self.newest.saturating_add(1) } else { oldest };
         for sequence in first..=source.newest {
             if let Some(&sample) = source.get(sequence) {
                 self.push(sample);
@@ -142,6 +148,16 @@ impl SampleHistory {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_last_sequence_number_there_is_does_no_harm() {
+        let mut history = filled([u64::MAX - 1, u64::MAX]);
+        assert_eq!((history.len(), history.oldest_sequence()), (2, Some(u64::MAX - 1)));
+        history.push(sample(u64::MAX));
+        let mut copy = filled(0..3);
+        copy.catch_up_with(&history);
+        assert_eq!(copy.newest(), history.newest());
+    }
 
     fn sample(sequence: u64) -> Sample {
         Sample { sequence, position_m: DVec3::splat(sequence as f64), ..Sample::default() }
@@ -187,5 +203,6 @@ mod tests {
     #[test]
     fn a_history_without_room_is_refused() {
         assert!(SampleHistory::with_capacity(0).is_err());
+        assert!(SampleHistory::with_capacity(usize::MAX).is_err());
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::static_stiffness::StaticStiffness;
 use crate::{ReduceError, neighbourhood};
-use glam::DMat3;
+use glam::{DMat3, DVec3};
 use palpate_body::{Body, Tangent, TangentPattern, ToolContact, ToolPoint};
 use palpate_local::{Contact, LocalModel, ModelId, Scheme};
 
@@ -24,6 +24,9 @@ impl Default for BuilderOptions {
         Self { tick_s: 1e-3, rings: 1, regularisation_per_s: 0.01 * std::f64::consts::TAU }
     }
 }
+
+/// The largest reduced order that a loop has room for.
+const LARGEST_ORDER: usize = 4096;
 
 /// Builds local models of one body. The pattern of its tangent and the symbolic factorisation are made once.
 #[derive(Debug)]
@@ -63,6 +66,10 @@ impl LocalModelBuilder {
         let static_stiffness = StaticStiffness::new(&pattern, body, regularisation_per_s)?;
         let mut neighbourhood = neighbourhood::Workspace::new(body);
         let order_capacity = neighbourhood.largest_order(body, rings);
+        if order_capacity > LARGEST_ORDER {
+            let (what, allowed) = ("order of the largest neighbourhood", "at most 4096: take fewer rings");
+            return Err(ReduceError::Option { what, value: order_capacity as f64, allowed });
+        }
         Ok(Self {
             options,
             tangent: pattern.zero(),
@@ -84,7 +91,7 @@ impl LocalModelBuilder {
     /// tool at `tool`. Every field of `model` that its scheme uses is written.
     ///
     /// # Errors
-    /// [`ReduceError::Singular`] when the tangent cannot be factorised even when clamped,
+    /// [`ReduceError::Body`] when `contact` belongs to another body, [`ReduceError::Singular`] when the tangent cannot be factorised even when clamped,
     /// [`ReduceError::LocalModel`] when `model` has too little room. `model` is silent then.
     pub fn build(
         &mut self,
@@ -99,15 +106,17 @@ impl LocalModelBuilder {
         model.scheme = scheme;
         model.position_m = tool.position_m;
         model.velocity_m_per_s = tool.velocity_m_per_s;
-        model.force_n = contact.displayed_force_n(body);
+        model.force_n = DVec3::ZERO;
         model.stiffness_n_per_m = DMat3::ZERO;
         model.damping_ns_per_m = DMat3::ZERO;
         model.clamped = false;
         model.reduced.order = 0;
         model.contact = Contact::Apart;
+        contact.validate(body)?;
         let Some(node) = contact.driven_node() else {
             return Ok(());
         };
+        model.force_n = contact.displayed_force_n(body);
         match scheme {
             Scheme::Hold | Scheme::LowPass => {}
             Scheme::Tangent => self.exact_or_clamped(body, model, |this, model| {

@@ -96,6 +96,10 @@ impl Comparison {
         }
         let path: Vec<ToolPoint> = samples.iter().map(tool_point).collect();
         let mut oracle = vec![DVec3::ZERO; samples.len()];
+        if let Some(first) = oracle.first_mut() {
+            contact.validate(&body)?;
+            *first = contact.displayed_force_n(&body);
+        }
         let mut stepped = 0;
         for (i, sample) in samples.iter().enumerate() {
             let due = i > 0 && i % options.period_ticks == 0;
@@ -149,13 +153,14 @@ fn relative_rms_error(displayed: &[DVec3], oracle: &[DVec3]) -> Option<f64> {
 impl Runner {
     fn tick(&mut self, i: usize, sample: Sample) -> Result<(), ReduceError> {
         self.hand_over.push(sample);
-        let arrived = self.pending.front().is_some_and(|(at, _)| *at <= i);
-        if arrived
-            && !self.hand_over.is_catching_up()
-            && let Some((_, model)) = self.pending.pop_front()
-            && let Offer::Refused(error) = self.hand_over.offer(&model)
-        {
-            return Err(error.into());
+        if self.hand_over.is_ready() {
+            // The newest that has arrived counts, as in the loop's triple buffer.
+            let arrived = self.pending.iter().take_while(|(at, _)| *at <= i).count();
+            if let Some((_, model)) = self.pending.drain(..arrived).next_back()
+                && let Offer::Refused(error) = self.hand_over.offer(&model)
+            {
+                return Err(error.into());
+            }
         }
         self.displayed.push(self.hand_over.speak().force_n);
         Ok(())
@@ -167,9 +172,21 @@ fn tool_point(sample: &Sample) -> ToolPoint {
 }
 
 fn validate(samples: &[Sample], options: &ComparisonOptions) -> Result<(), ReduceError> {
-    if options.period_ticks == 0 {
-        let what = "ticks between two model steps";
-        return Err(ReduceError::Option { what, value: 0.0, allowed: "at least 1" });
+    let ComparisonOptions { period_ticks, delay_ticks, integrator, builder, .. } = *options;
+    let step = builder.tick_s / integrator.tick_s;
+    for (what, value, ok, allowed) in [
+        (
+            "ticks between two model steps",
+            period_ticks as f64,
+            (1..=100_000).contains(&period_ticks),
+            "1 to 100000",
+        ),
+        ("ticks of delay", delay_ticks as f64, delay_ticks <= 100_000, "at most 100000"),
+        ("the builder's tick as a multiple of the integrator's", step, (step - 1.0).abs() < 1e-9, "1"),
+    ] {
+        if !ok {
+            return Err(ReduceError::Option { what, value, allowed });
+        }
     }
     for (index, pair) in samples.windows(2).enumerate() {
         let (expected, found) = (pair[0].sequence + 1, pair[1].sequence);

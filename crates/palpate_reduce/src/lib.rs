@@ -14,7 +14,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
 //! let block = Block::new([4, 4, 4], DVec3::splat(0.1))?.fix(Face::NegZ).uniform(&lattice)?;
-//! let body = Body::new(block.network, block.surface);
+//! let body = Body::new(block.network, block.surface)?;
 //! let node = 1 + 4 * (1 + 4 * 3);
 //! let start = body.positions_m()[node];
 //! let samples: Vec<Sample> = (0..300)

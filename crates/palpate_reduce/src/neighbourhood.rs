@@ -39,7 +39,6 @@ impl Workspace {
             })
             .max()
             .unwrap_or(0);
-        self.implicit = vec![0.0; largest * largest];
         largest
     }
 
@@ -80,7 +79,7 @@ impl Workspace {
             |node: usize, axis: usize| 3 * network.free_index(node).expect("selected nodes are free") + axis;
         let p = 3 * self.nodes.len();
         let capacity = model.reduced.capacity();
-        if p > capacity || p * p > self.implicit.len() {
+        if p > capacity {
             return Err(palpate_local::LocalModelError::Order { order: p, capacity }.into());
         }
         self.local.fill(None);
@@ -88,8 +87,10 @@ impl Workspace {
             (0..3).for_each(|axis| self.local[dof(selected, axis)] = Some(3 * i + axis));
         }
         body.internal_forces_n(&mut self.force);
+        self.implicit.resize(p * p, 0.0);
         let (k, b, r) = (tangent.stiffness(), tangent.damping(), &mut model.reduced);
         r.order = p;
+        r.step_s = tick_s;
         for (i, &selected) in self.nodes.iter().enumerate() {
             for axis in 0..3 {
                 let column = 3 * i + axis;

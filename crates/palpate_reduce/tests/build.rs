@@ -11,7 +11,7 @@ const ID: ModelId = ModelId { body: 7, epoch: 2, sequence: 50 };
 
 fn block(nodes: [usize; 3]) -> Body {
     let block = Block::new(nodes, DVec3::splat(0.1)).unwrap().fix(Face::NegZ).uniform(&LATTICE).unwrap();
-    Body::new(block.network, block.surface)
+    Body::new(block.network, block.surface).unwrap()
 }
 
 fn build(scheme: Scheme, body: &Body, contact: &ToolContact) -> LocalModel {
@@ -132,8 +132,15 @@ fn options_that_make_no_sense_are_refused() {
     let run = |options| Comparison::run(&body, &contact, &samples, &[], &options).unwrap_err();
     let hole = ReduceError::Samples { index: 1, found: 2, expected: 1 };
     assert_eq!(run(ComparisonOptions::default()), hole);
-    let never = ComparisonOptions { period_ticks: 0, ..Default::default() };
-    assert!(matches!(run(never), ReduceError::Option { .. }));
+    let good = ComparisonOptions::default();
+    for bad in [
+        ComparisonOptions { period_ticks: 0, ..good },
+        ComparisonOptions { period_ticks: usize::MAX, ..good },
+        ComparisonOptions { delay_ticks: usize::MAX, ..good },
+        ComparisonOptions { builder: BuilderOptions { tick_s: 1e-2, ..Default::default() }, ..good },
+    ] {
+        assert!(matches!(run(bad), ReduceError::Option { .. }), "{bad:?}");
+    }
 }
 
 #[test]
@@ -145,4 +152,38 @@ fn a_model_without_room_is_refused() {
     let error = builder.build(Scheme::Neighbourhood, &body, &contact, ToolPoint::default(), ID, &mut small);
     assert!(matches!(error, Err(ReduceError::LocalModel(_))));
     assert_eq!((small.contact, small.reduced.order), (Contact::Apart, 0));
+}
+
+#[test]
+fn a_contact_with_another_body_is_refused() {
+    let body = block([3, 3, 3]);
+    let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
+    let mut model = LocalModel::silent(builder.order_capacity());
+    for node in [0, 400] {
+        let foreign = ToolContact::Held { node, offset_m: DVec3::ZERO };
+        let refused = builder.build(Scheme::Tangent, &body, &foreign, ToolPoint::default(), ID, &mut model);
+        assert!(matches!(refused, Err(ReduceError::Body(BodyError::CannotHold { .. }))));
+        assert_eq!(model.contact, Contact::Apart);
+    }
+}
+
+#[test]
+fn short_periods_and_long_delays_are_compared_as_the_loop_would_run_them() {
+    let body = block([4, 4, 4]);
+    let node = 2 + 4 * (2 + 4 * 3);
+    let start = body.positions_m()[node];
+    let contact = ToolContact::hold(&body, node, start).unwrap();
+    let samples: Vec<Sample> = (0..400)
+        .map(|i| {
+            let t = i as f64 * 1e-3;
+            let position_m = start - DVec3::Z * 0.004 * (20.0 * t).sin();
+            let velocity_m_per_s = -DVec3::Z * 0.08 * (20.0 * t).cos();
+            Sample { sequence: i, position_m, velocity_m_per_s, ..Sample::default() }
+        })
+        .collect();
+    for (period_ticks, delay_ticks) in [(5, 40), (2, 30), (1, 0), (50, 120)] {
+        let options = ComparisonOptions { period_ticks, delay_ticks, ..Default::default() };
+        let run = Comparison::run(&body, &contact, &samples, &Scheme::ALL, &options).unwrap();
+        assert!(run.relative_rms_error(Scheme::Neighbourhood, 200).unwrap() < 1.5);
+    }
 }

@@ -38,9 +38,11 @@ fn the_surface_is_closed_and_looks_outward() {
         .sum();
     assert!((volume - 0.1 * 0.2 * 0.3).abs() < 1e-15, "{volume}");
     assert_eq!(body.surface.nodes.len(), 3 * 4 * 5 - 2 * 3);
-    for (&node, normal) in body.surface.nodes.iter().zip(&body.surface.normals) {
-        assert!(normal.dot(x[node]) > 0.0 && (normal.length() - 1.0).abs() < 1e-15);
+    for surface_node in &body.surface.nodes {
+        let outward = |n: &DVec3| n.dot(x[surface_node.node]) > 0.0 && n.length() == 1.0;
+        assert!(surface_node.normals.iter().all(outward));
     }
+    assert_eq!(body.surface.nodes[0].normals.len(), 3, "a corner");
 }
 
 #[test]
@@ -76,12 +78,21 @@ fn senseless_blocks_are_refused_with_the_value() {
 fn a_placed_block_is_the_same_block_elsewhere() {
     let body = block([3, 3, 3]).fix(Face::NegZ).uniform(&LATTICE).unwrap();
     let turn = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
-    let placed = body.clone().placed(turn, DVec3::X);
+    let placed = body.clone().placed(turn, DVec3::X).unwrap();
     for (a, b) in body.network.rest_m().iter().zip(placed.network.rest_m()) {
         assert!((*b - DVec3::new(a.x + 1.0, -a.z, a.y)).length() < 1e-15);
     }
-    for (a, b) in body.surface.normals.iter().zip(&placed.surface.normals) {
-        assert!((*b - DVec3::new(a.x, -a.z, a.y)).length() < 1e-15);
+    for (a, b) in body.surface.nodes.iter().zip(&placed.surface.nodes) {
+        for (a, b) in a.normals.iter().zip(&b.normals) {
+            assert!((*b - DVec3::new(a.x, -a.z, a.y)).length() < 1e-15);
+        }
     }
     assert_eq!(body.network.links(), placed.network.links());
+    for (rotation, translation) in [
+        (DQuat::from_xyzw(0.0, 0.0, 0.0, 2.0), DVec3::ZERO),
+        (DQuat::NAN, DVec3::ZERO),
+        (DQuat::IDENTITY, DVec3::NAN),
+    ] {
+        assert!(matches!(body.clone().placed(rotation, translation), Err(BodyError::Parameter { .. })));
+    }
 }

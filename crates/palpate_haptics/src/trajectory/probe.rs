@@ -72,7 +72,7 @@ impl Probe {
                 self.intended(probe, (i % cycle) as f64) + tremor(t)
             })
             .collect();
-        Ok(Trajectory { positions_m })
+        Trajectory::from_positions(positions_m)
     }
 
     /// The intended place at `tick` of probe number `probe`.

@@ -25,6 +25,7 @@ fn model(sequence: u64) -> LocalModel {
     m.stiffness_n_per_m = DMat3::from_diagonal(DVec3::splat(100.0));
     m.damping_ns_per_m = DMat3::from_diagonal(DVec3::splat(0.3));
     m.reduced.order = 3;
+    m.reduced.step_s = 1e-3;
     let (mass, k, b, h) = (0.01, 200.0, 0.6, 1e-3);
     let mut implicit = [0.0; 9];
     for i in 0..3 {
@@ -61,7 +62,7 @@ fn a_model_that_is_handed_over_late_says_what_it_would_have_said_in_time() {
     let in_time = run(&mut hand_over(8), 0..60, 10, 10);
     let late = run(&mut hand_over(8), 0..60, 10, 30);
     let swap = late.iter().position(|s| s.swap.is_some()).unwrap();
-    // 20 samples behind at tick 30; 8 a tick, one more each tick: caught up when 8 (k + 1) >= 20 + k.
+    // 20 samples behind at tick 30, its own among them; 8 a tick and the tick's own: 9 (k + 1) >= 20 + k at k = 2.
     assert_eq!(swap, 32);
     assert_eq!(late[swap].swap.unwrap().replayed, 22);
     for tick in swap..60 {
@@ -85,13 +86,13 @@ fn the_old_model_speaks_while_the_new_one_catches_up() {
     run(&mut both, 0..30, 5, 5);
     let spoken = run(&mut both, 30..60, 20, 30);
     let swap = spoken.iter().position(|s| s.swap.is_some()).unwrap();
-    // 10 behind, two a tick, one more each tick: 2 (k + 1) >= 10 + k at k = 8.
-    assert_eq!(swap, 8);
+    // 10 behind, two a tick and the tick's own: 3 (k + 1) >= 10 + k at k = 4.
+    assert_eq!(swap, 4);
     for (k, spoken) in spoken.iter().take(swap).enumerate() {
         assert_eq!(spoken.force_n, alone[30 + k].force_n);
     }
     let at_swap = spoken[swap].swap.unwrap();
-    assert_eq!(spoken[swap].force_n, alone[38].force_n + at_swap.force_step_n);
+    assert_eq!(spoken[swap].force_n, alone[34].force_n + at_swap.force_step_n);
 }
 
 #[test]
@@ -156,6 +157,7 @@ fn models_that_cannot_be_used_are_refused_and_the_old_one_stays() {
     let mut large = LocalModel::silent(4);
     large.id = ModelId { sequence: 9, ..model(9).id };
     large.reduced.order = 4;
+    large.reduced.step_s = 1e-3;
     let identity: Vec<f64> = (0..16).map(|i| f64::from(u8::from(i % 5 == 0))).collect();
     large.reduced.implicit.factorise(4, &identity).unwrap();
     assert_eq!(h.offer(&large), Offer::Refused(LocalModelError::Order { order: 4, capacity: 3 }));
@@ -179,11 +181,93 @@ fn a_model_older_than_the_history_is_refused_or_given_up() {
 fn a_low_pass_starts_from_what_was_felt_before() {
     let mut h = hand_over(8);
     h.push(sample(0));
-    let mut low = model(0);
+    let mut held = model(0);
+    (held.scheme, held.force_n) = (Scheme::Hold, DVec3::X * 3.0);
+    h.offer(&held);
+    assert_eq!(h.speak().force_n, DVec3::X * 3.0);
+    h.push(sample(1));
+    let mut low = model(1);
     low.scheme = Scheme::LowPass;
     h.offer(&low);
     let a = 1.0 - (-std::f64::consts::TAU * 10.0 * 1e-3).exp();
-    assert!((h.speak().force_n.z - 0.5 * a).abs() < 1e-15);
+    let expected = DVec3::X * 3.0 * (1.0 - a) + DVec3::Z * 0.5 * a;
+    assert!((h.speak().force_n - expected).length() < 1e-14);
+    // Missed ticks count.
+    (2..12).for_each(|s| h.push(sample(s)));
+    let expected = DVec3::X * 3.0 * (1.0 - a).powi(11) + DVec3::Z * 0.5 * (1.0 - (1.0 - a).powi(11));
+    assert!((h.speak().force_n - expected).length() < 1e-14);
+}
+
+#[test]
+fn a_low_pass_neither_speaks_when_apart_nor_pulls_nor_keeps_infinity() {
+    let mut h = hand_over(8);
+    let mut low = model(0);
+    (low.scheme, low.force_n) = (Scheme::LowPass, DVec3::Z * 5.0);
+    let mut say = |sequence, contact, force_n| {
+        h.push(sample(sequence));
+        (low.id.sequence, low.contact, low.force_n) = (sequence, contact, force_n);
+        assert_eq!(h.offer(&low), Offer::Taken);
+        h.speak().force_n
+    };
+    assert!(say(1, Contact::Held, DVec3::Z * 5.0).z > 0.0);
+    assert_eq!(say(2, Contact::Touching { normal: -DVec3::Z }, DVec3::Z * -0.001), DVec3::ZERO);
+    assert_eq!(say(3, Contact::Apart, DVec3::ZERO), DVec3::ZERO);
+    assert!(say(4, Contact::Held, DVec3::Z).z < 0.1, "and what was felt long before is forgotten");
+}
+
+#[test]
+fn a_model_always_catches_up_even_when_ticks_are_missed() {
+    for (replay_per_tick, missed) in [(1, 1), (8, 8), (8, 9), (1, 20)] {
+        let mut h =
+            HandOver::new(HandOverSettings { order_capacity: 3, replay_per_tick, ..Default::default() })
+                .unwrap();
+        (0..40).for_each(|s| h.push(sample(s)));
+        assert_eq!(h.offer(&model(5)), Offer::Taken);
+        let ticks = (0..100).position(|tick| {
+            (0..missed).for_each(|i| h.push(sample(40 + tick * missed + i)));
+            h.speak().swap.is_some()
+        });
+        assert!(ticks.unwrap() <= 35, "{ticks:?} with {replay_per_tick} a tick, {missed} samples each");
+    }
+}
+
+#[test]
+fn a_model_without_a_state_speaks_even_if_the_samples_begin_anew() {
+    let mut h = hand_over(8);
+    assert_eq!(h.offer(&model(0)), Offer::Busy, "there is no sample yet");
+    h.push(sample(4));
+    let mut hold = model(0);
+    hold.scheme = Scheme::Hold;
+    assert_eq!(h.offer(&hold), Offer::Taken);
+    h.push(sample(900));
+    assert_eq!(h.speak().force_n, DVec3::Z * 0.5);
+}
+
+#[test]
+fn models_of_other_bodies_are_forgotten_on_demand() {
+    let mut h = hand_over(1);
+    run(&mut h, 0..20, 5, 5);
+    h.offer(&model(6));
+    h.forget_others(1);
+    assert!(h.is_catching_up() && h.speaking().is_some());
+    h.forget_others(2);
+    assert!(!h.is_catching_up() && h.speaking().is_none());
+    assert_eq!(h.speak().force_n, DVec3::ZERO);
+}
+
+#[test]
+fn an_older_build_or_another_step_is_refused() {
+    let mut h = hand_over(8);
+    run(&mut h, 0..10, 5, 5);
+    let mut newer = model(9);
+    newer.id.epoch = 1;
+    assert_eq!(h.offer(&newer), Offer::Taken);
+    h.speak();
+    h.push(sample(10));
+    assert_eq!(h.offer(&model(10)), Offer::Refused(LocalModelError::OldEpoch { model: 0, active: 1 }));
+    let mut slow = model(10);
+    (slow.id.epoch, slow.reduced.step_s) = (1, 1e-2);
+    assert_eq!(h.offer(&slow), Offer::Refused(LocalModelError::Step { found: 1e-2, needed: 1e-3 }));
 }
 
 #[test]
@@ -193,6 +277,11 @@ fn senseless_settings_are_refused() {
         HandOverSettings { replay_per_tick: 0, ..good },
         HandOverSettings { history: 0, ..good },
         HandOverSettings { tick_s: 0.0, ..good },
+        HandOverSettings { tick_s: 1e300, ..good },
+        HandOverSettings { tick_s: 1e-10, ..good },
+        HandOverSettings { order_capacity: usize::MAX, ..good },
+        HandOverSettings { history: usize::MAX, ..good },
+        HandOverSettings { replay_per_tick: usize::MAX, ..good },
         HandOverSettings { cutoff_hz: f64::NAN, ..good },
     ] {
         assert!(matches!(HandOver::new(bad), Err(LocalModelError::Setting { .. })));
