@@ -48,6 +48,33 @@ pub mod app {
     use bevy_palpate::prelude::*;
     use std::time::Duration;
 
+    /// Every fault that an app has told, in order, with its causes.
+    #[derive(Resource, Default)]
+    pub struct Faults(pub Vec<String>);
+
+    fn collect_faults(mut faults: MessageReader<HapticFault>, mut collected: ResMut<Faults>) {
+        collected.0.extend(faults.read().map(|fault| fault.kind.chain()));
+    }
+
+    /// The faults told since the last call.
+    pub fn take_faults(app: &mut App) -> Vec<String> {
+        std::mem::take(&mut app.world_mut().resource_mut::<Faults>().0)
+    }
+
+    /// Every contact message, in order: `"began"` or `"ended"`.
+    #[derive(Resource, Default)]
+    pub struct Contacts(pub Vec<&'static str>);
+
+    fn collect_contacts(
+        mut began: MessageReader<ContactBegan>,
+        mut ended: MessageReader<ContactEnded>,
+        mut told: ResMut<Contacts>,
+    ) {
+        // Within one update a contact ends before another begins.
+        told.0.extend(ended.read().map(|_| "ended"));
+        told.0.extend(began.read().map(|_| "began"));
+    }
+
     /// An app with palpate in lock step, at 20 Hz, and a clock that advances 50 ms at every update.
     pub fn lockstep_app() -> App {
         let mut app = App::new();
@@ -57,7 +84,15 @@ pub mod app {
             )
             .insert_resource(Time::<Fixed>::from_hz(20.0))
             .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
+        listen(&mut app);
         app
+    }
+
+    /// Collects the app's faults and contact messages.
+    pub fn listen(app: &mut App) {
+        app.init_resource::<Faults>()
+            .init_resource::<Contacts>()
+            .add_systems(Last, (collect_faults, collect_contacts));
     }
 
     /// Runs `steps` model steps. The first update of an app only starts its clock.

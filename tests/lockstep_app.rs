@@ -2,16 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticFaultKind, ModelStepCount, SimulatedBody, TickRecording, ToolLoop};
-use palpate_tests::app::{lockstep_app, pressing_hand, spawn_scene, step};
-
-fn messages<M: Message>(app: &mut App) -> Vec<M> {
-    app.world_mut().resource_mut::<Messages<M>>().drain().collect()
-}
-
-fn faults(app: &mut App) -> Vec<String> {
-    messages::<HapticFault>(app).iter().map(|f| f.kind.chain()).collect()
-}
+use bevy_palpate::{ModelStepCount, SimulatedBody, TickRecording, ToolLoop};
+use palpate_tests::app::{Contacts, lockstep_app, pressing_hand, spawn_scene, step, take_faults};
 
 fn forces(app: &mut App, tool: Entity, steps: u64) -> Vec<DVec3> {
     (0..steps)
@@ -31,11 +23,7 @@ fn a_hand_that_presses_a_block_is_pushed_back_and_let_go() {
     let peak = forces.iter().map(|f| f.y).fold(0.0, f64::max);
     assert!((0.5..5.0).contains(&peak), "{peak} N");
     assert_eq!((forces[0], forces[25]), (DVec3::ZERO, DVec3::ZERO));
-    let began = messages::<ContactBegan>(&mut app);
-    let ended = messages::<ContactEnded>(&mut app);
-    // Messages are kept for two updates only, so a scene of 26 has to be asked again for them below.
-    assert!(began.len() <= 1 && ended.len() <= 1);
-    assert_eq!(faults(&mut app), [""; 0]);
+    assert_eq!(take_faults(&mut app), [""; 0]);
     let simulated = app.world().get::<SimulatedBody>(body).unwrap();
     assert!(simulated.last_step().substeps >= 4);
     assert_eq!(app.world().resource::<ModelStepCount>().0, 26);
@@ -43,32 +31,73 @@ fn a_hand_that_presses_a_block_is_pushed_back_and_let_go() {
 
 #[test]
 fn touching_and_letting_go_are_told_once_each() {
-    #[derive(Resource, Default)]
-    struct Told(Vec<&'static str>);
     let mut app = lockstep_app();
     let (body, tool) = spawn_scene(&mut app, Scheme::Hold, pressing_hand);
-    app.init_resource::<Told>().add_systems(
-        Update,
-        move |mut began: MessageReader<ContactBegan>,
-              mut ended: MessageReader<ContactEnded>,
-              mut told: ResMut<Told>| {
-            for message in began.read() {
-                assert_eq!((message.body, message.tool), (body, tool));
-                assert!((message.normal - DVec3::Y).length() < 1e-12);
-                assert!((message.point_m - DVec3::new(0.01, 0.05, 0.01)).length() < 0.01);
-                told.0.push("began");
-            }
-            told.0.extend(ended.read().map(|_| "ended"));
-        },
-    );
+    app.add_systems(Update, move |mut began: MessageReader<ContactBegan>| {
+        for message in began.read() {
+            assert_eq!((message.body, message.tool), (body, tool));
+            assert!((message.normal - DVec3::Y).length() < 1e-12);
+            assert!((message.point_m - DVec3::new(0.01, 0.05, 0.01)).length() < 0.01);
+        }
+    });
     step(&mut app, 10);
-    app.update();
-    assert_eq!(app.world().resource::<Told>().0, ["began"]);
+    assert_eq!(told(&app), ["began"]);
     assert_eq!(app.world().get::<Touching>(tool).unwrap().body, Some(body));
     step(&mut app, 16);
-    app.update();
-    assert_eq!(app.world().resource::<Told>().0, ["began", "ended"]);
+    assert_eq!(told(&app), ["began", "ended"]);
     assert_eq!(app.world().get::<Touching>(tool).unwrap().body, None);
+}
+
+fn told(app: &App) -> Vec<&'static str> {
+    app.world().resource::<Contacts>().0.clone()
+}
+
+/// However a contact ends, it is told that it has, and nothing is displayed any more.
+#[test]
+fn every_end_of_a_contact_is_told() {
+    type End = fn(&mut World, Entity, Entity);
+    let ends: [(&str, End); 8] = [
+        ("body despawned", |world, body, _| assert!(world.despawn(body))),
+        ("tool despawned", |world, _, tool| assert!(world.despawn(tool))),
+        ("body is a body no longer", |world, body, _| {
+            world.entity_mut(body).remove::<DeformableBody>();
+        }),
+        ("tool is a tool no longer", |world, _, tool| {
+            world.entity_mut(tool).remove::<HapticTool>();
+        }),
+        ("device gone", |world, _, tool| {
+            world.get_mut::<HapticTool>(tool).unwrap().device = DeviceSelector::named("none");
+        }),
+        ("another body asked for", |world, _, tool| {
+            world.get_mut::<HapticTool>(tool).unwrap().body = Some(tool);
+        }),
+        ("fewer nodes", |world, body, _| {
+            world.entity_mut(body).insert(DeformableBody::block([3; 3], 0.1));
+        }),
+        ("the touched node fixed", |world, body, _| {
+            world.entity_mut(body).insert(FixedRegion::Faces(vec![Face::Top, Face::Bottom]));
+        }),
+    ];
+    for (what, end) in ends {
+        let mut app = lockstep_app();
+        let (body, tool) = spawn_scene(&mut app, Scheme::Tangent, pressing_hand);
+        step(&mut app, 10);
+        assert!(app.world().get::<ToolForce>(tool).unwrap().force_n.y > 0.1);
+        assert_eq!(told(&app), ["began"]);
+        end(app.world_mut(), body, tool);
+        step(&mut app, 2);
+        assert_eq!(told(&app)[..2], ["began", "ended"], "{what}");
+        let again = told(&app).len() > 2;
+        if let (Some(touching), Some(force)) =
+            (app.world().get::<Touching>(tool), app.world().get::<ToolForce>(tool))
+        {
+            assert_eq!(touching.body.is_some(), again, "{what}");
+            assert!(again || force.force_n == DVec3::ZERO, "{what}: {force:?}");
+        }
+        let faults = take_faults(&mut app);
+        let expected = ["device gone", "another body asked for"].contains(&what);
+        assert_eq!(faults.len(), usize::from(expected), "{what}: {faults:?}");
+    }
 }
 
 /// All bits of a run: every tick's force, and the body at the end.
@@ -147,20 +176,7 @@ fn material_changed_under_the_tool_acts_and_keeps_the_shape() {
     step(&mut app, 2);
     let hard = app.world().get::<ToolForce>(tool).unwrap().force_n.y;
     assert!(hard > 1.5 * soft, "{soft} N, then {hard} N");
-    assert_eq!(faults(&mut app), [""; 0]);
-}
-
-#[test]
-fn a_body_that_is_despawned_under_the_tool_lets_it_go() {
-    let mut app = lockstep_app();
-    let (body, tool) = spawn_scene(&mut app, Scheme::Tangent, pressing_hand);
-    step(&mut app, 10);
-    assert!(app.world().get::<ToolForce>(tool).unwrap().force_n.y > 0.1);
-    app.world_mut().despawn(body);
-    step(&mut app, 3);
-    assert_eq!(app.world().get::<ToolForce>(tool).unwrap().force_n, DVec3::ZERO);
-    assert_eq!(app.world().get::<ToolLoop>(tool).unwrap().body(), None);
-    assert_eq!(faults(&mut app), [""; 0]);
+    assert_eq!(take_faults(&mut app), [""; 0]);
 }
 
 #[test]
@@ -171,22 +187,29 @@ fn bodies_that_make_no_sense_are_faults_with_a_cause() {
     app.world_mut()
         .spawn((DeformableBody::block([6, 6, 6], 0.1), Tissue { density_kg_per_m3: 0.0, ..default() }));
     app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), Transform::from_scale(Vec3::splat(2.0))));
+    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), Transform::from_xyz(f32::NAN, 0.0, 0.0)));
     app.world_mut()
         .spawn((DeformableBody::block([5, 5, 5], 0.001), Tissue { youngs_modulus_pa: 1e12, ..default() }));
     app.update();
     assert_eq!(
-        faults(&mut app),
+        take_faults(&mut app),
         [
             "the body cannot be built: a block needs 2 to 128 nodes along each axis; it was given [1, 6, 6]",
             "the body cannot be built: size along x, m is NaN; it must be finite and above 0",
             "the body cannot be built: density, kg/m3 is 0; it must be finite and above 0",
             "the body's transform has scale [2, 2, 2]; it must be 1: give the size to the body itself",
+            "the body's transform is not finite",
             "the body cannot be built: 440836 substeps of a tick are needed; at most 1000 are allowed: soften the \
              springs, use fewer nodes or allow more",
         ]
     );
     step(&mut app, 2);
-    assert_eq!(faults(&mut app), [""; 0], "said once");
+    assert_eq!(take_faults(&mut app), [""; 0], "said once");
+    let mut scaled = app.world_mut().query_filtered::<(Entity, &mut Transform), Without<SimulatedBody>>();
+    let (entity, mut transform) = scaled.iter_mut(app.world_mut()).find(|(_, t)| t.scale.x == 2.0).unwrap();
+    transform.scale = Vec3::ONE;
+    app.update();
+    assert!(app.world().get::<SimulatedBody>(entity).is_some(), "put right, it is built");
 }
 
 #[test]
@@ -204,31 +227,50 @@ fn tools_that_make_no_sense_are_faults_with_a_cause() {
     }
     spawn(&mut app, HapticTool { device: DeviceSelector::replay("no/such.csv"), ..default() });
     spawn(&mut app, HapticTool { device: DeviceSelector::named("a"), radius_m: 0.0, ..default() });
-    let tool = spawn(&mut app, HapticTool { device: DeviceSelector::named("a"), ..default() });
+    spawn(&mut app, HapticTool { device: DeviceSelector::named("a"), ..default() });
     app.update();
-    let said = faults(&mut app);
-    assert!(
-        said[0].starts_with(
-            "the tool has no device: there is no device named \"default\"; registered are: none"
-        )
-    );
-    assert!(said[1].ends_with("there is no device named \"b\"; registered are: a, broken"), "{}", said[1]);
-    assert_eq!(said[2], "the tool has no device: the device could not be made: no cable");
-    assert!(
-        said[3].contains("the recorded hand cannot be read: no/such.csv: cannot be read or written: "),
-        "{}",
-        said[3]
-    );
-    assert_eq!(said[4], "the tool cannot touch: tool radius, m is 0; it must be finite and above 0");
-    assert_eq!(said.len(), 5);
-    app.world_mut().get_mut::<ToolSettings>(tool).unwrap().safety.max_slew_n_per_s = -1.0;
-    step(&mut app, 1);
+    let said = take_faults(&mut app);
     assert_eq!(
-        faults(&mut app),
+        said,
         [
-            "the tool's settings are refused: largest growth of the force, N/s is -1; it must be finite and above 0"
+            "the tool has no device: there is no device named \"default\"; registered are: none",
+            // Devices have been registered, so it is tried again.
+            "the tool has no device: there is no device named \"default\"; registered are: a, broken",
+            "the tool has no device: there is no device named \"b\"; registered are: a, broken",
+            "the tool has no device: the device could not be made: no cable",
+            "the tool has no device: the recorded hand cannot be read: no/such.csv: cannot be read or written: No such \
+             file or directory (os error 2)",
+            "the tool's radius is refused: tool radius, m is 0; it must be finite and above 0",
         ]
     );
+    step(&mut app, 3);
+    assert_eq!(take_faults(&mut app), [""; 0], "said once");
+}
+
+#[test]
+fn settings_that_make_no_sense_are_said_once_and_the_rest_goes_on() {
+    for bad in [-1.0, f64::NAN] {
+        let mut app = lockstep_app();
+        let (body, tool) = spawn_scene(&mut app, Scheme::Tangent, pressing_hand);
+        step(&mut app, 10);
+        app.world_mut().get_mut::<ToolSettings>(tool).unwrap().safety.max_slew_n_per_s = bad;
+        app.world_mut().get_mut::<Tissue>(body).unwrap().youngs_modulus_pa *= 1.1;
+        step(&mut app, 4);
+        let said = take_faults(&mut app);
+        assert_eq!(said.len(), 1, "{said:?}");
+        assert!(said[0].starts_with("the tool's settings are refused: largest growth of the force, N/s is "));
+        assert!(app.world().get::<ToolForce>(tool).unwrap().force_n.y > 0.5, "the old settings serve");
+    }
+    // A tool that was spawned with them starts when they have been put right.
+    let mut app = lockstep_app();
+    let (_, tool) = spawn_scene(&mut app, Scheme::Tangent, pressing_hand);
+    app.world_mut().get_mut::<ToolSettings>(tool).unwrap().frame.scale = 0.0;
+    step(&mut app, 2);
+    assert_eq!(take_faults(&mut app).len(), 1);
+    assert!(app.world().get::<ToolLoop>(tool).is_none());
+    app.world_mut().get_mut::<ToolSettings>(tool).unwrap().frame.scale = 1.0;
+    step(&mut app, 1);
+    assert!(app.world().get::<ToolLoop>(tool).is_some());
 }
 
 #[test]
@@ -237,11 +279,10 @@ fn a_second_tool_on_the_same_body_is_refused_and_said_once() {
     spawn_scene(&mut app, Scheme::Hold, pressing_hand);
     let second = HapticTool { device: DeviceSelector::named("hand"), ..default() };
     let second = app.world_mut().spawn(second).id();
-    step(&mut app, 1);
-    let kinds = messages::<HapticFault>(&mut app);
-    assert!(matches!(kinds[..], [HapticFault { kind: HapticFaultKind::BodyTaken { .. }, .. }]), "{kinds:?}");
-    step(&mut app, 9);
-    assert_eq!(faults(&mut app), [""; 0]);
+    step(&mut app, 10);
+    let said = take_faults(&mut app);
+    assert_eq!(said.len(), 1, "{said:?}");
+    assert!(said[0].ends_with("is touched by another tool already"), "{said:?}");
     assert_eq!(app.world().get::<ToolLoop>(second).unwrap().body(), None);
     assert_eq!(app.world().get::<ToolForce>(second).unwrap().force_n, DVec3::ZERO);
 }
@@ -297,7 +338,7 @@ fn a_removed_tool_or_body_is_simulated_no_more() {
     app.update();
     assert!(app.world().get::<ToolLoop>(tool).is_none() && app.world().get::<SimulatedBody>(body).is_none());
     step(&mut app, 2);
-    assert_eq!(faults(&mut app), [""; 0]);
+    assert_eq!(take_faults(&mut app), [""; 0]);
 }
 
 #[test]
@@ -343,11 +384,37 @@ fn the_public_components_are_reflected() {
         "ToolForce",
         "LoopTiming",
         "Touching",
+        "ModelRate",
+        "HapticClock",
     ] {
         let known =
             registry.get_with_short_type_path(name).unwrap_or_else(|| panic!("{name} is not registered"));
-        assert!(known.data::<ReflectComponent>().is_some(), "{name}");
+        let used = known.data::<ReflectComponent>().is_some() || known.data::<ReflectResource>().is_some();
+        assert!(used, "{name}");
     }
+}
+
+#[test]
+fn systems_that_were_added_before_the_plugin_run() {
+    #[derive(Resource, Default)]
+    struct Runs(u32);
+    let mut app = App::new();
+    let count = |mut runs: ResMut<Runs>| runs.0 += 1;
+    app.init_resource::<Runs>().add_systems(ModelStep, count.in_set(HapticSystems::Last));
+    let lockstep = HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() };
+    let step_s = std::time::Duration::from_millis(50);
+    app.add_plugins((MinimalPlugins, PalpatePlugins.set(lockstep)))
+        .insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(step_s));
+    step(&mut app, 3);
+    assert_eq!(app.world().resource::<Runs>().0, 3);
+}
+
+#[test]
+#[should_panic(expected = "palpate's ToolPlugin needs HapticSchedulePlugin")]
+fn a_group_without_its_schedule_says_what_is_missing() {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, PalpatePlugins.build().disable::<HapticSchedulePlugin>()));
+    app.finish();
 }
 
 #[test]

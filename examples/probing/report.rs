@@ -47,7 +47,7 @@ fn report(
     let settings = ComparisonOptions { period_ticks: rate.ticks() as usize, ..default() };
     let samples = contiguous_end(&recording.samples);
     let comparison =
-        Comparison::run(&Body::new(network, surface), &contact, samples, &Scheme::ALL, &settings)?;
+        Comparison::run(&Body::new(network, surface)?, &contact, samples, &Scheme::ALL, &settings)?;
     let run = Run { samples, records: &recording.records, comparison };
     print_table(&run, recording, timing, steps.0, tool.scheme)?;
     let trace = options.out.join("trace.csv");

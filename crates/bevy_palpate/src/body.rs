@@ -123,6 +123,10 @@ pub struct SimulatedBody {
     pub(crate) builder: LocalModelBuilder,
     pub(crate) epoch: u64,
     pub(crate) last_step: StepReport,
+    /// Counts the builds with other nodes, or others fixed, than the one before.
+    pub(crate) shape: u64,
+    /// Why the last step failed, so that it is said once.
+    pub(crate) failed: Option<std::mem::Discriminant<BodyError>>,
     /// Where the entity was when the body was built.
     place: GlobalTransform,
     picture: mesh::Picture,
@@ -168,9 +172,18 @@ impl Plugin for BodyPlugin {
     }
 }
 
-/// A body that is a body no longer is not simulated.
-fn remove_simulation(removed: On<Remove, DeformableBody>, mut commands: Commands) {
-    commands.entity(removed.entity).try_remove::<SimulatedBody>();
+/// A body that is a body no longer is not simulated, and loses the mesh that it was given.
+fn remove_simulation(
+    removed: On<Remove, DeformableBody>,
+    bodies: Query<(&SimulatedBody, Option<&Mesh3d>)>,
+    mut commands: Commands,
+) {
+    let Ok((simulated, mesh)) = bodies.get(removed.entity) else { return };
+    let mut entity = commands.entity(removed.entity);
+    if mesh.is_some_and(|mesh| simulated.picture.is_shown_by(mesh)) {
+        entity.try_remove::<Mesh3d>();
+    }
+    entity.try_remove::<SimulatedBody>();
 }
 
 /// What is made of new or changed components, in [`PreUpdate`].
@@ -186,21 +199,25 @@ pub enum HapticSetupSystems {
 #[query_data(mutable)]
 struct Asked {
     entity: Entity,
-    shape: &'static DeformableBody,
-    tissue: &'static Tissue,
-    fixed: &'static FixedRegion,
+    shape: Ref<'static, DeformableBody>,
+    tissue: Ref<'static, Tissue>,
+    fixed: Ref<'static, FixedRegion>,
+    transform: Ref<'static, Transform>,
     simulated: Option<&'static mut SimulatedBody>,
 }
 
-type AskedAnew = Or<(Changed<DeformableBody>, Changed<Tissue>, Changed<FixedRegion>)>;
-
 fn build_bodies(
     mut commands: Commands,
-    mut asked: Query<Asked, AskedAnew>,
+    mut bodies: Query<Asked>,
     transforms: TransformHelper,
     mut faults: MessageWriter<HapticFault>,
 ) {
-    for mut asked in &mut asked {
+    for mut asked in &mut bodies {
+        let changed = asked.shape.is_changed() || asked.tissue.is_changed() || asked.fixed.is_changed();
+        // What could not be built where it was may be built where it is now.
+        if !(changed || asked.simulated.is_none() && asked.transform.is_changed()) {
+            continue;
+        }
         let entity = asked.entity;
         let place = match &asked.simulated {
             Some(old) => old.place,
@@ -208,17 +225,10 @@ fn build_bodies(
             None => transforms.compute_global_transform(entity).unwrap_or_default(),
         };
         match simulate(&asked, &place) {
-            Ok(mut new) => match asked.simulated.as_mut() {
-                Some(old) => {
-                    let (x, v) = (old.body.positions_m(), old.body.velocities_m_per_s());
-                    // Another shape has another number of nodes and starts from rest.
-                    let _ = new.body.set_state(x, v);
-                    new.epoch = old.epoch + 1;
-                    new.picture = std::mem::take(&mut old.picture);
-                    **old = new;
-                }
+            Ok(new) => match asked.simulated.as_mut() {
+                Some(old) => rebuild(old, new),
                 None => {
-                    commands.entity(entity).insert(new);
+                    commands.entity(entity).try_insert(new);
                 }
             },
             Err(kind) => {
@@ -228,8 +238,25 @@ fn build_bodies(
     }
 }
 
+/// Puts `new` in the place of `old`: with its shape and motion if it has the same nodes, at rest if not.
+fn rebuild(old: &mut SimulatedBody, mut new: SimulatedBody) {
+    let same = old.body.network().rest_m() == new.body.network().rest_m()
+        && old.body.network().free() == new.body.network().free();
+    if same {
+        // It fits, since the nodes are the same.
+        let _ = new.body.set_state(old.body.positions_m(), old.body.velocities_m_per_s());
+    }
+    new.epoch = old.epoch + 1;
+    new.shape = old.shape + u64::from(!same);
+    new.picture = std::mem::take(&mut old.picture);
+    *old = new;
+}
+
 fn simulate(asked: &AskedItem, place: &GlobalTransform) -> Result<SimulatedBody, HapticFaultKind> {
     let (scale, rotation, translation) = place.to_scale_rotation_translation();
+    if !(scale.is_finite() && rotation.is_finite() && translation.is_finite()) {
+        return Err(HapticFaultKind::Place);
+    }
     if (scale - Vec3::ONE).abs().max_element() > 1e-4 {
         return Err(HapticFaultKind::Scaled { scale });
     }
@@ -241,8 +268,8 @@ fn simulate(asked: &AskedItem, place: &GlobalTransform) -> Result<SimulatedBody,
         let Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio } = *asked.tissue;
         let block = block
             .tissue(&palpate_body::Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio })?
-            .placed(rotation.as_dquat().normalize(), translation.as_dvec3());
-        let body = Body::new(block.network, block.surface);
+            .placed(rotation.as_dquat().normalize(), translation.as_dvec3())?;
+        let body = Body::new(block.network, block.surface)?;
         // A body that cannot be stepped is refused here, not at its first step.
         palpate_body::SemiImplicitEuler::default().substeps(&body)?;
         let builder = LocalModelBuilder::new(&body, BuilderOptions::default())?;
@@ -251,14 +278,10 @@ fn simulate(asked: &AskedItem, place: &GlobalTransform) -> Result<SimulatedBody,
     match build() {
         Ok((body, builder)) => {
             let (last_step, picture) = (StepReport::default(), mesh::Picture::default());
-            Ok(SimulatedBody { body, builder, epoch: 0, last_step, place: *place, picture })
+            let (epoch, shape, failed) = (0, 0, None);
+            Ok(SimulatedBody { body, builder, epoch, last_step, shape, failed, place: *place, picture })
         }
         Err(ReduceError::Body(error)) => Err(HapticFaultKind::BuildBody(error)),
         Err(error) => Err(HapticFaultKind::LocalModel(error)),
     }
-}
-
-/// Keeps the type of a body's error in one place for the tools.
-pub(crate) fn step_fault(entity: Entity, error: BodyError) -> HapticFault {
-    HapticFault { entity: Some(entity), kind: HapticFaultKind::StepBody(error) }
 }

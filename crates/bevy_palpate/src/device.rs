@@ -4,7 +4,7 @@ use crate::fault::DeviceFault;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use palpate_haptics::{AtEnd, HapticDevice, ReplayDevice, Trajectory};
-use std::path::Path;
+use std::path::PathBuf;
 
 /// Which device a tool has. A selector is plain data; the device itself comes from [`HapticDevices`] when the
 /// tool's loop starts.
@@ -13,7 +13,8 @@ use std::path::Path;
 pub enum DeviceSelector {
     /// A recorded hand: a CSV file with the header `t_s,x_m,y_m,z_m` and a row each millisecond.
     Replay {
-        /// The file, from the working directory or, if it is not there, from `assets` below it.
+        /// The file, from the working directory or, if it is not there, from the folder `assets` below the first of
+        /// these that has it: the working directory, `BEVY_ASSET_ROOT`, `CARGO_MANIFEST_DIR`, the program's folder.
         path: String,
         /// Whether it begins anew at its end.
         repeat: bool,
@@ -79,11 +80,8 @@ impl HapticDevices {
     pub fn make(&self, selector: &DeviceSelector) -> Result<Box<dyn HapticDevice>, DeviceFault> {
         match selector {
             DeviceSelector::Replay { path, repeat } => {
-                let below_assets = Path::new("assets").join(path);
-                let here = Path::new(path).exists() || !below_assets.exists();
-                let file = if here { Path::new(path) } else { &below_assets };
                 let at_end = if *repeat { AtEnd::Repeat } else { AtEnd::Stay };
-                Ok(Box::new(ReplayDevice::new(Trajectory::from_csv_file(file)?, at_end)))
+                Ok(Box::new(ReplayDevice::new(Trajectory::from_csv_file(find(path))?, at_end)))
             }
             DeviceSelector::Named(name) => match self.named.get(name) {
                 Some(make) => make().map_err(DeviceFault::Make),
@@ -97,6 +95,16 @@ impl HapticDevices {
             },
         }
     }
+}
+
+/// The file `path` as it stands or below an `assets` folder; as it stands if there is none.
+fn find(path: &str) -> PathBuf {
+    let of = |variable| std::env::var_os(variable).map(PathBuf::from);
+    let beside = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.to_owned()));
+    let roots = [Some(PathBuf::new()), of("BEVY_ASSET_ROOT"), of("CARGO_MANIFEST_DIR"), beside];
+    let below_assets = roots.into_iter().flatten().map(|root| root.join("assets").join(path));
+    let mut candidates = std::iter::once(PathBuf::from(path)).chain(below_assets);
+    candidates.find(|file| file.exists()).unwrap_or_else(|| path.into())
 }
 
 impl std::fmt::Debug for HapticDevices {

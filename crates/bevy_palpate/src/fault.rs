@@ -28,6 +28,9 @@ pub enum HapticFaultKind {
         /// The scale found.
         scale: Vec3,
     },
+    /// A body's transform, or that of a parent, is not finite.
+    #[error("the body's transform is not finite")]
+    Place,
     /// A body could not be stepped. It is as it was before the step, at rest, and has let go of the tool.
     #[error("the body cannot be stepped")]
     StepBody(#[source] BodyError),
@@ -40,13 +43,14 @@ pub enum HapticFaultKind {
     /// A tool's settings make no sense; the old ones stay in force.
     #[error("the tool's settings are refused")]
     Settings(#[source] HapticsError),
-    /// A tool's radius makes no sense; it touches nothing.
-    #[error("the tool cannot touch")]
+    /// A tool's radius makes no sense; a new tool does not start, a running one keeps the old radius.
+    #[error("the tool's radius is refused")]
     Tool(#[source] BodyError),
     /// The loop reports a fault.
     #[error("the haptic loop reports a fault")]
     Loop(#[source] LoopEventKind),
-    /// The loop's thread has ended without being asked to: its device failed or panicked.
+    /// The loop's thread has ended without being asked to: its device could not be opened, or panicked. The tool is
+    /// without a loop; change its [`crate::HapticTool`] (`set_changed` will do) to start another one.
     #[error("the haptic loop's thread has ended")]
     LoopEnded,
     /// The loop's thread did not end within 200 ms of being asked to, because its device blocks; it is left to
@@ -59,13 +63,25 @@ pub enum HapticFaultKind {
         /// How many.
         lost: u64,
     },
+    /// The entity that a tool should touch is no simulated body; it touches nothing.
+    #[error("the tool should touch {body}, which is no body")]
+    NotABody {
+        /// The entity.
+        body: Entity,
+    },
+    /// The loop had more to tell than its queue holds, because the app did not listen for so long.
+    #[error("{dropped} events of the haptic loop were dropped: the app did not listen")]
+    EventsDropped {
+        /// How many.
+        dropped: u64,
+    },
     /// Another tool touches the body that this one should touch. One tool at a time.
     #[error("the body {body} is touched by another tool already")]
     BodyTaken {
         /// The body.
         body: Entity,
     },
-    /// The app's clock runs at another speed than real time, which a loop on a thread cannot.
+    /// The app's clock runs at another speed than real time, which a loop on a thread cannot; the force fades.
     #[error(
         "the app's clock runs at {speed} times real time; a loop on a thread cannot: use the lock step clock"
     )]

@@ -1,5 +1,6 @@
 //! The model's own schedule, its rate and its clock.
 
+use crate::body::HapticSetupSystems;
 use crate::fault::{HapticFault, HapticFaultKind};
 use bevy::ecs::schedule::{LogLevel, ScheduleBuildSettings, ScheduleLabel};
 use bevy::prelude::*;
@@ -30,7 +31,7 @@ pub enum HapticSystems {
     Last,
 }
 
-/// What makes the loops tick.
+/// What makes the loops tick. A loop has the clock that is set when it starts: choose it with the plugin and leave it.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Debug, Default, PartialEq)]
 pub enum HapticClock {
@@ -44,7 +45,8 @@ pub enum HapticClock {
 
 /// How often the bodies are stepped.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
-#[reflect(Resource, Debug, Default, PartialEq)]
+#[reflect(opaque)]
+#[reflect(Resource, Debug, Default, PartialEq, Clone)]
 pub struct ModelRate {
     ticks: u32,
 }
@@ -120,37 +122,41 @@ struct Accumulated(Duration);
 pub struct HapticSchedulePlugin {
     /// How often the bodies are stepped.
     pub rate: ModelRate,
-    /// What makes the loops tick.
+    /// What makes the loops tick. A loop has the clock that is set when it starts: choose it with the plugin and leave it.
     pub clock: HapticClock,
 }
 
 impl Plugin for HapticSchedulePlugin {
     fn build(&self, app: &mut App) {
-        let mut schedule = Schedule::new(ModelStep);
-        schedule.set_build_settings(ScheduleBuildSettings {
-            ambiguity_detection: LogLevel::Error,
-            ..ScheduleBuildSettings::default()
+        // A schedule that somebody has added systems to already keeps them.
+        app.edit_schedule(ModelStep, |schedule| {
+            schedule.set_build_settings(ScheduleBuildSettings {
+                ambiguity_detection: LogLevel::Error,
+                ..ScheduleBuildSettings::default()
+            });
+            schedule.configure_sets(
+                (
+                    HapticSystems::First,
+                    HapticSystems::Receive,
+                    HapticSystems::StepBody,
+                    HapticSystems::BuildLocalModel,
+                    HapticSystems::Publish,
+                    HapticSystems::Writeback,
+                    HapticSystems::Last,
+                )
+                    .chain(),
+            );
         });
-        schedule.configure_sets(
-            (
-                HapticSystems::First,
-                HapticSystems::Receive,
-                HapticSystems::StepBody,
-                HapticSystems::BuildLocalModel,
-                HapticSystems::Publish,
-                HapticSystems::Writeback,
-                HapticSystems::Last,
-            )
-                .chain(),
-        );
-        app.add_schedule(schedule)
-            .insert_resource(self.rate)
+        app.insert_resource(self.rate)
             .insert_resource(self.clock)
             .init_resource::<Accumulated>()
             .init_resource::<ModelStepCount>()
+            .register_type::<ModelRate>()
+            .register_type::<HapticClock>()
+            .register_type::<ModelStepCount>()
             .add_message::<HapticFault>()
             .add_systems(FixedUpdate, run_model_steps)
-            .add_systems(PreUpdate, watch_speed);
+            .add_systems(PreUpdate, watch_speed.before(HapticSetupSystems::Bodies));
     }
 }
 
@@ -173,7 +179,8 @@ fn run_model_steps(world: &mut World) {
     }
 }
 
-/// A loop on a thread runs in real time, whatever the speed of the app's clock.
+/// A loop on a thread runs in real time, whatever the speed of the app's clock. At another speed its force is faded
+/// as in a pause (`set_loops`).
 fn watch_speed(
     time: Res<Time<Virtual>>,
     clock: Res<HapticClock>,

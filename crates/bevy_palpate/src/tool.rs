@@ -3,6 +3,7 @@
 mod model;
 mod receive;
 mod results;
+mod settings;
 mod start;
 
 pub use results::{LoopTiming, TickRecording, ToolForce, Touching};
@@ -11,7 +12,7 @@ pub use start::ToolLoop;
 use crate::body::HapticSetupSystems;
 use crate::device::{DeviceSelector, HapticDevices};
 use crate::fault::HapticFault;
-use crate::schedule::{HapticSystems, ModelStep};
+use crate::schedule::{HapticClock, HapticSystems, ModelRate, ModelStep};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_haptics::{DeviceFrame, SafetySettings, VelocityEstimator};
@@ -59,7 +60,7 @@ pub struct ToolSettings {
     pub velocity: VelocityEstimator,
 }
 
-/// A tool has touched a body.
+/// A tool has touched a body. Each of these is followed by one [`ContactEnded`], whatever ends the contact.
 #[derive(Message, Clone, Copy, Debug, PartialEq)]
 pub struct ContactBegan {
     /// The tool.
@@ -99,19 +100,44 @@ impl Plugin for ToolPlugin {
             .configure_sets(PreUpdate, (HapticSetupSystems::Bodies, HapticSetupSystems::Tools).chain())
             .add_systems(
                 PreUpdate,
-                (start::start_loops, start::set_loops).chain().in_set(HapticSetupSystems::Tools),
+                (
+                    start::start_loops,
+                    receive::watch_loops,
+                    settings::check_settings,
+                    settings::set_loops,
+                    results::write_results,
+                )
+                    .chain()
+                    .in_set(HapticSetupSystems::Tools),
             )
             .add_systems(
                 ModelStep,
                 (
-                    (receive::receive, receive::choose_bodies).chain().in_set(HapticSystems::Receive),
+                    (receive::receive, receive::choose_bodies, settings::set_loops)
+                        .chain()
+                        .in_set(HapticSystems::Receive),
                     model::step_bodies.in_set(HapticSystems::StepBody),
                     model::build_local_models.in_set(HapticSystems::BuildLocalModel),
                     model::publish_local_models.in_set(HapticSystems::Publish),
-                    results::write_results.in_set(HapticSystems::Writeback),
+                    (receive::watch_loops, results::write_results).chain().in_set(HapticSystems::Writeback),
                 ),
             )
             .add_observer(start::remove_loop)
             .add_systems(PostUpdate, results::move_tools.before(TransformSystems::Propagate));
+    }
+
+    fn finish(&self, app: &mut App) {
+        let world = app.world();
+        let needed = [
+            (world.contains_resource::<ModelRate>(), "HapticSchedulePlugin, or the resource ModelRate"),
+            (world.contains_resource::<HapticClock>(), "HapticSchedulePlugin, or the resource HapticClock"),
+            (
+                world.contains_resource::<Time<Virtual>>(),
+                "Bevy's TimePlugin (it is in MinimalPlugins and DefaultPlugins)",
+            ),
+        ];
+        for (there, what) in needed {
+            assert!(there, "palpate's ToolPlugin needs {what}");
+        }
     }
 }

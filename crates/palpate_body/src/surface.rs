@@ -42,7 +42,12 @@ impl Surface {
             }
         }
         let length = |n: &DVec3| n.length();
-        let bad = self.nodes.iter().flat_map(|n| &n.normals).map(length).find(|l| !((l - 1.0).abs() < 1e-6));
+        let bad = self
+            .nodes
+            .iter()
+            .flat_map(|n| &n.normals)
+            .map(length)
+            .find(|l| l.is_nan() || (l - 1.0).abs() > 1e-6);
         match bad {
             Some(length) => {
                 Err(BodyError::Parameter { what: "length of a surface normal", value: length, allowed: "1" })

@@ -290,7 +290,7 @@ impl HapticLoop {
     fn take_model(&mut self) -> ModelId {
         let model = self.ends.models.output_buffer();
         let id = model.id;
-        let refused = if self.settings.body.is_some_and(|body| body != id.body) {
+        let refused = if self.settings.body.is_some_and(|body| ![body, ModelId::NO_BODY].contains(&id.body)) {
             LoopEventKind::WrongBody(id)
         } else {
             match self.hand_over.offer(model) {

@@ -42,6 +42,7 @@ pub struct LoopSettings {
     /// Time between two model steps, s; the age of a local model is counted in it.
     pub model_period_s: f64,
     /// The body whose models are taken, those of others falling silent at once; `None` takes any.
+    /// A model of no body is always taken.
     pub body: Option<u64>,
     /// Whether the app is paused: the force fades to zero.
     pub paused: bool,

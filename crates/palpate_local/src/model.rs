@@ -48,12 +48,17 @@ impl Scheme {
 /// Which body, which build of it, and which sample a local model is of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ModelId {
-    /// Identity of the body.
+    /// Identity of the body; [`ModelId::NO_BODY`] for a model of nothing.
     pub body: u64,
     /// Counts rebuilds of that body: a model of another epoch is of another network.
     pub epoch: u64,
     /// Sequence number of the sample up to which the body had been stepped.
     pub sequence: u64,
+}
+
+impl ModelId {
+    /// The body of a model that says that there is nothing to be felt.
+    pub const NO_BODY: u64 = 0;
 }
 
 /// The contact at the model step.
@@ -138,6 +143,13 @@ impl LocalModel {
             clamped: false,
             reduced: Reduced::with_capacity(capacity),
         }
+    }
+
+    /// Becomes the model that says, as of sample `sequence`, that there is nothing to be felt.
+    pub fn silence(&mut self, sequence: u64) {
+        self.id = ModelId { body: ModelId::NO_BODY, epoch: 0, sequence };
+        (self.scheme, self.contact, self.force_n) = (Scheme::Hold, Contact::Apart, DVec3::ZERO);
+        self.reduced.order = 0;
     }
 
     /// Whether it has a state to be stepped: a dynamic scheme that is in contact.

@@ -32,14 +32,13 @@ impl Workspace {
 
     /// Three times the largest number of free nodes within `rings` of a free node.
     pub(crate) fn largest_order(&mut self, body: &Body, rings: usize) -> usize {
-        let largest = (0..body.network().free().len())
+        (0..body.network().free().len())
             .map(|index| {
                 self.select(body, body.network().free()[index], rings);
                 3 * self.nodes.len()
             })
             .max()
-            .unwrap_or(0);
-        largest
+            .unwrap_or(0)
     }
 
     /// Collects the free nodes within `rings` links of `node`, nearest first.

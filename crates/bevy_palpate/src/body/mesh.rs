@@ -9,7 +9,15 @@ use bevy::prelude::*;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Picture {
     mesh: Handle<Mesh>,
+    /// Which shape of the body the mesh was made for.
+    shape: u64,
     shown: Vec<[f32; 3]>,
+}
+
+impl Picture {
+    pub(super) fn is_shown_by(&self, mesh: &Mesh3d) -> bool {
+        self.mesh == mesh.0
+    }
 }
 
 /// Gives every new body a mesh, if the app has meshes. A body that brings its own [`Mesh3d`] keeps it.
@@ -24,8 +32,8 @@ pub(super) fn give_meshes(
         let place = transforms.compute_global_transform(entity).unwrap_or_default();
         let shown: Vec<[f32; 3]> = vertices(&simulated, &place).collect();
         let mesh = meshes.add(make_mesh(&simulated, &shown));
-        commands.entity(entity).insert(Mesh3d(mesh.clone()));
-        simulated.picture = Picture { mesh, shown };
+        commands.entity(entity).try_insert(Mesh3d(mesh.clone()));
+        simulated.picture = Picture { mesh, shape: simulated.shape, shown };
     }
 }
 
@@ -48,14 +56,14 @@ pub(super) fn write_meshes(
         if let Some(mut mesh) = meshes.get_mut(&picture.mesh) {
             match mesh.attribute_mut(Mesh::ATTRIBUTE_POSITION) {
                 Some(VertexAttributeValues::Float32x3(positions))
-                    if positions.len() == picture.shown.len() =>
+                    if picture.shape == simulated.shape && positions.len() == picture.shown.len() =>
                 {
                     positions.copy_from_slice(&picture.shown);
                     mesh.compute_normals();
                 }
-                // The body has been built anew in another shape.
                 _ => *mesh = make_mesh(&simulated, &picture.shown),
             }
+            picture.shape = simulated.shape;
         }
         simulated.picture = picture;
     }

@@ -1,12 +1,12 @@
 //! The model side of a step: bodies, local models, hand-over.
 
 use super::{ContactBegan, ContactEnded, HapticTool, ToolLoop};
-use crate::body::{SimulatedBody, step_fault};
+use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::ModelRate;
 use bevy::prelude::*;
-use palpate_body::{SemiImplicitEuler, ToolContact};
-use palpate_local::{Contact, ModelId, Scheme};
+use palpate_body::SemiImplicitEuler;
+use palpate_local::ModelId;
 
 /// Steps every body: along the samples of the tool that can touch it, or by the model period if there is none.
 pub(super) fn step_bodies(
@@ -24,12 +24,16 @@ pub(super) fn step_bodies(
         let stepped = match tool {
             None => simulated.body.advance(None, rate.ticks() as usize, &integrator),
             Some((tool_entity, mut tool)) => {
+                // Nodes of another shape have other numbers.
+                if std::mem::replace(&mut tool.shape, simulated.shape) != simulated.shape {
+                    tool.let_go(tool_entity).map(|message| ended.write(message));
+                }
                 let ToolLoop { contact, path, .. } = &mut *tool;
                 let before = contact.touched();
                 let along = Some((&mut *contact, path.as_slice()));
                 let stepped = simulated.body.advance(along, path.len() - 1, &integrator);
                 if stepped.is_err() {
-                    let_go(contact);
+                    contact.let_go();
                 }
                 let after = contact.touched();
                 if before.is_some() && after.map(|t| t.node) != before.map(|t| t.node) {
@@ -44,18 +48,17 @@ pub(super) fn step_bodies(
             }
         };
         match stepped {
-            Ok(report) => simulated.last_step = report,
+            Ok(report) => (simulated.last_step, simulated.failed) = (report, None),
             Err(error) => {
                 bring_to_rest(simulated);
-                faults.write(step_fault(entity, error));
+                if simulated.failed.replace(std::mem::discriminant(&error))
+                    != Some(std::mem::discriminant(&error))
+                {
+                    faults
+                        .write(HapticFault { entity: Some(entity), kind: HapticFaultKind::StepBody(error) });
+                }
             }
         }
-    }
-}
-
-fn let_go(contact: &mut ToolContact) {
-    if let ToolContact::Touch { touched, .. } = contact {
-        *touched = None;
     }
 }
 
@@ -82,8 +85,7 @@ pub(super) fn build_local_models(
         let simulated = body.and_then(|body| Some((body, bodies.get_mut(body).ok()?)));
         let Some((body, mut simulated)) = simulated else {
             // Nothing to be felt: that is a model too, or the last touch would last until it is stale.
-            model.id = ModelId { body: 0, epoch: 0, sequence };
-            (model.scheme, model.contact, model.reduced.order) = (Scheme::Hold, Contact::Apart, 0);
+            model.silence(sequence);
             *built = true;
             continue;
         };

@@ -1,7 +1,7 @@
 //! From the loops to the model side: samples, events, records.
 
 use super::start::Driver;
-use super::{HapticTool, TickRecording, ToolLoop};
+use super::{ContactEnded, HapticTool, TickRecording, ToolLoop};
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::{MAX_TICKS, ModelRate};
@@ -10,43 +10,62 @@ use glam::DVec3;
 use palpate_body::ToolPoint;
 use palpate_local::{Sample, SampleHistory};
 
-/// In lock step turns the loops; then takes every tool's new samples, events and records.
+/// In lock step turns the loops; then takes every tool's new samples.
 pub(super) fn receive(
-    mut tools: Query<(Entity, &mut ToolLoop, Option<&mut TickRecording>)>,
+    mut tools: Query<(Entity, &mut ToolLoop)>,
     rate: Res<ModelRate>,
+    mut ended: MessageWriter<ContactEnded>,
     mut faults: MessageWriter<HapticFault>,
 ) {
-    for (entity, mut tool, mut recording) in &mut tools {
-        let mut fault = |kind| {
-            faults.write(HapticFault { entity: Some(entity), kind });
-        };
+    for (entity, mut tool) in &mut tools {
         let tool = &mut *tool;
-        let ended = match &mut tool.driver {
-            Driver::Thread(thread) => !thread.is_running(),
-            Driver::Lockstep(lockstep) => {
-                lockstep.get().run(rate.ticks() as usize);
-                false
-            }
-            Driver::Stopped => true,
-        };
-        if let Some(recording) = &mut recording {
-            record_samples(tool.handle.samples(), &mut recording.samples);
+        if let Driver::Lockstep(lockstep) = &mut tool.driver {
+            lockstep.get().run(rate.ticks() as usize);
+        }
+        if std::mem::take(&mut tool.was_paused) {
+            // What the hand did meanwhile is nobody's business; it begins anew where it is now.
+            tool.consumed = tool.handle.samples().newest().map(|sample| sample.sequence);
+            tool.let_go(entity).map(|message| ended.write(message));
         }
         let lost = take_path(tool.handle.samples(), &mut tool.consumed, &mut tool.path);
         if lost > 0 {
-            fault(HapticFaultKind::SamplesLost { lost });
+            let kind = HapticFaultKind::SamplesLost { lost };
+            faults.write(HapticFault { entity: Some(entity), kind });
         }
+    }
+}
+
+/// Takes every loop's events and records, and notices loops that have ended by themselves.
+pub(super) fn watch_loops(
+    mut commands: Commands,
+    mut tools: Query<(Entity, &mut ToolLoop, Option<&mut TickRecording>)>,
+    mut faults: MessageWriter<HapticFault>,
+) {
+    for (entity, mut tool, recording) in &mut tools {
+        let mut fault = |kind| {
+            faults.write(HapticFault { entity: Some(entity), kind });
+        };
+        // Asked before the queues are emptied, so that its last words are among what is taken.
+        let ended = matches!(&tool.driver, Driver::Thread(thread) if !thread.is_running());
         while let Some(event) = tool.handle.next_event() {
             if event.kind.is_fault() {
                 fault(HapticFaultKind::Loop(event.kind));
             }
         }
-        if ended && !std::mem::replace(&mut tool.said_ended, true) {
-            fault(HapticFaultKind::LoopEnded);
+        let dropped = tool.handle.report().dropped_events;
+        if dropped > tool.dropped_events {
+            tool.dropped_events = dropped;
+            fault(HapticFaultKind::EventsDropped { dropped });
         }
-        if let Some(recording) = &mut recording {
+        if let Some(mut recording) = recording {
+            record_samples(tool.handle.samples(), &mut recording.samples);
             recording.records.extend(std::iter::from_fn(|| tool.handle.next_record()));
             recording.dropped = tool.handle.report().dropped_records;
+            recording.forget();
+        }
+        if ended {
+            fault(tool.driver.stop().unwrap_or(HapticFaultKind::LoopEnded));
+            commands.entity(entity).remove::<ToolLoop>();
         }
     }
 }
@@ -78,32 +97,42 @@ fn tool_point(sample: &Sample) -> ToolPoint {
 pub(super) fn choose_bodies(
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop)>,
     bodies: Query<(Entity, &SimulatedBody)>,
+    mut ended: MessageWriter<ContactEnded>,
     mut faults: MessageWriter<HapticFault>,
 ) {
-    let mut taken: Vec<Entity> = tools.iter().filter_map(|(.., tool)| tool.body).collect();
+    let mut taken: Vec<(Entity, Entity)> =
+        tools.iter().filter_map(|(entity, _, tool)| Some((entity, tool.body?))).collect();
     for (entity, asked, mut tool) in &mut tools {
         let Some(at) = tool.path.last().map(|point| point.position_m) else { continue };
-        let chosen = match (asked.body, tool.body) {
-            (Some(body), _) => bodies.contains(body).then_some(body),
+        let wanted = match (asked.body, tool.body) {
+            (Some(body), _) => Some(body),
             (None, Some(body)) if bodies.contains(body) => Some(body),
             (None, _) => nearest(&bodies, at),
         };
-        if chosen == tool.body {
-            continue;
-        }
-        if let Some(body) = chosen.filter(|body| taken.contains(body)) {
-            if tool.refused_body.replace(body) != Some(body) {
-                faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::BodyTaken { body } });
+        let refused = wanted.and_then(|body| {
+            if !bodies.contains(body) {
+                Some((body, HapticFaultKind::NotABody { body }))
+            } else if taken.iter().any(|&(by, taken)| taken == body && by != entity) {
+                Some((body, HapticFaultKind::BodyTaken { body }))
+            } else {
+                None
             }
-            continue;
+        });
+        let chosen = wanted.filter(|_| refused.is_none());
+        match refused {
+            None => tool.refused_body = None,
+            Some((body, kind)) => {
+                if tool.refused_body.replace(body) != Some(body) {
+                    faults.write(HapticFault { entity: Some(entity), kind });
+                }
+            }
         }
-        // Whatever was touched before is let go of.
-        if let Ok(contact) = palpate_body::ToolContact::touch(asked.radius_m) {
-            tool.contact = contact;
+        if chosen != tool.body {
+            tool.let_go(entity).map(|message| ended.write(message));
+            tool.body = chosen;
+            taken.retain(|&(by, _)| by != entity);
+            taken.extend(chosen.map(|body| (entity, body)));
         }
-        taken.extend(chosen);
-        tool.body = chosen;
-        tool.refused_body = None;
     }
 }
 
@@ -112,7 +141,7 @@ fn nearest(bodies: &Query<(Entity, &SimulatedBody)>, at: DVec3) -> Option<Entity
     let distance = |simulated: &SimulatedBody| {
         let body = simulated.body();
         let nodes = body.surface().nodes.iter();
-        nodes.map(|&node| body.positions_m()[node].distance_squared(at)).fold(f64::INFINITY, f64::min)
+        nodes.map(|n| body.positions_m()[n.node].distance_squared(at)).fold(f64::INFINITY, f64::min)
     };
     bodies
         .iter()

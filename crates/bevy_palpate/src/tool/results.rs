@@ -40,6 +40,14 @@ pub struct LoopTiming {
     pub cost_p50_us: f64,
     /// Its 99th percentile, µs.
     pub cost_p99_us: f64,
+    /// Readings that could not be used.
+    pub rejected_readings: u64,
+    /// Device errors, on reading and on writing.
+    pub device_errors: u64,
+    /// Local models that were refused or given up.
+    pub models_refused: u64,
+    /// Events that were lost because the app did not listen.
+    pub dropped_events: u64,
 }
 
 /// What a tool touches now.
@@ -50,15 +58,35 @@ pub struct Touching {
     pub body: Option<Entity>,
 }
 
-/// Put it on a tool to record every tick.
-#[derive(Component, Clone, Debug, Default)]
+/// Put it on a tool to record every tick. A tick takes some 900 bytes, so an hour some 3 GB; see `keep`.
+#[derive(Component, Clone, Debug)]
 pub struct TickRecording {
-    /// The ticks since it was put there, as far as the model step has fetched them.
+    /// The ticks since it was put there, as far as they have been fetched.
     pub records: Vec<TickRecord>,
-    /// The samples that the body was moved along: one for each period, those of missed deadlines included.
+    /// The samples that were felt: one for each period, those of missed deadlines included.
     pub samples: Vec<Sample>,
     /// Ticks that are missing because the app fetched them too late.
     pub dropped: u64,
+    /// How many ticks and samples are kept at least; when there are twice as many the older half is forgotten.
+    pub keep: usize,
+}
+
+impl Default for TickRecording {
+    /// Keeps everything.
+    fn default() -> Self {
+        Self { records: Vec::new(), samples: Vec::new(), dropped: 0, keep: usize::MAX }
+    }
+}
+
+impl TickRecording {
+    pub(super) fn forget(&mut self) {
+        if self.records.len() / 2 >= self.keep {
+            self.records.drain(..self.records.len() - self.keep);
+        }
+        if self.samples.len() / 2 >= self.keep {
+            self.samples.drain(..self.samples.len() - self.keep);
+        }
+    }
 }
 
 /// Writes the results of every tool.
@@ -88,6 +116,10 @@ pub(super) fn write_results(
             lateness_max_us: report.lateness.max_us(),
             cost_p50_us: report.cost.quantile_us(0.5),
             cost_p99_us: report.cost.quantile_us(0.99),
+            rejected_readings: report.rejected_readings,
+            device_errors: report.device_errors,
+            models_refused: report.models_refused,
+            dropped_events: report.dropped_events,
         };
     }
 }

@@ -1,6 +1,7 @@
-//! A tool's loop: started, set and stopped.
+//! A tool's loop: started and stopped.
 
-use super::{HapticTool, TickRecording, ToolSettings};
+use super::settings::loop_settings;
+use super::{ContactEnded, HapticTool, ToolForce, ToolSettings, Touching};
 use crate::device::{DeviceSelector, HapticDevices};
 use crate::fault::{DeviceFault, HapticFault, HapticFaultKind};
 use crate::schedule::{HapticClock, ModelRate};
@@ -22,18 +23,23 @@ pub struct ToolLoop {
     pub(super) contact: ToolContact,
     /// The body it touches or can touch.
     pub(super) body: Option<Entity>,
+    /// The shape of that body to which the contact belongs.
+    pub(super) shape: u64,
     /// Sequence number of the sample up to which the body has been moved.
     pub(super) consumed: Option<u64>,
     /// The path since then: where it began and one point for each tick.
     pub(super) path: Vec<ToolPoint>,
     /// A local model waits to be published.
     pub(super) built: bool,
-    /// The body that was refused to it, so that it is said once.
+    /// There has been a pause since the last model step.
+    pub(super) was_paused: bool,
+    /// The entity that was refused to it as a body, so that it is said once.
     pub(super) refused_body: Option<Entity>,
-    /// Settings that were refused, so that it is said once.
-    refused_settings: Option<ToolSettings>,
+    /// The newest settings that make sense.
+    pub(super) settings: ToolSettings,
+    /// Events lost, as far as that has been said.
+    pub(super) dropped_events: u64,
     device: DeviceSelector,
-    pub(super) said_ended: bool,
 }
 
 /// What makes the loop tick.
@@ -48,7 +54,7 @@ impl Driver {
     pub(super) fn stop(&mut self) -> Option<HapticFaultKind> {
         match std::mem::replace(self, Self::Stopped) {
             Self::Thread(mut thread) => match thread.stop() {
-                Stop::Joined(_) | Stop::AlreadyStopped => None,
+                Stop::Joined | Stop::AlreadyStopped => None,
                 Stop::Panicked => Some(HapticFaultKind::LoopEnded),
                 Stop::Detached => Some(HapticFaultKind::LoopDetached),
             },
@@ -80,15 +86,30 @@ impl ToolLoop {
     pub fn contact(&self) -> &ToolContact {
         &self.contact
     }
+
+    /// Lets go of what is touched; the message to be written if something was.
+    #[must_use]
+    pub(super) fn let_go(&mut self, tool: Entity) -> Option<ContactEnded> {
+        let touched = self.contact.let_go();
+        self.body.filter(|_| touched).map(|body| ContactEnded { tool, body })
+    }
 }
 
-/// A device that does not let its loop end must not go unnoticed.
+/// What a loop leaves behind: zero force, no contact, and a word about a device that did not let it end.
 fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
     let Some(mut tool) = world.get_mut::<ToolLoop>(entity) else { return };
-    if let Some(kind) = tool.driver.stop()
-        && let Some(mut faults) = world.get_resource_mut::<Messages<HapticFault>>()
-    {
+    let (fault, ended) = (tool.driver.stop(), tool.let_go(entity));
+    if let (Some(kind), Some(mut faults)) = (fault, world.get_resource_mut::<Messages<HapticFault>>()) {
         faults.write(HapticFault { entity: Some(entity), kind });
+    }
+    if let (Some(ended), Some(mut messages)) = (ended, world.get_resource_mut::<Messages<ContactEnded>>()) {
+        messages.write(ended);
+    }
+    if let Some(mut force) = world.get_mut::<ToolForce>(entity) {
+        *force = ToolForce::default();
+    }
+    if let Some(mut touching) = world.get_mut::<Touching>(entity) {
+        *touching = Touching::default();
     }
 }
 
@@ -97,20 +118,29 @@ pub(super) fn remove_loop(removed: On<Remove, HapticTool>, mut commands: Command
     commands.entity(removed.entity).try_remove::<ToolLoop>();
 }
 
-/// Starts a loop for every new tool, and another one for a tool whose device has changed.
+/// Starts a loop for every new tool, another one for a tool whose device has changed, and tries again what could
+/// not be started when something has changed that may help.
 pub(super) fn start_loops(
     mut commands: Commands,
-    mut tools: Query<(Entity, &HapticTool, &ToolSettings, Option<&mut ToolLoop>), Changed<HapticTool>>,
+    mut tools: Query<(Entity, Ref<HapticTool>, Ref<ToolSettings>, Option<&mut ToolLoop>)>,
     devices: Res<HapticDevices>,
     clock: Res<HapticClock>,
     rate: Res<ModelRate>,
+    mut ended: MessageWriter<ContactEnded>,
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, tool, settings, running) in &mut tools {
+        let helped = running.is_none() && (settings.is_changed() || devices.is_changed());
+        if !(tool.is_changed() || helped) {
+            continue;
+        }
+        let mut fault = |kind| {
+            faults.write(HapticFault { entity: Some(entity), kind });
+        };
         let contact = match ToolContact::touch(tool.radius_m) {
             Ok(contact) => contact,
             Err(error) => {
-                faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::Tool(error) });
+                fault(HapticFaultKind::Tool(error));
                 continue;
             }
         };
@@ -118,39 +148,39 @@ pub(super) fn start_loops(
             if running.device == tool.device {
                 if !matches!(running.contact, ToolContact::Touch { radius_m, .. } if radius_m == tool.radius_m)
                 {
+                    running.let_go(entity).map(|message| ended.write(message));
                     running.contact = contact;
                 }
                 continue;
             }
             // The old loop ends before its device is asked for again.
-            if let Some(kind) = running.driver.stop() {
-                faults.write(HapticFault { entity: Some(entity), kind });
-            }
+            running.driver.stop().map(&mut fault);
             commands.entity(entity).remove::<ToolLoop>();
         }
-        let started = devices
-            .make(&tool.device)
-            .and_then(|device| start(device, *clock, loop_settings(settings, *rate, None, false, false)));
-        match started {
+        let asked = loop_settings(&settings, *rate);
+        if let Err(error) = asked.validate() {
+            fault(HapticFaultKind::Settings(error));
+            continue;
+        }
+        match devices.make(&tool.device).and_then(|device| start(device, *clock, asked)) {
             Ok((handle, driver)) => {
-                let device = tool.device.clone();
-                commands.entity(entity).insert(ToolLoop {
+                commands.entity(entity).try_insert(ToolLoop {
                     handle,
                     driver,
                     contact,
                     body: None,
+                    shape: 0,
                     consumed: None,
                     path: Vec::with_capacity(256),
                     built: false,
+                    was_paused: false,
                     refused_body: None,
-                    refused_settings: None,
-                    device,
-                    said_ended: false,
+                    settings: *settings,
+                    dropped_events: 0,
+                    device: tool.device.clone(),
                 });
             }
-            Err(error) => {
-                faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::Device(error) });
-            }
+            Err(error) => fault(HapticFaultKind::Device(error)),
         }
     }
 }
@@ -171,37 +201,4 @@ fn start(
         }
     };
     Ok((handle, driver))
-}
-
-/// Sets every loop to what its tool's components and the app ask for.
-pub(super) fn set_loops(
-    mut tools: Query<(Entity, &ToolSettings, &mut ToolLoop, Has<TickRecording>)>,
-    bodies: Query<&crate::body::SimulatedBody>,
-    time: Res<Time<Virtual>>,
-    rate: Res<ModelRate>,
-    mut faults: MessageWriter<HapticFault>,
-) {
-    for (entity, settings, mut tool, record) in &mut tools {
-        let body = tool.body.and_then(|body| Some((body.to_bits(), bodies.get(body).ok()?.epoch())));
-        let asked = loop_settings(settings, *rate, body, time.is_paused(), record);
-        if asked == *tool.handle.settings() || tool.refused_settings == Some(*settings) {
-            continue;
-        }
-        tool.refused_settings = None;
-        if let Err(error) = tool.handle.set(asked) {
-            tool.refused_settings = Some(*settings);
-            faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::Settings(error) });
-        }
-    }
-}
-
-fn loop_settings(
-    tool: &ToolSettings,
-    rate: ModelRate,
-    body: Option<(u64, u64)>,
-    paused: bool,
-    record: bool,
-) -> LoopSettings {
-    let ToolSettings { frame, safety, velocity } = *tool;
-    LoopSettings { frame, safety, velocity, model_period_s: rate.period_s(), body, paused, record }
 }

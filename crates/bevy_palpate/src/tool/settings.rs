@@ -1,0 +1,59 @@
+//! What is set of a tool's loop while it runs.
+
+use super::{TickRecording, ToolLoop, ToolSettings};
+use crate::body::SimulatedBody;
+use crate::fault::{HapticFault, HapticFaultKind};
+use crate::schedule::{HapticClock, ModelRate};
+use bevy::prelude::*;
+use palpate_haptics::LoopSettings;
+use palpate_local::ModelId;
+
+/// Takes changed settings if they make sense; if not, says so once and keeps the old ones.
+pub(super) fn check_settings(
+    mut tools: Query<(Entity, &ToolSettings, &mut ToolLoop), Changed<ToolSettings>>,
+    rate: Res<ModelRate>,
+    mut faults: MessageWriter<HapticFault>,
+) {
+    for (entity, settings, mut tool) in &mut tools {
+        match loop_settings(settings, *rate).validate() {
+            Ok(()) => tool.settings = *settings,
+            Err(error) => {
+                faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::Settings(error) });
+            }
+        }
+    }
+}
+
+/// Sets every loop to what its tool's settings and the app ask for.
+pub(super) fn set_loops(
+    mut tools: Query<(&mut ToolLoop, Has<TickRecording>)>,
+    bodies: Query<(), With<SimulatedBody>>,
+    time: Res<Time<Virtual>>,
+    clock: Res<HapticClock>,
+    rate: Res<ModelRate>,
+) {
+    // At another speed than that of real time a thread cannot follow.
+    let paused = time.is_paused() || *clock == HapticClock::Thread && time.relative_speed_f64() != 1.0;
+    for (mut tool, record) in &mut tools {
+        tool.was_paused |= paused;
+        let body = tool.body.filter(|&body| bodies.contains(body)).map_or(ModelId::NO_BODY, Entity::to_bits);
+        let before = tool.handle.settings().body.unwrap_or(ModelId::NO_BODY);
+        if ![body, ModelId::NO_BODY].contains(&before) {
+            // A model of the old body may wait in the exchange; this one takes its place.
+            let sequence = tool.consumed.unwrap_or(0);
+            tool.handle.model_slot().silence(sequence);
+            tool.handle.publish_model();
+        }
+        let asked = LoopSettings { body: Some(body), paused, record, ..loop_settings(&tool.settings, *rate) };
+        if asked != *tool.handle.settings() {
+            // They have been checked; the loop would keep its old ones.
+            let _ = tool.handle.set(asked);
+        }
+    }
+}
+
+/// The settings of a new loop.
+pub(super) fn loop_settings(tool: &ToolSettings, rate: ModelRate) -> LoopSettings {
+    let ToolSettings { frame, safety, velocity } = *tool;
+    LoopSettings { frame, safety, velocity, model_period_s: rate.period_s(), ..LoopSettings::default() }
+}

@@ -1,0 +1,177 @@
+//! A Bevy app whose loops run on threads of their own: what must hold whatever the machine's load.
+
+use bevy::prelude::*;
+use bevy_palpate::prelude::*;
+use bevy_palpate::{SimulatedBody, ToolLoop};
+use palpate_haptics::{DeviceDescription, DeviceError};
+use palpate_tests::app::{Contacts, listen, take_faults};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// A hand that goes 8 mm deep within 0.1 s and stays, and what was done to its device.
+#[derive(Clone, Default)]
+struct Hand {
+    last_force: Arc<Mutex<DVec3>>,
+    reads: Arc<AtomicU64>,
+    closed: Arc<AtomicU64>,
+    panics: Arc<AtomicBool>,
+}
+
+impl HapticDevice for Hand {
+    fn describe(&self) -> DeviceDescription {
+        ScriptedDevice::new(|_, _| Err(DeviceError::TimedOut)).describe()
+    }
+    fn open(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
+    fn read(&mut self, _: Duration) -> Result<Reading, DeviceError> {
+        assert!(!self.panics.load(Ordering::SeqCst), "a rehearsed panic of the device");
+        let n = self.reads.fetch_add(1, Ordering::SeqCst).min(100);
+        Ok(Reading::at(DVec3::new(0.012, 0.057 - 1e-4 * n as f64, 0.009)))
+    }
+    fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError> {
+        *self.last_force.lock().unwrap() = force_n;
+        Ok(())
+    }
+    fn close(&mut self) -> Result<(), DeviceError> {
+        self.closed.fetch_add(1, Ordering::SeqCst);
+        Ok(())
+    }
+}
+
+fn scene() -> (App, Hand, Entity) {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, PalpatePlugins));
+    listen(&mut app);
+    let hand = Hand::default();
+    let device = hand.clone();
+    app.world_mut().resource_mut::<HapticDevices>().register("hand", move || Ok(device.clone()));
+    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(Face::Bottom)));
+    let tool = HapticTool { device: DeviceSelector::named("hand"), ..default() };
+    let tool = app.world_mut().spawn(tool).id();
+    (app, hand, tool)
+}
+
+/// Updates the app until `done`, for twenty seconds at most.
+#[expect(clippy::disallowed_methods, reason = "a test of threads has to wait for them")]
+fn update_until(app: &mut App, what: &str, mut done: impl FnMut(&mut App) -> bool) {
+    for _ in 0..4000 {
+        app.update();
+        if done(app) {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    panic!("it did not happen within twenty seconds: {what}");
+}
+
+fn force(app: &App, tool: Entity) -> f64 {
+    app.world().get::<ToolForce>(tool).unwrap().force_n.y
+}
+
+/// Faults that are no matter of the machine's load.
+fn faults(app: &mut App) -> Vec<String> {
+    let load = ["deadlines were missed", "samples were lost", "local model was refused"];
+    take_faults(app).into_iter().filter(|fault| !load.iter().any(|l| fault.contains(l))).collect()
+}
+
+#[test]
+fn removing_a_tool_leaves_zero_force_a_closed_device_and_no_thread() {
+    for despawn in [true, false] {
+        let (mut app, hand, tool) = scene();
+        update_until(&mut app, "the hand is pushed back", |app| force(app, tool) > 0.5);
+        if despawn {
+            app.world_mut().despawn(tool);
+        } else {
+            app.world_mut().entity_mut(tool).remove::<HapticTool>();
+        }
+        assert_eq!(*hand.last_force.lock().unwrap(), DVec3::ZERO);
+        assert_eq!(hand.closed.load(Ordering::SeqCst), 1);
+        // The thread has been joined, so nobody reads any more.
+        let reads = hand.reads.load(Ordering::SeqCst);
+        (0..5).for_each(|_| app.update());
+        assert_eq!(hand.reads.load(Ordering::SeqCst), reads);
+        assert_eq!(faults(&mut app), [""; 0]);
+        assert_eq!(app.world().resource::<Contacts>().0, ["began", "ended"]);
+    }
+}
+
+#[test]
+fn dropping_the_app_leaves_zero_force() {
+    let (mut app, hand, tool) = scene();
+    update_until(&mut app, "the hand is pushed back", |app| force(app, tool) > 0.5);
+    drop(app);
+    assert_eq!(*hand.last_force.lock().unwrap(), DVec3::ZERO);
+    assert_eq!(hand.closed.load(Ordering::SeqCst), 1);
+}
+
+#[test]
+fn a_pause_fades_the_force_is_seen_and_is_no_fault() {
+    let (mut app, hand, tool) = scene();
+    update_until(&mut app, "the hand is pushed back", |app| force(app, tool) > 0.5);
+    app.world_mut().resource_mut::<Time<Virtual>>().pause();
+    update_until(&mut app, "the force has faded", |app| force(app, tool) == 0.0);
+    assert_eq!(*hand.last_force.lock().unwrap(), DVec3::ZERO);
+    assert!(app.world().get::<ToolForce>(tool).unwrap().safety_acted);
+    let reads = hand.reads.load(Ordering::SeqCst);
+    update_until(&mut app, "a long pause", |_| hand.reads.load(Ordering::SeqCst) > reads + 700);
+    take_faults(&mut app);
+    app.world_mut().resource_mut::<Time<Virtual>>().unpause();
+    update_until(&mut app, "the hand is pushed back again", |app| force(app, tool) > 0.3);
+    // A busy machine may lose a few samples at any time; those of the pause must not count as lost.
+    let lost = |fault: &String| {
+        let number = fault.strip_suffix(" samples were lost before the body could be moved along them")?;
+        number.parse::<u64>().ok()
+    };
+    let most = take_faults(&mut app).iter().filter_map(lost).max().unwrap_or(0);
+    assert!(most < 500, "{most} samples were lost");
+}
+
+#[test]
+fn another_speed_than_real_time_fades_the_force_and_is_said() {
+    let (mut app, _hand, tool) = scene();
+    update_until(&mut app, "the hand is pushed back", |app| force(app, tool) > 0.5);
+    app.world_mut().resource_mut::<Time<Virtual>>().set_relative_speed(0.5);
+    update_until(&mut app, "the force has faded", |app| force(app, tool) == 0.0);
+    let said = faults(&mut app);
+    assert!(said.len() == 1 && said[0].contains("0.5 times real time"), "{said:?}");
+}
+
+#[test]
+fn a_device_that_panics_ends_its_loop_and_can_be_started_again() {
+    let (mut app, hand, tool) = scene();
+    update_until(&mut app, "the hand is pushed back", |app| force(app, tool) > 0.5);
+    hand.panics.store(true, Ordering::SeqCst);
+    update_until(&mut app, "the loop is gone", |app| app.world().get::<ToolLoop>(tool).is_none());
+    assert_eq!(*hand.last_force.lock().unwrap(), DVec3::ZERO);
+    assert_eq!((force(&app, tool), app.world().get::<Touching>(tool).unwrap().body), (0.0, None));
+    let said = faults(&mut app);
+    assert!(said.len() == 1 && said[0].contains("thread has ended"), "{said:?}");
+    let steps = |app: &mut App| {
+        let mut bodies = app.world_mut().query::<&SimulatedBody>();
+        bodies.single(app.world()).unwrap().last_step().ticks
+    };
+    update_until(&mut app, "the body goes on without it", |app| steps(app) == 50);
+    hand.panics.store(false, Ordering::SeqCst);
+    hand.reads.store(0, Ordering::SeqCst);
+    app.world_mut().get_mut::<HapticTool>(tool).unwrap().set_changed();
+    update_until(&mut app, "the hand is pushed back again", |app| force(app, tool) > 0.5);
+}
+
+/// A frame, and with it a model step, that takes 150 ms makes the local model older, not the loop late.
+#[test]
+fn a_slow_model_step_makes_the_local_model_older_and_not_the_loop_late() {
+    let (mut app, hand, tool) = scene();
+    #[expect(clippy::disallowed_methods, reason = "the model step is slow")]
+    let slow = || std::thread::sleep(Duration::from_millis(150));
+    app.add_systems(ModelStep, slow.in_set(HapticSystems::First));
+    let mut oldest = 0.0_f64;
+    update_until(&mut app, "several slow model steps", |app| {
+        oldest = oldest.max(app.world().get::<ToolForce>(tool).unwrap().model_age_s);
+        hand.reads.load(Ordering::SeqCst) > 1000
+    });
+    assert!(oldest >= 0.1, "{oldest} s");
+    let timing = app.world().get::<LoopTiming>(tool).unwrap();
+    assert!(timing.missed_deadlines < timing.ticks / 2, "{timing:?}");
+}
