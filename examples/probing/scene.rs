@@ -5,6 +5,7 @@ use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{ModelStepCount, TickRecording};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::io::Write;
 
 /// Time probed when nothing else is said and there is no window, s.
 const HEADLESS_SECONDS: f64 = 5.0;
@@ -27,8 +28,16 @@ impl Plugin for ProgressPlugin {
     }
 }
 
+/// A bar on a terminal; elsewhere a line each second.
 #[derive(Resource)]
-struct Progress(ProgressBar);
+pub struct Progress(ProgressBar);
+
+impl Progress {
+    /// Clears the bar, so that the table stands alone.
+    pub fn finish(&self) {
+        self.0.finish_and_clear();
+    }
+}
 
 /// Periods of 1 ms to be probed, if there is an end.
 pub fn periods(options: &Options, headless: bool) -> Option<u64> {
@@ -69,6 +78,7 @@ fn show_progress(
     steps: Res<ModelStepCount>,
     options: Res<Options>,
     progress: Res<Progress>,
+    mut said: Local<u64>,
 ) {
     let Ok((force, timing)) = tools.single() else { return };
     let bar = &progress.0;
@@ -78,5 +88,10 @@ fn show_progress(
         bar.set_style(ProgressStyle::with_template(line).unwrap_or_else(|_| ProgressStyle::default_bar()));
     }
     bar.set_position(timing.ticks + timing.missed_deadlines);
-    bar.set_message(format!("{} model steps, {:5.2} N", steps.0, force.force_n.length()));
+    let line = format!("{} model steps, {:5.2} N", steps.0, force.force_n.length());
+    let second = bar.position() / 1000;
+    if bar.is_hidden() && std::mem::replace(&mut *said, second) != second {
+        let _ = writeln!(std::io::stderr(), "{second} s: {line}");
+    }
+    bar.set_message(line);
 }

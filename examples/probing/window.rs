@@ -2,8 +2,8 @@
 
 use crate::options::Options;
 use bevy::prelude::*;
-use bevy_palpate::SimulatedBody;
 use bevy_palpate::prelude::*;
+use bevy_palpate::{SimulatedBody, TickRecording};
 
 /// Adds a window and what is to be seen in it, unless there is no place for one; says why not.
 #[expect(clippy::print_stderr, reason = "there is no log before there is an app")]
@@ -20,8 +20,13 @@ pub fn add_plugins(app: &mut App, options: &Options) -> bool {
         .insert_resource(ClearColor(Color::srgb(0.09, 0.10, 0.12)))
         .insert_resource(GlobalAmbientLight { brightness: 250.0, ..default() })
         .add_systems(Startup, set_up_stage)
-        .add_systems(PreUpdate, (dress_body, dress_tool));
+        .add_systems(PreUpdate, (dress_body, dress_tool, keep_a_minute));
     true
+}
+
+/// A window may stay open for hours: the report at its end is of the last minute or two.
+fn keep_a_minute(mut tools: Query<&mut TickRecording, Added<TickRecording>>) {
+    tools.iter_mut().for_each(|mut recording| recording.keep = 60_000);
 }
 
 fn set_up_stage(
@@ -83,32 +88,41 @@ fn dress_tool(
 
 /// Whether a window can be opened here. winit and wgpu panic where it cannot, so it is asked before.
 mod display {
-    use std::os::unix::net::UnixStream;
-    use std::path::PathBuf;
-
     pub fn check() -> Result<(), String> {
-        if !wayland_answers() && !x11_answers() {
-            return Err("there is no display (neither WAYLAND_DISPLAY nor DISPLAY leads to one)".into());
-        }
+        #[cfg(target_os = "linux")]
+        linux::display()?;
+        let wanted = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY);
         let instance = wgpu::Instance::default();
-        let adapters = instance.enumerate_adapters(wgpu::Backends::VULKAN | wgpu::Backends::GL);
-        if bevy::tasks::block_on(adapters).is_empty() {
-            return Err("there is no graphics driver (neither Vulkan nor OpenGL)".into());
+        if bevy::tasks::block_on(instance.enumerate_adapters(wanted & wgpu::Backends::PRIMARY)).is_empty() {
+            return Err("there is no graphics driver (Vulkan on Linux)".into());
         }
         Ok(())
     }
 
-    fn wayland_answers() -> bool {
-        let Some(name) = std::env::var_os("WAYLAND_DISPLAY") else { return false };
-        let folder = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).unwrap_or_default();
-        UnixStream::connect(folder.join(name)).is_ok()
-    }
+    #[cfg(target_os = "linux")]
+    mod linux {
+        use std::os::unix::net::UnixStream;
+        use std::path::PathBuf;
 
-    /// A display on this machine must answer; one on another (`host:0`) is taken at its word.
-    fn x11_answers() -> bool {
-        let Ok(display) = std::env::var("DISPLAY") else { return false };
-        let Some((host, screen)) = display.rsplit_once(':') else { return false };
-        let number = screen.split('.').next().unwrap_or_default();
-        !host.is_empty() && host != "unix" || UnixStream::connect(format!("/tmp/.X11-unix/X{number}")).is_ok()
+        /// winit takes Wayland if `WAYLAND_DISPLAY` is set and does not fall back to X11.
+        pub fn display() -> Result<(), String> {
+            if let Some(name) = std::env::var_os("WAYLAND_DISPLAY").filter(|name| !name.is_empty()) {
+                let folder = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).unwrap_or_default();
+                let answers = UnixStream::connect(folder.join(name)).is_ok();
+                return answers.then_some(()).ok_or("the Wayland display does not answer".into());
+            }
+            let Some(display) = std::env::var("DISPLAY").ok().filter(|display| !display.is_empty()) else {
+                return Err("there is no display (neither WAYLAND_DISPLAY nor DISPLAY is set)".into());
+            };
+            if x11_answers(&display) { Ok(()) } else { Err(format!("the display {display} does not answer")) }
+        }
+
+        /// A display on this machine must answer; one on another (`host:0`) is taken at its word.
+        fn x11_answers(display: &str) -> bool {
+            let Some((host, screen)) = display.rsplit_once(':') else { return false };
+            let number = screen.split('.').next().unwrap_or_default();
+            let here = host.is_empty() || host == "unix";
+            !here || UnixStream::connect(format!("/tmp/.X11-unix/X{number}")).is_ok()
+        }
     }
 }
