@@ -1,6 +1,7 @@
 //! A block: a regular lattice of nodes in three dimensions, each joined to its 26 neighbours.
 
 use crate::error::check_positive;
+use crate::lattice;
 use crate::tissue::check_damping_ratio;
 use crate::{BodyError, Link, Network, Surface, SurfaceNode};
 use glam::{DQuat, DVec3};
@@ -180,8 +181,8 @@ impl Block {
         let rest_m: Vec<DVec3> = self.grid().map(|ijk| self.rest(ijk)).collect();
         let mut links = Vec::with_capacity(13 * rest_m.len());
         for ijk in self.grid() {
-            for step in half_of_26() {
-                let Some(other) = self.neighbour(ijk, step) else {
+            for step in lattice::steps() {
+                let Some(other) = lattice::neighbour(self.nodes, ijk, step) else {
                     continue;
                 };
                 let (a, b) = (self.node(ijk), self.node(other));
@@ -199,22 +200,12 @@ impl Block {
 
     /// All (i, j, k), in the order of their indices.
     pub(crate) fn grid(&self) -> impl Iterator<Item = [usize; 3]> + use<> {
-        let [nx, ny, nz] = self.nodes;
-        (0..nz).flat_map(move |k| (0..ny).flat_map(move |j| (0..nx).map(move |i| [i, j, k])))
+        lattice::grid(self.nodes)
     }
 
     fn rest(&self, ijk: [usize; 3]) -> DVec3 {
         let cell = self.cell_m();
         self.center_m - 0.5 * self.size_m + cell * DVec3::from_array(ijk.map(|n| n as f64))
-    }
-
-    fn neighbour(&self, ijk: [usize; 3], step: [i32; 3]) -> Option<[usize; 3]> {
-        let mut other = [0; 3];
-        for axis in 0..3 {
-            other[axis] =
-                ijk[axis].checked_add_signed(step[axis] as isize).filter(|&n| n < self.nodes[axis])?;
-        }
-        Some(other)
     }
 
     /// 1 at either end of `axis`, 2 between: how many cells lie on the two sides of the node.
@@ -266,15 +257,6 @@ impl Block {
             }
         }
     }
-}
-
-/// The 13 of the 26 steps to a neighbour whose last nonzero component, counted from x, comes first positive:
-/// every pair of neighbours once.
-fn half_of_26() -> impl Iterator<Item = [i32; 3]> {
-    let range = || -1..=1;
-    range()
-        .flat_map(move |i| range().flat_map(move |j| range().map(move |k| [i, j, k])))
-        .filter(|step| *step > [0, 0, 0])
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@
 //!
 //! # Contents
 //!
-//! * Networks: [`Network`], [`Link`], and the block lattice [`Block`] with its [`Surface`].
+//! * Networks: [`Network`], [`Link`], the regular [`Lattice`] in one to three dimensions, the [`Block`] with its [`Surface`].
 //! * Material: [`UniformLattice`] (every spring alike) and [`Tissue`] (from Young's modulus and density).
 //! * State and time: [`Body`], [`SemiImplicitEuler`], [`StepReport`].
 //! * The tool: [`ToolContact`], [`ToolPoint`].
@@ -52,6 +52,7 @@ mod block;
 mod body;
 mod error;
 mod integrator;
+mod lattice;
 mod network;
 mod surface;
 mod tangent;
@@ -62,6 +63,7 @@ pub use block::{Block, BlockBody, Face, UniformLattice};
 pub use body::{Body, StepReport};
 pub use error::BodyError;
 pub use integrator::SemiImplicitEuler;
+pub use lattice::Lattice;
 pub use network::{Link, Network};
 pub use surface::{Surface, SurfaceNode};
 pub use tangent::{Tangent, TangentPattern};
