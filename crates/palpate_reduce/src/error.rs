@@ -26,6 +26,33 @@ pub enum ReduceError {
         /// The pivot that failed.
         pivot: usize,
     },
+    /// A frequency at which the response is asked for is a pole.
+    #[error("{re} + {im}i 1/s is a pole of the system; ask for the response elsewhere")]
+    Pole {
+        /// Real part, 1/s.
+        re: f64,
+        /// Imaginary part, 1/s.
+        im: f64,
+    },
+    /// An eigenvalue or singular value iteration did not converge.
+    #[error("the eigenvalue iteration of order {order} did not converge; are all numbers finite?")]
+    Eigenvalues {
+        /// Order of the matrix.
+        order: usize,
+    },
+    /// Gramians exist for stable systems only.
+    #[error(
+        "the system is not stable: it has a pole on or right of the imaginary axis; give it damping and hold it"
+    )]
+    Unstable,
+    /// A Lyapunov equation could not be solved as exactly as is promised.
+    #[error("the residual of a Lyapunov equation is {found}; {allowed} is promised")]
+    Residual {
+        /// The relative residual found.
+        found: f64,
+        /// The one promised.
+        allowed: f64,
+    },
     /// An option is outside what is allowed.
     #[error("{what} is {value}; it must be {allowed}")]
     Option {

@@ -1,7 +1,12 @@
-//! Builds a local model from a full body, and judges local models against the full body.
+//! Builds a local model from a full body, judges local models against the full body, and analyses a body's small
+//! motions as a linear system.
 //!
 //! * [`LocalModelBuilder`]: from the state of a body to a [`palpate_local::LocalModel`].
 //! * [`Comparison`]: every scheme against the oracle on the same samples.
+//! * [`SecondOrderSystem`], [`StateSpace`]: a body driven at one node, its response, poles and asymptotes;
+//!   [`PoleResidue`] for many frequencies.
+//! * [`Gramians`], [`Balancing`], [`HInf`]: what is needed of a system's states, balanced truncation, and the norm of
+//!   what it leaves out.
 //!
 //! # Getting started
 //!
@@ -47,12 +52,24 @@
 
 #![forbid(unsafe_code)]
 
+mod balance;
 mod builder;
 mod compare;
 mod error;
+mod gramian;
+mod hinf;
 mod neighbourhood;
+mod pole_residue;
+mod state_space;
 mod static_stiffness;
+mod system;
 
+pub use balance::{Balancing, Truncated};
 pub use builder::{BuilderOptions, LocalModelBuilder};
 pub use compare::{Comparison, ComparisonOptions};
 pub use error::ReduceError;
+pub use gramian::Gramians;
+pub use hinf::HInf;
+pub use pole_residue::PoleResidue;
+pub use state_space::StateSpace;
+pub use system::SecondOrderSystem;

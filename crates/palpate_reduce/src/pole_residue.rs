@@ -1,0 +1,66 @@
+//! A transfer function as a sum over its poles: fast at many frequencies.
+
+use crate::{ReduceError, StateSpace};
+use faer::linalg::solvers::Solve;
+use faer::{Mat, c64};
+
+/// C (s − A)⁻¹ B = Σ_i c_i b_iᵀ / (s − λ_i), from the eigenvectors of A: with A = V Λ V⁻¹, c_i is column i of C V and
+/// b_iᵀ row i of V⁻¹B.
+///
+/// One eigendecomposition, then a few operations for each pole and frequency. Where A is nearly defective (a mode
+/// damped exactly critically) the eigenvectors are ill-conditioned and digits are lost; [`PoleResidue::check`] tells
+/// how many.
+#[derive(Clone, Debug)]
+pub struct PoleResidue {
+    poles: Vec<c64>,
+    /// C V, m × n.
+    output: Mat<c64>,
+    /// V⁻¹ B, n × m.
+    input: Mat<c64>,
+}
+
+impl PoleResidue {
+    /// The poles and residues of the strictly proper part of `system`.
+    ///
+    /// # Errors
+    /// [`ReduceError::Eigenvalues`] when they are not found.
+    pub fn new(system: &StateSpace) -> Result<Self, ReduceError> {
+        let order = system.order();
+        let eigen = system.a.eigen().map_err(|_| ReduceError::Eigenvalues { order })?;
+        let complex = |m: &Mat<f64>| Mat::from_fn(m.nrows(), m.ncols(), |i, j| c64::new(m[(i, j)], 0.0));
+        let v = eigen.U().to_owned();
+        let input = v.partial_piv_lu().solve(complex(&system.b));
+        let poles = eigen.S().column_vector().iter().copied().collect();
+        Ok(Self { poles, output: complex(&system.c) * v, input })
+    }
+
+    /// The poles, 1/s, in no particular order.
+    #[must_use]
+    pub fn poles(&self) -> &[c64] {
+        &self.poles
+    }
+
+    /// The strictly proper part at `s` (1/s).
+    #[must_use]
+    pub fn at(&self, s: c64) -> Mat<c64> {
+        let m = self.input.ncols();
+        let mut sum = Mat::zeros(m, m);
+        for (i, &pole) in self.poles.iter().enumerate() {
+            let weight = c64::new(1.0, 0.0) / (s - pole);
+            for column in 0..m {
+                let driven = weight * self.input[(i, column)];
+                for row in 0..m {
+                    sum[(row, column)] += self.output[(row, i)] * driven;
+                }
+            }
+        }
+        sum
+    }
+
+    /// How far [`PoleResidue::at`] is from a dense factorisation at `s`, relative to the latter's norm.
+    #[must_use]
+    pub fn check(&self, system: &StateSpace, s: c64) -> f64 {
+        let exact = &system.proper_response(&[s])[0];
+        (exact - self.at(s)).norm_l2() / exact.norm_l2()
+    }
+}
