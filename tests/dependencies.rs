@@ -4,7 +4,7 @@ use cargo_metadata::{DependencyKind, MetadataCommand};
 use std::collections::BTreeSet;
 
 /// What each crate may depend on, beside `thiserror`: `(crate, allowed)`.
-const ALLOWED: [(&str, &[&str]); 6] = [
+const ALLOWED: [(&str, &[&str]); 7] = [
     ("palpate_laws", &["glam"]),
     ("palpate_body", &["palpate_laws", "glam", "faer"]),
     ("palpate_local", &["palpate_laws", "glam"]),
@@ -12,6 +12,22 @@ const ALLOWED: [(&str, &[&str]); 6] = [
     (
         "palpate_haptics",
         &["palpate_local", "glam", "triple_buffer", "crossbeam-channel", "csv", "hdrhistogram", "rustix"],
+    ),
+    (
+        "palpate_lab",
+        &[
+            "palpate_laws",
+            "palpate_body",
+            "palpate_local",
+            "palpate_reduce",
+            "clap",
+            "faer",
+            "glam",
+            "plotters",
+            "serde",
+            "serde_json",
+            "tempfile",
+        ],
     ),
     (
         "bevy_palpate",

@@ -1,6 +1,7 @@
 //! Force laws shared by the full body and the local model of palpate, so that both speak the same physics.
 //!
 //! * [`Spring`]: a spring and a damper along one axis, with its force and its exact tangent.
+//! * [`SkinLaw`]: the seed paper's nonlinear spring in one dimension.
 //! * [`one_sided`]: the rule that a surface pushes and never pulls.
 //!
 //! # Units, frames, signs
@@ -19,8 +20,10 @@
 
 mod contact;
 mod error;
+mod skin;
 mod spring;
 
 pub use contact::one_sided;
 pub use error::LawError;
+pub use skin::SkinLaw;
 pub use spring::{ForceLaw, Spring, SpringTangent, Tension};

@@ -1,0 +1,51 @@
+//! Why an experiment is not run.
+
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// What went wrong.
+#[derive(Debug, Error)]
+pub(crate) enum LabError {
+    /// A parameter is outside what is allowed.
+    #[error("{flag} is {value}; it must be {allowed}")]
+    Parameter { flag: &'static str, value: f64, allowed: String },
+    /// A body could not be built.
+    #[error("the body cannot be built")]
+    Body(#[from] palpate_body::BodyError),
+    /// A system could not be analysed.
+    #[error("the system cannot be analysed")]
+    Reduce(#[from] palpate_reduce::ReduceError),
+    /// A filter could not be made.
+    #[error("the filter cannot be made")]
+    Filter(#[from] palpate_local::LocalModelError),
+    /// A file could not be written.
+    #[error("{} cannot be written", .path.display())]
+    Write {
+        path: PathBuf,
+        #[source]
+        source: std::io::Error,
+    },
+    /// A figure could not be drawn.
+    #[error("the figure cannot be drawn: {0}")]
+    Figure(String),
+    /// Standard output is closed.
+    #[error("the result cannot be printed")]
+    Print(#[from] std::io::Error),
+    /// The result has no JSON form.
+    #[error("the result cannot be printed as JSON")]
+    Json(#[from] serde_json::Error),
+}
+
+/// An error naming `flag` unless `value` is finite and `ok`.
+pub(crate) fn check(
+    flag: &'static str,
+    value: f64,
+    ok: bool,
+    allowed: impl Into<String>,
+) -> Result<(), LabError> {
+    if value.is_finite() && ok {
+        Ok(())
+    } else {
+        Err(LabError::Parameter { flag, value, allowed: allowed.into() })
+    }
+}

@@ -1,0 +1,79 @@
+//! `palpate-lab`: the experiments of the seed paper (M. C. Çavuşoğlu, UCB/ERL M00/5, 2000), with any parameters.
+//!
+//! Each command prints a table, or with `--json` one JSON object; with `--out DIR` it writes its data as CSV and its
+//! figures as SVG. What makes no sense ends with exit code 2 and one line that says what is allowed.
+
+#![forbid(unsafe_code)]
+
+mod chain;
+mod error;
+mod figure;
+mod output;
+mod schemes;
+
+use clap::{Parser, Subcommand};
+use error::LabError;
+use output::Output;
+use std::io::Write;
+use std::process::ExitCode;
+
+/// The experiments of the seed paper on multirate haptics, with any parameters.
+#[derive(Debug, Parser)]
+#[command(name = "palpate-lab", version, arg_required_else_help = true)]
+struct Cli {
+    #[command(flatten)]
+    output: Output,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Section 2: four ways of making force on a nonlinear spring in one dimension (Fig. 2)
+    Schemes(schemes::Schemes),
+    /// Section 5.1: a chain of four layers and its two local models (eqs. 6-13, Figs. 12-15)
+    Chain(chain::Chain),
+}
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error)
+            if error.use_stderr()
+                && error.kind() != clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand =>
+        {
+            let text = error.to_string();
+            return refuse(text.lines().next().unwrap_or("error: the command line makes no sense"));
+        }
+        // Help and version.
+        Err(error) => error.exit(),
+    };
+    let done = match &cli.command {
+        Command::Schemes(command) => command.run(&cli.output),
+        Command::Chain(command) => command.run(&cli.output),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => refuse(&format!("error: {}", error.chain())),
+    }
+}
+
+fn refuse(line: &str) -> ExitCode {
+    // Where standard error is closed there is nobody to be told.
+    let _ = writeln!(std::io::stderr(), "{line}");
+    ExitCode::from(2)
+}
+
+impl LabError {
+    /// The message and its causes, in one line.
+    fn chain(&self) -> String {
+        let mut text = self.to_string();
+        let mut cause = std::error::Error::source(self);
+        while let Some(error) = cause {
+            text.push_str(": ");
+            text.push_str(&error.to_string());
+            cause = error.source();
+        }
+        text
+    }
+}
