@@ -73,7 +73,7 @@ fn every_crate_depends_only_on_what_the_design_allows() {
 fn the_default_build_has_no_renderer() {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
-    let tree = ["tree", "--offline", "--edges", "normal,build,dev", "--prefix", "none", "--format", "{p}"];
+    let tree = ["tree", "--locked", "--edges", "normal,build,dev", "--prefix", "none", "--format", "{p}"];
     let output = std::process::Command::new(cargo).current_dir(root).args(tree).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let text = String::from_utf8(output.stdout).unwrap();
