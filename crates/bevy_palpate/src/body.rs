@@ -123,7 +123,7 @@ pub struct SimulatedBody {
     pub(crate) builder: LocalModelBuilder,
     pub(crate) epoch: u64,
     pub(crate) last_step: StepReport,
-    /// Counts the builds with other nodes, or others fixed, than the one before.
+    /// The first build with these nodes, and these fixed.
     pub(crate) shape: u64,
     /// Why the last step failed, so that it is said once.
     pub(crate) failed: Option<std::mem::Discriminant<BodyError>>,
@@ -139,7 +139,7 @@ impl SimulatedBody {
         &self.body
     }
 
-    /// How often it has been built anew.
+    /// Which build it is: every build of a body in an app has a higher number than those before.
     #[must_use]
     pub fn epoch(&self) -> u64 {
         self.epoch
@@ -211,6 +211,7 @@ fn build_bodies(
     mut bodies: Query<Asked>,
     transforms: TransformHelper,
     mut faults: MessageWriter<HapticFault>,
+    mut builds: Local<u64>,
 ) {
     for mut asked in &mut bodies {
         let changed = asked.shape.is_changed() || asked.tissue.is_changed() || asked.fixed.is_changed();
@@ -225,12 +226,16 @@ fn build_bodies(
             None => transforms.compute_global_transform(entity).unwrap_or_default(),
         };
         match simulate(&asked, &place) {
-            Ok(new) => match asked.simulated.as_mut() {
-                Some(old) => rebuild(old, new),
-                None => {
-                    commands.entity(entity).try_insert(new);
+            Ok(mut new) => {
+                *builds += 1;
+                (new.epoch, new.shape) = (*builds, *builds);
+                match asked.simulated.as_mut() {
+                    Some(old) => rebuild(old, new),
+                    None => {
+                        commands.entity(entity).try_insert(new);
+                    }
                 }
-            },
+            }
             Err(kind) => {
                 faults.write(HapticFault { entity: Some(entity), kind });
             }
@@ -245,9 +250,8 @@ fn rebuild(old: &mut SimulatedBody, mut new: SimulatedBody) {
     if same {
         // It fits, since the nodes are the same.
         let _ = new.body.set_state(old.body.positions_m(), old.body.velocities_m_per_s());
+        new.shape = old.shape;
     }
-    new.epoch = old.epoch + 1;
-    new.shape = old.shape + u64::from(!same);
     new.picture = std::mem::take(&mut old.picture);
     *old = new;
 }

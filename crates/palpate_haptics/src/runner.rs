@@ -157,9 +157,11 @@ struct OpenDevice<'a> {
 
 impl OpenDevice<'_> {
     fn close(&mut self) -> Result<(), DeviceError> {
-        self.closed = true;
         let zeroed = self.device.write(DVec3::ZERO);
-        self.device.close().and(zeroed)
+        let closed = self.device.close();
+        // Only now: if either panics, dropping tries once more.
+        self.closed = true;
+        closed.and(zeroed)
     }
 }
 

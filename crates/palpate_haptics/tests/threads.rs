@@ -144,6 +144,36 @@ fn a_device_that_panics_is_left_with_zero_force() {
     assert_eq!(log.closed.load(Ordering::SeqCst), 1);
 }
 
+/// A device whose zero write panics is closed all the same.
+#[test]
+fn a_device_that_panics_while_it_is_zeroed_is_closed() {
+    struct Brittle(Arc<AtomicU64>);
+    impl HapticDevice for Brittle {
+        fn describe(&self) -> DeviceDescription {
+            ScriptedDevice::new(|_, _| Err(DeviceError::TimedOut)).describe()
+        }
+        fn open(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+        fn read(&mut self, _: Duration) -> Result<Reading, DeviceError> {
+            Err(DeviceError::TimedOut)
+        }
+        fn write(&mut self, _: DVec3) -> Result<(), DeviceError> {
+            panic!("a rehearsed panic of the device")
+        }
+        fn close(&mut self) -> Result<(), DeviceError> {
+            self.0.fetch_add(1, Ordering::SeqCst);
+            Ok(())
+        }
+    }
+    let closed = Arc::new(AtomicU64::new(0));
+    let (_handle, haptic_loop) = haptic_loop(LoopConfig::default(), LoopSettings::default()).unwrap();
+    let mut thread = haptic_loop.spawn(Box::new(Brittle(closed.clone()))).unwrap();
+    wait_for(|| !thread.is_running());
+    assert!(matches!(thread.stop(), Stop::Panicked));
+    assert_eq!(closed.load(Ordering::SeqCst), 1);
+}
+
 #[test]
 fn a_device_that_blocks_is_left_to_itself_and_that_is_said() {
     let release = Arc::new(AtomicBool::new(false));

@@ -224,7 +224,10 @@ impl HandOver {
             if same_body && model.id.epoch < active.epoch {
                 return Err(LocalModelError::OldEpoch { model: model.id.epoch, active: active.epoch });
             }
-            if same_body && model.id.epoch == active.epoch && sequence <= active.sequence {
+            // That there is nothing to be felt may be said twice.
+            let newer =
+                sequence > active.sequence || sequence == active.sequence && active.body == ModelId::NO_BODY;
+            if same_body && model.id.epoch == active.epoch && !newer {
                 return Err(LocalModelError::NotNewer { model: sequence, active: active.sequence });
             }
         }

@@ -189,7 +189,7 @@ fn validate(samples: &[Sample], options: &ComparisonOptions) -> Result<(), Reduc
         }
     }
     for (index, pair) in samples.windows(2).enumerate() {
-        let (expected, found) = (pair[0].sequence + 1, pair[1].sequence);
+        let (expected, found) = (pair[0].sequence.saturating_add(1), pair[1].sequence);
         if found != expected {
             return Err(ReduceError::Samples { index: index + 1, found, expected });
         }

@@ -22,13 +22,16 @@ pub(super) fn receive(
         if let Driver::Lockstep(lockstep) = &mut tool.driver {
             lockstep.get().run(rate.ticks() as usize);
         }
-        if std::mem::take(&mut tool.was_paused) {
+        // In lock step no time passes in a pause.
+        if std::mem::take(&mut tool.was_paused) && matches!(tool.driver, Driver::Thread(_)) {
             // What the hand did meanwhile is nobody's business; it begins anew where it is now.
             tool.consumed = tool.handle.samples().newest().map(|sample| sample.sequence);
             tool.let_go(entity).map(|message| ended.write(message));
         }
         let lost = take_path(tool.handle.samples(), &mut tool.consumed, &mut tool.path);
         if lost > 0 {
+            // The tool is elsewhere without having moved there: a touched node must not be thrown.
+            tool.let_go(entity).map(|message| ended.write(message));
             let kind = HapticFaultKind::SamplesLost { lost };
             faults.write(HapticFault { entity: Some(entity), kind });
         }
@@ -42,26 +45,15 @@ pub(super) fn watch_loops(
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, mut tool, recording) in &mut tools {
+        let tool = &mut *tool;
         let mut fault = |kind| {
             faults.write(HapticFault { entity: Some(entity), kind });
         };
         // Asked before the queues are emptied, so that its last words are among what is taken.
         let ended = matches!(&tool.driver, Driver::Thread(thread) if !thread.is_running());
-        while let Some(event) = tool.handle.next_event() {
-            if event.kind.is_fault() {
-                fault(HapticFaultKind::Loop(event.kind));
-            }
-        }
-        let dropped = tool.handle.report().dropped_events;
-        if dropped > tool.dropped_events {
-            tool.dropped_events = dropped;
-            fault(HapticFaultKind::EventsDropped { dropped });
-        }
+        tool.take_faults(&mut fault);
         if let Some(mut recording) = recording {
-            record_samples(tool.handle.samples(), &mut recording.samples);
-            recording.records.extend(std::iter::from_fn(|| tool.handle.next_record()));
-            recording.dropped = tool.handle.report().dropped_records;
-            recording.forget();
+            tool.record(&mut recording);
         }
         if ended {
             fault(tool.driver.stop().unwrap_or(HapticFaultKind::LoopEnded));
@@ -82,11 +74,34 @@ fn take_path(samples: &SampleHistory, consumed: &mut Option<u64>, path: &mut Vec
     lost
 }
 
-/// Adds to `recorded` the samples that are newer than its last one.
-fn record_samples(samples: &SampleHistory, recorded: &mut Vec<Sample>) {
-    let (Some(newest), Some(oldest)) = (samples.newest(), samples.oldest_sequence()) else { return };
-    let first = recorded.last().map_or(oldest, |last| oldest.max(last.sequence + 1));
-    recorded.extend((first..=newest.sequence).filter_map(|sequence| samples.get(sequence)));
+impl ToolLoop {
+    /// Takes the events there are and gives the faults among them to `fault`.
+    pub(super) fn take_faults(&mut self, fault: &mut impl FnMut(HapticFaultKind)) {
+        while let Some(event) = self.handle.next_event() {
+            if event.kind.is_fault() {
+                fault(HapticFaultKind::Loop(event.kind));
+            }
+        }
+        let dropped = self.handle.report().dropped_events;
+        if dropped > self.dropped_events {
+            self.dropped_events = dropped;
+            fault(HapticFaultKind::EventsDropped { dropped });
+        }
+    }
+
+    /// Adds to `recording` what it has not got yet.
+    pub(super) fn record(&mut self, recording: &mut TickRecording) {
+        let samples = self.handle.samples();
+        if let (Some(newest), Some(oldest)) = (samples.newest(), samples.oldest_sequence()) {
+            let first = self.recorded_to.map_or(oldest, |last| oldest.max(last + 1));
+            self.recorded_to = Some(newest.sequence);
+            recording.samples.extend((first..=newest.sequence).filter_map(|sequence| samples.get(sequence)));
+        }
+        recording.records.extend(std::iter::from_fn(|| self.handle.next_record()));
+        let dropped = self.handle.report().dropped_records;
+        recording.dropped += dropped - std::mem::replace(&mut self.dropped_records, dropped);
+        recording.forget();
+    }
 }
 
 fn tool_point(sample: &Sample) -> ToolPoint {
@@ -136,7 +151,7 @@ pub(super) fn choose_bodies(
     }
 }
 
-/// The body with the surface node nearest to `at`; of several, the one that was spawned first.
+/// The body with the surface node nearest to `at`; of several equally near, always the same one.
 fn nearest(bodies: &Query<(Entity, &SimulatedBody)>, at: DVec3) -> Option<Entity> {
     let distance = |simulated: &SimulatedBody| {
         let body = simulated.body();

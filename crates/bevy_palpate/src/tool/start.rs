@@ -1,7 +1,7 @@
 //! A tool's loop: started and stopped.
 
 use super::settings::loop_settings;
-use super::{ContactEnded, HapticTool, ToolForce, ToolSettings, Touching};
+use super::{ContactEnded, HapticTool, TickRecording, ToolForce, ToolSettings, Touching};
 use crate::device::{DeviceSelector, HapticDevices};
 use crate::fault::{DeviceFault, HapticFault, HapticFaultKind};
 use crate::schedule::{HapticClock, ModelRate};
@@ -39,6 +39,9 @@ pub struct ToolLoop {
     pub(super) settings: ToolSettings,
     /// Events lost, as far as that has been said.
     pub(super) dropped_events: u64,
+    /// Sequence number of the newest sample that has been recorded, and records lost so far.
+    pub(super) recorded_to: Option<u64>,
+    pub(super) dropped_records: u64,
     device: DeviceSelector,
 }
 
@@ -99,8 +102,17 @@ impl ToolLoop {
 fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
     let Some(mut tool) = world.get_mut::<ToolLoop>(entity) else { return };
     let (fault, ended) = (tool.driver.stop(), tool.let_go(entity));
-    if let (Some(kind), Some(mut faults)) = (fault, world.get_resource_mut::<Messages<HapticFault>>()) {
-        faults.write(HapticFault { entity: Some(entity), kind });
+    // Its last words, and its last ticks.
+    let (mut kinds, mut rest) = (Vec::from_iter(fault), TickRecording::default());
+    tool.take_faults(&mut |kind| kinds.push(kind));
+    tool.record(&mut rest);
+    if let Some(mut recording) = world.get_mut::<TickRecording>(entity) {
+        recording.samples.append(&mut rest.samples);
+        recording.records.append(&mut rest.records);
+        recording.dropped += rest.dropped;
+    }
+    if let Some(mut faults) = world.get_resource_mut::<Messages<HapticFault>>() {
+        faults.write_batch(kinds.into_iter().map(|kind| HapticFault { entity: Some(entity), kind }));
     }
     if let (Some(ended), Some(mut messages)) = (ended, world.get_resource_mut::<Messages<ContactEnded>>()) {
         messages.write(ended);
@@ -122,14 +134,14 @@ pub(super) fn remove_loop(removed: On<Remove, HapticTool>, mut commands: Command
 /// not be started when something has changed that may help.
 pub(super) fn start_loops(
     mut commands: Commands,
-    mut tools: Query<(Entity, Ref<HapticTool>, Ref<ToolSettings>, Option<&mut ToolLoop>)>,
+    mut tools: Query<(Entity, Ref<HapticTool>, Ref<ToolSettings>, Option<&mut ToolLoop>, Has<TickRecording>)>,
     devices: Res<HapticDevices>,
     clock: Res<HapticClock>,
     rate: Res<ModelRate>,
     mut ended: MessageWriter<ContactEnded>,
     mut faults: MessageWriter<HapticFault>,
 ) {
-    for (entity, tool, settings, running) in &mut tools {
+    for (entity, tool, settings, running, record) in &mut tools {
         let helped = running.is_none() && (settings.is_changed() || devices.is_changed());
         if !(tool.is_changed() || helped) {
             continue;
@@ -157,7 +169,7 @@ pub(super) fn start_loops(
             running.driver.stop().map(&mut fault);
             commands.entity(entity).remove::<ToolLoop>();
         }
-        let asked = loop_settings(&settings, *rate);
+        let asked = LoopSettings { record, ..loop_settings(&settings, *rate) };
         if let Err(error) = asked.validate() {
             fault(HapticFaultKind::Settings(error));
             continue;
@@ -177,6 +189,8 @@ pub(super) fn start_loops(
                     refused_body: None,
                     settings: *settings,
                     dropped_events: 0,
+                    recorded_to: None,
+                    dropped_records: 0,
                     device: tool.device.clone(),
                 });
             }

@@ -256,6 +256,20 @@ fn models_of_other_bodies_are_forgotten_on_demand() {
 }
 
 #[test]
+fn that_there_is_nothing_to_be_felt_may_be_said_twice() {
+    let mut h = hand_over(8);
+    h.push(sample(7));
+    let mut nothing = LocalModel::silent(3);
+    for sequence in [7, 7] {
+        nothing.silence(sequence);
+        assert_eq!(h.offer(&nothing), Offer::Taken);
+        assert_eq!(h.speak().force_n, DVec3::ZERO);
+    }
+    nothing.silence(6);
+    assert!(matches!(h.offer(&nothing), Offer::Refused(LocalModelError::NotNewer { .. })));
+}
+
+#[test]
 fn an_older_build_or_another_step_is_refused() {
     let mut h = hand_over(8);
     run(&mut h, 0..10, 5, 5);
