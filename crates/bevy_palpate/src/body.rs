@@ -225,17 +225,14 @@ fn build_bodies(
             // The only error is a missing transform, which the body requires.
             None => transforms.compute_global_transform(entity).unwrap_or_default(),
         };
-        match simulate(&asked, &place) {
-            Ok(mut new) => {
-                *builds += 1;
-                (new.epoch, new.shape) = (*builds, *builds);
-                match asked.simulated.as_mut() {
-                    Some(old) => rebuild(old, new),
-                    None => {
-                        commands.entity(entity).try_insert(new);
-                    }
+        *builds += 1;
+        match simulate(&asked, &place, *builds) {
+            Ok(new) => match asked.simulated.as_mut() {
+                Some(old) => rebuild(old, new),
+                None => {
+                    commands.entity(entity).try_insert(new);
                 }
-            }
+            },
             Err(kind) => {
                 faults.write(HapticFault { entity: Some(entity), kind });
             }
@@ -256,7 +253,11 @@ fn rebuild(old: &mut SimulatedBody, mut new: SimulatedBody) {
     *old = new;
 }
 
-fn simulate(asked: &AskedItem, place: &GlobalTransform) -> Result<SimulatedBody, HapticFaultKind> {
+fn simulate(
+    asked: &AskedItem,
+    place: &GlobalTransform,
+    epoch: u64,
+) -> Result<SimulatedBody, HapticFaultKind> {
     let (scale, rotation, translation) = place.to_scale_rotation_translation();
     if !(scale.is_finite() && rotation.is_finite() && translation.is_finite()) {
         return Err(HapticFaultKind::Place);
@@ -280,11 +281,16 @@ fn simulate(asked: &AskedItem, place: &GlobalTransform) -> Result<SimulatedBody,
         Ok((body, builder))
     };
     match build() {
-        Ok((body, builder)) => {
-            let (last_step, picture) = (StepReport::default(), mesh::Picture::default());
-            let (epoch, shape, failed) = (0, 0, None);
-            Ok(SimulatedBody { body, builder, epoch, last_step, shape, failed, place: *place, picture })
-        }
+        Ok((body, builder)) => Ok(SimulatedBody {
+            body,
+            builder,
+            epoch,
+            last_step: StepReport::default(),
+            shape: epoch,
+            failed: None,
+            place: *place,
+            picture: mesh::Picture::default(),
+        }),
         Err(ReduceError::Body(error)) => Err(HapticFaultKind::BuildBody(error)),
         Err(error) => Err(HapticFaultKind::LocalModel(error)),
     }

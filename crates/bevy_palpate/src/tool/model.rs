@@ -51,11 +51,10 @@ pub(super) fn step_bodies(
             Ok(report) => (simulated.last_step, simulated.failed) = (report, None),
             Err(error) => {
                 bring_to_rest(simulated);
-                if simulated.failed.replace(std::mem::discriminant(&error))
-                    != Some(std::mem::discriminant(&error))
-                {
-                    faults
-                        .write(HapticFault { entity: Some(entity), kind: HapticFaultKind::StepBody(error) });
+                let kind = std::mem::discriminant(&error);
+                if simulated.failed.replace(kind) != Some(kind) {
+                    let kind = HapticFaultKind::StepBody(error);
+                    faults.write(HapticFault { entity: Some(entity), kind });
                 }
             }
         }
