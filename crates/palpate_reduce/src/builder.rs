@@ -64,8 +64,7 @@ impl LocalModelBuilder {
         }
         let pattern = TangentPattern::new(body);
         let static_stiffness = StaticStiffness::new(&pattern, body, regularisation_per_s)?;
-        let mut neighbourhood = neighbourhood::Workspace::new(body);
-        let order_capacity = neighbourhood.largest_order(body, rings);
+        let order_capacity = neighbourhood::Workspace::largest_order(body, rings);
         if order_capacity > LARGEST_ORDER {
             let (what, allowed) = ("order of the largest neighbourhood", "at most 4096: take fewer rings");
             return Err(ReduceError::Option { what, value: order_capacity as f64, allowed });
@@ -76,7 +75,7 @@ impl LocalModelBuilder {
             pattern,
             static_stiffness,
             order_capacity,
-            neighbourhood,
+            neighbourhood: neighbourhood::Workspace::new(body),
         })
     }
 

@@ -20,9 +20,16 @@ pub enum ReduceError {
         /// Number of unknowns.
         unknowns: usize,
     },
-    /// Neither the exact nor the clamped tangent is positive definite: a part of the body hangs on nothing.
-    #[error("the tangent is singular at pivot {pivot} even when clamped; is every part of the body held?")]
+    /// K, and where a local model is built its clamped form too, is not positive definite: a part of the body hangs on
+    /// nothing.
+    #[error("the stiffness is not positive definite at pivot {pivot}; is every part of the body held?")]
     Singular {
+        /// The pivot that failed.
+        pivot: usize,
+    },
+    /// M is not positive definite: a reduced system's basis is not of full rank.
+    #[error("the mass matrix is not positive definite at pivot {pivot}; is the basis of full rank?")]
+    Mass {
         /// The pivot that failed.
         pivot: usize,
     },

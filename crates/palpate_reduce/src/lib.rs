@@ -3,8 +3,10 @@
 //!
 //! * [`LocalModelBuilder`]: from the state of a body to a [`palpate_local::LocalModel`].
 //! * [`Comparison`]: every scheme against the oracle on the same samples.
-//! * [`SecondOrderSystem`], [`StateSpace`]: a body driven at one node, its response, poles and asymptotes;
+//! * [`SecondOrderSystem`], [`StateSpace`]: a body driven at some nodes, its response, poles and asymptotes;
 //!   [`PoleResidue`] for many frequencies.
+//! * [`DenseSystem`]: its projections by congruence, on Krylov bases and modes; [`Specimen`]: the seed's mesh and the
+//!   local models of its figures 8 and 10.
 //! * [`Gramians`], [`Balancing`], [`HInf`]: what is needed of a system's states, balanced truncation, and the norm of
 //!   what it leaves out.
 //!
@@ -55,11 +57,15 @@
 mod balance;
 mod builder;
 mod compare;
+mod dense;
+mod density;
 mod error;
 mod gramian;
 mod hinf;
+mod krylov;
 mod neighbourhood;
 mod pole_residue;
+mod specimen;
 mod state_space;
 mod static_stiffness;
 mod system;
@@ -67,9 +73,12 @@ mod system;
 pub use balance::{Balancing, Truncated};
 pub use builder::{BuilderOptions, LocalModelBuilder};
 pub use compare::{Comparison, ComparisonOptions};
+pub use dense::DenseSystem;
+pub use density::block_scaling;
 pub use error::ReduceError;
 pub use gramian::Gramians;
 pub use hinf::HInf;
 pub use pole_residue::PoleResidue;
+pub use specimen::Specimen;
 pub use state_space::StateSpace;
 pub use system::SecondOrderSystem;

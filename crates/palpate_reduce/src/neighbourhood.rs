@@ -3,8 +3,9 @@
 use crate::ReduceError;
 use faer::sparse::SparseColMatRef;
 use glam::{DMat3, DVec3};
-use palpate_body::{Body, Tangent};
+use palpate_body::{Body, Network, Tangent};
 use palpate_local::LocalModel;
+use std::collections::HashSet;
 
 /// Room to select a neighbourhood and to cut its matrices out of the whole ones.
 #[derive(Debug)]
@@ -13,7 +14,6 @@ pub(crate) struct Workspace {
     nodes: Vec<usize>,
     /// Where a degree of freedom stands among the selected ones.
     local: Vec<Option<usize>>,
-    distance: Vec<Option<usize>>,
     implicit: Vec<f64>,
     force: Vec<DVec3>,
 }
@@ -22,44 +22,18 @@ impl Workspace {
     pub(crate) fn new(body: &Body) -> Self {
         let nodes = body.network().node_count();
         Self {
-            nodes: Vec::with_capacity(nodes),
+            nodes: Vec::new(),
             local: vec![None; 3 * body.network().free().len()],
-            distance: vec![None; nodes],
             implicit: Vec::new(),
             force: vec![DVec3::ZERO; nodes],
         }
     }
 
     /// Three times the largest number of free nodes within `rings` of a free node.
-    pub(crate) fn largest_order(&mut self, body: &Body, rings: usize) -> usize {
-        (0..body.network().free().len())
-            .map(|index| {
-                self.select(body, body.network().free()[index], rings);
-                3 * self.nodes.len()
-            })
-            .max()
-            .unwrap_or(0)
-    }
-
-    /// Collects the free nodes within `rings` links of `node`, nearest first.
-    fn select(&mut self, body: &Body, node: usize, rings: usize) {
+    pub(crate) fn largest_order(body: &Body, rings: usize) -> usize {
         let network = body.network();
-        self.distance.fill(None);
-        self.distance[node] = Some(0);
-        self.nodes.clear();
-        let mut front = vec![node];
-        for ring in 1..=rings {
-            let mut next = Vec::new();
-            for other in front.iter().flat_map(|&node| network.neighbours(node)) {
-                if self.distance[other].is_none() && !network.is_fixed(other) {
-                    self.distance[other] = Some(ring);
-                    next.push(other);
-                }
-            }
-            next.sort_unstable();
-            self.nodes.extend(&next);
-            front = next;
-        }
+        let orders = network.free().iter().map(|&node| 3 * nodes_within(network, node, rings).len());
+        orders.max().unwrap_or(0)
     }
 
     /// Writes the reduced system of the nodes round `node` into `model`, with V the selection of its nodes.
@@ -72,8 +46,8 @@ impl Workspace {
         tick_s: f64,
         model: &mut LocalModel,
     ) -> Result<(), ReduceError> {
-        self.select(body, node, rings);
         let network = body.network();
+        self.nodes = nodes_within(network, node, rings);
         let dof =
             |node: usize, axis: usize| 3 * network.free_index(node).expect("selected nodes are free") + axis;
         let p = 3 * self.nodes.len();
@@ -130,6 +104,25 @@ impl Workspace {
         let entries = matrix.row_idx_of_col(column).zip(matrix.val_of_col(column));
         entries.filter_map(|(row, &value)| self.local[row].map(|row| (row, value)))
     }
+}
+
+/// The free nodes within `rings` links of `node`, itself not among them, nearest first. A path through a fixed node does
+/// not count.
+pub(crate) fn nodes_within(network: &Network, node: usize, rings: usize) -> Vec<usize> {
+    let mut seen = HashSet::from([node]);
+    let mut within = Vec::new();
+    let mut front = vec![node];
+    for _ in 0..rings {
+        let mut next: Vec<usize> = front
+            .iter()
+            .flat_map(|&node| network.neighbours(node))
+            .filter(|&other| !network.is_fixed(other) && seen.insert(other))
+            .collect();
+        next.sort_unstable();
+        within.extend(&next);
+        front = next;
+    }
+    within
 }
 
 /// The 3 × 3 block of the node whose first degree of freedom is `first`.

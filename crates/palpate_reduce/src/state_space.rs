@@ -1,6 +1,6 @@
 //! State space, with the improper part kept apart.
 
-use crate::{ReduceError, SecondOrderSystem};
+use crate::ReduceError;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, c64};
 
@@ -23,47 +23,6 @@ pub struct StateSpace {
 }
 
 impl StateSpace {
-    /// The exact state space of `system`: q' = M⁻¹(y − B_rr q − B_rc u), y' = −K_rr q − K_rc u, so that
-    ///
-    /// ```text
-    /// A = [−M⁻¹B_rr  M⁻¹; −K_rr  0],  B = [−M⁻¹B_rc; −K_rc],  C = [K_cr − B_cr M⁻¹ B_rr,  B_cr M⁻¹],
-    /// D = K_cc − B_cr M⁻¹ B_rc,  E = B_cc
-    /// ```
-    ///
-    /// with the second half of the state divided by a typical momentum per metre, so that both halves are of like
-    /// size.
-    #[must_use]
-    pub fn exact(system: &SecondOrderSystem) -> Self {
-        let (n, m) = (system.unknowns(), system.inputs());
-        let scale = momentum_scale(system);
-        let mut a = Mat::zeros(2 * n, 2 * n);
-        for t in system.damping.triplet_iter() {
-            a[(t.row, t.col)] = -t.val / system.mass[t.row];
-        }
-        for t in system.stiffness.triplet_iter() {
-            a[(n + t.row, t.col)] = -t.val / scale;
-        }
-        for (i, mass) in system.mass.iter().enumerate() {
-            a[(i, n + i)] = scale / mass;
-        }
-        let (k, b) = (&system.stiffness_rc, &system.damping_rc);
-        let over_mass = Mat::from_fn(n, m, |i, j| b[(i, j)] / system.mass[i]);
-        let mut input = Mat::zeros(2 * n, m);
-        let mut output = Mat::zeros(m, 2 * n);
-        // B_cr M⁻¹ B_rr, transposed: B_rr is symmetric.
-        let damped = system.damping.as_ref() * &over_mass;
-        for i in 0..n {
-            for j in 0..m {
-                input[(i, j)] = -over_mass[(i, j)];
-                input[(n + i, j)] = -k[(i, j)] / scale;
-                output[(j, i)] = k[(i, j)] - damped[(i, j)];
-                output[(j, n + i)] = over_mass[(i, j)] * scale;
-            }
-        }
-        let d = &system.stiffness_cc - b.transpose() * &over_mass;
-        Self { a, b: input, c: output, d, e: system.damping_cc.clone() }
-    }
-
     /// n.
     #[must_use]
     pub fn order(&self) -> usize {
@@ -117,12 +76,4 @@ impl StateSpace {
         poles.sort_by(|a, b| a.norm().total_cmp(&b.norm()).then(a.im.total_cmp(&b.im)));
         Ok(poles)
     }
-}
-
-/// √(k̄ m̄) of the mean diagonal stiffness and mass, kg/s.
-fn momentum_scale(system: &SecondOrderSystem) -> f64 {
-    let n = system.unknowns() as f64;
-    let k: f64 = (0..system.unknowns()).filter_map(|i| system.stiffness.as_ref().get(i, i)).sum();
-    let m: f64 = system.mass.iter().sum();
-    ((k / n) * (m / n)).sqrt()
 }

@@ -1,11 +1,12 @@
-//! A linear second-order system: a body's small motions about a state, moved by the displacement of one node.
+//! A linear second-order system: a body's small motions about a state, moved by the displacement of some nodes.
 
-use crate::ReduceError;
+use crate::{DenseSystem, ReduceError, StateSpace};
 use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
-use faer::sparse::{SparseColMat, Triplet};
-use faer::{Mat, MatRef, c64};
-use palpate_body::{Body, TangentPattern};
+use faer::sparse::linalg::LltError;
+use faer::sparse::linalg::solvers::{Llt, Lu, SymbolicLlt, SymbolicLu};
+use faer::sparse::{SparseColMat, SparseColMatRef, Triplet};
+use faer::{Mat, MatRef, Side, c64};
+use palpate_body::{Body, Network, TangentPattern};
 
 /// M q̈ + B q̇ + K q = −B_rc u̇ − K_rc u, with the force that moves the tool
 ///
@@ -13,8 +14,8 @@ use palpate_body::{Body, TangentPattern};
 /// f = K_cc u + B_cc u̇ + K_cr q + B_cr q̇,    G(s) = f/u = K_cc + s B_cc − (K_cr + s B_cr)(s²M + sB + K)⁻¹(K_rc + s B_rc)
 /// ```
 ///
-/// u is the displacement of the driven node c (m, one input for each axis), q that of the other free nodes r,
-/// and M diagonal. G(0) is the static stiffness, positive; the force on the hand is −f.
+/// u is the displacement of the driven nodes c (m; node by node, one input for each axis), q that of the other free
+/// nodes r, and M diagonal. G(0) is the static stiffness, positive; the force on the hand is −f.
 #[derive(Clone, Debug)]
 pub struct SecondOrderSystem {
     /// Diagonal of M, kg.
@@ -33,65 +34,65 @@ pub struct SecondOrderSystem {
     pub stiffness_cc: Mat<f64>,
     /// Node and axis of each row of q.
     pub place: Vec<(usize, usize)>,
+    /// The driven nodes.
+    pub driven: Vec<usize>,
 }
 
 impl SecondOrderSystem {
-    /// The small motions of `body` about its present state when `node` is driven, along the first `axes` axes (1
-    /// to 3) of space; along the others nothing moves.
+    /// The small motions of `body` about its present state when the nodes `driven` are, along the first `axes` axes
+    /// (1 to 3) of space; along the others nothing moves.
     ///
     /// # Errors
-    /// [`ReduceError::Option`] when `axes` is not 1 to 3 or `node` is not a free node.
-    pub fn of_body(body: &Body, node: usize, axes: usize) -> Result<Self, ReduceError> {
+    /// [`ReduceError::Option`] when `axes` is not 1 to 3, or `driven` is empty, names a node twice or one that is not
+    /// free.
+    pub fn of_body(body: &Body, driven: &[usize], axes: usize) -> Result<Self, ReduceError> {
         let network = body.network();
-        let refuse =
-            |what, value: usize, allowed| Err(ReduceError::Option { what, value: value as f64, allowed });
-        if !(1..=3).contains(&axes) {
-            return refuse("number of axes", axes, "1 to 3");
-        }
-        if node >= network.node_count() || network.is_fixed(node) {
-            return refuse("driven node", node, "a free node of the body");
-        }
+        validate_drive(network, driven, axes)?;
         let pattern = TangentPattern::new(body);
         let mut tangent = pattern.zero();
         pattern.fill(body, false, &mut tangent);
-        let place: Vec<(usize, usize)> = network
-            .free()
-            .iter()
-            .filter(|&&free| free != node)
-            .flat_map(|&free| (0..axes).map(move |axis| (free, axis)))
-            .collect();
-        let mut row = vec![None; 3 * network.free().len()];
+        let on_axes = |node: usize| (0..axes).map(move |axis| (node, axis));
+        let place: Vec<(usize, usize)> =
+            network.free().iter().filter(|free| !driven.contains(free)).flat_map(|&n| on_axes(n)).collect();
+        let inputs: Vec<(usize, usize)> = driven.iter().flat_map(|&node| on_axes(node)).collect();
         let dof = |(node, axis): (usize, usize)| 3 * network.free_index(node).unwrap_or(0) + axis;
+        let mut row = vec![None; 3 * network.free().len()];
         for (i, &at) in place.iter().enumerate() {
             row[dof(at)] = Some(i);
         }
-        let n = place.len();
-        let cut = |matrix: faer::sparse::SparseColMatRef<'_, usize, f64>| {
+        let cut = |matrix: SparseColMatRef<'_, usize, f64>| {
+            let column_of = |at: (usize, usize)| {
+                matrix.row_idx_of_col(dof(at)).zip(matrix.val_of_col(dof(at)).iter().copied())
+            };
             let mut entries = Vec::new();
             for (column, &at) in place.iter().enumerate() {
-                for (r, &value) in matrix.row_idx_of_col(dof(at)).zip(matrix.val_of_col(dof(at))) {
-                    if let Some(r) = row[r] {
-                        entries.push(Triplet::new(r, column, value));
-                    }
+                let kept = column_of(at).filter_map(|(r, value)| Some((row[r]?, value)));
+                entries.extend(kept.map(|(r, value)| Triplet::new(r, column, value)));
+            }
+            let mut rc = Mat::zeros(place.len(), inputs.len());
+            for (column, &at) in inputs.iter().enumerate() {
+                for (r, value) in column_of(at).filter_map(|(r, value)| Some((row[r]?, value))) {
+                    rc[(r, column)] = value;
                 }
             }
-            let rr = SparseColMat::try_new_from_triplets(n, n, &entries).expect("indices are below n");
-            let mut rc = Mat::zeros(n, axes);
-            for axis in 0..axes {
-                let column = dof((node, axis));
-                for (r, &value) in matrix.row_idx_of_col(column).zip(matrix.val_of_col(column)) {
-                    if let Some(r) = row[r] {
-                        rc[(r, axis)] = value;
-                    }
-                }
-            }
-            let entry = |i, j| matrix.get(dof((node, i)), dof((node, j))).copied().unwrap_or(0.0);
-            (rr, rc, Mat::from_fn(axes, axes, entry))
+            let entry = |i, j| matrix.get(dof(inputs[i]), dof(inputs[j])).copied().unwrap_or(0.0);
+            (square(place.len(), &entries), rc, Mat::from_fn(inputs.len(), inputs.len(), entry))
         };
         let (stiffness, stiffness_rc, stiffness_cc) = cut(tangent.stiffness());
         let (damping, damping_rc, damping_cc) = cut(tangent.damping());
         let mass = place.iter().map(|&(node, _)| network.mass_kg()[node]).collect();
-        Ok(Self { mass, damping, stiffness, damping_rc, stiffness_rc, damping_cc, stiffness_cc, place })
+        let driven = driven.to_vec();
+        Ok(Self {
+            mass,
+            damping,
+            stiffness,
+            damping_rc,
+            stiffness_rc,
+            damping_cc,
+            stiffness_cc,
+            place,
+            driven,
+        })
     }
 
     /// Number of second-order unknowns; the order of the system in state space is twice that.
@@ -106,41 +107,209 @@ impl SecondOrderSystem {
         self.stiffness_cc.nrows()
     }
 
+    /// The seed paper's local linear approximation (its Fig. 8): the nodes within `rings` links of a driven node move,
+    /// all others stand. `network` is that of the body. A projection with V a selection of nodes, so M, B and K stay
+    /// symmetric positive definite.
+    ///
+    /// # Errors
+    /// [`ReduceError::Option`] when `rings` is zero.
+    pub fn neighbourhood(&self, network: &Network, rings: usize) -> Result<Self, ReduceError> {
+        if rings == 0 {
+            let (what, allowed) = ("rings of nodes", "at least 1");
+            return Err(ReduceError::Option { what, value: 0.0, allowed });
+        }
+        let mut near = vec![false; network.node_count()];
+        for &driven in &self.driven {
+            crate::neighbourhood::nodes_within(network, driven, rings).iter().for_each(|&n| near[n] = true);
+        }
+        let kept: Vec<usize> = (0..self.unknowns()).filter(|&row| near[self.place[row].0]).collect();
+        let mut new_row = vec![None; self.unknowns()];
+        kept.iter().enumerate().for_each(|(new, &old)| new_row[old] = Some(new));
+        let cut = |matrix: &SparseColMat<usize, f64>| {
+            let entries: Vec<_> = matrix
+                .triplet_iter()
+                .filter_map(|t| Some(Triplet::new(new_row[t.row]?, new_row[t.col]?, *t.val)))
+                .collect();
+            square(kept.len(), &entries)
+        };
+        let rows = |matrix: &Mat<f64>| Mat::from_fn(kept.len(), self.inputs(), |i, j| matrix[(kept[i], j)]);
+        Ok(Self {
+            mass: kept.iter().map(|&row| self.mass[row]).collect(),
+            damping: cut(&self.damping),
+            stiffness: cut(&self.stiffness),
+            damping_rc: rows(&self.damping_rc),
+            stiffness_rc: rows(&self.stiffness_rc),
+            damping_cc: self.damping_cc.clone(),
+            stiffness_cc: self.stiffness_cc.clone(),
+            place: kept.iter().map(|&row| self.place[row]).collect(),
+            driven: self.driven.clone(),
+        })
+    }
+
+    /// The same system with all driven nodes moved together, as by a rigid plate: one input for each axis, and the
+    /// sum of the forces.
+    #[must_use]
+    pub fn driven_as_one(&self) -> Self {
+        let axes = self.inputs() / self.driven.len();
+        let sum = |rc: &Mat<f64>| {
+            Mat::from_fn(rc.nrows(), axes, |i, axis| {
+                (axis..rc.ncols()).step_by(axes).map(|j| rc[(i, j)]).sum()
+            })
+        };
+        let sum_both = |cc: &Mat<f64>| sum(&sum(cc).transpose().to_owned()).transpose().to_owned();
+        Self {
+            damping_rc: sum(&self.damping_rc),
+            stiffness_rc: sum(&self.stiffness_rc),
+            damping_cc: sum_both(&self.damping_cc),
+            stiffness_cc: sum_both(&self.stiffness_cc),
+            ..self.clone()
+        }
+    }
+
+    /// The same system with full matrices.
+    #[must_use]
+    pub fn to_dense(&self) -> DenseSystem {
+        let n = self.unknowns();
+        DenseSystem {
+            mass: Mat::from_fn(n, n, |i, j| if i == j { self.mass[i] } else { 0.0 }),
+            damping: self.damping.to_dense(),
+            stiffness: self.stiffness.to_dense(),
+            damping_rc: self.damping_rc.clone(),
+            stiffness_rc: self.stiffness_rc.clone(),
+            damping_cc: self.damping_cc.clone(),
+            stiffness_cc: self.stiffness_cc.clone(),
+        }
+    }
+
+    /// The same system in state space: see [`DenseSystem::state_space`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn state_space(&self) -> Result<StateSpace, ReduceError> {
+        self.to_dense().state_space()
+    }
+
+    /// G(0) = K_cc − K_cr K⁻¹ K_rc, N/m, by a sparse Cholesky factorisation.
+    ///
+    /// # Errors
+    /// [`ReduceError::Singular`] when K is not positive definite.
+    pub fn static_stiffness(&self) -> Result<Mat<f64>, ReduceError> {
+        if self.unknowns() == 0 {
+            return Ok(self.stiffness_cc.clone());
+        }
+        let follow = self.shifted_solver()?.solve(self, 0.0, self.stiffness_rc.as_ref())?;
+        Ok(&self.stiffness_cc - self.stiffness_rc.transpose() * follow)
+    }
+
+    /// Solves with σ²M + σB + K for real σ, keeping the symbolic factorisation.
+    pub(crate) fn shifted_solver(&self) -> Result<ShiftedSolver, ReduceError> {
+        let entries = self.dynamic_stiffness(1.0);
+        let unknowns = self.unknowns();
+        let matrix = square(unknowns, &entries);
+        let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower)
+            .map_err(|_| ReduceError::Symbolic { unknowns })?;
+        Ok(ShiftedSolver { symbolic })
+    }
+
+    /// The entries of s²M + sB + K.
+    fn dynamic_stiffness<S>(&self, s: S) -> Vec<Triplet<usize, usize, S>>
+    where
+        S: Copy + std::ops::Mul<Output = S> + std::ops::Mul<f64, Output = S> + From<f64>,
+    {
+        let of = |matrix: &SparseColMat<usize, f64>, factor: S| -> Vec<Triplet<usize, usize, S>> {
+            matrix.triplet_iter().map(|t| Triplet::new(t.row, t.col, factor * *t.val)).collect()
+        };
+        let mut entries = of(&self.stiffness, S::from(1.0));
+        entries.extend(of(&self.damping, s));
+        entries.extend(self.mass.iter().enumerate().map(|(i, &m)| Triplet::new(i, i, s * s * m)));
+        entries
+    }
+
     /// G at each of the complex frequencies `s` (1/s), by a sparse factorisation at each.
     ///
     /// # Errors
     /// [`ReduceError::Symbolic`] when the pattern cannot be factorised; [`ReduceError::Pole`] when one of the
     /// frequencies is a pole.
     pub fn response(&self, s: &[c64]) -> Result<Vec<Mat<c64>>, ReduceError> {
-        let n = self.unknowns();
-        let dynamic = |s: c64| -> Vec<Triplet<usize, usize, c64>> {
-            let of = |matrix: &SparseColMat<usize, f64>, factor: c64| -> Vec<Triplet<usize, usize, c64>> {
-                matrix.triplet_iter().map(|t| Triplet::new(t.row, t.col, factor * *t.val)).collect()
-            };
-            let mut entries = of(&self.stiffness, c64::new(1.0, 0.0));
-            entries.extend(of(&self.damping, s));
-            entries.extend(self.mass.iter().enumerate().map(|(i, &m)| Triplet::new(i, i, s * s * m)));
-            entries
-        };
-        let mut symbolic = None;
-        let mut responses = Vec::with_capacity(s.len());
-        for &s in s {
-            let matrix = SparseColMat::try_new_from_triplets(n, n, &dynamic(s)).expect("indices are below n");
-            let symbolic: &SymbolicLu<usize> = match &symbolic {
-                Some(symbolic) => symbolic,
-                None => symbolic.insert(
-                    SymbolicLu::try_new(matrix.symbolic())
-                        .map_err(|_| ReduceError::Symbolic { unknowns: n })?,
-                ),
-            };
-            let lu = Lu::try_new_with_symbolic(symbolic.clone(), matrix.as_ref())
-                .map_err(|_| ReduceError::Pole { re: s.re, im: s.im })?;
-            let coupling = combine(self.stiffness_rc.as_ref(), self.damping_rc.as_ref(), s);
-            let inner = coupling.transpose() * lu.solve(&coupling);
-            responses.push(combine(self.stiffness_cc.as_ref(), self.damping_cc.as_ref(), s) - inner);
-        }
-        Ok(responses)
+        let mut solver = None;
+        s.iter().map(|&s| self.response_at(s, &mut solver)).collect()
     }
+
+    /// G at `s`, with the symbolic factorisation kept in `symbolic` from one call to the next.
+    ///
+    /// # Errors
+    /// As [`SecondOrderSystem::response`].
+    pub(crate) fn response_at(
+        &self,
+        s: c64,
+        symbolic: &mut Option<SymbolicLu<usize>>,
+    ) -> Result<Mat<c64>, ReduceError> {
+        let n = self.unknowns();
+        let direct = combine(self.stiffness_cc.as_ref(), self.damping_cc.as_ref(), s);
+        if n == 0 {
+            return Ok(direct);
+        }
+        let matrix = square(n, &self.dynamic_stiffness(s));
+        let symbolic = match symbolic {
+            Some(symbolic) => symbolic,
+            None => symbolic.insert(
+                SymbolicLu::try_new(matrix.symbolic()).map_err(|_| ReduceError::Symbolic { unknowns: n })?,
+            ),
+        };
+        let lu = Lu::try_new_with_symbolic(symbolic.clone(), matrix.as_ref())
+            .map_err(|_| ReduceError::Pole { re: s.re, im: s.im })?;
+        let coupling = combine(self.stiffness_rc.as_ref(), self.damping_rc.as_ref(), s);
+        Ok(direct - coupling.transpose() * lu.solve(&coupling))
+    }
+}
+
+/// Solutions with σ²M + σB + K.
+pub(crate) struct ShiftedSolver {
+    symbolic: SymbolicLlt<usize>,
+}
+
+impl ShiftedSolver {
+    /// (σ²M + σB + K)⁻¹ `rhs` of `system`, σ in 1/s.
+    pub(crate) fn solve(
+        &self,
+        system: &SecondOrderSystem,
+        sigma_per_s: f64,
+        rhs: MatRef<'_, f64>,
+    ) -> Result<Mat<f64>, ReduceError> {
+        use faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot;
+        let unknowns = system.unknowns();
+        let matrix = square(unknowns, &system.dynamic_stiffness(sigma_per_s));
+        let factor = Llt::try_new_with_symbolic(self.symbolic.clone(), matrix.as_ref(), Side::Lower);
+        let factor = factor.map_err(|error| match error {
+            LltError::Numeric(NonPositivePivot { index }) => ReduceError::Singular { pivot: index },
+            LltError::Generic(_) => ReduceError::Symbolic { unknowns },
+        })?;
+        Ok(factor.solve(rhs))
+    }
+}
+
+fn validate_drive(network: &Network, driven: &[usize], axes: usize) -> Result<(), ReduceError> {
+    let refuse =
+        |what, value: usize, allowed| Err(ReduceError::Option { what, value: value as f64, allowed });
+    if !(1..=3).contains(&axes) {
+        return refuse("number of axes", axes, "1 to 3");
+    }
+    if driven.is_empty() {
+        return refuse("number of driven nodes", 0, "at least 1");
+    }
+    for (i, &node) in driven.iter().enumerate() {
+        if node >= network.node_count() || network.is_fixed(node) || driven[..i].contains(&node) {
+            return refuse("driven node", node, "a free node of the body, named once");
+        }
+    }
+    Ok(())
+}
+
+fn square<T: faer::traits::ComplexField>(
+    n: usize,
+    entries: &[Triplet<usize, usize, T>],
+) -> SparseColMat<usize, T> {
+    SparseColMat::try_new_from_triplets(n, n, entries).expect("indices are below n")
 }
 
 /// K + s B.

@@ -18,12 +18,12 @@ fn specimen() -> SecondOrderSystem {
     let network = lattice.uniform(200.0, 2.1213203435596424, 0.01, edge).unwrap();
     assert_eq!((network.node_count(), network.links().len(), network.free().len()), (169, 600, 132));
     let body = Body::new(network, Surface::default()).unwrap();
-    SecondOrderSystem::of_body(&body, lattice.node([6, 12, 0]), 2).unwrap()
+    SecondOrderSystem::of_body(&body, &[lattice.node([6, 12, 0])], 2).unwrap()
 }
 
 fn balancing() -> &'static Balancing {
     static BALANCING: OnceLock<Balancing> = OnceLock::new();
-    BALANCING.get_or_init(|| Balancing::new(StateSpace::exact(&specimen())).unwrap())
+    BALANCING.get_or_init(|| Balancing::new(specimen().state_space().unwrap()).unwrap())
 }
 
 fn close(here: f64, expected: &Value, tolerance: f64) {

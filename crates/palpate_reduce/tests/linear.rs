@@ -9,7 +9,7 @@ fn chain(nodes: usize, k: f64, b: f64, m: f64) -> StateSpace {
     let lattice = Lattice::new([nodes, 1, 1], 1.0).unwrap();
     let body =
         Body::new(lattice.uniform(k, b, m, |[i, ..]| i == nodes - 1).unwrap(), Surface::default()).unwrap();
-    StateSpace::exact(&SecondOrderSystem::of_body(&body, 0, 1).unwrap())
+    SecondOrderSystem::of_body(&body, &[0], 1).unwrap().state_space().unwrap()
 }
 
 /// One state: 1/(s + a).
@@ -96,6 +96,6 @@ fn systems_of_nodes_that_cannot_be_driven_are_refused() {
     let network = lattice.uniform(1.0, 0.1, 1.0, |[i, ..]| i == 3).unwrap();
     let body = Body::new(network, Surface::default()).unwrap();
     for (node, axes) in [(3, 1), (4, 1), (0, 0), (0, 4)] {
-        assert!(matches!(SecondOrderSystem::of_body(&body, node, axes), Err(ReduceError::Option { .. })));
+        assert!(matches!(SecondOrderSystem::of_body(&body, &[node], axes), Err(ReduceError::Option { .. })));
     }
 }

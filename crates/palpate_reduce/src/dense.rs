@@ -1,0 +1,135 @@
+//! A second-order system with full matrices: what a projection makes of a body.
+
+use crate::system::combine;
+use crate::{ReduceError, SecondOrderSystem, StateSpace};
+use faer::linalg::solvers::Solve;
+use faer::{Mat, MatRef, Side, c64};
+
+/// [`SecondOrderSystem`] with full matrices, M among them, in coordinates that may be no single node's.
+#[derive(Clone, Debug)]
+pub struct DenseSystem {
+    /// M, kg.
+    pub mass: Mat<f64>,
+    /// B, N s/m.
+    pub damping: Mat<f64>,
+    /// K, N/m.
+    pub stiffness: Mat<f64>,
+    /// B_rc, N s/m.
+    pub damping_rc: Mat<f64>,
+    /// K_rc, N/m.
+    pub stiffness_rc: Mat<f64>,
+    /// B_cc, N s/m.
+    pub damping_cc: Mat<f64>,
+    /// K_cc, N/m.
+    pub stiffness_cc: Mat<f64>,
+}
+
+impl SecondOrderSystem {
+    /// The projection by congruence on the columns of `v` (unknowns × p): q = V q̃, M̃ = VᵀMV, B̃ = VᵀBV, K̃ = VᵀKV,
+    /// B̃_rc = VᵀB_rc, K̃_rc = VᵀK_rc. Whatever V of full rank, M̃, B̃ and K̃ are symmetric and as definite as M, B and
+    /// K: what is passive stays passive.
+    ///
+    /// # Errors
+    /// [`ReduceError::Option`] when `v` has another number of rows than this system unknowns, or no columns.
+    pub fn project(&self, v: MatRef<'_, f64>) -> Result<DenseSystem, ReduceError> {
+        for (what, value, ok, allowed) in [
+            ("rows of the basis", v.nrows(), v.nrows() == self.unknowns(), "the number of unknowns"),
+            ("columns of the basis", v.ncols(), v.ncols() > 0, "at least 1"),
+        ] {
+            if !ok {
+                return Err(ReduceError::Option { what, value: value as f64, allowed });
+            }
+        }
+        let p = v.ncols();
+        let weighted = Mat::from_fn(v.nrows(), p, |i, j| self.mass[i] * v[(i, j)]);
+        // Exactly symmetric, whatever the rounding.
+        let symmetric = |m: Mat<f64>| Mat::from_fn(p, p, |i, j| 0.5 * (m[(i, j)] + m[(j, i)]));
+        Ok(DenseSystem {
+            mass: symmetric(v.transpose() * weighted),
+            damping: symmetric(v.transpose() * (self.damping.as_ref() * v)),
+            stiffness: symmetric(v.transpose() * (self.stiffness.as_ref() * v)),
+            damping_rc: v.transpose() * &self.damping_rc,
+            stiffness_rc: v.transpose() * &self.stiffness_rc,
+            damping_cc: self.damping_cc.clone(),
+            stiffness_cc: self.stiffness_cc.clone(),
+        })
+    }
+}
+
+impl DenseSystem {
+    /// Number of second-order unknowns; the order of the system in state space is twice that.
+    #[must_use]
+    pub fn unknowns(&self) -> usize {
+        self.mass.nrows()
+    }
+
+    /// The exact state space: q' = M⁻¹(y − B q − B_rc u), y' = −K q − K_rc u, so that
+    ///
+    /// ```text
+    /// A = [−M⁻¹B  M⁻¹; −K  0],  B = [−M⁻¹B_rc; −K_rc],  C = [K_cr − B_cr M⁻¹ B,  B_cr M⁻¹],
+    /// D = K_cc − B_cr M⁻¹ B_rc,  E = B_cc
+    /// ```
+    ///
+    /// with the second half of the state divided by a typical momentum per metre, so that both halves are of like
+    /// size.
+    ///
+    /// # Errors
+    /// [`ReduceError::Mass`] when M is not positive definite; [`ReduceError::Option`] when there are no unknowns.
+    pub fn state_space(&self) -> Result<StateSpace, ReduceError> {
+        let (n, m) = (self.unknowns(), self.stiffness_cc.nrows());
+        if n == 0 {
+            return Err(ReduceError::Option {
+                what: "number of unknowns",
+                value: 0.0,
+                allowed: "at least 1",
+            });
+        }
+        let mass = self.mass.llt(Side::Lower).map_err(|error| {
+            let faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot { index } = error;
+            ReduceError::Mass { pivot: index }
+        })?;
+        let scale = self.momentum_scale();
+        let inverse = mass.solve(Mat::<f64>::identity(n, n));
+        let rates = &inverse * &self.damping;
+        let driven = &inverse * &self.damping_rc;
+        let (k, b) = (&self.stiffness_rc, &self.damping_rc);
+        // B_cr M⁻¹ B; M and B are symmetric.
+        let damped = b.transpose() * &rates;
+        let a = Mat::from_fn(2 * n, 2 * n, |i, j| match (i < n, j < n) {
+            (true, true) => -rates[(i, j)],
+            (true, false) => scale * inverse[(i, j - n)],
+            (false, true) => -self.stiffness[(i - n, j)] / scale,
+            (false, false) => 0.0,
+        });
+        let input =
+            Mat::from_fn(2 * n, m, |i, j| if i < n { -driven[(i, j)] } else { -k[(i - n, j)] / scale });
+        let output = Mat::from_fn(m, 2 * n, |j, i| {
+            if i < n { k[(i, j)] - damped[(j, i)] } else { scale * driven[(i - n, j)] }
+        });
+        let d = &self.stiffness_cc - b.transpose() * &driven;
+        Ok(StateSpace { a, b: input, c: output, d, e: self.damping_cc.clone() })
+    }
+
+    /// G at each of the complex frequencies `s` (1/s), by a dense factorisation at each.
+    #[must_use]
+    pub fn response(&self, s: &[c64]) -> Vec<Mat<c64>> {
+        let n = self.unknowns();
+        s.iter()
+            .map(|&s| {
+                let dynamic = Mat::from_fn(n, n, |i, j| {
+                    s * s * self.mass[(i, j)] + s * self.damping[(i, j)] + self.stiffness[(i, j)]
+                });
+                let coupling = combine(self.stiffness_rc.as_ref(), self.damping_rc.as_ref(), s);
+                let direct = combine(self.stiffness_cc.as_ref(), self.damping_cc.as_ref(), s);
+                direct - coupling.transpose() * dynamic.partial_piv_lu().solve(&coupling)
+            })
+            .collect()
+    }
+
+    /// √(k̄ m̄) of the mean diagonal stiffness and mass, kg/s.
+    fn momentum_scale(&self) -> f64 {
+        let n = self.unknowns();
+        let mean = |matrix: &Mat<f64>| (0..n).map(|i| matrix[(i, i)]).sum::<f64>() / n as f64;
+        (mean(&self.stiffness) * mean(&self.mass)).sqrt()
+    }
+}

@@ -1,0 +1,82 @@
+//! Bases of reduced models that keep M, B and K symmetric: rational Krylov and modes.
+
+use crate::{ReduceError, SecondOrderSystem};
+use faer::{Mat, MatRef, Side};
+
+/// What is left of a column after the others are taken away, below which it adds nothing but rounding.
+const RANK_TOLERANCE: f64 = 1e-10;
+
+impl SecondOrderSystem {
+    /// An orthonormal basis of the static response K⁻¹K_rc, of the high-frequency end M⁻¹K_rc and M⁻¹B_rc, and of
+    /// (σ²M + σB + K)⁻¹(K_rc + σB_rc) at each real σ of `shifts_per_s` (1/s): rational Krylov of second order (Z. Bai and
+    /// Y. Su, SIAM J. Sci. Comput. 26 (2005) 1692; C. Beattie and S. Gugercin, Syst. Control Lett. 58 (2009) 225).
+    ///
+    /// The projection on it has exactly the original's G(0), G(σ), D and E. Columns that depend on those before them
+    /// to 1e-10 are left out; where B is proportional to K and all masses are equal that leaves inputs × (shifts + 2).
+    ///
+    /// # Errors
+    /// [`ReduceError::Option`] for a shift that is not finite and above zero; [`ReduceError::Singular`] when K is not
+    /// positive definite.
+    pub fn krylov_basis(&self, shifts_per_s: &[f64]) -> Result<Mat<f64>, ReduceError> {
+        if let Some(&value) = shifts_per_s.iter().find(|s| !(s.is_finite() && **s > 0.0)) {
+            let (what, allowed) = ("shift, 1/s", "finite and above 0");
+            return Err(ReduceError::Option { what, value, allowed });
+        }
+        let solver = self.shifted_solver()?;
+        let (k, b) = (&self.stiffness_rc, &self.damping_rc);
+        let over_mass =
+            |rc: &Mat<f64>| Mat::from_fn(rc.nrows(), rc.ncols(), |i, j| rc[(i, j)] / self.mass[i]);
+        let mut blocks = vec![solver.solve(self, 0.0, k.as_ref())?, over_mass(k), over_mass(b)];
+        for &sigma in shifts_per_s {
+            let rhs = Mat::from_fn(k.nrows(), k.ncols(), |i, j| k[(i, j)] + sigma * b[(i, j)]);
+            blocks.push(solver.solve(self, sigma, rhs.as_ref())?);
+        }
+        Ok(orthonormal(self.unknowns(), &blocks))
+    }
+
+    /// The `modes` slowest undamped modes of vibration, K x = ω² M x with xᵀMx = 1, as columns: modal truncation.
+    ///
+    /// # Errors
+    /// [`ReduceError::Option`] when `modes` is zero or above the number of unknowns; [`ReduceError::Eigenvalues`] when
+    /// they are not found.
+    pub fn modal_basis(&self, modes: usize) -> Result<Mat<f64>, ReduceError> {
+        let n = self.unknowns();
+        if !(1..=n).contains(&modes) {
+            let (what, allowed) = ("number of modes", "at least 1 and at most the number of unknowns");
+            return Err(ReduceError::Option { what, value: modes as f64, allowed });
+        }
+        let root: Vec<f64> = self.mass.iter().map(|m| m.sqrt()).collect();
+        let mut weighted = Mat::zeros(n, n);
+        for t in self.stiffness.triplet_iter() {
+            weighted[(t.row, t.col)] = t.val / (root[t.row] * root[t.col]);
+        }
+        let eigen =
+            weighted.self_adjoint_eigen(Side::Lower).map_err(|_| ReduceError::Eigenvalues { order: n })?;
+        let u = eigen.U();
+        Ok(Mat::from_fn(n, modes, |i, j| u[(i, j)] / root[i]))
+    }
+}
+
+/// An orthonormal basis of all columns of `blocks` by Gram and Schmidt, twice, in order.
+fn orthonormal(rows: usize, blocks: &[Mat<f64>]) -> Mat<f64> {
+    let columns: usize = blocks.iter().map(Mat::ncols).sum();
+    let mut basis = Mat::zeros(rows, columns.min(rows));
+    let mut rank = 0;
+    for column in blocks.iter().flat_map(|block| (0..block.ncols()).map(|j| block.as_ref().subcols(j, 1))) {
+        let size = column.norm_l2();
+        if size == 0.0 || rank == basis.ncols() {
+            continue;
+        }
+        let mut rest = column * faer::Scale(1.0 / size);
+        for _ in 0..2 {
+            let known: MatRef<'_, f64> = basis.as_ref().subcols(0, rank);
+            rest -= known * (known.transpose() * &rest);
+        }
+        let left = rest.norm_l2();
+        if left > RANK_TOLERANCE {
+            (0..rows).for_each(|i| basis[(i, rank)] = rest[(i, 0)] / left);
+            rank += 1;
+        }
+    }
+    basis.subcols(0, rank).to_owned()
+}
