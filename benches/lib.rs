@@ -1,1 +1,1 @@
-//! Benchmarks of palpate: see `ring.rs`.
+//! Benchmarks of palpate: see `ring.rs` and `reduce.rs`.

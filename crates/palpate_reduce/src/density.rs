@@ -1,18 +1,17 @@
 //! How the stiffness of a block of fixed size changes with the density of its mesh.
 
-use crate::hinf::largest_singular_value;
+use crate::hinf::{largest_singular_value, real};
 use crate::{ReduceError, SecondOrderSystem};
-use faer::{Mat, c64};
 use palpate_body::{Body, Lattice, Surface};
 
-/// The stiffness of a block with `density` cells along each edge, relative to that of one cell, when all springs have
-/// the same stiffness: the seed's Fig. 16.
+/// How stiff a block of fixed size is when it is meshed with `density` cells along each edge, relative to a single cell,
+/// if all springs have the same stiffness: the seed's Fig. 16.
 ///
-/// A block of `dimension` dimensions has one face held and the opposite one moved as a rigid plate; its stiffness matrix
-/// is the force on that plate over its translation (dimension × dimension), all other nodes at rest where
-/// they have no force. What is compared is its largest singular value, the stiffness in compression. In one dimension,
-/// springs in a row, it is 1/density, which section 5.1 rests on. The paper leaves the definition open; this is the one that
-/// contains that case.
+/// A block of `dimension` dimensions is joined to what is around it by its corners, 2^dimension of them; all other nodes
+/// are at rest where they have no force. Its stiffness matrix, the forces on the corners over their displacements, is
+/// the whole block's condensed on them, and what is compared is its largest singular value. So a single cell whose
+/// springs are scaled by this factor is as stiff as `density`^dimension cells. In one dimension, springs in a row, the
+/// factor is 1/density: that is what section 5.1 rests on. The paper states no definition; this one contains that case.
 ///
 /// # Errors
 /// [`ReduceError::Option`] when `dimension` is not 1 to 3 or `density` is zero; [`ReduceError::Body`] when there are too
@@ -29,18 +28,15 @@ pub fn block_scaling(dimension: usize, density: usize) -> Result<f64, ReduceErro
     Ok(block_stiffness(dimension, density)? / block_stiffness(dimension, 1)?)
 }
 
-/// The stiffness in compression of a block of springs of 1 N/m.
+/// The largest singular value of the stiffness matrix on the corners of a block of springs of 1 N/m.
 fn block_stiffness(dimension: usize, density: usize) -> Result<f64, ReduceError> {
     let mut nodes = [1; 3];
     nodes[..dimension].fill(density.saturating_add(1));
     let lattice = Lattice::new(nodes, 1.0)?;
-    let normal = dimension - 1;
-    let network = lattice.uniform(1.0, 0.0, 1.0, |ijk| ijk[normal] == 0)?;
-    let plate: Vec<usize> =
-        lattice.grid().filter(|ijk| ijk[normal] == density).map(|ijk| lattice.node(ijk)).collect();
-    let body = Body::new(network, Surface::default())?;
-    let stiffness =
-        SecondOrderSystem::of_body(&body, &plate, dimension)?.driven_as_one().static_stiffness()?;
-    let complex = Mat::from_fn(dimension, dimension, |i, j| c64::new(stiffness[(i, j)], 0.0));
-    Ok(largest_singular_value(&complex))
+    let corner = |ijk: [usize; 3]| ijk[..dimension].iter().all(|&n| n == 0 || n == density);
+    let corners: Vec<usize> =
+        lattice.grid().filter(|&ijk| corner(ijk)).map(|ijk| lattice.node(ijk)).collect();
+    let body = Body::new(lattice.uniform(1.0, 0.0, 1.0, |_| false)?, Surface::default())?;
+    let stiffness = SecondOrderSystem::of_body(&body, &corners, dimension)?.static_stiffness()?;
+    Ok(largest_singular_value(&real(&stiffness)))
 }

@@ -100,7 +100,7 @@ impl StateSpace {
     }
 }
 
-fn real(m: &Mat<f64>) -> Mat<c64> {
+pub(crate) fn real(m: &Mat<f64>) -> Mat<c64> {
     Mat::from_fn(m.nrows(), m.ncols(), |i, j| c64::new(m[(i, j)], 0.0))
 }
 

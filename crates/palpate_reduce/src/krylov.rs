@@ -1,5 +1,6 @@
 //! Bases of reduced models that keep M, B and K symmetric: rational Krylov and modes.
 
+use crate::dynamic::DynamicStiffness;
 use crate::{ReduceError, SecondOrderSystem};
 use faer::{Mat, MatRef, Side};
 
@@ -22,14 +23,14 @@ impl SecondOrderSystem {
             let (what, allowed) = ("shift, 1/s", "finite and above 0");
             return Err(ReduceError::Option { what, value, allowed });
         }
-        let solver = self.shifted_solver()?;
+        let mut dynamic = DynamicStiffness::new(self);
         let (k, b) = (&self.stiffness_rc, &self.damping_rc);
         let over_mass =
             |rc: &Mat<f64>| Mat::from_fn(rc.nrows(), rc.ncols(), |i, j| rc[(i, j)] / self.mass[i]);
-        let mut blocks = vec![solver.solve(self, 0.0, k.as_ref())?, over_mass(k), over_mass(b)];
+        let mut blocks = vec![dynamic.solve_real(0.0, k.as_ref())?, over_mass(k), over_mass(b)];
         for &sigma in shifts_per_s {
             let rhs = Mat::from_fn(k.nrows(), k.ncols(), |i, j| k[(i, j)] + sigma * b[(i, j)]);
-            blocks.push(solver.solve(self, sigma, rhs.as_ref())?);
+            blocks.push(dynamic.solve_real(sigma, rhs.as_ref())?);
         }
         Ok(orthonormal(self.unknowns(), &blocks))
     }

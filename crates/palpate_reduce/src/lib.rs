@@ -59,6 +59,7 @@ mod builder;
 mod compare;
 mod dense;
 mod density;
+mod dynamic;
 mod error;
 mod gramian;
 mod hinf;

@@ -1,11 +1,9 @@
 //! A linear second-order system: a body's small motions about a state, moved by the displacement of some nodes.
 
+use crate::dynamic::DynamicStiffness;
 use crate::{DenseSystem, ReduceError, StateSpace};
-use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::LltError;
-use faer::sparse::linalg::solvers::{Llt, Lu, SymbolicLlt, SymbolicLu};
 use faer::sparse::{SparseColMat, SparseColMatRef, Triplet};
-use faer::{Mat, MatRef, Side, c64};
+use faer::{Mat, MatRef, c64};
 use palpate_body::{Body, Network, TangentPattern};
 
 /// M q̈ + B q̇ + K q = −B_rc u̇ − K_rc u, with the force that moves the tool
@@ -197,32 +195,8 @@ impl SecondOrderSystem {
         if self.unknowns() == 0 {
             return Ok(self.stiffness_cc.clone());
         }
-        let follow = self.shifted_solver()?.solve(self, 0.0, self.stiffness_rc.as_ref())?;
+        let follow = DynamicStiffness::new(self).solve_real(0.0, self.stiffness_rc.as_ref())?;
         Ok(&self.stiffness_cc - self.stiffness_rc.transpose() * follow)
-    }
-
-    /// Solves with σ²M + σB + K for real σ, keeping the symbolic factorisation.
-    pub(crate) fn shifted_solver(&self) -> Result<ShiftedSolver, ReduceError> {
-        let entries = self.dynamic_stiffness(1.0);
-        let unknowns = self.unknowns();
-        let matrix = square(unknowns, &entries);
-        let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower)
-            .map_err(|_| ReduceError::Symbolic { unknowns })?;
-        Ok(ShiftedSolver { symbolic })
-    }
-
-    /// The entries of s²M + sB + K.
-    fn dynamic_stiffness<S>(&self, s: S) -> Vec<Triplet<usize, usize, S>>
-    where
-        S: Copy + std::ops::Mul<Output = S> + std::ops::Mul<f64, Output = S> + From<f64>,
-    {
-        let of = |matrix: &SparseColMat<usize, f64>, factor: S| -> Vec<Triplet<usize, usize, S>> {
-            matrix.triplet_iter().map(|t| Triplet::new(t.row, t.col, factor * *t.val)).collect()
-        };
-        let mut entries = of(&self.stiffness, S::from(1.0));
-        entries.extend(of(&self.damping, s));
-        entries.extend(self.mass.iter().enumerate().map(|(i, &m)| Triplet::new(i, i, s * s * m)));
-        entries
     }
 
     /// G at each of the complex frequencies `s` (1/s), by a sparse factorisation at each.
@@ -231,60 +205,18 @@ impl SecondOrderSystem {
     /// [`ReduceError::Symbolic`] when the pattern cannot be factorised; [`ReduceError::Pole`] when one of the
     /// frequencies is a pole.
     pub fn response(&self, s: &[c64]) -> Result<Vec<Mat<c64>>, ReduceError> {
-        let mut solver = None;
-        s.iter().map(|&s| self.response_at(s, &mut solver)).collect()
+        let mut dynamic = DynamicStiffness::new(self);
+        s.iter().map(|&s| self.response_with(&mut dynamic, s)).collect()
     }
 
-    /// G at `s`, with the symbolic factorisation kept in `symbolic` from one call to the next.
-    ///
-    /// # Errors
-    /// As [`SecondOrderSystem::response`].
-    pub(crate) fn response_at(
-        &self,
-        s: c64,
-        symbolic: &mut Option<SymbolicLu<usize>>,
-    ) -> Result<Mat<c64>, ReduceError> {
-        let n = self.unknowns();
+    /// G at `s`.
+    fn response_with(&self, dynamic: &mut DynamicStiffness<'_>, s: c64) -> Result<Mat<c64>, ReduceError> {
         let direct = combine(self.stiffness_cc.as_ref(), self.damping_cc.as_ref(), s);
-        if n == 0 {
+        if self.unknowns() == 0 {
             return Ok(direct);
         }
-        let matrix = square(n, &self.dynamic_stiffness(s));
-        let symbolic = match symbolic {
-            Some(symbolic) => symbolic,
-            None => symbolic.insert(
-                SymbolicLu::try_new(matrix.symbolic()).map_err(|_| ReduceError::Symbolic { unknowns: n })?,
-            ),
-        };
-        let lu = Lu::try_new_with_symbolic(symbolic.clone(), matrix.as_ref())
-            .map_err(|_| ReduceError::Pole { re: s.re, im: s.im })?;
         let coupling = combine(self.stiffness_rc.as_ref(), self.damping_rc.as_ref(), s);
-        Ok(direct - coupling.transpose() * lu.solve(&coupling))
-    }
-}
-
-/// Solutions with σ²M + σB + K.
-pub(crate) struct ShiftedSolver {
-    symbolic: SymbolicLlt<usize>,
-}
-
-impl ShiftedSolver {
-    /// (σ²M + σB + K)⁻¹ `rhs` of `system`, σ in 1/s.
-    pub(crate) fn solve(
-        &self,
-        system: &SecondOrderSystem,
-        sigma_per_s: f64,
-        rhs: MatRef<'_, f64>,
-    ) -> Result<Mat<f64>, ReduceError> {
-        use faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot;
-        let unknowns = system.unknowns();
-        let matrix = square(unknowns, &system.dynamic_stiffness(sigma_per_s));
-        let factor = Llt::try_new_with_symbolic(self.symbolic.clone(), matrix.as_ref(), Side::Lower);
-        let factor = factor.map_err(|error| match error {
-            LltError::Numeric(NonPositivePivot { index }) => ReduceError::Singular { pivot: index },
-            LltError::Generic(_) => ReduceError::Symbolic { unknowns },
-        })?;
-        Ok(factor.solve(rhs))
+        Ok(direct - coupling.transpose() * dynamic.solve_complex(s, coupling.as_ref())?)
     }
 }
 
@@ -305,10 +237,7 @@ fn validate_drive(network: &Network, driven: &[usize], axes: usize) -> Result<()
     Ok(())
 }
 
-fn square<T: faer::traits::ComplexField>(
-    n: usize,
-    entries: &[Triplet<usize, usize, T>],
-) -> SparseColMat<usize, T> {
+fn square(n: usize, entries: &[Triplet<usize, usize, f64>]) -> SparseColMat<usize, f64> {
     SparseColMat::try_new_from_triplets(n, n, entries).expect("indices are below n")
 }
 
