@@ -1,16 +1,12 @@
 //! Section 5.1: a chain of four layers and the two local models that stand for it.
 
 use crate::error::{LabError, check};
-use crate::figure::{Curve, Frame, svg};
-use crate::output::{Output, write_file};
+use crate::figure::{Curve, Panel, Scale, svg};
+use crate::output::{Output, csv, write_files};
 use clap::Args;
 use faer::c64;
-use glam::DVec3;
-use palpate_body::{Body, BodyError, Link, Network, Surface};
-use palpate_laws::Spring;
-use palpate_reduce::{SecondOrderSystem, StateSpace};
+use palpate_reduce::{SecondOrderSystem, Specimen};
 use serde::Serialize;
-use std::fmt::Write;
 
 /// A chain of four springs and three masses between the tool and a wall (`full`, eqs. 6-9); its first mass alone, the
 /// others standing (`near`, eqs. 10-11); and two levels, the three inner layers joined to one and the masses to one
@@ -23,13 +19,13 @@ use std::fmt::Write;
 pub(crate) struct Chain {
     /// Stiffness of each spring, N/m
     #[arg(long, default_value_t = 100.0)]
-    stiffness: f64,
+    pub(crate) stiffness: f64,
     /// Damping of each damper, N s/m
     #[arg(long, default_value_t = 1.0)]
-    damping: f64,
+    pub(crate) damping: f64,
     /// Each mass, kg
     #[arg(long, default_value_t = 0.01)]
-    mass: f64,
+    pub(crate) mass: f64,
 }
 
 #[derive(Serialize)]
@@ -38,60 +34,48 @@ struct Report {
 }
 
 #[derive(Serialize)]
-struct Models {
-    full: Model,
-    near: Model,
-    two_level: Model,
+pub(crate) struct Models {
+    pub(crate) full: Model,
+    pub(crate) near: Model,
+    pub(crate) two_level: Model,
 }
 
 #[derive(Serialize)]
-struct Model {
+pub(crate) struct Model {
     #[serde(flatten)]
-    assembled: Figures,
-    closed_form: Figures,
+    pub(crate) assembled: Figures,
+    pub(crate) closed_form: Figures,
     #[serde(skip)]
-    system: SecondOrderSystem,
+    pub(crate) system: SecondOrderSystem,
 }
 
 #[derive(Serialize)]
-struct Figures {
+pub(crate) struct Figures {
     /// 1/s, by ascending absolute value.
-    poles: Vec<Complex>,
+    pub(crate) poles: Vec<Complex>,
     /// N/m.
-    dc_gain: f64,
+    pub(crate) dc_gain: f64,
     /// k of the asymptote k + b s, N/m.
-    asymptote_stiffness: f64,
+    pub(crate) asymptote_stiffness: f64,
     /// b of the asymptote, N s/m.
-    asymptote_damping: f64,
+    pub(crate) asymptote_damping: f64,
 }
 
 #[derive(Clone, Copy, Serialize)]
-struct Complex {
-    re: f64,
-    im: f64,
+pub(crate) struct Complex {
+    pub(crate) re: f64,
+    pub(crate) im: f64,
 }
 
-/// A layer: the stiffness and damping of its spring as multiples of k and b, and the mass behind it as one of m.
-type Layer = (f64, f64);
+/// Frequency, Hz, and |G| of each model, N/m.
+pub(crate) type Response = (f64, [f64; 3]);
 
 impl Chain {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
-        for (flag, value) in
-            [("--stiffness", self.stiffness), ("--damping", self.damping), ("--mass", self.mass)]
-        {
-            check(flag, value, value > 0.0, "finite and above 0")?;
-        }
-        let two = std::f64::consts::SQRT_2;
-        let modes = [2.0 - two, 2.0, 2.0 + two];
-        let models = Models {
-            full: self.model(&[(1.0, 1.0), (1.0, 1.0), (1.0, 1.0), (1.0, 0.0)], &modes, 1.0, 0.25)?,
-            near: self.model(&[(1.0, 1.0), (1.0, 0.0)], &[2.0], 1.0, 0.5)?,
-            two_level: self.model(&[(1.0, 2.0), (1.0 / 3.0, 0.0)], &[4.0 / 3.0], 2.0, 0.25)?,
-        };
+        let models = self.models()?;
         if let Some(folder) = output.folder() {
             let responses = self.responses(&models)?;
-            write_file(folder, "chain.csv", &csv(&responses))?;
-            write_file(folder, "chain.svg", &figure(&responses)?)?;
+            write_files(folder, &[("chain.csv", table(&responses)), ("chain.svg", figure(&responses)?)])?;
         }
         let report = Report { models };
         output.print(&report, |out| {
@@ -115,15 +99,36 @@ impl Chain {
         })
     }
 
-    /// The assembled chain of `layers`, and its closed form: each of `modes` c gives the poles of
-    /// μ m s² + c (b s + k), with masses μ m.
-    fn model(&self, layers: &[Layer], modes: &[f64], mu: f64, dc: f64) -> Result<Model, LabError> {
+    /// The chain and its two local models.
+    pub(crate) fn models(&self) -> Result<Models, LabError> {
+        for (flag, value) in
+            [("--stiffness", self.stiffness), ("--damping", self.damping), ("--mass", self.mass)]
+        {
+            check(flag, value, value > 0.0, "finite and above 0")?;
+        }
+        let chain = Specimen {
+            dimension: 1,
+            cells: 4,
+            stiffness_n_per_m: self.stiffness,
+            damping_ns_per_m: self.damping,
+            mass_kg: self.mass,
+        };
+        let two = std::f64::consts::SQRT_2;
+        Ok(Models {
+            full: self.model(chain.system()?, &[2.0 - two, 2.0, 2.0 + two], 1.0, 0.25)?,
+            near: self.model(chain.neighbourhood(1)?, &[2.0], 1.0, 0.5)?,
+            two_level: self.model(chain.scaled(1)?, &[4.0 / 3.0], 2.0, 0.25)?,
+        })
+    }
+
+    /// What `system` shows, and its closed form: each of `modes` c gives the poles of μ m s² + c (b s + k), with masses
+    /// μ m.
+    fn model(&self, system: SecondOrderSystem, modes: &[f64], mu: f64, dc: f64) -> Result<Model, LabError> {
         let (k, b, m) = (self.stiffness, self.damping, self.mass);
-        let system = self.assemble(layers)?;
-        let state_space = StateSpace::exact(&system);
+        let state_space = system.state_space()?;
         let assembled = Figures {
             poles: sorted(state_space.poles()?),
-            dc_gain: state_space.dc_gain()?[(0, 0)],
+            dc_gain: system.static_stiffness()?[(0, 0)],
             asymptote_stiffness: system.stiffness_cc[(0, 0)],
             asymptote_damping: system.damping_cc[(0, 0)],
         };
@@ -141,27 +146,8 @@ impl Chain {
         Ok(Model { assembled, closed_form, system })
     }
 
-    fn assemble(&self, layers: &[Layer]) -> Result<SecondOrderSystem, LabError> {
-        let nodes = layers.len() + 1;
-        let rest = (0..nodes).map(|i| DVec3::X * i as f64).collect();
-        let mut links = Vec::with_capacity(layers.len());
-        // The driven node and the wall have masses too, which nothing feels.
-        let mut masses = vec![self.mass; nodes];
-        for (i, &(share, mass)) in layers.iter().enumerate() {
-            let spring = Spring::linear(share * self.stiffness, 1.0, share * self.damping)
-                .map_err(|source| BodyError::Law { link: i, source })?;
-            links.push(Link { a: i, b: i + 1, spring });
-            if mass > 0.0 {
-                masses[i + 1] = mass * self.mass;
-            }
-        }
-        let fixed = (0..nodes).map(|i| i + 1 == nodes).collect();
-        let body = Body::new(Network::new(rest, masses, fixed, links)?, Surface::default())?;
-        Ok(SecondOrderSystem::of_body(&body, 0, 1)?)
-    }
-
-    /// (Hz, |G| of each model) from a hundredth of the slowest mode to a hundred times the fastest.
-    fn responses(&self, models: &Models) -> Result<Vec<(f64, [f64; 3])>, LabError> {
+    /// The responses from a hundredth of the slowest mode to a hundred times the fastest.
+    pub(crate) fn responses(&self, models: &Models) -> Result<Vec<Response>, LabError> {
         let natural_hz = (self.stiffness / self.mass).sqrt() / std::f64::consts::TAU;
         let hz: Vec<f64> = (0..=400).map(|i| natural_hz * 10f64.powf(f64::from(i) / 100.0 - 2.0)).collect();
         let s: Vec<c64> = hz.iter().map(|f| c64::new(0.0, std::f64::consts::TAU * f)).collect();
@@ -180,22 +166,25 @@ fn sorted(mut poles: Vec<c64>) -> Vec<Complex> {
     poles.into_iter().map(|p| Complex { re: p.re, im: p.im }).collect()
 }
 
-fn csv(responses: &[(f64, [f64; 3])]) -> String {
-    let mut text = String::from("frequency_hz,full_n_per_m,near_n_per_m,two_level_n_per_m\n");
-    for (hz, [full, near, two_level]) in responses {
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "{hz},{full},{near},{two_level}");
-    }
-    text
+fn table(responses: &[Response]) -> String {
+    let of = |i: usize| responses.iter().map(|r| r.1[i]).collect();
+    csv(&[
+        ("frequency_hz".into(), responses.iter().map(|r| r.0).collect()),
+        ("full_n_per_m".into(), of(0)),
+        ("near_n_per_m".into(), of(1)),
+        ("two_level_n_per_m".into(), of(2)),
+    ])
 }
 
 /// Fig. 15.
-fn figure(responses: &[(f64, [f64; 3])]) -> Result<String, LabError> {
-    let curves = ["full", "near", "two_level"].into_iter().enumerate().map(|(i, name)| Curve {
-        name,
-        points: responses.iter().map(|(hz, gains)| (*hz, gains[i])).collect(),
-    });
-    let title = "Four layer chain and its local models";
-    let frame = Frame { title, x: "frequency, Hz", y: "force over displacement, N/m", log: true };
-    svg(&frame, &curves.collect::<Vec<_>>())
+pub(crate) fn figure(responses: &[Response]) -> Result<String, LabError> {
+    let curves = ["full", "near", "two_level"].into_iter().enumerate();
+    let panel = Panel {
+        title: "Four layer chain and its local models".into(),
+        x: "frequency, Hz",
+        y: "force over displacement, N/m",
+        scale: Scale::Log,
+        curves: curves.map(|(i, name)| Curve::new(name, responses.iter().map(|r| (r.0, r.1[i])))).collect(),
+    };
+    svg(&[panel], 1)
 }

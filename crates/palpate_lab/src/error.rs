@@ -18,6 +18,14 @@ pub(crate) enum LabError {
     /// A filter could not be made.
     #[error("the filter cannot be made")]
     Filter(#[from] palpate_local::LocalModelError),
+    /// A trajectory could not be read.
+    #[error("the trajectory cannot be read")]
+    Trajectory(#[from] palpate_haptics::TrajectoryError),
+    /// There is nothing to compare with.
+    #[error(
+        "the movement never presses the body after {from_s} s, so there is no force to compare; lead it into the body"
+    )]
+    NoForce { from_s: f64 },
     /// A file could not be written.
     #[error("{} cannot be written", .path.display())]
     Write {

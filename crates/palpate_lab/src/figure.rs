@@ -1,22 +1,49 @@
-//! Figures: curves over one axis, with units and a legend.
+//! Figures: panels of curves, with units and a legend.
 
 use crate::error::LabError;
+use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 
+pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
 /// One curve.
+#[derive(Clone)]
 pub(crate) struct Curve {
-    pub(crate) name: &'static str,
+    pub(crate) name: String,
     pub(crate) points: Vec<(f64, f64)>,
+    /// Width of its line, pixels.
+    pub(crate) width: u32,
 }
 
-/// What stands around the curves.
-pub(crate) struct Frame {
-    pub(crate) title: &'static str,
+/// What a panel's axes show.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Scale {
+    Linear,
+    /// Both axes logarithmic.
+    Log,
+    /// The horizontal axis logarithmic.
+    LogX,
+}
+
+/// Curves over one axis.
+pub(crate) struct Panel {
+    pub(crate) title: String,
     pub(crate) x: &'static str,
     pub(crate) y: &'static str,
-    /// Both axes logarithmic.
-    pub(crate) log: bool,
+    pub(crate) scale: Scale,
+    pub(crate) curves: Vec<Curve>,
+}
+
+impl Curve {
+    pub(crate) fn new(name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        Self { name: name.into(), points: points.into_iter().collect(), width: 1 }
+    }
+
+    /// The same curve as a broad line, for what others are to be compared with.
+    pub(crate) fn broad(self) -> Self {
+        Self { width: 4, ..self }
+    }
 }
 
 /// Colours that are told apart with any kind of sight (Okabe and Ito).
@@ -29,62 +56,103 @@ const COLORS: [RGBColor; 6] = [
     RGBColor(230, 159, 0),
 ];
 
-/// The figure as the text of an SVG file.
-pub(crate) fn svg(frame: &Frame, curves: &[Curve]) -> Result<String, LabError> {
-    let points = || curves.iter().flat_map(|curve| curve.points.iter().copied());
-    let span = |pick: fn((f64, f64)) -> f64| {
-        let values = || points().map(pick).filter(|v| v.is_finite() && (!frame.log || *v > 0.0));
-        (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max))
-    };
-    let ((x0, x1), (y0, y1)) = (span(|p| p.0), span(|p| p.1));
+/// Broad lines are pale, so that the narrow ones on them are seen.
+const PALE: RGBColor = RGBColor(150, 190, 215);
+
+/// The panels, in `columns`, as the text of an SVG file. The legend is that of the first panel.
+pub(crate) fn svg(panels: &[Panel], columns: usize) -> Result<String, LabError> {
+    let rows = panels.len().div_ceil(columns);
+    let (width, height) =
+        if panels.len() == 1 { (760, 400) } else { (500 * columns as u32, 290 * rows as u32) };
+    let legend = panels.first().map_or(&[][..], |panel| &panel.curves);
+    canvas((width, height + 34), |area| {
+        let (charts, below) = area.split_vertically(height);
+        for (panel, place) in panels.iter().zip(charts.split_evenly((rows, columns))) {
+            panel.draw(&place)?;
+        }
+        // Letters of this size are about 7 pixels wide.
+        let lengths = legend.iter().map(|curve| 60 + 7 * curve.name.len() as i32);
+        let mut x = (width as i32 - lengths.clone().sum::<i32>()).max(0) / 2;
+        for ((curve, color), length) in legend.iter().zip(colors(legend)).zip(lengths) {
+            let line = PathElement::new([(x, 14), (x + 26, 14)], color.stroke_width(curve.width.max(2)));
+            below.draw(&line).map_err(failed)?;
+            below.draw(&Text::new(curve.name.clone(), (x + 32, 8), ("sans-serif", 12))).map_err(failed)?;
+            x += length;
+        }
+        Ok(())
+    })
+}
+
+/// An SVG of this size with what `draw` draws on white.
+pub(crate) fn canvas(
+    size: (u32, u32),
+    draw: impl FnOnce(&Area<'_>) -> Result<(), LabError>,
+) -> Result<String, LabError> {
     let mut text = String::new();
     {
-        let area = SVGBackend::with_string(&mut text, (900, 480)).into_drawing_area();
+        let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
         area.fill(&WHITE).map_err(failed)?;
-        if frame.log {
-            draw(&area, frame, curves, (x0..x1).log_scale(), (0.8 * y0..1.25 * y1).log_scale())?;
-        } else {
-            let pad = 0.05 * (y1 - y0);
-            draw(&area, frame, curves, x0..x1, y0 - pad..y1 + pad)?;
-        }
+        draw(&area)?;
         area.present().map_err(failed)?;
     }
     Ok(text)
 }
 
-fn draw<X, Y>(
-    area: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>,
-    frame: &Frame,
-    curves: &[Curve],
-    x: X,
-    y: Y,
-) -> Result<(), LabError>
-where
-    X: AsRangedCoord<Value = f64>,
-    Y: AsRangedCoord<Value = f64>,
-    X::CoordDescType: ValueFormatter<f64>,
-    Y::CoordDescType: ValueFormatter<f64>,
-{
-    let (left, right) = area.split_horizontally(740);
-    let mut chart = ChartBuilder::on(&left)
-        .caption(frame.title, ("sans-serif", 18))
-        .margin(12)
-        .x_label_area_size(42)
-        .y_label_area_size(64)
-        .build_cartesian_2d(x, y)
-        .map_err(failed)?;
-    chart.configure_mesh().x_desc(frame.x).y_desc(frame.y).light_line_style(WHITE).draw().map_err(failed)?;
-    for (line, (curve, color)) in curves.iter().zip(COLORS.iter().cycle()).enumerate() {
-        chart
-            .draw_series(LineSeries::new(curve.points.iter().copied(), color.stroke_width(1)))
-            .map_err(failed)?;
-        let y = 60 + 22 * line as i32;
-        right.draw(&PathElement::new([(4, y), (24, y)], color.stroke_width(2))).map_err(failed)?;
-        right.draw(&Text::new(curve.name, (30, y - 6), ("sans-serif", 12))).map_err(failed)?;
-    }
-    Ok(())
+pub(crate) fn failed(error: impl std::fmt::Display) -> LabError {
+    LabError::Figure(error.to_string())
 }
 
-fn failed(error: impl std::fmt::Display) -> LabError {
-    LabError::Figure(error.to_string())
+fn colors(curves: &[Curve]) -> impl Iterator<Item = RGBColor> {
+    let mut narrow = COLORS.iter().cycle();
+    curves.iter().map(move |curve| if curve.width > 1 { PALE } else { *narrow.next().unwrap_or(&BLACK) })
+}
+
+impl Panel {
+    fn draw(&self, area: &Area<'_>) -> Result<(), LabError> {
+        let (log_x, log_y) = (self.scale != Scale::Linear, self.scale == Scale::Log);
+        let span = |pick: fn(&(f64, f64)) -> f64, log: bool| {
+            let points = self.curves.iter().flat_map(|curve| &curve.points);
+            let values = points.map(pick).filter(|v| v.is_finite() && (!log || *v > 0.0));
+            let (low, high) =
+                values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+            match (low <= high, log) {
+                (false, _) => (1.0, 10.0),
+                (true, true) => (0.8 * low, 1.25 * high),
+                (true, false) => {
+                    let pad = if low < high { 0.05 * (high - low) } else { 1.0 };
+                    (low - pad, high + pad)
+                }
+            }
+        };
+        let ((x0, x1), (y0, y1)) = (span(|p| p.0, log_x), span(|p| p.1, log_y));
+        match (log_x, log_y) {
+            (false, _) => self.chart(area, x0..x1, y0..y1),
+            (true, false) => self.chart(area, (x0..x1).log_scale(), y0..y1),
+            (true, true) => self.chart(area, (x0..x1).log_scale(), (y0..y1).log_scale()),
+        }
+    }
+
+    fn chart<X, Y>(&self, area: &Area<'_>, x: X, y: Y) -> Result<(), LabError>
+    where
+        X: AsRangedCoord<Value = f64>,
+        Y: AsRangedCoord<Value = f64>,
+        X::CoordDescType: ValueFormatter<f64>,
+        Y::CoordDescType: ValueFormatter<f64>,
+    {
+        let mut chart = ChartBuilder::on(area)
+            .caption(&self.title, ("sans-serif", 16))
+            .margin(10)
+            .x_label_area_size(38)
+            .y_label_area_size(62)
+            .build_cartesian_2d(x, y)
+            .map_err(failed)?;
+        let mut mesh = chart.configure_mesh();
+        mesh.x_desc(self.x).y_desc(self.y).light_line_style(TRANSPARENT).x_labels(8).y_labels(6);
+        mesh.label_style(("sans-serif", 11)).axis_desc_style(("sans-serif", 12)).draw().map_err(failed)?;
+        for (curve, color) in self.curves.iter().zip(colors(&self.curves)) {
+            let line = LineSeries::new(curve.points.iter().copied(), color.stroke_width(curve.width));
+            chart.draw_series(line).map_err(failed)?;
+        }
+        Ok(())
+    }
 }

@@ -6,12 +6,18 @@
 #![forbid(unsafe_code)]
 
 mod chain;
+mod density;
 mod error;
 mod figure;
+mod grip;
+mod lattice;
+mod manipulate;
 mod output;
+mod paper;
+mod progress;
 mod schemes;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 use error::LabError;
 use output::Output;
 use std::io::Write;
@@ -33,6 +39,16 @@ enum Command {
     Schemes(schemes::Schemes),
     /// Section 5.1: a chain of four layers and its two local models (eqs. 6-13, Figs. 12-15)
     Chain(chain::Chain),
+    /// Sections 4 and 5: a mesh and its reduced models (Figs. 4-11)
+    Lattice(lattice::Lattice),
+    /// Section 5.2: how the stiffness of a block changes with the density of its mesh (Fig. 16)
+    Density(density::Density),
+    /// Section 6: force during manipulation of a block (Fig. 17)
+    Manipulate(manipulate::Manipulate),
+    /// Section 6, stability: a device that the hand barely holds (Fig. 18)
+    Grip(grip::Grip),
+    /// All of it: a page with every figure and number of the paper beside ours
+    Paper(paper::Paper),
 }
 
 fn main() -> ExitCode {
@@ -51,11 +67,22 @@ fn main() -> ExitCode {
     let done = match &cli.command {
         Command::Schemes(command) => command.run(&cli.output),
         Command::Chain(command) => command.run(&cli.output),
+        Command::Lattice(command) => command.run(&cli.output),
+        Command::Density(command) => command.run(&cli.output),
+        Command::Manipulate(command) => command.run(&cli.output),
+        Command::Grip(command) => command.run(&cli.output),
+        Command::Paper(command) => command.run(&cli.output),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => refuse(&format!("error: {}", error.chain())),
     }
+}
+
+/// A command with the values that a user gets who gives none.
+fn defaults<T: Args>() -> T {
+    let matches = T::augment_args(clap::Command::new("defaults")).get_matches_from(["defaults"]);
+    T::from_arg_matches(&matches).expect("every argument has a default")
 }
 
 fn refuse(line: &str) -> ExitCode {

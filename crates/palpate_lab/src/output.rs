@@ -40,15 +40,50 @@ impl Output {
     }
 }
 
-/// Writes `contents` to `folder/name`, whole or not at all.
-pub(crate) fn write_file(folder: &Path, name: &str, contents: &str) -> Result<(), LabError> {
-    let path = folder.join(name);
-    let written = || -> std::io::Result<()> {
-        std::fs::create_dir_all(folder)?;
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
-        file.write_all(contents.as_bytes())?;
-        file.persist(&path).map_err(|error| error.error)?;
-        Ok(())
+/// Columns of equal length as CSV: a row of names, then one for each index; empty where a value is not finite.
+pub(crate) fn csv(columns: &[(String, Vec<f64>)]) -> String {
+    let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
+    let rows = columns.iter().map(|(_, values)| values.len()).min().unwrap_or(0);
+    let row = |i: usize| {
+        let text = |v: f64| if v.is_finite() { v.to_string() } else { String::new() };
+        columns.iter().map(|(_, values)| text(values[i])).collect::<Vec<_>>().join(",")
     };
-    written().map_err(|source| LabError::Write { path: path.clone(), source })
+    let lines = std::iter::once(names.join(",")).chain((0..rows).map(row));
+    lines.map(|line| line + "\n").collect()
+}
+
+/// Writes all `files` (name and contents) to `folder`, each whole or not at all, and none before all could be written
+/// beside their places.
+pub(crate) fn write_files(folder: &Path, files: &[(&str, String)]) -> Result<(), LabError> {
+    let failed = |name: &str| {
+        let path = folder.join(name);
+        move |source| LabError::Write { path, source }
+    };
+    std::fs::create_dir_all(folder).map_err(failed(""))?;
+    let mut written = Vec::with_capacity(files.len());
+    for (name, contents) in files {
+        let write = || -> std::io::Result<_> {
+            let mut file = tempfile::NamedTempFile::new_in(folder)?;
+            file.write_all(contents.as_bytes())?;
+            // A temporary file is its owner's alone; a result is anybody's.
+            set_readable(file.as_file())?;
+            Ok(file)
+        };
+        written.push((name, write().map_err(failed(name))?));
+    }
+    for (name, file) in written {
+        file.persist(folder.join(name)).map_err(|error| failed(name)(error.error))?;
+    }
+    Ok(())
+}
+
+#[cfg(unix)]
+fn set_readable(file: &std::fs::File) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn set_readable(_: &std::fs::File) -> std::io::Result<()> {
+    Ok(())
 }

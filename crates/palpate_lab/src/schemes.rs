@@ -1,14 +1,13 @@
 //! Section 2: force between model steps on a nonlinear spring in one dimension.
 
 use crate::error::{LabError, check};
-use crate::figure::{Curve, Frame, svg};
-use crate::output::{Output, write_file};
+use crate::figure::{Curve, Panel, Scale, svg};
+use crate::output::{Output, csv, write_files};
 use clap::Args;
 use glam::DVec3;
 use palpate_laws::{SkinLaw, Tension};
 use palpate_local::LowPass;
 use serde::Serialize;
-use std::fmt::Write;
 
 /// A hand presses a spring of skin (eq. 5) up and down, x(t) = offset + amplitude · sin(2π · frequency · t). Position and
 /// force are quantised by rounding. `full` is the spring at the haptic rate; `hold`, `low_pass` and `tangent` know it at
@@ -40,7 +39,7 @@ pub(crate) struct Schemes {
     model_rate_hz: f64,
     /// Rate at which force is made, Hz
     #[arg(long, default_value_t = 1000.0)]
-    haptic_rate_hz: f64,
+    pub(crate) haptic_rate_hz: f64,
     /// Cut-off of the low-pass, Hz
     #[arg(long, default_value_t = 10.0)]
     cutoff_hz: f64,
@@ -58,19 +57,19 @@ struct Report {
 }
 
 #[derive(Serialize)]
-struct PerScheme<T> {
-    full: T,
-    hold: T,
-    low_pass: T,
-    tangent: T,
+pub(crate) struct PerScheme<T> {
+    pub(crate) full: T,
+    pub(crate) hold: T,
+    pub(crate) low_pass: T,
+    pub(crate) tangent: T,
 }
 
 /// How close a scheme comes.
 #[derive(Clone, Copy, Serialize)]
-struct Quality {
-    lag_ms: f64,
-    snr_db: f64,
-    ten_ln_power_ratio: f64,
+pub(crate) struct Quality {
+    pub(crate) lag_ms: f64,
+    pub(crate) snr_db: f64,
+    pub(crate) ten_ln_power_ratio: f64,
 }
 
 /// The paper's figures: lag and "SNR".
@@ -82,20 +81,10 @@ const LONGEST_LAG_S: f64 = 0.2;
 
 impl Schemes {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
-        self.validate()?;
-        let run = self.simulate()?;
-        let longest = (LONGEST_LAG_S * self.haptic_rate_hz).round() as usize;
-        let judge = |forces: &Vec<f64>| quality(&run.ideal, forces, longest, self.haptic_rate_hz);
-        let PerScheme { full, hold, low_pass, tangent } = &run.schemes;
-        let schemes = PerScheme {
-            full: judge(full),
-            hold: judge(hold),
-            low_pass: judge(low_pass),
-            tangent: judge(tangent),
-        };
+        let (run, schemes) = self.experiment()?;
         if let Some(folder) = output.folder() {
-            write_file(folder, "schemes.csv", &run.csv(self.haptic_rate_hz))?;
-            write_file(folder, "schemes.svg", &run.figure(self.haptic_rate_hz)?)?;
+            let rate = self.haptic_rate_hz;
+            write_files(folder, &[("schemes.csv", run.csv(rate)), ("schemes.svg", run.figure(rate)?)])?;
         }
         let rows = [schemes.full, schemes.hold, schemes.low_pass, schemes.tangent];
         output.print(&Report { schemes }, |out| {
@@ -116,6 +105,22 @@ impl Schemes {
                 "\nThe paper's SNRs are met by 10 ln of the power ratio, not by decibels: an inference."
             )
         })
+    }
+
+    /// The forces, and how close each scheme comes.
+    pub(crate) fn experiment(&self) -> Result<(Run, PerScheme<Quality>), LabError> {
+        self.validate()?;
+        let run = self.simulate()?;
+        let longest = (LONGEST_LAG_S * self.haptic_rate_hz).round() as usize;
+        let judge = |forces: &Vec<f64>| quality(&run.ideal, forces, longest, self.haptic_rate_hz);
+        let PerScheme { full, hold, low_pass, tangent } = &run.schemes;
+        let schemes = PerScheme {
+            full: judge(full),
+            hold: judge(hold),
+            low_pass: judge(low_pass),
+            tangent: judge(tangent),
+        };
+        Ok((run, schemes))
     }
 
     fn validate(&self) -> Result<(), LabError> {
@@ -188,7 +193,7 @@ impl Schemes {
 
 /// Forces at every haptic sample, N.
 #[derive(Default)]
-struct Run {
+pub(crate) struct Run {
     ideal: Vec<f64>,
     schemes: PerScheme<Vec<f64>>,
 }
@@ -202,21 +207,21 @@ impl<T: Default> Default for PerScheme<T> {
 impl Run {
     fn csv(&self, rate_hz: f64) -> String {
         let PerScheme { full, hold, low_pass, tangent } = &self.schemes;
-        let mut text = String::from("t_s,ideal_n,full_n,hold_n,low_pass_n,tangent_n\n");
-        for n in 0..self.ideal.len() {
-            let t = n as f64 / rate_hz;
-            // Writing to a string cannot fail.
-            let _ = writeln!(
-                text,
-                "{t},{},{},{},{},{}",
-                self.ideal[n], full[n], hold[n], low_pass[n], tangent[n]
-            );
-        }
-        text
+        let t = (0..self.ideal.len()).map(|n| n as f64 / rate_hz).collect();
+        let forces = [
+            ("ideal_n", &self.ideal),
+            ("full_n", full),
+            ("hold_n", hold),
+            ("low_pass_n", low_pass),
+            ("tangent_n", tangent),
+        ];
+        let mut columns = vec![("t_s".to_owned(), t)];
+        columns.extend(forces.map(|(name, forces)| (name.to_owned(), forces.clone())));
+        csv(&columns)
     }
 
     /// Fig. 2: the first two seconds.
-    fn figure(&self, rate_hz: f64) -> Result<String, LabError> {
+    pub(crate) fn figure(&self, rate_hz: f64) -> Result<String, LabError> {
         let shown = |forces: &Vec<f64>| -> Vec<(f64, f64)> {
             forces
                 .iter()
@@ -226,10 +231,15 @@ impl Run {
                 .collect()
         };
         let PerScheme { full, hold, low_pass, tangent } = &self.schemes;
-        let curves = [("full", full), ("hold", hold), ("low_pass", low_pass), ("tangent", tangent)]
-            .map(|(name, forces)| Curve { name, points: shown(forces) });
-        let title = "Interaction with a nonlinear spring in one dimension";
-        svg(&Frame { title, x: "time, s", y: "force, N", log: false }, &curves)
+        let curves = [("full", full), ("hold", hold), ("low_pass", low_pass), ("tangent", tangent)];
+        let panel = Panel {
+            title: "Interaction with a nonlinear spring in one dimension".into(),
+            x: "time, s",
+            y: "force, N",
+            scale: Scale::Linear,
+            curves: curves.map(|(name, forces)| Curve::new(name, shown(forces))).to_vec(),
+        };
+        svg(&[panel], 1)
     }
 }
 

@@ -1,0 +1,231 @@
+//! Section 6, stability: what a device does that the hand barely holds.
+
+use crate::error::{LabError, check};
+use crate::figure::{Curve, Panel, Scale, svg};
+use crate::manipulate::Manipulate;
+use crate::output::{Output, csv, write_files};
+use crate::{defaults, progress};
+use clap::Args;
+use glam::DVec3;
+use palpate_body::{Body, BodyError, SemiImplicitEuler, ToolContact, ToolPoint};
+use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Offer, Sample, Scheme};
+use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// A device of some mass holds the node in the middle of the top of the block of `palpate-lab manipulate` and rests on
+/// it with a load; a loosened grip is a little damping. Each scheme makes the force that the device feels; `full` is the
+/// full model at 1 kHz.
+///
+/// `outcome` is `settles` when the device's movement in the last half second is below 0.1 mm from peak to peak,
+/// `diverges` when it left the start by more than the block's edge, and else `oscillates`.
+#[derive(Clone, Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  palpate-lab grip --json\n  palpate-lab grip --damping 2 --model-rate-hz 50 --out results"
+)]
+pub(crate) struct Grip {
+    /// Mass of the device, kg
+    #[arg(long, default_value_t = 0.075)]
+    device_mass_kg: f64,
+    /// Load that presses it into the block, N
+    #[arg(long, default_value_t = 1.0)]
+    load_n: f64,
+    /// Damping of the grip, N s/m
+    #[arg(long, default_value_t = 0.3)]
+    damping: f64,
+    /// Rate of the full model, Hz; its period is cut to whole milliseconds
+    #[arg(long, default_value_t = 20.0)]
+    model_rate_hz: f64,
+    /// Length of the run, s
+    #[arg(long, default_value_t = 4.0)]
+    duration_s: f64,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Report {
+    pub(crate) schemes: BTreeMap<&'static str, Outcome>,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Outcome {
+    pub(crate) outcome: &'static str,
+    /// In the last half second, m.
+    pub(crate) peak_to_peak_m: f64,
+}
+
+/// Height of the device over its start at every tick, m, by scheme.
+pub(crate) type Paths = Vec<(&'static str, Vec<f64>)>;
+
+/// Ticks at the end in which the movement is judged.
+const JUDGED: usize = 500;
+
+impl Grip {
+    pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
+        let (paths, report) = self.experiment()?;
+        if let Some(folder) = output.folder() {
+            let longest = paths.iter().map(|(_, path)| path.len()).max().unwrap_or(0);
+            let mut columns = vec![("t_s".to_owned(), (0..longest).map(|i| i as f64 * 1e-3).collect())];
+            // A device that has left stays nowhere.
+            let padded =
+                |path: &Vec<f64>| (0..longest).map(|i| path.get(i).copied().unwrap_or(f64::NAN)).collect();
+            columns.extend(paths.iter().map(|(name, path)| (format!("{name}_m"), padded(path))));
+            write_files(folder, &[("grip.csv", csv(&columns)), ("grip.svg", figure(&paths)?)])?;
+        }
+        output.print(&report, |out| {
+            for (name, _) in &paths {
+                let Outcome { outcome, peak_to_peak_m } = &report.schemes[name];
+                writeln!(out, "{name:16}{outcome:12}{:.3} mm from peak to peak", 1e3 * peak_to_peak_m)?;
+            }
+            Ok(())
+        })
+    }
+
+    pub(crate) fn experiment(&self) -> Result<(Paths, Report), LabError> {
+        let positive = "finite and above 0";
+        check("--device-mass-kg", self.device_mass_kg, self.device_mass_kg > 0.0, positive)?;
+        check("--load-n", self.load_n, self.load_n >= 0.0, "finite and at least 0")?;
+        check("--damping", self.damping, self.damping >= 0.0, "finite and at least 0")?;
+        let rate = self.model_rate_hz;
+        check("--model-rate-hz", rate, (1.0..=1000.0).contains(&rate), "1 to 1000")?;
+        let duration = self.duration_s;
+        check("--duration-s", duration, (1.0..=60.0).contains(&duration), "1 to 60")?;
+        let bar = progress::bar(1 + Scheme::ALL.len());
+        let mut paths = Vec::new();
+        for scheme in [None].into_iter().chain(Scheme::ALL.map(Some)) {
+            let name = scheme.map_or("full", Scheme::name);
+            bar.set_message(name);
+            paths.push((name, self.simulate(scheme)?));
+            bar.inc(1);
+        }
+        let schemes = paths.iter().map(|(name, path)| (*name, self.judge(path))).collect();
+        Ok((paths, Report { schemes }))
+    }
+
+    fn ticks(&self) -> usize {
+        (self.duration_s * 1e3) as usize
+    }
+
+    fn judge(&self, path: &[f64]) -> Outcome {
+        let last = &path[path.len().saturating_sub(JUDGED)..];
+        let (low, high) =
+            last.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), z| (l.min(*z), h.max(*z)));
+        let peak_to_peak_m = high - low;
+        let outcome = match () {
+            () if path.len() < self.ticks() => "diverges",
+            () if peak_to_peak_m < 1e-4 => "settles",
+            () => "oscillates",
+        };
+        Outcome { outcome, peak_to_peak_m }
+    }
+
+    /// The device's height, until it has left or the time is over. `None` is the full model at every tick.
+    fn simulate(&self, scheme: Option<Scheme>) -> Result<Vec<f64>, LabError> {
+        let block: Manipulate = defaults();
+        let (body, contact, start) = block.scene()?;
+        let mut model_side = ModelSide::new(body, contact, start)?;
+        let mut hand_over = HandOver::new(HandOverSettings {
+            order_capacity: model_side.builder.order_capacity(),
+            ..HandOverSettings::default()
+        })?;
+        // A thousandth more than the quotient, lest rounding cut 1000/1000 to nothing.
+        let period = scheme.map_or(1, |_| (1e3 / self.model_rate_hz + 1e-3) as usize);
+        let dt = 1e-3;
+        let (mut position_m, mut velocity_m_per_s) = (start, DVec3::ZERO);
+        let mut heights = Vec::with_capacity(self.ticks());
+        for i in 0..self.ticks() {
+            let sample = Sample {
+                sequence: i as u64,
+                time_s: i as f64 * dt,
+                position_m,
+                velocity_m_per_s,
+                ..Sample::default()
+            };
+            let tool = ToolPoint { position_m, velocity_m_per_s };
+            let stepped = if i % period == 0 { model_side.step(tool) } else { model_side.follow(tool) };
+            match stepped {
+                // A tool that flies off tears the body apart.
+                Err(LabError::Body(BodyError::Diverged { .. })) => break,
+                other => other?,
+            }
+            let force_n = match scheme {
+                None => model_side.contact.displayed_force_n(&model_side.body),
+                Some(scheme) => {
+                    hand_over.push(sample);
+                    if i % period == 0
+                        && let Offer::Refused(error) =
+                            hand_over.offer(model_side.build(scheme, tool, i as u64)?)
+                    {
+                        return Err(ReduceError::from(error).into());
+                    }
+                    hand_over.speak().force_n
+                }
+            };
+            heights.push(position_m.z - start.z);
+            if (position_m - start).length() > block.edge_m {
+                break;
+            }
+            let pushed = force_n - self.load_n * DVec3::Z - self.damping * velocity_m_per_s;
+            velocity_m_per_s += dt / self.device_mass_kg * pushed;
+            position_m += dt * velocity_m_per_s;
+        }
+        Ok(heights)
+    }
+}
+
+/// The full body, and the path of the tool since its last step.
+struct ModelSide {
+    body: Body,
+    contact: ToolContact,
+    path: Vec<ToolPoint>,
+    builder: LocalModelBuilder,
+    model: LocalModel,
+}
+
+impl ModelSide {
+    fn new(body: Body, contact: ToolContact, start: DVec3) -> Result<Self, LabError> {
+        let builder = LocalModelBuilder::new(&body, BuilderOptions::default())?;
+        let model = LocalModel::silent(builder.order_capacity());
+        Ok(Self { body, contact, path: vec![ToolPoint::at_rest(start)], builder, model })
+    }
+
+    fn follow(&mut self, tool: ToolPoint) -> Result<(), LabError> {
+        self.path.push(tool);
+        Ok(())
+    }
+
+    /// Brings the body up to `tool`.
+    fn step(&mut self, tool: ToolPoint) -> Result<(), LabError> {
+        self.path.push(tool);
+        let ticks = self.path.len() - 1;
+        self.body.advance(Some((&mut self.contact, &self.path)), ticks, &SemiImplicitEuler::default())?;
+        self.path = vec![tool];
+        Ok(())
+    }
+
+    fn build(&mut self, scheme: Scheme, tool: ToolPoint, sequence: u64) -> Result<&LocalModel, LabError> {
+        let id = ModelId { body: 1, epoch: 0, sequence };
+        self.builder.build(scheme, &self.body, &self.contact, tool, id, &mut self.model)?;
+        Ok(&self.model)
+    }
+}
+
+/// How far and how long the figure shows them, mm and s.
+const SHOWN: (f64, f64) = (20.0, 1.0);
+
+/// Fig. 18: the beginning, as long as a device stays near.
+pub(crate) fn figure(paths: &Paths) -> Result<String, LabError> {
+    let curves = paths.iter().map(|(name, path)| {
+        let points = path.iter().enumerate().map(|(i, z)| (i as f64 * 1e-3, 1e3 * z));
+        let curve = Curve::new(*name, points.take_while(|(t, z)| *t <= SHOWN.1 && z.abs() <= SHOWN.0));
+        if *name == "full" { curve.broad() } else { curve }
+    });
+    let panel = Panel {
+        title: "A device on a block, its grip loosened".into(),
+        x: "time, s",
+        y: "height over the start, mm",
+        scale: Scale::Linear,
+        curves: curves.collect(),
+    };
+    svg(&[panel], 1)
+}

@@ -1,0 +1,326 @@
+//! What a reduced model of a mesh is worth.
+
+use super::{LARGEST_DENSE, Lattice, Method};
+use crate::error::LabError;
+use crate::progress;
+use faer::{Mat, c64};
+use palpate_reduce::{Balancing, DenseSystem, HInf, SecondOrderSystem, Specimen, StateSpace};
+use serde::Serialize;
+use std::f64::consts::TAU;
+use std::time::Instant;
+
+/// Largest order of an error system whose norm is found by Hamiltonian bisection; that of larger ones is the largest
+/// error on a grid.
+const LARGEST_HAMILTONIAN: usize = 1_200;
+/// Frequencies at which the error is looked at in the band; a quarter of them for large systems.
+const BAND_POINTS: usize = 200;
+
+/// A mesh, its reduced model, and what that is worth.
+pub(crate) struct Analysis {
+    pub(crate) report: Report,
+    pub(crate) specimen: Specimen,
+    pub(crate) full: SecondOrderSystem,
+    /// Node and axis of each unknown that moves in the reduced model by itself.
+    pub(crate) moving: Vec<(usize, usize)>,
+    /// Displacements of the full system's unknowns that belong to each reduced state, where those are not a node's.
+    pub(crate) states: Option<Mat<f64>>,
+    /// |G| of a balanced truncation with as many states, for comparison: tangential and normal.
+    pub(crate) balanced: Option<Response>,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Report {
+    pub(crate) dimension: usize,
+    pub(crate) cells: usize,
+    pub(crate) method: Method,
+    pub(crate) order: usize,
+    pub(crate) reduced_order: usize,
+    /// N/m; null where the system is too large for its Gramians.
+    pub(crate) hankel_singular_values: Option<Vec<f64>>,
+    pub(crate) static_stiffness_n_per_m: Vec<f64>,
+    pub(crate) reduced_static_stiffness_n_per_m: Vec<f64>,
+    pub(crate) hinf_error_n_per_m: f64,
+    /// How that was found: `hamiltonian` or `grid`.
+    pub(crate) hinf_method: &'static str,
+    /// Twice the sum of the Hankel singular values left out; of balanced truncations only.
+    pub(crate) error_bound_n_per_m: Option<f64>,
+    pub(crate) proper_peak_n_per_m: f64,
+    pub(crate) relative_to_proper_peak: f64,
+    pub(crate) band_relative_error: f64,
+    pub(crate) dc_relative_error: f64,
+    /// Null in one dimension.
+    pub(crate) off_diagonal_db: Option<f64>,
+    pub(crate) build_ms: f64,
+    pub(crate) response: Response,
+    pub(crate) reduced_response: Response,
+}
+
+/// G along the normal and along the first tangential axis; the latter null in one dimension.
+#[derive(Serialize)]
+pub(crate) struct Response {
+    pub(crate) frequency_hz: Vec<f64>,
+    pub(crate) normal_abs_n_per_m: Vec<f64>,
+    pub(crate) normal_phase_rad: Vec<f64>,
+    pub(crate) tangential_abs_n_per_m: Option<Vec<f64>>,
+    pub(crate) tangential_phase_rad: Option<Vec<f64>>,
+}
+
+/// A reduced model in the form in which it was made.
+enum Model {
+    Nodes(SecondOrderSystem),
+    Projected(DenseSystem),
+    Truncated(StateSpace),
+}
+
+impl Model {
+    fn order(&self) -> usize {
+        match self {
+            Self::Nodes(system) => 2 * system.unknowns(),
+            Self::Projected(system) => 2 * system.unknowns(),
+            Self::Truncated(system) => system.order(),
+        }
+    }
+
+    fn response(&self, s: &[c64]) -> Result<Vec<Mat<c64>>, LabError> {
+        Ok(match self {
+            Self::Nodes(system) => system.response(s)?,
+            Self::Projected(system) => system.response(s),
+            Self::Truncated(system) => system.response(s),
+        })
+    }
+
+    fn state_space(&self) -> Result<StateSpace, LabError> {
+        Ok(match self {
+            Self::Nodes(system) => system.state_space()?,
+            Self::Projected(system) => system.state_space()?,
+            Self::Truncated(system) => system.clone(),
+        })
+    }
+}
+
+impl Lattice {
+    /// The reduced model and what it is worth; `compare` it with a balanced truncation of as many states, too.
+    pub(crate) fn analyse(&self, compare: bool) -> Result<Analysis, LabError> {
+        self.validate()?;
+        let bar = progress::bar(6);
+        let step = |message: &'static str| {
+            bar.inc(1);
+            bar.set_message(message);
+        };
+        step("assembling the mesh");
+        let specimen = self.specimen();
+        let full = specimen.system()?;
+        let order = 2 * full.unknowns();
+        step("balancing the whole system");
+        let start = Instant::now();
+        let balancing = match order <= LARGEST_DENSE {
+            true => Some(Balancing::new(full.state_space()?)?),
+            false => None,
+        };
+        let balancing_ms = elapsed_ms(start);
+        step("reducing");
+        let (model, states, mut build_ms) = self.reduce(&specimen, &full, balancing.as_ref())?;
+        let mut error_bound_n_per_m = None;
+        if let (Method::Balanced, Some(balancing)) = (self.method, &balancing) {
+            build_ms += balancing_ms;
+            error_bound_n_per_m =
+                Some(2.0 * balancing.hankel_singular_values()[model.order()..].iter().sum::<f64>());
+        }
+        step("looking at responses");
+        let frequency_hz = self.frequencies();
+        let s: Vec<c64> = frequency_hz.iter().map(|hz| c64::new(0.0, TAU * hz)).collect();
+        let (exact, reduced) = (full.response(&s)?, model.response(&s)?);
+        let off_diagonal_db = (self.dimension > 1).then(|| {
+            let ratio = exact.iter().chain(&reduced).map(off_diagonal).fold(f64::MIN_POSITIVE, f64::max);
+            20.0 * ratio.log10()
+        });
+        step("looking at the error in the band");
+        let band = self.band_frequencies();
+        let band_relative_error = relative_errors(&full.response(&band)?, &model.response(&band)?);
+        let (gain, reduced_gain) =
+            (full.static_stiffness()?, real(&model.response(&[c64::new(0.0, 0.0)])?[0]));
+        let dc_relative_error = (&gain - &reduced_gain).norm_l2() / gain.norm_l2();
+        step("finding the worst of all frequencies");
+        let worst = self.worst(&full, &model, balancing.as_ref())?;
+        let compare = compare && !matches!(self.method, Method::Balanced | Method::Full);
+        let balanced = match &balancing {
+            Some(balancing) if compare => balancing.truncate(model.order()).ok(),
+            _ => None,
+        };
+        let moving = match &model {
+            Model::Nodes(system) => system.place.clone(),
+            _ => full.place.clone(),
+        };
+        let respond = |responses: &[Mat<c64>]| Response::new(&frequency_hz, responses, self.dimension);
+        let report = Report {
+            dimension: self.dimension,
+            cells: self.cells,
+            method: self.method,
+            order,
+            reduced_order: model.order(),
+            hankel_singular_values: balancing.as_ref().map(|b| b.hankel_singular_values().to_vec()),
+            static_stiffness_n_per_m: diagonal(&gain),
+            reduced_static_stiffness_n_per_m: diagonal(&reduced_gain),
+            hinf_error_n_per_m: worst.error,
+            hinf_method: worst.method,
+            error_bound_n_per_m,
+            proper_peak_n_per_m: worst.peak,
+            relative_to_proper_peak: worst.error / worst.peak,
+            band_relative_error,
+            dc_relative_error,
+            off_diagonal_db,
+            build_ms,
+            response: respond(&exact),
+            reduced_response: respond(&reduced),
+        };
+        let balanced = balanced.map(|truncated| respond(&truncated.system.response(&s)));
+        Ok(Analysis { report, specimen, full, moving, states, balanced })
+    }
+
+    /// The reduced model, the displacements that belong to its states, and how long it took to make, ms.
+    fn reduce(
+        &self,
+        specimen: &Specimen,
+        full: &SecondOrderSystem,
+        balancing: Option<&Balancing>,
+    ) -> Result<(Model, Option<Mat<f64>>, f64), LabError> {
+        let network = specimen.network()?;
+        let start = Instant::now();
+        let projected = |v: Mat<f64>| -> Result<_, LabError> {
+            Ok((Model::Projected(full.project(v.as_ref())?), Some(v)))
+        };
+        let (model, states) = match (self.method, balancing) {
+            (Method::Balanced, Some(balancing)) => {
+                let truncated = balancing.truncate(self.order)?;
+                let positions = truncated.states.subrows(0, full.unknowns()).to_owned();
+                (Model::Truncated(truncated.system), Some(positions))
+            }
+            // The method is refused where there is no balancing.
+            (Method::Full | Method::Balanced, _) => (Model::Nodes(full.clone()), None),
+            (Method::Neighbourhood, _) => (Model::Nodes(full.neighbourhood(&network, self.rings)?), None),
+            (Method::Scaled, _) => (Model::Nodes(specimen.scaled(self.rings)?), None),
+            (Method::Krylov, _) => {
+                let shifts: Vec<f64> = self.shifts_hz.iter().map(|hz| TAU * hz).collect();
+                projected(full.krylov_basis(&shifts)?)?
+            }
+            (Method::Modal, _) => projected(full.modal_basis(self.order / 2)?)?,
+        };
+        Ok((model, states, elapsed_ms(start)))
+    }
+
+    /// The largest error and the largest gain at any frequency.
+    fn worst(
+        &self,
+        full: &SecondOrderSystem,
+        model: &Model,
+        balancing: Option<&Balancing>,
+    ) -> Result<Worst, LabError> {
+        let whole = balancing.filter(|b| b.system().order() + model.order() <= LARGEST_HAMILTONIAN);
+        let Some(whole) = whole.map(Balancing::system) else {
+            return self.worst_on_a_grid(full, model);
+        };
+        let peak = HInf::new(whole, 1e-6)?.norm;
+        let error = match self.method {
+            // The same system: the norm of a difference of equals is rounding.
+            Method::Full => 0.0,
+            _ => HInf::new(&whole.minus(&model.state_space()?)?, 1e-6)?.norm,
+        };
+        Ok(Worst { error, peak, method: "hamiltonian" })
+    }
+
+    fn worst_on_a_grid(&self, full: &SecondOrderSystem, model: &Model) -> Result<Worst, LabError> {
+        // The fastest mode of a spring between two nodes, and far beyond the slowest of the mesh.
+        let fastest = (self.stiffness / self.mass).sqrt() * 10.0;
+        let omegas = (0..=60).map(|i| fastest * 10f64.powf(f64::from(i) / 12.0 - 4.0));
+        let s: Vec<c64> = std::iter::once(0.0).chain(omegas).map(|omega| c64::new(0.0, omega)).collect();
+        let proper = |g: &Mat<c64>, s: c64| {
+            Mat::from_fn(g.nrows(), g.ncols(), |i, j| g[(i, j)] - s * full.damping_cc[(i, j)])
+        };
+        let (mut peak, mut error) = (0.0_f64, 0.0_f64);
+        for ((g, r), &s) in full.response(&s)?.iter().zip(model.response(&s)?).zip(&s) {
+            peak = peak.max(norm(&proper(g, s)));
+            error = error.max(norm(&(g - r)));
+        }
+        Ok(Worst { error, peak, method: "grid" })
+    }
+
+    /// From a tenth of the band's low end to its high end: 1, 2 and 5 of every decade, and 20 others.
+    fn frequencies(&self) -> Vec<f64> {
+        let (low, high) = (0.1 * self.band().0, self.band().1);
+        let round = |decade: i32| {
+            // A positive power of ten is exact, a negative one is best divided by.
+            let ten = 10f64.powi(decade.abs());
+            [1.0, 2.0, 5.0].map(|n| if decade < 0 { n / ten } else { n * ten })
+        };
+        let decades = low.log10().floor() as i32..=high.log10().ceil() as i32;
+        let mut all: Vec<f64> = decades.flat_map(round).filter(|hz| (low..=high).contains(hz)).collect();
+        let points = (20.0 * (high / low).log10()).ceil();
+        for i in 0..=points as usize {
+            let hz = low * (high / low).powf(i as f64 / points);
+            if !all.iter().any(|other| (hz / other - 1.0).abs() < 1e-6) {
+                all.push(hz);
+            }
+        }
+        all.sort_by(f64::total_cmp);
+        all
+    }
+
+    fn band_frequencies(&self) -> Vec<c64> {
+        let (low, high) = self.band();
+        let points = if self.full_order() <= LARGEST_DENSE { BAND_POINTS } else { BAND_POINTS / 4 };
+        let at = |i: usize| low * (high / low).powf(i as f64 / (points - 1) as f64);
+        (0..points).map(|i| c64::new(0.0, TAU * at(i))).collect()
+    }
+}
+
+struct Worst {
+    error: f64,
+    peak: f64,
+    method: &'static str,
+}
+
+impl Response {
+    fn new(frequency_hz: &[f64], responses: &[Mat<c64>], dimension: usize) -> Self {
+        let normal = dimension - 1;
+        let along = |axis: usize, pick: fn(c64) -> f64| -> Vec<f64> {
+            responses.iter().map(|g| pick(g[(axis, axis)])).collect()
+        };
+        let tangential = |pick| (dimension > 1).then(|| along(0, pick));
+        Self {
+            frequency_hz: frequency_hz.to_vec(),
+            normal_abs_n_per_m: along(normal, c64::norm),
+            normal_phase_rad: along(normal, c64::arg),
+            tangential_abs_n_per_m: tangential(c64::norm),
+            tangential_phase_rad: tangential(c64::arg),
+        }
+    }
+}
+
+fn elapsed_ms(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
+
+fn real(m: &Mat<c64>) -> Mat<f64> {
+    Mat::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)].re)
+}
+
+fn diagonal(m: &Mat<f64>) -> Vec<f64> {
+    (0..m.nrows()).map(|i| m[(i, i)]).collect()
+}
+
+/// The largest singular value; infinite where it is not found.
+fn norm(m: &Mat<c64>) -> f64 {
+    m.singular_values().ok().and_then(|s| s.first().copied()).unwrap_or(f64::INFINITY)
+}
+
+/// The largest of ‖full − reduced‖ / ‖full‖ over all frequencies.
+fn relative_errors(full: &[Mat<c64>], reduced: &[Mat<c64>]) -> f64 {
+    full.iter().zip(reduced).map(|(f, r)| norm(&(f - r)) / norm(f)).fold(0.0, f64::max)
+}
+
+/// The largest entry off the diagonal over the last, which is the normal response.
+fn off_diagonal(g: &Mat<c64>) -> f64 {
+    let last = g.nrows() - 1;
+    let off = (0..=last).flat_map(|i| (0..=last).map(move |j| (i, j))).filter(|(i, j)| i != j);
+    off.map(|at| g[at].norm()).fold(0.0, f64::max) / g[(last, last)].norm()
+}

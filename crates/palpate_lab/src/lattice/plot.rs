@@ -1,0 +1,152 @@
+//! Pictures of a mesh: its responses, its states, and the mesh itself.
+
+use super::{Analysis, Method};
+use crate::error::LabError;
+use crate::figure::{Area, Curve, Panel, Scale, canvas, failed, svg};
+use plotters::prelude::*;
+use std::collections::HashSet;
+
+/// Figs. 5, 9 and 11: magnitude and phase, along the normal and along a tangent.
+pub(crate) fn response_panels(analysis: &Analysis) -> Vec<Panel> {
+    let report = &analysis.report;
+    let hz = &report.response.frequency_hz;
+    let reduced = method_name(report.method);
+    let responses = [
+        ("full", Some(&report.response)),
+        (reduced.as_str(), (report.method != Method::Full).then_some(&report.reduced_response)),
+        ("balanced, as many states", analysis.balanced.as_ref()),
+    ];
+    let panel = |title: &str, y, scale, pick: &dyn Fn(&super::analysis::Response) -> Option<Vec<f64>>| {
+        let curves = responses.iter().filter_map(|(name, response)| {
+            let values = pick((*response)?)?;
+            let curve = Curve::new(*name, hz.iter().copied().zip(values));
+            Some(if *name == "full" { curve.broad() } else { curve })
+        });
+        Panel { title: title.into(), x: "frequency, Hz", y, scale, curves: curves.collect() }
+    };
+    let (force, phase) = ("force over displacement, N/m", "phase, rad");
+    let mut panels = vec![panel("normal", force, Scale::Log, &|r| Some(r.normal_abs_n_per_m.clone()))];
+    if report.response.tangential_abs_n_per_m.is_some() {
+        panels.push(panel("tangential", force, Scale::Log, &|r| r.tangential_abs_n_per_m.clone()));
+    }
+    panels.push(panel("normal", phase, Scale::LogX, &|r| Some(r.normal_phase_rad.clone())));
+    if report.response.tangential_phase_rad.is_some() {
+        panels.push(panel("tangential", phase, Scale::LogX, &|r| r.tangential_phase_rad.clone()));
+    }
+    panels
+}
+
+/// The Hankel singular values, as far as they are more than rounding.
+pub(super) fn hankel_panel(analysis: &Analysis) -> Panel {
+    let values = analysis.report.hankel_singular_values.as_deref().unwrap_or_default();
+    let points = values.iter().enumerate().map(|(i, &value)| (i as f64 + 1.0, value));
+    Panel {
+        title: "Hankel singular values".into(),
+        x: "index",
+        y: "N/m",
+        scale: Scale::Log,
+        curves: vec![Curve::new("full", points)],
+    }
+}
+
+fn method_name(method: Method) -> String {
+    use clap::ValueEnum;
+    method.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+}
+
+/// Most states that are pictured.
+const MOST_STATES: usize = 12;
+
+/// Fig. 6: how much each node moves in each reduced state. In three dimensions, the plane through the tool.
+pub(crate) fn states(analysis: &Analysis) -> Result<String, LabError> {
+    let magnitudes = analysis.state_magnitudes().unwrap_or_default();
+    let shown = &magnitudes[..magnitudes.len().min(MOST_STATES)];
+    let lattice = analysis.specimen.lattice()?;
+    if analysis.specimen.dimension == 1 {
+        let curves = shown.iter().enumerate().map(|(i, state)| {
+            let points = state.iter().enumerate().map(|(node, &value)| (node as f64, value));
+            Curve::new(format!("state {}", i + 1), points)
+        });
+        let title = "Displacement that each state means".into();
+        let (x, y, scale) = ("node; the tool is at the last", "relative to the largest", Scale::Linear);
+        return svg(&[Panel { title, x, y, scale, curves: curves.collect() }], 1);
+    }
+    let (columns, side) = (4, 190);
+    let rows = shown.len().div_ceil(columns);
+    let size = ((columns * side) as u32, (rows * (side + 20)) as u32);
+    let driven = analysis.specimen.driven();
+    canvas(size, |area| {
+        for ((i, state), place) in shown.iter().enumerate().zip(area.split_evenly((rows, columns))) {
+            let inner = titled(&place, &format!("state {}", i + 1))?;
+            let n = analysis.specimen.cells + 1;
+            let (width, height) = inner.dim_in_pixel();
+            for (column, depth) in (0..n).flat_map(|column| (0..n).map(move |depth| (column, depth))) {
+                let mut ijk = driven;
+                ijk[0] = column;
+                ijk[analysis.specimen.dimension - 1] = analysis.specimen.cells - depth;
+                let edge = |i: usize, length: u32| (i * length as usize / n) as i32;
+                let corners = [
+                    (edge(column, width), edge(depth, height)),
+                    (edge(column + 1, width), edge(depth + 1, height)),
+                ];
+                let color = shade(state[lattice.node(ijk)]);
+                inner.draw(&Rectangle::new(corners, color.filled())).map_err(failed)?;
+            }
+        }
+        Ok(())
+    })
+}
+
+/// The part of `area` that a title above it leaves.
+fn titled<'a>(area: &Area<'a>, title: &str) -> Result<Area<'a>, LabError> {
+    let inner = area.margin(6, 6, 6, 6);
+    inner.titled(title, ("sans-serif", 12)).map_err(failed)
+}
+
+/// From pale to dark blue.
+fn shade(value: f64) -> RGBColor {
+    let between = |low: f64, high: f64| (low + value.clamp(0.0, 1.0) * (high - low)).round() as u8;
+    RGBColor(between(238.0, 8.0), between(243.0, 48.0), between(248.0, 107.0))
+}
+
+/// Figs. 4, 8 and 10, and in one dimension 12 to 14: the mesh, or in three dimensions its plane through the tool. Nodes
+/// that move are filled, the driven one larger; springs that the reduced model has are dark.
+pub(crate) fn mesh(analysis: &Analysis) -> Result<String, LabError> {
+    let specimen = analysis.specimen;
+    let (network, lattice) = (specimen.network()?, specimen.lattice()?);
+    let (driven, normal) = (specimen.driven(), specimen.dimension - 1);
+    let moving: HashSet<usize> = analysis.moving.iter().map(|(node, _)| *node).collect();
+    let tool = lattice.node(driven);
+    let grid: Vec<[usize; 3]> = lattice.grid().collect();
+    let in_plane = |node: usize| (1..normal).all(|axis| grid[node][axis] == driven[axis]);
+    let (size, margin) = (if normal == 0 { (120, 420) } else { (460, 460) }, 24.0);
+    let across = if normal == 0 { 0.0 } else { specimen.cells as f64 };
+    let pixel = |node: usize| {
+        let step = (f64::from(size.1) - 2.0 * margin) / specimen.cells as f64;
+        let column = if normal == 0 { 0.0 } else { grid[node][0] as f64 };
+        let x = 0.5 * f64::from(size.0) + step * (column - 0.5 * across);
+        let y = margin + step * (specimen.cells - grid[node][normal]) as f64;
+        (x as i32, y as i32)
+    };
+    let (dark, faint) = (RGBColor(0, 114, 178), RGBColor(190, 190, 190));
+    canvas(size, |area| {
+        let links = || network.links().iter().filter(|link| in_plane(link.a) && in_plane(link.b));
+        let kept = |node: &usize| *node == tool || moving.contains(node);
+        // The dark ones last, so that they lie on top.
+        for shown in [false, true] {
+            for link in links().filter(|link| [link.a, link.b].iter().any(kept) == shown) {
+                let style = if shown { dark.stroke_width(2) } else { faint.stroke_width(1) };
+                area.draw(&PathElement::new([pixel(link.a), pixel(link.b)], style)).map_err(failed)?;
+            }
+        }
+        for node in (0..network.node_count()).filter(|&node| in_plane(node)) {
+            let (radius, style) = match (node == tool, moving.contains(&node)) {
+                (true, _) => (8, RGBColor(213, 94, 0).filled()),
+                (_, true) => (4, dark.filled()),
+                _ => (3, faint.filled()),
+            };
+            area.draw(&Circle::new(pixel(node), radius, style)).map_err(failed)?;
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,289 @@
+//! Section 6: a block is manipulated, its full model at a low rate, the force at the haptic rate.
+
+use crate::error::{LabError, check};
+use crate::figure::{Curve, Panel, Scale, svg};
+use crate::output::{Output, csv, write_files};
+use crate::progress;
+use clap::{Args, ValueEnum};
+use glam::DVec3;
+use palpate_body::{Block, Body, Face, ToolContact, UniformLattice};
+use palpate_haptics::Trajectory;
+use palpate_local::{Sample, Scheme};
+use palpate_reduce::{Comparison, ComparisonOptions};
+use serde::Serialize;
+use std::f64::consts::TAU;
+use std::path::PathBuf;
+
+/// A block of NODES x NODES x NODES nodes, its bottom held, is moved by the node in the middle of its top. The full
+/// nonlinear model runs at the model rate, the local model of SCHEME between its steps at 1 kHz; what it displays is
+/// compared with the full model at 1 kHz on the same movement.
+///
+/// `peak_force_n` is the largest force displayed, `largest_jump_n` its largest change from one millisecond to the next,
+/// and `relative_rms_error` the RMS, from 0.2 s on and over all components, of displayed minus exact force, divided by
+/// that of the exact one. `low_rate` is the force of the last model step, held.
+#[derive(Clone, Debug, Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:\n  palpate-lab manipulate --json\n  palpate-lab manipulate --scheme tangent --model-rate-hz 50\n  \
+                  palpate-lab manipulate --trajectory hand.csv --contact touch --out results"
+)]
+pub(crate) struct Manipulate {
+    /// Nodes along each edge of the block
+    #[arg(long, default_value_t = 6)]
+    pub(crate) nodes: usize,
+    /// Rate of the full model, Hz; its period is cut to whole milliseconds
+    #[arg(long, default_value_t = 20.0)]
+    pub(crate) model_rate_hz: f64,
+    /// How force is made between model steps
+    #[arg(long, value_enum, default_value_t = SchemeName::Neighbourhood)]
+    pub(crate) scheme: SchemeName,
+    /// Movement of the node: CSV with the header t_s,x_m,y_m,z_m, offsets each millisecond [default: 1.5 s of pressing
+    /// and shearing]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) trajectory: Option<PathBuf>,
+    /// Whether the tool holds the node, or touches the surface and can only push
+    #[arg(long, value_enum, default_value_t = ContactName::Held)]
+    pub(crate) contact: ContactName,
+    /// Time from a model step to the use of its local model, ms
+    #[arg(long, default_value_t = 0)]
+    pub(crate) delay_ms: usize,
+    /// Edge of the block, m
+    #[arg(long, default_value_t = 0.1)]
+    pub(crate) edge_m: f64,
+    /// Mass of the block, kg
+    #[arg(long, default_value_t = 1.0)]
+    pub(crate) mass_kg: f64,
+    /// Stiffness of each spring, N/m
+    #[arg(long, default_value_t = 100.0)]
+    pub(crate) stiffness: f64,
+    /// Damping of each damper over the root of stiffness times mass of a node
+    #[arg(long, default_value_t = 0.7)]
+    pub(crate) damping_ratio: f64,
+}
+
+/// How force is made between model steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+#[value(rename_all = "snake_case")]
+pub(crate) enum SchemeName {
+    /// The force of the last model step
+    Hold,
+    /// The same through a low-pass at 10 Hz
+    LowPass,
+    /// Force and static stiffness of the last model step
+    Tangent,
+    /// The nodes next to the tool move, all others stand (Fig. 8)
+    Neighbourhood,
+}
+
+/// How the tool has hold of the body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ContactName {
+    /// It holds the node, pushes and pulls
+    Held,
+    /// It touches the surface, as a sphere of a tenth of the edge, and pushes only
+    Touch,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Report {
+    pub(crate) scheme: SchemeName,
+    pub(crate) model_rate_hz: f64,
+    #[serde(flatten)]
+    pub(crate) displayed: Figures,
+    /// The force of the last model step, held.
+    pub(crate) low_rate: Figures,
+    /// The full model at 1 kHz.
+    pub(crate) exact: Figures,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Figures {
+    pub(crate) peak_force_n: f64,
+    pub(crate) relative_rms_error: f64,
+    pub(crate) largest_jump_n: f64,
+}
+
+/// Samples before that do not count: there is no local model before the first model step.
+const FROM: usize = 200;
+
+impl From<SchemeName> for Scheme {
+    fn from(name: SchemeName) -> Self {
+        match name {
+            SchemeName::Hold => Self::Hold,
+            SchemeName::LowPass => Self::LowPass,
+            SchemeName::Tangent => Self::Tangent,
+            SchemeName::Neighbourhood => Self::Neighbourhood,
+        }
+    }
+}
+
+impl Manipulate {
+    pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
+        let (comparison, report) = self.experiment()?;
+        if let Some(folder) = output.folder() {
+            let files =
+                [("manipulate.csv", self.table(&comparison)), ("manipulate.svg", self.figure(&comparison)?)];
+            write_files(folder, &files)?;
+        }
+        output.print(&report, |out| {
+            writeln!(out, "{:22}{:>12}{:>18}{:>18}", "", "peak, N", "relative error", "largest jump, N")?;
+            let name = Scheme::from(self.scheme).name();
+            for (name, figures) in [
+                (name, &report.displayed),
+                ("low rate, held", &report.low_rate),
+                ("full at 1 kHz", &report.exact),
+            ] {
+                let Figures { peak_force_n, relative_rms_error, largest_jump_n } = figures;
+                let error = format!("{:.2} %", 100.0 * relative_rms_error);
+                writeln!(out, "{name:22}{peak_force_n:>12.4}{error:>18}{largest_jump_n:>18.4}")?;
+            }
+            Ok(())
+        })
+    }
+
+    /// The forces, and what they are like.
+    pub(crate) fn experiment(&self) -> Result<(Comparison, Report), LabError> {
+        self.validate()?;
+        let _bar = progress::bar(1).with_message("stepping the body");
+        let (body, contact, start) = self.scene()?;
+        let samples = self.samples(start)?;
+        let period_ticks = self.period_ticks();
+        let options =
+            ComparisonOptions { period_ticks, delay_ticks: self.delay_ms, ..ComparisonOptions::default() };
+        let scheme = self.scheme.into();
+        let mut schemes = vec![scheme];
+        if scheme != Scheme::Hold {
+            schemes.push(Scheme::Hold);
+        }
+        let comparison = Comparison::run(&body, &contact, &samples, &schemes, &options)?;
+        let figures = |forces: &[DVec3], relative_rms_error| Figures {
+            peak_force_n: forces.iter().map(|f| f.length()).fold(0.0, f64::max),
+            relative_rms_error,
+            largest_jump_n: forces.windows(2).map(|pair| (pair[1] - pair[0]).length()).fold(0.0, f64::max),
+        };
+        let of = |scheme| {
+            let error = comparison.relative_rms_error(scheme, FROM);
+            // Where the full body is not touched there is nothing to be compared with.
+            let error = error.ok_or(LabError::NoForce { from_s: FROM as f64 * 1e-3 })?;
+            Ok::<_, LabError>(figures(comparison.displayed(scheme).unwrap_or_default(), error))
+        };
+        let report = Report {
+            scheme: self.scheme,
+            model_rate_hz: 1e3 / period_ticks as f64,
+            displayed: of(scheme)?,
+            low_rate: of(Scheme::Hold)?,
+            exact: figures(&comparison.oracle_n, 0.0),
+        };
+        Ok((comparison, report))
+    }
+
+    fn validate(&self) -> Result<(), LabError> {
+        check("--nodes", self.nodes as f64, (2..=24).contains(&self.nodes), "2 to 24")?;
+        let rate = self.model_rate_hz;
+        check("--model-rate-hz", rate, (1.0..=1000.0).contains(&rate), "1 to 1000")?;
+        check("--delay-ms", self.delay_ms as f64, self.delay_ms <= 1000, "at most 1000")?;
+        let (edge, mass) = (self.edge_m, self.mass_kg);
+        check("--edge-m", edge, edge > 0.0, "finite and above 0")?;
+        check("--mass-kg", mass, mass > 0.0, "finite and above 0")?;
+        check("--stiffness", self.stiffness, self.stiffness > 0.0, "finite and above 0")?;
+        check("--damping-ratio", self.damping_ratio, self.damping_ratio >= 0.0, "finite and at least 0")
+    }
+
+    fn period_ticks(&self) -> usize {
+        // A thousandth more than the quotient, lest rounding cut 1000/1000 to nothing.
+        (1e3 / self.model_rate_hz + 1e-3) as usize
+    }
+
+    /// The block at rest, the tool on it, and where its movement begins.
+    pub(crate) fn scene(&self) -> Result<(Body, ToolContact, DVec3), LabError> {
+        let lattice = UniformLattice {
+            stiffness_n_per_m: self.stiffness,
+            damping_ratio: self.damping_ratio,
+            mass_kg: self.mass_kg,
+        };
+        let n = self.nodes;
+        let block = Block::new([n; 3], DVec3::splat(self.edge_m))?.fix(Face::NegZ).uniform(&lattice)?;
+        let body = Body::new(block.network, block.surface)?;
+        let node = n / 2 + n * (n / 2 + n * (n - 1));
+        let at = body.positions_m()[node];
+        let (contact, start) = match self.contact {
+            ContactName::Held => (ToolContact::hold(&body, node, at)?, at),
+            ContactName::Touch => {
+                let radius = 0.1 * self.edge_m;
+                (ToolContact::touch(radius)?, at + radius * DVec3::Z)
+            }
+        };
+        Ok((body, contact, start))
+    }
+
+    /// The movement from `start` on, with backward differences as velocities.
+    fn samples(&self, start: DVec3) -> Result<Vec<Sample>, LabError> {
+        let offsets = match &self.trajectory {
+            Some(path) => Trajectory::from_csv_file(path)?.positions_m().to_vec(),
+            None => (0..1500).map(|i| builtin(f64::from(i) * 1e-3)).collect(),
+        };
+        let least = FROM.max(self.period_ticks() + self.delay_ms) + 2;
+        let rows = offsets.len();
+        check("number of rows of the trajectory", rows as f64, rows >= least, format!("at least {least}"))?;
+        Ok(offsets
+            .iter()
+            .enumerate()
+            .map(|(i, &offset)| Sample {
+                sequence: i as u64,
+                time_s: i as f64 * 1e-3,
+                position_m: start + offset,
+                velocity_m_per_s: if i == 0 { DVec3::ZERO } else { (offset - offsets[i - 1]) / 1e-3 },
+                ..Sample::default()
+            })
+            .collect())
+    }
+
+    fn table(&self, comparison: &Comparison) -> String {
+        let scheme = Scheme::from(self.scheme);
+        let time = (0..comparison.oracle_n.len()).map(|i| i as f64 * 1e-3).collect();
+        let mut columns = vec![("t_s".to_owned(), time)];
+        let mut add = |name: &str, forces: &[DVec3]| {
+            for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+                columns.push((format!("{name}_{letter}_n"), forces.iter().map(|f| f[axis]).collect()));
+            }
+        };
+        add("exact", &comparison.oracle_n);
+        add(scheme.name(), comparison.displayed(scheme).unwrap_or_default());
+        if scheme != Scheme::Hold {
+            add("hold", comparison.displayed(Scheme::Hold).unwrap_or_default());
+        }
+        csv(&columns)
+    }
+
+    /// Fig. 17: the force along z.
+    pub(crate) fn figure(&self, comparison: &Comparison) -> Result<String, LabError> {
+        let along_z = |forces: &[DVec3]| -> Vec<(f64, f64)> {
+            forces.iter().enumerate().map(|(i, f)| (i as f64 * 1e-3, f.z)).collect()
+        };
+        let scheme = Scheme::from(self.scheme);
+        let shown = |scheme| along_z(comparison.displayed(scheme).unwrap_or_default());
+        let mut curves = vec![
+            Curve::new("full at 1 kHz", along_z(&comparison.oracle_n)).broad(),
+            Curve::new(format!("{} at 1 kHz", scheme.name()), shown(scheme)),
+        ];
+        if scheme != Scheme::Hold {
+            curves.push(Curve::new("full at the low rate", shown(Scheme::Hold)));
+        }
+        let panel = Panel {
+            title: "Force during manipulation of a block".into(),
+            x: "time, s",
+            y: "normal force on the hand, N",
+            scale: Scale::Linear,
+            curves,
+        };
+        svg(&[panel], 1)
+    }
+}
+
+/// Pressing 10 mm deep and shearing 3 mm, with faster movements on top, m at `t` (s).
+fn builtin(t: f64) -> DVec3 {
+    let slow = 0.010 * (1.0 - (TAU * t).cos()) / 2.0;
+    let late = if t > 0.3 { 0.002 * (TAU * 3.3 * t).sin() } else { 0.0 };
+    DVec3::new(0.003 * (TAU * 1.7 * t).sin(), 0.0, -(slow + 0.0008 * (TAU * 9.0 * t).sin() + late))
+}
