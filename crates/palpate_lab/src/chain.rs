@@ -1,6 +1,6 @@
 //! Section 5.1: a chain of four layers and the two local models that stand for it.
 
-use crate::error::{LabError, check};
+use crate::error::{LabError, check, number};
 use crate::figure::{Curve, Panel, Scale, svg};
 use crate::output::{Output, csv, write_files};
 use clap::Args;
@@ -18,13 +18,13 @@ use serde::Serialize;
 )]
 pub(crate) struct Chain {
     /// Stiffness of each spring, N/m
-    #[arg(long, default_value_t = 100.0)]
+    #[arg(value_parser = number, long, default_value_t = 100.0)]
     pub(crate) stiffness: f64,
     /// Damping of each damper, N s/m
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(value_parser = number, long, default_value_t = 1.0)]
     pub(crate) damping: f64,
     /// Each mass, kg
-    #[arg(long, default_value_t = 0.01)]
+    #[arg(value_parser = number, long, default_value_t = 0.01)]
     pub(crate) mass: f64,
 }
 

@@ -1,6 +1,6 @@
 //! Section 5.2: how the stiffness of a block changes with the density of its mesh.
 
-use crate::error::{LabError, check};
+use crate::error::{LabError, check, whole};
 use crate::figure::{Curve, Panel, Scale, svg};
 use crate::output::{Output, csv, write_files};
 use crate::progress;
@@ -23,13 +23,13 @@ use std::collections::BTreeMap;
 )]
 pub(crate) struct Density {
     /// Dimensions of the block: 1, 2, 3 or several of them
-    #[arg(long, value_delimiter = ',', value_name = "N,...", default_value = "2,3")]
+    #[arg(value_parser = whole, long, value_delimiter = ',', value_name = "N,...", default_value = "2,3")]
     dimension: Vec<usize>,
     /// Least density: cells along each edge
-    #[arg(long, default_value_t = 1)]
+    #[arg(value_parser = whole, long, default_value_t = 1)]
     from: usize,
     /// Largest density
-    #[arg(long, default_value_t = 10)]
+    #[arg(value_parser = whole, long, default_value_t = 10)]
     to: usize,
 }
 

@@ -57,3 +57,13 @@ pub(crate) fn check(
         Err(LabError::Parameter { flag, value, allowed: allowed.into() })
     }
 }
+
+/// Reads a count from the command line.
+pub(crate) fn whole(text: &str) -> Result<usize, &'static str> {
+    text.trim().parse().map_err(|_| "it must be a whole number, not below 0")
+}
+
+/// Reads a quantity from the command line.
+pub(crate) fn number(text: &str) -> Result<f64, &'static str> {
+    text.trim().parse().map_err(|_| "it must be a number")
+}

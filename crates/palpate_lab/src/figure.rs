@@ -57,7 +57,7 @@ const COLORS: [RGBColor; 6] = [
 ];
 
 /// Broad lines are pale, so that the narrow ones on them are seen.
-const PALE: RGBColor = RGBColor(150, 190, 215);
+const PALE: RGBColor = RGBColor(110, 190, 235);
 
 /// The panels, in `columns`, as the text of an SVG file. The legend is that of the first panel.
 pub(crate) fn svg(panels: &[Panel], columns: usize) -> Result<String, LabError> {

@@ -1,6 +1,6 @@
 //! Section 6, stability: what a device does that the hand barely holds.
 
-use crate::error::{LabError, check};
+use crate::error::{LabError, check, number};
 use crate::figure::{Curve, Panel, Scale, svg};
 use crate::manipulate::Manipulate;
 use crate::output::{Output, csv, write_files};
@@ -26,19 +26,19 @@ use std::collections::BTreeMap;
 )]
 pub(crate) struct Grip {
     /// Mass of the device, kg
-    #[arg(long, default_value_t = 0.075)]
+    #[arg(value_parser = number, long, default_value_t = 0.075)]
     device_mass_kg: f64,
     /// Load that presses it into the block, N
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(value_parser = number, long, default_value_t = 1.0)]
     load_n: f64,
     /// Damping of the grip, N s/m
-    #[arg(long, default_value_t = 0.3)]
+    #[arg(value_parser = number, long, default_value_t = 0.3)]
     damping: f64,
     /// Rate of the full model, Hz; its period is cut to whole milliseconds
-    #[arg(long, default_value_t = 20.0)]
+    #[arg(value_parser = number, long, default_value_t = 20.0)]
     model_rate_hz: f64,
     /// Length of the run, s
-    #[arg(long, default_value_t = 4.0)]
+    #[arg(value_parser = number, long, default_value_t = 4.0)]
     duration_s: f64,
 }
 

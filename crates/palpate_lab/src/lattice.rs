@@ -7,7 +7,7 @@ mod table;
 pub(crate) use analysis::Analysis;
 pub(crate) use plot::{mesh, response_panels, states};
 
-use crate::error::{LabError, check};
+use crate::error::{LabError, check, number, whole};
 use crate::figure::svg;
 use crate::output::{Output, write_files};
 use clap::{Args, ValueEnum};
@@ -31,31 +31,32 @@ use serde::Serialize;
 )]
 pub(crate) struct Lattice {
     /// Dimension of the mesh: 1, 2 or 3
-    #[arg(long, default_value_t = 2)]
+    #[arg(value_parser = whole, long, default_value_t = 2)]
     pub(crate) dimension: usize,
     /// Cells along each dimension
-    #[arg(long, default_value_t = 12)]
+    #[arg(value_parser = whole, long, default_value_t = 12)]
     pub(crate) cells: usize,
     /// Stiffness of each spring, N/m
-    #[arg(long, default_value_t = 200.0)]
+    #[arg(value_parser = number, long, default_value_t = 200.0)]
     pub(crate) stiffness: f64,
     /// Damping of each damper, N s/m
-    #[arg(long, default_value_t = 2.1213203435596424)]
+    #[arg(value_parser = number, long, default_value_t = 2.1213203435596424)]
     pub(crate) damping: f64,
     /// Mass of each node, kg
-    #[arg(long, default_value_t = 0.01)]
+    #[arg(value_parser = number, long, default_value_t = 0.01)]
     pub(crate) mass: f64,
     /// How the reduced model is made
     #[arg(long, value_enum, default_value_t = Method::Balanced)]
     pub(crate) method: Method,
     /// States of the reduced model (methods balanced and modal; a mode is two states)
-    #[arg(long, default_value_t = 10)]
+    #[arg(value_parser = whole, long, default_value_t = 10)]
     pub(crate) order: usize,
     /// Rings of nodes that move (methods neighbourhood and scaled)
-    #[arg(long, default_value_t = 1)]
+    #[arg(value_parser = whole, long, default_value_t = 1)]
     pub(crate) rings: usize,
     /// Real shifts over 2 pi, Hz (method krylov)
     #[arg(
+        value_parser = number,
         long,
         value_delimiter = ',',
         allow_hyphen_values = true,
@@ -65,6 +66,7 @@ pub(crate) struct Lattice {
     pub(crate) shifts_hz: Vec<f64>,
     /// Band in which the reduced model is to be good, Hz
     #[arg(
+        value_parser = number,
         long,
         value_delimiter = ',',
         allow_hyphen_values = true,

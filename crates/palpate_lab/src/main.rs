@@ -58,8 +58,10 @@ fn main() -> ExitCode {
             if error.use_stderr()
                 && error.kind() != clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand =>
         {
+            // The message, and what is allowed where clap lists it; then it explains the usage.
             let text = error.to_string();
-            return refuse(text.lines().next().unwrap_or("error: the command line makes no sense"));
+            let lines = text.lines().take_while(|line| !line.is_empty()).map(str::trim);
+            return refuse(&(lines.collect::<Vec<_>>().join(" ") + "; see --help"));
         }
         // Help and version.
         Err(error) => error.exit(),

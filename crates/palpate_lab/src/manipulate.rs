@@ -1,6 +1,6 @@
 //! Section 6: a block is manipulated, its full model at a low rate, the force at the haptic rate.
 
-use crate::error::{LabError, check};
+use crate::error::{LabError, check, number, whole};
 use crate::figure::{Curve, Panel, Scale, svg};
 use crate::output::{Output, csv, write_files};
 use crate::progress;
@@ -29,10 +29,10 @@ use std::path::PathBuf;
 )]
 pub(crate) struct Manipulate {
     /// Nodes along each edge of the block
-    #[arg(long, default_value_t = 6)]
+    #[arg(value_parser = whole, long, default_value_t = 6)]
     pub(crate) nodes: usize,
     /// Rate of the full model, Hz; its period is cut to whole milliseconds
-    #[arg(long, default_value_t = 20.0)]
+    #[arg(value_parser = number, long, default_value_t = 20.0)]
     pub(crate) model_rate_hz: f64,
     /// How force is made between model steps
     #[arg(long, value_enum, default_value_t = SchemeName::Neighbourhood)]
@@ -45,19 +45,19 @@ pub(crate) struct Manipulate {
     #[arg(long, value_enum, default_value_t = ContactName::Held)]
     pub(crate) contact: ContactName,
     /// Time from a model step to the use of its local model, ms
-    #[arg(long, default_value_t = 0)]
+    #[arg(value_parser = whole, long, default_value_t = 0)]
     pub(crate) delay_ms: usize,
     /// Edge of the block, m
-    #[arg(long, default_value_t = 0.1)]
+    #[arg(value_parser = number, long, default_value_t = 0.1)]
     pub(crate) edge_m: f64,
     /// Mass of the block, kg
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(value_parser = number, long, default_value_t = 1.0)]
     pub(crate) mass_kg: f64,
     /// Stiffness of each spring, N/m
-    #[arg(long, default_value_t = 100.0)]
+    #[arg(value_parser = number, long, default_value_t = 100.0)]
     pub(crate) stiffness: f64,
     /// Damping of each damper over the root of stiffness times mass of a node
-    #[arg(long, default_value_t = 0.7)]
+    #[arg(value_parser = number, long, default_value_t = 0.7)]
     pub(crate) damping_ratio: f64,
 }
 

@@ -1,9 +1,9 @@
 //! All of the seed paper: one row for every figure and every number.
 
+mod answer;
 mod page;
-mod rows;
+mod problem;
 
-use crate::defaults;
 use crate::error::LabError;
 use crate::output::{Output, write_files};
 use crate::progress;
@@ -41,11 +41,28 @@ struct Report {
     rows: Vec<Row>,
 }
 
+type Section = fn() -> Result<Vec<Row>, LabError>;
+
+/// The sections of the paper that have figures or numbers.
+const SECTIONS: [(&str, Section); 7] = [
+    ("section 2", problem::demonstration),
+    ("section 3", problem::linear_approximation),
+    ("section 4", problem::order_reduction),
+    ("section 5", answer::local_models),
+    ("section 5.1", answer::one_dimension),
+    ("section 5.2", answer::scaling),
+    ("section 6", answer::implementation),
+];
+
+fn percent(share: f64) -> String {
+    format!("{:.2} %", 100.0 * share)
+}
+
 impl Paper {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
-        let bar = progress::bar(rows::SECTIONS.len());
+        let bar = progress::bar(SECTIONS.len());
         let mut rows = Vec::new();
-        for (name, section) in rows::SECTIONS {
+        for (name, section) in SECTIONS {
             bar.set_message(name);
             rows.extend(section()?);
             bar.inc(1);

@@ -1,6 +1,6 @@
 //! Section 2: force between model steps on a nonlinear spring in one dimension.
 
-use crate::error::{LabError, check};
+use crate::error::{LabError, check, number};
 use crate::figure::{Curve, Panel, Scale, svg};
 use crate::output::{Output, csv, write_files};
 use clap::Args;
@@ -23,32 +23,32 @@ use serde::Serialize;
 )]
 pub(crate) struct Schemes {
     /// Mean indentation, mm
-    #[arg(long, default_value_t = 10.0)]
+    #[arg(value_parser = number, long, default_value_t = 10.0)]
     offset_mm: f64,
     /// Amplitude of the movement, mm
-    #[arg(long, default_value_t = 6.5)]
+    #[arg(value_parser = number, long, default_value_t = 6.5)]
     amplitude_mm: f64,
     /// Frequency of the movement, Hz
-    #[arg(long, default_value_t = 1.2)]
+    #[arg(value_parser = number, long, default_value_t = 1.2)]
     frequency_hz: f64,
     /// Length of the movement, s
-    #[arg(long, default_value_t = 10.0)]
+    #[arg(value_parser = number, long, default_value_t = 10.0)]
     duration_s: f64,
     /// Rate at which the spring is known, Hz
-    #[arg(long, default_value_t = 10.0)]
-    model_rate_hz: f64,
+    #[arg(value_parser = number, long, default_value_t = 10.0)]
+    pub(crate) model_rate_hz: f64,
     /// Rate at which force is made, Hz
-    #[arg(long, default_value_t = 1000.0)]
+    #[arg(value_parser = number, long, default_value_t = 1000.0)]
     pub(crate) haptic_rate_hz: f64,
     /// Cut-off of the low-pass, Hz
-    #[arg(long, default_value_t = 10.0)]
-    cutoff_hz: f64,
+    #[arg(value_parser = number, long, default_value_t = 10.0)]
+    pub(crate) cutoff_hz: f64,
     /// Step of the position's quantisation, mm
-    #[arg(long, default_value_t = 0.3)]
-    position_step_mm: f64,
+    #[arg(value_parser = number, long, default_value_t = 0.3)]
+    pub(crate) position_step_mm: f64,
     /// Step of the force's quantisation, N
-    #[arg(long, default_value_t = 0.07)]
-    force_step_n: f64,
+    #[arg(value_parser = number, long, default_value_t = 0.07)]
+    pub(crate) force_step_n: f64,
 }
 
 #[derive(Serialize)]

@@ -22,10 +22,27 @@ fn refused(arguments: &[&str]) -> String {
     text
 }
 
+fn reference(name: &str) -> Value {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/");
+    serde_json::from_str(&std::fs::read_to_string(format!("{path}{name}")).unwrap()).unwrap()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(number).collect()
+}
+
+#[track_caller]
+fn close(here: f64, expected: f64, tolerance: f64) {
+    assert!((here / expected - 1.0).abs() < tolerance, "{here}, expected {expected}");
+}
+
 #[test]
 fn schemes_have_the_reference_s_lags_and_ratios() {
-    let reference: Value =
-        serde_json::from_str(include_str!("../../../tests/data/spring_1d_schemes.json")).unwrap();
+    let reference = reference("spring_1d_schemes.json");
     let here = json(&["schemes"]);
     for scheme in ["full", "hold", "low_pass", "tangent"] {
         let (here, expected) = (&here["schemes"][scheme], &reference["schemes"][scheme]);
@@ -66,18 +83,236 @@ fn chains_of_any_parameters_equal_their_closed_form() {
 }
 
 #[test]
+fn the_lattice_s_defaults_are_the_reference_s_system() {
+    let (reference, here) = (reference("lattice_2d_12.json"), json(&["lattice"]));
+    assert_eq!((&here["order"], &here["reduced_order"]), (&Value::from(524), &Value::from(10)));
+    let hankel = numbers(&here["hankel_singular_values"]);
+    for (here, expected) in hankel.iter().zip(numbers(&reference["hankel_singular_values"])).take(20) {
+        close(*here, expected, 1e-6);
+    }
+    let axes = numbers(&here["static_stiffness_n_per_m"]);
+    for (here, expected) in axes.iter().zip(numbers(&reference["static_stiffness_n_per_m"])) {
+        close(*here, expected, 1e-9);
+    }
+    assert!(number(&here["relative_to_proper_peak"]) < 0.01);
+    assert!(number(&here["off_diagonal_db"]) < -200.0);
+    let hz = numbers(&here["response"]["frequency_hz"]);
+    for (i, expected) in numbers(&reference["frequency_hz"]).iter().enumerate() {
+        let at = hz.iter().position(|hz| hz == expected).unwrap();
+        for what in ["normal", "tangential"] {
+            for (key, of) in [("abs_n_per_m", "response_abs_n_per_m"), ("phase_rad", "response_phase_rad")] {
+                let here = number(&here["response"][format!("{what}_{key}")][at]);
+                close(here, number(&reference[format!("{what}_{of}")][i]), 1e-9);
+            }
+        }
+    }
+}
+
+#[test]
+fn balanced_truncations_have_the_reference_s_errors() {
+    for (order, expected) in reference("lattice_2d_12.json")["balanced"].as_object().unwrap() {
+        let here = json(&["lattice", "--order", order]);
+        assert_eq!(here["reduced_order"].to_string(), *order);
+        for key in ["hinf_error_n_per_m", "relative_to_proper_peak"] {
+            close(number(&here[key]), number(&expected[key]), 0.01);
+        }
+        close(number(&here["error_bound_n_per_m"]), number(&expected["twice_hankel_tail"]), 1e-6);
+        assert!(number(&here["hinf_error_n_per_m"]) <= number(&here["error_bound_n_per_m"]));
+    }
+}
+
+#[test]
+fn every_method_reduces_in_every_dimension() {
+    for (dimension, cells) in [("1", "8"), ("2", "6"), ("3", "4")] {
+        for (method, states) in [
+            ("full", None),
+            ("balanced", Some(6)),
+            ("neighbourhood", None),
+            ("scaled", None),
+            ("krylov", None),
+            ("modal", Some(6)),
+        ] {
+            let size = ["--dimension", dimension, "--cells", cells, "--order", "6", "--method", method];
+            let here = json(&[&["lattice"], &size[..]].concat());
+            let (order, reduced) = (number(&here["order"]), number(&here["reduced_order"]));
+            assert!(
+                states.map_or(reduced <= order, |states| reduced == f64::from(states)),
+                "{method}: {reduced}"
+            );
+            let hz = numbers(&here["response"]["frequency_hz"]).len();
+            for which in ["response", "reduced_response"] {
+                assert_eq!(numbers(&here[which]["normal_abs_n_per_m"]).len(), hz);
+                let tangential = &here[which]["tangential_phase_rad"];
+                assert!(if dimension == "1" {
+                    tangential.is_null()
+                } else {
+                    numbers(tangential).len() == hz
+                });
+            }
+            let dc = number(&here["dc_relative_error"]);
+            match method {
+                "full" => assert!(dc < 1e-9 && number(&here["hinf_error_n_per_m"]) == 0.0),
+                "krylov" => assert!(dc < 1e-9),
+                "scaled" if dimension == "1" => assert!(dc < 1e-9),
+                _ => assert!(dc.is_finite() && number(&here["band_relative_error"]) > 0.0),
+            }
+            assert!(number(&here["build_ms"]) > 0.0);
+        }
+    }
+}
+
+#[test]
+fn densities_are_listed_by_dimension() {
+    let here = json(&["density", "--dimension", "1,2,3", "--from", "2", "--to", "4"]);
+    assert_eq!(here.as_object().unwrap().len(), 3);
+    for dimension in ["1", "2", "3"] {
+        assert_eq!(numbers(&here[dimension]["density"]), [2.0, 3.0, 4.0]);
+        let scaling = numbers(&here[dimension]["scaling"]);
+        // Two cells in a row are half as stiff, and so it is in every dimension on the corners.
+        close(scaling[0], 0.5, 1e-9);
+        assert!(scaling.windows(2).all(|pair| pair[1] < pair[0]));
+    }
+    close(number(&here["1"]["scaling"][2]), 0.25, 1e-9);
+    assert_eq!(json(&["density"]).as_object().unwrap().keys().collect::<Vec<_>>(), ["2", "3"]);
+}
+
+#[test]
+fn manipulation_has_the_reference_s_errors() {
+    let reference = reference("fidelity_6x6x6.json");
+    for scheme in ["hold", "low_pass", "tangent", "neighbourhood"] {
+        let here = json(&["manipulate", "--scheme", scheme]);
+        let expected = number(&reference["relative_rms_error"]["delay_0_ms"][scheme]);
+        close(number(&here["relative_rms_error"]), expected, 0.005);
+        assert!(number(&here["largest_jump_n"]) > 0.0);
+    }
+    let here = json(&["manipulate"]);
+    assert_eq!(here["scheme"], "neighbourhood");
+    let peak: f64 = numbers(&reference["oracle_peak_abs_n"]).iter().map(|f| f * f).sum();
+    let exact = number(&here["exact"]["peak_force_n"]);
+    // The peaks along the axes come at different times.
+    assert!(exact <= peak.sqrt() + 1e-3 && exact >= number(&reference["oracle_peak_abs_n"][2]) - 1e-3);
+}
+
+#[test]
+fn a_recorded_hand_is_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hand.csv");
+    let rows = (0..600).map(|i| {
+        let t = f64::from(i) * 1e-3;
+        format!("{t},0,0,{}\n", -0.004 * (10.0 * t).sin().abs())
+    });
+    std::fs::write(&path, String::from("t_s,x_m,y_m,z_m\n") + &rows.collect::<String>()).unwrap();
+    let path = path.to_str().unwrap();
+    let run = |more: &[&str]| json(&[&["manipulate", "--nodes", "4", "--trajectory", path], more].concat());
+    let (slow, fast) = (run(&["--model-rate-hz", "20"]), run(&["--model-rate-hz", "200"]));
+    assert!(number(&fast["relative_rms_error"]) < 0.5 * number(&slow["relative_rms_error"]));
+    // At the haptic rate the full model speaks at every tick.
+    let every = run(&["--model-rate-hz", "1000", "--scheme", "hold"]);
+    assert!(number(&every["relative_rms_error"]) < 1e-12, "{every}");
+    let touch = run(&["--contact", "touch"]);
+    assert!(number(&touch["peak_force_n"]) > 0.0);
+    for (text, said) in [
+        ("t,x\n", "error: the trajectory cannot be read"),
+        (
+            "t_s,x_m,y_m,z_m\n0,0,0,0\n0.001,0,0,0\n",
+            "error: number of rows of the trajectory is 2; it must be at least 202",
+        ),
+    ] {
+        std::fs::write(path, text).unwrap();
+        let text = refused(&["manipulate", "--trajectory", path]);
+        assert!(text.starts_with(said), "{text}");
+    }
+}
+
+#[test]
+fn a_loosened_grip_needs_the_local_model() {
+    let schemes = &json(&["grip"])["schemes"];
+    for (scheme, outcome) in
+        [("full", "settles"), ("neighbourhood", "settles"), ("hold", "diverges"), ("tangent", "diverges")]
+    {
+        assert_eq!(schemes[scheme]["outcome"], outcome, "{scheme}");
+    }
+    // Once the full model is fast enough, even a held force will do.
+    assert_eq!(json(&["grip", "--model-rate-hz", "500"])["schemes"]["hold"]["outcome"], "settles");
+}
+
+#[test]
+fn the_report_has_a_row_for_every_figure_and_equation() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("paper");
+    let here = json(&["paper", "--out", out.to_str().unwrap()]);
+    let page = std::fs::read_to_string(out.join("index.html")).unwrap();
+    let rows = here["rows"].as_array().unwrap();
+    let place = |row: &Value| row["place"].as_str().unwrap().to_owned();
+    for figure in 1..=18 {
+        assert!(rows.iter().any(|row| place(row) == format!("Fig. {figure}")), "Fig. {figure}");
+    }
+    for equations in ["Eqs. 1-4", "Eq. 5", "Eq. 6", "Eqs. 7-9", "Eq. 10", "Eq. 11", "Eq. 12", "Eq. 13"] {
+        assert!(rows.iter().any(|row| place(row) == equations), "{equations}");
+    }
+    let here = |place: &str, what: &str| {
+        let row =
+            rows.iter().find(|row| row["place"] == place && row["what"].as_str().unwrap().contains(what));
+        row.unwrap_or_else(|| panic!("{place}, {what}"))["here"].as_str().unwrap().to_owned()
+    };
+    assert!(here("Section 4", "order of the linear system").contains("524"));
+    assert_eq!(here("Section 3", "cube"), "6000");
+    assert!(here("Section 2", "held force").contains(", 49 ms"));
+    // It needs nothing but itself, and knows the dark.
+    assert!(page.trim_end().ends_with("</html>") && page.contains("prefers-color-scheme: dark"));
+    assert_eq!(page.matches("<tr><th class=\"place\"").count(), rows.len());
+    let drawn = page.matches("<svg ").count();
+    assert!(drawn >= 14 && drawn == page.matches("</svg>").count(), "{drawn} figures");
+    for outside in ["src=", "href=", "url(", "@import", "<script"] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    assert_eq!(page.matches("NaN").count(), 0);
+}
+
+#[test]
 fn files_are_written_whole() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("new").join("results");
-    for command in ["schemes", "chain"] {
-        let output = lab(&[command, "--out", out.to_str().unwrap()]);
-        assert!(output.status.success() && !output.stdout.is_empty());
-        let csv = std::fs::read_to_string(out.join(format!("{command}.csv"))).unwrap();
-        assert!(csv.lines().count() > 300 && !csv.contains("NaN"));
-        let svg = std::fs::read_to_string(out.join(format!("{command}.svg"))).unwrap();
-        assert!(svg.trim_end().ends_with("</svg>") && svg.contains("polyline"));
+    let mut expected = 0;
+    for (arguments, names) in [
+        (&["schemes"][..], &["schemes"][..]),
+        (&["chain"], &["chain"]),
+        (
+            &["lattice", "--cells", "6"],
+            &["lattice_response", "lattice_hankel", "lattice_states", "lattice_mesh"],
+        ),
+        (&["density", "--to", "3"], &["density"]),
+        (&["manipulate", "--nodes", "4"], &["manipulate"]),
+        (&["grip", "--duration-s", "1"], &["grip"]),
+    ] {
+        let output = lab(&[arguments, &["--out", out.to_str().unwrap()]].concat());
+        assert!(output.status.success() && !output.stdout.is_empty(), "{arguments:?}");
+        assert!(output.stderr.is_empty(), "no bar where there is no terminal");
+        for name in names {
+            let svg = std::fs::read_to_string(out.join(format!("{name}.svg"))).unwrap();
+            assert!(svg.starts_with("<svg ") && svg.trim_end().ends_with("</svg>"));
+            expected += 1;
+            if *name != "lattice_mesh" {
+                let csv = std::fs::read_to_string(out.join(format!("{name}.csv"))).unwrap();
+                let columns = csv.lines().next().unwrap().split(',').count();
+                assert!(
+                    csv.lines().count() > 3 && csv.lines().all(|line| line.split(',').count() == columns)
+                );
+                assert!(!csv.contains("NaN") && !csv.contains("inf"));
+                expected += 1;
+            }
+        }
     }
-    assert_eq!(std::fs::read_dir(&out).unwrap().count(), 4, "nothing else is left");
+    assert_eq!(std::fs::read_dir(&out).unwrap().count(), expected, "nothing else is left");
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_is_named() {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let text = refused(&["chain", "--out", file.path().to_str().unwrap()]);
+    assert!(text.contains("cannot be written") && text.contains(file.path().to_str().unwrap()), "{text}");
+    let inside = file.path().join("deeper");
+    assert!(refused(&["chain", "--out", inside.to_str().unwrap()]).contains("cannot be written"));
 }
 
 #[test]
@@ -100,9 +335,43 @@ fn what_makes_no_sense_is_refused_in_one_line_and_leaves_nothing() {
         (&["chain", "--stiffness", "inf"], "error: --stiffness is inf; it must be finite and above 0"),
         (
             &["chain", "--damping", "abc"],
-            "error: invalid value 'abc' for '--damping <DAMPING>': invalid float literal",
+            "error: invalid value 'abc' for '--damping <DAMPING>': it must be a number",
         ),
         (&["nonsense"], "error: unrecognized subcommand 'nonsense'"),
+        (
+            &["lattice", "--order", "525"],
+            "error: --order is 525; it must be 1 to 524, the order of the system",
+        ),
+        (&["lattice", "--order", "0"], "error: --order is 0; it must be 1 to 524"),
+        (
+            &["lattice", "--order", "-3"],
+            "error: invalid value '-3' for '--order <ORDER>': it must be a whole number",
+        ),
+        (&["lattice", "--method", "modal", "--order", "5"], "error: --order is 5; it must be even"),
+        (
+            &["lattice", "--method", "fast"],
+            "error: invalid value 'fast' for '--method <METHOD>' [possible values: full, ",
+        ),
+        (&["lattice", "--dimension", "4"], "error: --dimension is 4; it must be 1, 2 or 3"),
+        (&["lattice", "--cells", "1"], "error: --cells is 1; it must be at least 2"),
+        (&["lattice", "--cells", "60"], "error: --cells is 60; it must be so few that"),
+        (&["lattice", "--damping", "0"], "error: --damping is 0; it must be finite and above 0"),
+        (
+            &["lattice", "--band-hz", "1000,10"],
+            "error: high end of --band-hz is 10; it must be above its low end, 1000",
+        ),
+        (&["lattice", "--band-hz", "NaN,10"], "error: low end of --band-hz is NaN"),
+        (&["lattice", "--band-hz", "10"], "error: number of frequencies of --band-hz is 1; it must be 2"),
+        (&["lattice", "--shifts-hz", "5,-20"], "error: --shifts-hz is -20; it must be finite and above 0"),
+        (&["lattice", "--rings", "0"], "error: --rings is 0; it must be 1 to 12"),
+        (&["density", "--dimension", "2,5"], "error: --dimension is 5; it must be 1, 2 or 3"),
+        (&["density", "--from", "7", "--to", "6"], "error: --to is 6; it must be at least --from, 7"),
+        (&["density", "--to", "1000"], "error: --to is 1000; it must be at most 200 in dimension 2"),
+        (&["manipulate", "--nodes", "1"], "error: --nodes is 1; it must be 2 to 24"),
+        (&["manipulate", "--model-rate-hz", "2000"], "error: --model-rate-hz is 2000; it must be 1 to 1000"),
+        (&["manipulate", "--trajectory", "no/such.csv"], "error: the trajectory cannot be read: no/such.csv"),
+        (&["grip", "--device-mass-kg", "0"], "error: --device-mass-kg is 0; it must be finite and above 0"),
+        (&["paper", "--nonsense"], "error: unexpected argument '--nonsense' found"),
     ] {
         let text = refused(&[arguments, &["--out", out.to_str().unwrap()]].concat());
         assert!(text.starts_with(said), "{text}");
@@ -112,9 +381,9 @@ fn what_makes_no_sense_is_refused_in_one_line_and_leaves_nothing() {
 
 #[test]
 fn help_has_examples() {
-    for arguments in [&["schemes", "--help"][..], &["chain", "--help"]] {
-        let output = lab(arguments);
+    for command in ["schemes", "chain", "lattice", "density", "manipulate", "grip", "paper"] {
+        let output = lab(&[command, "--help"]);
         assert!(output.status.success());
-        assert!(String::from_utf8(output.stdout).unwrap().contains("Examples:"));
+        assert!(String::from_utf8(output.stdout).unwrap().contains("Examples:"), "{command}");
     }
 }

@@ -21,7 +21,7 @@ pub struct Truncated {
     pub system: StateSpace,
     /// T, n × r: the reduced state x_r stands for the state T x_r.
     pub states: Mat<f64>,
-    /// Twice the sum of the Hankel singular values left out, a bound of the H∞ error, N/m.
+    /// See [`Balancing::error_bound`], N/m.
     pub error_bound: f64,
 }
 
@@ -56,13 +56,26 @@ impl Balancing {
         &self.system
     }
 
+    /// How many Hankel singular values are more than rounding, to 1e-14 of the largest: the states that are needed, and
+    /// the largest order of a truncation.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        self.hankel.iter().take_while(|&&s| s > 1e-14 * self.hankel[0]).count()
+    }
+
+    /// Twice the sum of the Hankel singular values beyond the first `order`: a bound of the H∞ error of the truncation to
+    /// that order, N/m.
+    #[must_use]
+    pub fn error_bound(&self, order: usize) -> f64 {
+        2.0 * self.hankel.iter().skip(order).fold(0.0, |sum, value| sum + value)
+    }
+
     /// The truncation to `order`.
     ///
     /// # Errors
-    /// [`ReduceError::Option`] when `order` is zero or above the numerical rank of the Gramians' product.
+    /// [`ReduceError::Option`] when `order` is zero or above [`Balancing::rank`].
     pub fn truncate(&self, order: usize) -> Result<Truncated, ReduceError> {
-        let most = self.hankel.iter().take_while(|&&s| s > 1e-14 * self.hankel[0]).count();
-        if !(1..=most).contains(&order) {
+        if !(1..=self.rank()).contains(&order) {
             let (what, allowed) =
                 ("order of the truncation", "at least 1 and at most the rank of the Gramians");
             return Err(ReduceError::Option { what, value: order as f64, allowed });
@@ -81,7 +94,7 @@ impl Balancing {
             d: full.d.clone(),
             e: full.e.clone(),
         };
-        Ok(Truncated { system, states: t, error_bound: 2.0 * self.hankel[order..].iter().sum::<f64>() })
+        Ok(Truncated { system, states: t, error_bound: self.error_bound(order) })
     }
 
     /// The truncation of least order whose error bound is at most `bound`, N/m.

@@ -49,7 +49,8 @@ pub enum ReduceError {
     },
     /// Gramians exist for stable systems only.
     #[error(
-        "the system is not stable: it has a pole on or right of the imaginary axis; give it damping and hold it"
+        "the system is not stable: it has a pole right of the imaginary axis, on it, or so near that rounding cannot \
+         tell; give it more damping, and hold it"
     )]
     Unstable,
     /// A Lyapunov equation could not be solved as exactly as is promised.

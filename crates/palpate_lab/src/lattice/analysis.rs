@@ -123,8 +123,7 @@ impl Lattice {
         let mut error_bound_n_per_m = None;
         if let (Method::Balanced, Some(balancing)) = (self.method, &balancing) {
             build_ms += balancing_ms;
-            error_bound_n_per_m =
-                Some(2.0 * balancing.hankel_singular_values()[model.order()..].iter().sum::<f64>());
+            error_bound_n_per_m = Some(balancing.error_bound(model.order()));
         }
         step("looking at responses");
         let frequency_hz = self.frequencies();
@@ -144,7 +143,7 @@ impl Lattice {
         let worst = self.worst(&full, &model, balancing.as_ref())?;
         let compare = compare && !matches!(self.method, Method::Balanced | Method::Full);
         let balanced = match &balancing {
-            Some(balancing) if compare => balancing.truncate(model.order()).ok(),
+            Some(balancing) if compare => balancing.truncate(model.order().min(balancing.rank())).ok(),
             _ => None,
         };
         let moving = match &model {
@@ -191,7 +190,8 @@ impl Lattice {
         };
         let (model, states) = match (self.method, balancing) {
             (Method::Balanced, Some(balancing)) => {
-                let truncated = balancing.truncate(self.order)?;
+                // States beyond the rank would be rounding.
+                let truncated = balancing.truncate(self.order.min(balancing.rank()))?;
                 let positions = truncated.states.subrows(0, full.unknowns()).to_owned();
                 (Model::Truncated(truncated.system), Some(positions))
             }

@@ -89,7 +89,9 @@ pub(crate) fn states(analysis: &Analysis) -> Result<String, LabError> {
                     (edge(column, width), edge(depth, height)),
                     (edge(column + 1, width), edge(depth + 1, height)),
                 ];
-                let color = shade(state[lattice.node(ijk)]);
+                // The tool's own node is an input, no state.
+                let tool = (ijk == driven).then_some(RGBColor(213, 94, 0));
+                let color = tool.unwrap_or_else(|| shade(state[lattice.node(ijk)]));
                 inner.draw(&Rectangle::new(corners, color.filled())).map_err(failed)?;
             }
         }
@@ -110,7 +112,8 @@ fn shade(value: f64) -> RGBColor {
 }
 
 /// Figs. 4, 8 and 10, and in one dimension 12 to 14: the mesh, or in three dimensions its plane through the tool. Nodes
-/// that move are filled, the driven one larger; springs that the reduced model has are dark.
+/// that move are filled, the driven one larger; springs that the reduced model has are dark, those that it scales
+/// are in the colour of the tool.
 pub(crate) fn mesh(analysis: &Analysis) -> Result<String, LabError> {
     let specimen = analysis.specimen;
     let (network, lattice) = (specimen.network()?, specimen.lattice()?);
@@ -119,33 +122,38 @@ pub(crate) fn mesh(analysis: &Analysis) -> Result<String, LabError> {
     let tool = lattice.node(driven);
     let grid: Vec<[usize; 3]> = lattice.grid().collect();
     let in_plane = |node: usize| (1..normal).all(|axis| grid[node][axis] == driven[axis]);
-    let (size, margin) = (if normal == 0 { (120, 420) } else { (460, 460) }, 24.0);
-    let across = if normal == 0 { 0.0 } else { specimen.cells as f64 };
+    let (side, margin) = (460, 24.0);
+    let step = (f64::from(side) - 2.0 * margin) / specimen.cells as f64;
     let pixel = |node: usize| {
-        let step = (f64::from(size.1) - 2.0 * margin) / specimen.cells as f64;
-        let column = if normal == 0 { 0.0 } else { grid[node][0] as f64 };
-        let x = 0.5 * f64::from(size.0) + step * (column - 0.5 * across);
-        let y = margin + step * (specimen.cells - grid[node][normal]) as f64;
-        (x as i32, y as i32)
+        let at = |cells: usize| (margin + step * cells as f64) as i32;
+        let deep = at(specimen.cells - grid[node][normal]);
+        // A chain lies on its side.
+        if normal == 0 { (deep, margin as i32) } else { (at(grid[node][0]), deep) }
     };
-    let (dark, faint) = (RGBColor(0, 114, 178), RGBColor(190, 190, 190));
-    canvas(size, |area| {
+    let (tint, dark, faint) = (RGBColor(213, 94, 0), RGBColor(0, 114, 178), RGBColor(190, 190, 190));
+    let kept = |node: usize| node == tool || moving.contains(&node);
+    let style = |ends: usize| match ends {
+        0 => faint.stroke_width(1),
+        1 if analysis.report.method == Method::Scaled => tint.stroke_width(2),
+        _ => dark.stroke_width(2),
+    };
+    canvas((side, if normal == 0 { 2 * margin as u32 } else { side }), |area| {
         let links = || network.links().iter().filter(|link| in_plane(link.a) && in_plane(link.b));
-        let kept = |node: &usize| *node == tool || moving.contains(node);
-        // The dark ones last, so that they lie on top.
-        for shown in [false, true] {
-            for link in links().filter(|link| [link.a, link.b].iter().any(kept) == shown) {
-                let style = if shown { dark.stroke_width(2) } else { faint.stroke_width(1) };
-                area.draw(&PathElement::new([pixel(link.a), pixel(link.b)], style)).map_err(failed)?;
+        // Those of the reduced model last, so that they lie on top.
+        for ends in 0..=2 {
+            let kept_ends = |a: usize, b: usize| usize::from(kept(a)) + usize::from(kept(b));
+            for link in links().filter(|link| kept_ends(link.a, link.b) == ends) {
+                let line = PathElement::new([pixel(link.a), pixel(link.b)], style(ends));
+                area.draw(&line).map_err(failed)?;
             }
         }
         for node in (0..network.node_count()).filter(|&node| in_plane(node)) {
-            let (radius, style) = match (node == tool, moving.contains(&node)) {
-                (true, _) => (8, RGBColor(213, 94, 0).filled()),
-                (_, true) => (4, dark.filled()),
-                _ => (3, faint.filled()),
+            let (radius, color) = match (node == tool, moving.contains(&node)) {
+                (true, _) => (8, tint),
+                (_, true) => (4, dark),
+                _ => (3, faint),
             };
-            area.draw(&Circle::new(pixel(node), radius, style)).map_err(failed)?;
+            area.draw(&Circle::new(pixel(node), radius, color.filled())).map_err(failed)?;
         }
         Ok(())
     })
