@@ -8,6 +8,8 @@ use faer::c64;
 use palpate_reduce::{SecondOrderSystem, Specimen};
 use serde::Serialize;
 
+/// Section 5.1: a chain of four layers and its two local models (eqs. 6-13, Figs. 12-15)
+///
 /// A chain of four springs and three masses between the tool and a wall (`full`, eqs. 6-9); its first mass alone, the
 /// others standing (`near`, eqs. 10-11); and two levels, the three inner layers joined to one and the masses to one
 /// (`two_level`, eqs. 12-13). Each from the assembled system, with the paper's closed form beside it.

@@ -9,6 +9,8 @@ use palpate_reduce::block_scaling;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
+/// Section 5.2: how the stiffness of a block changes with the density of its mesh (Fig. 16)
+///
 /// A block of fixed size is meshed more and more finely, with the same springs; `scaling` is its stiffness relative to
 /// that with one cell along each edge (Fig. 16).
 ///

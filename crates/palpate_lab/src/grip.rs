@@ -13,6 +13,8 @@ use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
+/// Section 6, stability: a device that the hand barely holds (Fig. 18)
+///
 /// A device of some mass holds the node in the middle of the top of the block of `palpate-lab manipulate` and rests on
 /// it with a load; a loosened grip is a little damping. Each scheme makes the force that the device feels; `full` is the
 /// full model at 1 kHz.

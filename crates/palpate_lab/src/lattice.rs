@@ -14,6 +14,8 @@ use clap::{Args, ValueEnum};
 use palpate_reduce::Specimen;
 use serde::Serialize;
 
+/// Sections 4 and 5: a mesh and its reduced models (Figs. 4-11)
+///
 /// A mesh of CELLS cells along each of DIMENSION dimensions, held at all sides but its top, is driven at the node in the
 /// middle of its top. That is a linear system from displacement to force; a reduced model stands for it.
 ///

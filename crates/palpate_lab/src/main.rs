@@ -35,19 +35,12 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Section 2: four ways of making force on a nonlinear spring in one dimension (Fig. 2)
     Schemes(schemes::Schemes),
-    /// Section 5.1: a chain of four layers and its two local models (eqs. 6-13, Figs. 12-15)
     Chain(chain::Chain),
-    /// Sections 4 and 5: a mesh and its reduced models (Figs. 4-11)
     Lattice(lattice::Lattice),
-    /// Section 5.2: how the stiffness of a block changes with the density of its mesh (Fig. 16)
     Density(density::Density),
-    /// Section 6: force during manipulation of a block (Fig. 17)
     Manipulate(manipulate::Manipulate),
-    /// Section 6, stability: a device that the hand barely holds (Fig. 18)
     Grip(grip::Grip),
-    /// All of it: a page with every figure and number of the paper beside ours
     Paper(paper::Paper),
 }
 

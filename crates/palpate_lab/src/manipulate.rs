@@ -14,6 +14,8 @@ use serde::Serialize;
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 
+/// Section 6: force during manipulation of a block (Fig. 17)
+///
 /// A block of NODES x NODES x NODES nodes, its bottom held, is moved by the node in the middle of its top. The full
 /// nonlinear model runs at the model rate, the local model of SCHEME between its steps at 1 kHz; what it displays is
 /// compared with the full model at 1 kHz on the same movement.

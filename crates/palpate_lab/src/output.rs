@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, Args)]
 pub(crate) struct Output {
     /// Print one JSON object and nothing else
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = "Output")]
     json: bool,
     /// Write data as CSV and figures as SVG to this folder
-    #[arg(long, global = true, value_name = "DIR")]
+    #[arg(long, global = true, value_name = "DIR", help_heading = "Output")]
     out: Option<PathBuf>,
 }
 

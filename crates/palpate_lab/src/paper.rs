@@ -11,6 +11,8 @@ use clap::Args;
 use serde::Serialize;
 use std::path::Path;
 
+/// All of it: a page with every figure and number of the paper beside ours
+///
 /// Runs all experiments with the parameters of the paper (where it states none, with the defaults of each command) and
 /// writes a page, index.html, with one row for every figure and every number of the paper: what it says, what comes out
 /// here, and where they differ why. The page needs no other file; it is light or dark as its reader's system is.

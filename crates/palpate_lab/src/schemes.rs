@@ -9,6 +9,8 @@ use palpate_laws::{SkinLaw, Tension};
 use palpate_local::LowPass;
 use serde::Serialize;
 
+/// Section 2: four ways of making force on a nonlinear spring in one dimension (Fig. 2)
+///
 /// A hand presses a spring of skin (eq. 5) up and down, x(t) = offset + amplitude · sin(2π · frequency · t). Position and
 /// force are quantised by rounding. `full` is the spring at the haptic rate; `hold`, `low_pass` and `tangent` know it at
 /// the model rate only (eqs. 1-4).

@@ -7,7 +7,7 @@ use faer::{Mat, c64};
 /// G(s) = E s + D + C (s − A)⁻¹ B.
 ///
 /// Dampers at the driven node make the transfer function improper: E is their damping. What is reduced is the
-/// strictly proper part C (s − A)⁻¹ B; D and E are kept.
+/// strictly proper part C (s − A)⁻¹ B; D and E are kept. E s + D is the high-frequency asymptote of G.
 #[derive(Clone, Debug)]
 pub struct StateSpace {
     /// A, n × n.

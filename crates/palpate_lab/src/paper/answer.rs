@@ -116,6 +116,8 @@ pub(super) fn one_dimension() -> Result<Vec<Row>, LabError> {
         mesh(&lattice.analyse(false)?)
     };
     let limits = "High-frequency asymptote; DC gain";
+    let leading = "The asymptote of the spring and damper at the tool. The constant that a transfer function tends to \
+                   is smaller by the square of b over the mass behind them.";
     let (first, second) = (
         "First local model: the nearest mass, the others stand",
         "Second local model: three layers as one, half their masses on the first",
@@ -125,17 +127,17 @@ pub(super) fn one_dimension() -> Result<Vec<Row>, LabError> {
             .figure(drawn(Method::Full)?),
         Row::new("Eq. 6", "Transfer function of the chain", "a closed form", apart(&models.full, &eq_6)?),
         Row::new("Eqs. 7-9", "Its poles", "a closed form", poles(&models.full)),
-        Row::new("Section 5.1", limits, "k + b s; k/4", ends(&models.full)),
+        Row::new("Section 5.1", limits, "k + b s; k/4", ends(&models.full)).why(leading),
         Row::new("Fig. 13", first, "a diagram", "its neighbourhood of one ring")
             .figure(drawn(Method::Neighbourhood)?),
         Row::new("Eq. 10", "Its transfer function", "a closed form", apart(&models.near, &eq_10)?),
         Row::new("Eq. 11", "Its poles", "a closed form", poles(&models.near)),
-        Row::new("Section 5.1", limits, "k + b s; k/2", ends(&models.near)),
+        Row::new("Section 5.1", limits, "k + b s; k/2", ends(&models.near)).why("As above."),
         Row::new("Fig. 14", second, "a diagram", "its scaled model of one ring")
             .figure(drawn(Method::Scaled)?),
         Row::new("Eq. 12", "Its transfer function", "a closed form", apart(&models.two_level, &eq_12)?),
         Row::new("Eq. 13", "Its poles", "a closed form", poles(&models.two_level)),
-        Row::new("Section 5.1", limits, "k + b s; k/4", ends(&models.two_level)),
+        Row::new("Section 5.1", limits, "k + b s; k/4", ends(&models.two_level)).why("As above."),
         Row::new(
             "Fig. 15",
             "Responses of the chain and its two local models",
