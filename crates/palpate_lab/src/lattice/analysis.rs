@@ -4,6 +4,7 @@ use super::{LARGEST_DENSE, Lattice, Method};
 use crate::error::LabError;
 use crate::progress;
 use faer::{Mat, c64};
+use palpate_body::Network;
 use palpate_reduce::{Balancing, DenseSystem, HInf, SecondOrderSystem, Specimen, StateSpace};
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -112,14 +113,13 @@ impl Lattice {
         let full = specimen.system()?;
         let order = 2 * full.unknowns();
         step("balancing the whole system");
-        let start = Instant::now();
-        let balancing = match order <= LARGEST_DENSE {
-            true => Some(Balancing::new(full.state_space()?)?),
-            false => None,
-        };
-        let balancing_ms = elapsed_ms(start);
+        let balance = || -> Result<_, LabError> { Ok(Balancing::new(full.state_space()?)?) };
+        let (balancing, balancing_ms) = timed(|| (order <= LARGEST_DENSE).then(balance).transpose());
+        let balancing = balancing?;
         step("reducing");
-        let (model, states, mut build_ms) = self.reduce(&specimen, &full, balancing.as_ref())?;
+        let network = specimen.network()?;
+        let (reduced, mut build_ms) = timed(|| self.reduce(&specimen, &network, &full, balancing.as_ref()));
+        let (model, states) = reduced?;
         let mut error_bound_n_per_m = None;
         if let (Method::Balanced, Some(balancing)) = (self.method, &balancing) {
             build_ms += balancing_ms;
@@ -176,19 +176,18 @@ impl Lattice {
         Ok(Analysis { report, specimen, full, moving, states, balanced })
     }
 
-    /// The reduced model, the displacements that belong to its states, and how long it took to make, ms.
+    /// The reduced model, and the displacements that belong to its states.
     fn reduce(
         &self,
         specimen: &Specimen,
+        network: &Network,
         full: &SecondOrderSystem,
         balancing: Option<&Balancing>,
-    ) -> Result<(Model, Option<Mat<f64>>, f64), LabError> {
-        let network = specimen.network()?;
-        let start = Instant::now();
+    ) -> Result<(Model, Option<Mat<f64>>), LabError> {
         let projected = |v: Mat<f64>| -> Result<_, LabError> {
             Ok((Model::Projected(full.project(v.as_ref())?), Some(v)))
         };
-        let (model, states) = match (self.method, balancing) {
+        Ok(match (self.method, balancing) {
             (Method::Balanced, Some(balancing)) => {
                 // States beyond the rank would be rounding.
                 let truncated = balancing.truncate(self.order.min(balancing.rank()))?;
@@ -197,15 +196,14 @@ impl Lattice {
             }
             // The method is refused where there is no balancing.
             (Method::Full | Method::Balanced, _) => (Model::Nodes(full.clone()), None),
-            (Method::Neighbourhood, _) => (Model::Nodes(full.neighbourhood(&network, self.rings)?), None),
+            (Method::Neighbourhood, _) => (Model::Nodes(full.neighbourhood(network, self.rings)?), None),
             (Method::Scaled, _) => (Model::Nodes(specimen.scaled(self.rings)?), None),
             (Method::Krylov, _) => {
                 let shifts: Vec<f64> = self.shifts_hz.iter().map(|hz| TAU * hz).collect();
                 projected(full.krylov_basis(&shifts)?)?
             }
             (Method::Modal, _) => projected(full.modal_basis(self.order / 2)?)?,
-        };
-        Ok((model, states, elapsed_ms(start)))
+        })
     }
 
     /// The largest error and the largest gain at any frequency.
@@ -296,8 +294,12 @@ impl Response {
     }
 }
 
-fn elapsed_ms(start: Instant) -> f64 {
-    start.elapsed().as_secs_f64() * 1e3
+/// What `work` returns, and how long it took, ms.
+#[expect(clippy::disallowed_methods, reason = "how long a reduction takes is one of the figures asked for")]
+fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let done = work();
+    (done, start.elapsed().as_secs_f64() * 1e3)
 }
 
 fn real(m: &Mat<c64>) -> Mat<f64> {
