@@ -97,7 +97,8 @@ impl Balancing {
         Ok(Truncated { system, states: t, error_bound: self.error_bound(order) })
     }
 
-    /// The truncation of least order whose error bound is at most `bound`, N/m.
+    /// The truncation of least order whose error bound is at most `bound`, N/m; that of order [`Balancing::rank`] where
+    /// rounding is more than the bound.
     ///
     /// # Errors
     /// [`ReduceError::Option`] when `bound` is not above zero.
@@ -110,6 +111,6 @@ impl Balancing {
             tail += 2.0 * s;
             tail > bound
         });
-        self.truncate(kept.map_or(1, |last| last + 1))
+        self.truncate(kept.map_or(1, |last| last + 1).min(self.rank()))
     }
 }

@@ -1,10 +1,10 @@
-//! Why a local model could not be built or judged.
+//! Why a local model could not be built or judged, or a linear system not analysed.
 
 use palpate_body::BodyError;
 use palpate_local::LocalModelError;
 use thiserror::Error;
 
-/// What went wrong on the way from a body to a local model.
+/// What went wrong on the way from a body to a local model, or in the analysis of its small motions.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum ReduceError {
@@ -54,7 +54,9 @@ pub enum ReduceError {
     )]
     Unstable,
     /// A Lyapunov equation could not be solved as exactly as is promised.
-    #[error("the residual of a Lyapunov equation is {found}; {allowed} is promised")]
+    #[error(
+        "the residual of a Lyapunov equation is {found:.1e}, and at most {allowed:.0e} is promised; give the system more damping"
+    )]
     Residual {
         /// The relative residual found.
         found: f64,

@@ -16,11 +16,13 @@ impl SecondOrderSystem {
     /// to 1e-10 are left out; where B is proportional to K and all masses are equal that leaves inputs × (shifts + 2).
     ///
     /// # Errors
-    /// [`ReduceError::Option`] for a shift that is not finite and above zero; [`ReduceError::Singular`] when K is not
+    /// [`ReduceError::Option`] for a shift that is not above zero, or whose square times a mass is not finite; [`ReduceError::Singular`] when K is not
     /// positive definite.
     pub fn krylov_basis(&self, shifts_per_s: &[f64]) -> Result<Mat<f64>, ReduceError> {
-        if let Some(&value) = shifts_per_s.iter().find(|s| !(s.is_finite() && **s > 0.0)) {
-            let (what, allowed) = ("shift, 1/s", "finite and above 0");
+        let heaviest = self.mass.iter().copied().fold(0.0, f64::max);
+        let sensible = |s: f64| s > 0.0 && (s * s * heaviest).is_finite();
+        if let Some(&value) = shifts_per_s.iter().find(|s| !sensible(**s)) {
+            let (what, allowed) = ("shift, 1/s", "finite and above 0, its square times the largest mass too");
             return Err(ReduceError::Option { what, value, allowed });
         }
         let mut dynamic = DynamicStiffness::new(self);

@@ -9,7 +9,7 @@ use faer::{Mat, c64};
 ///
 /// One eigendecomposition, then a few operations for each pole and frequency. Where A is nearly defective (a mode
 /// damped exactly critically) the eigenvectors are ill-conditioned and digits are lost; [`PoleResidue::check`] tells
-/// how many.
+/// how many, by a dense factorisation.
 #[derive(Clone, Debug)]
 pub struct PoleResidue {
     poles: Vec<c64>,
@@ -26,9 +26,17 @@ impl PoleResidue {
     /// [`ReduceError::Eigenvalues`] when they are not found.
     pub fn new(system: &StateSpace) -> Result<Self, ReduceError> {
         let order = system.order();
-        let eigen = system.a.eigen().map_err(|_| ReduceError::Eigenvalues { order })?;
         let complex = |m: &Mat<f64>| Mat::from_fn(m.nrows(), m.ncols(), |i, j| c64::new(m[(i, j)], 0.0));
+        // As a complex matrix: of a real one with repeated pairs, as symmetric lattices have, faer 0.24 gives vectors
+        // that are no eigenvectors.
+        let a = complex(&system.a);
+        let eigen = a.eigen().map_err(|_| ReduceError::Eigenvalues { order })?;
         let v = eigen.U().to_owned();
+        let scaled = Mat::from_fn(order, order, |i, j| v[(i, j)] * eigen.S().column_vector()[j]);
+        let residual = (&a * &v - scaled).norm_l2() / (system.a.norm_l2() * v.norm_l2());
+        if residual.is_nan() || residual > 1e-10 {
+            return Err(ReduceError::Eigenvalues { order });
+        }
         let input = v.partial_piv_lu().solve(complex(&system.b));
         let poles = eigen.S().column_vector().iter().copied().collect();
         Ok(Self { poles, output: complex(&system.c) * v, input })
@@ -55,6 +63,15 @@ impl PoleResidue {
             }
         }
         sum
+    }
+
+    /// The sum of the norms of the terms of [`PoleResidue::at`]: what rounding is relative to where they cancel.
+    pub(crate) fn terms(&self, s: c64) -> f64 {
+        let term = |(i, &pole): (usize, &c64)| {
+            let (output, input) = (self.output.as_ref().subcols(i, 1), self.input.as_ref().subrows(i, 1));
+            output.norm_l2() * input.norm_l2() / (s - pole).norm()
+        };
+        self.poles.iter().enumerate().map(term).sum()
     }
 
     /// How far [`PoleResidue::at`] is from a dense factorisation at `s`, relative to the latter's norm.

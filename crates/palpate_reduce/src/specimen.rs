@@ -50,12 +50,15 @@ impl Specimen {
     }
 
     /// (i, j, k) of the driven node.
-    #[must_use]
-    pub fn driven(&self) -> [usize; 3] {
+    ///
+    /// # Errors
+    /// As [`Specimen::lattice`].
+    pub fn driven(&self) -> Result<[usize; 3], ReduceError> {
+        self.lattice()?;
         let mut driven = [0; 3];
         driven[..self.dimension].fill(self.cells / 2);
         driven[self.dimension - 1] = self.cells;
-        driven
+        Ok(driven)
     }
 
     /// Its network.
@@ -105,7 +108,7 @@ impl Specimen {
         }
         let (lattice, network) = (self.lattice()?, self.network()?);
         let grid: Vec<[usize; 3]> = lattice.grid().collect();
-        let driven = self.driven();
+        let driven = self.driven()?;
         let ring = |ijk: [usize; 3]| (0..3).map(|axis| ijk[axis].abs_diff(driven[axis])).max().unwrap_or(0);
         let moves: Vec<bool> = grid.iter().map(|&ijk| ring(ijk) <= rings && !self.is_held(ijk)).collect();
         let mut scaling = HashMap::new();
@@ -162,7 +165,7 @@ impl Specimen {
     }
 
     fn system_of(&self, network: Network) -> Result<SecondOrderSystem, ReduceError> {
-        let driven = self.lattice()?.node(self.driven());
+        let driven = self.lattice()?.node(self.driven()?);
         SecondOrderSystem::of_body(&Body::new(network, Surface::default())?, &[driven], self.dimension)
     }
 }

@@ -29,7 +29,7 @@ impl StateSpace {
         self.a.nrows()
     }
 
-    /// The strictly proper part C (s − A)⁻¹ B at each of `s` (1/s), by a dense factorisation at each.
+    /// The strictly proper part C (s − A)⁻¹ B at each of `s` (1/s), by a dense factorisation at each; not finite at a pole.
     #[must_use]
     pub fn proper_response(&self, s: &[c64]) -> Vec<Mat<c64>> {
         let complex = |matrix: &Mat<f64>| {
@@ -46,7 +46,7 @@ impl StateSpace {
             .collect()
     }
 
-    /// G at each of `s` (1/s).
+    /// G at each of `s` (1/s); not finite at a pole.
     #[must_use]
     pub fn response(&self, s: &[c64]) -> Vec<Mat<c64>> {
         let improper = s.iter().map(|&s| crate::system::combine(self.d.as_ref(), self.e.as_ref(), s));

@@ -140,6 +140,98 @@ fn block_scaling_is_that_of_the_condensed_block() {
     }
 }
 
+/// In a symmetric specimen of three dimensions poles come in equal pairs.
+#[test]
+fn symmetric_specimens_have_the_norms_of_a_grid_and_keep_their_bounds() {
+    for (dimension, cells, ratio) in [(2, 6, 0.3), (3, 2, 0.5), (3, 4, 0.5), (3, 4, 1.0), (3, 4, 2.0)] {
+        let (k, m) = (120.0_f64, 0.02);
+        let damping_ns_per_m = ratio * (k * m).sqrt();
+        let specimen = Specimen { dimension, cells, stiffness_n_per_m: k, damping_ns_per_m, mass_kg: m };
+        let system = specimen.system().unwrap();
+        let full = system.state_space().unwrap();
+        let balancing = Balancing::new(full.clone()).unwrap();
+        let krylov = system.krylov_basis(&[30.0, 120.0]).unwrap();
+        let krylov = system.project(krylov.as_ref()).unwrap().state_space().unwrap();
+        let balanced = balancing.truncate(balancing.rank().min(8)).unwrap();
+        for (reduced, bound) in [(&krylov, f64::INFINITY), (&balanced.system, balanced.error_bound)] {
+            let error = full.minus(reduced).unwrap();
+            let norm = HInf::new(&error, 1e-6).unwrap().norm;
+            let omega = |i: i32| 10f64.powf(f64::from(i) / 60.0 - 1.0);
+            let omegas: Vec<c64> = (0..300).map(|i| c64::new(0.0, omega(i))).collect();
+            let gain = |g: &Mat<c64>| {
+                let with_d = Mat::from_fn(g.nrows(), g.ncols(), |i, j| g[(i, j)] + error.d[(i, j)]);
+                with_d.singular_values().unwrap()[0]
+            };
+            let grid =
+                error.proper_response(&omegas).iter().map(gain).fold(error.d.norm_l2() * 1e-9, f64::max);
+            let label = format!("{dimension}-D, {cells} cells, ratio {ratio}: norm {norm}, grid {grid}");
+            // Of a model that is exact the error is rounding.
+            let rounding = 1e-9 * full.d.norm_l2();
+            let low = grid * (1.0 - 1e-6) - rounding;
+            assert!(norm >= low && norm <= bound * (1.0 + 1e-6) + 1e-9, "{label}, bound {bound}");
+            // The norm may also be reached at infinity.
+            let at_infinity = error.d.norm_l2();
+            assert!(
+                norm <= (grid * 1.01).max(at_infinity * (1.0 + 1e-9)) + rounding,
+                "{label}, at infinity {at_infinity}"
+            );
+        }
+    }
+}
+
+#[test]
+fn modes_are_the_slowest_and_poles_are_exact_however_far_apart() {
+    // A chain with both ends held, all springs alike: w_n = 2 sqrt(k/m) sin(n pi/(2 (N + 1))), N masses.
+    let chain = specimen(1, 9);
+    let system = chain.system().unwrap();
+    let reduced = system.project(system.modal_basis(3).unwrap().as_ref()).unwrap();
+    for n in 1..=3 {
+        let omega = 2.0 * (200.0_f64 / 0.01).sqrt() * (n as f64 * std::f64::consts::PI / 18.0).sin();
+        assert!((reduced.stiffness[(n - 1, n - 1)] / (omega * omega) - 1.0).abs() < 1e-10);
+        assert!((reduced.mass[(n - 1, n - 1)] - 1.0).abs() < 1e-12);
+    }
+    // So overdamped that the fast poles are a billion times the slow ones.
+    for damping in [0.1, 30.0, 1e4, 1e6] {
+        let system = Specimen { damping_ns_per_m: damping, ..chain }.system().unwrap().to_dense();
+        let poles = system.poles().unwrap();
+        for n in 1..=8 {
+            // Each mode: m s^2 + c (b s + k) with c = 4 sin^2(...).
+            let c = 4.0 * (f64::from(n) * std::f64::consts::PI / 18.0).sin().powi(2);
+            let (half, k) = (c64::new(0.5 * c * damping / 0.01, 0.0), c * 200.0 / 0.01);
+            let fast = -half - (half * half - k).sqrt();
+            for expected in [fast, k / fast] {
+                let off = poles.iter().map(|p| (p - expected).norm()).fold(f64::INFINITY, f64::min)
+                    / expected.norm();
+                assert!(off < 1e-9, "mode {n}, damping {damping}: off by {off}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_springs_and_masses_of_a_scaled_specimen_are_those_of_the_rule() {
+    // 6 cells, 1 ring: columns 2 to 4 and rows 5 and 6 move; 2 cells to either side, 5 to the bottom.
+    let specimen = specimen(2, 6);
+    let (scaled, lattice) = (specimen.scaled(1).unwrap(), specimen.lattice().unwrap());
+    let row = |ijk, axis| {
+        let node = lattice.node(ijk);
+        scaled.place.iter().position(|&at| at == (node, axis)).unwrap()
+    };
+    let [side, below] = [2, 5].map(|n| block_scaling(2, n).unwrap());
+    // (2, 6) in the top: a lateral spring in the top to the side, a diagonal one to the side; to the right and below the
+    // specimen's own: lateral, diagonal, vertical.
+    let (x, y) = (row([2, 6, 0], 0), row([2, 6, 0], 1));
+    let k = |i, j| scaled.stiffness.as_ref().get(i, j).copied().unwrap_or(0.0);
+    assert!((k(x, x) - 200.0 * (side.sqrt() + 0.5 * side + 1.0 + 0.5)).abs() < 1e-10);
+    assert!((k(y, y) - 200.0 * (0.5 * side + 0.5 + 1.0)).abs() < 1e-10);
+    assert!((scaled.mass[x] - 0.01 * 0.5 * (1.0 + 2.0)).abs() < 1e-15);
+    // (3, 5) under the tool: three springs down, to an end 5 cells away; the diagonals' nearest end is at the side, 3.
+    let y = row([3, 5, 0], 1);
+    let diagonal = block_scaling(2, 3).unwrap();
+    assert!((k(y, y) - 200.0 * (below + diagonal + 1.0 + 0.5 + 0.5)).abs() < 1e-10);
+    assert!((scaled.mass[y] - 0.01 * 0.5 * (1.0 + (5.0 + 3.0 + 3.0) / 3.0)).abs() < 1e-15);
+}
+
 #[test]
 fn what_makes_no_sense_is_refused() {
     let good = specimen(2, 4);
@@ -153,6 +245,8 @@ fn what_makes_no_sense_is_refused() {
         Specimen { mass_kg: 0.0, ..good },
     ] {
         assert!(bad.system().is_err(), "{bad:?}");
+        // What does not depend on the material may be known.
+        assert!(bad.driven().is_ok() == bad.lattice().is_ok(), "{bad:?}");
     }
     let refused =
         |result: Result<SecondOrderSystem, ReduceError>| matches!(result, Err(ReduceError::Option { .. }));
@@ -164,6 +258,8 @@ fn what_makes_no_sense_is_refused() {
     for shifts in [[0.0], [-1.0], [f64::NAN], [f64::INFINITY]] {
         assert!(matches!(system.krylov_basis(&shifts), Err(ReduceError::Option { .. })));
     }
+    // Its square is beyond the numbers.
+    assert!(system.krylov_basis(&[1e200]).is_err());
     for modes in [0, system.unknowns() + 1] {
         assert!(matches!(system.modal_basis(modes), Err(ReduceError::Option { .. })));
     }
