@@ -15,18 +15,17 @@ use serde::Serialize;
 /// (`two_level`, eqs. 12-13). Each from the assembled system, with the paper's closed form beside it.
 #[derive(Clone, Debug, Args)]
 #[command(
-    allow_negative_numbers = true,
     after_help = "Examples:\n  palpate-lab chain --json\n  palpate-lab chain --damping 0.2 --out results"
 )]
 pub(crate) struct Chain {
     /// Stiffness of each spring, N/m
-    #[arg(value_parser = number, long, default_value_t = 100.0)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 100.0)]
     pub(crate) stiffness: f64,
     /// Damping of each damper, N s/m
-    #[arg(value_parser = number, long, default_value_t = 1.0)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 1.0)]
     pub(crate) damping: f64,
     /// Each mass, kg
-    #[arg(value_parser = number, long, default_value_t = 0.01)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.01)]
     pub(crate) mass: f64,
 }
 
@@ -106,7 +105,7 @@ impl Chain {
         for (flag, value) in
             [("--stiffness", self.stiffness), ("--damping", self.damping), ("--mass", self.mass)]
         {
-            check(flag, value, value > 0.0, "finite and above 0")?;
+            check(flag, value, (1e-9..=1e9).contains(&value), "1e-9 to 1e9")?;
         }
         let chain = Specimen {
             dimension: 1,
@@ -127,17 +126,18 @@ impl Chain {
     /// μ m.
     fn model(&self, system: SecondOrderSystem, modes: &[f64], mu: f64, dc: f64) -> Result<Model, LabError> {
         let (k, b, m) = (self.stiffness, self.damping, self.mass);
-        let state_space = system.state_space()?;
         let assembled = Figures {
-            poles: sorted(state_space.poles()?),
+            poles: sorted(system.to_dense().poles()?),
             dc_gain: system.static_stiffness()?[(0, 0)],
             asymptote_stiffness: system.stiffness_cc[(0, 0)],
             asymptote_damping: system.damping_cc[(0, 0)],
         };
         let poles = modes.iter().flat_map(|c| {
-            let (cb, root) =
-                (c64::new(c * b, 0.0), c64::new((c * b).powi(2) - 4.0 * mu * m * c * k, 0.0).sqrt());
-            [(root - cb) / (2.0 * mu * m), (-root - cb) / (2.0 * mu * m)]
+            // The pole of larger size, where nothing cancels; the other by Vieta: their product is c k/(mu m).
+            let half = 0.5 * c * b / (mu * m);
+            let product = c * k / (mu * m);
+            let fast = -half - c64::new(half * half - product, 0.0).sqrt();
+            [fast, product / fast]
         });
         let closed_form = Figures {
             poles: sorted(poles.collect()),
@@ -162,9 +162,13 @@ impl Chain {
 }
 
 fn sorted(mut poles: Vec<c64>) -> Vec<Complex> {
-    // Conjugates have equal absolute values up to rounding, so that is rounded before it is compared.
-    let size = |p: &c64| (p.norm().ln() * 1e6).round();
-    poles.sort_by(|a, b| size(a).total_cmp(&size(b)).then(a.re.total_cmp(&b.re)).then(a.im.total_cmp(&b.im)));
+    // Conjugates are so to rounding only, so that is taken off before they are compared.
+    let size = |p: &c64| (p.norm().ln() * 1e11).round();
+    let along = |p: &c64| (p.re / p.norm() * 1e9).round();
+    poles.sort_by(|a, b| {
+        let by_re = || along(a).total_cmp(&along(b));
+        size(a).total_cmp(&size(b)).then_with(by_re).then(a.im.total_cmp(&b.im))
+    });
     poles.into_iter().map(|p| Complex { re: p.re, im: p.im }).collect()
 }
 

@@ -20,18 +20,17 @@ use std::collections::BTreeMap;
 /// 1/density, the rule of section 5.1. The paper states no definition; this one contains that case.
 #[derive(Clone, Debug, Args)]
 #[command(
-    allow_negative_numbers = true,
     after_help = "Examples:\n  palpate-lab density --json\n  palpate-lab density --dimension 1,2,3 --to 6 --out results"
 )]
 pub(crate) struct Density {
     /// Dimensions of the block: 1, 2, 3 or several of them
-    #[arg(value_parser = whole, long, value_delimiter = ',', value_name = "N,...", default_value = "2,3")]
+    #[arg(value_parser = whole, allow_hyphen_values = true, long, value_delimiter = ',', value_name = "N,...", default_value = "2,3")]
     dimension: Vec<usize>,
     /// Least density: cells along each edge
-    #[arg(value_parser = whole, long, default_value_t = 1)]
+    #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 1)]
     from: usize,
     /// Largest density
-    #[arg(value_parser = whole, long, default_value_t = 10)]
+    #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 10)]
     to: usize,
 }
 

@@ -102,6 +102,15 @@ pub(crate) fn failed(error: impl std::fmt::Display) -> LabError {
     LabError::Figure(error.to_string())
 }
 
+/// A number at an axis, without what rounding adds.
+fn label(value: f64) -> String {
+    if value != 0.0 && !(1e-3..1e6).contains(&value.abs()) {
+        return format!("{value:.0e}");
+    }
+    let text = format!("{value:.4}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
 fn colors(curves: &[Curve]) -> impl Iterator<Item = RGBColor> {
     let mut narrow = COLORS.iter().cycle();
     curves.iter().map(move |curve| if curve.width > 1 { PALE } else { *narrow.next().unwrap_or(&BLACK) })
@@ -148,6 +157,7 @@ impl Panel {
             .map_err(failed)?;
         let mut mesh = chart.configure_mesh();
         mesh.x_desc(self.x).y_desc(self.y).light_line_style(TRANSPARENT).x_labels(8).y_labels(6);
+        mesh.x_label_formatter(&|v| label(*v)).y_label_formatter(&|v| label(*v));
         mesh.label_style(("sans-serif", 11)).axis_desc_style(("sans-serif", 12)).draw().map_err(failed)?;
         for (curve, color) in self.curves.iter().zip(colors(&self.curves)) {
             let line = LineSeries::new(curve.points.iter().copied(), color.stroke_width(curve.width));

@@ -19,28 +19,27 @@ use std::collections::BTreeMap;
 /// it with a load; a loosened grip is a little damping. Each scheme makes the force that the device feels; `full` is the
 /// full model at 1 kHz.
 ///
-/// `outcome` is `settles` when the device's movement in the last half second is below 0.1 mm from peak to peak,
-/// `diverges` when it left the start by more than the block's edge, and else `oscillates`.
+/// `outcome` is `settles` when the device's movement in the last half second is below 0.1 mm from peak to peak or never
+/// turns, `diverges` when it left the start by more than the block's edge, and else `oscillates`.
 #[derive(Clone, Debug, Args)]
 #[command(
-    allow_negative_numbers = true,
     after_help = "Examples:\n  palpate-lab grip --json\n  palpate-lab grip --damping 2 --model-rate-hz 50 --out results"
 )]
 pub(crate) struct Grip {
     /// Mass of the device, kg
-    #[arg(value_parser = number, long, default_value_t = 0.075)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.075)]
     device_mass_kg: f64,
     /// Load that presses it into the block, N
-    #[arg(value_parser = number, long, default_value_t = 1.0)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 1.0)]
     load_n: f64,
     /// Damping of the grip, N s/m
-    #[arg(value_parser = number, long, default_value_t = 0.3)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.3)]
     damping: f64,
     /// Rate of the full model, Hz; its period is cut to whole milliseconds
-    #[arg(value_parser = number, long, default_value_t = 20.0)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 20.0)]
     model_rate_hz: f64,
     /// Length of the run, s
-    #[arg(value_parser = number, long, default_value_t = 4.0)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 4.0)]
     duration_s: f64,
 }
 
@@ -84,10 +83,13 @@ impl Grip {
     }
 
     pub(crate) fn experiment(&self) -> Result<(Paths, Report), LabError> {
-        let positive = "finite and above 0";
-        check("--device-mass-kg", self.device_mass_kg, self.device_mass_kg > 0.0, positive)?;
-        check("--load-n", self.load_n, self.load_n >= 0.0, "finite and at least 0")?;
-        check("--damping", self.damping, self.damping >= 0.0, "finite and at least 0")?;
+        for (flag, value, most, allowed) in
+            [("--load-n", self.load_n, 100.0, "0 to 100"), ("--damping", self.damping, 1e4, "0 to 10000")]
+        {
+            check(flag, value, (0.0..=most).contains(&value), allowed)?;
+        }
+        let mass = self.device_mass_kg;
+        check("--device-mass-kg", mass, (1e-3..=100.0).contains(&mass), "0.001 to 100")?;
         let rate = self.model_rate_hz;
         check("--model-rate-hz", rate, (1.0..=1000.0).contains(&rate), "1 to 1000")?;
         let duration = self.duration_s;
@@ -113,9 +115,11 @@ impl Grip {
         let (low, high) =
             last.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), z| (l.min(*z), h.max(*z)));
         let peak_to_peak_m = high - low;
+        // What only creeps one way is on its way to rest.
+        let turns = last.windows(3).any(|z| (z[1] - z[0]) * (z[2] - z[1]) < 0.0);
         let outcome = match () {
             () if path.len() < self.ticks() => "diverges",
-            () if peak_to_peak_m < 1e-4 => "settles",
+            () if peak_to_peak_m < 1e-4 || !turns => "settles",
             () => "oscillates",
         };
         Outcome { outcome, peak_to_peak_m }
@@ -167,8 +171,10 @@ impl Grip {
             if (position_m - start).length() > block.edge_m {
                 break;
             }
-            let pushed = force_n - self.load_n * DVec3::Z - self.damping * velocity_m_per_s;
-            velocity_m_per_s += dt / self.device_mass_kg * pushed;
+            // The grip's damping at the end of the tick, so that a firm one is stable.
+            let per_mass = dt / self.device_mass_kg;
+            velocity_m_per_s += per_mass * (force_n - self.load_n * DVec3::Z);
+            velocity_m_per_s /= 1.0 + per_mass * self.damping;
             position_m += dt * velocity_m_per_s;
         }
         Ok(heights)

@@ -20,21 +20,21 @@ use std::path::PathBuf;
 /// nonlinear model runs at the model rate, the local model of SCHEME between its steps at 1 kHz; what it displays is
 /// compared with the full model at 1 kHz on the same movement.
 ///
-/// `peak_force_n` is the largest force displayed, `largest_jump_n` its largest change from one millisecond to the next,
-/// and `relative_rms_error` the RMS, from 0.2 s on and over all components, of displayed minus exact force, divided by
-/// that of the exact one. `low_rate` is the force of the last model step, held.
+/// All figures are of the time from 0.2 s on, when every scheme has a local model: `peak_force_n` is the largest force
+/// displayed, `largest_jump_n` its largest change from one millisecond to the next, and `relative_rms_error` the RMS over
+/// all components of displayed minus exact force, divided by that of the exact one. `low_rate` is the force of the last
+/// model step, held.
 #[derive(Clone, Debug, Args)]
 #[command(
-    allow_negative_numbers = true,
     after_help = "Examples:\n  palpate-lab manipulate --json\n  palpate-lab manipulate --scheme tangent --model-rate-hz 50\n  \
                   palpate-lab manipulate --trajectory hand.csv --contact touch --out results"
 )]
 pub(crate) struct Manipulate {
     /// Nodes along each edge of the block
-    #[arg(value_parser = whole, long, default_value_t = 6)]
+    #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 6)]
     pub(crate) nodes: usize,
     /// Rate of the full model, Hz; its period is cut to whole milliseconds
-    #[arg(value_parser = number, long, default_value_t = 20.0)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 20.0)]
     pub(crate) model_rate_hz: f64,
     /// How force is made between model steps
     #[arg(long, value_enum, default_value_t = SchemeName::Neighbourhood)]
@@ -46,20 +46,20 @@ pub(crate) struct Manipulate {
     /// Whether the tool holds the node, or touches the surface and can only push
     #[arg(long, value_enum, default_value_t = ContactName::Held)]
     pub(crate) contact: ContactName,
-    /// Time from a model step to the use of its local model, ms
-    #[arg(value_parser = whole, long, default_value_t = 0)]
+    /// Time from a model step to the arrival of its local model, ms; a scheme with a state then catches up, 8 samples a tick
+    #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 0)]
     pub(crate) delay_ms: usize,
     /// Edge of the block, m
-    #[arg(value_parser = number, long, default_value_t = 0.1)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.1)]
     pub(crate) edge_m: f64,
     /// Mass of the block, kg
-    #[arg(value_parser = number, long, default_value_t = 1.0)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 1.0)]
     pub(crate) mass_kg: f64,
     /// Stiffness of each spring, N/m
-    #[arg(value_parser = number, long, default_value_t = 100.0)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 100.0)]
     pub(crate) stiffness: f64,
     /// Damping of each damper over the root of stiffness times mass of a node
-    #[arg(value_parser = number, long, default_value_t = 0.7)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.7)]
     pub(crate) damping_ratio: f64,
 }
 
@@ -160,9 +160,13 @@ impl Manipulate {
         }
         let comparison = Comparison::run(&body, &contact, &samples, &schemes, &options)?;
         let figures = |forces: &[DVec3], relative_rms_error| Figures {
-            peak_force_n: forces.iter().map(|f| f.length()).fold(0.0, f64::max),
+            peak_force_n: forces.iter().skip(FROM).map(|f| f.length()).fold(0.0, f64::max),
             relative_rms_error,
-            largest_jump_n: forces.windows(2).map(|pair| (pair[1] - pair[0]).length()).fold(0.0, f64::max),
+            largest_jump_n: forces
+                .windows(2)
+                .skip(FROM)
+                .map(|pair| (pair[1] - pair[0]).length())
+                .fold(0.0, f64::max),
         };
         let of = |scheme| {
             let error = comparison.relative_rms_error(scheme, FROM);

@@ -30,13 +30,13 @@ impl Output {
         table: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
     ) -> Result<(), LabError> {
         let mut out = std::io::stdout().lock();
-        if self.json {
-            serde_json::to_writer_pretty(&mut out, result)?;
-            writeln!(out)?;
-        } else {
-            table(&mut out)?;
+        let text = if self.json { serde_json::to_string_pretty(result)? + "\n" } else { String::new() };
+        let printed = if self.json { out.write_all(text.as_bytes()) } else { table(&mut out) };
+        match printed.and_then(|()| out.flush()) {
+            // Whoever reads has read enough.
+            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+            printed => Ok(printed?),
         }
-        Ok(out.flush()?)
     }
 }
 
@@ -59,6 +59,10 @@ pub(crate) fn write_files(folder: &Path, files: &[(&str, String)]) -> Result<(),
         let path = folder.join(name);
         move |source| LabError::Write { path, source }
     };
+    // What stands in the way is found before anything is written.
+    if let Some((name, _)) = files.iter().find(|(name, _)| folder.join(name).is_dir()) {
+        return Err(failed(name)(std::io::ErrorKind::IsADirectory.into()));
+    }
     std::fs::create_dir_all(folder).map_err(failed(""))?;
     let mut written = Vec::with_capacity(files.len());
     for (name, contents) in files {

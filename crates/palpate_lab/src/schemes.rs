@@ -20,41 +20,42 @@ use serde::Serialize;
 /// natural logarithm of the power ratio, so it seems to have taken that; this is an inference.
 #[derive(Clone, Debug, Args)]
 #[command(
-    allow_negative_numbers = true,
     after_help = "Examples:\n  palpate-lab schemes --json\n  palpate-lab schemes --model-rate-hz 20 --out results"
 )]
 pub(crate) struct Schemes {
     /// Mean indentation, mm
-    #[arg(value_parser = number, long, default_value_t = 10.0)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 10.0)]
     offset_mm: f64,
     /// Amplitude of the movement, mm
-    #[arg(value_parser = number, long, default_value_t = 6.5)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 6.5)]
     amplitude_mm: f64,
     /// Frequency of the movement, Hz
-    #[arg(value_parser = number, long, default_value_t = 1.2)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 1.2)]
     frequency_hz: f64,
     /// Length of the movement, s
-    #[arg(value_parser = number, long, default_value_t = 10.0)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 10.0)]
     duration_s: f64,
-    /// Rate at which the spring is known, Hz
-    #[arg(value_parser = number, long, default_value_t = 10.0)]
+    /// Rate at which the spring is known, Hz; its period is rounded to whole haptic samples
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 10.0)]
     pub(crate) model_rate_hz: f64,
     /// Rate at which force is made, Hz
-    #[arg(value_parser = number, long, default_value_t = 1000.0)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 1000.0)]
     pub(crate) haptic_rate_hz: f64,
     /// Cut-off of the low-pass, Hz
-    #[arg(value_parser = number, long, default_value_t = 10.0)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 10.0)]
     pub(crate) cutoff_hz: f64,
     /// Step of the position's quantisation, mm
-    #[arg(value_parser = number, long, default_value_t = 0.3)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.3)]
     pub(crate) position_step_mm: f64,
     /// Step of the force's quantisation, N
-    #[arg(value_parser = number, long, default_value_t = 0.07)]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.07)]
     pub(crate) force_step_n: f64,
 }
 
 #[derive(Serialize)]
 struct Report {
+    /// In effect: its period is whole haptic samples.
+    model_rate_hz: f64,
     schemes: PerScheme<Quality>,
 }
 
@@ -89,7 +90,7 @@ impl Schemes {
             write_files(folder, &[("schemes.csv", run.csv(rate)), ("schemes.svg", run.figure(rate)?)])?;
         }
         let rows = [schemes.full, schemes.hold, schemes.low_pass, schemes.tangent];
-        output.print(&Report { schemes }, |out| {
+        output.print(&Report { model_rate_hz: self.haptic_rate_hz / self.stride() as f64, schemes }, |out| {
             writeln!(
                 out,
                 "{:10}{:>10}{:>10}{:>18}{:>16}{:>12}",
@@ -127,15 +128,17 @@ impl Schemes {
 
     fn validate(&self) -> Result<(), LabError> {
         let positive = "finite and above 0";
-        for (flag, value) in [
-            ("--frequency-hz", self.frequency_hz),
-            ("--model-rate-hz", self.model_rate_hz),
-            ("--cutoff-hz", self.cutoff_hz),
-            ("--position-step-mm", self.position_step_mm),
-            ("--force-step-n", self.force_step_n),
-            ("--amplitude-mm", self.amplitude_mm),
-        ] {
+        for (flag, value) in [("--model-rate-hz", self.model_rate_hz), ("--cutoff-hz", self.cutoff_hz)] {
             check(flag, value, value > 0.0, positive)?;
+        }
+        let limit = SkinLaw::THIGH.limit_m() * 1e3;
+        for (flag, value, least) in [
+            ("--position-step-mm", self.position_step_mm, 1e-6),
+            ("--force-step-n", self.force_step_n, 1e-6),
+            ("--amplitude-mm", self.amplitude_mm, 1e-3),
+        ] {
+            let allowed = format!("{least} to {limit:.2}");
+            check(flag, value, (least..=limit).contains(&value), allowed)?;
         }
         let rate = self.haptic_rate_hz;
         check("--haptic-rate-hz", rate, (50.0..=100_000.0).contains(&rate), "50 to 100000")?;
@@ -143,7 +146,9 @@ impl Schemes {
         check("--model-rate-hz", model, model <= rate, format!("at most the haptic rate, {rate}"))?;
         let duration = self.duration_s;
         check("--duration-s", duration, (1.0..=600.0).contains(&duration), "1 to 600")?;
-        let limit = SkinLaw::THIGH.limit_m() * 1e3;
+        let (frequency, most) = (self.frequency_hz, 0.5 * rate);
+        let allowed = format!("above 0 and at most half the haptic rate, {most}");
+        check("--frequency-hz", frequency, frequency > 0.0 && frequency <= most, allowed)?;
         let (offset, room) = (self.offset_mm, limit - self.amplitude_mm - self.position_step_mm);
         let allowed = format!(
             "such that offset + amplitude + step stay below {limit:.2} mm, where the skin's force is infinite"
@@ -151,10 +156,15 @@ impl Schemes {
         check("--offset-mm", offset, offset < room && offset >= 0.0, format!("at least 0 and {allowed}"))
     }
 
+    /// Haptic samples in a model period.
+    fn stride(&self) -> usize {
+        ((self.haptic_rate_hz / self.model_rate_hz).round_ties_even() as usize).max(1)
+    }
+
     fn simulate(&self) -> Result<Run, LabError> {
         let fs = self.haptic_rate_hz;
         let samples = (self.duration_s * fs) as usize;
-        let stride = ((fs / self.model_rate_hz).round() as usize).max(1);
+        let stride = self.stride();
         let skin = |x_mm: f64| -> Result<Tension, LabError> {
             let limit = SkinLaw::THIGH.limit_m() * 1e3;
             let refused = || LabError::Parameter {

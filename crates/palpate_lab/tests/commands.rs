@@ -59,7 +59,9 @@ fn chains_of_any_parameters_equal_their_closed_form() {
     for arguments in [
         &["chain"][..],
         &["chain", "--stiffness", "3000", "--damping", "0.2", "--mass", "0.5"],
-        // Overdamped: real poles.
+        // Overdamped: real poles, a little apart and very far.
+        &["chain", "--damping", "10000"],
+        &["chain", "--stiffness", "1e-6"],
         &["chain", "--stiffness", "50", "--damping", "9", "--mass", "0.02"],
     ] {
         for (name, model) in json(arguments)["models"].as_object().unwrap() {
@@ -161,6 +163,75 @@ fn every_method_reduces_in_every_dimension() {
     }
 }
 
+/// What the report says of errors against what its own responses say, where those are numbers and not matrices.
+#[test]
+fn errors_of_a_chain_are_those_of_its_responses() {
+    for method in ["neighbourhood", "scaled", "krylov", "modal", "balanced"] {
+        let size = ["--dimension", "1", "--cells", "7", "--order", "4", "--shifts-hz", "9"];
+        let here = json(&[&["lattice", "--band-hz", "5,300", "--method", method], &size[..]].concat());
+        let complex = |which: &str| -> Vec<(f64, f64)> {
+            let (abs, phase) = (&here[which]["normal_abs_n_per_m"], &here[which]["normal_phase_rad"]);
+            numbers(abs).into_iter().zip(numbers(phase)).map(|(r, a)| (r * a.cos(), r * a.sin())).collect()
+        };
+        let hz = numbers(&here["response"]["frequency_hz"]);
+        let (mut band, mut all) = (0.0_f64, 0.0_f64);
+        for ((f, r), hz) in complex("response").into_iter().zip(complex("reduced_response")).zip(hz) {
+            let error = (f.0 - r.0).hypot(f.1 - r.1);
+            all = all.max(error);
+            if hz >= 5.0 {
+                band = band.max(error / f.0.hypot(f.1));
+            }
+        }
+        // The report looks at more frequencies.
+        let (reported, worst) = (number(&here["band_relative_error"]), number(&here["hinf_error_n_per_m"]));
+        assert!(reported > 0.9 * band && reported < 1.3 * band + 1e-9, "{method}: {reported}, {band}");
+        assert!(worst >= all * (1.0 - 1e-6), "{method}: {worst}, {all}");
+        let dc = |key: &str| number(&here[key][0]);
+        let (full, reduced) = (dc("static_stiffness_n_per_m"), dc("reduced_static_stiffness_n_per_m"));
+        let off = number(&here["dc_relative_error"]) - (1.0 - reduced / full).abs();
+        assert!(off.abs() < 1e-12, "{method}: {off}");
+    }
+}
+
+/// Poles come in equal pairs in a symmetric mesh of three dimensions.
+#[test]
+fn errors_of_symmetric_meshes_keep_their_bounds() {
+    for damping in ["0.7", "1", "1.4"] {
+        let size = ["--dimension", "3", "--cells", "4", "--order", "16", "--damping", damping];
+        let here = json(&[&["lattice"], &size[..]].concat());
+        let (error, bound) = (number(&here["hinf_error_n_per_m"]), number(&here["error_bound_n_per_m"]));
+        assert!(error <= bound && error > 0.01 * bound, "damping {damping}: {error}, bound {bound}");
+        // The norm of a matrix is at least its largest entry, and with little off the diagonal not much more.
+        let list = |key: &str| numbers(&here[key]);
+        let pairs =
+            list("static_stiffness_n_per_m").into_iter().zip(list("reduced_static_stiffness_n_per_m"));
+        let worst = pairs.map(|(f, r)| (f - r).abs()).fold(0.0, f64::max);
+        let expected = worst / list("static_stiffness_n_per_m")[0];
+        let dc = number(&here["dc_relative_error"]);
+        assert!(dc >= expected * (1.0 - 1e-6) && dc < 2.0 * expected, "{dc}, {expected}");
+    }
+}
+
+#[test]
+fn a_mesh_too_large_for_the_hamiltonian_is_looked_at_where_it_resonates() {
+    // Beside the response's own grid, which misses the sharp peaks of light damping.
+    let here = json(&["lattice", "--cells", "19", "--method", "neighbourhood", "--damping", "0.05"]);
+    assert_eq!(here["hinf_method"], "grid");
+    let seen = numbers(&here["response"]["normal_abs_n_per_m"]).into_iter().fold(0.0, f64::max);
+    assert!(number(&here["proper_peak_n_per_m"]) > 1000.0 && seen > 0.0);
+}
+
+#[test]
+fn methods_that_need_no_gramians_do_without() {
+    let here = json(&["lattice", "--cells", "6", "--method", "krylov", "--damping", "1e-7"]);
+    assert!(number(&here["dc_relative_error"]) < 1e-9);
+    // Nor do they look at flags that are others'.
+    let chain = ["lattice", "--dimension", "1", "--cells", "4", "--method"];
+    for method in ["full", "neighbourhood", "scaled", "krylov"] {
+        assert_eq!(json(&[&chain[..], &[method]].concat())["order"], 6);
+    }
+}
+
 #[test]
 fn densities_are_listed_by_dimension() {
     let here = json(&["density", "--dimension", "1,2,3", "--from", "2", "--to", "4"]);
@@ -183,8 +254,17 @@ fn manipulation_has_the_reference_s_errors() {
         let here = json(&["manipulate", "--scheme", scheme]);
         let expected = number(&reference["relative_rms_error"]["delay_0_ms"][scheme]);
         close(number(&here["relative_rms_error"]), expected, 0.005);
-        assert!(number(&here["largest_jump_n"]) > 0.0);
+        // At no tick but a model step's does a held force jump, and not when the first model comes either.
+        let (jump, held) = (number(&here["largest_jump_n"]), number(&here["low_rate"]["largest_jump_n"]));
+        assert!(
+            if scheme == "hold" { jump == held } else { jump < held },
+            "{scheme}: {jump} N, held {held} N"
+        );
     }
+    let fast = |scheme| {
+        number(&json(&["manipulate", "--model-rate-hz", "100", "--scheme", scheme])["largest_jump_n"])
+    };
+    assert!(fast("tangent") < 0.7 * fast("hold"));
     let here = json(&["manipulate"]);
     assert_eq!(here["scheme"], "neighbourhood");
     let peak: f64 = numbers(&reference["oracle_peak_abs_n"]).iter().map(|f| f * f).sum();
@@ -232,6 +312,9 @@ fn a_loosened_grip_needs_the_local_model() {
     {
         assert_eq!(schemes[scheme]["outcome"], outcome, "{scheme}");
     }
+    // A firm grip holds everything.
+    let firm = &json(&["grip", "--damping", "200", "--duration-s", "1"])["schemes"];
+    assert!(firm.as_object().unwrap().values().all(|scheme| scheme["outcome"] == "settles"), "{firm}");
     // Once the full model is fast enough, even a held force will do.
     assert_eq!(json(&["grip", "--model-rate-hz", "500"])["schemes"]["hold"]["outcome"], "settles");
 }
@@ -311,6 +394,13 @@ fn a_folder_that_cannot_be_written_is_named() {
     let file = tempfile::NamedTempFile::new().unwrap();
     let text = refused(&["chain", "--out", file.path().to_str().unwrap()]);
     assert!(text.contains("cannot be written") && text.contains(file.path().to_str().unwrap()), "{text}");
+    // What stands in the way of the second file keeps the first from being written.
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("chain.svg")).unwrap();
+    assert!(
+        refused(&["chain", "--out", folder.path().to_str().unwrap()]).contains("chain.svg cannot be written")
+    );
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     let inside = file.path().join("deeper");
     assert!(refused(&["chain", "--out", inside.to_str().unwrap()]).contains("cannot be written"));
 }
@@ -331,8 +421,8 @@ fn what_makes_no_sense_is_refused_in_one_line_and_leaves_nothing() {
             "error: --model-rate-hz is 2000; it must be at most the haptic rate, 1000",
         ),
         (&["schemes", "--offset-mm", "35"], "error: --offset-mm is 35; it must be at least 0 and such that"),
-        (&["chain", "--mass", "0"], "error: --mass is 0; it must be finite and above 0"),
-        (&["chain", "--stiffness", "inf"], "error: --stiffness is inf; it must be finite and above 0"),
+        (&["chain", "--mass", "0"], "error: --mass is 0; it must be 1e-9 to 1e9"),
+        (&["chain", "--stiffness", "inf"], "error: --stiffness is inf; it must be 1e-9 to 1e9"),
         (
             &["chain", "--damping", "abc"],
             "error: invalid value 'abc' for '--damping <DAMPING>': it must be a number",
@@ -355,22 +445,29 @@ fn what_makes_no_sense_is_refused_in_one_line_and_leaves_nothing() {
         (&["lattice", "--dimension", "4"], "error: --dimension is 4; it must be 1, 2 or 3"),
         (&["lattice", "--cells", "1"], "error: --cells is 1; it must be at least 2"),
         (&["lattice", "--cells", "60"], "error: --cells is 60; it must be so few that"),
-        (&["lattice", "--damping", "0"], "error: --damping is 0; it must be finite and above 0"),
+        (&["lattice", "--damping", "0"], "error: --damping is 0; it must be 1e-9 to 1e9"),
         (
             &["lattice", "--band-hz", "1000,10"],
             "error: high end of --band-hz is 10; it must be above its low end, 1000",
         ),
         (&["lattice", "--band-hz", "NaN,10"], "error: low end of --band-hz is NaN"),
         (&["lattice", "--band-hz", "10"], "error: number of frequencies of --band-hz is 1; it must be 2"),
-        (&["lattice", "--shifts-hz", "5,-20"], "error: --shifts-hz is -20; it must be finite and above 0"),
-        (&["lattice", "--rings", "0"], "error: --rings is 0; it must be 1 to 12"),
+        (&["lattice", "--shifts-hz", "5,-20"], "error: --shifts-hz is -20; it must be 1e-6 to 1e9"),
+        (&["lattice", "--method", "scaled", "--rings", "0"], "error: --rings is 0; it must be 1 to 12"),
+        (&["lattice", "--stiffness", "-inf"], "error: --stiffness is -inf; it must be 1e-9 to 1e9"),
+        (&["schemes", "--amplitude-mm", "1e3"], "error: --amplitude-mm is 1000; it must be 0.001 to 38.36"),
+        (
+            &["schemes", "--frequency-hz", "600"],
+            "error: --frequency-hz is 600; it must be above 0 and at most half",
+        ),
+        (&["schemes", "--force-step-n", "1e-310"], "error: --force-step-n is "),
         (&["density", "--dimension", "2,5"], "error: --dimension is 5; it must be 1, 2 or 3"),
         (&["density", "--from", "7", "--to", "6"], "error: --to is 6; it must be at least --from, 7"),
         (&["density", "--to", "1000"], "error: --to is 1000; it must be at most 200 in dimension 2"),
         (&["manipulate", "--nodes", "1"], "error: --nodes is 1; it must be 2 to 24"),
         (&["manipulate", "--model-rate-hz", "2000"], "error: --model-rate-hz is 2000; it must be 1 to 1000"),
         (&["manipulate", "--trajectory", "no/such.csv"], "error: the trajectory cannot be read: no/such.csv"),
-        (&["grip", "--device-mass-kg", "0"], "error: --device-mass-kg is 0; it must be finite and above 0"),
+        (&["grip", "--device-mass-kg", "0"], "error: --device-mass-kg is 0; it must be 0.001 to 100"),
         (&["paper", "--nonsense"], "error: unexpected argument '--nonsense' found"),
     ] {
         let text = refused(&[arguments, &["--out", out.to_str().unwrap()]].concat());

@@ -110,52 +110,40 @@ impl DenseSystem {
         Ok(StateSpace { a, b: input, c: output, d, e: self.damping_cc.clone() })
     }
 
-    /// The poles, 1/s, by ascending absolute value: the eigenvalues of the quadratic pencil λ²M + λB + K, each to nearly
-    /// full relative accuracy, also where fast and slow ones are far apart.
+    /// The poles, 1/s, by ascending absolute value: the eigenvalues λ of λ²M + λB + K.
     ///
-    /// Those of the state space are only starts. M, B and K being symmetric, xᵀ(λ²M + λB + K)x = 0 gives a λ that is
-    /// right to the second order in x, and inverse iteration gives x.
+    /// Fast ones are the large eigenvalues of A of [`DenseSystem::state_space`], slow ones those of its inverse, so that
+    /// both have full relative accuracy when they are far apart, as in an overdamped body.
     ///
     /// # Errors
     /// As [`DenseSystem::state_space`]; [`ReduceError::Eigenvalues`] when they are not found.
     pub fn poles(&self) -> Result<Vec<c64>, ReduceError> {
         let mut poles = self.state_space()?.poles()?;
-        poles.iter_mut().for_each(|pole| *pole = self.refined(*pole));
+        // The widest gap is where slow ends and fast begins.
+        let gap = |i: &usize| poles[i + 1].norm() / poles[*i].norm();
+        let widest = (0..poles.len() - 1).max_by(|a, b| gap(a).total_cmp(&gap(b)));
+        if let Some(last) = widest.filter(|last| gap(last) > 10.0) {
+            let mut slow = self.inverse_of_a().eigenvalues();
+            let slow = slow.as_mut().map_err(|_| ReduceError::Eigenvalues { order: poles.len() })?;
+            slow.iter_mut().for_each(|value| *value = c64::new(1.0, 0.0) / *value);
+            slow.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
+            poles[..=last].copy_from_slice(&slow[..=last]);
+        }
         poles.sort_by(|a, b| a.norm().total_cmp(&b.norm()).then(a.im.total_cmp(&b.im)));
         Ok(poles)
     }
 
-    /// The eigenvalue next to `start`; `start` itself where iteration leads away.
-    fn refined(&self, start: c64) -> c64 {
-        let n = self.unknowns();
-        let form = |matrix: &Mat<f64>, x: &Mat<c64>| -> c64 {
-            (0..n)
-                .flat_map(|i| (0..n).map(move |j| (i, j)))
-                .map(|(i, j)| x[(i, 0)] * x[(j, 0)] * matrix[(i, j)])
-                .sum()
-        };
-        let mut x = Mat::from_fn(n, 1, |i, _| c64::new(1.0 + 0.3 * (1.7 * i as f64).sin(), 0.0));
-        let mut pole = start;
-        for _ in 0..3 {
-            // A little beside the eigenvalue, so that the matrix is not singular.
-            let s = pole * (1.0 + 1e-10);
-            let dynamic = Mat::from_fn(n, n, |i, j| {
-                s * s * self.mass[(i, j)] + s * self.damping[(i, j)] + self.stiffness[(i, j)]
-            });
-            let y = dynamic.partial_piv_lu().solve(&x);
-            let size = y.norm_l2();
-            if !(size.is_finite() && size > 0.0) {
-                return start;
-            }
-            x = y * faer::Scale(c64::new(1.0 / size, 0.0));
-            let (m, b, k) = (form(&self.mass, &x), form(&self.damping, &x), form(&self.stiffness, &x));
-            let root = (b * b - 4.0 * m * k).sqrt();
-            // The larger of b ± root, so that nothing cancels; the other solution by Vieta.
-            let sum = if (b + root).norm() > (b - root).norm() { b + root } else { b - root };
-            let near = |a: c64, b: c64| if (a - pole).norm() < (b - pole).norm() { a } else { b };
-            pole = near(-sum / (2.0 * m), -2.0 * k / sum);
-        }
-        if (pole - start).norm() < 1e-3 * start.norm() { pole } else { start }
+    /// A⁻¹ = [0  −K⁻¹; M  −BK⁻¹], its halves scaled like those of A; from K⁻¹, which knows nothing of fast poles.
+    fn inverse_of_a(&self) -> Mat<f64> {
+        let (n, scale) = (self.unknowns(), self.momentum_scale());
+        let compliance = self.stiffness.partial_piv_lu().solve(Mat::<f64>::identity(n, n));
+        let damped = &self.damping * &compliance;
+        Mat::from_fn(2 * n, 2 * n, |i, j| match (i < n, j < n) {
+            (true, true) => 0.0,
+            (true, false) => -scale * compliance[(i, j - n)],
+            (false, true) => self.mass[(i - n, j)] / scale,
+            (false, false) => -damped[(i - n, j - n)],
+        })
     }
 
     /// G at each of the complex frequencies `s` (1/s), by a dense factorisation at each; not finite at a pole.

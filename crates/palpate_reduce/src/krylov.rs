@@ -48,15 +48,29 @@ impl SecondOrderSystem {
             let (what, allowed) = ("number of modes", "at least 1 and at most the number of unknowns");
             return Err(ReduceError::Option { what, value: modes as f64, allowed });
         }
-        let root: Vec<f64> = self.mass.iter().map(|m| m.sqrt()).collect();
-        let mut weighted = Mat::zeros(n, n);
-        for t in self.stiffness.triplet_iter() {
-            weighted[(t.row, t.col)] = t.val / (root[t.row] * root[t.col]);
-        }
-        let eigen =
-            weighted.self_adjoint_eigen(Side::Lower).map_err(|_| ReduceError::Eigenvalues { order: n })?;
+        let eigen = self.weighted().self_adjoint_eigen(Side::Lower);
+        let eigen = eigen.map_err(|_| ReduceError::Eigenvalues { order: n })?;
         let u = eigen.U();
-        Ok(Mat::from_fn(n, modes, |i, j| u[(i, j)] / root[i]))
+        Ok(Mat::from_fn(n, modes, |i, j| u[(i, j)] / self.mass[i].sqrt()))
+    }
+
+    /// The natural frequencies ω of the undamped modes, K x = ω² M x, ascending, rad/s.
+    ///
+    /// # Errors
+    /// [`ReduceError::Eigenvalues`] when they are not found.
+    pub fn natural_frequencies_rad_per_s(&self) -> Result<Vec<f64>, ReduceError> {
+        let squares = self.weighted().self_adjoint_eigenvalues(Side::Lower);
+        let squares = squares.map_err(|_| ReduceError::Eigenvalues { order: self.unknowns() })?;
+        Ok(squares.into_iter().map(|square| square.max(0.0).sqrt()).collect())
+    }
+
+    /// M^(−1/2) K M^(−1/2).
+    fn weighted(&self) -> Mat<f64> {
+        let mut weighted = Mat::zeros(self.unknowns(), self.unknowns());
+        for t in self.stiffness.triplet_iter() {
+            weighted[(t.row, t.col)] = t.val / (self.mass[t.row] * self.mass[t.col]).sqrt();
+        }
+        weighted
     }
 }
 

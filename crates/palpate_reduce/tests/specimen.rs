@@ -187,6 +187,7 @@ fn modes_are_the_slowest_and_poles_are_exact_however_far_apart() {
     let reduced = system.project(system.modal_basis(3).unwrap().as_ref()).unwrap();
     for n in 1..=3 {
         let omega = 2.0 * (200.0_f64 / 0.01).sqrt() * (n as f64 * std::f64::consts::PI / 18.0).sin();
+        assert!((system.natural_frequencies_rad_per_s().unwrap()[n - 1] / omega - 1.0).abs() < 1e-12);
         assert!((reduced.stiffness[(n - 1, n - 1)] / (omega * omega) - 1.0).abs() < 1e-10);
         assert!((reduced.mass[(n - 1, n - 1)] - 1.0).abs() < 1e-12);
     }

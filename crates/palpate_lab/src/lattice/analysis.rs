@@ -36,7 +36,7 @@ pub(crate) struct Report {
     pub(crate) method: Method,
     pub(crate) order: usize,
     pub(crate) reduced_order: usize,
-    /// N/m; null where the system is too large for its Gramians.
+    /// N/m; null where the system is too large or too lightly damped for its Gramians.
     pub(crate) hankel_singular_values: Option<Vec<f64>>,
     pub(crate) static_stiffness_n_per_m: Vec<f64>,
     pub(crate) reduced_static_stiffness_n_per_m: Vec<f64>,
@@ -115,7 +115,11 @@ impl Lattice {
         step("balancing the whole system");
         let balance = || -> Result<_, LabError> { Ok(Balancing::new(full.state_space()?)?) };
         let (balancing, balancing_ms) = timed(|| (order <= LARGEST_DENSE).then(balance).transpose());
-        let balancing = balancing?;
+        // Where damping is so light that there are no Gramians, the other methods do without.
+        let balancing = match balancing {
+            Err(error) if self.method == Method::Balanced => return Err(error),
+            balancing => balancing.unwrap_or(None),
+        };
         step("reducing");
         let network = specimen.network()?;
         let (reduced, mut build_ms) = timed(|| self.reduce(&specimen, &network, &full, balancing.as_ref()));
@@ -138,7 +142,8 @@ impl Lattice {
         let band_relative_error = relative_errors(&full.response(&band)?, &model.response(&band)?);
         let (gain, reduced_gain) =
             (full.static_stiffness()?, real(&model.response(&[c64::new(0.0, 0.0)])?[0]));
-        let dc_relative_error = (&gain - &reduced_gain).norm_l2() / gain.norm_l2();
+        let complex = |m: &Mat<f64>| Mat::from_fn(m.nrows(), m.ncols(), |i, j| c64::new(m[(i, j)], 0.0));
+        let dc_relative_error = norm(&complex(&(&gain - &reduced_gain))) / norm(&complex(&gain));
         step("finding the worst of all frequencies");
         let worst = self.worst(&full, &model, balancing.as_ref())?;
         let compare = compare && !matches!(self.method, Method::Balanced | Method::Full);
@@ -226,19 +231,43 @@ impl Lattice {
         Ok(Worst { error, peak, method: "hamiltonian" })
     }
 
+    /// Lower bounds: on a grid that has the natural frequencies of the mesh, unless it is too large for them, refined
+    /// round the worst.
     fn worst_on_a_grid(&self, full: &SecondOrderSystem, model: &Model) -> Result<Worst, LabError> {
-        // The fastest mode of a spring between two nodes, and far beyond the slowest of the mesh.
-        let fastest = (self.stiffness / self.mass).sqrt() * 10.0;
-        let omegas = (0..=60).map(|i| fastest * 10f64.powf(f64::from(i) / 12.0 - 4.0));
-        let s: Vec<c64> = std::iter::once(0.0).chain(omegas).map(|omega| c64::new(0.0, omega)).collect();
         let proper = |g: &Mat<c64>, s: c64| {
             Mat::from_fn(g.nrows(), g.ncols(), |i, j| g[(i, j)] - s * full.damping_cc[(i, j)])
         };
-        let (mut peak, mut error) = (0.0_f64, 0.0_f64);
-        for ((g, r), &s) in full.response(&s)?.iter().zip(model.response(&s)?).zip(&s) {
-            peak = peak.max(norm(&proper(g, s)));
-            error = error.max(norm(&(g - r)));
+        // Error and gain at each of `omegas`, 1/s.
+        let look = |omegas: &[f64]| -> Result<Vec<[f64; 2]>, LabError> {
+            let s: Vec<c64> = omegas.iter().map(|&omega| c64::new(0.0, omega)).collect();
+            let both = full.response(&s)?.into_iter().zip(model.response(&s)?);
+            Ok(both.zip(&s).map(|((g, r), &s)| [norm(&(&g - r)), norm(&proper(&g, s))]).collect())
+        };
+        let fastest = 10.0 * (self.stiffness / self.mass).sqrt();
+        let mut omegas: Vec<f64> =
+            (0..=120).map(|i| fastest * 10f64.powf(f64::from(i) / 24.0 - 4.0)).collect();
+        omegas.push(0.0);
+        if 2 * full.unknowns() <= LARGEST_DENSE {
+            omegas.extend(full.natural_frequencies_rad_per_s()?);
         }
+        omegas.sort_by(f64::total_cmp);
+        let found = look(&omegas)?;
+        let mut worst = [0.0; 2];
+        for (which, worst) in worst.iter_mut().enumerate() {
+            let at =
+                (0..found.len()).max_by(|&a, &b| found[a][which].total_cmp(&found[b][which])).unwrap_or(0);
+            *worst = found[at][which];
+            let (mut low, mut high) = (omegas[at.saturating_sub(1)], omegas[(at + 1).min(omegas.len() - 1)]);
+            for _ in 0..4 {
+                let step = (high - low) / 8.0;
+                let inner: Vec<f64> = (0..=8).map(|i| low + step * f64::from(i)).collect();
+                let found = look(&inner)?;
+                let at = (0..=8).max_by(|&a, &b| found[a][which].total_cmp(&found[b][which])).unwrap_or(0);
+                *worst = worst.max(found[at][which]);
+                (low, high) = (inner[at.saturating_sub(1)], inner[(at + 1).min(8)]);
+            }
+        }
+        let [error, peak] = worst;
         Ok(Worst { error, peak, method: "grid" })
     }
 

@@ -39,7 +39,9 @@ pub(crate) fn response_panels(analysis: &Analysis) -> Vec<Panel> {
 /// The Hankel singular values, as far as they are more than rounding.
 pub(super) fn hankel_panel(analysis: &Analysis) -> Panel {
     let values = analysis.report.hankel_singular_values.as_deref().unwrap_or_default();
+    let largest = values.first().copied().unwrap_or(0.0);
     let points = values.iter().enumerate().map(|(i, &value)| (i as f64 + 1.0, value));
+    let points = points.take_while(|(_, value)| *value > 1e-15 * largest);
     Panel {
         title: "Hankel singular values".into(),
         x: "index",
@@ -73,10 +75,20 @@ pub(crate) fn states(analysis: &Analysis) -> Result<String, LabError> {
     }
     let (columns, side) = (4, 190);
     let rows = shown.len().div_ceil(columns);
-    let size = ((columns * side) as u32, (rows * (side + 20)) as u32);
-    let driven = analysis.specimen.driven();
-    canvas(size, |area| {
-        for ((i, state), place) in shown.iter().enumerate().zip(area.split_evenly((rows, columns))) {
+    let (width, height) = ((columns * side) as u32, (rows * (side + 20)) as u32);
+    let driven = analysis.specimen.driven()?;
+    canvas((width, height + LEGEND), |area| {
+        let (maps, below) = area.split_vertically(height);
+        for i in 0..=10 {
+            let x = 20 + 12 * i;
+            let box_at = [(x, 8), (x + 12, 20)];
+            below.draw(&Rectangle::new(box_at, shade(0.1 * f64::from(i)).filled())).map_err(failed)?;
+        }
+        let scale = "displacement, 0 to the largest of the state";
+        written(&below, (160, 8), scale)?;
+        below.draw(&Rectangle::new([(440, 8), (452, 20)], TOOL.filled())).map_err(failed)?;
+        written(&below, (458, 8), "tool; x to the right, depth downward")?;
+        for ((i, state), place) in shown.iter().enumerate().zip(maps.split_evenly((rows, columns))) {
             let inner = titled(&place, &format!("state {}", i + 1))?;
             let n = analysis.specimen.cells + 1;
             let (width, height) = inner.dim_in_pixel();
@@ -90,13 +102,22 @@ pub(crate) fn states(analysis: &Analysis) -> Result<String, LabError> {
                     (edge(column + 1, width), edge(depth + 1, height)),
                 ];
                 // The tool's own node is an input, no state.
-                let tool = (ijk == driven).then_some(RGBColor(213, 94, 0));
+                let tool = (ijk == driven).then_some(TOOL);
                 let color = tool.unwrap_or_else(|| shade(state[lattice.node(ijk)]));
                 inner.draw(&Rectangle::new(corners, color.filled())).map_err(failed)?;
             }
         }
         Ok(())
     })
+}
+
+/// Height of a legend, pixels.
+const LEGEND: u32 = 30;
+/// Colour of the tool.
+const TOOL: RGBColor = RGBColor(213, 94, 0);
+
+fn written(area: &Area<'_>, at: (i32, i32), text: &str) -> Result<(), LabError> {
+    area.draw(&Text::new(text.to_owned(), at, ("sans-serif", 12))).map_err(failed)
 }
 
 /// The part of `area` that a title above it leaves.
@@ -117,7 +138,7 @@ fn shade(value: f64) -> RGBColor {
 pub(crate) fn mesh(analysis: &Analysis) -> Result<String, LabError> {
     let specimen = analysis.specimen;
     let (network, lattice) = (specimen.network()?, specimen.lattice()?);
-    let (driven, normal) = (specimen.driven(), specimen.dimension - 1);
+    let (driven, normal) = (specimen.driven()?, specimen.dimension - 1);
     let moving: HashSet<usize> = analysis.moving.iter().map(|(node, _)| *node).collect();
     let tool = lattice.node(driven);
     let grid: Vec<[usize; 3]> = lattice.grid().collect();
@@ -130,14 +151,29 @@ pub(crate) fn mesh(analysis: &Analysis) -> Result<String, LabError> {
         // A chain lies on its side.
         if normal == 0 { (deep, margin as i32) } else { (at(grid[node][0]), deep) }
     };
-    let (tint, dark, faint) = (RGBColor(213, 94, 0), RGBColor(0, 114, 178), RGBColor(190, 190, 190));
+    let (tint, dark, faint) = (TOOL, RGBColor(0, 114, 178), RGBColor(190, 190, 190));
     let kept = |node: usize| node == tool || moving.contains(&node);
     let style = |ends: usize| match ends {
         0 => faint.stroke_width(1),
         1 if analysis.report.method == Method::Scaled => tint.stroke_width(2),
         _ => dark.stroke_width(2),
     };
-    canvas((side, if normal == 0 { 2 * margin as u32 } else { side }), |area| {
+    let height = if normal == 0 { 2 * margin as u32 } else { side };
+    let is_scaled = analysis.report.method == Method::Scaled;
+    let legend = [("tool", tint), ("moves", dark), ("stands", faint), ("scaled springs", tint)];
+    let entries = if is_scaled { &legend[..] } else { &legend[..3] };
+    canvas((side, height + LEGEND), |area| {
+        for (i, &(name, color)) in entries.iter().enumerate() {
+            let (x, y) = (40 + 100 * i as i32, height as i32 + 12);
+            if i == 3 {
+                let line = PathElement::new([(x - 10, y), (x + 6, y)], color.stroke_width(2));
+                area.draw(&line).map_err(failed)?;
+            } else {
+                area.draw(&Circle::new((x, y), if i == 0 { 8 } else { 4 }, color.filled()))
+                    .map_err(failed)?;
+            }
+            written(area, (x + 14, y - 6), name)?;
+        }
         let links = || network.links().iter().filter(|link| in_plane(link.a) && in_plane(link.b));
         // Those of the reduced model last, so that they lie on top.
         for ends in 0..=2 {

@@ -74,7 +74,7 @@ pub(super) fn order_reduction() -> Result<Vec<Row>, LabError> {
     let analysis = of(Method::Balanced)?;
     let (r, specimen) = (&analysis.report, &analysis.specimen);
     let (inputs, cells) = (analysis.full.inputs(), specimen.cells);
-    let [i, j, _] = specimen.driven().map(|n| 100.0 * n as f64 / cells as f64);
+    let [i, j, _] = specimen.driven()?.map(|n| 100.0 * n as f64 / cells as f64);
     let bound = r.error_bound_n_per_m.unwrap_or(f64::NAN);
     let error = r.hinf_error_n_per_m;
     let near = percent(near_the_tool(&analysis)?);
@@ -135,7 +135,7 @@ pub(super) fn order_reduction() -> Result<Vec<Row>, LabError> {
 /// The share of the squared displacement of the first two states that is within a quarter of the width of the tool.
 fn near_the_tool(analysis: &Analysis) -> Result<f64, LabError> {
     let lattice = analysis.specimen.lattice()?;
-    let tool = lattice.position_m(analysis.specimen.driven());
+    let tool = lattice.position_m(analysis.specimen.driven()?);
     let width = lattice.position_m([analysis.specimen.cells, 0, 0]).x;
     let states = analysis.state_magnitudes().unwrap_or_default();
     let sum = |near: f64| -> f64 {
