@@ -222,13 +222,17 @@ impl Lattice {
         let Some(whole) = whole.map(Balancing::system) else {
             return self.worst_on_a_grid(full, model);
         };
-        let peak = HInf::new(whole, 1e-6)?.norm;
-        let error = match self.method {
-            // The same system: the norm of a difference of equals is rounding.
-            Method::Full => 0.0,
-            _ => HInf::new(&whole.minus(&model.state_space()?)?, 1e-6)?.norm,
+        let norms = || -> Result<Worst, LabError> {
+            let peak = HInf::new(whole, 1e-6)?.norm;
+            let error = match self.method {
+                // The same system: the norm of a difference of equals is rounding.
+                Method::Full => 0.0,
+                _ => HInf::new(&whole.minus(&model.state_space()?)?, 1e-6)?.norm,
+            };
+            Ok(Worst { error, peak, method: "hamiltonian" })
         };
-        Ok(Worst { error, peak, method: "hamiltonian" })
+        // Where eigenvalues are too ill-conditioned a grid still says something.
+        norms().or_else(|_| self.worst_on_a_grid(full, model))
     }
 
     /// Lower bounds: on a grid that has the natural frequencies of the mesh, unless it is too large for them, refined
