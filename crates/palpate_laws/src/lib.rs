@@ -1,8 +1,8 @@
 //! Force laws shared by the full body and the local model of palpate, so that both speak the same physics.
 //!
-//! * [`Spring`]: a spring and a damper along one axis, with its force and its exact tangent.
-//! * [`SkinLaw`]: the seed paper's nonlinear spring in one dimension.
-//! * [`one_sided`]: the rule that a surface pushes and never pulls.
+//! * [`Spring`]: a spring and a damper along one axis, with its force, its energy and its exact tangent.
+//! * [`ForceLaw`]: linear, that of skin ([`SkinLaw`], the seed paper's equation 5), or stiffening exponentially.
+//! * [`one_sided`]: the rule that a surface pushes and never pulls; [`Coulomb`]: the same with friction, in impulses.
 //!
 //! # Units, frames, signs
 //!
@@ -19,11 +19,15 @@
 #![forbid(unsafe_code)]
 
 mod contact;
+mod coulomb;
 mod error;
+mod law;
 mod skin;
 mod spring;
 
 pub use contact::one_sided;
+pub use coulomb::Coulomb;
 pub use error::LawError;
+pub use law::{ForceLaw, Tension};
 pub use skin::SkinLaw;
-pub use spring::{ForceLaw, Spring, SpringTangent, Tension};
+pub use spring::{Spring, SpringTangent};

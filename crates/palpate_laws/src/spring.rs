@@ -1,48 +1,7 @@
 //! A spring and a damper along one axis.
 
-use crate::LawError;
+use crate::{ForceLaw, LawError, Tension};
 use glam::{DMat3, DVec3};
-
-/// How a spring's tension depends on its extension.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum ForceLaw {
-    /// φ(e) = k e.
-    Linear {
-        /// k, N/m.
-        stiffness_n_per_m: f64,
-    },
-}
-
-/// The value of a force law at one extension.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tension {
-    /// φ(e), N; positive when stretched.
-    pub force_n: f64,
-    /// φ'(e), N/m.
-    pub stiffness_n_per_m: f64,
-}
-
-impl ForceLaw {
-    /// φ and φ' at extension `extension_m` (length minus rest length, m).
-    #[must_use]
-    pub fn at(self, extension_m: f64) -> Tension {
-        match self {
-            Self::Linear { stiffness_n_per_m } => {
-                Tension { force_n: stiffness_n_per_m * extension_m, stiffness_n_per_m }
-            }
-        }
-    }
-
-    fn validate(self) -> Result<(), LawError> {
-        match self {
-            Self::Linear { stiffness_n_per_m: k } if !(k.is_finite() && k > 0.0) => {
-                Err(LawError::Stiffness(k))
-            }
-            Self::Linear { .. } => Ok(()),
-        }
-    }
-}
 
 /// A spring with rest length ℓ₀ and law φ, and a damper b, side by side between two points `a` and `b`.
 ///
@@ -128,6 +87,27 @@ impl Spring {
         tension * u
     }
 
+    /// Energy stored at d = x_b − x_a, J.
+    #[must_use]
+    pub fn energy_j(&self, d: DVec3) -> f64 {
+        self.law.energy_j(d.length() - self.rest_length_m)
+    }
+
+    /// Power that the damper takes at d and ḋ, W; never negative.
+    #[must_use]
+    pub fn dissipated_w(&self, d: DVec3, d_dot: DVec3) -> f64 {
+        let length = d.length();
+        if length == 0.0 { 0.0 } else { self.damping_ns_per_m * (d.dot(d_dot) / length).powi(2) }
+    }
+
+    /// The same spring with `stiffness` times the force of its law, and `damping` times its damping.
+    ///
+    /// # Errors
+    /// As [`Spring::new`].
+    pub fn scaled(&self, stiffness: f64, damping: f64) -> Result<Self, LawError> {
+        Self::new(self.law.scaled(stiffness), self.rest_length_m, self.damping_ns_per_m * damping)
+    }
+
     /// The exact tangent at d = x_b − x_a.
     ///
     /// With `clamped`, the geometric stiffness of a compressed spring (φ < 0, which destabilises) and a
@@ -155,6 +135,7 @@ impl Spring {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::SkinLaw;
 
     fn spring() -> Spring {
         Spring::linear(120.0, 0.02, 0.7).unwrap()
@@ -180,17 +161,29 @@ mod tests {
     }
 
     #[test]
-    fn the_tangent_is_the_derivative_of_the_force() {
-        let (s, h) = (spring(), 1e-7);
-        for d in [DVec3::new(0.03, 0.01, -0.02), DVec3::new(-0.004, 0.009, 0.002)] {
+    fn the_tangent_is_the_derivative_of_the_force_and_the_force_that_of_the_energy() {
+        let h = 1e-7;
+        let laws = [
+            ForceLaw::Linear { stiffness_n_per_m: 120.0 },
+            ForceLaw::Skin(SkinLaw { compliance_m_per_n: 1.0 / 120.0, hardening_per_n: 0.4 }),
+            ForceLaw::Exponential { stiffness_n_per_m: 120.0, rate_per_m: 60.0 },
+        ];
+        // Stretched by a half, pressed to a half, and turned round.
+        let places =
+            [DVec3::new(0.03, 0.01, -0.02), DVec3::new(-0.004, 0.009, 0.002), DVec3::new(0.0, 0.0, 0.021)];
+        for (s, d) in laws.iter().flat_map(|&law| places.map(|d| (Spring::new(law, 0.02, 0.7).unwrap(), d))) {
             let tangent = s.tangent(d, false);
+            let gradient = DVec3::AXES.map(|e| (s.energy_j(d + h * e) - s.energy_j(d - h * e)) / (2.0 * h));
+            let force = s.force_on_a(d, DVec3::ZERO);
+            assert!((DVec3::from_array(gradient) - force).length() < 1e-6 * (1.0 + force.length()));
             for axis in 0..3 {
                 let e = DVec3::AXES[axis] * h;
                 let dx = (s.force_on_a(d + e, DVec3::ZERO) - s.force_on_a(d - e, DVec3::ZERO)) / (2.0 * h);
                 // The force is linear in the velocity, so any step will do.
                 let v = DVec3::AXES[axis];
                 let dv = (s.force_on_a(d, v) - s.force_on_a(d, -v)) / 2.0;
-                assert!((dx - tangent.stiffness.col(axis)).length() < 1e-6 * 120.0);
+                let column = tangent.stiffness.col(axis);
+                assert!((dx - column).length() < 1e-6 * 120.0 * (1.0 + column.length() / 120.0));
                 assert!((dv - tangent.damping.col(axis)).length() < 1e-12);
             }
         }

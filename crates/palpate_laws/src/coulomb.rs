@@ -1,0 +1,193 @@
+//! One-sided contact with Coulomb friction at one point, as a small problem in impulses.
+
+use crate::LawError;
+use glam::{DMat3, DVec3};
+
+/// A surface that pushes and never pulls, with Coulomb friction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coulomb {
+    /// Unit normal, along which the surface pushes.
+    normal: DVec3,
+    /// μ.
+    friction: f64,
+}
+
+/// Directions between which slip is looked for: few, and where two solutions hide between neighbours more.
+const DIRECTIONS: [u32; 3] = [16, 256, 4096];
+/// Halvings of the interval between two of them: to the last bit of an angle.
+const HALVINGS: u32 = 50;
+
+impl Coulomb {
+    /// A contact with unit normal `normal` and coefficient of friction `friction`.
+    ///
+    /// # Errors
+    /// [`LawError::Friction`] when the coefficient is negative or not finite.
+    pub fn new(normal: DVec3, friction: f64) -> Result<Self, LawError> {
+        if friction.is_finite() && friction >= 0.0 {
+            Ok(Self { normal, friction })
+        } else {
+            Err(LawError::Friction(friction))
+        }
+    }
+
+    /// The normal.
+    #[must_use]
+    pub fn normal(&self) -> DVec3 {
+        self.normal
+    }
+
+    /// μ.
+    #[must_use]
+    pub fn friction(&self) -> f64 {
+        self.friction
+    }
+
+    /// The impulse r, N s, that the surface gives, where the point's velocity relative to the surface is u = W r + `free`,
+    /// m/s. `w` (1/kg, symmetric positive definite) is what an impulse does to that velocity; `free` is the velocity
+    /// without one, a gap that may still be closed over the length of the step added along the normal.
+    ///
+    /// With r_n, u_n the components along the normal and r_t, u_t the rest:
+    ///
+    /// ```text
+    /// 0 ≤ r_n ⟂ u_n ≥ 0,    ‖r_t‖ ≤ μ r_n,    u_t = 0  or  r_t = −μ r_n u_t/‖u_t‖
+    /// ```
+    ///
+    /// Take-off, stick and slip are tried in this order. Slip has one unknown left, the direction of r_t; it is found by
+    /// bisection. Where μ is so large that a push along it would press the point in (Painlevé's paradox) there may be
+    /// none: then r_t is left as far as the cone allows in the direction of stick.
+    #[must_use]
+    pub fn impulse(&self, w: DMat3, free: DVec3) -> DVec3 {
+        let (n, mu) = (self.normal, self.friction);
+        let approach = free.dot(n);
+        // Also where it is not a number.
+        if approach.is_nan() || approach >= 0.0 {
+            return DVec3::ZERO;
+        }
+        let sticking = -(w.inverse() * free);
+        let normal = sticking.dot(n);
+        let tangential = sticking - normal * n;
+        if normal >= 0.0 && tangential.length() <= mu * normal {
+            return sticking;
+        }
+        let frictionless = -approach / n.dot(w * n);
+        if mu == 0.0 {
+            return frictionless * n;
+        }
+        self.slip(w, free, tangential)
+            .unwrap_or_else(|| frictionless * (n + mu * tangential.normalize_or_zero()))
+    }
+
+    /// The impulse of a point that slips; the direction nearest to `hint` comes first.
+    fn slip(&self, w: DMat3, free: DVec3, hint: DVec3) -> Option<DVec3> {
+        let (n, mu) = (self.normal, self.friction);
+        let first = hint.try_normalize().unwrap_or_else(|| n.any_orthonormal_vector());
+        let second = n.cross(first);
+        let direction = |angle: f64| first * angle.cos() + second * angle.sin();
+        let impulse = |t: DVec3| {
+            let push = n + mu * t;
+            let size = -free.dot(n) / n.dot(w * push);
+            (size > 0.0).then_some(size * push)
+        };
+        let velocity = |t: DVec3| Some(w * impulse(t)? + free);
+        // How far the slip is from being along the friction: its component across.
+        let miss = |angle: f64| {
+            let t = direction(angle);
+            Some(velocity(t)?.dot(n.cross(t)))
+        };
+        for directions in DIRECTIONS {
+            let step = std::f64::consts::TAU / f64::from(directions);
+            // 0, 1, -1, 2, -2, ...: outward from the hint.
+            for i in 0..directions {
+                let k = f64::from(i.div_ceil(2)) * if i % 2 == 0 { -1.0 } else { 1.0 };
+                let (mut low, mut high) = ((k - 0.5) * step, (k + 0.5) * step);
+                let (Some(at_low), Some(at_high)) = (miss(low), miss(high)) else { continue };
+                if at_low * at_high > 0.0 {
+                    continue;
+                }
+                for _ in 0..HALVINGS {
+                    let middle = 0.5 * (low + high);
+                    match miss(middle) {
+                        Some(at) if at * at_low > 0.0 => low = middle,
+                        _ => high = middle,
+                    }
+                }
+                let t = direction(0.5 * (low + high));
+                // Friction opposes the slip.
+                if velocity(t)?.dot(t) <= 0.0 {
+                    return impulse(t);
+                }
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vector(size: f64) -> impl Strategy<Value = DVec3> {
+        prop::array::uniform3(-size..size).prop_map(DVec3::from_array)
+    }
+
+    /// What a body's point may answer with: symmetric positive definite, its condition up to a hundred or so.
+    fn delassus() -> impl Strategy<Value = DMat3> {
+        (vector(1.0), vector(1.0), vector(1.0), 0.2..1.0f64).prop_map(|(a, b, c, d)| {
+            let m = DMat3::from_cols(a, b, c);
+            m * m.transpose() + DMat3::from_diagonal(DVec3::splat(d))
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn every_impulse_obeys_signorini_and_coulomb(
+            w in delassus(),
+            free in vector(1.0),
+            normal in vector(1.0).prop_filter("a direction", |n| n.length() > 0.1),
+            mu in 0.0..1.0f64,
+        ) {
+            let n = normal.normalize();
+            let contact = Coulomb::new(n, mu).unwrap();
+            let r = contact.impulse(w, free);
+            let u = w * r + free;
+            let (r_n, u_n) = (r.dot(n), u.dot(n));
+            let (r_t, u_t) = (r - r_n * n, u - u_n * n);
+            prop_assert!(r_n >= 0.0 && u_n >= -1e-12, "r_n {r_n}, u_n {u_n}");
+            prop_assert!((r_n * u_n).abs() < 1e-12, "r_n {r_n}, u_n {u_n}");
+            prop_assert!(r_t.length() <= mu * r_n + 1e-12);
+            // Friction takes energy, and as much as it can.
+            prop_assert!(r_t.dot(u_t) <= 1e-12);
+            if u_t.length() > 1e-9 && r_n > 0.0 {
+                let slipping = -mu * r_n * u_t.normalize();
+                // In Painlevé's case there is no solution; it needs more friction than the point's answer bears.
+                let bears = (0..64).all(|i| {
+                    let (a, t) = (f64::from(i) * 0.1, n.any_orthonormal_vector());
+                    n.dot(w * (n + mu * (t * a.cos() + n.cross(t) * a.sin()))) > 0.0
+                });
+                prop_assert!(!bears || (r_t - slipping).length() < 1e-7, "{r_t}, {slipping}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_point_mass_slips_slows_and_sticks() {
+        let w = DMat3::from_diagonal(DVec3::splat(2.0));
+        let contact = Coulomb::new(DVec3::Z, 0.5).unwrap();
+        // Too fast to be stopped: 0.5 kg arriving at 2 m/s takes 1 N s, friction half of it.
+        let r = contact.impulse(w, DVec3::new(3.0, 0.0, -2.0));
+        assert!((r - DVec3::new(-0.5, 0.0, 1.0)).length() < 1e-12, "{r}");
+        // Slow enough to be stopped.
+        let r = contact.impulse(w, DVec3::new(0.0, 0.9, -2.0));
+        assert!((r - DVec3::new(0.0, -0.45, 1.0)).length() < 1e-12, "{r}");
+        assert_eq!(contact.impulse(w, DVec3::new(5.0, 0.0, 1e-9)), DVec3::ZERO);
+        assert_eq!(contact.impulse(w, DVec3::NAN), DVec3::ZERO);
+    }
+
+    #[test]
+    fn friction_that_makes_no_sense_is_refused() {
+        for bad in [-0.1, f64::NAN, f64::INFINITY] {
+            assert!(matches!(Coulomb::new(DVec3::Z, bad), Err(LawError::Friction(_))));
+        }
+    }
+}
