@@ -270,6 +270,9 @@ fn simulate(
         for &face in asked.fixed.faces() {
             block = block.fix(face.into());
         }
+        if asked.fixed.faces().is_empty() {
+            block = block.allow_free();
+        }
         let Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio } = *asked.tissue;
         let block = block
             .tissue(&palpate_body::Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio })?

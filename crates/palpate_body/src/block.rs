@@ -3,7 +3,7 @@
 use crate::error::check_positive;
 use crate::lattice;
 use crate::tissue::check_damping_ratio;
-use crate::{BodyError, Link, Network, Surface, SurfaceNode};
+use crate::{BodyError, Link, Network, NetworkBuilder, Surface, SurfaceNode};
 use glam::{DQuat, DVec3};
 use palpate_laws::Spring;
 
@@ -57,6 +57,7 @@ pub struct Block {
     size_m: DVec3,
     center_m: DVec3,
     fixed: Vec<Face>,
+    allow_free: bool,
 }
 
 /// A block with its material: a network and its surface.
@@ -107,7 +108,7 @@ impl Block {
         for axis in 0..3 {
             check_positive(["size along x, m", "size along y, m", "size along z, m"][axis], size_m[axis])?;
         }
-        Ok(Self { nodes, size_m, center_m: DVec3::ZERO, fixed: Vec::new() })
+        Ok(Self { nodes, size_m, center_m: DVec3::ZERO, fixed: Vec::new(), allow_free: false })
     }
 
     /// The same block centred on `center_m`.
@@ -129,6 +130,13 @@ impl Block {
         if !self.fixed.contains(&face) {
             self.fixed.push(face);
         }
+        self
+    }
+
+    /// The same block, which need not be fixed anywhere.
+    #[must_use]
+    pub fn allow_free(mut self) -> Self {
+        self.allow_free = true;
         self
     }
 
@@ -157,7 +165,7 @@ impl Block {
     /// A lattice of equal springs and equal masses.
     ///
     /// # Errors
-    /// [`BodyError`] when a parameter makes no sense or every node is fixed.
+    /// [`BodyError`] when a parameter makes no sense, every node is fixed or, unless [`Block::allow_free`] was said, none.
     pub fn uniform(&self, lattice: &UniformLattice) -> Result<BlockBody, BodyError> {
         let k = check_positive("spring stiffness, N/m", lattice.stiffness_n_per_m)?;
         let mass = check_positive("mass of the block, kg", lattice.mass_kg)?;
@@ -195,7 +203,9 @@ impl Block {
         }
         let fixed = self.grid().map(|ijk| self.fixed.iter().any(|&face| self.on_face(ijk, face))).collect();
         let surface = self.surface();
-        Ok(BlockBody { network: Network::new(rest_m, mass_kg, fixed, links)?, surface })
+        let network = NetworkBuilder::of(rest_m, mass_kg, fixed, links);
+        let network = if self.allow_free { network.allow_free() } else { network }.build()?;
+        Ok(BlockBody { network, surface })
     }
 
     /// All (i, j, k), in the order of their indices.

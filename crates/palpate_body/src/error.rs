@@ -52,6 +52,44 @@ pub enum BodyError {
         /// The node.
         node: usize,
     },
+    /// A spring joins two nodes that are at the same place, so it has no direction.
+    #[error("spring {link} joins the nodes {a} and {b}, which are at the same place; move one of them")]
+    ZeroLength {
+        /// The spring's index.
+        link: usize,
+        /// One node.
+        a: usize,
+        /// The other.
+        b: usize,
+    },
+    /// A node that should be fixed does not exist.
+    #[error("node {node} cannot be fixed: there are only {nodes} nodes (0 to {})", .nodes.saturating_sub(1))]
+    Fixed {
+        /// The index named.
+        node: usize,
+        /// The number of nodes.
+        nodes: usize,
+    },
+    /// A part of the network has no fixed node.
+    #[error(
+        "node {node} and what it is joined to, {nodes} nodes, are fixed to nothing; fix one of them, or allow free parts"
+    )]
+    Unheld {
+        /// Its first free node.
+        node: usize,
+        /// How many nodes the part has.
+        nodes: usize,
+    },
+    /// The network is in two parts.
+    #[error(
+        "node {node} is not joined to node {first} by any springs; join them, make two bodies, or allow free parts"
+    )]
+    Disconnected {
+        /// The first free node of the later part.
+        node: usize,
+        /// The first free node of all.
+        first: usize,
+    },
     /// Two springs join the same two nodes. Add their stiffnesses instead.
     #[error("spring {link} joins the nodes {a} and {b}, as spring {earlier} does already")]
     DuplicateLink {

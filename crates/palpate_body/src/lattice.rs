@@ -1,18 +1,30 @@
 //! A regular lattice in one, two or three dimensions.
 
 use crate::error::check_positive;
-use crate::{BodyError, Link, Network};
+use crate::{BodyError, Link, Network, NetworkBuilder};
 use glam::DVec3;
 use palpate_laws::Spring;
 
-/// A regular lattice of nodes, each joined to its lateral and diagonal neighbours: 2 in one dimension, 8 in two,
-/// 26 in three. A dimension is left out by giving its axis one node.
+/// Which nodes of a lattice are joined.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Neighbours {
+    /// Those beside each other along an axis: 2 in one dimension, 4 in two, 6 in three. In more than one dimension
+    /// nothing resists shear.
+    Lateral,
+    /// Those, and the ones across a face or a cell: 2 in one dimension, 8 in two, 26 in three.
+    #[default]
+    LateralAndDiagonal,
+}
+
+/// A regular lattice of nodes in one, two or three dimensions. A dimension is left out by giving its axis one node.
 ///
 /// Node (i, j, k) has index i + nx (j + ny k) and lies at (i, j, k) · spacing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lattice {
     nodes: [usize; 3],
     spacing_m: f64,
+    neighbours: Neighbours,
+    allow_free: bool,
 }
 
 impl Lattice {
@@ -31,7 +43,19 @@ impl Lattice {
             ok,
             "2 to a million, at least 1 along each axis",
         )?;
-        Ok(Self { nodes, spacing_m })
+        Ok(Self { nodes, spacing_m, neighbours: Neighbours::default(), allow_free: false })
+    }
+
+    /// The same lattice, its nodes joined to `neighbours`.
+    #[must_use]
+    pub fn joined_to(self, neighbours: Neighbours) -> Self {
+        Self { neighbours, ..self }
+    }
+
+    /// The same lattice, which need not be fixed anywhere.
+    #[must_use]
+    pub fn allow_free(self) -> Self {
+        Self { allow_free: true, ..self }
     }
 
     /// Nodes along x, y, z.
@@ -61,7 +85,8 @@ impl Lattice {
     /// node the mass `mass_kg`, and the nodes that `fixed` says are fixed.
     ///
     /// # Errors
-    /// [`BodyError`] when a parameter makes no sense or every node is fixed.
+    /// [`BodyError`] when a parameter makes no sense, every node is fixed or, unless [`Lattice::allow_free`] was said,
+    /// none.
     pub fn uniform(
         &self,
         stiffness_n_per_m: f64,
@@ -71,8 +96,12 @@ impl Lattice {
     ) -> Result<Network, BodyError> {
         let rest_m: Vec<DVec3> = self.grid().map(|ijk| self.position_m(ijk)).collect();
         let mut links = Vec::new();
+        let joined = |step: &[i32; 3]| {
+            let axes = step.iter().filter(|s| **s != 0).count();
+            axes == 1 || self.neighbours == Neighbours::LateralAndDiagonal
+        };
         for ijk in self.grid() {
-            for step in steps() {
+            for step in steps().filter(joined) {
                 let Some(other) = neighbour(self.nodes, ijk, step) else { continue };
                 let (a, b) = (self.node(ijk), self.node(other));
                 let spring =
@@ -82,7 +111,9 @@ impl Lattice {
             }
         }
         let nodes = rest_m.len();
-        Network::new(rest_m, vec![mass_kg; nodes], self.grid().map(fixed).collect(), links)
+        let fixed = self.grid().map(fixed).collect();
+        let network = NetworkBuilder::of(rest_m, vec![mass_kg; nodes], fixed, links);
+        if self.allow_free { network.allow_free() } else { network }.build()
     }
 }
 

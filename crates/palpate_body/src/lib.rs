@@ -27,7 +27,8 @@
 //!
 //! # Contents
 //!
-//! * Networks: [`Network`], [`Link`], the regular [`Lattice`] in one to three dimensions, the [`Block`] with its [`Surface`].
+//! * Networks: [`Network`], made by a [`NetworkBuilder`] from nodes and [`Link`]s; the regular [`Lattice`] in one to three
+//!   dimensions; the [`Block`] with its [`Surface`].
 //! * Material: [`UniformLattice`] (every spring alike) and [`Tissue`] (from Young's modulus and density).
 //! * State and time: [`Body`], [`SemiImplicitEuler`], [`StepReport`].
 //! * The tool: [`ToolContact`], [`ToolPoint`].
@@ -63,8 +64,8 @@ pub use block::{Block, BlockBody, Face, UniformLattice};
 pub use body::{Body, StepReport};
 pub use error::BodyError;
 pub use integrator::SemiImplicitEuler;
-pub use lattice::Lattice;
-pub use network::{Link, Network};
+pub use lattice::{Lattice, Neighbours};
+pub use network::{Link, Network, NetworkBuilder};
 pub use surface::{Surface, SurfaceNode};
 pub use tangent::{Tangent, TangentPattern};
 pub use tissue::{CellStiffness, Tissue};

@@ -1,5 +1,9 @@
 //! A network of point masses, springs and dampers: what a body is made of, without its state.
 
+mod builder;
+
+pub use builder::NetworkBuilder;
+
 use crate::BodyError;
 use crate::error::check;
 use glam::{DQuat, DVec3};
@@ -29,30 +33,74 @@ pub struct Network {
     /// Incident links of node i: `incident[incident_start[i]..incident_start[i + 1]]`.
     incident: Vec<usize>,
     incident_start: Vec<usize>,
+    allow_free: bool,
 }
 
 impl Network {
-    /// A network of nodes at `rest_m` (m) with masses `mass_kg`, held where `fixed`, joined by `links`.
+    /// A network of nodes at `rest_m` (m) with masses `mass_kg`, held where `fixed`, joined by `links`. See
+    /// [`NetworkBuilder`] for networks with parts that are free, or one made step by step.
     ///
     /// # Errors
-    /// [`BodyError`] when there is no node or no free node, the lists differ in length, a position is not
-    /// finite, a mass not above zero, or a link names a node that does not exist, joins a node with itself,
-    /// or repeats another.
+    /// As [`NetworkBuilder::build`]; [`BodyError::Length`] when the lists differ in length.
     pub fn new(
         rest_m: Vec<DVec3>,
         mass_kg: Vec<f64>,
         fixed: Vec<bool>,
         links: Vec<Link>,
     ) -> Result<Self, BodyError> {
+        NetworkBuilder::of(rest_m, mass_kg, fixed, links).build()
+    }
+
+    fn assemble(
+        rest_m: Vec<DVec3>,
+        mass_kg: Vec<f64>,
+        fixed: Vec<bool>,
+        links: Vec<Link>,
+        allow_free: bool,
+    ) -> Result<Self, BodyError> {
         validate_nodes(&rest_m, &mass_kg, &fixed)?;
-        validate_links(&links, rest_m.len())?;
+        validate_links(&links, &rest_m)?;
         let free: Vec<usize> = (0..rest_m.len()).filter(|&i| !fixed[i]).collect();
         let mut free_index = vec![None; rest_m.len()];
         for (index, &node) in free.iter().enumerate() {
             free_index[node] = Some(index);
         }
         let (incident, incident_start) = incidence(&links, rest_m.len());
-        Ok(Self { rest_m, mass_kg, fixed, links, free, free_index, incident, incident_start })
+        let network =
+            Self { rest_m, mass_kg, fixed, links, free, free_index, incident, incident_start, allow_free };
+        if !allow_free {
+            network.validate_parts()?;
+        }
+        Ok(network)
+    }
+
+    /// Refuses parts with a free node that are fixed to nothing, or not joined to the first of them.
+    fn validate_parts(&self) -> Result<(), BodyError> {
+        let mut part = vec![usize::MAX; self.node_count()];
+        for &start in &self.free {
+            if part[start] != usize::MAX {
+                continue;
+            }
+            part[start] = start;
+            let (mut front, mut nodes, mut held) = (vec![start], 1, false);
+            while let Some(node) = front.pop() {
+                held |= self.is_fixed(node);
+                for other in self.neighbours(node) {
+                    if part[other] == usize::MAX {
+                        part[other] = start;
+                        nodes += 1;
+                        front.push(other);
+                    }
+                }
+            }
+            if !held {
+                return Err(BodyError::Unheld { node: start, nodes });
+            }
+            if start != self.free[0] {
+                return Err(BodyError::Disconnected { node: start, first: self.free[0] });
+            }
+        }
+        Ok(())
     }
 
     /// The same network turned by `rotation` about the origin and then moved by `translation_m`.
@@ -147,7 +195,8 @@ fn validate_nodes(rest_m: &[DVec3], mass_kg: &[f64], fixed: &[bool]) -> Result<(
     Ok(())
 }
 
-fn validate_links(links: &[Link], nodes: usize) -> Result<(), BodyError> {
+fn validate_links(links: &[Link], rest_m: &[DVec3]) -> Result<(), BodyError> {
+    let nodes = rest_m.len();
     let mut seen = HashMap::with_capacity(links.len());
     for (link, &Link { a, b, .. }) in links.iter().enumerate() {
         if let Some(node) = [a, b].into_iter().find(|&node| node >= nodes) {
@@ -155,6 +204,9 @@ fn validate_links(links: &[Link], nodes: usize) -> Result<(), BodyError> {
         }
         if a == b {
             return Err(BodyError::SelfLink { link, node: a });
+        }
+        if rest_m[a] == rest_m[b] {
+            return Err(BodyError::ZeroLength { link, a, b });
         }
         if let Some(earlier) = seen.insert((a.min(b), a.max(b)), link) {
             return Err(BodyError::DuplicateLink { link, earlier, a, b });

@@ -105,7 +105,8 @@ impl Block {
     /// The block filled with `tissue`.
     ///
     /// # Errors
-    /// [`BodyError`] when a parameter makes no sense, the cells are too far from cubes, or all is fixed.
+    /// [`BodyError`] when a parameter makes no sense, the cells are too far from cubes, all is fixed, or nothing is
+    /// and [`Block::allow_free`] was not said.
     pub fn tissue(&self, tissue: &Tissue) -> Result<BlockBody, BodyError> {
         let density = check_positive("density, kg/m3", tissue.density_kg_per_m3)?;
         let ratio = check_damping_ratio(tissue.damping_ratio)?;
@@ -160,7 +161,7 @@ mod tests {
         let e = 20e3;
         let (lambda, mu) = (0.4 * e, 0.4 * e);
         for size in [DVec3::splat(0.1), DVec3::new(0.1, 0.11, 0.09)] {
-            let block = Block::new([6, 6, 6], size).unwrap();
+            let block = Block::new([6, 6, 6], size).unwrap().allow_free();
             let network =
                 block.tissue(&Tissue { youngs_modulus_pa: e, ..Tissue::default() }).unwrap().network;
             for strain in [
@@ -191,7 +192,7 @@ mod tests {
             assert!((springs.face[n] / side - 0.5).abs() < 1e-14);
         }
         assert!((springs.through / side - 3.0 / 16.0).abs() < 1e-14);
-        let block = Block::new([4, 5, 6], DVec3::new(0.09, 0.12, 0.15)).unwrap();
+        let block = Block::new([4, 5, 6], DVec3::new(0.09, 0.12, 0.15)).unwrap().allow_free();
         let mass: f64 = block.tissue(&Tissue::default()).unwrap().network.mass_kg().iter().sum();
         assert!((mass / (1000.0 * 0.09 * 0.12 * 0.15) - 1.0).abs() < 1e-14);
     }
