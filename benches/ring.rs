@@ -50,7 +50,7 @@ fn model_steps(c: &mut Criterion) {
         let (mut body, mut contact, at) = held_block(nodes);
         let path = vec![at; 51];
         group.bench_function(format!("step of 50 ticks, {nodes}^3"), |b| {
-            b.iter(|| body.advance(Some((&mut contact, &path)), 50, &SemiImplicitEuler::default()));
+            b.iter(|| body.advance(Some((&mut contact, &path)), 50, SemiImplicitEuler::default()));
         });
         let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).expect("good options");
         let mut model = LocalModel::silent(builder.order_capacity());

@@ -31,7 +31,7 @@ impl ModelSide {
         path.extend((from + 1..=sequence).map(|s| point(&sample(s))));
         let last = path[path.len() - 1];
         let along = Some((&mut self.contact, path.as_slice()));
-        self.body.advance(along, path.len() - 1, &SemiImplicitEuler::default()).unwrap();
+        self.body.advance(along, path.len() - 1, SemiImplicitEuler::default()).unwrap();
         self.at = Some((sequence, last));
         let id = ModelId { body: 1, epoch: 0, sequence };
         let model = handle.model_slot();

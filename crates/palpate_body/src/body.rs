@@ -1,6 +1,12 @@
-//! A body: a network with its state, and its step through time.
+//! A body: a network with its state.
 
-use crate::{BodyError, Network, SemiImplicitEuler, Surface, ToolContact, ToolPoint};
+mod step;
+
+pub use step::StepReport;
+
+use crate::energy::Ledger;
+use crate::integrator::Workspace;
+use crate::{BodyError, Network, Surface};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -9,23 +15,38 @@ use std::sync::Arc;
 pub struct Body {
     network: Arc<Network>,
     surface: Arc<Surface>,
+    gravity_m_per_s2: DVec3,
     x: Vec<DVec3>,
     v: Vec<DVec3>,
+    /// Ticks in a row in which nothing moved to speak of.
+    quiet_ticks: u64,
     force: Vec<DVec3>,
     before: (Vec<DVec3>, Vec<DVec3>),
+    pub(crate) ledger: Option<Ledger>,
+    implicit: Option<Box<Workspace>>,
 }
 
-/// What a model step did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct StepReport {
-    /// Ticks stepped.
-    pub ticks: usize,
-    /// Substeps in each of them.
-    pub substeps: usize,
+/// Nodes slower than that stand still to the eye and to the hand: a hair's breadth in a second.
+const QUIET_M_PER_S: f64 = 1e-4;
+/// Ticks of quiet after which a body is settled.
+const QUIET_TICKS: u64 = 100;
+
+/// The state of a body: what a step depends on, beside the network, gravity and the tool.
+///
+/// Restored into a body of the same network it leads to the same steps, to the bit.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct BodyState {
+    /// Position of every node, m.
+    pub positions_m: Vec<DVec3>,
+    /// Velocity of every node, m/s.
+    pub velocities_m_per_s: Vec<DVec3>,
+    /// Ticks in a row in which nothing moved to speak of: see [`Body::is_settled`].
+    pub quiet_ticks: u64,
 }
 
 impl Body {
-    /// A body at rest.
+    /// A body at rest, without gravity.
     ///
     /// # Errors
     /// [`BodyError::Surface`], [`BodyError::Parameter`] when `surface` does not fit `network`.
@@ -33,8 +54,12 @@ impl Body {
         surface.validate(network.node_count())?;
         let (x, still) = (network.rest_m().to_vec(), vec![DVec3::ZERO; network.node_count()]);
         Ok(Self {
+            gravity_m_per_s2: DVec3::ZERO,
+            quiet_ticks: 0,
             force: still.clone(),
             before: (x.clone(), still.clone()),
+            ledger: None,
+            implicit: None,
             v: still,
             x,
             network: Arc::new(network),
@@ -54,6 +79,26 @@ impl Body {
         &self.surface
     }
 
+    /// The acceleration of gravity, m/s².
+    #[must_use]
+    pub fn gravity_m_per_s2(&self) -> DVec3 {
+        self.gravity_m_per_s2
+    }
+
+    /// Sets the acceleration of gravity, m/s², for instance (0, 0, −9.81).
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] when it is not finite.
+    pub fn set_gravity(&mut self, gravity_m_per_s2: DVec3) -> Result<(), BodyError> {
+        let largest = gravity_m_per_s2.abs().max_element();
+        crate::error::check("gravity, m/s2", largest, gravity_m_per_s2.is_finite(), "finite")?;
+        if gravity_m_per_s2 != self.gravity_m_per_s2 {
+            self.quiet_ticks = 0;
+        }
+        self.gravity_m_per_s2 = gravity_m_per_s2;
+        Ok(())
+    }
+
     /// Position of every node, m.
     #[must_use]
     pub fn positions_m(&self) -> &[DVec3] {
@@ -64,6 +109,33 @@ impl Body {
     #[must_use]
     pub fn velocities_m_per_s(&self) -> &[DVec3] {
         &self.v
+    }
+
+    /// Whether no node has moved faster than 0.1 mm/s in the last 100 ticks: it may be left unstepped as long as nothing
+    /// about it changes.
+    #[must_use]
+    pub fn is_settled(&self) -> bool {
+        self.quiet_ticks >= QUIET_TICKS
+    }
+
+    /// Its state now.
+    #[must_use]
+    pub fn state(&self) -> BodyState {
+        BodyState {
+            positions_m: self.x.clone(),
+            velocities_m_per_s: self.v.clone(),
+            quiet_ticks: self.quiet_ticks,
+        }
+    }
+
+    /// Puts the body into `state`, to the bit if it is one of this body's network.
+    ///
+    /// # Errors
+    /// As [`Body::set_state`].
+    pub fn restore(&mut self, state: &BodyState) -> Result<(), BodyError> {
+        self.set_state(&state.positions_m, &state.velocities_m_per_s)?;
+        self.quiet_ticks = state.quiet_ticks;
+        Ok(())
     }
 
     /// Puts the body into a state. Velocities of fixed nodes count as zero.
@@ -83,10 +155,13 @@ impl Body {
         }
         self.x.copy_from_slice(x_m);
         self.v.copy_from_slice(v_m_per_s);
+        self.quiet_ticks = 0;
         // What is fixed does not move, whatever the list says.
         for node in (0..nodes).filter(|&node| self.network.is_fixed(node)) {
             self.v[node] = DVec3::ZERO;
         }
+        // A state that was set is no work that was done.
+        self.ledger = self.ledger.take().map(|_| Ledger::open(self));
         Ok(())
     }
 
@@ -109,111 +184,6 @@ impl Body {
             sum += if link.a == node { f } else { -f };
         }
         sum
-    }
-
-    /// Advances by `ticks` ticks, the tool following its path: `path[0]` is where it was at the end of the
-    /// last step, `path[i]` where it is at the end of tick i; between them its position is linear and its
-    /// velocity that of the later point.
-    ///
-    /// # Errors
-    /// [`BodyError::PathLength`], [`BodyError::Path`] for a path that does not fit or is not finite,
-    /// [`BodyError::CannotHold`] for a contact with another body,
-    /// [`BodyError::Parameter`], [`BodyError::Substeps`] for an integrator that cannot take the step; [`BodyError::Diverged`] when the
-    /// step left the finite numbers. In every case body and tool are as they were before.
-    pub fn advance(
-        &mut self,
-        tool: Option<(&mut ToolContact, &[ToolPoint])>,
-        ticks: usize,
-        integrator: &SemiImplicitEuler,
-    ) -> Result<StepReport, BodyError> {
-        self.advance_observed(tool, ticks, integrator, |_, _| ())
-    }
-
-    /// As [`Body::advance`], and calls `observe` after every tick with its number (from 1) and the force that
-    /// the body then displays to the tool, N.
-    ///
-    /// # Errors
-    /// As [`Body::advance`].
-    pub fn advance_observed(
-        &mut self,
-        tool: Option<(&mut ToolContact, &[ToolPoint])>,
-        ticks: usize,
-        integrator: &SemiImplicitEuler,
-        mut observe: impl FnMut(usize, DVec3),
-    ) -> Result<StepReport, BodyError> {
-        if let Some((contact, path)) = &tool {
-            contact.validate(self)?;
-            if path.len() != ticks + 1 {
-                return Err(BodyError::PathLength { ticks, points: path.len() });
-            }
-            if let Some(index) = path.iter().position(|p| !p.is_finite()) {
-                return Err(BodyError::Path { index });
-            }
-        }
-        let substeps = integrator.substeps(self)?;
-        self.before.0.copy_from_slice(&self.x);
-        self.before.1.copy_from_slice(&self.v);
-        let h = integrator.tick_s / substeps as f64;
-        match tool {
-            None => {
-                for tick in 1..=ticks {
-                    (0..substeps).for_each(|_| self.substep(None, h));
-                    observe(tick, DVec3::ZERO);
-                }
-                self.refuse_divergence()?;
-            }
-            Some((contact, path)) => {
-                let contact_before = *contact;
-                for tick in 1..=ticks {
-                    let (from, to) = (path[tick - 1], path[tick]);
-                    for i in 1..=substeps {
-                        let along = i as f64 / substeps as f64;
-                        let point = ToolPoint {
-                            position_m: from.position_m + (to.position_m - from.position_m) * along,
-                            velocity_m_per_s: to.velocity_m_per_s,
-                        };
-                        self.substep(Some((contact, point)), h);
-                    }
-                    observe(tick, contact.displayed_force_n(self));
-                }
-                self.refuse_divergence().inspect_err(|_| *contact = contact_before)?;
-            }
-        }
-        Ok(StepReport { ticks, substeps })
-    }
-
-    fn substep(&mut self, tool: Option<(&mut ToolContact, ToolPoint)>, h: f64) {
-        let mut driven = None;
-        if let Some((contact, point)) = tool {
-            contact.make(self, point.position_m);
-            if let Some((node, offset_m)) = contact.driven() {
-                self.x[node] = point.position_m + offset_m;
-                self.v[node] = point.velocity_m_per_s;
-            }
-            internal_forces(&self.network, &self.x, &self.v, &mut self.force);
-            if let Some((node, _)) = contact.driven() {
-                contact.release(self.force[node]);
-            }
-            driven = contact.driven_node();
-        } else {
-            internal_forces(&self.network, &self.x, &self.v, &mut self.force);
-        }
-        for &node in self.network.free() {
-            if driven != Some(node) {
-                self.v[node] += self.force[node] * (h / self.network.mass_kg()[node]);
-                self.x[node] += self.v[node] * h;
-            }
-        }
-    }
-
-    fn refuse_divergence(&mut self) -> Result<(), BodyError> {
-        let Some(node) = (0..self.x.len()).find(|&i| !(self.x[i].is_finite() && self.v[i].is_finite()))
-        else {
-            return Ok(());
-        };
-        self.x.copy_from_slice(&self.before.0);
-        self.v.copy_from_slice(&self.before.1);
-        Err(BodyError::Diverged { node })
     }
 }
 

@@ -141,6 +141,28 @@ pub enum BodyError {
         /// [`crate::SemiImplicitEuler::max_substeps`].
         allowed: usize,
     },
+    /// The matrix of an implicit step is not positive definite even when clamped: a number has overflowed.
+    #[error(
+        "the matrix of the implicit step is not positive definite; are stiffness, mass and step within reason?"
+    )]
+    Indefinite,
+    /// Memory does not last for a factorisation.
+    #[error("the factorisation of a body of {nodes} free nodes failed; take conjugate gradients")]
+    TooLarge {
+        /// Number of free nodes.
+        nodes: usize,
+    },
+    /// Conjugate gradients did not converge. The body is as it was before the step.
+    #[error(
+        "conjugate gradients are not at {tolerance} after {iterations} iterations; take Cholesky, a shorter step or a \
+         larger tolerance"
+    )]
+    NotConverged {
+        /// Iterations taken.
+        iterations: usize,
+        /// The residual asked for.
+        tolerance: f64,
+    },
     /// The cells of a lattice are too long in one direction for an isotropic network of springs.
     #[error(
         "cells of {x_m} m x {y_m} m x {z_m} m are too far from cubes for an isotropic tissue: \

@@ -1,116 +1,85 @@
-//! Semi-implicit Euler and the step at which it stays stable.
+//! How a body is stepped through time.
 
-use crate::error::{check, check_positive};
+mod linearly_implicit;
+mod semi_implicit;
+
+pub(crate) use linearly_implicit::Workspace;
+pub use linearly_implicit::{LinearSolver, LinearlyImplicitEuler};
+pub use semi_implicit::SemiImplicitEuler;
+
 use crate::{Body, BodyError};
-use glam::{DMat3, DVec3};
 
-/// Semi-implicit (symplectic) Euler: v ← v + h M⁻¹F(x, v), then x ← x + h v, with n equal substeps h in each
-/// tick.
-///
-/// # Stability
-///
-/// For M ẍ + B ẋ + K x = 0 the step is stable when 4M − 2hB − h²K is positive definite, so when
-/// 2h β + h² κ < 4 with β, κ the largest eigenvalues of M⁻¹B and M⁻¹K. For a network both are bounded, node by
-/// node, by twice the largest eigenvalue of Σ_e k_e u uᵀ / m_i over the links of node i (because
-/// (a − b)² ≤ 2a² + 2b²), the stretched links' geometric stiffness included. The estimate uses these bounds at
-/// the state at which a model step begins, so a `stability_margin` is kept for what happens during the step.
+/// An integrator with its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SemiImplicitEuler {
-    /// Length of a tick, s.
-    pub tick_s: f64,
-    /// Substeps in a tick when stability needs no more.
-    pub min_substeps: usize,
-    /// Substeps in a tick never exceed this; a step that would need more is refused.
-    pub max_substeps: usize,
-    /// The share of the stable step that is used, above 0 and at most 1.
-    pub stability_margin: f64,
+#[non_exhaustive]
+pub enum Integrator {
+    /// Cheap steps, as many as stability needs.
+    SemiImplicitEuler(SemiImplicitEuler),
+    /// Dear steps, stable whatever their length.
+    LinearlyImplicitEuler(LinearlyImplicitEuler),
 }
 
-impl Default for SemiImplicitEuler {
-    /// 1 ms, 4 to 1000 substeps, 0.9 of the stable step.
+impl Default for Integrator {
     fn default() -> Self {
-        Self { tick_s: 1e-3, min_substeps: 4, max_substeps: 1000, stability_margin: 0.9 }
+        Self::SemiImplicitEuler(SemiImplicitEuler::default())
     }
 }
 
-impl SemiImplicitEuler {
-    /// The largest stable substep h at the state of `body`, s, by the bound above.
+impl From<SemiImplicitEuler> for Integrator {
+    fn from(settings: SemiImplicitEuler) -> Self {
+        Self::SemiImplicitEuler(settings)
+    }
+}
+
+impl From<LinearlyImplicitEuler> for Integrator {
+    fn from(settings: LinearlyImplicitEuler) -> Self {
+        Self::LinearlyImplicitEuler(settings)
+    }
+}
+
+impl<T: Copy + Into<Self>> From<&T> for Integrator {
+    fn from(settings: &T) -> Self {
+        (*settings).into()
+    }
+}
+
+impl Integrator {
+    /// Length of a tick, s.
     #[must_use]
-    pub fn stable_step_s(body: &Body) -> f64 {
-        let (beta, kappa) = rate_bounds(body);
-        if kappa == 0.0 {
-            return if beta == 0.0 { f64::INFINITY } else { 2.0 / beta };
+    pub fn tick_s(&self) -> f64 {
+        match self {
+            Self::SemiImplicitEuler(settings) => settings.tick_s,
+            Self::LinearlyImplicitEuler(settings) => settings.tick_s,
         }
-        ((beta * beta + 4.0 * kappa).sqrt() - beta) / kappa
     }
 
-    /// Substeps in a tick at the state of `body`.
+    /// Ticks that a step spans at most, and steps in each such span, at the state of `body`.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when a setting makes no sense, [`BodyError::Substeps`] when more than
-    /// `max_substeps` are needed.
-    pub fn substeps(&self, body: &Body) -> Result<usize, BodyError> {
-        check_positive("tick, s", self.tick_s)?;
-        let margin = self.stability_margin;
-        check("stability margin", margin, margin > 0.0 && margin <= 1.0, "above 0 and at most 1")?;
-        let (min, max) = (self.min_substeps, self.max_substeps);
-        check(
-            "least substeps in a tick",
-            min as f64,
-            (1..=max).contains(&min),
-            "at least 1 and at most the most",
-        )?;
-        let needed = (self.tick_s / (margin * Self::stable_step_s(body))).ceil();
-        if needed.is_nan() || needed > max as f64 {
-            return Err(BodyError::Substeps { needed, allowed: max });
+    /// [`BodyError::Parameter`] when a setting makes no sense, [`BodyError::Substeps`] when a stable step is too short.
+    pub(crate) fn steps(&self, body: &Body) -> Result<(usize, usize), BodyError> {
+        match self {
+            Self::SemiImplicitEuler(settings) => Ok((1, settings.substeps(body)?)),
+            Self::LinearlyImplicitEuler(settings) => {
+                settings.validate()?;
+                Ok((settings.ticks_per_step, settings.substeps))
+            }
         }
-        Ok(min.max(needed as usize))
     }
 }
 
-/// Upper bounds of the largest eigenvalues of M⁻¹B (1/s) and M⁻¹K (1/s²) over the free nodes.
-fn rate_bounds(body: &Body) -> (f64, f64) {
-    let (network, x) = (body.network(), body.positions_m());
-    let (mut beta, mut kappa) = (0.0_f64, 0.0_f64);
-    for &node in network.free() {
-        let (mut k, mut b) = (DMat3::ZERO, DMat3::ZERO);
-        for &link in network.incident_links(node) {
-            let link = &network.links()[link];
-            let tangent = link.spring.tangent(x[link.b] - x[link.a], true);
-            k += tangent.stiffness;
-            b += tangent.damping;
-        }
-        let per_mass = 2.0 / network.mass_kg()[node];
-        beta = beta.max(per_mass * largest_eigenvalue(&b));
-        kappa = kappa.max(per_mass * largest_eigenvalue(&k));
-    }
-    (beta, kappa)
-}
-
-/// Largest eigenvalue of a symmetric matrix, by the trigonometric solution of its characteristic cubic
-/// (O. K. Smith, Communications of the ACM 4 (1961) 168).
-fn largest_eigenvalue(a: &DMat3) -> f64 {
-    let mean = (a.x_axis.x + a.y_axis.y + a.z_axis.z) / 3.0;
-    let shifted = *a - DMat3::from_diagonal(DVec3::splat(mean));
-    let spread = (shifted.to_cols_array().iter().map(|v| v * v).sum::<f64>() / 6.0).sqrt();
-    if spread == 0.0 {
-        return mean;
-    }
-    let half_det = ((shifted * (1.0 / spread)).determinant() / 2.0).clamp(-1.0, 1.0);
-    mean + 2.0 * spread * (half_det.acos() / 3.0).cos()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_largest_eigenvalue_of_known_matrices() {
-        assert_eq!(largest_eigenvalue(&DMat3::from_diagonal(DVec3::splat(3.0))), 3.0);
-        let diagonal = DMat3::from_diagonal(DVec3::new(1.0, -4.0, 2.5));
-        assert!((largest_eigenvalue(&diagonal) - 2.5).abs() < 1e-14);
-        let u = DVec3::new(1.0, 2.0, -2.0) / 3.0;
-        let rank_one = DMat3::from_cols(u * u.x, u * u.y, u * u.z) * 7.0;
-        assert!((largest_eigenvalue(&rank_one) - 7.0).abs() < 1e-13);
-    }
+/// What solved for the steps of a model step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum SolvedBy {
+    /// Nothing had to be solved: semi-implicit Euler.
+    #[default]
+    Nothing,
+    /// A sparse Cholesky factorisation at each step.
+    Cholesky,
+    /// Preconditioned conjugate gradients.
+    ConjugateGradients {
+        /// The most iterations that a step took.
+        iterations: usize,
+    },
 }

@@ -19,7 +19,7 @@
 //! let from = ToolPoint::at_rest(body.positions_m()[node]);
 //! let to = ToolPoint { position_m: from.position_m - 1e-3 * DVec3::Z, velocity_m_per_s: -DVec3::Z };
 //! let mut tool = ToolContact::hold(&body, node, from.position_m)?;
-//! body.advance(Some((&mut tool, &[from, to])), 1, &SemiImplicitEuler::default())?;
+//! body.advance(Some((&mut tool, &[from, to])), 1, SemiImplicitEuler::default())?;
 //! assert!(tool.displayed_force_n(&body).z > 0.0);
 //! # Ok(())
 //! # }
@@ -30,7 +30,7 @@
 //! * Networks: [`Network`], made by a [`NetworkBuilder`] from nodes and [`Link`]s; the regular [`Lattice`] in one to three
 //!   dimensions; the [`Block`] with its [`Surface`].
 //! * Material: [`UniformLattice`] (every spring alike) and [`Tissue`] (from Young's modulus and density).
-//! * State and time: [`Body`], [`SemiImplicitEuler`], [`StepReport`].
+//! * State and time: [`Body`], [`BodyState`], [`Integrator`], [`StepReport`]; energy: [`Energy`], [`EnergyBooks`].
 //! * The tool: [`ToolContact`], [`ToolPoint`].
 //! * Linearisation: [`TangentPattern`], [`Tangent`].
 //!
@@ -51,6 +51,7 @@
 
 mod block;
 mod body;
+mod energy;
 mod error;
 mod integrator;
 mod lattice;
@@ -61,9 +62,10 @@ mod tissue;
 mod tool;
 
 pub use block::{Block, BlockBody, Face, UniformLattice};
-pub use body::{Body, StepReport};
+pub use body::{Body, BodyState, StepReport};
+pub use energy::{Energy, EnergyBooks};
 pub use error::BodyError;
-pub use integrator::SemiImplicitEuler;
+pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplicitEuler, SolvedBy};
 pub use lattice::{Lattice, Neighbours};
 pub use network::{Link, Network, NetworkBuilder};
 pub use surface::{Surface, SurfaceNode};

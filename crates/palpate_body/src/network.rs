@@ -146,6 +146,12 @@ impl Network {
         &self.links
     }
 
+    /// Whether the force of every spring is proportional to its extension.
+    #[must_use]
+    pub fn is_linear(&self) -> bool {
+        self.links.iter().all(|link| link.spring.law().is_linear())
+    }
+
     /// The nodes that are not fixed, in ascending order.
     #[must_use]
     pub fn free(&self) -> &[usize] {

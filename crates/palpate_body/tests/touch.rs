@@ -21,7 +21,7 @@ fn press(body: &mut Body, tool: &mut ToolContact, ticks: usize, height: impl Fn(
         })
         .collect();
     let mut forces = Vec::new();
-    body.advance_observed(Some((tool, &path)), ticks, &SemiImplicitEuler::default(), |_, f| forces.push(f))
+    body.advance_observed(Some((tool, &path)), ticks, SemiImplicitEuler::default(), |_, f| forces.push(f))
         .unwrap();
     forces
 }
@@ -71,7 +71,7 @@ fn a_held_node_pulls_too() {
     let p = body.positions_m()[node];
     let mut tool = ToolContact::hold(&body, node, p).unwrap();
     let lifted = ToolPoint::at_rest(p + DVec3::Z * 2e-3);
-    body.advance(Some((&mut tool, &[ToolPoint::at_rest(p), lifted])), 1, &SemiImplicitEuler::default())
+    body.advance(Some((&mut tool, &[ToolPoint::at_rest(p), lifted])), 1, SemiImplicitEuler::default())
         .unwrap();
     assert!(tool.displayed_force_n(&body).z < 0.0);
 }
@@ -105,7 +105,7 @@ fn a_tool_in_free_air_near_an_edge_or_a_corner_touches_nothing() {
             for free in [DVec3::new(u, v, 0.05 + RADIUS + 1e-6), DVec3::new(0.05 + RADIUS + 1e-6, u, v)] {
                 let (mut body, mut tool) = (body.clone(), ToolContact::touch(RADIUS).unwrap());
                 let path = [ToolPoint::at_rest(free); 2];
-                body.advance(Some((&mut tool, &path)), 1, &SemiImplicitEuler::default()).unwrap();
+                body.advance(Some((&mut tool, &path)), 1, SemiImplicitEuler::default()).unwrap();
                 assert_eq!(tool.touched(), None, "at {free}");
             }
         }
@@ -117,7 +117,7 @@ fn pressing_near_an_edge_pushes_along_the_face() {
     let (mut body, mut tool) = (block(), ToolContact::touch(RADIUS).unwrap());
     let at = |depth: f64| ToolPoint::at_rest(DVec3::new(0.045, 0.01, 0.05 + RADIUS - depth));
     let path: Vec<ToolPoint> = (0..=100).map(|i| at(4e-5 * f64::from(i))).collect();
-    body.advance(Some((&mut tool, &path)), 100, &SemiImplicitEuler::default()).unwrap();
+    body.advance(Some((&mut tool, &path)), 100, SemiImplicitEuler::default()).unwrap();
     assert_eq!(tool.touched().unwrap().normal, DVec3::Z);
     assert!(tool.displayed_force_n(&body).z > 0.1);
 }
@@ -128,7 +128,7 @@ fn a_contact_with_another_body_is_refused_and_nothing_is_stepped() {
     let before = body.positions_m().to_vec();
     for (node, why) in [(400, "there is no such node"), (0, "it is fixed")] {
         let mut foreign = ToolContact::Held { node, offset_m: DVec3::ZERO };
-        let refused = body.advance(Some((&mut foreign, &path)), 1, &SemiImplicitEuler::default());
+        let refused = body.advance(Some((&mut foreign, &path)), 1, SemiImplicitEuler::default());
         assert_eq!(refused, Err(BodyError::CannotHold { node, why }));
     }
     assert_eq!(body.positions_m(), before);

@@ -206,7 +206,7 @@ impl ModelSide {
     fn step(&mut self, tool: ToolPoint) -> Result<(), LabError> {
         self.path.push(tool);
         let ticks = self.path.len() - 1;
-        self.body.advance(Some((&mut self.contact, &self.path)), ticks, &SemiImplicitEuler::default())?;
+        self.body.advance(Some((&mut self.contact, &self.path)), ticks, SemiImplicitEuler::default())?;
         self.path = vec![tool];
         Ok(())
     }

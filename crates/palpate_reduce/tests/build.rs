@@ -31,7 +31,7 @@ fn pressed(nodes: [usize; 3], depth: f64) -> (Body, ToolContact, usize) {
     let path: Vec<ToolPoint> = (0..=2000)
         .map(|i| ToolPoint::at_rest(start - DVec3::Z * depth * (f64::from(i) / 200.0).min(1.0)))
         .collect();
-    body.advance(Some((&mut contact, &path)), 2000, &SemiImplicitEuler::default()).unwrap();
+    body.advance(Some((&mut contact, &path)), 2000, SemiImplicitEuler::default()).unwrap();
     (body, contact, node)
 }
 

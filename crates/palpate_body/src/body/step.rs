@@ -1,0 +1,202 @@
+//! A body's step through time.
+
+use super::{Body, QUIET_M_PER_S, internal_forces};
+use crate::energy::Ledger;
+use crate::integrator::{LinearlyImplicitEuler, SolvedBy, Workspace};
+use crate::{BodyError, Integrator, ToolContact, ToolPoint};
+use glam::DVec3;
+
+/// What a model step did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StepReport {
+    /// Ticks stepped.
+    pub ticks: usize,
+    /// Substeps in each of them, at most; 1 when a step spans several ticks.
+    pub substeps: usize,
+    /// What solved for the steps.
+    pub solved_by: SolvedBy,
+    /// Steps for which the tangent had to be clamped.
+    pub clamped: usize,
+}
+
+impl Body {
+    /// Advances by `ticks` ticks, the tool following its path: `path[0]` is where it was at the end of the
+    /// last step, `path[i]` where it is at the end of tick i; between them its position is linear and its
+    /// velocity that of the later point.
+    ///
+    /// # Errors
+    /// [`BodyError::PathLength`], [`BodyError::Path`] for a path that does not fit or is not finite,
+    /// [`BodyError::CannotHold`] for a contact with another body,
+    /// [`BodyError::Parameter`], [`BodyError::Substeps`], [`BodyError::TooLarge`], [`BodyError::NotConverged`],
+    /// [`BodyError::Indefinite`] for an integrator that cannot take the step; [`BodyError::Diverged`] when the step left
+    /// the finite numbers. In every case body and tool are as they were before.
+    pub fn advance(
+        &mut self,
+        tool: Option<(&mut ToolContact, &[ToolPoint])>,
+        ticks: usize,
+        integrator: impl Into<Integrator>,
+    ) -> Result<StepReport, BodyError> {
+        self.advance_observed(tool, ticks, integrator, |_, _| ())
+    }
+
+    /// As [`Body::advance`], and calls `observe` after every tick with its number (from 1) and the force that
+    /// the body then displays to the tool, N; after the last tick of a step only, when a step spans several.
+    ///
+    /// # Errors
+    /// As [`Body::advance`].
+    pub fn advance_observed(
+        &mut self,
+        tool: Option<(&mut ToolContact, &[ToolPoint])>,
+        ticks: usize,
+        integrator: impl Into<Integrator>,
+        mut observe: impl FnMut(usize, DVec3),
+    ) -> Result<StepReport, BodyError> {
+        let integrator = integrator.into();
+        if let Some((contact, path)) = &tool {
+            contact.validate(self)?;
+            if path.len() != ticks + 1 {
+                return Err(BodyError::PathLength { ticks, points: path.len() });
+            }
+            if let Some(index) = path.iter().position(|p| !p.is_finite()) {
+                return Err(BodyError::Path { index });
+            }
+        }
+        self.before.0.copy_from_slice(&self.x);
+        self.before.1.copy_from_slice(&self.v);
+        let (quiet, ledger) = (self.quiet_ticks, self.ledger.clone());
+        let (mut contact, path) = tool.unzip();
+        let contact_before = contact.as_deref().copied();
+        let stepped = self.march(contact.as_deref_mut(), path, ticks, &integrator, &mut observe);
+        stepped.inspect_err(|_| {
+            self.x.copy_from_slice(&self.before.0);
+            self.v.copy_from_slice(&self.before.1);
+            (self.quiet_ticks, self.ledger) = (quiet, ledger);
+            if let (Some(contact), Some(before)) = (contact, contact_before) {
+                *contact = before;
+            }
+        })
+    }
+
+    fn march(
+        &mut self,
+        mut contact: Option<&mut ToolContact>,
+        path: Option<&[ToolPoint]>,
+        ticks: usize,
+        integrator: &Integrator,
+        observe: &mut dyn FnMut(usize, DVec3),
+    ) -> Result<StepReport, BodyError> {
+        if let Some(implicit) = &mut self.implicit {
+            implicit.forget();
+        }
+        let (ticks_per_step, mut substeps) = integrator.steps(self)?;
+        let mut report = StepReport { ticks, substeps, ..StepReport::default() };
+        let mut tick = 0;
+        while tick < ticks {
+            // Where stiffness changes with the shape, so does the stable step.
+            if tick > 0 && !self.network.is_linear() {
+                (_, substeps) = integrator.steps(self)?;
+                report.substeps = report.substeps.max(substeps);
+            }
+            let span = ticks_per_step.min(ticks - tick);
+            let h = integrator.tick_s() * span as f64 / substeps as f64;
+            for i in 1..=substeps {
+                let point = path.map(|path| {
+                    let (from, to) = (path[tick], path[tick + span]);
+                    let along = i as f64 / substeps as f64;
+                    ToolPoint {
+                        position_m: from.position_m + (to.position_m - from.position_m) * along,
+                        velocity_m_per_s: to.velocity_m_per_s,
+                    }
+                });
+                self.step(contact.as_deref_mut().zip(point), h, integrator, &mut report)?;
+            }
+            tick += span;
+            let moving = self.network.free().iter().any(|&node| self.v[node].length() > QUIET_M_PER_S);
+            self.quiet_ticks = if moving { 0 } else { self.quiet_ticks + span as u64 };
+            observe(tick, contact.as_deref().map_or(DVec3::ZERO, |contact| contact.displayed_force_n(self)));
+        }
+        match (0..self.x.len()).find(|&i| !(self.x[i].is_finite() && self.v[i].is_finite())) {
+            Some(node) => Err(BodyError::Diverged { node }),
+            None => Ok(report),
+        }
+    }
+
+    fn step(
+        &mut self,
+        tool: Option<(&mut ToolContact, ToolPoint)>,
+        h: f64,
+        integrator: &Integrator,
+        report: &mut StepReport,
+    ) -> Result<(), BodyError> {
+        let mut ledger = self.ledger.take().map(|ledger| ledger.begin(self));
+        let mut driven = None;
+        if let Some((contact, point)) = tool {
+            contact.make(self, point.position_m);
+            if let Some((node, offset_m)) = contact.driven() {
+                self.x[node] = point.position_m + offset_m;
+                self.v[node] = point.velocity_m_per_s;
+            }
+            internal_forces(&self.network, &self.x, &self.v, &mut self.force);
+            if let Some((node, _)) = contact.driven() {
+                contact.release(self.force[node]);
+                if let Some(ledger) = &mut ledger {
+                    ledger.drive(self, node, self.force[node]);
+                }
+            }
+            driven = contact.driven_node();
+        } else {
+            internal_forces(&self.network, &self.x, &self.v, &mut self.force);
+        }
+        let stepped = match integrator {
+            Integrator::SemiImplicitEuler(_) => {
+                for &node in self.network.free() {
+                    if driven != Some(node) {
+                        let per_mass = h / self.network.mass_kg()[node];
+                        self.v[node] += self.force[node] * per_mass + self.gravity_m_per_s2 * h;
+                        self.x[node] += self.v[node] * h;
+                    }
+                }
+                Ok(())
+            }
+            Integrator::LinearlyImplicitEuler(settings) => self.implicit_step(driven, h, settings, report),
+        };
+        self.ledger = ledger.map(|ledger| ledger.end(self, h));
+        stepped
+    }
+
+    fn implicit_step(
+        &mut self,
+        driven: Option<usize>,
+        h: f64,
+        settings: &LinearlyImplicitEuler,
+        report: &mut StepReport,
+    ) -> Result<(), BodyError> {
+        for &node in self.network.free() {
+            self.force[node] += self.network.mass_kg()[node] * self.gravity_m_per_s2;
+        }
+        let mut implicit = self.implicit.take().unwrap_or_else(|| Box::new(Workspace::new(self)));
+        let solved = implicit.solve(self, driven, &self.force, h, settings);
+        for (index, &node) in self.network.free().iter().enumerate() {
+            if driven != Some(node) && solved.is_ok() {
+                self.v[node] += implicit.change(index);
+                self.x[node] += self.v[node] * h;
+            }
+        }
+        self.implicit = Some(implicit);
+        let (solved_by, clamped) = solved?;
+        report.clamped += usize::from(clamped);
+        report.solved_by = match (report.solved_by, solved_by) {
+            (
+                SolvedBy::ConjugateGradients { iterations: before },
+                SolvedBy::ConjugateGradients { iterations },
+            ) => SolvedBy::ConjugateGradients { iterations: iterations.max(before) },
+            (_, now) => now,
+        };
+        Ok(())
+    }
+
+    /// Begins to keep books of energy, from zero: see [`Body::books`].
+    pub fn open_books(&mut self) {
+        self.ledger = Some(Ledger::open(self));
+    }
+}

@@ -1,0 +1,120 @@
+//! A body's energy, and where it comes from and goes.
+
+use crate::Body;
+use glam::DVec3;
+
+/// The energy that a body holds, J.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Energy {
+    /// Of the motion of its nodes.
+    pub kinetic_j: f64,
+    /// Of its springs.
+    pub elastic_j: f64,
+    /// Of its height, zero at rest: −Σ m g·(x − x_rest).
+    pub gravitational_j: f64,
+}
+
+/// What happened to a body's energy since [`Body::open_books`], J.
+///
+/// ```text
+/// work in = stored + damped + integrator
+/// ```
+///
+/// Work, energy and what the dampers take are each computed from forces and motions; the integrator's share is what is
+/// left. It vanishes with the length of the steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EnergyBooks {
+    /// Done on the body by what drives it.
+    pub work_in_j: f64,
+    /// Energy now minus that when the books were opened.
+    pub stored_j: f64,
+    /// Taken by the dampers; never negative.
+    pub damped_j: f64,
+    /// Taken by the integrator; negative where it gives.
+    pub integrator_j: f64,
+}
+
+impl Energy {
+    /// The sum.
+    #[must_use]
+    pub fn total_j(&self) -> f64 {
+        self.kinetic_j + self.elastic_j + self.gravitational_j
+    }
+}
+
+impl Body {
+    /// The energy that it holds now. Fixed nodes have none of their own.
+    #[must_use]
+    pub fn energy(&self) -> Energy {
+        let (network, x, v) = (self.network(), self.positions_m(), self.velocities_m_per_s());
+        let mut energy = Energy::default();
+        for &node in network.free() {
+            let m = network.mass_kg()[node];
+            energy.kinetic_j += 0.5 * m * v[node].length_squared();
+            energy.gravitational_j -= m * self.gravity_m_per_s2().dot(x[node] - network.rest_m()[node]);
+        }
+        energy.elastic_j =
+            network.links().iter().map(|link| link.spring.energy_j(x[link.b] - x[link.a])).sum();
+        energy
+    }
+
+    /// The books of energy since they were opened; `None` when they were not.
+    #[must_use]
+    pub fn books(&self) -> Option<EnergyBooks> {
+        let ledger = self.ledger.as_ref()?;
+        let stored_j = self.energy().total_j() - ledger.opened_with_j;
+        let (work_in_j, damped_j) = (ledger.work_in_j, ledger.damped_j);
+        Some(EnergyBooks { work_in_j, stored_j, damped_j, integrator_j: work_in_j - stored_j - damped_j })
+    }
+}
+
+/// The books in the making.
+#[derive(Clone, Debug)]
+pub(crate) struct Ledger {
+    opened_with_j: f64,
+    work_in_j: f64,
+    damped_j: f64,
+    /// Positions and velocities at the beginning of the step.
+    x: Vec<DVec3>,
+    v: Vec<DVec3>,
+}
+
+impl Ledger {
+    pub(crate) fn open(body: &Body) -> Self {
+        Self {
+            opened_with_j: body.energy().total_j(),
+            work_in_j: 0.0,
+            damped_j: 0.0,
+            x: body.positions_m().to_vec(),
+            v: body.velocities_m_per_s().to_vec(),
+        }
+    }
+
+    /// Notes the state at the beginning of a step.
+    pub(crate) fn begin(mut self, body: &Body) -> Self {
+        self.x.copy_from_slice(body.positions_m());
+        self.v.copy_from_slice(body.velocities_m_per_s());
+        self
+    }
+
+    /// Books the work of what moves `node` in this step, against `internal_n` and gravity, and its inertia.
+    pub(crate) fn drive(&mut self, body: &Body, node: usize, internal_n: DVec3) {
+        let m = body.network().mass_kg()[node];
+        let (v, moved) = (body.velocities_m_per_s()[node], body.positions_m()[node] - self.x[node]);
+        self.work_in_j += 0.5 * m * (v.length_squared() - self.v[node].length_squared());
+        self.work_in_j -= (internal_n + m * body.gravity_m_per_s2()).dot(moved);
+    }
+
+    /// Books what the dampers took in this step, at its mean velocities.
+    pub(crate) fn end(mut self, body: &Body, h: f64) -> Self {
+        let v = body.velocities_m_per_s();
+        let mean = |node: usize| 0.5 * (self.v[node] + v[node]);
+        let power = |link: &crate::Link| {
+            let d = self.x[link.b] - self.x[link.a];
+            link.spring.dissipated_w(d, mean(link.b) - mean(link.a))
+        };
+        let taken: f64 = body.network().links().iter().map(power).sum();
+        self.damped_j += h * taken;
+        self
+    }
+}

@@ -1,0 +1,273 @@
+//! Linearly implicit Euler and its linear solvers.
+
+use super::SolvedBy;
+use crate::error::{check, check_positive};
+use crate::{Body, BodyError, Tangent, TangentPattern};
+use faer::linalg::solvers::Solve;
+use faer::sparse::SparseColMatRef;
+use faer::sparse::linalg::LltError;
+use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
+use faer::{Mat, Side};
+use glam::{DMat3, DVec3};
+
+/// One Newton step of implicit Euler: with F, K and B at the state at which the step of length h begins
+///
+/// ```text
+/// (M + h B + h² K) Δv = h (F − h K v),    v ← v + Δv,    x ← x + h v
+/// ```
+///
+/// It is stable whatever h for a body that is not about to buckle (D. Baraff and A. Witkin, SIGGRAPH 98, pp. 43-54), so
+/// that stiff tissue needs no more steps than soft; it is of first order, and damps what is fast compared with h.
+///
+/// K is the exact tangent with its geometric stiffness. Where the matrix is not positive definite, a body about to
+/// buckle, K's clamped part takes its place for that step, and [`crate::StepReport::clamped`] counts it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinearlyImplicitEuler {
+    /// Length of a tick, s.
+    pub tick_s: f64,
+    /// Steps in each tick; 1 when a step spans several ticks.
+    pub substeps: usize,
+    /// Ticks that a step spans; 1 when a tick has several steps. The tool is on a straight line between the beginning
+    /// and the end of a step.
+    pub ticks_per_step: usize,
+    /// How the linear system is solved.
+    pub solver: LinearSolver,
+    /// Residual, relative to the right-hand side, at which conjugate gradients stop.
+    pub tolerance: f64,
+}
+
+/// How a linear system is solved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LinearSolver {
+    /// Cholesky for bodies of up to 2,000 free nodes, conjugate gradients for larger ones.
+    #[default]
+    Auto,
+    /// Sparse Cholesky factorisation; its pattern is analysed once in the life of a body.
+    Cholesky,
+    /// Conjugate gradients, preconditioned by the 3 × 3 blocks of the diagonal and started from the solution before.
+    ConjugateGradients,
+}
+
+/// Largest number of free nodes for which `Auto` factorises.
+const CHOLESKY_NODES: usize = 2_000;
+
+impl Default for LinearlyImplicitEuler {
+    /// One step in each tick of 1 ms, the solver chosen by size, to 1e-8.
+    fn default() -> Self {
+        Self { tick_s: 1e-3, substeps: 1, ticks_per_step: 1, solver: LinearSolver::Auto, tolerance: 1e-8 }
+    }
+}
+
+impl LinearlyImplicitEuler {
+    pub(crate) fn validate(&self) -> Result<(), BodyError> {
+        check_positive("tick, s", self.tick_s)?;
+        let (substeps, ticks) = (self.substeps, self.ticks_per_step);
+        check("steps in a tick", substeps as f64, (1..=1000).contains(&substeps), "1 to 1000")?;
+        let allowed = "1 to 1000, and 1 when a tick has several steps";
+        let ok = (1..=1000).contains(&ticks) && (ticks == 1 || substeps == 1);
+        check("ticks that a step spans", ticks as f64, ok, allowed)?;
+        let tolerance = self.tolerance;
+        check(
+            "tolerance of conjugate gradients",
+            tolerance,
+            (1e-14..=1e-2).contains(&tolerance),
+            "1e-14 to 0.01",
+        )?;
+        Ok(())
+    }
+
+    fn factorises(&self, nodes: usize) -> bool {
+        match self.solver {
+            LinearSolver::Auto => nodes <= CHOLESKY_NODES,
+            LinearSolver::Cholesky => true,
+            LinearSolver::ConjugateGradients => false,
+        }
+    }
+}
+
+/// The linear system of a body's steps.
+#[derive(Clone, Debug)]
+pub(crate) struct Workspace {
+    pattern: TangentPattern,
+    tangent: Tangent,
+    /// The entries of M + h B + h² K.
+    matrix: Vec<f64>,
+    symbolic: Option<SymbolicLlt<usize>>,
+    rhs: Mat<f64>,
+    /// Δv of the step before, from which conjugate gradients start.
+    last: Vec<f64>,
+}
+
+impl Workspace {
+    pub(crate) fn new(body: &Body) -> Self {
+        let pattern = TangentPattern::new(body);
+        let dofs = pattern.symbolic().ncols();
+        Self {
+            tangent: pattern.zero(),
+            matrix: vec![0.0; pattern.symbolic().row_idx().len()],
+            symbolic: None,
+            rhs: Mat::zeros(dofs, 1),
+            last: vec![0.0; dofs],
+            pattern,
+        }
+    }
+
+    /// Forgets the step before, so that the next depends on the body's state alone.
+    pub(crate) fn forget(&mut self) {
+        self.last.fill(0.0);
+    }
+
+    /// Δv of every free node over a step of length `h`, in the order of `network.free()`; zero for the node `driven`, whose
+    /// motion is given. `force` is the whole force on every node. Returns what solved it, and whether K was clamped.
+    pub(crate) fn solve(
+        &mut self,
+        body: &Body,
+        driven: Option<usize>,
+        force: &[DVec3],
+        h: f64,
+        settings: &LinearlyImplicitEuler,
+    ) -> Result<(SolvedBy, bool), BodyError> {
+        let driven = driven.and_then(|node| body.network().free_index(node));
+        for clamped in [false, true] {
+            self.assemble(body, driven, force, h, clamped);
+            let solved = if settings.factorises(body.network().free().len()) {
+                self.factorise()?.then_some(SolvedBy::Cholesky)
+            } else {
+                self.conjugate_gradients(settings.tolerance)?
+            };
+            if let Some(solved_by) = solved {
+                (0..self.last.len()).for_each(|i| self.last[i] = self.rhs[(i, 0)]);
+                return Ok((solved_by, clamped));
+            }
+        }
+        Err(BodyError::Indefinite)
+    }
+
+    /// Δv of the free node at `index` of `network.free()`, m/s.
+    pub(crate) fn change(&self, index: usize) -> DVec3 {
+        DVec3::from_array([0, 1, 2].map(|axis| self.last[3 * index + axis]))
+    }
+
+    fn assemble(&mut self, body: &Body, driven: Option<usize>, force: &[DVec3], h: f64, clamped: bool) {
+        let (network, v) = (body.network(), body.velocities_m_per_s());
+        self.pattern.fill(body, clamped, &mut self.tangent);
+        let symbolic = self.pattern.symbolic();
+        let (k, b) = (self.tangent.stiffness(), self.tangent.damping());
+        let is_driven = |dof: usize| Some(dof / 3) == driven;
+        for column in 0..symbolic.ncols() {
+            let free = network.free()[column / 3];
+            let range = symbolic.col_range(column);
+            let mut k_v = 0.0;
+            for (place, &row) in range.clone().zip(&symbolic.row_idx()[range]) {
+                let (stiffness, damping) = (k.val()[place], b.val()[place]);
+                let eliminated = is_driven(row) || is_driven(column);
+                // K is symmetric, so a column is a row.
+                if !eliminated {
+                    k_v += stiffness * v[network.free()[row / 3]][row % 3];
+                }
+                self.matrix[place] = match (row == column, eliminated) {
+                    (true, true) => 1.0,
+                    (false, true) => 0.0,
+                    (diagonal, false) => {
+                        let mass = if diagonal { network.mass_kg()[free] } else { 0.0 };
+                        mass + h * damping + h * h * stiffness
+                    }
+                };
+            }
+            let pushed = h * (force[free][column % 3] - h * k_v);
+            self.rhs[(column, 0)] = if is_driven(column) { 0.0 } else { pushed };
+        }
+    }
+
+    /// Solves in place of the right-hand side; false where the matrix is not positive definite.
+    fn factorise(&mut self) -> Result<bool, BodyError> {
+        let matrix = SparseColMatRef::new(self.pattern.symbolic(), &self.matrix);
+        let too_large = |_| BodyError::TooLarge { nodes: matrix.ncols() / 3 };
+        if self.symbolic.is_none() {
+            self.symbolic = Some(SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).map_err(too_large)?);
+        }
+        let Some(symbolic) = &self.symbolic else { return Ok(false) };
+        match Llt::try_new_with_symbolic(symbolic.clone(), matrix, Side::Lower) {
+            Ok(factor) => {
+                factor.solve_in_place(&mut self.rhs);
+                Ok(true)
+            }
+            Err(LltError::Numeric(_)) => Ok(false),
+            Err(LltError::Generic(error)) => Err(too_large(error)),
+        }
+    }
+
+    /// The same by conjugate gradients (M. R. Hestenes and E. Stiefel, J. Res. Natl. Bur. Stand. 49 (1952) 409).
+    fn conjugate_gradients(&mut self, tolerance: f64) -> Result<Option<SolvedBy>, BodyError> {
+        let n = self.last.len();
+        let blocks: Vec<DMat3> = (0..n / 3).map(|node| self.diagonal_block(node)).collect();
+        let Some(inverses) = blocks.iter().map(positive_inverse).collect::<Option<Vec<_>>>() else {
+            return Ok(None);
+        };
+        let precondition = |r: &[f64], z: &mut [f64]| {
+            for (node, inverse) in inverses.iter().enumerate() {
+                let at = 3 * node..3 * node + 3;
+                let solved = *inverse * DVec3::from_slice(&r[at.clone()]);
+                z[at].copy_from_slice(&solved.to_array());
+            }
+        };
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let mut x = self.last.clone();
+        let mut product = vec![0.0; n];
+        self.multiply(&x, &mut product);
+        let mut r: Vec<f64> = (0..n).map(|i| self.rhs[(i, 0)] - product[i]).collect();
+        let goal = tolerance * (0..n).map(|i| self.rhs[(i, 0)].powi(2)).sum::<f64>().sqrt();
+        let mut z = vec![0.0; n];
+        precondition(&r, &mut z);
+        let (mut p, mut rz) = (z.clone(), dot(&r, &z));
+        let most = 20 * n + 100;
+        for iterations in 0..most {
+            let left = dot(&r, &r).sqrt();
+            if left <= goal {
+                (0..n).for_each(|i| self.rhs[(i, 0)] = x[i]);
+                return Ok(Some(SolvedBy::ConjugateGradients { iterations }));
+            }
+            self.multiply(&p, &mut product);
+            let curvature = dot(&p, &product);
+            if curvature.is_nan() || curvature <= 0.0 {
+                return Ok(None);
+            }
+            let alpha = rz / curvature;
+            for i in 0..n {
+                x[i] += alpha * p[i];
+                r[i] -= alpha * product[i];
+            }
+            precondition(&r, &mut z);
+            let next = dot(&r, &z);
+            let beta = next / rz;
+            rz = next;
+            (0..n).for_each(|i| p[i] = z[i] + beta * p[i]);
+        }
+        Err(BodyError::NotConverged { iterations: most, tolerance })
+    }
+
+    /// The matrix, which is symmetric, times `x`.
+    fn multiply(&self, x: &[f64], product: &mut [f64]) {
+        let symbolic = self.pattern.symbolic();
+        for (column, sum) in product.iter_mut().enumerate() {
+            let range = symbolic.col_range(column);
+            let rows = &symbolic.row_idx()[range.clone()];
+            *sum = rows.iter().zip(&self.matrix[range]).map(|(&row, value)| value * x[row]).sum();
+        }
+    }
+
+    fn diagonal_block(&self, node: usize) -> DMat3 {
+        let symbolic = self.pattern.symbolic();
+        DMat3::from_cols_array_2d(&[0, 1, 2].map(|axis| {
+            let range = symbolic.col_range(3 * node + axis);
+            let first = symbolic.row_idx()[range.clone()].partition_point(|&row| row < 3 * node);
+            [0, 1, 2].map(|row| self.matrix[range.start + first + row])
+        }))
+    }
+}
+
+/// The inverse of a symmetric block, if it is positive definite.
+fn positive_inverse(block: &DMat3) -> Option<DMat3> {
+    let minor = block.x_axis.x * block.y_axis.y - block.x_axis.y * block.y_axis.x;
+    (block.x_axis.x > 0.0 && minor > 0.0 && block.determinant() > 0.0).then(|| block.inverse())
+}
