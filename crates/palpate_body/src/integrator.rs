@@ -53,6 +53,15 @@ impl Integrator {
         }
     }
 
+    /// Ticks that a step spans at most.
+    #[must_use]
+    pub fn ticks_per_step(&self) -> usize {
+        match self {
+            Self::SemiImplicitEuler(_) => 1,
+            Self::LinearlyImplicitEuler(settings) => settings.ticks_per_step,
+        }
+    }
+
     /// Ticks that a step spans at most, and steps in each such span, at the state of `body`.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 
 use crate::{BuilderOptions, LocalModelBuilder, ReduceError};
 use glam::DVec3;
-use palpate_body::{Body, SemiImplicitEuler, ToolContact, ToolPoint};
+use palpate_body::{Body, Integrator, ToolContact, ToolPoint};
 use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Offer, Sample, Scheme};
 use std::collections::VecDeque;
 
@@ -16,7 +16,7 @@ pub struct ComparisonOptions {
     /// Samples replayed at a hand-over in one tick, at most.
     pub replay_per_tick: usize,
     /// Integrator of the full body, for the model steps and the oracle.
-    pub integrator: SemiImplicitEuler,
+    pub integrator: Integrator,
     /// How local models are built.
     pub builder: BuilderOptions,
 }
@@ -28,7 +28,7 @@ impl Default for ComparisonOptions {
             period_ticks: 50,
             delay_ticks: 0,
             replay_per_tick: HandOverSettings::default().replay_per_tick,
-            integrator: SemiImplicitEuler::default(),
+            integrator: Integrator::default(),
             builder: BuilderOptions::default(),
         }
     }
@@ -77,7 +77,7 @@ impl Comparison {
         let mut contact = *contact;
         let mut builder = LocalModelBuilder::new(&body, options.builder)?;
         let settings = HandOverSettings {
-            tick_s: options.integrator.tick_s,
+            tick_s: options.integrator.tick_s(),
             order_capacity: builder.order_capacity(),
             replay_per_tick: options.replay_per_tick,
             history: options.period_ticks + options.delay_ticks + HandOverSettings::default().history,
@@ -106,7 +106,7 @@ impl Comparison {
             if due || i + 1 == samples.len() {
                 let forces = &mut oracle[stepped..=i];
                 let along = Some((&mut contact, &path[stepped..=i]));
-                body.advance_observed(along, i - stepped, &options.integrator, |tick, f| {
+                body.advance_observed(along, i - stepped, options.integrator, |tick, f| {
                     forces[tick] = f;
                 })?;
                 stepped = i;
@@ -173,7 +173,8 @@ fn tool_point(sample: &Sample) -> ToolPoint {
 
 fn validate(samples: &[Sample], options: &ComparisonOptions) -> Result<(), ReduceError> {
     let ComparisonOptions { period_ticks, delay_ticks, integrator, builder, .. } = *options;
-    let step = builder.tick_s / integrator.tick_s;
+    let spanned = integrator.ticks_per_step();
+    let step = builder.tick_s / integrator.tick_s();
     for (what, value, ok, allowed) in [
         (
             "ticks between two model steps",
@@ -182,6 +183,12 @@ fn validate(samples: &[Sample], options: &ComparisonOptions) -> Result<(), Reduc
             "1 to 100000",
         ),
         ("ticks of delay", delay_ticks as f64, delay_ticks <= 100_000, "at most 100000"),
+        (
+            "ticks that a step of the integrator spans",
+            spanned as f64,
+            spanned == 1,
+            "1: the oracle speaks at every tick",
+        ),
         ("the builder's tick as a multiple of the integrator's", step, (step - 1.0).abs() < 1e-9, "1"),
     ] {
         if !ok {

@@ -73,7 +73,8 @@ impl Workspace {
                         cut[row * p + column] = value;
                     }
                 }
-                r.force[column] = self.force[selected][axis];
+                let gravity = network.mass_kg()[selected] * body.gravity_m_per_s2()[axis];
+                r.force[column] = self.force[selected][axis] + gravity;
                 r.velocity[column] = body.velocities_m_per_s()[selected][axis];
             }
         }

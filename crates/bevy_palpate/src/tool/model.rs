@@ -22,7 +22,7 @@ pub(super) fn step_bodies(
         let simulated = &mut *simulated;
         let tool = tools.iter_mut().find(|(_, tool)| tool.body == Some(entity) && !tool.path.is_empty());
         let stepped = match tool {
-            None => simulated.body.advance(None, rate.ticks() as usize, &integrator),
+            None => simulated.body.advance(None, rate.ticks() as usize, integrator),
             Some((tool_entity, mut tool)) => {
                 // Nodes of another shape have other numbers.
                 if std::mem::replace(&mut tool.shape, simulated.shape) != simulated.shape {
@@ -31,7 +31,7 @@ pub(super) fn step_bodies(
                 let ToolLoop { contact, path, .. } = &mut *tool;
                 let before = contact.touched();
                 let along = Some((&mut *contact, path.as_slice()));
-                let stepped = simulated.body.advance(along, path.len() - 1, &integrator);
+                let stepped = simulated.body.advance(along, path.len() - 1, integrator);
                 if stepped.is_err() {
                     contact.let_go();
                 }
