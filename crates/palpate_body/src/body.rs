@@ -16,6 +16,8 @@ pub struct Body {
     network: Arc<Network>,
     surface: Arc<Surface>,
     gravity_m_per_s2: DVec3,
+    /// What acts on the nodes from outside, beside gravity and the tool.
+    loads_n: Vec<DVec3>,
     x: Vec<DVec3>,
     v: Vec<DVec3>,
     /// Ticks in a row in which nothing moved to speak of.
@@ -55,6 +57,7 @@ impl Body {
         let (x, still) = (network.rest_m().to_vec(), vec![DVec3::ZERO; network.node_count()]);
         Ok(Self {
             gravity_m_per_s2: DVec3::ZERO,
+            loads_n: still.clone(),
             quiet_ticks: 0,
             force: still.clone(),
             before: (x.clone(), still.clone()),
@@ -97,6 +100,38 @@ impl Body {
         }
         self.gravity_m_per_s2 = gravity_m_per_s2;
         Ok(())
+    }
+
+    /// The forces that act on the nodes from outside, beside gravity and the tool, N.
+    #[must_use]
+    pub fn loads_n(&self) -> &[DVec3] {
+        &self.loads_n
+    }
+
+    /// Sets the forces that act on the nodes from outside, N. They stay until they are set again.
+    ///
+    /// # Errors
+    /// [`BodyError::Length`] when there is not one for each node, [`BodyError::Load`] when one is not finite. The body
+    /// keeps its loads then.
+    pub fn set_loads(&mut self, loads_n: &[DVec3]) -> Result<(), BodyError> {
+        let nodes = self.network.node_count();
+        if loads_n.len() != nodes {
+            return Err(BodyError::Length { what: "the list of loads", found: loads_n.len(), nodes });
+        }
+        if let Some(node) = loads_n.iter().position(|load| !load.is_finite()) {
+            return Err(BodyError::Load { node });
+        }
+        if self.loads_n != loads_n {
+            self.quiet_ticks = 0;
+        }
+        self.loads_n.copy_from_slice(loads_n);
+        Ok(())
+    }
+
+    /// What acts on `node` beside springs, dampers and the tool: gravity and its load, N.
+    #[must_use]
+    pub fn outer_force_on_n(&self, node: usize) -> DVec3 {
+        self.network.mass_kg()[node] * self.gravity_m_per_s2 + self.loads_n[node]
     }
 
     /// Position of every node, m.

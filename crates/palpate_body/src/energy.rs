@@ -24,7 +24,7 @@ pub struct Energy {
 /// left. It vanishes with the length of the steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyBooks {
-    /// Done on the body by what drives it.
+    /// Done on the body by what drives it and by its loads.
     pub work_in_j: f64,
     /// Energy now minus that when the books were opened.
     pub stored_j: f64,
@@ -102,7 +102,7 @@ impl Ledger {
         let m = body.network().mass_kg()[node];
         let (v, moved) = (body.velocities_m_per_s()[node], body.positions_m()[node] - self.x[node]);
         self.work_in_j += 0.5 * m * (v.length_squared() - self.v[node].length_squared());
-        self.work_in_j -= (internal_n + m * body.gravity_m_per_s2()).dot(moved);
+        self.work_in_j -= (internal_n + body.outer_force_on_n(node)).dot(moved);
     }
 
     /// Books what the dampers took in this step, at its mean velocities.
@@ -115,6 +115,8 @@ impl Ledger {
         };
         let taken: f64 = body.network().links().iter().map(power).sum();
         self.damped_j += h * taken;
+        let (x, loads) = (body.positions_m(), body.loads_n());
+        self.work_in_j += (0..x.len()).map(|node| loads[node].dot(x[node] - self.x[node])).sum::<f64>();
         self
     }
 }

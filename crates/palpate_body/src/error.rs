@@ -26,6 +26,12 @@ pub enum BodyError {
         /// The node's index.
         node: usize,
     },
+    /// A load has a component that is not finite.
+    #[error("the load of node {node} is not finite")]
+    Load {
+        /// The node's index.
+        node: usize,
+    },
     /// A node's mass makes no sense.
     #[error("the mass of node {node} is {mass_kg} kg; it must be finite and above 0")]
     Mass {

@@ -345,6 +345,21 @@ fn the_books_close_and_the_integrator_s_share_vanishes_with_its_step() {
 }
 
 #[test]
+fn half_of_the_work_of_a_load_is_stored_and_half_is_damped() {
+    // A spring pulled by a constant force F comes to rest at F/k, whatever its damper: work F^2/k, stored half of it.
+    for integrator in [integrators()[0], integrators()[1]] {
+        let (k, force) = (80.0, 0.4);
+        let mut body = oscillator(k, 1.5, 0.05, 0.0);
+        body.open_books();
+        body.set_loads(&[DVec3::ZERO, DVec3::X * force]).unwrap();
+        body.advance(None, 3000, integrator).unwrap();
+        let (books, whole) = (body.books().unwrap(), force * force / k);
+        assert!((books.work_in_j / whole - 1.0).abs() < 1e-6 && (books.stored_j / whole - 0.5).abs() < 1e-6);
+        assert!((books.damped_j / whole - 0.5).abs() < 0.02, "{books:?}, {integrator:?}");
+    }
+}
+
+#[test]
 fn energy_is_what_the_closed_forms_say() {
     let mut body = oscillator(80.0, 0.0, 0.05, 0.02);
     body.set_gravity(G).unwrap();

@@ -73,8 +73,7 @@ impl Workspace {
                         cut[row * p + column] = value;
                     }
                 }
-                let gravity = network.mass_kg()[selected] * body.gravity_m_per_s2()[axis];
-                r.force[column] = self.force[selected][axis] + gravity;
+                r.force[column] = self.force[selected][axis] + body.outer_force_on_n(selected)[axis];
                 r.velocity[column] = body.velocities_m_per_s()[selected][axis];
             }
         }

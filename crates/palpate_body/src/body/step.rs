@@ -152,7 +152,8 @@ impl Body {
                 for &node in self.network.free() {
                     if driven != Some(node) {
                         let per_mass = h / self.network.mass_kg()[node];
-                        self.v[node] += self.force[node] * per_mass + self.gravity_m_per_s2 * h;
+                        let force = self.force[node] + self.loads_n[node];
+                        self.v[node] += force * per_mass + self.gravity_m_per_s2 * h;
                         self.x[node] += self.v[node] * h;
                     }
                 }
@@ -172,7 +173,8 @@ impl Body {
         report: &mut StepReport,
     ) -> Result<(), BodyError> {
         for &node in self.network.free() {
-            self.force[node] += self.network.mass_kg()[node] * self.gravity_m_per_s2;
+            let outer = self.outer_force_on_n(node);
+            self.force[node] += outer;
         }
         let mut implicit = self.implicit.take().unwrap_or_else(|| Box::new(Workspace::new(self)));
         let solved = implicit.solve(self, driven, &self.force, h, settings);
