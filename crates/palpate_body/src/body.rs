@@ -6,7 +6,7 @@ pub use step::StepReport;
 
 use crate::energy::Ledger;
 use crate::integrator::Workspace;
-use crate::{BodyError, Network, Surface};
+use crate::{BodyError, Network, NodeContact, Obstacle, Surface};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -18,6 +18,9 @@ pub struct Body {
     gravity_m_per_s2: DVec3,
     /// What acts on the nodes from outside, beside gravity and the tool.
     loads_n: Vec<DVec3>,
+    obstacles: Vec<Obstacle>,
+    /// With the obstacles, in the last step.
+    contacts: Vec<NodeContact>,
     x: Vec<DVec3>,
     v: Vec<DVec3>,
     /// Ticks in a row in which nothing moved to speak of.
@@ -58,6 +61,8 @@ impl Body {
         Ok(Self {
             gravity_m_per_s2: DVec3::ZERO,
             loads_n: still.clone(),
+            obstacles: Vec::new(),
+            contacts: Vec::new(),
             quiet_ticks: 0,
             force: still.clone(),
             before: (x.clone(), still.clone()),
@@ -126,6 +131,25 @@ impl Body {
         }
         self.loads_n.copy_from_slice(loads_n);
         Ok(())
+    }
+
+    /// What is in the body's way.
+    #[must_use]
+    pub fn obstacles(&self) -> &[Obstacle] {
+        &self.obstacles
+    }
+
+    /// Sets what is in the body's way. A node that is inside an obstacle is pushed out at 1 m/s.
+    pub fn set_obstacles(&mut self, obstacles: Vec<Obstacle>) {
+        self.obstacles = obstacles;
+        self.contacts.clear();
+        self.quiet_ticks = 0;
+    }
+
+    /// The contacts with the obstacles in the last step that gave an impulse.
+    #[must_use]
+    pub fn contacts(&self) -> &[NodeContact] {
+        &self.contacts
     }
 
     /// What acts on `node` beside springs, dampers and the tool: gravity and its load, N.

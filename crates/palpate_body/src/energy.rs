@@ -1,6 +1,6 @@
 //! A body's energy, and where it comes from and goes.
 
-use crate::Body;
+use crate::{Body, NodeContact};
 use glam::DVec3;
 
 /// The energy that a body holds, J.
@@ -17,7 +17,7 @@ pub struct Energy {
 /// What happened to a body's energy since [`Body::open_books`], J.
 ///
 /// ```text
-/// work in = stored + damped + integrator
+/// work in = stored + damped + rubbed + integrator
 /// ```
 ///
 /// Work, energy and what the dampers take are each computed from forces and motions; the integrator's share is what is
@@ -30,6 +30,8 @@ pub struct EnergyBooks {
     pub stored_j: f64,
     /// Taken by the dampers; never negative.
     pub damped_j: f64,
+    /// Taken by friction and impacts.
+    pub rubbed_j: f64,
     /// Taken by the integrator; negative where it gives.
     pub integrator_j: f64,
 }
@@ -63,8 +65,9 @@ impl Body {
     pub fn books(&self) -> Option<EnergyBooks> {
         let ledger = self.ledger.as_ref()?;
         let stored_j = self.energy().total_j() - ledger.opened_with_j;
-        let (work_in_j, damped_j) = (ledger.work_in_j, ledger.damped_j);
-        Some(EnergyBooks { work_in_j, stored_j, damped_j, integrator_j: work_in_j - stored_j - damped_j })
+        let Ledger { work_in_j, damped_j, rubbed_j, .. } = *ledger;
+        let integrator_j = work_in_j - stored_j - damped_j - rubbed_j;
+        Some(EnergyBooks { work_in_j, stored_j, damped_j, rubbed_j, integrator_j })
     }
 }
 
@@ -74,6 +77,7 @@ pub(crate) struct Ledger {
     opened_with_j: f64,
     work_in_j: f64,
     damped_j: f64,
+    rubbed_j: f64,
     /// Positions and velocities at the beginning of the step.
     x: Vec<DVec3>,
     v: Vec<DVec3>,
@@ -85,6 +89,7 @@ impl Ledger {
             opened_with_j: body.energy().total_j(),
             work_in_j: 0.0,
             damped_j: 0.0,
+            rubbed_j: 0.0,
             x: body.positions_m().to_vec(),
             v: body.velocities_m_per_s().to_vec(),
         }
@@ -103,6 +108,12 @@ impl Ledger {
         let (v, moved) = (body.velocities_m_per_s()[node], body.positions_m()[node] - self.x[node]);
         self.work_in_j += 0.5 * m * (v.length_squared() - self.v[node].length_squared());
         self.work_in_j -= (internal_n + body.outer_force_on_n(node)).dot(moved);
+    }
+
+    /// Books what friction and impacts took in this step, at the mean velocities of what touched.
+    pub(crate) fn meet(&mut self, contacts: &[NodeContact]) {
+        let taken = |c: &NodeContact| -0.5 * c.impulse_ns.dot(self.v[c.node] + c.velocity_m_per_s);
+        self.rubbed_j += contacts.iter().map(taken).sum::<f64>();
     }
 
     /// Books what the dampers took in this step, at its mean velocities.

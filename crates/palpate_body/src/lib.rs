@@ -31,7 +31,7 @@
 //!   dimensions; the [`Block`] with its [`Surface`].
 //! * Material: [`UniformLattice`] (every spring alike) and [`Tissue`] (from Young's modulus and density).
 //! * State and time: [`Body`], [`BodyState`], [`Integrator`], [`StepReport`]; energy: [`Energy`], [`EnergyBooks`].
-//! * The tool: [`ToolContact`], [`ToolPoint`].
+//! * The tool: [`ToolContact`], [`ToolPoint`]; what is in the way: [`Obstacle`], [`NodeContact`].
 //! * Linearisation: [`TangentPattern`], [`Tangent`].
 //!
 //! # Units, frames, signs
@@ -51,11 +51,13 @@
 
 mod block;
 mod body;
+mod contact;
 mod energy;
 mod error;
 mod integrator;
 mod lattice;
 mod network;
+mod obstacle;
 mod surface;
 mod tangent;
 mod tissue;
@@ -68,6 +70,7 @@ pub use error::BodyError;
 pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplicitEuler, SolvedBy};
 pub use lattice::{Lattice, Neighbours};
 pub use network::{Link, Network, NetworkBuilder};
+pub use obstacle::{NodeContact, Obstacle};
 pub use surface::{Surface, SurfaceNode};
 pub use tangent::{Tangent, TangentPattern};
 pub use tissue::{CellStiffness, Tissue};

@@ -1,10 +1,12 @@
 //! A body's step through time.
 
 use super::{Body, QUIET_M_PER_S, internal_forces};
+use crate::contact::{self, Coupled, Masses, Row};
 use crate::energy::Ledger;
 use crate::integrator::{LinearlyImplicitEuler, SolvedBy, Workspace};
-use crate::{BodyError, Integrator, ToolContact, ToolPoint};
+use crate::{BodyError, Integrator, NodeContact, ToolContact, ToolPoint};
 use glam::DVec3;
+use std::sync::Arc;
 
 /// What a model step did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,7 +19,16 @@ pub struct StepReport {
     pub solved_by: SolvedBy,
     /// Steps for which the tangent had to be clamped.
     pub clamped: usize,
+    /// Nodes in contact with obstacles, at most.
+    pub contacts: usize,
+    /// Sweeps that their impulses took, at most.
+    pub sweeps: usize,
 }
+
+/// How fast a node that is inside an obstacle is pushed out.
+const PUSH_OUT_M_PER_S: f64 = 1.0;
+/// How often obstacles are looked for again after some were met.
+const MEETINGS: usize = 8;
 
 impl Body {
     /// Advances by `ticks` ticks, the tool following its path: `path[0]` is where it was at the end of the
@@ -147,25 +158,95 @@ impl Body {
         } else {
             internal_forces(&self.network, &self.x, &self.v, &mut self.force);
         }
-        let stepped = match integrator {
+        let network = Arc::clone(&self.network);
+        let moving = || network.free().iter().copied().filter(move |&node| driven != Some(node));
+        match integrator {
             Integrator::SemiImplicitEuler(_) => {
-                for &node in self.network.free() {
-                    if driven != Some(node) {
-                        let per_mass = h / self.network.mass_kg()[node];
-                        let force = self.force[node] + self.loads_n[node];
-                        self.v[node] += force * per_mass + self.gravity_m_per_s2 * h;
-                        self.x[node] += self.v[node] * h;
-                    }
+                for node in moving() {
+                    let per_mass = h / network.mass_kg()[node];
+                    let force = self.force[node] + self.loads_n[node];
+                    self.v[node] += force * per_mass + self.gravity_m_per_s2 * h;
                 }
-                Ok(())
             }
-            Integrator::LinearlyImplicitEuler(settings) => self.implicit_step(driven, h, settings, report),
-        };
+            Integrator::LinearlyImplicitEuler(settings) => {
+                self.implicit_velocities(driven, h, settings, report)?;
+            }
+        }
+        if !self.obstacles.is_empty() {
+            self.meet_obstacles(driven, h, integrator, report)?;
+            if let Some(ledger) = &mut ledger {
+                ledger.meet(&self.contacts);
+            }
+        }
+        moving().for_each(|node| self.x[node] += self.v[node] * h);
         self.ledger = ledger.map(|ledger| ledger.end(self, h));
-        stepped
+        Ok(())
     }
 
-    fn implicit_step(
+    /// Keeps the nodes out of the obstacles: velocities become those at the end of the step.
+    fn meet_obstacles(
+        &mut self,
+        driven: Option<usize>,
+        h: f64,
+        integrator: &Integrator,
+        report: &mut StepReport,
+    ) -> Result<(), BodyError> {
+        self.contacts.clear();
+        let before = self.v.clone();
+        let mut met: Vec<(usize, usize, f64, DVec3)> = Vec::new();
+        // A push out of one obstacle may lead into another: until no more are met.
+        for _ in 0..MEETINGS {
+            let known = met.len();
+            for &node in self.network.free().iter().filter(|&&node| driven != Some(node)) {
+                for (index, obstacle) in self.obstacles.iter().enumerate() {
+                    let (gap_m, normal) = obstacle.gap_m(self.x[node]);
+                    let ends = gap_m + h * self.v[node].dot(normal);
+                    if ends < 0.0 && !met[..known].iter().any(|m| (m.0, m.1) == (node, index)) {
+                        met.push((node, index, gap_m.max(-h * PUSH_OUT_M_PER_S), normal));
+                    }
+                }
+            }
+            if met.len() == known {
+                break;
+            }
+            self.v.copy_from_slice(&before);
+            let mut rows: Vec<Row> = met
+                .iter()
+                .filter_map(|&(node, index, gap_m, normal)| {
+                    let law = self.obstacles[index].law(normal)?;
+                    Some(Row { nodes: vec![(node, 1.0)], law, gap_m, impulse: DVec3::ZERO })
+                })
+                .collect();
+            let nodes: Vec<Vec<(usize, f64)>> = rows.iter().map(|row| row.nodes.clone()).collect();
+            let sweeps = match (integrator, &self.implicit) {
+                (Integrator::LinearlyImplicitEuler(settings), Some(implicit)) => {
+                    let columns = nodes.iter().map(|row| implicit.answer(&self.network, row, settings));
+                    let answer = Coupled { columns: columns.collect::<Result<_, _>>()?, rows: nodes };
+                    contact::solve(&mut rows, &answer, h, &mut self.v)
+                }
+                _ => {
+                    let answer = Masses { rows: nodes, mass_kg: self.network.mass_kg() };
+                    contact::solve(&mut rows, &answer, h, &mut self.v)
+                }
+            };
+            report.sweeps = report.sweeps.max(sweeps);
+            let contacts = met.iter().zip(&rows).filter(|(_, row)| row.impulse != DVec3::ZERO);
+            self.contacts = contacts
+                .map(|(&(node, obstacle, gap_m, normal), row)| NodeContact {
+                    node,
+                    obstacle,
+                    normal,
+                    gap_m: gap_m + h * self.v[node].dot(normal),
+                    impulse_ns: row.impulse,
+                    velocity_m_per_s: self.v[node],
+                })
+                .collect();
+        }
+        report.contacts = report.contacts.max(self.contacts.len());
+        Ok(())
+    }
+
+    fn implicit_velocities(
         &mut self,
         driven: Option<usize>,
         h: f64,
@@ -181,7 +262,6 @@ impl Body {
         for (index, &node) in self.network.free().iter().enumerate() {
             if driven != Some(node) && solved.is_ok() {
                 self.v[node] += implicit.change(index);
-                self.x[node] += self.v[node] * h;
             }
         }
         self.implicit = Some(implicit);

@@ -2,7 +2,7 @@
 
 use super::SolvedBy;
 use crate::error::{check, check_positive};
-use crate::{Body, BodyError, Tangent, TangentPattern};
+use crate::{Body, BodyError, Network, Tangent, TangentPattern};
 use faer::linalg::solvers::Solve;
 use faer::sparse::SparseColMatRef;
 use faer::sparse::linalg::LltError;
@@ -93,6 +93,8 @@ pub(crate) struct Workspace {
     /// The entries of M + h B + h² K.
     matrix: Vec<f64>,
     symbolic: Option<SymbolicLlt<usize>>,
+    /// The factor of the matrix; `None` when conjugate gradients took its place.
+    factor: Option<Llt<usize, f64>>,
     rhs: Mat<f64>,
     /// Δv of the step before, from which conjugate gradients start.
     last: Vec<f64>,
@@ -106,6 +108,7 @@ impl Workspace {
             tangent: pattern.zero(),
             matrix: vec![0.0; pattern.symbolic().row_idx().len()],
             symbolic: None,
+            factor: None,
             rhs: Mat::zeros(dofs, 1),
             last: vec![0.0; dofs],
             pattern,
@@ -129,15 +132,22 @@ impl Workspace {
     ) -> Result<(SolvedBy, bool), BodyError> {
         let driven = driven.and_then(|node| body.network().free_index(node));
         for clamped in [false, true] {
+            self.factor = None;
             self.assemble(body, driven, force, h, clamped);
-            let solved = if settings.factorises(body.network().free().len()) {
-                self.factorise()?.then_some(SolvedBy::Cholesky)
+            if settings.factorises(body.network().free().len()) {
+                if self.factorise()? {
+                    (0..self.last.len()).for_each(|i| self.last[i] = self.rhs[(i, 0)]);
+                    return Ok((SolvedBy::Cholesky, clamped));
+                }
             } else {
-                self.conjugate_gradients(settings.tolerance)?
-            };
-            if let Some(solved_by) = solved {
-                (0..self.last.len()).for_each(|i| self.last[i] = self.rhs[(i, 0)]);
-                return Ok((solved_by, clamped));
+                let rhs: Vec<f64> = (0..self.last.len()).map(|i| self.rhs[(i, 0)]).collect();
+                let start = self.last.clone();
+                if let Some((solution, iterations)) =
+                    self.conjugate_gradients(&rhs, start, settings.tolerance)?
+                {
+                    self.last = solution;
+                    return Ok((SolvedBy::ConjugateGradients { iterations }, clamped));
+                }
             }
         }
         Err(BodyError::Indefinite)
@@ -190,6 +200,7 @@ impl Workspace {
         match Llt::try_new_with_symbolic(symbolic.clone(), matrix, Side::Lower) {
             Ok(factor) => {
                 factor.solve_in_place(&mut self.rhs);
+                self.factor = Some(factor);
                 Ok(true)
             }
             Err(LltError::Numeric(_)) => Ok(false),
@@ -197,8 +208,47 @@ impl Workspace {
         }
     }
 
-    /// The same by conjugate gradients (M. R. Hestenes and E. Stiefel, J. Res. Natl. Bur. Stand. 49 (1952) 409).
-    fn conjugate_gradients(&mut self, tolerance: f64) -> Result<Option<SolvedBy>, BodyError> {
+    /// The velocities of all nodes that an impulse of 1 N s along each axis on the row `row` of nodes and weights gives,
+    /// with the matrix of the last [`Workspace::solve`], m/s.
+    pub(crate) fn answer(
+        &self,
+        network: &Network,
+        row: &[(usize, f64)],
+        settings: &LinearlyImplicitEuler,
+    ) -> Result<[Vec<DVec3>; 3], BodyError> {
+        let dofs = self.last.len();
+        let mut columns = [0, 1, 2].map(|_| vec![DVec3::ZERO; network.node_count()]);
+        let mut rhs = Mat::zeros(dofs, 3);
+        for (index, w) in row.iter().filter_map(|&(node, w)| Some((network.free_index(node)?, w))) {
+            (0..3).for_each(|axis| rhs[(3 * index + axis, axis)] = w);
+        }
+        match &self.factor {
+            Some(factor) => factor.solve_in_place(&mut rhs),
+            None => {
+                for axis in 0..3 {
+                    let column: Vec<f64> = (0..dofs).map(|i| rhs[(i, axis)]).collect();
+                    let solved = self.conjugate_gradients(&column, vec![0.0; dofs], settings.tolerance)?;
+                    let (solution, _) = solved.ok_or(BodyError::Indefinite)?;
+                    (0..dofs).for_each(|i| rhs[(i, axis)] = solution[i]);
+                }
+            }
+        }
+        for (index, &node) in network.free().iter().enumerate() {
+            for (axis, column) in columns.iter_mut().enumerate() {
+                column[node] = DVec3::from_array([0, 1, 2].map(|part| rhs[(3 * index + part, axis)]));
+            }
+        }
+        Ok(columns)
+    }
+
+    /// The solution for `rhs` by conjugate gradients from `x` on (M. R. Hestenes and E. Stiefel, J. Res. Natl. Bur. Stand.
+    /// 49 (1952) 409), and the iterations; `None` where the matrix is not positive definite.
+    fn conjugate_gradients(
+        &self,
+        rhs: &[f64],
+        mut x: Vec<f64>,
+        tolerance: f64,
+    ) -> Result<Option<(Vec<f64>, usize)>, BodyError> {
         let n = self.last.len();
         let blocks: Vec<DMat3> = (0..n / 3).map(|node| self.diagonal_block(node)).collect();
         let Some(inverses) = blocks.iter().map(positive_inverse).collect::<Option<Vec<_>>>() else {
@@ -212,11 +262,10 @@ impl Workspace {
             }
         };
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let mut x = self.last.clone();
         let mut product = vec![0.0; n];
         self.multiply(&x, &mut product);
-        let mut r: Vec<f64> = (0..n).map(|i| self.rhs[(i, 0)] - product[i]).collect();
-        let goal = tolerance * (0..n).map(|i| self.rhs[(i, 0)].powi(2)).sum::<f64>().sqrt();
+        let mut r: Vec<f64> = (0..n).map(|i| rhs[i] - product[i]).collect();
+        let goal = tolerance * dot(rhs, rhs).sqrt();
         let mut z = vec![0.0; n];
         precondition(&r, &mut z);
         let (mut p, mut rz) = (z.clone(), dot(&r, &z));
@@ -224,8 +273,7 @@ impl Workspace {
         for iterations in 0..most {
             let left = dot(&r, &r).sqrt();
             if left <= goal {
-                (0..n).for_each(|i| self.rhs[(i, 0)] = x[i]);
-                return Ok(Some(SolvedBy::ConjugateGradients { iterations }));
+                return Ok(Some((x, iterations)));
             }
             self.multiply(&p, &mut product);
             let curvature = dot(&p, &product);
