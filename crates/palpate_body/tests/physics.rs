@@ -201,6 +201,44 @@ fn the_stable_step_is_safe_and_not_wasteful() {
     }
 }
 
+/// The same for large blocks: there B = (b/k) K, so one eigenvalue tells, and power iteration finds it from below.
+#[test]
+fn the_stable_step_holds_for_large_blocks() {
+    for n in [10, 20, 40] {
+        let body = block(n);
+        let (network, m) = (body.network(), body.network().mass_kg()[0]);
+        let axes: Vec<(usize, usize, DVec3)> = network
+            .links()
+            .iter()
+            .map(|link| (link.a, link.b, (network.rest_m()[link.b] - network.rest_m()[link.a]).normalize()))
+            .collect();
+        // Neighbours against each other: next to the fastest mode.
+        let mut d: Vec<DVec3> = (0..network.node_count())
+            .map(|i| {
+                let sign = if (i + i / n + i / (n * n)) % 2 == 0 { 1.0 } else { -1.0 };
+                DVec3::new(sign, 0.7 * sign, 0.1 + (i as f64).sin())
+            })
+            .collect();
+        let mut kappa = 0.0;
+        for _ in 0..80 {
+            let mut pushed = vec![DVec3::ZERO; d.len()];
+            for &(a, b, u) in &axes {
+                let f = LATTICE.stiffness_n_per_m * u * u.dot(d[a] - d[b]);
+                pushed[a] += f;
+                pushed[b] -= f;
+            }
+            (0..d.len()).filter(|&i| network.is_fixed(i)).for_each(|i| pushed[i] = DVec3::ZERO);
+            let norm = pushed.iter().map(|p| p.length_squared()).sum::<f64>().sqrt();
+            kappa = norm / m / d.iter().map(|d| d.length_squared()).sum::<f64>().sqrt();
+            d = pushed.iter().map(|p| *p / norm).collect();
+        }
+        let beta = kappa * network.links()[0].spring.damping_ns_per_m() / LATTICE.stiffness_n_per_m;
+        let limit = ((beta * beta + 4.0 * kappa).sqrt() - beta) / kappa;
+        let estimate = SemiImplicitEuler::stable_step_s(&body);
+        assert!((0.6..=1.0).contains(&(estimate / limit)), "{n}: {estimate} s of {limit} s");
+    }
+}
+
 #[test]
 fn a_step_that_would_be_unstable_is_refused() {
     let mut body = block(5);
