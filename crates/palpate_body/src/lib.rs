@@ -41,11 +41,13 @@
 //!
 //! # Accuracy and limits
 //!
-//! * Contact is the seed paper's: the touched node sticks to the tool until its force would pull
-//!   ([`ToolContact`]). A tool touches one node at a time.
+//! * A tool's contact is the seed paper's: the touched node sticks to the tool until its force would pull
+//!   ([`ToolContact`]). A tool touches one node at a time. Nodes meet obstacles one-sided and with friction, exactly
+//!   but for the gaps of spheres, which a step knows to the first order; impacts are without rebound.
 //! * Springs do not know that cells have a volume: a body pressed through itself stays pressed through itself.
-//! * Semi-implicit Euler is of first order; it takes as many substeps as its stability needs
-//!   ([`SemiImplicitEuler`]), which is many for stiff tissue on a fine lattice.
+//! * Both integrators are of first order. Semi-implicit Euler takes as many substeps as its stability needs
+//!   ([`SemiImplicitEuler`]), which is many for stiff tissue on a fine lattice; [`LinearlyImplicitEuler`] takes any, and
+//!   damps what is fast compared with its step.
 
 #![forbid(unsafe_code)]
 

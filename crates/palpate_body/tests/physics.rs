@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use palpate_body::*;
-use palpate_laws::Spring;
+use palpate_laws::{ForceLaw, SkinLaw, Spring};
 
 const LATTICE: UniformLattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
 
@@ -106,8 +106,21 @@ fn a_rigid_motion_makes_no_force() {
 }
 
 #[test]
-fn the_tangent_is_the_derivative_of_the_force_in_a_large_deformation() {
-    let mut body = block(4);
+fn the_tangent_is_the_derivative_of_the_force_in_a_large_deformation_whatever_the_law() {
+    for law in [
+        ForceLaw::Linear { stiffness_n_per_m: 100.0 },
+        // Their guards are at a few millimetres, so that some springs are beyond them.
+        ForceLaw::Skin(SkinLaw { compliance_m_per_n: 0.01, hardening_per_n: 1.0 }),
+        ForceLaw::Exponential { stiffness_n_per_m: 100.0, rate_per_m: 600.0 },
+    ] {
+        let network = block(4).network().clone().edit().law_where(|_| true, |_| law).build().unwrap();
+        let beyond = tangent_is_the_derivative(Body::new(network, Surface::default()).unwrap());
+        assert!(law.is_linear() || beyond > 0, "{law:?}: no spring is beyond its guard");
+    }
+}
+
+/// Bends `body`, compares, and returns how many springs were beyond their law's guard.
+fn tangent_is_the_derivative(mut body: Body) -> usize {
     let bend = |x: &DVec3| {
         *x + DVec3::new(0.02 * (30.0 * x.z).sin(), -0.3 * x.x * (x.z + 0.05), -0.4 * (x.z + 0.05))
     };
@@ -121,7 +134,7 @@ fn the_tangent_is_the_derivative_of_the_force_in_a_large_deformation() {
     let free = body.network().free().to_vec();
     let scale = (0..k.nrows()).map(|i| k[(i, i)].abs()).fold(0.0, f64::max);
     let (mut plus, mut minus) = (still.clone(), still.clone());
-    let h = 1e-6;
+    let h = 1e-7;
     for (f, &node) in free.iter().enumerate() {
         for axis in 0..3 {
             for (matrix, of_velocity) in [(&k, false), (&b, true)] {
@@ -146,6 +159,8 @@ fn the_tangent_is_the_derivative_of_the_force_in_a_large_deformation() {
             }
         }
     }
+    let extension = |link: &Link| x[link.a].distance(x[link.b]) - link.spring.rest_length_m();
+    body.network().links().iter().filter(|link| extension(link).abs() > link.spring.law().guard_m()).count()
 }
 
 #[test]
