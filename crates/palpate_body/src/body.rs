@@ -1,12 +1,13 @@
 //! A body: a network with its state.
 
+mod constrain;
 mod step;
 
 pub use step::StepReport;
 
 use crate::energy::Ledger;
 use crate::integrator::Workspace;
-use crate::{BodyError, Network, NodeContact, Obstacle, Surface};
+use crate::{BodyError, Network, NodeContact, Obstacle, Surface, Tie};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -19,6 +20,7 @@ pub struct Body {
     /// What acts on the nodes from outside, beside gravity and the tool.
     loads_n: Vec<DVec3>,
     obstacles: Vec<Obstacle>,
+    ties: Vec<Tie>,
     /// With the obstacles, in the last step.
     contacts: Vec<NodeContact>,
     x: Vec<DVec3>,
@@ -48,6 +50,8 @@ pub struct BodyState {
     pub velocities_m_per_s: Vec<DVec3>,
     /// Ticks in a row in which nothing moved to speak of: see [`Body::is_settled`].
     pub quiet_ticks: u64,
+    /// What holds points of it, torn or not.
+    pub ties: Vec<Tie>,
 }
 
 impl Body {
@@ -62,6 +66,7 @@ impl Body {
             gravity_m_per_s2: DVec3::ZERO,
             loads_n: still.clone(),
             obstacles: Vec::new(),
+            ties: Vec::new(),
             contacts: Vec::new(),
             quiet_ticks: 0,
             force: still.clone(),
@@ -146,6 +151,29 @@ impl Body {
         self.quiet_ticks = 0;
     }
 
+    /// What holds points of it.
+    #[must_use]
+    pub fn ties(&self) -> &[Tie] {
+        &self.ties
+    }
+
+    /// Sets what holds points of it.
+    ///
+    /// # Errors
+    /// [`BodyError::CannotHold`] when a tie names a node that the body does not have. The ties are kept then.
+    pub fn set_ties(&mut self, ties: Vec<Tie>) -> Result<(), BodyError> {
+        ties.iter().try_for_each(|tie| tie.validate(self.x.len()))?;
+        self.ties = ties;
+        self.quiet_ticks = 0;
+        Ok(())
+    }
+
+    /// The tie at `index`, to move its anchor.
+    pub fn tie_mut(&mut self, index: usize) -> Option<&mut Tie> {
+        self.quiet_ticks = 0;
+        self.ties.get_mut(index)
+    }
+
     /// The contacts with the obstacles in the last step that gave an impulse.
     #[must_use]
     pub fn contacts(&self) -> &[NodeContact] {
@@ -184,6 +212,7 @@ impl Body {
             positions_m: self.x.clone(),
             velocities_m_per_s: self.v.clone(),
             quiet_ticks: self.quiet_ticks,
+            ties: self.ties.clone(),
         }
     }
 
@@ -192,7 +221,9 @@ impl Body {
     /// # Errors
     /// As [`Body::set_state`].
     pub fn restore(&mut self, state: &BodyState) -> Result<(), BodyError> {
+        state.ties.iter().try_for_each(|tie| tie.validate(self.x.len()))?;
         self.set_state(&state.positions_m, &state.velocities_m_per_s)?;
+        self.ties.clone_from(&state.ties);
         self.quiet_ticks = state.quiet_ticks;
         Ok(())
     }

@@ -1,18 +1,43 @@
-//! The one-sided problem of a step: which impulses keep rows of nodes out of what they must not enter.
+//! The contact problem of a step: which impulses make rows of nodes obey their laws.
 
 use glam::{DMat3, DVec3};
 use palpate_laws::Coulomb;
 
-/// A point Σ w_i x_i of a body that must not go beyond a surface.
+/// Σ w_i x_i over some nodes of a body, a point or the difference of two, that has to obey a law.
 #[derive(Clone, Debug)]
 pub(crate) struct Row {
     /// Nodes and weights.
     pub(crate) nodes: Vec<(usize, f64)>,
-    pub(crate) law: Coulomb,
-    /// Distance from the surface at the beginning of the step, m.
-    pub(crate) gap_m: f64,
+    pub(crate) law: Law,
+    /// How far it would be beyond the law, or short of it, if it did not move in the step, m.
+    pub(crate) gap: DVec3,
     /// λ, N s.
     pub(crate) impulse: DVec3,
+}
+
+/// What a row has to obey.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Law {
+    /// A surface that pushes and rubs; the gap is along its normal.
+    OneSided(Coulomb),
+    /// No gap is left.
+    TwoSided,
+    /// No gap is left along a direction, by pulling against it only.
+    Tension(DVec3),
+}
+
+impl Law {
+    /// The impulse of a row with answer `w` whose velocity without it, the gap over the length of the step added, is
+    /// `free`.
+    fn impulse(self, w: DMat3, free: DVec3) -> DVec3 {
+        match self {
+            Self::OneSided(coulomb) => coulomb.impulse(w, free),
+            Self::TwoSided => -(w.inverse() * free),
+            Self::Tension(direction) => {
+                -direction * (free.dot(direction).max(0.0) / direction.dot(w * direction))
+            }
+        }
+    }
 }
 
 /// What an impulse on a row does to the velocities of the nodes: A⁻¹ Hᵀ.
@@ -30,19 +55,22 @@ const SWEEPS: usize = 1000;
 /// Change of an impulse, relative to the largest, below which a sweep was the last.
 const TOLERANCE: f64 = 1e-8;
 
-/// Gives every row its impulse, so that at the end of the step of length `h` no row has gone beyond its surface, by
-/// projected Gauss-Seidel: row after row answers exactly (see [`Coulomb::impulse`]) while the others stand, until
-/// nothing changes. `v` are the velocities of all nodes without contact, and become those with it. Returns the sweeps
+/// Gives every row its impulse, so that at the end of the step of length `h` each obeys its law, by projected
+/// Gauss-Seidel: row after row answers exactly (see [`Coulomb::impulse`]) while the others stand, until nothing changes. `v` are the velocities of all nodes without contact, and become those with it. Returns the sweeps
 /// taken.
 pub(crate) fn solve(rows: &mut [Row], answer: &impl Answer, h: f64, v: &mut [DVec3]) -> usize {
     let own: Vec<DMat3> = (0..rows.len()).map(|row| answer.own(row)).collect();
     for sweep in 1..=SWEEPS {
         let (mut largest, mut change) = (0.0_f64, 0.0_f64);
         for i in 0..rows.len() {
-            let Row { nodes, law, gap_m, impulse: before } = &rows[i];
+            // A row of nothing but what is fixed cannot obey.
+            if own[i].determinant() <= 0.0 {
+                continue;
+            }
+            let Row { nodes, law, gap, impulse: before } = &rows[i];
             let u: DVec3 = nodes.iter().map(|&(node, w)| w * v[node]).sum();
             // Velocity without this row's impulse; what is left of the gap may still be closed.
-            let free = u - own[i] * *before + *gap_m / h * law.normal();
+            let free = u - own[i] * *before + *gap / h;
             let impulse = law.impulse(own[i], free);
             let more = impulse - *before;
             answer.push(i, more, v);

@@ -1,6 +1,7 @@
 //! A body's energy, and where it comes from and goes.
 
-use crate::{Body, NodeContact};
+use crate::tie::TieEnd;
+use crate::{Body, BodyPoint, NodeContact};
 use glam::DVec3;
 
 /// The energy that a body holds, J.
@@ -110,10 +111,19 @@ impl Ledger {
         self.work_in_j -= (internal_n + body.outer_force_on_n(node)).dot(moved);
     }
 
-    /// Books what friction and impacts took in this step, at the mean velocities of what touched.
-    pub(crate) fn meet(&mut self, contacts: &[NodeContact]) {
+    /// Books what obstacles and ties did in this step, at the mean velocities of what they touch: what anchors did is
+    /// work, all else is rubbed away.
+    pub(crate) fn meet(&mut self, body: &Body) {
         let taken = |c: &NodeContact| -0.5 * c.impulse_ns.dot(self.v[c.node] + c.velocity_m_per_s);
-        self.rubbed_j += contacts.iter().map(taken).sum::<f64>();
+        self.rubbed_j += body.contacts().iter().map(taken).sum::<f64>();
+        for tie in body.ties() {
+            let (impulse, _) = tie.last;
+            let mean = |point: &BodyPoint| 0.5 * (point.of(&self.v) + point.of(body.velocities_m_per_s()));
+            match &tie.b {
+                TieEnd::Anchor { .. } => self.work_in_j += impulse.dot(mean(&tie.a)),
+                TieEnd::Point(b) => self.rubbed_j -= impulse.dot(mean(&tie.a) - mean(b)),
+            }
+        }
     }
 
     /// Books what the dampers took in this step, at its mean velocities.

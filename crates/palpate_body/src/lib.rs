@@ -31,7 +31,8 @@
 //!   dimensions; the [`Block`] with its [`Surface`].
 //! * Material: [`UniformLattice`] (every spring alike) and [`Tissue`] (from Young's modulus and density).
 //! * State and time: [`Body`], [`BodyState`], [`Integrator`], [`StepReport`]; energy: [`Energy`], [`EnergyBooks`].
-//! * The tool: [`ToolContact`], [`ToolPoint`]; what is in the way: [`Obstacle`], [`NodeContact`].
+//! * The tool: [`ToolContact`], [`ToolPoint`]; what is in the way: [`Obstacle`], [`NodeContact`];
+//!   what holds points: [`Tie`], [`BodyPoint`].
 //! * Linearisation: [`TangentPattern`], [`Tangent`].
 //!
 //! # Units, frames, signs
@@ -62,6 +63,7 @@ mod network;
 mod obstacle;
 mod surface;
 mod tangent;
+mod tie;
 mod tissue;
 mod tool;
 
@@ -75,5 +77,6 @@ pub use network::{Link, Network, NetworkBuilder};
 pub use obstacle::{NodeContact, Obstacle};
 pub use surface::{Surface, SurfaceNode};
 pub use tangent::{Tangent, TangentPattern};
+pub use tie::{BodyPoint, Tie};
 pub use tissue::{CellStiffness, Tissue};
 pub use tool::{ToolContact, ToolPoint, Touched};

@@ -1,10 +1,9 @@
 //! A body's step through time.
 
 use super::{Body, QUIET_M_PER_S, internal_forces};
-use crate::contact::{self, Coupled, Masses, Row};
 use crate::energy::Ledger;
 use crate::integrator::{LinearlyImplicitEuler, SolvedBy, Workspace};
-use crate::{BodyError, Integrator, NodeContact, ToolContact, ToolPoint};
+use crate::{BodyError, Integrator, Tie, ToolContact, ToolPoint};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -21,14 +20,11 @@ pub struct StepReport {
     pub clamped: usize,
     /// Nodes in contact with obstacles, at most.
     pub contacts: usize,
-    /// Sweeps that their impulses took, at most.
+    /// Sweeps that the impulses of obstacles and ties took, at most.
     pub sweeps: usize,
+    /// Sutures that tore.
+    pub torn: usize,
 }
-
-/// How fast a node that is inside an obstacle is pushed out.
-const PUSH_OUT_M_PER_S: f64 = 1.0;
-/// How often obstacles are looked for again after some were met.
-const MEETINGS: usize = 8;
 
 impl Body {
     /// Advances by `ticks` ticks, the tool following its path: `path[0]` is where it was at the end of the
@@ -74,14 +70,15 @@ impl Body {
         }
         self.before.0.copy_from_slice(&self.x);
         self.before.1.copy_from_slice(&self.v);
-        let (quiet, ledger) = (self.quiet_ticks, self.ledger.clone());
+        let (quiet, ledger, ties) = (self.quiet_ticks, self.ledger.clone(), self.ties.clone());
         let (mut contact, path) = tool.unzip();
         let contact_before = contact.as_deref().copied();
         let stepped = self.march(contact.as_deref_mut(), path, ticks, &integrator, &mut observe);
         stepped.inspect_err(|_| {
             self.x.copy_from_slice(&self.before.0);
             self.v.copy_from_slice(&self.before.1);
-            (self.quiet_ticks, self.ledger) = (quiet, ledger);
+            (self.quiet_ticks, self.ledger, self.ties) = (quiet, ledger, ties);
+            self.contacts.clear();
             if let (Some(contact), Some(before)) = (contact, contact_before) {
                 *contact = before;
             }
@@ -119,7 +116,10 @@ impl Body {
                         velocity_m_per_s: to.velocity_m_per_s,
                     }
                 });
-                self.step(contact.as_deref_mut().zip(point), h, integrator, &mut report)?;
+                // The shares of the advance that are over before and after this step.
+                let over = |i: usize| (tick as f64 + span as f64 * i as f64 / substeps as f64) / ticks as f64;
+                let along = (over(i - 1), over(i));
+                self.step(contact.as_deref_mut().zip(point), h, along, integrator, &mut report)?;
             }
             tick += span;
             let moving = self.network.free().iter().any(|&node| self.v[node].length() > QUIET_M_PER_S);
@@ -128,7 +128,10 @@ impl Body {
         }
         match (0..self.x.len()).find(|&i| !(self.x[i].is_finite() && self.v[i].is_finite())) {
             Some(node) => Err(BodyError::Diverged { node }),
-            None => Ok(report),
+            None => {
+                self.ties.iter_mut().for_each(Tie::arrive);
+                Ok(report)
+            }
         }
     }
 
@@ -136,6 +139,7 @@ impl Body {
         &mut self,
         tool: Option<(&mut ToolContact, ToolPoint)>,
         h: f64,
+        along: (f64, f64),
         integrator: &Integrator,
         report: &mut StepReport,
     ) -> Result<(), BodyError> {
@@ -172,77 +176,14 @@ impl Body {
                 self.implicit_velocities(driven, h, settings, report)?;
             }
         }
-        if !self.obstacles.is_empty() {
-            self.meet_obstacles(driven, h, integrator, report)?;
+        if !(self.obstacles.is_empty() && self.ties.is_empty()) {
+            self.constrain(driven, h, along, integrator, report)?;
             if let Some(ledger) = &mut ledger {
-                ledger.meet(&self.contacts);
+                ledger.meet(self);
             }
         }
         moving().for_each(|node| self.x[node] += self.v[node] * h);
         self.ledger = ledger.map(|ledger| ledger.end(self, h));
-        Ok(())
-    }
-
-    /// Keeps the nodes out of the obstacles: velocities become those at the end of the step.
-    fn meet_obstacles(
-        &mut self,
-        driven: Option<usize>,
-        h: f64,
-        integrator: &Integrator,
-        report: &mut StepReport,
-    ) -> Result<(), BodyError> {
-        self.contacts.clear();
-        let before = self.v.clone();
-        let mut met: Vec<(usize, usize, f64, DVec3)> = Vec::new();
-        // A push out of one obstacle may lead into another: until no more are met.
-        for _ in 0..MEETINGS {
-            let known = met.len();
-            for &node in self.network.free().iter().filter(|&&node| driven != Some(node)) {
-                for (index, obstacle) in self.obstacles.iter().enumerate() {
-                    let (gap_m, normal) = obstacle.gap_m(self.x[node]);
-                    let ends = gap_m + h * self.v[node].dot(normal);
-                    if ends < 0.0 && !met[..known].iter().any(|m| (m.0, m.1) == (node, index)) {
-                        met.push((node, index, gap_m.max(-h * PUSH_OUT_M_PER_S), normal));
-                    }
-                }
-            }
-            if met.len() == known {
-                break;
-            }
-            self.v.copy_from_slice(&before);
-            let mut rows: Vec<Row> = met
-                .iter()
-                .filter_map(|&(node, index, gap_m, normal)| {
-                    let law = self.obstacles[index].law(normal)?;
-                    Some(Row { nodes: vec![(node, 1.0)], law, gap_m, impulse: DVec3::ZERO })
-                })
-                .collect();
-            let nodes: Vec<Vec<(usize, f64)>> = rows.iter().map(|row| row.nodes.clone()).collect();
-            let sweeps = match (integrator, &self.implicit) {
-                (Integrator::LinearlyImplicitEuler(settings), Some(implicit)) => {
-                    let columns = nodes.iter().map(|row| implicit.answer(&self.network, row, settings));
-                    let answer = Coupled { columns: columns.collect::<Result<_, _>>()?, rows: nodes };
-                    contact::solve(&mut rows, &answer, h, &mut self.v)
-                }
-                _ => {
-                    let answer = Masses { rows: nodes, mass_kg: self.network.mass_kg() };
-                    contact::solve(&mut rows, &answer, h, &mut self.v)
-                }
-            };
-            report.sweeps = report.sweeps.max(sweeps);
-            let contacts = met.iter().zip(&rows).filter(|(_, row)| row.impulse != DVec3::ZERO);
-            self.contacts = contacts
-                .map(|(&(node, obstacle, gap_m, normal), row)| NodeContact {
-                    node,
-                    obstacle,
-                    normal,
-                    gap_m: gap_m + h * self.v[node].dot(normal),
-                    impulse_ns: row.impulse,
-                    velocity_m_per_s: self.v[node],
-                })
-                .collect();
-        }
-        report.contacts = report.contacts.max(self.contacts.len());
         Ok(())
     }
 

@@ -1,0 +1,191 @@
+//! What holds points of a body to each other or to a place: grasps, threads, sutures.
+
+use crate::error::{check, check_positive};
+use crate::{Body, BodyError};
+use glam::DVec3;
+
+/// A point of a body, Σ w_i x_i over some of its nodes: one node, a place on a triangle or inside a cell.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct BodyPoint {
+    nodes: Vec<(usize, f64)>,
+}
+
+/// A tie between a point of a body and a place, or two points of it.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Tie {
+    pub(crate) kind: TieKind,
+    pub(crate) a: BodyPoint,
+    pub(crate) b: TieEnd,
+    pub(crate) torn: bool,
+    /// λ of the last step, what the tie gave to `a`, N s, and that step's length, s.
+    pub(crate) last: (DVec3, f64),
+}
+
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) enum TieEnd {
+    Point(BodyPoint),
+    /// A place that the user moves: where it is, and where it is to be at the end of the next advance.
+    Anchor {
+        from_m: DVec3,
+        to_m: DVec3,
+    },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) enum TieKind {
+    /// Two-sided: the ends stay together, unless that takes more than the limit.
+    Joint { tear_limit_n: Option<f64> },
+    /// Tension only: the ends are at most that far apart.
+    Thread { length_m: f64 },
+}
+
+/// Most nodes of a point.
+const MOST_NODES: usize = 32;
+
+impl BodyPoint {
+    /// The node `node` itself.
+    #[must_use]
+    pub fn node(node: usize) -> Self {
+        Self { nodes: vec![(node, 1.0)] }
+    }
+
+    /// Σ w_i x_i over `nodes` of (node, weight).
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] when there are none or more than 32, a weight is not finite, they do not sum to 1, or a
+    /// node is named twice.
+    pub fn new(nodes: Vec<(usize, f64)>) -> Result<Self, BodyError> {
+        let count = nodes.len();
+        check("nodes of a point", count as f64, (1..=MOST_NODES).contains(&count), "1 to 32")?;
+        let sum: f64 = nodes.iter().map(|(_, w)| w).sum();
+        check("sum of the weights of a point", sum, (sum - 1.0).abs() < 1e-9, "1 within 1e-9")?;
+        for (i, &(node, _)) in nodes.iter().enumerate() {
+            let once = nodes[..i].iter().all(|(other, _)| *other != node);
+            check("node of a point", node as f64, once, "named once")?;
+        }
+        Ok(Self { nodes })
+    }
+
+    /// Its nodes and weights.
+    #[must_use]
+    pub fn nodes(&self) -> &[(usize, f64)] {
+        &self.nodes
+    }
+
+    /// Σ w_i `values[i]`.
+    pub(crate) fn of(&self, values: &[DVec3]) -> DVec3 {
+        self.nodes.iter().map(|&(node, w)| w * values[node]).sum()
+    }
+}
+
+impl Tie {
+    /// A tool that has hold of `point` at `anchor_m`, pushes and pulls: the point is moved there.
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] when the place is not finite.
+    pub fn grasp(point: BodyPoint, anchor_m: DVec3) -> Result<Self, BodyError> {
+        let b = anchor(anchor_m)?;
+        Ok(Self::new(TieKind::Joint { tear_limit_n: None }, point, b))
+    }
+
+    /// A thread of length `length_m` from `point` to `anchor_m`: it pulls and never pushes.
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] when the length is not above zero or the place not finite.
+    pub fn thread_to(point: BodyPoint, anchor_m: DVec3, length_m: f64) -> Result<Self, BodyError> {
+        let length_m = check_positive("length of a thread, m", length_m)?;
+        Ok(Self::new(TieKind::Thread { length_m }, point, anchor(anchor_m)?))
+    }
+
+    /// A thread of length `length_m` between two points: it pulls them together and never apart.
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] when the length is not above zero.
+    pub fn thread(a: BodyPoint, b: BodyPoint, length_m: f64) -> Result<Self, BodyError> {
+        let length_m = check_positive("length of a thread, m", length_m)?;
+        Ok(Self::new(TieKind::Thread { length_m }, a, TieEnd::Point(b)))
+    }
+
+    /// A suture that draws two points together and holds them, until its force exceeds `tear_limit_n`.
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] when the limit is not above zero; it may be infinite.
+    pub fn suture(a: BodyPoint, b: BodyPoint, tear_limit_n: f64) -> Result<Self, BodyError> {
+        check("tear limit of a suture, N", tear_limit_n, tear_limit_n > 0.0, "above 0")?;
+        // Infinity has no place in every file.
+        let tear_limit_n = tear_limit_n.is_finite().then_some(tear_limit_n);
+        Ok(Self::new(TieKind::Joint { tear_limit_n }, a, TieEnd::Point(b)))
+    }
+
+    fn new(kind: TieKind, a: BodyPoint, b: TieEnd) -> Self {
+        Self { kind, a, b, torn: false, last: (DVec3::ZERO, 0.0) }
+    }
+
+    /// The first point.
+    #[must_use]
+    pub fn point(&self) -> &BodyPoint {
+        &self.a
+    }
+
+    /// Whether it has torn.
+    #[must_use]
+    pub fn is_torn(&self) -> bool {
+        self.torn
+    }
+
+    /// The force λ/h that the tie gave to its first point in the last step, N; to the other end its opposite.
+    #[must_use]
+    pub fn force_n(&self) -> DVec3 {
+        let (impulse, h) = self.last;
+        if h > 0.0 { impulse / h } else { DVec3::ZERO }
+    }
+
+    /// Moves the anchor: it is at `to_m` at the end of the next advance, and on the way there at an even speed.
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] when the place is not finite or the tie has no anchor.
+    pub fn move_to(&mut self, to_m: DVec3) -> Result<(), BodyError> {
+        let TieEnd::Anchor { to_m: target, .. } = &mut self.b else {
+            return Err(BodyError::Parameter { what: "anchors of the tie", value: 0.0, allowed: "1" });
+        };
+        check("place of an anchor, m", to_m.abs().max_element(), to_m.is_finite(), "finite")?;
+        *target = to_m;
+        Ok(())
+    }
+
+    /// What the body does to a hand that holds the tie's first point, N: the internal force on the row,
+    /// Σ w_i F_i / Σ w_i², without the impacts of the step.
+    #[must_use]
+    pub fn displayed_force_n(&self, body: &Body) -> DVec3 {
+        let force: DVec3 = self.a.nodes.iter().map(|&(node, w)| w * body.internal_force_on_n(node)).sum();
+        force / self.a.nodes.iter().map(|(_, w)| w * w).sum::<f64>()
+    }
+
+    /// The anchor is where it was moved to.
+    pub(crate) fn arrive(&mut self) {
+        if let TieEnd::Anchor { from_m, to_m } = &mut self.b {
+            *from_m = *to_m;
+        }
+    }
+
+    /// Refuses points with nodes that the body does not have.
+    pub(crate) fn validate(&self, nodes: usize) -> Result<(), BodyError> {
+        let of_b = match &self.b {
+            TieEnd::Point(b) => &b.nodes[..],
+            TieEnd::Anchor { .. } => &[],
+        };
+        match self.a.nodes.iter().chain(of_b).find(|(node, _)| *node >= nodes) {
+            Some(&(node, _)) => Err(BodyError::CannotHold { node, why: "there is no such node" }),
+            None => Ok(()),
+        }
+    }
+}
+
+fn anchor(at_m: DVec3) -> Result<TieEnd, BodyError> {
+    check("place of an anchor, m", at_m.abs().max_element(), at_m.is_finite(), "finite")?;
+    Ok(TieEnd::Anchor { from_m: at_m, to_m: at_m })
+}

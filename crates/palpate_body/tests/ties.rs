@@ -1,0 +1,211 @@
+//! Grasps, threads and sutures: what they hold, what they pull, when they tear, and where the work goes.
+
+use glam::DVec3;
+use palpate_body::*;
+
+const G: f64 = 9.81;
+
+fn integrators(substeps: usize) -> [Integrator; 2] {
+    let semi = SemiImplicitEuler { min_substeps: substeps, ..SemiImplicitEuler::default() };
+    let solver = LinearSolver::Cholesky;
+    [semi.into(), LinearlyImplicitEuler { substeps, solver, ..LinearlyImplicitEuler::default() }.into()]
+}
+
+fn block(n: usize) -> Body {
+    let lattice = UniformLattice { stiffness_n_per_m: 200.0, damping_ratio: 0.6, mass_kg: 0.5 };
+    let block = Block::new([n; 3], DVec3::splat(0.06)).unwrap().fix(Face::NegZ).uniform(&lattice).unwrap();
+    Body::new(block.network, block.surface).unwrap()
+}
+
+/// A place on a triangle of the top of a block of 4 nodes a side.
+fn on_the_top() -> BodyPoint {
+    let node = |i: usize, j: usize| i + 4 * (j + 4 * 3);
+    BodyPoint::new(vec![(node(1, 1), 0.5), (node(2, 1), 0.3), (node(1, 2), 0.2)]).unwrap()
+}
+
+fn place(body: &Body, point: &BodyPoint) -> DVec3 {
+    point.nodes().iter().map(|&(node, w)| w * body.positions_m()[node]).sum()
+}
+
+/// Free masses without springs.
+fn masses(at: &[(DVec3, f64)]) -> Body {
+    let mut builder = NetworkBuilder::new();
+    for &(x, m) in at {
+        builder.node(x, m);
+    }
+    Body::new(builder.allow_free().build().unwrap(), Surface::default()).unwrap()
+}
+
+#[test]
+fn what_is_grasped_goes_where_the_hand_goes() {
+    for integrator in integrators(4) {
+        let mut body = block(4);
+        let start = place(&body, &on_the_top());
+        body.set_ties(vec![Tie::grasp(on_the_top(), start).unwrap()]).unwrap();
+        for tick in 1..=200 {
+            let t = f64::from(tick) * 1e-3;
+            let to = start + DVec3::new(0.004 * (9.0 * t).sin(), 0.0, 0.006 * (1.0 - (11.0 * t).cos()));
+            body.tie_mut(0).unwrap().move_to(to).unwrap();
+            body.advance(None, 1, integrator).unwrap();
+            assert!((place(&body, &on_the_top()) - to).length() < 1e-12, "tick {tick}, {integrator:?}");
+        }
+    }
+}
+
+#[test]
+fn at_rest_a_grasp_pulls_as_hard_as_the_body_pulls_back() {
+    for integrator in integrators(4) {
+        let mut body = block(4);
+        let start = place(&body, &on_the_top());
+        body.set_ties(vec![Tie::grasp(on_the_top(), start).unwrap()]).unwrap();
+        body.tie_mut(0).unwrap().move_to(start + DVec3::new(0.002, 0.0, 0.005)).unwrap();
+        // There in half a second, and to rest.
+        body.advance(None, 500, integrator).unwrap();
+        body.advance(None, 4000, integrator).unwrap();
+        let tie = &body.ties()[0];
+        let pull = tie.force_n();
+        let ground: DVec3 = (0..16).map(|node| body.internal_force_on_n(node)).sum();
+        assert!(pull.z > 0.3, "{pull}");
+        // The ground is pulled by what the hand pulls, and the hand feels the opposite of what it gives.
+        assert!((ground - pull).length() < 1e-6 * pull.length(), "{ground}, {pull}");
+        assert!((tie.displayed_force_n(&body) + pull).length() < 1e-6 * pull.length());
+    }
+}
+
+#[test]
+fn the_work_of_a_hand_is_stored_or_dissipated() {
+    for integrator in integrators(64) {
+        let mut body = block(3);
+        let node = 1 + 3 * (1 + 3 * 2);
+        let start = body.positions_m()[node];
+        body.set_ties(vec![Tie::grasp(BodyPoint::node(node), start).unwrap()]).unwrap();
+        body.open_books();
+        for tick in 1..=250 {
+            let t = f64::from(tick) * 1e-3;
+            body.tie_mut(0).unwrap().move_to(start + DVec3::Z * 0.005 * (1.0 - (20.0 * t).cos())).unwrap();
+            body.advance(None, 1, integrator).unwrap();
+        }
+        let books = body.books().unwrap();
+        assert!(books.work_in_j > 0.0 && books.rubbed_j == 0.0);
+        let through = books.work_in_j.abs() + books.damped_j;
+        assert!(books.integrator_j.abs() < 2e-3 * through, "{books:?}, {integrator:?}");
+    }
+}
+
+#[test]
+fn a_mass_on_a_thread_is_a_pendulum() {
+    let length = 0.4;
+    for integrator in integrators(10) {
+        let angle = 0.05_f64;
+        let at = length * DVec3::new(angle.sin(), 0.0, -angle.cos());
+        let mut body = masses(&[(at, 0.1)]);
+        body.set_gravity(DVec3::Z * -G).unwrap();
+        body.set_ties(vec![Tie::thread_to(BodyPoint::node(0), DVec3::ZERO, length).unwrap()]).unwrap();
+        let (mut crossings, mut last) = (Vec::new(), at.x);
+        for tick in 1..=2600 {
+            body.advance(None, 1, integrator).unwrap();
+            let x = body.positions_m()[0];
+            assert!(x.length() < length * (1.0 + 1e-5), "{}", x.length());
+            if last > 0.0 && x.x <= 0.0 {
+                crossings.push(f64::from(tick) * 1e-3);
+            }
+            last = x.x;
+        }
+        let period = crossings[1] - crossings[0];
+        let expected = std::f64::consts::TAU * (length / G).sqrt() * (1.0 + angle * angle / 16.0);
+        assert!((period / expected - 1.0).abs() < 2e-3, "{period} s, not {expected} s, {integrator:?}");
+        let tension = body.ties()[0].force_n();
+        assert!(tension.z > 0.0 && (tension.length() / (0.1 * G) - 1.0).abs() < 0.02, "{tension}");
+    }
+}
+
+#[test]
+fn a_slack_thread_does_nothing_and_none_pushes() {
+    let mut body = masses(&[(DVec3::X * 0.1, 0.1), (DVec3::ZERO, 0.3)]);
+    body.set_ties(vec![Tie::thread(BodyPoint::node(0), BodyPoint::node(1), 0.15).unwrap()]).unwrap();
+    // Thrown apart at 1 m/s: straight for 0.05 m, then both go on together.
+    body.set_state(body.positions_m().to_vec().as_slice(), &[DVec3::X, DVec3::ZERO]).unwrap();
+    body.advance(None, 40, SemiImplicitEuler::default()).unwrap();
+    assert_eq!(body.ties()[0].force_n(), DVec3::ZERO);
+    assert!((body.velocities_m_per_s()[0].x - 1.0).abs() < 1e-12);
+    body.advance(None, 40, SemiImplicitEuler::default()).unwrap();
+    for v in body.velocities_m_per_s() {
+        assert!((v.x - 0.25).abs() < 1e-9, "{v}: momentum is shared by 0.1 kg and 0.3 kg");
+    }
+    let apart = body.positions_m()[0].x - body.positions_m()[1].x;
+    assert!((apart - 0.15).abs() < 1e-9, "{apart}");
+    // Pushed together it is slack again.
+    body.set_loads(&[DVec3::X * -1.0, DVec3::ZERO]).unwrap();
+    body.advance(None, 5, SemiImplicitEuler::default()).unwrap();
+    assert_eq!(body.ties()[0].force_n(), DVec3::ZERO);
+}
+
+#[test]
+fn a_suture_draws_together_holds_and_tears_at_its_limit() {
+    let limit = 2.0;
+    let torn_at = |force: f64| {
+        let mut body = masses(&[(DVec3::X * 0.01, 0.1), (DVec3::ZERO, 0.1)]);
+        let suture = Tie::suture(BodyPoint::node(0), BodyPoint::node(1), f64::INFINITY).unwrap();
+        body.set_ties(vec![suture]).unwrap();
+        body.advance(None, 30, SemiImplicitEuler::default()).unwrap();
+        let [a, b] = body.positions_m() else { unreachable!() };
+        assert!((*a - *b).length() < 1e-12, "drawn together at 1 m/s");
+        // Neither gives the other more than it gets.
+        let total: DVec3 = body.velocities_m_per_s().iter().sum();
+        assert!(total.length() < 1e-12);
+        body.set_ties(vec![Tie::suture(BodyPoint::node(0), BodyPoint::node(1), limit).unwrap()]).unwrap();
+        body.set_loads(&[DVec3::X * force, DVec3::X * -force]).unwrap();
+        let report = body.advance(None, 10, SemiImplicitEuler::default()).unwrap();
+        let tie = &body.ties()[0];
+        assert_eq!(report.torn, usize::from(tie.is_torn()));
+        assert!(tie.is_torn() || (tie.force_n() + DVec3::X * force).length() < 1e-9, "{}", tie.force_n());
+        tie.is_torn()
+    };
+    assert!(!torn_at(0.99 * limit) && torn_at(1.01 * limit));
+}
+
+#[test]
+fn ties_are_part_of_the_state() {
+    let mut body = masses(&[(DVec3::X * 0.01, 0.1), (DVec3::ZERO, 0.1)]);
+    let suture = |limit| Tie::suture(BodyPoint::node(0), BodyPoint::node(1), limit).unwrap();
+    let thread = Tie::thread_to(BodyPoint::node(1), DVec3::ZERO, 1.0).unwrap();
+    let grasp = Tie::grasp(BodyPoint::node(0), DVec3::X * 0.01).unwrap();
+    for ties in [vec![suture(f64::INFINITY), thread.clone(), grasp], vec![suture(0.5), thread]] {
+        body.set_ties(ties.clone()).unwrap();
+        let text = serde_json::to_string(&body.state()).unwrap();
+        assert_eq!(serde_json::from_str::<BodyState>(&text).unwrap().ties, ties);
+    }
+    let whole = body.state();
+    body.set_loads(&[DVec3::X * 3.0, DVec3::ZERO]).unwrap();
+    body.advance(None, 20, SemiImplicitEuler::default()).unwrap();
+    assert!(body.ties()[0].is_torn());
+    let torn: BodyState = serde_json::from_str(&serde_json::to_string(&body.state()).unwrap()).unwrap();
+    body.restore(&whole).unwrap();
+    assert!(!body.ties()[0].is_torn());
+    body.restore(&torn).unwrap();
+    assert!(body.ties()[0].is_torn());
+}
+
+#[test]
+fn ties_that_make_no_sense_are_refused() {
+    let node = BodyPoint::node;
+    for bad in
+        [vec![], vec![(0, 0.5)], vec![(0, f64::NAN)], vec![(0, 0.5), (0, 0.5)], vec![(0, 1.0 / 33.0); 33]]
+    {
+        assert!(BodyPoint::new(bad).is_err());
+    }
+    for bad in [0.0, -1.0, f64::NAN] {
+        assert!(Tie::thread(node(0), node(1), bad).is_err() && Tie::suture(node(0), node(1), bad).is_err());
+        assert!(Tie::thread_to(node(0), DVec3::ZERO, bad).is_err());
+    }
+    assert!(Tie::grasp(node(0), DVec3::NAN).is_err());
+    let mut suture = Tie::suture(node(0), node(1), 1.0).unwrap();
+    assert!(suture.move_to(DVec3::X).is_err(), "it has no anchor");
+    let mut body = block(3);
+    let refused = body.set_ties(vec![Tie::grasp(node(27), DVec3::ZERO).unwrap()]);
+    assert_eq!(refused, Err(BodyError::CannotHold { node: 27, why: "there is no such node" }));
+    // What is fixed cannot be moved, and nothing breaks.
+    body.set_ties(vec![Tie::grasp(node(0), DVec3::Z).unwrap()]).unwrap();
+    body.advance(None, 5, SemiImplicitEuler::default()).unwrap();
+    assert_eq!(body.positions_m()[0], body.network().rest_m()[0]);
+}
