@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 /// What each crate may depend on, beside `thiserror`: `(crate, allowed)`.
 const ALLOWED: [(&str, &[&str]); 7] = [
     ("palpate_laws", &["glam"]),
-    ("palpate_body", &["palpate_laws", "glam", "faer", "serde"]),
+    ("palpate_body", &["palpate_laws", "glam", "faer", "parry3d-f64", "serde"]),
     ("palpate_local", &["palpate_laws", "glam"]),
     ("palpate_reduce", &["palpate_body", "palpate_local", "palpate_laws", "glam", "faer"]),
     (

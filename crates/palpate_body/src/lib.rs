@@ -32,7 +32,8 @@
 //! * Material: [`UniformLattice`] (every spring alike) and [`Tissue`] (from Young's modulus and density).
 //! * State and time: [`Body`], [`BodyState`], [`Integrator`], [`StepReport`]; energy: [`Energy`], [`EnergyBooks`].
 //! * The tool: [`ToolContact`], [`ToolPoint`]; what is in the way: [`Obstacle`], [`NodeContact`];
-//!   what holds points: [`Tie`], [`BodyPoint`].
+//!   what holds points: [`Tie`], [`BodyPoint`];
+//!   the nearest point of the surface: [`SurfaceTree`].
 //! * Linearisation: [`TangentPattern`], [`Tangent`].
 //!
 //! # Units, frames, signs
@@ -75,7 +76,7 @@ pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplic
 pub use lattice::{Lattice, Neighbours};
 pub use network::{Link, Network, NetworkBuilder};
 pub use obstacle::{NodeContact, Obstacle};
-pub use surface::{Surface, SurfaceNode};
+pub use surface::{ClosestPoint, Surface, SurfaceNode, SurfaceTree};
 pub use tangent::{Tangent, TangentPattern};
 pub use tie::{BodyPoint, Tie};
 pub use tissue::{CellStiffness, Tissue};

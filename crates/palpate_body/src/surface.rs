@@ -1,5 +1,9 @@
 //! The touchable surface of a body.
 
+mod closest;
+
+pub use closest::{ClosestPoint, SurfaceTree};
+
 use crate::BodyError;
 use glam::{DQuat, DVec3};
 

@@ -1,0 +1,148 @@
+//! The point of a body's surface nearest to a place.
+
+use crate::Body;
+use glam::DVec3;
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode, BvhWorkspace};
+use parry3d_f64::query::{PointQuery, PointQueryWithLocation};
+use parry3d_f64::shape::Triangle;
+use std::collections::HashMap;
+
+/// The triangles of a body's surface in a tree of boxes, built once and fitted anew when the body has moved.
+pub struct SurfaceTree {
+    /// Nodes of each triangle, counter-clockwise seen from outside.
+    triangles: Vec<[usize; 3]>,
+    /// The triangles round each node, and beside each edge.
+    round_node: HashMap<usize, Vec<usize>>,
+    beside_edge: HashMap<(usize, usize), Vec<usize>>,
+    bvh: Bvh,
+    workspace: BvhWorkspace,
+}
+
+/// A point of a body's surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClosestPoint {
+    /// Its triangle.
+    pub triangle: usize,
+    /// The triangle's nodes and the point's weights, each at least 0: the point is Σ w_i x_i.
+    pub nodes: [(usize, f64); 3],
+    /// Where it is, m.
+    pub point_m: DVec3,
+    /// Outward unit normal of the surface there; on an edge or a corner that between its triangles, weighted by their
+    /// angles.
+    pub normal: DVec3,
+    /// Distance of the place asked for, m; negative inside the body.
+    pub distance_m: f64,
+}
+
+impl std::fmt::Debug for SurfaceTree {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("SurfaceTree").field("triangles", &self.triangles.len()).finish_non_exhaustive()
+    }
+}
+
+/// Weights below that are of a corner or an edge that the point is not on.
+const NO_WEIGHT: f64 = 1e-9;
+
+impl SurfaceTree {
+    /// The tree of `body`'s surface where it is now.
+    #[must_use]
+    pub fn new(body: &Body) -> Self {
+        let surface = body.surface();
+        let triangles: Vec<[usize; 3]> =
+            surface.triangles.iter().map(|t| t.map(|vertex| surface.vertices[vertex])).collect();
+        let (mut round_node, mut beside_edge) = (HashMap::<_, Vec<_>>::new(), HashMap::<_, Vec<_>>::new());
+        for (index, &nodes) in triangles.iter().enumerate() {
+            for corner in 0..3 {
+                let (a, b) = (nodes[corner], nodes[(corner + 1) % 3]);
+                round_node.entry(a).or_default().push(index);
+                beside_edge.entry((a.min(b), a.max(b))).or_default().push(index);
+            }
+        }
+        let boxes: Vec<Aabb> =
+            triangles.iter().map(|t| bounds(t.map(|node| body.positions_m()[node]))).collect();
+        let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+        Self { triangles, round_node, beside_edge, bvh, workspace: BvhWorkspace::default() }
+    }
+
+    /// Fits the tree to where `body` is now: fast as long as its triangles stay neighbours, which they do.
+    ///
+    /// # Panics
+    /// When `body` is not the one that the tree is of and has fewer nodes.
+    pub fn refit(&mut self, body: &Body) {
+        let x = body.positions_m();
+        for (index, t) in self.triangles.iter().enumerate() {
+            self.bvh.insert_or_update_partially(bounds(t.map(|node| x[node])), index as u32, 0.0);
+        }
+        self.bvh.refit(&mut self.workspace);
+    }
+
+    /// The point of the surface nearest to `place_m`, if one is nearer than `within_m`. `body` is where it was at the last
+    /// fit.
+    ///
+    /// # Panics
+    /// As [`SurfaceTree::refit`].
+    #[must_use]
+    pub fn closest(&self, body: &Body, place_m: DVec3, within_m: f64) -> Option<ClosestPoint> {
+        let x = body.positions_m();
+        let corners = |triangle: usize| self.triangles[triangle].map(|node| x[node]);
+        let (triangle, (_, weights)) = self.bvh.find_best(
+            within_m,
+            |node: &BvhNode, _| node.aabb().distance_to_local_point(place_m, true),
+            |leaf, _| {
+                let [a, b, c] = corners(leaf as usize);
+                let (projection, location) =
+                    Triangle::new(a, b, c).project_local_point_and_get_location(place_m, false);
+                Some((projection.point.distance(place_m), location.barycentric_coordinates()?))
+            },
+        )?;
+        let triangle = triangle as usize;
+        let [i, j, k] = self.triangles[triangle];
+        let nodes = [(i, weights[0]), (j, weights[1]), (k, weights[2])];
+        let point_m: DVec3 = nodes.iter().map(|&(node, w)| w * x[node]).sum();
+        let normal = self.normal(body, triangle, weights);
+        let away = place_m - point_m;
+        Some(ClosestPoint {
+            triangle,
+            nodes,
+            point_m,
+            normal,
+            distance_m: away.length().copysign(away.dot(normal)),
+        })
+    }
+
+    /// The normal of a place on `triangle`; on its rim that of all triangles that meet there (J. A. Baerentzen and H.
+    /// Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243), with which inside and outside are told apart.
+    fn normal(&self, body: &Body, triangle: usize, weights: [f64; 3]) -> DVec3 {
+        let x = body.positions_m();
+        let face = |index: usize| {
+            let [a, b, c] = self.triangles[index].map(|node| x[node]);
+            (b - a).cross(c - a).normalize_or_zero()
+        };
+        let own = self.triangles[triangle];
+        let on: Vec<usize> = (0..3).filter(|&i| weights[i] > NO_WEIGHT).map(|i| own[i]).collect();
+        let sum = match on[..] {
+            [node] => {
+                let angle = |index: usize| {
+                    let t = self.triangles[index];
+                    let at = t.iter().position(|&n| n == node).unwrap_or(0);
+                    let (p, q) = (x[t[(at + 1) % 3]] - x[node], x[t[(at + 2) % 3]] - x[node]);
+                    p.angle_between(q)
+                };
+                let round = self.round_node.get(&node);
+                round.into_iter().flatten().map(|&index| angle(index) * face(index)).sum()
+            }
+            [a, b] => {
+                let beside = self.beside_edge.get(&(a.min(b), a.max(b)));
+                beside.into_iter().flatten().map(|&index| face(index)).sum()
+            }
+            _ => face(triangle),
+        };
+        DVec3::try_normalize(sum).unwrap_or_else(|| face(triangle))
+    }
+}
+
+fn bounds(corners: [DVec3; 3]) -> Aabb {
+    let [a, b, c] = corners;
+    Aabb::new(a.min(b).min(c), a.max(b).max(c))
+}
