@@ -34,6 +34,7 @@ pub struct Network {
     incident: Vec<usize>,
     incident_start: Vec<usize>,
     allow_free: bool,
+    linear: bool,
 }
 
 impl Network {
@@ -66,8 +67,19 @@ impl Network {
             free_index[node] = Some(index);
         }
         let (incident, incident_start) = incidence(&links, rest_m.len());
-        let network =
-            Self { rest_m, mass_kg, fixed, links, free, free_index, incident, incident_start, allow_free };
+        let linear = links.iter().all(|link| link.spring.law().is_linear());
+        let network = Self {
+            rest_m,
+            mass_kg,
+            fixed,
+            links,
+            free,
+            free_index,
+            incident,
+            incident_start,
+            allow_free,
+            linear,
+        };
         if !allow_free {
             network.validate_parts()?;
         }
@@ -149,7 +161,7 @@ impl Network {
     /// Whether the force of every spring is proportional to its extension.
     #[must_use]
     pub fn is_linear(&self) -> bool {
-        self.links.iter().all(|link| link.spring.law().is_linear())
+        self.linear
     }
 
     /// The nodes that are not fixed, in ascending order.

@@ -77,6 +77,7 @@ impl Spring {
 
     /// The force on `a`, N, for d = x_b − x_a (m) and ḋ = v_b − v_a (m/s).
     #[must_use]
+    #[inline]
     pub fn force_on_a(&self, d: DVec3, d_dot: DVec3) -> DVec3 {
         let length = d.length();
         if length == 0.0 {
