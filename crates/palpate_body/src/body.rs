@@ -25,8 +25,8 @@ pub struct Body {
     contacts: Vec<NodeContact>,
     x: Vec<DVec3>,
     v: Vec<DVec3>,
-    /// Ticks in a row in which nothing moved to speak of.
-    quiet_ticks: u64,
+    /// How long nothing has moved to speak of, s.
+    quiet_s: f64,
     force: Vec<DVec3>,
     before: (Vec<DVec3>, Vec<DVec3>),
     pub(crate) ledger: Option<Ledger>,
@@ -35,12 +35,15 @@ pub struct Body {
 
 /// Nodes slower than that stand still to the eye and to the hand: a hair's breadth in a second.
 const QUIET_M_PER_S: f64 = 1e-4;
-/// Ticks of quiet after which a body is settled.
-const QUIET_TICKS: u64 = 100;
+/// Time of quiet after which a body is settled.
+const SETTLED_S: f64 = 0.1;
+/// Time of quiet that one look at the body counts for, at most.
+const LOOK_S: f64 = 0.02;
 
-/// The state of a body: what a step depends on, beside the network, gravity and the tool.
+/// The state of a body: what a step changes. Gravity, loads and obstacles are not in it, nor is the tool.
 ///
-/// Restored into a body of the same network it leads to the same steps, to the bit.
+/// Restored into a body of the same network, with the same gravity, loads and obstacles, it leads to the same steps, to the
+/// bit. Books of energy begin anew. A file keeps the bits if its format does (serde_json with `float_roundtrip`).
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BodyState {
@@ -48,8 +51,8 @@ pub struct BodyState {
     pub positions_m: Vec<DVec3>,
     /// Velocity of every node, m/s.
     pub velocities_m_per_s: Vec<DVec3>,
-    /// Ticks in a row in which nothing moved to speak of: see [`Body::is_settled`].
-    pub quiet_ticks: u64,
+    /// How long nothing has moved to speak of, s: see [`Body::is_settled`].
+    pub quiet_s: f64,
     /// What holds points of it, torn or not.
     pub ties: Vec<Tie>,
 }
@@ -68,7 +71,7 @@ impl Body {
             obstacles: Vec::new(),
             ties: Vec::new(),
             contacts: Vec::new(),
-            quiet_ticks: 0,
+            quiet_s: 0.0,
             force: still.clone(),
             before: (x.clone(), still.clone()),
             ledger: None,
@@ -105,10 +108,16 @@ impl Body {
     pub fn set_gravity(&mut self, gravity_m_per_s2: DVec3) -> Result<(), BodyError> {
         let largest = gravity_m_per_s2.abs().max_element();
         crate::error::check("gravity, m/s2", largest, gravity_m_per_s2.is_finite(), "finite")?;
+        let before = self.energy().gravitational_j;
         if gravity_m_per_s2 != self.gravity_m_per_s2 {
-            self.quiet_ticks = 0;
+            self.quiet_s = 0.0;
         }
         self.gravity_m_per_s2 = gravity_m_per_s2;
+        // What a height is worth has changed; nobody has done work.
+        let change = self.energy().gravitational_j - before;
+        if let Some(ledger) = &mut self.ledger {
+            ledger.revalue(change);
+        }
         Ok(())
     }
 
@@ -132,7 +141,7 @@ impl Body {
             return Err(BodyError::Load { node });
         }
         if self.loads_n != loads_n {
-            self.quiet_ticks = 0;
+            self.quiet_s = 0.0;
         }
         self.loads_n.copy_from_slice(loads_n);
         Ok(())
@@ -148,7 +157,7 @@ impl Body {
     pub fn set_obstacles(&mut self, obstacles: Vec<Obstacle>) {
         self.obstacles = obstacles;
         self.contacts.clear();
-        self.quiet_ticks = 0;
+        self.quiet_s = 0.0;
     }
 
     /// What holds points of it.
@@ -164,14 +173,26 @@ impl Body {
     pub fn set_ties(&mut self, ties: Vec<Tie>) -> Result<(), BodyError> {
         ties.iter().try_for_each(|tie| tie.validate(self.x.len()))?;
         self.ties = ties;
-        self.quiet_ticks = 0;
+        self.quiet_s = 0.0;
         Ok(())
     }
 
-    /// The tie at `index`, to move its anchor.
-    pub fn tie_mut(&mut self, index: usize) -> Option<&mut Tie> {
-        self.quiet_ticks = 0;
-        self.ties.get_mut(index)
+    /// Moves the anchor of the tie at `index`: it is at `to_m` at the end of the next advance, and on the way there at an
+    /// even speed.
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] when there is no such tie, it has no anchor, or the place is not finite.
+    pub fn move_tie(&mut self, index: usize, to_m: DVec3) -> Result<(), BodyError> {
+        let Some(tie) = self.ties.get_mut(index) else {
+            return Err(BodyError::Parameter {
+                what: "index of a tie",
+                value: index as f64,
+                allowed: "that of one of the body's ties",
+            });
+        };
+        tie.move_to(to_m)?;
+        self.quiet_s = 0.0;
+        Ok(())
     }
 
     /// The contacts with the obstacles in the last step that gave an impulse.
@@ -198,11 +219,11 @@ impl Body {
         &self.v
     }
 
-    /// Whether no node has moved faster than 0.1 mm/s in the last 100 ticks: it may be left unstepped as long as nothing
-    /// about it changes.
+    /// Whether no node was seen to move faster than 0.1 mm/s for the last 0.1 s: it may be left unstepped as long as
+    /// nothing about it changes.
     #[must_use]
     pub fn is_settled(&self) -> bool {
-        self.quiet_ticks >= QUIET_TICKS
+        self.quiet_s >= SETTLED_S
     }
 
     /// Its state now.
@@ -211,7 +232,7 @@ impl Body {
         BodyState {
             positions_m: self.x.clone(),
             velocities_m_per_s: self.v.clone(),
-            quiet_ticks: self.quiet_ticks,
+            quiet_s: self.quiet_s,
             ties: self.ties.clone(),
         }
     }
@@ -224,7 +245,7 @@ impl Body {
         state.ties.iter().try_for_each(|tie| tie.validate(self.x.len()))?;
         self.set_state(&state.positions_m, &state.velocities_m_per_s)?;
         self.ties.clone_from(&state.ties);
-        self.quiet_ticks = state.quiet_ticks;
+        self.quiet_s = state.quiet_s;
         Ok(())
     }
 
@@ -245,11 +266,12 @@ impl Body {
         }
         self.x.copy_from_slice(x_m);
         self.v.copy_from_slice(v_m_per_s);
-        self.quiet_ticks = 0;
+        self.quiet_s = 0.0;
         // What is fixed does not move, whatever the list says.
         for node in (0..nodes).filter(|&node| self.network.is_fixed(node)) {
             self.v[node] = DVec3::ZERO;
         }
+        self.contacts.clear();
         // A state that was set is no work that was done.
         self.ledger = self.ledger.take().map(|_| Ledger::open(self));
         Ok(())

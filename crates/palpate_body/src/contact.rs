@@ -11,6 +11,8 @@ pub(crate) struct Row {
     pub(crate) law: Law,
     /// How far it would be beyond the law, or short of it, if it did not move in the step, m.
     pub(crate) gap: DVec3,
+    /// The part of the gap that was there before: positions close it, velocities keep nothing of that.
+    pub(crate) overdue: DVec3,
     /// λ, N s.
     pub(crate) impulse: DVec3,
 }
@@ -50,8 +52,8 @@ pub(crate) trait Answer {
 }
 
 /// Most sweeps over all rows. Where a node sticks between two obstacles its impulses are not determined and may creep for
-/// ever; every row's own answer is exact all the same, and no row is left open by more than nanometres.
-const SWEEPS: usize = 1000;
+/// ever; where rows contradict each other they grow; and very unequal masses on threads converge slowly.
+pub(crate) const SWEEPS: usize = 1000;
 /// Change of an impulse, relative to the largest, below which a sweep was the last.
 const TOLERANCE: f64 = 1e-8;
 
@@ -67,7 +69,7 @@ pub(crate) fn solve(rows: &mut [Row], answer: &impl Answer, h: f64, v: &mut [DVe
             if own[i].determinant() <= 0.0 {
                 continue;
             }
-            let Row { nodes, law, gap, impulse: before } = &rows[i];
+            let Row { nodes, law, gap, impulse: before, .. } = &rows[i];
             let u: DVec3 = nodes.iter().map(|&(node, w)| w * v[node]).sum();
             // Velocity without this row's impulse; what is left of the gap may still be closed.
             let free = u - own[i] * *before + *gap / h;

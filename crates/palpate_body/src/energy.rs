@@ -96,6 +96,11 @@ impl Ledger {
         }
     }
 
+    /// Takes note of energy that came without work.
+    pub(crate) fn revalue(&mut self, change_j: f64) {
+        self.opened_with_j += change_j;
+    }
+
     /// Notes the state at the beginning of a step.
     pub(crate) fn begin(mut self, body: &Body) -> Self {
         self.x.copy_from_slice(body.positions_m());
@@ -113,11 +118,16 @@ impl Ledger {
 
     /// Books what obstacles and ties did in this step, at the mean velocities of what they touch: what anchors did is
     /// work, all else is rubbed away.
-    pub(crate) fn meet(&mut self, body: &Body) {
+    pub(crate) fn meet(&mut self, body: &Body, driven: Option<usize>) {
         let taken = |c: &NodeContact| -0.5 * c.impulse_ns.dot(self.v[c.node] + c.velocity_m_per_s);
         self.rubbed_j += body.contacts().iter().map(taken).sum::<f64>();
         for tie in body.ties() {
-            let (impulse, _) = tie.last;
+            let (impulse, h) = tie.last;
+            // What drives a node does the work of the ties that hang on it.
+            if let Some(node) = driven.filter(|_| h > 0.0) {
+                let moved = body.positions_m()[node] - self.x[node];
+                self.work_in_j -= tie.weight(node) * impulse.dot(moved) / h;
+            }
             let mean = |point: &BodyPoint| 0.5 * (point.of(&self.v) + point.of(body.velocities_m_per_s()));
             match &tie.b {
                 TieEnd::Anchor { .. } => self.work_in_j += impulse.dot(mean(&tie.a)),

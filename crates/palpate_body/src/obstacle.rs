@@ -7,14 +7,12 @@ use palpate_laws::Coulomb;
 
 /// A rigid obstacle: the nodes of a body cannot enter it, and rub against it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Obstacle {
     shape: Shape,
     friction: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 enum Shape {
     Plane { point_m: DVec3, normal: DVec3 },
     Sphere { center_m: DVec3, radius_m: f64 },

@@ -12,6 +12,9 @@ pub struct BodyPoint {
 }
 
 /// A tie between a point of a body and a place, or two points of it.
+///
+/// It is rigid: where what it asks for cannot be, a grasped node pressed into an obstacle for instance, its force is
+/// no measure of anything, and [`crate::StepReport::unsolved`] counts such steps.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Tie {
@@ -110,7 +113,8 @@ impl Tie {
         Ok(Self::new(TieKind::Thread { length_m }, a, TieEnd::Point(b)))
     }
 
-    /// A suture that draws two points together and holds them, until its force exceeds `tear_limit_n`.
+    /// A suture that draws two points together, at 1 m/s, and holds them until its force exceeds `tear_limit_n`; what
+    /// closing takes does not count.
     ///
     /// # Errors
     /// [`BodyError::Parameter`] when the limit is not above zero; it may be infinite.
@@ -148,7 +152,7 @@ impl Tie {
     ///
     /// # Errors
     /// [`BodyError::Parameter`] when the place is not finite or the tie has no anchor.
-    pub fn move_to(&mut self, to_m: DVec3) -> Result<(), BodyError> {
+    pub(crate) fn move_to(&mut self, to_m: DVec3) -> Result<(), BodyError> {
         let TieEnd::Anchor { to_m: target, .. } = &mut self.b else {
             return Err(BodyError::Parameter { what: "anchors of the tie", value: 0.0, allowed: "1" });
         };
@@ -165,6 +169,16 @@ impl Tie {
         force / self.a.nodes.iter().map(|(_, w)| w * w).sum::<f64>()
     }
 
+    /// The weight of `node` in the row: that in the first point minus that in the second.
+    pub(crate) fn weight(&self, node: usize) -> f64 {
+        let of = |point: &BodyPoint| point.nodes.iter().find(|(n, _)| *n == node).map_or(0.0, |(_, w)| *w);
+        let other = match &self.b {
+            TieEnd::Point(b) => of(b),
+            TieEnd::Anchor { .. } => 0.0,
+        };
+        of(&self.a) - other
+    }
+
     /// The anchor is where it was moved to.
     pub(crate) fn arrive(&mut self) {
         if let TieEnd::Anchor { from_m, to_m } = &mut self.b {
@@ -172,8 +186,24 @@ impl Tie {
         }
     }
 
-    /// Refuses points with nodes that the body does not have.
+    /// Refuses points with nodes that the body does not have, and what its constructors would refuse: it may come from a
+    /// file.
     pub(crate) fn validate(&self, nodes: usize) -> Result<(), BodyError> {
+        BodyPoint::new(self.a.nodes.clone())?;
+        match &self.b {
+            TieEnd::Point(b) => drop(BodyPoint::new(b.nodes.clone())?),
+            TieEnd::Anchor { from_m, to_m } => {
+                let finite = from_m.is_finite() && to_m.is_finite();
+                check("place of an anchor, m", from_m.abs().max(to_m.abs()).max_element(), finite, "finite")?;
+            }
+        }
+        match self.kind {
+            TieKind::Thread { length_m } => drop(check_positive("length of a thread, m", length_m)?),
+            TieKind::Joint { tear_limit_n: Some(limit) } => {
+                check_positive("tear limit of a suture, N", limit)?;
+            }
+            TieKind::Joint { tear_limit_n: None } => {}
+        }
         let of_b = match &self.b {
             TieEnd::Point(b) => &b.nodes[..],
             TieEnd::Anchor { .. } => &[],

@@ -427,6 +427,33 @@ fn a_body_that_buckles_is_stepped_with_the_clamped_tangent_and_says_so() {
 }
 
 #[test]
+fn a_body_that_is_pulled_out_far_gets_the_steps_that_it_then_needs() {
+    let lattice = Lattice::new([3, 3, 3], 0.02).unwrap();
+    let network = lattice.uniform(200.0, 0.0, 0.01, |[.., k]| k == 0).unwrap();
+    let mut body = body(network);
+    let top: Vec<usize> = (18..27).collect();
+    let at = |body: &Body, node: usize| body.positions_m()[node];
+    let ties = top.iter().map(|&node| Tie::grasp(BodyPoint::node(node), at(&body, node)).unwrap());
+    body.set_ties(ties.collect()).unwrap();
+    for (index, &node) in top.iter().enumerate() {
+        body.move_tie(index, at(&body, node) + DVec3::Z * 0.16).unwrap();
+    }
+    body.advance(None, 2000, SemiImplicitEuler { min_substeps: 1, ..SemiImplicitEuler::default() }).unwrap();
+    assert!(body.positions_m().iter().all(|x| x.is_finite() && x.z < 0.3));
+}
+
+#[test]
+fn gravity_that_is_switched_off_does_no_work() {
+    let mut body = block(3, 300.0, 0.6);
+    body.set_gravity(G).unwrap();
+    body.advance(None, 300, SemiImplicitEuler::default()).unwrap();
+    body.open_books();
+    body.set_gravity(DVec3::ZERO).unwrap();
+    let books = body.books().unwrap();
+    assert!(books.stored_j.abs() < 1e-15 && books.integrator_j.abs() < 1e-15, "{books:?}");
+}
+
+#[test]
 fn settings_that_make_no_sense_are_refused_and_nothing_is_lost() {
     let mut body = block(3, 100.0, 0.5);
     assert!(body.set_gravity(DVec3::NAN).is_err());

@@ -21,8 +21,13 @@ impl Coulomb {
     /// A contact with unit normal `normal` and coefficient of friction `friction`.
     ///
     /// # Errors
-    /// [`LawError::Friction`] when the coefficient is negative or not finite.
+    /// [`LawError::Friction`] when the coefficient is negative or not finite, [`LawError::Normal`] when the normal is not
+    /// of unit length.
     pub fn new(normal: DVec3, friction: f64) -> Result<Self, LawError> {
+        let length = normal.length();
+        if length.is_nan() || (length - 1.0).abs() > 1e-6 {
+            return Err(LawError::Normal(length));
+        }
         if friction.is_finite() && friction >= 0.0 {
             Ok(Self { normal, friction })
         } else {
@@ -54,7 +59,8 @@ impl Coulomb {
     ///
     /// Take-off, stick and slip are tried in this order. Slip has one unknown left, the direction of r_t; it is found by
     /// bisection. Where μ is so large that a push along it would press the point in (Painlevé's paradox) there may be
-    /// none: then r_t is left as far as the cone allows in the direction of stick.
+    /// none: then r_n is that without friction and r_t as far as the cone allows in the direction of stick, and u_n may be
+    /// below 0.
     #[must_use]
     pub fn impulse(&self, w: DMat3, free: DVec3) -> DVec3 {
         let (n, mu) = (self.normal, self.friction);
@@ -113,7 +119,7 @@ impl Coulomb {
                 }
                 let t = direction(0.5 * (low + high));
                 // Friction opposes the slip.
-                if velocity(t)?.dot(t) <= 0.0 {
+                if velocity(t).is_some_and(|u| u.dot(t) <= 0.0) {
                     return impulse(t);
                 }
             }
@@ -188,6 +194,9 @@ mod tests {
     fn friction_that_makes_no_sense_is_refused() {
         for bad in [-0.1, f64::NAN, f64::INFINITY] {
             assert!(matches!(Coulomb::new(DVec3::Z, bad), Err(LawError::Friction(_))));
+        }
+        for bad in [DVec3::ZERO, DVec3::NAN, DVec3::Z * 1.1] {
+            assert!(matches!(Coulomb::new(bad, 0.1), Err(LawError::Normal(_))));
         }
     }
 }

@@ -21,6 +21,9 @@ pub enum LawError {
     /// A coefficient of friction is negative or not finite.
     #[error("coefficient of friction is {0}; it must be finite and at least 0")]
     Friction(f64),
+    /// A normal is not of unit length.
+    #[error("the length of a normal is {0}; it must be 1")]
+    Normal(f64),
     /// The damping of a damper is negative or not finite. Give zero for a spring without a damper.
     #[error("damping is {0} N s/m; it must be finite and at least 0")]
     Damping(f64),

@@ -56,7 +56,8 @@ impl ForceLaw {
 
     fn guarded(self, extension_m: f64) -> Tension {
         let (size, limit) = (extension_m.abs(), self.guard_m());
-        let mut tension = self.unguarded(size.min(limit));
+        // What is not a number stays so.
+        let mut tension = self.unguarded(if size > limit { limit } else { size });
         if size > limit {
             tension.force_n += tension.stiffness_n_per_m * (size - limit);
         }

@@ -8,6 +8,8 @@ use glam::DVec3;
 
 /// How fast what is inside an obstacle is pushed out, and what is apart is drawn together.
 const CLOSING_M_PER_S: f64 = 1.0;
+/// Less than that of a gap is rounding and needs no care.
+const CLOSED_M: f64 = 1e-6;
 /// How often obstacles are looked for again after some were met.
 const MEETINGS: usize = 8;
 
@@ -21,18 +23,21 @@ struct Met {
 
 impl Body {
     /// Makes the velocities those that keep nodes out of obstacles and ties together at the end of a step of length `h`,
-    /// the share `along` of whose advance is over at its end.
+    /// between the shares `along` of its advance, in which the node that is driven has been moved by so much. Where a gap was overdue, the velocities with which positions close it are
+    /// others, and returned.
     pub(super) fn constrain(
         &mut self,
-        driven: Option<usize>,
+        drive: Option<(usize, DVec3)>,
         h: f64,
         along: (f64, f64),
         integrator: &Integrator,
         report: &mut StepReport,
-    ) -> Result<(), BodyError> {
+    ) -> Result<Option<Vec<DVec3>>, BodyError> {
+        let driven = drive.map(|(node, _)| node);
         self.contacts.clear();
+        let mut closing = None;
         let before = self.v.clone();
-        let ties = self.tie_rows(h, along);
+        let ties = self.tie_rows(drive, h, along);
         let mut met: Vec<Met> = Vec::new();
         // A push out of one obstacle may lead into another: until no more are met.
         for meeting in 0..MEETINGS {
@@ -44,7 +49,17 @@ impl Body {
             self.v.copy_from_slice(&before);
             let mut rows: Vec<Row> = ties.iter().map(|(_, row)| row.clone()).collect();
             rows.extend(met.iter().filter_map(|m| self.obstacle_row(m)));
-            report.sweeps = report.sweeps.max(self.solve(driven, h, integrator, &mut rows)?);
+            let sweeps = self.solve(driven, h, integrator, &mut rows)?;
+            report.sweeps = report.sweeps.max(sweeps);
+            report.unsolved += usize::from(sweeps == contact::SWEEPS);
+            closing = None;
+            if rows.iter().any(|row| row.overdue.length() > CLOSED_M) {
+                closing = Some(std::mem::replace(&mut self.v, before.clone()));
+                for row in &mut rows {
+                    (row.gap, row.impulse) = (row.gap - row.overdue, DVec3::ZERO);
+                }
+                self.solve(driven, h, integrator, &mut rows)?;
+            }
             let contacts = met.iter().zip(&rows[ties.len()..]);
             self.contacts = contacts
                 .filter(|(_, row)| row.impulse != DVec3::ZERO)
@@ -71,7 +86,7 @@ impl Body {
             }
         }
         report.contacts = report.contacts.max(self.contacts.len());
-        Ok(())
+        Ok(closing)
     }
 
     /// Adds the nodes that would be inside an obstacle at the end of the step.
@@ -91,11 +106,12 @@ impl Body {
     fn obstacle_row(&self, met: &Met) -> Option<Row> {
         let law = Law::OneSided(self.obstacles[met.obstacle].law(met.normal)?);
         let gap = met.gap_m * met.normal;
-        Some(Row { nodes: vec![(met.node, 1.0)], law, gap, impulse: DVec3::ZERO })
+        let overdue = met.gap_m.min(0.0) * met.normal;
+        Some(Row { nodes: vec![(met.node, 1.0)], law, gap, overdue, impulse: DVec3::ZERO })
     }
 
     /// The rows of the ties that hold, with their indices.
-    fn tie_rows(&mut self, h: f64, along: (f64, f64)) -> Vec<(usize, Row)> {
+    fn tie_rows(&mut self, drive: Option<(usize, DVec3)>, h: f64, along: (f64, f64)) -> Vec<(usize, Row)> {
         let mut rows = Vec::new();
         for (index, tie) in self.ties.iter_mut().enumerate() {
             tie.last = (DVec3::ZERO, h);
@@ -120,18 +136,27 @@ impl Body {
                     (place(along.0), place(along.1) - place(along.0))
                 }
             };
-            let apart = at - other;
-            let (law, gap) = match tie.kind {
-                TieKind::Joint { .. } => (Law::TwoSided, apart.clamp_length_max(h * CLOSING_M_PER_S) - moved),
+            // A driven node is already where it is at the end of the step.
+            let pulled = drive.map_or(DVec3::ZERO, |(driven, by)| {
+                nodes.iter().filter(|(node, _)| *node == driven).map(|(_, w)| *w * by).sum()
+            });
+            let (apart, moved) = (at - other - pulled, moved - pulled);
+            nodes.retain(|(node, _)| drive.is_none_or(|(driven, _)| driven != *node));
+            let (law, gap, overdue) = match tie.kind {
+                TieKind::Joint { .. } => {
+                    let closing = apart.clamp_length_max(h * CLOSING_M_PER_S);
+                    (Law::TwoSided, closing - moved, closing)
+                }
                 TieKind::Thread { length_m } => {
                     // Along the line between its ends at the end of the step, as far as that is known.
                     let Some(direction) = (apart - moved).try_normalize() else { continue };
                     let slack =
                         (length_m - (apart - moved).length()).max(-h * CLOSING_M_PER_S - moved.length());
-                    (Law::Tension(direction), -slack * direction)
+                    let before = (length_m - apart.length()).clamp(-h * CLOSING_M_PER_S, 0.0);
+                    (Law::Tension(direction), -slack * direction, -before * direction)
                 }
             };
-            rows.push((index, Row { nodes, law, gap, impulse: DVec3::ZERO }));
+            rows.push((index, Row { nodes, law, gap, overdue, impulse: DVec3::ZERO }));
         }
         rows
     }

@@ -1,6 +1,6 @@
 //! A body's step through time.
 
-use super::{Body, QUIET_M_PER_S, internal_forces};
+use super::{Body, LOOK_S, QUIET_M_PER_S, internal_forces};
 use crate::energy::Ledger;
 use crate::integrator::{LinearlyImplicitEuler, SolvedBy, Workspace};
 use crate::{BodyError, Integrator, Tie, ToolContact, ToolPoint};
@@ -22,9 +22,15 @@ pub struct StepReport {
     pub contacts: usize,
     /// Sweeps that the impulses of obstacles and ties took, at most.
     pub sweeps: usize,
+    /// How often those impulses were not found in all sweeps that are made: what is asked for cannot be, or is not
+    /// determined, or converges too slowly.
+    pub unsolved: usize,
     /// Sutures that tore.
     pub torn: usize,
 }
+
+/// How often the stable step of a body of linear springs is estimated anew.
+const LOOK_TICKS: usize = 10;
 
 impl Body {
     /// Advances by `ticks` ticks, the tool following its path: `path[0]` is where it was at the end of the
@@ -61,7 +67,7 @@ impl Body {
         let integrator = integrator.into();
         if let Some((contact, path)) = &tool {
             contact.validate(self)?;
-            if path.len() != ticks + 1 {
+            if path.len().checked_sub(1) != Some(ticks) {
                 return Err(BodyError::PathLength { ticks, points: path.len() });
             }
             if let Some(index) = path.iter().position(|p| !p.is_finite()) {
@@ -70,15 +76,16 @@ impl Body {
         }
         self.before.0.copy_from_slice(&self.x);
         self.before.1.copy_from_slice(&self.v);
-        let (quiet, ledger, ties) = (self.quiet_ticks, self.ledger.clone(), self.ties.clone());
+        let (quiet, ledger, ties) = (self.quiet_s, self.ledger.clone(), self.ties.clone());
+        let contacts = self.contacts.clone();
         let (mut contact, path) = tool.unzip();
         let contact_before = contact.as_deref().copied();
         let stepped = self.march(contact.as_deref_mut(), path, ticks, &integrator, &mut observe);
         stepped.inspect_err(|_| {
             self.x.copy_from_slice(&self.before.0);
             self.v.copy_from_slice(&self.before.1);
-            (self.quiet_ticks, self.ledger, self.ties) = (quiet, ledger, ties);
-            self.contacts.clear();
+            (self.quiet_s, self.ledger, self.ties) = (quiet, ledger, ties);
+            self.contacts = contacts;
             if let (Some(contact), Some(before)) = (contact, contact_before) {
                 *contact = before;
             }
@@ -100,8 +107,8 @@ impl Body {
         let mut report = StepReport { ticks, substeps, ..StepReport::default() };
         let mut tick = 0;
         while tick < ticks {
-            // Where stiffness changes with the shape, so does the stable step.
-            if tick > 0 && !self.network.is_linear() {
+            // Stiffness changes with the shape, and the stable step with it; fast where a law stiffens.
+            if tick > 0 && (tick % LOOK_TICKS == 0 || !self.network.is_linear()) {
                 (_, substeps) = integrator.steps(self)?;
                 report.substeps = report.substeps.max(substeps);
             }
@@ -123,13 +130,16 @@ impl Body {
             }
             tick += span;
             let moving = self.network.free().iter().any(|&node| self.v[node].length() > QUIET_M_PER_S);
-            self.quiet_ticks = if moving { 0 } else { self.quiet_ticks + span as u64 };
+            let looked = (integrator.tick_s() * span as f64).min(LOOK_S);
+            self.quiet_s = if moving { 0.0 } else { self.quiet_s + looked };
             observe(tick, contact.as_deref().map_or(DVec3::ZERO, |contact| contact.displayed_force_n(self)));
         }
         match (0..self.x.len()).find(|&i| !(self.x[i].is_finite() && self.v[i].is_finite())) {
             Some(node) => Err(BodyError::Diverged { node }),
             None => {
-                self.ties.iter_mut().for_each(Tie::arrive);
+                if ticks > 0 {
+                    self.ties.iter_mut().for_each(Tie::arrive);
+                }
                 Ok(report)
             }
         }
@@ -144,10 +154,11 @@ impl Body {
         report: &mut StepReport,
     ) -> Result<(), BodyError> {
         let mut ledger = self.ledger.take().map(|ledger| ledger.begin(self));
-        let mut driven = None;
+        let (mut driven, mut pulled) = (None, DVec3::ZERO);
         if let Some((contact, point)) = tool {
             contact.make(self, point.position_m);
             if let Some((node, offset_m)) = contact.driven() {
+                pulled = point.position_m + offset_m - self.x[node];
                 self.x[node] = point.position_m + offset_m;
                 self.v[node] = point.velocity_m_per_s;
             }
@@ -176,13 +187,15 @@ impl Body {
                 self.implicit_velocities(driven, h, settings, report)?;
             }
         }
+        let mut closing = None;
         if !(self.obstacles.is_empty() && self.ties.is_empty()) {
-            self.constrain(driven, h, along, integrator, report)?;
+            closing = self.constrain(driven.map(|node| (node, pulled)), h, along, integrator, report)?;
             if let Some(ledger) = &mut ledger {
-                ledger.meet(self);
+                ledger.meet(self, driven);
             }
         }
-        moving().for_each(|node| self.x[node] += self.v[node] * h);
+        let v = closing.as_ref().unwrap_or(&self.v);
+        moving().for_each(|node| self.x[node] += v[node] * h);
         self.ledger = ledger.map(|ledger| ledger.end(self, h));
         Ok(())
     }

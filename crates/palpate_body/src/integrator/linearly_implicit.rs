@@ -131,7 +131,10 @@ impl Workspace {
         settings: &LinearlyImplicitEuler,
     ) -> Result<(SolvedBy, bool), BodyError> {
         let driven = driven.and_then(|node| body.network().free_index(node));
-        for clamped in [false, true] {
+        // Conjugate gradients may miss that the matrix is indefinite, and contacts must be answered with the same one.
+        let constrained = !(body.obstacles().is_empty() && body.ties().is_empty());
+        let cautious = constrained && !settings.factorises(body.network().free().len());
+        for clamped in if cautious { [true, true] } else { [false, true] } {
             self.factor = None;
             self.assemble(body, driven, force, h, clamped);
             if settings.factorises(body.network().free().len()) {

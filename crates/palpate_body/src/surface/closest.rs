@@ -77,7 +77,7 @@ impl SurfaceTree {
         self.bvh.refit(&mut self.workspace);
     }
 
-    /// The point of the surface nearest to `place_m`, if one is nearer than `within_m`. `body` is where it was at the last
+    /// The point of the surface nearest to `place_m`, if one is nearer than `within_m`, and not on a collapsed triangle. `body` is where it was at the last
     /// fit.
     ///
     /// # Panics
@@ -101,6 +101,10 @@ impl SurfaceTree {
         let nodes = [(i, weights[0]), (j, weights[1]), (k, weights[2])];
         let point_m: DVec3 = nodes.iter().map(|&(node, w)| w * x[node]).sum();
         let normal = self.normal(body, triangle, weights);
+        // Of a triangle that has collapsed there is no outside.
+        if normal == DVec3::ZERO {
+            return None;
+        }
         let away = place_m - point_m;
         Some(ClosestPoint {
             triangle,
