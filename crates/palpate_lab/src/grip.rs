@@ -2,7 +2,7 @@
 
 use crate::error::{LabError, check, number};
 use crate::figure::{Curve, Panel, Scale, svg};
-use crate::manipulate::Manipulate;
+use crate::manipulate::{Manipulate, period_ticks};
 use crate::output::{Output, csv, write_files};
 use crate::{defaults, progress};
 use clap::Args;
@@ -134,8 +134,7 @@ impl Grip {
             order_capacity: model_side.builder.order_capacity(),
             ..HandOverSettings::default()
         })?;
-        // A thousandth more than the quotient, lest rounding cut 1000/1000 to nothing.
-        let period = scheme.map_or(1, |_| (1e3 / self.model_rate_hz + 1e-3) as usize);
+        let period = scheme.map_or(1, |_| period_ticks(self.model_rate_hz));
         let dt = 1e-3;
         let (mut position_m, mut velocity_m_per_s) = (start, DVec3::ZERO);
         let mut heights = Vec::with_capacity(self.ticks());

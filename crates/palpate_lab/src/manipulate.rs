@@ -197,8 +197,7 @@ impl Manipulate {
     }
 
     fn period_ticks(&self) -> usize {
-        // A thousandth more than the quotient, lest rounding cut 1000/1000 to nothing.
-        (1e3 / self.model_rate_hz + 1e-3) as usize
+        period_ticks(self.model_rate_hz)
     }
 
     /// The block at rest, the tool on it, and where its movement begins.
@@ -285,6 +284,12 @@ impl Manipulate {
         };
         svg(&[panel], 1)
     }
+}
+
+/// Whole milliseconds in a period of the full model, at `rate_hz` of at most 1000.
+pub(crate) fn period_ticks(rate_hz: f64) -> usize {
+    // A thousandth more than the quotient, lest rounding cut 1000/1000 to nothing.
+    (1e3 / rate_hz + 1e-3) as usize
 }
 
 /// Pressing 10 mm deep and shearing 3 mm, with faster movements on top, m at `t` (s).
