@@ -47,6 +47,17 @@ impl Coulomb {
         self.friction
     }
 
+    /// `r` as far as it lies in the friction cone: nothing where it pulls, and its component across the normal cut to μ times
+    /// that along it.
+    #[must_use]
+    pub fn in_cone(&self, r: DVec3) -> DVec3 {
+        let along = r.dot(self.normal);
+        if along.is_nan() || along <= 0.0 {
+            return DVec3::ZERO;
+        }
+        along * self.normal + (r - along * self.normal).clamp_length_max(self.friction * along)
+    }
+
     /// The impulse r, N s, that the surface gives, where the point's velocity relative to the surface is u = W r + `free`,
     /// m/s. `w` (1/kg, symmetric positive definite) is what an impulse does to that velocity; `free` is the velocity
     /// without one, a gap that may still be closed over the length of the step added along the normal.
@@ -78,6 +89,10 @@ impl Coulomb {
         let frictionless = -approach / n.dot(w * n);
         if mu == 0.0 {
             return frictionless * n;
+        }
+        // A point mass slips on in the direction in which it would go.
+        if w == DMat3::from_diagonal(DVec3::splat(w.x_axis.x)) {
+            return frictionless * n + mu * frictionless * tangential.normalize_or_zero();
         }
         self.slip(w, free, tangential)
             .unwrap_or_else(|| frictionless * (n + mu * tangential.normalize_or_zero()))
@@ -188,6 +203,16 @@ mod tests {
         assert!((r - DVec3::new(0.0, -0.45, 1.0)).length() < 1e-12, "{r}");
         assert_eq!(contact.impulse(w, DVec3::new(5.0, 0.0, 1e-9)), DVec3::ZERO);
         assert_eq!(contact.impulse(w, DVec3::NAN), DVec3::ZERO);
+    }
+
+    #[test]
+    fn what_is_not_in_the_cone_is_cut() {
+        let contact = Coulomb::new(DVec3::Z, 0.5).unwrap();
+        assert_eq!(contact.in_cone(DVec3::new(0.3, 0.0, 1.0)), DVec3::new(0.3, 0.0, 1.0));
+        assert!((contact.in_cone(DVec3::new(3.0, 4.0, 2.0)) - DVec3::new(0.6, 0.8, 2.0)).length() < 1e-15);
+        assert_eq!(contact.in_cone(DVec3::new(0.3, 0.0, -1.0)), DVec3::ZERO);
+        assert_eq!(contact.in_cone(DVec3::NAN), DVec3::ZERO);
+        assert_eq!(Coulomb::new(DVec3::Z, 0.0).unwrap().in_cone(DVec3::ONE), DVec3::Z);
     }
 
     #[test]

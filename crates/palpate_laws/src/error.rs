@@ -21,9 +21,12 @@ pub enum LawError {
     /// A coefficient of friction is negative or not finite.
     #[error("coefficient of friction is {0}; it must be finite and at least 0")]
     Friction(f64),
-    /// A normal is not of unit length.
-    #[error("the length of a normal is {0}; it must be 1")]
+    /// A normal or an axis is not of unit length.
+    #[error("the length of a normal or an axis is {0}; it must be 1")]
     Normal(f64),
+    /// The radius of a tool is negative, zero or not finite.
+    #[error("radius of a tool is {0} m; it must be finite and above 0")]
+    Radius(f64),
     /// The damping of a damper is negative or not finite. Give zero for a spring without a damper.
     #[error("damping is {0} N s/m; it must be finite and at least 0")]
     Damping(f64),

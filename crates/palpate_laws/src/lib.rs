@@ -2,7 +2,9 @@
 //!
 //! * [`Spring`]: a spring and a damper along one axis, with its force, its energy and its exact tangent.
 //! * [`ForceLaw`]: linear, that of skin ([`SkinLaw`], the seed paper's equation 5), or stiffening exponentially.
-//! * [`one_sided`]: the rule that a surface pushes and never pulls; [`Coulomb`]: the same with friction, in impulses.
+//! * [`one_sided`]: the rule that a surface pushes and never pulls; [`Coulomb`]: the same with friction, in impulses;
+//!   [`solve_rows`]: several contacts, grasps and threads as one problem.
+//! * [`ToolShape`]: where a sphere or a flat punch touches a triangle.
 //!
 //! # Units, frames, signs
 //!
@@ -22,12 +24,16 @@ mod contact;
 mod coulomb;
 mod error;
 mod law;
+mod rows;
 mod skin;
 mod spring;
+mod touch;
 
 pub use contact::one_sided;
 pub use coulomb::Coulomb;
 pub use error::LawError;
 pub use law::{ForceLaw, Tension};
+pub use rows::{Answer, Row, RowLaw, Sweeps, solve_rows};
 pub use skin::SkinLaw;
 pub use spring::{Spring, SpringTangent};
+pub use touch::{Feature, ToolShape};

@@ -1,0 +1,264 @@
+//! Where a tool and a triangulated surface touch.
+
+use crate::LawError;
+use glam::DVec3;
+
+/// The part of a tool that touches, rigid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ToolShape {
+    /// A ball round the tool's position.
+    Sphere {
+        /// Its radius, m.
+        radius_m: f64,
+    },
+    /// A flat disc round the tool's position, the end of a cylinder: everything behind it is tool.
+    FlatPunch {
+        /// Its radius, m.
+        radius_m: f64,
+        /// Unit vector along the cylinder, the way it presses.
+        axis: DVec3,
+    },
+}
+
+/// A place where a tool and a triangle may touch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Feature {
+    /// The point of the triangle, Σ w_i x_i over its corners; exactly 0 for corners that it does not lie on.
+    pub weights: [f64; 3],
+    /// Unit vector along which the tool pushes, into the surface.
+    pub normal: DVec3,
+    /// How far the point is from the tool, m; negative inside.
+    pub gap_m: f64,
+}
+
+/// Points on the rim of a punch that touch where no corner of the surface does.
+const RIM: u32 = 8;
+/// Corners on the rim count as under the punch.
+const RIM_TOLERANCE: f64 = 1e-9;
+
+impl ToolShape {
+    /// A ball.
+    ///
+    /// # Errors
+    /// [`LawError::Radius`] when `radius_m` is not finite and above 0.
+    pub fn sphere(radius_m: f64) -> Result<Self, LawError> {
+        Ok(Self::Sphere { radius_m: positive(radius_m)? })
+    }
+
+    /// A flat punch that presses along `axis`.
+    ///
+    /// # Errors
+    /// As [`ToolShape::sphere`]; [`LawError::Normal`] when `axis` is not of unit length.
+    pub fn flat_punch(radius_m: f64, axis: DVec3) -> Result<Self, LawError> {
+        let length = axis.length();
+        if length.is_nan() || (length - 1.0).abs() > 1e-6 {
+            return Err(LawError::Normal(length));
+        }
+        Ok(Self::FlatPunch { radius_m: positive(radius_m)?, axis })
+    }
+
+    /// Radius, m.
+    #[must_use]
+    pub fn radius_m(&self) -> f64 {
+        match *self {
+            Self::Sphere { radius_m } | Self::FlatPunch { radius_m, .. } => radius_m,
+        }
+    }
+
+    /// A point that is well inside the tool when the tool is at `center_m`, and outside of any body it touches.
+    #[must_use]
+    pub fn core_m(&self, center_m: DVec3) -> DVec3 {
+        match *self {
+            Self::Sphere { .. } => center_m,
+            Self::FlatPunch { radius_m, axis } => center_m - radius_m * axis,
+        }
+    }
+
+    /// Distance of `point_m` from the tool at `center_m`, m, negative inside.
+    #[must_use]
+    pub fn gap_m(&self, center_m: DVec3, point_m: DVec3) -> f64 {
+        match *self {
+            Self::Sphere { radius_m } => point_m.distance(center_m) - radius_m,
+            Self::FlatPunch { axis, .. } => (point_m - center_m).dot(axis),
+        }
+    }
+
+    /// Tells `found` where the tool at `center_m` may touch the triangle with corners `corners_m`, counter-clockwise seen
+    /// from outside. A triangle whose outside the tool does not face is not touched.
+    ///
+    /// A sphere touches at the triangle's point nearest to it. A punch touches at the corners that are under it, and with
+    /// its centre and eight points of its rim where they are over a triangle of which a corner is not.
+    pub fn features(&self, center_m: DVec3, corners_m: [DVec3; 3], mut found: impl FnMut(Feature)) {
+        let [a, b, c] = corners_m;
+        let outward = (b - a).cross(c - a);
+        match *self {
+            Self::Sphere { radius_m } => {
+                if (center_m - a).dot(outward) < 0.0 {
+                    return;
+                }
+                let weights = nearest(center_m, corners_m);
+                let away = weighted(weights, corners_m) - center_m;
+                if let Some(normal) = away.try_normalize() {
+                    found(Feature { weights, normal, gap_m: away.length() - radius_m });
+                }
+            }
+            Self::FlatPunch { radius_m, axis } => {
+                // What stands upright is met by its upper corners, which belong to others too.
+                if axis.dot(outward) > -1e-6 * outward.length() {
+                    return;
+                }
+                let across = |x: DVec3| (x - center_m) - (x - center_m).dot(axis) * axis;
+                let under = corners_m.map(|x| across(x).length() <= radius_m * (1.0 + RIM_TOLERANCE));
+                // What is that far behind the disc is another part of the body.
+                let mut place = |weights: [f64; 3]| {
+                    let gap_m = (weighted(weights, corners_m) - center_m).dot(axis);
+                    if gap_m > -radius_m {
+                        found(Feature { weights, normal: axis, gap_m });
+                    }
+                };
+                for i in (0..3).filter(|&i| under[i]) {
+                    let mut weights = [0.0; 3];
+                    weights[i] = 1.0;
+                    place(weights);
+                }
+                if under == [true; 3] {
+                    return;
+                }
+                let (u, v) = axis.any_orthonormal_pair();
+                let rim = (0..RIM).map(|i| {
+                    let angle = f64::from(i) * std::f64::consts::TAU / f64::from(RIM);
+                    radius_m * (angle.cos() * u + angle.sin() * v)
+                });
+                for point in std::iter::once(DVec3::ZERO).chain(rim) {
+                    let corners = corners_m.map(|x| across(x) - point);
+                    let on = inside(corners, axis).filter(|w| (0..3).any(|i| w[i] > 0.0 && !under[i]));
+                    on.map(&mut place);
+                }
+            }
+        }
+    }
+}
+
+fn positive(radius_m: f64) -> Result<f64, LawError> {
+    if radius_m.is_finite() && radius_m > 0.0 { Ok(radius_m) } else { Err(LawError::Radius(radius_m)) }
+}
+
+fn weighted(weights: [f64; 3], corners: [DVec3; 3]) -> DVec3 {
+    weights[0] * corners[0] + weights[1] * corners[1] + weights[2] * corners[2]
+}
+
+/// Barycentric weights of the origin in a triangle that lies across `axis`, if it is inside.
+fn inside(corners: [DVec3; 3], axis: DVec3) -> Option<[f64; 3]> {
+    let [a, b, c] = corners;
+    let parts = [b.cross(c).dot(axis), c.cross(a).dot(axis), a.cross(b).dot(axis)];
+    let sum: f64 = parts.iter().sum();
+    let weights = parts.map(|part| part / sum);
+    (sum != 0.0 && weights.iter().all(|&w| w >= 0.0)).then_some(weights)
+}
+
+/// Barycentric weights of the point of a triangle nearest to `p`: on a corner, an edge or the face, by the regions of
+/// C. Ericson, Real-Time Collision Detection (2005), section 5.1.5.
+fn nearest(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
+    let (ab, ac) = (b - a, c - a);
+    let (d1, d2) = (ab.dot(p - a), ac.dot(p - a));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return [1.0, 0.0, 0.0];
+    }
+    let (d3, d4) = (ab.dot(p - b), ac.dot(p - b));
+    if d3 >= 0.0 && d4 <= d3 {
+        return [0.0, 1.0, 0.0];
+    }
+    let (d5, d6) = (ab.dot(p - c), ac.dot(p - c));
+    if d6 >= 0.0 && d5 <= d6 {
+        return [0.0, 0.0, 1.0];
+    }
+    let (va, vb, vc) = (d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2);
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        let t = d1 / (d1 - d3);
+        return [1.0 - t, t, 0.0];
+    }
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        let t = d2 / (d2 - d6);
+        return [1.0 - t, 0.0, t];
+    }
+    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+        let t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+        return [0.0, 1.0 - t, t];
+    }
+    let sum = va + vb + vc;
+    [va / sum, vb / sum, vc / sum]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const TRIANGLE: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
+
+    fn features(shape: ToolShape, center: DVec3) -> Vec<Feature> {
+        let mut all = Vec::new();
+        shape.features(center, TRIANGLE, |feature| all.push(feature));
+        all
+    }
+
+    fn vector(size: f64) -> impl Strategy<Value = DVec3> {
+        prop::array::uniform3(-size..size).prop_map(DVec3::from_array)
+    }
+
+    proptest! {
+        #[test]
+        fn no_point_of_a_triangle_is_nearer_than_the_nearest(
+            p in vector(2.0), corners in prop::array::uniform3(vector(1.0)), other in prop::array::uniform3(0.01..1.0f64),
+        ) {
+            let weights = nearest(p, corners);
+            prop_assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-9 && weights.iter().all(|&w| w >= 0.0));
+            let sum: f64 = other.iter().sum();
+            let rival = weighted(other.map(|w| w / sum), corners);
+            prop_assert!(weighted(weights, corners).distance(p) <= rival.distance(p) + 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_sphere_touches_where_it_is_nearest_and_only_from_outside() {
+        let sphere = ToolShape::sphere(0.3).unwrap();
+        let [above] = features(sphere, DVec3::new(0.25, 0.25, 0.2))[..] else { panic!("one") };
+        assert!((above.gap_m + 0.1).abs() < 1e-15 && (above.normal + DVec3::Z).length() < 1e-15);
+        assert!((above.weights[0] - 0.5).abs() < 1e-15);
+        let [corner] = features(sphere, DVec3::new(-0.3, -0.4, 0.0))[..] else { panic!("one") };
+        assert_eq!(corner.weights, [1.0, 0.0, 0.0]);
+        assert!((corner.normal - DVec3::new(0.6, 0.8, 0.0)).length() < 1e-15);
+        assert_eq!(features(sphere, DVec3::new(0.25, 0.25, -0.1)), vec![]);
+    }
+
+    #[test]
+    fn a_punch_touches_corners_under_it_and_else_with_its_rim_and_centre() {
+        let down = |radius| ToolShape::flat_punch(radius, -DVec3::Z).unwrap();
+        let wide = features(down(2.0), DVec3::new(0.3, 0.3, -0.1));
+        let corners: Vec<_> = wide.iter().map(|f| f.weights).collect();
+        assert_eq!(corners, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+        assert!(wide.iter().all(|f| f.normal == -DVec3::Z && (f.gap_m + 0.1).abs() < 1e-15));
+        // All nine points of a small one.
+        let small = features(down(0.1), DVec3::new(0.3, 0.3, 0.05));
+        assert_eq!(small.len(), 9);
+        assert!(small.iter().all(|f| (f.gap_m - 0.05).abs() < 1e-15));
+        for feature in &small {
+            let at = weighted(feature.weights, TRIANGLE).truncate();
+            let out = at.distance(glam::DVec2::splat(0.3));
+            assert!(out < 1e-12 || (out - 0.1).abs() < 1e-12, "{out}");
+        }
+        // From below, and from far behind, it is not touched.
+        let up = ToolShape::flat_punch(0.1, DVec3::Z).unwrap();
+        assert_eq!(features(up, DVec3::new(0.3, 0.3, 0.0)), vec![]);
+        assert_eq!(features(down(0.1), DVec3::new(0.3, 0.3, -0.5)), vec![]);
+    }
+
+    #[test]
+    fn tools_that_make_no_sense_are_refused() {
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(matches!(ToolShape::sphere(bad), Err(LawError::Radius(_))));
+            assert!(ToolShape::flat_punch(bad, DVec3::Z).is_err());
+        }
+        assert_eq!(ToolShape::flat_punch(1.0, DVec3::Z * 2.0), Err(LawError::Normal(2.0)));
+    }
+}
