@@ -3,7 +3,7 @@
 use crate::error::check_positive;
 use crate::lattice;
 use crate::tissue::check_damping_ratio;
-use crate::{BodyError, Link, Network, NetworkBuilder, Surface, SurfaceNode};
+use crate::{BodyError, Link, Network, NetworkBuilder, Surface};
 use glam::{DQuat, DVec3};
 use palpate_laws::Spring;
 
@@ -87,7 +87,6 @@ impl BlockBody {
     /// As [`Network::placed`].
     pub fn placed(mut self, rotation: DQuat, translation_m: DVec3) -> Result<Self, BodyError> {
         self.network = self.network.placed(rotation, translation_m)?;
-        self.surface.turn(rotation);
         Ok(self)
     }
 }
@@ -229,16 +228,9 @@ impl Block {
     }
 
     fn surface(&self) -> Surface {
-        let mut surface = Surface { reach_m: 0.75 * self.cell_m().max_element(), ..Surface::default() };
+        let mut surface = Surface::default();
         for face in Face::ALL {
             self.add_face(face, &mut surface);
-        }
-        for ijk in self.grid() {
-            let faces = Face::ALL.into_iter().filter(|&face| self.on_face(ijk, face));
-            let normals: Vec<DVec3> = faces.map(Face::normal).collect();
-            if !normals.is_empty() {
-                surface.nodes.push(SurfaceNode { node: self.node(ijk), normals });
-            }
         }
         surface
     }

@@ -1,5 +1,6 @@
 //! A body: a network with its state.
 
+mod approach;
 mod constrain;
 mod step;
 
@@ -7,7 +8,7 @@ pub use step::StepReport;
 
 use crate::energy::Ledger;
 use crate::integrator::Workspace;
-use crate::{BodyError, Network, NodeContact, Obstacle, Surface, Tie};
+use crate::{BodyError, Network, NodeContact, Obstacle, Surface, SurfaceTree, Tie};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -31,6 +32,8 @@ pub struct Body {
     before: (Vec<DVec3>, Vec<DVec3>),
     pub(crate) ledger: Option<Ledger>,
     implicit: Option<Box<Workspace>>,
+    /// Of the surface, once a tool has come near.
+    tree: Option<Box<SurfaceTree>>,
 }
 
 /// Nodes slower than that stand still to the eye and to the hand: a hair's breadth in a second.
@@ -76,6 +79,7 @@ impl Body {
             before: (x.clone(), still.clone()),
             ledger: None,
             implicit: None,
+            tree: None,
             v: still,
             x,
             network: Arc::new(network),
@@ -108,13 +112,13 @@ impl Body {
     pub fn set_gravity(&mut self, gravity_m_per_s2: DVec3) -> Result<(), BodyError> {
         let largest = gravity_m_per_s2.abs().max_element();
         crate::error::check("gravity, m/s2", largest, gravity_m_per_s2.is_finite(), "finite")?;
-        let before = self.energy().gravitational_j;
         if gravity_m_per_s2 != self.gravity_m_per_s2 {
             self.quiet_s = 0.0;
         }
+        let before = self.gravitational_j();
         self.gravity_m_per_s2 = gravity_m_per_s2;
         // What a height is worth has changed; nobody has done work.
-        let change = self.energy().gravitational_j - before;
+        let change = self.gravitational_j() - before;
         if let Some(ledger) = &mut self.ledger {
             ledger.revalue(change);
         }

@@ -50,15 +50,20 @@ impl Body {
     #[must_use]
     pub fn energy(&self) -> Energy {
         let (network, x, v) = (self.network(), self.positions_m(), self.velocities_m_per_s());
-        let mut energy = Energy::default();
-        for &node in network.free() {
-            let m = network.mass_kg()[node];
-            energy.kinetic_j += 0.5 * m * v[node].length_squared();
-            energy.gravitational_j -= m * self.gravity_m_per_s2().dot(x[node] - network.rest_m()[node]);
+        let kinetic = |&node: &usize| 0.5 * network.mass_kg()[node] * v[node].length_squared();
+        let elastic = |link: &crate::Link| link.spring.energy_j(x[link.b] - x[link.a]);
+        Energy {
+            kinetic_j: network.free().iter().map(kinetic).sum(),
+            elastic_j: network.links().iter().map(elastic).sum(),
+            gravitational_j: self.gravitational_j(),
         }
-        energy.elastic_j =
-            network.links().iter().map(|link| link.spring.energy_j(x[link.b] - x[link.a])).sum();
-        energy
+    }
+
+    /// −Σ m g·(x − x_rest) over its free nodes, J.
+    pub(crate) fn gravitational_j(&self) -> f64 {
+        let (network, x, g) = (self.network(), self.positions_m(), self.gravity_m_per_s2());
+        let height = |&node: &usize| -network.mass_kg()[node] * g.dot(x[node] - network.rest_m()[node]);
+        network.free().iter().map(height).sum()
     }
 
     /// The books of energy since they were opened; `None` when they were not.
@@ -109,11 +114,12 @@ impl Ledger {
     }
 
     /// Books the work of what moves `node` in this step, against `internal_n` and gravity, and its inertia.
-    pub(crate) fn drive(&mut self, body: &Body, node: usize, internal_n: DVec3) {
+    pub(crate) fn drive(mut self, body: &Body, node: usize, internal_n: DVec3) -> Self {
         let m = body.network().mass_kg()[node];
         let (v, moved) = (body.velocities_m_per_s()[node], body.positions_m()[node] - self.x[node]);
         self.work_in_j += 0.5 * m * (v.length_squared() - self.v[node].length_squared());
         self.work_in_j -= (internal_n + body.outer_force_on_n(node)).dot(moved);
+        self
     }
 
     /// Books what obstacles and ties did in this step, at the mean velocities of what they touch: what anchors did is
@@ -134,6 +140,21 @@ impl Ledger {
                 TieEnd::Point(b) => self.rubbed_j -= impulse.dot(mean(&tie.a) - mean(b)),
             }
         }
+    }
+
+    /// Books what the tool did in this step with an impulse on a row of nodes, moving at `tool_m_per_s`: what the row did
+    /// not follow is rubbed away.
+    pub(crate) fn handle(
+        &mut self,
+        body: &Body,
+        row: &[(usize, f64)],
+        impulse_ns: DVec3,
+        tool_m_per_s: DVec3,
+    ) {
+        let v = body.velocities_m_per_s();
+        let mean: DVec3 = row.iter().map(|&(node, w)| 0.5 * w * (self.v[node] + v[node])).sum();
+        self.work_in_j += impulse_ns.dot(tool_m_per_s);
+        self.rubbed_j += impulse_ns.dot(tool_m_per_s - mean);
     }
 
     /// Books what the dampers took in this step, at its mean velocities.

@@ -1,8 +1,10 @@
 //! How a body is stepped through time.
 
+mod columns;
 mod linearly_implicit;
 mod semi_implicit;
 
+pub(crate) use columns::Columns;
 pub(crate) use linearly_implicit::Workspace;
 pub use linearly_implicit::{LinearSolver, LinearlyImplicitEuler};
 pub use semi_implicit::SemiImplicitEuler;

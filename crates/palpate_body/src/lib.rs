@@ -79,8 +79,8 @@ pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplic
 pub use lattice::{Lattice, Neighbours};
 pub use network::{Link, Network, NetworkBuilder};
 pub use obstacle::{NodeContact, Obstacle};
-pub use surface::{ClosestPoint, Surface, SurfaceNode, SurfaceTree};
+pub use surface::{ClosestPoint, Surface, SurfaceTree};
 pub use tangent::{Tangent, TangentPattern};
 pub use tie::{BodyPoint, Tie};
 pub use tissue::{CellStiffness, Tissue};
-pub use tool::{ToolContact, ToolPoint, Touched};
+pub use tool::{ToolContact, ToolPoint, TouchedPoint};

@@ -79,6 +79,18 @@ impl BodyPoint {
         &self.nodes
     }
 
+    /// Its nodes without their weights.
+    pub(crate) fn named(&self) -> Vec<usize> {
+        self.nodes.iter().map(|(node, _)| *node).collect()
+    }
+
+    /// The internal force on the row, Σ w_i F_i / Σ w_i² over its free nodes, N.
+    pub(crate) fn internal_force_n(&self, body: &Body) -> DVec3 {
+        let free = || self.nodes.iter().filter(|(node, _)| !body.network().is_fixed(*node));
+        let force: DVec3 = free().map(|&(node, w)| w * body.internal_force_on_n(node)).sum();
+        force / free().map(|(_, w)| w * w).sum::<f64>()
+    }
+
     /// Σ w_i `values[i]`.
     pub(crate) fn of(&self, values: &[DVec3]) -> DVec3 {
         self.nodes.iter().map(|&(node, w)| w * values[node]).sum()
@@ -165,8 +177,7 @@ impl Tie {
     /// Σ w_i F_i / Σ w_i², without the impacts of the step.
     #[must_use]
     pub fn displayed_force_n(&self, body: &Body) -> DVec3 {
-        let force: DVec3 = self.a.nodes.iter().map(|&(node, w)| w * body.internal_force_on_n(node)).sum();
-        force / self.a.nodes.iter().map(|(_, w)| w * w).sum::<f64>()
+        self.a.internal_force_n(body)
     }
 
     /// The weight of `node` in the row: that in the first point minus that in the second.

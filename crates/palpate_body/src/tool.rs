@@ -1,16 +1,20 @@
-//! The tool as the body sees it: a point that drives one node, by grip or by touch.
+//! The tool as the body sees it: it holds a point of the body, or touches its surface.
 
-use crate::error::check_positive;
-use crate::{Body, BodyError, SurfaceNode};
+mod touched;
+
+pub use touched::TouchedPoint;
+
+use crate::{Body, BodyError, BodyPoint};
 use glam::DVec3;
-use palpate_laws::one_sided;
+use palpate_laws::{Coulomb, ToolShape};
 
 /// One point of the tool's path, in the body's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ToolPoint {
     /// Centre of the tool, m.
     pub position_m: DVec3,
-    /// Its velocity, m/s. It need not be the derivative of the positions: an estimator may have smoothed it.
+    /// Its velocity, m/s. It need not be the derivative of the positions: an estimator may have smoothed it. Only a held
+    /// node takes it over; what is touched or held elsewhere goes by the positions.
     pub velocity_m_per_s: DVec3,
 }
 
@@ -26,162 +30,155 @@ impl ToolPoint {
     }
 }
 
-/// A node that the tool has touched and now drives.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Touched {
-    /// The node.
-    pub node: usize,
-    /// Outward unit normal of the surface there, at rest.
-    pub normal: DVec3,
-    /// Position of the node minus position of the tool, m. Constant while touched: the node sticks.
-    pub offset_m: DVec3,
+/// How a tool acts on a body, and where it does now.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ToolContact {
+    pub(crate) hold: Hold,
+    /// The points that gave and took an impulse in the last step; none for a tool that holds.
+    pub(crate) touched: Vec<TouchedPoint>,
 }
 
-/// How a tool acts on a body.
-///
-/// While a node is driven its position is the tool's plus an offset and its velocity the tool's; the force on
-/// the hand is the internal force on that node (springs and dampers, without its inertia).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ToolContact {
-    /// Two-sided: the node follows the tool for ever, pushed and pulled.
-    Held {
-        /// The node.
-        node: usize,
-        /// Position of the node minus position of the tool, m.
-        offset_m: DVec3,
-    },
-    /// One-sided, the seed paper's rule: touch begins when the sphere's foremost point comes below a surface
-    /// node, and ends when the force on the driven node no longer pushes along the normal.
-    Touch {
-        /// Radius of the tool, m.
-        radius_m: f64,
-        /// The node touched now, if any.
-        touched: Option<Touched>,
-    },
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Hold {
+    /// A node, driven: it is where the tool is, plus an offset, and as fast.
+    Node { node: usize, offset_m: DVec3 },
+    /// A point, by a two-sided row.
+    Point { point: BodyPoint, offset_m: DVec3 },
+    /// Nothing: it pushes and rubs, if it is `clear`: it came from outside of the body.
+    Nothing { shape: ToolShape, friction: f64, clear: bool },
 }
 
 impl ToolContact {
-    /// A tool at `tool_m` that holds `node` where it is now.
+    /// A tool at `tool_m` that holds `node` where it is now, for ever, pushing and pulling. The node's position and
+    /// velocity are the tool's.
     ///
     /// # Errors
     /// [`BodyError::CannotHold`] when there is no such node or it is fixed; [`BodyError::Path`] when `tool_m`
     /// is not finite.
     pub fn hold(body: &Body, node: usize, tool_m: DVec3) -> Result<Self, BodyError> {
-        can_drive(body, node)?;
-        if !tool_m.is_finite() {
-            return Err(BodyError::Path { index: 0 });
-        }
-        Ok(Self::Held { node, offset_m: body.positions_m()[node] - tool_m })
+        can_hold(body, &[node])?;
+        let offset_m = body.positions_m()[node] - finite(tool_m)?;
+        Ok(Self { hold: Hold::Node { node, offset_m }, touched: Vec::new() })
     }
 
-    /// A tool of radius `radius_m` that touches nothing yet.
+    /// A tool at `tool_m` that holds `point` where it is now, for ever, pushing and pulling: a place on a triangle or in a
+    /// cell, by impulses on its nodes.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the radius is not finite and above zero.
-    pub fn touch(radius_m: f64) -> Result<Self, BodyError> {
-        Ok(Self::Touch { radius_m: check_positive("tool radius, m", radius_m)?, touched: None })
+    /// [`BodyError::CannotHold`] when the point has a node that the body has not, or none that is free;
+    /// [`BodyError::Path`] when `tool_m` is not finite.
+    pub fn hold_point(body: &Body, point: BodyPoint, tool_m: DVec3) -> Result<Self, BodyError> {
+        can_hold(body, &point.named())?;
+        let offset_m = point.of(body.positions_m()) - finite(tool_m)?;
+        Ok(Self { hold: Hold::Point { point, offset_m }, touched: Vec::new() })
     }
 
-    /// The node that the tool drives now.
+    /// A tool that touches nothing yet. It pushes the surface of the body before it, one-sided and with coefficient of
+    /// friction `friction`, wherever it meets it: it slides, rolls over edges, leaves and comes again. A tool that is in
+    /// the body when it begins, or jumps into it, touches nothing until it has been clear of the surface.
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] when the friction is negative or not finite.
+    pub fn touch(shape: ToolShape, friction: f64) -> Result<Self, BodyError> {
+        let ok = friction.is_finite() && friction >= 0.0;
+        crate::error::check("coefficient of friction", friction, ok, "finite and at least 0")?;
+        Ok(Self { hold: Hold::Nothing { shape, friction, clear: false }, touched: Vec::new() })
+    }
+
+    /// The node that it drives, if it holds one.
     #[must_use]
     pub fn driven_node(&self) -> Option<usize> {
-        self.driven().map(|(node, _)| node)
-    }
-
-    /// The surface normal of a one-sided contact that is closed now.
-    #[must_use]
-    pub fn touched(&self) -> Option<Touched> {
-        match self {
-            Self::Touch { touched, .. } => *touched,
-            Self::Held { .. } => None,
+        match self.hold {
+            Hold::Node { node, .. } => Some(node),
+            Hold::Point { .. } | Hold::Nothing { .. } => None,
         }
     }
 
-    /// What the body does to the hand now, N, in the body's frame: the internal force on the driven node; for
-    /// a touch only while it pushes along the normal; zero when nothing is driven.
+    /// The point that it holds, unless it drives a node or holds nothing.
+    #[must_use]
+    pub fn held_point(&self) -> Option<&BodyPoint> {
+        match &self.hold {
+            Hold::Point { point, .. } => Some(point),
+            Hold::Node { .. } | Hold::Nothing { .. } => None,
+        }
+    }
+
+    /// Shape and coefficient of friction of a tool that touches.
+    #[must_use]
+    pub fn shape(&self) -> Option<(ToolShape, f64)> {
+        match self.hold {
+            Hold::Nothing { shape, friction, .. } => Some((shape, friction)),
+            Hold::Node { .. } | Hold::Point { .. } => None,
+        }
+    }
+
+    /// Where it touches the surface: the points that pushed it in the last step. Empty for a tool that holds.
+    #[must_use]
+    pub fn touched(&self) -> &[TouchedPoint] {
+        &self.touched
+    }
+
+    /// What the body does to the hand now, N, in the body's frame, without the inertia of what is held or touched: the
+    /// internal force on the driven node, or on the row that is held, Σ w_i F_i / Σ w_i²; for a touch on all rows that
+    /// pushed in the last step, each as far as it lies in its friction cone (see [`ToolContact::touched`]).
     ///
     /// # Panics
     /// When the contact belongs to a body with more nodes; see [`ToolContact::validate`].
     #[must_use]
     pub fn displayed_force_n(&self, body: &Body) -> DVec3 {
-        match *self {
-            Self::Held { node, .. } => body.internal_force_on_n(node),
-            Self::Touch { touched: Some(Touched { node, normal, .. }), .. } => {
-                one_sided(body.internal_force_on_n(node), normal)
-            }
-            Self::Touch { touched: None, .. } => DVec3::ZERO,
+        match &self.hold {
+            Hold::Node { node, .. } => body.internal_force_on_n(*node),
+            Hold::Point { point, .. } => point.internal_force_n(body),
+            Hold::Nothing { friction, .. } => touched::displayed_force_n(&self.touched, *friction, body),
         }
     }
 
-    /// Refuses a contact that belongs to another body: one that drives a node which `body` has not, or has fixed.
+    /// Refuses a contact that belongs to another body: one with nodes that `body` has not, or has fixed.
     ///
     /// # Errors
     /// [`BodyError::CannotHold`].
     pub fn validate(&self, body: &Body) -> Result<(), BodyError> {
-        self.driven_node().map_or(Ok(()), |node| can_drive(body, node))
+        match &self.hold {
+            Hold::Node { node, .. } => can_hold(body, &[*node]),
+            Hold::Point { point, .. } => can_hold(body, &point.named()),
+            Hold::Nothing { .. } => {
+                let nodes: Vec<usize> = self.touched.iter().flat_map(|t| t.nodes.map(|(n, _)| n)).collect();
+                if nodes.is_empty() { Ok(()) } else { can_hold(body, &nodes) }
+            }
+        }
     }
 
     /// Lets go of what is touched; whether something was. What is held stays held.
     pub fn let_go(&mut self) -> bool {
-        match self {
-            Self::Touch { touched, .. } => touched.take().is_some(),
-            Self::Held { .. } => false,
+        if let Hold::Nothing { clear, .. } = &mut self.hold {
+            *clear = false;
         }
+        let touching = !self.touched.is_empty();
+        self.touched.clear();
+        touching
     }
 
-    /// The driven node and its offset from the tool.
-    pub(crate) fn driven(&self) -> Option<(usize, DVec3)> {
-        match *self {
-            Self::Held { node, offset_m } => Some((node, offset_m)),
-            Self::Touch { touched, .. } => touched.map(|t| (t.node, t.offset_m)),
-        }
-    }
-
-    /// Begins a touch if the tool at `tool_m` has come below a free surface node of `body`.
-    pub(crate) fn make(&mut self, body: &Body, tool_m: DVec3) {
-        let Self::Touch { radius_m, touched: touched @ None } = self else {
-            return;
-        };
-        let surface = body.surface();
-        let reach2 = surface.reach_m * surface.reach_m;
-        let mut nearest = reach2;
-        for SurfaceNode { node, normals } in &surface.nodes {
-            if body.network().is_fixed(*node) {
-                continue;
-            }
-            let from_node = tool_m - body.positions_m()[*node];
-            // Of the faces that meet here, the one that the tool is least inside of.
-            let height = |n: &&DVec3| from_node.dot(**n);
-            let Some(&normal) = normals.iter().max_by(|a, b| height(a).total_cmp(&height(b))) else {
-                continue;
-            };
-            let gap = from_node.dot(normal) - *radius_m;
-            let across = from_node - from_node.dot(normal) * normal;
-            // A tool deep inside (a start in the middle of the body, say) touches nothing until it comes out.
-            if gap < 0.0 && gap > -surface.reach_m && across.length_squared() < nearest {
-                nearest = across.length_squared();
-                *touched = Some(Touched { node: *node, normal, offset_m: -across - *radius_m * normal });
-            }
-        }
-    }
-
-    /// Ends a touch whose internal force `force_n` on the driven node no longer pushes.
-    pub(crate) fn release(&mut self, force_n: DVec3) {
-        if let Self::Touch { touched, .. } = self
-            && touched.is_some_and(|t| one_sided(force_n, t.normal) == DVec3::ZERO)
-        {
-            *touched = None;
-        }
+    /// The law of a touch whose tool pushes along `push`.
+    pub(crate) fn law(&self, push: DVec3) -> Option<Coulomb> {
+        let (_, friction) = self.shape()?;
+        Coulomb::new(push, friction).ok()
     }
 }
 
-fn can_drive(body: &Body, node: usize) -> Result<(), BodyError> {
-    let why = if node >= body.network().node_count() {
-        "there is no such node"
-    } else if body.network().is_fixed(node) {
-        "it is fixed"
-    } else {
-        return Ok(());
-    };
-    Err(BodyError::CannotHold { node, why })
+fn finite(tool_m: DVec3) -> Result<DVec3, BodyError> {
+    if tool_m.is_finite() { Ok(tool_m) } else { Err(BodyError::Path { index: 0 }) }
+}
+
+/// Refuses nodes that `body` does not have, and nodes of which none can move.
+fn can_hold(body: &Body, nodes: &[usize]) -> Result<(), BodyError> {
+    let network = body.network();
+    if let Some(&node) = nodes.iter().find(|&&node| node >= network.node_count()) {
+        return Err(BodyError::CannotHold { node, why: "there is no such node" });
+    }
+    match nodes.first() {
+        Some(&node) if nodes.iter().all(|&node| network.is_fixed(node)) => {
+            Err(BodyError::CannotHold { node, why: "it is fixed" })
+        }
+        _ => Ok(()),
+    }
 }

@@ -27,12 +27,21 @@ pub struct Feature {
     pub weights: [f64; 3],
     /// Unit vector along which the tool pushes, into the surface.
     pub normal: DVec3,
-    /// How far the point is from the tool, m; negative inside.
+    /// How far the point is from the tool against the normal, m; negative inside.
     pub gap_m: f64,
 }
 
+/// Edges shorter than that share of a sphere's radius are fine: between its corners such a triangle is at most 1/96 of the
+/// radius inside the sphere.
+const FINE_FOR_SPHERE: f64 = 0.25;
+/// Edges shorter than a punch's radius are fine: there are corners all around under it.
+const FINE_FOR_PUNCH: f64 = 1.0;
+/// The weights of a triangle's corners.
+const CORNERS: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// Points on the rim of a punch that touch where no corner of the surface does.
 const RIM: u32 = 8;
+/// What is not farther behind the rim of a punch than that share of its radius is still met by its face.
+const RIM_SHARE: f64 = 0.05;
 /// Corners on the rim count as under the punch.
 const RIM_TOLERANCE: f64 = 1e-9;
 
@@ -74,21 +83,20 @@ impl ToolShape {
         }
     }
 
-    /// Distance of `point_m` from the tool at `center_m`, m, negative inside.
-    #[must_use]
-    pub fn gap_m(&self, center_m: DVec3, point_m: DVec3) -> f64 {
-        match *self {
-            Self::Sphere { radius_m } => point_m.distance(center_m) - radius_m,
-            Self::FlatPunch { axis, .. } => (point_m - center_m).dot(axis),
-        }
-    }
-
     /// Tells `found` where the tool at `center_m` may touch the triangle with corners `corners_m`, counter-clockwise seen
-    /// from outside. A triangle whose outside the tool does not face is not touched.
+    /// from outside, whose longest edge at rest is `longest_m`. A triangle whose outside the tool does not face is not
+    /// touched.
     ///
-    /// A sphere touches at the triangle's point nearest to it. A punch touches at the corners that are under it, and with
-    /// its centre and eight points of its rim where they are over a triangle of which a corner is not.
-    pub fn features(&self, center_m: DVec3, corners_m: [DVec3; 3], mut found: impl FnMut(Feature)) {
+    /// On a fine surface, where the triangles are small beside the tool, it touches at their corners. On a coarse one a
+    /// sphere touches at the triangle's point nearest to it, and a punch also with its centre and eight points of its rim.
+    /// Corners that come from beside a punch are met by its side, along which it is as long as its radius.
+    pub fn features(
+        &self,
+        center_m: DVec3,
+        corners_m: [DVec3; 3],
+        longest_m: f64,
+        mut found: impl FnMut(Feature),
+    ) {
         let [a, b, c] = corners_m;
         let outward = (b - a).cross(c - a);
         match *self {
@@ -96,10 +104,16 @@ impl ToolShape {
                 if (center_m - a).dot(outward) < 0.0 {
                     return;
                 }
-                let weights = nearest(center_m, corners_m);
-                let away = weighted(weights, corners_m) - center_m;
-                if let Some(normal) = away.try_normalize() {
-                    found(Feature { weights, normal, gap_m: away.length() - radius_m });
+                let mut place = |weights: [f64; 3]| {
+                    let away = weighted(weights, corners_m) - center_m;
+                    if let Some(normal) = away.try_normalize() {
+                        found(Feature { weights, normal, gap_m: away.length() - radius_m });
+                    }
+                };
+                if longest_m < FINE_FOR_SPHERE * radius_m {
+                    CORNERS.into_iter().for_each(&mut place);
+                } else {
+                    place(nearest(center_m, corners_m));
                 }
             }
             Self::FlatPunch { radius_m, axis } => {
@@ -108,20 +122,22 @@ impl ToolShape {
                     return;
                 }
                 let across = |x: DVec3| (x - center_m) - (x - center_m).dot(axis) * axis;
-                let under = corners_m.map(|x| across(x).length() <= radius_m * (1.0 + RIM_TOLERANCE));
-                // What is that far behind the disc is another part of the body.
-                let mut place = |weights: [f64; 3]| {
-                    let gap_m = (weighted(weights, corners_m) - center_m).dot(axis);
-                    if gap_m > -radius_m {
-                        found(Feature { weights, normal: axis, gap_m });
+                // How far behind the face and how far within the rim every corner is.
+                let behind = corners_m.map(|x| (center_m - x).dot(axis));
+                let within = corners_m.map(|x| radius_m * (1.0 + RIM_TOLERANCE) - across(x).length());
+                for i in 0..3 {
+                    // What is that far behind the face is another part of the body.
+                    let is_beside = behind[i] > within[i].max(0.0) + RIM_SHARE * radius_m;
+                    if is_beside && behind[i] < radius_m {
+                        if let Some(normal) = across(corners_m[i]).try_normalize() {
+                            found(Feature { weights: CORNERS[i], normal, gap_m: -within[i] });
+                        }
+                    } else if !is_beside && within[i] >= 0.0 {
+                        found(Feature { weights: CORNERS[i], normal: axis, gap_m: -behind[i] });
                     }
-                };
-                for i in (0..3).filter(|&i| under[i]) {
-                    let mut weights = [0.0; 3];
-                    weights[i] = 1.0;
-                    place(weights);
                 }
-                if under == [true; 3] {
+                let under = within.map(|within| within >= 0.0);
+                if under == [true; 3] || longest_m < FINE_FOR_PUNCH * radius_m {
                     return;
                 }
                 let (u, v) = axis.any_orthonormal_pair();
@@ -132,7 +148,12 @@ impl ToolShape {
                 for point in std::iter::once(DVec3::ZERO).chain(rim) {
                     let corners = corners_m.map(|x| across(x) - point);
                     let on = inside(corners, axis).filter(|w| (0..3).any(|i| w[i] > 0.0 && !under[i]));
-                    on.map(&mut place);
+                    if let Some(weights) = on {
+                        let gap_m = (weighted(weights, corners_m) - center_m).dot(axis);
+                        if gap_m > -radius_m {
+                            found(Feature { weights, normal: axis, gap_m });
+                        }
+                    }
                 }
             }
         }
@@ -198,7 +219,7 @@ mod tests {
 
     fn features(shape: ToolShape, center: DVec3) -> Vec<Feature> {
         let mut all = Vec::new();
-        shape.features(center, TRIANGLE, |feature| all.push(feature));
+        shape.features(center, TRIANGLE, std::f64::consts::SQRT_2, |feature| all.push(feature));
         all
     }
 
@@ -229,6 +250,10 @@ mod tests {
         assert_eq!(corner.weights, [1.0, 0.0, 0.0]);
         assert!((corner.normal - DVec3::new(0.6, 0.8, 0.0)).length() < 1e-15);
         assert_eq!(features(sphere, DVec3::new(0.25, 0.25, -0.1)), vec![]);
+        // To a ball six times as large the triangle is fine.
+        let large = features(ToolShape::sphere(6.0).unwrap(), DVec3::Z * 5.9);
+        assert_eq!(large.iter().map(|f| f.weights).collect::<Vec<_>>(), CORNERS);
+        assert!((large[0].gap_m + 0.1).abs() < 1e-15);
     }
 
     #[test]
@@ -236,7 +261,7 @@ mod tests {
         let down = |radius| ToolShape::flat_punch(radius, -DVec3::Z).unwrap();
         let wide = features(down(2.0), DVec3::new(0.3, 0.3, -0.1));
         let corners: Vec<_> = wide.iter().map(|f| f.weights).collect();
-        assert_eq!(corners, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+        assert_eq!(corners, CORNERS);
         assert!(wide.iter().all(|f| f.normal == -DVec3::Z && (f.gap_m + 0.1).abs() < 1e-15));
         // All nine points of a small one.
         let small = features(down(0.1), DVec3::new(0.3, 0.3, 0.05));
@@ -251,6 +276,12 @@ mod tests {
         let up = ToolShape::flat_punch(0.1, DVec3::Z).unwrap();
         assert_eq!(features(up, DVec3::new(0.3, 0.3, 0.0)), vec![]);
         assert_eq!(features(down(0.1), DVec3::new(0.3, 0.3, -0.5)), vec![]);
+        // A corner that stands higher than it is within the rim is met by the side.
+        let all = features(down(0.1), DVec3::new(-0.08, -0.05, -0.05));
+        let beside = all.iter().find(|f| f.weights == CORNERS[0]).unwrap();
+        let across = DVec3::new(0.08, 0.05, 0.0);
+        assert!((beside.normal - across.normalize()).length() < 1e-12);
+        assert!((beside.gap_m + 0.1 - across.length()).abs() < 1e-9);
     }
 
     #[test]

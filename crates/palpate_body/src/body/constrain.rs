@@ -1,10 +1,13 @@
-//! Obstacles and ties in a step: the velocities that obey them.
+//! Obstacles, ties and the tool in a step: the velocities that obey them.
 
 use super::{Body, StepReport};
-use crate::contact::{self, Coupled, Law, Masses, Row};
+use crate::contact::{Coupled, Masses, Weights};
+use crate::integrator::Columns;
 use crate::tie::{TieEnd, TieKind};
-use crate::{BodyError, Integrator, NodeContact};
-use glam::DVec3;
+use crate::tool::Hold;
+use crate::{BodyError, Integrator, NodeContact, ToolContact, TouchedPoint};
+use glam::{DMat3, DVec3};
+use palpate_laws::{Row, RowLaw, Sweeps, solve_rows};
 
 /// How fast what is inside an obstacle is pushed out, and what is apart is drawn together.
 const CLOSING_M_PER_S: f64 = 1.0;
@@ -12,69 +15,155 @@ const CLOSING_M_PER_S: f64 = 1.0;
 const CLOSED_M: f64 = 1e-6;
 /// How often obstacles are looked for again after some were met.
 const MEETINGS: usize = 8;
+/// Most sweeps over all rows.
+const SWEEPS: usize = 1000;
+/// Most nodes that a tool touches at once.
+const MOST_TOUCHED: usize = 32;
 
-/// A node that has met an obstacle.
-struct Met {
-    node: usize,
-    obstacle: usize,
-    gap_m: f64,
-    normal: DVec3,
+/// What is known of a step when its velocities are to be constrained.
+pub(super) struct Step<'a> {
+    /// Its length, s.
+    pub(super) h: f64,
+    /// The shares of the advance that are over before and after it.
+    pub(super) along: (f64, f64),
+    pub(super) integrator: &'a Integrator,
+    /// The node that is driven, and how far it has been moved.
+    pub(super) drive: Option<(usize, DVec3)>,
+    pub(super) tool: Option<ToolStep<'a>>,
+}
+
+/// A tool that does not drive a node, in a step.
+pub(super) struct ToolStep<'a> {
+    pub(super) contact: &'a mut ToolContact,
+    /// Where it is at the beginning and at the end of the step, m.
+    pub(super) from_m: DVec3,
+    pub(super) to_m: DVec3,
+    /// The triangles that it may touch: their nodes, and their longest edge at rest, m.
+    pub(super) near: &'a [([usize; 3], f64)],
+}
+
+impl Step<'_> {
+    /// Whether the tool may push or pull.
+    pub(super) fn constrains(&self) -> bool {
+        self.tool.as_ref().is_some_and(|tool| match tool.contact.hold {
+            Hold::Node { .. } => false,
+            Hold::Point { .. } => true,
+            Hold::Nothing { .. } => !tool.near.is_empty(),
+        })
+    }
+}
+
+/// A row of nodes that has to obey, and where it comes from.
+#[derive(Clone)]
+struct Constraint {
+    source: Source,
+    nodes: Weights,
+    law: RowLaw,
+    gap: DVec3,
+    /// The part of the gap that was there before: positions close it, velocities keep nothing of that.
+    overdue: DVec3,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Source {
+    /// The tie of this index.
+    Tie(usize),
+    /// The point that the tool holds.
+    Grip,
+    /// A node and an obstacle.
+    Obstacle { node: usize, obstacle: usize, gap_m: f64, normal: DVec3 },
+    /// The surface and the tool: where, and how far apart at the end of the step if the surface stood still.
+    Touch { nodes: [(usize, f64); 3], gap_m: f64, push: DVec3 },
 }
 
 impl Body {
-    /// Makes the velocities those that keep nodes out of obstacles and ties together at the end of a step of length `h`,
-    /// between the shares `along` of its advance, in which the node that is driven has been moved by so much. Where a gap was overdue, the velocities with which positions close it are
-    /// others, and returned.
+    /// Makes the velocities those that keep nodes out of obstacles and off the tool, and ties together, at the end of a
+    /// step. Where a gap was overdue, the velocities with which positions close it are others, and returned.
     pub(super) fn constrain(
         &mut self,
-        drive: Option<(usize, DVec3)>,
-        h: f64,
-        along: (f64, f64),
-        integrator: &Integrator,
+        step: &mut Step<'_>,
         report: &mut StepReport,
     ) -> Result<Option<Vec<DVec3>>, BodyError> {
-        let driven = drive.map(|(node, _)| node);
         self.contacts.clear();
-        let mut closing = None;
+        let (h, mut closing) = (step.h, None);
         let before = self.v.clone();
-        let ties = self.tie_rows(drive, h, along);
-        let mut met: Vec<Met> = Vec::new();
+        let mut rows = self.tie_rows(step);
+        rows.extend(step.tool.as_ref().and_then(|tool| self.grip_row(tool, h)));
+        let touchable = step.tool.as_ref().map_or_else(Vec::new, |tool| self.touchable(tool, h));
+        let mut columns = Columns::default();
+        let mut impulses = Vec::new();
         // A push out of one obstacle may lead into another: until no more are met.
         for meeting in 0..MEETINGS {
-            let known = met.len();
-            self.meet(driven, h, &mut met);
-            if met.len() == known && (meeting > 0 || ties.is_empty()) {
+            let known = rows.len();
+            self.meet(step, &mut rows);
+            self.meet_tool(&touchable, h, &mut rows, report);
+            if rows.len() == known && (meeting > 0 || rows.is_empty()) {
                 break;
             }
-            self.v.copy_from_slice(&before);
-            let mut rows: Vec<Row> = ties.iter().map(|(_, row)| row.clone()).collect();
-            rows.extend(met.iter().filter_map(|m| self.obstacle_row(m)));
-            let sweeps = self.solve(driven, h, integrator, &mut rows)?;
-            report.sweeps = report.sweeps.max(sweeps);
-            report.unsolved += usize::from(sweeps == contact::SWEEPS);
-            closing = None;
-            if rows.iter().any(|row| row.overdue.length() > CLOSED_M) {
-                closing = Some(std::mem::replace(&mut self.v, before.clone()));
-                for row in &mut rows {
-                    (row.gap, row.impulse) = (row.gap - row.overdue, DVec3::ZERO);
-                }
-                self.solve(driven, h, integrator, &mut rows)?;
+            let overdue = rows.iter().any(|row| row.overdue.length() > CLOSED_M);
+            if overdue {
+                let whole: Vec<DVec3> = rows.iter().map(|row| row.gap).collect();
+                self.solve(step, &rows, &whole, &before, &mut columns, report)?;
+                closing = Some(self.v.clone());
+            } else {
+                closing = None;
             }
-            let contacts = met.iter().zip(&rows[ties.len()..]);
-            self.contacts = contacts
-                .filter(|(_, row)| row.impulse != DVec3::ZERO)
-                .map(|(&Met { node, obstacle, gap_m, normal }, row)| NodeContact {
+            let due = |row: &Constraint| if overdue { row.gap - row.overdue } else { row.gap };
+            let gaps: Vec<DVec3> = rows.iter().map(due).collect();
+            impulses = self.solve(step, &rows, &gaps, &before, &mut columns, report)?;
+        }
+        let work = self.settle(step, &rows, &impulses, report);
+        if let Some(mut ledger) = self.ledger.take() {
+            ledger.meet(self, step.drive.map(|(node, _)| node));
+            for (nodes, impulse, moved) in work {
+                ledger.handle(self, &nodes, impulse, moved / h);
+            }
+            self.ledger = Some(ledger);
+        }
+        Ok(closing)
+    }
+
+    /// Notes what every row did. Returns what the tool did: where, its impulse, and how far it moved there.
+    fn settle(
+        &mut self,
+        step: &mut Step<'_>,
+        rows: &[Constraint],
+        impulses: &[DVec3],
+        report: &mut StepReport,
+    ) -> Vec<(Weights, DVec3, DVec3)> {
+        let (h, mut work, mut touched) = (step.h, Vec::new(), Vec::new());
+        let moved = step.tool.as_ref().map_or(DVec3::ZERO, |tool| tool.to_m - tool.from_m);
+        for (row, &impulse_ns) in rows.iter().zip(impulses) {
+            let velocity: DVec3 = row.nodes.iter().map(|&(node, w)| w * self.v[node]).sum();
+            match row.source {
+                Source::Tie(index) => self.ties[index].last = (impulse_ns, h),
+                Source::Grip => work.push((row.nodes.clone(), impulse_ns, moved)),
+                _ if impulse_ns == DVec3::ZERO => {}
+                Source::Obstacle { node, obstacle, gap_m, normal } => self.contacts.push(NodeContact {
                     node,
                     obstacle,
                     normal,
-                    gap_m: gap_m + h * self.v[node].dot(normal),
-                    impulse_ns: row.impulse,
-                    velocity_m_per_s: self.v[node],
-                })
-                .collect();
-            for ((index, _), row) in ties.iter().zip(&rows) {
-                self.ties[*index].last = (row.impulse, h);
+                    gap_m: gap_m + h * velocity.dot(normal),
+                    impulse_ns,
+                    velocity_m_per_s: velocity,
+                }),
+                Source::Touch { nodes, gap_m, push } => {
+                    work.push((row.nodes.clone(), impulse_ns, moved));
+                    touched.push(TouchedPoint {
+                        nodes,
+                        normal: -push,
+                        gap_m: gap_m + h * velocity.dot(push),
+                        impulse_ns,
+                        slip_m_per_s: velocity - moved / h,
+                        step_s: h,
+                    });
+                }
             }
+        }
+        report.contacts = report.contacts.max(self.contacts.len());
+        report.touched = report.touched.max(touched.len());
+        if let Some(tool) = &mut step.tool {
+            tool.contact.touched = touched;
         }
         for tie in &mut self.ties {
             if let TieKind::Joint { tear_limit_n: Some(limit) } = tie.kind
@@ -85,33 +174,130 @@ impl Body {
                 report.torn += 1;
             }
         }
-        report.contacts = report.contacts.max(self.contacts.len());
-        Ok(closing)
+        work
     }
 
     /// Adds the nodes that would be inside an obstacle at the end of the step.
-    fn meet(&self, driven: Option<usize>, h: f64, met: &mut Vec<Met>) {
-        let known = met.len();
+    fn meet(&self, step: &Step<'_>, rows: &mut Vec<Constraint>) {
+        let (h, known) = (step.h, rows.len());
+        let driven = step.drive.map(|(node, _)| node);
         for &node in self.network.free().iter().filter(|&&node| driven != Some(node)) {
             for (obstacle, what) in self.obstacles.iter().enumerate() {
                 let (gap_m, normal) = what.gap_m(self.x[node]);
                 let enters = gap_m + h * self.v[node].dot(normal) < 0.0;
-                if enters && !met[..known].iter().any(|m| (m.node, m.obstacle) == (node, obstacle)) {
-                    met.push(Met { node, obstacle, gap_m: gap_m.max(-h * CLOSING_M_PER_S), normal });
+                let is_it = |row: &Constraint| matches!(row.source, Source::Obstacle { node: n, obstacle: o, .. } if (n, o) == (node, obstacle));
+                if !enters || rows[..known].iter().any(is_it) {
+                    continue;
                 }
+                let Some(law) = what.law(normal) else { continue };
+                let gap_m = gap_m.max(-h * CLOSING_M_PER_S);
+                rows.push(Constraint {
+                    source: Source::Obstacle { node, obstacle, gap_m, normal },
+                    nodes: vec![(node, 1.0)],
+                    law: RowLaw::OneSided(law),
+                    gap: gap_m * normal,
+                    overdue: gap_m.min(0.0) * normal,
+                });
             }
         }
     }
 
-    fn obstacle_row(&self, met: &Met) -> Option<Row> {
-        let law = Law::OneSided(self.obstacles[met.obstacle].law(met.normal)?);
-        let gap = met.gap_m * met.normal;
-        let overdue = met.gap_m.min(0.0) * met.normal;
-        Some(Row { nodes: vec![(met.node, 1.0)], law, gap, overdue, impulse: DVec3::ZERO })
+    /// Where the tool may touch in this step, each place once.
+    fn touchable(&self, tool: &ToolStep<'_>, h: f64) -> Vec<Constraint> {
+        let mut rows: Vec<Constraint> = Vec::new();
+        let mut places: Vec<[usize; 3]> = Vec::new();
+        let Hold::Nothing { shape, .. } = tool.contact.hold else { return rows };
+        let moved = tool.to_m - tool.from_m;
+        // What is farther cannot come.
+        let speed2 = |&node: &usize| self.v[node].length_squared();
+        let fastest = self.network.free().iter().map(speed2).fold(0.0, f64::max).sqrt();
+        let far = 2.0 * (moved.length() + h * fastest);
+        for &(triangle, longest_m) in tool.near {
+            shape.features(tool.to_m, triangle.map(|node| self.x[node]), longest_m, |feature| {
+                if feature.gap_m > far {
+                    return;
+                }
+                let nodes = [0, 1, 2].map(|i| (triangle[i], feature.weights[i]));
+                let on: Weights = nodes.into_iter().filter(|(_, w)| *w > 0.0).collect();
+                // An edge or a corner belongs to several triangles; a punch touches a face at several places.
+                let mut place = [usize::MAX; 3];
+                on.iter().zip(&mut place).for_each(|((node, _), place)| *place = *node);
+                place.sort_unstable();
+                let is_face = on.len() == 3;
+                if (!is_face && places.contains(&place))
+                    || on.iter().all(|(node, _)| self.network.is_fixed(*node))
+                {
+                    return;
+                }
+                let Some(law) = tool.contact.law(feature.normal) else { return };
+                places.push(place);
+                let push = feature.normal;
+                // The tool's own motion is to be followed at once, what is left from before at the closing speed.
+                let before = feature.gap_m + moved.dot(push);
+                let overdue = before.clamp(-h * CLOSING_M_PER_S, 0.0);
+                let gap_m = if before < 0.0 { overdue + feature.gap_m - before } else { feature.gap_m };
+                rows.push(Constraint {
+                    source: Source::Touch { nodes, gap_m, push },
+                    nodes: on,
+                    law: RowLaw::OneSided(law),
+                    gap: gap_m * push - moved.reject_from_normalized(push),
+                    overdue: overdue * push,
+                });
+            });
+        }
+        rows
     }
 
-    /// The rows of the ties that hold, with their indices.
-    fn tie_rows(&mut self, drive: Option<(usize, DVec3)>, h: f64, along: (f64, f64)) -> Vec<(usize, Row)> {
+    /// Adds what the tool would have run into at the end of the step, the deepest first, up to so many nodes.
+    fn meet_tool(
+        &self,
+        touchable: &[Constraint],
+        h: f64,
+        rows: &mut Vec<Constraint>,
+        report: &mut StepReport,
+    ) {
+        let mut entered: Vec<(f64, &Constraint)> = Vec::new();
+        for row in touchable {
+            let Source::Touch { gap_m, push, .. } = row.source else { continue };
+            let velocity: DVec3 = row.nodes.iter().map(|&(node, w)| w * self.v[node]).sum();
+            let gap = gap_m + h * velocity.dot(push);
+            if gap < 0.0 && !rows.iter().any(|known| known.source == row.source) {
+                entered.push((gap, row));
+            }
+        }
+        entered.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let touches = |row: &&Constraint| matches!(row.source, Source::Touch { .. });
+        let mut nodes: Vec<usize> =
+            rows.iter().filter(touches).flat_map(|row| row.nodes.iter().map(|(node, _)| *node)).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let mut left_out = 0;
+        for (_, row) in entered {
+            let more: Vec<usize> =
+                row.nodes.iter().map(|(node, _)| *node).filter(|node| !nodes.contains(node)).collect();
+            if nodes.len() + more.len() > MOST_TOUCHED {
+                left_out += 1;
+                continue;
+            }
+            nodes.extend(more);
+            rows.push(row.clone());
+        }
+        report.left_out = report.left_out.max(left_out);
+    }
+
+    /// The row of a point that the tool holds.
+    fn grip_row(&self, tool: &ToolStep<'_>, h: f64) -> Option<Constraint> {
+        let Hold::Point { point, offset_m } = &tool.contact.hold else { return None };
+        let apart = point.of(&self.x) - (tool.from_m + *offset_m);
+        let overdue = apart.clamp_length_max(h * CLOSING_M_PER_S);
+        let gap = overdue - (tool.to_m - tool.from_m);
+        let nodes = point.nodes().to_vec();
+        Some(Constraint { source: Source::Grip, nodes, law: RowLaw::TwoSided, gap, overdue })
+    }
+
+    /// The rows of the ties that hold.
+    fn tie_rows(&mut self, step: &Step<'_>) -> Vec<Constraint> {
+        let (h, drive) = (step.h, step.drive);
         let mut rows = Vec::new();
         for (index, tie) in self.ties.iter_mut().enumerate() {
             tie.last = (DVec3::ZERO, h);
@@ -133,7 +319,7 @@ impl Body {
                 }
                 TieEnd::Anchor { from_m, to_m } => {
                     let place = |share: f64| *from_m + (*to_m - *from_m) * share;
-                    (place(along.0), place(along.1) - place(along.0))
+                    (place(step.along.0), place(step.along.1) - place(step.along.0))
                 }
             };
             // A driven node is already where it is at the end of the step.
@@ -145,7 +331,7 @@ impl Body {
             let (law, gap, overdue) = match tie.kind {
                 TieKind::Joint { .. } => {
                     let closing = apart.clamp_length_max(h * CLOSING_M_PER_S);
-                    (Law::TwoSided, closing - moved, closing)
+                    (RowLaw::TwoSided, closing - moved, closing)
                 }
                 TieKind::Thread { length_m } => {
                     // Along the line between its ends at the end of the step, as far as that is known.
@@ -153,36 +339,63 @@ impl Body {
                     let slack =
                         (length_m - (apart - moved).length()).max(-h * CLOSING_M_PER_S - moved.length());
                     let before = (length_m - apart.length()).clamp(-h * CLOSING_M_PER_S, 0.0);
-                    (Law::Tension(direction), -slack * direction, -before * direction)
+                    (RowLaw::Tension(direction), -slack * direction, -before * direction)
                 }
             };
-            rows.push((index, Row { nodes, law, gap, overdue, impulse: DVec3::ZERO }));
+            rows.push(Constraint { source: Source::Tie(index), nodes, law, gap, overdue });
         }
         rows
     }
 
+    /// Makes the velocities, `before` without impulses, those with which every row closes its gap as its law says, and
+    /// returns the impulses.
     fn solve(
         &mut self,
-        driven: Option<usize>,
-        h: f64,
-        integrator: &Integrator,
-        rows: &mut [Row],
-    ) -> Result<usize, BodyError> {
+        step: &Step<'_>,
+        constraints: &[Constraint],
+        gaps: &[DVec3],
+        before: &[DVec3],
+        columns: &mut Columns,
+        report: &mut StepReport,
+    ) -> Result<Vec<DVec3>, BodyError> {
         // What is fixed or driven answers to no impulse.
+        let driven = step.drive.map(|(node, _)| node);
         let movable =
             |(node, _): &(usize, f64)| self.network.free_index(*node).is_some() && driven != Some(*node);
-        let nodes: Vec<Vec<(usize, f64)>> =
-            rows.iter().map(|row| row.nodes.iter().copied().filter(movable).collect()).collect();
-        Ok(match (integrator, &self.implicit) {
+        let nodes: Vec<Weights> =
+            constraints.iter().map(|row| row.nodes.iter().copied().filter(movable).collect()).collect();
+        let asked = |(row, &gap_m): (&Constraint, &DVec3)| Row {
+            law: row.law,
+            gap_m,
+            own_per_kg: DMat3::ZERO,
+            impulse_ns: DVec3::ZERO,
+        };
+        let mut rows: Vec<Row> = constraints.iter().zip(gaps).map(asked).collect();
+        self.v.copy_from_slice(before);
+        let sweeps: Sweeps = match (step.integrator, &self.implicit) {
             (Integrator::LinearlyImplicitEuler(settings), Some(implicit)) => {
-                let columns = nodes.iter().map(|row| implicit.answer(&self.network, row, settings));
-                let answer = Coupled { columns: columns.collect::<Result<_, _>>()?, rows: nodes };
-                contact::solve(rows, &answer, h, &mut self.v)
+                let touched = nodes.iter().flatten().map(|(node, _)| *node);
+                implicit.answer(&self.network, touched, settings, columns)?;
+                let mut answer = Coupled::new(&nodes, before, |i, j| columns.block(&self.network, i, j));
+                rows.iter_mut().enumerate().for_each(|(i, row)| row.own_per_kg = answer.own_per_kg(i));
+                let sweeps = solve_rows(&mut rows, &mut answer, step.h, SWEEPS);
+                let pushes = nodes.iter().zip(&rows);
+                for (node, impulse) in
+                    pushes.flat_map(|(row, r)| row.iter().map(|&(node, w)| (node, w * r.impulse_ns)))
+                {
+                    columns.push(&self.network, node, impulse, &mut self.v);
+                }
+                sweeps
             }
             _ => {
-                let answer = Masses { rows: nodes, mass_kg: self.network.mass_kg() };
-                contact::solve(rows, &answer, h, &mut self.v)
+                let mass_kg = self.network.mass_kg();
+                let mut answer = Masses { rows: &nodes, mass_kg, v: &mut self.v };
+                rows.iter_mut().enumerate().for_each(|(i, row)| row.own_per_kg = answer.own_per_kg(i));
+                solve_rows(&mut rows, &mut answer, step.h, SWEEPS)
             }
-        })
+        };
+        report.sweeps = report.sweeps.max(sweeps.count);
+        report.unsolved += usize::from(!sweeps.converged);
+        Ok(rows.into_iter().map(|row| row.impulse_ns).collect())
     }
 }

@@ -1,8 +1,11 @@
 //! A body's step through time.
 
+use super::approach::Approach;
+use super::constrain::{Step, ToolStep};
 use super::{Body, LOOK_S, QUIET_M_PER_S, internal_forces};
 use crate::energy::Ledger;
 use crate::integrator::{LinearlyImplicitEuler, SolvedBy, Workspace};
+use crate::tool::Hold;
 use crate::{BodyError, Integrator, Tie, ToolContact, ToolPoint};
 use glam::DVec3;
 use std::sync::Arc;
@@ -20,7 +23,11 @@ pub struct StepReport {
     pub clamped: usize,
     /// Nodes in contact with obstacles, at most.
     pub contacts: usize,
-    /// Sweeps that the impulses of obstacles and ties took, at most.
+    /// Points of the surface that the tool touched at once, at most.
+    pub touched: usize,
+    /// Points that it should have touched but did not, at most: it touches at no more than 32 nodes at once.
+    pub left_out: usize,
+    /// Sweeps that the impulses of obstacles, ties and the tool took, at most.
     pub sweeps: usize,
     /// How often those impulses were not found in all sweeps that are made: what is asked for cannot be, or is not
     /// determined, or converges too slowly.
@@ -79,7 +86,7 @@ impl Body {
         let (quiet, ledger, ties) = (self.quiet_s, self.ledger.clone(), self.ties.clone());
         let contacts = self.contacts.clone();
         let (mut contact, path) = tool.unzip();
-        let contact_before = contact.as_deref().copied();
+        let contact_before = contact.as_deref().cloned();
         let stepped = self.march(contact.as_deref_mut(), path, ticks, &integrator, &mut observe);
         stepped.inspect_err(|_| {
             self.x.copy_from_slice(&self.before.0);
@@ -113,20 +120,30 @@ impl Body {
                 report.substeps = report.substeps.max(substeps);
             }
             let span = ticks_per_step.min(ticks - tick);
-            let h = integrator.tick_s() * span as f64 / substeps as f64;
-            for i in 1..=substeps {
-                let point = path.map(|path| {
-                    let (from, to) = (path[tick], path[tick + span]);
-                    let along = i as f64 / substeps as f64;
-                    ToolPoint {
-                        position_m: from.position_m + (to.position_m - from.position_m) * along,
-                        velocity_m_per_s: to.velocity_m_per_s,
-                    }
+            let span_s = integrator.tick_s() * span as f64;
+            let way = path.map(|path| (path[tick], path[tick + span]));
+            let approach = match (way, contact.as_deref_mut()) {
+                (Some((from, to)), Some(contact)) => {
+                    self.approach(contact, (from.position_m, to.position_m), span_s, substeps)
+                }
+                _ => Approach::none(),
+            };
+            let steps = substeps * approach.cuts;
+            report.substeps = report.substeps.max(steps);
+            let h = span_s / steps as f64;
+            for i in 1..=steps {
+                let share = |i: usize| i as f64 / steps as f64;
+                let tool = contact.as_deref_mut().zip(way).map(|(contact, (from, to))| {
+                    let at = |share: f64| from.position_m + (to.position_m - from.position_m) * share;
+                    let velocity_m_per_s = to.velocity_m_per_s;
+                    let near = &approach.near[..];
+                    let tool = ToolStep { contact, from_m: at(share(i - 1)), to_m: at(share(i)), near };
+                    (tool, velocity_m_per_s)
                 });
                 // The shares of the advance that are over before and after this step.
-                let over = |i: usize| (tick as f64 + span as f64 * i as f64 / substeps as f64) / ticks as f64;
+                let over = |i: usize| (tick as f64 + span as f64 * share(i)) / ticks as f64;
                 let along = (over(i - 1), over(i));
-                self.step(contact.as_deref_mut().zip(point), h, along, integrator, &mut report)?;
+                self.step(tool, h, along, integrator, &mut report)?;
             }
             tick += span;
             let moving = self.network.free().iter().any(|&node| self.v[node].length() > QUIET_M_PER_S);
@@ -147,32 +164,28 @@ impl Body {
 
     fn step(
         &mut self,
-        tool: Option<(&mut ToolContact, ToolPoint)>,
+        tool: Option<(ToolStep<'_>, DVec3)>,
         h: f64,
         along: (f64, f64),
         integrator: &Integrator,
         report: &mut StepReport,
     ) -> Result<(), BodyError> {
-        let mut ledger = self.ledger.take().map(|ledger| ledger.begin(self));
-        let (mut driven, mut pulled) = (None, DVec3::ZERO);
-        if let Some((contact, point)) = tool {
-            contact.make(self, point.position_m);
-            if let Some((node, offset_m)) = contact.driven() {
-                pulled = point.position_m + offset_m - self.x[node];
-                self.x[node] = point.position_m + offset_m;
-                self.v[node] = point.velocity_m_per_s;
-            }
-            internal_forces(&self.network, &self.x, &self.v, &mut self.force);
-            if let Some((node, _)) = contact.driven() {
-                contact.release(self.force[node]);
-                if let Some(ledger) = &mut ledger {
-                    ledger.drive(self, node, self.force[node]);
-                }
-            }
-            driven = contact.driven_node();
-        } else {
-            internal_forces(&self.network, &self.x, &self.v, &mut self.force);
+        self.ledger = self.ledger.take().map(|ledger| ledger.begin(self));
+        let mut drive = None;
+        if let Some((ToolStep { contact, to_m, .. }, velocity)) = &tool
+            && let Hold::Node { node, offset_m } = contact.hold
+        {
+            let at = *to_m + offset_m;
+            drive = Some((node, at - self.x[node]));
+            (self.x[node], self.v[node]) = (at, *velocity);
         }
+        internal_forces(&self.network, &self.x, &self.v, &mut self.force);
+        let driven = drive.map(|(node, _)| node);
+        if let Some(node) = driven {
+            self.ledger = self.ledger.take().map(|ledger| ledger.drive(self, node, self.force[node]));
+        }
+        let mut step = Step { h, along, integrator, drive, tool: tool.map(|(tool, _)| tool) };
+        let constrained = step.constrains() || !(self.obstacles.is_empty() && self.ties.is_empty());
         let network = Arc::clone(&self.network);
         let moving = || network.free().iter().copied().filter(move |&node| driven != Some(node));
         match integrator {
@@ -184,19 +197,18 @@ impl Body {
                 }
             }
             Integrator::LinearlyImplicitEuler(settings) => {
-                self.implicit_velocities(driven, h, settings, report)?;
+                self.implicit_velocities(driven, h, settings, constrained, report)?;
             }
         }
         let mut closing = None;
-        if !(self.obstacles.is_empty() && self.ties.is_empty()) {
-            closing = self.constrain(driven.map(|node| (node, pulled)), h, along, integrator, report)?;
-            if let Some(ledger) = &mut ledger {
-                ledger.meet(self, driven);
-            }
+        if constrained {
+            closing = self.constrain(&mut step, report)?;
+        } else if let Some(tool) = &mut step.tool {
+            tool.contact.touched.clear();
         }
         let v = closing.as_ref().unwrap_or(&self.v);
         moving().for_each(|node| self.x[node] += v[node] * h);
-        self.ledger = ledger.map(|ledger| ledger.end(self, h));
+        self.ledger = self.ledger.take().map(|ledger| ledger.end(self, h));
         Ok(())
     }
 
@@ -205,6 +217,7 @@ impl Body {
         driven: Option<usize>,
         h: f64,
         settings: &LinearlyImplicitEuler,
+        constrained: bool,
         report: &mut StepReport,
     ) -> Result<(), BodyError> {
         for &node in self.network.free() {
@@ -212,7 +225,7 @@ impl Body {
             self.force[node] += outer;
         }
         let mut implicit = self.implicit.take().unwrap_or_else(|| Box::new(Workspace::new(self)));
-        let solved = implicit.solve(self, driven, &self.force, h, settings);
+        let solved = implicit.solve(self, driven, &self.force, h, settings, constrained);
         for (index, &node) in self.network.free().iter().enumerate() {
             if driven != Some(node) && solved.is_ok() {
                 self.v[node] += implicit.change(index);

@@ -1,6 +1,6 @@
 //! Linearly implicit Euler and its linear solvers.
 
-use super::SolvedBy;
+use super::{Columns, SolvedBy};
 use crate::error::{check, check_positive};
 use crate::{Body, BodyError, Network, Tangent, TangentPattern};
 use faer::linalg::solvers::Solve;
@@ -121,7 +121,7 @@ impl Workspace {
     }
 
     /// Δv of every free node over a step of length `h`, in the order of `network.free()`; zero for the node `driven`, whose
-    /// motion is given. `force` is the whole force on every node. Returns what solved it, and whether K was clamped.
+    /// motion is given. `force` is the whole force on every node; `constrained` says that [`Workspace::answer`] may follow. Returns what solved it, and whether K was clamped.
     pub(crate) fn solve(
         &mut self,
         body: &Body,
@@ -129,10 +129,10 @@ impl Workspace {
         force: &[DVec3],
         h: f64,
         settings: &LinearlyImplicitEuler,
+        constrained: bool,
     ) -> Result<(SolvedBy, bool), BodyError> {
         let driven = driven.and_then(|node| body.network().free_index(node));
         // Conjugate gradients may miss that the matrix is indefinite, and contacts must be answered with the same one.
-        let constrained = !(body.obstacles().is_empty() && body.ties().is_empty());
         let cautious = constrained && !settings.factorises(body.network().free().len());
         for clamped in if cautious { [true, true] } else { [false, true] } {
             self.factor = None;
@@ -211,37 +211,35 @@ impl Workspace {
         }
     }
 
-    /// The velocities of all nodes that an impulse of 1 N s along each axis on the row `row` of nodes and weights gives,
-    /// with the matrix of the last [`Workspace::solve`], m/s.
+    /// Adds to `columns` what impulses on the free nodes `nodes` do, with the matrix of the last [`Workspace::solve`].
     pub(crate) fn answer(
         &self,
         network: &Network,
-        row: &[(usize, f64)],
+        nodes: impl Iterator<Item = usize>,
         settings: &LinearlyImplicitEuler,
-    ) -> Result<[Vec<DVec3>; 3], BodyError> {
-        let dofs = self.last.len();
-        let mut columns = [0, 1, 2].map(|_| vec![DVec3::ZERO; network.node_count()]);
-        let mut rhs = Mat::zeros(dofs, 3);
-        for (index, w) in row.iter().filter_map(|&(node, w)| Some((network.free_index(node)?, w))) {
-            (0..3).for_each(|axis| rhs[(3 * index + axis, axis)] = w);
+        columns: &mut Columns,
+    ) -> Result<(), BodyError> {
+        let (unknown, dofs) = (columns.unknown(nodes), self.last.len());
+        if unknown.is_empty() {
+            return Ok(());
+        }
+        let mut rhs = Mat::zeros(dofs, 3 * unknown.len());
+        for (i, index) in unknown.iter().filter_map(|&node| network.free_index(node)).enumerate() {
+            (0..3).for_each(|axis| rhs[(3 * index + axis, 3 * i + axis)] = 1.0);
         }
         match &self.factor {
             Some(factor) => factor.solve_in_place(&mut rhs),
             None => {
-                for axis in 0..3 {
-                    let column: Vec<f64> = (0..dofs).map(|i| rhs[(i, axis)]).collect();
-                    let solved = self.conjugate_gradients(&column, vec![0.0; dofs], settings.tolerance)?;
+                for column in 0..rhs.ncols() {
+                    let asked: Vec<f64> = (0..dofs).map(|i| rhs[(i, column)]).collect();
+                    let solved = self.conjugate_gradients(&asked, vec![0.0; dofs], settings.tolerance)?;
                     let (solution, _) = solved.ok_or(BodyError::Indefinite)?;
-                    (0..dofs).for_each(|i| rhs[(i, axis)] = solution[i]);
+                    (0..dofs).for_each(|i| rhs[(i, column)] = solution[i]);
                 }
             }
         }
-        for (index, &node) in network.free().iter().enumerate() {
-            for (axis, column) in columns.iter_mut().enumerate() {
-                column[node] = DVec3::from_array([0, 1, 2].map(|part| rhs[(3 * index + part, axis)]));
-            }
-        }
-        Ok(columns)
+        columns.add(&unknown, rhs);
+        Ok(())
     }
 
     /// The solution for `rhs` by conjugate gradients from `x` on (M. R. Hestenes and E. Stiefel, J. Res. Natl. Bur. Stand.

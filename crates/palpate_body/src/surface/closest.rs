@@ -9,9 +9,12 @@ use parry3d_f64::shape::Triangle;
 use std::collections::HashMap;
 
 /// The triangles of a body's surface in a tree of boxes, built once and fitted anew when the body has moved.
+#[derive(Clone)]
 pub struct SurfaceTree {
     /// Nodes of each triangle, counter-clockwise seen from outside.
     triangles: Vec<[usize; 3]>,
+    /// Length of the longest edge of each at rest, m.
+    longest_m: Vec<f64>,
     /// The triangles round each node, and beside each edge.
     round_node: HashMap<usize, Vec<usize>>,
     beside_edge: HashMap<(usize, usize), Vec<usize>>,
@@ -59,10 +62,16 @@ impl SurfaceTree {
                 beside_edge.entry((a.min(b), a.max(b))).or_default().push(index);
             }
         }
+        let rest = body.network().rest_m();
+        let longest = |&[a, b, c]: &[usize; 3]| {
+            let edges = [(a, b), (b, c), (c, a)].map(|(a, b)| rest[a].distance(rest[b]));
+            edges.into_iter().fold(0.0, f64::max)
+        };
+        let longest_m = triangles.iter().map(longest).collect();
         let boxes: Vec<Aabb> =
             triangles.iter().map(|t| bounds(t.map(|node| body.positions_m()[node]))).collect();
         let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
-        Self { triangles, round_node, beside_edge, bvh, workspace: BvhWorkspace::default() }
+        Self { triangles, longest_m, round_node, beside_edge, bvh, workspace: BvhWorkspace::default() }
     }
 
     /// Fits the tree to where `body` is now: fast as long as its triangles stay neighbours, which they do.
@@ -75,6 +84,17 @@ impl SurfaceTree {
             self.bvh.insert_or_update_partially(bounds(t.map(|node| x[node])), index as u32, 0.0);
         }
         self.bvh.refit(&mut self.workspace);
+    }
+
+    /// The triangles whose boxes meet the box from `low_m` to `high_m`, in the order of the surface: their nodes, and the
+    /// length of their longest edge at rest, m.
+    #[must_use]
+    pub fn within(&self, low_m: DVec3, high_m: DVec3) -> Vec<([usize; 3], f64)> {
+        let bounds = Aabb::new(low_m, high_m);
+        let mut triangles: Vec<u32> = self.bvh.intersect_aabb(&bounds).collect();
+        triangles.sort_unstable();
+        let of = |index: usize| (self.triangles[index], self.longest_m[index]);
+        triangles.into_iter().map(|index| of(index as usize)).collect()
     }
 
     /// The point of the surface nearest to `place_m`, if one is nearer than `within_m`, and not on a collapsed triangle. `body` is where it was at the last

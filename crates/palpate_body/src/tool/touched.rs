@@ -1,0 +1,81 @@
+//! Where a tool touches, and the force that is displayed there.
+
+use crate::Body;
+use faer::linalg::solvers::Solve;
+use faer::{Mat, Side};
+use glam::DVec3;
+use palpate_laws::Coulomb;
+
+/// A point of the surface at which the tool pushed in the last step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TouchedPoint {
+    /// The nodes of its triangle and its weights: it is Σ w_i x_i. On a corner or an edge some weights are 0.
+    pub nodes: [(usize, f64); 3],
+    /// Unit normal out of the body, towards the tool.
+    pub normal: DVec3,
+    /// Distance from the tool at the end of the step, m, to the first order.
+    pub gap_m: f64,
+    /// λ, the impulse that the tool gave to the body, N s.
+    pub impulse_ns: DVec3,
+    /// Velocity relative to the tool at the end of the step, m/s: across the normal that of the slip.
+    pub slip_m_per_s: DVec3,
+    /// Length of the step, s.
+    pub(crate) step_s: f64,
+}
+
+impl TouchedPoint {
+    /// Where it is, m.
+    ///
+    /// # Panics
+    /// When `body` is another one, with fewer nodes.
+    #[must_use]
+    pub fn point_m(&self, body: &Body) -> DVec3 {
+        self.nodes.iter().map(|&(node, w)| w * body.positions_m()[node]).sum()
+    }
+}
+
+/// Redundant rows share their force evenly; the others are not disturbed by that.
+const SHARE: f64 = 1e-9;
+
+/// The sum of the forces on the rows `touched`, N, on the hand.
+///
+/// With F the internal force on the nodes and H the rows' weights, f = (H Hᵀ)⁻¹ H F: the forces on the rows that come nearest
+/// to F at the nodes; for a single row Σ w_i F_i / Σ w_i². At rest it is −λ/h. Where rows say more than the nodes can tell
+/// apart, so that there are many such f, the one nearest to −λ/h counts; the sum is the same for all.
+pub(super) fn displayed_force_n(touched: &[TouchedPoint], friction: f64, body: &Body) -> DVec3 {
+    let free = |&(node, w): &(usize, f64)| w != 0.0 && !body.network().is_fixed(node);
+    let rows: Vec<Vec<(usize, f64)>> =
+        touched.iter().map(|point| point.nodes.iter().copied().filter(free).collect()).collect();
+    let guess: Vec<DVec3> = touched.iter().map(|point| -point.impulse_ns / point.step_s).collect();
+    // What the nodes feel beyond the guess.
+    let mut rest: Vec<(usize, DVec3)> = Vec::new();
+    for (row, f) in rows.iter().zip(&guess) {
+        for &(node, w) in row {
+            let place = rest.iter().position(|(known, _)| *known == node).unwrap_or_else(|| {
+                rest.push((node, body.internal_force_on_n(node)));
+                rest.len() - 1
+            });
+            rest[place].1 -= w * *f;
+        }
+    }
+    let of = |row: &[(usize, f64)], node: usize| {
+        row.iter().find(|(known, _)| *known == node).map_or(0.0, |(_, w)| *w)
+    };
+    let gram = Mat::from_fn(rows.len(), rows.len(), |r, s| {
+        let product: f64 = rows[r].iter().map(|&(node, w)| w * of(&rows[s], node)).sum();
+        if r == s { product * (1.0 + SHARE) } else { product }
+    });
+    let mut correction = Mat::from_fn(rows.len(), 3, |r, axis| {
+        rest.iter().map(|&(node, f)| of(&rows[r], node) * f[axis]).sum::<f64>()
+    });
+    match gram.llt(Side::Lower) {
+        Ok(factor) => factor.solve_in_place(&mut correction),
+        // A row of nothing but fixed nodes: its λ is all there is.
+        Err(_) => correction.fill(0.0),
+    }
+    let force = |(row, point): (usize, &TouchedPoint)| {
+        let f = guess[row] + DVec3::from_array([0, 1, 2].map(|axis| correction[(row, axis)]));
+        Coulomb::new(point.normal, friction).map_or(DVec3::ZERO, |cone| cone.in_cone(f))
+    };
+    touched.iter().enumerate().map(force).sum()
+}
