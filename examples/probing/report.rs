@@ -6,7 +6,7 @@ use crate::scene::Progress;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{ModelStepCount, SimulatedBody, TickRecording};
-use palpate_body::{Body, ToolContact};
+use palpate_body::Body;
 use palpate_haptics::TickRecord;
 use palpate_local::Sample;
 use palpate_reduce::{Comparison, ComparisonOptions};
@@ -48,7 +48,7 @@ fn report(
     }
     // The same body at rest, and a tool of the same size.
     let (network, surface) = (simulated.body().network().clone(), simulated.body().surface().clone());
-    let contact = ToolContact::touch(tool.radius_m)?;
+    let contact = tool.contact()?;
     let settings = ComparisonOptions { period_ticks: rate.ticks() as usize, ..default() };
     let samples = contiguous_end(&recording.samples);
     let comparison =

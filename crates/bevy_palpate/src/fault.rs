@@ -43,8 +43,8 @@ pub enum HapticFaultKind {
     /// A tool's settings make no sense; the old ones stay in force.
     #[error("the tool's settings are refused")]
     Settings(#[source] HapticsError),
-    /// A tool's radius makes no sense; a new tool does not start, a running one keeps the old radius.
-    #[error("the tool's radius is refused")]
+    /// A tool's radius or friction makes no sense; a new tool does not start, a running one keeps the old ones.
+    #[error("the tool is refused")]
     Tool(#[source] BodyError),
     /// The loop reports a fault.
     #[error("the haptic loop reports a fault")]

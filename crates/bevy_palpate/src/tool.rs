@@ -15,6 +15,7 @@ use crate::fault::HapticFault;
 use crate::schedule::{HapticClock, HapticSystems, ModelRate, ModelStep};
 use bevy::prelude::*;
 use glam::DVec3;
+use palpate_body::{BodyError, ToolContact, ToolShape};
 use palpate_haptics::{DeviceFrame, SafetySettings, VelocityEstimator};
 use palpate_local::Scheme;
 
@@ -34,14 +35,32 @@ pub struct HapticTool {
     pub scheme: Scheme,
     /// Radius of the sphere, m. A change ends a touch.
     pub radius_m: f64,
+    /// Coefficient of friction between the sphere and what it touches. A change ends a touch.
+    pub friction: f64,
     /// The body that it can touch; `None`: the one that is nearest when the first sample arrives.
     pub body: Option<Entity>,
 }
 
 impl Default for HapticTool {
-    /// The device `"default"`, [`Scheme::Tangent`], 5 mm, the nearest body.
+    /// The device `"default"`, [`Scheme::Tangent`], 5 mm, friction 0.3, the nearest body.
     fn default() -> Self {
-        Self { device: DeviceSelector::default(), scheme: Scheme::default(), radius_m: 0.005, body: None }
+        Self {
+            device: DeviceSelector::default(),
+            scheme: Scheme::default(),
+            radius_m: 0.005,
+            friction: 0.3,
+            body: None,
+        }
+    }
+}
+
+impl HapticTool {
+    /// A contact of its sphere, which touches nothing yet.
+    ///
+    /// # Errors
+    /// [`BodyError`] when radius or friction make no sense.
+    pub fn contact(&self) -> Result<ToolContact, BodyError> {
+        ToolContact::touch(ToolShape::Sphere { radius_m: self.radius_m }, self.friction)
     }
 }
 
@@ -69,7 +88,7 @@ pub struct ContactBegan {
     pub body: Entity,
     /// Where, m, world.
     pub point_m: DVec3,
-    /// Outward unit normal of the body there, at rest.
+    /// Unit normal of the body there, out of it.
     pub normal: DVec3,
 }
 

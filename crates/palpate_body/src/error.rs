@@ -40,6 +40,9 @@ pub enum BodyError {
         /// The mass given.
         mass_kg: f64,
     },
+    /// The shape of a tool makes no sense.
+    #[error(transparent)]
+    Tool(#[from] LawError),
     /// A spring names a node that does not exist.
     #[error("spring {link} joins node {node}, but there are only {nodes} nodes (0 to {})", .nodes - 1)]
     NodeOutOfRange {

@@ -79,6 +79,11 @@ impl BodyPoint {
         &self.nodes
     }
 
+    /// A point of a triangle of the surface; weights that are 0 are left out.
+    pub(crate) fn on_triangle(nodes: [(usize, f64); 3]) -> Self {
+        Self { nodes: nodes.into_iter().filter(|(_, w)| *w != 0.0).collect() }
+    }
+
     /// Its nodes without their weights.
     pub(crate) fn named(&self) -> Vec<usize> {
         self.nodes.iter().map(|(node, _)| *node).collect()

@@ -44,7 +44,7 @@ pub(crate) enum Hold {
     Node { node: usize, offset_m: DVec3 },
     /// A point, by a two-sided row.
     Point { point: BodyPoint, offset_m: DVec3 },
-    /// Nothing: it pushes and rubs, if it is `clear`: it came from outside of the body.
+    /// Nothing: it pushes and rubs, if it is `clear`: not in the body, or come out of it.
     Nothing { shape: ToolShape, friction: f64, clear: bool },
 }
 
@@ -74,15 +74,17 @@ impl ToolContact {
     }
 
     /// A tool that touches nothing yet. It pushes the surface of the body before it, one-sided and with coefficient of
-    /// friction `friction`, wherever it meets it: it slides, rolls over edges, leaves and comes again. A tool that is in
-    /// the body when it begins, or jumps into it, touches nothing until it has been clear of the surface.
+    /// friction `friction`, wherever it meets it: it slides, rolls over edges, leaves and comes again. One that begins with
+    /// its centre in the body, or jumps there, touches nothing until all of it has come out.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the friction is negative or not finite.
+    /// [`BodyError::Tool`] when the shape makes no sense, [`BodyError::Parameter`] when the friction is negative or not
+    /// finite.
     pub fn touch(shape: ToolShape, friction: f64) -> Result<Self, BodyError> {
+        shape.validate()?;
         let ok = friction.is_finite() && friction >= 0.0;
         crate::error::check("coefficient of friction", friction, ok, "finite and at least 0")?;
-        Ok(Self { hold: Hold::Nothing { shape, friction, clear: false }, touched: Vec::new() })
+        Ok(Self { hold: Hold::Nothing { shape, friction, clear: true }, touched: Vec::new() })
     }
 
     /// The node that it drives, if it holds one.
@@ -118,6 +120,24 @@ impl ToolContact {
         &self.touched
     }
 
+    /// The points through which it acts on the body now: the one that it holds, or those that it touches.
+    #[must_use]
+    pub fn points(&self) -> Vec<BodyPoint> {
+        match &self.hold {
+            Hold::Node { node, .. } => vec![BodyPoint::node(*node)],
+            Hold::Point { point, .. } => vec![point.clone()],
+            Hold::Nothing { .. } => self.touched.iter().map(|t| BodyPoint::on_triangle(t.nodes)).collect(),
+        }
+    }
+
+    /// The unit normal of the surface where it is touched, out of the body, in the mean over what pushes; `None` when nothing
+    /// is touched.
+    #[must_use]
+    pub fn normal(&self) -> Option<DVec3> {
+        let push: DVec3 = self.touched.iter().map(|t| t.impulse_ns.dot(t.normal) * t.normal).sum();
+        (-push).try_normalize()
+    }
+
     /// What the body does to the hand now, N, in the body's frame, without the inertia of what is held or touched: the
     /// internal force on the driven node, or on the row that is held, Σ w_i F_i / Σ w_i²; for a touch on all rows that
     /// pushed in the last step, each as far as it lies in its friction cone (see [`ToolContact::touched`]).
@@ -150,9 +170,6 @@ impl ToolContact {
 
     /// Lets go of what is touched; whether something was. What is held stays held.
     pub fn let_go(&mut self) -> bool {
-        if let Hold::Nothing { clear, .. } = &mut self.hold {
-            *clear = false;
-        }
         let touching = !self.touched.is_empty();
         self.touched.clear();
         touching

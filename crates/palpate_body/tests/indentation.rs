@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 use palpate_body::*;
-use palpate_laws::ToolShape;
 
 const E_PA: f64 = 20e3;
 /// Thickness of the layer.
@@ -46,7 +45,7 @@ fn reduced_modulus_pa() -> f64 {
 }
 
 /// The layer is stiffer than the half-space of the formulas, because its bottom is held: E. K. Dimitriadis, F. Horkay, J.
-/// Maresca, B. Kachar, R. S. Chadwick, Biophys. J. 82 (2002) 2798, eqs. 12 and 14, bonded, for a contact of radius chi times
+/// Maresca, B. Kachar, R. S. Chadwick, Biophys. J. 82 (2002) 2798, bonded, for a contact of radius chi times
 /// the thickness. Returns their alpha_0 and beta_0.
 fn bonded(nu: f64) -> (f64, f64) {
     let alpha = -(1.2876 - 1.4678 * nu + 1.3442 * nu * nu) / (1.0 - nu);
@@ -65,7 +64,7 @@ fn a_ball_in_a_layer_meets_the_force_of_hertz() {
     let layer = 1.0 - 2.0 * alpha / pi * chi + 4.0 * (alpha / pi * chi).powi(2)
         - 8.0 / pi.powi(3) * (alpha.powi(3) + 4.0 * pi * pi / 15.0 * beta) * chi.powi(3)
         + 16.0 * alpha / pi.powi(4) * (alpha.powi(3) + 0.6 * pi * pi * beta) * chi.powi(4);
-    let error = |n| indent(n, ToolShape::sphere(radius).unwrap(), radius, depth) / (hertz * layer) - 1.0;
+    let error = |n| indent(n, ToolShape::Sphere { radius_m: radius }, radius, depth) / (hertz * layer) - 1.0;
     let errors = [4, 8, 12].map(error);
     // Measured: -10 %, -4 %, -2 %.
     assert!(errors.windows(2).all(|pair| pair[1].abs() < pair[0].abs()), "{errors:?}");
@@ -79,7 +78,7 @@ fn a_flat_punch_in_a_layer_meets_its_force() {
     let depth = 0.05 * a;
     let flat = 2.0 * reduced_modulus_pa() * a * depth;
     let layer = 1.0 / (1.0 + 2.0 * bonded(0.25).0 / std::f64::consts::PI * a / H);
-    let punch = ToolShape::flat_punch(a, -DVec3::Z).unwrap();
+    let punch = ToolShape::FlatPunch { radius_m: a, axis: -DVec3::Z };
     let errors = [4, 8, 12].map(|n| indent(n, punch, 0.0, depth) / (flat * layer) - 1.0);
     // Measured: 66 %, -9 %, -7 %: its rim, where the pressure is infinite, is that of a lattice.
     assert!(errors.windows(2).all(|pair| pair[1].abs() < pair[0].abs()), "{errors:?}");
@@ -97,7 +96,8 @@ fn the_sides_of_the_layer_are_far_enough() {
         let tissue = Tissue { youngs_modulus_pa: E_PA, damping_ratio: 0.5, ..Tissue::default() };
         let made = block.tissue(&tissue).unwrap();
         let mut body = Body::new(made.network, made.surface).unwrap();
-        let mut tool = ToolContact::touch(ToolShape::flat_punch(0.25 * H, -DVec3::Z).unwrap(), 0.0).unwrap();
+        let mut tool =
+            ToolContact::touch(ToolShape::FlatPunch { radius_m: 0.25 * H, axis: -DVec3::Z }, 0.0).unwrap();
         let path: Vec<ToolPoint> = (0..=1000)
             .map(|i| ToolPoint::at_rest(DVec3::Z * (0.5 * H - 0.001 * (f64::from(i) / 50.0).min(1.0))))
             .collect();

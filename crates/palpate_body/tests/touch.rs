@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 use palpate_body::*;
-use palpate_laws::ToolShape;
 use proptest::prelude::*;
 
 const RADIUS: f64 = 0.005;
@@ -14,11 +13,11 @@ fn block() -> Body {
 }
 
 fn ball(radius: f64, friction: f64) -> ToolContact {
-    ToolContact::touch(ToolShape::sphere(radius).unwrap(), friction).unwrap()
+    ToolContact::touch(ToolShape::Sphere { radius_m: radius }, friction).unwrap()
 }
 
 fn punch(radius: f64, friction: f64) -> ToolContact {
-    ToolContact::touch(ToolShape::flat_punch(radius, -DVec3::Z).unwrap(), friction).unwrap()
+    ToolContact::touch(ToolShape::FlatPunch { radius_m: radius, axis: -DVec3::Z }, friction).unwrap()
 }
 
 fn implicit(solver: LinearSolver, ticks_per_step: usize) -> Integrator {
@@ -135,6 +134,28 @@ fn a_held_point_follows_the_tool_and_feels_what_its_triangle_pulls() {
 }
 
 #[test]
+fn a_held_triangle_pulls_as_the_reference_says() {
+    let text = include_str!("../../../tests/data/contact_held_triangle.json");
+    let data: serde_json::Value = serde_json::from_str(text).unwrap();
+    let expected: Vec<[f64; 3]> = serde_json::from_value(data["force_n"].clone()).unwrap();
+    let node = |i: usize, j: usize| i + 6 * (j + 6 * 5);
+    let point = BodyPoint::new(vec![(node(3, 3), 0.5), (node(4, 3), 0.3), (node(3, 4), 0.2)]).unwrap();
+    let mut body = block();
+    let mut tool = ToolContact::hold_point(&body, point, DVec3::ZERO).unwrap();
+    let wave = |hz: f64, t: f64| (std::f64::consts::TAU * hz * t).sin();
+    let way = |t: f64| {
+        let slow = -0.005 * (1.0 - (std::f64::consts::TAU * t).cos()) - 0.0008 * wave(9.0, t);
+        DVec3::new(0.003 * wave(1.7, t), 0.0, slow - if t > 0.3 { 0.002 * wave(3.3, t) } else { 0.0 })
+    };
+    let integrator = SemiImplicitEuler { max_substeps: 4, ..SemiImplicitEuler::default() };
+    let forces = follow(&mut body, &mut tool, 1450, integrator.into(), way);
+    for (i, expected) in expected.iter().enumerate().skip(1) {
+        let worst = (forces[50 * i - 1] - DVec3::from_array(*expected)).length();
+        assert!(worst < 1e-9, "tick {}: {worst} N", 50 * i);
+    }
+}
+
+#[test]
 fn a_tool_that_starts_deep_inside_touches_nothing_until_it_has_come_out() {
     let (mut body, mut tool) = (block(), ball(RADIUS, 0.3));
     let forces = press(&mut body, &mut tool, 400, |t| -0.04 + 0.2 * t);
@@ -147,7 +168,11 @@ fn a_tool_that_starts_deep_inside_touches_nothing_until_it_has_come_out() {
 fn tools_that_make_no_sense_are_refused() {
     let body = block();
     for bad in [-1.0, f64::NAN, f64::INFINITY] {
-        assert!(ToolContact::touch(ToolShape::sphere(RADIUS).unwrap(), bad).is_err());
+        assert!(ToolContact::touch(ToolShape::Sphere { radius_m: RADIUS }, bad).is_err());
+    }
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let refused = ToolContact::touch(ToolShape::Sphere { radius_m: bad }, 0.3);
+        assert!(matches!(refused, Err(BodyError::Tool(_))));
     }
     let refused = |node, at| ToolContact::hold(&body, node, at).unwrap_err();
     assert_eq!(refused(216, DVec3::ZERO), BodyError::CannotHold { node: 216, why: "there is no such node" });
@@ -162,7 +187,7 @@ fn tools_that_make_no_sense_are_refused() {
 
 #[test]
 fn a_tool_in_free_air_near_an_edge_or_a_corner_touches_nothing() {
-    let body = block();
+    let mut body = block();
     for i in 0..40 {
         for j in 0..40 {
             // A plane just above the top, reaching beyond its edges, and one beside a side.
@@ -173,7 +198,7 @@ fn a_tool_in_free_air_near_an_edge_or_a_corner_touches_nothing() {
             for (free, tool) in
                 [(top, ball(RADIUS, 0.3)), (side, ball(RADIUS, 0.3)), (above, punch(RADIUS, 0.3))]
             {
-                let (mut body, mut tool) = (body.clone(), tool);
+                let mut tool = tool;
                 let path = [ToolPoint::at_rest(free); 2];
                 body.advance(Some((&mut tool, &path)), 1, SemiImplicitEuler::default()).unwrap();
                 assert!(tool.touched().is_empty(), "at {free}");

@@ -6,7 +6,7 @@ use crate::output::{Output, csv, write_files};
 use crate::progress;
 use clap::{Args, ValueEnum};
 use glam::DVec3;
-use palpate_body::{Block, Body, Face, ToolContact, UniformLattice};
+use palpate_body::{Block, Body, Face, ToolContact, ToolShape, UniformLattice};
 use palpate_haptics::Trajectory;
 use palpate_local::{Sample, Scheme};
 use palpate_reduce::{Comparison, ComparisonOptions};
@@ -108,6 +108,8 @@ pub(crate) struct Figures {
 
 /// Samples before that do not count: there is no local model before the first model step.
 const FROM: usize = 200;
+/// Coefficient of friction of a tool that touches.
+const FRICTION: f64 = 0.3;
 
 impl From<SchemeName> for Scheme {
     fn from(name: SchemeName) -> Self {
@@ -216,7 +218,10 @@ impl Manipulate {
             ContactName::Held => (ToolContact::hold(&body, node, at)?, at),
             ContactName::Touch => {
                 let radius = 0.1 * self.edge_m;
-                (ToolContact::touch(radius)?, at + radius * DVec3::Z)
+                (
+                    ToolContact::touch(ToolShape::Sphere { radius_m: radius }, FRICTION)?,
+                    at + radius * DVec3::Z,
+                )
             }
         };
         Ok((body, contact, start))

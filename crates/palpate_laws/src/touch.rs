@@ -46,24 +46,20 @@ const RIM_SHARE: f64 = 0.05;
 const RIM_TOLERANCE: f64 = 1e-9;
 
 impl ToolShape {
-    /// A ball.
+    /// Refuses a shape that makes no sense.
     ///
     /// # Errors
-    /// [`LawError::Radius`] when `radius_m` is not finite and above 0.
-    pub fn sphere(radius_m: f64) -> Result<Self, LawError> {
-        Ok(Self::Sphere { radius_m: positive(radius_m)? })
-    }
-
-    /// A flat punch that presses along `axis`.
-    ///
-    /// # Errors
-    /// As [`ToolShape::sphere`]; [`LawError::Normal`] when `axis` is not of unit length.
-    pub fn flat_punch(radius_m: f64, axis: DVec3) -> Result<Self, LawError> {
-        let length = axis.length();
-        if length.is_nan() || (length - 1.0).abs() > 1e-6 {
-            return Err(LawError::Normal(length));
+    /// [`LawError::Radius`] when the radius is not finite and above 0, [`LawError::Normal`] when the axis is not of unit
+    /// length.
+    pub fn validate(&self) -> Result<(), LawError> {
+        let radius_m = self.radius_m();
+        if !(radius_m.is_finite() && radius_m > 0.0) {
+            return Err(LawError::Radius(radius_m));
         }
-        Ok(Self::FlatPunch { radius_m: positive(radius_m)?, axis })
+        match self {
+            Self::FlatPunch { axis, .. } if !axis.is_normalized() => Err(LawError::Normal(axis.length())),
+            _ => Ok(()),
+        }
     }
 
     /// Radius, m.
@@ -160,10 +156,6 @@ impl ToolShape {
     }
 }
 
-fn positive(radius_m: f64) -> Result<f64, LawError> {
-    if radius_m.is_finite() && radius_m > 0.0 { Ok(radius_m) } else { Err(LawError::Radius(radius_m)) }
-}
-
 fn weighted(weights: [f64; 3], corners: [DVec3; 3]) -> DVec3 {
     weights[0] * corners[0] + weights[1] * corners[1] + weights[2] * corners[2]
 }
@@ -242,7 +234,7 @@ mod tests {
 
     #[test]
     fn a_sphere_touches_where_it_is_nearest_and_only_from_outside() {
-        let sphere = ToolShape::sphere(0.3).unwrap();
+        let sphere = ToolShape::Sphere { radius_m: 0.3 };
         let [above] = features(sphere, DVec3::new(0.25, 0.25, 0.2))[..] else { panic!("one") };
         assert!((above.gap_m + 0.1).abs() < 1e-15 && (above.normal + DVec3::Z).length() < 1e-15);
         assert!((above.weights[0] - 0.5).abs() < 1e-15);
@@ -251,14 +243,14 @@ mod tests {
         assert!((corner.normal - DVec3::new(0.6, 0.8, 0.0)).length() < 1e-15);
         assert_eq!(features(sphere, DVec3::new(0.25, 0.25, -0.1)), vec![]);
         // To a ball six times as large the triangle is fine.
-        let large = features(ToolShape::sphere(6.0).unwrap(), DVec3::Z * 5.9);
+        let large = features(ToolShape::Sphere { radius_m: 6.0 }, DVec3::Z * 5.9);
         assert_eq!(large.iter().map(|f| f.weights).collect::<Vec<_>>(), CORNERS);
         assert!((large[0].gap_m + 0.1).abs() < 1e-15);
     }
 
     #[test]
     fn a_punch_touches_corners_under_it_and_else_with_its_rim_and_centre() {
-        let down = |radius| ToolShape::flat_punch(radius, -DVec3::Z).unwrap();
+        let down = |radius_m| ToolShape::FlatPunch { radius_m, axis: -DVec3::Z };
         let wide = features(down(2.0), DVec3::new(0.3, 0.3, -0.1));
         let corners: Vec<_> = wide.iter().map(|f| f.weights).collect();
         assert_eq!(corners, CORNERS);
@@ -273,7 +265,7 @@ mod tests {
             assert!(out < 1e-12 || (out - 0.1).abs() < 1e-12, "{out}");
         }
         // From below, and from far behind, it is not touched.
-        let up = ToolShape::flat_punch(0.1, DVec3::Z).unwrap();
+        let up = ToolShape::FlatPunch { radius_m: 0.1, axis: DVec3::Z };
         assert_eq!(features(up, DVec3::new(0.3, 0.3, 0.0)), vec![]);
         assert_eq!(features(down(0.1), DVec3::new(0.3, 0.3, -0.5)), vec![]);
         // A corner that stands higher than it is within the rim is met by the side.
@@ -287,9 +279,11 @@ mod tests {
     #[test]
     fn tools_that_make_no_sense_are_refused() {
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(matches!(ToolShape::sphere(bad), Err(LawError::Radius(_))));
-            assert!(ToolShape::flat_punch(bad, DVec3::Z).is_err());
+            assert!(matches!(ToolShape::Sphere { radius_m: bad }.validate(), Err(LawError::Radius(_))));
         }
-        assert_eq!(ToolShape::flat_punch(1.0, DVec3::Z * 2.0), Err(LawError::Normal(2.0)));
+        let long = ToolShape::FlatPunch { radius_m: 1.0, axis: DVec3::Z * 2.0 };
+        assert_eq!(long.validate(), Err(LawError::Normal(2.0)));
+        assert!(ToolShape::FlatPunch { radius_m: 1.0, axis: DVec3::NAN }.validate().is_err());
+        assert_eq!(ToolShape::FlatPunch { radius_m: 1.0, axis: DVec3::X }.validate(), Ok(()));
     }
 }

@@ -3,7 +3,7 @@
 use crate::static_stiffness::StaticStiffness;
 use crate::{ReduceError, neighbourhood};
 use glam::{DMat3, DVec3};
-use palpate_body::{Body, Tangent, TangentPattern, ToolContact, ToolPoint};
+use palpate_body::{Body, BodyPoint, Tangent, TangentPattern, ToolContact, ToolPoint};
 use palpate_local::{Contact, LocalModel, ModelId, Scheme};
 
 /// What a builder is made with.
@@ -112,14 +112,19 @@ impl LocalModelBuilder {
         model.reduced.order = 0;
         model.contact = Contact::Apart;
         contact.validate(body)?;
-        let Some(node) = contact.driven_node() else {
+        let points = contact.points();
+        let Some(node) = heaviest(&points, body) else {
             return Ok(());
         };
+        // Without friction the surface follows the tool along its normals only.
+        let normals: Vec<DVec3> = contact.touched().iter().map(|t| t.normal).collect();
+        let normals = contact.shape().filter(|(_, friction)| *friction == 0.0).map(|_| &normals[..]);
         model.force_n = contact.displayed_force_n(body);
         match scheme {
             Scheme::Hold | Scheme::LowPass => {}
             Scheme::Tangent => self.exact_or_clamped(body, model, |this, model| {
-                model.stiffness_n_per_m = this.static_stiffness.at(&mut this.tangent, body, node)?;
+                model.stiffness_n_per_m =
+                    this.static_stiffness.at(&mut this.tangent, body, &points, normals)?;
                 Ok(())
             })?,
             Scheme::Neighbourhood => self.exact_or_clamped(body, model, |this, model| {
@@ -127,7 +132,7 @@ impl LocalModelBuilder {
                 this.neighbourhood.build(body, &this.tangent, node, rings, tick_s, model)
             })?,
         }
-        model.contact = contact.touched().map_or(Contact::Held, |t| Contact::Touching { normal: t.normal });
+        model.contact = contact.normal().map_or(Contact::Held, |normal| Contact::Touching { normal });
         Ok(())
     }
 
@@ -148,6 +153,12 @@ impl LocalModelBuilder {
         }
         Ok(())
     }
+}
+
+/// The free node with the greatest weight: the one that the seed paper's method takes for the tool's.
+fn heaviest(points: &[BodyPoint], body: &Body) -> Option<usize> {
+    let nodes = points.iter().flat_map(BodyPoint::nodes).filter(|(node, _)| !body.network().is_fixed(*node));
+    nodes.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0))).map(|(node, _)| *node)
 }
 
 fn is_indefinite(error: &ReduceError) -> bool {

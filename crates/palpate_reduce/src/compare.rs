@@ -74,7 +74,7 @@ impl Comparison {
     ) -> Result<Self, ReduceError> {
         validate(samples, options)?;
         let mut body = body.clone();
-        let mut contact = *contact;
+        let mut contact = contact.clone();
         let mut builder = LocalModelBuilder::new(&body, options.builder)?;
         let settings = HandOverSettings {
             tick_s: options.integrator.tick_s(),

@@ -1,4 +1,4 @@
-//! The static stiffness that a body shows at one node: K condensed on it.
+//! The static stiffness that a body shows to a tool: K condensed on the points through which the tool acts.
 
 use crate::ReduceError;
 use faer::linalg::solvers::Solve;
@@ -6,20 +6,20 @@ use faer::sparse::linalg::LltError;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
-use palpate_body::{Body, Tangent, TangentPattern};
+use palpate_body::{Body, BodyPoint, Tangent, TangentPattern};
 
-/// D = K_cc − K_cr K_rr⁻¹ K_rc with one symbolic factorisation for all nodes c.
+/// D = K_cc − K_cr K_rr⁻¹ K_rc on the nodes c of the points, with one symbolic factorisation for all c; and from it the
+/// stiffness against a motion of the tool that the points follow.
 ///
-/// With K̂ = K + P on the three degrees of freedom of c, (K̂⁻¹)_cc = (D + P)⁻¹. So one factorisation of K̂,
-/// whose pattern does not depend on c, and three solutions give D; and K̂ is positive definite whenever K_rr
-/// and D + P are, so a body that only the tool keeps from buckling is no obstacle.
+/// With K̂ = K + P on the degrees of freedom of c, (K̂⁻¹)_cc = (D + P)⁻¹. So one factorisation of K̂, whose pattern does not
+/// depend on c, and three solutions for each node give D; and K̂ is positive definite whenever K_rr and D + P are, so a body
+/// that only the tool keeps from buckling is no obstacle.
 #[derive(Debug)]
 pub(crate) struct StaticStiffness {
     symbolic: SymbolicLlt<usize>,
     /// σ₀² m of every degree of freedom, N/m.
     regularisation: Vec<f64>,
     shift: Vec<f64>,
-    solution: Mat<f64>,
 }
 
 /// P as a multiple of the stiffness of the springs at the node: large enough to hold it against a
@@ -37,20 +37,29 @@ impl StaticStiffness {
             .iter()
             .flat_map(|&node| [sigma_per_s * sigma_per_s * network.mass_kg()[node]; 3])
             .collect();
-        Ok(Self { symbolic, regularisation, shift: vec![0.0; unknowns], solution: Mat::zeros(unknowns, 3) })
+        Ok(Self { symbolic, regularisation, shift: vec![0.0; unknowns] })
     }
 
-    /// D at `node`, N/m. Adds the regularisation and P to `tangent`'s K.
+    /// The stiffness against a motion of the tool, N/m, where `points` follow it: in all directions, or where `normals` are
+    /// given, one for each, along those only. Adds the regularisation and P to `tangent`'s K.
     pub(crate) fn at(
         &mut self,
         tangent: &mut Tangent,
         body: &Body,
-        node: usize,
+        points: &[BodyPoint],
+        normals: Option<&[DVec3]>,
     ) -> Result<DMat3, ReduceError> {
-        let c = 3 * body.network().free_index(node).expect("a driven node is free");
-        let hold = HOLD * (0..3).map(|axis| diagonal(tangent, c + axis)).fold(0.0, f64::max);
+        let mut nodes: Vec<usize> = points
+            .iter()
+            .flat_map(|point| point.nodes().iter().filter_map(|(node, _)| body.network().free_index(*node)))
+            .collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let dofs: Vec<usize> =
+            nodes.iter().flat_map(|index| [0, 1, 2].map(|axis| 3 * index + axis)).collect();
+        let hold = HOLD * dofs.iter().map(|&dof| diagonal(tangent, dof)).fold(0.0, f64::max);
         self.shift.copy_from_slice(&self.regularisation);
-        self.shift[c..c + 3].iter_mut().for_each(|shift| *shift += hold);
+        dofs.iter().for_each(|&dof| self.shift[dof] += hold);
         tangent.add_to_stiffness_diagonal(&self.shift);
         let factor = Llt::try_new_with_symbolic(self.symbolic.clone(), tangent.stiffness(), Side::Lower)
             .map_err(|error| match error {
@@ -59,13 +68,64 @@ impl StaticStiffness {
                 }) => ReduceError::Singular { pivot: index },
                 LltError::Generic(_) => ReduceError::Symbolic { unknowns: self.shift.len() },
             })?;
-        self.solution.fill(0.0);
-        (0..3).for_each(|axis| self.solution[(c + axis, axis)] = 1.0);
-        factor.solve_in_place(&mut self.solution);
-        let column = |axis: usize| DVec3::from_array([0, 1, 2].map(|row| self.solution[(c + row, axis)]));
-        let compliance = DMat3::from_cols(column(0), column(1), column(2));
-        Ok(compliance.inverse() - DMat3::from_diagonal(DVec3::splat(hold)))
+        let n = dofs.len();
+        let mut solution = Mat::zeros(self.shift.len(), n);
+        dofs.iter().enumerate().for_each(|(column, &dof)| solution[(dof, column)] = 1.0);
+        factor.solve_in_place(&mut solution);
+        let compliance = Mat::from_fn(n, n, |i, j| solution[(dofs[i], j)]);
+        let held = compliance.partial_piv_lu().solve(Mat::<f64>::identity(n, n));
+        // D x = Hᵀ λ, H x = E: the force λ on the rows when the tool moves by one along each axis.
+        let rows = rows(points, normals, |node| {
+            body.network().free_index(node).and_then(|index| nodes.binary_search(&index).ok())
+        });
+        let m = rows.len();
+        let saddle = Mat::from_fn(n + m, n + m, |i, j| match (i < n, j < n) {
+            (true, true) => held[(i, j)] - if i == j { hold } else { 0.0 },
+            (true, false) => -rows[j - n].weight(i),
+            (false, true) => rows[i - n].weight(j),
+            // Redundant rows share their force.
+            (false, false) if i == j => REDUNDANT / hold,
+            (false, false) => 0.0,
+        });
+        let along = |row: usize, axis: usize| if row < n { 0.0 } else { rows[row - n].along[axis] };
+        let moved = saddle.partial_piv_lu().solve(Mat::from_fn(n + m, 3, along));
+        let column =
+            |axis: usize| -> DVec3 { (0..m).map(|row| rows[row].along * moved[(n + row, axis)]).sum() };
+        Ok(DMat3::from_cols(column(0), column(1), column(2)))
     }
+}
+
+/// Compliance of a row beside that of the body.
+const REDUNDANT: f64 = 1e-10;
+
+/// A row of H: it follows the tool along a direction.
+struct AlongRow {
+    /// Place among the nodes, and weight.
+    nodes: Vec<(usize, f64)>,
+    along: DVec3,
+}
+
+impl AlongRow {
+    fn weight(&self, dof: usize) -> f64 {
+        let node = self.nodes.iter().find(|(place, _)| *place == dof / 3);
+        node.map_or(0.0, |(_, w)| w * self.along[dof % 3])
+    }
+}
+
+fn rows(
+    points: &[BodyPoint],
+    normals: Option<&[DVec3]>,
+    place: impl Fn(usize) -> Option<usize>,
+) -> Vec<AlongRow> {
+    let mut rows = Vec::new();
+    for (i, point) in points.iter().enumerate() {
+        let nodes: Vec<(usize, f64)> =
+            point.nodes().iter().filter_map(|&(node, w)| Some((place(node)?, w))).collect();
+        let all = DVec3::AXES;
+        let along = normals.map_or(&all[..], |normals| &normals[i..=i]);
+        rows.extend(along.iter().map(|&along| AlongRow { nodes: nodes.clone(), along }));
+    }
+    rows
 }
 
 fn diagonal(tangent: &Tangent, dof: usize) -> f64 {

@@ -71,6 +71,46 @@ fn the_static_stiffness_is_the_slope_of_the_force_at_rest() {
 }
 
 #[test]
+fn the_static_stiffness_of_what_is_held_or_touched_is_the_slope_of_its_force_at_rest() {
+    // A held triangle; a ball that sticks; one without friction.
+    let node = |i: usize, j: usize| i + 4 * (j + 4 * 3);
+    let ball = |friction| ToolContact::touch(ToolShape::Sphere { radius_m: 0.02 }, friction).unwrap();
+    let holding = |body: &Body| {
+        let point = BodyPoint::new(vec![(node(1, 1), 0.5), (node(2, 1), 0.3), (node(1, 2), 0.2)]).unwrap();
+        ToolContact::hold_point(body, point, DVec3::Z * 0.07).unwrap()
+    };
+    for (friction, along) in
+        [(None, DVec3::Z), (None, DVec3::X), (Some(2.0), DVec3::Z), (Some(0.0), DVec3::Z)]
+    {
+        let at = |by: f64| {
+            let mut body = block([4, 4, 4]);
+            let mut contact = friction.map_or_else(|| holding(&body), ball);
+            let start = DVec3::new(0.004, 0.009, 0.07);
+            let end = start - DVec3::Z * 0.01 + along * by;
+            let path: Vec<ToolPoint> = (0..=3000)
+                .map(|i| ToolPoint::at_rest(start + (end - start) * (f64::from(i) / 200.0).min(1.0)))
+                .collect();
+            body.advance(Some((&mut contact, &path)), 3000, SemiImplicitEuler::default()).unwrap();
+            (body, contact)
+        };
+        let force = |by| {
+            let (body, contact) = at(by);
+            contact.displayed_force_n(&body).dot(along)
+        };
+        let slope = -(force(1e-5) - force(-1e-5)) / 2e-5;
+        let (body, contact) = at(0.0);
+        let k = build(Scheme::Tangent, &body, &contact).stiffness_n_per_m;
+        let predicted = along.dot(k * along);
+        // A ball rolls a little on a face that tilts, which the stiffness of its points does not know.
+        let tolerance = if friction.is_some() { 0.06 } else { 1e-3 };
+        assert!(
+            (slope / predicted - 1.0).abs() < tolerance,
+            "{slope} N/m, tangent {predicted} N/m, {friction:?}"
+        );
+    }
+}
+
+#[test]
 fn the_neighbourhood_is_the_ring_of_nodes_round_the_tool() {
     let body = block([6, 6, 6]);
     let node = 3 + 6 * (3 + 6 * 5);
@@ -93,7 +133,7 @@ fn the_neighbourhood_is_the_ring_of_nodes_round_the_tool() {
 #[test]
 fn a_tool_that_touches_nothing_gives_a_silent_model() {
     let body = block([3, 3, 3]);
-    let contact = ToolContact::touch(0.005).unwrap();
+    let contact = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).unwrap();
     for scheme in Scheme::ALL {
         let model = build(scheme, &body, &contact);
         assert_eq!((model.contact, model.force_n), (Contact::Apart, DVec3::ZERO));
@@ -127,7 +167,7 @@ fn options_that_make_no_sense_are_refused() {
     ] {
         assert!(matches!(LocalModelBuilder::new(&body, bad), Err(ReduceError::Option { .. })));
     }
-    let contact = ToolContact::touch(0.005).unwrap();
+    let contact = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).unwrap();
     let samples = [Sample::default(), Sample { sequence: 2, ..Sample::default() }];
     let run = |options| Comparison::run(&body, &contact, &samples, &[], &options).unwrap_err();
     let hole = ReduceError::Samples { index: 1, found: 2, expected: 1 };
@@ -159,8 +199,10 @@ fn a_contact_with_another_body_is_refused() {
     let body = block([3, 3, 3]);
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
     let mut model = LocalModel::silent(builder.order_capacity());
+    let big = Block::new([8; 3], DVec3::splat(0.1)).unwrap().fix(Face::PosZ).uniform(&LATTICE).unwrap();
+    let big = Body::new(big.network, big.surface).unwrap();
     for node in [0, 400] {
-        let foreign = ToolContact::Held { node, offset_m: DVec3::ZERO };
+        let foreign = ToolContact::hold(&big, node, DVec3::ZERO).unwrap();
         let refused = builder.build(Scheme::Tangent, &body, &foreign, ToolPoint::default(), ID, &mut model);
         assert!(matches!(refused, Err(ReduceError::Body(BodyError::CannotHold { .. }))));
         assert_eq!(model.contact, Contact::Apart);

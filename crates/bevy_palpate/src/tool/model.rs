@@ -29,19 +29,20 @@ pub(super) fn step_bodies(
                     tool.let_go(tool_entity).map(|message| ended.write(message));
                 }
                 let ToolLoop { contact, path, .. } = &mut *tool;
-                let before = contact.touched();
+                let before = contact.normal();
                 let along = Some((&mut *contact, path.as_slice()));
                 let stepped = simulated.body.advance(along, path.len() - 1, integrator);
                 if stepped.is_err() {
                     contact.let_go();
                 }
-                let after = contact.touched();
-                if before.is_some() && after.map(|t| t.node) != before.map(|t| t.node) {
+                let after = contact.normal();
+                if before.is_some() && after.is_none() {
                     ended.write(ContactEnded { tool: tool_entity, body: entity });
                 }
-                if let Some(touched) = after.filter(|t| before.is_none_or(|b| b.node != t.node)) {
-                    let point_m = simulated.body.positions_m()[touched.node];
-                    let normal = touched.normal;
+                if let Some((normal, touched)) =
+                    after.filter(|_| before.is_none()).zip(contact.touched().first())
+                {
+                    let point_m = touched.point_m(&simulated.body);
                     began.write(ContactBegan { tool: tool_entity, body: entity, point_m, normal });
                 }
                 stepped

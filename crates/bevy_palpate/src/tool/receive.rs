@@ -155,8 +155,8 @@ pub(super) fn choose_bodies(
 fn nearest(bodies: &Query<(Entity, &SimulatedBody)>, at: DVec3) -> Option<Entity> {
     let distance = |simulated: &SimulatedBody| {
         let body = simulated.body();
-        let nodes = body.surface().nodes.iter();
-        nodes.map(|n| body.positions_m()[n.node].distance_squared(at)).fold(f64::INFINITY, f64::min)
+        let nodes = body.surface().vertices.iter();
+        nodes.map(|&node| body.positions_m()[node].distance_squared(at)).fold(f64::INFINITY, f64::min)
     };
     bodies
         .iter()

@@ -149,7 +149,7 @@ pub(super) fn start_loops(
         let mut fault = |kind| {
             faults.write(HapticFault { entity: Some(entity), kind });
         };
-        let contact = match ToolContact::touch(tool.radius_m) {
+        let contact = match tool.contact() {
             Ok(contact) => contact,
             Err(error) => {
                 fault(HapticFaultKind::Tool(error));
@@ -158,8 +158,7 @@ pub(super) fn start_loops(
         };
         if let Some(mut running) = running {
             if running.device == tool.device {
-                if !matches!(running.contact, ToolContact::Touch { radius_m, .. } if radius_m == tool.radius_m)
-                {
+                if running.contact.shape() != contact.shape() {
                     running.let_go(entity).map(|message| ended.write(message));
                     running.contact = contact;
                 }
