@@ -43,12 +43,13 @@
 //!
 //! # Accuracy and limits
 //!
-//! * A tool's contact is the seed paper's: the touched node sticks to the tool until its force would pull
-//!   ([`ToolContact`]). A tool touches one node at a time. Nodes meet obstacles one-sided and with friction, exactly
-//!   but for spheres, which a step knows by their tangent plane: a long step may meet one that it would have passed.
-//!   Impacts are without rebound. Ties are rigid: see [`Tie`].
-//! * With the implicit step every contact costs three solutions with the whole body's matrix, so that many nodes on the
-//!   ground are slow; a linearised step keeps a free body's spin to the first order only.
+//! * A tool touches the surface at points of its triangles, up to 32 nodes in all, one-sided and with Coulomb friction
+//!   ([`ToolContact`]); beside a sphere's surface, triangles finer than a quarter of its radius count by their corners. A
+//!   punch is met at its face and its side, as long as its radius; its rim is as sharp as the lattice is fine.
+//! * Nodes meet obstacles one-sided and with friction, exactly but for spheres, which a step knows by their tangent plane: a
+//!   long step may meet one that it would have passed. Impacts are without rebound. Ties are rigid: see [`Tie`].
+//! * With the implicit step every node in contact costs three solutions with the whole body's matrix, so that many nodes
+//!   on the ground are slow. A linearised step keeps a free body's momentum, but its spin to the first order only.
 //! * Springs do not know that cells have a volume: a body pressed through itself stays pressed through itself.
 //! * Both integrators are of first order. Semi-implicit Euler takes as many substeps as its stability needs
 //!   ([`SemiImplicitEuler`]), which is many for stiff tissue on a fine lattice; [`LinearlyImplicitEuler`] takes any, and
