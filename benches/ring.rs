@@ -53,7 +53,7 @@ fn model_steps(c: &mut Criterion) {
             b.iter(|| body.advance(Some((&mut contact, &path)), 50, SemiImplicitEuler::default()));
         });
         let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).expect("good options");
-        let mut model = LocalModel::silent(builder.order_capacity());
+        let mut model = LocalModel::silent(builder.capacity());
         for scheme in [Scheme::Tangent, Scheme::Neighbourhood] {
             group.bench_function(format!("build {}, {nodes}^3", scheme.name()), |b| {
                 b.iter(|| {

@@ -1,4 +1,4 @@
-//! The four baseline schemes against an implementation independent of this project.
+//! Every scheme against the full body, and the baselines against an implementation independent of this project.
 //!
 //! `data/fidelity_6x6x6.json` was made by a numpy prototype of the full body and of each scheme; it states
 //! body, trajectory, equations and the definition of the error.
@@ -24,7 +24,7 @@ fn compare(delay_ticks: usize, replay_per_tick: usize) -> Comparison {
     Comparison::run(&body, &contact, &reference_samples(start), &Scheme::ALL, &options).unwrap()
 }
 
-/// The step asks for 5 %; the figures agree to the four digits of the file, so 0.5 % is asked here.
+/// The figures agree to the four digits of the file.
 /// The prototype replays all missed samples within one tick, so the comparison does too.
 #[test]
 #[expect(clippy::print_stdout, reason = "the table is what a reader of the test wants to see")]
@@ -33,7 +33,7 @@ fn the_baselines_have_the_reference_s_errors() {
     println!("{:16}{:>10}{:>12}{:>12}", "scheme", "delay ms", "reference", "here");
     for (delay, key) in [(0, "delay_0_ms"), (40, "delay_40_ms")] {
         let comparison = compare(delay, 64);
-        for scheme in Scheme::ALL {
+        for scheme in Scheme::ALL.into_iter().filter(|scheme| *scheme != Scheme::NearFieldExact) {
             let reference = expected["relative_rms_error"][key][scheme.name()].as_f64().unwrap();
             let here = comparison.relative_rms_error(scheme, FROM).unwrap();
             println!("{:16}{delay:>10}{reference:>12.4}{here:>12.4}", scheme.name());

@@ -2,7 +2,7 @@
 
 use bevy::prelude::Resource;
 use bevy_palpate::prelude::Scheme;
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use palpate_haptics::Trajectory;
 use std::path::PathBuf;
 
@@ -23,36 +23,16 @@ pub struct Options {
     /// tool's centre in the scene; it is repeated at its end
     #[arg(long, value_name = "FILE", default_value = BUILT_IN, hide_default_value = true, value_parser = trajectory)]
     pub trajectory: PathBuf,
-    /// How the loop makes force between two model steps
-    #[arg(long, value_enum, default_value_t)]
-    pub scheme: SchemeName,
+    /// How the loop makes force between two model steps: hold, low_pass, tangent, neighbourhood, krylov_linear or
+    /// near_field_exact
+    #[arg(long, default_value_t)]
+    pub scheme: Scheme,
     /// Where the trace and the plot are written
     #[arg(long, value_name = "DIR", default_value = "target/palpate/probing", value_parser = folder)]
     pub out: PathBuf,
     /// Run without a window even if this program has one
     #[arg(long)]
     pub headless: bool,
-}
-
-/// The schemes by name.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-pub enum SchemeName {
-    Hold,
-    LowPass,
-    #[default]
-    Tangent,
-    Neighbourhood,
-}
-
-impl From<SchemeName> for Scheme {
-    fn from(name: SchemeName) -> Self {
-        match name {
-            SchemeName::Hold => Self::Hold,
-            SchemeName::LowPass => Self::LowPass,
-            SchemeName::Tangent => Self::Tangent,
-            SchemeName::Neighbourhood => Self::Neighbourhood,
-        }
-    }
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

@@ -55,8 +55,14 @@ fn curves(run: &Run) -> Vec<Curve> {
     let along = |forces: &[glam::DVec3]| -> Vec<(f64, f64)> {
         run.samples.iter().zip(forces).map(|(s, f)| (s.time_s, f.y)).collect()
     };
-    let colors =
-        [RGBColor(213, 94, 0), RGBColor(230, 159, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
+    let colors = [
+        RGBColor(213, 94, 0),
+        RGBColor(230, 159, 0),
+        RGBColor(0, 158, 115),
+        RGBColor(204, 121, 167),
+        RGBColor(86, 180, 233),
+        RGBColor(240, 228, 66),
+    ];
     let mut curves: Vec<Curve> = Scheme::ALL
         .into_iter()
         .zip(colors)

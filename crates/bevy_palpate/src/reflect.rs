@@ -8,9 +8,11 @@ use glam::{DQuat, DVec3};
 pub(crate) enum ReflectedScheme {
     Hold,
     LowPass,
-    #[default]
     Tangent,
     Neighbourhood,
+    KrylovLinear,
+    #[default]
+    NearFieldExact,
 }
 
 /// [`palpate_haptics::VelocityEstimator`].

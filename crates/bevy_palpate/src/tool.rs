@@ -42,7 +42,7 @@ pub struct HapticTool {
 }
 
 impl Default for HapticTool {
-    /// The device `"default"`, [`Scheme::Tangent`], 5 mm, friction 0.3, the nearest body.
+    /// The device `"default"`, [`Scheme::NearFieldExact`], 5 mm, friction 0.3, the nearest body.
     fn default() -> Self {
         Self {
             device: DeviceSelector::default(),

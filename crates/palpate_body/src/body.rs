@@ -211,6 +211,22 @@ impl Body {
         self.network.mass_kg()[node] * self.gravity_m_per_s2 + self.loads_n[node]
     }
 
+    /// What acts on every node from outside, N, into `force_n`: gravity, loads, and what obstacles and ties gave in the last
+    /// step. The tool is not among it.
+    ///
+    /// # Panics
+    /// When `force_n` has not one entry for each node.
+    pub fn outer_forces_n(&self, force_n: &mut [DVec3]) {
+        assert_eq!(force_n.len(), self.x.len(), "one force for each node");
+        force_n.iter_mut().enumerate().for_each(|(node, force)| *force = self.outer_force_on_n(node));
+        for contact in self.contacts.iter().filter(|contact| contact.step_s > 0.0) {
+            force_n[contact.node] += contact.impulse_ns / contact.step_s;
+        }
+        for tie in &self.ties {
+            tie.add_force_n(force_n);
+        }
+    }
+
     /// Position of every node, m.
     #[must_use]
     pub fn positions_m(&self) -> &[DVec3] {

@@ -157,6 +157,12 @@ impl Ledger {
         self.rubbed_j += impulse_ns.dot(tool_m_per_s - mean);
     }
 
+    /// Books the work of closing gaps that were overdue.
+    pub(crate) fn close_gaps(mut self, work_j: f64) -> Self {
+        self.work_in_j += work_j;
+        self
+    }
+
     /// Books what the dampers took in this step, at its mean velocities.
     pub(crate) fn end(mut self, body: &Body, h: f64) -> Self {
         let v = body.velocities_m_per_s();

@@ -43,9 +43,11 @@
 //!
 //! # Accuracy and limits
 //!
-//! * A tool touches the surface at points of its triangles, up to 32 nodes in all, one-sided and with Coulomb friction
-//!   ([`ToolContact`]); beside a sphere's surface, triangles finer than a quarter of its radius count by their corners. A
-//!   punch is met at its face and its side, as long as its radius; its rim is as sharp as the lattice is fine.
+//! * A tool touches the surface at points of its triangles, up to 64 nodes in all, one-sided and with Coulomb friction
+//!   ([`ToolContact`]); where a sphere is large beside the triangles, edges below a quarter of its radius, at their corners.
+//!   A punch is met at its face, with its rim in eight points, and at corners beside it by its side, as long as its radius.
+//!   What is fixed is not touched, nor a point with less than 0.3 of its weight on free nodes.
+//! * What is displayed of a touch is the force on the nodes that it touches, their own weight among it.
 //! * Nodes meet obstacles one-sided and with friction, exactly but for spheres, which a step knows by their tangent plane: a
 //!   long step may meet one that it would have passed. Impacts are without rebound. Ties are rigid: see [`Tie`].
 //! * With the implicit step every node in contact costs three solutions with the whole body's matrix, so that many nodes

@@ -33,6 +33,8 @@ pub struct NodeContact {
     pub impulse_ns: DVec3,
     /// Velocity of the node at the end of the step, m/s.
     pub velocity_m_per_s: DVec3,
+    /// Length of the step, s.
+    pub step_s: f64,
 }
 
 impl Obstacle {

@@ -165,6 +165,15 @@ impl Tie {
         if h > 0.0 { impulse / h } else { DVec3::ZERO }
     }
 
+    /// Adds what it gave to its ends in the last step, N.
+    pub(crate) fn add_force_n(&self, force_n: &mut [DVec3]) {
+        let f = self.force_n();
+        self.a.nodes.iter().for_each(|&(node, w)| force_n[node] += w * f);
+        if let TieEnd::Point(b) = &self.b {
+            b.nodes.iter().for_each(|&(node, w)| force_n[node] -= w * f);
+        }
+    }
+
     /// Moves the anchor: it is at `to_m` at the end of the next advance, and on the way there at an even speed.
     ///
     /// # Errors

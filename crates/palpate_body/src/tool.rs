@@ -74,7 +74,7 @@ impl ToolContact {
     }
 
     /// A tool that touches nothing yet. It pushes the surface of the body before it, one-sided and with coefficient of
-    /// friction `friction`, wherever it meets it: it slides, rolls over edges, leaves and comes again. One that begins with
+    /// friction `friction`, wherever it meets it and it is not fixed: it slides, rolls over edges, leaves and comes again. One that begins with
     /// its centre in the body, or jumps there, touches nothing until all of it has come out.
     ///
     /// # Errors
@@ -112,6 +112,12 @@ impl ToolContact {
             Hold::Nothing { shape, friction, .. } => Some((shape, friction)),
             Hold::Node { .. } | Hold::Point { .. } => None,
         }
+    }
+
+    /// Whether it holds nothing and can touch: it is not in the body.
+    #[must_use]
+    pub fn is_clear(&self) -> bool {
+        matches!(self.hold, Hold::Nothing { clear: true, .. })
     }
 
     /// Where it touches the surface: the points that pushed it in the last step. Empty for a tool that holds.

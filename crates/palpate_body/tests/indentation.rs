@@ -80,9 +80,9 @@ fn a_flat_punch_in_a_layer_meets_its_force() {
     let layer = 1.0 / (1.0 + 2.0 * bonded(0.25).0 / std::f64::consts::PI * a / H);
     let punch = ToolShape::FlatPunch { radius_m: a, axis: -DVec3::Z };
     let errors = [4, 8, 12].map(|n| indent(n, punch, 0.0, depth) / (flat * layer) - 1.0);
-    // Measured: 66 %, -9 %, -7 %: its rim, where the pressure is infinite, is that of a lattice.
-    assert!(errors.windows(2).all(|pair| pair[1].abs() < pair[0].abs()), "{errors:?}");
-    assert!(errors[2].abs() < 0.08, "{errors:?}");
+    // Measured: 66 %, 18 %, -1 %: its rim, where the pressure is infinite, is that of a lattice.
+    assert!(errors.windows(2).all(|pair| pair[1].abs() < 0.5 * pair[0].abs()), "{errors:?}");
+    assert!(errors[2].abs() < 0.03, "{errors:?}");
 }
 
 #[test]

@@ -316,27 +316,97 @@ fn at_rest_all_that_is_touched_together_carries_what_the_ground_carries() {
 }
 
 #[test]
-fn no_more_than_32_nodes_are_touched_and_the_rest_is_reported() {
+fn no_more_than_64_nodes_are_touched_and_the_rest_is_reported() {
     let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
     let made = Block::new([10; 3], DVec3::splat(0.1)).unwrap().fix(Face::NegZ).uniform(&lattice).unwrap();
     let mut body = Body::new(made.network, made.surface).unwrap();
     let mut tool = punch(0.2, 0.3);
     let way = path(20, |t| DVec3::Z * (0.0505 - 0.1 * t));
     let report = body.advance(Some((&mut tool, &way)), 20, SemiImplicitEuler::default()).unwrap();
-    assert_eq!((report.touched, report.left_out), (32, 68));
+    assert_eq!((report.touched, report.left_out), (64, 36));
 }
 
 #[test]
 fn the_work_of_a_tool_that_presses_and_slides_is_stored_or_dissipated() {
     let fine = SemiImplicitEuler { min_substeps: 64, ..SemiImplicitEuler::default() };
-    let (mut body, mut tool) = (block(), ball(0.01, 0.3));
-    body.open_books();
-    let way = |t: f64| DVec3::new(-0.02 + 0.1 * (t - 0.1).max(0.0), 0.001, 0.06 - 0.004 * (t / 0.1).min(1.0));
-    follow(&mut body, &mut tool, 400, fine.into(), way);
-    let books = body.books().unwrap();
-    let through = books.stored_j + books.damped_j + books.rubbed_j;
-    assert!(books.work_in_j > 1e-3 && books.rubbed_j > 0.2 * books.work_in_j, "{books:?}");
-    assert!((books.work_in_j - through).abs() < 1e-3 * books.work_in_j, "{books:?}");
+    for (mut tool, lowest) in [(ball(0.01, 0.3), 0.01), (punch(0.012, 0.3), 0.0), (punch(0.03, 0.3), 0.0)] {
+        let mut body = block();
+        body.open_books();
+        let way = |t: f64| {
+            DVec3::new(-0.015 + 0.1 * (t - 0.1).max(0.0), 0.001, 0.05 + lowest - 0.004 * (t / 0.1).min(1.0))
+        };
+        follow(&mut body, &mut tool, 350, fine.into(), way);
+        let books = body.books().unwrap();
+        let through = books.stored_j + books.damped_j + books.rubbed_j;
+        assert!(books.work_in_j > 1e-3 && books.rubbed_j > 0.2 * books.work_in_j, "{books:?}");
+        assert!((books.work_in_j - through).abs() < 1e-3 * books.work_in_j, "{:?}: {books:?}", tool.shape());
+    }
+}
+
+#[test]
+fn what_is_displayed_is_what_is_pushed_but_for_inertia() {
+    // Slow scenes, in which a touch changes its triangles: along a diagonal, over nodes, deep with much friction.
+    for integrator in both() {
+        for (radius, friction, x, y) in [
+            (0.02, 1.0, 0.004, 0.001),
+            (0.001, 0.3, -0.01, 0.0),
+            (0.005, 0.5, 0.01, 0.01),
+            (0.005, 2.0, 0.0, 0.0),
+        ] {
+            let (mut body, mut tool) = (block(), ball(radius, friction));
+            let way = |t: f64| {
+                let z = 0.05 + radius - 0.012 * (t / 0.4).min(1.0);
+                DVec3::new(x + 0.03 * (t - 0.5).max(0.0), y, z)
+            };
+            for tick in 0..1000 {
+                let at = |tick: i32| ToolPoint::at_rest(way(f64::from(tick) * 1e-3));
+                let report =
+                    body.advance(Some((&mut tool, &[at(tick), at(tick + 1)])), 1, integrator).unwrap();
+                let h = 1e-3 / report.substeps as f64;
+                let pushed: DVec3 = tool.touched().iter().map(|t| t.impulse_ns).sum::<DVec3>() / h;
+                let f = tool.displayed_force_n(&body);
+                let off = (f + pushed).length();
+                // Touch-down is an impact.
+                if tick < 20 {
+                    continue;
+                }
+                assert!(off < 0.12 + 0.15 * f.length(), "{radius} m, {friction}, tick {tick}: {f}, {pushed}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_ball_near_a_fixed_edge_finds_no_lever() {
+    for integrator in both() {
+        let (mut body, mut tool) = (block(), ball(0.01, 0.3));
+        // A millimetre into the side, and down to the fixed bottom.
+        let forces = follow(&mut body, &mut tool, 2500, integrator, |t| {
+            DVec3::new(0.06 - 0.001 * (t / 0.1).min(1.0), 0.002, -0.02 * (t - 0.1).max(0.0))
+        });
+        let peak = forces.iter().map(|f| f.length()).fold(0.0, f64::max);
+        assert!(peak < 40.0 && forces[1500].x > 0.2, "{peak} N, {}", forces[1500]);
+    }
+}
+
+#[test]
+fn a_tilted_punch_and_one_moved_into_a_wall_are_felt() {
+    for tilt in [0.0, 10.0, 20.0, 45.0_f64] {
+        let axis = -DVec3::new(tilt.to_radians().sin(), 0.0, tilt.to_radians().cos());
+        let mut body = block();
+        let mut tool = ToolContact::touch(ToolShape::FlatPunch { radius_m: 0.03, axis }, 0.3).unwrap();
+        // Its lowest point 2 mm in.
+        let high = 0.03 * tilt.to_radians().sin();
+        let forces = follow(&mut body, &mut tool, 300, SemiImplicitEuler::default().into(), |t| {
+            DVec3::new(0.001, 0.0033, 0.05 + high + 0.001 - 0.003 * (t / 0.1).min(1.0))
+        });
+        assert!(forces[299].z > 0.3, "{tilt} degrees: {}", forces[299]);
+    }
+    let (mut body, mut tool) = (block(), punch(0.02, 0.3));
+    let forces = follow(&mut body, &mut tool, 300, SemiImplicitEuler::default().into(), |t| {
+        DVec3::new(0.072 - 0.007 * (t / 0.1).min(1.0), 0.001, 0.001)
+    });
+    assert!(forces[299].x > 0.3, "{}", forces[299]);
 }
 
 #[test]
@@ -420,11 +490,11 @@ proptest! {
                 let (along, slip) = (t.impulse_ns.dot(push), t.slip_m_per_s.reject_from(push));
                 let across = t.impulse_ns - along * push;
                 // The gap is closed, unless it was overdue because the surface slid or turned.
-                prop_assert!(along > 0.0 && (-5e-4 - 0.05 * radius..1e-7).contains(&t.gap_m), "{t:?}");
+                prop_assert!(along > 0.0 && (-5e-4 - 0.05 * radius..2e-6).contains(&t.gap_m), "{t:?}");
                 prop_assert!(across.length() <= mu * along * (1.0 + 1e-9) + 1e-15, "{t:?}");
-                if slip.length() > 1e-6 && report.unsolved == 0 {
+                if slip.length() > 1e-5 && report.unsolved == 0 {
                     let slipping = -mu * along * slip.normalize();
-                    prop_assert!((across - slipping).length() < 1e-4 * largest, "{t:?}: {across}, {slipping}");
+                    prop_assert!((across - slipping).length() < 2e-3 * largest, "{t:?}: {across}, {slipping}");
                 }
             }
         }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use palpate_haptics::*;
-use palpate_local::{Contact, HandOverSettings, Scheme};
+use palpate_local::{Capacity, Contact, HandOverSettings, Scheme};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -209,7 +209,7 @@ fn a_device_that_cannot_be_opened_is_reported_and_nothing_is_written() {
 /// The real runner, its tick and its bookkeeping, with a state-carrying model changing all the time.
 #[test]
 fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
-    let hand_over = HandOverSettings { order_capacity: 12, ..HandOverSettings::default() };
+    let hand_over = HandOverSettings { capacity: Capacity::of_order(12), ..HandOverSettings::default() };
     let config = LoopConfig { hand_over, event_capacity: 16, record_capacity: 32, ..LoopConfig::default() };
     let settings = LoopSettings { record: true, ..LoopSettings::default() };
     let (handle, haptic_loop) = haptic_loop(config, settings).unwrap();

@@ -290,7 +290,7 @@ fn settings_that_make_no_sense_are_refused_and_the_old_ones_stay() {
         LoopConfig { event_capacity: usize::MAX, ..LoopConfig::default() },
         LoopConfig { record_capacity: usize::MAX, ..LoopConfig::default() },
         LoopConfig {
-            hand_over: HandOverSettings { order_capacity: usize::MAX, ..Default::default() },
+            hand_over: HandOverSettings { capacity: Capacity::of_order(usize::MAX), ..Default::default() },
             ..Default::default()
         },
         LoopConfig {

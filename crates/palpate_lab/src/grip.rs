@@ -131,7 +131,7 @@ impl Grip {
         let (body, contact, start) = block.scene()?;
         let mut model_side = ModelSide::new(body, contact, start)?;
         let mut hand_over = HandOver::new(HandOverSettings {
-            order_capacity: model_side.builder.order_capacity(),
+            capacity: model_side.builder.capacity(),
             ..HandOverSettings::default()
         })?;
         let period = scheme.map_or(1, |_| period_ticks(self.model_rate_hz));
@@ -192,7 +192,7 @@ struct ModelSide {
 impl ModelSide {
     fn new(body: Body, contact: ToolContact, start: DVec3) -> Result<Self, LabError> {
         let builder = LocalModelBuilder::new(&body, BuilderOptions::default())?;
-        let model = LocalModel::silent(builder.order_capacity());
+        let model = LocalModel::silent(builder.capacity());
         Ok(Self { body, contact, path: vec![ToolPoint::at_rest(start)], builder, model })
     }
 

@@ -37,8 +37,8 @@ pub(crate) struct Manipulate {
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 20.0)]
     pub(crate) model_rate_hz: f64,
     /// How force is made between model steps
-    #[arg(long, value_enum, default_value_t = SchemeName::Neighbourhood)]
-    pub(crate) scheme: SchemeName,
+    #[arg(long, default_value_t = Scheme::Neighbourhood)]
+    pub(crate) scheme: Scheme,
     /// Movement of the node: CSV with the header t_s,x_m,y_m,z_m, offsets each millisecond [default: 1.5 s of pressing
     /// and shearing]
     #[arg(long, value_name = "FILE")]
@@ -63,21 +63,6 @@ pub(crate) struct Manipulate {
     pub(crate) damping_ratio: f64,
 }
 
-/// How force is made between model steps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "snake_case")]
-#[value(rename_all = "snake_case")]
-pub(crate) enum SchemeName {
-    /// The force of the last model step
-    Hold,
-    /// The same through a low-pass at 10 Hz
-    LowPass,
-    /// Force and static stiffness of the last model step
-    Tangent,
-    /// The nodes next to the tool move, all others stand (Fig. 8)
-    Neighbourhood,
-}
-
 /// How the tool has hold of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ContactName {
@@ -89,7 +74,7 @@ pub(crate) enum ContactName {
 
 #[derive(Serialize)]
 pub(crate) struct Report {
-    pub(crate) scheme: SchemeName,
+    pub(crate) scheme: &'static str,
     pub(crate) model_rate_hz: f64,
     #[serde(flatten)]
     pub(crate) displayed: Figures,
@@ -111,17 +96,6 @@ const FROM: usize = 200;
 /// Coefficient of friction of a tool that touches.
 const FRICTION: f64 = 0.3;
 
-impl From<SchemeName> for Scheme {
-    fn from(name: SchemeName) -> Self {
-        match name {
-            SchemeName::Hold => Self::Hold,
-            SchemeName::LowPass => Self::LowPass,
-            SchemeName::Tangent => Self::Tangent,
-            SchemeName::Neighbourhood => Self::Neighbourhood,
-        }
-    }
-}
-
 impl Manipulate {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
         let (comparison, report) = self.experiment()?;
@@ -132,7 +106,7 @@ impl Manipulate {
         }
         output.print(&report, |out| {
             writeln!(out, "{:22}{:>12}{:>18}{:>18}", "", "peak, N", "relative error", "largest jump, N")?;
-            let name = Scheme::from(self.scheme).name();
+            let name = self.scheme.name();
             for (name, figures) in [
                 (name, &report.displayed),
                 ("low rate, held", &report.low_rate),
@@ -177,7 +151,7 @@ impl Manipulate {
             Ok::<_, LabError>(figures(comparison.displayed(scheme).unwrap_or_default(), error))
         };
         let report = Report {
-            scheme: self.scheme,
+            scheme: self.scheme.name(),
             model_rate_hz: 1e3 / period_ticks as f64,
             displayed: of(scheme)?,
             low_rate: of(Scheme::Hold)?,
@@ -250,7 +224,7 @@ impl Manipulate {
     }
 
     fn table(&self, comparison: &Comparison) -> String {
-        let scheme = Scheme::from(self.scheme);
+        let scheme = self.scheme;
         let time = (0..comparison.oracle_n.len()).map(|i| i as f64 * 1e-3).collect();
         let mut columns = vec![("t_s".to_owned(), time)];
         let mut add = |name: &str, forces: &[DVec3]| {
@@ -271,7 +245,7 @@ impl Manipulate {
         let along_z = |forces: &[DVec3]| -> Vec<(f64, f64)> {
             forces.iter().enumerate().map(|(i, f)| (i as f64 * 1e-3, f.z)).collect()
         };
-        let scheme = Scheme::from(self.scheme);
+        let scheme = self.scheme;
         let shown = |scheme| along_z(comparison.displayed(scheme).unwrap_or_default());
         let mut curves = vec![
             Curve::new("full at 1 kHz", along_z(&comparison.oracle_n)).broad(),

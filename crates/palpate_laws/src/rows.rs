@@ -45,8 +45,17 @@ pub struct Sweeps {
     pub converged: bool,
 }
 
+/// How fast what is inside of what it should not be in is pushed out, and what is apart is drawn together.
+pub const CLOSING_M_PER_S: f64 = 1.0;
+/// Less than that of a gap is rounding and needs no care.
+pub const CLOSED_M: f64 = 1e-6;
+
 /// Change of an impulse, relative to the largest, below which a sweep was the last.
 const TOLERANCE: f64 = 1e-8;
+/// How far a row moves in the step because of such a change, m, below which it was the last too, after so many sweeps:
+/// impulses that share a load that one of them could bear are not determined, and need not be.
+const MOVED_M: f64 = 1e-9;
+const PATIENCE: usize = 50;
 
 impl RowLaw {
     /// The impulse of a row with answer `w` whose velocity without it, the gap over the length of the step added, is
@@ -67,11 +76,11 @@ impl RowLaw {
 /// exactly while the others stand, until nothing changes or `most` sweeps are over. `answer` begins with the velocities
 /// without impulses.
 ///
-/// Where a point sticks between two obstacles its impulses are not determined and may creep for ever; where rows
-/// contradict each other they grow; and very unequal masses on threads converge slowly.
+/// Where rows contradict each other their impulses grow and no sweep is the last; very unequal masses on threads converge
+/// slowly.
 pub fn solve_rows(rows: &mut [Row], answer: &mut impl Answer, h: f64, most: usize) -> Sweeps {
     for count in 1..=most {
-        let (mut largest, mut change) = (0.0_f64, 0.0_f64);
+        let (mut largest, mut change, mut moved) = (0.0_f64, 0.0_f64, 0.0_f64);
         for (index, row) in rows.iter_mut().enumerate() {
             // A row of nothing but what is fixed cannot obey.
             if row.own_per_kg.determinant() <= 0.0 {
@@ -87,8 +96,9 @@ pub fn solve_rows(rows: &mut [Row], answer: &mut impl Answer, h: f64, most: usiz
             row.impulse_ns = impulse;
             largest = largest.max(impulse.length());
             change = change.max(more.length());
+            moved = moved.max(h * (row.own_per_kg * more).length());
         }
-        if change <= TOLERANCE * largest {
+        if change <= TOLERANCE * largest || count > PATIENCE && moved <= MOVED_M {
             return Sweeps { count, converged: true };
         }
     }

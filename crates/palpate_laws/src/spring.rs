@@ -28,6 +28,14 @@ pub struct SpringTangent {
     pub damping: DMat3,
 }
 
+impl Default for Spring {
+    /// 1 N/m, 1 m long, without a damper.
+    fn default() -> Self {
+        let law = ForceLaw::Linear { stiffness_n_per_m: 1.0 };
+        Self { law, rest_length_m: 1.0, damping_ns_per_m: 0.0 }
+    }
+}
+
 impl Spring {
     /// A spring of law `law` and rest length `rest_length_m`, beside a damper of `damping_ns_per_m`.
     ///

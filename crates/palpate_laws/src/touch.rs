@@ -34,10 +34,10 @@ pub struct Feature {
 /// Edges shorter than that share of a sphere's radius are fine: between its corners such a triangle is at most 1/96 of the
 /// radius inside the sphere.
 const FINE_FOR_SPHERE: f64 = 0.25;
-/// Edges shorter than a punch's radius are fine: there are corners all around under it.
-const FINE_FOR_PUNCH: f64 = 1.0;
 /// The weights of a triangle's corners.
 const CORNERS: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// A triangle that looks less along a punch than that stands upright beside it.
+const UPRIGHT: f64 = 1e-6;
 /// Points on the rim of a punch that touch where no corner of the surface does.
 const RIM: u32 = 8;
 /// What is not farther behind the rim of a punch than that share of its radius is still met by its face.
@@ -83,9 +83,10 @@ impl ToolShape {
     /// from outside, whose longest edge at rest is `longest_m`. A triangle whose outside the tool does not face is not
     /// touched.
     ///
-    /// On a fine surface, where the triangles are small beside the tool, it touches at their corners. On a coarse one a
-    /// sphere touches at the triangle's point nearest to it, and a punch also with its centre and eight points of its rim.
-    /// Corners that come from beside a punch are met by its side, along which it is as long as its radius.
+    /// A sphere touches at the triangle's point nearest to it, or where triangles are small beside it, edges shorter than a
+    /// quarter of its radius, at their corners, so that a dent as wide as many triangles is not a polyhedron's. A punch touches at the corners under it, and where not all of
+    /// them are, with its centre and eight points of its rim. Corners that come from beside a punch are met by its side, along
+    /// which it is as long as its radius.
     pub fn features(
         &self,
         center_m: DVec3,
@@ -109,12 +110,12 @@ impl ToolShape {
                 if longest_m < FINE_FOR_SPHERE * radius_m {
                     CORNERS.into_iter().for_each(&mut place);
                 } else {
-                    place(nearest(center_m, corners_m));
+                    place(nearest_weights(center_m, corners_m));
                 }
             }
             Self::FlatPunch { radius_m, axis } => {
-                // What stands upright is met by its upper corners, which belong to others too.
-                if axis.dot(outward) > -1e-6 * outward.length() {
+                let facing = axis.dot(outward) / outward.length();
+                if facing.is_nan() || facing > UPRIGHT {
                     return;
                 }
                 let across = |x: DVec3| (x - center_m) - (x - center_m).dot(axis) * axis;
@@ -125,15 +126,18 @@ impl ToolShape {
                     // What is that far behind the face is another part of the body.
                     let is_beside = behind[i] > within[i].max(0.0) + RIM_SHARE * radius_m;
                     if is_beside && behind[i] < radius_m {
-                        if let Some(normal) = across(corners_m[i]).try_normalize() {
+                        let side = across(corners_m[i]).try_normalize();
+                        // The side is met by what looks at it.
+                        if let Some(normal) = side.filter(|normal| normal.dot(outward) < 0.0) {
                             found(Feature { weights: CORNERS[i], normal, gap_m: -within[i] });
                         }
-                    } else if !is_beside && within[i] >= 0.0 {
+                    } else if !is_beside && within[i] >= 0.0 && facing < -UPRIGHT {
                         found(Feature { weights: CORNERS[i], normal: axis, gap_m: -behind[i] });
                     }
                 }
                 let under = within.map(|within| within >= 0.0);
-                if under == [true; 3] || longest_m < FINE_FOR_PUNCH * radius_m {
+                // What stands upright is met by its upper corners, which belong to others too.
+                if under == [true; 3] || facing >= -UPRIGHT {
                     return;
                 }
                 let (u, v) = axis.any_orthonormal_pair();
@@ -171,7 +175,8 @@ fn inside(corners: [DVec3; 3], axis: DVec3) -> Option<[f64; 3]> {
 
 /// Barycentric weights of the point of a triangle nearest to `p`: on a corner, an edge or the face, by the regions of
 /// C. Ericson, Real-Time Collision Detection (2005), section 5.1.5.
-fn nearest(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
+#[must_use]
+pub fn nearest_weights(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let (ab, ac) = (b - a, c - a);
     let (d1, d2) = (ab.dot(p - a), ac.dot(p - a));
     if d1 <= 0.0 && d2 <= 0.0 {
@@ -224,7 +229,7 @@ mod tests {
         fn no_point_of_a_triangle_is_nearer_than_the_nearest(
             p in vector(2.0), corners in prop::array::uniform3(vector(1.0)), other in prop::array::uniform3(0.01..1.0f64),
         ) {
-            let weights = nearest(p, corners);
+            let weights = nearest_weights(p, corners);
             prop_assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-9 && weights.iter().all(|&w| w >= 0.0));
             let sum: f64 = other.iter().sum();
             let rival = weighted(other.map(|w| w / sum), corners);
@@ -242,10 +247,6 @@ mod tests {
         assert_eq!(corner.weights, [1.0, 0.0, 0.0]);
         assert!((corner.normal - DVec3::new(0.6, 0.8, 0.0)).length() < 1e-15);
         assert_eq!(features(sphere, DVec3::new(0.25, 0.25, -0.1)), vec![]);
-        // To a ball six times as large the triangle is fine.
-        let large = features(ToolShape::Sphere { radius_m: 6.0 }, DVec3::Z * 5.9);
-        assert_eq!(large.iter().map(|f| f.weights).collect::<Vec<_>>(), CORNERS);
-        assert!((large[0].gap_m + 0.1).abs() < 1e-15);
     }
 
     #[test]
@@ -268,12 +269,13 @@ mod tests {
         let up = ToolShape::FlatPunch { radius_m: 0.1, axis: DVec3::Z };
         assert_eq!(features(up, DVec3::new(0.3, 0.3, 0.0)), vec![]);
         assert_eq!(features(down(0.1), DVec3::new(0.3, 0.3, -0.5)), vec![]);
-        // A corner that stands higher than it is within the rim is met by the side.
-        let all = features(down(0.1), DVec3::new(-0.08, -0.05, -0.05));
-        let beside = all.iter().find(|f| f.weights == CORNERS[0]).unwrap();
-        let across = DVec3::new(0.08, 0.05, 0.0);
-        assert!((beside.normal - across.normalize()).length() < 1e-12);
-        assert!((beside.gap_m + 0.1 - across.length()).abs() < 1e-9);
+        // An upright wall that a punch is moved into is met by its side.
+        let wall = [DVec3::ZERO, DVec3::Y, DVec3::Z].map(|x| x - DVec3::new(0.05, 0.5, 0.3));
+        let mut met = Vec::new();
+        down(0.1).features(DVec3::new(0.02, -0.5, -0.35), wall, 1.5, |f| met.push(f));
+        let beside = met.iter().find(|f| f.gap_m < 0.0).unwrap();
+        assert!((beside.normal + DVec3::X).length() < 1e-12 && beside.weights == CORNERS[0]);
+        assert!((beside.gap_m + 0.03).abs() < 1e-9);
     }
 
     #[test]

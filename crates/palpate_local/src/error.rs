@@ -20,6 +20,22 @@ pub enum LocalModelError {
         /// The order for which buffers were made.
         capacity: usize,
     },
+    /// A near field has more of something than the loop has room for.
+    #[error("the local model has {found} {what}; there is room for {room}")]
+    Room {
+        /// Of what.
+        what: &'static str,
+        /// How many it has.
+        found: usize,
+        /// How many there is room for.
+        room: usize,
+    },
+    /// A near field names a node that it does not have.
+    #[error("{what} of the local model names a node that it does not have")]
+    Index {
+        /// What names it.
+        what: &'static str,
+    },
     /// A part of the model has not the size that its order asks for.
     #[error("the local model's {what} has {found} entries; order {order} needs at least {needed}")]
     Size {
@@ -82,6 +98,11 @@ pub enum LocalModelError {
         /// The loop's tick, s.
         needed: f64,
     },
+    /// No scheme has this name.
+    #[error(
+        "there is no such scheme; there are hold, low_pass, tangent, neighbourhood, krylov_linear, near_field_exact"
+    )]
+    UnknownScheme,
     /// A setting is outside what is allowed.
     #[error("{what} is {value}; it must be {allowed}")]
     Setting {

@@ -6,7 +6,8 @@
 )]
 
 use crate::{
-    Contact, LocalModel, LocalModelError, LocalState, LowPass, ModelId, Sample, SampleHistory, Scheme,
+    Capacity, Contact, LocalModel, LocalModelError, LocalState, LowPass, ModelId, Sample, SampleHistory,
+    Scheme,
 };
 use glam::DVec3;
 use palpate_laws::one_sided;
@@ -16,8 +17,8 @@ use palpate_laws::one_sided;
 pub struct HandOverSettings {
     /// Length of a tick, s.
     pub tick_s: f64,
-    /// Largest reduced order of a model.
-    pub order_capacity: usize,
+    /// What a model can hold at most.
+    pub capacity: Capacity,
     /// Samples kept for replay.
     pub history: usize,
     /// Missed samples replayed into a new model in one tick, at most; the samples of the tick itself come on top,
@@ -28,9 +29,10 @@ pub struct HandOverSettings {
 }
 
 impl Default for HandOverSettings {
-    /// 1 ms, order 96, 512 samples, 8 a tick, 10 Hz.
+    /// 1 ms, room for a support set of sixteen nodes, 512 samples, 8 a tick, 10 Hz.
     fn default() -> Self {
-        Self { tick_s: 1e-3, order_capacity: 96, history: 512, replay_per_tick: 8, cutoff_hz: 10.0 }
+        let capacity = Capacity::default();
+        Self { tick_s: 1e-3, capacity, history: 512, replay_per_tick: 8, cutoff_hz: 10.0 }
     }
 }
 
@@ -39,13 +41,16 @@ impl HandOverSettings {
     ///
     /// # Errors
     /// [`LocalModelError::Setting`] for a tick that is not 10 µs to 0.1 s, a cut-off that is not finite and above
-    /// zero, an order above 4096, a replay that is not 1 to 10000 samples a tick, or a history that is not 1 to
+    /// zero, a size above 4096, a replay that is not 1 to 10000 samples a tick, or a history that is not 1 to
     /// 1000000 samples.
     pub fn validate(&self) -> Result<(), LocalModelError> {
-        let Self { tick_s, order_capacity, history, replay_per_tick, cutoff_hz } = *self;
+        let Self { tick_s, capacity, history, replay_per_tick, cutoff_hz } = *self;
+        let near = capacity.near;
+        let largest = [capacity.order, near.nodes, near.order, near.ring, near.springs, near.triangles];
+        let largest = largest.into_iter().max().unwrap_or(0);
         for (what, value, ok, allowed) in [
             ("tick, s", tick_s, (1e-5..=0.1).contains(&tick_s), "1e-5 to 0.1"),
-            ("largest order of a local model", order_capacity as f64, order_capacity <= 4096, "at most 4096"),
+            ("largest size of a local model", largest as f64, largest <= 4096, "at most 4096"),
             ("samples kept", history as f64, (1..=1_000_000).contains(&history), "1 to 1000000"),
             (
                 "samples replayed in a tick",
@@ -145,8 +150,8 @@ impl HandOver {
     pub fn new(settings: HandOverSettings) -> Result<Self, LocalModelError> {
         settings.validate()?;
         let speaker = Speaker {
-            model: LocalModel::silent(settings.order_capacity),
-            state: LocalState::with_capacity(settings.order_capacity),
+            model: LocalModel::silent(settings.capacity),
+            state: LocalState::with_capacity(settings.capacity),
         };
         Ok(Self {
             settings,
@@ -234,7 +239,7 @@ impl HandOver {
         // A model without a state has nothing to catch up: it begins behind the newest sample.
         let mut first = newest.saturating_add(1);
         if model.has_state() {
-            let (found, needed) = (model.reduced.step_s, self.settings.tick_s);
+            let (found, needed) = (model.step_s(), self.settings.tick_s);
             if (found / needed - 1.0).abs() > 1e-9 {
                 return Err(LocalModelError::Step { found, needed });
             }

@@ -42,6 +42,9 @@ mod error;
 mod hand_over;
 mod low_pass;
 mod model;
+mod near_field;
+mod near_tick;
+mod near_touch;
 mod sample;
 mod tick;
 
@@ -49,6 +52,7 @@ pub use dense::Cholesky;
 pub use error::LocalModelError;
 pub use hand_over::{HandOver, HandOverSettings, Offer, Spoken, Swap};
 pub use low_pass::LowPass;
-pub use model::{Contact, LocalModel, ModelId, Scheme};
+pub use model::{Capacity, Contact, LocalModel, ModelId, Scheme};
+pub use near_field::{NearEnd, NearField, NearFieldCapacity, NearSpring, Support, TickIntegrator};
 pub use sample::{Sample, SampleHistory, SampleOrigin};
 pub use tick::LocalState;

@@ -5,8 +5,8 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use crate::LocalModelError;
 use crate::dense::Cholesky;
+use crate::{LocalModelError, NearField, NearFieldCapacity};
 use glam::{DMat3, DVec3};
 
 /// How the loop makes force between two model steps.
@@ -17,15 +17,26 @@ pub enum Scheme {
     /// The force of the last model step through a first-order low-pass at 10 Hz.
     LowPass,
     /// Force and static stiffness of the last model step, the whole body at rest in between.
-    #[default]
     Tangent,
     /// The nodes near the tool move, all others stand still: the seed paper's local linear approximation.
     Neighbourhood,
+    /// The whole body, linear about the model step and reduced to what the tool can stir up.
+    KrylovLinear,
+    /// The springs at the tool exact, all others linear and reduced: see [`crate::NearField`].
+    #[default]
+    NearFieldExact,
 }
 
 impl Scheme {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Hold, Self::LowPass, Self::Tangent, Self::Neighbourhood];
+    pub const ALL: [Self; 6] = [
+        Self::Hold,
+        Self::LowPass,
+        Self::Tangent,
+        Self::Neighbourhood,
+        Self::KrylovLinear,
+        Self::NearFieldExact,
+    ];
 
     /// Its name in files and tables.
     #[must_use]
@@ -35,13 +46,31 @@ impl Scheme {
             Self::LowPass => "low_pass",
             Self::Tangent => "tangent",
             Self::Neighbourhood => "neighbourhood",
+            Self::KrylovLinear => "krylov_linear",
+            Self::NearFieldExact => "near_field_exact",
         }
     }
 
     /// Whether it has a state of its own, which must be brought up to now at a hand-over.
     #[must_use]
     pub fn has_state(self) -> bool {
-        matches!(self, Self::Neighbourhood)
+        matches!(self, Self::Neighbourhood | Self::KrylovLinear | Self::NearFieldExact)
+    }
+}
+
+impl std::fmt::Display for Scheme {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl std::str::FromStr for Scheme {
+    type Err = LocalModelError;
+
+    /// By [`Scheme::name`], with hyphens or underscores.
+    fn from_str(name: &str) -> Result<Self, LocalModelError> {
+        let name = name.trim().replace('-', "_");
+        Self::ALL.into_iter().find(|scheme| scheme.name() == name).ok_or(LocalModelError::UnknownScheme)
     }
 }
 
@@ -94,14 +123,40 @@ pub struct LocalModel {
     pub position_m: DVec3,
     /// v_N, the tool's velocity at the model step, m/s.
     pub velocity_m_per_s: DVec3,
-    /// Static stiffness of the whole body (`Tangent`) or K_cc (`Neighbourhood`), N/m.
+    /// Static stiffness of the whole body (`Tangent`) or K_cc (`Neighbourhood`, `KrylovLinear`), N/m.
     pub stiffness_n_per_m: DMat3,
-    /// B_cc (`Neighbourhood`), N s/m.
+    /// B_cc (`Neighbourhood`, `KrylovLinear`), N s/m.
     pub damping_ns_per_m: DMat3,
     /// Whether the exact tangent could not be factorised and the clamped one took its place.
     pub clamped: bool,
-    /// The reduced dynamics (`Neighbourhood`); of order zero for the others.
+    /// The linear reduced dynamics (`Neighbourhood`, `KrylovLinear`); of order zero for the others.
     pub reduced: Reduced,
+    /// The near field and what it hangs on (`NearFieldExact`); empty for the others.
+    pub near: NearField,
+}
+
+/// How much a local model can hold; fixed at construction, and refused beyond.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capacity {
+    /// Order of a linear reduced system.
+    pub order: usize,
+    /// Sizes of a near field.
+    pub near: NearFieldCapacity,
+}
+
+impl Default for Capacity {
+    /// Order 96; near fields of sixteen nodes.
+    fn default() -> Self {
+        Self { order: 96, near: NearFieldCapacity::default() }
+    }
+}
+
+impl Capacity {
+    /// Room for a linear reduced system of order `order` and no near field.
+    #[must_use]
+    pub fn of_order(order: usize) -> Self {
+        Self { order, near: NearFieldCapacity { nodes: 0, order: 0, ring: 0, springs: 0, triangles: 0 } }
+    }
 }
 
 /// The reduced dynamics of a local model, with p its order. Matrices row by row, the first p·p (p·3) entries.
@@ -128,9 +183,9 @@ pub struct Reduced {
 }
 
 impl LocalModel {
-    /// A model that displays no force, with room for a reduced order of `capacity`.
+    /// A model that displays no force, with room for `capacity`.
     #[must_use]
-    pub fn silent(capacity: usize) -> Self {
+    pub fn silent(capacity: Capacity) -> Self {
         Self {
             id: ModelId::default(),
             scheme: Scheme::Hold,
@@ -141,7 +196,8 @@ impl LocalModel {
             stiffness_n_per_m: DMat3::ZERO,
             damping_ns_per_m: DMat3::ZERO,
             clamped: false,
-            reduced: Reduced::with_capacity(capacity),
+            reduced: Reduced::with_capacity(capacity.order),
+            near: NearField::with_capacity(capacity.near),
         }
     }
 
@@ -150,18 +206,30 @@ impl LocalModel {
         self.id = ModelId { body: ModelId::NO_BODY, epoch: 0, sequence };
         (self.scheme, self.contact, self.force_n) = (Scheme::Hold, Contact::Apart, DVec3::ZERO);
         self.reduced.order = 0;
+        self.near.clear();
     }
 
-    /// Whether it has a state to be stepped: a dynamic scheme that is in contact.
+    /// Whether it has a state to be stepped: a linear dynamic scheme that is in contact, or a near field.
     #[must_use]
     pub fn has_state(&self) -> bool {
-        self.scheme.has_state() && self.contact != Contact::Apart
+        match self.scheme {
+            Scheme::Hold | Scheme::LowPass | Scheme::Tangent => false,
+            Scheme::Neighbourhood | Scheme::KrylovLinear => self.contact != Contact::Apart,
+            Scheme::NearFieldExact => self.near.nodes > 0,
+        }
+    }
+
+    /// The tick for which its state is stepped, s.
+    #[must_use]
+    pub fn step_s(&self) -> f64 {
+        if self.scheme == Scheme::NearFieldExact { self.near.tick_s } else { self.reduced.step_s }
     }
 
     /// Checks that every number is finite and every part as large as the order asks for.
     ///
     /// # Errors
-    /// [`LocalModelError::NotFinite`], [`LocalModelError::Size`], [`LocalModelError::Order`].
+    /// [`LocalModelError::NotFinite`], [`LocalModelError::Size`], [`LocalModelError::Order`], [`LocalModelError::Room`],
+    /// [`LocalModelError::Index`].
     pub fn validate(&self) -> Result<(), LocalModelError> {
         let normal = match self.contact {
             Contact::Touching { normal } => normal,
@@ -179,15 +247,18 @@ impl LocalModel {
                 return Err(LocalModelError::NotFinite { what });
             }
         }
-        self.reduced.validate()
+        self.reduced.validate()?;
+        self.near.validate()
     }
 
     /// Becomes `other` without allocating.
     ///
     /// # Errors
-    /// [`LocalModelError::Order`] when `other`'s order exceeds the room; `self` is unchanged then.
+    /// [`LocalModelError::Order`], [`LocalModelError::Room`] when `other` exceeds the room; `self` is unchanged then.
     pub fn copy_from(&mut self, other: &Self) -> Result<(), LocalModelError> {
+        other.near.fits(self.near.capacity())?;
         self.reduced.copy_from(&other.reduced)?;
+        self.near.copy_from(&other.near)?;
         self.id = other.id;
         self.scheme = other.scheme;
         self.contact = other.contact;
@@ -301,7 +372,7 @@ mod tests {
     use super::*;
 
     fn model(order: usize) -> LocalModel {
-        let mut model = LocalModel::silent(order);
+        let mut model = LocalModel::silent(Capacity::of_order(order));
         model.scheme = Scheme::Neighbourhood;
         model.contact = Contact::Held;
         model.reduced.order = order;
@@ -335,6 +406,15 @@ mod tests {
     }
 
     #[test]
+    fn schemes_are_known_by_name() {
+        for scheme in Scheme::ALL {
+            assert_eq!(scheme.to_string().parse(), Ok(scheme));
+        }
+        assert_eq!(" low-pass".parse(), Ok(Scheme::LowPass));
+        assert_eq!("linear".parse::<Scheme>(), Err(LocalModelError::UnknownScheme));
+    }
+
+    #[test]
     fn a_part_of_the_wrong_size_is_found() {
         let mut short = model(3);
         short.reduced.damping_rc.truncate(8);
@@ -361,8 +441,8 @@ mod tests {
         to.copy_from(&from).unwrap();
         assert_eq!((to.id, to.scheme, to.reduced.order), (from.id, from.scheme, 3));
         assert_eq!(to.validate(), Ok(()));
-        let mut small = LocalModel::silent(2);
+        let mut small = LocalModel::silent(Capacity::of_order(2));
         assert_eq!(small.copy_from(&from), Err(LocalModelError::Order { order: 3, capacity: 2 }));
-        assert_eq!(small, LocalModel::silent(2));
+        assert_eq!(small, LocalModel::silent(Capacity::of_order(2)));
     }
 }

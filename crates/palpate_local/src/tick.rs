@@ -6,7 +6,8 @@
 )]
 
 use crate::dense::{dot, subtract_product};
-use crate::{Contact, LocalModel, Sample, Scheme};
+use crate::near_tick::NearState;
+use crate::{Capacity, Contact, LocalModel, Sample, Scheme};
 use glam::DVec3;
 use palpate_laws::one_sided;
 
@@ -17,18 +18,21 @@ pub struct LocalState {
     q_dot: Vec<f64>,
     rhs: Vec<f64>,
     scratch: Vec<f64>,
+    near: NearState,
 }
 
 impl LocalState {
-    /// Room for a reduced order of `capacity`.
+    /// Room for `capacity`.
     #[must_use]
-    pub fn with_capacity(capacity: usize) -> Self {
-        let zero = vec![0.0; capacity];
-        Self { q: zero.clone(), q_dot: zero.clone(), rhs: zero.clone(), scratch: zero }
+    pub fn with_capacity(capacity: Capacity) -> Self {
+        let zero = vec![0.0; capacity.order];
+        let near = NearState::with_capacity(capacity.near);
+        Self { q: zero.clone(), q_dot: zero.clone(), rhs: zero.clone(), scratch: zero, near }
     }
 
     /// The state at the model step: q = 0, q̇ = q̇_N.
     pub fn start(&mut self, model: &LocalModel) {
+        self.near.start(&model.near, model.force_n);
         self.q.fill(0.0);
         self.q_dot.fill(0.0);
         for (to, from) in self.q_dot.iter_mut().zip(&model.reduced.velocity).take(model.reduced.order) {
@@ -42,6 +46,10 @@ impl LocalState {
     /// (M̃/h + B̃ + hK̃) Δq̇ = Vᵀ(F_N − K_rc dx − B_rc dv) − B̃ (q̇ − q̇_N) − K̃ (q + h q̇).
     pub fn advance(&mut self, model: &LocalModel, sample: &Sample, step_s: f64) {
         if !model.has_state() {
+            return;
+        }
+        if model.scheme == Scheme::NearFieldExact {
+            self.near.advance(&model.near, sample);
             return;
         }
         let r = &model.reduced;
@@ -79,10 +87,13 @@ impl LocalState {
         let dx = sample.position_m - model.position_m;
         let dv = sample.velocity_m_per_s - model.velocity_m_per_s;
         let force = match (model.contact, model.scheme) {
+            (_, Scheme::NearFieldExact) => {
+                return if model.near.nodes > 0 { self.near.displayed_n() } else { DVec3::ZERO };
+            }
             (Contact::Apart, _) => return DVec3::ZERO,
             (_, Scheme::Hold | Scheme::LowPass) => model.force_n,
             (_, Scheme::Tangent) => model.force_n - model.stiffness_n_per_m * dx,
-            (_, Scheme::Neighbourhood) => {
+            (_, Scheme::Neighbourhood | Scheme::KrylovLinear) => {
                 model.force_n
                     - model.stiffness_n_per_m * dx
                     - model.damping_ns_per_m * dv
@@ -93,6 +104,12 @@ impl LocalState {
             Contact::Touching { normal } => one_sided(force, normal),
             Contact::Apart | Contact::Held => force,
         }
+    }
+
+    /// Whether the tool has been farther from where it was at the model step than the model was made for.
+    #[must_use]
+    pub fn has_left(&self, model: &LocalModel) -> bool {
+        model.scheme == Scheme::NearFieldExact && self.near.has_left()
     }
 
     /// K_cr V q + B_cr V (q̇ − q̇_N).

@@ -1,10 +1,11 @@
 //! From the state of a body to a local model.
 
+use crate::near_field::{self, LocalIntegrator};
 use crate::static_stiffness::StaticStiffness;
 use crate::{ReduceError, neighbourhood};
 use glam::{DMat3, DVec3};
 use palpate_body::{Body, BodyPoint, Tangent, TangentPattern, ToolContact, ToolPoint};
-use palpate_local::{Contact, LocalModel, ModelId, Scheme};
+use palpate_local::{Capacity, Contact, LocalModel, ModelId, Scheme};
 
 /// What a builder is made with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,17 +17,42 @@ pub struct BuilderOptions {
     /// σ₀, 1/s: K is regularised by σ₀² M, which a network with null directions (a plane lattice in space)
     /// needs.
     pub regularisation_per_s: f64,
+    /// Real frequencies at which `KrylovLinear` and `NearFieldExact` match the body's response, Hz.
+    pub shifts_hz: [Option<f64>; 4],
+    /// Columns of the basis are left out when what they add is less than that share of their length.
+    pub basis_tolerance: f64,
+    /// Most columns of the basis.
+    pub order_limit: usize,
+    /// Most nodes of the support set of `NearFieldExact`.
+    pub support_nodes: usize,
+    /// How long a local model may have to speak, s: the support set holds what the tool can reach until then.
+    pub horizon_s: f64,
+    /// How the ticks of `NearFieldExact` are integrated.
+    pub integrator: LocalIntegrator,
 }
 
 impl Default for BuilderOptions {
-    /// 1 ms, one ring, 2π · 0.01 s⁻¹.
+    /// 1 ms, one ring, 2π · 0.01 s⁻¹, one shift at 20 Hz, tolerance 1e-9, order 64, 12 nodes, 0.1 s, the integrator chosen by
+    /// its cost.
     fn default() -> Self {
-        Self { tick_s: 1e-3, rings: 1, regularisation_per_s: 0.01 * std::f64::consts::TAU }
+        Self {
+            tick_s: 1e-3,
+            rings: 1,
+            regularisation_per_s: 0.01 * std::f64::consts::TAU,
+            shifts_hz: [Some(20.0), None, None, None],
+            basis_tolerance: 1e-9,
+            order_limit: 64,
+            support_nodes: 12,
+            horizon_s: 0.1,
+            integrator: LocalIntegrator::Auto,
+        }
     }
 }
 
 /// The largest reduced order that a loop has room for.
 const LARGEST_ORDER: usize = 4096;
+/// The largest support set.
+const LARGEST_SUPPORT: usize = 32;
 
 /// Builds local models of one body. The pattern of its tangent and the symbolic factorisation are made once.
 #[derive(Debug)]
@@ -35,7 +61,8 @@ pub struct LocalModelBuilder {
     pattern: TangentPattern,
     tangent: Tangent,
     static_stiffness: StaticStiffness,
-    order_capacity: usize,
+    near_field: near_field::Workspace,
+    capacity: Capacity,
     /// Reused by `neighbourhood`.
     neighbourhood: neighbourhood::Workspace,
 }
@@ -47,7 +74,9 @@ impl LocalModelBuilder {
     /// [`ReduceError::Option`] for an option that makes no sense, [`ReduceError::Symbolic`] when the body is
     /// too large to be factorised.
     pub fn new(body: &Body, options: BuilderOptions) -> Result<Self, ReduceError> {
-        let BuilderOptions { tick_s, rings, regularisation_per_s } = options;
+        let BuilderOptions { tick_s, rings, regularisation_per_s, .. } = options;
+        let shift = options.shifts_hz.into_iter().flatten().find(|hz| !(hz.is_finite() && *hz > 0.0));
+        let BuilderOptions { basis_tolerance, order_limit, support_nodes, horizon_s, .. } = options;
         for (what, value, ok, allowed) in [
             ("tick, s", tick_s, tick_s.is_finite() && tick_s > 0.0, "finite and above 0"),
             ("rings of nodes", rings as f64, (1..=8).contains(&rings), "1 to 8"),
@@ -57,6 +86,21 @@ impl LocalModelBuilder {
                 regularisation_per_s.is_finite() && regularisation_per_s >= 0.0,
                 "finite and at least 0",
             ),
+            ("shift, Hz", shift.unwrap_or(1.0), shift.is_none(), "finite and above 0"),
+            (
+                "tolerance of the basis",
+                basis_tolerance,
+                basis_tolerance > 0.0 && basis_tolerance < 1.0,
+                "above 0 and below 1",
+            ),
+            ("order limit", order_limit as f64, (1..=LARGEST_ORDER).contains(&order_limit), "1 to 4096"),
+            (
+                "nodes of the support set",
+                support_nodes as f64,
+                (3..=LARGEST_SUPPORT).contains(&support_nodes),
+                "3 to 32",
+            ),
+            ("horizon of a local model, s", horizon_s, (1e-3..=10.0).contains(&horizon_s), "0.001 to 10"),
         ] {
             if !ok {
                 return Err(ReduceError::Option { what, value, allowed });
@@ -69,21 +113,26 @@ impl LocalModelBuilder {
             let (what, allowed) = ("order of the largest neighbourhood", "at most 4096: take fewer rings");
             return Err(ReduceError::Option { what, value: order_capacity as f64, allowed });
         }
+        let near_field = near_field::Workspace::new(body, &pattern)?;
+        // A basis has no more columns than there are unknowns, and S is surrounded by at most its neighbours.
+        let order = order_capacity.max(order_limit.min(3 * body.network().free().len()));
+        let near = near_field::capacity(body, support_nodes, order_limit);
         Ok(Self {
             options,
             tangent: pattern.zero(),
             pattern,
             static_stiffness,
-            order_capacity,
+            near_field,
+            capacity: Capacity { order, near },
             neighbourhood: neighbourhood::Workspace::new(body),
         })
     }
 
-    /// The largest reduced order that [`LocalModelBuilder::build`] can give a model of this body, so the room
-    /// that [`LocalModel::silent`] and the loop need.
+    /// The largest local model that [`LocalModelBuilder::build`] can make of this body, so the room that
+    /// [`LocalModel::silent`] and the loop need.
     #[must_use]
-    pub fn order_capacity(&self) -> usize {
-        self.order_capacity
+    pub fn capacity(&self) -> Capacity {
+        self.capacity
     }
 
     /// Builds into `model` the local model of `scheme` at the present state of `body`, with `contact` and the
@@ -110,8 +159,16 @@ impl LocalModelBuilder {
         model.damping_ns_per_m = DMat3::ZERO;
         model.clamped = false;
         model.reduced.order = 0;
+        model.near.clear();
         model.contact = Contact::Apart;
         contact.validate(body)?;
+        if scheme == Scheme::NearFieldExact {
+            model.force_n = contact.displayed_force_n(body);
+            self.exact_or_clamped(body, model, |this, model| {
+                let LocalModel { near, clamped, .. } = model;
+                this.near_field.build(body, &this.tangent, contact, tool, &this.options, *clamped, near)
+            })?;
+        }
         let points = contact.points();
         let Some(node) = heaviest(&points, body) else {
             return Ok(());
@@ -131,6 +188,10 @@ impl LocalModelBuilder {
                 let BuilderOptions { tick_s, rings, .. } = this.options;
                 this.neighbourhood.build(body, &this.tangent, node, rings, tick_s, model)
             })?,
+            Scheme::KrylovLinear => self.exact_or_clamped(body, model, |this, model| {
+                this.near_field.build_linear(body, &this.tangent, node, &this.options, model)
+            })?,
+            Scheme::NearFieldExact => {}
         }
         model.contact = contact.normal().map_or(Contact::Held, |normal| Contact::Touching { normal });
         Ok(())
@@ -148,7 +209,12 @@ impl LocalModelBuilder {
             model.clamped = clamped;
             match build(self, model) {
                 Err(error) if is_indefinite(&error) && !clamped => {}
-                result => return result.inspect_err(|_| model.reduced.order = 0),
+                result => {
+                    return result.inspect_err(|_| {
+                        model.reduced.order = 0;
+                        model.near.clear();
+                    });
+                }
             }
         }
         Ok(())

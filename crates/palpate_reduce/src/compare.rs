@@ -78,7 +78,7 @@ impl Comparison {
         let mut builder = LocalModelBuilder::new(&body, options.builder)?;
         let settings = HandOverSettings {
             tick_s: options.integrator.tick_s(),
-            order_capacity: builder.order_capacity(),
+            capacity: builder.capacity(),
             replay_per_tick: options.replay_per_tick,
             history: options.period_ticks + options.delay_ticks + HandOverSettings::default().history,
             ..HandOverSettings::default()
@@ -113,7 +113,7 @@ impl Comparison {
             }
             for runner in &mut runners {
                 if due {
-                    let mut model = LocalModel::silent(builder.order_capacity());
+                    let mut model = LocalModel::silent(builder.capacity());
                     let id = ModelId { body: 0, epoch: 0, sequence: sample.sequence };
                     builder.build(runner.scheme, &body, &contact, path[i], id, &mut model)?;
                     runner.clamped += usize::from(model.clamped);

@@ -3,7 +3,7 @@
 use faer::linalg::solvers::Solve;
 use glam::DVec3;
 use palpate_body::*;
-use palpate_local::{Contact, LocalModel, ModelId, Sample, Scheme};
+use palpate_local::{Capacity, Contact, LocalModel, ModelId, Sample, Scheme};
 use palpate_reduce::*;
 
 const LATTICE: UniformLattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
@@ -16,7 +16,7 @@ fn block(nodes: [usize; 3]) -> Body {
 
 fn build(scheme: Scheme, body: &Body, contact: &ToolContact) -> LocalModel {
     let mut builder = LocalModelBuilder::new(body, BuilderOptions::default()).unwrap();
-    let mut model = LocalModel::silent(builder.order_capacity());
+    let mut model = LocalModel::silent(builder.capacity());
     builder.build(scheme, body, contact, ToolPoint::default(), ID, &mut model).unwrap();
     model.validate().unwrap();
     model
@@ -127,7 +127,7 @@ fn the_neighbourhood_is_the_ring_of_nodes_round_the_tool() {
         }
     }
     assert!(row.length() < 1e-10, "{row}");
-    assert_eq!(LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap().order_capacity(), 3 * 26);
+    assert_eq!(LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap().capacity().order, 3 * 26);
 }
 
 #[test]
@@ -188,7 +188,7 @@ fn a_model_without_room_is_refused() {
     let body = block([4, 4, 4]);
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
     let contact = ToolContact::hold(&body, 60, DVec3::ZERO).unwrap();
-    let mut small = LocalModel::silent(6);
+    let mut small = LocalModel::silent(Capacity::of_order(6));
     let error = builder.build(Scheme::Neighbourhood, &body, &contact, ToolPoint::default(), ID, &mut small);
     assert!(matches!(error, Err(ReduceError::LocalModel(_))));
     assert_eq!((small.contact, small.reduced.order), (Contact::Apart, 0));
@@ -198,7 +198,7 @@ fn a_model_without_room_is_refused() {
 fn a_contact_with_another_body_is_refused() {
     let body = block([3, 3, 3]);
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
-    let mut model = LocalModel::silent(builder.order_capacity());
+    let mut model = LocalModel::silent(builder.capacity());
     let big = Block::new([8; 3], DVec3::splat(0.1)).unwrap().fix(Face::PosZ).uniform(&LATTICE).unwrap();
     let big = Body::new(big.network, big.surface).unwrap();
     for node in [0, 400] {

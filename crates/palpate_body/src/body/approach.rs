@@ -7,8 +7,8 @@ use glam::DVec3;
 
 /// Of a step of the tool that touches, the largest part of its radius.
 const SHARE_OF_RADIUS: f64 = 0.5;
-/// A tool that moves farther than that many such steps at once has jumped: what lay between was not touched.
-const MOST_CUTS: f64 = 64.0;
+/// A tool that moves farther in a millisecond than that many such steps has jumped: what lay between was not touched.
+const MOST_CUTS_PER_MS: f64 = 256.0;
 
 /// Of its radius, by so much a tool may be in the surface and still count as clear of it.
 const CLEAR_SHARE: f64 = 1e-3;
@@ -64,9 +64,10 @@ impl Body {
         });
         // A share that is met to rounding is met.
         let cuts = (moved / (SHARE_OF_RADIUS * radius * steps as f64) - 1e-9).ceil().max(1.0);
-        if !near.is_empty() && cuts > MOST_CUTS {
+        let has_jumped = cuts * steps as f64 > MOST_CUTS_PER_MS * (1e3 * span_s).max(1.0);
+        if !near.is_empty() && has_jumped {
             *clear = false;
         }
-        if *clear { Approach { near, cuts: cuts.min(MOST_CUTS) as usize } } else { Approach::none() }
+        if *clear && !near.is_empty() { Approach { near, cuts: cuts as usize } } else { Approach::none() }
     }
 }

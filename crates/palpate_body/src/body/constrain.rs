@@ -5,20 +5,25 @@ use crate::contact::{Coupled, Masses, Weights};
 use crate::integrator::Columns;
 use crate::tie::{TieEnd, TieKind};
 use crate::tool::Hold;
-use crate::{BodyError, Integrator, NodeContact, ToolContact, TouchedPoint};
+use crate::{BodyError, Integrator, Network, NodeContact, ToolContact, TouchedPoint};
 use glam::{DMat3, DVec3};
-use palpate_laws::{Row, RowLaw, Sweeps, solve_rows};
+use palpate_laws::{CLOSED_M, CLOSING_M_PER_S, Row, RowLaw, Sweeps, solve_rows};
 
-/// How fast what is inside an obstacle is pushed out, and what is apart is drawn together.
-const CLOSING_M_PER_S: f64 = 1.0;
-/// Less than that of a gap is rounding and needs no care.
-const CLOSED_M: f64 = 1e-6;
 /// How often obstacles are looked for again after some were met.
 const MEETINGS: usize = 8;
 /// Most sweeps over all rows.
 const SWEEPS: usize = 1000;
 /// Most nodes that a tool touches at once.
-const MOST_TOUCHED: usize = 32;
+const MOST_TOUCHED: usize = 64;
+
+/// A point with less weight than that on nodes that can move is as good as fixed: to move it they would have to go far.
+const LEAST_LEVER: f64 = 0.3;
+
+/// Whether a point can hardly be moved by its free nodes.
+fn is_out_of_reach(network: &Network, on: &[(usize, f64)]) -> bool {
+    let free: f64 = on.iter().filter(|(node, _)| !network.is_fixed(*node)).map(|(_, w)| w).sum();
+    free < LEAST_LEVER
+}
 
 /// What is known of a step when its velocities are to be constrained.
 pub(super) struct Step<'a> {
@@ -70,10 +75,11 @@ enum Source {
     Tie(usize),
     /// The point that the tool holds.
     Grip,
-    /// A node and an obstacle.
-    Obstacle { node: usize, obstacle: usize, gap_m: f64, normal: DVec3 },
-    /// The surface and the tool: where, and how far apart at the end of the step if the surface stood still.
-    Touch { nodes: [(usize, f64); 3], gap_m: f64, push: DVec3 },
+    /// A node and an obstacle, and how far apart they are.
+    Obstacle { node: usize, obstacle: usize, apart_m: f64, normal: DVec3 },
+    /// The surface and the tool: where, how far apart at the end of the step if the surface stood still, and that as far as
+    /// it is to be closed in this step.
+    Touch { nodes: [(usize, f64); 3], apart_m: f64, gap_m: f64, push: DVec3 },
 }
 
 impl Body {
@@ -90,13 +96,17 @@ impl Body {
         let mut rows = self.tie_rows(step);
         rows.extend(step.tool.as_ref().and_then(|tool| self.grip_row(tool, h)));
         let touchable = step.tool.as_ref().map_or_else(Vec::new, |tool| self.touchable(tool, h));
+        let touched_before: Vec<usize> = step.tool.as_ref().map_or_else(Vec::new, |tool| {
+            let on = tool.contact.touched.iter().flat_map(|t| t.nodes).filter(|(_, w)| *w > 0.0);
+            on.map(|(node, _)| node).collect()
+        });
         let mut columns = Columns::default();
         let mut impulses = Vec::new();
         // A push out of one obstacle may lead into another: until no more are met.
         for meeting in 0..MEETINGS {
             let known = rows.len();
             self.meet(step, &mut rows);
-            self.meet_tool(&touchable, h, &mut rows, report);
+            self.meet_tool(&touchable, &touched_before, h, &mut rows, report);
             if rows.len() == known && (meeting > 0 || rows.is_empty()) {
                 break;
             }
@@ -112,7 +122,7 @@ impl Body {
             let gaps: Vec<DVec3> = rows.iter().map(due).collect();
             impulses = self.solve(step, &rows, &gaps, &before, &mut columns, report)?;
         }
-        let work = self.settle(step, &rows, &impulses, report);
+        let work = self.settle(step, &rows, &impulses, closing.as_deref(), report);
         if let Some(mut ledger) = self.ledger.take() {
             ledger.meet(self, step.drive.map(|(node, _)| node));
             for (nodes, impulse, moved) in work {
@@ -129,30 +139,33 @@ impl Body {
         step: &mut Step<'_>,
         rows: &[Constraint],
         impulses: &[DVec3],
+        closing: Option<&[DVec3]>,
         report: &mut StepReport,
     ) -> Vec<(Weights, DVec3, DVec3)> {
         let (h, mut work, mut touched) = (step.h, Vec::new(), Vec::new());
         let moved = step.tool.as_ref().map_or(DVec3::ZERO, |tool| tool.to_m - tool.from_m);
         for (row, &impulse_ns) in rows.iter().zip(impulses) {
-            let velocity: DVec3 = row.nodes.iter().map(|&(node, w)| w * self.v[node]).sum();
+            let of = |v: &[DVec3]| -> DVec3 { row.nodes.iter().map(|&(node, w)| w * v[node]).sum() };
+            let (velocity, closing) = (of(&self.v), of(closing.unwrap_or(&self.v)));
             match row.source {
                 Source::Tie(index) => self.ties[index].last = (impulse_ns, h),
                 Source::Grip => work.push((row.nodes.clone(), impulse_ns, moved)),
                 _ if impulse_ns == DVec3::ZERO => {}
-                Source::Obstacle { node, obstacle, gap_m, normal } => self.contacts.push(NodeContact {
+                Source::Obstacle { node, obstacle, apart_m, normal } => self.contacts.push(NodeContact {
                     node,
                     obstacle,
                     normal,
-                    gap_m: gap_m + h * velocity.dot(normal),
+                    gap_m: apart_m + h * closing.dot(normal),
                     impulse_ns,
                     velocity_m_per_s: velocity,
+                    step_s: h,
                 }),
-                Source::Touch { nodes, gap_m, push } => {
+                Source::Touch { nodes, apart_m, push, .. } => {
                     work.push((row.nodes.clone(), impulse_ns, moved));
                     touched.push(TouchedPoint {
                         nodes,
                         normal: -push,
-                        gap_m: gap_m + h * velocity.dot(push),
+                        gap_m: apart_m + h * closing.dot(push),
                         impulse_ns,
                         slip_m_per_s: velocity - moved / h,
                         step_s: h,
@@ -190,9 +203,9 @@ impl Body {
                     continue;
                 }
                 let Some(law) = what.law(normal) else { continue };
-                let gap_m = gap_m.max(-h * CLOSING_M_PER_S);
+                let (apart_m, gap_m) = (gap_m, gap_m.max(-h * CLOSING_M_PER_S));
                 rows.push(Constraint {
-                    source: Source::Obstacle { node, obstacle, gap_m, normal },
+                    source: Source::Obstacle { node, obstacle, apart_m, normal },
                     nodes: vec![(node, 1.0)],
                     law: RowLaw::OneSided(law),
                     gap: gap_m * normal,
@@ -224,9 +237,7 @@ impl Body {
                 on.iter().zip(&mut place).for_each(|((node, _), place)| *place = *node);
                 place.sort_unstable();
                 let is_face = on.len() == 3;
-                if (!is_face && places.contains(&place))
-                    || on.iter().all(|(node, _)| self.network.is_fixed(*node))
-                {
+                if (!is_face && places.contains(&place)) || is_out_of_reach(&self.network, &on) {
                     return;
                 }
                 let Some(law) = tool.contact.law(feature.normal) else { return };
@@ -237,7 +248,7 @@ impl Body {
                 let overdue = before.clamp(-h * CLOSING_M_PER_S, 0.0);
                 let gap_m = if before < 0.0 { overdue + feature.gap_m - before } else { feature.gap_m };
                 rows.push(Constraint {
-                    source: Source::Touch { nodes, gap_m, push },
+                    source: Source::Touch { nodes, apart_m: feature.gap_m, gap_m, push },
                     nodes: on,
                     law: RowLaw::OneSided(law),
                     gap: gap_m * push - moved.reject_from_normalized(push),
@@ -248,10 +259,12 @@ impl Body {
         rows
     }
 
-    /// Adds what the tool would have run into at the end of the step, the deepest first, up to so many nodes.
+    /// Adds what the tool would have run into at the end of the step, up to so many nodes: first where it touched the
+    /// nodes `before`, then the deepest.
     fn meet_tool(
         &self,
         touchable: &[Constraint],
+        before: &[usize],
         h: f64,
         rows: &mut Vec<Constraint>,
         report: &mut StepReport,
@@ -265,7 +278,9 @@ impl Body {
                 entered.push((gap, row));
             }
         }
-        entered.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // What was touched before goes first, so that a tool at rest does not change its mind.
+        let was_touched = |row: &Constraint| row.nodes.iter().all(|(node, _)| before.contains(node));
+        entered.sort_by(|a, b| was_touched(b.1).cmp(&was_touched(a.1)).then(a.0.total_cmp(&b.0)));
         let touches = |row: &&Constraint| matches!(row.source, Source::Touch { .. });
         let mut nodes: Vec<usize> =
             rows.iter().filter(touches).flat_map(|row| row.nodes.iter().map(|(node, _)| *node)).collect();

@@ -206,6 +206,16 @@ impl Body {
         } else if let Some(tool) = &mut step.tool {
             tool.contact.touched.clear();
         }
+        if let Some(closing) = &closing {
+            // What closes gaps works against the body's forces; loads are booked where nodes have gone.
+            let outer = matches!(integrator, Integrator::SemiImplicitEuler(_));
+            let force = |node: usize| {
+                let weight = network.mass_kg()[node] * self.gravity_m_per_s2;
+                self.force[node] + if outer { weight } else { -self.loads_n[node] }
+            };
+            let work = moving().map(|node| -force(node).dot(closing[node] - self.v[node]) * h).sum();
+            self.ledger = self.ledger.take().map(|ledger| ledger.close_gaps(work));
+        }
         let v = closing.as_ref().unwrap_or(&self.v);
         moving().for_each(|node| self.x[node] += v[node] * h);
         self.ledger = self.ledger.take().map(|ledger| ledger.end(self, h));

@@ -34,14 +34,14 @@ impl TouchedPoint {
     }
 }
 
-/// Redundant rows share their force evenly; the others are not disturbed by that.
-const SHARE: f64 = 1e-9;
+/// What several rows can hardly tell apart, by less than that share of them, is taken from their impulses.
+const SHARE: f64 = 1e-2;
 
 /// The sum of the forces on the rows `touched`, N, on the hand.
 ///
 /// With F the internal force on the nodes and H the rows' weights, f = (H Hᵀ)⁻¹ H F: the forces on the rows that come nearest
-/// to F at the nodes; for a single row Σ w_i F_i / Σ w_i². At rest it is −λ/h. Where rows say more than the nodes can tell
-/// apart, so that there are many such f, the one nearest to −λ/h counts; the sum is the same for all.
+/// to F at the nodes; for a single row Σ w_i F_i / Σ w_i². At rest it is −λ/h. Several rows may say more than the nodes can
+/// tell apart, two points on an edge's two sides for instance, and an f fitted to that would be noise: there −λ/h counts.
 pub(super) fn displayed_force_n(touched: &[TouchedPoint], friction: f64, body: &Body) -> DVec3 {
     let free = |&(node, w): &(usize, f64)| w != 0.0 && !body.network().is_fixed(node);
     let rows: Vec<Vec<(usize, f64)>> =
@@ -63,7 +63,7 @@ pub(super) fn displayed_force_n(touched: &[TouchedPoint], friction: f64, body: &
     };
     let gram = Mat::from_fn(rows.len(), rows.len(), |r, s| {
         let product: f64 = rows[r].iter().map(|&(node, w)| w * of(&rows[s], node)).sum();
-        if r == s { product * (1.0 + SHARE) } else { product }
+        if r == s && rows.len() > 1 { product * (1.0 + SHARE) } else { product }
     });
     let mut correction = Mat::from_fn(rows.len(), 3, |r, axis| {
         rest.iter().map(|&(node, f)| of(&rows[r], node) * f[axis]).sum::<f64>()

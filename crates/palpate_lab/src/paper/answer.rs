@@ -8,7 +8,7 @@ use crate::error::LabError;
 use crate::figure::svg;
 use crate::grip::{self, Grip};
 use crate::lattice::{Analysis, Lattice, Method, mesh, response_panels};
-use crate::manipulate::{ContactName, Manipulate, SchemeName};
+use crate::manipulate::{ContactName, Manipulate};
 use faer::c64;
 use palpate_local::Scheme;
 use std::f64::consts::TAU;
@@ -172,7 +172,7 @@ pub(super) fn scaling() -> Result<Vec<Row>, LabError> {
 
 /// Section 6.
 pub(super) fn implementation() -> Result<Vec<Row>, LabError> {
-    let held = Manipulate { scheme: SchemeName::Neighbourhood, ..defaults() };
+    let held = Manipulate { scheme: Scheme::Neighbourhood, ..defaults() };
     let (comparison, report) = held.experiment()?;
     let (touching, _) = Manipulate { contact: ContactName::Touch, ..held.clone() }.experiment()?;
     let forces = touching.displayed(Scheme::Neighbourhood).unwrap_or_default();

@@ -16,7 +16,7 @@ fn sample(sequence: u64) -> Sample {
 /// One mass on a spring and a damper, moved by the tool through another spring and damper.
 fn model(sequence: u64) -> LocalModel {
     let at = sample(sequence);
-    let mut m = LocalModel::silent(3);
+    let mut m = LocalModel::silent(Capacity::of_order(3));
     m.id = ModelId { body: 1, epoch: 0, sequence };
     m.scheme = Scheme::Neighbourhood;
     m.contact = Contact::Held;
@@ -40,8 +40,13 @@ fn model(sequence: u64) -> LocalModel {
 }
 
 fn hand_over(replay_per_tick: usize) -> HandOver {
-    HandOver::new(HandOverSettings { order_capacity: 3, history: 64, replay_per_tick, ..Default::default() })
-        .unwrap()
+    HandOver::new(HandOverSettings {
+        capacity: Capacity::of_order(3),
+        history: 64,
+        replay_per_tick,
+        ..Default::default()
+    })
+    .unwrap()
 }
 
 /// Speaks at samples `range`, offering `model(built)` once, when sample `at` has been pushed.
@@ -154,7 +159,7 @@ fn models_that_cannot_be_used_are_refused_and_the_old_one_stays() {
     let future = LocalModelError::FromTheFuture { model: 12, newest: 9 };
     assert_eq!(h.offer(&model(12)), Offer::Refused(future));
     assert_eq!(h.offer(&model(5)), Offer::Refused(LocalModelError::NotNewer { model: 5, active: 5 }));
-    let mut large = LocalModel::silent(4);
+    let mut large = LocalModel::silent(Capacity::of_order(4));
     large.id = ModelId { sequence: 9, ..model(9).id };
     large.reduced.order = 4;
     large.reduced.step_s = 1e-3;
@@ -218,9 +223,12 @@ fn a_low_pass_neither_speaks_when_apart_nor_pulls_nor_keeps_infinity() {
 #[test]
 fn a_model_always_catches_up_even_when_ticks_are_missed() {
     for (replay_per_tick, missed) in [(1, 1), (8, 8), (8, 9), (1, 20)] {
-        let mut h =
-            HandOver::new(HandOverSettings { order_capacity: 3, replay_per_tick, ..Default::default() })
-                .unwrap();
+        let mut h = HandOver::new(HandOverSettings {
+            capacity: Capacity::of_order(3),
+            replay_per_tick,
+            ..Default::default()
+        })
+        .unwrap();
         (0..40).for_each(|s| h.push(sample(s)));
         assert_eq!(h.offer(&model(5)), Offer::Taken);
         let ticks = (0..100).position(|tick| {
@@ -259,7 +267,7 @@ fn models_of_other_bodies_are_forgotten_on_demand() {
 fn that_there_is_nothing_to_be_felt_may_be_said_twice() {
     let mut h = hand_over(8);
     h.push(sample(7));
-    let mut nothing = LocalModel::silent(3);
+    let mut nothing = LocalModel::silent(Capacity::of_order(3));
     for sequence in [7, 7] {
         nothing.silence(sequence);
         assert_eq!(h.offer(&nothing), Offer::Taken);
@@ -293,7 +301,7 @@ fn senseless_settings_are_refused() {
         HandOverSettings { tick_s: 0.0, ..good },
         HandOverSettings { tick_s: 1e300, ..good },
         HandOverSettings { tick_s: 1e-10, ..good },
-        HandOverSettings { order_capacity: usize::MAX, ..good },
+        HandOverSettings { capacity: Capacity::of_order(usize::MAX), ..good },
         HandOverSettings { history: usize::MAX, ..good },
         HandOverSettings { replay_per_tick: usize::MAX, ..good },
         HandOverSettings { cutoff_hz: f64::NAN, ..good },

@@ -1,0 +1,361 @@
+//! The near field exact, the far field reduced: as data.
+
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
+use crate::LocalModelError;
+use crate::dense::Cholesky;
+use glam::DVec3;
+use palpate_laws::{Spring, ToolShape};
+
+/// How much a near field can hold; fixed at construction, and refused beyond.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NearFieldCapacity {
+    /// Nodes of the support set S.
+    pub nodes: usize,
+    /// p, columns of the far field's basis V.
+    pub order: usize,
+    /// Nodes at the other ends of the near springs.
+    pub ring: usize,
+    /// Near springs.
+    pub springs: usize,
+    /// Triangles of the surface between nodes of S.
+    pub triangles: usize,
+}
+
+impl Default for NearFieldCapacity {
+    /// For sixteen nodes in a lattice of 26 neighbours.
+    fn default() -> Self {
+        Self { nodes: 16, order: 64, ring: 112, springs: 400, triangles: 48 }
+    }
+}
+
+/// How the tool acts on S.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Support {
+    /// The tool drives the only node of S: it is where the tool is, plus what was between them at the model step.
+    #[default]
+    Driven,
+    /// The tool holds Σ w_i x_i over S, two-sided.
+    Held,
+    /// The tool touches the triangles of S, one-sided and with friction.
+    Touched {
+        /// Its shape.
+        shape: ToolShape,
+        /// μ.
+        friction: f64,
+    },
+}
+
+/// The other end of a near spring.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NearEnd {
+    /// A node of S.
+    Support(usize),
+    /// A node of the ring.
+    Ring(usize),
+    /// What does not move, m.
+    Fixed(DVec3),
+}
+
+/// A spring with an end in S.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearSpring {
+    /// Its node a, in S.
+    pub a: usize,
+    /// Its node b.
+    pub b: NearEnd,
+    /// Its law, rest length and damper.
+    pub spring: Spring,
+}
+
+/// How a tick is integrated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TickIntegrator {
+    /// Semi-implicit Euler as the body's, that many substeps a tick.
+    Explicit {
+        /// Substeps in a tick.
+        substeps: u32,
+    },
+    /// Linearly implicit Euler with the tangent of the model step, one step a tick.
+    Implicit,
+}
+
+/// S dynamic, the springs incident to S exact, all others linear about the model step and reduced to δx_r = V q, with V
+/// orthonormal in the masses: Vᵀ M V = 1.
+///
+/// The state is z = (δx_S, q) of 3s + p numbers. Matrices row by row, the first entries of their buffers; buffers have the
+/// length of what they can hold at most.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NearField {
+    /// s; 0 where there is nothing within reach.
+    pub nodes: usize,
+    /// p.
+    pub order: usize,
+    /// Nodes of the ring.
+    pub ring: usize,
+    /// Near springs.
+    pub springs: usize,
+    /// Triangles.
+    pub triangles: usize,
+    /// How the tool acts.
+    pub support: Support,
+    /// w of `Held`.
+    pub weight: Vec<f64>,
+    /// x_S at the model step, m.
+    pub node_m: Vec<DVec3>,
+    /// 1/m of S, 1/kg; 0 for a fixed node.
+    pub node_per_kg: Vec<f64>,
+    /// x of the ring at the model step, m.
+    pub ring_m: Vec<DVec3>,
+    /// The ring nodes' rows of V, 3 × p each.
+    pub basis: Vec<f64>,
+    /// The springs incident to S.
+    pub near: Vec<NearSpring>,
+    /// Nodes of S and longest edge at rest, m, of each triangle.
+    pub triangle: Vec<([usize; 3], f64)>,
+    /// K̃ = Vᵀ K_far V, 1/s².
+    pub stiffness: Vec<f64>,
+    /// B̃ = Vᵀ B_far V, 1/s.
+    pub damping: Vec<f64>,
+    /// What acts from outside on S, N, then Vᵀ F_far,N.
+    pub force: Vec<f64>,
+    /// v_S, then q̇_N = Vᵀ M v_N.
+    pub velocity: Vec<f64>,
+    /// h, s: the tick.
+    pub tick_s: f64,
+    /// How it is integrated.
+    pub integrator: TickIntegrator,
+    /// `Implicit`: the tangent of all of z at the model step.
+    pub tangent: Vec<f64>,
+    /// `Implicit`: the factor of M/h + B + h K of all of z.
+    pub factor: Cholesky,
+    /// `Implicit`: A⁻¹ of an impulse on S over h, n for each of 3s.
+    pub answer: Vec<f64>,
+    /// Where the tool was at the model step, m.
+    pub start_m: DVec3,
+    /// How far the tool may be from there before it may leave S, m.
+    pub covered_m: f64,
+    /// Whether nodes within reach had to be left out of S.
+    pub is_cut: bool,
+}
+
+impl NearField {
+    /// An empty one with room for `capacity`.
+    #[must_use]
+    pub fn with_capacity(capacity: NearFieldCapacity) -> Self {
+        let NearFieldCapacity { nodes, order, ring, springs, triangles } = capacity;
+        let n = 3 * nodes + order;
+        Self {
+            nodes: 0,
+            order: 0,
+            ring: 0,
+            springs: 0,
+            triangles: 0,
+            support: Support::Driven,
+            weight: vec![0.0; nodes],
+            node_m: vec![DVec3::ZERO; nodes],
+            node_per_kg: vec![0.0; nodes],
+            ring_m: vec![DVec3::ZERO; ring],
+            basis: vec![0.0; 3 * ring * order],
+            near: vec![
+                NearSpring { a: 0, b: NearEnd::Fixed(DVec3::ZERO), spring: Spring::default() };
+                springs
+            ],
+            triangle: vec![([0; 3], 0.0); triangles],
+            stiffness: vec![0.0; order * order],
+            damping: vec![0.0; order * order],
+            force: vec![0.0; n],
+            velocity: vec![0.0; n],
+            tick_s: 0.0,
+            integrator: TickIntegrator::Implicit,
+            tangent: vec![0.0; n * n],
+            factor: Cholesky::with_capacity(n),
+            answer: vec![0.0; n * 3 * nodes],
+            start_m: DVec3::ZERO,
+            covered_m: 0.0,
+            is_cut: false,
+        }
+    }
+
+    /// What it has room for.
+    #[must_use]
+    pub fn capacity(&self) -> NearFieldCapacity {
+        NearFieldCapacity {
+            nodes: self.node_m.len(),
+            order: self.force.len().saturating_sub(3 * self.node_m.len()),
+            ring: self.ring_m.len(),
+            springs: self.near.len(),
+            triangles: self.triangle.len(),
+        }
+    }
+
+    /// Length of its state, 3s + p.
+    #[must_use]
+    pub fn unknowns(&self) -> usize {
+        3 * self.nodes + self.order
+    }
+
+    /// Empties it.
+    pub fn clear(&mut self) {
+        (self.nodes, self.order, self.ring, self.springs, self.triangles) = (0, 0, 0, 0, 0);
+        self.is_cut = false;
+    }
+
+    /// Refuses what is larger than `capacity`.
+    ///
+    /// # Errors
+    /// [`LocalModelError::Room`].
+    pub(crate) fn fits(&self, capacity: NearFieldCapacity) -> Result<(), LocalModelError> {
+        for (what, found, room) in [
+            ("nodes of S", self.nodes, capacity.nodes),
+            ("columns of the basis", self.order, capacity.order),
+            ("nodes of the ring", self.ring, capacity.ring),
+            ("near springs", self.springs, capacity.springs),
+            ("triangles", self.triangles, capacity.triangles),
+        ] {
+            if found > room {
+                return Err(LocalModelError::Room { what, found, room });
+            }
+        }
+        Ok(())
+    }
+
+    /// The numbers by name, with how many of them are in use.
+    fn parts(&self) -> [(&'static str, &Vec<f64>, usize); 9] {
+        let (s, p, n) = (self.nodes, self.order, self.unknowns());
+        // What explicit ticks do not need is not looked at.
+        let implicit = if self.integrator == TickIntegrator::Implicit { n } else { 0 };
+        [
+            ("weights", &self.weight, s),
+            ("inverse masses", &self.node_per_kg, s),
+            ("basis", &self.basis, 3 * self.ring * p),
+            ("far stiffness", &self.stiffness, p * p),
+            ("far damping", &self.damping, p * p),
+            ("far force", &self.force, n),
+            ("near-field velocity", &self.velocity, n),
+            ("near-field tangent", &self.tangent, implicit * implicit),
+            ("near-field answer", &self.answer, implicit * 3 * s),
+        ]
+    }
+
+    /// Checks sizes, indices and numbers.
+    ///
+    /// # Errors
+    /// [`LocalModelError::Room`], [`LocalModelError::Size`], [`LocalModelError::NotFinite`], [`LocalModelError::Index`].
+    pub fn validate(&self) -> Result<(), LocalModelError> {
+        // First, so that no product below can overflow.
+        self.fits(self.capacity())?;
+        if self.nodes == 0 {
+            return Ok(());
+        }
+        for (what, values, needed) in self.parts() {
+            match values.get(..needed) {
+                None => {
+                    let (found, order) = (values.len(), self.order);
+                    return Err(LocalModelError::Size { what, found, needed, order });
+                }
+                Some(used) if !used.iter().all(|v| v.is_finite()) => {
+                    return Err(LocalModelError::NotFinite { what });
+                }
+                Some(_) => {}
+            }
+        }
+        let finite = |places: &[DVec3]| places.iter().all(|x| x.is_finite());
+        let end_is_finite = |end: &NearEnd| !matches!(end, NearEnd::Fixed(x) if !x.is_finite());
+        let springs = self.near.get(..self.springs).unwrap_or_default();
+        let triangles = self.triangle.get(..self.triangles).unwrap_or_default();
+        for (what, ok) in [
+            ("places of S", self.node_m.get(..self.nodes).is_some_and(finite)),
+            ("places of the ring", self.ring_m.get(..self.ring).is_some_and(finite)),
+            ("ends of near springs", springs.iter().all(|spring| end_is_finite(&spring.b))),
+            ("edges", triangles.iter().all(|(_, longest)| longest.is_finite())),
+            ("step", self.tick_s.is_finite() && self.tick_s > 0.0),
+            ("covered distance", self.covered_m.is_finite()),
+            ("start of the tool", self.start_m.is_finite()),
+            ("factor", self.integrator != TickIntegrator::Implicit || self.factor.is_finite()),
+        ] {
+            if !ok {
+                return Err(LocalModelError::NotFinite { what });
+            }
+        }
+        let in_range = |end: &NearEnd| match *end {
+            NearEnd::Support(node) => node < self.nodes,
+            NearEnd::Ring(node) => node < self.ring,
+            NearEnd::Fixed(_) => true,
+        };
+        for (what, ok) in [
+            ("a near spring", springs.iter().all(|spring| spring.a < self.nodes && in_range(&spring.b))),
+            ("a triangle", triangles.iter().flat_map(|(nodes, _)| nodes).all(|&node| node < self.nodes)),
+        ] {
+            if !ok {
+                return Err(LocalModelError::Index { what });
+            }
+        }
+        let (found, needed) = (self.factor.order(), self.unknowns());
+        if self.integrator == TickIntegrator::Implicit && found != needed {
+            let (what, order) = ("implicit factor", self.order);
+            return Err(LocalModelError::Size { what, found: found * found, needed: needed * needed, order });
+        }
+        if let TickIntegrator::Explicit { substeps } = self.integrator
+            && !(1..=MOST_SUBSTEPS).contains(&substeps)
+        {
+            return Err(LocalModelError::Setting {
+                what: "substeps of a local tick",
+                value: f64::from(substeps),
+                allowed: "1 to 64",
+            });
+        }
+        if let Support::Touched { shape, friction } = self.support {
+            let (what, ok) = ("tool of a local model", shape.validate().is_ok() && friction >= 0.0);
+            if !(ok && friction.is_finite()) {
+                return Err(LocalModelError::NotFinite { what });
+            }
+        }
+        Ok(())
+    }
+
+    /// Becomes `other`, without allocating.
+    ///
+    /// # Errors
+    /// [`LocalModelError::Room`] when there is no room; `self` is unchanged then.
+    pub(crate) fn copy_from(&mut self, other: &Self) -> Result<(), LocalModelError> {
+        other.fits(self.capacity())?;
+        if other.integrator == TickIntegrator::Implicit {
+            self.factor.copy_from(&other.factor)?;
+        }
+        (self.nodes, self.order, self.ring) = (other.nodes, other.order, other.ring);
+        (self.springs, self.triangles) = (other.springs, other.triangles);
+        (self.support, self.integrator) = (other.support, other.integrator);
+        (self.tick_s, self.covered_m, self.is_cut) = (other.tick_s, other.covered_m, other.is_cut);
+        self.start_m = other.start_m;
+        copy(&mut self.node_m, &other.node_m, other.nodes);
+        copy(&mut self.ring_m, &other.ring_m, other.ring);
+        copy(&mut self.near, &other.near, other.springs);
+        copy(&mut self.triangle, &other.triangle, other.triangles);
+        let targets = [
+            &mut self.weight,
+            &mut self.node_per_kg,
+            &mut self.basis,
+            &mut self.stiffness,
+            &mut self.damping,
+            &mut self.force,
+            &mut self.velocity,
+            &mut self.tangent,
+            &mut self.answer,
+        ];
+        for (to, (_, from, used)) in targets.into_iter().zip(other.parts()) {
+            copy(to, from, used);
+        }
+        Ok(())
+    }
+}
+
+/// Most substeps of an explicit tick.
+pub(crate) const MOST_SUBSTEPS: u32 = 64;
+
+fn copy<T: Copy>(to: &mut [T], from: &[T], used: usize) {
+    to.iter_mut().zip(from).take(used).for_each(|(to, from)| *to = *from);
+}

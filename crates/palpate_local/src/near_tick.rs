@@ -1,0 +1,240 @@
+//! The tick of a near field: its nodes and the reduced far field step, and the tool is met.
+
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
+use crate::dense::{dot, subtract_product};
+use crate::near_touch::Meeting;
+use crate::{NearEnd, NearField, NearFieldCapacity, Sample, Support, TickIntegrator};
+use glam::DVec3;
+
+/// The state z = (δx_S, q) of a near field, and room to compute in.
+#[derive(Clone, Debug)]
+pub(crate) struct NearState {
+    /// δx_S, then q.
+    pub(crate) z: Vec<f64>,
+    /// v_S, then q̇.
+    pub(crate) z_dot: Vec<f64>,
+    /// What acts on z: forces on S, N, then on q.
+    force: Vec<f64>,
+    /// The internal force on each node of S, N: springs and dampers.
+    pub(crate) internal_n: Vec<DVec3>,
+    ring_dx: Vec<DVec3>,
+    ring_v: Vec<DVec3>,
+    ring_n: Vec<DVec3>,
+    scratch: Vec<f64>,
+    meeting: Meeting,
+    /// Where the tool was at the last sample, m.
+    tool_m: DVec3,
+    /// What is displayed, N.
+    displayed_n: DVec3,
+    /// Whether the tool has been farther away than S was made for.
+    left: bool,
+}
+
+impl NearState {
+    pub(crate) fn with_capacity(capacity: NearFieldCapacity) -> Self {
+        let n = 3 * capacity.nodes + capacity.order;
+        let (zero, still) = (vec![0.0; n], vec![DVec3::ZERO; capacity.ring]);
+        Self {
+            z: zero.clone(),
+            z_dot: zero.clone(),
+            force: zero.clone(),
+            internal_n: vec![DVec3::ZERO; capacity.nodes],
+            ring_dx: still.clone(),
+            ring_v: still.clone(),
+            ring_n: still,
+            scratch: zero,
+            meeting: Meeting::new(n),
+            tool_m: DVec3::ZERO,
+            displayed_n: DVec3::ZERO,
+            left: false,
+        }
+    }
+
+    /// The state at the model step: z = 0, ż = ż_N, and `force_n` displayed.
+    pub(crate) fn start(&mut self, field: &NearField, force_n: DVec3) {
+        self.z.fill(0.0);
+        self.z_dot.fill(0.0);
+        self.z_dot.iter_mut().zip(&field.velocity).take(field.unknowns()).for_each(|(to, from)| *to = *from);
+        self.meeting.forget();
+        (self.tool_m, self.displayed_n, self.left) = (field.start_m, force_n, false);
+    }
+
+    /// What is displayed now, N.
+    pub(crate) fn displayed_n(&self) -> DVec3 {
+        self.displayed_n
+    }
+
+    /// Whether the tool has been farther away than the support set was made for.
+    pub(crate) fn has_left(&self) -> bool {
+        self.left
+    }
+
+    /// Steps to `sample`.
+    pub(crate) fn advance(&mut self, field: &NearField, sample: &Sample) {
+        if field.nodes == 0 {
+            self.tool_m = sample.position_m;
+            return;
+        }
+        let (from, to) = (self.tool_m, sample.position_m);
+        let substeps = match field.integrator {
+            TickIntegrator::Explicit { substeps } => self.meeting.substeps(field, from, to, substeps),
+            TickIntegrator::Implicit => 1,
+        };
+        let h = field.tick_s / f64::from(substeps);
+        for i in 1..=substeps {
+            let at = |i: u32| from + (to - from) * (f64::from(i) / f64::from(substeps));
+            let tool = (at(i - 1), at(i));
+            if field.support == Support::Driven {
+                put(&mut self.z, 0, tool.1 - field.start_m);
+                put(&mut self.z_dot, 0, sample.velocity_m_per_s);
+            }
+            self.compute_forces(field);
+            self.step(field, tool, h);
+        }
+        self.compute_forces(field);
+        self.tool_m = to;
+        self.left |= to.distance(field.start_m) > field.covered_m;
+        self.displayed_n = match field.support {
+            Support::Driven => self.internal_n.first().copied().unwrap_or_default(),
+            Support::Held => {
+                let weighted = |(w, f): (&f64, &DVec3)| *w * *f;
+                let weights = || field.weight.iter().take(field.nodes);
+                let sum: DVec3 = weights().zip(&self.internal_n).map(weighted).sum();
+                sum / weights().map(|w| w * w).sum::<f64>()
+            }
+            Support::Touched { friction, .. } => self.meeting.displayed_n(&self.internal_n, friction, h),
+        };
+    }
+
+    /// One step of length `h` with the forces of its beginning, the tool moving between two places.
+    fn step(&mut self, field: &NearField, tool: (DVec3, DVec3), h: f64) {
+        let (n, s) = (field.unknowns(), 3 * field.nodes);
+        // What the tool drives has its velocity already.
+        let first = if field.support == Support::Driven { s } else { 0 };
+        let (Some(z), Some(z_dot), Some(force), Some(scratch)) = (
+            self.z.get_mut(..n),
+            self.z_dot.get_mut(..n),
+            self.force.get_mut(..n),
+            self.scratch.get_mut(..n),
+        ) else {
+            return;
+        };
+        match field.integrator {
+            TickIntegrator::Explicit { .. } => {
+                let per_kg = field.node_per_kg.iter().flat_map(|m| [*m; 3]).take(s);
+                let inverse = per_kg.chain(std::iter::repeat(1.0));
+                for ((v, f), per_kg) in z_dot.iter_mut().zip(&*force).zip(inverse).skip(first) {
+                    *v += h * per_kg * f;
+                }
+            }
+            TickIntegrator::Implicit => {
+                // (M/h + B + hK) Δż = f − hK ż, driven velocities being given.
+                for (i, (to, v)) in scratch.iter_mut().zip(&*z_dot).enumerate() {
+                    *to = if i < first { 0.0 } else { h * v };
+                }
+                subtract_product(force, &field.tangent, scratch);
+                if let Some(given) = force.get_mut(..first) {
+                    given.fill(0.0);
+                }
+                field.factor.solve_in_place(force);
+                z_dot.iter_mut().zip(&*force).skip(first).for_each(|(v, change)| *v += change);
+            }
+        }
+        let closing = self.meeting.meet(field, tool, h, z, z_dot);
+        let v = closing.unwrap_or(z_dot);
+        z.iter_mut().zip(&*v).skip(first).for_each(|(z, v)| *z += h * v);
+    }
+
+    /// What acts on z at its present state.
+    fn compute_forces(&mut self, field: &NearField) {
+        let (n, s, p) = (field.unknowns(), 3 * field.nodes, field.order);
+        let (Some(force), Some(z), Some(z_dot)) =
+            (self.force.get_mut(..n), self.z.get(..n), self.z_dot.get(..n))
+        else {
+            return;
+        };
+        force.iter_mut().zip(&field.force).for_each(|(to, from)| *to = *from);
+        let (on_s, on_q) = force.split_at_mut(s.min(n));
+        let (q, q_dot) = (z.get(s..).unwrap_or_default(), z_dot.get(s..).unwrap_or_default());
+        subtract_product(on_q, &field.stiffness, q);
+        // B̃ (q̇ − q̇_N).
+        if let (Some(scratch), Some(q_dot_n)) = (self.scratch.get_mut(..p), field.velocity.get(s..)) {
+            for ((to, v), v_n) in scratch.iter_mut().zip(q_dot).zip(q_dot_n) {
+                *to = v - v_n;
+            }
+            subtract_product(on_q, &field.damping, scratch);
+        }
+        let rows = || field.basis.chunks_exact((3 * p).max(1)).take(field.ring);
+        if p > 0 {
+            for ((row, dx), v) in rows().zip(&mut self.ring_dx).zip(&mut self.ring_v) {
+                (*dx, *v) = (product(row, q), product(row, q_dot));
+            }
+        }
+        self.ring_n.iter_mut().take(field.ring).for_each(|f| *f = DVec3::ZERO);
+        self.internal_n.iter_mut().take(field.nodes).for_each(|f| *f = DVec3::ZERO);
+        let node = |i: usize| Some((*field.node_m.get(i)? + get(z, i), get(z_dot, i)));
+        for near in field.near.iter().take(field.springs) {
+            let Some((x_a, v_a)) = node(near.a) else { continue };
+            let end = match near.b {
+                NearEnd::Support(i) => node(i),
+                NearEnd::Ring(i) => field
+                    .ring_m
+                    .get(i)
+                    .zip(self.ring_dx.get(i))
+                    .zip(self.ring_v.get(i))
+                    .map(|((x, dx), v)| (*x + *dx, *v)),
+                NearEnd::Fixed(x) => Some((x, DVec3::ZERO)),
+            };
+            let Some((x_b, v_b)) = end else { continue };
+            let f = near.spring.force_on_a(x_b - x_a, v_b - v_a);
+            if let Some(sum) = self.internal_n.get_mut(near.a) {
+                *sum += f;
+            }
+            let other = match near.b {
+                NearEnd::Support(i) => self.internal_n.get_mut(i),
+                NearEnd::Ring(i) => self.ring_n.get_mut(i),
+                NearEnd::Fixed(_) => None,
+            };
+            if let Some(sum) = other {
+                *sum -= f;
+            }
+        }
+        for (to, f) in on_s.chunks_exact_mut(3).zip(&self.internal_n) {
+            to.iter_mut().zip(f.to_array()).for_each(|(to, f)| *to += f);
+        }
+        if p > 0 {
+            for (row, f) in rows().zip(&self.ring_n) {
+                for (row, f) in row.chunks_exact(p).zip(f.to_array()) {
+                    on_q.iter_mut().zip(row).for_each(|(to, v)| *to += v * f);
+                }
+            }
+        }
+    }
+}
+
+/// V_i q of a ring node's three rows.
+fn product(rows: &[f64], q: &[f64]) -> DVec3 {
+    let mut parts = [0.0; 3];
+    for (part, row) in parts.iter_mut().zip(rows.chunks_exact(q.len().max(1))) {
+        *part = dot(row, q);
+    }
+    DVec3::from_array(parts)
+}
+
+/// The `i`-th vector of a list of numbers.
+pub(crate) fn get(list: &[f64], i: usize) -> DVec3 {
+    match list.get(3 * i..3 * i + 3) {
+        Some(&[x, y, z]) => DVec3::new(x, y, z),
+        _ => DVec3::ZERO,
+    }
+}
+
+pub(crate) fn put(list: &mut [f64], i: usize, value: DVec3) {
+    if let Some(to) = list.get_mut(3 * i..3 * i + 3) {
+        to.copy_from_slice(&value.to_array());
+    }
+}

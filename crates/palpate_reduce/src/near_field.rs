@@ -1,0 +1,449 @@
+//! From a body's state to its near field, exact, and its far field, reduced.
+
+mod basis;
+mod support;
+
+use crate::{BuilderOptions, ReduceError};
+use basis::Basis;
+use faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot;
+use faer::linalg::solvers::Solve;
+use faer::sparse::linalg::LltError;
+use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{Mat, Side};
+use glam::{DMat3, DVec3};
+use palpate_body::{Body, SemiImplicitEuler, SurfaceTree, Tangent, TangentPattern, ToolContact, ToolPoint};
+use palpate_local::{
+    LocalModel, LocalModelError, NearEnd, NearField, NearFieldCapacity, NearSpring, Support, TickIntegrator,
+};
+use support::SupportSet;
+
+/// How the loop integrates the ticks of a near field.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LocalIntegrator {
+    /// As the body where that takes at most eight substeps a tick, linearly implicit otherwise.
+    #[default]
+    Auto,
+    /// Semi-implicit Euler with the body's own substeps, whatever they cost, 64 at most.
+    Explicit,
+    /// Linearly implicit Euler, one step a tick.
+    Implicit,
+}
+
+/// Most substeps of `Auto`.
+const MOST_SUBSTEPS: usize = 8;
+/// Most substeps that a loop takes at all.
+const LARGEST_SUBSTEPS: usize = 64;
+
+/// Room to build near fields of one body in, and what does not change in its life.
+#[derive(Debug)]
+pub(crate) struct Workspace {
+    symbolic: SymbolicLlt<usize>,
+    matrix: Vec<f64>,
+    /// Of the surface, once a tool touches.
+    tree: Option<SurfaceTree>,
+    internal_n: Vec<DVec3>,
+    outer_n: Vec<DVec3>,
+    /// Place of every node in S, and in the ring.
+    place: Vec<Place>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Place {
+    Elsewhere,
+    Support(usize),
+    Ring(usize),
+}
+
+impl Workspace {
+    pub(crate) fn new(body: &Body, pattern: &TangentPattern) -> Result<Self, ReduceError> {
+        let unknowns = pattern.symbolic().ncols();
+        let symbolic = SymbolicLlt::try_new(pattern.symbolic(), Side::Lower)
+            .map_err(|_| ReduceError::Symbolic { unknowns })?;
+        let nodes = body.network().node_count();
+        Ok(Self {
+            symbolic,
+            matrix: vec![0.0; pattern.symbolic().row_idx().len()],
+            tree: None,
+            internal_n: vec![DVec3::ZERO; nodes],
+            outer_n: vec![DVec3::ZERO; nodes],
+            place: vec![Place::Elsewhere; nodes],
+        })
+    }
+
+    /// Writes the near field of `body` with `contact` and the tool at `tool` into `field`; it stays empty where the tool
+    /// can reach nothing. `tangent` is that of the body, exact or `clamped`.
+    pub(crate) fn build(
+        &mut self,
+        body: &Body,
+        tangent: &Tangent,
+        contact: &ToolContact,
+        tool: ToolPoint,
+        options: &BuilderOptions,
+        clamped: bool,
+        field: &mut NearField,
+    ) -> Result<(), ReduceError> {
+        field.clear();
+        let room = field.capacity();
+        let nodes = options.support_nodes.min(room.nodes);
+        let tree = contact.shape().map(|_| {
+            let tree = self.tree.get_or_insert_with(|| SurfaceTree::new(body));
+            tree.refit(body);
+            &*tree
+        });
+        let Some(support) = SupportSet::of(body, contact, tree, tool, options.horizon_s, nodes) else {
+            return Ok(());
+        };
+        body.internal_forces_n(&mut self.internal_n);
+        body.outer_forces_n(&mut self.outer_n);
+        let basis = self.basis(body, tangent, &support, options, room.order)?;
+        self.write(body, &support, &basis, tool, options, clamped, field).inspect_err(|_| field.clear())
+    }
+
+    /// V: the static response, its high-frequency end, the responses at the shifts, v_N, and the static correction.
+    fn basis(
+        &mut self,
+        body: &Body,
+        tangent: &Tangent,
+        support: &SupportSet,
+        options: &BuilderOptions,
+        room: usize,
+    ) -> Result<Basis, ReduceError> {
+        let network = body.network();
+        let free: Vec<usize> = support.nodes.iter().filter_map(|&node| network.free_index(node)).collect();
+        let (unknowns, coupled) = (3 * network.free().len(), 3 * free.len());
+        let (k, b) = (tangent.stiffness(), tangent.damping());
+        let mut is_support = vec![false; network.free().len()];
+        free.iter().for_each(|&index| is_support[index] = true);
+        let in_s = |dof: usize| is_support[dof / 3];
+        // K_rS, then F_r.
+        let mut static_rhs = Mat::zeros(unknowns, coupled + 1);
+        for (i, &index) in free.iter().enumerate() {
+            for axis in 0..3 {
+                let column = 3 * index + axis;
+                for (row, &value) in k.row_idx_of_col(column).zip(k.val_of_col(column)) {
+                    if !in_s(row) {
+                        static_rhs[(row, 3 * i + axis)] = value;
+                    }
+                }
+            }
+        }
+        let mut basis = Basis::new(network, &is_support);
+        for (index, &node) in network.free().iter().enumerate().filter(|(index, _)| !is_support[*index]) {
+            let force = self.internal_n[node] + self.outer_n[node];
+            (0..3).for_each(|axis| static_rhs[(3 * index + axis, coupled)] = force[axis]);
+        }
+        let sigma0 = options.regularisation_per_s;
+        let mut solve = |sigma: f64, rhs: &mut Mat<f64>| -> Result<(), ReduceError> {
+            let symbolic = tangent.stiffness().symbolic();
+            // At rest the regularisation alone; at a shift the inertia and the dampers.
+            let (mass, damping) = if sigma == 0.0 { (sigma0 * sigma0, 0.0) } else { (sigma * sigma, sigma) };
+            for column in 0..unknowns {
+                let m = mass * network.mass_kg()[network.free()[column / 3]];
+                let range = symbolic.col_range(column);
+                for (place, &row) in range.clone().zip(&symbolic.row_idx()[range]) {
+                    self.matrix[place] = match (row == column, in_s(row) || in_s(column)) {
+                        (true, true) => 1.0,
+                        (false, true) => 0.0,
+                        (diagonal, false) => {
+                            k.val()[place] + damping * b.val()[place] + if diagonal { m } else { 0.0 }
+                        }
+                    };
+                }
+            }
+            let factor = factorise(&self.symbolic, symbolic, &self.matrix)?;
+            factor.solve_in_place(rhs);
+            Ok(())
+        };
+        // What matters most comes first, for there may not be room for all.
+        let coupling = static_rhs.subcols(0, coupled).to_owned();
+        solve(0.0, &mut static_rhs)?;
+        basis.take(&static_rhs);
+        let v = body.velocities_m_per_s();
+        basis.take(&Mat::from_fn(unknowns, 1, |dof, _| v[network.free()[dof / 3]][dof % 3]));
+        for shift_hz in options.shifts_hz.into_iter().flatten() {
+            let mut response = coupling.clone();
+            solve(std::f64::consts::TAU * shift_hz, &mut response)?;
+            basis.take(&response);
+        }
+        basis.take(&coupling);
+        basis.orthonormalise(options.basis_tolerance, options.order_limit.min(room));
+        Ok(basis)
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "what a field is made of")]
+    fn write(
+        &mut self,
+        body: &Body,
+        support: &SupportSet,
+        basis: &Basis,
+        tool: ToolPoint,
+        options: &BuilderOptions,
+        clamped: bool,
+        field: &mut NearField,
+    ) -> Result<(), ReduceError> {
+        let (network, x, v) = (body.network(), body.positions_m(), body.velocities_m_per_s());
+        let room = field.capacity();
+        let too_many = |what, found, room| ReduceError::from(LocalModelError::Room { what, found, room });
+        let (s, p) = (support.nodes.len(), basis.order());
+        if s > room.nodes {
+            return Err(too_many("nodes of S", s, room.nodes));
+        }
+        (field.nodes, field.order) = (s, p);
+        (field.support, field.start_m) = (support.support, tool.position_m);
+        (field.tick_s, field.covered_m, field.is_cut) = (options.tick_s, support.covered_m, support.is_cut);
+        self.place.fill(Place::Elsewhere);
+        for (i, &node) in support.nodes.iter().enumerate() {
+            self.place[node] = Place::Support(i);
+            field.weight[i] = support.weights[i];
+            field.node_m[i] = x[node];
+            let is_free = !network.is_fixed(node);
+            field.node_per_kg[i] = if is_free { 1.0 / network.mass_kg()[node] } else { 0.0 };
+            for axis in 0..3 {
+                field.force[3 * i + axis] = self.outer_n[node][axis];
+                field.velocity[3 * i + axis] = v[node][axis];
+            }
+        }
+        if support.triangles.len() > room.triangles {
+            return Err(too_many("triangles", support.triangles.len(), room.triangles));
+        }
+        field.triangles = support.triangles.len();
+        for (to, (nodes, longest_m)) in field.triangle.iter_mut().zip(&support.triangles) {
+            let place = |node: usize| match self.place[node] {
+                Place::Support(i) => i,
+                Place::Ring(_) | Place::Elsewhere => 0,
+            };
+            *to = (nodes.map(place), *longest_m);
+        }
+        // The springs with a free end in S are near; F_far is what remains when they are taken away.
+        let mut far_n = self.internal_n.clone();
+        let mut is_near = vec![false; network.links().len()];
+        for &node in support.nodes.iter().filter(|&&node| !network.is_fixed(node)) {
+            for &index in network.incident_links(node) {
+                if std::mem::replace(&mut is_near[index], true) {
+                    continue;
+                }
+                let link = &network.links()[index];
+                let f = link.spring.force_on_a(x[link.b] - x[link.a], v[link.b] - v[link.a]);
+                far_n[link.a] -= f;
+                far_n[link.b] += f;
+                let other = if link.a == node { link.b } else { link.a };
+                if field.springs == room.springs {
+                    return Err(too_many("near springs", field.springs + 1, room.springs));
+                }
+                let Place::Support(a) = self.place[node] else { continue };
+                let b = match self.place[other] {
+                    Place::Support(i) => NearEnd::Support(i),
+                    Place::Ring(i) => NearEnd::Ring(i),
+                    Place::Elsewhere if network.is_fixed(other) => NearEnd::Fixed(x[other]),
+                    Place::Elsewhere => {
+                        let i = field.ring;
+                        if i == room.ring {
+                            return Err(too_many("nodes of the ring", i + 1, room.ring));
+                        }
+                        self.place[other] = Place::Ring(i);
+                        field.ring_m[i] = x[other];
+                        basis.write_rows(other, &mut field.basis[3 * p * i..3 * p * (i + 1)]);
+                        field.ring += 1;
+                        NearEnd::Ring(i)
+                    }
+                };
+                // The force of a spring is the same seen from either end, but for its sign.
+                field.near[field.springs] = NearSpring { a, b, spring: link.spring };
+                field.springs += 1;
+            }
+        }
+        let force = |node: usize| far_n[node] + self.outer_n[node];
+        basis.project(
+            force,
+            |node| network.mass_kg()[node] * v[node],
+            |j, f, momentum| {
+                field.force[3 * s + j] = f;
+                field.velocity[3 * s + j] = momentum;
+            },
+        );
+        basis.congruence(body, &is_near, clamped, &mut field.stiffness, &mut field.damping);
+        let substeps =
+            SemiImplicitEuler { tick_s: options.tick_s, ..SemiImplicitEuler::default() }.substeps(body);
+        let explicit = |most: usize| {
+            let substeps = substeps.as_ref().ok().filter(|&&substeps| substeps <= most)?;
+            Some(TickIntegrator::Explicit { substeps: *substeps as u32 })
+        };
+        field.integrator = match options.integrator {
+            LocalIntegrator::Auto => explicit(MOST_SUBSTEPS),
+            LocalIntegrator::Explicit => explicit(LARGEST_SUBSTEPS),
+            LocalIntegrator::Implicit => None,
+        }
+        .unwrap_or(TickIntegrator::Implicit);
+        if field.integrator == TickIntegrator::Implicit {
+            make_implicit(field)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the linear reduced system of `body` driven at `node` into `model`, with the same basis.
+    pub(crate) fn build_linear(
+        &mut self,
+        body: &Body,
+        tangent: &Tangent,
+        node: usize,
+        options: &BuilderOptions,
+        model: &mut LocalModel,
+    ) -> Result<(), ReduceError> {
+        let network = body.network();
+        let support = SupportSet::driven(node);
+        body.internal_forces_n(&mut self.internal_n);
+        body.outer_forces_n(&mut self.outer_n);
+        let basis = self.basis(body, tangent, &support, options, model.reduced.capacity())?;
+        let (p, h, r) = (basis.order(), options.tick_s, &mut model.reduced);
+        (r.order, r.step_s) = (p, h);
+        let (x, v) = (body.positions_m(), body.velocities_m_per_s());
+        let force = |node: usize| self.internal_n[node] + self.outer_n[node];
+        basis.project(
+            force,
+            |node| network.mass_kg()[node] * v[node],
+            |j, f, momentum| {
+                (r.force[j], r.velocity[j]) = (f, momentum);
+            },
+        );
+        let none_near = vec![false; network.links().len()];
+        basis.congruence(body, &none_near, model.clamped, &mut r.stiffness, &mut r.damping);
+        r.stiffness_rc[..3 * p].fill(0.0);
+        r.damping_rc[..3 * p].fill(0.0);
+        (model.stiffness_n_per_m, model.damping_ns_per_m) = (DMat3::ZERO, DMat3::ZERO);
+        for &index in network.incident_links(node) {
+            let link = &network.links()[index];
+            let other = if link.a == node { link.b } else { link.a };
+            let t = link.spring.tangent(x[link.b] - x[link.a], model.clamped);
+            model.stiffness_n_per_m += t.stiffness;
+            model.damping_ns_per_m += t.damping;
+            basis.subtract_coupling(other, t.stiffness, &mut r.stiffness_rc);
+            basis.subtract_coupling(other, t.damping, &mut r.damping_rc);
+        }
+        let implicit: Vec<f64> = (0..p * p)
+            .map(|at| if at / p == at % p { 1.0 / h } else { 0.0 } + r.damping[at] + h * r.stiffness[at])
+            .collect();
+        Ok(r.implicit.factorise(p, &implicit)?)
+    }
+}
+
+/// The room that near fields of `body` with support sets of `nodes` and bases of `order` need.
+pub(crate) fn capacity(body: &Body, nodes: usize, order: usize) -> NearFieldCapacity {
+    let network = body.network();
+    let degree = network.free().iter().map(|&node| network.incident_links(node).len()).max().unwrap_or(0);
+    let springs = (nodes * degree).min(network.links().len());
+    NearFieldCapacity {
+        nodes,
+        order: order.min(3 * network.free().len()),
+        ring: springs.min(network.free().len()),
+        springs,
+        // Of a closed surface twice as many as nodes, and those of a few more where it is open or sharp.
+        triangles: 4 * nodes,
+    }
+}
+
+fn factorise(
+    symbolic: &SymbolicLlt<usize>,
+    pattern: SymbolicSparseColMatRef<'_, usize>,
+    values: &[f64],
+) -> Result<Llt<usize, f64>, ReduceError> {
+    let matrix = SparseColMatRef::new(pattern, values);
+    Llt::try_new_with_symbolic(symbolic.clone(), matrix, Side::Lower).map_err(|error| match error {
+        LltError::Numeric(NonPositivePivot { index }) => ReduceError::Singular { pivot: index },
+        LltError::Generic(_) => ReduceError::Symbolic { unknowns: matrix.ncols() },
+    })
+}
+
+/// Writes the tangent of all of z, the factor of M/h + B + h K, and what impulses on S do, into `field`.
+fn make_implicit(field: &mut NearField) -> Result<(), ReduceError> {
+    let (s, p, n, h) = (3 * field.nodes, field.order, field.unknowns(), field.tick_s);
+    let (mut k, mut b) = (vec![0.0; n * n], vec![0.0; n * n]);
+    for i in 0..p {
+        for j in 0..p {
+            k[(s + i) * n + s + j] = field.stiffness[i * p + j];
+            b[(s + i) * n + s + j] = field.damping[i * p + j];
+        }
+    }
+    for near in &field.near[..field.springs] {
+        let at = match near.b {
+            NearEnd::Support(i) => field.node_m[i],
+            NearEnd::Ring(i) => field.ring_m[i],
+            NearEnd::Fixed(x) => x,
+        };
+        // Made positive semidefinite, for the tick has no other to fall back on.
+        let tangent = near.spring.tangent(at - field.node_m[near.a], true);
+        for (matrix, block) in [(&mut k, tangent.stiffness), (&mut b, tangent.damping)] {
+            add_near(field, near, block, matrix);
+        }
+    }
+    let is_driven = field.support == Support::Driven;
+    let mut a = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..n {
+            // What is driven, or fixed, answers to nothing.
+            let stands = |dof: usize| dof < s && (is_driven || field.node_per_kg[dof / 3] == 0.0);
+            a[i * n + j] = match (i == j, stands(i) || stands(j)) {
+                (true, true) => 1.0,
+                (false, true) => 0.0,
+                (diagonal, false) => {
+                    let mass = if i < s { 1.0 / field.node_per_kg[i / 3] } else { 1.0 };
+                    (if diagonal { mass / h } else { 0.0 }) + b[i * n + j] + h * k[i * n + j]
+                }
+            };
+        }
+    }
+    field.factor.factorise(n, &a)?;
+    field.tangent[..n * n].copy_from_slice(&k);
+    for column in 0..s {
+        let answer = &mut field.answer[column * n..(column + 1) * n];
+        answer.fill(0.0);
+        if field.node_per_kg[column / 3] > 0.0 && !is_driven {
+            answer[column] = 1.0 / h;
+            field.factor.solve_in_place(answer);
+        }
+    }
+    // What is fixed feels no force.
+    for i in (0..field.nodes).filter(|&i| field.node_per_kg[i] == 0.0) {
+        field.velocity[3 * i..3 * i + 3].fill(0.0);
+    }
+    Ok(())
+}
+
+/// Adds the tangent `block` of a near spring to a matrix over z.
+fn add_near(field: &NearField, near: &NearSpring, block: DMat3, matrix: &mut [f64]) {
+    let (s, p, n) = (3 * field.nodes, field.order, field.unknowns());
+    let mut add = |i: usize, j: usize, value: f64| matrix[i * n + j] += value;
+    let entry = |r: usize, c: usize| block.col(c)[r];
+    for r in 0..3 {
+        for c in 0..3 {
+            add(3 * near.a + r, 3 * near.a + c, entry(r, c));
+        }
+    }
+    match near.b {
+        NearEnd::Fixed(_) => {}
+        NearEnd::Support(other) => {
+            for r in 0..3 {
+                for c in 0..3 {
+                    add(3 * other + r, 3 * other + c, entry(r, c));
+                    add(3 * near.a + r, 3 * other + c, -entry(r, c));
+                    add(3 * other + r, 3 * near.a + c, -entry(r, c));
+                }
+            }
+        }
+        NearEnd::Ring(ring) => {
+            let rows = &field.basis[3 * p * ring..3 * p * (ring + 1)];
+            // block V, 3 × p.
+            let product: Vec<f64> =
+                (0..3 * p).map(|i| (0..3).map(|c| entry(i / p, c) * rows[c * p + i % p]).sum()).collect();
+            for j in 0..p {
+                for r in 0..3 {
+                    add(3 * near.a + r, s + j, -product[r * p + j]);
+                    add(s + j, 3 * near.a + r, -product[r * p + j]);
+                }
+                for i in 0..p {
+                    add(s + i, s + j, (0..3).map(|r| rows[r * p + i] * product[r * p + j]).sum());
+                }
+            }
+        }
+    }
+}

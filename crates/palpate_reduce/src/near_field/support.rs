@@ -1,0 +1,90 @@
+//! The support set S: the nodes that carry every point which the tool can reach before the next hand-over.
+
+use glam::DVec3;
+use palpate_body::{Body, SurfaceTree, ToolContact, ToolPoint};
+use palpate_local::Support;
+
+/// S with what the tool does to it.
+pub(super) struct SupportSet {
+    pub(super) support: Support,
+    pub(super) nodes: Vec<usize>,
+    /// w of a held point; zero otherwise.
+    pub(super) weights: Vec<f64>,
+    /// Triangles between nodes of S, by their nodes of the body, and their longest edge at rest, m.
+    pub(super) triangles: Vec<([usize; 3], f64)>,
+    /// How far the tool may go before it may touch what is not in S, m.
+    pub(super) covered_m: f64,
+    /// Whether what is within reach did not find room.
+    pub(super) is_cut: bool,
+}
+
+/// What a hand that is at rest may be up to before the next hand-over, m/s.
+const START_M_PER_S: f64 = 0.2;
+
+impl SupportSet {
+    /// S of `body` with `contact` and the tool at `tool`, of at most `most` nodes; for `horizon_s` to come. `None` where the
+    /// tool can reach nothing.
+    pub(super) fn of(
+        body: &Body,
+        contact: &ToolContact,
+        tree: Option<&SurfaceTree>,
+        tool: ToolPoint,
+        horizon_s: f64,
+        most: usize,
+    ) -> Option<Self> {
+        if let Some(node) = contact.driven_node() {
+            return Some(Self::driven(node));
+        }
+        if let Some(point) = contact.held_point() {
+            let (nodes, weights) = point.nodes().iter().copied().unzip();
+            return Some(Self::held(Support::Held, nodes, weights));
+        }
+        let ((shape, friction), tree) = contact.shape().zip(tree)?;
+        if !contact.is_clear() {
+            return None;
+        }
+        let x = body.positions_m();
+        let reach = horizon_s * (tool.velocity_m_per_s.length() + START_M_PER_S);
+        // Where it will be half-way is the middle of what matters.
+        let middle = tool.position_m + 0.5 * horizon_s * tool.velocity_m_per_s;
+        let around = shape.radius_m() + reach;
+        let mut near: Vec<(f64, [usize; 3], f64)> = tree
+            .within(tool.position_m - around, tool.position_m + around)
+            .into_iter()
+            .filter(|(nodes, _)| nodes.iter().any(|&node| !body.network().is_fixed(node)))
+            .map(|(nodes, longest)| (distance(middle, nodes.map(|node| x[node])), nodes, longest))
+            .collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut nodes, mut triangles, mut is_cut, mut covered_m) = (Vec::new(), Vec::new(), false, reach);
+        for (_, corners, longest) in near {
+            let more: Vec<usize> = corners.into_iter().filter(|node| !nodes.contains(node)).collect();
+            if nodes.len() + more.len() <= most {
+                nodes.extend(more);
+                triangles.push((corners, longest));
+            } else {
+                is_cut = true;
+                let free = distance(tool.position_m, corners.map(|node| x[node])) - shape.radius_m();
+                covered_m = f64::min(covered_m, free.max(0.0));
+            }
+        }
+        let weights = vec![0.0; nodes.len()];
+        let support = Support::Touched { shape, friction };
+        (!nodes.is_empty()).then_some(Self { support, nodes, weights, triangles, covered_m, is_cut })
+    }
+
+    /// A node that the tool drives.
+    pub(super) fn driven(node: usize) -> Self {
+        Self::held(Support::Driven, vec![node], vec![1.0])
+    }
+
+    fn held(support: Support, nodes: Vec<usize>, weights: Vec<f64>) -> Self {
+        Self { support, nodes, weights, triangles: Vec::new(), covered_m: f64::MAX, is_cut: false }
+    }
+}
+
+/// Distance of a place from a triangle, m.
+fn distance(place: DVec3, corners: [DVec3; 3]) -> f64 {
+    let weights = palpate_laws::nearest_weights(place, corners);
+    let point: DVec3 = corners.iter().zip(weights).map(|(x, w)| w * *x).sum();
+    point.distance(place)
+}
