@@ -3,10 +3,10 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
-use palpate_body::{Block, Body, Face, SemiImplicitEuler, ToolContact, ToolPoint, UniformLattice};
+use palpate_body::{Block, Body, Face, SemiImplicitEuler, ToolContact, ToolPoint, ToolShape, UniformLattice};
 use palpate_haptics::{LoopConfig, LoopSettings, Reading, haptic_loop};
 use palpate_local::{LocalModel, ModelId, Scheme};
-use palpate_reduce::{BuilderOptions, LocalModelBuilder};
+use palpate_reduce::{BuilderOptions, LocalIntegrator, LocalModelBuilder};
 use std::hint::black_box;
 
 fn held_block(nodes: usize) -> (Body, ToolContact, ToolPoint) {
@@ -20,27 +20,51 @@ fn held_block(nodes: usize) -> (Body, ToolContact, ToolPoint) {
     (body, contact, at)
 }
 
+/// A whole tick of the loop, exchange and safety chain included, with the local model of `scheme`.
+fn tick_of(
+    body: &Body,
+    contact: &ToolContact,
+    at: ToolPoint,
+    scheme: Scheme,
+    options: BuilderOptions,
+) -> impl FnMut() -> DVec3 + use<> {
+    let mut builder = LocalModelBuilder::new(body, options).expect("good options");
+    let (mut handle, mut haptic_loop) =
+        haptic_loop(LoopConfig::default(), LoopSettings::default()).expect("good settings");
+    let mut n = 0u64;
+    let mut tick = move || {
+        n += 1;
+        let wobble = DVec3::Z * 1e-3 * (n as f64 * 0.01).sin();
+        let ticked = haptic_loop.tick(1, Ok(Reading::at(at.position_m - wobble)));
+        haptic_loop.finish_tick(&ticked, None, Ok(()));
+        ticked.device_force_n
+    };
+    tick();
+    let id = ModelId { body: 1, epoch: 0, sequence: 1 };
+    builder.build(scheme, body, contact, at, id, handle.model_slot()).expect("there is room");
+    handle.publish_model();
+    tick
+}
+
 fn ticks(c: &mut Criterion) {
-    let (body, contact, at) = held_block(6);
     let mut group = c.benchmark_group("tick");
-    for scheme in Scheme::ALL {
-        let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).expect("good options");
-        let (mut handle, mut haptic_loop) =
-            haptic_loop(LoopConfig::default(), LoopSettings::default()).expect("good settings");
-        // A whole tick of the loop, exchange and safety chain included.
-        let mut n = 0u64;
-        let mut tick = move || {
-            n += 1;
-            let wobble = DVec3::Z * 1e-3 * (n as f64 * 0.01).sin();
-            let ticked = haptic_loop.tick(1, Ok(Reading::at(at.position_m - wobble)));
-            haptic_loop.finish_tick(&ticked, None, Ok(()));
-            ticked.device_force_n
-        };
-        tick();
-        let id = ModelId { body: 1, epoch: 0, sequence: 1 };
-        builder.build(scheme, &body, &contact, at, id, handle.model_slot()).expect("the block is held");
-        handle.publish_model();
-        group.bench_function(scheme.name(), |b| b.iter(&mut tick));
+    for nodes in [6, 10] {
+        let (body, contact, at) = held_block(nodes);
+        for scheme in Scheme::ALL {
+            let mut tick = tick_of(&body, &contact, at, scheme, BuilderOptions::default());
+            group.bench_function(format!("{}, {nodes}^3", scheme.name()), |b| b.iter(&mut tick));
+        }
+        // A touch, with the nodes of its surroundings as support set.
+        let touch = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).expect("a good tool");
+        let above = ToolPoint::at_rest(at.position_m + DVec3::new(0.003, 0.002, 0.0045));
+        for support_nodes in [3, 9, 12] {
+            for integrator in [LocalIntegrator::Explicit, LocalIntegrator::Implicit { substeps: 1 }] {
+                let options = BuilderOptions { support_nodes, integrator, ..BuilderOptions::default() };
+                let mut tick = tick_of(&body, &touch, above, Scheme::NearFieldExact, options);
+                let name = format!("touch, {support_nodes} nodes, {integrator:?}, {nodes}^3");
+                group.bench_function(name, |b| b.iter(&mut tick));
+            }
+        }
     }
 }
 
@@ -54,7 +78,7 @@ fn model_steps(c: &mut Criterion) {
         });
         let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).expect("good options");
         let mut model = LocalModel::silent(builder.capacity());
-        for scheme in [Scheme::Tangent, Scheme::Neighbourhood] {
+        for scheme in [Scheme::Tangent, Scheme::Neighbourhood, Scheme::KrylovLinear, Scheme::NearFieldExact] {
             group.bench_function(format!("build {}, {nodes}^3", scheme.name()), |b| {
                 b.iter(|| {
                     builder.build(scheme, black_box(&body), &contact, at, ModelId::default(), &mut model)

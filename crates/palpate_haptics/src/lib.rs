@@ -81,4 +81,4 @@ pub use safety::{SafetyChain, SafetyInput, SafetyReport, SafetySettings};
 pub use settings::{LoopConfig, LoopSettings};
 pub use timing::{LoopReport, TickTiming, TimeHistogram};
 pub use trajectory::{Probe, Trajectory};
-pub use velocity::VelocityEstimator;
+pub use velocity::{VelocityEstimator, VelocityState};

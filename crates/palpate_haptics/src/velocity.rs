@@ -50,14 +50,14 @@ impl VelocityEstimator {
 
 /// The state of an estimator.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct VelocityState {
+pub struct VelocityState {
     last_m: Option<DVec3>,
     poles: [DVec3; 2],
 }
 
 impl VelocityState {
-    /// The velocity at a new position, `tick_s` after the last one; zero at the first.
-    pub(crate) fn step(
+    /// The velocity at a new position, m/s, `tick_s` after the last one; zero at the first. `told` is what the device says.
+    pub fn step(
         &mut self,
         estimator: VelocityEstimator,
         position_m: DVec3,
@@ -82,7 +82,7 @@ impl VelocityState {
     }
 
     /// Forgets the past: the next position is a first one, at rest.
-    pub(crate) fn reset(&mut self) {
+    pub fn reset(&mut self) {
         *self = Self::default();
     }
 }

@@ -8,6 +8,7 @@
 mod chain;
 mod density;
 mod error;
+mod fidelity;
 mod figure;
 mod grip;
 mod lattice;
@@ -41,6 +42,7 @@ enum Command {
     Density(density::Density),
     Manipulate(manipulate::Manipulate),
     Grip(grip::Grip),
+    Fidelity(fidelity::Fidelity),
     Paper(paper::Paper),
 }
 
@@ -66,6 +68,7 @@ fn main() -> ExitCode {
         Command::Density(command) => command.run(&cli.output),
         Command::Manipulate(command) => command.run(&cli.output),
         Command::Grip(command) => command.run(&cli.output),
+        Command::Fidelity(command) => command.run(&cli.output),
         Command::Paper(command) => command.run(&cli.output),
     };
     match done {

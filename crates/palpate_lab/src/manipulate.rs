@@ -129,7 +129,7 @@ impl Manipulate {
         let period_ticks = self.period_ticks();
         let options =
             ComparisonOptions { period_ticks, delay_ticks: self.delay_ms, ..ComparisonOptions::default() };
-        let scheme = self.scheme.into();
+        let scheme = self.scheme;
         let mut schemes = vec![scheme];
         if scheme != Scheme::Hold {
             schemes.push(Scheme::Hold);
@@ -272,7 +272,7 @@ pub(crate) fn period_ticks(rate_hz: f64) -> usize {
 }
 
 /// Pressing 10 mm deep and shearing 3 mm, with faster movements on top, m at `t` (s).
-fn builtin(t: f64) -> DVec3 {
+pub(crate) fn builtin(t: f64) -> DVec3 {
     let slow = 0.010 * (1.0 - (TAU * t).cos()) / 2.0;
     let late = if t > 0.3 { 0.002 * (TAU * 3.3 * t).sin() } else { 0.0 };
     DVec3::new(0.003 * (TAU * 1.7 * t).sin(), 0.0, -(slow + 0.0008 * (TAU * 9.0 * t).sin() + late))

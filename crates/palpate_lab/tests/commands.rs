@@ -274,6 +274,35 @@ fn manipulation_has_the_reference_s_errors() {
 }
 
 #[test]
+fn fidelity_says_of_every_scheme_how_close_it_is() {
+    let reference = reference("fidelity_6x6x6.json");
+    let here = json(&["fidelity"]);
+    for scheme in ["hold", "low_pass", "tangent", "neighbourhood", "krylov_linear"] {
+        let expected = number(&reference["relative_rms_error"]["delay_0_ms"][scheme]);
+        close(number(&here["schemes"][scheme]["relative_rms_error"]), expected, 0.005);
+    }
+    let near = &here["schemes"]["near_field_exact"];
+    assert!(number(&near["relative_rms_error"]) < 0.003 && number(&near["max_error_n"]) < 0.03);
+    assert!(number(&near["states"]) > 0.0 && number(&near["tick_us_p50"]) > 0.0);
+    assert!(number(&near["build_ms_p50"]) > 0.0 && number(&near["largest_jump_n"]) > 0.0);
+    for (here, expected) in
+        numbers(&here["oracle"]["peak_abs_n"]).iter().zip(numbers(&reference["oracle_peak_abs_n"]))
+    {
+        close(*here, expected, 0.003);
+    }
+    // A block of other sizes, a late model, implicit ticks, rough positions.
+    let error = |arguments: &[&str]| {
+        let all = [&["fidelity", "--scheme", "near_field_exact"][..], arguments].concat();
+        let here = json(&all);
+        assert_eq!(here["schemes"].as_object().unwrap().len(), 1);
+        number(&here["schemes"]["near_field_exact"]["relative_rms_error"])
+    };
+    assert!(error(&["--nodes", "7,6,5", "--delay-ms", "40"]) < 0.006);
+    assert!((0.001..0.004).contains(&error(&["--integrator", "implicit:2"])));
+    assert!(error(&["--position-step-mm", "0.03", "--velocity", "two-pole:80"]) < 0.03);
+}
+
+#[test]
 fn a_recorded_hand_is_followed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hand.csv");
@@ -468,6 +497,24 @@ fn what_makes_no_sense_is_refused_in_one_line_and_leaves_nothing() {
         (&["manipulate", "--model-rate-hz", "2000"], "error: --model-rate-hz is 2000; it must be 1 to 1000"),
         (&["manipulate", "--trajectory", "no/such.csv"], "error: the trajectory cannot be read: no/such.csv"),
         (&["grip", "--device-mass-kg", "0"], "error: --device-mass-kg is 0; it must be 0.001 to 100"),
+        (
+            &["fidelity", "--nodes", "6,6"],
+            "error: invalid value '6,6' for '--nodes <X,Y,Z>': it must be three numbers",
+        ),
+        (&["fidelity", "--nodes", "1,6,6"], "error: --nodes is 1; it must be 2 to 24 along each axis"),
+        (
+            &["fidelity", "--scheme", "best"],
+            "error: invalid value 'best' for '--scheme <SCHEME>': there is no such scheme",
+        ),
+        (
+            &["fidelity", "--velocity", "two-pole:-1"],
+            "error: invalid value 'two-pole:-1' for '--velocity <VELOCITY>': ",
+        ),
+        (
+            &["fidelity", "--integrator", "implicit:0"],
+            "error: invalid value 'implicit:0' for '--integrator <INTEGRATOR>': ",
+        ),
+        (&["fidelity", "--position-step-mm", "-1"], "error: --position-step-mm is -1; it must be 0 to 10"),
         (&["paper", "--nonsense"], "error: unexpected argument '--nonsense' found"),
     ] {
         let text = refused(&[arguments, &["--out", out.to_str().unwrap()]].concat());
@@ -478,7 +525,7 @@ fn what_makes_no_sense_is_refused_in_one_line_and_leaves_nothing() {
 
 #[test]
 fn help_has_examples() {
-    for command in ["schemes", "chain", "lattice", "density", "manipulate", "grip", "paper"] {
+    for command in ["schemes", "chain", "lattice", "density", "manipulate", "grip", "paper", "fidelity"] {
         let output = lab(&[command, "--help"]);
         assert!(output.status.success());
         assert!(String::from_utf8(output.stdout).unwrap().contains("Examples:"), "{command}");

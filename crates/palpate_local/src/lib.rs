@@ -15,7 +15,8 @@
 //! | `Hold` | f_N |
 //! | `LowPass` | f_N through a first-order low-pass |
 //! | `Tangent` | f_N − (K_cc − K_cr K_rr⁻¹ K_rc) dx |
-//! | `Neighbourhood` | f_N − K_cc dx − B_cc dv − K_cr V q − B_cr V (q̇ − q̇_N), with q a reduced dynamic state |
+//! | `Neighbourhood`, `KrylovLinear` | f_N − K_cc dx − B_cc dv − K_cr V q − B_cr V (q̇ − q̇_N), with q a reduced dynamic state |
+//! | `NearFieldExact` | the internal force of the springs at the tool, on what is held or touched |
 //!
 //! For `Neighbourhood`, the seed paper's local linear approximation (its Fig. 8), V selects the nodes within
 //! some rings of the driven node and
@@ -26,14 +27,27 @@
 //!
 //! is stepped by linearly implicit Euler, one step a tick.
 //!
+//! `KrylovLinear` is the same with V spanning what the whole body answers to the tool with.
+//!
+//! `NearFieldExact`, the default, keeps the springs at the tool exact and reduces all others; the tool is met in the tick. With
+//! S the nodes that it can reach, z = (δx_S, q), V of the nodes beyond S, orthonormal in the masses,
+//!
+//! ```text
+//! M_S ẍ_S = F_near(x_S, V q, …) + what acts on S from outside + contact
+//! q̈ + B̃ (q̇ − q̇_N) + K̃ q = Vᵀ F_far,N + Vᵀ F_near(x_S, V q, …)
+//! ```
+//!
+//! is stepped as the body is or linearly implicitly ([`TickIntegrator`]); see [`NearField`].
+//!
 //! # Units, frames, signs
 //!
 //! SI, `f64`, the scene's frame. Force is what the body does to the hand.
 //!
 //! # Accuracy and limits
 //!
-//! Contact is decided at the model step: a touch made between two model steps is felt after the next one. The
-//! force errors of the four schemes against the full body are in the table of the project's front page.
+//! `NearFieldExact` feels a touch in the tick in which it is made, on the nodes of S; farther away nothing, and
+//! [`LocalState::has_left`] says so. With the other schemes contact is decided at the model step: a touch made between two
+//! steps is felt after the next one. The force errors against the full body are on the project's front page.
 
 #![forbid(unsafe_code)]
 

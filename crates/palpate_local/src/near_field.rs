@@ -79,8 +79,27 @@ pub enum TickIntegrator {
         /// Substeps in a tick.
         substeps: u32,
     },
-    /// Linearly implicit Euler with the tangent of the model step, one step a tick.
-    Implicit,
+    /// Linearly implicit Euler with the tangent of the model step.
+    Implicit {
+        /// Steps in a tick.
+        substeps: u32,
+    },
+}
+
+impl TickIntegrator {
+    /// Steps in a tick.
+    #[must_use]
+    pub fn substeps(self) -> u32 {
+        match self {
+            Self::Explicit { substeps } | Self::Implicit { substeps } => substeps,
+        }
+    }
+
+    /// Whether it is implicit.
+    #[must_use]
+    pub fn is_implicit(self) -> bool {
+        matches!(self, Self::Implicit { .. })
+    }
 }
 
 /// S dynamic, the springs incident to S exact, all others linear about the model step and reduced to δx_r = V q, with V
@@ -130,7 +149,7 @@ pub struct NearField {
     pub integrator: TickIntegrator,
     /// `Implicit`: the tangent of all of z at the model step.
     pub tangent: Vec<f64>,
-    /// `Implicit`: the factor of M/h + B + h K of all of z.
+    /// `Implicit`: the factor of M/h + B + h K of all of z, h the length of a substep.
     pub factor: Cholesky,
     /// `Implicit`: A⁻¹ of an impulse on S over h, n for each of 3s.
     pub answer: Vec<f64>,
@@ -170,7 +189,7 @@ impl NearField {
             force: vec![0.0; n],
             velocity: vec![0.0; n],
             tick_s: 0.0,
-            integrator: TickIntegrator::Implicit,
+            integrator: TickIntegrator::Explicit { substeps: 1 },
             tangent: vec![0.0; n * n],
             factor: Cholesky::with_capacity(n),
             answer: vec![0.0; n * 3 * nodes],
@@ -227,7 +246,7 @@ impl NearField {
     fn parts(&self) -> [(&'static str, &Vec<f64>, usize); 9] {
         let (s, p, n) = (self.nodes, self.order, self.unknowns());
         // What explicit ticks do not need is not looked at.
-        let implicit = if self.integrator == TickIntegrator::Implicit { n } else { 0 };
+        let implicit = if self.integrator.is_implicit() { n } else { 0 };
         [
             ("weights", &self.weight, s),
             ("inverse masses", &self.node_per_kg, s),
@@ -275,7 +294,7 @@ impl NearField {
             ("step", self.tick_s.is_finite() && self.tick_s > 0.0),
             ("covered distance", self.covered_m.is_finite()),
             ("start of the tool", self.start_m.is_finite()),
-            ("factor", self.integrator != TickIntegrator::Implicit || self.factor.is_finite()),
+            ("factor", !self.integrator.is_implicit() || self.factor.is_finite()),
         ] {
             if !ok {
                 return Err(LocalModelError::NotFinite { what });
@@ -295,13 +314,12 @@ impl NearField {
             }
         }
         let (found, needed) = (self.factor.order(), self.unknowns());
-        if self.integrator == TickIntegrator::Implicit && found != needed {
+        if self.integrator.is_implicit() && found != needed {
             let (what, order) = ("implicit factor", self.order);
             return Err(LocalModelError::Size { what, found: found * found, needed: needed * needed, order });
         }
-        if let TickIntegrator::Explicit { substeps } = self.integrator
-            && !(1..=MOST_SUBSTEPS).contains(&substeps)
-        {
+        let substeps = self.integrator.substeps();
+        if !(1..=MOST_SUBSTEPS).contains(&substeps) {
             return Err(LocalModelError::Setting {
                 what: "substeps of a local tick",
                 value: f64::from(substeps),
@@ -323,7 +341,7 @@ impl NearField {
     /// [`LocalModelError::Room`] when there is no room; `self` is unchanged then.
     pub(crate) fn copy_from(&mut self, other: &Self) -> Result<(), LocalModelError> {
         other.fits(self.capacity())?;
-        if other.integrator == TickIntegrator::Implicit {
+        if other.integrator.is_implicit() {
             self.factor.copy_from(&other.factor)?;
         }
         (self.nodes, self.order, self.ring) = (other.nodes, other.order, other.ring);
@@ -353,7 +371,7 @@ impl NearField {
     }
 }
 
-/// Most substeps of an explicit tick.
+/// Most substeps of a tick.
 pub(crate) const MOST_SUBSTEPS: u32 = 64;
 
 fn copy<T: Copy>(to: &mut [T], from: &[T], used: usize) {

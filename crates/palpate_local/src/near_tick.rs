@@ -59,6 +59,9 @@ impl NearState {
         self.z.fill(0.0);
         self.z_dot.fill(0.0);
         self.z_dot.iter_mut().zip(&field.velocity).take(field.unknowns()).for_each(|(to, from)| *to = *from);
+        self.ring_dx.iter_mut().for_each(|dx| *dx = DVec3::ZERO);
+        let s = 3 * field.nodes;
+        multiply(field, self.z_dot.get(s..field.unknowns()).unwrap_or_default(), &mut self.ring_v);
         self.meeting.forget();
         (self.tool_m, self.displayed_n, self.left) = (field.start_m, force_n, false);
     }
@@ -82,7 +85,7 @@ impl NearState {
         let (from, to) = (self.tool_m, sample.position_m);
         let substeps = match field.integrator {
             TickIntegrator::Explicit { substeps } => self.meeting.substeps(field, from, to, substeps),
-            TickIntegrator::Implicit => 1,
+            TickIntegrator::Implicit { substeps } => substeps,
         };
         let h = field.tick_s / f64::from(substeps);
         for i in 1..=substeps {
@@ -92,10 +95,11 @@ impl NearState {
                 put(&mut self.z, 0, tool.1 - field.start_m);
                 put(&mut self.z_dot, 0, sample.velocity_m_per_s);
             }
-            self.compute_forces(field);
+            self.stretch_near_springs(field);
+            self.collect_forces(field);
             self.step(field, tool, h);
         }
-        self.compute_forces(field);
+        self.stretch_near_springs(field);
         self.tool_m = to;
         self.left |= to.distance(field.start_m) > field.covered_m;
         self.displayed_n = match field.support {
@@ -131,7 +135,7 @@ impl NearState {
                     *v += h * per_kg * f;
                 }
             }
-            TickIntegrator::Implicit => {
+            TickIntegrator::Implicit { .. } => {
                 // (M/h + B + hK) Δż = f − hK ż, driven velocities being given.
                 for (i, (to, v)) in scratch.iter_mut().zip(&*z_dot).enumerate() {
                     *to = if i < first { 0.0 } else { h * v };
@@ -145,12 +149,52 @@ impl NearState {
             }
         }
         let closing = self.meeting.meet(field, tool, h, z, z_dot);
+        let is_closing = closing.is_some();
         let v = closing.unwrap_or(z_dot);
-        z.iter_mut().zip(&*v).skip(first).for_each(|(z, v)| *z += h * v);
+        z.iter_mut().zip(v).skip(first).for_each(|(z, v)| *z += h * v);
+        // The ring goes with q: by its velocities, or where positions went otherwise, anew.
+        multiply(field, z_dot.get(s..).unwrap_or_default(), &mut self.ring_v);
+        if is_closing {
+            multiply(field, z.get(s..).unwrap_or_default(), &mut self.ring_dx);
+        } else {
+            self.ring_dx.iter_mut().zip(&self.ring_v).take(field.ring).for_each(|(dx, v)| *dx += h * *v);
+        }
     }
 
-    /// What acts on z at its present state.
-    fn compute_forces(&mut self, field: &NearField) {
+    /// The forces of the near springs, on S and on the ring, at the present state.
+    fn stretch_near_springs(&mut self, field: &NearField) {
+        let (z, z_dot) = (&self.z, &self.z_dot);
+        self.ring_n.iter_mut().take(field.ring).for_each(|f| *f = DVec3::ZERO);
+        self.internal_n.iter_mut().take(field.nodes).for_each(|f| *f = DVec3::ZERO);
+        let node = |i: usize| Some((*field.node_m.get(i)? + get(z, i), get(z_dot, i)));
+        for near in field.near.iter().take(field.springs) {
+            let Some((x_a, v_a)) = node(near.a) else { continue };
+            let end = match near.b {
+                NearEnd::Support(i) => node(i),
+                NearEnd::Ring(i) => {
+                    let moved = self.ring_dx.get(i).zip(self.ring_v.get(i));
+                    field.ring_m.get(i).zip(moved).map(|(x, (dx, v))| (*x + *dx, *v))
+                }
+                NearEnd::Fixed(x) => Some((x, DVec3::ZERO)),
+            };
+            let Some((x_b, v_b)) = end else { continue };
+            let f = near.spring.force_on_a(x_b - x_a, v_b - v_a);
+            if let Some(sum) = self.internal_n.get_mut(near.a) {
+                *sum += f;
+            }
+            let other = match near.b {
+                NearEnd::Support(i) => self.internal_n.get_mut(i),
+                NearEnd::Ring(i) => self.ring_n.get_mut(i),
+                NearEnd::Fixed(_) => None,
+            };
+            if let Some(sum) = other {
+                *sum -= f;
+            }
+        }
+    }
+
+    /// What acts on z: the near springs, the far field, and what acts from outside.
+    fn collect_forces(&mut self, field: &NearField) {
         let (n, s, p) = (field.unknowns(), 3 * field.nodes, field.order);
         let (Some(force), Some(z), Some(z_dot)) =
             (self.force.get_mut(..n), self.z.get(..n), self.z_dot.get(..n))
@@ -168,52 +212,29 @@ impl NearState {
             }
             subtract_product(on_q, &field.damping, scratch);
         }
-        let rows = || field.basis.chunks_exact((3 * p).max(1)).take(field.ring);
-        if p > 0 {
-            for ((row, dx), v) in rows().zip(&mut self.ring_dx).zip(&mut self.ring_v) {
-                (*dx, *v) = (product(row, q), product(row, q_dot));
-            }
-        }
-        self.ring_n.iter_mut().take(field.ring).for_each(|f| *f = DVec3::ZERO);
-        self.internal_n.iter_mut().take(field.nodes).for_each(|f| *f = DVec3::ZERO);
-        let node = |i: usize| Some((*field.node_m.get(i)? + get(z, i), get(z_dot, i)));
-        for near in field.near.iter().take(field.springs) {
-            let Some((x_a, v_a)) = node(near.a) else { continue };
-            let end = match near.b {
-                NearEnd::Support(i) => node(i),
-                NearEnd::Ring(i) => field
-                    .ring_m
-                    .get(i)
-                    .zip(self.ring_dx.get(i))
-                    .zip(self.ring_v.get(i))
-                    .map(|((x, dx), v)| (*x + *dx, *v)),
-                NearEnd::Fixed(x) => Some((x, DVec3::ZERO)),
-            };
-            let Some((x_b, v_b)) = end else { continue };
-            let f = near.spring.force_on_a(x_b - x_a, v_b - v_a);
-            if let Some(sum) = self.internal_n.get_mut(near.a) {
-                *sum += f;
-            }
-            let other = match near.b {
-                NearEnd::Support(i) => self.internal_n.get_mut(i),
-                NearEnd::Ring(i) => self.ring_n.get_mut(i),
-                NearEnd::Fixed(_) => None,
-            };
-            if let Some(sum) = other {
-                *sum -= f;
-            }
-        }
         for (to, f) in on_s.chunks_exact_mut(3).zip(&self.internal_n) {
             to.iter_mut().zip(f.to_array()).for_each(|(to, f)| *to += f);
         }
         if p > 0 {
-            for (row, f) in rows().zip(&self.ring_n) {
-                for (row, f) in row.chunks_exact(p).zip(f.to_array()) {
-                    on_q.iter_mut().zip(row).for_each(|(to, v)| *to += v * f);
+            let rows = field.basis.chunks_exact(3 * p).take(field.ring);
+            for (row, f) in rows.zip(&self.ring_n) {
+                let (x, rest) = row.split_at(p);
+                let (y, z) = rest.split_at(p);
+                for (((to, x), y), z) in on_q.iter_mut().zip(x).zip(y).zip(z) {
+                    *to += x * f.x + y * f.y + z * f.z;
                 }
             }
         }
     }
+}
+
+/// V_i q of every ring node i.
+fn multiply(field: &NearField, q: &[f64], to: &mut [DVec3]) {
+    if q.is_empty() {
+        return;
+    }
+    let rows = field.basis.chunks_exact(3 * q.len()).take(field.ring);
+    to.iter_mut().zip(rows).for_each(|(to, rows)| *to = product(rows, q));
 }
 
 /// V_i q of a ring node's three rows.

@@ -281,7 +281,7 @@ fn own_per_kg(point: &Point, field: &NearField) -> DMat3 {
                 |(node, w): (usize, f64)| w * w * field.node_per_kg.get(node).copied().unwrap_or(0.0);
             DMat3::from_diagonal(DVec3::splat(point.weights(field).map(per_kg).sum()))
         }
-        TickIntegrator::Implicit => {
+        TickIntegrator::Implicit { .. } => {
             let pairs =
                 point.weights(field).flat_map(|(i, w)| point.weights(field).map(move |(j, o)| (i, j, w * o)));
             pairs.map(|(i, j, w)| block(field, i, j) * w).sum()
@@ -321,7 +321,7 @@ impl Answer for OfField<'_> {
                     let v = get(self.z_dot, node) + w * per_kg * impulse_ns;
                     put(self.z_dot, node, v);
                 }
-                TickIntegrator::Implicit => {
+                TickIntegrator::Implicit { .. } => {
                     for (axis, part) in impulse_ns.to_array().into_iter().enumerate() {
                         let start = n * (3 * node + axis);
                         let column = self.field.answer.get(start..start + n).unwrap_or_default();

@@ -1,6 +1,6 @@
 //! From the state of a body to a local model.
 
-use crate::near_field::{self, LocalIntegrator};
+use crate::near_field::{self, LocalIntegrator, Moment};
 use crate::static_stiffness::StaticStiffness;
 use crate::{ReduceError, neighbourhood};
 use glam::{DMat3, DVec3};
@@ -77,6 +77,10 @@ impl LocalModelBuilder {
         let BuilderOptions { tick_s, rings, regularisation_per_s, .. } = options;
         let shift = options.shifts_hz.into_iter().flatten().find(|hz| !(hz.is_finite() && *hz > 0.0));
         let BuilderOptions { basis_tolerance, order_limit, support_nodes, horizon_s, .. } = options;
+        let substeps = match options.integrator {
+            LocalIntegrator::Implicit { substeps } => substeps,
+            LocalIntegrator::Auto | LocalIntegrator::Explicit => 1,
+        };
         for (what, value, ok, allowed) in [
             ("tick, s", tick_s, tick_s.is_finite() && tick_s > 0.0, "finite and above 0"),
             ("rings of nodes", rings as f64, (1..=8).contains(&rings), "1 to 8"),
@@ -86,6 +90,7 @@ impl LocalModelBuilder {
                 regularisation_per_s.is_finite() && regularisation_per_s >= 0.0,
                 "finite and at least 0",
             ),
+            ("steps in a tick", f64::from(substeps), (1..=64).contains(&substeps), "1 to 64"),
             ("shift, Hz", shift.unwrap_or(1.0), shift.is_none(), "finite and above 0"),
             (
                 "tolerance of the basis",
@@ -166,7 +171,9 @@ impl LocalModelBuilder {
             model.force_n = contact.displayed_force_n(body);
             self.exact_or_clamped(body, model, |this, model| {
                 let LocalModel { near, clamped, .. } = model;
-                this.near_field.build(body, &this.tangent, contact, tool, &this.options, *clamped, near)
+                let (tangent, options) = (&this.tangent, &this.options);
+                let moment = Moment { body, tangent, is_clamped: *clamped, contact, tool, options };
+                this.near_field.build(&moment, near)
             })?;
         }
         let points = contact.points();

@@ -21,17 +21,21 @@ use support::SupportSet;
 /// How the loop integrates the ticks of a near field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LocalIntegrator {
-    /// As the body where that takes at most eight substeps a tick, linearly implicit otherwise.
+    /// As the body where that takes at most four substeps a tick, linearly implicit in two steps otherwise.
     #[default]
     Auto,
     /// Semi-implicit Euler with the body's own substeps, whatever they cost, 64 at most.
     Explicit,
-    /// Linearly implicit Euler, one step a tick.
-    Implicit,
+    /// Linearly implicit Euler.
+    Implicit {
+        /// Steps in a tick, 1 to 64.
+        substeps: u32,
+    },
 }
 
-/// Most substeps of `Auto`.
-const MOST_SUBSTEPS: usize = 8;
+/// Most explicit substeps of `Auto`, and its implicit ones.
+const MOST_SUBSTEPS: usize = 4;
+const IMPLICIT_SUBSTEPS: u32 = 2;
 /// Most substeps that a loop takes at all.
 const LARGEST_SUBSTEPS: usize = 64;
 
@@ -46,6 +50,17 @@ pub(crate) struct Workspace {
     outer_n: Vec<DVec3>,
     /// Place of every node in S, and in the ring.
     place: Vec<Place>,
+}
+
+/// What a near field is built of.
+pub(crate) struct Moment<'a> {
+    pub(crate) body: &'a Body,
+    /// That of the body, exact or clamped.
+    pub(crate) tangent: &'a Tangent,
+    pub(crate) is_clamped: bool,
+    pub(crate) contact: &'a ToolContact,
+    pub(crate) tool: ToolPoint,
+    pub(crate) options: &'a BuilderOptions,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,18 +86,9 @@ impl Workspace {
         })
     }
 
-    /// Writes the near field of `body` with `contact` and the tool at `tool` into `field`; it stays empty where the tool
-    /// can reach nothing. `tangent` is that of the body, exact or `clamped`.
-    pub(crate) fn build(
-        &mut self,
-        body: &Body,
-        tangent: &Tangent,
-        contact: &ToolContact,
-        tool: ToolPoint,
-        options: &BuilderOptions,
-        clamped: bool,
-        field: &mut NearField,
-    ) -> Result<(), ReduceError> {
+    /// Writes the near field of a moment into `field`; it stays empty where the tool can reach nothing.
+    pub(crate) fn build(&mut self, moment: &Moment<'_>, field: &mut NearField) -> Result<(), ReduceError> {
+        let &Moment { body, tangent, contact, tool, options, .. } = moment;
         field.clear();
         let room = field.capacity();
         let nodes = options.support_nodes.min(room.nodes);
@@ -97,7 +103,7 @@ impl Workspace {
         body.internal_forces_n(&mut self.internal_n);
         body.outer_forces_n(&mut self.outer_n);
         let basis = self.basis(body, tangent, &support, options, room.order)?;
-        self.write(body, &support, &basis, tool, options, clamped, field).inspect_err(|_| field.clear())
+        self.write(moment, &support, &basis, field).inspect_err(|_| field.clear())
     }
 
     /// V: the static response, its high-frequency end, the responses at the shifts, v_N, and the static correction.
@@ -171,17 +177,14 @@ impl Workspace {
         Ok(basis)
     }
 
-    #[expect(clippy::too_many_arguments, reason = "what a field is made of")]
     fn write(
         &mut self,
-        body: &Body,
+        moment: &Moment<'_>,
         support: &SupportSet,
         basis: &Basis,
-        tool: ToolPoint,
-        options: &BuilderOptions,
-        clamped: bool,
         field: &mut NearField,
     ) -> Result<(), ReduceError> {
+        let &Moment { body, is_clamped, tool, options, .. } = moment;
         let (network, x, v) = (body.network(), body.positions_m(), body.velocities_m_per_s());
         let room = field.capacity();
         let too_many = |what, found, room| ReduceError::from(LocalModelError::Room { what, found, room });
@@ -199,10 +202,8 @@ impl Workspace {
             field.node_m[i] = x[node];
             let is_free = !network.is_fixed(node);
             field.node_per_kg[i] = if is_free { 1.0 / network.mass_kg()[node] } else { 0.0 };
-            for axis in 0..3 {
-                field.force[3 * i + axis] = self.outer_n[node][axis];
-                field.velocity[3 * i + axis] = v[node][axis];
-            }
+            field.force[3 * i..3 * i + 3].copy_from_slice(&self.outer_n[node].to_array());
+            field.velocity[3 * i..3 * i + 3].copy_from_slice(&v[node].to_array());
         }
         if support.triangles.len() > room.triangles {
             return Err(too_many("triangles", support.triangles.len(), room.triangles));
@@ -262,7 +263,7 @@ impl Workspace {
                 field.velocity[3 * s + j] = momentum;
             },
         );
-        basis.congruence(body, &is_near, clamped, &mut field.stiffness, &mut field.damping);
+        basis.congruence(body, &is_near, is_clamped, &mut field.stiffness, &mut field.damping);
         let substeps =
             SemiImplicitEuler { tick_s: options.tick_s, ..SemiImplicitEuler::default() }.substeps(body);
         let explicit = |most: usize| {
@@ -272,11 +273,11 @@ impl Workspace {
         field.integrator = match options.integrator {
             LocalIntegrator::Auto => explicit(MOST_SUBSTEPS),
             LocalIntegrator::Explicit => explicit(LARGEST_SUBSTEPS),
-            LocalIntegrator::Implicit => None,
+            LocalIntegrator::Implicit { substeps } => Some(TickIntegrator::Implicit { substeps }),
         }
-        .unwrap_or(TickIntegrator::Implicit);
-        if field.integrator == TickIntegrator::Implicit {
-            make_implicit(field)?;
+        .unwrap_or(TickIntegrator::Implicit { substeps: IMPLICIT_SUBSTEPS });
+        if let TickIntegrator::Implicit { substeps } = field.integrator {
+            make_implicit(field, field.tick_s / f64::from(substeps))?;
         }
         Ok(())
     }
@@ -354,9 +355,9 @@ fn factorise(
     })
 }
 
-/// Writes the tangent of all of z, the factor of M/h + B + h K, and what impulses on S do, into `field`.
-fn make_implicit(field: &mut NearField) -> Result<(), ReduceError> {
-    let (s, p, n, h) = (3 * field.nodes, field.order, field.unknowns(), field.tick_s);
+/// Writes the tangent of all of z, the factor of M/h + B + h K for steps of `h`, and what impulses on S do, into `field`.
+fn make_implicit(field: &mut NearField, h: f64) -> Result<(), ReduceError> {
+    let (s, p, n) = (3 * field.nodes, field.order, field.unknowns());
     let (mut k, mut b) = (vec![0.0; n * n], vec![0.0; n * n]);
     for i in 0..p {
         for j in 0..p {

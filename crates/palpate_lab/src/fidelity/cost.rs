@@ -1,0 +1,68 @@
+//! What a scheme costs: the time of building its local model and of a tick with it.
+
+use crate::error::LabError;
+use palpate_body::{Body, SemiImplicitEuler, ToolContact, ToolPoint};
+use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Sample, Scheme};
+use palpate_reduce::{BuilderOptions, LocalModelBuilder};
+use std::time::Instant;
+
+/// Medians.
+pub(super) struct Cost {
+    pub(super) states: usize,
+    pub(super) tick_us: f64,
+    pub(super) build_ms: f64,
+}
+
+/// Ticks from the beginning to where a local model is built.
+const AT: usize = 150;
+/// Models that are built.
+const BUILDS: usize = 11;
+
+/// Measures `scheme` on `body`, led along the first of `samples`.
+#[expect(clippy::disallowed_methods, reason = "times are what is asked for")]
+pub(super) fn measure(
+    scheme: Scheme,
+    body: &Body,
+    contact: &ToolContact,
+    samples: &[Sample],
+    options: BuilderOptions,
+) -> Result<Cost, LabError> {
+    let (mut body, mut contact) = (body.clone(), contact.clone());
+    let mut builder = LocalModelBuilder::new(&body, options)?;
+    let point = |s: &Sample| ToolPoint { position_m: s.position_m, velocity_m_per_s: s.velocity_m_per_s };
+    let path: Vec<ToolPoint> = samples.iter().take(AT + 1).map(point).collect();
+    body.advance(Some((&mut contact, &path)), AT, SemiImplicitEuler::default())?;
+    let mut model = LocalModel::silent(builder.capacity());
+    let id = ModelId { body: 1, epoch: 0, sequence: samples[AT].sequence };
+    let mut builds = Vec::with_capacity(BUILDS);
+    for _ in 0..BUILDS {
+        let begun = Instant::now();
+        builder.build(scheme, &body, &contact, path[AT], id, &mut model)?;
+        builds.push(1e3 * begun.elapsed().as_secs_f64());
+    }
+    let states = match scheme {
+        Scheme::Hold | Scheme::Tangent => 0,
+        Scheme::LowPass => 3,
+        Scheme::Neighbourhood | Scheme::KrylovLinear => 2 * model.reduced.order,
+        // What is driven has no state of its own.
+        Scheme::NearFieldExact => 2 * model.near.order,
+    };
+    let settings = HandOverSettings { capacity: builder.capacity(), ..HandOverSettings::default() };
+    let mut hand_over = HandOver::new(settings)?;
+    let mut ticks = Vec::with_capacity(samples.len());
+    for sample in &samples[AT..] {
+        let begun = Instant::now();
+        hand_over.push(*sample);
+        if sample.sequence == id.sequence {
+            hand_over.offer(&model);
+        }
+        std::hint::black_box(hand_over.speak());
+        ticks.push(1e6 * begun.elapsed().as_secs_f64());
+    }
+    Ok(Cost { states, tick_us: median(ticks), build_ms: median(builds) })
+}
+
+fn median(mut list: Vec<f64>) -> f64 {
+    list.sort_by(f64::total_cmp);
+    list[list.len() / 2]
+}
