@@ -54,7 +54,7 @@ fn setup(mut commands: Commands, options: Res<Options>) {
     commands.spawn((
         HapticTool {
             device: DeviceSelector::replay(options.trajectory.display().to_string()),
-            scheme: options.scheme.into(),
+            scheme: options.scheme,
             ..default()
         },
         TickRecording::default(),
