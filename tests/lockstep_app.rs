@@ -30,6 +30,30 @@ fn a_hand_that_presses_a_block_is_pushed_back_and_let_go() {
 }
 
 #[test]
+fn the_error_against_the_full_body_is_told_at_every_model_step() {
+    let worst = |scheme| {
+        let mut app = lockstep_app();
+        let (_, tool) = spawn_scene(&mut app, scheme, pressing_hand);
+        let mut errors = Vec::new();
+        for _ in 0..26 {
+            step(&mut app, 1);
+            errors.push(*app.world().get::<LocalModelError>(tool).unwrap());
+        }
+        // Fifty ticks a step, but for those before the first local model.
+        assert!(errors[2..].iter().all(|error| error.ticks == 50), "{errors:?}");
+        let store = app.world().resource::<bevy::diagnostic::DiagnosticsStore>();
+        let told = store.get(&bevy_palpate::LOCAL_MODEL_ERROR).unwrap();
+        assert_eq!(told.value(), errors.last().map(|error| error.rms_n));
+        let felt: Vec<f64> = errors.iter().filter_map(|error| error.relative).collect();
+        let share: Vec<f64> = errors.iter().filter_map(|error| error.share_of_noticeable).collect();
+        assert!(felt.len() > 10 && (share[0] - felt[0] / 0.07).abs() < 1e-12);
+        felt.iter().skip(1).copied().fold(0.0, f64::max)
+    };
+    let (near, hold) = (worst(Scheme::NearFieldExact), worst(Scheme::Hold));
+    assert!(near < 0.02 && hold > 0.2, "near field exact {near}, hold {hold}");
+}
+
+#[test]
 fn touching_and_letting_go_are_told_once_each() {
     let mut app = lockstep_app();
     let (body, tool) = spawn_scene(&mut app, Scheme::Hold, pressing_hand);

@@ -100,16 +100,17 @@ pub use fault::{DeviceFault, HapticFault, HapticFaultKind};
 pub use plugins::{FaultLogPlugin, PalpatePlugins};
 pub use schedule::{HapticClock, HapticSchedulePlugin, HapticSystems, ModelRate, ModelStep, ModelStepCount};
 pub use tool::{
-    ContactBegan, ContactEnded, HapticTool, LoopTiming, TickRecording, ToolForce, ToolLoop, ToolPlugin,
-    ToolSettings, Touching,
+    ContactBegan, ContactEnded, HapticTool, LOCAL_MODEL_ERROR, LOCAL_MODEL_ERROR_NOTICEABLE, LocalModelError,
+    LoopTiming, TickRecording, ToolForce, ToolLoop, ToolPlugin, ToolSettings, Touching,
 };
 
 /// What an app with haptic bodies needs.
 pub mod prelude {
     pub use crate::{
         ContactBegan, ContactEnded, DeformableBody, DeviceSelector, Face, FaultLogPlugin, FixedRegion,
-        HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin, HapticSystems, HapticTool, LoopTiming,
-        ModelRate, ModelStep, PalpatePlugins, Tissue, ToolForce, ToolSettings, Touching,
+        HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin, HapticSystems, HapticTool,
+        LocalModelError, LoopTiming, ModelRate, ModelStep, PalpatePlugins, Tissue, ToolForce, ToolSettings,
+        Touching,
     };
     pub use glam::{DQuat, DVec3};
     pub use palpate_haptics::{

@@ -6,13 +6,17 @@ mod results;
 mod settings;
 mod start;
 
-pub use results::{LoopTiming, TickRecording, ToolForce, Touching};
+pub use results::{
+    LOCAL_MODEL_ERROR, LOCAL_MODEL_ERROR_NOTICEABLE, LocalModelError, LoopTiming, TickRecording, ToolForce,
+    Touching,
+};
 pub use start::ToolLoop;
 
 use crate::body::HapticSetupSystems;
 use crate::device::{DeviceSelector, HapticDevices};
 use crate::fault::HapticFault;
 use crate::schedule::{HapticClock, HapticSystems, ModelRate, ModelStep};
+use bevy::diagnostic::{Diagnostic, RegisterDiagnostic};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{BodyError, ToolContact, ToolShape};
@@ -20,12 +24,12 @@ use palpate_haptics::{DeviceFrame, SafetySettings, VelocityEstimator};
 use palpate_local::Scheme;
 
 /// A haptic interface point: a sphere at the place of its device. Its partners come by themselves; among them
-/// the results [`ToolForce`], [`LoopTiming`] and [`Touching`].
+/// the results [`ToolForce`], [`LocalModelError`], [`LoopTiming`] and [`Touching`].
 ///
 /// Spawning it starts a loop, removing it stops the loop with zero force and joins its thread. Its
 /// [`Transform`] follows the device; spawn it without a parent.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
-#[require(ToolSettings, ToolForce, LoopTiming, Touching, Transform)]
+#[require(ToolSettings, ToolForce, LocalModelError, LoopTiming, Touching, Transform)]
 #[reflect(Component, Debug, PartialEq, Clone)]
 pub struct HapticTool {
     /// Which device moves it. A change starts another loop.
@@ -111,7 +115,10 @@ impl Plugin for ToolPlugin {
             .register_type::<HapticTool>()
             .register_type::<ToolSettings>()
             .register_type::<ToolForce>()
+            .register_type::<LocalModelError>()
             .register_type::<LoopTiming>()
+            .register_diagnostic(Diagnostic::new(LOCAL_MODEL_ERROR).with_suffix(" N"))
+            .register_diagnostic(Diagnostic::new(LOCAL_MODEL_ERROR_NOTICEABLE).with_suffix(" %"))
             .register_type::<Touching>()
             .add_message::<HapticFault>()
             .add_message::<ContactBegan>()
@@ -135,10 +142,12 @@ impl Plugin for ToolPlugin {
                     (receive::receive, receive::choose_bodies, settings::set_loops)
                         .chain()
                         .in_set(HapticSystems::Receive),
-                    model::step_bodies.in_set(HapticSystems::StepBody),
+                    (model::step_bodies, model::judge_loops).chain().in_set(HapticSystems::StepBody),
                     model::build_local_models.in_set(HapticSystems::BuildLocalModel),
                     model::publish_local_models.in_set(HapticSystems::Publish),
-                    (receive::watch_loops, results::write_results).chain().in_set(HapticSystems::Writeback),
+                    (receive::watch_loops, results::write_results, results::write_errors)
+                        .chain()
+                        .in_set(HapticSystems::Writeback),
                 ),
             )
             .add_observer(start::remove_loop)

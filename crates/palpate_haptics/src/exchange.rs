@@ -2,12 +2,13 @@
 //!
 //! | data | direction | structure | when the reader is late |
 //! | --- | --- | --- | --- |
-//! | samples | loop → model side | triple buffer of a history of at least 512 | older ones are lost; the gap is seen in the sequence numbers |
+//! | samples, and what was displayed at each | loop → model side | triple buffer of a history of at least 512 | older ones are lost; the gap is seen in the sequence numbers |
 //! | local model | model side → loop | triple buffer | the loop keeps the last one, and its age fades the force |
 //! | settings | app → loop | triple buffer, one struct with a number | the newest counts; the loop acknowledges by number |
 //! | report | loop → app | triple buffer | the newest counts |
 //! | events, tick records | loop → app | bounded queues, `try_send` only | dropped and counted |
 
+use crate::displayed::DisplayedForces;
 use crate::haptic_loop::HapticLoop;
 use crate::timing::LoopReport;
 use crate::{HapticsError, LoopConfig, LoopEvent, LoopSettings, TickRecord};
@@ -34,6 +35,7 @@ pub struct HapticHandle {
 #[derive(Clone, Debug)]
 pub(crate) struct Sampled {
     pub(crate) history: SampleHistory,
+    pub(crate) displayed: DisplayedForces,
     pub(crate) latest: Option<TickRecord>,
 }
 
@@ -64,7 +66,11 @@ pub fn haptic_loop(
     // The vectors get their length here, before they are cloned into the three slots.
     let (models_in, models_out) = triple_buffer(&LocalModel::silent(config.hand_over.capacity));
     let history = SampleHistory::with_capacity(config.hand_over.history)?;
-    let (samples_in, samples_out) = triple_buffer(&Sampled { history, latest: None });
+    let (samples_in, samples_out) = triple_buffer(&Sampled {
+        displayed: DisplayedForces::with_capacity(config.hand_over.history),
+        history,
+        latest: None,
+    });
     let (reports_in, reports_out) = triple_buffer(&LoopReport::new());
     let (events_in, events_out) = bounded(config.event_capacity);
     let (records_in, records_out) = bounded(config.record_capacity);
@@ -127,6 +133,11 @@ impl HapticHandle {
     /// The newest samples.
     pub fn samples(&mut self) -> &SampleHistory {
         &self.samples.read().history
+    }
+
+    /// What was displayed at the newest samples.
+    pub fn displayed(&mut self) -> &DisplayedForces {
+        &self.samples.read().displayed
     }
 
     /// The newest tick; `None` before the first.

@@ -5,6 +5,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+use crate::displayed::DisplayedForces;
 use crate::exchange::LoopEnds;
 use crate::timing::LoopReport;
 use crate::velocity::VelocityState;
@@ -37,6 +38,7 @@ pub struct HapticLoop {
     hand_over: HandOver,
     safety: SafetyChain,
     velocity: VelocityState,
+    displayed: DisplayedForces,
     /// Periods since the start, up to the last tick.
     sequence: u64,
     /// Ticks in a row without a usable reading.
@@ -68,6 +70,7 @@ impl HapticLoop {
             hand_over: HandOver::new(config.hand_over)?,
             safety: SafetyChain::new(config.hand_over.tick_s, config.device_limit_n)?,
             velocity: VelocityState::default(),
+            displayed: DisplayedForces::with_capacity(config.hand_over.history),
             sequence: 0,
             silent_ticks: 0,
             write_failed: false,
@@ -113,6 +116,9 @@ impl HapticLoop {
         let (force_n, safety) = self.safety.apply(&self.settings.safety, &input);
         self.report.safety_acted += u64::from(safety.acted());
         let sample = self.hand_over.history().newest().copied();
+        if let Some(sample) = sample.filter(|_| spoken.model.is_some()) {
+            self.displayed.push(sample.sequence, spoken.force_n);
+        }
         let timing = TickTiming::default();
         let record =
             TickRecord { elapsed, reading, sample, settings, taken, spoken, safety, force_n, timing };
@@ -142,6 +148,7 @@ impl HapticLoop {
         let record = TickRecord { timing: timing.unwrap_or_default(), ..ticked.record };
         let sampled = self.ends.samples.input_buffer_mut();
         sampled.history.catch_up_with(self.hand_over.history());
+        sampled.displayed.catch_up_with(&self.displayed);
         sampled.latest = Some(record);
         self.ends.samples.publish();
         if self.settings.record {

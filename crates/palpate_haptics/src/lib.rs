@@ -54,6 +54,7 @@
 
 mod clock;
 mod device;
+mod displayed;
 mod error;
 mod exchange;
 mod frame;
@@ -70,6 +71,7 @@ mod velocity;
 pub use device::{
     AtEnd, DeviceDescription, DeviceError, HapticDevice, Reading, ReplayDevice, ScriptedDevice,
 };
+pub use displayed::DisplayedForces;
 pub use error::{HapticsError, TrajectoryError};
 pub use exchange::{HapticHandle, haptic_loop};
 pub use frame::DeviceFrame;

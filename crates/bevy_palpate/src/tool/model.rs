@@ -1,10 +1,11 @@
 //! The model side of a step: bodies, local models, hand-over.
 
-use super::{ContactBegan, ContactEnded, HapticTool, ToolLoop};
+use super::{ContactBegan, ContactEnded, HapticTool, LocalModelError, ToolLoop};
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::ModelRate;
 use bevy::prelude::*;
+use glam::DVec3;
 use palpate_body::SemiImplicitEuler;
 use palpate_local::ModelId;
 
@@ -18,6 +19,9 @@ pub(super) fn step_bodies(
     mut faults: MessageWriter<HapticFault>,
 ) {
     let integrator = SemiImplicitEuler::default();
+    for (_, mut tool) in &mut tools {
+        tool.full_n.clear();
+    }
     for (entity, mut simulated) in &mut bodies {
         let simulated = &mut *simulated;
         let tool = tools.iter_mut().find(|(_, tool)| tool.body == Some(entity) && !tool.path.is_empty());
@@ -28,12 +32,14 @@ pub(super) fn step_bodies(
                 if std::mem::replace(&mut tool.shape, simulated.shape) != simulated.shape {
                     tool.let_go(tool_entity).map(|message| ended.write(message));
                 }
-                let ToolLoop { contact, path, .. } = &mut *tool;
+                let ToolLoop { contact, path, full_n, .. } = &mut *tool;
                 let before = contact.normal();
                 let along = Some((&mut *contact, path.as_slice()));
-                let stepped = simulated.body.advance(along, path.len() - 1, integrator);
+                let note = |_, force_n| full_n.push(force_n);
+                let stepped = simulated.body.advance_observed(along, path.len() - 1, integrator, note);
                 if stepped.is_err() {
                     contact.let_go();
+                    full_n.clear();
                 }
                 let after = contact.normal();
                 if before.is_some() && after.is_none() {
@@ -62,11 +68,22 @@ pub(super) fn step_bodies(
     }
 }
 
+/// Compares what every loop displayed with what the full body says for the same samples.
+pub(super) fn judge_loops(mut tools: Query<&mut ToolLoop>) {
+    for mut tool in &mut tools {
+        let ToolLoop { handle, full_n, consumed, error, .. } = &mut *tool;
+        let displayed = handle.displayed();
+        let first = consumed.and_then(|newest| newest.checked_sub(full_n.len() as u64));
+        let pair = |(i, full): (usize, &DVec3)| Some((displayed.get(first? + 1 + i as u64)?, *full));
+        *error = LocalModelError::of(full_n.iter().enumerate().filter_map(pair));
+    }
+}
+
 /// What could not be stepped from here may be from rest.
 fn bring_to_rest(simulated: &mut SimulatedBody) {
     let x = simulated.body.positions_m().to_vec();
     // The positions are the body's own, so they fit.
-    let _ = simulated.body.set_state(&x, &vec![glam::DVec3::ZERO; x.len()]);
+    let _ = simulated.body.set_state(&x, &vec![DVec3::ZERO; x.len()]);
 }
 
 /// Builds a local model for every tool that has new samples, into the slot of the exchange.

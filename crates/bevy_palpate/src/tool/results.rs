@@ -1,6 +1,7 @@
 //! What a tool shows of itself.
 
 use super::ToolLoop;
+use bevy::diagnostic::{DiagnosticPath, Diagnostics};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_haptics::TickRecord;
@@ -48,6 +49,73 @@ pub struct LoopTiming {
     pub models_refused: u64,
     /// Events that were lost because the app did not listen.
     pub dropped_events: u64,
+}
+
+/// How far the force on the hand was from that of the full body over the last model step, at the same samples and before
+/// the safety chain. Ticks at which no local model spoke do not count.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub struct LocalModelError {
+    /// RMS of the difference, N.
+    pub rms_n: f64,
+    /// Largest difference, N.
+    pub peak_n: f64,
+    /// RMS of the difference over that of the full body's force; `None` where that is zero.
+    pub relative: Option<f64>,
+    /// That as a share of 7 %, the difference that a person just notices.
+    pub share_of_noticeable: Option<f64>,
+    /// Ticks that were compared.
+    pub ticks: usize,
+}
+
+impl LocalModelError {
+    /// The just noticeable difference of a force (L. A. Jones, Exp. Brain Res. 79 (1989) 150: about 7 %).
+    pub const NOTICEABLE: f64 = 0.07;
+
+    /// Of pairs of what was displayed and what the full body says, N.
+    pub(super) fn of(pairs: impl Iterator<Item = (DVec3, DVec3)>) -> Self {
+        let (mut error, mut reference, mut peak_n, mut ticks) = (0.0, 0.0, 0.0_f64, 0);
+        for (displayed, full) in pairs {
+            error += (displayed - full).length_squared();
+            reference += full.length_squared();
+            peak_n = peak_n.max((displayed - full).length());
+            ticks += 1;
+        }
+        let relative = (reference > 0.0).then(|| f64::sqrt(error / reference));
+        Self {
+            rms_n: if ticks > 0 { (error / ticks as f64).sqrt() } else { 0.0 },
+            peak_n,
+            relative,
+            share_of_noticeable: relative.map(|relative| relative / Self::NOTICEABLE),
+            ticks,
+        }
+    }
+}
+
+/// Error of the local models over the last model step, N: of the tool with the largest.
+pub const LOCAL_MODEL_ERROR: DiagnosticPath = DiagnosticPath::const_new("palpate/local_model_error");
+/// The same as a share of what a person just notices, %.
+pub const LOCAL_MODEL_ERROR_NOTICEABLE: DiagnosticPath =
+    DiagnosticPath::const_new("palpate/local_model_error_noticeable");
+
+/// Writes the errors of all tools, and the largest as diagnostics.
+pub(super) fn write_errors(
+    mut tools: Query<(&ToolLoop, &mut LocalModelError)>,
+    mut diagnostics: Diagnostics,
+) {
+    let mut largest: Option<LocalModelError> = None;
+    for (tool, mut error) in &mut tools {
+        error.set_if_neq(tool.error);
+        if tool.error.ticks > 0 && largest.is_none_or(|largest| tool.error.rms_n > largest.rms_n) {
+            largest = Some(tool.error);
+        }
+    }
+    if let Some(largest) = largest {
+        diagnostics.add_measurement(&LOCAL_MODEL_ERROR, || largest.rms_n);
+        if let Some(share) = largest.share_of_noticeable {
+            diagnostics.add_measurement(&LOCAL_MODEL_ERROR_NOTICEABLE, || 100.0 * share);
+        }
+    }
 }
 
 /// What a tool touches now.

@@ -1,7 +1,7 @@
 //! A tool's loop: started and stopped.
 
 use super::settings::loop_settings;
-use super::{ContactEnded, HapticTool, TickRecording, ToolForce, ToolSettings, Touching};
+use super::{ContactEnded, HapticTool, LocalModelError, TickRecording, ToolForce, ToolSettings, Touching};
 use crate::device::{DeviceSelector, HapticDevices};
 use crate::fault::{DeviceFault, HapticFault, HapticFaultKind};
 use crate::schedule::{HapticClock, ModelRate};
@@ -9,6 +9,7 @@ use bevy::ecs::lifecycle::HookContext;
 use bevy::ecs::world::DeferredWorld;
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
+use glam::DVec3;
 use palpate_body::{ToolContact, ToolPoint};
 use palpate_haptics::{
     HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopSettings, LoopThread, Stop, haptic_loop,
@@ -29,6 +30,10 @@ pub struct ToolLoop {
     pub(super) consumed: Option<u64>,
     /// The path since then: where it began and one point for each tick.
     pub(super) path: Vec<ToolPoint>,
+    /// What the full body displayed over the last model step, tick by tick, N.
+    pub(super) full_n: Vec<DVec3>,
+    /// How far the loop was from that.
+    pub(super) error: LocalModelError,
     /// A local model waits to be published.
     pub(super) built: bool,
     /// There has been a pause since the last model step.
@@ -123,6 +128,9 @@ fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) 
     if let Some(mut touching) = world.get_mut::<Touching>(entity) {
         *touching = Touching::default();
     }
+    if let Some(mut error) = world.get_mut::<LocalModelError>(entity) {
+        *error = LocalModelError::default();
+    }
 }
 
 /// A tool that is a tool no longer has no loop.
@@ -183,6 +191,8 @@ pub(super) fn start_loops(
                     shape: 0,
                     consumed: None,
                     path: Vec::with_capacity(256),
+                    full_n: Vec::with_capacity(256),
+                    error: LocalModelError::default(),
                     built: false,
                     was_paused: false,
                     refused_body: None,

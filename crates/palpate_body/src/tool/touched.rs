@@ -13,7 +13,8 @@ pub struct TouchedPoint {
     pub nodes: [(usize, f64); 3],
     /// Unit normal out of the body, towards the tool.
     pub normal: DVec3,
-    /// Distance from the tool at the end of the step, m, to the first order.
+    /// Distance from the tool at the end of the step, m, to the first order: zero, but where an overdue gap is being closed,
+    /// because the tool slid over a slope for instance; then some micrometres, and negative what is still to be closed.
     pub gap_m: f64,
     /// λ, the impulse that the tool gave to the body, N s.
     pub impulse_ns: DVec3,
