@@ -54,6 +54,25 @@ fn the_error_against_the_full_body_is_told_at_every_model_step() {
 }
 
 #[test]
+fn a_tool_that_outruns_its_local_model_is_told() {
+    let mut app = lockstep_app();
+    // Down on one side of the block, and across it at 1 m/s.
+    let hand = || {
+        ScriptedDevice::new(|n, _| {
+            let t = n as f64 * 1e-3;
+            let x = -0.035 + (t - 0.5).clamp(0.0, 0.07);
+            Ok(Reading::at(DVec3::new(x, 0.055 - 0.002 * (t / 0.3).min(1.0), 0.001)))
+        })
+    };
+    spawn_scene(&mut app, Scheme::NearFieldExact, hand);
+    step(&mut app, 10);
+    assert_eq!(take_faults(&mut app), [""; 0]);
+    step(&mut app, 10);
+    let said = take_faults(&mut app);
+    assert!(said.len() == 1 && said[0].starts_with("the tool touched beyond the 12 nodes"), "{said:?}");
+}
+
+#[test]
 fn touching_and_letting_go_are_told_once_each() {
     let mut app = lockstep_app();
     let (body, tool) = spawn_scene(&mut app, Scheme::Hold, pressing_hand);

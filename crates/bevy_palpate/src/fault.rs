@@ -63,6 +63,15 @@ pub enum HapticFaultKind {
         /// How many.
         lost: u64,
     },
+    /// The tool came to touch nodes that its local model did not hold, and was not felt there until the next one: it moved
+    /// farther between two model steps than was foreseen. Move slower, raise the model rate, or make the mesh coarser.
+    #[error(
+        "the tool touched beyond the {nodes} nodes of its local model, and was not felt there until the next"
+    )]
+    BeyondSupport {
+        /// How many nodes the local model held.
+        nodes: usize,
+    },
     /// The entity that a tool should touch is no simulated body; it touches nothing.
     #[error("the tool should touch {body}, which is no body")]
     NotABody {

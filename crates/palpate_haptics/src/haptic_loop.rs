@@ -313,6 +313,7 @@ impl HapticLoop {
     fn account_for_model(&mut self, spoken: &Spoken) {
         if let Some(swap) = spoken.swap {
             self.report.models_adopted += 1;
+            self.report.last_swap = Some(swap);
             self.tell(LoopEventKind::ModelAdopted(swap));
         }
         if let Some(error) = spoken.abandoned {

@@ -1,6 +1,7 @@
 //! What the loop measures of itself.
 
 use hdrhistogram::Histogram;
+use palpate_local::Swap;
 
 /// Bounds of every histogram: 1 ns to 10 s, two significant digits. Longer times count as 10 s.
 const LONGEST_NS: u64 = 10_000_000_000;
@@ -60,6 +61,8 @@ pub struct LoopReport {
     pub device_errors: u64,
     /// Local models that began to speak.
     pub models_adopted: u64,
+    /// The last change of local model.
+    pub last_swap: Option<Swap>,
     /// Local models that were refused or given up.
     pub models_refused: u64,
     /// Ticks at which the safety chain changed the force.
@@ -87,6 +90,7 @@ impl LoopReport {
             rejected_readings: 0,
             device_errors: 0,
             models_adopted: 0,
+            last_swap: None,
             models_refused: 0,
             safety_acted: 0,
             dropped_events: 0,
@@ -107,6 +111,7 @@ impl LoopReport {
             rejected_readings,
             device_errors,
             models_adopted,
+            last_swap,
             models_refused,
             safety_acted,
             dropped_events,
@@ -122,6 +127,7 @@ impl LoopReport {
         *rejected_readings = other.rejected_readings;
         *device_errors = other.device_errors;
         *models_adopted = other.models_adopted;
+        *last_swap = other.last_swap;
         *models_refused = other.models_refused;
         *safety_acted = other.safety_acted;
         *dropped_events = other.dropped_events;

@@ -140,6 +140,9 @@ pub struct Swap {
     pub replayed: u64,
     /// Its force minus what the old model would have displayed at this tick, N.
     pub force_step_n: DVec3,
+    /// The body's energy as it has it minus that as the old model has it, J: what the hand-over brings in, or takes where it
+    /// is negative. `None` where one of them knows none.
+    pub energy_step_j: Option<f64>,
 }
 
 impl HandOver {
@@ -266,11 +269,15 @@ impl HandOver {
         match self.catch_up(newest.sequence) {
             Ok(None) => {}
             Ok(Some(replayed)) => {
+                let energy = |speaker: &Speaker| speaker.state.energy_j(&speaker.model);
+                let old = self.spoken.and_then(|_| energy(&self.speaking));
+                let energy_step_j = energy(&self.incoming).zip(old).map(|(new, old)| new - old);
                 std::mem::swap(&mut self.speaking, &mut self.incoming);
                 self.replay = None;
                 self.spoken = Some(newest.sequence);
                 let new = self.speaking.state.force_n(&self.speaking.model, &newest);
-                out.swap = Some(Swap { to: self.speaking.model.id, replayed, force_step_n: new - force });
+                let to = self.speaking.model.id;
+                out.swap = Some(Swap { to, replayed, force_step_n: new - force, energy_step_j });
                 force = new;
             }
             Err(error) => {

@@ -153,6 +153,8 @@ pub struct NearField {
     pub factor: Cholesky,
     /// `Implicit`: A⁻¹ of an impulse on S over h, n for each of 3s.
     pub answer: Vec<f64>,
+    /// Energy of the whole body at the model step, J.
+    pub energy_j: f64,
     /// Where the tool was at the model step, m.
     pub start_m: DVec3,
     /// How far the tool may be from there before it may leave S, m.
@@ -193,6 +195,7 @@ impl NearField {
             tangent: vec![0.0; n * n],
             factor: Cholesky::with_capacity(n),
             answer: vec![0.0; n * 3 * nodes],
+            energy_j: 0.0,
             start_m: DVec3::ZERO,
             covered_m: 0.0,
             is_cut: false,
@@ -294,6 +297,7 @@ impl NearField {
             ("step", self.tick_s.is_finite() && self.tick_s > 0.0),
             ("covered distance", self.covered_m.is_finite()),
             ("start of the tool", self.start_m.is_finite()),
+            ("energy", self.energy_j.is_finite()),
             ("factor", !self.integrator.is_implicit() || self.factor.is_finite()),
         ] {
             if !ok {
@@ -348,7 +352,7 @@ impl NearField {
         (self.springs, self.triangles) = (other.springs, other.triangles);
         (self.support, self.integrator) = (other.support, other.integrator);
         (self.tick_s, self.covered_m, self.is_cut) = (other.tick_s, other.covered_m, other.is_cut);
-        self.start_m = other.start_m;
+        (self.start_m, self.energy_j) = (other.start_m, other.energy_j);
         copy(&mut self.node_m, &other.node_m, other.nodes);
         copy(&mut self.ring_m, &other.ring_m, other.ring);
         copy(&mut self.near, &other.near, other.springs);

@@ -114,6 +114,46 @@ impl NearState {
         };
     }
 
+    /// Energy of the whole body in this state, J: that at the model step, and what z has changed of it. What acts from
+    /// outside counts as a potential.
+    pub(crate) fn energy_j(&self, field: &NearField) -> f64 {
+        let (n, s) = (field.unknowns(), 3 * field.nodes);
+        let (z, v) = (self.z.get(..n).unwrap_or_default(), self.z_dot.get(..n).unwrap_or_default());
+        let squares = |v: &[f64]| -> f64 {
+            let per_kg = field.node_per_kg.iter().flat_map(|per_kg| [*per_kg; 3]).take(s);
+            let kg = per_kg.map(|per_kg| if per_kg > 0.0 { 1.0 / per_kg } else { 0.0 });
+            v.iter().zip(kg.chain(std::iter::repeat(1.0))).map(|(v, m)| 0.5 * m * v * v).sum()
+        };
+        let kinetic = squares(v) - squares(field.velocity.get(..n).unwrap_or_default());
+        let mut elastic = 0.0;
+        for near in field.near.iter().take(field.springs) {
+            let place = |i: usize| field.node_m.get(i).copied().unwrap_or_default();
+            let (before, after) = match near.b {
+                NearEnd::Support(i) => (place(i), place(i) + get(z, i)),
+                NearEnd::Ring(i) => {
+                    let (x, dx) = (field.ring_m.get(i), self.ring_dx.get(i));
+                    let x = x.copied().unwrap_or_default();
+                    (x, x + dx.copied().unwrap_or_default())
+                }
+                NearEnd::Fixed(x) => (x, x),
+            };
+            let a = place(near.a);
+            elastic += near.spring.energy_j(after - a - get(z, near.a)) - near.spring.energy_j(before - a);
+        }
+        // −(F_far,N + B̃ q̇_N)ᵀ q + ½ qᵀ K̃ q: without what the dampers gave at the model step.
+        let (q, p) = (z.get(s..).unwrap_or_default(), field.order.max(1));
+        let q_dot_n = field.velocity.get(s..n).unwrap_or_default();
+        let matrices = field.stiffness.chunks_exact(p).zip(field.damping.chunks_exact(p));
+        let far: f64 = q
+            .iter()
+            .zip(matrices)
+            .zip(field.force.get(s..).unwrap_or_default())
+            .map(|((q_i, (k, b)), f)| q_i * (0.5 * dot(k, q) - dot(b, q_dot_n) - f))
+            .sum();
+        let outer: f64 = z.iter().zip(&field.force).take(s).map(|(z, f)| -z * f).sum();
+        field.energy_j + kinetic + elastic + far + outer
+    }
+
     /// One step of length `h` with the forces of its beginning, the tool moving between two places.
     fn step(&mut self, field: &NearField, tool: (DVec3, DVec3), h: f64) {
         let (n, s) = (field.unknowns(), 3 * field.nodes);

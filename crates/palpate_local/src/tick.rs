@@ -106,6 +106,13 @@ impl LocalState {
         }
     }
 
+    /// Energy of the whole body as `model` has it in this state, J; `None` for schemes that know none.
+    #[must_use]
+    pub fn energy_j(&self, model: &LocalModel) -> Option<f64> {
+        let knows = model.scheme == Scheme::NearFieldExact && model.near.nodes > 0;
+        knows.then(|| self.near.energy_j(&model.near))
+    }
+
     /// Whether the tool has been farther from where it was at the model step than the model was made for.
     #[must_use]
     pub fn has_left(&self, model: &LocalModel) -> bool {

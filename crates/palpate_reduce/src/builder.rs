@@ -140,6 +140,13 @@ impl LocalModelBuilder {
         self.capacity
     }
 
+    /// The support set of the last local model of [`Scheme::NearFieldExact`], as the body numbers its nodes; empty where there
+    /// was nothing within reach. A tool that has touched other nodes since was not felt there.
+    #[must_use]
+    pub fn support(&self) -> &[usize] {
+        self.near_field.support()
+    }
+
     /// Builds into `model` the local model of `scheme` at the present state of `body`, with `contact` and the
     /// tool at `tool`. Every field of `model` that its scheme uses is written.
     ///

@@ -50,6 +50,8 @@ pub(crate) struct Workspace {
     outer_n: Vec<DVec3>,
     /// Place of every node in S, and in the ring.
     place: Vec<Place>,
+    /// S of the last near field.
+    support: Vec<usize>,
 }
 
 /// What a near field is built of.
@@ -83,13 +85,20 @@ impl Workspace {
             internal_n: vec![DVec3::ZERO; nodes],
             outer_n: vec![DVec3::ZERO; nodes],
             place: vec![Place::Elsewhere; nodes],
+            support: Vec::new(),
         })
+    }
+
+    /// The nodes of S of the last near field, as the body numbers them.
+    pub(crate) fn support(&self) -> &[usize] {
+        &self.support
     }
 
     /// Writes the near field of a moment into `field`; it stays empty where the tool can reach nothing.
     pub(crate) fn build(&mut self, moment: &Moment<'_>, field: &mut NearField) -> Result<(), ReduceError> {
         let &Moment { body, tangent, contact, tool, options, .. } = moment;
         field.clear();
+        self.support.clear();
         let room = field.capacity();
         let nodes = options.support_nodes.min(room.nodes);
         let tree = contact.shape().map(|_| {
@@ -100,6 +109,7 @@ impl Workspace {
         let Some(support) = SupportSet::of(body, contact, tree, tool, options.horizon_s, nodes) else {
             return Ok(());
         };
+        self.support.extend(&support.nodes);
         body.internal_forces_n(&mut self.internal_n);
         body.outer_forces_n(&mut self.outer_n);
         let basis = self.basis(body, tangent, &support, options, room.order)?;
@@ -194,6 +204,7 @@ impl Workspace {
         }
         (field.nodes, field.order) = (s, p);
         (field.support, field.start_m) = (support.support, tool.position_m);
+        field.energy_j = body.energy().total_j();
         (field.tick_s, field.covered_m, field.is_cut) = (options.tick_s, support.covered_m, support.is_cut);
         self.place.fill(Place::Elsewhere);
         for (i, &node) in support.nodes.iter().enumerate() {

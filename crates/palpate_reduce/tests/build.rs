@@ -3,7 +3,7 @@
 use faer::linalg::solvers::Solve;
 use glam::DVec3;
 use palpate_body::*;
-use palpate_local::{Capacity, Contact, LocalModel, ModelId, Sample, Scheme};
+use palpate_local::{Capacity, Contact, LocalModel, LocalState, ModelId, Sample, Scheme};
 use palpate_reduce::*;
 
 const LATTICE: UniformLattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
@@ -152,6 +152,62 @@ fn a_buckled_body_falls_back_to_the_clamped_tangent_and_says_so() {
     assert!(model.clamped);
     assert!(model.stiffness_n_per_m.is_finite());
     assert!(model.stiffness_n_per_m.determinant() > 0.0);
+}
+
+#[test]
+fn the_energy_of_a_near_field_is_that_of_the_body() {
+    let weights = vec![(60, 0.5), (59, 0.2), (56, 0.3)];
+    let hold = |body: &Body, point: bool| {
+        let place = DVec3::new(0.01, 0.02, 0.05);
+        if point {
+            ToolContact::hold_point(body, BodyPoint::new(weights.clone()).unwrap(), place).unwrap()
+        } else {
+            ToolContact::hold(body, 60, place).unwrap()
+        }
+    };
+    for (is_point, integrator) in [
+        (false, LocalIntegrator::Explicit),
+        (true, LocalIntegrator::Explicit),
+        (true, LocalIntegrator::Implicit { substeps: 4 }),
+    ] {
+        let mut body = block([4, 4, 4]);
+        body.set_gravity(DVec3::Z * -9.81).unwrap();
+        let mut contact = hold(&body, is_point);
+        let at = |i: usize| {
+            let t = i as f64 * 1e-3;
+            let by = DVec3::new(0.002 * (9.0 * t).sin(), 0.0, -0.008 * (1.0 - (12.0 * t).cos()));
+            DVec3::new(0.01, 0.02, 0.05) + by
+        };
+        let sample = |i: usize| Sample {
+            sequence: i as u64,
+            position_m: at(i),
+            velocity_m_per_s: if i == 0 { DVec3::ZERO } else { (at(i) - at(i - 1)) / 1e-3 },
+            ..Sample::default()
+        };
+        let point = |i: usize| ToolPoint {
+            position_m: sample(i).position_m,
+            velocity_m_per_s: sample(i).velocity_m_per_s,
+        };
+        let path: Vec<ToolPoint> = (0..=150).map(point).collect();
+        body.advance(Some((&mut contact, &path[..=100])), 100, SemiImplicitEuler::default()).unwrap();
+        let options = BuilderOptions { integrator, ..BuilderOptions::default() };
+        let mut builder = LocalModelBuilder::new(&body, options).unwrap();
+        let mut model = LocalModel::silent(builder.capacity());
+        builder.build(Scheme::NearFieldExact, &body, &contact, path[100], ID, &mut model).unwrap();
+        let mut state = LocalState::with_capacity(builder.capacity());
+        state.start(&model);
+        let before = body.energy().total_j();
+        assert!((state.energy_j(&model).unwrap() - before).abs() < 1e-15);
+        for i in 101..=150 {
+            state.advance(&model, &sample(i), 1e-3);
+        }
+        body.advance(Some((&mut contact, &path[100..])), 50, SemiImplicitEuler::default()).unwrap();
+        let (ours, full) = (state.energy_j(&model).unwrap() - before, body.energy().total_j() - before);
+        assert!(
+            full.abs() > 1e-3 && (ours / full - 1.0).abs() < 0.03,
+            "{ours} J, {full} J, {is_point} {integrator:?}"
+        );
+    }
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::schedule::ModelRate;
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::SemiImplicitEuler;
-use palpate_local::ModelId;
+use palpate_local::{ModelId, Scheme};
 
 /// Steps every body: along the samples of the tool that can touch it, or by the model period if there is none.
 pub(super) fn step_bodies(
@@ -93,7 +93,7 @@ pub(super) fn build_local_models(
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, asked, mut tool) in &mut tools {
-        let ToolLoop { handle, contact, path, consumed, body, built, .. } = &mut *tool;
+        let ToolLoop { handle, contact, path, consumed, body, built, support, was_beyond, .. } = &mut *tool;
         *built = false;
         let (Some(&point), Some(sequence)) = (path.last().filter(|_| path.len() > 1), *consumed) else {
             continue;
@@ -107,9 +107,24 @@ pub(super) fn build_local_models(
             continue;
         };
         let SimulatedBody { body: full, builder, epoch, .. } = &mut *simulated;
+        // Where it has been felt is where the local model before had its support set.
+        let on = contact.touched().iter().flat_map(|t| t.nodes).filter(|(_, w)| *w > 0.0);
+        let is_beyond = !support.is_empty() && on.map(|(node, _)| node).any(|node| !support.contains(&node));
+        if is_beyond && !std::mem::replace(was_beyond, true) {
+            let nodes = support.len();
+            faults
+                .write(HapticFault { entity: Some(entity), kind: HapticFaultKind::BeyondSupport { nodes } });
+        }
+        *was_beyond = is_beyond;
+        support.clear();
         let id = ModelId { body: body.to_bits(), epoch: *epoch, sequence };
         match builder.build(asked.scheme, full, contact, point, id, model) {
-            Ok(()) => *built = true,
+            Ok(()) => {
+                *built = true;
+                if asked.scheme == Scheme::NearFieldExact {
+                    support.extend(builder.support());
+                }
+            }
             Err(error) => {
                 faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::LocalModel(error) });
             }

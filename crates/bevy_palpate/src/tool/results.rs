@@ -19,6 +19,10 @@ pub struct ToolForce {
     pub safety_acted: bool,
     /// Age of the local model at that tick, s.
     pub model_age_s: f64,
+    /// What the last hand-over made of the force: that of the new local model minus that of the old one, N.
+    pub hand_over_step_n: DVec3,
+    /// What it brought into the body or took out of it, J; `None` where a scheme knows no energy.
+    pub hand_over_step_j: Option<f64>,
 }
 
 /// The loop's account of itself since its start, renewed every 64 ticks.
@@ -172,9 +176,13 @@ pub(super) fn write_results(
                 model_force_n: spoken.force_n,
                 safety_acted: safety.acted(),
                 model_age_s: age as f64 * tick_s,
+                ..*force
             };
         }
         let report = tool.handle.report();
+        if let Some(swap) = report.last_swap {
+            (force.hand_over_step_n, force.hand_over_step_j) = (swap.force_step_n, swap.energy_step_j);
+        }
         *timing = LoopTiming {
             ticks: report.ticks,
             missed_deadlines: report.missed_deadlines,

@@ -30,6 +30,10 @@ pub struct ToolLoop {
     pub(super) consumed: Option<u64>,
     /// The path since then: where it began and one point for each tick.
     pub(super) path: Vec<ToolPoint>,
+    /// The support set of the last local model, of the body's shape of then.
+    pub(super) support: Vec<usize>,
+    /// It has been said that the tool touched beyond that.
+    pub(super) was_beyond: bool,
     /// What the full body displayed over the last model step, tick by tick, N.
     pub(super) full_n: Vec<DVec3>,
     /// How far the loop was from that.
@@ -191,6 +195,8 @@ pub(super) fn start_loops(
                     shape: 0,
                     consumed: None,
                     path: Vec::with_capacity(256),
+                    support: Vec::new(),
+                    was_beyond: false,
                     full_n: Vec::with_capacity(256),
                     error: LocalModelError::default(),
                     built: false,
