@@ -2,7 +2,10 @@
 
 use glam::DVec3;
 use palpate_haptics::*;
-use palpate_local::{Capacity, Contact, HandOverSettings, Scheme};
+use palpate_laws::{Spring, ToolShape};
+use palpate_local::{
+    Capacity, Contact, HandOverSettings, NearEnd, NearField, NearSpring, Scheme, Support, TickIntegrator,
+};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -206,10 +209,43 @@ fn a_device_that_cannot_be_opened_is_reported_and_nothing_is_written() {
     assert!(handle.report().ended);
 }
 
+/// A triangle on springs that the tool is in touch with, and a far field of two numbers.
+fn touched_triangle(field: &mut NearField, is_implicit: bool) {
+    field.clear();
+    (field.nodes, field.order, field.ring, field.springs, field.triangles) = (3, 2, 1, 4, 1);
+    field.support = Support::Touched { shape: ToolShape::Sphere { radius_m: 0.005 }, friction: 0.3 };
+    let places = [DVec3::ZERO, DVec3::X * 0.02, DVec3::Y * 0.02].map(|x| x - DVec3::new(0.005, 0.005, 0.004));
+    let spring = Spring::linear(100.0, 0.02, 0.1).unwrap();
+    for (i, x) in places.into_iter().enumerate() {
+        (field.node_m[i], field.node_per_kg[i]) = (x, 200.0);
+        let b = if i == 0 { NearEnd::Ring(0) } else { NearEnd::Fixed(x - DVec3::Z * 0.02) };
+        field.near[i] = NearSpring { a: i, b, spring };
+    }
+    field.near[3] = NearSpring { a: 1, b: NearEnd::Support(2), spring };
+    field.ring_m[0] = places[0] - DVec3::Z * 0.02;
+    field.basis[..6].copy_from_slice(&[1.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
+    field.stiffness[..4].copy_from_slice(&[1e4, 0.0, 0.0, 1e4]);
+    field.damping[..4].copy_from_slice(&[10.0, 0.0, 0.0, 10.0]);
+    field.force[..11].fill(0.0);
+    field.velocity[..11].fill(0.0);
+    field.triangle[0] = ([0, 1, 2], 0.03);
+    (field.tick_s, field.start_m, field.covered_m) = (1e-3, DVec3::ZERO, 1.0);
+    field.integrator = TickIntegrator::Explicit { substeps: 4 };
+    if is_implicit {
+        field.integrator = TickIntegrator::Implicit { substeps: 2 };
+        let diagonal: Vec<f64> = (0..121).map(|i| if i % 12 == 0 { 100.0 } else { 0.0 }).collect();
+        field.factor.factorise(11, &diagonal).unwrap();
+        field.tangent[..121].fill(0.0);
+        field.answer[..99].fill(0.0);
+        (0..9).for_each(|i| field.answer[11 * i + i] = 200.0);
+    }
+}
+
 /// The real runner, its tick and its bookkeeping, with a state-carrying model changing all the time.
 #[test]
 fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
-    let hand_over = HandOverSettings { capacity: Capacity::of_order(12), ..HandOverSettings::default() };
+    let hand_over =
+        HandOverSettings { capacity: Capacity { order: 12, ..Capacity::default() }, ..Default::default() };
     let config = LoopConfig { hand_over, event_capacity: 16, record_capacity: 32, ..LoopConfig::default() };
     let settings = LoopSettings { record: true, ..LoopSettings::default() };
     let (handle, haptic_loop) = haptic_loop(config, settings).unwrap();
@@ -225,8 +261,10 @@ fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
             let settings = LoopSettings { paused: sequence % 7 == 0, ..*handle.settings() };
             handle.set(settings).unwrap();
             let model = handle.model_slot();
-            (model.scheme, model.contact, model.id.sequence) =
-                (Scheme::Neighbourhood, Contact::Held, sequence);
+            let near = sequence % 3;
+            let scheme = if near > 0 { Scheme::NearFieldExact } else { Scheme::Neighbourhood };
+            (model.scheme, model.contact, model.id.sequence) = (scheme, Contact::Held, sequence);
+            touched_triangle(&mut model.near, near == 2);
             model.reduced.order = 12;
             model.reduced.step_s = 1e-3;
             let identity: Vec<f64> = (0..144).map(|i| f64::from(u8::from(i % 13 == 0))).collect();
@@ -237,7 +275,10 @@ fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
         }
     });
     let counter = stop.clone();
-    let mut device = ScriptedDevice::new(move |n, _| {
+    let felt = Arc::new(AtomicBool::new(false));
+    let was_felt = felt.clone();
+    let mut device = ScriptedDevice::new(move |n, force_n: DVec3| {
+        was_felt.fetch_or(force_n != DVec3::ZERO, Ordering::SeqCst);
         newest.store(n, Ordering::SeqCst);
         if n == 400 {
             counter.store(true, Ordering::SeqCst);
@@ -254,6 +295,7 @@ fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
     assert!(last.load(Ordering::SeqCst) >= 400);
     let mut handle = handle.lock().unwrap();
     assert!(handle.report().models_adopted > 5 && handle.report().dropped_records > 0);
+    assert!(felt.load(Ordering::SeqCst), "the triangle was touched");
     assert_eq!(allocations.count_total, 0, "{allocations:?}");
     assert_eq!(allocations.count_current, 0, "nothing freed either");
 }

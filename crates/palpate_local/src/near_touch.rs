@@ -27,7 +27,7 @@ const LEAST_LEVER: f64 = 0.3;
 const SHARE: f64 = 1e-2;
 
 /// The points of a step, and room to find their impulses in.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Meeting {
     points: Vec<Point>,
     rows: Vec<Row>,
@@ -68,6 +68,16 @@ impl Point {
 
     fn velocity(&self, field: &NearField, z_dot: &[f64]) -> DVec3 {
         self.weights(field).map(|(node, w)| w * get(z_dot, node)).sum()
+    }
+}
+
+impl Clone for Meeting {
+    /// With the room of the original: a tick must not have to make it.
+    fn clone(&self) -> Self {
+        let mut copy = Self::new(self.before.len());
+        copy.points.extend_from_slice(&self.points);
+        copy.rows.extend_from_slice(&self.rows);
+        copy
     }
 }
 
