@@ -381,3 +381,97 @@ pub(crate) const MOST_SUBSTEPS: u32 = 64;
 fn copy<T: Copy>(to: &mut [T], from: &[T], used: usize) {
     to.iter_mut().zip(from).take(used).for_each(|(to, from)| *to = *from);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CAPACITY: NearFieldCapacity =
+        NearFieldCapacity { nodes: 3, order: 2, ring: 2, springs: 3, triangles: 1 };
+
+    /// A triangle held by three springs.
+    fn triangle() -> NearField {
+        let mut field = NearField::with_capacity(CAPACITY);
+        (field.nodes, field.order, field.ring, field.springs, field.triangles) = (3, 2, 1, 3, 1);
+        field.near[0].b = NearEnd::Ring(0);
+        field.near[1].b = NearEnd::Support(2);
+        field.triangle[0] = ([0, 1, 2], 0.1);
+        field.support = Support::Touched { shape: ToolShape::Sphere { radius_m: 0.01 }, friction: 0.3 };
+        field.tick_s = 1e-3;
+        field
+    }
+
+    #[test]
+    fn what_is_not_finite_is_found_wherever_it_is() {
+        assert_eq!(triangle().validate(), Ok(()));
+        type Spoil = fn(&mut NearField);
+        let poison: [(&str, Spoil); 12] = [
+            ("weights", |f| f.weight[2] = f64::NAN),
+            ("inverse masses", |f| f.node_per_kg[0] = f64::INFINITY),
+            ("basis", |f| f.basis[5] = f64::NAN),
+            ("far stiffness", |f| f.stiffness[3] = f64::NAN),
+            ("far damping", |f| f.damping[0] = f64::NAN),
+            ("far force", |f| f.force[10] = f64::NAN),
+            ("near-field velocity", |f| f.velocity[0] = f64::NAN),
+            ("places of S", |f| f.node_m[1].x = f64::NAN),
+            ("places of the ring", |f| f.ring_m[0].y = f64::NAN),
+            ("ends of near springs", |f| f.near[2].b = NearEnd::Fixed(DVec3::NAN)),
+            ("step", |f| f.tick_s = 0.0),
+            ("tool of a local model", |f| {
+                f.support = Support::Touched { shape: ToolShape::Sphere { radius_m: -1.0 }, friction: 0.3 };
+            }),
+        ];
+        for (what, spoil) in poison {
+            let mut bad = triangle();
+            spoil(&mut bad);
+            assert_eq!(bad.validate(), Err(LocalModelError::NotFinite { what }));
+        }
+        // What is not in use may be anything.
+        let mut unused = triangle();
+        unused.basis[6] = f64::NAN;
+        unused.tangent[0] = f64::NAN;
+        assert_eq!(unused.validate(), Ok(()));
+    }
+
+    #[test]
+    fn wrong_sizes_and_indices_are_found() {
+        type Spoil = fn(&mut NearField);
+        let poison: [Spoil; 9] = [
+            |f| f.nodes = usize::MAX,
+            |f| f.order = 3,
+            |f| f.ring = 3,
+            |f| f.springs = 4,
+            |f| f.triangles = 2,
+            |f| f.near[0].a = 3,
+            |f| f.near[0].b = NearEnd::Ring(1),
+            |f| f.triangle[0].0[2] = 3,
+            |f| f.integrator = TickIntegrator::Explicit { substeps: 65 },
+        ];
+        for (i, spoil) in poison.into_iter().enumerate() {
+            let mut bad = triangle();
+            spoil(&mut bad);
+            let error = bad.validate().unwrap_err();
+            match i {
+                0..5 => assert!(matches!(error, LocalModelError::Room { .. }), "{error}"),
+                5..8 => assert!(matches!(error, LocalModelError::Index { .. }), "{error}"),
+                _ => assert!(matches!(error, LocalModelError::Setting { .. }), "{error}"),
+            }
+        }
+        // Without a factor there is no implicit tick.
+        let mut unfactored = triangle();
+        unfactored.integrator = TickIntegrator::Implicit { substeps: 1 };
+        assert!(matches!(unfactored.validate(), Err(LocalModelError::Size { what: "implicit factor", .. })));
+    }
+
+    #[test]
+    fn a_copy_is_whole_and_needs_room() {
+        let mut to = NearField::with_capacity(NearFieldCapacity { nodes: 5, order: 4, ..CAPACITY });
+        to.copy_from(&triangle()).unwrap();
+        assert_eq!((to.nodes, to.springs, to.near[1].b), (3, 3, NearEnd::Support(2)));
+        assert_eq!(to.validate(), Ok(()));
+        let mut small = NearField::with_capacity(NearFieldCapacity { ring: 0, ..CAPACITY });
+        let refused = LocalModelError::Room { what: "nodes of the ring", found: 1, room: 0 };
+        assert_eq!(small.copy_from(&triangle()), Err(refused));
+        assert_eq!(small.nodes, 0);
+    }
+}
