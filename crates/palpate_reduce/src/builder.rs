@@ -32,7 +32,7 @@ pub struct BuilderOptions {
 }
 
 impl Default for BuilderOptions {
-    /// 1 ms, one ring, 2π · 0.01 s⁻¹, one shift at 20 Hz, tolerance 1e-9, order 64, 12 nodes, 0.1 s, the integrator chosen by
+    /// 1 ms, one ring, 2π · 0.01 s⁻¹, one shift at 20 Hz, tolerance 1e-9, order 48, 9 nodes, 0.1 s, the integrator chosen by
     /// its cost.
     fn default() -> Self {
         Self {
@@ -41,8 +41,8 @@ impl Default for BuilderOptions {
             regularisation_per_s: 0.01 * std::f64::consts::TAU,
             shifts_hz: [Some(20.0), None, None, None],
             basis_tolerance: 1e-9,
-            order_limit: 64,
-            support_nodes: 12,
+            order_limit: 48,
+            support_nodes: 9,
             horizon_s: 0.1,
             integrator: LocalIntegrator::Auto,
         }
