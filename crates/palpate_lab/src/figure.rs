@@ -65,22 +65,45 @@ pub(crate) fn svg(panels: &[Panel], columns: usize) -> Result<String, LabError> 
     let (width, height) =
         if panels.len() == 1 { (760, 400) } else { (500 * columns as u32, 290 * rows as u32) };
     let legend = panels.first().map_or(&[][..], |panel| &panel.curves);
-    canvas((width, height + 34), |area| {
+    let lines = legend_lines(legend, width as i32);
+    canvas((width, height + 12 + LINE * lines.len() as u32), |area| {
         let (charts, below) = area.split_vertically(height);
         for (panel, place) in panels.iter().zip(charts.split_evenly((rows, columns))) {
             panel.draw(&place)?;
         }
-        // Letters of this size are about 7 pixels wide.
-        let lengths = legend.iter().map(|curve| 60 + 7 * curve.name.len() as i32);
-        let mut x = (width as i32 - lengths.clone().sum::<i32>()).max(0) / 2;
-        for ((curve, color), length) in legend.iter().zip(colors(legend)).zip(lengths) {
-            let line = PathElement::new([(x, 14), (x + 26, 14)], color.stroke_width(curve.width.max(2)));
-            below.draw(&line).map_err(failed)?;
-            below.draw(&Text::new(curve.name.clone(), (x + 32, 8), ("sans-serif", 12))).map_err(failed)?;
-            x += length;
+        let mut entries = legend.iter().zip(colors(legend));
+        for (i, line) in lines.iter().enumerate() {
+            let y = 14 + (LINE as usize * i) as i32;
+            let mut x = (width as i32 - line.iter().sum::<i32>()).max(0) / 2;
+            for (length, (curve, color)) in line.iter().zip(&mut entries) {
+                let stroke = PathElement::new([(x, y), (x + 26, y)], color.stroke_width(curve.width.max(2)));
+                below.draw(&stroke).map_err(failed)?;
+                let name = Text::new(curve.name.clone(), (x + 32, y - 6), ("sans-serif", 12));
+                below.draw(&name).map_err(failed)?;
+                x += length;
+            }
         }
         Ok(())
     })
+}
+
+/// Height of a line of a legend, pixels.
+const LINE: u32 = 22;
+
+/// The lengths of a legend's entries, pixels, in lines that fit into `width`.
+fn legend_lines(legend: &[Curve], width: i32) -> Vec<Vec<i32>> {
+    let mut lines: Vec<Vec<i32>> = vec![Vec::new()];
+    // Letters of this size are about 7 pixels wide.
+    for length in legend.iter().map(|curve| 60 + 7 * curve.name.len() as i32) {
+        let is_full = lines.last().is_some_and(|line| line.iter().sum::<i32>() + length > width);
+        if is_full && lines.last().is_some_and(|line| !line.is_empty()) {
+            lines.push(Vec::new());
+        }
+        if let Some(line) = lines.last_mut() {
+            line.push(length);
+        }
+    }
+    lines
 }
 
 /// An SVG of this size with what `draw` draws on white.
