@@ -76,7 +76,7 @@ impl Grip {
         output.print(&report, |out| {
             for (name, _) in &paths {
                 let Outcome { outcome, peak_to_peak_m } = &report.schemes[name];
-                writeln!(out, "{name:16}{outcome:12}{:.3} mm from peak to peak", 1e3 * peak_to_peak_m)?;
+                writeln!(out, "{name:18}{outcome:12}{:.3} mm from peak to peak", 1e3 * peak_to_peak_m)?;
             }
             Ok(())
         })
