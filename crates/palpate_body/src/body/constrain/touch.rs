@@ -1,0 +1,118 @@
+//! The tool in a step: the points of the surface that it may run into, and the one that it holds.
+
+use super::{Constraint, Source, ToolStep};
+use crate::Network;
+use crate::body::{Body, StepReport};
+use crate::contact::Weights;
+use crate::tool::Hold;
+use glam::DVec3;
+use palpate_laws::{CLOSING_M_PER_S, RowLaw};
+
+/// Most nodes that a tool touches at once.
+const MOST_TOUCHED: usize = 64;
+
+/// A point with less weight than that on nodes that can move is as good as fixed: to move it they would have to go far.
+const LEAST_LEVER: f64 = 0.3;
+
+/// Whether a point can hardly be moved by its free nodes.
+fn is_out_of_reach(network: &Network, on: &[(usize, f64)]) -> bool {
+    let free: f64 = on.iter().filter(|(node, _)| !network.is_fixed(*node)).map(|(_, w)| w).sum();
+    free < LEAST_LEVER
+}
+
+impl Body {
+    /// Where the tool may touch in this step, each place once.
+    pub(super) fn touchable(&self, tool: &ToolStep<'_>, h: f64) -> Vec<Constraint> {
+        let mut rows: Vec<Constraint> = Vec::new();
+        let mut places: Vec<[usize; 3]> = Vec::new();
+        let Hold::Nothing { shape, .. } = tool.contact.hold else { return rows };
+        let moved = tool.to_m - tool.from_m;
+        // What is farther cannot come.
+        let speed2 = |&node: &usize| self.v[node].length_squared();
+        let fastest = self.network.free().iter().map(speed2).fold(0.0, f64::max).sqrt();
+        let far = 2.0 * (moved.length() + h * fastest);
+        for &(triangle, longest_m) in tool.near {
+            shape.features(tool.to_m, triangle.map(|node| self.x[node]), longest_m, |feature| {
+                if feature.gap_m > far {
+                    return;
+                }
+                let nodes = [0, 1, 2].map(|i| (triangle[i], feature.weights[i]));
+                let on: Weights = nodes.into_iter().filter(|(_, w)| *w > 0.0).collect();
+                // An edge or a corner belongs to several triangles; a punch touches a face at several places.
+                let mut place = [usize::MAX; 3];
+                on.iter().zip(&mut place).for_each(|((node, _), place)| *place = *node);
+                place.sort_unstable();
+                let is_face = on.len() == 3;
+                if (!is_face && places.contains(&place)) || is_out_of_reach(&self.network, &on) {
+                    return;
+                }
+                let Some(law) = tool.contact.law(feature.normal) else { return };
+                places.push(place);
+                let push = feature.normal;
+                // The tool's own motion is to be followed at once, what is left from before at the closing speed.
+                let before = feature.gap_m + moved.dot(push);
+                let overdue = before.clamp(-h * CLOSING_M_PER_S, 0.0);
+                let gap_m = if before < 0.0 { overdue + feature.gap_m - before } else { feature.gap_m };
+                rows.push(Constraint {
+                    source: Source::Touch { nodes, apart_m: feature.gap_m, gap_m, push },
+                    nodes: on,
+                    law: RowLaw::OneSided(law),
+                    gap: gap_m * push - moved.reject_from_normalized(push),
+                    overdue: overdue * push,
+                });
+            });
+        }
+        rows
+    }
+
+    /// Adds what the tool would have run into at the end of the step, up to so many nodes: first where it touched the
+    /// nodes `before`, then the deepest.
+    pub(super) fn meet_tool(
+        &self,
+        touchable: &[Constraint],
+        before: &[usize],
+        h: f64,
+        rows: &mut Vec<Constraint>,
+        report: &mut StepReport,
+    ) {
+        let mut entered: Vec<(f64, &Constraint)> = Vec::new();
+        for row in touchable {
+            let Source::Touch { gap_m, push, .. } = row.source else { continue };
+            let velocity: DVec3 = row.nodes.iter().map(|&(node, w)| w * self.v[node]).sum();
+            let gap = gap_m + h * velocity.dot(push);
+            if gap < 0.0 && !rows.iter().any(|known| known.source == row.source) {
+                entered.push((gap, row));
+            }
+        }
+        // What was touched before goes first, so that a tool at rest does not change its mind.
+        let was_touched = |row: &Constraint| row.nodes.iter().all(|(node, _)| before.contains(node));
+        entered.sort_by(|a, b| was_touched(b.1).cmp(&was_touched(a.1)).then(a.0.total_cmp(&b.0)));
+        let touches = |row: &&Constraint| matches!(row.source, Source::Touch { .. });
+        let mut nodes: Vec<usize> =
+            rows.iter().filter(touches).flat_map(|row| row.nodes.iter().map(|(node, _)| *node)).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let mut left_out = 0;
+        for (_, row) in entered {
+            let more: Vec<usize> =
+                row.nodes.iter().map(|(node, _)| *node).filter(|node| !nodes.contains(node)).collect();
+            if nodes.len() + more.len() > MOST_TOUCHED {
+                left_out += 1;
+                continue;
+            }
+            nodes.extend(more);
+            rows.push(row.clone());
+        }
+        report.left_out = report.left_out.max(left_out);
+    }
+
+    /// The row of a point that the tool holds.
+    pub(super) fn grip_row(&self, tool: &ToolStep<'_>, h: f64) -> Option<Constraint> {
+        let Hold::Point { point, offset_m } = &tool.contact.hold else { return None };
+        let apart = point.of(&self.x) - (tool.from_m + *offset_m);
+        let overdue = apart.clamp_length_max(h * CLOSING_M_PER_S);
+        let gap = overdue - (tool.to_m - tool.from_m);
+        let nodes = point.nodes().to_vec();
+        Some(Constraint { source: Source::Grip, nodes, law: RowLaw::TwoSided, gap, overdue })
+    }
+}
