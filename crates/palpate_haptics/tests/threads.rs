@@ -229,7 +229,7 @@ fn touched_triangle(field: &mut NearField, is_implicit: bool) {
     field.force[..11].fill(0.0);
     field.velocity[..11].fill(0.0);
     field.triangle[0] = ([0, 1, 2], 0.03);
-    (field.tick_s, field.start_m, field.covered_m) = (1e-3, DVec3::ZERO, 1.0);
+    (field.tick_s, field.start_m) = (1e-3, DVec3::ZERO);
     field.integrator = TickIntegrator::Explicit { substeps: 4 };
     if is_implicit {
         field.integrator = TickIntegrator::Implicit { substeps: 2 };

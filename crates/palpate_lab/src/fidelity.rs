@@ -12,7 +12,7 @@ use glam::DVec3;
 use palpate_body::{Block, Body, Face, SemiImplicitEuler, ToolContact, UniformLattice};
 use palpate_haptics::{Trajectory, VelocityEstimator, VelocityState};
 use palpate_local::{Sample, Scheme};
-use palpate_reduce::{BuilderOptions, Comparison, ComparisonOptions, LocalIntegrator};
+use palpate_reduce::{BuilderOptions, Comparison, ComparisonOptions, LocalIntegrator, relative_rms_error};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -150,6 +150,13 @@ struct Run {
     displayed_n: Vec<(Scheme, Vec<DVec3>)>,
 }
 
+impl Run {
+    /// Of what was displayed, from sample `from` on.
+    fn relative_rms_error(&self, displayed: &[DVec3], from: usize) -> Option<f64> {
+        relative_rms_error(displayed.get(from..)?, self.oracle_n.get(from..)?)
+    }
+}
+
 impl Fidelity {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
         self.validate()?;
@@ -165,7 +172,7 @@ impl Fidelity {
         for (scheme, displayed) in &run.displayed_n {
             bar.set_message(scheme.name());
             let cost = cost::measure(*scheme, &body, &contact, &felt, self.builder())?;
-            let error = relative_rms_error(displayed, &run.oracle_n, FROM);
+            let error = run.relative_rms_error(displayed, FROM);
             let relative_rms_error = error.ok_or(LabError::NoForce { from_s: FROM as f64 * 1e-3 })?;
             let apart = displayed.iter().zip(&run.oracle_n).skip(FROM).map(|(d, o)| (*d - *o).length());
             let jumps = displayed.windows(2).skip(FROM).map(|pair| (pair[1] - pair[0]).length());
@@ -314,14 +321,6 @@ fn samples(offsets: &[DVec3], start: DVec3, estimator: VelocityEstimator) -> Vec
         ..Sample::default()
     };
     offsets.iter().enumerate().map(sample).collect()
-}
-
-fn relative_rms_error(displayed: &[DVec3], oracle: &[DVec3], from: usize) -> Option<f64> {
-    let pairs = displayed.iter().zip(oracle).skip(from);
-    let (error, reference) = pairs.fold((0.0, 0.0), |(error, reference), (d, o)| {
-        (error + (*d - *o).length_squared(), reference + o.length_squared())
-    });
-    (reference > 0.0).then(|| (error / reference).sqrt())
 }
 
 fn table(run: &Run) -> String {

@@ -36,4 +36,4 @@ pub use law::{ForceLaw, Tension};
 pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Row, RowLaw, Sweeps, solve_rows};
 pub use skin::SkinLaw;
 pub use spring::{Spring, SpringTangent};
-pub use touch::{Feature, ToolShape, nearest_weights};
+pub use touch::{Feature, FeatureGap, ToolShape, nearest_weights};

@@ -1,6 +1,6 @@
 //! Where a tool and a triangulated surface touch.
 
-use crate::LawError;
+use crate::{CLOSING_M_PER_S, LawError};
 use glam::DVec3;
 
 /// The part of a tool that touches, rigid.
@@ -38,12 +38,46 @@ const FINE_FOR_SPHERE: f64 = 0.25;
 const CORNERS: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// A triangle that looks less along a punch than that stands upright beside it.
 const UPRIGHT: f64 = 1e-6;
+/// A point with less weight than that on nodes that can move is as good as fixed: to move it they would have to go far.
+const LEAST_LEVER: f64 = 0.3;
 /// Points on the rim of a punch that touch where no corner of the surface does.
 const RIM: u32 = 8;
 /// What is not farther behind the rim of a punch than that share of its radius is still met by its face.
 const RIM_SHARE: f64 = 0.05;
 /// Corners on the rim count as under the punch.
 const RIM_TOLERANCE: f64 = 1e-9;
+
+/// The gap between a tool and a feature in a step, m, for the rows of [`crate::solve_rows`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FeatureGap {
+    /// Along the normal, as far as it is to be closed in this step.
+    pub normal_m: f64,
+    /// The whole, with what the tool moves across the normal.
+    pub gap_m: DVec3,
+    /// The part of it that was there before: positions close it, velocities keep nothing of that.
+    pub overdue_m: DVec3,
+}
+
+impl Feature {
+    /// Whether nodes that can move have too little weight in it, where `is_fixed` tells of each corner.
+    #[must_use]
+    pub fn is_out_of_reach(&self, is_fixed: [bool; 3]) -> bool {
+        let free: f64 = (0..3).filter(|&i| !is_fixed[i]).map(|i| self.weights[i]).sum();
+        free < LEAST_LEVER
+    }
+
+    /// The gap in a step of length `h`, s, in which the tool moves by `moved_m` to where it is: the tool's own motion is
+    /// followed at once, what is left from before at the closing speed.
+    #[must_use]
+    pub fn gap(&self, moved_m: DVec3, h: f64) -> FeatureGap {
+        let push = self.normal;
+        let before = self.gap_m + moved_m.dot(push);
+        let overdue = before.clamp(-h * CLOSING_M_PER_S, 0.0);
+        let normal_m = if before < 0.0 { overdue + self.gap_m - before } else { self.gap_m };
+        let gap_m = normal_m * push - moved_m.reject_from_normalized(push);
+        FeatureGap { normal_m, gap_m, overdue_m: overdue * push }
+    }
+}
 
 impl ToolShape {
     /// Refuses a shape that makes no sense.

@@ -46,7 +46,7 @@
 //! # Accuracy and limits
 //!
 //! `NearFieldExact` feels a touch in the tick in which it is made, on the nodes of S; farther away nothing, and
-//! [`LocalState::has_left`] says so. With the other schemes contact is decided at the model step: a touch made between two
+//! the model side knows when it was there. With the other schemes contact is decided at the model step: a touch made between two
 //! steps is felt after the next one. The force errors against the full body are on the project's front page.
 
 #![forbid(unsafe_code)]

@@ -157,8 +157,6 @@ pub struct NearField {
     pub energy_j: f64,
     /// Where the tool was at the model step, m.
     pub start_m: DVec3,
-    /// How far the tool may be from there before it may leave S, m.
-    pub covered_m: f64,
     /// Whether nodes within reach had to be left out of S.
     pub is_cut: bool,
 }
@@ -197,7 +195,6 @@ impl NearField {
             answer: vec![0.0; n * 3 * nodes],
             energy_j: 0.0,
             start_m: DVec3::ZERO,
-            covered_m: 0.0,
             is_cut: false,
         }
     }
@@ -295,7 +292,6 @@ impl NearField {
             ("ends of near springs", springs.iter().all(|spring| end_is_finite(&spring.b))),
             ("edges", triangles.iter().all(|(_, longest)| longest.is_finite())),
             ("step", self.tick_s.is_finite() && self.tick_s > 0.0),
-            ("covered distance", self.covered_m.is_finite()),
             ("start of the tool", self.start_m.is_finite()),
             ("energy", self.energy_j.is_finite()),
             ("factor", !self.integrator.is_implicit() || self.factor.is_finite()),
@@ -351,7 +347,7 @@ impl NearField {
         (self.nodes, self.order, self.ring) = (other.nodes, other.order, other.ring);
         (self.springs, self.triangles) = (other.springs, other.triangles);
         (self.support, self.integrator) = (other.support, other.integrator);
-        (self.tick_s, self.covered_m, self.is_cut) = (other.tick_s, other.covered_m, other.is_cut);
+        (self.tick_s, self.is_cut) = (other.tick_s, other.is_cut);
         (self.start_m, self.energy_j) = (other.start_m, other.energy_j);
         copy(&mut self.node_m, &other.node_m, other.nodes);
         copy(&mut self.ring_m, &other.ring_m, other.ring);

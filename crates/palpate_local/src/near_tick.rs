@@ -30,8 +30,6 @@ pub(crate) struct NearState {
     tool_m: DVec3,
     /// What is displayed, N.
     displayed_n: DVec3,
-    /// Whether the tool has been farther away than S was made for.
-    left: bool,
 }
 
 impl NearState {
@@ -50,7 +48,6 @@ impl NearState {
             meeting: Meeting::new(n),
             tool_m: DVec3::ZERO,
             displayed_n: DVec3::ZERO,
-            left: false,
         }
     }
 
@@ -63,17 +60,12 @@ impl NearState {
         let s = 3 * field.nodes;
         multiply(field, self.z_dot.get(s..field.unknowns()).unwrap_or_default(), &mut self.ring_v);
         self.meeting.forget();
-        (self.tool_m, self.displayed_n, self.left) = (field.start_m, force_n, false);
+        (self.tool_m, self.displayed_n) = (field.start_m, force_n);
     }
 
     /// What is displayed now, N.
     pub(crate) fn displayed_n(&self) -> DVec3 {
         self.displayed_n
-    }
-
-    /// Whether the tool has been farther away than the support set was made for.
-    pub(crate) fn has_left(&self) -> bool {
-        self.left
     }
 
     /// Steps to `sample`.
@@ -101,7 +93,6 @@ impl NearState {
         }
         self.stretch_near_springs(field);
         self.tool_m = to;
-        self.left |= to.distance(field.start_m) > field.covered_m;
         self.displayed_n = match field.support {
             Support::Driven => self.internal_n.first().copied().unwrap_or_default(),
             Support::Held => {

@@ -21,8 +21,6 @@ const SWEEPS: usize = 60;
 const SHARE_OF_RADIUS: f64 = 0.5;
 /// Into so many steps a tick is cut at most so that nothing is passed unseen.
 const MOST_CUTS: f64 = 8.0;
-/// A point with less weight than that on nodes that can move is as good as fixed.
-const LEAST_LEVER: f64 = 0.3;
 /// What several rows can hardly tell apart, by less than that share of them, is taken from their impulses.
 const SHARE: f64 = 1e-2;
 
@@ -197,24 +195,20 @@ impl Meeting {
                         let known = point.nodes.iter().filter(|(_, w)| *w > 0.0).count();
                         known == count && nodes.iter().all(|&(n, w)| w <= 0.0 || on(&point.nodes, n))
                     });
-                let free: f64 = nodes.iter().filter(|(n, _)| !is_fixed(*n)).map(|(_, w)| w).sum();
-                if is_known || free < LEAST_LEVER {
+                if is_known || feature.is_out_of_reach(triangle.map(is_fixed)) {
                     return;
                 }
                 let push = feature.normal;
                 let Ok(law) = Coulomb::new(push, friction) else { return };
-                // The tool's own motion is followed at once, what is left from before at the closing speed.
-                let before = feature.gap_m + moved.dot(push);
-                let overdue = before.clamp(-h * CLOSING_M_PER_S, 0.0);
-                let gap_m = if before < 0.0 { overdue + feature.gap_m - before } else { feature.gap_m };
+                let gap = feature.gap(moved, h);
                 points.push(Point {
                     nodes,
                     is_held: false,
                     law: RowLaw::OneSided(law),
                     push,
-                    gap_m,
-                    gap: gap_m * push - moved.reject_from_normalized(push),
-                    overdue: overdue * push,
+                    gap_m: gap.normal_m,
+                    gap: gap.gap_m,
+                    overdue: gap.overdue_m,
                     impulse_ns: DVec3::ZERO,
                     is_met: false,
                 });

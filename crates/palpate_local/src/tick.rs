@@ -113,12 +113,6 @@ impl LocalState {
         knows.then(|| self.near.energy_j(&model.near))
     }
 
-    /// Whether the tool has been farther from where it was at the model step than the model was made for.
-    #[must_use]
-    pub fn has_left(&self, model: &LocalModel) -> bool {
-        model.scheme == Scheme::NearFieldExact && self.near.has_left()
-    }
-
     /// K_cr V q + B_cr V (q̇ − q̇_N).
     fn coupling(&self, model: &LocalModel) -> DVec3 {
         let r = &model.reduced;

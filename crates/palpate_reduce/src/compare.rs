@@ -144,7 +144,8 @@ impl Comparison {
 }
 
 /// RMS of `displayed` − `oracle` over RMS of `oracle`, all components; `None` when the latter is zero.
-fn relative_rms_error(displayed: &[DVec3], oracle: &[DVec3]) -> Option<f64> {
+#[must_use]
+pub fn relative_rms_error(displayed: &[DVec3], oracle: &[DVec3]) -> Option<f64> {
     let error: f64 = displayed.iter().zip(oracle).map(|(d, o)| (*d - *o).length_squared()).sum();
     let reference: f64 = oracle.iter().map(|o| o.length_squared()).sum();
     (reference > 0.0).then(|| (error / reference).sqrt())

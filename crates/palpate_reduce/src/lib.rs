@@ -74,7 +74,7 @@ mod system;
 
 pub use balance::{Balancing, Truncated};
 pub use builder::{BuilderOptions, LocalModelBuilder};
-pub use compare::{Comparison, ComparisonOptions};
+pub use compare::{Comparison, ComparisonOptions, relative_rms_error};
 pub use dense::DenseSystem;
 pub use density::block_scaling;
 pub use error::ReduceError;

@@ -205,7 +205,7 @@ impl Workspace {
         (field.nodes, field.order) = (s, p);
         (field.support, field.start_m) = (support.support, tool.position_m);
         field.energy_j = body.energy().total_j();
-        (field.tick_s, field.covered_m, field.is_cut) = (options.tick_s, support.covered_m, support.is_cut);
+        (field.tick_s, field.is_cut) = (options.tick_s, support.is_cut);
         self.place.fill(Place::Elsewhere);
         for (i, &node) in support.nodes.iter().enumerate() {
             self.place[node] = Place::Support(i);

@@ -73,7 +73,7 @@ pub struct LocalModelError {
 }
 
 impl LocalModelError {
-    /// The just noticeable difference of a force (L. A. Jones, Exp. Brain Res. 79 (1989) 150: about 7 %).
+    /// The just noticeable difference of a force: a person notices about 7 to 10 %; the stricter end.
     pub const NOTICEABLE: f64 = 0.07;
 
     /// Of pairs of what was displayed and what the full body says, N.

@@ -1,6 +1,6 @@
 //! Figures of fidelity: force over time, and error over model rate and delay.
 
-use super::{FROM, Fidelity, Run, relative_rms_error};
+use super::{FROM, Fidelity, Run};
 use crate::error::LabError;
 use crate::figure::{Curve, Panel, Scale, svg};
 use crate::manipulate::period_ticks;
@@ -51,7 +51,7 @@ pub(super) fn sweeps(
         bar.inc(1);
         // Not before the first local model.
         let from = FROM.max(period + delay);
-        let error = |(_, forces): &(Scheme, Vec<_>)| relative_rms_error(forces, &run.oracle_n, from);
+        let error = |(_, forces): &(Scheme, Vec<_>)| run.relative_rms_error(forces, from);
         Ok(run.displayed_n.iter().map(|one| error(one).unwrap_or(f64::NAN)).collect())
     };
     let mut over_rate = Vec::new();

@@ -12,8 +12,6 @@ pub(super) struct SupportSet {
     pub(super) weights: Vec<f64>,
     /// Triangles between nodes of S, by their nodes of the body, and their longest edge at rest, m.
     pub(super) triangles: Vec<([usize; 3], f64)>,
-    /// How far the tool may go before it may touch what is not in S, m.
-    pub(super) covered_m: f64,
     /// Whether what is within reach did not find room.
     pub(super) is_cut: bool,
 }
@@ -55,7 +53,7 @@ impl SupportSet {
             .map(|(nodes, longest)| (distance(middle, nodes.map(|node| x[node])), nodes, longest))
             .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (mut nodes, mut triangles, mut is_cut, mut covered_m) = (Vec::new(), Vec::new(), false, reach);
+        let (mut nodes, mut triangles, mut is_cut) = (Vec::new(), Vec::new(), false);
         for (_, corners, longest) in near {
             let more: Vec<usize> = corners.into_iter().filter(|node| !nodes.contains(node)).collect();
             if nodes.len() + more.len() <= most {
@@ -63,13 +61,11 @@ impl SupportSet {
                 triangles.push((corners, longest));
             } else {
                 is_cut = true;
-                let free = distance(tool.position_m, corners.map(|node| x[node])) - shape.radius_m();
-                covered_m = f64::min(covered_m, free.max(0.0));
             }
         }
         let weights = vec![0.0; nodes.len()];
         let support = Support::Touched { shape, friction };
-        (!nodes.is_empty()).then_some(Self { support, nodes, weights, triangles, covered_m, is_cut })
+        (!nodes.is_empty()).then_some(Self { support, nodes, weights, triangles, is_cut })
     }
 
     /// A node that the tool drives.
@@ -78,7 +74,7 @@ impl SupportSet {
     }
 
     fn held(support: Support, nodes: Vec<usize>, weights: Vec<f64>) -> Self {
-        Self { support, nodes, weights, triangles: Vec::new(), covered_m: f64::MAX, is_cut: false }
+        Self { support, nodes, weights, triangles: Vec::new(), is_cut: false }
     }
 }
 

@@ -1,7 +1,6 @@
 //! The tool in a step: the points of the surface that it may run into, and the one that it holds.
 
 use super::{Constraint, Source, ToolStep};
-use crate::Network;
 use crate::body::{Body, StepReport};
 use crate::contact::Weights;
 use crate::tool::Hold;
@@ -10,15 +9,6 @@ use palpate_laws::{CLOSING_M_PER_S, RowLaw};
 
 /// Most nodes that a tool touches at once.
 const MOST_TOUCHED: usize = 64;
-
-/// A point with less weight than that on nodes that can move is as good as fixed: to move it they would have to go far.
-const LEAST_LEVER: f64 = 0.3;
-
-/// Whether a point can hardly be moved by its free nodes.
-fn is_out_of_reach(network: &Network, on: &[(usize, f64)]) -> bool {
-    let free: f64 = on.iter().filter(|(node, _)| !network.is_fixed(*node)).map(|(_, w)| w).sum();
-    free < LEAST_LEVER
-}
 
 impl Body {
     /// Where the tool may touch in this step, each place once.
@@ -43,22 +33,21 @@ impl Body {
                 on.iter().zip(&mut place).for_each(|((node, _), place)| *place = *node);
                 place.sort_unstable();
                 let is_face = on.len() == 3;
-                if (!is_face && places.contains(&place)) || is_out_of_reach(&self.network, &on) {
+                if (!is_face && places.contains(&place))
+                    || feature.is_out_of_reach(triangle.map(|n| self.network.is_fixed(n)))
+                {
                     return;
                 }
                 let Some(law) = tool.contact.law(feature.normal) else { return };
                 places.push(place);
                 let push = feature.normal;
-                // The tool's own motion is to be followed at once, what is left from before at the closing speed.
-                let before = feature.gap_m + moved.dot(push);
-                let overdue = before.clamp(-h * CLOSING_M_PER_S, 0.0);
-                let gap_m = if before < 0.0 { overdue + feature.gap_m - before } else { feature.gap_m };
+                let gap = feature.gap(moved, h);
                 rows.push(Constraint {
-                    source: Source::Touch { nodes, apart_m: feature.gap_m, gap_m, push },
+                    source: Source::Touch { nodes, apart_m: feature.gap_m, gap_m: gap.normal_m, push },
                     nodes: on,
                     law: RowLaw::OneSided(law),
-                    gap: gap_m * push - moved.reject_from_normalized(push),
-                    overdue: overdue * push,
+                    gap: gap.gap_m,
+                    overdue: gap.overdue_m,
                 });
             });
         }
