@@ -82,7 +82,7 @@ pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplic
 pub use lattice::{Lattice, Neighbours};
 pub use network::{Link, Network, NetworkBuilder};
 pub use obstacle::{NodeContact, Obstacle};
-pub use palpate_laws::ToolShape;
+pub use palpate_laws::{Coupling, ToolShape};
 pub use surface::{ClosestPoint, Surface, SurfaceTree};
 pub use tangent::{Tangent, TangentPattern};
 pub use tie::{BodyPoint, Tie};

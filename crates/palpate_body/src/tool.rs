@@ -6,7 +6,7 @@ pub use touched::TouchedPoint;
 
 use crate::{Body, BodyError, BodyPoint};
 use glam::DVec3;
-use palpate_laws::{Coulomb, ToolShape};
+use palpate_laws::{Coulomb, Coupling, ToolShape};
 
 /// One point of the tool's path, in the body's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,6 +36,10 @@ pub struct ToolContact {
     pub(crate) hold: Hold,
     /// The points that gave and took an impulse in the last step; none for a tool that holds.
     pub(crate) touched: Vec<TouchedPoint>,
+    /// What draws it to the device, unless it is the device.
+    pub(crate) coupling: Option<Coupling>,
+    /// Where it is behind its coupling, m; where the device is if that is not known.
+    pub(crate) proxy_m: Option<DVec3>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -58,7 +62,7 @@ impl ToolContact {
     pub fn hold(body: &Body, node: usize, tool_m: DVec3) -> Result<Self, BodyError> {
         can_hold(body, &[node])?;
         let offset_m = body.positions_m()[node] - finite(tool_m)?;
-        Ok(Self { hold: Hold::Node { node, offset_m }, touched: Vec::new() })
+        Ok(Self::new(Hold::Node { node, offset_m }))
     }
 
     /// A tool at `tool_m` that holds `point` where it is now, for ever, pushing and pulling: a place on a triangle or in a
@@ -70,7 +74,7 @@ impl ToolContact {
     pub fn hold_point(body: &Body, point: BodyPoint, tool_m: DVec3) -> Result<Self, BodyError> {
         can_hold(body, &point.named())?;
         let offset_m = point.of(body.positions_m()) - finite(tool_m)?;
-        Ok(Self { hold: Hold::Point { point, offset_m }, touched: Vec::new() })
+        Ok(Self::new(Hold::Point { point, offset_m }))
     }
 
     /// A tool that touches nothing yet. It pushes the surface of the body before it, one-sided and with coefficient of
@@ -84,7 +88,38 @@ impl ToolContact {
         shape.validate()?;
         let ok = friction.is_finite() && friction >= 0.0;
         crate::error::check("coefficient of friction", friction, ok, "finite and at least 0")?;
-        Ok(Self { hold: Hold::Nothing { shape, friction, clear: true }, touched: Vec::new() })
+        Ok(Self::new(Hold::Nothing { shape, friction, clear: true }))
+    }
+
+    fn new(hold: Hold) -> Self {
+        Self { hold, touched: Vec::new(), coupling: None, proxy_m: None }
+    }
+
+    /// The same tool behind `coupling`: what the body meets is a proxy, which the coupling draws to the device with its
+    /// largest force at most, so that a device deeper than the body can go leaves it behind. Without one the tool is where
+    /// the device is, whatever that takes. A node that is held is then held as a point, by impulses.
+    ///
+    /// # Errors
+    /// [`BodyError::Tool`] when the coupling makes no sense.
+    pub fn behind(mut self, coupling: Coupling) -> Result<Self, BodyError> {
+        coupling.validate()?;
+        self.coupling = Some(coupling);
+        if let Hold::Node { node, offset_m } = self.hold {
+            self.hold = Hold::Point { point: BodyPoint::node(node), offset_m };
+        }
+        Ok(self)
+    }
+
+    /// Its coupling, if it has one.
+    #[must_use]
+    pub fn coupling(&self) -> Option<Coupling> {
+        self.coupling
+    }
+
+    /// Where the tool is, m, with the device at `device_m`: there, or behind its coupling.
+    #[must_use]
+    pub fn proxy_m(&self, device_m: DVec3) -> DVec3 {
+        self.proxy_m.unwrap_or(device_m)
     }
 
     /// The node that it drives, if it holds one.
@@ -146,17 +181,19 @@ impl ToolContact {
 
     /// What the body does to the hand now, N, in the body's frame, without the inertia of what is held or touched: the
     /// internal force on the driven node, or on the row that is held, Σ w_i F_i / Σ w_i²; for a touch on all rows that
-    /// pushed in the last step, each as far as it lies in its friction cone (see [`ToolContact::touched`]).
+    /// pushed in the last step, each as far as it lies in its friction cone (see [`ToolContact::touched`]). Behind a coupling
+    /// no more than the coupling's largest.
     ///
     /// # Panics
     /// When the contact belongs to a body with more nodes; see [`ToolContact::validate`].
     #[must_use]
     pub fn displayed_force_n(&self, body: &Body) -> DVec3 {
-        match &self.hold {
+        let force_n = match &self.hold {
             Hold::Node { node, .. } => body.internal_force_on_n(*node),
             Hold::Point { point, .. } => point.internal_force_n(body),
             Hold::Nothing { friction, .. } => touched::displayed_force_n(&self.touched, *friction, body),
-        }
+        };
+        self.coupling.map_or(force_n, |coupling| coupling.limit(force_n))
     }
 
     /// Refuses a contact that belongs to another body: one with nodes that `body` has not, or has fixed.
@@ -174,8 +211,12 @@ impl ToolContact {
         }
     }
 
-    /// Lets go of what is touched; whether something was. What is held stays held.
+    /// Lets go of what is touched; whether something was. What is held stays held; a proxy that touched is where the device
+    /// is.
     pub fn let_go(&mut self) -> bool {
+        if let Hold::Nothing { .. } = self.hold {
+            self.proxy_m = None;
+        }
         let touching = !self.touched.is_empty();
         self.touched.clear();
         touching

@@ -27,6 +27,9 @@ pub enum LawError {
     /// The radius of a tool is negative, zero or not finite.
     #[error("radius of a tool is {0} m; it must be finite and above 0")]
     Radius(f64),
+    /// The largest force of a tool's coupling is negative, zero or not finite. A tool that is to give way never has none.
+    #[error("largest force of a tool's coupling is {0} N; it must be finite and above 0")]
+    CouplingForce(f64),
     /// The damping of a damper is negative or not finite. Give zero for a spring without a damper.
     #[error("damping is {0} N s/m; it must be finite and at least 0")]
     Damping(f64),

@@ -4,6 +4,7 @@
 //! * [`ForceLaw`]: linear, that of skin ([`SkinLaw`], the seed paper's equation 5), or stiffening exponentially.
 //! * [`one_sided`]: the rule that a surface pushes and never pulls; [`Coulomb`]: the same with friction, in impulses;
 //!   [`solve_rows`]: several contacts, grasps and threads as one problem.
+//! * [`Coupling`]: a tool that gives way instead of dragging a body through itself.
 //! * [`ToolShape`]: where a sphere or a flat punch touches a triangle.
 //!
 //! # Units, frames, signs
@@ -22,6 +23,7 @@
 
 mod contact;
 mod coulomb;
+mod coupling;
 mod error;
 mod law;
 mod rows;
@@ -31,6 +33,7 @@ mod touch;
 
 pub use contact::one_sided;
 pub use coulomb::Coulomb;
+pub use coupling::{Coupling, ProxyStep, solve_with_proxy};
 pub use error::LawError;
 pub use law::{ForceLaw, Tension};
 pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Row, RowLaw, Sweeps, solve_rows};

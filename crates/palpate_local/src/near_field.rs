@@ -8,7 +8,7 @@
 use crate::LocalModelError;
 use crate::dense::Cholesky;
 use glam::DVec3;
-use palpate_laws::{Spring, ToolShape};
+use palpate_laws::{Coupling, Spring, ToolShape};
 
 /// How much a near field can hold; fixed at construction, and refused beyond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,8 +155,12 @@ pub struct NearField {
     pub answer: Vec<f64>,
     /// Energy of the whole body at the model step, J.
     pub energy_j: f64,
-    /// Where the tool was at the model step, m.
+    /// Where the device was at the model step, m.
     pub start_m: DVec3,
+    /// What draws the tool to the device, unless it is the device.
+    pub coupling: Option<Coupling>,
+    /// Where the tool was at the model step, m: behind its coupling, or where the device was.
+    pub proxy_m: DVec3,
     /// Whether nodes within reach had to be left out of S.
     pub is_cut: bool,
 }
@@ -195,6 +199,8 @@ impl NearField {
             answer: vec![0.0; n * 3 * nodes],
             energy_j: 0.0,
             start_m: DVec3::ZERO,
+            coupling: None,
+            proxy_m: DVec3::ZERO,
             is_cut: false,
         }
     }
@@ -292,7 +298,8 @@ impl NearField {
             ("ends of near springs", springs.iter().all(|spring| end_is_finite(&spring.b))),
             ("edges", triangles.iter().all(|(_, longest)| longest.is_finite())),
             ("step", self.tick_s.is_finite() && self.tick_s > 0.0),
-            ("start of the tool", self.start_m.is_finite()),
+            ("start of the tool", self.start_m.is_finite() && self.proxy_m.is_finite()),
+            ("coupling of the tool", self.coupling.is_none_or(|coupling| coupling.validate().is_ok())),
             ("energy", self.energy_j.is_finite()),
             ("factor", !self.integrator.is_implicit() || self.factor.is_finite()),
         ] {
@@ -349,6 +356,7 @@ impl NearField {
         (self.support, self.integrator) = (other.support, other.integrator);
         (self.tick_s, self.is_cut) = (other.tick_s, other.is_cut);
         (self.start_m, self.energy_j) = (other.start_m, other.energy_j);
+        (self.coupling, self.proxy_m) = (other.coupling, other.proxy_m);
         copy(&mut self.node_m, &other.node_m, other.nodes);
         copy(&mut self.ring_m, &other.ring_m, other.ring);
         copy(&mut self.near, &other.near, other.springs);

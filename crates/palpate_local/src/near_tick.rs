@@ -6,7 +6,7 @@
 )]
 
 use crate::dense::{dot, subtract_product};
-use crate::near_touch::Meeting;
+use crate::near_touch::{Meeting, ToolMove};
 use crate::{NearEnd, NearField, NearFieldCapacity, Sample, Support, TickIntegrator};
 use glam::DVec3;
 
@@ -26,8 +26,10 @@ pub(crate) struct NearState {
     ring_n: Vec<DVec3>,
     scratch: Vec<f64>,
     meeting: Meeting,
-    /// Where the tool was at the last sample, m.
-    tool_m: DVec3,
+    /// Where the device was at the last sample, m.
+    device_m: DVec3,
+    /// Where the tool is behind its coupling, m.
+    proxy_m: DVec3,
     /// What is displayed, N.
     displayed_n: DVec3,
 }
@@ -46,7 +48,8 @@ impl NearState {
             ring_n: still,
             scratch: zero,
             meeting: Meeting::new(n),
-            tool_m: DVec3::ZERO,
+            device_m: DVec3::ZERO,
+            proxy_m: DVec3::ZERO,
             displayed_n: DVec3::ZERO,
         }
     }
@@ -60,7 +63,7 @@ impl NearState {
         let s = 3 * field.nodes;
         multiply(field, self.z_dot.get(s..field.unknowns()).unwrap_or_default(), &mut self.ring_v);
         self.meeting.forget();
-        (self.tool_m, self.displayed_n) = (field.start_m, force_n);
+        (self.device_m, self.proxy_m, self.displayed_n) = (field.start_m, field.proxy_m, force_n);
     }
 
     /// What is displayed now, N.
@@ -71,10 +74,10 @@ impl NearState {
     /// Steps to `sample`.
     pub(crate) fn advance(&mut self, field: &NearField, sample: &Sample) {
         if field.nodes == 0 {
-            self.tool_m = sample.position_m;
+            (self.device_m, self.proxy_m) = (sample.position_m, sample.position_m);
             return;
         }
-        let (from, to) = (self.tool_m, sample.position_m);
+        let (from, to) = (self.device_m, sample.position_m);
         let substeps = match field.integrator {
             TickIntegrator::Explicit { substeps } => self.meeting.substeps(field, from, to, substeps),
             TickIntegrator::Implicit { substeps } => substeps,
@@ -82,18 +85,18 @@ impl NearState {
         let h = field.tick_s / f64::from(substeps);
         for i in 1..=substeps {
             let at = |i: u32| from + (to - from) * (f64::from(i) / f64::from(substeps));
-            let tool = (at(i - 1), at(i));
+            let device = (at(i - 1), at(i));
             if field.support == Support::Driven {
-                put(&mut self.z, 0, tool.1 - field.start_m);
+                put(&mut self.z, 0, device.1 - field.start_m);
                 put(&mut self.z_dot, 0, sample.velocity_m_per_s);
             }
             self.stretch_near_springs(field);
             self.collect_forces(field);
-            self.step(field, tool, h);
+            self.step(field, device, h);
         }
         self.stretch_near_springs(field);
-        self.tool_m = to;
-        self.displayed_n = match field.support {
+        self.device_m = to;
+        let force_n = match field.support {
             Support::Driven => self.internal_n.first().copied().unwrap_or_default(),
             Support::Held => {
                 let weighted = |(w, f): (&f64, &DVec3)| *w * *f;
@@ -103,6 +106,7 @@ impl NearState {
             }
             Support::Touched { friction, .. } => self.meeting.displayed_n(&self.internal_n, friction, h),
         };
+        self.displayed_n = field.coupling.map_or(force_n, |coupling| coupling.limit(force_n));
     }
 
     /// Energy of the whole body in this state, J: that at the model step, and what z has changed of it. What acts from
@@ -145,8 +149,8 @@ impl NearState {
         field.energy_j + kinetic + elastic + far + outer
     }
 
-    /// One step of length `h` with the forces of its beginning, the tool moving between two places.
-    fn step(&mut self, field: &NearField, tool: (DVec3, DVec3), h: f64) {
+    /// One step of length `h` with the forces of its beginning, the device moving between two places.
+    fn step(&mut self, field: &NearField, device: (DVec3, DVec3), h: f64) {
         let (n, s) = (field.unknowns(), 3 * field.nodes);
         // What the tool drives has its velocity already.
         let first = if field.support == Support::Driven { s } else { 0 };
@@ -179,7 +183,9 @@ impl NearState {
                 z_dot.iter_mut().zip(&*force).skip(first).for_each(|(v, change)| *v += change);
             }
         }
-        let closing = self.meeting.meet(field, tool, h, z, z_dot);
+        let tool = ToolMove::new(field, device, self.proxy_m);
+        let (closing, proxy_m) = self.meeting.meet(field, &tool, h, z, z_dot);
+        self.proxy_m = proxy_m;
         let is_closing = closing.is_some();
         let v = closing.unwrap_or(z_dot);
         z.iter_mut().zip(v).skip(first).for_each(|(z, v)| *z += h * v);

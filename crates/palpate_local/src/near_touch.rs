@@ -9,7 +9,9 @@ use crate::dense::Cholesky;
 use crate::near_tick::{get, put};
 use crate::{NearField, Support, TickIntegrator};
 use glam::{DMat3, DVec3};
-use palpate_laws::{Answer, CLOSED_M, CLOSING_M_PER_S, Coulomb, Row, RowLaw, solve_rows};
+use palpate_laws::{
+    Answer, CLOSED_M, CLOSING_M_PER_S, Coulomb, ProxyStep, Row, RowLaw, solve_rows, solve_with_proxy,
+};
 
 /// Most points that are touched at once.
 const MOST_POINTS: usize = 48;
@@ -35,6 +37,38 @@ pub(crate) struct Meeting {
     gram: Vec<f64>,
     factor: Cholesky,
     shares: [Vec<f64>; 3],
+}
+
+/// What the tool does in a step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ToolMove {
+    /// Where it begins and ends, m; behind a coupling, if it moves as its device does.
+    from_m: DVec3,
+    to_m: DVec3,
+    /// What draws it elsewhere.
+    proxy: Option<ProxyStep>,
+}
+
+impl ToolMove {
+    /// That of a tool at `proxy_m` whose device goes from one place to another.
+    pub(crate) fn new(field: &NearField, device_m: (DVec3, DVec3), proxy_m: DVec3) -> Self {
+        let Some(coupling) = field.coupling else {
+            return Self { from_m: device_m.0, to_m: device_m.1, proxy: None };
+        };
+        let behind_m = device_m.0 - proxy_m;
+        let radius_m = match field.support {
+            Support::Touched { shape, .. } => Some(shape.radius_m()),
+            Support::Driven | Support::Held => None,
+        };
+        let short_m = coupling.short_m(behind_m, radius_m);
+        let proxy = Some(ProxyStep { coupling, short_m });
+        Self { from_m: proxy_m, to_m: device_m.1 - behind_m, proxy }
+    }
+
+    /// How far its coupling draws it if nothing is in the way, m.
+    fn short_m(&self) -> DVec3 {
+        self.proxy.map_or(DVec3::ZERO, |proxy| proxy.short_m)
+    }
 }
 
 /// A row on nodes of S.
@@ -105,32 +139,47 @@ impl Meeting {
         substeps * cuts as u32
     }
 
-    /// Makes the velocities `z_dot` those with which the tool, moving between two places in a step of length `h`, is held
-    /// or not entered. Where a gap was overdue, the velocities with which positions close it are others, and returned.
+    /// Makes the velocities `z_dot` those with which the tool, moving so in a step of length `h`, is held or not entered.
+    /// Where a gap was overdue, the velocities with which positions close it are others, and returned; and where the tool
+    /// is then.
     pub(crate) fn meet(
         &mut self,
         field: &NearField,
-        tool: (DVec3, DVec3),
+        tool: &ToolMove,
         h: f64,
         z: &[f64],
         z_dot: &mut [f64],
-    ) -> Option<&[f64]> {
+    ) -> (Option<&[f64]>, DVec3) {
+        let (was_overdue, drawn) = self.obey(field, tool, h, z, z_dot);
+        let closing = self.closing.get(..z_dot.len()).filter(|_| was_overdue);
+        (closing, tool.to_m + drawn)
+    }
+
+    /// As [`Meeting::meet`]; whether a gap was overdue, and how far the tool is drawn by its coupling, m.
+    fn obey(
+        &mut self,
+        field: &NearField,
+        tool: &ToolMove,
+        h: f64,
+        z: &[f64],
+        z_dot: &mut [f64],
+    ) -> (bool, DVec3) {
+        let mut drawn = tool.short_m();
         self.points.clear();
         match field.support {
-            Support::Driven => return None,
+            Support::Driven => {}
             Support::Held => self.hold(field, tool, h, z),
             Support::Touched { .. } => self.look(field, tool, h, z, z_dot),
         }
-        if self.points.is_empty() {
-            return None;
-        }
-        let n = z_dot.len();
-        self.before.get_mut(..n)?.copy_from_slice(z_dot);
+        let (Some(before), false) = (self.before.get_mut(..z_dot.len()), self.points.is_empty()) else {
+            return (false, drawn);
+        };
+        before.copy_from_slice(z_dot);
         let mut was_overdue = false;
         for _ in 0..MEETINGS {
             let mut more = false;
             for point in self.points.iter_mut().filter(|point| !point.is_met) {
-                let gap = point.gap_m + h * point.velocity(field, z_dot).dot(point.push);
+                let gap = point.gap_m + (h * point.velocity(field, z_dot) - drawn).dot(point.push);
                 point.is_met = point.is_held || gap < 0.0;
                 more |= point.is_met;
             }
@@ -139,22 +188,24 @@ impl Meeting {
             }
             was_overdue = self.points.iter().any(|p| p.is_met && p.overdue.length() > CLOSED_M);
             if was_overdue {
-                self.solve(field, h, z_dot, |point| point.gap);
-                self.closing.get_mut(..n)?.copy_from_slice(z_dot);
-                self.solve(field, h, z_dot, |point| point.gap - point.overdue);
+                drawn = self.solve(field, tool, h, z_dot, |point| point.gap);
+                if let Some(closing) = self.closing.get_mut(..z_dot.len()) {
+                    closing.copy_from_slice(z_dot);
+                }
+                self.solve(field, tool, h, z_dot, |point| point.gap - point.overdue);
             } else {
-                self.solve(field, h, z_dot, |point| point.gap);
+                drawn = self.solve(field, tool, h, z_dot, |point| point.gap);
             }
         }
-        if was_overdue { self.closing.get(..n) } else { None }
+        (was_overdue, drawn)
     }
 
     /// The row of a point that is held.
-    fn hold(&mut self, field: &NearField, tool: (DVec3, DVec3), h: f64, z: &[f64]) {
+    fn hold(&mut self, field: &NearField, tool: &ToolMove, h: f64, z: &[f64]) {
         let place = |x: &dyn Fn(usize) -> DVec3| -> DVec3 {
             field.weight.iter().take(field.nodes).enumerate().map(|(i, w)| *w * x(i)).sum()
         };
-        let moved_so_far = place(&|i| get(z, i)) - (tool.0 - field.start_m);
+        let moved_so_far = place(&|i| get(z, i)) - (tool.from_m - field.proxy_m);
         let overdue = moved_so_far.clamp_length_max(h * CLOSING_M_PER_S);
         self.points.push(Point {
             nodes: [(0, 0.0); 3],
@@ -162,7 +213,7 @@ impl Meeting {
             law: RowLaw::TwoSided,
             push: DVec3::ZERO,
             gap_m: 0.0,
-            gap: overdue - (tool.1 - tool.0),
+            gap: overdue - (tool.to_m - tool.from_m),
             overdue,
             impulse_ns: DVec3::ZERO,
             is_met: false,
@@ -170,16 +221,16 @@ impl Meeting {
     }
 
     /// The places where the tool may run into the triangles of S in this step, each once.
-    fn look(&mut self, field: &NearField, tool: (DVec3, DVec3), h: f64, z: &[f64], z_dot: &[f64]) {
+    fn look(&mut self, field: &NearField, tool: &ToolMove, h: f64, z: &[f64], z_dot: &[f64]) {
         let Support::Touched { shape, friction } = field.support else { return };
-        let moved = tool.1 - tool.0;
+        let moved = tool.to_m - tool.from_m;
         let fastest = (0..field.nodes).map(|i| get(z_dot, i).length()).fold(0.0, f64::max);
-        let far = 2.0 * (moved.length() + h * fastest);
+        let far = 2.0 * (moved.length() + h * fastest) + tool.short_m().length();
         let place = |i: usize| field.node_m.get(i).copied().unwrap_or_default() + get(z, i);
         let is_fixed = |i: usize| field.node_per_kg.get(i).is_none_or(|per_kg| *per_kg == 0.0);
         let points = &mut self.points;
         for &(triangle, longest_m) in field.triangle.iter().take(field.triangles) {
-            shape.features(tool.1, triangle.map(place), longest_m, |feature| {
+            shape.features(tool.to_m, triangle.map(place), longest_m, |feature| {
                 if feature.gap_m > far || points.len() == MOST_POINTS {
                     return;
                 }
@@ -216,13 +267,21 @@ impl Meeting {
         }
     }
 
-    /// Makes `z_dot` the velocities with which the points that are met close their gaps as their laws say.
-    fn solve(&mut self, field: &NearField, h: f64, z_dot: &mut [f64], gap: impl Fn(&Point) -> DVec3) {
+    /// Makes `z_dot` the velocities with which the points that are met close their gaps as their laws say, and returns how far
+    /// the tool's coupling draws it, m.
+    fn solve(
+        &mut self,
+        field: &NearField,
+        tool: &ToolMove,
+        h: f64,
+        z_dot: &mut [f64],
+        gap: impl Fn(&Point) -> DVec3,
+    ) -> DVec3 {
         z_dot.iter_mut().zip(&self.before).for_each(|(to, from)| *to = *from);
         // Those that are met come first.
         self.points.sort_unstable_by_key(|point| !point.is_met);
         let met = self.points.iter().take_while(|point| point.is_met).count();
-        let Some(points) = self.points.get_mut(..met) else { return };
+        let Some(points) = self.points.get_mut(..met) else { return tool.short_m() };
         self.rows.clear();
         self.rows.extend(points.iter().map(|point| Row {
             law: point.law,
@@ -231,8 +290,15 @@ impl Meeting {
             impulse_ns: DVec3::ZERO,
         }));
         let mut answer = OfField { points, field, z_dot };
-        solve_rows(&mut self.rows, &mut answer, h, SWEEPS);
+        let drawn = match tool.proxy {
+            Some(proxy) => solve_with_proxy(&mut self.rows, &mut answer, |_| true, proxy, h, SWEEPS).1,
+            None => {
+                solve_rows(&mut self.rows, &mut answer, h, SWEEPS);
+                DVec3::ZERO
+            }
+        };
         points.iter_mut().zip(&self.rows).for_each(|(point, row)| point.impulse_ns = row.impulse_ns);
+        drawn
     }
 
     /// The force on the hand, N, from the internal forces on S: the sum over the points that pushed in the last step, of

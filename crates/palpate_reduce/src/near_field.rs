@@ -194,7 +194,7 @@ impl Workspace {
         basis: &Basis,
         field: &mut NearField,
     ) -> Result<(), ReduceError> {
-        let &Moment { body, is_clamped, tool, options, .. } = moment;
+        let &Moment { body, is_clamped, contact, tool, options, .. } = moment;
         let (network, x, v) = (body.network(), body.positions_m(), body.velocities_m_per_s());
         let room = field.capacity();
         let too_many = |what, found, room| ReduceError::from(LocalModelError::Room { what, found, room });
@@ -204,6 +204,7 @@ impl Workspace {
         }
         (field.nodes, field.order) = (s, p);
         (field.support, field.start_m) = (support.support, tool.position_m);
+        (field.coupling, field.proxy_m) = (contact.coupling(), contact.proxy_m(tool.position_m));
         field.energy_j = body.energy().total_j();
         (field.tick_s, field.is_cut) = (options.tick_s, support.is_cut);
         self.place.fill(Place::Elsewhere);

@@ -29,8 +29,8 @@ impl Approach {
 }
 
 impl Body {
-    /// The approach of a tool from `from_m` to `to_m`, straight and in `steps` steps, which take `span_s` together. A tool
-    /// that is inside the body at the beginning touches nothing until it has come out.
+    /// The approach of a tool whose device goes from `from_m` to `to_m`, straight and in `steps` steps, which take `span_s`
+    /// together. A tool that is inside the body at the beginning touches nothing until it has come out.
     pub(super) fn approach(
         &mut self,
         contact: &mut ToolContact,
@@ -38,13 +38,16 @@ impl Body {
         span_s: f64,
         steps: usize,
     ) -> Approach {
+        let proxy_m = contact.proxy_m(from_m);
         let Hold::Nothing { shape, clear, .. } = &mut contact.hold else { return Approach::none() };
         let (radius, moved) = (shape.radius_m(), from_m.distance(to_m));
         let speed2 = |&node: &usize| self.v[node].length_squared();
         let fastest = self.network.free().iter().map(speed2).fold(0.0, f64::max).sqrt();
         // Nodes are pushed by the tool, or move by themselves; what comes from farther is met in the next piece.
         let reach = 1.5 * radius + moved + 2.0 * fastest * span_s;
-        let (low, high) = (from_m.min(to_m) - reach, from_m.max(to_m) + reach);
+        let way = [from_m, to_m, proxy_m, proxy_m + (to_m - from_m)];
+        let low = way.into_iter().fold(DVec3::INFINITY, DVec3::min) - reach;
+        let high = way.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max) + reach;
         let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for &node in &self.surface.vertices {
             (least, most) = (least.min(self.x[node]), most.max(self.x[node]));
@@ -56,7 +59,7 @@ impl Body {
         let mut tree = self.tree.take().unwrap_or_else(|| Box::new(SurfaceTree::new(self)));
         tree.refit(self);
         let near = tree.within(low, high);
-        let closest = tree.closest(self, shape.core_m(from_m), reach + radius);
+        let closest = tree.closest(self, shape.core_m(proxy_m), reach + radius);
         self.tree = Some(tree);
         *clear = closest.is_some_and(|closest| {
             let least = if *clear { 0.0 } else { radius * (1.0 - CLEAR_SHARE) };

@@ -9,7 +9,9 @@ use crate::tie::{TieEnd, TieKind};
 use crate::tool::Hold;
 use crate::{BodyError, Integrator, NodeContact, ToolContact, TouchedPoint};
 use glam::{DMat3, DVec3};
-use palpate_laws::{CLOSED_M, CLOSING_M_PER_S, Row, RowLaw, Sweeps, solve_rows};
+use palpate_laws::{
+    Answer, CLOSED_M, CLOSING_M_PER_S, ProxyStep, Row, RowLaw, Sweeps, solve_rows, solve_with_proxy,
+};
 
 /// How often obstacles are looked for again after some were met.
 const MEETINGS: usize = 8;
@@ -31,11 +33,30 @@ pub(super) struct Step<'a> {
 /// A tool that does not drive a node, in a step.
 pub(super) struct ToolStep<'a> {
     pub(super) contact: &'a mut ToolContact,
-    /// Where it is at the beginning and at the end of the step, m.
+    /// Where it is at the beginning and at the end of the step, m; behind a coupling, if it moves as its device does.
     pub(super) from_m: DVec3,
     pub(super) to_m: DVec3,
+    /// What draws it elsewhere.
+    pub(super) proxy: Option<ProxyStep>,
     /// The triangles that it may touch: their nodes, and their longest edge at rest, m.
     pub(super) near: &'a [([usize; 3], f64)],
+}
+
+impl<'a> ToolStep<'a> {
+    /// The step of a tool whose device goes from one place to another.
+    pub(super) fn new(
+        contact: &'a mut ToolContact,
+        device_m: (DVec3, DVec3),
+        near: &'a [([usize; 3], f64)],
+    ) -> Self {
+        let from_m = contact.proxy_m(device_m.0);
+        let behind_m = device_m.0 - from_m;
+        let radius_m = contact.shape().map(|(shape, _)| shape.radius_m());
+        let proxy = contact
+            .coupling
+            .map(|coupling| ProxyStep { coupling, short_m: coupling.short_m(behind_m, radius_m) });
+        Self { contact, from_m, to_m: device_m.1 - behind_m, proxy, near }
+    }
 }
 
 impl Step<'_> {
@@ -93,27 +114,35 @@ impl Body {
         });
         let mut columns = Columns::default();
         let mut impulses = Vec::new();
+        // Without rows a proxy goes as far as it is let.
+        let proxy = step.tool.as_ref().and_then(|tool| tool.proxy);
+        let mut drawn = proxy.map_or(DVec3::ZERO, |proxy| proxy.short_m);
         // A push out of one obstacle may lead into another: until no more are met.
         for meeting in 0..MEETINGS {
             let known = rows.len();
             self.meet(step, &mut rows);
-            self.meet_tool(&touchable, &touched_before, h, &mut rows, report);
+            self.meet_tool(&touchable, &touched_before, (h, drawn), &mut rows, report);
             if rows.len() == known && (meeting > 0 || rows.is_empty()) {
                 break;
             }
             let overdue = rows.iter().any(|row| row.overdue.length() > CLOSED_M);
             if overdue {
                 let whole: Vec<DVec3> = rows.iter().map(|row| row.gap).collect();
-                self.solve(step, &rows, &whole, &before, &mut columns, report)?;
+                (_, drawn) = self.solve(step, &rows, &whole, &before, &mut columns, report)?;
                 closing = Some(self.v.clone());
             } else {
                 closing = None;
             }
             let due = |row: &Constraint| if overdue { row.gap - row.overdue } else { row.gap };
             let gaps: Vec<DVec3> = rows.iter().map(due).collect();
-            impulses = self.solve(step, &rows, &gaps, &before, &mut columns, report)?;
+            let (found, went) = self.solve(step, &rows, &gaps, &before, &mut columns, report)?;
+            (impulses, drawn) = (found, if overdue { drawn } else { went });
         }
-        let work = self.settle(step, &rows, &impulses, closing.as_deref(), report);
+        if let Some(tool) = step.tool.as_mut().filter(|tool| tool.proxy.is_some()) {
+            tool.to_m += drawn;
+            tool.contact.proxy_m = Some(tool.to_m);
+        }
+        let work = self.settle(step, &rows, &impulses, (closing.as_deref(), drawn), report);
         if let Some(mut ledger) = self.ledger.take() {
             ledger.meet(self, step.drive.map(|(node, _)| node));
             for (nodes, impulse, moved) in work {
@@ -124,13 +153,14 @@ impl Body {
         Ok(closing)
     }
 
-    /// Notes what every row did. Returns what the tool did: where, its impulse, and how far it moved there.
+    /// Notes what every row did, where positions go with the velocities `closing` and the tool was `drawn` by its coupling.
+    /// Returns what the tool did: where, its impulse, and how far it moved there.
     fn settle(
         &mut self,
         step: &mut Step<'_>,
         rows: &[Constraint],
         impulses: &[DVec3],
-        closing: Option<&[DVec3]>,
+        (closing, drawn): (Option<&[DVec3]>, DVec3),
         report: &mut StepReport,
     ) -> Vec<(Weights, DVec3, DVec3)> {
         let (h, mut work, mut touched) = (step.h, Vec::new(), Vec::new());
@@ -156,7 +186,7 @@ impl Body {
                     touched.push(TouchedPoint {
                         nodes,
                         normal: -push,
-                        gap_m: apart_m + h * closing.dot(push),
+                        gap_m: apart_m + (h * closing - drawn).dot(push),
                         impulse_ns,
                         slip_m_per_s: velocity - moved / h,
                         step_s: h,
@@ -259,7 +289,7 @@ impl Body {
     }
 
     /// Makes the velocities, `before` without impulses, those with which every row closes its gap as its law says, and
-    /// returns the impulses.
+    /// returns the impulses, and how far the tool's coupling has drawn it.
     fn solve(
         &mut self,
         step: &Step<'_>,
@@ -268,7 +298,7 @@ impl Body {
         before: &[DVec3],
         columns: &mut Columns,
         report: &mut StepReport,
-    ) -> Result<Vec<DVec3>, BodyError> {
+    ) -> Result<(Vec<DVec3>, DVec3), BodyError> {
         // What is fixed or driven answers to no impulse.
         let driven = step.drive.map(|(node, _)| node);
         let movable =
@@ -283,30 +313,44 @@ impl Body {
         };
         let mut rows: Vec<Row> = constraints.iter().zip(gaps).map(asked).collect();
         self.v.copy_from_slice(before);
-        let sweeps: Sweeps = match (step.integrator, &self.implicit) {
+        let proxy = step.tool.as_ref().and_then(|tool| tool.proxy);
+        let (sweeps, drawn) = match (step.integrator, &self.implicit) {
             (Integrator::LinearlyImplicitEuler(settings), Some(implicit)) => {
                 let touched = nodes.iter().flatten().map(|(node, _)| *node);
                 implicit.answer(&self.network, touched, settings, columns)?;
                 let mut answer = Coupled::new(&nodes, before, |i, j| columns.block(&self.network, i, j));
                 rows.iter_mut().enumerate().for_each(|(i, row)| row.own_per_kg = answer.own_per_kg(i));
-                let sweeps = solve_rows(&mut rows, &mut answer, step.h, SWEEPS);
+                let solved = solve(constraints, &mut rows, &mut answer, proxy, step.h);
                 let pushes = nodes.iter().zip(&rows);
                 for (node, impulse) in
                     pushes.flat_map(|(row, r)| row.iter().map(|&(node, w)| (node, w * r.impulse_ns)))
                 {
                     columns.push(&self.network, node, impulse, &mut self.v);
                 }
-                sweeps
+                solved
             }
             _ => {
                 let mass_kg = self.network.mass_kg();
                 let mut answer = Masses { rows: &nodes, mass_kg, v: &mut self.v };
                 rows.iter_mut().enumerate().for_each(|(i, row)| row.own_per_kg = answer.own_per_kg(i));
-                solve_rows(&mut rows, &mut answer, step.h, SWEEPS)
+                solve(constraints, &mut rows, &mut answer, proxy, step.h)
             }
         };
         report.sweeps = report.sweeps.max(sweeps.count);
         report.unsolved += usize::from(!sweeps.converged);
-        Ok(rows.into_iter().map(|row| row.impulse_ns).collect())
+        Ok((rows.into_iter().map(|row| row.impulse_ns).collect(), drawn))
     }
+}
+
+/// Solves the rows of `constraints`, and for how far the tool's coupling draws it.
+fn solve(
+    constraints: &[Constraint],
+    rows: &mut [Row],
+    answer: &mut impl Answer,
+    proxy: Option<ProxyStep>,
+    h: f64,
+) -> (Sweeps, DVec3) {
+    let Some(proxy) = proxy else { return (solve_rows(rows, answer, h, SWEEPS), DVec3::ZERO) };
+    let is_tools = |row: usize| matches!(constraints[row].source, Source::Grip | Source::Touch { .. });
+    solve_with_proxy(rows, answer, is_tools, proxy, h, SWEEPS)
 }

@@ -135,10 +135,8 @@ impl Body {
                 let share = |i: usize| i as f64 / steps as f64;
                 let tool = contact.as_deref_mut().zip(way).map(|(contact, (from, to))| {
                     let at = |share: f64| from.position_m + (to.position_m - from.position_m) * share;
-                    let velocity_m_per_s = to.velocity_m_per_s;
-                    let near = &approach.near[..];
-                    let tool = ToolStep { contact, from_m: at(share(i - 1)), to_m: at(share(i)), near };
-                    (tool, velocity_m_per_s)
+                    let device = (at(share(i - 1)), at(share(i)));
+                    (ToolStep::new(contact, device, &approach.near), to.velocity_m_per_s)
                 });
                 // The shares of the advance that are over before and after this step.
                 let over = |i: usize| (tick as f64 + span as f64 * share(i)) / ticks as f64;
@@ -205,6 +203,8 @@ impl Body {
             closing = self.constrain(&mut step, report)?;
         } else if let Some(tool) = &mut step.tool {
             tool.contact.touched.clear();
+            // Nothing is near that could keep it from the device.
+            tool.contact.proxy_m = None;
         }
         if let Some(closing) = &closing {
             // What closes gaps works against the body's forces; loads are booked where nodes have gone.

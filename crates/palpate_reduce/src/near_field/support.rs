@@ -42,12 +42,13 @@ impl SupportSet {
             return None;
         }
         let x = body.positions_m();
+        let at = contact.proxy_m(tool.position_m);
         let reach = horizon_s * (tool.velocity_m_per_s.length() + START_M_PER_S);
         // Where it will be half-way is the middle of what matters.
-        let middle = tool.position_m + 0.5 * horizon_s * tool.velocity_m_per_s;
+        let middle = at + 0.5 * horizon_s * tool.velocity_m_per_s;
         let around = shape.radius_m() + reach;
         let mut near: Vec<(f64, [usize; 3], f64)> = tree
-            .within(tool.position_m - around, tool.position_m + around)
+            .within(at - around, at + around)
             .into_iter()
             .filter(|(nodes, _)| nodes.iter().any(|&node| !body.network().is_fixed(node)))
             .map(|(nodes, longest)| (distance(middle, nodes.map(|node| x[node])), nodes, longest))

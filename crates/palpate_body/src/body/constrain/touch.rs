@@ -20,7 +20,8 @@ impl Body {
         // What is farther cannot come.
         let speed2 = |&node: &usize| self.v[node].length_squared();
         let fastest = self.network.free().iter().map(speed2).fold(0.0, f64::max).sqrt();
-        let far = 2.0 * (moved.length() + h * fastest);
+        let drawn = tool.proxy.map_or(0.0, |proxy| proxy.short_m.length());
+        let far = 2.0 * (moved.length() + h * fastest) + drawn;
         for &(triangle, longest_m) in tool.near {
             shape.features(tool.to_m, triangle.map(|node| self.x[node]), longest_m, |feature| {
                 if feature.gap_m > far {
@@ -54,13 +55,13 @@ impl Body {
         rows
     }
 
-    /// Adds what the tool would have run into at the end of the step, up to so many nodes: first where it touched the
-    /// nodes `before`, then the deepest.
+    /// Adds what the tool, `drawn` by its coupling, would have run into at the end of a step of length `h`, up to so many
+    /// nodes: first where it touched the nodes `before`, then the deepest.
     pub(super) fn meet_tool(
         &self,
         touchable: &[Constraint],
         before: &[usize],
-        h: f64,
+        (h, drawn): (f64, DVec3),
         rows: &mut Vec<Constraint>,
         report: &mut StepReport,
     ) {
@@ -68,7 +69,7 @@ impl Body {
         for row in touchable {
             let Source::Touch { gap_m, push, .. } = row.source else { continue };
             let velocity: DVec3 = row.nodes.iter().map(|&(node, w)| w * self.v[node]).sum();
-            let gap = gap_m + h * velocity.dot(push);
+            let gap = gap_m + (h * velocity - drawn).dot(push);
             if gap < 0.0 && !rows.iter().any(|known| known.source == row.source) {
                 entered.push((gap, row));
             }

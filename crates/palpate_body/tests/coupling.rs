@@ -1,0 +1,163 @@
+//! A tool behind a coupling that gives way.
+
+use glam::DVec3;
+use palpate_body::*;
+
+const RADIUS: f64 = 0.005;
+const TOP: f64 = 0.05;
+
+fn block() -> Body {
+    let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
+    let block = Block::new([6; 3], DVec3::splat(0.1)).unwrap().fix(Face::NegZ).uniform(&lattice).unwrap();
+    Body::new(block.network, block.surface).unwrap()
+}
+
+const STIFFNESS: f64 = 20e3;
+
+fn free_ball() -> ToolContact {
+    ToolContact::touch(ToolShape::Sphere { radius_m: RADIUS }, 0.3).unwrap()
+}
+
+fn ball(most_n: f64) -> ToolContact {
+    free_ball().behind(Coupling { stiffness_n_per_m: STIFFNESS, most_n }).unwrap()
+}
+
+fn both() -> [Integrator; 2] {
+    let implicit = LinearlyImplicitEuler { solver: LinearSolver::Cholesky, ..Default::default() };
+    [SemiImplicitEuler::default().into(), implicit.into()]
+}
+
+/// Moves the device along `at` and returns force and proxy at every tick.
+fn follow(
+    body: &mut Body,
+    tool: &mut ToolContact,
+    ticks: usize,
+    integrator: Integrator,
+    at: impl Fn(f64) -> DVec3,
+) -> Vec<(DVec3, DVec3)> {
+    let mut all = Vec::new();
+    for i in 0..ticks {
+        let path = [i, i + 1].map(|i| ToolPoint::at_rest(at(i as f64 * 1e-3)));
+        body.advance(Some((&mut *tool, &path)), 1, integrator).unwrap();
+        all.push((tool.displayed_force_n(body), tool.proxy_m(path[1].position_m)));
+    }
+    all
+}
+
+/// Down from 2 mm above at 0.3 m/s, as deep as `depth`, wait, and up again after 0.4 s.
+fn dip(depth: f64) -> impl Fn(f64) -> DVec3 {
+    move |t| {
+        let down = 2e-3 - (0.3 * t).min(depth + 2e-3) + 0.3 * (t - 0.4).max(0.0);
+        DVec3::new(0.012, -0.008, TOP + RADIUS + down)
+    }
+}
+
+#[test]
+fn a_hand_deeper_than_the_body_can_go_leaves_the_proxy_where_the_force_is_the_largest() {
+    for integrator in both() {
+        for most_n in [1.0, 4.0] {
+            let (mut body, mut tool) = (block(), ball(most_n));
+            // Through the whole block, and 50 mm beyond.
+            let all = follow(&mut body, &mut tool, 400, integrator, dip(0.15));
+            assert!(all.iter().all(|(f, _)| f.length() <= most_n * (1.0 + 1e-9)), "saturated");
+            let (force, proxy) = *all.last().unwrap();
+            assert!((force.z - most_n).abs() < 0.02 * most_n, "{force}");
+            // The same place, reached by a tool that does not give way, has the same force.
+            let (mut other, mut stiff) = (block(), free_ball());
+            let depth = TOP + RADIUS - proxy.z;
+            let same = follow(&mut other, &mut stiff, 400, integrator, dip(depth));
+            let (expected, at) = *same.last().unwrap();
+            assert!((at.z - proxy.z).abs() < 1e-12);
+            assert!((force.z - expected.z).abs() < 0.03 * most_n, "{force} {expected} at {depth}");
+            // Nothing is turned inside out: each vertex of the surface is still where its neighbours are.
+            let furthest =
+                body.positions_m().iter().zip(body.network().rest_m()).map(|(x, r)| x.distance(*r));
+            assert!(furthest.fold(0.0, f64::max) < 0.03);
+        }
+    }
+}
+
+#[test]
+fn it_comes_back_with_the_hand() {
+    for integrator in both() {
+        let (mut body, mut tool) = (block(), ball(2.0));
+        let all = follow(&mut body, &mut tool, 1200, integrator, dip(0.06));
+        let (force, proxy) = *all.last().unwrap();
+        assert_eq!((force, proxy), (DVec3::ZERO, dip(0.06)(1.2)));
+        let moved = body.positions_m().iter().zip(body.network().rest_m()).map(|(x, r)| x.distance(*r));
+        assert!(moved.fold(0.0, f64::max) < 1e-3, "the body comes back");
+        // On its way up it stayed saturated until the hand was where the proxy was.
+        let until = all.iter().rposition(|(f, _)| f.z > 1.95).unwrap();
+        let behind = dip(0.06)(until as f64 * 1e-3).distance(all[until].1);
+        assert!(until > 450 && behind < 3e-3, "{until} {behind}");
+    }
+}
+
+#[test]
+fn below_saturation_it_is_a_stiff_spring_and_in_the_air_it_is_not_there() {
+    let (mut body, mut tool) = (block(), ball(50.0));
+    let at = dip(6e-3);
+    let all = follow(&mut body, &mut tool, 390, SemiImplicitEuler::default().into(), &at);
+    for (i, (force, proxy)) in all.iter().enumerate().take(6) {
+        assert_eq!((*force, *proxy), (DVec3::ZERO, at((i + 1) as f64 * 1e-3)));
+    }
+    let (force, proxy) = *all.last().unwrap();
+    let behind = proxy - at(0.39);
+    assert!(force.z > 0.5 && (behind - force / STIFFNESS).length() < 2e-3 * behind.length(), "{behind}");
+}
+
+#[test]
+fn a_proxy_tunnels_through_nothing() {
+    for most_n in [0.5, 5.0] {
+        for speed in [0.3, 1.0, 3.0] {
+            let (mut body, mut tool) = (block(), ball(most_n));
+            let at = |t: f64| DVec3::new(0.003, 0.004, TOP + RADIUS + 0.01 - speed * t);
+            let ticks = (0.05 / speed * 1e3) as usize;
+            follow(&mut body, &mut tool, ticks, SemiImplicitEuler::default().into(), at);
+            let proxy = tool.proxy_m(at(ticks as f64 * 1e-3));
+            let closest = SurfaceTree::new(&body).closest(&body, proxy, 1.0).unwrap();
+            assert!(closest.distance_m > 0.7 * RADIUS, "{speed} m/s, {most_n} N: {}", closest.distance_m);
+        }
+    }
+}
+
+#[test]
+fn what_is_held_gives_way_too() {
+    let node = 3 + 6 * (3 + 6 * 5);
+    for integrator in both() {
+        let mut body = block();
+        let from = body.positions_m()[node];
+        let coupling = Coupling { stiffness_n_per_m: STIFFNESS, most_n: 1.5 };
+        let mut tool = ToolContact::hold(&body, node, from).unwrap().behind(coupling).unwrap();
+        assert_eq!(tool.driven_node(), None);
+        // 100 mm up and aside, within a quarter of a second.
+        let pulled = |t: f64| from + DVec3::new(0.6, 0.0, 0.8) * 0.1 * (t / 0.25).min(1.0);
+        let all = follow(&mut body, &mut tool, 700, integrator, pulled);
+        let (force, proxy) = *all.last().unwrap();
+        assert!((force.length() - 1.5).abs() < 0.03, "{force}");
+        assert!((proxy - body.positions_m()[node]).length() < 1e-6, "it holds on");
+        // It pulls towards the hand.
+        let towards = (pulled(0.7) - proxy).normalize();
+        assert!((-force.normalize()).dot(towards) > 0.98, "{force} {towards}");
+    }
+}
+
+#[test]
+fn energy_is_accounted_for() {
+    let (mut body, mut tool) = (block(), ball(2.0));
+    body.open_books();
+    follow(&mut body, &mut tool, 600, SemiImplicitEuler::default().into(), dip(0.05));
+    let books = body.books().unwrap();
+    assert!(books.work_in_j > 1e-3, "{books:?}");
+    let spent = books.stored_j + books.damped_j + books.rubbed_j + books.integrator_j;
+    assert!((spent / books.work_in_j - 1.0).abs() < 1e-9, "{books:?}");
+    assert!(books.integrator_j.abs() < 0.1 * books.work_in_j, "{books:?}");
+}
+
+#[test]
+fn a_coupling_that_makes_no_sense_is_refused() {
+    for (stiffness_n_per_m, most_n) in [(0.0, 1.0), (f64::NAN, 1.0), (1e3, -1.0), (1e3, f64::INFINITY)] {
+        let refused = free_ball().behind(Coupling { stiffness_n_per_m, most_n });
+        assert!(matches!(refused, Err(BodyError::Tool(_))));
+    }
+}
