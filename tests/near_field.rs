@@ -134,8 +134,9 @@ fn quantised_positions_are_felt_through_the_estimator() {
     let contact = ToolContact::hold(&body, DRIVEN_NODE, start).unwrap();
     let exact = reference_samples(start);
     let oracle = Comparison::run(&body, &contact, &exact, &[], &options(0)).unwrap().oracle_n;
-    // Measured: 0.8 % and 6.5 %, where 6 % is the aim: a node that is driven by steps of 0.3 mm is thrown by them.
-    for (step_m, most) in [(3e-5, 0.03), (3e-4, 0.07)] {
+    // Measured: 0.8 % and 5.8 %. Nearly all of it is the full body's own, driven along the same samples: a node that is
+    // driven by steps of 0.3 mm is thrown by them.
+    for (step_m, most) in [(3e-5, 0.03), (3e-4, 0.06)] {
         let mut state = VelocityState::default();
         let samples: Vec<Sample> = exact
             .iter()
