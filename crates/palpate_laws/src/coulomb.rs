@@ -1,7 +1,7 @@
 //! One-sided contact with Coulomb friction at one point, as a small problem in impulses.
 
 use crate::LawError;
-use glam::{DMat3, DVec3};
+use glam::{DMat2, DMat3, DVec2, DVec3};
 
 /// A surface that pushes and never pulls, with Coulomb friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,8 +14,10 @@ pub struct Coulomb {
 
 /// Directions between which slip is looked for: few, and where two solutions hide between neighbours more.
 const DIRECTIONS: [u32; 3] = [16, 256, 4096];
-/// Halvings of the interval between two of them: to the last bit of an angle.
-const HALVINGS: u32 = 50;
+/// Most narrowings of the interval between two of them, half a dozen being common, and the change of the angle, rad, that
+/// ends them.
+const NARROWINGS: u32 = 60;
+const CLOSE: f64 = 1e-13;
 
 impl Coulomb {
     /// A contact with unit normal `normal` and coefficient of friction `friction`.
@@ -69,7 +71,7 @@ impl Coulomb {
     /// ```
     ///
     /// Take-off, stick and slip are tried in this order. Slip has one unknown left, the direction of r_t; it is found by
-    /// bisection. Where μ is so large that a push along it would press the point in (Painlevé's paradox) there may be
+    /// regula falsi. Where μ is so large that a push along it would press the point in (Painlevé's paradox) there may be
     /// none: then r_n is that without friction and r_t as far as the cone allows in the direction of stick, and u_n may be
     /// below 0.
     #[must_use]
@@ -100,46 +102,115 @@ impl Coulomb {
 
     /// The impulse of a point that slips; the direction nearest to `hint` comes first.
     fn slip(&self, w: DMat3, free: DVec3, hint: DVec3) -> Option<DVec3> {
-        let (n, mu) = (self.normal, self.friction);
-        let first = hint.try_normalize().unwrap_or_else(|| n.any_orthonormal_vector());
-        let second = n.cross(first);
-        let direction = |angle: f64| first * angle.cos() + second * angle.sin();
-        let impulse = |t: DVec3| {
-            let push = n + mu * t;
-            let size = -free.dot(n) / n.dot(w * push);
-            (size > 0.0).then_some(size * push)
-        };
-        let velocity = |t: DVec3| Some(w * impulse(t)? + free);
-        // How far the slip is from being along the friction: its component across.
-        let miss = |angle: f64| {
-            let t = direction(angle);
-            Some(velocity(t)?.dot(n.cross(t)))
-        };
+        let first = hint.try_normalize().unwrap_or_else(|| self.normal.any_orthonormal_vector());
+        let slip = Slip::new(self, w, free, first);
         for directions in DIRECTIONS {
             let step = std::f64::consts::TAU / f64::from(directions);
             // 0, 1, -1, 2, -2, ...: outward from the hint.
             for i in 0..directions {
                 let k = f64::from(i.div_ceil(2)) * if i % 2 == 0 { -1.0 } else { 1.0 };
-                let (mut low, mut high) = ((k - 0.5) * step, (k + 0.5) * step);
-                let (Some(at_low), Some(at_high)) = (miss(low), miss(high)) else { continue };
-                if at_low * at_high > 0.0 {
-                    continue;
-                }
-                for _ in 0..HALVINGS {
-                    let middle = 0.5 * (low + high);
-                    match miss(middle) {
-                        Some(at) if at * at_low > 0.0 => low = middle,
-                        _ => high = middle,
-                    }
-                }
-                let t = direction(0.5 * (low + high));
+                let ends = ((k - 0.5) * step, (k + 0.5) * step);
+                let Some(angle) = slip.straight_between(ends) else { continue };
                 // Friction opposes the slip.
-                if velocity(t).is_some_and(|u| u.dot(t) <= 0.0) {
-                    return impulse(t);
+                if slip.along(angle) <= 0.0 {
+                    return slip.impulse(angle);
                 }
             }
         }
         None
+    }
+}
+
+/// The search for the direction t of the friction on a point that slips, by its angle in the plane of contact.
+struct Slip {
+    normal: DVec3,
+    /// The plane's axes, the first at angle 0.
+    axes: [DVec3; 2],
+    friction: f64,
+    /// −u_n without an impulse.
+    approach: f64,
+    /// Velocity across the normal without an impulse.
+    free: DVec2,
+    /// Of W: normal; normal to plane; in the plane.
+    w_n: f64,
+    w_nt: DVec2,
+    w_t: DMat2,
+}
+
+impl Slip {
+    fn new(contact: &Coulomb, w: DMat3, free: DVec3, first: DVec3) -> Self {
+        let n = contact.normal;
+        let axes = [first, n.cross(first)];
+        let in_plane = |v: DVec3| DVec2::new(v.dot(axes[0]), v.dot(axes[1]));
+        let w_t = DMat2::from_cols(in_plane(w * axes[0]), in_plane(w * axes[1]));
+        Self {
+            normal: n,
+            axes,
+            friction: contact.friction,
+            approach: -free.dot(n),
+            free: in_plane(free),
+            w_n: n.dot(w * n),
+            w_nt: in_plane(w * n),
+            w_t,
+        }
+    }
+
+    /// r_n with friction along t, if it pushes.
+    fn size(&self, t: DVec2) -> Option<f64> {
+        let size = self.approach / (self.w_n + self.friction * self.w_nt.dot(t));
+        (size > 0.0).then_some(size)
+    }
+
+    /// Velocity across the normal with friction along t.
+    fn velocity(&self, t: DVec2) -> Option<DVec2> {
+        Some(self.size(t)? * (self.w_nt + self.friction * (self.w_t * t)) + self.free)
+    }
+
+    /// How far the slip is from being along the friction: its component across.
+    fn miss(&self, angle: f64) -> Option<f64> {
+        let t = DVec2::from_angle(angle);
+        Some(t.perp_dot(self.velocity(t)?))
+    }
+
+    /// The slip along the friction.
+    fn along(&self, angle: f64) -> f64 {
+        let t = DVec2::from_angle(angle);
+        self.velocity(t).map_or(f64::INFINITY, |u| u.dot(t))
+    }
+
+    fn impulse(&self, angle: f64) -> Option<DVec3> {
+        let t = DVec2::from_angle(angle);
+        let across = t.x * self.axes[0] + t.y * self.axes[1];
+        Some(self.size(t)? * (self.normal + self.friction * across))
+    }
+
+    /// The angle between two at which slip and friction are along the same line, by the Illinois form of regula falsi.
+    fn straight_between(&self, (mut low, mut high): (f64, f64)) -> Option<f64> {
+        let (mut at_low, mut at_high) = (self.miss(low)?, self.miss(high)?);
+        if at_low * at_high > 0.0 {
+            return None;
+        }
+        let (mut last, mut low_stayed, mut high_stayed) = (f64::NAN, false, false);
+        for _ in 0..NARROWINGS {
+            let guess = (low * at_high - high * at_low) / (at_high - at_low);
+            let middle = if guess > low && guess < high { guess } else { 0.5 * (low + high) };
+            let at = self.miss(middle)?;
+            if at == 0.0 || (middle - last).abs() < CLOSE {
+                return Some(middle);
+            }
+            last = middle;
+            // An end that stays again counts half.
+            if at * at_low > 0.0 {
+                (low, at_low) = (middle, at);
+                at_high *= if high_stayed { 0.5 } else { 1.0 };
+                (low_stayed, high_stayed) = (false, true);
+            } else {
+                (high, at_high) = (middle, at);
+                at_low *= if low_stayed { 0.5 } else { 1.0 };
+                (low_stayed, high_stayed) = (true, false);
+            }
+        }
+        Some(0.5 * (low + high))
     }
 }
 
