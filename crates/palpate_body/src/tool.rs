@@ -36,6 +36,8 @@ pub struct ToolContact {
     pub(crate) hold: Hold,
     /// The points that gave and took an impulse in the last step; none for a tool that holds.
     pub(crate) touched: Vec<TouchedPoint>,
+    /// The nodes on which it pushed at any time in the last advance.
+    pub(crate) touched_nodes: Vec<usize>,
     /// What draws it to the device, unless it is the device.
     pub(crate) coupling: Option<Coupling>,
     /// Where it is behind its coupling, m; where the device is if that is not known.
@@ -92,7 +94,7 @@ impl ToolContact {
     }
 
     fn new(hold: Hold) -> Self {
-        Self { hold, touched: Vec::new(), coupling: None, proxy_m: None }
+        Self { hold, touched: Vec::new(), touched_nodes: Vec::new(), coupling: None, proxy_m: None }
     }
 
     /// The same tool behind `coupling`: what the body meets is a proxy, which the coupling draws to the device with its
@@ -161,6 +163,12 @@ impl ToolContact {
         &self.touched
     }
 
+    /// The nodes on which it pushed at any time in the last advance, each once. Empty for a tool that holds.
+    #[must_use]
+    pub fn touched_nodes(&self) -> &[usize] {
+        &self.touched_nodes
+    }
+
     /// The points through which it acts on the body now: the one that it holds, or those that it touches.
     #[must_use]
     pub fn points(&self) -> Vec<BodyPoint> {
@@ -219,6 +227,7 @@ impl ToolContact {
         }
         let touching = !self.touched.is_empty();
         self.touched.clear();
+        self.touched_nodes.clear();
         touching
     }
 

@@ -311,6 +311,7 @@ impl HapticLoop {
     }
 
     fn account_for_model(&mut self, spoken: &Spoken) {
+        self.report.unsolved += u64::from(spoken.unsolved);
         if let Some(swap) = spoken.swap {
             self.report.models_adopted += 1;
             self.report.last_swap = Some(swap);

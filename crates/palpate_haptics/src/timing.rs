@@ -65,6 +65,8 @@ pub struct LoopReport {
     pub last_swap: Option<Swap>,
     /// Local models that were refused or given up.
     pub models_refused: u64,
+    /// Ticks at which the impulses of the tool's contacts were not found as well as they should be.
+    pub unsolved: u64,
     /// Ticks at which the safety chain changed the force.
     pub safety_acted: u64,
     /// Events that found their queue full.
@@ -92,6 +94,7 @@ impl LoopReport {
             models_adopted: 0,
             last_swap: None,
             models_refused: 0,
+            unsolved: 0,
             safety_acted: 0,
             dropped_events: 0,
             dropped_records: 0,
@@ -113,6 +116,7 @@ impl LoopReport {
             models_adopted,
             last_swap,
             models_refused,
+            unsolved,
             safety_acted,
             dropped_events,
             dropped_records,
@@ -129,6 +133,7 @@ impl LoopReport {
         *models_adopted = other.models_adopted;
         *last_swap = other.last_swap;
         *models_refused = other.models_refused;
+        *unsolved = other.unsolved;
         *safety_acted = other.safety_acted;
         *dropped_events = other.dropped_events;
         *dropped_records = other.dropped_records;

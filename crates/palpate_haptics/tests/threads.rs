@@ -4,7 +4,8 @@ use glam::DVec3;
 use palpate_haptics::*;
 use palpate_laws::{Spring, ToolShape};
 use palpate_local::{
-    Capacity, Contact, HandOverSettings, NearEnd, NearField, NearSpring, Scheme, Support, TickIntegrator,
+    Capacity, Contact, HandOverSettings, NearEnd, NearField, NearSpring, NearTriangle, Scheme, Support,
+    TickIntegrator,
 };
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -228,7 +229,7 @@ fn touched_triangle(field: &mut NearField, is_implicit: bool) {
     field.damping[..4].copy_from_slice(&[10.0, 0.0, 0.0, 10.0]);
     field.force[..11].fill(0.0);
     field.velocity[..11].fill(0.0);
-    field.triangle[0] = ([0, 1, 2], 0.03);
+    field.triangle[0] = NearTriangle { nodes: [0, 1, 2], longest_m: 0.03, is_touched: true };
     (field.tick_s, field.start_m) = (1e-3, DVec3::ZERO);
     field.integrator = TickIntegrator::Explicit { substeps: 4 };
     if is_implicit {

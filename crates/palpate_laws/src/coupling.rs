@@ -1,6 +1,6 @@
 //! A tool that gives way: a proxy without mass behind a stiff coupling whose force saturates.
 
-use crate::{Answer, LawError, Row, Sweeps, solve_rows};
+use crate::{Answer, Effort, LawError, Row, Sweeps, solve_rows};
 use glam::{DMat3, DVec3};
 
 /// What draws a tool's proxy, which is what the body meets, to where the device is: a spring as long as its force is
@@ -104,21 +104,23 @@ pub fn solve_with_proxy(
     is_tools: impl Fn(usize) -> bool,
     proxy: ProxyStep,
     h: f64,
-    most: usize,
+    effort: Effort,
 ) -> (Sweeps, DVec3) {
     let Coupling { stiffness_n_per_m, most_n } = proxy.coupling;
     let per_kg = 1.0 / (stiffness_n_per_m * h * h);
     let mut lightest = 0.0_f64;
+    let mut guessed = DVec3::ZERO;
     for (_, row) in rows.iter_mut().enumerate().filter(|(index, _)| is_tools(*index)) {
         let own = row.own_per_kg.x_axis.x.min(row.own_per_kg.y_axis.y).min(row.own_per_kg.z_axis.z);
         lightest = lightest.max(own);
         row.own_per_kg += DMat3::from_diagonal(DVec3::splat(per_kg));
+        guessed += row.impulse_ns;
     }
     // At first to where the coupling would be saturated if the proxy stayed; so that in the end its force is towards the
     // device.
     let goal = proxy.short_m.clamp_length_max(proxy.coupling.stretch_m());
-    let answer = WithProxy { rows: answer, is_tools, velocity_m_per_s: goal / h, per_kg };
-    let mut pull = Pull { rows, answer, h, most, sweeps: Sweeps::default() };
+    let answer = WithProxy { rows: answer, is_tools, velocity_m_per_s: goal / h - per_kg * guessed, per_kg };
+    let mut pull = Pull { rows, answer, h, effort, sweeps: Sweeps::default() };
     let force = pull.force_n(DVec3::ZERO);
     let beyond = force.length() - most_n;
     if beyond > BEYOND * most_n {
@@ -144,7 +146,7 @@ struct Pull<'a, A, F> {
     rows: &'a mut [Row],
     answer: WithProxy<'a, A, F>,
     h: f64,
-    most: usize,
+    effort: Effort,
     sweeps: Sweeps,
 }
 
@@ -152,7 +154,7 @@ impl<A: Answer, F: Fn(usize) -> bool> Pull<'_, A, F> {
     /// What the tool's rows give, N, when it gives way by `more`, m.
     fn force_n(&mut self, more: DVec3) -> DVec3 {
         self.answer.velocity_m_per_s -= more / self.h;
-        let now = solve_rows(self.rows, &mut self.answer, self.h, self.most);
+        let now = solve_rows(self.rows, &mut self.answer, self.h, self.effort);
         self.sweeps = Sweeps { count: self.sweeps.count + now.count, converged: now.converged };
         self.tools().map(|row| row.impulse_ns).sum::<DVec3>() / self.h
     }
@@ -169,7 +171,7 @@ impl<A: Answer, F: Fn(usize) -> bool> Pull<'_, A, F> {
     /// Gives way along `way` until the force along it is the largest.
     fn give_way(&mut self, way: DVec3, mut search: Search, first: f64, most_n: f64) {
         let mut given = 0.0;
-        self.most = self.most.min(ROUGHLY);
+        self.effort.sweeps = self.effort.sweeps.min(ROUGHLY);
         for look in 0..LOOKS {
             // In the end rather too little than nothing.
             let give = if look + 1 < LOOKS { search.guess(first) } else { search.little.0 };
@@ -246,7 +248,14 @@ mod tests {
     fn step(coupling: Coupling, short: f64, mut rows: Vec<Row>) -> (Vec<Row>, Vec<DVec3>, DVec3) {
         let mut masses = Apart(vec![DVec3::ZERO; rows.len()]);
         let proxy = ProxyStep { coupling, short_m: DVec3::Z * short };
-        let (sweeps, moved) = solve_with_proxy(&mut rows, &mut masses, |_| true, proxy, H, 1000);
+        let (sweeps, moved) = solve_with_proxy(
+            &mut rows,
+            &mut masses,
+            |_| true,
+            proxy,
+            H,
+            Effort { sweeps: 1000, tolerance: 1e-8 },
+        );
         assert!(sweeps.converged || rows.len() > 1);
         (rows, masses.0, moved)
     }

@@ -36,7 +36,7 @@ pub use coulomb::Coulomb;
 pub use coupling::{Coupling, ProxyStep, solve_with_proxy};
 pub use error::LawError;
 pub use law::{ForceLaw, Tension};
-pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Row, RowLaw, Sweeps, solve_rows};
+pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Effort, Row, RowLaw, Sweeps, solve_rows};
 pub use skin::SkinLaw;
 pub use spring::{Spring, SpringTangent};
 pub use touch::{Feature, FeatureGap, ToolShape, nearest_weights};

@@ -36,6 +36,15 @@ pub trait Answer {
     fn push(&mut self, row: usize, impulse_ns: DVec3);
 }
 
+/// How much is done to find the impulses of rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Effort {
+    /// Most sweeps over all rows.
+    pub sweeps: usize,
+    /// Change of an impulse, relative to the largest, below which a sweep was the last.
+    pub tolerance: f64,
+}
+
 /// How the impulses of rows were found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sweeps {
@@ -50,9 +59,7 @@ pub const CLOSING_M_PER_S: f64 = 1.0;
 /// Less than that of a gap is rounding and needs no care.
 pub const CLOSED_M: f64 = 1e-6;
 
-/// Change of an impulse, relative to the largest, below which a sweep was the last.
-const TOLERANCE: f64 = 1e-8;
-/// How far a row moves in the step because of such a change, m, below which it was the last too, after so many sweeps:
+/// How far a row moves in the step because of a change, m, below which a sweep was the last too, after so many sweeps:
 /// impulses that share a load that one of them could bear are not determined, and need not be.
 const MOVED_M: f64 = 1e-9;
 const PATIENCE: usize = 50;
@@ -73,13 +80,13 @@ impl RowLaw {
 
 /// Gives every row its impulse, so that at the end of a step of length `h`, s, each obeys its law, by projected
 /// Gauss-Seidel (F. Jourdan, P. Alart, M. Jean, Comput. Methods Appl. Mech. Eng. 155 (1998) 31): row after row answers
-/// exactly while the others stand, until nothing changes or `most` sweeps are over. `answer` begins with the velocities
-/// without impulses.
+/// exactly while the others stand, until nothing changes or as many sweeps are over as `effort` allows. Rows may begin with
+/// impulses, for a guess; `answer` begins with the velocities that these give.
 ///
 /// Where rows contradict each other their impulses grow and no sweep is the last; very unequal masses on threads converge
 /// slowly.
-pub fn solve_rows(rows: &mut [Row], answer: &mut impl Answer, h: f64, most: usize) -> Sweeps {
-    for count in 1..=most {
+pub fn solve_rows(rows: &mut [Row], answer: &mut impl Answer, h: f64, effort: Effort) -> Sweeps {
+    for count in 1..=effort.sweeps {
         let (mut largest, mut change, mut moved) = (0.0_f64, 0.0_f64, 0.0_f64);
         for (index, row) in rows.iter_mut().enumerate() {
             // A row of nothing but what is fixed cannot obey.
@@ -98,11 +105,11 @@ pub fn solve_rows(rows: &mut [Row], answer: &mut impl Answer, h: f64, most: usiz
             change = change.max(more.length());
             moved = moved.max(h * (row.own_per_kg * more).length());
         }
-        if change <= TOLERANCE * largest || count > PATIENCE && moved <= MOVED_M {
+        if change <= effort.tolerance * largest || count > PATIENCE && moved <= MOVED_M {
             return Sweeps { count, converged: true };
         }
     }
-    Sweeps { count: most, converged: false }
+    Sweeps { count: effort.sweeps, converged: false }
 }
 
 #[cfg(test)]
@@ -127,6 +134,10 @@ mod tests {
         }
     }
 
+    fn within(sweeps: usize) -> Effort {
+        Effort { sweeps, tolerance: 1e-8 }
+    }
+
     fn row(law: RowLaw, gap: f64) -> Row {
         let own_per_kg = DMat3::from_diagonal(DVec3::splat(2.0));
         Row { law, gap_m: DVec3::Z * gap, own_per_kg, impulse_ns: DVec3::ZERO }
@@ -139,7 +150,7 @@ mod tests {
         // Both press: [2 1; 1 2] λ = -[v + gap/h].
         let mut two = Two { v: [DVec3::Z * -3.0, DVec3::Z * -4.0], w };
         let mut rows = [row(up, 0.01), row(up, 0.01)];
-        let sweeps = solve_rows(&mut rows, &mut two, 0.01, 100);
+        let sweeps = solve_rows(&mut rows, &mut two, 0.01, within(100));
         assert!(sweeps.converged && (2..40).contains(&sweeps.count));
         assert!(
             (rows[0].impulse_ns.z - 1.0 / 3.0).abs() < 1e-7
@@ -149,7 +160,7 @@ mod tests {
         // One push is enough for both: the other gives nothing.
         let mut two = Two { v: [DVec3::Z * -0.1, DVec3::Z * -4.0], w };
         let mut rows = [row(up, 0.0), row(up, 0.0)];
-        assert!(solve_rows(&mut rows, &mut two, 0.01, 100).converged);
+        assert!(solve_rows(&mut rows, &mut two, 0.01, within(100)).converged);
         assert_eq!(rows[0].impulse_ns, DVec3::ZERO);
         assert!((rows[1].impulse_ns.z - 2.0).abs() < 1e-7 && two.v[0].z > 0.0);
     }
@@ -159,10 +170,10 @@ mod tests {
         let w = [[2.0, 0.0], [0.0, 2.0]];
         let mut two = Two { v: [DVec3::X, -DVec3::X], w };
         let mut rows = [row(RowLaw::Tension(DVec3::X), 0.0), row(RowLaw::Tension(DVec3::X), 0.0)];
-        assert_eq!(solve_rows(&mut rows, &mut two, 0.01, 100).count, 2);
+        assert_eq!(solve_rows(&mut rows, &mut two, 0.01, within(100)).count, 2);
         assert_eq!((two.v, rows[1].impulse_ns), ([DVec3::ZERO, -DVec3::X], DVec3::ZERO));
         let mut rows = [row(RowLaw::TwoSided, 0.0), row(RowLaw::TwoSided, -0.01)];
-        solve_rows(&mut rows, &mut two, 0.01, 100);
+        solve_rows(&mut rows, &mut two, 0.01, within(100));
         assert_eq!(two.v, [DVec3::ZERO, DVec3::Z]);
     }
 
@@ -173,10 +184,10 @@ mod tests {
         // The same point asked to be at two places.
         let mut rows = [row(RowLaw::TwoSided, 0.0), row(RowLaw::TwoSided, 0.1)];
         rows.iter_mut().for_each(|row| row.own_per_kg = own(1.0));
-        assert_eq!(solve_rows(&mut rows, &mut two, 0.01, 50), Sweeps { count: 50, converged: false });
+        assert_eq!(solve_rows(&mut rows, &mut two, 0.01, within(50)), Sweeps { count: 50, converged: false });
         let mut rows = [row(RowLaw::TwoSided, 0.0)];
         rows[0].own_per_kg = own(0.0);
-        assert!(solve_rows(&mut rows, &mut two, 0.01, 50).converged);
+        assert!(solve_rows(&mut rows, &mut two, 0.01, within(50)).converged);
         assert_eq!(rows[0].impulse_ns, DVec3::ZERO);
     }
 }

@@ -38,8 +38,10 @@ const FINE_FOR_SPHERE: f64 = 0.25;
 const CORNERS: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// A triangle that looks less along a punch than that stands upright beside it.
 const UPRIGHT: f64 = 1e-6;
-/// A point with less weight than that on nodes that can move is as good as fixed: to move it they would have to go far.
+/// A point with less weight than that on nodes that can move is as good as fixed: to move it they would have to go far. Less
+/// is enough for what is touched already, so that a touch near what is fixed does not come and go.
 const LEAST_LEVER: f64 = 0.3;
+const LEAST_LEVER_TOUCHED: f64 = 0.1;
 /// Points on the rim of a punch that touch where no corner of the surface does.
 const RIM: u32 = 8;
 /// What is not farther behind the rim of a punch than that share of its radius is still met by its face.
@@ -59,11 +61,12 @@ pub struct FeatureGap {
 }
 
 impl Feature {
-    /// Whether nodes that can move have too little weight in it, where `is_fixed` tells of each corner.
+    /// Whether nodes that can move have too little weight in it, where `is_fixed` tells of each corner and `is_touched` whether
+    /// it was touched in the step before.
     #[must_use]
-    pub fn is_out_of_reach(&self, is_fixed: [bool; 3]) -> bool {
+    pub fn is_out_of_reach(&self, is_fixed: [bool; 3], is_touched: bool) -> bool {
         let free: f64 = (0..3).filter(|&i| !is_fixed[i]).map(|i| self.weights[i]).sum();
-        free < LEAST_LEVER
+        free < if is_touched { LEAST_LEVER_TOUCHED } else { LEAST_LEVER }
     }
 
     /// The gap in a step of length `h`, s, in which the tool moves by `moved_m` to where it is: the tool's own motion is

@@ -127,6 +127,9 @@ pub struct Spoken {
     pub model: Option<ModelId>,
     /// The change of model at this tick, if there was one.
     pub swap: Option<Swap>,
+    /// Whether the impulses of the tool's contacts were not found as well as they should be; see
+    /// [`LocalState::is_unsolved`].
+    pub unsolved: bool,
     /// Why a model that was catching up had to be given up at this tick.
     pub abandoned: Option<LocalModelError>,
 }
@@ -138,7 +141,8 @@ pub struct Swap {
     pub to: ModelId,
     /// Samples that were replayed into it.
     pub replayed: u64,
-    /// Its force minus what the old model would have displayed at this tick, N.
+    /// Its force minus what the old model would have displayed at this tick, N, both before the filter of
+    /// [`Scheme::LowPass`].
     pub force_step_n: DVec3,
     /// The body's energy as it has it minus that as the old model has it, J: what the hand-over brings in, or takes where it
     /// is negative. `None` where one of them knows none.
@@ -270,7 +274,9 @@ impl HandOver {
             Ok(None) => {}
             Ok(Some(replayed)) => {
                 let energy = |speaker: &Speaker| speaker.state.energy_j(&speaker.model);
-                let old = self.spoken.and_then(|_| energy(&self.speaking));
+                let (from, to) = (self.speaking.model.id, self.incoming.model.id);
+                let is_same = self.spoken.is_some() && (from.body, from.epoch) == (to.body, to.epoch);
+                let old = energy(&self.speaking).filter(|_| is_same);
                 let energy_step_j = energy(&self.incoming).zip(old).map(|(new, old)| new - old);
                 std::mem::swap(&mut self.speaking, &mut self.incoming);
                 self.replay = None;
@@ -289,6 +295,7 @@ impl HandOver {
         force = self.filter(force, fresh);
         out.force_n = force;
         out.model = self.spoken.map(|_| self.speaking.model.id);
+        out.unsolved = out.model.is_some() && self.speaking.state.is_unsolved(&self.speaking.model);
         out
     }
 

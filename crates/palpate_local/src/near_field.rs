@@ -71,6 +71,17 @@ pub struct NearSpring {
     pub spring: Spring,
 }
 
+/// A triangle of the surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NearTriangle {
+    /// Its nodes, of S, counter-clockwise seen from outside.
+    pub nodes: [usize; 3],
+    /// Its longest edge at rest, m.
+    pub longest_m: f64,
+    /// Whether the tool touched it in the last step of the body.
+    pub is_touched: bool,
+}
+
 /// How a tick is integrated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TickIntegrator {
@@ -133,8 +144,8 @@ pub struct NearField {
     pub basis: Vec<f64>,
     /// The springs incident to S.
     pub near: Vec<NearSpring>,
-    /// Nodes of S and longest edge at rest, m, of each triangle.
-    pub triangle: Vec<([usize; 3], f64)>,
+    /// The triangles between nodes of S.
+    pub triangle: Vec<NearTriangle>,
     /// K̃ = Vᵀ K_far V, 1/s².
     pub stiffness: Vec<f64>,
     /// B̃ = Vᵀ B_far V, 1/s.
@@ -187,7 +198,7 @@ impl NearField {
                 NearSpring { a: 0, b: NearEnd::Fixed(DVec3::ZERO), spring: Spring::default() };
                 springs
             ],
-            triangle: vec![([0; 3], 0.0); triangles],
+            triangle: vec![NearTriangle::default(); triangles],
             stiffness: vec![0.0; order * order],
             damping: vec![0.0; order * order],
             force: vec![0.0; n],
@@ -269,7 +280,8 @@ impl NearField {
     /// Checks sizes, indices and numbers.
     ///
     /// # Errors
-    /// [`LocalModelError::Room`], [`LocalModelError::Size`], [`LocalModelError::NotFinite`], [`LocalModelError::Index`].
+    /// [`LocalModelError::Room`], [`LocalModelError::Size`], [`LocalModelError::NotFinite`], [`LocalModelError::Index`],
+    /// [`LocalModelError::Setting`].
     pub fn validate(&self) -> Result<(), LocalModelError> {
         // First, so that no product below can overflow.
         self.fits(self.capacity())?;
@@ -296,7 +308,7 @@ impl NearField {
             ("places of S", self.node_m.get(..self.nodes).is_some_and(finite)),
             ("places of the ring", self.ring_m.get(..self.ring).is_some_and(finite)),
             ("ends of near springs", springs.iter().all(|spring| end_is_finite(&spring.b))),
-            ("edges", triangles.iter().all(|(_, longest)| longest.is_finite())),
+            ("edges", triangles.iter().all(|triangle| triangle.longest_m.is_finite())),
             ("step", self.tick_s.is_finite() && self.tick_s > 0.0),
             ("start of the tool", self.start_m.is_finite() && self.proxy_m.is_finite()),
             ("coupling of the tool", self.coupling.is_none_or(|coupling| coupling.validate().is_ok())),
@@ -314,7 +326,10 @@ impl NearField {
         };
         for (what, ok) in [
             ("a near spring", springs.iter().all(|spring| spring.a < self.nodes && in_range(&spring.b))),
-            ("a triangle", triangles.iter().flat_map(|(nodes, _)| nodes).all(|&node| node < self.nodes)),
+            (
+                "a triangle",
+                triangles.iter().flat_map(|triangle| triangle.nodes).all(|node| node < self.nodes),
+            ),
         ] {
             if !ok {
                 return Err(LocalModelError::Index { what });
@@ -333,13 +348,27 @@ impl NearField {
                 allowed: "1 to 64",
             });
         }
-        if let Support::Touched { shape, friction } = self.support {
-            let (what, ok) = ("tool of a local model", shape.validate().is_ok() && friction >= 0.0);
-            if !(ok && friction.is_finite()) {
-                return Err(LocalModelError::NotFinite { what });
+        let mass = self.node_per_kg.iter().take(self.nodes);
+        let lightest = mass.clone().fold(f64::INFINITY, |a, b| a.min(*b));
+        let free = self.weight.iter().zip(mass).filter(|(_, per_kg)| **per_kg > 0.0);
+        let squares: f64 = free.map(|(w, _)| w * w).sum();
+        let (value, allowed, what, ok) = match self.support {
+            _ if lightest < 0.0 => (lightest, "at least 0", "inverse mass, 1/kg", false),
+            Support::Driven => (self.nodes as f64, "1", "nodes that are driven", self.nodes == 1),
+            Support::Held => {
+                let ok = squares.is_finite() && squares > 0.0;
+                (squares, "finite and above 0", "squares of the weights of what is held", ok)
             }
-        }
-        Ok(())
+            Support::Touched { shape, .. }
+                if shape.validate().is_err() || shape.radius_m() < LEAST_RADIUS_M =>
+            {
+                (shape.radius_m(), "a radius of at least 1e-6 and an axis of length 1", "tool, m", false)
+            }
+            Support::Touched { friction, .. } => {
+                (friction, "finite and at least 0", "friction", friction.is_finite() && friction >= 0.0)
+            }
+        };
+        if ok { Ok(()) } else { Err(LocalModelError::Setting { what, value, allowed }) }
     }
 
     /// Becomes `other`, without allocating.
@@ -379,6 +408,8 @@ impl NearField {
     }
 }
 
+/// The smallest tool, m: below that of a cell.
+const LEAST_RADIUS_M: f64 = 1e-6;
 /// Most substeps of a tick.
 pub(crate) const MOST_SUBSTEPS: u32 = 64;
 
@@ -399,17 +430,43 @@ mod tests {
         (field.nodes, field.order, field.ring, field.springs, field.triangles) = (3, 2, 1, 3, 1);
         field.near[0].b = NearEnd::Ring(0);
         field.near[1].b = NearEnd::Support(2);
-        field.triangle[0] = ([0, 1, 2], 0.1);
+        field.triangle[0] = NearTriangle { nodes: [0, 1, 2], longest_m: 0.1, is_touched: false };
         field.support = Support::Touched { shape: ToolShape::Sphere { radius_m: 0.01 }, friction: 0.3 };
         field.tick_s = 1e-3;
         field
     }
 
     #[test]
+    fn what_cannot_be_is_refused() {
+        type Spoil = fn(&mut NearField);
+        let touched =
+            |radius_m, friction| Support::Touched { shape: ToolShape::Sphere { radius_m }, friction };
+        let poison: [(&str, Spoil); 4] = [
+            ("inverse mass, 1/kg", |f| f.node_per_kg[1] = -1.0),
+            ("nodes that are driven", |f| f.support = Support::Driven),
+            ("squares of the weights of what is held", |f| f.support = Support::Held),
+            // The only weight is on what is fixed.
+            ("squares of the weights of what is held", |f| (f.support, f.weight[0]) = (Support::Held, 1.0)),
+        ];
+        for (name, spoil) in poison {
+            let mut bad = triangle();
+            spoil(&mut bad);
+            let error = bad.validate().unwrap_err();
+            assert!(matches!(error, LocalModelError::Setting { what, .. } if what == name), "{error}");
+        }
+        for support in
+            [touched(1e-300, 0.3), touched(f64::NAN, 0.3), touched(0.01, -0.1), touched(0.01, f64::NAN)]
+        {
+            let bad = NearField { support, ..triangle() };
+            assert!(matches!(bad.validate(), Err(LocalModelError::Setting { .. })));
+        }
+    }
+
+    #[test]
     fn what_is_not_finite_is_found_wherever_it_is() {
         assert_eq!(triangle().validate(), Ok(()));
         type Spoil = fn(&mut NearField);
-        let poison: [(&str, Spoil); 12] = [
+        let poison: [(&str, Spoil); 11] = [
             ("weights", |f| f.weight[2] = f64::NAN),
             ("inverse masses", |f| f.node_per_kg[0] = f64::INFINITY),
             ("basis", |f| f.basis[5] = f64::NAN),
@@ -421,9 +478,6 @@ mod tests {
             ("places of the ring", |f| f.ring_m[0].y = f64::NAN),
             ("ends of near springs", |f| f.near[2].b = NearEnd::Fixed(DVec3::NAN)),
             ("step", |f| f.tick_s = 0.0),
-            ("tool of a local model", |f| {
-                f.support = Support::Touched { shape: ToolShape::Sphere { radius_m: -1.0 }, friction: 0.3 };
-            }),
         ];
         for (what, spoil) in poison {
             let mut bad = triangle();
@@ -448,7 +502,7 @@ mod tests {
             |f| f.triangles = 2,
             |f| f.near[0].a = 3,
             |f| f.near[0].b = NearEnd::Ring(1),
-            |f| f.triangle[0].0[2] = 3,
+            |f| f.triangle[0].nodes[2] = 3,
             |f| f.integrator = TickIntegrator::Explicit { substeps: 65 },
         ];
         for (i, spoil) in poison.into_iter().enumerate() {

@@ -47,7 +47,7 @@ impl NearState {
             ring_v: still.clone(),
             ring_n: still,
             scratch: zero,
-            meeting: Meeting::new(n),
+            meeting: Meeting::with_capacity(capacity),
             device_m: DVec3::ZERO,
             proxy_m: DVec3::ZERO,
             displayed_n: DVec3::ZERO,
@@ -59,11 +59,18 @@ impl NearState {
         self.z.fill(0.0);
         self.z_dot.fill(0.0);
         self.z_dot.iter_mut().zip(&field.velocity).take(field.unknowns()).for_each(|(to, from)| *to = *from);
-        self.ring_dx.iter_mut().for_each(|dx| *dx = DVec3::ZERO);
+        self.ring_dx.fill(DVec3::ZERO);
+        self.ring_v.fill(DVec3::ZERO);
         let s = 3 * field.nodes;
         multiply(field, self.z_dot.get(s..field.unknowns()).unwrap_or_default(), &mut self.ring_v);
         self.meeting.forget();
         (self.device_m, self.proxy_m, self.displayed_n) = (field.start_m, field.proxy_m, force_n);
+    }
+
+    /// Whether the impulses of contacts were not found as well as they should be at the last sample: they are too many, or
+    /// contradict each other.
+    pub(crate) fn is_unsolved(&self) -> bool {
+        self.meeting.is_unsolved()
     }
 
     /// What is displayed now, N.
@@ -79,10 +86,11 @@ impl NearState {
         }
         let (from, to) = (self.device_m, sample.position_m);
         let substeps = match field.integrator {
-            TickIntegrator::Explicit { substeps } => self.meeting.substeps(field, from, to, substeps),
+            TickIntegrator::Explicit { substeps } => Meeting::substeps(field, from, to, substeps),
             TickIntegrator::Implicit { substeps } => substeps,
         };
         let h = field.tick_s / f64::from(substeps);
+        self.meeting.begin();
         for i in 1..=substeps {
             let at = |i: u32| from + (to - from) * (f64::from(i) / f64::from(substeps));
             let device = (at(i - 1), at(i));
@@ -99,12 +107,15 @@ impl NearState {
         let force_n = match field.support {
             Support::Driven => self.internal_n.first().copied().unwrap_or_default(),
             Support::Held => {
-                let weighted = |(w, f): (&f64, &DVec3)| *w * *f;
-                let weights = || field.weight.iter().take(field.nodes);
-                let sum: DVec3 = weights().zip(&self.internal_n).map(weighted).sum();
+                // What is fixed bears what it bears.
+                let free = |(w, per_kg): (&f64, &f64)| if *per_kg > 0.0 { *w } else { 0.0 };
+                let weights = || field.weight.iter().zip(&field.node_per_kg).map(free).take(field.nodes);
+                let sum: DVec3 = weights().zip(&self.internal_n).map(|(w, f)| w * *f).sum();
                 sum / weights().map(|w| w * w).sum::<f64>()
             }
-            Support::Touched { friction, .. } => self.meeting.displayed_n(&self.internal_n, friction, h),
+            Support::Touched { friction, .. } => {
+                self.meeting.displayed_n(field, &self.internal_n, friction, h)
+            }
         };
         self.displayed_n = field.coupling.map_or(force_n, |coupling| coupling.limit(force_n));
     }
@@ -176,8 +187,14 @@ impl NearState {
                     *to = if i < first { 0.0 } else { h * v };
                 }
                 subtract_product(force, &field.tangent, scratch);
+                // What is driven or fixed answers to no force.
                 if let Some(given) = force.get_mut(..first) {
                     given.fill(0.0);
+                }
+                for (on_node, per_kg) in force.chunks_exact_mut(3).zip(&field.node_per_kg).take(field.nodes) {
+                    if *per_kg == 0.0 {
+                        on_node.fill(0.0);
+                    }
                 }
                 field.factor.solve_in_place(force);
                 z_dot.iter_mut().zip(&*force).skip(first).for_each(|(v, change)| *v += change);

@@ -5,122 +5,81 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+mod displayed;
+mod look;
+
+pub(crate) use look::ToolMove;
+
 use crate::dense::Cholesky;
 use crate::near_tick::{get, put};
-use crate::{NearField, Support, TickIntegrator};
+use crate::{NearField, NearFieldCapacity, Support, TickIntegrator};
 use glam::{DMat3, DVec3};
-use palpate_laws::{
-    Answer, CLOSED_M, CLOSING_M_PER_S, Coulomb, ProxyStep, Row, RowLaw, solve_rows, solve_with_proxy,
-};
+use look::Point;
+use palpate_laws::{Answer, CLOSED_M, Effort, Row, solve_rows, solve_with_proxy};
 
 /// Most points that are touched at once.
 const MOST_POINTS: usize = 48;
 /// How often points are looked for again after some were met.
 const MEETINGS: usize = 4;
-/// Most sweeps over all rows in a step.
-const SWEEPS: usize = 60;
-/// Of a step of the tool that touches, the largest part of its radius.
-const SHARE_OF_RADIUS: f64 = 0.5;
-/// Into so many steps a tick is cut at most so that nothing is passed unseen.
-const MOST_CUTS: f64 = 8.0;
-/// What several rows can hardly tell apart, by less than that share of them, is taken from their impulses.
-const SHARE: f64 = 1e-2;
+/// What is done for the impulses of all rows in a step.
+const EFFORT: Effort = Effort { sweeps: 60, tolerance: 1e-6 };
+/// So often a row is asked for its impulse in a tick at most, so that no tick takes long.
+const MOST_ANSWERS: usize = 600;
 
 /// The points of a step, and room to find their impulses in.
 #[derive(Debug)]
 pub(crate) struct Meeting {
     points: Vec<Point>,
+    /// Those that gave something in the step before.
+    last: Vec<Point>,
+    /// No step has been made since the model step.
+    is_first: bool,
     rows: Vec<Row>,
     before: Vec<f64>,
     closing: Vec<f64>,
+    /// Of S: velocities, and the impulses that all rows give.
+    velocity: Vec<f64>,
+    given: Vec<f64>,
+    /// How often rows may still be asked in this tick.
+    answers_left: usize,
+    /// Whether impulses of this tick were not found as well as they should be.
+    unsolved: bool,
     /// Gram matrix of the rows, its factor, and forces.
     gram: Vec<f64>,
     factor: Cholesky,
     shares: [Vec<f64>; 3],
 }
 
-/// What the tool does in a step.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct ToolMove {
-    /// Where it begins and ends, m; behind a coupling, if it moves as its device does.
-    from_m: DVec3,
-    to_m: DVec3,
-    /// What draws it elsewhere.
-    proxy: Option<ProxyStep>,
-}
-
-impl ToolMove {
-    /// That of a tool at `proxy_m` whose device goes from one place to another.
-    pub(crate) fn new(field: &NearField, device_m: (DVec3, DVec3), proxy_m: DVec3) -> Self {
-        let Some(coupling) = field.coupling else {
-            return Self { from_m: device_m.0, to_m: device_m.1, proxy: None };
-        };
-        let behind_m = device_m.0 - proxy_m;
-        let radius_m = match field.support {
-            Support::Touched { shape, .. } => Some(shape.radius_m()),
-            Support::Driven | Support::Held => None,
-        };
-        let short_m = coupling.short_m(behind_m, radius_m);
-        let proxy = Some(ProxyStep { coupling, short_m });
-        Self { from_m: proxy_m, to_m: device_m.1 - behind_m, proxy }
-    }
-
-    /// How far its coupling draws it if nothing is in the way, m.
-    fn short_m(&self) -> DVec3 {
-        self.proxy.map_or(DVec3::ZERO, |proxy| proxy.short_m)
-    }
-}
-
-/// A row on nodes of S.
-#[derive(Clone, Copy, Debug)]
-struct Point {
-    /// Of a triangle; what is held has its weights in the field.
-    nodes: [(usize, f64); 3],
-    is_held: bool,
-    law: RowLaw,
-    /// Along which the tool pushes.
-    push: DVec3,
-    gap_m: f64,
-    gap: DVec3,
-    overdue: DVec3,
-    impulse_ns: DVec3,
-    /// Whether it takes part in the problem.
-    is_met: bool,
-}
-
-impl Point {
-    /// Its nodes and weights.
-    fn weights<'a>(&'a self, field: &'a NearField) -> impl Iterator<Item = (usize, f64)> + 'a {
-        let held = field.weight.iter().take(field.nodes).copied().enumerate();
-        let three = self.nodes.iter().copied();
-        let held = if self.is_held { Some(held) } else { None };
-        let three = if self.is_held { None } else { Some(three) };
-        held.into_iter().flatten().chain(three.into_iter().flatten()).filter(|(_, w)| *w != 0.0)
-    }
-
-    fn velocity(&self, field: &NearField, z_dot: &[f64]) -> DVec3 {
-        self.weights(field).map(|(node, w)| w * get(z_dot, node)).sum()
-    }
-}
-
 impl Clone for Meeting {
     /// With the room of the original: a tick must not have to make it.
     fn clone(&self) -> Self {
-        let mut copy = Self::new(self.before.len());
+        let mut copy = Self::new(self.before.len(), self.velocity.len());
         copy.points.extend_from_slice(&self.points);
-        copy.rows.extend_from_slice(&self.rows);
+        copy.last.extend_from_slice(&self.last);
+        copy.is_first = self.is_first;
         copy
     }
 }
 
 impl Meeting {
-    pub(crate) fn new(n: usize) -> Self {
+    pub(crate) fn with_capacity(capacity: NearFieldCapacity) -> Self {
+        Self::new(3 * capacity.nodes + capacity.order, 3 * capacity.nodes)
+    }
+
+    /// For n unknowns, of which so many are those of S.
+    fn new(n: usize, of_support: usize) -> Self {
         let forces = vec![0.0; MOST_POINTS];
         Self {
             points: Vec::with_capacity(MOST_POINTS),
+            last: Vec::with_capacity(MOST_POINTS),
+            is_first: true,
             rows: Vec::with_capacity(MOST_POINTS),
             before: vec![0.0; n],
             closing: vec![0.0; n],
+            velocity: vec![0.0; of_support],
+            given: vec![0.0; of_support],
+            answers_left: MOST_ANSWERS,
+            unsolved: false,
             gram: vec![0.0; MOST_POINTS * MOST_POINTS],
             factor: Cholesky::with_capacity(MOST_POINTS),
             shares: [forces.clone(), forces.clone(), forces],
@@ -129,14 +88,18 @@ impl Meeting {
 
     pub(crate) fn forget(&mut self) {
         self.points.clear();
+        self.last.clear();
+        (self.is_first, self.unsolved) = (true, false);
     }
 
-    /// Substeps of a tick in which the tool moves between two places: more where it would pass something.
-    pub(crate) fn substeps(&self, field: &NearField, from: DVec3, to: DVec3, substeps: u32) -> u32 {
-        let Support::Touched { shape, .. } = field.support else { return substeps };
-        let share = SHARE_OF_RADIUS * shape.radius_m() * f64::from(substeps);
-        let cuts = (from.distance(to) / share - 1e-9).ceil().clamp(1.0, MOST_CUTS);
-        substeps * cuts as u32
+    /// Begins a tick.
+    pub(crate) fn begin(&mut self) {
+        (self.answers_left, self.unsolved) = (MOST_ANSWERS, false);
+    }
+
+    /// Whether impulses of this tick were not found as well as they should be.
+    pub(crate) fn is_unsolved(&self) -> bool {
+        self.unsolved
     }
 
     /// Makes the velocities `z_dot` those with which the tool, moving so in a step of length `h`, is held or not entered.
@@ -165,16 +128,25 @@ impl Meeting {
         z_dot: &mut [f64],
     ) -> (bool, DVec3) {
         let mut drawn = tool.short_m();
+        std::mem::swap(&mut self.last, &mut self.points);
+        self.last.retain(|point| point.is_met && point.impulse_ns != DVec3::ZERO);
         self.points.clear();
         match field.support {
             Support::Driven => {}
-            Support::Held => self.hold(field, tool, h, z),
+            Support::Held => self.points.push(Point::held(field, tool, h, z)),
             Support::Touched { .. } => self.look(field, tool, h, z, z_dot),
         }
+        self.is_first = false;
         let (Some(before), false) = (self.before.get_mut(..z_dot.len()), self.points.is_empty()) else {
             return (false, drawn);
         };
         before.copy_from_slice(z_dot);
+        // What pushed in the step before pushes again, for a guess.
+        for point in &mut self.points {
+            if let Some(known) = self.last.iter().find(|known| known.is_same(point)) {
+                point.impulse_ns = known.impulse_ns;
+            }
+        }
         let mut was_overdue = false;
         for _ in 0..MEETINGS {
             let mut more = false;
@@ -200,73 +172,6 @@ impl Meeting {
         (was_overdue, drawn)
     }
 
-    /// The row of a point that is held.
-    fn hold(&mut self, field: &NearField, tool: &ToolMove, h: f64, z: &[f64]) {
-        let place = |x: &dyn Fn(usize) -> DVec3| -> DVec3 {
-            field.weight.iter().take(field.nodes).enumerate().map(|(i, w)| *w * x(i)).sum()
-        };
-        let moved_so_far = place(&|i| get(z, i)) - (tool.from_m - field.proxy_m);
-        let overdue = moved_so_far.clamp_length_max(h * CLOSING_M_PER_S);
-        self.points.push(Point {
-            nodes: [(0, 0.0); 3],
-            is_held: true,
-            law: RowLaw::TwoSided,
-            push: DVec3::ZERO,
-            gap_m: 0.0,
-            gap: overdue - (tool.to_m - tool.from_m),
-            overdue,
-            impulse_ns: DVec3::ZERO,
-            is_met: false,
-        });
-    }
-
-    /// The places where the tool may run into the triangles of S in this step, each once.
-    fn look(&mut self, field: &NearField, tool: &ToolMove, h: f64, z: &[f64], z_dot: &[f64]) {
-        let Support::Touched { shape, friction } = field.support else { return };
-        let moved = tool.to_m - tool.from_m;
-        let fastest = (0..field.nodes).map(|i| get(z_dot, i).length()).fold(0.0, f64::max);
-        let far = 2.0 * (moved.length() + h * fastest) + tool.short_m().length();
-        let place = |i: usize| field.node_m.get(i).copied().unwrap_or_default() + get(z, i);
-        let is_fixed = |i: usize| field.node_per_kg.get(i).is_none_or(|per_kg| *per_kg == 0.0);
-        let points = &mut self.points;
-        for &(triangle, longest_m) in field.triangle.iter().take(field.triangles) {
-            shape.features(tool.to_m, triangle.map(place), longest_m, |feature| {
-                if feature.gap_m > far || points.len() == MOST_POINTS {
-                    return;
-                }
-                let [i, j, k] = triangle;
-                let [a, b, c] = feature.weights;
-                let nodes = [(i, a), (j, b), (k, c)];
-                let on =
-                    |nodes: &[(usize, f64); 3], node: usize| nodes.iter().any(|&(n, w)| n == node && w > 0.0);
-                let count = feature.weights.iter().filter(|w| **w > 0.0).count();
-                // An edge or a corner belongs to several triangles; a punch touches a face at several places.
-                let is_known = count < 3
-                    && points.iter().any(|point| {
-                        let known = point.nodes.iter().filter(|(_, w)| *w > 0.0).count();
-                        known == count && nodes.iter().all(|&(n, w)| w <= 0.0 || on(&point.nodes, n))
-                    });
-                if is_known || feature.is_out_of_reach(triangle.map(is_fixed)) {
-                    return;
-                }
-                let push = feature.normal;
-                let Ok(law) = Coulomb::new(push, friction) else { return };
-                let gap = feature.gap(moved, h);
-                points.push(Point {
-                    nodes,
-                    is_held: false,
-                    law: RowLaw::OneSided(law),
-                    push,
-                    gap_m: gap.normal_m,
-                    gap: gap.gap_m,
-                    overdue: gap.overdue_m,
-                    impulse_ns: DVec3::ZERO,
-                    is_met: false,
-                });
-            });
-        }
-    }
-
     /// Makes `z_dot` the velocities with which the points that are met close their gaps as their laws say, and returns how far
     /// the tool's coupling draws it, m.
     fn solve(
@@ -281,65 +186,51 @@ impl Meeting {
         // Those that are met come first.
         self.points.sort_unstable_by_key(|point| !point.is_met);
         let met = self.points.iter().take_while(|point| point.is_met).count();
-        let Some(points) = self.points.get_mut(..met) else { return tool.short_m() };
+        let s = 3 * field.nodes;
+        let (Some(points), Some(velocity), Some(given), Some(of_support)) = (
+            self.points.get_mut(..met),
+            self.velocity.get_mut(..s),
+            self.given.get_mut(..s),
+            z_dot.get_mut(..s),
+        ) else {
+            return tool.short_m();
+        };
+        velocity.copy_from_slice(of_support);
+        given.fill(0.0);
         self.rows.clear();
         self.rows.extend(points.iter().map(|point| Row {
             law: point.law,
             gap_m: gap(point),
             own_per_kg: own_per_kg(point, field),
-            impulse_ns: DVec3::ZERO,
+            impulse_ns: point.impulse_ns,
         }));
-        let mut answer = OfField { points, field, z_dot };
-        let drawn = match tool.proxy {
-            Some(proxy) => solve_with_proxy(&mut self.rows, &mut answer, |_| true, proxy, h, SWEEPS).1,
-            None => {
-                solve_rows(&mut self.rows, &mut answer, h, SWEEPS);
-                DVec3::ZERO
+        let mut answer = OfSupport { points, field, velocity, given };
+        for (row, point) in points.iter().enumerate() {
+            if point.impulse_ns != DVec3::ZERO {
+                answer.push(row, point.impulse_ns);
             }
+        }
+        let sweeps = EFFORT.sweeps.min(self.answers_left / met.max(1)).max(1);
+        let effort = Effort { sweeps, ..EFFORT };
+        let (sweeps, drawn) = match tool.proxy {
+            Some(proxy) => solve_with_proxy(&mut self.rows, &mut answer, |_| true, proxy, h, effort),
+            None => (solve_rows(&mut self.rows, &mut answer, h, effort), DVec3::ZERO),
         };
+        self.answers_left = self.answers_left.saturating_sub(sweeps.count * met);
+        self.unsolved |= !sweeps.converged;
         points.iter_mut().zip(&self.rows).for_each(|(point, row)| point.impulse_ns = row.impulse_ns);
+        match field.integrator {
+            TickIntegrator::Explicit { .. } => of_support.copy_from_slice(velocity),
+            TickIntegrator::Implicit { .. } => {
+                let n = z_dot.len();
+                for (column, impulse) in field.answer.chunks_exact(n.max(1)).zip(&*given) {
+                    if *impulse != 0.0 {
+                        z_dot.iter_mut().zip(column).for_each(|(v, c)| *v += impulse * c);
+                    }
+                }
+            }
+        }
         drawn
-    }
-
-    /// The force on the hand, N, from the internal forces on S: the sum over the points that pushed in the last step, of
-    /// length `h`, of (H Hᵀ)⁻¹ H F, each as far as it lies in its friction cone.
-    pub(crate) fn displayed_n(&mut self, internal_n: &[DVec3], friction: f64, h: f64) -> DVec3 {
-        self.points.retain(|point| point.is_met && point.impulse_ns != DVec3::ZERO);
-        let m = self.points.len();
-        let in_cone = |point: &Point, f: DVec3| {
-            Coulomb::new(-point.push, friction).map_or(DVec3::ZERO, |cone| cone.in_cone(f))
-        };
-        let of = |point: &Point, node: usize| -> f64 {
-            point.nodes.iter().filter(|(n, _)| *n == node).map(|(_, w)| *w).sum()
-        };
-        let product =
-            |a: &Point, b: &Point| -> f64 { a.nodes.iter().map(|&(node, w)| w * of(b, node)).sum() };
-        let force = |node: usize| internal_n.get(node).copied().unwrap_or_default();
-        // H (F − Hᵀ guess), the guess being −λ/h.
-        for (r, point) in self.points.iter().enumerate() {
-            let mut rest: DVec3 = point.nodes.iter().map(|&(node, w)| w * force(node)).sum();
-            for (s, other) in self.points.iter().enumerate() {
-                let gram = product(point, other);
-                rest += gram * other.impulse_ns / h;
-                if let Some(entry) = self.gram.get_mut(r * m + s) {
-                    *entry = if r == s && m > 1 { gram * (1.0 + SHARE) } else { gram };
-                }
-            }
-            for (shares, part) in self.shares.iter_mut().zip(rest.to_array()) {
-                if let Some(share) = shares.get_mut(r) {
-                    *share = part;
-                }
-            }
-        }
-        let is_solved = self.factor.factorise(m, &self.gram).is_ok();
-        for shares in &mut self.shares {
-            if let Some(shares) = shares.get_mut(..m) {
-                if is_solved { self.factor.solve_in_place(shares) } else { shares.fill(0.0) }
-            }
-        }
-        let [x, y, z] = &self.shares;
-        let shares = x.iter().zip(y).zip(z).map(|((x, y), z)| DVec3::new(*x, *y, *z));
-        self.points.iter().zip(shares).map(|(point, more)| in_cone(point, more - point.impulse_ns / h)).sum()
     }
 }
 
@@ -369,16 +260,17 @@ fn block(field: &NearField, i: usize, j: usize) -> DMat3 {
     DMat3::from_cols(column(0), column(1), column(2))
 }
 
-/// What impulses on points do to the velocities of a field.
-struct OfField<'a> {
+/// What impulses on points do to the velocities of S.
+struct OfSupport<'a> {
     points: &'a [Point],
     field: &'a NearField,
-    z_dot: &'a mut [f64],
+    velocity: &'a mut [f64],
+    given: &'a mut [f64],
 }
 
-impl Answer for OfField<'_> {
+impl Answer for OfSupport<'_> {
     fn velocity_m_per_s(&self, row: usize) -> DVec3 {
-        self.points.get(row).map_or(DVec3::ZERO, |point| point.velocity(self.field, self.z_dot))
+        self.points.get(row).map_or(DVec3::ZERO, |point| point.velocity(self.field, self.velocity))
     }
 
     fn push(&mut self, row: usize, impulse_ns: DVec3) {
@@ -388,14 +280,16 @@ impl Answer for OfField<'_> {
             match self.field.integrator {
                 TickIntegrator::Explicit { .. } => {
                     let per_kg = self.field.node_per_kg.get(node).copied().unwrap_or(0.0);
-                    let v = get(self.z_dot, node) + w * per_kg * impulse_ns;
-                    put(self.z_dot, node, v);
+                    let v = get(self.velocity, node) + w * per_kg * impulse_ns;
+                    put(self.velocity, node, v);
                 }
                 TickIntegrator::Implicit { .. } => {
+                    let all = get(self.given, node) + w * impulse_ns;
+                    put(self.given, node, all);
                     for (axis, part) in impulse_ns.to_array().into_iter().enumerate() {
                         let start = n * (3 * node + axis);
                         let column = self.field.answer.get(start..start + n).unwrap_or_default();
-                        self.z_dot.iter_mut().zip(column).for_each(|(v, c)| *v += w * part * c);
+                        self.velocity.iter_mut().zip(column).for_each(|(v, c)| *v += w * part * c);
                     }
                 }
             }

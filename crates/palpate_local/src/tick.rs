@@ -106,6 +106,13 @@ impl LocalState {
         }
     }
 
+    /// Whether the impulses of the tool's contacts were not found as well as they should be at the last sample: there were too
+    /// many of them for the time of a tick, or they contradict each other.
+    #[must_use]
+    pub fn is_unsolved(&self, model: &LocalModel) -> bool {
+        model.scheme == Scheme::NearFieldExact && model.near.nodes > 0 && self.near.is_unsolved()
+    }
+
     /// Energy of the whole body as `model` has it in this state, J; `None` for schemes that know none.
     #[must_use]
     pub fn energy_j(&self, model: &LocalModel) -> Option<f64> {

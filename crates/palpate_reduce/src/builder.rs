@@ -5,7 +5,8 @@ use crate::static_stiffness::StaticStiffness;
 use crate::{ReduceError, neighbourhood};
 use glam::{DMat3, DVec3};
 use palpate_body::{Body, BodyPoint, Tangent, TangentPattern, ToolContact, ToolPoint};
-use palpate_local::{Capacity, Contact, LocalModel, ModelId, Scheme};
+use palpate_local::{Capacity, Contact, LocalModel, ModelId, Scheme, TickIntegrator};
+use std::time::Instant;
 
 /// What a builder is made with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +48,31 @@ impl Default for BuilderOptions {
             integrator: LocalIntegrator::Auto,
         }
     }
+}
+
+/// What a local model is that has been built, and what that took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BuildReport {
+    /// Its scheme.
+    pub scheme: Scheme,
+    /// Degrees of freedom that it steps at a tick: those of S and the columns of its basis.
+    pub states: usize,
+    /// Columns of its basis.
+    pub order: usize,
+    /// Nodes of S.
+    pub support_nodes: usize,
+    /// Whether the body's tangent could not be factorised, because the body buckles for instance, and the clamped one took its
+    /// place: the far field is stiffer than the body.
+    pub is_clamped: bool,
+    /// Whether nodes that the tool may reach before the next hand-over had to be left out of S.
+    pub is_cut: bool,
+    /// How its ticks are integrated; `None` for a scheme that steps no near field.
+    pub integrator: Option<TickIntegrator>,
+    /// A bound of the relative error of the reduced stiffness against a motion of S at 80 Hz; `None` for other schemes than
+    /// [`Scheme::NearFieldExact`]. What the body does that is not linear about its present state comes on top.
+    pub error_bound: Option<f64>,
+    /// How long it took to build, s.
+    pub time_s: f64,
 }
 
 /// The largest reduced order that a loop has room for.
@@ -148,7 +174,7 @@ impl LocalModelBuilder {
     }
 
     /// Builds into `model` the local model of `scheme` at the present state of `body`, with `contact` and the
-    /// tool at `tool`. Every field of `model` that its scheme uses is written.
+    /// tool at `tool`. Every field of `model` that its scheme uses is written. Returns what it is.
     ///
     /// # Errors
     /// [`ReduceError::Body`] when `contact` belongs to another body, [`ReduceError::Singular`] when the tangent cannot be factorised even when clamped,
@@ -161,7 +187,36 @@ impl LocalModelBuilder {
         tool: ToolPoint,
         id: ModelId,
         model: &mut LocalModel,
-    ) -> Result<(), ReduceError> {
+    ) -> Result<BuildReport, ReduceError> {
+        #[expect(clippy::disallowed_methods, reason = "how long it takes is reported, and decides nothing")]
+        let now = || Instant::now();
+        let began = now();
+        let error_bound = self.write(scheme, body, contact, tool, id, model)?;
+        let LocalModel { near, reduced, .. } = &*model;
+        let (is_near, order) = (near.nodes > 0, near.order.max(reduced.order));
+        Ok(BuildReport {
+            scheme,
+            states: 3 * near.nodes + order,
+            order,
+            support_nodes: near.nodes,
+            is_clamped: model.clamped,
+            is_cut: near.is_cut,
+            integrator: is_near.then_some(near.integrator),
+            error_bound,
+            time_s: (now() - began).as_secs_f64(),
+        })
+    }
+
+    /// As [`LocalModelBuilder::build`]; a bound of the error, as far as there is one.
+    fn write(
+        &mut self,
+        scheme: Scheme,
+        body: &Body,
+        contact: &ToolContact,
+        tool: ToolPoint,
+        id: ModelId,
+        model: &mut LocalModel,
+    ) -> Result<Option<f64>, ReduceError> {
         model.id = id;
         model.scheme = scheme;
         model.position_m = tool.position_m;
@@ -174,9 +229,10 @@ impl LocalModelBuilder {
         model.near.clear();
         model.contact = Contact::Apart;
         contact.validate(body)?;
+        let mut error_bound = None;
         if scheme == Scheme::NearFieldExact {
             model.force_n = contact.displayed_force_n(body);
-            self.exact_or_clamped(body, model, |this, model| {
+            error_bound = self.exact_or_clamped(body, model, |this, model| {
                 let LocalModel { near, clamped, .. } = model;
                 let (tangent, options) = (&this.tangent, &this.options);
                 let moment = Moment { body, tangent, is_clamped: *clamped, contact, tool, options };
@@ -185,7 +241,7 @@ impl LocalModelBuilder {
         }
         let points = contact.points();
         let Some(node) = heaviest(&points, body) else {
-            return Ok(());
+            return Ok(error_bound);
         };
         // Without friction the surface follows the tool along its normals only.
         let normals: Vec<DVec3> = contact.touched().iter().map(|t| t.normal).collect();
@@ -208,21 +264,22 @@ impl LocalModelBuilder {
             Scheme::NearFieldExact => {}
         }
         model.contact = contact.normal().map_or(Contact::Held, |normal| Contact::Touching { normal });
-        Ok(())
+        Ok(error_bound)
     }
 
     /// Runs `build` with the exact tangent, and if that cannot be factorised with the clamped one.
-    fn exact_or_clamped(
+    fn exact_or_clamped<T>(
         &mut self,
         body: &Body,
         model: &mut LocalModel,
-        build: impl Fn(&mut Self, &mut LocalModel) -> Result<(), ReduceError>,
-    ) -> Result<(), ReduceError> {
-        for clamped in [false, true] {
+        build: impl Fn(&mut Self, &mut LocalModel) -> Result<T, ReduceError>,
+    ) -> Result<T, ReduceError> {
+        let mut clamped = false;
+        loop {
             self.pattern.fill(body, clamped, &mut self.tangent);
             model.clamped = clamped;
             match build(self, model) {
-                Err(error) if is_indefinite(&error) && !clamped => {}
+                Err(error) if is_indefinite(&error) && !clamped => clamped = true,
                 result => {
                     return result.inspect_err(|_| {
                         model.reduced.order = 0;
@@ -231,7 +288,6 @@ impl LocalModelBuilder {
                 }
             }
         }
-        Ok(())
     }
 }
 

@@ -73,7 +73,7 @@ mod static_stiffness;
 mod system;
 
 pub use balance::{Balancing, Truncated};
-pub use builder::{BuilderOptions, LocalModelBuilder};
+pub use builder::{BuildReport, BuilderOptions, LocalModelBuilder};
 pub use compare::{Comparison, ComparisonOptions, relative_rms_error};
 pub use dense::DenseSystem;
 pub use density::block_scaling;

@@ -1,6 +1,7 @@
 //! From a body's state to its near field, exact, and its far field, reduced.
 
 mod basis;
+mod estimate;
 mod support;
 
 use crate::{BuilderOptions, ReduceError};
@@ -12,9 +13,12 @@ use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
-use palpate_body::{Body, SemiImplicitEuler, SurfaceTree, Tangent, TangentPattern, ToolContact, ToolPoint};
+use palpate_body::{
+    Body, SemiImplicitEuler, SurfaceTree, Tangent, TangentPattern, ToolContact, ToolPoint, TouchedPoint,
+};
 use palpate_local::{
-    LocalModel, LocalModelError, NearEnd, NearField, NearFieldCapacity, NearSpring, Support, TickIntegrator,
+    LocalModel, LocalModelError, NearEnd, NearField, NearFieldCapacity, NearSpring, NearTriangle, Support,
+    TickIntegrator,
 };
 use support::SupportSet;
 
@@ -94,8 +98,13 @@ impl Workspace {
         &self.support
     }
 
-    /// Writes the near field of a moment into `field`; it stays empty where the tool can reach nothing.
-    pub(crate) fn build(&mut self, moment: &Moment<'_>, field: &mut NearField) -> Result<(), ReduceError> {
+    /// Writes the near field of a moment into `field`; it stays empty where the tool can reach nothing. Returns a bound of its
+    /// error, as far as there is one.
+    pub(crate) fn build(
+        &mut self,
+        moment: &Moment<'_>,
+        field: &mut NearField,
+    ) -> Result<Option<f64>, ReduceError> {
         let &Moment { body, tangent, contact, tool, options, .. } = moment;
         field.clear();
         self.support.clear();
@@ -107,13 +116,16 @@ impl Workspace {
             &*tree
         });
         let Some(support) = SupportSet::of(body, contact, tree, tool, options.horizon_s, nodes) else {
-            return Ok(());
+            return Ok(None);
         };
         self.support.extend(&support.nodes);
         body.internal_forces_n(&mut self.internal_n);
         body.outer_forces_n(&mut self.outer_n);
         let basis = self.basis(body, tangent, &support, options, room.order)?;
-        self.write(moment, &support, &basis, field).inspect_err(|_| field.clear())
+        self.write(moment, &support, &basis, field).inspect_err(|_| field.clear())?;
+        // Along which the tool pushes or moves.
+        let direction = contact.normal().or(tool.velocity_m_per_s.try_normalize()).unwrap_or(DVec3::Z);
+        Ok(estimate::error_bound(field, (body.network(), tangent), (&basis, &support.nodes), direction))
     }
 
     /// V: the static response, its high-frequency end, the responses at the shifts, v_N, and the static correction.
@@ -226,7 +238,10 @@ impl Workspace {
                 Place::Support(i) => i,
                 Place::Ring(_) | Place::Elsewhere => 0,
             };
-            *to = (nodes.map(place), *longest_m);
+            // By any of its corners, edges or itself.
+            let on = |t: &TouchedPoint| t.nodes.iter().all(|(n, w)| *w <= 0.0 || nodes.contains(n));
+            let is_touched = contact.touched().iter().any(on);
+            *to = NearTriangle { nodes: nodes.map(place), longest_m: *longest_m, is_touched };
         }
         // The springs with a free end in S are near; F_far is what remains when they are taken away.
         let mut far_n = self.internal_n.clone();

@@ -93,7 +93,9 @@ pub(super) fn build_local_models(
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, asked, mut tool) in &mut tools {
-        let ToolLoop { handle, contact, path, consumed, body, built, support, was_beyond, .. } = &mut *tool;
+        let ToolLoop {
+            handle, contact, path, consumed, body, built, support, has_support, was_beyond, ..
+        } = &mut *tool;
         *built = false;
         let (Some(&point), Some(sequence)) = (path.last().filter(|_| path.len() > 1), *consumed) else {
             continue;
@@ -108,8 +110,7 @@ pub(super) fn build_local_models(
         };
         let SimulatedBody { body: full, builder, epoch, .. } = &mut *simulated;
         // Where it has been felt is where the local model before had its support set.
-        let on = contact.touched().iter().flat_map(|t| t.nodes).filter(|(_, w)| *w > 0.0);
-        let is_beyond = !support.is_empty() && on.map(|(node, _)| node).any(|node| !support.contains(&node));
+        let is_beyond = *has_support && contact.touched_nodes().iter().any(|node| !support.contains(node));
         if is_beyond && !std::mem::replace(was_beyond, true) {
             let nodes = support.len();
             faults
@@ -117,12 +118,14 @@ pub(super) fn build_local_models(
         }
         *was_beyond = is_beyond;
         support.clear();
+        *has_support = false;
         let id = ModelId { body: body.to_bits(), epoch: *epoch, sequence };
         match builder.build(asked.scheme, full, contact, point, id, model) {
             Ok(()) => {
                 *built = true;
                 if asked.scheme == Scheme::NearFieldExact {
                     support.extend(builder.support());
+                    *has_support = true;
                 }
             }
             Err(error) => {

@@ -32,6 +32,8 @@ pub struct ToolLoop {
     pub(super) path: Vec<ToolPoint>,
     /// The support set of the last local model, of the body's shape of then.
     pub(super) support: Vec<usize>,
+    /// Whether there was one: nothing within reach is a support set too.
+    pub(super) has_support: bool,
     /// It has been said that the tool touched beyond that.
     pub(super) was_beyond: bool,
     /// What the full body displayed over the last model step, tick by tick, N.
@@ -196,6 +198,7 @@ pub(super) fn start_loops(
                     consumed: None,
                     path: Vec::with_capacity(256),
                     support: Vec::new(),
+                    has_support: false,
                     was_beyond: false,
                     full_n: Vec::with_capacity(256),
                     error: LocalModelError::default(),

@@ -10,13 +10,13 @@ use crate::tool::Hold;
 use crate::{BodyError, Integrator, NodeContact, ToolContact, TouchedPoint};
 use glam::{DMat3, DVec3};
 use palpate_laws::{
-    Answer, CLOSED_M, CLOSING_M_PER_S, ProxyStep, Row, RowLaw, Sweeps, solve_rows, solve_with_proxy,
+    Answer, CLOSED_M, CLOSING_M_PER_S, Effort, ProxyStep, Row, RowLaw, Sweeps, solve_rows, solve_with_proxy,
 };
 
 /// How often obstacles are looked for again after some were met.
 const MEETINGS: usize = 8;
-/// Most sweeps over all rows.
-const SWEEPS: usize = 1000;
+/// What is done for the impulses of all rows.
+const EFFORT: Effort = Effort { sweeps: 1000, tolerance: 1e-8 };
 
 /// What is known of a step when its velocities are to be constrained.
 pub(super) struct Step<'a> {
@@ -197,6 +197,11 @@ impl Body {
         report.contacts = report.contacts.max(self.contacts.len());
         report.touched = report.touched.max(touched.len());
         if let Some(tool) = &mut step.tool {
+            for (node, _) in touched.iter().flat_map(|t| t.nodes).filter(|(_, w)| *w > 0.0) {
+                if !tool.contact.touched_nodes.contains(&node) {
+                    tool.contact.touched_nodes.push(node);
+                }
+            }
             tool.contact.touched = touched;
         }
         for tie in &mut self.ties {
@@ -350,7 +355,7 @@ fn solve(
     proxy: Option<ProxyStep>,
     h: f64,
 ) -> (Sweeps, DVec3) {
-    let Some(proxy) = proxy else { return (solve_rows(rows, answer, h, SWEEPS), DVec3::ZERO) };
+    let Some(proxy) = proxy else { return (solve_rows(rows, answer, h, EFFORT), DVec3::ZERO) };
     let is_tools = |row: usize| matches!(constraints[row].source, Source::Grip | Source::Touch { .. });
-    solve_with_proxy(rows, answer, is_tools, proxy, h, SWEEPS)
+    solve_with_proxy(rows, answer, is_tools, proxy, h, EFFORT)
 }

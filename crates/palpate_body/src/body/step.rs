@@ -110,6 +110,9 @@ impl Body {
         if let Some(implicit) = &mut self.implicit {
             implicit.forget();
         }
+        if let Some(contact) = contact.as_deref_mut() {
+            contact.touched_nodes.clear();
+        }
         let (ticks_per_step, mut substeps) = integrator.steps(self)?;
         let mut report = StepReport { ticks, substeps, ..StepReport::default() };
         let mut tick = 0;

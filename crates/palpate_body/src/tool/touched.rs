@@ -25,6 +25,13 @@ pub struct TouchedPoint {
 }
 
 impl TouchedPoint {
+    /// Whether it lies on the corner, edge or face of these nodes, all of some weight.
+    pub(crate) fn is_on(&self, nodes: &[(usize, f64)]) -> bool {
+        let mine = self.nodes.iter().filter(|(_, w)| *w > 0.0);
+        mine.clone().count() == nodes.len()
+            && mine.into_iter().all(|(node, _)| nodes.iter().any(|(other, _)| other == node))
+    }
+
     /// Where it is, m.
     ///
     /// # Panics

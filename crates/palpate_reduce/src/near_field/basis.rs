@@ -130,6 +130,29 @@ impl Basis {
         f_q.iter().zip(&g_q).enumerate().for_each(|(j, (f, g))| found(j, *f, *g));
     }
 
+    /// Vᵀ f of a vector over all free degrees of freedom.
+    pub(super) fn transposed(&self, network: &Network, f: &[f64]) -> Vec<f64> {
+        let force = |node: usize| {
+            network.free_index(node).map_or(DVec3::ZERO, |i| DVec3::from_slice(&f[3 * i..3 * i + 3]))
+        };
+        let mut f_q = vec![0.0; self.order()];
+        self.project(force, |_| DVec3::ZERO, |j, f, _| f_q[j] = f);
+        f_q
+    }
+
+    /// V q over all free degrees of freedom; zero in S.
+    pub(super) fn columns(&self, network: &Network, q: &[f64]) -> Vec<f64> {
+        let mut all = vec![0.0; 3 * network.free().len()];
+        for (index, row) in self.row.iter().enumerate() {
+            let Some(first) = row else { continue };
+            for axis in 0..3 {
+                let start = (first + axis) * self.order();
+                all[3 * index + axis] = dot(&self.rows[start..start + self.order()], q);
+            }
+        }
+        all
+    }
+
     /// Takes V_iᵀ `block` of the node `node` away from `coupling`, p × 3.
     pub(super) fn subtract_coupling(&self, node: usize, block: DMat3, coupling: &mut [f64]) {
         let p = self.order();

@@ -44,16 +44,16 @@ impl SupportSet {
         let x = body.positions_m();
         let at = contact.proxy_m(tool.position_m);
         let reach = horizon_s * (tool.velocity_m_per_s.length() + START_M_PER_S);
-        // Where it will be half-way is the middle of what matters.
-        let middle = at + 0.5 * horizon_s * tool.velocity_m_per_s;
+        // What it comes to first, if it goes on like that, matters most; what it cannot see yet, least.
+        let way = horizon_s * tool.velocity_m_per_s;
         let around = shape.radius_m() + reach;
-        let mut near: Vec<(f64, [usize; 3], f64)> = tree
+        let mut near: Vec<((bool, f64), [usize; 3], f64)> = tree
             .within(at - around, at + around)
             .into_iter()
             .filter(|(nodes, _)| nodes.iter().any(|&node| !body.network().is_fixed(node)))
-            .map(|(nodes, longest)| (distance(middle, nodes.map(|node| x[node])), nodes, longest))
+            .map(|(nodes, longest)| (lateness(at, way, nodes.map(|node| x[node])), nodes, longest))
             .collect();
-        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        near.sort_by(|a, b| a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)));
         let (mut nodes, mut triangles, mut is_cut) = (Vec::new(), Vec::new(), false);
         for (_, corners, longest) in near {
             let more: Vec<usize> = corners.into_iter().filter(|node| !nodes.contains(node)).collect();
@@ -79,9 +79,22 @@ impl SupportSet {
     }
 }
 
-/// Distance of a place from a triangle, m.
-fn distance(place: DVec3, corners: [DVec3; 3]) -> f64 {
-    let weights = palpate_laws::nearest_weights(place, corners);
-    let point: DVec3 = corners.iter().zip(weights).map(|(x, w)| w * *x).sum();
-    point.distance(place)
+/// How far along its way a place is looked at, in so many parts; a way to a place counts as a part of its distance.
+const PARTS: u32 = 8;
+const WAY_SHARE: f64 = 0.3;
+
+/// How late a tool at `at`, with `way` before it, comes to a triangle: whether it is behind it now, and how far it is off its
+/// way, m.
+fn lateness(at: DVec3, way: DVec3, corners: [DVec3; 3]) -> (bool, f64) {
+    let [a, b, c] = corners;
+    let is_behind = (at - a).dot((b - a).cross(c - a)) < 0.0;
+    let off = (0..=PARTS).map(|i| {
+        let gone = way * (f64::from(i) / f64::from(PARTS));
+        let weights = palpate_laws::nearest_weights(at + gone, corners);
+        let point: DVec3 = corners.iter().zip(weights).map(|(x, w)| w * *x).sum();
+        let distance = point.distance(at + gone) + WAY_SHARE * gone.length();
+        // A triangle that is none is touched by its neighbours.
+        if distance.is_nan() { f64::INFINITY } else { distance }
+    });
+    (is_behind, off.fold(f64::INFINITY, f64::min))
 }

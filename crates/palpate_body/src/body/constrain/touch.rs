@@ -34,8 +34,9 @@ impl Body {
                 on.iter().zip(&mut place).for_each(|((node, _), place)| *place = *node);
                 place.sort_unstable();
                 let is_face = on.len() == 3;
+                let is_touched = tool.contact.touched.iter().any(|t| t.is_on(&on));
                 if (!is_face && places.contains(&place))
-                    || feature.is_out_of_reach(triangle.map(|n| self.network.is_fixed(n)))
+                    || feature.is_out_of_reach(triangle.map(|n| self.network.is_fixed(n)), is_touched)
                 {
                     return;
                 }
