@@ -29,16 +29,7 @@ pub fn reference_offset(t: f64) -> DVec3 {
 /// The reference's 1.5 s at 1 kHz, with backward differences as velocities, starting at `start_m`.
 #[must_use]
 pub fn reference_samples(start_m: DVec3) -> Vec<Sample> {
-    let offset = |i: u64| reference_offset(i as f64 * 1e-3);
-    (0..1500)
-        .map(|i: u64| Sample {
-            sequence: i,
-            time_s: i as f64 * 1e-3,
-            position_m: start_m + offset(i),
-            velocity_m_per_s: if i == 0 { DVec3::ZERO } else { (offset(i) - offset(i - 1)) / 1e-3 },
-            ..Sample::default()
-        })
-        .collect()
+    samples(1500, |t| start_m + reference_offset(t))
 }
 
 /// A headless app in lock step whose every update is one model step, with a body and a hand.
@@ -122,4 +113,25 @@ pub mod app {
         let tool = HapticTool { device: DeviceSelector::named("hand"), scheme, ..default() };
         (body, app.world_mut().spawn(tool).id())
     }
+}
+
+/// A hand that is `at(t)` at every millisecond, its velocity by backward differences.
+#[must_use]
+pub fn samples(ticks: usize, at: impl Fn(f64) -> DVec3) -> Vec<Sample> {
+    let place = |i: usize| at(i as f64 * 1e-3);
+    let velocity = |i: usize| if i == 0 { DVec3::ZERO } else { (place(i) - place(i - 1)) / 1e-3 };
+    let sample = |i: usize| Sample {
+        sequence: i as u64,
+        time_s: i as f64 * 1e-3,
+        position_m: place(i),
+        velocity_m_per_s: velocity(i),
+        ..Sample::default()
+    };
+    (0..ticks).map(sample).collect()
+}
+
+/// The length of the greatest force, N.
+#[must_use]
+pub fn peak(forces: &[DVec3]) -> f64 {
+    forces.iter().map(|f| f.length()).fold(0.0, f64::max)
 }

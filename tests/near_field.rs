@@ -6,7 +6,7 @@ use palpate_body::*;
 use palpate_haptics::{VelocityEstimator, VelocityState};
 use palpate_local::{Sample, Scheme};
 use palpate_reduce::*;
-use palpate_tests::{DRIVEN_NODE, reference_body, reference_samples};
+use palpate_tests::{DRIVEN_NODE, reference_body, reference_samples, samples};
 use std::f64::consts::TAU;
 
 /// Samples before 0.2 s do not count.
@@ -16,19 +16,6 @@ const NEAR: Scheme = Scheme::NearFieldExact;
 fn block(nodes: usize, damping_ratio: f64) -> BlockBody {
     let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio, mass_kg: 1.0 };
     Block::new([nodes; 3], DVec3::splat(0.1)).unwrap().fix(Face::NegZ).uniform(&lattice).unwrap()
-}
-
-fn samples(ticks: usize, at: impl Fn(f64) -> DVec3) -> Vec<Sample> {
-    let place = |i: usize| at(i as f64 * 1e-3);
-    let velocity = |i: usize| if i == 0 { DVec3::ZERO } else { (place(i) - place(i - 1)) / 1e-3 };
-    let sample = |i: usize| Sample {
-        sequence: i as u64,
-        time_s: i as f64 * 1e-3,
-        position_m: place(i),
-        velocity_m_per_s: velocity(i),
-        ..Sample::default()
-    };
-    (0..ticks).map(sample).collect()
 }
 
 fn options(delay_ticks: usize) -> ComparisonOptions {

@@ -43,7 +43,7 @@ pub enum HapticFaultKind {
     /// A tool's settings make no sense; the old ones stay in force.
     #[error("the tool's settings are refused")]
     Settings(#[source] HapticsError),
-    /// A tool's radius or friction makes no sense; a new tool does not start, a running one keeps the old ones.
+    /// A tool's radius, friction or coupling makes no sense; a new tool does not start, a running one keeps the old ones.
     #[error("the tool is refused")]
     Tool(#[source] BodyError),
     /// The loop reports a fault.

@@ -100,8 +100,9 @@ pub use fault::{DeviceFault, HapticFault, HapticFaultKind};
 pub use plugins::{FaultLogPlugin, PalpatePlugins};
 pub use schedule::{HapticClock, HapticSchedulePlugin, HapticSystems, ModelRate, ModelStep, ModelStepCount};
 pub use tool::{
-    ContactBegan, ContactEnded, HapticTool, LOCAL_MODEL_ERROR, LOCAL_MODEL_ERROR_NOTICEABLE, LocalModelError,
-    LoopTiming, TickRecording, ToolForce, ToolLoop, ToolPlugin, ToolSettings, Touching,
+    ContactBegan, ContactEnded, HapticTool, LOCAL_MODEL_ERROR, LOCAL_MODEL_ERROR_NOTICEABLE, LocalModelBuild,
+    LocalModelError, LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolLoop, ToolPlugin, ToolSettings,
+    Touching,
 };
 
 /// What an app with haptic bodies needs.
@@ -109,8 +110,8 @@ pub mod prelude {
     pub use crate::{
         ContactBegan, ContactEnded, DeformableBody, DeviceSelector, Face, FaultLogPlugin, FixedRegion,
         HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin, HapticSystems, HapticTool,
-        LocalModelError, LoopTiming, ModelRate, ModelStep, PalpatePlugins, Tissue, ToolForce, ToolSettings,
-        Touching,
+        LocalModelBuild, LocalModelError, LoopTiming, ModelRate, ModelStep, PalpatePlugins, Tissue,
+        ToolCoupling, ToolForce, ToolSettings, Touching,
     };
     pub use glam::{DQuat, DVec3};
     pub use palpate_haptics::{

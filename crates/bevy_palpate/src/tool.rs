@@ -7,8 +7,8 @@ mod settings;
 mod start;
 
 pub use results::{
-    LOCAL_MODEL_ERROR, LOCAL_MODEL_ERROR_NOTICEABLE, LocalModelError, LoopTiming, TickRecording, ToolForce,
-    Touching,
+    LOCAL_MODEL_ERROR, LOCAL_MODEL_ERROR_NOTICEABLE, LocalModelBuild, LocalModelError, LoopTiming,
+    TickRecording, ToolForce, Touching,
 };
 pub use start::ToolLoop;
 
@@ -19,17 +19,17 @@ use crate::schedule::{HapticClock, HapticSystems, ModelRate, ModelStep};
 use bevy::diagnostic::{Diagnostic, RegisterDiagnostic};
 use bevy::prelude::*;
 use glam::DVec3;
-use palpate_body::{BodyError, ToolContact, ToolShape};
+use palpate_body::{BodyError, Coupling, ToolContact, ToolShape};
 use palpate_haptics::{DeviceFrame, SafetySettings, VelocityEstimator};
 use palpate_local::Scheme;
 
 /// A haptic interface point: a sphere at the place of its device. Its partners come by themselves; among them
-/// the results [`ToolForce`], [`LocalModelError`], [`LoopTiming`] and [`Touching`].
+/// the results [`ToolForce`], [`LocalModelBuild`], [`LocalModelError`], [`LoopTiming`] and [`Touching`].
 ///
 /// Spawning it starts a loop, removing it stops the loop with zero force and joins its thread. Its
 /// [`Transform`] follows the device; spawn it without a parent.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
-#[require(ToolSettings, ToolForce, LocalModelError, LoopTiming, Touching, Transform)]
+#[require(ToolSettings, ToolForce, LocalModelBuild, LocalModelError, LoopTiming, Touching, Transform)]
 #[reflect(Component, Debug, PartialEq, Clone)]
 pub struct HapticTool {
     /// Which device moves it. A change starts another loop.
@@ -41,18 +41,21 @@ pub struct HapticTool {
     pub radius_m: f64,
     /// Coefficient of friction between the sphere and what it touches. A change ends a touch.
     pub friction: f64,
+    /// What holds the sphere to the device. A change ends a touch.
+    pub coupling: ToolCoupling,
     /// The body that it can touch; `None`: the one that is nearest when the first sample arrives.
     pub body: Option<Entity>,
 }
 
 impl Default for HapticTool {
-    /// The device `"default"`, [`Scheme::NearFieldExact`], 5 mm, friction 0.3, the nearest body.
+    /// The device `"default"`, [`Scheme::NearFieldExact`], 5 mm, friction 0.3, a coupling that gives way, the nearest body.
     fn default() -> Self {
         Self {
             device: DeviceSelector::default(),
             scheme: Scheme::default(),
             radius_m: 0.005,
             friction: 0.3,
+            coupling: ToolCoupling::default(),
             body: None,
         }
     }
@@ -62,9 +65,37 @@ impl HapticTool {
     /// A contact of its sphere, which touches nothing yet.
     ///
     /// # Errors
-    /// [`BodyError`] when radius or friction make no sense.
+    /// [`BodyError`] when radius, friction or coupling make no sense.
     pub fn contact(&self) -> Result<ToolContact, BodyError> {
-        ToolContact::touch(ToolShape::Sphere { radius_m: self.radius_m }, self.friction)
+        let contact = ToolContact::touch(ToolShape::Sphere { radius_m: self.radius_m }, self.friction)?;
+        match self.coupling {
+            ToolCoupling::Rigid => Ok(contact),
+            ToolCoupling::GivesWay { stiffness_n_per_m, most_n } => {
+                contact.behind(Coupling { stiffness_n_per_m, most_n })
+            }
+        }
+    }
+}
+
+/// What holds a tool's sphere to its device.
+#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Debug, Default, PartialEq, Clone)]
+pub enum ToolCoupling {
+    /// It is where the device is, whatever that takes: a hand can drag a body through itself. For measuring fidelity.
+    Rigid,
+    /// A stiff spring whose force saturates: a hand that goes deeper than the body can leaves the sphere on its surface.
+    GivesWay {
+        /// Stiffness, N/m: below the largest force the sphere is F/k behind the device.
+        stiffness_n_per_m: f64,
+        /// The largest force, N: more is neither felt nor done to the body.
+        most_n: f64,
+    },
+}
+
+impl Default for ToolCoupling {
+    /// 20 kN/m, so a quarter of a millimetre at 5 N; 10 N.
+    fn default() -> Self {
+        Self::GivesWay { stiffness_n_per_m: 20e3, most_n: 10.0 }
     }
 }
 
@@ -115,6 +146,7 @@ impl Plugin for ToolPlugin {
             .register_type::<HapticTool>()
             .register_type::<ToolSettings>()
             .register_type::<ToolForce>()
+            .register_type::<LocalModelBuild>()
             .register_type::<LocalModelError>()
             .register_type::<LoopTiming>()
             .register_diagnostic(Diagnostic::new(LOCAL_MODEL_ERROR).with_suffix(" N"))

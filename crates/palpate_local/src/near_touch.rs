@@ -24,7 +24,7 @@ const MEETINGS: usize = 4;
 /// What is done for the impulses of all rows in a step.
 const EFFORT: Effort = Effort { sweeps: 60, tolerance: 1e-6 };
 /// So often a row is asked for its impulse in a tick at most, so that no tick takes long.
-const MOST_ANSWERS: usize = 600;
+const MOST_ANSWERS: usize = 1000;
 
 /// The points of a step, and room to find their impulses in.
 #[derive(Debug)]
@@ -141,12 +141,6 @@ impl Meeting {
             return (false, drawn);
         };
         before.copy_from_slice(z_dot);
-        // What pushed in the step before pushes again, for a guess.
-        for point in &mut self.points {
-            if let Some(known) = self.last.iter().find(|known| known.is_same(point)) {
-                point.impulse_ns = known.impulse_ns;
-            }
-        }
         let mut was_overdue = false;
         for _ in 0..MEETINGS {
             let mut more = false;
@@ -202,14 +196,10 @@ impl Meeting {
             law: point.law,
             gap_m: gap(point),
             own_per_kg: own_per_kg(point, field),
-            impulse_ns: point.impulse_ns,
+            // From nothing, as the body does: where rows share a load in more than one way, that decides how.
+            impulse_ns: DVec3::ZERO,
         }));
         let mut answer = OfSupport { points, field, velocity, given };
-        for (row, point) in points.iter().enumerate() {
-            if point.impulse_ns != DVec3::ZERO {
-                answer.push(row, point.impulse_ns);
-            }
-        }
         let sweeps = EFFORT.sweeps.min(self.answers_left / met.max(1)).max(1);
         let effort = Effort { sweeps, ..EFFORT };
         let (sweeps, drawn) = match tool.proxy {

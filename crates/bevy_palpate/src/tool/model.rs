@@ -1,6 +1,6 @@
 //! The model side of a step: bodies, local models, hand-over.
 
-use super::{ContactBegan, ContactEnded, HapticTool, LocalModelError, ToolLoop};
+use super::{ContactBegan, ContactEnded, HapticTool, LocalModelBuild, LocalModelError, ToolLoop};
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::ModelRate;
@@ -89,10 +89,10 @@ fn bring_to_rest(simulated: &mut SimulatedBody) {
 /// Builds a local model for every tool that has new samples, into the slot of the exchange.
 pub(super) fn build_local_models(
     mut bodies: Query<&mut SimulatedBody>,
-    mut tools: Query<(Entity, &HapticTool, &mut ToolLoop)>,
+    mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, &mut LocalModelBuild)>,
     mut faults: MessageWriter<HapticFault>,
 ) {
-    for (entity, asked, mut tool) in &mut tools {
+    for (entity, asked, mut tool, mut newest) in &mut tools {
         let ToolLoop {
             handle, contact, path, consumed, body, built, support, has_support, was_beyond, ..
         } = &mut *tool;
@@ -121,8 +121,8 @@ pub(super) fn build_local_models(
         *has_support = false;
         let id = ModelId { body: body.to_bits(), epoch: *epoch, sequence };
         match builder.build(asked.scheme, full, contact, point, id, model) {
-            Ok(()) => {
-                *built = true;
+            Ok(report) => {
+                (*built, *newest) = (true, report.into());
                 if asked.scheme == Scheme::NearFieldExact {
                     support.extend(builder.support());
                     *has_support = true;

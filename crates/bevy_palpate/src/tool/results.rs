@@ -6,6 +6,7 @@ use bevy::prelude::*;
 use glam::DVec3;
 use palpate_haptics::TickRecord;
 use palpate_local::Sample;
+use palpate_reduce::BuildReport;
 
 /// The force at the newest tick that the model step has seen.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
@@ -53,6 +54,31 @@ pub struct LoopTiming {
     pub models_refused: u64,
     /// Events that were lost because the app did not listen.
     pub dropped_events: u64,
+}
+
+/// The newest local model that was built for the tool, and what that took. See [`palpate_reduce::BuildReport`].
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub struct LocalModelBuild {
+    /// Degrees of freedom that the loop steps at a tick.
+    pub states: usize,
+    /// Nodes of the support set.
+    pub support_nodes: usize,
+    /// Whether the body buckled and its clamped tangent had to do: the far field is stiffer than the body.
+    pub is_clamped: bool,
+    /// Whether nodes that the tool may reach before the next local model did not find room in the support set.
+    pub is_cut: bool,
+    /// A bound of the relative error of the reduced stiffness at 80 Hz; `None` for schemes that have none.
+    pub error_bound: Option<f64>,
+    /// How long it took, s.
+    pub time_s: f64,
+}
+
+impl From<BuildReport> for LocalModelBuild {
+    fn from(report: BuildReport) -> Self {
+        let BuildReport { states, support_nodes, is_clamped, is_cut, error_bound, time_s, .. } = report;
+        Self { states, support_nodes, is_clamped, is_cut, error_bound, time_s }
+    }
 }
 
 /// How far the force on the hand was from that of the full body over the last model step, at the same samples and before

@@ -1,7 +1,10 @@
 //! A tool's loop: started and stopped.
 
 use super::settings::loop_settings;
-use super::{ContactEnded, HapticTool, LocalModelError, TickRecording, ToolForce, ToolSettings, Touching};
+use super::{
+    ContactEnded, HapticTool, LocalModelBuild, LocalModelError, TickRecording, ToolForce, ToolSettings,
+    Touching,
+};
 use crate::device::{DeviceSelector, HapticDevices};
 use crate::fault::{DeviceFault, HapticFault, HapticFaultKind};
 use crate::schedule::{HapticClock, ModelRate};
@@ -104,6 +107,7 @@ impl ToolLoop {
     /// Lets go of what is touched; the message to be written if something was.
     #[must_use]
     pub(super) fn let_go(&mut self, tool: Entity) -> Option<ContactEnded> {
+        self.has_support = false;
         let touched = self.contact.let_go();
         self.body.filter(|_| touched).map(|body| ContactEnded { tool, body })
     }
@@ -133,6 +137,9 @@ fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) 
     }
     if let Some(mut touching) = world.get_mut::<Touching>(entity) {
         *touching = Touching::default();
+    }
+    if let Some(mut newest) = world.get_mut::<LocalModelBuild>(entity) {
+        *newest = LocalModelBuild::default();
     }
     if let Some(mut error) = world.get_mut::<LocalModelError>(entity) {
         *error = LocalModelError::default();
@@ -172,7 +179,9 @@ pub(super) fn start_loops(
         };
         if let Some(mut running) = running {
             if running.device == tool.device {
-                if running.contact.shape() != contact.shape() {
+                let is_same =
+                    |a: &ToolContact, b: &ToolContact| (a.shape(), a.coupling()) == (b.shape(), b.coupling());
+                if !is_same(&running.contact, &contact) {
                     running.let_go(entity).map(|message| ended.write(message));
                     running.contact = contact;
                 }
