@@ -224,7 +224,7 @@ fn touched_triangle(field: &mut NearField, is_implicit: bool) {
     }
     field.near[3] = NearSpring { a: 1, b: NearEnd::Support(2), spring };
     field.ring_m[0] = places[0] - DVec3::Z * 0.02;
-    field.basis[..6].copy_from_slice(&[1.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
+    field.basis[..6].copy_from_slice(&[1.0, 0.0, 1.0, 0.0, 1.0, 1.0]);
     field.stiffness[..4].copy_from_slice(&[1e4, 0.0, 0.0, 1e4]);
     field.damping[..4].copy_from_slice(&[10.0, 0.0, 0.0, 10.0]);
     field.force[..11].fill(0.0);

@@ -108,6 +108,26 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
+/// y += factor · Σ_j a_j x_j over the columns a_j of A, which lie one after the other: as a symmetric matrix's rows do. Faster
+/// than by rows, for no sums are left at the end of each.
+pub(crate) fn add_columns(y: &mut [f64], a: &[f64], x: &[f64], factor: f64) {
+    let m = y.len();
+    let (fours, ones) = (a.chunks_exact(4 * m.max(1)), x.chunks_exact(4));
+    let rest_x = ones.remainder();
+    for (columns, x) in fours.zip(ones) {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|i| factor * x[i]);
+        let (first, last) = columns.split_at(2 * m);
+        let ((first, second), (third, fourth)) = (first.split_at(m), last.split_at(m));
+        for ((((y, p), q), r), s) in y.iter_mut().zip(first).zip(second).zip(third).zip(fourth) {
+            *y += (a * p + b * q) + (c * r + d * s);
+        }
+    }
+    for (column, x) in a.chunks_exact(m.max(1)).skip(x.len() - rest_x.len()).zip(rest_x) {
+        let x = factor * x;
+        y.iter_mut().zip(column).for_each(|(y, a)| *y += x * a);
+    }
+}
+
 /// y −= A x for a row-by-row matrix A.
 pub(crate) fn subtract_product(y: &mut [f64], a: &[f64], x: &[f64]) {
     for (y, row) in y.iter_mut().zip(a.chunks_exact(x.len().max(1))) {
@@ -142,6 +162,22 @@ mod tests {
             let error = b.iter().zip(&x).map(|(b, x)| (b - x).abs()).fold(0.0, f64::max);
             assert!(error < 1e-10, "n = {n}: {error}");
         }
+    }
+
+    #[test]
+    fn columns_are_added_as_rows_are() {
+        for (m, n) in [(1, 1), (3, 4), (7, 5), (12, 11), (90, 29)] {
+            let a: Vec<f64> = (0..m * n).map(|i| (i as f64 * 0.7).sin()).collect();
+            let x: Vec<f64> = (0..n).map(|i| (i as f64).cos()).collect();
+            let mut y = vec![1.0; m];
+            // What lies behind is not looked at.
+            add_columns(&mut y, &[a.clone(), vec![f64::NAN; 5 * m]].concat(), &x, -2.0);
+            for (i, y) in y.iter().enumerate() {
+                let sum: f64 = (0..n).map(|j| a[j * m + i] * x[j]).sum();
+                assert!((y - (1.0 - 2.0 * sum)).abs() < 1e-12, "{m} x {n}");
+            }
+        }
+        add_columns(&mut [], &[1.0], &[1.0], 1.0);
     }
 
     #[test]

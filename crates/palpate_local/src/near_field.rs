@@ -140,7 +140,7 @@ pub struct NearField {
     pub node_per_kg: Vec<f64>,
     /// x of the ring at the model step, m.
     pub ring_m: Vec<DVec3>,
-    /// The ring nodes' rows of V, 3 × p each.
+    /// The ring nodes' rows of V, 3 × `ring` in all, column after column: p of them.
     pub basis: Vec<f64>,
     /// The springs incident to S.
     pub near: Vec<NearSpring>,

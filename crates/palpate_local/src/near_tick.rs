@@ -5,7 +5,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use crate::dense::{dot, subtract_product};
+use crate::dense::{add_columns, dot, subtract_product};
 use crate::near_touch::{Meeting, ToolMove};
 use crate::{NearEnd, NearField, NearFieldCapacity, Sample, Support, TickIntegrator};
 use glam::DVec3;
@@ -21,9 +21,12 @@ pub(crate) struct NearState {
     force: Vec<f64>,
     /// The internal force on each node of S, N: springs and dampers.
     pub(crate) internal_n: Vec<DVec3>,
-    ring_dx: Vec<DVec3>,
-    ring_v: Vec<DVec3>,
-    ring_n: Vec<DVec3>,
+    /// Of the ring: displacements, velocities, and forces of the near springs, three numbers a node.
+    ring_dx: Vec<f64>,
+    ring_v: Vec<f64>,
+    ring_n: Vec<f64>,
+    /// Whether the forces of the near springs are those of the present state.
+    is_stretched: bool,
     scratch: Vec<f64>,
     meeting: Meeting,
     /// Where the device was at the last sample, m.
@@ -37,7 +40,7 @@ pub(crate) struct NearState {
 impl NearState {
     pub(crate) fn with_capacity(capacity: NearFieldCapacity) -> Self {
         let n = 3 * capacity.nodes + capacity.order;
-        let (zero, still) = (vec![0.0; n], vec![DVec3::ZERO; capacity.ring]);
+        let (zero, still) = (vec![0.0; n], vec![0.0; 3 * capacity.ring]);
         Self {
             z: zero.clone(),
             z_dot: zero.clone(),
@@ -46,6 +49,7 @@ impl NearState {
             ring_dx: still.clone(),
             ring_v: still.clone(),
             ring_n: still,
+            is_stretched: false,
             scratch: zero,
             meeting: Meeting::with_capacity(capacity),
             device_m: DVec3::ZERO,
@@ -59,8 +63,9 @@ impl NearState {
         self.z.fill(0.0);
         self.z_dot.fill(0.0);
         self.z_dot.iter_mut().zip(&field.velocity).take(field.unknowns()).for_each(|(to, from)| *to = *from);
-        self.ring_dx.fill(DVec3::ZERO);
-        self.ring_v.fill(DVec3::ZERO);
+        self.ring_dx.fill(0.0);
+        self.ring_v.fill(0.0);
+        self.is_stretched = false;
         let s = 3 * field.nodes;
         multiply(field, self.z_dot.get(s..field.unknowns()).unwrap_or_default(), &mut self.ring_v);
         self.meeting.forget();
@@ -97,6 +102,7 @@ impl NearState {
             if field.support == Support::Driven {
                 put(&mut self.z, 0, device.1 - field.start_m);
                 put(&mut self.z_dot, 0, sample.velocity_m_per_s);
+                self.is_stretched = false;
             }
             self.stretch_near_springs(field);
             self.collect_forces(field);
@@ -137,9 +143,8 @@ impl NearState {
             let (before, after) = match near.b {
                 NearEnd::Support(i) => (place(i), place(i) + get(z, i)),
                 NearEnd::Ring(i) => {
-                    let (x, dx) = (field.ring_m.get(i), self.ring_dx.get(i));
-                    let x = x.copied().unwrap_or_default();
-                    (x, x + dx.copied().unwrap_or_default())
+                    let x = field.ring_m.get(i).copied().unwrap_or_default();
+                    (x, x + get(&self.ring_dx, i))
                 }
                 NearEnd::Fixed(x) => (x, x),
             };
@@ -208,17 +213,22 @@ impl NearState {
         z.iter_mut().zip(v).skip(first).for_each(|(z, v)| *z += h * v);
         // The ring goes with q: by its velocities, or where positions went otherwise, anew.
         multiply(field, z_dot.get(s..).unwrap_or_default(), &mut self.ring_v);
+        self.is_stretched = false;
         if is_closing {
             multiply(field, z.get(s..).unwrap_or_default(), &mut self.ring_dx);
         } else {
-            self.ring_dx.iter_mut().zip(&self.ring_v).take(field.ring).for_each(|(dx, v)| *dx += h * *v);
+            let moved = self.ring_dx.iter_mut().zip(&self.ring_v).take(3 * field.ring);
+            moved.for_each(|(dx, v)| *dx += h * v);
         }
     }
 
     /// The forces of the near springs, on S and on the ring, at the present state.
     fn stretch_near_springs(&mut self, field: &NearField) {
+        if std::mem::replace(&mut self.is_stretched, true) {
+            return;
+        }
         let (z, z_dot) = (&self.z, &self.z_dot);
-        self.ring_n.iter_mut().take(field.ring).for_each(|f| *f = DVec3::ZERO);
+        self.ring_n.iter_mut().take(3 * field.ring).for_each(|f| *f = 0.0);
         self.internal_n.iter_mut().take(field.nodes).for_each(|f| *f = DVec3::ZERO);
         let node = |i: usize| Some((*field.node_m.get(i)? + get(z, i), get(z_dot, i)));
         for near in field.near.iter().take(field.springs) {
@@ -226,8 +236,7 @@ impl NearState {
             let end = match near.b {
                 NearEnd::Support(i) => node(i),
                 NearEnd::Ring(i) => {
-                    let moved = self.ring_dx.get(i).zip(self.ring_v.get(i));
-                    field.ring_m.get(i).zip(moved).map(|(x, (dx, v))| (*x + *dx, *v))
+                    field.ring_m.get(i).map(|x| (*x + get(&self.ring_dx, i), get(&self.ring_v, i)))
                 }
                 NearEnd::Fixed(x) => Some((x, DVec3::ZERO)),
             };
@@ -236,13 +245,17 @@ impl NearState {
             if let Some(sum) = self.internal_n.get_mut(near.a) {
                 *sum += f;
             }
-            let other = match near.b {
-                NearEnd::Support(i) => self.internal_n.get_mut(i),
-                NearEnd::Ring(i) => self.ring_n.get_mut(i),
-                NearEnd::Fixed(_) => None,
-            };
-            if let Some(sum) = other {
-                *sum -= f;
+            match near.b {
+                NearEnd::Support(i) => {
+                    if let Some(sum) = self.internal_n.get_mut(i) {
+                        *sum -= f;
+                    }
+                }
+                NearEnd::Ring(i) => {
+                    let sum = get(&self.ring_n, i) - f;
+                    put(&mut self.ring_n, i, sum);
+                }
+                NearEnd::Fixed(_) => {}
             }
         }
     }
@@ -258,46 +271,31 @@ impl NearState {
         force.iter_mut().zip(&field.force).for_each(|(to, from)| *to = *from);
         let (on_s, on_q) = force.split_at_mut(s.min(n));
         let (q, q_dot) = (z.get(s..).unwrap_or_default(), z_dot.get(s..).unwrap_or_default());
-        subtract_product(on_q, &field.stiffness, q);
+        add_columns(on_q, &field.stiffness, q, -1.0);
         // B̃ (q̇ − q̇_N).
         if let (Some(scratch), Some(q_dot_n)) = (self.scratch.get_mut(..p), field.velocity.get(s..)) {
             for ((to, v), v_n) in scratch.iter_mut().zip(q_dot).zip(q_dot_n) {
                 *to = v - v_n;
             }
-            subtract_product(on_q, &field.damping, scratch);
+            add_columns(on_q, &field.damping, scratch, -1.0);
         }
         for (to, f) in on_s.chunks_exact_mut(3).zip(&self.internal_n) {
             to.iter_mut().zip(f.to_array()).for_each(|(to, f)| *to += f);
         }
-        if p > 0 {
-            let rows = field.basis.chunks_exact(3 * p).take(field.ring);
-            for (row, f) in rows.zip(&self.ring_n) {
-                let (x, rest) = row.split_at(p);
-                let (y, z) = rest.split_at(p);
-                for (((to, x), y), z) in on_q.iter_mut().zip(x).zip(y).zip(z) {
-                    *to += x * f.x + y * f.y + z * f.z;
-                }
+        if let Some(ring_n) = self.ring_n.get(..3 * field.ring).filter(|ring_n| !ring_n.is_empty()) {
+            for (to, column) in on_q.iter_mut().zip(field.basis.chunks_exact(ring_n.len())) {
+                *to += dot(column, ring_n);
             }
         }
     }
 }
 
-/// V_i q of every ring node i.
-fn multiply(field: &NearField, q: &[f64], to: &mut [DVec3]) {
-    if q.is_empty() {
-        return;
+/// V q of the ring.
+fn multiply(field: &NearField, q: &[f64], to: &mut [f64]) {
+    if let Some(to) = to.get_mut(..3 * field.ring) {
+        to.fill(0.0);
+        add_columns(to, &field.basis, q, 1.0);
     }
-    let rows = field.basis.chunks_exact(3 * q.len()).take(field.ring);
-    to.iter_mut().zip(rows).for_each(|(to, rows)| *to = product(rows, q));
-}
-
-/// V_i q of a ring node's three rows.
-fn product(rows: &[f64], q: &[f64]) -> DVec3 {
-    let mut parts = [0.0; 3];
-    for (part, row) in parts.iter_mut().zip(rows.chunks_exact(q.len().max(1))) {
-        *part = dot(row, q);
-    }
-    DVec3::from_array(parts)
 }
 
 /// The `i`-th vector of a list of numbers.

@@ -54,8 +54,9 @@ pub(crate) struct Workspace {
     outer_n: Vec<DVec3>,
     /// Place of every node in S, and in the ring.
     place: Vec<Place>,
-    /// S of the last near field.
+    /// S of the last near field, and its ring.
     support: Vec<usize>,
+    ring: Vec<usize>,
 }
 
 /// What a near field is built of.
@@ -90,6 +91,7 @@ impl Workspace {
             outer_n: vec![DVec3::ZERO; nodes],
             place: vec![Place::Elsewhere; nodes],
             support: Vec::new(),
+            ring: Vec::new(),
         })
     }
 
@@ -220,6 +222,7 @@ impl Workspace {
         field.energy_j = body.energy().total_j();
         (field.tick_s, field.is_cut) = (options.tick_s, support.is_cut);
         self.place.fill(Place::Elsewhere);
+        self.ring.clear();
         for (i, &node) in support.nodes.iter().enumerate() {
             self.place[node] = Place::Support(i);
             field.weight[i] = support.weights[i];
@@ -271,7 +274,7 @@ impl Workspace {
                         }
                         self.place[other] = Place::Ring(i);
                         field.ring_m[i] = x[other];
-                        basis.write_rows(other, &mut field.basis[3 * p * i..3 * p * (i + 1)]);
+                        self.ring.push(other);
                         field.ring += 1;
                         NearEnd::Ring(i)
                     }
@@ -280,6 +283,10 @@ impl Workspace {
                 field.near[field.springs] = NearSpring { a, b, spring: link.spring };
                 field.springs += 1;
             }
+        }
+        let entries = 3 * field.ring;
+        for (i, &node) in self.ring.iter().enumerate() {
+            basis.write_rows(node, |axis, j, v| field.basis[entries * j + 3 * i + axis] = v);
         }
         let force = |node: usize| far_n[node] + self.outer_n[node];
         basis.project(
@@ -459,17 +466,17 @@ fn add_near(field: &NearField, near: &NearSpring, block: DMat3, matrix: &mut [f6
             }
         }
         NearEnd::Ring(ring) => {
-            let rows = &field.basis[3 * p * ring..3 * p * (ring + 1)];
+            let v = |axis: usize, j: usize| field.basis[3 * (field.ring * j + ring) + axis];
             // block V, 3 × p.
             let product: Vec<f64> =
-                (0..3 * p).map(|i| (0..3).map(|c| entry(i / p, c) * rows[c * p + i % p]).sum()).collect();
+                (0..3 * p).map(|i| (0..3).map(|c| entry(i / p, c) * v(c, i % p)).sum()).collect();
             for j in 0..p {
                 for r in 0..3 {
                     add(3 * near.a + r, s + j, -product[r * p + j]);
                     add(s + j, 3 * near.a + r, -product[r * p + j]);
                 }
                 for i in 0..p {
-                    add(s + i, s + j, (0..3).map(|r| rows[r * p + i] * product[r * p + j]).sum());
+                    add(s + i, s + j, (0..3).map(|r| v(r, i) * product[r * p + j]).sum());
                 }
             }
         }

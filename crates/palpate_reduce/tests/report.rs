@@ -57,7 +57,7 @@ fn stiffnesses(body: &Body, node: usize, model: &LocalModel) -> (f64, f64) {
     let mut b = Mat::zeros(p, 1);
     for near in &field.near[..field.springs] {
         let NearEnd::Ring(ring) = near.b else { continue };
-        let rows = Mat::from_fn(3, p, |axis, j| field.basis[3 * p * ring + axis * p + j]);
+        let rows = Mat::from_fn(3, p, |axis, j| field.basis[3 * (field.ring * j + ring) + axis]);
         let tangent = near.spring.tangent(field.ring_m[ring] - field.node_m[near.a], false);
         let block = tangent.stiffness + SIGMA * tangent.damping;
         let block = Mat::from_fn(3, 3, |i, j| block.col(j)[i]);

@@ -101,10 +101,11 @@ impl Basis {
         Some(&self.rows[first * p..(first + 3) * p])
     }
 
-    pub(super) fn write_rows(&self, node: usize, to: &mut [f64]) {
-        match self.rows_of(node) {
-            Some(rows) => to.copy_from_slice(rows),
-            None => to.fill(0.0),
+    /// Tells `found` the rows of V of `node`: axis, column, entry; zero for a node of S or a fixed one.
+    pub(super) fn write_rows(&self, node: usize, mut found: impl FnMut(usize, usize, f64)) {
+        let (p, rows) = (self.order(), self.rows_of(node));
+        for axis in 0..3 {
+            (0..p).for_each(|j| found(axis, j, rows.map_or(0.0, |rows| rows[axis * p + j])));
         }
     }
 

@@ -70,13 +70,13 @@ fn reduced(field: &NearField, mut y: Vec<f64>) -> Option<Vec<f64>> {
     (0..p).for_each(|i| a[i * p + i] += SIGMA * SIGMA);
     for near in &field.near[..field.springs] {
         let NearEnd::Ring(ring) = near.b else { continue };
-        let rows = &field.basis[3 * p * ring..3 * p * (ring + 1)];
+        let v = |j: usize| DVec3::from_slice(&field.basis[3 * (field.ring * j + ring)..][..3]);
         let tangent = near.spring.tangent(field.ring_m[ring] - field.node_m[near.a], false);
         let block = tangent.stiffness + SIGMA * tangent.damping;
         for i in 0..p {
-            let t = block * DVec3::new(rows[i], rows[p + i], rows[2 * p + i]);
+            let t = block * v(i);
             for j in 0..=i {
-                a[i * p + j] += t.x * rows[j] + t.y * rows[p + j] + t.z * rows[2 * p + j];
+                a[i * p + j] += t.dot(v(j));
             }
         }
     }
