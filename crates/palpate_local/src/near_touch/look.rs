@@ -195,5 +195,5 @@ impl Meeting {
 /// Looks at the surface on a way of that length, so that nothing is passed unseen.
 fn looks(field: &NearField, way_m: f64) -> f64 {
     let Support::Touched { shape, .. } = field.support else { return 1.0 };
-    (way_m / (SHARE_OF_RADIUS * shape.radius_m()) - 1e-9).ceil().max(1.0).min(MOST_LOOKS)
+    (way_m / (SHARE_OF_RADIUS * shape.radius_m()) - 1e-9).ceil().clamp(1.0, MOST_LOOKS)
 }

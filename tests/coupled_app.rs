@@ -1,0 +1,74 @@
+//! A tool in an app that gives way, and what an app is told of its local models.
+
+use bevy_palpate::prelude::*;
+use palpate_tests::app::*;
+
+/// Down through a 10 cm block at 0.25 m/s, and up again.
+fn piercing_hand() -> ScriptedDevice {
+    ScriptedDevice::new(|n, _| {
+        let t = n as f64 * 1e-3;
+        let height = 0.057 - 0.25 * t.min(0.6) + 0.25 * (t - 1.0).clamp(0.0, 0.6);
+        Ok(Reading::at(DVec3::new(0.012, height, 0.009)))
+    })
+}
+
+/// The largest force before the safety chain over 34 model steps, and that at the end, N.
+fn pierce(coupling: ToolCoupling) -> (f64, f64) {
+    let mut app = lockstep_app();
+    let (_, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, piercing_hand);
+    app.world_mut().get_mut::<HapticTool>(tool).unwrap().coupling = coupling;
+    let (mut force, mut last) = (0.0_f64, 0.0);
+    for _ in 0..34 {
+        step(&mut app, 1);
+        last = app.world().get::<ToolForce>(tool).unwrap().model_force_n.length();
+        force = force.max(last);
+    }
+    assert_eq!(take_faults(&mut app), [""; 0]);
+    (force, last)
+}
+
+#[test]
+fn a_tool_gives_way_by_default_and_only_then() {
+    let ToolCoupling::GivesWay { most_n, .. } = ToolCoupling::default() else { panic!("it gives way") };
+    let (force, last) = pierce(ToolCoupling::default());
+    assert!(force <= most_n * (1.0 + 1e-9) && force > 0.98 * most_n, "{force} N");
+    assert_eq!(last, 0.0);
+    let gentle = ToolCoupling::GivesWay { stiffness_n_per_m: 5e3, most_n: 2.0 };
+    let (force, _) = pierce(gentle);
+    assert!(force <= 2.0 * (1.0 + 1e-9) && force > 1.9, "{force} N");
+    let (force, _) = pierce(ToolCoupling::Rigid);
+    assert!(force > 1.5 * most_n, "{force} N");
+}
+
+#[test]
+fn a_coupling_that_makes_no_sense_is_refused_and_the_old_one_stays() {
+    let mut app = lockstep_app();
+    let (_, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, pressing_hand);
+    step(&mut app, 2);
+    let bad = ToolCoupling::GivesWay { stiffness_n_per_m: 20e3, most_n: -1.0 };
+    app.world_mut().get_mut::<HapticTool>(tool).unwrap().coupling = bad;
+    step(&mut app, 1);
+    let said = take_faults(&mut app);
+    assert!(said.len() == 1 && said[0].contains("largest force of a tool's coupling is -1 N"), "{said:?}");
+    let coupling = app.world().get::<bevy_palpate::ToolLoop>(tool).unwrap().contact().coupling().unwrap();
+    assert_eq!(coupling.most_n, 10.0);
+}
+
+#[test]
+fn an_app_knows_what_its_local_models_are() {
+    let mut app = lockstep_app();
+    let (_, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, pressing_hand);
+    assert_eq!(app.world().get::<LocalModelBuild>(tool), Some(&LocalModelBuild::default()));
+    step(&mut app, 10);
+    let near = *app.world().get::<LocalModelBuild>(tool).unwrap();
+    assert!(near.support_nodes == 9 && near.states > 27 && !near.is_clamped, "{near:?}");
+    assert!(near.time_s > 0.0 && near.error_bound.is_some_and(|bound| bound < 0.1), "{near:?}");
+    app.world_mut().get_mut::<HapticTool>(tool).unwrap().scheme = Scheme::Hold;
+    step(&mut app, 1);
+    let hold = *app.world().get::<LocalModelBuild>(tool).unwrap();
+    assert_eq!((hold.states, hold.error_bound), (0, None));
+    // A tool that is one no longer has none.
+    app.world_mut().entity_mut(tool).remove::<HapticTool>();
+    step(&mut app, 1);
+    assert_eq!(app.world().get::<LocalModelBuild>(tool), Some(&LocalModelBuild::default()));
+}
