@@ -11,7 +11,17 @@ const ALLOWED: [(&str, &[&str]); 7] = [
     ("palpate_reduce", &["palpate_body", "palpate_local", "palpate_laws", "glam", "faer"]),
     (
         "palpate_haptics",
-        &["palpate_local", "glam", "triple_buffer", "crossbeam-channel", "csv", "hdrhistogram", "rustix"],
+        &[
+            "palpate_local",
+            "glam",
+            "triple_buffer",
+            "crossbeam-channel",
+            "csv",
+            "hdrhistogram",
+            "rustix",
+            "thread-priority",
+            "core_affinity",
+        ],
     ),
     (
         "palpate_lab",

@@ -7,6 +7,7 @@
 
 use crate::displayed::DisplayedForces;
 use crate::exchange::LoopEnds;
+use crate::real_time;
 use crate::timing::LoopReport;
 use crate::velocity::VelocityState;
 use crate::{
@@ -143,6 +144,13 @@ impl HapticLoop {
         if let Some(timing) = timing {
             self.report.lateness.record(timing.lateness_ns);
             self.report.cost.record(timing.cost_ns);
+            self.report.read.record(timing.read_ns);
+            self.report.write.record(timing.write_ns);
+            if timing.period_ns > 0 {
+                self.report.period.record(timing.period_ns);
+            }
+            let period_ns = 1e9 * self.config.hand_over.tick_s;
+            self.report.overruns += u64::from(timing.cost_ns as f64 > period_ns);
         }
         self.report.ticks += 1;
         let record = TickRecord { timing: timing.unwrap_or_default(), ..ticked.record };
@@ -157,6 +165,13 @@ impl HapticLoop {
         if self.report.ticks.is_multiple_of(REPORT_PERIOD) {
             self.publish_report();
         }
+    }
+
+    /// Asks the operating system for what the thread needs, on that thread.
+    pub(crate) fn set_up_thread(&mut self) {
+        let granted = real_time::ask(self.config.real_time);
+        self.report.real_time = granted;
+        self.tell(LoopEventKind::RealTime(granted));
     }
 
     /// Tells the app that the device is open.
@@ -200,6 +215,7 @@ impl HapticLoop {
     }
 
     fn account_for_deadlines(&mut self, elapsed: u64) {
+        self.report.success.note(elapsed);
         let missed = elapsed - 1;
         if missed > 0 {
             self.report.missed_deadlines += missed;

@@ -34,7 +34,7 @@
 //! * The two halves: [`haptic_loop()`], [`HapticHandle`], [`HapticLoop`].
 //! * Two clocks: [`LoopThread`] on a thread of its own, [`Lockstep`] for tests and replay.
 //! * Settings: [`LoopConfig`], [`LoopSettings`], [`DeviceFrame`], [`VelocityEstimator`], [`SafetySettings`].
-//! * The loop's account: [`LoopReport`], [`LoopEvent`], [`TickRecord`].
+//! * The loop's account: [`LoopReport`], [`RealTimeReport`], [`LoopEvent`], [`TickRecord`].
 //!
 //! # Units, frames, signs
 //!
@@ -43,8 +43,8 @@
 //!
 //! # Limits
 //!
-//! * The thread asks the operating system for no priority yet; lateness is what an ordinary thread gets, and
-//!   it is measured ([`LoopReport::lateness`]).
+//! * The thread asks for a real-time priority and for locked memory ([`RealTime`]) and says what it got; without them a busy
+//!   machine wakes it late, and how late is measured ([`LoopReport::lateness`]).
 //! * A deadline counts as missed when its tick has not begun before the next one is due. A tick that overruns
 //!   its period shows as lateness of the next.
 //! * A device that blocks for ever in `read` blocks the loop with the last force written; the device's own
@@ -60,6 +60,7 @@ mod exchange;
 mod frame;
 mod haptic_loop;
 mod lockstep;
+mod real_time;
 mod record;
 mod runner;
 mod safety;
@@ -77,10 +78,11 @@ pub use exchange::{HapticHandle, haptic_loop};
 pub use frame::DeviceFrame;
 pub use haptic_loop::{HapticLoop, LONGEST_BRIDGE, Ticked};
 pub use lockstep::Lockstep;
+pub use real_time::{Outcome, RealTime, RealTimeReport, Refusal};
 pub use record::{LoopEvent, LoopEventKind, TickRecord};
 pub use runner::{EndedLoop, LoopThread, Stop, run};
 pub use safety::{SafetyChain, SafetyInput, SafetyReport, SafetySettings};
 pub use settings::{LoopConfig, LoopSettings};
-pub use timing::{LoopReport, TickTiming, TimeHistogram};
+pub use timing::{LoopReport, SuccessRate, TickTiming, TimeHistogram};
 pub use trajectory::{Probe, Trajectory};
 pub use velocity::{VelocityEstimator, VelocityState};

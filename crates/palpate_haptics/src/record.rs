@@ -1,6 +1,6 @@
 //! What leaves the loop by queues: events, and a record of every tick.
 
-use crate::{DeviceError, LoopSettings, Reading, SafetyReport, TickTiming};
+use crate::{DeviceError, LoopSettings, Reading, RealTimeReport, SafetyReport, TickTiming};
 use glam::DVec3;
 use palpate_local::{LocalModelError, ModelId, Sample, Spoken, Swap};
 use thiserror::Error;
@@ -21,6 +21,9 @@ pub enum LoopEventKind {
     /// The device is open and the loop has begun.
     #[error("the device is open, the loop runs")]
     Started,
+    /// What the loop's thread got of what it asked the operating system for.
+    #[error("{0}")]
+    RealTime(RealTimeReport),
     /// The loop has written zero force, closed the device and ended.
     #[error("the loop has stopped with zero force")]
     Stopped,
@@ -61,6 +64,7 @@ impl LoopEventKind {
             | Self::DeadlinesMissed(_)
             | Self::Gap(_) => true,
             Self::Started
+            | Self::RealTime(_)
             | Self::Stopped
             | Self::ModelAdopted(_)
             | Self::DeviceRecovered(_)

@@ -3,7 +3,8 @@
 //! # Life of a loop's thread
 //!
 //! 1. (app) [`HapticLoop::spawn`] moves loop and device into a new thread named `haptic-loop`.
-//! 2. (thread) The device is opened. If that fails the app is told ([`crate::LoopEventKind::DeviceFailed`]), nothing
+//! 2. (thread) Priority, locked memory and core are asked for ([`crate::RealTime`]); what came of it is told. The device is
+//!    opened. If that fails the app is told ([`crate::LoopEventKind::DeviceFailed`]), nothing
 //!    is written, and the thread goes on with 5.
 //! 3. (thread) At every deadline, a whole number of periods after the start on the monotonic clock: read, tick,
 //!    write. Deadlines that passed meanwhile are counted and left out, never made up by a burst.
@@ -101,6 +102,7 @@ impl Drop for LoopThread {
 /// Opens `device` and turns `haptic_loop` on the calling thread until `stop` is set; then writes zero force and
 /// closes the device. This is what the thread of [`HapticLoop::spawn`] runs.
 pub fn run(mut haptic_loop: HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) -> EndedLoop {
+    haptic_loop.set_up_thread();
     if let Err(error) = device.open() {
         haptic_loop.end(Err(error));
         return EndedLoop { _memory: haptic_loop };
@@ -124,7 +126,7 @@ fn turn(haptic_loop: &mut HapticLoop, device: &mut dyn HapticDevice, stop: &Atom
     let period_ns = period.as_nanos() as u64;
     let clock = MonotonicClock::start();
     let mut deadline_ns = clock.now_ns() + period_ns;
-    let mut elapsed = 1;
+    let (mut elapsed, mut last_begun_ns) = (1, None);
     while !stop.load(Ordering::Acquire) {
         clock.sleep_until(deadline_ns);
         if stop.load(Ordering::Acquire) {
@@ -136,13 +138,23 @@ fn turn(haptic_loop: &mut HapticLoop, device: &mut dyn HapticDevice, stop: &Atom
         let missed = lateness_ns / period_ns;
         elapsed += missed;
         let reading = device.read(period);
+        let read_ns = clock.now_ns() - begun_ns;
         // The read may have blocked; after a stop no force may follow.
         if stop.load(Ordering::Acquire) {
             return;
         }
         let ticked = haptic_loop.tick(elapsed, reading);
+        let ticked_ns = clock.now_ns();
         let written = device.write(ticked.device_force_n);
-        let timing = TickTiming { lateness_ns, cost_ns: clock.now_ns() - begun_ns };
+        let done_ns = clock.now_ns();
+        let timing = TickTiming {
+            lateness_ns,
+            period_ns: last_begun_ns.map_or(0, |last| begun_ns - last),
+            cost_ns: done_ns - begun_ns,
+            read_ns,
+            write_ns: done_ns - ticked_ns,
+        };
+        last_begun_ns = Some(begun_ns);
         haptic_loop.finish_tick(&ticked, Some(timing), written);
         deadline_ns += period_ns * (1 + missed);
         elapsed = 1;

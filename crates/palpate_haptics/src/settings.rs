@@ -1,7 +1,7 @@
 //! What is fixed when a loop is made, and what can be set while it runs.
 
 use crate::error::{check, check_positive};
-use crate::{DeviceFrame, HapticsError, SafetySettings, VelocityEstimator};
+use crate::{DeviceFrame, HapticsError, RealTime, SafetySettings, VelocityEstimator};
 use palpate_local::HandOverSettings;
 
 /// Sizes and rates of a loop, fixed at construction.
@@ -11,6 +11,8 @@ pub struct LoopConfig {
     pub hand_over: HandOverSettings,
     /// Largest force of the device, N.
     pub device_limit_n: f64,
+    /// What the loop's thread asks of the operating system. Nothing is asked for in lock step.
+    pub real_time: RealTime,
     /// Room for events that the app has not read yet.
     pub event_capacity: usize,
     /// Room for tick records that the app has not read yet.
@@ -18,11 +20,12 @@ pub struct LoopConfig {
 }
 
 impl Default for LoopConfig {
-    /// 1 kHz, 20 N, 1024 events, 8192 records.
+    /// 1 kHz, 20 N, priority and locked memory, 1024 events, 8192 records.
     fn default() -> Self {
         Self {
             hand_over: HandOverSettings::default(),
             device_limit_n: 20.0,
+            real_time: RealTime::default(),
             event_capacity: 1024,
             record_capacity: 8192,
         }

@@ -1,5 +1,6 @@
 //! What the loop measures of itself.
 
+use crate::RealTimeReport;
 use hdrhistogram::Histogram;
 use palpate_local::Swap;
 
@@ -75,10 +76,22 @@ pub struct LoopReport {
     pub dropped_records: u64,
     /// Number of the settings in force.
     pub settings_number: u64,
+    /// What the thread got of what it asked the operating system for.
+    pub real_time: RealTimeReport,
+    /// Of the newest periods, how many had a tick.
+    pub success: SuccessRate,
+    /// Ticks that took longer than a period.
+    pub overruns: u64,
     /// How long after its deadline a tick began.
     pub lateness: TimeHistogram,
+    /// Time from the beginning of a tick to that of the next.
+    pub period: TimeHistogram,
     /// How long a tick took from its beginning to the end of the device's write.
     pub cost: TimeHistogram,
+    /// How long the device took to be read.
+    pub read: TimeHistogram,
+    /// How long it took to be written.
+    pub write: TimeHistogram,
     /// Whether the loop has ended.
     pub ended: bool,
 }
@@ -99,8 +112,14 @@ impl LoopReport {
             dropped_events: 0,
             dropped_records: 0,
             settings_number: 0,
+            real_time: RealTimeReport::default(),
+            success: SuccessRate::new(),
+            overruns: 0,
             lateness: TimeHistogram::new(),
+            period: TimeHistogram::new(),
             cost: TimeHistogram::new(),
+            read: TimeHistogram::new(),
+            write: TimeHistogram::new(),
             ended: false,
         }
     }
@@ -121,8 +140,14 @@ impl LoopReport {
             dropped_events,
             dropped_records,
             settings_number,
+            real_time,
+            success,
+            overruns,
             lateness,
+            period,
             cost,
+            read,
+            write,
             ended,
         } = self;
         *ticks = other.ticks;
@@ -138,8 +163,18 @@ impl LoopReport {
         *dropped_events = other.dropped_events;
         *dropped_records = other.dropped_records;
         *settings_number = other.settings_number;
-        lateness.copy_from(&other.lateness);
-        cost.copy_from(&other.cost);
+        *real_time = other.real_time;
+        *success = other.success;
+        *overruns = other.overruns;
+        for (to, from) in [
+            (lateness, &other.lateness),
+            (period, &other.period),
+            (cost, &other.cost),
+            (read, &other.read),
+            (write, &other.write),
+        ] {
+            to.copy_from(from);
+        }
         *ended = other.ended;
     }
 }
@@ -149,6 +184,105 @@ impl LoopReport {
 pub struct TickTiming {
     /// Time from the deadline to the beginning of the tick, ns.
     pub lateness_ns: u64,
+    /// Time since the beginning of the tick before, ns; 0 at the first.
+    pub period_ns: u64,
     /// Time from the beginning of the tick to the end of the device's write, ns.
     pub cost_ns: u64,
+    /// Of that, in the device's read, ns.
+    pub read_ns: u64,
+    /// Of that, in the device's write, ns.
+    pub write_ns: u64,
+}
+
+/// Of the newest periods, how many had a tick. A period whose deadline passed without one is never made up for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SuccessRate {
+    /// Bit i of word w is set if the period 64 w + i, modulo their number, had a tick.
+    had_tick: [u64; SuccessRate::WORDS],
+    /// Periods so far.
+    periods: u64,
+    of_100: u16,
+    of_1000: u16,
+}
+
+impl SuccessRate {
+    const WORDS: usize = 16;
+    const KEPT: u64 = 64 * Self::WORDS as u64;
+
+    pub(crate) fn new() -> Self {
+        Self { had_tick: [0; Self::WORDS], periods: 0, of_100: 0, of_1000: 0 }
+    }
+
+    /// Notes a tick, `elapsed` periods after the one before.
+    pub(crate) fn note(&mut self, elapsed: u64) {
+        let passed = elapsed.saturating_sub(1);
+        for _ in 0..passed.min(Self::KEPT) {
+            self.push(false);
+        }
+        self.periods = self.periods.saturating_add(passed.saturating_sub(Self::KEPT));
+        self.push(true);
+    }
+
+    fn push(&mut self, had_tick: bool) {
+        for (window, count) in [(100, &mut self.of_100), (1000, &mut self.of_1000)] {
+            let leaves = self.periods.checked_sub(window).is_some_and(|old| bit(&self.had_tick, old));
+            *count = *count + u16::from(had_tick) - u16::from(leaves);
+        }
+        let slot = self.periods % Self::KEPT;
+        if let Some(word) = self.had_tick.get_mut((slot / 64) as usize) {
+            *word = *word & !(1 << (slot % 64)) | u64::from(had_tick) << (slot % 64);
+        }
+        self.periods = self.periods.saturating_add(1);
+    }
+
+    /// Of the last 100 periods, or of all so far if there were fewer: the share that had a tick, 0 to 1; 1 before the first.
+    #[must_use]
+    pub fn of_100(&self) -> f64 {
+        share(self.of_100, self.periods.min(100))
+    }
+
+    /// Of the last 1000 periods likewise.
+    #[must_use]
+    pub fn of_1000(&self) -> f64 {
+        share(self.of_1000, self.periods.min(1000))
+    }
+}
+
+fn bit(words: &[u64; SuccessRate::WORDS], period: u64) -> bool {
+    let slot = period % SuccessRate::KEPT;
+    words.get((slot / 64) as usize).is_some_and(|word| word >> (slot % 64) & 1 == 1)
+}
+
+fn share(count: u16, of: u64) -> f64 {
+    if of > 0 { f64::from(count) / of as f64 } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_success_rate_is_that_of_counting() {
+        let mut rate = SuccessRate::new();
+        assert_eq!((rate.of_100(), rate.of_1000()), (1.0, 1.0));
+        let mut all: Vec<bool> = Vec::new();
+        let mut seed = 7u64;
+        for _ in 0..3000 {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            // Mostly one, sometimes a few, once in a while very many.
+            let elapsed = match seed >> 56 {
+                0 => 3000,
+                1..20 => 1 + (seed >> 40) % 7,
+                _ => 1,
+            };
+            rate.note(elapsed);
+            all.extend((1..elapsed).map(|_| false));
+            all.push(true);
+            for (window, found) in [(100, rate.of_100()), (1000, rate.of_1000())] {
+                let newest = &all[all.len().saturating_sub(window)..];
+                let share = newest.iter().filter(|had| **had).count() as f64 / newest.len() as f64;
+                assert!((found - share).abs() < 1e-12, "{found} {share} of {window}");
+            }
+        }
+    }
 }

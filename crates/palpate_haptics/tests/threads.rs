@@ -206,7 +206,9 @@ fn a_device_that_cannot_be_opened_is_reported_and_nothing_is_written() {
     wait_for(|| !thread.is_running());
     assert!(matches!(thread.stop(), Stop::Joined));
     let kinds: Vec<LoopEventKind> = std::iter::from_fn(|| handle.next_event()).map(|e| e.kind).collect();
-    assert_eq!(kinds, [LoopEventKind::DeviceFailed(DeviceError::AlreadyOpen), LoopEventKind::Stopped]);
+    let [LoopEventKind::RealTime(_), failed, stopped] = kinds[..] else { panic!("{kinds:?}") };
+    assert_eq!(failed, LoopEventKind::DeviceFailed(DeviceError::AlreadyOpen));
+    assert_eq!(stopped, LoopEventKind::Stopped);
     assert!(handle.report().ended);
 }
 

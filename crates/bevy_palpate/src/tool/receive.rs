@@ -8,6 +8,7 @@ use crate::schedule::{MAX_TICKS, ModelRate};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::ToolPoint;
+use palpate_haptics::LoopEventKind;
 use palpate_local::{Sample, SampleHistory};
 
 /// In lock step turns the loops; then takes every tool's new samples.
@@ -80,6 +81,8 @@ impl ToolLoop {
         while let Some(event) = self.handle.next_event() {
             if event.kind.is_fault() {
                 fault(HapticFaultKind::Loop(event.kind));
+            } else if let LoopEventKind::RealTime(report) = event.kind {
+                info!("haptic loop: {report}");
             }
         }
         let dropped = self.handle.report().dropped_events;

@@ -42,10 +42,22 @@ pub struct LoopTiming {
     pub lateness_p999_us: f64,
     /// Its maximum, µs.
     pub lateness_max_us: f64,
+    /// Of the last 100 periods, the share that had a tick, 0 to 1.
+    pub success_of_100: f64,
+    /// Of the last 1000.
+    pub success_of_1000: f64,
+    /// Ticks that took longer than a period.
+    pub overruns: u64,
     /// Median of the time that a tick takes, device included, µs.
     pub cost_p50_us: f64,
     /// Its 99th percentile, µs.
     pub cost_p99_us: f64,
+    /// 99th percentile of the time that the device takes to be read, µs.
+    pub read_p99_us: f64,
+    /// 99th percentile of the time that it takes to be written, µs.
+    pub write_p99_us: f64,
+    /// Ticks at which the impulses of the tool's contacts were not found as well as they should be.
+    pub unsolved: u64,
     /// Readings that could not be used.
     pub rejected_readings: u64,
     /// Device errors, on reading and on writing.
@@ -216,8 +228,14 @@ pub(super) fn write_results(
             lateness_p99_us: report.lateness.quantile_us(0.99),
             lateness_p999_us: report.lateness.quantile_us(0.999),
             lateness_max_us: report.lateness.max_us(),
+            success_of_100: report.success.of_100(),
+            success_of_1000: report.success.of_1000(),
+            overruns: report.overruns,
             cost_p50_us: report.cost.quantile_us(0.5),
             cost_p99_us: report.cost.quantile_us(0.99),
+            read_p99_us: report.read.quantile_us(0.99),
+            write_p99_us: report.write.quantile_us(0.99),
+            unsolved: report.unsolved,
             rejected_readings: report.rejected_readings,
             device_errors: report.device_errors,
             models_refused: report.models_refused,
