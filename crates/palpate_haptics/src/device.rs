@@ -6,8 +6,8 @@ mod scripted;
 pub use replay::{AtEnd, ReplayDevice};
 pub use scripted::ScriptedDevice;
 
-use crate::HapticsError;
 use crate::error::{check, check_positive};
+use crate::{EmergencyStop, HapticsError};
 use glam::{DQuat, DVec3};
 use std::time::Duration;
 use thiserror::Error;
@@ -22,7 +22,8 @@ use thiserror::Error;
 /// * Positions and forces are in the device's own frame, in metres and newtons.
 /// * `close` and dropping leave the actuators at zero force, whatever happened before; the loop also writes
 ///   zero before it closes.
-/// * A device is made closed. One that has been closed can be opened again.
+/// * A device is made closed. One that has been closed can be opened again: after [`DeviceError::Disconnected`] the loop closes
+///   it and tries to open it twice a second, which may take longer than a tick.
 pub trait HapticDevice: Send {
     /// What it is and what it can do.
     fn describe(&self) -> DeviceDescription;
@@ -47,6 +48,12 @@ pub trait HapticDevice: Send {
     /// As `read`.
     fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError>;
 
+    /// A way to its actuators from another thread, for a watchdog that stops it when the loop hangs in it. Asked for after every
+    /// `open`. Without one, which is the default, only the device's own firmware ends the force then.
+    fn emergency_stop(&mut self) -> Option<Box<dyn EmergencyStop>> {
+        None
+    }
+
     /// Zero force, and lets go of the hardware.
     ///
     /// # Errors
@@ -68,6 +75,12 @@ pub struct DeviceDescription {
 }
 
 impl DeviceDescription {
+    /// What the safety chain makes of it.
+    #[must_use]
+    pub fn limits(&self) -> DeviceLimits {
+        DeviceLimits::of_force(self.max_force_n)
+    }
+
     /// Refuses a description that makes no sense: a driver's mistake must not become a force limit.
     ///
     /// # Errors
@@ -81,6 +94,37 @@ impl DeviceDescription {
         let ok = force.is_finite() && force >= 0.0;
         check("largest force of the device, N", force, ok, "finite and at least 0")?;
         check_positive("rate of the device, Hz", self.rate_hz)
+    }
+}
+
+/// What the safety chain never exceeds, whatever the user sets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeviceLimits {
+    /// The largest force, N; zero for a device without motors.
+    pub force_n: f64,
+    /// Its largest growth, N/s.
+    pub slew_n_per_s: f64,
+}
+
+impl DeviceLimits {
+    /// Of a device whose largest force is `force_n`: that may come within 20 ms.
+    #[must_use]
+    pub fn of_force(force_n: f64) -> Self {
+        Self { force_n, slew_n_per_s: force_n / 0.02 }
+    }
+
+    /// Refuses what is no limit.
+    ///
+    /// # Errors
+    /// [`HapticsError::Setting`].
+    pub fn validate(&self) -> Result<(), HapticsError> {
+        for (what, value) in [
+            ("largest force of the device, N", self.force_n),
+            ("largest growth of the device's force, N/s", self.slew_n_per_s),
+        ] {
+            check(what, value, value.is_finite() && value >= 0.0, "finite and at least 0")?;
+        }
+        Ok(())
     }
 }
 
@@ -140,6 +184,9 @@ pub enum DeviceError {
     /// What the device sent is not what its protocol allows.
     #[error("the device broke its protocol: {0}")]
     Protocol(&'static str),
+    /// The hand cannot have moved that far since the last reading. If it stays there it is believed.
+    #[error("the position jumped farther than a hand can move")]
+    Jumped,
     /// The reading has a number that is not finite or beyond all bounds, or an orientation that is no rotation.
     #[error("the reading is not finite or beyond all bounds, or its orientation is no rotation")]
     Unusable,

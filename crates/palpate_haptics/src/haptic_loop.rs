@@ -23,6 +23,9 @@ pub const LONGEST_BRIDGE: u64 = 200;
 /// A longer sleep than that counts as one of that length: about three years of ticks of 1 ms.
 const LONGEST_GAP: u64 = 100_000_000_000;
 
+/// Ticks after which a hand that seems to have jumped is believed.
+const BELIEVED_AFTER: u64 = 5;
+
 /// Ticks between two published reports.
 const REPORT_PERIOD: u64 = 64;
 
@@ -44,6 +47,13 @@ pub struct HapticLoop {
     sequence: u64,
     /// Ticks in a row without a usable reading.
     silent_ticks: u64,
+    /// Where the device was last read, m, its own frame; and where it seems to have jumped, and for how many ticks.
+    read_m: Option<DVec3>,
+    suspect: Option<(DVec3, u64)>,
+    /// The start of the force begins anew at this tick.
+    begin_anew: bool,
+    /// Where the hand was at the last tick, m, in its own size.
+    hand_m: Option<DVec3>,
     /// The last write failed.
     write_failed: bool,
     report: LoopReport,
@@ -69,11 +79,15 @@ impl HapticLoop {
             settings,
             ends,
             hand_over: HandOver::new(config.hand_over)?,
-            safety: SafetyChain::new(config.hand_over.tick_s, config.device_limit_n)?,
+            safety: SafetyChain::new(config.hand_over.tick_s, config.device)?,
             velocity: VelocityState::default(),
             displayed: DisplayedForces::with_capacity(config.hand_over.history),
             sequence: 0,
             silent_ticks: 0,
+            read_m: None,
+            suspect: None,
+            begin_anew: false,
+            hand_m: None,
             write_failed: false,
             report: LoopReport::new(),
         })
@@ -94,24 +108,30 @@ impl HapticLoop {
         let arrived = self.hand_over.is_ready() && self.ends.models.update();
         let frame = self.settings.frame;
         let settings = self.adopt_settings();
-        let reading = reading.and_then(usable);
+        let reading = reading.and_then(usable).and_then(|reading| self.believe(reading, elapsed));
         let in_scene = reading.map(|r| self.settings.frame.to_scene(&r)).and_then(usable);
         self.account_for_deadlines(elapsed);
         self.sequence = self.sequence.saturating_add(elapsed);
         let recovered = self.account_for_reading(&in_scene, elapsed);
-        self.take_sample(elapsed, &in_scene, recovered || frame != self.settings.frame);
+        let has_jumped = recovered || frame != self.settings.frame;
+        self.take_sample(elapsed, &in_scene, has_jumped);
         let taken = if arrived { Some(self.take_model()) } else { None };
         let spoken = self.hand_over.speak();
         self.account_for_model(&spoken);
+        let (moved_m, velocity_m_per_s) = self.hand_motion(has_jumped);
         let periods = |ticks: u64| ticks as f64 * self.config.hand_over.tick_s / self.settings.model_period_s;
         let input = SafetyInput {
             force_n: spoken.force_n,
+            has_model: spoken.model.is_some(),
             model_age_periods: spoken
                 .model
                 .map_or(0.0, |m| periods(self.sequence.saturating_sub(m.sequence))),
             silent_ticks: self.silent_ticks,
             paused: self.settings.paused,
             sampled: !self.hand_over.history().is_empty(),
+            has_jumped: std::mem::take(&mut self.begin_anew),
+            moved_m,
+            velocity_m_per_s,
             elapsed,
         };
         let (force_n, safety) = self.safety.apply(&self.settings.safety, &input);
@@ -174,9 +194,24 @@ impl HapticLoop {
         self.tell(LoopEventKind::RealTime(granted));
     }
 
-    /// Tells the app that the device is open.
-    pub(crate) fn begin(&mut self) {
+    /// Tells the app that the device is open, and whether it is watched.
+    pub(crate) fn begin(&mut self, is_watched: bool) {
         self.tell(LoopEventKind::Started);
+        if !is_watched {
+            self.tell(LoopEventKind::NoEmergencyStop);
+        }
+    }
+
+    /// The device was stopped beside the loop: its force begins anew.
+    pub(crate) fn was_stopped(&mut self) {
+        self.begin_anew = true;
+        self.tell(LoopEventKind::EmergencyStopped);
+    }
+
+    /// The device has been opened again: its force begins anew, wherever the hand is now.
+    pub(crate) fn reconnected(&mut self) {
+        (self.begin_anew, self.read_m) = (true, None);
+        self.tell(LoopEventKind::Reconnected);
     }
 
     /// The last words: `closed` is what closing the device gave.
@@ -198,6 +233,44 @@ impl HapticLoop {
     fn tell(&mut self, kind: LoopEventKind) {
         let event = LoopEvent { sequence: self.sequence, kind };
         self.report.dropped_events += u64::from(self.ends.events.try_send(event).is_err());
+    }
+
+    /// `reading` if a hand can have come there since the last one; what stays where it cannot is believed after a while.
+    fn believe(&mut self, reading: Reading, elapsed: u64) -> Result<Reading, DeviceError> {
+        let at = reading.position_m;
+        let step_m = self.settings.jump_m_per_s * self.config.hand_over.tick_s * elapsed as f64;
+        let Some(last) = self.read_m else {
+            self.read_m = Some(at);
+            return Ok(reading);
+        };
+        // What was not read for longer may have gone farther.
+        let silent = self.silent_ticks.saturating_add(elapsed) as f64;
+        let may_come = step_m * (silent / elapsed as f64);
+        let known = self.suspect.take().filter(|(there, _)| there.distance(at) <= step_m);
+        // Since the first that was not believed no time counts for the way there.
+        let is_near = last.distance(at) <= if known.is_some() { step_m } else { may_come };
+        if is_near {
+            self.read_m = Some(at);
+            return Ok(reading);
+        }
+        let ticks = known.map_or(1, |(_, ticks)| ticks + 1);
+        if ticks < BELIEVED_AFTER {
+            self.suspect = Some((at, ticks));
+            return Err(DeviceError::Jumped);
+        }
+        self.read_m = Some(at);
+        self.begin_anew = true;
+        self.tell(LoopEventKind::HandJumped(last.distance(at)));
+        Ok(reading)
+    }
+
+    /// How far the hand has moved since the last tick, m, and its velocity, m/s, in its own size and the scene's axes.
+    fn hand_motion(&mut self, has_jumped: bool) -> (DVec3, DVec3) {
+        let Some(sample) = self.hand_over.history().newest() else { return (DVec3::ZERO, DVec3::ZERO) };
+        let scale = self.settings.frame.scale;
+        let at = sample.position_m / scale;
+        let last = self.hand_m.replace(at).filter(|_| !has_jumped);
+        (last.map_or(DVec3::ZERO, |last| at - last), sample.velocity_m_per_s / scale)
     }
 
     fn adopt_settings(&mut self) -> Option<(u64, LoopSettings)> {
@@ -236,7 +309,7 @@ impl HapticLoop {
                 silent > 0
             }
             Err(error) => {
-                if *error == DeviceError::Unusable {
+                if matches!(error, DeviceError::Unusable | DeviceError::Jumped) {
                     self.report.rejected_readings += 1;
                 } else {
                     self.report.device_errors += 1;

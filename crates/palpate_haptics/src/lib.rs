@@ -47,8 +47,8 @@
 //!   machine wakes it late, and how late is measured ([`LoopReport::lateness`]).
 //! * A deadline counts as missed when its tick has not begun before the next one is due. A tick that overruns
 //!   its period shows as lateness of the next.
-//! * A device that blocks for ever in `read` blocks the loop with the last force written; the device's own
-//!   watchdog has to end it.
+//! * A device that blocks for ever in `read` blocks the loop with the last force written. If it offers an [`EmergencyStop`] a
+//!   watchdog stops it within 60 ms; if not its own firmware has to.
 
 #![forbid(unsafe_code)]
 
@@ -68,9 +68,10 @@ mod settings;
 mod timing;
 mod trajectory;
 mod velocity;
+mod watchdog;
 
 pub use device::{
-    AtEnd, DeviceDescription, DeviceError, HapticDevice, Reading, ReplayDevice, ScriptedDevice,
+    AtEnd, DeviceDescription, DeviceError, DeviceLimits, HapticDevice, Reading, ReplayDevice, ScriptedDevice,
 };
 pub use displayed::DisplayedForces;
 pub use error::{HapticsError, TrajectoryError};
@@ -81,8 +82,9 @@ pub use lockstep::Lockstep;
 pub use real_time::{Outcome, RealTime, RealTimeReport, Refusal};
 pub use record::{LoopEvent, LoopEventKind, TickRecord};
 pub use runner::{EndedLoop, LoopThread, Stop, run};
-pub use safety::{SafetyChain, SafetyInput, SafetyReport, SafetySettings};
+pub use safety::{SafetyChain, SafetyInput, SafetyReport, SafetySettings, StageForces};
 pub use settings::{LoopConfig, LoopSettings};
 pub use timing::{LoopReport, SuccessRate, TickTiming, TimeHistogram};
 pub use trajectory::{Probe, Trajectory};
 pub use velocity::{VelocityEstimator, VelocityState};
+pub use watchdog::EmergencyStop;

@@ -48,6 +48,18 @@ pub enum LoopEventKind {
     /// So many deadlines were missed that the samples begin anew.
     #[error("{0} deadlines were missed in a row: the samples begin anew")]
     Gap(u64),
+    /// The device offers no [`crate::EmergencyStop`]: if it hangs only its own firmware ends the force.
+    #[error("the device offers no emergency stop: if it hangs only its own firmware ends the force")]
+    NoEmergencyStop,
+    /// The loop had hung, and the watchdog stopped the device; the start begins anew.
+    #[error("the loop hung in its device, which was stopped; force comes back when it is small")]
+    EmergencyStopped,
+    /// The hand is believed to be elsewhere, that far away, m; the start begins anew.
+    #[error("the hand jumped by {0} m; force comes back when it is small")]
+    HandJumped(f64),
+    /// The device was opened again after it had been disconnected.
+    #[error("the device is connected again")]
+    Reconnected,
     /// Settings of this number are in force.
     #[error("settings {0} are in force")]
     SettingsAdopted(u64),
@@ -62,9 +74,13 @@ impl LoopEventKind {
             | Self::WrongBody(_)
             | Self::DeviceFailed(_)
             | Self::DeadlinesMissed(_)
+            | Self::EmergencyStopped
+            | Self::HandJumped(_)
             | Self::Gap(_) => true,
             Self::Started
             | Self::RealTime(_)
+            | Self::NoEmergencyStop
+            | Self::Reconnected
             | Self::Stopped
             | Self::ModelAdopted(_)
             | Self::DeviceRecovered(_)

@@ -6,8 +6,11 @@
 //! 2. (thread) Priority, locked memory and core are asked for ([`crate::RealTime`]); what came of it is told. The device is
 //!    opened. If that fails the app is told ([`crate::LoopEventKind::DeviceFailed`]), nothing
 //!    is written, and the thread goes on with 5.
+//!    If it offers an [`crate::EmergencyStop`] a watchdog on another thread calls it when the loop has not begun a tick for
+//!    50 ms; if not that is told.
 //! 3. (thread) At every deadline, a whole number of periods after the start on the monotonic clock: read, tick,
 //!    write. Deadlines that passed meanwhile are counted and left out, never made up by a burst.
+//!    A device that is disconnected is closed and opened again, tried twice a second.
 //! 4. (app) [`LoopThread::stop`], or dropping it, sets the stop flag. (thread) The flag is seen within a
 //!    period; zero force is written and the device closed. If the tick or the device panics, both are still
 //!    done while the thread unwinds.
@@ -17,6 +20,7 @@
 //!    itself, and [`Stop::Detached`] says so.
 
 use crate::clock::MonotonicClock;
+use crate::watchdog::Watched;
 use crate::{DeviceError, HapticDevice, HapticLoop, HapticsError, TickTiming};
 use glam::DVec3;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -28,10 +32,14 @@ use std::time::Duration;
 /// How long [`LoopThread::stop`] waits for the thread.
 const JOIN_WITHIN: Duration = Duration::from_millis(200);
 
+/// Ticks between two attempts to open a device that is disconnected.
+const RECONNECT_TICKS: u64 = 500;
+
 /// A running loop. Dropping it stops the loop with zero force and joins its thread.
 #[derive(Debug)]
 pub struct LoopThread {
     stop: Arc<AtomicBool>,
+    watched: Arc<Watched>,
     thread: Option<JoinHandle<EndedLoop>>,
 }
 
@@ -56,14 +64,16 @@ impl HapticLoop {
     pub fn spawn(self, device: Box<dyn HapticDevice>) -> Result<LoopThread, HapticsError> {
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
+        let watched = Arc::<Watched>::default();
+        let of_thread = Arc::clone(&watched);
         let thread = std::thread::Builder::new()
             .name("haptic-loop".into())
             .spawn(move || {
                 let mut device = device;
-                run(self, device.as_mut(), &flag)
+                run_watched(self, device.as_mut(), &flag, Some(&of_thread))
             })
             .map_err(HapticsError::Thread)?;
-        Ok(LoopThread { stop, thread: Some(thread) })
+        Ok(LoopThread { stop, watched, thread: Some(thread) })
     }
 }
 
@@ -72,6 +82,13 @@ impl LoopThread {
     #[must_use]
     pub fn is_running(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    }
+
+    /// How often the watchdog has stopped the device because the loop hung in it. The loop itself can tell only when the device
+    /// lets it go on.
+    #[must_use]
+    pub fn emergency_stops(&self) -> u64 {
+        self.watched.stops()
     }
 
     /// Stops the loop with zero force and waits for its thread, 200 ms at most.
@@ -100,16 +117,28 @@ impl Drop for LoopThread {
 }
 
 /// Opens `device` and turns `haptic_loop` on the calling thread until `stop` is set; then writes zero force and
-/// closes the device. This is what the thread of [`HapticLoop::spawn`] runs.
-pub fn run(mut haptic_loop: HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) -> EndedLoop {
+/// closes the device. This is what the thread of [`HapticLoop::spawn`] runs, with a watchdog besides.
+pub fn run(haptic_loop: HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) -> EndedLoop {
+    run_watched(haptic_loop, device, stop, None)
+}
+
+fn run_watched(
+    mut haptic_loop: HapticLoop,
+    device: &mut dyn HapticDevice,
+    stop: &AtomicBool,
+    watched: Option<&Arc<Watched>>,
+) -> EndedLoop {
     haptic_loop.set_up_thread();
+    // Whatever happens, the watchdog does not outlive the loop.
+    let _end = EndWatch(watched.map(Arc::as_ref));
     if let Err(error) = device.open() {
         haptic_loop.end(Err(error));
         return EndedLoop { _memory: haptic_loop };
     }
-    haptic_loop.begin();
+    let is_watched = watched.is_some_and(|watched| watched.begin(device));
+    haptic_loop.begin(is_watched);
     let mut open = OpenDevice { device, closed: false };
-    turn(&mut haptic_loop, open.device, stop);
+    turn(&mut haptic_loop, open.device, stop, watched);
     let closed = open.close();
     haptic_loop.end(closed);
     EndedLoop { _memory: haptic_loop }
@@ -121,18 +150,38 @@ pub struct EndedLoop {
     _memory: HapticLoop,
 }
 
-fn turn(haptic_loop: &mut HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) {
+/// Ends the watch when it is dropped.
+struct EndWatch<'a>(Option<&'a Watched>);
+
+impl Drop for EndWatch<'_> {
+    fn drop(&mut self) {
+        if let Some(watched) = self.0 {
+            watched.end();
+        }
+    }
+}
+
+fn turn(
+    haptic_loop: &mut HapticLoop,
+    device: &mut dyn HapticDevice,
+    stop: &AtomicBool,
+    watched: Option<&Arc<Watched>>,
+) {
     let period = Duration::from_secs_f64(haptic_loop.config().hand_over.tick_s);
     let period_ns = period.as_nanos() as u64;
     let clock = MonotonicClock::start();
     let mut deadline_ns = clock.now_ns() + period_ns;
     let (mut elapsed, mut last_begun_ns) = (1, None);
+    let (mut stops, mut lost_ticks) = (0, 0);
     while !stop.load(Ordering::Acquire) {
         clock.sleep_until(deadline_ns);
         if stop.load(Ordering::Acquire) {
             return;
         }
         let begun_ns = clock.now_ns();
+        if let Some(watched) = watched {
+            watched.beat(begun_ns);
+        }
         let lateness_ns = begun_ns - deadline_ns;
         // Deadlines after this one that have passed too: this tick stands for the newest of them.
         let missed = lateness_ns / period_ns;
@@ -143,7 +192,22 @@ fn turn(haptic_loop: &mut HapticLoop, device: &mut dyn HapticDevice, stop: &Atom
         if stop.load(Ordering::Acquire) {
             return;
         }
+        let stops_now = watched.map_or(0, |watched| watched.stops());
+        if std::mem::replace(&mut stops, stops_now) != stops_now {
+            haptic_loop.was_stopped();
+        }
         let ticked = haptic_loop.tick(elapsed, reading);
+        let is_lost = matches!(reading, Err(DeviceError::Disconnected | DeviceError::NotOpen));
+        lost_ticks = if is_lost { lost_ticks + 1 } else { 0 };
+        if lost_ticks == RECONNECT_TICKS {
+            lost_ticks = 0;
+            // Nothing is left of what it was; the force is zero by now.
+            let _ = device.close();
+            if device.open().is_ok() {
+                watched.map(|watched| watched.begin(device));
+                haptic_loop.reconnected();
+            }
+        }
         let ticked_ns = clock.now_ns();
         let written = device.write(ticked.device_force_n);
         let done_ns = clock.now_ns();

@@ -1,28 +1,35 @@
 //! The safety chain: the last lines before the device. Every force passes it, always in this order.
 //!
-//! | stage | what it does | why | default |
-//! | --- | --- | --- | --- |
-//! | finite | a force that is not finite becomes zero | one bad number must not reach a motor | always on |
-//! | gains | start-up ramp × fade of a stale model × fade of a silent device × pause | a force appears and disappears slowly, and none outlives what it is based on | 0.5 s ramp; fade over 0.1 s, from 3 model periods or 20 silent ticks on |
-//! | magnitude | shortens the force to the smaller of the user's and the device's limit | motors and hands have limits | the device's limit |
-//! | slew | growth per tick is bounded (after missed deadlines, for 4 ticks at most), falling is free | a jump of force is a blow, letting go never is | 500 N/s |
-//! | finite | as the first | nothing after this line looks at the force again | always on |
-//!
-//! Between gains and magnitude is the place of the velocity guard and the passivity stage.
+//! | stage | what it does | why | default | what is lost by changing it |
+//! | --- | --- | --- | --- | --- |
+//! | finite | a force that is not finite becomes zero | one bad number must not reach a motor | always on | |
+//! | start | waits until a local model has spoken of a small force, at the start and after every interruption | a hand that begins in a body, or came back elsewhere, must not be thrown out | 0.5 N | higher: a blow when a loop starts under load |
+//! | gains | start-up ramp × fade of a stale model × fade of a silent device × pause | a force appears and disappears slowly, and none outlives what it is based on | 0.5 s ramp; fade over 0.1 s, from 3 model periods or 20 silent ticks on | longer: an old force lasts longer |
+//! | velocity guard | fades what pushes a hand that is too fast on its way, to nothing at twice the limit; what brakes it stays | a device that runs away runs because of the force | 2 m/s | higher: a device that runs away does so longer |
+//! | passivity | damps while the loop has given the hand more energy than it got since the touch began | a loop that gives energy can be unstable in a loosened grip | up to 5 N s/m, 1 mJ of tolerance | less damping: late schemes buzz and drift; more: they feel sluggish |
+//! | magnitude | shortens the force to the smaller of the user's and the device's limit | motors and hands have limits | the device's limit | |
+//! | slew | growth per tick is bounded by the smaller of the user's and the device's (after missed deadlines, for 4 ticks at most); falling is free | a jump of force is a blow, letting go never is | 500 N/s; for the device its whole force in 20 ms | higher: contacts feel crisper, and errors hit harder |
+//! | finite | as the first | nothing after this line looks at the force again | always on | |
 
 #![cfg_attr(
     not(test),
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use crate::HapticsError;
+mod passivity;
+
 use crate::error::{check, check_positive};
+use crate::{DeviceLimits, HapticsError};
 use glam::DVec3;
+use passivity::Passivity;
 
 /// Limits and times of the safety chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetySettings {
-    /// Time from the first sample to full force, s. Zero: the first touch comes at once.
+    /// The force that a local model must not exceed before the ramp begins, N: at the start, and after the device was silent or
+    /// its hand came back elsewhere. `f64::MAX`: the ramp begins at once.
+    pub start_below_n: f64,
+    /// Time from that to full force, s. Zero: the first touch comes at once.
     pub ramp_s: f64,
     /// Model periods after which a local model counts as stale. More: an old force lasts longer.
     pub stale_after_periods: f64,
@@ -30,9 +37,15 @@ pub struct SafetySettings {
     pub silent_after_ticks: u64,
     /// Time in which a force fades to zero once model or device is too old, or on a pause, s.
     pub fade_s: f64,
+    /// Speed of the hand from which on what pushes it along fades, m/s, to nothing at twice that. `f64::MAX`: never.
+    pub max_speed_m_per_s: f64,
+    /// The largest damping with which the passivity stage takes energy back, N s/m. Zero: it only counts.
+    pub passivity_damping_ns_per_m: f64,
+    /// Energy that may have been given beyond what was got before it does, J.
+    pub passivity_tolerance_j: f64,
     /// Largest force, N; the device's own limit applies besides.
     pub max_force_n: f64,
-    /// Largest growth of the force, N/s. More: harder contacts feel crisper, and errors hit harder.
+    /// Largest growth of the force, N/s; the device's own limit applies besides. More: harder contacts feel crisper, and errors hit harder.
     pub max_slew_n_per_s: f64,
 }
 
@@ -40,10 +53,14 @@ impl Default for SafetySettings {
     /// The table above; no limit of magnitude but the device's.
     fn default() -> Self {
         Self {
+            start_below_n: 0.5,
             ramp_s: 0.5,
             stale_after_periods: 3.0,
             silent_after_ticks: 20,
             fade_s: 0.1,
+            max_speed_m_per_s: 2.0,
+            passivity_damping_ns_per_m: 5.0,
+            passivity_tolerance_j: 1e-3,
             max_force_n: f64::MAX,
             max_slew_n_per_s: 500.0,
         }
@@ -57,6 +74,8 @@ impl SafetySettings {
     /// [`HapticsError::Setting`].
     pub fn validate(&self) -> Result<(), HapticsError> {
         let at_least_0 = |v: f64| v.is_finite() && v >= 0.0;
+        let start = self.start_below_n;
+        check("largest force at the start, N", start, at_least_0(start), "finite and at least 0")?;
         check("start-up ramp, s", self.ramp_s, at_least_0(self.ramp_s), "finite and at least 0")?;
         check("fade, s", self.fade_s, at_least_0(self.fade_s), "finite and at least 0")?;
         let periods = self.stale_after_periods;
@@ -66,6 +85,13 @@ impl SafetySettings {
             periods.is_finite() && periods >= 1.0,
             "finite and at least 1",
         )?;
+        for (what, value) in [
+            ("damping of the passivity stage, N s/m", self.passivity_damping_ns_per_m),
+            ("tolerance of the passivity stage, J", self.passivity_tolerance_j),
+        ] {
+            check(what, value, at_least_0(value), "finite and at least 0")?;
+        }
+        check_positive("largest speed of the hand, m/s", self.max_speed_m_per_s)?;
         check("largest force, N", self.max_force_n, at_least_0(self.max_force_n), "finite and at least 0")?;
         check_positive("largest growth of the force, N/s", self.max_slew_n_per_s)
     }
@@ -76,14 +102,22 @@ impl SafetySettings {
 pub struct SafetyInput {
     /// The force to be made safe, N.
     pub force_n: DVec3,
+    /// Whether a local model made it.
+    pub has_model: bool,
     /// Age of the local model that made it, in model periods.
     pub model_age_periods: f64,
     /// Ticks in a row without a reading.
     pub silent_ticks: u64,
     /// Whether the app is paused.
     pub paused: bool,
-    /// Whether there has been a sample; the start-up ramp waits for it.
+    /// Whether there has been a sample; the start waits for it.
     pub sampled: bool,
+    /// Whether the hand came back elsewhere than where it was lost: the start begins anew.
+    pub has_jumped: bool,
+    /// How far the hand has moved since the last tick, m, in the hand's own size and the force's frame.
+    pub moved_m: DVec3,
+    /// Its velocity, m/s, likewise.
+    pub velocity_m_per_s: DVec3,
     /// Ticks since the last call: 1, more where deadlines were missed.
     pub elapsed: u64,
 }
@@ -93,23 +127,53 @@ pub struct SafetyInput {
 pub struct SafetyReport {
     /// A force that was not finite came in.
     pub not_finite: bool,
+    /// The start waits for a small force.
+    pub waiting: bool,
     /// The product of the gains, 0 to 1.
     pub gain: f64,
     /// The local model is stale.
     pub stale: bool,
     /// The device is silent.
     pub silent: bool,
+    /// The hand was too fast to be pushed along.
+    pub speed_guarded: bool,
+    /// The damping that the passivity stage added, N s/m.
+    pub damping_ns_per_m: f64,
+    /// What the hand has given since the touch began, minus what it got, J.
+    pub given_j: f64,
     /// The force was longer than the limit.
     pub magnitude_limited: bool,
     /// The force grew faster than the limit.
     pub slew_limited: bool,
+    /// The force after each stage; the one written is that after the last.
+    pub after: StageForces,
+}
+
+/// The force after each stage of a tick, N.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StageForces {
+    /// After start and gains.
+    pub gains_n: DVec3,
+    /// After the velocity guard.
+    pub velocity_guard_n: DVec3,
+    /// After the passivity stage.
+    pub passivity_n: DVec3,
+    /// After the limit of magnitude.
+    pub magnitude_n: DVec3,
+    /// After that of growth.
+    pub slew_n: DVec3,
 }
 
 impl SafetyReport {
     /// Whether any stage changed the force.
     #[must_use]
     pub fn acted(&self) -> bool {
-        self.not_finite || self.gain < 1.0 || self.magnitude_limited || self.slew_limited
+        self.not_finite
+            || self.gain < 1.0
+            || self.speed_guarded
+            || self.damping_ns_per_m > 0.0
+            || self.magnitude_limited
+            || self.slew_limited
     }
 }
 
@@ -117,30 +181,33 @@ impl SafetyReport {
 #[derive(Clone, Debug)]
 pub struct SafetyChain {
     tick_s: f64,
-    device_limit_n: f64,
+    device: DeviceLimits,
+    has_started: bool,
     ramp: f64,
     model: f64,
-    device: f64,
+    reading: f64,
     pause: f64,
+    passivity: Passivity,
     last_n: DVec3,
 }
 
 impl SafetyChain {
-    /// A chain for ticks of `tick_s` and a device that can show `device_limit_n` (zero for one without motors).
+    /// A chain for ticks of `tick_s` and a device with limits `device`.
     ///
     /// # Errors
     /// [`HapticsError::Setting`].
-    pub fn new(tick_s: f64, device_limit_n: f64) -> Result<Self, HapticsError> {
+    pub fn new(tick_s: f64, device: DeviceLimits) -> Result<Self, HapticsError> {
         check_positive("tick, s", tick_s)?;
-        let ok = device_limit_n.is_finite() && device_limit_n >= 0.0;
-        check("largest force of the device, N", device_limit_n, ok, "finite and at least 0")?;
+        device.validate()?;
         Ok(Self {
             tick_s,
-            device_limit_n,
+            device,
+            has_started: false,
             ramp: 0.0,
             model: 1.0,
-            device: 1.0,
+            reading: 1.0,
             pause: 1.0,
+            passivity: Passivity::default(),
             last_n: DVec3::ZERO,
         })
     }
@@ -149,24 +216,59 @@ impl SafetyChain {
     pub fn apply(&mut self, settings: &SafetySettings, input: &SafetyInput) -> (DVec3, SafetyReport) {
         let mut report = SafetyReport { not_finite: !input.force_n.is_finite(), ..SafetyReport::default() };
         let mut force = if report.not_finite { DVec3::ZERO } else { input.force_n };
+        self.passivity.book(self.last_n, input.moved_m, input.elapsed);
 
+        self.start(settings, input, force, &mut report);
         force *= self.gain(settings, input, &mut report);
+        report.after.gains_n = force;
 
-        let limit = settings.max_force_n.min(self.device_limit_n).max(0.0);
+        force = guard_speed(settings, input, force, &mut report);
+        report.after.velocity_guard_n = force;
+
+        let (tolerance_j, most) = (settings.passivity_tolerance_j, settings.passivity_damping_ns_per_m);
+        report.given_j = self.passivity.given_j();
+        // Nothing is damped where nothing is felt.
+        if force != DVec3::ZERO {
+            let v = input.velocity_m_per_s;
+            report.damping_ns_per_m = self.passivity.damping(v, self.tick_s, tolerance_j, most);
+            force -= report.damping_ns_per_m * v;
+        }
+        report.after.passivity_n = force;
+
+        let limit = settings.max_force_n.min(self.device.force_n).max(0.0);
         let length = force.length();
         if length > limit {
             force *= limit / length;
             report.magnitude_limited = true;
         }
+        report.after.magnitude_n = force;
 
-        let growth = settings.max_slew_n_per_s * self.tick_s * gaining(input.elapsed) as f64;
-        force = self.limit_growth(force, growth, &mut report);
+        let slew = settings.max_slew_n_per_s.min(self.device.slew_n_per_s);
+        force = self.limit_growth(force, slew * self.tick_s * gaining(input.elapsed) as f64, &mut report);
 
         if !force.is_finite() {
             (force, report.not_finite) = (DVec3::ZERO, true);
         }
+        report.after.slew_n = force;
         self.last_n = force;
         (force, report)
+    }
+
+    /// Waits for a small force, at the start and anew where the hand was lost.
+    fn start(
+        &mut self,
+        settings: &SafetySettings,
+        input: &SafetyInput,
+        force: DVec3,
+        report: &mut SafetyReport,
+    ) {
+        // What has faded out altogether begins again like the first time.
+        if input.has_jumped || self.reading == 0.0 {
+            (self.has_started, self.ramp) = (false, 0.0);
+        }
+        let is_small = force.length() <= settings.start_below_n;
+        self.has_started |= input.sampled && input.has_model && is_small;
+        report.waiting = !self.has_started;
     }
 
     fn gain(&mut self, settings: &SafetySettings, input: &SafetyInput, report: &mut SafetyReport) -> f64 {
@@ -176,19 +278,19 @@ impl SafetyChain {
         };
         let (down_by, up_by) =
             (part(input.elapsed, settings.fade_s), part(gaining(input.elapsed), settings.fade_s));
-        if input.sampled {
+        if self.has_started {
             self.ramp = (self.ramp + part(gaining(input.elapsed), settings.ramp_s)).min(1.0);
         }
         report.stale = input.model_age_periods > settings.stale_after_periods;
         report.silent = input.silent_ticks > settings.silent_after_ticks;
         for (gain, down) in [
             (&mut self.model, report.stale),
-            (&mut self.device, report.silent),
+            (&mut self.reading, report.silent),
             (&mut self.pause, input.paused),
         ] {
             *gain = if down { (*gain - down_by).max(0.0) } else { (*gain + up_by).min(1.0) };
         }
-        report.gain = self.ramp * self.model * self.device * self.pause;
+        report.gain = self.ramp * self.model * self.reading * self.pause;
         report.gain
     }
 
@@ -207,6 +309,24 @@ impl SafetyChain {
         report.slew_limited = true;
         force * (allowed / length)
     }
+}
+
+/// Fades what pushes a hand along that is too fast already.
+fn guard_speed(
+    settings: &SafetySettings,
+    input: &SafetyInput,
+    force: DVec3,
+    report: &mut SafetyReport,
+) -> DVec3 {
+    let speed = input.velocity_m_per_s.length();
+    let Some(along) = input.velocity_m_per_s.try_normalize() else { return force };
+    let pushes = force.dot(along);
+    if speed <= settings.max_speed_m_per_s || pushes <= 0.0 {
+        return force;
+    }
+    report.speed_guarded = true;
+    let kept = (2.0 - speed / settings.max_speed_m_per_s).max(0.0);
+    force - (1.0 - kept) * pushes * along
 }
 
 /// Ticks for which force may grow after `elapsed` of them: while deadlines were missed the hand felt an old force,

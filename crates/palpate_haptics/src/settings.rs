@@ -1,7 +1,7 @@
 //! What is fixed when a loop is made, and what can be set while it runs.
 
 use crate::error::{check, check_positive};
-use crate::{DeviceFrame, HapticsError, RealTime, SafetySettings, VelocityEstimator};
+use crate::{DeviceFrame, DeviceLimits, HapticsError, RealTime, SafetySettings, VelocityEstimator};
 use palpate_local::HandOverSettings;
 
 /// Sizes and rates of a loop, fixed at construction.
@@ -9,8 +9,8 @@ use palpate_local::HandOverSettings;
 pub struct LoopConfig {
     /// Tick, room for local models, samples kept and replayed.
     pub hand_over: HandOverSettings,
-    /// Largest force of the device, N.
-    pub device_limit_n: f64,
+    /// What the device can bear.
+    pub device: DeviceLimits,
     /// What the loop's thread asks of the operating system. Nothing is asked for in lock step.
     pub real_time: RealTime,
     /// Room for events that the app has not read yet.
@@ -20,11 +20,11 @@ pub struct LoopConfig {
 }
 
 impl Default for LoopConfig {
-    /// 1 kHz, 20 N, priority and locked memory, 1024 events, 8192 records.
+    /// 1 kHz, a device of 20 N, priority and locked memory, 1024 events, 8192 records.
     fn default() -> Self {
         Self {
             hand_over: HandOverSettings::default(),
-            device_limit_n: 20.0,
+            device: DeviceLimits::of_force(20.0),
             real_time: RealTime::default(),
             event_capacity: 1024,
             record_capacity: 8192,
@@ -42,6 +42,8 @@ pub struct LoopSettings {
     pub safety: SafetySettings,
     /// Where a sample's velocity comes from.
     pub velocity: VelocityEstimator,
+    /// Speed that no hand has, m/s: a reading farther away than that is not believed until it has stayed there for 5 ticks.
+    pub jump_m_per_s: f64,
     /// Time between two model steps, s; the age of a local model is counted in it.
     pub model_period_s: f64,
     /// The body whose models are taken, those of others falling silent at once; `None` takes any.
@@ -54,12 +56,13 @@ pub struct LoopSettings {
 }
 
 impl Default for LoopSettings {
-    /// 20 Hz, any body, not paused, no records.
+    /// Jumps from 20 m/s on, 20 Hz, any body, not paused, no records.
     fn default() -> Self {
         Self {
             frame: DeviceFrame::default(),
             safety: SafetySettings::default(),
             velocity: VelocityEstimator::default(),
+            jump_m_per_s: 20.0,
             model_period_s: 0.05,
             body: None,
             paused: false,
@@ -91,6 +94,7 @@ impl LoopSettings {
         self.frame.validate()?;
         self.safety.validate()?;
         self.velocity.validate()?;
+        check_positive("speed that no hand has, m/s", self.jump_m_per_s)?;
         check_positive("time between two model steps, s", self.model_period_s)
     }
 }

@@ -49,7 +49,7 @@ fn start(
 ) -> (HapticHandle, LoopThread, Arc<Log>) {
     let log = Arc::new(Log::default());
     let device = Logged { log: log.clone(), read: Box::new(read) };
-    let safety = SafetySettings { ramp_s: 0.0, ..SafetySettings::default() };
+    let safety = SafetySettings { start_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
     let settings = LoopSettings { safety, record: true, ..LoopSettings::default() };
     let (mut handle, haptic_loop) = haptic_loop(LoopConfig::default(), settings).unwrap();
     let thread = haptic_loop.spawn(Box::new(device)).unwrap();

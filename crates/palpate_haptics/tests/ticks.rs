@@ -5,9 +5,19 @@ use palpate_haptics::*;
 use palpate_local::*;
 use proptest::prelude::*;
 
-/// Settings with no ramp and no slew to speak of, records on, velocities by difference.
+/// A device that limits no growth.
+const DEVICE: DeviceLimits = DeviceLimits { force_n: 20.0, slew_n_per_s: 1e12 };
+
+/// Settings with no ramp, no slew to speak of and no guards, records on, velocities by difference.
 fn bare() -> LoopSettings {
-    let safety = SafetySettings { ramp_s: 0.0, max_slew_n_per_s: 1e9, ..SafetySettings::default() };
+    let safety = SafetySettings {
+        start_below_n: f64::MAX,
+        ramp_s: 0.0,
+        max_speed_m_per_s: f64::MAX,
+        passivity_damping_ns_per_m: 0.0,
+        max_slew_n_per_s: 1e9,
+        ..SafetySettings::default()
+    };
     LoopSettings {
         safety,
         record: true,
@@ -17,7 +27,7 @@ fn bare() -> LoopSettings {
 }
 
 fn halves(settings: LoopSettings) -> (HapticHandle, HapticLoop) {
-    haptic_loop(LoopConfig::default(), settings).unwrap()
+    haptic_loop(LoopConfig { device: DEVICE, ..LoopConfig::default() }, settings).unwrap()
 }
 
 fn publish(handle: &mut HapticHandle, sequence: u64, change: impl FnOnce(&mut LocalModel)) {
@@ -285,7 +295,7 @@ fn settings_that_make_no_sense_are_refused_and_the_old_ones_stay() {
     assert!(handle.set(bad).is_err());
     assert_eq!(*handle.settings(), bare());
     for config in [
-        LoopConfig { device_limit_n: f64::NAN, ..LoopConfig::default() },
+        LoopConfig { device: DeviceLimits::of_force(f64::NAN), ..LoopConfig::default() },
         LoopConfig { event_capacity: 0, ..LoopConfig::default() },
         LoopConfig { event_capacity: usize::MAX, ..LoopConfig::default() },
         LoopConfig { record_capacity: usize::MAX, ..LoopConfig::default() },

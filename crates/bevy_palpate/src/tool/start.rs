@@ -233,7 +233,7 @@ fn start(
 ) -> Result<(HapticHandle, Driver), DeviceFault> {
     let description = device.describe();
     description.validate()?;
-    let config = LoopConfig { device_limit_n: description.max_force_n, ..LoopConfig::default() };
+    let config = LoopConfig { device: description.limits(), ..LoopConfig::default() };
     let (handle, haptic_loop) = haptic_loop(config, settings)?;
     let driver = match clock {
         HapticClock::Thread => Driver::Thread(haptic_loop.spawn(device)?),

@@ -1,8 +1,11 @@
 use super::*;
 
+/// A device that is never the one to limit growth.
+const LIMITS: DeviceLimits = DeviceLimits { force_n: 10.0, slew_n_per_s: 1e12 };
+
 /// A chain past its start-up ramp, without fades in progress.
 fn warm(settings: &SafetySettings) -> SafetyChain {
-    let mut chain = SafetyChain::new(1e-3, 10.0).unwrap();
+    let mut chain = SafetyChain::new(1e-3, LIMITS).unwrap();
     for _ in 0..1000 {
         chain.apply(settings, &still(DVec3::ZERO));
     }
@@ -10,7 +13,7 @@ fn warm(settings: &SafetySettings) -> SafetyChain {
 }
 
 fn still(force_n: DVec3) -> SafetyInput {
-    SafetyInput { force_n, elapsed: 1, sampled: true, ..SafetyInput::default() }
+    SafetyInput { force_n, elapsed: 1, sampled: true, has_model: true, ..SafetyInput::default() }
 }
 
 #[test]
@@ -45,8 +48,9 @@ fn a_length_that_overflows_is_not_let_through() {
 
 #[test]
 fn the_ramp_lets_force_in_over_its_time() {
-    let settings = SafetySettings { max_slew_n_per_s: 1e9, ..SafetySettings::default() };
-    let mut chain = SafetyChain::new(1e-3, 10.0).unwrap();
+    let settings =
+        SafetySettings { start_below_n: f64::MAX, max_slew_n_per_s: 1e9, ..SafetySettings::default() };
+    let mut chain = SafetyChain::new(1e-3, LIMITS).unwrap();
     for tick in 1..=600 {
         let (out, report) = chain.apply(&settings, &still(DVec3::X * 2.0));
         let expected = 2.0 * (f64::from(tick) / 500.0).min(1.0);
@@ -111,12 +115,12 @@ fn growth_is_bounded_falling_is_free_and_turning_round_is_growth() {
 
 #[test]
 fn after_missed_deadlines_force_grows_for_four_ticks_at_most() {
-    let settings = SafetySettings::default();
+    let settings = SafetySettings { start_below_n: f64::MAX, ..SafetySettings::default() };
     for (elapsed, grown) in [(1, 0.5), (3, 1.5), (4, 2.0), (200, 2.0), (u64::MAX, 2.0)] {
         let input = SafetyInput { elapsed, ..still(DVec3::X * 9.0) };
         assert!((warm(&settings).apply(&settings, &input).0.x - grown).abs() < 1e-12);
         // The start-up ramp and a fade in follow the same rule; a fade out counts all the time there was.
-        let mut fresh = SafetyChain::new(1e-3, 10.0).unwrap();
+        let mut fresh = SafetyChain::new(1e-3, LIMITS).unwrap();
         let (_, report) = fresh.apply(&settings, &input);
         assert!((report.gain - grown / 0.5 * 1e-3 / 0.5).abs() < 1e-12);
         let (out, _) = warm(&settings).apply(&settings, &SafetyInput { paused: true, ..input });
@@ -126,8 +130,8 @@ fn after_missed_deadlines_force_grows_for_four_ticks_at_most() {
 
 #[test]
 fn the_ramp_waits_for_the_first_sample() {
-    let settings = SafetySettings::default();
-    let mut chain = SafetyChain::new(1e-3, 10.0).unwrap();
+    let settings = SafetySettings { start_below_n: f64::MAX, ..SafetySettings::default() };
+    let mut chain = SafetyChain::new(1e-3, LIMITS).unwrap();
     for _ in 0..600 {
         let (_, report) = chain.apply(&settings, &SafetyInput { sampled: false, ..still(DVec3::ZERO) });
         assert_eq!(report.gain, 0.0);
@@ -152,12 +156,147 @@ fn limits_that_make_no_sense_are_refused() {
         SafetySettings { stale_after_periods: 0.5, ..good },
         SafetySettings { max_force_n: f64::NAN, ..good },
         SafetySettings { max_force_n: -1.0, ..good },
+        SafetySettings { start_below_n: -1.0, ..good },
+        SafetySettings { max_speed_m_per_s: 0.0, ..good },
+        SafetySettings { passivity_damping_ns_per_m: f64::NAN, ..good },
+        SafetySettings { passivity_tolerance_j: -1e-3, ..good },
         SafetySettings { max_slew_n_per_s: 0.0, ..good },
         SafetySettings { max_slew_n_per_s: f64::INFINITY, ..good },
     ] {
         assert!(matches!(bad.validate(), Err(HapticsError::Setting { .. })), "{bad:?}");
     }
-    assert!(SafetyChain::new(0.0, 1.0).is_err());
-    assert!(SafetyChain::new(1e-3, f64::NAN).is_err());
-    assert!(SafetyChain::new(1e-3, -1.0).is_err());
+    assert!(SafetyChain::new(0.0, LIMITS).is_err());
+    assert!(SafetyChain::new(1e-3, DeviceLimits::of_force(f64::NAN)).is_err());
+    assert!(SafetyChain::new(1e-3, DeviceLimits::of_force(-1.0)).is_err());
+}
+
+#[test]
+fn the_start_waits_for_a_small_force_of_a_model() {
+    let settings = SafetySettings::default();
+    let mut chain = SafetyChain::new(1e-3, LIMITS).unwrap();
+    // No model yet, then one that begins with 3 N: a hand that starts inside.
+    for _ in 0..300 {
+        let silent = SafetyInput { has_model: false, ..still(DVec3::ZERO) };
+        assert!(chain.apply(&settings, &silent).1.waiting);
+    }
+    for _ in 0..300 {
+        let (out, report) = chain.apply(&settings, &still(DVec3::X * 3.0));
+        assert!(out == DVec3::ZERO && report.waiting && report.gain == 0.0);
+    }
+    // Once the hand has come out of it the ramp begins, whatever comes then.
+    assert!(!chain.apply(&settings, &still(DVec3::X * 0.5)).1.waiting);
+    for tick in 2..=500 {
+        let (out, _) = chain.apply(&settings, &still(DVec3::X * 3.0));
+        assert!(out.x <= 3.0 * f64::from(tick) / 500.0 + 1e-9);
+    }
+    let (out, report) = chain.apply(&settings, &still(DVec3::X * 3.0));
+    assert!((out.x - 3.0).abs() < 1e-9 && !report.waiting);
+}
+
+#[test]
+fn a_hand_that_was_lost_starts_anew_and_one_that_blinked_does_not() {
+    let settings = SafetySettings::default();
+    let pressed = still(DVec3::X * 3.0);
+    let settle = |chain: &mut SafetyChain| {
+        (0..20).for_each(|_| {
+            chain.apply(&settings, &pressed);
+        });
+    };
+    let silence = |chain: &mut SafetyChain, ticks: u64| {
+        for silent_ticks in 1..=ticks {
+            chain.apply(&settings, &SafetyInput { silent_ticks, ..pressed });
+        }
+    };
+    let mut chain = warm(&settings);
+    settle(&mut chain);
+    silence(&mut chain, 20);
+    assert_eq!(chain.apply(&settings, &pressed).0, DVec3::X * 3.0);
+    // 20 ticks, and the fade of 100.
+    silence(&mut chain, 121);
+    assert!(chain.apply(&settings, &pressed).1.waiting);
+    settle(&mut chain);
+    assert_eq!(chain.apply(&settings, &pressed).0, DVec3::ZERO);
+    assert!(!chain.apply(&settings, &still(DVec3::ZERO)).1.waiting);
+    let mut chain = warm(&settings);
+    settle(&mut chain);
+    assert!(chain.apply(&settings, &SafetyInput { has_jumped: true, ..pressed }).1.waiting);
+}
+
+#[test]
+fn a_fast_hand_is_braked_but_not_pushed_along() {
+    let settings = SafetySettings { passivity_damping_ns_per_m: 0.0, ..SafetySettings::default() };
+    let at = |speed: f64, force: DVec3| {
+        let input = SafetyInput { velocity_m_per_s: DVec3::X * speed, ..still(force) };
+        let mut chain = warm(&SafetySettings { max_slew_n_per_s: 1e9, ..settings });
+        chain.apply(&SafetySettings { max_slew_n_per_s: 1e9, ..settings }, &input)
+    };
+    let push = DVec3::new(2.0, 1.0, 0.0);
+    assert_eq!(at(2.0, push).0, push);
+    let (out, report) = at(3.0, push);
+    assert!((out - DVec3::new(1.0, 1.0, 0.0)).length() < 1e-12 && report.speed_guarded && report.acted());
+    assert!((at(4.0, push).0 - DVec3::Y).length() < 1e-12 && (at(400.0, push).0 - DVec3::Y).length() < 1e-12);
+    // What brakes stays.
+    assert_eq!(at(400.0, -push).0, -push);
+    assert!(!at(400.0, -push).1.speed_guarded);
+}
+
+/// A hand of 75 g held by a finger of little damping, pressed onto a surface whose force is 50 ms late: left alone that swings
+/// ever wider.
+#[test]
+fn energy_that_was_not_put_in_is_taken_back() {
+    let swing = |damping: f64| -> (f64, bool) {
+        let settings = SafetySettings {
+            passivity_damping_ns_per_m: damping,
+            passivity_tolerance_j: 1e-4,
+            max_slew_n_per_s: 1e9,
+            ..SafetySettings::default()
+        };
+        let mut chain = warm(&settings);
+        let (mut x, mut v, mut held) = (2e-3, 0.0, DVec3::ZERO);
+        let (mut late, mut widest, mut acted) = (std::collections::VecDeque::from([0.0; 50]), 0.0_f64, false);
+        for tick in 0..4000 {
+            let before = x;
+            // 1 N of load, 0.3 N s/m of the finger.
+            v += 1e-3 / 0.075 * (held.x - 0.3 * v - 1.0 - 60.0 * x);
+            x += 1e-3 * v;
+            late.push_back(-150.0 * x);
+            let force_n = DVec3::X * late.pop_front().unwrap();
+            let moved_m = DVec3::X * (x - before);
+            let input = SafetyInput { moved_m, velocity_m_per_s: DVec3::X * v, ..still(force_n) };
+            let (out, report) = chain.apply(&settings, &input);
+            (held, acted) = (out, acted || report.damping_ns_per_m > 0.0);
+            if tick > 3000 {
+                widest = widest.max((x + 1.0 / 210.0).abs());
+            }
+        }
+        (widest, acted)
+    };
+    let ((alone, none), (damped, acted)) = (swing(0.0), swing(5.0));
+    assert!(!none && acted);
+    assert!(damped < 0.5 * alone, "{damped} m of {alone} m");
+}
+
+#[test]
+fn the_device_s_own_growth_counts_too() {
+    let settings = SafetySettings::default();
+    let limits = DeviceLimits::of_force(3.0);
+    assert_eq!(limits.slew_n_per_s, 150.0);
+    let mut chain = SafetyChain::new(1e-3, limits).unwrap();
+    for _ in 0..1000 {
+        chain.apply(&settings, &still(DVec3::ZERO));
+    }
+    assert!((chain.apply(&settings, &still(DVec3::X * 3.0)).0.x - 0.15).abs() < 1e-12);
+}
+
+#[test]
+fn what_each_stage_made_of_a_force_is_told() {
+    let settings = SafetySettings { max_force_n: 2.0, ..SafetySettings::default() };
+    let mut chain = warm(&settings);
+    let input = SafetyInput { velocity_m_per_s: DVec3::X * 3.0, ..still(DVec3::new(4.0, 3.0, 0.0)) };
+    let (out, SafetyReport { after, .. }) = chain.apply(&settings, &input);
+    assert_eq!(after.gains_n, DVec3::new(4.0, 3.0, 0.0));
+    assert!((after.velocity_guard_n - DVec3::new(2.0, 3.0, 0.0)).length() < 1e-12);
+    assert_eq!(after.passivity_n, after.velocity_guard_n);
+    assert!((after.magnitude_n.length() - 2.0).abs() < 1e-12);
+    assert!((after.slew_n.length() - 0.5).abs() < 1e-12 && after.slew_n == out);
 }

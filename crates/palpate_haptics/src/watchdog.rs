@@ -1,0 +1,92 @@
+//! Zero force for a device in which the loop hangs.
+
+use crate::clock::MonotonicClock;
+use crate::{DeviceError, HapticDevice};
+use std::fmt;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A way to a device's actuators beside [`HapticDevice`], for a thread of its own.
+pub trait EmergencyStop: Send {
+    /// Zero force, now: the loop's thread hangs in the device, or has not been run for too long.
+    ///
+    /// # Errors
+    /// [`DeviceError`] when even that is not possible; it is tried again.
+    fn stop(&mut self) -> Result<(), DeviceError>;
+}
+
+/// So long the loop may be silent before the watchdog stops the device: a device whose loop has not looked for that long has
+/// shown fifty old forces.
+const SILENCE_NS: u64 = 50_000_000;
+/// How often it looks.
+const LOOK_NS: u64 = 5_000_000;
+
+/// What loop, watchdog and app share.
+#[derive(Default)]
+pub(crate) struct Watched {
+    /// When the loop last began a tick, on the monotonic clock, ns; 0 before the first.
+    beat_ns: AtomicU64,
+    /// How often the device was stopped.
+    stops: AtomicU64,
+    /// The loop has ended.
+    has_ended: AtomicBool,
+    /// Locked by the loop only when the device is opened, never at a tick.
+    stop: Mutex<Option<Box<dyn EmergencyStop>>>,
+}
+
+impl fmt::Debug for Watched {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Watched")
+            .field("beat_ns", &self.beat_ns)
+            .field("stops", &self.stops)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Watched {
+    /// Takes what an open device offers, and begins to watch it with the first that does. Whether it is watched.
+    pub(crate) fn begin(self: &Arc<Self>, device: &mut dyn HapticDevice) -> bool {
+        let Some(stop) = device.emergency_stop() else { return false };
+        let before = self.stop.lock().unwrap_or_else(PoisonError::into_inner).replace(stop);
+        if before.is_some() {
+            return true;
+        }
+        let watched = Arc::clone(self);
+        let thread = std::thread::Builder::new().name("haptic-watchdog".into());
+        thread.spawn(move || watched.watch()).is_ok()
+    }
+
+    /// The loop begins a tick.
+    pub(crate) fn beat(&self, now_ns: u64) {
+        self.beat_ns.store(now_ns, Ordering::Release);
+    }
+
+    /// The loop has ended.
+    pub(crate) fn end(&self) {
+        self.has_ended.store(true, Ordering::Release);
+    }
+
+    /// How often the device was stopped.
+    pub(crate) fn stops(&self) -> u64 {
+        self.stops.load(Ordering::Acquire)
+    }
+
+    fn watch(&self) {
+        let clock = MonotonicClock::start();
+        let mut stopped_at = 0;
+        while !self.has_ended.load(Ordering::Acquire) {
+            clock.sleep_until(clock.now_ns() + LOOK_NS);
+            let beat = self.beat_ns.load(Ordering::Acquire);
+            let is_silent = beat > 0 && clock.now_ns().saturating_sub(beat) > SILENCE_NS;
+            // Once for every silence; again if it did not work.
+            if !is_silent || stopped_at == beat {
+                continue;
+            }
+            let mut stop = self.stop.lock().unwrap_or_else(PoisonError::into_inner);
+            if stop.as_mut().is_some_and(|stop| stop.stop().is_ok()) {
+                stopped_at = beat;
+                self.stops.fetch_add(1, Ordering::AcqRel);
+            }
+        }
+    }
+}
