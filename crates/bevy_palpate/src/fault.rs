@@ -57,6 +57,10 @@ pub enum HapticFaultKind {
     /// itself and stops with zero force when the device lets it.
     #[error("the haptic loop's thread does not end: its device blocks; it is left to itself")]
     LoopDetached,
+    /// The loop hangs in its device, and the watchdog has stopped the device. When the device lets the loop go on, force comes
+    /// back once it is small.
+    #[error("the haptic loop hangs in its device, which has been stopped: check its cable and driver")]
+    EmergencyStopped,
     /// The model side was so late that samples are lost; the body goes on from the oldest that is left.
     #[error("{lost} samples were lost before the body could be moved along them")]
     SamplesLost {

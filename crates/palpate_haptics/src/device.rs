@@ -167,27 +167,31 @@ impl Reading {
 #[non_exhaustive]
 pub enum DeviceError {
     /// It is not open. Open it first.
-    #[error("the device is not open")]
+    #[error("the device is not open; open it first")]
     NotOpen,
     /// It is open already. Close it first.
-    #[error("the device is open already")]
+    #[error("the device is open already; close it first")]
     AlreadyOpen,
     /// No reading came in time. Check the cable and the load of the machine.
-    #[error("the device did not answer in time")]
+    #[error("the device did not answer in time; check its cable and the load of the machine")]
     TimedOut,
     /// It is gone. Plug it in again.
-    #[error("the device is disconnected")]
+    #[error("the device is disconnected; plug it in again")]
     Disconnected,
     /// The operating system refused; its error number says why.
     #[error("the operating system refused: {}", std::io::Error::from_raw_os_error(*.0))]
     Os(i32),
     /// What the device sent is not what its protocol allows.
-    #[error("the device broke its protocol: {0}")]
+    #[error("the device broke its protocol: {0}; check that driver and firmware belong together")]
     Protocol(&'static str),
     /// The hand cannot have moved that far since the last reading. If it stays there it is believed.
-    #[error("the position jumped farther than a hand can move")]
+    #[error(
+        "the position jumped farther than a hand can move; if it stays there it is believed, if not check the sensor"
+    )]
     Jumped,
     /// The reading has a number that is not finite or beyond all bounds, or an orientation that is no rotation.
-    #[error("the reading is not finite or beyond all bounds, or its orientation is no rotation")]
+    #[error(
+        "the reading is not finite or beyond all bounds, or its orientation is no rotation; check the driver"
+    )]
     Unusable,
 }

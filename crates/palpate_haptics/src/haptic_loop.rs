@@ -56,6 +56,8 @@ pub struct HapticLoop {
     hand_m: Option<DVec3>,
     /// The last write failed.
     write_failed: bool,
+    /// The speaking model was too old at the last tick.
+    is_stale: bool,
     report: LoopReport,
 }
 
@@ -89,6 +91,7 @@ impl HapticLoop {
             begin_anew: false,
             hand_m: None,
             write_failed: false,
+            is_stale: false,
             report: LoopReport::new(),
         })
     }
@@ -136,6 +139,13 @@ impl HapticLoop {
         };
         let (force_n, safety) = self.safety.apply(&self.settings.safety, &input);
         self.report.safety_acted += u64::from(safety.acted());
+        // One word when it begins; no word in a pause, in which none is expected.
+        if std::mem::replace(&mut self.is_stale, safety.stale) != safety.stale
+            && safety.stale
+            && !self.settings.paused
+        {
+            self.tell(LoopEventKind::ModelStale(input.model_age_periods));
+        }
         let sample = self.hand_over.history().newest().copied();
         if let Some(sample) = sample.filter(|_| spoken.model.is_some()) {
             self.displayed.push(sample.sequence, spoken.force_n);
@@ -293,6 +303,8 @@ impl HapticLoop {
         if missed > 0 {
             self.report.missed_deadlines += missed;
             let long = missed > LONGEST_BRIDGE;
+            // What the hand did meanwhile nobody knows.
+            self.begin_anew |= long;
             self.report.gaps += u64::from(long);
             self.tell(if long { LoopEventKind::Gap(missed) } else { LoopEventKind::DeadlinesMissed(missed) });
         }

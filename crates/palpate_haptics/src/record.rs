@@ -31,7 +31,7 @@ pub enum LoopEventKind {
     #[error("the local model of sample {} speaks, after {} replayed samples", .0.to.sequence, .0.replayed)]
     ModelAdopted(Swap),
     /// A local model was refused or given up; the one before goes on speaking.
-    #[error("a local model was refused")]
+    #[error("a local model was refused; the force goes on with the one before and fades when that is old")]
     ModelRefused(#[source] LocalModelError),
     /// A local model of another body was refused.
     #[error("a local model of body {} was refused: the tool touches another", .0.body)]
@@ -43,7 +43,7 @@ pub enum LoopEventKind {
     #[error("the device answers again after {0} ticks")]
     DeviceRecovered(u64),
     /// This many deadlines passed without a tick.
-    #[error("{0} deadlines were missed")]
+    #[error("{0} deadlines were missed; give the thread priority and the machine less to do")]
     DeadlinesMissed(u64),
     /// So many deadlines were missed that the samples begin anew.
     #[error("{0} deadlines were missed in a row: the samples begin anew")]
@@ -60,6 +60,11 @@ pub enum LoopEventKind {
     /// The device was opened again after it had been disconnected.
     #[error("the device is connected again")]
     Reconnected,
+    /// No new local model has come for so long that the force fades.
+    #[error(
+        "no new local model has come for {0:.1} model periods, and the force fades; the model side stands still or is too slow"
+    )]
+    ModelStale(f64),
     /// Settings of this number are in force.
     #[error("settings {0} are in force")]
     SettingsAdopted(u64),
@@ -76,6 +81,7 @@ impl LoopEventKind {
             | Self::DeadlinesMissed(_)
             | Self::EmergencyStopped
             | Self::HandJumped(_)
+            | Self::ModelStale(_)
             | Self::Gap(_) => true,
             Self::Started
             | Self::RealTime(_)

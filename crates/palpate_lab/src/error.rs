@@ -26,6 +26,15 @@ pub(crate) enum LabError {
         "the movement never presses the body after {from_s} s, so there is no force to compare; lead it into the body"
     )]
     NoForce { from_s: f64 },
+    /// The loop could not be set up.
+    #[error("the loop cannot be set up")]
+    Haptics(#[from] palpate_haptics::HapticsError),
+    /// There is no such fault.
+    #[error("no fault has \"{name}\" in its name; `palpate-lab faults` lists them all")]
+    NoFault { name: String },
+    /// What must hold did not.
+    #[error("not survived: {names}")]
+    NotSurvived { names: String },
     /// A file could not be written.
     #[error("{} cannot be written", .path.display())]
     Write {

@@ -8,6 +8,7 @@
 mod chain;
 mod density;
 mod error;
+mod faults;
 mod fidelity;
 mod figure;
 mod grip;
@@ -43,6 +44,7 @@ enum Command {
     Manipulate(manipulate::Manipulate),
     Grip(grip::Grip),
     Fidelity(fidelity::Fidelity),
+    Faults(faults::Faults),
     Paper(paper::Paper),
 }
 
@@ -69,10 +71,16 @@ fn main() -> ExitCode {
         Command::Manipulate(command) => command.run(&cli.output),
         Command::Grip(command) => command.run(&cli.output),
         Command::Fidelity(command) => command.run(&cli.output),
+        Command::Faults(command) => command.run(&cli.output),
         Command::Paper(command) => command.run(&cli.output),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
+        // What was asked for was done, and showed that something does not hold.
+        Err(error @ LabError::NotSurvived { .. }) => {
+            refuse(&error.chain());
+            ExitCode::FAILURE
+        }
         Err(error) => refuse(&format!("error: {}", error.chain())),
     }
 }

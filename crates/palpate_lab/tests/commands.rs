@@ -531,3 +531,27 @@ fn help_has_examples() {
         assert!(String::from_utf8(output.stdout).unwrap().contains("Examples:"), "{command}");
     }
 }
+
+#[test]
+fn every_fault_is_survived() {
+    let report = json(&["faults"]);
+    let faults = report["faults"].as_array().unwrap();
+    assert!(faults.len() >= 20, "{}", faults.len());
+    for fault in faults {
+        let name = fault["name"].as_str().unwrap();
+        assert_eq!(fault["survived"], true, "{fault:#}");
+        // Ten newtons and half a newton a tick; on a thread four ticks' worth after missed deadlines.
+        assert!(number(&fault["max_force_n"]) <= 10.0 + 1e-9, "{name}");
+        assert!(number(&fault["max_slew_n_per_ms"]) <= 2.0 + 1e-9, "{name}");
+        assert!(number(&fault["max_force_n"]) > 1.5, "{name}: there was no touch to break");
+        assert!(fault["ticks_to_safe"].as_u64().unwrap() < 500, "{name}");
+    }
+    let told = |name: &str| {
+        let fault = faults.iter().find(|fault| fault["name"] == name).unwrap();
+        fault["told"].as_str().unwrap().to_owned()
+    };
+    assert!(told("unplug_and_replug").contains("plug it in again"));
+    assert!(told("model_stalled_10_s").contains("the model side stands still or is too slow"));
+    let text = refused(&["faults", "--only", "earthquake"]);
+    assert!(text.contains("no fault has \"earthquake\" in its name"), "{text}");
+}

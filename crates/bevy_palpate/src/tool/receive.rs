@@ -81,8 +81,15 @@ impl ToolLoop {
         while let Some(event) = self.handle.next_event() {
             if event.kind.is_fault() {
                 fault(HapticFaultKind::Loop(event.kind));
-            } else if let LoopEventKind::RealTime(report) = event.kind {
-                info!("haptic loop: {report}");
+            } else if let LoopEventKind::RealTime(_) | LoopEventKind::NoEmergencyStop = event.kind {
+                info!("haptic loop: {}", event.kind);
+            }
+        }
+        // A loop that hangs cannot tell.
+        if let Driver::Thread(thread) = &self.driver {
+            let stops = thread.emergency_stops();
+            if std::mem::replace(&mut self.emergency_stops, stops) < stops {
+                fault(HapticFaultKind::EmergencyStopped);
             }
         }
         let dropped = self.handle.report().dropped_events;

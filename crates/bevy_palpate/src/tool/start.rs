@@ -51,6 +51,8 @@ pub struct ToolLoop {
     pub(super) refused_body: Option<Entity>,
     /// The newest settings that make sense.
     pub(super) settings: ToolSettings,
+    /// How often the device has been stopped by the watchdog, as far as that has been said.
+    pub(super) emergency_stops: u64,
     /// Events lost, as far as that has been said.
     pub(super) dropped_events: u64,
     /// Sequence number of the newest sample that has been recorded, and records lost so far.
@@ -215,6 +217,7 @@ pub(super) fn start_loops(
                     was_paused: false,
                     refused_body: None,
                     settings: *settings,
+                    emergency_stops: 0,
                     dropped_events: 0,
                     recorded_to: None,
                     dropped_records: 0,

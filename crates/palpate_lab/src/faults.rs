@@ -1,0 +1,191 @@
+//! Every fault that a loop must survive, injected, and what the hand felt of it.
+
+mod injected;
+mod scene;
+mod threaded;
+
+use crate::error::LabError;
+use crate::output::Output;
+use clap::Args;
+use scene::{BREAKS_AT, LIMITS, Turned};
+use serde::Serialize;
+use std::io::Write;
+
+/// Every fault that the 1 kHz loop must survive: what the hand felt of it, and whether force came back
+///
+/// A hand presses an elastic surface with 2 N, lifts and presses again, for 4 s and more. In the first touch something breaks: the
+/// device, its driver, the model side, a local model, the settings, the app. Most faults run in lock step, those of threads on
+/// a thread. Forces are compared with those of the same hand without a fault.
+#[derive(Clone, Debug, Args)]
+#[command(
+    after_help = "It exits with 1 if a fault was not survived.\n\nExamples:\n  palpate-lab faults\n  palpate-lab faults --only jump --json"
+)]
+pub(crate) struct Faults {
+    /// Run only the faults whose names contain this
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    only: String,
+}
+
+#[derive(Serialize)]
+struct Report {
+    faults: Vec<Outcome>,
+}
+
+/// What came of one fault.
+#[derive(Debug, Serialize)]
+pub(crate) struct Outcome {
+    name: &'static str,
+    /// Every force was finite and within the limits of magnitude and growth; it was safe in time; the fault was told; force came
+    /// back if it should.
+    survived: bool,
+    /// The largest force that was written, N.
+    max_force_n: f64,
+    /// The largest growth of the force within a tick, N.
+    max_slew_n_per_ms: f64,
+    /// Ticks from the fault to zero force; 0 where the fault is bridged.
+    ticks_to_safe: u64,
+    #[serde(skip)]
+    is_bridged: bool,
+    /// Whether the force at the end was that without a fault.
+    recovered: bool,
+    /// What the app was told first: cause and remedy.
+    told: String,
+    /// Why it was not survived.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    why: Option<String>,
+}
+
+/// What must come of a fault.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Expected {
+    /// Zero force within so many ticks of the fault; `None`: the fault is bridged, and the force goes on.
+    pub(crate) zero_within: Option<u64>,
+    /// Whether the force comes back to that without a fault before the end.
+    pub(crate) recovers: bool,
+    /// A part of what the app must be told; empty where nothing is wrong.
+    pub(crate) told: &'static str,
+}
+
+/// Growth in a tick that a thread may have after missed deadlines, as a multiple of that of a tick.
+const AFTER_MISSED: f64 = 4.0;
+/// Ticks for which the force must stay zero to be safe, and at least as many at the end be right to have recovered.
+const STAYS: usize = 50;
+
+impl Faults {
+    pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
+        let mut faults = Vec::new();
+        for (name, expected, scene) in injected::all() {
+            if name.contains(&self.only) {
+                faults.push(judge(name, expected, &scene.turn()?, 1.0));
+            }
+        }
+        // What panics on purpose need not say so.
+        let hook = std::panic::take_hook();
+        std::panic::set_hook(Box::new(|_| ()));
+        let threaded: Result<Vec<Outcome>, LabError> = threaded::all()
+            .into_iter()
+            .filter(|(name, ..)| name.contains(&self.only))
+            .map(|(name, expected, run)| Ok(judge(name, expected, &run()?, AFTER_MISSED)))
+            .collect();
+        std::panic::set_hook(hook);
+        faults.extend(threaded?);
+        if faults.is_empty() {
+            return Err(LabError::NoFault { name: self.only.clone() });
+        }
+        let failed: Vec<&str> = faults.iter().filter(|f| !f.survived).map(|f| f.name).collect();
+        let names = failed.join(", ");
+        let report = Report { faults };
+        output.print(&report, |out| print(&report, out))?;
+        if names.is_empty() { Ok(()) } else { Err(LabError::NotSurvived { names }) }
+    }
+}
+
+/// A line for each fault.
+fn print(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
+    let head = ["fault", "survived", "max, N", "slew, N/ms", "ticks to zero", "recovered"];
+    let [fault, survived, force, slew, ticks, recovered] = head;
+    writeln!(out, "{fault:<36}{survived:>9}{force:>8}{slew:>12}{ticks:>15}{recovered:>11}  told")?;
+    for f in &report.faults {
+        let yes = |is_so: bool| if is_so { "yes" } else { "no" };
+        let ticks = if f.is_bridged { "bridged".to_owned() } else { f.ticks_to_safe.to_string() };
+        let (survived, recovered) = (yes(f.survived), yes(f.recovered));
+        let (force, slew) = (f.max_force_n, f.max_slew_n_per_ms);
+        let name = f.name;
+        let told = &f.told;
+        writeln!(out, "{name:<36}{survived:>9}{force:>8.2}{slew:>12.3}{ticks:>15}{recovered:>11}  {told}")?;
+        if let Some(why) = &f.why {
+            writeln!(out, "    {why}")?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether what was felt is what must come of a fault.
+fn judge(name: &'static str, expected: Expected, turned: &Turned, growth: f64) -> Outcome {
+    let lengths: Vec<f64> = turned.forces.iter().map(|(_, force)| force.length()).collect();
+    let max_force_n = lengths.iter().copied().fold(0.0, f64::max);
+    let grown = |pair: &[(u64, glam::DVec3)]| {
+        let ((_, before), (_, now)) = (pair[0], pair[1]);
+        now.length() - now.try_normalize().map_or(0.0, |along| before.dot(along).max(0.0))
+    };
+    let max_slew_n_per_ms = turned.forces.windows(2).map(grown).fold(0.0, f64::max);
+    let broken = turned.forces.iter().position(|(tick, _)| *tick >= BREAKS_AT).unwrap_or(lengths.len());
+    let is_zero = |from: usize| lengths[from..].iter().take(STAYS).all(|f| *f == 0.0);
+    let safe = (broken..lengths.len()).find(|&i| is_zero(i)).map(|i| turned.forces[i].0 - BREAKS_AT);
+    let right = |(tick, force): &(u64, glam::DVec3)| (force.z - scene::sound_n(*tick)).abs() < 0.15;
+    // Shortly before the loop is stopped, with zero force.
+    let last: Vec<_> = turned
+        .forces
+        .iter()
+        .filter(|(tick, _)| (turned.ticks - 150..turned.ticks - 50).contains(tick))
+        .collect();
+    let recovered = last.len() >= STAYS && last.into_iter().all(right);
+    let told = if expected.told.is_empty() {
+        turned.told.first()
+    } else {
+        turned.told.iter().find(|told| told.contains(expected.told))
+    };
+    let slew_n = LIMITS.slew_n_per_s * 1e-3 * growth;
+    // While a fault is bridged the force may be off by what the hand did meanwhile.
+    let bridged = turned.forces[broken..]
+        .iter()
+        .take(200)
+        .all(|(tick, force)| (force.z - scene::sound_n(*tick)).abs() < 0.5);
+    let complaints = [
+        (!lengths.iter().all(|f| f.is_finite()), "a force was not finite".to_owned()),
+        (max_force_n > LIMITS.force_n * (1.0 + 1e-9), format!("the force came to {max_force_n} N")),
+        (
+            max_slew_n_per_ms > slew_n * (1.0 + 1e-9),
+            format!("the force grew by {max_slew_n_per_ms} N in a tick"),
+        ),
+        (
+            expected.zero_within.is_some_and(|within| safe.is_none_or(|ticks| ticks > within)),
+            format!("the force was zero after {safe:?} ticks, not within {:?}", expected.zero_within),
+        ),
+        (expected.zero_within.is_none() && !bridged, "the force did not go on".to_owned()),
+        (
+            recovered != expected.recovers,
+            "the force came back when it should not, or did not when it should".to_owned(),
+        ),
+        (
+            !expected.told.is_empty() && told.is_none(),
+            format!("nothing was told of it; told was: {:?}", turned.told),
+        ),
+        (
+            expected.told.is_empty() && told.is_some(),
+            format!("something was told that is no fault: {told:?}"),
+        ),
+    ];
+    let why = complaints.into_iter().find(|(is_so, _)| *is_so).map(|(_, why)| why);
+    Outcome {
+        name,
+        survived: why.is_none(),
+        max_force_n,
+        max_slew_n_per_ms,
+        ticks_to_safe: expected.zero_within.and(safe).unwrap_or(0),
+        is_bridged: expected.zero_within.is_none(),
+        recovered,
+        told: told.cloned().unwrap_or_default(),
+        why,
+    }
+}

@@ -1,0 +1,169 @@
+//! The faults that can be injected in lock step.
+
+use super::Expected;
+use super::scene::{BREAKS_AT, Scene, hand, settings};
+use glam::DVec3;
+use palpate_haptics::{DeviceError, LoopSettings, Reading};
+
+/// A name, what must come of it, and the scene.
+pub(crate) type Injected = (&'static str, Expected, Scene);
+
+/// It goes on, and the app is told `told`.
+const fn bridged(told: &'static str) -> Expected {
+    Expected { zero_within: None, recovers: true, told }
+}
+
+/// Zero force within so many ticks, and another touch is felt again.
+const fn fades(within: u64, told: &'static str) -> Expected {
+    Expected { zero_within: Some(within), recovers: true, told }
+}
+
+/// As `fades`, for good.
+const fn ends(within: u64, told: &'static str) -> Expected {
+    Expected { zero_within: Some(within), recovers: false, told }
+}
+
+fn is_broken(tick: u64, ticks: u64) -> bool {
+    (BREAKS_AT..BREAKS_AT.saturating_add(ticks)).contains(&tick)
+}
+
+/// A scene whose device gives `error` for so many ticks.
+fn reads(ticks: u64, error: DeviceError) -> Scene {
+    Scene {
+        read: Box::new(move |tick, reading| if is_broken(tick, ticks) { Err(error) } else { Ok(reading) }),
+        ..Scene::default()
+    }
+}
+
+/// A scene whose readings are changed for so many ticks.
+fn changed(ticks: u64, change: impl Fn(u64, Reading) -> Reading + 'static) -> Scene {
+    Scene {
+        read: Box::new(move |tick, reading| {
+            Ok(if is_broken(tick, ticks) { change(tick, reading) } else { reading })
+        }),
+        ..Scene::default()
+    }
+}
+
+/// A scene whose local models are changed from the fault on, until the second touch.
+fn models(change: impl Fn(&mut palpate_local::LocalModel) -> bool + 'static) -> Scene {
+    Scene {
+        model: Box::new(move |tick, model| if is_broken(tick, 1200) { change(model) } else { true }),
+        ..Scene::default()
+    }
+}
+
+/// The silence that is bridged, 20 ticks, the fade of 100, and a tick to be seen.
+const SILENT: u64 = 122;
+/// Three model periods of 50 ticks and what the last model was old already, and the fade.
+const STALE: u64 = 302;
+
+/// Every fault.
+pub(crate) fn all() -> Vec<Injected> {
+    let jump = DVec3::X * 0.05;
+    let far = |f: fn(u64, Reading) -> Reading| f;
+    vec![
+        (
+            "read_error_once",
+            bridged("the device failed: the device did not answer"),
+            reads(1, DeviceError::TimedOut),
+        ),
+        ("read_error_20_ticks", bridged("the device failed"), reads(20, DeviceError::TimedOut)),
+        ("read_error_for_good", ends(SILENT, "the device failed"), reads(u64::MAX, DeviceError::TimedOut)),
+        (
+            "short_sample",
+            bridged("the device broke its protocol: a short report"),
+            reads(3, DeviceError::Protocol("a short report")),
+        ),
+        // A device that repeats itself for 40 ms, and one whose reports overtake each other, cannot be told from a hand.
+        ("repeated_sample", bridged(""), changed(40, |_, _| Reading::at(hand(BREAKS_AT)))),
+        (
+            "reordered_samples",
+            bridged(""),
+            changed(40, far(|tick, _| Reading::at(hand(if tick % 2 == 0 { tick + 1 } else { tick - 1 })))),
+        ),
+        (
+            "non_finite_sample",
+            bridged("the reading is not finite"),
+            changed(10, |_, reading| Reading {
+                position_m: DVec3::new(f64::NAN, 0.0, f64::INFINITY),
+                ..reading
+            }),
+        ),
+        (
+            "jump_of_50_mm_once",
+            bridged("the position jumped farther than a hand can move"),
+            changed(2, move |_, reading| Reading { position_m: reading.position_m + jump, ..reading }),
+        ),
+        (
+            "jump_of_50_mm_for_good",
+            fades(7, "the position jumped farther than a hand can move"),
+            changed(u64::MAX, move |_, reading| Reading { position_m: reading.position_m + jump, ..reading }),
+        ),
+        (
+            "write_error",
+            bridged("the device failed: the device is disconnected"),
+            Scene {
+                write: Box::new(
+                    |tick| if is_broken(tick, 30) { Err(DeviceError::Disconnected) } else { Ok(()) },
+                ),
+                ..Scene::default()
+            },
+        ),
+        ("model_stalled", fades(STALE, "no new local model has come"), models(|_| false)),
+        (
+            "local_model_with_nan",
+            fades(STALE, "a local model was refused"),
+            models(|model| {
+                model.force_n.y = f64::NAN;
+                true
+            }),
+        ),
+        (
+            "local_model_with_wrong_sizes",
+            fades(STALE, "a local model was refused"),
+            models(|model| {
+                (model.scheme, model.reduced.order) = (palpate_local::Scheme::Neighbourhood, usize::MAX);
+                true
+            }),
+        ),
+        (
+            "local_model_of_the_wrong_body",
+            fades(STALE, "the tool touches another"),
+            models(|model| {
+                model.id.body = 99;
+                true
+            }),
+        ),
+        (
+            "settings_flood",
+            bridged(""),
+            Scene {
+                app: Box::new(|tick, handle| {
+                    for record in
+                        [true, false].into_iter().cycle().take(if is_broken(tick, 1000) { 100 } else { 0 })
+                    {
+                        let good = handle.set(LoopSettings { record: record && tick % 7 == 0, ..settings() });
+                        let bad = handle.set(LoopSettings { model_period_s: f64::NAN, ..settings() });
+                        debug_assert!(good.is_ok() && bad.is_err());
+                    }
+                }),
+                ..Scene::default()
+            },
+        ),
+        (
+            "app_paused",
+            fades(102, ""),
+            Scene {
+                app: Box::new(|tick, handle| {
+                    if tick == BREAKS_AT || tick == BREAKS_AT + 800 {
+                        let paused = tick == BREAKS_AT;
+                        let set = handle.set(LoopSettings { paused, ..settings() });
+                        debug_assert!(set.is_ok());
+                    }
+                }),
+                ..Scene::default()
+            },
+        ),
+    ]
+}
