@@ -231,7 +231,10 @@ impl SafetyChain {
         if force != DVec3::ZERO {
             let v = input.velocity_m_per_s;
             report.damping_ns_per_m = self.passivity.damping(v, self.tick_s, tolerance_j, most);
-            force -= report.damping_ns_per_m * v;
+            // It slows down, and turns no force round: a surface never pulls.
+            let brake = report.damping_ns_per_m * v;
+            let against = brake.dot(force) / force.length_squared();
+            force -= brake / against.max(1.0);
         }
         report.after.passivity_n = force;
 

@@ -110,7 +110,11 @@ pub(crate) fn all() -> Vec<Injected> {
                 ..Scene::default()
             },
         ),
-        ("model_stalled", fades(STALE, "no new local model has come"), models(|_| false)),
+        (
+            "model_stalled_10_s",
+            fades(STALE, "no new local model has come"),
+            Scene { ticks: 13_000, model: Box::new(|tick, _| !is_broken(tick, 10_000)), ..Scene::default() },
+        ),
         (
             "local_model_with_nan",
             fades(STALE, "a local model was refused"),

@@ -1,0 +1,178 @@
+//! A device that jumps, hangs or goes away. `palpate-lab faults` has every fault and what the hand feels of it.
+
+use glam::DVec3;
+use palpate_haptics::*;
+use palpate_local::{Contact, Scheme};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+
+fn settings() -> LoopSettings {
+    let safety = SafetySettings { start_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
+    LoopSettings { safety, velocity: VelocityEstimator::BackwardDifference, ..LoopSettings::default() }
+}
+
+fn kinds(handle: &mut HapticHandle) -> Vec<LoopEventKind> {
+    std::iter::from_fn(|| handle.next_event()).map(|event| event.kind).collect()
+}
+
+#[test]
+fn a_jump_is_believed_when_it_stays_and_a_glitch_never() {
+    let (mut handle, mut haptic_loop) = haptic_loop(LoopConfig::default(), settings()).unwrap();
+    let mut tick = |x: f64| {
+        let ticked = haptic_loop.tick(1, Ok(Reading::at(DVec3::X * x)));
+        haptic_loop.finish_tick(&ticked, None, Ok(()));
+        ticked.record.sample.unwrap()
+    };
+    for i in 0..10 {
+        tick(f64::from(i) / 1000.0);
+    }
+    // Four readings elsewhere, 50 mm away, are not believed: the hand stays where it was.
+    for _ in 0..4 {
+        let sample = tick(0.059);
+        assert_eq!((sample.position_m.x, sample.origin), (0.009, palpate_local::SampleOrigin::Repeated));
+    }
+    assert_eq!(tick(0.010).position_m.x, 0.010);
+    let told = kinds(&mut handle);
+    let [LoopEventKind::DeviceFailed(DeviceError::Jumped), LoopEventKind::DeviceRecovered(4)] = told[..]
+    else {
+        panic!("{told:?}")
+    };
+    // Two glitches at different places are no hand.
+    for i in 0..40 {
+        assert_eq!(tick(if i % 2 == 0 { 0.059 } else { -0.059 }).position_m.x, 0.010);
+    }
+    tick(0.010);
+    kinds(&mut handle);
+    // What stays is the hand: without a velocity, and with a start of its own.
+    let samples: Vec<_> = (0..6).map(|_| tick(0.060)).collect();
+    assert_eq!(samples[3].position_m.x, 0.010);
+    assert!(samples[4..].iter().all(|s| s.position_m.x == 0.060 && s.velocity_m_per_s == DVec3::ZERO));
+    let jumped = kinds(&mut handle).into_iter().find_map(|kind| match kind {
+        LoopEventKind::HandJumped(distance_m) => Some(distance_m),
+        _ => None,
+    });
+    assert!((jumped.unwrap() - 0.05).abs() < 1e-12);
+}
+
+#[test]
+fn a_fast_hand_is_no_jump_nor_is_one_after_missed_deadlines() {
+    let (mut handle, mut haptic_loop) = haptic_loop(LoopConfig::default(), settings()).unwrap();
+    let mut x = 0.0;
+    for elapsed in [1, 1, 1, 5, 1, 50, 1] {
+        // 15 m/s.
+        x += 15e-3 * elapsed as f64;
+        let ticked = haptic_loop.tick(elapsed, Ok(Reading::at(DVec3::X * x)));
+        haptic_loop.finish_tick(&ticked, None, Ok(()));
+        assert_eq!(ticked.record.sample.unwrap().position_m.x, x);
+    }
+    let faults = kinds(&mut handle).into_iter().filter(|kind| matches!(kind, LoopEventKind::DeviceFailed(_)));
+    assert_eq!(faults.count(), 0);
+}
+
+/// What happened to a device.
+#[derive(Default)]
+struct Seen {
+    opens: AtomicU64,
+    reads: AtomicU64,
+    stops: AtomicU64,
+    is_gone: AtomicBool,
+    hangs: AtomicBool,
+}
+
+struct Stand(Arc<Seen>);
+
+struct Brake(Arc<Seen>);
+
+impl EmergencyStop for Brake {
+    fn stop(&mut self) -> Result<(), DeviceError> {
+        // The first attempt fails; it is tried again.
+        if self.0.stops.fetch_add(1, Ordering::SeqCst) == 0 { Err(DeviceError::TimedOut) } else { Ok(()) }
+    }
+}
+
+impl HapticDevice for Stand {
+    fn describe(&self) -> DeviceDescription {
+        ScriptedDevice::new(|_, _| Err(DeviceError::TimedOut)).describe()
+    }
+    fn open(&mut self) -> Result<(), DeviceError> {
+        self.0.opens.fetch_add(1, Ordering::SeqCst);
+        if self.0.is_gone.load(Ordering::SeqCst) { Err(DeviceError::Disconnected) } else { Ok(()) }
+    }
+    fn read(&mut self, _: Duration) -> Result<Reading, DeviceError> {
+        self.0.reads.fetch_add(1, Ordering::SeqCst);
+        wait_for(|| !self.0.hangs.load(Ordering::SeqCst));
+        if self.0.is_gone.load(Ordering::SeqCst) {
+            return Err(DeviceError::Disconnected);
+        }
+        Ok(Reading::at(DVec3::ZERO))
+    }
+    fn write(&mut self, _: DVec3) -> Result<(), DeviceError> {
+        Ok(())
+    }
+    fn emergency_stop(&mut self) -> Option<Box<dyn EmergencyStop>> {
+        Some(Box::new(Brake(Arc::clone(&self.0))))
+    }
+    fn close(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}
+
+/// Waits until `done`, for ten seconds at most.
+#[expect(clippy::disallowed_methods, reason = "a test of a thread has to wait for it")]
+fn wait_for(mut done: impl FnMut() -> bool) {
+    for _ in 0..10_000 {
+        if done() {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    panic!("it did not happen within ten seconds");
+}
+
+fn start() -> (HapticHandle, LoopThread, Arc<Seen>) {
+    let seen = Arc::new(Seen::default());
+    let config = LoopConfig { real_time: RealTime::NOTHING, ..LoopConfig::default() };
+    let (mut handle, haptic_loop) = haptic_loop(config, settings()).unwrap();
+    let thread = haptic_loop.spawn(Box::new(Stand(Arc::clone(&seen)))).unwrap();
+    let model = handle.model_slot();
+    (model.scheme, model.contact, model.force_n) = (Scheme::Hold, Contact::Held, DVec3::Y);
+    handle.publish_model();
+    (handle, thread, seen)
+}
+
+#[test]
+fn a_loop_that_hangs_is_stopped_once_and_starts_anew() {
+    let (mut handle, mut thread, seen) = start();
+    wait_for(|| seen.reads.load(Ordering::SeqCst) > 50);
+    assert_eq!(thread.emergency_stops(), 0);
+    seen.hangs.store(true, Ordering::SeqCst);
+    wait_for(|| thread.emergency_stops() > 0);
+    // It failed once, succeeded, and is left at that.
+    let reads = seen.reads.load(Ordering::SeqCst);
+    #[expect(clippy::disallowed_methods, reason = "nothing is to happen for a while")]
+    std::thread::sleep(Duration::from_millis(100));
+    assert_eq!((seen.stops.load(Ordering::SeqCst), thread.emergency_stops()), (2, 1));
+    seen.hangs.store(false, Ordering::SeqCst);
+    wait_for(|| seen.reads.load(Ordering::SeqCst) > reads + 20);
+    assert!(kinds(&mut handle).contains(&LoopEventKind::EmergencyStopped));
+    assert!(matches!(thread.stop(), Stop::Joined));
+}
+
+#[test]
+fn a_device_that_went_away_is_opened_again() {
+    let (mut handle, mut thread, seen) = start();
+    wait_for(|| seen.reads.load(Ordering::SeqCst) > 50);
+    seen.is_gone.store(true, Ordering::SeqCst);
+    // Once at the beginning, and tried in vain.
+    wait_for(|| seen.opens.load(Ordering::SeqCst) == 2);
+    assert!(!kinds(&mut handle).contains(&LoopEventKind::Reconnected));
+    seen.is_gone.store(false, Ordering::SeqCst);
+    // What can be read again needs no opening; what cannot is opened within half a second.
+    let reads = seen.reads.load(Ordering::SeqCst);
+    wait_for(|| seen.reads.load(Ordering::SeqCst) > reads + 20);
+    assert!(matches!(thread.stop(), Stop::Joined));
+    let recovered =
+        kinds(&mut handle).into_iter().any(|kind| matches!(kind, LoopEventKind::DeviceRecovered(_)));
+    assert!(recovered);
+}
