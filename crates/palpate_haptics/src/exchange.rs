@@ -3,11 +3,13 @@
 //! | data | direction | structure | when the reader is late |
 //! | --- | --- | --- | --- |
 //! | samples, and what was displayed at each | loop → model side | triple buffer of a history of at least 512 | older ones are lost; the gap is seen in the sequence numbers |
+//! | black box | loop → app | the same triple buffer, a ring of 4096 ticks | older ones are lost |
 //! | local model | model side → loop | triple buffer | the loop keeps the last one, and its age fades the force |
 //! | settings | app → loop | triple buffer, one struct with a number | the newest counts; the loop acknowledges by number |
 //! | report | loop → app | triple buffer | the newest counts |
 //! | events, tick records | loop → app | bounded queues, `try_send` only | dropped and counted |
 
+use crate::black_box::BlackBox;
 use crate::displayed::DisplayedForces;
 use crate::haptic_loop::HapticLoop;
 use crate::timing::LoopReport;
@@ -36,6 +38,7 @@ pub struct HapticHandle {
 pub(crate) struct Sampled {
     pub(crate) history: SampleHistory,
     pub(crate) displayed: DisplayedForces,
+    pub(crate) black_box: BlackBox,
     pub(crate) latest: Option<TickRecord>,
 }
 
@@ -69,6 +72,7 @@ pub fn haptic_loop(
     let (samples_in, samples_out) = triple_buffer(&Sampled {
         displayed: DisplayedForces::with_capacity(config.hand_over.history),
         history,
+        black_box: BlackBox::new(),
         latest: None,
     });
     let (reports_in, reports_out) = triple_buffer(&LoopReport::new());
@@ -138,6 +142,13 @@ impl HapticHandle {
     /// What was displayed at the newest samples.
     pub fn displayed(&mut self) -> &DisplayedForces {
         &self.samples.read().displayed
+    }
+
+    /// What went through the newest ticks, 4,096 at most, also after the loop has ended. Whoever looks twice within a few
+    /// hundredths of a second after not having looked for a quarter of one may miss the older ones at the second look,
+    /// never the newest 256.
+    pub fn black_box(&mut self) -> &BlackBox {
+        &self.samples.read().black_box
     }
 
     /// The newest tick; `None` before the first.

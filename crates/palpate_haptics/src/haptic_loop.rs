@@ -5,14 +5,15 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+use crate::black_box::BlackBox;
 use crate::displayed::DisplayedForces;
 use crate::exchange::LoopEnds;
 use crate::real_time;
 use crate::timing::LoopReport;
 use crate::velocity::VelocityState;
 use crate::{
-    DeviceError, HapticsError, LoopConfig, LoopEvent, LoopEventKind, LoopSettings, Reading, SafetyChain,
-    SafetyInput, TickRecord, TickTiming,
+    BlackBoxTick, DeviceError, HapticsError, LoopConfig, LoopEvent, LoopEventKind, LoopSettings, Reading,
+    SafetyChain, SafetyInput, TickRecord, TickTiming,
 };
 use glam::{DQuat, DVec3};
 use palpate_local::{HandOver, ModelId, Offer, Sample, SampleOrigin, Spoken};
@@ -43,6 +44,7 @@ pub struct HapticLoop {
     safety: SafetyChain,
     velocity: VelocityState,
     displayed: DisplayedForces,
+    black_box: BlackBox,
     /// Periods since the start, up to the last tick.
     sequence: u64,
     /// Ticks in a row without a usable reading.
@@ -84,6 +86,7 @@ impl HapticLoop {
             safety: SafetyChain::new(config.hand_over.tick_s, config.device)?,
             velocity: VelocityState::default(),
             displayed: DisplayedForces::with_capacity(config.hand_over.history),
+            black_box: BlackBox::new(),
             sequence: 0,
             silent_ticks: 0,
             read_m: None,
@@ -151,8 +154,19 @@ impl HapticLoop {
             self.displayed.push(sample.sequence, spoken.force_n);
         }
         let timing = TickTiming::default();
-        let record =
-            TickRecord { elapsed, reading, sample, settings, taken, spoken, safety, force_n, timing };
+        let record = TickRecord {
+            sequence: self.sequence,
+            elapsed,
+            reading,
+            sample,
+            settings,
+            taken,
+            spoken,
+            safety,
+            force_n,
+            written: Ok(()),
+            timing,
+        };
         Ticked { device_force_n: self.settings.frame.force_to_device(force_n), record }
     }
 
@@ -183,10 +197,12 @@ impl HapticLoop {
             self.report.overruns += u64::from(timing.cost_ns as f64 > period_ns);
         }
         self.report.ticks += 1;
-        let record = TickRecord { timing: timing.unwrap_or_default(), ..ticked.record };
+        let record = TickRecord { written, timing: timing.unwrap_or_default(), ..ticked.record };
+        self.black_box.push(BlackBoxTick::of(&record, self.config.hand_over.tick_s));
         let sampled = self.ends.samples.input_buffer_mut();
         sampled.history.catch_up_with(self.hand_over.history());
         sampled.displayed.catch_up_with(&self.displayed);
+        sampled.black_box.catch_up_with(&self.black_box);
         sampled.latest = Some(record);
         self.ends.samples.publish();
         if self.settings.record {

@@ -35,6 +35,7 @@
 //! * Two clocks: [`LoopThread`] on a thread of its own, [`Lockstep`] for tests and replay.
 //! * Settings: [`LoopConfig`], [`LoopSettings`], [`DeviceFrame`], [`VelocityEstimator`], [`SafetySettings`].
 //! * The loop's account: [`LoopReport`], [`RealTimeReport`], [`LoopEvent`], [`TickRecord`].
+//! * What went through it: [`BlackBox`], [`BlackBoxKeeper`], [`Recording`] to read them.
 //!
 //! # Units, frames, signs
 //!
@@ -52,6 +53,7 @@
 
 #![forbid(unsafe_code)]
 
+mod black_box;
 mod clock;
 mod device;
 mod displayed;
@@ -70,6 +72,10 @@ mod trajectory;
 mod velocity;
 mod watchdog;
 
+pub use black_box::{
+    BlackBox, BlackBoxError, BlackBoxKeeper, BlackBoxTick, DeviceFault, Recording, SafetyAction,
+    SafetyActions,
+};
 pub use device::{
     AtEnd, DeviceDescription, DeviceError, DeviceLimits, HapticDevice, Reading, ReplayDevice, ScriptedDevice,
 };

@@ -100,6 +100,8 @@ impl LoopEventKind {
 /// forces to the bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TickRecord {
+    /// Periods since the loop's start.
+    pub sequence: u64,
     /// Periods since the last tick.
     pub elapsed: u64,
     /// What the device gave.
@@ -116,6 +118,8 @@ pub struct TickRecord {
     pub safety: SafetyReport,
     /// The force that was written, N, scene frame.
     pub force_n: DVec3,
+    /// What writing it gave; `Ok` before it is written.
+    pub written: Result<(), DeviceError>,
     /// When it began and how long it took; zero in lock step.
     pub timing: TickTiming,
 }

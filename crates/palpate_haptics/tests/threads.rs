@@ -299,6 +299,7 @@ fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
     let mut handle = handle.lock().unwrap();
     assert!(handle.report().models_adopted > 5 && handle.report().dropped_records > 0);
     assert!(felt.load(Ordering::SeqCst), "the triangle was touched");
+    assert!(handle.black_box().ticks().count() >= 400, "the black box was kept meanwhile");
     assert_eq!(allocations.count_total, 0, "{allocations:?}");
     assert_eq!(allocations.count_current, 0, "nothing freed either");
 }
