@@ -35,7 +35,7 @@
 //! * Two clocks: [`LoopThread`] on a thread of its own, [`Lockstep`] for tests and replay.
 //! * Settings: [`LoopConfig`], [`LoopSettings`], [`DeviceFrame`], [`VelocityEstimator`], [`SafetySettings`].
 //! * The loop's account: [`LoopReport`], [`RealTimeReport`], [`LoopEvent`], [`TickRecord`].
-//! * What went through it: [`BlackBox`], [`BlackBoxKeeper`], [`Recording`] to read them.
+//! * What went through it: [`BlackBox`], [`BlackBoxKeeper`], [`Recorder`] for whole runs, [`Recording`] to read them.
 //!
 //! # Units, frames, signs
 //!
@@ -64,6 +64,7 @@ mod haptic_loop;
 mod lockstep;
 mod real_time;
 mod record;
+mod recorder;
 mod runner;
 mod safety;
 mod settings;
@@ -87,6 +88,7 @@ pub use haptic_loop::{HapticLoop, LONGEST_BRIDGE, Ticked};
 pub use lockstep::Lockstep;
 pub use real_time::{Outcome, RealTime, RealTimeReport, Refusal};
 pub use record::{LoopEvent, LoopEventKind, TickRecord};
+pub use recorder::Recorder;
 pub use runner::{EndedLoop, LoopThread, Stop, run};
 pub use safety::{SafetyChain, SafetyInput, SafetyReport, SafetySettings, StageForces};
 pub use settings::{LoopConfig, LoopSettings};

@@ -156,3 +156,41 @@ fn a_keeper_writes_a_few_files_and_none_in_the_place_of_another() {
     let blocked = BlackBoxKeeper::new(folder.join("notes.txt")).keep(&mut handle, "").unwrap_err();
     assert!(blocked.to_string().contains("notes.txt"), "{blocked}");
 }
+
+#[test]
+fn a_recorded_run_has_every_tick() {
+    let settings = LoopSettings { record: true, ..LoopSettings::default() };
+    let path = folder("recorder").join("run.csv");
+    let mut recorder = Recorder::create(&path).unwrap();
+    let (mut handle, mut lockstep) = run(300, settings);
+    assert_eq!(recorder.take(&mut handle).unwrap(), 300);
+    assert_eq!(Recording::read_csv(&path).unwrap().ticks().len(), 300, "what was taken is in the file");
+    for _ in 0..10 {
+        lockstep.run(700);
+        recorder.take(&mut handle).unwrap();
+    }
+    drop(lockstep);
+    assert_eq!(recorder.take(&mut handle).unwrap(), 0);
+    assert_eq!((recorder.written(), recorder.dropped()), (7300, 0));
+    let read = Recording::read_csv(recorder.path()).unwrap();
+    assert!(read.ticks().iter().map(|tick| tick.sequence).eq(1..=7300));
+    let newest: Vec<BlackBoxTick> = handle.black_box().ticks().copied().collect();
+    assert_eq!(read.ticks()[7300 - 4096..], newest, "the same rows as the black box has");
+    let error = Recorder::create(&path).unwrap_err();
+    assert!(matches!(error, BlackBoxError::File { .. }), "a run is not written over");
+}
+
+#[test]
+fn what_nobody_takes_in_time_is_dropped_and_counted() {
+    let settings = LoopSettings { record: true, ..LoopSettings::default() };
+    let config = LoopConfig { record_capacity: 100, ..LoopConfig::default() };
+    let (mut handle, mut lockstep) = run_with(250, settings, config);
+    let mut recorder = Recorder::create(folder("dropped").join("run.csv")).unwrap();
+    assert_eq!(recorder.take(&mut handle).unwrap(), 100);
+    lockstep.run(50);
+    drop(lockstep);
+    assert_eq!(recorder.take(&mut handle).unwrap(), 50);
+    assert_eq!((recorder.written(), recorder.dropped()), (150, 150));
+    let read = Recording::read_csv(recorder.path()).unwrap();
+    assert!(read.ticks().iter().map(|tick| tick.sequence).eq((1..=100).chain(251..=300)));
+}
