@@ -101,7 +101,7 @@ impl BlackBox {
         self.ticks().try_for_each(|tick| table::write_row(&mut writer, tick))
     }
 
-    /// Writes the file `path`, in the place of one that is there: 2 MB at most.
+    /// Writes the file `path`, in the place of one that is there: 1 to 2 MB of a full box.
     ///
     /// # Errors
     /// [`BlackBoxError::File`].

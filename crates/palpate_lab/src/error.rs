@@ -21,6 +21,12 @@ pub(crate) enum LabError {
     /// A trajectory could not be read.
     #[error("the trajectory cannot be read")]
     Trajectory(#[from] palpate_haptics::TrajectoryError),
+    /// A black box could not be read.
+    #[error("the black box cannot be read")]
+    BlackBox(#[from] palpate_haptics::BlackBoxError),
+    /// A black box has a header and no more.
+    #[error("{}: there is no tick in it; it was written before the loop's first", .path.display())]
+    NoTicks { path: PathBuf },
     /// There is nothing to compare with.
     #[error(
         "the movement never presses the body after {from_s} s, so there is no force to compare; lead it into the body"

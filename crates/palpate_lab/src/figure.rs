@@ -24,6 +24,8 @@ pub(crate) enum Scale {
     Log,
     /// The horizontal axis logarithmic.
     LogX,
+    /// The vertical axis logarithmic.
+    LogY,
 }
 
 /// Curves over one axis.
@@ -64,46 +66,99 @@ pub(crate) fn svg(panels: &[Panel], columns: usize) -> Result<String, LabError> 
     let rows = panels.len().div_ceil(columns);
     let (width, height) =
         if panels.len() == 1 { (760, 400) } else { (500 * columns as u32, 290 * rows as u32) };
-    let legend = panels.first().map_or(&[][..], |panel| &panel.curves);
-    let lines = legend_lines(legend, width as i32);
-    canvas((width, height + 12 + LINE * lines.len() as u32), |area| {
+    let legend = Legend::new(entries(panels.first().map_or(&[][..], |panel| &panel.curves)), width);
+    canvas((width, height + 12 + legend.height()), |area| {
         let (charts, below) = area.split_vertically(height);
         for (panel, place) in panels.iter().zip(charts.split_evenly((rows, columns))) {
-            panel.draw(&place)?;
+            panel.draw(&place, None, &[])?;
         }
-        let mut entries = legend.iter().zip(colors(legend));
-        for (i, line) in lines.iter().enumerate() {
-            let y = 14 + (LINE as usize * i) as i32;
-            let mut x = (width as i32 - line.iter().sum::<i32>()).max(0) / 2;
-            for (length, (curve, color)) in line.iter().zip(&mut entries) {
-                let stroke = PathElement::new([(x, y), (x + 26, y)], color.stroke_width(curve.width.max(2)));
-                below.draw(&stroke).map_err(failed)?;
-                let name = Text::new(curve.name.clone(), (x + 32, y - 6), ("sans-serif", 12));
-                below.draw(&name).map_err(failed)?;
+        legend.draw(&below)
+    })
+}
+
+/// Times in which something held.
+pub(crate) struct Bands {
+    pub(crate) name: &'static str,
+    /// Beginnings and ends on the horizontal axis.
+    pub(crate) spans: Vec<(f64, f64)>,
+    pub(crate) color: RGBColor,
+}
+
+/// The panels one below the other over one horizontal axis, each with its legend, and `bands` behind all of them.
+pub(crate) fn stacked(panels: &[Panel], bands: &[Bands]) -> Result<String, LabError> {
+    const SIZE: (u32, u32) = (960, 250);
+    let all = panels.iter().flat_map(|panel| &panel.curves).flat_map(|curve| &curve.points);
+    let x = range(all.map(|point| point.0), false);
+    let legends: Vec<Legend> =
+        panels.iter().map(|panel| Legend::new(entries(&panel.curves), SIZE.0)).collect();
+    let shown = bands.iter().filter(|band| !band.spans.is_empty());
+    let behind = Legend::new(shown.map(|band| (band.name.into(), band.color, 12)).collect(), SIZE.0);
+    let height = legends.iter().map(|legend| SIZE.1 + legend.height()).sum::<u32>() + 12 + behind.height();
+    canvas((SIZE.0, height), |area| {
+        let mut rest = area.clone();
+        for (panel, legend) in panels.iter().zip(&legends) {
+            let (chart, below) = rest.split_vertically(SIZE.1);
+            let (below, next) = below.split_vertically(legend.height());
+            panel.draw(&chart, Some(x), bands)?;
+            legend.draw(&below)?;
+            rest = next;
+        }
+        behind.draw(&rest)
+    })
+}
+
+/// Names beside strokes, in lines that fit.
+struct Legend {
+    entries: Vec<(String, RGBColor, u32)>,
+    /// Lengths of the entries, pixels, line by line.
+    lines: Vec<Vec<i32>>,
+    width: u32,
+}
+
+/// Names, colours and widths of `curves`.
+fn entries(curves: &[Curve]) -> Vec<(String, RGBColor, u32)> {
+    let each = curves.iter().zip(colors(curves));
+    each.map(|(curve, color)| (curve.name.clone(), color, curve.width.max(2))).collect()
+}
+
+impl Legend {
+    /// Height of a line, pixels.
+    const LINE: u32 = 22;
+
+    fn new(entries: Vec<(String, RGBColor, u32)>, width: u32) -> Self {
+        let mut lines: Vec<Vec<i32>> = vec![Vec::new()];
+        // Letters of this size are about 7 pixels wide.
+        for length in entries.iter().map(|(name, ..)| 60 + 7 * name.len() as i32) {
+            let is_full = lines.last().is_some_and(|line| line.iter().sum::<i32>() + length > width as i32);
+            if is_full && lines.last().is_some_and(|line| !line.is_empty()) {
+                lines.push(Vec::new());
+            }
+            if let Some(line) = lines.last_mut() {
+                line.push(length);
+            }
+        }
+        Self { entries, lines, width }
+    }
+
+    fn height(&self) -> u32 {
+        Self::LINE * self.lines.len() as u32
+    }
+
+    fn draw(&self, area: &Area<'_>) -> Result<(), LabError> {
+        let mut entries = self.entries.iter();
+        for (i, line) in self.lines.iter().enumerate() {
+            let y = 14 + (Self::LINE as usize * i) as i32;
+            let mut x = (self.width as i32 - line.iter().sum::<i32>()).max(0) / 2;
+            for (length, (name, color, width)) in line.iter().zip(&mut entries) {
+                let stroke = PathElement::new([(x, y), (x + 26, y)], color.stroke_width(*width));
+                area.draw(&stroke).map_err(failed)?;
+                let name = Text::new(name.clone(), (x + 32, y - 6), ("sans-serif", 12));
+                area.draw(&name).map_err(failed)?;
                 x += length;
             }
         }
         Ok(())
-    })
-}
-
-/// Height of a line of a legend, pixels.
-const LINE: u32 = 22;
-
-/// The lengths of a legend's entries, pixels, in lines that fit into `width`.
-fn legend_lines(legend: &[Curve], width: i32) -> Vec<Vec<i32>> {
-    let mut lines: Vec<Vec<i32>> = vec![Vec::new()];
-    // Letters of this size are about 7 pixels wide.
-    for length in legend.iter().map(|curve| 60 + 7 * curve.name.len() as i32) {
-        let is_full = lines.last().is_some_and(|line| line.iter().sum::<i32>() + length > width);
-        if is_full && lines.last().is_some_and(|line| !line.is_empty()) {
-            lines.push(Vec::new());
-        }
-        if let Some(line) = lines.last_mut() {
-            line.push(length);
-        }
     }
-    lines
 }
 
 /// An SVG of this size with what `draw` draws on white.
@@ -139,32 +194,48 @@ fn colors(curves: &[Curve]) -> impl Iterator<Item = RGBColor> {
     curves.iter().map(move |curve| if curve.width > 1 { PALE } else { *narrow.next().unwrap_or(&BLACK) })
 }
 
+/// From below the least of `values` to above the greatest; what is not above 0 does not count where `log`.
+fn range(values: impl Iterator<Item = f64>, log: bool) -> (f64, f64) {
+    let values = values.filter(|v| v.is_finite() && (!log || *v > 0.0));
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    match (low <= high, log) {
+        (false, _) => (1.0, 10.0),
+        (true, true) => (0.8 * low, 1.25 * high),
+        (true, false) => {
+            let pad = if low < high { 0.05 * (high - low) } else { 1.0 };
+            (low - pad, high + pad)
+        }
+    }
+}
+
 impl Panel {
-    fn draw(&self, area: &Area<'_>) -> Result<(), LabError> {
-        let (log_x, log_y) = (self.scale != Scale::Linear, self.scale == Scale::Log);
-        let span = |pick: fn(&(f64, f64)) -> f64, log: bool| {
-            let points = self.curves.iter().flat_map(|curve| &curve.points);
-            let values = points.map(pick).filter(|v| v.is_finite() && (!log || *v > 0.0));
-            let (low, high) =
-                values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-            match (low <= high, log) {
-                (false, _) => (1.0, 10.0),
-                (true, true) => (0.8 * low, 1.25 * high),
-                (true, false) => {
-                    let pad = if low < high { 0.05 * (high - low) } else { 1.0 };
-                    (low - pad, high + pad)
-                }
-            }
+    /// Draws it, over the horizontal axis `x` if it is given.
+    fn draw(&self, area: &Area<'_>, x: Option<(f64, f64)>, bands: &[Bands]) -> Result<(), LabError> {
+        let (log_x, log_y) = match self.scale {
+            Scale::Linear => (false, false),
+            Scale::Log => (true, true),
+            Scale::LogX => (true, false),
+            Scale::LogY => (false, true),
         };
-        let ((x0, x1), (y0, y1)) = (span(|p| p.0, log_x), span(|p| p.1, log_y));
+        let points = || self.curves.iter().flat_map(|curve| &curve.points);
+        let (x0, x1) = x.unwrap_or_else(|| range(points().map(|point| point.0), log_x));
+        let (y0, y1) = range(points().map(|point| point.1), log_y);
         match (log_x, log_y) {
-            (false, _) => self.chart(area, x0..x1, y0..y1),
-            (true, false) => self.chart(area, (x0..x1).log_scale(), y0..y1),
-            (true, true) => self.chart(area, (x0..x1).log_scale(), (y0..y1).log_scale()),
+            (false, false) => self.chart(area, x0..x1, y0..y1, (y0, y1), bands),
+            (false, true) => self.chart(area, x0..x1, (y0..y1).log_scale(), (y0, y1), bands),
+            (true, false) => self.chart(area, (x0..x1).log_scale(), y0..y1, (y0, y1), bands),
+            (true, true) => self.chart(area, (x0..x1).log_scale(), (y0..y1).log_scale(), (y0, y1), bands),
         }
     }
 
-    fn chart<X, Y>(&self, area: &Area<'_>, x: X, y: Y) -> Result<(), LabError>
+    fn chart<X, Y>(
+        &self,
+        area: &Area<'_>,
+        x: X,
+        y: Y,
+        (low, high): (f64, f64),
+        bands: &[Bands],
+    ) -> Result<(), LabError>
     where
         X: AsRangedCoord<Value = f64>,
         Y: AsRangedCoord<Value = f64>,
@@ -174,7 +245,7 @@ impl Panel {
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, ("sans-serif", 16))
             .margin(10)
-            .x_label_area_size(38)
+            .x_label_area_size(if self.x.is_empty() { 22 } else { 38 })
             .y_label_area_size(62)
             .build_cartesian_2d(x, y)
             .map_err(failed)?;
@@ -182,6 +253,14 @@ impl Panel {
         mesh.x_desc(self.x).y_desc(self.y).light_line_style(TRANSPARENT).x_labels(8).y_labels(6);
         mesh.x_label_formatter(&|v| label(*v)).y_label_formatter(&|v| label(*v));
         mesh.label_style(("sans-serif", 11)).axis_desc_style(("sans-serif", 12)).draw().map_err(failed)?;
+        for band in bands {
+            // With a line on the left, so that a single tick is seen.
+            let span =
+                |&(from, to): &(f64, f64)| Rectangle::new([(from, low), (to, high)], band.color.filled());
+            chart.draw_series(band.spans.iter().map(span)).map_err(failed)?;
+            let line = |&(from, _): &(f64, f64)| PathElement::new([(from, low), (from, high)], band.color);
+            chart.draw_series(band.spans.iter().map(line)).map_err(failed)?;
+        }
         for (curve, color) in self.curves.iter().zip(colors(&self.curves)) {
             let line = LineSeries::new(curve.points.iter().copied(), color.stroke_width(curve.width));
             chart.draw_series(line).map_err(failed)?;

@@ -5,6 +5,7 @@
 
 #![forbid(unsafe_code)]
 
+mod blackbox;
 mod chain;
 mod density;
 mod error;
@@ -46,6 +47,7 @@ enum Command {
     Fidelity(fidelity::Fidelity),
     Faults(faults::Faults),
     Paper(paper::Paper),
+    Blackbox(blackbox::Blackbox),
 }
 
 fn main() -> ExitCode {
@@ -73,6 +75,7 @@ fn main() -> ExitCode {
         Command::Fidelity(command) => command.run(&cli.output),
         Command::Faults(command) => command.run(&cli.output),
         Command::Paper(command) => command.run(&cli.output),
+        Command::Blackbox(command) => command.run(&cli.output),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

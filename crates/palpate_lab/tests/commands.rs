@@ -525,7 +525,9 @@ fn what_makes_no_sense_is_refused_in_one_line_and_leaves_nothing() {
 
 #[test]
 fn help_has_examples() {
-    for command in ["schemes", "chain", "lattice", "density", "manipulate", "grip", "paper", "fidelity"] {
+    for command in
+        ["schemes", "chain", "lattice", "density", "manipulate", "grip", "paper", "fidelity", "blackbox"]
+    {
         let output = lab(&[command, "--help"]);
         assert!(output.status.success());
         assert!(String::from_utf8(output.stdout).unwrap().contains("Examples:"), "{command}");

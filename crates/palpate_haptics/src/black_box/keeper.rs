@@ -23,7 +23,7 @@ use std::path::PathBuf;
 /// ```
 ///
 /// What the box holds is what the loop has published when it is asked; who wants the ticks after a fault asks later.
-/// A file has 2 MB at most and takes some hundredths of a second to write, on the thread that asks.
+/// A file has 1 to 2 MB and takes some hundredths of a second to write, on the thread that asks.
 #[derive(Clone, Debug)]
 pub struct BlackBoxKeeper {
     folder: PathBuf,
