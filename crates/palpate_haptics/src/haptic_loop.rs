@@ -52,6 +52,8 @@ pub struct HapticLoop {
     /// Where the device was last read, m, its own frame; and where it seems to have jumped, and for how many ticks.
     read_m: Option<DVec3>,
     suspect: Option<(DVec3, u64)>,
+    /// Ticks since then in which nothing could be read.
+    unread_ticks: u64,
     /// The start of the force begins anew at this tick.
     begin_anew: bool,
     /// Where the hand was at the last tick, m, in its own size.
@@ -91,6 +93,7 @@ impl HapticLoop {
             silent_ticks: 0,
             read_m: None,
             suspect: None,
+            unread_ticks: 0,
             begin_anew: false,
             hand_m: None,
             write_failed: false,
@@ -114,7 +117,11 @@ impl HapticLoop {
         let arrived = self.hand_over.is_ready() && self.ends.models.update();
         let frame = self.settings.frame;
         let settings = self.adopt_settings();
-        let reading = reading.and_then(usable).and_then(|reading| self.believe(reading, elapsed));
+        let reading = reading.and_then(usable);
+        if reading.is_err() {
+            self.unread_ticks = self.unread_ticks.saturating_add(elapsed);
+        }
+        let reading = reading.and_then(|reading| self.believe(reading, elapsed));
         let in_scene = reading.map(|r| self.settings.frame.to_scene(&r)).and_then(usable);
         self.account_for_deadlines(elapsed);
         self.sequence = self.sequence.saturating_add(elapsed);
@@ -269,22 +276,19 @@ impl HapticLoop {
             self.read_m = Some(at);
             return Ok(reading);
         };
-        // What was not read for longer may have gone farther.
-        let silent = self.silent_ticks.saturating_add(elapsed) as f64;
-        let may_come = step_m * (silent / elapsed as f64);
-        let known = self.suspect.take().filter(|(there, _)| there.distance(at) <= step_m);
-        // Since the first that was not believed no time counts for the way there.
-        let is_near = last.distance(at) <= if known.is_some() { step_m } else { may_come };
-        if is_near {
-            self.read_m = Some(at);
+        // What was not read for longer may have gone farther; what was read and not believed not.
+        let may_come_m = step_m * (1.0 + self.unread_ticks as f64 / elapsed as f64);
+        if last.distance(at) <= may_come_m {
+            (self.read_m, self.suspect, self.unread_ticks) = (Some(at), None, 0);
             return Ok(reading);
         }
+        let known = self.suspect.take().filter(|(there, _)| there.distance(at) <= step_m);
         let ticks = known.map_or(1, |(_, ticks)| ticks + 1);
         if ticks < BELIEVED_AFTER {
             self.suspect = Some((at, ticks));
             return Err(DeviceError::Jumped);
         }
-        self.read_m = Some(at);
+        (self.read_m, self.unread_ticks) = (Some(at), 0);
         self.begin_anew = true;
         self.tell(LoopEventKind::HandJumped(last.distance(at)));
         Ok(reading)

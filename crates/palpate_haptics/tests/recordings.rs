@@ -112,7 +112,7 @@ fn every_fault_of_a_file_is_named_with_file_and_line() {
             "box.csv:2: buttons is \"4294967296\"; it must be a whole number below 2^32",
         ),
         (with("model_body", ""), "box.csv:2: model_body is \"\"; it must be a whole number"),
-        (with("passivity_y_n", "1"), "box.csv:2: passivity_x_n is \"\"; it must be a number"),
+        (with("passivity_y_n", ""), "box.csv:2: passivity_y_n is \"\"; it must be a number"),
         (
             with("acted", "gains+luck"),
             "box.csv:2: acted is \"gains+luck\"; it must be names of stages with + between them, or empty",

@@ -19,7 +19,7 @@ use std::path::Path;
 /// | `qx`, `qy`, `qz`, `qw`, `buttons` | its orientation, and its buttons as bits | likewise |
 /// | `model_sequence`, `model_body`, `model_epoch` | the local model that spoke | before the first |
 /// | `before_x_n` … | force before the safety chain, N; it need not be finite | |
-/// | `gains_x_n` …, `velocity_guard_x_n` …, `passivity_x_n` …, `magnitude_x_n` … | force after these stages, N | where the chain does not tell |
+/// | `gains_x_n` …, `velocity_guard_x_n` …, `passivity_x_n` …, `magnitude_x_n` … | force after these stages, N | |
 /// | `written_x_n` … | force after the last stage, the limit of growth, as it was written, N | |
 /// | `gain` | product of the gains, 0 to 1 | |
 /// | `acted` | what acted ([`super::SafetyAction::name`]), with `+` between | where nothing did |

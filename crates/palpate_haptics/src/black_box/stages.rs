@@ -1,37 +1,24 @@
 //! What the black box knows of the safety chain. This file is the only one that has to follow when the chain gets another
-//! stage, or when its report tells the forces between them.
+//! stage.
 
 #![cfg_attr(
     not(test),
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use crate::{SafetyReport, TickRecord};
-use glam::DVec3;
+use crate::SafetyReport;
 use std::fmt::{Display, Formatter};
-
-/// Force after the gains, the velocity guard, the passivity stage and the limit of magnitude, N, as far as it is known.
-///
-/// The report has no forces, so they are worked out: gains multiply what came in; what no later stage changed is that,
-/// and what the limit of growth did not change is what was written. Of the guard and the passivity stage there is nothing.
-pub(super) fn stages_of(record: &TickRecord) -> [Option<DVec3>; 4] {
-    let (spoken_n, report) = (record.spoken.force_n, &record.safety);
-    let gains = if spoken_n.is_finite() { spoken_n * report.gain } else { DVec3::ZERO };
-    let magnitude = match (report.magnitude_limited, report.slew_limited) {
-        (false, _) => Some(gains),
-        (true, false) => Some(record.force_n),
-        (true, true) => None,
-    };
-    [Some(gains), None, None, magnitude]
-}
 
 /// What acted at a tick.
 pub(super) fn actions_of(report: &SafetyReport) -> SafetyActions {
     let happened = [
         (SafetyAction::NotFinite, report.not_finite),
+        (SafetyAction::Waiting, report.waiting),
         (SafetyAction::Gains, report.gain < 1.0),
         (SafetyAction::Stale, report.stale),
         (SafetyAction::Silent, report.silent),
+        (SafetyAction::VelocityGuard, report.speed_guarded),
+        (SafetyAction::Passivity, report.damping_ns_per_m > 0.0),
         (SafetyAction::Magnitude, report.magnitude_limited),
         (SafetyAction::Slew, report.slew_limited),
     ];
@@ -44,6 +31,8 @@ pub(super) fn actions_of(report: &SafetyReport) -> SafetyActions {
 pub enum SafetyAction {
     /// A force that was not finite became zero.
     NotFinite,
+    /// The start waited for a small force.
+    Waiting,
     /// The gains, of start-up, fades and pause, made the force smaller.
     Gains,
     /// The local model was too old.
@@ -62,8 +51,9 @@ pub enum SafetyAction {
 
 impl SafetyAction {
     /// All of them, in the chain's order.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::NotFinite,
+        Self::Waiting,
         Self::Gains,
         Self::Stale,
         Self::Silent,
@@ -78,6 +68,7 @@ impl SafetyAction {
     pub fn name(self) -> &'static str {
         match self {
             Self::NotFinite => "not_finite",
+            Self::Waiting => "waiting",
             Self::Gains => "gains",
             Self::Stale => "stale",
             Self::Silent => "silent",

@@ -1,7 +1,7 @@
 //! Ticks as rows of comma-separated values; the columns are described at [`super::Recording`].
 
 use super::{BlackBoxError, BlackBoxTick, DeviceFault, SafetyActions};
-use crate::TickTiming;
+use crate::{StageForces, TickTiming};
 use csv::StringRecord;
 use glam::{DQuat, DVec3};
 use palpate_local::{ModelId, Sample, SampleOrigin};
@@ -54,11 +54,9 @@ pub(crate) fn write_row(writer: &mut impl Write, tick: &BlackBoxTick) -> IoResul
         None => write!(writer, ",,,")?,
     }
     numbers(writer, tick.before_n.to_array())?;
-    for stage in tick.stages_n {
-        match stage {
-            Some(force_n) => numbers(writer, force_n.to_array())?,
-            None => write!(writer, ",,,")?,
-        }
+    let StageForces { gains_n, velocity_guard_n, passivity_n, magnitude_n, .. } = tick.after;
+    for force_n in [gains_n, velocity_guard_n, passivity_n, magnitude_n] {
+        numbers(writer, force_n.to_array())?;
     }
     numbers(writer, tick.written_n.to_array())?;
     let TickTiming { lateness_ns, period_ns, cost_ns, read_ns, write_ns } = tick.timing;
@@ -100,10 +98,8 @@ pub(super) fn read_row(path: &Path, line: u64, row: &StringRecord) -> Result<Bla
         Ok(ModelId { body, epoch, sequence })
     })?;
     let before_n = fields.vector()?;
-    let mut stages_n = [None; 4];
-    for stage in &mut stages_n {
-        *stage = fields.maybe(3, Fields::vector)?;
-    }
+    let (gains_n, velocity_guard_n) = (fields.vector()?, fields.vector()?);
+    let (passivity_n, magnitude_n) = (fields.vector()?, fields.vector()?);
     let (written_n, gain) = (fields.vector()?, fields.number()?);
     let acted = fields.parsed("names of stages with + between them, or empty", SafetyActions::named)?;
     let (lateness_ns, period_ns) = (fields.count()?, fields.count()?);
@@ -119,7 +115,7 @@ pub(super) fn read_row(path: &Path, line: u64, row: &StringRecord) -> Result<Bla
         sample,
         model,
         before_n,
-        stages_n,
+        after: StageForces { gains_n, velocity_guard_n, passivity_n, magnitude_n, slew_n: written_n },
         written_n,
         gain,
         acted,

@@ -5,8 +5,8 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use super::stages::{SafetyActions, actions_of, stages_of};
-use crate::{DeviceError, TickRecord, TickTiming};
+use super::stages::{SafetyActions, actions_of};
+use crate::{DeviceError, StageForces, TickRecord, TickTiming};
 use glam::DVec3;
 use palpate_local::{ModelId, Sample};
 use std::fmt::{Display, Formatter};
@@ -26,9 +26,8 @@ pub struct BlackBoxTick {
     pub model: Option<ModelId>,
     /// Force before the safety chain, N. It need not be finite.
     pub before_n: DVec3,
-    /// Force after the gains, the velocity guard, the passivity stage and the limit of magnitude, N; `None` where the
-    /// chain does not tell. After the last stage, the limit of growth, it is `written_n`.
-    pub stages_n: [Option<DVec3>; 4],
+    /// Force after each stage of the safety chain, N; after the last, the limit of growth, it is `written_n`.
+    pub after: StageForces,
     /// The force that was written, N.
     pub written_n: DVec3,
     /// The product of the gains, 0 to 1.
@@ -54,7 +53,7 @@ impl BlackBoxTick {
             sample: record.sample,
             model: record.spoken.model,
             before_n: record.spoken.force_n,
-            stages_n: stages_of(record),
+            after: record.safety.after,
             written_n: record.force_n,
             gain: record.safety.gain,
             acted: actions_of(&record.safety),
@@ -83,11 +82,14 @@ pub enum DeviceFault {
     Protocol,
     /// [`DeviceError::Unusable`], `unusable`.
     Unusable,
+    /// [`DeviceError::Jumped`], `jumped`.
+    Jumped,
 }
 
 impl DeviceFault {
     /// All but [`DeviceFault::Os`], with their names.
-    const NAMED: [(Self, &'static str); 6] = [
+    const NAMED: [(Self, &'static str); 7] = [
+        (Self::Jumped, "jumped"),
         (Self::NotOpen, "not_open"),
         (Self::AlreadyOpen, "already_open"),
         (Self::TimedOut, "timed_out"),
@@ -125,6 +127,7 @@ impl From<DeviceError> for DeviceFault {
             DeviceError::Os(number) => Self::Os(number),
             DeviceError::Protocol(_) => Self::Protocol,
             DeviceError::Unusable => Self::Unusable,
+            DeviceError::Jumped => Self::Jumped,
         }
     }
 }
