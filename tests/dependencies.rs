@@ -31,6 +31,7 @@ const ALLOWED: [(&str, &[&str]); 7] = [
             "palpate_local",
             "palpate_reduce",
             "palpate_haptics",
+            "allocation-counter",
             "clap",
             "faer",
             "glam",

@@ -1,4 +1,5 @@
-//! The monotonic clock and waiting for a point on it. Only the runner uses it.
+//! The monotonic clock and waiting for a point on it. Only the runner uses it, and the bare thread it is
+//! compared with.
 
 #[cfg(target_os = "linux")]
 mod platform {

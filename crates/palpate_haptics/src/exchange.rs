@@ -171,3 +171,6 @@ impl HapticHandle {
         self.records.try_recv().ok()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -39,7 +39,7 @@ const REPORT_PERIOD: u64 = 64;
 pub struct HapticLoop {
     config: LoopConfig,
     settings: LoopSettings,
-    ends: LoopEnds,
+    pub(crate) ends: LoopEnds,
     hand_over: HandOver,
     safety: SafetyChain,
     velocity: VelocityState,

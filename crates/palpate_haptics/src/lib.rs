@@ -36,6 +36,7 @@
 //! * Settings: [`LoopConfig`], [`LoopSettings`], [`DeviceFrame`], [`VelocityEstimator`], [`SafetySettings`].
 //! * The loop's account: [`LoopReport`], [`RealTimeReport`], [`LoopEvent`], [`TickRecord`].
 //! * What went through it: [`BlackBox`], [`BlackBoxKeeper`], [`Recorder`] for whole runs, [`Recording`] to read them.
+//! * What to compare its lateness with: [`BareThread`].
 //!
 //! # Units, frames, signs
 //!
@@ -53,6 +54,7 @@
 
 #![forbid(unsafe_code)]
 
+mod bare;
 mod black_box;
 mod clock;
 mod device;
@@ -73,6 +75,7 @@ mod trajectory;
 mod velocity;
 mod watchdog;
 
+pub use bare::{BareReport, BareThread};
 pub use black_box::{
     BlackBox, BlackBoxError, BlackBoxKeeper, BlackBoxTick, DeviceFault, Recording, SafetyAction,
     SafetyActions,
@@ -89,7 +92,7 @@ pub use lockstep::Lockstep;
 pub use real_time::{Outcome, RealTime, RealTimeReport, Refusal};
 pub use record::{LoopEvent, LoopEventKind, TickRecord};
 pub use recorder::Recorder;
-pub use runner::{EndedLoop, LoopThread, Stop, run};
+pub use runner::{EndedLoop, LoopThread, Stop, run, run_beside};
 pub use safety::{SafetyChain, SafetyInput, SafetyReport, SafetySettings, StageForces};
 pub use settings::{LoopConfig, LoopSettings};
 pub use timing::{LoopReport, SuccessRate, TickTiming, TimeHistogram};

@@ -26,6 +26,13 @@ impl Default for RealTime {
 impl RealTime {
     /// Asks for nothing.
     pub const NOTHING: Self = Self { priority: None, lock_memory: false, core: None };
+
+    /// Asks for everything in it, for the calling thread. The loop's thread does so when it starts; this is for other threads
+    /// that are to have the same.
+    #[must_use]
+    pub fn ask_for_this_thread(self) -> RealTimeReport {
+        ask(self)
+    }
 }
 
 /// What came of each request. It carries no heap, so it can be part of an event.

@@ -1,4 +1,5 @@
-//! The thread that owns a device and turns its loop, the only place that reads a clock.
+//! The thread that owns a device and turns its loop, the only place that reads a clock
+//! beside the bare thread it is compared with ([`crate::BareThread`]).
 //!
 //! # Life of a loop's thread
 //!
@@ -21,7 +22,7 @@
 
 use crate::clock::MonotonicClock;
 use crate::watchdog::Watched;
-use crate::{DeviceError, HapticDevice, HapticLoop, HapticsError, TickTiming};
+use crate::{BareThread, DeviceError, HapticDevice, HapticLoop, HapticsError, TickTiming};
 use glam::DVec3;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -70,7 +71,7 @@ impl HapticLoop {
             .name("haptic-loop".into())
             .spawn(move || {
                 let mut device = device;
-                run_watched(self, device.as_mut(), &flag, Some(&of_thread))
+                open_and_turn(self, device.as_mut(), &flag, Beside { watched: Some(&of_thread), bare: None })
             })
             .map_err(HapticsError::Thread)?;
         Ok(LoopThread { stop, watched, thread: Some(thread) })
@@ -119,26 +120,59 @@ impl Drop for LoopThread {
 /// Opens `device` and turns `haptic_loop` on the calling thread until `stop` is set; then writes zero force and
 /// closes the device. This is what the thread of [`HapticLoop::spawn`] runs, with a watchdog besides.
 pub fn run(haptic_loop: HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) -> EndedLoop {
-    run_watched(haptic_loop, device, stop, None)
+    open_and_turn(haptic_loop, device, stop, Beside::default())
 }
 
-fn run_watched(
+/// As [`run`], with a bare thread beside it to compare with, which begins half a period after the
+/// loop and ends with it.
+pub fn run_beside(
+    haptic_loop: HapticLoop,
+    device: &mut dyn HapticDevice,
+    stop: &AtomicBool,
+    bare: &BareThread,
+) -> EndedLoop {
+    open_and_turn(haptic_loop, device, stop, Beside { bare: Some(bare), watched: None })
+}
+
+/// Threads beside the loop's.
+#[derive(Clone, Copy, Default)]
+struct Beside<'a> {
+    watched: Option<&'a Arc<Watched>>,
+    bare: Option<&'a BareThread>,
+}
+
+impl Drop for EndBeside<'_> {
+    fn drop(&mut self) {
+        if let Some(watched) = self.0.watched {
+            watched.end();
+        }
+        if let Some(bare) = self.0.bare {
+            bare.end_with_loop();
+        }
+    }
+}
+
+/// Ends what is beside the loop when it is dropped.
+struct EndBeside<'a>(Beside<'a>);
+
+fn open_and_turn(
     mut haptic_loop: HapticLoop,
     device: &mut dyn HapticDevice,
     stop: &AtomicBool,
-    watched: Option<&Arc<Watched>>,
+    beside: Beside<'_>,
 ) -> EndedLoop {
     haptic_loop.set_up_thread();
-    // Whatever happens, the watchdog does not outlive the loop.
-    let _end = EndWatch(watched.map(Arc::as_ref));
+    // Whatever happens, they do not outlive the loop.
+    let end = EndBeside(beside);
     if let Err(error) = device.open() {
         haptic_loop.end(Err(error));
         return EndedLoop { _memory: haptic_loop };
     }
-    let is_watched = watched.is_some_and(|watched| watched.begin(device));
+    let is_watched = beside.watched.is_some_and(|watched| watched.begin(device));
     haptic_loop.begin(is_watched);
     let mut open = OpenDevice { device, closed: false };
-    turn(&mut haptic_loop, open.device, stop, watched);
+    turn(&mut haptic_loop, open.device, stop, beside);
+    drop(end);
     let closed = open.close();
     haptic_loop.end(closed);
     EndedLoop { _memory: haptic_loop }
@@ -150,27 +184,19 @@ pub struct EndedLoop {
     _memory: HapticLoop,
 }
 
-/// Ends the watch when it is dropped.
-struct EndWatch<'a>(Option<&'a Watched>);
-
-impl Drop for EndWatch<'_> {
-    fn drop(&mut self) {
-        if let Some(watched) = self.0 {
-            watched.end();
-        }
-    }
-}
-
 fn turn(
     haptic_loop: &mut HapticLoop,
     device: &mut dyn HapticDevice,
     stop: &AtomicBool,
-    watched: Option<&Arc<Watched>>,
+    Beside { watched, bare }: Beside<'_>,
 ) {
     let period = Duration::from_secs_f64(haptic_loop.config().hand_over.tick_s);
     let period_ns = period.as_nanos() as u64;
     let clock = MonotonicClock::start();
     let mut deadline_ns = clock.now_ns() + period_ns;
+    if let Some(bare) = bare {
+        bare.begin_in(period_ns + period_ns / 2);
+    }
     let (mut elapsed, mut last_begun_ns) = (1, None);
     let (mut stops, mut lost_ticks) = (0, 0);
     while !stop.load(Ordering::Acquire) {
@@ -220,6 +246,9 @@ fn turn(
         };
         last_begun_ns = Some(begun_ns);
         haptic_loop.finish_tick(&ticked, Some(timing), written);
+        if let Some(bare) = bare {
+            bare.note_tick(clock.now_ns() - begun_ns);
+        }
         deadline_ns += period_ns * (1 + missed);
         elapsed = 1;
     }

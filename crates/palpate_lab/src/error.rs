@@ -27,6 +27,15 @@ pub(crate) enum LabError {
     /// A black box has a header and no more.
     #[error("{}: there is no tick in it; it was written before the loop's first", .path.display())]
     NoTicks { path: PathBuf },
+    /// The machine could not be kept busy.
+    #[error("the load cannot be made")]
+    Load(#[source] std::io::Error),
+    /// A thread of the run ended before its time.
+    #[error("the {0} ended before its time")]
+    Ended(&'static str),
+    /// A run of the loop broke what must hold under any load.
+    #[error("{0}")]
+    Broken(String),
     /// There is nothing to compare with.
     #[error(
         "the movement never presses the body after {from_s} s, so there is no force to compare; lead it into the body"

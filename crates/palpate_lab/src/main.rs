@@ -1,7 +1,8 @@
 //! `palpate-lab`: the experiments of the seed paper (M. C. Çavuşoğlu, UCB/ERL M00/5, 2000), with any parameters.
 //!
 //! Each command prints a table, or with `--json` one JSON object; with `--out DIR` it writes its data as CSV and its
-//! figures as SVG. What makes no sense ends with exit code 2 and one line that says what is allowed.
+//! figures as SVG. What makes no sense ends with exit code 2 and one line that says what is allowed; a run of the loop that
+//! breaks what must hold ends with exit code 1.
 
 #![forbid(unsafe_code)]
 
@@ -19,6 +20,7 @@ mod output;
 mod paper;
 mod progress;
 mod schemes;
+mod soak;
 
 use clap::{Args, Parser, Subcommand};
 use error::LabError;
@@ -46,6 +48,7 @@ enum Command {
     Grip(grip::Grip),
     Fidelity(fidelity::Fidelity),
     Faults(faults::Faults),
+    Soak(soak::Soak),
     Paper(paper::Paper),
     Blackbox(blackbox::Blackbox),
 }
@@ -74,14 +77,15 @@ fn main() -> ExitCode {
         Command::Grip(command) => command.run(&cli.output),
         Command::Fidelity(command) => command.run(&cli.output),
         Command::Faults(command) => command.run(&cli.output),
+        Command::Soak(command) => command.run(&cli.output),
         Command::Paper(command) => command.run(&cli.output),
         Command::Blackbox(command) => command.run(&cli.output),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
         // What was asked for was done, and showed that something does not hold.
-        Err(error @ LabError::NotSurvived { .. }) => {
-            refuse(&error.chain());
+        Err(error @ (LabError::NotSurvived { .. } | LabError::Broken(_))) => {
+            refuse(&format!("error: {}", error.chain()));
             ExitCode::FAILURE
         }
         Err(error) => refuse(&format!("error: {}", error.chain())),

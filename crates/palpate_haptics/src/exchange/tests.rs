@@ -1,0 +1,190 @@
+//! Every field of a local model, written and read at full speed: values that betray tearing.
+
+use crate::{LoopConfig, LoopSettings, haptic_loop};
+use glam::{DMat3, DVec3};
+use palpate_laws::{Coupling, Spring, ToolShape};
+use palpate_local::{
+    Capacity, Cholesky, Contact, HandOverSettings, LocalModel, ModelId, NearEnd, NearField,
+    NearFieldCapacity, NearSpring, NearTriangle, Scheme, Support, TickIntegrator,
+};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+const CAPACITY: Capacity =
+    Capacity { order: 5, near: NearFieldCapacity { nodes: 4, order: 6, ring: 8, springs: 12, triangles: 5 } };
+
+/// Models that have to be seen.
+const SEEN: u64 = if cfg!(miri) { 20 } else { 10_000 };
+
+/// Numbers that all differ from one model to the next.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        1.0 + (self.0 >> 12) as f64 / (1_u64 << 52) as f64
+    }
+    fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.next(), self.next(), self.next())
+    }
+    /// 0 to `most`.
+    fn size(&mut self, most: usize) -> usize {
+        ((self.next() - 1.0) * (most + 1) as f64) as usize
+    }
+    fn is(&mut self) -> bool {
+        self.size(1) == 1
+    }
+    fn fill(&mut self, list: &mut [f64]) {
+        list.iter_mut().for_each(|v| *v = self.next());
+    }
+    fn factor(&mut self, factor: &mut Cholesky) {
+        let n = factor.capacity();
+        let diagonal: Vec<f64> =
+            (0..n * n).map(|i| if i % (n + 1) == 0 { self.next() } else { 0.0 }).collect();
+        factor.factorise(n, &diagonal).unwrap();
+    }
+}
+
+/// Makes `model` the one of number `number`, in every field and to the ends of its vectors. What does not
+/// write a field that is added does not compile, but for the linear reduced system.
+fn write(number: u64, model: &mut LocalModel) {
+    let n = &mut Numbers(number);
+    let LocalModel {
+        id,
+        scheme,
+        contact,
+        force_n,
+        position_m,
+        velocity_m_per_s,
+        stiffness_n_per_m,
+        damping_ns_per_m,
+        clamped,
+        reduced,
+        near,
+    } = model;
+    *id = ModelId { body: number + 1, epoch: number + 2, sequence: number };
+    *scheme = Scheme::ALL[n.size(5)];
+    *contact = if n.is() { Contact::Touching { normal: n.vector() } } else { Contact::Held };
+    (*force_n, *position_m, *velocity_m_per_s) = (n.vector(), n.vector(), n.vector());
+    *stiffness_n_per_m = DMat3::from_cols(n.vector(), n.vector(), n.vector());
+    *damping_ns_per_m = DMat3::from_cols(n.vector(), n.vector(), n.vector());
+    *clamped = n.is();
+    (reduced.order, reduced.step_s) = (n.size(CAPACITY.order), n.next());
+    for list in [
+        &mut reduced.stiffness,
+        &mut reduced.damping,
+        &mut reduced.stiffness_rc,
+        &mut reduced.damping_rc,
+        &mut reduced.force,
+        &mut reduced.velocity,
+    ] {
+        n.fill(list);
+    }
+    n.factor(&mut reduced.implicit);
+    write_near(n, near);
+}
+
+fn write_near(n: &mut Numbers, near: &mut NearField) {
+    let NearField {
+        nodes,
+        order,
+        ring,
+        springs,
+        triangles,
+        support,
+        weight,
+        node_m,
+        node_per_kg,
+        ring_m,
+        basis,
+        near,
+        triangle,
+        stiffness,
+        damping,
+        force,
+        velocity,
+        tick_s,
+        integrator,
+        tangent,
+        factor,
+        answer,
+        energy_j,
+        start_m,
+        coupling,
+        proxy_m,
+        is_cut,
+    } = near;
+    let room = CAPACITY.near;
+    for (size, most) in [
+        (nodes, room.nodes),
+        (order, room.order),
+        (ring, room.ring),
+        (springs, room.springs),
+        (triangles, room.triangles),
+    ] {
+        *size = n.size(most);
+    }
+    let shape = ToolShape::Sphere { radius_m: n.next() };
+    *support = if n.is() { Support::Touched { shape, friction: n.next() } } else { Support::Held };
+    for list in [weight, node_per_kg, basis, stiffness, damping, force, velocity, tangent, answer] {
+        n.fill(list);
+    }
+    for list in [node_m, ring_m] {
+        list.iter_mut().for_each(|v| *v = n.vector());
+    }
+    for spring in near {
+        let (a, at, ring) = (n.size(3), n.vector(), n.size(7));
+        let b = if n.is() { NearEnd::Fixed(at) } else { NearEnd::Ring(ring) };
+        *spring = NearSpring { a, b, spring: Spring::linear(n.next(), n.next(), n.next()).unwrap() };
+    }
+    for triangle in triangle {
+        let nodes = [n.size(3), n.size(3), n.size(3)];
+        *triangle = NearTriangle { nodes, longest_m: n.next(), is_touched: n.is() };
+    }
+    (*tick_s, *energy_j, *start_m, *proxy_m, *is_cut) = (n.next(), n.next(), n.vector(), n.vector(), n.is());
+    let substeps = 1 + n.size(7) as u32;
+    *integrator =
+        if n.is() { TickIntegrator::Explicit { substeps } } else { TickIntegrator::Implicit { substeps } };
+    n.factor(factor);
+    let (stiffness_n_per_m, most_n) = (n.next(), n.next());
+    *coupling = n.is().then_some(Coupling { stiffness_n_per_m, most_n });
+}
+
+#[test]
+fn every_field_of_a_local_model_crosses_whole() {
+    let hand_over = HandOverSettings { capacity: CAPACITY, ..HandOverSettings::default() };
+    let config = LoopConfig { hand_over, ..LoopConfig::default() };
+    let (mut handle, haptic_loop) = haptic_loop(config, LoopSettings::default()).unwrap();
+    let mut models = haptic_loop.ends.models;
+    let enough = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let mut number = 0;
+            while !enough.load(Ordering::Acquire) {
+                write(number, handle.model_slot());
+                handle.publish_model();
+                number += 1;
+            }
+        });
+        let mut expected = LocalModel::silent(CAPACITY);
+        let (mut seen, mut last) = (0, None);
+        while seen < SEEN {
+            if !models.update() {
+                std::thread::yield_now();
+                continue;
+            }
+            let model = models.output_buffer();
+            let number = model.id.sequence;
+            write(number, &mut expected);
+            let whole = *model == expected;
+            // The writer must end before this thread unwinds, or the scope waits for ever.
+            if !whole || last.is_some_and(|last| last >= number) {
+                enough.store(true, Ordering::Release);
+            }
+            assert!(whole, "the model {number} is torn:\n{model:?}\ninstead of\n{expected:?}");
+            assert!(last.is_none_or(|last| last < number), "{number} after {last:?}");
+            last = Some(number);
+            seen += 1;
+        }
+        enough.store(true, Ordering::Release);
+    });
+}

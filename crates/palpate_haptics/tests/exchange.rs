@@ -1,0 +1,242 @@
+//! The exchange at full speed, as the two sides use it: what crosses is whole, in both directions. That every field of a
+//! local model crosses whole is tested where they can all be seen, in `src/exchange/tests.rs`.
+
+use glam::{DQuat, DVec3};
+use palpate_haptics::*;
+use palpate_laws::{Spring, ToolShape};
+use palpate_local::{
+    Capacity, Contact, HandOverSettings, LocalModel, ModelId, NearEnd, NearFieldCapacity, NearSpring,
+    NearTriangle, Sample, SampleOrigin, Scheme, Support, TickIntegrator,
+};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+const CAPACITY: Capacity =
+    Capacity { order: 6, near: NearFieldCapacity { nodes: 3, order: 6, ring: 3, springs: 6, triangles: 1 } };
+const TICK_S: f64 = 1e-3;
+const TICKS: u64 = if cfg!(miri) { 60 } else { 200_000 };
+/// Models that have to be taken.
+const TAKEN: u64 = if cfg!(miri) { 20 } else { 20_000 };
+
+/// Ends the other thread even if this one unwinds, or the scope would wait for it for ever.
+struct Finally<'a>(&'a AtomicBool);
+
+impl Drop for Finally<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
+}
+
+fn config() -> LoopConfig {
+    let hand_over = HandOverSettings { capacity: CAPACITY, ..HandOverSettings::default() };
+    LoopConfig { hand_over, record_capacity: 64, event_capacity: 64, ..LoopConfig::default() }
+}
+
+/// Settings that betray tearing: every number says which they are.
+fn settings(number: u64) -> LoopSettings {
+    let value = 1.0 + (number % 1000) as f64 * 1e-3;
+    LoopSettings {
+        safety: SafetySettings {
+            ramp_s: 0.0,
+            stale_after_periods: 1e6 * value,
+            fade_s: value,
+            max_force_n: 10.0 * value,
+            max_slew_n_per_s: 1e5 * value,
+            silent_after_ticks: number,
+        },
+        velocity: VelocityEstimator::BackwardDifference,
+        model_period_s: value,
+        record: true,
+        ..LoopSettings::default()
+    }
+}
+
+/// A number from 1 to 2 that is another for every model.
+fn value(number: u64) -> f64 {
+    1.0 + (number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f64 / (1_u64 << 24) as f64
+}
+
+/// A triangle on springs that the hand is in touch with, and a far field: their sizes and every number depend on the model's.
+fn write(id: ModelId, model: &mut LocalModel) {
+    let (number, v) = (id.body, value(id.body));
+    (model.id, model.scheme, model.contact) = (id, Scheme::NearFieldExact, Contact::Held);
+    (model.force_n, model.position_m, model.velocity_m_per_s) = (DVec3::splat(v), DVec3::ZERO, DVec3::ZERO);
+    let field = &mut model.near;
+    field.clear();
+    let p = (number % 7) as usize;
+    let ring = 1 + (number % 3) as usize;
+    (field.nodes, field.order, field.ring, field.springs, field.triangles) = (3, p, ring, 3 + ring, 1);
+    field.support = Support::Touched { shape: ToolShape::Sphere { radius_m: 0.005 * v }, friction: 0.2 * v };
+    let places = [DVec3::ZERO, DVec3::X * 0.02, DVec3::Y * 0.02].map(|x| x * v - DVec3::splat(0.004));
+    let spring = Spring::linear(60.0 * v, 0.02, 0.1 * v).unwrap();
+    for (i, x) in places.into_iter().enumerate() {
+        (field.node_m[i], field.node_per_kg[i]) = (x, 100.0 * v);
+        field.near[i] = NearSpring { a: i, b: NearEnd::Fixed(x - DVec3::Z * 0.02), spring };
+    }
+    for (i, place) in places.into_iter().enumerate().take(ring) {
+        field.ring_m[i] = place + DVec3::new(0.0, 0.005, -0.02) * v;
+        field.near[3 + i] = NearSpring { a: i, b: NearEnd::Ring(i), spring };
+    }
+    field.basis[..3 * ring * p].fill(0.3 * v);
+    field.stiffness[..p * p].fill(0.0);
+    field.damping[..p * p].fill(0.0);
+    for i in 0..p {
+        (field.stiffness[i * p + i], field.damping[i * p + i]) = (1e3 * v, 5.0 * v);
+    }
+    field.force[..9 + p].fill(1e-2 * v);
+    field.velocity[..9 + p].fill(1e-3 * v);
+    field.triangle[0] = NearTriangle { nodes: [0, 1, 2], longest_m: 0.03 * v, is_touched: number % 2 == 0 };
+    (field.tick_s, field.start_m, field.proxy_m) = (TICK_S, DVec3::ZERO, DVec3::ZERO);
+    field.integrator = TickIntegrator::Explicit { substeps: 1 + (number % 4) as u32 };
+}
+
+/// What the device reads at tick `sequence`.
+fn reading(sequence: u64) -> Reading {
+    let t = sequence as f64 * TICK_S;
+    let position_m = DVec3::new((3.0 * t).sin(), (5.0 * t).sin(), (7.0 * t).sin()) * 1e-3;
+    let orientation = DQuat::from_rotation_z(t % 1.0);
+    Reading { orientation, buttons: sequence as u32, ..Reading::at(position_m) }
+}
+
+/// A second loop, fed with what the first says it has taken, made anew, gives the same bits at every tick.
+#[test]
+fn models_and_settings_cross_whole_to_a_loop_at_full_speed() {
+    let (mut handle, mut haptic_loop) = haptic_loop(config(), settings(0)).unwrap();
+    let (mut twin_handle, mut twin) = palpate_haptics::haptic_loop(config(), settings(0)).unwrap();
+    let enough = AtomicBool::new(false);
+    let (mut taken, mut changed, mut felt) = (0_u64, 0_u64, 0_u64);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let mut number = 0;
+            while !enough.load(Ordering::Acquire) {
+                number += 1;
+                // The newest sample, so that there is little to catch up with.
+                let sequence = handle.samples().newest().map_or(0, |sample| sample.sequence);
+                write(ModelId { body: number, epoch: 3 * number, sequence }, handle.model_slot());
+                handle.publish_model();
+                assert_eq!(handle.set(settings(number)).unwrap(), number);
+            }
+        });
+        let _finally = Finally(&enough);
+        // On a busy machine one side may get many more turns than the other.
+        for sequence in 1..=100 * TICKS {
+            if taken == TAKEN {
+                break;
+            }
+            let first = haptic_loop.tick(1, Ok(reading(sequence)));
+            if let Some(id) = first.record.taken {
+                assert_eq!(id.epoch, 3 * id.body, "the identity is torn");
+                write(id, twin_handle.model_slot());
+                twin_handle.publish_model();
+                taken += 1;
+            }
+            if let Some((number, found)) = first.record.settings {
+                assert_eq!(found, settings(number), "settings {number} are torn");
+                twin_handle.set(found).unwrap();
+                changed += 1;
+            }
+            let second = twin.tick(1, Ok(reading(sequence)));
+            // The twin counts its settings for itself.
+            let record = TickRecord { settings: first.record.settings, ..second.record };
+            assert_eq!(
+                record, first.record,
+                "a model or settings are torn, or the loop is no function of them"
+            );
+            felt += u64::from(first.device_force_n != DVec3::ZERO);
+            haptic_loop.finish_tick(&first, None, Ok(()));
+            twin.finish_tick(&second, None, Ok(()));
+        }
+    });
+    let (refused, adopted) = (handle.report().models_refused, handle.report().models_adopted);
+    // Where the writer is interrupted long enough its model is too old for the samples that are kept.
+    assert!(20 * refused < taken && 2 * adopted > taken, "{refused} refused, {adopted} adopted of {taken}");
+    let enough = taken >= TAKEN && changed >= TAKEN / 2 && felt >= TAKEN / 40;
+    assert!(enough, "{taken} taken, {changed} changed, {felt} felt");
+}
+
+#[test]
+fn samples_records_and_reports_cross_whole_from_a_loop_at_full_speed() {
+    let (mut handle, mut haptic_loop) = haptic_loop(config(), settings(0)).unwrap();
+    let model = handle.model_slot();
+    (model.scheme, model.contact, model.force_n) = (Scheme::Hold, Contact::Held, DVec3::ONE);
+    handle.publish_model();
+    let enough = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let _finally = Finally(&enough);
+            for sequence in 1..=TICKS {
+                let ticked = haptic_loop.tick(1, Ok(reading(sequence)));
+                haptic_loop.finish_tick(&ticked, Some(timing(sequence)), Ok(()));
+            }
+        });
+        let (mut last, mut last_recorded) = (0, 0);
+        let mut at_the_end = false;
+        loop {
+            let newest = handle.samples().newest().map_or(0, |sample| sample.sequence);
+            assert!(newest >= last, "samples go back");
+            last = newest;
+            check_samples(&mut handle);
+            while let Some(record) = handle.next_record() {
+                let sequence = check_record(&record);
+                assert!(sequence > last_recorded, "records go back");
+                last_recorded = sequence;
+            }
+            let report = handle.report();
+            for times in [&report.lateness, &report.period, &report.cost, &report.read, &report.write] {
+                assert_eq!(times.count(), report.ticks, "the report is torn");
+            }
+            // Once more after the loop's last word.
+            if at_the_end {
+                break;
+            }
+            at_the_end = enough.load(Ordering::Acquire);
+        }
+        assert_eq!(last, TICKS);
+    });
+    assert!(handle.report().ticks >= TICKS - 64);
+}
+
+/// What the sample `sequence` must be.
+fn sample(sequence: u64) -> Sample {
+    let Reading { position_m, orientation, buttons, .. } = reading(sequence);
+    let time_s = sequence as f64 * TICK_S;
+    let origin = SampleOrigin::Measured;
+    let mut velocity = VelocityState::default();
+    let mut velocity_m_per_s = DVec3::ZERO;
+    for s in sequence.saturating_sub(1).max(1)..=sequence {
+        velocity_m_per_s =
+            velocity.step(VelocityEstimator::BackwardDifference, reading(s).position_m, None, TICK_S);
+    }
+    Sample { sequence, time_s, position_m, velocity_m_per_s, orientation, buttons, origin }
+}
+
+fn timing(sequence: u64) -> TickTiming {
+    let ns = 1000 + sequence;
+    TickTiming { lateness_ns: ns, period_ns: ns, cost_ns: ns, read_ns: ns, write_ns: ns }
+}
+
+fn check_samples(handle: &mut HapticHandle) {
+    let Some(tick) = handle.latest_tick() else { return };
+    let sequence = check_record(&tick);
+    // Samples and what was displayed are of the same tick or a later one.
+    let samples = handle.samples();
+    let (oldest, newest) = (samples.oldest_sequence().unwrap(), samples.newest().unwrap().sequence);
+    assert!(newest >= sequence && newest - oldest < 512 && (newest < 512 || newest - oldest == 511));
+    for s in (oldest..=newest).step_by(if cfg!(miri) { 16 } else { 1 }) {
+        assert_eq!(*samples.get(s).unwrap(), sample(s), "sample {s} of {oldest} to {newest} is torn");
+    }
+    let displayed = handle.displayed();
+    for s in sequence.saturating_sub(40)..=sequence {
+        assert!(displayed.get(s).is_none_or(|force_n| force_n == DVec3::ONE), "what was displayed is torn");
+    }
+}
+
+/// Returns its sequence number.
+fn check_record(record: &TickRecord) -> u64 {
+    let found = record.sample.unwrap();
+    let sequence = found.sequence;
+    assert_eq!(found, sample(sequence), "the record of {sequence} is torn");
+    assert_eq!(record.reading, Ok(reading(sequence)));
+    assert_eq!((record.timing, record.elapsed), (timing(sequence), 1));
+    assert_eq!(record.spoken.force_n, if record.spoken.model.is_some() { DVec3::ONE } else { DVec3::ZERO });
+    sequence
+}

@@ -1,0 +1,240 @@
+//! `palpate-lab soak`: the real loop under load, what it holds to, and how late it is beside a thread that does nothing.
+
+mod account;
+mod hand;
+mod limits;
+mod load;
+mod memory;
+mod model_side;
+mod report;
+
+use crate::error::{LabError, check, number, whole};
+use crate::manipulate::{ContactName, Manipulate};
+use crate::output::Output;
+use crate::{defaults, progress};
+use account::Account;
+use clap::Args;
+use hand::{Felt, Hand};
+use limits::Limits;
+use load::{Load, LoadKind};
+use memory::Memory;
+use model_side::{Done, ModelSide, PERIOD};
+use palpate_haptics::{
+    BareReport, BareThread, EndedLoop, HapticDevice, HapticLoop, LoopConfig, LoopSettings, RealTime,
+    SafetySettings, haptic_loop, run_beside,
+};
+use palpate_local::HandOverSettings;
+use palpate_reduce::{BuilderOptions, LocalModelBuilder};
+use report::Report;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Model periods after which a local model fades: a second.
+const STALE_AFTER: f64 = 20.0;
+
+/// The loop on its thread for a while, the machine busy: what it holds to, and how late it is
+///
+/// A hand probes a block of NODES x NODES x NODES nodes at 1 kHz on the loop's own thread; the body is stepped at 20 Hz on
+/// another. Beside them runs a bare thread: the same priority, the same absolute deadlines half a period later, and
+/// nothing to do. What it is late is the machine's; `lateness_ratio_p99` is the loop's to that. Both run at the same time,
+/// so that they meet the same load, and half a period apart, so that neither waits for the other where both are on one core.
+///
+/// The exit code is 1 if a deadline is unaccounted for, a force at the device out of its limits, or anything is allocated
+/// or freed on the loop's thread. Lateness is told, not judged.
+#[derive(Clone, Debug, Args)]
+#[command(
+    after_help = "Examples:\n  palpate-lab soak --seconds 600 --load cpu --json\n  palpate-lab soak --load io --core 1\n  \
+                  palpate-lab soak --load none --priority none"
+)]
+pub(crate) struct Soak {
+    /// How long, s
+    #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 60)]
+    seconds: usize,
+    /// What keeps the machine busy
+    #[arg(long, value_enum, default_value_t = LoadKind::Cpu)]
+    load: LoadKind,
+    /// Nodes along each edge of the block
+    #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 10)]
+    nodes: usize,
+    /// Stiffness of each spring, N/m; more takes more substeps of the body
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 50.0)]
+    stiffness: f64,
+    /// Damping of each damper over the root of stiffness times mass of a node; more takes more substeps of the body
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.2)]
+    damping_ratio: f64,
+    /// The core that the loop's and the bare thread run on [default: any]
+    #[arg(value_parser = whole, allow_hyphen_values = true, long)]
+    core: Option<usize>,
+    /// Real-time priority that both ask for, 1 to 99 on Linux, or none
+    #[arg(long, value_parser = priority, allow_hyphen_values = true, default_value = "80")]
+    priority: Priority,
+}
+
+/// A priority to ask for, or none.
+#[derive(Clone, Copy, Debug)]
+struct Priority(Option<u8>);
+
+fn priority(text: &str) -> Result<Priority, &'static str> {
+    if text.trim() == "none" {
+        return Ok(Priority(None));
+    }
+    let number = text.trim().parse().ok().filter(|number| (1..=99).contains(number));
+    number.map(|number| Priority(Some(number))).ok_or("it must be 1 to 99, or none")
+}
+
+/// What came of a run.
+struct Outcome {
+    model_side: ModelSide,
+    felt: Felt,
+    allocations: u64,
+    bare: BareReport,
+    memory: Memory,
+    load_rounds: u64,
+}
+
+impl Soak {
+    pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
+        self.validate()?;
+        let report = Report::of(self, self.experiment()?);
+        output.print(&report, |out| report.table(out))?;
+        report.judge()
+    }
+
+    fn validate(&self) -> Result<(), LabError> {
+        let seconds = self.seconds;
+        check("--seconds", seconds as f64, (1..=86_400).contains(&seconds), "1 to 86400")?;
+        check("--nodes", self.nodes as f64, (2..=24).contains(&self.nodes), "2 to 24")?;
+        check("--stiffness", self.stiffness, self.stiffness > 0.0, "finite and above 0")?;
+        let damping = self.damping_ratio;
+        check("--damping-ratio", damping, (0.0..=10.0).contains(&damping), "0 to 10")
+    }
+
+    fn experiment(&self) -> Result<Outcome, LabError> {
+        let Self { nodes, stiffness, damping_ratio, .. } = *self;
+        let block = Manipulate { nodes, stiffness, damping_ratio, contact: ContactName::Touch, ..defaults() };
+        let (body, contact, start_m) = block.scene()?;
+        let builder = LocalModelBuilder::new(&body, BuilderOptions::default())?;
+        let config = LoopConfig {
+            hand_over: HandOverSettings { capacity: builder.capacity(), ..HandOverSettings::default() },
+            real_time: RealTime { priority: self.priority.0, core: self.core, ..RealTime::default() },
+            // Room for eight seconds in which the model side takes nothing.
+            event_capacity: 8192,
+            record_capacity: 8192,
+            ..LoopConfig::default()
+        };
+        // Where the machine is too busy for 20 model steps a second, old models speak on: there must be forces to judge.
+        let safety = SafetySettings { stale_after_periods: STALE_AFTER, ..SafetySettings::default() };
+        let model_period_s = PERIOD.as_secs_f64();
+        let settings = LoopSettings { record: true, model_period_s, safety, ..LoopSettings::default() };
+        let limits = Limits {
+            magnitude_n: settings.safety.max_force_n.min(config.device.force_n),
+            growth_n: settings.safety.max_slew_n_per_s * config.hand_over.tick_s,
+        };
+        let period_ns = Duration::from_secs_f64(config.hand_over.tick_s).as_nanos() as u64;
+        let (handle, haptic_loop) = haptic_loop(config, settings)?;
+        let account = Account::new(period_ns, limits);
+        let (done, consumed, path) = (Done::default(), None, Vec::with_capacity(256));
+        let model_side = ModelSide { body, contact, builder, handle, account, done, consumed, path };
+        self.beside_load(model_side, haptic_loop, Hand::new(start_m, limits), config)
+    }
+
+    /// Runs everything for as long as is asked for and ends it: the loop first, and when it has had its last word the model
+    /// side, then the load.
+    fn beside_load(
+        &self,
+        model_side: ModelSide,
+        haptic_loop: HapticLoop,
+        mut hand: Hand,
+        config: LoopConfig,
+    ) -> Result<Outcome, LabError> {
+        let bare = BareThread::spawn(&config)?;
+        let load = Load::start(self.load)?;
+        let (stop, ended) = (AtomicBool::new(false), AtomicBool::new(false));
+        let (memory, turned, model_side) = std::thread::scope(|scope| {
+            let looping = scope.spawn(|| turn(haptic_loop, &mut hand, &stop, &bare, config.real_time));
+            let modelling = scope.spawn(|| model_side.run(&ended));
+            let memory = watch(self.seconds, || looping.is_finished() || modelling.is_finished());
+            stop.store(true, Ordering::Release);
+            let turned = looping.join();
+            ended.store(true, Ordering::Release);
+            (memory, turned, modelling.join())
+        });
+        let (_, allocations) = turned.map_err(|_| LabError::Ended("loop's thread"))?;
+        let model_side = model_side.map_err(|_| LabError::Ended("model side"))??;
+        let bare = bare.stop().ok_or(LabError::Ended("bare thread"))?;
+        let load_rounds = load.stop()?;
+        Ok(Outcome { model_side, felt: hand.felt, allocations, bare, memory, load_rounds })
+    }
+}
+
+/// Turns the loop on this thread until `stop`. Returns with it how often memory was allocated, or freed that was not allocated
+/// there, from the device's opening to the loop's last word.
+fn turn(
+    haptic_loop: HapticLoop,
+    hand: &mut dyn HapticDevice,
+    stop: &AtomicBool,
+    bare: &BareThread,
+    real_time: RealTime,
+) -> (Option<EndedLoop>, u64) {
+    // The loop asks the operating system for what its thread needs before it begins; naming a core allocates. That is
+    // measured by asking twice, and does not count.
+    let set_up = allocation_counter::measure(|| {
+        let _ = real_time.ask_for_this_thread();
+    });
+    let mut ended = None;
+    let all = allocation_counter::measure(|| ended = Some(run_beside(haptic_loop, hand, stop, bare)));
+    let freed = (all.count_current - set_up.count_current).min(0).unsigned_abs();
+    (ended, all.count_total.saturating_sub(set_up.count_total) + freed)
+}
+
+/// Notes once a second how much memory is in use, for `seconds`, or until all is over before.
+#[expect(clippy::disallowed_methods, reason = "a run has its length by the clock, and nothing hangs on it")]
+fn watch(seconds: usize, is_over: impl Fn() -> bool) -> Memory {
+    let mut memory = Memory::begin();
+    let bar = progress::bar(seconds);
+    bar.set_message("the loop under load");
+    let begun = Instant::now();
+    for second in 1..=seconds as u64 {
+        std::thread::sleep(Duration::from_secs(second).saturating_sub(begun.elapsed()));
+        memory.note(second);
+        bar.inc(1);
+        if is_over() {
+            break;
+        }
+    }
+    memory
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+    use palpate_haptics::{Reading, ScriptedDevice};
+    use std::sync::Arc;
+
+    /// Allocations counted while a device is read thirty times that allocates so many times at each.
+    fn counted(at_each: usize, real_time: RealTime) -> u64 {
+        let config = LoopConfig { real_time, ..LoopConfig::default() };
+        let (_handle, haptic_loop) = haptic_loop(config, LoopSettings::default()).unwrap();
+        let bare = BareThread::spawn(&config).unwrap();
+        let stop = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&stop);
+        let mut device = ScriptedDevice::new(move |n, _| {
+            flag.store(n == 29, Ordering::Release);
+            (0..at_each).for_each(|i| drop(std::hint::black_box(Box::new(i))));
+            Ok(Reading::at(DVec3::ZERO))
+        });
+        std::thread::scope(|scope| {
+            scope.spawn(|| turn(haptic_loop, &mut device, &stop, &bare, real_time).1).join()
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn what_is_allocated_at_a_tick_is_counted_and_what_setting_up_takes_is_not() {
+        for real_time in [RealTime::NOTHING, RealTime { core: Some(0), ..RealTime::NOTHING }] {
+            assert_eq!(counted(0, real_time), 0);
+            assert_eq!(counted(2, real_time), 60);
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! Whether every deadline is accounted for, from what the loop tells of each tick.
+
+use super::limits::{Limits, MOST_TICKS};
+use glam::DVec3;
+use palpate_haptics::{LoopEvent, LoopEventKind, LoopReport, TickRecord};
+
+/// What the records and events of a run add up to.
+#[derive(Clone, Debug)]
+pub(super) struct Account {
+    period_ns: u64,
+    limits: Limits,
+    /// Ticks recorded.
+    ticks: u64,
+    /// Periods that they stand for.
+    periods: u64,
+    /// Missed deadlines in events.
+    missed_told: u64,
+    /// Time of the newest tick's beginning on the loop's clock, ns after the first's.
+    begun_ns: u64,
+    /// The first tick's periods, and how long after the newest of their deadlines it began, ns.
+    first: Option<(u64, u64)>,
+    /// Ticks that began at a time that their periods do not explain.
+    off_the_clock: u64,
+    last_n: DVec3,
+    /// Forces that grew more than the ticks that had really passed allow, where the device, which does not know them, found
+    /// nothing wrong.
+    pub(super) grown_too_fast: u64,
+    /// The oldest local model that spoke, in ticks after the sample it was built at.
+    pub(super) oldest_model_ticks: u64,
+}
+
+impl Account {
+    pub(super) fn new(period_ns: u64, limits: Limits) -> Self {
+        Self {
+            period_ns,
+            limits,
+            ticks: 0,
+            periods: 0,
+            missed_told: 0,
+            begun_ns: 0,
+            first: None,
+            off_the_clock: 0,
+            last_n: DVec3::ZERO,
+            grown_too_fast: 0,
+            oldest_model_ticks: 0,
+        }
+    }
+
+    /// Adds the next tick.
+    pub(super) fn tick(&mut self, record: &TickRecord) {
+        self.ticks += 1;
+        self.periods += record.elapsed;
+        self.begun_ns += record.timing.period_ns;
+        // The tick stands for the newest deadline before its beginning.
+        let after_ns = record.timing.lateness_ns % self.period_ns;
+        let (first, first_after_ns) = *self.first.get_or_insert((self.periods, after_ns));
+        let by_periods_ns = (self.periods - first) * self.period_ns + after_ns;
+        self.off_the_clock += u64::from(self.begun_ns + first_after_ns != by_periods_ns);
+
+        let may = |ticks| self.limits.allow(self.last_n, record.force_n, ticks);
+        self.grown_too_fast += u64::from(!may(record.elapsed) && may(MOST_TICKS));
+        self.last_n = record.force_n;
+        if let (Some(sample), Some(model)) = (record.sample, record.spoken.model) {
+            let age = sample.sequence.saturating_sub(model.sequence);
+            self.oldest_model_ticks = self.oldest_model_ticks.max(age);
+        }
+    }
+
+    /// Adds the next event.
+    pub(super) fn event(&mut self, event: &LoopEvent) {
+        if let LoopEventKind::DeadlinesMissed(missed) | LoopEventKind::Gap(missed) = event.kind {
+            self.missed_told += missed;
+        }
+    }
+
+    /// Whether every period up to that of the sample `newest` was a tick or a missed deadline: by `report`, by the records, by
+    /// the events and by the loop's clock. What was dropped on the way is not accounted for.
+    pub(super) fn is_complete(&self, report: &LoopReport, newest: u64) -> bool {
+        let (ticks, missed) = (report.ticks, report.missed_deadlines);
+        ticks + missed == newest
+            && (self.ticks, self.periods, self.missed_told) == (ticks, newest, missed)
+            && report.dropped_records + report.dropped_events + self.off_the_clock == 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use palpate_haptics::{
+        Lockstep, LoopConfig, LoopSettings, Reading, ScriptedDevice, TickTiming, haptic_loop,
+    };
+
+    const LIMITS: Limits = Limits { magnitude_n: 20.0, growth_n: 0.5 };
+
+    /// Records of ticks in lock step, as if they had begun after `lateness_us` with `elapsed` periods each.
+    fn account(late: &[(u64, u64)], forces_n: &[f64]) -> Account {
+        let (mut handle, haptic_loop) =
+            haptic_loop(LoopConfig::default(), LoopSettings { record: true, ..LoopSettings::default() })
+                .unwrap();
+        let device = ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::ZERO)));
+        Lockstep::new(haptic_loop, Box::new(device)).unwrap().run(1);
+        let record = handle.next_record().unwrap();
+        let mut account = Account::new(1_000_000, LIMITS);
+        let (mut deadline_us, mut last_us) = (1000, None);
+        for (i, &(lateness_us, elapsed)) in late.iter().enumerate() {
+            let begun_us = deadline_us + lateness_us;
+            let period_ns = last_us.map_or(0, |last| 1000 * (begun_us - last));
+            let timing = TickTiming { lateness_ns: 1000 * lateness_us, period_ns, ..TickTiming::default() };
+            let force_n = DVec3::X * forces_n.get(i).copied().unwrap_or(0.0);
+            account.tick(&TickRecord { elapsed, timing, force_n, ..record });
+            last_us = Some(begun_us);
+            deadline_us += 1000 * (1 + lateness_us / 1000);
+        }
+        account
+    }
+
+    #[test]
+    fn ticks_are_where_their_periods_put_them_on_the_clock() {
+        let good = account(&[(100, 1), (50, 1), (3200, 4), (0, 1), (999, 1)], &[]);
+        assert_eq!((good.off_the_clock, good.ticks, good.periods), (0, 5, 8));
+        let first_late = account(&[(2100, 3), (10, 1)], &[]);
+        assert_eq!((first_late.off_the_clock, first_late.periods), (0, 4));
+        // A missed deadline that was not counted, and one too many.
+        assert_eq!(account(&[(100, 1), (3200, 3), (0, 1)], &[]).off_the_clock, 2);
+        assert_eq!(account(&[(100, 1), (200, 2)], &[]).off_the_clock, 1);
+    }
+
+    #[test]
+    fn growth_is_judged_by_the_ticks_that_passed() {
+        let late = [(0, 1), (1000, 2), (0, 1), (0, 1)];
+        assert_eq!(account(&late, &[0.5, 1.5, 2.0, 1.0]).grown_too_fast, 0);
+        assert_eq!(account(&late, &[0.5, 1.5, 2.6, 1.0]).grown_too_fast, 1);
+        // That the device sees by itself.
+        assert_eq!(account(&late, &[0.5, 1.5, 9.0, 1.0]).grown_too_fast, 0);
+    }
+}

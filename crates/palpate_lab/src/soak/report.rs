@@ -1,0 +1,240 @@
+//! What is told of a run, and what is held against it.
+
+use super::memory::Memory;
+use super::{Outcome, Soak};
+use crate::error::LabError;
+use palpate_haptics::{RealTimeReport, TimeHistogram};
+use serde::Serialize;
+use std::io::Write;
+
+/// The result of `palpate-lab soak`.
+#[derive(Default, Serialize)]
+pub(super) struct Report {
+    seconds: usize,
+    load: &'static str,
+    /// Rounds of work that the load did: nonzero if there was one.
+    load_rounds: u64,
+    ticks: u64,
+    missed: u64,
+    /// Times that so many deadlines were missed in a row that the samples began anew.
+    gaps: u64,
+    /// Ticks that took longer than a period.
+    overruns: u64,
+    /// Every period was a tick or a missed deadline, by report, records, events and clock alike.
+    accounted: bool,
+    dropped_records: u64,
+    dropped_events: u64,
+    /// From a deadline to the beginning of its tick.
+    lateness_us: Percentiles,
+    bare_lateness_us: Percentiles,
+    bare_ticks: u64,
+    bare_missed: u64,
+    /// Deadlines of the bare thread that passed during a tick of the loop; not part of its lateness.
+    bare_during_ticks: u64,
+    /// Of the two at p99; `null` if the bare thread was never late.
+    lateness_ratio_p99: Option<f64>,
+    /// From the beginning of a tick to that of the next.
+    period_us: Percentiles,
+    /// From the beginning of a tick to the end of the device's write.
+    cost_us: Percentiles,
+    /// Allocations on the loop's thread, and frees of what was not allocated there.
+    allocations_on_loop: u64,
+    memory_bytes: Memory,
+    forces_out_of_limits: u64,
+    /// The largest force at the device, N.
+    peak_force_n: f64,
+    /// Ticks at which the device got one.
+    ticks_with_force: u64,
+    model_steps: u64,
+    model_step_ms: ModelStep,
+    models_adopted: u64,
+    models_refused: u64,
+    /// The age of the oldest local model that spoke.
+    oldest_model_ms: f64,
+    /// Samples that came faster than the body could be stepped.
+    samples_lost: u64,
+    real_time: RealTimeText,
+    bare_real_time: RealTimeText,
+}
+
+#[derive(Default, Serialize)]
+struct Percentiles {
+    p50: f64,
+    p99: f64,
+    p999: f64,
+    max: f64,
+}
+
+impl Percentiles {
+    fn of(times: &TimeHistogram) -> Self {
+        let at = |quantile| times.quantile_us(quantile);
+        Self { p50: at(0.5), p99: at(0.99), p999: at(0.999), max: times.max_us() }
+    }
+
+    fn text(&self) -> String {
+        let Self { p50, p99, p999, max } = self;
+        format!("p50 {p50:.1}   p99 {p99:.1}   p99.9 {p999:.1}   max {max:.1}")
+    }
+}
+
+#[derive(Default, Serialize)]
+struct ModelStep {
+    mean: f64,
+    max: f64,
+}
+
+#[derive(Default, Serialize)]
+struct RealTimeText {
+    priority: String,
+    memory: String,
+    core: String,
+}
+
+impl From<RealTimeReport> for RealTimeText {
+    fn from(report: RealTimeReport) -> Self {
+        let RealTimeReport { priority, memory, core } = report;
+        Self { priority: priority.to_string(), memory: memory.to_string(), core: core.to_string() }
+    }
+}
+
+impl Report {
+    pub(super) fn of(soak: &Soak, outcome: Outcome) -> Self {
+        let Outcome { mut model_side, felt, allocations, bare, memory, load_rounds } = outcome;
+        let newest = model_side.handle.samples().newest().map_or(0, |sample| sample.sequence);
+        let (done, account) = (model_side.done, model_side.account);
+        let tick_ms = 1e3 * model_side.handle.config().hand_over.tick_s;
+        let told = model_side.handle.report();
+        let (lateness_us, bare_lateness_us) =
+            (Percentiles::of(&told.lateness), Percentiles::of(&bare.lateness));
+        let ratio = lateness_us.p99 / bare_lateness_us.p99;
+        Self {
+            seconds: soak.seconds,
+            load: soak.load.name(),
+            load_rounds,
+            ticks: told.ticks,
+            missed: told.missed_deadlines,
+            gaps: told.gaps,
+            overruns: told.overruns,
+            accounted: account.is_complete(told, newest),
+            dropped_records: told.dropped_records,
+            dropped_events: told.dropped_events,
+            lateness_us,
+            bare_lateness_us,
+            bare_ticks: bare.ticks,
+            bare_missed: bare.missed_deadlines,
+            bare_during_ticks: bare.during_ticks,
+            lateness_ratio_p99: Some(ratio).filter(|ratio| ratio.is_finite()),
+            period_us: Percentiles::of(&told.period),
+            cost_us: Percentiles::of(&told.cost),
+            allocations_on_loop: allocations,
+            memory_bytes: memory,
+            forces_out_of_limits: felt.out_of_limits + account.grown_too_fast,
+            peak_force_n: felt.peak_n,
+            ticks_with_force: felt.not_zero,
+            model_steps: done.steps,
+            model_step_ms: ModelStep {
+                mean: 1e3 * done.time.as_secs_f64() / done.steps.max(1) as f64,
+                max: 1e3 * done.longest.as_secs_f64(),
+            },
+            models_adopted: told.models_adopted,
+            models_refused: told.models_refused,
+            oldest_model_ms: account.oldest_model_ticks as f64 * tick_ms,
+            samples_lost: done.samples_lost,
+            real_time: told.real_time.into(),
+            bare_real_time: bare.real_time.into(),
+        }
+    }
+
+    pub(super) fn table(&self, out: &mut dyn Write) -> std::io::Result<()> {
+        let ratio = self.lateness_ratio_p99.map_or("-".into(), |ratio| format!("{ratio:.2}"));
+        let mebibytes = |bytes: Option<u64>| {
+            bytes.map_or("-".into(), |bytes| format!("{:.1}", bytes as f64 / f64::from(1 << 20)))
+        };
+        let Memory { start, after_10_s, end, growth } = self.memory_bytes;
+        let growth = growth.map_or("-".into(), |bytes| bytes.to_string());
+        let RealTimeText { priority, memory, core } = &self.real_time;
+        let (dropped, accounted) = (self.dropped_records + self.dropped_events, self.accounted);
+        let rows = [
+            ("load", format!("{} for {} s", self.load, self.seconds)),
+            ("ticks", format!("{}, with force {}", self.ticks, self.ticks_with_force)),
+            (
+                "missed deadlines",
+                format!("{}, accounted for: {}", self.missed, if accounted { "all" } else { "NOT ALL" }),
+            ),
+            ("records, events dropped", dropped.to_string()),
+            ("lateness, us", self.lateness_us.text()),
+            ("a bare thread's, us", self.bare_lateness_us.text()),
+            ("ratio at p99", ratio),
+            ("a bare thread missed", format!("{}, left out {}", self.bare_missed, self.bare_during_ticks)),
+            ("period, us", self.period_us.text()),
+            ("tick cost, us", self.cost_us.text()),
+            ("ticks beyond a period", self.overruns.to_string()),
+            ("allocations on the loop", self.allocations_on_loop.to_string()),
+            (
+                "memory, MiB",
+                format!("{}, after 10 s {}, end {}", mebibytes(start), mebibytes(after_10_s), mebibytes(end)),
+            ),
+            ("growth after 10 s, bytes", growth),
+            (
+                "forces out of limits",
+                format!("{}, largest {:.2} N", self.forces_out_of_limits, self.peak_force_n),
+            ),
+            (
+                "model steps",
+                format!(
+                    "{}, mean {:.1} ms, longest {:.1} ms, samples lost {}",
+                    self.model_steps, self.model_step_ms.mean, self.model_step_ms.max, self.samples_lost
+                ),
+            ),
+            (
+                "local models",
+                format!(
+                    "{} adopted, {} refused, oldest {:.0} ms",
+                    self.models_adopted, self.models_refused, self.oldest_model_ms
+                ),
+            ),
+            ("real-time priority", priority.clone()),
+            ("locked memory", memory.clone()),
+            ("core", core.clone()),
+        ];
+        rows.iter().try_for_each(|(name, value)| writeln!(out, "{name:26}{value}"))
+    }
+
+    /// What must hold under any load.
+    pub(super) fn judge(&self) -> Result<(), LabError> {
+        let mut broken = Vec::new();
+        if !self.accounted {
+            broken.push(format!(
+                "not every deadline is accounted for ({} ticks, {} missed, {} records and {} events dropped)",
+                self.ticks, self.missed, self.dropped_records, self.dropped_events
+            ));
+        }
+        if self.forces_out_of_limits > 0 {
+            broken.push(format!("{} forces were out of their limits", self.forces_out_of_limits));
+        }
+        if self.allocations_on_loop > 0 {
+            broken.push(format!("{} allocations were made on the loop's thread", self.allocations_on_loop));
+        }
+        if broken.is_empty() { Ok(()) } else { Err(LabError::Broken(broken.join("; "))) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn everything_that_is_broken_is_named() {
+        let good = || Report { accounted: true, missed: 7, ..Report::default() };
+        assert!(good().judge().is_ok());
+        for (bad, says) in [
+            (Report { accounted: false, ..good() }, "not every deadline is accounted for (0 ticks, 7 missed"),
+            (Report { forces_out_of_limits: 3, ..good() }, "3 forces were out of their limits"),
+            (Report { allocations_on_loop: 2, ..good() }, "2 allocations were made"),
+            (Report { allocations_on_loop: 2, forces_out_of_limits: 1, ..good() }, "limits; 2 allocations"),
+        ] {
+            let said = bad.judge().unwrap_err().to_string();
+            assert!(said.contains(says), "{said}");
+        }
+    }
+}
