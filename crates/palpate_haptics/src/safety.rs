@@ -227,14 +227,14 @@ impl SafetyChain {
 
         let (tolerance_j, most) = (settings.passivity_tolerance_j, settings.passivity_damping_ns_per_m);
         report.given_j = self.passivity.given_j();
-        // Nothing is damped where nothing is felt.
-        if force != DVec3::ZERO {
-            let v = input.velocity_m_per_s;
-            report.damping_ns_per_m = self.passivity.damping(v, self.tick_s, tolerance_j, most);
-            // It slows down, and turns no force round: a surface never pulls.
-            let brake = report.damping_ns_per_m * v;
-            let against = brake.dot(force) / force.length_squared();
-            force -= brake / against.max(1.0);
+        // Along the force only, so that its direction stays and no surface comes to pull.
+        if let Some(along) = force.try_normalize() {
+            let speed = input.velocity_m_per_s.dot(along);
+            let damping = self.passivity.damping(speed, self.tick_s, tolerance_j, most);
+            if damping > 0.0 {
+                report.damping_ns_per_m = damping;
+                force = (force.length() - damping * speed).max(0.0) * along;
+            }
         }
         report.after.passivity_n = force;
 

@@ -36,7 +36,11 @@ fn settings(number: u64) -> LoopSettings {
     let value = 1.0 + (number % 1000) as f64 * 1e-3;
     LoopSettings {
         safety: SafetySettings {
+            start_below_n: f64::MAX,
             ramp_s: 0.0,
+            max_speed_m_per_s: 1e3 * value,
+            passivity_damping_ns_per_m: value,
+            passivity_tolerance_j: value,
             stale_after_periods: 1e6 * value,
             fade_s: value,
             max_force_n: 10.0 * value,

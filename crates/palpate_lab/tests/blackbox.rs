@@ -30,7 +30,14 @@ fn refused(file: &Path, arguments: &[&str]) -> String {
 /// A box of a hand that presses on something, whose device fails from tick 1300 on for 100 ticks, with a tick that comes 5
 /// periods late, and the times of a machine.
 fn kept(folder: &Path) -> PathBuf {
-    let (mut handle, mut haptic_loop) = haptic_loop(LoopConfig::default(), LoopSettings::default()).unwrap();
+    // Force begins as it is, and nothing is taken back of what the late models of this hand give.
+    let safety = SafetySettings {
+        start_below_n: f64::MAX,
+        passivity_damping_ns_per_m: 0.0,
+        ..SafetySettings::default()
+    };
+    let settings = LoopSettings { safety, ..LoopSettings::default() };
+    let (mut handle, mut haptic_loop) = haptic_loop(LoopConfig::default(), settings).unwrap();
     let mut noise = 1_u64;
     for n in 1..=3000_u64 {
         let t = n as f64 * 1e-3;

@@ -12,6 +12,9 @@ use crate::{
 use glam::DVec3;
 use palpate_laws::one_sided;
 
+/// When a slice of the replay has asked contacts for that many impulses it is over: that is a quarter of a millisecond.
+const MOST_ANSWERS: usize = 500;
+
 /// Sizes and rates of a hand-over, fixed at construction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandOverSettings {
@@ -344,8 +347,11 @@ impl HandOver {
         if !model.has_state() {
             return Ok(Some(0));
         }
-        for _ in 0..budget {
-            if next > newest {
+        let mut answers = 0;
+        for i in 0..budget {
+            // Where contacts are hard to solve a slice is shorter; but one more than came, or it would never catch up.
+            let is_enough = answers > MOST_ANSWERS && i > self.fresh;
+            if next > newest || is_enough {
                 break;
             }
             let Some(sample) = self.history.get(next) else {
@@ -353,6 +359,7 @@ impl HandOver {
                 return Err(LocalModelError::TooOld { model: model.id.sequence, oldest });
             };
             state.advance(model, sample, self.settings.tick_s);
+            answers += state.answers(model);
             next = next.saturating_add(1);
             replayed += 1;
         }

@@ -78,6 +78,11 @@ impl NearState {
         self.meeting.is_unsolved()
     }
 
+    /// How often contacts were asked for an impulse at the last sample.
+    pub(crate) fn answers(&self) -> usize {
+        self.meeting.answers()
+    }
+
     /// What is displayed now, N.
     pub(crate) fn displayed_n(&self) -> DVec3 {
         self.displayed_n

@@ -97,6 +97,11 @@ impl Meeting {
         (self.answers_left, self.unsolved) = (MOST_ANSWERS, false);
     }
 
+    /// How often rows were asked in this tick.
+    pub(crate) fn answers(&self) -> usize {
+        MOST_ANSWERS - self.answers_left
+    }
+
     /// Whether impulses of this tick were not found as well as they should be.
     pub(crate) fn is_unsolved(&self) -> bool {
         self.unsolved

@@ -113,6 +113,11 @@ impl LocalState {
         model.scheme == Scheme::NearFieldExact && model.near.nodes > 0 && self.near.is_unsolved()
     }
 
+    /// How often contacts were asked for an impulse at the last sample.
+    pub(crate) fn answers(&self, model: &LocalModel) -> usize {
+        if model.scheme == Scheme::NearFieldExact && model.near.nodes > 0 { self.near.answers() } else { 0 }
+    }
+
     /// Energy of the whole body as `model` has it in this state, J; `None` for schemes that know none.
     #[must_use]
     pub fn energy_j(&self, model: &LocalModel) -> Option<f64> {

@@ -124,7 +124,7 @@ impl HapticDevice for Stand {
         }
         match self.breaks {
             Break::Blocks(blocked) if (BREAKS_AT..BREAKS_AT + 20).contains(&ms) => {
-                std::thread::sleep(Duration::from_millis(blocked));
+                wait(blocked);
             }
             Break::Panics if ms >= BREAKS_AT => panic!("the driver panics"),
             _ => {}
@@ -168,6 +168,11 @@ fn now() -> Instant {
     Instant::now()
 }
 
+#[expect(clippy::disallowed_methods, reason = "a device hangs, and a model side takes its time")]
+fn wait(ms: u64) {
+    std::thread::sleep(Duration::from_millis(ms));
+}
+
 fn run(breaks: Break, can_be_stopped: bool, app: App) -> Result<Turned, LabError> {
     let felt = Felt::default();
     let (mut handle, haptic_loop) = haptic_loop(config(), settings())?;
@@ -180,7 +185,7 @@ fn run(breaks: Break, can_be_stopped: bool, app: App) -> Result<Turned, LabError
         if app != App::GoesOn && ms() >= BREAKS_AT {
             return Ok(leave(app, handle, thread, &felt, turned, began));
         }
-        std::thread::sleep(Duration::from_millis(50));
+        wait(50);
         model_step(&mut handle);
         listen(&mut turned, &mut handle);
     }
@@ -212,7 +217,7 @@ fn leave(
             });
             debug_assert!(side.join().is_err());
             while began.elapsed() < Duration::from_millis(BREAKS_AT + 600) {
-                std::thread::sleep(Duration::from_millis(20));
+                wait(20);
             }
             drop(thread);
         }
