@@ -72,3 +72,34 @@ fn an_app_knows_what_its_local_models_are() {
     step(&mut app, 1);
     assert_eq!(app.world().get::<LocalModelBuild>(tool), Some(&LocalModelBuild::default()));
 }
+
+#[test]
+fn an_app_keeps_the_last_ticks_when_something_goes_wrong_and_when_it_asks() {
+    let folder = std::env::temp_dir().join(format!("palpate-black-box-{}", std::process::id()));
+    let mut app = lockstep_app();
+    // A device that fails once, at the 300th tick.
+    let hand = || {
+        ScriptedDevice::new(|n, _| match n {
+            300 => Err(palpate_haptics::DeviceError::TimedOut),
+            _ => Ok(Reading::at(DVec3::new(0.0, 0.06, 0.0))),
+        })
+    };
+    let (_, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, hand);
+    app.world_mut().entity_mut(tool).insert(bevy_palpate::KeepBlackBox::in_folder(&folder));
+    step(&mut app, 5);
+    let files =
+        |app: &bevy::app::App| app.world().get::<bevy_palpate::KeepBlackBox>(tool).unwrap().files().to_vec();
+    assert_eq!(files(&app), [""; 0].map(std::path::PathBuf::from));
+    step(&mut app, 3);
+    assert_eq!(files(&app).len(), 1);
+    let name = files(&app)[0].file_name().unwrap().to_string_lossy().into_owned();
+    assert!(name.contains("the-device-failed"), "{name}");
+    let ticks = palpate_haptics::Recording::read_csv(&files(&app)[0]).unwrap();
+    assert!(
+        ticks.ticks().iter().any(|tick| tick.read_failed == Some(palpate_haptics::DeviceFault::TimedOut))
+    );
+    app.world_mut().get_mut::<bevy_palpate::KeepBlackBox>(tool).unwrap().ask("a user asked");
+    step(&mut app, 1);
+    assert_eq!(files(&app).len(), 2);
+    std::fs::remove_dir_all(folder).unwrap();
+}

@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use palpate_body::BodyError;
-use palpate_haptics::{DeviceError, HapticsError, LoopEventKind, TrajectoryError};
+use palpate_haptics::{BlackBoxError, DeviceError, HapticsError, LoopEventKind, TrajectoryError};
 use palpate_reduce::ReduceError;
 use thiserror::Error;
 
@@ -57,6 +57,9 @@ pub enum HapticFaultKind {
     /// itself and stops with zero force when the device lets it.
     #[error("the haptic loop's thread does not end: its device blocks; it is left to itself")]
     LoopDetached,
+    /// The last ticks of a loop could not be written to a file.
+    #[error("the black box cannot be written")]
+    BlackBox(#[source] BlackBoxError),
     /// The loop hangs in its device, and the watchdog has stopped the device. When the device lets the loop go on, force comes
     /// back once it is small.
     #[error("the haptic loop hangs in its device, which has been stopped: check its cable and driver")]

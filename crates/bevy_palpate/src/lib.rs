@@ -100,9 +100,9 @@ pub use fault::{DeviceFault, HapticFault, HapticFaultKind};
 pub use plugins::{FaultLogPlugin, PalpatePlugins};
 pub use schedule::{HapticClock, HapticSchedulePlugin, HapticSystems, ModelRate, ModelStep, ModelStepCount};
 pub use tool::{
-    ContactBegan, ContactEnded, HapticTool, LOCAL_MODEL_ERROR, LOCAL_MODEL_ERROR_NOTICEABLE, LocalModelBuild,
-    LocalModelError, LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolLoop, ToolPlugin, ToolSettings,
-    Touching,
+    ContactBegan, ContactEnded, HapticTool, KeepBlackBox, LOCAL_MODEL_ERROR, LOCAL_MODEL_ERROR_NOTICEABLE,
+    LocalModelBuild, LocalModelError, LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolLoop,
+    ToolPlugin, ToolSettings, Touching,
 };
 
 /// What an app with haptic bodies needs.

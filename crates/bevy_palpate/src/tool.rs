@@ -1,11 +1,13 @@
 //! Tools: what the user asks for, and what is computed.
 
+mod black_box;
 mod model;
 mod receive;
 mod results;
 mod settings;
 mod start;
 
+pub use black_box::KeepBlackBox;
 pub use results::{
     LOCAL_MODEL_ERROR, LOCAL_MODEL_ERROR_NOTICEABLE, LocalModelBuild, LocalModelError, LoopTiming,
     TickRecording, ToolForce, Touching,

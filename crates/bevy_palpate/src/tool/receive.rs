@@ -1,7 +1,7 @@
 //! From the loops to the model side: samples, events, records.
 
 use super::start::Driver;
-use super::{ContactEnded, HapticTool, TickRecording, ToolLoop};
+use super::{ContactEnded, HapticTool, KeepBlackBox, TickRecording, ToolLoop};
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::{MAX_TICKS, ModelRate};
@@ -42,17 +42,26 @@ pub(super) fn receive(
 /// Takes every loop's events and records, and notices loops that have ended by themselves.
 pub(super) fn watch_loops(
     mut commands: Commands,
-    mut tools: Query<(Entity, &mut ToolLoop, Option<&mut TickRecording>)>,
+    mut tools: Query<(Entity, &mut ToolLoop, Option<&mut TickRecording>, Option<&mut KeepBlackBox>)>,
     mut faults: MessageWriter<HapticFault>,
 ) {
-    for (entity, mut tool, recording) in &mut tools {
+    for (entity, mut tool, recording, black_box) in &mut tools {
         let tool = &mut *tool;
         let mut fault = |kind| {
             faults.write(HapticFault { entity: Some(entity), kind });
         };
         // Asked before the queues are emptied, so that its last words are among what is taken.
         let ended = matches!(&tool.driver, Driver::Thread(thread) if !thread.is_running());
-        tool.take_faults(&mut fault);
+        let mut worth_keeping = None;
+        tool.take_faults(&mut |kind| {
+            if !matches!(kind, HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(_))) {
+                worth_keeping.get_or_insert_with(|| kind.chain());
+            }
+            fault(kind);
+        });
+        if let Some(mut black_box) = black_box {
+            black_box.keep(&mut tool.handle, worth_keeping).map(&mut fault);
+        }
         if let Some(mut recording) = recording {
             tool.record(&mut recording);
         }

@@ -155,6 +155,15 @@ pub(crate) fn all() -> Vec<Injected> {
                 ..Scene::default()
             },
         ),
+        // All threads stand still for 10 s, the loop's too; the hand goes on where it was.
+        (
+            "app_stopped_in_a_debugger",
+            fades(1, "deadlines were missed in a row"),
+            Scene {
+                elapsed: Box::new(|tick| if tick == BREAKS_AT { 10_000 } else { 1 }),
+                ..Scene::default()
+            },
+        ),
         (
             "app_paused",
             fades(102, ""),

@@ -56,6 +56,8 @@ pub(crate) fn settings() -> LoopSettings {
 pub(crate) struct Scene {
     /// How many ticks it lasts.
     pub(crate) ticks: u64,
+    /// How many periods pass from the tick before to this one.
+    pub(crate) elapsed: Box<dyn FnMut(u64) -> u64>,
     /// What the device gives instead of a reading.
     pub(crate) read: Box<dyn FnMut(u64, Reading) -> Result<Reading, DeviceError>>,
     /// What writing a force gives.
@@ -71,6 +73,7 @@ impl Default for Scene {
     fn default() -> Self {
         Self {
             ticks: TICKS,
+            elapsed: Box::new(|_| 1),
             read: Box::new(|_, reading| Ok(reading)),
             write: Box::new(|_| Ok(())),
             model: Box::new(|_, _| true),
@@ -98,7 +101,7 @@ impl Scene {
         for tick in 1..=self.ticks {
             (self.app)(tick, &mut handle);
             let reading = (self.read)(tick, Reading::at(hand(tick)));
-            let ticked = haptic_loop.tick(1, reading);
+            let ticked = haptic_loop.tick((self.elapsed)(tick), reading);
             let written = (self.write)(tick);
             // What is not written is not felt: the device goes on with what it had.
             let held = turned.forces.last().map_or(DVec3::ZERO, |(_, force)| *force);
