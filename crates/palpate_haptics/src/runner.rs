@@ -206,7 +206,7 @@ fn turn(
         }
         let begun_ns = clock.now_ns();
         if let Some(watched) = watched {
-            watched.beat(begun_ns);
+            watched.beat();
         }
         let lateness_ns = begun_ns - deadline_ns;
         // Deadlines after this one that have passed too: this tick stands for the newest of them.

@@ -22,9 +22,10 @@ const SILENCE_NS: u64 = 50_000_000;
 const LOOK_NS: u64 = 5_000_000;
 
 /// What loop, watchdog and app share.
-#[derive(Default)]
 pub(crate) struct Watched {
-    /// When the loop last began a tick, on the monotonic clock, ns; 0 before the first.
+    /// That of both: clocks that were started at different times need not agree.
+    clock: MonotonicClock,
+    /// When the loop last began a tick, on that clock, ns; 0 before the first.
     beat_ns: AtomicU64,
     /// How often the device was stopped.
     stops: AtomicU64,
@@ -43,6 +44,18 @@ impl fmt::Debug for Watched {
     }
 }
 
+impl Default for Watched {
+    fn default() -> Self {
+        Self {
+            clock: MonotonicClock::start(),
+            beat_ns: AtomicU64::new(0),
+            stops: AtomicU64::new(0),
+            has_ended: AtomicBool::new(false),
+            stop: Mutex::new(None),
+        }
+    }
+}
+
 impl Watched {
     /// Takes what an open device offers, and begins to watch it with the first that does. Whether it is watched.
     pub(crate) fn begin(self: &Arc<Self>, device: &mut dyn HapticDevice) -> bool {
@@ -57,8 +70,9 @@ impl Watched {
     }
 
     /// The loop begins a tick.
-    pub(crate) fn beat(&self, now_ns: u64) {
-        self.beat_ns.store(now_ns, Ordering::Release);
+    pub(crate) fn beat(&self) {
+        // Never 0, which is before the first.
+        self.beat_ns.store(self.clock.now_ns().max(1), Ordering::Release);
     }
 
     /// The loop has ended.
@@ -72,8 +86,7 @@ impl Watched {
     }
 
     fn watch(&self) {
-        let clock = MonotonicClock::start();
-        let mut stopped_at = 0;
+        let (clock, mut stopped_at) = (self.clock, 0);
         while !self.has_ended.load(Ordering::Acquire) {
             clock.sleep_until(clock.now_ns() + LOOK_NS);
             let beat = self.beat_ns.load(Ordering::Acquire);
