@@ -73,7 +73,12 @@ fn force(app: &App, tool: Entity) -> f64 {
 
 /// Faults that are no matter of the machine's load.
 fn faults(app: &mut App) -> Vec<String> {
-    let load = ["deadlines were missed", "samples were lost", "local model was refused"];
+    let load = [
+        "deadlines were missed",
+        "samples were lost",
+        "local model was refused",
+        "no new local model has come",
+    ];
     take_faults(app).into_iter().filter(|fault| !load.iter().any(|l| fault.contains(l))).collect()
 }
 
@@ -94,7 +99,10 @@ fn removing_a_tool_leaves_zero_force_a_closed_device_and_no_thread() {
         (0..5).for_each(|_| app.update());
         assert_eq!(hand.reads.load(Ordering::SeqCst), reads);
         assert_eq!(faults(&mut app), [""; 0]);
-        assert_eq!(app.world().resource::<Contacts>().0, ["began", "ended"]);
+        // A machine so busy that samples are lost lets go and touches again; what has begun has ended all the same.
+        let told = &app.world().resource::<Contacts>().0;
+        let count = |what: &str| told.iter().filter(|told| **told == what).count();
+        assert!(count("began") >= 1 && count("began") == count("ended"), "{told:?}");
     }
 }
 
