@@ -1,11 +1,14 @@
 //! The black box of a running loop.
 
+#[path = "shared/wait.rs"]
+mod wait;
+
 use glam::DVec3;
 use palpate_haptics::*;
 use palpate_local::{Contact, ModelId, Scheme};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
+use wait::wait_for;
 
 /// A loop in lock step whose hand swings, with a local model that pushes with 300 N from tick 100 on.
 fn run(ticks: usize) -> HapticHandle {
@@ -77,18 +80,6 @@ fn spawn(
     let (handle, haptic_loop) = haptic_loop(LoopConfig::default(), LoopSettings::default()).unwrap();
     let thread = haptic_loop.spawn(Box::new(device)).unwrap();
     (handle, thread, reads)
-}
-
-/// Waits until `done`, for ten seconds at most.
-#[expect(clippy::disallowed_methods, reason = "a test of a thread has to wait for it")]
-fn wait_for(mut done: impl FnMut() -> bool) {
-    for _ in 0..10_000 {
-        if done() {
-            return;
-        }
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    panic!("it did not happen within ten seconds");
 }
 
 /// The app looks 20 times a second, as it does in a scene.

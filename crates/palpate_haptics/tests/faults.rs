@@ -1,11 +1,15 @@
 //! A device that jumps, hangs or goes away. `palpate-lab faults` has every fault and what the hand feels of it.
 
+#[path = "shared/wait.rs"]
+mod wait;
+
 use glam::DVec3;
 use palpate_haptics::*;
 use palpate_local::{Contact, Scheme};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
+use wait::wait_for;
 
 fn settings() -> LoopSettings {
     let safety = SafetySettings { start_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
@@ -116,18 +120,6 @@ impl HapticDevice for Stand {
     fn close(&mut self) -> Result<(), DeviceError> {
         Ok(())
     }
-}
-
-/// Waits until `done`, for ten seconds at most.
-#[expect(clippy::disallowed_methods, reason = "a test of a thread has to wait for it")]
-fn wait_for(mut done: impl FnMut() -> bool) {
-    for _ in 0..10_000 {
-        if done() {
-            return;
-        }
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    panic!("it did not happen within ten seconds");
 }
 
 fn start() -> (HapticHandle, LoopThread, Arc<Seen>) {

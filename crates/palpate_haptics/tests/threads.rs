@@ -1,5 +1,8 @@
 //! The loop on its own thread: what must hold whatever the machine's load. No times are judged here.
 
+#[path = "shared/wait.rs"]
+mod wait;
+
 use glam::DVec3;
 use palpate_haptics::*;
 use palpate_laws::{Spring, ToolShape};
@@ -10,6 +13,7 @@ use palpate_local::{
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
+use wait::wait_for;
 
 /// Forces written and calls made, as a device saw them.
 #[derive(Default)]
@@ -62,18 +66,6 @@ fn publish(handle: &mut HapticHandle, sequence: u64) {
     (model.scheme, model.contact, model.force_n) = (Scheme::Hold, Contact::Held, DVec3::Y);
     model.id.sequence = sequence;
     handle.publish_model();
-}
-
-/// Waits until `done`, for ten seconds at most.
-#[expect(clippy::disallowed_methods, reason = "a test of a thread has to wait for it")]
-fn wait_for(mut done: impl FnMut() -> bool) {
-    for _ in 0..10_000 {
-        if done() {
-            return;
-        }
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    panic!("it did not happen within ten seconds");
 }
 
 #[test]

@@ -26,6 +26,42 @@ pub struct ProxyStep {
     pub short_m: DVec3,
 }
 
+/// What a tool does in a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolMove {
+    /// Where it begins and ends, m; behind a coupling, if it moves as its device does.
+    pub from_m: DVec3,
+    /// See `from_m`.
+    pub to_m: DVec3,
+    /// What draws it elsewhere.
+    pub proxy: Option<ProxyStep>,
+}
+
+impl ToolMove {
+    /// That of a tool behind `coupling`, if there is one, whose proxy is at `proxy_m` and whose device goes from one place to
+    /// another; `radius_m` is `None` for a tool that holds.
+    #[must_use]
+    pub fn new(
+        coupling: Option<Coupling>,
+        device_m: (DVec3, DVec3),
+        proxy_m: DVec3,
+        radius_m: Option<f64>,
+    ) -> Self {
+        let Some(coupling) = coupling else {
+            return Self { from_m: device_m.0, to_m: device_m.1, proxy: None };
+        };
+        let behind_m = device_m.0 - proxy_m;
+        let proxy = Some(ProxyStep { coupling, short_m: coupling.short_m(behind_m, radius_m) });
+        Self { from_m: proxy_m, to_m: device_m.1 - behind_m, proxy }
+    }
+
+    /// How far its coupling draws it if nothing is in the way, m.
+    #[must_use]
+    pub fn short_m(&self) -> DVec3 {
+        self.proxy.map_or(DVec3::ZERO, |proxy| proxy.short_m)
+    }
+}
+
 /// How often a coupling that gives way is looked at again in a step.
 const LOOKS: usize = 8;
 /// Most sweeps over the rows then.
@@ -92,7 +128,7 @@ impl<A: Answer, F: Fn(usize) -> bool> Answer for WithProxy<'_, A, F> {
     }
 }
 
-/// As [`solve_rows`], with the tool, whose rows are those that `is_tools` tells, behind a coupling. Returns also how far the
+/// As [`solve_rows`], from no impulses, with the tool, whose rows are those that `is_tools` tells, behind a coupling. Returns also how far the
 /// proxy goes in this step beside the device's own motion, m.
 ///
 /// The proxy has no mass: the impulses Λ of its rows are those of the coupling, and it ends Λ/(h k) short of the device.
@@ -109,17 +145,15 @@ pub fn solve_with_proxy(
     let Coupling { stiffness_n_per_m, most_n } = proxy.coupling;
     let per_kg = 1.0 / (stiffness_n_per_m * h * h);
     let mut lightest = 0.0_f64;
-    let mut guessed = DVec3::ZERO;
     for (_, row) in rows.iter_mut().enumerate().filter(|(index, _)| is_tools(*index)) {
         let own = row.own_per_kg.x_axis.x.min(row.own_per_kg.y_axis.y).min(row.own_per_kg.z_axis.z);
         lightest = lightest.max(own);
         row.own_per_kg += DMat3::from_diagonal(DVec3::splat(per_kg));
-        guessed += row.impulse_ns;
     }
     // At first to where the coupling would be saturated if the proxy stayed; so that in the end its force is towards the
     // device.
     let goal = proxy.short_m.clamp_length_max(proxy.coupling.stretch_m());
-    let answer = WithProxy { rows: answer, is_tools, velocity_m_per_s: goal / h - per_kg * guessed, per_kg };
+    let answer = WithProxy { rows: answer, is_tools, velocity_m_per_s: goal / h, per_kg };
     let mut pull = Pull { rows, answer, h, effort, sweeps: Sweeps::default() };
     let force = pull.force_n(DVec3::ZERO);
     let beyond = force.length() - most_n;

@@ -6,9 +6,10 @@
 )]
 
 use crate::dense::{add_columns, dot, subtract_product};
-use crate::near_touch::{Meeting, ToolMove};
+use crate::near_touch::Meeting;
 use crate::{NearEnd, NearField, NearFieldCapacity, Sample, Support, TickIntegrator};
 use glam::DVec3;
+use palpate_laws::ToolMove;
 
 /// The state z = (δx_S, q) of a near field, and room to compute in.
 #[derive(Clone, Debug)]
@@ -210,7 +211,11 @@ impl NearState {
                 z_dot.iter_mut().zip(&*force).skip(first).for_each(|(v, change)| *v += change);
             }
         }
-        let tool = ToolMove::new(field, device, self.proxy_m);
+        let radius_m = match field.support {
+            Support::Touched { shape, .. } => Some(shape.radius_m()),
+            Support::Driven | Support::Held => None,
+        };
+        let tool = ToolMove::new(field.coupling, device, self.proxy_m, radius_m);
         let (closing, proxy_m) = self.meeting.meet(field, &tool, h, z, z_dot);
         self.proxy_m = proxy_m;
         let is_closing = closing.is_some();

@@ -8,14 +8,12 @@
 mod displayed;
 mod look;
 
-pub(crate) use look::ToolMove;
-
 use crate::dense::Cholesky;
 use crate::near_tick::{get, put};
 use crate::{NearField, NearFieldCapacity, Support, TickIntegrator};
 use glam::{DMat3, DVec3};
 use look::Point;
-use palpate_laws::{Answer, CLOSED_M, Effort, Row, solve_rows, solve_with_proxy};
+use palpate_laws::{Answer, CLOSED_M, Effort, Row, ToolMove, solve_rows, solve_with_proxy};
 
 /// Most points that are touched at once.
 const MOST_POINTS: usize = 48;

@@ -10,7 +10,8 @@ use crate::tool::Hold;
 use crate::{BodyError, Integrator, NodeContact, ToolContact, TouchedPoint};
 use glam::{DMat3, DVec3};
 use palpate_laws::{
-    Answer, CLOSED_M, CLOSING_M_PER_S, Effort, ProxyStep, Row, RowLaw, Sweeps, solve_rows, solve_with_proxy,
+    Answer, CLOSED_M, CLOSING_M_PER_S, Effort, ProxyStep, Row, RowLaw, Sweeps, ToolMove, solve_rows,
+    solve_with_proxy,
 };
 
 /// How often obstacles are looked for again after some were met.
@@ -33,11 +34,8 @@ pub(super) struct Step<'a> {
 /// A tool that does not drive a node, in a step.
 pub(super) struct ToolStep<'a> {
     pub(super) contact: &'a mut ToolContact,
-    /// Where it is at the beginning and at the end of the step, m; behind a coupling, if it moves as its device does.
-    pub(super) from_m: DVec3,
-    pub(super) to_m: DVec3,
-    /// What draws it elsewhere.
-    pub(super) proxy: Option<ProxyStep>,
+    /// From where to where it goes.
+    pub(super) way: ToolMove,
     /// The triangles that it may touch: their nodes, and their longest edge at rest, m.
     pub(super) near: &'a [([usize; 3], f64)],
 }
@@ -49,13 +47,9 @@ impl<'a> ToolStep<'a> {
         device_m: (DVec3, DVec3),
         near: &'a [([usize; 3], f64)],
     ) -> Self {
-        let from_m = contact.proxy_m(device_m.0);
-        let behind_m = device_m.0 - from_m;
         let radius_m = contact.shape().map(|(shape, _)| shape.radius_m());
-        let proxy = contact
-            .coupling
-            .map(|coupling| ProxyStep { coupling, short_m: coupling.short_m(behind_m, radius_m) });
-        Self { contact, from_m, to_m: device_m.1 - behind_m, proxy, near }
+        let way = ToolMove::new(contact.coupling, device_m, contact.proxy_m(device_m.0), radius_m);
+        Self { contact, way, near }
     }
 }
 
@@ -115,8 +109,7 @@ impl Body {
         let mut columns = Columns::default();
         let mut impulses = Vec::new();
         // Without rows a proxy goes as far as it is let.
-        let proxy = step.tool.as_ref().and_then(|tool| tool.proxy);
-        let mut drawn = proxy.map_or(DVec3::ZERO, |proxy| proxy.short_m);
+        let mut drawn = step.tool.as_ref().map_or(DVec3::ZERO, |tool| tool.way.short_m());
         // A push out of one obstacle may lead into another: until no more are met.
         for meeting in 0..MEETINGS {
             let known = rows.len();
@@ -138,9 +131,9 @@ impl Body {
             let (found, went) = self.solve(step, &rows, &gaps, &before, &mut columns, report)?;
             (impulses, drawn) = (found, if overdue { drawn } else { went });
         }
-        if let Some(tool) = step.tool.as_mut().filter(|tool| tool.proxy.is_some()) {
-            tool.to_m += drawn;
-            tool.contact.proxy_m = Some(tool.to_m);
+        if let Some(tool) = step.tool.as_mut().filter(|tool| tool.way.proxy.is_some()) {
+            tool.way.to_m += drawn;
+            tool.contact.proxy_m = Some(tool.way.to_m);
         }
         let work = self.settle(step, &rows, &impulses, (closing.as_deref(), drawn), report);
         if let Some(mut ledger) = self.ledger.take() {
@@ -164,7 +157,7 @@ impl Body {
         report: &mut StepReport,
     ) -> Vec<(Weights, DVec3, DVec3)> {
         let (h, mut work, mut touched) = (step.h, Vec::new(), Vec::new());
-        let moved = step.tool.as_ref().map_or(DVec3::ZERO, |tool| tool.to_m - tool.from_m);
+        let moved = step.tool.as_ref().map_or(DVec3::ZERO, |tool| tool.way.to_m - tool.way.from_m);
         for (row, &impulse_ns) in rows.iter().zip(impulses) {
             let of = |v: &[DVec3]| -> DVec3 { row.nodes.iter().map(|&(node, w)| w * v[node]).sum() };
             let (velocity, closing) = (of(&self.v), of(closing.unwrap_or(&self.v)));
@@ -318,7 +311,7 @@ impl Body {
         };
         let mut rows: Vec<Row> = constraints.iter().zip(gaps).map(asked).collect();
         self.v.copy_from_slice(before);
-        let proxy = step.tool.as_ref().and_then(|tool| tool.proxy);
+        let proxy = step.tool.as_ref().and_then(|tool| tool.way.proxy);
         let (sweeps, drawn) = match (step.integrator, &self.implicit) {
             (Integrator::LinearlyImplicitEuler(settings), Some(implicit)) => {
                 let touched = nodes.iter().flatten().map(|(node, _)| *node);

@@ -173,10 +173,10 @@ impl Body {
     ) -> Result<(), BodyError> {
         self.ledger = self.ledger.take().map(|ledger| ledger.begin(self));
         let mut drive = None;
-        if let Some((ToolStep { contact, to_m, .. }, velocity)) = &tool
+        if let Some((ToolStep { contact, way, .. }, velocity)) = &tool
             && let Hold::Node { node, offset_m } = contact.hold
         {
-            let at = *to_m + offset_m;
+            let at = way.to_m + offset_m;
             drive = Some((node, at - self.x[node]));
             (self.x[node], self.v[node]) = (at, *velocity);
         }

@@ -9,45 +9,13 @@ use super::{MOST_POINTS, Meeting};
 use crate::near_tick::get;
 use crate::{NearField, Support};
 use glam::DVec3;
-use palpate_laws::{CLOSING_M_PER_S, Coulomb, Feature, ProxyStep, RowLaw};
+use palpate_laws::{CLOSING_M_PER_S, Coulomb, Feature, RowLaw, ToolMove};
 
 /// Of the way between two looks at the surface, the largest part of a tool's radius.
 const SHARE_OF_RADIUS: f64 = 0.5;
 /// Into so many steps a tick is cut at most so that nothing is passed unseen, and so many looks are taken in a step.
 const MOST_CUTS: f64 = 8.0;
 const MOST_LOOKS: f64 = 64.0;
-
-/// What the tool does in a step.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct ToolMove {
-    /// Where it begins and ends, m; behind a coupling, if it moves as its device does.
-    pub(super) from_m: DVec3,
-    pub(super) to_m: DVec3,
-    /// What draws it elsewhere.
-    pub(super) proxy: Option<ProxyStep>,
-}
-
-impl ToolMove {
-    /// That of a tool at `proxy_m` whose device goes from one place to another.
-    pub(crate) fn new(field: &NearField, device_m: (DVec3, DVec3), proxy_m: DVec3) -> Self {
-        let Some(coupling) = field.coupling else {
-            return Self { from_m: device_m.0, to_m: device_m.1, proxy: None };
-        };
-        let behind_m = device_m.0 - proxy_m;
-        let radius_m = match field.support {
-            Support::Touched { shape, .. } => Some(shape.radius_m()),
-            Support::Driven | Support::Held => None,
-        };
-        let short_m = coupling.short_m(behind_m, radius_m);
-        let proxy = Some(ProxyStep { coupling, short_m });
-        Self { from_m: proxy_m, to_m: device_m.1 - behind_m, proxy }
-    }
-
-    /// How far its coupling draws it if nothing is in the way, m.
-    pub(super) fn short_m(&self) -> DVec3 {
-        self.proxy.map_or(DVec3::ZERO, |proxy| proxy.short_m)
-    }
-}
 
 /// A row on nodes of S.
 #[derive(Clone, Copy, Debug)]

@@ -37,6 +37,11 @@ impl Basis {
         self.order
     }
 
+    /// Whether the free node of this index is not in S.
+    pub(super) fn is_far(&self, index: usize) -> bool {
+        self.row[index].is_some()
+    }
+
     /// Takes the columns of `matrix`, over all free degrees of freedom.
     pub(super) fn take(&mut self, matrix: &Mat<f64>) {
         let mut group = Vec::with_capacity(matrix.ncols());

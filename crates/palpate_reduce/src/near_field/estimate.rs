@@ -21,9 +21,7 @@ pub(super) fn error_bound(
     direction: DVec3,
 ) -> Option<f64> {
     let unknowns = 3 * network.free().len();
-    let mut is_support = vec![false; network.free().len()];
     let free: Vec<usize> = support.iter().filter_map(|&node| network.free_index(node)).collect();
-    free.iter().for_each(|&index| is_support[index] = true);
     let (k, b) = (tangent.stiffness(), tangent.damping());
     // Adds (K + σB) x.
     let multiply = |column: usize, x: f64, to: &mut [f64]| {
@@ -42,7 +40,7 @@ pub(super) fn error_bound(
     let own: f64 =
         free.iter().map(|&i| (0..3).map(|axis| direction[axis] * pushed[3 * i + axis]).sum::<f64>()).sum();
     // b, and Vᵀ b.
-    let rest = |dof: usize| !is_support[dof / 3];
+    let rest = |dof: usize| basis.is_far(dof / 3);
     let b_r: Vec<f64> = (0..unknowns).map(|dof| if rest(dof) { -pushed[dof] } else { 0.0 }).collect();
     let y = basis.transposed(network, &b_r);
     let w = basis.columns(network, &reduced(field, y)?);

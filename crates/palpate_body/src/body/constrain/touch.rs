@@ -16,14 +16,14 @@ impl Body {
         let mut rows: Vec<Constraint> = Vec::new();
         let mut places: Vec<[usize; 3]> = Vec::new();
         let Hold::Nothing { shape, .. } = tool.contact.hold else { return rows };
-        let moved = tool.to_m - tool.from_m;
+        let moved = tool.way.to_m - tool.way.from_m;
         // What is farther cannot come.
         let speed2 = |&node: &usize| self.v[node].length_squared();
         let fastest = self.network.free().iter().map(speed2).fold(0.0, f64::max).sqrt();
-        let drawn = tool.proxy.map_or(0.0, |proxy| proxy.short_m.length());
+        let drawn = tool.way.short_m().length();
         let far = 2.0 * (moved.length() + h * fastest) + drawn;
         for &(triangle, longest_m) in tool.near {
-            shape.features(tool.to_m, triangle.map(|node| self.x[node]), longest_m, |feature| {
+            shape.features(tool.way.to_m, triangle.map(|node| self.x[node]), longest_m, |feature| {
                 if feature.gap_m > far {
                     return;
                 }
@@ -100,9 +100,9 @@ impl Body {
     /// The row of a point that the tool holds.
     pub(super) fn grip_row(&self, tool: &ToolStep<'_>, h: f64) -> Option<Constraint> {
         let Hold::Point { point, offset_m } = &tool.contact.hold else { return None };
-        let apart = point.of(&self.x) - (tool.from_m + *offset_m);
+        let apart = point.of(&self.x) - (tool.way.from_m + *offset_m);
         let overdue = apart.clamp_length_max(h * CLOSING_M_PER_S);
-        let gap = overdue - (tool.to_m - tool.from_m);
+        let gap = overdue - (tool.way.to_m - tool.way.from_m);
         let nodes = point.nodes().to_vec();
         Some(Constraint { source: Source::Grip, nodes, law: RowLaw::TwoSided, gap, overdue })
     }
