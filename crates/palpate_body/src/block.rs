@@ -3,7 +3,7 @@
 use crate::error::check_positive;
 use crate::lattice;
 use crate::tissue::check_damping_ratio;
-use crate::{BodyError, Link, Network, NetworkBuilder, Surface};
+use crate::{BodyError, BodyPoint, Link, Network, NetworkBuilder, Surface};
 use glam::{DQuat, DVec3};
 use palpate_laws::Spring;
 
@@ -240,13 +240,20 @@ impl Block {
         // (u, v, normal) is right-handed for a positive face; for a negative one the winding is turned.
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let first = surface.vertices.len();
+        let mut point_of: std::collections::HashMap<usize, usize> =
+            surface.points.iter().enumerate().map(|(point, at)| (at.nodes()[0].0, point)).collect();
         for q in 0..self.nodes[v] {
             for p in 0..self.nodes[u] {
                 let mut ijk = [0; 3];
                 ijk[u] = p;
                 ijk[v] = q;
                 ijk[axis] = if face.is_positive() { self.nodes[axis] - 1 } else { 0 };
-                surface.vertices.push(self.node(ijk));
+                let node = self.node(ijk);
+                let point = *point_of.entry(node).or_insert_with(|| {
+                    surface.points.push(BodyPoint::node(node));
+                    surface.points.len() - 1
+                });
+                surface.vertices.push(point);
             }
         }
         let at = |p: usize, q: usize| first + p + self.nodes[u] * q;

@@ -79,9 +79,41 @@ impl BodyPoint {
         &self.nodes
     }
 
-    /// A point of a triangle of the surface; weights that are 0 are left out.
-    pub(crate) fn on_triangle(nodes: [(usize, f64); 3]) -> Self {
-        Self { nodes: nodes.into_iter().filter(|(_, w)| *w != 0.0).collect() }
+    /// The point Σ w_i p_i of points p_i; those whose weight is 0 are left out.
+    pub(crate) fn between(points: [(&Self, f64); 3]) -> Self {
+        let mut nodes: Vec<(usize, f64)> = Vec::new();
+        for (point, share) in points.into_iter().filter(|(_, share)| *share != 0.0) {
+            for &(node, w) in &point.nodes {
+                match nodes.iter_mut().find(|(known, _)| *known == node) {
+                    Some((_, weight)) => *weight += share * w,
+                    None => nodes.push((node, share * w)),
+                }
+            }
+        }
+        Self { nodes }
+    }
+
+    /// Refuses nodes that a body of `nodes` nodes does not have.
+    pub(crate) fn validate(&self, nodes: usize) -> Result<(), BodyError> {
+        match self.nodes.iter().find(|(node, _)| *node >= nodes) {
+            Some(&(index, _)) => Err(BodyError::Surface { index, below: nodes }),
+            None => Ok(()),
+        }
+    }
+
+    /// The share of it that nodes carry for which `is_fixed` is false.
+    pub(crate) fn free_share(&self, is_fixed: impl Fn(usize) -> bool) -> f64 {
+        self.nodes.iter().filter(|(node, _)| !is_fixed(*node)).map(|(_, w)| w).sum()
+    }
+
+    /// The point that `nodes` carry with their weights, which sum to 1.
+    pub(crate) fn carried_by(nodes: Vec<(usize, f64)>) -> Self {
+        Self { nodes }
+    }
+
+    /// Its nodes and weights, to be kept.
+    pub(crate) fn into_nodes(self) -> Vec<(usize, f64)> {
+        self.nodes
     }
 
     /// Its nodes without their weights.
@@ -96,8 +128,12 @@ impl BodyPoint {
         force / free().map(|(_, w)| w * w).sum::<f64>()
     }
 
-    /// Σ w_i `values[i]`.
-    pub(crate) fn of(&self, values: &[DVec3]) -> DVec3 {
+    /// Σ w_i `values[i]`: where it is, of positions of all nodes; how fast, of velocities.
+    ///
+    /// # Panics
+    /// When it has a node for which there is no value.
+    #[must_use]
+    pub fn of(&self, values: &[DVec3]) -> DVec3 {
         self.nodes.iter().map(|&(node, w)| w * values[node]).sum()
     }
 }

@@ -175,7 +175,7 @@ impl ToolContact {
         match &self.hold {
             Hold::Node { node, .. } => vec![BodyPoint::node(*node)],
             Hold::Point { point, .. } => vec![point.clone()],
-            Hold::Nothing { .. } => self.touched.iter().map(|t| BodyPoint::on_triangle(t.nodes)).collect(),
+            Hold::Nothing { .. } => self.touched.iter().map(TouchedPoint::body_point).collect(),
         }
     }
 
@@ -213,7 +213,8 @@ impl ToolContact {
             Hold::Node { node, .. } => can_hold(body, &[*node]),
             Hold::Point { point, .. } => can_hold(body, &point.named()),
             Hold::Nothing { .. } => {
-                let nodes: Vec<usize> = self.touched.iter().flat_map(|t| t.nodes.map(|(n, _)| n)).collect();
+                let nodes: Vec<usize> =
+                    self.touched.iter().flat_map(|t| t.nodes.iter().map(|(n, _)| *n)).collect();
                 if nodes.is_empty() { Ok(()) } else { can_hold(body, &nodes) }
             }
         }

@@ -43,20 +43,21 @@ proptest! {
         body.set_state(&x, &vec![DVec3::ZERO; x.len()]).unwrap();
         tree.refit(&body);
         let place = DVec3::from_array(place);
-        let found = tree.closest(&body, place, 1.0).unwrap();
+        let found = tree.closest(place, 1.0).unwrap();
         prop_assert!(((found.point_m - place).length() - found.distance_m.abs()).abs() < 1e-15);
-        let (sum, least) = found.nodes.iter().fold((0.0, f64::INFINITY), |(s, l), (_, w)| (s + w, l.min(*w)));
+        let (sum, least) = found.corners.iter().fold((0.0, f64::INFINITY), |(s, l), (_, w)| (s + w, l.min(*w)));
         prop_assert!((sum - 1.0).abs() < 1e-12 && least >= 0.0);
+        prop_assert!(found.body_point(body.surface()).of(&x).distance(found.point_m) < 1e-15);
         let surface = body.surface();
         let nearest = surface
             .triangles
             .iter()
-            .map(|t| walked(t.map(|v| x[surface.vertices[v]]), place))
+            .map(|t| walked(t.map(|v| surface.points[surface.vertices[v]].of(&x)), place))
             .fold(f64::INFINITY, f64::min);
         // Walking misses the nearest point by less than its step, and never finds a nearer one.
         prop_assert!(found.distance_m.abs() <= nearest + 1e-12 && nearest < found.distance_m.abs() + 5e-4);
         prop_assert!((found.normal.length() - 1.0).abs() < 1e-12);
-        let nothing = tree.closest(&body, place, 0.99 * found.distance_m.abs());
+        let nothing = tree.closest(place, 0.99 * found.distance_m.abs());
         prop_assert!(nothing.is_none());
     }
 
@@ -69,7 +70,7 @@ proptest! {
         let beyond = (place.abs() - half).max(DVec3::ZERO).length();
         let within = (half - place.abs()).min_element();
         let expected = if beyond > 0.0 { beyond } else { -within };
-        let found = SurfaceTree::new(&body).closest(&body, place, 1.0).unwrap();
+        let found = SurfaceTree::new(&body).closest(place, 1.0).unwrap();
         prop_assert!((found.distance_m - expected).abs() < 1e-12, "{found:?}, expected {expected}");
         // Outside, the way back to the surface is against its normal, or nearly so at an edge.
         prop_assert!(expected <= 1e-9 || found.normal.dot(place - found.point_m) > 0.5 * expected);
@@ -80,5 +81,5 @@ proptest! {
 fn a_body_without_triangles_has_no_nearest_point() {
     let network = Lattice::new([3, 1, 1], 0.1).unwrap().uniform(1.0, 0.1, 1.0, |[i, ..]| i == 0).unwrap();
     let body = Body::new(network, Surface::default()).unwrap();
-    assert!(SurfaceTree::new(&body).closest(&body, DVec3::ZERO, 1.0).is_none());
+    assert!(SurfaceTree::new(&body).closest(DVec3::ZERO, 1.0).is_none());
 }

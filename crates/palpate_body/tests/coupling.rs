@@ -115,7 +115,7 @@ fn a_proxy_tunnels_through_nothing() {
             let ticks = (0.05 / speed * 1e3) as usize;
             follow(&mut body, &mut tool, ticks, SemiImplicitEuler::default().into(), at);
             let proxy = tool.proxy_m(at(ticks as f64 * 1e-3));
-            let closest = SurfaceTree::new(&body).closest(&body, proxy, 1.0).unwrap();
+            let closest = SurfaceTree::new(&body).closest(proxy, 1.0).unwrap();
             assert!(closest.distance_m > 0.7 * RADIUS, "{speed} m/s, {most_n} N: {}", closest.distance_m);
         }
     }

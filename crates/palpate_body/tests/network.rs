@@ -158,8 +158,11 @@ fn a_state_that_does_not_fit_is_refused_and_the_old_one_kept() {
 #[test]
 fn a_surface_that_does_not_fit_is_refused() {
     let with = |surface| Body::new(network(2, vec![link(0, 1)]).unwrap(), surface).map(|_| ());
-    let of = |vertices, triangles| Surface { vertices, triangles };
+    let points = [0, 1].map(BodyPoint::node).to_vec();
+    let of = |vertices, triangles| Surface { points: points.clone(), vertices, triangles };
     assert_eq!(with(of(vec![0, 1, 2], vec![])), Err(BodyError::Surface { index: 2, below: 2 }));
     assert_eq!(with(of(vec![0, 1], vec![[0, 1, 2]])), Err(BodyError::Surface { index: 2, below: 2 }));
     assert_eq!(with(of(vec![0, 1, 1], vec![[0, 1, 2]])), Ok(()));
+    let elsewhere = Surface { points: vec![BodyPoint::node(2)], ..Surface::default() };
+    assert_eq!(with(elsewhere), Err(BodyError::Surface { index: 2, below: 2 }));
 }

@@ -53,7 +53,7 @@ fn press(body: &mut Body, tool: &mut ToolContact, ticks: usize, height: impl Fn(
 
 /// How far the centre of a ball is outside of the surface.
 fn outside(body: &Body, center: DVec3) -> f64 {
-    SurfaceTree::new(body).closest(body, center, 1.0).unwrap().distance_m
+    SurfaceTree::new(body).closest(center, 1.0).unwrap().distance_m
 }
 
 #[test]
@@ -76,8 +76,8 @@ fn touch_begins_in_the_tick_in_which_the_tool_crosses_the_surface() {
     for touched in tool.touched() {
         assert!((touched.normal - DVec3::Z).length() < 0.1, "{}", touched.normal);
         assert!((touched.point_m(&body).distance(center) - RADIUS).abs() < 1e-7);
-        let nodes = touched.nodes.map(|(node, _)| body.positions_m()[node]);
-        assert!(nodes.iter().all(|x| (*x - center).truncate().length() < 0.03));
+        let mut nodes = touched.nodes.iter().map(|&(node, _)| body.positions_m()[node]);
+        assert!(nodes.all(|x| (x - center).truncate().length() < 0.03));
     }
 }
 

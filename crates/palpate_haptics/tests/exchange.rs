@@ -5,13 +5,15 @@ use glam::{DQuat, DVec3};
 use palpate_haptics::*;
 use palpate_laws::{Spring, ToolShape};
 use palpate_local::{
-    Capacity, Contact, HandOverSettings, LocalModel, ModelId, NearEnd, NearFieldCapacity, NearSpring,
-    NearTriangle, Sample, SampleOrigin, Scheme, Support, TickIntegrator,
+    Capacity, Contact, HandOverSettings, LocalModel, ModelId, NearEnd, NearFieldCapacity, NearPoint,
+    NearSpring, NearTriangle, Sample, SampleOrigin, Scheme, Support, TickIntegrator,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
 
-const CAPACITY: Capacity =
-    Capacity { order: 6, near: NearFieldCapacity { nodes: 3, order: 6, ring: 3, springs: 6, triangles: 1 } };
+const CAPACITY: Capacity = Capacity {
+    order: 6,
+    near: NearFieldCapacity { nodes: 3, order: 6, ring: 3, springs: 6, points: 3, triangles: 1 },
+};
 const TICK_S: f64 = 1e-3;
 const TICKS: u64 = if cfg!(miri) { 60 } else { 200_000 };
 /// Models that have to be taken.
@@ -68,7 +70,8 @@ fn write(id: ModelId, model: &mut LocalModel) {
     field.clear();
     let p = (number % 7) as usize;
     let ring = 1 + (number % 3) as usize;
-    (field.nodes, field.order, field.ring, field.springs, field.triangles) = (3, p, ring, 3 + ring, 1);
+    (field.nodes, field.order, field.ring) = (3, p, ring);
+    (field.springs, field.points, field.triangles) = (3 + ring, 3, 1);
     field.support = Support::Touched { shape: ToolShape::Sphere { radius_m: 0.005 * v }, friction: 0.2 * v };
     let places = [DVec3::ZERO, DVec3::X * 0.02, DVec3::Y * 0.02].map(|x| x * v - DVec3::splat(0.004));
     let spring = Spring::linear(60.0 * v, 0.02, 0.1 * v).unwrap();
@@ -88,7 +91,8 @@ fn write(id: ModelId, model: &mut LocalModel) {
     }
     field.force[..9 + p].fill(1e-2 * v);
     field.velocity[..9 + p].fill(1e-3 * v);
-    field.triangle[0] = NearTriangle { nodes: [0, 1, 2], longest_m: 0.03 * v, is_touched: number % 2 == 0 };
+    field.point.copy_from_slice(&[0, 1, 2].map(NearPoint::node));
+    field.triangle[0] = NearTriangle { points: [0, 1, 2], longest_m: 0.03 * v, is_touched: number % 2 == 0 };
     (field.tick_s, field.start_m, field.proxy_m) = (TICK_S, DVec3::ZERO, DVec3::ZERO);
     field.integrator = TickIntegrator::Explicit { substeps: 1 + (number % 4) as u32 };
 }

@@ -7,8 +7,8 @@ use glam::DVec3;
 use palpate_haptics::*;
 use palpate_laws::{Spring, ToolShape};
 use palpate_local::{
-    Capacity, Contact, HandOverSettings, NearEnd, NearField, NearSpring, NearTriangle, Scheme, Support,
-    TickIntegrator,
+    Capacity, Contact, HandOverSettings, NearEnd, NearField, NearPoint, NearSpring, NearTriangle, Scheme,
+    Support, TickIntegrator,
 };
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -207,7 +207,8 @@ fn a_device_that_cannot_be_opened_is_reported_and_nothing_is_written() {
 /// A triangle on springs that the tool is in touch with, and a far field of two numbers.
 fn touched_triangle(field: &mut NearField, is_implicit: bool) {
     field.clear();
-    (field.nodes, field.order, field.ring, field.springs, field.triangles) = (3, 2, 1, 4, 1);
+    (field.nodes, field.order, field.ring) = (3, 2, 1);
+    (field.springs, field.points, field.triangles) = (4, 3, 1);
     field.support = Support::Touched { shape: ToolShape::Sphere { radius_m: 0.005 }, friction: 0.3 };
     let places = [DVec3::ZERO, DVec3::X * 0.02, DVec3::Y * 0.02].map(|x| x - DVec3::new(0.005, 0.005, 0.004));
     let spring = Spring::linear(100.0, 0.02, 0.1).unwrap();
@@ -223,7 +224,8 @@ fn touched_triangle(field: &mut NearField, is_implicit: bool) {
     field.damping[..4].copy_from_slice(&[10.0, 0.0, 0.0, 10.0]);
     field.force[..11].fill(0.0);
     field.velocity[..11].fill(0.0);
-    field.triangle[0] = NearTriangle { nodes: [0, 1, 2], longest_m: 0.03, is_touched: true };
+    field.point[..3].copy_from_slice(&[0, 1, 2].map(NearPoint::node));
+    field.triangle[0] = NearTriangle { points: [0, 1, 2], longest_m: 0.03, is_touched: true };
     (field.tick_s, field.start_m) = (1e-3, DVec3::ZERO);
     field.integrator = TickIntegrator::Explicit { substeps: 4 };
     if is_implicit {

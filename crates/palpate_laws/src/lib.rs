@@ -39,4 +39,4 @@ pub use law::{ForceLaw, Tension};
 pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Effort, Row, RowLaw, Sweeps, solve_rows};
 pub use skin::SkinLaw;
 pub use spring::{Spring, SpringTangent};
-pub use touch::{Feature, FeatureGap, ToolShape, nearest_weights};
+pub use touch::{Feature, FeatureGap, POINT_NODES, ToolShape, nearest_weights};

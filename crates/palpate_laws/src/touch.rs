@@ -3,6 +3,9 @@
 use crate::{CLOSING_M_PER_S, LawError};
 use glam::DVec3;
 
+/// Most nodes that carry a point of a surface: those of a cell.
+pub const POINT_NODES: usize = 8;
+
 /// The part of a tool that touches, rigid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ToolShape {
@@ -61,11 +64,11 @@ pub struct FeatureGap {
 }
 
 impl Feature {
-    /// Whether nodes that can move have too little weight in it, where `is_fixed` tells of each corner and `is_touched` whether
-    /// it was touched in the step before.
+    /// Whether nodes that can move have too little weight in it, where `free_share` tells how much they have in each corner and
+    /// `is_touched` whether it was touched in the step before.
     #[must_use]
-    pub fn is_out_of_reach(&self, is_fixed: [bool; 3], is_touched: bool) -> bool {
-        let free: f64 = (0..3).filter(|&i| !is_fixed[i]).map(|i| self.weights[i]).sum();
+    pub fn is_out_of_reach(&self, free_share: [f64; 3], is_touched: bool) -> bool {
+        let free: f64 = (0..3).map(|i| free_share[i] * self.weights[i]).sum();
         free < if is_touched { LEAST_LEVER_TOUCHED } else { LEAST_LEVER }
     }
 

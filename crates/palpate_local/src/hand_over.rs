@@ -49,7 +49,8 @@ impl HandOverSettings {
     pub fn validate(&self) -> Result<(), LocalModelError> {
         let Self { tick_s, capacity, history, replay_per_tick, cutoff_hz } = *self;
         let near = capacity.near;
-        let largest = [capacity.order, near.nodes, near.order, near.ring, near.springs, near.triangles];
+        let largest =
+            [capacity.order, near.nodes, near.order, near.ring, near.springs, near.points, near.triangles];
         let largest = largest.into_iter().max().unwrap_or(0);
         for (what, value, ok, allowed) in [
             ("tick, s", tick_s, (1e-5..=0.1).contains(&tick_s), "1e-5 to 0.1"),

@@ -155,7 +155,10 @@ impl Capacity {
     /// Room for a linear reduced system of order `order` and no near field.
     #[must_use]
     pub fn of_order(order: usize) -> Self {
-        Self { order, near: NearFieldCapacity { nodes: 0, order: 0, ring: 0, springs: 0, triangles: 0 } }
+        Self {
+            order,
+            near: NearFieldCapacity { nodes: 0, order: 0, ring: 0, springs: 0, points: 0, triangles: 0 },
+        }
     }
 }
 

@@ -8,7 +8,7 @@
 use crate::LocalModelError;
 use crate::dense::Cholesky;
 use glam::DVec3;
-use palpate_laws::{Coupling, Spring, ToolShape};
+use palpate_laws::{Coupling, POINT_NODES, Spring, ToolShape};
 
 /// How much a near field can hold; fixed at construction, and refused beyond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,14 +21,16 @@ pub struct NearFieldCapacity {
     pub ring: usize,
     /// Near springs.
     pub springs: usize,
-    /// Triangles of the surface between nodes of S.
+    /// Points of the surface that nodes of S carry.
+    pub points: usize,
+    /// Triangles of the surface between those.
     pub triangles: usize,
 }
 
 impl Default for NearFieldCapacity {
     /// For sixteen nodes in a lattice of 26 neighbours.
     fn default() -> Self {
-        Self { nodes: 16, order: 64, ring: 112, springs: 400, triangles: 48 }
+        Self { nodes: 16, order: 64, ring: 112, springs: 400, points: 16, triangles: 48 }
     }
 }
 
@@ -71,11 +73,35 @@ pub struct NearSpring {
     pub spring: Spring,
 }
 
+/// A point of the surface: Σ w_i x_i over nodes of S.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NearPoint {
+    /// The nodes of S that carry it, each once, and their weights; 0 where there are fewer.
+    pub nodes: [(usize, f64); POINT_NODES],
+}
+
+impl NearPoint {
+    /// The node `node` of S itself.
+    #[must_use]
+    pub fn node(node: usize) -> Self {
+        let mut nodes = [(0, 0.0); POINT_NODES];
+        if let Some(first) = nodes.first_mut() {
+            *first = (node, 1.0);
+        }
+        Self { nodes }
+    }
+
+    /// The nodes that carry it, and their weights.
+    pub fn carriers(&self) -> impl Iterator<Item = (usize, f64)> + use<> {
+        self.nodes.into_iter().filter(|(_, w)| *w != 0.0)
+    }
+}
+
 /// A triangle of the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NearTriangle {
-    /// Its nodes, of S, counter-clockwise seen from outside.
-    pub nodes: [usize; 3],
+    /// Its corners, points of the surface, counter-clockwise seen from outside.
+    pub points: [usize; 3],
     /// Its longest edge at rest, m.
     pub longest_m: f64,
     /// Whether the tool touched it in the last step of the body.
@@ -128,6 +154,8 @@ pub struct NearField {
     pub ring: usize,
     /// Near springs.
     pub springs: usize,
+    /// Points of the surface.
+    pub points: usize,
     /// Triangles.
     pub triangles: usize,
     /// How the tool acts.
@@ -144,7 +172,9 @@ pub struct NearField {
     pub basis: Vec<f64>,
     /// The springs incident to S.
     pub near: Vec<NearSpring>,
-    /// The triangles between nodes of S.
+    /// The points of the surface that nodes of S carry.
+    pub point: Vec<NearPoint>,
+    /// The triangles between them.
     pub triangle: Vec<NearTriangle>,
     /// K̃ = Vᵀ K_far V, 1/s².
     pub stiffness: Vec<f64>,
@@ -180,13 +210,14 @@ impl NearField {
     /// An empty one with room for `capacity`.
     #[must_use]
     pub fn with_capacity(capacity: NearFieldCapacity) -> Self {
-        let NearFieldCapacity { nodes, order, ring, springs, triangles } = capacity;
+        let NearFieldCapacity { nodes, order, ring, springs, points, triangles } = capacity;
         let n = 3 * nodes + order;
         Self {
             nodes: 0,
             order: 0,
             ring: 0,
             springs: 0,
+            points: 0,
             triangles: 0,
             support: Support::Driven,
             weight: vec![0.0; nodes],
@@ -198,6 +229,7 @@ impl NearField {
                 NearSpring { a: 0, b: NearEnd::Fixed(DVec3::ZERO), spring: Spring::default() };
                 springs
             ],
+            point: vec![NearPoint::default(); points],
             triangle: vec![NearTriangle::default(); triangles],
             stiffness: vec![0.0; order * order],
             damping: vec![0.0; order * order],
@@ -224,6 +256,7 @@ impl NearField {
             order: self.force.len().saturating_sub(3 * self.node_m.len()),
             ring: self.ring_m.len(),
             springs: self.near.len(),
+            points: self.point.len(),
             triangles: self.triangle.len(),
         }
     }
@@ -236,7 +269,8 @@ impl NearField {
 
     /// Empties it.
     pub fn clear(&mut self) {
-        (self.nodes, self.order, self.ring, self.springs, self.triangles) = (0, 0, 0, 0, 0);
+        (self.nodes, self.order, self.ring) = (0, 0, 0);
+        (self.springs, self.points, self.triangles) = (0, 0, 0);
         self.is_cut = false;
     }
 
@@ -250,6 +284,7 @@ impl NearField {
             ("columns of the basis", self.order, capacity.order),
             ("nodes of the ring", self.ring, capacity.ring),
             ("near springs", self.springs, capacity.springs),
+            ("points of the surface", self.points, capacity.points),
             ("triangles", self.triangles, capacity.triangles),
         ] {
             if found > room {
@@ -303,11 +338,16 @@ impl NearField {
         let finite = |places: &[DVec3]| places.iter().all(|x| x.is_finite());
         let end_is_finite = |end: &NearEnd| !matches!(end, NearEnd::Fixed(x) if !x.is_finite());
         let springs = self.near.get(..self.springs).unwrap_or_default();
+        let points = self.point.get(..self.points).unwrap_or_default();
         let triangles = self.triangle.get(..self.triangles).unwrap_or_default();
         for (what, ok) in [
             ("places of S", self.node_m.get(..self.nodes).is_some_and(finite)),
             ("places of the ring", self.ring_m.get(..self.ring).is_some_and(finite)),
             ("ends of near springs", springs.iter().all(|spring| end_is_finite(&spring.b))),
+            (
+                "weights of the surface",
+                points.iter().flat_map(|point| point.nodes).all(|(_, w)| w.is_finite()),
+            ),
             ("edges", triangles.iter().all(|triangle| triangle.longest_m.is_finite())),
             ("step", self.tick_s.is_finite() && self.tick_s > 0.0),
             ("start of the tool", self.start_m.is_finite() && self.proxy_m.is_finite()),
@@ -327,8 +367,12 @@ impl NearField {
         for (what, ok) in [
             ("a near spring", springs.iter().all(|spring| spring.a < self.nodes && in_range(&spring.b))),
             (
+                "a point of the surface",
+                points.iter().flat_map(NearPoint::carriers).all(|(node, _)| node < self.nodes),
+            ),
+            (
                 "a triangle",
-                triangles.iter().flat_map(|triangle| triangle.nodes).all(|node| node < self.nodes),
+                triangles.iter().flat_map(|triangle| triangle.points).all(|point| point < self.points),
             ),
         ] {
             if !ok {
@@ -381,7 +425,7 @@ impl NearField {
             self.factor.copy_from(&other.factor)?;
         }
         (self.nodes, self.order, self.ring) = (other.nodes, other.order, other.ring);
-        (self.springs, self.triangles) = (other.springs, other.triangles);
+        (self.springs, self.points, self.triangles) = (other.springs, other.points, other.triangles);
         (self.support, self.integrator) = (other.support, other.integrator);
         (self.tick_s, self.is_cut) = (other.tick_s, other.is_cut);
         (self.start_m, self.energy_j) = (other.start_m, other.energy_j);
@@ -389,6 +433,7 @@ impl NearField {
         copy(&mut self.node_m, &other.node_m, other.nodes);
         copy(&mut self.ring_m, &other.ring_m, other.ring);
         copy(&mut self.near, &other.near, other.springs);
+        copy(&mut self.point, &other.point, other.points);
         copy(&mut self.triangle, &other.triangle, other.triangles);
         let targets = [
             &mut self.weight,
@@ -422,15 +467,17 @@ mod tests {
     use super::*;
 
     const CAPACITY: NearFieldCapacity =
-        NearFieldCapacity { nodes: 3, order: 2, ring: 2, springs: 3, triangles: 1 };
+        NearFieldCapacity { nodes: 3, order: 2, ring: 2, springs: 3, points: 3, triangles: 1 };
 
     /// A triangle held by three springs.
     fn triangle() -> NearField {
         let mut field = NearField::with_capacity(CAPACITY);
-        (field.nodes, field.order, field.ring, field.springs, field.triangles) = (3, 2, 1, 3, 1);
+        (field.nodes, field.order, field.ring) = (3, 2, 1);
+        (field.springs, field.points, field.triangles) = (3, 3, 1);
         field.near[0].b = NearEnd::Ring(0);
         field.near[1].b = NearEnd::Support(2);
-        field.triangle[0] = NearTriangle { nodes: [0, 1, 2], longest_m: 0.1, is_touched: false };
+        field.point.copy_from_slice(&[0, 1, 2].map(NearPoint::node));
+        field.triangle[0] = NearTriangle { points: [0, 1, 2], longest_m: 0.1, is_touched: false };
         field.support = Support::Touched { shape: ToolShape::Sphere { radius_m: 0.01 }, friction: 0.3 };
         field.tick_s = 1e-3;
         field
@@ -466,7 +513,7 @@ mod tests {
     fn what_is_not_finite_is_found_wherever_it_is() {
         assert_eq!(triangle().validate(), Ok(()));
         type Spoil = fn(&mut NearField);
-        let poison: [(&str, Spoil); 11] = [
+        let poison: [(&str, Spoil); 12] = [
             ("weights", |f| f.weight[2] = f64::NAN),
             ("inverse masses", |f| f.node_per_kg[0] = f64::INFINITY),
             ("basis", |f| f.basis[5] = f64::NAN),
@@ -477,6 +524,7 @@ mod tests {
             ("places of S", |f| f.node_m[1].x = f64::NAN),
             ("places of the ring", |f| f.ring_m[0].y = f64::NAN),
             ("ends of near springs", |f| f.near[2].b = NearEnd::Fixed(DVec3::NAN)),
+            ("weights of the surface", |f| f.point[1].nodes[0].1 = f64::NAN),
             ("step", |f| f.tick_s = 0.0),
         ];
         for (what, spoil) in poison {
@@ -494,15 +542,17 @@ mod tests {
     #[test]
     fn wrong_sizes_and_indices_are_found() {
         type Spoil = fn(&mut NearField);
-        let poison: [Spoil; 9] = [
+        let poison: [Spoil; 11] = [
             |f| f.nodes = usize::MAX,
             |f| f.order = 3,
             |f| f.ring = 3,
             |f| f.springs = 4,
+            |f| f.points = 4,
             |f| f.triangles = 2,
             |f| f.near[0].a = 3,
             |f| f.near[0].b = NearEnd::Ring(1),
-            |f| f.triangle[0].nodes[2] = 3,
+            |f| f.point[2].nodes[0].0 = 3,
+            |f| f.triangle[0].points[2] = 3,
             |f| f.integrator = TickIntegrator::Explicit { substeps: 65 },
         ];
         for (i, spoil) in poison.into_iter().enumerate() {
@@ -510,8 +560,8 @@ mod tests {
             spoil(&mut bad);
             let error = bad.validate().unwrap_err();
             match i {
-                0..5 => assert!(matches!(error, LocalModelError::Room { .. }), "{error}"),
-                5..8 => assert!(matches!(error, LocalModelError::Index { .. }), "{error}"),
+                0..6 => assert!(matches!(error, LocalModelError::Room { .. }), "{error}"),
+                6..10 => assert!(matches!(error, LocalModelError::Index { .. }), "{error}"),
                 _ => assert!(matches!(error, LocalModelError::Setting { .. }), "{error}"),
             }
         }

@@ -17,8 +17,8 @@ use palpate_body::{
     Body, SemiImplicitEuler, SurfaceTree, Tangent, TangentPattern, ToolContact, ToolPoint, TouchedPoint,
 };
 use palpate_local::{
-    LocalModel, LocalModelError, NearEnd, NearField, NearFieldCapacity, NearSpring, NearTriangle, Support,
-    TickIntegrator,
+    LocalModel, LocalModelError, NearEnd, NearField, NearFieldCapacity, NearPoint, NearSpring, NearTriangle,
+    Support, TickIntegrator,
 };
 use support::SupportSet;
 
@@ -117,7 +117,8 @@ impl Workspace {
             tree.refit(body);
             &*tree
         });
-        let Some(support) = SupportSet::of(body, contact, tree, tool, options.horizon_s, nodes) else {
+        let Some(support) = SupportSet::of(body, contact, tree, tool, options.horizon_s, (nodes, room))
+        else {
             return Ok(None);
         };
         self.support.extend(&support.nodes);
@@ -232,19 +233,22 @@ impl Workspace {
             field.force[3 * i..3 * i + 3].copy_from_slice(&self.outer_n[node].to_array());
             field.velocity[3 * i..3 * i + 3].copy_from_slice(&v[node].to_array());
         }
-        if support.triangles.len() > room.triangles {
-            return Err(too_many("triangles", support.triangles.len(), room.triangles));
+        let place = |node: usize| match self.place[node] {
+            Place::Support(i) => i,
+            Place::Ring(_) | Place::Elsewhere => 0,
+        };
+        (field.points, field.triangles) = (support.points.len(), support.triangles.len());
+        for (to, &point) in field.point.iter_mut().zip(&support.points) {
+            *to = NearPoint::default();
+            let carriers = body.surface().points[point].nodes();
+            to.nodes.iter_mut().zip(carriers).for_each(|(to, &(node, w))| *to = (place(node), w));
         }
-        field.triangles = support.triangles.len();
-        for (to, (nodes, longest_m)) in field.triangle.iter_mut().zip(&support.triangles) {
-            let place = |node: usize| match self.place[node] {
-                Place::Support(i) => i,
-                Place::Ring(_) | Place::Elsewhere => 0,
-            };
+        for (to, (corners, longest_m)) in field.triangle.iter_mut().zip(&support.triangles) {
             // By any of its corners, edges or itself.
-            let on = |t: &TouchedPoint| t.nodes.iter().all(|(n, w)| *w <= 0.0 || nodes.contains(n));
+            let on = |t: &TouchedPoint| t.corners.iter().all(|(p, w)| *w <= 0.0 || corners.contains(p));
             let is_touched = contact.touched().iter().any(on);
-            *to = NearTriangle { nodes: nodes.map(place), longest_m: *longest_m, is_touched };
+            let at = |point: usize| support.points.iter().position(|p| *p == point).unwrap_or_default();
+            *to = NearTriangle { points: corners.map(at), longest_m: *longest_m, is_touched };
         }
         // The springs with a free end in S are near; F_far is what remains when they are taken away.
         let mut far_n = self.internal_n.clone();
@@ -367,15 +371,25 @@ pub(crate) fn capacity(body: &Body, nodes: usize, order: usize) -> NearFieldCapa
     let network = body.network();
     let degree = network.free().iter().map(|&node| network.incident_links(node).len()).max().unwrap_or(0);
     let springs = (nodes * degree).min(network.links().len());
+    let surface = &body.surface().points;
+    let points = if surface.iter().all(|point| point.nodes().len() == 1) {
+        nodes
+    } else {
+        surface.len().min(POINTS_OF_A_NODE * nodes)
+    };
     NearFieldCapacity {
         nodes,
         order: order.min(3 * network.free().len()),
         ring: springs.min(network.free().len()),
         springs,
-        // Of a closed surface twice as many as nodes, and those of a few more where it is open or sharp.
-        triangles: 4 * nodes,
+        points,
+        // Of a closed surface twice as many as points, and those of a few more where it is open or sharp.
+        triangles: 4 * points,
     }
 }
+
+/// Where cells carry the surface, so many points of it for each node of S have room.
+const POINTS_OF_A_NODE: usize = 8;
 
 fn factorise(
     symbolic: &SymbolicLlt<usize>,

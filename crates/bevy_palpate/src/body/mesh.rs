@@ -85,6 +85,7 @@ fn vertices<'a>(
     place: &GlobalTransform,
 ) -> impl Iterator<Item = [f32; 3]> + 'a {
     let to_local = place.affine().inverse();
-    let (nodes, x) = (&simulated.body.surface().vertices, simulated.body.positions_m());
-    nodes.iter().map(move |&node| to_local.transform_point3(x[node].as_vec3()).to_array())
+    let (surface, x) = (simulated.body.surface(), simulated.body.positions_m());
+    let at = |&point: &usize| surface.points[point].of(x).as_vec3();
+    surface.vertices.iter().map(move |vertex| to_local.transform_point3(at(vertex)).to_array())
 }

@@ -170,12 +170,12 @@ pub(super) fn choose_bodies(
     }
 }
 
-/// The body with the surface node nearest to `at`; of several equally near, always the same one.
+/// The body with the surface point nearest to `at`; of several equally near, always the same one.
 fn nearest(bodies: &Query<(Entity, &SimulatedBody)>, at: DVec3) -> Option<Entity> {
     let distance = |simulated: &SimulatedBody| {
         let body = simulated.body();
-        let nodes = body.surface().vertices.iter();
-        nodes.map(|&node| body.positions_m()[node].distance_squared(at)).fold(f64::INFINITY, f64::min)
+        let points = body.surface().points.iter();
+        points.map(|point| point.of(body.positions_m()).distance_squared(at)).fold(f64::INFINITY, f64::min)
     };
     bodies
         .iter()

@@ -33,11 +33,12 @@ fn the_surface_is_closed_and_looks_outward() {
         .surface
         .triangles
         .iter()
-        .map(|t| t.map(|v| x[body.surface.vertices[v]]))
+        .map(|t| t.map(|v| body.surface.points[body.surface.vertices[v]].of(x)))
         .map(|[a, b, c]| a.dot(b.cross(c)) / 6.0)
         .sum();
     assert!((volume - 0.1 * 0.2 * 0.3).abs() < 1e-15, "{volume}");
-    let mut nodes = body.surface.vertices.clone();
+    let mut nodes: Vec<usize> = body.surface.points.iter().map(|point| point.nodes()[0].0).collect();
+    assert_eq!(nodes.len(), 3 * 4 * 5 - 2 * 3);
     nodes.sort_unstable();
     nodes.dedup();
     assert_eq!(nodes.len(), 3 * 4 * 5 - 2 * 3);

@@ -15,7 +15,7 @@ const CLEAR_SHARE: f64 = 1e-3;
 
 /// What a tool may touch on a piece of its path.
 pub(super) struct Approach {
-    /// The triangles that it comes near: their nodes, and their longest edge at rest, m.
+    /// The triangles that it comes near: their points, and their longest edge at rest, m.
     pub(super) near: Vec<([usize; 3], f64)>,
     /// Into so many steps each step is to be cut, so that nothing is passed unseen.
     pub(super) cuts: usize,
@@ -49,8 +49,8 @@ impl Body {
         let low = way.into_iter().fold(DVec3::INFINITY, DVec3::min) - reach;
         let high = way.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max) + reach;
         let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for &node in &self.surface.vertices {
-            (least, most) = (least.min(self.x[node]), most.max(self.x[node]));
+        for x in self.surface.points.iter().map(|point| point.of(&self.x)) {
+            (least, most) = (least.min(x), most.max(x));
         }
         if !(least.cmple(high).all() && most.cmpge(low).all()) {
             *clear = true;
@@ -59,7 +59,7 @@ impl Body {
         let mut tree = self.tree.take().unwrap_or_else(|| Box::new(SurfaceTree::new(self)));
         tree.refit(self);
         let near = tree.within(low, high);
-        let closest = tree.closest(self, shape.core_m(proxy_m), reach + radius);
+        let closest = tree.closest(shape.core_m(proxy_m), reach + radius);
         self.tree = Some(tree);
         *clear = closest.is_some_and(|closest| {
             let least = if *clear { 0.0 } else { radius * (1.0 - CLEAR_SHARE) };

@@ -36,7 +36,7 @@ pub(super) struct ToolStep<'a> {
     pub(super) contact: &'a mut ToolContact,
     /// From where to where it goes.
     pub(super) way: ToolMove,
-    /// The triangles that it may touch: their nodes, and their longest edge at rest, m.
+    /// The triangles that it may touch: their points, and their longest edge at rest, m.
     pub(super) near: &'a [([usize; 3], f64)],
 }
 
@@ -85,7 +85,7 @@ enum Source {
     Obstacle { node: usize, obstacle: usize, apart_m: f64, normal: DVec3 },
     /// The surface and the tool: where, how far apart at the end of the step if the surface stood still, and that as far as
     /// it is to be closed in this step.
-    Touch { nodes: [(usize, f64); 3], apart_m: f64, gap_m: f64, push: DVec3 },
+    Touch { corners: [(usize, f64); 3], apart_m: f64, gap_m: f64, push: DVec3 },
 }
 
 impl Body {
@@ -103,8 +103,8 @@ impl Body {
         rows.extend(step.tool.as_ref().and_then(|tool| self.grip_row(tool, h)));
         let touchable = step.tool.as_ref().map_or_else(Vec::new, |tool| self.touchable(tool, h));
         let touched_before: Vec<usize> = step.tool.as_ref().map_or_else(Vec::new, |tool| {
-            let on = tool.contact.touched.iter().flat_map(|t| t.nodes).filter(|(_, w)| *w > 0.0);
-            on.map(|(node, _)| node).collect()
+            let on = tool.contact.touched.iter().flat_map(|t| t.corners).filter(|(_, w)| *w > 0.0);
+            on.map(|(point, _)| point).collect()
         });
         let mut columns = Columns::default();
         let mut impulses = Vec::new();
@@ -174,10 +174,11 @@ impl Body {
                     velocity_m_per_s: velocity,
                     step_s: h,
                 }),
-                Source::Touch { nodes, apart_m, push, .. } => {
+                Source::Touch { corners, apart_m, push, .. } => {
                     work.push((row.nodes.clone(), impulse_ns, moved));
                     touched.push(TouchedPoint {
-                        nodes,
+                        corners,
+                        nodes: row.nodes.clone(),
                         normal: -push,
                         gap_m: apart_m + (h * closing - drawn).dot(push),
                         impulse_ns,
@@ -190,7 +191,7 @@ impl Body {
         report.contacts = report.contacts.max(self.contacts.len());
         report.touched = report.touched.max(touched.len());
         if let Some(tool) = &mut step.tool {
-            for (node, _) in touched.iter().flat_map(|t| t.nodes).filter(|(_, w)| *w > 0.0) {
+            for &(node, _) in touched.iter().flat_map(|t| &t.nodes).filter(|(_, w)| *w != 0.0) {
                 if !tool.contact.touched_nodes.contains(&node) {
                     tool.contact.touched_nodes.push(node);
                 }

@@ -1,6 +1,6 @@
 //! The point of a body's surface nearest to a place.
 
-use crate::Body;
+use crate::{Body, BodyPoint, Surface};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode, BvhWorkspace};
@@ -11,12 +11,14 @@ use std::collections::HashMap;
 /// The triangles of a body's surface in a tree of boxes, built once and fitted anew when the body has moved.
 #[derive(Clone)]
 pub struct SurfaceTree {
-    /// Nodes of each triangle, counter-clockwise seen from outside.
+    /// Points of each triangle, counter-clockwise seen from outside.
     triangles: Vec<[usize; 3]>,
     /// Length of the longest edge of each at rest, m.
     longest_m: Vec<f64>,
-    /// The triangles round each node, and beside each edge.
-    round_node: HashMap<usize, Vec<usize>>,
+    /// Where each point of the surface was at the last fit, m.
+    x: Vec<DVec3>,
+    /// The triangles round each point, and beside each edge.
+    round_point: HashMap<usize, Vec<usize>>,
     beside_edge: HashMap<(usize, usize), Vec<usize>>,
     bvh: Bvh,
     workspace: BvhWorkspace,
@@ -27,8 +29,8 @@ pub struct SurfaceTree {
 pub struct ClosestPoint {
     /// Its triangle.
     pub triangle: usize,
-    /// The triangle's nodes and the point's weights, each at least 0: the point is Σ w_i x_i.
-    pub nodes: [(usize, f64); 3],
+    /// The triangle's corners, points of the surface, and the weights of each, at least 0.
+    pub corners: [(usize, f64); 3],
     /// Where it is, m.
     pub point_m: DVec3,
     /// Outward unit normal of the surface there; on an edge or a corner that between its triangles, weighted by their
@@ -44,6 +46,17 @@ impl std::fmt::Debug for SurfaceTree {
     }
 }
 
+impl ClosestPoint {
+    /// It as a point of the body, Σ w_i x_i, to be held or tied.
+    ///
+    /// # Panics
+    /// When `surface` is another one, with fewer points.
+    #[must_use]
+    pub fn body_point(&self, surface: &Surface) -> BodyPoint {
+        BodyPoint::between(self.corners.map(|(point, w)| (&surface.points[point], w)))
+    }
+}
+
 /// Weights below that are of a corner or an edge that the point is not on.
 const NO_WEIGHT: f64 = 1e-9;
 
@@ -53,40 +66,41 @@ impl SurfaceTree {
     pub fn new(body: &Body) -> Self {
         let surface = body.surface();
         let triangles: Vec<[usize; 3]> =
-            surface.triangles.iter().map(|t| t.map(|vertex| surface.vertices[vertex])).collect();
-        let (mut round_node, mut beside_edge) = (HashMap::<_, Vec<_>>::new(), HashMap::<_, Vec<_>>::new());
-        for (index, &nodes) in triangles.iter().enumerate() {
+            (0..surface.triangles.len()).map(|triangle| surface.corners(triangle)).collect();
+        let (mut round_point, mut beside_edge) = (HashMap::<_, Vec<_>>::new(), HashMap::<_, Vec<_>>::new());
+        for (index, &points) in triangles.iter().enumerate() {
             for corner in 0..3 {
-                let (a, b) = (nodes[corner], nodes[(corner + 1) % 3]);
-                round_node.entry(a).or_default().push(index);
+                let (a, b) = (points[corner], points[(corner + 1) % 3]);
+                round_point.entry(a).or_default().push(index);
                 beside_edge.entry((a.min(b), a.max(b))).or_default().push(index);
             }
         }
-        let rest = body.network().rest_m();
+        let of = |x: &[DVec3]| surface.points.iter().map(|point| point.of(x)).collect::<Vec<DVec3>>();
+        let (rest, x) = (of(body.network().rest_m()), of(body.positions_m()));
         let longest = |&[a, b, c]: &[usize; 3]| {
             let edges = [(a, b), (b, c), (c, a)].map(|(a, b)| rest[a].distance(rest[b]));
             edges.into_iter().fold(0.0, f64::max)
         };
         let longest_m = triangles.iter().map(longest).collect();
-        let boxes: Vec<Aabb> =
-            triangles.iter().map(|t| bounds(t.map(|node| body.positions_m()[node]))).collect();
+        let boxes: Vec<Aabb> = triangles.iter().map(|t| bounds(t.map(|point| x[point]))).collect();
         let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
-        Self { triangles, longest_m, round_node, beside_edge, bvh, workspace: BvhWorkspace::default() }
+        Self { triangles, longest_m, x, round_point, beside_edge, bvh, workspace: BvhWorkspace::default() }
     }
 
     /// Fits the tree to where `body` is now: fast as long as its triangles stay neighbours, which they do.
     ///
     /// # Panics
-    /// When `body` is not the one that the tree is of and has fewer nodes.
+    /// When `body` is not the one that the tree is of and has fewer nodes or points.
     pub fn refit(&mut self, body: &Body) {
-        let x = body.positions_m();
+        let points = &body.surface().points;
+        self.x.iter_mut().zip(points).for_each(|(x, point)| *x = point.of(body.positions_m()));
         for (index, t) in self.triangles.iter().enumerate() {
-            self.bvh.insert_or_update_partially(bounds(t.map(|node| x[node])), index as u32, 0.0);
+            self.bvh.insert_or_update_partially(bounds(t.map(|point| self.x[point])), index as u32, 0.0);
         }
         self.bvh.refit(&mut self.workspace);
     }
 
-    /// The triangles whose boxes meet the box from `low_m` to `high_m`, in the order of the surface: their nodes, and the
+    /// The triangles whose boxes meet the box from `low_m` to `high_m`, in the order of the surface: their points, and the
     /// length of their longest edge at rest, m.
     #[must_use]
     pub fn within(&self, low_m: DVec3, high_m: DVec3) -> Vec<([usize; 3], f64)> {
@@ -97,15 +111,11 @@ impl SurfaceTree {
         triangles.into_iter().map(|index| of(index as usize)).collect()
     }
 
-    /// The point of the surface nearest to `place_m`, if one is nearer than `within_m`, and not on a collapsed triangle. `body` is where it was at the last
-    /// fit.
-    ///
-    /// # Panics
-    /// As [`SurfaceTree::refit`].
+    /// The point of the surface nearest to `place_m`, if one is nearer than `within_m`, and not on a collapsed triangle;
+    /// where the body was at the last fit.
     #[must_use]
-    pub fn closest(&self, body: &Body, place_m: DVec3, within_m: f64) -> Option<ClosestPoint> {
-        let x = body.positions_m();
-        let corners = |triangle: usize| self.triangles[triangle].map(|node| x[node]);
+    pub fn closest(&self, place_m: DVec3, within_m: f64) -> Option<ClosestPoint> {
+        let corners = |triangle: usize| self.triangles[triangle].map(|point| self.x[point]);
         let (triangle, (_, weights)) = self.bvh.find_best(
             within_m,
             |node: &BvhNode, _| node.aabb().distance_to_local_point(place_m, true),
@@ -118,9 +128,9 @@ impl SurfaceTree {
         )?;
         let triangle = triangle as usize;
         let [i, j, k] = self.triangles[triangle];
-        let nodes = [(i, weights[0]), (j, weights[1]), (k, weights[2])];
-        let point_m: DVec3 = nodes.iter().map(|&(node, w)| w * x[node]).sum();
-        let normal = self.normal(body, triangle, weights);
+        let on = [(i, weights[0]), (j, weights[1]), (k, weights[2])];
+        let point_m: DVec3 = on.iter().map(|&(point, w)| w * self.x[point]).sum();
+        let normal = self.normal(triangle, weights);
         // Of a triangle that has collapsed there is no outside.
         if normal == DVec3::ZERO {
             return None;
@@ -128,7 +138,7 @@ impl SurfaceTree {
         let away = place_m - point_m;
         Some(ClosestPoint {
             triangle,
-            nodes,
+            corners: on,
             point_m,
             normal,
             distance_m: away.length().copysign(away.dot(normal)),
@@ -137,23 +147,23 @@ impl SurfaceTree {
 
     /// The normal of a place on `triangle`; on its rim that of all triangles that meet there (J. A. Baerentzen and H.
     /// Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243), with which inside and outside are told apart.
-    fn normal(&self, body: &Body, triangle: usize, weights: [f64; 3]) -> DVec3 {
-        let x = body.positions_m();
+    fn normal(&self, triangle: usize, weights: [f64; 3]) -> DVec3 {
+        let x = &self.x;
         let face = |index: usize| {
-            let [a, b, c] = self.triangles[index].map(|node| x[node]);
+            let [a, b, c] = self.triangles[index].map(|point| x[point]);
             (b - a).cross(c - a).normalize_or_zero()
         };
         let own = self.triangles[triangle];
         let on: Vec<usize> = (0..3).filter(|&i| weights[i] > NO_WEIGHT).map(|i| own[i]).collect();
         let sum = match on[..] {
-            [node] => {
+            [point] => {
                 let angle = |index: usize| {
                     let t = self.triangles[index];
-                    let at = t.iter().position(|&n| n == node).unwrap_or(0);
-                    let (p, q) = (x[t[(at + 1) % 3]] - x[node], x[t[(at + 2) % 3]] - x[node]);
+                    let at = t.iter().position(|&n| n == point).unwrap_or(0);
+                    let (p, q) = (x[t[(at + 1) % 3]] - x[point], x[t[(at + 2) % 3]] - x[point]);
                     p.angle_between(q)
                 };
-                let round = self.round_node.get(&node);
+                let round = self.round_point.get(&point);
                 round.into_iter().flatten().map(|&index| angle(index) * face(index)).sum()
             }
             [a, b] => {

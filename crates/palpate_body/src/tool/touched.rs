@@ -1,16 +1,18 @@
 //! Where a tool touches, and the force that is displayed there.
 
-use crate::Body;
+use crate::{Body, BodyPoint};
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use glam::DVec3;
 use palpate_laws::Coulomb;
 
 /// A point of the surface at which the tool pushed in the last step.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct TouchedPoint {
-    /// The nodes of its triangle and its weights: it is Σ w_i x_i. On a corner or an edge some weights are 0.
-    pub nodes: [(usize, f64); 3],
+    /// The corners of its triangle, points of the surface, and its weights. On a corner or an edge some are 0.
+    pub corners: [(usize, f64); 3],
+    /// The nodes that carry it and their weights: it is Σ w_i x_i.
+    pub nodes: Vec<(usize, f64)>,
     /// Unit normal out of the body, towards the tool.
     pub normal: DVec3,
     /// Distance from the tool at the end of the step, m, to the first order: zero, but where an overdue gap is being closed,
@@ -25,11 +27,17 @@ pub struct TouchedPoint {
 }
 
 impl TouchedPoint {
-    /// Whether it lies on the corner, edge or face of these nodes, all of some weight.
-    pub(crate) fn is_on(&self, nodes: &[(usize, f64)]) -> bool {
-        let mine = self.nodes.iter().filter(|(_, w)| *w > 0.0);
-        mine.clone().count() == nodes.len()
-            && mine.into_iter().all(|(node, _)| nodes.iter().any(|(other, _)| other == node))
+    /// Whether it lies on the corner, edge or face of these points of the surface, all of some weight.
+    pub(crate) fn is_on(&self, corners: &[(usize, f64)]) -> bool {
+        let mine = self.corners.iter().filter(|(_, w)| *w > 0.0);
+        mine.clone().count() == corners.len()
+            && mine.into_iter().all(|(point, _)| corners.iter().any(|(other, _)| other == point))
+    }
+
+    /// It as a point of the body.
+    #[must_use]
+    pub fn body_point(&self) -> BodyPoint {
+        BodyPoint::carried_by(self.nodes.clone())
     }
 
     /// Where it is, m.

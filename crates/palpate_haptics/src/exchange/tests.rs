@@ -9,8 +9,10 @@ use palpate_local::{
 };
 use std::sync::atomic::{AtomicBool, Ordering};
 
-const CAPACITY: Capacity =
-    Capacity { order: 5, near: NearFieldCapacity { nodes: 4, order: 6, ring: 8, springs: 12, triangles: 5 } };
+const CAPACITY: Capacity = Capacity {
+    order: 5,
+    near: NearFieldCapacity { nodes: 4, order: 6, ring: 8, springs: 12, points: 5, triangles: 5 },
+};
 
 /// Models that have to be seen.
 const SEEN: u64 = if cfg!(miri) { 20 } else { 10_000 };
@@ -89,6 +91,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         order,
         ring,
         springs,
+        points,
         triangles,
         support,
         weight,
@@ -97,6 +100,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         ring_m,
         basis,
         near,
+        point,
         triangle,
         stiffness,
         damping,
@@ -119,6 +123,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         (order, room.order),
         (ring, room.ring),
         (springs, room.springs),
+        (points, room.points),
         (triangles, room.triangles),
     ] {
         *size = n.size(most);
@@ -136,9 +141,12 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         let b = if n.is() { NearEnd::Fixed(at) } else { NearEnd::Ring(ring) };
         *spring = NearSpring { a, b, spring: Spring::linear(n.next(), n.next(), n.next()).unwrap() };
     }
+    for point in point {
+        point.nodes.iter_mut().for_each(|carrier| *carrier = (n.size(3), n.next()));
+    }
     for triangle in triangle {
-        let nodes = [n.size(3), n.size(3), n.size(3)];
-        *triangle = NearTriangle { nodes, longest_m: n.next(), is_touched: n.is() };
+        let points = [n.size(3), n.size(3), n.size(3)];
+        *triangle = NearTriangle { points, longest_m: n.next(), is_touched: n.is() };
     }
     (*tick_s, *energy_j, *start_m, *proxy_m, *is_cut) = (n.next(), n.next(), n.vector(), n.vector(), n.is());
     let substeps = 1 + n.size(7) as u32;

@@ -32,15 +32,15 @@ impl Meeting {
         // What is fixed bears what it bears.
         let is_free = |node: usize| field.node_per_kg.get(node).is_some_and(|per_kg| *per_kg > 0.0);
         let of = |point: &Point, node: usize| -> f64 {
-            point.nodes.iter().filter(|(n, _)| *n == node && is_free(*n)).map(|(_, w)| *w).sum()
+            point.carriers.iter().filter(|(n, _)| *n == node && is_free(*n)).map(|(_, w)| w).sum()
         };
         let product =
-            |a: &Point, b: &Point| -> f64 { a.nodes.iter().map(|&(node, w)| w * of(b, node)).sum() };
+            |a: &Point, b: &Point| -> f64 { a.carriers.iter().map(|(node, w)| w * of(b, node)).sum() };
         let force = |node: usize| internal_n.get(node).copied().unwrap_or_default();
         // H (F − Hᵀ guess), the guess being −λ/h.
         for (r, point) in self.points.iter().enumerate() {
-            let free = point.nodes.iter().filter(|(node, _)| is_free(*node));
-            let mut rest: DVec3 = free.map(|&(node, w)| w * force(node)).sum();
+            let free = point.carriers.iter().filter(|(node, _)| is_free(*node));
+            let mut rest: DVec3 = free.map(|(node, w)| w * force(node)).sum();
             for (s, other) in self.points.iter().enumerate() {
                 let gram = product(point, other);
                 rest += gram * other.impulse_ns / h;

@@ -7,9 +7,9 @@
 
 use super::{MOST_POINTS, Meeting};
 use crate::near_tick::get;
-use crate::{NearField, Support};
+use crate::{NearField, NearPoint, Support};
 use glam::DVec3;
-use palpate_laws::{CLOSING_M_PER_S, Coulomb, Feature, RowLaw, ToolMove};
+use palpate_laws::{CLOSING_M_PER_S, Coulomb, Feature, POINT_NODES, RowLaw, ToolMove};
 
 /// Of the way between two looks at the surface, the largest part of a tool's radius.
 const SHARE_OF_RADIUS: f64 = 0.5;
@@ -20,8 +20,10 @@ const MOST_LOOKS: f64 = 64.0;
 /// A row on nodes of S.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Point {
-    /// Of a triangle; what is held has its weights in the field.
-    pub(super) nodes: [(usize, f64); 3],
+    /// The corners of its triangle, points of the surface, and its weights.
+    corners: [(usize, f64); 3],
+    /// The nodes of S that carry it, and their weights; what is held has its weights in the field.
+    pub(super) carriers: Carriers,
     pub(super) is_held: bool,
     pub(super) law: RowLaw,
     /// Along which the tool pushes.
@@ -42,7 +44,8 @@ impl Point {
         let moved_so_far = moved - (tool.from_m - field.proxy_m);
         let overdue = moved_so_far.clamp_length_max(h * CLOSING_M_PER_S);
         Self {
-            nodes: [(0, 0.0); 3],
+            corners: [(0, 0.0); 3],
+            carriers: Carriers::default(),
             is_held: true,
             law: RowLaw::TwoSided,
             push: DVec3::ZERO,
@@ -57,10 +60,10 @@ impl Point {
     /// Its nodes and weights.
     pub(super) fn weights<'a>(&'a self, field: &'a NearField) -> impl Iterator<Item = (usize, f64)> + 'a {
         let held = field.weight.iter().take(field.nodes).copied().enumerate();
-        let three = self.nodes.iter().copied();
+        let touched = self.carriers.iter();
         let held = if self.is_held { Some(held) } else { None };
-        let three = if self.is_held { None } else { Some(three) };
-        held.into_iter().flatten().chain(three.into_iter().flatten()).filter(|(_, w)| *w != 0.0)
+        let touched = if self.is_held { None } else { Some(touched) };
+        held.into_iter().flatten().chain(touched.into_iter().flatten()).filter(|(_, w)| *w != 0.0)
     }
 
     pub(super) fn velocity(&self, field: &NearField, z_dot: &[f64]) -> DVec3 {
@@ -68,16 +71,51 @@ impl Point {
     }
 
     /// On how many corners of its triangle it lies.
-    fn corners(&self) -> usize {
-        self.nodes.iter().filter(|(_, w)| *w > 0.0).count()
+    fn corner_count(&self) -> usize {
+        self.corners.iter().filter(|(_, w)| *w > 0.0).count()
     }
 
     /// Whether it lies on the same corner, edge or face.
     pub(super) fn is_same(&self, other: &Self) -> bool {
-        let on = |node: usize| other.nodes.iter().any(|&(n, w)| n == node && w > 0.0);
+        let on = |point: usize| other.corners.iter().any(|&(p, w)| p == point && w > 0.0);
         self.is_held == other.is_held
-            && self.corners() == other.corners()
-            && self.nodes.iter().all(|&(n, w)| w <= 0.0 || on(n))
+            && self.corner_count() == other.corner_count()
+            && self.corners.iter().all(|&(p, w)| w <= 0.0 || on(p))
+    }
+}
+
+/// Most nodes that carry a point of a triangle.
+const MOST_CARRIERS: usize = 3 * POINT_NODES;
+
+/// The nodes that carry a point, each once, and their weights.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Carriers {
+    nodes: [(usize, f64); MOST_CARRIERS],
+    count: usize,
+}
+
+impl Default for Carriers {
+    fn default() -> Self {
+        Self { nodes: [(0, 0.0); MOST_CARRIERS], count: 0 }
+    }
+}
+
+impl Carriers {
+    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.nodes.iter().take(self.count).copied()
+    }
+
+    /// Adds those of a corner with weight `share`.
+    fn add(&mut self, corner: &NearPoint, share: f64) {
+        for (node, w) in corner.carriers() {
+            let known = self.nodes.iter_mut().take(self.count).find(|(known, _)| *known == node);
+            if let Some((_, weight)) = known {
+                *weight += share * w;
+            } else if let Some(new) = self.nodes.get_mut(self.count) {
+                *new = (node, share * w);
+                self.count += 1;
+            }
+        }
     }
 }
 
@@ -94,12 +132,20 @@ impl Meeting {
         let moved = tool.to_m - tool.from_m;
         let fastest = (0..field.nodes).map(|i| get(z_dot, i).length()).fold(0.0, f64::max);
         let far = 2.0 * (moved.length() + h * fastest) + tool.short_m().length();
-        let place = |i: usize| field.node_m.get(i).copied().unwrap_or_default() + get(z, i);
-        let is_fixed = |i: usize| field.node_per_kg.get(i).is_none_or(|per_kg| *per_kg == 0.0);
+        let place = |point: usize| -> DVec3 {
+            let at = |i: usize| field.node_m.get(i).copied().unwrap_or_default() + get(z, i);
+            let carriers = field.point.get(point).into_iter().flat_map(NearPoint::carriers);
+            carriers.map(|(i, w)| w * at(i)).sum()
+        };
+        let is_free = |i: usize| field.node_per_kg.get(i).is_some_and(|per_kg| *per_kg > 0.0);
+        let free_share = |point: usize| -> f64 {
+            let carriers = field.point.get(point).into_iter().flat_map(NearPoint::carriers);
+            carriers.filter(|(i, _)| is_free(*i)).map(|(_, w)| w).sum()
+        };
         let looks = looks(field, moved.length());
         for triangle in field.triangle.iter().take(field.triangles) {
-            let [i, j, k] = triangle.nodes;
-            let corners = triangle.nodes.map(place);
+            let [i, j, k] = triangle.points;
+            let corners = triangle.points.map(place);
             // On its way, in order: what is met there has been passed at the end.
             for look in 1..=looks as u32 {
                 let rest = moved * (1.0 - f64::from(look) / looks);
@@ -118,8 +164,16 @@ impl Meeting {
                     let feature = Feature { gap_m, ..feature };
                     let gap = feature.gap(moved, h);
                     let [a, b, c] = feature.weights;
+                    let on = [(i, a), (j, b), (k, c)];
+                    let mut carriers = Carriers::default();
+                    for (corner, w) in on.into_iter().filter(|(_, w)| *w != 0.0) {
+                        if let Some(corner) = field.point.get(corner) {
+                            carriers.add(corner, w);
+                        }
+                    }
                     let point = Point {
-                        nodes: [(i, a), (j, b), (k, c)],
+                        corners: on,
+                        carriers,
                         is_held: false,
                         law: RowLaw::OneSided(law),
                         push: feature.normal,
@@ -131,7 +185,7 @@ impl Meeting {
                     };
                     let is_touched = self.is_first && triangle.is_touched
                         || self.last.iter().any(|known| known.is_same(&point));
-                    if !feature.is_out_of_reach(triangle.nodes.map(is_fixed), is_touched) {
+                    if !feature.is_out_of_reach(triangle.points.map(free_share), is_touched) {
                         self.add(point);
                     }
                 });
@@ -145,7 +199,7 @@ impl Meeting {
     /// Adds a point, unless it is known: an edge or a corner belongs to several triangles, while a punch touches a face at
     /// several places. Where there is no room, in place of the one that is farthest.
     fn add(&mut self, point: Point) {
-        if point.corners() < 3 && self.points.iter().any(|known| known.is_same(&point)) {
+        if point.corner_count() < 3 && self.points.iter().any(|known| known.is_same(&point)) {
             return;
         }
         if self.points.len() < MOST_POINTS {

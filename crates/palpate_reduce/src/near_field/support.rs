@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use palpate_body::{Body, SurfaceTree, ToolContact, ToolPoint};
-use palpate_local::Support;
+use palpate_local::{NearFieldCapacity, Support};
 
 /// S with what the tool does to it.
 pub(super) struct SupportSet {
@@ -10,7 +10,9 @@ pub(super) struct SupportSet {
     pub(super) nodes: Vec<usize>,
     /// w of a held point; zero otherwise.
     pub(super) weights: Vec<f64>,
-    /// Triangles between nodes of S, by their nodes of the body, and their longest edge at rest, m.
+    /// Points of the surface that nodes of S carry.
+    pub(super) points: Vec<usize>,
+    /// Triangles between those, by the surface's points, and their longest edge at rest, m.
     pub(super) triangles: Vec<([usize; 3], f64)>,
     /// Whether what is within reach did not find room.
     pub(super) is_cut: bool,
@@ -20,15 +22,15 @@ pub(super) struct SupportSet {
 const START_M_PER_S: f64 = 0.2;
 
 impl SupportSet {
-    /// S of `body` with `contact` and the tool at `tool`, of at most `most` nodes; for `horizon_s` to come. `None` where the
-    /// tool can reach nothing.
+    /// S of `body` with `contact` and the tool at `tool`, of at most `most` nodes and what there is `room` for; for `horizon_s`
+    /// to come. `None` where the tool can reach nothing.
     pub(super) fn of(
         body: &Body,
         contact: &ToolContact,
         tree: Option<&SurfaceTree>,
         tool: ToolPoint,
         horizon_s: f64,
-        most: usize,
+        (most, room): (usize, NearFieldCapacity),
     ) -> Option<Self> {
         if let Some(node) = contact.driven_node() {
             return Some(Self::driven(node));
@@ -41,7 +43,10 @@ impl SupportSet {
         if !contact.is_clear() {
             return None;
         }
-        let x = body.positions_m();
+        let points = &body.surface().points;
+        let place = |point: usize| points[point].of(body.positions_m());
+        let is_free =
+            |point: usize| points[point].nodes().iter().any(|(node, _)| !body.network().is_fixed(*node));
         let at = contact.proxy_m(tool.position_m);
         let reach = horizon_s * (tool.velocity_m_per_s.length() + START_M_PER_S);
         // What it comes to first, if it goes on like that, matters most; what it cannot see yet, least.
@@ -50,15 +55,26 @@ impl SupportSet {
         let mut near: Vec<((bool, f64), [usize; 3], f64)> = tree
             .within(at - around, at + around)
             .into_iter()
-            .filter(|(nodes, _)| nodes.iter().any(|&node| !body.network().is_fixed(node)))
-            .map(|(nodes, longest)| (lateness(at, way, nodes.map(|node| x[node])), nodes, longest))
+            .filter(|(corners, _)| corners.iter().any(|&point| is_free(point)))
+            .map(|(corners, longest)| (lateness(at, way, corners.map(place)), corners, longest))
             .collect();
         near.sort_by(|a, b| a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)));
         let (mut nodes, mut triangles, mut is_cut) = (Vec::new(), Vec::new(), false);
+        let mut carried: Vec<usize> = Vec::new();
         for (_, corners, longest) in near {
-            let more: Vec<usize> = corners.into_iter().filter(|node| !nodes.contains(node)).collect();
-            if nodes.len() + more.len() <= most {
+            let new: Vec<usize> = corners.into_iter().filter(|point| !carried.contains(point)).collect();
+            let mut more: Vec<usize> = Vec::new();
+            for &(node, _) in new.iter().flat_map(|&point| points[point].nodes()) {
+                if !(nodes.contains(&node) || more.contains(&node)) {
+                    more.push(node);
+                }
+            }
+            let fits = nodes.len() + more.len() <= most
+                && carried.len() + new.len() <= room.points
+                && triangles.len() < room.triangles;
+            if fits {
                 nodes.extend(more);
+                carried.extend(new);
                 triangles.push((corners, longest));
             } else {
                 is_cut = true;
@@ -66,7 +82,7 @@ impl SupportSet {
         }
         let weights = vec![0.0; nodes.len()];
         let support = Support::Touched { shape, friction };
-        (!nodes.is_empty()).then_some(Self { support, nodes, weights, triangles, is_cut })
+        (!nodes.is_empty()).then_some(Self { support, nodes, weights, points: carried, triangles, is_cut })
     }
 
     /// A node that the tool drives.
@@ -75,7 +91,7 @@ impl SupportSet {
     }
 
     fn held(support: Support, nodes: Vec<usize>, weights: Vec<f64>) -> Self {
-        Self { support, nodes, weights, triangles: Vec::new(), is_cut: false }
+        Self { support, nodes, weights, points: Vec::new(), triangles: Vec::new(), is_cut: false }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The tool in a step: the points of the surface that it may run into, and the one that it holds.
 
 use super::{Constraint, Source, ToolStep};
+use crate::BodyPoint;
 use crate::body::{Body, StepReport};
 use crate::contact::Weights;
 use crate::tool::Hold;
@@ -22,21 +23,24 @@ impl Body {
         let fastest = self.network.free().iter().map(speed2).fold(0.0, f64::max).sqrt();
         let drawn = tool.way.short_m().length();
         let far = 2.0 * (moved.length() + h * fastest) + drawn;
+        let points = &self.surface.points;
+        let free_share = |point: usize| points[point].free_share(|node| self.network.is_fixed(node));
         for &(triangle, longest_m) in tool.near {
-            shape.features(tool.way.to_m, triangle.map(|node| self.x[node]), longest_m, |feature| {
+            let corners_m = triangle.map(|point| points[point].of(&self.x));
+            shape.features(tool.way.to_m, corners_m, longest_m, |feature| {
                 if feature.gap_m > far {
                     return;
                 }
-                let nodes = [0, 1, 2].map(|i| (triangle[i], feature.weights[i]));
-                let on: Weights = nodes.into_iter().filter(|(_, w)| *w > 0.0).collect();
+                let corners = [0, 1, 2].map(|i| (triangle[i], feature.weights[i]));
+                let on: Weights = corners.into_iter().filter(|(_, w)| *w > 0.0).collect();
                 // An edge or a corner belongs to several triangles; a punch touches a face at several places.
                 let mut place = [usize::MAX; 3];
-                on.iter().zip(&mut place).for_each(|((node, _), place)| *place = *node);
+                on.iter().zip(&mut place).for_each(|((point, _), place)| *place = *point);
                 place.sort_unstable();
                 let is_face = on.len() == 3;
                 let is_touched = tool.contact.touched.iter().any(|t| t.is_on(&on));
                 if (!is_face && places.contains(&place))
-                    || feature.is_out_of_reach(triangle.map(|n| self.network.is_fixed(n)), is_touched)
+                    || feature.is_out_of_reach(triangle.map(free_share), is_touched)
                 {
                     return;
                 }
@@ -45,8 +49,8 @@ impl Body {
                 let push = feature.normal;
                 let gap = feature.gap(moved, h);
                 rows.push(Constraint {
-                    source: Source::Touch { nodes, apart_m: feature.gap_m, gap_m: gap.normal_m, push },
-                    nodes: on,
+                    source: Source::Touch { corners, apart_m: feature.gap_m, gap_m: gap.normal_m, push },
+                    nodes: BodyPoint::between(corners.map(|(p, w)| (&points[p], w))).into_nodes(),
                     law: RowLaw::OneSided(law),
                     gap: gap.gap_m,
                     overdue: gap.overdue_m,
@@ -57,7 +61,7 @@ impl Body {
     }
 
     /// Adds what the tool, `drawn` by its coupling, would have run into at the end of a step of length `h`, up to so many
-    /// nodes: first where it touched the nodes `before`, then the deepest.
+    /// nodes: first where it touched at the points `before`, then the deepest.
     pub(super) fn meet_tool(
         &self,
         touchable: &[Constraint],
@@ -66,25 +70,25 @@ impl Body {
         rows: &mut Vec<Constraint>,
         report: &mut StepReport,
     ) {
-        let mut entered: Vec<(f64, &Constraint)> = Vec::new();
+        let mut entered: Vec<(bool, f64, &Constraint)> = Vec::new();
         for row in touchable {
-            let Source::Touch { gap_m, push, .. } = row.source else { continue };
+            let Source::Touch { gap_m, push, corners, .. } = row.source else { continue };
             let velocity: DVec3 = row.nodes.iter().map(|&(node, w)| w * self.v[node]).sum();
             let gap = gap_m + (h * velocity - drawn).dot(push);
             if gap < 0.0 && !rows.iter().any(|known| known.source == row.source) {
-                entered.push((gap, row));
+                let was_touched = corners.iter().all(|(point, w)| *w <= 0.0 || before.contains(point));
+                entered.push((!was_touched, gap, row));
             }
         }
         // What was touched before goes first, so that a tool at rest does not change its mind.
-        let was_touched = |row: &Constraint| row.nodes.iter().all(|(node, _)| before.contains(node));
-        entered.sort_by(|a, b| was_touched(b.1).cmp(&was_touched(a.1)).then(a.0.total_cmp(&b.0)));
+        entered.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let touches = |row: &&Constraint| matches!(row.source, Source::Touch { .. });
         let mut nodes: Vec<usize> =
             rows.iter().filter(touches).flat_map(|row| row.nodes.iter().map(|(node, _)| *node)).collect();
         nodes.sort_unstable();
         nodes.dedup();
         let mut left_out = 0;
-        for (_, row) in entered {
+        for (_, _, row) in entered {
             let more: Vec<usize> =
                 row.nodes.iter().map(|(node, _)| *node).filter(|node| !nodes.contains(node)).collect();
             if nodes.len() + more.len() > MOST_TOUCHED {
