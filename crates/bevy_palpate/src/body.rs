@@ -280,7 +280,7 @@ fn simulate(
         let body = Body::new(block.network, block.surface)?;
         // A body that cannot be stepped is refused here, not at its first step.
         palpate_body::SemiImplicitEuler::default().substeps(&body)?;
-        let builder = LocalModelBuilder::new(&body, BuilderOptions::default())?;
+        let builder = LocalModelBuilder::new(&body, BuilderOptions::of(&body))?;
         Ok((body, builder))
     };
     match build() {

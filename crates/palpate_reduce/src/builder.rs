@@ -50,6 +50,20 @@ impl Default for BuilderOptions {
     }
 }
 
+impl BuilderOptions {
+    /// The defaults for `body`: where cells carry its surface a point of it has eight nodes, so that a support set needs 18, those
+    /// of four cells side by side, and a basis order 64.
+    #[must_use]
+    pub fn of(body: &Body) -> Self {
+        let is_embedded = body.surface().points.iter().any(|point| point.nodes().len() > 1);
+        if is_embedded {
+            Self { support_nodes: 18, order_limit: 64, ..Self::default() }
+        } else {
+            Self::default()
+        }
+    }
+}
+
 /// What a local model is that has been built, and what that took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BuildReport {
