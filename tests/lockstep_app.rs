@@ -348,20 +348,6 @@ fn settings_that_make_no_sense_are_said_once_and_the_rest_goes_on() {
 }
 
 #[test]
-fn a_second_tool_on_the_same_body_is_refused_and_said_once() {
-    let mut app = lockstep_app();
-    spawn_scene(&mut app, Scheme::Hold, pressing_hand);
-    let second = HapticTool { device: DeviceSelector::named("hand"), ..default() };
-    let second = app.world_mut().spawn(second).id();
-    step(&mut app, 10);
-    let said = take_faults(&mut app);
-    assert_eq!(said.len(), 1, "{said:?}");
-    assert!(said[0].ends_with("is touched by another tool already"), "{said:?}");
-    assert_eq!(app.world().get::<ToolLoop>(second).unwrap().body(), None);
-    assert_eq!(app.world().get::<ToolForce>(second).unwrap().force_n, DVec3::ZERO);
-}
-
-#[test]
 fn the_mesh_follows_the_body_where_the_entity_stands() {
     use bevy::mesh::VertexAttributeValues;
     let mut app = lockstep_app();

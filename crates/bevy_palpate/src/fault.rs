@@ -91,12 +91,6 @@ pub enum HapticFaultKind {
         /// How many.
         dropped: u64,
     },
-    /// Another tool touches the body that this one should touch. One tool at a time.
-    #[error("the body {body} is touched by another tool already")]
-    BodyTaken {
-        /// The body.
-        body: Entity,
-    },
     /// The app's clock runs at another speed than real time, which a loop on a thread cannot; the force fades.
     #[error(
         "the app's clock runs at {speed} times real time; a loop on a thread cannot: use the lock step clock"

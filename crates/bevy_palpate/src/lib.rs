@@ -67,7 +67,8 @@
 //!
 //! * The schemes are the seed paper's: on its body the force between model steps is off by 5 % (`Tangent`) to
 //!   25 % (`LowPass`) RMS, and touch made between two model steps is felt after the next one.
-//! * One tool touches one body, one node at a time; a second tool on the same body is refused with a fault.
+//! * A tool touches one body at a time. What several tools on a body do to each other between two model steps is felt
+//!   after the next one: a local model holds what the others did constant.
 //! * A body lives in the world where it was built; moving its transform later moves neither it nor its picture.
 //! * A model step runs on the app's main thread; a large body makes frames longer, never the loop late.
 //!

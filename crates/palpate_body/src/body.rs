@@ -4,7 +4,7 @@ mod approach;
 mod constrain;
 mod step;
 
-pub use step::StepReport;
+pub use step::{StepReport, ToolRun};
 
 use crate::energy::Ledger;
 use crate::integrator::Workspace;

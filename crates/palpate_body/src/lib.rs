@@ -75,7 +75,7 @@ mod tissue;
 mod tool;
 
 pub use block::{Block, BlockBody, Face, UniformLattice};
-pub use body::{Body, BodyState, StepReport};
+pub use body::{Body, BodyState, StepReport, ToolRun};
 pub use energy::{Energy, EnergyBooks};
 pub use error::BodyError;
 pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplicitEuler, SolvedBy};

@@ -40,6 +40,8 @@ pub struct ToolContact {
     pub(crate) touched_nodes: Vec<usize>,
     /// What draws it to the device, unless it is the device.
     pub(crate) coupling: Option<Coupling>,
+    /// λ of what it holds in the last step, N s, and that step's length, s.
+    pub(crate) gripped: (DVec3, f64),
     /// Where it is behind its coupling, m; where the device is if that is not known.
     pub(crate) proxy_m: Option<DVec3>,
 }
@@ -94,7 +96,8 @@ impl ToolContact {
     }
 
     fn new(hold: Hold) -> Self {
-        Self { hold, touched: Vec::new(), touched_nodes: Vec::new(), coupling: None, proxy_m: None }
+        let (touched, touched_nodes, gripped) = (Vec::new(), Vec::new(), (DVec3::ZERO, 0.0));
+        Self { hold, touched, touched_nodes, gripped, coupling: None, proxy_m: None }
     }
 
     /// The same tool behind `coupling`: what the body meets is a proxy, which the coupling draws to the device with its
@@ -202,6 +205,23 @@ impl ToolContact {
             Hold::Nothing { friction, .. } => touched::displayed_force_n(&self.touched, *friction, body),
         };
         self.coupling.map_or(force_n, |coupling| coupling.limit(force_n))
+    }
+
+    /// Adds what it did to the nodes in the last step, N, to `force_n`: its impulses over the length of the step. What a driven
+    /// node takes is not among it.
+    ///
+    /// # Panics
+    /// When `force_n` has no entry for a node that it touches or holds.
+    pub fn add_force_n(&self, force_n: &mut [DVec3]) {
+        for touched in self.touched.iter().filter(|touched| touched.step_s > 0.0) {
+            let f = touched.impulse_ns / touched.step_s;
+            touched.nodes.iter().for_each(|&(node, w)| force_n[node] += w * f);
+        }
+        if let (Hold::Point { point, .. }, (impulse_ns, step_s)) = (&self.hold, self.gripped)
+            && step_s > 0.0
+        {
+            point.nodes().iter().for_each(|&(node, w)| force_n[node] += w * impulse_ns / step_s);
+        }
     }
 
     /// Refuses a contact that belongs to another body: one with nodes that `body` has not, or has fixed.

@@ -105,35 +105,61 @@ impl Coupling {
     }
 }
 
-/// Velocities of rows relative to a proxy that answers to what the tool's rows give.
-struct WithProxy<'a, A, F> {
-    rows: &'a mut A,
-    is_tools: F,
+/// A tool behind a coupling in a step, and how far that draws it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DrawnTool {
+    proxy: ProxyStep,
     /// What the proxy moves beside the device's motion over the length of the step, m/s.
     velocity_m_per_s: DVec3,
+    /// What an impulse on the proxy does to that, 1/kg.
     per_kg: f64,
+    /// H A⁻¹ Hᵀ of the lightest of its rows, 1/kg.
+    lightest_per_kg: f64,
 }
 
-impl<A: Answer, F: Fn(usize) -> bool> Answer for WithProxy<'_, A, F> {
+impl DrawnTool {
+    /// A tool behind that proxy.
+    #[must_use]
+    pub fn new(proxy: ProxyStep) -> Self {
+        Self { proxy, velocity_m_per_s: DVec3::ZERO, per_kg: 0.0, lightest_per_kg: 0.0 }
+    }
+
+    /// How far it was drawn in a step of length `h`, s, beside the device's own motion, m.
+    #[must_use]
+    pub fn drawn_m(&self, h: f64) -> DVec3 {
+        self.velocity_m_per_s * h
+    }
+}
+
+/// Velocities of rows relative to proxies that answer to what their tools' rows give.
+struct WithProxies<'a, A, F> {
+    rows: &'a mut A,
+    tools: &'a mut [DrawnTool],
+    tool_of: F,
+}
+
+impl<A: Answer, F: Fn(usize) -> Option<usize>> WithProxies<'_, A, F> {
+    fn tool(&mut self, row: usize) -> Option<&mut DrawnTool> {
+        self.tools.get_mut((self.tool_of)(row)?)
+    }
+}
+
+impl<A: Answer, F: Fn(usize) -> Option<usize>> Answer for WithProxies<'_, A, F> {
     fn velocity_m_per_s(&self, row: usize) -> DVec3 {
-        let proxy = if (self.is_tools)(row) { self.velocity_m_per_s } else { DVec3::ZERO };
-        self.rows.velocity_m_per_s(row) - proxy
+        let tool = (self.tool_of)(row).and_then(|tool| self.tools.get(tool));
+        self.rows.velocity_m_per_s(row) - tool.map_or(DVec3::ZERO, |tool| tool.velocity_m_per_s)
     }
 
     fn push(&mut self, row: usize, impulse_ns: DVec3) {
         self.rows.push(row, impulse_ns);
-        if (self.is_tools)(row) {
-            self.velocity_m_per_s -= self.per_kg * impulse_ns;
+        if let Some(tool) = self.tool(row) {
+            tool.velocity_m_per_s -= tool.per_kg * impulse_ns;
         }
     }
 }
 
-/// As [`solve_rows`], from no impulses, with the tool, whose rows are those that `is_tools` tells, behind a coupling. Returns also how far the
-/// proxy goes in this step beside the device's own motion, m.
-///
-/// The proxy has no mass: the impulses Λ of its rows are those of the coupling, and it ends Λ/(h k) short of the device.
-/// Where |Λ|/h would be more than the largest force, the coupling gives way along Λ, like a perfectly plastic slider, as
-/// far as it takes for the force to be the largest.
+/// As [`solve_rows`], from no impulses, with a tool behind a coupling whose rows are those that `is_tools` tells. Returns also how
+/// far the proxy goes in this step beside the device's own motion, m. See [`solve_with_proxies`].
 pub fn solve_with_proxy(
     rows: &mut [Row],
     answer: &mut impl Answer,
@@ -142,80 +168,146 @@ pub fn solve_with_proxy(
     h: f64,
     effort: Effort,
 ) -> (Sweeps, DVec3) {
-    let Coupling { stiffness_n_per_m, most_n } = proxy.coupling;
-    let per_kg = 1.0 / (stiffness_n_per_m * h * h);
-    let mut lightest = 0.0_f64;
-    for (_, row) in rows.iter_mut().enumerate().filter(|(index, _)| is_tools(*index)) {
-        let own = row.own_per_kg.x_axis.x.min(row.own_per_kg.y_axis.y).min(row.own_per_kg.z_axis.z);
-        lightest = lightest.max(own);
-        row.own_per_kg += DMat3::from_diagonal(DVec3::splat(per_kg));
-    }
-    // At first to where the coupling would be saturated if the proxy stayed; so that in the end its force is towards the
-    // device.
-    let goal = proxy.short_m.clamp_length_max(proxy.coupling.stretch_m());
-    let answer = WithProxy { rows: answer, is_tools, velocity_m_per_s: goal / h, per_kg };
-    let mut pull = Pull { rows, answer, h, effort, sweeps: Sweeps::default() };
-    let force = pull.force_n(DVec3::ZERO);
-    let beyond = force.length() - most_n;
-    if beyond > BEYOND * most_n {
-        // At first as far as needed if all rows that give something shared it equally.
-        let first = beyond * (per_kg + lightest / pull.giving().max(1) as f64) * h * h;
-        let search = Search { little: (0.0, beyond), before: None, much: None };
-        pull.give_way(force.normalize(), search, first, most_n);
-    } else if beyond < -BEYOND * most_n && goal != proxy.short_m {
-        // There is room for more, perhaps for all.
-        let more = proxy.short_m - goal;
-        let beyond_all = pull.force_n(-more).length() - most_n;
-        if beyond_all > BEYOND * most_n {
-            let much = Some((more.length(), beyond));
-            let search = Search { little: (0.0, beyond_all), before: None, much };
-            pull.give_way(more.normalize(), search, 0.0, most_n);
-        }
-    }
-    (pull.sweeps, pull.answer.velocity_m_per_s * h)
+    let mut tools = [DrawnTool::new(proxy)];
+    let sweeps = solve_with_proxies(rows, answer, &mut tools, |row| is_tools(row).then_some(0), h, effort);
+    let [tool] = tools;
+    (sweeps, tool.drawn_m(h))
 }
 
-/// A coupling that pulls at rows.
+/// As [`solve_rows`], from no impulses, with `tools` behind couplings; `tool_of` tells of each row whose it is, if it is one of
+/// theirs. How far each goes in this step beside its device's own motion is [`DrawnTool::drawn_m`].
+///
+/// A proxy has no mass: the impulses Λ of its rows are those of the coupling, and it ends Λ/(h k) short of the device.
+/// Where |Λ|/h would be more than the largest force, the coupling gives way along Λ, like a perfectly plastic slider, as
+/// far as it takes for the force to be the largest. Several tools are looked at in turn, three times at most.
+pub fn solve_with_proxies(
+    rows: &mut [Row],
+    answer: &mut impl Answer,
+    tools: &mut [DrawnTool],
+    tool_of: impl Fn(usize) -> Option<usize>,
+    h: f64,
+    effort: Effort,
+) -> Sweeps {
+    for tool in &mut *tools {
+        // At first to where the coupling would be saturated if the proxy stayed; so that in the end its force is towards the
+        // device.
+        let goal = tool.proxy.short_m.clamp_length_max(tool.proxy.coupling.stretch_m());
+        tool.velocity_m_per_s = goal / h;
+        (tool.per_kg, tool.lightest_per_kg) = (1.0 / (tool.proxy.coupling.stiffness_n_per_m * h * h), 0.0);
+    }
+    for (index, row) in rows.iter_mut().enumerate() {
+        let Some(tool) = tool_of(index).and_then(|tool| tools.get_mut(tool)) else { continue };
+        let own = row.own_per_kg.x_axis.x.min(row.own_per_kg.y_axis.y).min(row.own_per_kg.z_axis.z);
+        tool.lightest_per_kg = tool.lightest_per_kg.max(own);
+        row.own_per_kg += DMat3::from_diagonal(DVec3::splat(tool.per_kg));
+    }
+    let rounds = if tools.len() > 1 { ROUNDS } else { 1 };
+    let answer = WithProxies { rows: answer, tools, tool_of };
+    let mut pull = Pull { rows, answer, h, effort, sweeps: Sweeps::default() };
+    pull.solve();
+    for round in 0..rounds {
+        let mut is_done = true;
+        for index in 0..pull.answer.tools.len() {
+            is_done &= pull.settle(index, round == 0);
+        }
+        if is_done {
+            break;
+        }
+    }
+    pull.sweeps
+}
+
+/// How often several tools are looked at in turn.
+const ROUNDS: usize = 3;
+
+/// Couplings that pull at rows.
 struct Pull<'a, A, F> {
     rows: &'a mut [Row],
-    answer: WithProxy<'a, A, F>,
+    answer: WithProxies<'a, A, F>,
     h: f64,
     effort: Effort,
     sweeps: Sweeps,
 }
 
-impl<A: Answer, F: Fn(usize) -> bool> Pull<'_, A, F> {
-    /// What the tool's rows give, N, when it gives way by `more`, m.
-    fn force_n(&mut self, more: DVec3) -> DVec3 {
-        self.answer.velocity_m_per_s -= more / self.h;
+impl<A: Answer, F: Fn(usize) -> Option<usize>> Pull<'_, A, F> {
+    fn solve(&mut self) {
         let now = solve_rows(self.rows, &mut self.answer, self.h, self.effort);
         self.sweeps = Sweeps { count: self.sweeps.count + now.count, converged: now.converged };
-        self.tools().map(|row| row.impulse_ns).sum::<DVec3>() / self.h
     }
 
-    fn tools(&self) -> impl Iterator<Item = &Row> {
-        self.rows.iter().enumerate().filter(|(index, _)| (self.answer.is_tools)(*index)).map(|(_, row)| row)
+    /// Sees to it that the tool `index` gives its largest force at most, and follows its device as far as that allows if it is
+    /// looked at for the first time. Whether that was so already.
+    fn settle(&mut self, index: usize, is_first: bool) -> bool {
+        let Some(&DrawnTool { proxy, per_kg, lightest_per_kg, .. }) = self.answer.tools.get(index) else {
+            return true;
+        };
+        let (h, most_n) = (self.h, proxy.coupling.most_n);
+        let goal = proxy.short_m.clamp_length_max(proxy.coupling.stretch_m());
+        let force = self.force_n(index);
+        let beyond = force.length() - most_n;
+        if beyond > BEYOND * most_n {
+            // At first as far as needed if all rows that give something shared it equally.
+            let first = beyond * (per_kg + lightest_per_kg / self.giving(index).max(1) as f64) * h * h;
+            let search = Search { little: (0.0, beyond), before: None, much: None };
+            self.give_way(index, force.normalize(), search, first);
+            return false;
+        }
+        if is_first && beyond < -BEYOND * most_n && goal != proxy.short_m {
+            // There is room for more, perhaps for all.
+            let more = proxy.short_m - goal;
+            let beyond_all = self.give(index, -more).length() - most_n;
+            if beyond_all > BEYOND * most_n {
+                let much = Some((more.length(), beyond));
+                let search = Search { little: (0.0, beyond_all), before: None, much };
+                self.give_way(index, more.normalize(), search, 0.0);
+            }
+            return false;
+        }
+        true
     }
 
-    /// How many of them give something.
-    fn giving(&self) -> usize {
-        self.tools().filter(|row| row.impulse_ns != DVec3::ZERO).count()
+    /// What the rows of a tool give, N, when it gives way by `more`, m.
+    fn give(&mut self, index: usize, more: DVec3) -> DVec3 {
+        if let Some(tool) = self.answer.tools.get_mut(index) {
+            tool.velocity_m_per_s -= more / self.h;
+        }
+        self.solve();
+        self.force_n(index)
     }
 
-    /// Gives way along `way` until the force along it is the largest.
-    fn give_way(&mut self, way: DVec3, mut search: Search, first: f64, most_n: f64) {
+    fn force_n(&self, index: usize) -> DVec3 {
+        self.rows_of(index).map(|row| row.impulse_ns).sum::<DVec3>() / self.h
+    }
+
+    fn rows_of(&self, tool: usize) -> impl Iterator<Item = &Row> {
+        let rows = self.rows.iter().enumerate();
+        rows.filter(move |(row, _)| (self.answer.tool_of)(*row) == Some(tool)).map(|(_, row)| row)
+    }
+
+    /// How many of a tool's rows give something.
+    fn giving(&self, tool: usize) -> usize {
+        self.rows_of(tool).filter(|row| row.impulse_ns != DVec3::ZERO).count()
+    }
+
+    /// Lets a tool give way along `way` until the force along it is the largest.
+    fn give_way(&mut self, index: usize, way: DVec3, mut search: Search, first: f64) {
+        let Some(most_n) = self.answer.tools.get(index).map(|tool| tool.proxy.coupling.most_n) else {
+            return;
+        };
         let mut given = 0.0;
-        self.effort.sweeps = self.effort.sweeps.min(ROUGHLY);
+        let sweeps = self.effort.sweeps;
+        self.effort.sweeps = sweeps.min(ROUGHLY);
         for look in 0..LOOKS {
             // In the end rather too little than nothing.
             let give = if look + 1 < LOOKS { search.guess(first) } else { search.little.0 };
-            let beyond = self.force_n((give - given) * way).dot(way) - most_n;
+            let beyond = self.give(index, (give - given) * way).dot(way) - most_n;
             given = give;
             if beyond.abs() <= BEYOND * most_n {
                 break;
             }
             search.note(give, beyond);
         }
+        self.effort.sweeps = sweeps;
     }
 }
 
@@ -320,6 +412,34 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn tools_that_pull_at_the_same_mass_from_two_sides_keep_their_own_limits() {
+        // One row each, on one mass; the second coupling saturates.
+        struct Shared(DVec3);
+        impl Answer for Shared {
+            fn velocity_m_per_s(&self, _: usize) -> DVec3 {
+                self.0
+            }
+            fn push(&mut self, _: usize, impulse_ns: DVec3) {
+                self.0 += 2.0 * impulse_ns;
+            }
+        }
+        let proxy = |most_n| ProxyStep {
+            coupling: Coupling { stiffness_n_per_m: 20e3, most_n },
+            short_m: DVec3::ZERO,
+        };
+        let mut tools = [DrawnTool::new(proxy(50.0)), DrawnTool::new(proxy(0.5))];
+        let mut rows = [held(0.4e-3), held(-0.4e-3)];
+        let mut mass = Shared(DVec3::ZERO);
+        let effort = Effort { sweeps: 1000, tolerance: 1e-10 };
+        solve_with_proxies(&mut rows, &mut mass, &mut tools, Some, H, effort);
+        let force = |row: usize| rows[row].impulse_ns.z / H;
+        assert!((force(1) - 0.5).abs() < 0.01, "{}", force(1));
+        // The first: f h = -k h (gap + h v), v = 2 h (f + 0.5) of the shared mass.
+        let expected = -20e3 * (0.4e-3 + 2.0 * H * H * force(1)) / (1.0 + 20e3 * 2.0 * H * H);
+        assert!((force(0) / expected - 1.0).abs() < 1e-6, "{} {expected}", force(0));
     }
 
     #[test]

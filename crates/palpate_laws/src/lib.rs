@@ -33,7 +33,7 @@ mod touch;
 
 pub use contact::one_sided;
 pub use coulomb::Coulomb;
-pub use coupling::{Coupling, ProxyStep, ToolMove, solve_with_proxy};
+pub use coupling::{Coupling, DrawnTool, ProxyStep, ToolMove, solve_with_proxies, solve_with_proxy};
 pub use error::LawError;
 pub use law::{ForceLaw, Tension};
 pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Effort, Row, RowLaw, Sweeps, solve_rows};

@@ -202,10 +202,27 @@ impl LocalModelBuilder {
         id: ModelId,
         model: &mut LocalModel,
     ) -> Result<BuildReport, ReduceError> {
+        self.build_beside(scheme, body, (contact, tool), &[], id, model)
+    }
+
+    /// As [`LocalModelBuilder::build`], for a tool that is not alone: what the `others` did to the body in its last step is
+    /// held constant until the next local model. [`Scheme::Neighbourhood`] knows of no others, as in the seed paper.
+    ///
+    /// # Errors
+    /// As [`LocalModelBuilder::build`], of every contact.
+    pub fn build_beside(
+        &mut self,
+        scheme: Scheme,
+        body: &Body,
+        (contact, tool): (&ToolContact, ToolPoint),
+        others: &[&ToolContact],
+        id: ModelId,
+        model: &mut LocalModel,
+    ) -> Result<BuildReport, ReduceError> {
         #[expect(clippy::disallowed_methods, reason = "how long it takes is reported, and decides nothing")]
         let now = || Instant::now();
         let began = now();
-        let error_bound = self.write(scheme, body, contact, tool, id, model)?;
+        let error_bound = self.write(scheme, body, (contact, tool), others, id, model)?;
         let LocalModel { near, reduced, .. } = &*model;
         let (is_near, order) = (near.nodes > 0, near.order.max(reduced.order));
         Ok(BuildReport {
@@ -226,8 +243,8 @@ impl LocalModelBuilder {
         &mut self,
         scheme: Scheme,
         body: &Body,
-        contact: &ToolContact,
-        tool: ToolPoint,
+        (contact, tool): (&ToolContact, ToolPoint),
+        others: &[&ToolContact],
         id: ModelId,
         model: &mut LocalModel,
     ) -> Result<Option<f64>, ReduceError> {
@@ -243,13 +260,14 @@ impl LocalModelBuilder {
         model.near.clear();
         model.contact = Contact::Apart;
         contact.validate(body)?;
+        others.iter().try_for_each(|other| other.validate(body))?;
         let mut error_bound = None;
         if scheme == Scheme::NearFieldExact {
             model.force_n = contact.displayed_force_n(body);
             error_bound = self.exact_or_clamped(body, model, |this, model| {
                 let LocalModel { near, clamped, .. } = model;
                 let (tangent, options) = (&this.tangent, &this.options);
-                let moment = Moment { body, tangent, is_clamped: *clamped, contact, tool, options };
+                let moment = Moment { body, tangent, is_clamped: *clamped, contact, tool, others, options };
                 this.near_field.build(&moment, near)
             })?;
         }
@@ -273,7 +291,7 @@ impl LocalModelBuilder {
                 this.neighbourhood.build(body, &this.tangent, node, rings, tick_s, model)
             })?,
             Scheme::KrylovLinear => self.exact_or_clamped(body, model, |this, model| {
-                this.near_field.build_linear(body, &this.tangent, node, &this.options, model)
+                this.near_field.build_linear((body, others), &this.tangent, node, &this.options, model)
             })?,
             Scheme::NearFieldExact => {}
         }

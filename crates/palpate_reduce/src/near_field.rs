@@ -67,6 +67,8 @@ pub(crate) struct Moment<'a> {
     pub(crate) is_clamped: bool,
     pub(crate) contact: &'a ToolContact,
     pub(crate) tool: ToolPoint,
+    /// The other tools on the body: what they do stays as it was in the last step.
+    pub(crate) others: &'a [&'a ToolContact],
     pub(crate) options: &'a BuilderOptions,
 }
 
@@ -107,7 +109,7 @@ impl Workspace {
         moment: &Moment<'_>,
         field: &mut NearField,
     ) -> Result<Option<f64>, ReduceError> {
-        let &Moment { body, tangent, contact, tool, options, .. } = moment;
+        let &Moment { body, tangent, contact, tool, others, options, .. } = moment;
         field.clear();
         self.support.clear();
         let room = field.capacity();
@@ -123,12 +125,18 @@ impl Workspace {
         };
         self.support.extend(&support.nodes);
         body.internal_forces_n(&mut self.internal_n);
-        body.outer_forces_n(&mut self.outer_n);
+        self.collect_outer_forces(body, others);
         let basis = self.basis(body, tangent, &support, options, room.order)?;
         self.write(moment, &support, &basis, field).inspect_err(|_| field.clear())?;
         // Along which the tool pushes or moves.
         let direction = contact.normal().or(tool.velocity_m_per_s.try_normalize()).unwrap_or(DVec3::Z);
         Ok(estimate::error_bound(field, (body.network(), tangent), (&basis, &support.nodes), direction))
+    }
+
+    /// What acts from outside and from other tools.
+    fn collect_outer_forces(&mut self, body: &Body, others: &[&ToolContact]) {
+        body.outer_forces_n(&mut self.outer_n);
+        others.iter().for_each(|other| other.add_force_n(&mut self.outer_n));
     }
 
     /// V: the static response, its high-frequency end, the responses at the shifts, v_N, and the static correction.
@@ -323,7 +331,7 @@ impl Workspace {
     /// Writes the linear reduced system of `body` driven at `node` into `model`, with the same basis.
     pub(crate) fn build_linear(
         &mut self,
-        body: &Body,
+        (body, others): (&Body, &[&ToolContact]),
         tangent: &Tangent,
         node: usize,
         options: &BuilderOptions,
@@ -332,7 +340,7 @@ impl Workspace {
         let network = body.network();
         let support = SupportSet::driven(node);
         body.internal_forces_n(&mut self.internal_n);
-        body.outer_forces_n(&mut self.outer_n);
+        self.collect_outer_forces(body, others);
         let basis = self.basis(body, tangent, &support, options, model.reduced.capacity())?;
         let (p, h, r) = (basis.order(), options.tick_s, &mut model.reduced);
         (r.order, r.step_s) = (p, h);

@@ -6,10 +6,13 @@ use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::ModelRate;
 use bevy::prelude::*;
 use glam::DVec3;
-use palpate_body::SemiImplicitEuler;
+use palpate_body::{Body, BodyError, SemiImplicitEuler, StepReport, ToolContact, ToolPoint, ToolRun};
 use palpate_local::{ModelId, Scheme};
 
-/// Steps every body: along the samples of the tool that can touch it, or by the model period if there is none.
+/// Steps every body: along the samples of the tools that can touch it, or by the model period if there are none.
+///
+/// The first of several tools is the clock. Another one's loop, on a thread of its own, may have ticked a little more or less
+/// often meanwhile: its path is stretched to the same time.
 pub(super) fn step_bodies(
     mut bodies: Query<(Entity, &mut SimulatedBody)>,
     mut tools: Query<(Entity, &mut ToolLoop)>,
@@ -18,42 +21,35 @@ pub(super) fn step_bodies(
     mut ended: MessageWriter<ContactEnded>,
     mut faults: MessageWriter<HapticFault>,
 ) {
-    let integrator = SemiImplicitEuler::default();
     for (_, mut tool) in &mut tools {
         tool.full_n.clear();
     }
     for (entity, mut simulated) in &mut bodies {
         let simulated = &mut *simulated;
-        let tool = tools.iter_mut().find(|(_, tool)| tool.body == Some(entity) && !tool.path.is_empty());
-        let stepped = match tool {
-            None => simulated.body.advance(None, rate.ticks() as usize, integrator),
-            Some((tool_entity, mut tool)) => {
-                // Nodes of another shape have other numbers.
-                if std::mem::replace(&mut tool.shape, simulated.shape) != simulated.shape {
-                    tool.let_go(tool_entity).map(|message| ended.write(message));
-                }
-                let ToolLoop { contact, path, full_n, .. } = &mut *tool;
-                let before = contact.normal();
-                let along = Some((&mut *contact, path.as_slice()));
-                let note = |_, force_n| full_n.push(force_n);
-                let stepped = simulated.body.advance_observed(along, path.len() - 1, integrator, note);
-                if stepped.is_err() {
-                    contact.let_go();
-                    full_n.clear();
-                }
-                let after = contact.normal();
-                if before.is_some() && after.is_none() {
+        let mut at_it: Vec<(Entity, Mut<ToolLoop>)> =
+            tools.iter_mut().filter(|(_, tool)| tool.body == Some(entity) && !tool.path.is_empty()).collect();
+        at_it.sort_unstable_by_key(|(tool, _)| *tool);
+        for (tool_entity, tool) in &mut at_it {
+            // Nodes of another shape have other numbers.
+            if std::mem::replace(&mut tool.shape, simulated.shape) != simulated.shape {
+                tool.let_go(*tool_entity).map(|message| ended.write(message));
+            }
+        }
+        let before: Vec<bool> = at_it.iter().map(|(_, tool)| tool.contact.normal().is_some()).collect();
+        let stepped = step(&mut simulated.body, &mut at_it, rate.ticks() as usize);
+        for ((tool_entity, tool), was_touching) in at_it.iter_mut().zip(before) {
+            let (tool_entity, contact) = (*tool_entity, &tool.contact);
+            match (was_touching, contact.normal().zip(contact.touched().first())) {
+                (true, None) => {
                     ended.write(ContactEnded { tool: tool_entity, body: entity });
                 }
-                if let Some((normal, touched)) =
-                    after.filter(|_| before.is_none()).zip(contact.touched().first())
-                {
+                (false, Some((normal, touched))) => {
                     let point_m = touched.point_m(&simulated.body);
                     began.write(ContactBegan { tool: tool_entity, body: entity, point_m, normal });
                 }
-                stepped
+                _ => {}
             }
-        };
+        }
         match stepped {
             Ok(report) => (simulated.last_step, simulated.failed) = (report, None),
             Err(error) => {
@@ -66,6 +62,53 @@ pub(super) fn step_bodies(
             }
         }
     }
+}
+
+/// Steps `body` along the paths of `tools`, by `period` ticks if there are none, and notes what it displayed to each.
+fn step(
+    body: &mut Body,
+    tools: &mut [(Entity, Mut<ToolLoop>)],
+    period: usize,
+) -> Result<StepReport, BodyError> {
+    let ticks = tools.first().map_or(period, |(_, tool)| tool.path.len() - 1);
+    let stretched: Vec<Option<Vec<ToolPoint>>> = tools
+        .iter()
+        .map(|(_, tool)| (tool.path.len() != ticks + 1).then(|| stretch(&tool.path, ticks)))
+        .collect();
+    let mut forces: Vec<Vec<DVec3>> = vec![Vec::with_capacity(ticks); tools.len()];
+    let mut runs = Vec::with_capacity(tools.len());
+    for ((_, tool), stretched) in tools.iter_mut().zip(&stretched) {
+        let ToolLoop { contact, path, .. } = &mut **tool;
+        runs.push(ToolRun { contact, path: stretched.as_ref().unwrap_or(path) });
+    }
+    let stepped = body.advance_tools(&mut runs, ticks, SemiImplicitEuler::default(), |_, now_n| {
+        forces.iter_mut().zip(now_n).for_each(|(forces, now)| forces.push(*now));
+    });
+    for ((_, tool), forces) in tools.iter_mut().zip(forces) {
+        if stepped.is_err() {
+            tool.contact.let_go();
+        } else {
+            // One for each of its own ticks.
+            let own = tool.path.len() - 1;
+            tool.full_n.extend((1..=own).filter_map(|i| forces.get((i * ticks).div_ceil(own).max(1) - 1)));
+        }
+    }
+    stepped
+}
+
+/// `path`, of at least one point, as one of `ticks` ticks.
+fn stretch(path: &[ToolPoint], ticks: usize) -> Vec<ToolPoint> {
+    let last = path.len() - 1;
+    let at = |tick: usize| {
+        let place = if ticks == 0 { last as f64 } else { last as f64 * tick as f64 / ticks as f64 };
+        let (from, share) = ((place as usize).min(last), place.fract());
+        let (a, b) = (path[from], path[(from + 1).min(last)]);
+        ToolPoint {
+            position_m: a.position_m.lerp(b.position_m, share),
+            velocity_m_per_s: a.velocity_m_per_s.lerp(b.velocity_m_per_s, share),
+        }
+    };
+    (0..=ticks).map(at).collect()
 }
 
 /// Compares what every loop displayed with what the full body says for the same samples.
@@ -92,6 +135,11 @@ pub(super) fn build_local_models(
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, &mut LocalModelBuild)>,
     mut faults: MessageWriter<HapticFault>,
 ) {
+    // What every tool does, for those beside it.
+    let all: Vec<(Entity, Entity, ToolContact)> = tools
+        .iter()
+        .filter_map(|(entity, _, tool, _)| Some((entity, tool.body?, tool.contact.clone())))
+        .collect();
     for (entity, asked, mut tool, mut newest) in &mut tools {
         let ToolLoop {
             handle, contact, path, consumed, body, built, support, has_support, was_beyond, ..
@@ -120,7 +168,14 @@ pub(super) fn build_local_models(
         support.clear();
         *has_support = false;
         let id = ModelId { body: body.to_bits(), epoch: *epoch, sequence };
-        match builder.build(asked.scheme, full, contact, point, id, model) {
+        let beside = |other: &&(Entity, Entity, ToolContact)| other.0 != entity && other.1 == body;
+        let others: Vec<&ToolContact> = all
+            .iter()
+            .filter(beside)
+            .map(|(_, _, contact)| contact)
+            .filter(|c| c.validate(full).is_ok())
+            .collect();
+        match builder.build_beside(asked.scheme, full, (contact, point), &others, id, model) {
             Ok(report) => {
                 (*built, *newest) = (true, report.into());
                 if asked.scheme == Scheme::NearFieldExact {
@@ -141,5 +196,24 @@ pub(super) fn publish_local_models(mut tools: Query<&mut ToolLoop>) {
         if std::mem::take(&mut tool.built) {
             tool.handle.publish_model();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_is_stretched_from_its_beginning_to_its_end() {
+        let at = |x: f64| ToolPoint { position_m: DVec3::X * x, velocity_m_per_s: DVec3::Y * x };
+        let path: Vec<ToolPoint> = (0..=4).map(|i| at(f64::from(i))).collect();
+        assert_eq!(stretch(&path, 4), path);
+        let longer = stretch(&path, 5);
+        assert_eq!((longer.len(), longer[0], longer[5]), (6, at(0.0), at(4.0)));
+        assert!((longer[1].position_m.x - 0.8).abs() < 1e-15);
+        assert_eq!(stretch(&path, 2), [at(0.0), at(2.0), at(4.0)]);
+        // A hand of which nothing is new stays where it is.
+        assert_eq!(stretch(&path[..1], 3), [at(0.0); 4]);
+        assert_eq!(stretch(&path, 0), [at(4.0)]);
     }
 }

@@ -134,8 +134,6 @@ pub(super) fn choose_bodies(
     mut ended: MessageWriter<ContactEnded>,
     mut faults: MessageWriter<HapticFault>,
 ) {
-    let mut taken: Vec<(Entity, Entity)> =
-        tools.iter().filter_map(|(entity, _, tool)| Some((entity, tool.body?))).collect();
     for (entity, asked, mut tool) in &mut tools {
         let Some(at) = tool.path.last().map(|point| point.position_m) else { continue };
         let wanted = match (asked.body, tool.body) {
@@ -143,29 +141,22 @@ pub(super) fn choose_bodies(
             (None, Some(body)) if bodies.contains(body) => Some(body),
             (None, _) => nearest(&bodies, at),
         };
-        let refused = wanted.and_then(|body| {
-            if !bodies.contains(body) {
-                Some((body, HapticFaultKind::NotABody { body }))
-            } else if taken.iter().any(|&(by, taken)| taken == body && by != entity) {
-                Some((body, HapticFaultKind::BodyTaken { body }))
-            } else {
-                None
-            }
-        });
+        let refused = wanted.filter(|body| !bodies.contains(*body));
         let chosen = wanted.filter(|_| refused.is_none());
         match refused {
             None => tool.refused_body = None,
-            Some((body, kind)) => {
+            Some(body) => {
                 if tool.refused_body.replace(body) != Some(body) {
-                    faults.write(HapticFault { entity: Some(entity), kind });
+                    faults.write(HapticFault {
+                        entity: Some(entity),
+                        kind: HapticFaultKind::NotABody { body },
+                    });
                 }
             }
         }
         if chosen != tool.body {
             tool.let_go(entity).map(|message| ended.write(message));
             tool.body = chosen;
-            taken.retain(|&(by, _)| by != entity);
-            taken.extend(chosen.map(|body| (entity, body)));
         }
     }
 }

@@ -10,8 +10,8 @@ use crate::tool::Hold;
 use crate::{BodyError, Integrator, NodeContact, ToolContact, TouchedPoint};
 use glam::{DMat3, DVec3};
 use palpate_laws::{
-    Answer, CLOSED_M, CLOSING_M_PER_S, Effort, ProxyStep, Row, RowLaw, Sweeps, ToolMove, solve_rows,
-    solve_with_proxy,
+    Answer, CLOSED_M, CLOSING_M_PER_S, DrawnTool, Effort, ProxyStep, Row, RowLaw, Sweeps, ToolMove,
+    solve_rows, solve_with_proxies,
 };
 
 /// How often obstacles are looked for again after some were met.
@@ -28,35 +28,37 @@ pub(super) struct Step<'a> {
     pub(super) integrator: &'a Integrator,
     /// The node that is driven, and how far it has been moved.
     pub(super) drive: Option<(usize, DVec3)>,
-    pub(super) tool: Option<ToolStep<'a>>,
+    pub(super) tools: Vec<ToolStep<'a>>,
 }
 
-/// A tool that does not drive a node, in a step.
+/// A tool in a step.
 pub(super) struct ToolStep<'a> {
     pub(super) contact: &'a mut ToolContact,
     /// From where to where it goes.
     pub(super) way: ToolMove,
+    /// Velocity that a node which it drives takes over, m/s.
+    pub(super) velocity_m_per_s: DVec3,
     /// The triangles that it may touch: their points, and their longest edge at rest, m.
     pub(super) near: &'a [([usize; 3], f64)],
 }
 
 impl<'a> ToolStep<'a> {
-    /// The step of a tool whose device goes from one place to another.
+    /// The step of a tool whose device goes from one place to another, with a velocity in the end.
     pub(super) fn new(
         contact: &'a mut ToolContact,
-        device_m: (DVec3, DVec3),
+        (device_m, velocity_m_per_s): ((DVec3, DVec3), DVec3),
         near: &'a [([usize; 3], f64)],
     ) -> Self {
         let radius_m = contact.shape().map(|(shape, _)| shape.radius_m());
         let way = ToolMove::new(contact.coupling, device_m, contact.proxy_m(device_m.0), radius_m);
-        Self { contact, way, near }
+        Self { contact, way, velocity_m_per_s, near }
     }
 }
 
 impl Step<'_> {
-    /// Whether the tool may push or pull.
+    /// Whether a tool may push or pull.
     pub(super) fn constrains(&self) -> bool {
-        self.tool.as_ref().is_some_and(|tool| match tool.contact.hold {
+        self.tools.iter().any(|tool| match tool.contact.hold {
             Hold::Node { .. } => false,
             Hold::Point { .. } => true,
             Hold::Nothing { .. } => !tool.near.is_empty(),
@@ -79,13 +81,27 @@ struct Constraint {
 enum Source {
     /// The tie of this index.
     Tie(usize),
-    /// The point that the tool holds.
-    Grip,
+    /// The point that the tool of this index holds.
+    Grip(usize),
     /// A node and an obstacle, and how far apart they are.
     Obstacle { node: usize, obstacle: usize, apart_m: f64, normal: DVec3 },
-    /// The surface and the tool: where, how far apart at the end of the step if the surface stood still, and that as far as
+    /// The surface and the tool of this index: where, how far apart at the end of the step if the surface stood still, and that as far as
     /// it is to be closed in this step.
-    Touch { corners: [(usize, f64); 3], apart_m: f64, gap_m: f64, push: DVec3 },
+    Touch { tool: usize, corners: [(usize, f64); 3], apart_m: f64, gap_m: f64, push: DVec3 },
+}
+
+impl Source {
+    /// The tool whose row it is.
+    fn tool(self) -> Option<usize> {
+        match self {
+            Self::Grip(tool) | Self::Touch { tool, .. } => Some(tool),
+            Self::Tie(_) | Self::Obstacle { .. } => None,
+        }
+    }
+
+    fn is_touch_of(self, index: usize) -> bool {
+        matches!(self, Self::Touch { tool, .. } if tool == index)
+    }
 }
 
 impl Body {
@@ -100,21 +116,28 @@ impl Body {
         let (h, mut closing) = (step.h, None);
         let before = self.v.clone();
         let mut rows = self.tie_rows(step);
-        rows.extend(step.tool.as_ref().and_then(|tool| self.grip_row(tool, h)));
-        let touchable = step.tool.as_ref().map_or_else(Vec::new, |tool| self.touchable(tool, h));
-        let touched_before: Vec<usize> = step.tool.as_ref().map_or_else(Vec::new, |tool| {
+        rows.extend(
+            step.tools.iter().enumerate().filter_map(|(index, tool)| self.grip_row((index, tool), h)),
+        );
+        let touchable: Vec<Vec<Constraint>> =
+            step.tools.iter().enumerate().map(|(index, tool)| self.touchable((index, tool), h)).collect();
+        let touched_before = |tool: &ToolStep<'_>| -> Vec<usize> {
             let on = tool.contact.touched.iter().flat_map(|t| t.corners).filter(|(_, w)| *w > 0.0);
             on.map(|(point, _)| point).collect()
-        });
+        };
+        let touched_before: Vec<Vec<usize>> = step.tools.iter().map(touched_before).collect();
         let mut columns = Columns::default();
         let mut impulses = Vec::new();
         // Without rows a proxy goes as far as it is let.
-        let mut drawn = step.tool.as_ref().map_or(DVec3::ZERO, |tool| tool.way.short_m());
+        let mut drawn: Vec<DVec3> = step.tools.iter().map(|tool| tool.way.short_m()).collect();
         // A push out of one obstacle may lead into another: until no more are met.
         for meeting in 0..MEETINGS {
             let known = rows.len();
             self.meet(step, &mut rows);
-            self.meet_tool(&touchable, &touched_before, (h, drawn), &mut rows, report);
+            for (index, touchable) in touchable.iter().enumerate() {
+                let (before, drawn) = (&touched_before[index], drawn[index]);
+                self.meet_tool((index, touchable), before, (h, drawn), &mut rows, report);
+            }
             if rows.len() == known && (meeting > 0 || rows.is_empty()) {
                 break;
             }
@@ -131,11 +154,11 @@ impl Body {
             let (found, went) = self.solve(step, &rows, &gaps, &before, &mut columns, report)?;
             (impulses, drawn) = (found, if overdue { drawn } else { went });
         }
-        if let Some(tool) = step.tool.as_mut().filter(|tool| tool.way.proxy.is_some()) {
-            tool.way.to_m += drawn;
+        for (tool, drawn) in step.tools.iter_mut().zip(&drawn).filter(|(tool, _)| tool.way.proxy.is_some()) {
+            tool.way.to_m += *drawn;
             tool.contact.proxy_m = Some(tool.way.to_m);
         }
-        let work = self.settle(step, &rows, &impulses, (closing.as_deref(), drawn), report);
+        let work = self.settle(step, &rows, &impulses, (closing.as_deref(), &drawn), report);
         if let Some(mut ledger) = self.ledger.take() {
             ledger.meet(self, step.drive.map(|(node, _)| node));
             for (nodes, impulse, moved) in work {
@@ -153,17 +176,24 @@ impl Body {
         step: &mut Step<'_>,
         rows: &[Constraint],
         impulses: &[DVec3],
-        (closing, drawn): (Option<&[DVec3]>, DVec3),
+        (closing, drawn): (Option<&[DVec3]>, &[DVec3]),
         report: &mut StepReport,
     ) -> Vec<(Weights, DVec3, DVec3)> {
-        let (h, mut work, mut touched) = (step.h, Vec::new(), Vec::new());
-        let moved = step.tool.as_ref().map_or(DVec3::ZERO, |tool| tool.way.to_m - tool.way.from_m);
+        let (h, mut work) = (step.h, Vec::new());
+        for tool in &mut step.tools {
+            tool.contact.touched.clear();
+            tool.contact.gripped = (DVec3::ZERO, h);
+        }
         for (row, &impulse_ns) in rows.iter().zip(impulses) {
             let of = |v: &[DVec3]| -> DVec3 { row.nodes.iter().map(|&(node, w)| w * v[node]).sum() };
             let (velocity, closing) = (of(&self.v), of(closing.unwrap_or(&self.v)));
             match row.source {
                 Source::Tie(index) => self.ties[index].last = (impulse_ns, h),
-                Source::Grip => work.push((row.nodes.clone(), impulse_ns, moved)),
+                Source::Grip(tool) => {
+                    let tool = &mut step.tools[tool];
+                    tool.contact.gripped = (impulse_ns, h);
+                    work.push((row.nodes.clone(), impulse_ns, tool.way.to_m - tool.way.from_m));
+                }
                 _ if impulse_ns == DVec3::ZERO => {}
                 Source::Obstacle { node, obstacle, apart_m, normal } => self.contacts.push(NodeContact {
                     node,
@@ -174,9 +204,12 @@ impl Body {
                     velocity_m_per_s: velocity,
                     step_s: h,
                 }),
-                Source::Touch { corners, apart_m, push, .. } => {
+                Source::Touch { tool, corners, apart_m, push, .. } => {
+                    let drawn = drawn[tool];
+                    let tool = &mut step.tools[tool];
+                    let moved = tool.way.to_m - tool.way.from_m;
                     work.push((row.nodes.clone(), impulse_ns, moved));
-                    touched.push(TouchedPoint {
+                    tool.contact.touched.push(TouchedPoint {
                         corners,
                         nodes: row.nodes.clone(),
                         normal: -push,
@@ -189,14 +222,14 @@ impl Body {
             }
         }
         report.contacts = report.contacts.max(self.contacts.len());
-        report.touched = report.touched.max(touched.len());
-        if let Some(tool) = &mut step.tool {
+        for tool in &mut step.tools {
+            let ToolContact { touched, touched_nodes, .. } = &mut *tool.contact;
+            report.touched = report.touched.max(touched.len());
             for &(node, _) in touched.iter().flat_map(|t| &t.nodes).filter(|(_, w)| *w != 0.0) {
-                if !tool.contact.touched_nodes.contains(&node) {
-                    tool.contact.touched_nodes.push(node);
+                if !touched_nodes.contains(&node) {
+                    touched_nodes.push(node);
                 }
             }
-            tool.contact.touched = touched;
         }
         for tie in &mut self.ties {
             if let TieKind::Joint { tear_limit_n: Some(limit) } = tie.kind
@@ -288,7 +321,7 @@ impl Body {
     }
 
     /// Makes the velocities, `before` without impulses, those with which every row closes its gap as its law says, and
-    /// returns the impulses, and how far the tool's coupling has drawn it.
+    /// returns the impulses, and how far the tools' couplings have drawn them.
     fn solve(
         &mut self,
         step: &Step<'_>,
@@ -297,7 +330,7 @@ impl Body {
         before: &[DVec3],
         columns: &mut Columns,
         report: &mut StepReport,
-    ) -> Result<(Vec<DVec3>, DVec3), BodyError> {
+    ) -> Result<(Vec<DVec3>, Vec<DVec3>), BodyError> {
         // What is fixed or driven answers to no impulse.
         let driven = step.drive.map(|(node, _)| node);
         let movable =
@@ -312,14 +345,14 @@ impl Body {
         };
         let mut rows: Vec<Row> = constraints.iter().zip(gaps).map(asked).collect();
         self.v.copy_from_slice(before);
-        let proxy = step.tool.as_ref().and_then(|tool| tool.way.proxy);
+        let proxies: Vec<Option<ProxyStep>> = step.tools.iter().map(|tool| tool.way.proxy).collect();
         let (sweeps, drawn) = match (step.integrator, &self.implicit) {
             (Integrator::LinearlyImplicitEuler(settings), Some(implicit)) => {
                 let touched = nodes.iter().flatten().map(|(node, _)| *node);
                 implicit.answer(&self.network, touched, settings, columns)?;
                 let mut answer = Coupled::new(&nodes, before, |i, j| columns.block(&self.network, i, j));
                 rows.iter_mut().enumerate().for_each(|(i, row)| row.own_per_kg = answer.own_per_kg(i));
-                let solved = solve(constraints, &mut rows, &mut answer, proxy, step.h);
+                let solved = solve(constraints, &mut rows, &mut answer, &proxies, step.h);
                 let pushes = nodes.iter().zip(&rows);
                 for (node, impulse) in
                     pushes.flat_map(|(row, r)| row.iter().map(|&(node, w)| (node, w * r.impulse_ns)))
@@ -332,7 +365,7 @@ impl Body {
                 let mass_kg = self.network.mass_kg();
                 let mut answer = Masses { rows: &nodes, mass_kg, v: &mut self.v };
                 rows.iter_mut().enumerate().for_each(|(i, row)| row.own_per_kg = answer.own_per_kg(i));
-                solve(constraints, &mut rows, &mut answer, proxy, step.h)
+                solve(constraints, &mut rows, &mut answer, &proxies, step.h)
             }
         };
         report.sweeps = report.sweeps.max(sweeps.count);
@@ -341,15 +374,25 @@ impl Body {
     }
 }
 
-/// Solves the rows of `constraints`, and for how far the tool's coupling draws it.
+/// Solves the rows of `constraints`, and for how far the tools' couplings draw them.
 fn solve(
     constraints: &[Constraint],
     rows: &mut [Row],
     answer: &mut impl Answer,
-    proxy: Option<ProxyStep>,
+    proxies: &[Option<ProxyStep>],
     h: f64,
-) -> (Sweeps, DVec3) {
-    let Some(proxy) = proxy else { return (solve_rows(rows, answer, h, EFFORT), DVec3::ZERO) };
-    let is_tools = |row: usize| matches!(constraints[row].source, Source::Grip | Source::Touch { .. });
-    solve_with_proxy(rows, answer, is_tools, proxy, h, EFFORT)
+) -> (Sweeps, Vec<DVec3>) {
+    let mut drawn = vec![DVec3::ZERO; proxies.len()];
+    let behind: Vec<usize> = (0..proxies.len()).filter(|&tool| proxies[tool].is_some()).collect();
+    let mut tools: Vec<DrawnTool> = proxies.iter().flatten().map(|proxy| DrawnTool::new(*proxy)).collect();
+    if tools.is_empty() {
+        return (solve_rows(rows, answer, h, EFFORT), drawn);
+    }
+    let tool_of = |row: usize| {
+        let tool = constraints[row].source.tool()?;
+        behind.iter().position(|behind| *behind == tool)
+    };
+    let sweeps = solve_with_proxies(rows, answer, &mut tools, tool_of, h, EFFORT);
+    behind.iter().zip(&tools).for_each(|(&index, tool)| drawn[index] = tool.drawn_m(h));
+    (sweeps, drawn)
 }

@@ -10,6 +10,15 @@ use crate::{BodyError, Integrator, Tie, ToolContact, ToolPoint};
 use glam::DVec3;
 use std::sync::Arc;
 
+/// A tool and its way in an advance.
+#[derive(Debug)]
+pub struct ToolRun<'a> {
+    /// How it acts on the body.
+    pub contact: &'a mut ToolContact,
+    /// `path[0]` is where it was at the end of the last step, `path[i]` where it is at the end of tick i.
+    pub path: &'a [ToolPoint],
+}
+
 /// What a model step did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StepReport {
@@ -23,9 +32,9 @@ pub struct StepReport {
     pub clamped: usize,
     /// Nodes in contact with obstacles, at most.
     pub contacts: usize,
-    /// Points of the surface that the tool touched at once, at most.
+    /// Points of the surface that a tool touched at once, at most.
     pub touched: usize,
-    /// Points that it should have touched but did not, at most: it touches at no more than 32 nodes at once.
+    /// Points that it should have touched but did not, at most: it touches at no more than 64 nodes at once.
     pub left_out: usize,
     /// Sweeps that the impulses of obstacles, ties and the tool took, at most.
     pub sweeps: usize,
@@ -71,9 +80,36 @@ impl Body {
         integrator: impl Into<Integrator>,
         mut observe: impl FnMut(usize, DVec3),
     ) -> Result<StepReport, BodyError> {
+        let is_there = tool.is_some();
+        let mut tools: Vec<ToolRun<'_>> =
+            tool.into_iter().map(|(contact, path)| ToolRun { contact, path }).collect();
+        let mut on_tick = |tick: usize, forces: &[DVec3]| match forces {
+            [force] if is_there => observe(tick, *force),
+            _ => observe(tick, DVec3::ZERO),
+        };
+        self.advance_tools(&mut tools, ticks, integrator, &mut on_tick)
+    }
+
+    /// As [`Body::advance_observed`], with several tools at once, of which at most one may drive a node. `observe` gets the
+    /// forces displayed to all of them, in their order.
+    ///
+    /// # Errors
+    /// As [`Body::advance`]; [`BodyError::CannotHold`] also where two tools drive nodes.
+    pub fn advance_tools(
+        &mut self,
+        tools: &mut [ToolRun<'_>],
+        ticks: usize,
+        integrator: impl Into<Integrator>,
+        mut observe: impl FnMut(usize, &[DVec3]),
+    ) -> Result<StepReport, BodyError> {
         let integrator = integrator.into();
-        if let Some((contact, path)) = &tool {
+        let mut driven = None;
+        for ToolRun { contact, path } in &*tools {
             contact.validate(self)?;
+            if let (Some(node), Some(_)) = (contact.driven_node(), driven) {
+                return Err(BodyError::CannotHold { node, why: "another tool drives a node of the body" });
+            }
+            driven = driven.or(contact.driven_node());
             if path.len().checked_sub(1) != Some(ticks) {
                 return Err(BodyError::PathLength { ticks, points: path.len() });
             }
@@ -85,34 +121,29 @@ impl Body {
         self.before.1.copy_from_slice(&self.v);
         let (quiet, ledger, ties) = (self.quiet_s, self.ledger.clone(), self.ties.clone());
         let contacts = self.contacts.clone();
-        let (mut contact, path) = tool.unzip();
-        let contact_before = contact.as_deref().cloned();
-        let stepped = self.march(contact.as_deref_mut(), path, ticks, &integrator, &mut observe);
+        let tools_before: Vec<ToolContact> = tools.iter().map(|tool| tool.contact.clone()).collect();
+        let stepped = self.march(tools, ticks, &integrator, &mut observe);
         stepped.inspect_err(|_| {
             self.x.copy_from_slice(&self.before.0);
             self.v.copy_from_slice(&self.before.1);
             (self.quiet_s, self.ledger, self.ties) = (quiet, ledger, ties);
             self.contacts = contacts;
-            if let (Some(contact), Some(before)) = (contact, contact_before) {
-                *contact = before;
-            }
+            tools.iter_mut().zip(tools_before).for_each(|(tool, before)| *tool.contact = before);
         })
     }
 
     fn march(
         &mut self,
-        mut contact: Option<&mut ToolContact>,
-        path: Option<&[ToolPoint]>,
+        tools: &mut [ToolRun<'_>],
         ticks: usize,
         integrator: &Integrator,
-        observe: &mut dyn FnMut(usize, DVec3),
+        observe: &mut dyn FnMut(usize, &[DVec3]),
     ) -> Result<StepReport, BodyError> {
         if let Some(implicit) = &mut self.implicit {
             implicit.forget();
         }
-        if let Some(contact) = contact.as_deref_mut() {
-            contact.touched_nodes.clear();
-        }
+        tools.iter_mut().for_each(|tool| tool.contact.touched_nodes.clear());
+        let mut forces = vec![DVec3::ZERO; tools.len()];
         let (ticks_per_step, mut substeps) = integrator.steps(self)?;
         let mut report = StepReport { ticks, substeps, ..StepReport::default() };
         let mut tick = 0;
@@ -124,33 +155,36 @@ impl Body {
             }
             let span = ticks_per_step.min(ticks - tick);
             let span_s = integrator.tick_s() * span as f64;
-            let way = path.map(|path| (path[tick], path[tick + span]));
-            let approach = match (way, contact.as_deref_mut()) {
-                (Some((from, to)), Some(contact)) => {
-                    self.approach(contact, (from.position_m, to.position_m), span_s, substeps)
-                }
-                _ => Approach::none(),
-            };
-            let steps = substeps * approach.cuts;
+            let mut approaches: Vec<Approach> = Vec::with_capacity(tools.len());
+            for ToolRun { contact, path } in &mut *tools {
+                let way = (path[tick].position_m, path[tick + span].position_m);
+                approaches.push(self.approach(contact, way, span_s, substeps));
+            }
+            let steps = substeps * approaches.iter().map(|approach| approach.cuts).max().unwrap_or(1);
             report.substeps = report.substeps.max(steps);
             let h = span_s / steps as f64;
             for i in 1..=steps {
                 let share = |i: usize| i as f64 / steps as f64;
-                let tool = contact.as_deref_mut().zip(way).map(|(contact, (from, to))| {
+                let mut steps = Vec::with_capacity(tools.len());
+                for (ToolRun { contact, path }, approach) in tools.iter_mut().zip(&approaches) {
+                    let (from, to) = (path[tick], path[tick + span]);
                     let at = |share: f64| from.position_m + (to.position_m - from.position_m) * share;
                     let device = (at(share(i - 1)), at(share(i)));
-                    (ToolStep::new(contact, device, &approach.near), to.velocity_m_per_s)
-                });
+                    steps.push(ToolStep::new(contact, (device, to.velocity_m_per_s), &approach.near));
+                }
                 // The shares of the advance that are over before and after this step.
                 let over = |i: usize| (tick as f64 + span as f64 * share(i)) / ticks as f64;
                 let along = (over(i - 1), over(i));
-                self.step(tool, h, along, integrator, &mut report)?;
+                self.step(steps, h, along, integrator, &mut report)?;
             }
             tick += span;
             let moving = self.network.free().iter().any(|&node| self.v[node].length() > QUIET_M_PER_S);
             let looked = (integrator.tick_s() * span as f64).min(LOOK_S);
             self.quiet_s = if moving { 0.0 } else { self.quiet_s + looked };
-            observe(tick, contact.as_deref().map_or(DVec3::ZERO, |contact| contact.displayed_force_n(self)));
+            for (force, tool) in forces.iter_mut().zip(&*tools) {
+                *force = tool.contact.displayed_force_n(self);
+            }
+            observe(tick, &forces);
         }
         match (0..self.x.len()).find(|&i| !(self.x[i].is_finite() && self.v[i].is_finite())) {
             Some(node) => Err(BodyError::Diverged { node }),
@@ -165,7 +199,7 @@ impl Body {
 
     fn step(
         &mut self,
-        tool: Option<(ToolStep<'_>, DVec3)>,
+        tools: Vec<ToolStep<'_>>,
         h: f64,
         along: (f64, f64),
         integrator: &Integrator,
@@ -173,19 +207,19 @@ impl Body {
     ) -> Result<(), BodyError> {
         self.ledger = self.ledger.take().map(|ledger| ledger.begin(self));
         let mut drive = None;
-        if let Some((ToolStep { contact, way, .. }, velocity)) = &tool
-            && let Hold::Node { node, offset_m } = contact.hold
-        {
-            let at = way.to_m + offset_m;
-            drive = Some((node, at - self.x[node]));
-            (self.x[node], self.v[node]) = (at, *velocity);
+        for ToolStep { contact, way, velocity_m_per_s, .. } in &tools {
+            if let Hold::Node { node, offset_m } = contact.hold {
+                let at = way.to_m + offset_m;
+                drive = Some((node, at - self.x[node]));
+                (self.x[node], self.v[node]) = (at, *velocity_m_per_s);
+            }
         }
         internal_forces(&self.network, &self.x, &self.v, &mut self.force);
         let driven = drive.map(|(node, _)| node);
         if let Some(node) = driven {
             self.ledger = self.ledger.take().map(|ledger| ledger.drive(self, node, self.force[node]));
         }
-        let mut step = Step { h, along, integrator, drive, tool: tool.map(|(tool, _)| tool) };
+        let mut step = Step { h, along, integrator, drive, tools };
         let constrained = step.constrains() || !(self.obstacles.is_empty() && self.ties.is_empty());
         let network = Arc::clone(&self.network);
         let moving = || network.free().iter().copied().filter(move |&node| driven != Some(node));
@@ -204,10 +238,12 @@ impl Body {
         let mut closing = None;
         if constrained {
             closing = self.constrain(&mut step, report)?;
-        } else if let Some(tool) = &mut step.tool {
-            tool.contact.touched.clear();
-            // Nothing is near that could keep it from the device.
-            tool.contact.proxy_m = None;
+        } else {
+            for tool in &mut step.tools {
+                tool.contact.touched.clear();
+                // Nothing is near that could keep it from the device.
+                tool.contact.proxy_m = None;
+            }
         }
         if let Some(closing) = &closing {
             // What closes gaps works against the body's forces; loads are booked where nodes have gone.

@@ -13,7 +13,7 @@ const MOST_TOUCHED: usize = 64;
 
 impl Body {
     /// Where the tool may touch in this step, each place once.
-    pub(super) fn touchable(&self, tool: &ToolStep<'_>, h: f64) -> Vec<Constraint> {
+    pub(super) fn touchable(&self, (index, tool): (usize, &ToolStep<'_>), h: f64) -> Vec<Constraint> {
         let mut rows: Vec<Constraint> = Vec::new();
         let mut places: Vec<[usize; 3]> = Vec::new();
         let Hold::Nothing { shape, .. } = tool.contact.hold else { return rows };
@@ -49,7 +49,13 @@ impl Body {
                 let push = feature.normal;
                 let gap = feature.gap(moved, h);
                 rows.push(Constraint {
-                    source: Source::Touch { corners, apart_m: feature.gap_m, gap_m: gap.normal_m, push },
+                    source: Source::Touch {
+                        tool: index,
+                        corners,
+                        apart_m: feature.gap_m,
+                        gap_m: gap.normal_m,
+                        push,
+                    },
                     nodes: BodyPoint::between(corners.map(|(p, w)| (&points[p], w))).into_nodes(),
                     law: RowLaw::OneSided(law),
                     gap: gap.gap_m,
@@ -60,11 +66,11 @@ impl Body {
         rows
     }
 
-    /// Adds what the tool, `drawn` by its coupling, would have run into at the end of a step of length `h`, up to so many
+    /// Adds what the tool `index`, `drawn` by its coupling, would have run into at the end of a step of length `h`, up to so many
     /// nodes: first where it touched at the points `before`, then the deepest.
     pub(super) fn meet_tool(
         &self,
-        touchable: &[Constraint],
+        (index, touchable): (usize, &[Constraint]),
         before: &[usize],
         (h, drawn): (f64, DVec3),
         rows: &mut Vec<Constraint>,
@@ -82,7 +88,7 @@ impl Body {
         }
         // What was touched before goes first, so that a tool at rest does not change its mind.
         entered.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let touches = |row: &&Constraint| matches!(row.source, Source::Touch { .. });
+        let touches = |row: &&Constraint| row.source.is_touch_of(index);
         let mut nodes: Vec<usize> =
             rows.iter().filter(touches).flat_map(|row| row.nodes.iter().map(|(node, _)| *node)).collect();
         nodes.sort_unstable();
@@ -102,12 +108,12 @@ impl Body {
     }
 
     /// The row of a point that the tool holds.
-    pub(super) fn grip_row(&self, tool: &ToolStep<'_>, h: f64) -> Option<Constraint> {
+    pub(super) fn grip_row(&self, (index, tool): (usize, &ToolStep<'_>), h: f64) -> Option<Constraint> {
         let Hold::Point { point, offset_m } = &tool.contact.hold else { return None };
         let apart = point.of(&self.x) - (tool.way.from_m + *offset_m);
         let overdue = apart.clamp_length_max(h * CLOSING_M_PER_S);
         let gap = overdue - (tool.way.to_m - tool.way.from_m);
         let nodes = point.nodes().to_vec();
-        Some(Constraint { source: Source::Grip, nodes, law: RowLaw::TwoSided, gap, overdue })
+        Some(Constraint { source: Source::Grip(index), nodes, law: RowLaw::TwoSided, gap, overdue })
     }
 }
