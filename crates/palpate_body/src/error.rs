@@ -1,5 +1,6 @@
 //! What can be wrong with a body, its tool or its step.
 
+use crate::MeshError;
 use palpate_laws::LawError;
 use thiserror::Error;
 
@@ -43,6 +44,9 @@ pub enum BodyError {
     /// The shape of a tool makes no sense.
     #[error(transparent)]
     Tool(#[from] LawError),
+    /// A mesh cannot become a body.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
     /// A spring names a node that does not exist.
     #[error("spring {link} joins node {node}, but there are only {nodes} nodes (0 to {})", .nodes - 1)]
     NodeOutOfRange {

@@ -29,6 +29,8 @@
 //!
 //! * Networks: [`Network`], made by a [`NetworkBuilder`] from nodes and [`Link`]s; the regular [`Lattice`] in one to three
 //!   dimensions; the [`Block`] with its [`Surface`].
+//! * Meshes: a [`ClosedMesh`] from any triangles that enclose a volume, or a [`MeshError`] that says what to do; the
+//!   [`CellLattice`] fitted to it, with tissue and what is fixed by [`Region`], which becomes a [`MeshBody`]; its [`Skin`].
 //! * Material: [`UniformLattice`] (every spring alike) and [`Tissue`] (from Young's modulus and density).
 //! * State and time: [`Body`], [`BodyState`], [`Integrator`], [`StepReport`]; energy: [`Energy`], [`EnergyBooks`].
 //! * The tool: [`ToolContact`], [`ToolPoint`]; what is in the way: [`Obstacle`], [`NodeContact`];
@@ -61,6 +63,8 @@
 
 mod block;
 mod body;
+mod cell_lattice;
+mod closed_mesh;
 mod contact;
 mod energy;
 mod error;
@@ -68,14 +72,19 @@ mod integrator;
 mod lattice;
 mod network;
 mod obstacle;
+mod region;
+mod skin;
 mod surface;
 mod tangent;
 mod tie;
 mod tissue;
 mod tool;
+mod touch_surface;
 
 pub use block::{Block, BlockBody, Face, UniformLattice};
 pub use body::{Body, BodyState, StepReport, ToolRun};
+pub use cell_lattice::{CellLattice, CellSize, MeshBody, MeshCells};
+pub use closed_mesh::{ClosedMesh, MeshError, MeshRepairs};
 pub use energy::{Energy, EnergyBooks};
 pub use error::BodyError;
 pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplicitEuler, SolvedBy};
@@ -83,6 +92,8 @@ pub use lattice::{Lattice, Neighbours};
 pub use network::{Link, Network, NetworkBuilder};
 pub use obstacle::{NodeContact, Obstacle};
 pub use palpate_laws::{Coupling, ToolShape};
+pub use region::Region;
+pub use skin::Skin;
 pub use surface::{ClosestPoint, Surface, SurfaceTree};
 pub use tangent::{Tangent, TangentPattern};
 pub use tie::{BodyPoint, Tie};

@@ -88,7 +88,7 @@ impl CellStiffness {
     }
 
     /// Stiffness of the spring that leads one `step` through the lattice.
-    fn along(&self, step: [i32; 3]) -> f64 {
+    pub(crate) fn along(&self, step: [i32; 3]) -> f64 {
         match step.map(|s| s != 0) {
             [true, true, true] => self.through,
             [false, true, true] => self.face[0],

@@ -1,0 +1,344 @@
+//! Cubic cells fitted to a closed mesh: a body of any shape.
+
+mod embedding;
+mod fill;
+mod keep;
+mod material;
+
+pub(crate) use embedding::{Embedding, weights};
+
+use crate::touch_surface::TouchSurface;
+use crate::{BodyError, ClosedMesh, MeshError, Network, NetworkBuilder, Region, Skin, Surface, Tissue};
+use glam::{DQuat, DVec3};
+use keep::Kept;
+
+/// How fine the cells are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CellSize {
+    /// So many along the longest side of the mesh.
+    Along(usize),
+    /// Of that side, m.
+    Side(f64),
+}
+
+/// Cubic cells that hold a closed mesh, to be given a material by [`CellLattice::tissue`].
+///
+/// # Cells
+///
+/// The cells lie along the axes and round the middle of the mesh's bounds. φ of a cell is the share of its volume that the
+/// mesh encloses, computed exactly. Cells with φ > 0 make the body, and the surface moves with the trilinear weights of the
+/// cell that it is in. A cell with φ < 0.1 goes where a neighbour with more can carry its surface from at most a quarter of
+/// a cell away (with φ < 0.01, half a cell) and what it joins stays joined; its φ is added to the neighbour's. Otherwise it
+/// stays: a tip thinner than a cell is still there.
+///
+/// # Masses and springs
+///
+/// Every cell has the springs of [`Tissue`], shared as there, times φ, and gives each of its nodes the mass ρ φ h³/8. So
+/// the body has the mass of the mesh, uniform strain costs the energy of an isotropic solid of its volume, and a mesh that
+/// is a block of whole cells becomes the very network of [`crate::Block::tissue`]. A node's springs and its mass shrink
+/// together, so cells with little in them need no more substeps than full ones.
+///
+/// # Limits
+///
+/// * What shares a cell, or is in cells that touch, is one solid: a slit or a fold narrower than one to two cells is closed.
+/// * A wall thinner than a cell has its mass and its stiffness in its plane, but bends as stiffly as one of a cell's
+///   thickness with those.
+/// * Nodes lie up to a cell outside the mesh. Obstacles meet nodes.
+/// * A cell that must stay counts as filled to 0.01 at least ([`MeshCells::raised`]).
+///
+/// ```
+/// use glam::DVec3;
+/// use palpate_body::{Body, CellLattice, CellSize, ClosedMesh, Region, Tissue};
+///
+/// # fn main() -> Result<(), palpate_body::BodyError> {
+/// // An octahedron, 10 cm from corner to corner, whose lower tip is held.
+/// let corners = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z].map(|x| 0.05 * x);
+/// let triangles = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
+/// let mesh = ClosedMesh::new(corners.to_vec(), triangles.to_vec())?;
+/// let made = CellLattice::fit(&mesh, CellSize::Along(8))?
+///     .fix(Region::HalfSpace { point_m: DVec3::new(0.0, 0.0, -0.03), outward: DVec3::Z })
+///     .region(Region::Sphere { center_m: DVec3::ZERO, radius_m: 0.01 }, Tissue { youngs_modulus_pa: 100e3, ..Tissue::default() })
+///     .tissue(&Tissue::default())?;
+/// let mass_kg: f64 = made.network.mass_kg().iter().sum();
+/// assert!((mass_kg - 1000.0 * mesh.volume_m3()).abs() < 1e-12);
+/// let body = Body::new(made.network, made.surface)?;
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct CellLattice<'a> {
+    mesh: &'a ClosedMesh,
+    grid: Grid,
+    fixed: Vec<Region>,
+    fixed_vertices: Vec<Vec<bool>>,
+    regions: Vec<(Region, Tissue)>,
+    allow_free: bool,
+    touch_spacing: f64,
+}
+
+/// A body made of a mesh.
+#[derive(Clone, Debug)]
+pub struct MeshBody {
+    /// Nodes, masses, springs.
+    pub network: Network,
+    /// What tools touch: the mesh, with triangles of a size that fits the cells.
+    pub surface: Surface,
+    /// How the mesh that was given moves with the nodes.
+    pub skin: Skin,
+    /// What was made of the cells.
+    pub cells: MeshCells,
+    /// The greatest distance of a vertex of the mesh from the touched surface, m.
+    pub deviation_m: f64,
+}
+
+/// What became of the cells.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MeshCells {
+    /// Side of a cell, m.
+    pub cell_m: f64,
+    /// Cells of the body.
+    pub cells: usize,
+    /// Cells with little in them whose surface a neighbour carries.
+    pub slivers_carried: usize,
+    /// Cells that hold almost nothing and count for more: the body is that much too heavy.
+    pub raised: usize,
+    /// The least φ of a cell that stayed.
+    pub least_fill: f64,
+}
+
+/// The cells round a mesh: `cells` along each axis, from `low_m`, relative to the mesh's centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Grid {
+    cells: [usize; 3],
+    cell_m: f64,
+    low_m: DVec3,
+}
+
+impl Grid {
+    fn cell_total(&self) -> usize {
+        self.cells.iter().product()
+    }
+
+    fn index(&self, [i, j, k]: [usize; 3]) -> usize {
+        i + self.cells[0] * (j + self.cells[1] * k)
+    }
+
+    fn place(&self, cell: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.cells;
+        [cell % nx, cell / nx % ny, cell / (nx * ny)]
+    }
+
+    /// A place in cells from the lowest corner.
+    fn in_cells(&self, place_m: DVec3) -> DVec3 {
+        (place_m - self.low_m) / self.cell_m
+    }
+
+    /// The place so many cells from the lowest corner, m.
+    fn at_m(&self, in_cells: DVec3) -> DVec3 {
+        self.low_m + self.cell_m * in_cells
+    }
+
+    /// The up to 26 cells round one, with the steps there.
+    fn round(&self, cell: usize) -> impl Iterator<Item = ([i32; 3], usize)> {
+        let (grid, own) = (*self, self.place(cell));
+        let both = crate::lattice::steps().flat_map(|step| [step, step.map(|s| -s)]);
+        both.filter_map(move |step| {
+            crate::lattice::neighbour(grid.cells, own, step).map(|other| (step, grid.index(other)))
+        })
+    }
+}
+
+impl<'a> CellLattice<'a> {
+    /// The most cells along the longest side.
+    pub const MOST_CELLS_ALONG: usize = 127;
+
+    /// Cells of size `size` round `mesh`, nothing fixed.
+    ///
+    /// # Errors
+    /// [`MeshError::Cells`] when that makes none along the longest side, or more than
+    /// [`CellLattice::MOST_CELLS_ALONG`].
+    pub fn fit(mesh: &'a ClosedMesh, size: CellSize) -> Result<Self, MeshError> {
+        let sides_m = 2.0 * mesh.half_size_m();
+        let size_m = sides_m.max_element();
+        let cell_m = match size {
+            CellSize::Along(cells) => size_m / cells as f64,
+            CellSize::Side(cell_m) => cell_m,
+        };
+        let along = size_m / cell_m;
+        if !(cell_m > 0.0
+            && cell_m.is_finite()
+            && along.is_finite()
+            && along <= Self::MOST_CELLS_ALONG as f64 + WHOLE)
+        {
+            return Err(MeshError::Cells { cell_m, cells: along, size_m });
+        }
+        // A side that is a whole number of cells but for rounding takes no more.
+        let cells = (sides_m / cell_m - WHOLE).ceil().max(DVec3::ONE);
+        let low_m = -0.5 * cell_m * cells;
+        let grid = Grid { cells: cells.to_array().map(|n| n as usize), cell_m, low_m };
+        Ok(Self {
+            mesh,
+            grid,
+            fixed: Vec::new(),
+            fixed_vertices: Vec::new(),
+            regions: Vec::new(),
+            allow_free: false,
+            touch_spacing: 0.5,
+        })
+    }
+
+    /// Side of a cell, m.
+    #[must_use]
+    pub fn cell_m(&self) -> f64 {
+        self.grid.cell_m
+    }
+
+    /// The same lattice with the nodes in `region` fixed.
+    #[must_use]
+    pub fn fix(mut self, region: Region) -> Self {
+        self.fixed.push(region);
+        self
+    }
+
+    /// The same lattice, fixed where `vertices` of the mesh that was given are named: the nodes that carry one of them, or
+    /// a place of a triangle all of whose corners are named, with a weight of an eighth at least, as one node always does.
+    ///
+    /// # Errors
+    /// [`MeshError::Length`] when there is not one entry for each vertex.
+    pub fn fix_vertices(mut self, vertices: &[bool]) -> Result<Self, MeshError> {
+        let (found, needed) = (vertices.len(), self.mesh.vertices_m().len());
+        if found != needed {
+            return Err(MeshError::Length { what: "the list of fixed vertices", found, vertices: needed });
+        }
+        self.fixed_vertices.push(vertices.to_vec());
+        Ok(self)
+    }
+
+    /// The same lattice with `tissue` in `region`, where the last region given counts. A cell takes the mean of what is at
+    /// 4 × 4 × 4 places in it.
+    #[must_use]
+    pub fn region(mut self, region: Region, tissue: Tissue) -> Self {
+        self.regions.push((region, tissue));
+        self
+    }
+
+    /// The same lattice, which need not be fixed anywhere, and may be in several pieces.
+    #[must_use]
+    pub fn allow_free(mut self) -> Self {
+        self.allow_free = true;
+        self
+    }
+
+    /// The same lattice with points of the touched surface at least `cells` apart; half a cell is the default.
+    /// Nearer points move as their cell does and would tell the hand nothing new.
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] unless it is between 0 and 1; at 0 every vertex of the mesh is one.
+    pub fn touch_spacing(mut self, cells: f64) -> Result<Self, BodyError> {
+        crate::error::check(
+            "spacing of touched points, cells",
+            cells,
+            (0.0..=1.0).contains(&cells),
+            "0 to 1",
+        )?;
+        self.touch_spacing = cells;
+        Ok(self)
+    }
+
+    /// The body: cells filled with `tissue`.
+    ///
+    /// # Errors
+    /// [`BodyError`] when a number makes no sense, all is fixed, or nothing is and [`CellLattice::allow_free`] was not said;
+    /// [`MeshError::Pieces`] when there is more than one piece and it was not said; [`MeshError::EmptyRegion`] for a region
+    /// that holds nothing.
+    pub fn tissue(&self, tissue: &Tissue) -> Result<MeshBody, BodyError> {
+        material::check_tissue(tissue)?;
+        self.regions.iter().try_for_each(|(_, other)| material::check_tissue(other))?;
+        let (mesh, grid) = (self.mesh, self.grid);
+        let kept: Kept = keep::keep(&grid, fill::fill(mesh, &grid));
+        let (pieces, smallest) = keep::pieces(&grid, &kept.cells);
+        if pieces > 1 && !self.allow_free {
+            let middle = DVec3::from_array(grid.place(smallest).map(|n| n as f64)) + 0.5;
+            return Err(MeshError::Pieces { pieces, at_m: mesh.center_m() + grid.at_m(middle) }.into());
+        }
+        let embedding = Embedding::new(grid, &kept);
+        let at_m = |ijk: &[usize; 3]| mesh.center_m() + grid.at_m(DVec3::from_array(ijk.map(|n| n as f64)));
+        let rest_m: Vec<DVec3> = embedding.nodes().iter().map(at_m).collect();
+        let share: Vec<f64> = kept.cells.iter().map(|(_, share)| *share).collect();
+        let made = material::material(&embedding, &share, tissue, &self.regions, mesh.center_m(), &rest_m)?;
+        let fixed = self.fixed(&embedding, &rest_m)?;
+        let network = NetworkBuilder::of(rest_m, made.mass_kg, fixed, made.links);
+        let network = if self.allow_free { network.allow_free() } else { network }.build()?;
+        let touched = TouchSurface::new(mesh, &embedding, grid.cell_m, self.touch_spacing);
+        Ok(MeshBody {
+            network,
+            surface: touched.surface,
+            skin: Skin::new(mesh, &embedding),
+            cells: MeshCells { cell_m: grid.cell_m, ..kept.report },
+            deviation_m: touched.deviation_m,
+        })
+    }
+
+    fn fixed(&self, embedding: &Embedding, rest_m: &[DVec3]) -> Result<Vec<bool>, MeshError> {
+        let mut fixed = vec![false; rest_m.len()];
+        let empty = |what, index| MeshError::EmptyRegion { what, index, cell_m: self.grid.cell_m };
+        for (index, region) in self.fixed.iter().enumerate() {
+            let mut any = false;
+            for (fixed, _) in fixed.iter_mut().zip(rest_m).filter(|(_, x)| region.contains(**x)) {
+                (*fixed, any) = (true, true);
+            }
+            if !any {
+                return Err(empty("fixed region", index));
+            }
+        }
+        for (index, named) in self.fixed_vertices.iter().enumerate() {
+            let places = self.named_places_m(named);
+            if places.is_empty() {
+                return Err(empty("list of fixed vertices", index));
+            }
+            for place_m in places {
+                let (cell, local) = embedding.locate(place_m);
+                for (node, weight) in embedding.cells()[cell].into_iter().zip(weights(local)) {
+                    fixed[node] |= weight >= 0.125 - 1e-9;
+                }
+            }
+        }
+        Ok(fixed)
+    }
+
+    /// Named vertices, and places at most half a cell apart on triangles all of whose corners are named, relative to the
+    /// mesh's centre, m.
+    fn named_places_m(&self, named: &[bool]) -> Vec<DVec3> {
+        let point_of = self.mesh.point_of();
+        let mut points = vec![false; self.mesh.points_m().len()];
+        for point in named.iter().zip(point_of).filter(|(named, _)| **named).filter_map(|(_, point)| *point) {
+            points[point] = true;
+        }
+        let at = self.mesh.points_m();
+        let mut places: Vec<DVec3> =
+            (0..at.len()).filter(|&point| points[point]).map(|point| at[point]).collect();
+        for t in self.mesh.closed_triangles().iter().filter(|t| t.iter().all(|&point| points[point])) {
+            let [a, b, c] = t.map(|point| at[point]);
+            let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+            let parts = (2.0 * longest / self.grid.cell_m).ceil() as usize;
+            for (p, q) in (0..=parts).flat_map(|p| (0..=parts - p).map(move |q| (p, q))) {
+                places.push(a + (b - a) * (p as f64 / parts as f64) + (c - a) * (q as f64 / parts as f64));
+            }
+        }
+        places
+    }
+}
+
+/// What a number of cells may exceed a whole number by.
+const WHOLE: f64 = 1e-6;
+
+impl MeshBody {
+    /// The same body turned by `rotation` about the origin and then moved by `translation_m`.
+    ///
+    /// # Errors
+    /// As [`Network::placed`].
+    pub fn placed(mut self, rotation: DQuat, translation_m: DVec3) -> Result<Self, BodyError> {
+        self.network = self.network.placed(rotation, translation_m)?;
+        Ok(self)
+    }
+}

@@ -1,0 +1,133 @@
+//! Which cells make the body: all that hold some of it, but for slivers that a neighbour can carry.
+
+use super::fill::Fill;
+use super::{Grid, MeshCells};
+use glam::DVec3;
+
+/// Of cells filled less than the first number, the surface is carried by a neighbour filled that much, if it is not farther
+/// outside that than the second, in cells. The second line is for those of which hardly anything would be left.
+const CARRIED: [(f64, f64); 2] = [(0.1, 0.25), (LEAST, 0.5)];
+/// What a cell that must be kept counts as filled at least.
+const LEAST: f64 = 0.01;
+
+/// The cells that are kept.
+pub(super) struct Kept {
+    /// Index in the grid and φ of each, in the order of the grid.
+    pub cells: Vec<(usize, f64)>,
+    /// Slivers, and the cell of the grid that carries what is in each.
+    pub carried: Vec<(usize, usize)>,
+    pub report: MeshCells,
+}
+
+/// Chooses the cells. A sliver goes when a neighbour can carry all surface in it (see [`CARRIED`]) and its other neighbours
+/// stay joined by their faces without it; its volume becomes the neighbour's.
+pub(super) fn keep(grid: &Grid, fill: Fill) -> Kept {
+    let Fill { mut share, surface } = fill;
+    // Without a surface in it a cell is inside or outside.
+    let mut kept: Vec<bool> =
+        (0..share.len()).map(|cell| share[cell] > 0.5 || surface.contains_key(&cell)).collect();
+    let mut carried = Vec::new();
+    for (least, farthest) in CARRIED {
+        let mut slivers: Vec<(f64, usize)> = surface
+            .keys()
+            .map(|&cell| (share[cell], cell))
+            .filter(|(share, cell)| *share < least && kept[*cell])
+            .collect();
+        slivers.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        for (_, sliver) in slivers {
+            let can = |other: usize| (kept[other] && share[other] >= least).then_some(share[other]);
+            let Some(carrier) = carrier(grid, sliver, surface[&sliver], farthest, can) else { continue };
+            kept[sliver] = false;
+            if joined_without(grid, &kept, sliver) {
+                carried.push((sliver, carrier));
+            } else {
+                kept[sliver] = true;
+            }
+        }
+    }
+    for &(sliver, carrier) in &carried {
+        share[carrier] += share[sliver];
+    }
+    carried.sort_unstable();
+    let mut report = MeshCells { slivers_carried: carried.len(), ..MeshCells::default() };
+    report.least_fill = 1.0;
+    let mut cells = Vec::new();
+    for cell in (0..share.len()).filter(|&cell| kept[cell]) {
+        report.raised += usize::from(share[cell] < LEAST);
+        let filled = share[cell].max(LEAST);
+        report.least_fill = report.least_fill.min(filled);
+        cells.push((cell, filled));
+    }
+    report.cells = cells.len();
+    Kept { cells, carried, report }
+}
+
+/// Of the neighbours that `can` carry the surface within `low` and `high` of a cell, at most `farthest` outside them, the
+/// nearest; of several the fullest.
+fn carrier(
+    grid: &Grid,
+    cell: usize,
+    [low, high]: [DVec3; 2],
+    farthest: f64,
+    can: impl Fn(usize) -> Option<f64>,
+) -> Option<usize> {
+    let mut best: Option<(f64, f64, usize)> = None;
+    for (step, other) in grid.round(cell) {
+        let out = |axis: usize| match step[axis] {
+            1 => 1.0 - low[axis],
+            -1 => high[axis],
+            _ => 0.0,
+        };
+        let far = out(0).max(out(1)).max(out(2));
+        let Some(share) = can(other).filter(|_| far <= farthest) else { continue };
+        if best.is_none_or(|(least, most, _)| far < least || (far == least && share > most)) {
+            best = Some((far, share, other));
+        }
+    }
+    best.map(|(.., other)| other)
+}
+
+/// Whether the kept cells at the faces of `cell` are joined through faces of kept cells round it.
+fn joined_without(grid: &Grid, kept: &[bool], cell: usize) -> bool {
+    let round: Vec<([i32; 3], usize)> = grid.round(cell).filter(|(_, other)| kept[*other]).collect();
+    let beside = |step: &[i32; 3]| step.iter().map(|s| s.abs()).sum::<i32>() == 1;
+    let at_faces: Vec<usize> = (0..round.len()).filter(|&i| beside(&round[i].0)).collect();
+    let Some(&start) = at_faces.first() else { return true };
+    let mut reached = vec![false; round.len()];
+    reached[start] = true;
+    let mut front = vec![start];
+    while let Some(at) = front.pop() {
+        for other in 0..round.len() {
+            let apart = (0..3).map(|i| (round[at].0[i] - round[other].0[i]).abs()).sum::<i32>();
+            if apart == 1 && !reached[other] {
+                reached[other] = true;
+                front.push(other);
+            }
+        }
+    }
+    at_faces.into_iter().all(|i| reached[i])
+}
+
+/// The pieces that the kept cells make, joined by faces: how many, and a cell of the smallest.
+pub(super) fn pieces(grid: &Grid, cells: &[(usize, f64)]) -> (usize, usize) {
+    let mut left = vec![false; grid.cell_total()];
+    cells.iter().for_each(|(cell, _)| left[*cell] = true);
+    let (mut pieces, mut smallest) = (0, (usize::MAX, 0));
+    for &(start, _) in cells {
+        if !std::mem::take(&mut left[start]) {
+            continue;
+        }
+        let (mut front, mut size) = (vec![start], 1);
+        while let Some(cell) = front.pop() {
+            for (step, other) in grid.round(cell) {
+                if step.iter().map(|s| s.abs()).sum::<i32>() == 1 && std::mem::take(&mut left[other]) {
+                    size += 1;
+                    front.push(other);
+                }
+            }
+        }
+        pieces += 1;
+        smallest = smallest.min((size, start));
+    }
+    (pieces, smallest.1)
+}

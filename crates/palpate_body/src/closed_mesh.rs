@@ -1,0 +1,325 @@
+//! A closed triangle mesh: what encloses a body.
+
+mod coincident;
+mod crossing;
+mod error;
+mod inside;
+mod orient;
+mod weld;
+
+pub use error::MeshError;
+
+use glam::DVec3;
+use inside::Inside;
+
+/// A closed surface of triangles, made from any mesh that encloses a volume.
+///
+/// # What is taken, and what is not
+///
+/// | the mesh has | what becomes of it |
+/// | --- | --- |
+/// | vertices at one place, as glTF splits them along seams | welded, within 1e-6 of its size ([`MeshRepairs::welded`]) |
+/// | triangles with two corners at one place, or named twice | left out |
+/// | triangles back to back: a wall of no thickness within it, or every triangle in both windings | left out |
+/// | triangles of mixed winding, or all inside out | turned ([`MeshRepairs::turned`]) |
+/// | several closed parts | taken; they may touch |
+/// | a closed part inside another that looks the other way | a cavity |
+/// | an edge at which four triangles or more meet, in a winding that closes | taken ([`MeshRepairs::pinched_edges`]) |
+/// | holes, other edges with three triangles or more, one side only, no thickness, parts that cross | [`MeshError`] |
+/// | a longest side below 1 mm or above 10 m; more than two million triangles | [`MeshError`] |
+///
+/// Everything is computed relative to the mesh's centre, so that it may lie anywhere. Triangles that only touch, or cross
+/// by less than 1e-6 of the mesh's size, do not count as crossing.
+#[derive(Clone, Debug)]
+pub struct ClosedMesh {
+    /// As given.
+    vertices_m: Vec<DVec3>,
+    normals: Option<Vec<DVec3>>,
+    /// The triangles given, turned where needed; those that were left out for the volume included.
+    triangles: Vec<[usize; 3]>,
+    /// The point of each vertex, if a triangle has it.
+    point_of: Vec<Option<usize>>,
+    center_m: DVec3,
+    /// Welded vertices, relative to the centre, m.
+    points_m: Vec<DVec3>,
+    /// Of points, counter-clockwise seen from outside.
+    closed: Vec<[usize; 3]>,
+    parts: usize,
+    volume_m3: f64,
+    half_size_m: DVec3,
+    repairs: MeshRepairs,
+    inside: Inside,
+}
+
+/// What was put right in a mesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MeshRepairs {
+    /// Vertices that were at the place of another.
+    pub welded: usize,
+    /// Triangles with two corners at one place.
+    pub collapsed: usize,
+    /// Triangles that repeated another.
+    pub duplicates: usize,
+    /// Triangles that lay back to back with another, and went with it.
+    pub back_to_back: usize,
+    /// Triangles whose winding was turned.
+    pub turned: usize,
+    /// Edges with four triangles or more.
+    pub pinched_edges: usize,
+}
+
+/// Points nearer than that to each other, as a share of the longest side, are one; so are crossings no deeper.
+const TOLERANCE: f64 = 1e-6;
+/// Coordinates beyond that have no digits left for a body.
+const FARTHEST_M: f64 = 1e15;
+
+impl ClosedMesh {
+    /// The most triangles of a mesh; of vertices there may be three times as many.
+    pub const MOST_TRIANGLES: usize = 2_000_000;
+    /// The least longest side, m.
+    pub const SMALLEST_M: f64 = 1e-3;
+    /// The largest longest side, m.
+    pub const LARGEST_M: f64 = 10.0;
+
+    /// The closed surface of `triangles`, which name `vertices_m` (m).
+    ///
+    /// # Errors
+    /// [`MeshError`], which says what to do: see the table above.
+    pub fn new(vertices_m: Vec<DVec3>, triangles: Vec<[usize; 3]>) -> Result<Self, MeshError> {
+        let measured = check_and_measure(&vertices_m, &triangles)?;
+        let (low, high) = measured.bounds_m;
+        match Self::close(vertices_m, triangles, low, high) {
+            // Holes, needles and crossings are the consequence there, not the fault.
+            Err(_) if measured.grid_m > 1e-3 * measured.size_m().max(Self::SMALLEST_M) => {
+                Err(MeshError::LostDigits {
+                    distance_m: low.abs().max(high.abs()).max_element(),
+                    grid_m: measured.grid_m,
+                })
+            }
+            made => made,
+        }
+    }
+
+    fn close(
+        vertices_m: Vec<DVec3>,
+        mut drawn: Vec<[usize; 3]>,
+        low_m: DVec3,
+        high_m: DVec3,
+    ) -> Result<Self, MeshError> {
+        let size_m = (high_m - low_m).max_element();
+        let center_m = 0.5 * (low_m + high_m);
+        check_size(size_m, center_m)?;
+        let tolerance_m = TOLERANCE * size_m;
+        let welded = weld::weld(&vertices_m, &drawn, center_m, tolerance_m);
+        let points_m = welded.points_m;
+        let mut repairs = MeshRepairs { welded: welded.count, ..MeshRepairs::default() };
+        let mut of_points: Vec<(usize, [usize; 3])> = Vec::with_capacity(drawn.len());
+        for (index, corners) in drawn.iter().enumerate() {
+            let [a, b, c] = corners.map(|vertex| welded.point_of[vertex].unwrap_or_default());
+            if a == b || b == c || c == a {
+                repairs.collapsed += 1;
+            } else {
+                of_points.push((index, [a, b, c]));
+            }
+        }
+        let surface = coincident::without_coincident(&of_points, |triangles| {
+            orient::orient(triangles, &points_m, center_m)
+        })?;
+        (repairs.duplicates, repairs.back_to_back) = (surface.duplicates, surface.back_to_back);
+        repairs.pinched_edges = surface.oriented.pinched_edges;
+        let mut triangles = surface.oriented.triangles;
+        let part = surface.oriented.part;
+        let parts = surface.oriented.parts;
+        orient::check_thickness(&triangles, &part, parts, &points_m, center_m, tolerance_m)?;
+        crossing::check(&triangles, &points_m, center_m, tolerance_m)?;
+        let half_size_m = 0.5 * (high_m - low_m);
+        let looks_in =
+            Inside::new(&triangles, &points_m, half_size_m).parts_to_turn(&part, parts, center_m)?;
+        for (triangle, part) in triangles.iter_mut().zip(&part) {
+            if looks_in[*part] {
+                triangle.swap(1, 2);
+            }
+        }
+        // Drawn triangles follow: those left out keep the winding they had.
+        for ((index, given), now) in surface.kept.iter().map(|&k| of_points[k]).zip(&triangles) {
+            if !same_winding(given, *now) {
+                drawn[index].swap(1, 2);
+                repairs.turned += 1;
+            }
+        }
+        let volume_m3 = volume(&triangles, &points_m);
+        let inside = Inside::new(&triangles, &points_m, half_size_m);
+        Ok(Self {
+            vertices_m,
+            normals: None,
+            triangles: drawn,
+            point_of: welded.point_of,
+            center_m,
+            points_m,
+            closed: triangles,
+            parts,
+            volume_m3,
+            half_size_m,
+            repairs,
+            inside,
+        })
+    }
+
+    /// The same mesh with the normal at each vertex that it is drawn with: where vertices at one place have different
+    /// normals, there is an edge that stays hard.
+    ///
+    /// # Errors
+    /// [`MeshError::Length`] when there is not one normal for each vertex.
+    pub fn with_normals(mut self, normals: Vec<DVec3>) -> Result<Self, MeshError> {
+        let (found, vertices) = (normals.len(), self.vertices_m.len());
+        if found != vertices {
+            return Err(MeshError::Length { what: "the list of normals", found, vertices });
+        }
+        self.normals = Some(normals);
+        Ok(self)
+    }
+
+    /// The vertices given, m.
+    #[must_use]
+    pub fn vertices_m(&self) -> &[DVec3] {
+        &self.vertices_m
+    }
+
+    /// The triangles given, as indices of the vertices given and in the same order, turned where their winding was wrong:
+    /// what to draw.
+    #[must_use]
+    pub fn triangles(&self) -> &[[usize; 3]] {
+        &self.triangles
+    }
+
+    /// The volume it encloses, without its cavities, m³.
+    #[must_use]
+    pub fn volume_m3(&self) -> f64 {
+        self.volume_m3
+    }
+
+    /// Its lowest and its highest coordinates, m.
+    #[must_use]
+    pub fn bounds_m(&self) -> [DVec3; 2] {
+        [self.center_m - self.half_size_m, self.center_m + self.half_size_m]
+    }
+
+    /// How many closed surfaces it has, cavities among them.
+    #[must_use]
+    pub fn parts(&self) -> usize {
+        self.parts
+    }
+
+    /// What was put right.
+    #[must_use]
+    pub fn repairs(&self) -> MeshRepairs {
+        self.repairs
+    }
+
+    /// Whether `place_m` is inside: exact but for a rounding of vertices and place to 2⁻²⁵ of the mesh's size.
+    #[must_use]
+    pub fn contains(&self, place_m: DVec3) -> bool {
+        self.inside.winding(place_m - self.center_m) > 0
+    }
+
+    pub(crate) fn center_m(&self) -> DVec3 {
+        self.center_m
+    }
+
+    pub(crate) fn half_size_m(&self) -> DVec3 {
+        self.half_size_m
+    }
+
+    /// Welded vertices, relative to the centre, m.
+    pub(crate) fn points_m(&self) -> &[DVec3] {
+        &self.points_m
+    }
+
+    /// Triangles of the welded vertices, counter-clockwise seen from outside.
+    pub(crate) fn closed_triangles(&self) -> &[[usize; 3]] {
+        &self.closed
+    }
+
+    /// The welded vertex of each vertex given, if a triangle has it.
+    pub(crate) fn point_of(&self) -> &[Option<usize>] {
+        &self.point_of
+    }
+
+    pub(crate) fn normals(&self) -> Option<&[DVec3]> {
+        self.normals.as_deref()
+    }
+}
+
+/// What is known of a mesh before anything is computed with it.
+struct Measured {
+    /// Of the vertices that triangles have.
+    bounds_m: (DVec3, DVec3),
+    /// The least difference of two coordinates, if all of them are single-precision numbers; else 0.
+    grid_m: f64,
+}
+
+impl Measured {
+    fn size_m(&self) -> f64 {
+        (self.bounds_m.1 - self.bounds_m.0).max_element()
+    }
+}
+
+fn check_and_measure(vertices_m: &[DVec3], triangles: &[[usize; 3]]) -> Result<Measured, MeshError> {
+    if triangles.is_empty() {
+        return Err(MeshError::Empty);
+    }
+    let most = ClosedMesh::MOST_TRIANGLES;
+    for (what, found, most) in
+        [("triangles", triangles.len(), most), ("vertices", vertices_m.len(), 3 * most)]
+    {
+        if found > most {
+            return Err(MeshError::TooLarge { what, found, most });
+        }
+    }
+    let vertices = vertices_m.len();
+    for (triangle, corners) in triangles.iter().enumerate() {
+        if let Some(&vertex) = corners.iter().find(|vertex| **vertex >= vertices) {
+            return Err(MeshError::Index { triangle, vertex, vertices });
+        }
+    }
+    let taken = |x: &DVec3| x.is_finite() && x.abs().max_element() < FARTHEST_M;
+    if let Some(vertex) = vertices_m.iter().position(|x| !taken(x)) {
+        return Err(MeshError::NotFinite { vertex });
+    }
+    let (mut low, mut high, mut single) = (DVec3::INFINITY, DVec3::NEG_INFINITY, true);
+    for &vertex in triangles.iter().flatten() {
+        let x = vertices_m[vertex];
+        (low, high) = (low.min(x), high.max(x));
+        single &= x.as_vec3().as_dvec3() == x;
+    }
+    let far = low.abs().max(high.abs()).max_element();
+    let grid_m = if single { far * f64::from(f32::EPSILON) } else { 0.0 };
+    Ok(Measured { bounds_m: (low, high), grid_m })
+}
+
+fn check_size(size_m: f64, center_m: DVec3) -> Result<(), MeshError> {
+    if (ClosedMesh::SMALLEST_M..=ClosedMesh::LARGEST_M).contains(&size_m) {
+        return Ok(());
+    }
+    if size_m < 1e-12 {
+        return Err(MeshError::Flat { at_m: center_m });
+    }
+    // Millimetres, centimetres, inches taken for metres, and metres for something smaller; else a decimetre.
+    let usual = [1e-3, 1e-2, 1e3, 1e-6, 1e6].into_iter().find(|f| (0.01..=2.0).contains(&(f * size_m)));
+    let factor = usual.unwrap_or(0.1 / size_m);
+    Err(MeshError::Size { size_m, factor })
+}
+
+/// Whether `b` is `a` or a rotation of it.
+fn same_winding(a: [usize; 3], b: [usize; 3]) -> bool {
+    (0..3).any(|turn| (0..3).all(|i| a[(i + turn) % 3] == b[i]))
+}
+
+/// Σ a · (b × c)/6.
+fn volume(triangles: &[[usize; 3]], points_m: &[DVec3]) -> f64 {
+    let of = |t: &[usize; 3]| {
+        let [a, b, c] = t.map(|point| points_m[point]);
+        a.dot(b.cross(c)) / 6.0
+    };
+    triangles.iter().map(of).sum()
+}

@@ -1,0 +1,153 @@
+//! What is inside a closed surface.
+
+use super::{MeshError, TOLERANCE};
+use glam::DVec3;
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
+
+/// A closed surface, asked for its winding number by a ray along +x.
+///
+/// Coordinates are whole numbers of a unit, so that every sign is exact; where the ray meets an edge or a corner, the place
+/// is moved by (ε, ε²) in y and z (H. Edelsbrunner and E. P. Mücke, ACM Trans. Graph. 9 (1990) 66), so that it never does.
+#[derive(Clone)]
+pub(super) struct Inside {
+    triangles: Vec<[[i64; 3]; 3]>,
+    bvh: Bvh,
+    half_size_m: DVec3,
+    unit_m: f64,
+}
+
+/// Units along half the longest side: products of three differences stay within 128 bits.
+const UNITS: f64 = (1_u32 << 25) as f64;
+
+impl std::fmt::Debug for Inside {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Inside").field("triangles", &self.triangles.len()).finish_non_exhaustive()
+    }
+}
+
+impl Inside {
+    /// Of `triangles` of `points_m`, which lie within ±`half_size_m`.
+    pub fn new(triangles: &[[usize; 3]], points_m: &[DVec3], half_size_m: DVec3) -> Self {
+        let unit_m = half_size_m.max_element() / UNITS;
+        let boxes: Vec<Aabb> =
+            triangles.iter().map(|t| bounds(t.map(|point| points_m[point]), 2.0 * unit_m)).collect();
+        let whole = |x: DVec3| (x / unit_m).round().as_i64vec3().to_array();
+        Self {
+            triangles: triangles.iter().map(|t| t.map(|point| whole(points_m[point]))).collect(),
+            bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes),
+            half_size_m,
+            unit_m,
+        }
+    }
+
+    /// How often the surface winds round `place_m`: 1 inside, 0 outside.
+    pub fn winding(&self, place_m: DVec3) -> i64 {
+        let mut sum = 0;
+        self.crossed(place_m, |_, sign| sum += sign);
+        sum
+    }
+
+    /// Calls `each` with every triangle that a ray along +x meets, and 1 where the triangle looks along the ray, else −1.
+    fn crossed(&self, place_m: DVec3, mut each: impl FnMut(usize, i64)) {
+        // Nothing is out there; and no whole number is large enough for everywhere.
+        if !place_m.abs().cmple(self.half_size_m + self.unit_m).all() {
+            return;
+        }
+        let place = (place_m / self.unit_m).round().as_i64vec3().to_array();
+        let ray = Aabb::new(place_m, DVec3::new(self.half_size_m.x + self.unit_m, place_m.y, place_m.z));
+        for triangle in self.bvh.intersect_aabb(&ray) {
+            let sign = crossing(&self.triangles[triangle as usize], place);
+            if sign != 0 {
+                each(triangle as usize, sign);
+            }
+        }
+    }
+
+    /// Which parts to turn, so that the outermost look outward and the parts inside others in turn inward and outward.
+    ///
+    /// # Errors
+    /// [`MeshError::Nested`] for a part within another that looks the same way.
+    pub fn parts_to_turn(
+        &self,
+        part: &[usize],
+        parts: usize,
+        center_m: DVec3,
+    ) -> Result<Vec<bool>, MeshError> {
+        let mut looks = vec![0.0; parts];
+        let mut widest = vec![(0.0, 0); parts];
+        for (triangle, &part) in part.iter().enumerate() {
+            let [a, b, c] = self.corners_m(triangle);
+            looks[part] += a.dot(b.cross(c));
+            let area = (b - a).cross(c - a).length();
+            if area > widest[part].0 {
+                widest[part] = (area, triangle);
+            }
+        }
+        let looks: Vec<f64> = looks.into_iter().map(f64::signum).collect();
+        let containers: Vec<Vec<usize>> = (0..parts)
+            .map(|own| {
+                // A place just inside the part: parts may touch.
+                let [a, b, c] = self.corners_m(widest[own].1);
+                let inward = -looks[own] * (b - a).cross(c - a).normalize_or_zero();
+                let depth_m = 16.0 * TOLERANCE * 2.0 * self.half_size_m.max_element();
+                let mut winding = std::collections::BTreeMap::new();
+                self.crossed((a + b + c) / 3.0 + depth_m * inward, |triangle, sign| {
+                    *winding.entry(part[triangle]).or_insert(0) += sign;
+                });
+                winding
+                    .into_iter()
+                    .filter(|&(other, times)| other != own && times != 0)
+                    .map(|(other, _)| other)
+                    .collect()
+            })
+            .collect();
+        let mut turn: Vec<bool> = looks.iter().map(|&looks| looks < 0.0).collect();
+        for own in 0..parts {
+            let depth = |other: &&usize| containers[**other].len();
+            let Some(&parent) = containers[own].iter().max_by_key(depth) else { continue };
+            if looks[own] == looks[parent] {
+                let at = part.iter().position(|&p| p == own).map_or(DVec3::ZERO, |t| self.corners_m(t)[0]);
+                return Err(MeshError::Nested { at_m: center_m + at });
+            }
+            // Of two that look opposite ways both are turned or none, as is what is round them all.
+            let outermost = containers[own].iter().min_by_key(depth).copied().unwrap_or(parent);
+            turn[own] = looks[outermost] < 0.0;
+        }
+        Ok(turn)
+    }
+
+    fn corners_m(&self, triangle: usize) -> [DVec3; 3] {
+        self.triangles[triangle].map(|[x, y, z]| self.unit_m * DVec3::new(x as f64, y as f64, z as f64))
+    }
+}
+
+/// 1 or −1 when the ray from `p` along +x meets the triangle from its inner or its outer side, else 0.
+fn crossing(&[a, b, c]: &[[i64; 3]; 3], p: [i64; 3]) -> i64 {
+    // The x component of the normal: twice the signed area seen along x.
+    let facing = cross_x(b, a, c).signum();
+    if facing == 0 || [(a, b), (b, c), (c, a)].into_iter().any(|(from, to)| side(from, to, p) != facing) {
+        return 0;
+    }
+    let d = |to: [i64; 3]| [0, 1, 2].map(|i| i128::from(to[i] - a[i]));
+    let ([bx, by, bz], [cx, cy, cz], [px, py, pz]) = (d(b), d(c), d(p));
+    let beyond = px * (by * cz - bz * cy) + py * (bz * cx - bx * cz) + pz * (bx * cy - by * cx);
+    // The triangle is ahead where p lies behind its plane as seen along the ray.
+    if beyond.signum() == -i128::from(facing) { facing } else { 0 }
+}
+
+/// (b − a) × (c − a) along x.
+fn cross_x(b: [i64; 3], a: [i64; 3], c: [i64; 3]) -> i64 {
+    (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
+}
+
+/// On which side of the line from `a` to `b` the place (y + ε, z + ε²) of `p` lies, seen along x.
+fn side(a: [i64; 3], b: [i64; 3], p: [i64; 3]) -> i64 {
+    let signs = [cross_x(b, a, p), a[2] - b[2], b[1] - a[1]];
+    signs.into_iter().map(i64::signum).find(|sign| *sign != 0).unwrap_or(0)
+}
+
+/// The box of a triangle, wider by `margin_m`.
+pub(super) fn bounds([a, b, c]: [DVec3; 3], margin_m: f64) -> Aabb {
+    Aabb::new(a.min(b).min(c) - margin_m, a.max(b).max(c) + margin_m)
+}

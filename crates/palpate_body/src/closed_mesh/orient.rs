@@ -1,0 +1,166 @@
+//! Edges: whether they close the surface, and which way its triangles look.
+
+use super::{MeshError, volume};
+use glam::DVec3;
+
+/// A closed surface whose triangles agree, in parts that are not joined by edges.
+pub(super) struct Oriented {
+    /// In the order given; those of one part look all outward or all inward.
+    pub triangles: Vec<[usize; 3]>,
+    /// The part of each.
+    pub part: Vec<usize>,
+    pub parts: usize,
+    pub pinched_edges: usize,
+}
+
+/// One side of a triangle.
+struct Side {
+    /// The lower and the higher point of the edge.
+    edge: (usize, usize),
+    triangle: usize,
+    /// Whether the triangle goes from the lower to the higher.
+    up: bool,
+}
+
+/// Turns triangles until neighbours agree.
+///
+/// # Errors
+/// [`MeshError::Flat`] for no triangles, [`MeshError::Holes`], [`MeshError::NonManifold`], [`MeshError::OneSided`].
+pub(super) fn orient(
+    triangles: &[[usize; 3]],
+    points_m: &[DVec3],
+    center_m: DVec3,
+) -> Result<Oriented, MeshError> {
+    if triangles.is_empty() {
+        return Err(MeshError::Flat { at_m: center_m });
+    }
+    let sides = sides(triangles);
+    let middle = |side: &Side| center_m + 0.5 * (points_m[side.edge.0] + points_m[side.edge.1]);
+    let groups = || sides.chunk_by(|a, b| a.edge == b.edge);
+    let (edges, first) = count(groups().filter(|group| group.len() == 1));
+    if let Some(side) = first {
+        return Err(MeshError::Holes { edges, at_m: middle(side) });
+    }
+    let (odd, first_odd) = count(groups().filter(|group| group.len() % 2 == 1));
+    let (pinched_edges, first_pinched) = count(groups().filter(|group| group.len() > 2));
+    let balanced = |group: &&[Side]| 2 * group.iter().filter(|side| side.up).count() == group.len();
+    let agreed = groups().all(|group| balanced(&group));
+    if let Some(side) = first_odd {
+        return Err(MeshError::NonManifold { edges: odd, at_m: middle(side) });
+    }
+    if let (false, Some(side)) = (agreed, first_pinched) {
+        return Err(MeshError::NonManifold { edges: pinched_edges, at_m: middle(side) });
+    }
+    // Where edges are pinched all agree already; else every edge has two triangles.
+    let neighbours = neighbours(&sides, triangles.len());
+    let mut turned: Vec<Option<bool>> = vec![None; triangles.len()];
+    let (mut part, mut parts) = (vec![0; triangles.len()], 0);
+    for start in 0..triangles.len() {
+        if turned[start].is_some() {
+            continue;
+        }
+        turned[start] = Some(false);
+        let mut front = vec![start];
+        while let Some(triangle) = front.pop() {
+            part[triangle] = parts;
+            let own = turned[triangle].unwrap_or_default();
+            for &(other, agree) in neighbours.of(triangle) {
+                let wanted = own != (!agree && !agreed);
+                match turned[other] {
+                    None => {
+                        turned[other] = Some(wanted);
+                        front.push(other);
+                    }
+                    Some(is) if is != wanted => {
+                        return Err(MeshError::OneSided { at_m: center_m + points_m[triangles[other][0]] });
+                    }
+                    Some(_) => {}
+                }
+            }
+        }
+        parts += 1;
+    }
+    let turn = |(&[a, b, c], turned): (&[usize; 3], &Option<bool>)| {
+        if *turned == Some(true) { [a, c, b] } else { [a, b, c] }
+    };
+    let triangles = triangles.iter().zip(&turned).map(turn).collect();
+    Ok(Oriented { triangles, part, parts, pinched_edges })
+}
+
+/// Refuses parts whose mean thickness, 2 V/A, is within the tolerance.
+///
+/// # Errors
+/// [`MeshError::Flat`].
+pub(super) fn check_thickness(
+    triangles: &[[usize; 3]],
+    part: &[usize],
+    parts: usize,
+    points_m: &[DVec3],
+    center_m: DVec3,
+    tolerance_m: f64,
+) -> Result<(), MeshError> {
+    let (mut enclosed, mut area) = (vec![0.0; parts], vec![0.0; parts]);
+    let mut first = vec![DVec3::ZERO; parts];
+    for (t, &part) in triangles.iter().zip(part) {
+        let [a, b, c] = t.map(|point| points_m[point]);
+        area[part] += 0.5 * (b - a).cross(c - a).length();
+        enclosed[part] += volume(&[*t], points_m);
+        first[part] = a;
+    }
+    let flat = |&part: &usize| 2.0 * enclosed[part].abs() <= 4.0 * tolerance_m * area[part];
+    match (0..parts).find(flat) {
+        Some(part) => Err(MeshError::Flat { at_m: center_m + first[part] }),
+        None => Ok(()),
+    }
+}
+
+fn sides(triangles: &[[usize; 3]]) -> Vec<Side> {
+    let mut sides = Vec::with_capacity(3 * triangles.len());
+    for (triangle, t) in triangles.iter().enumerate() {
+        for corner in 0..3 {
+            let (a, b) = (t[corner], t[(corner + 1) % 3]);
+            sides.push(Side { edge: (a.min(b), a.max(b)), triangle, up: a < b });
+        }
+    }
+    sides.sort_unstable_by_key(|side| (side.edge, side.triangle));
+    sides
+}
+
+fn count<'a>(mut groups: impl Iterator<Item = &'a [Side]>) -> (usize, Option<&'a Side>) {
+    let first = groups.next().and_then(<[Side]>::first);
+    (usize::from(first.is_some()) + groups.count(), first)
+}
+
+/// The triangles beside each, and whether they agree.
+struct Neighbours {
+    start: Vec<usize>,
+    all: Vec<(usize, bool)>,
+}
+
+impl Neighbours {
+    fn of(&self, triangle: usize) -> &[(usize, bool)] {
+        &self.all[self.start[triangle]..self.start[triangle + 1]]
+    }
+}
+
+/// At each edge every triangle is beside the next; two of them beside each other.
+fn neighbours(sides: &[Side], triangles: usize) -> Neighbours {
+    let pairs = || {
+        sides.chunk_by(|a, b| a.edge == b.edge).flat_map(|group| {
+            let next = group.iter().cycle().skip(1);
+            group.iter().zip(next).map(|(a, b)| (a.triangle, b.triangle, a.up != b.up))
+        })
+    };
+    let mut start = vec![0; triangles + 1];
+    pairs().for_each(|(from, ..)| start[from + 1] += 1);
+    for i in 0..triangles {
+        start[i + 1] += start[i];
+    }
+    let mut next = start.clone();
+    let mut all = vec![(0, true); 3 * triangles];
+    for (from, to, agree) in pairs() {
+        all[next[from]] = (to, agree);
+        next[from] += 1;
+    }
+    Neighbours { start, all }
+}

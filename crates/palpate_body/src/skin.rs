@@ -1,0 +1,192 @@
+//! The drawn mesh of a body: it moves with the nodes.
+
+use crate::cell_lattice::Embedding;
+use crate::{BodyError, ClosedMesh, MeshError};
+use glam::{DAffine3, DVec3, Vec3A};
+use std::collections::BTreeMap;
+
+/// How the vertices of a mesh move with the nodes of the body made of it ([`crate::MeshBody::skin`]): position by the
+/// trilinear weights of a cell, normal from the triangles round it, weighted by their area.
+///
+/// Vertices at one place share a normal, so that the surface is smooth there; where the mesh was given normals
+/// ([`ClosedMesh::with_normals`]), only vertices whose normals agree do, so that hard edges stay hard.
+#[derive(Clone, Debug)]
+pub struct Skin {
+    /// The nodes of the cells that carry points.
+    cells: Vec<[u32; 8]>,
+    /// Points up to this one are in each of those cells.
+    ends: Vec<u32>,
+    /// Where in its cell each point is.
+    locals: Vec<[f32; 3]>,
+    /// Of points.
+    triangles: Vec<[u32; 3]>,
+    /// The point of each vertex.
+    point_of: Vec<u32>,
+    nodes: usize,
+    /// Relative to the first node, in the frame asked for.
+    node_at: Vec<Vec3A>,
+    at: Vec<Vec3A>,
+    normal: Vec<Vec3A>,
+}
+
+/// Normals at one place agree when their cosine is above that: 2.6°.
+const AGREE: f64 = 0.999;
+
+impl Skin {
+    pub(crate) fn new(mesh: &ClosedMesh, embedding: &Embedding) -> Self {
+        let grouped = Grouped::new(mesh);
+        let mut placed: Vec<(usize, DVec3, usize)> = Vec::with_capacity(grouped.place_m.len());
+        for (point, &(place_m, on_surface)) in grouped.place_m.iter().enumerate() {
+            let (cell, local) = embedding.locate(place_m);
+            // A vertex without triangles may be anywhere; nobody sees it.
+            let local = if on_surface { local } else { local.clamp(DVec3::ZERO, DVec3::ONE) };
+            placed.push((cell, local, point));
+        }
+        placed.sort_by_key(|&(cell, _, point)| (cell, point));
+        let mut rank = vec![0; placed.len()];
+        placed.iter().enumerate().for_each(|(index, (.., point))| rank[*point] = index as u32);
+        let (mut cells, mut ends) = (Vec::new(), Vec::new());
+        for same in placed.chunk_by(|a, b| a.0 == b.0) {
+            cells.push(embedding.cells()[same[0].0].map(|node| node as u32));
+            ends.push(ends.last().copied().unwrap_or(0) + same.len() as u32);
+        }
+        let point_of: Vec<u32> = grouped.of.iter().map(|&point| rank[point]).collect();
+        // In the order of their points, which are near each other in memory then.
+        let mut triangles: Vec<[u32; 3]> =
+            mesh.triangles().iter().map(|t| t.map(|vertex| point_of[vertex])).collect();
+        triangles.sort_by_key(|t| t.iter().copied().min());
+        let points = placed.len();
+        let nodes = embedding.cells().iter().flatten().max().map_or(0, |node| node + 1);
+        Self {
+            cells,
+            ends,
+            locals: placed.iter().map(|(_, local, _)| local.as_vec3().to_array()).collect(),
+            triangles,
+            point_of,
+            nodes,
+            node_at: vec![Vec3A::ZERO; nodes],
+            at: vec![Vec3A::ZERO; points],
+            normal: vec![Vec3A::ZERO; points],
+        }
+    }
+
+    /// Vertices of the mesh: what [`Skin::deform`] writes.
+    #[must_use]
+    pub fn vertices(&self) -> usize {
+        self.point_of.len()
+    }
+
+    /// Writes position and unit normal of every vertex, in the order in which they were given, where the nodes are at
+    /// `positions_m`, in the frame that `to_local` leads to; a frame that mirrors keeps normals outward. Nothing is
+    /// allocated. A vertex without an area round it gets the normal (0, 1, 0).
+    ///
+    /// # Errors
+    /// [`BodyError::Length`], [`MeshError::Length`] when a list has not one entry for each node or vertex.
+    pub fn deform(
+        &mut self,
+        positions_m: &[DVec3],
+        to_local: &DAffine3,
+        out_positions: &mut [[f32; 3]],
+        out_normals: &mut [[f32; 3]],
+    ) -> Result<(), BodyError> {
+        let (found, nodes) = (positions_m.len(), self.nodes);
+        if found != nodes {
+            return Err(BodyError::Length { what: "the list of positions", found, nodes });
+        }
+        let vertices = self.vertices();
+        for (what, found) in [
+            ("the list of drawn positions", out_positions.len()),
+            ("the list of drawn normals", out_normals.len()),
+        ] {
+            if found != vertices {
+                return Err(MeshError::Length { what, found, vertices }.into());
+            }
+        }
+        let origin = positions_m.first().map_or(DVec3::ZERO, |x| to_local.transform_point3(*x));
+        for (at, x) in self.node_at.iter_mut().zip(positions_m) {
+            *at = (to_local.transform_point3(*x) - origin).as_vec3a();
+        }
+        self.place();
+        self.turn(if to_local.matrix3.determinant() < 0.0 { -1.0 } else { 1.0 });
+        let origin = origin.as_vec3a();
+        for ((&point, position), normal) in self.point_of.iter().zip(out_positions).zip(out_normals) {
+            *position = (self.at[point as usize] + origin).to_array();
+            *normal = self.normal[point as usize].to_array();
+        }
+        Ok(())
+    }
+
+    /// The points from the nodes, cell by cell: x = c₀ + c₁a + c₂b + c₃c + c₁₂ab + c₁₃ac + c₂₃bc + c₁₂₃abc.
+    fn place(&mut self) {
+        let mut first = 0;
+        for (nodes, &end) in self.cells.iter().zip(&self.ends) {
+            let n = nodes.map(|node| self.node_at[node as usize]);
+            let (c0, c1, c2, c3) = (n[0], n[1] - n[0], n[2] - n[0], n[4] - n[0]);
+            let (c12, c13, c23) = (n[3] - n[2] - c1, n[5] - n[4] - c1, n[6] - n[4] - c2);
+            let c123 = (n[7] - n[6]) - (n[5] - n[4]) - c12;
+            let run = first..end as usize;
+            for (at, &[a, b, c]) in self.at[run.clone()].iter_mut().zip(&self.locals[run]) {
+                *at = c0 + (c1 + c12 * b + (c13 + c123 * b) * c) * a + (c2 + c23 * c) * b + c3 * c;
+            }
+            first = end as usize;
+        }
+    }
+
+    /// The normals from the triangles of the points.
+    fn turn(&mut self, sign: f32) {
+        self.normal.fill(Vec3A::ZERO);
+        for t in &self.triangles {
+            let [i, j, k] = t.map(|point| point as usize);
+            let (a, b, c) = (self.at[i], self.at[j], self.at[k]);
+            let area = (b - a).cross(c - a);
+            self.normal[i] += area;
+            self.normal[j] += area;
+            self.normal[k] += area;
+        }
+        for normal in &mut self.normal {
+            // Areas of less than (1e-9 m)² are nothing to be seen.
+            let length2 = normal.length_squared();
+            *normal = if length2 > 1e-36 { *normal * (sign / length2.sqrt()) } else { Vec3A::Y };
+        }
+    }
+}
+
+/// Vertices that are drawn as one: at one place and, where normals are given, with one normal.
+struct Grouped {
+    /// The group of each vertex.
+    of: Vec<usize>,
+    /// Where each is, relative to the mesh's centre, m, and whether a triangle has it.
+    place_m: Vec<(DVec3, bool)>,
+}
+
+impl Grouped {
+    fn new(mesh: &ClosedMesh) -> Self {
+        let mut made = Self { of: Vec::with_capacity(mesh.vertices_m().len()), place_m: Vec::new() };
+        // The groups at each welded point, with their normals.
+        let mut at_point: BTreeMap<usize, Vec<(DVec3, usize)>> = BTreeMap::new();
+        for (vertex, point) in mesh.point_of().iter().enumerate() {
+            let normal = mesh.normals().map_or(DVec3::ZERO, |normals| normals[vertex].normalize_or_zero());
+            let group = match point {
+                Some(point) => {
+                    let groups = at_point.entry(*point).or_default();
+                    let same = |(other, _): &&(DVec3, usize)| *other == normal || other.dot(normal) > AGREE;
+                    match groups.iter().find(same) {
+                        Some(&(_, group)) => group,
+                        None => {
+                            groups.push((normal, made.place_m.len()));
+                            made.add(mesh.points_m()[*point], true)
+                        }
+                    }
+                }
+                None => made.add(mesh.vertices_m()[vertex] - mesh.center_m(), false),
+            };
+            made.of.push(group);
+        }
+        made
+    }
+
+    fn add(&mut self, place_m: DVec3, on_surface: bool) -> usize {
+        self.place_m.push((place_m, on_surface));
+        self.place_m.len() - 1
+    }
+}

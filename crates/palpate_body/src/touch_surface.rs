@@ -1,0 +1,63 @@
+//! The surface that tools touch: a mesh with triangles of a size that fits the cells.
+
+mod cluster;
+mod subdivide;
+
+use crate::cell_lattice::Embedding;
+use crate::{ClosedMesh, Surface};
+use glam::DVec3;
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
+use parry3d_f64::query::PointQuery;
+use parry3d_f64::shape::Triangle;
+
+/// The touched surface of a mesh.
+///
+/// Where the mesh is finer than a share of a cell, its triangles would be many contact rows that say the same; where it is
+/// coarser than a cell, a dent would have no corners. So vertices are clustered first and long edges halved then.
+pub(crate) struct TouchSurface {
+    pub surface: Surface,
+    /// The greatest distance of a vertex of the mesh from it, m.
+    pub deviation_m: f64,
+}
+
+impl TouchSurface {
+    /// With points at least `spacing` cells of `cell_m` apart, and edges of at most 1 + `spacing` cells: what clustering makes is
+    /// not cut again, but for a few.
+    pub(crate) fn new(mesh: &ClosedMesh, embedding: &Embedding, cell_m: f64, spacing: f64) -> Self {
+        let clustered = cluster::cluster(mesh.closed_triangles(), mesh.points_m(), spacing * cell_m);
+        let mut points_m: Vec<DVec3> = clustered.kept.iter().map(|&point| mesh.points_m()[point]).collect();
+        let deviation_m = deviation(mesh.points_m(), &clustered.triangles, &points_m);
+        let triangles = subdivide::subdivide(clustered.triangles, &mut points_m, (1.0 + spacing) * cell_m);
+        let points: Vec<_> = points_m.iter().map(|x| embedding.point(*x)).collect();
+        let vertices = (0..points.len()).collect();
+        Self { surface: Surface { points, vertices, triangles }, deviation_m }
+    }
+}
+
+/// The greatest distance of `places_m` from the triangles.
+fn deviation(places_m: &[DVec3], triangles: &[[usize; 3]], points_m: &[DVec3]) -> f64 {
+    let corners = |triangle: usize| triangles[triangle].map(|point| points_m[point]);
+    let boxes: Vec<Aabb> = (0..triangles.len())
+        .map(|triangle| {
+            let [a, b, c] = corners(triangle);
+            Aabb::new(a.min(b).min(c), a.max(b).max(c))
+        })
+        .collect();
+    let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+    let distance = |place_m: &DVec3| {
+        let found = bvh.find_best(
+            f64::INFINITY,
+            |node: &BvhNode, _| node.aabb().distance_to_local_point(*place_m, true),
+            |leaf, _| {
+                let [a, b, c] = corners(leaf as usize);
+                Some(Triangle::new(a, b, c).project_local_point(*place_m, false).point.distance(*place_m))
+            },
+        );
+        found.map_or(0.0, |(_, distance)| distance)
+    };
+    places_m.iter().map(distance).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests;

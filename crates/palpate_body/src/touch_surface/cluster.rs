@@ -1,0 +1,144 @@
+//! Fewer vertices: each stands for those near it on the same sheet.
+
+use glam::DVec3;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+pub(super) struct Clustered {
+    /// The points that stay.
+    pub kept: Vec<usize>,
+    /// Of the points that stay, as indices into `kept`.
+    pub triangles: Vec<[usize; 3]>,
+}
+
+/// Clusters points (J. Rossignac and P. Borrel, "Multi-resolution 3D approximations for rendering complex scenes", 1993),
+/// with clusters that are Voronoi cells along the edges instead of boxes.
+///
+/// Points that stay are chosen in their order, each at least `spacing_m` from those before that edges join with it within
+/// that distance. Every other point goes to the one that is nearest along edges; none to one whose normal is
+/// against its own, so that the two sides of a thin wall stay apart. Triangles whose corners come together go.
+pub(super) fn cluster(triangles: &[[usize; 3]], points_m: &[DVec3], spacing_m: f64) -> Clustered {
+    let edges = Edges::new(triangles, points_m.len());
+    let normals = normals(triangles, points_m);
+    let along = |seed: usize, point: usize| normals[seed].dot(normals[point]) > 0.0;
+    let mut seed_of = vec![usize::MAX; points_m.len()];
+    // The last seed that has looked at each.
+    let mut seen = vec![usize::MAX; points_m.len()];
+    let mut kept = Vec::new();
+    for seed in 0..points_m.len() {
+        if seed_of[seed] != usize::MAX {
+            continue;
+        }
+        kept.push(seed);
+        (seed_of[seed], seen[seed]) = (seed, seed);
+        let mut front = vec![seed];
+        while let Some(point) = front.pop() {
+            for &other in edges.of(point) {
+                let near = points_m[seed].distance(points_m[other]) < spacing_m;
+                if seen[other] != seed && near && along(seed, other) {
+                    seen[other] = seed;
+                    front.push(other);
+                    if seed_of[other] == usize::MAX {
+                        seed_of[other] = seed;
+                    }
+                }
+            }
+        }
+    }
+    nearest(&kept, &edges, points_m, &mut seed_of, along);
+    let mut index = vec![usize::MAX; points_m.len()];
+    kept.iter().enumerate().for_each(|(i, &point)| index[point] = i);
+    let of = |t: &[usize; 3]| t.map(|point| index[seed_of[point]]);
+    Clustered { triangles: distinct(triangles.iter().map(of)), kept }
+}
+
+/// Gives every point the nearest of `seeds` along edges, where one that is `along` reaches it (E. W. Dijkstra, Numerische
+/// Mathematik 1 (1959) 269); others keep the seed they have.
+fn nearest(
+    seeds: &[usize],
+    edges: &Edges,
+    points_m: &[DVec3],
+    seed_of: &mut [usize],
+    along: impl Fn(usize, usize) -> bool,
+) {
+    let mut distance = vec![f64::INFINITY; points_m.len()];
+    // Distances are at least 0, so that their bits are in their order.
+    let mut queue: BinaryHeap<Reverse<(u64, usize, usize)>> =
+        seeds.iter().map(|&seed| Reverse((0, seed, seed))).collect();
+    while let Some(Reverse((bits, point, seed))) = queue.pop() {
+        if distance[point] <= f64::from_bits(bits) {
+            continue;
+        }
+        distance[point] = f64::from_bits(bits);
+        seed_of[point] = seed;
+        for &other in edges.of(point) {
+            let there = distance[point] + points_m[point].distance(points_m[other]);
+            if there < distance[other] && along(seed, other) {
+                queue.push(Reverse((there.to_bits(), other, seed)));
+            }
+        }
+    }
+}
+
+/// Triangles with three different corners, each once, and none beside its reverse: what is left is closed still.
+fn distinct(triangles: impl Iterator<Item = [usize; 3]>) -> Vec<[usize; 3]> {
+    let mut sorted: Vec<([usize; 3], bool)> = triangles
+        .filter(|[a, b, c]| a != b && b != c && c != a)
+        .map(|[a, b, c]| {
+            let mut corners = [a, b, c];
+            corners.sort_unstable();
+            let even = [[a, b, c], [b, c, a], [c, a, b]].contains(&corners);
+            (corners, even)
+        })
+        .collect();
+    sorted.sort_unstable();
+    let mut kept = Vec::new();
+    for same in sorted.chunk_by(|a, b| a.0 == b.0) {
+        let [a, b, c] = same[0].0;
+        let even = same.iter().filter(|(_, even)| *even).count();
+        match (2 * even).cmp(&same.len()) {
+            std::cmp::Ordering::Greater => kept.push([a, b, c]),
+            std::cmp::Ordering::Less => kept.push([a, c, b]),
+            std::cmp::Ordering::Equal => {}
+        }
+    }
+    kept
+}
+
+/// Of points, weighted by area.
+fn normals(triangles: &[[usize; 3]], points_m: &[DVec3]) -> Vec<DVec3> {
+    let mut normals = vec![DVec3::ZERO; points_m.len()];
+    for t in triangles {
+        let [a, b, c] = t.map(|point| points_m[point]);
+        t.iter().for_each(|&point| normals[point] += (b - a).cross(c - a));
+    }
+    normals.iter().map(|n| n.normalize_or_zero()).collect()
+}
+
+/// The points at the other ends of each point's edges.
+struct Edges {
+    start: Vec<usize>,
+    ends: Vec<usize>,
+}
+
+impl Edges {
+    fn new(triangles: &[[usize; 3]], points: usize) -> Self {
+        // A closed surface has every edge in both directions.
+        let all = || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
+        let mut start = vec![0; points + 1];
+        all().for_each(|(from, _)| start[from + 1] += 1);
+        for i in 0..points {
+            start[i + 1] += start[i];
+        }
+        let (mut next, mut ends) = (start.clone(), vec![0; 3 * triangles.len()]);
+        for (from, to) in all() {
+            ends[next[from]] = to;
+            next[from] += 1;
+        }
+        Self { start, ends }
+    }
+
+    fn of(&self, point: usize) -> &[usize] {
+        &self.ends[self.start[point]..self.start[point + 1]]
+    }
+}

@@ -1,0 +1,80 @@
+use super::*;
+use std::collections::HashMap;
+
+/// A square plate of `n` × `n` fields and a thickness, every corner of a field a point.
+fn plate(n: usize, thickness_m: f64) -> (Vec<DVec3>, Vec<[usize; 3]>) {
+    let m = n + 1;
+    let at = |i: usize, j: usize, top: bool| i + m * j + if top { m * m } else { 0 };
+    let mut points = Vec::new();
+    for top in [0.0, thickness_m] {
+        for j in 0..m {
+            points.extend((0..m).map(|i| DVec3::new(i as f64, j as f64, 0.0) / n as f64 + top * DVec3::Z));
+        }
+    }
+    let mut triangles = Vec::new();
+    let mut quad = |a, b, c, d| triangles.extend([[a, b, c], [a, c, d]]);
+    for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+        quad(at(i, j, true), at(i + 1, j, true), at(i + 1, j + 1, true), at(i, j + 1, true));
+        quad(at(i, j, false), at(i, j + 1, false), at(i + 1, j + 1, false), at(i + 1, j, false));
+    }
+    for i in 0..n {
+        quad(at(i, 0, false), at(i + 1, 0, false), at(i + 1, 0, true), at(i, 0, true));
+        quad(at(i + 1, n, false), at(i, n, false), at(i, n, true), at(i + 1, n, true));
+        quad(at(0, i + 1, false), at(0, i, false), at(0, i, true), at(0, i + 1, true));
+        quad(at(n, i, false), at(n, i + 1, false), at(n, i + 1, true), at(n, i, true));
+    }
+    (points, triangles)
+}
+
+/// Every directed edge as often as its reverse.
+fn is_closed(triangles: &[[usize; 3]]) -> bool {
+    let mut balance = HashMap::new();
+    for &[a, b, c] in triangles {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            *balance.entry((from.min(to), from.max(to))).or_insert(0) += if from < to { 1 } else { -1 };
+        }
+    }
+    balance.values().all(|sum| *sum == 0)
+}
+
+fn volume(triangles: &[[usize; 3]], points: &[DVec3]) -> f64 {
+    let of = |t: &[usize; 3]| {
+        let [a, b, c] = t.map(|p| points[p]);
+        a.dot(b.cross(c)) / 6.0
+    };
+    triangles.iter().map(of).sum()
+}
+
+#[test]
+fn the_two_sides_of_a_thin_plate_stay_apart() {
+    let (points, triangles) = plate(40, 0.01);
+    let made = cluster::cluster(&triangles, &points, 0.1);
+    let kept: Vec<DVec3> = made.kept.iter().map(|&p| points[p]).collect();
+    assert!(is_closed(&made.triangles));
+    assert!(made.kept.len() < points.len() / 8, "{} of {}", made.kept.len(), points.len());
+    // Corners of the plate are rounded by at most the spacing; its thickness is what it was.
+    let volume = volume(&made.triangles, &kept);
+    assert!(volume > 0.85 * 0.01 && volume <= 0.01 + 1e-12, "{volume}");
+    for (i, a) in kept.iter().enumerate() {
+        let near = kept[..i].iter().filter(|b| b.z == a.z).map(|b| a.distance(*b));
+        assert!(near.fold(1.0, f64::min) >= 0.1 - 1e-12);
+    }
+    assert!(deviation(&points, &made.triangles, &kept) < 0.1);
+}
+
+#[test]
+fn a_coarse_surface_stays_as_it_is_and_long_edges_are_halved() {
+    let (mut points, triangles) = plate(1, 0.5);
+    let made = cluster::cluster(&triangles, &points, 0.1);
+    assert_eq!(made.kept, (0..8).collect::<Vec<_>>());
+    assert_eq!(made.triangles.len(), 12);
+    assert_eq!(deviation(&points, &made.triangles, &points), 0.0);
+    let finer = subdivide::subdivide(made.triangles, &mut points, 0.26);
+    assert!(is_closed(&finer));
+    assert!((volume(&finer, &points) - 0.5).abs() < 1e-14);
+    for [a, b, c] in &finer {
+        for (a, b) in [(a, b), (b, c), (c, a)] {
+            assert!(points[*a].distance(points[*b]) <= 0.26);
+        }
+    }
+}

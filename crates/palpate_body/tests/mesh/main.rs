@@ -1,0 +1,8 @@
+//! Closed meshes and the bodies made of them.
+
+mod closed;
+mod garbage;
+mod lattice;
+mod motion;
+mod shapes;
+mod skin;
