@@ -1,5 +1,6 @@
 //! What went wrong, as a message.
 
+use crate::body::MeshSourceError;
 use bevy::prelude::*;
 use palpate_body::BodyError;
 use palpate_haptics::{BlackBoxError, DeviceError, HapticsError, LoopEventKind, TrajectoryError};
@@ -22,7 +23,11 @@ pub enum HapticFaultKind {
     /// A body could not be built. Correct its components; until then it is not simulated, or as it was.
     #[error("the body cannot be built")]
     BuildBody(#[source] BodyError),
-    /// A body's entity is scaled. Give the size to [`crate::DeformableBody`] and leave the scale at 1.
+    /// A mesh could not be read, so no body was made of it.
+    #[error("no body can be made of the mesh")]
+    Mesh(#[source] MeshSourceError),
+    /// A body's entity is scaled. Give the size to [`crate::DeformableBody`] and leave the scale at 1; a body that was there
+    /// before stays where and as it was.
     #[error("the body's transform has scale {scale}; it must be 1: give the size to the body itself")]
     Scaled {
         /// The scale found.

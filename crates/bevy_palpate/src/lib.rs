@@ -37,7 +37,8 @@
 //!
 //! # Contents
 //!
-//! * Bodies: [`DeformableBody`] with its partners [`Tissue`] and [`FixedRegion`]; [`SimulatedBody`] to look inside.
+//! * Bodies: [`DeformableBody`], a block or any closed mesh, with its partners [`Tissue`], [`FixedRegion`] and
+//!   [`Inclusions`]; [`SimulatedBody`] to look inside.
 //! * Tools: [`HapticTool`] with its partner [`ToolSettings`]; results [`ToolForce`], [`LoopTiming`],
 //!   [`Touching`]; messages [`ContactBegan`], [`ContactEnded`]; every tick in [`TickRecording`].
 //! * Devices: [`DeviceSelector`], [`HapticDevices`].
@@ -69,7 +70,9 @@
 //!   25 % (`LowPass`) RMS, and touch made between two model steps is felt after the next one.
 //! * A tool touches one body at a time. What several tools on a body do to each other between two model steps is felt
 //!   after the next one: a local model holds what the others did constant.
-//! * A body lives in the world where it was built; moving its transform later moves neither it nor its picture.
+//! * Moving a body's transform carries the body along at once, and what touches it lets go; a body that is to be moved while it
+//!   is touched has to be pulled by what holds it.
+//! * Bodies and tools are drawn between their last two model steps, so one model step late, both alike.
 //! * A model step runs on the app's main thread; a large body makes frames longer, never the loop late.
 //!
 //! # Glossary
@@ -95,7 +98,10 @@ mod reflect;
 mod schedule;
 mod tool;
 
-pub use body::{BodyPlugin, DeformableBody, Face, FixedRegion, HapticSetupSystems, SimulatedBody, Tissue};
+pub use body::{
+    BodyPlugin, BodyRegion, DeformableBody, Face, FixedRegion, HapticSetupSystems, Inclusion, Inclusions,
+    MeshShape, MeshSourceError, SimulatedBody, Tissue,
+};
 pub use device::{DeviceSelector, HapticDevices};
 pub use fault::{DeviceFault, HapticFault, HapticFaultKind};
 pub use plugins::{FaultLogPlugin, PalpatePlugins};
@@ -109,10 +115,10 @@ pub use tool::{
 /// What an app with haptic bodies needs.
 pub mod prelude {
     pub use crate::{
-        ContactBegan, ContactEnded, DeformableBody, DeviceSelector, Face, FaultLogPlugin, FixedRegion,
-        HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin, HapticSystems, HapticTool,
-        LocalModelBuild, LocalModelError, LoopTiming, ModelRate, ModelStep, PalpatePlugins, Tissue,
-        ToolCoupling, ToolForce, ToolSettings, Touching,
+        BodyRegion, ContactBegan, ContactEnded, DeformableBody, DeviceSelector, Face, FaultLogPlugin,
+        FixedRegion, HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin, HapticSystems,
+        HapticTool, Inclusion, Inclusions, LocalModelBuild, LocalModelError, LoopTiming, MeshShape,
+        ModelRate, ModelStep, PalpatePlugins, Tissue, ToolCoupling, ToolForce, ToolSettings, Touching,
     };
     pub use glam::{DQuat, DVec3};
     pub use palpate_haptics::{

@@ -3,6 +3,7 @@
 use crate::body::HapticSetupSystems;
 use crate::fault::{HapticFault, HapticFaultKind};
 use bevy::ecs::schedule::{LogLevel, ScheduleBuildSettings, ScheduleLabel};
+use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use palpate_haptics::HapticsError;
 use std::time::Duration;
@@ -115,7 +116,7 @@ pub struct ModelStepCount(pub u64);
 
 /// Time that has passed in the fixed main loop since the last model step.
 #[derive(Resource, Clone, Copy, Debug, Default)]
-struct Accumulated(Duration);
+pub(crate) struct Accumulated(Duration);
 
 /// Adds the schedule [`ModelStep`], its rate and its clock.
 #[derive(Clone, Copy, Debug, Default)]
@@ -124,6 +125,23 @@ pub struct HapticSchedulePlugin {
     pub rate: ModelRate,
     /// What makes the loops tick. A loop has the clock that is set when it starts: choose it with the plugin and leave it.
     pub clock: HapticClock,
+}
+
+/// How far the app's clock is past the last model step.
+#[derive(SystemParam)]
+pub(crate) struct ModelOverstep<'w> {
+    rate: Option<Res<'w, ModelRate>>,
+    accumulated: Option<Res<'w, Accumulated>>,
+    fixed: Option<Res<'w, Time<Fixed>>>,
+}
+
+impl ModelOverstep<'_> {
+    /// As a share of the time between two model steps, 0 to 1.
+    pub(crate) fn share(&self) -> f64 {
+        let (Some(rate), Some(accumulated)) = (&self.rate, &self.accumulated) else { return 1.0 };
+        let since = accumulated.0 + self.fixed.as_ref().map_or(Duration::ZERO, |fixed| fixed.overstep());
+        (since.as_secs_f64() / rate.period_s()).min(1.0)
+    }
 }
 
 impl Plugin for HapticSchedulePlugin {

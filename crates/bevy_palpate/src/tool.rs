@@ -29,7 +29,8 @@ use palpate_local::Scheme;
 /// the results [`ToolForce`], [`LocalModelBuild`], [`LocalModelError`], [`LoopTiming`] and [`Touching`].
 ///
 /// Spawning it starts a loop, removing it stops the loop with zero force and joins its thread. Its
-/// [`Transform`] follows the device; spawn it without a parent.
+/// [`Transform`] is where it is in the picture: between the last two model steps, as the bodies are drawn, and behind its
+/// coupling. Spawn it without a parent.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[require(ToolSettings, ToolForce, LocalModelBuild, LocalModelError, LoopTiming, Touching, Transform)]
 #[reflect(Component, Debug, PartialEq, Clone)]
@@ -179,7 +180,12 @@ impl Plugin for ToolPlugin {
                     (model::step_bodies, model::judge_loops).chain().in_set(HapticSystems::StepBody),
                     model::build_local_models.in_set(HapticSystems::BuildLocalModel),
                     model::publish_local_models.in_set(HapticSystems::Publish),
-                    (receive::watch_loops, results::write_results, results::write_errors)
+                    (
+                        receive::watch_loops,
+                        results::write_results,
+                        results::note_poses,
+                        results::write_errors,
+                    )
                         .chain()
                         .in_set(HapticSystems::Writeback),
                 ),

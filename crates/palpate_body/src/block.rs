@@ -3,7 +3,7 @@
 use crate::error::check_positive;
 use crate::lattice;
 use crate::tissue::check_damping_ratio;
-use crate::{BodyError, BodyPoint, Link, Network, NetworkBuilder, Surface};
+use crate::{BodyError, BodyPoint, Link, Network, NetworkBuilder, Region, Surface};
 use glam::{DQuat, DVec3};
 use palpate_laws::Spring;
 
@@ -51,12 +51,13 @@ impl Face {
 /// [`Block::tissue`](Self::tissue).
 ///
 /// Node (i, j, k) has index i + nx (j + ny k) and lies at centre − size/2 + (i, j, k) · cell.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Block {
     nodes: [usize; 3],
     size_m: DVec3,
     center_m: DVec3,
     fixed: Vec<Face>,
+    fixed_within: Vec<Region>,
     allow_free: bool,
 }
 
@@ -107,7 +108,14 @@ impl Block {
         for axis in 0..3 {
             check_positive(["size along x, m", "size along y, m", "size along z, m"][axis], size_m[axis])?;
         }
-        Ok(Self { nodes, size_m, center_m: DVec3::ZERO, fixed: Vec::new(), allow_free: false })
+        Ok(Self {
+            nodes,
+            size_m,
+            center_m: DVec3::ZERO,
+            fixed: Vec::new(),
+            fixed_within: Vec::new(),
+            allow_free: false,
+        })
     }
 
     /// The same block centred on `center_m`.
@@ -129,6 +137,13 @@ impl Block {
         if !self.fixed.contains(&face) {
             self.fixed.push(face);
         }
+        self
+    }
+
+    /// The same block with the nodes in `region` fixed too.
+    #[must_use]
+    pub fn fix_within(mut self, region: Region) -> Self {
+        self.fixed_within.push(region);
         self
     }
 
@@ -200,7 +215,11 @@ impl Block {
                 links.push(Link { a, b, spring });
             }
         }
-        let fixed = self.grid().map(|ijk| self.fixed.iter().any(|&face| self.on_face(ijk, face))).collect();
+        let is_fixed = |ijk: [usize; 3]| {
+            self.fixed.iter().any(|&face| self.on_face(ijk, face))
+                || self.fixed_within.iter().any(|region| region.contains(self.rest(ijk)))
+        };
+        let fixed = self.grid().map(is_fixed).collect();
         let surface = self.surface();
         let network = NetworkBuilder::of(rest_m, mass_kg, fixed, links);
         let network = if self.allow_free { network.allow_free() } else { network }.build()?;

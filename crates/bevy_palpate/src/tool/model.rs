@@ -35,6 +35,7 @@ pub(super) fn step_bodies(
                 tool.let_go(*tool_entity).map(|message| ended.write(message));
             }
         }
+        simulated.drawn.note(&simulated.body);
         let before: Vec<bool> = at_it.iter().map(|(_, tool)| tool.contact.normal().is_some()).collect();
         let stepped = step(&mut simulated.body, &mut at_it, rate.ticks() as usize);
         for ((tool_entity, tool), was_touching) in at_it.iter_mut().zip(before) {

@@ -1,6 +1,7 @@
 //! What a tool shows of itself.
 
 use super::ToolLoop;
+use crate::schedule::ModelOverstep;
 use bevy::diagnostic::{DiagnosticPath, Diagnostics};
 use bevy::prelude::*;
 use glam::DVec3;
@@ -244,12 +245,44 @@ pub(super) fn write_results(
     }
 }
 
-/// Moves every tool to its newest sample, every frame.
-pub(super) fn move_tools(mut tools: Query<(&mut ToolLoop, &mut Transform)>) {
+/// Where a tool was at a model step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pose {
+    /// The sample's number.
+    sequence: u64,
+    /// From the device to the tool behind its coupling, m.
+    behind_m: DVec3,
+}
+
+/// Notes where every tool is at a model step.
+pub(super) fn note_poses(mut tools: Query<&mut ToolLoop>) {
+    for mut tool in &mut tools {
+        let ToolLoop { path, contact, consumed, poses, .. } = &mut *tool;
+        if let (Some(point), Some(sequence)) = (path.last(), *consumed) {
+            let behind_m = contact.proxy_m(point.position_m) - point.position_m;
+            let now = Pose { sequence, behind_m };
+            *poses = Some([poses.map_or(now, |[_, last]| last), now]);
+        }
+    }
+}
+
+/// Moves every tool, every frame, to where it was when the bodies were as they are drawn: between the last two model steps.
+pub(super) fn move_tools(mut tools: Query<(&mut ToolLoop, &mut Transform)>, overstep: ModelOverstep) {
+    let share = overstep.share();
     for (mut tool, mut transform) in &mut tools {
+        let ToolLoop { handle, poses, .. } = &mut *tool;
         // `latest_tick` and `samples` read the same buffer; neither takes anything out of it.
-        if let Some(sample) = tool.handle.samples().newest() {
-            transform.translation = sample.position_m.as_vec3();
+        let samples = handle.samples();
+        let (sample, behind_m) = match poses {
+            Some([from, to]) => {
+                let ticks = (share * to.sequence.saturating_sub(from.sequence) as f64).round();
+                let sample = samples.get(from.sequence + ticks as u64).or(samples.newest());
+                (sample, from.behind_m.lerp(to.behind_m, share))
+            }
+            None => (samples.newest(), DVec3::ZERO),
+        };
+        if let Some(sample) = sample {
+            transform.translation = (sample.position_m + behind_m).as_vec3();
             transform.rotation = sample.orientation.as_quat();
         }
     }

@@ -1,5 +1,6 @@
 //! A tool's loop: started and stopped.
 
+use super::results::Pose;
 use super::settings::loop_settings;
 use super::{
     ContactEnded, HapticTool, LocalModelBuild, LocalModelError, TickRecording, ToolForce, ToolSettings,
@@ -43,6 +44,8 @@ pub struct ToolLoop {
     pub(super) full_n: Vec<DVec3>,
     /// How far the loop was from that.
     pub(super) error: LocalModelError,
+    /// Where the tool was at the last two model steps.
+    pub(super) poses: Option<[Pose; 2]>,
     /// A local model waits to be published.
     pub(super) built: bool,
     /// There has been a pause since the last model step.
@@ -213,6 +216,7 @@ pub(super) fn start_loops(
                     was_beyond: false,
                     full_n: Vec::with_capacity(256),
                     error: LocalModelError::default(),
+                    poses: None,
                     built: false,
                     was_paused: false,
                     refused_body: None,

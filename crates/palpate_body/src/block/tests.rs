@@ -91,3 +91,14 @@ fn a_placed_block_is_the_same_block_elsewhere() {
         assert!(matches!(body.clone().placed(rotation, translation), Err(BodyError::Parameter { .. })));
     }
 }
+
+#[test]
+fn what_is_within_regions_is_fixed_beside_faces() {
+    let block = block([5, 5, 5]).fix(Face::NegZ);
+    let corner = block.rest([4, 4, 4]);
+    let made =
+        block.fix_within(Region::Sphere { center_m: corner, radius_m: 1e-6 }).uniform(&LATTICE).unwrap();
+    let fixed = (0..125).filter(|&node| made.network.is_fixed(node)).count();
+    assert_eq!(fixed, 25 + 1);
+    assert!(made.network.is_fixed(124));
+}

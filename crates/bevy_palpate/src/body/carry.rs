@@ -1,0 +1,57 @@
+//! A body goes where the transform of its entity goes.
+
+use super::SimulatedBody;
+use super::build::BodyBuilds;
+use super::make::place;
+use crate::fault::HapticFault;
+use bevy::prelude::*;
+use glam::{DQuat, DVec3};
+
+/// Carries along the bodies whose entities have been moved. What touches them lets go: their nodes are elsewhere without
+/// having moved there.
+pub(super) fn carry_bodies(
+    mut bodies: Query<(Entity, &mut SimulatedBody)>,
+    transforms: TransformHelper,
+    mut builds: ResMut<BodyBuilds>,
+    mut faults: MessageWriter<HapticFault>,
+) {
+    for (entity, mut simulated) in &mut bodies {
+        let Ok(now) = transforms.compute_global_transform(entity) else { continue };
+        if now == simulated.place {
+            simulated.bypass_change_detection().is_refused_place = false;
+            continue;
+        }
+        match place(&now) {
+            Ok(_) => {
+                simulated.carry_to(now);
+                simulated.is_refused_place = false;
+                (simulated.epoch, simulated.shape) = (builds.next(), builds.next());
+            }
+            Err(kind) => {
+                // Said once; the body stays where it was.
+                if !std::mem::replace(&mut simulated.is_refused_place, true) {
+                    faults.write(HapticFault { entity: Some(entity), kind });
+                }
+            }
+        }
+    }
+}
+
+impl SimulatedBody {
+    /// Moves all nodes from where the entity was to where it is `now`, with their shape and motion; nowhere, if that is no
+    /// place for a body.
+    pub(super) fn carry_to(&mut self, now: GlobalTransform) {
+        let (Ok((r0, t0)), Ok((r1, t1))) = (place(&self.place), place(&now)) else { return };
+        self.place = now;
+        let turn: DQuat = (r1 * r0.inverse()).normalize();
+        let shift: DVec3 = t1 - turn * t0;
+        if turn.is_near_identity() && shift == DVec3::ZERO {
+            return;
+        }
+        let x: Vec<DVec3> = self.body.positions_m().iter().map(|x| turn * *x + shift).collect();
+        let v: Vec<DVec3> = self.body.velocities_m_per_s().iter().map(|v| turn * *v).collect();
+        // The lists are as long as they were, and finite as places of bodies are.
+        let _ = self.body.set_state(&x, &v);
+        self.drawn.forget_step();
+    }
+}

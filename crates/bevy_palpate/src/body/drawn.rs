@@ -1,0 +1,198 @@
+//! The picture of a body: a mesh that follows its nodes, every frame.
+
+use super::{DeformableBody, SimulatedBody};
+use crate::schedule::ModelOverstep;
+use bevy::asset::RenderAssetUsages;
+use bevy::mesh::{Indices, PrimitiveTopology, VertexAttributeValues};
+use bevy::prelude::*;
+use glam::{DAffine3, DVec3, Vec3A};
+use palpate_body::{Body, Skin};
+
+/// The mesh that a body has been given, and what it shows.
+#[derive(Debug, Default)]
+pub(crate) struct Drawn {
+    mesh: Handle<Mesh>,
+    /// Whether the mesh has the body's vertices.
+    is_current: bool,
+    /// The nodes before the last model step, m; none if there has been no step.
+    before_m: Vec<DVec3>,
+    /// The nodes as they are shown, m, and the entity's place.
+    shown_m: Vec<DVec3>,
+    place: GlobalTransform,
+    positions: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
+}
+
+impl Drawn {
+    /// Whether it is what an entity shows.
+    pub(super) fn is_shown_by(&self, mesh: &Mesh3d) -> bool {
+        self.mesh == mesh.0
+    }
+
+    /// The same mesh, to be written anew for a body of another shape.
+    pub(super) fn of_another_shape(self) -> Self {
+        Self { mesh: self.mesh, ..Self::default() }
+    }
+
+    /// Notes where the nodes are before a model step.
+    pub(crate) fn note(&mut self, body: &Body) {
+        self.before_m.clear();
+        self.before_m.extend_from_slice(body.positions_m());
+    }
+
+    /// The nodes have been put elsewhere: there is nothing between.
+    pub(super) fn forget_step(&mut self) {
+        self.before_m.clear();
+    }
+
+    /// Moves what is shown to `share` of the way through the last model step; whether anything moved.
+    fn move_nodes(&mut self, body: &Body, share: f64, place: &GlobalTransform) -> bool {
+        let x = body.positions_m();
+        let mut moved = self.place != *place || self.shown_m.len() != x.len();
+        self.place = *place;
+        self.shown_m.resize(x.len(), DVec3::ZERO);
+        for (index, shown) in self.shown_m.iter_mut().enumerate() {
+            let at = self.before_m.get(index).map_or(x[index], |before| before.lerp(x[index], share));
+            moved |= at != *shown;
+            *shown = at;
+        }
+        moved
+    }
+
+    /// Writes vertices and normals, in the frame of the entity.
+    fn write(&mut self, body: &Body, skin: Option<&mut Skin>) {
+        let to_local = self.place.affine().inverse();
+        let to_local =
+            DAffine3 { matrix3: to_local.matrix3.as_dmat3(), translation: to_local.translation.as_dvec3() };
+        match skin {
+            Some(skin) => {
+                self.positions.resize(skin.vertices(), [0.0; 3]);
+                self.normals.resize(skin.vertices(), [0.0; 3]);
+                // The lists are as long as they must be.
+                let _ = skin.deform(&self.shown_m, &to_local, &mut self.positions, &mut self.normals);
+            }
+            None => self.write_surface(body, &to_local),
+        }
+    }
+
+    /// A body that is drawn as it is touched: every vertex with the mean normal of its triangles.
+    fn write_surface(&mut self, body: &Body, to_local: &DAffine3) {
+        let surface = body.surface();
+        self.positions.resize(surface.vertices.len(), [0.0; 3]);
+        self.normals.resize(surface.vertices.len(), [0.0; 3]);
+        for (position, &point) in self.positions.iter_mut().zip(&surface.vertices) {
+            *position =
+                to_local.transform_point3(surface.points[point].of(&self.shown_m)).as_vec3().to_array();
+        }
+        self.normals.fill([0.0; 3]);
+        for triangle in &surface.triangles {
+            let [a, b, c] = triangle.map(|vertex| Vec3A::from_array(self.positions[vertex]));
+            let area = (b - a).cross(c - a);
+            for &vertex in triangle {
+                self.normals[vertex] = (Vec3A::from_array(self.normals[vertex]) + area).to_array();
+            }
+        }
+        for normal in &mut self.normals {
+            *normal = Vec3A::from_array(*normal).normalize_or(Vec3A::Y).to_array();
+        }
+    }
+
+    /// Copies vertices and normals into `mesh`, if it has as many.
+    fn copy_to(&self, mesh: &mut Mesh) -> bool {
+        let lists = [(Mesh::ATTRIBUTE_POSITION, &self.positions), (Mesh::ATTRIBUTE_NORMAL, &self.normals)];
+        lists.into_iter().all(|(id, from)| match mesh.try_attribute_mut(id) {
+            Ok(VertexAttributeValues::Float32x3(to)) if to.len() == from.len() => {
+                to.copy_from_slice(from);
+                true
+            }
+            _ => false,
+        })
+    }
+
+    /// A mesh with vertices and normals as they are, and what else `source` has: colours, texture coordinates.
+    fn make_mesh(&self, simulated: &SimulatedBody, source: Option<&Mesh>) -> Mesh {
+        let usage = RenderAssetUsages::MAIN_WORLD | RenderAssetUsages::RENDER_WORLD;
+        let mut mesh = source.cloned().unwrap_or_else(|| Mesh::new(PrimitiveTopology::TriangleList, usage));
+        mesh.asset_usage = usage;
+        // It moves with the nodes, not with joints.
+        mesh.remove_attribute(Mesh::ATTRIBUTE_JOINT_INDEX);
+        mesh.remove_attribute(Mesh::ATTRIBUTE_JOINT_WEIGHT);
+        let triangles = match &simulated.closed {
+            Some(closed) => closed.triangles(),
+            None => &simulated.body.surface().triangles,
+        };
+        mesh.insert_indices(Indices::U32(triangles.iter().flatten().map(|&vertex| vertex as u32).collect()));
+        mesh.insert_attribute(Mesh::ATTRIBUTE_POSITION, self.positions.clone());
+        mesh.insert_attribute(Mesh::ATTRIBUTE_NORMAL, self.normals.clone());
+        mesh
+    }
+}
+
+/// Gives every new body a mesh, if the app has meshes. A body that brings its own [`Mesh3d`] keeps it.
+pub(super) fn give_meshes(
+    mut commands: Commands,
+    meshes: Option<ResMut<Assets<Mesh>>>,
+    mut bodies: Query<(Entity, &mut SimulatedBody), (Added<SimulatedBody>, Without<Mesh3d>)>,
+) {
+    let Some(mut meshes) = meshes else { return };
+    for (entity, mut simulated) in &mut bodies {
+        let place = simulated.place;
+        simulated.show(1.0, &place);
+        let mesh = simulated.make_mesh(&meshes);
+        let mesh = meshes.add(mesh);
+        commands.entity(entity).try_insert(Mesh3d(mesh.clone()));
+        (simulated.drawn.mesh, simulated.drawn.is_current) = (mesh, true);
+    }
+}
+
+/// Moves the vertices of every body's mesh to where its nodes are between the last two model steps. A mesh whose body has not
+/// moved is not touched, so nothing is uploaded for it; nothing is allocated for one that has.
+pub(super) fn draw_bodies(
+    meshes: Option<ResMut<Assets<Mesh>>>,
+    mut bodies: Query<(Entity, &mut SimulatedBody)>,
+    transforms: TransformHelper,
+    overstep: ModelOverstep,
+) {
+    let Some(mut meshes) = meshes else { return };
+    let share = overstep.share();
+    for (entity, mut simulated) in &mut bodies {
+        let simulated = simulated.bypass_change_detection();
+        let place = transforms.compute_global_transform(entity).unwrap_or_default();
+        if simulated.show(share, &place) {
+            simulated.put_into(&mut meshes);
+        }
+    }
+}
+
+impl SimulatedBody {
+    /// Brings what is to be shown to `share` of the way through the last model step; whether it is another than before.
+    fn show(&mut self, share: f64, place: &GlobalTransform) -> bool {
+        let moved = self.drawn.move_nodes(&self.body, share, place) || !self.drawn.is_current;
+        if moved {
+            self.drawn.write(&self.body, self.skin.as_mut());
+        }
+        moved
+    }
+
+    fn put_into(&mut self, meshes: &mut Assets<Mesh>) {
+        if meshes.contains(&self.drawn.mesh) {
+            let is_written = self.drawn.is_current
+                && meshes.get_mut(&self.drawn.mesh).is_some_and(|mut mesh| self.drawn.copy_to(&mut mesh));
+            if !is_written {
+                let mesh = self.make_mesh(meshes);
+                if let Some(mut old) = meshes.get_mut(&self.drawn.mesh) {
+                    *old = mesh;
+                }
+            }
+            self.drawn.is_current = true;
+        }
+    }
+
+    fn make_mesh(&self, meshes: &Assets<Mesh>) -> Mesh {
+        let source = match &self.shape_asked {
+            DeformableBody::Mesh(shape) => meshes.get(&shape.mesh),
+            DeformableBody::Block { .. } => None,
+        };
+        self.drawn.make_mesh(self, source)
+    }
+}

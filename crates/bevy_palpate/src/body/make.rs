@@ -1,0 +1,134 @@
+//! From what is asked for to a body: plain computation, which knows no app.
+
+use super::source::Source;
+use super::{DeformableBody, Face, FixedRegion, Inclusion, Tissue};
+use crate::fault::HapticFaultKind;
+use bevy::prelude::*;
+use glam::{DQuat, DVec3};
+use palpate_body::{
+    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Region, SemiImplicitEuler, Skin,
+};
+use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
+use std::sync::Arc;
+
+/// All that makes a body, so that it can be made elsewhere.
+pub(super) struct Plan {
+    pub(super) shape: DeformableBody,
+    pub(super) tissue: Tissue,
+    pub(super) fixed: FixedRegion,
+    pub(super) inclusions: Vec<Inclusion>,
+    pub(super) rotation: DQuat,
+    pub(super) translation_m: DVec3,
+}
+
+/// What is made.
+pub(super) struct Made {
+    pub(super) body: Body,
+    pub(super) builder: LocalModelBuilder,
+    /// Of a mesh: how it is drawn, and itself.
+    pub(super) skin: Option<Skin>,
+    pub(super) closed: Option<Arc<ClosedMesh>>,
+}
+
+/// The place of a body, unless its transform is not finite or scaled.
+pub(super) fn place(transform: &GlobalTransform) -> Result<(DQuat, DVec3), HapticFaultKind> {
+    let (scale, rotation, translation) = transform.to_scale_rotation_translation();
+    if !(scale.is_finite() && rotation.is_finite() && translation.is_finite()) {
+        return Err(HapticFaultKind::Place);
+    }
+    if (scale - Vec3::ONE).abs().max_element() > 1e-4 {
+        return Err(HapticFaultKind::Scaled { scale });
+    }
+    Ok((rotation.as_dquat().normalize(), translation.as_dvec3()))
+}
+
+impl Plan {
+    /// Makes the body; of `source`, if it is a mesh.
+    pub(super) fn make(&self, source: Option<Source>) -> Result<Made, HapticFaultKind> {
+        let build = || -> Result<Made, ReduceError> {
+            let (body, skin, closed) = match (&self.shape, source) {
+                (DeformableBody::Mesh(shape), Some(source)) => {
+                    let closed = source.close()?;
+                    let (body, skin) = self.mesh(&closed, shape.cells_along)?;
+                    (body, Some(skin), Some(closed))
+                }
+                (DeformableBody::Block { nodes, size_m }, _) => (self.block(*nodes, *size_m)?, None, None),
+                // A mesh is made of a mesh.
+                (DeformableBody::Mesh(_), None) => return Err(BodyError::NoNodes.into()),
+            };
+            // A body that cannot be stepped is refused here, not at its first step.
+            SemiImplicitEuler::default().substeps(&body)?;
+            let builder = LocalModelBuilder::new(&body, BuilderOptions::of(&body))?;
+            Ok(Made { body, builder, skin, closed })
+        };
+        build().map_err(|error| match error {
+            ReduceError::Body(error) => HapticFaultKind::BuildBody(error),
+            error => HapticFaultKind::LocalModel(error),
+        })
+    }
+
+    fn block(&self, nodes: [usize; 3], size_m: DVec3) -> Result<Body, BodyError> {
+        let unsuited = |what, allowed| BodyError::Parameter { what, value: 0.0, allowed };
+        if !self.inclusions.is_empty() {
+            return Err(unsuited(
+                "inclusions in a block",
+                "none: a body of several tissues is made of a mesh",
+            ));
+        }
+        if matches!(self.fixed, FixedRegion::Vertices(_)) {
+            return Err(unsuited(
+                "fixed vertices of a block",
+                "none: fix its faces, or what is within regions",
+            ));
+        }
+        let mut block = Block::new(nodes, size_m)?;
+        for &face in self.fixed.faces() {
+            block = block.fix(face.into());
+        }
+        for &region in self.fixed.regions() {
+            block = block.fix_within(region.into());
+        }
+        if self.fixed.is_nothing() {
+            block = block.allow_free();
+        }
+        let made = block.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
+        Body::new(made.network, made.surface)
+    }
+
+    fn mesh(&self, closed: &ClosedMesh, cells_along: usize) -> Result<(Body, Skin), BodyError> {
+        let mut lattice = CellLattice::fit(closed, CellSize::Along(cells_along))?;
+        for &face in self.fixed.faces() {
+            let layer = outermost(closed, lattice.cell_m(), face);
+            lattice = lattice.fix(layer);
+        }
+        for &region in self.fixed.regions() {
+            lattice = lattice.fix(region.into());
+        }
+        if let FixedRegion::Vertices(vertices) = &self.fixed {
+            lattice = lattice.fix_vertices(vertices)?;
+        }
+        if self.fixed.is_nothing() {
+            lattice = lattice.allow_free();
+        }
+        for &Inclusion { region, tissue } in &self.inclusions {
+            lattice = lattice.region(region.into(), tissue.into());
+        }
+        let made = lattice.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
+        Ok((Body::new(made.network, made.surface)?, made.skin))
+    }
+}
+
+/// The outermost layer of nodes on one side of a mesh in cells of `cell_m`: they lie outside its bounds, the next ones inside.
+fn outermost(closed: &ClosedMesh, cell_m: f64, face: Face) -> Region {
+    let [low, high] = closed.bounds_m();
+    let (axis, is_high) = match face {
+        Face::Left => (DVec3::X, false),
+        Face::Right => (DVec3::X, true),
+        Face::Bottom => (DVec3::Y, false),
+        Face::Top => (DVec3::Y, true),
+        Face::Front => (DVec3::Z, false),
+        Face::Back => (DVec3::Z, true),
+    };
+    let (at, outward) = if is_high { (high, -axis) } else { (low, axis) };
+    Region::HalfSpace { point_m: at + 0.49 * cell_m * outward, outward }
+}

@@ -1,0 +1,185 @@
+//! What the user asks of a body's shape: a block or a mesh, and what of it is fixed.
+
+use bevy::prelude::*;
+use glam::DVec3;
+
+/// A body that can be touched. Its partners [`Tissue`](crate::Tissue), [`FixedRegion`] and [`Transform`] come by themselves.
+///
+/// The body is built where its transform places it. Moving the transform of its entity, or of a parent, later carries it along,
+/// fixed parts and all, as it is and at once: what touches it lets go, as if it had been put there anew. It has the size that
+/// it is given here; a scaled transform is refused ([`HapticFaultKind::Scaled`](crate::HapticFaultKind::Scaled)).
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[component(immutable)]
+#[require(crate::Tissue, FixedRegion, Transform)]
+#[reflect(Component, Debug, PartialEq, Clone)]
+pub enum DeformableBody {
+    /// A block round the entity's origin.
+    Block {
+        /// Nodes along x, y, z.
+        nodes: [usize; 3],
+        /// Size along x, y, z, m.
+        size_m: DVec3,
+    },
+    /// A closed mesh, filled.
+    Mesh(MeshShape),
+}
+
+/// A closed mesh as the shape of a body.
+///
+/// It is filled with cubic cells ([`palpate_body::CellLattice`]), which carry its surface; its own picture, with its colours
+/// and textures, follows. Built beside the app, as soon as the mesh is loaded; anew whenever the mesh changes. What is wrong with
+/// a mesh (holes, crossings, odd units) is a [`HapticFault`](crate::HapticFault) that says what to do.
+#[derive(Clone, Debug, PartialEq, Reflect)]
+#[reflect(Debug, PartialEq, Clone)]
+pub struct MeshShape {
+    /// The mesh, of triangles, in metres once scaled.
+    pub mesh: Handle<Mesh>,
+    /// Metres to a unit of the mesh: 0.001 for one in millimetres.
+    pub scale: f64,
+    /// Cells along its longest side. A model step takes longer than proportional to the number of cells: ten make some hundred
+    /// cells of an organ, twenty a thousand.
+    pub cells_along: usize,
+}
+
+impl MeshShape {
+    /// `mesh` in metres, ten cells along its longest side.
+    #[must_use]
+    pub fn new(mesh: Handle<Mesh>) -> Self {
+        Self { mesh, scale: 1.0, cells_along: 10 }
+    }
+}
+
+impl DeformableBody {
+    /// A cube of `nodes` nodes along x, y, z and `edge_m` wide, round the entity's origin.
+    #[must_use]
+    pub fn block(nodes: [usize; 3], edge_m: f64) -> Self {
+        Self::Block { nodes, size_m: DVec3::splat(edge_m) }
+    }
+
+    /// A block of `nodes` nodes along x, y, z and of size `size_m`, round the entity's origin.
+    #[must_use]
+    pub fn block_of_size(nodes: [usize; 3], size_m: DVec3) -> Self {
+        Self::Block { nodes, size_m }
+    }
+
+    /// The inside of a closed mesh in metres, ten cells along its longest side. For other units or cells see [`MeshShape`].
+    #[must_use]
+    pub fn from_mesh(mesh: Handle<Mesh>) -> Self {
+        Self::Mesh(MeshShape::new(mesh))
+    }
+}
+
+/// Which part of a body cannot move.
+#[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub enum FixedRegion {
+    /// Nothing: the body floats.
+    #[default]
+    Nothing,
+    /// One side: of a block the nodes of its face, of a mesh the outermost nodes on that side of its bounds.
+    Face(Face),
+    /// Several sides.
+    Faces(Vec<Face>),
+    /// The nodes within one of these, in the body's own frame.
+    Within(Vec<BodyRegion>),
+    /// Of a mesh: the nodes that carry the vertices for which this is true, one for each vertex.
+    Vertices(Vec<bool>),
+}
+
+/// A side of a body, in its own frame, named as in Bevy: y is up, −z is forward.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Debug, PartialEq, Hash, Clone)]
+pub enum Face {
+    /// −x.
+    Left,
+    /// +x.
+    Right,
+    /// −y.
+    Bottom,
+    /// +y.
+    Top,
+    /// −z.
+    Front,
+    /// +z.
+    Back,
+}
+
+/// A region of space in a body's own frame, m.
+#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Debug, PartialEq, Clone)]
+pub enum BodyRegion {
+    /// A ball.
+    Sphere {
+        /// Its centre, m.
+        center_m: DVec3,
+        /// Its radius, m.
+        radius_m: f64,
+    },
+    /// A box along the axes.
+    Cuboid {
+        /// Its centre, m.
+        center_m: DVec3,
+        /// Half its sides, m.
+        half_m: DVec3,
+    },
+    /// What is within a radius of a line.
+    Capsule {
+        /// One end of the line, m.
+        from_m: DVec3,
+        /// The other, m.
+        to_m: DVec3,
+        /// The radius, m.
+        radius_m: f64,
+    },
+    /// Everything on one side of a plane.
+    HalfSpace {
+        /// A point of the plane, m.
+        point_m: DVec3,
+        /// Away from the region; of any length.
+        outward: DVec3,
+    },
+}
+
+impl From<BodyRegion> for palpate_body::Region {
+    fn from(region: BodyRegion) -> Self {
+        match region {
+            BodyRegion::Sphere { center_m, radius_m } => Self::Sphere { center_m, radius_m },
+            BodyRegion::Cuboid { center_m, half_m } => Self::Cuboid { center_m, half_m },
+            BodyRegion::Capsule { from_m, to_m, radius_m } => Self::Capsule { from_m, to_m, radius_m },
+            BodyRegion::HalfSpace { point_m, outward } => Self::HalfSpace { point_m, outward },
+        }
+    }
+}
+
+impl From<Face> for palpate_body::Face {
+    fn from(face: Face) -> Self {
+        match face {
+            Face::Left => Self::NegX,
+            Face::Right => Self::PosX,
+            Face::Bottom => Self::NegY,
+            Face::Top => Self::PosY,
+            Face::Front => Self::NegZ,
+            Face::Back => Self::PosZ,
+        }
+    }
+}
+
+impl FixedRegion {
+    pub(super) fn faces(&self) -> &[Face] {
+        match self {
+            Self::Face(face) => std::slice::from_ref(face),
+            Self::Faces(faces) => faces,
+            Self::Nothing | Self::Within(_) | Self::Vertices(_) => &[],
+        }
+    }
+
+    pub(super) fn regions(&self) -> &[BodyRegion] {
+        if let Self::Within(regions) = self { regions } else { &[] }
+    }
+
+    /// Whether nothing is asked to be fixed.
+    pub(super) fn is_nothing(&self) -> bool {
+        let is_vertices = matches!(self, Self::Vertices(_));
+        self.faces().is_empty() && self.regions().is_empty() && !is_vertices
+    }
+}

@@ -1,0 +1,83 @@
+//! From a mesh of Bevy to a closed one.
+
+use super::MeshShape;
+use bevy::mesh::{Indices, Mesh, MeshAccessError, PrimitiveTopology, VertexAttributeValues};
+use glam::DVec3;
+use palpate_body::{BodyError, ClosedMesh};
+use std::sync::Arc;
+use thiserror::Error;
+
+/// Why a mesh cannot be read. What is wrong with its surface is a [`palpate_body::MeshError`].
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum MeshSourceError {
+    /// The app has no meshes at all.
+    #[error("the app has no meshes: add Bevy's AssetPlugin and MeshPlugin")]
+    NoMeshes,
+    /// The asset could not be loaded.
+    #[error("the mesh cannot be loaded: {0}")]
+    NotLoaded(String),
+    /// Lines, points or strips.
+    #[error("the mesh is a {0:?}; a body is made of a TriangleList")]
+    Topology(PrimitiveTopology),
+    /// No positions, or not three numbers each.
+    #[error("the mesh has no positions of three numbers each")]
+    NoPositions,
+    /// It lives on the graphics card only.
+    #[error("the mesh is not in main memory any more: load it with RenderAssetUsages::MAIN_WORLD")]
+    NotInMemory,
+    /// A factor that makes no sense.
+    #[error("the mesh is scaled by {0}; it must be finite and above 0")]
+    Scale(f64),
+}
+
+/// What a body is to be made of.
+pub(super) enum Source {
+    /// As it was given: vertices in m, triangles, and normals if there are any.
+    Given { vertices_m: Vec<DVec3>, triangles: Vec<[usize; 3]>, normals: Option<Vec<DVec3>> },
+    /// As it was closed before.
+    Closed(Arc<ClosedMesh>),
+}
+
+impl Source {
+    /// What is in `mesh`, in metres.
+    pub(super) fn read(mesh: &Mesh, shape: &MeshShape) -> Result<Self, MeshSourceError> {
+        let scale = shape.scale;
+        if !(scale.is_finite() && scale > 0.0) {
+            return Err(MeshSourceError::Scale(scale));
+        }
+        if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
+            return Err(MeshSourceError::Topology(mesh.primitive_topology()));
+        }
+        let vectors = |id| match mesh.try_attribute(id) {
+            Ok(VertexAttributeValues::Float32x3(values)) => Ok(values),
+            Err(MeshAccessError::ExtractedToRenderWorld) => Err(MeshSourceError::NotInMemory),
+            Ok(_) | Err(MeshAccessError::NotFound) => Err(MeshSourceError::NoPositions),
+        };
+        let wide = |v: &[f32; 3]| DVec3::from_array(v.map(f64::from));
+        let vertices_m: Vec<DVec3> =
+            vectors(Mesh::ATTRIBUTE_POSITION)?.iter().map(|v| scale * wide(v)).collect();
+        let normals = vectors(Mesh::ATTRIBUTE_NORMAL).ok().map(|normals| normals.iter().map(wide).collect());
+        let corners: Vec<usize> = match mesh.try_indices() {
+            Ok(Indices::U16(indices)) => indices.iter().map(|&i| i.into()).collect(),
+            Ok(Indices::U32(indices)) => indices.iter().map(|&i| i as usize).collect(),
+            Err(_) => (0..vertices_m.len()).collect(),
+        };
+        let triangles = corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+        Ok(Self::Given { vertices_m, triangles, normals })
+    }
+
+    /// The closed mesh.
+    pub(super) fn close(self) -> Result<Arc<ClosedMesh>, BodyError> {
+        match self {
+            Self::Closed(mesh) => Ok(mesh),
+            Self::Given { vertices_m, triangles, normals } => {
+                let mesh = ClosedMesh::new(vertices_m, triangles)?;
+                Ok(Arc::new(match normals {
+                    Some(normals) => mesh.with_normals(normals)?,
+                    None => mesh,
+                }))
+            }
+        }
+    }
+}
