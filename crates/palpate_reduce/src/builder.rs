@@ -51,13 +51,13 @@ impl Default for BuilderOptions {
 }
 
 impl BuilderOptions {
-    /// The defaults for `body`: where cells carry its surface a point of it has eight nodes, so that a support set needs 18, those
-    /// of four cells side by side, and a basis order 64.
+    /// The defaults for `body`: where cells carry its surface a point of it has eight nodes, so that a support set needs 27, those
+    /// of eight cells, and a basis order 96.
     #[must_use]
     pub fn of(body: &Body) -> Self {
         let is_embedded = body.surface().points.iter().any(|point| point.nodes().len() > 1);
         if is_embedded {
-            Self { support_nodes: 18, order_limit: 64, ..Self::default() }
+            Self { support_nodes: 27, order_limit: 96, ..Self::default() }
         } else {
             Self::default()
         }
