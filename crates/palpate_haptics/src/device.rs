@@ -7,7 +7,7 @@ pub use replay::{AtEnd, ReplayDevice};
 pub use scripted::ScriptedDevice;
 
 use crate::error::{check, check_positive};
-use crate::{EmergencyStop, HapticsError};
+use crate::{EmergencyStop, HapticsError, SafetySettings};
 use glam::{DQuat, DVec3};
 use std::time::Duration;
 use thiserror::Error;
@@ -45,7 +45,8 @@ pub trait HapticDevice: Send {
     /// Shows `force_n` to the hand until the next call.
     ///
     /// # Errors
-    /// As `read`.
+    /// As `read`. The device then goes on with the force that it had, as far as the loop knows: growth is counted from that.
+    /// The loop fades the force if errors go on, and has the device stopped beside it if that is possible.
     fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError>;
 
     /// A way to its actuators from another thread, for a watchdog that stops it when the loop hangs in it. Asked for after every
@@ -79,6 +80,32 @@ impl DeviceDescription {
     #[must_use]
     pub fn limits(&self) -> DeviceLimits {
         DeviceLimits::of_force(self.max_force_n)
+    }
+
+    /// The safety chain's settings for it, where ticks last `tick_s`: the defaults, with
+    ///
+    /// * its largest force, and the whole of it in 20 ms at the soonest. Both hold whatever is set;
+    /// * a twentieth of its largest force as the force with which it may begin, if that is less than the default 0.5 N: what is
+    ///   little for an arm is all that a weak device has;
+    /// * a silence of three of its own periods, if that is more than the default 20 ticks: a slow device is not silent.
+    ///
+    /// It says nothing of how fast it may be moved or of its damping; those stay as they are.
+    #[must_use]
+    pub fn safety(&self, tick_s: f64) -> SafetySettings {
+        let DeviceLimits { force_n, slew_n_per_s } = self.limits();
+        let good = SafetySettings::default();
+        SafetySettings {
+            max_force_n: force_n,
+            max_slew_n_per_s: if slew_n_per_s > 0.0 {
+                good.max_slew_n_per_s.min(slew_n_per_s)
+            } else {
+                good.max_slew_n_per_s
+            },
+            start_below_n: good.start_below_n.min(force_n / 20.0),
+            // What is not finite becomes the largest number there is.
+            silent_after_ticks: good.silent_after_ticks.max((3.0 / (self.rate_hz * tick_s)).ceil() as u64),
+            ..good
+        }
     }
 
     /// Refuses a description that makes no sense: a driver's mistake must not become a force limit.
@@ -139,13 +166,17 @@ pub struct Reading {
     pub orientation: DQuat,
     /// Bit i is set while button i is pressed.
     pub buttons: u32,
+    /// The number of the device's report, where it counts them: each newer one has a larger number, until the device is opened
+    /// anew. Without, a device that repeats itself or whose reports overtake each other cannot be told from a hand.
+    pub number: Option<u64>,
 }
 
 impl Reading {
     /// A reading at `position_m`, with nothing else to say.
     #[must_use]
     pub fn at(position_m: DVec3) -> Self {
-        Self { position_m, velocity_m_per_s: None, orientation: DQuat::IDENTITY, buttons: 0 }
+        let orientation = DQuat::IDENTITY;
+        Self { position_m, velocity_m_per_s: None, orientation, buttons: 0, number: None }
     }
 
     /// Whether every number is one that a hand can have, and the orientation a rotation: positions within 1 km of
@@ -189,9 +220,22 @@ pub enum DeviceError {
         "the position jumped farther than a hand can move; if it stays there it is believed, if not check the sensor"
     )]
     Jumped,
+    /// The same report has come for more than ten ticks. What hangs is the device or its driver.
+    #[error("the device repeats its last report; plug it in again, and check that its driver is up to date")]
+    Repeated,
+    /// A report has come after a newer one.
+    #[error("the device's reports came out of order; check the driver")]
+    Reordered,
     /// The reading has a number that is not finite or beyond all bounds, or an orientation that is no rotation.
     #[error(
         "the reading is not finite or beyond all bounds, or its orientation is no rotation; check the driver"
     )]
     Unusable,
+}
+
+impl DeviceError {
+    /// Whether it is the loop that found fault with a reading, and not the device that failed.
+    pub(crate) fn is_of_the_loop(self) -> bool {
+        matches!(self, Self::Unusable | Self::Jumped | Self::Repeated | Self::Reordered)
+    }
 }

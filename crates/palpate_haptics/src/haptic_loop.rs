@@ -8,6 +8,7 @@
 use crate::black_box::BlackBox;
 use crate::displayed::DisplayedForces;
 use crate::exchange::LoopEnds;
+use crate::plausibility::Plausibility;
 use crate::real_time;
 use crate::timing::LoopReport;
 use crate::velocity::VelocityState;
@@ -23,9 +24,6 @@ pub const LONGEST_BRIDGE: u64 = 200;
 
 /// A longer sleep than that counts as one of that length: about three years of ticks of 1 ms.
 const LONGEST_GAP: u64 = 100_000_000_000;
-
-/// Ticks after which a hand that seems to have jumped is believed.
-const BELIEVED_AFTER: u64 = 5;
 
 /// Ticks between two published reports.
 const REPORT_PERIOD: u64 = 64;
@@ -49,19 +47,16 @@ pub struct HapticLoop {
     sequence: u64,
     /// Ticks in a row without a usable reading.
     silent_ticks: u64,
-    /// Where the device was last read, m, its own frame; and where it seems to have jumped, and for how many ticks.
-    read_m: Option<DVec3>,
-    suspect: Option<(DVec3, u64)>,
-    /// Ticks since then in which nothing could be read.
-    unread_ticks: u64,
+    plausibility: Plausibility,
     /// The start of the force begins anew at this tick.
     begin_anew: bool,
     /// Where the hand was at the last tick, m, in its own size.
     hand_m: Option<DVec3>,
-    /// The last write failed.
-    write_failed: bool,
-    /// The speaking model was too old at the last tick.
+    /// Ticks in a row in which the device took no force.
+    unwritten_ticks: u64,
+    /// The speaking model was too old at the last tick; its force was not finite.
     is_stale: bool,
+    is_not_finite: bool,
     report: LoopReport,
 }
 
@@ -91,13 +86,12 @@ impl HapticLoop {
             black_box: BlackBox::new(),
             sequence: 0,
             silent_ticks: 0,
-            read_m: None,
-            suspect: None,
-            unread_ticks: 0,
+            plausibility: Plausibility::default(),
             begin_anew: false,
             hand_m: None,
-            write_failed: false,
+            unwritten_ticks: 0,
             is_stale: false,
+            is_not_finite: false,
             report: LoopReport::new(),
         })
     }
@@ -117,11 +111,11 @@ impl HapticLoop {
         let arrived = self.hand_over.is_ready() && self.ends.models.update();
         let frame = self.settings.frame;
         let settings = self.adopt_settings();
-        let reading = reading.and_then(usable);
-        if reading.is_err() {
-            self.unread_ticks = self.unread_ticks.saturating_add(elapsed);
+        if frame.rotation != self.settings.frame.rotation {
+            // The device goes on showing what it shows, whatever the scene calls it.
+            self.safety.turned(self.settings.frame.rotation * frame.rotation.conjugate());
         }
-        let reading = reading.and_then(|reading| self.believe(reading, elapsed));
+        let reading = self.judge(reading.and_then(usable), elapsed);
         let in_scene = reading.map(|r| self.settings.frame.to_scene(&r)).and_then(usable);
         self.account_for_deadlines(elapsed);
         self.sequence = self.sequence.saturating_add(elapsed);
@@ -139,7 +133,7 @@ impl HapticLoop {
             model_age_periods: spoken
                 .model
                 .map_or(0.0, |m| periods(self.sequence.saturating_sub(m.sequence))),
-            silent_ticks: self.silent_ticks,
+            silent_ticks: self.silent_ticks.max(self.unwritten_ticks),
             paused: self.settings.paused,
             sampled: !self.hand_over.history().is_empty(),
             has_jumped: std::mem::take(&mut self.begin_anew),
@@ -155,6 +149,9 @@ impl HapticLoop {
             && !self.settings.paused
         {
             self.tell(LoopEventKind::ModelStale(input.model_age_periods));
+        }
+        if !std::mem::replace(&mut self.is_not_finite, safety.not_finite) && safety.not_finite {
+            self.tell(LoopEventKind::ForceNotFinite);
         }
         let sample = self.hand_over.history().newest().copied();
         if let Some(sample) = sample.filter(|_| spoken.model.is_some()) {
@@ -184,14 +181,18 @@ impl HapticLoop {
         timing: Option<TickTiming>,
         written: Result<(), DeviceError>,
     ) {
-        if let Err(error) = written {
-            self.report.device_errors += 1;
-            // One word when it begins.
-            if !self.write_failed {
-                self.tell(LoopEventKind::DeviceFailed(error));
+        match written {
+            Ok(()) => self.unwritten_ticks = 0,
+            Err(error) => {
+                self.report.device_errors += 1;
+                // One word when it begins.
+                if self.unwritten_ticks == 0 {
+                    self.tell(LoopEventKind::DeviceFailed(error));
+                }
+                self.unwritten_ticks = self.unwritten_ticks.saturating_add(ticked.record.elapsed);
+                self.safety.not_written();
             }
         }
-        self.write_failed = written.is_err();
         if let Some(timing) = timing {
             self.report.lateness.record(timing.lateness_ns);
             self.report.cost.record(timing.cost_ns);
@@ -223,6 +224,7 @@ impl HapticLoop {
     /// Asks the operating system for what the thread needs, on that thread.
     pub(crate) fn set_up_thread(&mut self) {
         let granted = real_time::ask(self.config.real_time);
+        real_time::touch_stack();
         self.report.real_time = granted;
         self.tell(LoopEventKind::RealTime(granted));
     }
@@ -238,13 +240,22 @@ impl HapticLoop {
     /// The device was stopped beside the loop: its force begins anew.
     pub(crate) fn was_stopped(&mut self) {
         self.begin_anew = true;
+        self.safety.released();
         self.tell(LoopEventKind::EmergencyStopped);
     }
 
     /// The device has been opened again: its force begins anew, wherever the hand is now.
     pub(crate) fn reconnected(&mut self) {
-        (self.begin_anew, self.read_m) = (true, None);
+        (self.begin_anew, self.plausibility) = (true, Plausibility::default());
+        self.safety.released();
         self.tell(LoopEventKind::Reconnected);
+    }
+
+    /// The driver or the loop panicked; zero force has been written and the device closed.
+    pub(crate) fn panicked(&mut self) {
+        self.tell(LoopEventKind::Panicked);
+        self.report.ended = true;
+        self.publish_report();
     }
 
     /// The last words: `closed` is what closing the device gave.
@@ -268,30 +279,15 @@ impl HapticLoop {
         self.report.dropped_events += u64::from(self.ends.events.try_send(event).is_err());
     }
 
-    /// `reading` if a hand can have come there since the last one; what stays where it cannot is believed after a while.
-    fn believe(&mut self, reading: Reading, elapsed: u64) -> Result<Reading, DeviceError> {
-        let at = reading.position_m;
-        let step_m = self.settings.jump_m_per_s * self.config.hand_over.tick_s * elapsed as f64;
-        let Some(last) = self.read_m else {
-            self.read_m = Some(at);
-            return Ok(reading);
-        };
-        // What was not read for longer may have gone farther; what was read and not believed not.
-        let may_come_m = step_m * (1.0 + self.unread_ticks as f64 / elapsed as f64);
-        if last.distance(at) <= may_come_m {
-            (self.read_m, self.suspect, self.unread_ticks) = (Some(at), None, 0);
-            return Ok(reading);
+    /// `reading` if it is believed. Where nobody saw how the hand came there, the start begins anew.
+    fn judge(&mut self, reading: Result<Reading, DeviceError>, elapsed: u64) -> Result<Reading, DeviceError> {
+        let step_m = self.settings.jump_m_per_s * self.config.hand_over.tick_s;
+        let believed = self.plausibility.judge(reading, elapsed, step_m)?;
+        if let Some(distance_m) = believed.jumped_m {
+            self.begin_anew = true;
+            self.tell(LoopEventKind::HandJumped(distance_m));
         }
-        let known = self.suspect.take().filter(|(there, _)| there.distance(at) <= step_m);
-        let ticks = known.map_or(1, |(_, ticks)| ticks + 1);
-        if ticks < BELIEVED_AFTER {
-            self.suspect = Some((at, ticks));
-            return Err(DeviceError::Jumped);
-        }
-        (self.read_m, self.unread_ticks) = (Some(at), 0);
-        self.begin_anew = true;
-        self.tell(LoopEventKind::HandJumped(last.distance(at)));
-        Ok(reading)
+        Ok(believed.reading)
     }
 
     /// How far the hand has moved since the last tick, m, and its velocity, m/s, in its own size and the scene's axes.
@@ -341,7 +337,7 @@ impl HapticLoop {
                 silent > 0
             }
             Err(error) => {
-                if matches!(error, DeviceError::Unusable | DeviceError::Jumped) {
+                if error.is_of_the_loop() {
                     self.report.rejected_readings += 1;
                 } else {
                     self.report.device_errors += 1;

@@ -64,6 +64,7 @@ mod exchange;
 mod frame;
 mod haptic_loop;
 mod lockstep;
+mod plausibility;
 mod real_time;
 mod record;
 mod recorder;

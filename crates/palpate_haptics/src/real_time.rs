@@ -138,18 +138,30 @@ pub(crate) fn ask(wanted: RealTime) -> RealTimeReport {
     }
 }
 
+/// Touches the memory that a tick needs on the stack, so that no page of it is fetched within one.
+#[inline(never)]
+pub(crate) fn touch_stack() {
+    std::hint::black_box(&mut [0_u8; STACK_BYTES]);
+}
+
+/// Several times what a tick needs, and little of what a thread has.
+const STACK_BYTES: usize = 128 << 10;
+
 fn pin(core: usize) -> Result<(), Refusal> {
     let cores = core_affinity::get_core_ids().unwrap_or_default();
     let found = cores.iter().find(|id| id.id == core);
     match found {
         Some(&id) if core_affinity::set_for_current(id) => Ok(()),
-        _ => Err(Refusal::NoSuchCore(cores.len())),
+        // The core is there; macOS on its own processors offers none.
+        Some(_) => Err(Refusal::NotOffered),
+        None => Err(Refusal::NoSuchCore(cores.len())),
     }
 }
 
 #[cfg(target_os = "linux")]
 mod platform {
     use super::Refusal;
+    use rustix::io::Errno;
     use rustix::mm::{MlockAllFlags, mlockall};
     use rustix::process::{Resource, getrlimit};
     use rustix::thread::{CapabilitySet, capabilities};
@@ -180,11 +192,16 @@ mod platform {
     pub(super) fn lock_memory() -> Result<(), Refusal> {
         let may_lock_all =
             capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
-        match getrlimit(Resource::Memlock).current {
+        let limit = getrlimit(Resource::Memlock).current;
+        match limit {
             Some(bytes) if !may_lock_all => Err(Refusal::MemoryLimit(bytes)),
             _ => {
                 let flags = MlockAllFlags::CURRENT | MlockAllFlags::FUTURE | MlockAllFlags::ONFAULT;
-                mlockall(flags).map_err(|error| Refusal::Os(error.raw_os_error()))
+                mlockall(flags).map_err(|error| match error {
+                    // The limit holds all the same, as in a container.
+                    Errno::PERM | Errno::NOMEM => Refusal::MemoryLimit(limit.unwrap_or(0)),
+                    error => Refusal::Os(error.raw_os_error()),
+                })
             }
         }
     }

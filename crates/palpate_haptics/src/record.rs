@@ -31,10 +31,12 @@ pub enum LoopEventKind {
     #[error("the local model of sample {} speaks, after {} replayed samples", .0.to.sequence, .0.replayed)]
     ModelAdopted(Swap),
     /// A local model was refused or given up; the one before goes on speaking.
-    #[error("a local model was refused; the force goes on with the one before and fades when that is old")]
+    #[error(
+        "a local model was refused; the force goes on with the one before and fades when that is old; whatever built it is at fault"
+    )]
     ModelRefused(#[source] LocalModelError),
     /// A local model of another body was refused.
-    #[error("a local model of body {} was refused: the tool touches another", .0.body)]
+    #[error("a local model of body {} was refused: the tool touches another; publish models of the body that is set", .0.body)]
     WrongBody(ModelId),
     /// The device failed or its reading could not be used; the last sample is repeated.
     #[error("the device failed")]
@@ -46,25 +48,42 @@ pub enum LoopEventKind {
     #[error("{0} deadlines were missed; give the thread priority and the machine less to do")]
     DeadlinesMissed(u64),
     /// So many deadlines were missed that the samples begin anew.
-    #[error("{0} deadlines were missed in a row: the samples begin anew")]
+    #[error(
+        "{0} deadlines were missed in a row: the samples begin anew, and force comes back when it is small; unless the app was stopped, give the thread priority and the machine less to do"
+    )]
     Gap(u64),
     /// The device offers no [`crate::EmergencyStop`]: if it hangs only its own firmware ends the force.
     #[error("the device offers no emergency stop: if it hangs only its own firmware ends the force")]
     NoEmergencyStop,
-    /// The loop had hung, and the watchdog stopped the device; the start begins anew.
-    #[error("the loop hung in its device, which was stopped; force comes back when it is small")]
+    /// For too long the loop had hung in the device, or the device had taken no force: the watchdog stopped it. The start begins
+    /// anew.
+    #[error(
+        "the loop hung in its device or could not write to it: the device was stopped; force comes back when it is small; check driver and cable"
+    )]
     EmergencyStopped,
     /// The hand is believed to be elsewhere, that far away, m; the start begins anew.
-    #[error("the hand jumped by {0} m; force comes back when it is small")]
+    #[error(
+        "the hand jumped by {0} m; force comes back when it is small; check the sensor if nobody moved it"
+    )]
     HandJumped(f64),
     /// The device was opened again after it had been disconnected.
     #[error("the device is connected again")]
     Reconnected,
     /// No new local model has come for so long that the force fades.
     #[error(
-        "no new local model has come for {0:.1} model periods, and the force fades; the model side stands still or is too slow"
+        "no new local model has come for {0:.1} model periods, and the force fades; the model side stands still or is too slow: give it less to do"
     )]
     ModelStale(f64),
+    /// The force of a local model is not finite, and zero takes its place.
+    #[error(
+        "the force of a local model is not finite, and zero takes its place until it is; make the body softer or its steps shorter"
+    )]
+    ForceNotFinite,
+    /// The driver or the loop panicked. It is the last word.
+    #[error(
+        "the driver panicked; zero force was written and the device closed: update the driver and start the tool anew"
+    )]
+    Panicked,
     /// Settings of this number are in force.
     #[error("settings {0} are in force")]
     SettingsAdopted(u64),
@@ -82,6 +101,8 @@ impl LoopEventKind {
             | Self::EmergencyStopped
             | Self::HandJumped(_)
             | Self::ModelStale(_)
+            | Self::ForceNotFinite
+            | Self::Panicked
             | Self::Gap(_) => true,
             Self::Started
             | Self::RealTime(_)

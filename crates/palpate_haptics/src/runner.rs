@@ -7,16 +7,16 @@
 //! 2. (thread) Priority, locked memory and core are asked for ([`crate::RealTime`]); what came of it is told. The device is
 //!    opened. If that fails the app is told ([`crate::LoopEventKind::DeviceFailed`]), nothing
 //!    is written, and the thread goes on with 5.
-//!    If it offers an [`crate::EmergencyStop`] a watchdog on another thread calls it when the loop has not begun a tick for
-//!    50 ms; if not that is told.
+//!    If it offers an [`crate::EmergencyStop`] a watchdog on another thread, of a higher priority, calls it when the loop has
+//!    not begun a tick, or the device has taken no force, for 50 ms; if not that is told.
 //! 3. (thread) At every deadline, a whole number of periods after the start on the monotonic clock: read, tick,
 //!    write. Deadlines that passed meanwhile are counted and left out, never made up by a burst.
 //!    A device that is disconnected is closed and opened again, tried twice a second.
 //! 4. (app) [`LoopThread::stop`], or dropping it, sets the stop flag. (thread) The flag is seen within a
 //!    period; zero force is written and the device closed. If the tick or the device panics, both are still
 //!    done while the thread unwinds.
-//! 5. (thread) The last report is published and the thread returns. After a panic there is none: the app sees that
-//!    the thread has ended ([`LoopThread::is_running`]).
+//! 5. (thread) The last report is published and the thread returns. After a panic the last event says so
+//!    ([`crate::LoopEventKind::Panicked`]).
 //! 6. (app) The thread is joined; if it has not returned within 200 ms (a device that blocks) it is left to
 //!    itself, and [`Stop::Detached`] says so.
 
@@ -24,7 +24,7 @@ use crate::clock::MonotonicClock;
 use crate::watchdog::Watched;
 use crate::{BareThread, DeviceError, HapticDevice, HapticLoop, HapticsError, TickTiming};
 use glam::DVec3;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -168,13 +168,23 @@ fn open_and_turn(
         haptic_loop.end(Err(error));
         return EndedLoop { _memory: haptic_loop };
     }
-    let is_watched = beside.watched.is_some_and(|watched| watched.begin(device));
+    let real_time = haptic_loop.config().real_time;
+    let is_watched = beside.watched.is_some_and(|watched| watched.begin(device, real_time));
     haptic_loop.begin(is_watched);
     let mut open = OpenDevice { device, closed: false };
-    turn(&mut haptic_loop, open.device, stop, beside);
-    drop(end);
-    let closed = open.close();
-    haptic_loop.end(closed);
+    let turned = catch_unwind(AssertUnwindSafe(|| {
+        turn(&mut haptic_loop, open.device, stop, beside);
+        open.close(|| drop(end))
+    }));
+    match turned {
+        Ok(closed) => haptic_loop.end(closed),
+        Err(panic) => {
+            // Zero force first, then the last word.
+            drop(open);
+            haptic_loop.panicked();
+            resume_unwind(panic);
+        }
+    }
     EndedLoop { _memory: haptic_loop }
 }
 
@@ -198,14 +208,14 @@ fn turn(
         bare.begin_in(period_ns + period_ns / 2);
     }
     let (mut elapsed, mut last_begun_ns) = (1, None);
-    let (mut stops, mut lost_ticks) = (0, 0);
+    let (mut stops, mut lost_ticks, mut was_taken) = (0, 0, true);
     while !stop.load(Ordering::Acquire) {
         clock.sleep_until(deadline_ns);
         if stop.load(Ordering::Acquire) {
             return;
         }
         let begun_ns = clock.now_ns();
-        if let Some(watched) = watched {
+        if let Some(watched) = watched.filter(|_| was_taken) {
             watched.beat();
         }
         let lateness_ns = begun_ns - deadline_ns;
@@ -223,17 +233,6 @@ fn turn(
             haptic_loop.was_stopped();
         }
         let ticked = haptic_loop.tick(elapsed, reading);
-        let is_lost = matches!(reading, Err(DeviceError::Disconnected | DeviceError::NotOpen));
-        lost_ticks = if is_lost { lost_ticks + 1 } else { 0 };
-        if lost_ticks == RECONNECT_TICKS {
-            lost_ticks = 0;
-            // Nothing is left of what it was; the force is zero by now.
-            let _ = device.close();
-            if device.open().is_ok() {
-                watched.map(|watched| watched.begin(device));
-                haptic_loop.reconnected();
-            }
-        }
         let ticked_ns = clock.now_ns();
         let written = device.write(ticked.device_force_n);
         let done_ns = clock.now_ns();
@@ -246,12 +245,43 @@ fn turn(
         };
         last_begun_ns = Some(begun_ns);
         haptic_loop.finish_tick(&ticked, Some(timing), written);
+        was_taken = written.is_ok();
+        let is_lost = [reading.err(), written.err()]
+            .into_iter()
+            .flatten()
+            .any(|error| matches!(error, DeviceError::Disconnected | DeviceError::NotOpen));
+        lost_ticks = if is_lost { lost_ticks + 1 } else { 0 };
+        if lost_ticks == RECONNECT_TICKS {
+            lost_ticks = 0;
+            was_taken = reopen(haptic_loop, device, watched);
+        }
         if let Some(bare) = bare {
             bare.note_tick(clock.now_ns() - begun_ns);
         }
         deadline_ns += period_ns * (1 + missed);
         elapsed = 1;
     }
+}
+
+/// Closes a device that is gone and tries to open it again. Whether it is open, with zero force.
+fn reopen(
+    haptic_loop: &mut HapticLoop,
+    device: &mut dyn HapticDevice,
+    watched: Option<&Arc<Watched>>,
+) -> bool {
+    if let Some(watched) = watched {
+        watched.rest();
+    }
+    // Nothing is left of what it was.
+    let _ = device.close();
+    if device.open().is_err() {
+        return false;
+    }
+    if let Some(watched) = watched {
+        watched.begin(device, haptic_loop.config().real_time);
+    }
+    haptic_loop.reconnected();
+    true
 }
 
 /// An open device that is left with zero force and closed, whatever happens.
@@ -261,8 +291,10 @@ struct OpenDevice<'a> {
 }
 
 impl OpenDevice<'_> {
-    fn close(&mut self) -> Result<(), DeviceError> {
+    /// `is_zeroed` is called once zero force has been written.
+    fn close(&mut self, is_zeroed: impl FnOnce()) -> Result<(), DeviceError> {
         let zeroed = self.device.write(DVec3::ZERO);
+        is_zeroed();
         let closed = self.device.close();
         // Only now: if either panics, dropping tries once more.
         self.closed = true;

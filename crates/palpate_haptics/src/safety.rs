@@ -2,14 +2,17 @@
 //!
 //! | stage | what it does | why | default | what is lost by changing it |
 //! | --- | --- | --- | --- | --- |
-//! | finite | a force that is not finite becomes zero | one bad number must not reach a motor | always on | |
+//! | finite | a force that is not finite, or beyond 1e150 N, becomes zero | one bad number must not reach a motor, nor a sum overflow on the way to it | always on | cannot be changed |
 //! | start | waits until a local model has spoken of a small force, at the start and after every interruption | a hand that begins in a body, or came back elsewhere, must not be thrown out | 0.5 N | higher: a blow when a loop starts under load |
 //! | gains | start-up ramp × fade of a stale model × fade of a silent device × pause | a force appears and disappears slowly, and none outlives what it is based on | 0.5 s ramp; fade over 0.1 s, from 3 model periods or 20 silent ticks on | longer: an old force lasts longer |
 //! | velocity guard | fades what pushes a hand that is too fast on its way, to nothing at twice the limit; what brakes it stays | a device that runs away runs because of the force | 2 m/s | higher: a device that runs away does so longer |
 //! | passivity | damps while the loop has given the hand more energy than it got since the touch began | a loop that gives energy can be unstable in a loosened grip | up to 5 N s/m, 1 mJ of tolerance | less damping: late schemes buzz and drift; more: they feel sluggish |
-//! | magnitude | shortens the force to the smaller of the user's and the device's limit | motors and hands have limits | the device's limit | |
+//! | magnitude | shortens the force to the smaller of the user's and the device's limit | motors and hands have limits | the device's limit | lower: stiff bodies feel soft where they are pressed hard; higher than the device's: not possible |
 //! | slew | growth per tick is bounded by the smaller of the user's and the device's (after missed deadlines, for 4 ticks at most); falling is free | a jump of force is a blow, letting go never is | 500 N/s; for the device its whole force in 20 ms | higher: contacts feel crisper, and errors hit harder |
-//! | finite | as the first | nothing after this line looks at the force again | always on | |
+//! | finite | as the first | nothing after this line looks at the force again | always on | cannot be changed |
+//!
+//! Growth is counted from what the device shows. A force that it did not take ([`SafetyChain::not_written`]) is not that, nor is
+//! any after it was let go beside the loop ([`SafetyChain::released`]).
 
 #![cfg_attr(
     not(test),
@@ -17,85 +20,14 @@
 )]
 
 mod passivity;
+mod settings;
 
-use crate::error::{check, check_positive};
+pub use settings::SafetySettings;
+
+use crate::error::check_positive;
 use crate::{DeviceLimits, HapticsError};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use passivity::Passivity;
-
-/// Limits and times of the safety chain.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SafetySettings {
-    /// The force that a local model must not exceed before the ramp begins, N: at the start, and after the device was silent or
-    /// its hand came back elsewhere. `f64::MAX`: the ramp begins at once.
-    pub start_below_n: f64,
-    /// Time from that to full force, s. Zero: the first touch comes at once.
-    pub ramp_s: f64,
-    /// Model periods after which a local model counts as stale. More: an old force lasts longer.
-    pub stale_after_periods: f64,
-    /// Ticks in a row without a reading after which the device counts as silent.
-    pub silent_after_ticks: u64,
-    /// Time in which a force fades to zero once model or device is too old, or on a pause, s.
-    pub fade_s: f64,
-    /// Speed of the hand from which on what pushes it along fades, m/s, to nothing at twice that. `f64::MAX`: never.
-    pub max_speed_m_per_s: f64,
-    /// The largest damping with which the passivity stage takes energy back, N s/m. Zero: it only counts.
-    pub passivity_damping_ns_per_m: f64,
-    /// Energy that may have been given beyond what was got before it does, J.
-    pub passivity_tolerance_j: f64,
-    /// Largest force, N; the device's own limit applies besides.
-    pub max_force_n: f64,
-    /// Largest growth of the force, N/s; the device's own limit applies besides. More: harder contacts feel crisper, and errors hit harder.
-    pub max_slew_n_per_s: f64,
-}
-
-impl Default for SafetySettings {
-    /// The table above; no limit of magnitude but the device's.
-    fn default() -> Self {
-        Self {
-            start_below_n: 0.5,
-            ramp_s: 0.5,
-            stale_after_periods: 3.0,
-            silent_after_ticks: 20,
-            fade_s: 0.1,
-            max_speed_m_per_s: 2.0,
-            passivity_damping_ns_per_m: 5.0,
-            passivity_tolerance_j: 1e-3,
-            max_force_n: f64::MAX,
-            max_slew_n_per_s: 500.0,
-        }
-    }
-}
-
-impl SafetySettings {
-    /// Refuses limits that limit nothing or make no sense.
-    ///
-    /// # Errors
-    /// [`HapticsError::Setting`].
-    pub fn validate(&self) -> Result<(), HapticsError> {
-        let at_least_0 = |v: f64| v.is_finite() && v >= 0.0;
-        let start = self.start_below_n;
-        check("largest force at the start, N", start, at_least_0(start), "finite and at least 0")?;
-        check("start-up ramp, s", self.ramp_s, at_least_0(self.ramp_s), "finite and at least 0")?;
-        check("fade, s", self.fade_s, at_least_0(self.fade_s), "finite and at least 0")?;
-        let periods = self.stale_after_periods;
-        check(
-            "model periods before the fade",
-            periods,
-            periods.is_finite() && periods >= 1.0,
-            "finite and at least 1",
-        )?;
-        for (what, value) in [
-            ("damping of the passivity stage, N s/m", self.passivity_damping_ns_per_m),
-            ("tolerance of the passivity stage, J", self.passivity_tolerance_j),
-        ] {
-            check(what, value, at_least_0(value), "finite and at least 0")?;
-        }
-        check_positive("largest speed of the hand, m/s", self.max_speed_m_per_s)?;
-        check("largest force, N", self.max_force_n, at_least_0(self.max_force_n), "finite and at least 0")?;
-        check_positive("largest growth of the force, N/s", self.max_slew_n_per_s)
-    }
-}
 
 /// What the chain has to know of a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -106,7 +38,7 @@ pub struct SafetyInput {
     pub has_model: bool,
     /// Age of the local model that made it, in model periods.
     pub model_age_periods: f64,
-    /// Ticks in a row without a reading.
+    /// Ticks in a row without a reading, or in which the device took no force.
     pub silent_ticks: u64,
     /// Whether the app is paused.
     pub paused: bool,
@@ -188,7 +120,9 @@ pub struct SafetyChain {
     reading: f64,
     pause: f64,
     passivity: Passivity,
+    /// The force that the device shows, N, and the one that it showed before.
     last_n: DVec3,
+    before_n: DVec3,
 }
 
 impl SafetyChain {
@@ -209,12 +143,13 @@ impl SafetyChain {
             pause: 1.0,
             passivity: Passivity::default(),
             last_n: DVec3::ZERO,
+            before_n: DVec3::ZERO,
         })
     }
 
     /// The force that may be written, N, and what was done to it.
     pub fn apply(&mut self, settings: &SafetySettings, input: &SafetyInput) -> (DVec3, SafetyReport) {
-        let mut report = SafetyReport { not_finite: !input.force_n.is_finite(), ..SafetyReport::default() };
+        let mut report = SafetyReport { not_finite: !has_length(input.force_n), ..SafetyReport::default() };
         let mut force = if report.not_finite { DVec3::ZERO } else { input.force_n };
         self.passivity.book(self.last_n, input.moved_m, input.elapsed);
 
@@ -249,12 +184,27 @@ impl SafetyChain {
         let slew = settings.max_slew_n_per_s.min(self.device.slew_n_per_s);
         force = self.limit_growth(force, slew * self.tick_s * gaining(input.elapsed) as f64, &mut report);
 
-        if !force.is_finite() {
+        if !has_length(force) {
             (force, report.not_finite) = (DVec3::ZERO, true);
         }
         report.after.slew_n = force;
-        self.last_n = force;
+        (self.before_n, self.last_n) = (self.last_n, force);
         (force, report)
+    }
+
+    /// The device did not take the last force: it goes on with the one before.
+    pub fn not_written(&mut self) {
+        self.last_n = self.before_n;
+    }
+
+    /// The frame of forces has turned, and what the device shows with it: what was `force` is `by * force` now.
+    pub fn turned(&mut self, by: DQuat) {
+        (self.before_n, self.last_n) = (by * self.before_n, by * self.last_n);
+    }
+
+    /// The device shows no force any more, whatever was written: it was stopped beside the loop, or opened anew.
+    pub fn released(&mut self) {
+        (self.before_n, self.last_n) = (DVec3::ZERO, DVec3::ZERO);
     }
 
     /// Waits for a small force, at the start and anew where the hand was lost.
@@ -304,7 +254,8 @@ impl SafetyChain {
         if length == 0.0 {
             return force;
         }
-        let there = (self.last_n.dot(force) / length).clamp(0.0, length);
+        // Not `clamp`, which panics where a bound is not a number.
+        let there = (self.last_n.dot(force) / length).max(0.0).min(length);
         let allowed = there + growth_n;
         if length <= allowed {
             return force;
@@ -321,6 +272,11 @@ fn guard_speed(
     force: DVec3,
     report: &mut SafetyReport,
 ) -> DVec3 {
+    if !has_length(input.velocity_m_per_s) {
+        // Which way it goes nobody knows.
+        report.speed_guarded = true;
+        return DVec3::ZERO;
+    }
     let speed = input.velocity_m_per_s.length();
     let Some(along) = input.velocity_m_per_s.try_normalize() else { return force };
     let pushes = force.dot(along);
@@ -330,6 +286,12 @@ fn guard_speed(
     report.speed_guarded = true;
     let kept = (2.0 - speed / settings.max_speed_m_per_s).max(0.0);
     force - (1.0 - kept) * pushes * along
+}
+
+/// Whether `vector` is finite, and so are its length and its products with its like.
+fn has_length(vector: DVec3) -> bool {
+    // Not a number is not at most anything.
+    vector.to_array().iter().all(|c| c.abs() <= 1e150)
 }
 
 /// Ticks for which force may grow after `elapsed` of them: while deadlines were missed the hand felt an old force,

@@ -13,7 +13,12 @@ pub struct TimeHistogram(Histogram<u64>);
 
 impl TimeHistogram {
     pub(crate) fn new() -> Self {
-        Self(Histogram::new_with_bounds(1, LONGEST_NS, 2).expect("the bounds are those of the documentation"))
+        let mut times =
+            Histogram::new_with_bounds(1, LONGEST_NS, 2).expect("the bounds are those of the documentation");
+        // All of its memory is touched now, or a rare time would do it within a tick: a page has room for four of these.
+        (0..LONGEST_NS.ilog2() + 1).for_each(|power| times.saturating_record(1 << power));
+        times.reset();
+        Self(times)
     }
 
     pub(crate) fn record(&mut self, ns: u64) {

@@ -1,17 +1,18 @@
 //! Zero force for a device in which the loop hangs.
 
 use crate::clock::MonotonicClock;
-use crate::{DeviceError, HapticDevice};
+use crate::{DeviceError, HapticDevice, RealTime};
 use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A way to a device's actuators beside [`HapticDevice`], for a thread of its own.
 pub trait EmergencyStop: Send {
-    /// Zero force, now: the loop's thread hangs in the device, or has not been run for too long.
+    /// Zero force, now: the loop's thread hangs in the device, has not been run for too long, or cannot write to the device.
     ///
     /// # Errors
-    /// [`DeviceError`] when even that is not possible; it is tried again.
+    /// [`DeviceError`] when even that is not possible; it is tried again. After a panic it is not, until the loop has gone on.
     fn stop(&mut self) -> Result<(), DeviceError>;
 }
 
@@ -25,10 +26,13 @@ const LOOK_NS: u64 = 5_000_000;
 pub(crate) struct Watched {
     /// That of both: clocks that were started at different times need not agree.
     clock: MonotonicClock,
-    /// When the loop last began a tick, on that clock, ns; 0 before the first.
+    /// When the loop last began a tick after one whose force the device took, on that clock, ns; 0 before the first and while
+    /// the device is opened anew.
     beat_ns: AtomicU64,
     /// How often the device was stopped.
     stops: AtomicU64,
+    /// There is a thread that watches.
+    is_watching: AtomicBool,
     /// The loop has ended.
     has_ended: AtomicBool,
     /// Locked by the loop only when the device is opened, never at a tick.
@@ -50,6 +54,7 @@ impl Default for Watched {
             clock: MonotonicClock::start(),
             beat_ns: AtomicU64::new(0),
             stops: AtomicU64::new(0),
+            is_watching: AtomicBool::new(false),
             has_ended: AtomicBool::new(false),
             stop: Mutex::new(None),
         }
@@ -57,16 +62,32 @@ impl Default for Watched {
 }
 
 impl Watched {
-    /// Takes what an open device offers, and begins to watch it with the first that does. Whether it is watched.
-    pub(crate) fn begin(self: &Arc<Self>, device: &mut dyn HapticDevice) -> bool {
-        let Some(stop) = device.emergency_stop() else { return false };
-        let before = self.stop.lock().unwrap_or_else(PoisonError::into_inner).replace(stop);
-        if before.is_some() {
-            return true;
+    /// Takes what an open device offers, and begins to watch it with the first that does. Whether it is watched. `real_time` is
+    /// what the loop's thread asked for: the watchdog goes before it, or a driver that waits busily on the same core would keep
+    /// it from running.
+    pub(crate) fn begin(self: &Arc<Self>, device: &mut dyn HapticDevice, real_time: RealTime) -> bool {
+        let offered = device.emergency_stop();
+        let is_offered = offered.is_some();
+        // What a device offered before it was opened anew leads nowhere now.
+        *self.stop.lock().unwrap_or_else(PoisonError::into_inner) = offered;
+        if !is_offered || self.is_watching.swap(true, Ordering::AcqRel) {
+            return is_offered;
         }
         let watched = Arc::clone(self);
+        let priority = real_time.priority.map(|priority| priority.saturating_add(1).min(99));
         let thread = std::thread::Builder::new().name("haptic-watchdog".into());
-        thread.spawn(move || watched.watch()).is_ok()
+        let spawned = thread.spawn(move || {
+            // If it is refused, the loop's own was too.
+            let _ = RealTime { priority, ..RealTime::NOTHING }.ask_for_this_thread();
+            watched.watch();
+        });
+        self.is_watching.store(spawned.is_ok(), Ordering::Release);
+        spawned.is_ok()
+    }
+
+    /// The device is about to be opened anew, which takes the time that it takes.
+    pub(crate) fn rest(&self) {
+        self.beat_ns.store(0, Ordering::Release);
     }
 
     /// The loop begins a tick.
@@ -96,9 +117,15 @@ impl Watched {
                 continue;
             }
             let mut stop = self.stop.lock().unwrap_or_else(PoisonError::into_inner);
-            if stop.as_mut().is_some_and(|stop| stop.stop().is_ok()) {
-                stopped_at = beat;
-                self.stops.fetch_add(1, Ordering::AcqRel);
+            let Some(stop) = stop.as_mut() else { continue };
+            match catch_unwind(AssertUnwindSafe(|| stop.stop())) {
+                Ok(Ok(())) => {
+                    stopped_at = beat;
+                    self.stops.fetch_add(1, Ordering::AcqRel);
+                }
+                Ok(Err(_)) => {}
+                // What panicked once need not be asked two hundred times a second.
+                Err(_) => stopped_at = beat,
             }
         }
     }

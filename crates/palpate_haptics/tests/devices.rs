@@ -87,3 +87,19 @@ fn descriptions_that_make_no_sense_are_refused() {
         assert!(matches!(bad.validate(), Err(HapticsError::Setting { .. })), "{bad:?}");
     }
 }
+
+#[test]
+fn the_safety_chain_s_settings_follow_from_the_description() {
+    let of = |max_force_n: f64, rate_hz: f64| {
+        let arm = ScriptedDevice::new(|_, _| Err(DeviceError::TimedOut)).describe();
+        let settings = DeviceDescription { max_force_n, rate_hz, ..arm }.safety(1e-3);
+        settings.validate().unwrap();
+        settings
+    };
+    let good = SafetySettings::default();
+    assert_eq!(of(20.0, 1000.0), SafetySettings { max_force_n: 20.0, ..good });
+    let weak = SafetySettings { max_force_n: 2.0, max_slew_n_per_s: 100.0, start_below_n: 0.1, ..good };
+    assert_eq!(of(2.0, 1000.0), weak);
+    assert_eq!(of(20.0, 60.0).silent_after_ticks, 50);
+    assert_eq!((of(0.0, 1000.0).max_force_n, of(0.0, 1000.0).start_below_n), (0.0, 0.0));
+}

@@ -82,6 +82,10 @@ struct Seen {
     stops: AtomicU64,
     is_gone: AtomicBool,
     hangs: AtomicBool,
+    /// Forces are not taken.
+    is_deaf: AtomicBool,
+    /// Stopping it panics.
+    brake_panics: AtomicBool,
 }
 
 struct Stand(Arc<Seen>);
@@ -90,6 +94,7 @@ struct Brake(Arc<Seen>);
 
 impl EmergencyStop for Brake {
     fn stop(&mut self) -> Result<(), DeviceError> {
+        assert!(!self.0.brake_panics.load(Ordering::SeqCst), "a rehearsed panic of the brake");
         // The first attempt fails; it is tried again.
         if self.0.stops.fetch_add(1, Ordering::SeqCst) == 0 { Err(DeviceError::TimedOut) } else { Ok(()) }
     }
@@ -112,7 +117,7 @@ impl HapticDevice for Stand {
         Ok(Reading::at(DVec3::ZERO))
     }
     fn write(&mut self, _: DVec3) -> Result<(), DeviceError> {
-        Ok(())
+        if self.0.is_deaf.load(Ordering::SeqCst) { Err(DeviceError::Disconnected) } else { Ok(()) }
     }
     fn emergency_stop(&mut self) -> Option<Box<dyn EmergencyStop>> {
         Some(Box::new(Brake(Arc::clone(&self.0))))
@@ -167,4 +172,43 @@ fn a_device_that_went_away_is_opened_again() {
     let recovered =
         kinds(&mut handle).into_iter().any(|kind| matches!(kind, LoopEventKind::DeviceRecovered(_)));
     assert!(recovered);
+}
+
+/// It can be read, but it takes no force: the last one would stay for ever.
+#[test]
+fn a_device_that_takes_no_force_is_stopped_and_opened_again() {
+    let (mut handle, mut thread, seen) = start();
+    wait_for(|| seen.reads.load(Ordering::SeqCst) > 50);
+    seen.is_deaf.store(true, Ordering::SeqCst);
+    wait_for(|| thread.emergency_stops() > 0);
+    wait_for(|| seen.opens.load(Ordering::SeqCst) > 1);
+    seen.is_deaf.store(false, Ordering::SeqCst);
+    let mut told = Vec::new();
+    wait_for(|| {
+        told.extend(kinds(&mut handle));
+        told.contains(&LoopEventKind::Reconnected)
+    });
+    let failed = LoopEventKind::DeviceFailed(DeviceError::Disconnected);
+    assert!(told.contains(&failed) && told.contains(&LoopEventKind::EmergencyStopped), "{told:?}");
+    assert!(matches!(thread.stop(), Stop::Joined));
+}
+
+#[test]
+fn a_brake_that_panics_is_not_asked_again_and_the_loop_goes_on() {
+    let (_handle, mut thread, seen) = start();
+    seen.brake_panics.store(true, Ordering::SeqCst);
+    wait_for(|| seen.reads.load(Ordering::SeqCst) > 50);
+    seen.hangs.store(true, Ordering::SeqCst);
+    #[expect(clippy::disallowed_methods, reason = "the watchdog takes its time")]
+    std::thread::sleep(Duration::from_millis(150));
+    assert_eq!(thread.emergency_stops(), 0);
+    seen.hangs.store(false, Ordering::SeqCst);
+    // It watches on.
+    seen.brake_panics.store(false, Ordering::SeqCst);
+    let reads = seen.reads.load(Ordering::SeqCst);
+    wait_for(|| seen.reads.load(Ordering::SeqCst) > reads + 20);
+    seen.hangs.store(true, Ordering::SeqCst);
+    wait_for(|| thread.emergency_stops() == 1);
+    seen.hangs.store(false, Ordering::SeqCst);
+    assert!(matches!(thread.stop(), Stop::Joined));
 }

@@ -129,8 +129,8 @@ fn stopping_and_dropping_leave_zero_force_and_a_closed_device() {
 }
 
 #[test]
-fn a_device_that_panics_is_left_with_zero_force() {
-    let (_handle, mut thread, log) = start(|n| {
+fn a_device_that_panics_is_left_with_zero_force_and_that_is_said() {
+    let (mut handle, mut thread, log) = start(|n| {
         assert!(n < 30, "a rehearsed panic of the device");
         Ok(Reading::at(DVec3::ZERO))
     });
@@ -138,6 +138,9 @@ fn a_device_that_panics_is_left_with_zero_force() {
     assert!(matches!(thread.stop(), Stop::Panicked));
     assert_eq!(*log.last_force.lock().unwrap(), Some(DVec3::ZERO));
     assert_eq!(log.closed.load(Ordering::SeqCst), 1);
+    let told = std::iter::from_fn(|| handle.next_event()).map(|event| event.kind);
+    assert_eq!(told.last(), Some(LoopEventKind::Panicked));
+    assert!(handle.report().ended && handle.report().ticks == 30);
 }
 
 /// A device whose zero write panics is closed all the same.

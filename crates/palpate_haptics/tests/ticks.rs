@@ -214,6 +214,79 @@ fn a_write_that_keeps_failing_is_told_once() {
 }
 
 #[test]
+fn after_forces_that_were_not_taken_force_grows_from_the_one_that_is_shown() {
+    let safety = SafetySettings { max_slew_n_per_s: 100.0, ..bare().safety };
+    let (mut handle, mut haptic_loop) = halves(LoopSettings { safety, ..bare() });
+    tick(&mut haptic_loop, 1, at(0.01));
+    publish(&mut handle, 1, |_| ());
+    for _ in 0..15 {
+        let ticked = haptic_loop.tick(1, at(0.01));
+        assert!((ticked.device_force_n.x + 0.1).abs() < 1e-12);
+        haptic_loop.finish_tick(&ticked, None, Err(DeviceError::TimedOut));
+    }
+    for n in 1..=5 {
+        let force = tick(&mut haptic_loop, 1, at(0.01)).device_force_n.x;
+        assert!((force + 0.1 * f64::from(n)).abs() < 1e-12, "{force}");
+    }
+    // A device that takes none for longer is as good as silent.
+    let mut forces = Vec::new();
+    for _ in 0..130 {
+        let ticked = haptic_loop.tick(1, at(0.01));
+        haptic_loop.finish_tick(&ticked, None, Err(DeviceError::TimedOut));
+        forces.push(ticked.device_force_n.x);
+    }
+    assert!(forces[20] < -0.5 && forces[121..].iter().all(|force| *force == 0.0), "{forces:?}");
+}
+
+#[test]
+fn a_force_keeps_its_direction_at_the_device_when_the_frame_is_turned_or_grows_anew() {
+    let safety = SafetySettings { max_slew_n_per_s: 100.0, ..bare().safety };
+    let (mut handle, mut haptic_loop) = halves(LoopSettings { safety, ..bare() });
+    tick(&mut haptic_loop, 1, at(0.01));
+    publish(&mut handle, 1, |model| (model.scheme, model.force_n) = (Scheme::Hold, DVec3::X));
+    for _ in 0..20 {
+        tick(&mut haptic_loop, 1, at(0.01));
+    }
+    let rotation = DQuat::from_rotation_z(std::f64::consts::PI);
+    let frame = DeviceFrame { rotation, ..DeviceFrame::default() };
+    handle.set(LoopSettings { safety, frame, ..bare() }).unwrap();
+    for n in 1..=3 {
+        let force = tick(&mut haptic_loop, 1, at(0.01)).device_force_n;
+        assert!((force + DVec3::X * 0.1 * f64::from(n)).length() < 1e-9, "{force}");
+    }
+}
+
+#[test]
+fn a_force_that_is_not_finite_is_told_once() {
+    let (mut handle, mut haptic_loop) = halves(bare());
+    tick(&mut haptic_loop, 1, at(0.01));
+    // Every number of it is finite, and their product is not.
+    publish(&mut handle, 1, |model| model.stiffness_n_per_m = DMat3::from_diagonal(DVec3::splat(f64::MAX)));
+    for _ in 0..10 {
+        tick(&mut haptic_loop, 1, at(0.9));
+        assert_eq!(tick(&mut haptic_loop, 1, at(0.9)).device_force_n, DVec3::ZERO);
+    }
+    let told = events(&mut handle).into_iter().filter(|kind| *kind == LoopEventKind::ForceNotFinite).count();
+    assert_eq!(told, 1);
+}
+
+#[test]
+fn a_device_that_repeats_itself_for_too_long_is_silent() {
+    let (mut handle, mut haptic_loop) = halves(bare());
+    let numbered = |n: u64| Ok(Reading { number: Some(n), ..Reading::at(DVec3::X * 0.01) });
+    tick(&mut haptic_loop, 1, numbered(1));
+    publish(&mut handle, 1, |_| ());
+    let forces: Vec<f64> =
+        (0..140).map(|_| tick(&mut haptic_loop, 1, numbered(1)).device_force_n.x).collect();
+    assert!(forces[29] == -1.0 && forces[30] > -1.0 && forces[131] == 0.0, "ten ticks, twenty, and the fade");
+    tick(&mut haptic_loop, 1, numbered(0));
+    tick(&mut haptic_loop, 1, numbered(2));
+    let told = events(&mut handle);
+    assert!(told.contains(&LoopEventKind::DeviceFailed(DeviceError::Repeated)), "{told:?}");
+    assert_eq!(told.last(), Some(&LoopEventKind::DeviceRecovered(131)));
+}
+
+#[test]
 fn nan_before_the_first_reading_makes_no_sample() {
     let (mut handle, mut haptic_loop) = halves(bare());
     assert_eq!(tick(&mut haptic_loop, 1, at(f64::NAN)).device_force_n, DVec3::ZERO);

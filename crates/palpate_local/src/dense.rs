@@ -14,7 +14,7 @@ impl Cholesky {
     /// Room for up to `capacity` unknowns.
     #[must_use]
     pub fn with_capacity(capacity: usize) -> Self {
-        Self { n: 0, l: vec![0.0; capacity * capacity] }
+        Self { n: 0, l: zeros(capacity * capacity) }
     }
 
     /// Factorises the symmetric matrix `a` (n × n, row by row; its lower triangle is read).
@@ -133,6 +133,21 @@ pub(crate) fn subtract_product(y: &mut [f64], a: &[f64], x: &[f64]) {
     for (y, row) in y.iter_mut().zip(a.chunks_exact(x.len().max(1))) {
         *y -= dot(row, x);
     }
+}
+
+/// So many zeros in memory that has been written to: the operating system finds pages for what is only promised to be zero when
+/// it is first used, which would be within a tick.
+pub(crate) fn zeros(n: usize) -> Vec<f64> {
+    let mut zeros = std::hint::black_box(vec![1.0; n]);
+    zeros.fill(0.0);
+    zeros
+}
+
+/// Room for so many like `one`, in memory that has been written to.
+pub(crate) fn room<T: Clone>(n: usize, one: T) -> Vec<T> {
+    let mut room = std::hint::black_box(vec![one; n]);
+    room.clear();
+    room
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use crate::dense::Cholesky;
+use crate::dense::{Cholesky, zeros};
 use crate::{LocalModelError, NearField, NearFieldCapacity};
 use glam::{DMat3, DVec3};
 
@@ -279,12 +279,12 @@ impl Reduced {
     fn with_capacity(p: usize) -> Self {
         Self {
             order: 0,
-            stiffness: vec![0.0; p * p],
-            damping: vec![0.0; p * p],
-            stiffness_rc: vec![0.0; 3 * p],
-            damping_rc: vec![0.0; 3 * p],
-            force: vec![0.0; p],
-            velocity: vec![0.0; p],
+            stiffness: zeros(p * p),
+            damping: zeros(p * p),
+            stiffness_rc: zeros(3 * p),
+            damping_rc: zeros(3 * p),
+            force: zeros(p),
+            velocity: zeros(p),
             implicit: Cholesky::with_capacity(p),
             step_s: 0.0,
         }

@@ -6,7 +6,7 @@
 )]
 
 use crate::LocalModelError;
-use crate::dense::Cholesky;
+use crate::dense::{Cholesky, zeros};
 use glam::DVec3;
 use palpate_laws::{Coupling, POINT_NODES, Spring, ToolShape};
 
@@ -220,26 +220,26 @@ impl NearField {
             points: 0,
             triangles: 0,
             support: Support::Driven,
-            weight: vec![0.0; nodes],
+            weight: zeros(nodes),
             node_m: vec![DVec3::ZERO; nodes],
-            node_per_kg: vec![0.0; nodes],
+            node_per_kg: zeros(nodes),
             ring_m: vec![DVec3::ZERO; ring],
-            basis: vec![0.0; 3 * ring * order],
+            basis: zeros(3 * ring * order),
             near: vec![
                 NearSpring { a: 0, b: NearEnd::Fixed(DVec3::ZERO), spring: Spring::default() };
                 springs
             ],
             point: vec![NearPoint::default(); points],
             triangle: vec![NearTriangle::default(); triangles],
-            stiffness: vec![0.0; order * order],
-            damping: vec![0.0; order * order],
-            force: vec![0.0; n],
-            velocity: vec![0.0; n],
+            stiffness: zeros(order * order),
+            damping: zeros(order * order),
+            force: zeros(n),
+            velocity: zeros(n),
             tick_s: 0.0,
             integrator: TickIntegrator::Explicit { substeps: 1 },
-            tangent: vec![0.0; n * n],
+            tangent: zeros(n * n),
             factor: Cholesky::with_capacity(n),
-            answer: vec![0.0; n * 3 * nodes],
+            answer: zeros(n * 3 * nodes),
             energy_j: 0.0,
             start_m: DVec3::ZERO,
             coupling: None,

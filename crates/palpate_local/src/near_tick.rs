@@ -5,7 +5,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use crate::dense::{add_columns, dot, subtract_product};
+use crate::dense::{add_columns, dot, subtract_product, zeros};
 use crate::near_touch::Meeting;
 use crate::{NearEnd, NearField, NearFieldCapacity, Sample, Support, TickIntegrator};
 use glam::DVec3;
@@ -41,7 +41,7 @@ pub(crate) struct NearState {
 impl NearState {
     pub(crate) fn with_capacity(capacity: NearFieldCapacity) -> Self {
         let n = 3 * capacity.nodes + capacity.order;
-        let (zero, still) = (vec![0.0; n], vec![0.0; 3 * capacity.ring]);
+        let (zero, still) = (zeros(n), zeros(3 * capacity.ring));
         Self {
             z: zero.clone(),
             z_dot: zero.clone(),

@@ -8,7 +8,7 @@
 mod displayed;
 mod look;
 
-use crate::dense::Cholesky;
+use crate::dense::{Cholesky, room, zeros};
 use crate::near_tick::{get, put};
 use crate::{NearField, NearFieldCapacity, Support, TickIntegrator};
 use glam::{DMat3, DVec3};
@@ -66,19 +66,21 @@ impl Meeting {
 
     /// For n unknowns, of which so many are those of S.
     fn new(n: usize, of_support: usize) -> Self {
-        let forces = vec![0.0; MOST_POINTS];
+        let forces = zeros(MOST_POINTS);
+        let Point { law, gap: gap_m, impulse_ns, .. } = Point::default();
+        let row = Row { law, gap_m, own_per_kg: DMat3::ZERO, impulse_ns };
         Self {
-            points: Vec::with_capacity(MOST_POINTS),
-            last: Vec::with_capacity(MOST_POINTS),
+            points: room(MOST_POINTS, Point::default()),
+            last: room(MOST_POINTS, Point::default()),
             is_first: true,
-            rows: Vec::with_capacity(MOST_POINTS),
-            before: vec![0.0; n],
-            closing: vec![0.0; n],
-            velocity: vec![0.0; of_support],
-            given: vec![0.0; of_support],
+            rows: room(MOST_POINTS, row),
+            before: zeros(n),
+            closing: zeros(n),
+            velocity: zeros(of_support),
+            given: zeros(of_support),
             answers_left: MOST_ANSWERS,
             unsolved: false,
-            gram: vec![0.0; MOST_POINTS * MOST_POINTS],
+            gram: zeros(MOST_POINTS * MOST_POINTS),
             factor: Cholesky::with_capacity(MOST_POINTS),
             shares: [forces.clone(), forces.clone(), forces],
         }

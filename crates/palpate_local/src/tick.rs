@@ -5,7 +5,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use crate::dense::{dot, subtract_product};
+use crate::dense::{dot, subtract_product, zeros};
 use crate::near_tick::NearState;
 use crate::{Capacity, Contact, LocalModel, Sample, Scheme};
 use glam::DVec3;
@@ -25,7 +25,7 @@ impl LocalState {
     /// Room for `capacity`.
     #[must_use]
     pub fn with_capacity(capacity: Capacity) -> Self {
-        let zero = vec![0.0; capacity.order];
+        let zero = zeros(capacity.order);
         let near = NearState::with_capacity(capacity.near);
         Self { q: zero.clone(), q_dot: zero.clone(), rhs: zero.clone(), scratch: zero, near }
     }

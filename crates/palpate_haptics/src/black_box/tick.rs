@@ -84,12 +84,18 @@ pub enum DeviceFault {
     Unusable,
     /// [`DeviceError::Jumped`], `jumped`.
     Jumped,
+    /// [`DeviceError::Repeated`], `repeated`.
+    Repeated,
+    /// [`DeviceError::Reordered`], `reordered`.
+    Reordered,
 }
 
 impl DeviceFault {
     /// All but [`DeviceFault::Os`], with their names.
-    const NAMED: [(Self, &'static str); 7] = [
+    const NAMED: [(Self, &'static str); 9] = [
         (Self::Jumped, "jumped"),
+        (Self::Repeated, "repeated"),
+        (Self::Reordered, "reordered"),
         (Self::NotOpen, "not_open"),
         (Self::AlreadyOpen, "already_open"),
         (Self::TimedOut, "timed_out"),
@@ -128,6 +134,8 @@ impl From<DeviceError> for DeviceFault {
             DeviceError::Protocol(_) => Self::Protocol,
             DeviceError::Unusable => Self::Unusable,
             DeviceError::Jumped => Self::Jumped,
+            DeviceError::Repeated => Self::Repeated,
+            DeviceError::Reordered => Self::Reordered,
         }
     }
 }

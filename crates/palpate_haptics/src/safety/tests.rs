@@ -300,3 +300,50 @@ fn what_each_stage_made_of_a_force_is_told() {
     assert!((after.magnitude_n.length() - 2.0).abs() < 1e-12);
     assert!((after.slew_n.length() - 0.5).abs() < 1e-12 && after.slew_n == out);
 }
+
+#[test]
+fn growth_is_counted_from_what_the_device_shows() {
+    let settings = SafetySettings::default();
+    let mut chain = warm(&settings);
+    let pressed = still(DVec3::X * 9.0);
+    // It does not take the first three.
+    for _ in 0..3 {
+        assert!((chain.apply(&settings, &pressed).0.x - 0.5).abs() < 1e-12);
+        chain.not_written();
+    }
+    for tick in 1..=4 {
+        assert!((chain.apply(&settings, &pressed).0.x - 0.5 * f64::from(tick)).abs() < 1e-12);
+    }
+    chain.turned(DQuat::from_rotation_z(std::f64::consts::PI));
+    assert!((chain.apply(&settings, &pressed).0.x - 0.5).abs() < 1e-12, "the other way is growth");
+    assert!((chain.apply(&settings, &pressed).0.x - 1.0).abs() < 1e-12);
+    chain.released();
+    assert!((chain.apply(&settings, &pressed).0.x - 0.5).abs() < 1e-12);
+}
+
+#[test]
+fn no_number_however_large_makes_it_panic_or_let_a_force_through() {
+    let values = [0.0, 1.0, -1.0, 1e-320, 1e150, -1e200, f64::MAX, f64::MIN, f64::INFINITY, f64::NAN];
+    let vectors: Vec<DVec3> = (0..values.len().pow(2))
+        .map(|i| DVec3::new(values[i % 10], values[i / 10], values[(i + i / 10) % 10]))
+        .chain(values.map(DVec3::splat))
+        .collect();
+    let huge = SafetySettings {
+        passivity_damping_ns_per_m: f64::MAX,
+        passivity_tolerance_j: 0.0,
+        max_slew_n_per_s: f64::MAX,
+        max_speed_m_per_s: f64::MIN_POSITIVE,
+        ..SafetySettings::default()
+    };
+    for settings in [SafetySettings::default(), huge] {
+        for (i, &force_n) in vectors.iter().enumerate() {
+            let mut chain = warm(&settings);
+            for j in 0..vectors.len() {
+                let (moved_m, velocity_m_per_s) = (vectors[j], vectors[(i + 7 * j) % vectors.len()]);
+                let input = SafetyInput { moved_m, velocity_m_per_s, ..still(force_n) };
+                let (out, _) = chain.apply(&settings, &input);
+                assert!(out.is_finite() && out.length() <= 10.0 + 1e-9, "{out} of {input:?}");
+            }
+        }
+    }
+}

@@ -36,6 +36,23 @@ pub(super) struct Point {
     pub(super) is_met: bool,
 }
 
+impl Default for Point {
+    /// One that pushes nothing, only to fill a place.
+    fn default() -> Self {
+        Self {
+            nodes: [(0, 0.0); 3],
+            is_held: false,
+            law: RowLaw::TwoSided,
+            push: DVec3::ZERO,
+            gap_m: 0.0,
+            gap: DVec3::ZERO,
+            overdue: DVec3::ZERO,
+            impulse_ns: DVec3::ZERO,
+            is_met: false,
+        }
+    }
+}
+
 impl Point {
     /// That of what the tool holds.
     pub(super) fn held(field: &NearField, tool: &ToolMove, h: f64, z: &[f64]) -> Self {
