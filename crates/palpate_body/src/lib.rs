@@ -28,7 +28,8 @@
 //! # Contents
 //!
 //! * Networks: [`Network`], made by a [`NetworkBuilder`] from nodes and [`Link`]s; the regular [`Lattice`] in one to three
-//!   dimensions; the [`Block`] with its [`Surface`].
+//!   dimensions; the [`Block`] with its [`Surface`],
+//!   whole or with a [`Slit`].
 //! * Material: [`UniformLattice`] (every spring alike) and [`Tissue`] (from Young's modulus and density).
 //! * State and time: [`Body`], [`BodyState`], [`Integrator`], [`StepReport`]; energy: [`Energy`], [`EnergyBooks`].
 //! * The tool: [`ToolContact`], [`ToolPoint`]; what is in the way: [`Obstacle`], [`NodeContact`];
@@ -74,7 +75,7 @@ mod tie;
 mod tissue;
 mod tool;
 
-pub use block::{Block, BlockBody, Face, UniformLattice};
+pub use block::{Block, BlockBody, Face, Slit, UniformLattice};
 pub use body::{Body, BodyState, StepReport, ToolRun};
 pub use energy::{Energy, EnergyBooks};
 pub use error::BodyError;
