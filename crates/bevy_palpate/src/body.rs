@@ -74,6 +74,19 @@ pub enum FixedRegion {
     Faces(Vec<Face>),
 }
 
+/// A cut into the top of a block, in its middle plane across x, along z: see [`palpate_body::Slit`]. Without it the block is
+/// whole; taking it away later does not heal a cut.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Component, Debug, PartialEq, Clone)]
+pub struct Slit {
+    /// Length along z, m, in whole cells.
+    pub length_m: f64,
+    /// Depth, m, in whole cells.
+    pub depth_m: f64,
+    /// Distance of its lips from each other at rest, m: a cell's width at most.
+    pub gape_m: f64,
+}
+
 /// A side of a block, in the body's own frame, named as in Bevy: y is up, −z is forward.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Debug, PartialEq, Hash, Clone)]
@@ -130,6 +143,8 @@ pub struct SimulatedBody {
     /// Where the entity was when the body was built.
     place: GlobalTransform,
     picture: mesh::Picture,
+    /// The sutures in it, in the order of the body's ties.
+    pub(crate) sutures: Vec<Entity>,
 }
 
 impl SimulatedBody {
@@ -162,6 +177,7 @@ impl Plugin for BodyPlugin {
         app.register_type::<DeformableBody>()
             .register_type::<Tissue>()
             .register_type::<FixedRegion>()
+            .register_type::<Slit>()
             .add_message::<HapticFault>()
             .add_systems(
                 PreUpdate,
@@ -202,6 +218,7 @@ struct Asked {
     shape: Ref<'static, DeformableBody>,
     tissue: Ref<'static, Tissue>,
     fixed: Ref<'static, FixedRegion>,
+    slit: Option<Ref<'static, Slit>>,
     transform: Ref<'static, Transform>,
     simulated: Option<&'static mut SimulatedBody>,
 }
@@ -214,7 +231,10 @@ fn build_bodies(
     mut builds: Local<u64>,
 ) {
     for mut asked in &mut bodies {
-        let changed = asked.shape.is_changed() || asked.tissue.is_changed() || asked.fixed.is_changed();
+        let changed = asked.shape.is_changed()
+            || asked.tissue.is_changed()
+            || asked.fixed.is_changed()
+            || asked.slit.as_ref().is_some_and(DetectChanges::is_changed);
         // What could not be built where it was may be built where it is now.
         if !(changed || asked.simulated.is_none() && asked.transform.is_changed()) {
             continue;
@@ -273,6 +293,10 @@ fn simulate(
         if asked.fixed.faces().is_empty() {
             block = block.allow_free();
         }
+        if let Some(slit) = &asked.slit {
+            let Slit { length_m, depth_m, gape_m } = **slit;
+            block = block.slit(palpate_body::Slit { length_m, depth_m, gape_m });
+        }
         let Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio } = *asked.tissue;
         let block = block
             .tissue(&palpate_body::Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio })?
@@ -293,6 +317,7 @@ fn simulate(
             failed: None,
             place: *place,
             picture: mesh::Picture::default(),
+            sutures: Vec::new(),
         }),
         Err(ReduceError::Body(error)) => Err(HapticFaultKind::BuildBody(error)),
         Err(error) => Err(HapticFaultKind::LocalModel(error)),
