@@ -300,7 +300,14 @@ fn tools_that_make_no_sense_are_faults_with_a_cause() {
         spawn(&mut app, HapticTool { device: DeviceSelector::named(device), ..default() });
     }
     spawn(&mut app, HapticTool { device: DeviceSelector::replay("no/such.csv"), ..default() });
-    spawn(&mut app, HapticTool { device: DeviceSelector::named("a"), radius_m: 0.0, ..default() });
+    spawn(
+        &mut app,
+        HapticTool {
+            device: DeviceSelector::named("a"),
+            shape: ToolShape::Sphere { radius_m: 0.0 },
+            ..default()
+        },
+    );
     spawn(&mut app, HapticTool { device: DeviceSelector::named("a"), ..default() });
     app.update();
     let said = take_faults(&mut app);

@@ -2,32 +2,31 @@
 //! Bevy app, the local model ticks at 1 kHz on a thread of its own; afterwards every scheme is judged against
 //! the full body on the samples that were felt.
 //!
-//! `cargo run --release --example probing` runs anywhere; `--features window` shows it.
+//! `cargo run --release --example probing` runs anywhere; `--features panel,gizmos` shows it.
 
 mod options;
 mod plot;
 mod report;
 mod scene;
-#[cfg(feature = "window")]
-mod window;
 
-use bevy::app::ScheduleRunnerPlugin;
-use bevy::log::LogPlugin;
 use bevy::prelude::*;
+use bevy_palpate::HapticClock;
 use clap::Parser;
 use options::Options;
-use std::time::Duration;
+use palpate_stage::Stage;
 
 fn main() -> AppExit {
     let options = Options::parse();
-    let mut app = App::new();
-    #[cfg(feature = "window")]
-    let windowed = window::add_plugins(&mut app, &options);
-    #[cfg(not(feature = "window"))]
-    let windowed = false;
-    if !windowed {
-        let frame = ScheduleRunnerPlugin::run_loop(Duration::from_millis(5));
-        app.add_plugins((MinimalPlugins.set(frame), LogPlugin::default(), scene::ProgressPlugin));
-    }
-    app.add_plugins((scene::ScenePlugin, report::ReportPlugin)).insert_resource(options).run()
+    let stage = Stage {
+        name: "probing",
+        title: "A hand probes a soft body at 1,000 Hz; the body steps at 20 Hz",
+        // What the loop's thread does is what it is about.
+        clock: HapticClock::Thread,
+        ..Stage::default()
+    };
+    stage
+        .app(&options.stage)
+        .add_plugins((scene::ScenePlugin, report::ReportPlugin))
+        .insert_resource(options)
+        .run()
 }

@@ -1,13 +1,13 @@
 //! The command line.
 
 use bevy::prelude::Resource;
-use bevy_palpate::prelude::Scheme;
 use clap::Parser;
 use palpate_haptics::Trajectory;
+use palpate_stage::{StageOptions, folder};
 use std::path::PathBuf;
 
 /// The hand that comes with the repository.
-const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/trajectories/probe.csv");
+const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/trajectories/probe.csv");
 
 /// A recorded hand probes a soft block; every scheme is then judged against the full body.
 #[derive(Clone, Debug, Parser, Resource)]
@@ -16,35 +16,15 @@ const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/trajec
     sphere of 5 mm radius.\n\nExamples:\n  probing --seconds 10 --scheme hold\n  probing --trajectory hand.csv --out results"
 )]
 pub struct Options {
-    /// How long to probe, s [default: 5; with a window: until it is closed]
-    #[arg(long, value_parser = seconds)]
-    pub seconds: Option<f64>,
+    #[command(flatten)]
+    pub stage: StageOptions,
     /// A hand of your own: CSV with the header t_s,x_m,y_m,z_m and a row each millisecond, positions of the
     /// tool's centre in the scene; it is repeated at its end
     #[arg(long, value_name = "FILE", default_value = BUILT_IN, hide_default_value = true, value_parser = trajectory)]
     pub trajectory: PathBuf,
-    /// How the loop makes force between two model steps: hold, low_pass, tangent, neighbourhood, krylov_linear or
-    /// near_field_exact
-    #[arg(long, default_value_t)]
-    pub scheme: Scheme,
     /// Where the trace and the plot are written
     #[arg(long, value_name = "DIR", default_value = "target/palpate/probing", value_parser = folder)]
     pub out: PathBuf,
-    /// Run without a window even if this program has one
-    #[arg(long)]
-    pub headless: bool,
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(seconds) if (0.5..=3600.0).contains(&seconds) => Ok(seconds),
-        _ => Err("it must be a number from 0.5 to 3600".into()),
-    }
-}
-
-/// Makes the folder, so that what is wrong with it is said before anything starts.
-fn folder(path: &str) -> Result<PathBuf, String> {
-    std::fs::create_dir_all(path).map(|()| path.into()).map_err(|error| error.to_string())
 }
 
 /// Reads the file once so that what is wrong with it is said before anything starts.

@@ -2,7 +2,6 @@
 
 use crate::options::Options;
 use crate::plot;
-use crate::scene::Progress;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{ModelStepCount, SimulatedBody, TickRecording};
@@ -34,12 +33,8 @@ fn report(
     steps: Res<ModelStepCount>,
     rate: Res<ModelRate>,
     options: Res<Options>,
-    progress: Option<Res<Progress>>,
     mut done: Local<bool>,
 ) -> Result {
-    if let Some(progress) = progress {
-        progress.finish();
-    }
     let (Ok((tool, recording, timing)), Ok(simulated)) = (tools.single(), bodies.single()) else {
         return Ok(());
     };

@@ -8,7 +8,7 @@ mod shape;
 mod source;
 mod tissue;
 
-pub use shape::{BodyRegion, DeformableBody, Face, FixedRegion, MeshShape};
+pub use shape::{BodyRegion, DeformableBody, Face, FixedRegion, MeshShape, Slit};
 pub use source::MeshSourceError;
 pub use tissue::{Inclusion, Inclusions, Tissue};
 
@@ -30,6 +30,8 @@ pub struct SimulatedBody {
     pub(crate) last_step: StepReport,
     /// The first build with these nodes, and these fixed.
     pub(crate) shape: u64,
+    /// The last carrying along.
+    carried: u64,
     /// Why the last step failed, so that it is said once.
     pub(crate) failed: Option<std::mem::Discriminant<BodyError>>,
     /// Where the entity was when the body was built or last carried along.
@@ -39,10 +41,13 @@ pub struct SimulatedBody {
     /// What it was built of.
     shape_asked: DeformableBody,
     fixed_asked: FixedRegion,
+    slit_asked: Option<Slit>,
     /// Of a mesh: how it is drawn, and itself.
     skin: Option<Skin>,
     closed: Option<Arc<ClosedMesh>>,
     pub(crate) drawn: Drawn,
+    /// The sutures in it, in the order of the body's ties.
+    pub(crate) sutures: Vec<Entity>,
 }
 
 impl SimulatedBody {
@@ -56,6 +61,12 @@ impl SimulatedBody {
     #[must_use]
     pub fn epoch(&self) -> u64 {
         self.epoch
+    }
+
+    /// What a contact belongs to: nodes of another shape have other numbers, and those of a body that was carried along are
+    /// elsewhere without having moved there.
+    pub(crate) fn touched_as(&self) -> (u64, u64) {
+        (self.shape, self.carried)
     }
 
     /// The closed mesh that it fills; `None` for a block.
@@ -83,6 +94,7 @@ impl Plugin for BodyPlugin {
             .register_type::<FixedRegion>()
             .register_type::<Inclusions>()
             .init_resource::<build::BodyBuilds>()
+            .register_type::<Slit>()
             .add_message::<HapticFault>()
             .add_systems(
                 PreUpdate,

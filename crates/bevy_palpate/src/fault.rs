@@ -51,6 +51,12 @@ pub enum HapticFaultKind {
     /// A tool's radius, friction or coupling makes no sense; a new tool does not start, a running one keeps the old ones.
     #[error("the tool is refused")]
     Tool(#[source] BodyError),
+    /// A tool cannot hold what its grasp has closed on: it is fixed. It goes on touching.
+    #[error("the tool cannot hold what it has grasped")]
+    Grasp(#[source] BodyError),
+    /// A suture cannot be sewn; it does nothing until it is changed.
+    #[error("the suture cannot be sewn")]
+    Suture(#[source] SutureFault),
     /// The loop reports a fault.
     #[error("the haptic loop reports a fault")]
     Loop(#[source] LoopEventKind),
@@ -104,6 +110,29 @@ pub enum HapticFaultKind {
         /// The relative speed.
         speed: f64,
     },
+}
+
+/// Why a suture cannot be sewn.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum SutureFault {
+    /// Its entity is no body.
+    #[error("{body} is no body")]
+    NotABody {
+        /// The entity.
+        body: Entity,
+    },
+    /// No surface is near one of its ends.
+    #[error("the body's surface is not within {within_m} m of the end at {end_m}")]
+    TooFar {
+        /// The place asked for, m, world.
+        end_m: glam::DVec3,
+        /// How near the surface must be, m.
+        within_m: f64,
+    },
+    /// Its length or its limit makes no sense.
+    #[error(transparent)]
+    Thread(#[from] BodyError),
 }
 
 /// Why a tool has no device.

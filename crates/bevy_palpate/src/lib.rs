@@ -38,10 +38,12 @@
 //! # Contents
 //!
 //! * Bodies: [`DeformableBody`], a block or any closed mesh, with its partners [`Tissue`], [`FixedRegion`] and
-//!   [`Inclusions`]; [`SimulatedBody`] to look inside.
-//! * Tools: [`HapticTool`] with its partner [`ToolSettings`]; results [`ToolForce`], [`LoopTiming`],
+//!   [`Inclusions`]; [`SimulatedBody`] to look inside; a [`Slit`] in a block.
+//! * Threads through a body: [`Suture`]; result [`SutureForce`]; message [`SutureTorn`].
+//! * Tools: [`HapticTool`] with its partner [`ToolSettings`], [`ToolGrasp`] for those that take hold; results
+//!   [`ToolForce`], [`LoopTiming`],
 //!   [`Touching`]; messages [`ContactBegan`], [`ContactEnded`]; every tick in [`TickRecording`].
-//! * Devices: [`DeviceSelector`], [`HapticDevices`].
+//! * Devices: [`DeviceSelector`], [`HapticDevices`]; with the feature `window` `MouseDevicePlugin`.
 //! * Time: [`ModelStep`], [`HapticSystems`], [`ModelRate`], [`HapticClock`].
 //! * Faults: [`HapticFault`].
 //!
@@ -49,7 +51,7 @@
 //!
 //! | feature | adds |
 //! | --- | --- |
-//! | `window` | a renderer and a window (Bevy's `bevy_pbr` and `bevy_winit`) |
+//! | `window` | a renderer and a window (Bevy's `bevy_pbr` and `bevy_winit`), the mouse as a device |
 //!
 //! None is on by default: a headless app builds no renderer.
 //!
@@ -93,34 +95,42 @@
 mod body;
 mod device;
 mod fault;
+#[cfg(feature = "window")]
+mod mouse;
 mod plugins;
 mod reflect;
 mod schedule;
+mod suture;
 mod tool;
 
 pub use body::{
     BodyPlugin, BodyRegion, DeformableBody, Face, FixedRegion, HapticSetupSystems, Inclusion, Inclusions,
-    MeshShape, MeshSourceError, SimulatedBody, Tissue,
+    MeshShape, MeshSourceError, SimulatedBody, Slit, Tissue,
 };
 pub use device::{DeviceSelector, HapticDevices};
-pub use fault::{DeviceFault, HapticFault, HapticFaultKind};
+pub use fault::{DeviceFault, HapticFault, HapticFaultKind, SutureFault};
+#[cfg(feature = "window")]
+pub use mouse::{MouseDevicePlugin, MouseDeviceSystems, MouseHand};
 pub use plugins::{FaultLogPlugin, PalpatePlugins};
 pub use schedule::{HapticClock, HapticSchedulePlugin, HapticSystems, ModelRate, ModelStep, ModelStepCount};
+pub use suture::{Suture, SutureForce, SuturePlugin, SutureTorn};
 pub use tool::{
-    ContactBegan, ContactEnded, HapticTool, KeepBlackBox, LOCAL_MODEL_ERROR, LOCAL_MODEL_ERROR_NOTICEABLE,
-    LocalModelBuild, LocalModelError, LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolLoop,
-    ToolPlugin, ToolSettings, Touching,
+    ContactBegan, ContactEnded, Grasping, HapticTool, KeepBlackBox, LOCAL_MODEL_ERROR,
+    LOCAL_MODEL_ERROR_NOTICEABLE, LocalModelBuild, LocalModelError, LoopTiming, TickRecording, ToolCoupling,
+    ToolForce, ToolGrasp, ToolLoop, ToolPlugin, ToolSettings, Touching,
 };
 
 /// What an app with haptic bodies needs.
 pub mod prelude {
     pub use crate::{
         BodyRegion, ContactBegan, ContactEnded, DeformableBody, DeviceSelector, Face, FaultLogPlugin,
-        FixedRegion, HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin, HapticSystems,
+        FixedRegion, Grasping, HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin, HapticSystems,
         HapticTool, Inclusion, Inclusions, LocalModelBuild, LocalModelError, LoopTiming, MeshShape,
-        ModelRate, ModelStep, PalpatePlugins, Tissue, ToolCoupling, ToolForce, ToolSettings, Touching,
+        ModelRate, ModelStep, PalpatePlugins, Slit, Suture, SutureForce, SutureTorn, Tissue, ToolCoupling,
+        ToolForce, ToolGrasp, ToolSettings, Touching,
     };
     pub use glam::{DQuat, DVec3};
+    pub use palpate_body::ToolShape;
     pub use palpate_haptics::{
         DeviceFrame, HapticDevice, Reading, SafetySettings, ScriptedDevice, VelocityEstimator,
     };

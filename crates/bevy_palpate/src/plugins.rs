@@ -3,6 +3,7 @@
 use crate::body::BodyPlugin;
 use crate::fault::log_faults;
 use crate::schedule::HapticSchedulePlugin;
+use crate::suture::SuturePlugin;
 use crate::tool::ToolPlugin;
 use bevy::app::PluginGroupBuilder;
 use bevy::prelude::*;
@@ -14,6 +15,7 @@ use bevy::prelude::*;
 /// | [`HapticSchedulePlugin`] | the schedule [`ModelStep`](crate::ModelStep), its rate and clock |
 /// | [`BodyPlugin`] | builds bodies, writes their meshes |
 /// | [`ToolPlugin`] | devices, loops, model steps, local models, results |
+/// | [`SuturePlugin`](crate::SuturePlugin) | threads through bodies |
 /// | [`FaultLogPlugin`] | writes faults to the log |
 ///
 /// Each can be set, disabled or replaced as in any group:
@@ -37,6 +39,7 @@ impl PluginGroup for PalpatePlugins {
             .add(HapticSchedulePlugin::default())
             .add(BodyPlugin)
             .add(ToolPlugin)
+            .add(SuturePlugin)
             .add(FaultLogPlugin)
     }
 }

@@ -48,3 +48,11 @@ pub(crate) struct ReflectedDeviceFrame {
     pub scale: f64,
     pub offset_m: DVec3,
 }
+
+/// [`palpate_body::ToolShape`].
+#[bevy::reflect::reflect_remote(palpate_body::ToolShape)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum ReflectedToolShape {
+    Sphere { radius_m: f64 },
+    FlatPunch { radius_m: f64, axis: DVec3 },
+}

@@ -1,6 +1,7 @@
 //! Tools: what the user asks for, and what is computed.
 
 mod black_box;
+mod grasp;
 mod model;
 mod receive;
 mod results;
@@ -8,6 +9,7 @@ mod settings;
 mod start;
 
 pub use black_box::KeepBlackBox;
+pub use grasp::{Grasping, ToolGrasp};
 pub use results::{
     LOCAL_MODEL_ERROR, LOCAL_MODEL_ERROR_NOTICEABLE, LocalModelBuild, LocalModelError, LoopTiming,
     TickRecording, ToolForce, Touching,
@@ -18,6 +20,7 @@ use crate::body::HapticSetupSystems;
 use crate::device::{DeviceSelector, HapticDevices};
 use crate::fault::HapticFault;
 use crate::schedule::{HapticClock, HapticSystems, ModelRate, ModelStep};
+use crate::suture::SutureSystems;
 use bevy::diagnostic::{Diagnostic, RegisterDiagnostic};
 use bevy::prelude::*;
 use glam::DVec3;
@@ -25,7 +28,7 @@ use palpate_body::{BodyError, Coupling, ToolContact, ToolShape};
 use palpate_haptics::{DeviceFrame, SafetySettings, VelocityEstimator};
 use palpate_local::Scheme;
 
-/// A haptic interface point: a sphere at the place of its device. Its partners come by themselves; among them
+/// A haptic interface point: a sphere, or the end of a punch, at the place of its device. Its partners come by themselves; among them
 /// the results [`ToolForce`], [`LocalModelBuild`], [`LocalModelError`], [`LoopTiming`] and [`Touching`].
 ///
 /// Spawning it starts a loop, removing it stops the loop with zero force and joins its thread. Its
@@ -40,23 +43,24 @@ pub struct HapticTool {
     /// How the loop makes force between two model steps. A change acts at the next model step.
     #[reflect(remote = crate::reflect::ReflectedScheme)]
     pub scheme: Scheme,
-    /// Radius of the sphere, m. A change ends a touch.
-    pub radius_m: f64,
-    /// Coefficient of friction between the sphere and what it touches. A change ends a touch.
+    /// What touches, in the world's frame: it does not turn with the device. A change ends a touch.
+    #[reflect(remote = crate::reflect::ReflectedToolShape)]
+    pub shape: ToolShape,
+    /// Coefficient of friction between the tool and what it touches. A change ends a touch.
     pub friction: f64,
-    /// What holds the sphere to the device. A change ends a touch.
+    /// What holds the tool to the device. A change ends a touch.
     pub coupling: ToolCoupling,
     /// The body that it can touch; `None`: the one that is nearest when the first sample arrives.
     pub body: Option<Entity>,
 }
 
 impl Default for HapticTool {
-    /// The device `"default"`, [`Scheme::NearFieldExact`], 5 mm, friction 0.3, a coupling that gives way, the nearest body.
+    /// The device `"default"`, [`Scheme::NearFieldExact`], a sphere of 5 mm, friction 0.3, a coupling that gives way, the nearest body.
     fn default() -> Self {
         Self {
             device: DeviceSelector::default(),
             scheme: Scheme::default(),
-            radius_m: 0.005,
+            shape: ToolShape::Sphere { radius_m: 0.005 },
             friction: 0.3,
             coupling: ToolCoupling::default(),
             body: None,
@@ -65,34 +69,40 @@ impl Default for HapticTool {
 }
 
 impl HapticTool {
-    /// A contact of its sphere, which touches nothing yet.
+    /// A contact of its shape, which touches nothing yet.
     ///
     /// # Errors
-    /// [`BodyError`] when radius, friction or coupling make no sense.
+    /// [`BodyError`] when shape, friction or coupling make no sense.
     pub fn contact(&self) -> Result<ToolContact, BodyError> {
-        let contact = ToolContact::touch(ToolShape::Sphere { radius_m: self.radius_m }, self.friction)?;
-        match self.coupling {
-            ToolCoupling::Rigid => Ok(contact),
-            ToolCoupling::GivesWay { stiffness_n_per_m, most_n } => {
-                contact.behind(Coupling { stiffness_n_per_m, most_n })
-            }
-        }
+        self.coupling.put_before(ToolContact::touch(self.shape, self.friction)?)
     }
 }
 
-/// What holds a tool's sphere to its device.
+/// What holds a tool to its device.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Debug, Default, PartialEq, Clone)]
 pub enum ToolCoupling {
     /// It is where the device is, whatever that takes: a hand can drag a body through itself. For measuring fidelity.
     Rigid,
-    /// A stiff spring whose force saturates: a hand that goes deeper than the body can leaves the sphere on its surface.
+    /// A stiff spring whose force saturates: a hand that goes deeper than the body can leaves the tool on its surface.
     GivesWay {
-        /// Stiffness, N/m: below the largest force the sphere is F/k behind the device.
+        /// Stiffness, N/m: below the largest force the tool is F/k behind the device.
         stiffness_n_per_m: f64,
         /// The largest force, N: more is neither felt nor done to the body.
         most_n: f64,
     },
+}
+
+impl ToolCoupling {
+    /// `contact` behind this coupling.
+    pub(crate) fn put_before(self, contact: ToolContact) -> Result<ToolContact, BodyError> {
+        match self {
+            Self::Rigid => Ok(contact),
+            Self::GivesWay { stiffness_n_per_m, most_n } => {
+                contact.behind(Coupling { stiffness_n_per_m, most_n })
+            }
+        }
+    }
 }
 
 impl Default for ToolCoupling {
@@ -148,6 +158,8 @@ impl Plugin for ToolPlugin {
         app.init_resource::<HapticDevices>()
             .register_type::<HapticTool>()
             .register_type::<ToolSettings>()
+            .register_type::<ToolGrasp>()
+            .register_type::<Grasping>()
             .register_type::<ToolForce>()
             .register_type::<LocalModelBuild>()
             .register_type::<LocalModelError>()
@@ -177,7 +189,11 @@ impl Plugin for ToolPlugin {
                     (receive::receive, receive::choose_bodies, settings::set_loops)
                         .chain()
                         .in_set(HapticSystems::Receive),
-                    (model::step_bodies, model::judge_loops).chain().in_set(HapticSystems::StepBody),
+                    (model::step_bodies, model::judge_loops, grasp::grasp)
+                        .chain()
+                        .in_set(HapticSystems::StepBody)
+                        .after(SutureSystems::Sew)
+                        .before(SutureSystems::Tell),
                     model::build_local_models.in_set(HapticSystems::BuildLocalModel),
                     model::publish_local_models.in_set(HapticSystems::Publish),
                     (

@@ -1,5 +1,9 @@
 //! A block: a regular lattice of nodes in three dimensions, each joined to its 26 neighbours.
 
+mod slit;
+
+pub use slit::Slit;
+
 use crate::error::check_positive;
 use crate::lattice;
 use crate::tissue::check_damping_ratio;
@@ -59,6 +63,7 @@ pub struct Block {
     fixed: Vec<Face>,
     fixed_within: Vec<Region>,
     allow_free: bool,
+    slit: Option<Slit>,
 }
 
 /// A block with its material: a network and its surface.
@@ -115,6 +120,7 @@ impl Block {
             fixed: Vec::new(),
             fixed_within: Vec::new(),
             allow_free: false,
+            slit: None,
         })
     }
 
@@ -151,6 +157,13 @@ impl Block {
     #[must_use]
     pub fn allow_free(mut self) -> Self {
         self.allow_free = true;
+        self
+    }
+
+    /// The same block, cut. What makes no sense of the slit is told when the block is given its material.
+    #[must_use]
+    pub fn slit(mut self, slit: Slit) -> Self {
+        self.slit = Some(slit);
         self
     }
 
@@ -196,11 +209,11 @@ impl Block {
     /// damping by (stiffness, mass of a, mass of b).
     pub(crate) fn build(
         &self,
-        mass_kg: Vec<f64>,
+        mut mass_kg: Vec<f64>,
         stiffness: impl Fn([usize; 3], [i32; 3]) -> f64,
         damping: impl Fn(f64, f64, f64) -> f64,
     ) -> Result<BlockBody, BodyError> {
-        let rest_m: Vec<DVec3> = self.grid().map(|ijk| self.rest(ijk)).collect();
+        let mut rest_m: Vec<DVec3> = self.grid().map(|ijk| self.rest(ijk)).collect();
         let mut links = Vec::with_capacity(13 * rest_m.len());
         for ijk in self.grid() {
             for step in lattice::steps() {
@@ -219,8 +232,15 @@ impl Block {
             self.fixed.iter().any(|&face| self.on_face(ijk, face))
                 || self.fixed_within.iter().any(|region| region.contains(self.rest(ijk)))
         };
-        let fixed = self.grid().map(is_fixed).collect();
-        let surface = self.surface();
+        let mut fixed: Vec<bool> = self.grid().map(is_fixed).collect();
+        let mut surface = self.surface();
+        if let Some(slit) = self.slit {
+            let (rest_m, mass_kg, fixed) = (&mut rest_m, &mut mass_kg, &mut fixed);
+            self.cut(
+                slit,
+                &mut slit::Pieces { rest_m, mass_kg, fixed, links: &mut links, surface: &mut surface },
+            )?;
+        }
         let network = NetworkBuilder::of(rest_m, mass_kg, fixed, links);
         let network = if self.allow_free { network.allow_free() } else { network }.build()?;
         Ok(BlockBody { network, surface })

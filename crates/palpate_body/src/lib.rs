@@ -28,7 +28,8 @@
 //! # Contents
 //!
 //! * Networks: [`Network`], made by a [`NetworkBuilder`] from nodes and [`Link`]s; the regular [`Lattice`] in one to three
-//!   dimensions; the [`Block`] with its [`Surface`].
+//!   dimensions; the [`Block`] with its [`Surface`], whole or with a
+//!   [`Slit`].
 //! * Meshes: a [`ClosedMesh`] from any triangles that enclose a volume, or a [`MeshError`] that says what to do; the
 //!   [`CellLattice`] fitted to it, with tissue and what is fixed by [`Region`], which becomes a [`MeshBody`]; its [`Skin`].
 //! * Material: [`UniformLattice`] (every spring alike) and [`Tissue`] (from Young's modulus and density).
@@ -81,7 +82,7 @@ mod tissue;
 mod tool;
 mod touch_surface;
 
-pub use block::{Block, BlockBody, Face, UniformLattice};
+pub use block::{Block, BlockBody, Face, Slit, UniformLattice};
 pub use body::{Body, BodyState, StepReport, ToolRun};
 pub use cell_lattice::{CellLattice, CellSize, MeshBody, MeshCells};
 pub use closed_mesh::{ClosedMesh, MeshError, MeshRepairs};

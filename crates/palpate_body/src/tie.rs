@@ -21,6 +21,8 @@ pub struct Tie {
     pub(crate) kind: TieKind,
     pub(crate) a: BodyPoint,
     pub(crate) b: TieEnd,
+    /// Force beyond which it tears, N; infinity has no place in every file.
+    pub(crate) tear_limit_n: Option<f64>,
     pub(crate) torn: bool,
     /// λ of the last step, what the tie gave to `a`, N s, and that step's length, s.
     pub(crate) last: (DVec3, f64),
@@ -40,8 +42,8 @@ pub(crate) enum TieEnd {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) enum TieKind {
-    /// Two-sided: the ends stay together, unless that takes more than the limit.
-    Joint { tear_limit_n: Option<f64> },
+    /// Two-sided: the ends stay together.
+    Joint,
     /// Tension only: the ends are at most that far apart.
     Thread { length_m: f64 },
 }
@@ -121,11 +123,17 @@ impl BodyPoint {
         self.nodes.iter().map(|(node, _)| *node).collect()
     }
 
-    /// The internal force on the row, Σ w_i F_i / Σ w_i² over its free nodes, N.
-    pub(crate) fn internal_force_n(&self, body: &Body) -> DVec3 {
+    /// The internal force on it, Σ w_i F_i / Σ w_i² over its free nodes, N: what the springs of `body` pull it with, at rest
+    /// the opposite of what holds it. Zero where all its nodes are fixed.
+    ///
+    /// # Panics
+    /// When `body` has not its nodes.
+    #[must_use]
+    pub fn internal_force_n(&self, body: &Body) -> DVec3 {
         let free = || self.nodes.iter().filter(|(node, _)| !body.network().is_fixed(*node));
         let force: DVec3 = free().map(|&(node, w)| w * body.internal_force_on_n(node)).sum();
-        force / free().map(|(_, w)| w * w).sum::<f64>()
+        let share: f64 = free().map(|(_, w)| w * w).sum();
+        if share > 0.0 { force / share } else { DVec3::ZERO }
     }
 
     /// Σ w_i `values[i]`: where it is, of positions of all nodes; how fast, of velocities.
@@ -145,7 +153,7 @@ impl Tie {
     /// [`BodyError::Parameter`] when the place is not finite.
     pub fn grasp(point: BodyPoint, anchor_m: DVec3) -> Result<Self, BodyError> {
         let b = anchor(anchor_m)?;
-        Ok(Self::new(TieKind::Joint { tear_limit_n: None }, point, b))
+        Ok(Self::new(TieKind::Joint, point, b))
     }
 
     /// A thread of length `length_m` from `point` to `anchor_m`: it pulls and never pushes.
@@ -172,14 +180,20 @@ impl Tie {
     /// # Errors
     /// [`BodyError::Parameter`] when the limit is not above zero; it may be infinite.
     pub fn suture(a: BodyPoint, b: BodyPoint, tear_limit_n: f64) -> Result<Self, BodyError> {
-        check("tear limit of a suture, N", tear_limit_n, tear_limit_n > 0.0, "above 0")?;
-        // Infinity has no place in every file.
-        let tear_limit_n = tear_limit_n.is_finite().then_some(tear_limit_n);
-        Ok(Self::new(TieKind::Joint { tear_limit_n }, a, TieEnd::Point(b)))
+        Self::new(TieKind::Joint, a, TieEnd::Point(b)).tearing_at(tear_limit_n)
+    }
+
+    /// The same tie, which tears when its force exceeds `tear_limit_n`; what closing a gap takes does not count.
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] when the limit is not above zero; it may be infinite.
+    pub fn tearing_at(self, tear_limit_n: f64) -> Result<Self, BodyError> {
+        check("tear limit of a tie, N", tear_limit_n, tear_limit_n > 0.0, "above 0")?;
+        Ok(Self { tear_limit_n: tear_limit_n.is_finite().then_some(tear_limit_n), ..self })
     }
 
     fn new(kind: TieKind, a: BodyPoint, b: TieEnd) -> Self {
-        Self { kind, a, b, torn: false, last: (DVec3::ZERO, 0.0) }
+        Self { kind, a, b, tear_limit_n: None, torn: false, last: (DVec3::ZERO, 0.0) }
     }
 
     /// The first point.
@@ -258,12 +272,11 @@ impl Tie {
                 check("place of an anchor, m", from_m.abs().max(to_m.abs()).max_element(), finite, "finite")?;
             }
         }
-        match self.kind {
-            TieKind::Thread { length_m } => drop(check_positive("length of a thread, m", length_m)?),
-            TieKind::Joint { tear_limit_n: Some(limit) } => {
-                check_positive("tear limit of a suture, N", limit)?;
-            }
-            TieKind::Joint { tear_limit_n: None } => {}
+        if let TieKind::Thread { length_m } = self.kind {
+            check_positive("length of a thread, m", length_m)?;
+        }
+        if let Some(limit) = self.tear_limit_n {
+            check_positive("tear limit of a tie, N", limit)?;
         }
         let of_b = match &self.b {
             TieEnd::Point(b) => &b.nodes[..],

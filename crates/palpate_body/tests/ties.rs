@@ -165,6 +165,24 @@ fn a_suture_draws_together_holds_and_tears_at_its_limit() {
 }
 
 #[test]
+fn a_thread_tears_at_its_limit_and_pulls_no_more() {
+    let limit = 2.0;
+    for (force, is_torn) in [(0.99 * limit, false), (1.01 * limit, true)] {
+        let mut body = masses(&[(DVec3::X * 0.01, 0.1), (DVec3::ZERO, 0.1)]);
+        let thread = Tie::thread(BodyPoint::node(0), BodyPoint::node(1), 0.01).unwrap();
+        body.set_ties(vec![thread.tearing_at(limit).unwrap()]).unwrap();
+        body.set_loads(&[DVec3::X * force, DVec3::X * -force]).unwrap();
+        let report = body.advance(None, 10, SemiImplicitEuler::default()).unwrap();
+        let tie = &body.ties()[0];
+        assert_eq!((tie.is_torn(), report.torn), (is_torn, usize::from(is_torn)));
+        let pull = if is_torn { 0.0 } else { force };
+        assert!((tie.force_n() + DVec3::X * pull).length() < 1e-9, "{}", tie.force_n());
+    }
+    let thread = Tie::thread(BodyPoint::node(0), BodyPoint::node(1), 0.01).unwrap();
+    assert!(thread.tearing_at(0.0).is_err());
+}
+
+#[test]
 fn a_suture_does_not_tear_by_closing_whatever_the_step() {
     for substeps in [1, 4, 40] {
         for integrator in integrators(substeps) {

@@ -1,8 +1,10 @@
 //! The device: what gives samples and takes forces.
 
+mod following;
 mod replay;
 mod scripted;
 
+pub use following::{FollowedPlace, FollowingDevice, FollowingHand};
 pub use replay::{AtEnd, ReplayDevice};
 pub use scripted::ScriptedDevice;
 

@@ -30,7 +30,8 @@
 //!
 //! # Contents
 //!
-//! * Devices: [`HapticDevice`], [`ScriptedDevice`], [`ReplayDevice`], [`Trajectory`], [`Probe`].
+//! * Devices: [`HapticDevice`], [`ScriptedDevice`], [`ReplayDevice`], [`FollowingDevice`], [`Trajectory`],
+//!   [`Probe`].
 //! * The two halves: [`haptic_loop()`], [`HapticHandle`], [`HapticLoop`].
 //! * Two clocks: [`LoopThread`] on a thread of its own, [`Lockstep`] for tests and replay.
 //! * Settings: [`LoopConfig`], [`LoopSettings`], [`DeviceFrame`], [`VelocityEstimator`], [`SafetySettings`].
@@ -82,7 +83,8 @@ pub use black_box::{
     SafetyActions,
 };
 pub use device::{
-    AtEnd, DeviceDescription, DeviceError, DeviceLimits, HapticDevice, Reading, ReplayDevice, ScriptedDevice,
+    AtEnd, DeviceDescription, DeviceError, DeviceLimits, FollowedPlace, FollowingDevice, FollowingHand,
+    HapticDevice, Reading, ReplayDevice, ScriptedDevice,
 };
 pub use displayed::DisplayedForces;
 pub use error::{HapticsError, TrajectoryError};

@@ -103,3 +103,74 @@ fn the_safety_chain_s_settings_follow_from_the_description() {
     assert_eq!(of(20.0, 60.0).silent_after_ticks, 50);
     assert_eq!((of(0.0, 1000.0).max_force_n, of(0.0, 1000.0).start_below_n), (0.0, 0.0));
 }
+
+fn follow(hand: FollowingHand, place_m: DVec3) -> (FollowedPlace, FollowingDevice) {
+    let (mut place, mut device) = hand.follow().unwrap();
+    device.open().unwrap();
+    place.set(place_m, 0);
+    (place, device)
+}
+
+#[test]
+fn a_hand_follows_a_place_that_jumps_without_a_jump_and_no_faster_than_it_may() {
+    let hand = FollowingHand::default();
+    let (_place, mut device) = follow(hand, DVec3::X * 0.1);
+    let (mut last, mut speed) = (DVec3::ZERO, 0.0);
+    for _ in 0..1000 {
+        let reading = device.read(WITHIN).unwrap();
+        let now = (reading.position_m - last).length() / 1e-3;
+        // At the end of a tick it is as fast as during it, but for what it gains or loses meanwhile.
+        assert!((reading.velocity_m_per_s.unwrap().length() - now).abs() < 0.1 * 1600.0 * 1e-3);
+        assert!(now <= hand.max_speed_m_per_s + 1e-9, "{now} m/s");
+        // No more acceleration than the spring, stretched by all of it, can give.
+        assert!((now - speed) / 1e-3 <= 0.1 * 40.0 * 40.0, "{now} m/s after {speed} m/s");
+        assert!(reading.position_m.x < 0.1 + 1e-12, "critically damped: it does not go beyond");
+        (last, speed) = (reading.position_m, now);
+    }
+    assert!((last.x - 0.1).abs() < 1e-9);
+}
+
+#[test]
+fn a_hand_lags_by_two_over_omega_behind_an_even_motion() {
+    let hand = FollowingHand::default();
+    let (mut place, mut device) = follow(hand, DVec3::ZERO);
+    let speed = 0.1;
+    let mut lag = 0.0;
+    for tick in 1..=1000 {
+        let at = speed * 1e-3 * f64::from(tick);
+        place.set(DVec3::Y * at, 0);
+        lag = at - device.read(WITHIN).unwrap().position_m.y;
+    }
+    // The place stands still within a tick, so the lag is that of a motion half a tick ahead.
+    let expected = speed * (2.0 / hand.rate_per_s - 0.5e-3);
+    assert!((lag - expected).abs() < 1e-3 * expected, "{lag} m, not {expected} m");
+}
+
+#[test]
+fn a_hand_that_follows_yields_to_force_keeps_its_workspace_and_tells_its_buttons() {
+    let hand = FollowingHand::default();
+    let (mut place, mut device) = follow(hand, DVec3::ZERO);
+    let force = DVec3::new(0.0, 2.0, 0.0);
+    let settle =
+        |device: &mut FollowingDevice| (0..2000).map(|_| device.read(WITHIN).unwrap()).last().unwrap();
+    device.write(force).unwrap();
+    let beside = settle(&mut device).position_m;
+    assert!((beside - force / (0.2 * 40.0 * 40.0)).length() < 1e-9, "{beside}");
+    device.write(DVec3::ZERO).unwrap();
+    place.set(DVec3::new(0.5, -0.3, 0.1), 0b101);
+    let reading = settle(&mut device);
+    assert!((reading.position_m - DVec3::new(0.2, -0.2, 0.1)).length() < 1e-9);
+    assert_eq!(reading.buttons, 0b101);
+    place.set(DVec3::NAN, 0);
+    let there = settle(&mut device);
+    assert!(there.is_usable() && (there.position_m - reading.position_m).length() < 1e-9);
+    for bad in [
+        FollowingHand { rate_per_s: 0.0, ..hand },
+        FollowingHand { mass_kg: f64::NAN, ..hand },
+        FollowingHand { max_speed_m_per_s: -1.0, ..hand },
+        FollowingHand { workspace_m: [DVec3::ONE, DVec3::ZERO], ..hand },
+        FollowingHand { start_m: DVec3::NAN, ..hand },
+    ] {
+        assert!(matches!(bad.follow(), Err(HapticsError::Setting { .. })), "{bad:?}");
+    }
+}

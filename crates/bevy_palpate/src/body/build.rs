@@ -3,7 +3,7 @@
 use super::make::{Made, Plan, place};
 use super::source::Source;
 use super::{
-    DeformableBody, Drawn, FixedRegion, Inclusions, MeshShape, MeshSourceError, SimulatedBody, Tissue,
+    DeformableBody, Drawn, FixedRegion, Inclusions, MeshShape, MeshSourceError, SimulatedBody, Slit, Tissue,
 };
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::HapticClock;
@@ -52,6 +52,7 @@ pub(super) struct Asked {
     shape: Ref<'static, DeformableBody>,
     tissue: Ref<'static, Tissue>,
     fixed: Ref<'static, FixedRegion>,
+    slit: Option<Ref<'static, Slit>>,
     inclusions: Option<Ref<'static, Inclusions>>,
     transform: Ref<'static, Transform>,
     simulated: Option<&'static mut SimulatedBody>,
@@ -109,6 +110,7 @@ pub(super) fn build_bodies(
         let changed = asked.shape.is_changed()
             || asked.tissue.is_changed()
             || asked.fixed.is_changed()
+            || asked.slit.as_ref().is_some_and(DetectChanges::is_changed)
             || asked.inclusions.as_ref().is_some_and(DetectChanges::is_changed)
             || is_new_mesh
             || matches!(asked.build, Some(BodyBuild::AwaitsMesh));
@@ -135,6 +137,7 @@ pub(super) fn build_bodies(
             shape: (*asked.shape).clone(),
             tissue: *asked.tissue,
             fixed: (*asked.fixed).clone(),
+            slit: asked.slit.as_ref().map(|slit| **slit),
             inclusions: asked.inclusions.as_ref().map(|inclusions| inclusions.0.clone()).unwrap_or_default(),
             rotation,
             translation_m,
@@ -223,14 +226,17 @@ fn put(
         epoch,
         last_step: StepReport::default(),
         shape: epoch,
+        carried: 0,
         failed: None,
         place: planned,
         is_refused_place: false,
         shape_asked: plan.shape,
         fixed_asked: plan.fixed,
+        slit_asked: plan.slit,
         skin: made.skin,
         closed: made.closed,
         drawn: Drawn::default(),
+        sutures: Vec::new(),
     };
     commands.entity(entity).try_remove::<BodyBuild>();
     let Some(old) = old else {
@@ -239,12 +245,13 @@ fn put(
         return;
     };
     let is_same = !is_new_mesh
-        && (&old.shape_asked, &old.fixed_asked) == (&new.shape_asked, &new.fixed_asked)
+        && (&old.shape_asked, &old.fixed_asked, old.slit_asked)
+            == (&new.shape_asked, &new.fixed_asked, new.slit_asked)
         && old.body.positions_m().len() == new.body.positions_m().len();
     if is_same {
         // It fits, since the nodes are the same.
         let _ = new.body.set_state(old.body.positions_m(), old.body.velocities_m_per_s());
-        (new.shape, new.place) = (old.shape, old.place);
+        (new.shape, new.carried, new.place) = (old.shape, old.carried, old.place);
         new.drawn = std::mem::take(&mut old.drawn);
     } else {
         new.drawn = std::mem::take(&mut old.drawn).of_another_shape();

@@ -25,7 +25,8 @@ pub(super) fn carry_bodies(
             Ok(_) => {
                 simulated.carry_to(now);
                 simulated.is_refused_place = false;
-                (simulated.epoch, simulated.shape) = (builds.next(), builds.next());
+                simulated.epoch = builds.next();
+                simulated.carried = simulated.epoch;
             }
             Err(kind) => {
                 // Said once; the body stays where it was.

@@ -1,7 +1,7 @@
 //! From what is asked for to a body: plain computation, which knows no app.
 
 use super::source::Source;
-use super::{DeformableBody, Face, FixedRegion, Inclusion, Tissue};
+use super::{DeformableBody, Face, FixedRegion, Inclusion, Slit, Tissue};
 use crate::fault::HapticFaultKind;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
@@ -16,6 +16,7 @@ pub(super) struct Plan {
     pub(super) shape: DeformableBody,
     pub(super) tissue: Tissue,
     pub(super) fixed: FixedRegion,
+    pub(super) slit: Option<Slit>,
     pub(super) inclusions: Vec<Inclusion>,
     pub(super) rotation: DQuat,
     pub(super) translation_m: DVec3,
@@ -91,11 +92,18 @@ impl Plan {
         if self.fixed.is_nothing() {
             block = block.allow_free();
         }
+        if let Some(Slit { length_m, depth_m, gape_m }) = self.slit {
+            block = block.slit(palpate_body::Slit { length_m, depth_m, gape_m });
+        }
         let made = block.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
         Body::new(made.network, made.surface)
     }
 
     fn mesh(&self, closed: &ClosedMesh, cells_along: usize) -> Result<(Body, Skin), BodyError> {
+        if let Some(slit) = self.slit {
+            let (what, allowed) = ("length of a slit in a mesh, m", "none: a slit is cut into a block");
+            return Err(BodyError::Parameter { what, value: slit.length_m, allowed });
+        }
         let mut lattice = CellLattice::fit(closed, CellSize::Along(cells_along))?;
         for &face in self.fixed.faces() {
             let layer = outermost(closed, lattice.cell_m(), face);

@@ -86,6 +86,19 @@ pub enum FixedRegion {
     Vertices(Vec<bool>),
 }
 
+/// A cut into the top of a block, in its middle plane across x, along z: see [`palpate_body::Slit`]. Without it the block is
+/// whole; taking it away later does not heal a cut.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Component, Debug, PartialEq, Clone)]
+pub struct Slit {
+    /// Length along z, m, in whole cells.
+    pub length_m: f64,
+    /// Depth, m, in whole cells.
+    pub depth_m: f64,
+    /// Distance of its lips from each other at rest, m: a cell's width at most.
+    pub gape_m: f64,
+}
+
 /// A side of a body, in its own frame, named as in Bevy: y is up, −z is forward.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Debug, PartialEq, Hash, Clone)]

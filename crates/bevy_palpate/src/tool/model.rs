@@ -30,8 +30,7 @@ pub(super) fn step_bodies(
             tools.iter_mut().filter(|(_, tool)| tool.body == Some(entity) && !tool.path.is_empty()).collect();
         at_it.sort_unstable_by_key(|(tool, _)| *tool);
         for (tool_entity, tool) in &mut at_it {
-            // Nodes of another shape have other numbers.
-            if std::mem::replace(&mut tool.shape, simulated.shape) != simulated.shape {
+            if std::mem::replace(&mut tool.touched_as, simulated.touched_as()) != simulated.touched_as() {
                 tool.let_go(*tool_entity).map(|message| ended.write(message));
             }
         }

@@ -205,7 +205,7 @@ pub(super) fn write_results(
     mut tools: Query<(&mut ToolLoop, &mut ToolForce, &mut LoopTiming, &mut Touching)>,
 ) {
     for (mut tool, mut force, mut timing, mut touching) in &mut tools {
-        touching.set_if_neq(Touching { body: tool.body.filter(|_| !tool.contact.touched().is_empty()) });
+        touching.set_if_neq(Touching { body: tool.body.filter(|_| tool.is_in_contact()) });
         let tick_s = tool.handle.config().hand_over.tick_s;
         if let Some(TickRecord { spoken, safety, force_n, sample, .. }) = tool.handle.latest_tick() {
             let newest = sample.map_or(0, |sample| sample.sequence);

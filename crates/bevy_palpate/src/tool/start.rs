@@ -3,8 +3,8 @@
 use super::results::Pose;
 use super::settings::loop_settings;
 use super::{
-    ContactEnded, HapticTool, LocalModelBuild, LocalModelError, TickRecording, ToolForce, ToolSettings,
-    Touching,
+    ContactEnded, Grasping, HapticTool, LocalModelBuild, LocalModelError, TickRecording, ToolForce,
+    ToolSettings, Touching,
 };
 use crate::device::{DeviceSelector, HapticDevices};
 use crate::fault::{DeviceFault, HapticFault, HapticFaultKind};
@@ -26,10 +26,14 @@ pub struct ToolLoop {
     pub(super) handle: HapticHandle,
     pub(super) driver: Driver,
     pub(super) contact: ToolContact,
+    /// The same contact before it touches or holds anything.
+    pub(super) untouched: ToolContact,
+    /// The button that grasps was pressed when it was last looked at.
+    pub(super) was_pressed: bool,
     /// The body it touches or can touch.
     pub(super) body: Option<Entity>,
-    /// The shape of that body to which the contact belongs.
-    pub(super) shape: u64,
+    /// The shape and place of that body to which the contact belongs.
+    pub(super) touched_as: (u64, u64),
     /// Sequence number of the sample up to which the body has been moved.
     pub(super) consumed: Option<u64>,
     /// The path since then: where it began and one point for each tick.
@@ -109,12 +113,21 @@ impl ToolLoop {
         &self.contact
     }
 
-    /// Lets go of what is touched; the message to be written if something was.
+    /// Whether it touches or holds something.
+    pub(super) fn is_in_contact(&self) -> bool {
+        !self.contact.touched().is_empty() || self.contact.held_point().is_some()
+    }
+
+    /// Lets go of what is touched or held; the message to be written if something was.
     #[must_use]
     pub(super) fn let_go(&mut self, tool: Entity) -> Option<ContactEnded> {
         self.has_support = false;
+        let held = self.contact.held_point().is_some();
+        if held {
+            self.contact = self.untouched.clone();
+        }
         let touched = self.contact.let_go();
-        self.body.filter(|_| touched).map(|body| ContactEnded { tool, body })
+        self.body.filter(|_| touched || held).map(|body| ContactEnded { tool, body })
     }
 }
 
@@ -142,6 +155,9 @@ fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) 
     }
     if let Some(mut touching) = world.get_mut::<Touching>(entity) {
         *touching = Touching::default();
+    }
+    if let Some(mut grasping) = world.get_mut::<Grasping>(entity) {
+        *grasping = Grasping::default();
     }
     if let Some(mut newest) = world.get_mut::<LocalModelBuild>(entity) {
         *newest = LocalModelBuild::default();
@@ -186,8 +202,9 @@ pub(super) fn start_loops(
             if running.device == tool.device {
                 let is_same =
                     |a: &ToolContact, b: &ToolContact| (a.shape(), a.coupling()) == (b.shape(), b.coupling());
-                if !is_same(&running.contact, &contact) {
+                if !is_same(&running.untouched, &contact) {
                     running.let_go(entity).map(|message| ended.write(message));
+                    running.untouched = contact.clone();
                     running.contact = contact;
                 }
                 continue;
@@ -206,9 +223,11 @@ pub(super) fn start_loops(
                 commands.entity(entity).try_insert(ToolLoop {
                     handle,
                     driver,
+                    untouched: contact.clone(),
                     contact,
+                    was_pressed: false,
                     body: None,
-                    shape: 0,
+                    touched_as: (0, 0),
                     consumed: None,
                     path: Vec::with_capacity(256),
                     support: Vec::new(),

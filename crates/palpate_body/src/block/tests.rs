@@ -102,3 +102,97 @@ fn what_is_within_regions_is_fixed_beside_faces() {
     assert_eq!(fixed, 25 + 1);
     assert!(made.network.is_fixed(124));
 }
+
+fn slit(gape_m: f64) -> Slit {
+    Slit { length_m: 0.06, depth_m: 0.04, gape_m }
+}
+
+#[test]
+fn a_slit_parts_what_it_is_between_and_nothing_else() {
+    let whole = block([5, 6, 11]).uniform(&LATTICE).unwrap();
+    let cut = block([5, 6, 11]).slit(slit(0.0)).uniform(&LATTICE).unwrap();
+    // 2 rows below the top and 5 nodes between the ends are doubled.
+    let doubled = 2 * 5;
+    assert_eq!(cut.network.node_count(), whole.network.node_count() + doubled);
+    let mass = |body: &BlockBody| body.network.mass_kg().iter().sum::<f64>();
+    assert!((mass(&cut) - mass(&whole)).abs() < 1e-12);
+    // No spring leads from the left lip to what is on its right, nor the other way round.
+    let (lips, copies) = (whole.network.node_count() - doubled.., whole.network.node_count()..);
+    assert!(lips.start < copies.start);
+    for link in cut.network.links() {
+        let x = |node: usize| cut.network.rest_m()[node].x;
+        let is_open = |node: usize| {
+            let at = cut.network.rest_m()[node];
+            at.x == 0.0 && at.y > 0.011 && at.z.abs() < 0.029
+        };
+        for (lip, other) in [(link.a, link.b), (link.b, link.a)] {
+            if is_open(lip) {
+                let side = if copies.contains(&lip) { 1.0 } else { -1.0 };
+                assert!(side * x(other) >= 0.0, "{link:?}");
+                assert!(!is_open(other) || copies.contains(&lip) == copies.contains(&other), "{link:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_slit_changes_no_energy_of_a_strain_that_leaves_it_closed() {
+    let energy = |body: &BlockBody| -> f64 {
+        let x: Vec<DVec3> = body
+            .network
+            .rest_m()
+            .iter()
+            .map(|x| DVec3::new(1.01 * x.x, 0.98 * x.y + 0.02 * x.z, 1.03 * x.z))
+            .collect();
+        let links = body.network.links().iter();
+        links.map(|l| l.spring.energy_j(x[l.b] - x[l.a])).sum()
+    };
+    let whole = energy(&block([5, 6, 11]).uniform(&LATTICE).unwrap());
+    let cut = energy(&block([5, 6, 11]).slit(slit(0.0)).uniform(&LATTICE).unwrap());
+    assert!((cut / whole - 1.0).abs() < 1e-12, "{cut} J, {whole} J");
+}
+
+#[test]
+fn the_surface_of_a_gaping_slit_is_closed_and_its_gap_outside() {
+    let gape = 0.02;
+    let body = block([5, 6, 11]).slit(slit(gape)).uniform(&LATTICE).unwrap();
+    let x = body.network.rest_m();
+    let node = |vertex: usize| body.surface.points[body.surface.vertices[vertex]].nodes()[0].0;
+    let corners = body.surface.triangles.iter().map(|t| t.map(node));
+    let volume: f64 = corners.clone().map(|t| t.map(|n| x[n])).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
+    // The gap is a sum of prisms: trapezoids of the parabola along z, times the wedge's half depth.
+    let bend = |k: f64| gape * (1.0 - (k / 3.0).powi(2));
+    let area: f64 = (-3..3).map(|k| 0.01 * (bend(f64::from(k)) + bend(f64::from(k) + 1.0)) / 2.0).sum();
+    // The last square of the lower row is cut along its other diagonal, where the gap is half as wide as above.
+    let gap = area * 0.04 / 2.0 + 0.01 * 0.02 * 0.5 * bend(2.0) / 6.0;
+    assert!((0.001 - gap - volume).abs() < 1e-12, "{volume} m3, gap {gap} m3");
+    // Every edge is passed once in each direction.
+    let mut edges: Vec<(usize, usize)> = corners.flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
+    edges.sort_unstable();
+    for &(a, b) in &edges {
+        assert!(edges.binary_search(&(b, a)).is_ok(), "{a}, {b}");
+    }
+    edges.dedup();
+    assert_eq!(edges.len(), 3 * body.surface.triangles.len());
+}
+
+#[test]
+fn slits_that_make_no_sense_are_refused() {
+    let good = slit(0.01);
+    assert!(block([5, 6, 11]).slit(good).uniform(&LATTICE).is_ok());
+    assert!(block([4, 6, 11]).slit(good).uniform(&LATTICE).is_err(), "no plane of nodes in the middle");
+    for bad in [
+        Slit { length_m: 0.01, ..good },
+        Slit { length_m: 0.1, ..good },
+        Slit { length_m: f64::NAN, ..good },
+        Slit { depth_m: 0.1, ..good },
+        Slit { depth_m: 0.001, ..good },
+        Slit { gape_m: 0.03, ..good },
+        Slit { gape_m: -0.001, ..good },
+    ] {
+        assert!(
+            matches!(block([5, 6, 11]).slit(bad).uniform(&LATTICE), Err(BodyError::Parameter { .. })),
+            "{bad:?}"
+        );
+    }
+}

@@ -232,10 +232,7 @@ impl Body {
             }
         }
         for tie in &mut self.ties {
-            if let TieKind::Joint { tear_limit_n: Some(limit) } = tie.kind
-                && !tie.torn
-                && tie.force_n().length() > limit
-            {
+            if tie.tear_limit_n.is_some_and(|limit| !tie.torn && tie.force_n().length() > limit) {
                 tie.torn = true;
                 report.torn += 1;
             }
@@ -302,7 +299,7 @@ impl Body {
             let (apart, moved) = (at - other - pulled, moved - pulled);
             nodes.retain(|(node, _)| drive.is_none_or(|(driven, _)| driven != *node));
             let (law, gap, overdue) = match tie.kind {
-                TieKind::Joint { .. } => {
+                TieKind::Joint => {
                     let closing = apart.clamp_length_max(h * CLOSING_M_PER_S);
                     (RowLaw::TwoSided, closing - moved, closing)
                 }

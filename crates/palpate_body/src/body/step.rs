@@ -41,7 +41,7 @@ pub struct StepReport {
     /// How often those impulses were not found in all sweeps that are made: what is asked for cannot be, or is not
     /// determined, or converges too slowly.
     pub unsolved: usize,
-    /// Sutures that tore.
+    /// Ties that tore.
     pub torn: usize,
 }
 

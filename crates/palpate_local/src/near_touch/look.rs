@@ -40,7 +40,8 @@ impl Default for Point {
     /// One that pushes nothing, only to fill a place.
     fn default() -> Self {
         Self {
-            nodes: [(0, 0.0); 3],
+            corners: [(0, 0.0); 3],
+            carriers: Carriers::default(),
             is_held: false,
             law: RowLaw::TwoSided,
             push: DVec3::ZERO,

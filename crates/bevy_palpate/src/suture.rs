@@ -1,0 +1,211 @@
+//! Threads sewn through bodies.
+
+use crate::body::{DeformableBody, SimulatedBody};
+use crate::fault::{HapticFault, HapticFaultKind, SutureFault};
+use crate::schedule::{HapticSystems, ModelStep};
+use bevy::prelude::*;
+use glam::DVec3;
+use palpate_body::{Body, BodyError, BodyPoint, SurfaceTree, Tie};
+
+/// A thread between two points of a body's surface: it pulls them together and never apart. An entity of its own; despawning it
+/// takes the thread out. Its results are in [`SutureForce`].
+///
+/// Where it goes through the surface is found when it is made, or when its ends or its body change, in the shape that the body
+/// has then. A change of length or limit acts at the next model step: a shorter thread draws its ends together at 1 m/s.
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[require(SutureForce, Sewn)]
+#[reflect(Component, Debug, PartialEq, Clone)]
+pub struct Suture {
+    /// The body.
+    pub body: Entity,
+    /// Its ends, m, world; the nearest points of the surface are pierced, within [`Suture::WITHIN_M`].
+    pub ends_m: [DVec3; 2],
+    /// Length of the thread between them, m.
+    pub length_m: f64,
+    /// Tension at which it tears, N; may be infinite.
+    pub tear_limit_n: f64,
+}
+
+impl Suture {
+    /// So near to its ends there must be a surface, m.
+    pub const WITHIN_M: f64 = 0.02;
+}
+
+/// What a suture does, after every model step.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub struct SutureForce {
+    /// Tension of the thread in the last step, N.
+    pub tension_n: f64,
+    /// What the body's springs pull each end with, N, world. At rest they are equal and opposite, and as large as the tension.
+    pub pull_n: [DVec3; 2],
+    /// Where its ends are, m, world.
+    pub ends_m: [DVec3; 2],
+    /// It has torn and does nothing any more.
+    pub is_torn: bool,
+}
+
+/// A suture has torn.
+#[derive(Message, Clone, Copy, Debug, PartialEq)]
+pub struct SutureTorn {
+    /// The suture.
+    pub suture: Entity,
+    /// The body.
+    pub body: Entity,
+    /// The tension at which it tore, N.
+    pub tension_n: f64,
+}
+
+/// Where a suture goes through its body.
+#[derive(Component, Clone, Debug, Default)]
+struct Sewn(Option<Stitch>);
+
+#[derive(Clone, Debug, PartialEq)]
+struct Stitch {
+    body: Entity,
+    ends_m: [DVec3; 2],
+    /// The body's shape to whose nodes the points belong.
+    shape: u64,
+    points: [BodyPoint; 2],
+}
+
+/// Sews, and tells what threads do.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SuturePlugin;
+
+/// The places of [`SuturePlugin`]'s systems round the step of the bodies.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum SutureSystems {
+    /// Before the bodies are stepped.
+    Sew,
+    /// After that.
+    Tell,
+}
+
+impl Plugin for SuturePlugin {
+    fn build(&self, app: &mut App) {
+        app.register_type::<Suture>()
+            .register_type::<SutureForce>()
+            .add_message::<HapticFault>()
+            .add_message::<SutureTorn>()
+            .configure_sets(
+                ModelStep,
+                (SutureSystems::Sew, SutureSystems::Tell).chain().in_set(HapticSystems::StepBody),
+            )
+            .add_systems(ModelStep, (sew.in_set(SutureSystems::Sew), tell.in_set(SutureSystems::Tell)));
+    }
+}
+
+/// Gives every body the ties of its sutures, when something about them has changed.
+fn sew(
+    mut sutures: Query<(Entity, Ref<Suture>, &mut Sewn, &mut SutureForce)>,
+    mut bodies: Query<(Entity, &mut SimulatedBody)>,
+    asked: Query<(), With<DeformableBody>>,
+    mut changed: Local<Vec<Entity>>,
+    mut faults: MessageWriter<HapticFault>,
+) {
+    changed.clear();
+    for (entity, suture, mut sewn, mut force) in &mut sutures {
+        let shape = bodies.get(suture.body).map(|(_, body)| body.shape);
+        let fits = |stitch: &Stitch| {
+            (stitch.body, stitch.ends_m) == (suture.body, suture.ends_m) && shape == Ok(stitch.shape)
+        };
+        let was_sewn = sewn.0.is_some();
+        if sewn.0.as_ref().is_some_and(fits) {
+            if suture.is_changed() {
+                changed.push(suture.body);
+            }
+            continue;
+        }
+        // A body that is still to be built is waited for.
+        if shape.is_err() && asked.contains(suture.body)
+            || !(suture.is_changed() || was_sewn || force.is_added())
+        {
+            continue;
+        }
+        changed.extend(sewn.0.take().map(|stitch| stitch.body));
+        let stitch = bodies
+            .get(suture.body)
+            .map_err(|_| SutureFault::NotABody { body: suture.body })
+            .and_then(|(_, simulated)| pierce(&suture, simulated));
+        match stitch {
+            Ok(stitch) => {
+                changed.push(suture.body);
+                (*force, sewn.0) = (SutureForce::default(), Some(stitch));
+            }
+            Err(error) => {
+                *force = SutureForce::default();
+                faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::Suture(error) });
+            }
+        }
+    }
+    for (body, mut simulated) in &mut bodies {
+        let mut here: Vec<(Entity, &Suture, &[BodyPoint; 2])> = sutures
+            .iter()
+            .filter(|(.., force)| !force.is_torn)
+            .filter_map(|(entity, suture, sewn, _)| {
+                let stitch = sewn.0.as_ref().filter(|stitch| stitch.body == body)?;
+                Some((entity, suture.into_inner(), &stitch.points))
+            })
+            .collect();
+        here.sort_by_key(|(entity, ..)| *entity);
+        let same = here.iter().map(|(entity, ..)| entity).eq(&simulated.sutures);
+        if same && !changed.contains(&body) {
+            continue;
+        }
+        let ties: Result<Vec<Tie>, (Entity, BodyError)> = here
+            .iter()
+            .map(|&(entity, suture, points)| tie(suture, points).map_err(|e| (entity, e)))
+            .collect();
+        simulated.sutures = here.iter().map(|(entity, ..)| *entity).collect();
+        let set = ties.and_then(|ties| simulated.body.set_ties(ties).map_err(|e| (body, e)));
+        if let Err((entity, error)) = set {
+            let kind = HapticFaultKind::Suture(SutureFault::Thread(error));
+            faults.write(HapticFault { entity: Some(entity), kind });
+        }
+    }
+}
+
+fn tie(suture: &Suture, [a, b]: &[BodyPoint; 2]) -> Result<Tie, BodyError> {
+    Tie::thread(a.clone(), b.clone(), suture.length_m)?.tearing_at(suture.tear_limit_n)
+}
+
+/// Finds where the suture goes through the surface.
+fn pierce(suture: &Suture, simulated: &SimulatedBody) -> Result<Stitch, SutureFault> {
+    let tree = SurfaceTree::new(&simulated.body);
+    let pierced = |end_m: DVec3| {
+        let closest = tree.closest(end_m, Suture::WITHIN_M);
+        let too_far = SutureFault::TooFar { end_m, within_m: Suture::WITHIN_M };
+        closest.map(|closest| closest.body_point(simulated.body.surface())).ok_or(too_far)
+    };
+    let [a, b] = suture.ends_m;
+    let points = [pierced(a)?, pierced(b)?];
+    tie(suture, &points)?;
+    Ok(Stitch { body: suture.body, ends_m: suture.ends_m, shape: simulated.shape, points })
+}
+
+/// Tells what every thread does, and which have torn.
+fn tell(
+    mut sutures: Query<(Entity, &Sewn, &mut SutureForce)>,
+    bodies: Query<&SimulatedBody>,
+    mut torn: MessageWriter<SutureTorn>,
+) {
+    for (entity, sewn, mut force) in &mut sutures {
+        let Some(stitch) = &sewn.0 else { continue };
+        let Ok(simulated) = bodies.get(stitch.body) else {
+            *force = SutureForce::default();
+            continue;
+        };
+        let body: &Body = &simulated.body;
+        let index = simulated.sutures.iter().position(|&suture| suture == entity);
+        let tie = index.and_then(|index| body.ties().get(index));
+        let tension_n = tie.map_or(0.0, |tie| tie.force_n().length());
+        if tie.is_some_and(Tie::is_torn) && !force.is_torn {
+            torn.write(SutureTorn { suture: entity, body: stitch.body, tension_n: force.tension_n });
+            force.is_torn = true;
+        }
+        force.tension_n = tension_n;
+        force.pull_n = stitch.points.each_ref().map(|point| point.internal_force_n(body));
+        force.ends_m = stitch.points.each_ref().map(|point| point.of(body.positions_m()));
+    }
+}

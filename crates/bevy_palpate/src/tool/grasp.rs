@@ -1,0 +1,105 @@
+//! Tools that take hold of a body.
+
+use super::{ContactBegan, ContactEnded, HapticTool, ToolCoupling, ToolLoop};
+use crate::body::SimulatedBody;
+use crate::fault::{HapticFault, HapticFaultKind};
+use bevy::prelude::*;
+use glam::DVec3;
+use palpate_body::{Body, BodyError, ClosestPoint, SurfaceTree, ToolContact};
+
+/// Put it on a tool that can grasp. While its button is pressed the tool holds the point of the surface that was nearest to it
+/// when it closed, pushing and pulling; it touches again when the button is released.
+///
+/// The button is looked at once in a model step, at the newest sample that the body was moved along: a press shorter than that may
+/// not be noticed. On the hand a grasp begins and ends with the hand-over after it. What ends a grasp from outside, a body
+/// that is rebuilt with other nodes for instance, needs another press to begin it again.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[require(Grasping)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub struct ToolGrasp {
+    /// The button that closes it: bit i of a reading's buttons.
+    pub button: u32,
+    /// How far from the tool's position the surface may be to be grasped, m.
+    pub reach_m: f64,
+}
+
+impl Default for ToolGrasp {
+    /// The first button, 10 mm.
+    fn default() -> Self {
+        Self { button: 0, reach_m: 0.01 }
+    }
+}
+
+/// What a tool with [`ToolGrasp`] holds.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub struct Grasping {
+    /// The body; `None` while it holds nothing.
+    pub body: Option<Entity>,
+    /// Where the held point is, m, world.
+    pub point_m: DVec3,
+}
+
+/// Takes hold and lets go as the buttons say.
+pub(super) fn grasp(
+    mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, Option<&ToolGrasp>, Option<&mut Grasping>)>,
+    bodies: Query<&SimulatedBody>,
+    mut began: MessageWriter<ContactBegan>,
+    mut ended: MessageWriter<ContactEnded>,
+    mut faults: MessageWriter<HapticFault>,
+) {
+    for (entity, asked, mut tool, grasp, grasping) in &mut tools {
+        let tool = &mut *tool;
+        let pressed = grasp.is_some_and(|grasp| tool.buttons() >> grasp.button & 1 == 1);
+        let closes = pressed && !std::mem::replace(&mut tool.was_pressed, pressed);
+        if !pressed && tool.contact.held_point().is_some() {
+            tool.let_go(entity).map(|message| ended.write(message));
+        }
+        let body = tool.body.and_then(|body| Some((body, bodies.get(body).ok()?.body())));
+        let place = tool.path.last().map(|point| point.position_m);
+        if let (true, Some(grasp), Some((on, body)), Some(at)) = (closes, grasp, body, place) {
+            match hold(body, asked.coupling, at, grasp.reach_m) {
+                Ok(Some((contact, closest))) => {
+                    if !tool.is_in_contact() {
+                        let (point_m, normal) = (closest.point_m, closest.normal);
+                        began.write(ContactBegan { tool: entity, body: on, point_m, normal });
+                    }
+                    (tool.contact, tool.has_support) = (contact, false);
+                }
+                Ok(None) => {}
+                Err(error) => {
+                    let kind = HapticFaultKind::Grasp(error);
+                    faults.write(HapticFault { entity: Some(entity), kind });
+                }
+            }
+        }
+        if let Some(mut grasping) = grasping {
+            let held = tool.contact.held_point().zip(body);
+            grasping.set_if_neq(held.map_or_else(Grasping::default, |(point, (on, body))| Grasping {
+                body: Some(on),
+                point_m: point.of(body.positions_m()),
+            }));
+        }
+    }
+}
+
+/// The point of `body` nearest to `at_m`, held by a tool there.
+fn hold(
+    body: &Body,
+    coupling: ToolCoupling,
+    at_m: DVec3,
+    reach_m: f64,
+) -> Result<Option<(ToolContact, ClosestPoint)>, BodyError> {
+    let Some(closest) = SurfaceTree::new(body).closest(at_m, reach_m) else { return Ok(None) };
+    let contact = ToolContact::hold_point(body, closest.body_point(body.surface()), at_m)?;
+    Ok(Some((coupling.put_before(contact)?, closest)))
+}
+
+impl ToolLoop {
+    /// The buttons at the newest sample that the body has been moved along.
+    fn buttons(&mut self) -> u32 {
+        let consumed = self.consumed;
+        let samples = self.handle.samples();
+        consumed.and_then(|sequence| samples.get(sequence)).map_or(0, |sample| sample.buttons)
+    }
+}

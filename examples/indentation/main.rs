@@ -1,0 +1,47 @@
+//! This example demonstrates indentation: a ball and a flat punch pressed slowly into a soft layer, force over depth
+//! against the theory of elasticity.
+//!
+//! `cargo run --release --example indentation` prints the ratios of measured and predicted force; with
+//! `--features panel,gizmos` the curve grows beside the picture.
+
+mod curve;
+mod hand;
+mod scene;
+mod theory;
+
+use bevy::prelude::*;
+use clap::Parser;
+use palpate_stage::{Stage, StageOptions};
+
+/// A ball and a flat punch are pressed into a soft layer; force over depth against Hertz and the flat punch.
+#[derive(Clone, Debug, Parser)]
+#[command(
+    after_help = "The layer is 180 by 60 by 180 mm, of 20 kPa and Poisson's ratio 1/4, its bottom held; the ball has a radius of \
+    40 mm, the punch of 20 mm. In a window the mouse can press instead (key M).\n\nExamples:\n  indentation --tip ball\n  indentation --pictures . --at 2.4"
+)]
+struct Options {
+    #[command(flatten)]
+    stage: StageOptions,
+    /// What presses; both are pressed one after the other if nothing is said
+    #[arg(long)]
+    tip: Option<scene::Tip>,
+}
+
+fn main() -> AppExit {
+    let options = Options::parse();
+    let tips = options.tip.map_or(vec![scene::Tip::Ball, scene::Tip::Punch], |tip| vec![tip]);
+    let stage = Stage {
+        name: "indentation",
+        title: "A ball and a flat punch pressed into a soft layer: force over depth, against Hertz",
+        eye_m: Vec3::new(0.02, 0.16, 0.30),
+        focus_m: Vec3::new(0.03, 0.0, 0.0),
+        floor_m: -0.0302,
+        seconds: hand::SECONDS * tips.len() as f64,
+        ..Stage::default()
+    };
+    let mut app = stage.app(&options.stage);
+    app.add_plugins(scene::ScenePlugin { tips });
+    #[cfg(feature = "panel")]
+    app.add_systems(bevy_egui::EguiPrimaryContextPass, curve::show);
+    app.run()
+}

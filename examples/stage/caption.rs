@@ -1,0 +1,136 @@
+//! What is written over a scene: its title, the keys, how time goes, and curves.
+
+use crate::{Stage, time};
+use bevy::prelude::*;
+use bevy_egui::{EguiContexts, EguiPlugin, EguiPrimaryContextPass, egui};
+use bevy_palpate::prelude::*;
+use egui::{Align2, Color32, RichText};
+use egui_plot::{Legend, Line, PlotPoints, Points};
+
+pub(crate) struct CaptionPlugin;
+
+impl Plugin for CaptionPlugin {
+    fn build(&self, app: &mut App) {
+        if !app.is_plugin_added::<EguiPlugin>() {
+            app.add_plugins(EguiPlugin::default());
+        }
+        app.init_resource::<Help>()
+            .add_systems(Update, toggle_help.run_if(resource_exists::<ButtonInput<KeyCode>>))
+            .add_systems(EguiPrimaryContextPass, write);
+    }
+}
+
+/// Whether the keys are shown.
+#[derive(Resource, Default)]
+struct Help(bool);
+
+const KEYS: [(&str, &str); 8] = [
+    ("R", "again from the start"),
+    ("Space", "pause"),
+    ("S", "slow motion, 1/10"),
+    ("1 … 6", "scheme: hold to near field exact"),
+    ("M", "mouse or the scene's hand"),
+    ("P  G  H", "panel, gizmos, these keys"),
+    ("left button, wheel", "grasp, depth of the mouse's hand"),
+    ("right, middle, Ctrl + wheel", "camera"),
+];
+
+fn toggle_help(keys: Res<ButtonInput<KeyCode>>, mut help: ResMut<Help>) {
+    help.0 ^= keys.just_pressed(KeyCode::KeyH);
+}
+
+fn write(
+    mut contexts: EguiContexts,
+    stage: Res<Stage>,
+    help: Res<Help>,
+    time: Res<Time<Virtual>>,
+    tools: Query<(&HapticTool, &ToolForce)>,
+) -> Result {
+    let context = contexts.ctx_mut()?;
+    egui::Area::new("title".into()).anchor(Align2::LEFT_TOP, [12.0, 10.0]).interactable(false).show(
+        context,
+        |ui| {
+            ui.label(RichText::new(stage.title).size(15.0).strong().color(Color32::WHITE));
+        },
+    );
+    egui::Area::new("state".into()).anchor(Align2::LEFT_BOTTOM, [12.0, -8.0]).interactable(false).show(
+        context,
+        |ui| {
+            for (tool, force) in &tools {
+                let line = format!("{}   {:4.2} N", tool.scheme.name(), force.force_n.length());
+                ui.label(RichText::new(line).size(13.0).monospace().color(Color32::from_gray(215)));
+            }
+            let state = match (time.is_paused(), time::is_slow(&time)) {
+                (true, _) => "paused   ",
+                (false, true) => "1/10 speed, in lock step, model steps every 5 ms   ",
+                (false, false) => "",
+            };
+            let line = format!("{state}H: keys");
+            ui.label(RichText::new(line).size(11.0).color(Color32::from_gray(150)));
+        },
+    );
+    if help.0 {
+        egui::Window::new("keys").anchor(Align2::LEFT_CENTER, [12.0, 0.0]).resizable(false).show(
+            context,
+            |ui| {
+                egui::Grid::new("keys").show(ui, |ui| {
+                    for (key, does) in KEYS {
+                        ui.label(RichText::new(key).monospace().strong());
+                        ui.label(does);
+                        ui.end_row();
+                    }
+                });
+            },
+        );
+    }
+    Ok(())
+}
+
+/// A scene's curves.
+pub struct Plot<'a> {
+    /// What it shows.
+    pub title: &'a str,
+    /// What its axes are, with units.
+    pub axes: [&'a str; 2],
+    /// Name, colour (red, green, blue) and points of each line.
+    pub lines: &'a [(&'a str, [u8; 3], Vec<[f64; 2]>)],
+    /// The same of points that are not joined.
+    pub points: &'a [(&'a str, [u8; 3], Vec<[f64; 2]>)],
+}
+
+/// Shows `plot` in the lower right corner.
+///
+/// # Errors
+/// When there is no place to write on.
+pub fn plot_window(contexts: &mut EguiContexts, plot: &Plot<'_>) -> Result {
+    let color = |[r, g, b]: [u8; 3]| Color32::from_rgb(r, g, b);
+    let frame = egui::Frame::window(&egui::Style::default()).multiply_with_opacity(0.93);
+    egui::Window::new(plot.title)
+        .anchor(Align2::RIGHT_BOTTOM, [-10.0, -10.0])
+        .resizable(false)
+        .frame(frame)
+        .show(contexts.ctx_mut()?, |ui| {
+            egui_plot::Plot::new(plot.title)
+                .width(250.0)
+                .height(180.0)
+                .x_axis_label(plot.axes[0])
+                .y_axis_label(plot.axes[1])
+                .include_x(0.0)
+                .include_y(0.0)
+                .allow_drag(false)
+                .allow_zoom(false)
+                .allow_scroll(false)
+                .legend(Legend::default().position(egui_plot::Corner::LeftTop))
+                .show(ui, |shown| {
+                    for (name, line, points) in plot.lines {
+                        let points = PlotPoints::from(points.clone());
+                        shown.line(Line::new(*name, points).color(color(*line)).width(1.8));
+                    }
+                    for (name, dot, points) in plot.points {
+                        let points = PlotPoints::from(points.clone());
+                        shown.points(Points::new(*name, points).color(color(*dot)).radius(2.6));
+                    }
+                });
+        });
+    Ok(())
+}

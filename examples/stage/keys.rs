@@ -1,0 +1,107 @@
+//! The keys, and what the mouse's buttons do beside the hand.
+
+use crate::scene::ResetScene;
+use crate::time;
+use bevy::prelude::*;
+use bevy_palpate::prelude::*;
+use bevy_palpate::{HapticSetupSystems, MouseDevicePlugin, MouseHand};
+use bevy_panorbit_camera::PanOrbitCamera;
+
+pub(crate) struct KeysPlugin;
+
+impl Plugin for KeysPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<Hand>()
+            .add_systems(PreUpdate, give_mouse.before(HapticSetupSystems::Tools))
+            .add_systems(Update, (press, zoom));
+    }
+}
+
+/// Whose hand moves the first tool.
+#[derive(Resource, Default)]
+pub(crate) enum Hand {
+    /// The mouse's, if the scene does without its own; not decided yet.
+    #[default]
+    Undecided,
+    Mouse,
+    Own,
+}
+
+/// The scheme of each digit, and the key.
+const SCHEME_KEYS: [KeyCode; 6] =
+    [KeyCode::Digit1, KeyCode::Digit2, KeyCode::Digit3, KeyCode::Digit4, KeyCode::Digit5, KeyCode::Digit6];
+
+fn press(world: &mut World) {
+    let keys = world.resource::<ButtonInput<KeyCode>>();
+    let pressed = |key| keys.just_pressed(key);
+    let (reset, pause, slow, mouse) =
+        (pressed(KeyCode::KeyR), pressed(KeyCode::Space), pressed(KeyCode::KeyS), pressed(KeyCode::KeyM));
+    let scheme =
+        Scheme::ALL.into_iter().zip(SCHEME_KEYS).find(|(_, key)| pressed(*key)).map(|(scheme, _)| scheme);
+    if let Some(scheme) = scheme {
+        let mut tools = world.query::<&mut HapticTool>();
+        tools.iter_mut(world).for_each(|mut tool| tool.scheme = scheme);
+    }
+    if pause {
+        let mut time = world.resource_mut::<Time<Virtual>>();
+        if time.is_paused() {
+            time.unpause();
+        } else {
+            time.pause();
+        }
+    }
+    if slow {
+        let is_slow = time::is_slow(world.resource::<Time<Virtual>>());
+        time::set_slow(world, !is_slow);
+    }
+    if mouse {
+        let hand = if matches!(world.resource::<Hand>(), Hand::Mouse) { Hand::Own } else { Hand::Mouse };
+        world.insert_resource(hand);
+    }
+    if reset || mouse {
+        world.resource_mut::<MouseHand>().start_again();
+        world.write_message(ResetScene);
+    }
+}
+
+/// The first tool of a scene that has just been set up gets the mouse, if that is asked for or there is no other device.
+fn give_mouse(
+    mut tools: Query<(Entity, &mut HapticTool)>,
+    added: Query<Entity, Added<HapticTool>>,
+    stage: Res<crate::Stage>,
+    mut hand: ResMut<Hand>,
+) {
+    if matches!(*hand, Hand::Undecided) {
+        *hand = if stage.has_hand { Hand::Own } else { Hand::Mouse };
+    }
+    let Some(first) = added.iter().min().filter(|_| matches!(*hand, Hand::Mouse)) else { return };
+    if let Ok((_, mut tool)) = tools.get_mut(first) {
+        tool.device = DeviceSelector::named(MouseDevicePlugin::NAME);
+    }
+}
+
+/// Ctrl and the wheel bring the camera nearer; the wheel alone is the hand's.
+fn zoom(keys: Res<ButtonInput<KeyCode>>, mut cameras: Query<&mut PanOrbitCamera>) {
+    let zooms = keys.any_pressed([KeyCode::ControlLeft, KeyCode::ControlRight]);
+    for mut camera in &mut cameras {
+        camera.zoom_sensitivity = f32::from(zooms);
+    }
+}
+
+/// The pointer turns or moves the camera, or the wheel is the camera's.
+pub(crate) fn camera_turns(buttons: Res<ButtonInput<MouseButton>>, keys: Res<ButtonInput<KeyCode>>) -> bool {
+    buttons.any_pressed([MouseButton::Right, MouseButton::Middle])
+        || keys.any_pressed([KeyCode::ControlLeft, KeyCode::ControlRight])
+}
+
+/// The pointer is over something that is written on the scene.
+#[cfg(feature = "panel")]
+pub(crate) fn pointer_is_elsewhere(wants: Res<bevy_egui::input::EguiWantsInput>) -> bool {
+    wants.wants_any_pointer_input()
+}
+
+/// There is nothing else that the pointer could be over.
+#[cfg(not(feature = "panel"))]
+pub(crate) fn pointer_is_elsewhere() -> bool {
+    false
+}

@@ -1,0 +1,36 @@
+//! The stage of palpate's scenes: what they would otherwise all repeat. A scene brings its body and its hand in systems of
+//! [`SetUpScene`] and a [`Stage`] that says what is to be seen; the stage opens a window, draws pictures or runs headless, gives
+//! light, floor, camera and keys, and ends in time. It is part of the examples and of no library.
+//!
+//! | key | does |
+//! | --- | --- |
+//! | R | body and hand as at the start |
+//! | Space | pause: the force fades, and comes back after it |
+//! | S | slow motion, see [`time`](mod@time) |
+//! | 1 … 6 | the scheme with which the loop makes force |
+//! | M | the mouse or the scene's own hand |
+//! | P, G, H | panel, gizmos, help |
+//!
+//! The right mouse button turns the camera, the middle one moves it, Ctrl and the wheel bring it nearer.
+
+#[cfg(feature = "panel")]
+mod caption;
+#[cfg(feature = "window")]
+mod display;
+#[cfg(feature = "window")]
+mod instruments;
+#[cfg(feature = "window")]
+mod keys;
+mod options;
+#[cfg(feature = "window")]
+mod picture;
+mod progress;
+mod scene;
+pub mod time;
+#[cfg(feature = "window")]
+mod view;
+
+#[cfg(feature = "panel")]
+pub use caption::{Plot, plot_window};
+pub use options::{StageOptions, folder};
+pub use scene::{SceneTime, SetUpScene, Stage};

@@ -1,0 +1,42 @@
+//! The part of the command line that all scenes share.
+
+use bevy::prelude::Resource;
+use bevy_palpate::prelude::Scheme;
+use clap::Args;
+use std::path::PathBuf;
+
+/// What can be said to every scene.
+#[derive(Args, Clone, Debug, Default, Resource)]
+pub struct StageOptions {
+    /// Time after which it ends, s [default: as long as the scene takes; with a window: until it is closed]
+    #[arg(long, value_parser = seconds)]
+    pub seconds: Option<f64>,
+    /// How the loop makes force between two model steps: hold, low_pass, tangent, neighbourhood, krylov_linear or
+    /// near_field_exact
+    #[arg(long, default_value_t)]
+    pub scheme: Scheme,
+    /// Run without a window even if this program has one
+    #[arg(long)]
+    pub headless: bool,
+    /// Draw pictures of 640 by 360 pixels into this folder instead of opening a window, at the times of --at, in lock step
+    #[arg(long, value_name = "DIR", requires = "at", conflicts_with = "headless", value_parser = folder)]
+    pub pictures: Option<PathBuf>,
+    /// Times of the pictures, s
+    #[arg(long, value_name = "S,S,…", value_delimiter = ',', requires = "pictures", value_parser = seconds)]
+    pub at: Vec<f64>,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.5..=3600.0).contains(&seconds) => Ok(seconds),
+        _ => Err("it must be a number from 0.5 to 3600".into()),
+    }
+}
+
+/// Makes the folder, so that what is wrong with it is said before anything starts.
+///
+/// # Errors
+/// What the operating system says.
+pub fn folder(path: &str) -> Result<PathBuf, String> {
+    std::fs::create_dir_all(path).map(|()| path.into()).map_err(|error| error.to_string())
+}

@@ -1,0 +1,99 @@
+//! Pictures without a window, for a page or a test.
+
+use crate::scene::{SceneTime, Shown, say};
+use crate::{Stage, display, view};
+use bevy::app::ScheduleRunnerPlugin;
+use bevy::camera::RenderTarget;
+use bevy::prelude::*;
+use bevy::render::RenderPlugin;
+use bevy::render::render_resource::TextureFormat;
+use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured, save_to_disk};
+use bevy::window::ExitCondition;
+use bevy::winit::WinitPlugin;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Pixels.
+const SIZE: [u32; 2] = [640, 360];
+
+/// The pictures that are still to be drawn.
+#[derive(Resource)]
+struct Album {
+    name: &'static str,
+    folder: PathBuf,
+    /// Times, s, the last first.
+    at_s: Vec<f64>,
+    drawn: usize,
+    target: Handle<Image>,
+    waits: bool,
+}
+
+/// Draws the scene at the times `at_s` (s) into `folder` as `NAME-1.png` and so on, and ends; says why if that cannot be.
+pub(crate) fn draw(app: &mut App, stage: &Stage, folder: &Path, at_s: &[f64]) -> Shown {
+    if let Err(why) = display::check_driver() {
+        say(&format!("{why}: {} draws nothing", stage.name));
+        return Shown::Headless;
+    }
+    let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
+    // A picture must not be drawn before what is to be drawn is ready.
+    let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
+    app.add_plugins(DefaultPlugins.set(window).set(render).disable::<WinitPlugin>())
+        .add_plugins(ScheduleRunnerPlugin::run_loop(Duration::ZERO));
+    view::furnish(app);
+    let mut at_s = at_s.to_vec();
+    at_s.sort_by(|a, b| b.total_cmp(a));
+    let [width, height] = SIZE;
+    let image = Image::new_target_texture(width, height, TextureFormat::Bgra8UnormSrgb, None);
+    let target = app.world_mut().resource_mut::<Assets<Image>>().add(image);
+    app.insert_resource(Album {
+        name: stage.name,
+        folder: folder.into(),
+        at_s,
+        drawn: 0,
+        target,
+        waits: false,
+    })
+    .add_systems(PostStartup, aim)
+    .add_systems(Update, take);
+    Shown::InPictures
+}
+
+fn aim(mut commands: Commands, album: Res<Album>, cameras: Query<Entity, With<Camera3d>>) {
+    for camera in &cameras {
+        let mut camera = commands.entity(camera);
+        camera.insert(RenderTarget::Image(album.target.clone().into()));
+        #[cfg(feature = "panel")]
+        camera.insert(bevy_egui::PrimaryEguiContext);
+    }
+}
+
+/// Takes a picture when its time has come; time stands still until it is there.
+fn take(
+    mut commands: Commands,
+    mut album: ResMut<Album>,
+    scene: Res<SceneTime>,
+    mut time: ResMut<Time<Virtual>>,
+    mut exit: MessageWriter<AppExit>,
+) {
+    if album.waits {
+        return;
+    }
+    let Some(&next_s) = album.at_s.last() else {
+        exit.write(AppExit::Success);
+        return;
+    };
+    if scene.0 < next_s - 1e-9 {
+        return;
+    }
+    album.at_s.pop();
+    album.drawn += 1;
+    album.waits = true;
+    time.pause();
+    let file = album.folder.join(format!("{}-{}.png", album.name, album.drawn));
+    commands.spawn(Screenshot::image(album.target.clone())).observe(save_to_disk(file)).observe(
+        |_: On<ScreenshotCaptured>, mut album: ResMut<Album>, mut time: ResMut<Time<Virtual>>| {
+            album.waits = false;
+            time.unpause();
+        },
+    );
+}

@@ -1,0 +1,163 @@
+//! A scene on the stage: begun, begun again, ended.
+
+use crate::progress::ProgressPlugin;
+use crate::{StageOptions, time};
+use bevy::app::ScheduleRunnerPlugin;
+use bevy::ecs::schedule::ScheduleLabel;
+use bevy::log::LogPlugin;
+use bevy::prelude::*;
+use bevy_palpate::prelude::*;
+use bevy_palpate::{HapticSetupSystems, ModelStep};
+use std::time::Duration;
+
+/// Spawns a scene's bodies, tools and sutures, at the start and at every reset: systems are added to it as to `Startup`.
+#[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
+pub struct SetUpScene;
+
+/// What a scene says of itself.
+#[derive(Resource, Clone, Copy, Debug)]
+pub struct Stage {
+    /// Its name.
+    pub name: &'static str,
+    /// What it shows, in one line.
+    pub title: &'static str,
+    /// Where the camera is at first, m, and what it looks at.
+    pub eye_m: Vec3,
+    /// What it looks at.
+    pub focus_m: Vec3,
+    /// Where the floor is, m.
+    pub floor_m: f32,
+    /// How long it takes, s.
+    pub seconds: f64,
+    /// The clock of the loops where there is no window.
+    pub clock: HapticClock,
+    /// The scene's own hand is there, so the mouse is not the first device.
+    pub has_hand: bool,
+}
+
+impl Default for Stage {
+    fn default() -> Self {
+        Self {
+            name: "",
+            title: "",
+            eye_m: Vec3::new(0.15, 0.16, 0.21),
+            focus_m: Vec3::new(0.0, 0.01, 0.0),
+            floor_m: -0.0502,
+            seconds: 5.0,
+            clock: HapticClock::Lockstep,
+            has_hand: true,
+        }
+    }
+}
+
+/// Time since the scene was set up, s, in model steps.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub struct SceneTime(pub f64);
+
+/// Asks for the scene as it was at the start.
+#[derive(Message, Clone, Copy, Debug)]
+pub(crate) struct ResetScene;
+
+/// How a scene is shown.
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Shown {
+    #[cfg(feature = "window")]
+    InWindow,
+    #[cfg(feature = "window")]
+    InPictures,
+    Headless,
+}
+
+impl Stage {
+    /// An app with this stage, to which the scene's own systems are added.
+    #[must_use]
+    pub fn app(self, options: &StageOptions) -> App {
+        let mut app = App::new();
+        app.insert_resource(options.clone()).insert_resource(self).init_resource::<SceneTime>();
+        let shown = show(&mut app, &self, options);
+        let clock = match shown {
+            #[cfg(feature = "window")]
+            Shown::InWindow => HapticClock::Thread,
+            #[cfg(feature = "window")]
+            Shown::InPictures => HapticClock::Lockstep,
+            Shown::Headless => self.clock,
+        };
+        if shown == Shown::Headless {
+            let frame = Duration::from_millis(if clock == HapticClock::Thread { 5 } else { 0 });
+            let runner = ScheduleRunnerPlugin::run_loop(frame);
+            app.add_plugins((MinimalPlugins.set(runner), LogPlugin::default(), ProgressPlugin));
+        }
+        if clock == HapticClock::Lockstep {
+            time::step_by_step(&mut app);
+        }
+        app.insert_resource(shown)
+            .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock, ..default() }))
+            .add_message::<ResetScene>()
+            .init_schedule(SetUpScene)
+            .add_systems(Startup, set_up)
+            .add_systems(
+                PreUpdate,
+                set_up.run_if(on_message::<ResetScene>).before(HapticSetupSystems::Bodies),
+            )
+            .add_systems(ModelStep, count_time.in_set(HapticSystems::First))
+            .add_systems(Update, end_in_time);
+        app
+    }
+
+    /// How long the scene runs, s; `None` until it is closed.
+    #[must_use]
+    pub(crate) fn end_s(&self, options: &StageOptions, shown: Shown) -> Option<f64> {
+        options.seconds.or((shown == Shown::Headless).then_some(self.seconds))
+    }
+}
+
+#[cfg(feature = "window")]
+fn show(app: &mut App, stage: &Stage, options: &StageOptions) -> Shown {
+    if options.headless {
+        return Shown::Headless;
+    }
+    if let Some(folder) = &options.pictures {
+        return crate::picture::draw(app, stage, folder, &options.at);
+    }
+    crate::view::open_window(app, stage)
+}
+
+#[cfg(not(feature = "window"))]
+fn show(_app: &mut App, _stage: &Stage, options: &StageOptions) -> Shown {
+    if options.pictures.is_some() {
+        say("this program cannot draw: build it with --features panel,gizmos");
+    }
+    Shown::Headless
+}
+
+/// Says something before there is a log.
+#[expect(clippy::print_stderr, reason = "there is no log before there is an app")]
+pub(crate) fn say(what: &str) {
+    eprintln!("{what}");
+}
+
+fn set_up(world: &mut World) {
+    let mut there =
+        world.query_filtered::<Entity, Or<(With<DeformableBody>, With<HapticTool>, With<Suture>)>>();
+    for entity in there.iter(world).collect::<Vec<_>>() {
+        world.despawn(entity);
+    }
+    world.insert_resource(SceneTime::default());
+    world.run_schedule(SetUpScene);
+}
+
+fn count_time(rate: Res<ModelRate>, mut time: ResMut<SceneTime>) {
+    time.0 += rate.period_s();
+}
+
+fn end_in_time(
+    time: Res<SceneTime>,
+    stage: Res<Stage>,
+    options: Res<StageOptions>,
+    shown: Res<Shown>,
+    mut exit: MessageWriter<AppExit>,
+) {
+    if stage.end_s(&options, *shown).is_some_and(|end_s| time.0 > end_s - 1e-9) {
+        exit.write(AppExit::Success);
+    }
+}

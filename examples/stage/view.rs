@@ -1,0 +1,218 @@
+//! What is to be seen: camera, light, floor, and what bodies, tools and threads look like.
+
+use crate::scene::{Shown, say};
+use crate::{Stage, display, instruments, keys};
+use bevy::prelude::*;
+use bevy_palpate::prelude::*;
+use bevy_palpate::{MouseDevicePlugin, MouseDeviceSystems, SimulatedBody};
+use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
+use palpate_haptics::FollowingHand;
+
+/// What tools are painted with, in the order in which they are spawned.
+const TOOL_COLORS: [Color; 2] = [Color::srgb(0.10, 0.42, 0.85), Color::srgb(0.95, 0.60, 0.10)];
+const FLESH: Color = Color::srgb(0.80, 0.40, 0.37);
+const FLOOR: Color = Color::srgb(0.20, 0.24, 0.29);
+const BACKGROUND: Color = Color::srgb(0.075, 0.09, 0.115);
+const THREAD: Color = Color::srgb(0.93, 0.93, 0.86);
+
+/// Opens a window with everything in it, unless there is no place for one; says why not.
+pub(crate) fn open_window(app: &mut App, stage: &Stage) -> Shown {
+    if let Err(why) = display::check() {
+        say(&format!("{why}: {} runs without a window", stage.name));
+        return Shown::Headless;
+    }
+    let window = Window { title: format!("palpate: {}", stage.name), ..default() };
+    app.add_plugins(DefaultPlugins.set(WindowPlugin { primary_window: Some(window), ..default() }))
+        .add_plugins((PanOrbitCameraPlugin, mouse(stage), keys::KeysPlugin));
+    furnish(app);
+    app.add_systems(PostStartup, let_the_camera_turn).configure_sets(
+        PreUpdate,
+        MouseDeviceSystems.run_if(not(keys::camera_turns).and_then(not(keys::pointer_is_elsewhere))),
+    );
+    Shown::InWindow
+}
+
+/// The mouse's hand begins a little above what the camera looks at.
+fn mouse(stage: &Stage) -> MouseDevicePlugin {
+    let start_m = (stage.focus_m + Vec3::Y * 0.07).as_dvec3();
+    MouseDevicePlugin { hand: FollowingHand { start_m, ..default() }, ..default() }
+}
+
+/// Light, floor, looks, and what is written and drawn over the scene.
+pub(crate) fn furnish(app: &mut App) {
+    app.insert_resource(ClearColor(BACKGROUND))
+        .insert_resource(GlobalAmbientLight { brightness: 420.0, ..default() })
+        .add_systems(Startup, light_up)
+        .add_systems(PreUpdate, (dress_bodies, dress_tools, dress_sutures))
+        .add_systems(PostUpdate, stretch_threads.before(TransformSystems::Propagate));
+    instruments::add(app);
+    #[cfg(feature = "panel")]
+    app.add_plugins(crate::caption::CaptionPlugin);
+}
+
+fn light_up(
+    mut commands: Commands,
+    stage: Res<Stage>,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut materials: ResMut<Assets<StandardMaterial>>,
+) {
+    commands.spawn((
+        Camera3d::default(),
+        // Centimetres are seen from near: the default near plane would cut into a body.
+        Projection::Perspective(PerspectiveProjection { near: 0.005, ..default() }),
+        Transform::from_translation(stage.eye_m).looking_at(stage.focus_m, Vec3::Y),
+    ));
+    commands.spawn((
+        DirectionalLight { illuminance: 7_500.0, shadow_maps_enabled: true, ..default() },
+        // Shadows of a decimetre, not of the hundred metres that are the default.
+        bevy::light::CascadeShadowConfigBuilder {
+            num_cascades: 1,
+            minimum_distance: 0.02,
+            maximum_distance: 0.8,
+            ..default()
+        }
+        .build(),
+        Transform::from_xyz(0.25, 0.8, 0.45).looking_at(Vec3::ZERO, Vec3::Y),
+    ));
+    // A weaker light from the other side, so that no face is black.
+    commands.spawn((
+        DirectionalLight {
+            illuminance: 1_500.0,
+            color: Color::srgb(0.75, 0.85, 1.0),
+            shadow_maps_enabled: false,
+            ..default()
+        },
+        Transform::from_xyz(-0.6, 0.3, -0.2).looking_at(Vec3::ZERO, Vec3::Y),
+    ));
+    commands.spawn((
+        Mesh3d(meshes.add(Plane3d::default().mesh().size(1.2, 1.2))),
+        MeshMaterial3d(materials.add(StandardMaterial {
+            base_color: FLOOR,
+            perceptual_roughness: 0.9,
+            ..default()
+        })),
+        Transform::from_xyz(0.0, stage.floor_m, 0.0),
+    ));
+}
+
+fn let_the_camera_turn(mut commands: Commands, cameras: Query<Entity, With<Camera3d>>, stage: Res<Stage>) {
+    for camera in &cameras {
+        commands.entity(camera).insert(PanOrbitCamera {
+            focus: stage.focus_m,
+            button_orbit: MouseButton::Right,
+            button_pan: MouseButton::Middle,
+            // The wheel is the mouse's depth; see `keys`.
+            zoom_sensitivity: 0.0,
+            zoom_lower_limit: 0.05,
+            use_real_time: true,
+            ..default()
+        });
+    }
+}
+
+fn dress_bodies(
+    mut commands: Commands,
+    bodies: Query<Entity, (Added<SimulatedBody>, Without<MeshMaterial3d<StandardMaterial>>)>,
+    mut materials: ResMut<Assets<StandardMaterial>>,
+) {
+    for body in &bodies {
+        let flesh = StandardMaterial {
+            base_color: FLESH,
+            perceptual_roughness: 0.45,
+            reflectance: 0.35,
+            // A slit shows its inside, and a thin body both its sides.
+            double_sided: true,
+            cull_mode: None,
+            ..default()
+        };
+        commands.entity(body).insert(MeshMaterial3d(materials.add(flesh)));
+    }
+}
+
+/// A tip as large as what touches, and a handle, so that it is seen from everywhere.
+fn dress_tools(
+    mut commands: Commands,
+    tools: Query<(Entity, Ref<HapticTool>)>,
+    mut dressed: Local<Vec<(Entity, ToolShape)>>,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut materials: ResMut<Assets<StandardMaterial>>,
+) {
+    dressed.retain(|(entity, _)| tools.contains(*entity));
+    let mut there: Vec<(Entity, ToolShape)> = tools
+        .iter()
+        .filter(|(_, tool)| tool.is_changed())
+        .map(|(entity, tool)| (entity, tool.shape))
+        .collect();
+    there.sort_unstable_by_key(|(entity, _)| *entity);
+    for (entity, shape) in there {
+        let index = dressed.iter().position(|(other, _)| *other == entity).unwrap_or(dressed.len());
+        match dressed.get_mut(index) {
+            Some((_, old)) if *old == shape => continue,
+            Some((_, old)) => *old = shape,
+            None => dressed.push((entity, shape)),
+        }
+        let steel = materials.add(StandardMaterial {
+            base_color: TOOL_COLORS[index % TOOL_COLORS.len()],
+            metallic: 0.15,
+            perceptual_roughness: 0.3,
+            ..default()
+        });
+        let radius = shape.radius_m() as f32;
+        let (tip, handle) = match shape {
+            ToolShape::Sphere { .. } => {
+                let lean = Quat::from_rotation_z(-0.3) * Quat::from_rotation_x(-0.35);
+                let at = Transform::from_rotation(lean).with_translation(lean * Vec3::Y * 0.04);
+                let rod = Capsule3d::new((0.45 * radius).min(0.004), 0.08);
+                (Mesh::from(Sphere::new(radius)), (Mesh::from(rod), at))
+            }
+            ToolShape::FlatPunch { axis, .. } => {
+                let up = Quat::from_rotation_arc(Vec3::Y, -axis.as_vec3());
+                // Its position is the middle of its face.
+                let at = |height: f32| {
+                    Transform::from_rotation(up).with_translation(up * Vec3::Y * (0.5 * height))
+                };
+                let rod = Cylinder::new(0.004, 0.07);
+                let tip = Mesh::from(Cylinder::new(radius, 0.012)).transformed_by(at(0.012));
+                (tip, (Mesh::from(rod), at(0.07)))
+            }
+        };
+        commands.entity(entity).despawn_children().insert((
+            Mesh3d(meshes.add(tip)),
+            MeshMaterial3d(steel.clone()),
+            children![(Mesh3d(meshes.add(handle.0)), MeshMaterial3d(steel), handle.1)],
+        ));
+    }
+}
+
+/// Radius of a thread, m.
+const THREAD_M: f32 = 0.0009;
+
+fn dress_sutures(
+    mut commands: Commands,
+    sutures: Query<Entity, Added<Suture>>,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut materials: ResMut<Assets<StandardMaterial>>,
+) {
+    for suture in &sutures {
+        let silk = StandardMaterial { base_color: THREAD, perceptual_roughness: 0.5, ..default() };
+        commands.entity(suture).insert((
+            Mesh3d(meshes.add(Cylinder::new(THREAD_M, 1.0))),
+            MeshMaterial3d(materials.add(silk)),
+            Transform::from_scale(Vec3::ZERO),
+        ));
+    }
+}
+
+/// Between its ends; a torn one is gone.
+fn stretch_threads(mut sutures: Query<(&SutureForce, &mut Transform), With<Suture>>) {
+    for (force, mut transform) in &mut sutures {
+        let [a, b] = force.ends_m.map(|end| end.as_vec3() + Vec3::Y * THREAD_M);
+        let along = b - a;
+        let seen = if force.is_torn { 0.0 } else { 1.0 };
+        *transform = Transform {
+            translation: 0.5 * (a + b),
+            rotation: along.try_normalize().map_or(Quat::IDENTITY, |d| Quat::from_rotation_arc(Vec3::Y, d)),
+            scale: seen * Vec3::new(1.0, along.length(), 1.0),
+        };
+    }
+}

@@ -1,0 +1,44 @@
+//! This example demonstrates grasp and suture: a hand takes a wound's edge, pulls it across, three threads are sewn and pulled
+//! tight, and in the end the hand tears them.
+//!
+//! `cargo run --release --example suture_pull` prints the forces; `--features panel,gizmos` shows it, and with key M the mouse's left
+//! button grasps.
+
+mod hand;
+mod scene;
+#[cfg(feature = "panel")]
+mod tension;
+mod wound;
+
+use bevy::prelude::*;
+use clap::Parser;
+use palpate_stage::{Stage, StageOptions};
+
+/// A wound's edge is grasped and pulled across; threads hold it, with the same force on both sides, until they tear.
+#[derive(Clone, Debug, Parser)]
+#[command(after_help = "Examples:\n  suture_pull --seconds 3\n  suture_pull --pictures . --at 1.2,2.8")]
+struct Options {
+    #[command(flatten)]
+    stage: StageOptions,
+    /// Tension at which a thread tears, N
+    #[arg(long, default_value_t = 0.5)]
+    tear_limit: f64,
+}
+
+fn main() -> AppExit {
+    let options = Options::parse();
+    let stage = Stage {
+        name: "suture_pull",
+        title: "A wound's edge is grasped, pulled across and sewn; threads pull and never push",
+        eye_m: Vec3::new(0.035, 0.12, 0.13),
+        focus_m: Vec3::new(0.012, 0.005, 0.0),
+        floor_m: -0.0152,
+        seconds: hand::SECONDS,
+        ..Stage::default()
+    };
+    let mut app = stage.app(&options.stage);
+    app.add_plugins(scene::ScenePlugin { tear_limit_n: options.tear_limit });
+    #[cfg(feature = "panel")]
+    app.add_plugins(tension::TensionPlugin);
+    app.run()
+}

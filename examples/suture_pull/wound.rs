@@ -1,0 +1,59 @@
+//! A soft slab with a wound, and the threads that close it.
+
+use bevy::prelude::*;
+use bevy_palpate::SimulatedBody;
+use bevy_palpate::prelude::*;
+
+/// Height of the slab's top, m.
+pub const TOP_M: f64 = 0.015;
+/// Distance of the wound's edges from each other at rest, m.
+const GAPE_M: f64 = 0.010;
+/// The stitches along the wound, m; how far beside its edge they go in; how long the threads are in the end.
+const STITCHES_M: [f64; 3] = [-0.014, 0.0, 0.014];
+const BESIDE_M: f64 = 0.003;
+const TIGHT_M: f64 = 0.005;
+/// How fast the threads are pulled tight, m/s.
+const TIGHTENED_M_PER_S: f64 = 0.02;
+
+/// The slab: 12 by 3 by 12 cm, of 5 kPa, its bottom held, cut along its middle.
+pub fn slab() -> impl Bundle {
+    (
+        DeformableBody::block_of_size([13, 4, 13], DVec3::new(0.12, 2.0 * TOP_M, 0.12)),
+        Tissue { youngs_modulus_pa: 5e3, damping_ratio: 0.6, ..default() },
+        Slit { length_m: 0.06, depth_m: 0.02, gape_m: GAPE_M },
+        FixedRegion::Face(Face::Bottom),
+    )
+}
+
+/// The wound's two edges at `along_m`: the surface nodes nearest to them at rest, where they are now, m.
+pub fn edges_m(body: &SimulatedBody, along_m: f64) -> [DVec3; 2] {
+    let body = body.body();
+    [-0.5, 0.5].map(|side| {
+        let edge = DVec3::new(side * GAPE_M, TOP_M, along_m);
+        let rest = body.network().rest_m();
+        let nodes = body.surface().vertices.iter().copied();
+        let nearest = nodes.min_by(|&a, &b| rest[a].distance(edge).total_cmp(&rest[b].distance(edge)));
+        nearest.map_or(edge, |node| body.positions_m()[node])
+    })
+}
+
+/// Three threads across the wound, as long as it is wide now.
+pub fn stitches(entity: Entity, body: &SimulatedBody, tear_limit_n: f64) -> Vec<Suture> {
+    let stitch = |&along_m: &f64| {
+        let [left, right] = edges_m(body, along_m);
+        let across = (right - left).normalize_or(DVec3::X);
+        let ends_m = [left - BESIDE_M * DVec3::X, right + BESIDE_M * DVec3::X];
+        let length_m = (ends_m[1] - ends_m[0]).dot(across).abs().max(TIGHT_M);
+        Suture { body: entity, ends_m, length_m, tear_limit_n }
+    };
+    STITCHES_M.iter().map(stitch).collect()
+}
+
+/// Pulls the threads tight, as far as they are not.
+pub fn tighten(mut sutures: Query<&mut Suture>, rate: Res<ModelRate>) {
+    for mut suture in &mut sutures {
+        if suture.length_m > TIGHT_M {
+            suture.length_m = (suture.length_m - TIGHTENED_M_PER_S * rate.period_s()).max(TIGHT_M);
+        }
+    }
+}
