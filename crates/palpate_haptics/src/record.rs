@@ -63,7 +63,7 @@ pub enum LoopEventKind {
     EmergencyStopped,
     /// The hand is believed to be elsewhere, that far away, m; the start begins anew.
     #[error(
-        "the hand jumped by {0} m; force comes back when it is small; check the sensor if nobody moved it"
+        "the hand jumped by {0:.3} m; force comes back when it is small; check the sensor if nobody moved it"
     )]
     HandJumped(f64),
     /// The device was opened again after it had been disconnected.

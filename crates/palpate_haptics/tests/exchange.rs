@@ -111,7 +111,7 @@ fn models_and_settings_cross_whole_to_a_loop_at_full_speed() {
     let (mut handle, mut haptic_loop) = haptic_loop(config(), settings(0)).unwrap();
     let (mut twin_handle, mut twin) = palpate_haptics::haptic_loop(config(), settings(0)).unwrap();
     let enough = AtomicBool::new(false);
-    let (mut taken, mut changed, mut felt) = (0_u64, 0_u64, 0_u64);
+    let (mut taken, mut adopted, mut changed, mut felt) = (0_u64, 0_u64, 0_u64, 0_u64);
     std::thread::scope(|scope| {
         scope.spawn(|| {
             let mut number = 0;
@@ -149,12 +149,14 @@ fn models_and_settings_cross_whole_to_a_loop_at_full_speed() {
                 record, first.record,
                 "a model or settings are torn, or the loop is no function of them"
             );
+            adopted += u64::from(first.record.spoken.swap.is_some());
             felt += u64::from(first.device_force_n != DVec3::ZERO);
             haptic_loop.finish_tick(&first, None, Ok(()));
             twin.finish_tick(&second, None, Ok(()));
         }
     });
-    let (refused, adopted) = (handle.report().models_refused, handle.report().models_adopted);
+    // The report comes every 64 ticks, more than Miri has time for.
+    let refused = handle.report().models_refused;
     // Where the writer is interrupted long enough its model is too old for the samples that are kept.
     assert!(20 * refused < taken && 2 * adopted > taken, "{refused} refused, {adopted} adopted of {taken}");
     let enough = taken >= TAKEN && changed >= TAKEN / 2 && felt >= TAKEN / 40;
@@ -200,7 +202,7 @@ fn samples_records_and_reports_cross_whole_from_a_loop_at_full_speed() {
         }
         assert_eq!(last, TICKS);
     });
-    assert!(handle.report().ticks >= TICKS - 64);
+    assert!(handle.report().ticks + 64 >= TICKS);
 }
 
 /// What the sample `sequence` must be.

@@ -189,3 +189,61 @@ fn judge(name: &'static str, expected: Expected, turned: &Turned, growth: f64) -
         why,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    const FADES: Expected = Expected { zero_within: Some(100), recovers: true, told: "it broke" };
+
+    /// What is felt where nothing is wrong, but for 50 ticks of zero from 80 ticks after the fault on and a ramp after them.
+    fn faded() -> Turned {
+        let gain = |tick: u64| match tick.saturating_sub(BREAKS_AT) {
+            0..80 => 1.0,
+            since => (since.saturating_sub(130) as f64 / 20.0).min(1.0),
+        };
+        let force = |tick| gain(tick) * scene::sound_n(tick);
+        let forces = (1..=scene::TICKS).map(|tick| (tick, DVec3::Z * force(tick))).collect();
+        Turned { forces, told: vec!["it broke: mend it".into()], ticks: scene::TICKS }
+    }
+
+    /// What is held against `turned`.
+    fn why(expected: Expected, turned: &Turned) -> String {
+        judge("a fault", expected, turned, 1.0).why.unwrap_or_default()
+    }
+
+    #[test]
+    fn what_is_as_it_must_be_is_survived() {
+        let outcome = judge("a fault", FADES, &faded(), 1.0);
+        assert_eq!((outcome.survived, outcome.why, outcome.ticks_to_safe), (true, None, 80));
+        assert!(outcome.recovered && outcome.told == "it broke: mend it");
+    }
+
+    #[test]
+    fn everything_that_must_not_be_is_found() {
+        let tick = BREAKS_AT as usize;
+        let spoilt = |spoil: fn(&mut Vec<(u64, DVec3)>, usize)| {
+            let mut turned = faded();
+            spoil(&mut turned.forces, tick);
+            turned
+        };
+        let untold = Turned { told: vec!["something else".into()], ..faded() };
+        let bridged = Expected { zero_within: None, ..FADES };
+        for (expected, turned, says) in [
+            (FADES, spoilt(|forces, at| forces[at].1.x = f64::NAN), "not finite"),
+            (FADES, spoilt(|forces, _| forces[9].1.z = 10.1), "came to 10.1 N"),
+            (FADES, spoilt(|forces, at| forces[at + 100].1.z = 2.1), "grew by 2.1 N"),
+            (Expected { zero_within: Some(79), ..FADES }, faded(), "zero after Some(80) ticks"),
+            (FADES, spoilt(|forces, at| forces[at + 100].1.z = 1e-9), "ticks, not within Some(100)"),
+            (bridged, faded(), "did not go on"),
+            (Expected { recovers: false, ..FADES }, faded(), "came back when it should not"),
+            (FADES, spoilt(|forces, _| forces[3899].1.z += 0.2), "did not when it should"),
+            (FADES, spoilt(|forces, _| forces.truncate(3860)), "did not when it should"),
+            (FADES, untold, "nothing was told of it"),
+            (Expected { told: "", ..FADES }, faded(), "told that is no fault"),
+        ] {
+            assert!(why(expected, &turned).contains(says), "{says}: {}", why(expected, &turned));
+        }
+    }
+}

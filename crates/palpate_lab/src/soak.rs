@@ -29,8 +29,10 @@ use report::Report;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Model periods after which a local model fades: a second.
-const STALE_AFTER: f64 = 20.0;
+/// Model periods after which a local model fades: three seconds.
+const STALE_AFTER: f64 = 60.0;
+/// Samples kept, so that a model that took that long can still catch up.
+const HISTORY: usize = 4096;
 
 /// The loop on its thread for a while, the machine busy: what it holds to, and how late it is
 ///
@@ -40,7 +42,7 @@ const STALE_AFTER: f64 = 20.0;
 /// so that they meet the same load, and half a period apart, so that neither waits for the other where both are on one core.
 ///
 /// The exit code is 1 if a deadline is unaccounted for, a force at the device out of its limits, or anything is allocated
-/// or freed on the loop's thread. Lateness is told, not judged.
+/// or freed on the loop's thread. Lateness and memory are told, not judged.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab soak --seconds 600 --load cpu --json\n  palpate-lab soak --load io --core 1\n  \
@@ -115,7 +117,11 @@ impl Soak {
         let (body, contact, start_m) = block.scene()?;
         let builder = LocalModelBuilder::new(&body, BuilderOptions::default())?;
         let config = LoopConfig {
-            hand_over: HandOverSettings { capacity: builder.capacity(), ..HandOverSettings::default() },
+            hand_over: HandOverSettings {
+                capacity: builder.capacity(),
+                history: HISTORY,
+                ..HandOverSettings::default()
+            },
             real_time: RealTime { priority: self.priority.0, core: self.core, ..RealTime::default() },
             // Room for eight seconds in which the model side takes nothing.
             event_capacity: 8192,

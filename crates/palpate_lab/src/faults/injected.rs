@@ -1,7 +1,7 @@
 //! The faults that can be injected in lock step.
 
 use super::Expected;
-use super::scene::{BREAKS_AT, Scene, hand, settings};
+use super::scene::{BREAKS_AT, PERIOD, Scene, hand, settings};
 use glam::DVec3;
 use palpate_haptics::{DeviceError, LoopSettings, Reading};
 
@@ -45,6 +45,24 @@ fn changed(ticks: u64, change: impl Fn(u64, Reading) -> Reading + 'static) -> Sc
     }
 }
 
+/// A scene whose device does not take so many forces.
+fn writes(ticks: u64, error: DeviceError) -> Scene {
+    Scene {
+        write: Box::new(move |tick| if is_broken(tick, ticks) { Err(error) } else { Ok(()) }),
+        ..Scene::default()
+    }
+}
+
+/// The reading of that number.
+fn numbered(tick: u64) -> Reading {
+    Reading { number: Some(tick), ..Reading::at(hand(tick)) }
+}
+
+/// The number of the other of two in a row.
+fn swapped(tick: u64) -> u64 {
+    if tick.is_multiple_of(2) { tick + 1 } else { tick - 1 }
+}
+
 /// A scene whose local models are changed from the fault on, until the second touch.
 fn models(change: impl Fn(&mut palpate_local::LocalModel) -> bool + 'static) -> Scene {
     Scene {
@@ -75,12 +93,22 @@ pub(crate) fn all() -> Vec<Injected> {
             bridged("the device broke its protocol: a short report"),
             reads(3, DeviceError::Protocol("a short report")),
         ),
-        // A device that repeats itself for 40 ms, and one whose reports overtake each other, cannot be told from a hand.
-        ("repeated_sample", bridged(""), changed(40, |_, _| Reading::at(hand(BREAKS_AT)))),
+        (
+            "repeated_sample",
+            bridged("the device repeats its last report"),
+            changed(40, |_, _| numbered(BREAKS_AT)),
+        ),
         (
             "reordered_samples",
+            bridged("the device's reports came out of order"),
+            changed(40, far(|tick, _| numbered(swapped(tick)))),
+        ),
+        // Where a device does not number its reports they cannot be told from a hand.
+        ("repeated_sample_unnumbered", bridged(""), changed(40, |_, _| Reading::at(hand(BREAKS_AT)))),
+        (
+            "reordered_samples_unnumbered",
             bridged(""),
-            changed(40, far(|tick, _| Reading::at(hand(if tick % 2 == 0 { tick + 1 } else { tick - 1 })))),
+            changed(40, far(|tick, _| Reading::at(hand(swapped(tick))))),
         ),
         (
             "non_finite_sample",
@@ -96,6 +124,18 @@ pub(crate) fn all() -> Vec<Injected> {
             changed(2, move |_, reading| Reading { position_m: reading.position_m + jump, ..reading }),
         ),
         (
+            "jump_of_50_mm_in_a_silence",
+            fades(11, "the hand jumped by 0.05"),
+            Scene {
+                read: Box::new(move |tick, reading| match tick {
+                    BREAKS_AT.. if tick < BREAKS_AT + 10 => Err(DeviceError::TimedOut),
+                    BREAKS_AT.. => Ok(Reading { position_m: reading.position_m + jump, ..reading }),
+                    _ => Ok(reading),
+                }),
+                ..Scene::default()
+            },
+        ),
+        (
             "jump_of_50_mm_for_good",
             fades(7, "the position jumped farther than a hand can move"),
             changed(u64::MAX, move |_, reading| Reading { position_m: reading.position_m + jump, ..reading }),
@@ -103,12 +143,13 @@ pub(crate) fn all() -> Vec<Injected> {
         (
             "write_error",
             bridged("the device failed: the device is disconnected"),
-            Scene {
-                write: Box::new(
-                    |tick| if is_broken(tick, 30) { Err(DeviceError::Disconnected) } else { Ok(()) },
-                ),
-                ..Scene::default()
-            },
+            writes(30, DeviceError::Disconnected),
+        ),
+        // The device goes on with what it has until it is stopped beside the loop, for which there has to be a thread.
+        (
+            "write_error_300_ticks",
+            fades(301, "the device failed: the device did not answer"),
+            writes(300, DeviceError::TimedOut),
         ),
         (
             "model_stalled_10_s",
@@ -120,6 +161,16 @@ pub(crate) fn all() -> Vec<Injected> {
             fades(STALE, "a local model was refused"),
             models(|model| {
                 model.force_n.y = f64::NAN;
+                true
+            }),
+        ),
+        // Every number of it is finite, and what comes of them is not.
+        (
+            "local_model_that_overflows",
+            fades(PERIOD, "the force of a local model is not finite"),
+            models(|model| {
+                model.stiffness_n_per_m.z_axis.z = f64::MAX;
+                model.position_m.z += 1e3;
                 true
             }),
         ),

@@ -100,7 +100,8 @@ impl Scene {
         let mut turned = Turned { ticks: self.ticks, ..Turned::default() };
         for tick in 1..=self.ticks {
             (self.app)(tick, &mut handle);
-            let reading = (self.read)(tick, Reading::at(hand(tick)));
+            let whole = Reading { number: Some(tick), ..Reading::at(hand(tick)) };
+            let reading = (self.read)(tick, whole);
             let ticked = haptic_loop.tick((self.elapsed)(tick), reading);
             let written = (self.write)(tick);
             // What is not written is not felt: the device goes on with what it had.

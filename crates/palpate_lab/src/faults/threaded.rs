@@ -5,10 +5,10 @@ use super::scene::{BREAKS_AT, LIMITS, TICKS, Turned, config, hand, settings, wri
 use crate::error::LabError;
 use glam::DVec3;
 use palpate_haptics::{
-    DeviceDescription, DeviceError, EmergencyStop, HapticDevice, HapticHandle, LoopEventKind, LoopThread,
-    Reading, Stop, haptic_loop,
+    DeviceDescription, DeviceError, EmergencyStop, HapticDevice, HapticHandle, LoopEventKind, Reading,
+    haptic_loop,
 };
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// What a device does when it breaks.
@@ -18,6 +18,8 @@ enum Break {
     Nothing,
     /// Its read does not come back for so many milliseconds.
     Blocks(u64),
+    /// It takes no force for so many milliseconds, and goes on with what it has.
+    TakesNone(u64),
     /// It is unplugged for so many milliseconds.
     Unplugged(u64),
     /// Its driver panics.
@@ -29,7 +31,7 @@ enum Break {
 enum App {
     /// It goes on.
     GoesOn,
-    /// Its model side panics.
+    /// Its model side panics in the middle of a local model; another begins in its place after 0.8 s.
     Panics,
     /// It goes away without stopping the loop.
     GoesAway,
@@ -51,7 +53,7 @@ pub(crate) fn all() -> Vec<Threaded> {
     vec![
         (
             "read_blocks_with_emergency_stop",
-            expected(50 + BUSY, true, "which was stopped"),
+            expected(50 + BUSY, true, "the device was stopped"),
             scene(Break::Blocks(400), true, App::GoesOn),
         ),
         (
@@ -59,6 +61,11 @@ pub(crate) fn all() -> Vec<Threaded> {
             // Until then the device's firmware has to end the force.
             expected(400 + BUSY, true, "offers no emergency stop"),
             scene(Break::Blocks(400), false, App::GoesOn),
+        ),
+        (
+            "write_error_for_good",
+            expected(50 + BUSY, true, "the device was stopped"),
+            scene(Break::TakesNone(800), true, App::GoesOn),
         ),
         (
             "unplug_and_replug",
@@ -70,7 +77,11 @@ pub(crate) fn all() -> Vec<Threaded> {
             expected(BUSY, false, "the driver panicked"),
             scene(Break::Panics, true, App::GoesOn),
         ),
-        ("model_side_panics", expected(300 + BUSY, false, ""), scene(Break::Nothing, true, App::Panics)),
+        (
+            "model_side_panics",
+            expected(300 + BUSY, true, "no new local model has come"),
+            scene(Break::Nothing, true, App::Panics),
+        ),
         ("app_dropped_without_stop", expected(BUSY, false, ""), scene(Break::Nothing, true, App::GoesAway)),
     ]
 }
@@ -136,6 +147,9 @@ impl HapticDevice for Stand {
     }
 
     fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError> {
+        if matches!(self.breaks, Break::TakesNone(ms) if (BREAKS_AT..BREAKS_AT + ms).contains(&self.ms())) {
+            return Err(DeviceError::TimedOut);
+        }
         // An unplugged device shows nothing.
         let shown = if self.is_plugged { force_n } else { DVec3::ZERO };
         self.felt.lock().unwrap_or_else(PoisonError::into_inner).push((self.ms(), shown));
@@ -178,56 +192,52 @@ fn wait(ms: u64) {
 
 fn run(breaks: Break, can_be_stopped: bool, app: App) -> Result<Turned, LabError> {
     let felt = Felt::default();
-    let (mut handle, haptic_loop) = haptic_loop(config(), settings())?;
+    let (handle, haptic_loop) = haptic_loop(config(), settings())?;
+    let handle = Mutex::new(handle);
     let began = now();
     let device = Stand { began, breaks, can_be_stopped, is_plugged: false, felt: Arc::clone(&felt) };
     let mut thread = haptic_loop.spawn(Box::new(device))?;
     let mut turned = Turned { ticks: TICKS, ..Turned::default() };
     let ms = || began.elapsed().as_millis() as u64;
     while ms() < TICKS && thread.is_running() {
-        if app != App::GoesOn && ms() >= BREAKS_AT {
-            return Ok(leave(app, handle, thread, &felt, turned, began));
-        }
         wait(50);
-        model_step(&mut handle);
-        listen(&mut turned, &mut handle);
+        match app {
+            App::GoesAway if ms() >= BREAKS_AT => break,
+            App::Panics if (BREAKS_AT..BREAKS_AT + 800).contains(&ms()) => {
+                if !handle.is_poisoned() {
+                    panic_in_model_step(&handle);
+                }
+            }
+            App::GoesOn | App::Panics | App::GoesAway => model_step(&mut handle_of(&handle)),
+        }
+        listen(&mut turned, &mut handle_of(&handle));
     }
-    if matches!(thread.stop(), Stop::Panicked) {
-        turned
-            .told
-            .insert(0, "the driver panicked; zero force was written and the device closed: update it".into());
+    if app == App::GoesAway {
+        drop((handle, thread));
+    } else {
+        thread.stop();
+        listen(&mut turned, &mut handle_of(&handle));
     }
-    listen(&mut turned, &mut handle);
     turned.forces = std::mem::take(&mut felt.lock().unwrap_or_else(PoisonError::into_inner));
     Ok(turned)
 }
 
-/// The app ends in its own way; then what the hand still feels is waited for.
-fn leave(
-    app: App,
-    handle: HapticHandle,
-    thread: LoopThread,
-    felt: &Felt,
-    mut turned: Turned,
-    began: Instant,
-) -> Turned {
-    match app {
-        App::Panics => {
-            // The model side takes its handle with it; the thread goes on without.
-            let side = std::thread::spawn(move || {
-                let _handle = handle;
-                panic!("the model side panics");
-            });
-            debug_assert!(side.join().is_err());
-            while began.elapsed() < Duration::from_millis(BREAKS_AT + 600) {
-                wait(20);
-            }
-            drop(thread);
-        }
-        App::GoesAway | App::GoesOn => drop((handle, thread)),
-    }
-    turned.forces = std::mem::take(&mut felt.lock().unwrap_or_else(PoisonError::into_inner));
-    turned
+/// The app's half of the loop, whatever became of who had it before.
+fn handle_of(handle: &Mutex<HapticHandle>) -> MutexGuard<'_, HapticHandle> {
+    handle.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The model side's thread panics while it writes a local model.
+fn panic_in_model_step(handle: &Mutex<HapticHandle>) {
+    let ended = std::thread::scope(|scope| {
+        let side = scope.spawn(|| {
+            let mut handle = handle_of(handle);
+            handle.model_slot().force_n = DVec3::NAN;
+            panic!("the model side panics");
+        });
+        side.join()
+    });
+    debug_assert!(ended.is_err());
 }
 
 /// A model step: a local model of the surface from the newest sample.

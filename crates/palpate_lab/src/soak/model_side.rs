@@ -1,6 +1,7 @@
 //! The model side, on a thread of its own: the body is stepped along the samples at 20 Hz and local models are built of it.
 
 use super::account::Account;
+use super::memory::{SETTLED_AFTER_S, settle};
 use crate::error::LabError;
 use palpate_body::{Body, SemiImplicitEuler, ToolContact, ToolPoint};
 use palpate_haptics::HapticHandle;
@@ -41,6 +42,16 @@ pub(super) struct Done {
     pub(super) longest: Duration,
     /// Samples that came faster than the body could be stepped, and were left out.
     pub(super) samples_lost: u64,
+    /// Bytes that it has allocated and not freed; and those at the first step after ten seconds.
+    pub(super) live_bytes: i64,
+    pub(super) live_bytes_settled: Option<i64>,
+}
+
+impl Done {
+    /// What it has kept since the tenth second, bytes.
+    pub(super) fn kept_bytes(&self) -> Option<i64> {
+        self.live_bytes_settled.map(|settled| self.live_bytes - settled)
+    }
 }
 
 impl ModelSide {
@@ -50,12 +61,22 @@ impl ModelSide {
         reason = "the model side keeps its own rate, and nothing hangs on it"
     )]
     pub(super) fn run(mut self, ended: &AtomicBool) -> Result<Self, LabError> {
-        let mut next = Instant::now() + PERIOD;
+        settle();
+        let start = Instant::now();
+        let mut next = start + PERIOD;
         while !ended.load(Ordering::Acquire) {
             std::thread::sleep(next.saturating_duration_since(Instant::now()));
             let begun = Instant::now();
-            self.take_words();
-            if self.step()? {
+            let mut stepped = Ok(false);
+            let allocated = allocation_counter::measure(|| {
+                self.take_words();
+                stepped = self.step();
+            });
+            self.done.live_bytes += allocated.bytes_current;
+            if start.elapsed().as_secs() >= SETTLED_AFTER_S {
+                self.done.live_bytes_settled.get_or_insert(self.done.live_bytes);
+            }
+            if stepped? {
                 let took = begun.elapsed();
                 self.done.steps += 1;
                 self.done.time += took;

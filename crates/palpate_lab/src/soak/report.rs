@@ -127,7 +127,7 @@ impl Report {
             period_us: Percentiles::of(&told.period),
             cost_us: Percentiles::of(&told.cost),
             allocations_on_loop: allocations,
-            memory_bytes: memory,
+            memory_bytes: Memory { kept_by_model_side: done.kept_bytes(), ..memory },
             forces_out_of_limits: felt.out_of_limits + account.grown_too_fast,
             peak_force_n: felt.peak_n,
             ticks_with_force: felt.not_zero,
@@ -150,8 +150,8 @@ impl Report {
         let mebibytes = |bytes: Option<u64>| {
             bytes.map_or("-".into(), |bytes| format!("{:.1}", bytes as f64 / f64::from(1 << 20)))
         };
-        let Memory { start, after_10_s, end, growth } = self.memory_bytes;
-        let growth = growth.map_or("-".into(), |bytes| bytes.to_string());
+        let Memory { start, after_10_s, end, growth, kept_by_model_side } = self.memory_bytes;
+        let bytes = |bytes: Option<i64>| bytes.map_or("-".into(), |bytes| bytes.to_string());
         let RealTimeText { priority, memory, core } = &self.real_time;
         let (dropped, accounted) = (self.dropped_records + self.dropped_events, self.accounted);
         let rows = [
@@ -174,7 +174,8 @@ impl Report {
                 "memory, MiB",
                 format!("{}, after 10 s {}, end {}", mebibytes(start), mebibytes(after_10_s), mebibytes(end)),
             ),
-            ("growth after 10 s, bytes", growth),
+            ("growth after 10 s, bytes", bytes(growth)),
+            ("kept by the model side", bytes(kept_by_model_side)),
             (
                 "forces out of limits",
                 format!("{}, largest {:.2} N", self.forces_out_of_limits, self.peak_force_n),
