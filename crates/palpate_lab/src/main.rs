@@ -16,6 +16,7 @@ mod figure;
 mod grip;
 mod lattice;
 mod manipulate;
+mod organ;
 mod output;
 mod paper;
 mod progress;
@@ -51,6 +52,7 @@ enum Command {
     Soak(soak::Soak),
     Paper(paper::Paper),
     Blackbox(blackbox::Blackbox),
+    Organ(organ::Organ),
 }
 
 fn main() -> ExitCode {
@@ -80,6 +82,7 @@ fn main() -> ExitCode {
         Command::Soak(command) => command.run(&cli.output),
         Command::Paper(command) => command.run(&cli.output),
         Command::Blackbox(command) => command.run(&cli.output),
+        Command::Organ(command) => command.run(&cli.output),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

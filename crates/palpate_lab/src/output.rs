@@ -54,7 +54,7 @@ pub(crate) fn csv(columns: &[(String, Vec<f64>)]) -> String {
 
 /// Writes all `files` (name and contents) to `folder`, each whole or not at all, and none before all could be written
 /// beside their places.
-pub(crate) fn write_files(folder: &Path, files: &[(&str, String)]) -> Result<(), LabError> {
+pub(crate) fn write_files(folder: &Path, files: &[(&str, impl AsRef<[u8]>)]) -> Result<(), LabError> {
     let failed = |name: &str| {
         let path = folder.join(name);
         move |source| LabError::Write { path, source }
@@ -68,7 +68,7 @@ pub(crate) fn write_files(folder: &Path, files: &[(&str, String)]) -> Result<(),
     for (name, contents) in files {
         let write = || -> std::io::Result<_> {
             let mut file = tempfile::NamedTempFile::new_in(folder)?;
-            file.write_all(contents.as_bytes())?;
+            file.write_all(contents.as_ref())?;
             // A temporary file is its owner's alone; a result is anybody's.
             set_readable(file.as_file())?;
             Ok(file)

@@ -1,0 +1,75 @@
+//! What the drawn mesh of a body costs: 50,000 vertices moved with the nodes, with their normals, and the making of such a
+//! body. Run with `cargo bench -p palpate_benches --bench skin`.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use glam::{DAffine3, DVec3};
+use palpate_body::{CellLattice, CellSize, ClosedMesh, MeshBody, Skin, Tissue};
+use std::hint::black_box;
+
+/// A lump 0.12 m long with about `vertices` vertices, on circles of latitude from pole to pole.
+fn lump(vertices: usize) -> (Vec<DVec3>, Vec<[usize; 3]>) {
+    let rings = (vertices as f64 / 2.0).sqrt() as usize;
+    let round = 2 * rings;
+    let place = |u: f64, v: f64| {
+        let x = DVec3::new(u.sin() * v.cos(), u.cos(), u.sin() * v.sin());
+        x * DVec3::new(0.06, 0.03, 0.04) * (1.0 + 0.15 * (3.0 * x.x + 2.0 * x.z).sin())
+    };
+    let mut at = vec![place(0.0, 0.0)];
+    for ring in 1..=rings {
+        let u = std::f64::consts::PI * ring as f64 / (rings + 1) as f64;
+        at.extend((0..round).map(|i| place(u, std::f64::consts::TAU * i as f64 / round as f64)));
+    }
+    at.push(place(std::f64::consts::PI, 0.0));
+    let on = |ring: usize, i: usize| 1 + ring * round + i % round;
+    let last = at.len() - 1;
+    let mut triangles = Vec::new();
+    for i in 0..round {
+        triangles.extend([[0, on(0, i + 1), on(0, i)], [last, on(rings - 1, i), on(rings - 1, i + 1)]]);
+        for ring in 0..rings - 1 {
+            let [a, b, c, d] = [on(ring, i), on(ring, i + 1), on(ring + 1, i + 1), on(ring + 1, i)];
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    (at, triangles)
+}
+
+fn body(mesh: &ClosedMesh) -> MeshBody {
+    let lattice = CellLattice::fit(mesh, CellSize::Along(16)).expect("16 cells fit");
+    lattice.allow_free().tissue(&Tissue::default()).expect("the lump is a good one")
+}
+
+fn deform(c: &mut Criterion) {
+    let (at, triangles) = lump(50_000);
+    let mesh = ClosedMesh::new(at, triangles).expect("the lump is closed");
+    let MeshBody { network, mut skin, .. } = body(&mesh);
+    let bent: Vec<DVec3> =
+        network.rest_m().iter().map(|x| *x + DVec3::Y * (3.0 * x.x * x.x + 2.0 * x.z * x.x)).collect();
+    let to_local = DAffine3::from_translation(DVec3::new(0.1, 0.2, 0.3));
+    let mut drawn = [vec![[0.0_f32; 3]; skin.vertices()], vec![[0.0_f32; 3]; skin.vertices()]];
+    let run = |skin: &mut Skin, [positions, normals]: &mut [Vec<[f32; 3]>; 2]| {
+        skin.deform(black_box(&bent), &to_local, positions, normals).expect("the lists fit");
+    };
+    let vertices = skin.vertices();
+    c.bench_function(&format!("positions and normals of {vertices} vertices"), |b| {
+        b.iter(|| run(&mut skin, &mut drawn));
+    });
+}
+
+fn make(c: &mut Criterion) {
+    let mut group = c.benchmark_group("a body from a mesh");
+    group.sample_size(10);
+    for vertices in [10_000, 50_000] {
+        let (at, triangles) = lump(vertices);
+        group.bench_function(format!("closed mesh of {} vertices", at.len()), |b| {
+            b.iter(|| ClosedMesh::new(at.clone(), triangles.clone()).expect("the lump is closed"));
+        });
+        let mesh = ClosedMesh::new(at, triangles).expect("the lump is closed");
+        group.bench_function(format!("16 cells along, {} vertices", mesh.vertices_m().len()), |b| {
+            b.iter(|| body(&mesh))
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, deform, make);
+criterion_main!(benches);
