@@ -2,6 +2,7 @@
 
 mod mesh;
 
+use crate::diagnostics::FrameCost;
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::{HapticSystems, ModelStep};
 use bevy::ecs::query::QueryData;
@@ -145,6 +146,13 @@ impl SimulatedBody {
         self.epoch
     }
 
+    /// How every node moves with column `column` of the newest local model's basis; `None` where there is no such column. See
+    /// [`LocalModelBuilder::basis_column`].
+    #[must_use]
+    pub fn basis_column(&self, column: usize) -> Option<Vec<DVec3>> {
+        self.builder.basis_column(&self.body, column)
+    }
+
     /// What the last model step did.
     #[must_use]
     pub fn last_step(&self) -> StepReport {
@@ -159,13 +167,16 @@ pub struct BodyPlugin;
 
 impl Plugin for BodyPlugin {
     fn build(&self, app: &mut App) {
+        let cost = FrameCost::of(app);
         app.register_type::<DeformableBody>()
             .register_type::<Tissue>()
             .register_type::<FixedRegion>()
             .add_message::<HapticFault>()
             .add_systems(
                 PreUpdate,
-                (build_bodies, mesh::give_meshes).chain().in_set(HapticSetupSystems::Bodies),
+                (cost.timed(build_bodies), cost.timed(mesh::give_meshes))
+                    .chain()
+                    .in_set(HapticSetupSystems::Bodies),
             )
             .add_observer(remove_simulation)
             .add_systems(ModelStep, mesh::write_meshes.in_set(HapticSystems::Writeback));

@@ -42,13 +42,16 @@
 //!   [`Touching`]; messages [`ContactBegan`], [`ContactEnded`]; every tick in [`TickRecording`].
 //! * Devices: [`DeviceSelector`], [`HapticDevices`].
 //! * Time: [`ModelStep`], [`HapticSystems`], [`ModelRate`], [`HapticClock`].
-//! * Faults: [`HapticFault`].
+//! * Faults: [`HapticFault`]. Costs and errors as diagnostics: [`HapticDiagnosticsPlugin`].
 //!
 //! # Feature flags
 //!
 //! | feature | adds |
 //! | --- | --- |
-//! | `window` | a renderer and a window (Bevy's `bevy_pbr` and `bevy_winit`) |
+//! | `gltf` | bodies from glTF and GLB files |
+//! | `window` | a renderer and a window (Bevy's `bevy_pbr` and `bevy_winit`), and `gltf` |
+//! | `panel` | a panel of plots and sliders for every tool (`bevy_egui`, `egui_plot`), and `window` |
+//! | `gizmos` | lattice, contact, near field and basis drawn over the scene, and `window` |
 //!
 //! None is on by default: a headless app builds no renderer.
 //!
@@ -88,6 +91,7 @@
 
 mod body;
 mod device;
+mod diagnostics;
 mod fault;
 mod plugins;
 mod reflect;
@@ -96,13 +100,13 @@ mod tool;
 
 pub use body::{BodyPlugin, DeformableBody, Face, FixedRegion, HapticSetupSystems, SimulatedBody, Tissue};
 pub use device::{DeviceSelector, HapticDevices};
+pub use diagnostics::HapticDiagnosticsPlugin;
 pub use fault::{DeviceFault, HapticFault, HapticFaultKind};
 pub use plugins::{FaultLogPlugin, PalpatePlugins};
 pub use schedule::{HapticClock, HapticSchedulePlugin, HapticSystems, ModelRate, ModelStep, ModelStepCount};
 pub use tool::{
-    ContactBegan, ContactEnded, HapticTool, KeepBlackBox, LOCAL_MODEL_ERROR, LOCAL_MODEL_ERROR_NOTICEABLE,
-    LocalModelBuild, LocalModelError, LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolLoop,
-    ToolPlugin, ToolSettings, Touching,
+    ContactBegan, ContactEnded, HapticTool, KeepBlackBox, LocalModelBuild, LocalModelError, LoopTiming,
+    TickRecording, ToolCoupling, ToolForce, ToolLoop, ToolPlugin, ToolSettings, Touching,
 };
 
 /// What an app with haptic bodies needs.

@@ -1,6 +1,7 @@
 //! The plugins, as one group.
 
 use crate::body::BodyPlugin;
+use crate::diagnostics::HapticDiagnosticsPlugin;
 use crate::fault::log_faults;
 use crate::schedule::HapticSchedulePlugin;
 use crate::tool::ToolPlugin;
@@ -14,6 +15,7 @@ use bevy::prelude::*;
 /// | [`HapticSchedulePlugin`] | the schedule [`ModelStep`](crate::ModelStep), its rate and clock |
 /// | [`BodyPlugin`] | builds bodies, writes their meshes |
 /// | [`ToolPlugin`] | devices, loops, model steps, local models, results |
+/// | [`HapticDiagnosticsPlugin`] | costs and errors in Bevy's diagnostics |
 /// | [`FaultLogPlugin`] | writes faults to the log |
 ///
 /// Each can be set, disabled or replaced as in any group:
@@ -37,6 +39,7 @@ impl PluginGroup for PalpatePlugins {
             .add(HapticSchedulePlugin::default())
             .add(BodyPlugin)
             .add(ToolPlugin)
+            .add(HapticDiagnosticsPlugin)
             .add(FaultLogPlugin)
     }
 }

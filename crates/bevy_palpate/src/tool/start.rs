@@ -15,24 +15,24 @@ use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{ToolContact, ToolPoint};
 use palpate_haptics::{
-    HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopSettings, LoopThread, Stop, haptic_loop,
+    HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopReport, LoopSettings, LoopThread, Stop, haptic_loop,
 };
 
 /// The running loop of a tool, and the model side's account of it. Removing it stops the loop.
 #[derive(Component, Debug)]
 #[component(on_remove = stop_loop)]
 pub struct ToolLoop {
-    pub(super) handle: HapticHandle,
+    pub(crate) handle: HapticHandle,
     pub(super) driver: Driver,
-    pub(super) contact: ToolContact,
+    pub(crate) contact: ToolContact,
     /// The body it touches or can touch.
-    pub(super) body: Option<Entity>,
+    pub(crate) body: Option<Entity>,
     /// The shape of that body to which the contact belongs.
     pub(super) shape: u64,
     /// Sequence number of the sample up to which the body has been moved.
-    pub(super) consumed: Option<u64>,
+    pub(crate) consumed: Option<u64>,
     /// The path since then: where it began and one point for each tick.
-    pub(super) path: Vec<ToolPoint>,
+    pub(crate) path: Vec<ToolPoint>,
     /// The support set of the last local model, of the body's shape of then.
     pub(super) support: Vec<usize>,
     /// Whether there was one: nothing within reach is a support set too.
@@ -40,7 +40,7 @@ pub struct ToolLoop {
     /// It has been said that the tool touched beyond that.
     pub(super) was_beyond: bool,
     /// What the full body displayed over the last model step, tick by tick, N.
-    pub(super) full_n: Vec<DVec3>,
+    pub(crate) full_n: Vec<DVec3>,
     /// How far the loop was from that.
     pub(super) error: LocalModelError,
     /// A local model waits to be published.
@@ -50,7 +50,7 @@ pub struct ToolLoop {
     /// The entity that was refused to it as a body, so that it is said once.
     pub(super) refused_body: Option<Entity>,
     /// The newest settings that make sense.
-    pub(super) settings: ToolSettings,
+    pub(crate) settings: ToolSettings,
     /// How often the device has been stopped by the watchdog, as far as that has been said.
     pub(super) emergency_stops: u64,
     /// Events lost, as far as that has been said.
@@ -104,6 +104,17 @@ impl ToolLoop {
     #[must_use]
     pub fn contact(&self) -> &ToolContact {
         &self.contact
+    }
+
+    /// The support set of its newest local model, as the body numbers its nodes; empty for a scheme that has none.
+    #[must_use]
+    pub fn support(&self) -> &[usize] {
+        if self.has_support { &self.support } else { &[] }
+    }
+
+    /// The loop's newest account of itself: counters and histograms since its start.
+    pub fn report(&mut self) -> &LoopReport {
+        self.handle.report()
     }
 
     /// Lets go of what is touched; the message to be written if something was.
