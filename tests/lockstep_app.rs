@@ -42,7 +42,7 @@ fn the_error_against_the_full_body_is_told_at_every_model_step() {
         // Fifty ticks a step, but for those before the first local model.
         assert!(errors[2..].iter().all(|error| error.ticks == 50), "{errors:?}");
         let store = app.world().resource::<bevy::diagnostic::DiagnosticsStore>();
-        let told = store.get(&bevy_palpate::LOCAL_MODEL_ERROR).unwrap();
+        let told = store.get(&bevy_palpate::HapticDiagnosticsPlugin::LOCAL_MODEL_ERROR).unwrap();
         assert_eq!(told.value(), errors.last().map(|error| error.rms_n));
         let felt: Vec<f64> = errors.iter().filter_map(|error| error.relative).collect();
         let share: Vec<f64> = errors.iter().filter_map(|error| error.share_of_noticeable).collect();

@@ -12,10 +12,12 @@ pub use shape::{BodyRegion, DeformableBody, Face, FixedRegion, MeshShape, Slit};
 pub use source::MeshSourceError;
 pub use tissue::{Inclusion, Inclusions, Tissue};
 
+use crate::diagnostics::FrameCost;
 use crate::fault::HapticFault;
 use bevy::asset::AssetEventSystems;
 use bevy::prelude::*;
 use drawn::Drawn;
+use glam::DVec3;
 use palpate_body::{Body, BodyError, ClosedMesh, Skin, StepReport};
 use palpate_reduce::LocalModelBuilder;
 use std::sync::Arc;
@@ -75,6 +77,13 @@ impl SimulatedBody {
         self.closed.as_deref()
     }
 
+    /// How every node moves with column `column` of the newest local model's basis; `None` where there is no such column. See
+    /// [`LocalModelBuilder::basis_column`].
+    #[must_use]
+    pub fn basis_column(&self, column: usize) -> Option<Vec<DVec3>> {
+        self.builder.basis_column(&self.body, column)
+    }
+
     /// What the last model step did.
     #[must_use]
     pub fn last_step(&self) -> StepReport {
@@ -89,6 +98,7 @@ pub struct BodyPlugin;
 
 impl Plugin for BodyPlugin {
     fn build(&self, app: &mut App) {
+        let cost = FrameCost::of(app);
         app.register_type::<DeformableBody>()
             .register_type::<Tissue>()
             .register_type::<FixedRegion>()
@@ -98,14 +108,19 @@ impl Plugin for BodyPlugin {
             .add_message::<HapticFault>()
             .add_systems(
                 PreUpdate,
-                (build::build_bodies, build::take_built, carry::carry_bodies, drawn::give_meshes)
+                (
+                    cost.timed(build::build_bodies),
+                    cost.timed(build::take_built),
+                    cost.timed(carry::carry_bodies),
+                    cost.timed(drawn::give_meshes),
+                )
                     .chain()
                     .in_set(HapticSetupSystems::Bodies),
             )
             .add_observer(remove_simulation)
             .add_systems(
                 PostUpdate,
-                drawn::draw_bodies.before(AssetEventSystems).before(TransformSystems::Propagate),
+                cost.timed(drawn::draw_bodies).before(AssetEventSystems).before(TransformSystems::Propagate),
             );
     }
 }

@@ -45,13 +45,16 @@
 //!   [`Touching`]; messages [`ContactBegan`], [`ContactEnded`]; every tick in [`TickRecording`].
 //! * Devices: [`DeviceSelector`], [`HapticDevices`]; with the feature `window` `MouseDevicePlugin`.
 //! * Time: [`ModelStep`], [`HapticSystems`], [`ModelRate`], [`HapticClock`].
-//! * Faults: [`HapticFault`].
+//! * Faults: [`HapticFault`]. Costs and errors as diagnostics: [`HapticDiagnosticsPlugin`].
 //!
 //! # Feature flags
 //!
 //! | feature | adds |
 //! | --- | --- |
-//! | `window` | a renderer and a window (Bevy's `bevy_pbr` and `bevy_winit`), the mouse as a device |
+//! | `gltf` | bodies from glTF and GLB files |
+//! | `window` | a renderer and a window (Bevy's `bevy_pbr` and `bevy_winit`), the mouse as a device, and `gltf` |
+//! | `panel` | a panel of plots and sliders for every tool (`bevy_egui`, `egui_plot`), and `window` |
+//! | `gizmos` | lattice, contact, near field and basis drawn over the scene, and `window` |
 //!
 //! None is on by default: a headless app builds no renderer.
 //!
@@ -94,6 +97,7 @@
 
 mod body;
 mod device;
+mod diagnostics;
 mod fault;
 #[cfg(feature = "window")]
 mod mouse;
@@ -108,6 +112,7 @@ pub use body::{
     MeshShape, MeshSourceError, SimulatedBody, Slit, Tissue,
 };
 pub use device::{DeviceSelector, HapticDevices};
+pub use diagnostics::HapticDiagnosticsPlugin;
 pub use fault::{DeviceFault, HapticFault, HapticFaultKind, SutureFault};
 #[cfg(feature = "window")]
 pub use mouse::{MouseDevicePlugin, MouseDeviceSystems, MouseHand};
@@ -115,9 +120,9 @@ pub use plugins::{FaultLogPlugin, PalpatePlugins};
 pub use schedule::{HapticClock, HapticSchedulePlugin, HapticSystems, ModelRate, ModelStep, ModelStepCount};
 pub use suture::{Suture, SutureForce, SuturePlugin, SutureTorn};
 pub use tool::{
-    ContactBegan, ContactEnded, Grasping, HapticTool, KeepBlackBox, LOCAL_MODEL_ERROR,
-    LOCAL_MODEL_ERROR_NOTICEABLE, LocalModelBuild, LocalModelError, LoopTiming, TickRecording, ToolCoupling,
-    ToolForce, ToolGrasp, ToolLoop, ToolPlugin, ToolSettings, Touching,
+    ContactBegan, ContactEnded, Grasping, HapticTool, KeepBlackBox, LocalModelBuild, LocalModelError,
+    LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolGrasp, ToolLoop, ToolPlugin, ToolSettings,
+    Touching,
 };
 
 /// What an app with haptic bodies needs.

@@ -1,6 +1,7 @@
 //! The plugins, as one group.
 
 use crate::body::BodyPlugin;
+use crate::diagnostics::HapticDiagnosticsPlugin;
 use crate::fault::log_faults;
 use crate::schedule::HapticSchedulePlugin;
 use crate::suture::SuturePlugin;
@@ -16,6 +17,7 @@ use bevy::prelude::*;
 /// | [`BodyPlugin`] | builds bodies, writes their meshes |
 /// | [`ToolPlugin`] | devices, loops, model steps, local models, results |
 /// | [`SuturePlugin`](crate::SuturePlugin) | threads through bodies |
+/// | [`HapticDiagnosticsPlugin`] | costs and errors in Bevy's diagnostics |
 /// | [`FaultLogPlugin`] | writes faults to the log |
 ///
 /// Each can be set, disabled or replaced as in any group:
@@ -40,6 +42,7 @@ impl PluginGroup for PalpatePlugins {
             .add(BodyPlugin)
             .add(ToolPlugin)
             .add(SuturePlugin)
+            .add(HapticDiagnosticsPlugin)
             .add(FaultLogPlugin)
     }
 }

@@ -1,6 +1,7 @@
 //! The model's own schedule, its rate and its clock.
 
 use crate::body::HapticSetupSystems;
+use crate::diagnostics::{FrameCost, note_model_step, timed};
 use crate::fault::{HapticFault, HapticFaultKind};
 use bevy::ecs::schedule::{LogLevel, ScheduleBuildSettings, ScheduleLabel};
 use bevy::ecs::system::SystemParam;
@@ -165,6 +166,7 @@ impl Plugin for HapticSchedulePlugin {
                     .chain(),
             );
         });
+        let cost = FrameCost::of(app);
         app.insert_resource(self.rate)
             .insert_resource(self.clock)
             .init_resource::<Accumulated>()
@@ -173,7 +175,7 @@ impl Plugin for HapticSchedulePlugin {
             .register_type::<HapticClock>()
             .register_type::<ModelStepCount>()
             .add_message::<HapticFault>()
-            .add_systems(FixedUpdate, run_model_steps)
+            .add_systems(FixedUpdate, cost.timed(run_model_steps))
             .add_systems(PreUpdate, watch_speed.before(HapticSetupSystems::Bodies));
     }
 }
@@ -193,7 +195,8 @@ fn run_model_steps(world: &mut World) {
             accumulated.0 -= rate.period() * periods;
         }
         world.resource_mut::<ModelStepCount>().0 += 1;
-        world.run_schedule(ModelStep);
+        let ((), cost) = timed(|| world.run_schedule(ModelStep));
+        note_model_step(world, cost);
     }
 }
 

@@ -10,18 +10,15 @@ mod start;
 
 pub use black_box::KeepBlackBox;
 pub use grasp::{Grasping, ToolGrasp};
-pub use results::{
-    LOCAL_MODEL_ERROR, LOCAL_MODEL_ERROR_NOTICEABLE, LocalModelBuild, LocalModelError, LoopTiming,
-    TickRecording, ToolForce, Touching,
-};
+pub use results::{LocalModelBuild, LocalModelError, LoopTiming, TickRecording, ToolForce, Touching};
 pub use start::ToolLoop;
 
 use crate::body::HapticSetupSystems;
 use crate::device::{DeviceSelector, HapticDevices};
+use crate::diagnostics::FrameCost;
 use crate::fault::HapticFault;
 use crate::schedule::{HapticClock, HapticSystems, ModelRate, ModelStep};
 use crate::suture::SutureSystems;
-use bevy::diagnostic::{Diagnostic, RegisterDiagnostic};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{BodyError, Coupling, ToolContact, ToolShape};
@@ -155,6 +152,7 @@ pub struct ToolPlugin;
 
 impl Plugin for ToolPlugin {
     fn build(&self, app: &mut App) {
+        let cost = FrameCost::of(app);
         app.init_resource::<HapticDevices>()
             .register_type::<HapticTool>()
             .register_type::<ToolSettings>()
@@ -164,8 +162,6 @@ impl Plugin for ToolPlugin {
             .register_type::<LocalModelBuild>()
             .register_type::<LocalModelError>()
             .register_type::<LoopTiming>()
-            .register_diagnostic(Diagnostic::new(LOCAL_MODEL_ERROR).with_suffix(" N"))
-            .register_diagnostic(Diagnostic::new(LOCAL_MODEL_ERROR_NOTICEABLE).with_suffix(" %"))
             .register_type::<Touching>()
             .add_message::<HapticFault>()
             .add_message::<ContactBegan>()
@@ -174,11 +170,11 @@ impl Plugin for ToolPlugin {
             .add_systems(
                 PreUpdate,
                 (
-                    start::start_loops,
-                    receive::watch_loops,
-                    settings::check_settings,
-                    settings::set_loops,
-                    results::write_results,
+                    cost.timed(start::start_loops),
+                    cost.timed(receive::watch_loops),
+                    cost.timed(settings::check_settings),
+                    cost.timed(settings::set_loops),
+                    cost.timed(results::write_results),
                 )
                     .chain()
                     .in_set(HapticSetupSystems::Tools),
@@ -207,7 +203,7 @@ impl Plugin for ToolPlugin {
                 ),
             )
             .add_observer(start::remove_loop)
-            .add_systems(PostUpdate, results::move_tools.before(TransformSystems::Propagate));
+            .add_systems(PostUpdate, cost.timed(results::move_tools).before(TransformSystems::Propagate));
     }
 
     fn finish(&self, app: &mut App) {

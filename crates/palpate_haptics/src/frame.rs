@@ -57,6 +57,12 @@ impl DeviceFrame {
         }
     }
 
+    /// The place, m, in the device's frame.
+    #[must_use]
+    pub fn position_to_device_m(&self, scene_m: DVec3) -> DVec3 {
+        self.rotation.conjugate() * (scene_m - self.offset_m) / self.scale
+    }
+
     /// The force, N, in the device's frame.
     #[must_use]
     pub fn force_to_device(&self, force_n: DVec3) -> DVec3 {
@@ -81,7 +87,7 @@ mod tests {
         let scene = frame.to_scene(&reading);
         let power = f.dot(scene.velocity_m_per_s.unwrap());
         assert!((power - 2.5 * frame.force_to_device(f).dot(v)).abs() < 1e-12);
-        let back = frame.rotation.conjugate() * (scene.position_m - frame.offset_m) / 2.5;
+        let back = frame.position_to_device_m(scene.position_m);
         assert!((back - reading.position_m).length() < 1e-15);
     }
 

@@ -44,6 +44,11 @@ impl TimeHistogram {
         self.0.max() as f64 * 1e-3
     }
 
+    /// The times that were recorded, ascending, µs, to two significant digits, and how often each.
+    pub fn recorded_us(&self) -> impl Iterator<Item = (f64, u64)> {
+        self.0.iter_recorded().map(|step| (step.value_iterated_to() as f64 * 1e-3, step.count_at_value()))
+    }
+
     /// How many times were recorded.
     #[must_use]
     pub fn count(&self) -> u64 {
@@ -265,6 +270,19 @@ fn share(count: u16, of: u64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_was_recorded_is_told_again_with_its_count() {
+        let mut histogram = TimeHistogram::new();
+        [1, 900, 55_000, 55_000, 980_000, 3_000_000].into_iter().for_each(|ns| histogram.record(ns));
+        let told: Vec<(f64, u64)> = histogram.recorded_us().collect();
+        assert_eq!(told.len(), 5);
+        for ((us, count), (expected, often)) in
+            told.into_iter().zip([(1e-3, 1), (0.9, 1), (55.0, 2), (980.0, 1), (3000.0, 1)])
+        {
+            assert!((us / expected - 1.0).abs() < 0.01 && count == often, "{us} {count}");
+        }
+    }
 
     #[test]
     fn the_success_rate_is_that_of_counting() {

@@ -187,6 +187,23 @@ impl LocalModelBuilder {
         self.near_field.support()
     }
 
+    /// Columns of the basis V of the last local model of [`Scheme::NearFieldExact`] or [`Scheme::KrylovLinear`]; 0 where there
+    /// is none.
+    #[must_use]
+    pub fn basis_order(&self) -> usize {
+        self.near_field.basis_order()
+    }
+
+    /// Column `column` of that basis: how every node of `body` moves with it, in no unit; zero for fixed nodes and those of the
+    /// support set. `None` where there is no such column.
+    #[must_use]
+    pub fn basis_column(&self, body: &Body, column: usize) -> Option<Vec<DVec3>> {
+        let network = body.network();
+        let all = self.near_field.basis_column(network, column)?;
+        let of = |node| network.free_index(node).map(|i| DVec3::from_slice(&all[3 * i..3 * i + 3]));
+        Some((0..network.node_count()).map(|node| of(node).unwrap_or_default()).collect())
+    }
+
     /// Builds into `model` the local model of `scheme` at the present state of `body`, with `contact` and the
     /// tool at `tool`. Every field of `model` that its scheme uses is written. Returns what it is.
     ///
@@ -324,7 +341,7 @@ impl LocalModelBuilder {
 }
 
 /// The free node with the greatest weight: the one that the seed paper's method takes for the tool's.
-fn heaviest(points: &[BodyPoint], body: &Body) -> Option<usize> {
+pub(crate) fn heaviest(points: &[BodyPoint], body: &Body) -> Option<usize> {
     let nodes = points.iter().flat_map(BodyPoint::nodes).filter(|(node, _)| !body.network().is_fixed(*node));
     nodes.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0))).map(|(node, _)| *node)
 }

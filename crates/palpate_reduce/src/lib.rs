@@ -3,6 +3,7 @@
 //!
 //! * [`LocalModelBuilder`]: from the state of a body to a [`palpate_local::LocalModel`].
 //! * [`Comparison`]: every scheme against the oracle on the same samples.
+//! * [`Bode`]: how a local model answers over frequency, beside the body.
 //! * [`SecondOrderSystem`], [`StateSpace`]: a body driven at some nodes, its response, poles and asymptotes;
 //!   [`PoleResidue`] for many frequencies.
 //! * [`DenseSystem`]: its projections by congruence, on Krylov bases and modes; [`Specimen`]: the seed's mesh and the
@@ -55,6 +56,7 @@
 #![forbid(unsafe_code)]
 
 mod balance;
+mod bode;
 mod builder;
 mod compare;
 mod dense;
@@ -64,6 +66,7 @@ mod error;
 mod gramian;
 mod hinf;
 mod krylov;
+mod local_response;
 mod near_field;
 mod neighbourhood;
 mod pole_residue;
@@ -73,6 +76,7 @@ mod static_stiffness;
 mod system;
 
 pub use balance::{Balancing, Truncated};
+pub use bode::{Bode, BodePoint};
 pub use builder::{BuildReport, BuilderOptions, LocalModelBuilder};
 pub use compare::{Comparison, ComparisonOptions, relative_rms_error};
 pub use dense::DenseSystem;

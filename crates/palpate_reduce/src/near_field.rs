@@ -14,7 +14,8 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
 use palpate_body::{
-    Body, SemiImplicitEuler, SurfaceTree, Tangent, TangentPattern, ToolContact, ToolPoint, TouchedPoint,
+    Body, Network, SemiImplicitEuler, SurfaceTree, Tangent, TangentPattern, ToolContact, ToolPoint,
+    TouchedPoint,
 };
 use palpate_local::{
     LocalModel, LocalModelError, NearEnd, NearField, NearFieldCapacity, NearPoint, NearSpring, NearTriangle,
@@ -57,6 +58,8 @@ pub(crate) struct Workspace {
     /// S of the last near field, and its ring.
     support: Vec<usize>,
     ring: Vec<usize>,
+    /// V of the last local model with one.
+    basis: Option<Basis>,
 }
 
 /// What a near field is built of.
@@ -94,6 +97,7 @@ impl Workspace {
             place: vec![Place::Elsewhere; nodes],
             support: Vec::new(),
             ring: Vec::new(),
+            basis: None,
         })
     }
 
@@ -112,6 +116,7 @@ impl Workspace {
         let &Moment { body, tangent, contact, tool, others, options, .. } = moment;
         field.clear();
         self.support.clear();
+        self.basis = None;
         let room = field.capacity();
         let nodes = options.support_nodes.min(room.nodes);
         let tree = contact.shape().map(|_| {
@@ -130,7 +135,21 @@ impl Workspace {
         self.write(moment, &support, &basis, field).inspect_err(|_| field.clear())?;
         // Along which the tool pushes or moves.
         let direction = contact.normal().or(tool.velocity_m_per_s.try_normalize()).unwrap_or(DVec3::Z);
-        Ok(estimate::error_bound(field, (body.network(), tangent), (&basis, &support.nodes), direction))
+        let bound =
+            estimate::error_bound(field, (body.network(), tangent), (&basis, &support.nodes), direction);
+        self.basis = Some(basis);
+        Ok(bound)
+    }
+
+    /// Columns of V of the last local model, and one of them over all free degrees of freedom.
+    pub(crate) fn basis_order(&self) -> usize {
+        self.basis.as_ref().map_or(0, Basis::order)
+    }
+
+    pub(crate) fn basis_column(&self, network: &Network, column: usize) -> Option<Vec<f64>> {
+        let basis = self.basis.as_ref().filter(|basis| column < basis.order())?;
+        let one: Vec<f64> = (0..basis.order()).map(|j| if j == column { 1.0 } else { 0.0 }).collect();
+        Some(basis.columns(network, &one))
     }
 
     /// What acts from outside and from other tools.
@@ -370,6 +389,7 @@ impl Workspace {
         let implicit: Vec<f64> = (0..p * p)
             .map(|at| if at / p == at % p { 1.0 / h } else { 0.0 } + r.damping[at] + h * r.stiffness[at])
             .collect();
+        self.basis = Some(basis);
         Ok(r.implicit.factorise(p, &implicit)?)
     }
 }

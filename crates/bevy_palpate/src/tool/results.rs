@@ -2,7 +2,6 @@
 
 use super::ToolLoop;
 use crate::schedule::ModelOverstep;
-use bevy::diagnostic::{DiagnosticPath, Diagnostics};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_haptics::TickRecord;
@@ -116,7 +115,7 @@ impl LocalModelError {
     pub const NOTICEABLE: f64 = 0.07;
 
     /// Of pairs of what was displayed and what the full body says, N.
-    pub(super) fn of(pairs: impl Iterator<Item = (DVec3, DVec3)>) -> Self {
+    pub(crate) fn of(pairs: impl Iterator<Item = (DVec3, DVec3)>) -> Self {
         let (mut error, mut reference, mut peak_n, mut ticks) = (0.0, 0.0, 0.0_f64, 0);
         for (displayed, full) in pairs {
             error += (displayed - full).length_squared();
@@ -135,29 +134,10 @@ impl LocalModelError {
     }
 }
 
-/// Error of the local models over the last model step, N: of the tool with the largest.
-pub const LOCAL_MODEL_ERROR: DiagnosticPath = DiagnosticPath::const_new("palpate/local_model_error");
-/// The same as a share of what a person just notices, %.
-pub const LOCAL_MODEL_ERROR_NOTICEABLE: DiagnosticPath =
-    DiagnosticPath::const_new("palpate/local_model_error_noticeable");
-
-/// Writes the errors of all tools, and the largest as diagnostics.
-pub(super) fn write_errors(
-    mut tools: Query<(&ToolLoop, &mut LocalModelError)>,
-    mut diagnostics: Diagnostics,
-) {
-    let mut largest: Option<LocalModelError> = None;
+/// Writes the errors of all tools.
+pub(super) fn write_errors(mut tools: Query<(&ToolLoop, &mut LocalModelError)>) {
     for (tool, mut error) in &mut tools {
         error.set_if_neq(tool.error);
-        if tool.error.ticks > 0 && largest.is_none_or(|largest| tool.error.rms_n > largest.rms_n) {
-            largest = Some(tool.error);
-        }
-    }
-    if let Some(largest) = largest {
-        diagnostics.add_measurement(&LOCAL_MODEL_ERROR, || largest.rms_n);
-        if let Some(share) = largest.share_of_noticeable {
-            diagnostics.add_measurement(&LOCAL_MODEL_ERROR_NOTICEABLE, || 100.0 * share);
-        }
     }
 }
 

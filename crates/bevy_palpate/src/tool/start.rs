@@ -16,28 +16,28 @@ use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{ToolContact, ToolPoint};
 use palpate_haptics::{
-    HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopSettings, LoopThread, Stop, haptic_loop,
+    HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopReport, LoopSettings, LoopThread, Stop, haptic_loop,
 };
 
 /// The running loop of a tool, and the model side's account of it. Removing it stops the loop.
 #[derive(Component, Debug)]
 #[component(on_remove = stop_loop)]
 pub struct ToolLoop {
-    pub(super) handle: HapticHandle,
+    pub(crate) handle: HapticHandle,
     pub(super) driver: Driver,
-    pub(super) contact: ToolContact,
+    pub(crate) contact: ToolContact,
     /// The same contact before it touches or holds anything.
     pub(super) untouched: ToolContact,
     /// The button that grasps was pressed when it was last looked at.
     pub(super) was_pressed: bool,
     /// The body it touches or can touch.
-    pub(super) body: Option<Entity>,
+    pub(crate) body: Option<Entity>,
     /// The shape and place of that body to which the contact belongs.
     pub(super) touched_as: (u64, u64),
     /// Sequence number of the sample up to which the body has been moved.
-    pub(super) consumed: Option<u64>,
+    pub(crate) consumed: Option<u64>,
     /// The path since then: where it began and one point for each tick.
-    pub(super) path: Vec<ToolPoint>,
+    pub(crate) path: Vec<ToolPoint>,
     /// The support set of the last local model, of the body's shape of then.
     pub(super) support: Vec<usize>,
     /// Whether there was one: nothing within reach is a support set too.
@@ -45,7 +45,7 @@ pub struct ToolLoop {
     /// It has been said that the tool touched beyond that.
     pub(super) was_beyond: bool,
     /// What the full body displayed over the last model step, tick by tick, N.
-    pub(super) full_n: Vec<DVec3>,
+    pub(crate) full_n: Vec<DVec3>,
     /// How far the loop was from that.
     pub(super) error: LocalModelError,
     /// Where the tool was at the last two model steps.
@@ -57,7 +57,7 @@ pub struct ToolLoop {
     /// The entity that was refused to it as a body, so that it is said once.
     pub(super) refused_body: Option<Entity>,
     /// The newest settings that make sense.
-    pub(super) settings: ToolSettings,
+    pub(crate) settings: ToolSettings,
     /// How often the device has been stopped by the watchdog, as far as that has been said.
     pub(super) emergency_stops: u64,
     /// Events lost, as far as that has been said.
@@ -116,6 +116,17 @@ impl ToolLoop {
     /// Whether it touches or holds something.
     pub(super) fn is_in_contact(&self) -> bool {
         !self.contact.touched().is_empty() || self.contact.held_point().is_some()
+    }
+
+    /// The support set of its newest local model, as the body numbers its nodes; empty for a scheme that has none.
+    #[must_use]
+    pub fn support(&self) -> &[usize] {
+        if self.has_support { &self.support } else { &[] }
+    }
+
+    /// The loop's newest account of itself: counters and histograms since its start.
+    pub fn report(&mut self) -> &LoopReport {
+        self.handle.report()
     }
 
     /// Lets go of what is touched or held; the message to be written if something was.

@@ -5,6 +5,7 @@ use glam::{DMat3, DVec3};
 use palpate_body::{Body, Network};
 
 /// Columns over the free nodes that are not in S.
+#[derive(Debug)]
 pub(super) struct Basis {
     /// Free nodes that are not in S, and their √m.
     nodes: Vec<(usize, f64)>,
