@@ -116,7 +116,8 @@ pub struct ToolSettings {
     /// How the device lies in the scene.
     #[reflect(remote = crate::reflect::ReflectedDeviceFrame)]
     pub frame: DeviceFrame,
-    /// Limits of the safety chain.
+    /// Limits of the safety chain. As long as nothing of them is set they follow from the device's description
+    /// ([`palpate_haptics::DeviceDescription::safety`]).
     #[reflect(remote = crate::reflect::ReflectedSafetySettings)]
     pub safety: SafetySettings,
     /// Where the samples' velocity comes from.

@@ -21,6 +21,8 @@ use palpate_body::StepReport;
 pub(super) enum BodyBuild {
     /// Its mesh is being loaded.
     AwaitsMesh,
+    /// Its mesh could not be loaded, which has been said; it may still come.
+    MissesMesh,
     /// It is being made.
     Making(Task<Result<Build, HapticFaultKind>>),
 }
@@ -69,11 +71,11 @@ pub(super) struct Meshes<'w, 's> {
 }
 
 impl Meshes<'_, '_> {
-    /// Those that were loaded or changed since the last call.
+    /// Those that changed since the last call. What is new is waited for where it is wanted.
     fn changed(&mut self) -> Vec<AssetId<Mesh>> {
         let Some(events) = &self.events else { return Vec::new() };
         let id = |event: &AssetEvent<Mesh>| match event {
-            AssetEvent::Added { id } | AssetEvent::Modified { id } => Some(*id),
+            AssetEvent::Modified { id } => Some(*id),
             _ => None,
         };
         self.cursor.read(events).filter_map(id).collect()
@@ -113,7 +115,7 @@ pub(super) fn build_bodies(
             || asked.slit.as_ref().is_some_and(DetectChanges::is_changed)
             || asked.inclusions.as_ref().is_some_and(DetectChanges::is_changed)
             || is_new_mesh
-            || matches!(asked.build, Some(BodyBuild::AwaitsMesh));
+            || matches!(asked.build, Some(BodyBuild::AwaitsMesh | BodyBuild::MissesMesh));
         // What could not be built where it was may be built where it is now.
         let is_nowhere = asked.simulated.is_none() && asked.build.is_none();
         if !(changed || is_nowhere && asked.transform.is_changed()) {
@@ -157,8 +159,17 @@ pub(super) fn build_bodies(
                         commands.entity(entity).try_insert(BodyBuild::AwaitsMesh);
                         continue;
                     }
+                    Err(MeshSourceError::NotLoaded(_))
+                        if matches!(asked.build, Some(BodyBuild::MissesMesh)) =>
+                    {
+                        continue;
+                    }
                     Err(error) => {
+                        let is_missing = matches!(error, MeshSourceError::NotLoaded(_));
                         refuse(HapticFaultKind::Mesh(error));
+                        if is_missing {
+                            commands.entity(entity).try_insert(BodyBuild::MissesMesh);
+                        }
                         continue;
                     }
                 }

@@ -5,7 +5,7 @@ use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::{HapticClock, ModelRate};
 use bevy::prelude::*;
-use palpate_haptics::LoopSettings;
+use palpate_haptics::{LoopSettings, SafetySettings};
 use palpate_local::ModelId;
 
 /// Takes changed settings if they make sense; if not, says so once and keeps the old ones.
@@ -15,7 +15,7 @@ pub(super) fn check_settings(
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, settings, mut tool) in &mut tools {
-        match loop_settings(settings, *rate).validate() {
+        match loop_settings(settings, tool.of_device, *rate).validate() {
             Ok(()) => tool.settings = *settings,
             Err(error) => {
                 faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::Settings(error) });
@@ -44,7 +44,12 @@ pub(super) fn set_loops(
             tool.handle.model_slot().silence(sequence);
             tool.handle.publish_model();
         }
-        let asked = LoopSettings { body: Some(body), paused, record, ..loop_settings(&tool.settings, *rate) };
+        let asked = LoopSettings {
+            body: Some(body),
+            paused,
+            record,
+            ..loop_settings(&tool.settings, tool.of_device, *rate)
+        };
         if asked != *tool.handle.settings() {
             // They have been checked; the loop would keep its old ones.
             let _ = tool.handle.set(asked);
@@ -52,8 +57,9 @@ pub(super) fn set_loops(
     }
 }
 
-/// The settings of a new loop.
-pub(super) fn loop_settings(tool: &ToolSettings, rate: ModelRate) -> LoopSettings {
+/// The settings of a loop. A safety chain of which nothing was set is set as the device asks for.
+pub(super) fn loop_settings(tool: &ToolSettings, of_device: SafetySettings, rate: ModelRate) -> LoopSettings {
     let ToolSettings { frame, safety, velocity } = *tool;
+    let safety = if safety == SafetySettings::default() { of_device } else { safety };
     LoopSettings { frame, safety, velocity, model_period_s: rate.period_s(), ..LoopSettings::default() }
 }

@@ -16,7 +16,8 @@ use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{ToolContact, ToolPoint};
 use palpate_haptics::{
-    HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopReport, LoopSettings, LoopThread, Stop, haptic_loop,
+    HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopReport, LoopSettings, LoopThread, SafetySettings,
+    Stop, haptic_loop,
 };
 
 /// The running loop of a tool, and the model side's account of it. Removing it stops the loop.
@@ -58,6 +59,8 @@ pub struct ToolLoop {
     pub(super) refused_body: Option<Entity>,
     /// The newest settings that make sense.
     pub(crate) settings: ToolSettings,
+    /// The safety chain's settings that follow from the device's description.
+    pub(super) of_device: SafetySettings,
     /// How often the device has been stopped by the watchdog, as far as that has been said.
     pub(super) emergency_stops: u64,
     /// Events lost, as far as that has been said.
@@ -67,6 +70,9 @@ pub struct ToolLoop {
     pub(super) dropped_records: u64,
     device: DeviceSelector,
 }
+
+/// Length of a tick, s.
+const TICK_S: f64 = 1e-3;
 
 /// What makes the loop tick.
 pub(super) enum Driver {
@@ -224,13 +230,17 @@ pub(super) fn start_loops(
             running.driver.stop().map(&mut fault);
             commands.entity(entity).remove::<ToolLoop>();
         }
-        let asked = LoopSettings { record, ..loop_settings(&settings, *rate) };
-        if let Err(error) = asked.validate() {
+        let asked = |of_device| LoopSettings { record, ..loop_settings(&settings, of_device, *rate) };
+        if let Err(error) = asked(SafetySettings::default()).validate() {
             fault(HapticFaultKind::Settings(error));
             continue;
         }
-        match devices.make(&tool.device).and_then(|device| start(device, *clock, asked)) {
-            Ok((handle, driver)) => {
+        let started = devices.make(&tool.device).and_then(|device| {
+            let of_device = device.describe().safety(TICK_S);
+            start(device, *clock, asked(of_device)).map(|(handle, driver)| (handle, driver, of_device))
+        });
+        match started {
+            Ok((handle, driver, of_device)) => {
                 commands.entity(entity).try_insert(ToolLoop {
                     handle,
                     driver,
@@ -251,6 +261,7 @@ pub(super) fn start_loops(
                     was_paused: false,
                     refused_body: None,
                     settings: *settings,
+                    of_device,
                     emergency_stops: 0,
                     dropped_events: 0,
                     recorded_to: None,
