@@ -187,8 +187,8 @@ impl LocalModelBuilder {
         self.near_field.support()
     }
 
-    /// Columns of the basis V of the last local model of [`Scheme::NearFieldExact`] or [`Scheme::KrylovLinear`]; 0 where there
-    /// is none.
+    /// Columns of the basis V of the last local model; 0 where it has none, as with other schemes than
+    /// [`Scheme::NearFieldExact`] and [`Scheme::KrylovLinear`].
     #[must_use]
     pub fn basis_order(&self) -> usize {
         self.near_field.basis_order()
@@ -276,6 +276,7 @@ impl LocalModelBuilder {
         model.reduced.order = 0;
         model.near.clear();
         model.contact = Contact::Apart;
+        self.near_field.forget_basis();
         contact.validate(body)?;
         others.iter().try_for_each(|other| other.validate(body))?;
         let mut error_bound = None;

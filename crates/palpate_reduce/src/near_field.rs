@@ -116,7 +116,6 @@ impl Workspace {
         let &Moment { body, tangent, contact, tool, others, options, .. } = moment;
         field.clear();
         self.support.clear();
-        self.basis = None;
         let room = field.capacity();
         let nodes = options.support_nodes.min(room.nodes);
         let tree = contact.shape().map(|_| {
@@ -139,6 +138,11 @@ impl Workspace {
             estimate::error_bound(field, (body.network(), tangent), (&basis, &support.nodes), direction);
         self.basis = Some(basis);
         Ok(bound)
+    }
+
+    /// The next local model has no basis, unless one is built for it.
+    pub(crate) fn forget_basis(&mut self) {
+        self.basis = None;
     }
 
     /// Columns of V of the last local model, and one of them over all free degrees of freedom.

@@ -85,3 +85,25 @@ fn what_answers_nothing_has_no_response() {
     assert!(DenseSystem::of_local_model(&model, None).is_none());
     assert!(DenseSystem::of_local_model(&model, Some(99)).is_none());
 }
+
+#[test]
+fn the_columns_of_a_basis_are_orthonormal_in_the_masses_and_still_in_the_support_set() {
+    let (body, contact, tool) = pressed();
+    let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
+    let mut model = LocalModel::silent(builder.capacity());
+    builder.build(Scheme::NearFieldExact, &body, &contact, tool, ModelId::default(), &mut model).unwrap();
+    let order = builder.basis_order();
+    assert_eq!(order, model.near.order);
+    assert!(builder.basis_column(&body, order).is_none());
+    let columns: Vec<Vec<DVec3>> = (0..order).map(|j| builder.basis_column(&body, j).unwrap()).collect();
+    for (i, a) in columns.iter().enumerate() {
+        assert!(builder.support().iter().all(|&node| a[node] == DVec3::ZERO));
+        for (j, b) in columns.iter().enumerate() {
+            let product: f64 =
+                body.network().mass_kg().iter().zip(a).zip(b).map(|((m, a), b)| m * a.dot(*b)).sum();
+            assert!((product - if i == j { 1.0 } else { 0.0 }).abs() < 1e-9, "{i} {j} {product}");
+        }
+    }
+    builder.build(Scheme::Hold, &body, &contact, tool, ModelId::default(), &mut model).unwrap();
+    assert_eq!(builder.basis_order(), 0);
+}
