@@ -1,0 +1,83 @@
+//! What Bevy's diagnostics say of a headless app.
+
+use bevy::diagnostic::{Diagnostic, DiagnosticPath, DiagnosticsStore};
+use bevy::prelude::*;
+use bevy_palpate::prelude::*;
+use bevy_palpate::{HapticDiagnosticsPlugin as Of, ModelStepCount};
+use palpate_tests::app::{lockstep_app, pressing_hand, spawn_scene, step};
+
+fn of<'a>(app: &'a App, path: &DiagnosticPath) -> &'a Diagnostic {
+    app.world().resource::<DiagnosticsStore>().get(path).unwrap()
+}
+
+fn value(app: &App, path: &DiagnosticPath) -> f64 {
+    of(app, path).value().unwrap_or_else(|| panic!("{path} has not been measured"))
+}
+
+#[test]
+fn everything_is_measured_and_agrees() {
+    let mut app = lockstep_app();
+    let (_, tool) = spawn_scene(&mut app, Scheme::Tangent, pressing_hand);
+    step(&mut app, 12);
+    let world = app.world();
+    let built = world.get::<LocalModelBuild>(tool).unwrap();
+    assert_eq!(value(&app, &Of::LOCAL_MODEL_BUILD), 1e3 * built.time_s);
+    let force = world.get::<ToolForce>(tool).unwrap().force_n.length();
+    assert!(force > 0.1 && value(&app, &Of::FORCE) == force);
+    let error = world.get::<LocalModelError>(tool).unwrap();
+    assert_eq!(value(&app, &Of::LOCAL_MODEL_ERROR), error.rms_n);
+    let share = 100.0 * error.share_of_noticeable.unwrap();
+    assert_eq!(value(&app, &Of::LOCAL_MODEL_ERROR_NOTICEABLE), share);
+    // In lock step there are no deadlines, and no clock is read in a tick.
+    for path in [Of::MISSED_DEADLINES, Of::LATENESS_P99, Of::TICK_COST_P99] {
+        assert_eq!(value(&app, &path), 0.0, "{path}");
+    }
+    for path in [
+        Of::FRAME_COST,
+        Of::MODEL_STEP_COST,
+        Of::LOCAL_MODEL_BUILD,
+        Of::FORCE,
+        Of::LOCAL_MODEL_ERROR,
+        Of::LOCAL_MODEL_ERROR_NOTICEABLE,
+        Of::LATENESS_P99,
+        Of::TICK_COST_P99,
+    ] {
+        assert!(path.as_str().starts_with("palpate/") && !of(&app, &path).suffix.is_empty(), "{path}");
+    }
+}
+
+#[test]
+fn a_frame_costs_its_model_step_and_what_is_done_around_it() {
+    let mut app = lockstep_app();
+    spawn_scene(&mut app, Scheme::NearFieldExact, pressing_hand);
+    // The first update steps nothing.
+    let steps = app.world().resource::<ModelStepCount>().0;
+    assert_eq!(steps, 0);
+    for _ in 0..10 {
+        step(&mut app, 1);
+        let [frame, step, build] =
+            [Of::FRAME_COST, Of::MODEL_STEP_COST, Of::LOCAL_MODEL_BUILD].map(|path| of(&app, &path).value());
+        let (frame, step) = (frame.unwrap(), step.unwrap());
+        assert!(frame > step && step > 0.0, "a frame {frame} ms, its model step {step} ms");
+        assert!(
+            build.is_none_or(|build| build < step),
+            "a local model {build:?} ms, its model step {step} ms"
+        );
+    }
+    let measured = of(&app, &Of::MODEL_STEP_COST).history_len();
+    assert_eq!(measured as u64, app.world().resource::<ModelStepCount>().0);
+}
+
+/// An app that does without them loses nothing else.
+#[test]
+fn the_diagnostics_can_be_left_out() {
+    let mut app = App::new();
+    app.add_plugins(MinimalPlugins).add_plugins(
+        PalpatePlugins
+            .set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() })
+            .disable::<Of>(),
+    );
+    (0..5).for_each(|_| app.update());
+    let store = app.world().get_resource::<DiagnosticsStore>();
+    assert!(store.is_none_or(|store| store.get(&Of::FRAME_COST).is_none()));
+}
