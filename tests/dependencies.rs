@@ -51,6 +51,9 @@ const ALLOWED: [(&str, &[&str]); 7] = [
             "palpate_haptics",
             "bevy",
             "glam",
+            "bevy_egui",
+            "bevy_panorbit_camera",
+            "egui_plot",
             "winit",
             "wgpu",
         ],
@@ -95,7 +98,7 @@ fn the_default_build_has_no_renderer() {
         names.contains("bevy_mesh") && names.contains("palpate_tests"),
         "the tree is that of the workspace"
     );
-    for renderer in ["wgpu", "winit", "bevy_render", "bevy_pbr", "bevy_winit", "bevy_window"] {
+    for renderer in ["wgpu", "winit", "bevy_render", "bevy_pbr", "bevy_winit", "bevy_window", "egui"] {
         assert!(!names.contains(renderer), "the default build has {renderer}");
     }
 }

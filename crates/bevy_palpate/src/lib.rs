@@ -46,6 +46,8 @@
 //! * Devices: [`DeviceSelector`], [`HapticDevices`]; with the feature `window` `MouseDevicePlugin`.
 //! * Time: [`ModelStep`], [`HapticSystems`], [`ModelRate`], [`HapticClock`].
 //! * Faults: [`HapticFault`]. Costs and errors as diagnostics: [`HapticDiagnosticsPlugin`].
+//! * To look at it all: `HapticPanelPlugin` with `HapticPanel` and `HapticWidgets` (feature `panel`),
+//!   `HapticGizmosPlugin` with `HapticGizmos` (feature `gizmos`).
 //!
 //! # Feature flags
 //!
@@ -79,6 +81,9 @@
 //!   is touched has to be pulled by what holds it.
 //! * Bodies and tools are drawn between their last two model steps, so one model step late, both alike.
 //! * A model step runs on the app's main thread; a large body makes frames longer, never the loop late.
+//! * The panel computes the schemes that do not run, and Bode plots, on other threads, and only while they are looked at.
+//!   Such a scheme takes its local model at the tick at which the loop took its own; a Bode plot is linear about the present
+//!   state, of the touched node with the greatest weight, and made for bodies of at most 2000 free nodes.
 //!
 //! # Glossary
 //!
@@ -99,8 +104,12 @@ mod body;
 mod device;
 mod diagnostics;
 mod fault;
+#[cfg(feature = "gizmos")]
+mod gizmos;
 #[cfg(feature = "window")]
 mod mouse;
+#[cfg(feature = "panel")]
+mod panel;
 mod plugins;
 mod reflect;
 mod schedule;
@@ -114,8 +123,12 @@ pub use body::{
 pub use device::{DeviceSelector, HapticDevices};
 pub use diagnostics::HapticDiagnosticsPlugin;
 pub use fault::{DeviceFault, HapticFault, HapticFaultKind, SutureFault};
+#[cfg(feature = "gizmos")]
+pub use gizmos::{HapticGizmos, HapticGizmosPlugin};
 #[cfg(feature = "window")]
 pub use mouse::{MouseDevicePlugin, MouseDeviceSystems, MouseHand};
+#[cfg(feature = "panel")]
+pub use panel::{HapticPanel, HapticPanelPlugin, HapticWidgets};
 pub use plugins::{FaultLogPlugin, PalpatePlugins};
 pub use schedule::{HapticClock, HapticSchedulePlugin, HapticSystems, ModelRate, ModelStep, ModelStepCount};
 pub use suture::{Suture, SutureForce, SuturePlugin, SutureTorn};

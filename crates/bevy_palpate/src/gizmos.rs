@@ -1,0 +1,227 @@
+//! Lattice, contact, near field, basis and force, drawn over the scene.
+
+mod colors;
+
+use crate::body::SimulatedBody;
+use crate::diagnostics::FrameCost;
+use crate::schedule::ModelStepCount;
+use crate::tool::{HapticTool, ToolForce, ToolLoop};
+use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
+use bevy::prelude::*;
+use glam::DVec3;
+
+/// Draws what [`HapticGizmos`] asks for.
+///
+/// ```no_run
+/// use bevy::prelude::*;
+/// use bevy_palpate::{HapticGizmos, HapticGizmosPlugin, prelude::*};
+///
+/// fn setup(mut store: ResMut<GizmoConfigStore>) {
+///     let (config, parts) = store.config_mut::<HapticGizmos>();
+///     config.line.width = 1.5;
+///     parts.lattice = true;
+///     parts.basis = Some(0);
+/// }
+///
+/// # let mut app = App::new();
+/// app.add_plugins((DefaultPlugins, PalpatePlugins, HapticGizmosPlugin)).add_systems(Startup, setup);
+/// ```
+#[derive(Clone, Copy, Debug, Default)]
+pub struct HapticGizmosPlugin;
+
+impl HapticGizmosPlugin {
+    /// Time that drawing took in a frame, on the main thread, ms.
+    pub const COST: DiagnosticPath = DiagnosticPath::const_new("palpate/gizmos_cost");
+}
+
+/// Which parts are drawn: a gizmo group. Line width, depth bias and whether anything is drawn at all are in its
+/// [`GizmoConfig`]; it is drawn in front of everything unless that says otherwise.
+#[derive(Clone, Copy, Debug, PartialEq, Reflect, GizmoConfigGroup)]
+#[reflect(Default)]
+pub struct HapticGizmos {
+    /// Springs, blue where they are compressed and red where they are stretched, and the fainter the less they are.
+    pub lattice: bool,
+    /// Strain at which a spring has its full colour.
+    pub strain: f32,
+    /// Nodes that are fixed.
+    pub fixed: bool,
+    /// Points that are touched with their normals, and the nodes that carry them.
+    pub contact: bool,
+    /// The support set of the newest local model, the nodes round it, and the springs that are kept exact.
+    pub near_field: bool,
+    /// This column of the newest local model's basis, as colours from dark (still) to bright (moves most) on nodes and
+    /// springs, in the place of strain: the seed paper's Fig. 6, live. Columns come in order of importance.
+    pub basis: Option<usize>,
+    /// Device, tool behind its coupling, and the force on the hand.
+    pub force: bool,
+    /// Length of the force's arrow, m/N.
+    pub force_m_per_n: f32,
+}
+
+impl Default for HapticGizmos {
+    /// Contact and force, 2 cm/N; full colours at a strain of 5 %.
+    fn default() -> Self {
+        Self {
+            lattice: false,
+            strain: 0.05,
+            fixed: false,
+            contact: true,
+            near_field: false,
+            basis: None,
+            force: true,
+            force_m_per_n: 0.02,
+        }
+    }
+}
+
+/// What drawing has cost in this frame.
+#[derive(Resource, Default)]
+struct GizmosCost(FrameCost);
+
+impl Plugin for HapticGizmosPlugin {
+    fn build(&self, app: &mut App) {
+        let cost = FrameCost::default();
+        let line = GizmoLineConfig { width: 1.5, ..GizmoLineConfig::default() };
+        let in_front = GizmoConfig { depth_bias: -1.0, line, ..GizmoConfig::default() };
+        app.insert_gizmo_config(HapticGizmos::default(), in_front)
+            .insert_resource(GizmosCost(cost.clone()))
+            .register_diagnostic(Diagnostic::new(Self::COST).with_suffix(" ms"))
+            // Of lines at the same place the first is seen: the near field's, not the lattice's.
+            .add_systems(
+                PostUpdate,
+                (cost.timed(draw_tools), cost.timed(draw_bodies)).chain().before(TransformSystems::Propagate),
+            )
+            .add_systems(Last, tell_cost);
+    }
+}
+
+fn tell_cost(cost: Res<GizmosCost>, mut diagnostics: Diagnostics) {
+    diagnostics.add_measurement(&HapticGizmosPlugin::COST, || cost.0.take_ms());
+}
+
+/// A basis vector: of which body, model step and column, and how far each node moves, 1 the farthest.
+type BasisShown = Option<((Entity, u64, usize), Vec<f32>)>;
+
+fn draw_bodies(
+    mut gizmos: Gizmos<HapticGizmos>,
+    store: Res<GizmoConfigStore>,
+    bodies: Query<(Entity, &SimulatedBody)>,
+    steps: Res<ModelStepCount>,
+    mut shown: Local<BasisShown>,
+) {
+    let (config, parts) = store.config::<HapticGizmos>();
+    if !config.enabled {
+        return;
+    }
+    for (entity, simulated) in &bodies {
+        let body = simulated.body();
+        let (network, x) = (body.network(), body.positions_m());
+        let at = |node: usize| x[node].as_vec3();
+        let size = cross_size(simulated);
+        if let Some(column) = parts.basis {
+            let of = (entity, steps.0, column);
+            if shown.as_ref().is_none_or(|(known, _)| *known != of) {
+                *shown = simulated.basis_column(column).map(|moves| (of, colors::shares(&moves)));
+            }
+        }
+        let moves = shown.as_ref().filter(|((of, ..), _)| *of == entity && parts.basis.is_some());
+        if let Some((_, shares)) = moves {
+            let color = |node: usize| colors::bright(shares[node]);
+            for link in network.links() {
+                gizmos.line_gradient(at(link.a), at(link.b), color(link.a), color(link.b));
+            }
+            (0..x.len()).for_each(|node| gizmos.cross(at(node), size, color(node)));
+        } else if parts.lattice {
+            for link in network.links() {
+                let rest = link.spring.rest_length_m();
+                let strain = ((x[link.b] - x[link.a]).length() / rest - 1.0) as f32;
+                gizmos.line(at(link.a), at(link.b), colors::strained(strain / parts.strain));
+            }
+        }
+        if parts.fixed {
+            for node in (0..x.len()).filter(|&node| network.is_fixed(node)) {
+                let here = Transform::from_translation(at(node)).with_scale(Vec3::splat(size));
+                gizmos.cube(here, colors::FIXED);
+            }
+        }
+    }
+}
+
+/// Half the size of a node's cross, m: a part of a spring.
+fn cross_size(simulated: &SimulatedBody) -> f32 {
+    let link = simulated.body().network().links().first();
+    link.map_or(1e-3, |link| 0.12 * link.spring.rest_length_m() as f32)
+}
+
+fn draw_tools(
+    mut gizmos: Gizmos<HapticGizmos>,
+    store: Res<GizmoConfigStore>,
+    tools: Query<(&HapticTool, &ToolLoop, &ToolForce, &Transform)>,
+    bodies: Query<&SimulatedBody>,
+) {
+    let (config, parts) = store.config::<HapticGizmos>();
+    if !config.enabled {
+        return;
+    }
+    for (asked, tool, force, transform) in &tools {
+        let device = transform.translation;
+        let radius = asked.radius_m as f32;
+        if parts.force {
+            let proxy = tool.contact().proxy_m(device.as_dvec3()).as_vec3();
+            if proxy.distance(device) > 1e-5 {
+                gizmos.sphere(device, radius, colors::DEVICE).resolution(20);
+                gizmos.line(device, proxy, colors::DEVICE);
+            }
+            gizmos.sphere(proxy, radius, colors::TOOL).resolution(20);
+            let arrow = parts.force_m_per_n * force.force_n.as_vec3();
+            if arrow.length() > 1e-4 {
+                gizmos.arrow(proxy, proxy + arrow, colors::FORCE).with_tip_length(0.15 * arrow.length());
+            }
+        }
+        let Some(simulated) = tool.body().and_then(|body| bodies.get(body).ok()) else { continue };
+        if parts.near_field {
+            draw_near_field(&mut gizmos, simulated, tool.support());
+        }
+        if parts.contact {
+            draw_contact(&mut gizmos, simulated, tool, radius);
+        }
+    }
+}
+
+fn draw_near_field(gizmos: &mut Gizmos<HapticGizmos>, simulated: &SimulatedBody, support: &[usize]) {
+    let body = simulated.body();
+    let (network, x) = (body.network(), body.positions_m());
+    let at = |node: usize| x.get(node).copied().unwrap_or(DVec3::ZERO).as_vec3();
+    let size = cross_size(simulated);
+    // Its nodes are those of the body of then; another body's would be drawn anywhere.
+    let support = if support.iter().all(|&node| node < x.len()) { support } else { &[] };
+    for &node in support {
+        gizmos.cross(at(node), 1.6 * size, colors::SUPPORT);
+        if network.is_fixed(node) {
+            continue;
+        }
+        for other in network.neighbours(node).filter(|other| !support.contains(other) || *other > node) {
+            let is_ring = !support.contains(&other);
+            gizmos.line(at(node), at(other), if is_ring { colors::RING } else { colors::SUPPORT });
+            if is_ring {
+                gizmos.cross(at(other), 0.8 * size, colors::RING);
+            }
+        }
+    }
+}
+
+fn draw_contact(gizmos: &mut Gizmos<HapticGizmos>, simulated: &SimulatedBody, tool: &ToolLoop, radius: f32) {
+    let body = simulated.body();
+    if tool.contact().validate(body).is_err() {
+        return;
+    }
+    for touched in tool.contact().touched() {
+        let (point, normal) = (touched.point_m(body).as_vec3(), touched.normal.as_vec3());
+        let facing = Isometry3d::new(point, Quat::from_rotation_arc(Vec3::Z, normal));
+        gizmos.circle(facing, 0.3 * radius, colors::CONTACT);
+        gizmos.arrow(point, point + 2.0 * radius * normal, colors::CONTACT).with_tip_length(0.4 * radius);
+    }
+    for (node, _) in tool.contact().points().iter().flat_map(|point| point.nodes()) {
+        gizmos.cross(body.positions_m()[*node].as_vec3(), cross_size(simulated), colors::CONTACT);
+    }
+}

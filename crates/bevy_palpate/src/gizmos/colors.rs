@@ -1,0 +1,59 @@
+//! Colours of the gizmos.
+
+use bevy::prelude::*;
+use glam::DVec3;
+
+pub(super) const FIXED: Color = Color::srgb(0.55, 0.58, 0.62);
+pub(super) const DEVICE: Color = Color::srgba(0.7, 0.75, 0.85, 0.5);
+pub(super) const TOOL: Color = Color::srgb(0.85, 0.9, 1.0);
+pub(super) const FORCE: Color = Color::srgb(1.0, 0.75, 0.25);
+pub(super) const CONTACT: Color = Color::srgb(1.0, 0.35, 0.35);
+pub(super) const SUPPORT: Color = Color::srgb(0.2, 0.95, 0.6);
+pub(super) const RING: Color = Color::srgba(0.2, 0.7, 0.85, 0.8);
+
+/// Blue for compressed, a faint grey for neither, red for stretched; full at −1 and 1.
+pub(super) fn strained(strain: f32) -> Color {
+    let rest = LinearRgba::new(0.35, 0.37, 0.40, 0.12);
+    let full = if strain < 0.0 { LinearRgba::rgb(0.05, 0.25, 1.0) } else { LinearRgba::rgb(1.0, 0.08, 0.05) };
+    // What is not finite is at its worst.
+    let share = if strain.is_finite() { strain.abs().min(1.0) } else { 1.0 };
+    rest.mix(&full, share).into()
+}
+
+/// From dark violet over green to yellow.
+pub(super) fn bright(share: f32) -> Color {
+    const STOPS: [[f32; 3]; 5] =
+        [[0.27, 0.0, 0.33], [0.23, 0.32, 0.55], [0.13, 0.57, 0.55], [0.37, 0.79, 0.38], [0.99, 0.91, 0.14]];
+    let place = share.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
+    let below = (place as usize).min(STOPS.len() - 2);
+    let stop = |i: usize| Vec3::from_array(STOPS[i]);
+    let [r, g, b] = stop(below).lerp(stop(below + 1), place - below as f32).to_array();
+    Color::srgb(r, g, b)
+}
+
+/// How far each node moves, the farthest 1.
+pub(super) fn shares(moves: &[DVec3]) -> Vec<f32> {
+    let most = moves.iter().map(|v| v.length()).fold(0.0, f64::max);
+    moves.iter().map(|v| if most > 0.0 { (v.length() / most) as f32 } else { 0.0 }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_farthest_node_is_the_brightest_and_nothing_is_still_nothing() {
+        let moves = [DVec3::ZERO, DVec3::X * 0.5, DVec3::new(0.0, -2.0, 0.0)];
+        assert_eq!(shares(&moves), [0.0, 0.25, 1.0]);
+        assert_eq!(shares(&[DVec3::ZERO; 2]), [0.0; 2]);
+        assert_eq!(bright(1.0), Color::srgb(0.99, 0.91, 0.14));
+        assert_eq!(bright(0.0), Color::srgb(0.27, 0.0, 0.33));
+    }
+
+    #[test]
+    fn stretched_is_red_compressed_blue_and_beyond_the_scale_no_other_colour() {
+        let [red, blue, rest] = [1.0, -1.0, 0.0].map(|strain| strained(strain).to_linear());
+        assert!(red.red > rest.red && red.blue < rest.blue && blue.blue > rest.blue && blue.red < rest.red);
+        assert_eq!((strained(7.0), strained(f32::NAN).to_linear().red), (strained(1.0), red.red));
+    }
+}

@@ -1,0 +1,168 @@
+//! A panel for every tool: what it feels, how well, how late, and what can be set of it.
+
+mod faults;
+mod history;
+mod plots;
+mod recording;
+mod safety;
+mod settings;
+mod shadow;
+mod theme;
+mod watch;
+mod widgets;
+
+pub use widgets::HapticWidgets;
+
+use crate::body::HapticSetupSystems;
+use crate::diagnostics::FrameCost;
+use crate::schedule::{HapticSystems, ModelStep};
+use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
+use bevy::prelude::*;
+use bevy_egui::{EguiContexts, EguiPlugin, EguiPrimaryContextPass, egui};
+use palpate_local::Scheme;
+use std::path::PathBuf;
+
+/// A panel at the right edge of the window: forces of all schemes, error against the full body, lateness, Bode plot, safety
+/// chain, settings, recording. Adds bevy_egui's [`EguiPlugin`] if it is not there.
+///
+/// ```no_run
+/// use bevy::prelude::*;
+/// use bevy_palpate::{HapticPanelPlugin, prelude::*};
+///
+/// # let mut app = App::new();
+/// app.add_plugins((DefaultPlugins, PalpatePlugins, HapticPanelPlugin::default()));
+/// ```
+///
+/// What it shows costs only while it is looked at: a closed panel or section collects and computes nothing.
+#[derive(Clone, Debug)]
+pub struct HapticPanelPlugin {
+    /// Whether there is a side panel. Without it, put the parts of [`HapticWidgets`] into windows of your own.
+    pub side: bool,
+    /// Whether it is open at the start.
+    pub open: bool,
+    /// What opens and closes it.
+    pub key: Option<KeyCode>,
+    /// Where recordings go; made when the first is written.
+    pub folder: PathBuf,
+}
+
+impl Default for HapticPanelPlugin {
+    /// Open, F1, `recordings` in the working directory.
+    fn default() -> Self {
+        Self { side: true, open: true, key: Some(KeyCode::F1), folder: "recordings".into() }
+    }
+}
+
+impl HapticPanelPlugin {
+    /// Time that the panel took in a frame, on the main thread, ms; zero while it is closed.
+    pub const COST: DiagnosticPath = DiagnosticPath::const_new("palpate/panel_cost");
+}
+
+/// What the panel shows. Change it to open, close or direct it.
+#[derive(Resource, Clone, Debug)]
+pub struct HapticPanel {
+    /// Whether the side panel is open.
+    pub open: bool,
+    /// What opens and closes it.
+    pub key: Option<KeyCode>,
+    /// The tool that is shown; `None`, or one that is gone: the first.
+    pub tool: Option<Entity>,
+    /// Seconds of force and error that are shown, 1 to 15.
+    pub seconds: f64,
+    /// Whether the schemes that do not run are computed on the same samples while force or error is looked at.
+    pub compare: bool,
+    /// Schemes whose curves are drawn, by [`Scheme::ALL`].
+    pub curves: [bool; 6],
+    /// Where recordings go.
+    pub folder: PathBuf,
+    pub(crate) view: settings::View,
+}
+
+impl HapticPanel {
+    /// The tool that is shown, of those there are.
+    fn shown(&self, tools: impl Iterator<Item = Entity>) -> Option<Entity> {
+        let mut first: Option<Entity> = None;
+        for tool in tools {
+            if self.tool == Some(tool) {
+                return Some(tool);
+            }
+            first = Some(first.map_or(tool, |first| first.min(tool)));
+        }
+        first
+    }
+
+    /// Whether the curve of `scheme` is drawn.
+    #[must_use]
+    pub fn draws(&self, scheme: Scheme) -> bool {
+        self.curves[watch::index_of(scheme)]
+    }
+}
+
+/// What the panel has cost in this frame.
+#[derive(Resource, Default)]
+struct PanelCost(FrameCost);
+
+impl Plugin for HapticPanelPlugin {
+    fn build(&self, app: &mut App) {
+        if !app.is_plugin_added::<EguiPlugin>() {
+            app.add_plugins(EguiPlugin::default());
+        }
+        let Self { open, key, folder, .. } = self.clone();
+        let cost = FrameCost::default();
+        app.insert_resource(HapticPanel {
+            open,
+            key,
+            tool: None,
+            seconds: 5.0,
+            compare: true,
+            curves: [true; 6],
+            folder,
+            view: settings::View::default(),
+        })
+        .insert_resource(PanelCost(cost.clone()))
+        .init_resource::<watch::Watched>()
+        .init_resource::<faults::Heard>()
+        .register_diagnostic(Diagnostic::new(Self::COST).with_suffix(" ms"))
+        .add_systems(First, cost.timed(watch::begin_frame))
+        .add_systems(PreUpdate, (toggle, cost.timed(faults::hear)).chain().after(HapticSetupSystems::Tools))
+        .add_systems(
+            ModelStep,
+            cost.timed(watch::watch).after(HapticSystems::Writeback).before(HapticSystems::Last),
+        )
+        .add_systems(Last, tell_cost);
+        if self.side {
+            app.add_systems(EguiPrimaryContextPass, cost.timed(draw_side));
+        }
+    }
+}
+
+/// Opens and closes the side panel.
+fn toggle(mut panel: ResMut<HapticPanel>, keys: Option<Res<ButtonInput<KeyCode>>>) {
+    if keys.zip(panel.key).is_some_and(|(keys, key)| keys.just_pressed(key)) {
+        panel.open = !panel.open;
+    }
+}
+
+/// Width of the side panel, points.
+const WIDTH: f32 = 370.0;
+
+fn draw_side(mut contexts: EguiContexts, mut widgets: HapticWidgets) {
+    if !widgets.is_open() {
+        return;
+    }
+    // There is no context before there is a camera.
+    let Ok(context) = contexts.ctx_mut() else { return };
+    let screen =
+        egui::UiBuilder::new().layer_id(egui::LayerId::background()).max_rect(context.viewport_rect());
+    let mut ui = egui::Ui::new(context.clone(), "palpate".into(), screen);
+    egui::Panel::right("palpate_panel").default_size(WIDTH).min_size(280.0).resizable(true).show(
+        &mut ui,
+        |ui| {
+            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| widgets.all(ui));
+        },
+    );
+}
+
+fn tell_cost(cost: Res<PanelCost>, mut diagnostics: Diagnostics) {
+    diagnostics.add_measurement(&HapticPanelPlugin::COST, || cost.0.take_ms());
+}

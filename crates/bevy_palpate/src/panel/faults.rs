@@ -1,0 +1,72 @@
+//! What went wrong lately, and what the panel takes back because of it.
+
+use super::HapticPanel;
+use crate::body::Tissue;
+use crate::fault::{HapticFault, HapticFaultKind};
+use bevy::prelude::*;
+use palpate_haptics::LoopEventKind;
+use std::collections::VecDeque;
+
+/// The faults that were told last.
+#[derive(Resource, Default)]
+pub(crate) struct Heard {
+    /// Text, how often in a row, and when last, s.
+    pub(super) faults: VecDeque<(String, u32, f64)>,
+}
+
+/// Faults that are kept.
+const KEPT: usize = 5;
+
+impl Heard {
+    fn add(&mut self, text: String, now_s: f64) {
+        match self.faults.back_mut() {
+            Some((last, times, at)) if *last == text => {
+                *times += 1;
+                *at = now_s;
+            }
+            _ => self.faults.push_back((text, 1, now_s)),
+        }
+        if self.faults.len() > KEPT {
+            self.faults.pop_front();
+        }
+    }
+}
+
+/// Hears faults. A material with which a body cannot be built gives way to the one before, if the panel has set it.
+pub(super) fn hear(
+    mut faults: MessageReader<HapticFault>,
+    mut heard: ResMut<Heard>,
+    mut panel: ResMut<HapticPanel>,
+    mut tissues: Query<&mut Tissue>,
+    time: Res<Time<Real>>,
+) {
+    panel.bypass_change_detection().view.age();
+    for fault in faults.read() {
+        if matches!(fault.kind, HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(_))) {
+            continue;
+        }
+        let text = fault.kind.chain();
+        let view = &mut panel.bypass_change_detection().view;
+        if let (HapticFaultKind::BuildBody(_), Some(body)) = (&fault.kind, fault.entity)
+            && let Some(before) = view.take_back_tissue(body, &text)
+            && let Ok(mut tissue) = tissues.get_mut(body)
+        {
+            *tissue = before;
+        }
+        heard.add(text, time.elapsed_secs_f64());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_said_again_is_counted_and_only_the_last_few_are_kept() {
+        let mut heard = Heard::default();
+        ["a", "a", "b", "a"].iter().zip(0..).for_each(|(text, t)| heard.add((*text).into(), f64::from(t)));
+        assert_eq!(heard.faults, [("a".into(), 2, 1.0), ("b".into(), 1, 2.0), ("a".into(), 1, 3.0)]);
+        (0..20).for_each(|i| heard.add(i.to_string(), 4.0));
+        assert_eq!(heard.faults.len(), KEPT);
+    }
+}

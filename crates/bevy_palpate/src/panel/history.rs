@@ -1,0 +1,193 @@
+//! What has been felt over the last seconds, and how far schemes were from the full body.
+
+use crate::tool::LocalModelError;
+use glam::DVec3;
+use std::collections::VecDeque;
+
+/// Ticks that a history holds at most.
+pub(super) const MOST_TICKS: usize = 20_000;
+
+/// Ticks that may be missing in a curve that is drawn without a break.
+pub(super) const HOLE: u64 = 60;
+
+/// Forces by the sequence number of their sample, ascending.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Curve {
+    points: VecDeque<(u64, DVec3)>,
+}
+
+/// What of a force is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Along {
+    #[default]
+    Length,
+    X,
+    Y,
+    Z,
+}
+
+impl Along {
+    pub(super) const ALL: [(Self, &str); 4] =
+        [(Self::Length, "length"), (Self::X, "x"), (Self::Y, "y"), (Self::Z, "z")];
+
+    fn of(self, force_n: DVec3) -> f64 {
+        match self {
+            Self::Length => force_n.length(),
+            Self::X => force_n.x,
+            Self::Y => force_n.y,
+            Self::Z => force_n.z,
+        }
+    }
+}
+
+impl Curve {
+    /// Adds the newest force; one that is not newer than the last begins the curve anew.
+    pub(super) fn push(&mut self, sequence: u64, force_n: DVec3) {
+        if self.newest().is_some_and(|newest| sequence <= newest) {
+            self.points.clear();
+        }
+        if self.points.len() == MOST_TICKS {
+            self.points.pop_front();
+        }
+        self.points.push_back((sequence, force_n));
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.points.clear();
+    }
+
+    pub(super) fn newest(&self) -> Option<u64> {
+        self.points.back().map(|(sequence, _)| *sequence)
+    }
+
+    /// Those after `sequence`, oldest first.
+    fn after(&self, sequence: u64) -> impl Iterator<Item = &(u64, DVec3)> {
+        self.points.range(self.points.partition_point(|(s, _)| *s <= sequence)..)
+    }
+
+    /// The least and the greatest of every `stride` ticks after `from`, in the order in which they came, as (sequence,
+    /// force): a peak of one tick stays to be seen. Where ticks are missing for longer than [`HOLE`] a NaN stands.
+    pub(super) fn decimate(&self, along: Along, from: u64, stride: u64, mut found: impl FnMut(u64, f64)) {
+        let mut bucket: Option<(u64, [(u64, f64); 2])> = None;
+        let mut tell = |[low, high]: [(u64, f64); 2]| {
+            let (first, second) = if low.0 <= high.0 { (low, high) } else { (high, low) };
+            found(first.0, first.1);
+            if second.0 != first.0 {
+                found(second.0, second.1);
+            }
+        };
+        let mut last = None;
+        for &(sequence, force_n) in self.after(from) {
+            if last.replace(sequence).is_some_and(|last| sequence - last > HOLE) {
+                bucket.take().into_iter().for_each(|(_, extremes)| tell(extremes));
+                tell([(sequence - 1, f64::NAN); 2]);
+            }
+            let (index, point) = (sequence / stride.max(1), (sequence, along.of(force_n)));
+            match &mut bucket {
+                Some((at, [low, high])) if *at == index => {
+                    if point.1 < low.1 {
+                        *low = point;
+                    }
+                    if point.1 > high.1 {
+                        *high = point;
+                    }
+                }
+                other => {
+                    if let Some((_, extremes)) = other.replace((index, [point; 2])) {
+                        tell(extremes);
+                    }
+                }
+            }
+        }
+        if let Some((_, extremes)) = bucket {
+            tell(extremes);
+        }
+    }
+
+    /// How far it was from `full` at the ticks after `from` that both have.
+    pub(super) fn error_against(&self, full: &Self, from: u64) -> LocalModelError {
+        let mut reference = full.after(from).peekable();
+        let pairs = self.after(from).filter_map(|&(sequence, displayed)| {
+            while reference.next_if(|(s, _)| *s < sequence).is_some() {}
+            reference.next_if(|(s, _)| *s == sequence).map(|(_, full)| (displayed, *full))
+        });
+        LocalModelError::of(pairs)
+    }
+}
+
+/// Values by sequence number, for curves that have one at every model step.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Trace {
+    pub(super) points: VecDeque<(u64, f64)>,
+}
+
+impl Trace {
+    /// Adds the newest value; one that is not newer than the last begins the trace anew.
+    pub(super) fn push(&mut self, sequence: u64, value: f64) {
+        if self.points.back().is_some_and(|(newest, _)| sequence <= *newest) {
+            self.points.clear();
+        }
+        if self.points.len() == MOST_TICKS / 10 {
+            self.points.pop_front();
+        }
+        self.points.push_back((sequence, value));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn curve(points: impl IntoIterator<Item = (u64, f64)>) -> Curve {
+        let mut curve = Curve::default();
+        points.into_iter().for_each(|(sequence, y)| curve.push(sequence, DVec3::Y * y));
+        curve
+    }
+
+    fn decimated(curve: &Curve, from: u64, stride: u64) -> Vec<(u64, f64)> {
+        let mut found = Vec::new();
+        curve.decimate(Along::Y, from, stride, |sequence, y| found.push((sequence, y)));
+        found
+    }
+
+    #[test]
+    fn a_peak_of_one_tick_is_seen_whatever_the_stride() {
+        let spike = curve((1..=1000).map(|s| (s, if s == 537 { 9.0 } else { 0.001 * s as f64 })));
+        for stride in [1, 7, 10, 50, 1000] {
+            let found = decimated(&spike, 0, stride);
+            assert!(found.contains(&(537, 9.0)), "{stride}");
+            assert!(found.len() as u64 <= 2 * (1000 / stride + 1));
+            assert!(found.windows(2).all(|pair| pair[0].0 < pair[1].0), "{stride}");
+        }
+        assert_eq!(decimated(&spike, 997, 1), [(998, 0.998), (999, 0.999), (1000, 1.0)]);
+    }
+
+    #[test]
+    fn a_hole_breaks_the_curve() {
+        let broken = curve((1..=10).chain(200..=210).map(|s| (s, 1.0)));
+        let found = decimated(&broken, 0, 5);
+        let breaks: Vec<usize> = (0..found.len()).filter(|&i| found[i].1.is_nan()).collect();
+        assert_eq!(breaks.len(), 1);
+        assert!(found[breaks[0] - 1].0 <= 10 && found[breaks[0] + 1].0 >= 200, "{found:?}");
+    }
+
+    #[test]
+    fn the_error_is_that_of_the_ticks_which_both_have() {
+        let full = curve((10..20).map(|s| (s, 2.0)));
+        let scheme = curve([(8, 5.0), (11, 2.2), (12, 1.8), (25, 7.0)]);
+        let error = scheme.error_against(&full, 0);
+        assert_eq!(error.ticks, 2);
+        assert!((error.relative.unwrap() - 0.1).abs() < 1e-12);
+        assert_eq!(scheme.error_against(&full, 11).ticks, 1);
+        assert_eq!(scheme.error_against(&full, 12).ticks, 0);
+    }
+
+    #[test]
+    fn samples_that_begin_anew_begin_the_curve_anew_and_it_stays_bounded() {
+        let mut anew = curve((100..200).map(|s| (s, 1.0)));
+        anew.push(3, DVec3::Y);
+        assert_eq!(decimated(&anew, 0, 1), [(3, 1.0)]);
+        let long = curve((0..3 * MOST_TICKS as u64).map(|s| (s, 0.0)));
+        assert_eq!(long.points.len(), MOST_TICKS);
+    }
+}
