@@ -196,6 +196,16 @@ fn a_thread_that_is_taken_out_or_whose_body_changes_holds_what_is_left() {
 }
 
 #[test]
+fn a_thread_that_is_given_a_senseless_length_keeps_the_old_one() {
+    let (mut app, _, suture) = sutured(0.006, f64::INFINITY);
+    step(&mut app, 20);
+    app.world_mut().get_mut::<Suture>(suture).unwrap().length_m = f64::NAN;
+    step(&mut app, 3);
+    assert_eq!(take_faults(&mut app).len(), 1);
+    assert!(force(&app, suture).tension_n > 0.05);
+}
+
+#[test]
 fn sutures_that_make_no_sense_are_told_once_and_do_nothing() {
     let (mut app, body, suture) = sutured(-1.0, 1.0);
     step(&mut app, 3);

@@ -32,7 +32,10 @@ struct Album {
 pub(crate) fn draw(app: &mut App, stage: &Stage, folder: &Path, at_s: &[f64]) -> Shown {
     if let Err(why) = display::check_driver() {
         say(&format!("{why}: {} draws nothing", stage.name));
-        return Shown::Headless;
+        app.add_plugins(MinimalPlugins).add_systems(Startup, |mut exit: MessageWriter<AppExit>| {
+            exit.write(AppExit::error());
+        });
+        return Shown::InPictures;
     }
     let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
     // A picture must not be drawn before what is to be drawn is ready.

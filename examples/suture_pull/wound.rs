@@ -3,6 +3,7 @@
 use bevy::prelude::*;
 use bevy_palpate::SimulatedBody;
 use bevy_palpate::prelude::*;
+use palpate_body::BodyPoint;
 
 /// Height of the slab's top, m.
 pub const TOP_M: f64 = 0.015;
@@ -30,10 +31,9 @@ pub fn edges_m(body: &SimulatedBody, along_m: f64) -> [DVec3; 2] {
     let body = body.body();
     [-0.5, 0.5].map(|side| {
         let edge = DVec3::new(side * GAPE_M, TOP_M, along_m);
-        let rest = body.network().rest_m();
-        let nodes = body.surface().vertices.iter().copied();
-        let nearest = nodes.min_by(|&a, &b| rest[a].distance(edge).total_cmp(&rest[b].distance(edge)));
-        nearest.map_or(edge, |node| body.positions_m()[node])
+        let apart = |point: &BodyPoint| point.of(body.network().rest_m()).distance(edge);
+        let nearest = body.surface().points.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+        nearest.map_or(edge, |point| point.of(body.positions_m()))
     })
 }
 

@@ -157,8 +157,11 @@ fn sew(
             .iter()
             .map(|&(entity, suture, points)| tie(suture, points).map_err(|e| (entity, e)))
             .collect();
-        simulated.sutures = here.iter().map(|(entity, ..)| *entity).collect();
+        let sewn_here: Vec<Entity> = here.iter().map(|(entity, ..)| *entity).collect();
         let set = ties.and_then(|ties| simulated.body.set_ties(ties).map_err(|e| (body, e)));
+        if set.is_ok() {
+            simulated.sutures = sewn_here;
+        }
         if let Err((entity, error)) = set {
             let kind = HapticFaultKind::Suture(SutureFault::Thread(error));
             faults.write(HapticFault { entity: Some(entity), kind });
