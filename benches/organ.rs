@@ -10,6 +10,7 @@ use bevy::image::ImagePlugin;
 use bevy::log::LogPlugin;
 use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
+use bevy::world_serialization::WorldSerializationPlugin;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{HapticDiagnosticsPlugin, SimulatedBody};
 use std::time::Duration;
@@ -33,6 +34,7 @@ fn main() -> AppExit {
             AssetPlugin { file_path: assets.into(), ..default() },
             MeshPlugin,
             ImagePlugin::default(),
+            WorldSerializationPlugin,
             GltfPlugin::default(),
             PalpatePlugins,
         ))

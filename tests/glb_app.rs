@@ -4,6 +4,7 @@ use bevy::gltf::{GltfAssetLabel, GltfPlugin};
 use bevy::image::ImagePlugin;
 use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
+use bevy::world_serialization::WorldSerializationPlugin;
 use bevy_palpate::SimulatedBody;
 use bevy_palpate::prelude::*;
 use palpate_tests::app::{lockstep_app, step, take_faults};
@@ -15,6 +16,7 @@ fn app() -> App {
         AssetPlugin { file_path: assets.into(), ..default() },
         MeshPlugin,
         ImagePlugin::default(),
+        WorldSerializationPlugin,
         GltfPlugin::default(),
     ));
     app.finish();

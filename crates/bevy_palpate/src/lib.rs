@@ -63,7 +63,8 @@
 //! # Headless tests
 //!
 //! With [`HapticClock::Lockstep`] there is no thread and no sleeping: each model step turns the loops by exactly
-//! as many ticks as it is long, and the same scene gives the same bits. `MinimalPlugins` suffices.
+//! as many ticks as it is long, and the same scene gives the same bits. `MinimalPlugins` suffices; bodies of meshes need
+//! `AssetPlugin` and `MeshPlugin`, those of GLB files also `ImagePlugin`, `WorldSerializationPlugin` and `GltfPlugin`.
 //!
 //! # Units, frames, signs
 //!
