@@ -17,7 +17,7 @@ fn app() -> App {
 }
 
 fn ball() -> Mesh {
-    Sphere::new(RADIUS as f32).mesh().ico(5).unwrap()
+    Sphere::new(RADIUS as f32).mesh().ico(20).unwrap()
 }
 
 fn add(app: &mut App, mesh: Mesh) -> Handle<Mesh> {
