@@ -6,7 +6,7 @@ use bevy_palpate::TickRecording;
 use bevy_palpate::prelude::*;
 use clap::Parser;
 use palpate_haptics::{DeviceDescription, DeviceError};
-use palpate_stage::{SetUpScene, Stage, StageOptions};
+use palpate_stage::{SetUpHands, SetUpScene, Stage, StageOptions};
 use std::f64::consts::TAU;
 use std::io::Write;
 use std::time::Duration;
@@ -87,17 +87,22 @@ fn main() -> AppExit {
         ..default()
     };
     let mut app = stage.app(&options);
-    app.add_systems(SetUpScene, set_up).add_systems(Last, report.run_if(on_message::<AppExit>));
+    app.add_systems(SetUpScene, set_up)
+        .add_systems(SetUpHands, set_up_hands)
+        .add_systems(Last, report.run_if(on_message::<AppExit>));
     app.world_mut().resource_mut::<HapticDevices>().register("spring hand", || Ok(SpringHand::default()));
     app.run()
 }
 
-fn set_up(mut commands: Commands, options: Res<StageOptions>) {
+fn set_up(mut commands: Commands) {
     commands.spawn((
         DeformableBody::block([6, 6, 6], 0.1),
         Tissue { youngs_modulus_pa: 20e3, ..default() },
         FixedRegion::Face(Face::Bottom),
     ));
+}
+
+fn set_up_hands(mut commands: Commands, options: Res<StageOptions>) {
     let device = DeviceSelector::named("spring hand");
     let tool = HapticTool { device, scheme: options.scheme, ..default() };
     commands.spawn((tool, TickRecording { keep: 60_000, ..default() }));

@@ -5,7 +5,7 @@ use bevy::prelude::*;
 use bevy_palpate::TickRecording;
 use bevy_palpate::prelude::*;
 use clap::Parser;
-use palpate_stage::{SetUpScene, Stage, StageOptions};
+use palpate_stage::{SetUpHands, SetUpScene, Stage, StageOptions};
 use std::io::Write;
 
 /// Where the two hands are, m, across the body.
@@ -40,7 +40,9 @@ fn main() -> AppExit {
         ..default()
     };
     let mut app = stage.app(&options);
-    app.add_systems(SetUpScene, set_up).add_systems(Last, report.run_if(on_message::<AppExit>));
+    app.add_systems(SetUpScene, set_up)
+        .add_systems(SetUpHands, set_up_hands)
+        .add_systems(Last, report.run_if(on_message::<AppExit>));
     let mut devices = app.world_mut().resource_mut::<HapticDevices>();
     devices.register("left", || Ok(hand(LEFT_M, left_depth_m)));
     devices.register("right", || Ok(hand(RIGHT_M, right_depth_m)));
@@ -66,12 +68,15 @@ fn right_depth_m(t: f64) -> f64 {
     0.023 * (std::f64::consts::PI * way).sin().powi(2) - 0.015
 }
 
-fn set_up(mut commands: Commands, options: Res<StageOptions>) {
+fn set_up(mut commands: Commands) {
     commands.spawn((
         DeformableBody::block_of_size([13, 7, 9], DVec3::new(0.12, 2.0 * TOP_M, 0.08)),
         Tissue { youngs_modulus_pa: 10e3, ..default() },
         FixedRegion::Face(Face::Bottom),
     ));
+}
+
+fn set_up_hands(mut commands: Commands, options: Res<StageOptions>) {
     for (hand, name) in [(Hand::Left, "left"), (Hand::Right, "right")] {
         let tool = HapticTool {
             device: DeviceSelector::named(name),

@@ -96,7 +96,8 @@ fn the_default_build_has_no_renderer() {
         names.contains("bevy_mesh") && names.contains("palpate_tests"),
         "the tree is that of the workspace"
     );
-    for renderer in ["wgpu", "winit", "bevy_render", "bevy_pbr", "bevy_winit", "bevy_window", "egui"] {
+    // What a window is (`bevy_window`) comes with the reader of glTF files; what opens one must not.
+    for renderer in ["wgpu", "winit", "bevy_render", "bevy_pbr", "bevy_winit", "egui"] {
         assert!(!names.contains(renderer), "the default build has {renderer}");
     }
 }

@@ -5,7 +5,7 @@ use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{ModelStep, SimulatedBody, TickRecording, ToolLoop};
 use clap::ValueEnum;
-use palpate_stage::{SceneTime, SetUpScene, StageOptions};
+use palpate_stage::{SceneTime, SetUpHands, SetUpScene, StageOptions};
 use std::io::Write;
 
 /// Thickness of the layer and its width, m, and the cells through it.
@@ -68,6 +68,7 @@ impl Plugin for ScenePlugin {
         let tips = self.tips.clone();
         app.insert_resource(Measured { tips, ..default() })
             .add_systems(SetUpScene, set_up)
+            .add_systems(SetUpHands, set_up_hand)
             .add_systems(
                 ModelStep,
                 (change_tip.in_set(HapticSystems::First), measure.in_set(HapticSystems::Last)),
@@ -104,7 +105,7 @@ impl Measured {
     }
 }
 
-fn set_up(mut commands: Commands, options: Res<StageOptions>, mut measured: ResMut<Measured>) {
+fn set_up(mut commands: Commands, mut measured: ResMut<Measured>) {
     measured.now = 0;
     measured.curves = vec![Vec::new(); measured.tips.len()];
     measured.waited = vec![Default::default(); measured.tips.len()];
@@ -114,6 +115,9 @@ fn set_up(mut commands: Commands, options: Res<StageOptions>, mut measured: ResM
         Tissue { youngs_modulus_pa: YOUNGS_MODULUS_PA, damping_ratio: 0.5, ..default() },
         FixedRegion::Face(Face::Bottom),
     ));
+}
+
+fn set_up_hand(mut commands: Commands, options: Res<StageOptions>, measured: Res<Measured>) {
     let tool = HapticTool {
         device: DeviceSelector::named("stairs"),
         scheme: options.scheme,

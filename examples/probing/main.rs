@@ -1,5 +1,5 @@
-//! This example demonstrates the whole ring: a recorded hand probes a soft block. The block steps at 20 Hz in a
-//! Bevy app, the local model ticks at 1 kHz on a thread of its own; afterwards every scheme is judged against
+//! This example demonstrates the whole ring: a recorded hand probes a soft organ and finds a lump in it. The organ steps at
+//! 20 Hz in a Bevy app, the local model ticks at 1 kHz on a thread of its own; afterwards every scheme is judged against
 //! the full body on the samples that were felt.
 //!
 //! `cargo run --release --example probing` runs anywhere; `--features panel,gizmos` shows it.
@@ -8,6 +8,7 @@ mod options;
 mod plot;
 mod report;
 mod scene;
+mod touches;
 
 use bevy::prelude::*;
 use bevy_palpate::HapticClock;
@@ -19,7 +20,10 @@ fn main() -> AppExit {
     let options = Options::parse();
     let stage = Stage {
         name: "probing",
-        title: "A hand probes a soft body at 1,000 Hz; the body steps at 20 Hz",
+        title: "A hand probes an organ for a lump, felt at 1,000 Hz; the body steps at 20 Hz",
+        floor_m: -0.0132,
+        focus_m: Vec3::new(0.0, 0.025, 0.0),
+        eye_m: Vec3::new(0.10, 0.13, 0.17),
         // What the loop's thread does is what it is about.
         clock: HapticClock::Thread,
         ..Stage::default()

@@ -9,11 +9,11 @@ use std::path::PathBuf;
 /// The hand that comes with the repository.
 const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/trajectories/probe.csv");
 
-/// A recorded hand probes a soft block; every scheme is then judged against the full body.
+/// A recorded hand probes a soft organ; every scheme is then judged against the full body.
 #[derive(Clone, Debug, Parser, Resource)]
 #[command(
-    after_help = "The block is a cube of 10 cm round the origin, its top at y = 0.05 m, its bottom fixed; the tool is a \
-    sphere of 5 mm radius.\n\nExamples:\n  probing --seconds 10 --scheme hold\n  probing --trajectory hand.csv --out results"
+    after_help = "The organ is 126 by 67 by 76 mm, its top at y = 0.054 m; a lump lies below it at x = -10, z = -6 mm. The tool is \
+    a sphere of 5 mm radius.\n\nExamples:\n  probing --seconds 10 --scheme hold\n  probing --trajectory hand.csv --out results"
 )]
 pub struct Options {
     #[command(flatten)]

@@ -1,7 +1,7 @@
 //! At the end: a table, the trace as CSV and a plot as SVG.
 
 use crate::options::Options;
-use crate::plot;
+use crate::{plot, touches};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{ModelStepCount, SimulatedBody, TickRecording};
@@ -46,10 +46,11 @@ fn report(
     let contact = tool.contact()?;
     let settings = ComparisonOptions { period_ticks: rate.ticks() as usize, ..default() };
     let samples = contiguous_end(&recording.samples);
-    let comparison =
-        Comparison::run(&Body::new(network, surface)?, &contact, samples, &Scheme::ALL, &settings)?;
+    let at_rest = Body::new(network, surface)?;
+    let comparison = Comparison::run(&at_rest, &contact, samples, &Scheme::ALL, &settings)?;
     let run = Run { samples, records: &recording.records, comparison };
     print_table(&run, recording, timing, steps.0, tool.scheme)?;
+    touches::print(&touches::find(&run, &at_rest, tool.shape.radius_m()))?;
     let trace = options.out.join("trace.csv");
     write_trace(&run, BufWriter::new(std::fs::File::create(&trace)?))?;
     let picture = options.out.join("force.svg");

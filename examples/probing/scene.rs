@@ -1,22 +1,47 @@
-//! A soft body and a tool moved by a recorded hand.
+//! A soft organ and a tool moved by a recorded hand.
 
 use crate::options::Options;
 use bevy::prelude::*;
-use bevy_palpate::TickRecording;
 use bevy_palpate::prelude::*;
-use palpate_stage::SetUpScene;
+use bevy_palpate::{BodyRegion, Inclusion, Inclusions, TickRecording};
+use palpate_stage::{SetUpHands, SetUpScene};
 
 /// Spawns the scene.
 pub struct ScenePlugin;
 
 impl Plugin for ScenePlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(SetUpScene, set_up);
+        app.add_systems(SetUpScene, set_up).add_systems(SetUpHands, set_up_hand);
     }
 }
 
-fn set_up(mut commands: Commands, options: Res<Options>) {
-    commands.spawn(body());
+/// The organ lies so high that the recorded hand meets it, m.
+const UP_M: f32 = 0.024;
+
+fn set_up(mut commands: Commands, assets: Res<AssetServer>) {
+    commands.spawn(organ(&assets));
+}
+
+/// What is probed: a liver as large as a hand, with a lump below its top that is ten times as stiff.
+fn organ(assets: &AssetServer) -> impl Bundle {
+    let lump = BodyRegion::Sphere { center_m: DVec3::new(-0.010, 0.018, -0.006), radius_m: 0.010 };
+    (
+        DeformableBody::from_mesh(assets.load("meshes/organ.glb#Mesh0/Primitive0")),
+        Tissue { youngs_modulus_pa: 10e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5 },
+        Inclusions(vec![Inclusion {
+            region: lump,
+            tissue: Tissue { youngs_modulus_pa: 100e3, ..default() },
+        }]),
+        // What it lies on.
+        FixedRegion::Within(vec![BodyRegion::HalfSpace {
+            point_m: DVec3::new(0.0, -0.015, 0.0),
+            outward: DVec3::Y,
+        }]),
+        Transform::from_xyz(0.0, UP_M, 0.0),
+    )
+}
+
+fn set_up_hand(mut commands: Commands, options: Res<Options>) {
     commands.spawn((
         HapticTool {
             device: DeviceSelector::replay(options.trajectory.display().to_string()),
@@ -26,13 +51,4 @@ fn set_up(mut commands: Commands, options: Res<Options>) {
         // A window may stay open for hours: the report at its end is of the last minute or two.
         TickRecording { keep: options.stage.seconds.map_or(60_000, |s| (s * 1000.0) as usize), ..default() },
     ));
-}
-
-/// What is probed.
-fn body() -> impl Bundle {
-    (
-        DeformableBody::block([6, 6, 6], 0.1),
-        Tissue { youngs_modulus_pa: 20e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5 },
-        FixedRegion::Face(Face::Bottom),
-    )
 }

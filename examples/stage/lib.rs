@@ -1,5 +1,5 @@
-//! The stage of palpate's scenes: what they would otherwise all repeat. A scene brings its body and its hand in systems of
-//! [`SetUpScene`] and a [`Stage`] that says what is to be seen; the stage opens a window, draws pictures or runs headless, gives
+//! The stage of palpate's scenes: what they would otherwise all repeat. A scene brings its bodies in systems of
+//! [`SetUpScene`], its hands in those of [`SetUpHands`], and a [`Stage`] that says what is to be seen; the stage opens a window, draws pictures or runs headless, gives
 //! light, floor, camera and keys, and ends in time. It is part of the examples and of no library.
 //!
 //! | key | does |
@@ -13,6 +13,7 @@
 //!
 //! The right mouse button turns the camera, the middle one moves it, Ctrl and the wheel bring it nearer.
 
+mod assets;
 #[cfg(feature = "panel")]
 mod caption;
 #[cfg(feature = "window")]
@@ -33,4 +34,4 @@ mod view;
 #[cfg(feature = "panel")]
 pub use caption::{Plot, plot_window};
 pub use options::{StageOptions, folder};
-pub use scene::{SceneTime, SetUpScene, Stage};
+pub use scene::{SceneTime, SetUpHands, SetUpScene, Stage};

@@ -1,7 +1,7 @@
 //! Pictures without a window, for a page or a test.
 
 use crate::scene::{SceneTime, Shown, say};
-use crate::{Stage, display, view};
+use crate::{Stage, assets, display, view};
 use bevy::app::ScheduleRunnerPlugin;
 use bevy::camera::RenderTarget;
 use bevy::prelude::*;
@@ -40,7 +40,7 @@ pub(crate) fn draw(app: &mut App, stage: &Stage, folder: &Path, at_s: &[f64]) ->
     let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
     // A picture must not be drawn before what is to be drawn is ready.
     let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
-    app.add_plugins(DefaultPlugins.set(window).set(render).disable::<WinitPlugin>())
+    app.add_plugins(DefaultPlugins.set(window).set(render).set(assets::plugin()).disable::<WinitPlugin>())
         .add_plugins(ScheduleRunnerPlugin::run_loop(Duration::ZERO));
     view::furnish(app);
     let mut at_s = at_s.to_vec();

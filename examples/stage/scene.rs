@@ -1,18 +1,26 @@
 //! A scene on the stage: begun, begun again, ended.
 
 use crate::progress::ProgressPlugin;
-use crate::{StageOptions, time};
+use crate::{StageOptions, assets, time};
 use bevy::app::ScheduleRunnerPlugin;
 use bevy::ecs::schedule::ScheduleLabel;
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticSetupSystems, ModelStep};
+use bevy_palpate::{HapticSetupSystems, SimulatedBody};
 use std::time::Duration;
 
-/// Spawns a scene's bodies, tools and sutures, at the start and at every reset: systems are added to it as to `Startup`.
+/// Spawns a scene's bodies, at the start and at every reset: systems are added to it as to `Startup`.
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
 pub struct SetUpScene;
+
+/// Spawns a scene's tools, once its bodies are there: one that is read from a file takes its time.
+#[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
+pub struct SetUpHands;
+
+/// The scene's hands are still to come.
+#[derive(Resource, Default)]
+struct AwaitsBodies(bool);
 
 /// What a scene says of itself.
 #[derive(Resource, Clone, Copy, Debug)]
@@ -50,7 +58,7 @@ impl Default for Stage {
     }
 }
 
-/// Time since the scene was set up, s, in model steps.
+/// Time since the scene's hands came, s, in model steps.
 #[derive(Resource, Clone, Copy, Debug, Default)]
 pub struct SceneTime(pub f64);
 
@@ -86,6 +94,7 @@ impl Stage {
             let frame = Duration::from_millis(if clock == HapticClock::Thread { 5 } else { 0 });
             let runner = ScheduleRunnerPlugin::run_loop(frame);
             app.add_plugins((MinimalPlugins.set(runner), LogPlugin::default(), ProgressPlugin));
+            assets::add_without_window(&mut app);
         }
         if clock == HapticClock::Lockstep {
             time::step_by_step(&mut app);
@@ -94,10 +103,20 @@ impl Stage {
             .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock, ..default() }))
             .add_message::<ResetScene>()
             .init_schedule(SetUpScene)
+            .init_schedule(SetUpHands)
+            .init_resource::<AwaitsBodies>()
             .add_systems(Startup, set_up)
             .add_systems(
                 PreUpdate,
                 set_up.run_if(on_message::<ResetScene>).before(HapticSetupSystems::Bodies),
+            )
+            .add_systems(
+                PreUpdate,
+                (end_if_refused, set_up_hands)
+                    .chain()
+                    .after(HapticSetupSystems::Bodies)
+                    .before(HapticSetupSystems::Tools)
+                    .run_if(|awaits: Res<AwaitsBodies>| awaits.0),
             )
             .add_systems(ModelStep, count_time.in_set(HapticSystems::First))
             .add_systems(Update, end_in_time);
@@ -143,11 +162,33 @@ fn set_up(world: &mut World) {
         world.despawn(entity);
     }
     world.insert_resource(SceneTime::default());
+    world.insert_resource(AwaitsBodies(true));
     world.run_schedule(SetUpScene);
 }
 
-fn count_time(rate: Res<ModelRate>, mut time: ResMut<SceneTime>) {
-    time.0 += rate.period_s();
+fn set_up_hands(world: &mut World) {
+    let mut to_come = world.query_filtered::<(), (With<DeformableBody>, Without<SimulatedBody>)>();
+    if to_come.iter(world).next().is_none() {
+        world.insert_resource(AwaitsBodies(false));
+        world.run_schedule(SetUpHands);
+    }
+}
+
+/// A body that cannot be built is the end of its scene; what to do about it is in the fault, which is logged.
+fn end_if_refused(
+    mut faults: MessageReader<HapticFault>,
+    to_come: Query<(), (With<DeformableBody>, Without<SimulatedBody>)>,
+    mut exit: MessageWriter<AppExit>,
+) {
+    if faults.read().any(|fault| fault.entity.is_some_and(|entity| to_come.contains(entity))) {
+        exit.write(AppExit::error());
+    }
+}
+
+fn count_time(rate: Res<ModelRate>, awaits: Res<AwaitsBodies>, mut time: ResMut<SceneTime>) {
+    if !awaits.0 {
+        time.0 += rate.period_s();
+    }
 }
 
 fn end_in_time(

@@ -1,7 +1,7 @@
 //! What is to be seen: camera, light, floor, and what bodies, tools and threads look like.
 
 use crate::scene::{Shown, say};
-use crate::{Stage, display, instruments, keys};
+use crate::{Stage, assets, display, instruments, keys};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{MouseDevicePlugin, MouseDeviceSystems, SimulatedBody};
@@ -22,8 +22,10 @@ pub(crate) fn open_window(app: &mut App, stage: &Stage) -> Shown {
         return Shown::Headless;
     }
     let window = Window { title: format!("palpate: {}", stage.name), ..default() };
-    app.add_plugins(DefaultPlugins.set(WindowPlugin { primary_window: Some(window), ..default() }))
-        .add_plugins((PanOrbitCameraPlugin, mouse(stage), keys::KeysPlugin));
+    app.add_plugins(
+        DefaultPlugins.set(WindowPlugin { primary_window: Some(window), ..default() }).set(assets::plugin()),
+    )
+    .add_plugins((PanOrbitCameraPlugin, mouse(stage), keys::KeysPlugin));
     furnish(app);
     app.add_systems(PostStartup, let_the_camera_turn).configure_sets(
         PreUpdate,

@@ -4,7 +4,7 @@ use crate::{hand, wound};
 use bevy::prelude::*;
 use bevy_palpate::SimulatedBody;
 use bevy_palpate::prelude::*;
-use palpate_stage::{SetUpScene, StageOptions};
+use palpate_stage::{SetUpHands, SetUpScene, StageOptions};
 use std::io::Write;
 
 /// The wound is sewn when its edges are so near, m.
@@ -20,6 +20,7 @@ impl Plugin for ScenePlugin {
     fn build(&self, app: &mut App) {
         app.insert_resource(Told { tear_limit_n: self.tear_limit_n, ..default() })
             .add_systems(SetUpScene, set_up)
+            .add_systems(SetUpHands, set_up_hand)
             .add_systems(ModelStep, (wound::tighten, sew).chain().in_set(HapticSystems::First))
             .add_systems(ModelStep, listen.in_set(HapticSystems::Last))
             .add_systems(Last, report.pipe(fail).run_if(on_message::<AppExit>));
@@ -43,9 +44,12 @@ struct Told {
     torn: Vec<SutureTorn>,
 }
 
-fn set_up(mut commands: Commands, options: Res<StageOptions>, mut told: ResMut<Told>) {
+fn set_up(mut commands: Commands, mut told: ResMut<Told>) {
     *told = Told { tear_limit_n: told.tear_limit_n, ..default() };
     commands.spawn(wound::slab());
+}
+
+fn set_up_hand(mut commands: Commands, options: Res<StageOptions>) {
     commands.spawn((
         HapticTool {
             device: DeviceSelector::named("surgeon"),
