@@ -2,5 +2,47 @@
 
 use bevy::prelude::*;
 
-/// Adds what the features bring.
-pub(crate) fn add(_app: &mut App) {}
+/// Adds what the features bring: the panel, opened by P, and what G draws over the scene.
+pub(crate) fn add(app: &mut App) {
+    #[cfg(feature = "panel")]
+    app.add_plugins(bevy_palpate::HapticPanelPlugin { open: false, key: Some(KeyCode::KeyP), ..default() });
+    #[cfg(feature = "gizmos")]
+    app.add_plugins(bevy_palpate::HapticGizmosPlugin)
+        .add_systems(Startup, |store: ResMut<GizmoConfigStore>| gizmos::show(store, 0))
+        .add_systems(Update, gizmos::press);
+    #[cfg(not(any(feature = "panel", feature = "gizmos")))]
+    let _ = app;
+}
+
+#[cfg(feature = "gizmos")]
+mod gizmos {
+    use bevy::prelude::*;
+    use bevy_palpate::HapticGizmos;
+
+    /// What is drawn over the scene, one after the other: nothing, contact and force, the near field, the strained lattice, the
+    /// basis.
+    const VIEWS: usize = 5;
+
+    pub(super) fn press(
+        keys: Res<ButtonInput<KeyCode>>,
+        store: ResMut<GizmoConfigStore>,
+        mut view: Local<usize>,
+    ) {
+        if keys.just_pressed(KeyCode::KeyG) {
+            *view = (*view + 1) % VIEWS;
+            show(store, *view);
+        }
+    }
+
+    pub(super) fn show(mut store: ResMut<GizmoConfigStore>, view: usize) {
+        let (config, parts) = store.config_mut::<HapticGizmos>();
+        config.enabled = view > 0;
+        *parts = HapticGizmos {
+            near_field: view == 2,
+            lattice: view == 3,
+            fixed: view >= 3,
+            basis: (view == 4).then_some(0),
+            ..default()
+        };
+    }
+}

@@ -77,6 +77,12 @@ impl SimulatedBody {
         self.closed.as_deref()
     }
 
+    /// Where the nodes are drawn now, m, in the world's frame: on their way between the last two model steps.
+    #[must_use]
+    pub fn drawn_m(&self) -> &[DVec3] {
+        self.drawn.nodes_m(&self.body)
+    }
+
     /// How every node moves with column `column` of the newest local model's basis; `None` where there is no such column. See
     /// [`LocalModelBuilder::basis_column`].
     #[must_use]

@@ -9,6 +9,7 @@ use crate::tool::{HapticTool, ToolForce, ToolLoop};
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
 use bevy::prelude::*;
 use glam::DVec3;
+use palpate_body::ToolShape;
 
 /// Draws what [`HapticGizmos`] asks for.
 ///
@@ -115,7 +116,7 @@ fn draw_bodies(
     }
     for (entity, simulated) in &bodies {
         let body = simulated.body();
-        let (network, x) = (body.network(), body.positions_m());
+        let (network, x) = (body.network(), simulated.drawn_m());
         let at = |node: usize| x[node].as_vec3();
         let size = cross_size(simulated);
         if let Some(column) = parts.basis {
@@ -164,15 +165,15 @@ fn draw_tools(
         return;
     }
     for (asked, tool, force, transform) in &tools {
-        let device = transform.translation;
-        let radius = asked.radius_m as f32;
+        let proxy = transform.translation;
+        let radius = radius_m(asked.shape);
         if parts.force {
-            let proxy = tool.contact().proxy_m(device.as_dvec3()).as_vec3();
+            let device = proxy - tool.behind_m().as_vec3();
             if proxy.distance(device) > 1e-5 {
-                gizmos.sphere(device, radius, colors::DEVICE).resolution(20);
+                draw_shape(&mut gizmos, asked.shape, device, colors::DEVICE);
                 gizmos.line(device, proxy, colors::DEVICE);
             }
-            gizmos.sphere(proxy, radius, colors::TOOL).resolution(20);
+            draw_shape(&mut gizmos, asked.shape, proxy, colors::TOOL);
             let arrow = parts.force_m_per_n * force.force_n.as_vec3();
             if arrow.length() > 1e-4 {
                 gizmos.arrow(proxy, proxy + arrow, colors::FORCE).with_tip_length(0.15 * arrow.length());
@@ -188,9 +189,32 @@ fn draw_tools(
     }
 }
 
+fn radius_m(shape: ToolShape) -> f32 {
+    match shape {
+        ToolShape::Sphere { radius_m } | ToolShape::FlatPunch { radius_m, .. } => radius_m as f32,
+    }
+}
+
+/// A sphere, or the end of a punch and a piece of its shaft.
+fn draw_shape(gizmos: &mut Gizmos<HapticGizmos>, shape: ToolShape, at: Vec3, color: Color) {
+    let radius = radius_m(shape);
+    match shape {
+        ToolShape::Sphere { .. } => {
+            gizmos.sphere(at, radius, color).resolution(20);
+        }
+        ToolShape::FlatPunch { axis, .. } => {
+            let axis = axis.as_vec3();
+            let facing = Quat::from_rotation_arc(Vec3::Z, axis);
+            for back in [0.0, 2.0 * radius] {
+                gizmos.circle(Isometry3d::new(at - back * axis, facing), radius, color);
+            }
+        }
+    }
+}
+
 fn draw_near_field(gizmos: &mut Gizmos<HapticGizmos>, simulated: &SimulatedBody, support: &[usize]) {
     let body = simulated.body();
-    let (network, x) = (body.network(), body.positions_m());
+    let (network, x) = (body.network(), simulated.drawn_m());
     let at = |node: usize| x.get(node).copied().unwrap_or(DVec3::ZERO).as_vec3();
     let size = cross_size(simulated);
     // Its nodes are those of the body of then; another body's would be drawn anywhere.
@@ -211,17 +235,18 @@ fn draw_near_field(gizmos: &mut Gizmos<HapticGizmos>, simulated: &SimulatedBody,
 }
 
 fn draw_contact(gizmos: &mut Gizmos<HapticGizmos>, simulated: &SimulatedBody, tool: &ToolLoop, radius: f32) {
-    let body = simulated.body();
-    if tool.contact().validate(body).is_err() {
+    let x = simulated.drawn_m();
+    if tool.contact().validate(simulated.body()).is_err() {
         return;
     }
     for touched in tool.contact().touched() {
-        let (point, normal) = (touched.point_m(body).as_vec3(), touched.normal.as_vec3());
+        let point = touched.body_point().of(x).as_vec3();
+        let normal = touched.normal.as_vec3();
         let facing = Isometry3d::new(point, Quat::from_rotation_arc(Vec3::Z, normal));
         gizmos.circle(facing, 0.3 * radius, colors::CONTACT);
         gizmos.arrow(point, point + 2.0 * radius * normal, colors::CONTACT).with_tip_length(0.4 * radius);
     }
     for (node, _) in tool.contact().points().iter().flat_map(|point| point.nodes()) {
-        gizmos.cross(body.positions_m()[*node].as_vec3(), cross_size(simulated), colors::CONTACT);
+        gizmos.cross(x[*node].as_vec3(), cross_size(simulated), colors::CONTACT);
     }
 }

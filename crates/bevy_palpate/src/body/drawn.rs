@@ -34,6 +34,12 @@ impl Drawn {
         Self { mesh: self.mesh, ..Self::default() }
     }
 
+    /// The nodes of `body` as they are shown, m.
+    pub(super) fn nodes_m<'a>(&'a self, body: &'a Body) -> &'a [DVec3] {
+        let x = body.positions_m();
+        if self.shown_m.len() == x.len() { &self.shown_m } else { x }
+    }
+
     /// Notes where the nodes are before a model step.
     pub(crate) fn note(&mut self, body: &Body) {
         self.before_m.clear();

@@ -47,7 +47,8 @@ pub(super) fn hear(
         }
         let text = fault.kind.chain();
         let view = &mut panel.bypass_change_detection().view;
-        if let (HapticFaultKind::BuildBody(_), Some(body)) = (&fault.kind, fault.entity)
+        if let (HapticFaultKind::BuildBody(_) | HapticFaultKind::LocalModel(_), Some(body)) =
+            (&fault.kind, fault.entity)
             && let Some(before) = view.take_back_tissue(body, &text)
             && let Ok(mut tissue) = tissues.get_mut(body)
         {

@@ -136,9 +136,21 @@ impl View {
         self.show_refusal(ui, Part::Material);
     }
 
-    /// Limits of the safety chain.
-    pub(super) fn limits(&mut self, ui: &mut egui::Ui, settings: &mut Mut<ToolSettings>) {
-        let mut draft = settings.safety;
+    /// Limits of the safety chain. As long as nothing was set those of the device are in force; the first change sets them all.
+    pub(super) fn limits(
+        &mut self,
+        ui: &mut egui::Ui,
+        settings: &mut Mut<ToolSettings>,
+        of_device: SafetySettings,
+    ) {
+        let is_unset = settings.safety == SafetySettings::default();
+        if is_unset {
+            theme::small(ui, "as the device asks for; a change sets them all");
+        } else if ui.button("as the device asks for").clicked() {
+            settings.safety = SafetySettings::default();
+        }
+        let in_force = if settings.safety == SafetySettings::default() { of_device } else { settings.safety };
+        let mut draft = in_force;
         grid(ui, "palpate_limits", |ui| {
             let of_device = "the device's own limit";
             Number::new("force", "N", 1.0, 0.5..=20.0).unlimited(of_device).show(ui, &mut draft.max_force_n);
@@ -167,7 +179,7 @@ impl View {
             Number::new("its tolerance", "mJ", 1e-3, 0.0..=20.0).show(ui, &mut draft.passivity_tolerance_j);
             ui.end_row();
         });
-        if let Some(safety) = self.accept(Part::Limits, &settings.safety, draft, SafetySettings::validate) {
+        if let Some(safety) = self.accept(Part::Limits, &in_force, draft, SafetySettings::validate) {
             settings.safety = safety;
         }
         self.show_refusal(ui, Part::Limits);

@@ -13,6 +13,8 @@ pub(super) struct Moment {
     pub(super) body: Body,
     /// How the tool acts on it.
     pub(super) contact: ToolContact,
+    /// What the other tools on the body do.
+    pub(super) beside: Vec<ToolContact>,
     /// The samples of the step.
     pub(super) samples: Vec<Sample>,
     /// At which tick the loop began to speak by the local model of which sample: (sample, tick).
@@ -140,7 +142,9 @@ impl Runner {
         }
         let mut model = self.spare.pop().unwrap_or_else(|| LocalModel::silent(settings.capacity));
         let tool = ToolPoint { position_m: newest.position_m, velocity_m_per_s: newest.velocity_m_per_s };
-        builder.build(self.scheme, &moment.body, &moment.contact, tool, moment.id, &mut model)?;
+        let Moment { body, contact, beside, id, .. } = moment;
+        let beside: Vec<&ToolContact> = beside.iter().collect();
+        builder.build_beside(self.scheme, body, (contact, tool), &beside, *id, &mut model)?;
         self.pending.push_back((model, None));
         Ok(())
     }

@@ -10,6 +10,7 @@ use crate::body::SimulatedBody;
 use crate::tool::{HapticTool, ToolLoop};
 use background::{Answering, Comparing};
 use bevy::prelude::*;
+use palpate_body::ToolContact;
 use palpate_haptics::BlackBox;
 use palpate_local::{ModelId, Sample, Scheme};
 use palpate_reduce::Bode;
@@ -130,6 +131,11 @@ pub(super) fn watch(
         watched.recorder.record(tool.handle.samples(), &frame);
     }
     let chosen = panel.shown(tools.iter().map(|(entity, ..)| entity));
+    let on = chosen.and_then(|tool| tools.get(tool).ok()?.2.body);
+    let others = tools.iter().filter(|(entity, _, tool)| Some(*entity) != chosen && tool.body == on);
+    let wants = watched.wanted.forces && panel.compare && on.is_some();
+    let mut beside: Vec<ToolContact> =
+        if wants { others.map(|(.., tool)| tool.contact.clone()).collect() } else { Vec::new() };
     let Some((entity, asked, mut tool)) = chosen.and_then(|tool| tools.get_mut(tool).ok()) else {
         watched.forget_forces();
         return;
@@ -168,8 +174,9 @@ pub(super) fn watch(
         let samples: Vec<Sample> = (first..=consumed).filter_map(|s| history.get(s).copied()).collect();
         let adopted = adoptions(tool.handle.black_box(), first, id.body);
         let (body, contact) = (simulated.body().clone(), tool.contact.clone());
+        beside.retain(|contact| contact.validate(&body).is_ok());
         let settings = tool.handle.config().hand_over;
-        watched.comparing.push(Moment { body, contact, samples, adopted, id }, settings);
+        watched.comparing.push(Moment { body, contact, beside, samples, adopted, id }, settings);
     } else {
         watched.comparing.reset();
     }

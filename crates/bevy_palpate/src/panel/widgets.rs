@@ -17,6 +17,7 @@ use bevy::ecs::query::QueryData;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use bevy_egui::egui;
+use palpate_haptics::SafetySettings;
 use palpate_local::Scheme;
 
 /// The parts of the panel, for a system in `EguiPrimaryContextPass` (or any other pass of bevy_egui):
@@ -367,7 +368,8 @@ impl HapticWidgets<'_, '_> {
     pub fn limits(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
         let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
-        self.panel.bypass_change_detection().view.limits(ui, &mut shown.settings);
+        let of_device = shown.running.as_ref().map_or(SafetySettings::default(), |running| running.of_device);
+        self.panel.bypass_change_detection().view.limits(ui, &mut shown.settings, of_device);
     }
 
     /// How the device lies in the scene.

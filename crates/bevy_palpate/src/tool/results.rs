@@ -234,6 +234,14 @@ pub(super) struct Pose {
     behind_m: DVec3,
 }
 
+impl ToolLoop {
+    /// From the device to the tool behind its coupling, m, at the last model step. The tool's [`Transform`] is where the tool is.
+    #[must_use]
+    pub fn behind_m(&self) -> DVec3 {
+        self.poses.map_or(DVec3::ZERO, |[_, last]| last.behind_m)
+    }
+}
+
 /// Notes where every tool is at a model step.
 pub(super) fn note_poses(mut tools: Query<&mut ToolLoop>) {
     for mut tool in &mut tools {

@@ -60,7 +60,7 @@ pub struct ToolLoop {
     /// The newest settings that make sense.
     pub(crate) settings: ToolSettings,
     /// The safety chain's settings that follow from the device's description.
-    pub(super) of_device: SafetySettings,
+    pub(crate) of_device: SafetySettings,
     /// How often the device has been stopped by the watchdog, as far as that has been said.
     pub(super) emergency_stops: u64,
     /// Events lost, as far as that has been said.

@@ -45,6 +45,7 @@ fn shadowed(schemes: &[Scheme], delay: u64) -> (Vec<Vec<(u64, DVec3)>>, Vec<Samp
         let moment = Moment {
             body: body.clone(),
             contact: contact.clone(),
+            beside: Vec::new(),
             samples: samples[oldest..=newest].to_vec(),
             adopted: if built > 0 { vec![(built, built + delay)] } else { Vec::new() },
             id: ModelId { body: 7, epoch: 1, sequence: newest as u64 },
@@ -89,6 +90,7 @@ fn a_scheme_that_cannot_be_had_says_why_and_the_others_go_on() {
     let moment = |newest: u64| Moment {
         body: body.clone(),
         contact: contact.clone(),
+        beside: Vec::new(),
         samples: hand(start)[newest as usize - 49..=newest as usize].to_vec(),
         adopted: vec![(newest - 50, newest - 49)],
         id: ModelId { body: 7, epoch: 1, sequence: newest },
