@@ -5,6 +5,7 @@
 use bevy::camera::RenderTarget;
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
+use bevy::render::RenderPlugin;
 use bevy::render::render_resource::TextureFormat;
 use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured, save_to_disk};
 use bevy::time::TimeUpdateStrategy;
@@ -41,7 +42,9 @@ struct Target(Handle<Image>);
 fn app() -> App {
     let mut app = App::new();
     let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
-    app.add_plugins(DefaultPlugins.set(window).disable::<WinitPlugin>())
+    // A picture must not be drawn before what is to be drawn is ready.
+    let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
+    app.add_plugins(DefaultPlugins.set(window).set(render).disable::<WinitPlugin>())
         .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() }))
         .add_plugins((HapticPanelPlugin::default(), HapticGizmosPlugin))
         .insert_resource(Time::<Fixed>::from_hz(20.0))
