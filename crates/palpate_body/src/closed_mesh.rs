@@ -133,12 +133,15 @@ impl ClosedMesh {
         orient::check_thickness(&triangles, &part, parts, &points_m, center_m, tolerance_m)?;
         crossing::check(&triangles, &points_m, center_m, tolerance_m)?;
         let half_size_m = 0.5 * (high_m - low_m);
-        let looks_in =
-            Inside::new(&triangles, &points_m, half_size_m).parts_to_turn(&part, parts, center_m)?;
-        for (triangle, part) in triangles.iter_mut().zip(&part) {
-            if looks_in[*part] {
-                triangle.swap(1, 2);
+        let mut inside = Inside::new(&triangles, &points_m, half_size_m);
+        let looks_in = inside.parts_to_turn(&part, parts, center_m)?;
+        if looks_in.contains(&true) {
+            for (triangle, part) in triangles.iter_mut().zip(&part) {
+                if looks_in[*part] {
+                    triangle.swap(1, 2);
+                }
             }
+            inside = Inside::new(&triangles, &points_m, half_size_m);
         }
         // Drawn triangles follow: those left out keep the winding they had.
         for ((index, given), now) in surface.kept.iter().map(|&k| of_points[k]).zip(&triangles) {
@@ -148,7 +151,6 @@ impl ClosedMesh {
             }
         }
         let volume_m3 = volume(&triangles, &points_m);
-        let inside = Inside::new(&triangles, &points_m, half_size_m);
         Ok(Self {
             vertices_m,
             normals: None,
