@@ -65,7 +65,7 @@ fn make(c: &mut Criterion) {
         });
         let mesh = ClosedMesh::new(at, triangles).expect("the lump is closed");
         group.bench_function(format!("16 cells along, {} vertices", mesh.vertices_m().len()), |b| {
-            b.iter(|| body(&mesh))
+            b.iter(|| body(&mesh));
         });
     }
     group.finish();

@@ -56,8 +56,8 @@ fn the_block_lies_round_its_centre() {
 #[test]
 fn senseless_blocks_are_refused_with_the_value() {
     let size = DVec3::splat(0.1);
-    assert_eq!(Block::new([1, 6, 6], size), Err(BodyError::LatticeNodes { nodes: [1, 6, 6] }));
-    assert_eq!(Block::new([6, 6, 129], size), Err(BodyError::LatticeNodes { nodes: [6, 6, 129] }));
+    assert_eq!(Block::new([1, 6, 6], size).unwrap_err(), BodyError::LatticeNodes { nodes: [1, 6, 6] });
+    assert_eq!(Block::new([6, 6, 129], size).unwrap_err(), BodyError::LatticeNodes { nodes: [6, 6, 129] });
     for bad in [0.0, -0.1, f64::NAN, f64::INFINITY] {
         let refused = Block::new([6, 6, 6], DVec3::new(0.1, bad, 0.1)).unwrap_err();
         assert!(matches!(refused, BodyError::Parameter { what: "size along y, m", .. }));
