@@ -9,7 +9,7 @@ pub(crate) fn add(app: &mut App) {
     #[cfg(feature = "gizmos")]
     app.add_plugins(bevy_palpate::HapticGizmosPlugin)
         .add_systems(Startup, |store: ResMut<GizmoConfigStore>| gizmos::show(store, 0))
-        .add_systems(Update, gizmos::press);
+        .add_systems(Update, gizmos::press.run_if(resource_exists::<ButtonInput<KeyCode>>));
     #[cfg(not(any(feature = "panel", feature = "gizmos")))]
     let _ = app;
 }

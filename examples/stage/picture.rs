@@ -46,7 +46,8 @@ pub(crate) fn draw(app: &mut App, stage: &Stage, folder: &Path, at_s: &[f64]) ->
     let mut at_s = at_s.to_vec();
     at_s.sort_by(|a, b| b.total_cmp(a));
     let [width, height] = SIZE;
-    let image = Image::new_target_texture(width, height, TextureFormat::Bgra8UnormSrgb, None);
+    // What is written over the scene is drawn for this format and no other.
+    let image = Image::new_target_texture(width, height, TextureFormat::Rgba8UnormSrgb, None);
     let target = app.world_mut().resource_mut::<Assets<Image>>().add(image);
     app.insert_resource(Album {
         name: stage.name,
