@@ -33,8 +33,8 @@ fn main() -> AppExit {
     let stage = Stage {
         name: "two_tools",
         title: "Two hands on one body: what the orange one presses the blue one feels",
-        eye_m: Vec3::new(0.02, 0.12, 0.2),
-        focus_m: Vec3::new(0.0, 0.01, 0.0),
+        eye_m: Vec3::new(0.0, 0.095, 0.165),
+        focus_m: Vec3::new(0.0, 0.012, 0.0),
         floor_m: -0.0302,
         seconds: 3.0,
         ..default()

@@ -61,6 +61,25 @@ fn a_tool_that_grasps_pulls_and_lets_go() {
 }
 
 #[test]
+fn a_tool_that_has_let_go_grasps_again() {
+    let mut app = lockstep_app();
+    let (_, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, || {
+        ScriptedDevice::new(|n, _| {
+            let buttons = u32::from(n % 400 >= 200);
+            Ok(Reading { buttons, ..Reading::at(DVec3::new(0.012, 0.0552, 0.009)) })
+        })
+    });
+    app.world_mut().entity_mut(tool).insert(ToolGrasp::default());
+    let held: Vec<bool> = (0..16)
+        .map(|_| {
+            step(&mut app, 1);
+            grasping(&app, tool).body.is_some()
+        })
+        .collect();
+    assert_eq!(held, [[false; 4], [true; 4], [false; 4], [true; 4]].concat());
+}
+
+#[test]
 fn a_grasp_beyond_its_reach_or_with_another_button_holds_nothing() {
     for grasp in [ToolGrasp { reach_m: 1e-3, ..default() }, ToolGrasp { button: 1, ..default() }] {
         let mut app = lockstep_app();
@@ -170,7 +189,7 @@ fn a_thread_tears_at_its_limit_and_is_told_once() {
     let torn: Vec<SutureTorn> = app.world_mut().resource_mut::<Messages<SutureTorn>>().drain().collect();
     assert_eq!(torn.len(), 1);
     assert_eq!((torn[0].suture, torn[0].body), (suture, body));
-    assert!((torn[0].tension_n / held - 1.0).abs() < 0.01, "{torn:?}, {held} N");
+    assert!(torn[0].tension_n > limit && torn[0].tension_n < 1.05 * held, "{torn:?}, {held} N");
     step(&mut app, 40);
     let after = force(&app, suture);
     assert!(after.is_torn && after.tension_n == 0.0, "{after:?}");

@@ -33,8 +33,8 @@ fn main() -> AppExit {
     let stage = Stage {
         name: "indentation",
         title: "A ball and a flat punch pressed into a soft layer: force over depth, against Hertz",
-        eye_m: Vec3::new(0.02, 0.16, 0.30),
-        focus_m: Vec3::new(0.03, 0.0, 0.0),
+        eye_m: Vec3::new(0.05, 0.14, 0.24),
+        focus_m: Vec3::new(0.035, 0.005, 0.0),
         floor_m: -0.0302,
         seconds: hand::SECONDS * tips.len() as f64,
         ..Stage::default()

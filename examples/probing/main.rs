@@ -22,8 +22,8 @@ fn main() -> AppExit {
         name: "probing",
         title: "A hand probes an organ for a lump, felt at 1,000 Hz; the body steps at 20 Hz",
         floor_m: -0.0132,
-        focus_m: Vec3::new(0.0, 0.025, 0.0),
-        eye_m: Vec3::new(0.10, 0.13, 0.17),
+        focus_m: Vec3::new(0.005, 0.03, 0.0),
+        eye_m: Vec3::new(0.07, 0.115, 0.13),
         // What the loop's thread does is what it is about.
         clock: HapticClock::Thread,
         ..Stage::default()

@@ -8,7 +8,7 @@ use bevy_palpate::{ModelStepCount, SimulatedBody, TickRecording};
 use palpate_body::Body;
 use palpate_haptics::TickRecord;
 use palpate_local::Sample;
-use palpate_reduce::{Comparison, ComparisonOptions};
+use palpate_reduce::{BuilderOptions, Comparison, ComparisonOptions};
 use std::io::{BufWriter, Write};
 
 /// Writes the report when the app ends.
@@ -44,9 +44,10 @@ fn report(
     // The same body at rest, and a tool of the same size.
     let (network, surface) = (simulated.body().network().clone(), simulated.body().surface().clone());
     let contact = tool.contact()?;
-    let settings = ComparisonOptions { period_ticks: rate.ticks() as usize, ..default() };
     let samples = contiguous_end(&recording.samples);
     let at_rest = Body::new(network, surface)?;
+    let builder = BuilderOptions::of(&at_rest);
+    let settings = ComparisonOptions { builder, period_ticks: rate.ticks() as usize, ..default() };
     let comparison = Comparison::run(&at_rest, &contact, samples, &Scheme::ALL, &settings)?;
     let run = Run { samples, records: &recording.records, comparison };
     print_table(&run, recording, timing, steps.0, tool.scheme)?;

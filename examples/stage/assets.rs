@@ -2,7 +2,7 @@
 
 use bevy::asset::UnapprovedPathMode;
 use bevy::gltf::GltfPlugin;
-use bevy::image::ImagePlugin;
+use bevy::image::{CompressedImageFormatSupport, CompressedImageFormats, ImagePlugin};
 use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 
@@ -18,6 +18,7 @@ pub(crate) fn plugin() -> AssetPlugin {
 
 /// What reads meshes where nothing is drawn.
 pub(crate) fn add_without_window(app: &mut App) {
+    app.insert_resource(CompressedImageFormatSupport(CompressedImageFormats::NONE));
     app.add_plugins((
         plugin(),
         MeshPlugin,

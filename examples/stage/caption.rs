@@ -1,11 +1,12 @@
 //! What is written over a scene: its title, the keys, how time goes, and curves.
 
+use crate::scene::Shown;
 use crate::{Stage, time};
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, EguiPlugin, EguiPrimaryContextPass, egui};
 use bevy_palpate::prelude::*;
 use egui::{Align2, Color32, RichText};
-use egui_plot::{Legend, Line, PlotPoints, Points};
+use egui_plot::{Line, PlotPoints, Points};
 
 pub(crate) struct CaptionPlugin;
 
@@ -30,7 +31,7 @@ const KEYS: [(&str, &str); 8] = [
     ("S", "slow motion, 1/10"),
     ("1 … 6", "scheme: hold to near field exact"),
     ("M", "mouse or the scene's hand"),
-    ("P  G  H", "panel, gizmos, these keys"),
+    ("P  G  H", "panel, lattice, these keys"),
     ("left button, wheel", "grasp, depth of the mouse's hand"),
     ("right, middle, Ctrl + wheel", "camera"),
 ];
@@ -43,7 +44,7 @@ fn write(
     mut contexts: EguiContexts,
     stage: Res<Stage>,
     help: Res<Help>,
-    time: Res<Time<Virtual>>,
+    (time, shown): (Res<Time<Virtual>>, Res<Shown>),
     tools: Query<(&HapticTool, &ToolForce)>,
 ) -> Result {
     let context = contexts.ctx_mut()?;
@@ -59,6 +60,10 @@ fn write(
             for (tool, force) in &tools {
                 let line = format!("{}   {:4.2} N", tool.scheme.name(), force.force_n.length());
                 ui.label(RichText::new(line).size(13.0).monospace().color(Color32::from_gray(215)));
+            }
+            // Nobody presses a key on a picture.
+            if *shown == Shown::InPictures {
+                return;
             }
             let state = match (time.is_paused(), time::is_slow(&time)) {
                 (true, _) => "paused   ",
@@ -104,23 +109,28 @@ pub struct Plot<'a> {
 /// When there is no place to write on.
 pub fn plot_window(contexts: &mut EguiContexts, plot: &Plot<'_>) -> Result {
     let color = |[r, g, b]: [u8; 3]| Color32::from_rgb(r, g, b);
-    let frame = egui::Frame::window(&egui::Style::default()).multiply_with_opacity(0.93);
-    egui::Window::new(plot.title)
-        .anchor(Align2::RIGHT_BOTTOM, [-10.0, -10.0])
-        .resizable(false)
-        .frame(frame)
-        .show(contexts.ctx_mut()?, |ui| {
+    let frame = egui::Frame::NONE.fill(Color32::from_black_alpha(175)).corner_radius(6.0).inner_margin(8.0);
+    let area = egui::Area::new(plot.title.into()).anchor(Align2::RIGHT_BOTTOM, [-10.0, -10.0]);
+    area.show(contexts.ctx_mut()?, |ui| {
+        frame.show(ui, |ui| {
+            ui.set_width(226.0);
+            ui.label(RichText::new(plot.title).size(12.0).strong().color(Color32::WHITE));
+            ui.horizontal_wrapped(|ui| {
+                for (name, of, _) in plot.lines.iter().chain(plot.points) {
+                    ui.label(RichText::new(*name).size(11.0).color(color(*of)));
+                }
+            });
             egui_plot::Plot::new(plot.title)
-                .width(250.0)
-                .height(180.0)
+                .width(222.0)
+                .height(132.0)
                 .x_axis_label(plot.axes[0])
                 .y_axis_label(plot.axes[1])
                 .include_x(0.0)
                 .include_y(0.0)
+                .show_background(false)
                 .allow_drag(false)
                 .allow_zoom(false)
                 .allow_scroll(false)
-                .legend(Legend::default().position(egui_plot::Corner::LeftTop))
                 .show(ui, |shown| {
                     for (name, line, points) in plot.lines {
                         let points = PlotPoints::from(points.clone());
@@ -132,5 +142,6 @@ pub fn plot_window(contexts: &mut EguiContexts, plot: &Plot<'_>) -> Result {
                     }
                 });
         });
+    });
     Ok(())
 }

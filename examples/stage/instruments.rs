@@ -1,11 +1,22 @@
 //! The plugin's own instruments over a scene: the one place where they are added.
 
+use crate::StageOptions;
 use bevy::prelude::*;
 
 /// Adds what the features bring: the panel, opened by P, and what G draws over the scene.
-pub(crate) fn add(app: &mut App) {
+pub(crate) fn add(app: &mut App, options: &StageOptions) {
     #[cfg(feature = "panel")]
-    app.add_plugins(bevy_palpate::HapticPanelPlugin { open: false, key: Some(KeyCode::KeyP), ..default() });
+    app.add_plugins(bevy_palpate::HapticPanelPlugin {
+        open: options.panel,
+        key: Some(KeyCode::KeyP),
+        ..default()
+    });
+    #[cfg(not(feature = "panel"))]
+    {
+        if options.panel {
+            crate::scene::say("this program has no panel: build it with --features panel,gizmos");
+        }
+    }
     #[cfg(feature = "gizmos")]
     app.add_plugins(bevy_palpate::HapticGizmosPlugin)
         .add_systems(Startup, |store: ResMut<GizmoConfigStore>| gizmos::show(store, 0))

@@ -9,7 +9,7 @@
 //! | S | slow motion, see [`time`](mod@time) |
 //! | 1 … 6 | the scheme with which the loop makes force |
 //! | M | the mouse or the scene's own hand |
-//! | P, G, H | panel, gizmos, help |
+//! | P, G, H | panel; force and contact, lattice, nothing; help |
 //!
 //! The right mouse button turns the camera, the middle one moves it, Ctrl and the wheel bring it nearer.
 

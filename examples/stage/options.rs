@@ -6,7 +6,7 @@ use clap::Args;
 use std::path::PathBuf;
 
 /// What can be said to every scene.
-#[derive(Args, Clone, Debug, Default, Resource)]
+#[derive(Args, Clone, Debug, Resource)]
 pub struct StageOptions {
     /// Time after which it ends, s [default: as long as the scene takes; with a window: until it is closed]
     #[arg(long, value_parser = seconds)]
@@ -18,18 +18,34 @@ pub struct StageOptions {
     /// Run without a window even if this program has one
     #[arg(long)]
     pub headless: bool,
-    /// Draw pictures of 640 by 360 pixels into this folder instead of opening a window, at the times of --at, in lock step
+    /// Open the panel at the start
+    #[arg(long)]
+    pub panel: bool,
+    /// Draw pictures into this folder instead of opening a window, at the times of --at, in lock step
     #[arg(long, value_name = "DIR", requires = "at", conflicts_with = "headless", value_parser = folder)]
     pub pictures: Option<PathBuf>,
     /// Times of the pictures, s
     #[arg(long, value_name = "S,S,…", value_delimiter = ',', requires = "pictures", value_parser = seconds)]
     pub at: Vec<f64>,
+    /// Width and height of the pictures, pixels
+    #[arg(long, value_name = "W,H", default_value = "640,360", value_parser = size)]
+    pub size: [u32; 2],
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if (0.5..=3600.0).contains(&seconds) => Ok(seconds),
         _ => Err("it must be a number from 0.5 to 3600".into()),
+    }
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides: Vec<u32> = text.split(',').filter_map(|side| side.parse().ok()).collect();
+    match sides[..] {
+        [width, height] if (64..=4096).contains(&width) && (64..=4096).contains(&height) => {
+            Ok([width, height])
+        }
+        _ => Err("it must be two numbers from 64 to 4096, as 640,360".into()),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Pictures without a window, for a page or a test.
 
 use crate::scene::{SceneTime, Shown, say};
-use crate::{Stage, assets, display, view};
+use crate::{Stage, StageOptions, assets, display, view};
 use bevy::app::ScheduleRunnerPlugin;
 use bevy::camera::RenderTarget;
 use bevy::prelude::*;
@@ -12,9 +12,6 @@ use bevy::window::ExitCondition;
 use bevy::winit::WinitPlugin;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-
-/// Pixels.
-const SIZE: [u32; 2] = [640, 360];
 
 /// The pictures that are still to be drawn.
 #[derive(Resource)]
@@ -28,8 +25,8 @@ struct Album {
     waits: bool,
 }
 
-/// Draws the scene at the times `at_s` (s) into `folder` as `NAME-1.png` and so on, and ends; says why if that cannot be.
-pub(crate) fn draw(app: &mut App, stage: &Stage, folder: &Path, at_s: &[f64]) -> Shown {
+/// Draws the scene into `folder` as `NAME-1.png` and so on, and ends; says why if that cannot be.
+pub(crate) fn draw(app: &mut App, stage: &Stage, folder: &Path, options: &StageOptions) -> Shown {
     if let Err(why) = display::check_driver() {
         say(&format!("{why}: {} draws nothing", stage.name));
         app.add_plugins(MinimalPlugins).add_systems(Startup, |mut exit: MessageWriter<AppExit>| {
@@ -42,10 +39,10 @@ pub(crate) fn draw(app: &mut App, stage: &Stage, folder: &Path, at_s: &[f64]) ->
     let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
     app.add_plugins(DefaultPlugins.set(window).set(render).set(assets::plugin()).disable::<WinitPlugin>())
         .add_plugins(ScheduleRunnerPlugin::run_loop(Duration::ZERO));
-    view::furnish(app);
-    let mut at_s = at_s.to_vec();
+    view::furnish(app, options);
+    let mut at_s = options.at.clone();
     at_s.sort_by(|a, b| b.total_cmp(a));
-    let [width, height] = SIZE;
+    let [width, height] = options.size;
     // What is written over the scene is drawn for this format and no other.
     let image = Image::new_target_texture(width, height, TextureFormat::Rgba8UnormSrgb, None);
     let target = app.world_mut().resource_mut::<Assets<Image>>().add(image);

@@ -48,7 +48,7 @@ impl Default for Stage {
         Self {
             name: "",
             title: "",
-            eye_m: Vec3::new(0.15, 0.16, 0.21),
+            eye_m: Vec3::new(0.13, 0.14, 0.18),
             focus_m: Vec3::new(0.0, 0.01, 0.0),
             floor_m: -0.0502,
             seconds: 5.0,
@@ -118,7 +118,7 @@ impl Stage {
                     .before(HapticSetupSystems::Tools)
                     .run_if(|awaits: Res<AwaitsBodies>| awaits.0),
             )
-            .add_systems(ModelStep, count_time.in_set(HapticSystems::First))
+            .add_systems(ModelStep, count_time.before(HapticSystems::First))
             .add_systems(Update, end_in_time);
         app
     }
@@ -136,14 +136,14 @@ fn show(app: &mut App, stage: &Stage, options: &StageOptions) -> Shown {
         return Shown::Headless;
     }
     if let Some(folder) = &options.pictures {
-        return crate::picture::draw(app, stage, folder, &options.at);
+        return crate::picture::draw(app, stage, folder, options);
     }
-    crate::view::open_window(app, stage)
+    crate::view::open_window(app, stage, options)
 }
 
 #[cfg(not(feature = "window"))]
 fn show(_app: &mut App, _stage: &Stage, options: &StageOptions) -> Shown {
-    if options.pictures.is_some() {
+    if options.pictures.is_some() || options.panel {
         say("this program cannot draw: build it with --features panel,gizmos");
     }
     Shown::Headless

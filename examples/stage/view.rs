@@ -1,7 +1,7 @@
 //! What is to be seen: camera, light, floor, and what bodies, tools and threads look like.
 
 use crate::scene::{Shown, say};
-use crate::{Stage, assets, display, instruments, keys};
+use crate::{Stage, StageOptions, assets, display, instruments, keys};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{MouseDevicePlugin, MouseDeviceSystems, SimulatedBody};
@@ -10,13 +10,13 @@ use palpate_haptics::FollowingHand;
 
 /// What tools are painted with, in the order in which they are spawned.
 const TOOL_COLORS: [Color; 2] = [Color::srgb(0.10, 0.42, 0.85), Color::srgb(0.95, 0.60, 0.10)];
-const FLESH: Color = Color::srgb(0.80, 0.40, 0.37);
-const FLOOR: Color = Color::srgb(0.20, 0.24, 0.29);
-const BACKGROUND: Color = Color::srgb(0.075, 0.09, 0.115);
+const FLESH: Color = Color::srgb(0.74, 0.31, 0.28);
+const FLOOR: Color = Color::srgb(0.13, 0.15, 0.185);
+const BACKGROUND: Color = Color::srgb(0.035, 0.042, 0.055);
 const THREAD: Color = Color::srgb(0.93, 0.93, 0.86);
 
 /// Opens a window with everything in it, unless there is no place for one; says why not.
-pub(crate) fn open_window(app: &mut App, stage: &Stage) -> Shown {
+pub(crate) fn open_window(app: &mut App, stage: &Stage, options: &StageOptions) -> Shown {
     if let Err(why) = display::check() {
         say(&format!("{why}: {} runs without a window", stage.name));
         return Shown::Headless;
@@ -26,7 +26,7 @@ pub(crate) fn open_window(app: &mut App, stage: &Stage) -> Shown {
         DefaultPlugins.set(WindowPlugin { primary_window: Some(window), ..default() }).set(assets::plugin()),
     )
     .add_plugins((PanOrbitCameraPlugin, mouse(stage), keys::KeysPlugin));
-    furnish(app);
+    furnish(app, options);
     app.add_systems(PostStartup, let_the_camera_turn).configure_sets(
         PreUpdate,
         MouseDeviceSystems.run_if(not(keys::camera_turns).and_then(not(keys::pointer_is_elsewhere))),
@@ -41,13 +41,13 @@ fn mouse(stage: &Stage) -> MouseDevicePlugin {
 }
 
 /// Light, floor, looks, and what is written and drawn over the scene.
-pub(crate) fn furnish(app: &mut App) {
+pub(crate) fn furnish(app: &mut App, options: &StageOptions) {
     app.insert_resource(ClearColor(BACKGROUND))
-        .insert_resource(GlobalAmbientLight { brightness: 420.0, ..default() })
+        .insert_resource(GlobalAmbientLight { brightness: 150.0, ..default() })
         .add_systems(Startup, light_up)
         .add_systems(PreUpdate, (dress_bodies, dress_tools, dress_sutures))
         .add_systems(PostUpdate, stretch_threads.before(TransformSystems::Propagate));
-    instruments::add(app);
+    instruments::add(app, options);
     #[cfg(feature = "panel")]
     app.add_plugins(crate::caption::CaptionPlugin);
 }
@@ -63,9 +63,16 @@ fn light_up(
         // Centimetres are seen from near: the default near plane would cut into a body.
         Projection::Perspective(PerspectiveProjection { near: 0.005, ..default() }),
         Transform::from_translation(stage.eye_m).looking_at(stage.focus_m, Vec3::Y),
+        // The floor ends nowhere.
+        DistanceFog { color: BACKGROUND, falloff: FogFalloff::Linear { start: 0.35, end: 1.3 }, ..default() },
     ));
     commands.spawn((
-        DirectionalLight { illuminance: 7_500.0, shadow_maps_enabled: true, ..default() },
+        DirectionalLight {
+            illuminance: 8_500.0,
+            color: Color::srgb(1.0, 0.96, 0.90),
+            shadow_maps_enabled: true,
+            ..default()
+        },
         // Shadows of a decimetre, not of the hundred metres that are the default.
         bevy::light::CascadeShadowConfigBuilder {
             num_cascades: 1,
@@ -74,20 +81,21 @@ fn light_up(
             ..default()
         }
         .build(),
-        Transform::from_xyz(0.25, 0.8, 0.45).looking_at(Vec3::ZERO, Vec3::Y),
+        // Low enough that a dent has a dark side.
+        Transform::from_xyz(0.75, 0.62, 0.30).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     // A weaker light from the other side, so that no face is black.
     commands.spawn((
         DirectionalLight {
-            illuminance: 1_500.0,
+            illuminance: 1_300.0,
             color: Color::srgb(0.75, 0.85, 1.0),
             shadow_maps_enabled: false,
             ..default()
         },
-        Transform::from_xyz(-0.6, 0.3, -0.2).looking_at(Vec3::ZERO, Vec3::Y),
+        Transform::from_xyz(-0.6, 0.45, 0.5).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     commands.spawn((
-        Mesh3d(meshes.add(Plane3d::default().mesh().size(1.2, 1.2))),
+        Mesh3d(meshes.add(Plane3d::default().mesh().size(4.0, 4.0))),
         MeshMaterial3d(materials.add(StandardMaterial {
             base_color: FLOOR,
             perceptual_roughness: 0.9,
@@ -120,8 +128,8 @@ fn dress_bodies(
     for body in &bodies {
         let flesh = StandardMaterial {
             base_color: FLESH,
-            perceptual_roughness: 0.45,
-            reflectance: 0.35,
+            perceptual_roughness: 0.36,
+            reflectance: 0.5,
             // A slit shows its inside, and a thin body both its sides.
             double_sided: true,
             cull_mode: None,

@@ -129,7 +129,7 @@ fn report(told: Res<Told>, mut done: Local<bool>) -> Result {
     let tore: Vec<String> = torn.iter().map(|torn| format!("{:.3}", torn.tension_n)).collect();
     writeln!(
         out,
-        "torn                     {} of {}, at a limit of {tear_limit_n} N   last tension before, N: {}",
+        "torn                     {} of {}, at a limit of {tear_limit_n} N   tension then, N: {}",
         torn.len(),
         at_rest.len(),
         tore.join(", ")

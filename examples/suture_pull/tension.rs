@@ -42,12 +42,12 @@ fn show(mut contexts: EguiContexts, curves: Res<Curves>) -> Result {
     plot_window(
         &mut contexts,
         &Plot {
-            title: "forces",
+            title: "what the threads and the hand hold",
             axes: ["time, s", "force, N"],
             lines: &[
-                ("on the hand", [90, 170, 255], curves.hand.clone()),
-                ("left edge pulls", [255, 140, 105], left),
-                ("right edge pulls", [240, 228, 66], right),
+                ("hand", [90, 170, 255], curves.hand.clone()),
+                ("left edge", [255, 140, 105], left),
+                ("right edge", [240, 228, 66], right),
             ],
             points: &[],
         },

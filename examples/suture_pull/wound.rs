@@ -49,8 +49,11 @@ pub fn stitches(entity: Entity, body: &SimulatedBody, tear_limit_n: f64) -> Vec<
     STITCHES_M.iter().map(stitch).collect()
 }
 
-/// Pulls the threads tight, as far as they are not.
-pub fn tighten(mut sutures: Query<&mut Suture>, rate: Res<ModelRate>) {
+/// Pulls the threads tight, as far as they are not, once the hand has let go.
+pub fn tighten(mut sutures: Query<&mut Suture>, tools: Query<&Grasping>, rate: Res<ModelRate>) {
+    if tools.iter().any(|grasping| grasping.body.is_some()) {
+        return;
+    }
     for mut suture in &mut sutures {
         if suture.length_m > TIGHT_M {
             suture.length_m = (suture.length_m - TIGHTENED_M_PER_S * rate.period_s()).max(TIGHT_M);

@@ -203,8 +203,8 @@ fn tell(
         let index = simulated.sutures.iter().position(|&suture| suture == entity);
         let tie = index.and_then(|index| body.ties().get(index));
         let tension_n = tie.map_or(0.0, |tie| tie.force_n().length());
-        if tie.is_some_and(Tie::is_torn) && !force.is_torn {
-            torn.write(SutureTorn { suture: entity, body: stitch.body, tension_n: force.tension_n });
+        if let Some(tension_n) = tie.and_then(Tie::torn_at_n).filter(|_| !force.is_torn) {
+            torn.write(SutureTorn { suture: entity, body: stitch.body, tension_n });
             force.is_torn = true;
         }
         force.tension_n = tension_n;

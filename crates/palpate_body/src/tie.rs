@@ -23,7 +23,8 @@ pub struct Tie {
     pub(crate) b: TieEnd,
     /// Force beyond which it tears, N; infinity has no place in every file.
     pub(crate) tear_limit_n: Option<f64>,
-    pub(crate) torn: bool,
+    /// The force at which it tore, N.
+    pub(crate) torn_at_n: Option<f64>,
     /// λ of the last step, what the tie gave to `a`, N s, and that step's length, s.
     pub(crate) last: (DVec3, f64),
 }
@@ -193,7 +194,7 @@ impl Tie {
     }
 
     fn new(kind: TieKind, a: BodyPoint, b: TieEnd) -> Self {
-        Self { kind, a, b, tear_limit_n: None, torn: false, last: (DVec3::ZERO, 0.0) }
+        Self { kind, a, b, tear_limit_n: None, torn_at_n: None, last: (DVec3::ZERO, 0.0) }
     }
 
     /// The first point.
@@ -205,7 +206,13 @@ impl Tie {
     /// Whether it has torn.
     #[must_use]
     pub fn is_torn(&self) -> bool {
-        self.torn
+        self.torn_at_n.is_some()
+    }
+
+    /// The force at which it tore, N; `None` while it holds.
+    #[must_use]
+    pub fn torn_at_n(&self) -> Option<f64> {
+        self.torn_at_n
     }
 
     /// The force λ/h that the tie gave to its first point in the last step, N; to the other end its opposite.

@@ -175,6 +175,7 @@ fn a_thread_tears_at_its_limit_and_pulls_no_more() {
         let report = body.advance(None, 10, SemiImplicitEuler::default()).unwrap();
         let tie = &body.ties()[0];
         assert_eq!((tie.is_torn(), report.torn), (is_torn, usize::from(is_torn)));
+        assert_eq!(tie.torn_at_n().map(|at| (at / force - 1.0).abs() < 1e-9), is_torn.then_some(true));
         let pull = if is_torn { 0.0 } else { force };
         assert!((tie.force_n() + DVec3::X * pull).length() < 1e-9, "{}", tie.force_n());
     }

@@ -51,7 +51,8 @@ pub(super) fn grasp(
     for (entity, asked, mut tool, grasp, grasping) in &mut tools {
         let tool = &mut *tool;
         let pressed = grasp.is_some_and(|grasp| tool.buttons() >> grasp.button & 1 == 1);
-        let closes = pressed && !std::mem::replace(&mut tool.was_pressed, pressed);
+        let was_pressed = std::mem::replace(&mut tool.was_pressed, pressed);
+        let closes = pressed && !was_pressed;
         if !pressed && tool.contact.held_point().is_some() {
             tool.let_go(entity).map(|message| ended.write(message));
         }

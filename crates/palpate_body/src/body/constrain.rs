@@ -232,8 +232,9 @@ impl Body {
             }
         }
         for tie in &mut self.ties {
-            if tie.tear_limit_n.is_some_and(|limit| !tie.torn && tie.force_n().length() > limit) {
-                tie.torn = true;
+            let force_n = tie.force_n().length();
+            if tie.tear_limit_n.is_some_and(|limit| !tie.is_torn() && force_n > limit) {
+                tie.torn_at_n = Some(force_n);
                 report.torn += 1;
             }
         }
@@ -271,7 +272,7 @@ impl Body {
         let mut rows = Vec::new();
         for (index, tie) in self.ties.iter_mut().enumerate() {
             tie.last = (DVec3::ZERO, h);
-            if tie.torn {
+            if tie.is_torn() {
                 continue;
             }
             let mut nodes = tie.a.nodes().to_vec();
