@@ -110,7 +110,7 @@ pub struct Plot<'a> {
 pub fn plot_window(contexts: &mut EguiContexts, plot: &Plot<'_>) -> Result {
     let color = |[r, g, b]: [u8; 3]| Color32::from_rgb(r, g, b);
     let frame = egui::Frame::NONE.fill(Color32::from_black_alpha(175)).corner_radius(6.0).inner_margin(8.0);
-    let area = egui::Area::new(plot.title.into()).anchor(Align2::RIGHT_BOTTOM, [-10.0, -10.0]);
+    let area = egui::Area::new(egui::Id::new(plot.title)).anchor(Align2::RIGHT_BOTTOM, [-10.0, -10.0]);
     area.show(contexts.ctx_mut()?, |ui| {
         frame.show(ui, |ui| {
             ui.set_width(226.0);

@@ -49,7 +49,9 @@ fn two_that_press_a_floating_body_from_two_sides_feel_equal_and_opposite_forces(
             let forces = run(&mut body, &mut tools, 1500, integrator);
             for pair in &forces {
                 let sum = pair[0] + pair[1];
-                assert!(sum.x.abs() < 1e-9, "{} {}", pair[0], pair[1]);
+                // Couplings that give way find their largest force to a per cent.
+                let most = if coupling.is_some() { 1e-2 } else { 1e-9 };
+                assert!(sum.x.abs() < most, "{} {}", pair[0], pair[1]);
                 assert!(sum.length() < 2e-2 * pair[0].length() + 1e-9, "{} {}", pair[0], pair[1]);
             }
             let end = forces.last().unwrap();
