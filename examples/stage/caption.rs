@@ -51,7 +51,10 @@ fn write(
     egui::Area::new("title".into()).anchor(Align2::LEFT_TOP, [12.0, 10.0]).interactable(false).show(
         context,
         |ui| {
-            ui.label(RichText::new(stage.title).size(15.0).strong().color(Color32::WHITE));
+            let shade = egui::Frame::NONE.fill(Color32::from_black_alpha(110)).corner_radius(4.0);
+            shade.inner_margin(egui::Margin::symmetric(6, 2)).show(ui, |ui| {
+                ui.label(RichText::new(stage.title).size(15.0).strong().color(Color32::WHITE));
+            });
         },
     );
     egui::Area::new("state".into()).anchor(Align2::LEFT_BOTTOM, [12.0, -8.0]).interactable(false).show(
@@ -110,7 +113,7 @@ pub struct Plot<'a> {
 pub fn plot_window(contexts: &mut EguiContexts, plot: &Plot<'_>) -> Result {
     let color = |[r, g, b]: [u8; 3]| Color32::from_rgb(r, g, b);
     let frame = egui::Frame::NONE.fill(Color32::from_black_alpha(175)).corner_radius(6.0).inner_margin(8.0);
-    let area = egui::Area::new(plot.title.into()).anchor(Align2::RIGHT_BOTTOM, [-10.0, -10.0]);
+    let area = egui::Area::new(egui::Id::new(plot.title)).anchor(Align2::RIGHT_BOTTOM, [-10.0, -10.0]);
     area.show(contexts.ctx_mut()?, |ui| {
         frame.show(ui, |ui| {
             ui.set_width(226.0);

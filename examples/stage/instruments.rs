@@ -19,8 +19,8 @@ pub(crate) fn add(app: &mut App, options: &StageOptions) {
     }
     #[cfg(feature = "gizmos")]
     app.add_plugins(bevy_palpate::HapticGizmosPlugin)
-        .add_systems(Startup, |store: ResMut<GizmoConfigStore>| gizmos::show(store, 0))
-        .add_systems(Update, gizmos::press.run_if(resource_exists::<ButtonInput<KeyCode>>));
+        .insert_resource(gizmos::View(options.gizmos))
+        .add_systems(Update, (gizmos::press, gizmos::show.run_if(resource_changed::<gizmos::View>)).chain());
     #[cfg(not(any(feature = "panel", feature = "gizmos")))]
     let _ = app;
 }
@@ -34,19 +34,19 @@ mod gizmos {
     /// basis.
     const VIEWS: usize = 5;
 
-    pub(super) fn press(
-        keys: Res<ButtonInput<KeyCode>>,
-        store: ResMut<GizmoConfigStore>,
-        mut view: Local<usize>,
-    ) {
+    /// Which of them.
+    #[derive(Resource)]
+    pub struct View(pub usize);
+
+    pub fn press(keys: Res<ButtonInput<KeyCode>>, mut view: ResMut<View>) {
         if keys.just_pressed(KeyCode::KeyG) {
-            *view = (*view + 1) % VIEWS;
-            show(store, *view);
+            view.0 = (view.0 + 1) % VIEWS;
         }
     }
 
-    pub(super) fn show(mut store: ResMut<GizmoConfigStore>, view: usize) {
+    pub fn show(mut store: ResMut<GizmoConfigStore>, view: Res<View>) {
         let (config, parts) = store.config_mut::<HapticGizmos>();
+        let view = view.0;
         config.enabled = view > 0;
         *parts = HapticGizmos {
             near_field: view == 2,

@@ -21,6 +21,10 @@ pub struct StageOptions {
     /// Open the panel at the start
     #[arg(long)]
     pub panel: bool,
+    /// What is drawn over the scene at the start: 0 nothing, 1 contact and force, 2 the near field, 3 the strained lattice, 4 the
+    /// basis
+    #[arg(long, default_value_t, value_parser = view, hide_default_value = true)]
+    pub gizmos: usize,
     /// Draw pictures into this folder instead of opening a window, at the times of --at, in lock step
     #[arg(long, value_name = "DIR", requires = "at", conflicts_with = "headless", value_parser = folder)]
     pub pictures: Option<PathBuf>,
@@ -36,6 +40,13 @@ fn seconds(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if (0.5..=3600.0).contains(&seconds) => Ok(seconds),
         _ => Err("it must be a number from 0.5 to 3600".into()),
+    }
+}
+
+fn view(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(view) if view <= 4 => Ok(view),
+        _ => Err("it must be 0 to 4".into()),
     }
 }
 
