@@ -9,8 +9,8 @@ use palpate_stage::{SetUpHands, SetUpScene, Stage, StageOptions};
 use std::io::Write;
 
 /// Where the two hands are, m, across the body.
-const LEFT_M: f64 = -0.022;
-const RIGHT_M: f64 = 0.022;
+const LEFT_M: f64 = -0.013;
+const RIGHT_M: f64 = 0.013;
 const TOP_M: f64 = 0.03;
 const RADIUS_M: f64 = 0.008;
 
@@ -62,10 +62,10 @@ fn left_depth_m(t: f64) -> f64 {
     0.014 * (t / 0.5).min(1.0) - 0.010
 }
 
-/// From 15 mm above to 8 mm deep and back, between 1 s and 2.4 s.
+/// From 15 mm above to 12 mm deep and back, between 1 s and 2.4 s.
 fn right_depth_m(t: f64) -> f64 {
     let way = ((t - 1.0) / 1.4).clamp(0.0, 1.0);
-    0.023 * (std::f64::consts::PI * way).sin().powi(2) - 0.015
+    0.027 * (std::f64::consts::PI * way).sin().powi(2) - 0.015
 }
 
 fn set_up(mut commands: Commands) {

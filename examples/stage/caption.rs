@@ -51,7 +51,10 @@ fn write(
     egui::Area::new("title".into()).anchor(Align2::LEFT_TOP, [12.0, 10.0]).interactable(false).show(
         context,
         |ui| {
-            ui.label(RichText::new(stage.title).size(15.0).strong().color(Color32::WHITE));
+            let shade = egui::Frame::NONE.fill(Color32::from_black_alpha(110)).corner_radius(4.0);
+            shade.inner_margin(egui::Margin::symmetric(6, 2)).show(ui, |ui| {
+                ui.label(RichText::new(stage.title).size(15.0).strong().color(Color32::WHITE));
+            });
         },
     );
     egui::Area::new("state".into()).anchor(Align2::LEFT_BOTTOM, [12.0, -8.0]).interactable(false).show(

@@ -4,6 +4,7 @@ use crate::scene::{SceneTime, Shown, say};
 use crate::{Stage, StageOptions, assets, display, view};
 use bevy::app::ScheduleRunnerPlugin;
 use bevy::camera::RenderTarget;
+use bevy::core_pipeline::tonemapping::DebandDither;
 use bevy::prelude::*;
 use bevy::render::RenderPlugin;
 use bevy::render::render_resource::TextureFormat;
@@ -62,7 +63,8 @@ pub(crate) fn draw(app: &mut App, stage: &Stage, folder: &Path, options: &StageO
 fn aim(mut commands: Commands, album: Res<Album>, cameras: Query<Entity, With<Camera3d>>) {
     for camera in &cameras {
         let mut camera = commands.entity(camera);
-        camera.insert(RenderTarget::Image(album.target.clone().into()));
+        // Without the noise that hides bands on a screen: a picture is half as large.
+        camera.insert((RenderTarget::Image(album.target.clone().into()), DebandDither::Disabled));
         #[cfg(feature = "panel")]
         camera.insert(bevy_egui::PrimaryEguiContext);
     }

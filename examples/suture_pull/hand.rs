@@ -9,21 +9,23 @@ pub const RADIUS_M: f64 = 0.004;
 pub const SECONDS: f64 = 5.2;
 
 /// Times, s, places of the tool's lowest point, mm across, over the top and along the wound, and whether it is closed from then on.
-const WAY: [(f64, [f64; 3], bool); 14] = [
+/// It gives the edge back to the threads before it opens.
+const WAY: [(f64, [f64; 3], bool); 15] = [
     (0.0, [-9.0, 20.0, 0.0], false),
     (0.4, [-8.0, -0.3, 0.0], false),
     (0.55, [-8.0, -0.3, 0.0], true),
     (0.65, [-8.0, -0.3, 0.0], true),
     (1.25, [2.0, 1.5, 0.0], true),
-    (2.0, [2.0, 1.5, 0.0], false),
-    (2.15, [2.0, 2.0, 0.0], false),
-    (2.5, [0.0, 25.0, 0.0], false),
+    (1.5, [2.0, 1.5, 0.0], true),
+    (2.0, [-5.0, 0.5, 0.0], true),
+    (2.05, [-5.0, 0.5, 0.0], false),
+    (2.2, [-5.0, 1.0, 0.0], false),
+    (2.5, [-4.0, 25.0, 0.0], false),
     (3.1, [10.0, 20.0, 0.0], false),
     (3.4, [7.0, -0.5, 0.0], false),
     (3.55, [7.0, -0.5, 0.0], true),
     (3.65, [7.0, -0.5, 0.0], true),
-    (4.65, [22.0, 4.0, 0.0], true),
-    (5.0, [22.0, 4.0, 0.0], true),
+    (4.75, [26.0, 5.0, 0.0], true),
 ];
 
 /// The device.

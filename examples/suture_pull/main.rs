@@ -21,7 +21,7 @@ struct Options {
     #[command(flatten)]
     stage: StageOptions,
     /// Tension at which a thread tears, N
-    #[arg(long, default_value_t = 1.2)]
+    #[arg(long, default_value_t = 0.5)]
     tear_limit: f64,
 }
 
@@ -30,8 +30,8 @@ fn main() -> AppExit {
     let stage = Stage {
         name: "suture_pull",
         title: "A wound's edge is grasped, pulled across and sewn; threads pull and never push",
-        eye_m: Vec3::new(0.055, 0.105, 0.095),
-        focus_m: Vec3::new(0.022, 0.0, 0.012),
+        eye_m: Vec3::new(-0.032, 0.095, 0.088),
+        focus_m: Vec3::new(0.014, 0.0, 0.012),
         floor_m: -0.0152,
         seconds: hand::SECONDS,
         ..Stage::default()

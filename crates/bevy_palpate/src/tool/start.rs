@@ -19,6 +19,7 @@ use palpate_haptics::{
     HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopReport, LoopSettings, LoopThread, SafetySettings,
     Stop, haptic_loop,
 };
+use palpate_local::{Capacity, HandOverSettings, NearFieldCapacity};
 
 /// The running loop of a tool, and the model side's account of it. Removing it stops the loop.
 #[derive(Component, Debug)]
@@ -274,6 +275,13 @@ pub(super) fn start_loops(
     }
 }
 
+/// Room for local models of any body, which a tool may meet while its loop runs: for support sets of 27 nodes, as surfaces carried
+/// by cells need them, each with eight points of the surface.
+const ROOM: Capacity = Capacity {
+    order: 96,
+    near: NearFieldCapacity { nodes: 27, order: 96, ring: 400, springs: 702, points: 216, triangles: 864 },
+};
+
 fn start(
     device: Box<dyn HapticDevice>,
     clock: HapticClock,
@@ -281,7 +289,8 @@ fn start(
 ) -> Result<(HapticHandle, Driver), DeviceFault> {
     let description = device.describe();
     description.validate()?;
-    let config = LoopConfig { device: description.limits(), ..LoopConfig::default() };
+    let hand_over = HandOverSettings { capacity: ROOM, ..HandOverSettings::default() };
+    let config = LoopConfig { device: description.limits(), hand_over, ..LoopConfig::default() };
     let (handle, haptic_loop) = haptic_loop(config, settings)?;
     let driver = match clock {
         HapticClock::Thread => Driver::Thread(haptic_loop.spawn(device)?),
