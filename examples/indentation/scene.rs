@@ -100,6 +100,7 @@ impl Measured {
     }
 
     /// Its curve, depth (m) and force (N), on the way down.
+    #[cfg(feature = "panel")]
     pub fn curve(&self) -> &[[f64; 2]] {
         self.curves.get(self.now).map_or(&[], Vec::as_slice)
     }
