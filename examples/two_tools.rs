@@ -5,7 +5,7 @@ use bevy::prelude::*;
 use bevy_palpate::TickRecording;
 use bevy_palpate::prelude::*;
 use clap::Parser;
-use palpate_stage::{SetUpHands, SetUpScene, Stage, StageOptions};
+use palpate_stage::{SetUpHands, SetUpScene, Stage, StageOptions, ToolPaint};
 use std::io::Write;
 
 /// Where the two hands are, m, across the body.
@@ -77,14 +77,16 @@ fn set_up(mut commands: Commands) {
 }
 
 fn set_up_hands(mut commands: Commands, options: Res<StageOptions>) {
-    for (hand, name) in [(Hand::Left, "left"), (Hand::Right, "right")] {
+    for (hand, name, paint) in
+        [(Hand::Left, "left", ToolPaint::Blue), (Hand::Right, "right", ToolPaint::Orange)]
+    {
         let tool = HapticTool {
             device: DeviceSelector::named(name),
             scheme: options.scheme,
             shape: ToolShape::Sphere { radius_m: RADIUS_M },
             ..default()
         };
-        commands.spawn((tool, hand, TickRecording { keep: 60_000, ..default() }));
+        commands.spawn((tool, hand, paint, TickRecording { keep: 60_000, ..default() }));
     }
 }
 

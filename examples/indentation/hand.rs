@@ -1,39 +1,45 @@
-//! The hand: down in stairs, and up again.
+//! The hand: down in stairs, and up again, once for every tip.
 
 use bevy_palpate::prelude::*;
 
 /// The depths at which it waits, m.
-pub const DEPTHS_M: [f64; 4] = [0.0015, 0.003, 0.0045, 0.006];
+pub const DEPTHS_M: [f64; 4] = [0.002, 0.004, 0.006, 0.008];
 /// Time on a stair, s: a third of it on the way there.
-pub const STAIR_S: f64 = 0.5;
-/// Time for the way to the surface, from this height above it, s, m.
-const APPROACH_S: f64 = 0.3;
-const ABOVE_M: f64 = 0.01;
-/// Time that it takes for one tip, s, the way back included.
-pub const SECONDS: f64 = APPROACH_S + STAIR_S * DEPTHS_M.len() as f64 + 0.5;
+const STAIR_S: f64 = 0.5;
+/// Height over the surface at which the tip is changed, m, and half the time that this takes, s.
+const HIGH_M: f64 = 0.05;
+pub const CHANGE_S: f64 = 0.15;
+/// Time for the way to the surface and for that back, s.
+const WAY_S: f64 = 0.35;
+/// Time that it takes for one tip, s.
+pub const SECONDS: f64 = 2.0 * (CHANGE_S + WAY_S) + STAIR_S * DEPTHS_M.len() as f64;
 
-/// How deep the tip is at `t` (s) after it began, m; negative above the surface.
-pub fn depth_m(t: f64) -> f64 {
-    let pressed = (t - APPROACH_S) / STAIR_S;
-    if pressed < 0.0 {
-        return -ABOVE_M * (1.0 - t / APPROACH_S);
-    }
-    let stair = pressed as usize;
-    let Some(&to) = DEPTHS_M.get(stair) else {
-        let back = ((pressed - DEPTHS_M.len() as f64) * STAIR_S / 0.4).min(1.0);
-        return DEPTHS_M[DEPTHS_M.len() - 1] * (1.0 - back) - ABOVE_M * back;
-    };
-    let from = stair.checked_sub(1).map_or(0.0, |before| DEPTHS_M[before]);
-    let way = (3.0 * pressed.fract()).min(1.0);
+/// Height over the surface of a tip whose lowest point is `low_m` below its position, `t` (s) after its turn began, m.
+fn height_m(t: f64, low_m: f64) -> f64 {
     // Smooth at both ends.
-    from + (to - from) * way * way * (3.0 - 2.0 * way)
+    let between = |from: f64, to: f64, share: f64| {
+        let share = share.clamp(0.0, 1.0);
+        from + (to - from) * share * share * (3.0 - 2.0 * share)
+    };
+    match stair(t) {
+        None if t < SECONDS / 2.0 => between(HIGH_M, low_m, (t - CHANGE_S) / WAY_S),
+        None => between(low_m - DEPTHS_M[DEPTHS_M.len() - 1], HIGH_M, 1.0 - (SECONDS - CHANGE_S - t) / WAY_S),
+        Some((stair, share)) => {
+            let from = stair.checked_sub(1).map_or(0.0, |before| DEPTHS_M[before]);
+            low_m - between(from, DEPTHS_M[stair], 3.0 * share)
+        }
+    }
 }
 
-/// The stair on which it has been waiting at `t` for the rest of it.
+/// The stair on which it is at `t`, and how much of its time there is over.
+fn stair(t: f64) -> Option<(usize, f64)> {
+    let pressed = (t - CHANGE_S - WAY_S) / STAIR_S;
+    (0.0..DEPTHS_M.len() as f64).contains(&pressed).then(|| (pressed as usize, pressed.fract()))
+}
+
+/// The stair on which it has been waiting at `t`, so long that the body is at rest.
 pub fn waited_on(t: f64) -> Option<usize> {
-    let pressed = (t - APPROACH_S) / STAIR_S;
-    let stair = pressed.max(0.0) as usize;
-    (pressed >= 0.0 && stair < DEPTHS_M.len() && pressed.fract() > 0.85).then_some(stair)
+    stair(t).filter(|(_, share)| *share > 0.85).map(|(stair, _)| stair)
 }
 
 /// A device whose hand presses one tip after the other, the surface at height `top_m`, the tip's lowest point `low_m[i]` below
@@ -42,7 +48,6 @@ pub fn device(top_m: f64, low_m: Vec<f64>) -> ScriptedDevice {
     ScriptedDevice::new(move |n, _| {
         let t = n as f64 * 1e-3;
         let tip = ((t / SECONDS) as usize).min(low_m.len() - 1);
-        let depth = depth_m(t - tip as f64 * SECONDS);
-        Ok(Reading::at(DVec3::Y * (top_m + low_m[tip] - depth)))
+        Ok(Reading::at(DVec3::Y * (top_m + height_m(t - tip as f64 * SECONDS, low_m[tip]))))
     })
 }

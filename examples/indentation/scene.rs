@@ -132,7 +132,8 @@ fn set_up_hand(mut commands: Commands, options: Res<StageOptions>, measured: Res
 }
 
 fn change_tip(time: Res<SceneTime>, mut measured: ResMut<Measured>, mut tools: Query<&mut HapticTool>) {
-    let now = ((time.0 / hand::SECONDS) as usize).min(measured.tips.len() - 1);
+    // Before the next one's turn begins.
+    let now = (((time.0 + 0.5 * hand::CHANGE_S) / hand::SECONDS) as usize).min(measured.tips.len() - 1);
     if std::mem::replace(&mut measured.now, now) != now {
         tools.iter_mut().for_each(|mut tool| tool.shape = measured.tip().shape());
     }

@@ -34,4 +34,4 @@ mod view;
 #[cfg(feature = "panel")]
 pub use caption::{Plot, plot_window};
 pub use options::{StageOptions, folder};
-pub use scene::{SceneTime, SetUpHands, SetUpScene, Stage};
+pub use scene::{SceneTime, SetUpHands, SetUpScene, Stage, ToolPaint};

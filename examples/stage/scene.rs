@@ -58,6 +58,16 @@ impl Default for Stage {
     }
 }
 
+/// What a tool is painted with; blue if nothing is said.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ToolPaint {
+    /// The first of several, or the only one.
+    #[default]
+    Blue,
+    /// The second.
+    Orange,
+}
+
 /// Time since the scene's hands came, s, in model steps.
 #[derive(Resource, Clone, Copy, Debug, Default)]
 pub struct SceneTime(pub f64);

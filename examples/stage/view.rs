@@ -1,6 +1,6 @@
 //! What is to be seen: camera, light, floor, and what bodies, tools and threads look like.
 
-use crate::scene::{Shown, say};
+use crate::scene::{Shown, ToolPaint, say};
 use crate::{Stage, StageOptions, assets, display, instruments, keys};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
@@ -8,8 +8,8 @@ use bevy_palpate::{MouseDevicePlugin, MouseDeviceSystems, SimulatedBody};
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
 use palpate_haptics::FollowingHand;
 
-/// What tools are painted with, in the order in which they are spawned.
-const TOOL_COLORS: [Color; 2] = [Color::srgb(0.10, 0.42, 0.85), Color::srgb(0.95, 0.60, 0.10)];
+const BLUE: Color = Color::srgb(0.10, 0.42, 0.85);
+const ORANGE: Color = Color::srgb(0.95, 0.60, 0.10);
 const FLESH: Color = Color::srgb(0.74, 0.31, 0.28);
 const FLOOR: Color = Color::srgb(0.13, 0.15, 0.185);
 const BACKGROUND: Color = Color::srgb(0.035, 0.042, 0.055);
@@ -139,30 +139,27 @@ fn dress_bodies(
     }
 }
 
+/// The shape that a tool looks like.
+#[derive(Component)]
+struct Dressed(ToolShape);
+
 /// A tip as large as what touches, and a handle, so that it is seen from everywhere.
 fn dress_tools(
     mut commands: Commands,
-    tools: Query<(Entity, Ref<HapticTool>)>,
-    mut dressed: Local<Vec<(Entity, ToolShape)>>,
+    tools: Query<(Entity, &HapticTool, Option<&ToolPaint>), Changed<HapticTool>>,
+    dressed: Query<&Dressed>,
     mut meshes: ResMut<Assets<Mesh>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
-    dressed.retain(|(entity, _)| tools.contains(*entity));
-    let mut there: Vec<(Entity, ToolShape)> = tools
-        .iter()
-        .filter(|(_, tool)| tool.is_changed())
-        .map(|(entity, tool)| (entity, tool.shape))
-        .collect();
-    there.sort_unstable_by_key(|(entity, _)| *entity);
-    for (entity, shape) in there {
-        let index = dressed.iter().position(|(other, _)| *other == entity).unwrap_or(dressed.len());
-        match dressed.get_mut(index) {
-            Some((_, old)) if *old == shape => continue,
-            Some((_, old)) => *old = shape,
-            None => dressed.push((entity, shape)),
+    for (entity, &HapticTool { shape, .. }, paint) in &tools {
+        if dressed.get(entity).is_ok_and(|dressed| dressed.0 == shape) {
+            continue;
         }
         let steel = materials.add(StandardMaterial {
-            base_color: TOOL_COLORS[index % TOOL_COLORS.len()],
+            base_color: match paint.copied().unwrap_or_default() {
+                ToolPaint::Blue => BLUE,
+                ToolPaint::Orange => ORANGE,
+            },
             metallic: 0.15,
             perceptual_roughness: 0.3,
             ..default()
@@ -187,6 +184,7 @@ fn dress_tools(
             }
         };
         commands.entity(entity).despawn_children().insert((
+            Dressed(shape),
             Mesh3d(meshes.add(tip)),
             MeshMaterial3d(steel.clone()),
             children![(Mesh3d(meshes.add(handle.0)), MeshMaterial3d(steel), handle.1)],
