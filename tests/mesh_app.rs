@@ -48,7 +48,7 @@ fn force(app: &App, tool: Entity) -> DVec3 {
     app.world().get::<ToolForce>(tool).unwrap().force_n
 }
 
-fn body<'a>(app: &'a App, entity: Entity) -> &'a SimulatedBody {
+fn body(app: &App, entity: Entity) -> &SimulatedBody {
     app.world().get::<SimulatedBody>(entity).unwrap()
 }
 

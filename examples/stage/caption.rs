@@ -62,7 +62,9 @@ fn write(
         |ui| {
             for (tool, force) in &tools {
                 let line = format!("{}   {:4.2} N", tool.scheme.name(), force.force_n.length());
-                ui.label(RichText::new(line).size(13.0).monospace().color(Color32::from_gray(215)));
+                let line = RichText::new(line).size(13.0).monospace().color(Color32::from_gray(215));
+                // However narrow the area was while there was no tool.
+                ui.add(egui::Label::new(line).extend());
             }
             // Nobody presses a key on a picture.
             if *shown == Shown::InPictures {

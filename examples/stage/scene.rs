@@ -88,7 +88,6 @@ pub(crate) enum Shown {
 
 impl Stage {
     /// An app with this stage, to which the scene's own systems are added.
-    #[must_use]
     pub fn app(self, options: &StageOptions) -> App {
         let mut app = App::new();
         app.insert_resource(options.clone()).insert_resource(self).init_resource::<SceneTime>();
