@@ -1,4 +1,4 @@
-//! What palpate costs and how well it does, in Bevy's [`DiagnosticsStore`](bevy::diagnostic::DiagnosticsStore).
+//! What palpate costs and how well it does, in Bevy's [`DiagnosticsStore`].
 
 mod cost;
 

@@ -16,7 +16,7 @@ use bevy::prelude::*;
 /// | [`HapticSchedulePlugin`] | the schedule [`ModelStep`](crate::ModelStep), its rate and clock |
 /// | [`BodyPlugin`] | builds bodies, writes their meshes |
 /// | [`ToolPlugin`] | devices, loops, model steps, local models, results |
-/// | [`SuturePlugin`](crate::SuturePlugin) | threads through bodies |
+/// | [`SuturePlugin`] | threads through bodies |
 /// | [`HapticDiagnosticsPlugin`] | costs and errors in Bevy's diagnostics |
 /// | [`FaultLogPlugin`] | writes faults to the log |
 ///
