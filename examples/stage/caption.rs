@@ -6,7 +6,7 @@ use bevy::prelude::*;
 use bevy_egui::{EguiContexts, EguiPlugin, EguiPrimaryContextPass, egui};
 use bevy_palpate::prelude::*;
 use egui::{Align2, Color32, RichText};
-use egui_plot::{Line, PlotPoints, Points};
+use egui_plot::{AxisHints, Line, PlotPoints, Points};
 
 pub(crate) struct CaptionPlugin;
 
@@ -128,8 +128,8 @@ pub fn plot_window(contexts: &mut EguiContexts, plot: &Plot<'_>) -> Result {
             egui_plot::Plot::new(plot.title)
                 .width(222.0)
                 .height(132.0)
-                .x_axis_label(plot.axes[0])
-                .y_axis_label(plot.axes[1])
+                .custom_x_axes(vec![AxisHints::new_x().label(plot.axes[0]).label_spacing(18.0..=40.0)])
+                .custom_y_axes(vec![AxisHints::new_y().label(plot.axes[1]).label_spacing(12.0..=26.0)])
                 .include_x(0.0)
                 .include_y(0.0)
                 .show_background(false)

@@ -1,7 +1,7 @@
 //! Every scene is drawn, by Mesa's software driver if there is no other, and what must be on its picture is looked for there.
 //!
 //! `cargo test -p palpate_examples --features panel,gizmos --test pictures` leaves the pictures in `target/palpate/pictures`. Those of
-//! the README are in `assets/pictures`: copy them there when they have become better.
+//! the README are in `assets/pictures`: copy the last of each scene there when it has become better.
 
 use image::{Rgb, RgbImage};
 use std::path::{Path, PathBuf};
@@ -11,6 +11,8 @@ use std::process::Command;
 struct Scene {
     name: &'static str,
     at_s: &'static str,
+    /// What is drawn over it.
+    gizmos: &'static str,
     /// Pixels that must be there, at least: what, a colour's description, how many.
     has: &'static [(&'static str, fn(Rgb<u8>) -> bool, usize)],
 }
@@ -50,12 +52,14 @@ fn thread(Rgb([r, g, b]): Rgb<u8>) -> bool {
 const SCENES: [Scene; 5] = [
     Scene {
         name: "probing",
-        at_s: "0.5,1.6",
+        at_s: "0.5,2.85",
+        gizmos: "1",
         has: &[("body", body, 8_000), ("tool", first_tool, 150), ("title", title, 150)],
     },
     Scene {
         name: "indentation",
-        at_s: "0.5,2.25",
+        at_s: "0.6,2.45",
+        gizmos: "0",
         has: &[
             ("body", body, 8_000),
             ("tool", first_tool, 800),
@@ -65,7 +69,8 @@ const SCENES: [Scene; 5] = [
     },
     Scene {
         name: "suture_pull",
-        at_s: "0.5,2.9",
+        at_s: "0.5,3.0",
+        gizmos: "0",
         has: &[
             ("body", body, 8_000),
             ("tool", first_tool, 100),
@@ -77,6 +82,7 @@ const SCENES: [Scene; 5] = [
     Scene {
         name: "two_tools",
         at_s: "0.5,1.7",
+        gizmos: "1",
         has: &[
             ("body", body, 8_000),
             ("first tool", first_tool, 150),
@@ -87,6 +93,7 @@ const SCENES: [Scene; 5] = [
     Scene {
         name: "custom_device",
         at_s: "0.5,0.75",
+        gizmos: "3",
         has: &[("body", body, 8_000), ("tool", first_tool, 100), ("title", title, 150)],
     },
 ];
@@ -99,7 +106,8 @@ fn draw(scene: &Scene, folder: &Path) -> Option<Vec<RgbImage>> {
     if !cfg!(debug_assertions) {
         run.arg("--release");
     }
-    run.args(["--example", scene.name, "--", "--at", scene.at_s, "--pictures"]).arg(folder);
+    run.args(["--example", scene.name, "--", "--gizmos", scene.gizmos, "--at", scene.at_s, "--pictures"])
+        .arg(folder);
     let output = run.output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     if said.contains("draws nothing") {
