@@ -4,7 +4,7 @@ use cargo_metadata::{DependencyKind, MetadataCommand};
 use std::collections::BTreeSet;
 
 /// What each crate may depend on, beside `thiserror`: `(crate, allowed)`.
-const ALLOWED: [(&str, &[&str]); 7] = [
+const ALLOWED: [(&str, &[&str]); 8] = [
     ("palpate_laws", &["glam"]),
     ("palpate_body", &["palpate_laws", "glam", "faer", "parry3d-f64", "serde"]),
     ("palpate_local", &["palpate_laws", "glam"]),
@@ -23,6 +23,7 @@ const ALLOWED: [(&str, &[&str]); 7] = [
             "core_affinity",
         ],
     ),
+    ("palpate_hid", &["palpate_haptics", "glam", "hidapi"]),
     (
         "palpate_lab",
         &[

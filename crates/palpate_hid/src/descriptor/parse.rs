@@ -1,0 +1,232 @@
+//! From items to reports.
+
+use super::items::{Item, Items};
+use super::{
+    Collection, DescriptorError, Field, LONGEST_DESCRIPTOR, LONGEST_REPORT, MOST_FIELDS, Report,
+    ReportDescriptor, ReportKind, Usage, UsageRange,
+};
+use std::sync::Arc;
+
+/// How many states may be pushed, and how deep collections may lie.
+const DEEPEST: usize = 64;
+
+/// What holds until it is said otherwise.
+#[derive(Clone, Copy, Default)]
+struct Globals {
+    page: u16,
+    logical_min: i64,
+    /// Read when a field needs it: whether it is negative depends on the least value.
+    logical_max: Option<Item>,
+    physical_min: i64,
+    physical_max: Option<Item>,
+    bits: u32,
+    count: u32,
+    id: u8,
+}
+
+/// What holds for the next main item.
+#[derive(Clone, Default)]
+struct Locals {
+    /// Usages; a page where the item has one of its own.
+    usages: Vec<(Option<u16>, u16, u16)>,
+    first: Option<(Option<u16>, u16)>,
+    /// Within a set of alternatives, of which the first counts.
+    is_alternative: bool,
+    has_alternative: bool,
+}
+
+#[derive(Default)]
+struct Parser {
+    descriptor: ReportDescriptor,
+    globals: Globals,
+    pushed: Vec<Globals>,
+    locals: Locals,
+    /// The collections that have begun, outermost first.
+    open: Vec<usize>,
+    fields: usize,
+    /// Where the first field without a report number lies.
+    unnumbered: Option<usize>,
+}
+
+/// Reads a descriptor.
+pub(super) fn parse(bytes: &[u8]) -> Result<ReportDescriptor, DescriptorError> {
+    if bytes.len() > LONGEST_DESCRIPTOR {
+        return Err(DescriptorError::TooLong(bytes.len()));
+    }
+    let mut parser = Parser::default();
+    for item in Items::of(bytes) {
+        parser.take(item?)?;
+    }
+    if !parser.open.is_empty() {
+        return Err(DescriptorError::UnpairedCollection { at: bytes.len() });
+    }
+    match parser.unnumbered {
+        Some(at) if parser.descriptor.is_numbered() => Err(DescriptorError::Unnumbered { at }),
+        _ => Ok(parser.descriptor),
+    }
+}
+
+impl Parser {
+    fn take(&mut self, item: Item) -> Result<(), DescriptorError> {
+        let Item { at, data, .. } = item;
+        let globals = &mut self.globals;
+        match item.tag {
+            // Main items.
+            0x80 => self.main(ReportKind::Input, item)?,
+            0x90 => self.main(ReportKind::Output, item)?,
+            0xB0 => self.main(ReportKind::Feature, item)?,
+            0xA0 => self.begin_collection(at)?,
+            0xC0 => {
+                self.open.pop().ok_or(DescriptorError::UnpairedCollection { at })?;
+                self.locals = Locals::default();
+            }
+            // Global items; unit and exponent say nothing that a driver here needs.
+            0x04 => globals.page = data as u16,
+            0x14 => globals.logical_min = item.signed(),
+            0x24 => globals.logical_max = Some(item),
+            0x34 => globals.physical_min = item.signed(),
+            0x44 => globals.physical_max = Some(item),
+            0x74 => globals.bits = data,
+            0x84 => match u8::try_from(data) {
+                Ok(id @ 1..) => globals.id = id,
+                _ => return Err(DescriptorError::ReportNumber { at, id: data }),
+            },
+            0x94 => globals.count = data,
+            0xA4 if self.pushed.len() == DEEPEST => {
+                return Err(DescriptorError::TooDeep { at, allowed: DEEPEST });
+            }
+            0xA4 => self.pushed.push(self.globals),
+            0xB4 => self.globals = self.pushed.pop().ok_or(DescriptorError::UnpairedPop { at })?,
+            // Local items; designators and strings say nothing that a driver here needs.
+            0x08 => {
+                let (page, id) = paged(item);
+                self.locals.push(page, id, id);
+            }
+            0x18 => self.locals.first = Some(paged(item)),
+            0x28 => {
+                let (last_page, last) = paged(item);
+                if let Some((page, first)) = self.locals.first.take() {
+                    self.locals.push(page.or(last_page), first, last);
+                }
+            }
+            0xA8 => {
+                self.locals.is_alternative = data == 1;
+                self.locals.has_alternative = false;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn begin_collection(&mut self, at: usize) -> Result<(), DescriptorError> {
+        if self.open.len() == DEEPEST {
+            return Err(DescriptorError::TooDeep { at, allowed: DEEPEST });
+        }
+        let page = self.globals.page;
+        let usage = self
+            .locals
+            .usages
+            .first()
+            .map_or(Usage::new(page, 0), |&(own, first, _)| Usage::new(own.unwrap_or(page), first));
+        self.locals = Locals::default();
+        let collections = &mut self.descriptor.collections;
+        collections.push(Collection { usage, parent: self.open.last().copied() });
+        self.open.push(collections.len() - 1);
+        Ok(())
+    }
+
+    fn main(&mut self, kind: ReportKind, item: Item) -> Result<(), DescriptorError> {
+        const LONGEST: usize = 8 * LONGEST_REPORT;
+        let Item { at, data: flags, .. } = item;
+        let locals = std::mem::take(&mut self.locals);
+        let Globals { page, bits, count, id, .. } = self.globals;
+        let too_long = DescriptorError::ReportTooLong { at };
+        let (bits, count) = (bits as usize, count as usize);
+        let all = bits.checked_mul(count).filter(|&all| all <= LONGEST).ok_or(too_long)?;
+        if all == 0 {
+            return Ok(());
+        }
+        if id == 0 {
+            self.unnumbered.get_or_insert(at);
+        }
+        let reports = &mut self.descriptor.reports;
+        let index = reports.iter().position(|report| report.kind == kind && report.id == id);
+        let index = index.unwrap_or(reports.len());
+        if index == reports.len() {
+            reports.push(Report { kind, id, fields: Vec::new(), bits: 0 });
+        }
+        let Some(report) = reports.get_mut(index) else { return Ok(()) };
+        let begin = report.bits;
+        report.bits += all;
+        if report.bits > LONGEST {
+            return Err(too_long);
+        }
+        let range = |&(own, first, last): &(Option<u16>, u16, u16)| UsageRange {
+            first: Usage::new(own.unwrap_or(page), first),
+            last,
+        };
+        let usages: Arc<[UsageRange]> = locals.usages.iter().map(range).collect();
+        let is_constant = flags & 1 != 0;
+        if is_constant && usages.is_empty() {
+            return Ok(());
+        }
+        let is_array = flags & 2 == 0;
+        let [logical, physical] = self.globals.limits();
+        let mut named = usages.iter().flat_map(|range| (0..range.count()).filter_map(|i| range.at(i)));
+        let mut newest = Usage::new(page, 0);
+        for element in 0..count {
+            self.fields += 1;
+            if self.fields > MOST_FIELDS {
+                return Err(DescriptorError::TooManyFields { at });
+            }
+            let of_this = if is_array {
+                Arc::clone(&usages)
+            } else {
+                // Where there are fewer usages than fields the last one stands for the rest.
+                newest = named.next().unwrap_or(newest);
+                Arc::from([UsageRange { first: newest, last: newest.id }])
+            };
+            report.fields.push(Field {
+                usages: of_this,
+                bit: begin + bits * element,
+                bits,
+                logical,
+                physical,
+                is_array,
+                is_constant,
+                is_relative: flags & 4 != 0,
+                collection: self.open.last().copied(),
+            });
+        }
+        Ok(())
+    }
+}
+
+impl Locals {
+    fn push(&mut self, page: Option<u16>, first: u16, last: u16) {
+        if !(self.is_alternative && self.has_alternative) && first <= last {
+            self.usages.push((page, first, last));
+            self.has_alternative = true;
+        }
+    }
+}
+
+impl Globals {
+    /// Least and greatest value, logical and physical. A greatest value is below 0 only if the least is: many devices say
+    /// 255 in one byte.
+    fn limits(&self) -> [[i64; 2]; 2] {
+        let highest = |low: i64, item: Option<Item>| match item {
+            Some(item) if low < 0 => item.signed(),
+            Some(item) => i64::from(item.data),
+            None => 0,
+        };
+        let most = |low, item| [low, highest(low, item)];
+        [most(self.logical_min, self.logical_max), most(self.physical_min, self.physical_max)]
+    }
+}
+
+/// Number of a usage item, and its page if it has one of its own.
+fn paged(item: Item) -> (Option<u16>, u16) {
+    let page = (item.bytes == 4).then_some((item.data >> 16) as u16);
+    (page, item.data as u16)
+}

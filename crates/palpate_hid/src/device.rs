@@ -1,0 +1,186 @@
+//! A HID device as a haptic device: found, opened, lost and found again.
+
+use crate::driver::{Driver, driver};
+use crate::link::Link;
+use crate::{
+    BoardOptions, Clock, FoundDevice, HidBus, HidConnection, HidCounters, HidError, HidSelector,
+    JoystickOptions, ReportDescriptor, SpaceMouseOptions, clock,
+};
+use glam::DVec3;
+use palpate_haptics::{DeviceDescription, DeviceError, EmergencyStop, HapticDevice, Reading};
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// What can be set, for each kind of device.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct HidOptions {
+    /// For a SpaceMouse.
+    pub space_mouse: SpaceMouseOptions,
+    /// For a force-feedback joystick.
+    pub joystick: JoystickOptions,
+    /// For a 3-DOF board.
+    pub board: BoardOptions,
+}
+
+/// A HID device that gives samples and takes forces.
+///
+/// It is looked for when this is made, so that what it is and can do is known before it is opened. When it has been unplugged the
+/// next `open` looks for the same one (vendor, product, interface, serial number), wherever it is plugged in by then.
+pub struct HidDevice {
+    bus: Arc<dyn HidBus>,
+    found: FoundDevice,
+    driver: Box<dyn Driver>,
+    /// Here while it is closed.
+    clock: Option<Box<dyn Clock>>,
+    link: Option<Link>,
+    counters: HidCounters,
+}
+
+impl fmt::Debug for HidDevice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("HidDevice").field("found", &self.found).finish_non_exhaustive()
+    }
+}
+
+impl HidDevice {
+    /// Looks for the device that `selector` means and sees whether it can be opened; it is closed again.
+    ///
+    /// # Errors
+    /// [`HidError`]: it is not there, there are several, it may not be opened, another program has it, it lacks what its driver
+    /// needs, or an option is out of bounds.
+    pub fn find(
+        bus: Arc<dyn HidBus>,
+        selector: &HidSelector,
+        options: &HidOptions,
+    ) -> Result<Self, HidError> {
+        let found = selector.find(&*bus)?;
+        Self::new(bus, found, options)
+    }
+
+    /// The device `found`; otherwise as [`HidDevice::find`].
+    ///
+    /// # Errors
+    /// [`HidError`].
+    pub fn new(bus: Arc<dyn HidBus>, found: FoundDevice, options: &HidOptions) -> Result<Self, HidError> {
+        let device = || found.info.label();
+        let bytes = bus.descriptor(&found.info)?;
+        let descriptor = ReportDescriptor::parse(&bytes)
+            .map_err(|source| HidError::Descriptor { device: device(), source })?;
+        let driver = driver(found.kind, &found.info, &descriptor, options)?;
+        drop(bus.open(&found.info)?);
+        let counters = HidCounters::default();
+        Ok(Self { bus, found, driver, clock: Some(clock::monotonic()), link: None, counters })
+    }
+
+    /// The same with another clock, for tests.
+    #[must_use]
+    pub fn with_clock(mut self, clock: impl Clock + 'static) -> Self {
+        self.clock = Some(Box::new(clock));
+        self
+    }
+
+    /// Which device it is.
+    #[must_use]
+    pub fn found(&self) -> &FoundDevice {
+        &self.found
+    }
+
+    /// What has been seen of it: kept by whoever asks, also while the loop has the device.
+    #[must_use]
+    pub fn counters(&self) -> HidCounters {
+        self.counters.clone()
+    }
+
+    /// Where the device is now: where it was, or where one like it is.
+    fn find_again(&self) -> Result<FoundDevice, HidError> {
+        let present = self.bus.list()?;
+        let known = &self.found.info;
+        let here = present.iter().find(|info| info.path == known.path && info.is_like(known));
+        let anywhere = || present.iter().find(|info| info.is_like(known));
+        let info = here.or_else(anywhere).ok_or_else(|| HidError::Gone { device: known.label() })?;
+        Ok(FoundDevice { kind: self.found.kind, info: info.clone() })
+    }
+}
+
+impl HapticDevice for HidDevice {
+    fn describe(&self) -> DeviceDescription {
+        self.driver.describe()
+    }
+
+    fn open(&mut self) -> Result<(), DeviceError> {
+        if self.link.is_some() {
+            return Err(DeviceError::AlreadyOpen);
+        }
+        let open = || {
+            let found = self.find_again()?;
+            let connection = self.bus.open(&found.info)?;
+            Ok((found, connection))
+        };
+        let (found, connection) = open().map_err(|error: HidError| error.for_loop())?;
+        self.found = found;
+        self.counters.opened();
+        let clock = self.clock.take().unwrap_or_else(clock::monotonic);
+        let mut link = Link::new(connection, clock, self.counters.clone());
+        let started = self.driver.start(&mut link);
+        if started.is_err() {
+            // What it has begun must not stay.
+            let _ = self.driver.stop(&mut link);
+            self.clock = Some(link.into_clock());
+        } else {
+            self.link = Some(link);
+        }
+        started
+    }
+
+    fn read(&mut self, within: Duration) -> Result<Reading, DeviceError> {
+        let link = self.link.as_mut().ok_or(DeviceError::NotOpen)?;
+        self.driver.read(link, within)
+    }
+
+    fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError> {
+        let link = self.link.as_mut().ok_or(DeviceError::NotOpen)?;
+        self.driver.write(link, force_n)
+    }
+
+    fn emergency_stop(&mut self) -> Option<Box<dyn EmergencyStop>> {
+        let reports = self.driver.stop_reports();
+        if reports.is_empty() || self.link.is_none() {
+            return None;
+        }
+        let connection = self.bus.open_beside(&self.found.info).ok()?;
+        Some(Box::new(StopBeside { connection, reports }))
+    }
+
+    fn close(&mut self) -> Result<(), DeviceError> {
+        let mut link = self.link.take().ok_or(DeviceError::NotOpen)?;
+        let stopped = self.driver.stop(&mut link);
+        self.clock = Some(link.into_clock());
+        stopped
+    }
+}
+
+impl Drop for HidDevice {
+    fn drop(&mut self) {
+        if self.link.is_some() {
+            let _ = self.close();
+        }
+    }
+}
+
+/// Stops a device from another thread.
+struct StopBeside {
+    connection: Box<dyn HidConnection>,
+    reports: Vec<Vec<u8>>,
+}
+
+impl EmergencyStop for StopBeside {
+    fn stop(&mut self) -> Result<(), DeviceError> {
+        let mut stopped = Ok(());
+        for report in &self.reports {
+            // Each of them, even if one fails.
+            stopped = self.connection.write(report).and(stopped);
+        }
+        stopped
+    }
+}

@@ -1,0 +1,46 @@
+//! What the three kinds of device have in common, once one of them is open.
+
+use crate::link::Link;
+use crate::{HidError, HidInfo, HidKind, HidOptions, ReportDescriptor};
+use crate::{board, joystick, space_mouse};
+use glam::DVec3;
+use palpate_haptics::{DeviceDescription, DeviceError, Reading};
+use std::time::Duration;
+
+/// The protocol of one kind of device. The promises of [`HapticDevice`](palpate_haptics::HapticDevice) hold for it.
+pub(crate) trait Driver: Send {
+    /// What it is and what it can do.
+    fn describe(&self) -> DeviceDescription;
+
+    /// Makes a device that has just been opened ready, at zero force.
+    fn start(&mut self, link: &mut Link) -> Result<(), DeviceError>;
+
+    /// The newest reading.
+    fn read(&mut self, link: &mut Link, within: Duration) -> Result<Reading, DeviceError>;
+
+    /// Shows a force, N, in the device's frame.
+    fn write(&mut self, link: &mut Link, force_n: DVec3) -> Result<(), DeviceError>;
+
+    /// Zero force, actuators off.
+    fn stop(&mut self, link: &mut Link) -> Result<(), DeviceError>;
+
+    /// The output reports that end all force, for a thread that has no part in the protocol; none for a device without motors.
+    fn stop_reports(&self) -> Vec<Vec<u8>>;
+}
+
+/// The driver for a device of `kind`.
+///
+/// # Errors
+/// [`HidError::Unsupported`], [`HidError::Option`].
+pub(crate) fn driver(
+    kind: HidKind,
+    info: &HidInfo,
+    descriptor: &ReportDescriptor,
+    options: &HidOptions,
+) -> Result<Box<dyn Driver>, HidError> {
+    Ok(match kind {
+        HidKind::SpaceMouse => space_mouse::driver(info, options.space_mouse)?,
+        HidKind::Joystick => joystick::driver(info, descriptor, options.joystick)?,
+        HidKind::Board => board::driver(info, descriptor, options.board)?,
+    })
+}

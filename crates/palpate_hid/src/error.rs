@@ -1,0 +1,118 @@
+//! Why a HID device cannot be found or used.
+
+use crate::DescriptorError;
+use palpate_haptics::DeviceError;
+use std::io;
+use thiserror::Error;
+
+/// Why a HID device cannot be listed, found, opened or understood.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum HidError {
+    /// The operating system does not list its devices.
+    #[error("the HID devices cannot be listed: {0}")]
+    List(String),
+    /// Nothing that is plugged in is what was asked for.
+    #[error("no {asked} is plugged in; there {}", list(.present))]
+    NotFound {
+        /// What was asked for.
+        asked: String,
+        /// What there is.
+        present: Vec<String>,
+    },
+    /// More than one is what was asked for.
+    #[error("{} devices are {asked}: {}; name one by its serial number or its path, or ask for the first", .found.len(), .found.join(", "))]
+    Several {
+        /// What was asked for.
+        asked: String,
+        /// What there is of it.
+        found: Vec<String>,
+    },
+    /// The user may not open it.
+    #[error(
+        "{device}: permission to open {path} is denied; on Linux install assets/udev/70-palpate.rules and plug it in anew"
+    )]
+    Permission {
+        /// Which.
+        device: String,
+        /// What could not be opened.
+        path: String,
+    },
+    /// Another program, or another tool of this one, has it.
+    #[error("{device}: another program or tool uses it; one device has one hand")]
+    Busy {
+        /// Which.
+        device: String,
+    },
+    /// It was unplugged in the meantime.
+    #[error("{device}: it is not plugged in any more")]
+    Gone {
+        /// Which.
+        device: String,
+    },
+    /// The operating system refused for another reason.
+    #[error("{device}: it cannot be opened")]
+    Open {
+        /// Which.
+        device: String,
+        /// Why.
+        #[source]
+        source: io::Error,
+    },
+    /// Its report descriptor breaks the standard.
+    #[error("{device}: its report descriptor breaks the standard")]
+    Descriptor {
+        /// Which.
+        device: String,
+        /// How.
+        #[source]
+        source: DescriptorError,
+    },
+    /// It is none of the kinds that are known here, or lacks what a driver needs.
+    #[error("{device}: {lacks}")]
+    Unsupported {
+        /// Which.
+        device: String,
+        /// What it would need.
+        lacks: String,
+    },
+    /// An option is out of bounds.
+    #[error("{what} is {found}; it must be {allowed}")]
+    Option {
+        /// Which.
+        what: &'static str,
+        /// What was given.
+        found: String,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+}
+
+impl HidError {
+    /// The same for the loop, which keeps no text.
+    #[must_use]
+    pub fn for_loop(&self) -> DeviceError {
+        // As Linux counts them.
+        const ACCESS: i32 = 13;
+        const BUSY: i32 = 16;
+        match self {
+            Self::Permission { .. } => DeviceError::Os(ACCESS),
+            Self::Busy { .. } => DeviceError::Os(BUSY),
+            Self::Open { source, .. } => {
+                source.raw_os_error().map_or(DeviceError::Disconnected, DeviceError::Os)
+            }
+            Self::Descriptor { .. } | Self::Unsupported { .. } => {
+                DeviceError::Protocol("its report descriptor is not what the driver needs")
+            }
+            _ => DeviceError::Disconnected,
+        }
+    }
+}
+
+fn list(present: &[String]) -> String {
+    match present {
+        [] => "is no HID device at all".to_owned(),
+        [one] => format!("is {one}"),
+        several => format!("are {}", several.join(", ")),
+    }
+}

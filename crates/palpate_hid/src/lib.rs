@@ -1,0 +1,62 @@
+//! Haptic devices over HID, the only part of palpate that talks to hardware: SpaceMouse, force-feedback joysticks, open boards with
+//! three motors.
+//!
+//! # Getting started
+//!
+//! ```no_run
+//! use palpate_hid::{HidDevice, HidOptions, HidSelector, SystemBus};
+//! use std::sync::Arc;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let bus = Arc::new(SystemBus::new()?);
+//! let device = HidDevice::find(bus, &HidSelector::any(), &HidOptions::default())?;
+//! println!("{}", device.found().info.label());
+//! // `device` is a `HapticDevice`: a haptic loop takes it from here.
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Contents
+//!
+//! * Which device: [`HidSelector`], [`FoundDevice`], [`HidKind`]; what is there: [`HidBus`], [`SystemBus`], [`HidInfo`].
+//! * The device: [`HidDevice`], with [`HidOptions`] for each kind; what it saw: [`HidCounters`].
+//! * What a device says of its reports: [`ReportDescriptor`].
+//! * Without hardware: [`StandInBus`], [`Firmware`].
+//!
+//! # Units, frames, signs
+//!
+//! SI. Positions and forces are in the device's own frame: x to the right, y up, z towards the hand's owner. Force is what the
+//! device does to the hand.
+
+#![forbid(unsafe_code)]
+
+mod board;
+mod bus;
+mod clock;
+mod counters;
+mod descriptor;
+mod device;
+mod driver;
+mod error;
+mod joystick;
+mod link;
+mod selector;
+mod space_mouse;
+mod stand_in;
+mod system;
+
+pub use board::BoardOptions;
+pub use bus::{HidBus, HidConnection, HidInfo, LONGEST_INPUT};
+pub use clock::Clock;
+pub use counters::HidCounters;
+pub use descriptor::{
+    Collection, DescriptorError, Field, LONGEST_DESCRIPTOR, LONGEST_REPORT, MOST_FIELDS, Report,
+    ReportDescriptor, ReportKind, Usage, UsageRange,
+};
+pub use device::{HidDevice, HidOptions};
+pub use error::HidError;
+pub use joystick::JoystickOptions;
+pub use selector::{FoundDevice, HidKind, HidSelector};
+pub use space_mouse::{CapReport, NotACapReport, SpaceMouseOptions};
+pub use stand_in::{Firmware, StandInBus};
+pub use system::SystemBus;

@@ -1,0 +1,173 @@
+//! HID devices that are only there in memory: for tests of drivers, and for an app on a machine without the device.
+
+use crate::{HidBus, HidConnection, HidError, HidInfo};
+use palpate_haptics::DeviceError;
+use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// What is inside a HID device: the other end of [`HidConnection`], whose words on report numbers hold here too. The same
+/// firmware answers behind a [`StandInBus`] and behind a kernel's virtual device.
+pub trait Firmware: Send {
+    /// The next input report, if there is one by now: how many bytes of `report` it fills.
+    fn input(&mut self, report: &mut [u8]) -> usize;
+
+    /// Takes an output report. Whether it is one that it knows.
+    fn output(&mut self, report: &[u8]) -> bool;
+
+    /// Fills the feature report whose number is `report[0]`: how many bytes it has, 0 where there is none.
+    fn feature(&mut self, report: &mut [u8]) -> usize {
+        let _ = report;
+        0
+    }
+
+    /// Takes a feature report. Whether it is one that it knows.
+    fn set_feature(&mut self, report: &[u8]) -> bool {
+        let _ = report;
+        false
+    }
+}
+
+impl<F: Firmware + ?Sized> Firmware for Arc<Mutex<F>> {
+    fn input(&mut self, report: &mut [u8]) -> usize {
+        self.lock().unwrap_or_else(PoisonError::into_inner).input(report)
+    }
+
+    fn output(&mut self, report: &[u8]) -> bool {
+        self.lock().unwrap_or_else(PoisonError::into_inner).output(report)
+    }
+
+    fn feature(&mut self, report: &mut [u8]) -> usize {
+        self.lock().unwrap_or_else(PoisonError::into_inner).feature(report)
+    }
+
+    fn set_feature(&mut self, report: &[u8]) -> bool {
+        self.lock().unwrap_or_else(PoisonError::into_inner).set_feature(report)
+    }
+}
+
+/// A bus into which devices are plugged by a program.
+#[derive(Default)]
+pub struct StandInBus {
+    plugged: Mutex<Vec<Plugged>>,
+}
+
+impl fmt::Debug for StandInBus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let plugged = self.plugged.lock().unwrap_or_else(PoisonError::into_inner);
+        f.debug_list().entries(plugged.iter().map(|it| &it.info)).finish()
+    }
+}
+
+#[derive(Clone)]
+struct Plugged {
+    info: HidInfo,
+    descriptor: Vec<u8>,
+    firmware: Arc<Mutex<dyn Firmware>>,
+    is_there: Arc<AtomicBool>,
+    is_held: Arc<AtomicBool>,
+}
+
+impl StandInBus {
+    /// Plugs a device in at `info.path`, in place of what is there.
+    pub fn plug(&self, info: HidInfo, descriptor: Vec<u8>, firmware: impl Firmware + 'static) {
+        self.unplug(&info.path);
+        let plugged = Plugged {
+            info,
+            descriptor,
+            firmware: Arc::new(Mutex::new(firmware)),
+            is_there: Arc::new(AtomicBool::new(true)),
+            is_held: Arc::default(),
+        };
+        self.plugged.lock().unwrap_or_else(PoisonError::into_inner).push(plugged);
+    }
+
+    /// Unplugs the device at `path`, whether it is open or not. Whether there was one.
+    pub fn unplug(&self, path: &str) -> bool {
+        let mut plugged = self.plugged.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = plugged.len();
+        plugged.retain(|it| {
+            let stays = it.info.path != path;
+            it.is_there.store(stays, Ordering::Release);
+            stays
+        });
+        plugged.len() < before
+    }
+
+    fn at(&self, info: &HidInfo) -> Result<Plugged, HidError> {
+        let plugged = self.plugged.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = plugged.iter().find(|it| it.info.path == info.path).cloned();
+        found.ok_or_else(|| HidError::Gone { device: info.label() })
+    }
+}
+
+impl HidBus for StandInBus {
+    fn list(&self) -> Result<Vec<HidInfo>, HidError> {
+        let plugged = self.plugged.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut infos: Vec<HidInfo> = plugged.iter().map(|it| it.info.clone()).collect();
+        infos.sort_by(|a, b| a.path.cmp(&b.path));
+        Ok(infos)
+    }
+
+    fn descriptor(&self, info: &HidInfo) -> Result<Vec<u8>, HidError> {
+        Ok(self.at(info)?.descriptor)
+    }
+
+    fn open(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
+        let plugged = self.at(info)?;
+        if plugged.is_held.swap(true, Ordering::AcqRel) {
+            return Err(HidError::Busy { device: info.label() });
+        }
+        Ok(Box::new(StandInConnection { plugged, is_alone: true }))
+    }
+
+    fn open_beside(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
+        Ok(Box::new(StandInConnection { plugged: self.at(info)?, is_alone: false }))
+    }
+}
+
+struct StandInConnection {
+    plugged: Plugged,
+    is_alone: bool,
+}
+
+impl StandInConnection {
+    fn firmware<T>(&mut self, ask: impl FnOnce(&mut dyn Firmware) -> T) -> Result<T, DeviceError> {
+        if !self.plugged.is_there.load(Ordering::Acquire) {
+            return Err(DeviceError::Disconnected);
+        }
+        Ok(ask(&mut *self.plugged.firmware.lock().unwrap_or_else(PoisonError::into_inner)))
+    }
+}
+
+impl Drop for StandInConnection {
+    fn drop(&mut self) {
+        if self.is_alone {
+            self.plugged.is_held.store(false, Ordering::Release);
+        }
+    }
+}
+
+impl HidConnection for StandInConnection {
+    fn read(&mut self, report: &mut [u8], _: Duration) -> Result<usize, DeviceError> {
+        self.firmware(|firmware| firmware.input(report))
+    }
+
+    fn write(&mut self, report: &[u8]) -> Result<(), DeviceError> {
+        let is_known = self.firmware(|firmware| firmware.output(report))?;
+        if is_known { Ok(()) } else { Err(DeviceError::Protocol("it refused an output report")) }
+    }
+
+    fn feature(&mut self, report: &mut [u8]) -> Result<usize, DeviceError> {
+        match self.firmware(|firmware| firmware.feature(report))? {
+            0 => Err(DeviceError::Protocol("it refused a feature report")),
+            length => Ok(length),
+        }
+    }
+
+    fn set_feature(&mut self, report: &[u8]) -> Result<(), DeviceError> {
+        let is_known = self.firmware(|firmware| firmware.set_feature(report))?;
+        if is_known { Ok(()) } else { Err(DeviceError::Protocol("it refused a feature report")) }
+    }
+}
