@@ -50,6 +50,7 @@ const ALLOWED: [(&str, &[&str]); 8] = [
             "palpate_local",
             "palpate_reduce",
             "palpate_haptics",
+            "palpate_hid",
             "bevy",
             "glam",
             "bevy_egui",

@@ -1,5 +1,11 @@
 //! Which device a tool has, and where devices come from.
 
+mod choice;
+#[cfg(feature = "hid")]
+mod hid;
+
+pub use choice::{HidChoice, HidDeviceKind};
+
 use crate::fault::DeviceFault;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
@@ -21,6 +27,9 @@ pub enum DeviceSelector {
     },
     /// The device registered under this name in [`HapticDevices`].
     Named(String),
+    /// A device over HID that is plugged in. Needs the feature `hid`; without it, and where there is no such device, the tool has a
+    /// fault that says so.
+    Hid(HidChoice),
 }
 
 impl DeviceSelector {
@@ -52,6 +61,8 @@ type Make = dyn Fn() -> Result<Box<dyn HapticDevice>, MakeError> + Send + Sync;
 #[derive(Resource, Default)]
 pub struct HapticDevices {
     named: HashMap<String, Box<Make>>,
+    #[cfg(feature = "hid")]
+    hid: hid::Hid,
 }
 
 impl HapticDevices {
@@ -93,7 +104,41 @@ impl HapticDevices {
                     Err(DeviceFault::UnknownName { name: name.clone(), known })
                 }
             },
+            #[cfg(feature = "hid")]
+            DeviceSelector::Hid(choice) => Ok(Box::new(self.hid.make(choice)?)),
+            #[cfg(not(feature = "hid"))]
+            DeviceSelector::Hid(_) => Err(DeviceFault::NotBuilt { feature: "hid" }),
         }
+    }
+}
+
+/// Devices over HID.
+#[cfg(feature = "hid")]
+impl HapticDevices {
+    /// Where they come from, in place of the operating system: a [`StandInBus`](palpate_hid::StandInBus) in a test.
+    pub fn set_hid_bus(&mut self, bus: impl palpate_hid::HidBus + 'static) {
+        self.hid.set_bus(std::sync::Arc::new(bus));
+    }
+
+    /// What is set for those that are made from now on: speeds, limits, kinematics of each kind. It is looked at when one is made;
+    /// an option out of bounds is a fault of its tool.
+    pub fn set_hid_options(&mut self, options: palpate_hid::HidOptions) {
+        self.hid.options = options;
+    }
+
+    /// Those that are plugged in and known: a choice that means just that one, and what people call it. It may take a tenth of a
+    /// second.
+    ///
+    /// # Errors
+    /// [`HidError`](palpate_hid::HidError) where the operating system does not list them.
+    pub fn hid_present(&self) -> Result<Vec<(HidChoice, String)>, palpate_hid::HidError> {
+        self.hid.present()
+    }
+
+    /// What the device that was made last by `choice` has seen: reports skipped, the rate at which it takes forces.
+    #[must_use]
+    pub fn hid_counters(&self, choice: &HidChoice) -> Option<palpate_hid::HidCounters> {
+        self.hid.counters(choice)
     }
 }
 

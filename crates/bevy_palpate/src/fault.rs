@@ -153,6 +153,16 @@ pub enum DeviceFault {
     /// The registered function failed.
     #[error("the device could not be made")]
     Make(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// The device needs a feature with which this was not built.
+    #[error("such a device needs the feature `{feature}` of bevy_palpate, with which this was not built")]
+    NotBuilt {
+        /// Which.
+        feature: &'static str,
+    },
+    /// The device over HID is not there, or cannot be used.
+    #[cfg(feature = "hid")]
+    #[error(transparent)]
+    Hid(#[from] palpate_hid::HidError),
     /// The loop could not be set up.
     #[error("the loop could not be set up")]
     Loop(#[from] HapticsError),

@@ -121,7 +121,7 @@ pub use body::{
     BodyPlugin, BodyRegion, DeformableBody, Face, FixedRegion, HapticSetupSystems, Inclusion, Inclusions,
     MeshShape, MeshSourceError, SimulatedBody, Slit, Tissue,
 };
-pub use device::{DeviceSelector, HapticDevices};
+pub use device::{DeviceSelector, HapticDevices, HidChoice, HidDeviceKind};
 pub use diagnostics::HapticDiagnosticsPlugin;
 pub use fault::{DeviceFault, HapticFault, HapticFaultKind, SutureFault};
 #[cfg(feature = "gizmos")]
@@ -144,9 +144,9 @@ pub mod prelude {
     pub use crate::{
         BodyRegion, ContactBegan, ContactEnded, DeformableBody, DeviceSelector, Face, FaultLogPlugin,
         FixedRegion, Grasping, HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin, HapticSystems,
-        HapticTool, Inclusion, Inclusions, LocalModelBuild, LocalModelError, LoopTiming, MeshShape,
-        ModelRate, ModelStep, PalpatePlugins, Slit, Suture, SutureForce, SutureTorn, Tissue, ToolCoupling,
-        ToolForce, ToolGrasp, ToolSettings, Touching,
+        HapticTool, HidChoice, HidDeviceKind, Inclusion, Inclusions, LocalModelBuild, LocalModelError,
+        LoopTiming, MeshShape, ModelRate, ModelStep, PalpatePlugins, Slit, Suture, SutureForce, SutureTorn,
+        Tissue, ToolCoupling, ToolForce, ToolGrasp, ToolSettings, Touching,
     };
     pub use glam::{DQuat, DVec3};
     pub use palpate_body::ToolShape;

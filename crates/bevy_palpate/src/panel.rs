@@ -1,5 +1,6 @@
 //! A panel for every tool: what it feels, how well, how late, and what can be set of it.
 
+mod devices;
 mod faults;
 mod history;
 mod plots;
@@ -76,6 +77,7 @@ pub struct HapticPanel {
     /// Where recordings go.
     pub folder: PathBuf,
     pub(crate) view: settings::View,
+    present: devices::Present,
 }
 
 impl HapticPanel {
@@ -118,6 +120,7 @@ impl Plugin for HapticPanelPlugin {
             curves: [true; 6],
             folder,
             view: settings::View::default(),
+            present: devices::Present::default(),
         })
         .insert_resource(PanelCost(cost.clone()))
         .init_resource::<watch::Watched>()

@@ -36,6 +36,24 @@ pub trait HidBus: Send + Sync + fmt::Debug {
     fn open_beside(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError>;
 }
 
+impl<B: HidBus + ?Sized> HidBus for std::sync::Arc<B> {
+    fn list(&self) -> Result<Vec<HidInfo>, HidError> {
+        (**self).list()
+    }
+
+    fn descriptor(&self, info: &HidInfo) -> Result<Vec<u8>, HidError> {
+        (**self).descriptor(info)
+    }
+
+    fn open(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
+        (**self).open(info)
+    }
+
+    fn open_beside(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
+        (**self).open_beside(info)
+    }
+}
+
 /// An open HID device. Output and feature reports begin with their number, 0 where the device's reports have none; input reports
 /// begin with it only where there is one. Nothing here may allocate while all is well.
 pub trait HidConnection: Send {

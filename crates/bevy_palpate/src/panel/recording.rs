@@ -149,6 +149,7 @@ pub(super) fn name_of(device: &DeviceSelector) -> String {
     match device {
         DeviceSelector::Replay { path, .. } => format!("replay of {path}"),
         DeviceSelector::Named(name) => name.clone(),
+        DeviceSelector::Hid(choice) => choice.to_string(),
     }
 }
 

@@ -132,10 +132,16 @@ impl HapticWidgets<'_, '_> {
                 self.panel.tool = Some(chosen);
             }
         }
-        let Ok(shown) = self.tools.get(entity) else { return };
+        let Ok(mut shown) = self.tools.get_mut(entity) else { return };
         grid(ui, "palpate_header", |ui| {
             ui.label("device");
-            ui.add(egui::Label::new(name_of(&shown.tool.device)).truncate());
+            ui.vertical(|ui| {
+                let present = &mut self.panel.bypass_change_detection().present;
+                let mut device = shown.tool.device.clone();
+                if present.choose(ui, &mut device, &self.devices) {
+                    shown.tool.device = device;
+                }
+            });
             ui.end_row();
             ui.label("force on the hand");
             ui.horizontal(|ui| {

@@ -1,0 +1,81 @@
+//! Which of the devices that are plugged in, as plain data.
+
+use bevy::prelude::*;
+
+/// A kind of device over HID.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Debug, PartialEq, Hash, Clone)]
+pub enum HidDeviceKind {
+    /// An open board with three motors: WoodenHaptics, Polhem.
+    Board,
+    /// A force-feedback joystick with USB's physical interface device class.
+    Joystick,
+    /// A cap of 3Dconnexion, without motors.
+    SpaceMouse,
+}
+
+/// Which device over HID. What is not named may be anything.
+///
+/// ```
+/// use bevy_palpate::{DeviceSelector, HidChoice, HidDeviceKind};
+///
+/// // Any, one with motors before one without.
+/// let any = DeviceSelector::Hid(HidChoice::first());
+/// let joystick = HidChoice { kind: Some(HidDeviceKind::Joystick), ..HidChoice::first() };
+/// let mine = HidChoice { serial: Some("A1B2".into()), ..HidChoice::default() };
+/// # assert!(joystick != mine && any == DeviceSelector::Hid(HidChoice::first()));
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Debug, Default, PartialEq, Hash, Clone)]
+pub struct HidChoice {
+    /// Its kind.
+    pub kind: Option<HidDeviceKind>,
+    /// Number of its vendor.
+    pub vendor: Option<u16>,
+    /// Number of its product.
+    pub product: Option<u16>,
+    /// Its serial number.
+    pub serial: Option<String>,
+    /// Where several are like that, whether the first is meant; without it that is a fault, which lists them.
+    pub first: bool,
+    /// Whether 16C0:0486 is a 3-DOF board. Every sketch for a Teensy with raw HID has these numbers, so that somebody has to say it.
+    pub teensy_is_board: bool,
+}
+
+impl HidChoice {
+    /// The first of any kind: boards before joysticks before caps.
+    #[must_use]
+    pub fn first() -> Self {
+        Self { first: true, ..Self::default() }
+    }
+}
+
+impl core::fmt::Display for HidDeviceKind {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Board => "3-DOF board",
+            Self::Joystick => "force-feedback joystick",
+            Self::SpaceMouse => "SpaceMouse",
+        })
+    }
+}
+
+impl core::fmt::Display for HidChoice {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self.kind {
+            Some(kind) => kind.fmt(f)?,
+            None => f.write_str("HID device")?,
+        }
+        if let Some(vendor) = self.vendor {
+            write!(f, " {vendor:04x}:")?;
+            match self.product {
+                Some(product) => write!(f, "{product:04x}")?,
+                None => f.write_str("*")?,
+            }
+        }
+        match &self.serial {
+            Some(serial) => write!(f, " {serial}"),
+            None => Ok(()),
+        }
+    }
+}

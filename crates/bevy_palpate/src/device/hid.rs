@@ -1,0 +1,91 @@
+//! Devices over HID for the registry.
+
+use super::{HidChoice, HidDeviceKind};
+use palpate_hid::{
+    FoundDevice, HidBus, HidCounters, HidDevice, HidError, HidKind, HidOptions, HidSelector, SystemBus,
+};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The bus, its options, and what the devices have seen.
+#[derive(Default)]
+pub(super) struct Hid {
+    /// The operating system's, from when it is first asked for, or one that was set.
+    bus: Mutex<Option<Arc<dyn HidBus>>>,
+    pub(super) options: HidOptions,
+    /// Those of the newest device that was made by a choice.
+    counters: Mutex<Vec<(HidChoice, HidCounters)>>,
+}
+
+impl Hid {
+    pub(super) fn set_bus(&mut self, bus: Arc<dyn HidBus>) {
+        *self.bus.get_mut().unwrap_or_else(PoisonError::into_inner) = Some(bus);
+    }
+
+    fn bus(&self) -> Result<Arc<dyn HidBus>, HidError> {
+        let mut bus = self.bus.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(bus) = &*bus {
+            return Ok(Arc::clone(bus));
+        }
+        let system: Arc<dyn HidBus> = Arc::new(SystemBus::new()?);
+        Ok(Arc::clone(bus.insert(system)))
+    }
+
+    pub(super) fn present(&self) -> Result<Vec<(HidChoice, String)>, HidError> {
+        let bus = self.bus()?;
+        let known = |info| FoundDevice::known(&*bus, info, true);
+        Ok(bus
+            .list()?
+            .iter()
+            .filter_map(known)
+            .map(|found| (HidChoice::of(&found), found.info.label()))
+            .collect())
+    }
+
+    pub(super) fn make(&self, choice: &HidChoice) -> Result<HidDevice, HidError> {
+        let device = HidDevice::find(self.bus()?, &choice.selector(), &self.options)?;
+        let mut counters = self.counters.lock().unwrap_or_else(PoisonError::into_inner);
+        counters.retain(|(known, _)| known != choice);
+        counters.push((choice.clone(), device.counters()));
+        Ok(device)
+    }
+
+    pub(super) fn counters(&self, choice: &HidChoice) -> Option<HidCounters> {
+        let counters = self.counters.lock().unwrap_or_else(PoisonError::into_inner);
+        counters.iter().find(|(known, _)| known == choice).map(|(_, counters)| counters.clone())
+    }
+}
+
+impl HidChoice {
+    /// Exactly `found`: by its serial number where it has one, otherwise the first like it.
+    fn of(found: &FoundDevice) -> Self {
+        let info = &found.info;
+        Self {
+            kind: Some(match found.kind {
+                HidKind::Board => HidDeviceKind::Board,
+                HidKind::Joystick => HidDeviceKind::Joystick,
+                HidKind::SpaceMouse => HidDeviceKind::SpaceMouse,
+            }),
+            vendor: Some(info.vendor),
+            product: Some(info.product),
+            serial: (!info.serial.is_empty()).then(|| info.serial.clone()),
+            first: info.serial.is_empty(),
+            teensy_is_board: found.kind == HidKind::Board,
+        }
+    }
+
+    fn selector(&self) -> HidSelector {
+        HidSelector {
+            kind: self.kind.map(|kind| match kind {
+                HidDeviceKind::Board => HidKind::Board,
+                HidDeviceKind::Joystick => HidKind::Joystick,
+                HidDeviceKind::SpaceMouse => HidKind::SpaceMouse,
+            }),
+            vendor: self.vendor,
+            product: self.product,
+            serial: self.serial.clone(),
+            path: None,
+            first: self.first,
+            teensy_is_board: self.teensy_is_board,
+        }
+    }
+}

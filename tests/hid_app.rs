@@ -1,0 +1,144 @@
+//! Devices over HID in a Bevy app: chosen, touched with, lost and found again, refused.
+
+use bevy::prelude::*;
+use bevy_palpate::prelude::*;
+use palpate_haptics::DeviceFrame;
+use palpate_hid::{Firmware, HidInfo, HidOptions, SpaceMouseOptions, StandInBus, Usage};
+use palpate_tests::app::{listen, take_faults};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// A cap that is pushed down while it is told to.
+#[derive(Clone, Default)]
+struct Cap {
+    pushes: Arc<AtomicBool>,
+    has_spoken: bool,
+}
+
+impl Firmware for Cap {
+    fn input(&mut self, report: &mut [u8]) -> usize {
+        // One report for each look at it.
+        self.has_spoken = !self.has_spoken;
+        if !self.has_spoken {
+            return 0;
+        }
+        let [low, high] = if self.pushes.load(Ordering::Relaxed) { 350_i16.to_le_bytes() } else { [0; 2] };
+        report[..7].copy_from_slice(&[1, 0, 0, 0, 0, low, high]);
+        7
+    }
+
+    fn output(&mut self, _: &[u8]) -> bool {
+        true
+    }
+}
+
+fn info(serial: &str) -> HidInfo {
+    HidInfo {
+        path: format!("cap {serial}"),
+        vendor: 0x256F,
+        product: 0xC635,
+        serial: serial.into(),
+        name: "SpaceMouse Compact".into(),
+        interface: None,
+        applications: vec![Usage::new(1, 8)],
+    }
+}
+
+fn scene(choice: HidChoice) -> (App, Arc<StandInBus>, Entity) {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, PalpatePlugins));
+    listen(&mut app);
+    let bus = Arc::new(StandInBus::default());
+    let mut devices = app.world_mut().resource_mut::<HapticDevices>();
+    devices.set_hid_bus(Arc::clone(&bus));
+    // Slowly: its point stays in the body for the test.
+    let space_mouse = SpaceMouseOptions { full_speed_m_per_s: 0.02, ..Default::default() };
+    devices.set_hid_options(HidOptions { space_mouse, ..Default::default() });
+    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(Face::Bottom)));
+    let frame = DeviceFrame { offset_m: DVec3::new(0.012, 0.06, 0.009), ..default() };
+    let tool = HapticTool { device: DeviceSelector::Hid(choice), ..default() };
+    let tool = app.world_mut().spawn((tool, ToolSettings { frame, ..default() })).id();
+    (app, bus, tool)
+}
+
+#[expect(clippy::disallowed_methods, reason = "a test of threads has to wait for them")]
+fn update_until(app: &mut App, what: &str, mut done: impl FnMut(&mut App) -> bool) {
+    for _ in 0..4000 {
+        app.update();
+        if done(app) {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    panic!("it did not happen within twenty seconds: {what}");
+}
+
+fn fault(app: &mut App, part: &str) -> bool {
+    take_faults(app).iter().any(|fault| fault.contains(part))
+}
+
+#[test]
+fn a_cap_touches_is_lost_and_found_again() {
+    let (mut app, bus, tool) = scene(HidChoice { serial: Some("1".into()), ..default() });
+    // Nothing is plugged in.
+    app.update();
+    assert!(fault(&mut app, "no device of a known kind with serial number 1 is plugged in"));
+    let (cap, other) = (Cap::default(), Cap::default());
+    bus.plug(info("1"), Vec::new(), cap.clone());
+    bus.plug(info("2"), Vec::new(), other);
+    // Whoever changes the tool asks again.
+    app.world_mut().get_mut::<HapticTool>(tool).unwrap().set_changed();
+    cap.pushes.store(true, Ordering::Relaxed);
+    let felt = |app: &App| app.world().get::<ToolForce>(tool).unwrap().model_force_n.y;
+    update_until(&mut app, "touch", |app| felt(app) > 0.05);
+    cap.pushes.store(false, Ordering::Relaxed);
+    // It has no motors: what the model says is not what it is given.
+    assert_eq!(app.world().get::<ToolForce>(tool).unwrap().force_n, DVec3::ZERO);
+
+    // Unplugged in the touch, plugged in elsewhere.
+    take_faults(&mut app);
+    bus.unplug("cap 1");
+    update_until(&mut app, "the fault", |app| fault(app, "the device is disconnected; plug it in again"));
+    bus.plug(HidInfo { path: "elsewhere".into(), ..info("1") }, Vec::new(), cap.clone());
+    cap.pushes.store(true, Ordering::Relaxed);
+    // Its point begins above the body again.
+    update_until(&mut app, "no touch", |app| felt(app) == 0.0);
+    update_until(&mut app, "touch again", |app| felt(app) > 0.05);
+}
+
+#[test]
+fn what_is_plugged_in_is_listed_and_two_alike_are_a_fault() {
+    let (mut app, bus, tool) = scene(HidChoice { kind: Some(HidDeviceKind::SpaceMouse), ..default() });
+    bus.plug(info("1"), Vec::new(), Cap::default());
+    bus.plug(info("2"), Vec::new(), Cap::default());
+    app.update();
+    assert!(fault(&mut app, "2 devices are SpaceMouse: SpaceMouse Compact (256f:c635, serial 1), "));
+    let present = app.world().resource::<HapticDevices>().hid_present().unwrap();
+    let [_, (second, label)] = &present[..] else { panic!("{present:?}") };
+    assert_eq!((second.serial.as_deref(), label.ends_with("serial 2)")), (Some("2"), true));
+    let second = second.clone();
+    app.world_mut().get_mut::<HapticTool>(tool).unwrap().device = DeviceSelector::Hid(second.clone());
+    app.update();
+    assert!(take_faults(&mut app).is_empty());
+    let counters = app.world().resource::<HapticDevices>().hid_counters(&second).unwrap();
+    update_until(&mut app, "reports", |_| counters.read() > 20);
+    // Two tools on one device.
+    app.world_mut().spawn(HapticTool { device: DeviceSelector::Hid(second), ..default() });
+    app.update();
+    assert!(fault(&mut app, "another program or tool uses it; one device has one hand"));
+}
+
+#[test]
+fn options_out_of_bounds_are_a_fault_and_lose_nothing() {
+    let (mut app, bus, tool) = scene(HidChoice::first());
+    bus.plug(info("1"), Vec::new(), Cap::default());
+    let bad = SpaceMouseOptions { full_speed_m_per_s: f64::NAN, ..Default::default() };
+    let options = HidOptions { space_mouse: bad, ..Default::default() };
+    app.world_mut().resource_mut::<HapticDevices>().set_hid_options(options);
+    app.update();
+    assert!(fault(&mut app, "full speed of the cap, m/s is NaN; it must be above 0 and at most 10"));
+    app.world_mut().resource_mut::<HapticDevices>().set_hid_options(HidOptions::default());
+    // The registry has changed: tools without a loop ask again by themselves.
+    update_until(&mut app, "a loop", |app| app.world().get::<bevy_palpate::ToolLoop>(tool).is_some());
+}
