@@ -44,6 +44,17 @@ pub(crate) enum LabError {
     /// The loop could not be set up.
     #[error("the loop cannot be set up")]
     Haptics(#[from] palpate_haptics::HapticsError),
+    /// A device over HID is not there, or cannot be used.
+    #[error(transparent)]
+    Hid(#[from] palpate_hid::HidError),
+    /// Nobody is there to agree to a force.
+    #[error(
+        "a test pushes a hand, so it asks before it begins, and standard input is no terminal; say --yes if nobody is at the device or whoever is knows"
+    )]
+    NobodyToAsk,
+    /// Whoever was asked did not agree.
+    #[error("not begun")]
+    NotAgreed,
     /// There is no such fault.
     #[error("no fault has \"{name}\" in its name; `palpate-lab faults` lists them all")]
     NoFault { name: String },

@@ -9,6 +9,7 @@
 mod blackbox;
 mod chain;
 mod density;
+mod devices;
 mod error;
 mod faults;
 mod fidelity;
@@ -50,6 +51,7 @@ enum Command {
     Fidelity(fidelity::Fidelity),
     Faults(faults::Faults),
     Soak(soak::Soak),
+    Devices(devices::Devices),
     Paper(paper::Paper),
     Blackbox(blackbox::Blackbox),
     Organ(organ::Organ),
@@ -80,6 +82,7 @@ fn main() -> ExitCode {
         Command::Fidelity(command) => command.run(&cli.output),
         Command::Faults(command) => command.run(&cli.output),
         Command::Soak(command) => command.run(&cli.output),
+        Command::Devices(command) => command.run(&cli.output),
         Command::Paper(command) => command.run(&cli.output),
         Command::Blackbox(command) => command.run(&cli.output),
         Command::Organ(command) => command.run(&cli.output),

@@ -29,8 +29,26 @@ impl Output {
         result: &T,
         table: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
     ) -> Result<(), LabError> {
-        let mut out = std::io::stdout().lock();
         let text = if self.json { serde_json::to_string_pretty(result)? + "\n" } else { String::new() };
+        self.write(&text, table)
+    }
+
+    /// The same for one of many results: JSON in one line.
+    pub(crate) fn print_line<T: Serialize>(
+        &self,
+        result: &T,
+        table: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+    ) -> Result<(), LabError> {
+        let text = if self.json { serde_json::to_string(result)? + "\n" } else { String::new() };
+        self.write(&text, table)
+    }
+
+    fn write(
+        &self,
+        text: &str,
+        table: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+    ) -> Result<(), LabError> {
+        let mut out = std::io::stdout().lock();
         let printed = if self.json { out.write_all(text.as_bytes()) } else { table(&mut out) };
         match printed.and_then(|()| out.flush()) {
             // Whoever reads has read enough.

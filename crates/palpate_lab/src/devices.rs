@@ -1,0 +1,170 @@
+//! Devices over HID: which are there, and whether one can be read and takes forces.
+
+mod trial;
+mod watch;
+
+use crate::error::{LabError, check};
+use crate::output::Output;
+use clap::Args;
+use palpate_hid::{FoundDevice, HidBus, HidError, HidInfo, HidSelector, SystemBus};
+use serde::Serialize;
+use std::io::Write;
+use std::sync::Arc;
+
+/// Devices over HID: which are plugged in, and whether one can be read and takes forces
+///
+/// Without an option they are listed. A test reads the device for some seconds and lets it push and pull gently along each of its
+/// axes, below 0.5 N, by the same loop and safety chain that an app has. It asks before it does.
+#[derive(Clone, Debug, Args)]
+#[command(
+    after_help = "Examples:\n  palpate-lab devices\n  palpate-lab devices --watch\n  palpate-lab devices --test 256f:c635\n  palpate-lab devices --test /dev/hidraw3 --force-n 0.2"
+)]
+pub(crate) struct Devices {
+    /// List what is plugged in and out, until it is interrupted or --seconds have passed
+    #[arg(long)]
+    watch: bool,
+    /// Test the device with this path, serial number, or VENDOR:PRODUCT
+    #[arg(long, value_name = "ID", conflicts_with = "watch")]
+    test: Option<String>,
+    /// The largest force of the test, N: below 0.5
+    #[arg(long, default_value_t = 0.3, allow_hyphen_values = true, requires = "test")]
+    force_n: f64,
+    /// How long to test or to watch, s [default: 6 for a test]
+    #[arg(long, allow_hyphen_values = true)]
+    seconds: Option<f64>,
+    /// Test without asking
+    #[arg(long, requires = "test")]
+    yes: bool,
+    /// Take 16C0:0486, which every Teensy with raw HID has, for a 3-DOF board
+    #[arg(long)]
+    teensy_is_board: bool,
+    /// List devices of unknown kinds too
+    #[arg(long)]
+    all: bool,
+}
+
+#[derive(Serialize)]
+struct Listed {
+    devices: Vec<Line>,
+    /// Devices of kinds that are not known here.
+    others: usize,
+}
+
+/// A device as it is listed.
+#[derive(Clone, Debug, Serialize, PartialEq)]
+struct Line {
+    kind: Option<String>,
+    name: String,
+    vendor: String,
+    product: String,
+    serial: String,
+    path: String,
+    /// Why it cannot be opened; empty where it can, or where its kind is not known.
+    refused: String,
+}
+
+/// The longest that is watched or tested, s.
+const LONGEST_S: f64 = 86_400.0;
+
+impl Devices {
+    pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
+        if let Some(seconds) = self.seconds {
+            let ok = seconds > 0.0 && seconds <= LONGEST_S;
+            check("--seconds", seconds, ok, format!("above 0 and at most {LONGEST_S}"))?;
+        }
+        let ok = self.force_n > 0.0 && self.force_n < 0.5;
+        check("--force-n", self.force_n, ok, "above 0 and below 0.5")?;
+        let bus: Arc<dyn HidBus> = Arc::new(SystemBus::new()?);
+        match &self.test {
+            Some(id) => trial::Trial {
+                selector: selector(id, self.teensy_is_board, &*bus)?,
+                force_n: self.force_n,
+                seconds: self.seconds.unwrap_or(6.0),
+                asks: !self.yes,
+            }
+            .run(bus, output),
+            None if self.watch => {
+                watch::watch(&*bus, self.seconds, output, |info| line(&*bus, info, self.teensy_is_board))
+            }
+            None => self.list(&*bus, output),
+        }
+    }
+
+    fn list(&self, bus: &dyn HidBus, output: &Output) -> Result<(), LabError> {
+        let lines: Vec<Line> = bus.list()?.iter().map(|info| line(bus, info, self.teensy_is_board)).collect();
+        let (mut known, others): (Vec<Line>, Vec<Line>) =
+            lines.into_iter().partition(|line| line.kind.is_some());
+        let count = others.len();
+        if self.all {
+            known.extend(others);
+        }
+        let listed = Listed { devices: known, others: count };
+        output.print(&listed, |out| print(&listed, self.all, out))
+    }
+}
+
+/// What is known of `info`.
+fn line(bus: &dyn HidBus, info: &HidInfo, teensy_is_board: bool) -> Line {
+    let found = FoundDevice::known(bus, info, teensy_is_board);
+    let refused = match &found {
+        Some(_) => bus.open(info).err().map(|error| error.to_string()).unwrap_or_default(),
+        None => String::new(),
+    };
+    Line {
+        kind: found.map(|found| found.kind.to_string()),
+        name: info.name.clone(),
+        vendor: format!("{:04x}", info.vendor),
+        product: format!("{:04x}", info.product),
+        serial: info.serial.clone(),
+        path: info.path.clone(),
+        refused,
+    }
+}
+
+fn print(listed: &Listed, all: bool, out: &mut dyn Write) -> std::io::Result<()> {
+    if listed.devices.is_empty() {
+        writeln!(out, "no device of a known kind is plugged in")?;
+    } else {
+        head(out)?;
+        for line in &listed.devices {
+            row(line, out)?;
+        }
+    }
+    match listed.others {
+        0 => Ok(()),
+        _ if all => Ok(()),
+        1 => writeln!(out, "1 other HID device; --all lists it"),
+        others => writeln!(out, "{others} other HID devices; --all lists them"),
+    }
+}
+
+fn head(out: &mut dyn Write) -> std::io::Result<()> {
+    writeln!(out, "{:<24}{:<11}{:<16}{:<16}name", "kind", "numbers", "serial", "path")
+}
+
+fn row(line: &Line, out: &mut dyn Write) -> std::io::Result<()> {
+    let Line { kind, name, vendor, product, serial, path, refused } = line;
+    let kind = kind.as_deref().unwrap_or("not known");
+    let numbers = format!("{vendor}:{product}");
+    let or = |text: &str| if text.is_empty() { "-".to_owned() } else { text.to_owned() };
+    writeln!(out, "{kind:<24}{numbers:<11}{:<16}{path:<16}{}", or(serial), or(name))?;
+    if refused.is_empty() { Ok(()) } else { writeln!(out, "    {refused}") }
+}
+
+/// The device that a user means by `id`: where it is, its serial number, or its vendor's and product's numbers.
+fn selector(id: &str, teensy_is_board: bool, bus: &dyn HidBus) -> Result<HidSelector, HidError> {
+    let asked = HidSelector { teensy_is_board, ..HidSelector::default() };
+    let present = bus.list()?;
+    if present.iter().any(|info| info.path == id) || id.starts_with('/') {
+        return Ok(HidSelector { path: Some(id.into()), ..asked });
+    }
+    let number = |text: &str| u16::from_str_radix(text, 16).ok();
+    let numbers = id.split_once(':').and_then(|(vendor, product)| Some((number(vendor)?, number(product)?)));
+    Ok(match numbers {
+        Some((vendor, product)) => HidSelector { vendor: Some(vendor), product: Some(product), ..asked },
+        None => HidSelector { serial: Some(id.into()), ..asked },
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,127 @@
+//! The command with devices that are only there in memory.
+
+use super::trial::Trial;
+use super::*;
+use palpate_haptics::HapticDevice;
+use palpate_hid::{Firmware, HidDevice, HidKind, HidOptions, StandInBus, Usage};
+
+/// A cap that is pushed down all the time.
+struct Pushed(bool);
+
+impl Firmware for Pushed {
+    fn input(&mut self, report: &mut [u8]) -> usize {
+        self.0 = !self.0;
+        if !self.0 {
+            return 0;
+        }
+        report[..7].copy_from_slice(&[1, 0, 0, 0, 0, 100, 0]);
+        7
+    }
+
+    fn output(&mut self, _: &[u8]) -> bool {
+        true
+    }
+}
+
+fn info(path: &str, product: u16) -> HidInfo {
+    HidInfo {
+        path: path.into(),
+        vendor: 0x256F,
+        product,
+        serial: "7".into(),
+        name: "SpaceMouse Compact".into(),
+        interface: None,
+        applications: vec![Usage::new(1, 8)],
+    }
+}
+
+fn bus() -> Arc<StandInBus> {
+    let bus = Arc::new(StandInBus::default());
+    bus.plug(info("/dev/cap", 0xC635), Vec::new(), Pushed(false));
+    bus.plug(info("/dev/mouse", 0xC650), Vec::new(), Pushed(false));
+    bus
+}
+
+#[test]
+fn what_is_plugged_in_is_listed_with_what_keeps_it_from_being_opened() {
+    let bus = bus();
+    let of = |path: &str| {
+        let infos = bus.list().unwrap();
+        line(&*bus, infos.iter().find(|info| info.path == path).unwrap(), false)
+    };
+    let cap = of("/dev/cap");
+    assert_eq!(
+        (cap.kind.as_deref(), cap.vendor.as_str(), cap.refused.as_str()),
+        (Some("SpaceMouse"), "256f", "")
+    );
+    assert_eq!(of("/dev/mouse").kind, None);
+    let held = bus.open(&info("/dev/cap", 0xC635)).unwrap();
+    assert!(of("/dev/cap").refused.contains("another program or tool uses it"));
+    drop(held);
+    let mut text = Vec::new();
+    let listed = Listed { devices: vec![cap], others: 1 };
+    print(&listed, false, &mut text).unwrap();
+    let text = String::from_utf8(text).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    assert!(
+        lines.len() == 3 && lines[1].starts_with("SpaceMouse  ") && lines[2].starts_with("1 other"),
+        "{text}"
+    );
+    // Columns begin where their heads do.
+    for head in ["numbers", "path", "name"] {
+        let at = lines[0].find(head).unwrap();
+        assert!(lines[1].as_bytes()[at - 1] == b' ' && lines[1].as_bytes()[at] != b' ', "{text}");
+    }
+}
+
+#[test]
+fn a_device_is_named_by_path_serial_or_numbers() {
+    let bus = bus();
+    for id in ["/dev/cap", "7", "256f:c635", "256F:C635"] {
+        let found = selector(id, false, &*bus).unwrap().find(&*bus).unwrap();
+        assert_eq!((found.kind, found.info.path.as_str()), (HidKind::SpaceMouse, "/dev/cap"), "{id}");
+    }
+    for id in ["/dev/mouse", "8", "256f:c636", "/dev/nothing", "x:y", ""] {
+        let error = selector(id, false, &*bus).unwrap().find(&*bus).unwrap_err().to_string();
+        assert!(
+            error.starts_with("no device of a known kind") && error.contains("serial 7"),
+            "{id}: {error}"
+        );
+    }
+}
+
+fn trial(bus: &StandInBus, seconds: f64) -> Trial {
+    Trial { selector: selector("7", false, bus).unwrap(), force_n: 0.3, seconds, asks: false }
+}
+
+#[test]
+fn a_test_reads_the_device_and_says_what_it_saw() {
+    let bus = bus();
+    let trial = trial(&bus, 0.4);
+    let device = HidDevice::find(bus, &trial.selector, &HidOptions::default()).unwrap();
+    let tested = trial.test(device).unwrap();
+    assert!(tested.ticks > 50 && tested.reports > 20, "{tested:?}");
+    assert_eq!((tested.max_force_n, tested.force_rate_hz, tested.device_errors), (0.0, None, 0));
+    assert!(tested.highest_m[2] == 0.0 || tested.highest_m[2] > 1e-3, "{tested:?}");
+    assert!(tested.faults.is_empty(), "{tested:?}");
+}
+
+#[test]
+fn it_asks_first_and_takes_only_a_yes() {
+    let bus = bus();
+    let trial = trial(&bus, 1.0);
+    let device = HidDevice::find(bus, &trial.selector, &HidOptions::default()).unwrap();
+    let mut asked = Vec::new();
+    let mut ask = |answer: &str| trial.ask(&device.describe(), &mut asked, &mut answer.as_bytes(), true);
+    assert!(ask("y\n").is_ok() && ask("yes\n").is_ok());
+    for no in ["", "\n", "n\n", "yellow\n"] {
+        assert!(matches!(ask(no), Err(LabError::NotAgreed)), "{no:?}");
+    }
+    assert!(
+        String::from_utf8(asked)
+            .unwrap()
+            .ends_with("has no motors; it will be read for 1 s. Move it.\nBegin? [y/N] ")
+    );
+    let nobody = trial.ask(&device.describe(), &mut Vec::new(), &mut "y\n".as_bytes(), false);
+    assert!(matches!(nobody, Err(LabError::NobodyToAsk)));
+}
