@@ -3,10 +3,13 @@
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use palpate_haptics::DeviceFrame;
-use palpate_hid::{Firmware, HidInfo, HidOptions, SpaceMouseOptions, StandInBus, Usage};
+use palpate_hid::{
+    BoardFirmware, BoardForm, BoardKinematics, BoardOptions, Firmware, HidInfo, HidOptions,
+    SpaceMouseOptions, StandInBus, Usage,
+};
 use palpate_tests::app::{listen, take_faults};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// A cap that is pushed down while it is told to.
@@ -105,6 +108,54 @@ fn a_cap_touches_is_lost_and_found_again() {
     // Its point begins above the body again.
     update_until(&mut app, "no touch", |app| felt(app) == 0.0);
     update_until(&mut app, "touch again", |app| felt(app) > 0.05);
+}
+
+/// A hand on a board's arm presses the body, is told where home is first, and feels what the app says.
+#[test]
+fn a_board_is_calibrated_and_its_hand_feels_the_body() {
+    let (mut app, bus, tool) = scene(HidChoice { kind: Some(HidDeviceKind::Board), ..default() });
+    let kinematics = BoardKinematics::default();
+    let home = BoardFirmware::at_home(BoardForm::Bytes14, &kinematics).tip_m();
+    let board = BoardFirmware::at_home(BoardForm::Bytes14, &kinematics);
+    let (info, descriptor) = (board.info("board"), board.descriptor());
+    let board = Arc::new(Mutex::new(board));
+    bus.plug(info, descriptor, Arc::clone(&board));
+    // Home is 10 mm above the body.
+    let frame = DeviceFrame { offset_m: DVec3::new(0.012, 0.06, 0.009) - home, ..default() };
+    app.world_mut().get_mut::<ToolSettings>(tool).unwrap().frame = frame;
+    let options = BoardOptions { reach_m: 0.5, ..Default::default() };
+    app.world_mut()
+        .resource_mut::<HapticDevices>()
+        .set_hid_options(HidOptions { board: options, ..default() });
+    app.update();
+    let DeviceSelector::Hid(choice) = app.world().get::<HapticTool>(tool).unwrap().device.clone() else {
+        panic!("a choice")
+    };
+    let calibration = app.world().resource::<HapticDevices>().hid_calibration(&choice).unwrap();
+    // Nobody has said where home is: no force, wherever the hand is.
+    let felt = || board.lock().unwrap().felt_n();
+    update_until(&mut app, "reports", |_| board.lock().unwrap().exchanged() > 50);
+    assert!(!calibration.is_done() && felt() == DVec3::ZERO);
+    calibration.request();
+    update_until(&mut app, "calibration", |_| calibration.is_done());
+    update_until(&mut app, "a body", |app| app.world().get::<ToolForce>(tool).unwrap().model_age_s < 0.2);
+    // The hand goes down, slowly, until it feels half a newton.
+    let mut depth_m = 0.0;
+    update_until(&mut app, "half a newton", |_| {
+        depth_m += 1e-4;
+        board.lock().unwrap().hold_at(home - depth_m * DVec3::Y);
+        felt().y > 0.5
+    });
+    assert!(depth_m > 0.005, "{depth_m}");
+    // It rests: what it feels is what the app says that it is given.
+    update_until(&mut app, "rest", |app| {
+        let told = app.world().get::<ToolForce>(tool).unwrap().force_n;
+        (felt() - told).length() < 0.02 * told.length()
+    });
+    // Away with the tool: no force.
+    app.world_mut().despawn(tool);
+    app.update();
+    assert_eq!(board.lock().unwrap().currents_ma(), [0; 3]);
 }
 
 #[test]

@@ -138,7 +138,13 @@ impl HapticDevices {
     /// What the device that was made last by `choice` has seen: reports skipped, the rate at which it takes forces.
     #[must_use]
     pub fn hid_counters(&self, choice: &HidChoice) -> Option<palpate_hid::HidCounters> {
-        self.hid.counters(choice)
+        self.hid.made(choice).map(|made| made.counters)
+    }
+
+    /// A way to calibrate the 3-DOF board that was made last by `choice`, while its loop has it; `None` for other kinds.
+    #[must_use]
+    pub fn hid_calibration(&self, choice: &HidChoice) -> Option<palpate_hid::BoardCalibration> {
+        self.hid.made(choice).and_then(|made| made.calibration)
     }
 }
 

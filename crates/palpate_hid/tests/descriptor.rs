@@ -1,6 +1,5 @@
 //! Report descriptors: published ones, a second parser's opinion, and whatever bytes there are.
 
-use hidreport::Report as _;
 use palpate_hid::{
     DescriptorError, Field, LONGEST_DESCRIPTOR, LONGEST_REPORT, MOST_FIELDS, ReportDescriptor, ReportKind,
     Usage,

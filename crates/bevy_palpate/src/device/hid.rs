@@ -2,7 +2,8 @@
 
 use super::{HidChoice, HidDeviceKind};
 use palpate_hid::{
-    FoundDevice, HidBus, HidCounters, HidDevice, HidError, HidKind, HidOptions, HidSelector, SystemBus,
+    BoardCalibration, FoundDevice, HidBus, HidCounters, HidDevice, HidError, HidKind, HidOptions,
+    HidSelector, SystemBus,
 };
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -12,8 +13,15 @@ pub(super) struct Hid {
     /// The operating system's, from when it is first asked for, or one that was set.
     bus: Mutex<Option<Arc<dyn HidBus>>>,
     pub(super) options: HidOptions,
-    /// Those of the newest device that was made by a choice.
-    counters: Mutex<Vec<(HidChoice, HidCounters)>>,
+    /// The newest device that was made by each choice.
+    made: Mutex<Vec<(HidChoice, Made)>>,
+}
+
+/// What is kept of a device that a loop has.
+#[derive(Clone)]
+pub(super) struct Made {
+    pub(super) counters: HidCounters,
+    pub(super) calibration: Option<BoardCalibration>,
 }
 
 impl Hid {
@@ -43,15 +51,16 @@ impl Hid {
 
     pub(super) fn make(&self, choice: &HidChoice) -> Result<HidDevice, HidError> {
         let device = HidDevice::find(self.bus()?, &choice.selector(), &self.options)?;
-        let mut counters = self.counters.lock().unwrap_or_else(PoisonError::into_inner);
-        counters.retain(|(known, _)| known != choice);
-        counters.push((choice.clone(), device.counters()));
+        let kept = Made { counters: device.counters(), calibration: device.board_calibration() };
+        let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
+        made.retain(|(known, _)| known != choice);
+        made.push((choice.clone(), kept));
         Ok(device)
     }
 
-    pub(super) fn counters(&self, choice: &HidChoice) -> Option<HidCounters> {
-        let counters = self.counters.lock().unwrap_or_else(PoisonError::into_inner);
-        counters.iter().find(|(known, _)| known == choice).map(|(_, counters)| counters.clone())
+    pub(super) fn made(&self, choice: &HidChoice) -> Option<Made> {
+        let made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
+        made.iter().find(|(known, _)| known == choice).map(|(_, made)| made.clone())
     }
 }
 

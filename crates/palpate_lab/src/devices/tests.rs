@@ -107,12 +107,34 @@ fn a_test_reads_the_device_and_says_what_it_saw() {
 }
 
 #[test]
+fn a_board_is_pushed_gently_and_feels_what_is_told() {
+    use palpate_hid::{BoardFirmware, BoardForm, BoardHoming, BoardKinematics, BoardOptions};
+    use std::sync::Mutex;
+
+    let bus = Arc::new(StandInBus::default());
+    let board = BoardFirmware::at_home(BoardForm::Bytes64, &BoardKinematics::default());
+    let (info, descriptor) = (board.info("/dev/board"), board.descriptor());
+    let board = Arc::new(Mutex::new(board));
+    bus.plug(info, descriptor, Arc::clone(&board));
+    let selector = selector("/dev/board", true, &*bus).unwrap();
+    let trial = Trial { selector, force_n: 0.3, seconds: 1.2, asks: false };
+    let options = BoardOptions { homing: BoardHoming::AtOpen, ..BoardOptions::default() };
+    let device =
+        HidDevice::find(bus, &trial.selector, &HidOptions { board: options, ..HidOptions::default() });
+    let tested = trial.test(device.unwrap()).unwrap();
+    assert!(tested.max_force_n > 0.1 && tested.max_force_n < 0.3 + 1e-9, "{tested:?}");
+    assert!(tested.forces > 100 && tested.force_rate_hz.is_some_and(|hz| hz > 50.0), "{tested:?}");
+    assert_eq!(board.lock().unwrap().currents_ma(), [0; 3]);
+}
+
+#[test]
 fn it_asks_first_and_takes_only_a_yes() {
     let bus = bus();
     let trial = trial(&bus, 1.0);
     let device = HidDevice::find(bus, &trial.selector, &HidOptions::default()).unwrap();
     let mut asked = Vec::new();
-    let mut ask = |answer: &str| trial.ask(&device.describe(), &mut asked, &mut answer.as_bytes(), true);
+    let mut ask =
+        |answer: &str| trial.ask(&device.describe(), false, &mut asked, &mut answer.as_bytes(), true);
     assert!(ask("y\n").is_ok() && ask("yes\n").is_ok());
     for no in ["", "\n", "n\n", "yellow\n"] {
         assert!(matches!(ask(no), Err(LabError::NotAgreed)), "{no:?}");
@@ -122,6 +144,6 @@ fn it_asks_first_and_takes_only_a_yes() {
             .unwrap()
             .ends_with("has no motors; it will be read for 1 s. Move it.\nBegin? [y/N] ")
     );
-    let nobody = trial.ask(&device.describe(), &mut Vec::new(), &mut "y\n".as_bytes(), false);
+    let nobody = trial.ask(&device.describe(), false, &mut Vec::new(), &mut "y\n".as_bytes(), false);
     assert!(matches!(nobody, Err(LabError::NobodyToAsk)));
 }

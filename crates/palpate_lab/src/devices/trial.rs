@@ -7,7 +7,7 @@ use palpate_haptics::{
     DeviceDescription, HapticDevice, HapticHandle, LoopConfig, LoopEventKind, LoopSettings, SafetySettings,
     haptic_loop,
 };
-use palpate_hid::{HidBus, HidDevice, HidOptions, HidSelector};
+use palpate_hid::{BoardHoming, BoardOptions, HidBus, HidDevice, HidKind, HidOptions, HidSelector};
 use palpate_local::Contact;
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -58,11 +58,15 @@ pub(super) struct Tested {
 
 impl Trial {
     pub(super) fn run(&self, bus: Arc<dyn HidBus>, output: &Output) -> Result<(), LabError> {
-        let device = HidDevice::find(bus, &self.selector, &HidOptions::default())?;
+        // Whoever is asked puts the arm to its home.
+        let homing = if self.asks { BoardHoming::AtOpen } else { BoardHoming::Awaited };
+        let board = BoardOptions { homing, ..BoardOptions::default() };
+        let device = HidDevice::find(bus, &self.selector, &HidOptions { board, ..HidOptions::default() })?;
+        let is_board = device.found().kind == HidKind::Board;
         if self.asks {
             let is_terminal = std::io::stdin().is_terminal();
             let (mut question, mut answer) = (std::io::stderr().lock(), std::io::stdin().lock());
-            self.ask(&device.describe(), &mut question, &mut answer, is_terminal)?;
+            self.ask(&device.describe(), is_board, &mut question, &mut answer, is_terminal)?;
         }
         let tested = self.test(device)?;
         output.print(&tested, |out| print(&tested, out))
@@ -72,6 +76,7 @@ impl Trial {
     pub(super) fn ask(
         &self,
         device: &DeviceDescription,
+        is_board: bool,
         question: &mut dyn Write,
         answer: &mut dyn BufRead,
         is_terminal: bool,
@@ -81,6 +86,12 @@ impl Trial {
         }
         let most_n = self.force_n.min(device.max_force_n);
         let name = &device.name;
+        if is_board {
+            writeln!(
+                question,
+                "Put its arm to its home and hold it there: that is where it is taken to be."
+            )?;
+        }
         if most_n > 0.0 {
             writeln!(
                 question,
