@@ -57,6 +57,7 @@
 
 mod bare;
 mod black_box;
+pub mod bridge;
 mod clock;
 mod device;
 mod displayed;
