@@ -1,5 +1,5 @@
-//! The monotonic clock and waiting for a point on it. Only the runner uses it, and the bare thread it is
-//! compared with.
+//! The monotonic clock and waiting for a point on it. Only the runner uses it, with its watchdog and the bare thread it is
+//! compared with, and the bridge, whose other end lives in real time.
 
 #[cfg(target_os = "linux")]
 mod platform {

@@ -31,7 +31,7 @@
 //! # Contents
 //!
 //! * Devices: [`HapticDevice`], [`ScriptedDevice`], [`ReplayDevice`], [`FollowingDevice`], [`Trajectory`],
-//!   [`Probe`].
+//!   [`Probe`]; with a vendor's own library in another process [`bridge::BridgeDevice`].
 //! * The two halves: [`haptic_loop()`], [`HapticHandle`], [`HapticLoop`].
 //! * Two clocks: [`LoopThread`] on a thread of its own, [`Lockstep`] for tests and replay.
 //! * Settings: [`LoopConfig`], [`LoopSettings`], [`DeviceFrame`], [`VelocityEstimator`], [`SafetySettings`].
@@ -57,6 +57,7 @@
 
 mod bare;
 mod black_box;
+pub mod bridge;
 mod clock;
 mod device;
 mod displayed;

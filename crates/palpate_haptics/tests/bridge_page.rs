@@ -1,0 +1,228 @@
+//! The peer in C++ of `docs/bridge.md`, taken from the page, compiled, and spoken with: page and protocol cannot drift apart.
+
+#![cfg(unix)]
+
+#[path = "shared/bridge.rs"]
+mod ends;
+#[path = "shared/wait.rs"]
+mod wait;
+
+use ends::Speaker;
+use glam::DVec3;
+use palpate_haptics::bridge::packet::*;
+use palpate_haptics::bridge::*;
+use palpate_haptics::*;
+use std::io::{BufRead, BufReader, Write};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+use wait::wait_for;
+
+const TICK: Duration = Duration::from_millis(1);
+const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/bridge.md");
+/// Of the stand-in's spring, N/m.
+const STIFFNESS: f64 = 200.0;
+
+/// The page's only block of C++.
+fn source() -> String {
+    let page = std::fs::read_to_string(PAGE).unwrap();
+    let blocks: Vec<&str> = page.split("```cpp\n").skip(1).collect();
+    assert_eq!(blocks.len(), 1, "blocks of C++ on the page");
+    blocks[0].split_once("```\n").unwrap().0.to_owned()
+}
+
+/// The page's peer, compiled; `None` where there is no compiler.
+fn compiled(folder: &Path) -> Option<PathBuf> {
+    let program = folder.join("peer");
+    let compiler = Command::new("c++")
+        .args(["-x", "c++", "-std=c++17", "-O1", "-Wall", "-Wextra", "-pthread", "-", "-o"])
+        .arg(&program)
+        .stdin(Stdio::piped())
+        .spawn();
+    let mut compiler = match compiler {
+        Ok(compiler) => compiler,
+        Err(error) => {
+            let _ = writeln!(std::io::stderr(), "skipped: the page's peer needs the compiler c++: {error}");
+            return None;
+        }
+    };
+    compiler.stdin.take().unwrap().write_all(source().as_bytes()).unwrap();
+    assert!(compiler.wait().unwrap().success(), "the page's peer does not compile");
+    Some(program)
+}
+
+/// A running peer, killed when it is dropped.
+struct Running(Child, SocketAddr);
+
+impl Running {
+    fn start(program: &Path, port: u16) -> Self {
+        let mut child = Command::new(program).arg(port.to_string()).stdout(Stdio::piped()).spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let address = line.trim_end().strip_prefix("listening on ").unwrap().parse().unwrap();
+        Self(child, address)
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Ticks until `done`, with that force, opening the device anew whenever its session is over: on a busy machine the peer's
+/// watchdog has its reasons.
+fn tick_until(device: &mut BridgeDevice, force_n: DVec3, mut done: impl FnMut(&Reading) -> bool) {
+    wait_for(|| {
+        let reading = device.read(TICK);
+        let written = device.write(force_n);
+        if [reading.err(), written.err()].contains(&Some(DeviceError::Disconnected)) {
+            device.close().unwrap();
+            device.open().unwrap();
+        }
+        reading.is_ok_and(|reading| done(&reading))
+    });
+}
+
+/// What a device never sends, sent by hand.
+fn refuses_what_the_page_says(peer: SocketAddr) {
+    let mut palpate = Speaker::new(peer);
+    let answer = |palpate: &mut Speaker, number, body| {
+        assert_eq!(
+            palpate.hear_but_samples(),
+            Packet { session: palpate.session, number, body: Body::End(body) }
+        );
+    };
+    palpate.say(4, Body::Force(DVec3::X));
+    answer(&mut palpate, 4, EndReason::NoSession);
+    let mut bytes = [0; LARGEST_SIZE];
+    let hello = Packet { session: palpate.session, number: 3, body: Body::Hello };
+    let length = hello.encode(&mut bytes).unwrap().len();
+    bytes[4] = 9;
+    palpate.bytes(&bytes[..length]);
+    answer(&mut palpate, 3, EndReason::OtherVersion);
+    // What is cut, too long, or nothing at all is not answered; nor is what follows in a session, but for its silence.
+    bytes[4] = 1;
+    for nonsense in [&bytes[..length - 1], &bytes[..], &[], b"PLPB"] {
+        palpate.bytes(nonsense);
+    }
+    wait_for(|| {
+        // Another session where a busy machine let this one end too soon.
+        palpate.session += 1;
+        palpate.say(1, Body::Hello);
+        palpate.say(5, Body::Force(DVec3::X));
+        palpate.say(3, Body::Force(DVec3::Y));
+        palpate.say(6, Body::Force(DVec3::splat(3.0)));
+        let force = Packet { session: palpate.session, number: 7, body: Body::Force(DVec3::ZERO) };
+        let length = force.encode(&mut bytes).unwrap().len();
+        bytes[32..40].copy_from_slice(&f64::NAN.to_le_bytes());
+        palpate.bytes(&bytes[..length]);
+        let (mut other, mut newest, mut last) = (Speaker::new(peer), 0, 0);
+        other.session = 1;
+        other.say(8, Body::Force(DVec3::Z));
+        loop {
+            let packet = palpate.hear();
+            assert_eq!(packet.session, palpate.session);
+            match packet.body {
+                Body::Sample(Sampled { position_m, shown, .. }) => {
+                    assert_eq!(packet.number, last + 1);
+                    assert!([0, 5].contains(&shown) && shown >= newest, "{shown}");
+                    assert_eq!((position_m.y, position_m.z), (0.0, 0.0));
+                    (newest, last) = (shown, packet.number);
+                }
+                Body::End(EndReason::Silent) => break,
+                body => {
+                    assert!(matches!(body, Body::Welcome(_) | Body::End(EndReason::NoSession)), "{body:?}");
+                }
+            }
+        }
+        assert_eq!(other.hear().body, Body::End(EndReason::NoSession));
+        // Forces that came after the end were answered one by one.
+        while !palpate.hears_nothing() {
+            palpate.hear();
+        }
+        newest == 5
+    });
+}
+
+#[test]
+fn the_page_s_peer_in_cpp_speaks_the_protocol() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let Some(program) = compiled(folder) else { return };
+    let peer = Running::start(&program, 0);
+    let address = peer.1;
+    assert!(address.ip().is_loopback());
+    refuses_what_the_page_says(address);
+    let long = Duration::from_secs(10);
+    let settings = BridgeSettings { address, open_within: long, ..BridgeSettings::default() };
+    let mut device = BridgeDevice::find(settings).unwrap();
+    let described = DeviceDescription {
+        name: "stand-in hand".into(),
+        workspace_m: [DVec3::splat(-0.1), DVec3::splat(0.1)],
+        max_force_n: 5.0,
+        rate_hz: 1000.0,
+    };
+    assert_eq!((device.describe(), device.peer_watchdog()), (described, Duration::from_millis(20)));
+    device.open().unwrap();
+
+    // The hand rests where its spring bears the force, and says how fast it gets there.
+    let (force_n, mut fastest) = (DVec3::new(1.0, -2.0, 3.0), 0.0_f64);
+    tick_until(&mut device, force_n, |reading| {
+        assert_eq!((reading.buttons, reading.orientation), (0, glam::DQuat::IDENTITY));
+        let velocity = reading.velocity_m_per_s.unwrap();
+        fastest = fastest.max(velocity.length());
+        reading.position_m.distance(force_n / STIFFNESS) < 1e-5 && velocity.length() < 1e-4
+    });
+    assert!(fastest > 0.05, "{fastest}");
+    wait_for(|| {
+        // One that shows what was written a tick or two ago.
+        tick_until(&mut device, force_n, |_| true);
+        device.monitor().counts().unshown < 20
+    });
+
+    // Silence: the hand is let go, and the session is over.
+    #[expect(clippy::disallowed_methods, reason = "palpate is silent")]
+    std::thread::sleep(Duration::from_millis(300));
+    wait_for(|| device.read(TICK) == Err(DeviceError::Disconnected));
+    device.close().unwrap();
+    device.open().unwrap();
+    let mut first = None;
+    tick_until(&mut device, DVec3::ZERO, |reading| {
+        first = first.or(Some(reading.position_m));
+        true
+    });
+    assert!(first.unwrap().length() < force_n.length() / STIFFNESS / 2.0, "{first:?}");
+
+    // It serves one at a time, and anybody who asks.
+    let impatient = BridgeSettings { open_within: Duration::from_millis(200), ..settings };
+    let refused = std::thread::scope(|scope| {
+        let opened = scope.spawn(|| {
+            assert_eq!(BridgeDevice::find(settings).unwrap().peer_watchdog(), Duration::from_millis(20));
+            BridgeDevice::find(impatient).map(|mut other| other.open())
+        });
+        wait_for(|| {
+            tick_until(&mut device, DVec3::X, |_| true);
+            opened.is_finished()
+        });
+        opened.join().unwrap()
+    });
+    // On a busy machine it may have let go of us and served the other, or nobody in time.
+    if let Ok(Err(error)) = refused {
+        let busy = DeviceError::Protocol("the peer serves another program");
+        assert!([busy, DeviceError::Disconnected].contains(&error), "{error}");
+    }
+
+    // A crash without a word, and a new peer on the same port.
+    tick_until(&mut device, DVec3::X, |_| true);
+    drop(peer);
+    wait_for(|| {
+        let _ = device.write(DVec3::X);
+        device.read(TICK) == Err(DeviceError::Disconnected)
+    });
+    let _again = Running::start(&program, address.port());
+    device.close().unwrap();
+    device.open().unwrap();
+    tick_until(&mut device, DVec3::X, |reading| reading.position_m.distance(DVec3::X / STIFFNESS) < 1e-5);
+}
