@@ -12,21 +12,27 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// A cap that is pushed down while it is told to.
+/// A cap that while it is told to is pushed down, and up again, and down: a machine so busy that the app sleeps through one touch
+/// sees the next.
 #[derive(Clone, Default)]
 struct Cap {
     pushes: Arc<AtomicBool>,
-    has_spoken: bool,
+    asked: u64,
 }
 
 impl Firmware for Cap {
     fn input(&mut self, report: &mut [u8]) -> usize {
         // One report for each look at it.
-        self.has_spoken = !self.has_spoken;
-        if !self.has_spoken {
+        self.asked += 1;
+        if self.asked.is_multiple_of(2) {
             return 0;
         }
-        let [low, high] = if self.pushes.load(Ordering::Relaxed) { 350_i16.to_le_bytes() } else { [0; 2] };
+        let push: i16 = match self.pushes.load(Ordering::Relaxed) {
+            true if (self.asked / 2000).is_multiple_of(2) => 350,
+            true => -350,
+            false => 0,
+        };
+        let [low, high] = push.to_le_bytes();
         report[..7].copy_from_slice(&[1, 0, 0, 0, 0, low, high]);
         7
     }
@@ -55,8 +61,9 @@ fn scene(choice: HidChoice) -> (App, Arc<StandInBus>, Entity) {
     let bus = Arc::new(StandInBus::default());
     let mut devices = app.world_mut().resource_mut::<HapticDevices>();
     devices.set_hid_bus(Arc::clone(&bus));
-    // Slowly: its point stays in the body for the test.
-    let space_mouse = SpaceMouseOptions { full_speed_m_per_s: 0.02, ..Default::default() };
+    // Slowly, and to 5 mm below the surface at most.
+    let half_size_m = DVec3::splat(0.015);
+    let space_mouse = SpaceMouseOptions { full_speed_m_per_s: 0.02, half_size_m, ..Default::default() };
     devices.set_hid_options(HidOptions { space_mouse, ..Default::default() });
     app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(Face::Bottom)));
     let frame = DeviceFrame { offset_m: DVec3::new(0.012, 0.06, 0.009), ..default() };
