@@ -1,11 +1,35 @@
-//! Open boards with three motors.
+//! Open boards with three motors: WoodenHaptics and what speaks as it does.
+//!
+//! # How a board and its driver take turns
+//!
+//! The firmware of boards with reports of 14 bytes sends one report and then waits for one. So each report that is read is answered
+//! by one, with the newest force. A force for which there is no report to answer is passed over: with the next tick comes a newer
+//! one. Only one that is zero, or less than half of what is shown, does not wait; there is one such for each report at most, so that
+//! nothing piles up at the board. Where nothing has gone either way for 10 ms a zero report is sent to wake the board up, and force
+//! begins from nothing; reading [times out](palpate_haptics::DeviceError::TimedOut) from then on, until the board speaks again. Its own watchdog
+//! switches the motors off after half a second without a report, which is also how long a force may last when a program is killed.
+//!
+//! Sources: forsslund/haptikfabrikenapi at b8d6c94, `src/fsusbhapticdevicethread.cpp` and `firmware/main.cpp`.
+
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
+mod calibration;
+mod driver;
+mod kinematics;
+mod limits;
+mod options;
+mod packet;
+
+pub use calibration::{BoardCalibration, BoardHoming};
+pub use kinematics::{BoardKinematics, BoardLinkage};
+pub use options::BoardOptions;
+pub use packet::{BoardBytes, BoardForm, BoardInput, BoardOutput, BoardPacketError};
 
 use crate::driver::Driver;
 use crate::{HidError, HidInfo, ReportDescriptor, Usage};
-
-/// What can be set for a 3-DOF board.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BoardOptions {}
 
 /// Whether its numbers are those of such a board.
 pub(crate) fn is_one(info: &HidInfo, teensy_is_board: bool) -> bool {
@@ -16,8 +40,21 @@ pub(crate) fn is_one(info: &HidInfo, teensy_is_board: bool) -> bool {
 
 pub(crate) fn driver(
     info: &HidInfo,
-    _: &ReportDescriptor,
-    _: BoardOptions,
+    descriptor: &ReportDescriptor,
+    options: BoardOptions,
 ) -> Result<Box<dyn Driver>, HidError> {
-    Err(HidError::Unsupported { device: info.label(), lacks: "no driver yet".into() })
+    options.validate()?;
+    let unsupported = |lacks: &str| HidError::Unsupported { device: info.label(), lacks: lacks.to_owned() };
+    if options.linkage == BoardLinkage::Polhem {
+        return Err(unsupported("the linkage of Polhem 2 and 3 is not supported; that of WoodenHaptics is"));
+    }
+    let form = BoardForm::of(descriptor).ok_or_else(|| {
+        unsupported("its input and output reports have to have 8, 14 or 64 bytes each, and no numbers")
+    })?;
+    if options.homing == BoardHoming::Kept && !form.has_commands() {
+        let allowed = "Awaited or AtOpen where reports have 8 bytes: such a board cannot keep it";
+        return Err(HidError::Option { what: "homing of a board", found: "Kept".into(), allowed });
+    }
+    let zero = BoardOutput::ZERO.encode(form).map_err(|error| unsupported(&error.to_string()))?;
+    Ok(Box::new(driver::Board::new(info.label(), options, form, zero)))
 }

@@ -3,8 +3,8 @@
 use crate::driver::{Driver, driver};
 use crate::link::Link;
 use crate::{
-    BoardOptions, Clock, FoundDevice, HidBus, HidConnection, HidCounters, HidError, HidSelector,
-    JoystickOptions, ReportDescriptor, SpaceMouseOptions, clock,
+    BoardCalibration, BoardOptions, Clock, FoundDevice, HidBus, HidConnection, HidCounters, HidError,
+    HidSelector, JoystickOptions, ReportDescriptor, SpaceMouseOptions, clock,
 };
 use glam::DVec3;
 use palpate_haptics::{DeviceDescription, DeviceError, EmergencyStop, HapticDevice, Reading};
@@ -90,6 +90,12 @@ impl HidDevice {
     #[must_use]
     pub fn counters(&self) -> HidCounters {
         self.counters.clone()
+    }
+
+    /// A way to have a board calibrated, also while the loop has the device; `None` for other kinds.
+    #[must_use]
+    pub fn board_calibration(&self) -> Option<BoardCalibration> {
+        self.driver.calibration()
     }
 
     /// Where the device is now: where it was, or where one like it is.

@@ -1,7 +1,7 @@
 //! What the three kinds of device have in common, once one of them is open.
 
 use crate::link::Link;
-use crate::{HidError, HidInfo, HidKind, HidOptions, ReportDescriptor};
+use crate::{BoardCalibration, HidError, HidInfo, HidKind, HidOptions, ReportDescriptor};
 use crate::{board, joystick, space_mouse};
 use glam::DVec3;
 use palpate_haptics::{DeviceDescription, DeviceError, Reading};
@@ -26,6 +26,11 @@ pub(crate) trait Driver: Send {
 
     /// The output reports that end all force, for a thread that has no part in the protocol; none for a device without motors.
     fn stop_reports(&self) -> Vec<Vec<u8>>;
+
+    /// A way to have it calibrated, for a device that needs it.
+    fn calibration(&self) -> Option<BoardCalibration> {
+        None
+    }
 }
 
 /// The driver for a device of `kind`.

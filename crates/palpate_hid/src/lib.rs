@@ -21,7 +21,10 @@
 //! * Which device: [`HidSelector`], [`FoundDevice`], [`HidKind`]; what is there: [`HidBus`], [`SystemBus`], [`HidInfo`].
 //! * The device: [`HidDevice`], with [`HidOptions`] for each kind; what it saw: [`HidCounters`].
 //! * What a device says of its reports: [`ReportDescriptor`].
-//! * Without hardware: [`StandInBus`], [`Firmware`], [`SpaceMouseFirmware`].
+//! * A 3-DOF board: its arm [`BoardKinematics`], its home [`BoardHoming`], [`BoardCalibration`], its reports [`BoardForm`],
+//!   [`BoardInput`], [`BoardOutput`].
+//! * Without hardware: [`StandInBus`], [`Firmware`]; a cap [`SpaceMouseFirmware`]; a board with an arm and a hand
+//!   [`BoardFirmware`].
 //!
 //! # Units, frames, signs
 //!
@@ -45,7 +48,10 @@ mod space_mouse;
 mod stand_in;
 mod system;
 
-pub use board::BoardOptions;
+pub use board::{
+    BoardBytes, BoardCalibration, BoardForm, BoardHoming, BoardInput, BoardKinematics, BoardLinkage,
+    BoardOptions, BoardOutput, BoardPacketError,
+};
 pub use bus::{HidBus, HidConnection, HidInfo, LONGEST_INPUT};
 pub use clock::Clock;
 pub use counters::HidCounters;
@@ -58,5 +64,5 @@ pub use error::HidError;
 pub use joystick::JoystickOptions;
 pub use selector::{FoundDevice, HidKind, HidSelector};
 pub use space_mouse::{CapReport, NotACapReport, SpaceMouseOptions};
-pub use stand_in::{CapForm, Firmware, SpaceMouseFirmware, StandInBus};
+pub use stand_in::{BoardFirmware, CapForm, Firmware, SpaceMouseFirmware, StandInBus};
 pub use system::SystemBus;

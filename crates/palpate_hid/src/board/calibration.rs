@@ -1,0 +1,163 @@
+//! Whether a board's counters tell where its arm is, and how they come to.
+
+use super::{BoardForm, BoardInput, BoardKinematics};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// How near to home, in counts, the counters are just after they have been set: a body turns little within a few reports.
+const NEAR_HOME: i32 = 200;
+/// So many reports may come before they are; then they are set once more.
+const PATIENCE: u8 = 10;
+
+/// What is believed of a board's counters when it is opened. They count from where the arm was when the board got its power.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum BoardHoming {
+    /// Nothing: there is no force until somebody has put the arm to its home and said so, with the board's own button or by
+    /// [`BoardCalibration::request`]. Forces are taken meanwhile, and not shown.
+    #[default]
+    Awaited,
+    /// The arm is at home when the board is first opened. Whenever it is opened again, as after it was unplugged, it is as with
+    /// `Awaited`: nobody has put it home since.
+    AtOpen,
+    /// They have been set before and the board has had power since. If that is wrong, forces go astray: a board that gets its
+    /// power over USB counts anew when it has been unplugged. Not for boards with reports of 8 bytes, whose counters cannot be set.
+    Kept,
+}
+
+/// A way to have a board calibrated, from any thread, while the loop has the device.
+///
+/// 1. Somebody puts the arm to its home and holds it there: for a WoodenHaptics link B up, link C to the front.
+/// 2. [`BoardCalibration::request`]; or that person pushes the board's button. From the next report on there is no force.
+/// 3. The board is told what its counters are at home. With reports of 8 bytes the driver keeps the difference itself.
+/// 4. The counters come back as they should, [`BoardCalibration::is_done`] says so, and force begins from nothing.
+///
+/// The position jumps meanwhile, which the loop takes for a hand that has come elsewhere.
+#[derive(Clone, Debug, Default)]
+pub struct BoardCalibration(Arc<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    is_requested: AtomicBool,
+    is_done: AtomicBool,
+}
+
+impl BoardCalibration {
+    /// The arm is at home now: the board is calibrated there at its next report.
+    pub fn request(&self) {
+        self.0.is_done.store(false, Ordering::Relaxed);
+        self.0.is_requested.store(true, Ordering::Release);
+    }
+
+    /// Whether the counters tell where the arm is. Without that there is no force, and positions mean nothing.
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        self.0.is_done.load(Ordering::Acquire)
+    }
+}
+
+/// The driver's side of it.
+#[derive(Debug)]
+pub(super) struct Calibrator {
+    form: BoardForm,
+    shared: BoardCalibration,
+    stage: Stage,
+    /// What is added to the counters of a board that cannot be told.
+    offset: [i16; 3],
+    has_been_open: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    /// Nobody has said where home is.
+    Awaited,
+    /// The arm is at home: the board is to be told.
+    Asked,
+    /// The board has been told, so many reports ago.
+    Told(u8),
+    Done,
+}
+
+impl Calibrator {
+    pub(super) fn new(form: BoardForm) -> Self {
+        let shared = BoardCalibration::default();
+        Self { form, shared, stage: Stage::Awaited, offset: [0; 3], has_been_open: false }
+    }
+
+    pub(super) fn handle(&self) -> BoardCalibration {
+        self.shared.clone()
+    }
+
+    /// The board has been opened.
+    pub(super) fn opened(&mut self, homing: BoardHoming) {
+        let was_open = std::mem::replace(&mut self.has_been_open, true);
+        self.enter(match homing {
+            BoardHoming::Kept => Stage::Done,
+            BoardHoming::AtOpen if !was_open => Stage::Asked,
+            BoardHoming::AtOpen | BoardHoming::Awaited => Stage::Awaited,
+        });
+    }
+
+    fn enter(&mut self, stage: Stage) {
+        self.stage = stage;
+        self.shared.0.is_done.store(stage == Stage::Done, Ordering::Release);
+    }
+
+    /// Takes a report, and gives counters that count as the body turns.
+    pub(super) fn take(&mut self, kinematics: &BoardKinematics, input: &BoardInput) -> [i16; 3] {
+        if self.shared.0.is_requested.swap(false, Ordering::AcqRel) {
+            self.enter(Stage::Asked);
+        }
+        if !self.form.has_commands() {
+            return self.take_without_commands(kinematics, input);
+        }
+        let [a, b, c, ..] = input.encoders;
+        let counters = [a, b, c];
+        match self.stage {
+            Stage::Told(reports) => {
+                if !input.asks && is_near_home(kinematics, counters) {
+                    self.enter(Stage::Done);
+                } else {
+                    self.enter(if reports < PATIENCE { Stage::Told(reports + 1) } else { Stage::Asked });
+                }
+            }
+            _ if input.asks => self.enter(Stage::Asked),
+            Stage::Awaited | Stage::Asked | Stage::Done => {}
+        }
+        counters
+    }
+
+    /// Such a board counts the other way round: home − (n − n_home).
+    fn take_without_commands(&mut self, kinematics: &BoardKinematics, input: &BoardInput) -> [i16; 3] {
+        let ([a, b, c, ..], [h, i, j, ..]) = (input.encoders, kinematics.home_counts);
+        if self.stage == Stage::Asked {
+            self.offset = [h.wrapping_add(a), i.wrapping_add(b), j.wrapping_add(c)];
+            self.enter(Stage::Done);
+        }
+        let [p, q, r] = self.offset;
+        [p.wrapping_sub(a), q.wrapping_sub(b), r.wrapping_sub(c)]
+    }
+
+    /// Whether the board is to be told where home is.
+    pub(super) fn is_asked(&self) -> bool {
+        self.stage == Stage::Asked && self.form.has_commands()
+    }
+
+    /// Whether the board is to be told, or has been and has not come back with the right counters yet.
+    pub(super) fn is_under_way(&self) -> bool {
+        matches!(self.stage, Stage::Asked | Stage::Told(_))
+    }
+
+    /// The board has been told.
+    pub(super) fn told(&mut self) {
+        self.enter(Stage::Told(0));
+    }
+
+    pub(super) fn is_done(&self) -> bool {
+        self.stage == Stage::Done
+    }
+}
+
+fn is_near_home(kinematics: &BoardKinematics, counters: [i16; 3]) -> bool {
+    let ([a, b, c], [h, i, j, ..]) = (kinematics.counts(counters), kinematics.home_counts);
+    [(a, h), (b, i), (c, j)].iter().all(|&(count, home)| (count - i32::from(home)).abs() <= NEAR_HOME)
+}

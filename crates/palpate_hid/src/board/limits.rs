@@ -1,0 +1,68 @@
+//! How much force, and how much current for it.
+
+use super::BoardOptions;
+use glam::DVec3;
+
+/// Leverage below which an arm counts as singular: there currents show another force than the one that was asked for.
+const LEAST_LEVERAGE: f64 = 0.05;
+/// Forces in which what may be shown grows from nothing to all.
+const FORCES_TO_FULL: f64 = 20.0;
+
+/// What may be shown now. It begins with nothing, and does so again after anything that the loop's force knows nothing of: a
+/// silence, a calibration, a way outside the arm's reach. From there it grows by a twentieth of the largest force with each force
+/// that the board takes, as fast as the description of the device allows ([`DeviceLimits`](palpate_haptics::DeviceLimits)).
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Limits {
+    allowed_n: f64,
+}
+
+impl Limits {
+    /// Begins with nothing again.
+    pub(super) fn begin_anew(&mut self) {
+        self.allowed_n = 0.0;
+    }
+
+    /// The currents that show `force_n` with the arm at `angles_rad`. What is more than may be shown, and what would take more
+    /// current than a motor may have, is made smaller as a whole: the force keeps its direction. Zero where the force is not
+    /// finite, the tip is out of reach, or the arm is singular.
+    pub(super) fn currents(&self, options: &BoardOptions, angles_rad: DVec3, force_n: DVec3) -> [i16; 3] {
+        let BoardOptions { kinematics, max_current_a, reach_m, .. } = options;
+        let is_near = kinematics.position_m(angles_rad).length() <= *reach_m;
+        let is_regular = kinematics.leverage(angles_rad) >= LEAST_LEVERAGE;
+        if !(force_n.is_finite() && is_near && is_regular) {
+            return [0; 3];
+        }
+        let limited_n = force_n.clamp_length_max(self.allowed_n.min(kinematics.max_force_n));
+        let currents_a = kinematics.currents_a(angles_rad, limited_n);
+        let most_a = currents_a.abs().max_element();
+        let share = if most_a > *max_current_a { max_current_a / most_a } else { 1.0 };
+        (share * currents_a).to_array().map(milliamperes)
+    }
+
+    /// The board has taken the currents of a force, or zero in its place.
+    pub(super) fn taken(&mut self, options: &BoardOptions, angles_rad: DVec3) {
+        let BoardOptions { kinematics, reach_m, .. } = options;
+        if kinematics.position_m(angles_rad).length() > *reach_m
+            || kinematics.leverage(angles_rad) < LEAST_LEVERAGE
+        {
+            self.begin_anew();
+        } else {
+            let most_n = kinematics.max_force_n;
+            self.allowed_n = (self.allowed_n + most_n / FORCES_TO_FULL).min(most_n);
+        }
+    }
+}
+
+/// The nearest whole number of milliamperes, held at the ends of 16 bits; zero for what is no number.
+fn milliamperes(current_a: f64) -> i16 {
+    // A cast does that.
+    (1e3 * current_a).round() as i16
+}
+
+/// Whether `new` is zero, or less than half of what is shown: then it does not wait until the board asks.
+pub(super) fn is_much_less(new: [i16; 3], shown: [i16; 3]) -> bool {
+    let square = |currents: [i16; 3]| -> i64 {
+        currents.iter().map(|&current| i64::from(current) * i64::from(current)).sum()
+    };
+    4 * square(new) < square(shown)
+}

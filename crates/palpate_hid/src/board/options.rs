@@ -1,0 +1,51 @@
+//! What can be set for a board.
+
+use super::{BoardHoming, BoardKinematics, BoardLinkage};
+use crate::HidError;
+
+/// What can be set for a 3-DOF board.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoardOptions {
+    /// Which linkage the arm has.
+    pub linkage: BoardLinkage,
+    /// Its sizes, motors and home.
+    pub kinematics: BoardKinematics,
+    /// What is believed of its counters when it is opened.
+    pub homing: BoardHoming,
+    /// The most current that a motor gets, A. Where a force takes more it is made smaller as a whole, and keeps its direction. In the
+    /// weakest direction of a WoodenHaptics, that in which body C moves, 2 A are 2.5 N: k D/d / L_c for each ampere.
+    pub max_current_a: f64,
+    /// Farther than this from the middle of the workspace, m, there is no force. The home of a WoodenHaptics is 0.207 m away.
+    pub reach_m: f64,
+}
+
+impl Default for BoardOptions {
+    /// A WoodenHaptics of 2015 that waits for its calibration; 2 A, the bound of `src/fsusbhapticdevicethread.cpp` in
+    /// haptikfabrikenapi, as its amplifiers bear no more for more than 4 s; 0.25 m.
+    fn default() -> Self {
+        Self {
+            linkage: BoardLinkage::default(),
+            kinematics: BoardKinematics::default(),
+            homing: BoardHoming::default(),
+            max_current_a: 2.0,
+            reach_m: 0.25,
+        }
+    }
+}
+
+impl BoardOptions {
+    /// Refuses what makes no sense.
+    ///
+    /// # Errors
+    /// [`HidError::Option`].
+    pub fn validate(&self) -> Result<(), HidError> {
+        self.kinematics.validate()?;
+        let check = |what, value: f64, ok: bool, allowed| {
+            if ok { Ok(()) } else { Err(HidError::Option { what, found: value.to_string(), allowed }) }
+        };
+        // The firmware's own bound.
+        let (current, reach) = (self.max_current_a, self.reach_m);
+        check("most current of a board's motor, A", current, (0.0..=3.0).contains(&current), "0 to 3")?;
+        check("reach of a board, m", reach, (1e-3..=10.0).contains(&reach), "0.001 to 10")
+    }
+}

@@ -1,0 +1,98 @@
+//! The arm of a stand-in: its kinematics by other means than the driver's.
+
+use crate::BoardKinematics;
+use glam::{DMat3, DQuat, DVec3, Vec3Swizzles};
+use std::f64::consts::TAU;
+
+/// Angle over which motions are taken, rad: with the third power of it an error of about 1e-11 of a link's length.
+const DIFFERENCE_RAD: f64 = 1e-5;
+/// What the tip weighs, kg.
+const MASS_KG: f64 = 0.2;
+/// How stiffly the hand holds it, N/m.
+const STIFFNESS_N_PER_M: f64 = 400.0;
+/// How much the hand damps it, N s/m.
+const DAMPING_NS_PER_M: f64 = 10.0;
+
+/// Links, motors and encoders, and the hand's hold. Inside x is towards the hand's owner, y to the right, z up, from the foot of the
+/// first axis; what is given and taken is in the device's frame.
+pub(super) struct Arm {
+    sizes: BoardKinematics,
+    angles_rad: DVec3,
+    tip_m: DVec3,
+    velocity_m_per_s: DVec3,
+}
+
+impl Arm {
+    pub(super) fn at_home(sizes: &BoardKinematics) -> Self {
+        let mut arm = Self {
+            sizes: *sizes,
+            angles_rad: DVec3::ZERO,
+            tip_m: DVec3::ZERO,
+            velocity_m_per_s: DVec3::ZERO,
+        };
+        let home = [0, 1, 2].map(|i| f64::from(sizes.home_counts[i]) / arm.counts_per_rad(i));
+        arm.angles_rad = DVec3::from(home);
+        arm.tip_m = arm.tip(arm.angles_rad);
+        arm
+    }
+
+    /// Place of the tip, m.
+    pub(super) fn tip_m(&self) -> DVec3 {
+        (self.tip_m - self.sizes.origin_m).yzx()
+    }
+
+    /// What the encoders have counted since the angles were zero.
+    pub(super) fn counts(&self) -> [i32; 3] {
+        [0, 1, 2].map(|i| (self.angles_rad[i] * self.counts_per_rad(i)).round() as i32)
+    }
+
+    /// Force of the motors on the hand, N.
+    pub(super) fn force_n(&self, currents_ma: [i16; 3]) -> DVec3 {
+        let torques_nm = [0, 1, 2].map(|i| {
+            let motor_nm = 1e-3 * f64::from(currents_ma[i]) * self.sizes.torque_nm_per_a[i];
+            motor_nm * self.turns(i)
+        });
+        // The work that the motors do is the work that the hand gets: τ · dθ = F · dx for every dθ.
+        (self.motions(self.angles_rad).transpose().inverse() * DVec3::from(torques_nm)).yzx()
+    }
+
+    /// The hand is at `hand_m`, and the motors push with `force_n`: an implicit step for the tip, then the angles that belong to it.
+    pub(super) fn advance(&mut self, hand_m: DVec3, force_n: DVec3, step_s: f64) {
+        let hand_m = hand_m.zxy() + self.sizes.origin_m;
+        let pull_n = force_n.zxy() + STIFFNESS_N_PER_M * (hand_m - self.tip_m);
+        let inertia_kg = MASS_KG + step_s * DAMPING_NS_PER_M + step_s * step_s * STIFFNESS_N_PER_M;
+        self.velocity_m_per_s = (MASS_KG * self.velocity_m_per_s + step_s * pull_n) / inertia_kg;
+        self.tip_m += step_s * self.velocity_m_per_s;
+        for _ in 0..8 {
+            let off_m = self.tip_m - self.tip(self.angles_rad);
+            self.angles_rad += self.motions(self.angles_rad).inverse() * off_m;
+        }
+    }
+
+    /// Turns of a motor for one of its body, with their sign.
+    fn turns(&self, i: usize) -> f64 {
+        let turns = self.sizes.body_m[i] / self.sizes.capstan_m[i];
+        if self.sizes.is_reversed[i] { -turns } else { turns }
+    }
+
+    fn counts_per_rad(&self, i: usize) -> f64 {
+        self.turns(i) * self.sizes.counts_per_turn[i] / TAU
+    }
+
+    /// The links one after the other: B from upright, C from hanging down, both turned to the front, all of it about the upright.
+    fn tip(&self, angles_rad: DVec3) -> DVec3 {
+        let [l_n, l_b, l_c] = self.sizes.length_m;
+        let b = DQuat::from_rotation_y(angles_rad.y) * (l_b * DVec3::Z);
+        let c = DQuat::from_rotation_y(-angles_rad.z) * (-l_c * DVec3::Z);
+        DQuat::from_rotation_z(angles_rad.x) * (l_n * DVec3::Z + b + c)
+    }
+
+    /// How the tip moves with each angle, m/rad.
+    fn motions(&self, angles_rad: DVec3) -> DMat3 {
+        let along = |axis: DVec3| {
+            let (after, before) = (angles_rad + DIFFERENCE_RAD * axis, angles_rad - DIFFERENCE_RAD * axis);
+            (self.tip(after) - self.tip(before)) / (2.0 * DIFFERENCE_RAD)
+        };
+        DMat3::from_cols(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
+    }
+}

@@ -1,0 +1,129 @@
+//! Whether the counters are right: calibration, and boards that were gone.
+
+use crate::bench::*;
+use glam::DVec3;
+use palpate_haptics::*;
+use palpate_hid::*;
+use palpate_local::{Contact, Scheme};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+#[test]
+fn nothing_is_shown_before_somebody_has_put_it_home() {
+    for form in BoardForm::ALL {
+        let mut bench = Bench::open(at_home(form), BoardOptions::default());
+        let calibration = bench.device().board_calibration().unwrap();
+        for _ in 0..50 {
+            bench.tick(DVec3::Y);
+            assert_eq!(bench.felt_n(), DVec3::ZERO);
+        }
+        assert!(!calibration.is_done());
+        // The arm is at home, and the app says so.
+        calibration.request();
+        let reading = bench.ticks(4, DVec3::ZERO);
+        assert!(calibration.is_done(), "{form:?}");
+        assert!((reading.position_m - DVec3::new(0.0, 0.205, 0.025)).length() < 1e-12, "{form:?}");
+        bench.ticks(30, DVec3::Y);
+        assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N, "{form:?}");
+    }
+}
+
+#[test]
+fn the_board_s_own_button_calibrates_it_also_in_use() {
+    let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), kept());
+    bench.ticks(40, DVec3::Y);
+    bench.ticks(500, DVec3::ZERO);
+    // Something has slipped: the counters are wrong.
+    bench.board(|it| it.lose_power());
+    let wrong_m = bench.ticks(3, DVec3::ZERO).position_m;
+    assert!((wrong_m - bench.board(|it| it.tip_m())).length() > 0.1);
+    bench.board(|it| it.ask_for_calibration());
+    bench.tick(DVec3::Y);
+    assert_eq!(bench.felt_n(), DVec3::ZERO);
+    let calibration = bench.device().board_calibration().unwrap();
+    assert!(!calibration.is_done());
+    let right_m = bench.ticks(3, DVec3::ZERO).position_m;
+    assert!(calibration.is_done());
+    assert!((right_m - bench.board(|it| it.tip_m())).length() < 2e-4);
+}
+
+#[test]
+fn unplugged_in_a_touch_and_plugged_in_again() {
+    let mut bench = Bench::open(moving(BoardForm::Bytes14), homed());
+    bench.ticks(500, DVec3::Y);
+    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+    bench.bus.unplug(PATH);
+    assert_eq!(bench.device().read(Duration::ZERO), Err(DeviceError::Disconnected));
+    assert_eq!(bench.device().write(DVec3::Y), Err(DeviceError::TimedOut), "it has not taken it");
+    bench.board(|it| it.pass(0.6));
+    assert!(!bench.board(|it| it.are_motors_on()), "its own watchdog");
+    assert_eq!(bench.device().close(), Err(DeviceError::Disconnected));
+    assert_eq!(bench.device().open(), Err(DeviceError::Disconnected));
+    // It had no power meanwhile, so that its counters mean nothing: no force, wherever the arm is.
+    bench.board(|it| it.lose_power());
+    bench.plug();
+    bench.device().open().unwrap();
+    bench.ticks(50, DVec3::Y);
+    assert_eq!(bench.felt_n(), DVec3::ZERO);
+    let home_m = kinematics().position_m(kinematics().home_rad());
+    bench.board(|it| it.hold_at(home_m));
+    bench.ticks(2000, DVec3::ZERO);
+    bench.device().board_calibration().unwrap().request();
+    bench.ticks(4, DVec3::ZERO);
+    bench.ticks(40, DVec3::Y);
+    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N, "{}", bench.felt_n());
+}
+
+/// The loop's own thread, with a bus that was loose for a moment while the board had power from elsewhere.
+#[test]
+fn a_loop_finds_its_board_again() {
+    #[expect(clippy::disallowed_methods, reason = "the other thread has to do something")]
+    fn wait_for(mut what: impl FnMut() -> bool) {
+        for _ in 0..20_000 {
+            if what() {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        panic!("it has not happened within 20 s");
+    }
+    let bus = Arc::new(StandInBus::default());
+    let firmware = Arc::new(Mutex::new(at_home(BoardForm::Bytes14).calibrated()));
+    let plug = || {
+        let (info, descriptor) = {
+            let board = firmware.lock().unwrap();
+            (board.info(PATH), board.descriptor())
+        };
+        bus.plug(info, descriptor, firmware.clone());
+    };
+    plug();
+    let device = find(bus.clone(), kept()).unwrap();
+    // A hold without an age limit, so that the other thread may be late.
+    let safety = SafetySettings {
+        start_below_n: f64::MAX,
+        ramp_s: 0.0,
+        stale_after_periods: 1e9,
+        ..device.describe().safety(1e-3)
+    };
+    let settings = LoopSettings { safety, ..LoopSettings::default() };
+    let config = LoopConfig { device: device.describe().limits(), ..LoopConfig::default() };
+    let (mut handle, haptic_loop) = haptic_loop(config, settings).unwrap();
+    let mut thread = haptic_loop.spawn(Box::new(device)).unwrap();
+    let model = handle.model_slot();
+    (model.scheme, model.contact, model.force_n) = (Scheme::Hold, Contact::Held, DVec3::Y);
+    handle.publish_model();
+    let is_felt = || (firmware.lock().unwrap().felt_n() - DVec3::Y).length() < ROUNDING_N;
+    wait_for(is_felt);
+    bus.unplug(PATH);
+    let events = |handle: &mut HapticHandle| -> Vec<LoopEventKind> {
+        std::iter::from_fn(|| handle.next_event()).map(|event| event.kind).collect()
+    };
+    let lost = LoopEventKind::DeviceFailed(DeviceError::Disconnected);
+    wait_for(|| events(&mut handle).contains(&lost));
+    firmware.lock().unwrap().pass(0.6);
+    assert!(!firmware.lock().unwrap().are_motors_on());
+    plug();
+    wait_for(|| firmware.lock().unwrap().are_motors_on() && is_felt());
+    assert!(matches!(thread.stop(), Stop::Joined));
+    assert_eq!(firmware.lock().unwrap().currents_ma(), [0; 3]);
+}

@@ -1,0 +1,189 @@
+//! The arm of a 3-DOF board: against finite differences, a published pose, and its own inverse.
+
+use glam::{DMat3, DVec3, Vec3Swizzles};
+use palpate_hid::*;
+use proptest::prelude::*;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+fn arm() -> BoardKinematics {
+    BoardKinematics::woodenhaptics_v2015()
+}
+
+/// Both signs, three different links, capstans, bodies, motors and encoders.
+fn other_arm() -> BoardKinematics {
+    BoardKinematics {
+        length_m: [0.058, 0.174, 0.133],
+        capstan_m: [0.011, 0.010, 0.009],
+        body_m: [0.180, 0.100, 0.105],
+        is_reversed: [true, false, true],
+        counts_per_turn: [2000.0, 4096.0, 1000.0],
+        torque_nm_per_a: [0.0538, 0.0259, 0.0163],
+        origin_m: DVec3::new(0.140, 0.01, 0.100),
+        ..arm()
+    }
+}
+
+/// Angles of an arm in use, away from where it is singular.
+fn poses() -> impl Strategy<Value = DVec3> {
+    (-1.2..1.2, 0.0..1.0, 0.4..1.6).prop_map(|(a, b, c)| DVec3::new(a, b, c))
+}
+
+fn forces() -> impl Strategy<Value = DVec3> {
+    (-3.0..3.0, -3.0..3.0, -3.0..3.0).prop_map(|(x, y, z)| DVec3::new(x, y, z))
+}
+
+/// J by central differences with Richardson's extrapolation: an error of the fifth order.
+fn differences(arm: &BoardKinematics, angles: DVec3) -> DMat3 {
+    let along = |axis: DVec3| {
+        let slope =
+            |h: f64| (arm.position_m(angles + h * axis) - arm.position_m(angles - h * axis)) / (2.0 * h);
+        (4.0 * slope(1e-3) - slope(2e-3)) / 3.0
+    };
+    DMat3::from_cols(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
+}
+
+#[test]
+fn at_home_the_tip_is_where_the_published_numbers_put_it() {
+    // 6000 of 2000 counts are three turns of the motor, a quarter of one of body C: 3 · 0.010/0.120.
+    let angles = arm().angles_rad([0, 0, 6000]);
+    assert!((angles - DVec3::new(0.0, 0.0, FRAC_PI_2)).length() < 1e-15, "{angles}");
+    assert_eq!(angles, arm().home_rad());
+    // In the formulas' frame: L_c - o_x to the front, L_n + L_b - o_z up.
+    let formulas_m = DVec3::new(0.245 - 0.220, 0.0, 0.080 + 0.205 - 0.080);
+    assert!((arm().position_m(angles) - formulas_m.yzx()).length() < 1e-15);
+    assert!((arm().position_m(angles) - DVec3::new(0.0, 0.205, 0.025)).length() < 1e-15);
+}
+
+#[test]
+fn axes_are_right_up_and_towards_the_owner() {
+    let home = arm().home_rad();
+    let moved = |turn: DVec3| arm().position_m(home + 0.01 * turn) - arm().position_m(home);
+    // A turns about the vertical by the right hand, as seen from above from the front to the right of who sits there.
+    assert!(moved(DVec3::X).x > 0.002 && moved(DVec3::X).y.abs() < 1e-15);
+    // B tips to the front, C rises.
+    assert!(moved(DVec3::Y).z > 0.002);
+    assert!(moved(DVec3::Z).y > 0.002);
+}
+
+#[test]
+fn the_middle_of_the_workspace_is_within_reach_and_the_arm_regular_there() {
+    // ρ = 0.22 and the shoulder's height: two equations for B and C, by Newton's method.
+    let mut angles = DVec3::new(0.0, 0.3, 0.7);
+    for _ in 0..20 {
+        angles -= arm().jacobian(angles).inverse() * arm().position_m(angles);
+    }
+    assert!(arm().position_m(angles).length() < 1e-14);
+    let [_, l_b, l_c] = arm().length_m;
+    assert!((l_b * angles.y.cos() - l_c * angles.z.cos()).abs() < 1e-14);
+    assert!((l_b * angles.y.sin() + l_c * angles.z.sin() - 0.220).abs() < 1e-14);
+    assert!((arm().leverage(angles) - 0.220 / 0.450 * (angles.y + angles.z).sin()).abs() < 1e-15);
+    // The weakest direction is that in which body C moves: L_c for an arm, its motor alone against it.
+    let along_c = arm().jacobian(angles).col(2).normalize();
+    let weakest_n = 2.0 / arm().currents_a(angles, along_c).abs().max_element();
+    assert!((weakest_n - 2.0 * 0.0259 * 12.0 / 0.245).abs() < 1e-12, "{weakest_n}");
+    for direction in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::ONE.normalize()] {
+        assert!(2.0 / arm().currents_a(angles, direction).abs().max_element() > weakest_n);
+    }
+}
+
+#[test]
+fn counters_of_16_bits_wrap_around_and_counts_do_not() {
+    let arm = arm();
+    assert_eq!(arm.counts([0, 0, 6000]), [0, 0, 6000]);
+    assert_eq!(arm.counts([-1, i16::MAX, i16::MIN]), [-1, 32767, 32768]);
+    // A body that turns on and on: the counter wraps at 32,767, the counts, being near home at 6000, only at 38,767.
+    for count in -26_768..=38_767 {
+        assert_eq!(arm.counts([0, 0, count as i16])[2], count);
+    }
+    // What a WoodenHaptics can turn is far within: half a turn to either side of home is 12,000 counts of C.
+    let counts_per_turn = std::f64::consts::TAU / arm.angles_rad([0, 0, 1]).z;
+    assert!((counts_per_turn - 24_000.0).abs() < 1e-9);
+}
+
+#[test]
+fn singular_poses_are_known() {
+    let arm = arm();
+    // B and C in one line: θ_B + θ_C = π; folded: 0. The tip above the shoulder: ρ = 0.
+    let below = -(0.205_f64 * 0.5_f64.sin() / 0.245).asin();
+    for angles in [[0.0, 1.0, PI - 1.0], [0.3, 0.5, -0.5], [0.3, 0.5, below]] {
+        let angles = DVec3::from(angles);
+        assert!(arm.leverage(angles) < 1e-15, "{angles}");
+        assert!(arm.jacobian(angles).determinant().abs() < 1e-15);
+        assert_eq!(arm.force_n(angles, DVec3::ONE), None);
+    }
+}
+
+#[test]
+fn arms_that_cannot_be_are_refused() {
+    let good = arm();
+    good.validate().unwrap();
+    other_arm().validate().unwrap();
+    for bad in [
+        BoardKinematics { length_m: [0.08, 0.0, 0.245], ..good },
+        BoardKinematics { length_m: [f64::NAN, 0.205, 0.245], ..good },
+        BoardKinematics { capstan_m: [0.01, 0.0, 0.01], ..good },
+        BoardKinematics { body_m: [0.16, 0.12, f64::INFINITY], ..good },
+        BoardKinematics { counts_per_turn: [2000.0, -2000.0, 2000.0], ..good },
+        // 66,000 counts for a turn of body A.
+        BoardKinematics { counts_per_turn: [4125.0, 2000.0, 2000.0], ..good },
+        BoardKinematics { torque_nm_per_a: [0.0259, 0.0259, 0.0], ..good },
+        BoardKinematics { origin_m: DVec3::NAN, ..good },
+        BoardKinematics { workspace_radius_m: 0.0, ..good },
+        BoardKinematics { max_force_n: -1.0, ..good },
+    ] {
+        assert!(matches!(bad.validate(), Err(HidError::Option { .. })), "{bad:?}");
+    }
+    for bad in [
+        BoardOptions { max_current_a: 3.1, ..BoardOptions::default() },
+        BoardOptions { max_current_a: f64::NAN, ..BoardOptions::default() },
+        BoardOptions { reach_m: 0.0, ..BoardOptions::default() },
+        BoardOptions {
+            kinematics: BoardKinematics { capstan_m: [0.0; 3], ..good },
+            ..BoardOptions::default()
+        },
+    ] {
+        assert!(matches!(bad.validate(), Err(HidError::Option { .. })), "{bad:?}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn the_jacobian_is_that_of_finite_differences(angles in poses()) {
+        for arm in [arm(), other_arm()] {
+            let off = arm.jacobian(angles) - differences(&arm, angles);
+            let worst = off.to_cols_array().into_iter().fold(0.0_f64, |most, entry| most.max(entry.abs()));
+            prop_assert!(worst < 1e-12, "{worst}");
+        }
+    }
+
+    #[test]
+    fn a_force_comes_back_from_its_currents(angles in poses(), force in forces()) {
+        for arm in [arm(), other_arm()] {
+            let currents = arm.currents_a(angles, force);
+            let back = arm.force_n(angles, currents).unwrap();
+            prop_assert!((back - force).length() < 1e-12, "{}", (back - force).length());
+            // And after rounding to milliamperes: half of one for each motor, and no more.
+            let rounded = (1e3 * currents).round() * 1e-3;
+            let again = arm.currents_a(angles, arm.force_n(angles, rounded).unwrap());
+            prop_assert!((1e3 * (again - rounded)).abs().max_element() < 1e-9);
+            prop_assert!((1e3 * (again - currents)).abs().max_element() <= 0.5 + 1e-9);
+        }
+    }
+
+    /// FᵀẊ = τᵀθ̇: what the motors put in comes out at the tip. The motors turn as their encoders do.
+    #[test]
+    fn no_power_is_lost(angles in poses(), force in forces(), speed in forces()) {
+        for arm in [arm(), other_arm()] {
+            let h = 1e-4;
+            let place = |at: f64| arm.position_m(angles + at * speed);
+            let velocity = (8.0 * (place(h) - place(-h)) - (place(2.0 * h) - place(-2.0 * h))) / (12.0 * h);
+            let out_w = force.dot(velocity);
+            // Angles of the motors from what their encoders count, without a look at how the driver does it.
+            let count = arm.angles_rad([1, 1, 1]);
+            let motor_rad_per_s = speed / count * std::f64::consts::TAU / DVec3::from(arm.counts_per_turn);
+            let torque_nm = arm.currents_a(angles, force) * DVec3::from(arm.torque_nm_per_a);
+            let in_w = torque_nm.dot(motor_rad_per_s);
+            prop_assert!((in_w - out_w).abs() < 1e-9 * (1.0 + out_w.abs()), "{in_w} {out_w}");
+        }
+    }
+}
