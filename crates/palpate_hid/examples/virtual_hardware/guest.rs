@@ -1,5 +1,6 @@
 //! All scenarios, one after the other.
 
+mod board;
 mod cap;
 mod check;
 mod enumeration;
@@ -14,14 +15,17 @@ use check::{NotHere, Outcome};
 use std::process::ExitCode;
 
 /// What is tried, in this order; each brings its own devices.
-const SCENARIOS: [(&str, fn() -> Outcome); 7] = [
+const SCENARIOS: [(&str, fn() -> Outcome); 10] = [
     ("enumeration", enumeration::run),
     ("palpate_lab", lab::run),
     ("cap_with_a_cable", cap::with_a_cable),
     ("cap_without", cap::without),
     ("queue", queue::run),
     ("unplugged_cap", unplugged::cap),
-    ("unplugged_cap_again", unplugged::cap),
+    ("board_8", board::bytes_8),
+    ("board_14", board::bytes_14),
+    ("board_64", board::bytes_64),
+    ("unplugged_board", unplugged::board),
 ];
 
 /// Runs them and says what came of each; `word` ends the last line.

@@ -1,12 +1,12 @@
 //! A device that is unplugged while it is used, and plugged in again elsewhere: the loop stays alive without force, and goes on.
 
-use super::cap;
 use super::check::{Outcome, ensure, wait_until};
 use super::touch::Touch;
 use super::virtual_device::{Pace, VirtualDevice};
+use super::{board, cap};
 use glam::DVec3;
 use palpate_haptics::LoopEventKind;
-use palpate_hid::{CapForm, HidDevice};
+use palpate_hid::{BoardFirmware, BoardForm, BoardHoming, BoardKinematics, CapForm, HidDevice};
 use std::error::Error;
 use std::time::Duration;
 
@@ -68,5 +68,19 @@ pub fn cap() -> Outcome {
         is_touched: &|cap, touch| {
             cap::of(cap, |cap| cap.is_lit()) && touch.position_m().is_some_and(|at| at.x > 0.01)
         },
+    })
+}
+
+pub fn board() -> Outcome {
+    let (serial, force_n) = ("loose-board", DVec3::new(0.3, 0.4, 0.0));
+    run(&Kind {
+        serial,
+        plug: &|| {
+            let board = BoardFirmware::at_home(BoardForm::Bytes14, &BoardKinematics::default());
+            board::plug(serial, board.calibrated())
+        },
+        find: &|| board::find(serial, BoardHoming::Kept),
+        force_n,
+        is_touched: &|board, _| board::of(board, |board| (board.felt_n() - force_n).length() < 0.01),
     })
 }

@@ -7,7 +7,7 @@ use palpate_hid::{Firmware, LONGEST_INPUT};
 use std::error::Error;
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -17,7 +17,7 @@ use std::time::Duration;
 pub enum Pace {
     /// A report whenever so much time has passed.
     Every(Duration),
-    /// A report when it has been opened and one after each that it gets.
+    /// What it has to say when it has been opened and after each report that it gets.
     InTurn,
     /// A report when [`VirtualDevice::speak`] is called.
     WhenTold,
@@ -42,6 +42,7 @@ struct At {
     is_started: AtomicBool,
     is_open: AtomicBool,
     is_gone: AtomicBool,
+    said: AtomicU64,
 }
 
 impl VirtualDevice {
@@ -62,6 +63,7 @@ impl VirtualDevice {
             is_started: AtomicBool::new(false),
             is_open: AtomicBool::new(false),
             is_gone: AtomicBool::new(false),
+            said: AtomicU64::new(0),
         });
         let mut threads = vec![spawn("answers", &at, At::answer)?];
         if let Pace::Every(_) = pace {
@@ -79,6 +81,11 @@ impl VirtualDevice {
     /// It says its next report, at once, whether it is open or not. Whether it had one.
     pub fn speak(&self) -> io::Result<bool> {
         self.at.speak()
+    }
+
+    /// Reports that it has said; whoever has it open can read them.
+    pub fn said(&self) -> u64 {
+        self.at.said.load(Ordering::Acquire)
     }
 
     /// Pulls it out, whoever has it open.
@@ -111,8 +118,15 @@ impl At {
         let length = self.with(|firmware| firmware.input(&mut report));
         if length > 0 {
             (&self.file).write_all(&uhid::input(&report[..length]))?;
+            self.said.fetch_add(1, Ordering::AcqRel);
         }
         Ok(length > 0)
+    }
+
+    /// Says all that it has to say now.
+    fn answer_in_turn(&self) -> io::Result<()> {
+        while self.pace == Pace::InTurn && self.speak()? {}
+        Ok(())
     }
 
     fn speak_at_its_pace(&self) {
@@ -140,24 +154,19 @@ impl At {
     }
 
     fn take(&self, event: Event) -> io::Result<()> {
-        let is_in_turn = self.pace == Pace::InTurn;
         match event {
             Event::Start => self.is_started.store(true, Ordering::Release),
             Event::Open => {
                 self.is_open.store(true, Ordering::Release);
-                if is_in_turn {
-                    // Whoever opens it can only now begin to listen.
-                    pause(Duration::from_millis(2));
-                    self.speak()?;
-                }
+                // Whoever opens it can only now begin to listen.
+                pause(Duration::from_millis(2));
+                self.answer_in_turn()?;
             }
             Event::Close => self.is_open.store(false, Ordering::Release),
             Event::Output(report) => {
                 // On a real bus nobody learns that a device does not know a report.
                 self.with(|firmware| firmware.output(&report));
-                if is_in_turn {
-                    self.speak()?;
-                }
+                self.answer_in_turn()?;
             }
             Event::GetFeature { id, number } => {
                 let mut report = [0; LONGEST_INPUT];
