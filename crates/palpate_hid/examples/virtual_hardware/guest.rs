@@ -4,6 +4,7 @@ mod board;
 mod cap;
 mod check;
 mod enumeration;
+mod joystick;
 mod lab;
 mod queue;
 mod touch;
@@ -15,13 +16,17 @@ use check::{NotHere, Outcome};
 use std::process::ExitCode;
 
 /// What is tried, in this order; each brings its own devices.
-const SCENARIOS: [(&str, fn() -> Outcome); 10] = [
+const SCENARIOS: [(&str, fn() -> Outcome); 14] = [
     ("enumeration", enumeration::run),
     ("palpate_lab", lab::run),
     ("cap_with_a_cable", cap::with_a_cable),
     ("cap_without", cap::without),
     ("queue", queue::run),
     ("unplugged_cap", unplugged::cap),
+    ("joystick_openffboard", joystick::openffboard),
+    ("joystick_rhino", joystick::rhino),
+    ("joystick_arduino", joystick::arduino),
+    ("unplugged_joystick", unplugged::joystick),
     ("board_8", board::bytes_8),
     ("board_14", board::bytes_14),
     ("board_64", board::bytes_64),

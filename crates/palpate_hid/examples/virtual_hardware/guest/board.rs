@@ -4,15 +4,16 @@ use super::check::{Outcome, ensure, wait_until};
 use super::touch;
 use super::uhid::Identity;
 use super::virtual_device::{Pace, VirtualDevice};
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use palpate_haptics::{HapticHandle, Lockstep, haptic_loop};
 use palpate_hid::{
     BoardFirmware, BoardForm, BoardHoming, BoardKinematics, BoardOptions, HidDevice, HidKind, HidOptions,
     HidSelector, SystemBus,
 };
-use palpate_local::{Contact, Scheme};
 use std::error::Error;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 /// A board, and the hand that holds it.
 pub type Board = Arc<Mutex<BoardFirmware>>;
@@ -73,26 +74,18 @@ struct Turns {
     handle: HapticHandle,
     lockstep: Lockstep<HidDevice>,
     heard: u64,
+    /// The driver's clock: a tick is a millisecond, however long it takes here.
+    ms: Arc<AtomicU64>,
 }
 
 impl Turns {
     fn tick(&mut self) -> Result<(), Box<dyn Error>> {
         wait_until("the board speaks", || self.plugged.said() > self.heard)?;
         self.heard = self.plugged.said();
+        self.ms.fetch_add(1, Ordering::Relaxed);
         let taken = of(&self.board, |board| board.exchanged());
         self.lockstep.run(1);
         wait_until("the board takes a report", || of(&self.board, |board| board.exchanged() > taken))
-    }
-
-    /// Publishes the spring.
-    fn touch(&mut self, home_m: DVec3) {
-        let sequence = self.handle.samples().newest().map_or(0, |sample| sample.sequence);
-        let model = self.handle.model_slot();
-        (model.scheme, model.contact) = (Scheme::Tangent, Contact::Held);
-        (model.force_n, model.position_m) = (DVec3::ZERO, home_m);
-        model.stiffness_n_per_m = DMat3::from_diagonal(DVec3::splat(STIFFNESS_N_PER_M));
-        model.id.sequence = sequence;
-        self.handle.publish_model();
     }
 }
 
@@ -108,10 +101,13 @@ fn run(serial: &str, form: BoardForm, homing: BoardHoming) -> Outcome {
     let device = find(serial, homing)?;
     let counters = device.counters();
     let calibration = device.board_calibration().ok_or("a board without calibration")?;
+    let ms = Arc::<AtomicU64>::default();
+    let of_driver = Arc::clone(&ms);
+    let device = device.with_clock(move || Duration::from_millis(of_driver.load(Ordering::Relaxed)));
     let (config, settings) = touch::settings(&device);
     let (handle, haptic_loop) = haptic_loop(config, settings)?;
     let lockstep = Lockstep::new(haptic_loop, Box::new(device))?;
-    let mut turns = Turns { plugged, board, handle, lockstep, heard: 0 };
+    let mut turns = Turns { plugged, board, handle, lockstep, heard: 0, ms };
 
     of(&turns.board, |board| board.ask_for_calibration());
     for tick in 0..AT_REST {
@@ -122,7 +118,7 @@ fn run(serial: &str, form: BoardForm, homing: BoardHoming) -> Outcome {
         (kinematics.home_rad(), 0.0_f64, 0.0_f64, 0.0_f64);
     for tick in 0..TICKS {
         if tick % 50 == 0 {
-            turns.touch(home_m);
+            touch::draw(&mut turns.handle, home_m, STIFFNESS_N_PER_M);
         }
         turns.tick()?;
         let record = turns.handle.latest_tick().ok_or("no tick")?;

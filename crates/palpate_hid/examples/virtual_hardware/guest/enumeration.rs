@@ -2,7 +2,7 @@
 
 use super::check::{Outcome, ensure};
 use super::virtual_device::{Pace, VirtualDevice};
-use super::{board, cap};
+use super::{board, cap, joystick};
 use palpate_haptics::HapticDevice;
 use palpate_hid::{
     BoardFirmware, BoardForm, BoardKinematics, CapForm, FoundDevice, HidBus, HidDevice, HidError, HidKind,
@@ -20,9 +20,12 @@ pub fn plug_all() -> Result<Plugged, Box<dyn Error>> {
         board::plug(serial, BoardFirmware::at_home(form, &BoardKinematics::default()))
             .map(|(plugged, _)| plugged)
     };
+    let joystick =
+        |serial| joystick::plug(serial, &joystick::OPENFFBOARD, Pace::WhenTold).map(|(plugged, _)| plugged);
     Ok(vec![
         (cap::plug("cap-1", CapForm::Apart, Pace::WhenTold)?.0, "cap-1", HidKind::SpaceMouse),
         (cap::plug("cap-2", CapForm::Together, Pace::WhenTold)?.0, "cap-2", HidKind::SpaceMouse),
+        (joystick("joystick-1")?, "joystick-1", HidKind::Joystick),
         (board("board-1", BoardForm::Bytes14)?, "board-1", HidKind::Board),
         (board("board-2", BoardForm::Bytes64)?, "board-2", HidKind::Board),
     ])

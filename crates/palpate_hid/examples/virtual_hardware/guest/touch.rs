@@ -1,7 +1,7 @@
 //! A haptic loop with a device, on a thread of its own, that touches something.
 
 use super::check::wait_until;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use palpate_haptics::{
     DeviceError, HapticDevice, HapticHandle, LoopConfig, LoopEventKind, LoopSettings, LoopThread, RealTime,
     SafetySettings, Stop, haptic_loop,
@@ -43,6 +43,17 @@ pub fn press(handle: &mut HapticHandle, force_n: DVec3) {
     let sequence = handle.samples().newest().map_or(0, |sample| sample.sequence);
     let model = handle.model_slot();
     (model.scheme, model.contact, model.force_n) = (Scheme::Hold, Contact::Held, force_n);
+    model.id.sequence = sequence;
+    handle.publish_model();
+}
+
+/// Publishes a model that draws the hand to `to_m`, N/m.
+pub fn draw(handle: &mut HapticHandle, to_m: DVec3, stiffness_n_per_m: f64) {
+    let sequence = handle.samples().newest().map_or(0, |sample| sample.sequence);
+    let model = handle.model_slot();
+    (model.scheme, model.contact) = (Scheme::Tangent, Contact::Held);
+    (model.force_n, model.position_m) = (DVec3::ZERO, to_m);
+    model.stiffness_n_per_m = DMat3::from_diagonal(DVec3::splat(stiffness_n_per_m));
     model.id.sequence = sequence;
     handle.publish_model();
 }

@@ -3,7 +3,7 @@
 use super::check::{Outcome, ensure, wait_until};
 use super::touch::Touch;
 use super::virtual_device::{Pace, VirtualDevice};
-use super::{board, cap};
+use super::{board, cap, joystick};
 use glam::DVec3;
 use palpate_haptics::LoopEventKind;
 use palpate_hid::{BoardFirmware, BoardForm, BoardHoming, BoardKinematics, CapForm, HidDevice};
@@ -68,6 +68,17 @@ pub fn cap() -> Outcome {
         is_touched: &|cap, touch| {
             cap::of(cap, |cap| cap.is_lit()) && touch.position_m().is_some_and(|at| at.x > 0.01)
         },
+    })
+}
+
+pub fn joystick() -> Outcome {
+    let (serial, force_n) = ("loose-joystick", DVec3::new(0.3, 0.0, -0.4));
+    run(&Kind {
+        serial,
+        plug: &|| joystick::plug(serial, &joystick::OPENFFBOARD, Pace::Every(Duration::from_millis(1))),
+        find: &|| joystick::find(serial),
+        force_n,
+        is_touched: &|stick, _| (joystick::felt_n(stick) - force_n).length() < 0.01,
     })
 }
 
