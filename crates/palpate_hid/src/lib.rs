@@ -21,7 +21,7 @@
 //! * Which device: [`HidSelector`], [`FoundDevice`], [`HidKind`]; what is there: [`HidBus`], [`SystemBus`], [`HidInfo`].
 //! * The device: [`HidDevice`], with [`HidOptions`] for each kind; what it saw: [`HidCounters`].
 //! * What a device says of its reports: [`ReportDescriptor`].
-//! * Without hardware: [`StandInBus`], [`Firmware`].
+//! * Without hardware: [`StandInBus`], [`Firmware`]; a joystick: [`JoystickFirmware`].
 //!
 //! # Units, frames, signs
 //!
@@ -58,5 +58,5 @@ pub use error::HidError;
 pub use joystick::JoystickOptions;
 pub use selector::{FoundDevice, HidKind, HidSelector};
 pub use space_mouse::{CapReport, NotACapReport, SpaceMouseOptions};
-pub use stand_in::{Firmware, StandInBus};
+pub use stand_in::{Firmware, HeldStick, JoystickFirmware, StandInBus};
 pub use system::SystemBus;

@@ -1,5 +1,9 @@
 //! HID devices that are only there in memory: for tests of drivers, and for an app on a machine without the device.
 
+mod joystick;
+
+pub use joystick::{HeldStick, JoystickFirmware};
+
 use crate::{HidBus, HidConnection, HidError, HidInfo};
 use palpate_haptics::DeviceError;
 use std::fmt;
