@@ -58,11 +58,18 @@ const STIFFNESS_N_PER_M: f64 = 100.0;
 
 /// Plugs one in.
 pub fn plug(serial: &str, make: &Make, pace: Pace) -> Result<(VirtualDevice, Joystick), Box<dyn Error>> {
-    let words = make.descriptor.lines().flat_map(|line| line.split('#').next().unwrap_or_default().split_whitespace());
+    let words = make
+        .descriptor
+        .lines()
+        .flat_map(|line| line.split('#').next().unwrap_or_default().split_whitespace());
     let descriptor = words.map(|word| u8::from_str_radix(word, 16)).collect::<Result<Vec<u8>, _>>()?;
     let joystick = Arc::new(Mutex::new(JoystickFirmware::new(&descriptor, HeldStick::default())?));
-    let identity =
-        Identity { name: "Virtual joystick", serial: serial.into(), vendor: make.vendor, product: make.product };
+    let identity = Identity {
+        name: "Virtual joystick",
+        serial: serial.into(),
+        vendor: make.vendor,
+        product: make.product,
+    };
     Ok((VirtualDevice::plug(&identity, &descriptor, joystick.clone(), pace)?, joystick))
 }
 
