@@ -1,6 +1,6 @@
 //! A SpaceMouse moves a point, and its light is on while it is used.
 
-use super::check::{Outcome, ensure};
+use super::check::{Outcome, ensure, wait_until};
 use super::touch::Touch;
 use super::uhid::Identity;
 use super::virtual_device::{Pace, VirtualDevice};
@@ -49,7 +49,7 @@ pub fn without() -> Outcome {
     run("radio", CapForm::Together)
 }
 
-/// Reports pushed to the left and up, and turned; a hundred a second as of a real one.
+/// It is pushed to the left and up, and turned; a report every 8 ms, as of a real one.
 fn run(serial: &str, form: CapForm) -> Outcome {
     let (plugged, cap) = plug(serial, form, Pace::Every(Duration::from_millis(8)))?;
     let device = find(serial)?;
@@ -81,7 +81,7 @@ fn run(serial: &str, form: CapForm) -> Outcome {
     ensure(counters.malformed() == 0, || format!("{} reports were not understood", counters.malformed()))?;
     ensure(of(&cap, |cap| cap.is_lit()), || "its light went out too early".into())?;
     touch.end()?;
-    super::check::wait_until("its light goes out", || of(&cap, |cap| !cap.is_lit()))?;
+    wait_until("its light goes out", || of(&cap, |cap| !cap.is_lit()))?;
     let lit = of(&cap, |cap| cap.times_lit());
     ensure(lit == 1, || format!("its light went on {lit} times"))?;
     plugged.unplug();

@@ -23,7 +23,7 @@ pub enum Pace {
     WhenTold,
 }
 
-/// What virtual devices of the same make have in common: all but identity and what is inside.
+/// What is inside a device.
 pub type Inside = Arc<Mutex<dyn Firmware>>;
 
 /// A device that is plugged in; unplugged when it is dropped.
