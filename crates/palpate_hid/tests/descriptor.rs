@@ -1,0 +1,230 @@
+//! Report descriptors: published ones, a second parser's opinion, and whatever bytes there are.
+
+use hidreport::Report as _;
+use palpate_hid::{
+    DescriptorError, Field, LONGEST_DESCRIPTOR, LONGEST_REPORT, MOST_FIELDS, ReportDescriptor, ReportKind,
+    Usage,
+};
+use proptest::prelude::*;
+
+/// A mouse with three buttons. Source: Device Class Definition for HID 1.11, appendix E.10.
+const MOUSE: [u8; 50] = [
+    0x05, 0x01, 0x09, 0x02, 0xA1, 0x01, 0x09, 0x01, 0xA1, 0x00, 0x05, 0x09, 0x19, 0x01, 0x29, 0x03, 0x15,
+    0x00, 0x25, 0x01, 0x95, 0x03, 0x75, 0x01, 0x81, 0x02, 0x95, 0x01, 0x75, 0x05, 0x81, 0x01, 0x05, 0x01,
+    0x09, 0x30, 0x09, 0x31, 0x15, 0x81, 0x25, 0x7F, 0x75, 0x08, 0x95, 0x02, 0x81, 0x06, 0xC0, 0xC0,
+];
+
+const X: Usage = Usage::new(1, 0x30);
+const Y: Usage = Usage::new(1, 0x31);
+
+#[test]
+fn the_mouse_of_the_standard_is_read_as_the_standard_says() {
+    let mouse = ReportDescriptor::parse(&MOUSE).unwrap();
+    assert!(!mouse.is_numbered());
+    assert_eq!(mouse.applications().collect::<Vec<_>>(), [Usage::new(1, 2)]);
+    let [report] = mouse.reports() else { panic!("one report") };
+    assert_eq!((report.kind, report.id, report.bytes()), (ReportKind::Input, 0, 3));
+    // Three buttons, five bits of nothing, x and y.
+    let places: Vec<(usize, usize)> = report.fields.iter().map(|field| (field.bit, field.bits)).collect();
+    assert_eq!(places, [(0, 1), (1, 1), (2, 1), (8, 8), (16, 8)]);
+    let (_, x) = mouse.find(ReportKind::Input, Usage::new(1, 1), X).unwrap();
+    assert_eq!((x.logical, x.is_relative, x.is_array, x.is_constant), ([-127, 127], true, false, false));
+    assert_eq!(mouse.around(x).collect::<Vec<_>>(), [Usage::new(1, 1), Usage::new(1, 2)]);
+    let data = [0b0000_0101, 0xFE, 0x7F];
+    let value = |usage| report.field(usage).unwrap().get(&data);
+    assert_eq!([value(X), value(Y)], [Some(-2), Some(127)]);
+    assert_eq!([1, 2, 3].map(|button| value(Usage::new(9, button))), [Some(1), Some(0), Some(1)]);
+    assert_eq!(report.field(Y).unwrap().get(&data[..2]), None, "too short");
+}
+
+/// One field of `bits` from `bit`, with padding before it.
+fn field(bit: u8, bits: u8, low: i16, high: i16) -> Field {
+    let [[a, b], [c, d]] = [low.to_le_bytes(), high.to_le_bytes()];
+    let bytes = [
+        &[0x75, bit, 0x95, 1, 0x91, 3][..],
+        &[0x05, 1, 0x09, 0x30, 0x16, a, b, 0x26, c, d, 0x75, bits, 0x95, 1, 0x91, 2],
+    ];
+    let parsed = ReportDescriptor::parse(&bytes.concat()).unwrap();
+    parsed.reports()[0].fields[0].clone()
+}
+
+proptest! {
+    #[test]
+    fn what_is_put_into_a_field_is_found_there_and_nothing_else_is_touched(
+        bit in 0_u8..40, bits in 2_u8..=16, value in any::<i16>(), before in any::<[u8; 8]>(),
+    ) {
+        let most = (1_i32 << (bits - 1)) - 1;
+        let field = field(bit, bits, (-most) as i16, most as i16);
+        let mut data = before;
+        let put = field.set(&mut data, i64::from(value)).unwrap();
+        prop_assert_eq!(put, i64::from(value).clamp(-i64::from(most), i64::from(most)));
+        prop_assert_eq!(field.get(&data), Some(put));
+        // As one number of 64 bits, without the field.
+        let rest = |bytes: [u8; 8]| u64::from_le_bytes(bytes) & !(((1 << bits) - 1) << bit);
+        prop_assert_eq!(rest(data), rest(before));
+        // Its bits, counted one by one.
+        let bits_of = (0..usize::from(bits)).map(|i| {
+            let at = usize::from(bit) + i;
+            i64::from(data[at / 8] >> (at % 8) & 1) << i
+        });
+        prop_assert_eq!(bits_of.sum::<i64>(), put & ((1 << bits) - 1));
+    }
+
+    #[test]
+    fn no_bytes_make_it_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        if let Ok(parsed) = ReportDescriptor::parse(&bytes) {
+            let mut data = [0; 64];
+            for report in parsed.reports() {
+                prop_assert!(report.bytes() <= LONGEST_REPORT && report.fields.len() <= MOST_FIELDS);
+                for field in &report.fields {
+                    let _ = (field.get(&data), field.set(&mut data, i64::MAX), field.set(&mut data, i64::MIN));
+                    let _ = (field.value_of(X), field.usage_of(i64::MIN), field.usage_of(3));
+                    let _ = parsed.around(field).count();
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_second_parser_reads_the_same(items in prop::collection::vec(item(), 1..30)) {
+        // In a collection, which that parser wants.
+        let bytes = [&[0x05, 1, 0x09, 4, 0xA1, 1][..], &items.concat(), &[0xC0]].concat();
+        let ours = ReportDescriptor::parse(&bytes).unwrap();
+        let theirs = hidreport::ReportDescriptor::try_from(bytes.as_slice()).unwrap();
+        compare(&ours, ReportKind::Input, theirs.input_reports())?;
+        compare(&ours, ReportKind::Output, theirs.output_reports())?;
+        compare(&ours, ReportKind::Feature, theirs.feature_reports())?;
+    }
+}
+
+/// A main item with all that it needs.
+fn item() -> impl Strategy<Value = Vec<u8>> {
+    let kind = prop::sample::select(vec![0x81_u8, 0x91, 0xB1]);
+    let flags = prop::sample::select(vec![2_u8, 6, 0]);
+    (kind, flags, 1_u8..5, 1_u8..5, 1_u8..33, 1_u8..200, any::<i8>(), 0_i8..=127).prop_map(
+        |(kind, flags, id, count, bits, usage, low, high)| {
+            let high = high.max(low).cast_unsigned();
+            let last = usage + count - 1;
+            vec![
+                0x85,
+                id,
+                0x05,
+                0x0F,
+                0x19,
+                usage,
+                0x29,
+                last,
+                0x15,
+                low.cast_unsigned(),
+                0x25,
+                high,
+                0x75,
+                bits,
+                0x95,
+                count,
+                kind,
+                flags,
+            ]
+        },
+    )
+}
+
+fn compare(
+    ours: &ReportDescriptor,
+    kind: ReportKind,
+    theirs: &[impl hidreport::Report],
+) -> Result<(), TestCaseError> {
+    prop_assert_eq!(ours.reports().iter().filter(|report| report.kind == kind).count(), theirs.len());
+    for report in theirs {
+        let id = u8::from(report.report_id().unwrap());
+        let mine = ours.report(kind, id).unwrap();
+        // They count the report's number.
+        prop_assert_eq!(mine.bytes() + 1, report.size_in_bytes());
+        let mut of_mine = mine.fields.iter();
+        for field in report.fields() {
+            match field {
+                hidreport::Field::Variable(theirs) => {
+                    let mine = of_mine.next().unwrap();
+                    prop_assert!(!mine.is_array);
+                    prop_assert_eq!((mine.bit + 8)..(mine.bit + 8 + mine.bits), theirs.bits.clone());
+                    prop_assert_eq!(mine.logical[0], i64::from(i32::from(theirs.logical_minimum)));
+                    prop_assert_eq!(mine.logical[1], i64::from(i32::from(theirs.logical_maximum)));
+                    let (page, id) = (u16::from(theirs.usage.usage_page), u16::from(theirs.usage.usage_id));
+                    prop_assert!(mine.has(Usage::new(page, id)));
+                }
+                hidreport::Field::Array(theirs) => {
+                    // All its elements are one field there.
+                    let mut at = theirs.bits.start;
+                    while at < theirs.bits.end {
+                        let mine = of_mine.next().unwrap();
+                        prop_assert!(mine.is_array && mine.bit + 8 == at);
+                        let usages: Vec<(u16, u16)> = theirs
+                            .usages()
+                            .iter()
+                            .map(|usage| (u16::from(usage.usage_page), u16::from(usage.usage_id)))
+                            .collect();
+                        prop_assert!(usages.iter().all(|&(page, id)| mine.has(Usage::new(page, id))));
+                        prop_assert_eq!(
+                            mine.usages.iter().map(|range| range.count()).sum::<usize>(),
+                            usages.len()
+                        );
+                        at += mine.bits;
+                    }
+                }
+                hidreport::Field::Constant(_) => {}
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn an_array_names_usages_by_numbers() {
+    // A device control with six words, numbers 1 to 6. Source: Device Class Definition for PID 1.0, chapter 5.8.
+    let bytes = [
+        0x05, 0x0F, 0x09, 0x96, 0xA1, 0x02, 0x85, 0x0C, 0x09, 0x97, 0x09, 0x98, 0x09, 0x99, 0x09, 0x9A, 0x09,
+        0x9B, 0x09, 0x9C, 0x15, 0x01, 0x25, 0x06, 0x75, 0x08, 0x95, 0x01, 0x91, 0x00, 0xC0,
+    ];
+    let parsed = ReportDescriptor::parse(&bytes).unwrap();
+    let reset = Usage::new(0x0F, 0x9A);
+    let (report, field) = parsed.find(ReportKind::Output, Usage::new(0x0F, 0x96), reset).unwrap();
+    assert_eq!((report.id, report.bytes(), field.is_array), (12, 1, true));
+    assert_eq!(field.value_of(reset), Some(4));
+    assert_eq!(field.usage_of(4), Some(reset));
+    assert_eq!((field.usage_of(0), field.usage_of(7)), (None, None));
+    let mut data = [0];
+    assert_eq!(field.set(&mut data, 4), Some(4));
+    assert_eq!((data, field.set(&mut data, 9)), ([4], Some(6)));
+}
+
+#[test]
+fn what_is_broken_is_refused_with_its_place() {
+    let refused = |bytes: &[u8]| ReportDescriptor::parse(bytes).unwrap_err();
+    assert_eq!(refused(&[0x05]), DescriptorError::Truncated { at: 0 });
+    assert_eq!(refused(&[0x05, 1, 0x27, 1, 2, 3]), DescriptorError::Truncated { at: 2 });
+    assert_eq!(refused(&[0xFE, 9, 0]), DescriptorError::Truncated { at: 0 });
+    assert_eq!(refused(&[0xC0]), DescriptorError::UnpairedCollection { at: 0 });
+    assert_eq!(refused(&[0xA1, 1]), DescriptorError::UnpairedCollection { at: 2 });
+    assert_eq!(refused(&[0xB4]), DescriptorError::UnpairedPop { at: 0 });
+    assert_eq!(refused(&[0xA4; 65]), DescriptorError::TooDeep { at: 64, allowed: 64 });
+    assert_eq!(refused(&[0xA0; 65]), DescriptorError::TooDeep { at: 64, allowed: 64 });
+    assert_eq!(refused(&[0x85, 0]), DescriptorError::ReportNumber { at: 0, id: 0 });
+    assert_eq!(refused(&[0x86, 0, 1]), DescriptorError::ReportNumber { at: 0, id: 256 });
+    let unnumbered = [0x75, 8, 0x95, 1, 0x81, 2, 0x85, 1, 0x81, 2];
+    assert_eq!(refused(&unnumbered), DescriptorError::Unnumbered { at: 4 });
+    // Four thousand million fields of as many bits each.
+    let huge = [0x77, 0xFF, 0xFF, 0xFF, 0xFF, 0x97, 0xFF, 0xFF, 0xFF, 0xFF, 0x81, 2];
+    assert_eq!(refused(&huge), DescriptorError::ReportTooLong { at: 10 });
+    let many = [0x75, 1, 0x96, 0x01, 0x10, 0x81, 2];
+    assert_eq!(refused(&many), DescriptorError::TooManyFields { at: 5 });
+    let longer = vec![0x04; LONGEST_DESCRIPTOR + 1];
+    assert_eq!(refused(&longer), DescriptorError::TooLong(LONGEST_DESCRIPTOR + 1));
+    // A page in the usage itself goes before the page that holds; a long item is passed over; 0xFF is 255 where nothing is below 0.
+    let odd =
+        [0xFE, 2, 0, 9, 9, 0x05, 1, 0x0B, 0x70, 0, 0x0F, 0, 0x15, 0, 0x25, 0xFF, 0x75, 8, 0x95, 2, 0x81, 2];
+    let parsed = ReportDescriptor::parse(&odd).unwrap();
+    let fields = &parsed.reports()[0].fields;
+    // The last usage stands for the fields that are left.
+    assert!(fields.len() == 2 && fields.iter().all(|field| field.has(Usage::new(0x0F, 0x70))));
+    assert_eq!(fields[1].logical, [0, 255]);
+}
