@@ -161,3 +161,55 @@ fn is_near_home(kinematics: &BoardKinematics, counters: [i16; 3]) -> bool {
     let ([a, b, c], [h, i, j, ..]) = (kinematics.counts(counters), kinematics.home_counts);
     [(a, h), (b, i), (c, j)].iter().all(|&(count, home)| (count - i32::from(home)).abs() <= NEAR_HOME)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(c: i16, asks: bool) -> BoardInput {
+        BoardInput { encoders: [0, 0, c, 0, 0, 0], asks, ..BoardInput::default() }
+    }
+
+    #[test]
+    fn it_is_done_when_the_counters_are_near_home_and_the_board_asks_no_more() {
+        let arm = BoardKinematics::default();
+        let mut calibrator = Calibrator::new(BoardForm::Bytes14);
+        calibrator.opened(BoardHoming::AtOpen);
+        calibrator.take(&arm, &report(0, false));
+        assert!(calibrator.is_asked() && !calibrator.is_done());
+        calibrator.told();
+        // Reports that were on their way.
+        for old in [report(0, false), report(5990, true), report(5700, false)] {
+            calibrator.take(&arm, &old);
+            assert!(!calibrator.is_done() && !calibrator.is_asked() && calibrator.is_under_way());
+        }
+        calibrator.take(&arm, &report(5990, false));
+        assert!(calibrator.is_done() && calibrator.handle().is_done() && !calibrator.is_under_way());
+    }
+
+    #[test]
+    fn a_board_that_has_not_done_it_is_told_again() {
+        let arm = BoardKinematics::default();
+        let mut calibrator = Calibrator::new(BoardForm::Bytes14);
+        calibrator.opened(BoardHoming::Awaited);
+        calibrator.handle().request();
+        calibrator.take(&arm, &report(0, false));
+        calibrator.told();
+        for _ in 0..=PATIENCE {
+            assert!(!calibrator.is_asked());
+            calibrator.take(&arm, &report(0, false));
+        }
+        assert!(calibrator.is_asked());
+    }
+
+    #[test]
+    fn a_board_of_8_bytes_counts_the_other_way_round_also_where_it_wraps() {
+        let arm = BoardKinematics::default();
+        let mut calibrator = Calibrator::new(BoardForm::Bytes8);
+        calibrator.opened(BoardHoming::AtOpen);
+        assert_eq!(calibrator.take(&arm, &report(i16::MIN, false)), [0, 0, 6000]);
+        assert!(calibrator.is_done() && !calibrator.is_asked());
+        // One count back for the board, across the end of its numbers, is one on for the body.
+        assert_eq!(calibrator.take(&arm, &report(i16::MAX, false)), [0, 0, 6001]);
+    }
+}

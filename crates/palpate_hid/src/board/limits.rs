@@ -66,3 +66,46 @@ pub(super) fn is_much_less(new: [i16; 3], shown: [i16; 3]) -> bool {
     };
     4 * square(new) < square(shown)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Limits that have grown to all.
+    fn grown(options: &BoardOptions, angles_rad: DVec3) -> Limits {
+        let mut limits = Limits::default();
+        (0..20).for_each(|_| limits.taken(options, angles_rad));
+        limits
+    }
+
+    #[test]
+    fn a_stretched_arm_shows_nothing_and_begins_with_little_when_it_bends_again() {
+        let options = BoardOptions { reach_m: 10.0, ..BoardOptions::default() };
+        let home = options.kinematics.home_rad();
+        let mut limits = grown(&options, home);
+        assert_ne!(limits.currents(&options, home, DVec3::X), [0; 3]);
+        // θ_B + θ_C is π but for a hundredth.
+        let stretched = DVec3::new(0.0, 1.0, std::f64::consts::PI - 1.01);
+        assert_eq!(limits.currents(&options, stretched, DVec3::X), [0; 3]);
+        limits.taken(&options, stretched);
+        assert_eq!(limits.currents(&options, home, DVec3::X), [0; 3]);
+        limits.taken(&options, home);
+        let little = grown(&options, home).currents(&options, home, 0.25 * DVec3::X);
+        assert_eq!(limits.currents(&options, home, 3.0 * DVec3::X), little);
+    }
+
+    #[test]
+    fn milliamperes_are_rounded_and_held_at_the_ends() {
+        assert_eq!([0.0004, 0.0006, -0.0006, -1.2].map(milliamperes), [0, 1, -1, -1200]);
+        assert_eq!([1e9, -1e9, f64::INFINITY, f64::NAN].map(milliamperes), [i16::MAX, i16::MIN, i16::MAX, 0]);
+    }
+
+    #[test]
+    fn a_force_beyond_all_bounds_is_the_largest_there_is() {
+        let options = BoardOptions { max_current_a: 3.0, ..BoardOptions::default() };
+        let home = options.kinematics.home_rad();
+        let limits = grown(&options, home);
+        let most = limits.currents(&options, home, 5.0 * DVec3::X);
+        assert_eq!(limits.currents(&options, home, 1e3 * DVec3::X), most);
+    }
+}

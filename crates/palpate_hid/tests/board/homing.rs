@@ -127,3 +127,39 @@ fn a_loop_finds_its_board_again() {
     assert!(matches!(thread.stop(), Stop::Joined));
     assert_eq!(firmware.lock().unwrap().currents_ma(), [0; 3]);
 }
+
+/// A board of which two reports from before it was opened come first, one after the other.
+struct Stale {
+    board: BoardFirmware,
+    kept: Vec<Vec<u8>>,
+    is_due: bool,
+}
+
+impl Firmware for Stale {
+    fn input(&mut self, report: &mut [u8]) -> usize {
+        // One for each report that it gets.
+        if !std::mem::take(&mut self.is_due) {
+            return 0;
+        }
+        let Some(old) = self.kept.pop() else { return self.board.input(report) };
+        report[..old.len()].copy_from_slice(&old);
+        old.len()
+    }
+    fn output(&mut self, report: &[u8]) -> bool {
+        self.is_due = true;
+        self.board.output(report)
+    }
+}
+
+#[test]
+fn old_reports_do_not_say_where_home_is() {
+    for form in BoardForm::ALL {
+        let mut bench = Bench::new(at_home(form), homed());
+        let old = BoardInput { encoders: [500, -500, 3000, 0, 0, 0], ..BoardInput::default() }.encode(form);
+        let stale = Stale { board: at_home(form), kept: vec![old.as_slice().to_vec(); 2], is_due: false };
+        bench.bus.plug(bench.board(|it| it.info(PATH)), bench.board(|it| it.descriptor()), stale);
+        bench.device().open().unwrap();
+        let reading = bench.ticks(4, DVec3::ZERO);
+        assert!((reading.position_m - DVec3::new(0.0, 0.205, 0.025)).length() < 1e-12, "{form:?}");
+    }
+}
