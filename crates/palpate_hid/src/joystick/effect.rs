@@ -82,7 +82,8 @@ impl Effect {
         self.shown.map_or(i64::MIN, |shown| self.wanted.saturating_abs() - shown.saturating_abs())
     }
 
-    /// Makes it what is wanted, if it is not or that was said long ago.
+    /// Makes it what is wanted, if it is not or that was said long ago. If that fails it is to be made zero: what was on its way may
+    /// have arrived.
     pub(super) fn send(
         &mut self,
         link: &mut Link,
@@ -93,8 +94,6 @@ impl Effect {
             return Ok(());
         }
         put(&mut self.magnitude, &layout.magnitude, self.wanted);
-        // What is on its way may arrive although it failed.
-        self.shown = None;
         link.write(&self.magnitude)?;
         (self.shown, self.at) = (Some(self.wanted), now);
         Ok(())

@@ -23,17 +23,18 @@ pub struct JoystickOptions {
     /// be pushed away from needs it.
     pub reverse: [bool; 2],
     /// So long without an input report, s, a reading counts as timed out and the loop takes the force away; `None` for never. Many
-    /// devices report changes only, so that silence may be a stick that is held still. Those that are known here say something all
-    /// the same: OpenFFBoard every 100 ms.
+    /// devices report changes only, so that silence may be a stick that is held still. OpenFFBoard says something every 100 ms all the
+    /// same (FFBHIDMain.cpp, `reportSendCounter`), so that a longer silence is that of a device that hangs. One that says nothing while
+    /// it is at rest needs `None`.
     pub silent_after_s: Option<f64>,
     /// Whether y is used, where the device has it. A wheel has one motor, and its y is a pedal. Without y the joystick is on a line.
     pub use_y: bool,
 }
 
 impl Default for JoystickOptions {
-    /// A full scale of 50 N, which is more than a desktop joystick is known to have, so that the hand rather feels less than what
-    /// was asked for; a tenth of it, 5 N, as the greatest force; ±60 mm; x to the right and y, as joysticks have it, towards the
-    /// hand's owner; timed out after 0.25 s.
+    /// A full scale of 50 N, an assumption that is meant to be more than a desktop joystick has, so that the hand feels less rather
+    /// than more than what was asked for; a tenth of it, 5 N, as the greatest force; ±60 mm; x to the right and y, as joysticks have
+    /// it, towards the hand's owner; timed out after 0.25 s.
     fn default() -> Self {
         Self {
             full_scale_n: 50.0,

@@ -161,6 +161,59 @@ fn axes_may_have_any_width() {
     assert!((position_m - DVec3::new(0.06, 0.0, -0.03)).length() < 1e-10, "{position_m}");
 }
 
+/// What a device may say when it is asked for room and for a new effect, in OpenFFBoard's layout: the number, an index, a status (1 made,
+/// 2 full, 3 failed), two bytes. The same bytes are a pool's, whose last bit says whether the device manages it.
+#[test]
+fn answers_that_make_no_sense_are_refused() {
+    let not_its = "its word on a new effect is not what its descriptor says";
+    let no_index = "it gave an effect an index that its descriptor does not have";
+    for (answer, told) in [
+        ("12 01 02 00 01", "it has no room for another effect"),
+        ("12 01 03 00 01", "it could not make a constant force"),
+        ("12 01 00 00 01", "it does not say whether it has made an effect"),
+        ("12 01 04 00 01", "it does not say whether it has made an effect"),
+        ("12 00 01 00 01", no_index),
+        ("12 29 01 00 01", no_index),
+        ("12 01 01 00", not_its),
+        ("12", not_its),
+        ("21 01 01 00 01", not_its),
+        ("12 01 01 00 00", "it leaves the room for effects to the driver, which is not supported"),
+        ("12 01 01 01 01", "it plays fewer effects at once than it has axes"),
+    ] {
+        let answers = Some(hex::bytes(answer));
+        let (mut device, ..) = prompted(&openffboard().descriptor, whole_force(), answers);
+        assert_eq!(device.open(), Err(DeviceError::Protocol(told)), "{answer}");
+    }
+    let answers = Some(hex::bytes("12 28 01 00 01"));
+    let (mut device, ..) = prompted(&openffboard().descriptor, whole_force(), answers);
+    device.open().unwrap();
+}
+
+/// A device whose reports do not agree on how many effects there are: none may be taken for another.
+#[test]
+fn an_index_must_fit_in_every_report() {
+    let mut descriptor = openffboard().descriptor;
+    // In the report that sets a constant force, 1 to 1.
+    let at = descriptor.windows(4).position(|items| items == [0x09, 0x73, 0xA1, 0x02]).unwrap();
+    assert_eq!(descriptor[at + 10..at + 12], [0x25, 0x28]);
+    descriptor[at + 11] = 1;
+    let (mut device, ..) = prompted(&descriptor, whole_force(), None);
+    let told = Err(DeviceError::Protocol("it gave an effect an index that its descriptor does not have"));
+    assert_eq!(device.open(), told);
+    // Where they say that 0 is an index it means none all the same.
+    let from_zero = |items: &[u8]| [&items[..items.len() - 1], &[0]].concat();
+    let mut descriptor = openffboard().descriptor;
+    for items in [&[0x09, 0x22, 0x15, 0x01][..], &[0x09, 0x22, 0x25, 0x28, 0x15, 0x01]] {
+        for at in 0..descriptor.len() - items.len() {
+            if descriptor[at..].starts_with(items) {
+                descriptor[at..at + items.len()].copy_from_slice(&from_zero(items));
+            }
+        }
+    }
+    let (mut device, ..) = prompted(&descriptor, whole_force(), Some(hex::bytes("12 00 01 00 01")));
+    assert_eq!(device.open(), told);
+}
+
 proptest! {
     #[test]
     fn no_report_makes_it_panic(
