@@ -23,7 +23,8 @@
 //! * What a device says of its reports: [`ReportDescriptor`].
 //! * A 3-DOF board: its arm [`BoardKinematics`], its home [`BoardHoming`], [`BoardCalibration`], its reports [`BoardForm`],
 //!   [`BoardInput`], [`BoardOutput`].
-//! * Without hardware: [`StandInBus`], [`Firmware`]; a board with an arm and a hand [`BoardFirmware`].
+//! * Without hardware: [`StandInBus`], [`Firmware`]; a cap [`SpaceMouseFirmware`]; a joystick in a hand
+//!   [`JoystickFirmware`]; a board with an arm and a hand [`BoardFirmware`].
 //!
 //! # Units, frames, signs
 //!
@@ -63,5 +64,7 @@ pub use error::HidError;
 pub use joystick::JoystickOptions;
 pub use selector::{FoundDevice, HidKind, HidSelector};
 pub use space_mouse::{CapReport, NotACapReport, SpaceMouseOptions};
-pub use stand_in::{BoardFirmware, Firmware, StandInBus};
+pub use stand_in::{
+    BoardFirmware, CapForm, Firmware, HeldStick, JoystickFirmware, SpaceMouseFirmware, StandInBus,
+};
 pub use system::SystemBus;

@@ -1,8 +1,12 @@
 //! HID devices that are only there in memory: for tests of drivers, and for an app on a machine without the device.
 
 mod board;
+mod joystick;
+mod space_mouse;
 
 pub use board::BoardFirmware;
+pub use joystick::{HeldStick, JoystickFirmware};
+pub use space_mouse::{CapForm, SpaceMouseFirmware};
 
 use crate::{HidBus, HidConnection, HidError, HidInfo};
 use palpate_haptics::DeviceError;

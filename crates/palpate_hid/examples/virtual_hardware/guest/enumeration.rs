@@ -1,0 +1,80 @@
+//! What is plugged in is found: by kind, by serial number; two alike, and one that is in use, are errors of their own.
+
+use super::check::{Outcome, ensure};
+use super::virtual_device::{Pace, VirtualDevice};
+use super::{board, cap, joystick};
+use palpate_haptics::HapticDevice;
+use palpate_hid::{
+    BoardFirmware, BoardForm, BoardKinematics, CapForm, FoundDevice, HidBus, HidDevice, HidError, HidKind,
+    HidOptions, HidSelector, SystemBus,
+};
+use std::error::Error;
+use std::sync::Arc;
+
+/// One of each kind, as plugged in: its serial number and its kind.
+pub type Plugged = Vec<(VirtualDevice, &'static str, HidKind)>;
+
+/// Plugs in one of each kind, and a second cap and a second board.
+pub fn plug_all() -> Result<Plugged, Box<dyn Error>> {
+    let board = |serial, form| {
+        board::plug(serial, BoardFirmware::at_home(form, &BoardKinematics::default()))
+            .map(|(plugged, _)| plugged)
+    };
+    let joystick =
+        |serial| joystick::plug(serial, &joystick::OPENFFBOARD, Pace::WhenTold).map(|(plugged, _)| plugged);
+    Ok(vec![
+        (cap::plug("cap-1", CapForm::Apart, Pace::WhenTold)?.0, "cap-1", HidKind::SpaceMouse),
+        (cap::plug("cap-2", CapForm::Together, Pace::WhenTold)?.0, "cap-2", HidKind::SpaceMouse),
+        (joystick("joystick-1")?, "joystick-1", HidKind::Joystick),
+        (board("board-1", BoardForm::Bytes14)?, "board-1", HidKind::Board),
+        (board("board-2", BoardForm::Bytes64)?, "board-2", HidKind::Board),
+    ])
+}
+
+pub fn run() -> Outcome {
+    let plugged = plug_all()?;
+    let bus: Arc<dyn HidBus> = Arc::new(SystemBus::new()?);
+    let present = bus.list()?;
+    let options = HidOptions::default();
+    for (device, serial, kind) in &plugged {
+        let info = present.iter().find(|info| info.serial == *serial);
+        let info = info.ok_or_else(|| format!("{serial} is not listed"))?;
+        let known = FoundDevice::known(&*bus, info, true).map(|found| found.kind);
+        ensure(known == Some(*kind), || format!("{} is taken for {known:?}", info.label()))?;
+        ensure(info.path == device.node, || format!("{serial} is at {}, not {}", info.path, device.node))?;
+        let selector =
+            HidSelector { serial: Some((*serial).into()), teensy_is_board: true, ..HidSelector::default() };
+        HidDevice::find(Arc::clone(&bus), &selector, &options)?;
+    }
+
+    // Every sketch for a Teensy has these numbers.
+    let teensy = HidSelector { serial: Some("board-2".into()), ..HidSelector::default() };
+    match HidDevice::find(Arc::clone(&bus), &teensy, &options) {
+        Err(HidError::NotFound { .. }) => {}
+        other => return Err(format!("a Teensy that nobody called a board gave {other:?}").into()),
+    }
+    let vendor = Some(cap::identity("").vendor);
+    let caps = HidSelector { kind: Some(HidKind::SpaceMouse), vendor, ..HidSelector::default() };
+    match HidDevice::find(Arc::clone(&bus), &caps, &options) {
+        Err(HidError::Several { found, .. }) if found.len() == 2 => {}
+        other => return Err(format!("two alike gave {other:?}").into()),
+    }
+    let first = HidSelector { first: true, ..caps };
+    let mut used = HidDevice::find(Arc::clone(&bus), &first, &options)?;
+    used.open()?;
+    match HidDevice::find(Arc::clone(&bus), &first, &options) {
+        Err(HidError::Busy { .. }) => {}
+        other => return Err(format!("one in use gave {other:?}").into()),
+    }
+    used.close()?;
+    HidDevice::find(Arc::clone(&bus), &first, &options)?;
+
+    let nodes: Vec<String> = plugged.iter().map(|(device, ..)| device.node.clone()).collect();
+    drop(plugged);
+    let info = used.found().info.clone();
+    match HidDevice::find(bus, &HidSelector { path: Some(info.path), ..HidSelector::default() }, &options) {
+        Err(HidError::NotFound { .. }) => {}
+        other => return Err(format!("one that was unplugged gave {other:?}").into()),
+    }
+    Ok(format!("{} devices found; two alike, one in use and one that is gone are told apart", nodes.len()))
+}

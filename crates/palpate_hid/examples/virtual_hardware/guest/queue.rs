@@ -1,0 +1,54 @@
+//! Reports that nobody reads: hidraw keeps the oldest 63, the driver reads them all at its next tick and goes by the newest.
+
+use super::cap;
+use super::check::{Outcome, ensure};
+use super::virtual_device::Pace;
+use palpate_haptics::HapticDevice;
+use palpate_hid::CapForm;
+use std::time::Duration;
+
+/// Reports that are sent while nobody reads.
+const SENT: i16 = 200;
+/// How many of them are kept: one place in its ring of `HIDRAW_BUFFER_SIZE` 64 stays free.
+const KEPT: i16 = 63;
+
+pub fn run() -> Outcome {
+    let (plugged, cap) = cap::plug("queue", CapForm::Together, Pace::WhenTold)?;
+    let device = cap::find("queue")?;
+    let counters = device.counters();
+    let mut ms = 0;
+    let mut device = device.with_clock(move || {
+        ms += 1;
+        Duration::from_millis(ms)
+    });
+    device.open()?;
+    device.read(Duration::ZERO)?;
+    // Of the full push, and what comes of it, m/s.
+    let speed = |count: i16| 0.1 * (f64::from(count) / 350.0 - 0.02) / (1.0 - 0.02);
+    let mut read = |told: i16| -> Outcome {
+        let reading = device.read(Duration::ZERO)?;
+        let found = reading.velocity_m_per_s.ok_or("the driver gives no velocity")?.x;
+        let wanted = speed(told);
+        ensure((found - wanted).abs() < 1e-12, || format!("the point moves at {found} m/s, not {wanted}"))?;
+        Ok(String::new())
+    };
+
+    for count in 1..=SENT {
+        cap::of(&cap, |cap| cap.push([count, 0, 0], [0; 3]));
+        plugged.speak()?;
+    }
+    read(KEPT)?;
+    let counted = (counters.read(), counters.skipped(), counters.malformed());
+    ensure(counted == (KEPT as u64, KEPT as u64 - 1, 0), || {
+        format!("read, skipped and malformed are {counted:?}")
+    })?;
+    // None of them is left: the next report is the newest.
+    cap::of(&cap, |cap| cap.push([300, 0, 0], [0; 3]));
+    plugged.speak()?;
+    read(300)?;
+    let counted = (counters.read(), counters.skipped());
+    ensure(counted == (KEPT as u64 + 1, KEPT as u64 - 1), || format!("then they are {counted:?}"))?;
+    device.close()?;
+    plugged.unplug();
+    Ok(format!("of {SENT} reports the oldest {KEPT} were kept, {} were skipped", KEPT - 1))
+}
