@@ -32,6 +32,7 @@ const ALLOWED: [(&str, &[&str]); 8] = [
             "palpate_local",
             "palpate_reduce",
             "palpate_haptics",
+            "palpate_hid",
             "allocation-counter",
             "clap",
             "faer",

@@ -6,8 +6,8 @@
 use glam::DVec3;
 use libfuzzer_sys::fuzz_target;
 use palpate_haptics::HapticDevice;
-use palpate_hid::{Firmware, HidDevice, HidInfo, HidOptions, HidSelector, StandInBus, Usage};
-use std::sync::Arc;
+use palpate_hid::{BoardHoming, BoardOptions, Firmware, HidDevice, HidInfo, HidOptions, HidSelector, StandInBus, Usage};
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 /// Says what it finds in some bytes: a length, then as many.
@@ -49,16 +49,15 @@ const BOARD: [Usage; 1] = [Usage::new(0xFFAB, 0x0200)];
 
 fuzz_target!(|bytes: &[u8]| {
     let [kind, length, rest @ ..] = bytes else { return };
-    let known: [&[u8]; 3] = DESCRIPTORS;
     let (vendor, product, applications, own) = match kind % 3 {
-        0 => (0x256F, 0xC635, MOUSE, known[0]),
-        1 => (0x1209, 0xFFB0, STICK, known[1]),
-        _ => (0x1234, 0x0006, BOARD, known[2]),
+        0 => (0x256F, 0xC635, MOUSE, &KNOWN[0]),
+        1 => (0x1209, 0xFFB0, STICK, &KNOWN[1]),
+        _ => (0x1234, 0x0006, BOARD, &KNOWN[2]),
     };
     // A descriptor that is made up, or one that is right so that the fuzzing comes further.
     let length = usize::from(*length).min(rest.len());
     let (descriptor, said) =
-        if kind & 0x80 == 0 { (own.to_vec(), rest) } else { (rest[..length].to_vec(), &rest[length..]) };
+        if kind & 0x80 == 0 { (own.clone(), rest) } else { (rest[..length].to_vec(), &rest[length..]) };
     let bus = Arc::new(StandInBus::default());
     let info = HidInfo {
         path: "made up".into(),
@@ -68,7 +67,9 @@ fuzz_target!(|bytes: &[u8]| {
         ..HidInfo::default()
     };
     bus.plug(info, descriptor, Bytes(said.to_vec(), 0));
-    let Ok(mut device) = HidDevice::find(bus, &HidSelector::any(), &HidOptions::default()) else { return };
+    let board = BoardOptions { homing: BoardHoming::Kept, ..BoardOptions::default() };
+    let options = HidOptions { board, ..HidOptions::default() };
+    let Ok(mut device) = HidDevice::find(bus, &HidSelector::any(), &options) else { return };
     device.describe().validate().expect("a description that makes sense");
     let mut ms = 0;
     device = device.with_clock(move || {
@@ -88,5 +89,15 @@ fuzz_target!(|bytes: &[u8]| {
     let _ = device.close();
 });
 
-/// What the kinds say of their reports.
-const DESCRIPTORS: [&[u8]; 3] = [&[], &[], &[]];
+/// Descriptors that are right: a cap needs none, a joystick, a board.
+static KNOWN: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
+    let hex = |text: &str| {
+        let words = text.lines().flat_map(|line| line.split('#').next().unwrap_or_default().split_whitespace());
+        words.map(|word| u8::from_str_radix(word, 16).expect("hexadecimal")).collect()
+    };
+    [
+        Vec::new(),
+        hex(include_str!("../../crates/palpate_hid/tests/data/openffboard_2axis.txt")),
+        hex(include_str!("../../crates/palpate_hid/tests/data/board_mbed_14_descriptor.txt")),
+    ]
+});
