@@ -1,7 +1,7 @@
 //! The keys, and what the mouse's buttons do beside the hand.
 
 use crate::scene::ResetScene;
-use crate::time;
+use crate::{StageOptions, time};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{HapticSetupSystems, MouseDevicePlugin, MouseHand};
@@ -41,6 +41,8 @@ fn press(world: &mut World) {
     if let Some(scheme) = scheme {
         let mut tools = world.query::<&mut HapticTool>();
         tools.iter_mut(world).for_each(|mut tool| tool.scheme = scheme);
+        // A scene that begins again keeps it.
+        world.resource_mut::<StageOptions>().scheme = scheme;
     }
     if pause {
         let mut time = world.resource_mut::<Time<Virtual>>();
@@ -105,3 +107,6 @@ pub(crate) fn pointer_is_elsewhere(wants: Res<bevy_egui::input::EguiWantsInput>)
 pub(crate) fn pointer_is_elsewhere() -> bool {
     false
 }
+
+#[cfg(test)]
+mod tests;

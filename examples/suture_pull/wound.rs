@@ -13,6 +13,8 @@ const GAPE_M: f64 = 0.010;
 const STITCHES_M: [f64; 3] = [-0.014, 0.0, 0.014];
 const BESIDE_M: f64 = 0.003;
 const TIGHT_M: f64 = 0.005;
+/// The stiffness of a thread, N/m: silk so thin stretches by a millimetre at half a newton.
+pub const STIFFNESS_N_PER_M: f64 = 500.0;
 /// How fast the threads are pulled tight, m/s.
 const TIGHTENED_M_PER_S: f64 = 0.02;
 
@@ -44,7 +46,7 @@ pub fn stitches(entity: Entity, body: &SimulatedBody, tear_limit_n: f64) -> Vec<
         let across = (right - left).normalize_or(DVec3::X);
         let ends_m = [left - BESIDE_M * DVec3::X, right + BESIDE_M * DVec3::X];
         let length_m = (ends_m[1] - ends_m[0]).dot(across).abs().max(TIGHT_M);
-        Suture { body: entity, ends_m, length_m, tear_limit_n }
+        Suture { body: entity, ends_m, length_m, stiffness_n_per_m: STIFFNESS_N_PER_M, tear_limit_n }
     };
     STITCHES_M.iter().map(stitch).collect()
 }

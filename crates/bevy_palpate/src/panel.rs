@@ -59,7 +59,8 @@ impl HapticPanelPlugin {
 }
 
 /// What the panel shows. Change it to open, close or direct it.
-#[derive(Resource, Clone, Debug)]
+#[derive(Resource, Clone, Debug, Reflect)]
+#[reflect(Resource, Debug, Clone)]
 pub struct HapticPanel {
     /// Whether the side panel is open.
     pub open: bool,
@@ -75,6 +76,7 @@ pub struct HapticPanel {
     pub curves: [bool; 6],
     /// Where recordings go.
     pub folder: PathBuf,
+    #[reflect(ignore)]
     pub(crate) view: settings::View,
 }
 
@@ -119,6 +121,7 @@ impl Plugin for HapticPanelPlugin {
             folder,
             view: settings::View::default(),
         })
+        .register_type::<HapticPanel>()
         .insert_resource(PanelCost(cost.clone()))
         .init_resource::<watch::Watched>()
         .init_resource::<faults::Heard>()
