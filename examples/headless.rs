@@ -28,7 +28,6 @@ struct Options {
     seconds: f64,
     /// It never has a window, and takes this as the other scenes do
     #[arg(long)]
-    #[expect(dead_code, reason = "there is nothing else that it could do")]
     headless: bool,
 }
 

@@ -1,6 +1,6 @@
 //! The keys, and what the mouse's buttons do beside the hand.
 
-use crate::scene::ResetScene;
+use crate::scene::{ResetScene, set_up_hands};
 use crate::{StageOptions, time};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
@@ -12,7 +12,7 @@ pub(crate) struct KeysPlugin;
 impl Plugin for KeysPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<Hand>()
-            .add_systems(PreUpdate, give_mouse.before(HapticSetupSystems::Tools))
+            .add_systems(PreUpdate, give_mouse.after(set_up_hands).before(HapticSetupSystems::Tools))
             .add_systems(Update, (press, zoom));
     }
 }
@@ -67,17 +67,13 @@ fn press(world: &mut World) {
 }
 
 /// The first tool of a scene that has just been set up gets the mouse, if that is asked for or there is no other device.
-fn give_mouse(
-    mut tools: Query<(Entity, &mut HapticTool)>,
-    added: Query<Entity, Added<HapticTool>>,
-    stage: Res<crate::Stage>,
-    mut hand: ResMut<Hand>,
-) {
+fn give_mouse(mut tools: Query<(Entity, &mut HapticTool)>, stage: Res<crate::Stage>, mut hand: ResMut<Hand>) {
     if matches!(*hand, Hand::Undecided) {
         *hand = if stage.has_hand { Hand::Own } else { Hand::Mouse };
     }
-    let Some(first) = added.iter().min().filter(|_| matches!(*hand, Hand::Mouse)) else { return };
-    if let Ok((_, mut tool)) = tools.get_mut(first) {
+    let added = tools.iter_mut().filter(|(_, tool)| tool.is_added());
+    let first = added.min_by_key(|(entity, _)| *entity).filter(|_| matches!(*hand, Hand::Mouse));
+    if let Some((_, mut tool)) = first {
         tool.device = DeviceSelector::named(MouseDevicePlugin::NAME);
     }
 }

@@ -202,7 +202,8 @@ fn set_up(world: &mut World) {
     world.run_schedule(SetUpScene);
 }
 
-fn set_up_hands(world: &mut World) {
+/// Spawns the hands once all bodies are there.
+pub(crate) fn set_up_hands(world: &mut World) {
     let mut to_come = world.query_filtered::<(), (With<DeformableBody>, Without<SimulatedBody>)>();
     if to_come.iter(world).next().is_none() {
         world.insert_resource(AwaitsBodies(false));

@@ -21,7 +21,7 @@ pub struct Options {
     #[command(flatten)]
     stage: StageOptions,
     /// Tension at which a thread tears, N
-    #[arg(long, default_value_t = 0.5)]
+    #[arg(long, default_value_t = 0.3)]
     tear_limit: f64,
 }
 

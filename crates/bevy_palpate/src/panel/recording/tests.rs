@@ -18,7 +18,7 @@ fn hand(sequence: u64) -> DVec3 {
 
 fn push(history: &mut SampleHistory, sequences: std::ops::Range<u64>) {
     for sequence in sequences {
-        let reading = palpate_haptics::Reading::at(hand(sequence));
+        let reading = Reading::at(hand(sequence));
         let position_m = frame().to_scene(&reading).position_m;
         history.push(Sample { sequence, position_m, ..Sample::default() });
     }
@@ -129,8 +129,7 @@ fn a_recorded_grasp_is_replayed() {
         let frame = tool.settings.frame;
         recorder.record(tool.handle.samples(), &frame);
     });
-    let mut readings = recorder.running.take().unwrap().readings;
-    readings.insert(0, readings[0]);
+    let readings = recorder.running.take().unwrap().readings;
     write(&readings, &path).unwrap();
     assert!(std::fs::read_to_string(&path).unwrap().starts_with("t_s,x_m,y_m,z_m,buttons,qx,"));
     let (mut app, tool) = grasping_app(DeviceSelector::replay(path.display().to_string()));
