@@ -152,7 +152,15 @@ impl Stage {
                     .before(HapticSetupSystems::Tools)
                     .run_if(|awaits: Res<AwaitsBodies>| awaits.0),
             )
-            .add_systems(ModelStep, count_time.before(HapticSystems::First))
+            .add_systems(
+                ModelStep,
+                (
+                    count_time.before(HapticSystems::First),
+                    time::return_to_full_speed
+                        .after(HapticSystems::Last)
+                        .run_if(resource_exists::<time::Returning>),
+                ),
+            )
             .add_systems(Update, end_in_time);
         app
     }

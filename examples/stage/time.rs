@@ -21,12 +21,16 @@ pub const SLOW: f64 = 0.1;
 const SLOW_TICKS: u32 = 5;
 
 /// What there was before slow motion.
-#[derive(Resource)]
+#[derive(Resource, Clone, Copy)]
 struct AtFullSpeed {
     clock: HapticClock,
     rate: ModelRate,
     timestep: Duration,
 }
+
+/// What there will be after the next model step, which is still a short one: nothing is held until it is over.
+#[derive(Resource)]
+pub(crate) struct Returning(AtFullSpeed);
 
 /// Time goes on by one model step at every update, however long that takes.
 pub(crate) fn step_by_step(app: &mut App) {
@@ -41,11 +45,14 @@ pub fn set_slow(world: &mut World, slow: bool) {
     }
     let slowly = ModelRate::every_ticks(SLOW_TICKS).unwrap_or_default();
     if slow {
-        let before = AtFullSpeed {
-            clock: *world.resource::<HapticClock>(),
-            rate: *world.resource::<ModelRate>(),
-            timestep: world.resource::<Time<Fixed>>().timestep(),
-        };
+        let before = world.remove_resource::<Returning>().map_or_else(
+            || AtFullSpeed {
+                clock: *world.resource::<HapticClock>(),
+                rate: *world.resource::<ModelRate>(),
+                timestep: world.resource::<Time<Fixed>>().timestep(),
+            },
+            |Returning(before)| before,
+        );
         world.insert_resource(before);
         world.insert_resource(HapticClock::Lockstep);
         world.insert_resource(slowly);
@@ -53,10 +60,9 @@ pub fn set_slow(world: &mut World, slow: bool) {
         world.resource_mut::<Time<Fixed>>().set_timestep(Duration::from_millis(SLOW_TICKS.into()));
     } else if let Some(before) = world.remove_resource::<AtFullSpeed>() {
         world.insert_resource(before.clock);
-        if *world.resource::<ModelRate>() == slowly {
-            world.insert_resource(before.rate);
-        }
-        world.resource_mut::<Time<Fixed>>().set_timestep(before.timestep);
+        let set_meanwhile = *world.resource::<ModelRate>();
+        let rate = if set_meanwhile == slowly { before.rate } else { set_meanwhile };
+        world.insert_resource(Returning(AtFullSpeed { rate, ..before }));
     }
     world.resource_mut::<Time<Virtual>>().set_relative_speed_f64(if slow { SLOW } else { 1.0 });
     let mut tools = world.query::<(Entity, &mut HapticTool)>();
@@ -71,6 +77,18 @@ pub fn set_slow(world: &mut World, slow: bool) {
     for tool in tools {
         world.entity_mut(tool).remove::<bevy_palpate::ToolLoop>();
     }
+}
+
+/// After the first model step at full speed.
+pub(crate) fn return_to_full_speed(
+    mut commands: Commands,
+    returning: Res<Returning>,
+    mut rate: ResMut<ModelRate>,
+    mut fixed: ResMut<Time<Fixed>>,
+) {
+    *rate = returning.0.rate;
+    fixed.set_timestep(returning.0.timestep);
+    commands.remove_resource::<Returning>();
 }
 
 /// Whether time goes slowly.

@@ -95,10 +95,19 @@ fn a_rate_that_was_set_is_kept_through_slow_motion() {
     tap(&mut app, KeyCode::KeyS);
     assert_eq!(app.world().resource::<ModelRate>().ticks(), 5);
     tap(&mut app, KeyCode::KeyS);
+    pass(&mut app, 2);
     assert_eq!(app.world().resource::<ModelRate>().ticks(), 25);
     tap(&mut app, KeyCode::KeyS);
     app.insert_resource(ModelRate::every_ticks(10).unwrap());
     tap(&mut app, KeyCode::KeyS);
+    pass(&mut app, 2);
+    assert_eq!(app.world().resource::<ModelRate>().ticks(), 10);
+    // Back and forth at once.
+    tap(&mut app, KeyCode::KeyS);
+    time::set_slow(app.world_mut(), false);
+    time::set_slow(app.world_mut(), true);
+    tap(&mut app, KeyCode::KeyS);
+    pass(&mut app, 2);
     assert_eq!(app.world().resource::<ModelRate>().ticks(), 10);
 }
 
