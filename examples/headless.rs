@@ -5,6 +5,7 @@ use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_palpate::TickRecording;
 use bevy_palpate::prelude::*;
+use clap::Parser;
 use std::io::Write;
 use std::time::Duration;
 
@@ -19,7 +20,25 @@ struct Outcome {
     bits: u64,
 }
 
+/// A hand presses a block, in lock step; what comes of it is checked.
+#[derive(Clone, Copy, Debug, Parser)]
+struct Options {
+    /// How long it runs, s: the hand is away again after 1.2 s
+    #[arg(long, default_value_t = 1.3, value_parser = seconds)]
+    seconds: f64,
+    /// It never has a window, and takes this as the other scenes do
+    #[arg(long)]
+    headless: bool,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds| (1.3..=3600.0).contains(seconds));
+    seconds.ok_or("it must be a number from 1.3 to 3600".into())
+}
+
 fn main() -> Result {
+    let Options { seconds, .. } = Options::parse();
+    let run = |scheme| run(scheme, seconds);
     let near = run(Scheme::NearFieldExact);
     let hold = run(Scheme::Hold);
     assert_eq!(near, run(Scheme::NearFieldExact), "the same scene gives the same bits");
@@ -36,7 +55,7 @@ fn main() -> Result {
 }
 
 /// A hand presses a block for 1.2 s and leaves.
-fn run(scheme: Scheme) -> Outcome {
+fn run(scheme: Scheme, seconds: f64) -> Outcome {
     let mut app = App::new();
     app.add_plugins(MinimalPlugins)
         .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() }))
@@ -49,7 +68,7 @@ fn run(scheme: Scheme) -> Outcome {
 
     let mut outcome = Outcome { touched: 0, let_go: 0, peak_n: 0.0, largest_error: 0.0, bits: 0 };
     // The first update only starts the clock.
-    for _ in 0..=26 {
+    for _ in 0..=(20.0 * seconds).round() as usize {
         app.update();
         let world = app.world_mut();
         outcome.touched += world.resource_mut::<Messages<ContactBegan>>().drain().count();
@@ -71,7 +90,7 @@ fn run(scheme: Scheme) -> Outcome {
 /// Down from 2 mm above the top to 6 mm below it, and up again.
 fn pressing_hand() -> ScriptedDevice {
     ScriptedDevice::new(|n, _| {
-        let t = n as f64 * 1e-3;
+        let t = (n as f64 * 1e-3).min(1.2);
         let depth = 0.002 - 0.008 * (std::f64::consts::PI * t / 1.2).sin();
         Ok(Reading::at(DVec3::new(0.012, 0.055 + depth, 0.009)))
     })

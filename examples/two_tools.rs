@@ -5,7 +5,7 @@ use bevy::prelude::*;
 use bevy_palpate::TickRecording;
 use bevy_palpate::prelude::*;
 use clap::Parser;
-use palpate_stage::{SetUpHands, SetUpScene, Stage, StageOptions, ToolPaint};
+use palpate_stage::{SetUpHands, SetUpScene, Stage, StageOptions, ToolPaint, register_hand};
 use std::io::Write;
 
 /// Where the two hands are, m, across the body.
@@ -43,18 +43,14 @@ fn main() -> AppExit {
     app.add_systems(SetUpScene, set_up)
         .add_systems(SetUpHands, set_up_hands)
         .add_systems(Last, report.run_if(on_message::<AppExit>));
-    let mut devices = app.world_mut().resource_mut::<HapticDevices>();
-    devices.register("left", || Ok(hand(LEFT_M, left_depth_m)));
-    devices.register("right", || Ok(hand(RIGHT_M, right_depth_m)));
+    register_hand(app.world_mut(), "left", |t| press(LEFT_M, left_depth_m(t)));
+    register_hand(app.world_mut(), "right", |t| press(RIGHT_M, right_depth_m(t)));
     app.run()
 }
 
-/// A hand that presses at `x_m` as deep as `depth_m` says.
-fn hand(x_m: f64, depth_m: fn(f64) -> f64) -> ScriptedDevice {
-    ScriptedDevice::new(move |n, _| {
-        let y_m = TOP_M + RADIUS_M - depth_m(n as f64 * 1e-3);
-        Ok(Reading::at(DVec3::new(x_m, y_m, 0.0)))
-    })
+/// A hand that presses at `x_m`, `depth_m` deep.
+fn press(x_m: f64, depth_m: f64) -> Reading {
+    Reading::at(DVec3::new(x_m, TOP_M + RADIUS_M - depth_m, 0.0))
 }
 
 /// Down to 4 mm within half a second, and there it stays.

@@ -1,28 +1,28 @@
-//! This example demonstrates a body of your own: any closed mesh from a glTF or GLB file, tapped by a hand from above. What is wrong
-//! with a mesh is said with what to do about it.
+//! This example demonstrates a body of your own: what a glTF or GLB file shows, as one closed mesh, tapped by a hand from above. What is
+//! wrong with a mesh is said with what to do about it.
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{MeshShape, SimulatedBody};
 use clap::Parser;
-use palpate_stage::{SetUpHands, SetUpScene, Stage, StageOptions};
+use palpate_stage::{MeshFile, SetUpHands, SetUpScene, Stage, StageOptions, register_hand};
 use std::io::Write;
 use std::path::PathBuf;
 
 /// A closed mesh of your own becomes a soft body, which a hand taps from above.
 #[derive(Clone, Debug, Parser, Resource)]
 #[command(
-    after_help = "Examples:\n  your_mesh assets/meshes/organ.glb\n  your_mesh cup.glb --scale 0.001 --cells 14 --youngs-modulus 5000"
+    after_help = "All meshes of the file's scene are put together, where its nodes place them; they must join to one closed body. It is \
+    brought to the middle of the stage.\n\nExamples:\n  your_mesh assets/meshes/organ.glb\n  your_mesh cup.glb --scale 0.001 --cells 14 --youngs-modulus 5000"
 )]
 struct Options {
     #[command(flatten)]
     stage: StageOptions,
-    /// A .glb or .gltf file; its first mesh is taken, unless --mesh says otherwise
-    #[arg(value_parser = mesh_file)]
+    /// A .glb or .gltf file
     file: PathBuf,
-    /// Which of its meshes
-    #[arg(long, default_value_t = 0)]
-    mesh: usize,
+    /// Take only this mesh of it, counted from 0
+    #[arg(long)]
+    mesh: Option<usize>,
     /// Metres to a unit of the mesh: 0.001 for one in millimetres
     #[arg(long, default_value_t = 1.0)]
     scale: f64,
@@ -34,20 +34,47 @@ struct Options {
     youngs_modulus: f64,
 }
 
-fn mesh_file(path: &str) -> Result<PathBuf, String> {
-    std::path::absolute(path).and_then(|path| path.canonicalize()).map_err(|error| format!("{path}: {error}"))
+/// The mesh as it was read, and where its middle is, m.
+#[derive(Resource)]
+struct Shown {
+    mesh: Mesh,
+    middle_m: DVec3,
+}
+
+/// A hand that taps: where it comes down, and how it goes, m.
+#[derive(Clone, Copy)]
+struct Tap {
+    top_m: DVec3,
+    radius_m: f64,
+    /// How high it starts over the top, and how far it goes down.
+    above_m: f64,
+    down_m: f64,
 }
 
 fn main() -> AppExit {
     let options = Options::parse();
+    let MeshFile { mesh, bounds, parts } = match MeshFile::read(&options.file, options.mesh) {
+        Ok(file) => file,
+        Err(error) => {
+            let _ = writeln!(std::io::stderr(), "error: {error}");
+            return AppExit::error();
+        }
+    };
+    let [low_m, high_m] = bounds.map(|corner| options.scale * corner);
+    let (middle_m, half_m) = (0.5 * (low_m + high_m), 0.5 * (high_m - low_m));
     let stage = Stage {
         name: "your_mesh",
         title: "A closed mesh of your own is a soft body",
         seconds: 3.0,
         ..default()
     };
+    let stage = if half_m.is_finite() { stage.around([-half_m, half_m].map(|m| m.as_vec3())) } else { stage };
     let mut app = stage.app(&options.stage);
+    if parts > 1 {
+        let _ = writeln!(std::io::stderr(), "{parts} parts of the file are taken as one mesh");
+    }
     app.insert_resource(options)
+        .insert_resource(Shown { mesh, middle_m })
         .init_resource::<Tapped>()
         .add_systems(SetUpScene, set_up)
         .add_systems(SetUpHands, set_up_hand)
@@ -63,44 +90,50 @@ struct Tapped {
     largest_error: f64,
 }
 
-fn set_up(mut commands: Commands, assets: Res<AssetServer>, options: Res<Options>) {
-    let mesh = assets.load(format!("{}#Mesh{}/Primitive0", options.file.display(), options.mesh));
+fn set_up(
+    mut commands: Commands,
+    mut meshes: ResMut<Assets<Mesh>>,
+    (shown, options): (Res<Shown>, Res<Options>),
+    mut tapped: ResMut<Tapped>,
+) {
+    *tapped = Tapped::default();
     commands.spawn((
         DeformableBody::Mesh(MeshShape {
             scale: options.scale,
             cells_along: options.cells,
-            ..MeshShape::new(mesh)
+            ..MeshShape::new(meshes.add(shown.mesh.clone()))
         }),
         Tissue { youngs_modulus_pa: options.youngs_modulus, ..default() },
         FixedRegion::Face(Face::Bottom),
+        Transform::from_translation(-shown.middle_m.as_vec3()),
     ));
 }
 
-/// A hand as large as a twelfth of the body, which taps its top from above, a tenth of the body deep.
-fn set_up_hand(
-    mut commands: Commands,
-    bodies: Query<&SimulatedBody>,
-    options: Res<Options>,
-    mut devices: ResMut<HapticDevices>,
-) {
-    let Ok(body) = bodies.single() else { return };
-    let points = || body.body().surface().points.iter().map(|point| point.of(body.body().positions_m()));
-    let Some(top) = points().max_by(|a, b| a.y.total_cmp(&b.y)) else { return };
-    let low = points().map(|point| point.y).fold(f64::INFINITY, f64::min);
-    let height = top.y - low;
-    let radius_m = height / 12.0;
-    devices.register("tapping", move || {
-        Ok(ScriptedDevice::new(move |n, _| {
-            let down = (std::f64::consts::PI * n as f64 * 1e-3 / 1.5).sin().powi(2);
-            Ok(Reading::at(top + DVec3::Y * (radius_m + height * (0.15 - 0.25 * down))))
-        }))
-    });
-    commands.spawn(HapticTool {
+/// A ball as large as a twelfth of the body's smallest side, which taps its top from above, a tenth of that side deep.
+fn set_up_hand(world: &mut World) {
+    let mut bodies = world.query::<&SimulatedBody>();
+    let Ok(body) = bodies.single(world) else { return };
+    let body = body.body();
+    let points = || body.surface().points.iter().map(|point| point.of(body.positions_m()));
+    let corner = |pick: fn(DVec3, DVec3) -> DVec3| points().reduce(pick).unwrap_or_default();
+    let side_m = (corner(DVec3::max) - corner(DVec3::min)).min_element();
+    let Some(top_m) = points().max_by(|a, b| a.y.total_cmp(&b.y)) else { return };
+    let tap = Tap { top_m, radius_m: side_m / 12.0, above_m: 0.15 * side_m, down_m: 0.25 * side_m };
+    let scheme = world.resource::<StageOptions>().scheme;
+    register_hand(world, "tapping", move |t| tap.reading(t));
+    world.spawn(HapticTool {
         device: DeviceSelector::named("tapping"),
-        scheme: options.stage.scheme,
-        shape: ToolShape::Sphere { radius_m },
+        scheme,
+        shape: ToolShape::Sphere { radius_m: tap.radius_m },
         ..default()
     });
+}
+
+impl Tap {
+    fn reading(&self, t: f64) -> Reading {
+        let down = (std::f64::consts::PI * t / 1.5).sin().powi(2);
+        Reading::at(self.top_m + DVec3::Y * (self.radius_m + self.above_m - self.down_m * down))
+    }
 }
 
 fn listen(tools: Query<(&ToolForce, &LocalModelError)>, mut tapped: ResMut<Tapped>) {
@@ -128,5 +161,12 @@ fn report(bodies: Query<&SimulatedBody>, tapped: Res<Tapped>, mut done: Local<bo
     writeln!(out, "mass, kg                 {mass_kg:.4}")?;
     writeln!(out, "largest force, N         {:.3}", tapped.most_n)?;
     writeln!(out, "largest error            {:.2} % of a model step's force", 100.0 * tapped.largest_error)?;
+    writeln!(
+        out,
+        r#"{{"nodes":{},"mass_kg":{mass_kg:.5},"force_n":{:.4},"error":{:.5}}}"#,
+        network.node_count(),
+        tapped.most_n,
+        tapped.largest_error
+    )?;
     Ok(())
 }

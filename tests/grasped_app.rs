@@ -154,7 +154,9 @@ fn sutured(length_m: f64, tear_limit_n: f64) -> (App, Entity, Entity) {
     let tissue = Tissue { youngs_modulus_pa: 5e3, ..default() };
     let body = app.world_mut().spawn((block, tissue, slit, FixedRegion::Face(Face::Bottom))).id();
     let ends_m = [DVec3::new(-0.007, 0.02, 0.0), DVec3::new(0.007, 0.02, 0.0)];
-    let suture = app.world_mut().spawn(Suture { body, ends_m, length_m, tear_limit_n }).id();
+    let stiffness_n_per_m = f64::INFINITY;
+    let suture = Suture { body, ends_m, length_m, stiffness_n_per_m, tear_limit_n };
+    let suture = app.world_mut().spawn(suture).id();
     (app, body, suture)
 }
 
@@ -175,6 +177,23 @@ fn a_thread_pulls_both_lips_alike_and_a_slack_one_not_at_all() {
     assert!((left + right).length() < 1e-3 * tension_n, "{left} and {right}");
     // The left lip is drawn to the right and pulls back.
     assert!((left.x / tension_n + 1.0).abs() < 1e-3, "{left}, {tension_n} N");
+    assert_eq!(take_faults(&mut app), [""; 0]);
+}
+
+#[test]
+fn a_thread_that_stretches_pulls_with_its_stiffness_times_its_lengthening() {
+    let (mut app, _, suture) = sutured(0.006, f64::INFINITY);
+    for stiffness_n_per_m in [30.0, 300.0] {
+        app.world_mut().get_mut::<Suture>(suture).unwrap().stiffness_n_per_m = stiffness_n_per_m;
+        step(&mut app, 80);
+        let SutureForce { tension_n, pull_n: [left, right], ends_m: [a, b], .. } = force(&app, suture);
+        let expected = stiffness_n_per_m * (a.distance(b) - 0.006);
+        assert!(
+            tension_n > 0.05 && (tension_n / expected - 1.0).abs() < 1e-3,
+            "{tension_n} N, not {expected} N"
+        );
+        assert!((left + right).length() < 1e-3 * tension_n, "{left} and {right}");
+    }
     assert_eq!(take_faults(&mut app), [""; 0]);
 }
 
@@ -235,7 +254,8 @@ fn sutures_that_make_no_sense_are_told_once_and_do_nothing() {
         ((suture, [DVec3::ZERO; 2], 0.01), "is no body"),
     ] {
         let (body, ends_m, length_m) = change;
-        app.world_mut().entity_mut(suture).insert(Suture { body, ends_m, length_m, tear_limit_n: 1.0 });
+        let again = Suture { body, ends_m, length_m, stiffness_n_per_m: 100.0, tear_limit_n: 1.0 };
+        app.world_mut().entity_mut(suture).insert(again);
         step(&mut app, 3);
         let said = take_faults(&mut app);
         assert!(said.len() == 1 && said[0].contains(expected), "{said:?}");

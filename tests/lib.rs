@@ -1,5 +1,9 @@
 //! Furniture shared by the closed-loop tests: the body and the trajectory of `data/fidelity_6x6x6.json`.
 
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;
+
 use glam::DVec3;
 use palpate_body::{Block, Body, BodyError, Face, UniformLattice};
 use palpate_local::Sample;

@@ -42,12 +42,9 @@ pub fn waited_on(t: f64) -> Option<usize> {
     stair(t).filter(|(_, share)| *share > 0.85).map(|(stair, _)| stair)
 }
 
-/// A device whose hand presses one tip after the other, the surface at height `top_m`, the tip's lowest point `low_m[i]` below
-/// its position.
-pub fn device(top_m: f64, low_m: Vec<f64>) -> ScriptedDevice {
-    ScriptedDevice::new(move |n, _| {
-        let t = n as f64 * 1e-3;
-        let tip = ((t / SECONDS) as usize).min(low_m.len() - 1);
-        Ok(Reading::at(DVec3::Y * (top_m + height_m(t - tip as f64 * SECONDS, low_m[tip]))))
-    })
+/// What the hand does at time `t` (s) when it presses one tip after the other, the surface at height `top_m`, the tip's lowest point
+/// `low_m[i]` below its position.
+pub fn reading(t: f64, top_m: f64, low_m: &[f64]) -> Reading {
+    let tip = ((t / SECONDS) as usize).min(low_m.len() - 1);
+    Reading::at(DVec3::Y * (top_m + height_m(t - tip as f64 * SECONDS, low_m[tip])))
 }

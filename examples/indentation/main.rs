@@ -6,7 +6,7 @@
 
 mod curve;
 mod hand;
-mod scene;
+pub mod scene;
 mod theory;
 
 use bevy::prelude::*;
@@ -19,7 +19,7 @@ use palpate_stage::{Stage, StageOptions};
     after_help = "The layer is 180 by 60 by 180 mm, of 20 kPa and Poisson's ratio 1/4, its bottom held; the ball has a radius of \
     40 mm, the punch of 20 mm. In a window the mouse can press instead (key M).\n\nExamples:\n  indentation --tip ball\n  indentation --pictures . --at 2.4"
 )]
-struct Options {
+pub struct Options {
     #[command(flatten)]
     stage: StageOptions,
     /// What presses; both are pressed one after the other if nothing is said
@@ -28,7 +28,11 @@ struct Options {
 }
 
 fn main() -> AppExit {
-    let options = Options::parse();
+    app(&Options::parse()).run()
+}
+
+/// The scene.
+pub fn app(options: &Options) -> App {
     let tips = options.tip.map_or(vec![scene::Tip::Ball, scene::Tip::Punch], |tip| vec![tip]);
     let stage = Stage {
         name: "indentation",
@@ -43,5 +47,5 @@ fn main() -> AppExit {
     app.add_plugins(scene::ScenePlugin { tips });
     #[cfg(feature = "panel")]
     app.add_systems(bevy_egui::EguiPrimaryContextPass, curve::show);
-    app.run()
+    app
 }

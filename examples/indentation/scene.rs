@@ -1,11 +1,11 @@
 //! A layer, a tool that presses, and what is measured.
 
-use crate::{hand, theory};
+use super::{hand, theory};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{ModelStep, SimulatedBody, TickRecording, ToolLoop};
 use clap::ValueEnum;
-use palpate_stage::{SceneTime, SetUpHands, SetUpScene, StageOptions};
+use palpate_stage::{HandTime, SetUpHands, SetUpScene, StageOptions, register_hand};
 use std::io::Write;
 
 /// Thickness of the layer and its width, m, and the cells through it.
@@ -66,7 +66,10 @@ pub struct ScenePlugin {
 impl Plugin for ScenePlugin {
     fn build(&self, app: &mut App) {
         let tips = self.tips.clone();
-        app.insert_resource(Measured { tips, ..default() })
+        let lows: Vec<f64> = tips.iter().map(|tip| tip.low_m()).collect();
+        let hand =
+            register_hand(app.world_mut(), "stairs", move |t| hand::reading(t, 0.5 * THICKNESS_M, &lows));
+        app.insert_resource(Measured { tips, hand, ..default() })
             .add_systems(SetUpScene, set_up)
             .add_systems(SetUpHands, set_up_hand)
             .add_systems(
@@ -74,10 +77,6 @@ impl Plugin for ScenePlugin {
                 (change_tip.in_set(HapticSystems::First), measure.in_set(HapticSystems::Last)),
             )
             .add_systems(Last, report.pipe(fail).run_if(on_message::<AppExit>));
-        let lows: Vec<f64> = self.tips.iter().map(|tip| tip.low_m()).collect();
-        app.world_mut()
-            .resource_mut::<HapticDevices>()
-            .register("stairs", move || Ok(hand::device(0.5 * THICKNESS_M, lows.clone())));
     }
 }
 
@@ -85,12 +84,25 @@ impl Plugin for ScenePlugin {
 #[derive(Resource, Default)]
 pub struct Measured {
     tips: Vec<Tip>,
+    /// When the hand does what.
+    hand: HandTime,
     /// Which of them presses now.
     now: usize,
-    /// Depth, m, and force, N, of every tip at every model step.
-    pub curves: Vec<Vec<[f64; 2]>>,
-    /// Where it waited, by tip and stair: the last depth and force there.
-    waited: Vec<[Option<[f64; 2]>; hand::DEPTHS_M.len()]>,
+    /// Of every tip at every model step on the way down.
+    curves: Vec<Vec<Pressed>>,
+    /// Where it waited, by tip and stair: the last there.
+    waited: Vec<[Option<Pressed>; hand::DEPTHS_M.len()]>,
+}
+
+/// How a tip presses.
+#[derive(Clone, Copy, Debug)]
+pub struct Pressed {
+    /// Its depth, m.
+    pub depth_m: f64,
+    /// The force on the hand, N: what the scheme makes of it, and the safety chain lets through.
+    pub felt_n: f64,
+    /// What the full body answers, N.
+    pub full_n: f64,
 }
 
 impl Measured {
@@ -99,9 +111,15 @@ impl Measured {
         self.tips[self.now]
     }
 
-    /// Its curve, depth (m) and force (N), on the way down.
+    /// What was measured where a tip waited, by tips and the hand's stairs.
+    pub fn waited(&self) -> impl Iterator<Item = (Tip, &Pressed)> {
+        let of_tips = self.tips.iter().zip(&self.waited);
+        of_tips.flat_map(|(tip, waited)| waited.iter().flatten().map(|pressed| (*tip, pressed)))
+    }
+
+    /// Its curve, on the way down.
     #[cfg(feature = "panel")]
-    pub fn curve(&self) -> &[[f64; 2]] {
+    pub fn curve(&self) -> &[Pressed] {
         self.curves.get(self.now).map_or(&[], Vec::as_slice)
     }
 }
@@ -131,37 +149,38 @@ fn set_up_hand(mut commands: Commands, options: Res<StageOptions>, measured: Res
     commands.spawn((tool, TickRecording { keep: 1000, ..default() }));
 }
 
-fn change_tip(time: Res<SceneTime>, mut measured: ResMut<Measured>, mut tools: Query<&mut HapticTool>) {
+fn change_tip(mut measured: ResMut<Measured>, mut tools: Query<&mut HapticTool>) {
     // Before the next one's turn begins.
-    let now = (((time.0 + 0.5 * hand::CHANGE_S) / hand::SECONDS) as usize).min(measured.tips.len() - 1);
+    let turns = (measured.hand.s() + 0.5 * hand::CHANGE_S) / hand::SECONDS;
+    let now = (turns as usize).min(measured.tips.len() - 1);
     if std::mem::replace(&mut measured.now, now) != now {
         tools.iter_mut().for_each(|mut tool| tool.shape = measured.tip().shape());
     }
 }
 
-/// Notes how deep the tip is and what the full body answers.
+/// Notes how deep the tip is, what is felt and what the full body answers.
 fn measure(
-    tools: Query<(&ToolLoop, &TickRecording)>,
+    tools: Query<(&ToolLoop, &ToolForce, &TickRecording)>,
     bodies: Query<&SimulatedBody>,
-    time: Res<SceneTime>,
     mut measured: ResMut<Measured>,
 ) {
-    let (Ok((tool, recording)), Ok(body)) = (tools.single(), bodies.single()) else { return };
+    let (Ok((tool, force, recording)), Ok(body)) = (tools.single(), bodies.single()) else { return };
     let Some(sample) = recording.samples.last() else { return };
     let tip = measured.tip();
     let now = measured.now;
-    let force_n = tool.contact().displayed_force_n(body.body()).y;
-    let t = time.0 - now as f64 * hand::SECONDS;
+    let (felt_n, full_n) = (force.force_n.y, tool.contact().displayed_force_n(body.body()).y);
+    let t = measured.hand.s() - now as f64 * hand::SECONDS;
     let depth_m = 0.5 * THICKNESS_M + tip.low_m() - sample.position_m.y;
     if depth_m <= 0.0 {
         return;
     }
-    let deepest = measured.curves[now].last().map_or(0.0, |[depth, _]| *depth);
+    let pressed = Pressed { depth_m, felt_n, full_n };
+    let deepest = measured.curves[now].last().map_or(0.0, |before| before.depth_m);
     if depth_m > deepest + 2e-5 {
-        measured.curves[now].push([depth_m, force_n]);
+        measured.curves[now].push(pressed);
     }
     if let Some(stair) = hand::waited_on(t) {
-        measured.waited[now][stair] = Some([depth_m, force_n]);
+        measured.waited[now][stair] = Some(pressed);
     }
 }
 
@@ -172,24 +191,22 @@ fn report(measured: Res<Measured>, mut done: Local<bool>) -> Result {
     }
     let mut out = std::io::stdout().lock();
     let modulus = theory::reduced_modulus_pa(YOUNGS_MODULUS_PA);
-    writeln!(out, "tip         depth, mm   force, N   half-space, N   ratio   layer, N   ratio")?;
+    writeln!(out, "tip         depth, mm   felt, N   force, N   half-space, N   ratio   layer, N   ratio")?;
     let mut json = Vec::new();
-    for (tip, waited) in measured.tips.iter().zip(&measured.waited) {
-        for [depth_m, force_n] in waited.iter().flatten() {
-            let half_space_n = theory::half_space_n(*tip, modulus, *depth_m);
-            let layer_n = half_space_n * theory::layer(*tip, THICKNESS_M, *depth_m);
-            let (ratio, of_layer) = (force_n / half_space_n, force_n / layer_n);
-            writeln!(
-                out,
-                "{:10}  {:9.2}   {force_n:8.3}   {half_space_n:13.3}   {ratio:5.3}   {layer_n:8.3}   {of_layer:5.3}",
-                tip.name(),
-                1e3 * depth_m
-            )?;
-            json.push(format!(
-                r#"{{"tip":"{}","depth_m":{depth_m:.6},"force_n":{force_n:.5},"to_half_space":{ratio:.4},"to_layer":{of_layer:.4}}}"#,
-                tip.name()
-            ));
-        }
+    for (tip, &Pressed { depth_m, felt_n, full_n: force_n }) in measured.waited() {
+        let half_space_n = theory::half_space_n(tip, modulus, depth_m);
+        let layer_n = half_space_n * theory::layer(tip, THICKNESS_M, depth_m);
+        let (ratio, of_layer) = (force_n / half_space_n, force_n / layer_n);
+        writeln!(
+            out,
+            "{:10}  {:9.2}   {felt_n:7.3}   {force_n:8.3}   {half_space_n:13.3}   {ratio:5.3}   {layer_n:8.3}   {of_layer:5.3}",
+            tip.name(),
+            1e3 * depth_m
+        )?;
+        json.push(format!(
+            r#"{{"tip":"{}","depth_m":{depth_m:.6},"felt_n":{felt_n:.5},"force_n":{force_n:.5},"to_half_space":{ratio:.4},"to_layer":{of_layer:.4}}}"#,
+            tip.name()
+        ));
     }
     writeln!(
         out,

@@ -1,6 +1,6 @@
 //! Forces on rigid tools pressed into an elastic body.
 
-use crate::scene::Tip;
+use super::scene::Tip;
 use std::f64::consts::PI;
 
 /// E/(1 − ν²), Pa.

@@ -4,6 +4,7 @@
 //!
 //! `cargo run --release --example probing` runs anywhere; `--features panel,gizmos` shows it.
 
+mod comparable;
 mod options;
 mod plot;
 mod report;
@@ -30,7 +31,7 @@ fn main() -> AppExit {
     };
     stage
         .app(&options.stage)
-        .add_plugins((scene::ScenePlugin, report::ReportPlugin))
+        .add_plugins((scene::ScenePlugin { hand: options.trajectory.clone() }, report::ReportPlugin))
         .insert_resource(options)
         .run()
 }

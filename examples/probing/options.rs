@@ -21,15 +21,15 @@ pub struct Options {
     /// A hand of your own: CSV with the header t_s,x_m,y_m,z_m and a row each millisecond, positions of the
     /// tool's centre in the scene; it is repeated at its end
     #[arg(long, value_name = "FILE", default_value = BUILT_IN, hide_default_value = true, value_parser = trajectory)]
-    pub trajectory: PathBuf,
+    pub trajectory: Trajectory,
     /// Where the trace and the plot are written
     #[arg(long, value_name = "DIR", default_value = "target/palpate/probing", value_parser = folder)]
     pub out: PathBuf,
 }
 
-/// Reads the file once so that what is wrong with it is said before anything starts.
-fn trajectory(path: &str) -> Result<PathBuf, String> {
-    Trajectory::from_csv_file(path).map(|_| path.into()).map_err(|error| {
+/// Reads the file before anything starts, so that what is wrong with it is said at once.
+fn trajectory(path: &str) -> Result<Trajectory, String> {
+    Trajectory::from_csv_file(path).map_err(|error| {
         let cause = std::error::Error::source(&error).map(|cause| format!(": {cause}"));
         format!("{error}{}", cause.unwrap_or_default())
     })

@@ -1,7 +1,7 @@
 //! At the end: a table, the trace as CSV and a plot as SVG.
 
 use crate::options::Options;
-use crate::{plot, touches};
+use crate::{comparable, plot, touches};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{ModelStepCount, SimulatedBody, TickRecording};
@@ -44,19 +44,25 @@ fn report(
     // The same body at rest, and a tool of the same size.
     let (network, surface) = (simulated.body().network().clone(), simulated.body().surface().clone());
     let contact = tool.contact()?;
-    let samples = contiguous_end(&recording.samples);
+    let number = |record: &TickRecord| record.sample.map_or(0, |sample| sample.sequence);
+    let records = comparable::of_last_loop(&recording.records, number);
+    let felt = records.iter().filter(|record| record.spoken.force_n != DVec3::ZERO).map(number);
+    let samples = &recording.samples[comparable::begin(&recording.samples, felt)..];
     let at_rest = Body::new(network, surface)?;
     let builder = BuilderOptions::of(&at_rest);
     let settings = ComparisonOptions { builder, period_ticks: rate.ticks() as usize, ..default() };
     let comparison = Comparison::run(&at_rest, &contact, samples, &Scheme::ALL, &settings)?;
-    let run = Run { samples, records: &recording.records, comparison };
+    let run = Run { samples, records, comparison };
     print_table(&run, recording, timing, steps.0, tool.scheme)?;
-    touches::print(&touches::find(&run, &at_rest, tool.shape.radius_m()))?;
+    let touches = touches::find(&run, &at_rest, tool.shape.radius_m());
+    touches::print(&touches)?;
     let trace = options.out.join("trace.csv");
     write_trace(&run, BufWriter::new(std::fs::File::create(&trace)?))?;
     let picture = options.out.join("force.svg");
     plot::force_over_time(&run, &picture)?;
-    writeln!(std::io::stdout(), "\ntrace  {}\nplot   {}", trace.display(), picture.display())?;
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "\ntrace  {}\nplot   {}", trace.display(), picture.display())?;
+    writeln!(out, r#"{{"errors":{},"touches":{}}}"#, errors_json(&run), touches::json(&touches))?;
     Ok(())
 }
 
@@ -66,12 +72,6 @@ fn fail(In(result): In<Result>, mut exit: MessageWriter<AppExit>) {
         error!("the report cannot be made: {error}");
         exit.write(AppExit::error());
     }
-}
-
-/// The samples after the last hole: only they can be stepped along.
-fn contiguous_end(samples: &[Sample]) -> &[Sample] {
-    let hole = samples.windows(2).rposition(|pair| pair[1].sequence != pair[0].sequence + 1);
-    &samples[hole.map_or(0, |at| at + 1)..]
 }
 
 fn print_table(
@@ -107,6 +107,14 @@ fn print_table(
         writeln!(out, "  {:22} {}", scheme.name(), percent(run.comparison.relative_rms_error(scheme, 0)))?;
     }
     writeln!(out, "  {:22} {}   ({} on the thread)", "as felt", percent(felt_error(run)), scheme.name())
+}
+
+/// The errors that have a reference, as shares of it.
+fn errors_json(run: &Run) -> String {
+    let of_schemes = Scheme::ALL.map(|scheme| (scheme.name(), run.comparison.relative_rms_error(scheme, 0)));
+    let all = of_schemes.into_iter().chain([("as_felt", felt_error(run))]);
+    let known = all.filter_map(|(name, error)| Some(format!(r#""{name}":{:.5}"#, error?)));
+    format!("{{{}}}", known.collect::<Vec<_>>().join(","))
 }
 
 /// The error of what the loop itself said, before the safety chain.

@@ -4,13 +4,26 @@ use crate::options::Options;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{BodyRegion, Inclusion, Inclusions, TickRecording};
-use palpate_stage::{SetUpHands, SetUpScene};
+use palpate_haptics::Trajectory;
+use palpate_stage::{SetUpHands, SetUpScene, StageOptions, register_hand};
+use std::sync::Arc;
 
 /// Spawns the scene.
-pub struct ScenePlugin;
+pub struct ScenePlugin {
+    /// The hand that probes, again and again.
+    pub hand: Trajectory,
+}
+
+/// The name of its device.
+const RECORDED: &str = "recorded hand";
 
 impl Plugin for ScenePlugin {
     fn build(&self, app: &mut App) {
+        let hand = Arc::new(self.hand.clone());
+        register_hand(app.world_mut(), RECORDED, move |t| {
+            let row = (t / Trajectory::PERIOD_S).round() as usize % hand.positions_m().len();
+            hand.reading(row).unwrap_or(Reading::at(DVec3::ZERO))
+        });
         app.add_systems(SetUpScene, set_up).add_systems(SetUpHands, set_up_hand);
     }
 }
@@ -41,13 +54,9 @@ fn organ(assets: &AssetServer) -> impl Bundle {
     )
 }
 
-fn set_up_hand(mut commands: Commands, options: Res<Options>) {
+fn set_up_hand(mut commands: Commands, options: Res<Options>, stage: Res<StageOptions>) {
     commands.spawn((
-        HapticTool {
-            device: DeviceSelector::replay(options.trajectory.display().to_string()),
-            scheme: options.stage.scheme,
-            ..default()
-        },
+        HapticTool { device: DeviceSelector::named(RECORDED), scheme: stage.scheme, ..default() },
         // A window may stay open for hours: the report at its end is of the last minute or two.
         TickRecording { keep: options.stage.seconds.map_or(60_000, |s| (s * 1000.0) as usize), ..default() },
     ));

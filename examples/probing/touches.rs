@@ -42,6 +42,16 @@ pub fn find(run: &Run, at_rest: &Body, radius_m: f64) -> Vec<Touch> {
     touches
 }
 
+/// All of them as JSON.
+pub fn json(touches: &[Touch]) -> String {
+    let one = |Touch { time_s, position_m: DVec3 { x, z, .. }, force_n, depth_m }: &Touch| {
+        format!(
+            r#"{{"time_s":{time_s:.3},"x_m":{x:.5},"z_m":{z:.5},"depth_m":{depth_m:.6},"force_n":{force_n:.4}}}"#
+        )
+    };
+    format!("[{}]", touches.iter().map(one).collect::<Vec<_>>().join(","))
+}
+
 /// A row for each.
 pub fn print(touches: &[Touch]) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();

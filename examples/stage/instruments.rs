@@ -51,7 +51,7 @@ mod gizmos {
         }
     }
 
-    pub fn show(mut store: ResMut<GizmoConfigStore>, view: Res<View>) {
+    pub fn show(mut store: ResMut<GizmoConfigStore>, view: Res<View>, stage: Res<crate::Stage>) {
         let (config, parts) = store.config_mut::<HapticGizmos>();
         let view = view.0;
         config.enabled = view > 0;
@@ -60,6 +60,7 @@ mod gizmos {
             lattice: view == 3,
             fixed: view >= 3,
             basis: (view == 4).then_some(0),
+            force_m_per_n: stage.magnified() * HapticGizmos::default().force_m_per_n,
             ..default()
         };
     }

@@ -1,7 +1,7 @@
 //! The keys, and what the mouse's buttons do beside the hand.
 
-use crate::scene::ResetScene;
-use crate::time;
+use crate::scene::{ResetScene, set_up_hands};
+use crate::{StageOptions, time};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{HapticSetupSystems, MouseDevicePlugin, MouseHand};
@@ -12,7 +12,7 @@ pub(crate) struct KeysPlugin;
 impl Plugin for KeysPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<Hand>()
-            .add_systems(PreUpdate, give_mouse.before(HapticSetupSystems::Tools))
+            .add_systems(PreUpdate, give_mouse.after(set_up_hands).before(HapticSetupSystems::Tools))
             .add_systems(Update, (press, zoom));
     }
 }
@@ -41,6 +41,8 @@ fn press(world: &mut World) {
     if let Some(scheme) = scheme {
         let mut tools = world.query::<&mut HapticTool>();
         tools.iter_mut(world).for_each(|mut tool| tool.scheme = scheme);
+        // A scene that begins again keeps it.
+        world.resource_mut::<StageOptions>().scheme = scheme;
     }
     if pause {
         let mut time = world.resource_mut::<Time<Virtual>>();
@@ -65,17 +67,13 @@ fn press(world: &mut World) {
 }
 
 /// The first tool of a scene that has just been set up gets the mouse, if that is asked for or there is no other device.
-fn give_mouse(
-    mut tools: Query<(Entity, &mut HapticTool)>,
-    added: Query<Entity, Added<HapticTool>>,
-    stage: Res<crate::Stage>,
-    mut hand: ResMut<Hand>,
-) {
+fn give_mouse(mut tools: Query<(Entity, &mut HapticTool)>, stage: Res<crate::Stage>, mut hand: ResMut<Hand>) {
     if matches!(*hand, Hand::Undecided) {
         *hand = if stage.has_hand { Hand::Own } else { Hand::Mouse };
     }
-    let Some(first) = added.iter().min().filter(|_| matches!(*hand, Hand::Mouse)) else { return };
-    if let Ok((_, mut tool)) = tools.get_mut(first) {
+    let added = tools.iter_mut().filter(|(_, tool)| tool.is_added());
+    let first = added.min_by_key(|(entity, _)| *entity).filter(|_| matches!(*hand, Hand::Mouse));
+    if let Some((_, mut tool)) = first {
         tool.device = DeviceSelector::named(MouseDevicePlugin::NAME);
     }
 }
@@ -105,3 +103,6 @@ pub(crate) fn pointer_is_elsewhere(wants: Res<bevy_egui::input::EguiWantsInput>)
 pub(crate) fn pointer_is_elsewhere() -> bool {
     false
 }
+
+#[cfg(test)]
+mod tests;

@@ -18,10 +18,12 @@ mod assets;
 mod caption;
 #[cfg(feature = "window")]
 mod display;
+mod hand;
 #[cfg(feature = "window")]
 mod instruments;
 #[cfg(feature = "window")]
 mod keys;
+mod mesh_file;
 mod options;
 #[cfg(feature = "window")]
 mod picture;
@@ -33,5 +35,7 @@ mod view;
 
 #[cfg(feature = "panel")]
 pub use caption::{Plot, plot_window};
+pub use hand::{HandTime, register_hand};
+pub use mesh_file::{MeshFile, MeshFileError};
 pub use options::{StageOptions, folder};
 pub use scene::{SceneTime, SetUpHands, SetUpScene, Stage, ToolPaint};

@@ -21,9 +21,9 @@ pub struct StageOptions {
     /// Open the panel at the start
     #[arg(long)]
     pub panel: bool,
-    /// What is drawn over the scene at the start: 0 nothing, 1 contact and force, 2 the near field, 3 the strained lattice, 4 the
-    /// basis
-    #[arg(long, default_value_t, value_parser = view, hide_default_value = true)]
+    /// What is drawn over the scene at the start: 0 nothing, 1 contact, tool and force, 2 the near field, 3 the strained lattice, 4
+    /// the basis
+    #[arg(long, default_value_t = 1, value_parser = view)]
     pub gizmos: usize,
     /// Draw pictures into this folder instead of opening a window, at the times of --at, in lock step
     #[arg(long, value_name = "DIR", requires = "at", conflicts_with = "headless", value_parser = folder)]

@@ -1,5 +1,6 @@
 //! A scene on the stage: begun, begun again, ended.
 
+use crate::hand::HandTimes;
 use crate::progress::ProgressPlugin;
 use crate::{StageOptions, assets, time};
 use bevy::app::ScheduleRunnerPlugin;
@@ -35,6 +36,8 @@ pub struct Stage {
     pub focus_m: Vec3,
     /// Where the floor is, m.
     pub floor_m: f32,
+    /// How large what is shown is, m: fog, shadows, the mouse's way and the length of arrows go with it.
+    pub size_m: f32,
     /// How long it takes, s.
     pub seconds: f64,
     /// The clock of the loops where there is no window.
@@ -42,6 +45,9 @@ pub struct Stage {
     /// The scene's own hand is there, so the mouse is not the first device.
     pub has_hand: bool,
 }
+
+/// The size for which the stage's own sizes are given, m.
+const USUAL_M: f32 = 0.1;
 
 impl Default for Stage {
     fn default() -> Self {
@@ -51,6 +57,7 @@ impl Default for Stage {
             eye_m: Vec3::new(0.13, 0.14, 0.18),
             focus_m: Vec3::new(0.0, 0.01, 0.0),
             floor_m: -0.0502,
+            size_m: USUAL_M,
             seconds: 5.0,
             clock: HapticClock::Lockstep,
             has_hand: true,
@@ -87,6 +94,23 @@ pub(crate) enum Shown {
 }
 
 impl Stage {
+    /// The same stage round what lies between two corners, m: seen from in front and above, its floor just below.
+    #[must_use]
+    pub fn around(self, [low_m, high_m]: [Vec3; 2]) -> Self {
+        let size_m = (high_m - low_m).max_element().clamp(1e-4, 1e4);
+        let focus_m = 0.5 * (low_m + high_m);
+        // As large as in the other scenes.
+        let eye_m = focus_m + 1.35 * size_m * Vec3::new(0.75, 0.80, 1.05);
+        Self { eye_m, focus_m, floor_m: low_m.y - 0.002 * size_m, size_m, ..self }
+    }
+
+    /// Its size as a multiple of the usual one.
+    #[must_use]
+    #[cfg(feature = "window")]
+    pub(crate) fn magnified(&self) -> f32 {
+        self.size_m / USUAL_M
+    }
+
     /// An app with this stage, to which the scene's own systems are added.
     pub fn app(self, options: &StageOptions) -> App {
         let mut app = App::new();
@@ -114,6 +138,7 @@ impl Stage {
             .init_schedule(SetUpScene)
             .init_schedule(SetUpHands)
             .init_resource::<AwaitsBodies>()
+            .init_resource::<HandTimes>()
             .add_systems(Startup, set_up)
             .add_systems(
                 PreUpdate,
@@ -127,7 +152,15 @@ impl Stage {
                     .before(HapticSetupSystems::Tools)
                     .run_if(|awaits: Res<AwaitsBodies>| awaits.0),
             )
-            .add_systems(ModelStep, count_time.before(HapticSystems::First))
+            .add_systems(
+                ModelStep,
+                (
+                    count_time.before(HapticSystems::First),
+                    time::return_to_full_speed
+                        .after(HapticSystems::Last)
+                        .run_if(resource_exists::<time::Returning>),
+                ),
+            )
             .add_systems(Update, end_in_time);
         app
     }
@@ -170,12 +203,15 @@ fn set_up(world: &mut World) {
     for entity in there.iter(world).collect::<Vec<_>>() {
         world.despawn(entity);
     }
+    // With the tools their loops have ended.
+    world.resource::<HandTimes>().begin_again();
     world.insert_resource(SceneTime::default());
     world.insert_resource(AwaitsBodies(true));
     world.run_schedule(SetUpScene);
 }
 
-fn set_up_hands(world: &mut World) {
+/// Spawns the hands once all bodies are there.
+pub(crate) fn set_up_hands(world: &mut World) {
     let mut to_come = world.query_filtered::<(), (With<DeformableBody>, Without<SimulatedBody>)>();
     if to_come.iter(world).next().is_none() {
         world.insert_resource(AwaitsBodies(false));

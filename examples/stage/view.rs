@@ -21,7 +21,7 @@ pub(crate) fn open_window(app: &mut App, stage: &Stage, options: &StageOptions) 
         say(&format!("{why}: {} runs without a window", stage.name));
         return Shown::Headless;
     }
-    let window = Window { title: format!("palpate: {}", stage.name), ..default() };
+    let window = Window { title: format!("{}: {}", stage.name, stage.title), ..default() };
     app.add_plugins(
         DefaultPlugins.set(WindowPlugin { primary_window: Some(window), ..default() }).set(assets::plugin()),
     )
@@ -34,10 +34,17 @@ pub(crate) fn open_window(app: &mut App, stage: &Stage, options: &StageOptions) 
     Shown::InWindow
 }
 
-/// The mouse's hand begins a little above what the camera looks at.
+/// The mouse's hand begins a little above what the camera looks at, and goes as far and as fast as that is large.
 fn mouse(stage: &Stage) -> MouseDevicePlugin {
-    let start_m = (stage.focus_m + Vec3::Y * 0.07).as_dvec3();
-    MouseDevicePlugin { hand: FollowingHand { start_m, ..default() }, ..default() }
+    let magnified = stage.magnified();
+    let start_m = (stage.focus_m + Vec3::Y * 0.7 * stage.size_m).as_dvec3();
+    let usual = FollowingHand::default();
+    let workspace_m =
+        usual.workspace_m.map(|corner_m| stage.focus_m.as_dvec3() + f64::from(magnified) * corner_m);
+    let max_speed_m_per_s = f64::from(magnified) * usual.max_speed_m_per_s;
+    let hand = FollowingHand { start_m, workspace_m, max_speed_m_per_s, ..usual };
+    let usual = MouseDevicePlugin::default();
+    MouseDevicePlugin { hand, line_m: magnified * usual.line_m, ..usual }
 }
 
 /// Light, floor, looks, and what is written and drawn over the scene.
@@ -58,13 +65,18 @@ fn light_up(
     mut meshes: ResMut<Assets<Mesh>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
+    let magnified = stage.magnified();
     commands.spawn((
         Camera3d::default(),
         // Centimetres are seen from near: the default near plane would cut into a body.
-        Projection::Perspective(PerspectiveProjection { near: 0.005, ..default() }),
+        Projection::Perspective(PerspectiveProjection { near: 0.005 * magnified, ..default() }),
         Transform::from_translation(stage.eye_m).looking_at(stage.focus_m, Vec3::Y),
         // The floor ends nowhere.
-        DistanceFog { color: BACKGROUND, falloff: FogFalloff::Linear { start: 0.35, end: 1.3 }, ..default() },
+        DistanceFog {
+            color: BACKGROUND,
+            falloff: FogFalloff::Linear { start: 0.35 * magnified, end: 1.3 * magnified },
+            ..default()
+        },
     ));
     commands.spawn((
         DirectionalLight {
@@ -76,8 +88,8 @@ fn light_up(
         // Shadows of a decimetre, not of the hundred metres that are the default.
         bevy::light::CascadeShadowConfigBuilder {
             num_cascades: 1,
-            minimum_distance: 0.02,
-            maximum_distance: 0.8,
+            minimum_distance: 0.02 * magnified,
+            maximum_distance: 0.8 * magnified,
             ..default()
         }
         .build(),
@@ -95,13 +107,13 @@ fn light_up(
         Transform::from_xyz(-0.6, 0.45, 0.5).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     commands.spawn((
-        Mesh3d(meshes.add(Plane3d::default().mesh().size(4.0, 4.0))),
+        Mesh3d(meshes.add(Plane3d::default().mesh().size(4.0 * magnified, 4.0 * magnified))),
         MeshMaterial3d(materials.add(StandardMaterial {
             base_color: FLOOR,
             perceptual_roughness: 0.9,
             ..default()
         })),
-        Transform::from_xyz(0.0, stage.floor_m, 0.0),
+        Transform::from_xyz(stage.focus_m.x, stage.floor_m, stage.focus_m.z),
     ));
 }
 
@@ -113,7 +125,7 @@ fn let_the_camera_turn(mut commands: Commands, cameras: Query<Entity, With<Camer
             button_pan: MouseButton::Middle,
             // The wheel is the mouse's depth; see `keys`.
             zoom_sensitivity: 0.0,
-            zoom_lower_limit: 0.05,
+            zoom_lower_limit: 0.05 * stage.magnified(),
             use_real_time: true,
             ..default()
         });
@@ -148,9 +160,11 @@ fn dress_tools(
     mut commands: Commands,
     tools: Query<(Entity, &HapticTool, Option<&ToolPaint>), Changed<HapticTool>>,
     dressed: Query<&Dressed>,
+    stage: Res<Stage>,
     mut meshes: ResMut<Assets<Mesh>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
+    let magnified = stage.magnified();
     for (entity, &HapticTool { shape, .. }, paint) in &tools {
         if dressed.get(entity).is_ok_and(|dressed| dressed.0 == shape) {
             continue;
@@ -168,8 +182,8 @@ fn dress_tools(
         let (tip, handle) = match shape {
             ToolShape::Sphere { .. } => {
                 let lean = Quat::from_rotation_z(-0.3) * Quat::from_rotation_x(-0.35);
-                let at = Transform::from_rotation(lean).with_translation(lean * Vec3::Y * 0.04);
-                let rod = Capsule3d::new((0.45 * radius).min(0.004), 0.08);
+                let at = Transform::from_rotation(lean).with_translation(lean * Vec3::Y * 0.04 * magnified);
+                let rod = Capsule3d::new((0.45 * radius).min(0.004 * magnified), 0.08 * magnified);
                 (Mesh::from(Sphere::new(radius)), (Mesh::from(rod), at))
             }
             ToolShape::FlatPunch { axis, .. } => {

@@ -1,6 +1,6 @@
 //! The hand: grasps the left edge, pulls it across, lets go, waits, grasps the right edge and pulls it away.
 
-use crate::wound::TOP_M;
+use super::wound::TOP_M;
 use bevy_palpate::prelude::*;
 
 /// Radius of the tool, m.
@@ -28,16 +28,13 @@ const WAY: [(f64, [f64; 3], bool); 15] = [
     (4.75, [26.0, 5.0, 0.0], true),
 ];
 
-/// The device.
-pub fn device() -> ScriptedDevice {
-    ScriptedDevice::new(|n, _| {
-        let t = n as f64 * 1e-3;
-        let later = WAY.iter().position(|(at, ..)| *at > t).unwrap_or(WAY.len());
-        let (from, to) = (WAY[later.max(1) - 1], WAY[later.min(WAY.len() - 1)]);
-        let way = if to.0 > from.0 { ((t - from.0) / (to.0 - from.0)).clamp(0.0, 1.0) } else { 1.0 };
-        let smooth = way * way * (3.0 - 2.0 * way);
-        let at = 1e-3 * DVec3::from(from.1).lerp(DVec3::from(to.1), smooth);
-        let buttons = u32::from(from.2);
-        Ok(Reading { buttons, ..Reading::at(at + DVec3::Y * (TOP_M + RADIUS_M)) })
-    })
+/// What the hand does at time `t` (s).
+pub fn reading(t: f64) -> Reading {
+    let later = WAY.iter().position(|(at, ..)| *at > t).unwrap_or(WAY.len());
+    let (from, to) = (WAY[later.max(1) - 1], WAY[later.min(WAY.len() - 1)]);
+    let way = if to.0 > from.0 { ((t - from.0) / (to.0 - from.0)).clamp(0.0, 1.0) } else { 1.0 };
+    let smooth = way * way * (3.0 - 2.0 * way);
+    let at = 1e-3 * DVec3::from(from.1).lerp(DVec3::from(to.1), smooth);
+    let buttons = u32::from(from.2);
+    Reading { buttons, ..Reading::at(at + DVec3::Y * (TOP_M + RADIUS_M)) }
 }

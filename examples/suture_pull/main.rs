@@ -17,16 +17,20 @@ use palpate_stage::{Stage, StageOptions};
 /// A wound's edge is grasped and pulled across; threads hold it, with the same force on both sides, until they tear.
 #[derive(Clone, Debug, Parser)]
 #[command(after_help = "Examples:\n  suture_pull --seconds 3\n  suture_pull --pictures . --at 1.2,2.8")]
-struct Options {
+pub struct Options {
     #[command(flatten)]
     stage: StageOptions,
     /// Tension at which a thread tears, N
-    #[arg(long, default_value_t = 0.5)]
+    #[arg(long, default_value_t = 0.3)]
     tear_limit: f64,
 }
 
 fn main() -> AppExit {
-    let options = Options::parse();
+    app(&Options::parse()).run()
+}
+
+/// The scene.
+pub fn app(options: &Options) -> App {
     let stage = Stage {
         name: "suture_pull",
         title: "A wound's edge is grasped, pulled across and sewn; threads pull and never push",
@@ -40,5 +44,5 @@ fn main() -> AppExit {
     app.add_plugins(scene::ScenePlugin { tear_limit_n: options.tear_limit });
     #[cfg(feature = "panel")]
     app.add_plugins(tension::TensionPlugin);
-    app.run()
+    app
 }

@@ -1,10 +1,10 @@
 //! What happens to the wound, and what is told of it.
 
-use crate::{hand, wound};
+use super::{hand, wound};
 use bevy::prelude::*;
 use bevy_palpate::SimulatedBody;
 use bevy_palpate::prelude::*;
-use palpate_stage::{SetUpHands, SetUpScene, StageOptions};
+use palpate_stage::{SetUpHands, SetUpScene, StageOptions, register_hand};
 use std::io::Write;
 
 /// The wound is sewn when its edges are so near, m.
@@ -24,7 +24,7 @@ impl Plugin for ScenePlugin {
             .add_systems(ModelStep, (wound::tighten, sew).chain().in_set(HapticSystems::First))
             .add_systems(ModelStep, listen.in_set(HapticSystems::Last))
             .add_systems(Last, report.pipe(fail).run_if(on_message::<AppExit>));
-        app.world_mut().resource_mut::<HapticDevices>().register("surgeon", || Ok(hand::device()));
+        register_hand(app.world_mut(), "surgeon", hand::reading);
     }
 }
 
@@ -39,8 +39,8 @@ struct Told {
     at_rest_m: f64,
     /// The largest force on the hand while it grasped, N.
     most_n: f64,
-    /// Every thread while nobody held the wound, last.
-    at_rest: Vec<SutureForce>,
+    /// Every thread while nobody held the wound, last: its length without tension, m, and what it did.
+    at_rest: Vec<(f64, SutureForce)>,
     torn: Vec<SutureTorn>,
 }
 
@@ -83,7 +83,7 @@ fn sew(
 
 fn listen(
     tools: Query<(&Grasping, &ToolForce)>,
-    sutures: Query<&SutureForce>,
+    sutures: Query<(&Suture, &SutureForce)>,
     bodies: Query<&SimulatedBody>,
     mut torn: MessageReader<SutureTorn>,
     mut told: ResMut<Told>,
@@ -94,7 +94,7 @@ fn listen(
         told.most_n = told.most_n.max(force.force_n.length());
     }
     if told.is_sewn && !is_held && told.torn.is_empty() {
-        told.at_rest = sutures.iter().copied().collect();
+        told.at_rest = sutures.iter().map(|(suture, force)| (suture.length_m, *force)).collect();
         if let Ok(body) = bodies.single() {
             let [left, right] = wound::edges_m(body, 0.0);
             told.at_rest_m = left.distance(right);
@@ -117,13 +117,23 @@ fn report(told: Res<Told>, mut done: Local<bool>) -> Result {
         1e3 * at_rest_m
     )?;
     writeln!(out, "largest force on hand, N {most_n:.3}")?;
-    writeln!(out, "threads at rest          tension, N   left edge, N   right edge, N   their sum, N")?;
+    writeln!(
+        out,
+        "threads at rest          tension, N   left edge, N   right edge, N   their sum, N   longer by, mm"
+    )?;
     let mut json = Vec::new();
-    for (index, SutureForce { tension_n, pull_n: [left, right], .. }) in at_rest.iter().enumerate() {
+    for (index, (length_m, force)) in at_rest.iter().enumerate() {
+        let SutureForce { tension_n, pull_n: [left, right], ends_m: [from, to], .. } = force;
+        let longer_m = from.distance(*to) - length_m;
         let (left_n, right_n, sum_n) = (left.length(), right.length(), (*left + *right).length());
-        writeln!(out, "  {:22} {tension_n:10.4}   {left_n:12.4}   {right_n:13.4}   {sum_n:12.5}", index + 1)?;
+        writeln!(
+            out,
+            "  {:22} {tension_n:10.4}   {left_n:12.4}   {right_n:13.4}   {sum_n:12.5}   {:13.3}",
+            index + 1,
+            1e3 * longer_m
+        )?;
         json.push(format!(
-            r#"{{"tension_n":{tension_n:.5},"left_n":{left_n:.5},"right_n":{right_n:.5},"sum_n":{sum_n:.6}}}"#
+            r#"{{"tension_n":{tension_n:.5},"left_n":{left_n:.5},"right_n":{right_n:.5},"sum_n":{sum_n:.6},"longer_m":{longer_m:.7}}}"#
         ));
     }
     let tore: Vec<String> = torn.iter().map(|torn| format!("{:.3}", torn.tension_n)).collect();

@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy_palpate::SimulatedBody;
 use bevy_palpate::prelude::*;
-use palpate_body::BodyPoint;
+use palpate_body::{BodyPoint, SurfaceTree};
 
 /// Height of the slab's top, m.
 pub const TOP_M: f64 = 0.015;
@@ -13,8 +13,10 @@ const GAPE_M: f64 = 0.010;
 const STITCHES_M: [f64; 3] = [-0.014, 0.0, 0.014];
 const BESIDE_M: f64 = 0.003;
 const TIGHT_M: f64 = 0.005;
-/// How fast the threads are pulled tight, m/s.
-const TIGHTENED_M_PER_S: f64 = 0.02;
+/// The stiffness of a thread, N/m: it stretches by a millimetre at 0.3 N.
+pub const STIFFNESS_N_PER_M: f64 = 300.0;
+/// How fast the threads are pulled tight, m/s: slowly enough that no model step pulls a thread by much.
+const TIGHTENED_M_PER_S: f64 = 0.005;
 
 /// The slab: 12 by 3 by 12 cm, of 5 kPa, its bottom held, cut along its middle.
 pub fn slab() -> impl Bundle {
@@ -37,14 +39,19 @@ pub fn edges_m(body: &SimulatedBody, along_m: f64) -> [DVec3; 2] {
     })
 }
 
-/// Three threads across the wound, as long as it is wide now.
+/// Three threads across the wound, as long as their ends are apart now: none pulls before it is tightened.
 pub fn stitches(entity: Entity, body: &SimulatedBody, tear_limit_n: f64) -> Vec<Suture> {
+    let surface = SurfaceTree::new(body.body());
+    let pierced_m = |end_m: DVec3| {
+        let closest = surface.closest(end_m, Suture::WITHIN_M);
+        closest.map_or(end_m, |closest| closest.point_m)
+    };
     let stitch = |&along_m: &f64| {
         let [left, right] = edges_m(body, along_m);
-        let across = (right - left).normalize_or(DVec3::X);
         let ends_m = [left - BESIDE_M * DVec3::X, right + BESIDE_M * DVec3::X];
-        let length_m = (ends_m[1] - ends_m[0]).dot(across).abs().max(TIGHT_M);
-        Suture { body: entity, ends_m, length_m, tear_limit_n }
+        let [from_m, to_m] = ends_m.map(pierced_m);
+        let length_m = from_m.distance(to_m).max(TIGHT_M);
+        Suture { body: entity, ends_m, length_m, stiffness_n_per_m: STIFFNESS_N_PER_M, tear_limit_n }
     };
     STITCHES_M.iter().map(stitch).collect()
 }

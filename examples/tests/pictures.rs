@@ -10,6 +10,8 @@ use std::process::Command;
 /// A scene, its times (s), and what must be on its last picture.
 struct Scene {
     name: &'static str,
+    /// What else it is told.
+    args: &'static [&'static str],
     at_s: &'static str,
     /// What is drawn over it.
     gizmos: &'static str,
@@ -49,15 +51,17 @@ fn thread(Rgb([r, g, b]): Rgb<u8>) -> bool {
     r > 150 && g > 145 && b > 120 && r >= b && r.abs_diff(g) < 14 && r - b < 60 && !title(Rgb([r, g, b]))
 }
 
-const SCENES: [Scene; 5] = [
+const SCENES: [Scene; 6] = [
     Scene {
         name: "probing",
+        args: &[],
         at_s: "0.5,2.85",
         gizmos: "1",
         has: &[("body", body, 8_000), ("tool", first_tool, 150), ("title", title, 150)],
     },
     Scene {
         name: "indentation",
+        args: &[],
         at_s: "0.6,2.45",
         gizmos: "0",
         has: &[
@@ -69,6 +73,7 @@ const SCENES: [Scene; 5] = [
     },
     Scene {
         name: "suture_pull",
+        args: &[],
         at_s: "0.5,3.0",
         gizmos: "0",
         has: &[
@@ -81,6 +86,7 @@ const SCENES: [Scene; 5] = [
     },
     Scene {
         name: "two_tools",
+        args: &[],
         at_s: "0.5,1.7",
         gizmos: "1",
         has: &[
@@ -92,8 +98,16 @@ const SCENES: [Scene; 5] = [
     },
     Scene {
         name: "custom_device",
+        args: &[],
         at_s: "0.5,0.75",
         gizmos: "3",
+        has: &[("body", body, 8_000), ("tool", first_tool, 100), ("title", title, 150)],
+    },
+    Scene {
+        name: "your_mesh",
+        args: &[concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/meshes/organ.glb")],
+        at_s: "0.3,0.75",
+        gizmos: "1",
         has: &[("body", body, 8_000), ("tool", first_tool, 100), ("title", title, 150)],
     },
 ];
@@ -107,7 +121,8 @@ fn draw(scene: &Scene, folder: &Path) -> Option<Vec<RgbImage>> {
         run.arg("--release");
     }
     run.args(["--example", scene.name, "--", "--gizmos", scene.gizmos, "--at", scene.at_s, "--pictures"])
-        .arg(folder);
+        .arg(folder)
+        .args(scene.args);
     let output = run.output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     if said.contains("draws nothing") {

@@ -15,9 +15,10 @@ use std::path::PathBuf;
 /// Which device a tool has. A selector is plain data; the device itself comes from [`HapticDevices`] when the
 /// tool's loop starts.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Reflect)]
-#[reflect(Debug, PartialEq, Hash, Clone)]
+#[reflect(Debug, Default, PartialEq, Hash, Clone)]
 pub enum DeviceSelector {
-    /// A recorded hand: a CSV file with the header `t_s,x_m,y_m,z_m` and a row each millisecond.
+    /// A recorded hand: a CSV file with the header `t_s,x_m,y_m,z_m`, after which buttons and an orientation may follow, and a row each
+    /// millisecond; see [`Trajectory`].
     Replay {
         /// The file, from the working directory or, if it is not there, from the folder `assets` below the first of
         /// these that has it: the working directory, `BEVY_ASSET_ROOT`, `CARGO_MANIFEST_DIR`, the program's folder.

@@ -38,7 +38,7 @@ impl HapticGizmosPlugin {
 /// Which parts are drawn: a gizmo group. Line width, depth bias and whether anything is drawn at all are in its
 /// [`GizmoConfig`]; it is drawn in front of everything unless that says otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, GizmoConfigGroup)]
-#[reflect(Default)]
+#[reflect(Debug, Default, PartialEq, Clone)]
 pub struct HapticGizmos {
     /// Springs, blue where they are compressed and red where they are stretched, and the fainter the less they are.
     pub lattice: bool,
@@ -84,7 +84,8 @@ impl Plugin for HapticGizmosPlugin {
         let cost = FrameCost::default();
         let line = GizmoLineConfig { width: 1.5, ..GizmoLineConfig::default() };
         let in_front = GizmoConfig { depth_bias: -1.0, line, ..GizmoConfig::default() };
-        app.insert_gizmo_config(HapticGizmos::default(), in_front)
+        app.register_type::<HapticGizmos>()
+            .insert_gizmo_config(HapticGizmos::default(), in_front)
             .insert_resource(GizmosCost(cost.clone()))
             .register_diagnostic(Diagnostic::new(Self::COST).with_suffix(" ms"))
             // Of lines at the same place the first is seen: the near field's, not the lattice's.

@@ -35,15 +35,18 @@ impl Default for MouseDevicePlugin {
 }
 
 /// Where the mouse's hand is to go.
-#[derive(Resource, Debug)]
+#[derive(Resource, Debug, Reflect)]
+#[reflect(Resource, Debug)]
 pub struct MouseHand {
     /// The place, m, in the frame of the device.
     pub place_m: Vec3,
     line_m: f32,
+    #[reflect(ignore)]
     buttons: &'static [MouseButton],
     /// Where it starts, and the corners of where it may go, m.
     start_m: Vec3,
     workspace_m: [Vec3; 2],
+    #[reflect(ignore)]
     followed: Followed,
 }
 
@@ -67,7 +70,7 @@ impl Plugin for MouseDevicePlugin {
         let (hand, followed) = (self.hand, Followed::default());
         let [low, high] = hand.workspace_m.map(|corner| corner.as_vec3());
         let start_m = hand.start_m.as_vec3().clamp(low, high);
-        app.insert_resource(MouseHand {
+        app.register_type::<MouseHand>().insert_resource(MouseHand {
             place_m: start_m,
             line_m: self.line_m,
             buttons: self.buttons,
@@ -204,6 +207,17 @@ mod tests {
         }
         assert!((samples.last().unwrap().position_m.x - 0.2).abs() < 1e-5);
         assert_eq!((samples[100].buttons, samples.last().unwrap().buttons), (0, 1));
+    }
+
+    #[test]
+    fn its_place_can_be_looked_at_by_reflection() {
+        let (app, _) = app();
+        let registry = app.world().resource::<AppTypeRegistry>().read();
+        let known = registry.get(std::any::TypeId::of::<MouseHand>()).unwrap();
+        assert!(known.data::<ReflectResource>().is_some());
+        let hand: &dyn Reflect = app.world().resource::<MouseHand>();
+        let place = hand.reflect_ref().as_struct().unwrap().field("place_m").unwrap();
+        assert_eq!(place.try_downcast_ref::<Vec3>(), Some(&Vec3::ZERO));
     }
 
     #[test]

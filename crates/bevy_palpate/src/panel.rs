@@ -60,7 +60,8 @@ impl HapticPanelPlugin {
 }
 
 /// What the panel shows. Change it to open, close or direct it.
-#[derive(Resource, Clone, Debug)]
+#[derive(Resource, Clone, Debug, Reflect)]
+#[reflect(Resource, Debug, Clone)]
 pub struct HapticPanel {
     /// Whether the side panel is open.
     pub open: bool,
@@ -76,6 +77,7 @@ pub struct HapticPanel {
     pub curves: [bool; 6],
     /// Where recordings go.
     pub folder: PathBuf,
+    #[reflect(ignore)]
     pub(crate) view: settings::View,
     present: devices::Present,
 }
@@ -122,6 +124,7 @@ impl Plugin for HapticPanelPlugin {
             view: settings::View::default(),
             present: devices::Present::default(),
         })
+        .register_type::<HapticPanel>()
         .insert_resource(PanelCost(cost.clone()))
         .init_resource::<watch::Watched>()
         .init_resource::<faults::Heard>()

@@ -35,7 +35,7 @@ pub enum HapticSystems {
 
 /// What makes the loops tick. A loop has the clock that is set when it starts: choose it with the plugin and leave it.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
-#[reflect(Resource, Debug, Default, PartialEq)]
+#[reflect(Resource, Debug, Default, PartialEq, Clone)]
 pub enum HapticClock {
     /// Each loop on a thread of its own, at 1 kHz of real time: for use.
     #[default]
@@ -112,7 +112,7 @@ pub(crate) const MAX_TICKS: u32 = 200;
 
 /// How many model steps have been run.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
-#[reflect(Resource, Debug, Default, PartialEq)]
+#[reflect(Resource, Debug, Default, PartialEq, Clone)]
 pub struct ModelStepCount(pub u64);
 
 /// Time that has passed in the fixed main loop since the last model step.

@@ -10,8 +10,12 @@ use palpate_body::{Body, BodyError, BodyPoint, SurfaceTree, Tie};
 /// A thread between two points of a body's surface: it pulls them together and never apart. An entity of its own; despawning it
 /// takes the thread out. Its results are in [`SutureForce`].
 ///
+/// It is a spring that pulls only: its tension is its stiffness times what its ends are farther apart than its length, and zero
+/// where they are nearer. With an infinite stiffness its length is a limit that its ends never pass.
+///
 /// Where it goes through the surface is found when it is made, or when its ends or its body change, in the shape that the body
-/// has then. A change of length or limit acts at the next model step: a shorter thread draws its ends together at 1 m/s.
+/// has then. A change of length, stiffness or limit acts at the next model step: a shorter thread that does not stretch draws its
+/// ends together at 1 m/s.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[require(SutureForce, Sewn)]
 #[reflect(Component, Debug, PartialEq, Clone)]
@@ -20,8 +24,10 @@ pub struct Suture {
     pub body: Entity,
     /// Its ends, m, world; the nearest points of the surface are pierced, within [`Suture::WITHIN_M`].
     pub ends_m: [DVec3; 2],
-    /// Length of the thread between them, m.
+    /// Length of the thread between them while nothing pulls it, m.
     pub length_m: f64,
+    /// How much tension stretches it by a metre, N/m; infinite if it does not stretch.
+    pub stiffness_n_per_m: f64,
     /// Tension at which it tears, N; may be infinite.
     pub tear_limit_n: f64,
 }
@@ -35,7 +41,7 @@ impl Suture {
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct SutureForce {
-    /// Tension of the thread in the last step, N.
+    /// Tension of the thread in the last step, N: of one that stretches, its stiffness times what it was longer then.
     pub tension_n: f64,
     /// What the body's springs pull each end with, N, world. At rest they are equal and opposite, and as large as the tension.
     pub pull_n: [DVec3; 2],
@@ -46,7 +52,8 @@ pub struct SutureForce {
 }
 
 /// A suture has torn.
-#[derive(Message, Clone, Copy, Debug, PartialEq)]
+#[derive(Message, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Message, Debug, PartialEq, Clone)]
 pub struct SutureTorn {
     /// The suture.
     pub suture: Entity,
@@ -86,6 +93,7 @@ impl Plugin for SuturePlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<Suture>()
             .register_type::<SutureForce>()
+            .register_type::<SutureTorn>()
             .add_message::<HapticFault>()
             .add_message::<SutureTorn>()
             .configure_sets(
@@ -170,7 +178,9 @@ fn sew(
 }
 
 fn tie(suture: &Suture, [a, b]: &[BodyPoint; 2]) -> Result<Tie, BodyError> {
-    Tie::thread(a.clone(), b.clone(), suture.length_m)?.tearing_at(suture.tear_limit_n)
+    Tie::thread(a.clone(), b.clone(), suture.length_m)?
+        .stretching(suture.stiffness_n_per_m)?
+        .tearing_at(suture.tear_limit_n)
 }
 
 /// Finds where the suture goes through the surface.

@@ -33,7 +33,7 @@ use palpate_local::Scheme;
 /// coupling. Spawn it without a parent.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[require(ToolSettings, ToolForce, LocalModelBuild, LocalModelError, LoopTiming, Touching, Transform)]
-#[reflect(Component, Debug, PartialEq, Clone)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct HapticTool {
     /// Which device moves it. A change starts another loop.
     pub device: DeviceSelector,
@@ -126,7 +126,8 @@ pub struct ToolSettings {
 }
 
 /// A tool has touched a body. Each of these is followed by one [`ContactEnded`], whatever ends the contact.
-#[derive(Message, Clone, Copy, Debug, PartialEq)]
+#[derive(Message, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Message, Debug, PartialEq, Clone)]
 pub struct ContactBegan {
     /// The tool.
     pub tool: Entity,
@@ -139,7 +140,8 @@ pub struct ContactBegan {
 }
 
 /// A tool has let go of a body.
-#[derive(Message, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Message, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[reflect(Message, Debug, PartialEq, Clone)]
 pub struct ContactEnded {
     /// The tool.
     pub tool: Entity,
@@ -164,6 +166,9 @@ impl Plugin for ToolPlugin {
             .register_type::<LocalModelError>()
             .register_type::<LoopTiming>()
             .register_type::<Touching>()
+            .register_type::<TickRecording>()
+            .register_type::<ContactBegan>()
+            .register_type::<ContactEnded>()
             .add_message::<HapticFault>()
             .add_message::<ContactBegan>()
             .add_message::<ContactEnded>()

@@ -25,7 +25,7 @@ pub struct Energy {
 /// left. It vanishes with the length of the steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyBooks {
-    /// Done on the body by what drives it and by its loads.
+    /// Done on the body by what drives it, by its loads and by threads that stretch: what they store is not the body's.
     pub work_in_j: f64,
     /// Energy now minus that when the books were opened.
     pub stored_j: f64,
@@ -122,8 +122,8 @@ impl Ledger {
         self
     }
 
-    /// Books what obstacles and ties did in this step, at the mean velocities of what they touch: what anchors did is
-    /// work, all else is rubbed away.
+    /// Books what obstacles and ties did in this step, at the mean velocities of what they touch: what anchors and stretching
+    /// threads did is work, all else is rubbed away.
     pub(crate) fn meet(&mut self, body: &Body, driven: Option<usize>) {
         let taken = |c: &NodeContact| -0.5 * c.impulse_ns.dot(self.v[c.node] + c.velocity_m_per_s);
         self.rubbed_j += body.contacts().iter().map(taken).sum::<f64>();
@@ -137,7 +137,10 @@ impl Ledger {
             let mean = |point: &BodyPoint| 0.5 * (point.of(&self.v) + point.of(body.velocities_m_per_s()));
             match &tie.b {
                 TieEnd::Anchor { .. } => self.work_in_j += impulse.dot(mean(&tie.a)),
-                TieEnd::Point(b) => self.rubbed_j -= impulse.dot(mean(&tie.a) - mean(b)),
+                TieEnd::Point(b) => {
+                    let done = impulse.dot(mean(&tie.a) - mean(b));
+                    if tie.stretches() { self.work_in_j += done } else { self.rubbed_j -= done }
+                }
             }
         }
     }

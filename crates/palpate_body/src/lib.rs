@@ -52,7 +52,8 @@
 //!   What is fixed is not touched, nor a point with less than 0.3 of its weight on free nodes.
 //! * What is displayed of a touch is the force on the nodes that it touches, their own weight among it.
 //! * Nodes meet obstacles one-sided and with friction, exactly but for spheres, which a step knows by their tangent plane: a
-//!   long step may meet one that it would have passed. Impacts are without rebound. Ties are rigid: see [`Tie`].
+//!   long step may meet one that it would have passed. Impacts are without rebound. Ties are rigid, but for threads that are made to
+//!   stretch: see [`Tie`].
 //! * With the implicit step every node in contact costs three solutions with the whole body's matrix, so that many nodes
 //!   on the ground are slow. A linearised step keeps a free body's momentum, but its spin to the first order only.
 //! * Springs do not know that cells have a volume: a body pressed through itself stays pressed through itself.
@@ -61,6 +62,7 @@
 //!   damps what is fast compared with its step.
 
 #![forbid(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
 mod block;
 mod body;
@@ -100,3 +102,7 @@ pub use tangent::{Tangent, TangentPattern};
 pub use tie::{BodyPoint, Tie};
 pub use tissue::{CellStiffness, Tissue};
 pub use tool::{ToolContact, ToolPoint, TouchedPoint};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

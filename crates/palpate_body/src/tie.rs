@@ -13,8 +13,8 @@ pub struct BodyPoint {
 
 /// A tie between a point of a body and a place, or two points of it.
 ///
-/// It is rigid: where what it asks for cannot be, a grasped node pressed into an obstacle for instance, its force is
-/// no measure of anything, and [`crate::StepReport::unsolved`] counts such steps.
+/// It is rigid, but for a thread that [stretches](Tie::stretching): where what it asks for cannot be, a grasped node pressed into
+/// an obstacle for instance, its force is no measure of anything, and [`crate::StepReport::unsolved`] counts such steps.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Tie {
@@ -45,8 +45,8 @@ pub(crate) enum TieEnd {
 pub(crate) enum TieKind {
     /// Two-sided: the ends stay together.
     Joint,
-    /// Tension only: the ends are at most that far apart.
-    Thread { length_m: f64 },
+    /// Tension only: the ends are at most that far apart, or pulled by k times what they are farther.
+    Thread { length_m: f64, stiffness_n_per_m: Option<f64> },
 }
 
 /// Most nodes of a point.
@@ -163,16 +163,17 @@ impl Tie {
     /// [`BodyError::Parameter`] when the length is not above zero or the place not finite.
     pub fn thread_to(point: BodyPoint, anchor_m: DVec3, length_m: f64) -> Result<Self, BodyError> {
         let length_m = check_positive("length of a thread, m", length_m)?;
-        Ok(Self::new(TieKind::Thread { length_m }, point, anchor(anchor_m)?))
+        Ok(Self::new(TieKind::Thread { length_m, stiffness_n_per_m: None }, point, anchor(anchor_m)?))
     }
 
-    /// A thread of length `length_m` between two points: it pulls them together and never apart.
+    /// A thread of length `length_m` between two points: it pulls them together and never apart. It does not stretch, unless it is
+    /// made to: [`Self::stretching`].
     ///
     /// # Errors
     /// [`BodyError::Parameter`] when the length is not above zero.
     pub fn thread(a: BodyPoint, b: BodyPoint, length_m: f64) -> Result<Self, BodyError> {
         let length_m = check_positive("length of a thread, m", length_m)?;
-        Ok(Self::new(TieKind::Thread { length_m }, a, TieEnd::Point(b)))
+        Ok(Self::new(TieKind::Thread { length_m, stiffness_n_per_m: None }, a, TieEnd::Point(b)))
     }
 
     /// A suture that draws two points together, at 1 m/s, and holds them until its force exceeds `tear_limit_n`; what
@@ -193,6 +194,22 @@ impl Tie {
         Ok(Self { tear_limit_n: tear_limit_n.is_finite().then_some(tear_limit_n), ..self })
     }
 
+    /// The same thread as a spring that pulls and never pushes: its tension is `stiffness_n_per_m` times what its ends are farther
+    /// apart than its length, and zero where they are nearer. The force is that at the end of a step, so that no stiffness needs
+    /// shorter steps; infinite is the thread that does not stretch.
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] when the stiffness is not above zero, or the tie is no thread.
+    pub fn stretching(self, stiffness_n_per_m: f64) -> Result<Self, BodyError> {
+        let what = "stiffness of a thread, N/m";
+        check(what, stiffness_n_per_m, stiffness_n_per_m > 0.0, "above 0")?;
+        let TieKind::Thread { length_m, .. } = self.kind else {
+            return Err(BodyError::Parameter { what, value: stiffness_n_per_m, allowed: "that of a thread" });
+        };
+        let stiffness_n_per_m = stiffness_n_per_m.is_finite().then_some(stiffness_n_per_m);
+        Ok(Self { kind: TieKind::Thread { length_m, stiffness_n_per_m }, ..self })
+    }
+
     fn new(kind: TieKind, a: BodyPoint, b: TieEnd) -> Self {
         Self { kind, a, b, tear_limit_n: None, torn_at_n: None, last: (DVec3::ZERO, 0.0) }
     }
@@ -201,6 +218,11 @@ impl Tie {
     #[must_use]
     pub fn point(&self) -> &BodyPoint {
         &self.a
+    }
+
+    /// Whether it is a spring and no rigid limit.
+    pub(crate) fn stretches(&self) -> bool {
+        matches!(self.kind, TieKind::Thread { stiffness_n_per_m: Some(_), .. })
     }
 
     /// Whether it has torn.
@@ -279,8 +301,9 @@ impl Tie {
                 check("place of an anchor, m", from_m.abs().max(to_m.abs()).max_element(), finite, "finite")?;
             }
         }
-        if let TieKind::Thread { length_m } = self.kind {
+        if let TieKind::Thread { length_m, stiffness_n_per_m } = self.kind {
             check_positive("length of a thread, m", length_m)?;
+            check_positive("stiffness of a thread, N/m", stiffness_n_per_m.unwrap_or(1.0))?;
         }
         if let Some(limit) = self.tear_limit_n {
             check_positive("tear limit of a tie, N", limit)?;

@@ -61,7 +61,7 @@ fn at_rest_a_grasp_pulls_as_hard_as_the_body_pulls_back() {
         body.move_tie(0, start + DVec3::new(0.002, 0.0, 0.005)).unwrap();
         // There in half a second, and to rest.
         body.advance(None, 500, integrator).unwrap();
-        body.advance(None, 4000, integrator).unwrap();
+        body.advance(None, 1500, integrator).unwrap();
         let tie = &body.ties()[0];
         let pull = tie.force_n();
         let ground: DVec3 = (0..16).map(|node| body.internal_force_on_n(node)).sum();
@@ -227,13 +227,110 @@ fn a_thread_on_a_held_node_lifts_and_the_hand_does_the_work() {
     }
 }
 
+/// Two masses of 0.1 kg and 0.3 kg, 0.1 m apart, on a thread of 0.1 m and `k` N/m.
+fn on_a_spring(k: f64) -> Body {
+    let mut body = masses(&[(DVec3::X * 0.1, 0.1), (DVec3::ZERO, 0.3)]);
+    let thread = Tie::thread(BodyPoint::node(0), BodyPoint::node(1), 0.1).unwrap();
+    body.set_ties(vec![thread.stretching(k).unwrap()]).unwrap();
+    body
+}
+
+#[test]
+fn a_thread_that_stretches_is_a_spring_that_pulls_only_in_every_step() {
+    let (k, substeps) = (400.0, 4);
+    for integrator in integrators(substeps) {
+        let mut body = on_a_spring(k);
+        body.set_state(body.positions_m().to_vec().as_slice(), &[DVec3::X * 0.5, DVec3::ZERO]).unwrap();
+        // The same by hand: implicit Euler of e'' = -T/m, T = max(0, k e), with the reduced mass.
+        let (h, reduced_kg) = (1e-3 / substeps as f64, 0.1 * 0.3 / 0.4);
+        let (mut e, mut v, mut pulls, mut slack) = (0.0_f64, 0.5_f64, 0, 0);
+        for tick in 1..=120 {
+            body.advance(None, 1, integrator).unwrap();
+            let mut tension_n = 0.0;
+            for _ in 0..substeps {
+                let pull_n = k * (e + h * v) / (1.0 + k * h * h / reduced_kg);
+                tension_n = pull_n.max(0.0);
+                v -= h * tension_n / reduced_kg;
+                e += h * v;
+            }
+            let apart = body.positions_m()[0].x - body.positions_m()[1].x;
+            let pull = -body.ties()[0].force_n();
+            assert!(
+                (apart - 0.1 - e).abs() < 1e-9,
+                "tick {tick}: {} m, not {e} m, {integrator:?}",
+                apart - 0.1
+            );
+            assert!((pull - DVec3::X * tension_n).length() < 1e-6, "tick {tick}: {pull}, not {tension_n} N");
+            // Its force is that of the length which it has at the end of the step.
+            assert!((tension_n - k * (apart - 0.1).max(0.0)).abs() < 1e-6, "tick {tick}");
+            if tension_n > 0.0 { pulls += 1 } else { slack += 1 }
+        }
+        assert!(pulls > 30 && slack > 30, "{pulls} and {slack}");
+    }
+}
+
+#[test]
+fn at_rest_a_thread_is_longer_by_its_force_over_its_stiffness() {
+    for (k, integrator) in [(20.0, 0), (5e4, 1)] {
+        let integrator = integrators(4)[integrator];
+        let mut body = block(4);
+        let start = place(&body, &on_the_top());
+        let anchor = start + DVec3::new(0.0, 0.0, 0.05);
+        let thread = Tie::thread_to(on_the_top(), anchor, 0.03).unwrap().stretching(k).unwrap();
+        body.set_ties(vec![thread]).unwrap();
+        body.advance(None, 1500, integrator).unwrap();
+        let apart = place(&body, &on_the_top()).distance(anchor);
+        let tension_n = body.ties()[0].force_n().length();
+        assert!(
+            tension_n > 0.05 && (tension_n / (k * (apart - 0.03)) - 1.0).abs() < 1e-4,
+            "{tension_n} N, {apart} m"
+        );
+        // What the body pulls back with.
+        let pull = body.ties()[0].displayed_force_n(&body);
+        assert!((pull.length() / tension_n - 1.0).abs() < 1e-3, "{pull}, {tension_n} N");
+    }
+}
+
+#[test]
+fn a_very_stiff_thread_is_the_rigid_one() {
+    for integrator in integrators(4) {
+        let ends = [1e9, f64::INFINITY].map(|k| {
+            let mut body = on_a_spring(k);
+            body.set_loads(&[DVec3::X * 2.0, DVec3::ZERO]).unwrap();
+            body.advance(None, 100, integrator).unwrap();
+            (body.positions_m()[0], body.ties()[0].force_n())
+        });
+        let ((a, pull_a), (b, pull_b)) = (ends[0], ends[1]);
+        assert!(a.distance(b) < 1e-8 && pull_a.distance(pull_b) < 1e-4, "{ends:?}");
+        // 2 N accelerate both; three quarters of it pass through the thread.
+        assert!((pull_b + DVec3::X * 1.5).length() < 1e-6, "{pull_b}");
+    }
+}
+
+#[test]
+fn what_a_stretching_thread_does_is_booked_as_work() {
+    let mut body = on_a_spring(400.0);
+    body.set_state(body.positions_m().to_vec().as_slice(), &[DVec3::X * 0.5, DVec3::ZERO]).unwrap();
+    body.open_books();
+    // Until it is longest.
+    let quarter = 0.5 * std::f64::consts::PI * (0.075_f64 / 400.0).sqrt();
+    body.advance(None, (1e3 * quarter).round() as usize, integrators(20)[0]).unwrap();
+    let books = body.books().unwrap();
+    let apart = body.positions_m()[0].x - body.positions_m()[1].x - 0.1;
+    let in_the_thread = 0.5 * 400.0 * apart * apart;
+    assert!((books.work_in_j / -in_the_thread - 1.0).abs() < 0.02, "{books:?}, {in_the_thread} J");
+    assert_eq!(books.rubbed_j, 0.0);
+    assert!(books.integrator_j.abs() < 1e-9, "{books:?}");
+}
+
 #[test]
 fn ties_are_part_of_the_state() {
     let mut body = masses(&[(DVec3::X * 0.01, 0.1), (DVec3::ZERO, 0.1)]);
     let suture = |limit| Tie::suture(BodyPoint::node(0), BodyPoint::node(1), limit).unwrap();
     let thread = Tie::thread_to(BodyPoint::node(1), DVec3::ZERO, 1.0).unwrap();
     let grasp = Tie::grasp(BodyPoint::node(0), DVec3::X * 0.01).unwrap();
-    for ties in [vec![suture(f64::INFINITY), thread.clone(), grasp], vec![suture(0.5), thread]] {
+    let spring = thread.clone().stretching(50.0).unwrap();
+    for ties in [vec![suture(f64::INFINITY), thread.clone(), grasp, spring], vec![suture(0.5), thread]] {
         body.set_ties(ties.clone()).unwrap();
         let text = serde_json::to_string(&body.state()).unwrap();
         assert_eq!(serde_json::from_str::<BodyState>(&text).unwrap().ties, ties);
@@ -257,7 +354,9 @@ fn ties_that_make_no_sense_are_refused() {
     {
         assert!(BodyPoint::new(bad).is_err());
     }
+    assert!(Tie::suture(node(0), node(1), 1.0).unwrap().stretching(5.0).is_err(), "it has no length");
     for bad in [0.0, -1.0, f64::NAN] {
+        assert!(Tie::thread(node(0), node(1), 0.1).unwrap().stretching(bad).is_err());
         assert!(Tie::thread(node(0), node(1), bad).is_err() && Tie::suture(node(0), node(1), bad).is_err());
         assert!(Tie::thread_to(node(0), DVec3::ZERO, bad).is_err());
     }

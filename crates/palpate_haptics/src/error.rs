@@ -51,7 +51,10 @@ pub enum TrajectoryError {
         source: csv::Error,
     },
     /// The first line is not the header.
-    #[error("{}:1: the header is \"{found}\"; it must be \"t_s,x_m,y_m,z_m\"", .path.display())]
+    #[error(
+        "{}:1: the header is \"{found}\"; it must be \"t_s,x_m,y_m,z_m\", after which \"buttons\" and \"qx,qy,qz,qw\" may follow",
+        .path.display()
+    )]
     Header {
         /// The file.
         path: PathBuf,
@@ -59,7 +62,7 @@ pub enum TrajectoryError {
         found: String,
     },
     /// A row has too few or too many fields.
-    #[error("{}:{line}: {found} fields; a row has 4: t_s,x_m,y_m,z_m", .path.display())]
+    #[error("{}:{line}: {found} fields; a row has {}: {}", .path.display(), .columns.len(), .columns.join(","))]
     Fields {
         /// The file.
         path: PathBuf,
@@ -67,6 +70,28 @@ pub enum TrajectoryError {
         line: u64,
         /// How many fields it has.
         found: usize,
+        /// The file's columns.
+        columns: Vec<String>,
+    },
+    /// What stands for the buttons is no number of bits.
+    #[error("{}:{line}: buttons is \"{found}\"; it must be a whole number from 0 to 4294967295", .path.display())]
+    Buttons {
+        /// The file.
+        path: PathBuf,
+        /// The line.
+        line: u64,
+        /// What stands there.
+        found: String,
+    },
+    /// A quaternion that is no rotation.
+    #[error("{}:{line}: the length of qx,qy,qz,qw is {found}; it must be 1", .path.display())]
+    Orientation {
+        /// The file.
+        path: PathBuf,
+        /// The line.
+        line: u64,
+        /// Its length.
+        found: f64,
     },
     /// A field is not a finite number.
     #[error("{}:{line}: {column} is \"{found}\"; it must be a finite number", .path.display())]
@@ -76,7 +101,7 @@ pub enum TrajectoryError {
         /// The line.
         line: u64,
         /// The column's name.
-        column: &'static str,
+        column: String,
         /// What stands there.
         found: String,
     },

@@ -63,6 +63,12 @@ impl DeviceFrame {
         self.rotation.conjugate() * (scene_m - self.offset_m) / self.scale
     }
 
+    /// The orientation in the device's frame.
+    #[must_use]
+    pub fn orientation_to_device(&self, scene: DQuat) -> DQuat {
+        (self.rotation.conjugate() * scene).normalize()
+    }
+
     /// The force, N, in the device's frame.
     #[must_use]
     pub fn force_to_device(&self, force_n: DVec3) -> DVec3 {
@@ -89,6 +95,8 @@ mod tests {
         assert!((power - 2.5 * frame.force_to_device(f).dot(v)).abs() < 1e-12);
         let back = frame.position_to_device_m(scene.position_m);
         assert!((back - reading.position_m).length() < 1e-15);
+        let turned = frame.orientation_to_device(scene.orientation);
+        assert!(turned.angle_between(reading.orientation) < 1e-7);
     }
 
     #[test]

@@ -103,3 +103,7 @@ pub use timing::{LoopReport, SuccessRate, TickTiming, TimeHistogram};
 pub use trajectory::{Probe, Trajectory};
 pub use velocity::{VelocityEstimator, VelocityState};
 pub use watchdog::EmergencyStop;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

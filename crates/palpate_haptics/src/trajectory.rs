@@ -1,92 +1,45 @@
-//! Recorded hands: positions at 1 kHz.
+//! Recorded hands: readings at 1 kHz.
 
+mod csv;
 mod probe;
 
 pub use probe::Probe;
 
 use crate::error::check;
-use crate::{HapticsError, TrajectoryError};
-use glam::DVec3;
-use std::io::{Read, Write};
-use std::path::Path;
+use crate::{HapticsError, Reading};
+use glam::{DQuat, DVec3};
 
-/// The columns of a trajectory file.
-const HEADER: [&str; 4] = ["t_s", "x_m", "y_m", "z_m"];
-
-/// Positions of a hand, one each millisecond, m.
+/// A hand, one reading each millisecond: positions, m, and buttons and orientations if they were recorded.
 ///
-/// A file has the header `t_s,x_m,y_m,z_m` and one row each millisecond; `t_s` may begin anywhere.
+/// # File
+/// CSV with one row each millisecond and the header `t_s,x_m,y_m,z_m`, after which there may be `buttons`, or `qx,qy,qz,qw`, or both
+/// in this order:
+///
+/// | column | is |
+/// | --- | --- |
+/// | `t_s` | time, s; may begin anywhere |
+/// | `x_m`, `y_m`, `z_m` | position in the device's frame, m, within 10 m of the origin |
+/// | `buttons` | bit i is set while button i is pressed; without the column none ever is |
+/// | `qx`, `qy`, `qz`, `qw` | orientation, a quaternion of length 1; without the columns there is no turning |
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
     positions_m: Vec<DVec3>,
+    /// One for each position, or none at all where no button is ever pressed.
+    buttons: Vec<u32>,
+    /// One for each position, or none at all where nothing ever turns.
+    orientations: Vec<DQuat>,
 }
+
+/// The largest coordinate of a position, m.
+const FARTHEST_M: f64 = 10.0;
+/// How far a quaternion's length may be from 1: files have seven digits.
+const OF_LENGTH_1: f64 = 1e-5;
 
 impl Trajectory {
     /// Time between two rows, s.
     pub const PERIOD_S: f64 = 1e-3;
 
-    /// Reads the file `path`.
-    ///
-    /// # Errors
-    /// [`TrajectoryError`], with file and line.
-    pub fn from_csv_file(path: impl AsRef<Path>) -> Result<Self, TrajectoryError> {
-        let path = path.as_ref();
-        let file = std::fs::File::open(path)
-            .map_err(|source| TrajectoryError::File { path: path.to_owned(), source })?;
-        Self::from_csv(file, path)
-    }
-
-    /// Reads CSV from `reader`; `name` stands for the file in errors.
-    ///
-    /// # Errors
-    /// [`TrajectoryError`], with `name` and line.
-    pub fn from_csv(reader: impl Read, name: impl AsRef<Path>) -> Result<Self, TrajectoryError> {
-        let path = || name.as_ref().to_owned();
-        let csv_error = |source: csv::Error| {
-            let line = source.position().map_or(1, csv::Position::line);
-            TrajectoryError::Csv { path: path(), line, source }
-        };
-        let mut rows = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(reader);
-        let header = rows.headers().map_err(csv_error)?;
-        if header.iter().ne(HEADER) {
-            let found = header.iter().collect::<Vec<_>>().join(",");
-            return Err(TrajectoryError::Header { path: path(), found });
-        }
-        let mut positions_m = Vec::new();
-        let mut start = 0.0;
-        for row in rows.records() {
-            let row = row.map_err(csv_error)?;
-            let line = row.position().map_or(0, csv::Position::line);
-            if row.len() != HEADER.len() {
-                return Err(TrajectoryError::Fields { path: path(), line, found: row.len() });
-            }
-            let number = |i: usize| {
-                let finite = row[i].parse().ok().filter(|v: &f64| v.is_finite());
-                let (column, found) = (HEADER[i], || row[i].to_owned());
-                finite.ok_or_else(|| TrajectoryError::Number { path: path(), line, column, found: found() })
-            };
-            let (t, position) = (number(0)?, DVec3::new(number(1)?, number(2)?, number(3)?));
-            if let Some(axis) = (0..3).find(|&axis| position[axis].abs() > 10.0) {
-                let (column, found) = (HEADER[axis + 1], position[axis]);
-                return Err(TrajectoryError::Far { path: path(), line, column, found });
-            }
-            if positions_m.is_empty() {
-                start = t;
-            }
-            let expected = start + positions_m.len() as f64 * Self::PERIOD_S;
-            // A microsecond, and what rounding does to large times.
-            if (t - expected).abs() > 1e-6 + 4.0 * f64::EPSILON * expected.abs() {
-                return Err(TrajectoryError::Time { path: path(), line, found: t, expected });
-            }
-            positions_m.push(position);
-        }
-        if positions_m.len() < 2 {
-            return Err(TrajectoryError::TooShort { path: path(), rows: positions_m.len() });
-        }
-        Ok(Self { positions_m })
-    }
-
-    /// A hand at `positions_m`, one each millisecond.
+    /// A hand at `positions_m`, one each millisecond, that presses no button and never turns.
     ///
     /// # Errors
     /// [`HapticsError::Setting`] for fewer than two positions, or one that is not within 10 m of the origin.
@@ -94,35 +47,51 @@ impl Trajectory {
         let rows = positions_m.len();
         check("number of positions", rows as f64, rows >= 2, "at least 2")?;
         let far = |p: &DVec3| p.to_array().iter().map(|c| c.abs()).fold(0.0, f64::max);
-        let beyond = |p: &&DVec3| !(p.is_finite() && far(p) <= 10.0);
+        let beyond = |p: &&DVec3| !(p.is_finite() && far(p) <= FARTHEST_M);
         match positions_m.iter().find(beyond) {
             Some(p) => Err(HapticsError::Setting {
                 what: "largest coordinate of a position, m",
                 value: if p.is_finite() { far(p) } else { f64::NAN },
                 allowed: "finite and at most 10",
             }),
-            None => Ok(Self { positions_m }),
+            None => Ok(Self { positions_m, buttons: Vec::new(), orientations: Vec::new() }),
         }
     }
 
-    /// Writes the file's text, times from zero, positions to the nearest 0.1 µm.
+    /// A hand that is read as `readings`, one each millisecond: their positions, buttons and orientations.
     ///
     /// # Errors
-    /// What `writer` returns.
-    pub fn to_csv(&self, mut writer: impl Write) -> std::io::Result<()> {
-        writeln!(writer, "{}", HEADER.join(","))?;
-        for (i, p) in self.positions_m.iter().enumerate() {
-            // Adding zero turns −0 into 0.
-            let [x, y, z] = p.to_array().map(|v| (v * 1e7).round() / 1e7 + 0.0);
-            writeln!(writer, "{:.3},{x:.7},{y:.7},{z:.7}", i as f64 * Self::PERIOD_S)?;
+    /// As [`Self::from_positions`], and where an orientation is not of length 1.
+    pub fn from_readings(readings: &[Reading]) -> Result<Self, HapticsError> {
+        let mut hand = Self::from_positions(readings.iter().map(|reading| reading.position_m).collect())?;
+        for reading in readings {
+            let length = reading.orientation.length();
+            let is_one = (length - 1.0).abs() < OF_LENGTH_1;
+            check("length of an orientation's quaternion", length, is_one, "1 within 1e-5")?;
         }
-        Ok(())
+        if readings.iter().any(|reading| reading.buttons != 0) {
+            hand.buttons = readings.iter().map(|reading| reading.buttons).collect();
+        }
+        if readings.iter().any(|reading| reading.orientation != DQuat::IDENTITY) {
+            hand.orientations = readings.iter().map(|reading| reading.orientation.normalize()).collect();
+        }
+        Ok(hand)
     }
 
     /// The positions, m.
     #[must_use]
     pub fn positions_m(&self) -> &[DVec3] {
         &self.positions_m
+    }
+
+    /// What the hand is read as at `row`, counted from 0; `None` after the last.
+    #[must_use]
+    pub fn reading(&self, row: usize) -> Option<Reading> {
+        Some(Reading {
+            buttons: self.buttons.get(row).copied().unwrap_or(0),
+            orientation: self.orientations.get(row).copied().unwrap_or(DQuat::IDENTITY),
+            ..Reading::at(*self.positions_m.get(row)?)
+        })
     }
 
     /// From the first row to one period after the last, s.

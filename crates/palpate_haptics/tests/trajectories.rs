@@ -1,6 +1,6 @@
 //! Recorded hands: good files, bad files and the generator.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use palpate_haptics::*;
 
 fn read(text: &str) -> Result<Trajectory, TrajectoryError> {
@@ -48,8 +48,14 @@ fn a_time_that_begins_late_is_fine() {
 fn every_fault_is_named_with_file_and_line() {
     let ok = "t_s,x_m,y_m,z_m\n0,0,0,0\n0.001,0,0,0\n";
     for (text, expected) in [
-        ("x,y,z\n0,0,0\n", "hand.csv:1: the header is \"x,y,z\"; it must be \"t_s,x_m,y_m,z_m\""),
-        ("", "hand.csv:1: the header is \"\"; it must be \"t_s,x_m,y_m,z_m\""),
+        (
+            "x,y,z\n0,0,0\n",
+            "hand.csv:1: the header is \"x,y,z\"; it must be \"t_s,x_m,y_m,z_m\", after which \"buttons\" and \"qx,qy,qz,qw\" may follow",
+        ),
+        (
+            "",
+            "hand.csv:1: the header is \"\"; it must be \"t_s,x_m,y_m,z_m\", after which \"buttons\" and \"qx,qy,qz,qw\" may follow",
+        ),
         (&format!("{ok}0.002,0,abc,0\n"), "hand.csv:4: y_m is \"abc\"; it must be a finite number"),
         (&format!("{ok}0.002,NaN,0,0\n"), "hand.csv:4: x_m is \"NaN\"; it must be a finite number"),
         (&format!("{ok}0.002,0,0,inf\n"), "hand.csv:4: z_m is \"inf\"; it must be a finite number"),
@@ -67,6 +73,65 @@ fn every_fault_is_named_with_file_and_line() {
         assert_eq!(message(text), expected);
     }
     assert!(read(ok).is_ok());
+}
+
+#[test]
+fn buttons_and_orientations_are_columns_that_a_file_may_have() {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let turned = DQuat::from_xyzw(0.0, half, 0.0, half);
+    let readings: Vec<Reading> = (0..20)
+        .map(|i| Reading {
+            buttons: u32::from(i > 9) << 1,
+            orientation: if i > 14 { turned } else { DQuat::IDENTITY },
+            ..Reading::at(DVec3::X * 1e-3 * f64::from(i))
+        })
+        .collect();
+    let written = |readings: &[Reading]| {
+        let mut text = Vec::new();
+        Trajectory::from_readings(readings).unwrap().to_csv(&mut text).unwrap();
+        String::from_utf8(text).unwrap()
+    };
+    let text = written(&readings);
+    assert!(text.starts_with("t_s,x_m,y_m,z_m,buttons,qx,qy,qz,qw\n0.000,0.0000000,"), "{text}");
+    let hand = read(&text).unwrap();
+    for (row, reading) in readings.iter().enumerate() {
+        let found = hand.reading(row).unwrap();
+        assert!(found.is_usable() && found.buttons == reading.buttons);
+        assert!(found.position_m.distance(reading.position_m) < 1e-9);
+        assert!(found.orientation.angle_between(reading.orientation) < 1e-6);
+    }
+    assert_eq!(hand.reading(20), None);
+    // A replay presses and turns as the hand did, and repeats it.
+    let mut device = ReplayDevice::new(hand, AtEnd::Repeat);
+    device.open().unwrap();
+    let told: Vec<u32> = (0..40).map(|_| device.read(std::time::Duration::ZERO).unwrap().buttons).collect();
+    assert_eq!(told, [[0; 10], [2; 10], [0; 10], [2; 10]].concat());
+    // What is not there is not written.
+    assert!(written(&readings[..10]).starts_with("t_s,x_m,y_m,z_m\n"));
+    assert!(written(&readings[..15]).starts_with("t_s,x_m,y_m,z_m,buttons\n"));
+    assert!(written(&readings[15..]).starts_with("t_s,x_m,y_m,z_m,buttons,q"));
+    assert!(read("t_s,x_m,y_m,z_m,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n0.001,0,0,0,0,0,1,0\n").is_ok());
+}
+
+#[test]
+fn wrong_buttons_and_orientations_are_named_with_file_and_line() {
+    let row = |buttons: &str, turn: &str| {
+        let header = "t_s,x_m,y_m,z_m,buttons,qx,qy,qz,qw";
+        message(&format!("{header}\n0,0,0,0,1,0,0,0,1\n0.001,0,0,0,{buttons},{turn}\n"))
+    };
+    let bits = "it must be a whole number from 0 to 4294967295";
+    assert_eq!(row("-1", "0,0,0,1"), format!("hand.csv:3: buttons is \"-1\"; {bits}"));
+    assert_eq!(row("0.5", "0,0,0,1"), format!("hand.csv:3: buttons is \"0.5\"; {bits}"));
+    assert_eq!(row("0", "0,0,0,2"), "hand.csv:3: the length of qx,qy,qz,qw is 2; it must be 1");
+    assert_eq!(row("0", "0,x,0,1"), "hand.csv:3: qy is \"x\"; it must be a finite number");
+    assert_eq!(row("0", "0,0,0"), "hand.csv:3: 8 fields; a row has 9: t_s,x_m,y_m,z_m,buttons,qx,qy,qz,qw");
+    for header in
+        ["t_s,x_m,y_m,z_m,button", "t_s,x_m,y_m,z_m,qx,qy,qz", "t_s,x_m,y_m,z_m,qx,qy,qz,qw,buttons"]
+    {
+        assert!(message(&format!("{header}\n0,0,0,0,0\n")).contains("after which"), "{header}");
+    }
+    let spun = Reading { orientation: DQuat::from_xyzw(0.0, 0.0, 0.0, 0.5), ..Reading::at(DVec3::ZERO) };
+    assert!(Trajectory::from_readings(&[spun, spun]).is_err());
 }
 
 #[test]

@@ -1,5 +1,30 @@
 //! Force laws shared by the full body and the local model of palpate, so that both speak the same physics.
 //!
+//! # Getting started
+//!
+//! ```
+//! use glam::{DMat3, DVec3};
+//! use palpate_laws::{Coulomb, Spring};
+//!
+//! # fn main() -> Result<(), palpate_laws::LawError> {
+//! // 200 N/m, 10 mm long at rest, beside a damper; its far end 2 mm too far away and going away at 50 mm/s.
+//! let spring = Spring::linear(200.0, 0.010, 0.1)?;
+//! let (apart_m, going_m_per_s) = (DVec3::X * 0.012, DVec3::X * 0.05);
+//! let pull_n = spring.force_on_a(apart_m, going_m_per_s);
+//! assert!((pull_n.x - (200.0 * 0.002 + 0.1 * 0.05)).abs() < 1e-12);
+//!
+//! // A mass of 0.1 kg that falls on a floor at 1 m/s and slides along it at 2 m/s: the impulse that stops the fall, and the
+//! // friction that it allows.
+//! let floor = Coulomb::new(DVec3::Z, 0.3)?;
+//! let per_kg = DMat3::from_diagonal(DVec3::splat(1.0 / 0.1));
+//! let impulse_ns = floor.impulse(per_kg, DVec3::new(2.0, 0.0, -1.0));
+//! assert!((impulse_ns - DVec3::new(-0.03, 0.0, 0.1)).length() < 1e-12);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Contents
+//!
 //! * [`Spring`]: a spring and a damper along one axis, with its force, its energy and its exact tangent.
 //! * [`ForceLaw`]: linear, that of skin ([`SkinLaw`], the seed paper's equation 5), or stiffening exponentially.
 //! * [`one_sided`]: the rule that a surface pushes and never pulls; [`Coulomb`]: the same with friction, in impulses;
@@ -40,3 +65,7 @@ pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Effort, Row, RowLaw, Sweeps, s
 pub use skin::SkinLaw;
 pub use spring::{Spring, SpringTangent};
 pub use touch::{Feature, FeatureGap, POINT_NODES, ToolShape, nearest_weights};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -11,7 +11,13 @@ pub enum RowLaw {
     /// No gap is left.
     TwoSided,
     /// No gap is left along a unit direction, by pulling against it only.
-    Tension(DVec3),
+    Tension {
+        /// The direction in which the row must not go farther.
+        along: DVec3,
+        /// How it stretches: 1/(k h²) of a spring of k N/m in a step of h s, 1/kg, so that what is left of the gap at the end of the
+        /// step is the impulse over k h; 0 for one that does not.
+        compliance_per_kg: f64,
+    },
 }
 
 /// One row of the problem.
@@ -71,8 +77,8 @@ impl RowLaw {
         match self {
             Self::OneSided(coulomb) => coulomb.impulse(w, free),
             Self::TwoSided => -(w.inverse() * free),
-            Self::Tension(direction) => {
-                -direction * (free.dot(direction).max(0.0) / direction.dot(w * direction))
+            Self::Tension { along, compliance_per_kg } => {
+                -along * (free.dot(along).max(0.0) / (along.dot(w * along) + compliance_per_kg))
             }
         }
     }
@@ -169,12 +175,37 @@ mod tests {
     fn a_thread_pulls_only_and_a_grasp_does_both() {
         let w = [[2.0, 0.0], [0.0, 2.0]];
         let mut two = Two { v: [DVec3::X, -DVec3::X], w };
-        let mut rows = [row(RowLaw::Tension(DVec3::X), 0.0), row(RowLaw::Tension(DVec3::X), 0.0)];
+        let thread = RowLaw::Tension { along: DVec3::X, compliance_per_kg: 0.0 };
+        let mut rows = [row(thread, 0.0), row(thread, 0.0)];
         assert_eq!(solve_rows(&mut rows, &mut two, 0.01, within(100)).count, 2);
         assert_eq!((two.v, rows[1].impulse_ns), ([DVec3::ZERO, -DVec3::X], DVec3::ZERO));
         let mut rows = [row(RowLaw::TwoSided, 0.0), row(RowLaw::TwoSided, -0.01)];
         solve_rows(&mut rows, &mut two, 0.01, within(100));
         assert_eq!(two.v, [DVec3::ZERO, DVec3::Z]);
+    }
+
+    #[test]
+    fn what_a_stretching_thread_leaves_of_the_gap_is_its_force_over_its_stiffness() {
+        let (h, stiffness_n_per_m) = (0.01, 700.0);
+        let spring =
+            RowLaw::Tension { along: DVec3::Z, compliance_per_kg: 1.0 / (stiffness_n_per_m * h * h) };
+        // Two of them, joined by the body, one with a gap before and one that runs away.
+        let mut two = Two { v: [DVec3::ZERO, DVec3::Z * 3.0], w: [[2.0, 1.0], [1.0, 2.0]] };
+        let mut rows = [row(spring, 0.004), row(spring, 0.0)];
+        assert!(solve_rows(&mut rows, &mut two, h, within(200)).converged);
+        for (row, v) in rows.iter().zip(two.v) {
+            let left_m = row.gap_m.z + h * v.z;
+            let force_n = -row.impulse_ns.z / h;
+            assert!(
+                force_n > 0.1 && (force_n - stiffness_n_per_m * left_m).abs() < 1e-5 * force_n,
+                "{row:?}"
+            );
+        }
+        // Slack it does nothing, and gives nothing to what comes nearer.
+        let mut two = Two { v: [-DVec3::Z, DVec3::Z], w: [[2.0, 0.0], [0.0, 2.0]] };
+        let mut rows = [row(spring, 0.005), row(spring, -0.02)];
+        solve_rows(&mut rows, &mut two, h, within(50));
+        assert_eq!([rows[0].impulse_ns, rows[1].impulse_ns], [DVec3::ZERO; 2]);
     }
 
     #[test]

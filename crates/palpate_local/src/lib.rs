@@ -5,6 +5,42 @@
 //! that speaks, its [`LocalState`], and the one that is catching up. Nothing here allocates after
 //! construction, reads a clock or takes a lock.
 //!
+//! # Getting started
+//!
+//! ```
+//! use glam::{DMat3, DVec3};
+//! use palpate_local::{
+//!     Contact, HandOver, HandOverSettings, LocalModel, ModelId, Offer, Sample, Scheme,
+//! };
+//!
+//! # fn main() -> Result<(), palpate_local::LocalModelError> {
+//! let settings = HandOverSettings::default();
+//! let mut hand_over = HandOver::new(settings)?;
+//! // The hand goes down by 10 µm in every tick of 1 ms.
+//! let sample = |sequence: u64| Sample {
+//!     sequence,
+//!     position_m: DVec3::Y * -1e-5 * sequence as f64,
+//!     ..Sample::default()
+//! };
+//! hand_over.push(sample(0));
+//! assert_eq!(hand_over.speak().force_n, DVec3::ZERO);
+//!
+//! // What a model step made of the body at that sample: 1 N, and 500 N/m against going on.
+//! let mut model = LocalModel::silent(settings.capacity);
+//! model.id = ModelId { body: 1, epoch: 0, sequence: 0 };
+//! (model.scheme, model.contact) = (Scheme::Tangent, Contact::Held);
+//! (model.force_n, model.stiffness_n_per_m) = (DVec3::Y, DMat3::from_diagonal(DVec3::splat(500.0)));
+//! assert_eq!(hand_over.offer(&model), Offer::Taken);
+//!
+//! // It speaks at every tick until there is a newer one.
+//! hand_over.push(sample(1));
+//! assert!((hand_over.speak().force_n.y - (1.0 + 500.0 * 1e-5)).abs() < 1e-12);
+//! hand_over.push(sample(2));
+//! assert!((hand_over.speak().force_n.y - (1.0 + 500.0 * 2e-5)).abs() < 1e-12);
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! # Schemes
 //!
 //! With N the model step, x, v the tool's position and velocity, dx = x − x_N, dv = v − v_N, f_N the force at
@@ -72,3 +108,7 @@ pub use near_field::{
 };
 pub use sample::{Sample, SampleHistory, SampleOrigin};
 pub use tick::LocalState;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -89,3 +89,7 @@ pub use pole_residue::PoleResidue;
 pub use specimen::Specimen;
 pub use state_space::StateSpace;
 pub use system::SecondOrderSystem;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -21,6 +21,7 @@ use palpate_local::{
     LocalModel, LocalModelError, NearEnd, NearField, NearFieldCapacity, NearPoint, NearSpring, NearTriangle,
     Support, TickIntegrator,
 };
+use std::collections::BTreeSet;
 use support::SupportSet;
 
 /// How the loop integrates the ticks of a near field.
@@ -117,7 +118,12 @@ impl Workspace {
         field.clear();
         self.support.clear();
         let room = field.capacity();
-        let nodes = options.support_nodes.min(room.nodes);
+        let touched: BTreeSet<usize> =
+            contact.touched().iter().flat_map(|t| t.nodes.iter().map(|n| n.0)).collect();
+        // A large tool touches more than S has room for otherwise, and what is beside that comes next.
+        let nodes = options.support_nodes.max(2 * touched.len() + 1).min(room.nodes);
+        let order_limit = options.order_limit.max(if nodes > options.support_nodes { 4 * nodes } else { 0 });
+        let options = &BuilderOptions { order_limit, ..*options };
         let tree = contact.shape().map(|_| {
             let tree = self.tree.get_or_insert_with(|| SurfaceTree::new(body));
             tree.refit(body);

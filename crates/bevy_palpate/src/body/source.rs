@@ -23,6 +23,9 @@ pub enum MeshSourceError {
     /// No positions, or not three numbers each.
     #[error("the mesh has no positions of three numbers each")]
     NoPositions,
+    /// Corners that make no whole number of triangles.
+    #[error("the mesh has {0} corners, which is no whole number of triangles; export it again, triangulated")]
+    Incomplete(usize),
     /// It lives on the graphics card only.
     #[error("the mesh is not in main memory any more: load it with RenderAssetUsages::MAIN_WORLD")]
     NotInMemory,
@@ -63,6 +66,9 @@ impl Source {
             Ok(Indices::U32(indices)) => indices.iter().map(|&i| i as usize).collect(),
             Err(_) => (0..vertices_m.len()).collect(),
         };
+        if !corners.len().is_multiple_of(3) {
+            return Err(MeshSourceError::Incomplete(corners.len()));
+        }
         let triangles = corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
         Ok(Self::Given { vertices_m, triangles, normals })
     }

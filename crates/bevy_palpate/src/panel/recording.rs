@@ -7,8 +7,7 @@ use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::tasks::futures::check_ready;
 use bevy::tasks::{IoTaskPool, Task};
-use glam::DVec3;
-use palpate_haptics::{DeviceFrame, Trajectory};
+use palpate_haptics::{DeviceFrame, Reading, Trajectory};
 use palpate_local::SampleHistory;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -28,8 +27,8 @@ struct Running {
     tool: Entity,
     /// The newest sample that has been taken.
     newest: Option<u64>,
-    /// In the device's frame, one each millisecond, m.
-    positions_m: Vec<DVec3>,
+    /// In the device's frame, one each millisecond: positions, buttons and orientations.
+    readings: Vec<Reading>,
 }
 
 /// The longest recording, ms.
@@ -43,7 +42,7 @@ impl Recorder {
 
     /// How long it has been, s.
     pub(super) fn duration_s(&self) -> f64 {
-        self.running.as_ref().map_or(0.0, |running| running.positions_m.len() as f64 * Trajectory::PERIOD_S)
+        self.running.as_ref().map_or(0.0, |running| running.readings.len() as f64 * Trajectory::PERIOD_S)
     }
 
     pub(super) fn is_writing(&self) -> bool {
@@ -51,38 +50,42 @@ impl Recorder {
     }
 
     pub(super) fn start(&mut self, tool: Entity) {
-        self.running = Some(Running { tool, newest: None, positions_m: Vec::new() });
+        self.running = Some(Running { tool, newest: None, readings: Vec::new() });
         self.told = None;
     }
 
     /// Takes the new samples of the tool, seen through `frame`.
     pub(super) fn record(&mut self, samples: &SampleHistory, frame: &DeviceFrame) {
-        let Some(Running { newest, positions_m, .. }) = &mut self.running else { return };
+        let Some(Running { newest, readings, .. }) = &mut self.running else { return };
         let (Some(last), Some(oldest)) = (samples.newest(), samples.oldest_sequence()) else { return };
         let first = newest.map_or(last.sequence, |newest| newest + 1);
         // A hole, because the loop began anew or the app stood still, becomes time in which the hand stays.
-        if let (Some(&stays), Some(hole)) = (positions_m.last(), oldest.checked_sub(first)) {
-            let hole = (hole as usize).min(LONGEST.saturating_sub(positions_m.len()));
-            positions_m.extend(std::iter::repeat_n(stays, hole));
+        if let (Some(&stays), Some(hole)) = (readings.last(), oldest.checked_sub(first)) {
+            let hole = (hole as usize).min(LONGEST.saturating_sub(readings.len()));
+            readings.extend(std::iter::repeat_n(stays, hole));
         }
         let new = (first.max(oldest)..=last.sequence).filter_map(|sequence| samples.get(sequence));
-        positions_m.extend(new.map(|sample| frame.position_to_device_m(sample.position_m)));
-        positions_m.truncate(LONGEST);
+        readings.extend(new.map(|sample| Reading {
+            buttons: sample.buttons,
+            orientation: frame.orientation_to_device(sample.orientation),
+            ..Reading::at(frame.position_to_device_m(sample.position_m))
+        }));
+        readings.truncate(LONGEST);
         // A loop that began anew counts from the start again.
         *newest = Some(last.sequence);
     }
 
     /// Whether it is as long as a recording can be.
     pub(super) fn is_full(&self) -> bool {
-        self.running.as_ref().is_some_and(|running| running.positions_m.len() >= LONGEST)
+        self.running.as_ref().is_some_and(|running| running.readings.len() >= LONGEST)
     }
 
     /// Ends the recording and writes it to `path`.
     pub(super) fn stop(&mut self, path: PathBuf) {
-        let Some(Running { positions_m, .. }) = self.running.take() else { return };
+        let Some(Running { readings, .. }) = self.running.take() else { return };
         let write = async move {
-            let seconds = positions_m.len() as f64 * Trajectory::PERIOD_S;
-            write(positions_m, &path)
+            let seconds = readings.len() as f64 * Trajectory::PERIOD_S;
+            write(&readings, &path)
                 .map(|()| format!("{seconds:.1} s written to {}", path.display()))
                 .map_err(|error| format!("{}: {error}", path.display()))
         };
@@ -128,8 +131,8 @@ impl Recorder {
 }
 
 /// Writes a new file; one that is there is left as it is.
-fn write(positions_m: Vec<DVec3>, path: &Path) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-    let trajectory = Trajectory::from_positions(positions_m)?;
+fn write(readings: &[Reading], path: &Path) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+    let trajectory = Trajectory::from_readings(readings)?;
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder)?;
     }

@@ -150,11 +150,14 @@ pub struct Touching {
 }
 
 /// Put it on a tool to record every tick. A tick takes 736 bytes, so an hour 2.6 GB; see `keep`.
-#[derive(Component, Clone, Debug)]
+#[derive(Component, Clone, Debug, Reflect)]
+#[reflect(Component, Debug, Default, Clone)]
 pub struct TickRecording {
     /// The ticks since it was put there, as far as they have been fetched.
+    #[reflect(ignore)]
     pub records: Vec<TickRecord>,
     /// The samples that were felt: one for each period, those of missed deadlines included.
+    #[reflect(ignore)]
     pub samples: Vec<Sample>,
     /// Ticks that are missing because the app fetched them too late.
     pub dropped: u64,

@@ -304,13 +304,23 @@ impl Body {
                     let closing = apart.clamp_length_max(h * CLOSING_M_PER_S);
                     (RowLaw::TwoSided, closing - moved, closing)
                 }
-                TieKind::Thread { length_m } => {
+                TieKind::Thread { length_m, stiffness_n_per_m } => {
                     // Along the line between its ends at the end of the step, as far as that is known.
-                    let Some(direction) = (apart - moved).try_normalize() else { continue };
-                    let slack =
-                        (length_m - (apart - moved).length()).max(-h * CLOSING_M_PER_S - moved.length());
-                    let before = (length_m - apart.length()).clamp(-h * CLOSING_M_PER_S, 0.0);
-                    (RowLaw::Tension(direction), -slack * direction, -before * direction)
+                    let Some(along) = (apart - moved).try_normalize() else { continue };
+                    let slack = length_m - (apart - moved).length();
+                    match stiffness_n_per_m {
+                        // What it is stretched by is no gap that was to be closed.
+                        Some(k) => {
+                            let law = RowLaw::Tension { along, compliance_per_kg: 1.0 / (k * h * h) };
+                            (law, -slack * along, DVec3::ZERO)
+                        }
+                        None => {
+                            let law = RowLaw::Tension { along, compliance_per_kg: 0.0 };
+                            let slack = slack.max(-h * CLOSING_M_PER_S - moved.length());
+                            let before = (length_m - apart.length()).clamp(-h * CLOSING_M_PER_S, 0.0);
+                            (law, -slack * along, -before * along)
+                        }
+                    }
                 }
             };
             rows.push(Constraint { source: Source::Tie(index), nodes, law, gap, overdue });

@@ -15,7 +15,7 @@ pub enum AtEnd {
     Repeat,
 }
 
-/// Replays a [`Trajectory`], one row a reading. It takes forces and feels none of them.
+/// Replays a [`Trajectory`], one row a reading, with its buttons and orientations. It takes forces and feels none of them.
 #[derive(Clone, Debug)]
 pub struct ReplayDevice {
     trajectory: Trajectory,
@@ -57,14 +57,13 @@ impl HapticDevice for ReplayDevice {
         if !self.open {
             return Err(DeviceError::NotOpen);
         }
-        let positions = self.trajectory.positions_m();
-        let position =
-            positions.get(self.next).or(positions.last()).ok_or(DeviceError::Protocol("no rows"))?;
+        let rows = self.trajectory.positions_m().len();
+        let row = self.next.min(rows.saturating_sub(1));
         self.next += 1;
-        if self.next >= positions.len() && self.at_end == AtEnd::Repeat {
+        if self.next >= rows && self.at_end == AtEnd::Repeat {
             self.next = 0;
         }
-        Ok(Reading::at(*position))
+        self.trajectory.reading(row).ok_or(DeviceError::Protocol("no rows"))
     }
 
     fn write(&mut self, _force_n: DVec3) -> Result<(), DeviceError> {

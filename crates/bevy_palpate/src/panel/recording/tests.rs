@@ -1,5 +1,6 @@
 use super::*;
-use glam::DQuat;
+use crate::tool::{Grasping, ToolForce, ToolLoop};
+use glam::{DQuat, DVec3};
 use palpate_local::Sample;
 
 fn frame() -> DeviceFrame {
@@ -17,7 +18,7 @@ fn hand(sequence: u64) -> DVec3 {
 
 fn push(history: &mut SampleHistory, sequences: std::ops::Range<u64>) {
     for sequence in sequences {
-        let reading = palpate_haptics::Reading::at(hand(sequence));
+        let reading = Reading::at(hand(sequence));
         let position_m = frame().to_scene(&reading).position_m;
         history.push(Sample { sequence, position_m, ..Sample::default() });
     }
@@ -40,13 +41,13 @@ fn what_was_recorded_through_a_frame_is_what_the_device_did() {
     // From the newest sample of the first look on.
     assert!((recorder.duration_s() - 0.951).abs() < 1e-12, "{}", recorder.duration_s());
     let path = folder("frame").join("a/hand.csv");
-    write(recorder.running.take().unwrap().positions_m, &path).unwrap();
+    write(&recorder.running.take().unwrap().readings, &path).unwrap();
     let read = Trajectory::from_csv_file(&path).unwrap();
     for (found, sequence) in read.positions_m().iter().zip(49..) {
         assert!(found.distance(hand(sequence)) < 2e-7, "{sequence}");
     }
     // It is not overwritten.
-    let error = write(vec![DVec3::ZERO; 5], &path).unwrap_err();
+    let error = write(&[Reading::at(DVec3::ZERO); 5], &path).unwrap_err();
     assert!(error.to_string().contains("exists"), "{error}");
     assert_eq!(next_free(path.parent().unwrap()), path.with_file_name("hand-1.csv"));
     std::fs::remove_dir_all(folder("frame")).ok();
@@ -60,15 +61,93 @@ fn a_hole_in_the_samples_is_time_in_which_the_hand_stays() {
     recorder.record(&history, &frame());
     push(&mut history, 40..45);
     recorder.record(&history, &frame());
-    let positions = recorder.running.unwrap().positions_m;
-    assert_eq!(positions.len(), 1 + 30 + 5);
-    assert!(positions[1..31].iter().all(|p| *p == positions[0]));
-    assert!(positions[31].distance(hand(40)) < 1e-12);
+    let readings = recorder.running.unwrap().readings;
+    assert_eq!(readings.len(), 1 + 30 + 5);
+    assert!(readings[1..31].iter().all(|reading| *reading == readings[0]));
+    assert!(readings[31].position_m.distance(hand(40)) < 1e-12);
+}
+
+/// An app in lock step with a block and a tool that grasps, moved by `device`.
+fn grasping_app(device: DeviceSelector) -> (App, Entity) {
+    use crate::prelude::*;
+    let mut app = App::new();
+    app.add_plugins(MinimalPlugins)
+        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() }))
+        .insert_resource(Time::<Fixed>::from_hz(20.0))
+        .insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(std::time::Duration::from_millis(
+            50,
+        )));
+    // Comes down on the top, closes there, pulls up and turns, opens, closes again.
+    app.world_mut().resource_mut::<HapticDevices>().register("surgeon", || {
+        Ok(ScriptedDevice::new(|n, _| {
+            let t = n as f64 * 1e-3;
+            let part = |from: f64, to: f64| ((t - from) / (to - from)).clamp(0.0, 1.0);
+            let y = 0.0597 - 0.005 * part(0.0, 0.2) + 0.004 * part(0.4, 0.6);
+            let orientation = DQuat::from_rotation_y(part(0.3, 0.9));
+            let buttons = u32::from((0.3..0.7).contains(&t) || t > 1.0);
+            Ok(Reading { buttons, orientation, ..Reading::at(DVec3::new(0.012, y, 0.009)) })
+        }))
+    });
+    app.world_mut().spawn((
+        DeformableBody::block([4; 3], 0.1),
+        Tissue { youngs_modulus_pa: 20e3, ..default() },
+        FixedRegion::Face(Face::Bottom),
+    ));
+    let tool = HapticTool { device, ..default() };
+    let tool = app.world_mut().spawn((tool, ToolGrasp::default())).id();
+    app.update();
+    (app, tool)
+}
+
+/// Whether it holds, where, and what is felt, after each of `steps` model steps that `look` has seen.
+fn held(
+    app: &mut App,
+    tool: Entity,
+    steps: usize,
+    mut look: impl FnMut(&mut ToolLoop),
+) -> Vec<(bool, DVec3, DVec3)> {
+    (0..steps)
+        .map(|_| {
+            app.update();
+            look(&mut app.world_mut().get_mut::<ToolLoop>(tool).unwrap());
+            let grasping = app.world().get::<Grasping>(tool).unwrap();
+            let force = app.world().get::<ToolForce>(tool).unwrap();
+            (grasping.body.is_some(), grasping.point_m, force.force_n)
+        })
+        .collect()
+}
+
+#[test]
+fn a_recorded_grasp_is_replayed() {
+    let path = folder("grasp").join("hand.csv");
+    let mut recorder = Recorder::default();
+    let (mut app, tool) = grasping_app(DeviceSelector::named("surgeon"));
+    recorder.start(tool);
+    // All of it: a recording begins with the newest sample.
+    recorder.running.as_mut().unwrap().newest = Some(0);
+    let live = held(&mut app, tool, 26, |tool| {
+        let frame = tool.settings.frame;
+        recorder.record(tool.handle.samples(), &frame);
+    });
+    let readings = recorder.running.take().unwrap().readings;
+    write(&readings, &path).unwrap();
+    assert!(std::fs::read_to_string(&path).unwrap().starts_with("t_s,x_m,y_m,z_m,buttons,qx,"));
+    let (mut app, tool) = grasping_app(DeviceSelector::replay(path.display().to_string()));
+    let replayed = held(&mut app, tool, 26, |_| ());
+    let closed: Vec<bool> = live.iter().map(|(closed, ..)| *closed).collect();
+    assert!(closed.contains(&true) && closed.windows(2).filter(|pair| pair[0] != pair[1]).count() >= 3);
+    for (step, ((held, point_m, force_n), (again, there_m, felt_n))) in live.iter().zip(&replayed).enumerate()
+    {
+        assert_eq!(held, again, "step {step}");
+        assert!(point_m.distance(*there_m) < 1e-6, "step {step}: {point_m}, {there_m}");
+        assert!(force_n.distance(*felt_n) < 0.02, "step {step}: {force_n}, {felt_n}");
+    }
+    std::fs::remove_dir_all(folder("grasp")).ok();
 }
 
 #[test]
 fn what_cannot_be_written_or_read_says_which_file_and_why() {
-    let nothing = write(vec![DVec3::ZERO], Path::new("never.csv")).unwrap_err();
+    let nothing = write(&[Reading::at(DVec3::ZERO)], Path::new("never.csv")).unwrap_err();
     assert!(nothing.to_string().contains("at least 2"), "{nothing}");
     let mut recorder = Recorder::default();
     let mut tool = HapticTool::default();
@@ -85,7 +164,7 @@ fn going_back_gives_the_first_device_however_many_replays_there_were() {
     let folder = folder("back");
     let (mut recorder, mut tool) = (Recorder::default(), HapticTool::default());
     for name in ["a.csv", "b.csv"] {
-        write(vec![DVec3::X; 10], &folder.join(name)).unwrap();
+        write(&[Reading::at(DVec3::X); 10], &folder.join(name)).unwrap();
         let path = folder.join(name).display().to_string();
         recorder.replay((Entity::PLACEHOLDER, &mut tool), path.clone(), &HapticDevices::default());
         assert_eq!(tool.device, DeviceSelector::replay(path));

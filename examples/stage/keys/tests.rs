@@ -1,0 +1,163 @@
+//! The keys, pressed in a scene without a window.
+
+use super::*;
+use crate::{HandTime, SceneTime, SetUpHands, SetUpScene, Stage, register_hand};
+use bevy::input::mouse::AccumulatedMouseScroll;
+use bevy_palpate::{ModelStepCount, ToolLoop};
+use clap::Parser;
+
+#[derive(Parser)]
+struct Options {
+    #[command(flatten)]
+    stage: StageOptions,
+}
+
+/// A hand that comes down on a block in 1 s, presses it 10 mm deep in another, and stays; each update is a model step.
+fn scene() -> (App, HandTime) {
+    let stage = Stage { name: "test", seconds: 3600.0, ..default() };
+    let mut app = stage.app(&Options::parse_from(["test", "--headless", "--seconds", "3600"]).stage);
+    app.init_resource::<ButtonInput<KeyCode>>()
+        .init_resource::<ButtonInput<MouseButton>>()
+        .init_resource::<AccumulatedMouseScroll>()
+        .add_plugins((MouseDevicePlugin::default(), KeysPlugin))
+        .add_systems(SetUpScene, |mut commands: Commands| {
+            commands.spawn((DeformableBody::block([4; 3], 0.1), FixedRegion::Face(Face::Bottom)));
+        })
+        .add_systems(SetUpHands, |mut commands: Commands, options: Res<StageOptions>| {
+            let device = DeviceSelector::named("hand");
+            commands.spawn(HapticTool { device, scheme: options.scheme, ..default() });
+        });
+    let hand =
+        register_hand(app.world_mut(), "hand", |t| Reading::at(DVec3::Y * (0.065 - 0.01 * t.min(2.0))));
+    app.finish();
+    app.cleanup();
+    // The first update only starts the clock.
+    app.update();
+    (app, hand)
+}
+
+fn tap(app: &mut App, key: KeyCode) {
+    app.world_mut().resource_mut::<ButtonInput<KeyCode>>().press(key);
+    app.update();
+    let mut keys = app.world_mut().resource_mut::<ButtonInput<KeyCode>>();
+    keys.release(key);
+    keys.clear();
+}
+
+fn pass(app: &mut App, updates: usize) {
+    (0..updates).for_each(|_| app.update());
+}
+
+fn single<T: Component + Clone>(app: &mut App) -> T {
+    app.world_mut().query::<&T>().single(app.world()).unwrap().clone()
+}
+
+fn tool_m(app: &mut App) -> Vec3 {
+    let mut tools = app.world_mut().query_filtered::<&Transform, With<HapticTool>>();
+    tools.single(app.world()).unwrap().translation
+}
+
+fn body(app: &mut App) -> Entity {
+    app.world_mut().query_filtered::<Entity, With<DeformableBody>>().single(app.world()).unwrap()
+}
+
+#[test]
+fn slow_motion_goes_on_where_body_and_hand_are() {
+    let (mut app, hand) = scene();
+    pass(&mut app, 30);
+    assert!((hand.s() - 1.5).abs() < 1e-9 && (app.world().resource::<SceneTime>().0 - 1.5).abs() < 1e-9);
+    let (before_m, at) = (tool_m(&mut app), body(&mut app));
+    tap(&mut app, KeyCode::KeyS);
+    pass(&mut app, 21);
+    // The first update was still at full speed, the others are steps of 5 ms.
+    let slowly_s = hand.s() - 1.55;
+    assert!((slowly_s - 0.105).abs() < 0.006, "{slowly_s} s");
+    assert!((app.world().resource::<SceneTime>().0 - hand.s()).abs() < 0.006);
+    let moved_m = tool_m(&mut app) - before_m;
+    // It is drawn where it was up to a model step ago.
+    assert!((-2.1e-3..-1.5e-3).contains(&moved_m.y), "{moved_m}: it neither jumps nor begins anew");
+    assert!(single::<Touching>(&mut app).body == Some(at), "what was touched is touched again");
+    tap(&mut app, KeyCode::KeyS);
+    pass(&mut app, 4);
+    let fast_s = hand.s() - 1.55 - slowly_s;
+    assert!((fast_s - 0.2).abs() < 0.06, "{fast_s} s");
+    let world = app.world();
+    assert_eq!(*world.resource::<HapticClock>(), HapticClock::Lockstep, "the clock that there was before");
+    assert_eq!(world.resource::<ModelRate>().ticks(), 50);
+    assert_eq!(world.resource::<Time<Fixed>>().timestep().as_millis(), 50);
+}
+
+#[test]
+fn a_rate_that_was_set_is_kept_through_slow_motion() {
+    let (mut app, _) = scene();
+    pass(&mut app, 2);
+    app.insert_resource(ModelRate::every_ticks(25).unwrap());
+    tap(&mut app, KeyCode::KeyS);
+    assert_eq!(app.world().resource::<ModelRate>().ticks(), 5);
+    tap(&mut app, KeyCode::KeyS);
+    pass(&mut app, 2);
+    assert_eq!(app.world().resource::<ModelRate>().ticks(), 25);
+    tap(&mut app, KeyCode::KeyS);
+    app.insert_resource(ModelRate::every_ticks(10).unwrap());
+    tap(&mut app, KeyCode::KeyS);
+    pass(&mut app, 2);
+    assert_eq!(app.world().resource::<ModelRate>().ticks(), 10);
+    // Back and forth at once.
+    tap(&mut app, KeyCode::KeyS);
+    time::set_slow(app.world_mut(), false);
+    time::set_slow(app.world_mut(), true);
+    tap(&mut app, KeyCode::KeyS);
+    pass(&mut app, 2);
+    assert_eq!(app.world().resource::<ModelRate>().ticks(), 10);
+}
+
+#[test]
+fn a_scene_begins_again_with_the_scheme_that_was_chosen() {
+    let (mut app, hand) = scene();
+    for (key, scheme) in SCHEME_KEYS.into_iter().zip(Scheme::ALL) {
+        tap(&mut app, key);
+        assert_eq!(single::<HapticTool>(&mut app).scheme, scheme);
+    }
+    tap(&mut app, KeyCode::Digit2);
+    pass(&mut app, 30);
+    let before = body(&mut app);
+    tap(&mut app, KeyCode::KeyR);
+    // It is set up in the next update.
+    pass(&mut app, 3);
+    assert_ne!(body(&mut app), before);
+    assert!(hand.s() < 0.16 && app.world().resource::<SceneTime>().0 < 0.16, "{} s", hand.s());
+    assert!(tool_m(&mut app).y > 0.063);
+    assert_eq!(single::<HapticTool>(&mut app).scheme, Scheme::LowPass);
+}
+
+#[test]
+fn a_pause_stands_still() {
+    let (mut app, hand) = scene();
+    pass(&mut app, 5);
+    tap(&mut app, KeyCode::Space);
+    pass(&mut app, 1);
+    let (steps, then_s) = (app.world().resource::<ModelStepCount>().0, hand.s());
+    pass(&mut app, 10);
+    assert_eq!((app.world().resource::<ModelStepCount>().0, hand.s()), (steps, then_s));
+    tap(&mut app, KeyCode::Space);
+    pass(&mut app, 10);
+    assert!(app.world().resource::<ModelStepCount>().0 >= steps + 9);
+}
+
+#[test]
+fn the_mouse_takes_the_hand_and_gives_it_back() {
+    let (mut app, hand) = scene();
+    pass(&mut app, 3);
+    tap(&mut app, KeyCode::KeyM);
+    pass(&mut app, 3);
+    assert_eq!(single::<HapticTool>(&mut app).device, DeviceSelector::named(MouseDevicePlugin::NAME));
+    let mut loops = app.world_mut().query::<&ToolLoop>();
+    assert!(
+        loops.single(app.world()).is_ok() && hand.s() == 0.0,
+        "the scene has begun again, without its hand"
+    );
+    tap(&mut app, KeyCode::KeyM);
+    pass(&mut app, 3);
+    assert_eq!(single::<HapticTool>(&mut app).device, DeviceSelector::named("hand"));
+    assert!(hand.s() > 0.0);
+}

@@ -1,0 +1,86 @@
+use super::*;
+
+/// A glTF file of text, `nodes` and `meshes` as JSON, with the corners of one tetrahedron as accessor 0 (positions) and 1 (indices).
+fn gltf(name: &str, nodes: &str, meshes: &str) -> PathBuf {
+    let corners = [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut bytes: Vec<u8> = corners.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+    let triangles = [0_u16, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3];
+    bytes.extend(triangles.iter().flat_map(|i| i.to_le_bytes()));
+    let roots: Vec<String> = (0..nodes.matches("\"root\"").count()).map(|root| root.to_string()).collect();
+    let meshes = if meshes.is_empty() { String::new() } else { format!(r#""meshes":[{meshes}],"#) };
+    let text = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[{}]}}],"nodes":[{nodes}],{meshes}
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[0,0,0],"max":[1,1,1]}},
+        {{"bufferView":1,"componentType":5123,"count":12,"type":"SCALAR"}}],
+        "bufferViews":[{{"buffer":0,"byteOffset":0,"byteLength":48}},{{"buffer":0,"byteOffset":48,"byteLength":24}}],
+        "buffers":[{{"byteLength":72,"uri":"corners.bin"}}]}}"#,
+        roots.join(",")
+    );
+    // A folder whose name means something in an asset's path.
+    let folder = std::env::temp_dir().join(format!("palpate #{} {name}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("corners.bin"), bytes).unwrap();
+    let path = folder.join("a mesh#1.gltf");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+const TRIANGLES: &str = r#"{"attributes":{"POSITION":0},"indices":1}"#;
+
+fn done(path: &Path) {
+    std::fs::remove_dir_all(path.parent().unwrap()).ok();
+}
+
+#[test]
+fn all_parts_of_all_meshes_are_taken_where_their_nodes_place_them() {
+    // One twice as large and moved by a parent, one mirrored, and one that no scene shows.
+    let nodes = r#"{"name":"root","translation":[10,0,0],"children":[2]},{"name":"root","mesh":1,"scale":[-1,1,1]},
+        {"mesh":0,"scale":[2,2,2]},{"mesh":0,"translation":[0,0,99]}"#;
+    let meshes = format!(r#"{{"primitives":[{TRIANGLES},{TRIANGLES}]}},{{"primitives":[{TRIANGLES}]}}"#);
+    let path = gltf("nodes", nodes, &meshes);
+    let MeshFile { mesh, bounds, parts } = MeshFile::read(&path, None).unwrap();
+    // Without normals of its own every triangle has its three corners for itself.
+    assert_eq!((parts, mesh.count_vertices()), (3, 36));
+    assert_eq!(bounds, [DVec3::new(-1.0, 0.0, 0.0), DVec3::new(12.0, 2.0, 2.0)]);
+    // Every part encloses a volume that is above zero: none is wound inside out, the mirrored one neither.
+    let positions = mesh.attribute(Mesh::ATTRIBUTE_POSITION).unwrap().as_float3().unwrap();
+    let corners: Vec<Vec3> =
+        mesh.indices().unwrap().iter().map(|corner| Vec3::from(positions[corner])).collect();
+    for part in corners.chunks(12) {
+        let volume: f32 =
+            part.chunks(3).map(|t| (t[0] - part[0]).dot((t[1] - part[0]).cross(t[2] - part[0]))).sum();
+        assert!(volume > 0.9, "{part:?}");
+    }
+    // Only one of them.
+    let only = MeshFile::read(&path, Some(1)).unwrap();
+    assert_eq!((only.parts, only.bounds), (1, [DVec3::new(-1.0, 0.0, 0.0), DVec3::new(0.0, 1.0, 1.0)]));
+    let error = MeshFile::read(&path, Some(2)).unwrap_err().to_string();
+    assert!(error.ends_with("there is no mesh 2; it has 2, counted from 0"), "{error}");
+    done(&path);
+}
+
+#[test]
+fn what_gives_no_mesh_says_why() {
+    let line = r#"{"attributes":{"POSITION":0},"mode":1}"#;
+    let lines = gltf("lines", r#"{"name":"root","mesh":0}"#, &format!(r#"{{"primitives":[{line}]}}"#));
+    let nothing = gltf("nothing", r#"{"name":"root"}"#, "");
+    let no_bin = gltf("no_bin", r#"{"name":"root","mesh":0}"#, &format!(r#"{{"primitives":[{TRIANGLES}]}}"#));
+    std::fs::remove_file(no_bin.with_file_name("corners.bin")).unwrap();
+    let picture = nothing.with_file_name("picture.glb");
+    std::fs::write(&picture, b"\x89PNG\r\n\x1a\n and so on").unwrap();
+    let empty = nothing.with_file_name("empty.glb");
+    std::fs::write(&empty, b"").unwrap();
+    for (path, expected) in [
+        (lines.clone(), "mesh 0 is a LineList; a body is made of triangles"),
+        (nothing.clone(), "it holds no triangles; export a closed mesh"),
+        (no_bin.clone(), "it is no glTF that can be read"),
+        (picture, "it is no glTF that can be read"),
+        (empty, "it is no glTF that can be read"),
+        (nothing.with_file_name("cup.glb"), "it cannot be read: No such file"),
+        (nothing.with_file_name("cup.stl"), "a mesh is read from a .glb or .gltf file; export it as one"),
+    ] {
+        let error = MeshFile::read(&path, None).unwrap_err().to_string();
+        assert!(error.contains(expected) && error.starts_with(&path.display().to_string()), "{error}");
+    }
+    [lines, nothing, no_bin].iter().for_each(|path| done(path));
+}
