@@ -85,7 +85,7 @@ fn a_body_at_rest_is_not_written_between_model_steps_and_one_that_was_touched_co
     assert!(take_writes(&mut app) > 40, "while it is pressed it is written at every frame");
     app.world_mut().entity_mut(tool).despawn();
     app.insert_resource(frames(50));
-    step(&mut app, 150);
+    step(&mut app, 260);
     app.insert_resource(frames(7));
     step(&mut app, 1);
     take_writes(&mut app);
