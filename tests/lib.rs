@@ -1,4 +1,7 @@
-//! Furniture shared by the closed-loop tests: the body and the trajectory of `data/fidelity_6x6x6.json`.
+//! Furniture shared by the closed-loop tests: meshes and files of them, apps, the body and the trajectory of `data/fidelity_6x6x6.json`.
+
+pub mod glb;
+pub mod mesh;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -1,65 +1,18 @@
 //! Bodies of meshes in an app, in lock step: built, refused, touched, carried along, drawn.
 
-use bevy::asset::RenderAssetUsages;
-use bevy::mesh::{MeshPlugin, PrimitiveTopology, VertexAttributeValues};
+use bevy::mesh::VertexAttributeValues;
 use bevy::prelude::*;
+use bevy::time::TimeUpdateStrategy;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{SimulatedBody, ToolLoop};
-use palpate_tests::app::{Contacts, lockstep_app, step, take_faults};
-
-/// 6 cm in radius.
-const RADIUS: f64 = 0.06;
-
-fn app() -> App {
-    let mut app = lockstep_app();
-    app.add_plugins((AssetPlugin::default(), MeshPlugin));
-    app
-}
-
-fn ball() -> Mesh {
-    Sphere::new(RADIUS as f32).mesh().ico(20).unwrap()
-}
-
-fn add(app: &mut App, mesh: Mesh) -> Handle<Mesh> {
-    app.world_mut().resource_mut::<Assets<Mesh>>().add(mesh)
-}
-
-/// Presses the top of a ball at the origin, 6 mm deep within 0.3 s, and stays.
-fn presser() -> ScriptedDevice {
-    ScriptedDevice::new(|n, _| {
-        let depth = 0.007 * (n as f64 / 300.0).min(1.0) - 0.001;
-        Ok(Reading::at(DVec3::new(0.002, RADIUS + 0.005 - depth, 0.001)))
-    })
-}
-
-fn hand(app: &mut App) -> Entity {
-    app.world_mut().resource_mut::<HapticDevices>().register("hand", || Ok(presser()));
-    app.world_mut().spawn(HapticTool { device: DeviceSelector::named("hand"), ..default() }).id()
-}
-
-fn spawn(app: &mut App, mesh: Mesh) -> Entity {
-    let mesh = add(app, mesh);
-    let floor = BodyRegion::HalfSpace { point_m: DVec3::Y * -0.5 * RADIUS, outward: DVec3::Y };
-    let shape = DeformableBody::Mesh(MeshShape { cells_along: 8, ..MeshShape::new(mesh) });
-    app.world_mut().spawn((shape, FixedRegion::Within(vec![floor]))).id()
-}
-
-fn force(app: &App, tool: Entity) -> DVec3 {
-    app.world().get::<ToolForce>(tool).unwrap().force_n
-}
+use palpate_tests::app::{Contacts, step, take_faults};
+use palpate_tests::mesh::{
+    RADIUS, add, ball, count_writes, force, hand, mesh_app as app, shown, spawn, take_writes, torn,
+};
+use std::time::Duration;
 
 fn body(app: &App, entity: Entity) -> &SimulatedBody {
-    app.world().get::<SimulatedBody>(entity).unwrap()
-}
-
-/// Positions or normals of what an entity shows.
-fn shown(app: &App, entity: Entity, normals: bool) -> Vec<Vec3> {
-    let mesh = app.world().get::<Mesh3d>(entity).unwrap();
-    let id = if normals { Mesh::ATTRIBUTE_NORMAL } else { Mesh::ATTRIBUTE_POSITION };
-    match app.world().resource::<Assets<Mesh>>().get(&mesh.0).unwrap().attribute(id).unwrap() {
-        VertexAttributeValues::Float32x3(values) => values.iter().map(|v| Vec3::from_array(*v)).collect(),
-        _ => unreachable!(),
-    }
+    palpate_tests::mesh::body(app, entity).unwrap()
 }
 
 #[test]
@@ -99,27 +52,45 @@ fn a_ball_becomes_a_body_that_pushes_back_and_dents_under_the_tool() {
 
 #[test]
 fn what_does_not_move_is_not_written_again() {
-    #[derive(Resource, Default)]
-    struct Written(usize);
     let mut app = app();
     let entity = spawn(&mut app, ball());
-    app.init_resource::<Written>().add_systems(
-        Last,
-        |mut events: MessageReader<AssetEvent<Mesh>>, mut written: ResMut<Written>| {
-            written.0 += events.read().filter(|e| matches!(e, AssetEvent::Modified { .. })).count();
-        },
-    );
+    count_writes(&mut app);
     step(&mut app, 10);
-    assert_eq!(app.world().resource::<Written>().0, 0, "nothing has touched it");
+    assert_eq!(take_writes(&mut app), 0, "nothing has touched it");
     app.world_mut().get_mut::<Transform>(entity).unwrap().translation.x = 1.0;
     step(&mut app, 10);
-    let of_moving = app.world().resource::<Written>().0;
     // In its own frame it looks the same to the bit or to rounding: one rewrite at most, and not at every frame.
+    let of_moving = take_writes(&mut app);
     assert!(of_moving <= 2, "{of_moving}");
     hand(&mut app);
     app.world_mut().get_mut::<Transform>(entity).unwrap().translation.x = 0.0;
     step(&mut app, 10);
-    assert!(app.world().resource::<Written>().0 > of_moving + 4);
+    assert!(take_writes(&mut app) > 4);
+}
+
+/// Frames that are no whole part of a model step: nodes at rest are where they were, wherever between two steps they are shown.
+#[test]
+fn a_body_at_rest_is_not_written_between_model_steps_and_one_that_was_touched_comes_to_rest() {
+    let mut app = app();
+    spawn(&mut app, ball());
+    count_writes(&mut app);
+    let frames = |ms| TimeUpdateStrategy::ManualDuration(Duration::from_millis(ms));
+    app.insert_resource(frames(7));
+    step(&mut app, 5);
+    take_writes(&mut app);
+    (0..50).for_each(|_| app.update());
+    assert_eq!(take_writes(&mut app), 0, "nothing has touched it");
+    let tool = hand(&mut app);
+    step(&mut app, 12);
+    assert!(take_writes(&mut app) > 40, "while it is pressed it is written at every frame");
+    app.world_mut().entity_mut(tool).despawn();
+    app.insert_resource(frames(50));
+    step(&mut app, 260);
+    app.insert_resource(frames(7));
+    step(&mut app, 1);
+    take_writes(&mut app);
+    (0..50).for_each(|_| app.update());
+    assert_eq!(take_writes(&mut app), 0, "it has rung down");
 }
 
 #[test]
@@ -142,56 +113,11 @@ fn a_mesh_that_comes_later_or_changes_is_built_when_it_is_there() {
     let now = widest(&shown(&app, entity, false));
     assert!((now / (2.0 * widest(&before)) - 1.0).abs() < 1e-5, "{now}");
     // With holes: said, and the body is as it was.
-    let mut torn = ball();
-    let indices = torn.indices().unwrap().iter().skip(30).map(|i| i as u32).collect();
-    torn.insert_indices(bevy::mesh::Indices::U32(indices));
-    app.world_mut().resource_mut::<Assets<Mesh>>().insert(&handle, torn).unwrap();
+    app.world_mut().resource_mut::<Assets<Mesh>>().insert(&handle, torn(ball())).unwrap();
     step(&mut app, 3);
     let said = take_faults(&mut app);
     assert!(said.len() == 1 && said[0].contains("holes") && said[0].contains("fill them"), "{said:?}");
     assert!(app.world().get::<SimulatedBody>(entity).is_some());
-}
-
-#[test]
-fn meshes_that_make_no_body_are_faults_that_say_what_to_do() {
-    let usage = RenderAssetUsages::default();
-    let lines = Mesh::new(PrimitiveTopology::LineList, usage);
-    let bare = Mesh::new(PrimitiveTopology::TriangleList, usage);
-    let flat = Rectangle::new(0.1, 0.1).mesh().build();
-    let in_mm = ball().scaled_by(Vec3::splat(1000.0));
-    for (mesh, says) in [
-        (lines, "TriangleList"),
-        (bare, "no positions"),
-        (flat, "holes"),
-        (in_mm, "Scale it by 0.001"),
-        (Sphere::new(1e-5).mesh().ico(2).unwrap(), "metres"),
-    ] {
-        let mut app = app();
-        let entity = spawn(&mut app, mesh);
-        step(&mut app, 3);
-        let said = take_faults(&mut app);
-        assert!(said.len() == 1 && said[0].contains(says), "{says}: {said:?}");
-        assert!(app.world().get::<SimulatedBody>(entity).is_none());
-    }
-    // What the message says helps.
-    let mut app = app();
-    let mesh = add(&mut app, ball().scaled_by(Vec3::splat(1000.0)));
-    let shape = MeshShape { scale: 0.001, ..MeshShape::new(mesh.clone()) };
-    let entity = app.world_mut().spawn(DeformableBody::Mesh(shape)).id();
-    step(&mut app, 2);
-    assert_eq!(take_faults(&mut app), [""; 0]);
-    assert!(shown(&app, entity, false).iter().all(|x| (f64::from(x.length()) - RADIUS).abs() < 1e-5));
-    for scale in [0.0, -1.0, f64::NAN] {
-        let shape = MeshShape { scale, ..MeshShape::new(mesh.clone()) };
-        app.world_mut().spawn(DeformableBody::Mesh(shape));
-        step(&mut app, 1);
-        let said = take_faults(&mut app);
-        assert!(said.len() == 1 && said[0].contains("scaled by"), "{said:?}");
-    }
-    let shape = MeshShape { cells_along: 0, ..MeshShape::new(mesh) };
-    app.world_mut().spawn(DeformableBody::Mesh(shape));
-    step(&mut app, 1);
-    assert_eq!(take_faults(&mut app).len(), 1);
 }
 
 #[test]
@@ -323,4 +249,118 @@ fn vertices_and_faces_can_be_fixed_and_the_loop_outlives_its_body() {
     app.world_mut().entity_mut(by_face).despawn();
     step(&mut app, 3);
     assert!(app.world().get::<ToolLoop>(tool).is_some());
+}
+
+#[test]
+fn what_shows_the_mesh_of_the_body_shows_it_deformed_and_gets_it_back() {
+    let mut app = app();
+    let source = add(&mut app, ball());
+    let floor = FixedRegion::Face(Face::Bottom);
+    let shape = DeformableBody::from_mesh(source.clone());
+    let entity = app.world_mut().spawn((shape.clone(), floor.clone(), Mesh3d(source.clone()))).id();
+    let other = add(&mut app, Cuboid::from_length(0.1).mesh().build());
+    let beside = Transform::from_xyz(1.0, 0.0, 0.0);
+    let alone = app.world_mut().spawn((shape.clone(), floor, beside, Mesh3d(other.clone()))).id();
+    let tool = hand(&mut app);
+    app.world_mut().get_mut::<HapticTool>(tool).unwrap().body = Some(entity);
+    step(&mut app, 15);
+    assert_eq!(take_faults(&mut app), [""; 0]);
+    let of = |app: &App, entity: Entity| app.world().get::<Mesh3d>(entity).map(|mesh| mesh.0.clone());
+    let lowest = |x: Vec<Vec3>| x.into_iter().map(|x| x.length()).fold(f32::INFINITY, f32::min);
+    assert_ne!(of(&app, entity), Some(source.clone()));
+    assert!(f64::from(lowest(shown(&app, entity, false))) < RADIUS - 0.003, "its dent is to be seen");
+    let as_given = app.world().resource::<Assets<Mesh>>().get(&source).unwrap();
+    let VertexAttributeValues::Float32x3(x) = as_given.attribute(Mesh::ATTRIBUTE_POSITION).unwrap() else {
+        unreachable!()
+    };
+    assert!(x.iter().all(|x| (f64::from(Vec3::from_array(*x).length()) - RADIUS).abs() < 1e-6));
+    // What is another mesh is the app's own affair.
+    assert_eq!(of(&app, alone), Some(other.clone()));
+    for (entity, before) in [(entity, source), (alone, other)] {
+        app.world_mut().entity_mut(entity).remove::<DeformableBody>();
+        step(&mut app, 2);
+        assert_eq!(of(&app, entity), Some(before));
+        assert!(app.world().get::<SimulatedBody>(entity).is_none());
+    }
+    // A body again, and shown again.
+    app.world_mut().entity_mut(entity).insert(shape);
+    step(&mut app, 2);
+    assert!(!shown(&app, entity, false).is_empty() && app.world().get::<SimulatedBody>(entity).is_some());
+}
+
+#[test]
+fn a_body_under_a_parent_goes_where_the_parent_goes_while_it_is_touched() {
+    let mut app = app();
+    let parent = app.world_mut().spawn(Transform::from_xyz(0.3, 0.0, 0.0)).id();
+    let entity = spawn(&mut app, ball());
+    app.world_mut().entity_mut(entity).insert((Transform::from_xyz(-0.3, 0.0, 0.0), ChildOf(parent)));
+    let tool = hand(&mut app);
+    step(&mut app, 15);
+    assert!(force(&app, tool).y > 0.5, "{}", force(&app, tool));
+    let before = body(&app, entity).body().positions_m().to_vec();
+    app.world_mut().get_mut::<Transform>(parent).unwrap().translation.z = 0.5;
+    app.update();
+    let simulated = body(&app, entity).body();
+    for (node, x) in before.iter().enumerate() {
+        let now = simulated.positions_m()[node];
+        let most = if simulated.network().is_fixed(node) { 1e-6 } else { 0.01 };
+        assert!(now.distance(*x + 0.5 * DVec3::Z) < most, "node {node}: {now}");
+    }
+    step(&mut app, 4);
+    // The hand is where the body was.
+    assert_eq!(force(&app, tool), DVec3::ZERO);
+    assert_eq!(app.world().resource::<Contacts>().0, ["began", "ended"]);
+    // Back, by the child's own transform.
+    app.world_mut().get_mut::<Transform>(entity).unwrap().translation.z = -0.51;
+    step(&mut app, 2);
+    app.world_mut().get_mut::<Transform>(entity).unwrap().translation.z = -0.5;
+    step(&mut app, 10);
+    assert_eq!(app.world().resource::<Contacts>().0.last(), Some(&"began"));
+    assert_eq!(take_faults(&mut app), [""; 0]);
+}
+
+#[test]
+fn a_child_of_a_scaled_parent_is_refused_until_the_parent_is_put_right() {
+    let mut app = app();
+    let parent = app.world_mut().spawn(Transform::from_scale(Vec3::splat(2.0))).id();
+    let of_mesh = spawn(&mut app, ball());
+    let of_block = app.world_mut().spawn(DeformableBody::block([3; 3], 0.1)).id();
+    app.world_mut().entity_mut(parent).add_children(&[of_mesh, of_block]);
+    step(&mut app, 3);
+    let said = take_faults(&mut app);
+    assert!(said.len() == 2 && said.iter().all(|said| said.contains("scale")), "{said:?}");
+    // Moved on, but no better: it has been said.
+    app.world_mut().get_mut::<Transform>(parent).unwrap().translation.x = 1.0;
+    app.world_mut().get_mut::<Transform>(of_mesh).unwrap().translation.y = 0.1;
+    step(&mut app, 3);
+    assert_eq!(take_faults(&mut app), [""; 0]);
+    app.world_mut().get_mut::<Transform>(parent).unwrap().scale = Vec3::ONE;
+    step(&mut app, 2);
+    assert_eq!(take_faults(&mut app), [""; 0]);
+    let middle = |entity| {
+        let x = body(&app, entity).body().positions_m();
+        x.iter().sum::<DVec3>() / x.len() as f64
+    };
+    assert!(middle(of_block).distance(DVec3::X) < 1e-6, "{}", middle(of_block));
+    assert!(middle(of_mesh).distance(DVec3::new(1.0, 0.1, 0.0)) < 1e-3, "{}", middle(of_mesh));
+}
+
+/// What is wrong with it is no matter of where it is.
+#[test]
+fn a_body_that_is_refused_is_not_built_again_wherever_it_goes() {
+    let mut app = app();
+    let bad = app.world_mut().spawn(DeformableBody::block([1, 3, 3], 0.1)).id();
+    let torn = spawn(&mut app, torn(ball()));
+    step(&mut app, 2);
+    assert_eq!(take_faults(&mut app).len(), 2);
+    for x in 1..5 {
+        for entity in [bad, torn] {
+            app.world_mut().get_mut::<Transform>(entity).unwrap().translation.x = 0.1 * x as f32;
+        }
+        step(&mut app, 1);
+    }
+    assert_eq!(take_faults(&mut app), [""; 0]);
+    app.world_mut().entity_mut(bad).insert(DeformableBody::block([3, 3, 3], 0.1));
+    step(&mut app, 2);
+    assert!(app.world().get::<SimulatedBody>(bad).is_some());
 }

@@ -4,10 +4,14 @@ mod build;
 mod carry;
 mod drawn;
 mod make;
+mod meshes;
+mod put;
 mod shape;
 mod source;
 mod tissue;
 
+#[cfg(feature = "panel")]
+pub(crate) use build::BodyBuild;
 pub use shape::{BodyRegion, DeformableBody, Face, FixedRegion, MeshShape, Slit};
 pub use source::MeshSourceError;
 pub use tissue::{Inclusion, Inclusions, Tissue};
@@ -18,7 +22,7 @@ use bevy::asset::AssetEventSystems;
 use bevy::prelude::*;
 use drawn::Drawn;
 use glam::DVec3;
-use palpate_body::{Body, BodyError, ClosedMesh, Skin, StepReport};
+use palpate_body::{Body, BodyError, ClosedMesh, MeshCells, MeshRepairs, Skin, StepReport};
 use palpate_reduce::LocalModelBuilder;
 use std::sync::Arc;
 
@@ -44,9 +48,12 @@ pub struct SimulatedBody {
     shape_asked: DeformableBody,
     fixed_asked: FixedRegion,
     slit_asked: Option<Slit>,
-    /// Of a mesh: how it is drawn, and itself.
+    tissue_asked: Tissue,
+    /// Of a mesh: how it is drawn, itself, what became of it, and how it compares with the mesh that there is now.
     skin: Option<Skin>,
     closed: Option<Arc<ClosedMesh>>,
+    report: Option<MeshReport>,
+    source: SourceMesh,
     pub(crate) drawn: Drawn,
     /// The sutures in it, in the order of the body's ties.
     pub(crate) sutures: Vec<Entity>,
@@ -77,6 +84,18 @@ impl SimulatedBody {
         self.closed.as_deref()
     }
 
+    /// What it is made of now; while it is being made of another tissue, the one before.
+    #[must_use]
+    pub fn tissue(&self) -> Tissue {
+        self.tissue_asked
+    }
+
+    /// What became of that mesh: repairs, cells, and how far from it the body is touched; `None` for a block.
+    #[must_use]
+    pub fn mesh_report(&self) -> Option<MeshReport> {
+        self.report
+    }
+
     /// Where the nodes are drawn now, m, in the world's frame: on their way between the last two model steps.
     #[must_use]
     pub fn drawn_m(&self) -> &[DVec3] {
@@ -97,6 +116,29 @@ impl SimulatedBody {
     }
 }
 
+/// What became of the mesh that a body was made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MeshReport {
+    /// What was put right in the mesh.
+    pub repairs: MeshRepairs,
+    /// The cells that fill it: how many, how wide, and how much heavier than the mesh they are.
+    pub cells: MeshCells,
+    /// The greatest distance of a vertex of the mesh from the surface that tools touch, m.
+    pub deviation_m: f64,
+}
+
+/// How the mesh that a body was made of compares with what its handle names now.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum SourceMesh {
+    /// It is that.
+    #[default]
+    Same,
+    /// It has changed since, and is to be made a body of.
+    Changed,
+    /// It has changed since, and no body can be made of it; the body is of the one before.
+    Refused,
+}
+
 /// Builds the bodies, carries them along and draws them. Their steps are the tools' affair
 /// ([`ToolPlugin`](crate::ToolPlugin)), because a body is moved along its tool's path.
 #[derive(Clone, Copy, Debug, Default)]
@@ -115,8 +157,8 @@ impl Plugin for BodyPlugin {
             .add_systems(
                 PreUpdate,
                 (
-                    cost.timed(build::build_bodies),
                     cost.timed(build::take_built),
+                    cost.timed(build::build_bodies),
                     cost.timed(carry::carry_bodies),
                     cost.timed(drawn::give_meshes),
                 )
@@ -131,7 +173,7 @@ impl Plugin for BodyPlugin {
     }
 }
 
-/// A body that is a body no longer is not simulated, and loses the mesh that it was given.
+/// A body that is a body no longer is not simulated, and loses the mesh that it was given; what that replaced comes back.
 fn remove_simulation(
     removed: On<Remove, DeformableBody>,
     bodies: Query<(&SimulatedBody, Option<&Mesh3d>)>,
@@ -141,7 +183,10 @@ fn remove_simulation(
     entity.try_remove::<build::BodyBuild>();
     let Ok((simulated, mesh)) = bodies.get(removed.entity) else { return };
     if mesh.is_some_and(|mesh| simulated.drawn.is_shown_by(mesh)) {
-        entity.try_remove::<Mesh3d>();
+        match simulated.drawn.replaced() {
+            Some(before) => entity.try_insert(Mesh3d(before.clone())),
+            None => entity.try_remove::<Mesh3d>(),
+        };
     }
     entity.try_remove::<SimulatedBody>();
 }

@@ -26,8 +26,21 @@ pub enum HapticFaultKind {
     /// A mesh could not be read, so no body was made of it.
     #[error("no body can be made of the mesh")]
     Mesh(#[source] MeshSourceError),
+    /// A body of a mesh weighs more than the mesh does, by `share` of it: cells that hold next to nothing count as filled to a
+    /// hundredth. It is simulated all the same.
+    #[error(
+        "the body is {percent:.1} % heavier than its mesh, because {cells} of its cells hold next to nothing: take smaller cells \
+         (more cells_along), or thicken what is thin",
+        percent = .share * 100.0
+    )]
+    Heavier {
+        /// By which share of the mesh's volume.
+        share: f64,
+        /// How many such cells there are.
+        cells: usize,
+    },
     /// A body's entity is scaled. Give the size to [`crate::DeformableBody`] and leave the scale at 1; a body that was there
-    /// before stays where and as it was.
+    /// before stays where and as it was, and a new one is built once the scale is 1.
     #[error("the body's transform has scale {scale}; it must be 1: give the size to the body itself")]
     Scaled {
         /// The scale found.

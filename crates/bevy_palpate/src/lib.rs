@@ -38,7 +38,7 @@
 //! # Contents
 //!
 //! * Bodies: [`DeformableBody`], a block or any closed mesh, with its partners [`Tissue`], [`FixedRegion`] and
-//!   [`Inclusions`]; [`SimulatedBody`] to look inside; a [`Slit`] in a block.
+//!   [`Inclusions`]; [`SimulatedBody`] to look inside, and at what became of a mesh ([`MeshReport`]); a [`Slit`] in a block.
 //! * Threads through a body: [`Suture`]; result [`SutureForce`]; message [`SutureTorn`].
 //! * Tools: [`HapticTool`] with its partner [`ToolSettings`], [`ToolGrasp`] for those that take hold; results
 //!   [`ToolForce`], [`LoopTiming`],
@@ -53,7 +53,7 @@
 //!
 //! | feature | adds |
 //! | --- | --- |
-//! | `gltf` | bodies from glTF and GLB files |
+//! | `gltf` | bodies from glTF and GLB files, with PNG and JPEG textures or without |
 //! | `window` | a renderer and a window (Bevy's `bevy_pbr` and `bevy_winit`), the mouse as a device, and `gltf` |
 //! | `panel` | a panel of plots and sliders for every tool (`bevy_egui`, `egui_plot`), and `window` |
 //! | `gizmos` | lattice, contact, near field and basis drawn over the scene, and `window` |
@@ -122,7 +122,7 @@ mod tool;
 
 pub use body::{
     BodyPlugin, BodyRegion, DeformableBody, Face, FixedRegion, HapticSetupSystems, Inclusion, Inclusions,
-    MeshShape, MeshSourceError, SimulatedBody, Slit, Tissue,
+    MeshReport, MeshShape, MeshSourceError, SimulatedBody, Slit, Tissue,
 };
 pub use device::{DeviceSelector, HapticDevices, HidChoice, HidDeviceKind};
 pub use diagnostics::HapticDiagnosticsPlugin;

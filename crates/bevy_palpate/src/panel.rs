@@ -79,10 +79,27 @@ pub struct HapticPanel {
     pub folder: PathBuf,
     #[reflect(ignore)]
     pub(crate) view: settings::View,
+    #[reflect(ignore)]
     present: devices::Present,
 }
 
 impl HapticPanel {
+    fn new(plugin: &HapticPanelPlugin) -> Self {
+        let HapticPanelPlugin { open, key, folder, .. } = plugin.clone();
+        let (seconds, curves) = (5.0, [true; 6]);
+        Self {
+            open,
+            key,
+            tool: None,
+            seconds,
+            compare: true,
+            curves,
+            folder,
+            view: settings::View::default(),
+            present: devices::Present::default(),
+        }
+    }
+
     /// The tool that is shown, of those there are.
     fn shown(&self, tools: impl Iterator<Item = Entity>) -> Option<Entity> {
         let mut first: Option<Entity> = None;
@@ -111,31 +128,23 @@ impl Plugin for HapticPanelPlugin {
         if !app.is_plugin_added::<EguiPlugin>() {
             app.add_plugins(EguiPlugin::default());
         }
-        let Self { open, key, folder, .. } = self.clone();
         let cost = FrameCost::default();
-        app.insert_resource(HapticPanel {
-            open,
-            key,
-            tool: None,
-            seconds: 5.0,
-            compare: true,
-            curves: [true; 6],
-            folder,
-            view: settings::View::default(),
-            present: devices::Present::default(),
-        })
-        .register_type::<HapticPanel>()
-        .insert_resource(PanelCost(cost.clone()))
-        .init_resource::<watch::Watched>()
-        .init_resource::<faults::Heard>()
-        .register_diagnostic(Diagnostic::new(Self::COST).with_suffix(" ms"))
-        .add_systems(First, cost.timed(watch::begin_frame))
-        .add_systems(PreUpdate, (toggle, cost.timed(faults::hear)).chain().after(HapticSetupSystems::Tools))
-        .add_systems(
-            ModelStep,
-            cost.timed(watch::watch).after(HapticSystems::Writeback).before(HapticSystems::Last),
-        )
-        .add_systems(Last, tell_cost);
+        app.insert_resource(HapticPanel::new(self))
+            .register_type::<HapticPanel>()
+            .insert_resource(PanelCost(cost.clone()))
+            .init_resource::<watch::Watched>()
+            .init_resource::<faults::Heard>()
+            .register_diagnostic(Diagnostic::new(Self::COST).with_suffix(" ms"))
+            .add_systems(First, cost.timed(watch::begin_frame))
+            .add_systems(
+                PreUpdate,
+                (toggle, cost.timed(faults::hear)).chain().after(HapticSetupSystems::Tools),
+            )
+            .add_systems(
+                ModelStep,
+                cost.timed(watch::watch).after(HapticSystems::Writeback).before(HapticSystems::Last),
+            )
+            .add_systems(Last, tell_cost);
         if self.side {
             app.add_systems(EguiPrimaryContextPass, cost.timed(draw_side));
         }

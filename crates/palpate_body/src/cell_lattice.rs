@@ -102,6 +102,8 @@ pub struct MeshCells {
     pub slivers_carried: usize,
     /// Cells that hold almost nothing and count for more: the body is that much too heavy.
     pub raised: usize,
+    /// By which share of the mesh's volume those make the body larger; of its mass, where it is one tissue throughout.
+    pub raised_share: f64,
     /// The least φ of a cell that stayed.
     pub least_fill: f64,
 }
@@ -151,12 +153,16 @@ impl Grid {
 impl<'a> CellLattice<'a> {
     /// The most cells along the longest side.
     pub const MOST_CELLS_ALONG: usize = 127;
+    /// The most nodes of a body. With as many a step of 50 ticks takes about half a second, its factorisations take half a gigabyte and
+    /// a local model seconds: far beyond what can be touched.
+    pub const MOST_NODES: usize = 10_000;
 
     /// Cells of size `size` round `mesh`, nothing fixed.
     ///
     /// # Errors
     /// [`MeshError::Cells`] when that makes none along the longest side, or more than
-    /// [`CellLattice::MOST_CELLS_ALONG`].
+    /// [`CellLattice::MOST_CELLS_ALONG`]; [`MeshError::CoarseGrid`] when a mesh in single precision is so far from its origin that
+    /// its vertices are more than a hundredth of a cell apart.
     pub fn fit(mesh: &'a ClosedMesh, size: CellSize) -> Result<Self, MeshError> {
         let sides_m = 2.0 * mesh.half_size_m();
         let size_m = sides_m.max_element();
@@ -171,6 +177,9 @@ impl<'a> CellLattice<'a> {
             && along <= Self::MOST_CELLS_ALONG as f64 + WHOLE)
         {
             return Err(MeshError::Cells { cell_m, cells: along, size_m });
+        }
+        if let Some((distance_m, grid_m)) = mesh.grid_m().filter(|(_, grid_m)| *grid_m > COARSEST * cell_m) {
+            return Err(MeshError::CoarseGrid { distance_m, grid_m, cell_m });
         }
         // A side that is a whole number of cells but for rounding takes no more.
         let cells = (sides_m / cell_m - WHOLE).ceil().max(DVec3::ONE);
@@ -250,7 +259,7 @@ impl<'a> CellLattice<'a> {
     /// # Errors
     /// [`BodyError`] when a number makes no sense, all is fixed, or nothing is and [`CellLattice::allow_free`] was not said;
     /// [`MeshError::Pieces`] when there is more than one piece and it was not said; [`MeshError::EmptyRegion`] for a region
-    /// that holds nothing.
+    /// that holds nothing; [`MeshError::TooManyNodes`] beyond [`CellLattice::MOST_NODES`].
     pub fn tissue(&self, tissue: &Tissue) -> Result<MeshBody, BodyError> {
         material::check_tissue(tissue)?;
         self.regions.iter().try_for_each(|(_, other)| material::check_tissue(other))?;
@@ -262,6 +271,7 @@ impl<'a> CellLattice<'a> {
             return Err(MeshError::Pieces { pieces, at_m: mesh.center_m() + grid.at_m(middle) }.into());
         }
         let embedding = Embedding::new(grid, &kept);
+        self.check_nodes(embedding.nodes().len())?;
         let at_m = |ijk: &[usize; 3]| mesh.center_m() + grid.at_m(DVec3::from_array(ijk.map(|n| n as f64)));
         let rest_m: Vec<DVec3> = embedding.nodes().iter().map(at_m).collect();
         let share: Vec<f64> = kept.cells.iter().map(|(_, share)| *share).collect();
@@ -277,6 +287,22 @@ impl<'a> CellLattice<'a> {
             cells: MeshCells { cell_m: grid.cell_m, ..kept.report },
             deviation_m: touched.deviation_m,
         })
+    }
+
+    fn check_nodes(&self, nodes: usize) -> Result<(), MeshError> {
+        let most = Self::MOST_NODES;
+        if nodes <= most {
+            return Ok(());
+        }
+        // As many of the corners in a box of that shape as here; of few cells a few more are at the surface.
+        let along = self.grid.cells.into_iter().max().unwrap_or(1);
+        let shares = self.grid.cells.map(|cells| cells as f64 / along as f64);
+        let corners =
+            |cells: usize| shares.iter().map(|share| (share * cells as f64).ceil() + 1.0).product::<f64>();
+        let filled = nodes as f64 / corners(along);
+        let fits = |cells: &usize| (1.05 * filled).min(1.0) * corners(*cells) <= most as f64;
+        let advised = (1..along).rev().find(fits).unwrap_or(1);
+        Err(MeshError::TooManyNodes { along, nodes, most, advised })
     }
 
     fn fixed(&self, embedding: &Embedding, rest_m: &[DVec3]) -> Result<Vec<bool>, MeshError> {
@@ -331,6 +357,9 @@ impl<'a> CellLattice<'a> {
 
 /// What a number of cells may exceed a whole number by.
 const WHOLE: f64 = 1e-6;
+/// The coarsest grid of vertices, in cells: of a body with ten cells along, a thousandth of its size. Beyond, faces of a fine mesh
+/// are turned to be seen.
+const COARSEST: f64 = 0.01;
 
 impl MeshBody {
     /// The same body turned by `rotation` about the origin and then moved by `translation_m`.

@@ -28,7 +28,8 @@ use inside::Inside;
 /// | holes, other edges with three triangles or more, one side only, no thickness, parts that cross | [`MeshError`] |
 /// | a longest side below 1 mm or above 10 m; more than two million triangles | [`MeshError`] |
 ///
-/// Everything is computed relative to the mesh's centre, so that it may lie anywhere. Triangles that only touch, or cross
+/// Everything is computed relative to the mesh's centre, so that it may lie anywhere; in single precision
+/// ([`ClosedMesh::from_single`]) as far from the origin as its digits last. Triangles that only touch, or cross
 /// by less than 1e-6 of the mesh's size, do not count as crossing.
 #[derive(Clone, Debug)]
 pub struct ClosedMesh {
@@ -49,6 +50,8 @@ pub struct ClosedMesh {
     half_size_m: DVec3,
     repairs: MeshRepairs,
     inside: Inside,
+    /// The least difference of two coordinates that its vertices could have, m, if they are known to be on such a grid.
+    grid_m: Option<f64>,
 }
 
 /// What was put right in a mesh.
@@ -86,15 +89,42 @@ impl ClosedMesh {
     /// # Errors
     /// [`MeshError`], which says what to do: see the table above.
     pub fn new(vertices_m: Vec<DVec3>, triangles: Vec<[usize; 3]>) -> Result<Self, MeshError> {
-        let measured = check_and_measure(&vertices_m, &triangles)?;
+        let measured = Measured::of(&vertices_m, &triangles)?;
+        let grid_m = if measured.is_single { measured.distance_m() * f64::from(f32::EPSILON) } else { 0.0 };
+        Self::close_measured(vertices_m, triangles, measured, grid_m)
+    }
+
+    /// The closed surface of `triangles`, which name `vertices` in single precision, a unit of which is `scale_m` metres. How
+    /// many digits they have is then known whatever the scale: a mesh too far from its origin for its cells is refused
+    /// ([`MeshError::CoarseGrid`]) when cells are fitted to it.
+    ///
+    /// # Errors
+    /// [`MeshError`], as [`ClosedMesh::new`].
+    pub fn from_single(
+        vertices: &[[f32; 3]],
+        scale_m: f64,
+        triangles: Vec<[usize; 3]>,
+    ) -> Result<Self, MeshError> {
+        let wide = |x: &[f32; 3]| scale_m * DVec3::from_array(x.map(f64::from));
+        let vertices_m: Vec<DVec3> = vertices.iter().map(wide).collect();
+        let measured = Measured::of(&vertices_m, &triangles)?;
+        let grid_m = measured.distance_m() * f64::from(f32::EPSILON);
+        let mut mesh = Self::close_measured(vertices_m, triangles, measured, grid_m)?;
+        mesh.grid_m = Some(grid_m);
+        Ok(mesh)
+    }
+
+    fn close_measured(
+        vertices_m: Vec<DVec3>,
+        triangles: Vec<[usize; 3]>,
+        measured: Measured,
+        grid_m: f64,
+    ) -> Result<Self, MeshError> {
         let (low, high) = measured.bounds_m;
         match Self::close(vertices_m, triangles, low, high) {
             // Holes, needles and crossings are the consequence there, not the fault.
-            Err(_) if measured.grid_m > 1e-3 * measured.size_m().max(Self::SMALLEST_M) => {
-                Err(MeshError::LostDigits {
-                    distance_m: low.abs().max(high.abs()).max_element(),
-                    grid_m: measured.grid_m,
-                })
+            Err(_) if grid_m > 1e-3 * measured.size_m().max(Self::SMALLEST_M) => {
+                Err(MeshError::LostDigits { distance_m: measured.distance_m(), grid_m })
             }
             made => made,
         }
@@ -164,6 +194,7 @@ impl ClosedMesh {
             half_size_m,
             repairs,
             inside,
+            grid_m: None,
         })
     }
 
@@ -247,6 +278,13 @@ impl ClosedMesh {
         &self.point_of
     }
 
+    /// How far from the origin it reaches along an axis, and the least difference of two coordinates that its vertices could have
+    /// there, m; `None` where that is not known to be more than rounding.
+    pub(crate) fn grid_m(&self) -> Option<(f64, f64)> {
+        let [low, high] = self.bounds_m();
+        self.grid_m.map(|grid_m| (low.abs().max(high.abs()).max_element(), grid_m))
+    }
+
     pub(crate) fn normals(&self) -> Option<&[DVec3]> {
         self.normals.as_deref()
     }
@@ -256,47 +294,52 @@ impl ClosedMesh {
 struct Measured {
     /// Of the vertices that triangles have.
     bounds_m: (DVec3, DVec3),
-    /// The least difference of two coordinates, if all of them are single-precision numbers; else 0.
-    grid_m: f64,
+    /// Whether all of their coordinates are single-precision numbers.
+    is_single: bool,
 }
 
 impl Measured {
+    /// Of a mesh whose numbers can be computed with.
+    fn of(vertices_m: &[DVec3], triangles: &[[usize; 3]]) -> Result<Self, MeshError> {
+        if triangles.is_empty() {
+            return Err(MeshError::Empty);
+        }
+        let most = ClosedMesh::MOST_TRIANGLES;
+        for (what, found, most) in
+            [("triangles", triangles.len(), most), ("vertices", vertices_m.len(), 3 * most)]
+        {
+            if found > most {
+                return Err(MeshError::TooLarge { what, found, most });
+            }
+        }
+        let vertices = vertices_m.len();
+        for (triangle, corners) in triangles.iter().enumerate() {
+            if let Some(&vertex) = corners.iter().find(|vertex| **vertex >= vertices) {
+                return Err(MeshError::Index { triangle, vertex, vertices });
+            }
+        }
+        let taken = |x: &DVec3| x.is_finite() && x.abs().max_element() < FARTHEST_M;
+        if let Some(vertex) = vertices_m.iter().position(|x| !taken(x)) {
+            return Err(MeshError::NotFinite { vertex });
+        }
+        let (mut low, mut high, mut is_single) = (DVec3::INFINITY, DVec3::NEG_INFINITY, true);
+        for &vertex in triangles.iter().flatten() {
+            let x = vertices_m[vertex];
+            (low, high) = (low.min(x), high.max(x));
+            is_single &= x.as_vec3().as_dvec3() == x;
+        }
+        Ok(Self { bounds_m: (low, high), is_single })
+    }
+
     fn size_m(&self) -> f64 {
         (self.bounds_m.1 - self.bounds_m.0).max_element()
     }
-}
 
-fn check_and_measure(vertices_m: &[DVec3], triangles: &[[usize; 3]]) -> Result<Measured, MeshError> {
-    if triangles.is_empty() {
-        return Err(MeshError::Empty);
+    /// How far from the origin it reaches along an axis.
+    fn distance_m(&self) -> f64 {
+        let (low, high) = self.bounds_m;
+        low.abs().max(high.abs()).max_element()
     }
-    let most = ClosedMesh::MOST_TRIANGLES;
-    for (what, found, most) in
-        [("triangles", triangles.len(), most), ("vertices", vertices_m.len(), 3 * most)]
-    {
-        if found > most {
-            return Err(MeshError::TooLarge { what, found, most });
-        }
-    }
-    let vertices = vertices_m.len();
-    for (triangle, corners) in triangles.iter().enumerate() {
-        if let Some(&vertex) = corners.iter().find(|vertex| **vertex >= vertices) {
-            return Err(MeshError::Index { triangle, vertex, vertices });
-        }
-    }
-    let taken = |x: &DVec3| x.is_finite() && x.abs().max_element() < FARTHEST_M;
-    if let Some(vertex) = vertices_m.iter().position(|x| !taken(x)) {
-        return Err(MeshError::NotFinite { vertex });
-    }
-    let (mut low, mut high, mut single) = (DVec3::INFINITY, DVec3::NEG_INFINITY, true);
-    for &vertex in triangles.iter().flatten() {
-        let x = vertices_m[vertex];
-        (low, high) = (low.min(x), high.max(x));
-        single &= x.as_vec3().as_dvec3() == x;
-    }
-    let far = low.abs().max(high.abs()).max_element();
-    let grid_m = if single { far * f64::from(f32::EPSILON) } else { 0.0 };
-    Ok(Measured { bounds_m: (low, high), grid_m })
 }
 
 fn check_size(size_m: f64, center_m: DVec3) -> Result<(), MeshError> {

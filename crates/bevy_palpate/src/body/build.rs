@@ -1,38 +1,42 @@
 //! Bodies are built of what is asked for, and anew when that changes: blocks at once, meshes beside the app.
 
-use super::make::{Made, Plan, place};
+use super::make::{Made, Plan, Refusal, place};
+use super::meshes::Meshes;
+use super::put::{Build, put, settle};
 use super::source::Source;
 use super::{
-    DeformableBody, Drawn, FixedRegion, Inclusions, MeshShape, MeshSourceError, SimulatedBody, Slit, Tissue,
+    DeformableBody, FixedRegion, Inclusions, MeshSourceError, SimulatedBody, Slit, SourceMesh, Tissue,
 };
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::HapticClock;
-use bevy::asset::LoadState;
-use bevy::ecs::message::MessageCursor;
 use bevy::ecs::query::QueryData;
-use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
-use palpate_body::StepReport;
 
-/// A body of a mesh that is not there yet.
+/// A body that is not there yet, or not as it is asked for now.
 #[derive(Component)]
-pub(super) enum BodyBuild {
+pub(crate) enum BodyBuild {
     /// Its mesh is being loaded.
     AwaitsMesh,
     /// Its mesh could not be loaded, which has been said; it may still come.
     MissesMesh,
-    /// It is being made.
-    Making(Task<Result<Build, HapticFaultKind>>),
+    /// It was asked for where no body can be, which has been said; it may be moved.
+    AwaitsPlace(GlobalTransform),
+    /// It is being made. What changes meanwhile is made afterwards: a task that was begun anew at every change would never end
+    /// while a slider is dragged.
+    Making(Making),
+    /// It has been made, and something had changed meanwhile.
+    Outdated,
 }
 
-/// What was made of what.
-pub(super) struct Build {
-    plan: Plan,
-    made: Made,
-    /// Whether the mesh is another one than before.
-    is_new_mesh: bool,
+/// A body that is being made beside the app.
+pub(crate) struct Making {
+    task: Task<(Plan, Result<Made, Refusal>)>,
+    /// Whether something has changed since.
+    is_outdated: bool,
+    /// How its mesh compares with the one that there is now.
+    source: SourceMesh,
 }
 
 /// How often bodies have been built in this app.
@@ -56,40 +60,74 @@ pub(super) struct Asked {
     fixed: Ref<'static, FixedRegion>,
     slit: Option<Ref<'static, Slit>>,
     inclusions: Option<Ref<'static, Inclusions>>,
-    transform: Ref<'static, Transform>,
     simulated: Option<&'static mut SimulatedBody>,
-    build: Option<&'static BodyBuild>,
+    build: Option<&'static mut BodyBuild>,
 }
 
-/// The meshes of the app, and which of them have changed.
-#[derive(SystemParam)]
-pub(super) struct Meshes<'w, 's> {
-    assets: Option<Res<'w, Assets<Mesh>>>,
-    server: Option<Res<'w, AssetServer>>,
-    events: Option<Res<'w, Messages<AssetEvent<Mesh>>>>,
-    cursor: Local<'s, MessageCursor<AssetEvent<Mesh>>>,
+/// Why a body is not built now.
+enum NotNow {
+    /// Its mesh is not there yet.
+    Awaits,
+    Refused(HapticFaultKind),
 }
 
-impl Meshes<'_, '_> {
-    /// Those that changed since the last call. What is new is waited for where it is wanted.
-    fn changed(&mut self) -> Vec<AssetId<Mesh>> {
-        let Some(events) = &self.events else { return Vec::new() };
-        let id = |event: &AssetEvent<Mesh>| match event {
-            AssetEvent::Modified { id } => Some(*id),
-            _ => None,
-        };
-        self.cursor.read(events).filter_map(id).collect()
+impl AskedItem<'_, '_> {
+    fn is_changed(&self) -> bool {
+        self.shape.is_changed()
+            || self.tissue.is_changed()
+            || self.fixed.is_changed()
+            || self.slit.as_ref().is_some_and(DetectChanges::is_changed)
+            || self.inclusions.as_ref().is_some_and(DetectChanges::is_changed)
     }
 
-    /// What is to be filled; `None` while it is being loaded.
-    fn source(&self, shape: &MeshShape) -> Result<Option<Source>, MeshSourceError> {
-        let assets = self.assets.as_ref().ok_or(MeshSourceError::NoMeshes)?;
-        if let Some(mesh) = assets.get(&shape.mesh) {
-            return Source::read(mesh, shape).map(Some);
+    /// Whether what kept it from being built may be over.
+    fn is_due(&self, transforms: &TransformHelper) -> bool {
+        match self.build.as_deref() {
+            None | Some(BodyBuild::Making(_)) => false,
+            Some(BodyBuild::AwaitsPlace(refused)) => self.place(transforms) != *refused,
+            Some(BodyBuild::AwaitsMesh | BodyBuild::MissesMesh | BodyBuild::Outdated) => true,
         }
-        match self.server.as_ref().and_then(|server| server.get_load_state(&shape.mesh)) {
-            Some(LoadState::Failed(error)) => Err(MeshSourceError::NotLoaded(error.to_string())),
-            _ => Ok(None),
+    }
+
+    /// Where it is to be built: where it is, or where its entity is now.
+    fn place(&self, transforms: &TransformHelper) -> GlobalTransform {
+        let old = self.simulated.as_ref().map(|old| old.place);
+        // The only error is a missing transform, which the body requires.
+        old.unwrap_or_else(|| transforms.compute_global_transform(self.entity).unwrap_or_default())
+    }
+
+    /// What it is to be made of, and how that compares with the mesh that there is now: as it was closed before, if that is still
+    /// the mesh or the new one was refused.
+    fn source(&self, meshes: &Meshes) -> Result<(Option<Source>, SourceMesh), NotNow> {
+        let Some(shape) = self.shape.mesh() else { return Ok((None, SourceMesh::Same)) };
+        let is_known =
+            |old: &&Mut<SimulatedBody>| old.source != SourceMesh::Changed && old.shape_asked == *self.shape;
+        if let Some(old) = self.simulated.as_ref().filter(is_known)
+            && let Some(closed) = old.closed.clone()
+        {
+            return Ok((Some(Source::Closed(closed)), old.source));
+        }
+        let read = meshes.source(shape).map_err(|error| NotNow::Refused(HapticFaultKind::Mesh(error)))?;
+        read.map(|read| (Some(read), SourceMesh::Same)).ok_or(NotNow::Awaits)
+    }
+
+    /// All that makes it, at `at`.
+    fn plan(&self, at: &GlobalTransform) -> Result<Plan, HapticFaultKind> {
+        let (rotation, translation_m) = place(at)?;
+        Ok(Plan {
+            shape: (*self.shape).clone(),
+            tissue: *self.tissue,
+            fixed: (*self.fixed).clone(),
+            slit: self.slit.as_ref().map(|slit| **slit),
+            inclusions: self.inclusions.as_ref().map(|inclusions| inclusions.0.clone()).unwrap_or_default(),
+            rotation,
+            translation_m,
+        })
+    }
+
+    fn note_source(&mut self, source: SourceMesh) {
+        if let Some(old) = &mut self.simulated {
+            old.bypass_change_detection().source = source;
         }
     }
 }
@@ -104,91 +142,91 @@ pub(super) fn build_bodies(
     mut builds: ResMut<BodyBuilds>,
     mut faults: MessageWriter<HapticFault>,
 ) {
-    let changed_meshes = meshes.changed();
+    meshes
+        .look(|id| bodies.iter().any(|asked| asked.shape.mesh().is_some_and(|shape| shape.mesh.id() == id)));
     for mut asked in &mut bodies {
         let entity = asked.entity;
-        let is_new_mesh =
-            matches!(&*asked.shape, DeformableBody::Mesh(shape) if changed_meshes.contains(&shape.mesh.id()));
-        let changed = asked.shape.is_changed()
-            || asked.tissue.is_changed()
-            || asked.fixed.is_changed()
-            || asked.slit.as_ref().is_some_and(DetectChanges::is_changed)
-            || asked.inclusions.as_ref().is_some_and(DetectChanges::is_changed)
-            || is_new_mesh
-            || matches!(asked.build, Some(BodyBuild::AwaitsMesh | BodyBuild::MissesMesh));
-        // What could not be built where it was may be built where it is now.
-        let is_nowhere = asked.simulated.is_none() && asked.build.is_none();
-        if !(changed || is_nowhere && asked.transform.is_changed()) {
+        let is_new_mesh = meshes.has_changed(&asked.shape);
+        if is_new_mesh {
+            asked.note_source(SourceMesh::Changed);
+        }
+        let is_asked_anew = is_new_mesh || asked.is_changed();
+        if !(is_asked_anew || asked.is_due(&transforms)) {
             continue;
         }
-        let old_place = asked.simulated.as_ref().map(|old| old.place);
-        // The only error is a missing transform, which the body requires.
-        let at = old_place.unwrap_or_else(|| transforms.compute_global_transform(entity).unwrap_or_default());
+        if let Some(BodyBuild::Making(making)) = asked.build.as_deref_mut()
+            && asked.shape.mesh().is_some()
+        {
+            making.is_outdated = true;
+            if is_new_mesh {
+                making.source = SourceMesh::Changed;
+            }
+            continue;
+        }
+        let at = asked.place(&transforms);
         let mut refuse = |kind| {
-            commands.entity(entity).try_remove::<BodyBuild>();
             faults.write(HapticFault { entity: Some(entity), kind });
         };
-        let (rotation, translation_m) = match place(&at) {
-            Ok(place) => place,
+        // The place first: what is refused there need not be read.
+        if let Err(kind) = place(&at) {
+            // Said once, however it moves on.
+            if is_asked_anew || !matches!(asked.build.as_deref(), Some(BodyBuild::AwaitsPlace(_))) {
+                refuse(kind);
+            }
+            commands.entity(entity).try_insert(BodyBuild::AwaitsPlace(at));
+            continue;
+        }
+        let (source, compared) = match asked.source(&meshes) {
+            Ok(source) => source,
+            Err(NotNow::Awaits) => {
+                commands.entity(entity).try_insert(BodyBuild::AwaitsMesh);
+                continue;
+            }
+            Err(NotNow::Refused(HapticFaultKind::Mesh(MeshSourceError::NotLoaded(why)))) => {
+                if !matches!(asked.build.as_deref(), Some(BodyBuild::MissesMesh)) {
+                    refuse(HapticFaultKind::Mesh(MeshSourceError::NotLoaded(why)));
+                    commands.entity(entity).try_insert(BodyBuild::MissesMesh);
+                }
+                continue;
+            }
+            Err(NotNow::Refused(kind)) => {
+                refuse(kind);
+                settle(&mut commands, entity);
+                asked.note_source(SourceMesh::Refused);
+                continue;
+            }
+        };
+        let plan = match asked.plan(&at) {
+            Ok(plan) => plan,
             Err(kind) => {
                 refuse(kind);
                 continue;
             }
         };
-        let plan = Plan {
-            shape: (*asked.shape).clone(),
-            tissue: *asked.tissue,
-            fixed: (*asked.fixed).clone(),
-            slit: asked.slit.as_ref().map(|slit| **slit),
-            inclusions: asked.inclusions.as_ref().map(|inclusions| inclusions.0.clone()).unwrap_or_default(),
-            rotation,
-            translation_m,
-        };
-        let source = match &plan.shape {
-            DeformableBody::Block { .. } => None,
-            DeformableBody::Mesh(shape) => {
-                let known =
-                    asked.simulated.as_ref().filter(|old| !is_new_mesh && old.shape_asked == plan.shape);
-                let source = match known.and_then(|old| old.closed.clone()) {
-                    Some(closed) => Ok(Some(Source::Closed(closed))),
-                    None => meshes.source(shape),
-                };
-                match source {
-                    Ok(Some(source)) => Some(source),
-                    Ok(None) => {
-                        commands.entity(entity).try_insert(BodyBuild::AwaitsMesh);
-                        continue;
-                    }
-                    Err(MeshSourceError::NotLoaded(_))
-                        if matches!(asked.build, Some(BodyBuild::MissesMesh)) =>
-                    {
-                        continue;
-                    }
-                    Err(error) => {
-                        let is_missing = matches!(error, MeshSourceError::NotLoaded(_));
-                        refuse(HapticFaultKind::Mesh(error));
-                        if is_missing {
-                            commands.entity(entity).try_insert(BodyBuild::MissesMesh);
-                        }
-                        continue;
-                    }
-                }
-            }
-        };
         // In lock step nothing may depend on when another thread is ready.
         let is_beside = source.is_some() && clock.as_deref() != Some(&HapticClock::Lockstep);
         if let Some(pool) = AsyncComputeTaskPool::try_get().filter(|_| is_beside) {
-            let task =
-                pool.spawn(async move { plan.make(source).map(|made| Build { plan, made, is_new_mesh }) });
-            commands.entity(entity).try_insert(BodyBuild::Making(task));
+            let task = pool.spawn(async move {
+                let made = plan.make(source);
+                (plan, made)
+            });
+            let making = Making { task, is_outdated: false, source: compared };
+            commands.entity(entity).try_insert(BodyBuild::Making(making));
             continue;
         }
+        settle(&mut commands, entity);
         match plan.make(source) {
             Ok(made) => {
-                let build = Build { plan, made, is_new_mesh };
-                put(&mut commands, (entity, asked.simulated.as_deref_mut()), (build, at), builds.next());
+                let build = Build { plan, made, source: compared };
+                let old = asked.simulated.as_deref_mut();
+                put(&mut commands, &mut faults, (entity, old), (build, at), builds.next());
             }
-            Err(kind) => refuse(kind),
+            Err(refusal) => {
+                refuse(refusal.kind);
+                if refusal.is_of_mesh {
+                    asked.note_source(SourceMesh::Refused);
+                }
+            }
         }
     }
 }
@@ -202,72 +240,36 @@ pub(super) fn take_built(
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, mut build, mut simulated) in &mut bodies {
-        let BodyBuild::Making(task) = &mut *build else { continue };
-        let Some(built) = check_ready(task) else { continue };
-        match built {
-            Ok(built) => {
+        let BodyBuild::Making(Making { task, is_outdated, source }) = &mut *build else { continue };
+        let Some((plan, made)) = check_ready(task) else { continue };
+        let (is_outdated, source) = (*is_outdated, *source);
+        if is_outdated {
+            *build = BodyBuild::Outdated;
+        } else {
+            settle(&mut commands, entity);
+        }
+        match made {
+            Ok(made) => {
                 let old = simulated.as_ref().map(|old| old.place);
                 let at =
                     old.unwrap_or_else(|| transforms.compute_global_transform(entity).unwrap_or_default());
-                put(&mut commands, (entity, simulated.as_deref_mut()), (built, at), builds.next());
+                let build = Build { plan, made, source };
+                let old = simulated.as_deref_mut();
+                put(&mut commands, &mut faults, (entity, old), (build, at), builds.next());
             }
-            Err(kind) => {
-                commands.entity(entity).try_remove::<BodyBuild>();
+            Err(Refusal { kind, is_of_mesh }) => {
                 faults.write(HapticFault { entity: Some(entity), kind });
+                // Another mesh than the one refused, or in another size, has not been refused.
+                if is_of_mesh
+                    && source != SourceMesh::Changed
+                    && let Some(old) = simulated.filter(|old| old.shape_asked == plan.shape)
+                {
+                    old.into_inner().source = SourceMesh::Refused;
+                }
             }
         }
     }
 }
 
-/// Puts a new body in its place: with shape and motion of the old one if it has the same nodes, at rest if not. It was planned
-/// where the entity was then and is put where it is `at` now.
-fn put(
-    commands: &mut Commands,
-    (entity, old): (Entity, Option<&mut SimulatedBody>),
-    (build, at): (Build, GlobalTransform),
-    epoch: u64,
-) {
-    let Build { plan, made, is_new_mesh } = build;
-    let planned = GlobalTransform::from(
-        Transform::from_translation(plan.translation_m.as_vec3()).with_rotation(plan.rotation.as_quat()),
-    );
-    let mut new = SimulatedBody {
-        body: made.body,
-        builder: made.builder,
-        epoch,
-        last_step: StepReport::default(),
-        shape: epoch,
-        carried: 0,
-        failed: None,
-        place: planned,
-        is_refused_place: false,
-        shape_asked: plan.shape,
-        fixed_asked: plan.fixed,
-        slit_asked: plan.slit,
-        skin: made.skin,
-        closed: made.closed,
-        drawn: Drawn::default(),
-        sutures: Vec::new(),
-    };
-    commands.entity(entity).try_remove::<BodyBuild>();
-    let Some(old) = old else {
-        new.carry_to(at);
-        commands.entity(entity).try_insert(new);
-        return;
-    };
-    let is_same = !is_new_mesh
-        && (&old.shape_asked, &old.fixed_asked, old.slit_asked)
-            == (&new.shape_asked, &new.fixed_asked, new.slit_asked)
-        && old.body.positions_m().len() == new.body.positions_m().len();
-    if is_same {
-        // It fits, since the nodes are the same.
-        let _ = new.body.set_state(old.body.positions_m(), old.body.velocities_m_per_s());
-        (new.shape, new.carried, new.place) = (old.shape, old.carried, old.place);
-        new.drawn = std::mem::take(&mut old.drawn);
-    } else {
-        new.drawn = std::mem::take(&mut old.drawn).of_another_shape();
-        new.carry_to(at);
-    }
-    new.is_refused_place = old.is_refused_place;
-    *old = new;
-}
+#[cfg(test)]
+mod tests;

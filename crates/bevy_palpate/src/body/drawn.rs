@@ -1,6 +1,6 @@
 //! The picture of a body: a mesh that follows its nodes, every frame.
 
-use super::{DeformableBody, SimulatedBody};
+use super::{DeformableBody, SimulatedBody, SourceMesh};
 use crate::schedule::ModelOverstep;
 use bevy::asset::RenderAssetUsages;
 use bevy::mesh::{Indices, PrimitiveTopology, VertexAttributeValues};
@@ -12,6 +12,8 @@ use palpate_body::{Body, Skin};
 #[derive(Debug, Default)]
 pub(crate) struct Drawn {
     mesh: Handle<Mesh>,
+    /// What the entity showed before.
+    replaced: Option<Handle<Mesh>>,
     /// Whether the mesh has the body's vertices.
     is_current: bool,
     /// The nodes before the last model step, m; none if there has been no step.
@@ -23,7 +25,16 @@ pub(crate) struct Drawn {
     normals: Vec<[f32; 3]>,
 }
 
+/// A node that is nearer than that to where it is shown has not moved, m: less than single precision can show of any body, and
+/// more than what is left of one that has come to rest.
+const UNMOVED_M: f64 = 1e-9;
+
 impl Drawn {
+    /// What the entity showed before it was given this.
+    pub(super) fn replaced(&self) -> Option<&Handle<Mesh>> {
+        self.replaced.as_ref()
+    }
+
     /// Whether it is what an entity shows.
     pub(super) fn is_shown_by(&self, mesh: &Mesh3d) -> bool {
         self.mesh == mesh.0
@@ -31,7 +42,7 @@ impl Drawn {
 
     /// The same mesh, to be written anew for a body of another shape.
     pub(super) fn of_another_shape(self) -> Self {
-        Self { mesh: self.mesh, ..Self::default() }
+        Self { mesh: self.mesh, replaced: self.replaced, ..Self::default() }
     }
 
     /// The nodes of `body` as they are shown, m.
@@ -58,9 +69,12 @@ impl Drawn {
         self.place = *place;
         self.shown_m.resize(x.len(), DVec3::ZERO);
         for (index, shown) in self.shown_m.iter_mut().enumerate() {
-            let at = self.before_m.get(index).map_or(x[index], |before| before.lerp(x[index], share));
-            moved |= at != *shown;
-            *shown = at;
+            // To the bit where it is if it has not moved, whatever the share; `lerp` is not.
+            let between = |before: &DVec3| *before + (x[index] - *before) * share;
+            let at = self.before_m.get(index).map_or(x[index], between);
+            if at.distance_squared(*shown) > UNMOVED_M * UNMOVED_M {
+                (*shown, moved) = (at, true);
+            }
         }
         moved
     }
@@ -134,20 +148,32 @@ impl Drawn {
     }
 }
 
-/// Gives every new body a mesh, if the app has meshes. A body that brings its own [`Mesh3d`] keeps it.
+/// Gives every new body a mesh, if the app has meshes. A body that brings a [`Mesh3d`] of its own keeps it, unless that is the
+/// mesh which it is made of.
 pub(super) fn give_meshes(
     mut commands: Commands,
     meshes: Option<ResMut<Assets<Mesh>>>,
-    mut bodies: Query<(Entity, &mut SimulatedBody), (Added<SimulatedBody>, Without<Mesh3d>)>,
+    mut bodies: Query<
+        (Entity, &DeformableBody, &mut SimulatedBody, Option<&Mesh3d>),
+        Or<(Added<SimulatedBody>, Changed<Mesh3d>)>,
+    >,
 ) {
     let Some(mut meshes) = meshes else { return };
-    for (entity, mut simulated) in &mut bodies {
-        let place = simulated.place;
-        simulated.show(1.0, &place);
-        let mesh = simulated.make_mesh(&meshes);
-        let mesh = meshes.add(mesh);
-        commands.entity(entity).try_insert(Mesh3d(mesh.clone()));
-        (simulated.drawn.mesh, simulated.drawn.is_current) = (mesh, true);
+    for (entity, shape, mut simulated, shown) in &mut bodies {
+        let is_source = |shown: &&Mesh3d| shape.mesh().is_some_and(|shape| shape.mesh == shown.0);
+        if shown.is_some_and(|shown| !is_source(&shown)) {
+            continue;
+        }
+        let simulated = simulated.bypass_change_detection();
+        if !meshes.contains(&simulated.drawn.mesh) {
+            let place = simulated.place;
+            simulated.drawn.move_nodes(&simulated.body, 1.0, &place);
+            simulated.drawn.write(&simulated.body, simulated.skin.as_mut());
+            let mesh = simulated.make_mesh(&meshes);
+            (simulated.drawn.mesh, simulated.drawn.is_current) = (meshes.add(mesh), true);
+        }
+        simulated.drawn.replaced = shown.map(|shown| shown.0.clone());
+        commands.entity(entity).try_insert(Mesh3d(simulated.drawn.mesh.clone()));
     }
 }
 
@@ -164,41 +190,36 @@ pub(super) fn draw_bodies(
     for (entity, mut simulated) in &mut bodies {
         let simulated = simulated.bypass_change_detection();
         let place = transforms.compute_global_transform(entity).unwrap_or_default();
-        if simulated.show(share, &place) {
+        let has_moved = simulated.drawn.move_nodes(&simulated.body, share, &place);
+        if (has_moved || !simulated.drawn.is_current) && meshes.contains(&simulated.drawn.mesh) {
+            simulated.drawn.write(&simulated.body, simulated.skin.as_mut());
             simulated.put_into(&mut meshes);
         }
     }
 }
 
 impl SimulatedBody {
-    /// Brings what is to be shown to `share` of the way through the last model step; whether it is another than before.
-    fn show(&mut self, share: f64, place: &GlobalTransform) -> bool {
-        let moved = self.drawn.move_nodes(&self.body, share, place) || !self.drawn.is_current;
-        if moved {
-            self.drawn.write(&self.body, self.skin.as_mut());
-        }
-        moved
-    }
-
     fn put_into(&mut self, meshes: &mut Assets<Mesh>) {
-        if meshes.contains(&self.drawn.mesh) {
-            let is_written = self.drawn.is_current
-                && meshes.get_mut(&self.drawn.mesh).is_some_and(|mut mesh| self.drawn.copy_to(&mut mesh));
-            if !is_written {
-                let mesh = self.make_mesh(meshes);
-                if let Some(mut old) = meshes.get_mut(&self.drawn.mesh) {
-                    *old = mesh;
-                }
+        let is_written = self.drawn.is_current
+            && meshes.get_mut(&self.drawn.mesh).is_some_and(|mut mesh| self.drawn.copy_to(&mut mesh));
+        if !is_written {
+            let mesh = self.make_mesh(meshes);
+            if let Some(mut old) = meshes.get_mut(&self.drawn.mesh) {
+                *old = mesh;
             }
-            self.drawn.is_current = true;
         }
+        self.drawn.is_current = true;
     }
 
+    /// With the colours of the mesh that it is made of; if that is another one by now, with those it is drawn with.
     fn make_mesh(&self, meshes: &Assets<Mesh>) -> Mesh {
-        let source = match &self.shape_asked {
-            DeformableBody::Mesh(shape) => meshes.get(&shape.mesh),
-            DeformableBody::Block { .. } => None,
+        let of_source = self.shape_asked.mesh().filter(|_| self.source == SourceMesh::Same);
+        let candidates = [of_source.map(|shape| &shape.mesh), Some(&self.drawn.mesh)];
+        let fits = |mesh: &&Mesh| {
+            let positions = mesh.try_attribute(Mesh::ATTRIBUTE_POSITION);
+            positions.is_ok_and(|positions| positions.len() == self.drawn.positions.len())
         };
-        self.drawn.make_mesh(self, source)
+        let source = candidates.into_iter().flatten().find_map(|handle| meshes.get(handle).filter(fits));
+        self.drawn.make_mesh(self, source.filter(|_| self.skin.is_some()))
     }
 }

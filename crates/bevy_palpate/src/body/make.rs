@@ -1,12 +1,12 @@
 //! From what is asked for to a body: plain computation, which knows no app.
 
 use super::source::Source;
-use super::{DeformableBody, Face, FixedRegion, Inclusion, Slit, Tissue};
+use super::{DeformableBody, Face, FixedRegion, Inclusion, MeshReport, Slit, Tissue};
 use crate::fault::HapticFaultKind;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 use palpate_body::{
-    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Region, SemiImplicitEuler, Skin,
+    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, MeshBody, Region, SemiImplicitEuler, Skin,
 };
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use std::sync::Arc;
@@ -29,6 +29,14 @@ pub(super) struct Made {
     /// Of a mesh: how it is drawn, and itself.
     pub(super) skin: Option<Skin>,
     pub(super) closed: Option<Arc<ClosedMesh>>,
+    pub(super) report: Option<MeshReport>,
+}
+
+/// Why nothing is made.
+pub(super) struct Refusal {
+    pub(super) kind: HapticFaultKind,
+    /// Whether the mesh itself is at fault, whatever else is asked for.
+    pub(super) is_of_mesh: bool,
 }
 
 /// The place of a body, unless its transform is not finite or scaled.
@@ -45,13 +53,20 @@ pub(super) fn place(transform: &GlobalTransform) -> Result<(DQuat, DVec3), Hapti
 
 impl Plan {
     /// Makes the body; of `source`, if it is a mesh.
-    pub(super) fn make(&self, source: Option<Source>) -> Result<Made, HapticFaultKind> {
+    pub(super) fn make(&self, source: Option<Source>) -> Result<Made, Refusal> {
+        let kind = |error| match error {
+            ReduceError::Body(error) => HapticFaultKind::BuildBody(error),
+            error => HapticFaultKind::LocalModel(error),
+        };
+        let closed = match source.map(Source::close).transpose() {
+            Ok(closed) => closed,
+            Err(error) => return Err(Refusal { kind: kind(error.into()), is_of_mesh: true }),
+        };
         let build = || -> Result<Made, ReduceError> {
-            let (body, skin, closed) = match (&self.shape, source) {
-                (DeformableBody::Mesh(shape), Some(source)) => {
-                    let closed = source.close()?;
-                    let (body, skin) = self.mesh(&closed, shape.cells_along)?;
-                    (body, Some(skin), Some(closed))
+            let (body, skin, report) = match (&self.shape, &closed) {
+                (DeformableBody::Mesh(shape), Some(closed)) => {
+                    let (body, skin, report) = self.mesh(closed, shape.cells_along)?;
+                    (body, Some(skin), Some(report))
                 }
                 (DeformableBody::Block { nodes, size_m }, _) => (self.block(*nodes, *size_m)?, None, None),
                 // A mesh is made of a mesh.
@@ -60,12 +75,9 @@ impl Plan {
             // A body that cannot be stepped is refused here, not at its first step.
             SemiImplicitEuler::default().substeps(&body)?;
             let builder = LocalModelBuilder::new(&body, BuilderOptions::of(&body))?;
-            Ok(Made { body, builder, skin, closed })
+            Ok(Made { body, builder, skin, closed, report })
         };
-        build().map_err(|error| match error {
-            ReduceError::Body(error) => HapticFaultKind::BuildBody(error),
-            error => HapticFaultKind::LocalModel(error),
-        })
+        build().map_err(|error| Refusal { kind: kind(error), is_of_mesh: false })
     }
 
     fn block(&self, nodes: [usize; 3], size_m: DVec3) -> Result<Body, BodyError> {
@@ -99,7 +111,7 @@ impl Plan {
         Body::new(made.network, made.surface)
     }
 
-    fn mesh(&self, closed: &ClosedMesh, cells_along: usize) -> Result<(Body, Skin), BodyError> {
+    fn mesh(&self, closed: &ClosedMesh, cells_along: usize) -> Result<(Body, Skin, MeshReport), BodyError> {
         if let Some(slit) = self.slit {
             let (what, allowed) = ("length of a slit in a mesh, m", "none: a slit is cut into a block");
             return Err(BodyError::Parameter { what, value: slit.length_m, allowed });
@@ -122,7 +134,9 @@ impl Plan {
             lattice = lattice.region(region.into(), tissue.into());
         }
         let made = lattice.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
-        Ok((Body::new(made.network, made.surface)?, made.skin))
+        let MeshBody { cells, deviation_m, .. } = made;
+        let report = MeshReport { repairs: closed.repairs(), cells, deviation_m };
+        Ok((Body::new(made.network, made.surface)?, made.skin, report))
     }
 }
 

@@ -7,7 +7,12 @@ use glam::DVec3;
 ///
 /// The body is built where its transform places it. Moving the transform of its entity, or of a parent, later carries it along,
 /// fixed parts and all, as it is and at once: what touches it lets go, as if it had been put there anew. It has the size that
-/// it is given here; a scaled transform is refused ([`HapticFaultKind::Scaled`](crate::HapticFaultKind::Scaled)).
+/// it is given here; a scaled transform is refused ([`HapticFaultKind::Scaled`](crate::HapticFaultKind::Scaled)), and the body
+/// built once it is put right.
+///
+/// Its entity is given a [`Mesh3d`] that shows it deformed. Where the entity shows the very mesh that the body is made of, that
+/// is replaced, and comes back when this component is taken away. A [`Mesh3d`] of another mesh is left alone: it is drawn as it
+/// is, and the body's motion is not to be seen but in [`SimulatedBody::drawn_m`](crate::SimulatedBody::drawn_m).
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[component(immutable)]
 #[require(crate::Tissue, FixedRegion, Transform)]
@@ -32,12 +37,12 @@ pub enum DeformableBody {
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[reflect(Debug, PartialEq, Clone)]
 pub struct MeshShape {
-    /// The mesh, of triangles, in metres once scaled.
+    /// The mesh, of triangles, in metres once scaled; near its origin, or single precision is too coarse for its cells.
     pub mesh: Handle<Mesh>,
     /// Metres to a unit of the mesh: 0.001 for one in millimetres.
     pub scale: f64,
     /// Cells along its longest side. A model step takes longer than proportional to the number of cells: ten make some hundred
-    /// cells of an organ, twenty a thousand.
+    /// cells of an organ, twenty some thousand; beyond [`palpate_body::CellLattice::MOST_NODES`] they are refused.
     pub cells_along: usize,
 }
 
@@ -66,6 +71,11 @@ impl DeformableBody {
     #[must_use]
     pub fn from_mesh(mesh: Handle<Mesh>) -> Self {
         Self::Mesh(MeshShape::new(mesh))
+    }
+
+    /// The mesh that it is made of, if it is.
+    pub(super) fn mesh(&self) -> Option<&MeshShape> {
+        if let Self::Mesh(shape) = self { Some(shape) } else { None }
     }
 }
 

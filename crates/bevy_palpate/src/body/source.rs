@@ -36,18 +36,18 @@ pub enum MeshSourceError {
 
 /// What a body is to be made of.
 pub(super) enum Source {
-    /// As it was given: vertices in m, triangles, and normals if there are any.
-    Given { vertices_m: Vec<DVec3>, triangles: Vec<[usize; 3]>, normals: Option<Vec<DVec3>> },
+    /// As it was given: vertices, a unit of which is so many metres, triangles, and normals if there are any.
+    Given { vertices: Vec<[f32; 3]>, scale_m: f64, triangles: Vec<[usize; 3]>, normals: Option<Vec<DVec3>> },
     /// As it was closed before.
     Closed(Arc<ClosedMesh>),
 }
 
 impl Source {
-    /// What is in `mesh`, in metres.
+    /// What is in `mesh`.
     pub(super) fn read(mesh: &Mesh, shape: &MeshShape) -> Result<Self, MeshSourceError> {
-        let scale = shape.scale;
-        if !(scale.is_finite() && scale > 0.0) {
-            return Err(MeshSourceError::Scale(scale));
+        let scale_m = shape.scale;
+        if !(scale_m.is_finite() && scale_m > 0.0) {
+            return Err(MeshSourceError::Scale(scale_m));
         }
         if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
             return Err(MeshSourceError::Topology(mesh.primitive_topology()));
@@ -58,27 +58,26 @@ impl Source {
             Ok(_) | Err(MeshAccessError::NotFound) => Err(MeshSourceError::NoPositions),
         };
         let wide = |v: &[f32; 3]| DVec3::from_array(v.map(f64::from));
-        let vertices_m: Vec<DVec3> =
-            vectors(Mesh::ATTRIBUTE_POSITION)?.iter().map(|v| scale * wide(v)).collect();
+        let vertices = vectors(Mesh::ATTRIBUTE_POSITION)?.clone();
         let normals = vectors(Mesh::ATTRIBUTE_NORMAL).ok().map(|normals| normals.iter().map(wide).collect());
         let corners: Vec<usize> = match mesh.try_indices() {
             Ok(Indices::U16(indices)) => indices.iter().map(|&i| i.into()).collect(),
             Ok(Indices::U32(indices)) => indices.iter().map(|&i| i as usize).collect(),
-            Err(_) => (0..vertices_m.len()).collect(),
+            Err(_) => (0..vertices.len()).collect(),
         };
         if !corners.len().is_multiple_of(3) {
             return Err(MeshSourceError::Incomplete(corners.len()));
         }
         let triangles = corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
-        Ok(Self::Given { vertices_m, triangles, normals })
+        Ok(Self::Given { vertices, scale_m, triangles, normals })
     }
 
     /// The closed mesh.
     pub(super) fn close(self) -> Result<Arc<ClosedMesh>, BodyError> {
         match self {
             Self::Closed(mesh) => Ok(mesh),
-            Self::Given { vertices_m, triangles, normals } => {
-                let mesh = ClosedMesh::new(vertices_m, triangles)?;
+            Self::Given { vertices, scale_m, triangles, normals } => {
+                let mesh = ClosedMesh::from_single(&vertices, scale_m, triangles)?;
                 Ok(Arc::new(match normals {
                     Some(normals) => mesh.with_normals(normals)?,
                     None => mesh,

@@ -25,12 +25,18 @@ pub(crate) struct View {
     refused: [Option<String>; 4],
     /// The turn of the device frame in degrees, and the rotation that it is.
     angles: Option<(DVec3, DQuat)>,
-    /// A material that the panel has set and that may yet be refused by the body: what was before, and frames to go.
-    tissue: Option<(Entity, Tissue, u32)>,
+    trial: Option<Trial>,
 }
 
-/// Frames after which a material that was set is taken for good.
-const TRIAL: u32 = 30;
+/// A material that the panel has set and that the body has not been made of yet: it may still be refused, however long the body
+/// takes to make.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Trial {
+    body: Entity,
+    /// What the body is made of.
+    good: Tissue,
+    set: Tissue,
+}
 
 /// The parts of the settings.
 #[derive(Clone, Copy, Debug)]
@@ -42,20 +48,20 @@ enum Part {
 }
 
 impl View {
-    /// What the panel has lately set over, if it has.
-    pub(super) fn take_back_tissue(&mut self, body: Entity, why: &str) -> Option<Tissue> {
-        let (of, before, _) = self.tissue.take_if(|(of, ..)| *of == body)?;
-        debug_assert_eq!(of, body, "only that of the body is taken");
+    /// What a body that refuses its material was made of before, if the panel has set that material.
+    pub(super) fn take_back_tissue(&mut self, body: Entity, now: Tissue, why: &str) -> Option<Tissue> {
+        let trial = self.trial.take_if(|trial| trial.body == body)?;
+        // Somebody else has set another since.
+        if trial.set != now {
+            return None;
+        }
         self.refused[Part::Material as usize] = Some(format!("{why}. The material before is back."));
-        Some(before)
+        Some(trial.good)
     }
 
-    /// One frame more.
-    pub(super) fn age(&mut self) {
-        if let Some((_, _, frames)) = &mut self.tissue {
-            *frames = frames.saturating_sub(1);
-        }
-        self.tissue.take_if(|(_, _, frames)| *frames == 0);
+    /// Ends a trial once the body is made of what was set.
+    pub(super) fn settle_tissue(&mut self, made_of: impl FnOnce(Entity) -> Option<Tissue>) {
+        self.trial.take_if(|trial| made_of(trial.body) == Some(trial.set));
     }
 
     /// Takes `draft` for `value` if it differs and makes sense; if not, notes why.
@@ -128,12 +134,17 @@ impl View {
             ui.end_row();
         });
         if let Some(tissue_now) = self.accept(Part::Material, &before, draft, check_tissue) {
-            // What was before the first of several changes in a row is known to be good.
-            let good = self.tissue.filter(|(of, ..)| *of == body).map_or(before, |(_, good, _)| good);
-            self.tissue = Some((body, good, TRIAL));
+            self.try_tissue(body, before, tissue_now);
             **tissue = tissue_now;
         }
         self.show_refusal(ui, Part::Material);
+    }
+
+    /// Notes that the panel sets the material of a body.
+    pub(super) fn try_tissue(&mut self, body: Entity, before: Tissue, set: Tissue) {
+        // What was before the first of several changes in a row is known to be good.
+        let good = self.trial.filter(|trial| trial.body == body).map_or(before, |trial| trial.good);
+        self.trial = Some(Trial { body, good, set });
     }
 
     /// Limits of the safety chain. As long as nothing was set those of the device are in force; the first change sets them all.

@@ -62,7 +62,7 @@ impl Shadow {
         schemes: &[Scheme],
         settings: HandOverSettings,
     ) -> Result<Self, ReduceError> {
-        let builder = LocalModelBuilder::new(&moment.body, BuilderOptions::default())?;
+        let builder = LocalModelBuilder::new(&moment.body, BuilderOptions::of(&moment.body))?;
         let runner = |&scheme: &Scheme| -> Result<Runner, ReduceError> {
             let hand_over = HandOver::new(settings)?;
             Ok(Runner { scheme, hand_over, pending: VecDeque::new(), spare: Vec::new(), failed: None })

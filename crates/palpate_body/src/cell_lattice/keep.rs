@@ -51,14 +51,18 @@ pub(super) fn keep(grid: &Grid, fill: Fill) -> Kept {
     carried.sort_unstable();
     let mut report = MeshCells { slivers_carried: carried.len(), ..MeshCells::default() };
     report.least_fill = 1.0;
+    let (mut added, mut held) = (0.0, 0.0);
     let mut cells = Vec::new();
     for cell in (0..share.len()).filter(|&cell| kept[cell]) {
         report.raised += usize::from(share[cell] < LEAST);
         let filled = share[cell].max(LEAST);
+        added += filled - share[cell];
+        held += share[cell];
         report.least_fill = report.least_fill.min(filled);
         cells.push((cell, filled));
     }
     report.cells = cells.len();
+    report.raised_share = added / held;
     Kept { cells, carried, report }
 }
 

@@ -60,6 +60,19 @@ pub enum MeshError {
         /// The least difference of two coordinates there, m.
         grid_m: f64,
     },
+    /// Single-precision numbers so far from the origin are too coarse for the cells.
+    #[error(
+        "the mesh is {distance_m} m from the origin, where its single-precision vertices are {grid_m:.1e} m apart, more than a \
+         hundredth of a cell of {cell_m} m: move it to the origin before it is stored, and place the body instead"
+    )]
+    CoarseGrid {
+        /// How far from the origin, m.
+        distance_m: f64,
+        /// The least difference of two coordinates there, m.
+        grid_m: f64,
+        /// Side of a cell, m.
+        cell_m: f64,
+    },
     /// A part has no thickness.
     #[error(
         "the mesh has no thickness at {at_m:.4}: give it a volume (a solidify or shell modifier), or remove that part"
@@ -144,6 +157,21 @@ pub enum MeshError {
         cells: f64,
         /// The longest side, m.
         size_m: f64,
+    },
+    /// More cells than a body can be stepped with.
+    #[error(
+        "{along} cells along the longest side make a body of {nodes} nodes; at most {most} are taken: take {advised} cells along \
+         it"
+    )]
+    TooManyNodes {
+        /// Cells along the longest side.
+        along: usize,
+        /// The nodes that they would make.
+        nodes: usize,
+        /// [`crate::CellLattice::MOST_NODES`].
+        most: usize,
+        /// Cells along the longest side that stay below it.
+        advised: usize,
     },
     /// Parts of the mesh that share no cell.
     #[error(

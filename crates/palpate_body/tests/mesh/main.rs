@@ -3,6 +3,7 @@
 mod closed;
 mod garbage;
 mod lattice;
+mod limits;
 mod motion;
 mod shapes;
 mod skin;

@@ -43,16 +43,24 @@ fn materials_that_are_none_are_refused() {
 fn a_material_that_the_body_refuses_gives_way_to_the_last_good_one() {
     let (body, other) = (Entity::from_bits(7), Entity::from_bits(8));
     let good = Tissue::default();
-    let mut view = View { tissue: Some((body, good, TRIAL)), ..View::default() };
-    assert_eq!(view.take_back_tissue(other, "no"), None);
-    assert_eq!(view.take_back_tissue(body, "too stiff"), Some(good));
+    let of = |youngs_modulus_pa| Tissue { youngs_modulus_pa, ..good };
+    let mut view = View::default();
+    // Dragged: two changes before the body has been made of the first.
+    view.try_tissue(body, good, of(1e5));
+    view.try_tissue(body, of(1e5), of(1e9));
+    assert_eq!(view.take_back_tissue(other, of(1e9), "no"), None);
+    assert_eq!(view.take_back_tissue(body, of(1e9), "too stiff"), Some(good));
     assert_eq!(refused(&view, Part::Material), "too stiff. The material before is back.");
-    assert_eq!(view.take_back_tissue(body, "again"), None);
-    view.tissue = Some((body, good, 2));
-    view.age();
-    assert!(view.tissue.is_some());
-    view.age();
-    assert!(view.tissue.is_none());
+    assert_eq!(view.take_back_tissue(body, good, "again"), None);
+    // What the body was made of in between is the last good one.
+    view.try_tissue(body, good, of(1e5));
+    view.settle_tissue(|_| Some(good));
+    assert!(view.trial.is_some(), "it is not made of that yet");
+    view.settle_tissue(|_| Some(of(1e5)));
+    assert_eq!(view.trial, None);
+    view.try_tissue(body, of(1e5), of(1e9));
+    // The app has set another one meanwhile: that is not the panel's to take back.
+    assert_eq!(view.take_back_tissue(body, of(2e5), "too stiff"), None);
 }
 
 #[test]

@@ -1,5 +1,8 @@
 use super::*;
-use palpate_body::{Block, Face, SemiImplicitEuler, UniformLattice};
+use palpate_body::{
+    Block, CellLattice, CellSize, ClosedMesh, Face, Region, SemiImplicitEuler, Tissue, ToolShape,
+    UniformLattice,
+};
 use palpate_reduce::{Comparison, ComparisonOptions};
 
 fn block() -> Body {
@@ -24,13 +27,34 @@ fn hand(start: DVec3) -> Vec<Sample> {
         .collect()
 }
 
+/// A block whose node is held, and where the hand is.
+fn held() -> (Body, ToolContact, DVec3) {
+    let (body, node) = (block(), 1 + 4 * (1 + 4 * 3));
+    let start = body.positions_m()[node];
+    let contact = ToolContact::hold(&body, node, start).unwrap();
+    (body, contact, start)
+}
+
+/// A body of a mesh, an octahedron with its lower half held, and a sphere at its upper tip.
+fn touched_mesh() -> (Body, ToolContact, DVec3) {
+    let corners = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z].map(|x| 0.06 * x);
+    let triangles = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
+    let mesh = ClosedMesh::new(corners.to_vec(), triangles.to_vec()).unwrap();
+    let held = Region::HalfSpace { point_m: DVec3::Z * -0.01, outward: DVec3::Z };
+    let lattice = CellLattice::fit(&mesh, CellSize::Along(8)).unwrap().fix(held);
+    let made = lattice.tissue(&Tissue::default()).unwrap();
+    let contact = ToolContact::touch(ToolShape::Sphere { radius_m: 0.006 }, 0.3).unwrap();
+    (Body::new(made.network, made.surface).unwrap(), contact, DVec3::new(0.001, 0.002, 0.066))
+}
+
 /// The schemes beside a loop whose local models arrive `delay` ticks after their sample, tick by tick.
-fn shadowed(schemes: &[Scheme], delay: u64) -> (Vec<Vec<(u64, DVec3)>>, Vec<Sample>, Body, ToolContact) {
-    let (mut body, node) = (block(), 1 + 4 * (1 + 4 * 3));
-    let (before, start) = (body.clone(), body.positions_m()[node]);
-    let mut contact = ToolContact::hold(&body, node, start).unwrap();
-    let (first, samples) = (contact.clone(), hand(start));
-    let capacity = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap().capacity();
+fn shadowed(
+    (mut body, mut contact, start): (Body, ToolContact, DVec3),
+    schemes: &[Scheme],
+    delay: u64,
+) -> Vec<Vec<(u64, DVec3)>> {
+    let samples = hand(start);
+    let capacity = LocalModelBuilder::new(&body, BuilderOptions::of(&body)).unwrap().capacity();
     let settings = HandOverSettings { capacity, ..HandOverSettings::default() };
     let mut shadow: Option<Shadow> = None;
     let mut forces = vec![Vec::new(); schemes.len()];
@@ -56,13 +80,14 @@ fn shadowed(schemes: &[Scheme], delay: u64) -> (Vec<Vec<(u64, DVec3)>>, Vec<Samp
             forces.extend(told.unwrap());
         }
     }
-    (forces, samples, before, first)
+    forces
 }
 
 #[test]
 fn a_scheme_that_does_not_run_displays_what_it_would_display_if_it_ran() {
     for delay in [1, 40] {
-        let (forces, samples, body, contact) = shadowed(&Scheme::ALL, delay);
+        let (body, contact, start) = held();
+        let (forces, samples) = (shadowed(held(), &Scheme::ALL, delay), hand(start));
         let options = ComparisonOptions { delay_ticks: delay as usize, ..ComparisonOptions::default() };
         let expected = Comparison::run(&body, &contact, &samples, &Scheme::ALL, &options).unwrap();
         for (scheme, forces) in Scheme::ALL.into_iter().zip(forces) {
@@ -74,6 +99,26 @@ fn a_scheme_that_does_not_run_displays_what_it_would_display_if_it_ran() {
             for (sequence, force_n) in forces {
                 assert_eq!(force_n, displayed[sequence as usize], "{scheme}, delay {delay}, tick {sequence}");
             }
+        }
+    }
+}
+
+/// With the support set and the order that a body of a mesh has in the loop: with those of a block it would be another scheme.
+#[test]
+fn on_a_mesh_a_scheme_displays_what_it_would_display_if_it_ran() {
+    let (body, contact, start) = touched_mesh();
+    let (schemes, delay) = ([Scheme::NearFieldExact, Scheme::Tangent], 2);
+    let forces = shadowed(touched_mesh(), &schemes, delay);
+    let builder = BuilderOptions::of(&body);
+    assert_ne!(builder, BuilderOptions::default());
+    let options = ComparisonOptions { builder, delay_ticks: delay as usize, ..ComparisonOptions::default() };
+    let expected = Comparison::run(&body, &contact, &hand(start), &schemes, &options).unwrap();
+    for (scheme, forces) in schemes.into_iter().zip(forces) {
+        let displayed = expected.displayed(scheme).unwrap();
+        let strongest = forces.iter().map(|(_, force_n)| force_n.length()).fold(0.0, f64::max);
+        assert!(forces.len() > 300 && strongest > 0.05, "{scheme}: {} forces, {strongest} N", forces.len());
+        for (sequence, force_n) in forces {
+            assert_eq!(force_n, displayed[sequence as usize], "{scheme}, tick {sequence}");
         }
     }
 }

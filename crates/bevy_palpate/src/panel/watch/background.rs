@@ -115,7 +115,7 @@ impl Answering {
             self.asked_s = Some(now_s);
             let (body, contact) = (body.clone(), contact.clone());
             let run = async move {
-                let (options, hz) = (BuilderOptions::default(), Bode::frequencies_hz());
+                let (options, hz) = (BuilderOptions::of(&body), Bode::frequencies_hz());
                 let bode = Bode::compare(&body, &contact, tool, scheme, options, &hz);
                 bode.map_err(|error| error.to_string())?.ok_or_else(|| "Nothing is touched.".into())
             };
