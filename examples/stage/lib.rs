@@ -16,6 +16,7 @@
 mod assets;
 #[cfg(feature = "panel")]
 mod caption;
+mod device;
 #[cfg(feature = "window")]
 mod display;
 mod hand;

@@ -1,7 +1,7 @@
 //! The part of the command line that all scenes share.
 
 use bevy::prelude::Resource;
-use bevy_palpate::prelude::Scheme;
+use bevy_palpate::prelude::{HidChoice, Scheme};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -15,6 +15,10 @@ pub struct StageOptions {
     /// near_field_exact
     #[arg(long, default_value_t)]
     pub scheme: Scheme,
+    /// Give the first tool to a device that is plugged in: first, cap, joystick, board, or a serial number
+    #[arg(long, value_name = "DEVICE", num_args = 0..=1, default_missing_value = "first", value_parser = crate::device::choice)]
+    #[arg(conflicts_with = "pictures")]
+    pub hid: Option<HidChoice>,
     /// Run without a window even if this program has one
     #[arg(long)]
     pub headless: bool,

@@ -121,6 +121,8 @@ impl Stage {
             Shown::InWindow => HapticClock::Thread,
             #[cfg(feature = "window")]
             Shown::InPictures => HapticClock::Lockstep,
+            // A device that is plugged in has the time of its hand.
+            Shown::Headless if options.hid.is_some() => HapticClock::Thread,
             Shown::Headless => self.clock,
         };
         if shown == Shown::Headless {
@@ -129,6 +131,7 @@ impl Stage {
             app.add_plugins((MinimalPlugins.set(runner), LogPlugin::default(), ProgressPlugin));
             assets::add_without_window(&mut app);
         }
+        crate::device::add(&mut app);
         if clock == HapticClock::Lockstep {
             time::step_by_step(&mut app);
         }
