@@ -43,7 +43,7 @@
 //! * Tools: [`HapticTool`] with its partner [`ToolSettings`], [`ToolGrasp`] for those that take hold; results
 //!   [`ToolForce`], [`LoopTiming`],
 //!   [`Touching`]; messages [`ContactBegan`], [`ContactEnded`]; every tick in [`TickRecording`].
-//! * Devices: [`DeviceSelector`], [`HapticDevices`]; with the feature `window` `MouseDevicePlugin`.
+//! * Devices: [`DeviceSelector`], [`HapticDevices`]; those that are plugged in (feature `hid`) by [`HidChoice`]; with the feature `window` `MouseDevicePlugin`.
 //! * Time: [`ModelStep`], [`HapticSystems`], [`ModelRate`], [`HapticClock`].
 //! * Faults: [`HapticFault`]. Costs and errors as diagnostics: [`HapticDiagnosticsPlugin`].
 //! * To look at it all: `HapticPanelPlugin` with `HapticPanel` and `HapticWidgets` (feature `panel`),
@@ -53,6 +53,7 @@
 //!
 //! | feature | adds |
 //! | --- | --- |
+//! | `hid` | devices over HID: SpaceMouse, force-feedback joysticks, 3-DOF boards (`palpate_hid`) |
 //! | `gltf` | bodies from glTF and GLB files, with PNG and JPEG textures or without |
 //! | `window` | a renderer and a window (Bevy's `bevy_pbr` and `bevy_winit`), the mouse as a device, and `gltf` |
 //! | `panel` | a panel of plots and sliders for every tool (`bevy_egui`, `egui_plot`), and `window` |

@@ -68,3 +68,7 @@ pub use stand_in::{
     BoardFirmware, CapForm, Firmware, HeldStick, JoystickFirmware, SpaceMouseFirmware, StandInBus,
 };
 pub use system::SystemBus;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadMe;
