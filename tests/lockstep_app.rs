@@ -538,7 +538,7 @@ fn every_public_type_is_reflected_where_it_can_be() {
             let is_it = match kind {
                 "component" => known.data::<ReflectComponent>().is_some(),
                 "resource" => known.data::<ReflectResource>().is_some(),
-                "message" => known.data::<bevy::ecs::reflect::ReflectMessage>().is_some(),
+                "message" => known.data::<ReflectMessage>().is_some(),
                 "default" => known.data::<ReflectDefault>().is_some(),
                 _ => true,
             };
@@ -553,7 +553,7 @@ fn every_public_type_is_reflected_where_it_can_be() {
 
 #[test]
 fn a_tool_is_made_by_reflection_alone() {
-    use bevy::reflect::DynamicStruct;
+    use bevy::reflect::structs::DynamicStruct;
     let mut app = lockstep_app();
     let registry = app.world().resource::<AppTypeRegistry>().clone();
     let tool = app.world_mut().spawn_empty().id();
