@@ -13,7 +13,7 @@ pub fn run() -> Outcome {
         return Err(NotHere("the guest has no palpate-lab").into());
     }
     let plugged = plug_all()?;
-    let listed = Command::new(PROGRAM).arg("devices").output()?;
+    let listed = Command::new(PROGRAM).args(["devices", "--all"]).output()?;
     let says = String::from_utf8_lossy(&listed.stdout);
     ensure(listed.status.success(), || {
         format!("{}: {}", listed.status, String::from_utf8_lossy(&listed.stderr))
