@@ -35,6 +35,7 @@ const ALLOWED: [(&str, &[&str]); 8] = [
             "palpate_hid",
             "allocation-counter",
             "clap",
+            "ctrlc",
             "faer",
             "glam",
             "indicatif",

@@ -29,6 +29,10 @@ pub(crate) struct Devices {
     /// The largest force of the test, N: below 0.5
     #[arg(long, default_value_t = 0.3, allow_hyphen_values = true, requires = "test")]
     force_n: f64,
+    /// What the greatest force of a joystick is taken for, N: no protocol tells it, and where it is more the test is as much
+    /// stronger
+    #[arg(long, default_value_t = 500.0, allow_hyphen_values = true, requires = "test")]
+    full_scale_n: f64,
     /// How long to test or to watch, s [default: 6 for a test]
     #[arg(long, allow_hyphen_values = true)]
     seconds: Option<f64>,
@@ -74,11 +78,14 @@ impl Devices {
         }
         let ok = self.force_n > 0.0 && self.force_n < 0.5;
         check("--force-n", self.force_n, ok, "above 0 and below 0.5")?;
+        let ok = self.full_scale_n >= self.force_n && self.full_scale_n <= 1000.0;
+        check("--full-scale-n", self.full_scale_n, ok, "at least --force-n and at most 1000")?;
         let bus: Arc<dyn HidBus> = Arc::new(SystemBus::new()?);
         match &self.test {
             Some(id) => trial::Trial {
                 selector: selector(id, self.teensy_is_board, &*bus)?,
                 force_n: self.force_n,
+                full_scale_n: self.full_scale_n,
                 seconds: self.seconds.unwrap_or(6.0),
                 asks: !self.yes,
             }

@@ -52,6 +52,9 @@ pub(crate) enum LabError {
         "a test pushes a hand, so it asks before it begins, and standard input is no terminal; say --yes if nobody is at the device or whoever is knows"
     )]
     NobodyToAsk,
+    /// An interruption would not end it in order.
+    #[error("interruptions cannot be waited for, and a test that is cut off leaves its force")]
+    Interrupt(#[source] ctrlc::Error),
     /// Whoever was asked did not agree.
     #[error("not begun")]
     NotAgreed,

@@ -36,6 +36,9 @@ pub struct HidChoice {
     pub product: Option<u16>,
     /// Its serial number.
     pub serial: Option<String>,
+    /// Where it is, in the operating system's words, for devices without a serial number. It changes when the device is plugged in
+    /// anew.
+    pub path: Option<String>,
     /// Where several are like that, whether the first is meant; without it that is a fault, which lists them.
     pub first: bool,
     /// Whether 16C0:0486 is a 3-DOF board. Every sketch for a Teensy with raw HID has these numbers, so that somebody has to say it.
@@ -73,9 +76,10 @@ impl core::fmt::Display for HidChoice {
                 None => f.write_str("*")?,
             }
         }
-        match &self.serial {
-            Some(serial) => write!(f, " {serial}"),
-            None => Ok(()),
+        match (&self.serial, &self.path) {
+            (Some(serial), _) => write!(f, " {serial}"),
+            (None, Some(path)) => write!(f, " at {path}"),
+            (None, None) => Ok(()),
         }
     }
 }

@@ -7,6 +7,9 @@ use palpate_hid::{
 };
 use std::sync::{Arc, Mutex, PoisonError};
 
+/// Vendor of the Teensy.
+const TEENSY: u16 = 0x16C0;
+
 /// The bus, its options, and what the devices have seen.
 #[derive(Default)]
 pub(super) struct Hid {
@@ -41,12 +44,16 @@ impl Hid {
     pub(super) fn present(&self) -> Result<Vec<(HidChoice, String)>, HidError> {
         let bus = self.bus()?;
         let known = |info| FoundDevice::known(&*bus, info, true);
-        Ok(bus
-            .list()?
-            .iter()
-            .filter_map(known)
-            .map(|found| (HidChoice::of(&found), found.info.label()))
-            .collect())
+        // Every sketch for a Teensy with raw HID looks like a board.
+        let label = |found: &FoundDevice| match (found.kind, found.info.vendor) {
+            (HidKind::Board, TEENSY) => {
+                format!("Teensy, a 3-DOF board if you say so: {}", found.info.label())
+            }
+            (kind, _) => format!("{kind}: {}", found.info.label()),
+        };
+        let present = bus.list()?;
+        let found = present.iter().filter_map(known);
+        Ok(found.map(|found| (HidChoice::of(&found), label(&found))).collect())
     }
 
     pub(super) fn make(&self, choice: &HidChoice) -> Result<HidDevice, HidError> {
@@ -65,7 +72,7 @@ impl Hid {
 }
 
 impl HidChoice {
-    /// Exactly `found`: by its serial number where it has one, otherwise the first like it.
+    /// Exactly `found`: by its serial number where it has one, otherwise by where it is.
     fn of(found: &FoundDevice) -> Self {
         let info = &found.info;
         Self {
@@ -77,7 +84,8 @@ impl HidChoice {
             vendor: Some(info.vendor),
             product: Some(info.product),
             serial: (!info.serial.is_empty()).then(|| info.serial.clone()),
-            first: info.serial.is_empty(),
+            path: info.serial.is_empty().then(|| info.path.clone()),
+            first: false,
             teensy_is_board: found.kind == HidKind::Board,
         }
     }
@@ -92,7 +100,7 @@ impl HidChoice {
             vendor: self.vendor,
             product: self.product,
             serial: self.serial.clone(),
-            path: None,
+            path: self.path.clone(),
             first: self.first,
             teensy_is_board: self.teensy_is_board,
         }

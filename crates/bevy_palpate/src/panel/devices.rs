@@ -118,7 +118,7 @@ mod tests {
         present.look(&devices);
         assert_eq!(present.told, Some(Ok("One is plugged in.".into())));
         let [(selector, label)] = present.found() else { panic!("one device") };
-        assert_eq!(label, "SpaceMouse (256f:c635, serial 7)");
+        assert_eq!(label, "SpaceMouse: SpaceMouse (256f:c635, serial 7)");
         assert_eq!(name_of(selector), "SpaceMouse 256f:c635 7");
         assert!(devices.make(selector).is_ok());
     }

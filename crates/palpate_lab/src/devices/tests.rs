@@ -91,7 +91,13 @@ fn a_device_is_named_by_path_serial_or_numbers() {
 }
 
 fn trial(bus: &StandInBus, seconds: f64) -> Trial {
-    Trial { selector: selector("7", false, bus).unwrap(), force_n: 0.3, seconds, asks: false }
+    Trial {
+        selector: selector("7", false, bus).unwrap(),
+        force_n: 0.3,
+        full_scale_n: 500.0,
+        seconds,
+        asks: false,
+    }
 }
 
 #[test]
@@ -117,7 +123,7 @@ fn a_board_is_pushed_gently_and_feels_what_is_told() {
     let board = Arc::new(Mutex::new(board));
     bus.plug(info, descriptor, Arc::clone(&board));
     let selector = selector("/dev/board", true, &*bus).unwrap();
-    let trial = Trial { selector, force_n: 0.3, seconds: 1.2, asks: false };
+    let trial = Trial { selector, force_n: 0.3, full_scale_n: 500.0, seconds: 1.2, asks: false };
     let options = BoardOptions { homing: BoardHoming::AtOpen, ..BoardOptions::default() };
     let device =
         HidDevice::find(bus, &trial.selector, &HidOptions { board: options, ..HidOptions::default() });
@@ -133,8 +139,9 @@ fn it_asks_first_and_takes_only_a_yes() {
     let trial = trial(&bus, 1.0);
     let device = HidDevice::find(bus, &trial.selector, &HidOptions::default()).unwrap();
     let mut asked = Vec::new();
-    let mut ask =
-        |answer: &str| trial.ask(&device.describe(), false, &mut asked, &mut answer.as_bytes(), true);
+    let mut ask = |answer: &str| {
+        trial.ask(&device.describe(), HidKind::SpaceMouse, &mut asked, &mut answer.as_bytes(), true)
+    };
     assert!(ask("y\n").is_ok() && ask("yes\n").is_ok());
     for no in ["", "\n", "n\n", "yellow\n"] {
         assert!(matches!(ask(no), Err(LabError::NotAgreed)), "{no:?}");
@@ -144,6 +151,7 @@ fn it_asks_first_and_takes_only_a_yes() {
             .unwrap()
             .ends_with("has no motors; it will be read for 1 s. Move it.\nBegin? [y/N] ")
     );
-    let nobody = trial.ask(&device.describe(), false, &mut Vec::new(), &mut "y\n".as_bytes(), false);
+    let nobody =
+        trial.ask(&device.describe(), HidKind::SpaceMouse, &mut Vec::new(), &mut "y\n".as_bytes(), false);
     assert!(matches!(nobody, Err(LabError::NobodyToAsk)));
 }

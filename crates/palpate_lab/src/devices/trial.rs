@@ -4,15 +4,18 @@ use crate::error::LabError;
 use crate::output::Output;
 use glam::DVec3;
 use palpate_haptics::{
-    DeviceDescription, HapticDevice, HapticHandle, LoopConfig, LoopEventKind, LoopSettings, SafetySettings,
-    haptic_loop,
+    DeviceDescription, DeviceError, HapticDevice, HapticHandle, LoopConfig, LoopEventKind, LoopSettings,
+    SafetySettings, Stop, haptic_loop,
 };
-use palpate_hid::{BoardHoming, BoardOptions, HidBus, HidDevice, HidKind, HidOptions, HidSelector};
+use palpate_hid::{
+    BoardHoming, BoardOptions, HidBus, HidDevice, HidKind, HidOptions, HidSelector, JoystickOptions,
+};
 use palpate_local::Contact;
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::io::{BufRead, IsTerminal, Write};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Between two forces of the test.
@@ -22,11 +25,16 @@ const AXIS_S: f64 = 2.0;
 /// Before the first force, for the device to be read and the chain to begin, s.
 const WAIT_S: f64 = 0.5;
 
+/// Somebody wants it to end.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
 /// What is tested, and how.
 pub(super) struct Trial {
     pub(super) selector: HidSelector,
     /// N.
     pub(super) force_n: f64,
+    /// What a joystick's greatest force is taken for, N.
+    pub(super) full_scale_n: f64,
     pub(super) seconds: f64,
     /// Whether a person is asked first.
     pub(super) asks: bool,
@@ -61,22 +69,34 @@ impl Trial {
         // Whoever is asked puts the arm to its home.
         let homing = if self.asks { BoardHoming::AtOpen } else { BoardHoming::Awaited };
         let board = BoardOptions { homing, ..BoardOptions::default() };
-        let device = HidDevice::find(bus, &self.selector, &HidOptions { board, ..HidOptions::default() })?;
-        let is_board = device.found().kind == HidKind::Board;
+        let joystick = JoystickOptions {
+            full_scale_n: self.full_scale_n,
+            max_force_n: self.force_n.min(self.full_scale_n),
+            ..JoystickOptions::default()
+        };
+        let options = HidOptions { board, joystick, ..HidOptions::default() };
+        let device = HidDevice::find(bus, &self.selector, &options)?;
+        let kind = device.found().kind;
         if self.asks {
             let is_terminal = std::io::stdin().is_terminal();
             let (mut question, mut answer) = (std::io::stderr().lock(), std::io::stdin().lock());
-            self.ask(&device.describe(), is_board, &mut question, &mut answer, is_terminal)?;
+            self.ask(&device.describe(), kind, &mut question, &mut answer, is_terminal)?;
         }
+        // Whoever interrupts it leaves a device without force.
+        ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed)).map_err(LabError::Interrupt)?;
         let tested = self.test(device)?;
-        output.print(&tested, |out| print(&tested, out))
+        output.print(&tested, |out| print(&tested, out))?;
+        match tested.faults.first() {
+            Some(fault) => Err(LabError::Broken(fault.clone())),
+            None => Ok(()),
+        }
     }
 
     /// Asks whoever sits there; anything but a yes is a no.
     pub(super) fn ask(
         &self,
         device: &DeviceDescription,
-        is_board: bool,
+        kind: HidKind,
         question: &mut dyn Write,
         answer: &mut dyn BufRead,
         is_terminal: bool,
@@ -86,11 +106,17 @@ impl Trial {
         }
         let most_n = self.force_n.min(device.max_force_n);
         let name = &device.name;
-        if is_board {
-            writeln!(
+        match kind {
+            HidKind::Board => writeln!(
                 question,
-                "Put its arm to its home and hold it there: that is where it is taken to be."
-            )?;
+                "Put its arm to its home (of a WoodenHaptics: link B up, link C to the front) and hold it there: that is where it is taken to be. Its motors and sizes are taken for those of a WoodenHaptics of 2015."
+            )?,
+            HidKind::Joystick => writeln!(
+                question,
+                "Its greatest force is taken for {} N; if it is more the test is as much stronger (--full-scale-n).",
+                self.full_scale_n
+            )?,
+            HidKind::SpaceMouse => {}
         }
         if most_n > 0.0 {
             writeln!(
@@ -127,11 +153,16 @@ impl Trial {
         let settings =
             LoopSettings { safety, record: true, model_period_s: STEP_S, ..LoopSettings::default() };
         let (mut handle, haptic_loop) = haptic_loop(config, settings)?;
-        let thread = haptic_loop.spawn(Box::new(device))?;
+        let mut thread = haptic_loop.spawn(Box::new(device))?;
         let most_n = self.force_n.min(description.max_force_n);
         let mut seen = Seen::default();
         let began = std::time::Instant::now();
-        while began.elapsed().as_secs_f64() < self.seconds && thread.is_running() {
+        // A device that was unplugged is not pushed again without being asked.
+        while began.elapsed().as_secs_f64() < self.seconds
+            && thread.is_running()
+            && !seen.is_gone
+            && !INTERRUPTED.load(Ordering::Relaxed)
+        {
             let force_n = force(began.elapsed().as_secs_f64(), most_n);
             if let Some(sample) = handle.samples().newest().copied() {
                 let model = handle.model_slot();
@@ -144,7 +175,10 @@ impl Trial {
             seen.take(&mut handle);
         }
         let seconds = began.elapsed().as_secs_f64();
-        drop(thread);
+        if thread.stop() == Stop::Detached {
+            let text = "the device hangs and may still push: cut its power";
+            return Err(LabError::Broken(text.into()));
+        }
         seen.take(&mut handle);
         let report = handle.report();
         if report.ticks == 0 {
@@ -191,6 +225,7 @@ struct Seen {
     buttons: u32,
     told: Option<String>,
     faults: Vec<String>,
+    is_gone: bool,
 }
 
 impl Seen {
@@ -207,6 +242,7 @@ impl Seen {
         while let Some(event) = handle.next_event() {
             if let LoopEventKind::DeviceFailed(error) = event.kind {
                 let text = error.to_string();
+                self.is_gone |= error == DeviceError::Disconnected;
                 self.told.get_or_insert_with(|| text.clone());
                 // Each kind once.
                 if !self.faults.contains(&text) {

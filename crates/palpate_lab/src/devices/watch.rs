@@ -32,6 +32,14 @@ pub(super) fn watch(
         for (_, line) in gone.collect::<Vec<_>>() {
             tell(output, "out", &line)?;
         }
+        // One that could not be opened may be by now: its rights come a moment after it.
+        for (info, line) in known.iter_mut().filter(|(_, line)| !line.refused.is_empty()) {
+            let now = describe(info);
+            if now != *line {
+                tell(output, "now", &now)?;
+                *line = now;
+            }
+        }
         for info in present {
             if !known.iter().any(|(there, _)| *there == info) {
                 let line = describe(&info);

@@ -21,5 +21,9 @@ pub fn run() -> Outcome {
     for (device, serial, _) in &plugged {
         ensure(says.contains(serial), || format!("{serial} at {} is not in its list: {says}", device.node))?;
     }
+    let watched = Command::new(PROGRAM).args(["devices", "--watch", "--seconds", "0.5"]).output()?;
+    let says = String::from_utf8_lossy(&watched.stdout);
+    let come = says.lines().filter(|line| line.starts_with("in ")).count();
+    ensure(watched.status.success() && come >= plugged.len(), || format!("{come} have come: {says}"))?;
     Ok(format!("it lists all {} devices by their serial numbers", plugged.len()))
 }
