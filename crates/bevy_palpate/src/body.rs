@@ -10,7 +10,6 @@ mod shape;
 mod source;
 mod tissue;
 
-#[cfg(feature = "panel")]
 pub(crate) use build::BodyBuild;
 pub use shape::{BodyRegion, DeformableBody, Face, FixedRegion, MeshShape, Slit};
 pub use source::MeshSourceError;
@@ -180,7 +179,7 @@ fn remove_simulation(
     mut commands: Commands,
 ) {
     let mut entity = commands.entity(removed.entity);
-    entity.try_remove::<build::BodyBuild>();
+    entity.try_remove::<BodyBuild>();
     let Ok((simulated, mesh)) = bodies.get(removed.entity) else { return };
     if mesh.is_some_and(|mesh| simulated.drawn.is_shown_by(mesh)) {
         match simulated.drawn.replaced() {
