@@ -175,7 +175,7 @@ impl Trial {
             seen.take(&mut handle);
         }
         let seconds = began.elapsed().as_secs_f64();
-        if thread.stop() == Stop::Detached {
+        if matches!(thread.stop(), Stop::Detached) {
             let text = "the device hangs and may still push: cut its power";
             return Err(LabError::Broken(text.into()));
         }
