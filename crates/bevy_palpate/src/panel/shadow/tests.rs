@@ -41,7 +41,7 @@ fn touched_mesh() -> (Body, ToolContact, DVec3) {
     let triangles = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
     let mesh = ClosedMesh::new(corners.to_vec(), triangles.to_vec()).unwrap();
     let held = Region::HalfSpace { point_m: DVec3::Z * -0.01, outward: DVec3::Z };
-    let lattice = CellLattice::fit(&mesh, CellSize::Along(8)).unwrap().fix(held);
+    let lattice = CellLattice::fit(&mesh, CellSize::Along(7)).unwrap().fix(held);
     let made = lattice.tissue(&Tissue::default()).unwrap();
     let contact = ToolContact::touch(ToolShape::Sphere { radius_m: 0.006 }, 0.3).unwrap();
     (Body::new(made.network, made.surface).unwrap(), contact, DVec3::new(0.001, 0.002, 0.066))
