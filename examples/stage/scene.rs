@@ -106,7 +106,6 @@ impl Stage {
 
     /// Its size as a multiple of the usual one.
     #[must_use]
-    #[cfg(feature = "window")]
     pub(crate) fn magnified(&self) -> f32 {
         self.size_m / USUAL_M
     }
