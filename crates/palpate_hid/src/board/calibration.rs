@@ -32,6 +32,9 @@ pub enum BoardHoming {
 /// 4. The counters come back as they should, [`BoardCalibration::is_done`] says so, and force begins from nothing.
 ///
 /// The position jumps meanwhile, which the loop takes for a hand that has come elsewhere.
+///
+/// A request holds for the opening in which it is made: what was asked for before a board is opened, or opened again after it was
+/// unplugged, is forgotten, as nobody knows where the arm has gone since.
 #[derive(Clone, Debug, Default)]
 pub struct BoardCalibration(Arc<Shared>);
 
@@ -42,7 +45,7 @@ struct Shared {
 }
 
 impl BoardCalibration {
-    /// The arm is at home now: the board is calibrated there at its next report.
+    /// The arm is at home now: the board is calibrated there at its next report. Forgotten where the board is not open.
     pub fn request(&self) {
         self.0.is_done.store(false, Ordering::Relaxed);
         self.0.is_requested.store(true, Ordering::Release);
@@ -85,6 +88,12 @@ impl Calibrator {
 
     pub(super) fn handle(&self) -> BoardCalibration {
         self.shared.clone()
+    }
+
+    /// The board is about to be opened: what was asked for before says nothing of where its arm is now. What is asked for from here
+    /// on belongs to this opening.
+    pub(super) fn opening(&mut self) {
+        self.shared.0.is_requested.store(false, Ordering::Release);
     }
 
     /// The board has been opened.
@@ -200,6 +209,24 @@ mod tests {
             calibrator.take(&arm, &report(0, false));
         }
         assert!(calibrator.is_asked());
+    }
+
+    #[test]
+    fn a_request_from_before_an_opening_is_forgotten_and_one_from_within_it_is_not() {
+        let arm = BoardKinematics::default();
+        for form in BoardForm::ALL {
+            let mut calibrator = Calibrator::new(form);
+            calibrator.handle().request();
+            calibrator.opening();
+            calibrator.opened(BoardHoming::Awaited);
+            calibrator.take(&arm, &report(0, false));
+            assert!(!calibrator.is_under_way() && !calibrator.is_done(), "{form:?}");
+            calibrator.opening();
+            calibrator.handle().request();
+            calibrator.opened(BoardHoming::Awaited);
+            calibrator.take(&arm, &report(0, false));
+            assert!(calibrator.is_under_way() || calibrator.is_done(), "{form:?}");
+        }
     }
 
     #[test]

@@ -157,6 +157,7 @@ impl Driver for Board {
     }
 
     fn start(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+        self.calibrator.opening();
         let now = link.clock.now();
         self.turns = Turns { heard_at: now, exchanged_at: now, ..Turns::default() };
         (self.limits, self.number, self.newest) = (Limits::default(), 0, None);

@@ -74,6 +74,40 @@ fn unplugged_in_a_touch_and_plugged_in_again() {
     assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N, "{}", bench.felt_n());
 }
 
+#[test]
+fn a_request_from_while_it_was_unplugged_is_forgotten() {
+    for form in BoardForm::ALL {
+        let mut bench = Bench::open(at_home(form), homed());
+        bench.ticks(40, DVec3::ZERO);
+        let calibration = bench.device().board_calibration().unwrap();
+        // Before the loop has noticed, and when the device is closed.
+        bench.bus.unplug(PATH);
+        calibration.request();
+        assert_eq!(bench.device().close(), Err(DeviceError::Disconnected));
+        calibration.request();
+        // It comes back with its arm somewhere else.
+        bench.board(|it| {
+            it.hold_at(0.5 * it.tip_m());
+            it.pass(2.0);
+            it.lose_power();
+        });
+        bench.plug();
+        bench.device().open().unwrap();
+        for _ in 0..50 {
+            bench.tick(DVec3::Y);
+            assert_eq!(bench.felt_n(), DVec3::ZERO, "{form:?}");
+        }
+        assert!(!calibration.is_done(), "{form:?}");
+        // One that is made now is heard.
+        let home_m = kinematics().position_m(kinematics().home_rad());
+        bench.board(|it| it.hold_at(home_m));
+        bench.ticks(2000, DVec3::ZERO);
+        calibration.request();
+        bench.ticks(4, DVec3::ZERO);
+        assert!(calibration.is_done(), "{form:?}");
+    }
+}
+
 /// The loop's own thread, with a bus that was loose for a moment while the board had power from elsewhere.
 #[test]
 fn a_loop_finds_its_board_again() {
