@@ -20,7 +20,10 @@ pub enum BoardHoming {
     /// `Awaited`: nobody has put it home since.
     AtOpen,
     /// They have been set before and the board has had power since. If that is wrong, forces go astray: a board that gets its
-    /// power over USB counts anew when it has been unplugged. Not for boards with reports of 8 bytes, whose counters cannot be set.
+    /// power over USB counts anew when it has been unplugged. So it is believed only until the link to the board is lost: once the
+    /// board was gone, or has failed and is opened again, it is as with `Awaited`, also for a board with a power supply of its own,
+    /// until it has been calibrated anew. What happens to a board while no program has it open and it comes back where it was
+    /// cannot be seen. Not for boards with reports of 8 bytes, whose counters cannot be set.
     Kept,
 }
 
@@ -67,6 +70,8 @@ pub(super) struct Calibrator {
     /// What is added to the counters of a board that cannot be told.
     offset: [i16; 3],
     has_been_open: bool,
+    /// Whether nothing speaks against counters that are said to be right when it is opened.
+    may_be_kept: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,7 +88,8 @@ enum Stage {
 impl Calibrator {
     pub(super) fn new(form: BoardForm) -> Self {
         let shared = BoardCalibration::default();
-        Self { form, shared, stage: Stage::Awaited, offset: [0; 3], has_been_open: false }
+        let stage = Stage::Awaited;
+        Self { form, shared, stage, offset: [0; 3], has_been_open: false, may_be_kept: true }
     }
 
     pub(super) fn handle(&self) -> BoardCalibration {
@@ -100,14 +106,30 @@ impl Calibrator {
     pub(super) fn opened(&mut self, homing: BoardHoming) {
         let was_open = std::mem::replace(&mut self.has_been_open, true);
         self.enter(match homing {
-            BoardHoming::Kept => Stage::Done,
+            BoardHoming::Kept if self.may_be_kept => Stage::Done,
             BoardHoming::AtOpen if !was_open => Stage::Asked,
-            BoardHoming::AtOpen | BoardHoming::Awaited => Stage::Awaited,
+            BoardHoming::Kept | BoardHoming::AtOpen | BoardHoming::Awaited => Stage::Awaited,
         });
+    }
+
+    /// The board is gone, or was: it may have had no power, so that its counters mean nothing.
+    pub(super) fn lost(&mut self) {
+        self.doubt();
+        self.enter(Stage::Awaited);
+    }
+
+    /// The board has failed: it goes on if it can, but when it is opened again nothing is known of its counters.
+    pub(super) fn doubt(&mut self) {
+        self.may_be_kept = false;
     }
 
     fn enter(&mut self, stage: Stage) {
         self.stage = stage;
+        match stage {
+            Stage::Done => self.may_be_kept = true,
+            Stage::Asked | Stage::Told(_) => self.may_be_kept = false,
+            Stage::Awaited => {}
+        }
         self.shared.0.is_done.store(stage == Stage::Done, Ordering::Release);
     }
 
@@ -226,6 +248,34 @@ mod tests {
             calibrator.opened(BoardHoming::Awaited);
             calibrator.take(&arm, &report(0, false));
             assert!(calibrator.is_under_way() || calibrator.is_done(), "{form:?}");
+        }
+    }
+
+    #[test]
+    fn counters_are_kept_until_the_board_was_lost_and_again_once_it_is_calibrated() {
+        let arm = BoardKinematics::default();
+        let losses: [fn(&mut Calibrator); 2] = [Calibrator::lost, Calibrator::doubt];
+        for lose in losses {
+            let mut calibrator = Calibrator::new(BoardForm::Bytes14);
+            for _ in 0..2 {
+                calibrator.opened(BoardHoming::Kept);
+                assert!(calibrator.is_done());
+            }
+            lose(&mut calibrator);
+            calibrator.opened(BoardHoming::Kept);
+            assert!(!calibrator.is_done() && !calibrator.handle().is_done());
+            calibrator.handle().request();
+            calibrator.take(&arm, &report(0, false));
+            calibrator.told();
+            // Not yet: it may have gone between.
+            calibrator.opened(BoardHoming::Kept);
+            assert!(!calibrator.is_done());
+            calibrator.handle().request();
+            calibrator.take(&arm, &report(0, false));
+            calibrator.told();
+            calibrator.take(&arm, &report(6000, false));
+            calibrator.opened(BoardHoming::Kept);
+            assert!(calibrator.is_done());
         }
     }
 

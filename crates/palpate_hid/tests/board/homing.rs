@@ -54,7 +54,7 @@ fn unplugged_in_a_touch_and_plugged_in_again() {
     assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
     bench.bus.unplug(PATH);
     assert_eq!(bench.device().read(Duration::ZERO), Err(DeviceError::Disconnected));
-    assert_eq!(bench.device().write(DVec3::Y), Err(DeviceError::TimedOut), "it has not taken it");
+    assert_eq!(bench.device().write(DVec3::Y), Err(DeviceError::Disconnected), "it has not taken it");
     bench.board(|it| it.pass(0.6));
     assert!(!bench.board(|it| it.are_motors_on()), "its own watchdog");
     assert_eq!(bench.device().close(), Err(DeviceError::Disconnected));
@@ -108,6 +108,70 @@ fn a_request_from_while_it_was_unplugged_is_forgotten() {
     }
 }
 
+/// Opens it again, its arm somewhere else, and counts on no force.
+fn opens_without_force(bench: &mut Bench) {
+    let calibration = bench.device().board_calibration().unwrap();
+    assert!(!calibration.is_done(), "it is known before");
+    bench.board(|it| {
+        it.hold_at(0.5 * it.tip_m());
+        it.pass(2.0);
+        it.lose_power();
+    });
+    bench.device().open().unwrap();
+    for _ in 0..50 {
+        bench.tick(DVec3::Y);
+        assert_eq!(bench.felt_n(), DVec3::ZERO);
+    }
+    assert!(!calibration.is_done());
+}
+
+#[test]
+fn what_was_kept_is_believed_until_the_board_is_gone() {
+    let begin = || {
+        let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), kept());
+        bench.ticks(40, DVec3::Y);
+        assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+        bench
+    };
+    // Gone while it is read.
+    let mut bench = begin();
+    bench.bus.unplug(PATH);
+    assert_eq!(bench.device().read(Duration::ZERO), Err(DeviceError::Disconnected));
+    let _ = bench.device().close();
+    bench.plug();
+    opens_without_force(&mut bench);
+    // Closed, and opened again as nothing has happened; then gone while it is closed.
+    let mut bench = begin();
+    bench.device().close().unwrap();
+    bench.device().open().unwrap();
+    bench.ticks(40, DVec3::Y);
+    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+    bench.device().close().unwrap();
+    bench.bus.unplug(PATH);
+    assert_eq!(bench.device().open(), Err(DeviceError::Disconnected));
+    bench.plug();
+    opens_without_force(&mut bench);
+    // Gone while it is closed, and somewhere else when it is opened again.
+    let mut bench = begin();
+    bench.device().close().unwrap();
+    bench.bus.unplug(PATH);
+    bench.bus.plug(
+        bench.board(|it| it.info("elsewhere")),
+        bench.board(|it| it.descriptor()),
+        bench.firmware.clone(),
+    );
+    let calibration = bench.device().board_calibration().unwrap();
+    bench.device().open().unwrap();
+    bench.ticks(40, DVec3::Y);
+    assert!(!calibration.is_done());
+    assert_eq!(bench.felt_n(), DVec3::ZERO);
+    // Once it is calibrated there is force again.
+    calibration.request();
+    bench.ticks(4, DVec3::ZERO);
+    bench.ticks(40, DVec3::Y);
+    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N, "{}", bench.felt_n());
+}
+
 /// The loop's own thread, with a bus that was loose for a moment while the board had power from elsewhere.
 #[test]
 fn a_loop_finds_its_board_again() {
@@ -132,6 +196,7 @@ fn a_loop_finds_its_board_again() {
     };
     plug();
     let device = find(bus.clone(), kept()).unwrap();
+    let calibration = device.board_calibration().unwrap();
     // A hold without an age limit, so that the other thread may be late.
     let safety = SafetySettings {
         start_below_n: f64::MAX,
@@ -157,7 +222,14 @@ fn a_loop_finds_its_board_again() {
     firmware.lock().unwrap().pass(0.6);
     assert!(!firmware.lock().unwrap().are_motors_on());
     plug();
-    wait_for(|| firmware.lock().unwrap().are_motors_on() && is_felt());
+    // What was kept is believed no longer: the loop goes on without force until somebody says that the arm is at home.
+    wait_for(|| events(&mut handle).contains(&LoopEventKind::Reconnected));
+    let taken = firmware.lock().unwrap().exchanged();
+    wait_for(|| firmware.lock().unwrap().exchanged() > taken + 100);
+    assert!(!calibration.is_done());
+    assert_eq!(firmware.lock().unwrap().currents_ma(), [0; 3]);
+    calibration.request();
+    wait_for(|| calibration.is_done() && is_felt());
     assert!(matches!(thread.stop(), Stop::Joined));
     assert_eq!(firmware.lock().unwrap().currents_ma(), [0; 3]);
 }
