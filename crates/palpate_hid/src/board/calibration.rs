@@ -72,6 +72,8 @@ pub(super) struct Calibrator {
     has_been_open: bool,
     /// Whether nothing speaks against counters that are said to be right when it is opened.
     may_be_kept: bool,
+    /// Whether it has become done since that was last asked.
+    is_newly_done: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,7 +91,8 @@ impl Calibrator {
     pub(super) fn new(form: BoardForm) -> Self {
         let shared = BoardCalibration::default();
         let stage = Stage::Awaited;
-        Self { form, shared, stage, offset: [0; 3], has_been_open: false, may_be_kept: true }
+        let (offset, has_been_open) = ([0; 3], false);
+        Self { form, shared, stage, offset, has_been_open, may_be_kept: true, is_newly_done: false }
     }
 
     pub(super) fn handle(&self) -> BoardCalibration {
@@ -126,7 +129,7 @@ impl Calibrator {
     fn enter(&mut self, stage: Stage) {
         self.stage = stage;
         match stage {
-            Stage::Done => self.may_be_kept = true,
+            Stage::Done => (self.may_be_kept, self.is_newly_done) = (true, true),
             Stage::Asked | Stage::Told(_) => self.may_be_kept = false,
             Stage::Awaited => {}
         }
@@ -185,6 +188,13 @@ impl Calibrator {
 
     pub(super) fn is_done(&self) -> bool {
         self.stage == Stage::Done
+    }
+
+    /// Whether force has to begin from nothing: the counters are not right, or have only been since this was last asked. A board
+    /// of 8 bytes that is calibrated in use is done before and after a report, and its arm elsewhere.
+    pub(super) fn begins_anew(&mut self) -> bool {
+        let is_newly_done = std::mem::take(&mut self.is_newly_done);
+        is_newly_done || !self.is_done()
     }
 }
 

@@ -87,7 +87,7 @@ impl Board {
         let Some(input) = newest else { return Ok(false) };
         let kinematics = &self.options.kinematics;
         let counters = self.calibrator.take(kinematics, &input);
-        if !self.calibrator.is_done() {
+        if self.calibrator.begins_anew() {
             self.limits.begin_anew();
         }
         let angles_rad = kinematics.angles_rad(kinematics.counts(counters));

@@ -48,6 +48,27 @@ fn the_board_s_own_button_calibrates_it_also_in_use() {
 }
 
 #[test]
+fn force_begins_from_nothing_after_a_calibration_in_use() {
+    for form in BoardForm::ALL {
+        let mut bench = Bench::open(at_home(form), homed());
+        bench.ticks(40, DVec3::Y);
+        assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+        let home_m = kinematics().position_m(kinematics().home_rad());
+        bench.board(|it| it.hold_at(home_m - DVec3::Y / 400.0));
+        bench.device().board_calibration().unwrap().request();
+        // By a twentieth of 5 N with each force, once the board has been told.
+        let mut last_n = 0.0;
+        for tick in 0..20 {
+            bench.tick(DVec3::Y);
+            let now_n = bench.felt_n().length();
+            assert!(now_n - last_n < 0.25 + ROUNDING_N, "{form:?} {tick}: {last_n} {now_n}");
+            last_n = now_n;
+        }
+        assert!((bench.felt_n() - DVec3::Y).length() < 0.1, "{form:?}: {}", bench.felt_n());
+    }
+}
+
+#[test]
 fn unplugged_in_a_touch_and_plugged_in_again() {
     let mut bench = Bench::open(moving(BoardForm::Bytes14), homed());
     bench.ticks(500, DVec3::Y);
