@@ -123,7 +123,13 @@ impl HapticDevice for HidDevice {
             let connection = self.bus.open(&found.info)?;
             Ok((found, connection))
         };
-        let (found, connection) = open().map_err(|error: HidError| error.for_loop())?;
+        let opened = open().map_err(|error: HidError| error.for_loop());
+        let is_gone = matches!(opened, Err(DeviceError::Disconnected));
+        let is_elsewhere = opened.as_ref().is_ok_and(|(found, _)| found.info.path != self.found.info.path);
+        if is_gone || is_elsewhere {
+            self.driver.was_gone();
+        }
+        let (found, connection) = opened?;
         self.found = found;
         self.counters.opened();
         let clock = self.clock.take().unwrap_or_else(clock::monotonic);

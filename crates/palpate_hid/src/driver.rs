@@ -24,6 +24,9 @@ pub(crate) trait Driver: Send {
     /// Zero force, actuators off.
     fn stop(&mut self, link: &mut Link) -> Result<(), DeviceError>;
 
+    /// The device was not there when it was looked for, or is somewhere else by now: it has been unplugged.
+    fn was_gone(&mut self) {}
+
     /// The output reports that end all force, for a thread that has no part in the protocol; none for a device without motors.
     fn stop_reports(&self) -> Vec<Vec<u8>>;
 

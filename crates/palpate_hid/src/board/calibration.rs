@@ -20,7 +20,10 @@ pub enum BoardHoming {
     /// `Awaited`: nobody has put it home since.
     AtOpen,
     /// They have been set before and the board has had power since. If that is wrong, forces go astray: a board that gets its
-    /// power over USB counts anew when it has been unplugged. Not for boards with reports of 8 bytes, whose counters cannot be set.
+    /// power over USB counts anew when it has been unplugged. So it is believed only until the link to the board is lost: once the
+    /// board was gone, or has failed and is opened again, it is as with `Awaited`, also for a board with a power supply of its own,
+    /// until it has been calibrated anew. What happens to a board while no program has it open and it comes back where it was
+    /// cannot be seen. Not for boards with reports of 8 bytes, whose counters cannot be set.
     Kept,
 }
 
@@ -32,6 +35,9 @@ pub enum BoardHoming {
 /// 4. The counters come back as they should, [`BoardCalibration::is_done`] says so, and force begins from nothing.
 ///
 /// The position jumps meanwhile, which the loop takes for a hand that has come elsewhere.
+///
+/// A request holds for the opening in which it is made: what was asked for before a board is opened, or opened again after it was
+/// unplugged, is forgotten, as nobody knows where the arm has gone since.
 #[derive(Clone, Debug, Default)]
 pub struct BoardCalibration(Arc<Shared>);
 
@@ -42,7 +48,7 @@ struct Shared {
 }
 
 impl BoardCalibration {
-    /// The arm is at home now: the board is calibrated there at its next report.
+    /// The arm is at home now: the board is calibrated there at its next report. Forgotten where the board is not open.
     pub fn request(&self) {
         self.0.is_done.store(false, Ordering::Relaxed);
         self.0.is_requested.store(true, Ordering::Release);
@@ -64,6 +70,10 @@ pub(super) struct Calibrator {
     /// What is added to the counters of a board that cannot be told.
     offset: [i16; 3],
     has_been_open: bool,
+    /// Whether nothing speaks against counters that are said to be right when it is opened.
+    may_be_kept: bool,
+    /// Whether it has become done since that was last asked.
+    is_newly_done: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,25 +90,49 @@ enum Stage {
 impl Calibrator {
     pub(super) fn new(form: BoardForm) -> Self {
         let shared = BoardCalibration::default();
-        Self { form, shared, stage: Stage::Awaited, offset: [0; 3], has_been_open: false }
+        let stage = Stage::Awaited;
+        let (offset, has_been_open) = ([0; 3], false);
+        Self { form, shared, stage, offset, has_been_open, may_be_kept: true, is_newly_done: false }
     }
 
     pub(super) fn handle(&self) -> BoardCalibration {
         self.shared.clone()
     }
 
+    /// The board is about to be opened: what was asked for before says nothing of where its arm is now. What is asked for from here
+    /// on belongs to this opening.
+    pub(super) fn opening(&mut self) {
+        self.shared.0.is_requested.store(false, Ordering::Release);
+    }
+
     /// The board has been opened.
     pub(super) fn opened(&mut self, homing: BoardHoming) {
         let was_open = std::mem::replace(&mut self.has_been_open, true);
         self.enter(match homing {
-            BoardHoming::Kept => Stage::Done,
+            BoardHoming::Kept if self.may_be_kept => Stage::Done,
             BoardHoming::AtOpen if !was_open => Stage::Asked,
-            BoardHoming::AtOpen | BoardHoming::Awaited => Stage::Awaited,
+            BoardHoming::Kept | BoardHoming::AtOpen | BoardHoming::Awaited => Stage::Awaited,
         });
+    }
+
+    /// The board is gone, or was: it may have had no power, so that its counters mean nothing.
+    pub(super) fn lost(&mut self) {
+        self.doubt();
+        self.enter(Stage::Awaited);
+    }
+
+    /// The board has failed: it goes on if it can, but when it is opened again nothing is known of its counters.
+    pub(super) fn doubt(&mut self) {
+        self.may_be_kept = false;
     }
 
     fn enter(&mut self, stage: Stage) {
         self.stage = stage;
+        match stage {
+            Stage::Done => (self.may_be_kept, self.is_newly_done) = (true, true),
+            Stage::Asked | Stage::Told(_) => self.may_be_kept = false,
+            Stage::Awaited => {}
+        }
         self.shared.0.is_done.store(stage == Stage::Done, Ordering::Release);
     }
 
@@ -155,6 +189,13 @@ impl Calibrator {
     pub(super) fn is_done(&self) -> bool {
         self.stage == Stage::Done
     }
+
+    /// Whether force has to begin from nothing: the counters are not right, or have only been since this was last asked. A board
+    /// of 8 bytes that is calibrated in use is done before and after a report, and its arm elsewhere.
+    pub(super) fn begins_anew(&mut self) -> bool {
+        let is_newly_done = std::mem::take(&mut self.is_newly_done);
+        is_newly_done || !self.is_done()
+    }
 }
 
 fn is_near_home(kinematics: &BoardKinematics, counters: [i16; 3]) -> bool {
@@ -200,6 +241,52 @@ mod tests {
             calibrator.take(&arm, &report(0, false));
         }
         assert!(calibrator.is_asked());
+    }
+
+    #[test]
+    fn a_request_from_before_an_opening_is_forgotten_and_one_from_within_it_is_not() {
+        let arm = BoardKinematics::default();
+        for form in BoardForm::ALL {
+            let mut calibrator = Calibrator::new(form);
+            calibrator.handle().request();
+            calibrator.opening();
+            calibrator.opened(BoardHoming::Awaited);
+            calibrator.take(&arm, &report(0, false));
+            assert!(!calibrator.is_under_way() && !calibrator.is_done(), "{form:?}");
+            calibrator.opening();
+            calibrator.handle().request();
+            calibrator.opened(BoardHoming::Awaited);
+            calibrator.take(&arm, &report(0, false));
+            assert!(calibrator.is_under_way() || calibrator.is_done(), "{form:?}");
+        }
+    }
+
+    #[test]
+    fn counters_are_kept_until_the_board_was_lost_and_again_once_it_is_calibrated() {
+        let arm = BoardKinematics::default();
+        let losses: [fn(&mut Calibrator); 2] = [Calibrator::lost, Calibrator::doubt];
+        for lose in losses {
+            let mut calibrator = Calibrator::new(BoardForm::Bytes14);
+            for _ in 0..2 {
+                calibrator.opened(BoardHoming::Kept);
+                assert!(calibrator.is_done());
+            }
+            lose(&mut calibrator);
+            calibrator.opened(BoardHoming::Kept);
+            assert!(!calibrator.is_done() && !calibrator.handle().is_done());
+            calibrator.handle().request();
+            calibrator.take(&arm, &report(0, false));
+            calibrator.told();
+            // Not yet: it may have gone between.
+            calibrator.opened(BoardHoming::Kept);
+            assert!(!calibrator.is_done());
+            calibrator.handle().request();
+            calibrator.take(&arm, &report(0, false));
+            calibrator.told();
+            calibrator.take(&arm, &report(6000, false));
+            calibrator.opened(BoardHoming::Kept);
+            assert!(calibrator.is_done());
+        }
     }
 
     #[test]

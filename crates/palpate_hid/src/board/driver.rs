@@ -87,7 +87,7 @@ impl Board {
         let Some(input) = newest else { return Ok(false) };
         let kinematics = &self.options.kinematics;
         let counters = self.calibrator.take(kinematics, &input);
-        if !self.calibrator.is_done() {
+        if self.calibrator.begins_anew() {
             self.limits.begin_anew();
         }
         let angles_rad = kinematics.angles_rad(kinematics.counts(counters));
@@ -142,21 +142,21 @@ impl Board {
             _ => [0; 3],
         }
     }
-}
 
-impl Driver for Board {
-    fn describe(&self) -> DeviceDescription {
-        let BoardKinematics { workspace_radius_m, max_force_n, .. } = self.options.kinematics;
-        DeviceDescription {
-            name: self.name.clone(),
-            workspace_m: [DVec3::splat(-workspace_radius_m), DVec3::splat(workspace_radius_m)],
-            max_force_n,
-            // A report in each frame of the bus.
-            rate_hz: 1000.0,
+    /// Hands `done` on. After an error of the link the board's counters may mean nothing.
+    fn noting<T>(&mut self, done: Result<T, DeviceError>) -> Result<T, DeviceError> {
+        match done {
+            Err(DeviceError::Disconnected) => self.calibrator.lost(),
+            // That is told of a silence; nothing has failed.
+            Ok(_) | Err(DeviceError::TimedOut) => {}
+            Err(_) => self.calibrator.doubt(),
         }
+        done
     }
 
-    fn start(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+    /// Synchronises with a board that has just been opened, at zero force.
+    fn begin(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+        self.calibrator.opening();
         let now = link.clock.now();
         self.turns = Turns { heard_at: now, exchanged_at: now, ..Turns::default() };
         (self.limits, self.number, self.newest) = (Limits::default(), 0, None);
@@ -188,7 +188,7 @@ impl Driver for Board {
         Ok(())
     }
 
-    fn read(&mut self, link: &mut Link, _: Duration) -> Result<Reading, DeviceError> {
+    fn newest(&mut self, link: &mut Link) -> Result<Reading, DeviceError> {
         let drained = self.drain(link, Duration::ZERO);
         self.turns.is_silent |= drained.is_err();
         if !drained? {
@@ -208,7 +208,7 @@ impl Driver for Board {
         })
     }
 
-    fn write(&mut self, link: &mut Link, force_n: DVec3) -> Result<(), DeviceError> {
+    fn show(&mut self, link: &mut Link, force_n: DVec3) -> Result<(), DeviceError> {
         if self.turns.is_owed && self.calibrator.is_asked() {
             return self.answer_with_zero(link);
         }
@@ -231,7 +231,7 @@ impl Driver for Board {
         Ok(())
     }
 
-    fn stop(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+    fn end(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.send_zero(link)?;
         for _ in 0..OLD_REPORTS {
             if !self.drain(link, SILENCE)? {
@@ -240,6 +240,43 @@ impl Driver for Board {
             self.send_zero(link)?;
         }
         Ok(())
+    }
+}
+
+impl Driver for Board {
+    fn describe(&self) -> DeviceDescription {
+        let BoardKinematics { workspace_radius_m, max_force_n, .. } = self.options.kinematics;
+        DeviceDescription {
+            name: self.name.clone(),
+            workspace_m: [DVec3::splat(-workspace_radius_m), DVec3::splat(workspace_radius_m)],
+            max_force_n,
+            // A report in each frame of the bus.
+            rate_hz: 1000.0,
+        }
+    }
+
+    fn start(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+        let begun = self.begin(link);
+        self.noting(begun)
+    }
+
+    fn read(&mut self, link: &mut Link, _: Duration) -> Result<Reading, DeviceError> {
+        let newest = self.newest(link);
+        self.noting(newest)
+    }
+
+    fn write(&mut self, link: &mut Link, force_n: DVec3) -> Result<(), DeviceError> {
+        let shown = self.show(link, force_n);
+        self.noting(shown)
+    }
+
+    fn stop(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+        let ended = self.end(link);
+        self.noting(ended)
+    }
+
+    fn was_gone(&mut self) {
+        self.calibrator.lost();
     }
 
     fn stop_reports(&self) -> Vec<Vec<u8>> {

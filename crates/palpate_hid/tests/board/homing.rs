@@ -48,13 +48,34 @@ fn the_board_s_own_button_calibrates_it_also_in_use() {
 }
 
 #[test]
+fn force_begins_from_nothing_after_a_calibration_in_use() {
+    for form in BoardForm::ALL {
+        let mut bench = Bench::open(at_home(form), homed());
+        bench.ticks(40, DVec3::Y);
+        assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+        let home_m = kinematics().position_m(kinematics().home_rad());
+        bench.board(|it| it.hold_at(home_m - DVec3::Y / 400.0));
+        bench.device().board_calibration().unwrap().request();
+        // By a twentieth of 5 N with each force, once the board has been told.
+        let mut last_n = 0.0;
+        for tick in 0..20 {
+            bench.tick(DVec3::Y);
+            let now_n = bench.felt_n().length();
+            assert!(now_n - last_n < 0.25 + ROUNDING_N, "{form:?} {tick}: {last_n} {now_n}");
+            last_n = now_n;
+        }
+        assert!((bench.felt_n() - DVec3::Y).length() < 0.1, "{form:?}: {}", bench.felt_n());
+    }
+}
+
+#[test]
 fn unplugged_in_a_touch_and_plugged_in_again() {
     let mut bench = Bench::open(moving(BoardForm::Bytes14), homed());
     bench.ticks(500, DVec3::Y);
     assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
     bench.bus.unplug(PATH);
     assert_eq!(bench.device().read(Duration::ZERO), Err(DeviceError::Disconnected));
-    assert_eq!(bench.device().write(DVec3::Y), Err(DeviceError::TimedOut), "it has not taken it");
+    assert_eq!(bench.device().write(DVec3::Y), Err(DeviceError::Disconnected), "it has not taken it");
     bench.board(|it| it.pass(0.6));
     assert!(!bench.board(|it| it.are_motors_on()), "its own watchdog");
     assert_eq!(bench.device().close(), Err(DeviceError::Disconnected));
@@ -69,6 +90,104 @@ fn unplugged_in_a_touch_and_plugged_in_again() {
     bench.board(|it| it.hold_at(home_m));
     bench.ticks(2000, DVec3::ZERO);
     bench.device().board_calibration().unwrap().request();
+    bench.ticks(4, DVec3::ZERO);
+    bench.ticks(40, DVec3::Y);
+    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N, "{}", bench.felt_n());
+}
+
+#[test]
+fn a_request_from_while_it_was_unplugged_is_forgotten() {
+    for form in BoardForm::ALL {
+        let mut bench = Bench::open(at_home(form), homed());
+        bench.ticks(40, DVec3::ZERO);
+        let calibration = bench.device().board_calibration().unwrap();
+        // Before the loop has noticed, and when the device is closed.
+        bench.bus.unplug(PATH);
+        calibration.request();
+        assert_eq!(bench.device().close(), Err(DeviceError::Disconnected));
+        calibration.request();
+        // It comes back with its arm somewhere else.
+        bench.board(|it| {
+            it.hold_at(0.5 * it.tip_m());
+            it.pass(2.0);
+            it.lose_power();
+        });
+        bench.plug();
+        bench.device().open().unwrap();
+        for _ in 0..50 {
+            bench.tick(DVec3::Y);
+            assert_eq!(bench.felt_n(), DVec3::ZERO, "{form:?}");
+        }
+        assert!(!calibration.is_done(), "{form:?}");
+        // One that is made now is heard.
+        let home_m = kinematics().position_m(kinematics().home_rad());
+        bench.board(|it| it.hold_at(home_m));
+        bench.ticks(2000, DVec3::ZERO);
+        calibration.request();
+        bench.ticks(4, DVec3::ZERO);
+        assert!(calibration.is_done(), "{form:?}");
+    }
+}
+
+/// Opens it again, its arm somewhere else, and counts on no force.
+fn opens_without_force(bench: &mut Bench) {
+    let calibration = bench.device().board_calibration().unwrap();
+    assert!(!calibration.is_done(), "it is known before");
+    bench.board(|it| {
+        it.hold_at(0.5 * it.tip_m());
+        it.pass(2.0);
+        it.lose_power();
+    });
+    bench.device().open().unwrap();
+    for _ in 0..50 {
+        bench.tick(DVec3::Y);
+        assert_eq!(bench.felt_n(), DVec3::ZERO);
+    }
+    assert!(!calibration.is_done());
+}
+
+#[test]
+fn what_was_kept_is_believed_until_the_board_is_gone() {
+    let begin = || {
+        let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), kept());
+        bench.ticks(40, DVec3::Y);
+        assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+        bench
+    };
+    // Gone while it is read.
+    let mut bench = begin();
+    bench.bus.unplug(PATH);
+    assert_eq!(bench.device().read(Duration::ZERO), Err(DeviceError::Disconnected));
+    let _ = bench.device().close();
+    bench.plug();
+    opens_without_force(&mut bench);
+    // Closed, and opened again as nothing has happened; then gone while it is closed.
+    let mut bench = begin();
+    bench.device().close().unwrap();
+    bench.device().open().unwrap();
+    bench.ticks(40, DVec3::Y);
+    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+    bench.device().close().unwrap();
+    bench.bus.unplug(PATH);
+    assert_eq!(bench.device().open(), Err(DeviceError::Disconnected));
+    bench.plug();
+    opens_without_force(&mut bench);
+    // Gone while it is closed, and somewhere else when it is opened again.
+    let mut bench = begin();
+    bench.device().close().unwrap();
+    bench.bus.unplug(PATH);
+    bench.bus.plug(
+        bench.board(|it| it.info("elsewhere")),
+        bench.board(|it| it.descriptor()),
+        bench.firmware.clone(),
+    );
+    let calibration = bench.device().board_calibration().unwrap();
+    bench.device().open().unwrap();
+    bench.ticks(40, DVec3::Y);
+    assert!(!calibration.is_done());
+    assert_eq!(bench.felt_n(), DVec3::ZERO);
+    // Once it is calibrated there is force again.
+    calibration.request();
     bench.ticks(4, DVec3::ZERO);
     bench.ticks(40, DVec3::Y);
     assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N, "{}", bench.felt_n());
@@ -98,6 +217,7 @@ fn a_loop_finds_its_board_again() {
     };
     plug();
     let device = find(bus.clone(), kept()).unwrap();
+    let calibration = device.board_calibration().unwrap();
     // A hold without an age limit, so that the other thread may be late.
     let safety = SafetySettings {
         start_below_n: f64::MAX,
@@ -123,7 +243,14 @@ fn a_loop_finds_its_board_again() {
     firmware.lock().unwrap().pass(0.6);
     assert!(!firmware.lock().unwrap().are_motors_on());
     plug();
-    wait_for(|| firmware.lock().unwrap().are_motors_on() && is_felt());
+    // What was kept is believed no longer: the loop goes on without force until somebody says that the arm is at home.
+    wait_for(|| events(&mut handle).contains(&LoopEventKind::Reconnected));
+    let taken = firmware.lock().unwrap().exchanged();
+    wait_for(|| firmware.lock().unwrap().exchanged() > taken + 100);
+    assert!(!calibration.is_done());
+    assert_eq!(firmware.lock().unwrap().currents_ma(), [0; 3]);
+    calibration.request();
+    wait_for(|| calibration.is_done() && is_felt());
     assert!(matches!(thread.stop(), Stop::Joined));
     assert_eq!(firmware.lock().unwrap().currents_ma(), [0; 3]);
 }

@@ -6,7 +6,10 @@ use super::virtual_device::{Pace, VirtualDevice};
 use super::{board, cap, joystick};
 use glam::DVec3;
 use palpate_haptics::LoopEventKind;
-use palpate_hid::{BoardFirmware, BoardForm, BoardHoming, BoardKinematics, CapForm, HidDevice};
+use palpate_hid::{
+    BoardCalibration, BoardFirmware, BoardForm, BoardHoming, BoardKinematics, CapForm, HidDevice,
+};
+use std::cell::RefCell;
 use std::error::Error;
 use std::time::Duration;
 
@@ -19,11 +22,13 @@ struct Kind<'a, T> {
     force_n: DVec3,
     /// Whether the device feels what it should while it is touched.
     is_touched: &'a dyn Fn(&T, &mut Touch) -> bool,
+    /// What somebody has to do once the loop has opened it anew.
+    put_right: &'a dyn Fn(&T, &mut Touch) -> Result<(), Box<dyn Error>>,
 }
 
 /// Unplugs it in mid-touch, plugs another one in so that its place is taken, and then itself.
 fn run<T>(kind: &Kind<'_, T>) -> Outcome {
-    let Kind { serial, plug, find, force_n, is_touched } = kind;
+    let Kind { serial, plug, find, force_n, is_touched, put_right } = kind;
     let (plugged, inside) = plug()?;
     let first_node = plugged.node.clone();
     let mut touch = Touch::begin(find()?, *force_n)?;
@@ -41,6 +46,7 @@ fn run<T>(kind: &Kind<'_, T>) -> Outcome {
     let (again, inside) = plug()?;
     ensure(again.node != first_node, || format!("{serial} is at {first_node} again"))?;
     touch.until("the loop opens it anew", |touch| touch.told.contains(&LoopEventKind::Reconnected))?;
+    put_right(&inside, &mut touch)?;
     touch.until("it is touched again", |touch| !touch.is_disconnected() && is_touched(&inside, touch))?;
     let recovered = touch.told.iter().find_map(|kind| match kind {
         LoopEventKind::DeviceRecovered(ticks) => Some(*ticks),
@@ -73,6 +79,7 @@ pub fn cap() -> Outcome {
         is_touched: &|cap, touch| {
             cap::of(cap, |cap| cap.is_lit()) && touch.position_m().is_some_and(|at| at.x > 0.01)
         },
+        put_right: &|_, _| Ok(()),
     })
 }
 
@@ -84,19 +91,35 @@ pub fn joystick() -> Outcome {
         find: &|| joystick::find(serial),
         force_n,
         is_touched: &|stick, _| (joystick::felt_n(stick) - force_n).length() < 0.01,
+        put_right: &|_, _| Ok(()),
     })
 }
 
 pub fn board() -> Outcome {
     let (serial, force_n) = ("loose-board", DVec3::new(0.3, 0.4, 0.0));
+    let calibration = RefCell::<Option<BoardCalibration>>::default();
     run(&Kind {
         serial,
         plug: &|| {
             let board = BoardFirmware::at_home(BoardForm::Bytes14, &BoardKinematics::default());
             board::plug(serial, board.calibrated())
         },
-        find: &|| board::find(serial, BoardHoming::Kept),
+        find: &|| {
+            let device = board::find(serial, BoardHoming::Kept)?;
+            *calibration.borrow_mut() = device.board_calibration();
+            Ok(device)
+        },
         force_n,
         is_touched: &|board, _| board::of(board, |board| (board.felt_n() - force_n).length() < 0.01),
+        // What was kept is believed no longer, until somebody says that its arm is at home, as it is.
+        put_right: &|board, touch| {
+            let ticks = touch.ticks();
+            touch.until("the loop goes on", |touch| touch.ticks() > ticks + 200)?;
+            let currents_ma = board::of(board, |board| board.currents_ma());
+            ensure(currents_ma == [0; 3], || format!("{currents_ma:?} mA before it is calibrated"))?;
+            let calibration = calibration.borrow().clone().ok_or("a board without calibration")?;
+            calibration.request();
+            touch.until("it is calibrated", |_| calibration.is_done())
+        },
     })
 }
