@@ -6,6 +6,8 @@ mod hex;
 mod in_loop;
 #[path = "joystick/input.rs"]
 mod input;
+#[path = "joystick/killed.rs"]
+mod killed;
 #[path = "common/recorded.rs"]
 mod recorded;
 #[path = "joystick/reports.rs"]

@@ -120,7 +120,7 @@ fn unplugged_in_the_middle_of_a_touch_and_plugged_in_again() {
     assert!(bench.bus.unplug(PATH));
     let failed = LoopEventKind::DeviceFailed(DeviceError::Disconnected);
     wait_for(|| kinds_of(&mut handle).contains(&failed));
-    // Without its driver it does what it was told last: it has no watchdog. Plugged in anew it is in reset.
+    // Without its driver its effects last half a second. Plugged in anew it is in reset.
     bench.plug();
     wait_for(|| kinds_of(&mut handle).contains(&LoopEventKind::Reconnected));
     wait_for(|| {
