@@ -159,16 +159,20 @@ impl Joystick {
         Ok(())
     }
 
-    /// Writes all magnitudes: first the one that gets smaller, so that in between there is less force and not more.
-    fn send(&mut self, link: &mut Link, now: Duration) -> Result<(), DeviceError> {
+    /// Writes all magnitudes: first the one that gets smaller, so that in between there is less force and not more. Whether one
+    /// was written.
+    fn send(&mut self, link: &mut Link, now: Duration) -> Result<bool, DeviceError> {
         let layout = &self.layout;
         let is_second_first = matches!(&*self.effects, [x, y] if y.growth() < x.growth());
-        let mut send = |effect: &mut Effect| effect.send(link, layout, now);
+        let mut is_any = false;
+        let mut send =
+            |effect: &mut Effect| effect.send(link, layout, now).map(|is_written| is_any |= is_written);
         if is_second_first {
-            self.effects.iter_mut().rev().try_for_each(&mut send)
+            self.effects.iter_mut().rev().try_for_each(&mut send)?;
         } else {
-            self.effects.iter_mut().try_for_each(&mut send)
+            self.effects.iter_mut().try_for_each(&mut send)?;
         }
+        Ok(is_any)
     }
 }
 
@@ -249,14 +253,19 @@ impl Driver for Joystick {
         for (effect, magnitude) in self.effects.iter_mut().zip(magnitudes) {
             effect.wanted = magnitude;
         }
-        if let Err(error) = self.send(link, now) {
-            let _ = self.let_go(link);
-            return Err(error);
-        }
+        let is_written = match self.send(link, now) {
+            Ok(is_written) => is_written,
+            Err(error) => {
+                let _ = self.let_go(link);
+                return Err(error);
+            }
+        };
         let tick = now.saturating_sub(self.taken_at).min(LONGEST_TICK);
         self.part = (self.part + tick.as_secs_f64() / RECOVERY.as_secs_f64()).min(1.0);
         self.taken_at = now;
-        link.note_force();
+        if is_written {
+            link.note_force();
+        }
         Ok(())
     }
 

@@ -92,7 +92,7 @@ impl Link {
         self.connection.set_feature(report)
     }
 
-    /// The device has taken a force with all its reports.
+    /// The device has taken a force with all its reports, of which there was one at least.
     pub(crate) fn note_force(&mut self) {
         let now = self.clock.now();
         self.counters.note_force(now);

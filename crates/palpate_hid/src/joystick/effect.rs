@@ -94,24 +94,24 @@ impl Effect {
         self.shown.map_or(i64::MIN, |shown| self.wanted.saturating_abs() - shown.saturating_abs())
     }
 
-    /// Makes it what is wanted, if it is not or that was said long ago. If that fails it is to be made zero: what was on its way may
+    /// Makes it what is wanted, if it is not or that was said long ago: whether a magnitude was written. If that fails it is to be made zero: what was on its way may
     /// have arrived. Where effects end it is started again in time: first, so that one that had ended at zero begins at zero.
     pub(super) fn send(
         &mut self,
         link: &mut Link,
         layout: &Layout,
         now: Duration,
-    ) -> Result<(), DeviceError> {
+    ) -> Result<bool, DeviceError> {
         if self.has_to_start(layout, now) {
             self.start(link)?;
         }
         if self.shown == Some(self.wanted) && now.saturating_sub(self.at) < REFRESH {
-            return Ok(());
+            return Ok(false);
         }
         put(&mut self.magnitude, &layout.magnitude, self.wanted);
         link.write(&self.magnitude)?;
         (self.shown, self.at) = (Some(self.wanted), now);
-        Ok(())
+        Ok(true)
     }
 
     /// The report that makes it zero.
