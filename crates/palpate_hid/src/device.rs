@@ -26,11 +26,14 @@ pub struct HidOptions {
 /// A HID device that gives samples and takes forces.
 ///
 /// It is looked for when this is made, so that what it is and can do is known before it is opened. When it has been unplugged the
-/// next `open` looks for the same one (vendor, product, interface, serial number), wherever it is plugged in by then.
+/// next `open` looks for the same one (vendor, product, interface, serial number), wherever it is plugged in by then. One whose report
+/// descriptor is another by then, as after an update of its firmware, is refused with [`DeviceError::Protocol`]: make this anew.
 pub struct HidDevice {
     bus: Arc<dyn HidBus>,
     found: FoundDevice,
     driver: Box<dyn Driver>,
+    /// The bytes of the report descriptor that the driver was made from.
+    descriptor: Vec<u8>,
     /// Here while it is closed.
     clock: Option<Box<dyn Clock>>,
     link: Option<Link>,
@@ -65,12 +68,13 @@ impl HidDevice {
     pub fn new(bus: Arc<dyn HidBus>, found: FoundDevice, options: &HidOptions) -> Result<Self, HidError> {
         let device = || found.info.label();
         let bytes = bus.descriptor(&found.info)?;
-        let descriptor = ReportDescriptor::parse(&bytes)
+        let parsed = ReportDescriptor::parse(&bytes)
             .map_err(|source| HidError::Descriptor { device: device(), source })?;
-        let driver = driver(found.kind, &found.info, &descriptor, options)?;
+        let driver = driver(found.kind, &found.info, &parsed, options)?;
         drop(bus.open(&found.info)?);
         let counters = HidCounters::default();
-        Ok(Self { bus, found, driver, clock: Some(clock::monotonic()), link: None, counters })
+        let clock = Some(clock::monotonic());
+        Ok(Self { bus, found, driver, descriptor: bytes, clock, link: None, counters })
     }
 
     /// The same with another clock, for tests.
@@ -120,6 +124,9 @@ impl HapticDevice for HidDevice {
         }
         let open = || {
             let found = self.find_again()?;
+            if self.bus.descriptor(&found.info)? != self.descriptor {
+                return Err(HidError::Changed { device: found.info.label() });
+            }
             let connection = self.bus.open(&found.info)?;
             Ok((found, connection))
         };

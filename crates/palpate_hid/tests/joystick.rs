@@ -1,5 +1,7 @@
 //! Force-feedback joysticks: to the byte on three published layouts, what they say and might say, and in the haptic loop.
 
+#[path = "joystick/found_again.rs"]
+mod found_again;
 #[path = "common/hex.rs"]
 mod hex;
 #[path = "joystick/in_loop.rs"]
