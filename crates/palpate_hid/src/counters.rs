@@ -37,13 +37,16 @@ impl HidCounters {
         self.0.malformed.load(Ordering::Relaxed)
     }
 
-    /// Forces that the device took, each with all its reports.
+    /// Forces that went out to the device and that it took, each with all its reports since it was opened. A joystick is told a force
+    /// that has not changed every 25 ms only; the ticks in between are not counted.
     #[must_use]
     pub fn forces(&self) -> u64 {
         self.0.forces.load(Ordering::Relaxed)
     }
 
-    /// How often the device took a force, Hz, from the first to the newest since it was opened; `None` before the second.
+    /// How often a force went out and the device took it, Hz, from the first to the newest since it was opened; `None` before the
+    /// second. It is what was needed and not what could be: a joystick that is told a changed force at every tick of 1 ms has 1000,
+    /// and one whose force rests 40. For the highest rate of a device measure while its force changes.
     #[must_use]
     pub fn force_rate_hz(&self) -> Option<f64> {
         let ns = |of: &AtomicU64| of.load(Ordering::Relaxed);

@@ -4,7 +4,7 @@ use crate::driver::{Driver, driver};
 use crate::link::Link;
 use crate::{
     BoardCalibration, BoardOptions, Clock, FoundDevice, HidBus, HidConnection, HidCounters, HidError,
-    HidSelector, JoystickOptions, ReportDescriptor, SpaceMouseOptions, clock,
+    HidInfo, HidSelector, JoystickOptions, ReportDescriptor, SpaceMouseOptions, clock,
 };
 use glam::DVec3;
 use palpate_haptics::{DeviceDescription, DeviceError, EmergencyStop, HapticDevice, Reading};
@@ -26,11 +26,18 @@ pub struct HidOptions {
 /// A HID device that gives samples and takes forces.
 ///
 /// It is looked for when this is made, so that what it is and can do is known before it is opened. When it has been unplugged the
-/// next `open` looks for the same one (vendor, product, interface, serial number), wherever it is plugged in by then.
+/// next `open` looks for the same one (vendor, product, interface, serial number), wherever it is plugged in by then. Without a serial number that is
+/// the only device like it that is new: none that was there beside it when it was last found or opened, and where there are several
+/// none of them. One whose report
+/// descriptor is another by then, as after an update of its firmware, is refused with [`DeviceError::Protocol`]: make this anew.
 pub struct HidDevice {
     bus: Arc<dyn HidBus>,
     found: FoundDevice,
+    /// Where devices like it were when it was last found, which are others.
+    beside: Vec<String>,
     driver: Box<dyn Driver>,
+    /// The bytes of the report descriptor that the driver was made from.
+    descriptor: Vec<u8>,
     /// Here while it is closed.
     clock: Option<Box<dyn Clock>>,
     link: Option<Link>,
@@ -65,12 +72,14 @@ impl HidDevice {
     pub fn new(bus: Arc<dyn HidBus>, found: FoundDevice, options: &HidOptions) -> Result<Self, HidError> {
         let device = || found.info.label();
         let bytes = bus.descriptor(&found.info)?;
-        let descriptor = ReportDescriptor::parse(&bytes)
+        let parsed = ReportDescriptor::parse(&bytes)
             .map_err(|source| HidError::Descriptor { device: device(), source })?;
-        let driver = driver(found.kind, &found.info, &descriptor, options)?;
+        let driver = driver(found.kind, &found.info, &parsed, options)?;
         drop(bus.open(&found.info)?);
         let counters = HidCounters::default();
-        Ok(Self { bus, found, driver, clock: Some(clock::monotonic()), link: None, counters })
+        let beside = beside(&found.info, &bus.list()?);
+        let clock = Some(clock::monotonic());
+        Ok(Self { bus, found, beside, driver, descriptor: bytes, clock, link: None, counters })
     }
 
     /// The same with another clock, for tests.
@@ -98,15 +107,46 @@ impl HidDevice {
         self.driver.calibration()
     }
 
-    /// Where the device is now: where it was, or where one like it is.
-    fn find_again(&self) -> Result<FoundDevice, HidError> {
+    /// Where the device is now: where it was, or where one like it is that may be it.
+    fn find_again(&mut self) -> Result<FoundDevice, HidError> {
         let present = self.bus.list()?;
         let known = &self.found.info;
+        // A path from which a device was unplugged is free, and may be given to this one.
+        self.beside.retain(|path| present.iter().any(|info| info.path == *path));
         let here = present.iter().find(|info| info.path == known.path && info.is_like(known));
-        let anywhere = || present.iter().find(|info| info.is_like(known));
-        let info = here.or_else(anywhere).ok_or_else(|| HidError::Gone { device: known.label() })?;
-        Ok(FoundDevice { kind: self.found.kind, info: info.clone() })
+        let info = match here {
+            Some(info) => info,
+            None => self.moved(&present)?,
+        };
+        let found = FoundDevice { kind: self.found.kind, info: info.clone() };
+        self.beside = beside(info, &present);
+        Ok(found)
     }
+
+    /// The one of `present` that may be the device at another path. A serial number tells; without one it is none of those that were
+    /// there before.
+    fn moved<'a>(&self, present: &'a [HidInfo]) -> Result<&'a HidInfo, HidError> {
+        let known = &self.found.info;
+        let has_serial = !known.serial.is_empty();
+        let may_be =
+            |info: &&HidInfo| info.is_like(known) && (has_serial || !self.beside.contains(&info.path));
+        let found: Vec<&HidInfo> = present.iter().filter(may_be).collect();
+        match *found {
+            [] => Err(HidError::Gone { device: known.label() }),
+            [one] => Ok(one),
+            [first, ..] if has_serial => Ok(first),
+            _ => Err(HidError::Several {
+                asked: format!("like {}, which has no serial number", known.label()),
+                found: found.iter().map(|info| info.path.clone()).collect(),
+            }),
+        }
+    }
+}
+
+/// Where the devices of `present` are that are like `info`, and are others.
+fn beside(info: &HidInfo, present: &[HidInfo]) -> Vec<String> {
+    let others = present.iter().filter(|other| other.path != info.path && other.is_like(info));
+    others.map(|other| other.path.clone()).collect()
 }
 
 impl HapticDevice for HidDevice {
@@ -118,8 +158,11 @@ impl HapticDevice for HidDevice {
         if self.link.is_some() {
             return Err(DeviceError::AlreadyOpen);
         }
-        let open = || {
+        let mut open = || {
             let found = self.find_again()?;
+            if self.bus.descriptor(&found.info)? != self.descriptor {
+                return Err(HidError::Changed { device: found.info.label() });
+            }
             let connection = self.bus.open(&found.info)?;
             Ok((found, connection))
         };

@@ -68,6 +68,12 @@ pub enum HidError {
         #[source]
         source: DescriptorError,
     },
+    /// Its report descriptor is another than when it was found: another firmware, or another device that says that it is the same.
+    #[error("{device}: its report descriptor is not the one it was found with; choose it anew")]
+    Changed {
+        /// Which.
+        device: String,
+    },
     /// It is none of the kinds that are known here, or lacks what a driver needs.
     #[error("{device}: {lacks}")]
     Unsupported {
@@ -104,6 +110,9 @@ impl HidError {
             Self::Descriptor { .. } | Self::Unsupported { .. } => {
                 DeviceError::Protocol("its report descriptor is not what the driver needs")
             }
+            Self::Changed { .. } => DeviceError::Protocol(
+                "its report descriptor is not the one it was found with; choose it anew",
+            ),
             _ => DeviceError::Disconnected,
         }
     }

@@ -4,9 +4,19 @@
 //!
 //! 1. start: reset, actuators on, gain to its greatest, the effects made one by one and asked for, told what they are, set to zero,
 //!    started;
-//! 2. write: the magnitude of each, first that which gets smaller; if one is not taken, zero for all;
+//! 2. write: the magnitude of each, first that which gets smaller; if one is not taken, zero for all; every 100 ms a start, as long as
+//!    there is force;
 //! 3. stop: the magnitudes zero, the effects stopped and freed, actuators off. What the device does then (some have a spring of their
 //!    own) is its own business.
+//!
+//! **What a killed program leaves.** A program that ends without a stop, because it is killed, would leave the
+//! last force on. So effects last half a second, in the unit that the duration's field states, milliseconds where it states none;
+//! and as long as there is force each is started again every 100 ms. When nobody does that any more the firmware ends the force by
+//! itself, 0.4 to 0.5 s later. To start an effect that is playing restarts it, by the class definition's effect operation: its time
+//! begins anew, and a constant force without an envelope, which does not depend on the time, goes on with its magnitude. OpenFFBoard
+//! (HidFFB.cpp at 3a4cc0e, `set_effect_operation`) and ArduinoJoystickWithFFBLibrary (PIDReportHandler.cpp at 04fdc39, `StartEffect`)
+//! set the time of its start and leave the rest. A device on whose duration field nothing from 0.25 to 1 s can be written is given
+//! effects without end: there the last force stays until the device is opened again, reset or without power.
 //!
 //! The operating system's driver of such devices (`hid-pidff` on Linux) may also make effects in it: let no game and no force
 //! feedback through evdev run beside.
@@ -23,6 +33,7 @@ mod effect;
 mod force;
 mod form;
 mod input;
+mod lasting;
 mod layout;
 mod options;
 pub(crate) mod usages;
@@ -120,7 +131,7 @@ impl Joystick {
         }
         self.effects.iter().try_for_each(|effect| effect.set(link))?;
         self.effects.iter_mut().try_for_each(|effect| effect.zero(link))?;
-        self.effects.iter().try_for_each(|effect| effect.start(link))
+        self.effects.iter_mut().try_for_each(|effect| effect.start(link))
     }
 
     /// Zero, and from there on anew: one axis must not go on with an old force while the other has a new one. Where an axis does not
@@ -143,21 +154,25 @@ impl Joystick {
     fn restart(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.let_go(link)?;
         link.write(&self.layout.control.enable)?;
-        self.effects.iter().try_for_each(|effect| effect.start(link))?;
+        self.effects.iter_mut().try_for_each(|effect| effect.start(link))?;
         self.is_stopped = false;
         Ok(())
     }
 
-    /// Writes all magnitudes: first the one that gets smaller, so that in between there is less force and not more.
-    fn send(&mut self, link: &mut Link, now: Duration) -> Result<(), DeviceError> {
+    /// Writes all magnitudes: first the one that gets smaller, so that in between there is less force and not more. Whether one
+    /// was written.
+    fn send(&mut self, link: &mut Link, now: Duration) -> Result<bool, DeviceError> {
         let layout = &self.layout;
         let is_second_first = matches!(&*self.effects, [x, y] if y.growth() < x.growth());
-        let mut send = |effect: &mut Effect| effect.send(link, layout, now);
+        let mut is_any = false;
+        let mut send =
+            |effect: &mut Effect| effect.send(link, layout, now).map(|is_written| is_any |= is_written);
         if is_second_first {
-            self.effects.iter_mut().rev().try_for_each(&mut send)
+            self.effects.iter_mut().rev().try_for_each(&mut send)?;
         } else {
-            self.effects.iter_mut().try_for_each(&mut send)
+            self.effects.iter_mut().try_for_each(&mut send)?;
         }
+        Ok(is_any)
     }
 }
 
@@ -238,14 +253,19 @@ impl Driver for Joystick {
         for (effect, magnitude) in self.effects.iter_mut().zip(magnitudes) {
             effect.wanted = magnitude;
         }
-        if let Err(error) = self.send(link, now) {
-            let _ = self.let_go(link);
-            return Err(error);
-        }
+        let is_written = match self.send(link, now) {
+            Ok(is_written) => is_written,
+            Err(error) => {
+                let _ = self.let_go(link);
+                return Err(error);
+            }
+        };
         let tick = now.saturating_sub(self.taken_at).min(LONGEST_TICK);
         self.part = (self.part + tick.as_secs_f64() / RECOVERY.as_secs_f64()).min(1.0);
         self.taken_at = now;
-        link.note_force();
+        if is_written {
+            link.note_force();
+        }
         Ok(())
     }
 

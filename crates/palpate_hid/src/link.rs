@@ -22,6 +22,9 @@ pub(crate) enum Understood {
 /// An open device.
 pub(crate) struct Link {
     connection: Box<dyn HidConnection>,
+    /// Whether the connection has said that the device is gone: it is not asked again, as it may make a text for every answer. A
+    /// device that comes back is a new link.
+    is_gone: bool,
     pub(crate) clock: Box<dyn Clock>,
     pub(crate) counters: HidCounters,
     buffer: [u8; LONGEST_INPUT],
@@ -33,12 +36,25 @@ impl Link {
         clock: Box<dyn Clock>,
         counters: HidCounters,
     ) -> Self {
-        Self { connection, clock, counters, buffer: [0; LONGEST_INPUT] }
+        Self { connection, is_gone: false, clock, counters, buffer: [0; LONGEST_INPUT] }
     }
 
     /// Gives its parts back, to be opened anew.
     pub(crate) fn into_clock(self) -> Box<dyn Clock> {
         self.clock
+    }
+
+    /// Asks the connection, unless the device is gone.
+    fn ask<T>(
+        &mut self,
+        ask: impl FnOnce(&mut dyn HidConnection, &mut [u8]) -> Result<T, DeviceError>,
+    ) -> Result<T, DeviceError> {
+        if self.is_gone {
+            return Err(DeviceError::Disconnected);
+        }
+        let answer = ask(&mut *self.connection, &mut self.buffer);
+        self.is_gone = matches!(answer, Err(DeviceError::Disconnected));
+        answer
     }
 
     /// Reads all that has come, oldest first, waiting `within` for the first at most. hidraw keeps the oldest reports and loses
@@ -53,7 +69,7 @@ impl Link {
         let mut wait = within;
         let mut ended = Ok(());
         for _ in 0..MOST_AT_ONCE {
-            let length = match self.connection.read(&mut self.buffer, wait) {
+            let length = match self.ask(|connection, buffer| connection.read(buffer, wait)) {
                 Ok(0) => break,
                 Ok(length) => length,
                 Err(error) => {
@@ -79,22 +95,93 @@ impl Link {
 
     /// Sends an output report.
     pub(crate) fn write(&mut self, report: &[u8]) -> Result<(), DeviceError> {
-        self.connection.write(report)
+        self.ask(|connection, _| connection.write(report))
     }
 
     /// Asks for a feature report, whose number is the first byte of `report`.
     pub(crate) fn feature(&mut self, report: &mut [u8]) -> Result<usize, DeviceError> {
-        self.connection.feature(report)
+        self.ask(|connection, _| connection.feature(report))
     }
 
     /// Sends a feature report.
     pub(crate) fn set_feature(&mut self, report: &[u8]) -> Result<(), DeviceError> {
-        self.connection.set_feature(report)
+        self.ask(|connection, _| connection.set_feature(report))
     }
 
-    /// The device has taken a force with all its reports.
+    /// The device has taken a force with all its reports, of which there was one at least.
     pub(crate) fn note_force(&mut self) {
         let now = self.clock.now();
         self.counters.note_force(now);
+    }
+}
+
+#[cfg(test)]
+mod test {
+    use super::*;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    /// Counts how often it is asked, and makes a text for each of its errors.
+    struct Counted {
+        asked: Arc<AtomicUsize>,
+        answer: DeviceError,
+    }
+
+    impl Counted {
+        fn answer(&self) -> DeviceError {
+            self.asked.fetch_add(1, Ordering::SeqCst);
+            drop(self.answer.to_string());
+            self.answer
+        }
+    }
+
+    impl HidConnection for Counted {
+        fn read(&mut self, _: &mut [u8], _: Duration) -> Result<usize, DeviceError> {
+            Err(self.answer())
+        }
+        fn write(&mut self, _: &[u8]) -> Result<(), DeviceError> {
+            Err(self.answer())
+        }
+        fn feature(&mut self, _: &mut [u8]) -> Result<usize, DeviceError> {
+            Err(self.answer())
+        }
+        fn set_feature(&mut self, _: &[u8]) -> Result<(), DeviceError> {
+            Err(self.answer())
+        }
+    }
+
+    fn link(answer: DeviceError) -> (Link, Arc<AtomicUsize>) {
+        let asked = Arc::<AtomicUsize>::default();
+        let connection = Box::new(Counted { asked: Arc::clone(&asked), answer });
+        (Link::new(connection, crate::clock::monotonic(), HidCounters::default()), asked)
+    }
+
+    fn ask_all(link: &mut Link) -> [Result<(), DeviceError>; 4] {
+        [
+            link.drain(Duration::ZERO, |_| Understood::Nothing),
+            link.write(&[1]),
+            link.feature(&mut [1]).map(|_| ()),
+            link.set_feature(&[1]),
+        ]
+    }
+
+    #[test]
+    fn a_connection_without_its_device_is_asked_once_and_nothing_is_allocated() {
+        let (mut link, asked) = link(DeviceError::Disconnected);
+        assert_eq!(link.write(&[1]), Err(DeviceError::Disconnected));
+        let allocations = allocation_counter::measure(|| {
+            for _ in 0..100 {
+                assert_eq!(ask_all(&mut link), [Err(DeviceError::Disconnected); 4]);
+            }
+        });
+        assert_eq!(asked.load(Ordering::SeqCst), 1);
+        assert_eq!(allocations.count_total, 0, "{allocations:?}");
+    }
+
+    #[test]
+    fn after_another_error_it_is_asked_again() {
+        let (mut link, asked) = link(DeviceError::Os(5));
+        assert_eq!(ask_all(&mut link), [Err(DeviceError::Os(5)); 4]);
+        assert_eq!(asked.load(Ordering::SeqCst), 4);
     }
 }

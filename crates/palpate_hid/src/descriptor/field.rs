@@ -63,6 +63,10 @@ pub struct Field {
     pub logical: [i64; 2],
     /// What these stand for, in its unit; equal where nothing is said.
     pub physical: [i64; 2],
+    /// Their unit, as the standard codes it; 0 for none.
+    pub unit: u32,
+    /// The power of ten by which that unit is multiplied, -8 to 7.
+    pub unit_exponent: i8,
     /// Whether it names one of several usages by its number.
     pub is_array: bool,
     /// Whether it is only there to fill the report.

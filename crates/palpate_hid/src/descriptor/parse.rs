@@ -19,6 +19,8 @@ struct Globals {
     logical_max: Option<Item>,
     physical_min: i64,
     physical_max: Option<Item>,
+    unit: u32,
+    unit_exponent: i8,
     bits: u32,
     count: u32,
     id: u8,
@@ -80,12 +82,14 @@ impl Parser {
                 self.open.pop().ok_or(DescriptorError::UnpairedCollection { at })?;
                 self.locals = Locals::default();
             }
-            // Global items; unit and exponent say nothing that a driver here needs.
+            // Global items.
             0x04 => globals.page = data as u16,
             0x14 => globals.logical_min = item.signed(),
             0x24 => globals.logical_max = Some(item),
             0x34 => globals.physical_min = item.signed(),
             0x44 => globals.physical_max = Some(item),
+            0x54 => globals.unit_exponent = exponent(data),
+            0x64 => globals.unit = data,
             0x74 => globals.bits = data,
             0x84 => match u8::try_from(data) {
                 Ok(id @ 1..) => globals.id = id,
@@ -139,7 +143,7 @@ impl Parser {
         const LONGEST: usize = 8 * LONGEST_REPORT;
         let Item { at, data: flags, .. } = item;
         let locals = std::mem::take(&mut self.locals);
-        let Globals { page, bits, count, id, .. } = self.globals;
+        let Globals { page, bits, count, id, unit, unit_exponent, .. } = self.globals;
         let too_long = DescriptorError::ReportTooLong { at };
         let (bits, count) = (bits as usize, count as usize);
         let all = bits.checked_mul(count).filter(|&all| all <= LONGEST).ok_or(too_long)?;
@@ -192,6 +196,8 @@ impl Parser {
                 bits,
                 logical,
                 physical,
+                unit,
+                unit_exponent,
                 is_array,
                 is_constant,
                 is_relative: flags & 4 != 0,
@@ -223,6 +229,12 @@ impl Globals {
         let most = |low, item| [low, highest(low, item)];
         [most(self.logical_min, self.logical_max), most(self.physical_min, self.physical_max)]
     }
+}
+
+/// The number that a unit's exponent is: its lowest four bits, of which 8 to 15 stand for -8 to -1. Many devices write all eight.
+fn exponent(data: u32) -> i8 {
+    let low = (data & 0xF) as i8;
+    if low > 7 { low - 16 } else { low }
 }
 
 /// Number of a usage item, and its page if it has one of its own.

@@ -1,6 +1,7 @@
 //! One constant force in the device: made, changed, started, stopped.
 
 use super::form::{Word, put};
+use super::lasting::RENEWED;
 use super::layout::{Layout, Pool};
 use crate::link::Link;
 use palpate_haptics::DeviceError;
@@ -26,6 +27,8 @@ pub(super) struct Effect {
     shown: Option<i64>,
     /// When it was last written.
     at: Duration,
+    /// When it was last started.
+    started_at: Duration,
 }
 
 impl Effect {
@@ -46,6 +49,7 @@ impl Effect {
             wanted: 0,
             shown: None,
             at: Duration::ZERO,
+            started_at: Duration::ZERO,
         })
     }
 
@@ -54,9 +58,17 @@ impl Effect {
         link.write(&self.set)
     }
 
-    /// Lets it act.
-    pub(super) fn start(&self, link: &mut Link) -> Result<(), DeviceError> {
-        link.write(&self.start)
+    /// Lets it act, from now on for as long as it lasts. One that acts already goes on with its magnitude.
+    pub(super) fn start(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+        link.write(&self.start)?;
+        self.started_at = link.clock.now();
+        Ok(())
+    }
+
+    /// Whether it has or shall have a force and was started so long ago that it has to be started again, or has ended.
+    fn has_to_start(&self, layout: &Layout, now: Duration) -> bool {
+        let has_force = self.wanted != 0 || self.shown != Some(0);
+        layout.ends && has_force && now.saturating_sub(self.started_at) >= RENEWED
     }
 
     /// Ends it.
@@ -82,21 +94,24 @@ impl Effect {
         self.shown.map_or(i64::MIN, |shown| self.wanted.saturating_abs() - shown.saturating_abs())
     }
 
-    /// Makes it what is wanted, if it is not or that was said long ago. If that fails it is to be made zero: what was on its way may
-    /// have arrived.
+    /// Makes it what is wanted, if it is not or that was said long ago: whether a magnitude was written. If that fails it is to be made zero: what was on its way may
+    /// have arrived. Where effects end it is started again in time: first, so that one that had ended at zero begins at zero.
     pub(super) fn send(
         &mut self,
         link: &mut Link,
         layout: &Layout,
         now: Duration,
-    ) -> Result<(), DeviceError> {
+    ) -> Result<bool, DeviceError> {
+        if self.has_to_start(layout, now) {
+            self.start(link)?;
+        }
         if self.shown == Some(self.wanted) && now.saturating_sub(self.at) < REFRESH {
-            return Ok(());
+            return Ok(false);
         }
         put(&mut self.magnitude, &layout.magnitude, self.wanted);
         link.write(&self.magnitude)?;
         (self.shown, self.at) = (Some(self.wanted), now);
-        Ok(())
+        Ok(true)
     }
 
     /// The report that makes it zero.

@@ -4,6 +4,7 @@
 use super::force::Scale;
 use super::form::{Template, Word, blank, highest, put, put_raw};
 use super::input::Input;
+use super::lasting;
 use super::usages::*;
 use crate::{Field, HidError, JoystickOptions, Report, ReportDescriptor, ReportKind};
 
@@ -26,6 +27,8 @@ pub(super) struct Layout {
     /// Asks for a new constant force, a feature report.
     pub(super) create: Vec<u8>,
     pub(super) block_load: BlockLoad,
+    /// Whether its effects end by themselves and have to be started again in time.
+    pub(super) ends: bool,
     /// What a constant force along x is, and one along y.
     pub(super) set_effect: [Template; 2],
     pub(super) constant_force: Template,
@@ -82,6 +85,7 @@ impl Layout {
         let (effect, kind) = find.word(ReportKind::Output, SET_EFFECT, ET_CONSTANT)?;
         let set_effect =
             SetEffect { find, report: effect, kind, index: find.field_of(effect, SET_EFFECT, INDEX)? };
+        let lasts = set_effect.lasts();
         let axes = if input.has_y() && set_effect.has_y() { Axes::Xy } else { Axes::X };
 
         let (report, magnitude) = find.field(ReportKind::Output, SET_CONSTANT_FORCE, MAGNITUDE)?;
@@ -98,6 +102,7 @@ impl Layout {
             pool: find.pool(),
             create,
             block_load: find.block_load()?,
+            ends: lasts.is_some(),
             // Directions are where the force comes from, clockwise from the far end of y: its parts are -sin and +cos. So force
             // comes from the left, 270°, to push to the right, and from the far end, 0°, to push along y. OpenFFBoard's
             // EffectsCalculator.cpp at b5282dc and HidFFB.cpp at 3a4cc0e: -(sin, -cos); ArduinoJoystickWithFFBLibrary's
@@ -106,8 +111,8 @@ impl Layout {
             constant_force,
             magnitude: magnitude.clone(),
             scale,
-            start: find.operation(OP_START)?,
-            stop: find.operation(OP_STOP)?,
+            start: find.operation(OP_START, lasts.is_some())?,
+            stop: find.operation(OP_STOP, false)?,
             free: find
                 .field(ReportKind::Output, BLOCK_FREE, INDEX)
                 .ok()
@@ -220,12 +225,14 @@ impl<'a> Finder<'a> {
         })
     }
 
-    fn operation(self, operation: Named) -> Result<Template, HidError> {
+    /// A start is once, the whole duration, where effects end, and else as often as can be: some devices take a duration times that
+    /// number.
+    fn operation(self, operation: Named, ends: bool) -> Result<Template, HidError> {
         let (report, mut bytes) = self.said(ReportKind::Output, OPERATION_REPORT, operation)?;
         let index = self.field_of(report, OPERATION_REPORT, INDEX)?.clone();
         if operation.usage == OP_START.usage {
-            // As often as can be, for devices that take a duration times a number.
-            report.field(LOOP_COUNT.usage).inspect(|count| put_raw(&mut bytes, count, highest(count)));
+            let times = |count: &Field| if ends { 1 } else { highest(count) };
+            report.field(LOOP_COUNT.usage).inspect(|count| put_raw(&mut bytes, count, times(count)));
         }
         Ok(Template { bytes, index })
     }
@@ -262,11 +269,17 @@ impl SetEffect<'_> {
         first.or_else(|| self.fields_in(DIRECTION).next()).or_else(|| self.report.field(DIRECTION.usage))
     }
 
-    /// A constant force that lasts and that only its magnitude changes, on `axis`, from `turn` parts of a full turn.
+    /// What to write as a duration of half a second, where that can be written.
+    fn lasts(&self) -> Option<i64> {
+        self.report.field(DURATION.usage).and_then(lasting::counts)
+    }
+
+    /// A constant force that only its magnitude changes, on `axis`, from `turn` parts of a full turn.
     ///
-    /// That it lasts is said by all bits of the duration: 0xFFFF for OpenFFBoard (`FFB_EFFECT_DURATION_INFINITE` in ffb_defs.h at
-    /// 160af91), and for Linux the greatest that the bits can hold. ArduinoJoystickWithFFBLibrary goes by the number of loops,
-    /// 0xFF. That no button triggers it is said by a number that no button has.
+    /// It ends by itself where the duration can say so. Where it cannot, all bits of the duration mean without end: 0xFFFF for
+    /// OpenFFBoard (`FFB_EFFECT_DURATION_INFINITE` in ffb_defs.h at 160af91), and for Linux the greatest that the bits can hold;
+    /// ArduinoJoystickWithFFBLibrary goes by the number of loops, 0xFF. That no button triggers it is said by a number that no
+    /// button has.
     ///
     /// Direction and axis are both enabled: OpenFFBoard goes by the direction where it is enabled, the Arduino library takes the
     /// direction's part along each axis that is enabled.
@@ -275,7 +288,7 @@ impl SetEffect<'_> {
         let field = |named: Named| self.report.field(named.usage);
         self.kind.say(&mut bytes);
         if let Some(duration) = field(DURATION) {
-            put_raw(&mut bytes, duration, highest(duration));
+            put_raw(&mut bytes, duration, self.lasts().unwrap_or_else(|| highest(duration)));
         }
         if let Some(gain) = field(GAIN) {
             put(&mut bytes, gain, gain.logical[1]);

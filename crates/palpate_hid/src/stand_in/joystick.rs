@@ -44,7 +44,8 @@ impl Default for HeldStick {
 }
 
 /// The firmware of a force-feedback joystick with any report descriptor. It knows constant forces and nothing else, refuses what it
-/// does not know and what its descriptor does not allow, and has no clock and no watchdog: the last magnitude stays.
+/// does not know and what its descriptor does not allow, and has no watchdog: a magnitude stays for as long as its effect lasts. Its
+/// time passes with its input reports, a step with each.
 ///
 /// After every input report it says once that there is none, so that one who reads until there are no more gets one at a time.
 #[derive(Clone, Debug)]

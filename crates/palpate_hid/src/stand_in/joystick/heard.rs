@@ -17,6 +17,12 @@ pub(super) struct Effect {
     pub(super) left_s: f64,
 }
 
+/// The unit of a duration, s: powers of ten of a second where it is of time, else milliseconds.
+fn unit_s(duration: &Field) -> f64 {
+    let is_time = (duration.unit >> 4) == 0x100;
+    if is_time { 10_f64.powi(i32::from(duration.unit_exponent)) } else { 1e-3 }
+}
+
 /// A report that came, and what it says.
 pub(super) struct Heard<'a> {
     descriptor: &'a ReportDescriptor,
@@ -78,8 +84,11 @@ impl<'a> Heard<'a> {
             return None;
         }
         let duration = self.field(DURATION)?;
-        let lasts_s =
-            if self.is_full(duration) { f64::INFINITY } else { duration.get(self.data)? as f64 * 1e-3 };
+        let lasts_s = if self.is_full(duration) {
+            f64::INFINITY
+        } else {
+            self.value(DURATION)? as f64 * unit_s(duration)
+        };
         let gain = self.value(GAIN)? as f64 / self.field(GAIN)?.logical[1] as f64;
         let direction = self.first_in(DIRECTION, |_| true)?;
         let [low, high] = direction.logical;

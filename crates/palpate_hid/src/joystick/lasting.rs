@@ -1,0 +1,79 @@
+//! How long an effect lasts that nobody starts again.
+
+use super::form::highest;
+use crate::Field;
+use std::time::Duration;
+
+/// So long an effect lasts, where its duration can be told so: a device ends the force of a program that was killed.
+const LASTS_S: f64 = 0.5;
+/// What is near enough to it.
+const ALLOWED_S: [f64; 2] = [0.25, 1.0];
+/// So often an effect with a force is started again.
+pub(super) const RENEWED: Duration = Duration::from_millis(100);
+
+/// What to write into the field of a duration so that an effect lasts half a second, or as near to that as the field allows; `None`
+/// where that is less than a quarter of a second or more than a whole one. All bits mean without end and are none of its values.
+pub(super) fn counts(field: &Field) -> Option<i64> {
+    let count_s = count_s(field);
+    let [low, high] = field.logical;
+    let (least, most) = (low.max(1), high.min(highest(field) - 1));
+    if count_s <= 0.0 || least > most {
+        return None;
+    }
+    let counts = ((LASTS_S / count_s).round() as i64).clamp(least, most);
+    let [shortest_s, longest_s] = ALLOWED_S;
+    (shortest_s..=longest_s).contains(&(counts as f64 * count_s)).then_some(counts)
+}
+
+/// What one count is, s. Milliseconds, as the class definition has it, where the field names no unit of time.
+fn count_s(field: &Field) -> f64 {
+    // The lowest four bits are the system of units, the next ones the powers of length, mass and time, and so on.
+    const TIME: u32 = 0x1000;
+    if field.unit & !0xF != TIME {
+        return 1e-3;
+    }
+    let span = |[low, high]: [i64; 2]| high as f64 - low as f64;
+    let (logical, physical) = (span(field.logical), span(field.physical));
+    let units = if logical > 0.0 && physical > 0.0 { physical / logical } else { 1.0 };
+    units * 10_f64.powi(i32::from(field.unit_exponent))
+}
+
+#[cfg(test)]
+mod test {
+    use super::*;
+    use crate::{ReportDescriptor, ReportKind};
+
+    fn told(logical: [i32; 2], more: &[u8], bits: u8) -> Option<i64> {
+        let [[a, b, c, d], [e, f, g, h]] = logical.map(i32::to_le_bytes);
+        let limits = [0x05, 0x0F, 0x09, 0x50, 0x17, a, b, c, d, 0x27, e, f, g, h];
+        let items = [&limits[..], more, &[0x75, bits, 0x95, 1, 0x91, 2]].concat();
+        let descriptor = ReportDescriptor::parse(&items).unwrap();
+        counts(&descriptor.report(ReportKind::Output, 0).unwrap().fields[0])
+    }
+
+    #[test]
+    fn half_a_second_in_the_unit_of_the_field() {
+        // Seconds as a unit: 0x1001 in SI, 0x1003 in the English system.
+        let unit = |exponent: u8| [0x66, 0x01, 0x10, 0x55, exponent];
+        assert_eq!(told([0, 32767], &[], 16), Some(500), "without a unit");
+        assert_eq!(told([0, 32767], &[0x66, 0x03, 0x10, 0x55, 0xFD], 16), Some(500));
+        assert_eq!(told([0, 32767], &unit(0x0D), 16), Some(500), "an exponent of four bits");
+        assert_eq!(told([0, 65534], &unit(0x0C), 16), Some(5000), "tenths of a millisecond");
+        assert_eq!(told([0, 32767], &unit(0x0E), 16), Some(50), "hundredths of a second");
+        assert_eq!(told([0, 100], &unit(0), 16), Some(1), "seconds: one is the least");
+        // 0 to 2000 stands for 0 to 1000 ms.
+        let physical = [&[0x35, 0, 0x46, 0xE8, 0x03][..], &unit(0x0D)].concat();
+        assert_eq!(told([0, 2000], &physical, 16), Some(1000));
+        // A unit of length is that of another field, and was left.
+        assert_eq!(told([0, 32767], &[0x65, 0x11], 16), Some(500));
+    }
+
+    #[test]
+    fn what_a_field_cannot_say_is_not_said() {
+        assert_eq!(told([0, 255], &[], 8), Some(254), "255 is without end");
+        assert_eq!(told([0, 200], &[], 8), None, "too short to be started again in time");
+        assert_eq!(told([1500, 32767], &[], 16), None, "too long");
+        assert_eq!(told([0, 32767], &[0x66, 0x01, 0x10, 0x55, 1], 16), None, "tens of seconds");
+        assert_eq!(told([0, 0], &[], 16), None);
+    }
+}
