@@ -26,10 +26,10 @@ pub struct HidOptions {
 /// A HID device that gives samples and takes forces.
 ///
 /// It is looked for when this is made, so that what it is and can do is known before it is opened. When it has been unplugged the
-/// next `open` looks for the same one (vendor, product, interface, serial number), wherever it is plugged in by then. Without a serial number that is
-/// the only device like it that is new: none that was there beside it when it was last found or opened, and where there are several
-/// none of them. One whose report
-/// descriptor is another by then, as after an update of its firmware, is refused with [`DeviceError::Protocol`]: make this anew.
+/// next `open` looks for the same one (vendor, product, interface, serial number), wherever it is plugged in by then. Without a
+/// serial number that is the only device like it that is new: none that was there beside it when it was last found or opened, and
+/// none at all where there are several; until one is left `open` says [`DeviceError::Disconnected`]. One whose report descriptor is
+/// another by then, as after an update of its firmware, is refused with [`DeviceError::Protocol`]: make this anew.
 pub struct HidDevice {
     bus: Arc<dyn HidBus>,
     found: FoundDevice,

@@ -15,7 +15,8 @@
 //! itself, 0.4 to 0.5 s later. To start an effect that is playing restarts it, by the class definition's effect operation: its time
 //! begins anew, and a constant force without an envelope, which does not depend on the time, goes on with its magnitude. OpenFFBoard
 //! (HidFFB.cpp at 3a4cc0e, `set_effect_operation`) and ArduinoJoystickWithFFBLibrary (PIDReportHandler.cpp at 04fdc39, `StartEffect`)
-//! set the time of its start and leave the rest. A device on whose duration field nothing from 0.25 to 1 s can be written is given
+//! set the time of its start and leave the rest; OpenFFBoard of 2020 (04dcaf4) counts on instead, so that the force pauses for up to
+//! 100 ms after each of its durations. A device on whose duration field nothing from 0.25 to 1 s can be written is given
 //! effects without end: there the last force stays until the device is opened again, reset or without power.
 //!
 //! The operating system's driver of such devices (`hid-pidff` on Linux) may also make effects in it: let no game and no force
