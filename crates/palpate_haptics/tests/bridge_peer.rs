@@ -281,6 +281,91 @@ fn a_device_that_fails_ends_the_session_and_is_opened_anew_for_the_next() {
     }
 }
 
+/// A device that shows a newton when its `written` becomes an error; palpate is gone and never comes back.
+fn left_with_a_force(written: DeviceError, panics: bool) -> (TestDevice, BridgePeer) {
+    let (device, mut peer, palpate) = in_session();
+    palpate.say(1, Body::Force(DVec3::X));
+    until(&mut peer, START, |counts| counts.taken == 1);
+    let mut hand = device.hand.lock().unwrap();
+    (hand.written, hand.panics) = (Err(written), panics);
+    drop(hand);
+    (device, peer)
+}
+
+#[test]
+fn a_device_that_fails_is_zeroed_until_it_obeys_though_palpate_is_gone() {
+    let ms = |ms| START + Duration::from_millis(ms);
+    for (written, panics) in
+        [(DeviceError::Os(5), false), (DeviceError::Os(5), true), (DeviceError::TimedOut, false)]
+    {
+        let (device, mut peer) = left_with_a_force(written, panics);
+        for now in 1..=80 {
+            peer.turn(ms(now));
+            let hand = device.hand.lock().unwrap();
+            assert_eq!((hand.forces.last(), hand.is_open), (Some(&DVec3::X), true), "{written}, {now} ms");
+        }
+        // A device that only timed out was let go when palpate had been silent for too long.
+        assert_eq!(peer.session(), None, "{written}");
+        device.hand.lock().unwrap().written = Ok(());
+        peer.turn(ms(81));
+        assert_eq!(device.force_n(), DVec3::ZERO, "{written}");
+        // Another failure has 100 ms of its own, and a device that obeys stays open.
+        for (now, written) in [(90, Err(written)), (189, Err(written)), (190, Ok(())), (500, Ok(()))] {
+            device.hand.lock().unwrap().written = written;
+            let writes = device.hand.lock().unwrap().writes;
+            peer.turn(ms(now));
+            let hand = device.hand.lock().unwrap();
+            assert!(hand.writes > writes && hand.is_open, "at every turn: {now} ms");
+        }
+    }
+}
+
+#[test]
+fn a_device_that_cannot_be_zeroed_for_100_ms_is_closed() {
+    let ms = |ms| START + Duration::from_millis(ms);
+    for panics in [false, true] {
+        let (device, mut peer) = left_with_a_force(DeviceError::Os(5), panics);
+        let state = || {
+            let hand = device.hand.lock().unwrap();
+            (hand.is_open, hand.closes)
+        };
+        for now in [1, 2, 50, 100] {
+            peer.turn(ms(now));
+            assert_eq!(state(), (true, 0), "{now} ms");
+        }
+        // The first zero that failed was that of the first turn, at 1 ms.
+        peer.turn(ms(101));
+        assert_eq!(state(), (false, 1));
+        let writes = device.hand.lock().unwrap().writes;
+        peer.turn(ms(102));
+        assert_eq!(state(), (false, 1), "closed once");
+        assert_eq!(device.hand.lock().unwrap().writes, writes, "and left alone");
+        // The next session opens it.
+        device.hand.lock().unwrap().written = Ok(());
+        let mut palpate = Speaker::new(peer.address());
+        begin(&mut peer, &mut palpate, ms(103));
+        peer.turn(ms(103));
+        assert_eq!((device.force_n(), state()), (DVec3::ZERO, (true, 1)));
+        drop(peer);
+        assert_eq!(state(), (false, 2));
+    }
+}
+
+/// Whatever it was that panicked, palpate hears of a device that failed.
+#[test]
+fn a_driver_that_panics_is_a_device_that_fails() {
+    let (device, mut peer, mut palpate) = in_session();
+    palpate.say(1, Body::Force(DVec3::X));
+    until(&mut peer, START, |counts| counts.taken == 1);
+    {
+        let mut hand = device.hand.lock().unwrap();
+        (hand.reading, hand.panics) = (Err(DeviceError::Disconnected), true);
+    }
+    peer.turn(START);
+    assert_eq!((end_of(&mut palpate), peer.session()), (Body::End(EndReason::DeviceFailed), None));
+    assert_eq!(device.force_n(), DVec3::ZERO);
+}
+
 #[test]
 fn a_peer_that_ends_says_so_and_leaves_zero_force() {
     for how in 0..3 {
