@@ -146,6 +146,57 @@ fn silence_lets_go_and_the_session_never_comes_back() {
     assert_eq!(peer.monitor().counts().silences, 1);
 }
 
+/// However it ended, and though hellos and forces of it are still under way. Anybody else may have its number.
+#[test]
+fn a_late_hello_does_not_take_up_a_session_that_is_over() {
+    for how in 0..3 {
+        let (device, mut peer, mut palpate) = in_session();
+        palpate.say(5, Body::Force(DVec3::X));
+        until(&mut peer, START, |counts| counts.taken == 1);
+        let mut now = START;
+        match how {
+            0 => palpate.say(6, Body::Stop),
+            1 => now += WATCHDOG + Duration::from_micros(1),
+            _ => device.hand.lock().unwrap().reading = Err(DeviceError::Disconnected),
+        }
+        wait_for(|| {
+            peer.turn(now);
+            peer.session().is_none()
+        });
+        device.hand.lock().unwrap().reading = Ok(Reading::at(DVec3::ZERO));
+        if how > 0 {
+            assert!(matches!(end_of(&mut palpate), Body::End(EndReason::Silent | EndReason::DeviceFailed)));
+        }
+        // Also when it comes again and again.
+        for number in 2..5 {
+            palpate.say(number, Body::Hello);
+            palpate.say(number, Body::Force(DVec3::Y));
+            let expected = Packet { session: palpate.session, number, body: Body::End(EndReason::NoSession) };
+            wait_for(|| {
+                peer.turn(now);
+                !palpate.hears_nothing()
+            });
+            assert_eq!(palpate.hear_but_samples(), expected, "the hello");
+            until(&mut peer, now, |counts| counts.other_session == 2 * (number - 1));
+            assert_eq!(palpate.hear(), expected, "the force");
+            assert_eq!((peer.session(), device.force_n()), (None, DVec3::ZERO));
+        }
+        let counts = peer.monitor().counts();
+        assert_eq!((counts.sessions, counts.taken), (1, 1));
+        // Another sender with that number, and the first one with another.
+        let mut other = Speaker::new(peer.address());
+        other.session = palpate.session;
+        begin(&mut peer, &mut other, now);
+        other.say(1, Body::Stop);
+        wait_for(|| {
+            peer.receive(now);
+            peer.session().is_none()
+        });
+        palpate.session += 1;
+        begin(&mut peer, &mut palpate, now);
+    }
+}
+
 /// Every newer force puts the watchdog off, and nothing else does.
 #[test]
 fn what_is_refused_is_silence() {

@@ -31,6 +31,8 @@ pub struct BridgePeer {
     watchdog: Duration,
     monitor: BridgeMonitor,
     session: Option<Served>,
+    /// Number and sender of the last session that is over. It is never taken up again.
+    ended: Option<(u64, SocketAddr)>,
     /// The force to be shown, N.
     force_n: DVec3,
     /// The time of the last turn.
@@ -84,6 +86,7 @@ impl BridgePeer {
             watchdog: settings.watchdog,
             monitor: BridgeMonitor::default(),
             session: None,
+            ended: None,
             force_n: DVec3::ZERO,
             now: Duration::ZERO,
             is_closed: false,
@@ -279,6 +282,11 @@ impl BridgePeer {
             if self.session.is_some() {
                 return self.tell(from, id, number, Body::End(EndReason::Busy));
             }
+            // A hello that came late, or twice. Forces that are still under way would count as new.
+            if self.ended == Some((id, from)) {
+                add_one(&self.monitor.counters().other_session);
+                return self.tell(from, id, number, Body::End(EndReason::NoSession));
+            }
             if !self.device.is_ready() && self.device.reopen().is_err() {
                 return self.tell(from, id, number, Body::End(EndReason::DeviceFailed));
             }
@@ -305,7 +313,10 @@ impl BridgePeer {
 
     /// Zero force, now.
     fn let_go(&mut self) {
-        (self.session, self.force_n) = (None, DVec3::ZERO);
+        if let Some(session) = self.session.take() {
+            self.ended = Some((session.id, session.palpate));
+        }
+        self.force_n = DVec3::ZERO;
         // If it fails, the next turn tries again.
         self.device.zero(self.now);
     }
