@@ -48,6 +48,7 @@
 //! | peer | no newer force for [`PeerSettings::watchdog`] (20 ms) | zero force, tells palpate that the session is over |
 //!
 //! A packet that is refused is not heard. A peer that was itself not run for so long lets go too, whatever is waiting to be read.
+//! A peer whose device fails goes on telling it to show zero force, and closes it if it does not, see [`BridgePeer`].
 //!
 //! # Addresses
 //!
@@ -61,6 +62,7 @@
 
 mod counts;
 mod device;
+mod guarded;
 mod handshake;
 mod link;
 mod order;

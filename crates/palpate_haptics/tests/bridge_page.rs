@@ -147,6 +147,45 @@ fn refuses_what_the_page_says(peer: SocketAddr) {
     });
 }
 
+/// A hello of the session that was over last, from who had it: no session, and no force of it.
+fn never_takes_up_what_is_over(peer: SocketAddr) {
+    let (mut palpate, mut newer) = (Speaker::new(peer), Speaker::new(peer));
+    let no_session = Body::End(EndReason::NoSession);
+    // The peer of the page serves one at a time: whoever was before is over first.
+    wait_for(|| {
+        palpate.session += 1;
+        palpate.say(1, Body::Hello);
+        matches!(palpate.hear_but_samples().body, Body::Welcome(_))
+    });
+    palpate.say(2, Body::Stop);
+    // Samples that were under way, and an end if a busy machine was silent; then what is asked for here.
+    for number in 3..6 {
+        palpate.say(number, Body::Hello);
+        palpate.say(number, Body::Force(DVec3::X));
+        for what in ["hello", "force"] {
+            let answer = loop {
+                let packet = palpate.hear_but_samples();
+                if packet.number == number {
+                    break packet;
+                }
+            };
+            assert_eq!((answer.session, answer.body), (palpate.session, no_session), "{what}");
+        }
+    }
+    // Somebody else may have that number, and begins where nobody has been.
+    newer.session = palpate.session;
+    newer.say(1, Body::Hello);
+    assert!(matches!(newer.hear_but_samples().body, Body::Welcome(_)));
+    newer.say(1, Body::Stop);
+    // And so does the first one with another number.
+    wait_for(|| {
+        palpate.session += 1;
+        palpate.say(1, Body::Hello);
+        matches!(palpate.hear_but_samples().body, Body::Welcome(_))
+    });
+    palpate.say(1, Body::Stop);
+}
+
 #[test]
 fn the_page_s_peer_in_cpp_speaks_the_protocol() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
@@ -155,6 +194,7 @@ fn the_page_s_peer_in_cpp_speaks_the_protocol() {
     let address = peer.1;
     assert!(address.ip().is_loopback());
     refuses_what_the_page_says(address);
+    never_takes_up_what_is_over(address);
     let long = Duration::from_secs(10);
     let settings = BridgeSettings { address, open_within: long, ..BridgeSettings::default() };
     let mut device = BridgeDevice::find(settings).unwrap();

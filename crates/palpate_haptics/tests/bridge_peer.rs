@@ -146,6 +146,57 @@ fn silence_lets_go_and_the_session_never_comes_back() {
     assert_eq!(peer.monitor().counts().silences, 1);
 }
 
+/// However it ended, and though hellos and forces of it are still under way. Anybody else may have its number.
+#[test]
+fn a_late_hello_does_not_take_up_a_session_that_is_over() {
+    for how in 0..3 {
+        let (device, mut peer, mut palpate) = in_session();
+        palpate.say(5, Body::Force(DVec3::X));
+        until(&mut peer, START, |counts| counts.taken == 1);
+        let mut now = START;
+        match how {
+            0 => palpate.say(6, Body::Stop),
+            1 => now += WATCHDOG + Duration::from_micros(1),
+            _ => device.hand.lock().unwrap().reading = Err(DeviceError::Disconnected),
+        }
+        wait_for(|| {
+            peer.turn(now);
+            peer.session().is_none()
+        });
+        device.hand.lock().unwrap().reading = Ok(Reading::at(DVec3::ZERO));
+        if how > 0 {
+            assert!(matches!(end_of(&mut palpate), Body::End(EndReason::Silent | EndReason::DeviceFailed)));
+        }
+        // Also when it comes again and again.
+        for number in 2..5 {
+            palpate.say(number, Body::Hello);
+            palpate.say(number, Body::Force(DVec3::Y));
+            let expected = Packet { session: palpate.session, number, body: Body::End(EndReason::NoSession) };
+            wait_for(|| {
+                peer.turn(now);
+                !palpate.hears_nothing()
+            });
+            assert_eq!(palpate.hear_but_samples(), expected, "the hello");
+            until(&mut peer, now, |counts| counts.other_session == 2 * (number - 1));
+            assert_eq!(palpate.hear(), expected, "the force");
+            assert_eq!((peer.session(), device.force_n()), (None, DVec3::ZERO));
+        }
+        let counts = peer.monitor().counts();
+        assert_eq!((counts.sessions, counts.taken), (1, 1));
+        // Another sender with that number, and the first one with another.
+        let mut other = Speaker::new(peer.address());
+        other.session = palpate.session;
+        begin(&mut peer, &mut other, now);
+        other.say(1, Body::Stop);
+        wait_for(|| {
+            peer.receive(now);
+            peer.session().is_none()
+        });
+        palpate.session += 1;
+        begin(&mut peer, &mut palpate, now);
+    }
+}
+
 /// Every newer force puts the watchdog off, and nothing else does.
 #[test]
 fn what_is_refused_is_silence() {
@@ -279,6 +330,91 @@ fn a_device_that_fails_ends_the_session_and_is_opened_anew_for_the_next() {
         begin(&mut peer, &mut palpate, START);
         assert!(device.hand.lock().unwrap().is_open);
     }
+}
+
+/// A device that shows a newton when its `written` becomes an error; palpate is gone and never comes back.
+fn left_with_a_force(written: DeviceError, panics: bool) -> (TestDevice, BridgePeer) {
+    let (device, mut peer, palpate) = in_session();
+    palpate.say(1, Body::Force(DVec3::X));
+    until(&mut peer, START, |counts| counts.taken == 1);
+    let mut hand = device.hand.lock().unwrap();
+    (hand.written, hand.panics) = (Err(written), panics);
+    drop(hand);
+    (device, peer)
+}
+
+#[test]
+fn a_device_that_fails_is_zeroed_until_it_obeys_though_palpate_is_gone() {
+    let ms = |ms| START + Duration::from_millis(ms);
+    for (written, panics) in
+        [(DeviceError::Os(5), false), (DeviceError::Os(5), true), (DeviceError::TimedOut, false)]
+    {
+        let (device, mut peer) = left_with_a_force(written, panics);
+        for now in 1..=80 {
+            peer.turn(ms(now));
+            let hand = device.hand.lock().unwrap();
+            assert_eq!((hand.forces.last(), hand.is_open), (Some(&DVec3::X), true), "{written}, {now} ms");
+        }
+        // A device that only timed out was let go when palpate had been silent for too long.
+        assert_eq!(peer.session(), None, "{written}");
+        device.hand.lock().unwrap().written = Ok(());
+        peer.turn(ms(81));
+        assert_eq!(device.force_n(), DVec3::ZERO, "{written}");
+        // Another failure has 100 ms of its own, and a device that obeys stays open.
+        for (now, written) in [(90, Err(written)), (189, Err(written)), (190, Ok(())), (500, Ok(()))] {
+            device.hand.lock().unwrap().written = written;
+            let writes = device.hand.lock().unwrap().writes;
+            peer.turn(ms(now));
+            let hand = device.hand.lock().unwrap();
+            assert!(hand.writes > writes && hand.is_open, "at every turn: {now} ms");
+        }
+    }
+}
+
+#[test]
+fn a_device_that_cannot_be_zeroed_for_100_ms_is_closed() {
+    let ms = |ms| START + Duration::from_millis(ms);
+    for panics in [false, true] {
+        let (device, mut peer) = left_with_a_force(DeviceError::Os(5), panics);
+        let state = || {
+            let hand = device.hand.lock().unwrap();
+            (hand.is_open, hand.closes)
+        };
+        for now in [1, 2, 50, 100] {
+            peer.turn(ms(now));
+            assert_eq!(state(), (true, 0), "{now} ms");
+        }
+        // The first zero that failed was that of the first turn, at 1 ms.
+        peer.turn(ms(101));
+        assert_eq!(state(), (false, 1));
+        let writes = device.hand.lock().unwrap().writes;
+        peer.turn(ms(102));
+        assert_eq!(state(), (false, 1), "closed once");
+        assert_eq!(device.hand.lock().unwrap().writes, writes, "and left alone");
+        // The next session opens it.
+        device.hand.lock().unwrap().written = Ok(());
+        let mut palpate = Speaker::new(peer.address());
+        begin(&mut peer, &mut palpate, ms(103));
+        peer.turn(ms(103));
+        assert_eq!((device.force_n(), state()), (DVec3::ZERO, (true, 1)));
+        drop(peer);
+        assert_eq!(state(), (false, 2));
+    }
+}
+
+/// Whatever it was that panicked, palpate hears of a device that failed.
+#[test]
+fn a_driver_that_panics_is_a_device_that_fails() {
+    let (device, mut peer, mut palpate) = in_session();
+    palpate.say(1, Body::Force(DVec3::X));
+    until(&mut peer, START, |counts| counts.taken == 1);
+    {
+        let mut hand = device.hand.lock().unwrap();
+        (hand.reading, hand.panics) = (Err(DeviceError::Disconnected), true);
+    }
+    peer.turn(START);
+    assert_eq!((end_of(&mut palpate), peer.session()), (Body::End(EndReason::DeviceFailed), None));
+    assert_eq!(device.force_n(), DVec3::ZERO);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::counts::{BridgeMonitor, add_one};
 use super::device::is_within;
+use super::guarded::Guarded;
 use super::link::{Link, MOST_IN_A_ROW, Received, SendError};
 use super::order::Order;
 use super::packet::{Body, EndReason, Name, Packet, PacketError, Sampled, Welcome};
@@ -11,7 +12,6 @@ use crate::{DeviceError, HapticDevice};
 use glam::DVec3;
 use std::fmt;
 use std::net::SocketAddr;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -20,18 +20,23 @@ use std::time::Duration;
 /// [`BridgePeer::run`] turns it at the device's rate. Whoever has a rate of their own calls [`BridgePeer::turn`], with the time
 /// on a clock of theirs: the peer itself reads none. At every turn it takes the newest force, shows it, reads the hand and sends
 /// it. Between sessions the device has zero force. Dropping the peer leaves the device with zero force, and closed.
+///
+/// A device that fails, or panics, ends its session. It is told to show zero force at every turn from then on, whether palpate is
+/// there or not; one that has not taken it for 100 ms is closed. It is opened anew when a session is to begin.
 pub struct BridgePeer {
-    device: Box<dyn HapticDevice>,
+    device: Guarded,
     link: Link,
     address: SocketAddr,
     welcome: Welcome,
     watchdog: Duration,
     monitor: BridgeMonitor,
     session: Option<Served>,
+    /// Number and sender of the last session that is over. It is never taken up again.
+    ended: Option<(u64, SocketAddr)>,
     /// The force to be shown, N.
     force_n: DVec3,
-    /// The device failed and is opened anew when a session is to begin.
-    has_failed: bool,
+    /// The time of the last turn.
+    now: Duration,
     is_closed: bool,
 }
 
@@ -55,7 +60,7 @@ impl BridgePeer {
     /// # Errors
     /// [`BridgeError::NotLoopback`], [`BridgeError::Setting`], [`BridgeError::Description`], [`BridgeError::Socket`],
     /// [`BridgeError::Device`].
-    pub fn bind(settings: PeerSettings, mut device: Box<dyn HapticDevice>) -> Result<Self, BridgeError> {
+    pub fn bind(settings: PeerSettings, device: Box<dyn HapticDevice>) -> Result<Self, BridgeError> {
         settings.validate()?;
         let description = device.describe();
         description.validate()?;
@@ -72,7 +77,7 @@ impl BridgePeer {
         let of_socket = |source| BridgeError::Socket { address: settings.address, source };
         let link = Link::bind(settings.address).map_err(of_socket)?;
         let address = link.address().map_err(of_socket)?;
-        device.open().map_err(BridgeError::Device)?;
+        let device = Guarded::open(device).map_err(BridgeError::Device)?;
         Ok(Self {
             device,
             link,
@@ -81,8 +86,9 @@ impl BridgePeer {
             watchdog: settings.watchdog,
             monitor: BridgeMonitor::default(),
             session: None,
+            ended: None,
             force_n: DVec3::ZERO,
-            has_failed: false,
+            now: Duration::ZERO,
             is_closed: false,
         })
     }
@@ -140,6 +146,7 @@ impl BridgePeer {
     /// The first half of a turn: lets go if palpate has been silent for too long, then takes what has come. Whether a newer force
     /// is to be shown.
     pub fn receive(&mut self, now: Duration) -> bool {
+        self.now = now;
         // Before anything is read: after a pause of the peer itself, what waits is old.
         if self.session.is_some_and(|session| now.saturating_sub(session.heard) > self.watchdog) {
             add_one(&self.monitor.counters().silences);
@@ -171,20 +178,24 @@ impl BridgePeer {
         has_force
     }
 
-    /// The second half of a turn: shows the force, reads the hand and sends it.
+    /// The second half of a turn: shows the force, reads the hand and sends it. A device that has failed is shown zero force.
     pub fn answer(&mut self) {
-        if self.has_failed || self.is_closed {
+        if self.is_closed {
             return;
+        }
+        if !self.device.is_ready() {
+            return self.device.zero(self.now);
         }
         let written = self.device.write(self.force_n);
         let reading = self.device.read(self.period());
         let failed = |error: DeviceError| error != DeviceError::TimedOut;
         if written.is_err_and(failed) || reading.is_err_and(failed) {
-            self.end(EndReason::DeviceFailed);
-            self.has_failed = true;
-            return;
+            self.device.fail();
+            return self.end(EndReason::DeviceFailed);
         }
-        let Some(session) = self.session.as_mut() else { return };
+        let Some(session) = self.session.as_mut() else {
+            return self.device.note_zero(written, self.now);
+        };
         if written.is_ok() {
             session.shown = session.order.newest();
         }
@@ -209,11 +220,8 @@ impl BridgePeer {
             return;
         }
         self.end(EndReason::Closing);
-        // Nobody is left to be told of an error. A device that panics while it is zeroed is closed all the same.
-        let device = AssertUnwindSafe(&mut self.device);
-        let _ = catch_unwind(move || { device }.write(DVec3::ZERO));
-        let device = AssertUnwindSafe(&mut self.device);
-        let _ = catch_unwind(move || { device }.close());
+        // One that cannot be zeroed any more is closed all the same.
+        self.device.close();
     }
 
     fn period(&self) -> Duration {
@@ -274,13 +282,15 @@ impl BridgePeer {
             if self.session.is_some() {
                 return self.tell(from, id, number, Body::End(EndReason::Busy));
             }
-            if self.has_failed {
-                let _ = self.device.close();
-                if self.device.open().is_err() {
-                    return self.tell(from, id, number, Body::End(EndReason::DeviceFailed));
-                }
-                self.has_failed = false;
+            // A hello that came late, or twice. Forces that are still under way would count as new.
+            if self.ended == Some((id, from)) {
+                add_one(&self.monitor.counters().other_session);
+                return self.tell(from, id, number, Body::End(EndReason::NoSession));
             }
+            if !self.device.is_ready() && self.device.reopen().is_err() {
+                return self.tell(from, id, number, Body::End(EndReason::DeviceFailed));
+            }
+            self.device.begin();
             add_one(&self.monitor.counters().sessions);
             let order = Order::default();
             self.session = Some(Served { id, palpate: from, order, heard: now, shown: 0, sampled: 0 });
@@ -303,11 +313,12 @@ impl BridgePeer {
 
     /// Zero force, now.
     fn let_go(&mut self) {
-        (self.session, self.force_n) = (None, DVec3::ZERO);
-        if !(self.has_failed || self.is_closed) {
-            // If it fails, so does the next turn's.
-            let _ = self.device.write(DVec3::ZERO);
+        if let Some(session) = self.session.take() {
+            self.ended = Some((session.id, session.palpate));
         }
+        self.force_n = DVec3::ZERO;
+        // If it fails, the next turn tries again.
+        self.device.zero(self.now);
     }
 }
 

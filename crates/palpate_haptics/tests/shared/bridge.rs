@@ -17,7 +17,13 @@ pub struct Hand {
     pub reading: Result<Reading, DeviceError>,
     pub written: Result<(), DeviceError>,
     pub opened: Result<(), DeviceError>,
+    /// Whether it panics where it would give an error.
+    pub panics: bool,
     pub forces: Vec<DVec3>,
+    /// How often it was to show a force, could it or not.
+    pub writes: u32,
+    /// How often it was closed.
+    pub closes: u32,
     pub is_open: bool,
 }
 
@@ -34,7 +40,10 @@ impl TestDevice {
             reading: Ok(Reading::at(DVec3::ZERO)),
             written: Ok(()),
             opened: Ok(()),
+            panics: false,
             forces: Vec::new(),
+            writes: 0,
+            closes: 0,
             is_open: false,
         };
         let description = DeviceDescription {
@@ -69,16 +78,30 @@ impl HapticDevice for TestDevice {
         Ok(())
     }
     fn read(&mut self, _: Duration) -> Result<Reading, DeviceError> {
-        self.hand.lock().unwrap().reading
+        let (reading, panics) = {
+            let hand = self.hand.lock().unwrap();
+            (hand.reading, hand.panics)
+        };
+        assert!(reading.is_ok() || !panics, "a driver that panics while it reads");
+        reading
     }
     fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError> {
-        let mut hand = self.hand.lock().unwrap();
-        hand.written?;
-        hand.forces.push(force_n);
-        Ok(())
+        let (written, panics) = {
+            let mut hand = self.hand.lock().unwrap();
+            hand.writes += 1;
+            if hand.written.is_ok() {
+                hand.forces.push(force_n);
+            }
+            (hand.written, hand.panics)
+        };
+        // The lock is free again: others look at the hand afterwards.
+        assert!(written.is_ok() || !panics, "a driver that panics while it writes");
+        written
     }
     fn close(&mut self) -> Result<(), DeviceError> {
-        self.hand.lock().unwrap().is_open = false;
+        let mut hand = self.hand.lock().unwrap();
+        hand.closes += 1;
+        hand.is_open = false;
         Ok(())
     }
 }
