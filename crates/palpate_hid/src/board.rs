@@ -4,10 +4,12 @@
 //!
 //! The firmware of boards with reports of 14 bytes sends one report and then waits for one. So each report that is read is answered
 //! by one, with the newest force. A force for which there is no report to answer is passed over: with the next tick comes a newer
-//! one. Only one that is zero, or less than half of what is shown, does not wait; there is one such for each report at most, so that
-//! nothing piles up at the board. Where nothing has gone either way for 10 ms a zero report is sent to wake the board up, and force
-//! begins from nothing; reading [times out](palpate_haptics::DeviceError::TimedOut) from then on, until the board speaks again. Its own watchdog
-//! switches the motors off after half a second without a report, which is also how long a force may last when a program is killed.
+//! one. Only one that is zero, or less than half of what is shown, does not wait. It answers the board's next report, and until that
+//! has come there is no other such, so that nothing piles up at the board.
+//!
+//! Where nothing has gone either way for 10 ms a zero report is sent to wake the board up, and force begins from nothing; reading
+//! [times out](palpate_haptics::DeviceError::TimedOut) from then on, until the board speaks again. Its own watchdog switches the
+//! motors off after half a second without a report, which is also how long a force may last when a program is killed.
 //!
 //! Sources: forsslund/haptikfabrikenapi at b8d6c94, `src/fsusbhapticdevicethread.cpp` and `firmware/main.cpp`.
 
@@ -22,6 +24,7 @@ mod kinematics;
 mod limits;
 mod options;
 mod packet;
+mod turns;
 
 pub use calibration::{BoardCalibration, BoardHoming};
 pub use kinematics::{BoardKinematics, BoardLinkage};

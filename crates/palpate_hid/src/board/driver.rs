@@ -2,6 +2,7 @@
 
 use super::calibration::Calibrator;
 use super::limits::{Limits, is_much_less};
+use super::turns::{SILENCE, Turns};
 use super::{
     BoardBytes, BoardCalibration, BoardForm, BoardInput, BoardKinematics, BoardOptions, BoardOutput,
 };
@@ -11,8 +12,6 @@ use glam::{DQuat, DVec3};
 use palpate_haptics::{DeviceDescription, DeviceError, Reading};
 use std::time::Duration;
 
-/// Silence after which a board is woken up, and counts as silent.
-const SILENCE: Duration = Duration::from_millis(10);
 /// So often a board that has just been opened is waited for, `SILENCE` each time: it may be slow, but not for ever.
 const FIRST_WAITS: usize = 20;
 /// The first reports of a board that has just been opened may be as old as the last time that it was read: what its bus keeps, and
@@ -39,22 +38,6 @@ pub(super) struct Board {
 struct Pose {
     angles_rad: DVec3,
     is_pressed: bool,
-}
-
-/// Whose turn it is.
-#[derive(Clone, Copy, Debug, Default)]
-struct Turns {
-    /// A report has been read that is not answered yet.
-    is_owed: bool,
-    /// A force has been sent that was not asked for, since the last report.
-    is_ahead: bool,
-    /// The currents that the board shows, mA.
-    shown_ma: [i16; 3],
-    /// When a report was last read.
-    heard_at: Duration,
-    /// When one last went either way.
-    exchanged_at: Duration,
-    is_silent: bool,
 }
 
 impl Board {
@@ -93,16 +76,29 @@ impl Board {
         let angles_rad = kinematics.angles_rad(kinematics.counts(counters));
         self.newest = Some(Pose { angles_rad, is_pressed: input.is_pressed });
         self.number = self.number.saturating_add(reports);
-        let now = link.clock.now();
-        (self.turns.heard_at, self.turns.exchanged_at) = (now, now);
-        (self.turns.is_owed, self.turns.is_ahead, self.turns.is_silent) = (true, false, false);
+        self.turns.heard(reports, link.clock.now());
         Ok(true)
     }
 
+    /// Takes no notice of what has come, but that it has. Whether there was a report within [`SILENCE`].
+    fn skip(&mut self, link: &mut Link) -> Result<bool, DeviceError> {
+        let mut reports = 0;
+        link.drain(SILENCE, |_| {
+            reports += 1;
+            Understood::Nothing
+        })?;
+        if reports > 0 {
+            self.turns.heard(reports, link.clock.now());
+        } else {
+            self.turns.fell_silent();
+        }
+        Ok(reports > 0)
+    }
+
     fn send_zero(&mut self, link: &mut Link) -> Result<(), DeviceError> {
-        self.turns.exchanged_at = link.clock.now();
+        self.turns.sending(link.clock.now());
         link.write(self.zero.as_slice())?;
-        (self.turns.is_owed, self.turns.shown_ma) = (false, [0; 3]);
+        self.turns.sent([0; 3]);
         self.limits.begin_anew();
         Ok(())
     }
@@ -112,13 +108,12 @@ impl Board {
             // Only a calibration has no form of 8 bytes, and such a board is never asked for one.
             return Ok(());
         };
-        self.turns.exchanged_at = link.clock.now();
+        self.turns.sending(link.clock.now());
         link.write(report.as_slice())?;
-        self.turns.is_owed = false;
-        self.turns.shown_ma = match output {
+        self.turns.sent(match output {
             BoardOutput::Currents(currents_ma) => currents_ma,
             BoardOutput::Counters(_) => [0; 3],
-        };
+        });
         Ok(())
     }
 
@@ -157,20 +152,19 @@ impl Board {
     /// Synchronises with a board that has just been opened, at zero force.
     fn begin(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.calibrator.opening();
-        let now = link.clock.now();
-        self.turns = Turns { heard_at: now, exchanged_at: now, ..Turns::default() };
+        self.turns = Turns::begin(link.clock.now());
         (self.limits, self.number, self.newest) = (Limits::default(), 0, None);
-        link.drain(Duration::ZERO, |_| Understood::Nothing)?;
+        // Firmware that takes turns falls silent once it has nothing to take.
+        for _ in 0..FIRST_WAITS {
+            if !self.skip(link)? {
+                break;
+            }
+        }
         self.send_zero(link)?;
         let mut old = 0;
         for _ in 0..FIRST_WAITS {
-            let mut has_come = false;
-            link.drain(SILENCE, |_| {
-                has_come = true;
-                Understood::Nothing
-            })?;
-            if has_come {
-                old += 1;
+            old += usize::from(self.skip(link)?);
+            if self.turns.is_owed() {
                 self.send_zero(link)?;
             }
             if old == OLD_REPORTS {
@@ -183,22 +177,22 @@ impl Board {
                 break;
             }
             // So that an arm that is at home now is not seen to jump there.
-            self.answer_with_zero(link)?;
+            if self.turns.is_owed() {
+                self.answer_with_zero(link)?;
+            }
         }
         Ok(())
     }
 
     fn newest(&mut self, link: &mut Link) -> Result<Reading, DeviceError> {
         let drained = self.drain(link, Duration::ZERO);
-        self.turns.is_silent |= drained.is_err();
-        if !drained? {
-            let now = link.clock.now();
-            self.turns.is_silent = now.saturating_sub(self.turns.heard_at) >= SILENCE;
-            if now.saturating_sub(self.turns.exchanged_at) >= SILENCE {
-                self.send_zero(link)?;
-            }
+        if drained.is_err() {
+            self.turns.failed();
         }
-        let pose = self.newest.filter(|_| !self.turns.is_silent).ok_or(DeviceError::TimedOut)?;
+        if !drained? && self.turns.is_to_be_woken(link.clock.now()) {
+            self.send_zero(link)?;
+        }
+        let pose = self.newest.filter(|_| !self.turns.is_silent()).ok_or(DeviceError::TimedOut)?;
         Ok(Reading {
             position_m: self.options.kinematics.position_m(pose.angles_rad),
             velocity_m_per_s: None,
@@ -209,23 +203,22 @@ impl Board {
     }
 
     fn show(&mut self, link: &mut Link, force_n: DVec3) -> Result<(), DeviceError> {
-        if self.turns.is_owed && self.calibrator.is_asked() {
+        if self.turns.is_owed() && self.calibrator.is_asked() {
             return self.answer_with_zero(link);
         }
         if !force_n.is_finite() {
             self.limits.begin_anew();
         }
         let currents_ma = self.currents_ma(force_n);
-        if self.turns.is_owed {
+        if self.turns.is_owed() {
             self.send(link, BoardOutput::Currents(currents_ma))?;
             if let Some(pose) = self.newest.filter(|_| self.calibrator.is_done()) {
                 self.limits.taken(&self.options, pose.angles_rad);
             }
             link.note_force();
-        } else if !self.turns.is_ahead && is_much_less(currents_ma, self.turns.shown_ma) {
+        } else if self.turns.may_go_ahead() && is_much_less(currents_ma, self.turns.shown_ma) {
             self.send(link, BoardOutput::Currents(currents_ma))?;
-            self.turns.is_ahead = true;
-        } else if self.turns.is_silent && force_n != DVec3::ZERO {
+        } else if self.turns.is_silent() && force_n != DVec3::ZERO {
             return Err(DeviceError::TimedOut);
         }
         Ok(())
@@ -237,7 +230,9 @@ impl Board {
             if !self.drain(link, SILENCE)? {
                 break;
             }
-            self.send_zero(link)?;
+            if self.turns.is_owed() {
+                self.send_zero(link)?;
+            }
         }
         Ok(())
     }

@@ -4,11 +4,16 @@ use super::{BoardHoming, BoardKinematics, BoardLinkage};
 use crate::HidError;
 
 /// What can be set for a 3-DOF board.
+///
+/// Whatever is set, there is no force before the board knows where its arm is: see [`BoardHoming`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoardOptions {
-    /// Which linkage the arm has.
+    /// Which linkage the arm has. A board cannot tell: a Polhem 2 or 3 has the same numbers on USB as a WoodenHaptics and the same
+    /// reports, so that whoever has one must name its linkage here. Then it is refused; taken for a WoodenHaptics its positions
+    /// and the directions of its forces would be wrong.
     pub linkage: BoardLinkage,
-    /// Its sizes, motors and home.
+    /// Its sizes, motors and home. Those of a WoodenHaptics of 2015 unless you say otherwise; an AluHaptics and a Polhem 1 have their
+    /// own.
     pub kinematics: BoardKinematics,
     /// What is believed of its counters when it is opened.
     pub homing: BoardHoming,

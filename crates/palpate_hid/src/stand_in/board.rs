@@ -6,6 +6,7 @@ use super::Firmware;
 use crate::{BoardForm, BoardInput, BoardKinematics, BoardOutput, HidInfo, Usage};
 use arm::Arm;
 use glam::DVec3;
+use std::collections::VecDeque;
 use std::fmt;
 
 /// Silence after which the motors are switched off, s.
@@ -38,8 +39,8 @@ pub struct BoardFirmware {
     are_motors_on: bool,
     silent_s: f64,
     turn: Turn,
-    /// A report that came before its own was fetched.
-    early: Option<BoardOutput>,
+    /// Reports that came before its own was fetched, oldest first.
+    early: VecDeque<BoardOutput>,
     exchanged: u64,
     felt_n: DVec3,
     noise: u32,
@@ -81,7 +82,8 @@ impl BoardFirmware {
             are_motors_on: false,
             silent_s: 0.0,
             turn: Turn::Speaks,
-            early: None,
+            // Room, so that nothing is allocated while it runs.
+            early: VecDeque::with_capacity(64),
             exchanged: 0,
             felt_n: DVec3::ZERO,
             noise: 0,
@@ -167,7 +169,8 @@ impl BoardFirmware {
         let here = self.signed_counts();
         self.base = [here[0], here[1], here[2], 0, 0, 0];
         (self.currents_ma, self.are_motors_on, self.asks) = ([0; 3], false, false);
-        (self.turn, self.early, self.silent_s) = (Turn::Speaks, None, 0.0);
+        (self.turn, self.silent_s) = (Turn::Speaks, 0.0);
+        self.early.clear();
     }
 
     /// Time goes by, s, and nobody sends a report.
@@ -184,6 +187,12 @@ impl BoardFirmware {
     #[must_use]
     pub fn exchanged(&self) -> u64 {
         self.exchanged
+    }
+
+    /// Reports that have come and that it has not taken yet.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.early.len()
     }
 
     /// Force of the motors on the hand when the last report was taken, N.
@@ -273,7 +282,7 @@ impl Firmware for BoardFirmware {
         room.copy_from_slice(input.as_slice());
         let length = room.len();
         self.turn = Turn::Listens;
-        if let Some(early) = self.early.take() {
+        if let Some(early) = self.early.pop_front() {
             self.take(early);
         }
         length
@@ -283,8 +292,8 @@ impl Firmware for BoardFirmware {
         let Ok(output) = BoardOutput::parse(self.form, report) else { return false };
         match self.turn {
             Turn::Listens => self.take(output),
-            // It reads all that has come, and the newest counts.
-            Turn::Speaks => self.early = Some(output),
+            // It takes one for each that it sends; the rest waits.
+            Turn::Speaks => self.early.push_back(output),
         }
         true
     }

@@ -5,7 +5,7 @@ use glam::DVec3;
 use palpate_haptics::*;
 use palpate_hid::*;
 use proptest::{collection, prelude::*};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -141,6 +141,107 @@ fn a_slow_board_gets_one_report_for_each_of_its_own() {
     }
     let taken = bench.board(|it| it.exchanged()) - exchanged;
     assert!((45..=55).contains(&taken) && greatest_ahead <= 1, "{taken} {greatest_ahead}");
+}
+
+/// A board on a bus that takes its time: a report every so many milliseconds.
+struct Paced {
+    board: Arc<Mutex<BoardFirmware>>,
+    ms: Arc<AtomicU64>,
+    period_ms: u64,
+    next_ms: u64,
+}
+
+impl Firmware for Paced {
+    fn input(&mut self, report: &mut [u8]) -> usize {
+        let now_ms = self.ms.load(Ordering::Relaxed);
+        let length = if now_ms < self.next_ms { 0 } else { self.board.input(report) };
+        if length > 0 {
+            self.next_ms = now_ms + self.period_ms;
+        }
+        length
+    }
+    fn output(&mut self, report: &[u8]) -> bool {
+        self.board.output(report)
+    }
+}
+
+#[test]
+fn forces_that_nobody_asked_for_do_not_pile_up_at_a_slow_board() {
+    let mut bench = Bench::new(at_home(BoardForm::Bytes14).calibrated(), kept());
+    let paced = Paced { board: bench.firmware.clone(), ms: bench.ms.clone(), period_ms: 4, next_ms: 0 };
+    bench.bus.plug(bench.board(|it| it.info(PATH)), bench.board(|it| it.descriptor()), paced);
+    bench.device().open().unwrap();
+    // Before its first report there is nothing to be read.
+    for _ in 0..8 {
+        bench.pass_ms(1);
+        let _ = bench.device().read(Duration::ZERO);
+        let _ = bench.device().write(DVec3::ZERO);
+    }
+    bench.ticks(200, DVec3::X);
+    let (mut most, mut shown) = (0, 0);
+    for _ in 0..50 {
+        // Less than half, which does not wait until it is asked for; then all of it, which does.
+        for force_n in [0.4 * DVec3::X, DVec3::X] {
+            for _ in 0..12 {
+                bench.tick(force_n);
+                most = most.max(bench.board(|it| it.waiting()));
+            }
+            shown += u32::from((bench.felt_n() - force_n).length() < ROUNDING_N);
+        }
+    }
+    assert!(most == 1 && shown == 100, "{most} reports waited at the board, {shown} forces were shown");
+    assert_eq!(bench.board(|it| it.waiting()), 0);
+}
+
+#[test]
+fn a_board_of_which_a_report_is_lost_is_answered_again() {
+    let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), kept());
+    bench.ticks(40, DVec3::X);
+    assert!(bench.board(|it| it.input(&mut [0; 64])) > 0);
+    for _ in 0..25 {
+        bench.pass_ms(1);
+        let _ = bench.device().read(Duration::ZERO);
+        let _ = bench.device().write(DVec3::X);
+    }
+    bench.ticks(10, DVec3::X);
+    assert!((bench.felt_n() - DVec3::X).length() < ROUNDING_N, "{}", bench.felt_n());
+    assert_eq!(bench.board(|it| it.waiting()), 0);
+}
+
+/// A bus that brings one report at a time, the first when it has been asked twice.
+struct OneByOne {
+    board: Arc<Mutex<BoardFirmware>>,
+    comes_next: bool,
+}
+
+impl Firmware for OneByOne {
+    fn input(&mut self, report: &mut [u8]) -> usize {
+        let length = if self.comes_next { self.board.input(report) } else { 0 };
+        self.comes_next = length == 0;
+        length
+    }
+    fn output(&mut self, report: &[u8]) -> bool {
+        self.board.output(report)
+    }
+}
+
+#[test]
+fn nothing_waits_at_a_board_that_has_been_opened_whoever_was_to_speak() {
+    for form in BoardForm::ALL {
+        for is_listening in [false, true] {
+            let mut bench = Bench::new(at_home(form), homed());
+            if is_listening {
+                assert!(bench.board(|it| it.input(&mut [0; 64])) > 0);
+            }
+            let one = OneByOne { board: bench.firmware.clone(), comes_next: false };
+            bench.bus.plug(bench.board(|it| it.info(PATH)), bench.board(|it| it.descriptor()), one);
+            bench.device().open().unwrap();
+            bench.ticks(3, DVec3::ZERO);
+            assert_eq!(bench.board(|it| it.waiting()), 0, "{form:?} {is_listening}");
+            bench.ticks(40, DVec3::X);
+            assert!((bench.felt_n() - DVec3::X).length() < ROUNDING_N, "{form:?} {is_listening}");
+        }
+    }
 }
 
 /// What a broken board may send.
