@@ -14,7 +14,11 @@
 //! }
 //!
 //! fn setup(mut commands: Commands, mut devices: ResMut<HapticDevices>) {
-//!     devices.register("hand", || Ok(ScriptedDevice::new(|n, _| Ok(Reading::at(DVec3::Y * (0.056 - 2e-5 * n as f64))))));
+//!     // A hand that presses 5 mm deep and leaves, twice in some four seconds.
+//!     devices.register("hand", || {
+//!         let height_m = |n: u64| 0.055 + 0.01 * (3e-3 * n as f64).cos();
+//!         Ok(ScriptedDevice::new(move |n, _| Ok(Reading::at(DVec3::Y * height_m(n)))))
+//!     });
 //!     commands.spawn((
 //!         DeformableBody::block([6, 6, 6], 0.1),
 //!         Tissue { youngs_modulus_pa: 20e3, ..default() },
