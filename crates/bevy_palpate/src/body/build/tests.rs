@@ -14,7 +14,9 @@ impl Gate {
     fn open(&self) {
         let mut gate = self.0.lock().unwrap();
         gate.0 = true;
-        gate.1.take().map(Waker::wake);
+        if let Some(waker) = gate.1.take() {
+            waker.wake();
+        }
     }
 
     async fn passed(self) {
