@@ -41,7 +41,10 @@ impl MeshFile {
     ///
     /// # Errors
     /// [`MeshFileError`] when there is no such file, it is no glTF, or it holds no triangles.
-    #[expect(clippy::disallowed_methods, reason = "a file is waited for before the app that has loops begins")]
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "a file is waited for before the app that has loops begins"
+    )]
     pub fn read(path: &Path, only: Option<usize>) -> Result<Self, MeshFileError> {
         let refused = |why: String| MeshFileError(format!("{}: {why}", path.display()));
         let is_gltf = path
