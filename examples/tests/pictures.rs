@@ -106,7 +106,7 @@ const SCENES: [Scene; 6] = [
     Scene {
         name: "your_mesh",
         args: &[concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/meshes/organ.glb")],
-        at_s: "0.3,0.75",
+        at_s: "0.5,0.75",
         gizmos: "1",
         has: &[("body", body, 8_000), ("tool", first_tool, 100), ("title", title, 150)],
     },
