@@ -7,10 +7,9 @@ use palpate_hid::{
     BoardFirmware, BoardForm, BoardKinematics, BoardOptions, Firmware, HidInfo, HidOptions,
     SpaceMouseOptions, StandInBus, Usage,
 };
-use palpate_tests::app::{listen, take_faults};
+use palpate_tests::app::{listen, take_faults, update_until};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
 /// A cap that while it is told to is pushed down, and up again, and down: a machine so busy that the app sleeps through one touch
 /// sees the next.
@@ -70,18 +69,6 @@ fn scene(choice: HidChoice) -> (App, Arc<StandInBus>, Entity) {
     let tool = HapticTool { device: DeviceSelector::Hid(choice), ..default() };
     let tool = app.world_mut().spawn((tool, ToolSettings { frame, ..default() })).id();
     (app, bus, tool)
-}
-
-#[expect(clippy::disallowed_methods, reason = "a test of threads has to wait for them")]
-fn update_until(app: &mut App, what: &str, mut done: impl FnMut(&mut App) -> bool) {
-    for _ in 0..4000 {
-        app.update();
-        if done(app) {
-            return;
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    panic!("it did not happen within twenty seconds: {what}");
 }
 
 fn fault(app: &mut App, part: &str) -> bool {

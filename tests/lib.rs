@@ -102,6 +102,22 @@ pub mod app {
         }
     }
 
+    /// Updates an app whose loops are on threads until `done`, for twenty seconds at most.
+    ///
+    /// # Panics
+    /// When it is not done by then.
+    #[expect(clippy::disallowed_methods, reason = "a test of threads has to wait for them")]
+    pub fn update_until(app: &mut App, what: &str, mut done: impl FnMut(&mut App) -> bool) {
+        for _ in 0..4000 {
+            app.update();
+            if done(app) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        panic!("it did not happen within twenty seconds: {what}");
+    }
+
     /// A hand that comes down from 2 mm above the top of a 10 cm block, presses 6 mm deep and leaves, 1.2 s.
     #[must_use]
     pub fn pressing_hand() -> ScriptedDevice {

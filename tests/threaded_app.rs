@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{ModelStepCount, SimulatedBody, TickRecording, ToolLoop};
 use palpate_haptics::{DeviceDescription, DeviceError, TickRecord};
-use palpate_tests::app::{Contacts, listen, take_faults};
+use palpate_tests::app::{Contacts, listen, take_faults, update_until};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -54,19 +54,6 @@ fn scene() -> (App, Hand, Entity) {
     let tool = HapticTool { device: DeviceSelector::named("hand"), ..default() };
     let tool = app.world_mut().spawn(tool).id();
     (app, hand, tool)
-}
-
-/// Updates the app until `done`, for twenty seconds at most.
-#[expect(clippy::disallowed_methods, reason = "a test of threads has to wait for them")]
-fn update_until(app: &mut App, what: &str, mut done: impl FnMut(&mut App) -> bool) {
-    for _ in 0..4000 {
-        app.update();
-        if done(app) {
-            return;
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    panic!("it did not happen within twenty seconds: {what}");
 }
 
 fn force(app: &App, tool: Entity) -> f64 {

@@ -1,10 +1,9 @@
 //! Bytes in text files: hexadecimal numbers, comments after `#`, parts that begin with a name in brackets.
 
-/// The bytes of a text without parts.
-pub fn bytes(text: &str) -> Vec<u8> {
-    let words = text.lines().flat_map(|line| without_comment(line).split_whitespace());
-    words.map(|word| u8::from_str_radix(word, 16).unwrap()).collect()
-}
+#[path = "../shared/bytes.rs"]
+mod shared;
+
+pub use shared::bytes;
 
 /// The lines of the part `name`.
 pub fn part(text: &str, name: &str) -> Vec<String> {
