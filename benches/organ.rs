@@ -1,7 +1,8 @@
 //! What the user of an organ of 10,000 vertices waits for and pays: the time from its GLB file to the first touch, the time of
-//! palpate's own systems in every frame on the main thread, and the deadlines that the loop misses meanwhile.
+//! palpate's own systems in every frame on the main thread, and the deadlines that the loop misses meanwhile, beside those that it
+//! misses when there is no body.
 //!
-//! `cargo bench -p palpate_benches --bench organ`: one run of ten seconds after the first touch.
+//! `cargo bench -p palpate_benches --bench organ`: one run of ten seconds after the first touch, and ten more without the organ.
 
 use bevy::app::ScheduleRunnerPlugin;
 use bevy::diagnostic::{DiagnosticPath, DiagnosticsPlugin, DiagnosticsStore};
@@ -17,7 +18,7 @@ use std::time::Duration;
 
 /// Frames a second.
 const FRAMES: f64 = 60.0;
-/// How long it is touched, s.
+/// How long it is touched, and how long the loop then runs without it, s.
 const SECONDS: f64 = 10.0;
 /// The force at which the hand stops going down, N.
 const ENOUGH_N: f64 = 1.0;
@@ -40,7 +41,7 @@ fn main() -> AppExit {
         ))
         .init_resource::<Run>()
         .add_systems(Startup, setup)
-        .add_systems(Last, (note, end).chain())
+        .add_systems(Last, (note, take_away, end).chain())
         .run()
 }
 
@@ -52,6 +53,8 @@ struct Run {
     frame_ms: Vec<f64>,
     step_ms: Vec<f64>,
     steps: u64,
+    /// Ticks and missed deadlines when the organ was taken away, and when that was, s.
+    alone: Option<(u64, u64, f64)>,
 }
 
 fn setup(mut commands: Commands, assets: Res<AssetServer>, mut devices: ResMut<HapticDevices>) {
@@ -89,7 +92,7 @@ fn note(
     if tools.iter().any(|force| force.force_n.length() > 0.0) {
         run.touched_s.get_or_insert(now);
     }
-    if run.touched_s.is_none() {
+    if run.touched_s.is_none() || run.alone.is_some() {
         return;
     }
     let newest = |path: &DiagnosticPath| diagnostics.get(path).and_then(|diagnostic| diagnostic.value());
@@ -99,27 +102,27 @@ fn note(
     }
 }
 
+/// After so many seconds says what they were like, and takes the organ away.
 #[expect(clippy::print_stdout, reason = "what a bench is for")]
-fn end(
+fn take_away(
+    mut commands: Commands,
     mut run: ResMut<Run>,
-    bodies: Query<&SimulatedBody>,
-    tools: Query<(&LoopTiming, &LocalModelError, &LocalModelBuild)>,
+    bodies: Query<(Entity, &SimulatedBody)>,
+    tool: Single<(&LoopTiming, &LocalModelError, &LocalModelBuild)>,
     time: Res<Time<Real>>,
-    mut exit: MessageWriter<AppExit>,
 ) {
     let now = time.elapsed_secs_f64();
-    if run.touched_s.is_none_or(|touched| now < touched + SECONDS) {
-        if run.touched_s.is_none() && now > 60.0 {
-            println!("not touched within a minute");
-            exit.write(AppExit::error());
-        }
+    if run.alone.is_some() || run.touched_s.is_none_or(|touched| now < touched + SECONDS) {
         return;
     }
+    let (timing, error, build) = *tool;
+    run.alone = Some((timing.ticks, timing.missed_deadlines, now));
     let Run { built_s, touched_s, frame_ms, step_ms, .. } = &mut *run;
-    for body in &bodies {
+    for (entity, body) in &bodies {
         let network = body.body().network();
         let vertices = body.closed_mesh().map_or(0, |mesh| mesh.vertices_m().len());
         println!("organ                    {vertices} vertices, {} nodes", network.node_count());
+        commands.entity(entity).despawn();
     }
     println!("from start to body       {:.2} s", built_s.unwrap_or(f64::NAN));
     println!("from start to touch      {:.2} s", touched_s.unwrap_or(f64::NAN));
@@ -128,18 +131,26 @@ fn end(
         let at = |share: f64| values.get((share * values.len() as f64) as usize).copied().unwrap_or(f64::NAN);
         println!("{name:<24} p50 {:.2} ms   p99 {:.2} ms   ({})", at(0.5), at(0.99), values.len());
     }
-    for (timing, error, build) in &tools {
-        println!("ticks                    {} and {} missed", timing.ticks, timing.missed_deadlines);
-        println!(
-            "wake-up lateness         p50 {:.0} us   p99 {:.0} us",
-            timing.lateness_p50_us, timing.lateness_p99_us
-        );
-        println!(
-            "tick cost                p50 {:.0} us   p99 {:.0} us",
-            timing.cost_p50_us, timing.cost_p99_us
-        );
-        println!("local model              {} states, built in {:.1} ms", build.states, 1e3 * build.time_s);
-        println!("error of the last step   {:.3} %", 100.0 * error.relative.unwrap_or(f64::NAN));
+    println!("ticks                    {} and {} missed", timing.ticks, timing.missed_deadlines);
+    println!(
+        "wake-up lateness         p50 {:.0} us   p99 {:.0} us",
+        timing.lateness_p50_us, timing.lateness_p99_us
+    );
+    println!("tick cost                p50 {:.0} us   p99 {:.0} us", timing.cost_p50_us, timing.cost_p99_us);
+    println!("local model              {} states, built in {:.1} ms", build.states, 1e3 * build.time_s);
+    println!("error of the last step   {:.3} %", 100.0 * error.relative.unwrap_or(f64::NAN));
+}
+
+#[expect(clippy::print_stdout, reason = "what a bench is for")]
+fn end(run: Res<Run>, timing: Single<&LoopTiming>, time: Res<Time<Real>>, mut exit: MessageWriter<AppExit>) {
+    let now = time.elapsed_secs_f64();
+    if run.touched_s.is_none() && now > 60.0 {
+        println!("not touched within a minute");
+        exit.write(AppExit::error());
     }
-    exit.write(AppExit::Success);
+    if let Some((ticks, missed, since)) = run.alone.filter(|(_, _, since)| now >= since + SECONDS) {
+        let (ticks, missed) = (timing.ticks - ticks, timing.missed_deadlines - missed);
+        println!("without the organ        {ticks} ticks and {missed} missed in {:.1} s", now - since);
+        exit.write(AppExit::Success);
+    }
 }

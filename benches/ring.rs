@@ -1,9 +1,13 @@
-//! What each part of the ring costs on the 6 × 6 × 6 block: a loop's tick for every scheme, a model step, the
-//! building of a local model. Run with `cargo bench -p palpate_benches`.
+//! What each part of the ring costs on blocks of nodes and on a mesh: a loop's tick for every scheme, a model step, the building
+//! of a local model. Run with `cargo bench -p palpate_benches`.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
-use palpate_body::{Block, Body, Face, SemiImplicitEuler, ToolContact, ToolPoint, ToolShape, UniformLattice};
+use palpate_benches::lump;
+use palpate_body::{
+    Block, Body, CellLattice, CellSize, ClosedMesh, Face, SemiImplicitEuler, Tissue, ToolContact, ToolPoint,
+    ToolShape, UniformLattice,
+};
 use palpate_haptics::{LoopConfig, LoopSettings, Reading, haptic_loop};
 use palpate_local::{LocalModel, ModelId, Scheme};
 use palpate_reduce::{BuilderOptions, LocalIntegrator, LocalModelBuilder};
@@ -18,6 +22,22 @@ fn held_block(nodes: usize) -> (Body, ToolContact, ToolPoint) {
     let at = ToolPoint::at_rest(body.positions_m()[node]);
     let contact = ToolContact::hold(&body, node, at.position_m).expect("the node is free");
     (body, contact, at)
+}
+
+/// A lump of 10,000 vertices that a sphere is pressed into from above by 3 mm.
+fn touched_lump() -> (Body, ToolContact, ToolPoint) {
+    let (at, triangles) = lump(10_000);
+    let top = at.iter().copied().max_by(|a, b| a.y.total_cmp(&b.y)).expect("there are vertices");
+    let mesh = ClosedMesh::new(at, triangles).expect("the lump is closed");
+    let lattice = CellLattice::fit(&mesh, CellSize::Along(10)).expect("the cells fit");
+    let made = lattice.allow_free().tissue(&Tissue::default()).expect("the lump is a good one");
+    let mut body = Body::new(made.network, made.surface).expect("the surface is its own");
+    let shape = ToolShape::Sphere { radius_m: 0.005 };
+    let mut contact = ToolContact::touch(shape, 0.3).expect("a good tool");
+    let path: Vec<ToolPoint> =
+        (0..=50).map(|i| ToolPoint::at_rest(top + DVec3::Y * (0.005 - 6e-5 * f64::from(i)))).collect();
+    body.advance(Some((&mut contact, &path)), 50, SemiImplicitEuler::default()).expect("it is stable");
+    (body, contact, path[50])
 }
 
 /// A whole tick of the loop, exchange and safety chain included, with the local model of `scheme`.
@@ -88,6 +108,17 @@ fn model_steps(c: &mut Criterion) {
             });
         }
     }
+    let (body, contact, at) = touched_lump();
+    let mut builder = LocalModelBuilder::new(&body, BuilderOptions::of(&body)).expect("good options");
+    let mut model = LocalModel::silent(builder.capacity());
+    let mut build = || {
+        let scheme = Scheme::NearFieldExact;
+        builder.build(scheme, black_box(&body), &contact, at, ModelId::default(), &mut model)
+    };
+    let report = build().expect("there is room");
+    let (nodes, states) = (body.network().node_count(), report.states);
+    let name = format!("build near-field-exact of {states} states, a mesh with {nodes} nodes, touched");
+    group.bench_function(name, |b| b.iter(&mut build));
 }
 
 criterion_group! { name = benches; config = Criterion::default().sample_size(20); targets = ticks, model_steps }

@@ -12,8 +12,8 @@ use crate::{
 use glam::DVec3;
 use palpate_laws::one_sided;
 
-/// When a slice of the replay has asked contacts for that many impulses it is over: that is a quarter of a millisecond.
-const MOST_ANSWERS: usize = 500;
+/// When a slice of the replay has taken that many multiplications it is over: that is about a quarter of a millisecond.
+const MOST_WORK: usize = 600_000;
 
 /// Sizes and rates of a hand-over, fixed at construction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,8 +24,8 @@ pub struct HandOverSettings {
     pub capacity: Capacity,
     /// Samples kept for replay.
     pub history: usize,
-    /// Missed samples replayed into a new model in one tick, at most; the samples of the tick itself come on top,
-    /// so that a model always catches up.
+    /// Missed samples replayed into a new model in one tick, at most, and fewer where they take more than about a quarter of a
+    /// millisecond; the samples of the tick itself come on top, so that a model always catches up.
     pub replay_per_tick: usize,
     /// Cut-off of the low-pass of [`Scheme::LowPass`], Hz.
     pub cutoff_hz: f64,
@@ -348,10 +348,11 @@ impl HandOver {
         if !model.has_state() {
             return Ok(Some(0));
         }
-        let mut answers = 0;
+        let mut work: usize = 0;
         for i in 0..budget {
-            // Where contacts are hard to solve a slice is shorter; but one more than came, or it would never catch up.
-            let is_enough = answers > MOST_ANSWERS && i > self.fresh;
+            // Where a tick is dear, or contacts are hard to solve, a slice is shorter; but one more than came, or it would never
+            // catch up.
+            let is_enough = work > MOST_WORK && i > self.fresh;
             if next > newest || is_enough {
                 break;
             }
@@ -360,7 +361,7 @@ impl HandOver {
                 return Err(LocalModelError::TooOld { model: model.id.sequence, oldest });
             };
             state.advance(model, sample, self.settings.tick_s);
-            answers += state.answers(model);
+            work = work.saturating_add(state.work(model));
             next = next.saturating_add(1);
             replayed += 1;
         }

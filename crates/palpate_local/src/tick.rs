@@ -21,6 +21,9 @@ pub struct LocalState {
     near: NearState,
 }
 
+/// What a contact answers to is worth so many multiplications.
+const ANSWER: usize = 1200;
+
 impl LocalState {
     /// Room for `capacity`.
     #[must_use]
@@ -113,9 +116,13 @@ impl LocalState {
         model.scheme == Scheme::NearFieldExact && model.near.nodes > 0 && self.near.is_unsolved()
     }
 
-    /// How often contacts were asked for an impulse at the last sample.
-    pub(crate) fn answers(&self, model: &LocalModel) -> usize {
-        if model.scheme == Scheme::NearFieldExact && model.near.nodes > 0 { self.near.answers() } else { 0 }
+    /// About how many multiplications the last tick took.
+    pub(crate) fn work(&self, model: &LocalModel) -> usize {
+        if model.scheme != Scheme::NearFieldExact {
+            return 3 * model.reduced.order * model.reduced.order;
+        }
+        let contacts = ANSWER * self.near.answers();
+        if model.near.nodes > 0 { model.near.multiplications().saturating_add(contacts) } else { 0 }
     }
 
     /// Energy of the whole body as `model` has it in this state, J; `None` for schemes that know none.

@@ -2,7 +2,12 @@
 
 mod basis;
 mod estimate;
+mod implicit;
+mod ring;
+mod room;
 mod support;
+
+pub(crate) use room::capacity;
 
 use crate::{BuilderOptions, ReduceError};
 use basis::Basis;
@@ -18,10 +23,8 @@ use palpate_body::{
     TouchedPoint,
 };
 use palpate_local::{
-    LocalModel, LocalModelError, NearEnd, NearField, NearFieldCapacity, NearPoint, NearSpring, NearTriangle,
-    Support, TickIntegrator,
+    LocalModel, LocalModelError, NearEnd, NearField, NearPoint, NearSpring, NearTriangle, TickIntegrator,
 };
-use std::collections::BTreeSet;
 use support::SupportSet;
 
 /// How the loop integrates the ticks of a near field.
@@ -118,12 +121,7 @@ impl Workspace {
         field.clear();
         self.support.clear();
         let room = field.capacity();
-        let touched: BTreeSet<usize> =
-            contact.touched().iter().flat_map(|t| t.nodes.iter().map(|n| n.0)).collect();
-        // A large tool touches more than S has room for otherwise, and what is beside that comes next.
-        let nodes = options.support_nodes.max(2 * touched.len() + 1).min(room.nodes);
-        let order_limit = options.order_limit.max(if nodes > options.support_nodes { 4 * nodes } else { 0 });
-        let options = &BuilderOptions { order_limit, ..*options };
+        let (nodes, order) = room::limits(contact, options, room);
         let tree = contact.shape().map(|_| {
             let tree = self.tree.get_or_insert_with(|| SurfaceTree::new(body));
             tree.refit(body);
@@ -136,7 +134,7 @@ impl Workspace {
         self.support.extend(&support.nodes);
         body.internal_forces_n(&mut self.internal_n);
         self.collect_outer_forces(body, others);
-        let basis = self.basis(body, tangent, &support, options, room.order)?;
+        let basis = self.basis(body, tangent, &support, options, order)?;
         self.write(moment, &support, &basis, field).inspect_err(|_| field.clear())?;
         // Along which the tool pushes or moves.
         let direction = contact.normal().or(tool.velocity_m_per_s.try_normalize()).unwrap_or(DVec3::Z);
@@ -168,14 +166,14 @@ impl Workspace {
         others.iter().for_each(|other| other.add_force_n(&mut self.outer_n));
     }
 
-    /// V: the static response, its high-frequency end, the responses at the shifts, v_N, and the static correction.
+    /// V of `most` columns at most: the static response, its high-frequency end, the responses at the shifts, v_N, and the static correction.
     fn basis(
         &mut self,
         body: &Body,
         tangent: &Tangent,
         support: &SupportSet,
         options: &BuilderOptions,
-        room: usize,
+        most: usize,
     ) -> Result<Basis, ReduceError> {
         let network = body.network();
         let free: Vec<usize> = support.nodes.iter().filter_map(|&node| network.free_index(node)).collect();
@@ -196,7 +194,7 @@ impl Workspace {
                 }
             }
         }
-        let mut basis = Basis::new(network, &is_support);
+        let mut basis = Basis::new(network, &is_support, most);
         for (index, &node) in network.free().iter().enumerate().filter(|(index, _)| !is_support[*index]) {
             let force = self.internal_n[node] + self.outer_n[node];
             (0..3).for_each(|axis| static_rhs[(3 * index + axis, coupled)] = force[axis]);
@@ -224,18 +222,28 @@ impl Workspace {
             Ok(())
         };
         // What matters most comes first, for there may not be room for all.
+        let tolerance = options.basis_tolerance;
         let coupling = static_rhs.subcols(0, coupled).to_owned();
         solve(0.0, &mut static_rhs)?;
-        basis.take(&static_rhs);
+        let response = basis.weighted(static_rhs.as_ref());
+        basis.take(response.clone(), tolerance);
         let v = body.velocities_m_per_s();
-        basis.take(&Mat::from_fn(unknowns, 1, |dof, _| v[network.free()[dof / 3]][dof % 3]));
+        let velocity = Mat::from_fn(unknowns, 1, |dof, _| v[network.free()[dof / 3]][dof % 3]);
+        basis.take(basis.weighted(velocity.as_ref()), tolerance);
         for shift_hz in options.shifts_hz.into_iter().flatten() {
-            let mut response = coupling.clone();
-            solve(std::f64::consts::TAU * shift_hz, &mut response)?;
-            basis.take(&response);
+            if basis.room() == 0 {
+                break;
+            }
+            // What a shift adds is A⁻¹(σ²M + σB) times the static response: most for those motions of S that move most mass.
+            let few = (basis.room() < coupled)
+                .then(|| basis::leading_inputs(response.subcols(0, coupled), basis.room()))
+                .flatten();
+            let mut shifted = few.map_or_else(|| coupling.clone(), |few| &coupling * few);
+            solve(std::f64::consts::TAU * shift_hz, &mut shifted)?;
+            basis.take(basis.weighted(shifted.as_ref()), tolerance);
         }
-        basis.take(&coupling);
-        basis.orthonormalise(options.basis_tolerance, options.order_limit.min(room));
+        basis.take(basis.weighted(coupling.as_ref()), tolerance);
+        basis.finish();
         Ok(basis)
     }
 
@@ -352,7 +360,7 @@ impl Workspace {
         }
         .unwrap_or(TickIntegrator::Implicit { substeps: IMPLICIT_SUBSTEPS });
         if let TickIntegrator::Implicit { substeps } = field.integrator {
-            make_implicit(field, field.tick_s / f64::from(substeps))?;
+            implicit::make_implicit(field, field.tick_s / f64::from(substeps))?;
         }
         Ok(())
     }
@@ -370,7 +378,8 @@ impl Workspace {
         let support = SupportSet::driven(node);
         body.internal_forces_n(&mut self.internal_n);
         self.collect_outer_forces(body, others);
-        let basis = self.basis(body, tangent, &support, options, model.reduced.capacity())?;
+        let basis =
+            self.basis(body, tangent, &support, options, options.order_limit.min(model.reduced.capacity()))?;
         let (p, h, r) = (basis.order(), options.tick_s, &mut model.reduced);
         (r.order, r.step_s) = (p, h);
         let (x, v) = (body.positions_m(), body.velocities_m_per_s());
@@ -404,31 +413,6 @@ impl Workspace {
     }
 }
 
-/// The room that near fields of `body` with support sets of `nodes` and bases of `order` need.
-pub(crate) fn capacity(body: &Body, nodes: usize, order: usize) -> NearFieldCapacity {
-    let network = body.network();
-    let degree = network.free().iter().map(|&node| network.incident_links(node).len()).max().unwrap_or(0);
-    let springs = (nodes * degree).min(network.links().len());
-    let surface = &body.surface().points;
-    let points = if surface.iter().all(|point| point.nodes().len() == 1) {
-        nodes
-    } else {
-        surface.len().min(POINTS_OF_A_NODE * nodes)
-    };
-    NearFieldCapacity {
-        nodes,
-        order: order.min(3 * network.free().len()),
-        ring: springs.min(network.free().len()),
-        springs,
-        points,
-        // Of a closed surface twice as many as points, and those of a few more where it is open or sharp.
-        triangles: 4 * points,
-    }
-}
-
-/// Where cells carry the surface, so many points of it for each node of S have room.
-const POINTS_OF_A_NODE: usize = 8;
-
 fn factorise(
     symbolic: &SymbolicLlt<usize>,
     pattern: SymbolicSparseColMatRef<'_, usize>,
@@ -439,98 +423,4 @@ fn factorise(
         LltError::Numeric(NonPositivePivot { index }) => ReduceError::Singular { pivot: index },
         LltError::Generic(_) => ReduceError::Symbolic { unknowns: matrix.ncols() },
     })
-}
-
-/// Writes the tangent of all of z, the factor of M/h + B + h K for steps of `h`, and what impulses on S do, into `field`.
-fn make_implicit(field: &mut NearField, h: f64) -> Result<(), ReduceError> {
-    let (s, p, n) = (3 * field.nodes, field.order, field.unknowns());
-    let (mut k, mut b) = (vec![0.0; n * n], vec![0.0; n * n]);
-    for i in 0..p {
-        for j in 0..p {
-            k[(s + i) * n + s + j] = field.stiffness[i * p + j];
-            b[(s + i) * n + s + j] = field.damping[i * p + j];
-        }
-    }
-    for near in &field.near[..field.springs] {
-        let at = match near.b {
-            NearEnd::Support(i) => field.node_m[i],
-            NearEnd::Ring(i) => field.ring_m[i],
-            NearEnd::Fixed(x) => x,
-        };
-        // Made positive semidefinite, for the tick has no other to fall back on.
-        let tangent = near.spring.tangent(at - field.node_m[near.a], true);
-        for (matrix, block) in [(&mut k, tangent.stiffness), (&mut b, tangent.damping)] {
-            add_near(field, near, block, matrix);
-        }
-    }
-    let is_driven = field.support == Support::Driven;
-    let mut a = vec![0.0; n * n];
-    for i in 0..n {
-        for j in 0..n {
-            // What is driven, or fixed, answers to nothing.
-            let stands = |dof: usize| dof < s && (is_driven || field.node_per_kg[dof / 3] == 0.0);
-            a[i * n + j] = match (i == j, stands(i) || stands(j)) {
-                (true, true) => 1.0,
-                (false, true) => 0.0,
-                (diagonal, false) => {
-                    let mass = if i < s { 1.0 / field.node_per_kg[i / 3] } else { 1.0 };
-                    (if diagonal { mass / h } else { 0.0 }) + b[i * n + j] + h * k[i * n + j]
-                }
-            };
-        }
-    }
-    field.factor.factorise(n, &a)?;
-    field.tangent[..n * n].copy_from_slice(&k);
-    for column in 0..s {
-        let answer = &mut field.answer[column * n..(column + 1) * n];
-        answer.fill(0.0);
-        if field.node_per_kg[column / 3] > 0.0 && !is_driven {
-            answer[column] = 1.0 / h;
-            field.factor.solve_in_place(answer);
-        }
-    }
-    // What is fixed feels no force.
-    for i in (0..field.nodes).filter(|&i| field.node_per_kg[i] == 0.0) {
-        field.velocity[3 * i..3 * i + 3].fill(0.0);
-    }
-    Ok(())
-}
-
-/// Adds the tangent `block` of a near spring to a matrix over z.
-fn add_near(field: &NearField, near: &NearSpring, block: DMat3, matrix: &mut [f64]) {
-    let (s, p, n) = (3 * field.nodes, field.order, field.unknowns());
-    let mut add = |i: usize, j: usize, value: f64| matrix[i * n + j] += value;
-    let entry = |r: usize, c: usize| block.col(c)[r];
-    for r in 0..3 {
-        for c in 0..3 {
-            add(3 * near.a + r, 3 * near.a + c, entry(r, c));
-        }
-    }
-    match near.b {
-        NearEnd::Fixed(_) => {}
-        NearEnd::Support(other) => {
-            for r in 0..3 {
-                for c in 0..3 {
-                    add(3 * other + r, 3 * other + c, entry(r, c));
-                    add(3 * near.a + r, 3 * other + c, -entry(r, c));
-                    add(3 * other + r, 3 * near.a + c, -entry(r, c));
-                }
-            }
-        }
-        NearEnd::Ring(ring) => {
-            let v = |axis: usize, j: usize| field.basis[3 * (field.ring * j + ring) + axis];
-            // block V, 3 × p.
-            let product: Vec<f64> =
-                (0..3 * p).map(|i| (0..3).map(|c| entry(i / p, c) * v(c, i % p)).sum()).collect();
-            for j in 0..p {
-                for r in 0..3 {
-                    add(3 * near.a + r, s + j, -product[r * p + j]);
-                    add(s + j, 3 * near.a + r, -product[r * p + j]);
-                }
-                for i in 0..p {
-                    add(s + i, s + j, (0..3).map(|r| v(r, i) * product[r * p + j]).sum());
-                }
-            }
-        }
-    }
 }

@@ -1,8 +1,11 @@
 //! The basis V of the far field, orthonormal in the masses.
 
-use faer::Mat;
+use faer::linalg::matmul::{matmul, triangular};
+use faer::{Accum, Mat, MatRef, Par, Side};
 use glam::{DMat3, DVec3};
 use palpate_body::{Body, Network};
+use std::ops::Range;
+use triangular::BlockStructure::{Rectangular, TriangularLower};
 
 /// Columns over the free nodes that are not in S.
 #[derive(Debug)]
@@ -13,16 +16,17 @@ pub(super) struct Basis {
     row: Vec<Option<usize>>,
     /// Of each node: its place among the free.
     free_index: Vec<Option<usize>>,
-    /// M^½ times the columns that have been taken, each of 3 × `nodes` numbers.
-    groups: Vec<Vec<Vec<f64>>>,
     /// p.
     order: usize,
-    /// V by rows, after it has been made orthonormal: 3 × `nodes` of p.
+    /// M^½ V in its first p columns, 3 × `nodes` numbers each; there is room for no more than these.
+    columns: Mat<f64>,
+    /// V by rows, once it is finished: 3 × `nodes` of p.
     rows: Vec<f64>,
 }
 
 impl Basis {
-    pub(super) fn new(network: &Network, is_support: &[bool]) -> Self {
+    /// An empty one with room for `most` columns.
+    pub(super) fn new(network: &Network, is_support: &[bool], most: usize) -> Self {
         let mut row = vec![None; is_support.len()];
         let mut nodes = Vec::new();
         for (index, &node) in network.free().iter().enumerate().filter(|(index, _)| !is_support[*index]) {
@@ -30,7 +34,8 @@ impl Basis {
             nodes.push((node, network.mass_kg()[node].sqrt()));
         }
         let free_index = (0..network.node_count()).map(|node| network.free_index(node)).collect();
-        Self { nodes, row, free_index, groups: Vec::new(), order: 0, rows: Vec::new() }
+        let columns = Mat::zeros(3 * nodes.len(), most.min(3 * nodes.len()));
+        Self { nodes, row, free_index, order: 0, columns, rows: Vec::new() }
     }
 
     /// p.
@@ -38,78 +43,82 @@ impl Basis {
         self.order
     }
 
+    /// How many more columns there is room for.
+    pub(super) fn room(&self) -> usize {
+        self.columns.ncols() - self.order
+    }
+
     /// Whether the free node of this index is not in S.
     pub(super) fn is_far(&self, index: usize) -> bool {
         self.row[index].is_some()
     }
 
-    /// Takes the columns of `matrix`, over all free degrees of freedom.
-    pub(super) fn take(&mut self, matrix: &Mat<f64>) {
-        let mut group = Vec::with_capacity(matrix.ncols());
-        for column in 0..matrix.ncols() {
-            let mut taken = Vec::with_capacity(3 * self.nodes.len());
-            for (index, _) in self.row.iter().enumerate().filter(|(_, row)| row.is_some()) {
-                let root = self.nodes[taken.len() / 3].1;
-                taken.extend((0..3).map(|axis| root * matrix[(3 * index + axis, column)]));
+    /// M^½ times the columns of `matrix`, over all free degrees of freedom, without S.
+    pub(super) fn weighted(&self, matrix: MatRef<'_, f64>) -> Mat<f64> {
+        let mut weighted = Mat::zeros(3 * self.nodes.len(), matrix.ncols());
+        for (to, from) in weighted.col_iter_mut().zip(matrix.col_iter()) {
+            let (mut to, far) =
+                (to, self.row.iter().enumerate().filter_map(|(index, row)| Some((index, (*row)?))));
+            for ((index, row), (_, root)) in far.zip(&self.nodes) {
+                (0..3).for_each(|axis| to[row + axis] = root * from[3 * index + axis]);
             }
-            group.push(taken);
         }
-        self.groups.push(group);
+        weighted
     }
 
-    /// Makes the columns orthonormal, one matrix that was taken after the other and in each the most independent first, and
-    /// leaves out those that add less than `tolerance` of their length, or come after `most`.
-    pub(super) fn orthonormalise(&mut self, tolerance: f64, most: usize) {
-        let mut done: Vec<Vec<f64>> = Vec::new();
-        for group in std::mem::take(&mut self.groups) {
-            // What is left of each column, and the square of its length.
-            let mut rest: Vec<(f64, Vec<f64>)> = Vec::new();
-            for mut column in group {
-                let length = dot(&column, &column).sqrt();
-                if length.is_finite() && length > 0.0 {
-                    column.iter_mut().for_each(|v| *v /= length);
-                    done.iter().for_each(|done| subtract(&mut column, done));
-                    rest.push((dot(&column, &column), column));
-                }
-            }
-            while done.len() < most {
-                let longest = rest.iter().enumerate().max_by(|a, b| a.1.0.total_cmp(&b.1.0)).map(|(i, _)| i);
-                let Some(longest) = longest else { break };
-                let (_, mut column) = rest.swap_remove(longest);
-                // Twice is enough.
-                done.iter().for_each(|done| subtract(&mut column, done));
-                let length = dot(&column, &column).sqrt();
-                if length < tolerance {
-                    break;
-                }
-                column.iter_mut().for_each(|v| *v /= length);
-                for (length, other) in &mut rest {
-                    subtract(other, &column);
-                    *length = dot(other, other);
-                }
-                done.push(column);
-            }
+    /// Takes weighted columns in, the most independent first, orthonormal to each other and to those before; leaves out those that
+    /// add less than `tolerance` of their length, or find no room.
+    pub(super) fn take(&mut self, weighted: Mat<f64>, tolerance: f64) {
+        if self.room() == 0 {
+            return;
         }
-        let p = done.len();
+        let lengths: Vec<f64> = weighted.col_iter().map(|column| column.norm_l2()).collect();
+        let sensible: Vec<usize> =
+            (0..lengths.len()).filter(|&j| lengths[j].is_finite() && lengths[j] > 0.0).collect();
+        let mut new = Mat::from_fn(weighted.nrows(), sensible.len(), |i, j| {
+            weighted[(i, sensible[j])] / lengths[sensible[j]]
+        });
+        self.leave_out_known(&mut new);
+        let factors = new.col_piv_qr();
+        let r = factors.thin_R();
+        let independent = (0..r.nrows()).take_while(|&i| r[(i, i)].abs() >= tolerance).count();
+        let taken = independent.min(self.room());
+        let mut q = factors.compute_thin_Q().subcols(0, taken).to_owned();
+        // A column of which little was left has in it what rounding left of those before: twice is enough.
+        self.leave_out_known(&mut q);
+        self.columns.subcols_mut(self.order, taken).copy_from(&q);
+        self.order += taken;
+    }
+
+    /// What is not along the columns that have been taken.
+    fn leave_out_known(&self, new: &mut Mat<f64>) {
+        let known = self.columns.subcols(0, self.order);
+        let mut along = Mat::zeros(self.order, new.ncols());
+        matmul(&mut along, Accum::Replace, known.transpose(), &*new, 1.0, Par::Seq);
+        matmul(new, Accum::Add, known, &along, -1.0, Par::Seq);
+    }
+
+    /// Writes V, when all that is wanted has been taken.
+    pub(super) fn finish(&mut self) {
+        let p = self.order;
         self.rows = vec![0.0; 3 * self.nodes.len() * p];
-        for (j, column) in done.iter().enumerate() {
+        for (j, column) in self.columns.subcols(0, p).col_iter().enumerate() {
             for (i, value) in column.iter().enumerate() {
                 self.rows[i * p + j] = value / self.nodes[i / 3].1;
             }
         }
-        self.order = p;
     }
 
-    /// The rows of V of `node`, 3 × p; none for a node of S or a fixed one.
-    fn rows_of(&self, node: usize) -> Option<&[f64]> {
+    /// Where the rows of V of `node` are, 3 × p; none for a node of S or a fixed one.
+    fn rows_of(&self, node: usize) -> Option<Range<usize>> {
         let first = self.row[self.free_index[node]?]?;
         let p = self.order();
-        Some(&self.rows[first * p..(first + 3) * p])
+        Some(first * p..(first + 3) * p)
     }
 
     /// Tells `found` the rows of V of `node`: axis, column, entry; zero for a node of S or a fixed one.
     pub(super) fn write_rows(&self, node: usize, mut found: impl FnMut(usize, usize, f64)) {
-        let (p, rows) = (self.order(), self.rows_of(node));
+        let (p, rows) = (self.order(), self.rows_of(node).map(|rows| &self.rows[rows]));
         for axis in 0..3 {
             (0..p).for_each(|j| found(axis, j, rows.map_or(0.0, |rows| rows[axis * p + j])));
         }
@@ -163,7 +172,7 @@ impl Basis {
     /// Takes V_iᵀ `block` of the node `node` away from `coupling`, p × 3.
     pub(super) fn subtract_coupling(&self, node: usize, block: DMat3, coupling: &mut [f64]) {
         let p = self.order();
-        let Some(rows) = self.rows_of(node) else { return };
+        let Some(rows) = self.rows_of(node).map(|rows| &self.rows[rows]) else { return };
         for j in 0..p {
             let t = block * DVec3::new(rows[j], rows[p + j], rows[2 * p + j]);
             coupling[3 * j..3 * j + 3].iter_mut().zip(t.to_array()).for_each(|(to, t)| *to -= t);
@@ -180,44 +189,82 @@ impl Basis {
         damping: &mut [f64],
     ) {
         let (p, x) = (self.order(), body.positions_m());
-        stiffness[..p * p].fill(0.0);
-        damping[..p * p].fill(0.0);
-        let mut stretch = vec![0.0; 3 * p];
+        // K V and B V by rows, as V.
+        let mut products = [vec![0.0; self.rows.len()], vec![0.0; self.rows.len()]];
+        let (mut stretch, mut force) = (vec![0.0; 3 * p], vec![0.0; 3 * p]);
         for (link, _) in body.network().links().iter().zip(is_near).filter(|(_, is_near)| !**is_near) {
-            let ends = (self.rows_of(link.a), self.rows_of(link.b));
-            match ends {
-                (None, None) => continue,
-                (Some(rows), None) | (None, Some(rows)) => stretch.copy_from_slice(rows),
-                (Some(a), Some(b)) => {
-                    stretch.iter_mut().zip(a).zip(b).for_each(|((to, a), b)| *to = b - a);
+            let ends = [(link.a, -1.0), (link.b, 1.0)].map(|(node, sign)| Some((self.rows_of(node)?, sign)));
+            match &ends {
+                [None, None] => continue,
+                [Some((rows, sign)), None] | [None, Some((rows, sign))] => {
+                    stretch.iter_mut().zip(&self.rows[rows.clone()]).for_each(|(to, v)| *to = sign * v);
+                }
+                [Some((a, _)), Some((b, _))] => {
+                    let rows = self.rows[a.clone()].iter().zip(&self.rows[b.clone()]);
+                    stretch.iter_mut().zip(rows).for_each(|(to, (a, b))| *to = b - a);
                 }
             }
             let tangent = link.spring.tangent(x[link.b] - x[link.a], clamped);
-            for (block, sum) in [(tangent.stiffness, &mut *stiffness), (tangent.damping, &mut *damping)] {
-                add(&stretch, block, sum);
+            for (block, product) in [tangent.stiffness, tangent.damping].into_iter().zip(&mut products) {
+                multiply(block, &stretch, &mut force);
+                for (rows, sign) in ends.iter().flatten() {
+                    product[rows.clone()].iter_mut().zip(&force).for_each(|(to, f)| *to += sign * f);
+                }
             }
         }
-        // The lower half has been summed.
-        for matrix in [stiffness, damping] {
+        let transposed = |rows| MatRef::from_column_major_slice(rows, p, 3 * self.nodes.len());
+        for (matrix, product) in [stiffness, damping].into_iter().zip(&products) {
+            let mut lower = Mat::<f64>::zeros(p, p);
+            let [v, kv] = [&self.rows, product].map(|rows| transposed(rows));
+            triangular::matmul(
+                &mut lower,
+                TriangularLower,
+                Accum::Replace,
+                v,
+                Rectangular,
+                kv.transpose(),
+                Rectangular,
+                1.0,
+                Par::Seq,
+            );
             for i in 0..p {
-                for j in i + 1..p {
-                    matrix[i * p + j] = matrix[j * p + i];
+                for j in 0..=i {
+                    (matrix[i * p + j], matrix[j * p + i]) = (lower[(i, j)], lower[(i, j)]);
                 }
             }
         }
     }
 }
 
-/// Adds the lower half of Gᵀ S G to a matrix; G is 3 × p and S symmetric.
-fn add(g: &[f64], s: DMat3, sum: &mut [f64]) {
+/// The leading `most` right singular vectors of `matrix`, as columns: what it makes most of.
+pub(super) fn leading_inputs(matrix: MatRef<'_, f64>, most: usize) -> Option<Mat<f64>> {
+    let n = matrix.ncols();
+    let mut gram = Mat::zeros(n, n);
+    triangular::matmul(
+        &mut gram,
+        TriangularLower,
+        Accum::Replace,
+        matrix.transpose(),
+        Rectangular,
+        matrix,
+        Rectangular,
+        1.0,
+        Par::Seq,
+    );
+    let eigen = gram.self_adjoint_eigen(Side::Lower).ok()?;
+    // Ascending.
+    Some(eigen.U().subcols(n - most.min(n), most.min(n)).to_owned())
+}
+
+/// F = S G, of 3 × p row by row.
+fn multiply(s: DMat3, g: &[f64], f: &mut [f64]) {
     let p = g.len() / 3;
     let (x, rest) = g.split_at(p);
     let (y, z) = rest.split_at(p);
-    for i in 0..p {
-        let t = s * DVec3::new(x[i], y[i], z[i]);
-        let row = &mut sum[i * p..=i * p + i];
-        for (((to, x), y), z) in row.iter_mut().zip(x).zip(y).zip(z) {
-            *to += t.x * x + t.y * y + t.z * z;
+    for (row, f) in f.chunks_exact_mut(p.max(1)).enumerate() {
+        let s = s.row(row);
+        for (((f, x), y), z) in f.iter_mut().zip(x).zip(y).zip(z) {
+            *f = s.x * x + s.y * y + s.z * z;
         }
     }
 }
@@ -228,10 +275,4 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
         sums.iter_mut().zip(a).zip(b).for_each(|((sum, a), b)| *sum += a * b);
     }
     sums.iter().sum()
-}
-
-/// Takes its part along the unit column `unit` away from `column`.
-fn subtract(column: &mut [f64], unit: &[f64]) {
-    let along = dot(column, unit);
-    column.iter_mut().zip(unit).for_each(|(v, u)| *v -= along * u);
 }

@@ -1,10 +1,11 @@
 //! How far a near field is from the body whose far field it reduces.
 
 use super::basis::Basis;
+use super::ring;
 use faer::sparse::SparseColMatRef;
 use glam::DVec3;
 use palpate_body::{Network, Tangent};
-use palpate_local::{Cholesky, NearEnd, NearField};
+use palpate_local::{Cholesky, NearField};
 
 /// The real frequency at which it is estimated, 1/s: 80 Hz, the fastest that a hand moves.
 const SIGMA: f64 = 80.0 * std::f64::consts::TAU;
@@ -64,19 +65,14 @@ pub(super) fn error_bound(
 /// (VᵀAV)⁻¹ y.
 fn reduced(field: &NearField, mut y: Vec<f64>) -> Option<Vec<f64>> {
     let p = field.order;
+    let ring = ring::project(field, |near, stretch| {
+        let tangent = near.spring.tangent(stretch, false);
+        tangent.stiffness + SIGMA * tangent.damping
+    });
     let mut a: Vec<f64> = (0..p * p).map(|i| field.stiffness[i] + SIGMA * field.damping[i]).collect();
-    (0..p).for_each(|i| a[i * p + i] += SIGMA * SIGMA);
-    for near in &field.near[..field.springs] {
-        let NearEnd::Ring(ring) = near.b else { continue };
-        let v = |j: usize| DVec3::from_slice(&field.basis[3 * (field.ring * j + ring)..][..3]);
-        let tangent = near.spring.tangent(field.ring_m[ring] - field.node_m[near.a], false);
-        let block = tangent.stiffness + SIGMA * tangent.damping;
-        for i in 0..p {
-            let t = block * v(i);
-            for j in 0..=i {
-                a[i * p + j] += t.dot(v(j));
-            }
-        }
+    for i in 0..p {
+        (0..=i).for_each(|j| a[i * p + j] += ring[(i, j)]);
+        a[i * p + i] += SIGMA * SIGMA;
     }
     let mut factor = Cholesky::with_capacity(p);
     factor.factorise(p, &a).ok()?;

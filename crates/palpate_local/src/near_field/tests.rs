@@ -1,0 +1,119 @@
+//! What is refused.
+
+use super::*;
+
+const CAPACITY: NearFieldCapacity =
+    NearFieldCapacity { nodes: 3, order: 2, ring: 2, springs: 3, points: 3, triangles: 1 };
+
+/// A triangle held by three springs.
+fn triangle() -> NearField {
+    let mut field = NearField::with_capacity(CAPACITY);
+    (field.nodes, field.order, field.ring) = (3, 2, 1);
+    (field.springs, field.points, field.triangles) = (3, 3, 1);
+    field.near[0].b = NearEnd::Ring(0);
+    field.near[1].b = NearEnd::Support(2);
+    field.point.copy_from_slice(&[0, 1, 2].map(NearPoint::node));
+    field.triangle[0] = NearTriangle { points: [0, 1, 2], longest_m: 0.1, is_touched: false };
+    field.support = Support::Touched { shape: ToolShape::Sphere { radius_m: 0.01 }, friction: 0.3 };
+    field.tick_s = 1e-3;
+    field
+}
+
+#[test]
+fn what_cannot_be_is_refused() {
+    type Spoil = fn(&mut NearField);
+    let touched = |radius_m, friction| Support::Touched { shape: ToolShape::Sphere { radius_m }, friction };
+    let poison: [(&str, Spoil); 4] = [
+        ("inverse mass, 1/kg", |f| f.node_per_kg[1] = -1.0),
+        ("nodes that are driven", |f| f.support = Support::Driven),
+        ("squares of the weights of what is held", |f| f.support = Support::Held),
+        // The only weight is on what is fixed.
+        ("squares of the weights of what is held", |f| (f.support, f.weight[0]) = (Support::Held, 1.0)),
+    ];
+    for (name, spoil) in poison {
+        let mut bad = triangle();
+        spoil(&mut bad);
+        let error = bad.validate().unwrap_err();
+        assert!(matches!(error, LocalModelError::Setting { what, .. } if what == name), "{error}");
+    }
+    for support in
+        [touched(1e-300, 0.3), touched(f64::NAN, 0.3), touched(0.01, -0.1), touched(0.01, f64::NAN)]
+    {
+        let bad = NearField { support, ..triangle() };
+        assert!(matches!(bad.validate(), Err(LocalModelError::Setting { .. })));
+    }
+}
+
+#[test]
+fn what_is_not_finite_is_found_wherever_it_is() {
+    assert_eq!(triangle().validate(), Ok(()));
+    type Spoil = fn(&mut NearField);
+    let poison: [(&str, Spoil); 12] = [
+        ("weights", |f| f.weight[2] = f64::NAN),
+        ("inverse masses", |f| f.node_per_kg[0] = f64::INFINITY),
+        ("basis", |f| f.basis[5] = f64::NAN),
+        ("far stiffness", |f| f.stiffness[3] = f64::NAN),
+        ("far damping", |f| f.damping[0] = f64::NAN),
+        ("far force", |f| f.force[10] = f64::NAN),
+        ("near-field velocity", |f| f.velocity[0] = f64::NAN),
+        ("places of S", |f| f.node_m[1].x = f64::NAN),
+        ("places of the ring", |f| f.ring_m[0].y = f64::NAN),
+        ("ends of near springs", |f| f.near[2].b = NearEnd::Fixed(DVec3::NAN)),
+        ("weights of the surface", |f| f.point[1].nodes[0].1 = f64::NAN),
+        ("step", |f| f.tick_s = 0.0),
+    ];
+    for (what, spoil) in poison {
+        let mut bad = triangle();
+        spoil(&mut bad);
+        assert_eq!(bad.validate(), Err(LocalModelError::NotFinite { what }));
+    }
+    // What is not in use may be anything.
+    let mut unused = triangle();
+    unused.basis[6] = f64::NAN;
+    unused.tangent[0] = f64::NAN;
+    assert_eq!(unused.validate(), Ok(()));
+}
+
+#[test]
+fn wrong_sizes_and_indices_are_found() {
+    type Spoil = fn(&mut NearField);
+    let poison: [Spoil; 11] = [
+        |f| f.nodes = usize::MAX,
+        |f| f.order = 3,
+        |f| f.ring = 3,
+        |f| f.springs = 4,
+        |f| f.points = 4,
+        |f| f.triangles = 2,
+        |f| f.near[0].a = 3,
+        |f| f.near[0].b = NearEnd::Ring(1),
+        |f| f.point[2].nodes[0].0 = 3,
+        |f| f.triangle[0].points[2] = 3,
+        |f| f.integrator = TickIntegrator::Explicit { substeps: 65 },
+    ];
+    for (i, spoil) in poison.into_iter().enumerate() {
+        let mut bad = triangle();
+        spoil(&mut bad);
+        let error = bad.validate().unwrap_err();
+        match i {
+            0..6 => assert!(matches!(error, LocalModelError::Room { .. }), "{error}"),
+            6..10 => assert!(matches!(error, LocalModelError::Index { .. }), "{error}"),
+            _ => assert!(matches!(error, LocalModelError::Setting { .. }), "{error}"),
+        }
+    }
+    // Without a factor there is no implicit tick.
+    let mut unfactored = triangle();
+    unfactored.integrator = TickIntegrator::Implicit { substeps: 1 };
+    assert!(matches!(unfactored.validate(), Err(LocalModelError::Size { what: "implicit factor", .. })));
+}
+
+#[test]
+fn a_copy_is_whole_and_needs_room() {
+    let mut to = NearField::with_capacity(NearFieldCapacity { nodes: 5, order: 4, ..CAPACITY });
+    to.copy_from(&triangle()).unwrap();
+    assert_eq!((to.nodes, to.springs, to.near[1].b), (3, 3, NearEnd::Support(2)));
+    assert_eq!(to.validate(), Ok(()));
+    let mut small = NearField::with_capacity(NearFieldCapacity { ring: 0, ..CAPACITY });
+    let refused = LocalModelError::Room { what: "nodes of the ring", found: 1, room: 0 };
+    assert_eq!(small.copy_from(&triangle()), Err(refused));
+    assert_eq!(small.nodes, 0);
+}

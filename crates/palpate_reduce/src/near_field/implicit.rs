@@ -1,0 +1,101 @@
+//! The matrices of ticks that are integrated implicitly.
+
+use super::ring;
+use crate::ReduceError;
+use glam::DMat3;
+use palpate_local::{NearEnd, NearField, NearSpring, Support};
+
+/// Writes the tangent of all of z, the factor of M/h + B + h K for steps of `h`, and what impulses on S do, into `field`.
+pub(super) fn make_implicit(field: &mut NearField, h: f64) -> Result<(), ReduceError> {
+    let (s, p, n) = (3 * field.nodes, field.order, field.unknowns());
+    let (mut k, mut b) = (vec![0.0; n * n], vec![0.0; n * n]);
+    // Made positive semidefinite, for the tick has no other to fall back on.
+    let tangent = |near: &NearSpring, stretch| near.spring.tangent(stretch, true);
+    let ring_k = ring::project(field, |near, stretch| tangent(near, stretch).stiffness);
+    let ring_b = ring::project(field, |near, stretch| tangent(near, stretch).damping);
+    for i in 0..p {
+        for j in 0..p {
+            let lower = (i.max(j), i.min(j));
+            k[(s + i) * n + s + j] = field.stiffness[i * p + j] + ring_k[lower];
+            b[(s + i) * n + s + j] = field.damping[i * p + j] + ring_b[lower];
+        }
+    }
+    for near in &field.near[..field.springs] {
+        let at = match near.b {
+            NearEnd::Support(i) => field.node_m[i],
+            NearEnd::Ring(i) => field.ring_m[i],
+            NearEnd::Fixed(x) => x,
+        };
+        let tangent = tangent(near, at - field.node_m[near.a]);
+        for (matrix, block) in [(&mut k, tangent.stiffness), (&mut b, tangent.damping)] {
+            add_near(field, near, block, matrix);
+        }
+    }
+    let is_driven = field.support == Support::Driven;
+    let mut a = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..n {
+            // What is driven, or fixed, answers to nothing.
+            let stands = |dof: usize| dof < s && (is_driven || field.node_per_kg[dof / 3] == 0.0);
+            a[i * n + j] = match (i == j, stands(i) || stands(j)) {
+                (true, true) => 1.0,
+                (false, true) => 0.0,
+                (diagonal, false) => {
+                    let mass = if i < s { 1.0 / field.node_per_kg[i / 3] } else { 1.0 };
+                    (if diagonal { mass / h } else { 0.0 }) + b[i * n + j] + h * k[i * n + j]
+                }
+            };
+        }
+    }
+    field.factor.factorise(n, &a)?;
+    field.tangent[..n * n].copy_from_slice(&k);
+    for column in 0..s {
+        let answer = &mut field.answer[column * n..(column + 1) * n];
+        answer.fill(0.0);
+        if field.node_per_kg[column / 3] > 0.0 && !is_driven {
+            answer[column] = 1.0 / h;
+            field.factor.solve_in_place(answer);
+        }
+    }
+    // What is fixed feels no force.
+    for i in (0..field.nodes).filter(|&i| field.node_per_kg[i] == 0.0) {
+        field.velocity[3 * i..3 * i + 3].fill(0.0);
+    }
+    Ok(())
+}
+
+/// Adds the tangent `block` of a near spring to a matrix over z, but for what is between the columns of V.
+fn add_near(field: &NearField, near: &NearSpring, block: DMat3, matrix: &mut [f64]) {
+    let (s, p, n) = (3 * field.nodes, field.order, field.unknowns());
+    let mut add = |i: usize, j: usize, value: f64| matrix[i * n + j] += value;
+    let entry = |r: usize, c: usize| block.col(c)[r];
+    for r in 0..3 {
+        for c in 0..3 {
+            add(3 * near.a + r, 3 * near.a + c, entry(r, c));
+        }
+    }
+    match near.b {
+        NearEnd::Fixed(_) => {}
+        NearEnd::Support(other) => {
+            for r in 0..3 {
+                for c in 0..3 {
+                    add(3 * other + r, 3 * other + c, entry(r, c));
+                    add(3 * near.a + r, 3 * other + c, -entry(r, c));
+                    add(3 * other + r, 3 * near.a + c, -entry(r, c));
+                }
+            }
+        }
+        NearEnd::Ring(ring) => {
+            let v = |axis: usize, j: usize| field.basis[3 * (field.ring * j + ring) + axis];
+            // block V, 3 × p.
+            let product: Vec<f64> =
+                (0..3 * p).map(|i| (0..3).map(|c| entry(i / p, c) * v(c, i % p)).sum()).collect();
+            for j in 0..p {
+                for r in 0..3 {
+                    add(3 * near.a + r, s + j, -product[r * p + j]);
+                    add(s + j, 3 * near.a + r, -product[r * p + j]);
+                }
+            }
+        }
+    }
+}
