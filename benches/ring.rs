@@ -88,6 +88,9 @@ fn ticks(c: &mut Criterion) {
             }
         }
     }
+    let (body, contact, at) = touched_lump();
+    let mut tick = tick_of(&body, &contact, at, Scheme::NearFieldExact, BuilderOptions::of(&body));
+    group.bench_function("touch of a mesh", |b| b.iter(&mut tick));
 }
 
 fn model_steps(c: &mut Criterion) {

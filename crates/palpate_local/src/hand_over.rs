@@ -13,7 +13,7 @@ use glam::DVec3;
 use palpate_laws::one_sided;
 
 /// When a slice of the replay has taken that many multiplications it is over: that is about a quarter of a millisecond.
-const MOST_WORK: usize = 600_000;
+const MOST_WORK: usize = 1_500_000;
 
 /// Sizes and rates of a hand-over, fixed at construction.
 #[derive(Clone, Copy, Debug, PartialEq)]

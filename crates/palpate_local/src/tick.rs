@@ -22,7 +22,7 @@ pub struct LocalState {
 }
 
 /// What a contact answers to is worth so many multiplications.
-const ANSWER: usize = 1200;
+const ANSWER: usize = 3000;
 
 impl LocalState {
     /// Room for `capacity`.
