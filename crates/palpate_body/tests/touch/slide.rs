@@ -1,0 +1,183 @@
+//! Friction, edges and speed.
+
+use super::*;
+
+#[test]
+fn a_tool_in_free_air_near_an_edge_or_a_corner_touches_nothing() {
+    let mut body = block();
+    for i in 0..40 {
+        for j in 0..40 {
+            // A plane just above the top, reaching beyond its edges, and one beside a side.
+            let (u, v) = (f64::from(i) * 0.004 - 0.08, f64::from(j) * 0.004 - 0.08);
+            let (top, side) =
+                (DVec3::new(u, v, 0.05 + RADIUS + 1e-6), DVec3::new(0.05 + RADIUS + 1e-6, u, v));
+            let above = DVec3::new(u, v, 0.05 + 1e-6);
+            for (free, tool) in
+                [(top, ball(RADIUS, 0.3)), (side, ball(RADIUS, 0.3)), (above, punch(RADIUS, 0.3))]
+            {
+                let mut tool = tool;
+                let path = [ToolPoint::at_rest(free); 2];
+                body.advance(Some((&mut tool, &path)), 1, SemiImplicitEuler::default()).unwrap();
+                assert!(tool.touched().is_empty(), "at {free}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_ball_that_slides_over_an_edge_leaves() {
+    let (mut body, mut tool) = (block(), ball(0.01, 0.2));
+    // 2 mm deep across the top and beyond, 40 mm in 0.4 s.
+    let forces = follow(&mut body, &mut tool, 600, SemiImplicitEuler::default().into(), |t| {
+        DVec3::new(0.03 + 0.1 * (t - 0.2).max(0.0), 0.004, 0.06 - 0.002 * (t / 0.2).min(1.0))
+    });
+    assert!(forces[250].z > 0.05, "{}", forces[250]);
+    // Past the edge the normal leans over it and pushes the ball on.
+    assert!(forces.iter().any(|f| f.x > 0.02 && f.z > 0.0));
+    assert_eq!(forces[599], DVec3::ZERO);
+    assert!(tool.touched().is_empty());
+}
+
+#[test]
+fn a_ball_that_slides_is_rubbed_by_mu_times_its_load() {
+    for integrator in both() {
+        for mu in [0.0, 0.2, 0.4] {
+            let (mut body, mut tool) = (block(), ball(0.01, mu));
+            // Down by 4 mm, then along the top at 40 mm/s.
+            let forces = follow(&mut body, &mut tool, 900, integrator, |t| {
+                DVec3::new(-0.02 + 0.04 * (t - 0.3).max(0.0), 0.001, 0.06 - 0.004 * (t / 0.2).min(1.0))
+            });
+            // It drags the surface along, so that the body resists: forces oppose the movement of the tool. In the mean over
+            // a cell of the lattice, because the surface rises and falls.
+            let cell = &forces[400..900];
+            let mean: DVec3 = cell.iter().sum::<DVec3>() / cell.len() as f64;
+            assert!((mean.x / mean.z + mu).abs() < 0.03, "{mean}, mu {mu}");
+            assert!(cell.iter().all(|f| f.z > 0.1));
+            assert!(tool.touched().iter().all(|t| t.slip_m_per_s.length() > 0.02));
+        }
+    }
+}
+
+#[test]
+fn a_ball_that_moves_little_sticks_and_takes_the_surface_along() {
+    let (mut body, mut tool) = (block(), ball(0.01, 0.8));
+    // Down by 4 mm, then 1 mm aside.
+    let way = |t: f64| {
+        DVec3::new(0.001 + 0.01 * (t - 0.3).clamp(0.0, 0.1), 0.003, 0.06 - 0.004 * (t / 0.2).min(1.0))
+    };
+    let forces = follow(&mut body, &mut tool, 800, SemiImplicitEuler::default().into(), way);
+    let [touched] = tool.touched() else { panic!("{:?}", tool.touched()) };
+    assert!(touched.slip_m_per_s.length() < 1e-12);
+    let f = forces[799];
+    assert!(f.x < -0.02 && f.x.abs() < 0.8 * f.z, "{f}");
+}
+
+#[test]
+fn nothing_is_passed_unseen_however_fast() {
+    for (radius, speed) in [(0.001, 1.0), (0.001, 5.0), (0.005, 1.0), (0.01, 20.0)] {
+        for integrator in [SemiImplicitEuler::default().into(), implicit(LinearSolver::Cholesky, 1)] {
+            let (mut body, mut tool) = (block(), ball(radius, 0.3));
+            let above = 0.05 + radius;
+            // From 10 mm above to 15 mm deep.
+            let way = |t: f64| DVec3::new(0.004, -0.003, above + 0.01 - speed * t);
+            let ticks = (0.025 / speed * 1e3).round() as usize;
+            let forces = follow(&mut body, &mut tool, ticks, integrator, way);
+            assert!(!tool.touched().is_empty() && forces[ticks - 1].z > 0.0, "{radius} m, {speed} m/s");
+            let gap = outside(&body, way(1e-3 * ticks as f64)) - radius;
+            assert!(
+                gap.abs() < 0.1 * radius,
+                "{gap} m from a ball of {radius} m at {speed} m/s, {integrator:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn steps_of_many_ticks_touch_too() {
+    let (mut body, mut tool) = (block(), ball(RADIUS, 0.3));
+    let way = |t: f64| DVec3::new(0.012, -0.008, 0.05 + RADIUS + 0.004 - 0.1 * t);
+    let forces = follow(&mut body, &mut tool, 100, implicit(LinearSolver::Cholesky, 50), way);
+    assert!(forces.last().unwrap().z > 0.2);
+    assert!((outside(&body, way(0.1)) - RADIUS).abs() < 0.1 * RADIUS);
+}
+
+#[test]
+fn conjugate_gradients_answer_as_the_factorisation_does() {
+    let run = |solver| {
+        let (mut body, mut tool) = (block(), ball(0.02, 0.3));
+        let tight = LinearlyImplicitEuler { solver, tolerance: 1e-12, ..LinearlyImplicitEuler::default() };
+        let way = |t: f64| DVec3::new(0.002, 0.003, 0.07 - 0.1 * t);
+        follow(&mut body, &mut tool, 60, tight.into(), way)
+    };
+    let (a, b) = (run(LinearSolver::Cholesky), run(LinearSolver::ConjugateGradients));
+    let worst = a.iter().zip(&b).map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max);
+    // The factorisation has the exact tangent, conjugate gradients the clamped one.
+    assert!(a[59].z > 0.5 && worst < 0.05 * a[59].z, "{worst} of {}", a[59]);
+}
+
+#[test]
+fn at_rest_all_that_is_touched_together_carries_what_the_ground_carries() {
+    for mut tool in [ball(0.06, 0.0), ball(0.06, 0.4), punch(0.03, 0.0), punch(0.03, 0.4), punch(0.004, 0.3)]
+    {
+        let (shape, friction) = tool.shape().unwrap();
+        let high = if matches!(shape, ToolShape::Sphere { .. }) { 0.05 + shape.radius_m() } else { 0.05 };
+        let mut body = block();
+        let way = |t: f64| DVec3::new(0.004, -0.006, high + 0.002 - 0.02 * t.min(0.5));
+        let force = follow(&mut body, &mut tool, 4000, SemiImplicitEuler::default().into(), way)[3999];
+        let ground: DVec3 = (0..36).map(|node| body.internal_force_on_n(node)).sum();
+        assert!(force.z > 0.5 && (force + ground).length() < 1e-5 * force.length(), "{force}, {ground}");
+        let pushed: DVec3 = tool.touched().iter().map(|t| t.impulse_ns).sum::<DVec3>() / 0.25e-3;
+        assert!((force + pushed).length() < 1e-5 * force.length(), "{force}, {pushed}, mu {friction}");
+        assert!(tool.touched().len() >= 2, "{}", tool.touched().len());
+    }
+}
+
+#[test]
+fn the_work_of_a_tool_that_presses_and_slides_is_stored_or_dissipated() {
+    let fine = SemiImplicitEuler { min_substeps: 64, ..SemiImplicitEuler::default() };
+    for (mut tool, lowest) in [(ball(0.01, 0.3), 0.01), (punch(0.012, 0.3), 0.0), (punch(0.03, 0.3), 0.0)] {
+        let mut body = block();
+        body.open_books();
+        let way = |t: f64| {
+            DVec3::new(-0.015 + 0.1 * (t - 0.1).max(0.0), 0.001, 0.05 + lowest - 0.004 * (t / 0.1).min(1.0))
+        };
+        follow(&mut body, &mut tool, 350, fine.into(), way);
+        let books = body.books().unwrap();
+        let through = books.stored_j + books.damped_j + books.rubbed_j;
+        assert!(books.work_in_j > 1e-3 && books.rubbed_j > 0.2 * books.work_in_j, "{books:?}");
+        assert!((books.work_in_j - through).abs() < 1e-3 * books.work_in_j, "{:?}: {books:?}", tool.shape());
+    }
+}
+
+#[test]
+fn what_is_displayed_is_what_is_pushed_but_for_inertia() {
+    // Slow scenes, in which a touch changes its triangles: along a diagonal, over nodes, deep with much friction.
+    for integrator in both() {
+        for (radius, friction, x, y) in [
+            (0.02, 1.0, 0.004, 0.001),
+            (0.001, 0.3, -0.01, 0.0),
+            (0.005, 0.5, 0.01, 0.01),
+            (0.005, 2.0, 0.0, 0.0),
+        ] {
+            let (mut body, mut tool) = (block(), ball(radius, friction));
+            let way = |t: f64| {
+                let z = 0.05 + radius - 0.012 * (t / 0.4).min(1.0);
+                DVec3::new(x + 0.03 * (t - 0.5).max(0.0), y, z)
+            };
+            for tick in 0..1000 {
+                let at = |tick: i32| ToolPoint::at_rest(way(f64::from(tick) * 1e-3));
+                let report =
+                    body.advance(Some((&mut tool, &[at(tick), at(tick + 1)])), 1, integrator).unwrap();
+                let h = 1e-3 / report.substeps as f64;
+                let pushed: DVec3 = tool.touched().iter().map(|t| t.impulse_ns).sum::<DVec3>() / h;
+                let f = tool.displayed_force_n(&body);
+                let off = (f + pushed).length();
+                // Touch-down is an impact.
+                if tick < 20 {
+                    continue;
+                }
+                assert!(off < 0.12 + 0.15 * f.length(), "{radius} m, {friction}, tick {tick}: {f}, {pushed}");
+            }
+        }
+    }
+}
