@@ -83,6 +83,21 @@ fn present(_: &HapticDevices) -> Result<Vec<(DeviceSelector, String)>, String> {
     Err("Devices that are plugged in need the feature hid of bevy_palpate.".into())
 }
 
+/// How often a device over HID takes a force, and what has come of its reports; `None` for other devices, and before one is made.
+#[cfg(feature = "hid")]
+pub(super) fn counted(devices: &HapticDevices, device: &DeviceSelector) -> Option<[String; 2]> {
+    let DeviceSelector::Hid(choice) = device else { return None };
+    let counters = devices.hid_counters(choice)?;
+    let forces = counters.force_rate_hz().map_or_else(|| "none".into(), |hz| format!("{hz:.0} a second"));
+    let (read, skipped, malformed) = (counters.read(), counters.skipped(), counters.malformed());
+    Some([forces, format!("{read} read · {skipped} passed over for newer ones · {malformed} malformed")])
+}
+
+#[cfg(not(feature = "hid"))]
+pub(super) fn counted(_: &HapticDevices, _: &DeviceSelector) -> Option<[String; 2]> {
+    None
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -120,7 +135,11 @@ mod tests {
         let [(selector, label)] = present.found() else { panic!("one device") };
         assert_eq!(label, "SpaceMouse: SpaceMouse (256f:c635, serial 7)");
         assert_eq!(name_of(selector), "SpaceMouse 256f:c635 7");
+        assert_eq!(counted(&devices, selector), None);
         assert!(devices.make(selector).is_ok());
+        let [forces, reports] = counted(&devices, selector).expect("one was made");
+        assert_eq!(forces, "none");
+        assert_eq!(reports, "0 read · 0 passed over for newer ones · 0 malformed");
     }
 
     #[cfg(not(feature = "hid"))]

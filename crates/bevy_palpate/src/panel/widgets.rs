@@ -1,5 +1,6 @@
 //! The panel's parts, to be put into any window.
 
+use super::devices;
 use super::faults::Heard;
 use super::history::Along;
 use super::plots::{self, Drawn};
@@ -291,6 +292,14 @@ impl HapticWidgets<'_, '_> {
             ui.label("cost of a tick, µs");
             ui.label(format!("{cost_p50_us:.0} median · {cost_p99_us:.0} p99"));
             ui.end_row();
+            if let Some([forces, reports]) = devices::counted(&self.devices, &shown.tool.device) {
+                ui.label("forces taken");
+                ui.label(forces);
+                ui.end_row();
+                ui.label("reports");
+                ui.label(reports);
+                ui.end_row();
+            }
         });
         if let Some(running) = &mut shown.running {
             let report = running.report();
