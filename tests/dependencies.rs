@@ -105,3 +105,22 @@ fn the_default_build_has_no_renderer() {
         assert!(!names.contains(renderer), "the default build has {renderer}");
     }
 }
+
+#[test]
+fn every_feature_is_in_every_table() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    let metadata =
+        MetadataCommand::new().manifest_path(format!("{root}/Cargo.toml")).no_deps().exec().unwrap();
+    let package =
+        metadata.workspace_packages().into_iter().find(|p| p.name.as_str() == "bevy_palpate").unwrap();
+    let of_package: BTreeSet<&str> =
+        package.features.keys().map(String::as_str).filter(|name| *name != "default").collect();
+    for file in ["README.md", "crates/bevy_palpate/README.md", "crates/bevy_palpate/src/lib.rs"] {
+        let text = std::fs::read_to_string(format!("{root}/{file}")).unwrap();
+        let rows = text.lines().map(|line| line.trim_start_matches("//! "));
+        let table = rows.skip_while(|line| !line.starts_with("| feature |")).skip(2);
+        let listed: BTreeSet<&str> =
+            table.map_while(|line| line.strip_prefix("| `")?.split('`').next()).collect();
+        assert_eq!(listed, of_package, "{file}");
+    }
+}

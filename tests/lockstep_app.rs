@@ -262,6 +262,12 @@ fn bodies_that_make_no_sense_are_faults_with_a_cause() {
         .spawn((DeformableBody::block([6, 6, 6], 0.1), Tissue { density_kg_per_m3: 0.0, ..default() }));
     app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), Transform::from_scale(Vec3::splat(2.0))));
     app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), Transform::from_xyz(f32::NAN, 0.0, 0.0)));
+    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), Transform::from_scale(Vec3::ZERO)));
+    let mirrored = Transform::from_scale(Vec3::new(-1.0, 1.0, 1.0));
+    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), mirrored));
+    app.world_mut().spawn(DeformableBody::block([40, 40, 40], 0.1));
+    let fixed = FixedRegion::Vertices(vec![true, false, true]);
+    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), fixed));
     app.world_mut()
         .spawn((DeformableBody::block([5, 5, 5], 0.001), Tissue { youngs_modulus_pa: 1e12, ..default() }));
     app.update();
@@ -271,10 +277,17 @@ fn bodies_that_make_no_sense_are_faults_with_a_cause() {
             "the body cannot be built: a block needs 2 to 128 nodes along each axis; it was given [1, 6, 6]",
             "the body cannot be built: size along x, m is NaN; it must be finite and above 0",
             "the body cannot be built: density, kg/m3 is 0; it must be finite and above 0",
-            "the body's transform has scale [2, 2, 2]; it must be 1: give the size to the body itself",
-            "the body's transform is not finite",
+            "the body's transform has scale [2, 2, 2], is mirrored or is sheared by its parents; its scale must be 1: give the size to \
+             the body itself",
+            "the body's transform, or that of a parent, is not finite: place it again",
+            "the body's transform has scale [0, 0, 0], is mirrored or is sheared by its parents; its scale must be 1: give the size to \
+             the body itself",
+            "the body's transform has scale [1, 1, 1], is mirrored or is sheared by its parents; its scale must be 1: give the size to \
+             the body itself",
+            "the body cannot be built: nodes of a block in all is 64000; it must be at most 10000: no more could be stepped in time",
+            "the body cannot be built: fixed vertices of a block is 2; it must be 0: fix its faces, or what is within regions",
             "the body cannot be built: 440836 substeps of a tick are needed; at most 1000 are allowed: soften the \
-             springs, use fewer nodes or allow more",
+             springs or use fewer nodes (or raise `max_substeps`)",
         ]
     );
     step(&mut app, 2);

@@ -137,6 +137,32 @@ fn every_hand_finds_the_body_that_is_nearest() {
 }
 
 #[test]
+fn a_hand_that_goes_from_one_body_to_another_touches_that() {
+    let mut app = lockstep_app();
+    let first = block(&mut app, 0.0);
+    // Down on the first one, up, over to the second within half a second, and down on that.
+    let tool = hand(&mut app, "wanderer", || {
+        ScriptedDevice::new(|n, _| {
+            let t = n as f64 * 1e-3;
+            let way = ((t - 0.6) / 0.5).clamp(0.0, 1.0);
+            let down = if t < 0.6 { (t / 0.2).min(1.0) } else { ((t - 1.3) / 0.2).clamp(0.0, 1.0) };
+            Ok(Reading::at(DVec3::new(0.3 * way + 0.01, 0.06 - 0.01 * down, 0.004)))
+        })
+    });
+    step(&mut app, 11);
+    assert_eq!(app.world().get::<Touching>(tool).unwrap().body, Some(first));
+    let there = force(&app, tool);
+    assert!(there.y > 0.5, "{there}");
+    // One that comes when the hand has a body already.
+    let second = block(&mut app, 0.3);
+    step(&mut app, 30);
+    assert_eq!(app.world().get::<Touching>(tool).unwrap().body, Some(second));
+    let here = force(&app, tool);
+    assert!((here - there).length() < 0.02 * there.length(), "{there}, then {here}");
+    assert_eq!(take_faults(&mut app), [""; 0]);
+}
+
+#[test]
 fn a_pause_while_two_hands_touch_fades_nothing_in_and_changes_no_bit() {
     let run = |pause: bool| {
         let (mut app, body, tools) = two_on_one();

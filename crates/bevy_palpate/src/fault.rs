@@ -41,13 +41,16 @@ pub enum HapticFaultKind {
     },
     /// A body's entity is scaled. Give the size to [`crate::DeformableBody`] and leave the scale at 1; a body that was there
     /// before stays where and as it was, and a new one is built once the scale is 1.
-    #[error("the body's transform has scale {scale}; it must be 1: give the size to the body itself")]
+    #[error(
+        "the body's transform has scale {scale}, is mirrored or is sheared by its parents; its scale must be 1: give the size to \
+         the body itself"
+    )]
     Scaled {
         /// The scale found.
         scale: Vec3,
     },
     /// A body's transform, or that of a parent, is not finite.
-    #[error("the body's transform is not finite")]
+    #[error("the body's transform, or that of a parent, is not finite: place it again")]
     Place,
     /// A body could not be stepped. It is as it was before the step, at rest, and has let go of the tool.
     #[error("the body cannot be stepped")]

@@ -45,7 +45,8 @@ pub enum HapticClock {
     Lockstep,
 }
 
-/// How often the bodies are stepped.
+/// How often the bodies are stepped. With loops on threads not more often than Bevy's fixed main loop runs, 64 times a second unless
+/// it is set (`Time::<Fixed>::from_hz`); in lock step always as often as this says.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[reflect(opaque)]
 #[reflect(Resource, Debug, Default, PartialEq, Clone)]
@@ -126,6 +127,25 @@ pub struct HapticSchedulePlugin {
     pub rate: ModelRate,
     /// What makes the loops tick. A loop has the clock that is set when it starts: choose it with the plugin and leave it.
     pub clock: HapticClock,
+}
+
+/// The time that really passes between two model steps.
+#[derive(SystemParam)]
+pub(crate) struct ModelPeriod<'w> {
+    rate: Res<'w, ModelRate>,
+    clock: Res<'w, HapticClock>,
+    fixed: Option<Res<'w, Time<Fixed>>>,
+}
+
+impl ModelPeriod<'_> {
+    /// s.
+    pub(crate) fn s(&self) -> f64 {
+        let fixed_s = self.fixed.as_ref().map_or(0.0, |fixed| fixed.timestep().as_secs_f64());
+        match *self.clock {
+            HapticClock::Thread => self.rate.period_s().max(fixed_s),
+            HapticClock::Lockstep => self.rate.period_s(),
+        }
+    }
 }
 
 /// How far the app's clock is past the last model step.
@@ -211,5 +231,27 @@ fn watch_speed(
     let speed = time.relative_speed_f64();
     if last.replace(speed) != Some(speed) && speed != 1.0 && *clock == HapticClock::Thread {
         faults.write(HapticFault { entity: None, kind: HapticFaultKind::Speed { speed } });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::ecs::system::RunSystemOnce;
+
+    #[test]
+    fn on_threads_models_come_no_more_often_than_the_fixed_main_loop() {
+        let mut world = World::new();
+        world.insert_resource(Time::<Fixed>::from_hz(50.0));
+        for (ticks, clock, expected_s) in [
+            (5, HapticClock::Thread, 0.02),
+            (50, HapticClock::Thread, 0.05),
+            (5, HapticClock::Lockstep, 0.005),
+        ] {
+            world.insert_resource(ModelRate::every_ticks(ticks).unwrap());
+            world.insert_resource(clock);
+            let period_s = world.run_system_once(|period: ModelPeriod| period.s()).unwrap();
+            assert!((period_s - expected_s).abs() < 1e-12, "{period_s}");
+        }
     }
 }

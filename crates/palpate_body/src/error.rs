@@ -85,7 +85,8 @@ pub enum BodyError {
     },
     /// A part of the network has no fixed node.
     #[error(
-        "node {node} and what it is joined to, {nodes} nodes, are fixed to nothing; fix one of them, or allow free parts"
+        "node {node} and what it is joined to, {nodes} nodes, are fixed to nothing; fix one of them, or let it float \
+         (`allow_free`; of a component `FixedRegion::Nothing`)"
     )]
     Unheld {
         /// Its first free node.
@@ -95,7 +96,8 @@ pub enum BodyError {
     },
     /// The network is in two parts.
     #[error(
-        "node {node} is not joined to node {first} by any springs; join them, make two bodies, or allow free parts"
+        "node {node} is not joined to node {first} by any springs; join them, make two bodies, or let them float \
+         (`allow_free`; of a component `FixedRegion::Nothing`)"
     )]
     Disconnected {
         /// The first free node of the later part.
@@ -145,8 +147,8 @@ pub enum BodyError {
     },
     /// The step would need more substeps than are allowed. The body has not been stepped.
     #[error(
-        "{needed} substeps of a tick are needed; at most {allowed} are allowed: soften the springs, use fewer nodes or \
-         allow more"
+        "{needed} substeps of a tick are needed; at most {allowed} are allowed: soften the springs or use fewer \
+         nodes (or raise `max_substeps`)"
     )]
     Substeps {
         /// Substeps needed for stability.

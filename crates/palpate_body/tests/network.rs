@@ -35,7 +35,8 @@ fn parts_that_hang_on_nothing_are_named() {
     assert_eq!(parts, Err(BodyError::Disconnected { node: 2, first: 1 }));
     assert_eq!(
         parts.unwrap_err().to_string(),
-        "node 2 is not joined to node 1 by any springs; join them, make two bodies, or allow free parts"
+        "node 2 is not joined to node 1 by any springs; join them, make two bodies, or let them float (`allow_free`; of a \
+         component `FixedRegion::Nothing`)"
     );
     let mut builder = NetworkBuilder::new();
     for x in rest {

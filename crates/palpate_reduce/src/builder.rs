@@ -121,6 +121,7 @@ impl LocalModelBuilder {
             LocalIntegrator::Implicit { substeps } => substeps,
             LocalIntegrator::Auto | LocalIntegrator::Explicit => 1,
         };
+        check_horizon(horizon_s)?;
         for (what, value, ok, allowed) in [
             ("tick, s", tick_s, tick_s.is_finite() && tick_s > 0.0, "finite and above 0"),
             ("rings of nodes", rings as f64, (1..=8).contains(&rings), "1 to 8"),
@@ -145,7 +146,6 @@ impl LocalModelBuilder {
                 (3..=LARGEST_SUPPORT).contains(&support_nodes),
                 "3 to 32",
             ),
-            ("horizon of a local model, s", horizon_s, (1e-3..=10.0).contains(&horizon_s), "0.001 to 10"),
         ] {
             if !ok {
                 return Err(ReduceError::Option { what, value, allowed });
@@ -178,6 +178,16 @@ impl LocalModelBuilder {
     #[must_use]
     pub fn capacity(&self) -> Capacity {
         self.capacity
+    }
+
+    /// How long the next local models may have to speak, s ([`BuilderOptions::horizon_s`]).
+    ///
+    /// # Errors
+    /// [`ReduceError::Option`] unless 0.001 to 10; the old one stays then.
+    pub fn set_horizon_s(&mut self, horizon_s: f64) -> Result<(), ReduceError> {
+        check_horizon(horizon_s)?;
+        self.options.horizon_s = horizon_s;
+        Ok(())
     }
 
     /// The support set of the last local model of [`Scheme::NearFieldExact`], as the body numbers its nodes; empty where there
@@ -339,6 +349,12 @@ impl LocalModelBuilder {
             }
         }
     }
+}
+
+fn check_horizon(horizon_s: f64) -> Result<(), ReduceError> {
+    let (what, allowed) = ("horizon of a local model, s", "0.001 to 10");
+    let ok = (1e-3..=10.0).contains(&horizon_s);
+    if ok { Ok(()) } else { Err(ReduceError::Option { what, value: horizon_s, allowed }) }
 }
 
 /// The free node with the greatest weight: the one that the seed paper's method takes for the tool's.

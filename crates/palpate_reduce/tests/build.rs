@@ -240,6 +240,26 @@ fn options_that_make_no_sense_are_refused() {
 }
 
 #[test]
+fn a_longer_horizon_reaches_farther() {
+    let body = block([8, 8, 8]);
+    let contact = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).unwrap();
+    let options = BuilderOptions { horizon_s: 0.01, support_nodes: 32, ..BuilderOptions::default() };
+    let mut builder = LocalModelBuilder::new(&body, options).unwrap();
+    let mut model = LocalModel::silent(builder.capacity());
+    let top = body.positions_m().iter().copied().max_by(|a, b| a.z.total_cmp(&b.z)).unwrap();
+    let tool = ToolPoint::at_rest(DVec3::new(0.0, 0.0, top.z + 0.006));
+    let mut reached = |builder: &mut LocalModelBuilder| {
+        let id = ModelId::default();
+        builder.build(Scheme::NearFieldExact, &body, &contact, tool, id, &mut model).unwrap().support_nodes
+    };
+    let near = reached(&mut builder);
+    builder.set_horizon_s(0.2).unwrap();
+    assert!(reached(&mut builder) > near, "{near}");
+    let refused = builder.set_horizon_s(f64::NAN).unwrap_err().to_string();
+    assert_eq!(refused, "horizon of a local model, s is NaN; it must be 0.001 to 10");
+}
+
+#[test]
 fn a_model_without_room_is_refused() {
     let body = block([4, 4, 4]);
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();

@@ -81,7 +81,12 @@ impl Drawn {
 
     /// Writes vertices and normals, in the frame of the entity.
     fn write(&mut self, body: &Body, skin: Option<&mut Skin>) {
-        let to_local = self.place.affine().inverse();
+        let affine = self.place.affine();
+        let to_local = affine.inverse();
+        // What is flattened has no frame of its own; such a transform is refused, and what was drawn stays.
+        if !(to_local.matrix3.is_finite() && to_local.translation.is_finite()) {
+            return;
+        }
         let to_local =
             DAffine3 { matrix3: to_local.matrix3.as_dmat3(), translation: to_local.translation.as_dvec3() };
         match skin {

@@ -39,15 +39,19 @@ pub(super) struct Refusal {
     pub(super) is_of_mesh: bool,
 }
 
-/// The place of a body, unless its transform is not finite or scaled.
+/// The place of a body, unless its transform is not finite, scaled, mirrored or sheared.
 pub(super) fn place(transform: &GlobalTransform) -> Result<(DQuat, DVec3), HapticFaultKind> {
-    let (scale, rotation, translation) = transform.to_scale_rotation_translation();
-    if !(scale.is_finite() && rotation.is_finite() && translation.is_finite()) {
+    let affine = transform.affine();
+    let (x, y, z) = (affine.x_axis, affine.y_axis, affine.z_axis);
+    if !(affine.matrix3.is_finite() && affine.translation.is_finite()) {
         return Err(HapticFaultKind::Place);
     }
-    if (scale - Vec3::ONE).abs().max_element() > 1e-4 {
+    let scale = Vec3::new(x.length(), y.length(), z.length());
+    let is_skew = [x.dot(y), y.dot(z), z.dot(x)].iter().any(|product| product.abs() > 1e-4);
+    if (scale - Vec3::ONE).abs().max_element() > 1e-4 || is_skew || affine.matrix3.determinant() < 0.0 {
         return Err(HapticFaultKind::Scaled { scale });
     }
+    let (_, rotation, translation) = transform.to_scale_rotation_translation();
     Ok((rotation.as_dquat().normalize(), translation.as_dvec3()))
 }
 
@@ -81,18 +85,30 @@ impl Plan {
     }
 
     fn block(&self, nodes: [usize; 3], size_m: DVec3) -> Result<Body, BodyError> {
-        let unsuited = |what, allowed| BodyError::Parameter { what, value: 0.0, allowed };
-        if !self.inclusions.is_empty() {
-            return Err(unsuited(
-                "inclusions in a block",
-                "none: a body of several tissues is made of a mesh",
-            ));
-        }
-        if matches!(self.fixed, FixedRegion::Vertices(_)) {
-            return Err(unsuited(
-                "fixed vertices of a block",
-                "none: fix its faces, or what is within regions",
-            ));
+        let fixed_vertices = match &self.fixed {
+            FixedRegion::Vertices(vertices) => vertices.iter().filter(|is_fixed| **is_fixed).count().max(1),
+            _ => 0,
+        };
+        let in_all = nodes.iter().fold(1_usize, |product, n| product.saturating_mul(*n));
+        for (what, value, most, allowed) in [
+            (
+                "inclusions of a block",
+                self.inclusions.len(),
+                0,
+                "0: a body of several tissues is made of a mesh",
+            ),
+            ("fixed vertices of a block", fixed_vertices, 0, "0: fix its faces, or what is within regions"),
+            (
+                "nodes of a block in all",
+                in_all,
+                CellLattice::MOST_NODES,
+                "at most 10000: no more could be stepped in time",
+            ),
+        ] {
+            // What has too many along one side has an error that says so.
+            if value > most && nodes.iter().all(|n| (2..=Block::MAX_NODES_PER_SIDE).contains(n)) {
+                return Err(BodyError::Parameter { what, value: value as f64, allowed });
+            }
         }
         let mut block = Block::new(nodes, size_m)?;
         for &face in self.fixed.faces() {

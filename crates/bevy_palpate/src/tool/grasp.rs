@@ -50,7 +50,8 @@ pub(super) fn grasp(
 ) {
     for (entity, asked, mut tool, grasp, grasping) in &mut tools {
         let tool = &mut *tool;
-        let pressed = grasp.is_some_and(|grasp| tool.buttons() >> grasp.button & 1 == 1);
+        let pressed = grasp
+            .is_some_and(|grasp| tool.buttons().checked_shr(grasp.button).is_some_and(|rest| rest & 1 == 1));
         let was_pressed = std::mem::replace(&mut tool.was_pressed, pressed);
         let closes = pressed && !was_pressed;
         if !pressed && tool.contact.held_point().is_some() {

@@ -3,11 +3,12 @@
 use super::{ContactBegan, ContactEnded, HapticTool, LocalModelBuild, LocalModelError, ToolLoop};
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
-use crate::schedule::ModelRate;
+use crate::schedule::{ModelPeriod, ModelRate};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{Body, BodyError, SemiImplicitEuler, StepReport, ToolContact, ToolPoint, ToolRun};
 use palpate_local::{ModelId, Scheme};
+use palpate_reduce::BuilderOptions;
 
 /// Steps every body: along the samples of the tools that can touch it, or by the model period if there are none.
 ///
@@ -133,8 +134,12 @@ fn bring_to_rest(simulated: &mut SimulatedBody) {
 pub(super) fn build_local_models(
     mut bodies: Query<&mut SimulatedBody>,
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, &mut LocalModelBuild)>,
+    period: ModelPeriod,
     mut faults: MessageWriter<HapticFault>,
 ) {
+    // It speaks for one period after another that it took to build.
+    let usual_s = BuilderOptions::default().horizon_s;
+    let horizon_s = (2.0 * period.s()).clamp(usual_s, 10.0);
     // What every tool does, for those beside it.
     let all: Vec<(Entity, Entity, ToolContact)> = tools
         .iter()
@@ -175,6 +180,8 @@ pub(super) fn build_local_models(
             .map(|(_, _, contact)| contact)
             .filter(|c| c.validate(full).is_ok())
             .collect();
+        // It is within bounds.
+        let _ = builder.set_horizon_s(horizon_s);
         match builder.build_beside(asked.scheme, full, (contact, point), &others, id, model) {
             Ok(report) => {
                 (*built, *newest) = (true, report.into());

@@ -138,8 +138,9 @@ pub(super) fn choose_bodies(
         let Some(at) = tool.path.last().map(|point| point.position_m) else { continue };
         let wanted = match (asked.body, tool.body) {
             (Some(body), _) => Some(body),
-            (None, Some(body)) if bodies.contains(body) => Some(body),
-            (None, _) => nearest(&bodies, at),
+            // What it touches or holds it keeps.
+            (None, Some(body)) if bodies.contains(body) && tool.is_in_contact() => Some(body),
+            (None, last) => nearest(&bodies, at, last),
         };
         let refused = wanted.filter(|body| !bodies.contains(*body));
         let chosen = wanted.filter(|_| refused.is_none());
@@ -161,16 +162,25 @@ pub(super) fn choose_bodies(
     }
 }
 
-/// The body with the surface point nearest to `at`; of several equally near, always the same one.
-fn nearest(bodies: &Query<(Entity, &SimulatedBody)>, at: DVec3) -> Option<Entity> {
+/// A tool goes over to another body that is nearer than the one it had by so much, m.
+const NEARER_M: f64 = 0.005;
+
+/// The body with the surface point nearest to `at`, or the `last` one, if that is hardly farther; of several equally near, always
+/// the same one.
+fn nearest(bodies: &Query<(Entity, &SimulatedBody)>, at: DVec3, last: Option<Entity>) -> Option<Entity> {
+    let mut all = bodies.iter();
+    if let (Some((only, _)), None) = (all.next(), all.next()) {
+        return Some(only);
+    }
     let distance = |simulated: &SimulatedBody| {
         let body = simulated.body();
         let points = body.surface().points.iter();
-        points.map(|point| point.of(body.positions_m()).distance_squared(at)).fold(f64::INFINITY, f64::min)
+        points.map(|point| point.of(body.positions_m()).distance(at)).fold(f64::INFINITY, f64::min)
     };
+    let farther = |entity: Entity| if last == Some(entity) { 0.0 } else { NEARER_M };
     bodies
         .iter()
-        .map(|(entity, simulated)| (distance(simulated), entity))
+        .map(|(entity, simulated)| (distance(simulated) + farther(entity), entity))
         .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
         .map(|(_, entity)| entity)
 }

@@ -205,7 +205,7 @@ pub(super) fn write_results(
         if let Some(swap) = report.last_swap {
             (force.hand_over_step_n, force.hand_over_step_j) = (swap.force_step_n, swap.energy_step_j);
         }
-        *timing = LoopTiming {
+        timing.set_if_neq(LoopTiming {
             ticks: report.ticks,
             missed_deadlines: report.missed_deadlines,
             lateness_p50_us: report.lateness.quantile_us(0.5),
@@ -224,7 +224,7 @@ pub(super) fn write_results(
             device_errors: report.device_errors,
             models_refused: report.models_refused,
             dropped_events: report.dropped_events,
-        };
+        });
     }
 }
 
@@ -258,9 +258,13 @@ pub(super) fn note_poses(mut tools: Query<&mut ToolLoop>) {
 }
 
 /// Moves every tool, every frame, to where it was when the bodies were as they are drawn: between the last two model steps.
-pub(super) fn move_tools(mut tools: Query<(&mut ToolLoop, &mut Transform)>, overstep: ModelOverstep) {
+pub(super) fn move_tools(
+    mut tools: Query<(&mut ToolLoop, &mut Transform, Option<&ChildOf>)>,
+    parents: Query<&GlobalTransform>,
+    overstep: ModelOverstep,
+) {
     let share = overstep.share();
-    for (mut tool, mut transform) in &mut tools {
+    for (mut tool, mut transform, child_of) in &mut tools {
         let ToolLoop { handle, poses, .. } = &mut *tool;
         // `latest_tick` and `samples` read the same buffer; neither takes anything out of it.
         let samples = handle.samples();
@@ -272,9 +276,20 @@ pub(super) fn move_tools(mut tools: Query<(&mut ToolLoop, &mut Transform)>, over
             }
             None => (samples.newest(), DVec3::ZERO),
         };
-        if let Some(sample) = sample {
-            transform.translation = (sample.position_m + behind_m).as_vec3();
-            transform.rotation = sample.orientation.as_quat();
+        let Some(sample) = sample else { continue };
+        let place = Transform {
+            translation: (sample.position_m + behind_m).as_vec3(),
+            rotation: sample.orientation.as_quat(),
+            scale: transform.scale,
+        };
+        // Where there is a parent it is in that one's frame.
+        let parent = child_of.and_then(|child_of| parents.get(child_of.parent()).ok());
+        let place = match parent {
+            Some(parent) => GlobalTransform::from(place).reparented_to(parent),
+            None => place,
+        };
+        if place.is_finite() {
+            transform.set_if_neq(place);
         }
     }
 }

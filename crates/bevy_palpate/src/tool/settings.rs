@@ -3,7 +3,7 @@
 use super::{TickRecording, ToolLoop, ToolSettings};
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
-use crate::schedule::{HapticClock, ModelRate};
+use crate::schedule::{HapticClock, ModelPeriod};
 use bevy::prelude::*;
 use palpate_haptics::{LoopSettings, SafetySettings};
 use palpate_local::ModelId;
@@ -11,11 +11,11 @@ use palpate_local::ModelId;
 /// Takes changed settings if they make sense; if not, says so once and keeps the old ones.
 pub(super) fn check_settings(
     mut tools: Query<(Entity, &ToolSettings, &mut ToolLoop), Changed<ToolSettings>>,
-    rate: Res<ModelRate>,
+    period: ModelPeriod,
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, settings, mut tool) in &mut tools {
-        match loop_settings(settings, tool.of_device, *rate).validate() {
+        match loop_settings(settings, tool.of_device, period.s()).validate() {
             Ok(()) => tool.settings = *settings,
             Err(error) => {
                 faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::Settings(error) });
@@ -30,7 +30,7 @@ pub(super) fn set_loops(
     bodies: Query<(), With<SimulatedBody>>,
     time: Res<Time<Virtual>>,
     clock: Res<HapticClock>,
-    rate: Res<ModelRate>,
+    period: ModelPeriod,
 ) {
     // At another speed than that of real time a thread cannot follow.
     let paused = time.is_paused() || *clock == HapticClock::Thread && time.relative_speed_f64() != 1.0;
@@ -48,7 +48,7 @@ pub(super) fn set_loops(
             body: Some(body),
             paused,
             record,
-            ..loop_settings(&tool.settings, tool.of_device, *rate)
+            ..loop_settings(&tool.settings, tool.of_device, period.s())
         };
         if asked != *tool.handle.settings() {
             // They have been checked; the loop would keep its old ones.
@@ -57,9 +57,13 @@ pub(super) fn set_loops(
     }
 }
 
-/// The settings of a loop. A safety chain of which nothing was set is set as the device asks for.
-pub(super) fn loop_settings(tool: &ToolSettings, of_device: SafetySettings, rate: ModelRate) -> LoopSettings {
+/// The settings of a loop that gets a local model every `model_period_s` seconds. A safety chain of which nothing was set is set as the device asks for.
+pub(super) fn loop_settings(
+    tool: &ToolSettings,
+    of_device: SafetySettings,
+    model_period_s: f64,
+) -> LoopSettings {
     let ToolSettings { frame, safety, velocity } = *tool;
     let safety = if safety == SafetySettings::default() { of_device } else { safety };
-    LoopSettings { frame, safety, velocity, model_period_s: rate.period_s(), ..LoopSettings::default() }
+    LoopSettings { frame, safety, velocity, model_period_s, ..LoopSettings::default() }
 }

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::device::{DeviceSelector, HapticDevices};
 use crate::fault::{DeviceFault, HapticFault, HapticFaultKind};
-use crate::schedule::{HapticClock, ModelRate};
+use crate::schedule::{HapticClock, ModelPeriod};
 use bevy::ecs::lifecycle::HookContext;
 use bevy::ecs::world::DeferredWorld;
 use bevy::platform::cell::SyncCell;
@@ -197,7 +197,7 @@ pub(super) fn start_loops(
     mut tools: Query<(Entity, Ref<HapticTool>, Ref<ToolSettings>, Option<&mut ToolLoop>, Has<TickRecording>)>,
     devices: Res<HapticDevices>,
     clock: Res<HapticClock>,
-    rate: Res<ModelRate>,
+    period: ModelPeriod,
     mut ended: MessageWriter<ContactEnded>,
     mut faults: MessageWriter<HapticFault>,
 ) {
@@ -231,7 +231,7 @@ pub(super) fn start_loops(
             running.driver.stop().map(&mut fault);
             commands.entity(entity).remove::<ToolLoop>();
         }
-        let asked = |of_device| LoopSettings { record, ..loop_settings(&settings, of_device, *rate) };
+        let asked = |of_device| LoopSettings { record, ..loop_settings(&settings, of_device, period.s()) };
         if let Err(error) = asked(SafetySettings::default()).validate() {
             fault(HapticFaultKind::Settings(error));
             continue;

@@ -21,7 +21,9 @@ pub enum MeshError {
         most: usize,
     },
     /// A triangle names a vertex that does not exist.
-    #[error("triangle {triangle} names vertex {vertex}, but there are only {vertices}")]
+    #[error(
+        "triangle {triangle} names vertex {vertex}, but there are only {vertices}: its list is cut off or of another mesh"
+    )]
     Index {
         /// The triangle's index.
         triangle: usize,
@@ -31,7 +33,9 @@ pub enum MeshError {
         vertices: usize,
     },
     /// A vertex has a coordinate that is not finite, or too large to compute with.
-    #[error("the position of vertex {vertex} is not a finite number below 1e15 m")]
+    #[error(
+        "the position of vertex {vertex} is not a finite number below 1e15 m: repair it, or export the mesh again"
+    )]
     NotFinite {
         /// The vertex's index.
         vertex: usize,
@@ -82,7 +86,9 @@ pub enum MeshError {
         at_m: DVec3,
     },
     /// Edges with one triangle.
-    #[error("the mesh has holes: {edges} edges have one triangle only, one of them at {at_m:.4}; fill them")]
+    #[error(
+        "the mesh has holes: {edges} edges have one triangle only, one of them at {at_m:.4}; fill them, or join the mesh with its other parts"
+    )]
     Holes {
         /// How many edges.
         edges: usize,
@@ -101,7 +107,9 @@ pub enum MeshError {
         at_m: DVec3,
     },
     /// Neighbours look opposite ways however they are turned.
-    #[error("the mesh has one side only, like a Klein bottle, as seen at {at_m:.4}; it has no inside")]
+    #[error(
+        "the mesh has one side only, like a Klein bottle, as seen at {at_m:.4}; it has no inside: cut it open and close it round a volume"
+    )]
     OneSided {
         /// Where two neighbours could not be made to agree.
         at_m: DVec3,
@@ -176,7 +184,7 @@ pub enum MeshError {
     /// Parts of the mesh that share no cell.
     #[error(
         "the mesh is in {pieces} pieces that no cells join, one at {at_m:.4}: make a body of each, use larger cells, or \
-         allow free parts"
+         let them float (`allow_free`; of a component `FixedRegion::Nothing`)"
     )]
     Pieces {
         /// How many.
