@@ -1,4 +1,4 @@
-//! Open boards with three motors: WoodenHaptics and what speaks as it does.
+//! Open boards with three motors: WoodenHaptics, Polhem, and what speaks as they do.
 //!
 //! # How a board and its driver take turns
 //!
@@ -22,12 +22,16 @@ mod calibration;
 mod driver;
 mod kinematics;
 mod limits;
+mod linkage;
 mod options;
 mod packet;
+mod polhem;
 mod turns;
+mod woodenhaptics;
 
 pub use calibration::{BoardCalibration, BoardHoming};
-pub use kinematics::{BoardKinematics, BoardLinkage};
+pub use kinematics::BoardKinematics;
+pub use linkage::BoardLinkage;
 pub use options::BoardOptions;
 pub use packet::{BoardBytes, BoardForm, BoardInput, BoardOutput, BoardPacketError};
 
@@ -48,9 +52,6 @@ pub(crate) fn driver(
 ) -> Result<Box<dyn Driver>, HidError> {
     options.validate()?;
     let unsupported = |lacks: &str| HidError::Unsupported { device: info.label(), lacks: lacks.to_owned() };
-    if options.linkage == BoardLinkage::Polhem {
-        return Err(unsupported("the linkage of Polhem 2 and 3 is not supported; that of WoodenHaptics is"));
-    }
     let form = BoardForm::of(descriptor).ok_or_else(|| {
         unsupported("its input and output reports have to have 8, 14 or 64 bytes each, and no numbers")
     })?;
