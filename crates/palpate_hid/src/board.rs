@@ -7,6 +7,9 @@
 //! one. Only one that is zero, or less than half of what is shown, does not wait. It answers the board's next report, and until that
 //! has come there is no other such, so that nothing piles up at the board.
 //!
+//! A zero that another thread sends to stop a board whose loop hangs answers a report too. It is counted like the driver's own, and
+//! force begins from nothing when the loop goes on.
+//!
 //! Where nothing has gone either way for 10 ms a zero report is sent to wake the board up, and force begins from nothing; reading
 //! [times out](palpate_haptics::DeviceError::TimedOut) from then on, until the board speaks again. Its own watchdog switches the
 //! motors off after half a second without a report, which is also how long a force may last when a program is killed.
