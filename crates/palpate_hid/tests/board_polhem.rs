@@ -227,9 +227,11 @@ proptest! {
     fn the_tip_is_where_its_inverse_came_from(a in -2.0..2.0, out in 0.08..0.29, up in -0.1..0.15) {
         let tip = DVec2::new(out, up);
         let [b, c] = inverse(tip);
-        prop_assume!(b.is_finite() && c.is_finite());
+        let angles = DVec3::new(a, b, c);
+        // Where bars are nearly in one line, the arc cosines of either way have lost half of their digits.
+        prop_assume!(angles.is_finite() && BoardKinematics::polhem_v3().leverage(angles) > 1e-3);
         for arm in arms() {
-            let off_m = arm.position_m(DVec3::new(a, b, c)) - in_device(&arm, a, tip);
+            let off_m = arm.position_m(angles) - in_device(&arm, a, tip);
             prop_assert!(off_m.length() < 1e-9, "{off_m}");
         }
     }
