@@ -63,14 +63,20 @@ fn inverse(tip: DVec2) -> [f64; 2] {
     [b, to_rear.to_angle() + angle(L2, to_rear.length(), L3)]
 }
 
-/// Angles of an arm in use, away from where it is singular: the tip is anywhere within reach.
-fn poses() -> impl Strategy<Value = DVec3> {
+/// Angles of an arm in use, away from where it is singular, and the tip in the plane that they were made for: anywhere within reach.
+fn places() -> impl Strategy<Value = (DVec3, DVec2)> {
     let place = (-1.5..1.5, 0.08..0.29, -0.1..0.15);
     place.prop_filter_map("within reach and regular", |(a, out, up)| {
-        let [b, c] = inverse(DVec2::new(out, up));
+        let tip = DVec2::new(out, up);
+        let [b, c] = inverse(tip);
         let angles = DVec3::new(a, b, c);
-        (angles.is_finite() && BoardKinematics::polhem_v3().leverage(angles) > 0.05).then_some(angles)
+        let is_regular = angles.is_finite() && BoardKinematics::polhem_v3().leverage(angles) > 0.05;
+        is_regular.then_some((angles, tip))
     })
+}
+
+fn poses() -> impl Strategy<Value = DVec3> {
+    places().prop_map(|(angles, _)| angles)
 }
 
 #[test]
@@ -224,15 +230,10 @@ proptest! {
     }
 
     #[test]
-    fn the_tip_is_where_its_inverse_came_from(a in -2.0..2.0, out in 0.08..0.29, up in -0.1..0.15) {
-        let tip = DVec2::new(out, up);
-        let [b, c] = inverse(tip);
-        let angles = DVec3::new(a, b, c);
-        // Where bars are nearly in one line, the arc cosines of either way have lost half of their digits.
-        prop_assume!(angles.is_finite() && BoardKinematics::polhem_v3().leverage(angles) > 1e-3);
+    fn the_tip_is_where_its_inverse_came_from((angles, tip) in places()) {
         for arm in arms() {
-            let off_m = arm.position_m(angles) - in_device(&arm, a, tip);
-            prop_assert!(off_m.length() < 1e-9, "{off_m}");
+            let off_m = arm.position_m(angles) - in_device(&arm, angles.x, tip);
+            prop_assert!(off_m.length() < 1e-12, "{off_m}");
         }
     }
 
@@ -246,11 +247,13 @@ proptest! {
         // What the source takes for granted.
         let is_as_meant = elbow.y > 0.0 && (AXIS_C - elbow).perp_dot(crank - elbow) < 0.0;
         prop_assert!(is_as_meant || elbow.y < 0.0 || arm.leverage(angles) < 0.1);
-        prop_assume!(is_as_meant);
-        let lambda = angles.y - angle(L1, to_c, L0) - angle(L4, to_crank, L3) - angle(to_c, to_crank, L2);
-        let tip = elbow + L5 * DVec2::from_angle(lambda);
-        let off_m = arm.position_m(angles) - in_device(&arm, angles.x, tip);
-        prop_assert!(off_m.length() < 1e-8, "{off_m}");
+        if is_as_meant {
+            let in_three = [angle(L1, to_c, L0), angle(L4, to_crank, L3), angle(to_c, to_crank, L2)];
+            let lambda = angles.y - in_three.iter().sum::<f64>();
+            let tip = elbow + L5 * DVec2::from_angle(lambda);
+            let off_m = arm.position_m(angles) - in_device(&arm, angles.x, tip);
+            prop_assert!(off_m.length() < 1e-8, "{off_m}");
+        }
     }
 
     #[test]

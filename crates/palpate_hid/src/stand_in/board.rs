@@ -24,7 +24,8 @@ type Hand = dyn FnMut(u64) -> DVec3 + Send;
 /// it does the same here. Each report that it takes advances its time by one step. Where no reports go, [`BoardFirmware::pass`] does.
 ///
 /// The hand holds the tip, which has 0.2 kg, with 400 N/m and 10 N s/m. The arm's kinematics are its own: turned links for the place
-/// of the tip, and half angles where bars close, finite differences for its motion, Newton's method for the angles. Places and forces are in the device's frame, SI.
+/// of the tip, half angles where bars close, finite differences for its motion, Newton's method for the angles. Places and forces are
+/// in the device's frame, SI.
 pub struct BoardFirmware {
     form: BoardForm,
     arm: Arm,
