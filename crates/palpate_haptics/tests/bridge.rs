@@ -143,6 +143,63 @@ fn a_welcome_that_is_lost_is_asked_for_again() {
 }
 
 #[test]
+fn a_session_that_is_over_before_it_was_welcomed_is_given_up_for_a_new_one_at_once() {
+    for reason in [EndReason::NoSession, EndReason::Silent, EndReason::Closing] {
+        let (mut peer, mut device) = found(|settings| settings);
+        let monitor = device.monitor();
+        std::thread::scope(|scope| {
+            let opened = scope.spawn(|| device.open());
+            let first = peer.hear();
+            assert_eq!(first.body, Body::Hello);
+            // Said twice, as to two hellos: it is one session that is over.
+            peer.session = first.session;
+            (0..2).for_each(|_| peer.say(first.number, Body::End(reason)));
+            let mut second = peer.hear();
+            // One that was under way.
+            while second.session == first.session {
+                second = peer.hear();
+            }
+            assert!(second.body == Body::Hello && second.session != 0);
+            peer.session = second.session;
+            peer.say(second.number, Body::Welcome(welcome()));
+            opened.join().unwrap().unwrap();
+        });
+        assert_eq!(monitor.counts().sessions, 1);
+        // It is that one that goes on.
+        device.write(DVec3::X).unwrap();
+        let force = loop {
+            let packet = peer.hear();
+            if packet.body != Body::Hello {
+                break packet;
+            }
+        };
+        assert_eq!((force.session, force.body), (peer.session, Body::Force(DVec3::X)));
+    }
+}
+
+/// A peer that knows no session at all is asked no more often than one that says nothing.
+#[test]
+fn a_peer_that_ends_every_session_is_not_flooded() {
+    let waited = Duration::from_millis(200);
+    let (mut peer, mut device) = found(|settings| BridgeSettings { open_within: waited, ..settings });
+    let mut hellos = 0;
+    std::thread::scope(|scope| {
+        let opened = scope.spawn(|| device.open());
+        peer.socket.set_read_timeout(Some(Duration::from_millis(5))).unwrap();
+        let mut bytes = [0; 200];
+        while !opened.is_finished() {
+            let Ok((length, from)) = peer.socket.recv_from(&mut bytes) else { continue };
+            let hello = Packet::parse(&bytes[..length]).unwrap();
+            (peer.other, peer.session, hellos) = (from, hello.session, hellos + 1);
+            peer.say(hello.number, Body::End(EndReason::NoSession));
+        }
+        assert_eq!(opened.join().unwrap(), Err(DeviceError::Disconnected));
+    });
+    // One each 10 ms, and as many that were said at once.
+    assert!((2..=42).contains(&hellos), "{hellos}");
+}
+
+#[test]
 fn a_peer_whose_device_has_become_another_is_refused() {
     let (mut peer, mut device) = found(|settings| settings);
     let stronger = Welcome { max_force_n: 50.0, ..welcome() };

@@ -1,4 +1,4 @@
-//! Open boards with three motors: WoodenHaptics and what speaks as it does.
+//! Open boards with three motors: WoodenHaptics, Polhem, and what speaks as they do.
 //!
 //! # How a board and its driver take turns
 //!
@@ -6,6 +6,9 @@
 //! by one, with the newest force. A force for which there is no report to answer is passed over: with the next tick comes a newer
 //! one. Only one that is zero, or less than half of what is shown, does not wait. It answers the board's next report, and until that
 //! has come there is no other such, so that nothing piles up at the board.
+//!
+//! A zero that another thread sends to stop a board whose loop hangs answers a report too. It is counted like the driver's own, and
+//! force begins from nothing when the loop goes on.
 //!
 //! Where nothing has gone either way for 10 ms a zero report is sent to wake the board up, and force begins from nothing; reading
 //! [times out](palpate_haptics::DeviceError::TimedOut) from then on, until the board speaks again. Its own watchdog switches the
@@ -22,12 +25,16 @@ mod calibration;
 mod driver;
 mod kinematics;
 mod limits;
+mod linkage;
 mod options;
 mod packet;
+mod polhem;
 mod turns;
+mod woodenhaptics;
 
 pub use calibration::{BoardCalibration, BoardHoming};
-pub use kinematics::{BoardKinematics, BoardLinkage};
+pub use kinematics::BoardKinematics;
+pub use linkage::BoardLinkage;
 pub use options::BoardOptions;
 pub use packet::{BoardBytes, BoardForm, BoardInput, BoardOutput, BoardPacketError};
 
@@ -48,9 +55,6 @@ pub(crate) fn driver(
 ) -> Result<Box<dyn Driver>, HidError> {
     options.validate()?;
     let unsupported = |lacks: &str| HidError::Unsupported { device: info.label(), lacks: lacks.to_owned() };
-    if options.linkage == BoardLinkage::Polhem {
-        return Err(unsupported("the linkage of Polhem 2 and 3 is not supported; that of WoodenHaptics is"));
-    }
     let form = BoardForm::of(descriptor).ok_or_else(|| {
         unsupported("its input and output reports have to have 8, 14 or 64 bytes each, and no numbers")
     })?;

@@ -63,10 +63,11 @@ impl Report {
         self.bits.div_ceil(8)
     }
 
-    /// The field with `usage`, the first if there are several.
+    /// The field with `usage`, the first if there are several. Fields that only fill the report are none: nothing is read from them, and
+    /// nothing put there.
     #[must_use]
     pub fn field(&self, usage: Usage) -> Option<&Field> {
-        self.fields.iter().find(|field| field.has(usage))
+        self.fields.iter().find(|field| !field.is_constant && field.has(usage))
     }
 }
 
@@ -110,11 +111,13 @@ impl ReportDescriptor {
             .map(|collection| collection.usage)
     }
 
-    /// The first report of `kind` that has a field with `usage` in a collection with `within`.
+    /// The first report of `kind` that has a field with `usage` in a collection with `within`, other than one that only fills the report.
     #[must_use]
     pub fn find(&self, kind: ReportKind, within: Usage, usage: Usage) -> Option<(&Report, &Field)> {
         self.reports.iter().filter(|report| report.kind == kind).find_map(|report| {
-            let of = |field: &&Field| field.has(usage) && self.around(field).any(|around| around == within);
+            let of = |field: &&Field| {
+                !field.is_constant && field.has(usage) && self.around(field).any(|around| around == within)
+            };
             report.fields.iter().find(of).map(|field| (report, field))
         })
     }

@@ -1,6 +1,6 @@
 //! A HID device as a haptic device: found, opened, lost and found again.
 
-use crate::driver::{Driver, driver};
+use crate::driver::{Driver, StopsSent, driver};
 use crate::link::Link;
 use crate::{
     BoardCalibration, BoardOptions, Clock, FoundDevice, HidBus, HidConnection, HidCounters, HidError,
@@ -204,7 +204,7 @@ impl HapticDevice for HidDevice {
             return None;
         }
         let connection = self.bus.open_beside(&self.found.info).ok()?;
-        Some(Box::new(StopBeside { connection, reports }))
+        Some(Box::new(StopBeside { connection, reports, sent: self.driver.stops_sent() }))
     }
 
     fn close(&mut self) -> Result<(), DeviceError> {
@@ -227,6 +227,7 @@ impl Drop for HidDevice {
 struct StopBeside {
     connection: Box<dyn HidConnection>,
     reports: Vec<Vec<u8>>,
+    sent: Option<StopsSent>,
 }
 
 impl EmergencyStop for StopBeside {
@@ -234,7 +235,11 @@ impl EmergencyStop for StopBeside {
         let mut stopped = Ok(());
         for report in &self.reports {
             // Each of them, even if one fails.
-            stopped = self.connection.write(report).and(stopped);
+            let written = self.connection.write(report);
+            if let (Ok(()), Some(sent)) = (written, &self.sent) {
+                sent.note();
+            }
+            stopped = written.and(stopped);
         }
         stopped
     }

@@ -5,7 +5,25 @@ use crate::{BoardCalibration, HidError, HidInfo, HidKind, HidOptions, ReportDesc
 use crate::{board, joystick, space_mouse};
 use glam::DVec3;
 use palpate_haptics::{DeviceDescription, DeviceError, Reading};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
+
+/// How often a device was stopped by another thread since its driver last asked.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct StopsSent(Arc<AtomicU32>);
+
+impl StopsSent {
+    /// A report that ends all force has been sent.
+    pub(crate) fn note(&self) {
+        self.0.fetch_add(1, Ordering::AcqRel);
+    }
+
+    /// How many there were, which are forgotten with that.
+    pub(crate) fn take(&self) -> u32 {
+        self.0.swap(0, Ordering::AcqRel)
+    }
+}
 
 /// The protocol of one kind of device. The promises of [`HapticDevice`](palpate_haptics::HapticDevice) hold for it.
 pub(crate) trait Driver: Send {
@@ -29,6 +47,11 @@ pub(crate) trait Driver: Send {
 
     /// The output reports that end all force, for a thread that has no part in the protocol; none for a device without motors.
     fn stop_reports(&self) -> Vec<Vec<u8>>;
+
+    /// Where such a thread counts the reports that it has sent, for a driver that has to know.
+    fn stops_sent(&self) -> Option<StopsSent> {
+        None
+    }
 
     /// A way to have it calibrated, for a device that needs it.
     fn calibration(&self) -> Option<BoardCalibration> {

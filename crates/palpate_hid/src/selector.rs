@@ -10,8 +10,8 @@ pub enum HidKind {
     SpaceMouse,
     /// A force-feedback joystick with USB's physical interface device class (PID), two axes.
     Joystick,
-    /// An open board with three motors and the linkage of WoodenHaptics: that, AluHaptics, Polhem 1. Polhem 2 and 3 have the same
-    /// numbers, and a linkage that is not supported: see [`BoardOptions::linkage`](crate::BoardOptions::linkage).
+    /// An open board with three motors: WoodenHaptics, AluHaptics, Polhem. All have the same numbers, and not all the same linkage:
+    /// which it is has to be said, with [`BoardOptions::kinematics`](crate::BoardOptions::kinematics).
     Board,
 }
 

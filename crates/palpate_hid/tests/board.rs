@@ -4,6 +4,8 @@
 mod bench;
 #[path = "board/homing.rs"]
 mod homing;
+#[path = "board/polhem.rs"]
+mod polhem;
 #[path = "board/turns.rs"]
 mod turns;
 

@@ -56,9 +56,6 @@ fn what_no_driver_can_do_is_refused_before_it_is_opened() {
         bus.plug(firmware.info("a"), descriptor, firmware);
         Arc::new(bus)
     };
-    let polhem = BoardOptions { linkage: BoardLinkage::Polhem, ..BoardOptions::default() };
-    let error = open(plug(BoardForm::Bytes14, |_| ()), false, polhem).unwrap_err();
-    assert!(matches!(&error, HidError::Unsupported { lacks, .. } if lacks.contains("Polhem")), "{error}");
     // 16 bytes from it.
     let longer = plug(BoardForm::Bytes14, |descriptor| descriptor[16] = 16);
     let error = open(longer, false, BoardOptions::default()).unwrap_err();

@@ -1,6 +1,10 @@
 //! The arm of a 3-DOF board: against finite differences, a published pose, and its own inverse.
 
-use glam::{DMat3, DVec3, Vec3Swizzles};
+#[path = "shared/arm.rs"]
+mod every_arm;
+
+use every_arm::*;
+use glam::{DVec3, Vec3Swizzles};
 use palpate_hid::*;
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -9,10 +13,14 @@ fn arm() -> BoardKinematics {
     BoardKinematics::woodenhaptics_v2015()
 }
 
+fn links(length_m: [f64; 3]) -> BoardLinkage {
+    BoardLinkage::WoodenHaptics { length_m }
+}
+
 /// Both signs, three different links, capstans, bodies, motors and encoders.
 fn other_arm() -> BoardKinematics {
     BoardKinematics {
-        length_m: [0.058, 0.174, 0.133],
+        linkage: links([0.058, 0.174, 0.133]),
         capstan_m: [0.011, 0.010, 0.009],
         body_m: [0.180, 0.100, 0.105],
         is_reversed: [true, false, true],
@@ -26,20 +34,6 @@ fn other_arm() -> BoardKinematics {
 /// Angles of an arm in use, away from where it is singular.
 fn poses() -> impl Strategy<Value = DVec3> {
     (-1.2..1.2, 0.0..1.0, 0.4..1.6).prop_map(|(a, b, c)| DVec3::new(a, b, c))
-}
-
-fn forces() -> impl Strategy<Value = DVec3> {
-    (-3.0..3.0, -3.0..3.0, -3.0..3.0).prop_map(|(x, y, z)| DVec3::new(x, y, z))
-}
-
-/// J by central differences with Richardson's extrapolation: an error of the fifth order.
-fn differences(arm: &BoardKinematics, angles: DVec3) -> DMat3 {
-    let along = |axis: DVec3| {
-        let slope =
-            |h: f64| (arm.position_m(angles + h * axis) - arm.position_m(angles - h * axis)) / (2.0 * h);
-        (4.0 * slope(1e-3) - slope(2e-3)) / 3.0
-    };
-    DMat3::from_cols(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
 }
 
 #[test]
@@ -73,7 +67,7 @@ fn the_middle_of_the_workspace_is_within_reach_and_the_arm_regular_there() {
         angles -= arm().jacobian(angles).inverse() * arm().position_m(angles);
     }
     assert!(arm().position_m(angles).length() < 1e-14);
-    let [_, l_b, l_c] = arm().length_m;
+    let [l_b, l_c] = [0.205, 0.245];
     assert!((l_b * angles.y.cos() - l_c * angles.z.cos()).abs() < 1e-14);
     assert!((l_b * angles.y.sin() + l_c * angles.z.sin() - 0.220).abs() < 1e-14);
     assert!((arm().leverage(angles) - 0.220 / 0.450 * (angles.y + angles.z).sin()).abs() < 1e-15);
@@ -119,8 +113,8 @@ fn arms_that_cannot_be_are_refused() {
     good.validate().unwrap();
     other_arm().validate().unwrap();
     for bad in [
-        BoardKinematics { length_m: [0.08, 0.0, 0.245], ..good },
-        BoardKinematics { length_m: [f64::NAN, 0.205, 0.245], ..good },
+        BoardKinematics { linkage: links([0.08, 0.0, 0.245]), ..good },
+        BoardKinematics { linkage: links([f64::NAN, 0.205, 0.245]), ..good },
         BoardKinematics { capstan_m: [0.01, 0.0, 0.01], ..good },
         BoardKinematics { body_m: [0.16, 0.12, f64::INFINITY], ..good },
         BoardKinematics { counts_per_turn: [2000.0, -2000.0, 2000.0], ..good },
@@ -150,40 +144,21 @@ proptest! {
     #[test]
     fn the_jacobian_is_that_of_finite_differences(angles in poses()) {
         for arm in [arm(), other_arm()] {
-            let off = arm.jacobian(angles) - differences(&arm, angles);
-            let worst = off.to_cols_array().into_iter().fold(0.0_f64, |most, entry| most.max(entry.abs()));
-            prop_assert!(worst < 1e-12, "{worst}");
+            jacobian_is_that_of_differences(&arm, angles, 1e-3, 1e-12)?;
         }
     }
 
     #[test]
     fn a_force_comes_back_from_its_currents(angles in poses(), force in forces()) {
         for arm in [arm(), other_arm()] {
-            let currents = arm.currents_a(angles, force);
-            let back = arm.force_n(angles, currents).unwrap();
-            prop_assert!((back - force).length() < 1e-12, "{}", (back - force).length());
-            // And after rounding to milliamperes: half of one for each motor, and no more.
-            let rounded = (1e3 * currents).round() * 1e-3;
-            let again = arm.currents_a(angles, arm.force_n(angles, rounded).unwrap());
-            prop_assert!((1e3 * (again - rounded)).abs().max_element() < 1e-9);
-            prop_assert!((1e3 * (again - currents)).abs().max_element() <= 0.5 + 1e-9);
+            force_comes_back(&arm, angles, force)?;
         }
     }
 
-    /// FᵀẊ = τᵀθ̇: what the motors put in comes out at the tip. The motors turn as their encoders do.
     #[test]
-    fn no_power_is_lost(angles in poses(), force in forces(), speed in forces()) {
+    fn what_the_motors_do_the_tip_does(angles in poses(), force in forces(), speed in forces()) {
         for arm in [arm(), other_arm()] {
-            let h = 1e-4;
-            let place = |at: f64| arm.position_m(angles + at * speed);
-            let velocity = (8.0 * (place(h) - place(-h)) - (place(2.0 * h) - place(-2.0 * h))) / (12.0 * h);
-            let out_w = force.dot(velocity);
-            // Angles of the motors from what their encoders count, without a look at how the driver does it.
-            let count = arm.angles_rad([1, 1, 1]);
-            let motor_rad_per_s = speed / count * std::f64::consts::TAU / DVec3::from(arm.counts_per_turn);
-            let torque_nm = arm.currents_a(angles, force) * DVec3::from(arm.torque_nm_per_a);
-            let in_w = torque_nm.dot(motor_rad_per_s);
-            prop_assert!((in_w - out_w).abs() < 1e-9 * (1.0 + out_w.abs()), "{in_w} {out_w}");
+            no_power_is_lost(&arm, angles, force, speed, 1e-4)?;
         }
     }
 }

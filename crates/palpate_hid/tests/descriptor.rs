@@ -197,6 +197,73 @@ fn an_array_names_usages_by_numbers() {
 }
 
 #[test]
+fn what_only_fills_a_report_is_not_found() {
+    // A joystick whose first byte is named x and constant, whose second is x, and whose y is constant alone.
+    let bytes = [
+        0x05, 0x01, 0x09, 0x04, 0xA1, 0x01, 0x15, 0x81, 0x25, 0x7F, 0x75, 0x08, 0x95, 0x01, 0x09, 0x30, 0x81,
+        0x03, 0x09, 0x30, 0x81, 0x02, 0x09, 0x31, 0x81, 0x03, 0xC0,
+    ];
+    let parsed = ReportDescriptor::parse(&bytes).unwrap();
+    let [report] = parsed.reports() else { panic!("one report") };
+    let all: Vec<(usize, bool)> = report.fields.iter().map(|field| (field.bit, field.is_constant)).collect();
+    assert_eq!(all, [(0, true), (8, false), (16, true)], "they are there all the same");
+    let joystick = Usage::new(1, 4);
+    assert_eq!(report.field(X).map(|field| field.bit), Some(8));
+    assert_eq!(parsed.find(ReportKind::Input, joystick, X).map(|(_, field)| field.bit), Some(8));
+    assert_eq!(report.field(Y), None);
+    assert_eq!(parsed.find(ReportKind::Input, joystick, Y), None);
+}
+
+/// Chapters 6.2.2.7 and 6.2.2.8 of the standard: a push keeps all global items, a pop brings them back, local items are no part of it.
+#[test]
+fn what_was_pushed_holds_again_after_the_pop() {
+    let bytes = [
+        // Page 1, -127 to 127, physical 0 to 100, unit 0x11 by a thousandth, 8 bits, one, report 3; kept twice.
+        &[0x05, 1, 0x15, 0x81, 0x25, 0x7F, 0x35, 0, 0x45, 100, 0x65, 0x11, 0x55, 0x0D][..],
+        &[0x75, 8, 0x95, 1, 0x85, 3, 0xA4, 0xA4],
+        // All of them changed: two buttons of report 4.
+        &[0x05, 9, 0x15, 0, 0x25, 1, 0x35, 0, 0x45, 0, 0x65, 0, 0x55, 0, 0x75, 1, 0x95, 2, 0x85, 4],
+        &[0x19, 1, 0x29, 2, 0x81, 2],
+        // x, with the usage named before the pop.
+        &[0x09, 0x30, 0xB4, 0x81, 2],
+        // Other bits; the second pop brings eight again, for y.
+        &[0x75, 16, 0xB4, 0x09, 0x31, 0x81, 2],
+    ];
+    let parsed = ReportDescriptor::parse(&bytes.concat()).unwrap();
+    let buttons = parsed.report(ReportKind::Input, 4).unwrap();
+    assert_eq!((buttons.bytes(), buttons.fields.len()), (1, 2));
+    let second = buttons.field(Usage::new(9, 2)).unwrap();
+    assert_eq!((second.logical, second.physical, second.unit, second.unit_exponent), ([0, 1], [0, 0], 0, 0));
+    let axes = parsed.report(ReportKind::Input, 3).unwrap();
+    assert_eq!(axes.bytes(), 2);
+    for (usage, bit) in [(X, 0), (Y, 8)] {
+        let axis = axes.field(usage).unwrap();
+        assert_eq!((axis.bit, axis.bits, axis.logical, axis.physical), (bit, 8, [-127, 127], [0, 100]));
+        assert_eq!((axis.unit, axis.unit_exponent), (0x11, -3));
+    }
+}
+
+/// Chapter 6.2.2.8: between delimiters stand several usages for one control, the one that is meant most first.
+#[test]
+fn of_usages_between_delimiters_the_first_counts() {
+    let bytes = [
+        &[0x05, 1, 0x09, 4, 0xA1, 1, 0x15, 0, 0x25, 0x7F, 0x75, 8, 0x95, 3][..],
+        // Three controls: x or z, y alone, a slider or a dial or a wheel.
+        &[0xA9, 1, 0x09, 0x30, 0x09, 0x32, 0xA9, 0],
+        &[0x09, 0x31],
+        &[0xA9, 1, 0x09, 0x36, 0x09, 0x37, 0x09, 0x38, 0xA9, 0],
+        &[0x81, 2],
+        // They are forgotten with the main item.
+        &[0x95, 2, 0x09, 0x33, 0x09, 0x34, 0x81, 2, 0xC0],
+    ];
+    let parsed = ReportDescriptor::parse(&bytes.concat()).unwrap();
+    let [report] = parsed.reports() else { panic!("one report") };
+    let of = |id| report.field(Usage::new(1, id)).map(|field| field.bit);
+    assert_eq!([0x30, 0x31, 0x36, 0x33, 0x34].map(of), [Some(0), Some(8), Some(16), Some(24), Some(32)]);
+    assert_eq!([0x32, 0x37, 0x38].map(of), [None; 3]);
+}
+
+#[test]
 fn what_is_broken_is_refused_with_its_place() {
     let refused = |bytes: &[u8]| ReportDescriptor::parse(bytes).unwrap_err();
     assert_eq!(refused(&[0x05]), DescriptorError::Truncated { at: 0 });

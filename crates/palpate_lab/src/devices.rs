@@ -5,8 +5,8 @@ mod watch;
 
 use crate::error::{LabError, check};
 use crate::output::Output;
-use clap::Args;
-use palpate_hid::{FoundDevice, HidBus, HidError, HidInfo, HidSelector, SystemBus};
+use clap::{Args, ValueEnum};
+use palpate_hid::{BoardKinematics, FoundDevice, HidBus, HidError, HidInfo, HidSelector, SystemBus};
 use serde::Serialize;
 use std::io::Write;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// axes, below 0.5 N, by the same loop and safety chain that an app has. It asks before it does.
 #[derive(Clone, Debug, Args)]
 #[command(
-    after_help = "Examples:\n  palpate-lab devices\n  palpate-lab devices --watch\n  palpate-lab devices --test 256f:c635\n  palpate-lab devices --test /dev/hidraw3 --force-n 0.2"
+    after_help = "Examples:\n  palpate-lab devices\n  palpate-lab devices --watch\n  palpate-lab devices --test 256f:c635\n  palpate-lab devices --test /dev/hidraw3 --force-n 0.2\n  palpate-lab devices --test 1234:0006 --board polhem-v3"
 )]
 pub(crate) struct Devices {
     /// List what is plugged in and out, until it is interrupted or --seconds have passed
@@ -33,6 +33,9 @@ pub(crate) struct Devices {
     /// stronger
     #[arg(long, default_value_t = 500.0, allow_hyphen_values = true, requires = "test")]
     full_scale_n: f64,
+    /// Which arm a board has: no board tells it, and with another one forces go astray
+    #[arg(long, value_enum, default_value_t, requires = "test")]
+    board: Arm,
     /// How long to test or to watch, s [default: 6 for a test]
     #[arg(long, allow_hyphen_values = true)]
     seconds: Option<f64>,
@@ -45,6 +48,44 @@ pub(crate) struct Devices {
     /// List devices of unknown kinds too
     #[arg(long)]
     all: bool,
+}
+
+/// The arms of boards whose sizes are published.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Arm {
+    /// The WoodenHaptics of 2015
+    #[default]
+    #[value(name = "woodenhaptics")]
+    WoodenHaptics,
+    /// Polhem 2
+    PolhemV2,
+    /// Polhem 3
+    PolhemV3,
+}
+
+impl Arm {
+    fn kinematics(self) -> BoardKinematics {
+        match self {
+            Self::WoodenHaptics => BoardKinematics::woodenhaptics_v2015(),
+            Self::PolhemV2 => BoardKinematics::polhem_v2(),
+            Self::PolhemV3 => BoardKinematics::polhem_v3(),
+        }
+    }
+
+    /// Where somebody has to put it, and what it is taken for.
+    fn home(self) -> &'static str {
+        match self {
+            Self::WoodenHaptics => {
+                "link B up, link C to the front. Its motors and sizes are taken for those of a WoodenHaptics of 2015 (--board)"
+            }
+            Self::PolhemV2 => {
+                "folded, as its maker has it. Its motors and sizes are taken for those of a Polhem 2; draw it out of there for any force"
+            }
+            Self::PolhemV3 => {
+                "folded, as its maker has it. Its motors and sizes are taken for those of a Polhem 3; draw it out of there for any force"
+            }
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -86,6 +127,7 @@ impl Devices {
                 selector: selector(id, self.teensy_is_board, &*bus)?,
                 force_n: self.force_n,
                 full_scale_n: self.full_scale_n,
+                arm: self.board,
                 seconds: self.seconds.unwrap_or(6.0),
                 asks: !self.yes,
             }

@@ -6,8 +6,8 @@ use bevy::prelude::*;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Debug, PartialEq, Hash, Clone)]
 pub enum HidDeviceKind {
-    /// An open board with three motors and the linkage of WoodenHaptics: that, AluHaptics, Polhem 1. Not Polhem 2 and 3, which
-    /// have the same numbers on USB.
+    /// An open board with three motors: WoodenHaptics, AluHaptics, Polhem. All have the same numbers on USB; which one it is has to be
+    /// said, in the options that `HapticDevices::set_hid_options` takes.
     Board,
     /// A force-feedback joystick with USB's physical interface device class.
     Joystick,

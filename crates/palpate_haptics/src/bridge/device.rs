@@ -1,7 +1,7 @@
 //! palpate's end of a bridge.
 
 use super::counts::{BridgeMonitor, Counters, add_one};
-use super::handshake::{greet, new_session};
+use super::handshake::{Purpose, greet};
 use super::link::{Link, MOST_IN_A_ROW, Received, of_device};
 use super::order::Order;
 use super::packet::{Body, Packet, Welcome};
@@ -65,7 +65,7 @@ impl BridgeDevice {
         let address = settings.address;
         let monitor = BridgeMonitor::default();
         let link = Link::towards(address).map_err(|source| BridgeError::Socket { address, source })?;
-        let welcome = greet(&link, &settings, 0, monitor.counters())?;
+        let (_, welcome) = greet(&link, &settings, Purpose::Ask, monitor.counters())?;
         Ok(Self { settings, welcome, monitor, sent: Arc::default(), session: None })
     }
 
@@ -167,9 +167,8 @@ impl HapticDevice for BridgeDevice {
         }
         let peer = self.settings.address;
         let link = Link::towards(peer).map_err(|error| of_device(&error))?;
-        let id = new_session();
-        let welcome =
-            greet(&link, &self.settings, id, self.monitor.counters()).map_err(|error| error.of_device())?;
+        let (id, welcome) = greet(&link, &self.settings, Purpose::Begin, self.monitor.counters())
+            .map_err(|error| error.of_device())?;
         let clock = MonotonicClock::start();
         self.sent.store(0, Ordering::Release);
         let session = Session {

@@ -14,7 +14,7 @@ const AGAIN_NS: u64 = 10_000_000;
 const LOOK_NS: u64 = 200_000;
 
 /// A number for a session that no session before it had, in all likelihood.
-pub(super) fn new_session() -> u64 {
+fn new_session() -> u64 {
     // The standard library's source of randomness. 0 is no session.
     RandomState::new().hash_one(0_u8).max(1)
 }
@@ -26,18 +26,33 @@ struct Heard {
     nonsense: Option<PacketError>,
 }
 
-/// Says hello in `session` (0: only asks) until the peer welcomes us.
+/// What a hello is said for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    /// To learn what the peer is, in session 0, which is none.
+    Ask,
+    /// To begin a session.
+    Begin,
+}
+
+/// Says hello until the peer welcomes us: in which session that is, and what it says of itself.
+///
+/// A session that the peer says is over before it has welcomed us is given up for a new one: its first welcome may have been lost, and
+/// its watchdog have run out before we asked again. The hello of the new one goes at once, but no more than one hello in 10 ms is owed
+/// to that, so that a peer that knows no better is not flooded.
 pub(super) fn greet(
     link: &Link,
     settings: &BridgeSettings,
-    session: u64,
+    purpose: Purpose,
     counters: &Counters,
-) -> Result<Welcome, BridgeError> {
+) -> Result<(u64, Welcome), BridgeError> {
     let BridgeSettings { address, open_within: waited, .. } = *settings;
     let clock = MonotonicClock::start();
     let begun_ns = clock.now_ns();
     let end_ns = begun_ns.saturating_add(u64::try_from(waited.as_nanos()).unwrap_or(u64::MAX));
+    let mut session = if purpose == Purpose::Begin { new_session() } else { 0 };
     let (mut heard, mut number, mut next_ns) = (Heard::default(), 0, begun_ns);
+    let mut renewed_ns: Option<u64> = None;
     loop {
         let now_ns = clock.now_ns();
         if now_ns >= end_ns {
@@ -66,7 +81,13 @@ pub(super) fn greet(
                 add_one(&counters.other_session);
             }
             Received::Datagram { packet: Ok(packet), .. } => match packet.body {
-                Body::Welcome(welcome) => return Ok(welcome),
+                Body::Welcome(welcome) => return Ok((session, welcome)),
+                Body::End(EndReason::NoSession | EndReason::Silent | EndReason::Closing) if session != 0 => {
+                    session = new_session();
+                    if renewed_ns.is_none_or(|at_ns| now_ns >= at_ns.saturating_add(AGAIN_NS)) {
+                        (renewed_ns, next_ns) = (Some(now_ns), now_ns);
+                    }
+                }
                 Body::End(EndReason::Busy) => heard.is_busy = true,
                 Body::End(EndReason::DeviceFailed) => return Err(BridgeError::DeviceFailed { address }),
                 // A sample may overtake its welcome; the rest says nothing of whether we are welcome.

@@ -29,7 +29,8 @@ pub enum BoardHoming {
 
 /// A way to have a board calibrated, from any thread, while the loop has the device.
 ///
-/// 1. Somebody puts the arm to its home and holds it there: for a WoodenHaptics link B up, link C to the front.
+/// 1. Somebody puts the arm to its home and holds it there: for a WoodenHaptics link B up, link C to the front; for a Polhem folded, as
+///    [`BoardKinematics::polhem_v3`] has it.
 /// 2. [`BoardCalibration::request`]; or that person pushes the board's button. From the next report on there is no force.
 /// 3. The board is told what its counters are at home. With reports of 8 bytes the driver keeps the difference itself.
 /// 4. The counters come back as they should, [`BoardCalibration::is_done`] says so, and force begins from nothing.

@@ -6,7 +6,7 @@ use super::turns::{SILENCE, Turns};
 use super::{
     BoardBytes, BoardCalibration, BoardForm, BoardInput, BoardKinematics, BoardOptions, BoardOutput,
 };
-use crate::driver::Driver;
+use crate::driver::{Driver, StopsSent};
 use crate::link::{Link, Understood};
 use glam::{DQuat, DVec3};
 use palpate_haptics::{DeviceDescription, DeviceError, Reading};
@@ -28,6 +28,7 @@ pub(super) struct Board {
     calibrator: Calibrator,
     limits: Limits,
     turns: Turns,
+    stops_sent: StopsSent,
     /// Reports that have come since it was opened.
     number: u64,
     newest: Option<Pose>,
@@ -51,8 +52,18 @@ impl Board {
             calibrator: Calibrator::new(form),
             limits: Limits::default(),
             turns: Turns::default(),
+            stops_sent: StopsSent::default(),
             number: 0,
             newest: None,
+        }
+    }
+
+    /// Takes into account what another thread has sent to end all force.
+    fn note_stops(&mut self) {
+        let zeros = self.stops_sent.take();
+        if zeros > 0 {
+            self.turns.stopped(zeros);
+            self.limits.begin_anew();
         }
     }
 
@@ -153,6 +164,7 @@ impl Board {
     fn begin(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.calibrator.opening();
         self.turns = Turns::begin(link.clock.now());
+        self.stops_sent.take();
         (self.limits, self.number, self.newest) = (Limits::default(), 0, None);
         // Firmware that takes turns falls silent once it has nothing to take.
         for _ in 0..FIRST_WAITS {
@@ -185,6 +197,7 @@ impl Board {
     }
 
     fn newest(&mut self, link: &mut Link) -> Result<Reading, DeviceError> {
+        self.note_stops();
         let drained = self.drain(link, Duration::ZERO);
         if drained.is_err() {
             self.turns.failed();
@@ -203,6 +216,7 @@ impl Board {
     }
 
     fn show(&mut self, link: &mut Link, force_n: DVec3) -> Result<(), DeviceError> {
+        self.note_stops();
         if self.turns.is_owed() && self.calibrator.is_asked() {
             return self.answer_with_zero(link);
         }
@@ -225,6 +239,7 @@ impl Board {
     }
 
     fn end(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+        self.note_stops();
         self.send_zero(link)?;
         for _ in 0..OLD_REPORTS {
             if !self.drain(link, SILENCE)? {
@@ -276,6 +291,10 @@ impl Driver for Board {
 
     fn stop_reports(&self) -> Vec<Vec<u8>> {
         vec![self.zero.as_slice().to_vec()]
+    }
+
+    fn stops_sent(&self) -> Option<StopsSent> {
+        Some(self.stops_sent.clone())
     }
 
     fn calibration(&self) -> Option<BoardCalibration> {

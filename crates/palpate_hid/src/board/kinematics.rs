@@ -1,31 +1,21 @@
-//! The arm of a WoodenHaptics: from encoder counts to the place of its tip, and from a force to the currents of its motors.
+//! The arm of a board: from encoder counts to the place of its tip, and from a force to the currents of its motors.
 //!
-//! Sources: forsslund/haptikfabrikenapi at b8d6c94, `src/kinematics.cpp` for the formulas, `src/haptikfabrikenapi.h` for the numbers.
+//! Sources: forsslund/haptikfabrikenapi at b8d6c94, `src/kinematics.cpp` for the formulas, `src/haptikfabrikenapi.h` for the numbers;
+//! those of Polhem are named in `polhem.rs`.
 
+use super::linkage::{BoardLinkage, Reach};
 use crate::HidError;
 use glam::{DMat3, DVec3, Vec3Swizzles};
 use std::f64::consts::TAU;
 
-/// Which of the two linkages an arm has.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum BoardLinkage {
-    /// Two links, each turned from the base: WoodenHaptics, AluHaptics, Polhem 1.
-    #[default]
-    WoodenHaptics,
-    /// Five bars: Polhem 2 and 3, variant 3 of the interface. It is refused with [`HidError::Unsupported`]: the lengths of its
-    /// capstans and its home differ between what has been published, and the wrong ones would turn forces.
-    Polhem,
-}
-
-/// The arm of a WoodenHaptics: three bodies, each turned by a motor through a capstan.
+/// The arm of a board: three bodies, each turned by a motor through a capstan, and the linkage between them and the tip.
 ///
-/// Body A turns about the vertical by θ_A; on it turn B, from the vertical, by θ_B, and C, from straight down, by θ_C:
+/// Body A turns about the vertical by θ_A and carries the linkage, which lies in a plane with that axis. Its bodies B and C, turned by
+/// θ_B and θ_C, move the tip in the plane: ρ from the axis and h up ([`BoardLinkage`] has how).
 ///
 /// * θ_i = s_i · 2π n_i / cpr_i · d_i / D_i, with the counts n, the counts for a turn cpr, the diameters d of the capstan and D of
 ///   the body, and s = ±1;
-/// * x = cos θ_A (L_b sin θ_B + L_c sin θ_C) − o_x,
-///   y = sin θ_A (L_b sin θ_B + L_c sin θ_C) − o_y,
-///   z = L_n + L_b cos θ_B − L_c cos θ_C − o_z;
+/// * x = ρ cos θ_A − o_x, y = ρ sin θ_A − o_y, z = h − o_z;
 /// * τ = JᵀF with J = ∂(x, y, z)/∂θ; the torque of a motor is s_i τ_i d_i / D_i, its current that by its torque constant k_i.
 ///
 /// # Frame
@@ -37,11 +27,13 @@ pub enum BoardLinkage {
 ///
 /// # Not in it
 ///
-/// The weight of the bodies (the source's numbers switch its compensation off as well), friction, and the turning of the grip.
+/// The weight of the bodies, friction, and the turning of the grip. The source's numbers switch the weight's compensation off for a
+/// WoodenHaptics; for a Polhem hfabapi adds 0.4 kg of bodies to the torques. That would be a force that no safety chain has seen, so
+/// the hand carries it here.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoardKinematics {
-    /// L_n, L_b, L_c: height of the shoulder, lengths of the two links, m.
-    pub length_m: [f64; 3],
+    /// How bodies B and C move the tip, with the lengths of the links.
+    pub linkage: BoardLinkage,
     /// d: diameters of the capstans on the motors, m.
     pub capstan_m: [f64; 3],
     /// D: diameters of the bodies where the cable runs, m.
@@ -77,7 +69,7 @@ impl BoardKinematics {
     #[must_use]
     pub fn woodenhaptics_v2015() -> Self {
         Self {
-            length_m: [0.080, 0.205, 0.245],
+            linkage: BoardLinkage::WoodenHaptics { length_m: [0.080, 0.205, 0.245] },
             capstan_m: [0.010; 3],
             body_m: [0.160, 0.120, 0.120],
             is_reversed: [false; 3],
@@ -99,9 +91,7 @@ impl BoardKinematics {
             let bad = values.into_iter().find(|value| !(least..=most).contains(value));
             bad.map_or(Ok(()), |bad| Err(HidError::Option { what, found: bad.to_string(), allowed }))
         };
-        within("length of a board's links, m", self.length_m, 0.0, 10.0, "0 to 10")?;
-        let [_, b, c] = self.length_m;
-        within("length of a board's outer links, m", [b, c, c], 1e-3, 10.0, "0.001 to 10")?;
+        self.linkage.validate()?;
         within("diameter of a board's capstan, m", self.capstan_m, 1e-4, 1.0, "0.0001 to 1")?;
         within("diameter of a board's body, m", self.body_m, 1e-4, 10.0, "0.0001 to 10")?;
         within("counts for a turn of a board's motor", self.counts_per_turn, 1.0, 1e6, "1 to 1000000")?;
@@ -122,7 +112,13 @@ impl BoardKinematics {
             1.0,
             65_536.0,
             "at most 65536, or its counters could not be told apart",
-        )
+        )?;
+        if self.reach(self.home_rad()).is_closed {
+            return Ok(());
+        }
+        let [a, b, c, ..] = self.home_counts;
+        let allowed = "counts with which the bars of its linkage meet";
+        Err(HidError::Option { what: "home of a board", found: format!("{a}, {b}, {c}"), allowed })
     }
 
     /// Angle of each body for one count, with its sign, rad.
@@ -166,24 +162,25 @@ impl BoardKinematics {
         self.angles_rad([a, b, c].map(i32::from))
     }
 
-    /// Place of the tip, m.
+    /// Place of the tip, m. Always finite: where the bars of a Polhem do not meet, as long as nobody has said where home is, its outer
+    /// link points as if they were stretched, or folded, towards each other.
     #[must_use]
     pub fn position_m(&self, angles_rad: DVec3) -> DVec3 {
-        let Reach { out, up, .. } = self.reach(angles_rad);
+        let Reach { tip, .. } = self.reach(angles_rad);
         let (sin_a, cos_a) = angles_rad.x.sin_cos();
-        (DVec3::new(cos_a * out, sin_a * out, up) - self.origin_m).yzx()
+        (DVec3::new(cos_a * tip.x, sin_a * tip.x, tip.y) - self.origin_m).yzx()
     }
 
-    /// J: how the tip moves when A, B, C turn, m/rad; a column for each.
+    /// J: how the tip moves when A, B, C turn, m/rad; a column for each. Always finite: where the bars of a Polhem do not meet, or lie in
+    /// one line, its outer link counts as fixed to B.
     #[must_use]
     pub fn jacobian(&self, angles_rad: DVec3) -> DMat3 {
-        let Reach { out, b, c, .. } = self.reach(angles_rad);
+        let Reach { tip, by_b, by_c, .. } = self.reach(angles_rad);
         let (sin_a, cos_a) = angles_rad.x.sin_cos();
-        // B goes out and down, C out and up.
         DMat3::from_cols(
-            DVec3::new(-sin_a * out, cos_a * out, 0.0).yzx(),
-            DVec3::new(cos_a * b.y, sin_a * b.y, -b.x).yzx(),
-            DVec3::new(cos_a * c.y, sin_a * c.y, c.x).yzx(),
+            DVec3::new(-sin_a * tip.x, cos_a * tip.x, 0.0).yzx(),
+            DVec3::new(cos_a * by_b.x, sin_a * by_b.x, by_b.y).yzx(),
+            DVec3::new(cos_a * by_c.x, sin_a * by_c.x, by_c.y).yzx(),
         )
     }
 
@@ -204,33 +201,14 @@ impl BoardKinematics {
         Some(self.jacobian(angles_rad).transpose().inverse() * torques_nm).filter(|force| force.is_finite())
     }
 
-    /// How far the arm is from where it is singular: 0 there, 1 at most. The determinant of J is ρ L_b L_c sin(θ_B + θ_C), where ρ
-    /// is the distance of the tip from A's axis; this is the product of ρ/(L_b + L_c) and the sine, without signs.
+    /// How far the arm is from where it is singular: 0 there, and where the bars of its linkage do not meet; 1 at most. It is ρ by its
+    /// greatest value, times the sines of the angles between the links that must not lie in one line; see [`BoardLinkage`].
     #[must_use]
     pub fn leverage(&self, angles_rad: DVec3) -> f64 {
-        let [_, l_b, l_c] = self.length_m;
-        let out = self.reach(angles_rad).out / (l_b + l_c);
-        (out * (angles_rad.y + angles_rad.z).sin()).abs()
+        self.reach(angles_rad).leverage
     }
 
     fn reach(&self, angles_rad: DVec3) -> Reach {
-        let [l_n, l_b, l_c] = self.length_m;
-        let ((sin_b, cos_b), (sin_c, cos_c)) = (angles_rad.y.sin_cos(), angles_rad.z.sin_cos());
-        let (b, c) = (Link { x: l_b * sin_b, y: l_b * cos_b }, Link { x: l_c * sin_c, y: l_c * cos_c });
-        Reach { out: b.x + c.x, up: l_n + b.y - c.y, b, c }
+        self.linkage.reach(angles_rad.y, angles_rad.z)
     }
-}
-
-/// L sin θ and L cos θ of a link, m.
-struct Link {
-    x: f64,
-    y: f64,
-}
-
-/// The tip in the plane of B and C, m: how far from A's axis, ρ, and how high.
-struct Reach {
-    out: f64,
-    up: f64,
-    b: Link,
-    c: Link,
 }

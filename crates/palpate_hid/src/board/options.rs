@@ -1,6 +1,6 @@
 //! What can be set for a board.
 
-use super::{BoardHoming, BoardKinematics, BoardLinkage};
+use super::{BoardHoming, BoardKinematics};
 use crate::HidError;
 
 /// What can be set for a 3-DOF board.
@@ -8,12 +8,9 @@ use crate::HidError;
 /// Whatever is set, there is no force before the board knows where its arm is: see [`BoardHoming`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoardOptions {
-    /// Which linkage the arm has. A board cannot tell: a Polhem 2 or 3 has the same numbers on USB as a WoodenHaptics and the same
-    /// reports, so that whoever has one must name its linkage here. Then it is refused; taken for a WoodenHaptics its positions
-    /// and the directions of its forces would be wrong.
-    pub linkage: BoardLinkage,
-    /// Its sizes, motors and home. Those of a WoodenHaptics of 2015 unless you say otherwise; an AluHaptics and a Polhem 1 have their
-    /// own.
+    /// Its linkage, sizes, motors and home. Those of a WoodenHaptics of 2015 unless you say otherwise, as you must for a Polhem 2 or 3,
+    /// whose linkage is another: [`BoardKinematics::polhem_v3`]. An AluHaptics and a Polhem 1 have the linkage of a WoodenHaptics, and
+    /// sizes of their own.
     pub kinematics: BoardKinematics,
     /// What is believed of its counters when it is opened.
     pub homing: BoardHoming,
@@ -29,7 +26,6 @@ impl Default for BoardOptions {
     /// haptikfabrikenapi, as its amplifiers bear no more for more than 4 s; 0.25 m.
     fn default() -> Self {
         Self {
-            linkage: BoardLinkage::default(),
             kinematics: BoardKinematics::default(),
             homing: BoardHoming::default(),
             max_current_a: 2.0,

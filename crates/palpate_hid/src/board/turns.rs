@@ -17,6 +17,8 @@ pub(super) struct Turns {
     /// answered before they came. Never more than 1: of several that have come at once the newest is answered, as firmware that
     /// does not take turns sends more than it gets.
     owed: i64,
+    /// Reports beyond that one, since it was last sent anything: nobody has answered them, unless another thread has.
+    beyond: i64,
     /// Whether it has spoken since it was last sent anything.
     has_spoken: bool,
     /// The currents that the board shows, or will when it has taken all that was sent, mA.
@@ -37,7 +39,9 @@ impl Turns {
     /// So many reports have come.
     pub(super) fn heard(&mut self, reports: u64, now: Duration) {
         let reports = i64::try_from(reports).unwrap_or(i64::MAX);
-        self.owed = self.owed.saturating_add(reports).min(1);
+        let all = self.owed.saturating_add(reports);
+        self.owed = all.min(1);
+        self.beyond = self.beyond.saturating_add(all - self.owed);
         (self.heard_at, self.exchanged_at) = (now, now);
         (self.has_spoken, self.is_silent) = (true, false);
     }
@@ -68,7 +72,18 @@ impl Turns {
     /// It has been sent, and shows these currents.
     pub(super) fn sent(&mut self, currents_ma: [i16; 3]) {
         self.owed = (self.owed - 1).max(-MOST_AHEAD);
-        (self.has_spoken, self.shown_ma) = (false, currents_ma);
+        (self.has_spoken, self.shown_ma, self.beyond) = (false, currents_ma, 0);
+    }
+
+    /// Another thread has sent so many zeros. Each has answered a report as any other would: one that was not answered before the next
+    /// came, or that which is owed, or one to come.
+    pub(super) fn stopped(&mut self, zeros: u32) {
+        let zeros = i64::from(zeros);
+        let earlier = zeros.min(self.beyond);
+        self.beyond -= earlier;
+        self.owed = (self.owed - (zeros - earlier)).max(-MOST_AHEAD);
+        self.has_spoken &= self.owed > 0;
+        self.shown_ma = [0; 3];
     }
 
     /// The link has failed.
@@ -111,6 +126,32 @@ mod tests {
         turns.heard(1, ms(2));
         assert!(!turns.is_owed() && turns.may_go_ahead());
         turns.heard(1, ms(3));
+        assert!(turns.is_owed());
+    }
+
+    #[test]
+    fn a_stop_from_another_thread_has_answered_a_report() {
+        let mut turns = Turns::begin(ms(0));
+        turns.heard(1, ms(1));
+        turns.stopped(1);
+        assert!(!turns.is_owed() && turns.may_go_ahead());
+        turns.heard(1, ms(2));
+        assert!(turns.is_owed());
+        turns.sent([9; 3]);
+        // It had nothing to answer yet.
+        turns.stopped(2);
+        assert_eq!(turns.shown_ma, [0; 3]);
+        turns.heard(2, ms(3));
+        assert!(!turns.is_owed());
+        turns.heard(1, ms(4));
+        assert!(turns.is_owed());
+        // It is told of only when the report after that has come, which still waits.
+        turns.heard(1, ms(5));
+        turns.stopped(1);
+        assert!(turns.is_owed());
+        turns.sent([0; 3]);
+        assert!(!turns.is_owed());
+        turns.heard(1, ms(6));
         assert!(turns.is_owed());
     }
 

@@ -41,7 +41,7 @@ impl Input {
         };
         let mut buttons = Vec::new();
         let mut pressed = Vec::new();
-        for field in &report.fields {
+        for field in report.fields.iter().filter(|field| !field.is_constant) {
             let first = field.usages.first().map(|range| range.first);
             match first.filter(|usage| usage.page == BUTTONS) {
                 Some(_) if field.is_array => pressed.push(field.clone()),

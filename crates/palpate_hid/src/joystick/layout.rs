@@ -265,8 +265,9 @@ impl SetEffect<'_> {
 
     /// The field of a direction in the plane; others are angles out of it.
     fn direction(&self) -> Option<&Field> {
-        let first = self.fields_in(DIRECTION).find(|field| field.has(FIRST_INSTANCE));
-        first.or_else(|| self.fields_in(DIRECTION).next()).or_else(|| self.report.field(DIRECTION.usage))
+        let settable = || self.fields_in(DIRECTION).filter(|field| !field.is_constant);
+        let first = settable().find(|field| field.has(FIRST_INSTANCE));
+        first.or_else(|| settable().next()).or_else(|| self.report.field(DIRECTION.usage))
     }
 
     /// What to write as a duration of half a second, where that can be written.

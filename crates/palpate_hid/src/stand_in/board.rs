@@ -17,14 +17,15 @@ const SATURATES_MA: i16 = 3_000;
 /// What a hand does: where it is, m, in the device's frame, when so many reports have been exchanged.
 type Hand = dyn FnMut(u64) -> DVec3 + Send;
 
-/// The firmware of a board with a WoodenHaptics arm, and a hand that holds the arm's tip by a spring.
+/// The firmware of a board with an arm, of a WoodenHaptics or of a Polhem, and a hand that holds the arm's tip by a spring.
 ///
 /// It sends one report and then waits for one, as the firmware for 14 bytes does; that for 8 bytes sends whenever it is asked, which
 /// here, where nothing has a clock, is once for each report as well. How the firmware of a Teensy takes turns has not been published;
 /// it does the same here. Each report that it takes advances its time by one step. Where no reports go, [`BoardFirmware::pass`] does.
 ///
 /// The hand holds the tip, which has 0.2 kg, with 400 N/m and 10 N s/m. The arm's kinematics are its own: turned links for the place
-/// of the tip, finite differences for its motion, Newton's method for the angles. Places and forces are in the device's frame, SI.
+/// of the tip, half angles where bars close, finite differences for its motion, Newton's method for the angles. Places and forces are
+/// in the device's frame, SI.
 pub struct BoardFirmware {
     form: BoardForm,
     arm: Arm,

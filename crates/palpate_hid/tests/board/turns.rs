@@ -193,6 +193,44 @@ fn forces_that_nobody_asked_for_do_not_pile_up_at_a_slow_board() {
     assert_eq!(bench.board(|it| it.waiting()), 0);
 }
 
+/// Whenever it comes, each report is answered once, by the force of its own tick. The bus brings one report each millisecond.
+#[test]
+fn after_a_stop_from_another_thread_no_force_comes_a_report_late() {
+    for (stops, is_read) in [(1, true), (1, false), (3, true), (3, false)] {
+        let mut bench = Bench::new(at_home(BoardForm::Bytes14).calibrated(), kept());
+        let paced = Paced { board: bench.firmware.clone(), ms: bench.ms.clone(), period_ms: 1, next_ms: 0 };
+        bench.bus.plug(bench.board(|it| it.info(PATH)), bench.board(|it| it.descriptor()), paced);
+        bench.device().open().unwrap();
+        for _ in 0..8 {
+            bench.pass_ms(1);
+            let _ = bench.device().read(Duration::ZERO);
+            let _ = bench.device().write(DVec3::ZERO);
+        }
+        bench.ticks(50, DVec3::X);
+        assert!((bench.felt_n() - DVec3::X).length() < ROUNDING_N, "{}", bench.felt_n());
+        let mut stop = bench.device().emergency_stop().unwrap();
+        bench.pass_ms(1);
+        if is_read {
+            // The board has sent its report, and the loop hangs before it answers.
+            bench.device().read(Duration::ZERO).unwrap();
+        }
+        (0..stops).for_each(|_| stop.stop().unwrap());
+        bench.device().write(DVec3::X).unwrap();
+        // What was sent ahead is taken, and the rest begins with little.
+        bench.ticks(stops, DVec3::X);
+        assert!(bench.felt_n().length() < 0.8, "{}", bench.felt_n());
+        bench.ticks(40, DVec3::X);
+        for tick in 0..20 {
+            let before = bench.board(|it| it.exchanged());
+            let force_n = (1.0 + 0.02 * f64::from(tick)) * DVec3::X;
+            bench.tick(force_n);
+            assert_eq!(bench.board(|it| (it.exchanged(), it.waiting())), (before + 1, 0));
+            let off_n = bench.felt_n() - force_n;
+            assert!(off_n.length() < ROUNDING_N, "{stops} {is_read}: {off_n}");
+        }
+    }
+}
+
 #[test]
 fn a_board_of_which_a_report_is_lost_is_answered_again() {
     let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), kept());

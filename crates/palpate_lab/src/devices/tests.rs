@@ -95,6 +95,7 @@ fn trial(bus: &StandInBus, seconds: f64) -> Trial {
         selector: selector("7", false, bus).unwrap(),
         force_n: 0.3,
         full_scale_n: 500.0,
+        arm: Arm::default(),
         seconds,
         asks: false,
     }
@@ -123,7 +124,8 @@ fn a_board_is_pushed_gently_and_feels_what_is_told() {
     let board = Arc::new(Mutex::new(board));
     bus.plug(info, descriptor, Arc::clone(&board));
     let selector = selector("/dev/board", true, &*bus).unwrap();
-    let trial = Trial { selector, force_n: 0.3, full_scale_n: 500.0, seconds: 1.2, asks: false };
+    let trial =
+        Trial { selector, force_n: 0.3, full_scale_n: 500.0, arm: Arm::default(), seconds: 1.2, asks: false };
     let options = BoardOptions { homing: BoardHoming::AtOpen, ..BoardOptions::default() };
     let device =
         HidDevice::find(bus, &trial.selector, &HidOptions { board: options, ..HidOptions::default() });
@@ -154,4 +156,28 @@ fn it_asks_first_and_takes_only_a_yes() {
     let nobody =
         trial.ask(&device.describe(), HidKind::SpaceMouse, &mut Vec::new(), &mut "y\n".as_bytes(), false);
     assert!(matches!(nobody, Err(LabError::NobodyToAsk)));
+}
+
+#[test]
+fn a_board_is_taken_for_the_arm_that_is_named() {
+    use palpate_hid::{BoardFirmware, BoardForm};
+
+    let bus = StandInBus::default();
+    let arms = [(Arm::WoodenHaptics, "link B up"), (Arm::PolhemV2, "Polhem 2"), (Arm::PolhemV3, "Polhem 3")];
+    for (arm, word) in arms {
+        let board = BoardFirmware::at_home(BoardForm::Bytes14, &arm.kinematics());
+        bus.plug(board.info("/dev/board"), board.descriptor(), board);
+        let selector = selector("/dev/board", false, &bus).unwrap();
+        let trial = Trial { selector, force_n: 0.3, full_scale_n: 500.0, arm, seconds: 1.0, asks: true };
+        let description = palpate_haptics::DeviceDescription {
+            name: "a board".into(),
+            workspace_m: [glam::DVec3::NEG_ONE, glam::DVec3::ONE],
+            max_force_n: 5.0,
+            rate_hz: 1000.0,
+        };
+        let mut asked = Vec::new();
+        trial.ask(&description, HidKind::Board, &mut asked, &mut "y\n".as_bytes(), true).unwrap();
+        let asked = String::from_utf8(asked).unwrap();
+        assert!(asked.contains(word), "{asked}");
+    }
 }

@@ -1,5 +1,6 @@
 //! A gentle test of one device, by the loop and the safety chain that an app has.
 
+use super::Arm;
 use crate::error::LabError;
 use crate::output::Output;
 use glam::DVec3;
@@ -35,6 +36,8 @@ pub(super) struct Trial {
     pub(super) force_n: f64,
     /// What a joystick's greatest force is taken for, N.
     pub(super) full_scale_n: f64,
+    /// What a board's arm is taken for.
+    pub(super) arm: Arm,
     pub(super) seconds: f64,
     /// Whether a person is asked first.
     pub(super) asks: bool,
@@ -68,7 +71,7 @@ impl Trial {
     pub(super) fn run(&self, bus: Arc<dyn HidBus>, output: &Output) -> Result<(), LabError> {
         // Whoever is asked puts the arm to its home.
         let homing = if self.asks { BoardHoming::AtOpen } else { BoardHoming::Awaited };
-        let board = BoardOptions { homing, ..BoardOptions::default() };
+        let board = BoardOptions { homing, kinematics: self.arm.kinematics(), ..BoardOptions::default() };
         let joystick = JoystickOptions {
             full_scale_n: self.full_scale_n,
             max_force_n: self.force_n.min(self.full_scale_n),
@@ -109,7 +112,8 @@ impl Trial {
         match kind {
             HidKind::Board => writeln!(
                 question,
-                "Put its arm to its home (of a WoodenHaptics: link B up, link C to the front) and hold it there: that is where it is taken to be. Its motors and sizes are taken for those of a WoodenHaptics of 2015."
+                "Put its arm to its home and hold it there, where it is taken to be: {}.",
+                self.arm.home()
             )?,
             HidKind::Joystick => writeln!(
                 question,

@@ -1,6 +1,6 @@
 //! The arm of a stand-in: its kinematics by other means than the driver's.
 
-use crate::BoardKinematics;
+use crate::{BoardKinematics, BoardLinkage};
 use glam::{DMat3, DQuat, DVec3, Vec3Swizzles};
 use std::f64::consts::TAU;
 
@@ -79,12 +79,13 @@ impl Arm {
         self.turns(i) * self.sizes.counts_per_turn[i] / TAU
     }
 
-    /// The links one after the other: B from upright, C from hanging down, both turned to the front, all of it about the upright.
+    /// Its plane, turned about the upright by A.
     fn tip(&self, angles_rad: DVec3) -> DVec3 {
-        let [l_n, l_b, l_c] = self.sizes.length_m;
-        let b = DQuat::from_rotation_y(angles_rad.y) * (l_b * DVec3::Z);
-        let c = DQuat::from_rotation_y(-angles_rad.z) * (-l_c * DVec3::Z);
-        DQuat::from_rotation_z(angles_rad.x) * (l_n * DVec3::Z + b + c)
+        let in_plane = match self.sizes.linkage {
+            BoardLinkage::WoodenHaptics { length_m } => two_links(length_m, angles_rad),
+            BoardLinkage::Polhem { length_m } => five_bars(length_m, angles_rad),
+        };
+        DQuat::from_rotation_z(angles_rad.x) * in_plane
     }
 
     /// How the tip moves with each angle, m/rad.
@@ -95,4 +96,24 @@ impl Arm {
         };
         DMat3::from_cols(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
     }
+}
+
+/// The links one after the other: B from upright, C from hanging down, both turned to the front.
+fn two_links([l_n, l_b, l_c]: [f64; 3], angles_rad: DVec3) -> DVec3 {
+    let b = DQuat::from_rotation_y(angles_rad.y) * (l_b * DVec3::Z);
+    let c = DQuat::from_rotation_y(-angles_rad.z) * (-l_c * DVec3::Z);
+    l_n * DVec3::Z + b + c
+}
+
+/// Upper arm and crank from their axes; then the outer link so that the rod has its length. With t = tan(λ/2) that is a quadratic
+/// equation (Freudenstein's), of which one root is how the arm is put together. Bars that do not meet are as if they just touched.
+fn five_bars([l0, l1, l2, l3, l4, l5]: [f64; 6], angles_rad: DVec3) -> DVec3 {
+    let turned = |angle: f64| DQuat::from_rotation_y(-angle) * DVec3::X;
+    let elbow = 0.5 * l0 * DVec3::X + l1 * turned(angles_rad.y);
+    let crank = -0.5 * l0 * DVec3::X + l2 * turned(angles_rad.z);
+    let w = elbow - crank;
+    // |w − L4 u(λ)| = L3: w · u(λ) = k.
+    let k = (w.length_squared() + l4 * l4 - l3 * l3) / (2.0 * l4);
+    let root = (w.length_squared() - k * k).max(0.0).sqrt();
+    elbow + l5 * turned(2.0 * (w.z - root).atan2(k + w.x))
 }

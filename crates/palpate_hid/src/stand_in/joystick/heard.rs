@@ -96,8 +96,7 @@ impl<'a> Heard<'a> {
         let angle = std::f64::consts::TAU * (turned - low) as f64 / (high - low) as f64;
         // Where the force comes from, clockwise from the far end of y.
         let mut along = [-angle.sin(), angle.cos()];
-        let is_directed =
-            self.field(DIRECTION_ENABLE).is_some_and(|it| !it.is_constant) && self.says(DIRECTION_ENABLE);
+        let is_directed = self.says(DIRECTION_ENABLE);
         if !is_directed {
             for (part, axis) in along.iter_mut().zip([X, Y]) {
                 let enabled = self.first_in(AXES_ENABLE, |field| field.has(axis.usage));
