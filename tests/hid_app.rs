@@ -84,8 +84,7 @@ fn a_cap_touches_is_lost_and_found_again() {
     let (cap, other) = (Cap::default(), Cap::default());
     bus.plug(info("1"), Vec::new(), cap.clone());
     bus.plug(info("2"), Vec::new(), other);
-    // Whoever changes the tool asks again.
-    app.world_mut().get_mut::<HapticTool>(tool).unwrap().set_changed();
+    // It is looked for again by itself.
     cap.pushes.store(true, Ordering::Relaxed);
     let felt = |app: &App| app.world().get::<ToolForce>(tool).unwrap().model_force_n.y;
     update_until(&mut app, "touch", |app| felt(app) > 0.05);
@@ -163,6 +162,12 @@ fn what_is_plugged_in_is_listed_and_two_alike_are_a_fault() {
     let [_, (second, label)] = &present[..] else { panic!("{present:?}") };
     assert_eq!((second.serial.as_deref(), label.ends_with("serial 2)")), (Some("2"), true));
     let second = second.clone();
+    // Clones with the same serial number are told apart by where they are.
+    bus.plug(HidInfo { path: "clone".into(), ..info("2") }, Vec::new(), Cap::default());
+    let present = app.world().resource::<HapticDevices>().hid_present().unwrap();
+    let [_, (a, of_a), (b, of_b)] = &present[..] else { panic!("{present:?}") };
+    assert!(a != b && of_a.ends_with(" at cap 2") && of_b.ends_with(" at clone"), "{of_a}, {of_b}");
+    bus.unplug("clone");
     app.world_mut().get_mut::<HapticTool>(tool).unwrap().device = DeviceSelector::Hid(second.clone());
     app.update();
     assert!(take_faults(&mut app).is_empty());

@@ -187,6 +187,16 @@ pub enum DeviceFault {
     Open(#[from] DeviceError),
 }
 
+impl DeviceFault {
+    /// Whether plugging something in, or out, may end it.
+    pub(crate) fn is_about_what_is_plugged_in(&self) -> bool {
+        #[cfg(feature = "hid")]
+        return matches!(self, Self::Hid(_));
+        #[cfg(not(feature = "hid"))]
+        false
+    }
+}
+
 impl HapticFaultKind {
     /// The message and those of its causes, in one line.
     #[must_use]

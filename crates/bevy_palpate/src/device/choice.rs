@@ -66,6 +66,9 @@ impl core::fmt::Display for HidDeviceKind {
 
 impl core::fmt::Display for HidChoice {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        if self.first {
+            f.write_str("first ")?;
+        }
         match self.kind {
             Some(kind) => kind.fmt(f)?,
             None => f.write_str("HID device")?,
@@ -77,10 +80,9 @@ impl core::fmt::Display for HidChoice {
                 None => f.write_str("*")?,
             }
         }
-        match (&self.serial, &self.path) {
-            (Some(serial), _) => write!(f, " {serial}"),
-            (None, Some(path)) => write!(f, " at {path}"),
-            (None, None) => Ok(()),
+        if let Some(serial) = &self.serial {
+            write!(f, " {serial}")?;
         }
+        self.path.as_ref().map_or(Ok(()), |path| write!(f, " at {path}"))
     }
 }

@@ -52,8 +52,20 @@ impl Hid {
             (kind, _) => format!("{kind}: {}", found.info.label()),
         };
         let present = bus.list()?;
-        let found = present.iter().filter_map(known);
-        Ok(found.map(|found| (HidChoice::of(&found), label(&found))).collect())
+        let found: Vec<FoundDevice> = present.iter().filter_map(known).collect();
+        let told = |found: &FoundDevice, is_alone: bool| {
+            let (label, path) = (label(found), &found.info.path);
+            (HidChoice::of(found, is_alone), if is_alone { label } else { format!("{label} at {path}") })
+        };
+        let is_alone = |one: &FoundDevice| {
+            let is_alike = |other: &&FoundDevice| {
+                let of =
+                    |found: &FoundDevice| (found.info.vendor, found.info.product, found.info.serial.clone());
+                of(other) == of(one)
+            };
+            found.iter().filter(is_alike).count() == 1
+        };
+        Ok(found.iter().map(|found| told(found, is_alone(found))).collect())
     }
 
     pub(super) fn make(&self, choice: &HidChoice) -> Result<HidDevice, HidError> {
@@ -72,8 +84,8 @@ impl Hid {
 }
 
 impl HidChoice {
-    /// Exactly `found`: by its serial number where it has one, otherwise by where it is.
-    fn of(found: &FoundDevice) -> Self {
+    /// Exactly `found`: by its serial number where it has one of its own, otherwise by where it is.
+    fn of(found: &FoundDevice, is_alone: bool) -> Self {
         let info = &found.info;
         Self {
             kind: Some(match found.kind {
@@ -84,7 +96,7 @@ impl HidChoice {
             vendor: Some(info.vendor),
             product: Some(info.product),
             serial: (!info.serial.is_empty()).then(|| info.serial.clone()),
-            path: info.serial.is_empty().then(|| info.path.clone()),
+            path: (info.serial.is_empty() || !is_alone).then(|| info.path.clone()),
             first: false,
             teensy_is_board: found.kind == HidKind::Board,
         }

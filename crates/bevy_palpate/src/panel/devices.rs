@@ -2,8 +2,12 @@
 
 use super::recording::name_of;
 use super::theme;
-use crate::device::{DeviceSelector, HapticDevices};
+use crate::device::{DeviceSelector, HapticDevices, HidChoice, HidDeviceKind};
 use bevy_egui::egui;
+
+/// What may be asked for before it is plugged in.
+const FIRST: [Option<HidDeviceKind>; 4] =
+    [None, Some(HidDeviceKind::Board), Some(HidDeviceKind::Joystick), Some(HidDeviceKind::SpaceMouse)];
 
 /// The devices that were found when they were last looked for.
 #[derive(Clone, Debug, Default)]
@@ -28,6 +32,11 @@ impl Present {
                 |ui| {
                     for name in devices.names() {
                         ui.selectable_value(device, DeviceSelector::named(name), name);
+                    }
+                    for choice in FIRST.iter().filter(|_| cfg!(feature = "hid")) {
+                        let choice = HidChoice { kind: *choice, ..HidChoice::first() };
+                        let label = choice.to_string();
+                        ui.selectable_value(device, DeviceSelector::Hid(choice), label);
                     }
                     for (found, label) in &self.found {
                         ui.selectable_value(device, found.clone(), label);
@@ -82,6 +91,23 @@ fn present(devices: &HapticDevices) -> Result<Vec<(DeviceSelector, String)>, Str
 fn present(_: &HapticDevices) -> Result<Vec<(DeviceSelector, String)>, String> {
     Err("Devices that are plugged in need the feature hid of bevy_palpate.".into())
 }
+
+/// Of a board that does not know where its arm is: what to do about that, and a button that says that it has been done.
+#[cfg(feature = "hid")]
+pub(super) fn calibrate(ui: &mut egui::Ui, devices: &HapticDevices, device: &DeviceSelector) {
+    let DeviceSelector::Hid(choice) = device else { return };
+    let Some(calibration) = devices.hid_calibration(choice).filter(|calibration| !calibration.is_done())
+    else {
+        return;
+    };
+    ui.colored_label(theme::AMBER, "No force until the arm has been at its home.");
+    if ui.small_button("It is there").on_hover_text("Hold the arm at its home, and press this.").clicked() {
+        calibration.request();
+    }
+}
+
+#[cfg(not(feature = "hid"))]
+pub(super) fn calibrate(_: &mut egui::Ui, _: &HapticDevices, _: &DeviceSelector) {}
 
 /// How often a device over HID takes a force, and what has come of its reports; `None` for other devices, and before one is made.
 #[cfg(feature = "hid")]

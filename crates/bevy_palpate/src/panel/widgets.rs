@@ -142,6 +142,7 @@ impl HapticWidgets<'_, '_> {
                 if present.choose(ui, &mut device, &self.devices) {
                     shown.tool.device = device;
                 }
+                devices::calibrate(ui, &self.devices, &shown.tool.device);
             });
             ui.end_row();
             ui.label("force on the hand");

@@ -190,22 +190,42 @@ pub(super) fn remove_loop(removed: On<Remove, HapticTool>, mut commands: Command
     commands.entity(removed.entity).try_remove::<ToolLoop>();
 }
 
+/// A tool whose device was not there.
+#[derive(Debug)]
+pub(super) struct Waiting {
+    tool: Entity,
+    /// When it is looked for again, s of real time.
+    again_s: f64,
+    /// What has been told.
+    told: String,
+}
+
+/// Devices that may be plugged in are looked for so often, s: it may cost a frame.
+const LOOK_S: f64 = 2.0;
+
 /// Starts a loop for every new tool, another one for a tool whose device has changed, and tries again what could
-/// not be started when something has changed that may help.
+/// not be started when something has changed that may help, or, on threads, when a device may have been plugged in.
 pub(super) fn start_loops(
     mut commands: Commands,
     mut tools: Query<(Entity, Ref<HapticTool>, Ref<ToolSettings>, Option<&mut ToolLoop>, Has<TickRecording>)>,
     devices: Res<HapticDevices>,
     clock: Res<HapticClock>,
     period: ModelPeriod,
+    (time, mut waiting): (Option<Res<Time<Real>>>, Local<Vec<Waiting>>),
     mut ended: MessageWriter<ContactEnded>,
     mut faults: MessageWriter<HapticFault>,
 ) {
+    let now_s = time.map_or(0.0, |time| time.elapsed_secs_f64());
+    waiting.retain(|waiting| tools.get(waiting.tool).is_ok_and(|(.., running, _)| running.is_none()));
     for (entity, tool, settings, running, record) in &mut tools {
         let helped = running.is_none() && (settings.is_changed() || devices.is_changed());
-        if !(tool.is_changed() || helped) {
+        let asked_anew = tool.is_changed() || helped;
+        let waited = waiting.iter().position(|waiting| waiting.tool == entity);
+        let is_due = waited.is_some_and(|i| waiting[i].again_s <= now_s);
+        if !(asked_anew || is_due) {
             continue;
         }
+        let waited = waited.map(|i| waiting.swap_remove(i));
         let mut fault = |kind| {
             faults.write(HapticFault { entity: Some(entity), kind });
         };
@@ -270,7 +290,18 @@ pub(super) fn start_loops(
                     device: tool.device.clone(),
                 });
             }
-            Err(error) => fault(HapticFaultKind::Device(error)),
+            Err(error) => {
+                let may_come = error.is_about_what_is_plugged_in() && *clock == HapticClock::Thread;
+                let kind = HapticFaultKind::Device(error);
+                let told = kind.chain();
+                // Once, and again when it is another one.
+                if asked_anew || waited.is_none_or(|waited| waited.told != told) {
+                    fault(kind);
+                }
+                if may_come {
+                    waiting.push(Waiting { tool: entity, again_s: now_s + LOOK_S, told });
+                }
+            }
         }
     }
 }
