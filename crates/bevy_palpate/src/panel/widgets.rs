@@ -400,7 +400,9 @@ impl HapticWidgets<'_, '_> {
         let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
         let HapticPanel { folder, view, .. } = self.panel.bypass_change_detection();
         let recorder = &mut self.watched.bypass_change_detection().recorder;
-        if view.file.is_empty() {
+        if let Some(written) = recorder.written.take() {
+            view.file = written.display().to_string();
+        } else if view.file.is_empty() {
             view.file = next_free(folder).display().to_string();
         }
         ui.horizontal(|ui| {
@@ -414,6 +416,15 @@ impl HapticWidgets<'_, '_> {
                 ui.monospace(format!("{:.1} s", recorder.duration_s()));
                 if stop || recorder.is_full() {
                     recorder.stop(view.file.clone().into());
+                }
+            } else if let Some(seconds) = recorder.unwritten_s() {
+                let again = ui.button(format!("write {seconds:.1} s again")).clicked();
+                let hint = "gives up what could not be written";
+                let away = ui.button("throw away").on_hover_text(hint).clicked();
+                if again {
+                    recorder.write_again(view.file.clone().into());
+                } else if away {
+                    recorder.throw_away();
                 }
             } else {
                 let idle = shown.running.is_some() && !recorder.is_writing();
