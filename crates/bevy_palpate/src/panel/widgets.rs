@@ -35,7 +35,7 @@ use palpate_local::Scheme;
 ///     });
 ///     Ok(())
 /// }
-/// # bevy::ecs::system::assert_is_system(my_window);
+/// # bevy::ecs::system::assert_is_system::<(), (), _>(my_window);
 /// ```
 ///
 /// All parts are of the tool that [`HapticPanel::tool`] names. What is not drawn is not computed.
