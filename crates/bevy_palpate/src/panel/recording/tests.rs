@@ -204,7 +204,7 @@ fn what_cannot_be_written_is_kept_until_it_is() {
     wait(&mut recorder);
     assert!(recorder.told.as_ref().unwrap().is_ok() && recorder.unwritten_s().is_none());
     assert_eq!(recorder.written, Some(folder.join("hand.csv")));
-    let read = Trajectory::from_csv_file(&folder.join("hand.csv")).unwrap();
+    let read = Trajectory::from_csv_file(folder.join("hand.csv")).unwrap();
     assert!(read.positions_m().len() == 1000 && read.positions_m()[999].distance(hand(1000)) < 2e-7);
     // A name that has been taken meanwhile: the next that is free.
     let mut recorder = recorded();
