@@ -1,5 +1,6 @@
 //! What is written over a scene: its title, the keys, how time goes, and curves.
 
+use crate::keys::keys_are_elsewhere;
 use crate::scene::Shown;
 use crate::{Stage, time};
 use bevy::prelude::*;
@@ -16,7 +17,10 @@ impl Plugin for CaptionPlugin {
             app.add_plugins(EguiPlugin::default());
         }
         app.init_resource::<Help>()
-            .add_systems(Update, toggle_help.run_if(resource_exists::<ButtonInput<KeyCode>>))
+            .add_systems(
+                Update,
+                toggle_help.run_if(resource_exists::<ButtonInput<KeyCode>>.and_then(not(keys_are_elsewhere))),
+            )
             .add_systems(EguiPrimaryContextPass, write);
     }
 }

@@ -21,9 +21,16 @@ pub(crate) fn choice(text: &str) -> Result<HidChoice, String> {
     Ok(HidChoice { kind: Some(kind), ..HidChoice::first() })
 }
 
+/// Where the device of `--hid` gets its tool, unless the mouse has it.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct GiveHid;
+
 /// Gives the first tool of a scene that has just been set up to the device of `--hid`.
 pub(crate) fn add(app: &mut App) {
-    app.add_systems(PreUpdate, give_hid.after(set_up_hands).before(HapticSetupSystems::Tools));
+    app.add_systems(
+        PreUpdate,
+        give_hid.in_set(GiveHid).after(set_up_hands).before(HapticSetupSystems::Tools),
+    );
 }
 
 fn give_hid(

@@ -23,7 +23,9 @@ pub(crate) fn add(app: &mut App, options: &StageOptions) {
         .add_systems(
             Update,
             (
-                gizmos::press.run_if(resource_exists::<ButtonInput<KeyCode>>),
+                gizmos::press.run_if(
+                    resource_exists::<ButtonInput<KeyCode>>.and_then(not(crate::keys::keys_are_elsewhere)),
+                ),
                 gizmos::show.run_if(resource_changed::<gizmos::View>),
             )
                 .chain(),

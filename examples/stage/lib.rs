@@ -8,10 +8,12 @@
 //! | Space | pause: the force fades, and comes back after it |
 //! | S | slow motion, see [`time`](mod@time) |
 //! | 1 … 6 | the scheme with which the loop makes force |
-//! | M | the mouse or the scene's own hand |
+//! | M | the mouse or the scene's own hand, or the device of `--hid` |
 //! | P, G, H | panel; force and contact, lattice, nothing; help |
 //!
-//! The right mouse button turns the camera, the middle one moves it, Ctrl and the wheel bring it nearer.
+//! While a field of the panel is typed into, keys do nothing else.
+//!
+//! With the mouse, the left button grasps and the wheel is depth. The right mouse button turns the camera, the middle one moves it, Ctrl and the wheel bring it nearer.
 
 mod assets;
 #[cfg(feature = "panel")]

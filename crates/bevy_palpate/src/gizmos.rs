@@ -7,6 +7,7 @@ use crate::diagnostics::FrameCost;
 use crate::schedule::ModelStepCount;
 use crate::tool::{HapticTool, ToolForce, ToolLoop};
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
+use bevy::ecs::entity::EntityHashMap;
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::ToolShape;
@@ -101,34 +102,36 @@ fn tell_cost(cost: Res<GizmosCost>, mut diagnostics: Diagnostics) {
     diagnostics.add_measurement(&HapticGizmosPlugin::COST, || cost.0.take_ms());
 }
 
-/// A basis vector: of which body, model step and column, and how far each node moves, 1 the farthest.
-type BasisShown = Option<((Entity, u64, usize), Vec<f32>)>;
+/// A body's basis vector: of which build, model step and column, and how far each node moves, 1 the farthest; `None` where
+/// there is no such column.
+type BasisShown = ((u64, u64, usize), Option<Vec<f32>>);
 
 fn draw_bodies(
     mut gizmos: Gizmos<HapticGizmos>,
     store: Res<GizmoConfigStore>,
     bodies: Query<(Entity, &SimulatedBody)>,
     steps: Res<ModelStepCount>,
-    mut shown: Local<BasisShown>,
+    mut shown: Local<EntityHashMap<BasisShown>>,
 ) {
     let (config, parts) = store.config::<HapticGizmos>();
     if !config.enabled {
         return;
     }
+    shown.retain(|entity, _| parts.basis.is_some() && bodies.contains(*entity));
     for (entity, simulated) in &bodies {
         let body = simulated.body();
         let (network, x) = (body.network(), simulated.drawn_m());
         let at = |node: usize| x[node].as_vec3();
         let size = cross_size(simulated);
         if let Some(column) = parts.basis {
-            let of = (entity, steps.0, column);
-            if shown.as_ref().is_none_or(|(known, _)| *known != of) {
-                *shown = simulated.basis_column(column).map(|moves| (of, colors::shares(&moves)));
+            let of = (simulated.epoch(), steps.0, column);
+            if shown.get(&entity).is_none_or(|(known, _)| *known != of) {
+                let shares = simulated.basis_column(column).map(|moves| colors::shares(&moves));
+                shown.insert(entity, (of, shares));
             }
         }
-        let moves = shown.as_ref().filter(|((of, ..), _)| *of == entity && parts.basis.is_some());
-        if let Some((_, shares)) = moves {
-            let color = |node: usize| colors::bright(shares[node]);
+        if let Some(shares) = shown.get(&entity).and_then(|(_, shares)| shares.as_ref()) {
+            let color = |node: usize| colors::bright(shares.get(node).copied().unwrap_or(0.0));
             for link in network.links() {
                 gizmos.line_gradient(at(link.a), at(link.b), color(link.a), color(link.b));
             }
@@ -249,5 +252,57 @@ fn draw_contact(gizmos: &mut Gizmos<HapticGizmos>, simulated: &SimulatedBody, to
     }
     for (node, _) in tool.contact().points().iter().flat_map(|point| point.nodes()) {
         gizmos.cross(x[*node].as_vec3(), cross_size(simulated), colors::CONTACT);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prelude::*;
+    use bevy::gizmos::GizmoAsset;
+    use bevy::time::TimeUpdateStrategy;
+    use std::time::Duration;
+
+    /// Two blocks of `nodes`³ nodes, one pressed by a tool, with the basis drawn; an update is a model step.
+    fn app(nodes: usize) -> (App, [Entity; 2]) {
+        let mut app = App::new();
+        app.add_plugins((MinimalPlugins, AssetPlugin::default()))
+            .init_asset::<GizmoAsset>()
+            .add_plugins(
+                PalpatePlugins.set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() }),
+            )
+            .add_plugins(HapticGizmosPlugin)
+            .insert_resource(Time::<Fixed>::from_hz(20.0))
+            .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
+        app.world_mut().resource_mut::<HapticDevices>().register("hand", || {
+            Ok(ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::new(0.0, 0.054, 0.0)))))
+        });
+        app.world_mut().resource_mut::<GizmoConfigStore>().config_mut::<HapticGizmos>().1.basis = Some(0);
+        let block = |app: &mut App, x: f32| {
+            let body = (DeformableBody::block([nodes; 3], 0.1), FixedRegion::Face(Face::Bottom));
+            app.world_mut().spawn((body, Transform::from_xyz(x, 0.0, 0.0))).id()
+        };
+        let bodies = [block(&mut app, 0.0), block(&mut app, 0.5)];
+        let device = DeviceSelector::named("hand");
+        app.world_mut().spawn(HapticTool { device, body: Some(bodies[0]), ..default() });
+        (app, bodies)
+    }
+
+    #[test]
+    fn a_body_that_is_made_finer_during_a_pause_is_drawn() {
+        let (mut app, bodies) = app(4);
+        (0..5).for_each(|_| app.update());
+        assert!(app.world().get::<SimulatedBody>(bodies[0]).unwrap().basis_column(0).is_some());
+        app.world_mut().resource_mut::<Time<Virtual>>().pause();
+        app.update();
+        let steps = app.world().resource::<ModelStepCount>().0;
+        for body in bodies {
+            app.world_mut().entity_mut(body).insert(DeformableBody::block([7; 3], 0.1));
+        }
+        (0..3).for_each(|_| app.update());
+        assert_eq!(app.world().resource::<ModelStepCount>().0, steps);
+        assert_eq!(app.world().get::<SimulatedBody>(bodies[0]).unwrap().body().network().node_count(), 343);
+        app.world_mut().resource_mut::<Time<Virtual>>().unpause();
+        (0..3).for_each(|_| app.update());
     }
 }

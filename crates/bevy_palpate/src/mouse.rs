@@ -1,24 +1,28 @@
 //! The mouse as a device, when there is no other.
 
-use crate::device::HapticDevices;
+use crate::device::{DeviceSelector, HapticDevices};
+use crate::tool::ToolLoop;
+use bevy::camera::{NormalizedRenderTarget, RenderTarget};
 use bevy::input::mouse::{AccumulatedMouseScroll, MouseScrollUnit};
 use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
-use palpate_haptics::{FollowedPlace, FollowingHand};
+use palpate_haptics::{DeviceFrame, FollowedPlace, FollowingHand, Reading};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Registers the mouse as the device [`MouseDevicePlugin::NAME`].
 ///
 /// The hand goes where the pointer's ray meets the plane through the hand that faces the camera; the wheel takes it along the view.
+/// The camera is the one of the primary window that is seen under the pointer. However the tool's frame lies, the tool is under the
+/// pointer, as far as the hand's workspace reaches.
 /// Pictures come sixty times a second and samples a thousand times: between them the hand follows as a mass on a
 /// spring ([`FollowingHand`]), without steps, and as a mouse cannot push back, the force pushes that mass.
 #[derive(Clone, Copy, Debug)]
 pub struct MouseDevicePlugin {
     /// How the hand follows, where it starts and where it may go, m, in the frame of the device.
     pub hand: FollowingHand,
-    /// How far a line of the wheel takes it away from the eye, m.
+    /// How far a line of the wheel takes it away from the eye, m in the scene.
     pub line_m: f32,
-    /// The mouse's buttons that are the device's buttons 0, 1, …
+    /// The mouse's buttons that are the device's buttons 0, 1, … up to 31; those after them are not read.
     pub buttons: &'static [MouseButton],
 }
 
@@ -46,6 +50,11 @@ pub struct MouseHand {
     /// Where it starts, and the corners of where it may go, m.
     start_m: Vec3,
     workspace_m: [Vec3; 2],
+    /// Bit i: button i is pressed.
+    pressed: u32,
+    /// The first tool that has the mouse, and how the mouse lies in the scene for it.
+    #[reflect(ignore)]
+    framed: Option<(Entity, DeviceFrame)>,
     #[reflect(ignore)]
     followed: Followed,
 }
@@ -57,6 +66,21 @@ impl MouseHand {
     /// Puts the place to where the hand starts.
     pub fn start_again(&mut self) {
         self.place_m = self.start_m;
+    }
+
+    fn frame(&self) -> DeviceFrame {
+        self.framed.map(|(_, frame)| frame).unwrap_or_default()
+    }
+
+    /// The place in the scene, m.
+    fn scene_m(&self) -> Vec3 {
+        self.frame().to_scene(&Reading::at(self.place_m.as_dvec3())).position_m.as_vec3()
+    }
+
+    /// Puts the place to `scene_m` in the scene, as far as the hand may go.
+    fn go_to(&mut self, scene_m: Vec3) {
+        let [low, high] = self.workspace_m;
+        self.place_m = self.frame().position_to_device_m(scene_m.as_dvec3()).as_vec3().clamp(low, high);
     }
 }
 
@@ -76,6 +100,8 @@ impl Plugin for MouseDevicePlugin {
             buttons: self.buttons,
             start_m,
             workspace_m: [low, high],
+            pressed: 0,
+            framed: None,
             followed: followed.clone(),
         });
         app.init_resource::<HapticDevices>();
@@ -86,21 +112,39 @@ impl Plugin for MouseDevicePlugin {
         });
         app.add_systems(
             PreUpdate,
-            follow_pointer.in_set(MouseDeviceSystems).after(bevy::input::InputSystems),
+            (keep_place, follow_pointer.in_set(MouseDeviceSystems), tell_hand)
+                .chain()
+                .after(bevy::input::InputSystems),
         );
     }
 }
 
+/// Another frame of the same tool leaves the place where it is in the scene.
+fn keep_place(tools: Query<(Entity, &ToolLoop)>, mut hand: ResMut<MouseHand>) {
+    let mouse = DeviceSelector::named(MouseDevicePlugin::NAME);
+    let with_mouse = tools.iter().filter(|(_, tool)| tool.device == mouse);
+    let framed =
+        with_mouse.min_by_key(|(entity, _)| *entity).map(|(entity, tool)| (entity, tool.settings.frame));
+    if hand.framed == framed {
+        return;
+    }
+    let scene_m = hand.scene_m();
+    let before = std::mem::replace(&mut hand.framed, framed);
+    if before.zip(framed).is_some_and(|((before, _), (tool, _))| before == tool) {
+        hand.go_to(scene_m);
+    }
+}
+
 fn follow_pointer(
-    windows: Query<&Window, With<PrimaryWindow>>,
-    cameras: Query<(&Camera, &GlobalTransform), With<Camera3d>>,
+    windows: Query<(Entity, &Window), With<PrimaryWindow>>,
+    cameras: Query<(&Camera, &RenderTarget, &GlobalTransform), With<Camera3d>>,
     pressed: Res<ButtonInput<MouseButton>>,
     wheel: Res<AccumulatedMouseScroll>,
     mut hand: ResMut<MouseHand>,
 ) {
-    let pointer = windows.single().ok().and_then(Window::cursor_position);
-    let eye = cameras.iter().find(|(camera, _)| camera.is_active);
-    if let (Some(pointer), Some((camera, at))) = (pointer, eye)
+    let pointer = windows.single().ok().and_then(|(window, seen)| Some((window, seen.cursor_position()?)));
+    if let Some((window, pointer)) = pointer
+        && let Some((camera, at)) = camera_under(pointer, window, &cameras)
         && let Ok(ray) = camera.viewport_to_world(at, pointer)
     {
         let pixels_in_a_line = match wheel.unit {
@@ -108,15 +152,42 @@ fn follow_pointer(
             MouseScrollUnit::Pixel => MouseScrollUnit::SCROLL_UNIT_CONVERSION_FACTOR,
         };
         let away_m = hand.line_m * wheel.delta.y / pixels_in_a_line;
-        let place_m = place_on_ray(ray, hand.place_m, at.forward(), away_m);
-        let [low, high] = hand.workspace_m;
-        hand.place_m = place_m.unwrap_or(hand.place_m).clamp(low, high);
+        let scene_m = place_on_ray(ray, hand.scene_m(), at.forward(), away_m);
+        scene_m.into_iter().for_each(|scene_m| hand.go_to(scene_m));
     }
-    let buttons =
-        hand.buttons.iter().enumerate().map(|(bit, &button)| u32::from(pressed.pressed(button)) << bit);
-    let (place_m, buttons) = (hand.place_m.as_dvec3(), buttons.sum());
+    hand.pressed = bits(hand.buttons, &pressed);
+}
+
+/// What is pressed of `buttons`, as the bits of a reading.
+fn bits(buttons: &[MouseButton], pressed: &ButtonInput<MouseButton>) -> u32 {
+    let bits = (0..u32::BITS).zip(buttons).map(|(bit, &button)| u32::from(pressed.pressed(button)) << bit);
+    bits.sum()
+}
+
+/// The camera whose picture is seen at `pointer` in `window`, and where it is.
+fn camera_under<'a>(
+    pointer: Vec2,
+    window: Entity,
+    cameras: &'a Query<(&Camera, &RenderTarget, &GlobalTransform), With<Camera3d>>,
+) -> Option<(&'a Camera, &'a GlobalTransform)> {
+    let is_in_window = |target: &RenderTarget| {
+        let target = target.normalize(Some(window));
+        matches!(target, Some(NormalizedRenderTarget::Window(seen)) if seen.entity() == window)
+    };
+    let is_seen = |camera: &Camera| camera.logical_viewport_rect().is_some_and(|seen| seen.contains(pointer));
+    let seen = cameras
+        .iter()
+        .filter(|(camera, target, _)| camera.is_active && is_in_window(target) && is_seen(camera));
+    seen.max_by_key(|(camera, ..)| camera.order).map(|(camera, _, at)| (camera, at))
+}
+
+/// Tells the device where to go. A button that is released is released, even while the pointer is not followed.
+fn tell_hand(pressed: Res<ButtonInput<MouseButton>>, mut hand: ResMut<MouseHand>) {
+    let pressed = hand.pressed & bits(hand.buttons, &pressed);
+    let hand = hand.bypass_change_detection();
+    hand.pressed = pressed;
     if let Some(followed) = &mut *hand.followed.lock().unwrap_or_else(PoisonError::into_inner) {
-        followed.set(place_m, buttons);
+        followed.set(hand.place_m.as_dvec3(), pressed);
     }
 }
 
@@ -130,7 +201,7 @@ fn place_on_ray(ray: Ray3d, place_m: Vec3, forward: Dir3, away_m: f32) -> Option
 mod tests {
     use super::*;
     use crate::prelude::*;
-    use bevy::camera::RenderTargetInfo;
+    use bevy::camera::{RenderTargetInfo, Viewport};
     use bevy::time::TimeUpdateStrategy;
     use bevy::window::WindowResolution;
     use std::time::Duration;
@@ -158,6 +229,15 @@ mod tests {
         let device = DeviceSelector::named(MouseDevicePlugin::NAME);
         let tool = app.world_mut().spawn(HapticTool { device, ..default() }).id();
         (app, tool)
+    }
+
+    /// A camera above the other that looks from elsewhere, and draws into `target`.
+    fn another_camera(app: &mut App, target: RenderTarget, viewport: Option<Viewport>) {
+        let mut cameras = app.world_mut().query::<&Camera>();
+        let first = cameras.iter(app.world()).next().unwrap().clone();
+        let camera = Camera { viewport, order: 1, ..first };
+        let at = GlobalTransform::from(Transform::from_xyz(0.0, 0.0, 5.0));
+        app.world_mut().spawn((Camera3d::default(), camera, target)).insert(at);
     }
 
     fn point_at(app: &mut App, pixel: Vec2) {
@@ -208,6 +288,80 @@ mod tests {
         assert!((samples.last().unwrap().position_m.x - 0.2).abs() < 1e-5);
         assert_eq!((samples[100].buttons, samples.last().unwrap().buttons), (0, 1));
     }
+
+    #[test]
+    fn the_tool_is_under_the_pointer_whatever_its_frame() {
+        let (mut app, tool) = app();
+        point_at(&mut app, Vec2::new(240.0, 180.0));
+        let expected = Vec3::new(0.1, 0.05, 0.0);
+        settled(&mut app, tool);
+        let set = |app: &mut App, frame| {
+            app.world_mut().get_mut::<ToolSettings>(tool).unwrap().frame = frame;
+        };
+        let rotation = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -1.0).normalize(), 0.8);
+        let turned = DeviceFrame { rotation, scale: 2.5, offset_m: DVec3::new(0.1, 0.2, -0.1) };
+        set(&mut app, turned);
+        let at = settled(&mut app, tool);
+        assert!((at - expected).length() < 1e-5, "{at}");
+        // While the pointer is over a panel as well.
+        let mut windows = app.world_mut().query::<&mut Window>();
+        windows.single_mut(app.world_mut()).unwrap().set_cursor_position(None);
+        set(&mut app, DeviceFrame { scale: 1.5, ..turned });
+        let at = settled(&mut app, tool);
+        assert!((at - expected).length() < 1e-5, "{at}");
+        // A frame that is refused is not in force.
+        set(&mut app, DeviceFrame { scale: 0.0, ..turned });
+        let at = settled(&mut app, tool);
+        assert!((at - expected).length() < 1e-5, "{at}");
+    }
+
+    #[test]
+    fn the_ray_is_that_of_the_camera_under_the_pointer() {
+        let (mut app, tool) = app();
+        another_camera(&mut app, RenderTarget::None { size: UVec2::splat(400) }, None);
+        let corner = Viewport { physical_size: UVec2::splat(50), ..default() };
+        another_camera(&mut app, RenderTarget::default(), Some(corner));
+        point_at(&mut app, Vec2::new(240.0, 180.0));
+        let at = settled(&mut app, tool);
+        assert!((at - Vec3::new(0.1, 0.05, 0.0)).length() < 1e-5, "{at}");
+    }
+
+    #[test]
+    fn more_buttons_than_a_reading_has_bits_are_not_read() {
+        let (mut app, tool) = app();
+        let mut buttons = vec![MouseButton::Left; 31];
+        buttons.extend([MouseButton::Right; 9]);
+        app.world_mut().resource_mut::<MouseHand>().buttons = buttons.leak();
+        app.world_mut().entity_mut(tool).insert(crate::TickRecording::default());
+        app.world_mut().resource_mut::<ButtonInput<MouseButton>>().press(MouseButton::Right);
+        settled(&mut app, tool);
+        let samples = &app.world().get::<crate::TickRecording>(tool).unwrap().samples;
+        assert_eq!(samples.last().unwrap().buttons, 1 << 31);
+    }
+
+    #[test]
+    fn a_button_that_is_released_over_a_panel_is_released() {
+        let (mut app, tool) = app();
+        app.insert_resource(OverPanel(false))
+            .configure_sets(PreUpdate, MouseDeviceSystems.run_if(|over: Res<OverPanel>| !over.0));
+        app.world_mut().entity_mut(tool).insert(crate::TickRecording::default());
+        let newest = |app: &mut App| {
+            settled(app, tool);
+            app.world().get::<crate::TickRecording>(tool).unwrap().samples.last().unwrap().buttons
+        };
+        app.world_mut().resource_mut::<ButtonInput<MouseButton>>().press(MouseButton::Left);
+        assert_eq!(newest(&mut app), 1);
+        app.insert_resource(OverPanel(true));
+        assert_eq!(newest(&mut app), 1);
+        app.world_mut().resource_mut::<ButtonInput<MouseButton>>().release(MouseButton::Left);
+        assert_eq!(newest(&mut app), 0);
+        // What is pressed there is the panel's.
+        app.world_mut().resource_mut::<ButtonInput<MouseButton>>().press(MouseButton::Left);
+        assert_eq!(newest(&mut app), 0);
+    }
+
+    #[derive(Resource)]
+    struct OverPanel(bool);
 
     #[test]
     fn its_place_can_be_looked_at_by_reflection() {

@@ -19,6 +19,7 @@ use crate::diagnostics::FrameCost;
 use crate::schedule::{HapticSystems, ModelStep};
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
 use bevy::prelude::*;
+use bevy_egui::input::EguiWantsInput;
 use bevy_egui::{EguiContexts, EguiPlugin, EguiPrimaryContextPass, egui};
 use palpate_local::Scheme;
 use std::path::PathBuf;
@@ -151,8 +152,13 @@ impl Plugin for HapticPanelPlugin {
     }
 }
 
-/// Opens and closes the side panel.
-fn toggle(mut panel: ResMut<HapticPanel>, keys: Option<Res<ButtonInput<KeyCode>>>) {
+/// Opens and closes the side panel, unless its key is typed into a field.
+fn toggle(
+    mut panel: ResMut<HapticPanel>,
+    wants: Res<EguiWantsInput>,
+    keys: Option<Res<ButtonInput<KeyCode>>>,
+) {
+    let keys = keys.filter(|_| !wants.wants_any_keyboard_input());
     if keys.zip(panel.key).is_some_and(|(keys, key)| keys.just_pressed(key)) {
         panel.open = !panel.open;
     }
@@ -180,4 +186,37 @@ fn draw_side(mut contexts: EguiContexts, mut widgets: HapticWidgets) {
 
 fn tell_cost(cost: Res<PanelCost>, mut diagnostics: Diagnostics) {
     diagnostics.add_measurement(&HapticPanelPlugin::COST, || cost.0.take_ms());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy_egui::EguiContext;
+    use bevy_egui::input::write_egui_wants_input_system;
+
+    #[test]
+    fn what_is_typed_into_a_field_does_not_close_the_panel() {
+        let mut app = App::new();
+        app.init_resource::<EguiWantsInput>()
+            .init_resource::<ButtonInput<KeyCode>>()
+            .insert_resource(HapticPanel::new(&HapticPanelPlugin::default()))
+            .add_systems(PreUpdate, toggle)
+            .add_systems(PostUpdate, write_egui_wants_input_system);
+        let context = EguiContext::default();
+        let egui = context.clone().get_mut().clone();
+        app.world_mut().spawn(context);
+        let mut press = |is_typing: bool| {
+            let field = egui::Id::new("field");
+            egui.memory_mut(|memory| {
+                if is_typing { memory.request_focus(field) } else { memory.surrender_focus(field) }
+            });
+            app.update();
+            app.world_mut().resource_mut::<ButtonInput<KeyCode>>().press(KeyCode::F1);
+            app.update();
+            app.world_mut().resource_mut::<ButtonInput<KeyCode>>().reset_all();
+            app.world().resource::<HapticPanel>().open
+        };
+        assert_eq!([press(true), press(false), press(true)], [true, false, false]);
+        assert!(press(false));
+    }
 }

@@ -14,8 +14,12 @@ struct Options {
 
 /// A hand that comes down on a block in 1 s, presses it 10 mm deep in another, and stays; each update is a model step.
 fn scene() -> (App, HandTime) {
+    scene_with(&["test", "--headless", "--seconds", "3600"])
+}
+
+fn scene_with(options: &[&str]) -> (App, HandTime) {
     let stage = Stage { name: "test", seconds: 3600.0, ..default() };
-    let mut app = stage.app(&Options::parse_from(["test", "--headless", "--seconds", "3600"]).stage);
+    let mut app = stage.app(&Options::parse_from(options).stage);
     app.init_resource::<ButtonInput<KeyCode>>()
         .init_resource::<ButtonInput<MouseButton>>()
         .init_resource::<AccumulatedMouseScroll>()
@@ -151,6 +155,7 @@ fn the_mouse_takes_the_hand_and_gives_it_back() {
     tap(&mut app, KeyCode::KeyM);
     pass(&mut app, 3);
     assert_eq!(single::<HapticTool>(&mut app).device, DeviceSelector::named(MouseDevicePlugin::NAME));
+    assert_eq!(single::<ToolGrasp>(&mut app), ToolGrasp::default());
     let mut loops = app.world_mut().query::<&ToolLoop>();
     assert!(
         loops.single(app.world()).is_ok() && hand.s() == 0.0,
@@ -159,5 +164,93 @@ fn the_mouse_takes_the_hand_and_gives_it_back() {
     tap(&mut app, KeyCode::KeyM);
     pass(&mut app, 3);
     assert_eq!(single::<HapticTool>(&mut app).device, DeviceSelector::named("hand"));
-    assert!(hand.s() > 0.0);
+    assert!(hand.s() > 0.0 && !grasps(&mut app));
+}
+
+/// Whether the tool can grasp.
+fn grasps(app: &mut App) -> bool {
+    app.world_mut().query::<&ToolGrasp>().iter(app.world()).next().is_some()
+}
+
+fn set_device(app: &mut App, device: DeviceSelector) {
+    app.world_mut().query::<&mut HapticTool>().single_mut(app.world_mut()).unwrap().device = device;
+    pass(app, 2);
+}
+
+#[test]
+fn a_tool_grasps_with_the_mouse_and_only_with_it() {
+    let (mut app, _) = scene();
+    pass(&mut app, 2);
+    // As a choice in the panel does.
+    let mouse = DeviceSelector::named(MouseDevicePlugin::NAME);
+    set_device(&mut app, mouse.clone());
+    assert!(grasps(&mut app));
+    set_device(&mut app, DeviceSelector::replay("hand-1.csv"));
+    assert!(grasps(&mut app), "what the mouse grasped is grasped again");
+    set_device(&mut app, DeviceSelector::named("hand"));
+    assert!(!grasps(&mut app));
+    // A tool that grasps by itself goes on doing so.
+    let own = ToolGrasp { reach_m: 0.02, ..default() };
+    let tool = app.world_mut().query_filtered::<Entity, With<HapticTool>>().single(app.world()).unwrap();
+    app.world_mut().entity_mut(tool).insert(own);
+    for device in [mouse, DeviceSelector::named("hand")] {
+        set_device(&mut app, device);
+        assert_eq!(single::<ToolGrasp>(&mut app), own);
+    }
+}
+
+#[test]
+fn the_mouse_takes_the_hand_from_a_device_that_is_plugged_in_and_gives_it_back() {
+    let (mut app, _) = scene_with(&["test", "--headless", "--seconds", "3600", "--hid", "nowhere"]);
+    let plugged_in = DeviceSelector::Hid(HidChoice { serial: Some("nowhere".into()), ..default() });
+    let frame = |app: &mut App| single::<ToolSettings>(app).frame;
+    // The loops are on threads, as they are with such a device.
+    let wait = |app: &mut App, device: &DeviceSelector| {
+        for _ in 0..200 {
+            app.update();
+            if single::<HapticTool>(app).device == *device {
+                return;
+            }
+        }
+        panic!("{:?} has the tool", single::<HapticTool>(app).device);
+    };
+    wait(&mut app, &plugged_in);
+    assert!(frame(&mut app) != DeviceFrame::default());
+    for _ in 0..5 {
+        tap(&mut app, KeyCode::KeyM);
+        wait(&mut app, &DeviceSelector::named(MouseDevicePlugin::NAME));
+        assert_eq!(frame(&mut app), DeviceFrame::default(), "the mouse's frame is its own");
+        tap(&mut app, KeyCode::KeyM);
+        wait(&mut app, &plugged_in);
+    }
+}
+
+#[cfg(feature = "panel")]
+#[test]
+fn what_is_typed_into_a_field_presses_no_key() {
+    use bevy_egui::EguiContext;
+    use bevy_egui::input::{EguiWantsInput, write_egui_wants_input_system};
+    let (mut app, _) = scene();
+    let context = EguiContext::default();
+    let egui = context.clone().get_mut().clone();
+    app.world_mut().spawn(context);
+    app.init_resource::<EguiWantsInput>().add_systems(PostUpdate, write_egui_wants_input_system);
+    pass(&mut app, 2);
+    let before = body(&mut app);
+    let field = bevy_egui::egui::Id::new("field");
+    egui.memory_mut(|memory| memory.request_focus(field));
+    pass(&mut app, 1);
+    for key in [KeyCode::KeyR, KeyCode::KeyM, KeyCode::KeyS, KeyCode::Space, KeyCode::Digit2] {
+        tap(&mut app, key);
+        pass(&mut app, 2);
+    }
+    let time = app.world().resource::<Time<Virtual>>();
+    assert!(!time.is_paused() && !time::is_slow(time));
+    assert_eq!(body(&mut app), before);
+    let tool = single::<HapticTool>(&mut app);
+    assert_eq!((tool.scheme, tool.device), (Scheme::default(), DeviceSelector::named("hand")));
+    egui.memory_mut(|memory| memory.surrender_focus(field));
+    pass(&mut app, 1);
+    tap(&mut app, KeyCode::Digit2);
+    assert_eq!(single::<HapticTool>(&mut app).scheme, Scheme::LowPass);
 }

@@ -3,6 +3,8 @@
 use super::HapticPanel;
 use crate::body::{BodyBuild, SimulatedBody, Tissue};
 use crate::fault::{HapticFault, HapticFaultKind};
+use crate::tool::HapticTool;
+use bevy::ecs::entity::EntityHashMap;
 use bevy::prelude::*;
 use palpate_haptics::LoopEventKind;
 use std::collections::VecDeque;
@@ -12,12 +14,19 @@ use std::collections::VecDeque;
 pub(crate) struct Heard {
     /// Text, how often in a row, and when last, s.
     pub(super) faults: VecDeque<(String, u32, f64)>,
+    /// When each tool last touched beyond its support set, s.
+    beyond_support: EntityHashMap<f64>,
 }
 
 /// Faults that are kept.
 const KEPT: usize = 5;
 
 impl Heard {
+    /// How long ago `tool` last touched beyond its support set, s, if it did.
+    pub(super) fn beyond_support_s(&self, tool: Entity, now_s: f64) -> Option<f64> {
+        self.beyond_support.get(&tool).map(|at_s| now_s - at_s)
+    }
+
     fn add(&mut self, text: String, now_s: f64) {
         match self.faults.back_mut() {
             Some((last, times, at)) if *last == text => {
@@ -38,13 +47,18 @@ pub(super) fn hear(
     mut heard: ResMut<Heard>,
     mut panel: ResMut<HapticPanel>,
     mut bodies: Query<(&mut Tissue, Option<&SimulatedBody>, Has<BodyBuild>)>,
+    tools: Query<(), With<HapticTool>>,
     time: Res<Time<Real>>,
 ) {
     let made_of = |body| bodies.get(body).ok()?.1.map(SimulatedBody::tissue);
     panel.bypass_change_detection().view.settle_tissue(made_of);
+    heard.bypass_change_detection().beyond_support.retain(|tool, _| tools.contains(*tool));
     for fault in faults.read() {
         if matches!(fault.kind, HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(_))) {
             continue;
+        }
+        if let (HapticFaultKind::BeyondSupport { .. }, Some(tool)) = (&fault.kind, fault.entity) {
+            heard.beyond_support.insert(tool, time.elapsed_secs_f64());
         }
         let text = fault.kind.chain();
         let view = &mut panel.bypass_change_detection().view;
@@ -93,6 +107,27 @@ mod tests {
         world.run_system_cached(hear).unwrap();
         assert_eq!(world.get::<Tissue>(body), Some(&good));
         assert_eq!(world.resource::<Heard>().faults.len(), 1);
+    }
+
+    #[test]
+    fn a_touch_beyond_the_support_set_is_known_of_its_tool() {
+        let mut world = World::new();
+        world.init_resource::<Messages<HapticFault>>();
+        world.init_resource::<Heard>();
+        world.init_resource::<Time<Real>>();
+        world.insert_resource(HapticPanel::new(&HapticPanelPlugin::default()));
+        let [tool, other] = [0; 2].map(|_| world.spawn(HapticTool::default()).id());
+        let kind = HapticFaultKind::BeyondSupport { nodes: 18 };
+        world.write_message(HapticFault { entity: Some(tool), kind });
+        world.run_system_cached(hear).unwrap();
+        let heard = world.resource::<Heard>();
+        assert_eq!(
+            (heard.beyond_support_s(tool, 3.0), heard.beyond_support_s(other, 3.0)),
+            (Some(3.0), None)
+        );
+        world.despawn(tool);
+        world.run_system_cached(hear).unwrap();
+        assert!(world.resource::<Heard>().beyond_support.is_empty());
     }
 
     #[test]

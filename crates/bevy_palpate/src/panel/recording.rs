@@ -7,16 +7,21 @@ use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::tasks::futures::check_ready;
 use bevy::tasks::{IoTaskPool, Task};
-use palpate_haptics::{DeviceFrame, Reading, Trajectory};
+use palpate_haptics::{DeviceFrame, HapticsError, Reading, Trajectory};
 use palpate_local::SampleHistory;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+use thiserror::Error;
 
 /// The hand of one tool at a time.
 #[derive(Default)]
 pub(crate) struct Recorder {
     running: Option<Running>,
-    writing: Option<Task<Result<String, String>>>,
+    writing: Option<Task<(Result<PathBuf, WriteError>, Vec<Reading>)>>,
+    /// What could not be written, until it is or is thrown away.
+    unwritten: Vec<Reading>,
+    /// The file that was written last, until the panel has taken note.
+    pub(super) written: Option<PathBuf>,
     /// What came of the last recording or replay, in words.
     pub(super) told: Option<Result<String, String>>,
     /// The devices that replays have taken the place of.
@@ -29,6 +34,17 @@ struct Running {
     newest: Option<u64>,
     /// In the device's frame, one each millisecond: positions, buttons and orientations.
     readings: Vec<Reading>,
+}
+
+/// Why a recording is not in a file.
+#[derive(Debug, Error)]
+enum WriteError {
+    /// It makes no trajectory, wherever it is written to.
+    #[error(transparent)]
+    Trajectory(#[from] HapticsError),
+    /// Another name may do.
+    #[error("{}: {error}", path.display())]
+    File { path: PathBuf, error: std::io::Error },
 }
 
 /// The longest recording, ms.
@@ -47,6 +63,11 @@ impl Recorder {
 
     pub(super) fn is_writing(&self) -> bool {
         self.writing.is_some()
+    }
+
+    /// How long what could not be written is, s.
+    pub(super) fn unwritten_s(&self) -> Option<f64> {
+        (!self.unwritten.is_empty()).then_some(self.unwritten.len() as f64 * Trajectory::PERIOD_S)
     }
 
     pub(super) fn start(&mut self, tool: Entity) {
@@ -80,23 +101,39 @@ impl Recorder {
         self.running.as_ref().is_some_and(|running| running.readings.len() >= LONGEST)
     }
 
-    /// Ends the recording and writes it to `path`.
+    /// Ends the recording and writes it to `path`, or to the next free name beside it if there is such a file.
     pub(super) fn stop(&mut self, path: PathBuf) {
         let Some(Running { readings, .. }) = self.running.take() else { return };
-        let write = async move {
-            let seconds = readings.len() as f64 * Trajectory::PERIOD_S;
-            write(&readings, &path)
-                .map(|()| format!("{seconds:.1} s written to {}", path.display()))
-                .map_err(|error| format!("{}: {error}", path.display()))
-        };
-        self.writing = Some(IoTaskPool::get().spawn(write));
+        self.write(readings, path);
     }
 
-    /// Notices that a file has been written.
+    /// Tries again to write what could not be written.
+    pub(super) fn write_again(&mut self, path: PathBuf) {
+        let readings = std::mem::take(&mut self.unwritten);
+        self.write(readings, path);
+    }
+
+    /// Throws away what could not be written.
+    pub(super) fn throw_away(&mut self) {
+        (self.unwritten, self.told) = (Vec::new(), None);
+    }
+
+    fn write(&mut self, readings: Vec<Reading>, path: PathBuf) {
+        self.told = None;
+        self.writing = Some(IoTaskPool::get().spawn(async move { (write(&readings, path), readings) }));
+    }
+
+    /// Notices that a file has been written, or why not.
     pub(super) fn look(&mut self) {
-        if let Some(done) = self.writing.as_mut().and_then(check_ready) {
-            (self.writing, self.told) = (None, Some(done));
+        let Some((done, readings)) = self.writing.as_mut().and_then(check_ready) else { return };
+        self.writing = None;
+        let seconds = readings.len() as f64 * Trajectory::PERIOD_S;
+        if matches!(done, Err(WriteError::File { .. })) {
+            self.unwritten = readings;
         }
+        let told = done.as_ref().map(|path| format!("{seconds:.1} s written to {}", path.display()));
+        self.told = Some(told.map_err(ToString::to_string));
+        self.written = done.ok();
     }
 
     /// Puts the recorded hand at `path` in the place of `tool`'s device, if it can be read.
@@ -130,15 +167,22 @@ impl Recorder {
     }
 }
 
-/// Writes a new file; one that is there is left as it is.
-fn write(readings: &[Reading], path: &Path) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+/// Writes a new file, `path` or the next free name beside it; what is there is left as it is.
+fn write(readings: &[Reading], path: PathBuf) -> Result<PathBuf, WriteError> {
     let trajectory = Trajectory::from_readings(readings)?;
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder)?;
+    let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+    let path = if path.exists() { next_free(&folder) } else { path };
+    let refused = |error| WriteError::File { path: path.clone(), error };
+    std::fs::create_dir_all(&folder).map_err(refused)?;
+    let file = std::fs::File::create_new(&path).map_err(refused)?;
+    let mut file = BufWriter::new(file);
+    let written = trajectory.to_csv(&mut file).and_then(|()| file.flush());
+    if let Err(error) = written {
+        // Half a recording is none.
+        let _ = std::fs::remove_file(&path);
+        return Err(WriteError::File { path, error });
     }
-    let mut file = BufWriter::new(std::fs::File::create_new(path)?);
-    trajectory.to_csv(&mut file)?;
-    Ok(file.flush()?)
+    Ok(path)
 }
 
 /// The first of `hand-1.csv`, `hand-2.csv` and so on that is not in `folder` yet.

@@ -35,7 +35,7 @@ use palpate_local::Scheme;
 ///     });
 ///     Ok(())
 /// }
-/// # bevy::ecs::system::assert_is_system(my_window);
+/// # bevy::ecs::system::assert_is_system::<(), (), _>(my_window);
 /// ```
 ///
 /// All parts are of the tool that [`HapticPanel::tool`] names. What is not drawn is not computed.
@@ -154,18 +154,18 @@ impl HapticWidgets<'_, '_> {
             });
             ui.end_row();
             ui.label("local model");
-            let LocalModelBuild { states, time_s, is_clamped, is_cut, .. } = *shown.build;
+            let LocalModelBuild { states, time_s, .. } = *shown.build;
             let age_ms = 1e3 * shown.force.model_age_s;
             ui.label(format!("{states} states, built in {:.1} ms, {age_ms:.0} ms old", 1e3 * time_s));
             ui.end_row();
-            if is_clamped || is_cut {
+            let beyond_s = self.heard.beyond_support_s(entity, self.time.elapsed_secs_f64());
+            if let Some((text, is_amber)) = note_on_model(shown.build, beyond_s) {
                 ui.label("");
-                let why = if is_clamped {
-                    "the body buckles: clamped tangent"
+                if is_amber {
+                    ui.colored_label(theme::AMBER, text);
                 } else {
-                    "nodes within reach were left out of S"
-                };
-                ui.colored_label(theme::AMBER, why);
+                    theme::small(ui, text);
+                }
                 ui.end_row();
             }
         });
@@ -401,7 +401,9 @@ impl HapticWidgets<'_, '_> {
         let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
         let HapticPanel { folder, view, .. } = self.panel.bypass_change_detection();
         let recorder = &mut self.watched.bypass_change_detection().recorder;
-        if view.file.is_empty() {
+        if let Some(written) = recorder.written.take() {
+            view.file = written.display().to_string();
+        } else if view.file.is_empty() {
             view.file = next_free(folder).display().to_string();
         }
         ui.horizontal(|ui| {
@@ -415,6 +417,15 @@ impl HapticWidgets<'_, '_> {
                 ui.monospace(format!("{:.1} s", recorder.duration_s()));
                 if stop || recorder.is_full() {
                     recorder.stop(view.file.clone().into());
+                }
+            } else if let Some(seconds) = recorder.unwritten_s() {
+                let again = ui.button(format!("write {seconds:.1} s again")).clicked();
+                let hint = "gives up what could not be written";
+                let away = ui.button("throw away").on_hover_text(hint).clicked();
+                if again {
+                    recorder.write_again(view.file.clone().into());
+                } else if away {
+                    recorder.throw_away();
                 }
             } else {
                 let idle = shown.running.is_some() && !recorder.is_writing();
@@ -470,5 +481,40 @@ impl HapticWidgets<'_, '_> {
             let text = egui::RichText::new(format!("{ago:.0} s ago{often}: {text}")).small().color(color);
             ui.add(egui::Label::new(text).wrap());
         }
+    }
+}
+
+/// Time for which a touch beyond the support set is worth a warning, s.
+const RECENT_S: f64 = 5.0;
+
+/// What is to be said of a local model, and whether it is a warning: that the body buckles, or that the tool touched beyond the
+/// support set `beyond_s` ago. A support set that is cut, as most are, does no harm by itself.
+fn note_on_model(build: &LocalModelBuild, beyond_s: Option<f64>) -> Option<(String, bool)> {
+    if build.is_clamped {
+        Some(("the body buckles: clamped tangent".into(), true))
+    } else if beyond_s.is_some_and(|ago_s| ago_s < RECENT_S) {
+        Some(("the tool touched beyond the nodes of S".into(), true))
+    } else {
+        let nodes = build.support_nodes;
+        build.is_cut.then(|| (format!("S is cut to its {nodes} most likely nodes"), false))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_support_set_that_is_cut_is_a_warning_only_where_the_tool_touched_beyond_it() {
+        let whole = LocalModelBuild { support_nodes: 18, ..default() };
+        let cut = LocalModelBuild { is_cut: true, ..whole };
+        assert_eq!(note_on_model(&whole, None), None);
+        assert_eq!(note_on_model(&cut, None), Some(("S is cut to its 18 most likely nodes".into(), false)));
+        for build in [&whole, &cut] {
+            assert!(note_on_model(build, Some(1.0)).unwrap().1);
+        }
+        assert!(!note_on_model(&cut, Some(60.0)).unwrap().1);
+        let clamped = LocalModelBuild { is_clamped: true, ..cut };
+        assert!(note_on_model(&clamped, None).unwrap().1);
     }
 }

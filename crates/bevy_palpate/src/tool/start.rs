@@ -69,7 +69,7 @@ pub struct ToolLoop {
     /// Sequence number of the newest sample that has been recorded, and records lost so far.
     pub(super) recorded_to: Option<u64>,
     pub(super) dropped_records: u64,
-    device: DeviceSelector,
+    pub(crate) device: DeviceSelector,
 }
 
 /// Length of a tick, s.

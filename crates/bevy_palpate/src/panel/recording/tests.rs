@@ -41,15 +41,16 @@ fn what_was_recorded_through_a_frame_is_what_the_device_did() {
     // From the newest sample of the first look on.
     assert!((recorder.duration_s() - 0.951).abs() < 1e-12, "{}", recorder.duration_s());
     let path = folder("frame").join("a/hand.csv");
-    write(&recorder.running.take().unwrap().readings, &path).unwrap();
+    write(&recorder.running.take().unwrap().readings, path.clone()).unwrap();
     let read = Trajectory::from_csv_file(&path).unwrap();
     for (found, sequence) in read.positions_m().iter().zip(49..) {
         assert!(found.distance(hand(sequence)) < 2e-7, "{sequence}");
     }
     // It is not overwritten.
-    let error = write(&[Reading::at(DVec3::ZERO); 5], &path).unwrap_err();
-    assert!(error.to_string().contains("exists"), "{error}");
-    assert_eq!(next_free(path.parent().unwrap()), path.with_file_name("hand-1.csv"));
+    let beside = write(&[Reading::at(DVec3::ZERO); 5], path.clone()).unwrap();
+    assert_eq!(beside, path.with_file_name("hand-1.csv"));
+    assert_eq!(Trajectory::from_csv_file(&path).unwrap().positions_m().len(), read.positions_m().len());
+    assert_eq!(next_free(path.parent().unwrap()), path.with_file_name("hand-2.csv"));
     std::fs::remove_dir_all(folder("frame")).ok();
 }
 
@@ -130,7 +131,7 @@ fn a_recorded_grasp_is_replayed() {
         recorder.record(tool.handle.samples(), &frame);
     });
     let readings = recorder.running.take().unwrap().readings;
-    write(&readings, &path).unwrap();
+    write(&readings, path.clone()).unwrap();
     assert!(std::fs::read_to_string(&path).unwrap().starts_with("t_s,x_m,y_m,z_m,buttons,qx,"));
     let (mut app, tool) = grasping_app(DeviceSelector::replay(path.display().to_string()));
     let replayed = held(&mut app, tool, 26, |_| ());
@@ -147,7 +148,7 @@ fn a_recorded_grasp_is_replayed() {
 
 #[test]
 fn what_cannot_be_written_or_read_says_which_file_and_why() {
-    let nothing = write(&[Reading::at(DVec3::ZERO)], Path::new("never.csv")).unwrap_err();
+    let nothing = write(&[Reading::at(DVec3::ZERO)], "never.csv".into()).unwrap_err();
     assert!(nothing.to_string().contains("at least 2"), "{nothing}");
     let mut recorder = Recorder::default();
     let mut tool = HapticTool::default();
@@ -159,12 +160,85 @@ fn what_cannot_be_written_or_read_says_which_file_and_why() {
     assert!(recorder.device_before(Entity::PLACEHOLDER).is_none());
 }
 
+/// A recorder that has recorded 1 s.
+fn recorded() -> Recorder {
+    let (mut recorder, mut history) = (Recorder::default(), SampleHistory::with_capacity(2048).unwrap());
+    recorder.start(Entity::PLACEHOLDER);
+    recorder.running.as_mut().unwrap().newest = Some(0);
+    push(&mut history, 0..1001);
+    recorder.record(&history, &frame());
+    recorder
+}
+
+/// Waits for the file.
+fn wait(recorder: &mut Recorder) {
+    let task = recorder.writing.take().unwrap();
+    let done = bevy::tasks::block_on(task);
+    recorder.writing = Some(IoTaskPool::get().spawn(async move { done }));
+    while recorder.is_writing() {
+        std::thread::yield_now();
+        recorder.look();
+    }
+}
+
+#[test]
+fn what_cannot_be_written_is_kept_until_it_is() {
+    IoTaskPool::get_or_init(Default::default);
+    let folder = folder("kept");
+    std::fs::create_dir_all(&folder).unwrap();
+    // A file where a folder must be: nobody may write there.
+    let in_the_way = folder.join("file");
+    std::fs::write(&in_the_way, "").unwrap();
+    let mut recorder = recorded();
+    recorder.stop(in_the_way.join("hand.csv"));
+    assert!(recorder.tool().is_none() && recorder.is_writing());
+    for _ in 0..2 {
+        wait(&mut recorder);
+        let why = recorder.told.clone().unwrap().unwrap_err();
+        assert!(why.contains("hand.csv") && recorder.written.is_none(), "{why}");
+        assert_eq!(recorder.unwritten_s(), Some(1.0));
+        recorder.write_again(in_the_way.join("hand.csv"));
+    }
+    wait(&mut recorder);
+    recorder.write_again(folder.join("hand.csv"));
+    wait(&mut recorder);
+    assert!(recorder.told.as_ref().unwrap().is_ok() && recorder.unwritten_s().is_none());
+    assert_eq!(recorder.written, Some(folder.join("hand.csv")));
+    let read = Trajectory::from_csv_file(folder.join("hand.csv")).unwrap();
+    assert!(read.positions_m().len() == 1000 && read.positions_m()[999].distance(hand(1000)) < 2e-7);
+    // A name that has been taken meanwhile: the next that is free.
+    let mut recorder = recorded();
+    recorder.stop(folder.join("hand.csv"));
+    wait(&mut recorder);
+    assert_eq!(recorder.written, Some(folder.join("hand-1.csv")));
+    std::fs::remove_dir_all(folder).ok();
+}
+
+#[test]
+fn a_recording_that_no_file_can_hold_is_not_kept() {
+    IoTaskPool::get_or_init(Default::default);
+    let mut recorder = Recorder::default();
+    recorder.start(Entity::PLACEHOLDER);
+    recorder.stop("never.csv".into());
+    wait(&mut recorder);
+    assert!(recorder.told.clone().unwrap().unwrap_err().contains("at least 2"));
+    assert!(recorder.unwritten_s().is_none() && !Path::new("never.csv").exists());
+}
+
+#[test]
+fn what_could_not_be_written_can_be_thrown_away() {
+    let mut recorder = Recorder { unwritten: vec![Reading::at(DVec3::X); 10], ..Recorder::default() };
+    assert_eq!(recorder.unwritten_s(), Some(0.01));
+    recorder.throw_away();
+    assert_eq!(recorder.unwritten_s(), None);
+}
+
 #[test]
 fn going_back_gives_the_first_device_however_many_replays_there_were() {
     let folder = folder("back");
     let (mut recorder, mut tool) = (Recorder::default(), HapticTool::default());
     for name in ["a.csv", "b.csv"] {
-        write(&[Reading::at(DVec3::X); 10], &folder.join(name)).unwrap();
+        write(&[Reading::at(DVec3::X); 10], folder.join(name)).unwrap();
         let path = folder.join(name).display().to_string();
         recorder.replay((Entity::PLACEHOLDER, &mut tool), path.clone(), &HapticDevices::default());
         assert_eq!(tool.device, DeviceSelector::replay(path));
