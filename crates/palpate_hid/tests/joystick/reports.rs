@@ -239,6 +239,37 @@ fn force_is_projected_limited_and_turned_round() {
     assert_eq!(description.workspace_m[1], DVec3::new(0.06, 0.06, 0.0));
 }
 
+/// A game has paused it and ended: it is felt all the same, also where the pause cannot be ended because nobody listens to that.
+#[test]
+fn a_pause_that_a_game_has_left_is_ended() {
+    let published = openffboard().descriptor;
+    let pause = [0x0C, 0x10];
+    let felt_n = |refused: &[&[u8]]| {
+        let bench = Bench::new(&published, HeldStick::default());
+        assert!(bench.firmware.lock().unwrap().output(&pause));
+        bench.ear.refuse(refused);
+        let mut device = bench.device(whole_force());
+        device.open().unwrap();
+        device.write(DVec3::X * 10.0).unwrap();
+        bench.force_n()[0]
+    };
+    assert!((felt_n(&[]) - 10.0).abs() < 0.002);
+    assert_eq!(felt_n(&[&[0x0C, 0x20]]), 0.0);
+}
+
+/// By default 5 N are asked for as a hundredth of the greatest force, so that a device of 500 N is within its limit; one of 50 N shows
+/// a tenth.
+#[test]
+fn the_default_is_careful_with_strong_devices() {
+    for (full_scale_n, felt_n) in [(500.0, 5.0), (150.0, 1.5), (50.0, 0.5)] {
+        let bench = Bench::new(&openffboard().descriptor, HeldStick { full_scale_n, ..HeldStick::default() });
+        let mut device = bench.device(JoystickOptions::default());
+        device.open().unwrap();
+        device.write(DVec3::X * 100.0).unwrap();
+        assert!((bench.force_n()[0] - felt_n).abs() <= full_scale_n / 32767.0, "{:?}", bench.force_n());
+    }
+}
+
 /// A wheel: one motor, and a pedal that is called y.
 #[test]
 fn a_wheel_has_one_axis() {
