@@ -6,7 +6,7 @@ mod watch;
 use crate::error::{LabError, check};
 use crate::output::Output;
 use clap::Args;
-use palpate_hid::{FoundDevice, HidBus, HidError, HidInfo, HidSelector, SystemBus};
+use palpate_hid::{FoundDevice, HidBus, HidError, HidInfo, HidSelector, JoystickOptions, SystemBus};
 use serde::Serialize;
 use std::io::Write;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ pub(crate) struct Devices {
     force_n: f64,
     /// What the greatest force of a joystick is taken for, N: no protocol tells it, and where it is more the test is as much
     /// stronger
-    #[arg(long, default_value_t = 500.0, allow_hyphen_values = true, requires = "test")]
+    #[arg(long, default_value_t = JoystickOptions::CAREFUL_FULL_SCALE_N, allow_hyphen_values = true, requires = "test")]
     full_scale_n: f64,
     /// How long to test or to watch, s [default: 6 for a test]
     #[arg(long, allow_hyphen_values = true)]

@@ -1,7 +1,7 @@
 //! Force-feedback joysticks to the byte, on three published layouts.
 
 use crate::hex;
-use crate::stick::{Bench, kinds, openffboard, renumbered, whole_force};
+use crate::stick::{Bench, kinds, known_scale, openffboard, renumbered, whole_force};
 use glam::DVec3;
 use palpate_haptics::{DeviceError, HapticDevice};
 use palpate_hid::*;
@@ -223,7 +223,7 @@ fn force_is_projected_limited_and_turned_round() {
         felt_n
     };
     let near = |[x, y]: [f64; 2], [a, b]: [f64; 2]| (x - a).hypot(y - b) < 0.002;
-    let five = JoystickOptions::default();
+    let five = known_scale();
     assert!(near(felt(five, DVec3::new(30.0, 100.0, -40.0)), [3.0, -4.0]), "shortened to 5 N, not bent");
     assert!(near(felt(five, DVec3::Y * 30.0), [0.0, 0.0]));
     let upright = JoystickOptions { plane: [DVec3::X, DVec3::Y], ..five };
@@ -387,8 +387,8 @@ fn options_that_make_no_sense_are_refused() {
         ),
         (JoystickOptions { full_scale_n: f64::NAN, ..good }, "full scale of the joystick, N is NaN"),
         (
-            JoystickOptions { max_force_n: 51.0, ..good },
-            "largest force of the joystick, N is 51; it must be 0 to its",
+            JoystickOptions { max_force_n: 501.0, ..good },
+            "largest force of the joystick, N is 501; it must be 0 to its",
         ),
         (JoystickOptions { max_force_n: -1.0, ..good }, "largest force of the joystick, N is -1"),
         (JoystickOptions { travel_m: [0.1, 0.0], ..good }, "travel of the joystick to either side, m is 0"),

@@ -94,7 +94,7 @@ fn trial(bus: &StandInBus, seconds: f64) -> Trial {
     Trial {
         selector: selector("7", false, bus).unwrap(),
         force_n: 0.3,
-        full_scale_n: 500.0,
+        full_scale_n: JoystickOptions::CAREFUL_FULL_SCALE_N,
         seconds,
         asks: false,
     }
@@ -123,7 +123,13 @@ fn a_board_is_pushed_gently_and_feels_what_is_told() {
     let board = Arc::new(Mutex::new(board));
     bus.plug(info, descriptor, Arc::clone(&board));
     let selector = selector("/dev/board", true, &*bus).unwrap();
-    let trial = Trial { selector, force_n: 0.3, full_scale_n: 500.0, seconds: 1.2, asks: false };
+    let trial = Trial {
+        selector,
+        force_n: 0.3,
+        full_scale_n: JoystickOptions::CAREFUL_FULL_SCALE_N,
+        seconds: 1.2,
+        asks: false,
+    };
     let options = BoardOptions { homing: BoardHoming::AtOpen, ..BoardOptions::default() };
     let device =
         HidDevice::find(bus, &trial.selector, &HidOptions { board: options, ..HidOptions::default() });
