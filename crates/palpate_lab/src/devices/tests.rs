@@ -108,7 +108,9 @@ fn a_test_reads_the_device_and_says_what_it_saw() {
     let tested = trial.test(device).unwrap();
     assert!(tested.ticks > 50 && tested.reports > 20, "{tested:?}");
     assert_eq!((tested.max_force_n, tested.force_rate_hz, tested.device_errors), (0.0, None, 0));
-    assert!(tested.highest_m[2] == 0.0 || tested.highest_m[2] > 1e-3, "{tested:?}");
+    // Pushed along its own z, which is down.
+    assert!(tested.lowest_m[1] < -1e-3 && tested.highest_m[1] <= 0.0, "{tested:?}");
+    assert_eq!([tested.lowest_m[0], tested.highest_m[0], tested.lowest_m[2], tested.highest_m[2]], [0.0; 4]);
     assert!(tested.faults.is_empty(), "{tested:?}");
 }
 
