@@ -116,6 +116,14 @@ impl HidDevice {
         let here = present.iter().find(|info| info.path == known.path && info.is_like(known));
         let info = match here {
             Some(info) => info,
+    /// Whether it is known to end its force by itself, within a second, when the program that drives it is killed. It is not of a
+    /// joystick for whose effects no duration of 0.25 to 1 s can be written, and of a board with reports of 64 bytes, whose firmware has
+    /// not been published.
+    #[must_use]
+    pub fn ends_by_itself(&self) -> bool {
+        self.driver.ends_by_itself()
+    }
+
             None => self.moved(&present)?,
         };
         let found = FoundDevice { kind: self.found.kind, info: info.clone() };

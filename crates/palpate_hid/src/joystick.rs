@@ -288,6 +288,10 @@ impl Driver for Joystick {
         stopped
     }
 
+    fn ends_by_itself(&self) -> bool {
+        self.layout.ends
+    }
+
     fn stop_reports(&self) -> Vec<Vec<u8>> {
         let zero = self.effects.iter().map(Effect::zero_report);
         let control = &self.layout.control;

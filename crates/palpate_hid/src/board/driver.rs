@@ -288,6 +288,11 @@ impl Driver for Board {
         self.calibrator.lost();
     }
 
+    fn ends_by_itself(&self) -> bool {
+        // What boards with reports of 64 bytes do has not been published.
+        self.form != BoardForm::Bytes64
+    }
+
     fn stop_reports(&self) -> Vec<Vec<u8>> {
         vec![self.zero.as_slice().to_vec()]
     }

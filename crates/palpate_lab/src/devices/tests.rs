@@ -148,7 +148,8 @@ fn it_asks_first_and_takes_only_a_yes() {
     let device = HidDevice::find(bus, &trial.selector, &HidOptions::default()).unwrap();
     let mut asked = Vec::new();
     let mut ask = |answer: &str| {
-        trial.ask(&device.describe(), HidKind::SpaceMouse, &mut asked, &mut answer.as_bytes(), true)
+        let of_device = (&device.describe(), HidKind::SpaceMouse, device.ends_by_itself());
+        trial.ask(of_device, &mut asked, &mut answer.as_bytes(), true)
     };
     assert!(ask("y\n").is_ok() && ask("yes\n").is_ok());
     for no in ["", "\n", "n\n", "yellow\n"] {
@@ -159,7 +160,29 @@ fn it_asks_first_and_takes_only_a_yes() {
             .unwrap()
             .ends_with("has no motors; it will be read for 1 s. Move it.\nBegin? [y/N] ")
     );
-    let nobody =
-        trial.ask(&device.describe(), HidKind::SpaceMouse, &mut Vec::new(), &mut "y\n".as_bytes(), false);
+    let of_device = (&device.describe(), HidKind::SpaceMouse, true);
+    let nobody = trial.ask(of_device, &mut Vec::new(), &mut "y\n".as_bytes(), false);
     assert!(matches!(nobody, Err(LabError::NobodyToAsk)));
+}
+
+/// Only where nothing is known to end the force of a program that is killed.
+#[test]
+fn who_is_asked_is_told_that_a_force_may_stay() {
+    use palpate_hid::{BoardFirmware, BoardForm, BoardKinematics};
+
+    for (form, may_stay) in
+        [(BoardForm::Bytes8, false), (BoardForm::Bytes14, false), (BoardForm::Bytes64, true)]
+    {
+        let bus = Arc::new(StandInBus::default());
+        let board = BoardFirmware::at_home(form, &BoardKinematics::default());
+        bus.plug(board.info("/dev/board"), board.descriptor(), board);
+        let selector = selector("/dev/board", true, &*bus).unwrap();
+        let device = HidDevice::find(bus.clone(), &selector, &HidOptions::default()).unwrap();
+        let trial = Trial { selector, ..trial(&bus, 1.0) };
+        let mut asked = Vec::new();
+        let of_device = (&device.describe(), HidKind::Board, device.ends_by_itself());
+        trial.ask(of_device, &mut asked, &mut "y\n".as_bytes(), true).unwrap();
+        let asked = String::from_utf8(asked).unwrap();
+        assert_eq!(asked.contains("if this program is killed its last force may stay"), may_stay, "{asked}");
+    }
 }

@@ -80,7 +80,8 @@ impl Trial {
         if self.asks {
             let is_terminal = std::io::stdin().is_terminal();
             let (mut question, mut answer) = (std::io::stderr().lock(), std::io::stdin().lock());
-            self.ask(&device.describe(), kind, &mut question, &mut answer, is_terminal)?;
+            let asked = (&device.describe(), kind, device.ends_by_itself());
+            self.ask(asked, &mut question, &mut answer, is_terminal)?;
         }
         // Whoever interrupts it leaves a device without force.
         ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed)).map_err(LabError::Interrupt)?;
@@ -92,11 +93,11 @@ impl Trial {
         }
     }
 
-    /// Asks whoever sits there; anything but a yes is a no.
+    /// Asks whoever sits there; anything but a yes is a no. Of the device there is what it is and whether it is known to end its force
+    /// by itself.
     pub(super) fn ask(
         &self,
-        device: &DeviceDescription,
-        kind: HidKind,
+        (device, kind, ends_by_itself): (&DeviceDescription, HidKind, bool),
         question: &mut dyn Write,
         answer: &mut dyn BufRead,
         is_terminal: bool,
@@ -124,6 +125,16 @@ impl Trial {
                 "{name} will push and pull along each of its axes with up to {most_n:.2} N for {} s.",
                 self.seconds
             )?;
+            if !ends_by_itself {
+                let why = match kind {
+                    HidKind::Board => "Whether its firmware has a watchdog has not been published",
+                    _ => "No end of its forces can be written to it",
+                };
+                writeln!(
+                    question,
+                    "{why}: if this program is killed its last force may stay until its power is cut."
+                )?;
+            }
             writeln!(question, "Hold it loosely, and keep a hand at its switch or plug.")?;
         } else {
             writeln!(question, "{name} has no motors; it will be read for {} s. Move it.", self.seconds)?;
