@@ -28,8 +28,9 @@ pub struct HidOptions {
 /// It is looked for when this is made, so that what it is and can do is known before it is opened. When it has been unplugged the
 /// next `open` looks for the same one (vendor, product, interface, serial number), wherever it is plugged in by then. Without a
 /// serial number that is the only device like it that is new: none that was there beside it when it was last found or opened, and
-/// none at all where there are several; until one is left `open` says [`DeviceError::Disconnected`]. One whose report descriptor is
-/// another by then, as after an update of its firmware, is refused with [`DeviceError::Protocol`]: make this anew.
+/// none at all where there are several; until one is left `open` says [`DeviceError::Unavailable`]. So it does of one whose report
+/// descriptor is another by then, as after an update of its firmware: make this anew; and of one that may not be opened, or that
+/// another program has.
 pub struct HidDevice {
     bus: Arc<dyn HidBus>,
     found: FoundDevice,
@@ -171,16 +172,29 @@ impl HapticDevice for HidDevice {
             if self.bus.descriptor(&found.info)? != self.descriptor {
                 return Err(HidError::Changed { device: found.info.label() });
             }
-            let connection = self.bus.open(&found.info)?;
-            Ok((found, connection))
+            match self.bus.open(&found.info) {
+                Ok(connection) => Ok((found, connection)),
+                // Another tool that meant the first was faster.
+                Err(busy @ HidError::Busy { .. }) => {
+                    let (found, connection) = self.open_another().ok_or(busy)?;
+                    self.beside = beside(&found.info, &self.bus.list()?);
+                    Ok((found, connection))
+                }
+                Err(error) => Err(error),
+            }
         };
-        let opened = open().map_err(|error: HidError| error.for_loop());
-        let is_gone = matches!(opened, Err(DeviceError::Disconnected));
+        let opened = open();
+        let is_gone = match &opened {
+            // Where several may be it, it was unplugged.
+            Err(HidError::Gone { .. } | HidError::Several { .. } | HidError::List(_)) => true,
+            Err(HidError::Open { source, .. }) => source.raw_os_error().is_none(),
+            _ => false,
+        };
         let is_elsewhere = opened.as_ref().is_ok_and(|(found, _)| found.info.path != self.found.info.path);
         if is_gone || is_elsewhere {
             self.driver.was_gone();
         }
-        let (found, connection) = opened?;
+        let (found, connection) = opened.map_err(|error: HidError| error.for_loop())?;
         self.found = found;
         self.counters.opened();
         let clock = self.clock.take().unwrap_or_else(clock::monotonic);

@@ -102,18 +102,30 @@ impl HidError {
         const ACCESS: i32 = 13;
         const BUSY: i32 = 16;
         match self {
-            Self::Permission { .. } => DeviceError::Os(ACCESS),
-            Self::Busy { .. } => DeviceError::Os(BUSY),
-            Self::Open { source, .. } => {
-                source.raw_os_error().map_or(DeviceError::Disconnected, DeviceError::Os)
-            }
+            Self::NotFound { .. } | Self::Gone { .. } => DeviceError::Disconnected,
+            Self::Several { .. } => DeviceError::Unavailable(
+                "several are like it, which has no serial number; unplug all but one, or choose it anew by its path",
+            ),
+            Self::Permission { .. } => DeviceError::Unavailable(
+                "permission to open it is denied; on Linux install assets/udev/70-palpate.rules with a line for it and plug it in anew",
+            ),
+            Self::Busy { .. } => DeviceError::Unavailable("another program or tool uses it; close that one"),
+            Self::Changed { .. } => DeviceError::Unavailable(
+                "its report descriptor is not the one it was found with; choose it anew",
+            ),
             Self::Descriptor { .. } | Self::Unsupported { .. } => {
                 DeviceError::Protocol("its report descriptor is not what the driver needs")
             }
-            Self::Changed { .. } => DeviceError::Protocol(
-                "its report descriptor is not the one it was found with; choose it anew",
+            Self::Open { source, .. } => source.raw_os_error().map_or(
+                DeviceError::Unavailable("the operating system does not open it; plug it in anew"),
+                DeviceError::Os,
             ),
-            _ => DeviceError::Disconnected,
+            Self::List(_) => DeviceError::Unavailable(
+                "the operating system does not list its devices; restart the program if that stays",
+            ),
+            Self::Option { .. } => {
+                DeviceError::Unavailable("an option is out of bounds; choose it anew with another")
+            }
         }
     }
 }
