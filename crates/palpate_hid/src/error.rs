@@ -30,7 +30,8 @@ pub enum HidError {
     },
     /// The user may not open it.
     #[error(
-        "{device}: permission to open {path} is denied; on Linux install assets/udev/70-palpate.rules and plug it in anew"
+        "{device}: permission to open {path} is denied; on Linux install assets/udev/70-palpate.rules, whose first lines say how, with this line for it if it has none, and plug it in anew: {}",
+        rule(*.vendor, *.product)
     )]
     Permission {
         /// Which.
@@ -39,6 +40,10 @@ pub enum HidError {
         path: String,
     },
     /// Another program, or another tool of this one, has it.
+        /// Number of its vendor.
+        vendor: u16,
+        /// Number of its product.
+        product: u16,
     #[error("{device}: another program or tool uses it; one device has one hand")]
     Busy {
         /// Which.
@@ -129,6 +134,21 @@ impl HidError {
         }
     }
 }
+/// The line of udev's rules by which who is logged in may open such a device.
+fn rule(vendor: u16, product: u16) -> String {
+    format!(
+        r#"SUBSYSTEM=="hidraw", ATTRS{{idVendor}}=="{vendor:04x}", ATTRS{{idProduct}}=="{product:04x}", TAG+="uaccess""#
+    )
+}
+
+fn hint(teensy: Option<&str>) -> String {
+    teensy.map_or_else(String::new, |teensy| {
+        format!(
+            "; {teensy} may be a 3-DOF board, which no Teensy can tell: if it is one, say so with `teensy_is_board`, or --teensy-is-board of palpate-lab devices"
+        )
+    })
+}
+
 
 fn list(present: &[String]) -> String {
     match present {
