@@ -13,12 +13,14 @@ pub enum HidError {
     #[error("the HID devices cannot be listed: {0}")]
     List(String),
     /// Nothing that is plugged in is what was asked for.
-    #[error("no {asked} is plugged in; there {}", list(.present))]
+    #[error("no {asked} is plugged in; there {}{}", list(.present), hint(.teensy.as_deref()))]
     NotFound {
         /// What was asked for.
         asked: String,
         /// What there is.
         present: Vec<String>,
+        /// A Teensy among it that is what was asked for, if it is a board.
+        teensy: Option<String>,
     },
     /// More than one is what was asked for.
     #[error("{} devices are {asked}: {}; name one by its serial number or its path, or ask for the first", .found.len(), .found.join(", "))]
@@ -148,7 +150,6 @@ fn hint(teensy: Option<&str>) -> String {
         )
     })
 }
-
 
 fn list(present: &[String]) -> String {
     match present {

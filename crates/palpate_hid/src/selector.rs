@@ -86,10 +86,20 @@ impl HidSelector {
             let found = found.iter().map(|found| found.info.label()).collect();
             return Err(HidError::Several { asked: self.to_string(), found });
         }
-        found.into_iter().next().ok_or_else(|| HidError::NotFound {
-            asked: self.to_string(),
-            present: present.iter().map(HidInfo::label).collect(),
-        })
+        let mut found = found.into_iter();
+        match found.next() {
+            Some(first) => Ok((first, found.collect())),
+            None => Err(HidError::NotFound {
+                asked: self.to_string(),
+                present: present.iter().map(HidInfo::label).collect(),
+                teensy: present.iter().find(|info| self.may_mean(info)).map(HidInfo::label),
+            }),
+        }
+    }
+
+    /// Whether `info` is a Teensy that would be meant if it were a board.
+    fn may_mean(&self, info: &HidInfo) -> bool {
+        !self.teensy_is_board && board::is_one(info, true) && self.admits(HidKind::Board, info)
     }
 }
 

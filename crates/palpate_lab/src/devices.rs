@@ -52,6 +52,8 @@ struct Listed {
     devices: Vec<Line>,
     /// Devices of kinds that are not known here.
     others: usize,
+    /// Paths of those among them that are boards if somebody says so.
+    may_be_boards: Vec<String>,
 }
 
 /// A device as it is listed.
@@ -98,14 +100,19 @@ impl Devices {
     }
 
     fn list(&self, bus: &dyn HidBus, output: &Output) -> Result<(), LabError> {
-        let lines: Vec<Line> = bus.list()?.iter().map(|info| line(bus, info, self.teensy_is_board)).collect();
+        let infos = bus.list()?;
+        let lines: Vec<Line> = infos.iter().map(|info| line(bus, info, self.teensy_is_board)).collect();
+        let is_known = |info: &&HidInfo, is_board| FoundDevice::known(bus, info, is_board).is_some();
+        let may_be = infos.iter().filter(|info| !self.teensy_is_board && !is_known(info, false));
+        let may_be_boards =
+            may_be.filter(|info| is_known(info, true)).map(|info| info.path.clone()).collect();
         let (mut known, others): (Vec<Line>, Vec<Line>) =
             lines.into_iter().partition(|line| line.kind.is_some());
         let count = others.len();
         if self.all {
             known.extend(others);
         }
-        let listed = Listed { devices: known, others: count };
+        let listed = Listed { devices: known, others: count, may_be_boards };
         output.print(&listed, |out| print(&listed, self.all, out))
     }
 }
@@ -136,6 +143,9 @@ fn print(listed: &Listed, all: bool, out: &mut dyn Write) -> std::io::Result<()>
         for line in &listed.devices {
             row(line, out)?;
         }
+    }
+    for path in &listed.may_be_boards {
+        writeln!(out, "{path} is a Teensy that may be a 3-DOF board; if it is, say so: --teensy-is-board")?;
     }
     match listed.others {
         0 => Ok(()),

@@ -59,7 +59,7 @@ fn what_is_plugged_in_is_listed_with_what_keeps_it_from_being_opened() {
     assert!(of("/dev/cap").refused.contains("another program or tool uses it"));
     drop(held);
     let mut text = Vec::new();
-    let listed = Listed { devices: vec![cap], others: 1 };
+    let mut listed = Listed { devices: vec![cap], others: 1, may_be_boards: Vec::new() };
     print(&listed, false, &mut text).unwrap();
     let text = String::from_utf8(text).unwrap();
     let lines: Vec<&str> = text.lines().collect();
@@ -67,6 +67,11 @@ fn what_is_plugged_in_is_listed_with_what_keeps_it_from_being_opened() {
         lines.len() == 3 && lines[1].starts_with("SpaceMouse  ") && lines[2].starts_with("1 other"),
         "{text}"
     );
+    listed.may_be_boards.push("/dev/hidraw3".into());
+    let mut hinted = Vec::new();
+    print(&listed, false, &mut hinted).unwrap();
+    let hinted = String::from_utf8(hinted).unwrap();
+    assert!(hinted.contains("\n/dev/hidraw3 is a Teensy that may be a 3-DOF board"), "{hinted}");
     // Columns begin where their heads do.
     for head in ["numbers", "path", "name"] {
         let at = lines[0].find(head).unwrap();
