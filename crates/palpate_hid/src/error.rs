@@ -40,12 +40,12 @@ pub enum HidError {
         device: String,
         /// What could not be opened.
         path: String,
-    },
-    /// Another program, or another tool of this one, has it.
         /// Number of its vendor.
         vendor: u16,
         /// Number of its product.
         product: u16,
+    },
+    /// Another program, or another tool of this one, has it.
     #[error("{device}: another program or tool uses it; one device has one hand")]
     Busy {
         /// Which.
@@ -102,12 +102,9 @@ pub enum HidError {
 }
 
 impl HidError {
-    /// The same for the loop, which keeps no text.
+    /// The same for the loop, which keeps no text. Only what is not plugged in is [`DeviceError::Disconnected`].
     #[must_use]
     pub fn for_loop(&self) -> DeviceError {
-        // As Linux counts them.
-        const ACCESS: i32 = 13;
-        const BUSY: i32 = 16;
         match self {
             Self::NotFound { .. } | Self::Gone { .. } => DeviceError::Disconnected,
             Self::Several { .. } => DeviceError::Unavailable(
@@ -136,6 +133,7 @@ impl HidError {
         }
     }
 }
+
 /// The line of udev's rules by which who is logged in may open such a device.
 fn rule(vendor: u16, product: u16) -> String {
     format!(

@@ -3,8 +3,8 @@
 use glam::{DQuat, DVec3};
 use palpate_haptics::{DeviceError, HapticDevice};
 use palpate_hid::{
-    CapReport, Firmware, HidDevice, HidError, HidInfo, HidKind, HidOptions, HidSelector, SpaceMouseOptions,
-    StandInBus, Usage,
+    CapReport, Firmware, HidBus, HidDevice, HidError, HidInfo, HidKind, HidOptions, HidSelector,
+    SpaceMouseOptions, StandInBus, Usage,
 };
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -247,7 +247,7 @@ fn which_one_is_meant_is_said_or_refused() {
     bus.plug(info("a"), Vec::new(), Cap::default());
     let Err(HidError::Several { found, .. }) = find(&any) else { panic!("two alike") };
     assert_eq!(found.len(), 2);
-    assert!(found[0].ends_with("serial a)"), "{found:?}");
+    assert!(found[0].ends_with("serial a) at cap a") && found[1].ends_with(" at cap b"), "{found:?}");
     assert_eq!(find(&HidSelector::any()).unwrap().info.serial, "a");
     let by_serial = HidSelector { serial: Some("b".into()), ..any.clone() };
     assert_eq!(find(&by_serial).unwrap().info.serial, "b");
@@ -257,13 +257,43 @@ fn which_one_is_meant_is_said_or_refused() {
         text.starts_with("no SpaceMouse of vendor 046d with serial number b is plugged in; there are"),
         "{text}"
     );
-    // One device has one hand.
+    // One device has one hand: the second tool gets the second device, the third none.
     let first = HidSelector::any();
-    let mut held = HidDevice::find(bus.clone(), &first, &HidOptions::default()).unwrap();
-    held.open().unwrap();
-    assert!(matches!(find(&first), Err(HidError::Busy { .. })));
+    let hold = || {
+        let mut held = HidDevice::find(bus.clone(), &first, &HidOptions::default()).unwrap();
+        held.open().unwrap();
+        held
+    };
+    let held = [hold(), hold()];
+    assert_eq!(held.each_ref().map(|held| held.found().info.serial.as_str()), ["a", "b"]);
+    let busy = find(&first).unwrap_err();
+    assert!(matches!(&busy, HidError::Busy { device } if device.ends_with("serial a)")), "{busy}");
+    // Who names one means that one.
+    let by_serial = HidSelector { serial: Some("a".into()), ..any };
+    assert!(matches!(find(&by_serial), Err(HidError::Busy { .. })));
     drop(held);
-    assert!(find(&first).is_ok());
+    assert_eq!(find(&first).unwrap().info.serial, "a");
+}
+
+/// Both were found before either was opened.
+#[test]
+fn two_tools_that_mean_the_first_get_one_each() {
+    let bus = Arc::new(StandInBus::default());
+    bus.plug(info("a"), Vec::new(), Cap::default());
+    bus.plug(info("b"), Vec::new(), Cap::default());
+    let find = || HidDevice::find(bus.clone(), &HidSelector::any(), &HidOptions::default()).unwrap();
+    let mut tools = [find(), find(), find()];
+    let opened = tools.each_mut().map(|tool| tool.open());
+    assert!(matches!(opened, [Ok(()), Ok(()), Err(DeviceError::Unavailable(_))]), "{opened:?}");
+    let serial = |tool: &HidDevice| tool.found().info.serial.clone();
+    assert_eq!((serial(&tools[0]), serial(&tools[1])), ("a".into(), "b".into()));
+    // Once it was opened it is that one for good.
+    tools[0].close().unwrap();
+    tools[1].close().unwrap();
+    let held = bus.open(&info("a")).unwrap();
+    assert!(matches!(tools[0].open(), Err(DeviceError::Unavailable(_))));
+    drop(held);
+    tools[0].open().unwrap();
 }
 
 #[test]
