@@ -157,7 +157,7 @@ fn what_is_plugged_in_is_listed_and_two_alike_are_a_fault() {
     bus.plug(info("1"), Vec::new(), Cap::default());
     bus.plug(info("2"), Vec::new(), Cap::default());
     app.update();
-    assert!(fault(&mut app, "2 devices are SpaceMouse: SpaceMouse Compact (256f:c635, serial 1), "));
+    assert!(fault(&mut app, "2 devices are SpaceMouse: SpaceMouse Compact (256f:c635, serial 1) at "));
     let present = app.world().resource::<HapticDevices>().hid_present().unwrap();
     let [_, (second, label)] = &present[..] else { panic!("{present:?}") };
     assert_eq!((second.serial.as_deref(), label.ends_with("serial 2)")), (Some("2"), true));

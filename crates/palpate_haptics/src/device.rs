@@ -214,6 +214,9 @@ pub enum DeviceError {
     /// The operating system refused; its error number says why.
     #[error("the operating system refused: {}", std::io::Error::from_raw_os_error(*.0))]
     Os(i32),
+    /// It is there and cannot be used as it is; the text says why and what to do.
+    #[error("the device cannot be used: {0}")]
+    Unavailable(&'static str),
     /// What the device sent is not what its protocol allows.
     #[error("the device broke its protocol: {0}; check that driver and firmware belong together")]
     Protocol(&'static str),

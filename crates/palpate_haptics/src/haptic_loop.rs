@@ -251,6 +251,11 @@ impl HapticLoop {
         self.tell(LoopEventKind::Reconnected);
     }
 
+    /// The device was disconnected and could not be opened again, for another reason than the last that was told.
+    pub(crate) fn not_reopened(&mut self, error: DeviceError) {
+        self.tell(LoopEventKind::ReopenFailed(error));
+    }
+
     /// The driver or the loop panicked; zero force has been written and the device closed.
     pub(crate) fn panicked(&mut self) {
         self.tell(LoopEventKind::Panicked);

@@ -69,6 +69,10 @@ pub enum LoopEventKind {
     /// The device was opened again after it had been disconnected.
     #[error("the device is connected again")]
     Reconnected,
+    /// A device that was disconnected is there and cannot be opened. It is tried again twice a second; this is told when the reason is
+    /// another than the last one told.
+    #[error("the device was disconnected and cannot be opened again")]
+    ReopenFailed(#[source] DeviceError),
     /// No new local model has come for so long that the force fades.
     #[error(
         "no new local model has come for {0:.1} model periods, and the force fades; the model side stands still or is too slow: give it less to do"
@@ -97,6 +101,7 @@ impl LoopEventKind {
             Self::ModelRefused(_)
             | Self::WrongBody(_)
             | Self::DeviceFailed(_)
+            | Self::ReopenFailed(_)
             | Self::DeadlinesMissed(_)
             | Self::EmergencyStopped
             | Self::HandJumped(_)

@@ -11,7 +11,8 @@
 //!    not begun a tick, or the device has taken no force, for 50 ms; if not that is told.
 //! 3. (thread) At every deadline, a whole number of periods after the start on the monotonic clock: read, tick,
 //!    write. Deadlines that passed meanwhile are counted and left out, never made up by a burst.
-//!    A device that is disconnected is closed and opened again, tried twice a second.
+//!    A device that is disconnected is closed and opened again, tried twice a second; why that fails is told once for each reason
+//!    ([`crate::LoopEventKind::ReopenFailed`]).
 //! 4. (app) [`LoopThread::stop`], or dropping it, sets the stop flag. (thread) The flag is seen within a
 //!    period; zero force is written and the device closed. If the tick or the device panics, both are still
 //!    done while the thread unwinds.
@@ -209,6 +210,8 @@ fn turn(
     }
     let (mut elapsed, mut last_begun_ns) = (1, None);
     let (mut stops, mut lost_ticks, mut was_taken) = (0, 0, true);
+    // That it is disconnected has been told by then.
+    let mut told = DeviceError::Disconnected;
     while !stop.load(Ordering::Acquire) {
         clock.sleep_until(deadline_ns);
         if stop.load(Ordering::Acquire) {
@@ -250,10 +253,16 @@ fn turn(
             .into_iter()
             .flatten()
             .any(|error| matches!(error, DeviceError::Disconnected | DeviceError::NotOpen));
-        lost_ticks = if is_lost { lost_ticks + 1 } else { 0 };
+        (lost_ticks, told) = if is_lost { (lost_ticks + 1, told) } else { (0, DeviceError::Disconnected) };
         if lost_ticks == RECONNECT_TICKS {
             lost_ticks = 0;
-            was_taken = reopen(haptic_loop, device, watched);
+            let opened = reopen(haptic_loop, device, watched);
+            was_taken = opened.is_ok();
+            if let Err(error) = opened
+                && std::mem::replace(&mut told, error) != error
+            {
+                haptic_loop.not_reopened(error);
+            }
         }
         if let Some(bare) = bare {
             bare.note_tick(clock.now_ns() - begun_ns);
@@ -263,25 +272,23 @@ fn turn(
     }
 }
 
-/// Closes a device that is gone and tries to open it again. Whether it is open, with zero force.
+/// Closes a device that is gone and tries to open it again, with zero force.
 fn reopen(
     haptic_loop: &mut HapticLoop,
     device: &mut dyn HapticDevice,
     watched: Option<&Arc<Watched>>,
-) -> bool {
+) -> Result<(), DeviceError> {
     if let Some(watched) = watched {
         watched.rest();
     }
     // Nothing is left of what it was.
     let _ = device.close();
-    if device.open().is_err() {
-        return false;
-    }
+    device.open()?;
     if let Some(watched) = watched {
         watched.begin(device, haptic_loop.config().real_time);
     }
     haptic_loop.reconnected();
-    true
+    Ok(())
 }
 
 /// An open device that is left with zero force and closed, whatever happens.

@@ -348,12 +348,27 @@ fn a_silent_peer_ends_the_session_for_good() {
 
 #[test]
 fn what_the_peer_ends_is_over() {
-    for reason in [EndReason::Silent, EndReason::Closing, EndReason::NoSession, EndReason::DeviceFailed] {
+    for (reason, why) in [
+        (EndReason::Silent, "watchdog"),
+        (EndReason::Closing, "start it again"),
+        (EndReason::NoSession, "restart"),
+        (EndReason::DeviceFailed, "the peer's device failed"),
+    ] {
         let (mut peer, mut device) = found(|settings| settings);
         open(&mut device, &mut peer);
         peer.say(1, Body::Sample(sampled(0.0)));
         peer.say(0, Body::End(reason));
-        wait_for(|| device.read(TICK) == Err(DeviceError::Disconnected));
+        // Once why, and from then on that it is over.
+        let mut told = Vec::new();
+        wait_for(|| {
+            let error = device.read(TICK).err();
+            told.extend(error.filter(|error| *error != DeviceError::TimedOut));
+            error == Some(DeviceError::Disconnected)
+        });
+        let [DeviceError::Unavailable(said), DeviceError::Disconnected] = told[..] else {
+            panic!("{reason:?}: {told:?}")
+        };
+        assert!(said.contains(why), "{reason:?}: {said}");
         assert_eq!(device.write(DVec3::X), Err(DeviceError::Disconnected));
         device.close().unwrap();
         assert!(peer.hears_nothing(), "the peer knows");

@@ -6,8 +6,8 @@ mod wait;
 use glam::DVec3;
 use palpate_haptics::*;
 use palpate_local::{Contact, Scheme};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use wait::wait_for;
 
@@ -81,6 +81,8 @@ struct Seen {
     reads: AtomicU64,
     stops: AtomicU64,
     is_gone: AtomicBool,
+    /// Why it cannot be opened while it is gone, if not because it is gone.
+    refuses: Mutex<Option<DeviceError>>,
     hangs: AtomicBool,
     /// Forces are not taken.
     is_deaf: AtomicBool,
@@ -106,7 +108,10 @@ impl HapticDevice for Stand {
     }
     fn open(&mut self) -> Result<(), DeviceError> {
         self.0.opens.fetch_add(1, Ordering::SeqCst);
-        if self.0.is_gone.load(Ordering::SeqCst) { Err(DeviceError::Disconnected) } else { Ok(()) }
+        if !self.0.is_gone.load(Ordering::SeqCst) {
+            return Ok(());
+        }
+        Err(self.0.refuses.lock().unwrap().unwrap_or(DeviceError::Disconnected))
     }
     fn read(&mut self, _: Duration) -> Result<Reading, DeviceError> {
         self.0.reads.fetch_add(1, Ordering::SeqCst);
@@ -172,6 +177,31 @@ fn a_device_that_went_away_is_opened_again() {
     let recovered =
         kinds(&mut handle).into_iter().any(|kind| matches!(kind, LoopEventKind::DeviceRecovered(_)));
     assert!(recovered);
+}
+
+/// Plugged in again it cannot be opened, for one reason after the other: each is told, and told once.
+#[test]
+fn why_a_device_that_is_back_cannot_be_opened_is_told() {
+    let (mut handle, mut thread, seen) = start();
+    wait_for(|| seen.reads.load(Ordering::SeqCst) > 50);
+    seen.is_gone.store(true, Ordering::SeqCst);
+    let mut told = Vec::new();
+    let mut opens = 1;
+    for refused in [None, Some(DeviceError::Os(13)), Some(DeviceError::Unavailable("it is two"))] {
+        *seen.refuses.lock().unwrap() = refused;
+        // Twice each; the first may be that of the reason before.
+        opens += 3;
+        wait_for(|| seen.opens.load(Ordering::SeqCst) >= opens);
+        told.extend(kinds(&mut handle));
+    }
+    seen.is_gone.store(false, Ordering::SeqCst);
+    assert!(matches!(thread.stop(), Stop::Joined));
+    told.extend(kinds(&mut handle));
+    let reasons: Vec<LoopEventKind> =
+        told.iter().copied().filter(|kind| matches!(kind, LoopEventKind::ReopenFailed(_))).collect();
+    let expected = [DeviceError::Os(13), DeviceError::Unavailable("it is two")];
+    assert_eq!(reasons, expected.map(LoopEventKind::ReopenFailed), "{told:?}");
+    assert!(reasons.iter().all(LoopEventKind::is_fault));
 }
 
 /// It can be read, but it takes no force: the last one would stay for ever.

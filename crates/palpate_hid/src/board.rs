@@ -11,8 +11,10 @@
 //! force begins from nothing when the loop goes on.
 //!
 //! Where nothing has gone either way for 10 ms a zero report is sent to wake the board up, and force begins from nothing; reading
-//! [times out](palpate_haptics::DeviceError::TimedOut) from then on, until the board speaks again. Its own watchdog switches the
-//! motors off after half a second without a report, which is also how long a force may last when a program is killed.
+//! [times out](palpate_haptics::DeviceError::TimedOut) from then on, until the board speaks again. The watchdog of firmware for reports of 8
+//! and 14 bytes switches the motors off after half a second without a report, which is also how long a force may last when a program is
+//! killed. Firmware for reports of 64 bytes has not been published: nobody knows here whether it has a watchdog, and
+//! [`HidDevice::ends_by_itself`](crate::HidDevice::ends_by_itself) says no.
 //!
 //! Sources: forsslund/haptikfabrikenapi at b8d6c94, `src/fsusbhapticdevicethread.cpp` and `firmware/main.cpp`.
 

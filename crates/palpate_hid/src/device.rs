@@ -28,13 +28,16 @@ pub struct HidOptions {
 /// It is looked for when this is made, so that what it is and can do is known before it is opened. When it has been unplugged the
 /// next `open` looks for the same one (vendor, product, interface, serial number), wherever it is plugged in by then. Without a
 /// serial number that is the only device like it that is new: none that was there beside it when it was last found or opened, and
-/// none at all where there are several; until one is left `open` says [`DeviceError::Disconnected`]. One whose report descriptor is
-/// another by then, as after an update of its firmware, is refused with [`DeviceError::Protocol`]: make this anew.
+/// none at all where there are several; until one is left `open` says [`DeviceError::Unavailable`]. So it does of one whose report
+/// descriptor is another by then, as after an update of its firmware: make this anew; and of one that may not be opened, or that
+/// another program has.
 pub struct HidDevice {
     bus: Arc<dyn HidBus>,
     found: FoundDevice,
     /// Where devices like it were when it was last found, which are others.
     beside: Vec<String>,
+    /// Until it is opened: those that would do as well, where the first of several was meant.
+    others: Vec<FoundDevice>,
     driver: Box<dyn Driver>,
     /// The bytes of the report descriptor that the driver was made from.
     descriptor: Vec<u8>,
@@ -51,7 +54,8 @@ impl fmt::Debug for HidDevice {
 }
 
 impl HidDevice {
-    /// Looks for the device that `selector` means and sees whether it can be opened; it is closed again.
+    /// Looks for the device that `selector` means and sees whether it can be opened; it is closed again. Where the first is meant and
+    /// another program or tool has it, it is the next one.
     ///
     /// # Errors
     /// [`HidError`]: it is not there, there are several, it may not be opened, another program has it, it lacks what its driver
@@ -61,8 +65,18 @@ impl HidDevice {
         selector: &HidSelector,
         options: &HidOptions,
     ) -> Result<Self, HidError> {
-        let found = selector.find(&*bus)?;
-        Self::new(bus, found, options)
+        let (first, others) = selector.find_all(&*bus)?;
+        let mut others = others.into_iter();
+        let mut device = match Self::new(Arc::clone(&bus), first, options) {
+            // Where none is free the first is the one to be told of.
+            Err(busy @ HidError::Busy { .. }) => {
+                let free = others.by_ref().find_map(|it| Self::new(Arc::clone(&bus), it, options).ok());
+                free.ok_or(busy)?
+            }
+            made => made?,
+        };
+        device.others = others.collect();
+        Ok(device)
     }
 
     /// The device `found`; otherwise as [`HidDevice::find`].
@@ -79,7 +93,8 @@ impl HidDevice {
         let counters = HidCounters::default();
         let beside = beside(&found.info, &bus.list()?);
         let clock = Some(clock::monotonic());
-        Ok(Self { bus, found, beside, driver, descriptor: bytes, clock, link: None, counters })
+        let others = Vec::new();
+        Ok(Self { bus, found, beside, others, driver, descriptor: bytes, clock, link: None, counters })
     }
 
     /// The same with another clock, for tests.
@@ -101,10 +116,28 @@ impl HidDevice {
         self.counters.clone()
     }
 
+    /// Whether it is known to end its force by itself, within a second, when the program that drives it is killed. It is not of a
+    /// joystick for whose effects no duration of 0.25 to 1 s can be written, and of a board with reports of 64 bytes, whose firmware has
+    /// not been published.
+    #[must_use]
+    pub fn ends_by_itself(&self) -> bool {
+        self.driver.ends_by_itself()
+    }
+
     /// A way to have a board calibrated, also while the loop has the device; `None` for other kinds.
     #[must_use]
     pub fn board_calibration(&self) -> Option<BoardCalibration> {
         self.driver.calibration()
+    }
+
+    /// One of those that would do as well and that nobody has. Its reports have to be the same, as the driver is made already.
+    fn open_another(&self) -> Option<(FoundDevice, Box<dyn HidConnection>)> {
+        let is_same = |other: &&FoundDevice| {
+            other.kind == self.found.kind
+                && self.bus.descriptor(&other.info).is_ok_and(|bytes| bytes == self.descriptor)
+        };
+        let open = |other: &FoundDevice| Some((other.clone(), self.bus.open(&other.info).ok()?));
+        self.others.iter().filter(is_same).find_map(open)
     }
 
     /// Where the device is now: where it was, or where one like it is that may be it.
@@ -163,17 +196,31 @@ impl HapticDevice for HidDevice {
             if self.bus.descriptor(&found.info)? != self.descriptor {
                 return Err(HidError::Changed { device: found.info.label() });
             }
-            let connection = self.bus.open(&found.info)?;
-            Ok((found, connection))
+            match self.bus.open(&found.info) {
+                Ok(connection) => Ok((found, connection)),
+                // Another tool that meant the first was faster.
+                Err(busy @ HidError::Busy { .. }) => {
+                    let (found, connection) = self.open_another().ok_or(busy)?;
+                    self.beside = beside(&found.info, &self.bus.list()?);
+                    Ok((found, connection))
+                }
+                Err(error) => Err(error),
+            }
         };
-        let opened = open().map_err(|error: HidError| error.for_loop());
-        let is_gone = matches!(opened, Err(DeviceError::Disconnected));
+        let opened = open();
+        let is_gone = match &opened {
+            // Where several may be it, it was unplugged.
+            Err(HidError::Gone { .. } | HidError::Several { .. } | HidError::List(_)) => true,
+            Err(HidError::Open { source, .. }) => source.raw_os_error().is_none(),
+            _ => false,
+        };
         let is_elsewhere = opened.as_ref().is_ok_and(|(found, _)| found.info.path != self.found.info.path);
         if is_gone || is_elsewhere {
             self.driver.was_gone();
         }
-        let (found, connection) = opened?;
+        let (found, connection) = opened.map_err(|error: HidError| error.for_loop())?;
         self.found = found;
+        self.others.clear();
         self.counters.opened();
         let clock = self.clock.take().unwrap_or_else(clock::monotonic);
         let mut link = Link::new(connection, clock, self.counters.clone());

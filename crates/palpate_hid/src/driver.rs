@@ -45,6 +45,9 @@ pub(crate) trait Driver: Send {
     /// The device was not there when it was looked for, or is somewhere else by now: it has been unplugged.
     fn was_gone(&mut self) {}
 
+    /// Whether it is known to end its force by itself when nobody writes to it any more.
+    fn ends_by_itself(&self) -> bool;
+
     /// The output reports that end all force, for a thread that has no part in the protocol; none for a device without motors.
     fn stop_reports(&self) -> Vec<Vec<u8>>;
 

@@ -13,12 +13,14 @@ pub enum HidError {
     #[error("the HID devices cannot be listed: {0}")]
     List(String),
     /// Nothing that is plugged in is what was asked for.
-    #[error("no {asked} is plugged in; there {}", list(.present))]
+    #[error("no {asked} is plugged in; there {}{}", list(.present), hint(.teensy.as_deref()))]
     NotFound {
         /// What was asked for.
         asked: String,
         /// What there is.
         present: Vec<String>,
+        /// A Teensy among it that is what was asked for, if it is a board.
+        teensy: Option<String>,
     },
     /// More than one is what was asked for.
     #[error("{} devices are {asked}: {}; name one by its serial number or its path, or ask for the first", .found.len(), .found.join(", "))]
@@ -30,13 +32,18 @@ pub enum HidError {
     },
     /// The user may not open it.
     #[error(
-        "{device}: permission to open {path} is denied; on Linux install assets/udev/70-palpate.rules and plug it in anew"
+        "{device}: permission to open {path} is denied; on Linux install assets/udev/70-palpate.rules, whose first lines say how, with this line for it if it has none, and plug it in anew: {}",
+        rule(*.vendor, *.product)
     )]
     Permission {
         /// Which.
         device: String,
         /// What could not be opened.
         path: String,
+        /// Number of its vendor.
+        vendor: u16,
+        /// Number of its product.
+        product: u16,
     },
     /// Another program, or another tool of this one, has it.
     #[error("{device}: another program or tool uses it; one device has one hand")]
@@ -95,27 +102,51 @@ pub enum HidError {
 }
 
 impl HidError {
-    /// The same for the loop, which keeps no text.
+    /// The same for the loop, which keeps no text. Only what is not plugged in is [`DeviceError::Disconnected`].
     #[must_use]
     pub fn for_loop(&self) -> DeviceError {
-        // As Linux counts them.
-        const ACCESS: i32 = 13;
-        const BUSY: i32 = 16;
         match self {
-            Self::Permission { .. } => DeviceError::Os(ACCESS),
-            Self::Busy { .. } => DeviceError::Os(BUSY),
-            Self::Open { source, .. } => {
-                source.raw_os_error().map_or(DeviceError::Disconnected, DeviceError::Os)
-            }
+            Self::NotFound { .. } | Self::Gone { .. } => DeviceError::Disconnected,
+            Self::Several { .. } => DeviceError::Unavailable(
+                "several are like it, which has no serial number; unplug all but one, or choose it anew by its path",
+            ),
+            Self::Permission { .. } => DeviceError::Unavailable(
+                "permission to open it is denied; on Linux install assets/udev/70-palpate.rules with a line for it and plug it in anew",
+            ),
+            Self::Busy { .. } => DeviceError::Unavailable("another program or tool uses it; close that one"),
+            Self::Changed { .. } => DeviceError::Unavailable(
+                "its report descriptor is not the one it was found with; choose it anew",
+            ),
             Self::Descriptor { .. } | Self::Unsupported { .. } => {
                 DeviceError::Protocol("its report descriptor is not what the driver needs")
             }
-            Self::Changed { .. } => DeviceError::Protocol(
-                "its report descriptor is not the one it was found with; choose it anew",
+            Self::Open { source, .. } => source.raw_os_error().map_or(
+                DeviceError::Unavailable("the operating system does not open it; plug it in anew"),
+                DeviceError::Os,
             ),
-            _ => DeviceError::Disconnected,
+            Self::List(_) => DeviceError::Unavailable(
+                "the operating system does not list its devices; restart the program if that stays",
+            ),
+            Self::Option { .. } => {
+                DeviceError::Unavailable("an option is out of bounds; choose it anew with another")
+            }
         }
     }
+}
+
+/// The line of udev's rules by which who is logged in may open such a device.
+fn rule(vendor: u16, product: u16) -> String {
+    format!(
+        r#"SUBSYSTEM=="hidraw", ATTRS{{idVendor}}=="{vendor:04x}", ATTRS{{idProduct}}=="{product:04x}", TAG+="uaccess""#
+    )
+}
+
+fn hint(teensy: Option<&str>) -> String {
+    teensy.map_or_else(String::new, |teensy| {
+        format!(
+            "; {teensy} may be a 3-DOF board, which no Teensy can tell: if it is one, say so with `teensy_is_board`, or --teensy-is-board of palpate-lab devices"
+        )
+    })
 }
 
 fn list(present: &[String]) -> String {

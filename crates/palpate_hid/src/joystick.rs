@@ -2,7 +2,7 @@
 //!
 //! The driver has the device make one constant force for each axis that has a motor, and writes its magnitude at every tick:
 //!
-//! 1. start: reset, actuators on, gain to its greatest, the effects made one by one and asked for, told what they are, set to zero,
+//! 1. start: reset, an end to the pause in which a game may have left it, actuators on, gain to its greatest, the effects made one by one and asked for, told what they are, set to zero,
 //!    started;
 //! 2. write: the magnitude of each, first that which gets smaller; if one is not taken, zero for all; every 100 ms a start, as long as
 //!    there is force;
@@ -199,6 +199,10 @@ impl Driver for Joystick {
         // What came before it was opened is old.
         link.drain(Duration::ZERO, |_| Understood::Nothing)?;
         link.write(&self.layout.control.reset)?;
+        if let Some(resume) = &self.layout.control.resume {
+            // A reset need not end a pause. One that does not take this may do without.
+            let _ = link.write(resume);
+        }
         link.write(&self.layout.control.enable)?;
         if let Some(gain) = &self.layout.gain {
             link.write(gain)?;
@@ -282,6 +286,10 @@ impl Driver for Joystick {
         stopped = stopped.and(link.write(&self.layout.control.disable));
         self.effects.clear();
         stopped
+    }
+
+    fn ends_by_itself(&self) -> bool {
+        self.layout.ends
     }
 
     fn stop_reports(&self) -> Vec<Vec<u8>> {

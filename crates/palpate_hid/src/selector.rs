@@ -44,7 +44,7 @@ pub struct HidSelector {
     /// Where it is, as [`HidInfo::path`]. It changes when the device is plugged in anew.
     pub path: Option<String>,
     /// Where there are several, whether the first is meant and not an error: forces before none (see [`HidKind::ALL`]), then by
-    /// path.
+    /// path; one that another program or tool has is passed over.
     pub first: bool,
     /// Whether 16C0:0486 is a board. Every sketch for a Teensy with raw HID has these numbers, so that somebody has to say it.
     pub teensy_is_board: bool,
@@ -76,6 +76,11 @@ impl HidSelector {
     /// # Errors
     /// [`HidError::NotFound`], [`HidError::Several`], [`HidError::List`].
     pub fn find(&self, bus: &dyn HidBus) -> Result<FoundDevice, HidError> {
+        self.find_all(bus).map(|(first, _)| first)
+    }
+
+    /// The device that is meant, and, where the first is meant, the others after it in their order.
+    pub(crate) fn find_all(&self, bus: &dyn HidBus) -> Result<(FoundDevice, Vec<FoundDevice>), HidError> {
         let present = bus.list()?;
         let mut found: Vec<FoundDevice> =
             present.iter().filter_map(|info| FoundDevice::known(bus, info, self.teensy_is_board)).collect();
@@ -83,13 +88,24 @@ impl HidSelector {
         let rank = |found: &FoundDevice| HidKind::ALL.iter().position(|&kind| kind == found.kind);
         found.sort_by(|a, b| rank(a).cmp(&rank(b)).then_with(|| a.info.path.cmp(&b.info.path)));
         if found.len() > 1 && !self.first {
-            let found = found.iter().map(|found| found.info.label()).collect();
+            // Those that are alike and have no serial number differ in their paths only.
+            let found = found.iter().map(|it| format!("{} at {}", it.info.label(), it.info.path)).collect();
             return Err(HidError::Several { asked: self.to_string(), found });
         }
-        found.into_iter().next().ok_or_else(|| HidError::NotFound {
-            asked: self.to_string(),
-            present: present.iter().map(HidInfo::label).collect(),
-        })
+        let mut found = found.into_iter();
+        match found.next() {
+            Some(first) => Ok((first, found.collect())),
+            None => Err(HidError::NotFound {
+                asked: self.to_string(),
+                present: present.iter().map(HidInfo::label).collect(),
+                teensy: present.iter().find(|info| self.may_mean(info)).map(HidInfo::label),
+            }),
+        }
+    }
+
+    /// Whether `info` is a Teensy that would be meant if it were a board.
+    fn may_mean(&self, info: &HidInfo) -> bool {
+        !self.teensy_is_board && board::is_one(info, true) && self.admits(HidKind::Board, info)
     }
 }
 

@@ -237,6 +237,11 @@ impl Driver for SpaceMouse {
         Ok(())
     }
 
+    fn ends_by_itself(&self) -> bool {
+        // It has no force.
+        true
+    }
+
     fn stop_reports(&self) -> Vec<Vec<u8>> {
         Vec::new()
     }

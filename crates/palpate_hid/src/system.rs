@@ -67,7 +67,10 @@ fn hold(_: &HidInfo, _: bool) -> Result<Option<File>, HidError> {
 fn open_error(info: &HidInfo, source: io::Error) -> HidError {
     let device = info.label();
     match source.kind() {
-        ErrorKind::PermissionDenied => HidError::Permission { device, path: info.path.clone() },
+        ErrorKind::PermissionDenied => {
+            let HidInfo { path, vendor, product, .. } = info.clone();
+            HidError::Permission { device, path, vendor, product }
+        }
         ErrorKind::NotFound => HidError::Gone { device },
         ErrorKind::ResourceBusy => HidError::Busy { device },
         // No such device: its file is still there and it is not.
@@ -166,15 +169,37 @@ fn feature_error(error: &hidapi::HidError) -> DeviceError {
     }
 }
 
+/// Whether a signal came in between, which says nothing of the device.
+fn is_interrupted(error: &hidapi::HidError) -> bool {
+    matches!(error, hidapi::HidError::IoError { error } if error.kind() == ErrorKind::Interrupted)
+}
+
+/// How many bytes have come: none where a signal came first.
+fn come(read: Result<usize, hidapi::HidError>) -> Result<usize, DeviceError> {
+    match read {
+        Err(error) if is_interrupted(&error) => Ok(0),
+        read => read.map_err(|error| for_loop(&error)),
+    }
+}
+
+/// Sends by `write`, once more where a signal came first.
+fn send(mut write: impl FnMut() -> Result<usize, hidapi::HidError>) -> Result<(), DeviceError> {
+    let sent = match write() {
+        Err(error) if is_interrupted(&error) => write(),
+        sent => sent,
+    };
+    // How much of it counts as sent differs between systems where there is no number.
+    sent.map(|_| ()).map_err(|error| for_loop(&error))
+}
+
 impl HidConnection for SystemConnection {
     fn read(&mut self, report: &mut [u8], within: Duration) -> Result<usize, DeviceError> {
         let within_ms = i32::try_from(within.as_millis()).unwrap_or(i32::MAX);
-        self.device.read_timeout(report, within_ms).map_err(|error| for_loop(&error))
+        come(self.device.read_timeout(report, within_ms))
     }
 
     fn write(&mut self, report: &[u8]) -> Result<(), DeviceError> {
-        // How much of it counts as sent differs between systems where there is no number.
-        self.device.write(report).map(|_| ()).map_err(|error| for_loop(&error))
+        send(|| self.device.write(report))
     }
 
     fn feature(&mut self, report: &mut [u8]) -> Result<usize, DeviceError> {
@@ -183,5 +208,74 @@ impl HidConnection for SystemConnection {
 
     fn set_feature(&mut self, report: &[u8]) -> Result<(), DeviceError> {
         self.device.send_feature_report(report).map_err(|error| feature_error(&error))
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod test {
+    use super::*;
+
+    fn os(number: i32) -> hidapi::HidError {
+        hidapi::HidError::IoError { error: io::Error::from_raw_os_error(number) }
+    }
+
+    /// A timer's or a profiler's signal.
+    const INTERRUPTED: i32 = 4;
+    const IO: i32 = 5;
+
+    /// What the operating system says of a file that may not be opened, that is in use, that is gone, and else.
+    #[test]
+    fn why_it_cannot_be_opened_is_told_with_what_to_do() {
+        let info = HidInfo {
+            path: "/dev/hidraw7".into(),
+            vendor: 0x1234,
+            product: 0xBEAD,
+            name: "Stick".into(),
+            ..HidInfo::default()
+        };
+        let told = |number| open_error(&info, io::Error::from_raw_os_error(number));
+        let (access, busy) = (told(13), told(16));
+        let text = access.to_string();
+        let rule =
+            r#"SUBSYSTEM=="hidraw", ATTRS{idVendor}=="1234", ATTRS{idProduct}=="bead", TAG+="uaccess""#;
+        assert!(text.starts_with("Stick (1234:bead): permission to open /dev/hidraw7 is denied"), "{text}");
+        assert!(text.ends_with(rule), "{text}");
+        // It is a line of the same form as those that are installed.
+        let known = include_str!("../../../assets/udev/70-palpate.rules");
+        assert!(known.contains(&rule.replace("bead", "0006")), "{known}");
+        assert!(matches!(&busy, HidError::Busy { device } if device == "Stick (1234:bead)"), "{busy}");
+        assert!(busy.to_string().contains("another program or tool uses it"), "{busy}");
+        assert!(matches!(told(2), HidError::Gone { .. }) && matches!(told(NO_DEVICE), HidError::Gone { .. }));
+        assert!(matches!(told(INTERRUPTED), HidError::Open { .. }));
+        // The loop keeps the reason.
+        for (error, reason) in [(access, "permission"), (busy, "another program")] {
+            let DeviceError::Unavailable(told) = error.for_loop() else { panic!("{error}") };
+            assert!(told.contains(reason), "{told}");
+        }
+        assert_eq!(told(INTERRUPTED).for_loop(), DeviceError::Os(INTERRUPTED));
+        assert_eq!(told(2).for_loop(), DeviceError::Disconnected);
+    }
+
+    #[test]
+    fn a_signal_is_no_failure_of_the_device() {
+        assert_eq!(come(Err(os(INTERRUPTED))), Ok(0));
+        assert_eq!(come(Err(os(IO))), Err(DeviceError::Os(IO)));
+        assert_eq!(come(Err(os(NO_DEVICE))), Err(DeviceError::Disconnected));
+        assert_eq!(come(Ok(7)), Ok(7));
+        // Writes that fail with these, one after the other: what comes of it, and how many there were.
+        for (fails, sent, writes) in [
+            (&[][..], Ok(()), 1),
+            (&[INTERRUPTED][..], Ok(()), 2),
+            (&[INTERRUPTED, INTERRUPTED], Err(DeviceError::Os(INTERRUPTED)), 2),
+            (&[INTERRUPTED, IO], Err(DeviceError::Os(IO)), 2),
+            (&[IO, IO], Err(DeviceError::Os(IO)), 1),
+        ] {
+            let mut count = 0;
+            let told = send(|| {
+                count += 1;
+                fails.get(count - 1).map_or(Ok(8), |&number| Err(os(number)))
+            });
+            assert_eq!((told, count), (sent, writes), "{fails:?}");
+        }
     }
 }

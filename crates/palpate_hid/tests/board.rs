@@ -2,6 +2,8 @@
 
 #[path = "board/bench.rs"]
 mod bench;
+#[path = "board/closing.rs"]
+mod closing;
 #[path = "board/homing.rs"]
 mod homing;
 #[path = "board/polhem.rs"]

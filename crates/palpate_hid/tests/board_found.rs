@@ -30,6 +30,18 @@ fn open(bus: Arc<StandInBus>, teensy_is_board: bool, board: BoardOptions) -> Res
 fn a_teensy_is_a_board_only_for_somebody_who_says_so() {
     let error = open(teensy(), false, BoardOptions::default()).unwrap_err();
     assert!(matches!(error, HidError::NotFound { .. }), "{error}");
+    assert!(error.to_string().contains("may be a 3-DOF board"), "{error}");
+    assert!(error.to_string().contains("--teensy-is-board"), "{error}");
+    // Not where something else was asked for, or there is no Teensy but its serial port.
+    let cap = HidSelector::first(HidKind::SpaceMouse).find(&*teensy()).unwrap_err().to_string();
+    assert!(!cap.contains("may be"), "{cap}");
+    let other = HidSelector { serial: Some("another".into()), ..HidSelector::default() };
+    let other = other.find(&*teensy()).unwrap_err().to_string();
+    assert!(!other.contains("may be"), "{other}");
+    let alone = teensy();
+    alone.unplug("b");
+    let alone = open(alone, false, BoardOptions::default()).unwrap_err().to_string();
+    assert!(!alone.contains("may be"), "{alone}");
     // And its serial port never is: one device is found, not two.
     let device = open(teensy(), true, BoardOptions::default()).unwrap();
     assert_eq!(device.found().info.path, "b");

@@ -3,18 +3,31 @@
 use glam::{DQuat, DVec3};
 use palpate_haptics::{DeviceError, HapticDevice};
 use palpate_hid::{
-    CapReport, Firmware, HidDevice, HidError, HidInfo, HidKind, HidOptions, HidSelector, SpaceMouseOptions,
-    StandInBus, Usage,
+    CapReport, Firmware, HidBus, HidDevice, HidError, HidInfo, HidKind, HidOptions, HidSelector,
+    SpaceMouseOptions, StandInBus, Usage,
 };
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+/// The lines of the reports' file: those from the cap, or those to its light.
+fn reports(to_light: bool) -> impl Iterator<Item = &'static str> {
+    let lines = include_str!("data/space_mouse.txt").lines().filter(|line| !line.starts_with('#'));
+    lines.filter(move |line| line.starts_with("light") == to_light)
+}
+
+/// The output report that turns the light on or off.
+fn light(is_on: bool) -> Vec<u8> {
+    let head = if is_on { "light on" } else { "light off" };
+    let hex = reports(true).find_map(|line| line.strip_prefix(head)).unwrap();
+    hex.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
+}
+
 #[test]
 fn reports_are_read_byte_by_byte() {
     let mut lines = 0;
-    for line in include_str!("data/space_mouse.txt").lines().filter(|line| !line.starts_with('#')) {
+    for line in reports(false) {
         let (kind, rest) = line.split_once(' ').unwrap();
         let (said, hex) = rest.trim().split_once("  ").unwrap();
         let said: Vec<i64> = said.split(' ').map(|number| number.parse().unwrap()).collect();
@@ -174,7 +187,7 @@ fn turns_go_about_the_axes_by_the_right_hand() {
 #[test]
 fn buttons_light_and_the_count_of_what_was_passed_over() {
     let (mut device, _, cap, time) = open(SpaceMouseOptions::default());
-    assert_eq!(*cap.heard.lock().unwrap(), [[4, 1]]);
+    assert_eq!(*cap.heard.lock().unwrap(), [light(true)]);
     let counters = device.counters();
     // 63 unread reports, as many as hidraw keeps: the newest counts, 62 are passed over.
     for count in 1..=63 {
@@ -191,7 +204,7 @@ fn buttons_light_and_the_count_of_what_was_passed_over() {
     assert!((reading.velocity_m_per_s.unwrap() - DVec3::X * speed).length() < 1e-12);
     assert_eq!((counters.read(), counters.skipped(), counters.malformed()), (64, 62, 1));
     device.close().unwrap();
-    assert_eq!(cap.heard.lock().unwrap().last().unwrap(), &[4, 0]);
+    assert_eq!(*cap.heard.lock().unwrap(), [light(true), light(false)]);
     assert_eq!(device.read(PERIOD), Err(DeviceError::NotOpen));
 }
 
@@ -234,7 +247,7 @@ fn which_one_is_meant_is_said_or_refused() {
     bus.plug(info("a"), Vec::new(), Cap::default());
     let Err(HidError::Several { found, .. }) = find(&any) else { panic!("two alike") };
     assert_eq!(found.len(), 2);
-    assert!(found[0].ends_with("serial a)"), "{found:?}");
+    assert!(found[0].ends_with("serial a) at cap a") && found[1].ends_with(" at cap b"), "{found:?}");
     assert_eq!(find(&HidSelector::any()).unwrap().info.serial, "a");
     let by_serial = HidSelector { serial: Some("b".into()), ..any.clone() };
     assert_eq!(find(&by_serial).unwrap().info.serial, "b");
@@ -244,13 +257,43 @@ fn which_one_is_meant_is_said_or_refused() {
         text.starts_with("no SpaceMouse of vendor 046d with serial number b is plugged in; there are"),
         "{text}"
     );
-    // One device has one hand.
+    // One device has one hand: the second tool gets the second device, the third none.
     let first = HidSelector::any();
-    let mut held = HidDevice::find(bus.clone(), &first, &HidOptions::default()).unwrap();
-    held.open().unwrap();
-    assert!(matches!(find(&first), Err(HidError::Busy { .. })));
+    let hold = || {
+        let mut held = HidDevice::find(bus.clone(), &first, &HidOptions::default()).unwrap();
+        held.open().unwrap();
+        held
+    };
+    let held = [hold(), hold()];
+    assert_eq!(held.each_ref().map(|held| held.found().info.serial.as_str()), ["a", "b"]);
+    let busy = find(&first).unwrap_err();
+    assert!(matches!(&busy, HidError::Busy { device } if device.ends_with("serial a)")), "{busy}");
+    // Who names one means that one.
+    let by_serial = HidSelector { serial: Some("a".into()), ..any };
+    assert!(matches!(find(&by_serial), Err(HidError::Busy { .. })));
     drop(held);
-    assert!(find(&first).is_ok());
+    assert_eq!(find(&first).unwrap().info.serial, "a");
+}
+
+/// Both were found before either was opened.
+#[test]
+fn two_tools_that_mean_the_first_get_one_each() {
+    let bus = Arc::new(StandInBus::default());
+    bus.plug(info("a"), Vec::new(), Cap::default());
+    bus.plug(info("b"), Vec::new(), Cap::default());
+    let find = || HidDevice::find(bus.clone(), &HidSelector::any(), &HidOptions::default()).unwrap();
+    let mut tools = [find(), find(), find()];
+    let opened = tools.each_mut().map(|tool| tool.open());
+    assert!(matches!(opened, [Ok(()), Ok(()), Err(DeviceError::Unavailable(_))]), "{opened:?}");
+    let serial = |tool: &HidDevice| tool.found().info.serial.clone();
+    assert_eq!((serial(&tools[0]), serial(&tools[1])), ("a".into(), "b".into()));
+    // Once it was opened it is that one for good.
+    tools[0].close().unwrap();
+    tools[1].close().unwrap();
+    let held = bus.open(&info("a")).unwrap();
+    assert!(matches!(tools[0].open(), Err(DeviceError::Unavailable(_))));
+    drop(held);
+    tools[0].open().unwrap();
 }
 
 #[test]

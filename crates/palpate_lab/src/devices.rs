@@ -6,7 +6,9 @@ mod watch;
 use crate::error::{LabError, check};
 use crate::output::Output;
 use clap::{Args, ValueEnum};
-use palpate_hid::{BoardKinematics, FoundDevice, HidBus, HidError, HidInfo, HidSelector, SystemBus};
+use palpate_hid::{
+    BoardKinematics, FoundDevice, HidBus, HidError, HidInfo, HidSelector, JoystickOptions, SystemBus,
+};
 use serde::Serialize;
 use std::io::Write;
 use std::sync::Arc;
@@ -31,11 +33,12 @@ pub(crate) struct Devices {
     force_n: f64,
     /// What the greatest force of a joystick is taken for, N: no protocol tells it, and where it is more the test is as much
     /// stronger
-    #[arg(long, default_value_t = 500.0, allow_hyphen_values = true, requires = "test")]
+    #[arg(long, default_value_t = JoystickOptions::CAREFUL_FULL_SCALE_N, allow_hyphen_values = true, requires = "test")]
     full_scale_n: f64,
-    /// Which arm a board has: no board tells it, and with another one forces go astray
-    #[arg(long, value_enum, default_value_t, requires = "test")]
-    board: Arm,
+    /// Which arm a board has: no board tells it, and with the sizes of another one a force may be several times as large. A board
+    /// whose arm is not named is read and not pushed
+    #[arg(long, value_enum, requires = "test")]
+    board: Option<Arm>,
     /// How long to test or to watch, s [default: 6 for a test]
     #[arg(long, allow_hyphen_values = true)]
     seconds: Option<f64>,
@@ -51,10 +54,9 @@ pub(crate) struct Devices {
 }
 
 /// The arms of boards whose sizes are published.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Arm {
     /// The WoodenHaptics of 2015
-    #[default]
     #[value(name = "woodenhaptics")]
     WoodenHaptics,
     /// Polhem 2
@@ -93,6 +95,8 @@ struct Listed {
     devices: Vec<Line>,
     /// Devices of kinds that are not known here.
     others: usize,
+    /// Paths of those among them that are boards if somebody says so.
+    may_be_boards: Vec<String>,
 }
 
 /// A device as it is listed.
@@ -140,14 +144,19 @@ impl Devices {
     }
 
     fn list(&self, bus: &dyn HidBus, output: &Output) -> Result<(), LabError> {
-        let lines: Vec<Line> = bus.list()?.iter().map(|info| line(bus, info, self.teensy_is_board)).collect();
+        let infos = bus.list()?;
+        let lines: Vec<Line> = infos.iter().map(|info| line(bus, info, self.teensy_is_board)).collect();
+        let is_known = |info: &&HidInfo, is_board| FoundDevice::known(bus, info, is_board).is_some();
+        let may_be = infos.iter().filter(|info| !self.teensy_is_board && !is_known(info, false));
+        let may_be_boards =
+            may_be.filter(|info| is_known(info, true)).map(|info| info.path.clone()).collect();
         let (mut known, others): (Vec<Line>, Vec<Line>) =
             lines.into_iter().partition(|line| line.kind.is_some());
         let count = others.len();
         if self.all {
             known.extend(others);
         }
-        let listed = Listed { devices: known, others: count };
+        let listed = Listed { devices: known, others: count, may_be_boards };
         output.print(&listed, |out| print(&listed, self.all, out))
     }
 }
@@ -178,6 +187,9 @@ fn print(listed: &Listed, all: bool, out: &mut dyn Write) -> std::io::Result<()>
         for line in &listed.devices {
             row(line, out)?;
         }
+    }
+    for path in &listed.may_be_boards {
+        writeln!(out, "{path} is a Teensy that may be a 3-DOF board; if it is, say so: --teensy-is-board")?;
     }
     match listed.others {
         0 => Ok(()),

@@ -40,7 +40,7 @@ pub struct HidChoice {
     /// Where it is, in the operating system's words, for devices without a serial number. It changes when the device is plugged in
     /// anew.
     pub path: Option<String>,
-    /// Where several are like that, whether the first is meant; without it that is a fault, which lists them.
+    /// Where several are like that, whether the first that nobody has is meant; without it that is a fault, which lists them.
     pub first: bool,
     /// Whether 16C0:0486 is a 3-DOF board. Every sketch for a Teensy with raw HID has these numbers, so that somebody has to say it.
     pub teensy_is_board: bool,

@@ -78,7 +78,7 @@ pub enum DeviceFault {
     Disconnected,
     /// [`DeviceError::Os`] with its number, `os:` and the number.
     Os(i32),
-    /// [`DeviceError::Protocol`], `protocol`.
+    /// [`DeviceError::Protocol`] or [`DeviceError::Unavailable`], `protocol`.
     Protocol,
     /// [`DeviceError::Unusable`], `unusable`.
     Unusable,
@@ -131,7 +131,7 @@ impl From<DeviceError> for DeviceFault {
             DeviceError::TimedOut => Self::TimedOut,
             DeviceError::Disconnected => Self::Disconnected,
             DeviceError::Os(number) => Self::Os(number),
-            DeviceError::Protocol(_) => Self::Protocol,
+            DeviceError::Protocol(_) | DeviceError::Unavailable(_) => Self::Protocol,
             DeviceError::Unusable => Self::Unusable,
             DeviceError::Jumped => Self::Jumped,
             DeviceError::Repeated => Self::Repeated,

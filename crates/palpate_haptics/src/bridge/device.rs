@@ -4,7 +4,7 @@ use super::counts::{BridgeMonitor, Counters, add_one};
 use super::handshake::{Purpose, greet};
 use super::link::{Link, MOST_IN_A_ROW, Received, of_device};
 use super::order::Order;
-use super::packet::{Body, Packet, Welcome};
+use super::packet::{Body, EndReason, Packet, Welcome};
 use super::{BridgeError, BridgeSettings};
 use crate::clock::MonotonicClock;
 use crate::{DeviceDescription, DeviceError, EmergencyStop, HapticDevice, Reading};
@@ -23,7 +23,8 @@ const LOOK_NS: u64 = 50_000;
 ///   it is given, if the device is fast enough for one to be due; then it gives the last again, with the number that it had. Of
 ///   samples older than two periods it says [`DeviceError::TimedOut`].
 /// * `write` sends the force and does not wait. It refuses what is not finite or beyond the largest force of the description.
-/// * Once the session is over both say [`DeviceError::Disconnected`], until the device is closed and opened again.
+/// * Once the session is over both say [`DeviceError::Disconnected`], until the device is closed and opened again; where the peer said
+///   why, the first reading after it says that.
 ///
 /// It reads the monotonic clock, so it is of little use in lock step: a peer lives in real time.
 #[derive(Debug)]
@@ -50,6 +51,8 @@ struct Session {
     /// When the newest sample was read from the socket, or the session began, ns.
     heard_ns: u64,
     is_over: bool,
+    /// Why the peer ended it, until that has been told.
+    ended: Option<EndReason>,
     clock: MonotonicClock,
 }
 
@@ -89,6 +92,24 @@ impl BridgeDevice {
     fn silent_ns(&self) -> u64 {
         in_ns(self.settings.silent_after).max(3 * self.period_ns())
     }
+}
+
+/// What a device says of a session that its peer ended.
+fn of_end(reason: EndReason) -> DeviceError {
+    DeviceError::Unavailable(match reason {
+        EndReason::OtherVersion => {
+            "the peer speaks another version of the bridge's protocol; update the older end"
+        }
+        EndReason::Busy => "the peer serves another program; stop that one",
+        EndReason::NoSession => {
+            "the peer knows nothing of the session, as after a restart; a new one is begun"
+        }
+        EndReason::Silent => {
+            "the peer heard no force for as long as its watchdog waits; give the machine less to do, or check the way to the peer"
+        }
+        EndReason::Closing => "the peer has ended; start it again",
+        EndReason::DeviceFailed => "the peer's device failed; see what the peer says",
+    })
 }
 
 fn in_ns(time: Duration) -> u64 {
@@ -141,7 +162,7 @@ impl Session {
                     self.heard_ns = self.clock.now_ns();
                 }
             }
-            Body::End(_) => self.is_over = true,
+            Body::End(reason) => (self.is_over, self.ended) = (true, Some(*reason)),
             // A welcome that was asked for twice.
             Body::Welcome(_) => {}
             // These are ours to send.
@@ -181,6 +202,7 @@ impl HapticDevice for BridgeDevice {
             is_fresh: false,
             heard_ns: clock.now_ns(),
             is_over: false,
+            ended: None,
             clock,
         };
         let watchdog_us = self.welcome.watchdog_us;
@@ -221,7 +243,7 @@ impl HapticDevice for BridgeDevice {
             let _ = session.send(Body::Stop);
         }
         if session.is_over {
-            return Err(DeviceError::Disconnected);
+            return Err(session.ended.take().map_or(DeviceError::Disconnected, of_end));
         }
         let is_recent =
             std::mem::take(&mut session.is_fresh) || age_ns <= period_ns.max(within_ns).saturating_mul(2);

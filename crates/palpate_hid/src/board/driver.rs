@@ -17,6 +17,8 @@ const FIRST_WAITS: usize = 20;
 /// The first reports of a board that has just been opened may be as old as the last time that it was read: what its bus keeps, and
 /// one more. As many show, when it is closed, that the board has taken a zero: only what is fetched lets it go on.
 const OLD_REPORTS: usize = 3;
+/// So often a board that is closed is sent zero until it takes it.
+const ZERO_TRIES: usize = 5;
 
 #[derive(Debug)]
 pub(super) struct Board {
@@ -238,15 +240,27 @@ impl Board {
         Ok(())
     }
 
+    /// Zero force, sent again where it was not taken: nothing comes after it.
+    fn insist_on_zero(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+        let mut sent = self.send_zero(link);
+        for _ in 1..ZERO_TRIES {
+            if sent.is_ok() {
+                break;
+            }
+            sent = self.send_zero(link);
+        }
+        sent
+    }
+
     fn end(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.note_stops();
-        self.send_zero(link)?;
+        self.insist_on_zero(link)?;
         for _ in 0..OLD_REPORTS {
             if !self.drain(link, SILENCE)? {
                 break;
             }
             if self.turns.is_owed() {
-                self.send_zero(link)?;
+                self.insist_on_zero(link)?;
             }
         }
         Ok(())
@@ -287,6 +301,11 @@ impl Driver for Board {
 
     fn was_gone(&mut self) {
         self.calibrator.lost();
+    }
+
+    fn ends_by_itself(&self) -> bool {
+        // What boards with reports of 64 bytes do has not been published.
+        self.form != BoardForm::Bytes64
     }
 
     fn stop_reports(&self) -> Vec<Vec<u8>> {

@@ -43,6 +43,8 @@ pub(super) struct Layout {
 #[derive(Clone, Debug)]
 pub(super) struct Control {
     pub(super) reset: Vec<u8>,
+    /// Ends a pause, where there is such a command.
+    pub(super) resume: Option<Vec<u8>>,
     pub(super) enable: Vec<u8>,
     pub(super) disable: Vec<u8>,
     pub(super) stop_all: Vec<u8>,
@@ -190,6 +192,7 @@ impl<'a> Finder<'a> {
         let command = |command| self.said(ReportKind::Output, CONTROL, command).map(|(_, bytes)| bytes);
         Ok(Control {
             reset: command(RESET)?,
+            resume: command(CONTINUE).ok(),
             enable: command(ENABLE_ACTUATORS)?,
             disable: command(DISABLE_ACTUATORS)?,
             stop_all: command(STOP_ALL)?,

@@ -10,7 +10,7 @@ use glam::DVec3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JoystickOptions {
     /// What the greatest constant force of the device is at the grip, N. Set too high, the hand feels less than what was asked for,
-    /// set too low, more.
+    /// set too low, more: the limit below is that of a device of this full scale.
     pub full_scale_n: f64,
     /// The greatest force that palpate asks for, in the plane, N; at most the full scale.
     pub max_force_n: f64,
@@ -32,12 +32,12 @@ pub struct JoystickOptions {
 }
 
 impl Default for JoystickOptions {
-    /// A full scale of 50 N, an assumption that is meant to be more than a desktop joystick has, so that the hand feels less rather
-    /// than more than what was asked for; a tenth of it, 5 N, as the greatest force; ±60 mm; x to the right and y, as joysticks have
+    /// [`JoystickOptions::CAREFUL_FULL_SCALE_N`] as the full scale, so that the hand feels less rather than more than what was asked
+    /// for; 5 N, a hundredth of it, as the greatest force; ±60 mm; x to the right and y, as joysticks have
     /// it, towards the hand's owner; timed out after 0.25 s.
     fn default() -> Self {
         Self {
-            full_scale_n: 50.0,
+            full_scale_n: Self::CAREFUL_FULL_SCALE_N,
             max_force_n: 5.0,
             travel_m: [0.06; 2],
             plane: [DVec3::X, DVec3::Z],
@@ -52,6 +52,11 @@ impl Default for JoystickOptions {
 const SLOPPY: f64 = 1e-6;
 
 impl JoystickOptions {
+    /// A full scale that is meant to be more than any joystick or wheel base has, N. Direct-drive bases have 25 N m and more, which
+    /// is above 150 N at the rim of a wheel of 0.3 m. A desktop joystick then shows a tenth or less of what is asked for, until its
+    /// own full scale is set.
+    pub const CAREFUL_FULL_SCALE_N: f64 = 500.0;
+
     /// Refuses what makes no sense.
     ///
     /// # Errors

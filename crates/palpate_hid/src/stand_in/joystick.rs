@@ -224,7 +224,8 @@ impl JoystickFirmware {
             match command.usage {
                 usage if usage == RESET.usage => {
                     self.effects.fill(None);
-                    (self.is_on, self.is_paused, self.gain) = (false, false, 1.0);
+                    // It stays paused, as one with ArduinoJoystickWithFFBLibrary does (PIDReportHandler.cpp at 04fdc39).
+                    (self.is_on, self.gain) = (false, 1.0);
                 }
                 usage if usage == STOP_ALL.usage => {
                     self.effects.iter_mut().flatten().for_each(|effect| effect.left_s = 0.0);

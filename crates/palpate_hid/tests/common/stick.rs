@@ -126,7 +126,13 @@ impl Bench {
     }
 }
 
+/// The defaults, with the stand-in's own full scale.
+pub fn known_scale() -> JoystickOptions {
+    let full_scale_n = HeldStick::default().full_scale_n;
+    JoystickOptions { full_scale_n, ..JoystickOptions::default() }
+}
+
 /// All that the joystick has.
 pub fn whole_force() -> JoystickOptions {
-    JoystickOptions { max_force_n: 50.0, ..JoystickOptions::default() }
+    JoystickOptions { max_force_n: 50.0, ..known_scale() }
 }

@@ -18,7 +18,7 @@ fn another_report_descriptor_is_refused() {
     let firmware = JoystickFirmware::new(&updated, HeldStick::default()).unwrap();
     bench.bus.plug(info(), updated, firmware);
     let changed =
-        DeviceError::Protocol("its report descriptor is not the one it was found with; choose it anew");
+        DeviceError::Unavailable("its report descriptor is not the one it was found with; choose it anew");
     assert_eq!(device.open(), Err(changed));
     assert_eq!(device.open(), Err(changed));
     // Nothing was held, and the old one is welcome.
@@ -74,7 +74,8 @@ fn where_several_may_be_it_none_is_taken() {
     let mut device = bench.device(whole_force());
     bench.bus.unplug(PATH);
     let new = ["stand-in/one", "stand-in/two"].map(|path| plug_alike(&bench, path, ""));
-    assert_eq!(device.open(), Err(DeviceError::Disconnected));
+    let Err(DeviceError::Unavailable(several)) = device.open() else { panic!("one was taken") };
+    assert!(several.contains("unplug all but one"), "{several}");
     assert!(new.iter().all(|new| !new.lock().unwrap().is_on()));
     bench.bus.unplug("stand-in/two");
     device.open().unwrap();
@@ -91,6 +92,23 @@ fn a_path_that_was_left_may_be_its_own() {
     bench.bus.unplug("stand-in/other");
     assert_eq!(device.open(), Err(DeviceError::Disconnected));
     plug_alike(&bench, "stand-in/other", "");
+    device.open().unwrap();
+}
+
+/// It is back, and another program is faster: that is told, and not that it is unplugged.
+#[test]
+fn what_another_program_has_is_not_disconnected() {
+    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let mut device = bench.device(whole_force());
+    device.open().unwrap();
+    bench.bus.unplug(PATH);
+    device.close().unwrap_err();
+    assert_eq!(device.open(), Err(DeviceError::Disconnected));
+    bench.plug();
+    let held = bench.bus.open(&info()).unwrap();
+    let Err(DeviceError::Unavailable(busy)) = device.open() else { panic!("it was taken") };
+    assert!(busy.contains("another program"), "{busy}");
+    drop(held);
     device.open().unwrap();
 }
 

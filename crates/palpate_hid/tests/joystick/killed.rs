@@ -23,6 +23,7 @@ fn the_firmware_ends_the_force_of_a_killed_program() {
     for kind in kinds() {
         let bench = Bench::new(&kind.descriptor, HeldStick::default());
         let mut device = bench.device(whole_force());
+        assert!(device.ends_by_itself());
         device.open().unwrap();
         let (count_n, force_n) = (50.0 / kind.full, DVec3::X * 10.0);
         device.write(force_n).unwrap();
@@ -92,6 +93,7 @@ fn where_no_such_duration_can_be_written_effects_are_endless() {
     let heard = bench.ear.heard();
     assert!(heard.iter().any(|line| line.starts_with("write 01 01 01 ff ff 00")), "{heard:?}");
     assert!(heard.iter().any(|line| line == "write 0a 01 01 ff"), "{heard:?}");
+    assert!(!device.ends_by_itself());
     device.write(DVec3::X * 10.0).unwrap();
     (0..2000).for_each(|_| pass_1_ms(&bench, &mut device));
     assert!((bench.force_n()[0] - 10.0).abs() < 0.002);

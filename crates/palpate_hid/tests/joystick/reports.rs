@@ -1,7 +1,7 @@
 //! Force-feedback joysticks to the byte, on three published layouts.
 
 use crate::hex;
-use crate::stick::{Bench, kinds, openffboard, renumbered, whole_force};
+use crate::stick::{Bench, kinds, known_scale, openffboard, renumbered, whole_force};
 use glam::DVec3;
 use palpate_haptics::{DeviceError, HapticDevice};
 use palpate_hid::*;
@@ -223,7 +223,7 @@ fn force_is_projected_limited_and_turned_round() {
         felt_n
     };
     let near = |[x, y]: [f64; 2], [a, b]: [f64; 2]| (x - a).hypot(y - b) < 0.002;
-    let five = JoystickOptions::default();
+    let five = known_scale();
     assert!(near(felt(five, DVec3::new(30.0, 100.0, -40.0)), [3.0, -4.0]), "shortened to 5 N, not bent");
     assert!(near(felt(five, DVec3::Y * 30.0), [0.0, 0.0]));
     let upright = JoystickOptions { plane: [DVec3::X, DVec3::Y], ..five };
@@ -237,6 +237,37 @@ fn force_is_projected_limited_and_turned_round() {
     assert_eq!(description.max_force_n, 5.0);
     assert_eq!(description.rate_hz, 500.0);
     assert_eq!(description.workspace_m[1], DVec3::new(0.06, 0.06, 0.0));
+}
+
+/// A game has paused it and ended: it is felt all the same, also where the pause cannot be ended because nobody listens to that.
+#[test]
+fn a_pause_that_a_game_has_left_is_ended() {
+    let published = openffboard().descriptor;
+    let pause = [0x0C, 0x10];
+    let felt_n = |refused: &[&[u8]]| {
+        let bench = Bench::new(&published, HeldStick::default());
+        assert!(bench.firmware.lock().unwrap().output(&pause));
+        bench.ear.refuse(refused);
+        let mut device = bench.device(whole_force());
+        device.open().unwrap();
+        device.write(DVec3::X * 10.0).unwrap();
+        bench.force_n()[0]
+    };
+    assert!((felt_n(&[]) - 10.0).abs() < 0.002);
+    assert_eq!(felt_n(&[&[0x0C, 0x20]]), 0.0);
+}
+
+/// By default 5 N are asked for as a hundredth of the greatest force, so that a device of 500 N is within its limit; one of 50 N shows
+/// a tenth.
+#[test]
+fn the_default_is_careful_with_strong_devices() {
+    for (full_scale_n, felt_n) in [(500.0, 5.0), (150.0, 1.5), (50.0, 0.5)] {
+        let bench = Bench::new(&openffboard().descriptor, HeldStick { full_scale_n, ..HeldStick::default() });
+        let mut device = bench.device(JoystickOptions::default());
+        device.open().unwrap();
+        device.write(DVec3::X * 100.0).unwrap();
+        assert!((bench.force_n()[0] - felt_n).abs() <= full_scale_n / 32767.0, "{:?}", bench.force_n());
+    }
 }
 
 /// A wheel: one motor, and a pedal that is called y.
@@ -356,8 +387,8 @@ fn options_that_make_no_sense_are_refused() {
         ),
         (JoystickOptions { full_scale_n: f64::NAN, ..good }, "full scale of the joystick, N is NaN"),
         (
-            JoystickOptions { max_force_n: 51.0, ..good },
-            "largest force of the joystick, N is 51; it must be 0 to its",
+            JoystickOptions { max_force_n: 501.0, ..good },
+            "largest force of the joystick, N is 501; it must be 0 to its",
         ),
         (JoystickOptions { max_force_n: -1.0, ..good }, "largest force of the joystick, N is -1"),
         (JoystickOptions { travel_m: [0.1, 0.0], ..good }, "travel of the joystick to either side, m is 0"),

@@ -59,7 +59,7 @@ fn what_is_plugged_in_is_listed_with_what_keeps_it_from_being_opened() {
     assert!(of("/dev/cap").refused.contains("another program or tool uses it"));
     drop(held);
     let mut text = Vec::new();
-    let listed = Listed { devices: vec![cap], others: 1 };
+    let mut listed = Listed { devices: vec![cap], others: 1, may_be_boards: Vec::new() };
     print(&listed, false, &mut text).unwrap();
     let text = String::from_utf8(text).unwrap();
     let lines: Vec<&str> = text.lines().collect();
@@ -67,6 +67,11 @@ fn what_is_plugged_in_is_listed_with_what_keeps_it_from_being_opened() {
         lines.len() == 3 && lines[1].starts_with("SpaceMouse  ") && lines[2].starts_with("1 other"),
         "{text}"
     );
+    listed.may_be_boards.push("/dev/hidraw3".into());
+    let mut hinted = Vec::new();
+    print(&listed, false, &mut hinted).unwrap();
+    let hinted = String::from_utf8(hinted).unwrap();
+    assert!(hinted.contains("\n/dev/hidraw3 is a Teensy that may be a 3-DOF board"), "{hinted}");
     // Columns begin where their heads do.
     for head in ["numbers", "path", "name"] {
         let at = lines[0].find(head).unwrap();
@@ -94,8 +99,8 @@ fn trial(bus: &StandInBus, seconds: f64) -> Trial {
     Trial {
         selector: selector("7", false, bus).unwrap(),
         force_n: 0.3,
-        full_scale_n: 500.0,
-        arm: Arm::default(),
+        full_scale_n: JoystickOptions::CAREFUL_FULL_SCALE_N,
+        arm: Some(Arm::WoodenHaptics),
         seconds,
         asks: false,
     }
@@ -109,7 +114,9 @@ fn a_test_reads_the_device_and_says_what_it_saw() {
     let tested = trial.test(device).unwrap();
     assert!(tested.ticks > 50 && tested.reports > 20, "{tested:?}");
     assert_eq!((tested.max_force_n, tested.force_rate_hz, tested.device_errors), (0.0, None, 0));
-    assert!(tested.highest_m[2] == 0.0 || tested.highest_m[2] > 1e-3, "{tested:?}");
+    // Pushed along its own z, which is down.
+    assert!(tested.lowest_m[1] < -1e-3 && tested.highest_m[1] <= 0.0, "{tested:?}");
+    assert_eq!([tested.lowest_m[0], tested.highest_m[0], tested.lowest_m[2], tested.highest_m[2]], [0.0; 4]);
     assert!(tested.faults.is_empty(), "{tested:?}");
 }
 
@@ -124,8 +131,14 @@ fn a_board_is_pushed_gently_and_feels_what_is_told() {
     let board = Arc::new(Mutex::new(board));
     bus.plug(info, descriptor, Arc::clone(&board));
     let selector = selector("/dev/board", true, &*bus).unwrap();
-    let trial =
-        Trial { selector, force_n: 0.3, full_scale_n: 500.0, arm: Arm::default(), seconds: 1.2, asks: false };
+    let trial = Trial {
+        selector,
+        force_n: 0.3,
+        full_scale_n: JoystickOptions::CAREFUL_FULL_SCALE_N,
+        arm: Some(Arm::WoodenHaptics),
+        seconds: 1.2,
+        asks: false,
+    };
     let options = BoardOptions { homing: BoardHoming::AtOpen, ..BoardOptions::default() };
     let device =
         HidDevice::find(bus, &trial.selector, &HidOptions { board: options, ..HidOptions::default() });
@@ -142,7 +155,8 @@ fn it_asks_first_and_takes_only_a_yes() {
     let device = HidDevice::find(bus, &trial.selector, &HidOptions::default()).unwrap();
     let mut asked = Vec::new();
     let mut ask = |answer: &str| {
-        trial.ask(&device.describe(), HidKind::SpaceMouse, &mut asked, &mut answer.as_bytes(), true)
+        let of_device = (&device.describe(), HidKind::SpaceMouse, device.ends_by_itself());
+        trial.ask(of_device, &mut asked, &mut answer.as_bytes(), true)
     };
     assert!(ask("y\n").is_ok() && ask("yes\n").is_ok());
     for no in ["", "\n", "n\n", "yellow\n"] {
@@ -153,8 +167,8 @@ fn it_asks_first_and_takes_only_a_yes() {
             .unwrap()
             .ends_with("has no motors; it will be read for 1 s. Move it.\nBegin? [y/N] ")
     );
-    let nobody =
-        trial.ask(&device.describe(), HidKind::SpaceMouse, &mut Vec::new(), &mut "y\n".as_bytes(), false);
+    let of_device = (&device.describe(), HidKind::SpaceMouse, true);
+    let nobody = trial.ask(of_device, &mut Vec::new(), &mut "y\n".as_bytes(), false);
     assert!(matches!(nobody, Err(LabError::NobodyToAsk)));
 }
 
@@ -168,7 +182,8 @@ fn a_board_is_taken_for_the_arm_that_is_named() {
         let board = BoardFirmware::at_home(BoardForm::Bytes14, &arm.kinematics());
         bus.plug(board.info("/dev/board"), board.descriptor(), board);
         let selector = selector("/dev/board", false, &bus).unwrap();
-        let trial = Trial { selector, force_n: 0.3, full_scale_n: 500.0, arm, seconds: 1.0, asks: true };
+        let trial =
+            Trial { selector, force_n: 0.3, full_scale_n: 500.0, arm: Some(arm), seconds: 1.0, asks: true };
         let description = palpate_haptics::DeviceDescription {
             name: "a board".into(),
             workspace_m: [glam::DVec3::NEG_ONE, glam::DVec3::ONE],
@@ -176,8 +191,52 @@ fn a_board_is_taken_for_the_arm_that_is_named() {
             rate_hz: 1000.0,
         };
         let mut asked = Vec::new();
-        trial.ask(&description, HidKind::Board, &mut asked, &mut "y\n".as_bytes(), true).unwrap();
+        trial.ask((&description, HidKind::Board, true), &mut asked, &mut "y\n".as_bytes(), true).unwrap();
         let asked = String::from_utf8(asked).unwrap();
         assert!(asked.contains(word), "{asked}");
     }
+}
+
+/// Only where nothing is known to end the force of a program that is killed.
+#[test]
+fn who_is_asked_is_told_that_a_force_may_stay() {
+    use palpate_hid::{BoardFirmware, BoardForm, BoardKinematics};
+
+    for (form, may_stay) in
+        [(BoardForm::Bytes8, false), (BoardForm::Bytes14, false), (BoardForm::Bytes64, true)]
+    {
+        let bus = Arc::new(StandInBus::default());
+        let board = BoardFirmware::at_home(form, &BoardKinematics::default());
+        bus.plug(board.info("/dev/board"), board.descriptor(), board);
+        let selector = selector("/dev/board", true, &*bus).unwrap();
+        let device = HidDevice::find(bus.clone(), &selector, &HidOptions::default()).unwrap();
+        let trial = Trial { selector, ..trial(&bus, 1.0) };
+        let mut asked = Vec::new();
+        let of_device = (&device.describe(), HidKind::Board, device.ends_by_itself());
+        trial.ask(of_device, &mut asked, &mut "y\n".as_bytes(), true).unwrap();
+        let asked = String::from_utf8(asked).unwrap();
+        assert_eq!(asked.contains("if this program is killed its last force may stay"), may_stay, "{asked}");
+    }
+}
+
+/// With the sizes of another arm a force may be several times as large.
+#[test]
+fn a_board_whose_arm_is_not_named_is_only_read() {
+    use palpate_hid::{BoardFirmware, BoardForm, BoardHoming, BoardKinematics, BoardOptions};
+
+    let bus = Arc::new(StandInBus::default());
+    let board = BoardFirmware::at_home(BoardForm::Bytes14, &BoardKinematics::default());
+    bus.plug(board.info("/dev/board"), board.descriptor(), board);
+    let selector = selector("/dev/board", true, &*bus).unwrap();
+    let trial = Trial { selector, arm: None, ..trial(&bus, 1.2) };
+    let options = BoardOptions { homing: BoardHoming::AtOpen, ..BoardOptions::default() };
+    let options = HidOptions { board: options, ..HidOptions::default() };
+    let device = HidDevice::find(bus, &trial.selector, &options).unwrap();
+    let mut asked = Vec::new();
+    let of_device = (&device.describe(), HidKind::Board, device.ends_by_itself());
+    trial.ask(of_device, &mut asked, &mut "y\n".as_bytes(), true).unwrap();
+    let asked = String::from_utf8(asked).unwrap();
+    assert!(asked.contains("name its arm (--board)") && !asked.contains("push and pull"), "{asked}");
+    let tested = trial.test(device).unwrap();
+    assert!(tested.ticks > 500 && tested.max_force_n == 0.0, "{tested:?}");
 }

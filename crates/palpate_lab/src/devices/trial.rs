@@ -9,7 +9,8 @@ use palpate_haptics::{
     SafetySettings, Stop, haptic_loop,
 };
 use palpate_hid::{
-    BoardHoming, BoardOptions, HidBus, HidDevice, HidKind, HidOptions, HidSelector, JoystickOptions,
+    BoardHoming, BoardKinematics, BoardOptions, HidBus, HidDevice, HidKind, HidOptions, HidSelector,
+    JoystickOptions,
 };
 use palpate_local::Contact;
 use serde::Serialize;
@@ -36,8 +37,8 @@ pub(super) struct Trial {
     pub(super) force_n: f64,
     /// What a joystick's greatest force is taken for, N.
     pub(super) full_scale_n: f64,
-    /// What a board's arm is taken for.
-    pub(super) arm: Arm,
+    /// What a board's arm is; a board without is not pushed.
+    pub(super) arm: Option<Arm>,
     pub(super) seconds: f64,
     /// Whether a person is asked first.
     pub(super) asks: bool,
@@ -71,7 +72,8 @@ impl Trial {
     pub(super) fn run(&self, bus: Arc<dyn HidBus>, output: &Output) -> Result<(), LabError> {
         // Whoever is asked puts the arm to its home.
         let homing = if self.asks { BoardHoming::AtOpen } else { BoardHoming::Awaited };
-        let board = BoardOptions { homing, kinematics: self.arm.kinematics(), ..BoardOptions::default() };
+        let kinematics = self.arm.map_or_else(BoardKinematics::default, Arm::kinematics);
+        let board = BoardOptions { homing, kinematics, ..BoardOptions::default() };
         let joystick = JoystickOptions {
             full_scale_n: self.full_scale_n,
             max_force_n: self.force_n.min(self.full_scale_n),
@@ -83,7 +85,8 @@ impl Trial {
         if self.asks {
             let is_terminal = std::io::stdin().is_terminal();
             let (mut question, mut answer) = (std::io::stderr().lock(), std::io::stdin().lock());
-            self.ask(&device.describe(), kind, &mut question, &mut answer, is_terminal)?;
+            let asked = (&device.describe(), kind, device.ends_by_itself());
+            self.ask(asked, &mut question, &mut answer, is_terminal)?;
         }
         // Whoever interrupts it leaves a device without force.
         ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed)).map_err(LabError::Interrupt)?;
@@ -95,11 +98,17 @@ impl Trial {
         }
     }
 
-    /// Asks whoever sits there; anything but a yes is a no.
+    /// The largest force on such a device, N.
+    fn most_n(&self, device: &DeviceDescription, kind: HidKind) -> f64 {
+        let is_known = kind != HidKind::Board || self.arm.is_some();
+        if is_known { self.force_n.min(device.max_force_n) } else { 0.0 }
+    }
+
+    /// Asks whoever sits there; anything but a yes is a no. Of the device there is what it is and whether it is known to end its force
+    /// by itself.
     pub(super) fn ask(
         &self,
-        device: &DeviceDescription,
-        kind: HidKind,
+        (device, kind, ends_by_itself): (&DeviceDescription, HidKind, bool),
         question: &mut dyn Write,
         answer: &mut dyn BufRead,
         is_terminal: bool,
@@ -107,20 +116,24 @@ impl Trial {
         if !is_terminal {
             return Err(LabError::NobodyToAsk);
         }
-        let most_n = self.force_n.min(device.max_force_n);
+        let most_n = self.most_n(device, kind);
         let name = &device.name;
-        match kind {
-            HidKind::Board => writeln!(
+        match (kind, self.arm) {
+            (HidKind::Board, Some(arm)) => writeln!(
                 question,
                 "Put its arm to its home and hold it there, where it is taken to be: {}.",
-                self.arm.home()
+                arm.home()
             )?,
-            HidKind::Joystick => writeln!(
+            (HidKind::Board, None) => writeln!(
+                question,
+                "It will not push: name its arm (--board) for that. With the sizes of another one a force may be several times as large."
+            )?,
+            (HidKind::Joystick, _) => writeln!(
                 question,
                 "Its greatest force is taken for {} N; if it is more the test is as much stronger (--full-scale-n).",
                 self.full_scale_n
             )?,
-            HidKind::SpaceMouse => {}
+            (HidKind::SpaceMouse, _) => {}
         }
         if most_n > 0.0 {
             writeln!(
@@ -128,9 +141,20 @@ impl Trial {
                 "{name} will push and pull along each of its axes with up to {most_n:.2} N for {} s.",
                 self.seconds
             )?;
+            if !ends_by_itself {
+                let why = match kind {
+                    HidKind::Board => "Whether its firmware has a watchdog has not been published",
+                    _ => "No end of its forces can be written to it",
+                };
+                writeln!(
+                    question,
+                    "{why}: if this program is killed its last force may stay until its power is cut."
+                )?;
+            }
             writeln!(question, "Hold it loosely, and keep a hand at its switch or plug.")?;
         } else {
-            writeln!(question, "{name} has no motors; it will be read for {} s. Move it.", self.seconds)?;
+            let why = if device.max_force_n > 0.0 { "is not pushed" } else { "has no motors" };
+            writeln!(question, "{name} {why}; it will be read for {} s. Move it.", self.seconds)?;
         }
         write!(question, "Begin? [y/N] ")?;
         question.flush()?;
@@ -158,7 +182,7 @@ impl Trial {
             LoopSettings { safety, record: true, model_period_s: STEP_S, ..LoopSettings::default() };
         let (mut handle, haptic_loop) = haptic_loop(config, settings)?;
         let mut thread = haptic_loop.spawn(Box::new(device))?;
-        let most_n = self.force_n.min(description.max_force_n);
+        let most_n = self.most_n(&description, found.kind);
         let mut seen = Seen::default();
         let began = std::time::Instant::now();
         // A device that was unplugged is not pushed again without being asked.

@@ -75,8 +75,12 @@ fn run(serial: &str, form: CapForm) -> Outcome {
     // To the left and up: half the push gives less than half the speed, by the dead zone.
     let slope = (0.5 - 0.02) / (1.0 - 0.02);
     ensure(at.x < -0.005 && at.z == 0.0, || format!("the point went to {at}"))?;
+    // At the wall x stays, and y goes on, up to its own wall.
     let is_at_wall = at.x <= -0.1;
-    ensure(is_at_wall || (at.y + slope * at.x).abs() < 1e-9, || format!("it went to {at}, not that way"))?;
+    let along_m = -slope * at.x;
+    let is_that_way =
+        if is_at_wall { (along_m - 1e-9..=0.1).contains(&at.y) } else { (at.y - along_m).abs() < 1e-9 };
+    ensure(is_that_way, || format!("it went to {at}, not that way"))?;
     ensure(touch.force_n() == DVec3::ZERO, || "a device without motors was sent a force".into())?;
     ensure(counters.malformed() == 0, || format!("{} reports were not understood", counters.malformed()))?;
     ensure(of(&cap, |cap| cap.is_lit()), || "its light went out too early".into())?;

@@ -62,10 +62,14 @@ pub fn run() -> Outcome {
     let first = HidSelector { first: true, ..caps };
     let mut used = HidDevice::find(Arc::clone(&bus), &first, &options)?;
     used.open()?;
+    let mut second = HidDevice::find(Arc::clone(&bus), &first, &options)?;
+    ensure(second.found().info.path != used.found().info.path, || "one in use was found again".into())?;
+    second.open()?;
     match HidDevice::find(Arc::clone(&bus), &first, &options) {
         Err(HidError::Busy { .. }) => {}
-        other => return Err(format!("one in use gave {other:?}").into()),
+        other => return Err(format!("two in use gave {other:?}").into()),
     }
+    second.close()?;
     used.close()?;
     HidDevice::find(Arc::clone(&bus), &first, &options)?;
 

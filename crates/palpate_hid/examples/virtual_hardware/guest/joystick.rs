@@ -7,7 +7,9 @@ use super::uhid::Identity;
 use super::virtual_device::{Pace, VirtualDevice};
 use glam::DVec3;
 use palpate_haptics::{Lockstep, haptic_loop};
-use palpate_hid::{HeldStick, HidDevice, HidKind, HidOptions, HidSelector, JoystickFirmware, SystemBus};
+use palpate_hid::{
+    HeldStick, HidDevice, HidKind, HidOptions, HidSelector, JoystickFirmware, JoystickOptions, SystemBus,
+};
 use std::error::Error;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -77,7 +79,11 @@ pub fn plug(serial: &str, make: &Make, pace: Pace) -> Result<(VirtualDevice, Joy
 pub fn find(serial: &str) -> Result<HidDevice, Box<dyn Error>> {
     let selector =
         HidSelector { kind: Some(HidKind::Joystick), serial: Some(serial.into()), ..HidSelector::default() };
-    Ok(HidDevice::find(Arc::new(SystemBus::new()?), &selector, &HidOptions::default())?)
+    // What the stand-in has, so that what is felt is what was sent.
+    let full_scale_n = HeldStick::default().full_scale_n;
+    let joystick = JoystickOptions { full_scale_n, ..JoystickOptions::default() };
+    let options = HidOptions { joystick, ..HidOptions::default() };
+    Ok(HidDevice::find(Arc::new(SystemBus::new()?), &selector, &options)?)
 }
 
 /// What is inside it.
