@@ -212,8 +212,7 @@ pub(super) fn start_loops(
     clock: Res<HapticClock>,
     period: ModelPeriod,
     (time, mut waiting): (Option<Res<Time<Real>>>, Local<Vec<Waiting>>),
-    mut ended: MessageWriter<ContactEnded>,
-    mut faults: MessageWriter<HapticFault>,
+    (mut ended, mut faults): (MessageWriter<ContactEnded>, MessageWriter<HapticFault>),
 ) {
     let now_s = time.map_or(0.0, |time| time.elapsed_secs_f64());
     waiting.retain(|waiting| tools.get(waiting.tool).is_ok_and(|(.., running, _)| running.is_none()));
