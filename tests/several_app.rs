@@ -137,6 +137,17 @@ fn every_hand_finds_the_body_that_is_nearest() {
 }
 
 #[test]
+fn a_cloned_scene_has_a_hand_for_its_own_body() {
+    use bevy::ecs::entity::EntityHashMap;
+
+    let (body, copy) = (Entity::from_raw_u32(1).unwrap(), Entity::from_raw_u32(2).unwrap());
+    let mut tool = HapticTool { body: Some(body), ..default() };
+    let mut map: EntityHashMap<Entity> = [(body, copy)].into_iter().collect();
+    <HapticTool as Component>::map_entities(&mut tool, &mut map);
+    assert_eq!(tool.body, Some(copy));
+}
+
+#[test]
 fn a_hand_that_goes_from_one_body_to_another_touches_that() {
     let mut app = lockstep_app();
     let first = block(&mut app, 0.0);

@@ -21,6 +21,7 @@ use palpate_body::{Body, BodyError, BodyPoint, SurfaceTree, Tie};
 #[reflect(Component, Debug, PartialEq, Clone)]
 pub struct Suture {
     /// The body.
+    #[entities]
     pub body: Entity,
     /// Its ends, m, world; the nearest points of the surface are pierced, within [`Suture::WITHIN_M`].
     pub ends_m: [DVec3; 2],

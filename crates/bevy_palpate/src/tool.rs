@@ -47,7 +47,8 @@ pub struct HapticTool {
     pub friction: f64,
     /// What holds the tool to the device. A change ends a touch.
     pub coupling: ToolCoupling,
-    /// The body that it can touch; `None`: the one that is nearest when the first sample arrives.
+    /// The body that it can touch; `None`: the one that is nearest while it touches nothing.
+    #[entities]
     pub body: Option<Entity>,
 }
 

@@ -1,9 +1,11 @@
 //! The panel's parts, to be put into any window.
 
+mod running;
+
 use super::devices;
 use super::faults::Heard;
 use super::history::Along;
-use super::plots::{self, Drawn};
+use super::plots::Drawn;
 use super::recording::{name_of, next_free};
 use super::settings::{View, grid};
 use super::watch::{Watched, index_of};
@@ -255,94 +257,6 @@ impl HapticWidgets<'_, '_> {
                 }
             }
         });
-    }
-
-    /// The stages of the safety chain, lit when they act.
-    pub fn safety(&mut self, ui: &mut egui::Ui) {
-        theme::apply(ui);
-        let now_s = self.time.elapsed_secs_f64();
-        let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
-        let lamps = &mut self.panel.bypass_change_detection().view.lamps;
-        if let Some(running) = &mut shown.running {
-            lamps.look(running.handle.black_box(), now_s);
-        }
-        lamps.show(ui, now_s);
-    }
-
-    /// How late the loop's ticks were.
-    pub fn timing(&mut self, ui: &mut egui::Ui) {
-        theme::apply(ui);
-        let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
-        let LoopTiming { lateness_p50_us, lateness_p99_us, lateness_p999_us, lateness_max_us, .. } =
-            *shown.timing;
-        let LoopTiming { ticks, missed_deadlines, cost_p50_us, cost_p99_us, .. } = *shown.timing;
-        grid(ui, "palpate_timing", |ui| {
-            ui.label("missed deadlines");
-            let share = 100.0 * missed_deadlines as f64 / (ticks + missed_deadlines).max(1) as f64;
-            let color = if share < 0.1 { theme::GREEN } else { theme::AMBER };
-            ui.colored_label(
-                color,
-                format!("{missed_deadlines} of {}  ({share:.2} %)", ticks + missed_deadlines),
-            );
-            ui.end_row();
-            ui.label("lateness, µs");
-            ui.label(format!(
-                "{lateness_p50_us:.0} median · {lateness_p99_us:.0} p99 · {lateness_p999_us:.0} p99.9 · {lateness_max_us:.0} max"
-            ));
-            ui.end_row();
-            ui.label("cost of a tick, µs");
-            ui.label(format!("{cost_p50_us:.0} median · {cost_p99_us:.0} p99"));
-            ui.end_row();
-            if let Some([forces, reports]) = devices::counted(&self.devices, &shown.tool.device) {
-                ui.label("forces taken");
-                ui.label(forces);
-                ui.end_row();
-                ui.label("reports");
-                ui.label(reports);
-                ui.end_row();
-            }
-        });
-        if let Some(running) = &mut shown.running {
-            let report = running.report();
-            if report.lateness.max_us() > 0.0 {
-                plots::lateness(ui, &report.lateness);
-            } else {
-                theme::small(ui, "In lock step there is no lateness.");
-            }
-        }
-    }
-
-    /// The Bode plot of the local model beside that of the full body.
-    pub fn bode(&mut self, ui: &mut egui::Ui) {
-        theme::apply(ui);
-        let watched = self.watched.bypass_change_detection();
-        watched.drawn.bode = true;
-        match watched.bode() {
-            None => {
-                theme::small(ui, "is being computed …");
-            }
-            Some(Err(why)) => {
-                theme::small(ui, why.as_str());
-            }
-            Some(Ok(bode)) => {
-                ui.horizontal_wrapped(|ui| {
-                    ui.spacing_mut().item_spacing.x = 12.0;
-                    theme::chip(ui, "full body", theme::FULL, true);
-                    theme::chip(ui, theme::name(bode.scheme), theme::color(bode.scheme), false);
-                });
-                theme::small(
-                    ui,
-                    format!("force over displacement of node {} along the force, re 1 N/m", bode.node),
-                );
-                if bode.local.is_empty() {
-                    theme::small(
-                        ui,
-                        format!("{} answers nothing between two model steps.", theme::name(bode.scheme)),
-                    );
-                }
-                plots::bode(ui, bode);
-            }
-        }
     }
 
     /// Scheme, model rate and the body's material.
