@@ -4,6 +4,7 @@ use super::HapticWidgets;
 use crate::panel::settings::grid;
 use crate::panel::{devices, plots, theme};
 use crate::tool::LoopTiming;
+use bevy::prelude::DetectChangesMut;
 use bevy_egui::egui;
 
 impl HapticWidgets<'_, '_> {
