@@ -34,6 +34,9 @@ pub enum DeformableBody {
 /// It is filled with cubic cells ([`palpate_body::CellLattice`]), which carry its surface; its own picture, with its colours
 /// and textures, follows. Built beside the app, as soon as the mesh is loaded; anew whenever the mesh changes. What is wrong with
 /// a mesh (holes, crossings, odd units) is a [`HapticFault`](crate::HapticFault) that says what to do.
+///
+/// It is one mesh: of a glTF file one primitive, as it is stored, without the transforms of the file's nodes. A file of several parts, or
+/// of placed ones, is joined first; `examples/stage/mesh_file.rs` shows how.
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[reflect(Debug, PartialEq, Clone)]
 pub struct MeshShape {
