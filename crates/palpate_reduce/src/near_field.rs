@@ -225,24 +225,24 @@ impl Workspace {
         let tolerance = options.basis_tolerance;
         let coupling = static_rhs.subcols(0, coupled).to_owned();
         solve(0.0, &mut static_rhs)?;
-        let response = basis.weighted(static_rhs.as_ref());
-        basis.take(response.clone(), tolerance);
+        basis.take(static_rhs.as_ref(), tolerance);
         let v = body.velocities_m_per_s();
         let velocity = Mat::from_fn(unknowns, 1, |dof, _| v[network.free()[dof / 3]][dof % 3]);
-        basis.take(basis.weighted(velocity.as_ref()), tolerance);
+        basis.take(velocity.as_ref(), tolerance);
         for shift_hz in options.shifts_hz.into_iter().flatten() {
             if basis.room() == 0 {
                 break;
             }
             // What a shift adds is A⁻¹(σ²M + σB) times the static response: most for those motions of S that move most mass.
+            let response = static_rhs.subcols(0, coupled);
             let few = (basis.room() < coupled)
-                .then(|| basis::leading_inputs(response.subcols(0, coupled), basis.room()))
+                .then(|| basis::leading_inputs(basis.weighted(response).as_ref(), basis.room()))
                 .flatten();
             let mut shifted = few.map_or_else(|| coupling.clone(), |few| &coupling * few);
             solve(std::f64::consts::TAU * shift_hz, &mut shifted)?;
-            basis.take(basis.weighted(shifted.as_ref()), tolerance);
+            basis.take(shifted.as_ref(), tolerance);
         }
-        basis.take(basis.weighted(coupling.as_ref()), tolerance);
+        basis.take(coupling.as_ref(), tolerance);
         basis.finish();
         Ok(basis)
     }

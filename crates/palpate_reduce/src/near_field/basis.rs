@@ -66,12 +66,13 @@ impl Basis {
         weighted
     }
 
-    /// Takes weighted columns in, the most independent first, orthonormal to each other and to those before; leaves out those that
-    /// add less than `tolerance` of their length, or find no room.
-    pub(super) fn take(&mut self, weighted: Mat<f64>, tolerance: f64) {
+    /// Takes the columns of `matrix` in, over all free degrees of freedom: the most independent first, orthonormal to each other and to
+    /// those before. Leaves out those that add less than `tolerance` of their length, or find no room.
+    pub(super) fn take(&mut self, matrix: MatRef<'_, f64>, tolerance: f64) {
         if self.room() == 0 {
             return;
         }
+        let weighted = self.weighted(matrix);
         let lengths: Vec<f64> = weighted.col_iter().map(|column| column.norm_l2()).collect();
         let sensible: Vec<usize> =
             (0..lengths.len()).filter(|&j| lengths[j].is_finite() && lengths[j] > 0.0).collect();
