@@ -53,19 +53,15 @@ impl Hid {
         };
         let present = bus.list()?;
         let found: Vec<FoundDevice> = present.iter().filter_map(known).collect();
-        let told = |found: &FoundDevice, is_alone: bool| {
-            let (label, path) = (label(found), &found.info.path);
-            (HidChoice::of(found, is_alone), if is_alone { label } else { format!("{label} at {path}") })
+        let numbers = |found: &FoundDevice| (found.info.vendor, found.info.product);
+        let is_alike =
+            |a: &FoundDevice, b: &FoundDevice| numbers(a) == numbers(b) && a.info.serial == b.info.serial;
+        let told = |one: &FoundDevice| {
+            let is_alone = found.iter().filter(|other| is_alike(one, other)).count() == 1;
+            let (label, path) = (label(one), &one.info.path);
+            (HidChoice::of(one, is_alone), if is_alone { label } else { format!("{label} at {path}") })
         };
-        let is_alone = |one: &FoundDevice| {
-            let is_alike = |other: &&FoundDevice| {
-                let of =
-                    |found: &FoundDevice| (found.info.vendor, found.info.product, found.info.serial.clone());
-                of(other) == of(one)
-            };
-            found.iter().filter(is_alike).count() == 1
-        };
-        Ok(found.iter().map(|found| told(found, is_alone(found))).collect())
+        Ok(found.iter().map(told).collect())
     }
 
     pub(super) fn make(&self, choice: &HidChoice) -> Result<HidDevice, HidError> {

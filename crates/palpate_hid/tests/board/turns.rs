@@ -165,10 +165,10 @@ impl Firmware for Paced {
     }
 }
 
-#[test]
-fn forces_that_nobody_asked_for_do_not_pile_up_at_a_slow_board() {
+/// A calibrated board whose reports come every `period_ms`, opened and heard.
+fn open_at_pace(period_ms: u64) -> Bench {
     let mut bench = Bench::new(at_home(BoardForm::Bytes14).calibrated(), kept());
-    let paced = Paced { board: bench.firmware.clone(), ms: bench.ms.clone(), period_ms: 4, next_ms: 0 };
+    let paced = Paced { board: bench.firmware.clone(), ms: bench.ms.clone(), period_ms, next_ms: 0 };
     bench.bus.plug(bench.board(|it| it.info(PATH)), bench.board(|it| it.descriptor()), paced);
     bench.device().open().unwrap();
     // Before its first report there is nothing to be read.
@@ -177,6 +177,12 @@ fn forces_that_nobody_asked_for_do_not_pile_up_at_a_slow_board() {
         let _ = bench.device().read(Duration::ZERO);
         let _ = bench.device().write(DVec3::ZERO);
     }
+    bench
+}
+
+#[test]
+fn forces_that_nobody_asked_for_do_not_pile_up_at_a_slow_board() {
+    let mut bench = open_at_pace(4);
     bench.ticks(200, DVec3::X);
     let (mut most, mut shown) = (0, 0);
     for _ in 0..50 {
@@ -197,15 +203,7 @@ fn forces_that_nobody_asked_for_do_not_pile_up_at_a_slow_board() {
 #[test]
 fn after_a_stop_from_another_thread_no_force_comes_a_report_late() {
     for (stops, is_read) in [(1, true), (1, false), (3, true), (3, false)] {
-        let mut bench = Bench::new(at_home(BoardForm::Bytes14).calibrated(), kept());
-        let paced = Paced { board: bench.firmware.clone(), ms: bench.ms.clone(), period_ms: 1, next_ms: 0 };
-        bench.bus.plug(bench.board(|it| it.info(PATH)), bench.board(|it| it.descriptor()), paced);
-        bench.device().open().unwrap();
-        for _ in 0..8 {
-            bench.pass_ms(1);
-            let _ = bench.device().read(Duration::ZERO);
-            let _ = bench.device().write(DVec3::ZERO);
-        }
+        let mut bench = open_at_pace(1);
         bench.ticks(50, DVec3::X);
         assert!((bench.felt_n() - DVec3::X).length() < ROUNDING_N, "{}", bench.felt_n());
         let mut stop = bench.device().emergency_stop().unwrap();
