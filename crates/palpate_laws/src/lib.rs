@@ -30,6 +30,7 @@
 //! * [`one_sided`]: the rule that a surface pushes and never pulls; [`Coulomb`]: the same with friction, in impulses;
 //!   [`solve_rows`]: several contacts, grasps and threads as one problem.
 //! * [`Coupling`]: a tool that gives way instead of dragging a body through itself.
+//! * [`lattice_compliance`]: how far a node of a lattice's surface moves under a force on another one.
 //! * [`ToolShape`]: where a sphere or a flat punch touches a triangle.
 //!
 //! # Units, frames, signs
@@ -50,6 +51,7 @@ mod contact;
 mod coulomb;
 mod coupling;
 mod error;
+mod grid_compliance;
 mod law;
 mod rows;
 mod skin;
@@ -60,6 +62,7 @@ pub use contact::one_sided;
 pub use coulomb::Coulomb;
 pub use coupling::{Coupling, DrawnTool, ProxyStep, ToolMove, solve_with_proxies, solve_with_proxy};
 pub use error::LawError;
+pub use grid_compliance::{lattice_compliance, normal_compliance_at, tangential_compliance_at};
 pub use law::{ForceLaw, Tension};
 pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Effort, Row, RowLaw, Sweeps, solve_rows};
 pub use skin::SkinLaw;
