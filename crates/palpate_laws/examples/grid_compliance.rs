@@ -19,7 +19,7 @@
 //! # Accuracy
 //!
 //! The program compares two resolutions of the quadrature and fails if an entry differs by more than `1e-11`. Round-off in the
-//! decimation is below that. The table has ten decimals.
+//! decimation is below that. The table has ten decimals; 160 x 120 points give the same ones.
 
 use std::error::Error;
 use std::f64::consts::{PI, SQRT_2};
@@ -64,8 +64,8 @@ impl Slab {
                 let phase = kx * f64::from(x) + ky * f64::from(y);
                 if (x, y) != (0, 0) {
                     let axis = DVec3::new(f64::from(x), f64::from(y), 0.0).normalize();
-                    let half = 0.5 * stiffness(x.abs() + y.abs());
-                    face += outer(axis) * (2.0 * half * (0.5 * phase).sin().powi(2));
+                    // Half the stiffness times 1 - cos(phase), without cancellation.
+                    face += outer(axis) * (stiffness(x.abs() + y.abs()) * (0.5 * phase).sin().powi(2));
                 }
                 let axis = DVec3::new(f64::from(x), f64::from(y), -1.0).normalize();
                 let spring = outer(axis) * stiffness(x.abs() + y.abs() + 1);
@@ -94,6 +94,7 @@ impl Slab {
     }
 }
 
+/// The matrix `a aᵀ`.
 fn outer(a: DVec3) -> DMat3 {
     DMat3::from_cols(a * a.x, a * a.y, a * a.z)
 }
@@ -170,6 +171,13 @@ fn table(points: (usize, usize)) -> Vec<[f64; 6]> {
 /// Normal and mean tangential compliance of the continuum at a distance of one cell (`nu = 1/4`).
 const NORMAL_FAR: f64 = 15.0 / (16.0 * PI);
 const TANGENTIAL_FAR: f64 = 35.0 / (32.0 * PI);
+/// Compliances of an offset in the table and of its images under the symmetry of the square.
+struct Sample {
+    distance: f64,
+    compliance: f64,
+    images: f64,
+}
+
 /// Distance from which the radial interpolations equal the continuum, cells.
 const FAR: f64 = 10.0;
 
@@ -178,15 +186,16 @@ const FAR: f64 = 10.0;
 /// The reciprocal is nearly linear in the distance. The knots are at 0, 1 and √2, then at whole distances up to `REACH`: there
 /// the mean of compliance times distance over all offsets that are less than half a cell nearer or farther. Slopes are those
 /// of a monotone cubic (F. N. Fritsch, J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300).
-fn knots(samples: &[(f64, f64, f64)], far: f64) -> Vec<[f64; 3]> {
+fn knots(samples: &[Sample], far: f64) -> Vec<[f64; 3]> {
+    // The first offset is (0, 0).
+    let own = samples.first().map_or(f64::NAN, |sample| sample.compliance);
     let mean = |near: f64, beyond: f64| {
-        let shell = samples.iter().filter(|(distance, _, _)| (near..beyond).contains(distance));
-        let sum = shell.fold((0.0, 0.0), |sum, (distance, value, count)| {
-            (sum.0 + count * value * distance, sum.1 + count)
+        let shell = samples.iter().filter(|sample| (near..beyond).contains(&sample.distance));
+        let (sum, count) = shell.fold((0.0, 0.0), |(sum, count), sample| {
+            (sum + sample.images * sample.compliance * sample.distance, count + sample.images)
         });
-        sum.0 / sum.1
+        sum / count
     };
-    let own = samples.iter().find(|(distance, _, _)| *distance == 0.0).map_or(f64::NAN, |sample| sample.1);
     let mut knots = vec![[0.0, own.recip(), 0.0], [1.0, mean(0.9, 1.1).recip(), 0.0]];
     knots.push([SQRT_2, SQRT_2 / mean(1.4, 1.5), 0.0]);
     for n in 2..=REACH {
@@ -240,12 +249,11 @@ pub fn file() -> Result<String, Box<dyn Error>> {
         writeln!(text, "    [{}],", numbers(row))?;
     }
     writeln!(text, "];")?;
-    let samples = |value: fn(&[f64; 6]) -> f64| -> Vec<(f64, f64, f64)> {
+    let samples = |value: fn(&[f64; 6]) -> f64| -> Vec<Sample> {
         let offsets = (0..=REACH).flat_map(|i| (0..=i).map(move |j| (i, j)));
         let sample = |((i, j), row): ((usize, usize), &[f64; 6])| {
-            // Images of the offset under the symmetry of the square.
-            let count = if j == 0 || i == j { 4.0 } else { 8.0 };
-            (((i * i + j * j) as f64).sqrt(), value(row), count)
+            let images = if j == 0 || i == j { 4.0 } else { 8.0 };
+            Sample { distance: ((i * i + j * j) as f64).sqrt(), compliance: value(row), images }
         };
         offsets.zip(&fine).map(sample).collect()
     };

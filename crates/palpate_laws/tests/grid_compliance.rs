@@ -205,19 +205,44 @@ fn compliance_has_the_symmetry_of_the_square() {
     }
 }
 
+/// Work that `loads` do on the displacements that they cause, with `compliance` between two of them, and the sum of their squares.
+fn work(loads: &[f64], compliance: impl Fn(usize, usize) -> f64) -> (f64, f64) {
+    let rows = loads.iter().enumerate().map(|(a, load)| {
+        load * loads.iter().enumerate().map(|(b, other)| other * compliance(a, b)).sum::<f64>()
+    });
+    (rows.sum(), loads.iter().map(|load| load * load).sum())
+}
+
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
-    fn normal_loads_on_a_patch_do_positive_work(loads in prop::array::uniform32(-1.0..1.0_f64), more in prop::array::uniform32(-1.0..1.0_f64)) {
-        let loads: Vec<f64> = loads.into_iter().chain(more).collect();
-        let (mut work, mut square) = (0.0, 0.0);
-        for (a, load) in loads.iter().enumerate() {
-            square += load * load;
-            for (b, other) in loads.iter().enumerate() {
-                let (i, j) = (a as i32 / 8 - b as i32 / 8, a as i32 % 8 - b as i32 % 8);
-                work += load * other * lattice_compliance(i, j).z_axis.z;
+    fn normal_loads_on_a_patch_do_positive_work(loads in prop::collection::vec(-1.0..1.0_f64, 64)) {
+        let offset = |a: usize, b: usize| (a as i32 / 8 - b as i32 / 8, a as i32 % 8 - b as i32 % 8);
+        let (work, square) = work(&loads, |a, b| {
+            let (i, j) = offset(a, b);
+            lattice_compliance(i, j).z_axis.z
+        });
+        prop_assert!(work > 0.4 * square, "{work} from {square}");
+    }
+
+    /// Nodes anywhere, half a cell apart or more.
+    #[test]
+    fn loads_on_scattered_nodes_do_positive_work(
+        places in prop::collection::vec(prop::array::uniform3(0.0..3.0_f64), 200),
+        loads in prop::collection::vec(-1.0..1.0_f64, 200),
+    ) {
+        let mut nodes: Vec<DVec3> = Vec::new();
+        for place in places.into_iter().map(DVec3::from_array) {
+            if nodes.iter().all(|node| node.distance(place) >= 0.5) {
+                nodes.push(place);
             }
         }
-        prop_assert!(work > 0.4 * square, "{work} from {square}");
+        let loads = &loads[..nodes.len()];
+        for compliance in [normal_compliance_at, tangential_compliance_at] {
+            let (work, square) = work(loads, |a, b| compliance(nodes[a].distance(nodes[b])));
+            prop_assert!(work > 0.1 * square, "{work} from {square}");
+        }
     }
 
     #[test]
