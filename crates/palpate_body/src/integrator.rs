@@ -71,6 +71,17 @@ impl Integrator {
     pub(crate) fn steps(&self, body: &Body) -> Result<(usize, usize), BodyError> {
         match self {
             Self::SemiImplicitEuler(settings) => Ok((1, settings.substeps(body)?)),
+            Self::LinearlyImplicitEuler(_) => self.spring_steps(body),
+        }
+    }
+
+    /// As [`Integrator::steps`], without volume barriers.
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn spring_steps(&self, body: &Body) -> Result<(usize, usize), BodyError> {
+        match self {
+            Self::SemiImplicitEuler(settings) => Ok((1, settings.spring_substeps(body)?)),
             Self::LinearlyImplicitEuler(settings) => {
                 settings.validate()?;
                 Ok((settings.ticks_per_step, settings.substeps))

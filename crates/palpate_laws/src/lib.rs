@@ -30,6 +30,7 @@
 //! * [`one_sided`]: the rule that a surface pushes and never pulls; [`Coulomb`]: the same with friction, in impulses;
 //!   [`solve_rows`]: several contacts, grasps and threads as one problem.
 //! * [`Coupling`]: a tool that gives way instead of dragging a body through itself.
+//! * [`VolumeBarrier`]: the energy, forces and tangent that keep the corner of a cell from inversion, and turn it back.
 //! * [`ToolShape`]: where a sphere or a flat punch touches a triangle.
 //!
 //! # Units, frames, signs
@@ -55,6 +56,7 @@ mod rows;
 mod skin;
 mod spring;
 mod touch;
+mod volume;
 
 pub use contact::one_sided;
 pub use coulomb::Coulomb;
@@ -65,6 +67,7 @@ pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Effort, Row, RowLaw, Sweeps, s
 pub use skin::SkinLaw;
 pub use spring::{Spring, SpringTangent};
 pub use touch::{Feature, FeatureGap, POINT_NODES, ToolShape, nearest_weights};
+pub use volume::VolumeBarrier;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

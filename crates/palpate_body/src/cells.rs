@@ -1,0 +1,236 @@
+//! The hexahedral cells of a network and their volume barriers.
+
+mod watch;
+
+pub(crate) use watch::Watch;
+
+use crate::Link;
+use glam::{DMat3, DVec3};
+use palpate_laws::VolumeBarrier;
+
+/// The hexahedral cells of a network. Each has a volume barrier at each of its eight corners; see [`VolumeBarrier`].
+///
+/// Corner c of a cell lies towards +x where bit 0 of c is set, +y with bit 1, +z with bit 2.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Cells {
+    nodes: Vec<[usize; 8]>,
+    barriers: Vec<[VolumeBarrier; 8]>,
+    /// Cells with node i, and its corner there: `incident[incident_start[i]..incident_start[i + 1]]`.
+    incident: Vec<(usize, usize)>,
+    incident_start: Vec<usize>,
+    /// The shortest edge at rest, m.
+    shortest_m: f64,
+}
+
+/// A corner whose barrier acts, or may act.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BarrierCorner {
+    /// The node at the corner, then its three neighbours in the cell.
+    pub nodes: [usize; 4],
+    /// Its barrier.
+    pub barrier: VolumeBarrier,
+}
+
+/// c of the eight corners of a cell together, over E V of its tissue. It is the greatest pressure of the barrier over E; the
+/// springs of a cell pull with up to 0.55 E towards the inverted side.
+const BARRIER_STIFFNESS: f64 = 1.5;
+
+/// The corner and its neighbours along x, y, z.
+fn ends(corner: usize) -> [usize; 4] {
+    [corner, corner ^ 1, corner ^ 2, corner ^ 4]
+}
+
+fn edges_m(x: &[DVec3], [o, a, b, c]: [usize; 4]) -> [DVec3; 3] {
+    [x[a] - x[o], x[b] - x[o], x[c] - x[o]]
+}
+
+impl BarrierCorner {
+    /// Its edges at the positions `x_m` of all nodes, m.
+    #[must_use]
+    pub fn edges_m(&self, x_m: &[DVec3]) -> [DVec3; 3] {
+        edges_m(x_m, self.nodes)
+    }
+
+    /// Its volume ratio at the positions `x_m` of all nodes.
+    #[must_use]
+    pub fn ratio(&self, x_m: &[DVec3]) -> f64 {
+        self.barrier.ratio(self.edges_m(x_m))
+    }
+
+    /// The forces on its four nodes, N.
+    #[must_use]
+    pub fn forces_n(&self, x_m: &[DVec3]) -> [DVec3; 4] {
+        let [a, b, c] = self.barrier.forces_n(self.edges_m(x_m));
+        [-(a + b + c), a, b, c]
+    }
+
+    /// The 3 × 3 blocks of its stiffness over its four nodes, N/m.
+    #[must_use]
+    pub fn stiffness(&self, x_m: &[DVec3], clamped: bool) -> [[DMat3; 4]; 4] {
+        let edges = self.barrier.tangent(self.edges_m(x_m), clamped);
+        let mut blocks = [[DMat3::ZERO; 4]; 4];
+        for (i, row) in edges.iter().enumerate() {
+            for (j, &block) in row.iter().enumerate() {
+                blocks[i + 1][j + 1] += block;
+                blocks[0][j + 1] -= block;
+                blocks[i + 1][0] -= block;
+                blocks[0][0] += block;
+            }
+        }
+        blocks
+    }
+}
+
+impl Cells {
+    /// The cells `nodes` of a network. A cell has no barrier where its shape at rest has no proper volume or no spring
+    /// joins its nodes; it is then left out.
+    ///
+    /// E V of a cell's tissue follows from its springs, for (1/V) Σ k ℓ² = 6 E in an isotropic lattice: each cell has an equal
+    /// share of a spring that joins two of its nodes.
+    pub(crate) fn new(
+        nodes: Vec<[usize; 8]>,
+        rest_m: &[DVec3],
+        links: &[Link],
+        (incident, incident_start): (&[usize], &[usize]),
+    ) -> Self {
+        let springs_of = |cell: &[usize; 8]| -> Vec<usize> {
+            let mut inside: Vec<usize> = Vec::with_capacity(28);
+            for &node in cell {
+                let around = &incident[incident_start[node]..incident_start[node + 1]];
+                // Each once, from its end a.
+                inside.extend(around.iter().filter(|&&l| links[l].a == node && cell.contains(&links[l].b)));
+            }
+            inside
+        };
+        let mut sharing = vec![0_u32; links.len()];
+        nodes.iter().flat_map(springs_of).for_each(|link| sharing[link] += 1);
+        let mut cells = Self { shortest_m: f64::INFINITY, ..Self::default() };
+        for cell in nodes {
+            let k_l2: f64 = springs_of(&cell)
+                .into_iter()
+                .map(|l| {
+                    let length_m = rest_m[links[l].a].distance(rest_m[links[l].b]);
+                    let k = links[l]
+                        .spring
+                        .law()
+                        .at(length_m - links[l].spring.rest_length_m())
+                        .stiffness_n_per_m;
+                    k * length_m * length_m / f64::from(sharing[l])
+                })
+                .sum();
+            let energy_j = BARRIER_STIFFNESS * k_l2 / 6.0 / 8.0;
+            let rest = |corner: usize| edges_m(rest_m, ends(corner).map(|c| cell[c]));
+            let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| VolumeBarrier::new(rest(corner), energy_j));
+            let [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f), Some(g), Some(h)] = corners else {
+                continue;
+            };
+            cells.barriers.push([a, b, c, d, e, f, g, h]);
+            for corner in 0..8 {
+                cells.shortest_m =
+                    rest(corner).into_iter().map(DVec3::length).fold(cells.shortest_m, f64::min);
+            }
+            cells.nodes.push(cell);
+        }
+        cells.find_incidence(rest_m.len());
+        cells
+    }
+
+    fn find_incidence(&mut self, nodes: usize) {
+        let mut start = vec![0; nodes + 1];
+        self.nodes.iter().flatten().for_each(|&node| start[node + 1] += 1);
+        for i in 0..nodes {
+            start[i + 1] += start[i];
+        }
+        let mut next = start.clone();
+        let mut incident = vec![(0, 0); 8 * self.nodes.len()];
+        for (index, cell) in self.nodes.iter().enumerate() {
+            for (corner, &node) in cell.iter().enumerate() {
+                incident[next[node]] = (index, corner);
+                next[node] += 1;
+            }
+        }
+        (self.incident, self.incident_start) = (incident, start);
+    }
+
+    /// The nodes of each cell.
+    pub(crate) fn nodes(&self) -> &[[usize; 8]] {
+        &self.nodes
+    }
+
+    /// The other nodes of the cells of `node`; some more than once.
+    pub(crate) fn cell_mates(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
+        self.cells_of(node).iter().flat_map(|&(cell, _)| self.nodes[cell]).filter(move |&other| other != node)
+    }
+
+    /// The cells of `node`, and its corner in each.
+    fn cells_of(&self, node: usize) -> &[(usize, usize)] {
+        match self.incident_start.get(node..node + 2) {
+            Some(&[from, to]) => &self.incident[from..to],
+            _ => &[],
+        }
+    }
+
+    fn corner(&self, cell: usize, corner: usize) -> BarrierCorner {
+        let nodes = &self.nodes[cell];
+        BarrierCorner { nodes: ends(corner).map(|c| nodes[c]), barrier: self.barriers[cell][corner] }
+    }
+
+    fn corners(&self, cell: usize) -> impl Iterator<Item = BarrierCorner> + '_ {
+        (0..8).map(move |corner| self.corner(cell, corner))
+    }
+
+    /// All corners, cell by cell.
+    pub(crate) fn all_corners(&self) -> impl Iterator<Item = BarrierCorner> + '_ {
+        (0..self.nodes.len()).flat_map(|cell| self.corners(cell))
+    }
+
+    /// The corners of which `node` is one of the four nodes, and its place among them.
+    fn corners_with(&self, node: usize) -> impl Iterator<Item = (BarrierCorner, usize)> + '_ {
+        // The corner of the node itself, and those of its neighbours in the cell.
+        self.cells_of(node).iter().flat_map(move |&(cell, own)| {
+            ends(own).into_iter().enumerate().map(move |(place, corner)| (self.corner(cell, corner), place))
+        })
+    }
+
+    /// The force of the barriers on `node`, N.
+    pub(crate) fn force_on_n(&self, x: &[DVec3], node: usize) -> Option<DVec3> {
+        let mut sum = None;
+        for (corner, place) in self.corners_with(node) {
+            if VolumeBarrier::is_active(corner.ratio(x)) {
+                *sum.get_or_insert(DVec3::ZERO) += corner.forces_n(x)[place];
+            }
+        }
+        sum
+    }
+
+    /// Adds the forces of the barriers of `cell`, N.
+    fn add_forces(&self, cell: usize, x: &[DVec3], force: &mut [DVec3]) {
+        for corner in self.corners(cell) {
+            if VolumeBarrier::is_active(corner.ratio(x)) {
+                for (node, f) in corner.nodes.into_iter().zip(corner.forces_n(x)) {
+                    force[node] += f;
+                }
+            }
+        }
+    }
+
+    /// Adds the forces of all barriers, N.
+    pub(crate) fn add_all_forces(&self, x: &[DVec3], force: &mut [DVec3]) {
+        (0..self.nodes.len()).for_each(|cell| self.add_forces(cell, x, force));
+    }
+
+    /// The energy of all barriers, J.
+    pub(crate) fn energy_j(&self, x: &[DVec3]) -> f64 {
+        self.all_corners().map(|corner| corner.barrier.energy_j(corner.ratio(x))).sum()
+    }
+
+    /// The corners whose barriers act.
+    pub(crate) fn active<'a>(&'a self, x: &'a [DVec3]) -> impl Iterator<Item = BarrierCorner> + 'a {
+        self.all_corners().filter(|corner| VolumeBarrier::is_active(corner.ratio(x)))
+    }
+
+    /// Whether a corner of `cell` is inverted.
+    pub(crate) fn is_inverted(&self, cell: usize, x: &[DVec3]) -> bool {
+        self.corners(cell).any(|corner| corner.ratio(x) <= 0.0)
+    }
+}
