@@ -9,7 +9,7 @@ pub use step::{StepReport, ToolRun};
 use crate::cells::Watch;
 use crate::energy::Ledger;
 use crate::integrator::Workspace;
-use crate::{BarrierCorner, BodyError, Network, NodeContact, Obstacle, Surface, SurfaceTree, Tie};
+use crate::{BarrierTetrahedron, BodyError, Network, NodeContact, Obstacle, Surface, SurfaceTree, Tie};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -326,13 +326,18 @@ impl Body {
         }
     }
 
-    /// The corners of cells whose volume barriers act at the present state.
-    pub fn active_barriers(&self) -> impl Iterator<Item = BarrierCorner> + '_ {
-        self.network.barriers().active(&self.x)
+    /// The tetrahedra of cells whose volume barriers act at the present state.
+    pub fn active_barriers(&self) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
+        self.barriers_below(palpate_laws::VolumeBarrier::ONSET)
+    }
+
+    /// The tetrahedra of cells whose volume ratio is below `ratio` at the present state.
+    pub fn barriers_below(&self, ratio: f64) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
+        self.network.barriers().all_tetrahedra().filter(move |tetrahedron| tetrahedron.ratio(&self.x) < ratio)
     }
 
     /// Indices in [`Network::cells`] of the inverted cells, ascending. A cell is inverted where the volume ratio J of at least one
-    /// of its eight corners is zero or negative (see [`palpate_laws::VolumeBarrier`]).
+    /// of its ten tetrahedra is zero or negative (see [`BarrierTetrahedron`]).
     pub fn inverted_cells(&self) -> impl Iterator<Item = usize> + '_ {
         let cells = self.network.barriers();
         (0..cells.nodes().len()).filter(|&cell| cells.is_inverted(cell, &self.x))

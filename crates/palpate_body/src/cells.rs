@@ -8,43 +8,53 @@ use crate::Link;
 use glam::{DMat3, DVec3};
 use palpate_laws::VolumeBarrier;
 
-/// The hexahedral cells of a network. Each has a volume barrier at each of its eight corners; see [`VolumeBarrier`].
+/// The hexahedral cells of a network. Each has a volume barrier in each of its ten tetrahedra; see [`VolumeBarrier`].
 ///
 /// Corner c of a cell lies towards +x where bit 0 of c is set, +y with bit 1, +z with bit 2.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Cells {
     nodes: Vec<[usize; 8]>,
-    barriers: Vec<[VolumeBarrier; 8]>,
-    /// Cells with node i, and its corner there: `incident[incident_start[i]..incident_start[i + 1]]`.
-    incident: Vec<(usize, usize)>,
+    barriers: Vec<[VolumeBarrier; TETRAHEDRA.len()]>,
+    /// Cells with node i: `incident[incident_start[i]..incident_start[i + 1]]`.
+    incident: Vec<usize>,
     incident_start: Vec<usize>,
     /// The shortest edge at rest, m.
     shortest_m: f64,
 }
 
-/// A corner whose barrier acts, or may act.
+/// A tetrahedron of a cell and its volume barrier.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BarrierCorner {
-    /// The node at the corner, then its three neighbours in the cell.
+pub struct BarrierTetrahedron {
+    /// Its nodes; the edges lead from the first to the others.
     pub nodes: [usize; 4],
     /// Its barrier.
     pub barrier: VolumeBarrier,
 }
 
-/// c of the eight corners of a cell together, over E V of its tissue. It is the greatest pressure of the barrier over E; the
+/// c of the ten tetrahedra of a cell together, over E V of its tissue. It is the greatest pressure of the barrier over E; the
 /// springs of a cell pull with up to 0.55 E towards the inverted side.
 const BARRIER_STIFFNESS: f64 = 1.5;
 
-/// The corner and its neighbours along x, y, z.
-fn ends(corner: usize) -> [usize; 4] {
-    [corner, corner ^ 1, corner ^ 2, corner ^ 4]
-}
+/// The tetrahedra of a cell whose volumes count: those at its eight corners, and the two between alternate corners, which alone
+/// notice a twist of opposite faces. Together they are the tetrahedra of the two decompositions of a hexahedron into five.
+const TETRAHEDRA: [[usize; 4]; 10] = [
+    [0, 1, 2, 4],
+    [1, 0, 3, 5],
+    [2, 3, 0, 6],
+    [3, 2, 1, 7],
+    [4, 5, 6, 0],
+    [5, 4, 7, 1],
+    [6, 7, 4, 2],
+    [7, 6, 5, 3],
+    [0, 3, 5, 6],
+    [7, 4, 2, 1],
+];
 
 fn edges_m(x: &[DVec3], [o, a, b, c]: [usize; 4]) -> [DVec3; 3] {
     [x[a] - x[o], x[b] - x[o], x[c] - x[o]]
 }
 
-impl BarrierCorner {
+impl BarrierTetrahedron {
     /// Its edges at the positions `x_m` of all nodes, m.
     #[must_use]
     pub fn edges_m(&self, x_m: &[DVec3]) -> [DVec3; 3] {
@@ -118,16 +128,16 @@ impl Cells {
                     k * length_m * length_m / f64::from(sharing[l])
                 })
                 .sum();
-            let energy_j = BARRIER_STIFFNESS * k_l2 / 6.0 / 8.0;
-            let rest = |corner: usize| edges_m(rest_m, ends(corner).map(|c| cell[c]));
-            let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| VolumeBarrier::new(rest(corner), energy_j));
-            let [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f), Some(g), Some(h)] = corners else {
+            let energy_j = BARRIER_STIFFNESS * k_l2 / 6.0 / TETRAHEDRA.len() as f64;
+            let rest = |of: [usize; 4]| edges_m(rest_m, of.map(|corner| cell[corner]));
+            let [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f), Some(g), Some(h), Some(i), Some(j)] =
+                TETRAHEDRA.map(|of| VolumeBarrier::new(rest(of), energy_j))
+            else {
                 continue;
             };
-            cells.barriers.push([a, b, c, d, e, f, g, h]);
-            for corner in 0..8 {
-                cells.shortest_m =
-                    rest(corner).into_iter().map(DVec3::length).fold(cells.shortest_m, f64::min);
+            cells.barriers.push([a, b, c, d, e, f, g, h, i, j]);
+            for edge in TETRAHEDRA.into_iter().flat_map(rest) {
+                cells.shortest_m = cells.shortest_m.min(edge.length());
             }
             cells.nodes.push(cell);
         }
@@ -142,10 +152,10 @@ impl Cells {
             start[i + 1] += start[i];
         }
         let mut next = start.clone();
-        let mut incident = vec![(0, 0); 8 * self.nodes.len()];
+        let mut incident = vec![0; 8 * self.nodes.len()];
         for (index, cell) in self.nodes.iter().enumerate() {
-            for (corner, &node) in cell.iter().enumerate() {
-                incident[next[node]] = (index, corner);
+            for &node in cell {
+                incident[next[node]] = index;
                 next[node] += 1;
             }
         }
@@ -159,45 +169,37 @@ impl Cells {
 
     /// The other nodes of the cells of `node`; some more than once.
     pub(crate) fn cell_mates(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
-        self.cells_of(node).iter().flat_map(|&(cell, _)| self.nodes[cell]).filter(move |&other| other != node)
+        self.cells_of(node).iter().flat_map(|&cell| self.nodes[cell]).filter(move |&other| other != node)
     }
 
-    /// The cells of `node`, and its corner in each.
-    fn cells_of(&self, node: usize) -> &[(usize, usize)] {
+    /// The cells of `node`.
+    fn cells_of(&self, node: usize) -> &[usize] {
         match self.incident_start.get(node..node + 2) {
             Some(&[from, to]) => &self.incident[from..to],
             _ => &[],
         }
     }
 
-    fn corner(&self, cell: usize, corner: usize) -> BarrierCorner {
+    fn tetrahedra(&self, cell: usize) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
         let nodes = &self.nodes[cell];
-        BarrierCorner { nodes: ends(corner).map(|c| nodes[c]), barrier: self.barriers[cell][corner] }
+        TETRAHEDRA
+            .iter()
+            .zip(&self.barriers[cell])
+            .map(|(of, &barrier)| BarrierTetrahedron { nodes: of.map(|corner| nodes[corner]), barrier })
     }
 
-    fn corners(&self, cell: usize) -> impl Iterator<Item = BarrierCorner> + '_ {
-        (0..8).map(move |corner| self.corner(cell, corner))
-    }
-
-    /// All corners, cell by cell.
-    pub(crate) fn all_corners(&self) -> impl Iterator<Item = BarrierCorner> + '_ {
-        (0..self.nodes.len()).flat_map(|cell| self.corners(cell))
-    }
-
-    /// The corners of which `node` is one of the four nodes, and its place among them.
-    fn corners_with(&self, node: usize) -> impl Iterator<Item = (BarrierCorner, usize)> + '_ {
-        // The corner of the node itself, and those of its neighbours in the cell.
-        self.cells_of(node).iter().flat_map(move |&(cell, own)| {
-            ends(own).into_iter().enumerate().map(move |(place, corner)| (self.corner(cell, corner), place))
-        })
+    /// All tetrahedra, cell by cell.
+    pub(crate) fn all_tetrahedra(&self) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
+        (0..self.nodes.len()).flat_map(|cell| self.tetrahedra(cell))
     }
 
     /// The force of the barriers on `node`, N.
     pub(crate) fn force_on_n(&self, x: &[DVec3], node: usize) -> Option<DVec3> {
         let mut sum = None;
-        for (corner, place) in self.corners_with(node) {
-            if VolumeBarrier::is_active(corner.ratio(x)) {
-                *sum.get_or_insert(DVec3::ZERO) += corner.forces_n(x)[place];
+        for tetrahedron in self.cells_of(node).iter().flat_map(|&cell| self.tetrahedra(cell)) {
+            let place = tetrahedron.nodes.iter().position(|&other| other == node);
+            if let Some(place) = place.filter(|_| VolumeBarrier::is_active(tetrahedron.ratio(x))) {
+                *sum.get_or_insert(DVec3::ZERO) += tetrahedron.forces_n(x)[place];
             }
         }
         sum
@@ -205,9 +207,9 @@ impl Cells {
 
     /// Adds the forces of the barriers of `cell`, N.
     fn add_forces(&self, cell: usize, x: &[DVec3], force: &mut [DVec3]) {
-        for corner in self.corners(cell) {
-            if VolumeBarrier::is_active(corner.ratio(x)) {
-                for (node, f) in corner.nodes.into_iter().zip(corner.forces_n(x)) {
+        for tetrahedron in self.tetrahedra(cell) {
+            if VolumeBarrier::is_active(tetrahedron.ratio(x)) {
+                for (node, f) in tetrahedron.nodes.into_iter().zip(tetrahedron.forces_n(x)) {
                     force[node] += f;
                 }
             }
@@ -221,16 +223,11 @@ impl Cells {
 
     /// The energy of all barriers, J.
     pub(crate) fn energy_j(&self, x: &[DVec3]) -> f64 {
-        self.all_corners().map(|corner| corner.barrier.energy_j(corner.ratio(x))).sum()
+        self.all_tetrahedra().map(|tetrahedron| tetrahedron.barrier.energy_j(tetrahedron.ratio(x))).sum()
     }
 
-    /// The corners whose barriers act.
-    pub(crate) fn active<'a>(&'a self, x: &'a [DVec3]) -> impl Iterator<Item = BarrierCorner> + 'a {
-        self.all_corners().filter(|corner| VolumeBarrier::is_active(corner.ratio(x)))
-    }
-
-    /// Whether a corner of `cell` is inverted.
+    /// Whether a tetrahedron of `cell` is flat or inverted.
     pub(crate) fn is_inverted(&self, cell: usize, x: &[DVec3]) -> bool {
-        self.corners(cell).any(|corner| corner.ratio(x) <= 0.0)
+        self.tetrahedra(cell).any(|tetrahedron| tetrahedron.ratio(x) <= 0.0)
     }
 }

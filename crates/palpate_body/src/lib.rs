@@ -90,7 +90,7 @@ mod touch_surface;
 pub use block::{Block, BlockBody, Face, Slit, UniformLattice};
 pub use body::{Body, BodyState, StepReport, ToolRun};
 pub use cell_lattice::{CellLattice, CellSize, MeshBody, MeshCells};
-pub use cells::BarrierCorner;
+pub use cells::BarrierTetrahedron;
 pub use closed_mesh::{ClosedMesh, MeshError, MeshRepairs};
 pub use energy::{Energy, EnergyBooks};
 pub use error::BodyError;

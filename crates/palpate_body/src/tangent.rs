@@ -107,6 +107,16 @@ impl TangentPattern {
     /// # Panics
     /// When `body` or `tangent` belongs to another network.
     pub fn fill(&self, body: &Body, clamped: bool, tangent: &mut Tangent) {
+        self.fill_parts(body, (clamped, clamped), tangent);
+    }
+
+    /// As [`TangentPattern::fill`], clamped or not for springs and for volume barriers.
+    pub(crate) fn fill_parts(
+        &self,
+        body: &Body,
+        (springs_clamped, barriers_clamped): (bool, bool),
+        tangent: &mut Tangent,
+    ) {
         assert_eq!(self.links.len(), body.network().links().len(), "the pattern is of another network");
         assert_eq!(
             self.symbolic.row_idx().len(),
@@ -117,7 +127,7 @@ impl TangentPattern {
         tangent.damping.fill(0.0);
         let x = body.positions_m();
         for (link, slots) in body.network().links().iter().zip(&self.links) {
-            let t = link.spring.tangent(x[link.b] - x[link.a], clamped);
+            let t = link.spring.tangent(x[link.b] - x[link.a], springs_clamped);
             for (values, block) in [(&mut tangent.stiffness, t.stiffness), (&mut tangent.damping, t.damping)]
             {
                 for slot in [slots.aa, slots.bb].into_iter().flatten() {
@@ -129,9 +139,9 @@ impl TangentPattern {
                 }
             }
         }
-        for corner in body.active_barriers() {
-            let free = corner.nodes.map(|node| body.network().free_index(node));
-            for (row, blocks) in free.into_iter().zip(corner.stiffness(x, clamped)) {
+        for tetrahedron in body.active_barriers() {
+            let free = tetrahedron.nodes.map(|node| body.network().free_index(node));
+            for (row, blocks) in free.into_iter().zip(tetrahedron.stiffness(x, barriers_clamped)) {
                 for (column, block) in free.into_iter().zip(blocks) {
                     if let Some(slot) = row.zip(column).and_then(|(row, column)| self.slot(row, column)) {
                         slot.add(block, &mut tangent.stiffness);

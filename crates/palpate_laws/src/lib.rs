@@ -30,7 +30,7 @@
 //! * [`one_sided`]: the rule that a surface pushes and never pulls; [`Coulomb`]: the same with friction, in impulses;
 //!   [`solve_rows`]: several contacts, grasps and threads as one problem.
 //! * [`Coupling`]: a tool that gives way instead of dragging a body through itself.
-//! * [`VolumeBarrier`]: the energy, forces and tangent that keep the corner of a cell from inversion, and turn it back.
+//! * [`VolumeBarrier`]: the energy, forces and tangent that keep a cell from inversion, and turn it back.
 //! * [`ToolShape`]: where a sphere or a flat punch touches a triangle.
 //!
 //! # Units, frames, signs

@@ -2,23 +2,24 @@
 
 use glam::{DMat3, DVec3};
 
-/// The volume barrier of one corner of a hexahedral cell.
+/// The volume barrier of one tetrahedron between nodes of a hexahedral cell.
 ///
-/// With e₁, e₂, e₃ the edges from the corner to its three neighbours in the cell, the corner's volume ratio is
+/// With e₁, e₂, e₃ the edges from one node to the other three, the volume ratio of the tetrahedron is
 ///
 /// ```text
 /// J = det(e₁, e₂, e₃) / det(E₁, E₂, E₃)          (E: the edges at rest)
 /// ```
 ///
-/// J is 1 at rest, 0 in a flat corner and negative in an inverted one. The corner Jacobian is the standard measure of the
-/// validity of a hexahedron (P. M. Knupp, Int. J. Numer. Meth. Engng 48 (2000) 1165). The energy is c g(J) with
+/// J is 1 at rest, 0 in a flat tetrahedron and negative in an inverted one. Volumes of tetrahedra are the standard test of the
+/// validity of a hexahedron (O. V. Ushakova, SIAM J. Sci. Comput. 23 (2001) 1274). The energy is c g(J) with
 ///
 /// ```text
-/// −g'(J) = 0 for J ≥ J₀;   3t² − 2t³ with t = (J₀ − J)/w;   1 for J ≤ J₀ − w
+/// g = 0 for t ≤ 0;   w (t³ − t⁴/2) for t ≤ 1;   w (1/2 + u (1 + u²/16)^(−1/3)) with u = t − 1 beyond;   t = (J₀ − J)/w
 /// ```
 ///
-/// The force is exactly zero above the onset J₀ and has a continuous derivative everywhere. Below J₀ − w the energy grows
-/// linearly with −J, so that the force on an inverted corner stays finite and never vanishes.
+/// The force is exactly zero above the onset J₀ and has a continuous derivative everywhere. Below J₀ − w the energy still grows
+/// with −J, so that an inverted tetrahedron is always turned back, but no faster than a length: the force stays bounded however
+/// large the tetrahedron is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VolumeBarrier {
     /// c, J.
@@ -27,13 +28,20 @@ pub struct VolumeBarrier {
     per_m3: f64,
 }
 
+impl Default for VolumeBarrier {
+    /// The barrier of the edges of a cube of 1 m, with 1 J.
+    fn default() -> Self {
+        Self { energy_j: 1.0, per_m3: 1.0 }
+    }
+}
+
 impl VolumeBarrier {
     /// J₀: the volume ratio below which the barrier acts.
     pub const ONSET: f64 = 0.4;
     /// w: the range of volume ratios over which the barrier's pressure grows.
     pub const WIDTH: f64 = 0.5;
 
-    /// The barrier of a corner with the edges `rest_m` at rest and the scale `energy_j` (c) of its energy; `None` unless both
+    /// The barrier of a tetrahedron with the edges `rest_m` at rest and the scale `energy_j` (c) of its energy; `None` unless both
     /// are finite, the scale is above zero and the edges span a volume.
     #[must_use]
     pub fn new(rest_m: [DVec3; 3], energy_j: f64) -> Option<Self> {
@@ -42,7 +50,7 @@ impl VolumeBarrier {
         ok.then_some(Self { energy_j, per_m3 })
     }
 
-    /// J of a corner with the edges `edges_m`.
+    /// J of a tetrahedron with the edges `edges_m`.
     #[must_use]
     #[inline]
     pub fn ratio(&self, edges_m: [DVec3; 3]) -> f64 {
@@ -65,35 +73,38 @@ impl VolumeBarrier {
     /// The energy at a volume ratio, J.
     #[must_use]
     pub fn energy_j(&self, ratio: f64) -> f64 {
-        let t = Self::depth(ratio);
-        let within = t.min(1.0);
-        let over = t - within;
-        self.energy_j * Self::WIDTH * (within.powi(3) * (1.0 - 0.5 * within) + over)
+        let (within, u) = Self::depth(ratio);
+        let beyond = u / (1.0 + u * u / FAR_2).cbrt();
+        self.energy_j * Self::WIDTH * (within.powi(3) * (1.0 - 0.5 * within) + beyond)
     }
 
     /// −∂(energy)/∂J at a volume ratio, J; between zero and c.
     #[must_use]
     pub fn slope_j(&self, ratio: f64) -> f64 {
-        let t = Self::depth(ratio).min(1.0);
-        self.energy_j * t * t * (3.0 - 2.0 * t)
+        let (within, u) = Self::depth(ratio);
+        let q = 1.0 + u * u / FAR_2;
+        self.energy_j * within * within * (3.0 - 2.0 * within) * (2.0 + q) / (3.0 * q * q.cbrt())
     }
 
-    /// ∂²(energy)/∂J² at a volume ratio, J; never negative.
+    /// ∂²(energy)/∂J² at a volume ratio, J; negative below J₀ − w.
     #[must_use]
     pub fn curvature_j(&self, ratio: f64) -> f64 {
-        let t = Self::depth(ratio).min(1.0);
-        self.energy_j * 6.0 * t * (1.0 - t) / Self::WIDTH
+        let (within, u) = Self::depth(ratio);
+        let q = 1.0 + u * u / FAR_2;
+        let beyond = 2.0 * u / FAR_2 * (8.0 + q) / (9.0 * q * q * q.cbrt());
+        self.energy_j / Self::WIDTH * (6.0 * within * (1.0 - within) - beyond)
     }
 
     /// Upper bounds of the slope and of the curvature at all volume ratios of at least `lowest`, J.
     #[must_use]
     pub fn bounds_j(&self, lowest: f64) -> (f64, f64) {
         let steepest = Self::ONSET - 0.5 * Self::WIDTH;
-        (self.slope_j(lowest), self.curvature_j(lowest.max(steepest)))
+        let flattest = Self::ONSET - Self::WIDTH;
+        (self.slope_j(lowest.max(flattest)), self.curvature_j(lowest.max(steepest)))
     }
 
-    /// The forces on the far ends of the edges, N; zero for an inactive barrier. The force on the corner itself is minus
-    /// their sum.
+    /// The forces on the far ends of the edges, N; zero for an inactive barrier. The force on the node that
+    /// they share is minus their sum.
     #[must_use]
     #[inline]
     pub fn forces_n(&self, edges_m: [DVec3; 3]) -> [DVec3; 3] {
@@ -131,11 +142,16 @@ impl VolumeBarrier {
         if clamped { positive_part(&blocks) } else { blocks }
     }
 
-    /// How far a volume ratio is below the onset, in widths.
-    fn depth(ratio: f64) -> f64 {
-        ((Self::ONSET - ratio) / Self::WIDTH).max(0.0)
+    /// How far a volume ratio is below the onset, in widths: up to 1, and beyond.
+    fn depth(ratio: f64) -> (f64, f64) {
+        let depth = ((Self::ONSET - ratio) / Self::WIDTH).max(0.0);
+        let within = depth.min(1.0);
+        (within, depth - within)
     }
 }
+
+/// (4 w)²: how far below J₀ − w the energy ceases to grow with −J itself, squared, in widths.
+const FAR_2: f64 = 16.0;
 
 fn triple([a, b, c]: [DVec3; 3]) -> f64 {
     a.dot(b.cross(c))
@@ -150,7 +166,7 @@ fn cross_matrix(a: DVec3) -> DMat3 {
     DMat3::from_cols(DVec3::new(0.0, a.z, -a.y), DVec3::new(-a.z, 0.0, a.x), DVec3::new(a.y, -a.x, 0.0))
 }
 
-/// Order of the matrix of a corner.
+/// Order of the matrix of three edges.
 const N: usize = 9;
 /// Sweeps of the Jacobi method, at most; a matrix of this order takes about six.
 const MAX_SWEEPS: usize = 20;
@@ -201,7 +217,7 @@ fn rotate(a: &mut [[f64; N]; N], v: &mut [[f64; N]; N], p: usize, q: usize) {
 mod tests {
     use super::*;
 
-    fn corner() -> VolumeBarrier {
+    fn barrier() -> VolumeBarrier {
         VolumeBarrier::new([DVec3::X * 0.02, DVec3::Y * 0.02, DVec3::Z * 0.02], 3e-3).unwrap()
     }
 
@@ -224,10 +240,10 @@ mod tests {
     fn ratio_is_one_at_rest_zero_when_flat_and_minus_one_when_mirrored() {
         let [_, flat, _, mirrored, _] = places();
         let rest = [DVec3::X * 0.02, DVec3::Y * 0.02, DVec3::Z * 0.02];
-        assert!((corner().ratio(rest) - 1.0).abs() < 1e-15);
-        assert!(corner().ratio(flat).abs() < 1e-15);
-        assert!((corner().ratio(mirrored) + 1.0).abs() < 1e-15);
-        // A left-handed corner has the same ratios.
+        assert!((barrier().ratio(rest) - 1.0).abs() < 1e-15);
+        assert!(barrier().ratio(flat).abs() < 1e-15);
+        assert!((barrier().ratio(mirrored) + 1.0).abs() < 1e-15);
+        // Left-handed edges have the same ratios.
         let left = VolumeBarrier::new(mirrored, 3e-3).unwrap();
         assert!((left.ratio(mirrored) - 1.0).abs() < 1e-15);
     }
@@ -235,25 +251,25 @@ mod tests {
     #[test]
     fn energy_force_and_tangent_are_exactly_zero_from_the_onset_on() {
         for ratio in [VolumeBarrier::ONSET, 0.5, 1.0, 7.0] {
-            assert_eq!(corner().energy_j(ratio), 0.0);
-            assert_eq!(corner().slope_j(ratio), 0.0);
-            assert_eq!(corner().curvature_j(ratio), 0.0);
+            assert_eq!(barrier().energy_j(ratio), 0.0);
+            assert_eq!(barrier().slope_j(ratio), 0.0);
+            assert_eq!(barrier().curvature_j(ratio), 0.0);
             let edges = [DVec3::X * 0.02, DVec3::Y * 0.02, DVec3::Z * (0.02 * (ratio + 1e-12))];
-            assert_eq!(corner().forces_n(edges), [DVec3::ZERO; 3]);
+            assert_eq!(barrier().forces_n(edges), [DVec3::ZERO; 3]);
         }
     }
 
     #[test]
     fn slope_is_minus_the_derivative_of_the_energy_and_curvature_that_of_the_slope() {
         let h = 1e-6;
-        for step in -40..=60 {
+        for step in -200..=60 {
             let ratio = f64::from(step) * 0.025 + 0.003;
-            let slope = (corner().energy_j(ratio - h) - corner().energy_j(ratio + h)) / (2.0 * h);
-            let curvature = (corner().slope_j(ratio - h) - corner().slope_j(ratio + h)) / (2.0 * h);
-            assert!((slope - corner().slope_j(ratio)).abs() < 1e-11, "{ratio}");
-            assert!((curvature - corner().curvature_j(ratio)).abs() < 1e-8, "{ratio}");
-            let (most_slope, most_curvature) = corner().bounds_j(ratio - 0.05);
-            assert!(corner().slope_j(ratio) <= most_slope && corner().curvature_j(ratio) <= most_curvature);
+            let slope = (barrier().energy_j(ratio - h) - barrier().energy_j(ratio + h)) / (2.0 * h);
+            let curvature = (barrier().slope_j(ratio - h) - barrier().slope_j(ratio + h)) / (2.0 * h);
+            assert!((slope - barrier().slope_j(ratio)).abs() < 1e-11, "{ratio}");
+            assert!((curvature - barrier().curvature_j(ratio)).abs() < 1e-8, "{ratio}");
+            let (most_slope, most_curvature) = barrier().bounds_j(ratio - 0.05);
+            assert!(barrier().slope_j(ratio) <= most_slope && barrier().curvature_j(ratio) <= most_curvature);
         }
     }
 
@@ -266,13 +282,13 @@ mod tests {
                 moved[i][axis] += by;
                 moved
             };
-            let energy = |edges| corner().energy_j(corner().ratio(edges));
-            let (forces, tangent) = (corner().forces_n(edges), corner().tangent(edges, false));
+            let energy = |edges| barrier().energy_j(barrier().ratio(edges));
+            let (forces, tangent) = (barrier().forces_n(edges), barrier().tangent(edges, false));
             for (i, axis) in (0..3).flat_map(|i| (0..3).map(move |axis| (i, axis))) {
                 let (up, down) = (moved(i, axis, h), moved(i, axis, -h));
                 let force = -(energy(up) - energy(down)) / (2.0 * h);
                 assert!((force - forces[i][axis]).abs() < 1e-6, "{force} N, not {} N", forces[i][axis]);
-                let (up, down) = (corner().forces_n(up), corner().forces_n(down));
+                let (up, down) = (barrier().forces_n(up), barrier().forces_n(down));
                 for j in 0..3 {
                     let column = -(up[j] - down[j]) / (2.0 * h);
                     let exact = tangent[j][i].col(axis);
@@ -285,7 +301,7 @@ mod tests {
     #[test]
     fn the_clamped_tangent_is_positive_semidefinite_and_above_the_exact_one() {
         for edges in places() {
-            let (exact, clamped) = (corner().tangent(edges, false), corner().tangent(edges, true));
+            let (exact, clamped) = (barrier().tangent(edges, false), barrier().tangent(edges, true));
             let form = |blocks: &[[DMat3; 3]; 3], d: [DVec3; 3]| -> f64 {
                 (0..3)
                     .flat_map(|i| (0..3).map(move |j| (i, j)))
@@ -305,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_corner_without_volume_or_with_a_scale_that_is_not_positive_has_no_barrier() {
+    fn edges_without_volume_or_with_a_scale_that_is_not_positive_have_no_barrier() {
         let rest = [DVec3::X, DVec3::Y, DVec3::Z];
         assert!(VolumeBarrier::new([DVec3::X, DVec3::Y, DVec3::X], 1.0).is_none());
         for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {

@@ -43,7 +43,7 @@ pub struct StepReport {
     pub unsolved: usize,
     /// Ties that tore.
     pub torn: usize,
-    /// Cells that are inverted at the end of the advance: those for which the volume ratio of at least one of their eight corners
+    /// Cells that are inverted at the end of the advance: those for which the volume ratio of at least one of their ten tetrahedra
     /// is zero or negative. See [`Body::inverted_cells`].
     pub inverted_cells: usize,
 }
@@ -188,8 +188,7 @@ impl Body {
             tick += span;
             let moving = self.network.free().iter().any(|&node| self.v[node].length() > QUIET_M_PER_S);
             let looked = (integrator.tick_s() * span as f64).min(LOOK_S);
-            report.inverted_cells = self.watch.inverted_count(self.network.barriers(), &self.x);
-            let at_rest = !moving && report.inverted_cells == 0;
+            let at_rest = !moving && self.watch.inverted_count(self.network.barriers(), &self.x) == 0;
             self.quiet_s = if at_rest { self.quiet_s + looked } else { 0.0 };
             for (force, tool) in forces.iter_mut().zip(&*tools) {
                 *force = tool.contact.displayed_force_n(self);
@@ -202,6 +201,7 @@ impl Body {
                 if ticks > 0 {
                     self.ties.iter_mut().for_each(Tie::arrive);
                 }
+                report.inverted_cells = self.watch.inverted_count(self.network.barriers(), &self.x);
                 Ok(report)
             }
         }

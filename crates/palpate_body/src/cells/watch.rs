@@ -63,13 +63,13 @@ impl Watch {
         let fastest = v.iter().map(|v| v.length_squared()).fold(0.0, f64::max).sqrt();
         if fastest * ahead_s < reach_m {
             let watched = self.update(cells, x, fastest * ahead_s).iter();
-            return watched.flat_map(|&cell| cells.corners(cell)).any(|c| c.acts_within(x, v, ahead_s));
+            return watched.flat_map(|&cell| cells.tetrahedra(cell)).any(|t| t.acts_within(x, v, ahead_s));
         }
-        cells.all_corners().any(|corner| corner.acts_within(x, v, ahead_s))
+        cells.all_tetrahedra().any(|tetrahedron| tetrahedron.acts_within(x, v, ahead_s))
     }
 }
 
-impl super::BarrierCorner {
+impl super::BarrierTetrahedron {
     /// The lowest of the volume ratios now and `ahead_s` later at the velocities `v`.
     pub(crate) fn lowest_ratio(&self, x: &[DVec3], v: &[DVec3], ahead_s: f64) -> f64 {
         let (now, change) = (self.edges_m(x), self.edges_m(v));
@@ -85,12 +85,12 @@ impl super::BarrierCorner {
 impl Cells {
     /// Whether no barrier of `cell` can act while no node is farther than `reach_m` from `x`.
     fn is_clear(&self, cell: usize, x: &[DVec3], reach_m: f64) -> bool {
-        self.corners(cell).all(|corner| {
-            let edges = corner.edges_m(x);
+        self.tetrahedra(cell).all(|tetrahedron| {
+            let edges = tetrahedron.edges_m(x);
             let longest = edges.iter().map(|e| e.length_squared()).fold(0.0, f64::max).sqrt();
             let change =
-                ((longest + 2.0 * reach_m).powi(3) - longest.powi(3)) * corner.barrier.ratio_per_m3();
-            corner.barrier.ratio(edges) - change > VolumeBarrier::ONSET + ROUNDING
+                ((longest + 2.0 * reach_m).powi(3) - longest.powi(3)) * tetrahedron.barrier.ratio_per_m3();
+            tetrahedron.barrier.ratio(edges) - change > VolumeBarrier::ONSET + ROUNDING
         })
     }
 }

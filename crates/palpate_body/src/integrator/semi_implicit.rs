@@ -1,6 +1,6 @@
 //! Semi-implicit Euler and the step at which it stays stable.
 
-use crate::cells::BarrierCorner;
+use crate::cells::BarrierTetrahedron;
 use crate::error::{check, check_positive};
 use crate::{Body, BodyError};
 use glam::{DMat3, DVec3};
@@ -18,7 +18,7 @@ use palpate_laws::VolumeBarrier;
 /// the state at which a model step begins, so a `stability_margin` is kept for what happens during the step.
 ///
 /// Of a volume barrier with the gradient g of J, (Σ g_i·x_i)² ≤ Σ_i |g_i| Σ_j |g_j| (ĝ_i·x_i)² bounds the first part of the
-/// stiffness by blocks on its four nodes, and |∂²J| is bounded by the lengths of the edges. Each corner that is or will be
+/// stiffness by blocks on its four nodes, and |∂²J| is bounded by the lengths of the edges. Each tetrahedron that is or will be
 /// below the onset within the tick counts with the greatest stiffness that it can have there. Where barriers need more than
 /// `max_substeps`, the step takes that many; a barrier's force is bounded.
 ///
@@ -128,24 +128,24 @@ fn rate_bounds(body: &Body, barriers_s: Option<f64>) -> (f64, f64) {
 fn barrier_bounds(body: &Body, ahead_s: f64) -> Vec<DMat3> {
     let (x, v) = (body.positions_m(), body.velocities_m_per_s());
     let mut blocks = Vec::new();
-    for corner in body.network().barriers().all_corners() {
-        let lowest = corner.lowest_ratio(x, v, ahead_s);
+    for tetrahedron in body.network().barriers().all_tetrahedra() {
+        let lowest = tetrahedron.lowest_ratio(x, v, ahead_s);
         if !VolumeBarrier::is_active(lowest) {
             continue;
         }
         blocks.resize(x.len(), DMat3::ZERO);
-        add_barrier_bound(&corner, x, lowest, &mut blocks);
+        add_barrier_bound(&tetrahedron, x, lowest, &mut blocks);
     }
     blocks
 }
 
-/// How far below the predicted volume ratio a corner may come within a tick.
+/// How far below the predicted volume ratio a tetrahedron may come within a tick.
 const BELOW_PREDICTED: f64 = 0.1;
 
-fn add_barrier_bound(corner: &BarrierCorner, x: &[DVec3], lowest: f64, blocks: &mut [DMat3]) {
-    let barrier = corner.barrier;
+fn add_barrier_bound(tetrahedron: &BarrierTetrahedron, x: &[DVec3], lowest: f64, blocks: &mut [DMat3]) {
+    let barrier = tetrahedron.barrier;
     let (slope, curvature) = barrier.bounds_j(lowest - BELOW_PREDICTED);
-    let edges = corner.edges_m(x);
+    let edges = tetrahedron.edges_m(x);
     let [a, b, c] = barrier.gradient_per_m(edges);
     let gradients = [-(a + b + c), a, b, c];
     let total: f64 = gradients.iter().map(|g| g.length()).sum();
@@ -154,7 +154,7 @@ fn add_barrier_bound(corner: &BarrierCorner, x: &[DVec3], lowest: f64, blocks: &
     let sum: f64 = lengths.iter().sum();
     let bend = lengths.map(|own| 2.0 * slope * barrier.ratio_per_m3() * (sum - own));
     let bends = [bend.iter().sum(), bend[0], bend[1], bend[2]];
-    for ((node, g), bend) in corner.nodes.into_iter().zip(gradients).zip(bends) {
+    for ((node, g), bend) in tetrahedron.nodes.into_iter().zip(gradients).zip(bends) {
         let length = g.length();
         blocks[node] += DMat3::from_diagonal(DVec3::splat(bend));
         if length > 0.0 {
