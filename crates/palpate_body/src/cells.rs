@@ -31,10 +31,6 @@ pub struct BarrierTetrahedron {
     pub barrier: VolumeBarrier,
 }
 
-/// c of the ten tetrahedra of a cell together, over E V of its tissue. It is the greatest pressure of the barrier over E; the
-/// springs of a cell pull with up to 0.55 E towards the inverted side.
-const BARRIER_STIFFNESS: f64 = 1.5;
-
 /// The tetrahedra of a cell whose volumes count: those at its eight corners, and the two between alternate corners, which alone
 /// notice a twist of opposite faces. Together they are the tetrahedra of the two decompositions of a hexahedron into five.
 const TETRAHEDRA: [[usize; 4]; 10] = [
@@ -95,7 +91,8 @@ impl Cells {
     /// The cells `nodes` of a network. A cell has no barrier where its shape at rest has no proper volume or no spring
     /// joins its nodes; it is then left out.
     ///
-    /// E V of a cell's tissue follows from its springs, for (1/V) Σ k ℓ² = 6 E in an isotropic lattice: each cell has an equal
+    /// c of the tetrahedra of a cell together is E V of its tissue. At J = 0 the barrier then pushes with 1.04 E, and at
+    /// J = −0.5 with 2 E; the springs of a flat cell pull with up to 0.55 E towards the inverted side. E V follows from the springs, for (1/V) Σ k ℓ² = 6 E in an isotropic lattice: each cell has an equal
     /// share of a spring that joins two of its nodes.
     pub(crate) fn new(
         nodes: Vec<[usize; 8]>,
@@ -128,7 +125,7 @@ impl Cells {
                     k * length_m * length_m / f64::from(sharing[l])
                 })
                 .sum();
-            let energy_j = BARRIER_STIFFNESS * k_l2 / 6.0 / TETRAHEDRA.len() as f64;
+            let energy_j = k_l2 / 6.0 / TETRAHEDRA.len() as f64;
             let rest = |of: [usize; 4]| edges_m(rest_m, of.map(|corner| cell[corner]));
             let [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f), Some(g), Some(h), Some(i), Some(j)] =
                 TETRAHEDRA.map(|of| VolumeBarrier::new(rest(of), energy_j))

@@ -14,12 +14,12 @@ use glam::{DMat3, DVec3};
 /// validity of a hexahedron (O. V. Ushakova, SIAM J. Sci. Comput. 23 (2001) 1274). The energy is c g(J) with
 ///
 /// ```text
-/// g = 0 for t ≤ 0;   w (t³ − t⁴/2) for t ≤ 1;   w (1/2 + u (1 + u²/16)^(−1/3)) with u = t − 1 beyond;   t = (J₀ − J)/w
+/// g = 0 for J ≥ J₀;   3 t³ (1 + t²)^(−4/3) with t = J₀ − J below
 /// ```
 ///
-/// The force is exactly zero above the onset J₀ and has a continuous derivative everywhere. Below J₀ − w the energy still grows
-/// with −J, so that an inverted tetrahedron is always turned back, but no faster than a length: the force stays bounded however
-/// large the tetrahedron is.
+/// The force is exactly zero above the onset J₀ and has a continuous derivative everywhere. The energy grows with −J without
+/// limit, so that an inverted tetrahedron is always turned back, and ever more steeply down to J = −0.5. Far below, the
+/// energy grows no faster than a length: the force stays bounded however large the tetrahedron is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VolumeBarrier {
     /// c, J.
@@ -38,9 +38,6 @@ impl Default for VolumeBarrier {
 impl VolumeBarrier {
     /// J₀: the volume ratio below which the barrier acts.
     pub const ONSET: f64 = 0.4;
-    /// w: the range of volume ratios over which the barrier's pressure grows.
-    pub const WIDTH: f64 = 0.5;
-
     /// The barrier of a tetrahedron with the edges `rest_m` at rest and the scale `energy_j` (c) of its energy; `None` unless both
     /// are finite, the scale is above zero and the edges span a volume.
     #[must_use]
@@ -73,34 +70,31 @@ impl VolumeBarrier {
     /// The energy at a volume ratio, J.
     #[must_use]
     pub fn energy_j(&self, ratio: f64) -> f64 {
-        let (within, u) = Self::depth(ratio);
-        let beyond = u / (1.0 + u * u / FAR_2).cbrt();
-        self.energy_j * Self::WIDTH * (within.powi(3) * (1.0 - 0.5 * within) + beyond)
+        let t = Self::depth(ratio);
+        let q = 1.0 + t * t;
+        self.energy_j * 3.0 * t.powi(3) / (q * q.cbrt())
     }
 
-    /// −∂(energy)/∂J at a volume ratio, J; between zero and c.
+    /// −∂(energy)/∂J at a volume ratio, J; never negative, and below 2 c.
     #[must_use]
     pub fn slope_j(&self, ratio: f64) -> f64 {
-        let (within, u) = Self::depth(ratio);
-        let q = 1.0 + u * u / FAR_2;
-        self.energy_j * within * within * (3.0 - 2.0 * within) * (2.0 + q) / (3.0 * q * q.cbrt())
+        let t = Self::depth(ratio);
+        let (t2, q) = (t * t, 1.0 + t * t);
+        self.energy_j * t2 * (9.0 + t2) / (q * q * q.cbrt())
     }
 
-    /// ∂²(energy)/∂J² at a volume ratio, J; negative below J₀ − w.
+    /// ∂²(energy)/∂J² at a volume ratio, J; negative far below the onset.
     #[must_use]
     pub fn curvature_j(&self, ratio: f64) -> f64 {
-        let (within, u) = Self::depth(ratio);
-        let q = 1.0 + u * u / FAR_2;
-        let beyond = 2.0 * u / FAR_2 * (8.0 + q) / (9.0 * q * q * q.cbrt());
-        self.energy_j / Self::WIDTH * (6.0 * within * (1.0 - within) - beyond)
+        let t = Self::depth(ratio);
+        let (t2, q) = (t * t, 1.0 + t * t);
+        self.energy_j * 2.0 * t * (27.0 - 30.0 * t2 - t2 * t2) / (3.0 * q * q * q * q.cbrt())
     }
 
     /// Upper bounds of the slope and of the curvature at all volume ratios of at least `lowest`, J.
     #[must_use]
     pub fn bounds_j(&self, lowest: f64) -> (f64, f64) {
-        let steepest = Self::ONSET - 0.5 * Self::WIDTH;
-        let flattest = Self::ONSET - Self::WIDTH;
-        (self.slope_j(lowest.max(flattest)), self.curvature_j(lowest.max(steepest)))
+        (self.slope_j(lowest.max(STEEPEST)), self.curvature_j(lowest.max(STIFFEST)))
     }
 
     /// The forces on the far ends of the edges, N; zero for an inactive barrier. The force on the node that
@@ -142,16 +136,16 @@ impl VolumeBarrier {
         if clamped { positive_part(&blocks) } else { blocks }
     }
 
-    /// How far a volume ratio is below the onset, in widths: up to 1, and beyond.
-    fn depth(ratio: f64) -> (f64, f64) {
-        let depth = ((Self::ONSET - ratio) / Self::WIDTH).max(0.0);
-        let within = depth.min(1.0);
-        (within, depth - within)
+    /// t: how far a volume ratio is below the onset.
+    fn depth(ratio: f64) -> f64 {
+        (Self::ONSET - ratio).max(0.0)
     }
 }
 
-/// (4 w)²: how far below J₀ − w the energy ceases to grow with −J itself, squared, in widths.
-const FAR_2: f64 = 16.0;
+/// The volume ratio at which the slope is greatest, where 27 − 30 t² − t⁴ = 0.
+const STEEPEST: f64 = VolumeBarrier::ONSET - 0.935_151;
+/// The volume ratio at which the curvature is greatest.
+const STIFFEST: f64 = VolumeBarrier::ONSET - 0.342_113;
 
 fn triple([a, b, c]: [DVec3; 3]) -> f64 {
     a.dot(b.cross(c))

@@ -473,7 +473,8 @@ impl Workspace {
                 if i == own {
                     model.stiffness_n_per_m += blocks[own];
                 } else {
-                    basis.subtract_coupling(other, -blocks[own], &mut r.stiffness_rc);
+                    // The block of the driven node's row and the other's column.
+                    basis.subtract_coupling(other, -blocks[own].transpose(), &mut r.stiffness_rc);
                 }
             }
         }
