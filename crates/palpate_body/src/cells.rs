@@ -88,12 +88,11 @@ impl BarrierTetrahedron {
 }
 
 impl Cells {
-    /// The cells `nodes` of a network. A cell has no barrier where its shape at rest has no proper volume or no spring
-    /// joins its nodes; it is then left out.
+    /// The cells `nodes` of a network. A cell without proper volume at rest, or without springs, has no barrier and is left out.
     ///
     /// c of the tetrahedra of a cell together is E V of its tissue. At J = 0 the barrier then pushes with 1.04 E, and at
-    /// J = −0.5 with 2 E; the springs of a flat cell pull with up to 0.55 E towards the inverted side. E V follows from the springs, for (1/V) Σ k ℓ² = 6 E in an isotropic lattice: each cell has an equal
-    /// share of a spring that joins two of its nodes.
+    /// J = −0.5 with 2 E; the springs of a flat cell pull with up to 0.55 E towards the inverted side. E V follows from the
+    /// springs: (1/V) Σ k ℓ² = 6 E in an isotropic lattice. Cells share a spring equally.
     pub(crate) fn new(
         nodes: Vec<[usize; 8]>,
         rest_m: &[DVec3],

@@ -126,8 +126,7 @@ impl VolumeBarrier {
         let (slope, curvature) = (self.slope_j(ratio), self.curvature_j(ratio));
         let gradient = self.gradient_per_m(edges_m);
         let mut blocks = gradient.map(|g| gradient.map(|other| outer(curvature * g, other)));
-        for i in 0..3 {
-            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        for (i, j, k) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
             // ∂(e_j × e_k)/∂e_j = −[e_k]×, and its transpose.
             let across = cross_matrix(slope * self.per_m3 * edges_m[k]);
             blocks[i][j] += across;
@@ -202,8 +201,9 @@ fn rotate(a: &mut [[f64; N]; N], v: &mut [[f64; N]; N], p: usize, q: usize) {
     for row in a.iter_mut().chain(v) {
         (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
     }
-    for k in 0..N {
-        (a[p][k], a[q][k]) = (c * a[p][k] - s * a[q][k], s * a[p][k] + c * a[q][k]);
+    let (row_p, row_q) = (a[p], a[q]);
+    for (k, (x, y)) in row_p.into_iter().zip(row_q).enumerate() {
+        (a[p][k], a[q][k]) = (c * x - s * y, s * x + c * y);
     }
 }
 
