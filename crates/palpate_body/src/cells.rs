@@ -2,7 +2,7 @@
 
 mod watch;
 
-pub(crate) use watch::Watch;
+pub(crate) use watch::{Watch, rate_bound};
 
 use crate::Link;
 use glam::{DMat3, DVec3};

@@ -56,9 +56,10 @@
 //!   stretch: see [`Tie`].
 //! * With the implicit step every node in contact costs three solutions with the whole body's matrix, so that many nodes
 //!   on the ground are slow. A linearised step keeps a free body's momentum, but its spin to the first order only.
-//! * The cells of blocks and of cell lattices have a volume barrier ([`VolumeBarrier`]): a body that is pressed through itself
-//!   returns to rest once it is released. A network from single springs has none. A barrier keeps a cell from inversion up to a
-//!   pressure of about its Young's modulus; a stronger tool inverts it while it pushes ([`StepReport::inverted_cells`]).
+//! * The cells of blocks and of cell lattices have volume barriers ([`VolumeBarrier`]): a body that is pressed or drawn through
+//!   itself returns to rest once it is released. A stronger pressure than one to two times Young's modulus inverts a cell as long
+//!   as it acts ([`StepReport::inverted_cells`]). A body whose nodes are set at random, several cells from rest, may stay folded.
+//!   A network from single springs has no barriers.
 //! * Both integrators are of first order. Semi-implicit Euler takes as many substeps as its stability needs
 //!   ([`SemiImplicitEuler`]), which is many for stiff tissue on a fine lattice; [`LinearlyImplicitEuler`] takes any, and
 //!   damps what is fast compared with its step.

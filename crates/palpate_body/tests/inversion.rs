@@ -3,6 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 use palpate_body::*;
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 
 fn block(nodes: [usize; 3], size_m: DVec3, tissue: &Tissue) -> Body {
     let block = Block::new(nodes, size_m).unwrap().fix(Face::NegY).tissue(tissue).unwrap();
@@ -476,16 +477,20 @@ fn explicit_steps_stay_stable_while_cells_are_inverted() {
     let tissue = Tissue { youngs_modulus_pa: 500e3, damping_ratio: 0.0, ..Tissue::default() };
     let mut body = block([4; 3], DVec3::splat(0.06), &tissue);
     let at_rest_substeps = SemiImplicitEuler::default().substeps(&body).unwrap();
-    let x = shaken(&body, 0.03, 21);
-    at_rest(&mut body, &x);
-    let first = body.energy().total_j();
-    let mut substeps = 0;
-    for _ in 0..300 {
-        substeps = substeps.max(body.advance(None, 1, SemiImplicitEuler::default()).unwrap().substeps);
-        let now = body.energy().total_j();
-        assert!(now < 1.2 * first, "{now} J after {first} J");
+    // The energy of such steps goes up and down by a share that is proportional to their length.
+    for (min_substeps, share) in [(4, 0.4), (120, 0.02)] {
+        let settings = SemiImplicitEuler { min_substeps, ..SemiImplicitEuler::default() };
+        let x = shaken(&body, 0.03, 21);
+        at_rest(&mut body, &x);
+        let first = body.energy().total_j();
+        let mut substeps = 0;
+        for _ in 0..300 {
+            substeps = substeps.max(body.advance(None, 1, settings).unwrap().substeps);
+            let now = body.energy().total_j();
+            assert!((now / first - 1.0).abs() < share, "{now} J after {first} J");
+        }
+        assert!(substeps > at_rest_substeps && substeps <= min_substeps.max(40), "{substeps}");
     }
-    assert!(substeps > at_rest_substeps && substeps <= 40, "{substeps}, at rest {at_rest_substeps}");
     // A body whose springs take all substeps is stepped all the same.
     let x = shaken(&body, 0.012, 22);
     let mut alone = Body::new(without_cells(body.network()), Surface::default()).unwrap();
@@ -511,7 +516,7 @@ fn violent(body: &Body, stretch: f64, shear: &[f64], by: f64, cell_m: f64, seed:
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 32, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 32, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
 
     #[test]
     fn any_deformed_block_returns_to_rest_once_released(

@@ -147,21 +147,25 @@ impl Body {
         }
         tools.iter_mut().for_each(|tool| tool.contact.touched_nodes.clear());
         let mut forces = vec![DVec3::ZERO; tools.len()];
-        let (ticks_per_step, mut spring_substeps) = integrator.spring_steps(self)?;
+        let mut rates = integrator.spring_rates(self);
+        let (ticks_per_step, mut spring_substeps) = (integrator.ticks_per_step(), integrator.steps(rates)?);
         let mut report = StepReport { ticks, substeps: spring_substeps, ..StepReport::default() };
         let mut tick = 0;
         while tick < ticks {
             // Stiffness changes with the shape, and the stable step with it; fast where a law stiffens.
             if tick > 0 && (tick % LOOK_TICKS == 0 || !self.network.is_linear()) {
-                (_, spring_substeps) = integrator.spring_steps(self)?;
+                rates = integrator.spring_rates(self);
+                spring_substeps = integrator.steps(rates)?;
             }
             let span = ticks_per_step.min(ticks - tick);
             let span_s = integrator.tick_s() * span as f64;
-            // A barrier is as stiff as its cell is compressed.
-            let state = (&self.x[..], &self.v[..]);
-            let acts = self.watch.acts_within(self.network.barriers(), state, integrator.tick_s());
-            let substeps =
-                if acts { integrator.steps(self)?.1.max(spring_substeps) } else { spring_substeps };
+            let substeps = if rates.is_some() {
+                // A barrier is as stiff as its cell is compressed.
+                let barriers = self.watch.rate_bound(&self.network, (&self.x, &self.v), integrator.tick_s());
+                integrator.steps_with_barriers(spring_substeps, rates, barriers)
+            } else {
+                spring_substeps
+            };
             report.substeps = report.substeps.max(substeps);
             let mut approaches: Vec<Approach> = Vec::with_capacity(tools.len());
             for ToolRun { contact, path } in &mut *tools {

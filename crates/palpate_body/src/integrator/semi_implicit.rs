@@ -1,10 +1,8 @@
 //! Semi-implicit Euler and the step at which it stays stable.
 
-use crate::cells::BarrierTetrahedron;
 use crate::error::{check, check_positive};
 use crate::{Body, BodyError};
 use glam::{DMat3, DVec3};
-use palpate_laws::VolumeBarrier;
 
 /// Semi-implicit (symplectic) Euler: v ← v + h M⁻¹F(x, v), then x ← x + h v, with n equal substeps h in each
 /// tick.
@@ -17,10 +15,9 @@ use palpate_laws::VolumeBarrier;
 /// (a − b)² ≤ 2a² + 2b²), the stretched links' geometric stiffness included. The estimate uses these bounds at
 /// the state at which a model step begins, so a `stability_margin` is kept for what happens during the step.
 ///
-/// Of a volume barrier with the gradient g of J, (Σ g_i·x_i)² ≤ Σ_i |g_i| Σ_j |g_j| (ĝ_i·x_i)² bounds the first part of the
-/// stiffness by blocks on its four nodes, and |∂²J| is bounded by the lengths of the edges. Each tetrahedron that is or will be
-/// below the onset within the tick counts with the greatest stiffness that it can have there. Where barriers need more than
-/// `max_substeps`, the step takes that many; a barrier's force is bounded.
+/// Volume barriers add a bound of their own, of those that act now or will within the tick, each with the greatest stiffness
+/// that it can have there. Where barriers need more than `max_substeps`, the step takes that many; a barrier's force is
+/// bounded.
 ///
 /// # Energy
 ///
@@ -50,25 +47,22 @@ impl SemiImplicitEuler {
     /// The largest stable substep h at the state of `body`, s, by the bound above.
     #[must_use]
     pub fn stable_step_s(body: &Body) -> f64 {
-        stable_step_s(rate_bounds(body, Some(0.0)))
+        Rates::of_springs(body).stable_step_s(barrier_rate(body, 0.0))
     }
 
     /// Substeps in a tick at the state of `body`.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when a setting makes no sense, [`BodyError::Substeps`] when more than
-    /// `max_substeps` are needed.
+    /// [`BodyError::Parameter`] when a setting makes no sense, [`BodyError::Substeps`] when springs need more than
+    /// `max_substeps`.
     pub fn substeps(&self, body: &Body) -> Result<usize, BodyError> {
-        let springs = self.spring_substeps(body)?;
-        // A tick ahead: a cell may be compressed within the tick.
-        let needed = self.needed(rate_bounds(body, Some(self.tick_s)));
-        // Barriers alone never make a step fail.
-        let needed = if needed < self.max_substeps as f64 { needed as usize } else { self.max_substeps };
-        Ok(springs.max(needed))
+        let rates = Rates::of_springs(body);
+        let springs = self.spring_substeps(rates)?;
+        Ok(self.barrier_substeps(rates, barrier_rate(body, self.tick_s)).max(springs))
     }
 
-    /// Substeps in a tick at the state of `body`, without volume barriers.
-    pub(crate) fn spring_substeps(&self, body: &Body) -> Result<usize, BodyError> {
+    /// Substeps in a tick without volume barriers.
+    pub(crate) fn spring_substeps(&self, rates: Rates) -> Result<usize, BodyError> {
         check_positive("tick, s", self.tick_s)?;
         let margin = self.stability_margin;
         check("stability margin", margin, margin > 0.0 && margin <= 1.0, "above 0 and at most 1")?;
@@ -79,94 +73,72 @@ impl SemiImplicitEuler {
             (1..=max).contains(&min),
             "at least 1 and at most the most",
         )?;
-        let needed = self.needed(rate_bounds(body, None));
+        let needed = self.needed(rates, 0.0);
         if needed.is_nan() || needed > max as f64 {
             return Err(BodyError::Substeps { needed, allowed: max });
         }
         Ok(min.max(needed as usize))
     }
 
-    fn needed(&self, bounds: (f64, f64)) -> f64 {
-        (self.tick_s / (self.stability_margin * stable_step_s(bounds))).ceil()
+    /// Substeps in a tick with volume barriers; at most `max_substeps`.
+    pub(crate) fn barrier_substeps(&self, rates: Rates, barriers_per_s2: f64) -> usize {
+        let needed = self.needed(rates, barriers_per_s2);
+        if needed < self.max_substeps as f64 { needed as usize } else { self.max_substeps }
+    }
+
+    fn needed(&self, rates: Rates, barriers_per_s2: f64) -> f64 {
+        (self.tick_s / (self.stability_margin * rates.stable_step_s(barriers_per_s2))).ceil()
     }
 }
 
-/// The largest stable substep, s, with the bounds of [`rate_bounds`].
-fn stable_step_s((beta, kappa): (f64, f64)) -> f64 {
-    if kappa == 0.0 {
-        return if beta == 0.0 { f64::INFINITY } else { 2.0 / beta };
-    }
-    ((beta * beta + 4.0 * kappa).sqrt() - beta) / kappa
+/// The bound of all volume barriers that act now or will within `ahead_s`, 1/s².
+fn barrier_rate(body: &Body, ahead_s: f64) -> f64 {
+    let (network, state) = (body.network(), (body.positions_m(), body.velocities_m_per_s()));
+    crate::cells::rate_bound(network.barriers().all_tetrahedra(), network, state, ahead_s)
 }
 
-/// Upper bounds of the largest eigenvalues of M⁻¹B (1/s) and M⁻¹K (1/s²) over the free nodes, with the volume barriers that act
-/// now or at the time `barriers_s` ahead, s.
-fn rate_bounds(body: &Body, barriers_s: Option<f64>) -> (f64, f64) {
-    let (network, x) = (body.network(), body.positions_m());
-    let barriers = barriers_s.map(|ahead_s| barrier_bounds(body, ahead_s)).filter(|b| !b.is_empty());
-    let (mut beta, mut kappa) = (0.0_f64, 0.0_f64);
-    for &node in network.free() {
-        let (mut k, mut b) = (DMat3::ZERO, DMat3::ZERO);
-        for &link in network.incident_links(node) {
-            let link = &network.links()[link];
-            let tangent = link.spring.tangent(x[link.b] - x[link.a], true);
-            k += tangent.stiffness;
-            b += tangent.damping;
-        }
-        let per_mass = 2.0 / network.mass_kg()[node];
-        if let Some(barriers) = &barriers {
-            k += 0.5 * barriers[node];
-        }
-        beta = beta.max(per_mass * largest_eigenvalue(&b));
-        kappa = kappa.max(per_mass * largest_eigenvalue(&k));
-    }
-    (beta, kappa)
+/// Upper bounds of the largest eigenvalues over the free nodes, of springs and dampers.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Rates {
+    /// Of M⁻¹B, 1/s.
+    beta: f64,
+    /// Of M⁻¹K, 1/s².
+    kappa: f64,
 }
 
-/// A block for each node, N/m, such that the sum of their quadratic forms bounds that of the barriers' stiffness; empty when
-/// no barrier acts.
-fn barrier_bounds(body: &Body, ahead_s: f64) -> Vec<DMat3> {
-    let (x, v) = (body.positions_m(), body.velocities_m_per_s());
-    let mut blocks = Vec::new();
-    for tetrahedron in body.network().barriers().all_tetrahedra() {
-        let lowest = tetrahedron.lowest_ratio(x, v, ahead_s);
-        if !VolumeBarrier::is_active(lowest) {
-            continue;
+impl Rates {
+    /// Those at the state of `body`.
+    pub(crate) fn of_springs(body: &Body) -> Self {
+        let (network, x) = (body.network(), body.positions_m());
+        let (mut beta, mut kappa) = (0.0_f64, 0.0_f64);
+        for &node in network.free() {
+            let (mut k, mut b) = (DMat3::ZERO, DMat3::ZERO);
+            for &link in network.incident_links(node) {
+                let link = &network.links()[link];
+                let tangent = link.spring.tangent(x[link.b] - x[link.a], true);
+                k += tangent.stiffness;
+                b += tangent.damping;
+            }
+            let per_mass = 2.0 / network.mass_kg()[node];
+            beta = beta.max(per_mass * largest_eigenvalue(&b));
+            kappa = kappa.max(per_mass * largest_eigenvalue(&k));
         }
-        blocks.resize(x.len(), DMat3::ZERO);
-        add_barrier_bound(&tetrahedron, x, lowest, &mut blocks);
+        Self { beta, kappa }
     }
-    blocks
-}
 
-/// How far below the predicted volume ratio a tetrahedron may come within a tick.
-const BELOW_PREDICTED: f64 = 0.1;
-
-fn add_barrier_bound(tetrahedron: &BarrierTetrahedron, x: &[DVec3], lowest: f64, blocks: &mut [DMat3]) {
-    let barrier = tetrahedron.barrier;
-    let (slope, curvature) = barrier.bounds_j(lowest - BELOW_PREDICTED);
-    let edges = tetrahedron.edges_m(x);
-    let [a, b, c] = barrier.gradient_per_m(edges);
-    let gradients = [-(a + b + c), a, b, c];
-    let total: f64 = gradients.iter().map(|g| g.length()).sum();
-    // |d_iᵀ ∂²J/∂e_i∂e_j d_j| ≤ |e_k| |d_i| |d_j|, and the difference d of two displacements has |d|² ≤ 2|x|² + 2|x_o|².
-    let lengths = edges.map(DVec3::length);
-    let sum: f64 = lengths.iter().sum();
-    let bend = lengths.map(|own| 2.0 * slope * barrier.ratio_per_m3() * (sum - own));
-    let bends = [bend.iter().sum(), bend[0], bend[1], bend[2]];
-    for ((node, g), bend) in tetrahedron.nodes.into_iter().zip(gradients).zip(bends) {
-        let length = g.length();
-        blocks[node] += DMat3::from_diagonal(DVec3::splat(bend));
-        if length > 0.0 {
-            let scale = curvature * total / length;
-            blocks[node] += DMat3::from_cols(g * (scale * g.x), g * (scale * g.y), g * (scale * g.z));
+    /// The largest stable substep, s, with volume barriers whose largest eigenvalue of M⁻¹K is at most `barriers_per_s2`.
+    fn stable_step_s(self, barriers_per_s2: f64) -> f64 {
+        let (beta, kappa) = (self.beta, self.kappa + barriers_per_s2);
+        if kappa == 0.0 {
+            return if beta == 0.0 { f64::INFINITY } else { 2.0 / beta };
         }
+        ((beta * beta + 4.0 * kappa).sqrt() - beta) / kappa
     }
 }
 
 /// Largest eigenvalue of a symmetric matrix, by the trigonometric solution of its characteristic cubic
 /// (O. K. Smith, Communications of the ACM 4 (1961) 168).
-fn largest_eigenvalue(a: &DMat3) -> f64 {
+pub(crate) fn largest_eigenvalue(a: &DMat3) -> f64 {
     let mean = (a.x_axis.x + a.y_axis.y + a.z_axis.z) / 3.0;
     let shifted = *a - DMat3::from_diagonal(DVec3::splat(mean));
     let spread = (shifted.to_cols_array().iter().map(|v| v * v).sum::<f64>() / 6.0).sqrt();
