@@ -234,14 +234,22 @@ impl Block {
         };
         let mut fixed: Vec<bool> = self.grid().map(is_fixed).collect();
         let mut surface = self.surface();
+        let mut cells = self.cells();
         if let Some(slit) = self.slit {
             let (rest_m, mass_kg, fixed) = (&mut rest_m, &mut mass_kg, &mut fixed);
             self.cut(
                 slit,
-                &mut slit::Pieces { rest_m, mass_kg, fixed, links: &mut links, surface: &mut surface },
+                &mut slit::Pieces {
+                    rest_m,
+                    mass_kg,
+                    fixed,
+                    links: &mut links,
+                    cells: &mut cells,
+                    surface: &mut surface,
+                },
             )?;
         }
-        let network = NetworkBuilder::of(rest_m, mass_kg, fixed, links);
+        let network = NetworkBuilder::of(rest_m, mass_kg, fixed, links).with_cells(cells);
         let network = if self.allow_free { network.allow_free() } else { network }.build()?;
         Ok(BlockBody { network, surface })
     }
@@ -249,6 +257,14 @@ impl Block {
     /// All (i, j, k), in the order of their indices.
     pub(crate) fn grid(&self) -> impl Iterator<Item = [usize; 3]> + use<> {
         lattice::grid(self.nodes)
+    }
+
+    /// The nodes of all cells, in the order of their lowest corners.
+    fn cells(&self) -> Vec<[usize; 8]> {
+        let corner =
+            |[i, j, k]: [usize; 3], c: usize| self.node([i + (c & 1), j + (c >> 1 & 1), k + (c >> 2)]);
+        let lowest = lattice::grid(self.nodes.map(|n| n - 1));
+        lowest.map(|ijk| std::array::from_fn(|c| corner(ijk, c))).collect()
     }
 
     fn rest(&self, ijk: [usize; 3]) -> DVec3 {

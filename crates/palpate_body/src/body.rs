@@ -6,9 +6,10 @@ mod step;
 
 pub use step::{StepReport, ToolRun};
 
+use crate::cells::Watch;
 use crate::energy::Ledger;
 use crate::integrator::Workspace;
-use crate::{BodyError, Network, NodeContact, Obstacle, Surface, SurfaceTree, Tie};
+use crate::{BarrierTetrahedron, BodyError, Network, NodeContact, Obstacle, Surface, SurfaceTree, Tie};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -34,6 +35,8 @@ pub struct Body {
     implicit: Option<Box<Workspace>>,
     /// Of the surface, once a tool has come near.
     tree: Option<Box<SurfaceTree>>,
+    /// Of its cells.
+    watch: Watch,
 }
 
 /// Nodes slower than that stand still to the eye and to the hand: a hair's breadth in a second.
@@ -80,6 +83,7 @@ impl Body {
             ledger: None,
             implicit: None,
             tree: None,
+            watch: Watch::default(),
             v: still,
             x,
             network: Arc::new(network),
@@ -297,13 +301,14 @@ impl Body {
         Ok(())
     }
 
-    /// Internal force (springs and dampers) on every node at the present state, N, into `force_n`.
+    /// Internal force (springs, dampers and volume barriers) on every node at the present state, N, into `force_n`.
     ///
     /// # Panics
     /// When `force_n` has not one entry for each node.
     pub fn internal_forces_n(&self, force_n: &mut [DVec3]) {
         assert_eq!(force_n.len(), self.x.len(), "one force for each node");
-        internal_forces(&self.network, &self.x, &self.v, force_n);
+        spring_forces(&self.network, &self.x, &self.v, force_n);
+        self.network.barriers().add_all_forces(&self.x, force_n);
     }
 
     /// Internal force on one node, N.
@@ -315,11 +320,32 @@ impl Body {
             let f = link.spring.force_on_a(self.x[link.b] - self.x[link.a], self.v[link.b] - self.v[link.a]);
             sum += if link.a == node { f } else { -f };
         }
-        sum
+        match self.network.barriers().force_on_n(&self.x, node) {
+            Some(force) => sum + force,
+            None => sum,
+        }
+    }
+
+    /// The tetrahedra of cells whose volume barriers act at the present state.
+    pub fn active_barriers(&self) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
+        self.barriers_below(palpate_laws::VolumeBarrier::ONSET)
+    }
+
+    /// The tetrahedra of cells whose volume ratio is below `ratio` at the present state.
+    pub fn barriers_below(&self, ratio: f64) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
+        self.network.barriers().all_tetrahedra().filter(move |tetrahedron| tetrahedron.ratio(&self.x) < ratio)
+    }
+
+    /// Indices in [`Network::cells`] of the inverted cells, ascending. A cell is inverted where the volume ratio J of at least one
+    /// of its ten tetrahedra is zero or negative (see [`BarrierTetrahedron`]).
+    pub fn inverted_cells(&self) -> impl Iterator<Item = usize> + '_ {
+        let cells = self.network.barriers();
+        (0..cells.nodes().len()).filter(|&cell| cells.is_inverted(cell, &self.x))
     }
 }
 
-fn internal_forces(network: &Network, x: &[DVec3], v: &[DVec3], force: &mut [DVec3]) {
+/// The forces of springs and dampers on all nodes, N.
+fn spring_forces(network: &Network, x: &[DVec3], v: &[DVec3], force: &mut [DVec3]) {
     force.fill(DVec3::ZERO);
     for link in network.links() {
         let (a, b) = (link.a, link.b);

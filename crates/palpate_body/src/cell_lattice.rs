@@ -277,7 +277,8 @@ impl<'a> CellLattice<'a> {
         let share: Vec<f64> = kept.cells.iter().map(|(_, share)| *share).collect();
         let made = material::material(&embedding, &share, tissue, &self.regions, mesh.center_m(), &rest_m)?;
         let fixed = self.fixed(&embedding, &rest_m)?;
-        let network = NetworkBuilder::of(rest_m, made.mass_kg, fixed, made.links);
+        let network = NetworkBuilder::of(rest_m, made.mass_kg, fixed, made.links)
+            .with_cells(embedding.cells().to_vec());
         let network = if self.allow_free { network.allow_free() } else { network }.build()?;
         let touched = TouchSurface::new(mesh, &embedding, grid.cell_m, self.touch_spacing);
         Ok(MeshBody {

@@ -9,7 +9,7 @@ use glam::DVec3;
 pub struct Energy {
     /// Of the motion of its nodes.
     pub kinetic_j: f64,
-    /// Of its springs.
+    /// Of its springs and of the volume barriers of its cells.
     pub elastic_j: f64,
     /// Of its height, zero at rest: −Σ m g·(x − x_rest).
     pub gravitational_j: f64,
@@ -54,7 +54,7 @@ impl Body {
         let elastic = |link: &crate::Link| link.spring.energy_j(x[link.b] - x[link.a]);
         Energy {
             kinetic_j: network.free().iter().map(kinetic).sum(),
-            elastic_j: network.links().iter().map(elastic).sum(),
+            elastic_j: network.links().iter().map(elastic).sum::<f64>() + network.barriers().energy_j(x),
             gravitational_j: self.gravitational_j(),
         }
     }

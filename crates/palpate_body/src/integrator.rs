@@ -8,6 +8,7 @@ pub(crate) use columns::Columns;
 pub(crate) use linearly_implicit::Workspace;
 pub use linearly_implicit::{LinearSolver, LinearlyImplicitEuler};
 pub use semi_implicit::SemiImplicitEuler;
+pub(crate) use semi_implicit::{Rates, largest_eigenvalue};
 
 use crate::{Body, BodyError};
 
@@ -64,17 +65,40 @@ impl Integrator {
         }
     }
 
-    /// Ticks that a step spans at most, and steps in each such span, at the state of `body`.
+    /// Bounds of the rates of springs and dampers at the state of `body`; `None` where steps are stable whatever they are.
+    pub(crate) fn spring_rates(&self, body: &Body) -> Option<Rates> {
+        match self {
+            Self::SemiImplicitEuler(_) => Some(Rates::of_springs(body)),
+            Self::LinearlyImplicitEuler(_) => None,
+        }
+    }
+
+    /// Steps in each span of ticks for springs with the bounds `rates`.
     ///
     /// # Errors
     /// [`BodyError::Parameter`] when a setting makes no sense, [`BodyError::Substeps`] when a stable step is too short.
-    pub(crate) fn steps(&self, body: &Body) -> Result<(usize, usize), BodyError> {
+    pub(crate) fn steps(&self, rates: Option<Rates>) -> Result<usize, BodyError> {
         match self {
-            Self::SemiImplicitEuler(settings) => Ok((1, settings.substeps(body)?)),
+            Self::SemiImplicitEuler(settings) => settings.spring_substeps(rates.unwrap_or_default()),
             Self::LinearlyImplicitEuler(settings) => {
                 settings.validate()?;
-                Ok((settings.ticks_per_step, settings.substeps))
+                Ok(settings.substeps)
             }
+        }
+    }
+
+    /// As [`Integrator::steps`], with volume barriers whose largest eigenvalue of M⁻¹K is at most `barriers_per_s2`.
+    pub(crate) fn steps_with_barriers(
+        &self,
+        steps: usize,
+        rates: Option<Rates>,
+        barriers_per_s2: f64,
+    ) -> usize {
+        match (self, rates) {
+            (Self::SemiImplicitEuler(settings), Some(rates)) if barriers_per_s2 > 0.0 => {
+                settings.barrier_substeps(rates, barriers_per_s2).max(steps)
+            }
+            _ => steps,
         }
     }
 }

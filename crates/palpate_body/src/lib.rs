@@ -56,7 +56,10 @@
 //!   stretch: see [`Tie`].
 //! * With the implicit step every node in contact costs three solutions with the whole body's matrix, so that many nodes
 //!   on the ground are slow. A linearised step keeps a free body's momentum, but its spin to the first order only.
-//! * Springs do not know that cells have a volume: a body pressed through itself stays pressed through itself.
+//! * The cells of blocks and of cell lattices have volume barriers ([`VolumeBarrier`]): a body that is pressed or drawn through
+//!   itself returns to rest once it is released. A stronger pressure than one to two times Young's modulus inverts a cell as long
+//!   as it acts ([`StepReport::inverted_cells`]). A body whose nodes are set at random, several cells from rest, may stay folded.
+//!   A network from single springs has no barriers.
 //! * Both integrators are of first order. Semi-implicit Euler takes as many substeps as its stability needs
 //!   ([`SemiImplicitEuler`]), which is many for stiff tissue on a fine lattice; [`LinearlyImplicitEuler`] takes any, and
 //!   damps what is fast compared with its step.
@@ -67,6 +70,7 @@
 mod block;
 mod body;
 mod cell_lattice;
+mod cells;
 mod closed_mesh;
 mod contact;
 mod energy;
@@ -87,6 +91,7 @@ mod touch_surface;
 pub use block::{Block, BlockBody, Face, Slit, UniformLattice};
 pub use body::{Body, BodyState, StepReport, ToolRun};
 pub use cell_lattice::{CellLattice, CellSize, MeshBody, MeshCells};
+pub use cells::BarrierTetrahedron;
 pub use closed_mesh::{ClosedMesh, MeshError, MeshRepairs};
 pub use energy::{Energy, EnergyBooks};
 pub use error::BodyError;
@@ -94,7 +99,7 @@ pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplic
 pub use lattice::{Lattice, Neighbours};
 pub use network::{Link, Network, NetworkBuilder};
 pub use obstacle::{NodeContact, Obstacle};
-pub use palpate_laws::{Coupling, ToolShape};
+pub use palpate_laws::{Coupling, ToolShape, VolumeBarrier};
 pub use region::Region;
 pub use skin::Skin;
 pub use surface::{ClosestPoint, Surface, SurfaceTree};

@@ -5,6 +5,7 @@ mod builder;
 pub use builder::NetworkBuilder;
 
 use crate::BodyError;
+use crate::cells::Cells;
 use crate::error::check;
 use glam::{DQuat, DVec3};
 use palpate_laws::Spring;
@@ -33,6 +34,7 @@ pub struct Network {
     /// Incident links of node i: `incident[incident_start[i]..incident_start[i + 1]]`.
     incident: Vec<usize>,
     incident_start: Vec<usize>,
+    cells: Cells,
     allow_free: bool,
     linear: bool,
 }
@@ -52,13 +54,8 @@ impl Network {
         NetworkBuilder::of(rest_m, mass_kg, fixed, links).build()
     }
 
-    fn assemble(
-        rest_m: Vec<DVec3>,
-        mass_kg: Vec<f64>,
-        fixed: Vec<bool>,
-        links: Vec<Link>,
-        allow_free: bool,
-    ) -> Result<Self, BodyError> {
+    fn assemble(builder: NetworkBuilder) -> Result<Self, BodyError> {
+        let NetworkBuilder { rest_m, mass_kg, fixed, links, cells, allow_free, .. } = builder;
         validate_nodes(&rest_m, &mass_kg, &fixed)?;
         validate_links(&links, &rest_m)?;
         let free: Vec<usize> = (0..rest_m.len()).filter(|&i| !fixed[i]).collect();
@@ -67,6 +64,7 @@ impl Network {
             free_index[node] = Some(index);
         }
         let (incident, incident_start) = incidence(&links, rest_m.len());
+        let cells = Cells::new(cells, &rest_m, &links, (&incident, &incident_start));
         let linear = links.iter().all(|link| link.spring.law().is_linear());
         let network = Self {
             rest_m,
@@ -77,6 +75,7 @@ impl Network {
             free_index,
             incident,
             incident_start,
+            cells,
             allow_free,
             linear,
         };
@@ -174,6 +173,17 @@ impl Network {
     #[must_use]
     pub fn free_index(&self, node: usize) -> Option<usize> {
         self.free_index[node]
+    }
+
+    /// The nodes of each hexahedral cell that has a volume barrier. Corner c of a cell lies towards +x where bit 0 of c is set, +y
+    /// with bit 1, +z with bit 2, before the network was placed. Blocks and cell lattices have cells; other networks have none.
+    #[must_use]
+    pub fn cells(&self) -> &[[usize; 8]] {
+        self.cells.nodes()
+    }
+
+    pub(crate) fn barriers(&self) -> &Cells {
+        &self.cells
     }
 
     /// Indices of the links that end at node `node`.

@@ -15,7 +15,7 @@ pub struct TangentPattern {
 /// K and B over the free nodes of a body at one state: the internal force changes by −K δx − B δv.
 ///
 /// Both are symmetric and stored whole (both triangles), column by column. B is positive semidefinite; K is
-/// too unless a spring is compressed. The damper's own geometric term (∂/∂x of b u·ḋ u) is left out.
+/// too unless a spring or a cell is compressed. The damper's own geometric term (∂/∂x of b u·ḋ u) is left out.
 #[derive(Clone, Debug)]
 pub struct Tangent {
     symbolic: SymbolicSparseColMat<usize>,
@@ -51,7 +51,11 @@ impl TangentPattern {
                 let mut rows: Vec<usize> =
                     network.neighbours(node).filter_map(|other| network.free_index(other)).collect();
                 rows.extend(network.free_index(node));
+                rows.extend(
+                    network.barriers().cell_mates(node).filter_map(|other| network.free_index(other)),
+                );
                 rows.sort_unstable();
+                rows.dedup();
                 rows
             })
             .collect();
@@ -97,11 +101,22 @@ impl TangentPattern {
     }
 
     /// Fills `tangent` with K and B of `body` at its present state. With `clamped`, every spring's share of K
-    /// is made positive semidefinite (see [`palpate_laws::Spring::tangent`]), and so is K.
+    /// and every volume barrier's share of K is made positive semidefinite (see [`palpate_laws::Spring::tangent`] and
+    /// [`palpate_laws::VolumeBarrier::tangent`]), and so is K.
     ///
     /// # Panics
     /// When `body` or `tangent` belongs to another network.
     pub fn fill(&self, body: &Body, clamped: bool, tangent: &mut Tangent) {
+        self.fill_parts(body, (clamped, clamped), tangent);
+    }
+
+    /// As [`TangentPattern::fill`], clamped or not for springs and for volume barriers.
+    pub(crate) fn fill_parts(
+        &self,
+        body: &Body,
+        (springs_clamped, barriers_clamped): (bool, bool),
+        tangent: &mut Tangent,
+    ) {
         assert_eq!(self.links.len(), body.network().links().len(), "the pattern is of another network");
         assert_eq!(
             self.symbolic.row_idx().len(),
@@ -112,7 +127,7 @@ impl TangentPattern {
         tangent.damping.fill(0.0);
         let x = body.positions_m();
         for (link, slots) in body.network().links().iter().zip(&self.links) {
-            let t = link.spring.tangent(x[link.b] - x[link.a], clamped);
+            let t = link.spring.tangent(x[link.b] - x[link.a], springs_clamped);
             for (values, block) in [(&mut tangent.stiffness, t.stiffness), (&mut tangent.damping, t.damping)]
             {
                 for slot in [slots.aa, slots.bb].into_iter().flatten() {
@@ -124,6 +139,23 @@ impl TangentPattern {
                 }
             }
         }
+        for tetrahedron in body.active_barriers() {
+            let free = tetrahedron.nodes.map(|node| body.network().free_index(node));
+            for (row, blocks) in free.into_iter().zip(tetrahedron.stiffness(x, barriers_clamped)) {
+                for (column, block) in free.into_iter().zip(blocks) {
+                    if let Some(slot) = row.zip(column).and_then(|(row, column)| self.slot(row, column)) {
+                        slot.add(block, &mut tangent.stiffness);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Where the block of two free nodes is.
+    fn slot(&self, row: usize, column: usize) -> Option<Slot> {
+        let range = self.symbolic.col_range(3 * column);
+        let place = self.symbolic.row_idx()[range.clone()].binary_search(&(3 * row)).ok()?;
+        Some(Slot { first: range.start + place, stride: range.len() })
     }
 
     /// The positions of the entries, for a symbolic factorisation.

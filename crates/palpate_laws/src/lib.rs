@@ -57,6 +57,7 @@ mod rows;
 mod skin;
 mod spring;
 mod touch;
+mod volume;
 
 pub use contact::one_sided;
 pub use coulomb::Coulomb;
@@ -68,6 +69,7 @@ pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Effort, Row, RowLaw, Sweeps, s
 pub use skin::SkinLaw;
 pub use spring::{Spring, SpringTangent};
 pub use touch::{Feature, FeatureGap, POINT_NODES, ToolShape, nearest_weights};
+pub use volume::VolumeBarrier;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -104,7 +104,8 @@ pub use hand_over::{HandOver, HandOverSettings, Offer, Spoken, Swap};
 pub use low_pass::LowPass;
 pub use model::{Capacity, Contact, LocalModel, ModelId, Scheme};
 pub use near_field::{
-    NearEnd, NearField, NearFieldCapacity, NearPoint, NearSpring, NearTriangle, Support, TickIntegrator,
+    NearEnd, NearField, NearFieldCapacity, NearPoint, NearSpring, NearTetrahedron, NearTriangle, Support,
+    TickIntegrator,
 };
 pub use sample::{Sample, SampleHistory, SampleOrigin};
 pub use tick::LocalState;

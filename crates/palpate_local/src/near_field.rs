@@ -8,7 +8,7 @@
 use crate::LocalModelError;
 use crate::dense::{Cholesky, zeros};
 use glam::DVec3;
-use palpate_laws::{Coupling, POINT_NODES, Spring, ToolShape};
+use palpate_laws::{Coupling, POINT_NODES, Spring, ToolShape, VolumeBarrier};
 
 /// How much a near field can hold; fixed at construction, and refused beyond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,6 +71,15 @@ pub struct NearSpring {
     pub b: NearEnd,
     /// Its law, rest length and damper.
     pub spring: Spring,
+}
+
+/// A tetrahedron of a cell with a node in S, and its volume barrier.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NearTetrahedron {
+    /// Its nodes; the edges lead from the first to the others: i < s is node i of S, s + i node i of the ring.
+    pub nodes: [usize; 4],
+    /// Its barrier.
+    pub barrier: VolumeBarrier,
 }
 
 /// A point of the surface: Σ w_i x_i over nodes of S.
@@ -139,7 +148,7 @@ impl TickIntegrator {
     }
 }
 
-/// S dynamic, the springs incident to S exact, all others linear about the model step and reduced to δx_r = V q, with V
+/// S dynamic, the springs and compressed cells incident to S exact, all others linear about the model step and reduced to δx_r = V q, with V
 /// orthonormal in the masses: Vᵀ M V = 1.
 ///
 /// The state is z = (δx_S, q) of 3s + p numbers. Matrices row by row, the first entries of their buffers; buffers have the
@@ -154,6 +163,8 @@ pub struct NearField {
     pub ring: usize,
     /// Near springs.
     pub springs: usize,
+    /// Near tetrahedra.
+    pub tetrahedra: usize,
     /// Points of the surface.
     pub points: usize,
     /// Triangles.
@@ -172,6 +183,8 @@ pub struct NearField {
     pub basis: Vec<f64>,
     /// The springs incident to S.
     pub near: Vec<NearSpring>,
+    /// The tetrahedra of strongly compressed cells that have a node in S; room for twice as many as springs.
+    pub tetrahedron: Vec<NearTetrahedron>,
     /// The points of the surface that nodes of S carry.
     pub point: Vec<NearPoint>,
     /// The triangles between them.
@@ -217,6 +230,7 @@ impl NearField {
             order: 0,
             ring: 0,
             springs: 0,
+            tetrahedra: 0,
             points: 0,
             triangles: 0,
             support: Support::Driven,
@@ -229,6 +243,7 @@ impl NearField {
                 NearSpring { a: 0, b: NearEnd::Fixed(DVec3::ZERO), spring: Spring::default() };
                 springs
             ],
+            tetrahedron: vec![NearTetrahedron::default(); 2 * springs],
             point: vec![NearPoint::default(); points],
             triangle: vec![NearTriangle::default(); triangles],
             stiffness: zeros(order * order),
@@ -275,6 +290,7 @@ impl NearField {
             TickIntegrator::Implicit { .. } => 2 * p * p + 2 * n * n,
         };
         let step = on_z.saturating_add(6 * self.ring * p).saturating_add(SPRING * self.springs);
+        let step = step.saturating_add(TETRAHEDRON.saturating_mul(self.tetrahedra));
         step.saturating_mul(self.integrator.substeps() as usize)
     }
 
@@ -282,6 +298,7 @@ impl NearField {
     pub fn clear(&mut self) {
         (self.nodes, self.order, self.ring) = (0, 0, 0);
         (self.springs, self.points, self.triangles) = (0, 0, 0);
+        self.tetrahedra = 0;
         self.is_cut = false;
     }
 
@@ -295,6 +312,7 @@ impl NearField {
             ("columns of the basis", self.order, capacity.order),
             ("nodes of the ring", self.ring, capacity.ring),
             ("near springs", self.springs, capacity.springs),
+            ("near tetrahedra", self.tetrahedra, capacity.springs.saturating_mul(2)),
             ("points of the surface", self.points, capacity.points),
             ("triangles", self.triangles, capacity.triangles),
         ] {
@@ -349,6 +367,7 @@ impl NearField {
         let finite = |places: &[DVec3]| places.iter().all(|x| x.is_finite());
         let end_is_finite = |end: &NearEnd| !matches!(end, NearEnd::Fixed(x) if !x.is_finite());
         let springs = self.near.get(..self.springs).unwrap_or_default();
+        let tetrahedra = self.tetrahedron.get(..self.tetrahedra).unwrap_or_default();
         let points = self.point.get(..self.points).unwrap_or_default();
         let triangles = self.triangle.get(..self.triangles).unwrap_or_default();
         for (what, ok) in [
@@ -377,6 +396,13 @@ impl NearField {
         };
         for (what, ok) in [
             ("a near spring", springs.iter().all(|spring| spring.a < self.nodes && in_range(&spring.b))),
+            (
+                "a near tetrahedron",
+                tetrahedra
+                    .iter()
+                    .flat_map(|tetrahedron| tetrahedron.nodes)
+                    .all(|node| node < self.nodes + self.ring),
+            ),
             (
                 "a point of the surface",
                 points.iter().flat_map(NearPoint::carriers).all(|(node, _)| node < self.nodes),
@@ -437,6 +463,7 @@ impl NearField {
         }
         (self.nodes, self.order, self.ring) = (other.nodes, other.order, other.ring);
         (self.springs, self.points, self.triangles) = (other.springs, other.points, other.triangles);
+        self.tetrahedra = other.tetrahedra;
         (self.support, self.integrator) = (other.support, other.integrator);
         (self.tick_s, self.is_cut) = (other.tick_s, other.is_cut);
         (self.start_m, self.energy_j) = (other.start_m, other.energy_j);
@@ -444,6 +471,7 @@ impl NearField {
         copy(&mut self.node_m, &other.node_m, other.nodes);
         copy(&mut self.ring_m, &other.ring_m, other.ring);
         copy(&mut self.near, &other.near, other.springs);
+        copy(&mut self.tetrahedron, &other.tetrahedron, other.tetrahedra);
         copy(&mut self.point, &other.point, other.points);
         copy(&mut self.triangle, &other.triangle, other.triangles);
         let targets = [
@@ -468,6 +496,8 @@ impl NearField {
 const LEAST_RADIUS_M: f64 = 1e-6;
 /// A spring is worth so many multiplications.
 const SPRING: usize = 60;
+/// A volume barrier is worth so many multiplications.
+const TETRAHEDRON: usize = 60;
 /// Most substeps of a tick.
 pub(crate) const MOST_SUBSTEPS: u32 = 64;
 

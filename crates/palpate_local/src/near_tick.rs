@@ -9,7 +9,7 @@ use crate::dense::{add_columns, dot, subtract_product, zeros};
 use crate::near_touch::Meeting;
 use crate::{NearEnd, NearField, NearFieldCapacity, Sample, Support, TickIntegrator};
 use glam::DVec3;
-use palpate_laws::ToolMove;
+use palpate_laws::{ToolMove, VolumeBarrier};
 
 /// The state z = (δx_S, q) of a near field, and room to compute in.
 #[derive(Clone, Debug)]
@@ -20,7 +20,7 @@ pub(crate) struct NearState {
     pub(crate) z_dot: Vec<f64>,
     /// What acts on z: forces on S, N, then on q.
     force: Vec<f64>,
-    /// The internal force on each node of S, N: springs and dampers.
+    /// The internal force on each node of S, N: springs, dampers and volume barriers.
     pub(crate) internal_n: Vec<DVec3>,
     /// Of the ring: displacements, velocities, and forces of the near springs, three numbers a node.
     ring_dx: Vec<f64>,
@@ -157,6 +157,17 @@ impl NearState {
             let a = place(near.a);
             elastic += near.spring.energy_j(after - a - get(z, near.a)) - near.spring.energy_j(before - a);
         }
+        for tetrahedron in field.tetrahedron.iter().take(field.tetrahedra) {
+            let place = |node: usize| match node.checked_sub(field.nodes) {
+                None => field.node_m.get(node).map(|x| (*x, *x + get(z, node))),
+                Some(i) => field.ring_m.get(i).map(|x| (*x, *x + get(&self.ring_dx, i))),
+            };
+            let [Some(o), Some(a), Some(b), Some(c)] = tetrahedron.nodes.map(place) else { continue };
+            let energy = |[o, a, b, c]: [DVec3; 4]| {
+                tetrahedron.barrier.energy_j(tetrahedron.barrier.ratio([a - o, b - o, c - o]))
+            };
+            elastic += energy([o.1, a.1, b.1, c.1]) - energy([o.0, a.0, b.0, c.0]);
+        }
         // −(F_far,N + B̃ q̇_N)ᵀ q + ½ qᵀ K̃ q: without what the dampers gave at the model step.
         let (q, p) = (z.get(s..).unwrap_or_default(), field.order.max(1));
         let q_dot_n = field.velocity.get(s..n).unwrap_or_default();
@@ -232,7 +243,7 @@ impl NearState {
         }
     }
 
-    /// The forces of the near springs, on S and on the ring, at the present state.
+    /// The forces of the near springs and tetrahedra, on S and on the ring, at the present state.
     fn stretch_near_springs(&mut self, field: &NearField) {
         if std::mem::replace(&mut self.is_stretched, true) {
             return;
@@ -266,6 +277,36 @@ impl NearState {
                     put(&mut self.ring_n, i, sum);
                 }
                 NearEnd::Fixed(_) => {}
+            }
+        }
+        self.push_near_tetrahedra(field);
+    }
+
+    /// Adds the forces of the near tetrahedra.
+    fn push_near_tetrahedra(&mut self, field: &NearField) {
+        for tetrahedron in field.tetrahedron.iter().take(field.tetrahedra) {
+            let place = |node: usize| match node.checked_sub(field.nodes) {
+                None => field.node_m.get(node).map(|x| *x + get(&self.z, node)),
+                Some(i) => field.ring_m.get(i).map(|x| *x + get(&self.ring_dx, i)),
+            };
+            let [Some(o), Some(a), Some(b), Some(c)] = tetrahedron.nodes.map(place) else { continue };
+            let edges = [a - o, b - o, c - o];
+            if !VolumeBarrier::is_active(tetrahedron.barrier.ratio(edges)) {
+                continue;
+            }
+            let [a, b, c] = tetrahedron.barrier.forces_n(edges);
+            for (node, force) in tetrahedron.nodes.into_iter().zip([-(a + b + c), a, b, c]) {
+                match node.checked_sub(field.nodes) {
+                    None => {
+                        if let Some(sum) = self.internal_n.get_mut(node) {
+                            *sum += force;
+                        }
+                    }
+                    Some(i) => {
+                        let sum = get(&self.ring_n, i) + force;
+                        put(&mut self.ring_n, i, sum);
+                    }
+                }
             }
         }
     }

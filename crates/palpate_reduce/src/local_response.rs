@@ -94,6 +94,9 @@ fn matrices(field: &NearField) -> (Mat<f64>, Mat<f64>) {
         k += g.transpose() * block(tangent.stiffness) * &g;
         b += g.transpose() * block(tangent.damping) * &g;
     }
+    if let Some(barriers) = crate::near_field::barrier_stiffness(field) {
+        k += barriers;
+    }
     (k, b)
 }
 

@@ -6,8 +6,14 @@ mod implicit;
 mod ring;
 mod room;
 mod support;
+mod tetrahedra;
 
 pub(crate) use room::capacity;
+
+/// The exact stiffness of a field's near tetrahedra over z; `None` where none of their barriers acts.
+pub(crate) fn barrier_stiffness(field: &NearField) -> Option<Mat<f64>> {
+    tetrahedra::stiffness(field, false)
+}
 
 use crate::{BuilderOptions, ReduceError};
 use basis::Basis;
@@ -19,11 +25,12 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
 use palpate_body::{
-    Body, Network, SemiImplicitEuler, SurfaceTree, Tangent, TangentPattern, ToolContact, ToolPoint,
-    TouchedPoint,
+    BarrierTetrahedron, Body, Network, SemiImplicitEuler, SurfaceTree, Tangent, TangentPattern, ToolContact,
+    ToolPoint, TouchedPoint, VolumeBarrier,
 };
 use palpate_local::{
-    LocalModel, LocalModelError, NearEnd, NearField, NearPoint, NearSpring, NearTriangle, TickIntegrator,
+    LocalModel, LocalModelError, NearEnd, NearField, NearPoint, NearSpring, NearTetrahedron, NearTriangle,
+    TickIntegrator,
 };
 use support::SupportSet;
 
@@ -47,6 +54,8 @@ const MOST_SUBSTEPS: usize = 4;
 const IMPLICIT_SUBSTEPS: u32 = 2;
 /// Most substeps that a loop takes at all.
 const LARGEST_SUBSTEPS: usize = 64;
+/// Tetrahedra with a node in S are near up to this volume ratio: a tool may compress them further before the next model step.
+const NEAR_RATIO: f64 = VolumeBarrier::ONSET + 0.2;
 
 /// Room to build near fields of one body in, and what does not change in its life.
 #[derive(Debug)]
@@ -333,6 +342,7 @@ impl Workspace {
                 field.springs += 1;
             }
         }
+        let far_tetrahedra = self.write_tetrahedra(body, field, &mut far_n)?;
         let entries = 3 * field.ring;
         for (i, &node) in self.ring.iter().enumerate() {
             basis.write_rows(node, |axis, j, v| field.basis[entries * j + 3 * i + axis] = v);
@@ -346,7 +356,8 @@ impl Workspace {
                 field.velocity[3 * s + j] = momentum;
             },
         );
-        basis.congruence(body, &is_near, is_clamped, &mut field.stiffness, &mut field.damping);
+        let far = (&is_near[..], &far_tetrahedra[..]);
+        basis.congruence(body, far, is_clamped, &mut field.stiffness, &mut field.damping);
         let substeps =
             SemiImplicitEuler { tick_s: options.tick_s, ..SemiImplicitEuler::default() }.substeps(body);
         let explicit = |most: usize| {
@@ -363,6 +374,54 @@ impl Workspace {
             implicit::make_implicit(field, field.tick_s / f64::from(substeps))?;
         }
         Ok(())
+    }
+
+    /// Writes the near tetrahedra, and takes their forces away from `far_n`. Returns the other tetrahedra whose barriers act.
+    fn write_tetrahedra(
+        &mut self,
+        body: &Body,
+        field: &mut NearField,
+        far_n: &mut [DVec3],
+    ) -> Result<Vec<BarrierTetrahedron>, ReduceError> {
+        let (network, x, room) = (body.network(), body.positions_m(), field.capacity());
+        let too_many = |what, found, room| ReduceError::from(LocalModelError::Room { what, found, room });
+        let mut far = Vec::new();
+        for tetrahedron in body.barriers_below(NEAR_RATIO) {
+            let moves =
+                |&node: &usize| matches!(self.place[node], Place::Support(_)) && !network.is_fixed(node);
+            if !tetrahedron.nodes.iter().any(moves) {
+                far.extend(VolumeBarrier::is_active(tetrahedron.ratio(x)).then_some(tetrahedron));
+                continue;
+            }
+            for (&node, force) in tetrahedron.nodes.iter().zip(tetrahedron.forces_n(x)) {
+                far_n[node] -= force;
+            }
+            let mut near = NearTetrahedron { nodes: [0; 4], barrier: tetrahedron.barrier };
+            for (to, &node) in near.nodes.iter_mut().zip(&tetrahedron.nodes) {
+                if self.place[node] == Place::Elsewhere {
+                    let i = field.ring;
+                    if i == room.ring {
+                        return Err(too_many("nodes of the ring", i + 1, room.ring));
+                    }
+                    // The rows of V of a fixed node are zero.
+                    self.place[node] = Place::Ring(i);
+                    field.ring_m[i] = x[node];
+                    self.ring.push(node);
+                    field.ring += 1;
+                }
+                *to = match self.place[node] {
+                    Place::Support(i) => i,
+                    Place::Ring(i) => field.nodes + i,
+                    Place::Elsewhere => continue,
+                };
+            }
+            let Some(to) = field.tetrahedron.get_mut(field.tetrahedra) else {
+                return Err(too_many("near tetrahedra", field.tetrahedra + 1, field.tetrahedron.len()));
+            };
+            *to = near;
+            field.tetrahedra += 1;
+        }
+        Ok(far)
     }
 
     /// Writes the linear reduced system of `body` driven at `node` into `model`, with the same basis.
@@ -392,7 +451,8 @@ impl Workspace {
             },
         );
         let none_near = vec![false; network.links().len()];
-        basis.congruence(body, &none_near, model.clamped, &mut r.stiffness, &mut r.damping);
+        let barriers: Vec<BarrierTetrahedron> = body.active_barriers().collect();
+        basis.congruence(body, (&none_near, &barriers), model.clamped, &mut r.stiffness, &mut r.damping);
         r.stiffness_rc[..3 * p].fill(0.0);
         r.damping_rc[..3 * p].fill(0.0);
         (model.stiffness_n_per_m, model.damping_ns_per_m) = (DMat3::ZERO, DMat3::ZERO);
@@ -404,6 +464,19 @@ impl Workspace {
             model.damping_ns_per_m += t.damping;
             basis.subtract_coupling(other, t.stiffness, &mut r.stiffness_rc);
             basis.subtract_coupling(other, t.damping, &mut r.damping_rc);
+        }
+        for tetrahedron in &barriers {
+            let Some(own) = tetrahedron.nodes.iter().position(|&other| other == node) else { continue };
+            for ((i, &other), blocks) in
+                tetrahedron.nodes.iter().enumerate().zip(tetrahedron.stiffness(x, model.clamped))
+            {
+                if i == own {
+                    model.stiffness_n_per_m += blocks[own];
+                } else {
+                    // The block of the driven node's row and the other's column.
+                    basis.subtract_coupling(other, -blocks[own].transpose(), &mut r.stiffness_rc);
+                }
+            }
         }
         let implicit: Vec<f64> = (0..p * p)
             .map(|at| if at / p == at % p { 1.0 / h } else { 0.0 } + r.damping[at] + h * r.stiffness[at])

@@ -38,6 +38,7 @@ pub(super) struct Pieces<'a> {
     pub(super) mass_kg: &'a mut Vec<f64>,
     pub(super) fixed: &'a mut Vec<bool>,
     pub(super) links: &'a mut Vec<Link>,
+    pub(super) cells: &'a mut Vec<[usize; 8]>,
     pub(super) surface: &'a mut Surface,
 }
 
@@ -125,6 +126,9 @@ impl Block {
             }
         }
         pieces.links.extend(doubled);
+        for cell in pieces.cells.iter_mut().filter(|cell| cut.ijk(cell[0])[0] >= cut.plane) {
+            *cell = cell.map(on_right);
+        }
         // At rest where they have been bent to.
         for (index, link) in pieces.links.iter_mut().enumerate() {
             let length_m = pieces.rest_m[link.a].distance(pieces.rest_m[link.b]);

@@ -2,7 +2,7 @@
 
 use super::approach::Approach;
 use super::constrain::{Step, ToolStep};
-use super::{Body, LOOK_S, QUIET_M_PER_S, internal_forces};
+use super::{Body, LOOK_S, QUIET_M_PER_S, spring_forces};
 use crate::energy::Ledger;
 use crate::integrator::{LinearlyImplicitEuler, SolvedBy, Workspace};
 use crate::tool::Hold;
@@ -43,6 +43,9 @@ pub struct StepReport {
     pub unsolved: usize,
     /// Ties that tore.
     pub torn: usize,
+    /// Cells that are inverted at the end of the advance: those for which the volume ratio of at least one of their ten tetrahedra
+    /// is zero or negative. See [`Body::inverted_cells`].
+    pub inverted_cells: usize,
 }
 
 /// How often the stable step of a body of linear springs is estimated anew.
@@ -144,17 +147,26 @@ impl Body {
         }
         tools.iter_mut().for_each(|tool| tool.contact.touched_nodes.clear());
         let mut forces = vec![DVec3::ZERO; tools.len()];
-        let (ticks_per_step, mut substeps) = integrator.steps(self)?;
-        let mut report = StepReport { ticks, substeps, ..StepReport::default() };
+        let mut rates = integrator.spring_rates(self);
+        let (ticks_per_step, mut spring_substeps) = (integrator.ticks_per_step(), integrator.steps(rates)?);
+        let mut report = StepReport { ticks, substeps: spring_substeps, ..StepReport::default() };
         let mut tick = 0;
         while tick < ticks {
             // Stiffness changes with the shape, and the stable step with it; fast where a law stiffens.
             if tick > 0 && (tick % LOOK_TICKS == 0 || !self.network.is_linear()) {
-                (_, substeps) = integrator.steps(self)?;
-                report.substeps = report.substeps.max(substeps);
+                rates = integrator.spring_rates(self);
+                spring_substeps = integrator.steps(rates)?;
             }
             let span = ticks_per_step.min(ticks - tick);
             let span_s = integrator.tick_s() * span as f64;
+            let substeps = if rates.is_some() {
+                // A barrier is as stiff as its cell is compressed.
+                let barriers = self.watch.rate_bound(&self.network, (&self.x, &self.v), integrator.tick_s());
+                integrator.steps_with_barriers(spring_substeps, rates, barriers)
+            } else {
+                spring_substeps
+            };
+            report.substeps = report.substeps.max(substeps);
             let mut approaches: Vec<Approach> = Vec::with_capacity(tools.len());
             for ToolRun { contact, path } in &mut *tools {
                 let way = (path[tick].position_m, path[tick + span].position_m);
@@ -180,7 +192,8 @@ impl Body {
             tick += span;
             let moving = self.network.free().iter().any(|&node| self.v[node].length() > QUIET_M_PER_S);
             let looked = (integrator.tick_s() * span as f64).min(LOOK_S);
-            self.quiet_s = if moving { 0.0 } else { self.quiet_s + looked };
+            let at_rest = !moving && self.watch.inverted_count(self.network.barriers(), &self.x) == 0;
+            self.quiet_s = if at_rest { self.quiet_s + looked } else { 0.0 };
             for (force, tool) in forces.iter_mut().zip(&*tools) {
                 *force = tool.contact.displayed_force_n(self);
             }
@@ -192,6 +205,7 @@ impl Body {
                 if ticks > 0 {
                     self.ties.iter_mut().for_each(Tie::arrive);
                 }
+                report.inverted_cells = self.watch.inverted_count(self.network.barriers(), &self.x);
                 Ok(report)
             }
         }
@@ -214,7 +228,8 @@ impl Body {
                 (self.x[node], self.v[node]) = (at, *velocity_m_per_s);
             }
         }
-        internal_forces(&self.network, &self.x, &self.v, &mut self.force);
+        spring_forces(&self.network, &self.x, &self.v, &mut self.force);
+        self.watch.add_forces(self.network.barriers(), &self.x, &mut self.force);
         let driven = drive.map(|(node, _)| node);
         if let Some(node) = driven {
             self.ledger = self.ledger.take().map(|ledger| ledger.drive(self, node, self.force[node]));

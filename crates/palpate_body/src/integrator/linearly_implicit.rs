@@ -20,7 +20,8 @@ use glam::{DMat3, DVec3};
 /// that stiff tissue needs no more steps than soft; it is of first order, and damps what is fast compared with h.
 ///
 /// K is the exact tangent with its geometric stiffness. Where the matrix is not positive definite, a body about to
-/// buckle, K's clamped part takes its place for that step, and [`crate::StepReport::clamped`] counts it.
+/// buckle, K's clamped part takes its place for that step, and [`crate::StepReport::clamped`] counts it. The part of
+/// volume barriers is always clamped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinearlyImplicitEuler {
     /// Length of a tick, s.
@@ -163,7 +164,8 @@ impl Workspace {
 
     fn assemble(&mut self, body: &Body, driven: Option<usize>, force: &[DVec3], h: f64, clamped: bool) {
         let (network, v) = (body.network(), body.velocities_m_per_s());
-        self.pattern.fill(body, clamped, &mut self.tangent);
+        // The exact tangent of a barrier would make steps long along its negative curvature, and its force grows with them.
+        self.pattern.fill_parts(body, (clamped, true), &mut self.tangent);
         let symbolic = self.pattern.symbolic();
         let (k, b) = (self.tangent.stiffness(), self.tangent.damping());
         let is_driven = |dof: usize| Some(dof / 3) == driven;

@@ -15,6 +15,10 @@ use glam::{DMat3, DVec3};
 /// (a − b)² ≤ 2a² + 2b²), the stretched links' geometric stiffness included. The estimate uses these bounds at
 /// the state at which a model step begins, so a `stability_margin` is kept for what happens during the step.
 ///
+/// Volume barriers add a bound of their own, of those that act now or will within the tick, each with the greatest stiffness
+/// that it can have there. Where barriers need more than `max_substeps`, the step takes that many; a barrier's force is
+/// bounded.
+///
 /// # Energy
 ///
 /// Of a mode with damping 2ζω a step adds about h²ω²(v² − ω²x²)/2 of energy and the damper takes 2hζω v², so where every
@@ -43,19 +47,22 @@ impl SemiImplicitEuler {
     /// The largest stable substep h at the state of `body`, s, by the bound above.
     #[must_use]
     pub fn stable_step_s(body: &Body) -> f64 {
-        let (beta, kappa) = rate_bounds(body);
-        if kappa == 0.0 {
-            return if beta == 0.0 { f64::INFINITY } else { 2.0 / beta };
-        }
-        ((beta * beta + 4.0 * kappa).sqrt() - beta) / kappa
+        Rates::of_springs(body).stable_step_s(barrier_rate(body, 0.0))
     }
 
     /// Substeps in a tick at the state of `body`.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when a setting makes no sense, [`BodyError::Substeps`] when more than
-    /// `max_substeps` are needed.
+    /// [`BodyError::Parameter`] when a setting makes no sense, [`BodyError::Substeps`] when springs need more than
+    /// `max_substeps`.
     pub fn substeps(&self, body: &Body) -> Result<usize, BodyError> {
+        let rates = Rates::of_springs(body);
+        let springs = self.spring_substeps(rates)?;
+        Ok(self.barrier_substeps(rates, barrier_rate(body, self.tick_s)).max(springs))
+    }
+
+    /// Substeps in a tick without volume barriers.
+    pub(crate) fn spring_substeps(&self, rates: Rates) -> Result<usize, BodyError> {
         check_positive("tick, s", self.tick_s)?;
         let margin = self.stability_margin;
         check("stability margin", margin, margin > 0.0 && margin <= 1.0, "above 0 and at most 1")?;
@@ -66,36 +73,72 @@ impl SemiImplicitEuler {
             (1..=max).contains(&min),
             "at least 1 and at most the most",
         )?;
-        let needed = (self.tick_s / (margin * Self::stable_step_s(body))).ceil();
+        let needed = self.needed(rates, 0.0);
         if needed.is_nan() || needed > max as f64 {
             return Err(BodyError::Substeps { needed, allowed: max });
         }
         Ok(min.max(needed as usize))
     }
+
+    /// Substeps in a tick with volume barriers; at most `max_substeps`.
+    pub(crate) fn barrier_substeps(&self, rates: Rates, barriers_per_s2: f64) -> usize {
+        let needed = self.needed(rates, barriers_per_s2);
+        if needed < self.max_substeps as f64 { needed as usize } else { self.max_substeps }
+    }
+
+    fn needed(&self, rates: Rates, barriers_per_s2: f64) -> f64 {
+        (self.tick_s / (self.stability_margin * rates.stable_step_s(barriers_per_s2))).ceil()
+    }
 }
 
-/// Upper bounds of the largest eigenvalues of M⁻¹B (1/s) and M⁻¹K (1/s²) over the free nodes.
-fn rate_bounds(body: &Body) -> (f64, f64) {
-    let (network, x) = (body.network(), body.positions_m());
-    let (mut beta, mut kappa) = (0.0_f64, 0.0_f64);
-    for &node in network.free() {
-        let (mut k, mut b) = (DMat3::ZERO, DMat3::ZERO);
-        for &link in network.incident_links(node) {
-            let link = &network.links()[link];
-            let tangent = link.spring.tangent(x[link.b] - x[link.a], true);
-            k += tangent.stiffness;
-            b += tangent.damping;
+/// The bound of all volume barriers that act now or will within `ahead_s`, 1/s².
+fn barrier_rate(body: &Body, ahead_s: f64) -> f64 {
+    let (network, state) = (body.network(), (body.positions_m(), body.velocities_m_per_s()));
+    crate::cells::rate_bound(network.barriers().all_tetrahedra(), network, state, ahead_s)
+}
+
+/// Upper bounds of the largest eigenvalues over the free nodes, of springs and dampers.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Rates {
+    /// Of M⁻¹B, 1/s.
+    beta: f64,
+    /// Of M⁻¹K, 1/s².
+    kappa: f64,
+}
+
+impl Rates {
+    /// Those at the state of `body`.
+    pub(crate) fn of_springs(body: &Body) -> Self {
+        let (network, x) = (body.network(), body.positions_m());
+        let (mut beta, mut kappa) = (0.0_f64, 0.0_f64);
+        for &node in network.free() {
+            let (mut k, mut b) = (DMat3::ZERO, DMat3::ZERO);
+            for &link in network.incident_links(node) {
+                let link = &network.links()[link];
+                let tangent = link.spring.tangent(x[link.b] - x[link.a], true);
+                k += tangent.stiffness;
+                b += tangent.damping;
+            }
+            let per_mass = 2.0 / network.mass_kg()[node];
+            beta = beta.max(per_mass * largest_eigenvalue(&b));
+            kappa = kappa.max(per_mass * largest_eigenvalue(&k));
         }
-        let per_mass = 2.0 / network.mass_kg()[node];
-        beta = beta.max(per_mass * largest_eigenvalue(&b));
-        kappa = kappa.max(per_mass * largest_eigenvalue(&k));
+        Self { beta, kappa }
     }
-    (beta, kappa)
+
+    /// The largest stable substep, s, with volume barriers whose largest eigenvalue of M⁻¹K is at most `barriers_per_s2`.
+    fn stable_step_s(self, barriers_per_s2: f64) -> f64 {
+        let (beta, kappa) = (self.beta, self.kappa + barriers_per_s2);
+        if kappa == 0.0 {
+            return if beta == 0.0 { f64::INFINITY } else { 2.0 / beta };
+        }
+        ((beta * beta + 4.0 * kappa).sqrt() - beta) / kappa
+    }
 }
 
 /// Largest eigenvalue of a symmetric matrix, by the trigonometric solution of its characteristic cubic
 /// (O. K. Smith, Communications of the ACM 4 (1961) 168).
-fn largest_eigenvalue(a: &DMat3) -> f64 {
+pub(crate) fn largest_eigenvalue(a: &DMat3) -> f64 {
     let mean = (a.x_axis.x + a.y_axis.y + a.z_axis.z) / 3.0;
     let shifted = *a - DMat3::from_diagonal(DVec3::splat(mean));
     let spread = (shifted.to_cols_array().iter().map(|v| v * v).sum::<f64>() / 6.0).sqrt();

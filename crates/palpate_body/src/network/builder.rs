@@ -28,11 +28,12 @@ use palpate_laws::{ForceLaw, Spring};
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct NetworkBuilder {
-    rest_m: Vec<DVec3>,
-    mass_kg: Vec<f64>,
-    fixed: Vec<bool>,
-    links: Vec<Link>,
-    allow_free: bool,
+    pub(super) rest_m: Vec<DVec3>,
+    pub(super) mass_kg: Vec<f64>,
+    pub(super) fixed: Vec<bool>,
+    pub(super) links: Vec<Link>,
+    pub(super) cells: Vec<[usize; 8]>,
+    pub(super) allow_free: bool,
     error: Option<BodyError>,
 }
 
@@ -40,8 +41,9 @@ impl Network {
     /// The same network, to be changed.
     #[must_use]
     pub fn edit(self) -> NetworkBuilder {
+        let cells = self.cells().to_vec();
         let Self { rest_m, mass_kg, fixed, links, allow_free, .. } = self;
-        NetworkBuilder { rest_m, mass_kg, fixed, links, allow_free, error: None }
+        NetworkBuilder { rest_m, mass_kg, fixed, links, cells, allow_free, error: None }
     }
 }
 
@@ -54,7 +56,12 @@ impl NetworkBuilder {
 
     /// Of lists as [`Network::new`] takes them.
     pub(crate) fn of(rest_m: Vec<DVec3>, mass_kg: Vec<f64>, fixed: Vec<bool>, links: Vec<Link>) -> Self {
-        Self { rest_m, mass_kg, fixed, links, allow_free: false, error: None }
+        Self { rest_m, mass_kg, fixed, links, cells: Vec::new(), allow_free: false, error: None }
+    }
+
+    /// The same network with hexahedral cells between its nodes.
+    pub(crate) fn with_cells(self, cells: Vec<[usize; 8]>) -> Self {
+        Self { cells, ..self }
     }
 
     /// Adds a free node at `rest_m` (m) of mass `mass_kg`, and returns its index.
@@ -184,7 +191,7 @@ impl NetworkBuilder {
     pub fn build(self) -> Result<Network, BodyError> {
         match self.error {
             Some(error) => Err(error),
-            None => Network::assemble(self.rest_m, self.mass_kg, self.fixed, self.links, self.allow_free),
+            None => Network::assemble(self),
         }
     }
 

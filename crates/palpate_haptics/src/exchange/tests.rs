@@ -2,10 +2,10 @@
 
 use crate::{LoopConfig, LoopSettings, haptic_loop};
 use glam::{DMat3, DVec3};
-use palpate_laws::{Coupling, Spring, ToolShape};
+use palpate_laws::{Coupling, Spring, ToolShape, VolumeBarrier};
 use palpate_local::{
     Capacity, Cholesky, Contact, HandOverSettings, LocalModel, ModelId, NearEnd, NearField,
-    NearFieldCapacity, NearSpring, NearTriangle, Scheme, Support, TickIntegrator,
+    NearFieldCapacity, NearSpring, NearTetrahedron, NearTriangle, Scheme, Support, TickIntegrator,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -91,6 +91,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         order,
         ring,
         springs,
+        tetrahedra,
         points,
         triangles,
         support,
@@ -100,6 +101,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         ring_m,
         basis,
         near,
+        tetrahedron,
         point,
         triangle,
         stiffness,
@@ -123,6 +125,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         (order, room.order),
         (ring, room.ring),
         (springs, room.springs),
+        (tetrahedra, 2 * room.springs),
         (points, room.points),
         (triangles, room.triangles),
     ] {
@@ -140,6 +143,11 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         let (a, at, ring) = (n.size(3), n.vector(), n.size(7));
         let b = if n.is() { NearEnd::Fixed(at) } else { NearEnd::Ring(ring) };
         *spring = NearSpring { a, b, spring: Spring::linear(n.next(), n.next(), n.next()).unwrap() };
+    }
+    for tetrahedron in tetrahedron {
+        let edges = [DVec3::X * n.next(), DVec3::Y, DVec3::Z];
+        let barrier = VolumeBarrier::new(edges, n.next()).unwrap();
+        *tetrahedron = NearTetrahedron { nodes: [n.size(3), n.size(3), n.size(7), n.size(7)], barrier };
     }
     for point in point {
         point.nodes.iter_mut().for_each(|carrier| *carrier = (n.size(3), n.next()));

@@ -77,17 +77,19 @@ fn what_is_not_finite_is_found_wherever_it_is() {
 #[test]
 fn wrong_sizes_and_indices_are_found() {
     type Spoil = fn(&mut NearField);
-    let poison: [Spoil; 11] = [
+    let poison: [Spoil; 13] = [
         |f| f.nodes = usize::MAX,
         |f| f.order = 3,
         |f| f.ring = 3,
         |f| f.springs = 4,
         |f| f.points = 4,
         |f| f.triangles = 2,
+        |f| f.tetrahedra = 7,
         |f| f.near[0].a = 3,
         |f| f.near[0].b = NearEnd::Ring(1),
         |f| f.point[2].nodes[0].0 = 3,
         |f| f.triangle[0].points[2] = 3,
+        |f| (f.tetrahedra, f.tetrahedron[0].nodes) = (1, [0, 1, 2, 4]),
         |f| f.integrator = TickIntegrator::Explicit { substeps: 65 },
     ];
     for (i, spoil) in poison.into_iter().enumerate() {
@@ -95,8 +97,8 @@ fn wrong_sizes_and_indices_are_found() {
         spoil(&mut bad);
         let error = bad.validate().unwrap_err();
         match i {
-            0..6 => assert!(matches!(error, LocalModelError::Room { .. }), "{error}"),
-            6..10 => assert!(matches!(error, LocalModelError::Index { .. }), "{error}"),
+            0..7 => assert!(matches!(error, LocalModelError::Room { .. }), "{error}"),
+            7..12 => assert!(matches!(error, LocalModelError::Index { .. }), "{error}"),
             _ => assert!(matches!(error, LocalModelError::Setting { .. }), "{error}"),
         }
     }
@@ -109,8 +111,11 @@ fn wrong_sizes_and_indices_are_found() {
 #[test]
 fn a_copy_is_whole_and_needs_room() {
     let mut to = NearField::with_capacity(NearFieldCapacity { nodes: 5, order: 4, ..CAPACITY });
-    to.copy_from(&triangle()).unwrap();
+    let mut field = triangle();
+    (field.tetrahedra, field.tetrahedron[0].nodes) = (1, [2, 1, 0, 3]);
+    to.copy_from(&field).unwrap();
     assert_eq!((to.nodes, to.springs, to.near[1].b), (3, 3, NearEnd::Support(2)));
+    assert_eq!((to.tetrahedra, to.tetrahedron[0].nodes), (1, [2, 1, 0, 3]));
     assert_eq!(to.validate(), Ok(()));
     let mut small = NearField::with_capacity(NearFieldCapacity { ring: 0, ..CAPACITY });
     let refused = LocalModelError::Room { what: "nodes of the ring", found: 1, room: 0 };

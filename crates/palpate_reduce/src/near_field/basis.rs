@@ -3,7 +3,7 @@
 use faer::linalg::matmul::{matmul, triangular};
 use faer::{Accum, Mat, MatRef, Par, Side};
 use glam::{DMat3, DVec3};
-use palpate_body::{Body, Network};
+use palpate_body::{BarrierTetrahedron, Body, Network};
 use std::ops::Range;
 use triangular::BlockStructure::{Rectangular, TriangularLower};
 
@@ -180,11 +180,12 @@ impl Basis {
         }
     }
 
-    /// Vᵀ K V and Vᵀ B V of the springs that are not `is_near`, row by row, into `stiffness` and `damping`.
+    /// Vᵀ K V and Vᵀ B V of the springs that are not `is_near` and of the volume barriers of `tetrahedra`, row by row, into
+    /// `stiffness` and `damping`.
     pub(super) fn congruence(
         &self,
         body: &Body,
-        is_near: &[bool],
+        (is_near, tetrahedra): (&[bool], &[BarrierTetrahedron]),
         clamped: bool,
         stiffness: &mut [f64],
         damping: &mut [f64],
@@ -210,6 +211,18 @@ impl Basis {
                 multiply(block, &stretch, &mut force);
                 for (rows, sign) in ends.iter().flatten() {
                     product[rows.clone()].iter_mut().zip(&force).for_each(|(to, f)| *to += sign * f);
+                }
+            }
+        }
+        let [on_rows, _] = &mut products;
+        for tetrahedron in tetrahedra {
+            let rows = tetrahedron.nodes.map(|node| self.rows_of(node));
+            for (to, blocks) in rows.iter().zip(tetrahedron.stiffness(x, clamped)) {
+                let Some(to) = to else { continue };
+                for (from, block) in rows.iter().zip(blocks) {
+                    let Some(from) = from else { continue };
+                    multiply(block, &self.rows[from.clone()], &mut force);
+                    on_rows[to.clone()].iter_mut().zip(&force).for_each(|(to, f)| *to += f);
                 }
             }
         }

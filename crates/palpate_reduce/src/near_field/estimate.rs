@@ -1,7 +1,7 @@
 //! How far a near field is from the body whose far field it reduces.
 
 use super::basis::Basis;
-use super::ring;
+use super::{ring, tetrahedra};
 use faer::sparse::SparseColMatRef;
 use glam::DVec3;
 use palpate_body::{Network, Tangent};
@@ -73,6 +73,10 @@ fn reduced(field: &NearField, mut y: Vec<f64>) -> Option<Vec<f64>> {
     for i in 0..p {
         (0..=i).for_each(|j| a[i * p + j] += ring[(i, j)]);
         a[i * p + i] += SIGMA * SIGMA;
+    }
+    if let Some(barriers) = tetrahedra::stiffness(field, false) {
+        let s = 3 * field.nodes;
+        (0..p * p).for_each(|at| a[at] += barriers[(s + at / p, s + at % p)]);
     }
     let mut factor = Cholesky::with_capacity(p);
     factor.factorise(p, &a).ok()?;

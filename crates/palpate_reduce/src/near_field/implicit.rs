@@ -1,6 +1,6 @@
 //! The matrices of ticks that are integrated implicitly.
 
-use super::ring;
+use super::{ring, tetrahedra};
 use crate::ReduceError;
 use glam::DMat3;
 use palpate_local::{NearEnd, NearField, NearSpring, Support};
@@ -29,6 +29,11 @@ pub(super) fn make_implicit(field: &mut NearField, h: f64) -> Result<(), ReduceE
         let tangent = tangent(near, at - field.node_m[near.a]);
         for (matrix, block) in [(&mut k, tangent.stiffness), (&mut b, tangent.damping)] {
             add_near(field, near, block, matrix);
+        }
+    }
+    if let Some(barriers) = tetrahedra::stiffness(field, true) {
+        for (i, row) in k.chunks_exact_mut(n).enumerate() {
+            row.iter_mut().enumerate().for_each(|(j, to)| *to += barriers[(i, j)]);
         }
     }
     let is_driven = field.support == Support::Driven;

@@ -19,7 +19,7 @@ pub(crate) fn capacity(body: &Body, nodes: usize, order: usize) -> NearFieldCapa
     NearFieldCapacity {
         nodes,
         order: order.min(3 * network.free().len()),
-        ring: springs.min(network.free().len()),
+        ring: springs.min(network.node_count()),
         springs,
         points,
         // Of a closed surface twice as many as points, and those of a few more where it is open or sharp.
