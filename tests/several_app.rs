@@ -2,8 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{SimulatedBody, ToolLoop};
-use palpate_tests::app::{Contacts, lockstep_app, step, take_faults};
+use bevy_palpate::{NoForceCause, SimulatedBody, ToolLoop};
+use palpate_tests::app::{Contacts, lockstep_app, step, take_causes, take_faults};
 
 /// Presses the top of a 10 cm block round `center` at (x, z), 5 mm deep within 0.2 s, and stays.
 fn presser(center: DVec3, x: f64, z: f64) -> impl Fn() -> ScriptedDevice + Send + Sync + 'static {
@@ -96,7 +96,11 @@ fn a_body_that_goes_while_two_touch_it_leaves_them_without_force() {
         assert!(app.world().get::<ToolLoop>(tool).is_some(), "the loop goes on");
     }
     assert_eq!(app.world().resource::<Contacts>().0, ["began", "began", "ended", "ended"]);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    // Half a second without any body is reported for each.
+    let mut causes = take_causes(&mut app);
+    causes.sort_by_key(|(tool, _)| *tool);
+    assert_eq!(causes, tools.map(|tool| (tool, NoForceCause::NoBody)));
+    assert_eq!(take_faults(&mut app).len(), 2);
 }
 
 #[test]

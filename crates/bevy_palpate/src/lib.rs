@@ -49,7 +49,7 @@
 //!   [`Touching`]; messages [`ContactBegan`], [`ContactEnded`]; every tick in [`TickRecording`].
 //! * Devices: [`DeviceSelector`], [`HapticDevices`]; those that are plugged in (feature `hid`) by [`HidChoice`]; with the feature `window` `MouseDevicePlugin`.
 //! * Time: [`ModelStep`], [`HapticSystems`], [`ModelRate`], [`HapticClock`].
-//! * Faults: [`HapticFault`]. Costs and errors as diagnostics: [`HapticDiagnosticsPlugin`].
+//! * Faults: [`HapticFault`]; why a tool renders no force: [`NoForceCause`]. Costs and errors as diagnostics: [`HapticDiagnosticsPlugin`].
 //! * To look at it all: `HapticPanelPlugin` with `HapticPanel` and `HapticWidgets` (feature `panel`),
 //!   `HapticGizmosPlugin` with `HapticGizmos` (feature `gizmos`).
 //!
@@ -122,6 +122,7 @@ mod panel;
 mod plugins;
 mod reflect;
 mod schedule;
+mod step_time;
 mod suture;
 mod tool;
 
@@ -131,7 +132,9 @@ pub use body::{
 };
 pub use device::{DeviceSelector, HapticDevices, HidChoice, HidDeviceKind};
 pub use diagnostics::HapticDiagnosticsPlugin;
-pub use fault::{DeviceFault, HapticFault, HapticFaultKind, SutureFault};
+pub use fault::{
+    DeviceFault, HapticFault, HapticFaultKind, NoForceCause, SlowStep, StepPart, SutureFault, ToolSizeFault,
+};
 #[cfg(feature = "gizmos")]
 pub use gizmos::{HapticGizmos, HapticGizmosPlugin};
 #[cfg(feature = "window")]
@@ -142,7 +145,7 @@ pub use plugins::{FaultLogPlugin, PalpatePlugins};
 pub use schedule::{HapticClock, HapticSchedulePlugin, HapticSystems, ModelRate, ModelStep, ModelStepCount};
 pub use suture::{Suture, SutureForce, SuturePlugin, SutureTorn};
 pub use tool::{
-    ContactBegan, ContactEnded, Grasping, HapticTool, KeepBlackBox, LocalModelBuild, LocalModelError,
+    ContactBegan, ContactEnded, ContactState, Grasping, HapticTool, KeepBlackBox, LocalModelBuild, LocalModelError,
     LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolGrasp, ToolLoop, ToolPlugin, ToolSettings,
     Touching,
 };
@@ -154,7 +157,7 @@ struct Readme;
 /// What an app with haptic bodies needs.
 pub mod prelude {
     pub use crate::{
-        BodyRegion, ContactBegan, ContactEnded, DeformableBody, DeviceSelector, Face, FaultLogPlugin,
+        BodyRegion, ContactBegan, ContactEnded, ContactState, DeformableBody, DeviceSelector, Face, FaultLogPlugin,
         FixedRegion, Grasping, HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin, HapticSystems,
         HapticTool, HidChoice, HidDeviceKind, Inclusion, Inclusions, LocalModelBuild, LocalModelError,
         LoopTiming, MeshShape, ModelRate, ModelStep, PalpatePlugins, Slit, Suture, SutureForce, SutureTorn,
