@@ -76,7 +76,7 @@ const WAYS: [(&str, Way); 7] = [
     }),
     ("another one asked for, and this one again", |app, tool| {
         let body = touched(app, tool);
-        let far = app.world_mut().spawn((block(), Transform::from_xyz(0.5, 0.0, 0.0))).id();
+        let far = app.world_mut().spawn((block(), Transform::from_xyz(0.24, 0.0, 0.0))).id();
         app.world_mut().get_mut::<HapticTool>(tool).unwrap().body = Some(far);
         // Until the dent has gone.
         step(app, 20);
@@ -85,7 +85,7 @@ const WAYS: [(&str, Way); 7] = [
         body
     }),
     ("moved", |app, _| {
-        let place = Transform::from_xyz(0.0, -0.5, 0.0);
+        let place = Transform::from_xyz(0.0, -0.24, 0.0);
         let body = app.world_mut().spawn((block(), place)).id();
         step(app, 12);
         app.world_mut().get_mut::<Transform>(body).unwrap().translation.y = 0.0;
@@ -126,7 +126,7 @@ fn a_body_that_appears_round_the_centre_of_a_tool_waits_for_it_to_leave() {
         assert_eq!((state(&app, tool), force(&app, tool)), (ContactState::Inside, 0.0), "{what}");
         assert_eq!(take_causes(&mut app), [(tool, NoForceCause::Inside { body })], "{what}");
         // It leaves and has touched nothing since.
-        step(&mut app, 50);
+        step(&mut app, 60);
         assert_eq!(state(&app, tool), ContactState::Clear, "{what}");
         let began = app.world().resource::<Contacts>().0[touched..].iter().filter(|told| **told == "began");
         assert_eq!((began.count(), take_causes(&mut app)), (0, vec![]), "{what}");

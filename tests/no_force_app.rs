@@ -115,7 +115,9 @@ fn a_frame_that_is_turned_away_is_named() {
     let tool = tool(&mut app, above, presses);
     set(&mut app, tool, |settings| settings.frame.rotation = DQuat::from_rotation_x(std::f64::consts::PI));
     set(&mut app, tool, |settings| settings.frame.offset_m = DVec3::Y * -0.03);
-    let NoForceCause::OutOfWorkspace { body: told, distance_m } = only_cause(&mut app, tool) else { panic!() };
+    let NoForceCause::OutOfWorkspace { body: told, distance_m } = only_cause(&mut app, tool) else {
+        panic!()
+    };
     // It ends at -81 mm, 31 mm below the block, and has a radius of 5 mm.
     assert!(told == body && (distance_m - 0.026).abs() < 1e-3, "{distance_m} m");
 }
@@ -144,7 +146,7 @@ impl HapticDevice for Planar {
     }
 }
 
-/// Down onto the middle of a face, without friction, so that the force is along the normal.
+/// A planar device whose hand does the same in the scene, however its frame is turned.
 fn planar(app: &mut App, rotation: DQuat) -> Entity {
     let make = move || {
         let at = move |n: u64| rotation.conjugate() * presses(n as f64 * 1e-3);
@@ -164,9 +166,10 @@ fn a_force_along_axes_without_a_motor_is_named() {
     let tool = planar(&mut app, DQuat::IDENTITY);
     step(&mut app, 60);
     assert_eq!(take_causes(&mut app), []);
+    let along = app.world().get::<ToolForce>(tool).unwrap().force_n.normalize();
     app.world_mut().despawn(tool);
-    // The device's z is up in the scene.
-    let tool = planar(&mut app, DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2));
+    // The device's z lies in the scene where the force did.
+    let tool = planar(&mut app, DQuat::from_rotation_arc(DVec3::Z, along));
     step(&mut app, 60);
     let causes = take_causes(&mut app);
     let [(told, NoForceCause::MissingAxes { force_n })] = causes[..] else { panic!("{causes:?}") };

@@ -145,9 +145,9 @@ pub use plugins::{FaultLogPlugin, PalpatePlugins};
 pub use schedule::{HapticClock, HapticSchedulePlugin, HapticSystems, ModelRate, ModelStep, ModelStepCount};
 pub use suture::{Suture, SutureForce, SuturePlugin, SutureTorn};
 pub use tool::{
-    ContactBegan, ContactEnded, ContactState, Grasping, HapticTool, KeepBlackBox, LocalModelBuild, LocalModelError,
-    LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolGrasp, ToolLoop, ToolPlugin, ToolSettings,
-    Touching,
+    ContactBegan, ContactEnded, ContactState, Grasping, HapticTool, KeepBlackBox, LocalModelBuild,
+    LocalModelError, LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolGrasp, ToolLoop, ToolPlugin,
+    ToolSettings, Touching,
 };
 
 #[cfg(doctest)]
@@ -157,11 +157,11 @@ struct Readme;
 /// What an app with haptic bodies needs.
 pub mod prelude {
     pub use crate::{
-        BodyRegion, ContactBegan, ContactEnded, ContactState, DeformableBody, DeviceSelector, Face, FaultLogPlugin,
-        FixedRegion, Grasping, HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin, HapticSystems,
-        HapticTool, HidChoice, HidDeviceKind, Inclusion, Inclusions, LocalModelBuild, LocalModelError,
-        LoopTiming, MeshShape, ModelRate, ModelStep, PalpatePlugins, Slit, Suture, SutureForce, SutureTorn,
-        Tissue, ToolCoupling, ToolForce, ToolGrasp, ToolSettings, Touching,
+        BodyRegion, ContactBegan, ContactEnded, ContactState, DeformableBody, DeviceSelector, Face,
+        FaultLogPlugin, FixedRegion, Grasping, HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin,
+        HapticSystems, HapticTool, HidChoice, HidDeviceKind, Inclusion, Inclusions, LocalModelBuild,
+        LocalModelError, LoopTiming, MeshShape, ModelRate, ModelStep, PalpatePlugins, Slit, Suture,
+        SutureForce, SutureTorn, Tissue, ToolCoupling, ToolForce, ToolGrasp, ToolSettings, Touching,
     };
     pub use glam::{DQuat, DVec3};
     pub use palpate_body::ToolShape;

@@ -14,7 +14,9 @@ mod start;
 
 pub use black_box::KeepBlackBox;
 pub use grasp::{Grasping, ToolGrasp};
-pub use results::{ContactState, LocalModelBuild, LocalModelError, LoopTiming, TickRecording, ToolForce, Touching};
+pub use results::{
+    ContactState, LocalModelBuild, LocalModelError, LoopTiming, TickRecording, ToolForce, Touching,
+};
 pub use start::ToolLoop;
 
 use crate::body::HapticSetupSystems;
@@ -205,7 +207,10 @@ impl Plugin for ToolPlugin {
                         .in_set(HapticSystems::StepBody)
                         .after(SutureSystems::Sew)
                         .before(SutureSystems::Tell),
-                    times.local_models.timed(model::build_local_models).in_set(HapticSystems::BuildLocalModel),
+                    times
+                        .local_models
+                        .timed(model::build_local_models)
+                        .in_set(HapticSystems::BuildLocalModel),
                     model::publish_local_models.in_set(HapticSystems::Publish),
                     (
                         receive::watch_loops,

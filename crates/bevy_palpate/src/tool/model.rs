@@ -131,11 +131,7 @@ impl Pace {
     /// The tick, from 1, during which `sample`, from 1, is reached.
     fn tick_of(self, sample: usize) -> usize {
         let (ticks, samples) = (self.ticks - self.even, self.samples - self.even);
-        if sample <= samples {
-            (sample * ticks).div_ceil(samples).max(1)
-        } else {
-            ticks + sample - samples
-        }
+        if sample <= samples { (sample * ticks).div_ceil(samples).max(1) } else { ticks + sample - samples }
     }
 }
 
@@ -256,9 +252,8 @@ mod tests {
     fn a_path_is_stretched_from_its_beginning_to_its_end() {
         let at = |x: f64| ToolPoint { position_m: DVec3::X * x, velocity_m_per_s: DVec3::Y * x };
         let path: Vec<ToolPoint> = (0..=4).map(|i| at(f64::from(i))).collect();
-        let stretch = |path: &[ToolPoint], ticks: usize| {
-            super::stretch(path, Pace::new(path.len() - 1, ticks, false))
-        };
+        let stretch =
+            |path: &[ToolPoint], ticks: usize| super::stretch(path, Pace::new(path.len() - 1, ticks, false));
         assert_eq!(stretch(&path, 4), path);
         let longer = stretch(&path, 5);
         assert_eq!((longer.len(), longer[0], longer[5]), (6, at(0.0), at(4.0)));

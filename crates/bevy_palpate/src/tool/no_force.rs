@@ -81,12 +81,8 @@ impl ForceWatch {
 }
 
 /// All bodies that are asked for, simulated or not.
-type Bodies<'w, 's> = Query<
-    'w,
-    's,
-    (Entity, Option<&'static SimulatedBody>, Option<&'static BodyBuild>),
-    With<DeformableBody>,
->;
+type Bodies<'w, 's> =
+    Query<'w, 's, (Entity, Option<&'static SimulatedBody>, Option<&'static BodyBuild>), With<DeformableBody>>;
 
 /// Reports every tool that has been without force for half a second, once for each cause.
 pub(super) fn report_missing_force(
@@ -169,8 +165,7 @@ impl ToolLoop {
         let mut nearest: Option<(f64, Entity)> = None;
         for (other, simulated, _) in reachable {
             let Some(simulated) = simulated else { continue };
-            let Some(apart_m) =
-                beyond_workspace_m(&self.description, &frame, simulated.body(), radius_m)
+            let Some(apart_m) = beyond_workspace_m(&self.description, &frame, simulated.body(), radius_m)
             else {
                 return Step::Quiet;
             };

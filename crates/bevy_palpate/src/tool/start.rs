@@ -19,8 +19,8 @@ use bevy::prelude::*;
 use glam::{DMat3, DVec3};
 use palpate_body::{ToolContact, ToolPoint};
 use palpate_haptics::{
-    DeviceDescription, HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopReport, LoopSettings, LoopThread, SafetySettings,
-    Stop, haptic_loop,
+    DeviceDescription, HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopReport, LoopSettings,
+    LoopThread, SafetySettings, Stop, haptic_loop,
 };
 use palpate_local::{Capacity, HandOverSettings, NearFieldCapacity};
 
