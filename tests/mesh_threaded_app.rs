@@ -3,7 +3,8 @@
 use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use palpate_tests::app::{listen, take_faults};
+use bevy_palpate::{HapticFaultKind, ModelStepCount, SimulatedBody, SlowStep, StepPart};
+use palpate_tests::app::{listen, take_faults, update_until};
 use palpate_tests::mesh::{add, ball, body, replace, shown, spawn_of, torn};
 
 fn app() -> App {
@@ -27,6 +28,48 @@ fn of_balls(app: &mut App) -> (Handle<Mesh>, Entity) {
     let entity = spawn_of(app, mesh.clone());
     assert!(until(app, |app| body(app, entity).is_some()));
     (mesh, entity)
+}
+
+/// What was told of slow steps, and how long they took at most, in ticks of the body.
+#[derive(Resource, Default)]
+struct Slow(Vec<SlowStep>, usize);
+
+fn collect_slow(
+    mut faults: MessageReader<HapticFault>,
+    bodies: Query<&SimulatedBody>,
+    mut slow: ResMut<Slow>,
+) {
+    for fault in faults.read() {
+        if let HapticFaultKind::SlowStep(step) = fault.kind {
+            slow.0.push(step);
+        }
+    }
+    let ticks = bodies.iter().map(|body| body.last_step().ticks).max();
+    slow.1 = slow.1.max(ticks.unwrap_or(0));
+}
+
+/// A sphere of ten cells along, at a rate at which no machine can step it under a tool.
+#[test]
+fn a_body_too_large_for_its_rate_is_reported_once_with_the_cells_that_would_do() {
+    let mut app = App::new();
+    let schedule = HapticSchedulePlugin { rate: ModelRate::hz(100.0).unwrap(), ..default() };
+    app.add_plugins((MinimalPlugins, PalpatePlugins.set(schedule), AssetPlugin::default(), MeshPlugin));
+    app.init_resource::<Slow>().add_systems(Last, collect_slow);
+    let mesh = add(&mut app, Sphere::new(0.05).into());
+    let fixed = FixedRegion::Face(Face::Bottom);
+    let entity = app.world_mut().spawn((DeformableBody::from_mesh(mesh), fixed)).id();
+    assert!(until(&mut app, |app| body(app, entity).is_some()));
+    let press = || Ok(ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::new(0.001, 0.052, 0.002)))));
+    app.world_mut().resource_mut::<HapticDevices>().register("hand", press);
+    app.world_mut().spawn(HapticTool { device: DeviceSelector::named("hand"), ..default() });
+    let steps = |app: &App| app.world().resource::<ModelStepCount>().0;
+    let begin = steps(&app);
+    update_until(&mut app, "forty steps", |app| steps(app) > begin + 40);
+    let Slow(told, ticks) = app.world().resource::<Slow>();
+    let [slow] = told[..] else { panic!("{told:?}") };
+    assert!(slow.nodes > 900 && slow.cells_along.is_some_and(|cells| (1..10).contains(&cells)), "{slow}");
+    assert!(slow.largest() != StepPart::Other && slow.step_ms > slow.period_ms, "{slow}");
+    assert!(*ticks <= 20, "{ticks} ticks");
 }
 
 fn mass_kg(app: &App, entity: Entity) -> f64 {

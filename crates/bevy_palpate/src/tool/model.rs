@@ -253,7 +253,7 @@ mod tests {
         let at = |x: f64| ToolPoint { position_m: DVec3::X * x, velocity_m_per_s: DVec3::Y * x };
         let path: Vec<ToolPoint> = (0..=4).map(|i| at(f64::from(i))).collect();
         let stretch =
-            |path: &[ToolPoint], ticks: usize| super::stretch(path, Pace::new(path.len() - 1, ticks, false));
+            |path: &[ToolPoint], ticks: usize| stretch(path, Pace::new(path.len() - 1, ticks, false));
         assert_eq!(stretch(&path, 4), path);
         let longer = stretch(&path, 5);
         assert_eq!((longer.len(), longer[0], longer[5]), (6, at(0.0), at(4.0)));
