@@ -88,7 +88,9 @@
 //! * Moving a body's transform carries the body along at once, and what touches it lets go; a body that is to be moved while it
 //!   is touched has to be pulled by what holds it.
 //! * Bodies and tools are drawn between their last two model steps, so one model step late, both alike.
-//! * A model step runs on the app's main thread; a large body makes frames longer, never the loop late.
+//! * A model step runs on the app's main thread; a large body makes frames longer, never the loop late. A step longer than its period
+//!   is reported ([`SlowStep`]), and the next one does not try to catch up.
+//! * A tool that renders no force where there should be one is reported after half a second, with the cause: [`NoForceCause`].
 //! * The panel computes the schemes that do not run, and Bode plots, on other threads, and only while they are looked at.
 //!   Such a scheme takes its local model at the tick at which the loop took its own; a Bode plot is linear about the present
 //!   state, of the touched node with the greatest weight, and made for bodies of at most 2000 free nodes.

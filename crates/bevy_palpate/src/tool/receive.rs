@@ -27,12 +27,12 @@ pub(super) fn receive(
         if std::mem::take(&mut tool.was_paused) && matches!(tool.driver, Driver::Thread(_)) {
             // What the hand did meanwhile is nobody's business; it begins anew where it is now.
             tool.consumed = tool.handle.samples().newest().map(|sample| sample.sequence);
-            tool.let_go(entity).map(|message| ended.write(message));
+            tool.forget_contact(entity).map(|message| ended.write(message));
         }
         let lost = take_path(tool.handle.samples(), &mut tool.consumed, &mut tool.path);
         if lost > 0 {
             // The tool is elsewhere without having moved there: a touched node must not be thrown.
-            tool.let_go(entity).map(|message| ended.write(message));
+            tool.forget_contact(entity).map(|message| ended.write(message));
             let kind = HapticFaultKind::SamplesLost { lost };
             faults.write(HapticFault { entity: Some(entity), kind });
         }

@@ -144,8 +144,8 @@ pub(super) fn write_errors(mut tools: Query<(&ToolLoop, &mut LocalModelError)>) 
 /// What a tool touches now.
 ///
 /// One rule holds whenever a tool and a body come together otherwise than by the tool's motion: the body is spawned, replaced by one
-/// with other nodes, moved by its transform or chosen by [`HapticTool::body`](crate::HapticTool::body), or the tool is started,
-/// changed in shape or moved while samples were lost. The tool's centre decides. Outside of the body, the tool touches at
+/// with other nodes, moved by its transform or chosen by [`HapticTool::body`](crate::HapticTool::body); or the tool is started, changed
+/// in shape, released from a grasp, or moved in a pause or while samples were lost. The tool's centre decides. Outside of the body, the tool touches at
 /// once, however far its radius overlaps. Inside, it touches nothing until all of it has left the body:
 /// [`ContactState::Inside`], which is reported after half a second
 /// ([`NoForceCause::Inside`](crate::NoForceCause::Inside)).
