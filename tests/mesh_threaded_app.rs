@@ -14,6 +14,11 @@ fn app() -> App {
     app
 }
 
+/// Faults that are no matter of the machine's load.
+fn faults(app: &mut App) -> Vec<String> {
+    take_faults(app).into_iter().filter(|fault| !fault.starts_with("a model step takes")).collect()
+}
+
 /// Updates until `done`, ten thousand times at most; whether it came to that.
 fn until(app: &mut App, mut done: impl FnMut(&mut App) -> bool) -> bool {
     (0..10_000).any(|_| {
@@ -80,16 +85,16 @@ fn mass_kg(app: &App, entity: Entity) -> f64 {
 fn a_body_is_made_beside_the_app_and_what_is_refused_is_said() {
     let mut app = app();
     let (mesh, entity) = of_balls(&mut app);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_eq!(faults(&mut app), [""; 0]);
     replace(&mut app, &mesh, torn(ball()));
     let mut said = Vec::new();
     assert!(until(&mut app, |app| {
-        said.extend(take_faults(app));
+        said.extend(faults(app));
         !said.is_empty()
     }));
     assert!(said.len() == 1 && said[0].contains("holes"), "{said:?}");
     (0..50).for_each(|_| app.update());
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_eq!(faults(&mut app), [""; 0]);
     assert!(body(&app, entity).is_some());
 }
 
@@ -109,7 +114,7 @@ fn a_body_follows_a_tissue_that_changes_at_every_frame() {
     // And is made of the last one in the end.
     app.world_mut().get_mut::<Tissue>(entity).unwrap().density_kg_per_m3 = 2000.0;
     assert!(until(&mut app, |app| (mass_kg(app, entity) / (2.0 * first) - 1.0).abs() < 1e-9));
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_eq!(faults(&mut app), [""; 0]);
 }
 
 #[test]
@@ -126,5 +131,5 @@ fn a_mesh_that_changes_is_not_lost_when_something_else_changes_with_it() {
         app.update();
     }
     assert!(until(&mut app, |app| vertices(app) == other.count_vertices()));
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_eq!(faults(&mut app), [""; 0]);
 }
