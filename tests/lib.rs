@@ -44,14 +44,33 @@ pub mod app {
     use bevy::prelude::*;
     use bevy::time::TimeUpdateStrategy;
     use bevy_palpate::prelude::*;
+    use bevy_palpate::{HapticFaultKind, NoForceCause};
     use std::time::Duration;
 
     /// Every fault that an app has told, in order, with its causes.
     #[derive(Resource, Default)]
     pub struct Faults(pub Vec<String>);
 
-    fn collect_faults(mut faults: MessageReader<HapticFault>, mut collected: ResMut<Faults>) {
-        collected.0.extend(faults.read().map(|fault| fault.kind.chain()));
+    /// Every cause of a missing force that an app has told, in order, with its tool.
+    #[derive(Resource, Default)]
+    struct Causes(Vec<(Entity, NoForceCause)>);
+
+    fn collect_faults(
+        mut faults: MessageReader<HapticFault>,
+        mut collected: ResMut<Faults>,
+        mut causes: ResMut<Causes>,
+    ) {
+        for fault in faults.read() {
+            collected.0.push(fault.kind.chain());
+            if let (Some(tool), HapticFaultKind::NoForce(cause)) = (fault.entity, &fault.kind) {
+                causes.0.push((tool, *cause));
+            }
+        }
+    }
+
+    /// The causes of missing forces told since the last call, each with its tool. They are among [`take_faults`] too.
+    pub fn take_causes(app: &mut App) -> Vec<(Entity, NoForceCause)> {
+        std::mem::take(&mut app.world_mut().resource_mut::<Causes>().0)
     }
 
     /// The faults told since the last call.
@@ -89,6 +108,7 @@ pub mod app {
     /// Collects the app's faults and contact messages.
     pub fn listen(app: &mut App) {
         app.init_resource::<Faults>()
+            .init_resource::<Causes>()
             .init_resource::<Contacts>()
             .add_systems(Last, (collect_faults, collect_contacts));
     }

@@ -4,8 +4,8 @@ use bevy::mesh::VertexAttributeValues;
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{SimulatedBody, ToolLoop};
-use palpate_tests::app::{Contacts, step, take_faults};
+use bevy_palpate::{NoForceCause, SimulatedBody, ToolLoop};
+use palpate_tests::app::{Contacts, step, take_causes, take_faults};
 use palpate_tests::mesh::{
     RADIUS, add, ball, count_writes, force, hand, mesh_app as app, shown, spawn, take_writes, torn,
 };
@@ -155,7 +155,14 @@ fn a_body_that_is_moved_goes_along_whole_and_is_felt_there() {
     step(&mut app, 2);
     app.world_mut().entity_mut(entity).insert(Transform::IDENTITY);
     step(&mut app, 30);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    // Out of the device's reach for half a second, and round the hand's centre now.
+    let causes = take_causes(&mut app);
+    let [(first, NoForceCause::OutOfWorkspace { body: away, distance_m }), second] = causes[..] else {
+        panic!("{causes:?}")
+    };
+    assert!((first, away) == (tool, entity) && (0.2..0.3).contains(&distance_m), "{distance_m} m");
+    assert_eq!(second, (tool, NoForceCause::Inside { body: entity }));
+    assert_eq!(take_faults(&mut app).len(), 2);
 }
 
 #[test]

@@ -2,8 +2,9 @@
 
 use bevy::mesh::{Mesh, VertexAttributeValues};
 use bevy::prelude::*;
+use bevy_palpate::NoForceCause;
 use bevy_palpate::prelude::*;
-use palpate_tests::app::{Contacts, step, take_faults};
+use palpate_tests::app::{Contacts, step, take_causes, take_faults};
 use palpate_tests::mesh::{
     RADIUS, add, ball, body, force, hand, mesh_app as app, replace, shown, spawn_of, torn,
 };
@@ -44,7 +45,9 @@ fn a_mesh_that_changes_while_it_is_touched_is_let_go_of_and_touched_anew() {
     assert!(strongest < 1.5 * before.length(), "{strongest} N, {before} before");
     assert_eq!(app.world().resource::<Contacts>().0[..2], ["began", "ended"]);
     assert_eq!(shown(&app, entity, false).len(), coarser().count_vertices());
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    // The new ball is round, and the hand's centre in it.
+    assert_eq!(take_causes(&mut app), [(tool, NoForceCause::Inside { body: entity })]);
+    assert_eq!(take_faults(&mut app).len(), 1);
 }
 
 #[test]

@@ -3,7 +3,8 @@
 use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use palpate_tests::app::{listen, take_faults};
+use bevy_palpate::{HapticFaultKind, ModelStepCount, SimulatedBody, SlowStep, StepPart};
+use palpate_tests::app::{listen, take_faults, update_until};
 use palpate_tests::mesh::{add, ball, body, replace, shown, spawn_of, torn};
 
 fn app() -> App {
@@ -11,6 +12,11 @@ fn app() -> App {
     app.add_plugins((MinimalPlugins, PalpatePlugins, AssetPlugin::default(), MeshPlugin));
     listen(&mut app);
     app
+}
+
+/// Faults that are no matter of the machine's load.
+fn faults(app: &mut App) -> Vec<String> {
+    take_faults(app).into_iter().filter(|fault| !fault.starts_with("a model step takes")).collect()
 }
 
 /// Updates until `done`, ten thousand times at most; whether it came to that.
@@ -29,6 +35,48 @@ fn of_balls(app: &mut App) -> (Handle<Mesh>, Entity) {
     (mesh, entity)
 }
 
+/// What was told of slow steps, and how long they took at most, in ticks of the body.
+#[derive(Resource, Default)]
+struct Slow(Vec<SlowStep>, usize);
+
+fn collect_slow(
+    mut faults: MessageReader<HapticFault>,
+    bodies: Query<&SimulatedBody>,
+    mut slow: ResMut<Slow>,
+) {
+    for fault in faults.read() {
+        if let HapticFaultKind::SlowStep(step) = fault.kind {
+            slow.0.push(step);
+        }
+    }
+    let ticks = bodies.iter().map(|body| body.last_step().ticks).max();
+    slow.1 = slow.1.max(ticks.unwrap_or(0));
+}
+
+/// A sphere of ten cells along, at a rate at which no machine can step it under a tool.
+#[test]
+fn a_body_too_large_for_its_rate_is_reported_once_with_the_cells_that_would_do() {
+    let mut app = App::new();
+    let schedule = HapticSchedulePlugin { rate: ModelRate::hz(100.0).unwrap(), ..default() };
+    app.add_plugins((MinimalPlugins, PalpatePlugins.set(schedule), AssetPlugin::default(), MeshPlugin));
+    app.init_resource::<Slow>().add_systems(Last, collect_slow);
+    let mesh = add(&mut app, Sphere::new(0.05).into());
+    let fixed = FixedRegion::Face(Face::Bottom);
+    let entity = app.world_mut().spawn((DeformableBody::from_mesh(mesh), fixed)).id();
+    assert!(until(&mut app, |app| body(app, entity).is_some()));
+    let press = || Ok(ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::new(0.001, 0.052, 0.002)))));
+    app.world_mut().resource_mut::<HapticDevices>().register("hand", press);
+    app.world_mut().spawn(HapticTool { device: DeviceSelector::named("hand"), ..default() });
+    let steps = |app: &App| app.world().resource::<ModelStepCount>().0;
+    let begin = steps(&app);
+    update_until(&mut app, "forty steps", |app| steps(app) > begin + 40);
+    let Slow(told, ticks) = app.world().resource::<Slow>();
+    let [slow] = told[..] else { panic!("{told:?}") };
+    assert!(slow.nodes > 900 && slow.cells_along.is_some_and(|cells| (1..10).contains(&cells)), "{slow}");
+    assert!(slow.largest() != StepPart::Other && slow.step_ms > slow.period_ms, "{slow}");
+    assert!(*ticks <= 20, "{ticks} ticks");
+}
+
 fn mass_kg(app: &App, entity: Entity) -> f64 {
     body(app, entity).unwrap().body().network().mass_kg().iter().sum()
 }
@@ -37,16 +85,16 @@ fn mass_kg(app: &App, entity: Entity) -> f64 {
 fn a_body_is_made_beside_the_app_and_what_is_refused_is_said() {
     let mut app = app();
     let (mesh, entity) = of_balls(&mut app);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_eq!(faults(&mut app), [""; 0]);
     replace(&mut app, &mesh, torn(ball()));
     let mut said = Vec::new();
     assert!(until(&mut app, |app| {
-        said.extend(take_faults(app));
+        said.extend(faults(app));
         !said.is_empty()
     }));
     assert!(said.len() == 1 && said[0].contains("holes"), "{said:?}");
     (0..50).for_each(|_| app.update());
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_eq!(faults(&mut app), [""; 0]);
     assert!(body(&app, entity).is_some());
 }
 
@@ -66,7 +114,7 @@ fn a_body_follows_a_tissue_that_changes_at_every_frame() {
     // And is made of the last one in the end.
     app.world_mut().get_mut::<Tissue>(entity).unwrap().density_kg_per_m3 = 2000.0;
     assert!(until(&mut app, |app| (mass_kg(app, entity) / (2.0 * first) - 1.0).abs() < 1e-9));
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_eq!(faults(&mut app), [""; 0]);
 }
 
 #[test]
@@ -83,5 +131,5 @@ fn a_mesh_that_changes_is_not_lost_when_something_else_changes_with_it() {
         app.update();
     }
     assert!(until(&mut app, |app| vertices(app) == other.count_vertices()));
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_eq!(faults(&mut app), [""; 0]);
 }

@@ -34,6 +34,7 @@ const REFLECTED: [(&str, &[&str]); 5] = [
         "part",
         &[
             "BodyRegion",
+            "ContactState",
             "DeviceSelector",
             "Face",
             "HidChoice",
@@ -46,6 +47,7 @@ const REFLECTED: [(&str, &[&str]); 5] = [
     (
         "default",
         &[
+            "ContactState",
             "DeviceSelector",
             "FixedRegion",
             "Grasping",
@@ -71,7 +73,7 @@ const REFLECTED: [(&str, &[&str]); 5] = [
 ];
 
 /// What is not: bodies and what became of their meshes, loops and devices, errors and what carries them, plugins, schedules and sets.
-const OPAQUE: [&str; 21] = [
+const OPAQUE: [&str; 25] = [
     "BodyPlugin",
     "DeviceFault",
     "FaultLogPlugin",
@@ -86,12 +88,16 @@ const OPAQUE: [&str; 21] = [
     "MeshReport",
     "MeshSourceError",
     "ModelStep",
+    "NoForceCause",
     "PalpatePlugins",
     "SimulatedBody",
+    "SlowStep",
+    "StepPart",
     "SutureFault",
     "SuturePlugin",
     "ToolLoop",
     "ToolPlugin",
+    "ToolSizeFault",
     "prelude",
 ];
 

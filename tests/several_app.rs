@@ -2,8 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{SimulatedBody, ToolLoop};
-use palpate_tests::app::{Contacts, lockstep_app, step, take_faults};
+use bevy_palpate::{NoForceCause, SimulatedBody, ToolLoop};
+use palpate_tests::app::{Contacts, lockstep_app, step, take_causes, take_faults};
 
 /// Presses the top of a 10 cm block round `center` at (x, z), 5 mm deep within 0.2 s, and stays.
 fn presser(center: DVec3, x: f64, z: f64) -> impl Fn() -> ScriptedDevice + Send + Sync + 'static {
@@ -96,7 +96,10 @@ fn a_body_that_goes_while_two_touch_it_leaves_them_without_force() {
         assert!(app.world().get::<ToolLoop>(tool).is_some(), "the loop goes on");
     }
     assert_eq!(app.world().resource::<Contacts>().0, ["began", "began", "ended", "ended"]);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    // Half a second without any body is reported for each.
+    let causes = take_causes(&mut app);
+    assert!(tools.iter().all(|tool| causes.contains(&(*tool, NoForceCause::NoBody))), "{causes:?}");
+    assert_eq!(take_faults(&mut app).len(), 2);
 }
 
 #[test]
@@ -131,9 +134,15 @@ fn every_hand_finds_the_body_that_is_nearest() {
     app.world_mut().entity_mut(bodies[0]).despawn();
     step(&mut app, 10);
     assert!(force(&app, tools[0]).y > 0.5 && force(&app, tools[2]).y > 0.5);
-    // The hand without a body is taken by the nearest that is left, which it does not reach.
+    // The hand without a body is taken by the nearest that is left, which its device does not reach.
     assert_eq!(force(&app, tools[1]), DVec3::ZERO);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    let causes = take_causes(&mut app);
+    let [(told, NoForceCause::OutOfWorkspace { body, distance_m })] = causes[..] else {
+        panic!("{causes:?}")
+    };
+    // From 0.2 m to 0.25 m, less the tool's radius.
+    assert!((told, body) == (tools[1], bodies[1]) && (distance_m - 0.045).abs() < 1e-3, "{distance_m} m");
+    assert_eq!(take_faults(&mut app).len(), 1);
 }
 
 #[test]

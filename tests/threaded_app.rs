@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{ModelStepCount, SimulatedBody, TickRecording, ToolLoop};
+use bevy_palpate::{HapticFaultKind, ModelStepCount, SimulatedBody, SlowStep, TickRecording, ToolLoop};
 use palpate_haptics::{DeviceDescription, DeviceError, TickRecord};
 use palpate_tests::app::{Contacts, listen, take_faults, update_until};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -67,6 +67,7 @@ fn faults(app: &mut App) -> Vec<String> {
         "samples were lost",
         "local model was refused",
         "no new local model has come",
+        "a model step takes",
     ];
     take_faults(app).into_iter().filter(|fault| !load.iter().any(|l| fault.contains(l))).collect()
 }
@@ -165,15 +166,45 @@ fn a_device_that_panics_ends_its_loop_and_can_be_started_again() {
     update_until(&mut app, "the hand is pushed back again", |app| force(app, tool) > 0.5);
 }
 
-/// A frame, and with it a model step, that takes 150 ms makes the local model older, not the loop late.
+/// What a slow model step is reported with, and the longest step of a body in ticks.
+#[derive(Resource, Default)]
+struct Slow {
+    told: Vec<SlowStep>,
+    most_ticks: usize,
+    steps_before: u64,
+    most_steps: u64,
+}
+
+fn collect_slow(
+    mut faults: MessageReader<HapticFault>,
+    bodies: Query<&SimulatedBody>,
+    steps: Res<ModelStepCount>,
+    mut slow: ResMut<Slow>,
+) {
+    for fault in faults.read() {
+        if let HapticFaultKind::SlowStep(step) = fault.kind {
+            assert!(fault.entity.is_some_and(|body| bodies.contains(body)));
+            slow.told.push(step);
+        }
+    }
+    let ticks = bodies.iter().map(|body| body.last_step().ticks).max().unwrap_or(0);
+    slow.most_ticks = slow.most_ticks.max(ticks);
+    slow.most_steps = slow.most_steps.max(steps.0 - slow.steps_before);
+    slow.steps_before = steps.0;
+}
+
+/// A frame, and with it a model step, that takes 150 ms makes the local model older, not the loop late. It is reported once, and the
+/// body does not try to catch up.
 #[test]
 fn a_slow_model_step_makes_the_local_model_older_and_not_the_loop_late() {
     let (mut app, hand, tool) = scene();
     #[expect(clippy::disallowed_methods, reason = "the model step is slow")]
     let slow = || std::thread::sleep(Duration::from_millis(150));
     app.add_systems(ModelStep, slow.in_set(HapticSystems::First));
+    app.init_resource::<Slow>().add_systems(Last, collect_slow);
     app.world_mut().entity_mut(tool).insert(TickRecording::default());
-    update_until(&mut app, "several slow model steps", |_| hand.reads.load(Ordering::SeqCst) > 1000);
+    // Long enough for ten steps, and a touch.
+    update_until(&mut app, "several slow model steps", |_| hand.reads.load(Ordering::SeqCst) > 2000);
     let recording = app.world().get::<TickRecording>(tool).unwrap();
     let age = |record: &TickRecord| Some(record.sample?.sequence - record.spoken.model?.sequence);
     let oldest = recording.records.iter().filter_map(age).max().unwrap_or(0);
@@ -181,4 +212,12 @@ fn a_slow_model_step_makes_the_local_model_older_and_not_the_loop_late() {
     // Even on a machine that leaves the loop every fifth of its ticks, a step of 150 ms has 30 of them.
     let steps = app.world().resource::<ModelStepCount>().0 as usize;
     assert!(recording.records.len() > 20 * steps, "{} ticks in {steps} steps", recording.records.len());
+    let slow = app.world().resource::<Slow>();
+    let [told] = slow.told[..] else { panic!("{:?}", slow.told) };
+    assert!(told.step_ms >= 150.0 && (told.period_ms - 50.0).abs() < 1e-9 && told.nodes == 216, "{told:?}");
+    assert!(told.other_ms() >= 149.0 && told.cells_along.is_none(), "{told:?}");
+    // One step a frame; its body two periods at most, and one after a slow step.
+    assert_eq!(slow.most_steps, 1);
+    assert!(slow.most_ticks <= 100, "{} ticks", slow.most_ticks);
+    assert!(app.world().get::<Touching>(tool).unwrap().body.is_some(), "it touches all the same");
 }

@@ -89,6 +89,32 @@ impl SimulatedBody {
         self.tissue_asked
     }
 
+    /// Edge of a cell at rest, m; of a block's cells the shortest edge.
+    #[must_use]
+    pub fn cell_m(&self) -> f64 {
+        match (&self.shape_asked, self.report) {
+            (DeformableBody::Block { nodes, size_m }, _) => {
+                let cells = nodes.map(|nodes| nodes.saturating_sub(1).max(1) as f64);
+                (*size_m / DVec3::from_array(cells)).min_element()
+            }
+            (DeformableBody::Mesh(_), Some(report)) => report.cells.cell_m,
+            (DeformableBody::Mesh(_), None) => f64::NAN,
+        }
+    }
+
+    /// Longest side of the box round all nodes at rest, m, along the world's axes as the body stood when it was built.
+    #[must_use]
+    pub fn longest_side_m(&self) -> f64 {
+        let rest = self.body.network().rest_m().iter().copied();
+        let bounds = rest.map(|x| (x, x)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
+        bounds.map_or(0.0, |(low, high)| (high - low).max_element())
+    }
+
+    /// Value of [`MeshShape::cells_along`] of which the body was made; `None` for a block.
+    pub(crate) fn cells_along(&self) -> Option<usize> {
+        self.shape_asked.mesh().map(|shape| shape.cells_along)
+    }
+
     /// What became of that mesh: repairs, cells, and how far from it the body is touched; `None` for a block.
     #[must_use]
     pub fn mesh_report(&self) -> Option<MeshReport> {

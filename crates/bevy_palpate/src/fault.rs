@@ -1,5 +1,11 @@
 //! What went wrong, as a message.
 
+mod no_force;
+mod slow_step;
+
+pub use no_force::NoForceCause;
+pub use slow_step::{SlowStep, StepPart};
+
 use crate::body::MeshSourceError;
 use bevy::prelude::*;
 use palpate_body::BodyError;
@@ -70,7 +76,7 @@ pub enum HapticFaultKind {
     /// A tool cannot hold what its grasp has closed on: it is fixed. It goes on touching.
     #[error("the tool cannot hold what it has grasped")]
     Grasp(#[source] BodyError),
-    /// A suture cannot be sewn; it does nothing until it is changed.
+    /// A suture cannot be sewn; it does nothing until it, or the shape of its body, is changed.
     #[error("the suture cannot be sewn")]
     Suture(#[source] SutureFault),
     /// The loop reports a fault.
@@ -126,6 +132,61 @@ pub enum HapticFaultKind {
         /// The relative speed.
         speed: f64,
     },
+    /// A tool overlaps a body or has no body to touch, and no force is rendered: for half a second, or for 5 s where a body is
+    /// still to be built. Reported once until the force is there again, a body is within reach again or the cause changes.
+    #[error("the tool renders no force")]
+    NoForce(#[source] NoForceCause),
+    /// A model step took longer than its period, with loops on threads. Reported once until all steps of a second were in time;
+    /// the entity is the largest body.
+    #[error("{0}")]
+    SlowStep(SlowStep),
+    /// The loop's contact solver stopped at its limit in more than 1 % of a second's touching ticks: those forces are less
+    /// accurate. Reported once until a second is better.
+    #[error(
+        "the contact solver of the haptic loop did not converge in {ticks} of {touching} touching ticks; use fewer nodes under \
+         the tool, a smaller tool or less friction"
+    )]
+    Unconverged {
+        /// Ticks without convergence.
+        ticks: u64,
+        /// Touching ticks in the same time.
+        touching: u64,
+    },
+    /// A tool touches a body whose cells or size do not suit it; its force is computed all the same. Reported once for each body
+    /// and shape of the tool.
+    #[error("the tool does not suit the body it touches")]
+    ToolSize(#[source] ToolSizeFault),
+}
+
+/// A tool and a body of sizes that do not suit each other.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum ToolSizeFault {
+    /// The tool's radius is less than a tenth of a cell: what it feels depends on where in the cell it touches.
+    #[error(
+        "the radius of HapticTool::shape is {radius_m} m; it must be at least a tenth of the {cell_m} m of a cell of body {body}: \
+         use a larger tool or smaller cells"
+    )]
+    TooSmall {
+        /// Radius of the tool, m.
+        radius_m: f64,
+        /// Edge of a cell, m.
+        cell_m: f64,
+        /// The body.
+        body: Entity,
+    },
+    /// The tool is wider than the body is long.
+    #[error(
+        "the radius of HapticTool::shape is {radius_m} m; it must be at most half of the longest side of body {body}, {side_m} m"
+    )]
+    TooLarge {
+        /// Radius of the tool, m.
+        radius_m: f64,
+        /// Longest side of the body at rest, m.
+        side_m: f64,
+        /// The body.
+        body: Entity,
+    },
 }
 
 /// Why a suture cannot be sewn.
@@ -145,6 +206,22 @@ pub enum SutureFault {
         end_m: glam::DVec3,
         /// How near the surface must be, m.
         within_m: f64,
+    },
+    /// Both ends pierce the body at the same point.
+    #[error("both ends of Suture::ends_m pierce the surface at {at_m}; they must be apart")]
+    SamePoint {
+        /// The point, m, world.
+        at_m: glam::DVec3,
+    },
+    /// Both ends pierce the body where it is fixed, so the thread moves nothing.
+    #[error(
+        "the body is fixed at both ends of Suture::ends_m, {} and {}; at least one must be free to move (FixedRegion)",
+        .ends_m[0],
+        .ends_m[1]
+    )]
+    FixedEnds {
+        /// The pierced points, m, world.
+        ends_m: [glam::DVec3; 2],
     },
     /// Its length or its limit makes no sense.
     #[error(transparent)]

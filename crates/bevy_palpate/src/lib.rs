@@ -49,7 +49,7 @@
 //!   [`Touching`]; messages [`ContactBegan`], [`ContactEnded`]; every tick in [`TickRecording`].
 //! * Devices: [`DeviceSelector`], [`HapticDevices`]; those that are plugged in (feature `hid`) by [`HidChoice`]; with the feature `window` `MouseDevicePlugin`.
 //! * Time: [`ModelStep`], [`HapticSystems`], [`ModelRate`], [`HapticClock`].
-//! * Faults: [`HapticFault`]. Costs and errors as diagnostics: [`HapticDiagnosticsPlugin`].
+//! * Faults: [`HapticFault`]; why a tool renders no force: [`NoForceCause`]. Costs and errors as diagnostics: [`HapticDiagnosticsPlugin`].
 //! * To look at it all: `HapticPanelPlugin` with `HapticPanel` and `HapticWidgets` (feature `panel`),
 //!   `HapticGizmosPlugin` with `HapticGizmos` (feature `gizmos`).
 //!
@@ -88,7 +88,9 @@
 //! * Moving a body's transform carries the body along at once, and what touches it lets go; a body that is to be moved while it
 //!   is touched has to be pulled by what holds it.
 //! * Bodies and tools are drawn between their last two model steps, so one model step late, both alike.
-//! * A model step runs on the app's main thread; a large body makes frames longer, never the loop late.
+//! * A model step runs on the app's main thread; a large body makes frames longer, never the loop late. A step longer than its period
+//!   is reported ([`SlowStep`]), and the next one does not try to catch up.
+//! * A tool that renders no force where there should be one is reported after half a second, with the cause: [`NoForceCause`].
 //! * The panel computes the schemes that do not run, and Bode plots, on other threads, and only while they are looked at.
 //!   Such a scheme takes its local model at the tick at which the loop took its own; a Bode plot is linear about the present
 //!   state, of the touched node with the greatest weight, and made for bodies of at most 2000 free nodes.
@@ -122,6 +124,7 @@ mod panel;
 mod plugins;
 mod reflect;
 mod schedule;
+mod step_time;
 mod suture;
 mod tool;
 
@@ -131,7 +134,9 @@ pub use body::{
 };
 pub use device::{DeviceSelector, HapticDevices, HidChoice, HidDeviceKind};
 pub use diagnostics::HapticDiagnosticsPlugin;
-pub use fault::{DeviceFault, HapticFault, HapticFaultKind, SutureFault};
+pub use fault::{
+    DeviceFault, HapticFault, HapticFaultKind, NoForceCause, SlowStep, StepPart, SutureFault, ToolSizeFault,
+};
 #[cfg(feature = "gizmos")]
 pub use gizmos::{HapticGizmos, HapticGizmosPlugin};
 #[cfg(feature = "window")]
@@ -142,9 +147,9 @@ pub use plugins::{FaultLogPlugin, PalpatePlugins};
 pub use schedule::{HapticClock, HapticSchedulePlugin, HapticSystems, ModelRate, ModelStep, ModelStepCount};
 pub use suture::{Suture, SutureForce, SuturePlugin, SutureTorn};
 pub use tool::{
-    ContactBegan, ContactEnded, Grasping, HapticTool, KeepBlackBox, LocalModelBuild, LocalModelError,
-    LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolGrasp, ToolLoop, ToolPlugin, ToolSettings,
-    Touching,
+    ContactBegan, ContactEnded, ContactState, Grasping, HapticTool, KeepBlackBox, LocalModelBuild,
+    LocalModelError, LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolGrasp, ToolLoop, ToolPlugin,
+    ToolSettings, Touching,
 };
 
 #[cfg(doctest)]
@@ -154,11 +159,11 @@ struct Readme;
 /// What an app with haptic bodies needs.
 pub mod prelude {
     pub use crate::{
-        BodyRegion, ContactBegan, ContactEnded, DeformableBody, DeviceSelector, Face, FaultLogPlugin,
-        FixedRegion, Grasping, HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin, HapticSystems,
-        HapticTool, HidChoice, HidDeviceKind, Inclusion, Inclusions, LocalModelBuild, LocalModelError,
-        LoopTiming, MeshShape, ModelRate, ModelStep, PalpatePlugins, Slit, Suture, SutureForce, SutureTorn,
-        Tissue, ToolCoupling, ToolForce, ToolGrasp, ToolSettings, Touching,
+        BodyRegion, ContactBegan, ContactEnded, ContactState, DeformableBody, DeviceSelector, Face,
+        FaultLogPlugin, FixedRegion, Grasping, HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin,
+        HapticSystems, HapticTool, HidChoice, HidDeviceKind, Inclusion, Inclusions, LocalModelBuild,
+        LocalModelError, LoopTiming, MeshShape, ModelRate, ModelStep, PalpatePlugins, Slit, Suture,
+        SutureForce, SutureTorn, Tissue, ToolCoupling, ToolForce, ToolGrasp, ToolSettings, Touching,
     };
     pub use glam::{DQuat, DVec3};
     pub use palpate_body::ToolShape;

@@ -3,6 +3,8 @@
 use crate::body::HapticSetupSystems;
 use crate::diagnostics::{FrameCost, note_model_step, timed};
 use crate::fault::{HapticFault, HapticFaultKind};
+use crate::step_time::{StepTimes, report_slow_step};
+use bevy::app::{RunFixedMainLoop, RunFixedMainLoopSystems};
 use bevy::ecs::schedule::{LogLevel, ScheduleBuildSettings, ScheduleLabel};
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
@@ -46,7 +48,7 @@ pub enum HapticClock {
 }
 
 /// How often the bodies are stepped. With loops on threads not more often than Bevy's fixed main loop runs, 64 times a second unless
-/// it is set (`Time::<Fixed>::from_hz`); in lock step always as often as this says.
+/// it is set (`Time::<Fixed>::from_hz`), and once a frame at most; in lock step always as often as this says.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[reflect(opaque)]
 #[reflect(Resource, Debug, Default, PartialEq, Clone)]
@@ -108,7 +110,7 @@ impl ModelRate {
     }
 }
 
-/// The longest model step, in ticks: the samples that a body can consume at once.
+/// Longest time between two model steps, ticks.
 pub(crate) const MAX_TICKS: u32 = 200;
 
 /// How many model steps have been run.
@@ -118,7 +120,26 @@ pub struct ModelStepCount(pub u64);
 
 /// Time that has passed in the fixed main loop since the last model step.
 #[derive(Resource, Clone, Copy, Debug, Default)]
-pub(crate) struct Accumulated(Duration);
+pub(crate) struct Accumulated {
+    time: Duration,
+    /// A model step has been run in this frame.
+    has_stepped: bool,
+}
+
+impl Accumulated {
+    /// Adds `delta` on a thread; whether a model step is due. It is the only one of its frame: what would follow at once has no samples
+    /// to work on, and makes a slow frame slower. Whole periods beyond the first are dropped.
+    fn is_due(&mut self, delta: Duration, period: Duration) -> bool {
+        self.time += delta;
+        let is_due = self.time >= period && !self.has_stepped;
+        if is_due {
+            let periods = (self.time.as_nanos() / period.as_nanos()) as u32;
+            self.time -= period * periods;
+            self.has_stepped = true;
+        }
+        is_due
+    }
+}
 
 /// Adds the schedule [`ModelStep`], its rate and its clock.
 #[derive(Clone, Copy, Debug, Default)]
@@ -148,6 +169,32 @@ impl ModelPeriod<'_> {
     }
 }
 
+/// How many ticks a body may be stepped in a model step.
+#[derive(SystemParam)]
+pub(crate) struct ModelSpan<'w> {
+    rate: Res<'w, ModelRate>,
+    clock: Res<'w, HapticClock>,
+    times: Option<Res<'w, StepTimes>>,
+}
+
+impl ModelSpan<'_> {
+    /// Ticks of a step that is in time.
+    pub(crate) fn ticks(&self) -> usize {
+        self.rate.ticks() as usize
+    }
+
+    /// Most ticks of a step: on threads two periods, so that a late step catches up one, and a single period after a step that took
+    /// longer than that, so that a slow step does not slow the next; in lock step as many as are due.
+    pub(crate) fn most_ticks(&self) -> usize {
+        let was_slow = self.times.as_ref().is_some_and(|times| times.last > self.rate.period());
+        match (*self.clock, was_slow) {
+            (HapticClock::Lockstep, _) => usize::MAX,
+            (HapticClock::Thread, false) => 2 * self.ticks(),
+            (HapticClock::Thread, true) => self.ticks(),
+        }
+    }
+}
+
 /// How far the app's clock is past the last model step.
 #[derive(SystemParam)]
 pub(crate) struct ModelOverstep<'w> {
@@ -160,7 +207,7 @@ impl ModelOverstep<'_> {
     /// As a share of the time between two model steps, 0 to 1.
     pub(crate) fn share(&self) -> f64 {
         let (Some(rate), Some(accumulated)) = (&self.rate, &self.accumulated) else { return 1.0 };
-        let since = accumulated.0 + self.fixed.as_ref().map_or(Duration::ZERO, |fixed| fixed.overstep());
+        let since = accumulated.time + self.fixed.as_ref().map_or(Duration::ZERO, |fixed| fixed.overstep());
         (since.as_secs_f64() / rate.period_s()).min(1.0)
     }
 }
@@ -191,33 +238,44 @@ impl Plugin for HapticSchedulePlugin {
             .insert_resource(self.clock)
             .init_resource::<Accumulated>()
             .init_resource::<ModelStepCount>()
+            .init_resource::<StepTimes>()
             .register_type::<ModelRate>()
             .register_type::<HapticClock>()
             .register_type::<ModelStepCount>()
             .add_message::<HapticFault>()
-            .add_systems(FixedUpdate, cost.timed(run_model_steps))
+            .add_systems(RunFixedMainLoop, begin_frame.in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop))
+            .add_systems(FixedUpdate, (cost.timed(run_model_steps), report_slow_step).chain())
             .add_systems(PreUpdate, watch_speed.before(HapticSetupSystems::Bodies));
     }
 }
 
-/// Runs [`ModelStep`] when it is due. In lock step every due step is run; on threads at most one at a time,
-/// because one step consumes all samples there are: a step longer than its period makes the local model older,
-/// and the next one longer.
+fn begin_frame(mut accumulated: ResMut<Accumulated>) {
+    accumulated.has_stepped = false;
+}
+
+/// Runs [`ModelStep`] when it is due. In lock step every due step is run; on threads one a frame at most, which consumes all samples
+/// there are.
 fn run_model_steps(world: &mut World) {
     let (rate, clock) = (*world.resource::<ModelRate>(), *world.resource::<HapticClock>());
     let delta = world.resource::<Time<Fixed>>().delta();
-    world.resource_mut::<Accumulated>().0 += delta;
-    while world.resource::<Accumulated>().0 >= rate.period() {
-        let mut accumulated = world.resource_mut::<Accumulated>();
-        accumulated.0 -= rate.period();
-        if clock == HapticClock::Thread {
-            let periods = (accumulated.0.as_nanos() / rate.period().as_nanos()) as u32;
-            accumulated.0 -= rate.period() * periods;
+    if clock == HapticClock::Thread {
+        if world.resource_mut::<Accumulated>().is_due(delta, rate.period()) {
+            run_model_step(world);
         }
-        world.resource_mut::<ModelStepCount>().0 += 1;
-        let ((), cost) = timed(|| world.run_schedule(ModelStep));
-        note_model_step(world, cost);
+        return;
     }
+    world.resource_mut::<Accumulated>().time += delta;
+    while world.resource::<Accumulated>().time >= rate.period() {
+        world.resource_mut::<Accumulated>().time -= rate.period();
+        run_model_step(world);
+    }
+}
+
+fn run_model_step(world: &mut World) {
+    world.resource_mut::<ModelStepCount>().0 += 1;
+    let ((), cost) = timed(|| world.run_schedule(ModelStep));
+    note_model_step(world, cost);
+    world.resource_mut::<StepTimes>().note(cost);
 }
 
 /// A loop on a thread runs in real time, whatever the speed of the app's clock. At another speed its force is faded
@@ -238,6 +296,34 @@ fn watch_speed(
 mod tests {
     use super::*;
     use bevy::ecs::system::RunSystemOnce;
+
+    #[test]
+    fn on_threads_a_late_frame_has_one_step_and_catches_up_no_more() {
+        let (mut accumulated, period) = (Accumulated::default(), Duration::from_millis(50));
+        let mut frame = |fixed_steps: usize| {
+            accumulated.has_stepped = false;
+            let due = |_: &usize| accumulated.is_due(Duration::from_millis(16), period);
+            (0..fixed_steps).filter(due).count()
+        };
+        assert_eq!([1, 1, 1, 1, 1, 1, 1].map(&mut frame), [0, 0, 0, 1, 0, 0, 1]);
+        // A frame of a quarter of a second: one step, and another at the beginning of the next frame.
+        assert_eq!([16, 1, 1, 1, 1].map(&mut frame), [1, 1, 1, 0, 0]);
+    }
+
+    #[test]
+    fn on_threads_a_step_catches_up_one_period_and_after_a_slow_one_none() {
+        let mut world = World::new();
+        world.insert_resource(ModelRate::default());
+        let mut most = |clock: HapticClock, last_ms: u64| {
+            world.insert_resource(clock);
+            world.init_resource::<StepTimes>();
+            world.resource_mut::<StepTimes>().note(Duration::from_millis(last_ms));
+            world.run_system_once(|span: ModelSpan| span.most_ticks()).unwrap()
+        };
+        assert_eq!(most(HapticClock::Thread, 10), 100);
+        assert_eq!(most(HapticClock::Thread, 60), 50);
+        assert_eq!([10, 60].map(|ms| most(HapticClock::Lockstep, ms)), [usize::MAX; 2]);
+    }
 
     #[test]
     fn on_threads_models_come_no_more_often_than_the_fixed_main_loop() {

@@ -15,7 +15,7 @@ use palpate_body::{Body, BodyError, BodyPoint, SurfaceTree, Tie};
 ///
 /// Where it goes through the surface is found when it is made, or when its ends or its body change, in the shape that the body
 /// has then. A change of length, stiffness or limit acts at the next model step: a shorter thread that does not stretch draws its
-/// ends together at 1 m/s.
+/// ends together at 1 m/s. A thread whose ends are one point, or are both fixed, is rejected ([`SutureFault`]).
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[require(SutureForce, Sewn)]
 #[reflect(Component, Debug, PartialEq, Clone)]
@@ -66,7 +66,11 @@ pub struct SutureTorn {
 
 /// Where a suture goes through its body.
 #[derive(Component, Clone, Debug, Default)]
-struct Sewn(Option<Stitch>);
+struct Sewn {
+    stitch: Option<Stitch>,
+    /// The body's shape at the last rejection, which is reported once for each.
+    rejected_shape: Option<u64>,
+}
 
 #[derive(Clone, Debug, PartialEq)]
 struct Stitch {
@@ -115,24 +119,26 @@ fn sew(
 ) {
     changed.clear();
     for (entity, suture, mut sewn, mut force) in &mut sutures {
-        let shape = bodies.get(suture.body).map(|(_, body)| body.shape);
+        let shape = bodies.get(suture.body).ok().map(|(_, body)| body.shape);
         let fits = |stitch: &Stitch| {
-            (stitch.body, stitch.ends_m) == (suture.body, suture.ends_m) && shape == Ok(stitch.shape)
+            (stitch.body, stitch.ends_m) == (suture.body, suture.ends_m) && shape == Some(stitch.shape)
         };
-        let was_sewn = sewn.0.is_some();
-        if sewn.0.as_ref().is_some_and(fits) {
+        let was_sewn = sewn.stitch.is_some();
+        if sewn.stitch.as_ref().is_some_and(fits) {
             if suture.is_changed() {
                 changed.push(suture.body);
             }
             continue;
         }
+        // A body of another shape may have a surface there, or nodes that move.
+        let is_reshaped = shape.is_some() && sewn.rejected_shape.is_some() && shape != sewn.rejected_shape;
         // A body that is still to be built is waited for.
-        if shape.is_err() && asked.contains(suture.body)
-            || !(suture.is_changed() || was_sewn || force.is_added())
+        if shape.is_none() && asked.contains(suture.body)
+            || !(suture.is_changed() || was_sewn || is_reshaped || force.is_added())
         {
             continue;
         }
-        changed.extend(sewn.0.take().map(|stitch| stitch.body));
+        changed.extend(sewn.stitch.take().map(|stitch| stitch.body));
         let stitch = bodies
             .get(suture.body)
             .map_err(|_| SutureFault::NotABody { body: suture.body })
@@ -140,10 +146,12 @@ fn sew(
         match stitch {
             Ok(stitch) => {
                 changed.push(suture.body);
-                (*force, sewn.0) = (SutureForce::default(), Some(stitch));
+                *force = SutureForce::default();
+                *sewn = Sewn { stitch: Some(stitch), rejected_shape: None };
             }
             Err(error) => {
                 *force = SutureForce::default();
+                sewn.rejected_shape = shape;
                 faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::Suture(error) });
             }
         }
@@ -153,7 +161,7 @@ fn sew(
             .iter()
             .filter(|(.., force)| !force.is_torn)
             .filter_map(|(entity, suture, sewn, _)| {
-                let stitch = sewn.0.as_ref().filter(|stitch| stitch.body == body)?;
+                let stitch = sewn.stitch.as_ref().filter(|stitch| stitch.body == body)?;
                 Some((entity, suture.into_inner(), &stitch.points))
             })
             .collect();
@@ -195,7 +203,29 @@ fn pierce(suture: &Suture, simulated: &SimulatedBody) -> Result<Stitch, SutureFa
     let [a, b] = suture.ends_m;
     let points = [pierced(a)?, pierced(b)?];
     tie(suture, &points)?;
+    has_effect(&points, &simulated.body)?;
     Ok(Stitch { body: suture.body, ends_m: suture.ends_m, shape: simulated.shape, points })
+}
+
+/// Weights that differ by less are equal.
+const SAME_WEIGHT: f64 = 1e-9;
+
+/// Rejects a thread whose ends cannot move relative to each other.
+fn has_effect([a, b]: &[BodyPoint; 2], body: &Body) -> Result<(), SutureFault> {
+    let weight = |point: &BodyPoint, node: usize| {
+        point.nodes().iter().find(|(known, _)| *known == node).map_or(0.0, |(_, weight)| *weight)
+    };
+    let mut apart = a.nodes().iter().chain(b.nodes()).map(|(node, _)| *node);
+    let mut apart_free = apart.clone().filter(|node| !body.network().is_fixed(*node));
+    let differs = |node: usize| (weight(a, node) - weight(b, node)).abs() > SAME_WEIGHT;
+    let at_m = |point: &BodyPoint| point.of(body.positions_m());
+    if !apart.any(differs) {
+        Err(SutureFault::SamePoint { at_m: at_m(a) })
+    } else if !apart_free.any(differs) {
+        Err(SutureFault::FixedEnds { ends_m: [at_m(a), at_m(b)] })
+    } else {
+        Ok(())
+    }
 }
 
 /// Tells what every thread does, and which have torn.
@@ -205,7 +235,7 @@ fn tell(
     mut torn: MessageWriter<SutureTorn>,
 ) {
     for (entity, sewn, mut force) in &mut sutures {
-        let Some(stitch) = &sewn.0 else { continue };
+        let Some(stitch) = &sewn.stitch else { continue };
         let Ok(simulated) = bodies.get(stitch.body) else {
             *force = SutureForce::default();
             continue;

@@ -1,16 +1,22 @@
 //! Tools: what the user asks for, and what is computed.
 
 mod black_box;
+mod convergence;
 mod grasp;
 mod model;
+mod no_force;
+mod overlap;
 mod receive;
 mod results;
 mod settings;
+mod size;
 mod start;
 
 pub use black_box::KeepBlackBox;
 pub use grasp::{Grasping, ToolGrasp};
-pub use results::{LocalModelBuild, LocalModelError, LoopTiming, TickRecording, ToolForce, Touching};
+pub use results::{
+    ContactState, LocalModelBuild, LocalModelError, LoopTiming, TickRecording, ToolForce, Touching,
+};
 pub use start::ToolLoop;
 
 use crate::body::HapticSetupSystems;
@@ -18,6 +24,7 @@ use crate::device::{DeviceSelector, HapticDevices};
 use crate::diagnostics::FrameCost;
 use crate::fault::HapticFault;
 use crate::schedule::{HapticClock, HapticSystems, ModelRate, ModelStep};
+use crate::step_time::StepTimes;
 use crate::suture::SutureSystems;
 use bevy::prelude::*;
 use glam::DVec3;
@@ -47,7 +54,8 @@ pub struct HapticTool {
     pub friction: f64,
     /// What holds the tool to the device. A change ends a touch.
     pub coupling: ToolCoupling,
-    /// The body that it can touch; `None`: the one that is nearest while it touches nothing.
+    /// The body that it can touch; `None`: the one that is nearest while it touches nothing. A change ends a touch; how the next
+    /// one begins is at [`Touching`].
     #[entities]
     pub body: Option<Entity>,
 }
@@ -157,6 +165,7 @@ pub struct ToolPlugin;
 impl Plugin for ToolPlugin {
     fn build(&self, app: &mut App) {
         let cost = FrameCost::of(app);
+        let times = StepTimes::of(app);
         app.init_resource::<HapticDevices>()
             .register_type::<HapticTool>()
             .register_type::<ToolSettings>()
@@ -167,6 +176,7 @@ impl Plugin for ToolPlugin {
             .register_type::<LocalModelError>()
             .register_type::<LoopTiming>()
             .register_type::<Touching>()
+            .register_type::<ContactState>()
             .register_type::<TickRecording>()
             .register_type::<ContactBegan>()
             .register_type::<ContactEnded>()
@@ -192,18 +202,24 @@ impl Plugin for ToolPlugin {
                     (receive::receive, receive::choose_bodies, settings::set_loops)
                         .chain()
                         .in_set(HapticSystems::Receive),
-                    (model::step_bodies, model::judge_loops, grasp::grasp)
+                    (times.bodies.timed(model::step_bodies), model::judge_loops, grasp::grasp)
                         .chain()
                         .in_set(HapticSystems::StepBody)
                         .after(SutureSystems::Sew)
                         .before(SutureSystems::Tell),
-                    model::build_local_models.in_set(HapticSystems::BuildLocalModel),
+                    times
+                        .local_models
+                        .timed(model::build_local_models)
+                        .in_set(HapticSystems::BuildLocalModel),
                     model::publish_local_models.in_set(HapticSystems::Publish),
                     (
                         receive::watch_loops,
                         results::write_results,
                         results::note_poses,
                         results::write_errors,
+                        no_force::report_missing_force,
+                        convergence::report_unconverged,
+                        size::report_sizes,
                     )
                         .chain()
                         .in_set(HapticSystems::Writeback),

@@ -51,6 +51,12 @@ pub trait HapticDevice: Send {
     /// The loop fades the force if errors go on, and has the device stopped beside it if that is possible.
     fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError>;
 
+    /// The part of `force_n` that its motors can show whatever their limits, N, its own frame: a linear projection, which leaves out the
+    /// axes without a motor. By default all of it. A tool whose force lies along such axes is reported by the app.
+    fn shown_n(&self, force_n: DVec3) -> DVec3 {
+        force_n
+    }
+
     /// A way to its actuators from another thread, for a watchdog that stops it when the loop hangs in it. Asked for after every
     /// `open`. Without one, which is the default, only the device's own firmware ends the force then.
     fn emergency_stop(&mut self) -> Option<Box<dyn EmergencyStop>> {

@@ -187,6 +187,10 @@ impl HapticDevice for HidDevice {
         self.driver.describe()
     }
 
+    fn shown_n(&self, force_n: DVec3) -> DVec3 {
+        self.driver.shown_n(force_n)
+    }
+
     fn open(&mut self) -> Result<(), DeviceError> {
         if self.link.is_some() {
             return Err(DeviceError::AlreadyOpen);

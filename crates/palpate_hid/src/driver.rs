@@ -30,6 +30,11 @@ pub(crate) trait Driver: Send {
     /// What it is and what it can do.
     fn describe(&self) -> DeviceDescription;
 
+    /// The part of a force that its motors can show, N, in the device's frame.
+    fn shown_n(&self, force_n: DVec3) -> DVec3 {
+        force_n
+    }
+
     /// Makes a device that has just been opened ready, at zero force.
     fn start(&mut self, link: &mut Link) -> Result<(), DeviceError>;
 

@@ -193,6 +193,11 @@ impl Driver for Joystick {
         }
     }
 
+    fn shown_n(&self, force_n: DVec3) -> DVec3 {
+        let axes = self.options.plane.iter().take(self.axes());
+        axes.map(|axis| force_n.dot(*axis) * *axis).sum()
+    }
+
     fn start(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.effects.clear();
         self.place = None;

@@ -3,7 +3,7 @@
 use super::{ContactBegan, ContactEnded, HapticTool, LocalModelBuild, LocalModelError, ToolLoop};
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
-use crate::schedule::{ModelPeriod, ModelRate};
+use crate::schedule::{ModelPeriod, ModelSpan};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{Body, BodyError, SemiImplicitEuler, StepReport, ToolContact, ToolPoint, ToolRun};
@@ -13,11 +13,12 @@ use palpate_reduce::BuilderOptions;
 /// Steps every body: along the samples of the tools that can touch it, or by the model period if there are none.
 ///
 /// The first of several tools is the clock. Another one's loop, on a thread of its own, may have ticked a little more or less
-/// often meanwhile: its path is stretched to the same time.
+/// often meanwhile: its path is stretched to the same time. A path of more ticks than a step may have ([`ModelSpan`]) is walked in that
+/// many: the newer half at its own pace, what is older faster.
 pub(super) fn step_bodies(
     mut bodies: Query<(Entity, &mut SimulatedBody)>,
     mut tools: Query<(Entity, &mut ToolLoop)>,
-    rate: Res<ModelRate>,
+    span: ModelSpan,
     mut began: MessageWriter<ContactBegan>,
     mut ended: MessageWriter<ContactEnded>,
     mut faults: MessageWriter<HapticFault>,
@@ -32,12 +33,12 @@ pub(super) fn step_bodies(
         at_it.sort_unstable_by_key(|(tool, _)| *tool);
         for (tool_entity, tool) in &mut at_it {
             if std::mem::replace(&mut tool.touched_as, simulated.touched_as()) != simulated.touched_as() {
-                tool.let_go(*tool_entity).map(|message| ended.write(message));
+                tool.forget_contact(*tool_entity).map(|message| ended.write(message));
             }
         }
         simulated.drawn.note(&simulated.body);
         let before: Vec<bool> = at_it.iter().map(|(_, tool)| tool.contact.normal().is_some()).collect();
-        let stepped = step(&mut simulated.body, &mut at_it, rate.ticks() as usize);
+        let stepped = step(&mut simulated.body, &mut at_it, (span.ticks(), span.most_ticks()));
         for ((tool_entity, tool), was_touching) in at_it.iter_mut().zip(before) {
             let (tool_entity, contact) = (*tool_entity, &tool.contact);
             match (was_touching, contact.normal().zip(contact.touched().first())) {
@@ -65,16 +66,19 @@ pub(super) fn step_bodies(
     }
 }
 
-/// Steps `body` along the paths of `tools`, by `period` ticks if there are none, and notes what it displayed to each.
+/// Steps `body` along the paths of `tools`, in `most` ticks at most, or by `period` ticks if there are none, and notes what it
+/// displayed to each.
 fn step(
     body: &mut Body,
     tools: &mut [(Entity, Mut<ToolLoop>)],
-    period: usize,
+    (period, most): (usize, usize),
 ) -> Result<StepReport, BodyError> {
-    let ticks = tools.first().map_or(period, |(_, tool)| tool.path.len() - 1);
+    let asked = tools.first().map_or(period, |(_, tool)| tool.path.len() - 1);
+    let ticks = asked.min(most);
+    let pace = |tool: &ToolLoop| Pace::new(tool.path.len() - 1, ticks, asked > most);
     let stretched: Vec<Option<Vec<ToolPoint>>> = tools
         .iter()
-        .map(|(_, tool)| (tool.path.len() != ticks + 1).then(|| stretch(&tool.path, ticks)))
+        .map(|(_, tool)| (tool.path.len() != ticks + 1).then(|| stretch(&tool.path, pace(tool))))
         .collect();
     let mut forces: Vec<Vec<DVec3>> = vec![Vec::with_capacity(ticks); tools.len()];
     let mut runs = Vec::with_capacity(tools.len());
@@ -90,18 +94,52 @@ fn step(
             tool.contact.let_go();
         } else {
             // One for each of its own ticks.
-            let own = tool.path.len() - 1;
-            tool.full_n.extend((1..=own).filter_map(|i| forces.get((i * ticks).div_ceil(own).max(1) - 1)));
+            let pace = pace(tool);
+            tool.full_n.extend((1..=pace.samples).filter_map(|i| forces.get(pace.tick_of(i) - 1)));
         }
     }
     stepped
 }
 
-/// `path`, of at least one point, as one of `ticks` ticks.
-fn stretch(path: &[ToolPoint], ticks: usize) -> Vec<ToolPoint> {
+/// How a path of so many samples after the first is walked in so many ticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Pace {
+    samples: usize,
+    ticks: usize,
+    /// At the end, ticks of one sample each; before them all go by evenly.
+    even: usize,
+}
+
+impl Pace {
+    /// A path that is too long (`is_late`) keeps its own pace in the newer half of the ticks.
+    fn new(samples: usize, ticks: usize, is_late: bool) -> Self {
+        Self { samples, ticks, even: if is_late { (ticks / 2).min(samples) } else { 0 } }
+    }
+
+    /// The place on the path after `tick`, in samples.
+    fn place(self, tick: usize) -> f64 {
+        let (ticks, samples) = (self.ticks - self.even, self.samples - self.even);
+        if ticks == 0 && self.even == 0 {
+            samples as f64
+        } else if tick <= ticks {
+            samples as f64 * tick as f64 / ticks as f64
+        } else {
+            (samples + tick - ticks) as f64
+        }
+    }
+
+    /// The tick, from 1, during which `sample`, from 1, is reached.
+    fn tick_of(self, sample: usize) -> usize {
+        let (ticks, samples) = (self.ticks - self.even, self.samples - self.even);
+        if sample <= samples { (sample * ticks).div_ceil(samples).max(1) } else { ticks + sample - samples }
+    }
+}
+
+/// `path`, of at least one point, walked at `pace`.
+fn stretch(path: &[ToolPoint], pace: Pace) -> Vec<ToolPoint> {
     let last = path.len() - 1;
     let at = |tick: usize| {
-        let place = if ticks == 0 { last as f64 } else { last as f64 * tick as f64 / ticks as f64 };
+        let place = pace.place(tick);
         let (from, share) = ((place as usize).min(last), place.fract());
         let (a, b) = (path[from], path[(from + 1).min(last)]);
         ToolPoint {
@@ -109,7 +147,7 @@ fn stretch(path: &[ToolPoint], ticks: usize) -> Vec<ToolPoint> {
             velocity_m_per_s: a.velocity_m_per_s.lerp(b.velocity_m_per_s, share),
         }
     };
-    (0..=ticks).map(at).collect()
+    (0..=pace.ticks).map(at).collect()
 }
 
 /// Compares what every loop displayed with what the full body says for the same samples.
@@ -214,6 +252,8 @@ mod tests {
     fn a_path_is_stretched_from_its_beginning_to_its_end() {
         let at = |x: f64| ToolPoint { position_m: DVec3::X * x, velocity_m_per_s: DVec3::Y * x };
         let path: Vec<ToolPoint> = (0..=4).map(|i| at(f64::from(i))).collect();
+        let stretch =
+            |path: &[ToolPoint], ticks: usize| stretch(path, Pace::new(path.len() - 1, ticks, false));
         assert_eq!(stretch(&path, 4), path);
         let longer = stretch(&path, 5);
         assert_eq!((longer.len(), longer[0], longer[5]), (6, at(0.0), at(4.0)));
@@ -222,5 +262,15 @@ mod tests {
         // A hand of which nothing is new stays where it is.
         assert_eq!(stretch(&path[..1], 3), [at(0.0); 4]);
         assert_eq!(stretch(&path, 0), [at(4.0)]);
+    }
+
+    #[test]
+    fn the_newer_half_of_a_path_that_is_too_long_keeps_its_pace() {
+        let at = |x: f64| ToolPoint { position_m: DVec3::X * x, velocity_m_per_s: DVec3::ZERO };
+        let path: Vec<ToolPoint> = (0..=10).map(|i| at(f64::from(i))).collect();
+        let pace = Pace::new(10, 4, true);
+        assert_eq!(stretch(&path, pace), [0.0, 4.0, 8.0, 9.0, 10.0].map(at));
+        assert_eq!([1, 4, 5, 8, 9, 10].map(|sample| pace.tick_of(sample)), [1, 1, 2, 2, 3, 4]);
+        assert_eq!(stretch(&path, Pace::new(10, 1, true)), [0.0, 10.0].map(at));
     }
 }

@@ -2,9 +2,9 @@
 
 use super::start::Driver;
 use super::{ContactEnded, HapticTool, KeepBlackBox, TickRecording, ToolLoop};
-use crate::body::SimulatedBody;
+use crate::body::{DeformableBody, SimulatedBody};
 use crate::fault::{HapticFault, HapticFaultKind};
-use crate::schedule::{MAX_TICKS, ModelRate};
+use crate::schedule::ModelRate;
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::ToolPoint;
@@ -27,12 +27,12 @@ pub(super) fn receive(
         if std::mem::take(&mut tool.was_paused) && matches!(tool.driver, Driver::Thread(_)) {
             // What the hand did meanwhile is nobody's business; it begins anew where it is now.
             tool.consumed = tool.handle.samples().newest().map(|sample| sample.sequence);
-            tool.let_go(entity).map(|message| ended.write(message));
+            tool.forget_contact(entity).map(|message| ended.write(message));
         }
         let lost = take_path(tool.handle.samples(), &mut tool.consumed, &mut tool.path);
         if lost > 0 {
             // The tool is elsewhere without having moved there: a touched node must not be thrown.
-            tool.let_go(entity).map(|message| ended.write(message));
+            tool.forget_contact(entity).map(|message| ended.write(message));
             let kind = HapticFaultKind::SamplesLost { lost };
             faults.write(HapticFault { entity: Some(entity), kind });
         }
@@ -72,11 +72,15 @@ pub(super) fn watch_loops(
     }
 }
 
+/// Longest path that a body is moved along at once, in samples: what the loop keeps, with a margin for ticks while it is read.
+/// The body takes no more steps for a long path than for a short one ([`ModelSpan`](crate::schedule::ModelSpan)).
+const LONGEST_PATH: u64 = 500;
+
 /// Puts the samples after `consumed` into `path`, behind the one it begins at; returns how many are lost.
 fn take_path(samples: &SampleHistory, consumed: &mut Option<u64>, path: &mut Vec<ToolPoint>) -> u64 {
     path.clear();
     let (Some(newest), Some(oldest)) = (samples.newest(), samples.oldest_sequence()) else { return 0 };
-    let reach = oldest.max(newest.sequence.saturating_sub(u64::from(MAX_TICKS)));
+    let reach = oldest.max(newest.sequence.saturating_sub(LONGEST_PATH));
     let begin = consumed.map_or(reach, |consumed| consumed.max(reach));
     let lost = consumed.map_or(0, |consumed| begin - consumed.min(begin));
     path.extend((begin..=newest.sequence).filter_map(|sequence| samples.get(sequence)).map(tool_point));
@@ -131,6 +135,7 @@ fn tool_point(sample: &Sample) -> ToolPoint {
 pub(super) fn choose_bodies(
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop)>,
     bodies: Query<(Entity, &SimulatedBody)>,
+    to_come: Query<(), With<DeformableBody>>,
     mut ended: MessageWriter<ContactEnded>,
     mut faults: MessageWriter<HapticFault>,
 ) {
@@ -142,8 +147,9 @@ pub(super) fn choose_bodies(
             (None, Some(body)) if bodies.contains(body) && tool.is_in_contact() => Some(body),
             (None, last) => nearest(&bodies, at, last),
         };
-        let refused = wanted.filter(|body| !bodies.contains(*body));
-        let chosen = wanted.filter(|_| refused.is_none());
+        let chosen = wanted.filter(|body| bodies.contains(*body));
+        // A body that is still to be built is waited for.
+        let refused = wanted.filter(|body| !bodies.contains(*body) && !to_come.contains(*body));
         match refused {
             None => tool.refused_body = None,
             Some(body) => {
@@ -156,7 +162,7 @@ pub(super) fn choose_bodies(
             }
         }
         if chosen != tool.body {
-            tool.let_go(entity).map(|message| ended.write(message));
+            tool.forget_contact(entity).map(|message| ended.write(message));
             tool.body = chosen;
         }
     }
@@ -212,9 +218,9 @@ mod tests {
     }
 
     #[test]
-    fn at_most_200_ticks_are_consumed_and_the_lost_ones_counted() {
-        let (path, consumed, lost) = taken(&history(1..=400), Some(100));
-        assert_eq!((path.len(), path[0], consumed, lost), (201, 200.0, Some(400), 100));
+    fn at_most_500_ticks_are_consumed_and_the_lost_ones_counted() {
+        let (path, consumed, lost) = taken(&history(1..=700), Some(100));
+        assert_eq!((path.len(), path[0], consumed, lost), (501, 200.0, Some(700), 100));
         // The samples were begun anew after a gap.
         let (path, _, lost) = taken(&history(350..=360), Some(300));
         assert_eq!((path.len(), lost), (11, 50));

@@ -142,11 +142,38 @@ pub(super) fn write_errors(mut tools: Query<(&ToolLoop, &mut LocalModelError)>) 
 }
 
 /// What a tool touches now.
+///
+/// One rule holds whenever a tool and a body come together otherwise than by the tool's motion: the body is spawned, replaced by one
+/// with other nodes, moved by its transform or chosen by [`HapticTool::body`](crate::HapticTool::body); or the tool is started, changed
+/// in shape, released from a grasp, or moved in a pause or while samples were lost. The tool's centre decides. Outside of the body, the tool touches at
+/// once, however far its radius overlaps. Inside, it touches nothing until all of it has left the body:
+/// [`ContactState::Inside`], which is reported after half a second
+/// ([`NoForceCause::Inside`](crate::NoForceCause::Inside)).
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct Touching {
-    /// The body; `None` while the tool is free.
+    /// The touched or held body; `None` while the tool is free.
     pub body: Option<Entity>,
+    /// State of the contact after the last model step.
+    pub state: ContactState,
+}
+
+/// State of a tool's contact with the body that it can touch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Debug, Default, PartialEq, Hash, Clone)]
+pub enum ContactState {
+    /// There is no body to touch, or the loop does not run.
+    #[default]
+    NoBody,
+    /// The tool is outside of the body and touches nothing.
+    Clear,
+    /// The tool pushes the body's surface.
+    Touching,
+    /// The tool holds a point of the body ([`ToolGrasp`](crate::ToolGrasp)).
+    Holding,
+    /// The tool is inside the body without having pushed its way there: it renders no force until all of it has left. See
+    /// [`Touching`].
+    Inside,
 }
 
 /// Put it on a tool to record every tick. A tick takes 736 bytes, so an hour 2.6 GB; see `keep`.
@@ -188,7 +215,8 @@ pub(super) fn write_results(
     mut tools: Query<(&mut ToolLoop, &mut ToolForce, &mut LoopTiming, &mut Touching)>,
 ) {
     for (mut tool, mut force, mut timing, mut touching) in &mut tools {
-        touching.set_if_neq(Touching { body: tool.body.filter(|_| tool.is_in_contact()) });
+        let body = tool.body.filter(|_| tool.is_in_contact());
+        touching.set_if_neq(Touching { body, state: tool.contact_state() });
         let tick_s = tool.handle.config().hand_over.tick_s;
         if let Some(TickRecord { spoken, safety, force_n, sample, .. }) = tool.handle.latest_tick() {
             let newest = sample.map_or(0, |sample| sample.sequence);
@@ -238,6 +266,20 @@ pub(super) struct Pose {
 }
 
 impl ToolLoop {
+    fn contact_state(&self) -> ContactState {
+        if self.body.is_none() {
+            ContactState::NoBody
+        } else if self.contact.held_point().is_some() {
+            ContactState::Holding
+        } else if !self.contact.touched().is_empty() {
+            ContactState::Touching
+        } else if self.contact.is_clear() {
+            ContactState::Clear
+        } else {
+            ContactState::Inside
+        }
+    }
+
     /// From the device to the tool behind its coupling, m, at the last model step. The tool's [`Transform`] is where the tool is.
     #[must_use]
     pub fn behind_m(&self) -> DVec3 {

@@ -1,7 +1,10 @@
 //! A tool's loop: started and stopped.
 
+use super::convergence::ConvergenceWatch;
+use super::no_force::ForceWatch;
 use super::results::Pose;
 use super::settings::loop_settings;
+use super::size::ComparedSizes;
 use super::{
     ContactEnded, Grasping, HapticTool, LocalModelBuild, LocalModelError, TickRecording, ToolForce,
     ToolSettings, Touching,
@@ -13,11 +16,11 @@ use bevy::ecs::lifecycle::HookContext;
 use bevy::ecs::world::DeferredWorld;
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use palpate_body::{ToolContact, ToolPoint};
 use palpate_haptics::{
-    HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopReport, LoopSettings, LoopThread, SafetySettings,
-    Stop, haptic_loop,
+    DeviceDescription, HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopReport, LoopSettings,
+    LoopThread, SafetySettings, Stop, haptic_loop,
 };
 use palpate_local::{Capacity, HandOverSettings, NearFieldCapacity};
 
@@ -58,6 +61,16 @@ pub struct ToolLoop {
     pub(super) was_paused: bool,
     /// The entity that was refused to it as a body, so that it is said once.
     pub(super) refused_body: Option<Entity>,
+    /// Why no force is rendered, if none is.
+    pub(super) force_watch: ForceWatch,
+    /// Ticks of the last second at which the loop's contact solver did not converge.
+    pub(super) convergence: ConvergenceWatch,
+    /// The body, its shape and the tool's shape whose sizes have been compared.
+    pub(super) compared_sizes: Option<ComparedSizes>,
+    /// Description of the device at the start of the loop.
+    pub(super) description: DeviceDescription,
+    /// The force that the device can show of a unit force along each axis, its own frame.
+    pub(super) shown: DMat3,
     /// The newest settings that make sense.
     pub(crate) settings: ToolSettings,
     /// The safety chain's settings that follow from the device's description.
@@ -134,6 +147,14 @@ impl ToolLoop {
     /// The loop's newest account of itself: counters and histograms since its start.
     pub fn report(&mut self) -> &LoopReport {
         self.handle.report()
+    }
+
+    /// Lets go, and begins again as a tool that has just met its body; the message to be written if something was touched or held.
+    #[must_use]
+    pub(super) fn forget_contact(&mut self, tool: Entity) -> Option<ContactEnded> {
+        let ended = self.let_go(tool);
+        self.contact = self.untouched.clone();
+        ended
     }
 
     /// Lets go of what is touched or held; the message to be written if something was.
@@ -256,11 +277,14 @@ pub(super) fn start_loops(
             continue;
         }
         let started = devices.make(&tool.device).and_then(|device| {
-            let of_device = device.describe().safety(TICK_S);
-            start(device, *clock, asked(of_device)).map(|(handle, driver)| (handle, driver, of_device))
+            let description = device.describe();
+            let of_device = description.safety(TICK_S);
+            let shown = DMat3::from_cols_array_2d(&DVec3::AXES.map(|axis| device.shown_n(axis).to_array()));
+            let (handle, driver) = start(device, *clock, asked(of_device))?;
+            Ok((handle, driver, of_device, description, shown))
         });
         match started {
-            Ok((handle, driver, of_device)) => {
+            Ok((handle, driver, of_device, description, shown)) => {
                 commands.entity(entity).try_insert(ToolLoop {
                     handle,
                     driver,
@@ -280,6 +304,11 @@ pub(super) fn start_loops(
                     built: false,
                     was_paused: false,
                     refused_body: None,
+                    force_watch: ForceWatch::default(),
+                    convergence: ConvergenceWatch::default(),
+                    compared_sizes: None,
+                    description,
+                    shown,
                     settings: *settings,
                     of_device,
                     emergency_stops: 0,

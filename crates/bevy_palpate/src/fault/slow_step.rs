@@ -1,0 +1,94 @@
+//! A model step that takes longer than its period, with what cost the time.
+
+use std::fmt::{Display, Formatter};
+
+/// Figures of a model step that took longer than its period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlowStep {
+    /// Duration of the step, ms.
+    pub step_ms: f64,
+    /// Time between two model steps, ms.
+    pub period_ms: f64,
+    /// Part of the step in which the bodies moved, ms.
+    pub bodies_ms: f64,
+    /// Part of the step in which local models were built, ms.
+    pub local_models_ms: f64,
+    /// Nodes of the largest body; the fault's entity is that body.
+    pub nodes: usize,
+    /// Value of [`MeshShape::cells_along`](crate::MeshShape::cells_along) with which that body would be fast enough, if it is of a
+    /// mesh. An estimate: the time is taken to grow with the number of cells.
+    pub cells_along: Option<usize>,
+}
+
+/// A part of a model step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum StepPart {
+    /// The steps of the bodies.
+    Bodies,
+    /// The building of local models.
+    LocalModels,
+    /// Everything else, systems of the app in [`ModelStep`](crate::ModelStep) included.
+    Other,
+}
+
+impl SlowStep {
+    /// Time spent neither in bodies nor in local models, ms.
+    #[must_use]
+    pub fn other_ms(&self) -> f64 {
+        (self.step_ms - self.bodies_ms - self.local_models_ms).max(0.0)
+    }
+
+    /// The part that took the most time.
+    #[must_use]
+    pub fn largest(&self) -> StepPart {
+        let (bodies, local, other) = (self.bodies_ms, self.local_models_ms, self.other_ms());
+        if other > bodies.max(local) {
+            StepPart::Other
+        } else if local > bodies {
+            StepPart::LocalModels
+        } else {
+            StepPart::Bodies
+        }
+    }
+}
+
+impl Display for SlowStep {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let Self { step_ms, period_ms, bodies_ms, local_models_ms, nodes, cells_along } = self;
+        write!(
+            f,
+            "a model step takes {step_ms:.0} ms of {period_ms:.0} ms: bodies {bodies_ms:.0} ms, local models \
+             {local_models_ms:.0} ms, other {:.0} ms; the largest body has {nodes} nodes; ",
+            self.other_ms()
+        )?;
+        match (self.largest(), cells_along) {
+            (StepPart::Other, _) => f.write_str("shorten the app's own systems in ModelStep"),
+            (_, Some(cells)) => write!(f, "set cells_along of its mesh to {cells}, or lower ModelRate"),
+            (_, None) => f.write_str("use fewer nodes, or lower ModelRate"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_part_is_named() {
+        let step = SlowStep {
+            step_ms: 100.0,
+            period_ms: 50.0,
+            bodies_ms: 60.0,
+            local_models_ms: 30.0,
+            nodes: 991,
+            cells_along: Some(6),
+        };
+        assert_eq!((step.largest(), step.other_ms()), (StepPart::Bodies, 10.0));
+        assert!(step.to_string().ends_with("set cells_along of its mesh to 6, or lower ModelRate"), "{step}");
+        let local = SlowStep { bodies_ms: 20.0, local_models_ms: 70.0, cells_along: None, ..step };
+        assert_eq!(local.largest(), StepPart::LocalModels);
+        assert!(local.to_string().ends_with("use fewer nodes, or lower ModelRate"), "{local}");
+        let other = SlowStep { bodies_ms: 20.0, local_models_ms: 10.0, ..step };
+        assert_eq!(other.largest(), StepPart::Other);
+    }
+}

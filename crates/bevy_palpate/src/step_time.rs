@@ -1,0 +1,122 @@
+//! How long model steps take, by part, and a report of those that take longer than their period.
+
+use crate::body::SimulatedBody;
+use crate::diagnostics::FrameCost;
+use crate::fault::{HapticFault, HapticFaultKind, SlowStep};
+use crate::schedule::{HapticClock, ModelPeriod};
+use bevy::prelude::*;
+use std::time::Duration;
+
+/// Durations of the newest model step.
+#[derive(Resource, Clone, Debug, Default)]
+pub(crate) struct StepTimes {
+    /// The whole step.
+    pub(crate) last: Duration,
+    /// Whether it has not been looked at.
+    is_new: bool,
+    /// Time in the steps of the bodies.
+    pub(crate) bodies: FrameCost,
+    /// Time in building local models.
+    pub(crate) local_models: FrameCost,
+}
+
+impl StepTimes {
+    /// The durations of `app`, which has some from now on.
+    pub(crate) fn of(app: &mut App) -> Self {
+        app.world_mut().get_resource_or_init::<Self>().clone()
+    }
+
+    /// Notes that a model step took `last`.
+    pub(crate) fn note(&mut self, last: Duration) {
+        (self.last, self.is_new) = (last, true);
+    }
+}
+
+/// Model steps in time after which a slow one is reported again, s.
+const IN_TIME_S: f64 = 1.0;
+
+/// Reports the first of several model steps that take longer than their period. In lock step there is no period to be met.
+pub(crate) fn report_slow_step(
+    mut times: ResMut<StepTimes>,
+    bodies: Query<(Entity, &SimulatedBody)>,
+    clock: Res<HapticClock>,
+    period: ModelPeriod,
+    mut in_time_s: Local<Option<f64>>,
+    mut faults: MessageWriter<HapticFault>,
+) {
+    if !std::mem::take(&mut times.is_new) {
+        return;
+    }
+    let (bodies_ms, local_models_ms) = (times.bodies.take_ms(), times.local_models.take_ms());
+    let (step_s, period_s) = (times.last.as_secs_f64(), period.s());
+    if *clock == HapticClock::Lockstep {
+        return;
+    }
+    if step_s <= period_s {
+        *in_time_s = in_time_s.map(|in_time_s| in_time_s + period_s).filter(|s| *s < IN_TIME_S - 1e-9);
+        return;
+    }
+    // `None`: no slow step is reported now.
+    if in_time_s.replace(0.0).is_some() {
+        return;
+    }
+    let nodes = |simulated: &SimulatedBody| simulated.body().network().node_count();
+    let largest = bodies.iter().max_by_key(|(entity, simulated)| (nodes(simulated), *entity));
+    let fewer = |cells: usize| {
+        let cells_along = cells as f64 * (period_s / step_s).cbrt();
+        (cells_along as usize).max(1)
+    };
+    let kind = HapticFaultKind::SlowStep(SlowStep {
+        step_ms: 1e3 * step_s,
+        period_ms: 1e3 * period_s,
+        bodies_ms,
+        local_models_ms,
+        nodes: largest.map_or(0, |(_, simulated)| nodes(simulated)),
+        cells_along: largest.and_then(|(_, simulated)| simulated.cells_along()).map(fewer),
+    });
+    faults.write(HapticFault { entity: largest.map(|(entity, _)| entity), kind });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::schedule::ModelRate;
+
+    fn reported(world: &mut World, steps_ms: &[(u64, usize)]) -> Vec<f64> {
+        for (ms, times) in steps_ms {
+            for _ in 0..*times {
+                world.resource_mut::<StepTimes>().note(Duration::from_millis(*ms));
+                world.run_system_cached(report_slow_step).unwrap();
+                // Between two model steps nothing is new.
+                world.run_system_cached(report_slow_step).unwrap();
+            }
+        }
+        let figure = |fault: HapticFault| match fault.kind {
+            HapticFaultKind::SlowStep(step) => step.step_ms,
+            other => panic!("{other}"),
+        };
+        world.resource_mut::<Messages<HapticFault>>().drain().map(figure).collect()
+    }
+
+    fn world(clock: HapticClock) -> World {
+        let mut world = World::new();
+        world.insert_resource(clock);
+        world.insert_resource(ModelRate::default());
+        world.init_resource::<StepTimes>();
+        world.init_resource::<Messages<HapticFault>>();
+        world
+    }
+
+    #[test]
+    fn a_slow_step_is_reported_once_until_a_second_was_in_time() {
+        let mut world = world(HapticClock::Thread);
+        assert_eq!(reported(&mut world, &[(20, 5), (60, 1)]), [60.0]);
+        assert_eq!(reported(&mut world, &[(180, 20), (20, 19), (70, 1), (20, 19)]), [0.0; 0]);
+        assert_eq!(reported(&mut world, &[(20, 1), (90, 3)]), [90.0]);
+    }
+
+    #[test]
+    fn in_lock_step_no_step_is_slow() {
+        assert_eq!(reported(&mut world(HapticClock::Lockstep), &[(500, 5)]), [0.0; 0]);
+    }
+}

@@ -1,0 +1,90 @@
+//! Reports a contact solver in the loop that does not converge.
+
+use super::ToolLoop;
+use crate::fault::{HapticFault, HapticFaultKind};
+use bevy::prelude::*;
+use glam::DVec3;
+
+/// Length of a window, ticks.
+const WINDOW_TICKS: u64 = 1000;
+
+/// Share of the touching ticks of a window that may stop at the solver's limit.
+const TOLERATED: f64 = 0.01;
+
+/// Touching ticks of the present window, and those at which the solver did not converge.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct ConvergenceWatch {
+    ticks: u64,
+    touching: u64,
+    unconverged: u64,
+    /// The loop's counter at the last look.
+    counter: u64,
+    is_reported: bool,
+}
+
+impl ConvergenceWatch {
+    /// Adds `ticks` ticks of which `touching` touched; `counter` is [`palpate_haptics::LoopReport::unsolved`]. Returns the ticks
+    /// without convergence and the touching ticks of a window that has to be reported.
+    fn note(&mut self, ticks: u64, touching: u64, counter: u64) -> Option<(u64, u64)> {
+        self.ticks += ticks;
+        self.touching += touching;
+        self.unconverged += counter.saturating_sub(std::mem::replace(&mut self.counter, counter));
+        if self.ticks < WINDOW_TICKS {
+            return None;
+        }
+        // The loop counts in blocks of 64 ticks, some of them of the window before.
+        let touching = self.touching.max(self.unconverged);
+        let is_bad = self.unconverged as f64 > TOLERATED * touching as f64;
+        let found = (self.unconverged, touching);
+        let was_reported = self.is_reported;
+        *self = Self { counter, is_reported: is_bad, ..Self::default() };
+        Some(found).filter(|_| is_bad && !was_reported)
+    }
+}
+
+/// Reports every tool whose loop did not converge in more than 1 % of the touching ticks of a second.
+pub(super) fn report_unconverged(
+    mut tools: Query<(Entity, &mut ToolLoop)>,
+    mut faults: MessageWriter<HapticFault>,
+) {
+    for (entity, mut tool) in &mut tools {
+        let ToolLoop { handle, path, consumed, convergence, .. } = &mut *tool;
+        let (Some(newest), ticks) = (*consumed, path.len().saturating_sub(1) as u64) else { continue };
+        let displayed = handle.displayed();
+        let first = (newest + 1).saturating_sub(ticks);
+        let felt = |sequence: &u64| displayed.get(*sequence).is_some_and(|force_n| force_n != DVec3::ZERO);
+        let touching = (first..=newest).filter(felt).count() as u64;
+        let counter = handle.report().unsolved;
+        if let Some((ticks, touching)) = convergence.note(ticks, touching, counter) {
+            let kind = HapticFaultKind::Unconverged { ticks, touching };
+            faults.write(HapticFault { entity: Some(entity), kind });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Notes 20 model steps of 50 ticks, `touching` of them in touch and `unconverged` without convergence.
+    fn second(watch: &mut ConvergenceWatch, touching: u64, unconverged: u64) -> Vec<(u64, u64)> {
+        let counter = watch.counter;
+        let note = |i: u64| watch.note(50, touching / 20, counter + unconverged * i / 20);
+        (1..=20).filter_map(note).collect()
+    }
+
+    #[test]
+    fn more_than_one_percent_of_the_touching_ticks_is_reported_once_until_a_second_is_better() {
+        let mut watch = ConvergenceWatch::default();
+        assert_eq!(second(&mut watch, 1000, 0), []);
+        assert_eq!(second(&mut watch, 1000, 10), []);
+        assert_eq!(second(&mut watch, 1000, 20), [(20, 1000)]);
+        assert_eq!(second(&mut watch, 1000, 1000), []);
+        assert_eq!(second(&mut watch, 1000, 0), []);
+        // Of few touching ticks it is the share that counts.
+        assert_eq!(second(&mut watch, 100, 8), [(8, 100)]);
+        assert_eq!(second(&mut watch, 0, 0), []);
+        // Counted late: ticks of the window before.
+        assert_eq!(second(&mut watch, 0, 5), [(5, 5)]);
+    }
+}
