@@ -90,7 +90,7 @@ pub(crate) struct Probe {
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.1, help_heading = "Hand")]
     speed_m_per_s: f64,
     /// Longest time at depth, s; a press ends earlier when the body has settled
-    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 2.0, help_heading = "Hand")]
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 5.0, help_heading = "Hand")]
     hold_s: f64,
     /// Turn body and hand about y, degrees; forces are reported unturned
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.0, help_heading = "Hand")]

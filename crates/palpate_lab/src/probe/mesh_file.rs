@@ -14,9 +14,7 @@ pub(super) struct Triangles {
 pub(super) fn read(path: &Path) -> Result<Triangles, LabError> {
     let failed = |why: String| LabError::Mesh { path: path.to_owned(), why };
     let bytes = std::fs::read(path).map_err(|error| failed(format!("the file cannot be read: {error}")))?;
-    let file = gltf::Gltf::from_slice(&bytes).map_err(|error| {
-        failed(format!("no glTF file that can be read: {}", one_line(&error.to_string())))
-    })?;
+    let file = gltf::Gltf::from_slice(&bytes).map_err(|error| failed(invalid(&error)))?;
     let buffers = buffers(&file, path)?;
     let mut all = Triangles { positions: Vec::new(), triangles: Vec::new() };
     let scene = file.default_scene().or_else(|| file.scenes().next());
@@ -94,6 +92,15 @@ impl Triangles {
     }
 }
 
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
+/// Why a file cannot be read, in one line.
+fn invalid(error: &gltf::Error) -> String {
+    let text = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+    let text = text.trim_end_matches([';', ' ']);
+    if text.contains("extensionsRequired") {
+        format!(
+            "the file needs an extension that is not read ({text}); export it uncompressed, in single precision"
+        )
+    } else {
+        format!("the file is not valid glTF ({text})")
+    }
 }

@@ -17,14 +17,11 @@ const PERIOD_TICKS: usize = 50;
 /// Ticks of rest before the hand moves: two model steps, so that the loop has a local model and the hand moves right after
 /// one.
 const REST_TICKS: usize = 2 * PERIOD_TICKS;
-/// The hand starts as high as it moves in that time, s, and at least so high, m.
-const APPROACH_S: f64 = 0.01;
+/// The hand takes at least so many ticks down to the surface, and starts at least so high, m.
+const APPROACH_TICKS: usize = 10;
 const MIN_APPROACH_M: f64 = 2e-3;
 /// Shortest time at depth, ticks: a body under a hand as slow as a settled body is not at rest on arrival.
 const MIN_HOLD_TICKS: usize = 2 * PERIOD_TICKS;
-/// How far the tool must be below the undeformed surface to count as overlapping, m.
-const OVERLAP_M: f64 = 1e-9;
-
 /// What the hand does.
 #[derive(Clone, Copy)]
 pub(super) struct Motion {
@@ -60,8 +57,10 @@ impl Motion {
         (self.speed_m_per_s * moving_s - self.approach_m()).min(self.depth_m)
     }
 
+    /// Height of the start, m: the hand crosses the surface in the middle of a tick, so that rounding does not decide which.
     fn approach_m(&self) -> f64 {
-        (APPROACH_S * self.speed_m_per_s).max(MIN_APPROACH_M)
+        let in_tick_m = self.speed_m_per_s * TICK_S;
+        ((MIN_APPROACH_M / in_tick_m).ceil().max(APPROACH_TICKS as f64) + 0.5) * in_tick_m
     }
 
     /// First sample at which the hand is at its depth.
@@ -173,7 +172,7 @@ impl Press {
 
     /// First tick in which the tool overlaps the undeformed surface.
     pub(super) fn crossing_tick(&self) -> Option<usize> {
-        self.depth_m.iter().position(|depth_m| *depth_m > OVERLAP_M)
+        self.depth_m.iter().position(|depth_m| *depth_m > 0.0)
     }
 
     /// First tick with a force: of the body and of the loop.

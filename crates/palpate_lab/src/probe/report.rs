@@ -99,7 +99,7 @@ impl Report {
         for press in &self.presses {
             write!(out, "{:>8.2}{:>8.2}", press.x_mm, press.z_mm)?;
             for force in press.body_force_n.iter().chain(&press.loop_force_n) {
-                write!(out, "{force:>9.3}")?;
+                write!(out, "{force:>9.4}")?;
             }
             let tick = |tick: Option<usize>| tick.map_or_else(|| "-".to_owned(), |tick| tick.to_string());
             writeln!(
@@ -122,7 +122,7 @@ impl Report {
                 "ripple of the scan, (max - min) / mean: {body:.2} % full body, {in_loop:.2} % loop"
             )?;
         }
-        writeln!(out, "{closed_form}: {:.3} N", self.hertz_n)
+        writeln!(out, "{closed_form}: {:.4} N", self.hertz_n)
     }
 
     /// A row for each press.

@@ -89,7 +89,7 @@ fn block(probe: &Probe, tissue: Tissue) -> Result<Parts, LabError> {
 
 /// Cells fitted to the mesh of a file, the lowest layer of nodes fixed.
 fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<Parts, LabError> {
-    let failed = |error: BodyError| LabError::Mesh { path: path.to_owned(), why: error.to_string() };
+    let failed = |error| rejected(path, &error);
     let read = mesh_file::read(path)?;
     let positions_m = read.positions.iter().map(|x| probe.metres_per_unit * *x).collect();
     let mesh = ClosedMesh::new(positions_m, read.triangles).map_err(|error| failed(error.into()))?;
@@ -125,6 +125,18 @@ fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<Parts, LabError> {
             Ok(Parts { network: made.network, surface: made.surface, cell_m })
         }
     }
+}
+
+/// Why the mesh of a file cannot become a body, with the flag that changes it where there is one.
+fn rejected(path: &Path, error: &BodyError) -> LabError {
+    let flag = match error {
+        BodyError::Mesh(MeshError::Size { .. }) => "; change --metres-per-unit",
+        BodyError::Mesh(
+            MeshError::TooManyNodes { .. } | MeshError::CoarseGrid { .. } | MeshError::Pieces { .. },
+        ) => "; change --cells",
+        _ => "",
+    };
+    LabError::Mesh { path: path.to_owned(), why: format!("{error}{flag}") }
 }
 
 impl Lump {
