@@ -38,6 +38,7 @@ const ALLOWED: [(&str, &[&str]); 8] = [
             "ctrlc",
             "faer",
             "glam",
+            "gltf",
             "indicatif",
             "plotters",
             "serde",

@@ -21,6 +21,35 @@ pub(crate) enum LabError {
     /// A trajectory could not be read.
     #[error("the trajectory cannot be read")]
     Trajectory(#[from] palpate_haptics::TrajectoryError),
+    /// A mesh could not be read from a file.
+    #[error("--mesh {}: {why}", .path.display())]
+    Mesh { path: PathBuf, why: String },
+    /// A place without surface below it.
+    #[error(
+        "{flag} has the place {},{} mm, where no surface lies below the tool; it must be over the body, which spans {:.1} to {:.1} mm along x and {:.1} to {:.1} mm along z; change {flag}",
+        .place[0], .place[1], .low[0], .high[0], .low[1], .high[1]
+    )]
+    NoSurface {
+        flag: &'static str,
+        /// x and z, mm.
+        place: [f64; 2],
+        /// Bounds of the body along x and z, mm.
+        low: [f64; 2],
+        high: [f64; 2],
+    },
+    /// A press failed.
+    #[error("the press at {x_mm},{z_mm} mm cannot be computed")]
+    Press {
+        x_mm: f64,
+        z_mm: f64,
+        #[source]
+        source: palpate_reduce::ReduceError,
+    },
+    /// A region of other tissue that holds no part of the body.
+    #[error(
+        "--lump holds no part of the body: its radius is {radius_mm} mm and a cell of the body is {cell_mm:.1} mm; move it, enlarge it, or use smaller cells (--nodes, --cells)"
+    )]
+    EmptyLump { radius_mm: f64, cell_mm: f64 },
     /// A black box could not be read.
     #[error("the black box cannot be read")]
     BlackBox(#[from] palpate_haptics::BlackBoxError),

@@ -20,6 +20,7 @@ mod manipulate;
 mod organ;
 mod output;
 mod paper;
+mod probe;
 mod progress;
 mod schemes;
 mod soak;
@@ -49,6 +50,7 @@ enum Command {
     Manipulate(manipulate::Manipulate),
     Grip(grip::Grip),
     Fidelity(fidelity::Fidelity),
+    Probe(probe::Probe),
     Faults(faults::Faults),
     Soak(soak::Soak),
     Devices(devices::Devices),
@@ -80,6 +82,7 @@ fn main() -> ExitCode {
         Command::Manipulate(command) => command.run(&cli.output),
         Command::Grip(command) => command.run(&cli.output),
         Command::Fidelity(command) => command.run(&cli.output),
+        Command::Probe(command) => command.run(&cli.output),
         Command::Faults(command) => command.run(&cli.output),
         Command::Soak(command) => command.run(&cli.output),
         Command::Devices(command) => command.run(&cli.output),

@@ -1,6 +1,7 @@
 //! The commands as a user runs them.
 
 mod closeness;
+mod probe;
 mod seed;
 
 use serde_json::Value;
@@ -187,9 +188,18 @@ fn what_makes_no_sense_is_refused_in_one_line_and_leaves_nothing() {
 
 #[test]
 fn help_has_examples() {
-    for command in
-        ["schemes", "chain", "lattice", "density", "manipulate", "grip", "paper", "fidelity", "blackbox"]
-    {
+    for command in [
+        "schemes",
+        "chain",
+        "lattice",
+        "density",
+        "manipulate",
+        "grip",
+        "paper",
+        "fidelity",
+        "blackbox",
+        "probe",
+    ] {
         let output = lab(&[command, "--help"]);
         assert!(output.status.success());
         assert!(String::from_utf8(output.stdout).unwrap().contains("Examples:"), "{command}");

@@ -1,0 +1,169 @@
+//! The body and the tool of `palpate-lab probe`.
+
+use super::Probe;
+use super::cells::Cells;
+use super::mesh_file;
+use super::options::{CouplingKind, Lump, Tool};
+use super::top::Top;
+use crate::error::{LabError, check};
+use glam::{DQuat, DVec3};
+use palpate_body::{
+    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Coupling, Face, MeshError, Network, Region,
+    Surface, Tissue, ToolContact, ToolShape,
+};
+use std::path::Path;
+
+/// A body at rest with its lowest layer fixed, and the tool that presses it.
+pub(super) struct Scene {
+    /// Turned by `turn`.
+    pub(super) body: Body,
+    pub(super) contact: ToolContact,
+    /// Rotation of body and hand about y.
+    pub(super) turn: DQuat,
+    /// The surface before the rotation.
+    pub(super) top: Top,
+    pub(super) cells: Cells,
+}
+
+/// The parts of a body before it is turned.
+struct Parts {
+    network: Network,
+    surface: Surface,
+    cell_m: f64,
+}
+
+/// The plugin's default coupling.
+const COUPLING: Coupling = Coupling { stiffness_n_per_m: 20e3, most_n: 10.0 };
+
+impl Scene {
+    pub(super) fn of(probe: &Probe) -> Result<Self, LabError> {
+        let tissue = Tissue {
+            youngs_modulus_pa: probe.youngs_pa,
+            density_kg_per_m3: probe.density,
+            damping_ratio: probe.damping,
+        };
+        let parts = match &probe.mesh {
+            Some(path) => mesh(probe, path, tissue)?,
+            None => block(probe, tissue)?,
+        };
+        let Parts { network, surface, cell_m } = parts;
+        let cells = Cells::of(&network, cell_m);
+        let turn = DQuat::from_rotation_y(probe.turn_deg.to_radians());
+        let turned = network.clone().placed(turn, DVec3::ZERO)?;
+        let top = Top::of(&Body::new(network, surface.clone())?);
+        Ok(Self { body: Body::new(turned, surface)?, contact: contact(probe)?, turn, top, cells })
+    }
+}
+
+fn contact(probe: &Probe) -> Result<ToolContact, LabError> {
+    let shape = match probe.tool {
+        Tool::Sphere { radius_m } => ToolShape::Sphere { radius_m },
+        Tool::Punch { radius_m } => ToolShape::FlatPunch { radius_m, axis: -DVec3::Y },
+    };
+    let contact = ToolContact::touch(shape, probe.friction)?;
+    Ok(match probe.coupling {
+        CouplingKind::Rigid => contact,
+        CouplingKind::Virtual => contact.behind(COUPLING)?,
+    })
+}
+
+/// Cubic cells with their lowest face fixed, the centre of the top at (0, edge / 2, 0).
+fn block(probe: &Probe, tissue: Tissue) -> Result<Parts, LabError> {
+    let nodes = probe.nodes.0;
+    let cell_m = probe.edge_m / (nodes[0] - 1) as f64;
+    let size_m = cell_m * DVec3::from_array(nodes.map(|n| (n - 1) as f64));
+    let made = Block::new(nodes, size_m)?.fix(Face::NegY).tissue(&tissue)?;
+    let mut network = made.network;
+    if let Some(lump) = probe.lump {
+        let inside = lump.region(0.5 * size_m.y * DVec3::Y);
+        let middle = |link: &palpate_body::Link| 0.5 * (network.rest_m()[link.a] + network.rest_m()[link.b]);
+        if !network.links().iter().any(|link| inside.contains(middle(link))) {
+            return Err(lump.empty(cell_m));
+        }
+        // Dampers are proportional to the root of the stiffness.
+        let factor = lump.youngs_pa / tissue.youngs_modulus_pa;
+        network = network.edit().region(|x| inside.contains(x), factor, factor.sqrt(), 1.0).build()?;
+    }
+    Ok(Parts { network, surface: made.surface, cell_m })
+}
+
+/// Cells fitted to the mesh of a file, the lowest layer of nodes fixed.
+fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<Parts, LabError> {
+    let failed = |error| rejected(path, &error);
+    let read = mesh_file::read(path)?;
+    let positions_m = read.positions.iter().map(|x| probe.metres_per_unit * *x).collect();
+    let mesh = ClosedMesh::new(positions_m, read.triangles).map_err(|error| failed(error.into()))?;
+    let lattice =
+        CellLattice::fit(&mesh, CellSize::Along(probe.cells)).map_err(|error| failed(error.into()))?;
+    let cell_m = lattice.cell_m();
+    let [low, high] = mesh.bounds_m();
+    let (lattice, regions) = match probe.lump {
+        Some(lump) => {
+            let top = DVec3 { y: high.y, ..0.5 * (low + high) };
+            let inner = Tissue { youngs_modulus_pa: lump.youngs_pa, ..tissue };
+            (lattice.region(lump.region(top), inner), 1)
+        }
+        None => (lattice, 0),
+    };
+    // The lowest layer of nodes lies up to half a cell beside the lowest place of the mesh; where its cells hold next to
+    // nothing they are left out, and the layer above is the lowest.
+    let fixed = |layers: f64| {
+        let plane = Region::HalfSpace { point_m: low + layers * cell_m * DVec3::Y, outward: DVec3::Y };
+        lattice.clone().fix(plane).tissue(&tissue)
+    };
+    let is_empty = |error: &BodyError| matches!(error, BodyError::Mesh(MeshError::EmptyRegion { what, .. }) if what.contains("fixed"));
+    let made = match fixed(0.5) {
+        Err(error) if is_empty(&error) => fixed(1.5),
+        made => made,
+    };
+    match (made, probe.lump) {
+        (Err(BodyError::Mesh(MeshError::EmptyRegion { .. })), Some(lump)) if regions > 0 => {
+            Err(lump.empty(cell_m))
+        }
+        (made, _) => {
+            let made = made.map_err(failed)?;
+            Ok(Parts { network: made.network, surface: made.surface, cell_m })
+        }
+    }
+}
+
+/// Why the mesh of a file cannot become a body, with the flag that changes it where there is one.
+fn rejected(path: &Path, error: &BodyError) -> LabError {
+    let flag = match error {
+        BodyError::Mesh(MeshError::Size { .. }) => "; change --metres-per-unit",
+        BodyError::Mesh(
+            MeshError::TooManyNodes { .. } | MeshError::CoarseGrid { .. } | MeshError::Pieces { .. },
+        ) => "; change --cells",
+        _ => "",
+    };
+    LabError::Mesh { path: path.to_owned(), why: format!("{error}{flag}") }
+}
+
+impl Lump {
+    /// Its place, with the centre of the top at `top_m`.
+    fn region(self, top_m: DVec3) -> Region {
+        Region::Sphere {
+            center_m: top_m + 1e-3 * DVec3::from_array(self.center_mm),
+            radius_m: 1e-3 * self.radius_mm,
+        }
+    }
+
+    fn empty(self, cell_m: f64) -> LabError {
+        LabError::EmptyLump { radius_mm: self.radius_mm, cell_mm: 1e3 * cell_m }
+    }
+
+    pub(super) fn validate(self) -> Result<(), LabError> {
+        let far = self
+            .center_mm
+            .into_iter()
+            .fold(0.0, |far: f64, x| if x.is_finite() { far.max(x.abs()) } else { x });
+        check("coordinate of --lump, mm", far, far.abs() <= 1e4, "-10000 to 10000")?;
+        check("radius of --lump, mm", self.radius_mm, self.radius_mm > 0.0, "finite and above 0")?;
+        check(
+            "Young's modulus of --lump, Pa",
+            self.youngs_pa,
+            (1.0..=1e9).contains(&self.youngs_pa),
+            "1 to 1e9",
+        )
+    }
+}
