@@ -30,20 +30,31 @@
 //! * [`one_sided`]: the rule that a surface pushes and never pulls; [`Coulomb`]: the same with friction, in impulses;
 //!   [`solve_rows`]: several contacts, grasps and threads as one problem.
 //! * [`Coupling`]: a tool that gives way instead of dragging a body through itself.
+//! * [`Patch`]: where a tool is pressed against a triangulated surface ([`PatchSurface`]), with its normal; [`Seed`]: where it starts;
+//!   [`PatchLayout`]: the rows that it is divided into.
+//! * [`Indentation`]: force and approach of a ball and a flat punch on a smooth elastic surface; [`SeriesCompliance`]: the share
+//!   of it that a grid of cells lacks.
 //! * [`lattice_compliance`]: how far a node of a lattice's surface moves under a force on another one.
-//! * [`ToolShape`]: where a sphere or a flat punch touches a triangle.
+//! * [`VolumeBarrier`]: the energy, forces and tangent that keep a cell from inversion, and turn it back.
+//! * [`ToolShape`]: a sphere or a flat punch, and how its pressure is spread.
 //!
 //! # Units, frames, signs
 //!
 //! Everything is SI and `f64`. Vectors are in whatever frame the caller uses, the same for all of them.
 //! A tension is positive when the spring is stretched; a spring's force is the force *on its node `a`*,
-//! the force on `b` is its negative.
+//! the force on `b` is its negative. Normals of surfaces are unit vectors out of the body; a tool pushes against them.
 //!
 //! # Accuracy and limits
 //!
 //! The damper acts along the spring's current axis only. [`SpringTangent`] leaves out the derivative of the
 //! damper's force with respect to position (it is proportional to the velocity and not symmetric); everything
 //! else is exact, the geometric stiffness included.
+//!
+//! The laws of indentation are those of a half-space without friction: Hertz under a ball, up to a contact as wide as the ball,
+//! and Boussinesq under a flat punch (K. L. Johnson, Contact Mechanics, 1985, sections 4.2 and 3.8). Across the normal a contact
+//! gives way as one that does not slip (R. D. Mindlin, J. Appl. Mech. 16 (1949) 259), for Poisson's ratio 1/4. A [`Patch`] has its
+//! pressure at 48 points ([`PRESSURE_POINTS`]), which integrate moments up to the fourth exactly on a plane. The share that a grid lacks is
+//! computed for a plane surface of one tissue; that compressed springs soften is in it to a strain of a third.
 
 #![forbid(unsafe_code)]
 
@@ -52,8 +63,12 @@ mod coulomb;
 mod coupling;
 mod error;
 mod grid_compliance;
+mod indentation;
 mod law;
+mod patch;
+mod patch_rows;
 mod rows;
+mod seed;
 mod skin;
 mod spring;
 mod touch;
@@ -64,11 +79,15 @@ pub use coulomb::Coulomb;
 pub use coupling::{Coupling, DrawnTool, ProxyStep, ToolMove, solve_with_proxies, solve_with_proxy};
 pub use error::LawError;
 pub use grid_compliance::{lattice_compliance, normal_compliance_at, tangential_compliance_at};
+pub use indentation::{Indentation, PRESSURE_POINTS, Pressure, SeriesCompliance};
 pub use law::{ForceLaw, Tension};
+pub use patch::{Neighbour, Patch, PatchScale, PatchStart, PatchSurface, SurfacePlace};
+pub use patch_rows::{MAX_PATCHES, PATCH_ROWS, PatchLayout, RowLayout, contact_radius_m};
 pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Effort, Row, RowLaw, Sweeps, solve_rows};
+pub use seed::Seed;
 pub use skin::SkinLaw;
 pub use spring::{Spring, SpringTangent};
-pub use touch::{Feature, FeatureGap, POINT_NODES, ToolShape, nearest_weights};
+pub use touch::{ContactGap, POINT_NODES, ToolShape, is_out_of_reach, nearest_weights};
 pub use volume::VolumeBarrier;
 
 #[cfg(doctest)]

@@ -1,13 +1,19 @@
 //! Rows: points that have to obey laws, and the impulses that make them.
 
-use crate::Coulomb;
+use crate::{Coulomb, SeriesCompliance};
 use glam::{DMat3, DVec3};
 
 /// What a row, a point Σ w_i x_i or the difference of two, has to obey.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RowLaw {
     /// A surface that pushes and rubs; the gap is along its normal.
-    OneSided(Coulomb),
+    OneSided {
+        /// Its normal and friction.
+        coulomb: Coulomb,
+        /// What is in series with it along the normal, where under an impulse the gap that is left is −δ_s(λ_n/h), and across it, m/N, where what
+        /// is left is minus that times λ_t/h.
+        series: Option<(SeriesCompliance, f64)>,
+    },
     /// No gap is left.
     TwoSided,
     /// No gap is left along a unit direction, by pulling against it only.
@@ -73,15 +79,67 @@ const PATIENCE: usize = 50;
 impl RowLaw {
     /// The impulse of a row with answer `w` whose velocity without it, the gap over the length of the step added, is
     /// `free`.
-    fn impulse(self, w: DMat3, free: DVec3) -> DVec3 {
+    fn impulse(self, w: DMat3, free: DVec3, (before, h): (DVec3, f64)) -> DVec3 {
         match self {
-            Self::OneSided(coulomb) => coulomb.impulse(w, free),
+            Self::OneSided { coulomb, series: None } => coulomb.impulse(w, free),
+            Self::OneSided { coulomb, series: Some((series, tangential)) } => {
+                in_series(coulomb, (&series, tangential), (w, free), (before, h))
+            }
             Self::TwoSided => -(w.inverse() * free),
             Self::Tension { along, compliance_per_kg } => {
                 -along * (free.dot(along).max(0.0) / (along.dot(w * along) + compliance_per_kg))
             }
         }
     }
+}
+
+/// Newton steps for the force of a contact in series with a compliance, and the relative change that ends them.
+const NEWTON_STEPS: usize = 40;
+const NEWTON_TOLERANCE: f64 = 1e-12;
+
+/// The impulse of a contact that leaves the gap −δ_s(λ_n/h): by Newton's method on the force, held between 0 and what either the row or the
+/// compliance alone would give.
+fn in_series(
+    coulomb: Coulomb,
+    (series, tangential_m_per_n): (&SeriesCompliance, f64),
+    (w, free): (DMat3, DVec3),
+    (before, h): (DVec3, f64),
+) -> DVec3 {
+    let n = coulomb.normal();
+    let approach = -free.dot(n);
+    if approach.is_nan() || approach <= 0.0 {
+        return coulomb.impulse(w, free);
+    }
+    let (mut low, mut high) = (0.0, series.force_n(approach * h));
+    let own = n.dot(w * n);
+    if own > 0.0 {
+        high = high.min(approach / own / h);
+    }
+    // Across the normal it is a spring whose stretch of the step before is in the gap.
+    let across =
+        (DMat3::IDENTITY - DMat3::from_cols(n * n.x, n * n.y, n * n.z)) * (tangential_m_per_n / (h * h));
+    let guess = before.dot(n) / h;
+    let mut force = if guess > 0.0 && guess <= high { guess } else { 0.5 * high };
+    let mut impulse = DVec3::ZERO;
+    for _ in 0..NEWTON_STEPS {
+        let (delta, slope) = (series.approach_m(force), series.slope_m_per_n(force));
+        let along = DMat3::from_cols(n * n.x, n * n.y, n * n.z);
+        let w = w + across + along * (slope / (h * h));
+        impulse = coulomb.impulse(w, free + n * ((delta - slope * force) / h));
+        let next = impulse.dot(n) / h;
+        if (next - force).abs() <= NEWTON_TOLERANCE * force {
+            break;
+        }
+        // A compliance that stiffens with force is concave: the tangent falls short of the force, never beyond it.
+        if next > force {
+            low = force;
+        } else {
+            high = force;
+        }
+        let is_between = next > low && next < high;
+        force = if is_between { next } else { 0.5 * (low + high) };
+    }
+    impulse
 }
 
 /// Gives every row its impulse, so that at the end of a step of length `h`, s, each obeys its law, by projected
@@ -96,12 +154,13 @@ pub fn solve_rows(rows: &mut [Row], answer: &mut impl Answer, h: f64, effort: Ef
         let (mut largest, mut change, mut moved) = (0.0_f64, 0.0_f64, 0.0_f64);
         for (index, row) in rows.iter_mut().enumerate() {
             // A row of nothing but what is fixed cannot obey.
-            if row.own_per_kg.determinant() <= 0.0 {
+            let has_series = matches!(row.law, RowLaw::OneSided { series: Some(_), .. });
+            if row.own_per_kg.determinant() <= 0.0 && !has_series {
                 continue;
             }
             // Velocity without this row's impulse; what is left of the gap may still be closed.
             let free = answer.velocity_m_per_s(index) - row.own_per_kg * row.impulse_ns + row.gap_m / h;
-            let impulse = row.law.impulse(row.own_per_kg, free);
+            let impulse = row.law.impulse(row.own_per_kg, free, (row.impulse_ns, h));
             let more = impulse - row.impulse_ns;
             if more != DVec3::ZERO {
                 answer.push(index, more);
@@ -121,6 +180,7 @@ pub fn solve_rows(rows: &mut [Row], answer: &mut impl Answer, h: f64, effort: Ef
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Indentation, Pressure};
 
     /// Two points that answer to each other.
     struct Two {
@@ -152,7 +212,7 @@ mod tests {
     #[test]
     fn two_coupled_contacts_are_solved_as_one_problem() {
         let w = [[2.0, 1.0], [1.0, 2.0]];
-        let up = RowLaw::OneSided(Coulomb::new(DVec3::Z, 0.0).unwrap());
+        let up = RowLaw::OneSided { coulomb: Coulomb::new(DVec3::Z, 0.0).unwrap(), series: None };
         // Both press: [2 1; 1 2] λ = -[v + gap/h].
         let mut two = Two { v: [DVec3::Z * -3.0, DVec3::Z * -4.0], w };
         let mut rows = [row(up, 0.01), row(up, 0.01)];
@@ -206,6 +266,59 @@ mod tests {
         let mut rows = [row(spring, 0.005), row(spring, -0.02)];
         solve_rows(&mut rows, &mut two, h, within(50));
         assert_eq!([rows[0].impulse_ns, rows[1].impulse_ns], [DVec3::ZERO; 2]);
+    }
+
+    #[test]
+    fn a_contact_in_series_with_a_compliance_leaves_its_approach_as_the_gap() {
+        let h = 2.5e-4;
+        for friction in [0.0, 0.4, 2.0] {
+            for (radius_m, share, depth, slide) in [
+                (0.005, 0.8, 0.002, 0.0),
+                (0.005, 1.0, 0.02, 0.01),
+                (0.0002, 0.99, 0.015, 3.0),
+                (0.02, 0.02, 1e-9, -0.2),
+                (0.02, 0.0, 1e-3, 0.1),
+            ] {
+                let law = Indentation { pressure: Pressure::Ball, radius_m, modulus_pa: 21e3 };
+                let series = SeriesCompliance { share, law, portion: 0.7 };
+                let coulomb = Coulomb::new(DVec3::Z, friction).unwrap();
+                let law = RowLaw::OneSided { coulomb, series: Some((series, 0.0)) };
+                let mut two = Two { v: [DVec3::X * slide; 2], w: [[200.0, 80.0], [80.0, 150.0]] };
+                let own = |w: f64| DMat3::from_diagonal(DVec3::splat(w));
+                let mut rows = [row(law, -depth), row(law, -0.7 * depth)];
+                (rows[0].own_per_kg, rows[1].own_per_kg) = (own(200.0), own(150.0));
+                let sweeps = solve_rows(&mut rows, &mut two, h, Effort { sweeps: 200, tolerance: 1e-12 });
+                assert!(sweeps.converged, "{sweeps:?}");
+                for (row, v) in rows.iter().zip(two.v) {
+                    let left = row.gap_m.z + h * v.z;
+                    let force = row.impulse_ns.z / h;
+                    if force > 0.0 {
+                        assert!((left + series.approach_m(force)).abs() < 1e-9 * depth, "{left} {force}");
+                    } else {
+                        assert!(left >= 0.0);
+                    }
+                    let across = row.impulse_ns.truncate().length();
+                    assert!(across <= friction * row.impulse_ns.z * (1.0 + 1e-9), "{:?}", row.impulse_ns);
+                    let slips = v.truncate().length() > 1e-6;
+                    assert!(!slips || (across - friction * row.impulse_ns.z).abs() < 1e-9 * row.impulse_ns.z);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_fixed_surface_with_a_compliance_pushes_by_that_alone() {
+        let law = Indentation { pressure: Pressure::Ball, radius_m: 0.005, modulus_pa: 21e3 };
+        let series = SeriesCompliance { share: 1.0, law, portion: 1.0 };
+        let coulomb = Coulomb::new(-DVec3::Z, 0.0).unwrap();
+        let law = RowLaw::OneSided { coulomb, series: Some((series, 0.0)) };
+        let mut fixed = Two { v: [DVec3::ZERO; 2], w: [[0.0; 2]; 2] };
+        // A sum over no free nodes is −0.
+        let own_per_kg = -DMat3::ZERO;
+        let mut rows = [Row { law, gap_m: DVec3::Z * 0.003, own_per_kg, impulse_ns: DVec3::ZERO }];
+        assert!(solve_rows(&mut rows, &mut fixed, 1e-3, within(20)).converged);
+        let force_n = -rows[0].impulse_ns.z / 1e-3;
+        assert!((force_n / series.force_n(0.003) - 1.0).abs() < 1e-9, "{force_n} N");
     }
 
     #[test]

@@ -1,0 +1,300 @@
+//! The smooth law of indentation: how far a rigid tool comes towards an elastic half-space under a force.
+
+use std::f64::consts::PI;
+
+/// Contact of a rigid tool with the smooth surface of an elastic half-space (K. L. Johnson, Contact Mechanics, 1985, sections
+/// 3.8 and 4.2), without friction.
+///
+/// A body of cells resolves the part of it that is coarser than a cell; [`SeriesCompliance`] has the rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Indentation {
+    /// The pressure under the tool.
+    pub pressure: Pressure,
+    /// Radius of the tool, m: R of a ball, a of a flat punch.
+    pub radius_m: f64,
+    /// E* = E/(1 − ν²), Pa.
+    pub modulus_pa: f64,
+}
+
+/// How the pressure is spread over the contact's radius.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pressure {
+    /// Hertz, under a ball: p ∝ (1 − r²/a²)^½.
+    Ball,
+    /// Boussinesq, under a rigid flat punch: p ∝ (1 − r²/a²)^−½.
+    Punch,
+}
+
+impl Indentation {
+    /// The approach δ(F), m, under a force of `force_n` ≥ 0, N: a²/R of Hertz under a ball up to δ = R, where the contact is as wide
+    /// as the ball, and from there on at the slope of a punch of that radius; F/(2 a E*) under a punch.
+    #[must_use]
+    pub fn approach_m(&self, force_n: f64) -> f64 {
+        let stiffness = 2.0 * self.modulus_pa * self.radius_m;
+        match self.pressure {
+            Pressure::Punch => force_n / stiffness,
+            Pressure::Ball => {
+                let beyond = force_n - self.full_n();
+                if beyond > 0.0 {
+                    self.radius_m + beyond / stiffness
+                } else {
+                    let a = self.radius_of_contact_m(force_n);
+                    a * a / self.radius_m
+                }
+            }
+        }
+    }
+
+    /// dδ/dF, m/N. Without a bound under a ball where the force goes to zero.
+    #[must_use]
+    pub fn slope_m_per_n(&self, force_n: f64) -> f64 {
+        1.0 / (2.0 * self.modulus_pa * self.radius_of_contact_m(force_n))
+    }
+
+    /// The force F(δ) at an approach of `approach_m`, N; 0 where that is not above 0.
+    #[must_use]
+    pub fn force_n(&self, approach_m: f64) -> f64 {
+        let (delta, stiffness) = (approach_m.max(0.0), 2.0 * self.modulus_pa * self.radius_m);
+        match self.pressure {
+            Pressure::Punch => stiffness * delta,
+            Pressure::Ball if delta > self.radius_m => self.full_n() + stiffness * (delta - self.radius_m),
+            Pressure::Ball => 4.0 / 3.0 * self.modulus_pa * (self.radius_m * delta).sqrt() * delta,
+        }
+    }
+
+    /// The radius of the contact, m: that of Hertz under a ball, at most its radius; that of a punch.
+    #[must_use]
+    pub fn radius_of_contact_m(&self, force_n: f64) -> f64 {
+        match self.pressure {
+            Pressure::Punch => self.radius_m,
+            Pressure::Ball => {
+                (0.75 * force_n.max(0.0) * self.radius_m / self.modulus_pa).cbrt().min(self.radius_m)
+            }
+        }
+    }
+
+    /// ∫ δ dF from 0 to `force_n`, J: F δ less this is the energy that the half-space stores.
+    #[must_use]
+    pub fn complementary_energy_j(&self, force_n: f64) -> f64 {
+        match self.pressure {
+            Pressure::Punch => 0.5 * force_n * self.approach_m(force_n),
+            Pressure::Ball => {
+                let full = self.full_n();
+                if force_n <= full {
+                    0.6 * force_n * self.approach_m(force_n)
+                } else {
+                    let (low, high) = (self.radius_m, self.approach_m(force_n));
+                    0.6 * full * low + 0.5 * (low + high) * (force_n - full)
+                }
+            }
+        }
+    }
+
+    /// The mean displacement of the surface under the pressure, weighted by it, over the force, m/N: what a grid that resolves the
+    /// contact answers.
+    #[must_use]
+    pub fn resolved_m_per_n(&self, force_n: f64) -> f64 {
+        // Under a ball u(r) = δ (1 − r²/2a²) and the mean of r² is 2a²/5.
+        match self.pressure {
+            Pressure::Punch => self.slope_m_per_n(force_n),
+            Pressure::Ball => {
+                let a = self.radius_of_contact_m(force_n);
+                3.0 / (5.0 * self.modulus_pa * a)
+            }
+        }
+    }
+
+    /// The force at which a ball's contact is as wide as the ball, N.
+    fn full_n(&self) -> f64 {
+        4.0 / 3.0 * self.modulus_pa * self.radius_m * self.radius_m
+    }
+}
+
+/// How much more than in proportion a lattice of springs gives way, because springs that are compressed soften: by the share 0.33 u/(h + 0.13 R)
+/// of what it gives way by in proportion, u. Measured with balls of half a cell to 21 cells of radius, to a strain of a third.
+const SOFTENING: f64 = 0.33;
+const SOFTENING_PUNCH: f64 = 0.1;
+const SOFTENING_RADII: f64 = 0.13;
+
+/// The compliance in series with a row: the share of a smooth law of indentation that the grid does not resolve.
+///
+/// δ_s(F) = κ δ(F/p) with κ ≤ 1 for a row that bears the portion p of the contact's force. It adds no state: it follows from the
+/// force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeriesCompliance {
+    /// κ. Where it is below 0 the grid gives way by more than the law, and the tool meets the surface ahead of itself: see
+    /// [`SeriesCompliance::lead_m`].
+    pub share: f64,
+    /// δ(F) under the force of the whole contact.
+    pub law: Indentation,
+    /// The portion of the contact's force that the row bears where pressure is spread as the law has it, above 0; 1 for a contact of one row.
+    pub portion: f64,
+}
+
+impl SeriesCompliance {
+    /// That of a row that bears `portion` of the contact's force.
+    #[must_use]
+    pub fn of_portion(self, portion: f64) -> Self {
+        Self { portion, ..self }
+    }
+
+    /// That of a grid of cells of `cell_m`, which under a small force gives way by C_g = `grid_m_per_n` for each newton: δ_s = δ − u(F) at a
+    /// force of `force_n`, with u = C_g F (1 + 0.33 C_g F/(h + 0.13 R)), because springs that are compressed soften.
+    #[must_use]
+    pub fn missing(law: Indentation, (grid_m_per_n, cell_m): (f64, f64), force_n: f64) -> Self {
+        let (delta, grid_m) = (law.approach_m(force_n), grid_m_per_n * force_n);
+        let (softening, softened_m) = match law.pressure {
+            Pressure::Ball => (SOFTENING, grid_m),
+            Pressure::Punch => (SOFTENING_PUNCH, grid_m.min(delta)),
+        };
+        let softer_m = softening * softened_m * softened_m / (cell_m + SOFTENING_RADII * law.radius_m);
+        // A grid that does not resolve a punch's rim may give way too much in proportion, and its rows by less; what softens is real.
+        let share = if delta > 0.0 { (1.0 - grid_m / delta).max(0.0) - softer_m / delta } else { 1.0 };
+        Self { share: if share.is_nan() { 0.0 } else { share.clamp(-MAX_LEAD, 1.0) }, law, portion: 1.0 }
+    }
+
+    /// δ_s, m.
+    #[must_use]
+    pub fn approach_m(&self, force_n: f64) -> f64 {
+        self.share.max(LEAST_SHARE) * self.law.approach_m(force_n.max(0.0) / self.portion)
+    }
+
+    /// How far ahead of the tool the surface is met, m, where the grid gives way by more than the smooth law: at the force of the step before.
+    #[must_use]
+    pub fn lead_m(&self, force_n: f64) -> f64 {
+        (LEAST_SHARE - self.share).max(0.0) * self.law.approach_m(force_n.max(0.0) / self.portion)
+    }
+
+    /// The force under which it gives way by `approach_m`, N.
+    #[must_use]
+    pub fn force_n(&self, approach_m: f64) -> f64 {
+        self.portion * self.law.force_n(approach_m / self.share.max(LEAST_SHARE))
+    }
+
+    /// dδ_s/dF, m/N.
+    #[must_use]
+    pub fn slope_m_per_n(&self, force_n: f64) -> f64 {
+        self.share.max(LEAST_SHARE) * self.law.slope_m_per_n(force_n / self.portion) / self.portion
+    }
+
+    /// The compliance across the normal that is missing too, m/N: the same share of 1/(8 G a/(2 − ν)), what a contact of radius a that does not
+    /// slip gives way by under a small force (R. D. Mindlin, J. Appl. Mech. 16 (1949) 259), for ν = 1/4. Infinite without a contact.
+    #[must_use]
+    pub fn tangential_m_per_n(&self, force_n: f64) -> f64 {
+        // 8 G/(2 − ν) = 4 E* (1 − ν)/(2 − ν).
+        let stiffness =
+            4.0 * TANGENTIAL * self.law.modulus_pa * self.law.radius_of_contact_m(force_n / self.portion);
+        self.share.max(LEAST_SHARE) / (stiffness * self.portion)
+    }
+
+    /// The energy that it stores under `force_n`, J.
+    #[must_use]
+    pub fn energy_j(&self, force_n: f64) -> f64 {
+        let whole_n = force_n.max(0.0) / self.portion;
+        let stored = whole_n * self.law.approach_m(whole_n) - self.law.complementary_energy_j(whole_n);
+        self.share.max(LEAST_SHARE) * self.portion * stored
+    }
+}
+
+/// The least share of the smooth law that is in series with a row, so that the load on rows which are nearly the same is shared.
+pub(crate) const LEAST_SHARE: f64 = 0.05;
+/// The largest share of the smooth law by which the grid may give way too much.
+const MAX_LEAD: f64 = 0.5;
+/// (1 − ν)/(2 − ν) for ν = 1/4.
+const TANGENTIAL: f64 = 3.0 / 7.0;
+/// Rings of the quadrature over a disc, and points on each: the pattern has the symmetries of a square.
+const RINGS: [(f64, f64); 4] = [
+    // Gauss-Legendre on (−1, 1) of order 8: its positive places s and their weights. With r² = a² (1 − s²) Hertz's pressure has the weight
+    // s² and the punch's 1 in ds.
+    (0.183_434_642_495_649_8, 0.362_683_783_378_362),
+    (0.525_532_409_916_329, 0.313_706_645_877_887_3),
+    (0.796_666_477_413_626_7, 0.222_381_034_453_374_5),
+    (0.960_289_856_497_536_3, 0.101_228_536_290_376_3),
+];
+const POINTS_ON_RING: u32 = 12;
+/// Points of the quadrature.
+pub const PRESSURE_POINTS: usize = RINGS.len() * POINTS_ON_RING as usize;
+
+impl Pressure {
+    /// Points of a disc of radius 1 with the share of the force that each carries; the shares sum to 1.
+    pub fn points(self) -> impl Iterator<Item = ([f64; 2], f64)> {
+        let weight = move |(s, w): (f64, f64)| match self {
+            Self::Ball => w * s * s,
+            Self::Punch => w,
+        };
+        let sum: f64 = RINGS.into_iter().map(weight).sum();
+        RINGS.into_iter().enumerate().flat_map(move |(ring, place)| {
+            let (radius, share) =
+                ((1.0 - place.0 * place.0).sqrt(), weight(place) / sum / f64::from(POINTS_ON_RING));
+            // Every other ring is turned by half a step.
+            let first = 0.5 * (ring % 2) as f64;
+            (0..POINTS_ON_RING).map(move |i| {
+                let angle = 2.0 * PI * (f64::from(i) + first) / f64::from(POINTS_ON_RING);
+                ([radius * angle.cos(), radius * angle.sin()], share)
+            })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BALL: Indentation = Indentation { pressure: Pressure::Ball, radius_m: 0.005, modulus_pa: 21e3 };
+    const PUNCH: Indentation = Indentation { pressure: Pressure::Punch, ..BALL };
+
+    #[test]
+    fn force_and_approach_are_inverse_and_their_slope_and_energy_are_the_derivative_and_the_integral() {
+        for law in [BALL, PUNCH] {
+            let mut energy = 0.0;
+            let step = 1e-5;
+            for i in 0..200_000 {
+                let f = (f64::from(i) + 0.5) * step;
+                energy += law.approach_m(f) * step;
+                if i % 10_000 == 5 {
+                    assert!((law.force_n(law.approach_m(f)) / f - 1.0).abs() < 1e-12);
+                    let e = 1e-6 * f;
+                    let slope = (law.approach_m(f + e) - law.approach_m(f - e)) / (2.0 * e);
+                    assert!((slope / law.slope_m_per_n(f) - 1.0).abs() < 1e-5, "{f}");
+                }
+            }
+            assert!((law.complementary_energy_j(2.0) / energy - 1.0).abs() < 1e-5);
+        }
+        // Hertz.
+        let f = 4.0 / 3.0 * 21e3 * 0.005_f64.sqrt() * 0.002_f64.powf(1.5);
+        assert!((BALL.force_n(0.002) - f).abs() < 1e-12);
+    }
+
+    #[test]
+    fn points_of_a_pressure_have_its_moments() {
+        for (pressure, second, fourth) in
+            [(Pressure::Ball, 0.4, 8.0 / 35.0), (Pressure::Punch, 2.0 / 3.0, 8.0 / 15.0)]
+        {
+            let sum =
+                |f: &dyn Fn(f64, f64) -> f64| pressure.points().map(|([x, y], w)| w * f(x, y)).sum::<f64>();
+            assert_eq!(pressure.points().count(), PRESSURE_POINTS);
+            assert!((sum(&|_, _| 1.0) - 1.0).abs() < 1e-14);
+            assert!((sum(&|x, y| x * x + y * y) - second).abs() < 1e-14);
+            assert!((sum(&|x, y| (x * x + y * y).powi(2)) - fourth).abs() < 1e-14);
+            assert!(sum(&|x, y| x + y + x * y * x).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn what_a_grid_resolves_is_taken_from_the_compliance() {
+        let law = BALL;
+        let f = 0.3;
+        let missing = SeriesCompliance::missing(law, (0.25 * law.approach_m(f) / f, 1e3), f);
+        assert!((missing.share - 0.75).abs() < 1e-6);
+        assert!((missing.approach_m(f) - 0.75 * law.approach_m(f)).abs() < 1e-8);
+        let soft = SeriesCompliance::missing(law, (1.0, 0.01), f);
+        assert_eq!((soft.share, missing.lead_m(f)), (-MAX_LEAD, 0.0));
+        assert!((soft.approach_m(f) - soft.lead_m(f) + MAX_LEAD * law.approach_m(f)).abs() < 1e-15);
+        assert_eq!(SeriesCompliance::missing(law, (1.0, 0.01), 0.0).share, 1.0);
+        // A grid that resolves a ball's contact leaves the sagitta of the ball under the pressure, a fifth of the approach.
+        let resolved = SeriesCompliance::missing(law, (law.resolved_m_per_n(f), 1e3), f);
+        assert!((resolved.share - 0.2).abs() < 1e-6);
+        let punch = SeriesCompliance::missing(PUNCH, (PUNCH.resolved_m_per_n(f), 1e3), f);
+        assert!(punch.share.abs() < 1e-6);
+    }
+}

@@ -1,0 +1,492 @@
+//! A contact patch: where a tool is pressed against a triangulated surface, and how the surface carries its pressure.
+//!
+//! A patch has one normal and one point, the mean of the surface weighted by the tool's pressure. Both change continuously as the tool
+//! moves, whatever triangles lie under it: the normal is that of a ring about a cell wide, and the pressure is spread over points
+//! of a disc that are projected onto the surface.
+
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
+use crate::{PRESSURE_POINTS, Pressure, ToolShape, nearest_weights};
+use glam::{DQuat, DVec3};
+
+/// What is across an edge of a triangle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Neighbour {
+    /// The triangle beside it, if there is one.
+    pub triangle: Option<u32>,
+    /// Whether the surface has a sharp edge there at rest.
+    pub is_crease: bool,
+}
+
+/// A triangulated surface where it is now.
+pub trait PatchSurface {
+    /// Where the corners of a triangle are, m, counter-clockwise seen from outside; `None` where there is no such triangle.
+    fn corners_m(&self, triangle: usize) -> Option<[DVec3; 3]>;
+
+    /// What is across the edges from corner 0 to 1, 1 to 2 and 2 to 0.
+    fn neighbours(&self, triangle: usize) -> [Neighbour; 3];
+}
+
+/// A place on a triangle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SurfacePlace {
+    /// The triangle.
+    pub triangle: usize,
+    /// The weights of its corners, at least 0, which sum to 1.
+    pub weights: [f64; 3],
+}
+
+/// Where a tool is pressed against a surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Patch {
+    /// The place under the tool.
+    pub foot: SurfacePlace,
+    /// Unit normal out of the body, against which the tool pushes.
+    pub normal: DVec3,
+    /// The direction along which the tool is projected onto the surface: the normal, or while the tool's middle is below the surface that when it
+    /// went there.
+    pub axis: DVec3,
+    /// From the tool's position to its point that is deepest along the normal, m.
+    pub tip_m: DVec3,
+}
+
+/// Where a patch is looked for: that of the step before, or a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PatchStart {
+    /// See [`Patch::foot`].
+    pub foot: SurfacePlace,
+    /// See [`Patch::normal`].
+    pub normal: DVec3,
+    /// See [`Patch::axis`].
+    pub axis: DVec3,
+    /// Radius of the contact, m.
+    pub contact_m: f64,
+    rounds: usize,
+}
+
+impl PatchStart {
+    /// On a place of a triangle with that normal.
+    #[must_use]
+    pub fn on(foot: SurfacePlace, normal: DVec3) -> Self {
+        Self { foot, normal, axis: normal, contact_m: 0.0, rounds: ROUNDS }
+    }
+}
+
+impl Patch {
+    /// It as the start of the next step's, with a contact of radius `contact_m`, m.
+    #[must_use]
+    pub fn start(&self, contact_m: f64) -> PatchStart {
+        PatchStart { foot: self.foot, normal: self.normal, axis: self.axis, contact_m, rounds: 1 }
+    }
+}
+
+/// What is known of a surface and a tool beside where they are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PatchScale {
+    /// Side of a cell of the body, m.
+    pub cell_m: f64,
+    /// Three orthogonal unit vectors that turn with the body, from which directions on the surface are counted.
+    pub axes: [DVec3; 3],
+}
+
+/// Radius of the ring whose normal a patch has, in cells, or where the contact is wider, in radii of the contact and cells; and its points. On the
+/// surface of a contact itself, which is the tool's, every place would do as the patch's.
+const RING_CELLS: f64 = 1.2;
+const RING_RADII: f64 = 1.3;
+const RING_MORE_CELLS: f64 = 0.6;
+const RING_POINTS: usize = 8;
+/// How often foot and normal of a patch that begins are computed in turn; one that goes on begins near enough.
+const ROUNDS: usize = 3;
+/// A change of the normal below which they have been found.
+const SETTLED: f64 = 1e-12;
+/// Most triangles that a projection passes.
+const MOST_TRIANGLES: usize = 48;
+/// Most triangles round a corner that are looked at.
+const MOST_ROUND_CORNER: usize = 12;
+/// A triangle that looks less along the normal than that is not seen along it.
+const LEAST_FACING: f64 = 0.1;
+/// A foot that is farther from under the tool than that share of the tool's radius lies on an edge.
+const ON_EDGE: f64 = 1e-9;
+/// Over an edge a normal turns as for a ball whose centre is at least that share of its way over the surface.
+const LEAST_HEIGHT: f64 = 0.5;
+/// What is farther beyond an edge than that share of the contact's radius carries none of its pressure.
+const FADE: f64 = 0.3;
+/// The cosine of the angle to the other side of an edge at which a tool that is inside the body goes over to it.
+const MOSTLY_TURNED: f64 = 0.98;
+/// As far as a tool's middle is above the surface by that share of its radius the direction of projection turns with the normal.
+const TURNING: f64 = 0.25;
+/// A flat punch that is tilted by about that angle, rad, is met by its rim.
+const TILT: f64 = 0.2;
+/// That part of its radius, at least, is in contact when it is tilted.
+const RIM_SHARE: f64 = 0.25;
+/// The rim of a punch is rounded by that share of its radius where it is pushed beyond an edge.
+const RIM: f64 = 0.1;
+
+/// What a projection ends on.
+#[derive(Clone, Copy, Debug)]
+struct Projected {
+    place: SurfacePlace,
+    at_m: DVec3,
+    /// How far it is from the target across the direction, m.
+    off_m: f64,
+}
+
+/// Which edges a projection may pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Edges {
+    Smooth,
+    All,
+}
+
+/// The place of the surface under `target_m` along `normal`: by descent from `start` over triangles that face `normal`. Where the surface
+/// ends before, its nearest place.
+fn project(
+    surface: &impl PatchSurface,
+    start: SurfacePlace,
+    target_m: DVec3,
+    normal: DVec3,
+    edges: Edges,
+) -> Option<Projected> {
+    let flat = |x: DVec3| {
+        let away = x - target_m;
+        away - normal * away.dot(normal)
+    };
+    // A triangle that stands upright, or looks away, has no place under the target.
+    let on = |triangle: usize| -> Option<Projected> {
+        let corners @ [a, b, c] = surface.corners_m(triangle)?;
+        let outward = (b - a).cross(c - a);
+        let along = outward.dot(normal);
+        if along.is_nan()
+            || along <= 0.0
+            || along * along <= LEAST_FACING * LEAST_FACING * outward.length_squared()
+        {
+            return None;
+        }
+        let weights = nearest_weights(DVec3::ZERO, corners.map(flat));
+        let at_m = weighted(weights, corners);
+        let off_m = flat(at_m).length();
+        let is_place = off_m.is_finite() && weights.iter().all(|w| *w >= 0.0);
+        is_place.then_some(Projected { place: SurfacePlace { triangle, weights }, at_m, off_m })
+    };
+    let across = |triangle: usize, edge: usize| -> Option<usize> {
+        let neighbour = surface.neighbours(triangle).get(edge).copied()?;
+        let passes = edges == Edges::All || !neighbour.is_crease;
+        neighbour.triangle.filter(|_| passes).map(|triangle| triangle as usize)
+    };
+    let begin = || {
+        // From the nearest corner of a triangle that does not face the direction to those round it.
+        let mut weights = [0.0; 3];
+        let largest =
+            start.weights.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).map(|(corner, _)| corner);
+        *weights.get_mut(largest?)? = 1.0;
+        let place = SurfacePlace { triangle: start.triangle, weights };
+        let at_m = weighted(weights, surface.corners_m(start.triangle)?);
+        Some(Projected { place, at_m, off_m: f64::MAX })
+    };
+    let mut now = on(start.triangle).or_else(begin)?;
+    for _ in 0..MOST_TRIANGLES {
+        if now.off_m == 0.0 || now.place.weights.iter().all(|w| *w > 0.0) {
+            break;
+        }
+        let mut best: Option<Projected> = None;
+        let mut look = |triangle: usize| {
+            if let Some(other) = on(triangle)
+                && other.off_m < best.map_or(now.off_m, |best| best.off_m) * (1.0 - 1e-12)
+            {
+                best = Some(other);
+            }
+        };
+        let SurfacePlace { triangle, weights } = now.place;
+        for (edge, opposite) in [(0, 2), (1, 0), (2, 1)] {
+            // Across an edge that the place lies on.
+            if weights.get(opposite).is_some_and(|w| *w > 0.0) {
+                continue;
+            }
+            let Some(mut next) = across(triangle, edge) else { continue };
+            look(next);
+            // On round the corner that the place lies on, away from the edge.
+            let Some(corner) = weights.iter().position(|w| *w >= 1.0) else { continue };
+            let mut pivot_edge = (triangle, edge, corner);
+            for _ in 0..MOST_ROUND_CORNER {
+                let Some(after) = turn(surface, pivot_edge, next) else { break };
+                pivot_edge = (next, after.0, after.1);
+                let Some(further) = across(next, after.0) else { break };
+                if further == triangle {
+                    break;
+                }
+                next = further;
+                look(next);
+            }
+        }
+        match best {
+            Some(best) => now = best,
+            None => break,
+        }
+    }
+    (now.off_m < f64::MAX).then_some(now)
+}
+
+/// The other edge of triangle `next` at a corner, and the corner's place in it, where `next` is across edge `edge` of a triangle that has the
+/// corner at `corner`.
+fn turn(
+    surface: &impl PatchSurface,
+    (from, edge, corner): (usize, usize, usize),
+    next: usize,
+) -> Option<(usize, usize)> {
+    let back = surface.neighbours(next).iter().position(|n| n.triangle == Some(from as u32))?;
+    // The edge from i to i + 1 here runs from i + 1 to i there.
+    let is_begin = corner == edge;
+    let place = if is_begin { (back + 1) % 3 } else { back };
+    // The two edges at `place` begin at it and end at it.
+    let (begins, ends) = (place, (place + 2) % 3);
+    Some((if begins == back { ends } else { begins }, place))
+}
+
+fn weighted(weights: [f64; 3], [a, b, c]: [DVec3; 3]) -> DVec3 {
+    let [u, v, w] = weights;
+    u * a + v * b + w * c
+}
+
+/// Two unit vectors across `normal` that turn with the body: of three `axes` the two that are least along it, turned as the third is to the
+/// normal.
+fn tangents(normal: DVec3, axes: [DVec3; 3]) -> [DVec3; 2] {
+    let [x, y, z] = axes;
+    let along = axes.map(|axis| axis.dot(normal));
+    let [along_x, along_y, along_z] = along;
+    let [a, b, c] = along.map(f64::abs);
+    let (from, sign, others) = if c >= a && c >= b {
+        (z, along_z, [x, y])
+    } else if a >= b {
+        (x, along_x, [y, z])
+    } else {
+        (y, along_y, [z, x])
+    };
+    let turn = DQuat::from_rotation_arc(from * sign.signum(), normal);
+    let [u, v] = others.map(|axis| turn * axis);
+    // Counter-clockwise about the normal.
+    if sign < 0.0 { [v, u] } else { [u, v] }
+}
+
+impl ToolShape {
+    /// From the tool's position to the middle of where it may touch a surface with unit normal `normal`, m, and how far the surface is from
+    /// there along the normal when it touches, m.
+    fn support(&self, normal: DVec3) -> (DVec3, f64) {
+        match *self {
+            Self::Sphere { radius_m } => (DVec3::ZERO, radius_m),
+            Self::FlatPunch { radius_m, axis } => {
+                let along = -normal.dot(axis);
+                let aside = -normal - along * axis;
+                // From the middle of the face to its rim as the punch tilts, and on to the end of its side as it leans over.
+                let rim = aside / (aside.length_squared() + TILT * TILT).sqrt();
+                let behind = (0.5 - 0.5 * along / TILT).clamp(0.0, 1.0);
+                let tip = radius_m * (rim - behind * axis);
+                let (exact, least) = (aside.length() * radius_m, tip.dot(-normal));
+                // The rounded tip is not quite as deep as the rim.
+                (tip, (exact + radius_m * (-along).max(0.0) - least).max(0.0))
+            }
+        }
+    }
+
+    /// How a tool's pressure is spread on a surface with unit normal `normal`, and over which radius, m, at most.
+    #[must_use]
+    pub fn pressure(&self, normal: DVec3) -> (Pressure, f64) {
+        match *self {
+            Self::Sphere { radius_m } => (Pressure::Ball, radius_m),
+            Self::FlatPunch { radius_m, axis } => {
+                // A tilted punch touches with a part of its rim.
+                let aside = normal.reject_from(axis).length_squared();
+                let share = 1.0 - (aside / (aside + TILT * TILT)).sqrt();
+                (Pressure::Punch, radius_m * share.max(RIM_SHARE))
+            }
+        }
+    }
+}
+
+/// The unit normal of a ring on the surface about a place, without what lies beyond sharp edges; that of the place's triangle where the ring has
+/// no area.
+fn ring_normal(
+    surface: &impl PatchSurface,
+    (place, at_m): (SurfacePlace, DVec3),
+    (normal, contact_m): (DVec3, f64),
+    scale: &PatchScale,
+) -> Option<DVec3> {
+    let [u, v] = tangents(normal, scale.axes);
+    let wide = RING_RADII * contact_m + RING_MORE_CELLS * scale.cell_m;
+    let ring_m = wide.max(RING_CELLS * scale.cell_m);
+    // Each point from the one before.
+    let mut near = place;
+    let mut point = |i: usize| {
+        let (sin, cos) = (i as f64 * std::f64::consts::TAU / RING_POINTS as f64).sin_cos();
+        let target = at_m + ring_m * (cos * u + sin * v);
+        let found = project(surface, near, target, normal, Edges::Smooth);
+        near = found.map_or(near, |found| found.place);
+        found.map_or(DVec3::ZERO, |found| found.at_m - at_m)
+    };
+    let first = point(0);
+    let (mut area, mut last) = (DVec3::ZERO, first);
+    for i in 1..RING_POINTS {
+        let next = point(i);
+        area += last.cross(next);
+        last = next;
+    }
+    area += last.cross(first);
+    // Twice the area of a ring that is hardly one.
+    if area.length() > 1e-6 * ring_m * ring_m {
+        return area.try_normalize();
+    }
+    let [a, b, c] = surface.corners_m(place.triangle)?;
+    (b - a).cross(c - a).try_normalize()
+}
+
+/// The triangle across a sharp edge on which a place lies, with the place on it, whose normal is nearer to `normal` than `base` is.
+fn over_crease(
+    surface: &impl PatchSurface,
+    (place, at_m): (SurfacePlace, DVec3),
+    (normal, base): (DVec3, DVec3),
+    least: f64,
+) -> Option<SurfacePlace> {
+    let edges = [(0, 2), (1, 0), (2, 1)];
+    let beside = surface.neighbours(place.triangle);
+    let on_edge =
+        edges.into_iter().filter(|(_, opposite)| place.weights.get(*opposite).is_some_and(|w| *w <= 0.0));
+    on_edge
+        .filter_map(|(edge, _)| beside.get(edge).copied())
+        .filter(|neighbour| neighbour.is_crease)
+        .filter_map(|neighbour| {
+            let triangle = neighbour.triangle? as usize;
+            let corners @ [a, b, c] = surface.corners_m(triangle)?;
+            let outward = (b - a).cross(c - a).try_normalize()?;
+            let along = normal.dot(outward);
+            let is_nearer = along > normal.dot(base).max(least);
+            is_nearer.then_some(SurfacePlace { triangle, weights: nearest_weights(at_m, corners) })
+        })
+        .next()
+}
+
+impl Patch {
+    /// The patch of a tool of `shape` at `center_m` on the surface, near to `start`. `None` where the surface has no place there.
+    #[must_use]
+    pub fn find(
+        surface: &impl PatchSurface,
+        shape: &ToolShape,
+        center_m: DVec3,
+        start: &PatchStart,
+        scale: &PatchScale,
+    ) -> Option<Self> {
+        let PatchStart { foot: start, normal, axis, contact_m, rounds } = *start;
+        let (mut foot, mut normal, mut is_on_edge) = (start, normal, false);
+        let mut along = axis;
+        for _ in 0..rounds {
+            let (reach, _) = shape.support(normal);
+            let middle = center_m + reach;
+            let Projected { place, at_m, off_m } = project(surface, foot, middle, along, Edges::Smooth)?;
+            foot = place;
+            let base = ring_normal(surface, (place, at_m), (along, contact_m), scale)?;
+            let away = middle - at_m;
+            let height = away.dot(base);
+            let aside = away - height * base;
+            let mut next = base;
+            is_on_edge = off_m > ON_EDGE * shape.radius_m();
+            if is_on_edge {
+                let beyond_m = aside.length();
+                if let ToolShape::Sphere { radius_m } = *shape {
+                    // As a ball rolls over the edge, from the normal of one side to that of the other.
+                    let least = LEAST_HEIGHT * (radius_m - beyond_m).max(0.0);
+                    next = (height.max(least) * base + aside).try_normalize().unwrap_or(base);
+                    // A ball that is deep inside stays on its side until it has left.
+                    let turned = if height >= 0.0 { -1.0 } else { MOSTLY_TURNED };
+                    if let Some(other) = over_crease(surface, (place, at_m), (next, base), turned) {
+                        foot = other;
+                    }
+                }
+            }
+            // From far below the surface the least turn of the direction would lead to another place.
+            let level = match shape {
+                ToolShape::Sphere { .. } => height,
+                ToolShape::FlatPunch { radius_m, .. } => height + radius_m,
+            };
+            let free = (level / (TURNING * shape.radius_m())).clamp(0.0, 1.0);
+            along = (axis * (1.0 - free) + next * free).try_normalize().unwrap_or(next);
+            let change = next.distance(normal);
+            normal = next;
+            if change <= SETTLED {
+                break;
+            }
+        }
+        let (reach, depth) = shape.support(normal);
+        let raised = match *shape {
+            ToolShape::FlatPunch { radius_m, axis } if is_on_edge => {
+                let corners = surface.corners_m(foot.triangle)?;
+                let away = (weighted(foot.weights, corners) - center_m).reject_from_normalized(normal);
+                let along = away.dot(axis);
+                let aside = (away - along * axis).length();
+                rim_m(aside - radius_m, radius_m) + rim_m(along, radius_m)
+            }
+            _ => 0.0,
+        };
+        Some(Self { foot, normal, axis: along, tip_m: reach - (depth - raised) * normal })
+    }
+
+    /// Two unit vectors across its normal that turn with the body.
+    pub(crate) fn tangents(&self, scale: &PatchScale) -> [DVec3; 2] {
+        tangents(self.normal, scale.axes)
+    }
+
+    /// Spreads the pressure of a contact of radius `radius_m` over the surface: calls `add` with places, the share of the force at each, and
+    /// where it is in the contact, in units of its radius along two axes that turn with the body. The shares sum to 1.
+    pub fn spread(
+        &self,
+        surface: &impl PatchSurface,
+        (pressure, radius_m): (Pressure, f64),
+        scale: &PatchScale,
+        mut add: impl FnMut(SurfacePlace, f64, [f64; 2]),
+    ) {
+        if radius_m <= 0.0 {
+            add(self.foot, 1.0, [0.0; 2]);
+            return;
+        }
+        let mut sum = 0.0;
+        let mut places = [(SurfacePlace::default(), 0.0, [0.0; 2]); PRESSURE_POINTS];
+        for (to, (point, share)) in places.iter_mut().zip(pressure.points()) {
+            if let Some((place, fade)) = self.beside(surface, radius_m, point, scale) {
+                *to = (place, share * fade, point);
+                sum += share * fade;
+            }
+        }
+        if sum > 0.0 {
+            let kept = places.iter().filter(|(_, share, _)| *share > 0.0);
+            kept.for_each(|(place, share, point)| add(*place, share / sum, *point));
+        } else {
+            add(self.foot, 1.0, [0.0; 2]);
+        }
+    }
+}
+
+impl Patch {
+    /// The place of the surface at a point of a contact of radius `radius_m`, in units of that, and the share of its pressure that is not beyond
+    /// an edge.
+    pub(crate) fn beside(
+        &self,
+        surface: &impl PatchSurface,
+        radius_m: f64,
+        [x, y]: [f64; 2],
+        scale: &PatchScale,
+    ) -> Option<(SurfacePlace, f64)> {
+        let at_m = weighted(self.foot.weights, surface.corners_m(self.foot.triangle)?);
+        let [u, v] = tangents(self.normal, scale.axes);
+        let target = at_m + radius_m * (x * u + y * v);
+        let projected = project(surface, self.foot, target, self.normal, Edges::All)?;
+        let fade = (1.0 - projected.off_m / (FADE * radius_m)).max(0.0);
+        Some((projected.place, fade))
+    }
+}
+
+/// How far the rounded rim of a punch is raised at a place that is `beyond_m` beyond its end, m: without a bound there.
+fn rim_m(beyond_m: f64, radius_m: f64) -> f64 {
+    let rounded = RIM * radius_m;
+    let out = (beyond_m + rounded).clamp(0.0, rounded * (1.0 - 1e-9));
+    rounded * out * out / (rounded * rounded - out * out)
+}

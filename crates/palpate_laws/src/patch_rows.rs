@@ -1,0 +1,236 @@
+//! The rows of a contact patch: one for a contact that is small beside a cell, nine for one that is not.
+
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
+use crate::{Indentation, Patch, PatchScale, Pressure, SeriesCompliance, ToolShape};
+use glam::DVec3;
+
+/// Most patches that a tool has at once.
+pub const MAX_PATCHES: usize = 4;
+/// Most rows of a patch: its middle and eight sides.
+pub const PATCH_ROWS: usize = 9;
+/// Contacts with a radius of fewer cells are one row, and of more are nine that are apart.
+const ONE_ROW_CELLS: f64 = 0.8;
+const ALL_ROWS_CELLS: f64 = 2.0;
+/// Where rows are apart, the pressure of a punch ends that many cells within its rim: measured against the closed form.
+const RIM_CELLS: f64 = 0.3;
+/// A row with less of the force is none.
+const NO_PORTION: f64 = 1e-9;
+
+/// The radius of the contact of a tool of `shape` with a surface of normal `normal`, m, of Young's modulus and Poisson's ratio `elastic`, under a
+/// force of `force_n`. A ball on a body without a modulus touches at a point.
+#[must_use]
+pub fn contact_radius_m(shape: &ToolShape, normal: DVec3, elastic: (Option<f64>, f64), force_n: f64) -> f64 {
+    contact(shape, normal, elastic, force_n).2
+}
+
+fn contact(
+    shape: &ToolShape,
+    normal: DVec3,
+    (modulus_pa, poissons_ratio): (Option<f64>, f64),
+    force_n: f64,
+) -> (Pressure, Option<Indentation>, f64) {
+    let (pressure, radius_m) = shape.pressure(normal);
+    let law = modulus_pa.map(|modulus_pa| Indentation {
+        pressure,
+        radius_m,
+        modulus_pa: modulus_pa / (1.0 - poissons_ratio * poissons_ratio),
+    });
+    let contact_m = match (law, pressure) {
+        (Some(law), _) => law.radius_of_contact_m(force_n),
+        (None, Pressure::Punch) => radius_m,
+        (None, Pressure::Ball) => 0.0,
+    };
+    (pressure, law, contact_m)
+}
+
+/// How a contact patch is divided into rows: each is the mean of the surface under its part of the tool's pressure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PatchLayout {
+    /// The pressure under the tool, and the radius of the contact, m.
+    pub pressure: (Pressure, f64),
+    /// The law of indentation on a smooth surface, where the body has Young's modulus.
+    pub law: Option<Indentation>,
+    /// The force on all rows in the step before, N.
+    pub force_n: f64,
+    /// How far rows are apart, from 0, where all are the mean under the tool's pressure and there is one, to 1.
+    pub apart: f64,
+    sums: [Sums; PATCH_ROWS],
+    row_n: [f64; PATCH_ROWS],
+    patch: Patch,
+    axes: [DVec3; 2],
+    /// Radius of a ball, m; none of a punch.
+    ball_m: Option<f64>,
+}
+
+/// Sums over the points of a row, weighted with the share of the pressure that they carry.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Sums {
+    /// Of 1.
+    portion: f64,
+    /// Of how far the tool's surface is behind its tip, m.
+    behind: f64,
+    /// Of where it is in the contact, in units of its radius.
+    place: [f64; 2],
+}
+
+/// A row of a patch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RowLayout {
+    /// Which of the patch's rows it is: 0 its middle, or all of it.
+    pub index: usize,
+    /// Unit normal out of the body, against which the tool pushes there.
+    pub normal: DVec3,
+    /// From the tool's position to the plane across the normal that is in contact, m: its gap to the row's point x is n·(tool + tip − x).
+    pub tip_m: DVec3,
+    /// The portion of the force that it bears where pressure is spread as on a smooth surface.
+    pub portion: f64,
+    /// The force along the normal that it bore in the step before, N.
+    pub force_n: f64,
+}
+
+impl PatchLayout {
+    /// That of a patch that was pressed with so many newtons in each of its rows in the step before, on a body with Young's modulus
+    /// `modulus_pa` (Pa) and Poisson's ratio `poissons_ratio` there.
+    #[must_use]
+    pub fn new(
+        shape: &ToolShape,
+        patch: &Patch,
+        (modulus_pa, poissons_ratio): (Option<f64>, f64),
+        row_n: &[f64; PATCH_ROWS],
+        scale: &PatchScale,
+    ) -> Self {
+        let force_n: f64 = row_n.iter().sum();
+        let (pressure, law, radius_m) = contact(shape, patch.normal, (modulus_pa, poissons_ratio), force_n);
+        let apart = rows_apart(radius_m, scale.cell_m);
+        // Under a punch, whose pressure is greatest at its rim, the nodes beyond the rim bear as much as those within.
+        let radius_m = match pressure {
+            Pressure::Ball => radius_m,
+            Pressure::Punch => radius_m - RIM_CELLS * apart * scale.cell_m,
+        };
+        let ball_m = match *shape {
+            ToolShape::Sphere { radius_m } => Some(radius_m),
+            ToolShape::FlatPunch { .. } => None,
+        };
+        Self {
+            pressure: (pressure, radius_m),
+            law,
+            force_n,
+            apart,
+            sums: [Sums::default(); PATCH_ROWS],
+            row_n: *row_n,
+            patch: *patch,
+            axes: patch.tangents(scale),
+            ball_m,
+        }
+    }
+
+    /// Adds a point of the contact, in units of its radius, that carries `share` of the pressure. Returns the share of each row in it.
+    pub fn add(&mut self, point: [f64; 2], share: f64) -> [f64; PATCH_ROWS] {
+        let shares =
+            if self.apart > 0.0 { portions(point).map(|portion| portion * share) } else { [0.0; PATCH_ROWS] };
+        let [x, y] = point;
+        let behind_m = self.behind_m(x.hypot(y));
+        for (sums, share) in self.sums.iter_mut().zip(shares) {
+            let [sum_x, sum_y] = sums.place;
+            *sums = Sums {
+                portion: sums.portion + share,
+                behind: sums.behind + share * behind_m,
+                place: [sum_x + share * x, sum_y + share * y],
+            };
+        }
+        shares
+    }
+
+    /// Its rows, once all points have been added.
+    pub fn rows(&self) -> impl Iterator<Item = RowLayout> + use<> {
+        let layout = *self;
+        let Self { apart, force_n, row_n, sums, patch, .. } = layout;
+        let mean_m: f64 = sums.iter().map(|sums| sums.behind).sum();
+        let was_one = row_n.iter().skip(1).all(|n| *n == 0.0);
+        let one = RowLayout { index: 0, normal: patch.normal, tip_m: patch.tip_m, portion: 1.0, force_n };
+        let all = sums.into_iter().zip(row_n).enumerate().map(move |(index, (sums, n))| {
+            let portion = sums.portion;
+            let behind_m = apart * (sums.behind / portion - mean_m);
+            let (normal, tip_m) = layout.tip(sums.place.map(|sum| apart * sum / portion), behind_m);
+            let force_n = if was_one { force_n * portion } else { n };
+            RowLayout { index, normal, tip_m, portion, force_n }
+        });
+        let (one, all) = if apart > 0.0 { (None, Some(all)) } else { (Some(one), None) };
+        // What is beyond an edge bears nothing.
+        one.into_iter().chain(all.into_iter().flatten().filter(|row| row.portion > NO_PORTION))
+    }
+
+    /// The normal and the tip at a point of the contact, where the tool's surface counts as `behind_m` behind its tip.
+    fn tip(&self, [x, y]: [f64; 2], behind_m: f64) -> (DVec3, DVec3) {
+        let (normal, [u, v]) = (self.patch.normal, self.axes);
+        let Some(ball_m) = self.ball_m else { return (normal, self.patch.tip_m + behind_m * normal) };
+        // From the surface there to the centre of the ball.
+        let tilt = self.pressure.1 / ball_m;
+        let there = (normal - tilt * (x * u + y * v)).try_normalize().unwrap_or(normal);
+        (there, (behind_m - self.behind_m(x.hypot(y)) - ball_m) * there)
+    }
+
+    /// How far the surface of the tool is behind its tip at a distance from the middle of the contact in units of its radius, m.
+    fn behind_m(&self, distance: f64) -> f64 {
+        let Some(ball_m) = self.ball_m else { return 0.0 };
+        let off = (distance * self.pressure.1).min(ball_m);
+        ball_m - (ball_m * ball_m - off * off).sqrt()
+    }
+
+    /// The compliance of rows on a body to which none is added: a twentieth of the smooth law, so that the load on rows which are nearly the same
+    /// is shared, and a contact does not tremble.
+    #[must_use]
+    pub fn least_compliance(&self) -> Option<SeriesCompliance> {
+        self.law.map(|law| SeriesCompliance { share: crate::indentation::LEAST_SHARE, law, portion: 1.0 })
+    }
+}
+
+/// How far the rows of a contact of radius `radius_m` are apart.
+fn rows_apart(radius_m: f64, cell_m: f64) -> f64 {
+    let share = ((radius_m / cell_m - ONE_ROW_CELLS) / (ALL_ROWS_CELLS - ONE_ROW_CELLS)).clamp(0.0, 1.0);
+    share * share * (3.0 - 2.0 * share)
+}
+
+/// The portions of the pressure at a point of a contact that belong to its middle and to its eight sides. They sum to 1 and change continuously
+/// with the point.
+fn portions([x, y]: [f64; 2]) -> [f64; PATCH_ROWS] {
+    let r2 = (x * x + y * y).min(1.0);
+    let middle = (1.0 - r2) * (1.0 - r2);
+    let mut all = [0.0; PATCH_ROWS];
+    let mut sides = all.iter_mut();
+    if let Some(to) = sides.next() {
+        *to = middle;
+    }
+    if r2 > 0.0 {
+        // cos² of twice the angle to each side, as far as that is below an eighth of a turn.
+        let angle = y.atan2(x) / std::f64::consts::FRAC_PI_4;
+        for (side, to) in sides.enumerate() {
+            let off = (angle - side as f64 + 12.0).rem_euclid(8.0) - 4.0;
+            let cos = (off.abs().min(1.0) * std::f64::consts::FRAC_PI_2).cos();
+            *to = (1.0 - middle) * cos * cos;
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn portions_of_a_point_sum_to_one_and_have_the_symmetry_of_the_square() {
+        for (i, j) in (0..40).flat_map(|i| (0..40).map(move |j| (i, j))) {
+            let [x, y] = [i, j].map(|i| (f64::from(i) + 0.3) / 20.0 - 1.0);
+            let (at, turned) = (portions([x, y]), portions([-y, x]));
+            assert!((at.iter().sum::<f64>() - 1.0).abs() < 1e-12 && at.iter().all(|p| *p >= 0.0));
+            assert!((at[0] - turned[0]).abs() < 1e-12);
+            for side in 0..8 {
+                assert!((at[1 + side] - turned[1 + (side + 2) % 8]).abs() < 1e-12, "({x}, {y}), {side}");
+            }
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Where a tool comes to a surface first: the triangles on which contact patches begin.
+
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
+use crate::{SurfacePlace, ToolShape, nearest_weights};
+use glam::DVec3;
+
+/// A place on which a contact patch may begin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seed {
+    /// The place of its triangle that the tool comes nearest to.
+    pub place: SurfacePlace,
+    /// Where it is, m.
+    pub at_m: DVec3,
+    /// The triangle's unit normal now, and that at rest.
+    pub normal: DVec3,
+    /// See `normal`.
+    pub rest_normal: DVec3,
+    /// The look at the way at which it was within the tool's reach, and how far it was then, m: smaller comes first.
+    order: (u32, f64),
+}
+
+/// Of the way between two looks at the surface, the largest part of a tool's radius, and the most looks.
+const LOOK_SHARE: f64 = 0.5;
+const MOST_LOOKS: f64 = 64.0;
+/// Patches are apart where their normals at rest are at an angle with a cosine below that.
+const APART: f64 = 0.5;
+/// And where they are farther from each other than that multiple of the first one's radius and so many cells.
+const BEYOND_RADII: f64 = 2.0;
+const BEYOND_CELLS: f64 = 2.0;
+
+impl Seed {
+    /// The seed on a triangle for a tool whose position goes straight from `from_m` to `to_m`; `None` where the tool does not come within
+    /// `reach_m` of it beside its own radius, or begins behind it.
+    #[must_use]
+    pub fn of(
+        shape: &ToolShape,
+        (from_m, to_m): (DVec3, DVec3),
+        (triangle, corners_m, rest_normal): (usize, [DVec3; 3], DVec3),
+        reach_m: f64,
+    ) -> Option<Self> {
+        let [a, b, c] = corners_m;
+        // What is far is seen at a glance.
+        let size = a.distance(b).max(a.distance(c));
+        let far = reach_m + from_m.distance(to_m) + 3.0 * shape.radius_m() + size;
+        if a.distance_squared(from_m) > far * far {
+            return None;
+        }
+        let normal = (b - a).cross(c - a).try_normalize()?;
+        let core = |share: f64| shape.core_m(from_m.lerp(to_m, share));
+        if (core(0.0) - a).dot(normal) < 0.0 {
+            return None;
+        }
+        let radius_m = shape.radius_m();
+        let looks = (from_m.distance(to_m) / (LOOK_SHARE * radius_m)).ceil().clamp(1.0, MOST_LOOKS) as u32;
+        // How far the tool's surface is from its core at most.
+        let around = match shape {
+            ToolShape::Sphere { .. } => radius_m,
+            ToolShape::FlatPunch { .. } => std::f64::consts::SQRT_2 * radius_m,
+        };
+        let mut best: Option<Self> = None;
+        for look in 0..=looks {
+            let core = core(f64::from(look) / f64::from(looks));
+            let weights = nearest_weights(core, corners_m);
+            let [u, v, w] = weights;
+            let at_m = u * a + v * b + w * c;
+            let away = at_m.distance(core) - around;
+            // What is passed is met.
+            let is_passed = (core - a).dot(normal) < 0.0;
+            if away.is_nan() || away > reach_m && !(is_passed && weights.iter().all(|w| *w > 0.0)) {
+                continue;
+            }
+            let order = (if away <= 0.0 { look } else { looks + 1 }, away);
+            if best.is_none_or(|best| order < best.order) {
+                let place = SurfacePlace { triangle, weights };
+                best = Some(Self { place, at_m, normal, rest_normal, order });
+            }
+            if away <= 0.0 {
+                break;
+            }
+        }
+        best
+    }
+
+    /// Whether it comes before `other`.
+    #[must_use]
+    pub fn is_before(&self, other: &Self) -> bool {
+        (self.order, self.place.triangle) < (other.order, other.place.triangle)
+    }
+
+    /// Whether the tool is in contact on it apart from a patch of radius `radius_m` that began on a place with that normal at rest and is at
+    /// `at_m`: because the surface looks elsewhere there, or is met beyond the patch.
+    #[must_use]
+    pub fn is_apart(&self, (at_m, rest_normal, radius_m): (DVec3, DVec3, f64), cell_m: f64) -> bool {
+        let is_met = self.order.1 < 0.0;
+        let across = BEYOND_RADII * radius_m + BEYOND_CELLS * cell_m;
+        self.rest_normal.dot(rest_normal) < APART || is_met && self.at_m.distance(at_m) > across
+    }
+}
