@@ -7,7 +7,7 @@ pub use slit::Slit;
 use crate::error::check_positive;
 use crate::lattice;
 use crate::tissue::check_damping_ratio;
-use crate::{BodyError, BodyPoint, Link, Network, NetworkBuilder, Region, Surface};
+use crate::{BodyError, BodyPoint, Grid, Link, Network, NetworkBuilder, Region, Surface};
 use glam::{DQuat, DVec3};
 use palpate_laws::Spring;
 
@@ -87,6 +87,19 @@ pub struct UniformLattice {
 }
 
 impl BlockBody {
+    /// The same block, whose springs stand for cells of `cell_m` with that modulus, Pa.
+    pub(crate) fn laid_in(
+        mut self,
+        change: impl FnOnce(Grid) -> Grid,
+        cell_m: DVec3,
+        modulus_pa: f64,
+    ) -> Self {
+        let nodes = self.network.node_count();
+        let grid = Grid::new(cell_m.element_product().cbrt(), vec![modulus_pa; nodes]);
+        self.network = self.network.with_grid(change(grid));
+        self
+    }
+
     /// The same block turned by `rotation` about the origin and then moved by `translation_m`.
     ///
     /// # Errors
@@ -198,7 +211,14 @@ impl Block {
         let mass = check_positive("mass of the block, kg", lattice.mass_kg)?;
         let ratio = check_damping_ratio(lattice.damping_ratio)?;
         let m = mass / self.node_total() as f64;
-        self.build(vec![m; self.node_total()], |_, _| k, |k, _, _| ratio * (k * m).sqrt())
+        let built = self.build(vec![m; self.node_total()], |_, _| k, |k, _, _| ratio * (k * m).sqrt())?;
+        // An isotropic network has E = Σ k ℓ²/(6 V) over the springs of a cell.
+        let cell = self.cell_m();
+        let squares: f64 = lattice::steps()
+            .map(|step| (cell * DVec3::from_array(step.map(f64::from))).length_squared())
+            .sum();
+        let modulus = k * squares / (6.0 * cell.element_product());
+        Ok(built.laid_in(Grid::of_equal_springs, self.cell_m(), modulus))
     }
 
     pub(crate) fn node_total(&self) -> usize {

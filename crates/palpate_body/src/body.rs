@@ -9,7 +9,9 @@ pub use step::{StepReport, ToolRun};
 use crate::cells::Watch;
 use crate::energy::Ledger;
 use crate::integrator::Workspace;
-use crate::{BarrierTetrahedron, BodyError, Network, NodeContact, Obstacle, Surface, SurfaceTree, Tie};
+use crate::{
+    BarrierTetrahedron, BodyError, ContactSurface, Network, NodeContact, Obstacle, Surface, SurfaceTree, Tie,
+};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -18,6 +20,9 @@ use std::sync::Arc;
 pub struct Body {
     network: Arc<Network>,
     surface: Arc<Surface>,
+    contact_surface: Arc<ContactSurface>,
+    /// Whether contact gets the compliance that the grid lacks, where it can.
+    adds_compliance: bool,
     gravity_m_per_s2: DVec3,
     /// What acts on the nodes from outside, beside gravity and the tool.
     loads_n: Vec<DVec3>,
@@ -83,6 +88,8 @@ impl Body {
             ledger: None,
             implicit: None,
             tree: None,
+            adds_compliance: true,
+            contact_surface: Arc::new(ContactSurface::new(&surface, &network)),
             watch: Watch::default(),
             v: still,
             x,
@@ -101,6 +108,26 @@ impl Body {
     #[must_use]
     pub fn surface(&self) -> &Surface {
         &self.surface
+    }
+
+    /// The triangles of its surface on which contact patches are found.
+    #[must_use]
+    pub fn contact_surface(&self) -> &ContactSurface {
+        &self.contact_surface
+    }
+
+    /// Whether a contact that is smaller than a cell gets the compliance which the grid lacks: see [`Body::add_compliance`].
+    #[must_use]
+    pub fn adds_compliance(&self) -> bool {
+        self.adds_compliance && self.network.grid().is_some_and(crate::Grid::adds_compliance)
+    }
+
+    /// Sets whether a contact that is smaller than a cell gets the compliance which the grid lacks, so that the hand feels the tissue and not
+    /// the grid; on at first. Without it contact gives way by what the springs give way, as in the paper, and by a
+    /// twentieth of the smooth law, so that the problem stays well posed. So do lattices of equal springs; networks without cells have
+    /// neither.
+    pub fn add_compliance(&mut self, adds: bool) {
+        self.adds_compliance = adds;
     }
 
     /// The acceleration of gravity, m/s².

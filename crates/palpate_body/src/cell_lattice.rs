@@ -280,6 +280,7 @@ impl<'a> CellLattice<'a> {
         let network = NetworkBuilder::of(rest_m, made.mass_kg, fixed, made.links)
             .with_cells(embedding.cells().to_vec());
         let network = if self.allow_free { network.allow_free() } else { network }.build()?;
+        let network = network.with_grid(crate::Grid::new(grid.cell_m, made.youngs_modulus_pa));
         let touched = TouchSurface::new(mesh, &embedding, grid.cell_m, self.touch_spacing);
         Ok(MeshBody {
             network,

@@ -1,8 +1,11 @@
 //! A network of point masses, springs and dampers: what a body is made of, without its state.
 
 mod builder;
+mod grid;
 
 pub use builder::NetworkBuilder;
+pub use grid::Grid;
+pub(crate) use grid::POISSONS_RATIO;
 
 use crate::BodyError;
 use crate::cells::Cells;
@@ -37,6 +40,7 @@ pub struct Network {
     cells: Cells,
     allow_free: bool,
     linear: bool,
+    grid: Option<Grid>,
 }
 
 impl Network {
@@ -78,6 +82,7 @@ impl Network {
             cells,
             allow_free,
             linear,
+            grid: None,
         };
         if !allow_free {
             network.validate_parts()?;
@@ -124,7 +129,21 @@ impl Network {
         let far = translation_m.abs().max_element();
         check("translation, m", far, translation_m.is_finite(), "finite")?;
         self.rest_m.iter_mut().for_each(|x| *x = rotation * *x + translation_m);
+        self.grid = self.grid.map(|grid| grid.turned(rotation));
         Ok(self)
+    }
+
+    /// The same network, laid in the cells of `grid`, which has a modulus for each of its nodes.
+    pub(crate) fn with_grid(mut self, grid: Grid) -> Self {
+        debug_assert_eq!(grid.youngs_modulus_pa.len(), self.node_count(), "a modulus for each node");
+        self.grid = Some(grid);
+        self
+    }
+
+    /// The grid of cells that it was laid in, where there is one.
+    #[must_use]
+    pub fn grid(&self) -> Option<&Grid> {
+        self.grid.as_ref()
     }
 
     /// Number of nodes.

@@ -1,8 +1,11 @@
 //! The touchable surface of a body.
 
 mod closest;
+mod contact_surface;
 
 pub use closest::{ClosestPoint, SurfaceTree};
+pub use contact_surface::ContactSurface;
+pub(crate) use contact_surface::PlacedSurface;
 
 use crate::error::check;
 use crate::{BodyError, BodyPoint};

@@ -104,19 +104,9 @@ impl BodyPoint {
         }
     }
 
-    /// The share of it that nodes carry for which `is_fixed` is false.
-    pub(crate) fn free_share(&self, is_fixed: impl Fn(usize) -> bool) -> f64 {
-        self.nodes.iter().filter(|(node, _)| !is_fixed(*node)).map(|(_, w)| w).sum()
-    }
-
     /// The point that `nodes` carry with their weights, which sum to 1.
     pub(crate) fn carried_by(nodes: Vec<(usize, f64)>) -> Self {
         Self { nodes }
-    }
-
-    /// Its nodes and weights, to be kept.
-    pub(crate) fn into_nodes(self) -> Vec<(usize, f64)> {
-        self.nodes
     }
 
     /// Its nodes without their weights.

@@ -118,7 +118,7 @@ impl Block {
                 cell_mass / 8.0 * (0..3).map(|axis| f64::from(self.cells_beside(ijk, axis))).product::<f64>()
             })
             .collect();
-        self.build(
+        let built = self.build(
             mass,
             |ijk, step| {
                 let across = (0..3).filter(|&axis| step[axis] == 0);
@@ -126,7 +126,8 @@ impl Block {
                     * across.map(|axis| f64::from(self.cells_beside(ijk, axis)) / 2.0).product::<f64>()
             },
             |k, m_a, m_b| ratio * (k * 2.0 * m_a * m_b / (m_a + m_b)).sqrt(),
-        )
+        )?;
+        Ok(built.laid_in(|grid| grid, self.cell_m(), tissue.youngs_modulus_pa))
     }
 }
 

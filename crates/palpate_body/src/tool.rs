@@ -166,7 +166,7 @@ impl ToolContact {
         &self.touched
     }
 
-    /// The nodes on which it pushed at any time in the last advance, each once. Empty for a tool that holds.
+    /// The nodes of the triangles under it on which it pushed at any time in the last advance, each once. Empty for a tool that holds.
     #[must_use]
     pub fn touched_nodes(&self) -> &[usize] {
         &self.touched_nodes

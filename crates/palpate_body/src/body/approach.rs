@@ -1,76 +1,302 @@
-//! The tool's way to the surface of a body: what it may touch, and in steps short enough not to miss it.
+//! The tool's way to the surface of a body: the contact patches that it may have in the next ticks.
 
 use super::Body;
+use crate::contact::Weights;
+use crate::network::POISSONS_RATIO;
+use crate::surface::PlacedSurface;
 use crate::tool::Hold;
 use crate::{SurfaceTree, ToolContact};
 use glam::DVec3;
+use palpate_laws::{
+    MAX_PATCHES, PATCH_ROWS, Patch, PatchLayout, PatchScale, PatchStart, RowLayout, Seed, SeriesCompliance,
+    SurfacePlace, ToolShape, contact_radius_m, normal_compliance_at,
+};
 
-/// Of a step of the tool that touches, the largest part of its radius.
-const SHARE_OF_RADIUS: f64 = 0.5;
-/// A tool that moves farther in a millisecond than that many such steps has jumped: what lay between was not touched.
-const MOST_CUTS_PER_MS: f64 = 256.0;
-
+/// A tool that moves farther in a millisecond has jumped: what lay between was not touched.
+const JUMP_M_PER_MS: f64 = 0.025;
 /// Of its radius, by so much a tool may be in the surface and still count as clear of it.
 const CLEAR_SHARE: f64 = 1e-3;
 
-/// What a tool may touch on a piece of its path.
-pub(super) struct Approach {
-    /// The triangles that it comes near: their points, and their longest edge at rest, m.
-    pub(super) near: Vec<([usize; 3], f64)>,
-    /// Into so many steps each step is to be cut, so that nothing is passed unseen.
-    pub(super) cuts: usize,
+/// A contact patch as rows of nodes.
+#[derive(Clone, Debug)]
+pub(super) struct ToolPatch {
+    pub(super) patch: Patch,
+    /// The corners of the triangle under the tool, points of the contact surface, with their weights.
+    pub(super) corners: [(usize, f64); 3],
+    /// The normal at rest of the triangle on which it began.
+    pub(super) rest_normal: DVec3,
+    /// Radius of the contact, m.
+    pub(super) radius_m: f64,
+    /// One while the contact is small beside a cell, then [`PATCH_ROWS`].
+    pub(super) rows: Vec<PatchRow>,
 }
 
-impl Approach {
-    /// Far from everything.
-    pub(super) fn none() -> Self {
-        Self { near: Vec::new(), cuts: 1 }
+/// A row of a patch.
+#[derive(Clone, Debug)]
+pub(super) struct PatchRow {
+    /// Which of the patch's rows it is: 0 its middle, or all of it.
+    pub(super) index: usize,
+    /// The nodes that carry it: the mean of the surface under its part of the tool's pressure is Σ w_i x_i.
+    pub(super) nodes: Weights,
+    /// Unit normal out of the body there, and from the tool's position to its tip against it, m.
+    pub(super) normal: DVec3,
+    pub(super) tip_m: DVec3,
+    /// What the grid lacks.
+    pub(super) series: Option<SeriesCompliance>,
+    /// The force along the normal in the step before, and the whole force on the body, N.
+    pub(super) force_n: f64,
+    pub(super) whole_n: DVec3,
+}
+
+impl PatchRow {
+    /// How far the surface gives way in series with the nodes, m.
+    pub(super) fn approached_m(&self) -> f64 {
+        self.series.map_or(0.0, |series| series.approach_m(self.force_n))
+    }
+
+    /// Its compliance across the normal, m/N.
+    pub(super) fn tangential_m_per_n(&self) -> f64 {
+        let stiff = |series: SeriesCompliance| series.tangential_m_per_n(self.force_n);
+        // A contact that begins bears nothing across its normal yet.
+        self.series.map(stiff).filter(|compliance| compliance.is_finite()).unwrap_or(0.0)
     }
 }
 
+/// What a tool may touch on a piece of its path.
+#[derive(Default)]
+pub(super) struct Approach {
+    pub(super) patches: Vec<ToolPatch>,
+    /// Patches that found no place among the most that there may be.
+    pub(super) left_out: usize,
+}
+
 impl Body {
-    /// The approach of a tool whose device goes from `from_m` to `to_m`, straight and in `steps` steps, which take `span_s`
-    /// together. A tool that is inside the body at the beginning touches nothing until it has come out.
+    /// The approach of a tool whose device goes straight from `from_m` to `to_m` in `span_s`. A tool that is inside the body at the
+    /// beginning, and touches nothing, touches nothing until it has come out.
     pub(super) fn approach(
         &mut self,
         contact: &mut ToolContact,
         (from_m, to_m): (DVec3, DVec3),
         span_s: f64,
-        steps: usize,
     ) -> Approach {
-        let proxy_m = contact.proxy_m(from_m);
-        let Hold::Nothing { shape, clear, .. } = &mut contact.hold else { return Approach::none() };
-        let (radius, moved) = (shape.radius_m(), from_m.distance(to_m));
+        let (proxy_m, coupling) = (contact.proxy_m(from_m), contact.coupling);
+        let Hold::Nothing { shape, clear, .. } = &mut contact.hold else { return Approach::default() };
+        let (shape, radius, moved) = (*shape, shape.radius_m(), from_m.distance(to_m));
         let speed2 = |&node: &usize| self.v[node].length_squared();
         let fastest = self.network.free().iter().map(speed2).fold(0.0, f64::max).sqrt();
+        let short = coupling.map_or(0.0, |c| c.short_m(from_m - proxy_m, Some(radius)).length());
         // Nodes are pushed by the tool, or move by themselves; what comes from farther is met in the next piece.
-        let reach = 1.5 * radius + moved + 2.0 * fastest * span_s;
-        let way = [from_m, to_m, proxy_m, proxy_m + (to_m - from_m)];
-        let low = way.into_iter().fold(DVec3::INFINITY, DVec3::min) - reach;
-        let high = way.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max) + reach;
+        let beside = 2.0 * fastest * span_s + short;
+        let reach = 1.5 * radius + moved + beside;
+        let way = (proxy_m, proxy_m + (to_m - from_m));
+        let low = way.0.min(way.1).min(from_m).min(to_m) - reach;
+        let high = way.0.max(way.1).max(from_m).max(to_m) + reach;
         let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for x in self.surface.points.iter().map(|point| point.of(&self.x)) {
             (least, most) = (least.min(x), most.max(x));
         }
-        if !(least.cmple(high).all() && most.cmpge(low).all()) {
+        let mut before = std::mem::take(&mut contact.touched);
+        let is_near = least.cmple(high).all() && most.cmpge(low).all();
+        if !is_near && before.is_empty() {
             *clear = true;
-            return Approach::none();
+            return Approach::default();
         }
         let mut tree = self.tree.take().unwrap_or_else(|| Box::new(SurfaceTree::new(self)));
         tree.refit(self);
-        let near = tree.within(low, high);
-        let closest = tree.closest(shape.core_m(proxy_m), reach + radius);
-        self.tree = Some(tree);
-        *clear = closest.is_some_and(|closest| {
-            let least = if *clear { 0.0 } else { radius * (1.0 - CLEAR_SHARE) };
-            closest.distance_m > least
-        });
-        // A share that is met to rounding is met.
-        let cuts = (moved / (SHARE_OF_RADIUS * radius * steps as f64) - 1e-9).ceil().max(1.0);
-        let has_jumped = cuts * steps as f64 > MOST_CUTS_PER_MS * (1e3 * span_s).max(1.0);
-        if !near.is_empty() && has_jumped {
+        let near = tree.near(low, high);
+        if moved > JUMP_M_PER_MS * (1e3 * span_s).max(1.0) && !(near.is_empty() && before.is_empty()) {
+            before.clear();
             *clear = false;
+        } else if before.is_empty() {
+            let closest = tree.closest(shape.core_m(proxy_m), reach + radius);
+            *clear = closest.is_some_and(|closest| {
+                let least = if *clear { 0.0 } else { radius * (1.0 - CLEAR_SHARE) };
+                closest.distance_m > least
+            });
+        } else {
+            *clear = true;
         }
-        if *clear && !near.is_empty() { Approach { near, cuts: cuts as usize } } else { Approach::none() }
+        self.tree = Some(tree);
+        if !*clear {
+            return Approach::default();
+        }
+        let x: Vec<DVec3> = self.contact_surface.points().iter().map(|point| point.of(&self.x)).collect();
+        let surface = PlacedSurface { surface: &self.contact_surface, x: &x };
+        let scale = self.patch_scale();
+        let find = |start: &PatchStart| Patch::find(&surface, &shape, way.1, start, &scale);
+        let mut approach = Approach::default();
+        for touched in before.chunk_by(|a, b| a.patch == b.patch) {
+            let Some(first) = touched.first() else { continue };
+            let mut row_n = [0.0; PATCH_ROWS];
+            let mut row_f = [DVec3::ZERO; PATCH_ROWS];
+            for row in touched {
+                (row_n[row.row], row_f[row.row]) = (row.pressing_n(), row.force_n());
+            }
+            let SurfacePlace { triangle, weights } = first.patch.foot;
+            let modulus_pa = self.modulus_at_pa(triangle, weights);
+            let elastic = (modulus_pa, POISSONS_RATIO);
+            let contact_m = contact_radius_m(&shape, first.patch.normal, elastic, row_n.iter().sum());
+            if let Some(patch) = find(&first.patch.start(contact_m)) {
+                approach.patches.push(self.patch_rows(
+                    &surface,
+                    &shape,
+                    patch,
+                    (first.rest_normal, row_n, row_f),
+                ));
+            }
+        }
+        contact.touched = before;
+        let mut seeds: Vec<Seed> = self
+            .contact_surface
+            .parts_of(near)
+            .into_iter()
+            .filter_map(|triangle| {
+                let corners = self.contact_surface.triangles()[triangle].map(|point| x[point]);
+                let rest_normal = self.contact_surface.rest_normal(triangle);
+                Seed::of(&shape, way, (triangle, corners, rest_normal), beside)
+            })
+            .collect();
+        while let Some(first) = seeds.iter().copied().reduce(|a, b| if b.is_before(&a) { b } else { a }) {
+            let is_apart = |seed: &Seed, row: &ToolPatch| {
+                let at_m: DVec3 = row.corners.iter().map(|&(point, w)| w * x[point]).sum();
+                seed.is_apart((at_m, row.rest_normal, row.radius_m), scale.cell_m)
+            };
+            seeds.retain(|seed| seed.place.triangle != first.place.triangle);
+            if !approach.patches.iter().all(|row| is_apart(&first, row)) {
+                continue;
+            }
+            let Some(patch) = find(&PatchStart::on(first.place, first.normal)) else { continue };
+            // Where two places lead to one patch, it is one.
+            let is_same = |row: &ToolPatch| {
+                row.patch.foot.triangle == patch.foot.triangle
+                    || row.patch.normal.dot(patch.normal) > 0.9
+                        && !is_apart(&first, &ToolPatch { rest_normal: first.rest_normal, ..row.clone() })
+            };
+            if approach.patches.iter().any(is_same) {
+                continue;
+            }
+            if approach.patches.len() == MAX_PATCHES {
+                approach.left_out += 1;
+                continue;
+            }
+            approach.patches.push(self.patch_rows(
+                &surface,
+                &shape,
+                patch,
+                (first.rest_normal, [0.0; PATCH_ROWS], [DVec3::ZERO; PATCH_ROWS]),
+            ));
+        }
+        approach
+    }
+
+    /// The scale of contact patches on its surface.
+    #[must_use]
+    pub fn patch_scale(&self) -> PatchScale {
+        let grid = self.network.grid();
+        PatchScale {
+            cell_m: grid.map_or(self.contact_surface.mean_edge_m(), crate::Grid::cell_m),
+            axes: grid.map_or(DVec3::AXES, crate::Grid::axes),
+        }
+    }
+
+    /// Young's modulus at a point of the contact surface, Pa, where the body has one.
+    #[must_use]
+    pub fn contact_modulus_pa(&self, point: usize) -> Option<f64> {
+        let moduli = self.network.grid()?.youngs_modulus_pa();
+        let point = self.contact_surface.points().get(point)?;
+        Some(point.nodes().iter().map(|&(node, w)| w * moduli[node]).sum())
+    }
+
+    /// Young's modulus at a place on a triangle of the contact surface, Pa, where the body has one.
+    fn modulus_at_pa(&self, triangle: usize, weights: [f64; 3]) -> Option<f64> {
+        let corners = self.contact_surface.triangles()[triangle].into_iter().zip(weights);
+        corners.map(|(point, w)| Some(w * self.contact_modulus_pa(point)?)).sum()
+    }
+
+    /// What a unit force on node `j` along the normal of the surface does to node `i` by the grid below it, times Young's modulus, 1/m. `None`
+    /// where the body has no grid.
+    #[must_use]
+    pub fn grid_compliance_per_m(&self, i: usize, j: usize) -> Option<f64> {
+        let cell_m = self.network.grid()?.cell_m();
+        let distance = self.network.rest_m()[i].distance(self.network.rest_m()[j]);
+        Some(normal_compliance_at(distance / cell_m) / cell_m)
+    }
+
+    /// The rows of a patch that began on a triangle with that normal at rest, and was pressed with so many newtons in each of its rows in the
+    /// step before.
+    fn patch_rows(
+        &self,
+        surface: &PlacedSurface<'_>,
+        shape: &ToolShape,
+        patch: Patch,
+        (rest_normal, row_n, row_f): (DVec3, [f64; PATCH_ROWS], [DVec3; PATCH_ROWS]),
+    ) -> ToolPatch {
+        let SurfacePlace { triangle, weights } = patch.foot;
+        let points = self.contact_surface.triangles()[triangle];
+        let corners = [0, 1, 2].map(|i| (points[i], weights[i]));
+        let modulus_pa = self.modulus_at_pa(triangle, weights);
+        let scale = self.patch_scale();
+        let mut layout = PatchLayout::new(shape, &patch, (modulus_pa, POISSONS_RATIO), &row_n, &scale);
+        let carry = |nodes: &mut Weights, place: SurfacePlace, share: f64| {
+            let corners = self.contact_surface.triangles()[place.triangle];
+            for (point, w) in corners.into_iter().zip(place.weights).filter(|(_, w)| *w != 0.0) {
+                for &(node, o) in self.contact_surface.points()[point].nodes() {
+                    add(nodes, node, share * w * o);
+                }
+            }
+        };
+        let mut mean: Weights = Vec::new();
+        let mut own: [Weights; PATCH_ROWS] = Default::default();
+        patch.spread(surface, layout.pressure, &scale, |place, share, point| {
+            carry(&mut mean, place, share);
+            let shares = layout.add(point, share);
+            let parts = own.iter_mut().zip(shares).filter(|(_, share)| *share > 0.0);
+            parts.for_each(|(nodes, share)| carry(nodes, place, share));
+        });
+        let series = if self.adds_compliance() {
+            modulus_pa.and_then(|modulus_pa| self.missing_compliance(&mean, &layout, modulus_pa))
+        } else {
+            layout.least_compliance()
+        };
+        let was_one = row_n[1..].iter().all(|n| *n == 0.0);
+        let row = |row: RowLayout| {
+            let mut nodes: Weights = mean.iter().map(|&(node, w)| (node, (1.0 - layout.apart) * w)).collect();
+            let part = layout.apart / row.portion;
+            own[row.index]
+                .iter()
+                .filter(|_| part > 0.0)
+                .for_each(|&(node, w)| add(&mut nodes, node, part * w));
+            let series = series.map(|series| series.of_portion(row.portion));
+            let RowLayout { index, normal, tip_m, force_n, .. } = row;
+            let tip_m = tip_m - series.map_or(0.0, |series| series.lead_m(force_n)) * normal;
+            let whole_n = if was_one { row_f[0] * row.portion } else { row_f[index] };
+            PatchRow { index, nodes, normal, tip_m, series, force_n, whole_n }
+        };
+        let rows = layout.rows().map(row).collect();
+        ToolPatch { patch, corners, rest_normal, radius_m: layout.pressure.1, rows }
+    }
+
+    /// What the grid lacks of the law of a contact whose force is spread over `nodes`.
+    fn missing_compliance(
+        &self,
+        nodes: &[(usize, f64)],
+        layout: &PatchLayout,
+        modulus_pa: f64,
+    ) -> Option<SeriesCompliance> {
+        let mut sum = 0.0;
+        for (i, &(a, w)) in nodes.iter().enumerate() {
+            let other: Option<f64> =
+                nodes[..i].iter().map(|&(b, o)| Some(o * self.grid_compliance_per_m(a, b)?)).sum();
+            sum += w * (w * self.grid_compliance_per_m(a, a)? + 2.0 * other?);
+        }
+        let cell_m = self.patch_scale().cell_m;
+        Some(SeriesCompliance::missing(layout.law?, (sum / modulus_pa, cell_m), layout.force_n))
+    }
+}
+
+fn add(list: &mut Vec<(usize, f64)>, index: usize, share: f64) {
+    match list.iter_mut().find(|(known, _)| *known == index) {
+        Some((_, sum)) => *sum += share,
+        None => list.push((index, share)),
     }
 }

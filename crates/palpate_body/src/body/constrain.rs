@@ -2,6 +2,7 @@
 
 mod touch;
 
+use super::approach::ToolPatch;
 use super::{Body, StepReport};
 use crate::contact::{Coupled, Masses, Weights};
 use crate::integrator::Columns;
@@ -38,8 +39,8 @@ pub(super) struct ToolStep<'a> {
     pub(super) way: ToolMove,
     /// Velocity that a node which it drives takes over, m/s.
     pub(super) velocity_m_per_s: DVec3,
-    /// The triangles that it may touch: their points, and their longest edge at rest, m.
-    pub(super) near: &'a [([usize; 3], f64)],
+    /// The patches that it may touch.
+    pub(super) patches: &'a mut [ToolPatch],
 }
 
 impl<'a> ToolStep<'a> {
@@ -47,11 +48,11 @@ impl<'a> ToolStep<'a> {
     pub(super) fn new(
         contact: &'a mut ToolContact,
         (device_m, velocity_m_per_s): ((DVec3, DVec3), DVec3),
-        near: &'a [([usize; 3], f64)],
+        patches: &'a mut [ToolPatch],
     ) -> Self {
         let radius_m = contact.shape().map(|(shape, _)| shape.radius_m());
         let way = ToolMove::new(contact.coupling, device_m, contact.proxy_m(device_m.0), radius_m);
-        Self { contact, way, velocity_m_per_s, near }
+        Self { contact, way, velocity_m_per_s, patches }
     }
 }
 
@@ -61,7 +62,7 @@ impl Step<'_> {
         self.tools.iter().any(|tool| match tool.contact.hold {
             Hold::Node { .. } => false,
             Hold::Point { .. } => true,
-            Hold::Nothing { .. } => !tool.near.is_empty(),
+            Hold::Nothing { .. } => !tool.patches.is_empty(),
         })
     }
 }
@@ -85,9 +86,9 @@ enum Source {
     Grip(usize),
     /// A node and an obstacle, and how far apart they are.
     Obstacle { node: usize, obstacle: usize, apart_m: f64, normal: DVec3 },
-    /// The surface and the tool of this index: where, how far apart at the end of the step if the surface stood still, and that as far as
+    /// The surface and the tool of this index: with which row of which of its patches, how far apart at the end of the step if the surface stood still, and that as far as
     /// it is to be closed in this step.
-    Touch { tool: usize, corners: [(usize, f64); 3], apart_m: f64, gap_m: f64, push: DVec3 },
+    Touch { tool: usize, patch: (usize, usize), apart_m: f64, gap_m: f64, push: DVec3 },
 }
 
 impl Source {
@@ -97,10 +98,6 @@ impl Source {
             Self::Grip(tool) | Self::Touch { tool, .. } => Some(tool),
             Self::Tie(_) | Self::Obstacle { .. } => None,
         }
-    }
-
-    fn is_touch_of(self, index: usize) -> bool {
-        matches!(self, Self::Touch { tool, .. } if tool == index)
     }
 }
 
@@ -121,11 +118,6 @@ impl Body {
         );
         let touchable: Vec<Vec<Constraint>> =
             step.tools.iter().enumerate().map(|(index, tool)| self.touchable((index, tool), h)).collect();
-        let touched_before = |tool: &ToolStep<'_>| -> Vec<usize> {
-            let on = tool.contact.touched.iter().flat_map(|t| t.corners).filter(|(_, w)| *w > 0.0);
-            on.map(|(point, _)| point).collect()
-        };
-        let touched_before: Vec<Vec<usize>> = step.tools.iter().map(touched_before).collect();
         let mut columns = Columns::default();
         let mut impulses = Vec::new();
         // Without rows a proxy goes as far as it is let.
@@ -135,8 +127,7 @@ impl Body {
             let known = rows.len();
             self.meet(step, &mut rows);
             for (index, touchable) in touchable.iter().enumerate() {
-                let (before, drawn) = (&touched_before[index], drawn[index]);
-                self.meet_tool((index, touchable), before, (h, drawn), &mut rows, report);
+                self.meet_tool(touchable, (h, drawn[index]), &mut rows);
             }
             if rows.len() == known && (meeting > 0 || rows.is_empty()) {
                 break;
@@ -183,6 +174,8 @@ impl Body {
         for tool in &mut step.tools {
             tool.contact.touched.clear();
             tool.contact.gripped = (DVec3::ZERO, h);
+            let rows = tool.patches.iter_mut().flat_map(|patch| &mut patch.rows);
+            rows.for_each(|row| (row.force_n, row.whole_n) = (0.0, DVec3::ZERO));
         }
         for (row, &impulse_ns) in rows.iter().zip(impulses) {
             let of = |v: &[DVec3]| -> DVec3 { row.nodes.iter().map(|&(node, w)| w * v[node]).sum() };
@@ -204,13 +197,21 @@ impl Body {
                     velocity_m_per_s: velocity,
                     step_s: h,
                 }),
-                Source::Touch { tool, corners, apart_m, push, .. } => {
+                Source::Touch { tool, patch: (patch, index), apart_m, push, .. } => {
                     let drawn = drawn[tool];
                     let tool = &mut step.tools[tool];
                     let moved = tool.way.to_m - tool.way.from_m;
                     work.push((row.nodes.clone(), impulse_ns, moved));
+                    let of = &mut tool.patches[patch];
+                    let of_row = &mut of.rows[index];
+                    of_row.force_n = (impulse_ns.dot(push) / h).max(0.0);
+                    of_row.whole_n = impulse_ns / h;
                     tool.contact.touched.push(TouchedPoint {
-                        corners,
+                        patch: of.patch,
+                        row: of_row.index,
+                        rest_normal: of.rest_normal,
+                        series: of_row.series,
+                        corners: of.corners,
                         nodes: row.nodes.clone(),
                         normal: -push,
                         gap_m: apart_m + (h * closing - drawn).dot(push),
@@ -225,7 +226,10 @@ impl Body {
         for tool in &mut step.tools {
             let ToolContact { touched, touched_nodes, .. } = &mut *tool.contact;
             report.touched = report.touched.max(touched.len());
-            for &(node, _) in touched.iter().flat_map(|t| &t.nodes).filter(|(_, w)| *w != 0.0) {
+            // The nodes under the tool: a contact's pressure reaches a little farther.
+            let points = touched.iter().flat_map(|t| t.corners).filter(|(_, w)| *w > 0.0);
+            let nodes = points.flat_map(|(point, _)| self.contact_surface.points()[point].nodes());
+            for &(node, _) in nodes {
                 if !touched_nodes.contains(&node) {
                     touched_nodes.push(node);
                 }
@@ -258,7 +262,7 @@ impl Body {
                 rows.push(Constraint {
                     source: Source::Obstacle { node, obstacle, apart_m, normal },
                     nodes: vec![(node, 1.0)],
-                    law: RowLaw::OneSided(law),
+                    law: RowLaw::OneSided { coulomb: law, series: None },
                     gap: gap_m * normal,
                     overdue: gap_m.min(0.0) * normal,
                 });

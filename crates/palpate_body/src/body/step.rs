@@ -32,9 +32,9 @@ pub struct StepReport {
     pub clamped: usize,
     /// Nodes in contact with obstacles, at most.
     pub contacts: usize,
-    /// Points of the surface that a tool touched at once, at most.
+    /// Patches of the surface that a tool touched at once, at most.
     pub touched: usize,
-    /// Points that it should have touched but did not, at most: it touches at no more than 64 nodes at once.
+    /// Patches that it should have touched but did not, at most: it has no more than four at once.
     pub left_out: usize,
     /// Sweeps that the impulses of obstacles, ties and the tool took, at most.
     pub sweeps: usize,
@@ -170,19 +170,20 @@ impl Body {
             let mut approaches: Vec<Approach> = Vec::with_capacity(tools.len());
             for ToolRun { contact, path } in &mut *tools {
                 let way = (path[tick].position_m, path[tick + span].position_m);
-                approaches.push(self.approach(contact, way, span_s, substeps));
+                let approach = self.approach(contact, way, span_s);
+                report.left_out = report.left_out.max(approach.left_out);
+                approaches.push(approach);
             }
-            let steps = substeps * approaches.iter().map(|approach| approach.cuts).max().unwrap_or(1);
-            report.substeps = report.substeps.max(steps);
+            let steps = substeps;
             let h = span_s / steps as f64;
             for i in 1..=steps {
                 let share = |i: usize| i as f64 / steps as f64;
                 let mut steps = Vec::with_capacity(tools.len());
-                for (ToolRun { contact, path }, approach) in tools.iter_mut().zip(&approaches) {
+                for (ToolRun { contact, path }, approach) in tools.iter_mut().zip(&mut approaches) {
                     let (from, to) = (path[tick], path[tick + span]);
                     let at = |share: f64| from.position_m + (to.position_m - from.position_m) * share;
                     let device = (at(share(i - 1)), at(share(i)));
-                    steps.push(ToolStep::new(contact, (device, to.velocity_m_per_s), &approach.near));
+                    steps.push(ToolStep::new(contact, (device, to.velocity_m_per_s), &mut approach.patches));
                 }
                 // The shares of the advance that are over before and after this step.
                 let over = |i: usize| (tick as f64 + span as f64 * share(i)) / ticks as f64;

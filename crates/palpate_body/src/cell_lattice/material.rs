@@ -23,6 +23,8 @@ struct Mean {
 pub(super) struct Material {
     pub mass_kg: Vec<f64>,
     pub links: Vec<Link>,
+    /// About each node: the mean of its cells, each as far as it is filled.
+    pub youngs_modulus_pa: Vec<f64>,
 }
 
 /// Refuses a tissue that makes no sense.
@@ -73,7 +75,15 @@ pub(super) fn material(
             links.push(Link { a, b, spring });
         }
     }
-    Ok(Material { mass_kg, links })
+    let (mut modulus, mut filled) = (vec![0.0; mass_kg.len()], vec![0.0; mass_kg.len()]);
+    for ((nodes, share), mean) in embedding.cells().iter().zip(share).zip(&means) {
+        for &node in nodes {
+            modulus[node] += share * mean.youngs_modulus_pa;
+            filled[node] += share;
+        }
+    }
+    let youngs_modulus_pa = modulus.iter().zip(&filled).map(|(sum, filled)| sum / filled).collect();
+    Ok(Material { mass_kg, links, youngs_modulus_pa })
 }
 
 /// The mean tissue of each cell: of 4 × 4 × 4 places, each counts as the last region that contains it.

@@ -1,6 +1,6 @@
 //! Putting a network together, or changing one.
 
-use super::{Link, Network};
+use super::{Grid, Link, Network};
 use crate::BodyError;
 use crate::error::{check, check_positive};
 use glam::DVec3;
@@ -34,6 +34,8 @@ pub struct NetworkBuilder {
     pub(super) links: Vec<Link>,
     pub(super) cells: Vec<[usize; 8]>,
     pub(super) allow_free: bool,
+    /// Of a network that is edited, as long as it has the same nodes.
+    grid: Option<Grid>,
     error: Option<BodyError>,
 }
 
@@ -42,8 +44,8 @@ impl Network {
     #[must_use]
     pub fn edit(self) -> NetworkBuilder {
         let cells = self.cells().to_vec();
-        let Self { rest_m, mass_kg, fixed, links, allow_free, .. } = self;
-        NetworkBuilder { rest_m, mass_kg, fixed, links, cells, allow_free, error: None }
+        let Self { rest_m, mass_kg, fixed, links, allow_free, grid, .. } = self;
+        NetworkBuilder { rest_m, mass_kg, fixed, links, cells, allow_free, grid, error: None }
     }
 }
 
@@ -56,7 +58,7 @@ impl NetworkBuilder {
 
     /// Of lists as [`Network::new`] takes them.
     pub(crate) fn of(rest_m: Vec<DVec3>, mass_kg: Vec<f64>, fixed: Vec<bool>, links: Vec<Link>) -> Self {
-        Self { rest_m, mass_kg, fixed, links, cells: Vec::new(), allow_free: false, error: None }
+        Self { rest_m, mass_kg, fixed, links, cells: Vec::new(), allow_free: false, grid: None, error: None }
     }
 
     /// The same network with hexahedral cells between its nodes.
@@ -153,6 +155,13 @@ impl NetworkBuilder {
                 *m *= mass;
             }
         }
+        if let Some(grid) = &mut self.grid {
+            for (modulus, x) in grid.youngs_modulus_pa.iter_mut().zip(&self.rest_m) {
+                if inside(*x) {
+                    *modulus *= stiffness;
+                }
+            }
+        }
         self
     }
 
@@ -188,10 +197,18 @@ impl NetworkBuilder {
     /// finite, a mass not above zero; a link that names a node which does not exist, joins a node with itself or two
     /// nodes at one place, or repeats another; and, unless [`NetworkBuilder::allow_free`] was said, a part that is
     /// fixed to nothing or not joined to the rest. Each names the index.
-    pub fn build(self) -> Result<Network, BodyError> {
-        match self.error {
+    pub fn build(mut self) -> Result<Network, BodyError> {
+        match self.error.take() {
             Some(error) => Err(error),
-            None => Network::assemble(self),
+            None => {
+                let nodes = self.rest_m.len();
+                let grid = self.grid.take().filter(|grid| grid.youngs_modulus_pa.len() == nodes);
+                let network = Network::assemble(self)?;
+                Ok(match grid {
+                    Some(grid) => network.with_grid(grid),
+                    None => network,
+                })
+            }
         }
     }
 

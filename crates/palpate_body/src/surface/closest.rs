@@ -13,8 +13,6 @@ use std::collections::HashMap;
 pub struct SurfaceTree {
     /// Points of each triangle, counter-clockwise seen from outside.
     triangles: Vec<[usize; 3]>,
-    /// Length of the longest edge of each at rest, m.
-    longest_m: Vec<f64>,
     /// Where each point of the surface was at the last fit, m.
     x: Vec<DVec3>,
     /// The triangles round each point, and beside each edge.
@@ -75,16 +73,10 @@ impl SurfaceTree {
                 beside_edge.entry((a.min(b), a.max(b))).or_default().push(index);
             }
         }
-        let of = |x: &[DVec3]| surface.points.iter().map(|point| point.of(x)).collect::<Vec<DVec3>>();
-        let (rest, x) = (of(body.network().rest_m()), of(body.positions_m()));
-        let longest = |&[a, b, c]: &[usize; 3]| {
-            let edges = [(a, b), (b, c), (c, a)].map(|(a, b)| rest[a].distance(rest[b]));
-            edges.into_iter().fold(0.0, f64::max)
-        };
-        let longest_m = triangles.iter().map(longest).collect();
+        let x: Vec<DVec3> = surface.points.iter().map(|point| point.of(body.positions_m())).collect();
         let boxes: Vec<Aabb> = triangles.iter().map(|t| bounds(t.map(|point| x[point]))).collect();
         let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
-        Self { triangles, longest_m, x, round_point, beside_edge, bvh, workspace: BvhWorkspace::default() }
+        Self { triangles, x, round_point, beside_edge, bvh, workspace: BvhWorkspace::default() }
     }
 
     /// Fits the tree to where `body` is now: fast as long as its triangles stay neighbours, which they do.
@@ -100,15 +92,13 @@ impl SurfaceTree {
         self.bvh.refit(&mut self.workspace);
     }
 
-    /// The triangles whose boxes meet the box from `low_m` to `high_m`, in the order of the surface: their points, and the
-    /// length of their longest edge at rest, m.
+    /// The indices of the triangles whose boxes meet the box from `low_m` to `high_m`, in ascending order.
     #[must_use]
-    pub fn within(&self, low_m: DVec3, high_m: DVec3) -> Vec<([usize; 3], f64)> {
-        let bounds = Aabb::new(low_m, high_m);
-        let mut triangles: Vec<u32> = self.bvh.intersect_aabb(&bounds).collect();
+    pub fn near(&self, low_m: DVec3, high_m: DVec3) -> Vec<usize> {
+        let mut triangles: Vec<usize> =
+            self.bvh.intersect_aabb(&Aabb::new(low_m, high_m)).map(|index| index as usize).collect();
         triangles.sort_unstable();
-        let of = |index: usize| (self.triangles[index], self.longest_m[index]);
-        triangles.into_iter().map(|index| of(index as usize)).collect()
+        triangles
     }
 
     /// The point of the surface nearest to `place_m`, if one is nearer than `within_m`, and not on a collapsed triangle;

@@ -4,34 +4,49 @@ use crate::{Body, BodyPoint};
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use glam::DVec3;
-use palpate_laws::Coulomb;
+use palpate_laws::{Coulomb, Patch, SeriesCompliance};
 
-/// A point of the surface at which the tool pushed in the last step.
+/// A patch of the surface on which the tool pushed in the last step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TouchedPoint {
-    /// The corners of its triangle, points of the surface, and its weights. On a corner or an edge some are 0.
+    /// The corners of the triangle under the tool, points of the [contact surface](crate::ContactSurface), and the place's weights. On a
+    /// corner or an edge some are 0.
     pub corners: [(usize, f64); 3],
-    /// The nodes that carry it and their weights: it is Σ w_i x_i.
+    /// The nodes that carry it and their weights: the mean of the surface under the tool's pressure is Σ w_i x_i.
     pub nodes: Vec<(usize, f64)>,
     /// Unit normal out of the body, towards the tool.
     pub normal: DVec3,
-    /// Distance from the tool at the end of the step, m, to the first order: zero, but where an overdue gap is being closed,
-    /// because the tool slid over a slope for instance; then some micrometres, and negative what is still to be closed.
+    /// Distance from the tool along the normal at the end of the step, m, to the first order: minus what gives way in series with the
+    /// nodes (see [`TouchedPoint::series`]), but for some micrometres where an overdue gap is being closed, because the tool slid over a
+    /// slope for instance.
     pub gap_m: f64,
     /// λ, the impulse that the tool gave to the body, N s.
     pub impulse_ns: DVec3,
     /// Velocity relative to the tool at the end of the step, m/s: across the normal that of the slip.
     pub slip_m_per_s: DVec3,
+    /// Where the tool is on the surface, and its normal there.
+    pub patch: Patch,
+    /// Which of the patch's rows it is: 0 its middle or all of it, then its eight sides.
+    pub row: usize,
+    /// The normal at rest of the triangle on which the patch began.
+    pub rest_normal: DVec3,
+    /// The compliance that the grid lacks below a cell, where it is added.
+    pub series: Option<SeriesCompliance>,
     /// Length of the step, s.
     pub(crate) step_s: f64,
 }
 
 impl TouchedPoint {
-    /// Whether it lies on the corner, edge or face of these points of the surface, all of some weight.
-    pub(crate) fn is_on(&self, corners: &[(usize, f64)]) -> bool {
-        let mine = self.corners.iter().filter(|(_, w)| *w > 0.0);
-        mine.clone().count() == corners.len()
-            && mine.into_iter().all(|(point, _)| corners.iter().any(|(other, _)| other == point))
+    /// The force with which the tool pressed along the normal in the last step, N.
+    #[must_use]
+    pub fn pressing_n(&self) -> f64 {
+        if self.step_s > 0.0 { (-self.impulse_ns.dot(self.normal) / self.step_s).max(0.0) } else { 0.0 }
+    }
+
+    /// The force of the tool on the body in the last step, N.
+    #[must_use]
+    pub fn force_n(&self) -> DVec3 {
+        if self.step_s > 0.0 { self.impulse_ns / self.step_s } else { DVec3::ZERO }
     }
 
     /// It as a point of the body.

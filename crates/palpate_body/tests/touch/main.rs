@@ -15,6 +15,15 @@ fn block() -> Body {
     Body::new(block.network, block.surface).unwrap()
 }
 
+/// The same without a grid of cells: contact has no compliance of its own and is one row of one point.
+fn rigid_block() -> Body {
+    let (body, links) = (block(), block().network().links().to_vec());
+    let network = body.network();
+    let fixed = (0..network.node_count()).map(|node| network.is_fixed(node)).collect();
+    let network = Network::new(network.rest_m().to_vec(), network.mass_kg().to_vec(), fixed, links).unwrap();
+    Body::new(network, body.surface().clone()).unwrap()
+}
+
 fn ball(radius: f64, friction: f64) -> ToolContact {
     ToolContact::touch(ToolShape::Sphere { radius_m: radius }, friction).unwrap()
 }
@@ -59,6 +68,11 @@ fn outside(body: &Body, center: DVec3) -> f64 {
     SurfaceTree::new(body).closest(center, 1.0).unwrap().distance_m
 }
 
+/// What gives way at a touched point in series with the nodes, m.
+fn series_m(touched: &TouchedPoint) -> f64 {
+    touched.series.map_or(0.0, |series| series.approach_m(touched.pressing_n()))
+}
+
 #[test]
 fn a_tool_above_the_body_feels_nothing_and_moves_nothing() {
     let (mut body, mut tool) = (block(), ball(RADIUS, 0.3));
@@ -78,9 +92,12 @@ fn touch_begins_in_the_tick_in_which_the_tool_crosses_the_surface() {
     assert!(!tool.touched().is_empty());
     for touched in tool.touched() {
         assert!((touched.normal - DVec3::Z).length() < 0.1, "{}", touched.normal);
-        assert!((touched.point_m(&body).distance(center) - RADIUS).abs() < 1e-7);
+        let away = (center - touched.point_m(&body)).dot(touched.normal);
+        assert!(
+            (away - RADIUS - touched.gap_m).abs() < 1e-7 && (touched.gap_m + series_m(touched)).abs() < 5e-5
+        );
         let mut nodes = touched.nodes.iter().map(|&(node, _)| body.positions_m()[node]);
-        assert!(nodes.all(|x| (x - center).truncate().length() < 0.03));
+        assert!(nodes.all(|x| (x - center).truncate().length() < 0.045));
     }
 }
 
@@ -177,6 +194,7 @@ proptest! {
     // Always the same scenes: what slides fast under a punch is closed in two solutions, which differ by micrometres.
     #![proptest_config(ProptestConfig {
         cases: 48,
+        max_shrink_iters: 0,
         rng_seed: proptest::test_runner::RngSeed::Fixed(7),
         ..ProptestConfig::default()
     })]
@@ -184,7 +202,7 @@ proptest! {
     fn every_touch_obeys_signorini_and_coulomb_at_every_step(
         (flat, radius, mu, from, to, seed) in scenes(), is_implicit in any::<bool>(),
     ) {
-        let mut body = block();
+        let mut body = rigid_block();
         let mut random = seed;
         let mut next = || {
             random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -213,7 +231,8 @@ proptest! {
                 let across = t.impulse_ns - along * push;
                 // The gap is closed, unless it was overdue because the surface slid or turned.
                 let most = if flat { 1e-4 } else { 1e-5 };
-                prop_assert!(along > 0.0 && (-5e-4 - 0.05 * radius..most).contains(&t.gap_m), "{t:?}");
+                let gap_m = t.gap_m + series_m(t);
+                prop_assert!(along > 0.0 && (-5e-4 - 0.05 * radius..most).contains(&gap_m), "{t:?}");
                 prop_assert!(across.length() <= mu * along * (1.0 + 1e-9) + 1e-15, "{t:?}");
                 if slip.length() > 1e-3 && report.unsolved == 0 {
                     let slipping = -mu * along * slip.normalize();
