@@ -92,7 +92,12 @@ fn write(id: ModelId, model: &mut LocalModel) {
     field.force[..9 + p].fill(1e-2 * v);
     field.velocity[..9 + p].fill(1e-3 * v);
     field.point.copy_from_slice(&[0, 1, 2].map(NearPoint::node));
-    field.triangle[0] = NearTriangle { points: [0, 1, 2], longest_m: 0.03 * v, is_touched: number % 2 == 0 };
+    field.triangle[0] = NearTriangle {
+        points: [0, 1, 2],
+        rest_normal: DVec3::Z * v,
+        is_reachable: number % 2 == 0,
+        ..NearTriangle::default()
+    };
     (field.tick_s, field.start_m, field.proxy_m) = (TICK_S, DVec3::ZERO, DVec3::ZERO);
     field.integrator = TickIntegrator::Explicit { substeps: 1 + (number % 4) as u32 };
 }

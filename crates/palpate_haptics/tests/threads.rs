@@ -228,7 +228,12 @@ fn touched_triangle(field: &mut NearField, is_implicit: bool) {
     field.force[..11].fill(0.0);
     field.velocity[..11].fill(0.0);
     field.point[..3].copy_from_slice(&[0, 1, 2].map(NearPoint::node));
-    field.triangle[0] = NearTriangle { points: [0, 1, 2], longest_m: 0.03, is_touched: true };
+    field.triangle[0] = NearTriangle {
+        points: [0, 1, 2],
+        rest_normal: DVec3::Z,
+        is_reachable: true,
+        ..NearTriangle::default()
+    };
     (field.tick_s, field.start_m) = (1e-3, DVec3::ZERO);
     field.integrator = TickIntegrator::Explicit { substeps: 4 };
     if is_implicit {

@@ -81,9 +81,11 @@
 //!
 //! # Accuracy and limits
 //!
-//! `NearFieldExact` feels a touch in the tick in which it is made, on the nodes of S; farther away nothing, and
-//! the model side knows when it was there. With the other schemes contact is decided at the model step: a touch made between two
-//! steps is felt after the next one. The force errors against the full body are on the project's front page.
+//! `NearFieldExact` finds contact patches as the body does and feels a touch in the tick in which it is made: on the nodes of S, and beyond
+//! them on the triangles that are known about S ([`NearTriangle::is_reachable`]). Those are where they were at the model step, stand still
+//! until the next hand-over, have no friction and give way as a half-space of the tissue does. With the other schemes contact is decided at
+//! the model step: a touch made between two steps is felt after the next one; and they leave out the compliance that a contact has
+//! below the size of a cell. The force errors against the full body are on the project's front page.
 
 #![forbid(unsafe_code)]
 
@@ -104,8 +106,8 @@ pub use hand_over::{HandOver, HandOverSettings, Offer, Spoken, Swap};
 pub use low_pass::LowPass;
 pub use model::{Capacity, Contact, LocalModel, ModelId, Scheme};
 pub use near_field::{
-    NearEnd, NearField, NearFieldCapacity, NearPoint, NearSpring, NearTetrahedron, NearTriangle, Support,
-    TickIntegrator,
+    NearContact, NearEnd, NearField, NearFieldCapacity, NearPatch, NearPoint, NearSpring, NearTetrahedron,
+    NearTriangle, Support, TickIntegrator,
 };
 pub use sample::{Sample, SampleHistory, SampleOrigin};
 pub use tick::LocalState;

@@ -218,7 +218,7 @@ impl LocalModel {
         match self.scheme {
             Scheme::Hold | Scheme::LowPass | Scheme::Tangent => false,
             Scheme::Neighbourhood | Scheme::KrylovLinear => self.contact != Contact::Apart,
-            Scheme::NearFieldExact => self.near.nodes > 0,
+            Scheme::NearFieldExact => !self.near.is_empty(),
         }
     }
 

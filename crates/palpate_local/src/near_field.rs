@@ -5,10 +5,14 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+mod surface;
+
+pub use surface::{NearContact, NearPatch, NearPoint, NearTriangle};
+
 use crate::LocalModelError;
 use crate::dense::{Cholesky, zeros};
 use glam::DVec3;
-use palpate_laws::{Coupling, POINT_NODES, Spring, ToolShape, VolumeBarrier};
+use palpate_laws::{Coupling, MAX_PATCHES, Spring, ToolShape, VolumeBarrier};
 
 /// How much a near field can hold; fixed at construction, and refused beyond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,7 +25,7 @@ pub struct NearFieldCapacity {
     pub ring: usize,
     /// Near springs.
     pub springs: usize,
-    /// Points of the surface that nodes of S carry.
+    /// Points of the surface that nodes of S and of the ring carry.
     pub points: usize,
     /// Triangles of the surface between those.
     pub triangles: usize,
@@ -30,7 +34,7 @@ pub struct NearFieldCapacity {
 impl Default for NearFieldCapacity {
     /// For sixteen nodes in a lattice of 26 neighbours.
     fn default() -> Self {
-        Self { nodes: 16, order: 64, ring: 112, springs: 400, points: 16, triangles: 48 }
+        Self { nodes: 16, order: 64, ring: 112, springs: 400, points: 96, triangles: 192 }
     }
 }
 
@@ -80,41 +84,6 @@ pub struct NearTetrahedron {
     pub nodes: [usize; 4],
     /// Its barrier.
     pub barrier: VolumeBarrier,
-}
-
-/// A point of the surface: Σ w_i x_i over nodes of S.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct NearPoint {
-    /// The nodes of S that carry it, each once, and their weights; 0 where there are fewer.
-    pub nodes: [(usize, f64); POINT_NODES],
-}
-
-impl NearPoint {
-    /// The node `node` of S itself.
-    #[must_use]
-    pub fn node(node: usize) -> Self {
-        let mut nodes = [(0, 0.0); POINT_NODES];
-        if let Some(first) = nodes.first_mut() {
-            *first = (node, 1.0);
-        }
-        Self { nodes }
-    }
-
-    /// The nodes that carry it, and their weights.
-    pub fn carriers(&self) -> impl Iterator<Item = (usize, f64)> + use<> {
-        self.nodes.into_iter().filter(|(_, w)| *w != 0.0)
-    }
-}
-
-/// A triangle of the surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct NearTriangle {
-    /// Its corners, points of the surface, counter-clockwise seen from outside.
-    pub points: [usize; 3],
-    /// Its longest edge at rest, m.
-    pub longest_m: f64,
-    /// Whether the tool touched it in the last step of the body.
-    pub is_touched: bool,
 }
 
 /// How a tick is integrated.
@@ -185,10 +154,15 @@ pub struct NearField {
     pub near: Vec<NearSpring>,
     /// The tetrahedra of strongly compressed cells that have a node in S; room for twice as many as springs.
     pub tetrahedron: Vec<NearTetrahedron>,
-    /// The points of the surface that nodes of S carry.
+    /// The points of the surface that nodes of S and of the ring carry.
     pub point: Vec<NearPoint>,
     /// The triangles between them.
     pub triangle: Vec<NearTriangle>,
+    /// What else contact needs to know.
+    pub contact: NearContact,
+    /// Where contact gets the compliance that the grid lacks: what a unit force on a node of S, along the normal, does to each by the grid
+    /// below it, times Young's modulus, s × s, 1/m.
+    pub compliance: Vec<f64>,
     /// K̃ = Vᵀ K_far V, 1/s².
     pub stiffness: Vec<f64>,
     /// B̃ = Vᵀ B_far V, 1/s.
@@ -246,6 +220,8 @@ impl NearField {
             tetrahedron: vec![NearTetrahedron::default(); 2 * springs],
             point: vec![NearPoint::default(); points],
             triangle: vec![NearTriangle::default(); triangles],
+            contact: NearContact::default(),
+            compliance: zeros(nodes * nodes),
             stiffness: zeros(order * order),
             damping: zeros(order * order),
             force: zeros(n),
@@ -294,12 +270,19 @@ impl NearField {
         step.saturating_mul(self.integrator.substeps() as usize)
     }
 
+    /// Whether there is nothing within reach: no node, and no triangle of a surface that stands still.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.nodes == 0 && self.triangles == 0
+    }
+
     /// Empties it.
     pub fn clear(&mut self) {
         (self.nodes, self.order, self.ring) = (0, 0, 0);
         (self.springs, self.points, self.triangles) = (0, 0, 0);
         self.tetrahedra = 0;
         self.is_cut = false;
+        self.contact.count = 0;
     }
 
     /// Refuses what is larger than `capacity`.
@@ -324,7 +307,7 @@ impl NearField {
     }
 
     /// The numbers by name, with how many of them are in use.
-    fn parts(&self) -> [(&'static str, &Vec<f64>, usize); 9] {
+    fn parts(&self) -> [(&'static str, &Vec<f64>, usize); 10] {
         let (s, p, n) = (self.nodes, self.order, self.unknowns());
         // What explicit ticks do not need is not looked at.
         let implicit = if self.integrator.is_implicit() { n } else { 0 };
@@ -338,6 +321,7 @@ impl NearField {
             ("near-field velocity", &self.velocity, n),
             ("near-field tangent", &self.tangent, implicit * implicit),
             ("near-field answer", &self.answer, implicit * 3 * s),
+            ("grid compliance", &self.compliance, if self.contact.adds_compliance { s * s } else { 0 }),
         ]
     }
 
@@ -349,7 +333,7 @@ impl NearField {
     pub fn validate(&self) -> Result<(), LocalModelError> {
         // First, so that no product below can overflow.
         self.fits(self.capacity())?;
-        if self.nodes == 0 {
+        if self.is_empty() {
             return Ok(());
         }
         for (what, values, needed) in self.parts() {
@@ -376,9 +360,14 @@ impl NearField {
             ("ends of near springs", springs.iter().all(|spring| end_is_finite(&spring.b))),
             (
                 "weights of the surface",
-                points.iter().flat_map(|point| point.nodes).all(|(_, w)| w.is_finite()),
+                points.iter().all(|point| {
+                    point.nodes.iter().all(|(_, w)| w.is_finite())
+                        && point.fixed_m.is_finite()
+                        && point.modulus_pa.is_finite()
+                }),
             ),
-            ("edges", triangles.iter().all(|triangle| triangle.longest_m.is_finite())),
+            ("normals of triangles", triangles.iter().all(|triangle| triangle.rest_normal.is_finite())),
+            ("contact", self.contact.is_finite()),
             ("step", self.tick_s.is_finite() && self.tick_s > 0.0),
             ("start of the tool", self.start_m.is_finite() && self.proxy_m.is_finite()),
             ("coupling of the tool", self.coupling.is_none_or(|coupling| coupling.validate().is_ok())),
@@ -405,11 +394,23 @@ impl NearField {
             ),
             (
                 "a point of the surface",
-                points.iter().flat_map(NearPoint::carriers).all(|(node, _)| node < self.nodes),
+                points.iter().flat_map(NearPoint::carriers).all(|(node, _)| node < self.nodes + self.ring),
             ),
             (
                 "a triangle",
                 triangles.iter().flat_map(|triangle| triangle.points).all(|point| point < self.points),
+            ),
+            (
+                "a neighbour of a triangle",
+                triangles
+                    .iter()
+                    .flat_map(|triangle| triangle.neighbours)
+                    .all(|n| n.triangle.is_none_or(|triangle| (triangle as usize) < self.triangles)),
+            ),
+            (
+                "a patch",
+                self.contact.count <= MAX_PATCHES
+                    && self.contact.patches().iter().all(|p| p.patch.foot.triangle < self.triangles),
             ),
         ] {
             if !ok {
@@ -468,6 +469,7 @@ impl NearField {
         (self.tick_s, self.is_cut) = (other.tick_s, other.is_cut);
         (self.start_m, self.energy_j) = (other.start_m, other.energy_j);
         (self.coupling, self.proxy_m) = (other.coupling, other.proxy_m);
+        self.contact = other.contact;
         copy(&mut self.node_m, &other.node_m, other.nodes);
         copy(&mut self.ring_m, &other.ring_m, other.ring);
         copy(&mut self.near, &other.near, other.springs);
@@ -484,6 +486,7 @@ impl NearField {
             &mut self.velocity,
             &mut self.tangent,
             &mut self.answer,
+            &mut self.compliance,
         ];
         for (to, (_, from, used)) in targets.into_iter().zip(other.parts()) {
             copy(to, from, used);

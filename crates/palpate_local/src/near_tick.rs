@@ -6,7 +6,7 @@
 )]
 
 use crate::dense::{add_columns, dot, subtract_product, zeros};
-use crate::near_touch::Meeting;
+use crate::near_touch::{Meeting, Placed};
 use crate::{NearEnd, NearField, NearFieldCapacity, Sample, Support, TickIntegrator};
 use glam::DVec3;
 use palpate_laws::{ToolMove, VolumeBarrier};
@@ -69,7 +69,7 @@ impl NearState {
         self.is_stretched = false;
         let s = 3 * field.nodes;
         multiply(field, self.z_dot.get(s..field.unknowns()).unwrap_or_default(), &mut self.ring_v);
-        self.meeting.forget();
+        self.meeting.restart(field);
         (self.device_m, self.proxy_m, self.displayed_n) = (field.start_m, field.proxy_m, force_n);
     }
 
@@ -91,17 +91,16 @@ impl NearState {
 
     /// Steps to `sample`.
     pub(crate) fn advance(&mut self, field: &NearField, sample: &Sample) {
-        if field.nodes == 0 {
+        if field.is_empty() {
             (self.device_m, self.proxy_m) = (sample.position_m, sample.position_m);
             return;
         }
         let (from, to) = (self.device_m, sample.position_m);
-        let substeps = match field.integrator {
-            TickIntegrator::Explicit { substeps } => Meeting::substeps(field, from, to, substeps),
-            TickIntegrator::Implicit { substeps } => substeps,
-        };
+        let substeps = field.integrator.substeps();
         let h = field.tick_s / f64::from(substeps);
-        self.meeting.begin();
+        let tool = ToolMove::new(field.coupling, (from, to), self.proxy_m, tool_radius_m(field));
+        let place = Placed { z: &self.z, z_dot: &self.z_dot, ring_dx: &self.ring_dx };
+        self.meeting.begin(field, &tool, &place);
         for i in 1..=substeps {
             let at = |i: u32| from + (to - from) * (f64::from(i) / f64::from(substeps));
             let device = (at(i - 1), at(i));
@@ -222,11 +221,7 @@ impl NearState {
                 z_dot.iter_mut().zip(&*force).skip(first).for_each(|(v, change)| *v += change);
             }
         }
-        let radius_m = match field.support {
-            Support::Touched { shape, .. } => Some(shape.radius_m()),
-            Support::Driven | Support::Held => None,
-        };
-        let tool = ToolMove::new(field.coupling, device, self.proxy_m, radius_m);
+        let tool = ToolMove::new(field.coupling, device, self.proxy_m, tool_radius_m(field));
         let (closing, proxy_m) = self.meeting.meet(field, &tool, h, z, z_dot);
         self.proxy_m = proxy_m;
         let is_closing = closing.is_some();
@@ -338,6 +333,14 @@ impl NearState {
                 *to += dot(column, ring_n);
             }
         }
+    }
+}
+
+/// Radius of a tool that touches, m.
+fn tool_radius_m(field: &NearField) -> Option<f64> {
+    match field.support {
+        Support::Touched { shape, .. } => Some(shape.radius_m()),
+        Support::Driven | Support::Held => None,
     }
 }
 

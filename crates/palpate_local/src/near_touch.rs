@@ -1,4 +1,4 @@
-//! The tool in a tick: the points of S that it holds or runs into, as the body's step has them.
+//! The tool in a tick: the point of S that it holds, or the contact patches with which it runs into it, as the body's step has them.
 
 #![cfg_attr(
     not(test),
@@ -6,33 +6,43 @@
 )]
 
 mod displayed;
-mod look;
+mod patches;
+mod row;
+
+pub(crate) use patches::Placed;
 
 use crate::dense::{Cholesky, room, zeros};
 use crate::near_tick::{get, put};
 use crate::{NearField, NearFieldCapacity, Support, TickIntegrator};
 use glam::{DMat3, DVec3};
-use look::Point;
-use palpate_laws::{Answer, CLOSED_M, Effort, Row, ToolMove, solve_rows, solve_with_proxy};
+use palpate_laws::{
+    Answer, CLOSED_M, Effort, MAX_PATCHES, PATCH_ROWS, ToolMove, solve_rows, solve_with_proxy,
+};
+use patches::Patches;
+use row::Row;
 
-/// Most points that are touched at once.
-const MOST_POINTS: usize = 48;
-/// How often points are looked for again after some were met.
+/// Most rows of a tick.
+const MAX_ROWS: usize = MAX_PATCHES * PATCH_ROWS;
+/// How often rows are looked for again after some were met.
 const MEETINGS: usize = 4;
 /// What is done for the impulses of all rows in a step.
 const EFFORT: Effort = Effort { sweeps: 60, tolerance: 1e-6 };
 /// So often a row is asked for its impulse in a tick at most, so that no tick takes long.
 const MOST_ANSWERS: usize = 1000;
 
-/// The points of a step, and room to find their impulses in.
+/// The rows of a tick, and room to find their impulses in.
 #[derive(Debug)]
 pub(crate) struct Meeting {
-    points: Vec<Point>,
-    /// Those that gave something in the step before.
-    last: Vec<Point>,
-    /// No step has been made since the model step.
-    is_first: bool,
+    patches: Patches,
     rows: Vec<Row>,
+    /// Of S in each row, s of them for each; and in the mean of a patch.
+    weights: Vec<f64>,
+    mean: Vec<f64>,
+    /// The rows that take part in the problem of a step, and what they are to it.
+    met: Vec<usize>,
+    problem: Vec<palpate_laws::Row>,
+    /// `Implicit`: the velocities of S that a unit impulse on each row gives, 3 × 3s for each.
+    response: Vec<f64>,
     before: Vec<f64>,
     closing: Vec<f64>,
     /// Of S: velocities, and the impulses that all rows give.
@@ -46,55 +56,70 @@ pub(crate) struct Meeting {
     gram: Vec<f64>,
     factor: Cholesky,
     shares: [Vec<f64>; 3],
+    capacity: NearFieldCapacity,
 }
 
 impl Clone for Meeting {
     /// With the room of the original: a tick must not have to make it.
     fn clone(&self) -> Self {
-        let mut copy = Self::new(self.before.len(), self.velocity.len());
-        copy.points.extend_from_slice(&self.points);
-        copy.last.extend_from_slice(&self.last);
-        copy.is_first = self.is_first;
+        let mut copy = Self::with_capacity(self.capacity);
+        copy.patches.copy_from(&self.patches);
         copy
     }
 }
 
 impl Meeting {
     pub(crate) fn with_capacity(capacity: NearFieldCapacity) -> Self {
-        Self::new(3 * capacity.nodes + capacity.order, 3 * capacity.nodes)
-    }
-
-    /// For n unknowns, of which so many are those of S.
-    fn new(n: usize, of_support: usize) -> Self {
-        let forces = zeros(MOST_POINTS);
-        let Point { law, gap: gap_m, impulse_ns, .. } = Point::default();
-        let row = Row { law, gap_m, own_per_kg: DMat3::ZERO, impulse_ns };
+        let (n, of_support) = (3 * capacity.nodes + capacity.order, 3 * capacity.nodes);
+        let forces = zeros(MAX_ROWS);
+        let Row { law, gap: gap_m, impulse_ns, .. } = Row::default();
+        let row = palpate_laws::Row { law, gap_m, own_per_kg: DMat3::ZERO, impulse_ns };
         Self {
-            points: room(MOST_POINTS, Point::default()),
-            last: room(MOST_POINTS, Point::default()),
-            is_first: true,
-            rows: room(MOST_POINTS, row),
+            patches: Patches::with_capacity(capacity),
+            rows: room(MAX_ROWS, Row::default()),
+            weights: zeros((MAX_ROWS + PATCH_ROWS) * capacity.nodes),
+            mean: zeros(capacity.nodes),
+            met: room(MAX_ROWS, 0),
+            problem: room(MAX_ROWS, row),
+            response: zeros(MAX_ROWS * 3 * of_support),
             before: zeros(n),
             closing: zeros(n),
             velocity: zeros(of_support),
             given: zeros(of_support),
             answers_left: MOST_ANSWERS,
             unsolved: false,
-            gram: zeros(MOST_POINTS * MOST_POINTS),
-            factor: Cholesky::with_capacity(MOST_POINTS),
+            gram: zeros(MAX_ROWS * MAX_ROWS),
+            factor: Cholesky::with_capacity(MAX_ROWS),
             shares: [forces.clone(), forces.clone(), forces],
+            capacity,
         }
     }
 
-    pub(crate) fn forget(&mut self) {
-        self.points.clear();
-        self.last.clear();
-        (self.is_first, self.unsolved) = (true, false);
+    /// Begins at the model step.
+    pub(crate) fn restart(&mut self, field: &NearField) {
+        self.patches.restart(field);
+        self.rows.clear();
+        self.unsolved = false;
     }
 
-    /// Begins a tick.
-    pub(crate) fn begin(&mut self) {
+    /// Begins a tick in which the tool moves so, from where S and the ring are.
+    pub(crate) fn begin(&mut self, field: &NearField, tool: &ToolMove, placed: &Placed<'_>) {
         (self.answers_left, self.unsolved) = (MOST_ANSWERS, false);
+        match field.support {
+            Support::Driven => self.rows.clear(),
+            Support::Held => {
+                self.rows.clear();
+                self.rows.push(Row::default());
+                self.weights.iter_mut().zip(&field.weight).take(field.nodes).for_each(|(to, w)| *to = *w);
+            }
+            Support::Touched { shape, friction } => {
+                self.patches.find(field, &shape, tool, placed);
+                let room = (&mut self.rows, &mut self.weights[..], &mut self.mean[..]);
+                let is_full = row::rows_of_patches(field, &self.patches, friction, placed.z, room);
+                self.unsolved |= is_full || self.patches.is_full;
+            }
+        }
+        self.respond(field);
     }
 
     /// How often rows were asked in this tick.
@@ -119,6 +144,11 @@ impl Meeting {
         z_dot: &mut [f64],
     ) -> (Option<&[f64]>, DVec3) {
         let (was_overdue, drawn) = self.obey(field, tool, h, z, z_dot);
+        self.rows.iter_mut().for_each(|row| row.note(h));
+        let rows = &self.rows;
+        self.patches.note(|patch, index| {
+            rows.iter().find(|row| row.of == Some((patch, index))).map_or((0.0, DVec3::ZERO), Row::force_n)
+        });
         let closing = self.closing.get(..z_dot.len()).filter(|_| was_overdue);
         (closing, tool.to_m + drawn)
     }
@@ -133,45 +163,50 @@ impl Meeting {
         z_dot: &mut [f64],
     ) -> (bool, DVec3) {
         let mut drawn = tool.short_m();
-        std::mem::swap(&mut self.last, &mut self.points);
-        self.last.retain(|point| point.is_met && point.impulse_ns != DVec3::ZERO);
-        self.points.clear();
-        match field.support {
-            Support::Driven => {}
-            Support::Held => self.points.push(Point::held(field, tool, h, z)),
-            Support::Touched { .. } => self.look(field, tool, h, z, z_dot),
+        let s = field.nodes;
+        let is_held = field.support == Support::Held;
+        for (index, row) in self.rows.iter_mut().enumerate() {
+            let weights = row::weights_of(&self.weights, s, index);
+            if is_held {
+                row.aim_held(field, weights, tool, h, z);
+            } else {
+                row.aim(field, weights, tool, h, z);
+            }
         }
-        self.is_first = false;
-        let (Some(before), false) = (self.before.get_mut(..z_dot.len()), self.points.is_empty()) else {
+        let (Some(before), false) = (self.before.get_mut(..z_dot.len()), self.rows.is_empty()) else {
             return (false, drawn);
         };
         before.copy_from_slice(z_dot);
+        self.met.clear();
         let mut was_overdue = false;
         for _ in 0..MEETINGS {
-            let mut more = false;
-            for point in self.points.iter_mut().filter(|point| !point.is_met) {
-                let gap = point.gap_m + (h * point.velocity(field, z_dot) - drawn).dot(point.push);
-                point.is_met = point.is_held || gap < 0.0;
-                more |= point.is_met;
+            let known = self.met.len();
+            for (index, row) in self.rows.iter_mut().enumerate() {
+                let weights = row::weights_of(&self.weights, s, index);
+                let gap = row.gap_m + (h * row::of_nodes(weights, z_dot) - drawn).dot(row.push);
+                if !row.is_met && (is_held || gap < 0.0) {
+                    row.is_met = true;
+                    self.met.push(index);
+                }
             }
-            if !more {
+            if self.met.len() == known {
                 break;
             }
-            was_overdue = self.points.iter().any(|p| p.is_met && p.overdue.length() > CLOSED_M);
+            was_overdue = self.rows.iter().any(|row| row.is_met && row.overdue.length() > CLOSED_M);
             if was_overdue {
-                drawn = self.solve(field, tool, h, z_dot, |point| point.gap);
+                drawn = self.solve(field, tool, h, z_dot, |row| row.gap);
                 if let Some(closing) = self.closing.get_mut(..z_dot.len()) {
                     closing.copy_from_slice(z_dot);
                 }
-                self.solve(field, tool, h, z_dot, |point| point.gap - point.overdue);
+                self.solve(field, tool, h, z_dot, |row| row.gap - row.overdue);
             } else {
-                drawn = self.solve(field, tool, h, z_dot, |point| point.gap);
+                drawn = self.solve(field, tool, h, z_dot, |row| row.gap);
             }
         }
         (was_overdue, drawn)
     }
 
-    /// Makes `z_dot` the velocities with which the points that are met close their gaps as their laws say, and returns how far
+    /// Makes `z_dot` the velocities with which the rows that are met close their gaps as their laws say, and returns how far
     /// the tool's coupling draws it, m.
     fn solve(
         &mut self,
@@ -179,41 +214,46 @@ impl Meeting {
         tool: &ToolMove,
         h: f64,
         z_dot: &mut [f64],
-        gap: impl Fn(&Point) -> DVec3,
+        gap: impl Fn(&Row) -> DVec3,
     ) -> DVec3 {
         z_dot.iter_mut().zip(&self.before).for_each(|(to, from)| *to = *from);
-        // Those that are met come first.
-        self.points.sort_unstable_by_key(|point| !point.is_met);
-        let met = self.points.iter().take_while(|point| point.is_met).count();
         let s = 3 * field.nodes;
-        let (Some(points), Some(velocity), Some(given), Some(of_support)) = (
-            self.points.get_mut(..met),
-            self.velocity.get_mut(..s),
-            self.given.get_mut(..s),
-            z_dot.get_mut(..s),
-        ) else {
+        let (Some(velocity), Some(given), Some(of_support)) =
+            (self.velocity.get_mut(..s), self.given.get_mut(..s), z_dot.get_mut(..s))
+        else {
             return tool.short_m();
         };
         velocity.copy_from_slice(of_support);
         given.fill(0.0);
-        self.rows.clear();
-        self.rows.extend(points.iter().map(|point| Row {
-            law: point.law,
-            gap_m: gap(point),
-            own_per_kg: own_per_kg(point, field),
+        let mut answer = OfSupport {
+            met: &self.met,
+            weights: &self.weights,
+            response: &self.response,
+            field,
+            velocity,
+            given,
+        };
+        self.problem.clear();
+        for (index, row) in self.met.iter().enumerate() {
+            let Some(row) = self.rows.get(*row) else { continue };
             // From nothing, as the body does: where rows share a load in more than one way, that decides how.
-            impulse_ns: DVec3::ZERO,
-        }));
-        let mut answer = OfSupport { points, field, velocity, given };
+            let (own_per_kg, impulse_ns) = (answer.own_per_kg(index), DVec3::ZERO);
+            self.problem.push(palpate_laws::Row { law: row.law, gap_m: gap(row), own_per_kg, impulse_ns });
+        }
+        let met = self.met.len();
         let sweeps = EFFORT.sweeps.min(self.answers_left / met.max(1)).max(1);
         let effort = Effort { sweeps, ..EFFORT };
         let (sweeps, drawn) = match tool.proxy {
-            Some(proxy) => solve_with_proxy(&mut self.rows, &mut answer, |_| true, proxy, h, effort),
-            None => (solve_rows(&mut self.rows, &mut answer, h, effort), DVec3::ZERO),
+            Some(proxy) => solve_with_proxy(&mut self.problem, &mut answer, |_| true, proxy, h, effort),
+            None => (solve_rows(&mut self.problem, &mut answer, h, effort), DVec3::ZERO),
         };
         self.answers_left = self.answers_left.saturating_sub(sweeps.count * met);
         self.unsolved |= !sweeps.converged;
-        points.iter_mut().zip(&self.rows).for_each(|(point, row)| point.impulse_ns = row.impulse_ns);
+        for (index, row) in self.met.iter().zip(&self.problem) {
+            if let Some(to) = self.rows.get_mut(*index) {
+                to.impulse_ns = row.impulse_ns;
+            }
+        }
         match field.integrator {
             TickIntegrator::Explicit { .. } => of_support.copy_from_slice(velocity),
             TickIntegrator::Implicit { .. } => {
@@ -227,65 +267,94 @@ impl Meeting {
         }
         drawn
     }
-}
 
-/// H A⁻¹ Hᵀ of a point with itself.
-fn own_per_kg(point: &Point, field: &NearField) -> DMat3 {
-    match field.integrator {
-        TickIntegrator::Explicit { .. } => {
-            let per_kg =
-                |(node, w): (usize, f64)| w * w * field.node_per_kg.get(node).copied().unwrap_or(0.0);
-            DMat3::from_diagonal(DVec3::splat(point.weights(field).map(per_kg).sum()))
+    /// Computes what unit impulses on the rows of the tick do to S, where that is not its masses' affair alone.
+    fn respond(&mut self, field: &NearField) {
+        if !field.integrator.is_implicit() {
+            return;
         }
-        TickIntegrator::Implicit { .. } => {
-            let pairs =
-                point.weights(field).flat_map(|(i, w)| point.weights(field).map(move |(j, o)| (i, j, w * o)));
-            pairs.map(|(i, j, w)| block(field, i, j) * w).sum()
+        let (s, n) = (3 * field.nodes, field.unknowns());
+        let rows =
+            self.weights.chunks_exact(field.nodes.max(1)).zip(self.response.chunks_exact_mut((3 * s).max(1)));
+        for (weights, response) in rows.take(self.rows.len()) {
+            response.fill(0.0);
+            for (axis, to) in response.chunks_exact_mut(s.max(1)).enumerate() {
+                for (node, w) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
+                    let start = n * (3 * node + axis);
+                    let column = field.answer.get(start..start + s).unwrap_or_default();
+                    to.iter_mut().zip(column).for_each(|(v, c)| *v += w * c);
+                }
+            }
         }
     }
 }
 
-/// The velocity of node i of S that an impulse on node j gives, 1/kg.
-fn block(field: &NearField, i: usize, j: usize) -> DMat3 {
-    let n = field.unknowns();
-    let column = |axis: usize| {
-        let start = n * (3 * j + axis);
-        field.answer.get(start..start + n).map_or(DVec3::ZERO, |column| get(column, i))
-    };
-    DMat3::from_cols(column(0), column(1), column(2))
-}
-
-/// What impulses on points do to the velocities of S.
+/// What impulses on rows do to the velocities of S.
 struct OfSupport<'a> {
-    points: &'a [Point],
+    met: &'a [usize],
+    weights: &'a [f64],
+    response: &'a [f64],
     field: &'a NearField,
     velocity: &'a mut [f64],
     given: &'a mut [f64],
 }
 
+impl OfSupport<'_> {
+    fn weights(&self, index: usize) -> &[f64] {
+        let row = self.met.get(index).copied();
+        row.map_or(&[], |row| row::weights_of(self.weights, self.field.nodes, row))
+    }
+
+    /// The velocities of S that a unit impulse along each axis on a row gives.
+    fn response(&self, index: usize) -> &[f64] {
+        let size = 9 * self.field.nodes;
+        let row = self.met.get(index).copied().unwrap_or(usize::MAX / (size + 1));
+        self.response.get(row * size..(row + 1) * size).unwrap_or_default()
+    }
+
+    /// H A⁻¹ Hᵀ of a row with itself.
+    fn own_per_kg(&self, index: usize) -> DMat3 {
+        let weights = self.weights(index);
+        if self.field.integrator.is_implicit() {
+            let s = 3 * self.field.nodes;
+            let mut columns = self.response(index).chunks_exact(s.max(1)).map(|v| row::of_nodes(weights, v));
+            let mut next = || columns.next().unwrap_or_default();
+            return DMat3::from_cols(next(), next(), next());
+        }
+        let per_kg: f64 = weights.iter().zip(&self.field.node_per_kg).map(|(w, per_kg)| w * w * per_kg).sum();
+        DMat3::from_diagonal(DVec3::splat(per_kg))
+    }
+}
+
 impl Answer for OfSupport<'_> {
     fn velocity_m_per_s(&self, row: usize) -> DVec3 {
-        self.points.get(row).map_or(DVec3::ZERO, |point| point.velocity(self.field, self.velocity))
+        row::of_nodes(self.weights(row), self.velocity)
     }
 
     fn push(&mut self, row: usize, impulse_ns: DVec3) {
-        let Some(point) = self.points.get(row) else { return };
-        let n = self.field.unknowns();
-        for (node, w) in point.weights(self.field) {
-            match self.field.integrator {
-                TickIntegrator::Explicit { .. } => {
-                    let per_kg = self.field.node_per_kg.get(node).copied().unwrap_or(0.0);
-                    let v = get(self.velocity, node) + w * per_kg * impulse_ns;
+        let nodes = self.field.nodes;
+        let Some(at) = self.met.get(row).map(|row| row * nodes) else { return };
+        let weights = self.weights.get(at..at + nodes).unwrap_or_default();
+        let weighted = weights.iter().enumerate().filter(|(_, w)| **w != 0.0);
+        match self.field.integrator {
+            TickIntegrator::Explicit { .. } => {
+                for ((node, w), per_kg) in
+                    weighted.map(|(node, w)| ((node, w), self.field.node_per_kg.get(node)))
+                {
+                    let v = get(self.velocity, node) + *w * per_kg.copied().unwrap_or(0.0) * impulse_ns;
                     put(self.velocity, node, v);
                 }
-                TickIntegrator::Implicit { .. } => {
-                    let all = get(self.given, node) + w * impulse_ns;
+            }
+            TickIntegrator::Implicit { .. } => {
+                for (node, w) in weighted {
+                    let all = get(self.given, node) + *w * impulse_ns;
                     put(self.given, node, all);
-                    for (axis, part) in impulse_ns.to_array().into_iter().enumerate() {
-                        let start = n * (3 * node + axis);
-                        let column = self.field.answer.get(start..start + n).unwrap_or_default();
-                        self.velocity.iter_mut().zip(column).for_each(|(v, c)| *v += w * part * c);
-                    }
+                }
+                let (size, s) = (9 * nodes, 3 * nodes);
+                let start = self.met.get(row).map_or(0, |row| row * size);
+                let response = self.response.get(start..start + size).unwrap_or_default();
+                for (column, part) in response.chunks_exact(s.max(1)).zip(impulse_ns.to_array()) {
+                    self.velocity.iter_mut().zip(column).for_each(|(v, c)| *v += part * c);
                 }
             }
         }

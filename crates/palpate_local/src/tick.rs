@@ -91,7 +91,7 @@ impl LocalState {
         let dv = sample.velocity_m_per_s - model.velocity_m_per_s;
         let force = match (model.contact, model.scheme) {
             (_, Scheme::NearFieldExact) => {
-                return if model.near.nodes > 0 { self.near.displayed_n() } else { DVec3::ZERO };
+                return if !model.near.is_empty() { self.near.displayed_n() } else { DVec3::ZERO };
             }
             (Contact::Apart, _) => return DVec3::ZERO,
             (_, Scheme::Hold | Scheme::LowPass) => model.force_n,
@@ -113,7 +113,7 @@ impl LocalState {
     /// many of them for the time of a tick, or they contradict each other.
     #[must_use]
     pub fn is_unsolved(&self, model: &LocalModel) -> bool {
-        model.scheme == Scheme::NearFieldExact && model.near.nodes > 0 && self.near.is_unsolved()
+        model.scheme == Scheme::NearFieldExact && !model.near.is_empty() && self.near.is_unsolved()
     }
 
     /// About how many multiplications the last tick took.
@@ -122,13 +122,13 @@ impl LocalState {
             return 3 * model.reduced.order * model.reduced.order;
         }
         let contacts = ANSWER * self.near.answers();
-        if model.near.nodes > 0 { model.near.multiplications().saturating_add(contacts) } else { 0 }
+        if !model.near.is_empty() { model.near.multiplications().saturating_add(contacts) } else { 0 }
     }
 
     /// Energy of the whole body as `model` has it in this state, J; `None` for schemes that know none.
     #[must_use]
     pub fn energy_j(&self, model: &LocalModel) -> Option<f64> {
-        let knows = model.scheme == Scheme::NearFieldExact && model.near.nodes > 0;
+        let knows = model.scheme == Scheme::NearFieldExact && !model.near.is_empty();
         knows.then(|| self.near.energy_j(&model.near))
     }
 

@@ -310,8 +310,12 @@ impl LocalModelBuilder {
         match scheme {
             Scheme::Hold | Scheme::LowPass => {}
             Scheme::Tangent => self.exact_or_clamped(body, model, |this, model| {
-                model.stiffness_n_per_m =
-                    this.static_stiffness.at(&mut this.tangent, body, &points, normals)?;
+                model.stiffness_n_per_m = this.static_stiffness.at(
+                    &mut this.tangent,
+                    body,
+                    &points,
+                    (normals, contact.touched()),
+                )?;
                 Ok(())
             })?,
             Scheme::Neighbourhood => self.exact_or_clamped(body, model, |this, model| {

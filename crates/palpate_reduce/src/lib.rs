@@ -52,6 +52,10 @@
 //!
 //! K is exact with its geometric stiffness. Where it cannot be factorised (a body that buckles) the clamped
 //! positive semidefinite tangent takes its place, and [`palpate_local::LocalModel::clamped`] says so.
+//!
+//! A near field has the contact patches of the body, the surface that the support set carries, and the nearest triangles beside that, up to
+//! its room and 1.5 m from the tool, where they are at the model step. The linear schemes, the static stiffness and [`Bode`] leave out the
+//! compliance that a contact has below the size of a cell.
 
 #![forbid(unsafe_code)]
 

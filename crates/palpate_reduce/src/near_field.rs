@@ -6,6 +6,7 @@ mod implicit;
 mod ring;
 mod room;
 mod support;
+mod surface;
 mod tetrahedra;
 
 pub(crate) use room::capacity;
@@ -26,11 +27,10 @@ use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
 use palpate_body::{
     BarrierTetrahedron, Body, Network, SemiImplicitEuler, SurfaceTree, Tangent, TangentPattern, ToolContact,
-    ToolPoint, TouchedPoint, VolumeBarrier,
+    ToolPoint, VolumeBarrier,
 };
 use palpate_local::{
-    LocalModel, LocalModelError, NearEnd, NearField, NearPoint, NearSpring, NearTetrahedron, NearTriangle,
-    TickIntegrator,
+    LocalModel, LocalModelError, NearEnd, NearField, NearSpring, NearTetrahedron, TickIntegrator,
 };
 use support::SupportSet;
 
@@ -138,6 +138,7 @@ impl Workspace {
         });
         let Some(support) = SupportSet::of(body, contact, tree, tool, options.horizon_s, (nodes, room))
         else {
+            self.write_surface(moment, field)?;
             return Ok(None);
         };
         self.support.extend(&support.nodes);
@@ -151,6 +152,18 @@ impl Workspace {
             estimate::error_bound(field, (body.network(), tangent), (&basis, &support.nodes), direction);
         self.basis = Some(basis);
         Ok(bound)
+    }
+
+    /// Writes the surface alone, for a tool that can reach no node before the next hand-over unless it is very fast.
+    fn write_surface(&mut self, moment: &Moment<'_>, field: &mut NearField) -> Result<(), ReduceError> {
+        let &Moment { body, contact, tool, options, .. } = moment;
+        let Some((shape, friction)) = contact.shape().filter(|_| contact.is_clear()) else { return Ok(()) };
+        let support = SupportSet::out_of_reach(shape, friction);
+        (field.support, field.start_m) = (support.support, tool.position_m);
+        (field.coupling, field.proxy_m) = (contact.coupling(), contact.proxy_m(tool.position_m));
+        (field.energy_j, field.tick_s) = (body.energy().total_j(), options.tick_s);
+        field.integrator = TickIntegrator::Explicit { substeps: 1 };
+        surface::write(body, contact, (&support, &[]), field.proxy_m, field).inspect_err(|_| field.clear())
     }
 
     /// The next local model has no basis, unless one is built for it.
@@ -287,23 +300,6 @@ impl Workspace {
             field.force[3 * i..3 * i + 3].copy_from_slice(&self.outer_n[node].to_array());
             field.velocity[3 * i..3 * i + 3].copy_from_slice(&v[node].to_array());
         }
-        let place = |node: usize| match self.place[node] {
-            Place::Support(i) => i,
-            Place::Ring(_) | Place::Elsewhere => 0,
-        };
-        (field.points, field.triangles) = (support.points.len(), support.triangles.len());
-        for (to, &point) in field.point.iter_mut().zip(&support.points) {
-            *to = NearPoint::default();
-            let carriers = body.surface().points[point].nodes();
-            to.nodes.iter_mut().zip(carriers).for_each(|(to, &(node, w))| *to = (place(node), w));
-        }
-        for (to, (corners, longest_m)) in field.triangle.iter_mut().zip(&support.triangles) {
-            // By any of its corners, edges or itself.
-            let on = |t: &TouchedPoint| t.corners.iter().all(|(p, w)| *w <= 0.0 || corners.contains(p));
-            let is_touched = contact.touched().iter().any(on);
-            let at = |point: usize| support.points.iter().position(|p| *p == point).unwrap_or_default();
-            *to = NearTriangle { points: corners.map(at), longest_m: *longest_m, is_touched };
-        }
         // The springs with a free end in S are near; F_far is what remains when they are taken away.
         let mut far_n = self.internal_n.clone();
         let mut is_near = vec![false; network.links().len()];
@@ -342,6 +338,7 @@ impl Workspace {
                 field.springs += 1;
             }
         }
+        surface::write(body, contact, (support, &self.ring), field.proxy_m, field)?;
         let far_tetrahedra = self.write_tetrahedra(body, field, &mut far_n)?;
         let entries = 3 * field.ring;
         for (i, &node) in self.ring.iter().enumerate() {

@@ -6,7 +6,7 @@ use faer::sparse::linalg::LltError;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
-use palpate_body::{Body, BodyPoint, Tangent, TangentPattern};
+use palpate_body::{Body, BodyPoint, Tangent, TangentPattern, TouchedPoint};
 
 /// D = K_cc − K_cr K_rr⁻¹ K_rc on the nodes c of the points, with one symbolic factorisation for all c; and from it the
 /// stiffness against a motion of the tool that the points follow.
@@ -41,13 +41,13 @@ impl StaticStiffness {
     }
 
     /// The stiffness against a motion of the tool, N/m, where `points` follow it: in all directions, or where `normals` are
-    /// given, one for each, along those only. Adds the regularisation and P to `tangent`'s K.
+    /// given, one for each, along those only; where they are those that are `touched`, in series with the compliance of each contact. Adds the regularisation and P to `tangent`'s K.
     pub(crate) fn at(
         &mut self,
         tangent: &mut Tangent,
         body: &Body,
         points: &[BodyPoint],
-        normals: Option<&[DVec3]>,
+        (normals, touched): (Option<&[DVec3]>, &[TouchedPoint]),
     ) -> Result<DMat3, ReduceError> {
         let mut nodes: Vec<usize> = points
             .iter()
@@ -75,7 +75,7 @@ impl StaticStiffness {
         let compliance = Mat::from_fn(n, n, |i, j| solution[(dofs[i], j)]);
         let held = compliance.partial_piv_lu().solve(Mat::<f64>::identity(n, n));
         // D x = Hᵀ λ, H x = E: the force λ on the rows when the tool moves by one along each axis.
-        let rows = rows(points, normals, |node| {
+        let rows = rows(points, (normals, touched), |node| {
             body.network().free_index(node).and_then(|index| nodes.binary_search(&index).ok())
         });
         let m = rows.len();
@@ -84,7 +84,7 @@ impl StaticStiffness {
             (true, false) => -rows[j - n].weight(i),
             (false, true) => rows[i - n].weight(j),
             // Redundant rows share their force.
-            (false, false) if i == j => REDUNDANT / hold,
+            (false, false) if i == j => REDUNDANT / hold + rows[i - n].compliance_m_per_n,
             (false, false) => 0.0,
         });
         let along = |row: usize, axis: usize| if row < n { 0.0 } else { rows[row - n].along[axis] };
@@ -103,6 +103,8 @@ struct AlongRow {
     /// Place among the nodes, and weight.
     nodes: Vec<(usize, f64)>,
     along: DVec3,
+    /// What is in series with the nodes along it, m/N.
+    compliance_m_per_n: f64,
 }
 
 impl AlongRow {
@@ -114,7 +116,7 @@ impl AlongRow {
 
 fn rows(
     points: &[BodyPoint],
-    normals: Option<&[DVec3]>,
+    (normals, touched): (Option<&[DVec3]>, &[TouchedPoint]),
     place: impl Fn(usize) -> Option<usize>,
 ) -> Vec<AlongRow> {
     let mut rows = Vec::new();
@@ -123,9 +125,20 @@ fn rows(
             point.nodes().iter().filter_map(|&(node, w)| Some((place(node)?, w))).collect();
         let all = DVec3::AXES;
         let along = normals.map_or(&all[..], |normals| &normals[i..=i]);
-        rows.extend(along.iter().map(|&along| AlongRow { nodes: nodes.clone(), along }));
+        rows.extend(along.iter().map(|&along| {
+            let compliance_m_per_n = touched.get(i).map_or(0.0, |touched| compliance(touched, along));
+            AlongRow { nodes: nodes.clone(), along, compliance_m_per_n }
+        }));
     }
     rows
+}
+
+/// What a contact gives way by in series with its nodes along a unit vector, m/N.
+fn compliance(touched: &TouchedPoint, along: DVec3) -> f64 {
+    let Some(series) = touched.series else { return 0.0 };
+    let (force_n, cos) = (touched.pressing_n(), along.dot(touched.normal));
+    let across = (1.0 - cos * cos).max(0.0);
+    cos * cos * series.slope_m_per_n(force_n) + across * series.tangential_m_per_n(force_n)
 }
 
 fn diagonal(tangent: &Tangent, dof: usize) -> f64 {

@@ -2,10 +2,13 @@
 
 use crate::{LoopConfig, LoopSettings, haptic_loop};
 use glam::{DMat3, DVec3};
-use palpate_laws::{Coupling, Spring, ToolShape, VolumeBarrier};
+use palpate_laws::{
+    Coupling, MAX_PATCHES, Neighbour, PATCH_ROWS, Patch, PatchScale, Spring, SurfacePlace, ToolShape,
+    VolumeBarrier,
+};
 use palpate_local::{
-    Capacity, Cholesky, Contact, HandOverSettings, LocalModel, ModelId, NearEnd, NearField,
-    NearFieldCapacity, NearSpring, NearTetrahedron, NearTriangle, Scheme, Support, TickIntegrator,
+    Capacity, Cholesky, Contact, HandOverSettings, LocalModel, ModelId, NearContact, NearEnd, NearField,
+    NearFieldCapacity, NearPatch, NearSpring, NearTetrahedron, NearTriangle, Scheme, Support, TickIntegrator,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -104,6 +107,8 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         tetrahedron,
         point,
         triangle,
+        contact,
+        compliance,
         stiffness,
         damping,
         force,
@@ -133,7 +138,8 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
     }
     let shape = ToolShape::Sphere { radius_m: n.next() };
     *support = if n.is() { Support::Touched { shape, friction: n.next() } } else { Support::Held };
-    for list in [weight, node_per_kg, basis, stiffness, damping, force, velocity, tangent, answer] {
+    for list in [weight, node_per_kg, basis, stiffness, damping, force, velocity, tangent, answer, compliance]
+    {
         n.fill(list);
     }
     for list in [node_m, ring_m] {
@@ -151,11 +157,33 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
     }
     for point in point {
         point.nodes.iter_mut().for_each(|carrier| *carrier = (n.size(3), n.next()));
+        (point.fixed_m, point.modulus_pa) = (n.vector(), n.next());
     }
     for triangle in triangle {
         let points = [n.size(3), n.size(3), n.size(3)];
-        *triangle = NearTriangle { points, longest_m: n.next(), is_touched: n.is() };
+        let neighbours =
+            [0; 3].map(|_| Neighbour { triangle: n.is().then(|| n.size(4) as u32), is_crease: n.is() });
+        *triangle = NearTriangle { points, neighbours, rest_normal: n.vector(), is_reachable: n.is() };
     }
+    let axes = [n.vector(), n.vector(), n.vector()];
+    let patches = [(); MAX_PATCHES].map(|()| NearPatch {
+        patch: Patch {
+            foot: SurfacePlace { triangle: n.size(4), weights: [n.next(), n.next(), n.next()] },
+            normal: n.vector(),
+            axis: n.vector(),
+            tip_m: n.vector(),
+        },
+        rest_normal: n.vector(),
+        row_n: [(); PATCH_ROWS].map(|()| n.next()),
+        force_n: [(); PATCH_ROWS].map(|()| n.vector()),
+    });
+    *contact = NearContact {
+        scale: PatchScale { cell_m: n.next(), axes },
+        poissons_ratio: n.next(),
+        adds_compliance: n.is(),
+        patches,
+        count: n.size(MAX_PATCHES),
+    };
     (*tick_s, *energy_j, *start_m, *proxy_m, *is_cut) = (n.next(), n.next(), n.vector(), n.vector(), n.is());
     let substeps = 1 + n.size(7) as u32;
     *integrator =

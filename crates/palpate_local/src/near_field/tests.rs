@@ -13,7 +13,7 @@ fn triangle() -> NearField {
     field.near[0].b = NearEnd::Ring(0);
     field.near[1].b = NearEnd::Support(2);
     field.point.copy_from_slice(&[0, 1, 2].map(NearPoint::node));
-    field.triangle[0] = NearTriangle { points: [0, 1, 2], longest_m: 0.1, is_touched: false };
+    field.triangle[0] = NearTriangle { points: [0, 1, 2], ..NearTriangle::default() };
     field.support = Support::Touched { shape: ToolShape::Sphere { radius_m: 0.01 }, friction: 0.3 };
     field.tick_s = 1e-3;
     field
@@ -87,7 +87,7 @@ fn wrong_sizes_and_indices_are_found() {
         |f| f.tetrahedra = 7,
         |f| f.near[0].a = 3,
         |f| f.near[0].b = NearEnd::Ring(1),
-        |f| f.point[2].nodes[0].0 = 3,
+        |f| f.point[2].nodes[0].0 = 4,
         |f| f.triangle[0].points[2] = 3,
         |f| (f.tetrahedra, f.tetrahedron[0].nodes) = (1, [0, 1, 2, 4]),
         |f| f.integrator = TickIntegrator::Explicit { substeps: 65 },

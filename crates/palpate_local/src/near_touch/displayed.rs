@@ -6,7 +6,7 @@
 )]
 
 use super::Meeting;
-use super::look::Point;
+use super::row::Row;
 use crate::NearField;
 use glam::DVec3;
 use palpate_laws::Coulomb;
@@ -24,28 +24,33 @@ impl Meeting {
         friction: f64,
         h: f64,
     ) -> DVec3 {
-        self.points.retain(|point| point.is_met && point.impulse_ns != DVec3::ZERO);
-        let m = self.points.len();
-        let in_cone = |point: &Point, f: DVec3| {
-            Coulomb::new(-point.push, friction).map_or(DVec3::ZERO, |cone| cone.in_cone(f))
-        };
+        let s = field.nodes;
         // What is fixed bears what it bears.
         let is_free = |node: usize| field.node_per_kg.get(node).is_some_and(|per_kg| *per_kg > 0.0);
-        let of = |point: &Point, node: usize| -> f64 {
-            point.carriers.iter().filter(|(n, _)| *n == node && is_free(*n)).map(|(_, w)| w).sum()
-        };
-        let product =
-            |a: &Point, b: &Point| -> f64 { a.carriers.iter().map(|(node, w)| w * of(b, node)).sum() };
         let force = |node: usize| internal_n.get(node).copied().unwrap_or_default();
+        let (rows, all) = (&self.rows, &self.weights);
+        self.met.retain(|index| rows.get(*index).is_some_and(|row| row.impulse_ns != DVec3::ZERO));
+        let m = self.met.len();
+        let weights = |index: usize| all.get(index * s..(index + 1) * s).unwrap_or_default();
+        let impulse = |index: usize| rows.get(index).map_or(DVec3::ZERO, |row| row.impulse_ns);
+        let product = |a: usize, b: usize| -> f64 {
+            let pairs = weights(a).iter().zip(weights(b)).enumerate();
+            pairs.filter(|(node, _)| is_free(*node)).map(|(_, (a, b))| a * b).sum()
+        };
         // H (F − Hᵀ guess), the guess being −λ/h.
-        for (r, point) in self.points.iter().enumerate() {
-            let free = point.carriers.iter().filter(|(node, _)| is_free(*node));
-            let mut rest: DVec3 = free.map(|(node, w)| w * force(node)).sum();
-            for (s, other) in self.points.iter().enumerate() {
-                let gram = product(point, other);
-                rest += gram * other.impulse_ns / h;
-                if let Some(entry) = self.gram.get_mut(r * m + s) {
-                    *entry = if r == s && m > 1 { gram * (1.0 + SHARE) } else { gram };
+        for (r, &row) in self.met.iter().enumerate() {
+            let free = weights(row).iter().enumerate().filter(|(node, _)| is_free(*node));
+            let mut rest: DVec3 = free.map(|(node, w)| *w * force(node)).sum();
+            for (c, &other) in self.met.iter().enumerate() {
+                let gram = product(row, other);
+                rest += gram * impulse(other) / h;
+                if let Some(entry) = self.gram.get_mut(r * m + c) {
+                    // A row that no free node carries has its impulse.
+                    *entry = match r == c {
+                        true if gram <= 0.0 => 1.0,
+                        true if m > 1 => gram * (1.0 + SHARE),
+                        _ => gram,
+                    };
                 }
             }
             for (shares, part) in self.shares.iter_mut().zip(rest.to_array()) {
@@ -62,6 +67,12 @@ impl Meeting {
         }
         let [x, y, z] = &self.shares;
         let shares = x.iter().zip(y).zip(z).map(|((x, y), z)| DVec3::new(*x, *y, *z));
-        self.points.iter().zip(shares).map(|(point, more)| in_cone(point, more - point.impulse_ns / h)).sum()
+        let in_cone = |row: &Row, f: DVec3| {
+            Coulomb::new(-row.push, friction).map_or(DVec3::ZERO, |cone| cone.in_cone(f))
+        };
+        let force = |(index, more): (&usize, DVec3)| {
+            self.rows.get(*index).map_or(DVec3::ZERO, |row| in_cone(row, more - row.impulse_ns / h))
+        };
+        self.met.iter().zip(shares).map(force).sum()
     }
 }

@@ -10,25 +10,22 @@ pub(crate) fn capacity(body: &Body, nodes: usize, order: usize) -> NearFieldCapa
     let network = body.network();
     let degree = network.free().iter().map(|&node| network.incident_links(node).len()).max().unwrap_or(0);
     let springs = (nodes * degree).min(network.links().len());
-    let surface = &body.surface().points;
-    let points = if surface.iter().all(|point| point.nodes().len() == 1) {
-        nodes
-    } else {
-        surface.len().min(POINTS_OF_A_NODE * nodes)
-    };
+    let surface = body.contact_surface();
+    let points = surface.points().len().min(POINTS_OF_A_NODE * nodes + POINTS_BESIDE);
     NearFieldCapacity {
         nodes,
         order: order.min(3 * network.free().len()),
         ring: springs.min(network.node_count()),
         springs,
         points,
-        // Of a closed surface twice as many as points, and those of a few more where it is open or sharp.
-        triangles: 4 * points,
+        // Of a closed surface twice as many as points.
+        triangles: surface.triangles().len().min(2 * points),
     }
 }
 
-/// Where cells carry the surface, so many points of it for each node of S have room.
+/// So many points of the surface have room for each node of S, and for those beside S.
 const POINTS_OF_A_NODE: usize = 8;
+const POINTS_BESIDE: usize = 128;
 
 /// The most nodes of S, and columns of V, for a near field with `room` about `contact`: those of the options, and more where a
 /// large tool touches more nodes than these, for what is beside it comes next.
@@ -39,7 +36,7 @@ pub(super) fn limits(
 ) -> (usize, usize) {
     let touched: BTreeSet<usize> =
         contact.touched().iter().flat_map(|t| t.nodes.iter().map(|n| n.0)).collect();
-    let nodes = options.support_nodes.max(2 * touched.len() + 1).min(room.nodes);
+    let nodes = options.support_nodes.max(touched.len() + touched.len() / 3).min(room.nodes);
     let order = if nodes > options.support_nodes { 4 * nodes } else { 0 };
     (nodes, options.order_limit.max(order).min(room.order))
 }

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use palpate_body::{Body, SurfaceTree, ToolContact, ToolPoint};
+use palpate_laws::ToolShape;
 use palpate_local::{NearFieldCapacity, Support};
 
 /// S with what the tool does to it.
@@ -10,10 +11,8 @@ pub(super) struct SupportSet {
     pub(super) nodes: Vec<usize>,
     /// w of a held point; zero otherwise.
     pub(super) weights: Vec<f64>,
-    /// Points of the surface that nodes of S carry.
-    pub(super) points: Vec<usize>,
-    /// Triangles between those, by the surface's points, and their longest edge at rest, m.
-    pub(super) triangles: Vec<([usize; 3], f64)>,
+    /// Triangles of the contact surface that nodes of S carry alone.
+    pub(super) triangles: Vec<usize>,
     /// Whether what is within reach did not find room.
     pub(super) is_cut: bool,
 }
@@ -43,7 +42,8 @@ impl SupportSet {
         if !contact.is_clear() {
             return None;
         }
-        let points = &body.surface().points;
+        let surface = body.contact_surface();
+        let points = surface.points();
         let place = |point: usize| points[point].of(body.positions_m());
         let is_free =
             |point: usize| points[point].nodes().iter().any(|(node, _)| !body.network().is_fixed(*node));
@@ -52,37 +52,46 @@ impl SupportSet {
         // What it comes to first, if it goes on like that, matters most; what it cannot see yet, least.
         let way = horizon_s * tool.velocity_m_per_s;
         let around = shape.radius_m() + reach;
-        let mut near: Vec<((bool, f64), [usize; 3], f64)> = tree
-            .within(at - around, at + around)
+        let touched: Vec<usize> =
+            contact.touched().iter().flat_map(|t| t.nodes.iter().map(|(node, _)| *node)).collect();
+        let mut near: Vec<((bool, bool, f64), usize)> = surface
+            .parts_of(tree.near(at - around, at + around))
             .into_iter()
-            .filter(|(corners, _)| corners.iter().any(|&point| is_free(point)))
-            .map(|(corners, longest)| (lateness(at, way, corners.map(place)), corners, longest))
+            .filter(|&triangle| surface.triangles()[triangle].iter().any(|&point| is_free(point)))
+            .map(|triangle| {
+                let corners = surface.triangles()[triangle];
+                let (is_behind, off) = lateness(at, way, corners.map(place));
+                // What is pressed on comes first, though the tool may be behind it.
+                let mut nodes = corners.iter().flat_map(|&point| points[point].nodes());
+                let is_touched = !touched.is_empty() && nodes.all(|(node, _)| touched.contains(node));
+                ((!is_touched, is_behind && !is_touched, off), triangle)
+            })
             .collect();
-        near.sort_by(|a, b| a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)));
+        near.sort_by(|(a, _), (b, _)| a.0.cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.total_cmp(&b.2)));
         let (mut nodes, mut triangles, mut is_cut) = (Vec::new(), Vec::new(), false);
-        let mut carried: Vec<usize> = Vec::new();
-        for (_, corners, longest) in near {
-            let new: Vec<usize> = corners.into_iter().filter(|point| !carried.contains(point)).collect();
+        for (_, triangle) in near {
+            let corners = surface.triangles()[triangle];
             let mut more: Vec<usize> = Vec::new();
-            for &(node, _) in new.iter().flat_map(|&point| points[point].nodes()) {
+            for &(node, _) in corners.iter().flat_map(|&point| points[point].nodes()) {
                 if !(nodes.contains(&node) || more.contains(&node)) {
                     more.push(node);
                 }
             }
-            let fits = nodes.len() + more.len() <= most
-                && carried.len() + new.len() <= room.points
-                && triangles.len() < room.triangles;
-            if fits {
+            if nodes.len() + more.len() <= most && triangles.len() < room.triangles {
                 nodes.extend(more);
-                carried.extend(new);
-                triangles.push((corners, longest));
+                triangles.push(triangle);
             } else {
                 is_cut = true;
             }
         }
         let weights = vec![0.0; nodes.len()];
         let support = Support::Touched { shape, friction };
-        (!nodes.is_empty()).then_some(Self { support, nodes, weights, points: carried, triangles, is_cut })
+        (!nodes.is_empty()).then_some(Self { support, nodes, weights, triangles, is_cut })
+    }
+
+    /// None, for a tool that is too far away.
+    pub(super) fn out_of_reach(shape: ToolShape, friction: f64) -> Self {
+        Self::held(Support::Touched { shape, friction }, Vec::new(), Vec::new())
     }
 
     /// A node that the tool drives.
@@ -91,7 +100,7 @@ impl SupportSet {
     }
 
     fn held(support: Support, nodes: Vec<usize>, weights: Vec<f64>) -> Self {
-        Self { support, nodes, weights, points: Vec::new(), triangles: Vec::new(), is_cut: false }
+        Self { support, nodes, weights, triangles: Vec::new(), is_cut: false }
     }
 }
 

@@ -1,0 +1,243 @@
+//! The rows of a step: the point that the tool holds, or those of its contact patches.
+
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
+)]
+
+use super::patches::{Patches, PlacedTriangles, TickPatch, modulus_pa as patch_modulus};
+use crate::near_tick::get;
+use crate::{NearField, NearPoint};
+use glam::DVec3;
+use palpate_laws::{
+    CLOSING_M_PER_S, ContactGap, Coulomb, PATCH_ROWS, PatchLayout, RowLaw, SeriesCompliance, SurfacePlace,
+    ToolMove, is_out_of_reach,
+};
+
+/// A row on nodes of S, but for its weights.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row {
+    /// Its patch in the tick, and which of the patch's rows it is; `None` for what is held.
+    pub(super) of: Option<(usize, usize)>,
+    pub(super) law: RowLaw,
+    /// Along which the tool pushes.
+    pub(super) push: DVec3,
+    /// From the tool to its tip, m.
+    tip_m: DVec3,
+    /// The part of the row's point that nodes outside of S carry, m.
+    elsewhere_m: DVec3,
+    /// The force along the normal in the step before, and the whole force on the body, N.
+    force_n: f64,
+    whole_n: DVec3,
+    /// As in [`ContactGap`].
+    pub(super) gap_m: f64,
+    pub(super) gap: DVec3,
+    pub(super) overdue: DVec3,
+    pub(super) impulse_ns: DVec3,
+    /// Whether it takes part in the problem of the step.
+    pub(super) is_met: bool,
+}
+
+impl Default for Row {
+    /// One that pushes nothing, only to fill a place.
+    fn default() -> Self {
+        Self {
+            of: None,
+            law: RowLaw::TwoSided,
+            push: DVec3::ZERO,
+            tip_m: DVec3::ZERO,
+            elsewhere_m: DVec3::ZERO,
+            force_n: 0.0,
+            whole_n: DVec3::ZERO,
+            gap_m: 0.0,
+            gap: DVec3::ZERO,
+            overdue: DVec3::ZERO,
+            impulse_ns: DVec3::ZERO,
+            is_met: false,
+        }
+    }
+}
+
+impl Row {
+    /// That of what the tool holds, whose weights are the field's.
+    pub(super) fn aim_held(
+        &mut self,
+        field: &NearField,
+        weights: &[f64],
+        tool: &ToolMove,
+        h: f64,
+        z: &[f64],
+    ) {
+        let moved_so_far = of_nodes(weights, z) - (tool.from_m - field.proxy_m);
+        self.overdue = moved_so_far.clamp_length_max(h * CLOSING_M_PER_S);
+        self.gap = self.overdue - (tool.to_m - tool.from_m);
+        self.is_met = false;
+    }
+
+    /// Its gap in a step of length `h`.
+    pub(super) fn aim(&mut self, field: &NearField, weights: &[f64], tool: &ToolMove, h: f64, z: &[f64]) {
+        let rest: DVec3 = weights.iter().zip(&field.node_m).map(|(w, x)| *w * *x).sum();
+        let at_m = self.elsewhere_m + rest + of_nodes(weights, z);
+        let apart_m = (tool.to_m + self.tip_m - at_m).dot(-self.push);
+        let (mut approached_m, mut stretched_m) = (0.0, DVec3::ZERO);
+        if let RowLaw::OneSided { series: Some((series, tangential_m_per_n)), .. } = &mut self.law {
+            // A contact that begins bears nothing across its normal yet.
+            let compliance = series.tangential_m_per_n(self.force_n);
+            *tangential_m_per_n = if compliance.is_finite() { compliance } else { 0.0 };
+            (approached_m, stretched_m) =
+                (series.approach_m(self.force_n), self.whole_n * *tangential_m_per_n);
+        }
+        let moved = (tool.to_m - tool.from_m, stretched_m);
+        let gap = ContactGap::new((apart_m, approached_m), self.push, moved, h);
+        (self.gap_m, self.gap, self.overdue) = (gap.normal_m, gap.gap_m, gap.overdue_m);
+        (self.impulse_ns, self.is_met) = (DVec3::ZERO, false);
+    }
+
+    /// Notes its force in a step of length `h`.
+    pub(super) fn note(&mut self, h: f64) {
+        let whole_n = if self.is_met { self.impulse_ns / h } else { DVec3::ZERO };
+        (self.force_n, self.whole_n) = (whole_n.dot(self.push).max(0.0), whole_n);
+    }
+
+    /// The force along the normal in the step that has been made, and the whole force on the body, N.
+    pub(super) fn force_n(&self) -> (f64, DVec3) {
+        (self.force_n, self.whole_n)
+    }
+}
+
+/// The weights of S in a row.
+pub(super) fn weights_of(all: &[f64], nodes: usize, row: usize) -> &[f64] {
+    all.get(row * nodes..(row + 1) * nodes).unwrap_or_default()
+}
+
+/// Σ w_i v_i over the nodes of S.
+pub(super) fn of_nodes(weights: &[f64], v: &[f64]) -> DVec3 {
+    weights.iter().enumerate().filter(|(_, w)| **w != 0.0).map(|(i, w)| *w * get(v, i)).sum()
+}
+
+/// The rows of the patches of a tick, whose weights are those of S, `weights` row by row of s each; `z` is δx_S now. Returns whether there
+/// were more than there is room for.
+pub(super) fn rows_of_patches(
+    field: &NearField,
+    patches: &Patches,
+    friction: f64,
+    z: &[f64],
+    (rows, weights, mean): (&mut Vec<Row>, &mut [f64], &mut [f64]),
+) -> bool {
+    rows.clear();
+    let s = field.nodes.max(1);
+    let surface = PlacedTriangles { field, x: &patches.point_m };
+    let mut is_full = false;
+    for (index, TickPatch { known, layout }) in patches.now().enumerate() {
+        let Some(mean) = mean.get_mut(..field.nodes) else { return is_full };
+        mean.fill(0.0);
+        let mut mean_m = DVec3::ZERO;
+        // The rows' own parts lie where the rows will be, one after the other.
+        let Some(own) = weights.get_mut(s * rows.len()..) else { return is_full };
+        let mut own_m = [DVec3::ZERO; PATCH_ROWS];
+        if layout.apart > 0.0 {
+            own.iter_mut().take(s * PATCH_ROWS).for_each(|w| *w = 0.0);
+        }
+        let mut layout = *layout;
+        known.patch.spread(&surface, layout.pressure, &field.contact.scale, |place, share, point| {
+            mean_m += carry(&surface, mean, place, share);
+            let shares = layout.add(point, share);
+            let parts = own.chunks_exact_mut(s).zip(&mut own_m).zip(shares);
+            for ((weights, at_m), share) in parts.filter(|(_, share)| *share > 0.0) {
+                *at_m += carry(&surface, weights, place, share);
+            }
+        });
+        // What S does not carry stands still until the next hand-over, and gives way as a half-space does.
+        let foot = field.triangle.get(known.patch.foot.triangle);
+        let is_static = foot.is_some_and(|triangle| !triangle.is_reachable);
+        let series = if is_static {
+            layout.law.map(|law| SeriesCompliance { share: 1.0, law, portion: 1.0 })
+        } else {
+            missing_compliance(field, mean, patch_modulus(field, known.patch.foot), &layout)
+        };
+        if is_static && series.is_none() {
+            continue;
+        }
+        let first = rows.len();
+        for row in layout.rows() {
+            // Rows that are left out leave their place to those after them.
+            let (from, start) = (s * (first + row.index), s * rows.len());
+            if rows.len() == rows.capacity() || from + s > weights.len() {
+                is_full = true;
+                break;
+            }
+            if layout.apart > 0.0 {
+                weights.copy_within(from..from + s, start);
+            }
+            let Some(weights) = weights.get_mut(start..start + field.nodes) else { break };
+            let (rest, part) = (1.0 - layout.apart, layout.apart / row.portion);
+            let mut at_m = rest * mean_m;
+            if layout.apart > 0.0 {
+                weights.iter_mut().zip(&*mean).for_each(|(to, w)| *to = rest * w + part * *to);
+                at_m += part * own_m.get(row.index).copied().unwrap_or_default();
+            } else {
+                weights.copy_from_slice(mean);
+            }
+            let lead_m = series.map_or(0.0, |series| series.of_portion(row.portion).lead_m(row.force_n));
+            let push = -row.normal;
+            let Ok(coulomb) = Coulomb::new(push, if is_static { 0.0 } else { friction }) else { continue };
+            let is_free = |per_kg: &f64| *per_kg > 0.0;
+            let free = weights.iter().zip(&field.node_per_kg).filter(|(_, per_kg)| is_free(per_kg));
+            let free: f64 = free.map(|(w, _)| w).sum();
+            if !is_static && is_out_of_reach(free, row.force_n > 0.0) {
+                continue;
+            }
+            if is_static {
+                weights.fill(0.0);
+            }
+            let here: DVec3 = weights.iter().zip(&field.node_m).map(|(w, x)| *w * *x).sum();
+            rows.push(Row {
+                of: Some((index, row.index)),
+                law: RowLaw::OneSided {
+                    coulomb,
+                    series: series.map(|series| (series.of_portion(row.portion), 0.0)),
+                },
+                push,
+                tip_m: row.tip_m - lead_m * row.normal,
+                elsewhere_m: at_m - here - of_nodes(weights, z),
+                force_n: row.force_n,
+                whole_n: known.whole_n(row.index, row.portion),
+                ..Row::default()
+            });
+        }
+    }
+    is_full
+}
+
+/// Adds a place with `share` to the weights of S; returns the share of where it is, m.
+fn carry(surface: &PlacedTriangles<'_>, weights: &mut [f64], place: SurfacePlace, share: f64) -> DVec3 {
+    let mut at_m = DVec3::ZERO;
+    let Some(triangle) = surface.field.triangle.get(place.triangle) else { return at_m };
+    for (index, w) in triangle.points.into_iter().zip(place.weights).filter(|(_, w)| *w != 0.0) {
+        let (Some(point), Some(x)) = (surface.field.point.get(index), surface.x.get(index)) else { continue };
+        at_m += share * w * *x;
+        for (node, o) in NearPoint::carriers(point) {
+            if let Some(weight) = weights.get_mut(node) {
+                *weight += share * w * o;
+            }
+        }
+    }
+    at_m
+}
+
+/// What the grid lacks of the law of a contact whose force is spread over S by `mean`.
+fn missing_compliance(
+    field: &NearField,
+    mean: &[f64],
+    modulus_pa: Option<f64>,
+    layout: &PatchLayout,
+) -> Option<SeriesCompliance> {
+    let (law, modulus_pa) = (layout.law?, modulus_pa?);
+    if !field.contact.adds_compliance {
+        return layout.least_compliance();
+    }
+    let rows = field.compliance.chunks_exact(field.nodes.max(1)).zip(mean).filter(|(_, w)| **w != 0.0);
+    let sum: f64 = rows.map(|(row, w)| w * row.iter().zip(mean).map(|(g, o)| g * o).sum::<f64>()).sum();
+    let cell_m = field.contact.scale.cell_m;
+    Some(SeriesCompliance::missing(law, (sum / modulus_pa, cell_m), layout.force_n))
+}
