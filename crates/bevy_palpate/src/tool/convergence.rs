@@ -2,43 +2,24 @@
 
 use super::ToolLoop;
 use crate::fault::{HapticFault, HapticFaultKind};
+use crate::step_watch::ConvergenceWindow;
 use bevy::prelude::*;
 use glam::DVec3;
 
-/// Length of a window, ticks.
-const WINDOW_TICKS: u64 = 1000;
-
-/// Share of the touching ticks of a window that may stop at the solver's limit.
-const TOLERATED: f64 = 0.01;
-
-/// Touching ticks of the present window, and those at which the solver did not converge.
+/// Touching ticks of a loop, and those at which its solver did not converge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct ConvergenceWatch {
-    ticks: u64,
-    touching: u64,
-    unconverged: u64,
+    window: ConvergenceWindow,
     /// The loop's counter at the last look.
     counter: u64,
-    is_reported: bool,
 }
 
 impl ConvergenceWatch {
-    /// Adds `ticks` ticks of which `touching` touched; `counter` is [`palpate_haptics::LoopReport::unsolved`]. Returns the ticks
-    /// without convergence and the touching ticks of a window that has to be reported.
+    /// Adds `ticks` ticks of which `touching` touched; `counter` is [`palpate_haptics::LoopReport::unsolved`], which grows in blocks
+    /// of 64 ticks. Returns the ticks without convergence and the touching ticks of a window that has to be reported.
     fn note(&mut self, ticks: u64, touching: u64, counter: u64) -> Option<(u64, u64)> {
-        self.ticks += ticks;
-        self.touching += touching;
-        self.unconverged += counter.saturating_sub(std::mem::replace(&mut self.counter, counter));
-        if self.ticks < WINDOW_TICKS {
-            return None;
-        }
-        // The loop counts in blocks of 64 ticks, some of them of the window before.
-        let touching = self.touching.max(self.unconverged);
-        let is_bad = self.unconverged as f64 > TOLERATED * touching as f64;
-        let found = (self.unconverged, touching);
-        let was_reported = self.is_reported;
-        *self = Self { counter, is_reported: is_bad, ..Self::default() };
-        Some(found).filter(|_| is_bad && !was_reported)
+        let unconverged = counter.saturating_sub(std::mem::replace(&mut self.counter, counter));
+        self.window.note(ticks, touching, unconverged)
     }
 }
 

@@ -53,7 +53,11 @@ pub(super) fn step_bodies(
             }
         }
         match stepped {
-            Ok(report) => (simulated.last_step, simulated.failed) = (report, None),
+            Ok(report) => {
+                (simulated.last_step, simulated.failed) = (report, None);
+                let found = simulated.watch.note(&report);
+                faults.write_batch(found.map(|kind| HapticFault { entity: Some(entity), kind }));
+            }
             Err(error) => {
                 bring_to_rest(simulated);
                 let kind = std::mem::discriminant(&error);
