@@ -157,20 +157,19 @@ impl Body {
             })
             .collect();
         while let Some(first) = seeds.iter().copied().reduce(|a, b| if b.is_before(&a) { b } else { a }) {
-            let is_apart = |seed: &Seed, row: &ToolPatch| {
+            let is_apart = |rest_normal: DVec3, row: &ToolPatch| {
                 let at_m: DVec3 = row.corners.iter().map(|&(point, w)| w * x[point]).sum();
-                seed.is_apart((at_m, row.rest_normal, row.radius_m), scale.cell_m)
+                first.is_apart((at_m, rest_normal, row.radius_m), scale.cell_m)
             };
             seeds.retain(|seed| seed.place.triangle != first.place.triangle);
-            if !approach.patches.iter().all(|row| is_apart(&first, row)) {
+            if !approach.patches.iter().all(|row| is_apart(row.rest_normal, row)) {
                 continue;
             }
             let Some(patch) = find(&PatchStart::on(first.place, first.normal)) else { continue };
             // Where two places lead to one patch, it is one.
             let is_same = |row: &ToolPatch| {
                 row.patch.foot.triangle == patch.foot.triangle
-                    || row.patch.normal.dot(patch.normal) > 0.9
-                        && !is_apart(&first, &ToolPatch { rest_normal: first.rest_normal, ..row.clone() })
+                    || row.patch.normal.dot(patch.normal) > 0.9 && !is_apart(first.rest_normal, row)
             };
             if approach.patches.iter().any(is_same) {
                 continue;

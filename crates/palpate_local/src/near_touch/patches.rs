@@ -104,30 +104,24 @@ impl Patches {
         let surface = PlacedTriangles { field, x: point_m };
         let scale = field.contact.scale;
         let mut count = 0;
-        let mut add = |known: NearPatch| {
-            let modulus = known.patch.foot;
-            let modulus_pa = modulus_pa(field, modulus);
-            let elastic = (modulus_pa, field.contact.poissons_ratio);
+        let elastic = |place: SurfacePlace| (modulus_pa(field, place), field.contact.poissons_ratio);
+        let laid_out = |known: NearPatch| {
+            let elastic = elastic(known.patch.foot);
             let layout = PatchLayout::new(shape, &known.patch, elastic, &known.row_n, &scale);
-            match now.get_mut(count) {
-                Some(to) => {
-                    *to = Some(TickPatch { known, layout });
-                    count += 1;
-                    true
-                }
-                None => false,
-            }
+            TickPatch { known, layout }
         };
         let find = |start: &PatchStart| Patch::find(&surface, shape, tool.to_m, start, &scale);
         for known in before.iter().take(*held) {
-            let elastic = (modulus_pa(field, known.patch.foot), field.contact.poissons_ratio);
+            let elastic = elastic(known.patch.foot);
             let contact_m = contact_radius_m(shape, known.patch.normal, elastic, known.row_n.iter().sum());
-            if let Some(patch) = find(&known.patch.start(contact_m)) {
-                add(NearPatch { patch, ..*known });
+            if let Some(patch) = find(&known.patch.start(contact_m))
+                && let Some(to) = now.get_mut(count)
+            {
+                *to = Some(laid_out(NearPatch { patch, ..*known }));
+                count += 1;
             }
         }
-        let kept = count;
-        now.iter_mut().skip(kept).for_each(|patch| *patch = None);
+        now.iter_mut().skip(count).for_each(|patch| *patch = None);
         let fastest = (0..field.nodes).map(|i| get(placed.z_dot, i).length()).fold(0.0, f64::max);
         let beside = 2.0 * fastest * field.tick_s + tool.short_m().length();
         seeds.clear();
@@ -166,10 +160,8 @@ impl Patches {
                 row_n: [0.0; PATCH_ROWS],
                 force_n: [DVec3::ZERO; PATCH_ROWS],
             };
-            let elastic = (modulus_pa(field, patch.foot), field.contact.poissons_ratio);
-            let layout = PatchLayout::new(shape, &patch, elastic, &new.row_n, &scale);
             match now.iter_mut().find(|to| to.is_none()) {
-                Some(to) => *to = Some(TickPatch { known: new, layout }),
+                Some(to) => *to = Some(laid_out(new)),
                 None => *is_full = true,
             }
         }
