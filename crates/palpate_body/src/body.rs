@@ -9,6 +9,7 @@ pub use step::{StepReport, ToolRun};
 use crate::cells::Watch;
 use crate::energy::Ledger;
 use crate::integrator::Workspace;
+use crate::surface::PartialCells;
 use crate::{
     BarrierTetrahedron, BodyError, ContactSurface, Network, NodeContact, Obstacle, Surface, SurfaceTree, Tie,
 };
@@ -21,6 +22,7 @@ pub struct Body {
     network: Arc<Network>,
     surface: Arc<Surface>,
     contact_surface: Arc<ContactSurface>,
+    partial_cells: Option<Arc<PartialCells>>,
     /// Whether contact gets the compliance that the grid lacks, where it can.
     adds_compliance: bool,
     gravity_m_per_s2: DVec3,
@@ -76,6 +78,7 @@ impl Body {
     pub fn new(network: Network, surface: Surface) -> Result<Self, BodyError> {
         surface.validate(network.node_count())?;
         let (x, still) = (network.rest_m().to_vec(), vec![DVec3::ZERO; network.node_count()]);
+        let contact_surface = ContactSurface::new(&surface, &network);
         Ok(Self {
             gravity_m_per_s2: DVec3::ZERO,
             loads_n: still.clone(),
@@ -89,7 +92,8 @@ impl Body {
             implicit: None,
             tree: None,
             adds_compliance: true,
-            contact_surface: Arc::new(ContactSurface::new(&surface, &network)),
+            partial_cells: PartialCells::new(&network, &contact_surface).map(Arc::new),
+            contact_surface: Arc::new(contact_surface),
             watch: Watch::default(),
             v: still,
             x,

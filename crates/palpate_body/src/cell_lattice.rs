@@ -12,6 +12,9 @@ use crate::{BodyError, ClosedMesh, MeshError, Network, NetworkBuilder, Region, S
 use glam::{DQuat, DVec3};
 use keep::Kept;
 
+/// A cell is whole when its share differs from 1 by less.
+const WHOLE_CELL: f64 = 1e-9;
+
 /// How fine the cells are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CellSize {
@@ -280,7 +283,10 @@ impl<'a> CellLattice<'a> {
         let network = NetworkBuilder::of(rest_m, made.mass_kg, fixed, made.links)
             .with_cells(embedding.cells().to_vec());
         let network = if self.allow_free { network.allow_free() } else { network }.build()?;
-        let network = network.with_grid(crate::Grid::new(grid.cell_m, made.youngs_modulus_pa));
+        let cells = crate::Grid::new(grid.cell_m, made.youngs_modulus_pa);
+        let is_whole = |share: &f64| (share - 1.0).abs() < WHOLE_CELL;
+        let cells = if share.iter().all(is_whole) { cells } else { cells.partly_filled() };
+        let network = network.with_grid(cells);
         let touched = TouchSurface::new(mesh, &embedding, grid.cell_m, self.touch_spacing);
         Ok(MeshBody {
             network,

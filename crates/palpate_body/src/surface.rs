@@ -2,10 +2,12 @@
 
 mod closest;
 mod contact_surface;
+mod partial_cells;
 
 pub use closest::{ClosestPoint, SurfaceTree};
 pub use contact_surface::ContactSurface;
 pub(crate) use contact_surface::PlacedSurface;
+pub(crate) use partial_cells::PartialCells;
 
 use crate::error::check;
 use crate::{BodyError, BodyPoint};

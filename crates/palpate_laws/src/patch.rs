@@ -88,8 +88,16 @@ impl Patch {
 pub struct PatchScale {
     /// Side of a cell of the body, m.
     pub cell_m: f64,
+    /// The radius over which the pressure of a contact that is small beside a cell is spread, m: [`PatchScale::SPREAD_CELLS`], or 0.
+    pub spread_m: f64,
     /// Three orthogonal unit vectors that turn with the body, from which directions on the surface are counted.
     pub axes: [DVec3; 3],
+}
+
+impl PatchScale {
+    /// The radius, in cells, over which a small contact is spread where it has the compliance which a grid lacks: so wide that the force depends little
+    /// on where in a cell it is. Measured with balls of half a cell to two.
+    pub const SPREAD_CELLS: f64 = 0.7;
 }
 
 /// Radius of the ring whose normal a patch has, in cells, or where the contact is wider, in radii of the contact and cells; and its points. On the

@@ -106,10 +106,12 @@ impl PatchLayout {
         let force_n: f64 = row_n.iter().sum();
         let (pressure, law, radius_m) = contact(shape, patch.normal, (modulus_pa, poissons_ratio), force_n);
         let apart = rows_apart(radius_m, scale.cell_m);
+        // A contact that is small beside a cell is spread, so that it depends little on where in the cell it is.
+        let spread_m = radius_m.hypot((1.0 - apart) * scale.spread_m);
         // Under a punch, whose pressure is greatest at its rim, the nodes beyond the rim bear as much as those within.
         let radius_m = match pressure {
-            Pressure::Ball => radius_m,
-            Pressure::Punch => radius_m - RIM_CELLS * apart * scale.cell_m,
+            Pressure::Ball => spread_m,
+            Pressure::Punch => spread_m - RIM_CELLS * apart * scale.cell_m,
         };
         let ball_m = match *shape {
             ToolShape::Sphere { radius_m } => Some(radius_m),

@@ -192,8 +192,10 @@ impl Body {
     #[must_use]
     pub fn patch_scale(&self) -> PatchScale {
         let grid = self.network.grid();
+        let cell_m = grid.map_or(self.contact_surface.mean_edge_m(), crate::Grid::cell_m);
         PatchScale {
-            cell_m: grid.map_or(self.contact_surface.mean_edge_m(), crate::Grid::cell_m),
+            cell_m,
+            spread_m: if self.adds_compliance() { PatchScale::SPREAD_CELLS * cell_m } else { 0.0 },
             axes: grid.map_or(DVec3::AXES, crate::Grid::axes),
         }
     }
@@ -218,7 +220,8 @@ impl Body {
     pub fn grid_compliance_per_m(&self, i: usize, j: usize) -> Option<f64> {
         let cell_m = self.network.grid()?.cell_m();
         let distance = self.network.rest_m()[i].distance(self.network.rest_m()[j]);
-        Some(normal_compliance_at(distance / cell_m) / cell_m)
+        let excess = self.partial_cells.as_ref().map_or(0.0, |cells| cells.between(i, j));
+        Some((normal_compliance_at(distance / cell_m) + excess) / cell_m)
     }
 
     /// The rows of a patch that began on a triangle with that normal at rest, and was pressed with so many newtons in each of its rows in the

@@ -9,6 +9,7 @@ pub struct Grid {
     pub(crate) youngs_modulus_pa: Vec<f64>,
     pub(crate) axes: [DVec3; 3],
     pub(crate) adds_compliance: bool,
+    pub(crate) has_partial_cells: bool,
 }
 
 /// Poisson's ratio of an isotropic network of springs.
@@ -17,7 +18,13 @@ pub(crate) const POISSONS_RATIO: f64 = 0.25;
 impl Grid {
     /// Cells of `cell_m`, along the axes of space, with Young's modulus at every node.
     pub(crate) fn new(cell_m: f64, youngs_modulus_pa: Vec<f64>) -> Self {
-        Self { cell_m, youngs_modulus_pa, axes: DVec3::AXES, adds_compliance: true }
+        Self { cell_m, youngs_modulus_pa, axes: DVec3::AXES, adds_compliance: true, has_partial_cells: false }
+    }
+
+    /// The same grid, of which some cells are partly filled.
+    pub(crate) fn partly_filled(mut self) -> Self {
+        self.has_partial_cells = true;
+        self
     }
 
     /// The same grid under a network of equal springs, as the paper has it: contact gives way by what the springs give way, and by no
@@ -60,5 +67,10 @@ impl Grid {
     #[must_use]
     pub fn adds_compliance(&self) -> bool {
         self.adds_compliance
+    }
+
+    /// Whether some of its cells are partly filled, so that its surface is no plane of nodes.
+    pub(crate) fn has_partial_cells(&self) -> bool {
+        self.has_partial_cells
     }
 }

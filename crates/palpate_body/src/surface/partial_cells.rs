@@ -1,0 +1,253 @@
+//! Static compliance of the surface of cells that are partly filled.
+//!
+//! The table of [`palpate_laws::normal_compliance_at`] is that of whole cells below a plane of nodes. Where a mesh cuts cells, springs are softer and
+//! the surface lies between nodes. The difference is local: it is computed with every node held to its place by a weak spring, which takes away
+//! what is far, from the nodes about the surface and from those of whole cells alike.
+
+use super::ContactSurface;
+use crate::{Block, Network, Tissue};
+use glam::{DMat3, DVec3};
+use std::sync::OnceLock;
+
+/// What is farther from a node than so many cells is held.
+const REACH_CELLS: f64 = 3.2;
+/// Stiffness of the springs that hold nodes to their places, in parts of a node's own.
+const HOLD: f64 = 0.2;
+/// Least reduction of the residual of the solution, and the most steps of conjugate gradients for it.
+const TOLERANCE: f64 = 1e-4;
+const MOST_STEPS: usize = 60;
+
+/// How much more nodes give way under a force on a node than those of whole cells below a plane of nodes, along the normals of the surface there.
+#[derive(Clone, Debug)]
+pub(crate) struct PartialCells {
+    /// The nodes that carry the surface have a row: other nodes in ascending order, with the difference in 1/(E h).
+    rows: Vec<Vec<(usize, f64)>>,
+}
+
+impl PartialCells {
+    /// Those of a body; `None` where it has no grid, or one of whole cells.
+    pub(crate) fn new(network: &Network, surface: &ContactSurface) -> Option<Self> {
+        let grid = network.grid().filter(|grid| grid.has_partial_cells())?;
+        let normals = node_normals(network, surface);
+        let moduli = grid.youngs_modulus_pa();
+        let patch = |node: usize| {
+            Patch::new(network, node, grid.cell_m(), |a, b| 0.5 * (moduli[a] + moduli[b]) * grid.cell_m())
+        };
+        let of_whole = whole_cells();
+        let mut rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); network.node_count()];
+        for node in (0..network.node_count()).filter(|&node| normals[node] != DVec3::ZERO) {
+            let patch = patch(node);
+            let moved = patch.displacements(normals[node]);
+            for (&other, u) in
+                patch.nodes.iter().zip(moved).filter(|(other, _)| normals[**other] != DVec3::ZERO)
+            {
+                let cells = network.rest_m()[node].distance(network.rest_m()[other]) / grid.cell_m();
+                let excess = u.dot(normals[other]) - at_distance(of_whole, cells);
+                // The patches of two nodes differ at their rims: each has half.
+                add(&mut rows[node], other, 0.5 * excess);
+                add(&mut rows[other], node, 0.5 * excess);
+            }
+        }
+        rows.iter_mut().for_each(|row| row.sort_unstable_by_key(|(node, _)| *node));
+        Some(Self { rows })
+    }
+
+    /// The difference between two nodes, in 1/(E h).
+    pub(crate) fn between(&self, i: usize, j: usize) -> f64 {
+        let row = &self.rows[i];
+        row.binary_search_by_key(&j, |(node, _)| *node).map_or(0.0, |at| row[at].1)
+    }
+}
+
+/// The outward unit normal of the surface that each node carries at rest; 0 where it carries none.
+fn node_normals(network: &Network, surface: &ContactSurface) -> Vec<DVec3> {
+    let at = |point: usize| surface.points()[point].of(network.rest_m());
+    let mut normals = vec![DVec3::ZERO; network.node_count()];
+    for corners in surface.triangles() {
+        let [a, b, c] = corners.map(at);
+        let area = (b - a).cross(c - a);
+        for &(node, w) in corners.iter().flat_map(|&point| surface.points()[point].nodes()) {
+            normals[node] += w * area;
+        }
+    }
+    normals.iter().map(|normal| normal.normalize_or_zero()).collect()
+}
+
+/// The nodes about a node, and their stiffness in units of E h.
+struct Patch {
+    /// The first is the one in the middle.
+    nodes: Vec<usize>,
+    /// Of each node: its own, and those of the springs to others by their place in `nodes`.
+    diagonal: Vec<DMat3>,
+    links: Vec<(usize, usize, DMat3)>,
+}
+
+impl Patch {
+    fn new(
+        network: &Network,
+        middle: usize,
+        cell_m: f64,
+        unit_n_per_m: impl Fn(usize, usize) -> f64,
+    ) -> Self {
+        let rest = network.rest_m();
+        let mut nodes = vec![middle];
+        let mut next = 0;
+        while let Some(&node) = nodes.get(next) {
+            for other in network.neighbours(node) {
+                let is_near = rest[other].distance(rest[middle]) < REACH_CELLS * cell_m;
+                if is_near && !nodes.contains(&other) {
+                    nodes.push(other);
+                }
+            }
+            next += 1;
+        }
+        let mut diagonal = vec![DMat3::ZERO; nodes.len()];
+        let mut links = Vec::new();
+        for (at, &node) in nodes.iter().enumerate() {
+            for &link in network.incident_links(node) {
+                let link = &network.links()[link];
+                let other = if link.a == node { link.b } else { link.a };
+                let along = rest[other] - rest[node];
+                let stiffness =
+                    link.spring.tangent(along, false).stiffness * unit_n_per_m(node, other).recip();
+                diagonal[at] += stiffness;
+                if let Some(to) = nodes.iter().position(|&known| known == other).filter(|to| *to > at) {
+                    links.push((at, to, stiffness));
+                }
+            }
+        }
+        for own in &mut diagonal {
+            let mean = (own.x_axis.x + own.y_axis.y + own.z_axis.z) / 3.0;
+            *own += HOLD * mean * DMat3::IDENTITY;
+        }
+        Self { nodes, diagonal, links }
+    }
+
+    /// How far its nodes move under a force of 1 on the one in the middle, by conjugate gradients.
+    fn displacements(&self, force: DVec3) -> Vec<DVec3> {
+        let scale: Vec<DMat3> = self.diagonal.iter().map(DMat3::inverse).collect();
+        let mut u = vec![DVec3::ZERO; self.nodes.len()];
+        let mut residual = u.clone();
+        residual[0] = force;
+        let precondition =
+            |residual: &[DVec3]| residual.iter().zip(&scale).map(|(r, m)| *m * *r).collect::<Vec<DVec3>>();
+        let mut z = precondition(&residual);
+        let mut direction = z.clone();
+        let mut size = dot(&residual, &z);
+        let enough = TOLERANCE * TOLERANCE * size;
+        for _ in 0..MOST_STEPS {
+            if size.is_nan() || size <= enough {
+                break;
+            }
+            let mut along: Vec<DVec3> = self.diagonal.iter().zip(&direction).map(|(k, d)| *k * *d).collect();
+            for &(a, b, k) in &self.links {
+                along[a] -= k * direction[b];
+                along[b] -= k * direction[a];
+            }
+            let step = size / dot(&direction, &along);
+            for (i, d) in direction.iter().enumerate() {
+                u[i] += step * *d;
+                residual[i] -= step * along[i];
+            }
+            z = precondition(&residual);
+            let next = dot(&residual, &z);
+            direction.iter_mut().zip(&z).for_each(|(d, z)| *d = *z + next / size * *d);
+            size = next;
+        }
+        u
+    }
+}
+
+fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
+}
+
+fn add(row: &mut Vec<(usize, f64)>, node: usize, excess: f64) {
+    match row.iter_mut().find(|(known, _)| *known == node) {
+        Some((_, sum)) => *sum += excess,
+        None => row.push((node, excess)),
+    }
+}
+
+/// The same of whole cells below a plane of nodes, by distance in cells: mean values on the rings of nodes about one.
+fn whole_cells() -> &'static [(f64, f64)] {
+    static TABLE: OnceLock<Vec<(f64, f64)>> = OnceLock::new();
+    TABLE.get_or_init(|| {
+        let tissue = Tissue { youngs_modulus_pa: 1.0, ..Tissue::default() };
+        let made = Block::new([9, 9, 5], DVec3::new(8.0, 8.0, 4.0))
+            .and_then(|block| block.fix(crate::Face::NegZ).tissue(&tissue));
+        let Ok(network) = made.map(|made| made.network) else { return Vec::new() };
+        let at = |at: DVec3| network.rest_m().iter().position(|x| x.distance(at) < 0.1);
+        let Some(middle) = at(DVec3::new(0.0, 0.0, 2.0)) else { return Vec::new() };
+        let patch = Patch::new(&network, middle, 1.0, |_, _| 1.0);
+        let moved = patch.displacements(DVec3::Z);
+        let mut rings: Vec<(f64, f64, f64)> = Vec::new();
+        for (&node, u) in patch.nodes.iter().zip(moved) {
+            let off = network.rest_m()[node] - network.rest_m()[middle];
+            if off.z != 0.0 {
+                continue;
+            }
+            match rings.iter_mut().find(|(distance, ..)| (distance - off.length()).abs() < 1e-9) {
+                Some((_, sum, count)) => (*sum, *count) = (*sum + u.z, *count + 1.0),
+                None => rings.push((off.length(), u.z, 1.0)),
+            }
+        }
+        rings.sort_by(|a, b| a.0.total_cmp(&b.0));
+        rings.into_iter().map(|(distance, sum, count)| (distance, sum / count)).collect()
+    })
+}
+
+/// The value at a distance in cells, between the rings of a table.
+fn at_distance(table: &[(f64, f64)], cells: f64) -> f64 {
+    let next = table.partition_point(|(distance, _)| *distance <= cells);
+    match (next.checked_sub(1).and_then(|before| table.get(before)), table.get(next)) {
+        (Some(&(from, a)), Some(&(to, b))) => a + (b - a) * (cells - from) / (to - from),
+        (Some(&(from, a)), None) if cells - from < 1e-9 => a,
+        _ => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Block, Face};
+    use palpate_laws::normal_compliance_at;
+
+    #[test]
+    fn whole_cells_have_no_excess_and_half_of_the_stiffness_twice_the_compliance() {
+        let tissue = Tissue { youngs_modulus_pa: 2e3, ..Tissue::default() };
+        let made =
+            Block::new([9, 9, 5], DVec3::new(0.08, 0.08, 0.04)).unwrap().fix(Face::NegZ).tissue(&tissue);
+        let made = made.unwrap();
+        let surface = ContactSurface::new(&made.surface, &made.network);
+        let grid = made.network.grid().unwrap().clone();
+        for soft in [1.0, 2.0] {
+            // As if the tissue were stiffer than its springs.
+            let moduli = grid.youngs_modulus_pa().iter().map(|e| soft * e).collect();
+            let network =
+                made.network.clone().with_grid(crate::Grid::new(grid.cell_m(), moduli).partly_filled());
+            let cells = PartialCells::new(&network, &surface).unwrap();
+            let at = |x: f64, y: f64| {
+                let place = DVec3::new(0.01 * x, 0.01 * y, 0.02);
+                network.rest_m().iter().position(|x| x.distance(place) < 1e-6).unwrap()
+            };
+            let own = cells.between(at(0.0, 0.0), at(0.0, 0.0));
+            let expected = (soft - 1.0) * whole_cells()[0].1;
+            assert!((own - expected).abs() < 1e-6, "{own}, {expected}");
+            // A ring of nodes has their mean.
+            let (along, across) =
+                (cells.between(at(0.0, 0.0), at(1.0, 0.0)), cells.between(at(0.0, 0.0), at(0.0, 1.0)));
+            assert!((along - across).abs() < 1e-9);
+            assert_eq!(cells.between(at(0.0, 0.0), at(4.0, 4.0)), 0.0);
+        }
+    }
+
+    #[test]
+    fn what_holds_the_nodes_takes_away_only_what_is_far() {
+        // The rest of the compliance changes little from node to node.
+        let rest = |cells: f64| normal_compliance_at(cells) - at_distance(whole_cells(), cells);
+        let (near, beside, far) = (rest(0.0), rest(1.0), rest(2.0));
+        assert!(near > beside && beside > far && far > 0.0, "{near}, {beside}, {far}");
+        assert!(near < 0.35 * normal_compliance_at(0.0), "{near}");
+    }
+}
