@@ -1,6 +1,6 @@
 //! Bodies of meshes in an app, in lock step: built, refused, touched, carried along, drawn.
 
-use bevy::mesh::VertexAttributeValues;
+use bevy::mesh::{Indices, VertexAttributeValues};
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_palpate::prelude::*;
@@ -48,6 +48,42 @@ fn a_ball_becomes_a_body_that_pushes_back_and_dents_under_the_tool() {
     }
     assert_eq!(app.world().resource::<Contacts>().0, ["began"]);
     assert_eq!(take_faults(&mut app), [""; 0]);
+}
+
+/// What a tool is given at the model steps in which it comes down and stays.
+fn felt_of(mesh: Mesh) -> Vec<DVec3> {
+    let mut app = app();
+    spawn(&mut app, mesh);
+    let tool = hand(&mut app);
+    let mut steps = || {
+        step(&mut app, 1);
+        force(&app, tool)
+    };
+    let forces = (0..16).map(|_| steps()).collect();
+    assert_eq!(take_faults(&mut app), [""; 0]);
+    forces
+}
+
+/// Any triangles of it, and all of them.
+#[test]
+fn a_mesh_with_turned_triangles_is_felt_as_the_same_mesh() {
+    let expected = felt_of(ball());
+    let peak = expected.iter().map(|f| f.length()).fold(0.0, f64::max);
+    assert!(peak > 0.5, "{peak} N");
+    for seed in 0..4_u32 {
+        let mut mesh = ball();
+        let mut indices: Vec<u32> = mesh.indices().unwrap().iter().map(|i| i as u32).collect();
+        for (t, corners) in indices.chunks_exact_mut(3).enumerate() {
+            let random = (t as u32 + 1).wrapping_mul(0x9E37_79B9).rotate_left(7 * seed + 5);
+            if seed == 0 || random & 1 == 1 {
+                corners.swap(0, 2);
+            }
+        }
+        mesh.insert_indices(Indices::U32(indices));
+        for (felt, expected) in felt_of(mesh).iter().zip(&expected) {
+            assert!(felt.distance(*expected) <= 1e-9 * peak, "{felt} N, not {expected} N");
+        }
+    }
 }
 
 #[test]

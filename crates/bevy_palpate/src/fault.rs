@@ -103,10 +103,12 @@ pub enum HapticFaultKind {
         /// How many.
         lost: u64,
     },
-    /// The tool came to touch nodes that its local model did not hold, and was not felt there until the next one: it moved
-    /// farther between two model steps than was foreseen. Move slower, raise the model rate, or make the mesh coarser.
+    /// The tool came to touch nodes that its local model did not hold: it moved farther between two model steps than was foreseen. Until the
+    /// next local model the surface there stood still, without friction, or was not felt where the loop had no room for it. Move slower,
+    /// raise the model rate, or make the mesh coarser.
     #[error(
-        "the tool touched beyond the {nodes} nodes of its local model, and was not felt there until the next"
+        "the tool touched beyond the {nodes} nodes of its local model, and the surface there stood still until the next: move slower, raise \
+         ModelRate, or make the mesh coarser"
     )]
     BeyondSupport {
         /// How many nodes the local model held.
@@ -185,10 +187,11 @@ pub enum HapticFaultKind {
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum ToolSizeFault {
-    /// The tool's radius is less than a tenth of a cell: what it feels depends on where in the cell it touches.
+    /// The tool's radius is less than a tenth of a cell: nearly all that gives way under it is the added compliance of a smooth surface, and
+    /// what the cells do is hardly felt; where none is added ([`ContactCompliance`](crate::ContactCompliance)), the force depends on the place in the cell.
     #[error(
         "the radius of HapticTool::shape is {radius_m} m; it must be at least a tenth of the {cell_m} m of a cell of body {body}: \
-         use a larger tool or smaller cells"
+         use a larger tool, or more nodes or cells along the body (DeformableBody)"
     )]
     TooSmall {
         /// Radius of the tool, m.

@@ -47,7 +47,7 @@ pub struct HapticGizmos {
     pub strain: f32,
     /// Nodes that are fixed.
     pub fixed: bool,
-    /// Points that are touched with their normals, and the nodes that carry them.
+    /// Rows of contact patches with their normals, and the nodes that carry them.
     pub contact: bool,
     /// The support set of the newest local model, the nodes round it, and the springs that are kept exact.
     pub near_field: bool,

@@ -105,6 +105,7 @@
 //! | full body | all nodes and springs |
 //! | local model | what makes force between two model steps |
 //! | order | number of degrees of freedom of a local model |
+//! | contact patch | where a tool touches: the mean of the surface under its pressure, as one row of the contact problem or nine |
 //! | hand-over | the model side publishing a local model and the loop adopting it |
 //! | oracle | the full body stepped at every tick: what every scheme is judged by |
 

@@ -73,10 +73,22 @@ pub struct BodyState {
 impl Body {
     /// A body at rest, without gravity.
     ///
+    /// Triangles of `surface` that face inward are turned: two of their vertices change places, and nothing else. Triangles that share an
+    /// edge with one other are made to agree with it, and each part that is joined so faces away from the tissue:
+    ///
+    /// * away from the nodes that springs join to its own, where these lie on one side of it; so does a cavity and an open sheet, such
+    ///   as the top of a block,
+    /// * else, if it is closed, away from what it encloses; into it where it is within another closed part, as a cavity is,
+    /// * else as most of its triangles were given: an open sheet without tissue on either side has no inside.
+    ///
+    /// Triangles with two corners at one point are left as they are.
+    ///
     /// # Errors
-    /// [`BodyError::Surface`], [`BodyError::Parameter`] when `surface` does not fit `network`.
+    /// [`BodyError::Surface`], [`BodyError::Parameter`] when `surface` does not fit `network`; [`BodyError::OneSidedSurface`] for a
+    /// surface that cannot be turned to agree, such as a Möbius strip.
     pub fn new(network: Network, surface: Surface) -> Result<Self, BodyError> {
         surface.validate(network.node_count())?;
+        let surface = surface.facing_outward(&network)?;
         let (x, still) = (network.rest_m().to_vec(), vec![DVec3::ZERO; network.node_count()]);
         let contact_surface = ContactSurface::new(&surface, &network);
         Ok(Self {

@@ -248,7 +248,7 @@ impl<'a> CellLattice<'a> {
     /// [`BodyError::Parameter`] unless it is between 0 and 1; at 0 every vertex of the mesh is one.
     pub fn touch_spacing(mut self, cells: f64) -> Result<Self, BodyError> {
         crate::error::check(
-            "spacing of touched points, cells",
+            "spacing of points of the touched surface, cells",
             cells,
             (0.0..=1.0).contains(&cells),
             "0 to 1",

@@ -191,6 +191,15 @@ pub enum BodyError {
         /// Cell size along z.
         z_m: f64,
     },
+    /// The triangles of a surface cannot all face the same way, as on a Möbius strip: it has no outside.
+    #[error(
+        "the surface has one side only: triangle {triangle} and its neighbours cannot all face the same way; take out of \
+         `Surface::triangles` what closes a strip with a twist"
+    )]
+    OneSidedSurface {
+        /// Index of a triangle where two ways round meet.
+        triangle: usize,
+    },
     /// A surface names a node or vertex that does not exist.
     #[error("the surface names index {index}, but there are only {below}")]
     Surface {

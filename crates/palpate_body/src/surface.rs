@@ -2,6 +2,7 @@
 
 mod closest;
 mod contact_surface;
+mod orient;
 mod partial_cells;
 
 pub use closest::{ClosestPoint, SurfaceTree};
@@ -24,7 +25,7 @@ pub struct Surface {
     pub points: Vec<BodyPoint>,
     /// The point at each vertex.
     pub vertices: Vec<usize>,
-    /// Triangles as indices into `vertices`, counter-clockwise seen from outside.
+    /// Triangles as indices into `vertices`, counter-clockwise seen from outside. [`crate::Body::new`] turns those that are not.
     pub triangles: Vec<[usize; 3]>,
 }
 

@@ -34,7 +34,7 @@ impl ToolPoint {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToolContact {
     pub(crate) hold: Hold,
-    /// The points that gave and took an impulse in the last step; none for a tool that holds.
+    /// The rows of contact patches that gave an impulse in the last step; none for a tool that holds.
     pub(crate) touched: Vec<TouchedPoint>,
     /// The nodes on which it pushed at any time in the last advance.
     pub(crate) touched_nodes: Vec<usize>,
@@ -81,8 +81,8 @@ impl ToolContact {
         Ok(Self::new(Hold::Point { point, offset_m }))
     }
 
-    /// A tool that touches nothing yet. It pushes the surface of the body before it, one-sided and with coefficient of
-    /// friction `friction`, wherever it meets it and it is not fixed: it slides, rolls over edges, leaves and comes again. One that begins with
+    /// A tool that touches nothing yet. It pushes the surface of the body before it in contact patches, at most four, one-sided and with
+    /// coefficient of friction `friction`, wherever it meets it and it is not fixed: it slides, rolls over edges, leaves and comes again. One that begins with
     /// its centre in the body, or jumps there, touches nothing until all of it has come out.
     ///
     /// # Errors
@@ -160,7 +160,8 @@ impl ToolContact {
         matches!(self.hold, Hold::Nothing { clear: true, .. })
     }
 
-    /// Where it touches the surface: the points that pushed it in the last step. Empty for a tool that holds.
+    /// Where it touches the surface: the rows that pushed it in the last step, those of each contact patch one after another. A patch is one
+    /// row, or nine under a contact wider than 0.8 cells. Empty for a tool that holds.
     #[must_use]
     pub fn touched(&self) -> &[TouchedPoint] {
         &self.touched
@@ -172,7 +173,8 @@ impl ToolContact {
         &self.touched_nodes
     }
 
-    /// The points through which it acts on the body now: the one that it holds, or those that it touches.
+    /// The points through which it acts on the body now: the one that it holds, or for each row that pushes the mean of the surface under its
+    /// part of the tool's pressure.
     #[must_use]
     pub fn points(&self) -> Vec<BodyPoint> {
         match &self.hold {

@@ -13,8 +13,8 @@ use parry3d_f64::shape::Triangle;
 
 /// The touched surface of a mesh.
 ///
-/// Where the mesh is finer than a share of a cell, its triangles would be many contact rows that say the same; where it is
-/// coarser than a cell, a dent would have no corners. So vertices are clustered first and long edges halved then.
+/// Where the mesh is finer than a share of a cell, contact would be found on many triangles that move alike; where it is coarser than a
+/// cell, a dent would have no corners. So vertices are clustered first and long edges halved then.
 pub(crate) struct TouchSurface {
     pub surface: Surface,
     /// The greatest distance of a vertex of the mesh from it, m.

@@ -1,6 +1,5 @@
 //! `palpate-lab probe`: the force of a tool pressed into a body, from the full body and from the loop.
 
-mod cells;
 mod hertz;
 mod mesh_file;
 mod options;

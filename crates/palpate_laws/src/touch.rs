@@ -23,13 +23,13 @@ pub enum ToolShape {
     },
 }
 
-/// A point with less weight than that on nodes that can move is as good as fixed: to move it they would have to go far. Less
-/// is enough for what is touched already, so that a touch near what is fixed does not come and go.
+/// A row with less weight than that on nodes that can move is as good as fixed: to move it they would have to go far. Less
+/// is enough for one that pushes already, so that a touch near what is fixed does not come and go.
 const LEAST_LEVER: f64 = 0.3;
 const LEAST_LEVER_TOUCHED: f64 = 0.1;
 
-/// Whether nodes that can move have too little weight, `free_share` in all, in what is touched; less is enough for what was touched in the step
-/// before.
+/// Whether the weight of a row on nodes that can move, `free_share` in all, is too little for it to push; less is enough for a row that is
+/// touched already, `is_touched`.
 #[must_use]
 pub fn is_out_of_reach(free_share: f64, is_touched: bool) -> bool {
     free_share < if is_touched { LEAST_LEVER_TOUCHED } else { LEAST_LEVER }

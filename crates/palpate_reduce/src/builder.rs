@@ -191,7 +191,7 @@ impl LocalModelBuilder {
     }
 
     /// The support set of the last local model of [`Scheme::NearFieldExact`], as the body numbers its nodes; empty where there
-    /// was nothing within reach. A tool that has touched other nodes since was not felt there.
+    /// was nothing within reach. Where a tool has touched other nodes since, the surface stood still for the loop.
     #[must_use]
     pub fn support(&self) -> &[usize] {
         self.near_field.support()

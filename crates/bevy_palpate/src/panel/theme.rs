@@ -59,6 +59,11 @@ pub(super) fn small(ui: &mut egui::Ui, text: impl Into<String>) -> egui::Respons
     ui.add(egui::Label::new(egui::RichText::new(text).small().color(FAINT)).wrap())
 }
 
+/// A figure, in green where it is healthy and in amber where not.
+pub(super) fn healthy(ui: &mut egui::Ui, is_healthy: bool, text: String) -> egui::Response {
+    ui.colored_label(if is_healthy { GREEN } else { AMBER }, text)
+}
+
 /// A line that says what is wrong.
 pub(super) fn refusal(ui: &mut egui::Ui, text: &str) -> egui::Response {
     ui.add(egui::Label::new(egui::RichText::new(text).color(RED)).wrap())

@@ -259,7 +259,7 @@ impl HapticWidgets<'_, '_> {
         });
     }
 
-    /// Scheme, model rate and the body's material.
+    /// Scheme, model rate, the body's nodes and inverted cells, and its material.
     pub fn material(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
         let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
@@ -286,6 +286,14 @@ impl HapticWidgets<'_, '_> {
                 let nodes = simulated.body().network().node_count();
                 let what = name.map_or_else(|| format!("body {body}"), |name| name.to_string());
                 theme::small(ui, format!("{what}: {nodes} nodes"));
+                let cells = simulated.body().network().cells().len();
+                if let Some((text, is_warning)) = note_on_cells(cells, simulated.last_step().inverted_cells) {
+                    if is_warning {
+                        ui.colored_label(theme::AMBER, text);
+                    } else {
+                        theme::small(ui, text);
+                    }
+                }
                 view.tissue(ui, body, &mut tissue);
             }
             None => {
@@ -398,6 +406,11 @@ impl HapticWidgets<'_, '_> {
     }
 }
 
+/// How many of a body's `cells` cells are inverted, and whether that is a warning; `None` for a body without cells.
+fn note_on_cells(cells: usize, inverted: usize) -> Option<(String, bool)> {
+    (cells > 0).then(|| (format!("{inverted} of {cells} cells inverted"), inverted > 0))
+}
+
 /// Time for which a touch beyond the support set is worth a warning, s.
 const RECENT_S: f64 = 5.0;
 
@@ -430,5 +443,12 @@ mod tests {
         assert!(!note_on_model(&cut, Some(60.0)).unwrap().1);
         let clamped = LocalModelBuild { is_clamped: true, ..cut };
         assert!(note_on_model(&clamped, None).unwrap().1);
+    }
+
+    #[test]
+    fn inverted_cells_are_a_warning() {
+        assert_eq!(note_on_cells(0, 0), None);
+        assert_eq!(note_on_cells(125, 0), Some(("0 of 125 cells inverted".into(), false)));
+        assert_eq!(note_on_cells(125, 2), Some(("2 of 125 cells inverted".into(), true)));
     }
 }

@@ -32,9 +32,9 @@ pub struct StepReport {
     pub clamped: usize,
     /// Nodes in contact with obstacles, at most.
     pub contacts: usize,
-    /// Patches of the surface that a tool touched at once, at most.
+    /// Rows of contact patches with which a tool pushed at once, at most: one or nine for each patch.
     pub touched: usize,
-    /// Patches that it should have touched but did not, at most: it has no more than four at once.
+    /// Contact patches that it should have had but did not, at most: it has no more than four at once.
     pub left_out: usize,
     /// Sweeps that the impulses of obstacles, ties and the tool took, at most.
     pub sweeps: usize,

@@ -6,13 +6,14 @@ use faer::{Mat, Side};
 use glam::DVec3;
 use palpate_laws::{Coulomb, Patch, SeriesCompliance};
 
-/// A patch of the surface on which the tool pushed in the last step.
+/// A row of a contact patch with which the tool pushed in the last step. A patch is one row, or nine under a contact wider than 0.8 cells: one for
+/// its middle and eight for its sides.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TouchedPoint {
-    /// The corners of the triangle under the tool, points of the [contact surface](crate::ContactSurface), and the place's weights. On a
-    /// corner or an edge some are 0.
+    /// The corners of the triangle under the patch's place, points of the [contact surface](crate::ContactSurface), and the place's weights;
+    /// the same for all rows of a patch. On a corner or an edge some are 0.
     pub corners: [(usize, f64); 3],
-    /// The nodes that carry it and their weights: the mean of the surface under the tool's pressure is Σ w_i x_i.
+    /// The nodes that carry it and their weights: the mean of the surface under the row's part of the tool's pressure is Σ w_i x_i.
     pub nodes: Vec<(usize, f64)>,
     /// Unit normal out of the body, towards the tool.
     pub normal: DVec3,
@@ -24,13 +25,14 @@ pub struct TouchedPoint {
     pub impulse_ns: DVec3,
     /// Velocity relative to the tool at the end of the step, m/s: across the normal that of the slip.
     pub slip_m_per_s: DVec3,
-    /// Where the tool is on the surface, and its normal there.
+    /// The patch: where the tool is on the surface, and the normal there.
     pub patch: Patch,
-    /// Which of the patch's rows it is: 0 its middle or all of it, then its eight sides.
+    /// Which of the patch's rows it is: 0 all of it or its middle, 1 to 8 its sides.
     pub row: usize,
     /// The normal at rest of the triangle on which the patch began.
     pub rest_normal: DVec3,
-    /// The compliance that the grid lacks below a cell, where it is added.
+    /// The compliance in series with the row: what the grid lacks below a cell, or a twentieth of the smooth law where that is not added
+    /// ([`Body::add_compliance`]); `None` in a network without cells.
     pub series: Option<SeriesCompliance>,
     /// Length of the step, s.
     pub(crate) step_s: f64,
@@ -49,13 +51,13 @@ impl TouchedPoint {
         if self.step_s > 0.0 { self.impulse_ns / self.step_s } else { DVec3::ZERO }
     }
 
-    /// It as a point of the body.
+    /// The mean of the surface under it, as a point of the body.
     #[must_use]
     pub fn body_point(&self) -> BodyPoint {
         BodyPoint::carried_by(self.nodes.clone())
     }
 
-    /// Where it is, m.
+    /// Where that mean is now, m.
     ///
     /// # Panics
     /// When `body` is another one, with fewer nodes.
@@ -71,8 +73,8 @@ const SHARE: f64 = 1e-2;
 /// The sum of the forces on the rows `touched`, N, on the hand.
 ///
 /// With F the internal force on the nodes and H the rows' weights, f = (H Hᵀ)⁻¹ H F: the forces on the rows that come nearest
-/// to F at the nodes; for a single row Σ w_i F_i / Σ w_i². At rest it is −λ/h. Several rows may say more than the nodes can
-/// tell apart, two points on an edge's two sides for instance, and an f fitted to that would be noise: there −λ/h counts.
+/// to F at the nodes; for a single row Σ w_i F_i / Σ w_i². At rest it is −λ/h. Several rows of one patch differ by less than the nodes can
+/// resolve while the contact is small, and an f fitted to that difference would be noise: there −λ/h counts.
 pub(super) fn displayed_force_n(touched: &[TouchedPoint], friction: f64, body: &Body) -> DVec3 {
     let free = |&(node, w): &(usize, f64)| w != 0.0 && !body.network().is_fixed(node);
     let rows: Vec<Vec<(usize, f64)>> =

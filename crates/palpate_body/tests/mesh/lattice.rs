@@ -278,6 +278,32 @@ fn the_touched_surface_is_the_mesh_to_within_a_part_of_a_cell() {
     assert!(coarse.surface.points.len() > 6 * 16 && coarse.deviation_m == 0.0);
 }
 
+/// Thin walls, cavities and pieces that clustering pinches, too: what a mesh is touched by faces outward already.
+#[test]
+fn the_touched_surface_of_a_mesh_is_left_as_it_is() {
+    let shapes = [
+        ("a sphere", sphere(0.05, 12), 8),
+        ("a torus", torus(0.04, 0.012, 24, 12), 10),
+        ("a plate of half a cell", cuboid(DVec3::new(0.1, 0.1, 0.005), [20, 20, 1]), 10),
+        ("a hollow sphere", sphere(0.05, 16).and(&sphere(0.03, 12).inside_out()), 8),
+        ("a thin shell", sphere(0.05, 16).and(&sphere(0.047, 16).inside_out()), 8),
+        ("a ball in a shell", sphere(0.05, 16).and(&sphere(0.04, 16).inside_out()).and(&sphere(0.02, 8)), 10),
+        ("two cubes", cube(0.04).and(&cube(0.04).moved(DVec3::new(0.05, 0.01, 0.0))), 9),
+        ("a needle", cuboid(DVec3::new(0.1, 4e-4, 4e-4), [30, 1, 1]), 10),
+    ];
+    for (what, shape, cells) in shapes {
+        for turn in [DQuat::IDENTITY, DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, -0.5)] {
+            let made = free(&shape.clone().turned(turn), cells);
+            let body = Body::new(made.network.clone(), made.surface.clone()).unwrap();
+            assert_eq!(body.surface(), &made.surface, "{what}");
+            let mut inward = made.surface.clone();
+            inward.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+            let body = Body::new(made.network, inward).unwrap();
+            assert_eq!(body.surface(), &made.surface, "{what}, inside out");
+        }
+    }
+}
+
 #[test]
 fn a_placed_body_is_the_same_body_elsewhere() {
     let made = free(&sphere(0.05, 6), 5);

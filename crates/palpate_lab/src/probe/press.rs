@@ -1,6 +1,5 @@
 //! One press: the hand comes down, stops and holds until the body has settled; the force of the full body and of the loop.
 
-use super::cells;
 use super::options::{IntegratorKind, Place};
 use super::scene::Scene;
 use glam::DVec3;
@@ -41,7 +40,7 @@ pub(super) struct Press {
     /// Steps of the body whose contact was not solved, and ticks of the loop.
     pub(super) unconverged_steps: usize,
     pub(super) unconverged_ticks: usize,
-    /// Most inverted cells after a model step.
+    /// Most inverted cells after a model step: see [`palpate_body::StepReport::inverted_cells`].
     pub(super) inverted_cells: usize,
     /// Time of each model step of the body, ms, without its local model, and the longest that took, ms.
     pub(super) step_ms: Vec<f64>,
@@ -158,8 +157,7 @@ impl Press {
                 body.advance_observed(Some((&mut contact, &path)), PERIOD_TICKS, integrator, observe)?;
             press.step_ms.push(1e3 * (now() - began).as_secs_f64());
             press.unconverged_steps += report.unsolved;
-            press.inverted_cells =
-                press.inverted_cells.max(cells::inverted_cells(&report, &scene.cells, &body));
+            press.inverted_cells = press.inverted_cells.max(report.inverted_cells);
             press.is_settled = tick >= arrival + MIN_HOLD_TICKS && body.is_settled();
         }
         Ok(press)

@@ -1,7 +1,6 @@
 //! The body and the tool of `palpate-lab probe`.
 
 use super::Probe;
-use super::cells::Cells;
 use super::mesh_file;
 use super::options::{CouplingKind, Lump, Tool};
 use super::top::Top;
@@ -22,14 +21,6 @@ pub(super) struct Scene {
     pub(super) turn: DQuat,
     /// The surface before the rotation.
     pub(super) top: Top,
-    pub(super) cells: Cells,
-}
-
-/// The parts of a body before it is turned.
-struct Parts {
-    network: Network,
-    surface: Surface,
-    cell_m: f64,
 }
 
 /// The plugin's default coupling.
@@ -42,16 +33,14 @@ impl Scene {
             density_kg_per_m3: probe.density,
             damping_ratio: probe.damping,
         };
-        let parts = match &probe.mesh {
+        let (network, surface) = match &probe.mesh {
             Some(path) => mesh(probe, path, tissue)?,
             None => block(probe, tissue)?,
         };
-        let Parts { network, surface, cell_m } = parts;
-        let cells = Cells::of(&network, cell_m);
         let turn = DQuat::from_rotation_y(probe.turn_deg.to_radians());
         let turned = network.clone().placed(turn, DVec3::ZERO)?;
         let top = Top::of(&Body::new(network, surface.clone())?);
-        Ok(Self { body: Body::new(turned, surface)?, contact: contact(probe)?, turn, top, cells })
+        Ok(Self { body: Body::new(turned, surface)?, contact: contact(probe)?, turn, top })
     }
 }
 
@@ -67,8 +56,8 @@ fn contact(probe: &Probe) -> Result<ToolContact, LabError> {
     })
 }
 
-/// Cubic cells with their lowest face fixed, the centre of the top at (0, edge / 2, 0).
-fn block(probe: &Probe, tissue: Tissue) -> Result<Parts, LabError> {
+/// The network and surface, before they are turned, of cubic cells with their lowest face fixed, the centre of the top at (0, edge / 2, 0).
+fn block(probe: &Probe, tissue: Tissue) -> Result<(Network, Surface), LabError> {
     let nodes = probe.nodes.0;
     let cell_m = probe.edge_m / (nodes[0] - 1) as f64;
     let size_m = cell_m * DVec3::from_array(nodes.map(|n| (n - 1) as f64));
@@ -84,11 +73,11 @@ fn block(probe: &Probe, tissue: Tissue) -> Result<Parts, LabError> {
         let factor = lump.youngs_pa / tissue.youngs_modulus_pa;
         network = network.edit().region(|x| inside.contains(x), factor, factor.sqrt(), 1.0).build()?;
     }
-    Ok(Parts { network, surface: made.surface, cell_m })
+    Ok((network, made.surface))
 }
 
-/// Cells fitted to the mesh of a file, the lowest layer of nodes fixed.
-fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<Parts, LabError> {
+/// The same of cells fitted to the mesh of a file, the lowest layer of nodes fixed.
+fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<(Network, Surface), LabError> {
     let failed = |error| rejected(path, &error);
     let read = mesh_file::read(path)?;
     let positions_m = read.positions.iter().map(|x| probe.metres_per_unit * *x).collect();
@@ -122,7 +111,7 @@ fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<Parts, LabError> {
         }
         (made, _) => {
             let made = made.map_err(failed)?;
-            Ok(Parts { network: made.network, surface: made.surface, cell_m })
+            Ok((made.network, made.surface))
         }
     }
 }

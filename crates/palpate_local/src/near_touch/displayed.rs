@@ -1,4 +1,4 @@
-//! What the points that are touched display.
+//! The force that the rows of the contact patches, or of a point that is held, display.
 
 #![cfg_attr(
     not(test),
@@ -15,7 +15,7 @@ use palpate_laws::Coulomb;
 const SHARE: f64 = 1e-2;
 
 impl Meeting {
-    /// The force on the hand, N, from the internal forces on S: the sum over the points that pushed in the last step, of
+    /// The force on the hand, N, from the internal forces on S: the sum over the rows that pushed in the last step, of
     /// length `h`, of (H Hᵀ)⁻¹ H F, each as far as it lies in its friction cone.
     pub(crate) fn displayed_n(
         &mut self,

@@ -6,6 +6,7 @@ use crate::panel::{devices, plots, theme};
 use crate::tool::LoopTiming;
 use bevy::prelude::DetectChangesMut;
 use bevy_egui::egui;
+use palpate_body::StepReport;
 
 impl HapticWidgets<'_, '_> {
     /// The stages of the safety chain, lit when they act.
@@ -20,13 +21,15 @@ impl HapticWidgets<'_, '_> {
         lamps.show(ui, now_s);
     }
 
-    /// How late the loop's ticks were.
+    /// How late the loop's ticks were, and whether contact converges in its ticks and in the steps of the body.
     pub fn timing(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
         let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
         let LoopTiming { lateness_p50_us, lateness_p99_us, lateness_p999_us, lateness_max_us, .. } =
             *shown.timing;
-        let LoopTiming { ticks, missed_deadlines, cost_p50_us, cost_p99_us, .. } = *shown.timing;
+        let LoopTiming { ticks, missed_deadlines, cost_p50_us, cost_p99_us, unsolved, .. } = *shown.timing;
+        let body = shown.running.as_ref().and_then(|running| running.body());
+        let step = body.and_then(|body| self.bodies.get(body).ok()).map(|(body, ..)| body.last_step());
         grid(ui, "palpate_timing", |ui| {
             ui.label("missed deadlines");
             let share = 100.0 * missed_deadlines as f64 / (ticks + missed_deadlines).max(1) as f64;
@@ -44,6 +47,15 @@ impl HapticWidgets<'_, '_> {
             ui.label("cost of a tick, µs");
             ui.label(format!("{cost_p50_us:.0} median · {cost_p99_us:.0} p99"));
             ui.end_row();
+            ui.label("not converged");
+            let share = 100.0 * unsolved as f64 / ticks.max(1) as f64;
+            theme::healthy(ui, unsolved == 0, format!("{unsolved} of {ticks} ticks  ({share:.2} %)"));
+            ui.end_row();
+            if let Some((text, is_healthy)) = step.map(|step| unconverged_steps(&step)) {
+                ui.label("");
+                theme::healthy(ui, is_healthy, text);
+                ui.end_row();
+            }
             if let Some([forces, reports]) = devices::counted(&self.devices, &shown.tool.device) {
                 ui.label("forces taken");
                 ui.label(forces);
@@ -93,6 +105,30 @@ impl HapticWidgets<'_, '_> {
                 }
                 plots::bode(ui, bode);
             }
+        }
+    }
+}
+
+/// Substeps of the body's last model step in which contact did not converge, and whether there are none.
+fn unconverged_steps(report: &StepReport) -> (String, bool) {
+    let StepReport { ticks, substeps, unsolved, .. } = *report;
+    // A substep may be solved several times.
+    let (of, unsolved) = (ticks * substeps, unsolved.min(ticks * substeps));
+    (format!("{unsolved} of {of} substeps of the body in the last model step"), unsolved == 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unconverged_substeps_are_counted_once_each() {
+        let report = StepReport { ticks: 50, substeps: 4, ..StepReport::default() };
+        let text = "0 of 200 substeps of the body in the last model step";
+        assert_eq!(unconverged_steps(&report), (text.into(), true));
+        for (unsolved, shown) in [(3, "3 of 200"), (900, "200 of 200")] {
+            let (text, is_healthy) = unconverged_steps(&StepReport { unsolved, ..report });
+            assert!(text.starts_with(shown) && !is_healthy, "{text}");
         }
     }
 }

@@ -1,0 +1,146 @@
+//! Hands that press where the triangles of a quad meet, in an app: everything converges, and the force lasts.
+
+use bevy::prelude::*;
+use bevy_palpate::prelude::*;
+use bevy_palpate::{SimulatedBody, TickRecording};
+use palpate_haptics::{DeviceDescription, DeviceError, TickRecord};
+use palpate_tests::app::{listen, lockstep_app, step, take_faults, update_until};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+/// What the body's steps took, all together.
+#[derive(Resource, Default)]
+struct Steps {
+    count: usize,
+    touching: usize,
+    unsolved: usize,
+    most_sweeps: usize,
+}
+
+fn collect_steps(bodies: Query<&SimulatedBody>, mut steps: ResMut<Steps>) {
+    for body in &bodies {
+        let report = body.last_step();
+        steps.count += 1;
+        steps.touching += usize::from(report.touched > 0);
+        steps.unsolved += report.unsolved;
+        steps.most_sweeps = steps.most_sweeps.max(report.sweeps);
+    }
+}
+
+/// The README's body and tool; every tick and every step is recorded.
+fn spawn<D: HapticDevice + 'static>(app: &mut App, device: impl Fn() -> D + Send + Sync + 'static) -> Entity {
+    app.init_resource::<Steps>().add_systems(ModelStep, collect_steps.in_set(HapticSystems::Last));
+    app.world_mut().resource_mut::<HapticDevices>().register("hand", move || Ok(device()));
+    app.world_mut().spawn((
+        DeformableBody::block([6, 6, 6], 0.1),
+        Tissue { youngs_modulus_pa: 20e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5 },
+        FixedRegion::Face(Face::Bottom),
+    ));
+    let tool = HapticTool { device: DeviceSelector::named("hand"), ..default() };
+    app.world_mut().spawn((tool, TickRecording::default())).id()
+}
+
+fn records(app: &App, tool: Entity) -> &[TickRecord] {
+    &app.world().get::<TickRecording>(tool).unwrap().records
+}
+
+fn is_touching(record: &TickRecord) -> bool {
+    record.spoken.force_n != DVec3::ZERO
+}
+
+/// The README's own program.
+#[test]
+fn the_hand_of_the_readme_converges_in_every_tick_and_step() {
+    let mut app = lockstep_app();
+    let tool = spawn(&mut app, || {
+        ScriptedDevice::new(|n, _| {
+            let t = n as f64 * 1e-3;
+            Ok(Reading::at(DVec3::Y * (0.06 + 0.01 * (3.0 * t).cos())))
+        })
+    });
+    step(&mut app, 60);
+    let records = records(&app, tool);
+    let touching = records.iter().filter(|record| is_touching(record)).count();
+    let unsolved = records.iter().filter(|record| record.spoken.unsolved).count();
+    assert!(records.len() >= 2900 && touching > 800, "{} ticks, {touching} touch", records.len());
+    assert_eq!(unsolved, 0);
+    assert_eq!(app.world().get::<LoopTiming>(tool).unwrap().unsolved, 0);
+    let steps = app.world().resource::<Steps>();
+    assert!(steps.touching > 15, "{} of {}", steps.touching, steps.count);
+    assert_eq!(steps.unsolved, 0);
+    assert_eq!(take_faults(&mut app), [""; 0]);
+}
+
+/// The most sweeps of a step while a hand goes 5 mm deep and stays.
+fn most_sweeps(x_m: f64, z_m: f64) -> usize {
+    let mut app = lockstep_app();
+    let tool = spawn(&mut app, move || {
+        ScriptedDevice::new(move |n, _| {
+            let depth_m = (2e-5 * n as f64 - 2e-3).min(5e-3);
+            Ok(Reading::at(DVec3::new(x_m, 0.055 - depth_m, z_m)))
+        })
+    });
+    step(&mut app, 40);
+    assert!(is_touching(records(&app, tool).last().unwrap()));
+    let steps = app.world().resource::<Steps>();
+    assert_eq!(steps.unsolved, 0, "at ({x_m}, {z_m}) m");
+    steps.most_sweeps
+}
+
+/// The work of a step, in place of its time: no place is much dearer than another.
+#[test]
+fn a_hand_where_triangles_meet_takes_no_more_sweeps_than_one_beside() {
+    let beside = most_sweeps(4.3e-3, 1e-3);
+    for (x_m, z_m) in [(0.0, 0.0), (0.0, 1e-3), (0.01, 0.01), (0.01, 0.0), (-4e-3, 4e-3)] {
+        let sweeps = most_sweeps(x_m, z_m);
+        assert!(sweeps <= 2 * beside, "{sweeps} at ({x_m}, {z_m}) m, {beside} beside");
+    }
+}
+
+/// A hand at x = z = 0 that waits for a second, comes down and stays 5 mm deep.
+#[derive(Clone, Default)]
+struct Held(Arc<AtomicU64>);
+
+impl HapticDevice for Held {
+    fn describe(&self) -> DeviceDescription {
+        ScriptedDevice::new(|_, _| Err(DeviceError::TimedOut)).describe()
+    }
+    fn open(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
+    fn read(&mut self, _: Duration) -> Result<Reading, DeviceError> {
+        // A machine so busy that samples were lost has let go of it: it comes out every five seconds.
+        let n = (self.0.fetch_add(1, Ordering::SeqCst) % 5000).saturating_sub(1000);
+        let depth_m = (2e-5 * n as f64 - 2e-3).min(5e-3);
+        Ok(Reading::at(DVec3::Y * (0.055 - depth_m)))
+    }
+    fn write(&mut self, _: DVec3) -> Result<(), DeviceError> {
+        Ok(())
+    }
+    fn close(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}
+
+/// On a thread: 500 ticks in a row, held, with a force that does not change by a tenth.
+#[test]
+fn a_hand_held_where_triangles_meet_is_pushed_steadily() {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, PalpatePlugins));
+    listen(&mut app);
+    let hand = Held::default();
+    let tool = spawn(&mut app, move || hand.clone());
+    update_until(&mut app, "the hand is held for 500 ticks and pushed evenly in each", |app| {
+        let records = records(app, tool);
+        let last = &records[records.len().saturating_sub(500)..];
+        let is_held = |record: &TickRecord| {
+            record.sample.is_some_and(|sample| (sample.position_m.y - 0.05).abs() < 1e-9)
+        };
+        let forces = || last.iter().map(|record| record.force_n.y);
+        let (least, most) = (forces().fold(f64::MAX, f64::min), forces().fold(0.0, f64::max));
+        last.len() == 500 && last.iter().all(is_held) && least > 0.5 && least > 0.9 * most
+    });
+    assert!(records(&app, tool).iter().all(|record| !record.spoken.unsolved));
+    assert_eq!(app.world().resource::<Steps>().unsolved, 0);
+}
