@@ -23,13 +23,24 @@ pub enum ToolShape {
     },
 }
 
-/// A row with less weight than that on nodes that can move is as good as fixed: to move it they would have to go far. Less
-/// is enough for one that pushes already, so that a touch near what is fixed does not come and go.
+/// A row with less weight than `FULL_LEVER` on nodes that can move pushes less, and with less than `NO_LEVER` not at all.
+const FULL_LEVER: f64 = 0.1;
+const NO_LEVER: f64 = 0.01;
+/// The same for rows without a compliance of their own: to move them their nodes would have to go far. Less is enough for one that pushes already,
+/// so that a touch near what is fixed does not come and go.
 const LEAST_LEVER: f64 = 0.3;
 const LEAST_LEVER_TOUCHED: f64 = 0.1;
 
-/// Whether the weight of a row on nodes that can move, `free_share` in all, is too little for it to push; less is enough for a row that is
-/// touched already, `is_touched`.
+/// The part of its force that a row with a compliance of its own has whose weight on nodes that can move is `free_share`: 0 where it is
+/// fixed, 1 where it is not, and smooth between.
+#[must_use]
+pub fn lever(free_share: f64) -> f64 {
+    let share = ((free_share - NO_LEVER) / (FULL_LEVER - NO_LEVER)).clamp(0.0, 1.0);
+    share * share * (3.0 - 2.0 * share)
+}
+
+/// Whether the weight of a row without a compliance of its own on nodes that can move, `free_share`, is too little for it to push; less is enough
+/// for a row that is touched already, `is_touched`.
 #[must_use]
 pub fn is_out_of_reach(free_share: f64, is_touched: bool) -> bool {
     free_share < if is_touched { LEAST_LEVER_TOUCHED } else { LEAST_LEVER }

@@ -9,7 +9,7 @@ use crate::{SurfaceTree, ToolContact};
 use glam::DVec3;
 use palpate_laws::{
     MAX_PATCHES, PATCH_ROWS, Patch, PatchLayout, PatchScale, PatchStart, RowLayout, Seed, SeriesCompliance,
-    SurfacePlace, ToolShape, contact_radius_m, normal_compliance_at,
+    SurfacePlace, ToolShape, contact_radius_m, lever, normal_compliance_at,
 };
 
 /// A tool that moves farther in a millisecond has jumped: what lay between was not touched.
@@ -38,6 +38,8 @@ pub(super) struct PatchRow {
     pub(super) index: usize,
     /// The nodes that carry it: the mean of the surface under its part of the tool's pressure is Σ w_i x_i.
     pub(super) nodes: Weights,
+    /// The sum of the weights of those that can move.
+    pub(super) free_share: f64,
     /// Unit normal out of the body there, and from the tool's position to its tip against it, m.
     pub(super) normal: DVec3,
     pub(super) tip_m: DVec3,
@@ -215,10 +217,13 @@ impl Body {
     }
 
     /// What a unit force on node `j` along the normal of the surface does to node `i` by the grid below it, times Young's modulus, 1/m. `None`
-    /// where the body has no grid.
+    /// where the body has no grid. A fixed node does not give way.
     #[must_use]
     pub fn grid_compliance_per_m(&self, i: usize, j: usize) -> Option<f64> {
         let cell_m = self.network.grid()?.cell_m();
+        if self.network.is_fixed(i) || self.network.is_fixed(j) {
+            return Some(0.0);
+        }
         let distance = self.network.rest_m()[i].distance(self.network.rest_m()[j]);
         let excess = self.partial_cells.as_ref().map_or(0.0, |cells| cells.between(i, j));
         Some((normal_compliance_at(distance / cell_m) + excess) / cell_m)
@@ -261,20 +266,26 @@ impl Body {
             layout.least_compliance()
         };
         let was_one = row_n[1..].iter().all(|n| *n == 0.0);
-        let row = |row: RowLayout| {
+        let row = |row: RowLayout| -> Option<PatchRow> {
             let mut nodes: Weights = mean.iter().map(|&(node, w)| (node, (1.0 - layout.apart) * w)).collect();
             let part = layout.apart / row.portion;
             own[row.index]
                 .iter()
                 .filter(|_| part > 0.0)
                 .for_each(|&(node, w)| add(&mut nodes, node, part * w));
-            let series = series.map(|series| series.of_portion(row.portion));
+            let free = nodes.iter().filter(|(node, _)| !self.network.is_fixed(*node));
+            let free_share: f64 = free.map(|(_, w)| w).sum();
+            let borne = row.portion * lever(free_share);
+            let series = series.map(|series| series.of_portion(borne));
+            if series.is_some() && borne <= 0.0 {
+                return None;
+            }
             let RowLayout { index, normal, tip_m, force_n, .. } = row;
             let tip_m = tip_m - series.map_or(0.0, |series| series.lead_m(force_n)) * normal;
             let whole_n = if was_one { row_f[0] * row.portion } else { row_f[index] };
-            PatchRow { index, nodes, normal, tip_m, series, force_n, whole_n }
+            Some(PatchRow { index, nodes, free_share, normal, tip_m, series, force_n, whole_n })
         };
-        let rows = layout.rows().map(row).collect();
+        let rows = layout.rows().filter_map(row).collect();
         ToolPatch { patch, corners, rest_normal, radius_m: layout.pressure.1, rows }
     }
 

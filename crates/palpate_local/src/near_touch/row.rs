@@ -11,7 +11,7 @@ use crate::{NearField, NearPoint};
 use glam::DVec3;
 use palpate_laws::{
     CLOSING_M_PER_S, ContactGap, Coulomb, PATCH_ROWS, PatchLayout, RowLaw, SeriesCompliance, SurfacePlace,
-    ToolMove, is_out_of_reach,
+    ToolMove, is_out_of_reach, lever,
 };
 
 /// A row on nodes of S, but for its weights.
@@ -178,25 +178,24 @@ pub(super) fn rows_of_patches(
             } else {
                 weights.copy_from_slice(mean);
             }
-            let lead_m = series.map_or(0.0, |series| series.of_portion(row.portion).lead_m(row.force_n));
-            let push = -row.normal;
-            let Ok(coulomb) = Coulomb::new(push, if is_static { 0.0 } else { friction }) else { continue };
             let is_free = |per_kg: &f64| *per_kg > 0.0;
             let free = weights.iter().zip(&field.node_per_kg).filter(|(_, per_kg)| is_free(per_kg));
             let free: f64 = free.map(|(w, _)| w).sum();
-            if !is_static && is_out_of_reach(free, row.force_n > 0.0) {
+            let borne = row.portion * if is_static { 1.0 } else { lever(free) };
+            if series.map_or(is_out_of_reach(free, row.force_n > 0.0), |_| borne <= 0.0) {
                 continue;
             }
+            let series = series.map(|series| series.of_portion(borne));
+            let lead_m = series.map_or(0.0, |series| series.lead_m(row.force_n));
+            let push = -row.normal;
+            let Ok(coulomb) = Coulomb::new(push, if is_static { 0.0 } else { friction }) else { continue };
             if is_static {
                 weights.fill(0.0);
             }
             let here: DVec3 = weights.iter().zip(&field.node_m).map(|(w, x)| *w * *x).sum();
             rows.push(Row {
                 of: Some((index, row.index)),
-                law: RowLaw::OneSided {
-                    coulomb,
-                    series: series.map(|series| (series.of_portion(row.portion), 0.0)),
-                },
+                law: RowLaw::OneSided { coulomb, series: series.map(|series| (series, 0.0)) },
                 push,
                 tip_m: row.tip_m - lead_m * row.normal,
                 elsewhere_m: at_m - here - of_nodes(weights, z),

@@ -19,9 +19,7 @@ impl Body {
             let tangential = row.tangential_m_per_n();
             let stretched = row.whole_n * tangential;
             let gap = ContactGap::new((apart_m, row.approached_m()), push, (moved, stretched), h);
-            let free: f64 =
-                row.nodes.iter().filter(|(node, _)| !self.network.is_fixed(*node)).map(|(_, w)| w).sum();
-            if palpate_laws::is_out_of_reach(free, row.force_n > 0.0) {
+            if row.series.is_none() && palpate_laws::is_out_of_reach(row.free_share, row.force_n > 0.0) {
                 return None;
             }
             Some(Constraint {
