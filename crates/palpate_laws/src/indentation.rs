@@ -171,6 +171,36 @@ impl SeriesCompliance {
         self.portion * self.law.force_n(approach_m / self.share.max(LEAST_SHARE))
     }
 
+    /// The force F under which it and a compliance of `other_m_per_n` beside it give way by `approach_m` together, N: δ_s(F) + C F.
+    #[must_use]
+    pub fn force_beside_n(&self, approach_m: f64, other_m_per_n: f64) -> f64 {
+        let Indentation { pressure, radius_m, modulus_pa } = self.law;
+        let (share, other) = (self.share.max(LEAST_SHARE), other_m_per_n * self.portion);
+        let punch = share / (2.0 * modulus_pa * radius_m) + other;
+        let full = match pressure {
+            Pressure::Punch => (0.0, 0.0),
+            Pressure::Ball => (self.law.full_n(), share * radius_m + other * self.law.full_n()),
+        };
+        if approach_m >= full.1 {
+            return self.portion * (full.0 + (approach_m - full.1) / punch);
+        }
+        // With the radius a of the contact, F ∝ a³ and δ ∝ a²: in units of the radius without the other compliance ρ x³ + x² = 1. Newton's
+        // method comes to it from above.
+        let radius = (approach_m * radius_m / share).sqrt();
+        let per_cube = 4.0 / 3.0 * modulus_pa / radius_m * radius * radius * radius;
+        let rho = other * per_cube / approach_m;
+        let mut x = if rho > FAR { rho.cbrt().recip() } else { 1.0 };
+        for _ in 0..NEWTON_STEPS {
+            let step = (x * x * (rho * x + 1.0) - 1.0) / (x * (3.0 * rho * x + 2.0));
+            x -= step;
+            // The next step would be about the square of that.
+            if step <= SETTLED * x {
+                break;
+            }
+        }
+        self.portion * per_cube * x * x * x
+    }
+
     /// dδ_s/dF, m/N.
     #[must_use]
     pub fn slope_m_per_n(&self, force_n: f64) -> f64 {
@@ -196,6 +226,10 @@ impl SeriesCompliance {
     }
 }
 
+/// Newton steps for the force beside another compliance, a step that is the last, and a ρ from which on the other compliance is a better guess.
+const NEWTON_STEPS: usize = 40;
+const SETTLED: f64 = 1e-8;
+const FAR: f64 = 8.0;
 /// The least share of the smooth law that is in series with a row, so that the load on rows which are nearly the same is shared.
 pub(crate) const LEAST_SHARE: f64 = 0.05;
 /// The largest share of the smooth law by which the grid may give way too much.
@@ -263,6 +297,22 @@ mod tests {
         // Hertz.
         let f = 4.0 / 3.0 * 21e3 * 0.005_f64.sqrt() * 0.002_f64.powf(1.5);
         assert!((BALL.force_n(0.002) - f).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_force_beside_another_compliance_gives_way_by_both() {
+        for law in [BALL, PUNCH] {
+            for (share, portion) in [(1.0, 1.0), (0.3, 0.07), (-0.2, 0.5)] {
+                let series = SeriesCompliance { share, law, portion };
+                for approach in [1e-9, 1e-4, 0.002, 0.02] {
+                    for other in [0.0, 1e-9, 1e-4, 0.01, 1.0, 1e6] {
+                        let f = series.force_beside_n(approach, other);
+                        let both = series.approach_m(f) + other * f;
+                        assert!((both / approach - 1.0).abs() < 1e-13, "{law:?} {share} {approach} {other}");
+                    }
+                }
+            }
+        }
     }
 
     #[test]
