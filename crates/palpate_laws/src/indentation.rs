@@ -1,7 +1,5 @@
 //! The smooth law of indentation: how far a rigid tool comes towards an elastic half-space under a force.
 
-use std::f64::consts::PI;
-
 /// Contact of a rigid tool with the smooth surface of an elastic half-space (K. L. Johnson, Contact Mechanics, 1985, sections
 /// 3.8 and 4.2), without friction.
 ///
@@ -236,39 +234,6 @@ pub(crate) const LEAST_SHARE: f64 = 0.05;
 const MAX_LEAD: f64 = 0.5;
 /// (1 − ν)/(2 − ν) for ν = 1/4.
 const TANGENTIAL: f64 = 3.0 / 7.0;
-/// Rings of the quadrature over a disc, and points on each: the pattern has the symmetries of a square.
-const RINGS: [(f64, f64); 4] = [
-    // Gauss-Legendre on (−1, 1) of order 8: its positive places s and their weights. With r² = a² (1 − s²) Hertz's pressure has the weight
-    // s² and the punch's 1 in ds.
-    (0.183_434_642_495_649_8, 0.362_683_783_378_362),
-    (0.525_532_409_916_329, 0.313_706_645_877_887_3),
-    (0.796_666_477_413_626_7, 0.222_381_034_453_374_5),
-    (0.960_289_856_497_536_3, 0.101_228_536_290_376_3),
-];
-const POINTS_ON_RING: u32 = 12;
-/// Points of the quadrature.
-pub const PRESSURE_POINTS: usize = RINGS.len() * POINTS_ON_RING as usize;
-
-impl Pressure {
-    /// Points of a disc of radius 1 with the share of the force that each carries; the shares sum to 1.
-    pub fn points(self) -> impl Iterator<Item = ([f64; 2], f64)> {
-        let weight = move |(s, w): (f64, f64)| match self {
-            Self::Ball => w * s * s,
-            Self::Punch => w,
-        };
-        let sum: f64 = RINGS.into_iter().map(weight).sum();
-        RINGS.into_iter().enumerate().flat_map(move |(ring, place)| {
-            let (radius, share) =
-                ((1.0 - place.0 * place.0).sqrt(), weight(place) / sum / f64::from(POINTS_ON_RING));
-            // Every other ring is turned by half a step.
-            let first = 0.5 * (ring % 2) as f64;
-            (0..POINTS_ON_RING).map(move |i| {
-                let angle = 2.0 * PI * (f64::from(i) + first) / f64::from(POINTS_ON_RING);
-                ([radius * angle.cos(), radius * angle.sin()], share)
-            })
-        })
-    }
-}
 
 #[cfg(test)]
 mod tests {
@@ -312,21 +277,6 @@ mod tests {
                     }
                 }
             }
-        }
-    }
-
-    #[test]
-    fn points_of_a_pressure_have_its_moments() {
-        for (pressure, second, fourth) in
-            [(Pressure::Ball, 0.4, 8.0 / 35.0), (Pressure::Punch, 2.0 / 3.0, 8.0 / 15.0)]
-        {
-            let sum =
-                |f: &dyn Fn(f64, f64) -> f64| pressure.points().map(|([x, y], w)| w * f(x, y)).sum::<f64>();
-            assert_eq!(pressure.points().count(), PRESSURE_POINTS);
-            assert!((sum(&|_, _| 1.0) - 1.0).abs() < 1e-14);
-            assert!((sum(&|x, y| x * x + y * y) - second).abs() < 1e-14);
-            assert!((sum(&|x, y| (x * x + y * y).powi(2)) - fourth).abs() < 1e-14);
-            assert!(sum(&|x, y| x + y + x * y * x).abs() < 1e-14);
         }
     }
 
