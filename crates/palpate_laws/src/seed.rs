@@ -100,8 +100,8 @@ impl Seed {
     /// elsewhere there, or is met beyond the patch.
     fn is_apart(&self, rest_normal: DVec3, known: &KnownPatch, cell_m: f64) -> bool {
         let is_met = self.order.1 < 0.0;
-        let across = BEYOND_RADII * known.radius_m + BEYOND_CELLS * cell_m;
-        self.rest_normal.dot(rest_normal) < APART || is_met && self.at_m.distance(known.at_m) > across
+        self.rest_normal.dot(rest_normal) < APART
+            || is_met && self.at_m.distance(known.at_m) > known.across_m(cell_m)
     }
 }
 
@@ -126,6 +126,13 @@ pub struct KnownPatch {
     pub radius_m: f64,
 }
 
+impl KnownPatch {
+    /// How far from it the tool is in contact apart from it, m.
+    fn across_m(&self, cell_m: f64) -> f64 {
+        BEYOND_RADII * self.radius_m + BEYOND_CELLS * cell_m
+    }
+}
+
 /// The patches that a tool has already.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct KnownPatches {
@@ -144,6 +151,16 @@ impl KnownPatches {
         *to = patch;
         self.count += 1;
         true
+    }
+
+    /// Whether no patch can begin on a triangle with that normal at rest, because all of it is on a known one: it lies in a ball of radius
+    /// `radius_m` about `middle_m`.
+    #[must_use]
+    pub fn cover(&self, rest_normal: DVec3, (middle_m, radius_m): (DVec3, f64), cell_m: f64) -> bool {
+        self.iter().any(|known| {
+            rest_normal.dot(known.rest_normal) >= APART
+                && middle_m.distance(known.at_m) + radius_m <= known.across_m(cell_m)
+        })
     }
 
     /// Begins patches on `seeds` that are apart from all that are known, the first of them first: `find` is where a patch comes to from its

@@ -196,11 +196,15 @@ impl NearState {
         };
         match field.integrator {
             TickIntegrator::Explicit { .. } => {
-                let per_kg = field.node_per_kg.iter().flat_map(|m| [*m; 3]).take(s);
-                let inverse = per_kg.chain(std::iter::repeat(1.0));
-                for ((v, f), per_kg) in z_dot.iter_mut().zip(&*force).zip(inverse).skip(first) {
-                    *v += h * per_kg * f;
+                let (v_s, q_dot) = z_dot.split_at_mut(s);
+                let (on_s, on_q) = force.split_at(s);
+                if first == 0 {
+                    let nodes = v_s.as_chunks_mut::<3>().0.iter_mut().zip(on_s.as_chunks::<3>().0);
+                    for ((v, f), per_kg) in nodes.zip(&field.node_per_kg) {
+                        v.iter_mut().zip(f).for_each(|(v, f)| *v += h * per_kg * f);
+                    }
                 }
+                q_dot.iter_mut().zip(on_q).for_each(|(v, f)| *v += h * f);
             }
             TickIntegrator::Implicit { .. } => {
                 // (M/h + B + hK) Δż = f − hK ż, driven velocities being given.
@@ -226,7 +230,8 @@ impl NearState {
         self.proxy_m = proxy_m;
         let is_closing = closing.is_some();
         let v = closing.unwrap_or(z_dot);
-        z.iter_mut().zip(v).skip(first).for_each(|(z, v)| *z += h * v);
+        let moving = z.get_mut(first..).into_iter().flatten().zip(v.get(first..).into_iter().flatten());
+        moving.for_each(|(z, v)| *z += h * v);
         // The ring goes with q: by its velocities, or where positions went otherwise, anew.
         multiply(field, z_dot.get(s..).unwrap_or_default(), &mut self.ring_v);
         self.is_stretched = false;

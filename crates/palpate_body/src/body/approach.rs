@@ -147,16 +147,6 @@ impl Body {
             }
         }
         contact.touched = before;
-        let mut seeds: Vec<Seed> = self
-            .contact_surface
-            .parts_of(near)
-            .into_iter()
-            .filter_map(|triangle| {
-                let corners = self.contact_surface.triangles()[triangle].map(|point| x[point]);
-                let rest_normal = self.contact_surface.rest_normal(triangle);
-                Seed::of(&shape, way, (triangle, corners, rest_normal), beside)
-            })
-            .collect();
         let known = |row: &ToolPatch| KnownPatch {
             patch: row.patch,
             at_m: row.corners.iter().map(|&(point, w)| w * x[point]).sum(),
@@ -167,6 +157,21 @@ impl Body {
         approach.patches.iter().for_each(|row| {
             all.add(known(row));
         });
+        let mut seeds: Vec<Seed> = self
+            .contact_surface
+            .parts_of(near)
+            .into_iter()
+            .filter_map(|triangle| {
+                let corners = self.contact_surface.triangles()[triangle].map(|point| x[point]);
+                let rest_normal = self.contact_surface.rest_normal(triangle);
+                let [a, b, c] = corners;
+                let ball = (a, a.distance(b).max(a.distance(c)));
+                if all.cover(rest_normal, ball, scale.cell_m) {
+                    return None;
+                }
+                Seed::of(&shape, way, (triangle, corners, rest_normal), beside)
+            })
+            .collect();
         all.begin(&mut seeds, scale.cell_m, find, |patch, seed| {
             if approach.patches.len() == MAX_PATCHES {
                 approach.left_out += 1;

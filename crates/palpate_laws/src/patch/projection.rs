@@ -83,17 +83,14 @@ impl<'a, S: PatchSurface> Projection<'a, S> {
     }
 
     /// A triangle as it is seen. One that stands upright, or looks away, has no place under a target.
-    fn facet(&mut self, triangle: usize) -> Option<Facet> {
-        if let Some(Some((kept, facet))) = self.kept.get(triangle % KEPT)
-            && *kept == triangle
-        {
-            return *facet;
-        }
-        let facet = self.look(triangle);
-        if let Some(kept) = self.kept.get_mut(triangle % KEPT) {
+    fn facet(&mut self, triangle: usize) -> Option<&Facet> {
+        let is_kept = matches!(self.kept.get(triangle % KEPT), Some(Some((kept, _))) if *kept == triangle);
+        let facet = if is_kept { None } else { Some(self.look(triangle)) };
+        let kept = self.kept.get_mut(triangle % KEPT)?;
+        if let Some(facet) = facet {
             *kept = Some((triangle, facet));
         }
-        facet
+        kept.as_ref()?.1.as_ref()
     }
 
     fn look(&self, triangle: usize) -> Option<Facet> {
@@ -113,13 +110,15 @@ impl<'a, S: PatchSurface> Projection<'a, S> {
 
     /// The place of a triangle that is nearest to what is seen at `target`.
     fn on(&mut self, triangle: usize, target: DVec2) -> Option<Projected> {
-        let Facet { a, ab, ac, ab_ab, ab_ac, ac_ac } = self.facet(triangle)?;
+        let &Facet { a, ab, ac, ab_ab, ab_ac, ac_ac } = self.facet(triangle)?;
         let away = target - a;
         let of_a = (ab.dot(away), ac.dot(away));
         let of_b = (of_a.0 - ab_ab, of_a.1 - ab_ac);
         let of_c = (of_a.0 - ab_ac, of_a.1 - ac_ac);
         let weights @ [_, v, w] = weights_of_products(of_a, of_b, of_c);
-        let off_m = (v * ab + w * ac).distance(away);
+        // A target within the triangle is met.
+        let is_within = weights.iter().all(|w| *w > 0.0);
+        let off_m = if is_within { 0.0 } else { (v * ab + w * ac).distance(away) };
         let is_place = off_m.is_finite() && weights.iter().all(|w| *w >= 0.0);
         is_place.then_some(Projected { place: SurfacePlace { triangle, weights }, off_m })
     }
@@ -145,7 +144,7 @@ impl<'a, S: PatchSurface> Projection<'a, S> {
             }
         };
         for _ in 0..MOST_TRIANGLES {
-            if now.off_m == 0.0 || now.place.weights.iter().all(|w| *w > 0.0) {
+            if now.off_m == 0.0 {
                 break;
             }
             match self.nearer(&now, target) {

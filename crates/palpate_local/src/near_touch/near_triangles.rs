@@ -9,7 +9,7 @@ use super::patches::PlacedTriangles;
 use crate::NearFieldCapacity;
 use crate::dense::{room, zeros};
 use glam::DVec3;
-use palpate_laws::{PatchSurface, Seed, ToolShape};
+use palpate_laws::{KnownPatches, PatchSurface, Seed, ToolShape};
 
 /// How far the tool and the surface may move until triangles are looked for again: so much of the tool's radius, or of a cell.
 const AHEAD_RADII: f64 = 0.5;
@@ -56,19 +56,20 @@ impl NearTriangles {
         self.within_m = f64::NEG_INFINITY;
     }
 
-    /// Calls `look` with every triangle on which a tool of that shape, way and reach may have a [`Seed`], where its corners are, m, and its
-    /// normal at rest.
+    /// Calls `look` with every triangle on which a tool of that shape, way and reach may have a [`Seed`] apart from the `known` patches, where
+    /// its corners are, m, and its normal at rest.
     pub(super) fn each(
         &mut self,
         surface: &PlacedTriangles<'_>,
         (shape, way, reach_m): (&ToolShape, (DVec3, DVec3), f64),
+        known: &KnownPatches,
         mut look: impl FnMut(usize, [DVec3; 3], DVec3),
     ) {
         let (core_m, farthest_m) = (shape.core_m(way.0), Seed::farthest_m(shape, way, reach_m));
         let mut moved_m = self.moved_m(surface);
         let is_listed = farthest_m + moved_m + core_m.distance(self.core_m) <= self.within_m;
+        let cell_m = surface.field.contact.scale.cell_m;
         if !is_listed {
-            let cell_m = surface.field.contact.scale.cell_m;
             let ahead_m = (AHEAD_RADII * shape.radius_m()).max(AHEAD_CELLS * cell_m);
             self.list(surface, core_m, farthest_m + ahead_m);
             moved_m = 0.0;
@@ -78,10 +79,15 @@ impl NearTriangles {
             if middle_m.distance_squared(core_m) > most_m * most_m {
                 continue;
             }
-            if let (Some(corners), Some(triangle)) =
-                (surface.corners_m(index), surface.field.triangle.get(index))
-            {
-                look(index, corners, triangle.rest_normal);
+            let Some(rest_normal) = surface.field.triangle.get(index).map(|triangle| triangle.rest_normal)
+            else {
+                continue;
+            };
+            if known.cover(rest_normal, (middle_m, radius_m + moved_m), cell_m) {
+                continue;
+            }
+            if let Some(corners) = surface.corners_m(index) {
+                look(index, corners, rest_normal);
             }
         }
     }

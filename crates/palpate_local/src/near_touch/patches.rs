@@ -186,7 +186,7 @@ impl Patches {
         let beside = 2.0 * fastest * field.tick_s + tool.short_m().length();
         seeds.clear();
         let way = (tool.from_m, tool.to_m);
-        near.each(&surface, (shape, way, beside), |index, corners, rest_normal| {
+        near.each(&surface, (shape, way, beside), &all, |index, corners, rest_normal| {
             let seed = Seed::of(shape, way, (index, corners, rest_normal), beside);
             if let Some(seed) = seed.filter(|_| seeds.len() < seeds.capacity()) {
                 seeds.push(seed);
