@@ -26,6 +26,8 @@ pub(crate) struct NearState {
     ring_dx: Vec<f64>,
     ring_v: Vec<f64>,
     ring_n: Vec<f64>,
+    /// The nodes of S and of the ring as ends of springs.
+    ends: Vec<SpringEnd>,
     /// Whether the forces of the near springs are those of the present state.
     is_stretched: bool,
     scratch: Vec<f64>,
@@ -36,6 +38,14 @@ pub(crate) struct NearState {
     proxy_m: DVec3,
     /// What is displayed, N.
     displayed_n: DVec3,
+}
+
+/// Where an end of springs is, m, how fast it goes, m/s, and what they pull at it with, N.
+#[derive(Clone, Copy, Debug, Default)]
+struct SpringEnd {
+    x: DVec3,
+    v: DVec3,
+    force_n: DVec3,
 }
 
 impl NearState {
@@ -50,6 +60,7 @@ impl NearState {
             ring_dx: still.clone(),
             ring_v: still.clone(),
             ring_n: still,
+            ends: vec![SpringEnd::default(); capacity.nodes + capacity.ring],
             is_stretched: false,
             scratch: zero,
             meeting: Meeting::with_capacity(capacity),
@@ -248,37 +259,35 @@ impl NearState {
         if std::mem::replace(&mut self.is_stretched, true) {
             return;
         }
-        let (z, z_dot) = (&self.z, &self.z_dot);
-        self.ring_n.iter_mut().take(3 * field.ring).for_each(|f| *f = 0.0);
-        self.internal_n.iter_mut().take(field.nodes).for_each(|f| *f = DVec3::ZERO);
-        let node = |i: usize| Some((*field.node_m.get(i)? + get(z, i), get(z_dot, i)));
+        let Self { z, z_dot, ring_dx, ring_v, ends, internal_n, ring_n, .. } = self;
+        // Where the nodes are is computed once for all springs that end on them.
+        let of_s = field.node_m.iter().zip(vectors(z)).zip(vectors(z_dot)).take(field.nodes);
+        let of_ring = field.ring_m.iter().zip(vectors(ring_dx)).zip(vectors(ring_v)).take(field.ring);
+        for (to, ((rest, dx), v)) in ends.iter_mut().zip(of_s.chain(of_ring)) {
+            *to = SpringEnd { x: *rest + dx, v, force_n: DVec3::ZERO };
+        }
         for near in field.near.iter().take(field.springs) {
-            let Some((x_a, v_a)) = node(near.a) else { continue };
-            let end = match near.b {
-                NearEnd::Support(i) => node(i),
-                NearEnd::Ring(i) => {
-                    field.ring_m.get(i).map(|x| (*x + get(&self.ring_dx, i), get(&self.ring_v, i)))
+            let Some(a) = ends.get(near.a) else { continue };
+            let (index, x, v) = match near.b {
+                NearEnd::Support(i) | NearEnd::Ring(i) => {
+                    let index = if matches!(near.b, NearEnd::Ring(_)) { field.nodes + i } else { i };
+                    let Some(b) = ends.get(index) else { continue };
+                    (Some(index), b.x, b.v)
                 }
-                NearEnd::Fixed(x) => Some((x, DVec3::ZERO)),
+                NearEnd::Fixed(x) => (None, x, DVec3::ZERO),
             };
-            let Some((x_b, v_b)) = end else { continue };
-            let f = near.spring.force_on_a(x_b - x_a, v_b - v_a);
-            if let Some(sum) = self.internal_n.get_mut(near.a) {
-                *sum += f;
+            let f = near.spring.force_on_a(x - a.x, v - a.v);
+            if let Some(a) = ends.get_mut(near.a) {
+                a.force_n += f;
             }
-            match near.b {
-                NearEnd::Support(i) => {
-                    if let Some(sum) = self.internal_n.get_mut(i) {
-                        *sum -= f;
-                    }
-                }
-                NearEnd::Ring(i) => {
-                    let sum = get(&self.ring_n, i) - f;
-                    put(&mut self.ring_n, i, sum);
-                }
-                NearEnd::Fixed(_) => {}
+            if let Some(b) = index.and_then(|index| ends.get_mut(index)) {
+                b.force_n -= f;
             }
         }
+        let (of_s, of_ring) = ends.split_at(field.nodes.min(ends.len()));
+        internal_n.iter_mut().zip(of_s).for_each(|(to, end)| *to = end.force_n);
+        let of_ring = ring_n.as_chunks_mut::<3>().0.iter_mut().zip(of_ring).take(field.ring);
+        of_ring.for_each(|(to, end)| *to = end.force_n.to_array());
         self.push_near_tetrahedra(field);
     }
 
@@ -355,6 +364,11 @@ fn multiply(field: &NearField, q: &[f64], to: &mut [f64]) {
         to.fill(0.0);
         add_columns(to, &field.basis, q, 1.0);
     }
+}
+
+/// The vectors of a list of numbers.
+fn vectors(list: &[f64]) -> impl Iterator<Item = DVec3> {
+    list.as_chunks::<3>().0.iter().map(|v| DVec3::from_array(*v))
 }
 
 /// The `i`-th vector of a list of numbers.
