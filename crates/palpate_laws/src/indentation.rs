@@ -1,7 +1,5 @@
 //! The smooth law of indentation: how far a rigid tool comes towards an elastic half-space under a force.
 
-use std::f64::consts::PI;
-
 /// Contact of a rigid tool with the smooth surface of an elastic half-space (K. L. Johnson, Contact Mechanics, 1985, sections
 /// 3.8 and 4.2), without friction.
 ///
@@ -171,6 +169,36 @@ impl SeriesCompliance {
         self.portion * self.law.force_n(approach_m / self.share.max(LEAST_SHARE))
     }
 
+    /// The force F under which it and a compliance of `other_m_per_n` beside it give way by `approach_m` together, N: δ_s(F) + C F.
+    #[must_use]
+    pub fn force_beside_n(&self, approach_m: f64, other_m_per_n: f64) -> f64 {
+        let Indentation { pressure, radius_m, modulus_pa } = self.law;
+        let (share, other) = (self.share.max(LEAST_SHARE), other_m_per_n * self.portion);
+        let punch = share / (2.0 * modulus_pa * radius_m) + other;
+        let full = match pressure {
+            Pressure::Punch => (0.0, 0.0),
+            Pressure::Ball => (self.law.full_n(), share * radius_m + other * self.law.full_n()),
+        };
+        if approach_m >= full.1 {
+            return self.portion * (full.0 + (approach_m - full.1) / punch);
+        }
+        // With the radius a of the contact, F ∝ a³ and δ ∝ a²: in units of the radius without the other compliance ρ x³ + x² = 1. Newton's
+        // method comes to it from above.
+        let radius = (approach_m * radius_m / share).sqrt();
+        let per_cube = 4.0 / 3.0 * modulus_pa / radius_m * radius * radius * radius;
+        let rho = other * per_cube / approach_m;
+        let mut x = if rho > FAR { rho.cbrt().recip() } else { 1.0 };
+        for _ in 0..NEWTON_STEPS {
+            let step = (x * x * (rho * x + 1.0) - 1.0) / (x * (3.0 * rho * x + 2.0));
+            x -= step;
+            // The next step would be about the square of that.
+            if step <= SETTLED * x {
+                break;
+            }
+        }
+        self.portion * per_cube * x * x * x
+    }
+
     /// dδ_s/dF, m/N.
     #[must_use]
     pub fn slope_m_per_n(&self, force_n: f64) -> f64 {
@@ -196,45 +224,16 @@ impl SeriesCompliance {
     }
 }
 
+/// Newton steps for the force beside another compliance, a step that is the last, and a ρ from which on the other compliance is a better guess.
+const NEWTON_STEPS: usize = 40;
+const SETTLED: f64 = 1e-8;
+const FAR: f64 = 8.0;
 /// The least share of the smooth law that is in series with a row, so that the load on rows which are nearly the same is shared.
 pub(crate) const LEAST_SHARE: f64 = 0.05;
 /// The largest share of the smooth law by which the grid may give way too much.
 const MAX_LEAD: f64 = 0.5;
 /// (1 − ν)/(2 − ν) for ν = 1/4.
 const TANGENTIAL: f64 = 3.0 / 7.0;
-/// Rings of the quadrature over a disc, and points on each: the pattern has the symmetries of a square.
-const RINGS: [(f64, f64); 4] = [
-    // Gauss-Legendre on (−1, 1) of order 8: its positive places s and their weights. With r² = a² (1 − s²) Hertz's pressure has the weight
-    // s² and the punch's 1 in ds.
-    (0.183_434_642_495_649_8, 0.362_683_783_378_362),
-    (0.525_532_409_916_329, 0.313_706_645_877_887_3),
-    (0.796_666_477_413_626_7, 0.222_381_034_453_374_5),
-    (0.960_289_856_497_536_3, 0.101_228_536_290_376_3),
-];
-const POINTS_ON_RING: u32 = 12;
-/// Points of the quadrature.
-pub const PRESSURE_POINTS: usize = RINGS.len() * POINTS_ON_RING as usize;
-
-impl Pressure {
-    /// Points of a disc of radius 1 with the share of the force that each carries; the shares sum to 1.
-    pub fn points(self) -> impl Iterator<Item = ([f64; 2], f64)> {
-        let weight = move |(s, w): (f64, f64)| match self {
-            Self::Ball => w * s * s,
-            Self::Punch => w,
-        };
-        let sum: f64 = RINGS.into_iter().map(weight).sum();
-        RINGS.into_iter().enumerate().flat_map(move |(ring, place)| {
-            let (radius, share) =
-                ((1.0 - place.0 * place.0).sqrt(), weight(place) / sum / f64::from(POINTS_ON_RING));
-            // Every other ring is turned by half a step.
-            let first = 0.5 * (ring % 2) as f64;
-            (0..POINTS_ON_RING).map(move |i| {
-                let angle = 2.0 * PI * (f64::from(i) + first) / f64::from(POINTS_ON_RING);
-                ([radius * angle.cos(), radius * angle.sin()], share)
-            })
-        })
-    }
-}
 
 #[cfg(test)]
 mod tests {
@@ -266,17 +265,18 @@ mod tests {
     }
 
     #[test]
-    fn points_of_a_pressure_have_its_moments() {
-        for (pressure, second, fourth) in
-            [(Pressure::Ball, 0.4, 8.0 / 35.0), (Pressure::Punch, 2.0 / 3.0, 8.0 / 15.0)]
-        {
-            let sum =
-                |f: &dyn Fn(f64, f64) -> f64| pressure.points().map(|([x, y], w)| w * f(x, y)).sum::<f64>();
-            assert_eq!(pressure.points().count(), PRESSURE_POINTS);
-            assert!((sum(&|_, _| 1.0) - 1.0).abs() < 1e-14);
-            assert!((sum(&|x, y| x * x + y * y) - second).abs() < 1e-14);
-            assert!((sum(&|x, y| (x * x + y * y).powi(2)) - fourth).abs() < 1e-14);
-            assert!(sum(&|x, y| x + y + x * y * x).abs() < 1e-14);
+    fn a_force_beside_another_compliance_gives_way_by_both() {
+        for law in [BALL, PUNCH] {
+            for (share, portion) in [(1.0, 1.0), (0.3, 0.07), (-0.2, 0.5)] {
+                let series = SeriesCompliance { share, law, portion };
+                for approach in [1e-9, 1e-4, 0.002, 0.02] {
+                    for other in [0.0, 1e-9, 1e-4, 0.01, 1.0, 1e6] {
+                        let f = series.force_beside_n(approach, other);
+                        let both = series.approach_m(f) + other * f;
+                        assert!((both / approach - 1.0).abs() < 1e-13, "{law:?} {share} {approach} {other}");
+                    }
+                }
+            }
         }
     }
 

@@ -58,6 +58,7 @@
 
 #![forbid(unsafe_code)]
 
+mod carried;
 mod contact;
 mod coulomb;
 mod coupling;
@@ -67,6 +68,7 @@ mod indentation;
 mod law;
 mod patch;
 mod patch_rows;
+mod pressure_points;
 mod rows;
 mod seed;
 mod skin;
@@ -74,17 +76,19 @@ mod spring;
 mod touch;
 mod volume;
 
+pub use carried::{CarriedPoint, MOST_CARRIED};
 pub use contact::one_sided;
 pub use coulomb::Coulomb;
 pub use coupling::{Coupling, DrawnTool, ProxyStep, ToolMove, solve_with_proxies, solve_with_proxy};
 pub use error::LawError;
 pub use grid_compliance::{lattice_compliance, normal_compliance_at, tangential_compliance_at};
-pub use indentation::{Indentation, PRESSURE_POINTS, Pressure, SeriesCompliance};
+pub use indentation::{Indentation, Pressure, SeriesCompliance};
 pub use law::{ForceLaw, Tension};
 pub use patch::{Neighbour, Patch, PatchScale, PatchStart, PatchSurface, SurfacePlace};
 pub use patch_rows::{MAX_PATCHES, PATCH_ROWS, PatchLayout, RowLayout, contact_radius_m};
+pub use pressure_points::{PRESSURE_POINTS, PressurePoint};
 pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Effort, Row, RowLaw, Sweeps, solve_rows};
-pub use seed::Seed;
+pub use seed::{KnownPatch, KnownPatches, Seed};
 pub use skin::SkinLaw;
 pub use spring::{Spring, SpringTangent};
 pub use touch::{ContactGap, POINT_NODES, ToolShape, is_out_of_reach, lever, nearest_weights};

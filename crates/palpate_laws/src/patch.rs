@@ -9,8 +9,12 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use crate::{PRESSURE_POINTS, Pressure, ToolShape, nearest_weights};
-use glam::{DQuat, DVec3};
+mod projection;
+
+use crate::{PRESSURE_POINTS, Pressure, PressurePoint, ToolShape, nearest_weights};
+use glam::{DQuat, DVec2, DVec3};
+use projection::{Edges, Projected, Projection};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// What is across an edge of a triangle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -105,17 +109,20 @@ impl PatchScale {
 const RING_CELLS: f64 = 1.2;
 const RING_RADII: f64 = 1.3;
 const RING_MORE_CELLS: f64 = 0.6;
-const RING_POINTS: usize = 8;
+const RING_POINTS: [DVec2; 8] = [
+    DVec2::X,
+    DVec2::splat(FRAC_1_SQRT_2),
+    DVec2::Y,
+    DVec2::new(-FRAC_1_SQRT_2, FRAC_1_SQRT_2),
+    DVec2::NEG_X,
+    DVec2::splat(-FRAC_1_SQRT_2),
+    DVec2::NEG_Y,
+    DVec2::new(FRAC_1_SQRT_2, -FRAC_1_SQRT_2),
+];
 /// How often foot and normal of a patch that begins are computed in turn; one that goes on begins near enough.
 const ROUNDS: usize = 3;
 /// A change of the normal below which they have been found.
 const SETTLED: f64 = 1e-12;
-/// Most triangles that a projection passes.
-const MOST_TRIANGLES: usize = 48;
-/// Most triangles round a corner that are looked at.
-const MOST_ROUND_CORNER: usize = 12;
-/// A triangle that looks less along the normal than that is not seen along it.
-const LEAST_FACING: f64 = 0.1;
 /// A foot that is farther from under the tool than that share of the tool's radius lies on an edge.
 const ON_EDGE: f64 = 1e-9;
 /// Over an edge a normal turns as for a ball whose centre is at least that share of its way over the surface.
@@ -132,126 +139,6 @@ const TILT: f64 = 0.2;
 const RIM_SHARE: f64 = 0.25;
 /// The rim of a punch is rounded by that share of its radius where it is pushed beyond an edge.
 const RIM: f64 = 0.1;
-
-/// What a projection ends on.
-#[derive(Clone, Copy, Debug)]
-struct Projected {
-    place: SurfacePlace,
-    at_m: DVec3,
-    /// How far it is from the target across the direction, m.
-    off_m: f64,
-}
-
-/// Which edges a projection may pass.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Edges {
-    Smooth,
-    All,
-}
-
-/// The place of the surface under `target_m` along `normal`: by descent from `start` over triangles that face `normal`. Where the surface
-/// ends before, its nearest place.
-fn project(
-    surface: &impl PatchSurface,
-    start: SurfacePlace,
-    target_m: DVec3,
-    normal: DVec3,
-    edges: Edges,
-) -> Option<Projected> {
-    let flat = |x: DVec3| {
-        let away = x - target_m;
-        away - normal * away.dot(normal)
-    };
-    // A triangle that stands upright, or looks away, has no place under the target.
-    let on = |triangle: usize| -> Option<Projected> {
-        let corners @ [a, b, c] = surface.corners_m(triangle)?;
-        let outward = (b - a).cross(c - a);
-        let along = outward.dot(normal);
-        if along.is_nan()
-            || along <= 0.0
-            || along * along <= LEAST_FACING * LEAST_FACING * outward.length_squared()
-        {
-            return None;
-        }
-        let weights = nearest_weights(DVec3::ZERO, corners.map(flat));
-        let at_m = weighted(weights, corners);
-        let off_m = flat(at_m).length();
-        let is_place = off_m.is_finite() && weights.iter().all(|w| *w >= 0.0);
-        is_place.then_some(Projected { place: SurfacePlace { triangle, weights }, at_m, off_m })
-    };
-    let across = |triangle: usize, edge: usize| -> Option<usize> {
-        let neighbour = surface.neighbours(triangle).get(edge).copied()?;
-        let passes = edges == Edges::All || !neighbour.is_crease;
-        neighbour.triangle.filter(|_| passes).map(|triangle| triangle as usize)
-    };
-    let begin = || {
-        // From the nearest corner of a triangle that does not face the direction to those round it.
-        let mut weights = [0.0; 3];
-        let largest =
-            start.weights.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).map(|(corner, _)| corner);
-        *weights.get_mut(largest?)? = 1.0;
-        let place = SurfacePlace { triangle: start.triangle, weights };
-        let at_m = weighted(weights, surface.corners_m(start.triangle)?);
-        Some(Projected { place, at_m, off_m: f64::MAX })
-    };
-    let mut now = on(start.triangle).or_else(begin)?;
-    for _ in 0..MOST_TRIANGLES {
-        if now.off_m == 0.0 || now.place.weights.iter().all(|w| *w > 0.0) {
-            break;
-        }
-        let mut best: Option<Projected> = None;
-        let mut look = |triangle: usize| {
-            if let Some(other) = on(triangle)
-                && other.off_m < best.map_or(now.off_m, |best| best.off_m) * (1.0 - 1e-12)
-            {
-                best = Some(other);
-            }
-        };
-        let SurfacePlace { triangle, weights } = now.place;
-        for (edge, opposite) in [(0, 2), (1, 0), (2, 1)] {
-            // Across an edge that the place lies on.
-            if weights.get(opposite).is_some_and(|w| *w > 0.0) {
-                continue;
-            }
-            let Some(mut next) = across(triangle, edge) else { continue };
-            look(next);
-            // On round the corner that the place lies on, away from the edge.
-            let Some(corner) = weights.iter().position(|w| *w >= 1.0) else { continue };
-            let mut pivot_edge = (triangle, edge, corner);
-            for _ in 0..MOST_ROUND_CORNER {
-                let Some(after) = turn(surface, pivot_edge, next) else { break };
-                pivot_edge = (next, after.0, after.1);
-                let Some(further) = across(next, after.0) else { break };
-                if further == triangle {
-                    break;
-                }
-                next = further;
-                look(next);
-            }
-        }
-        match best {
-            Some(best) => now = best,
-            None => break,
-        }
-    }
-    (now.off_m < f64::MAX).then_some(now)
-}
-
-/// The other edge of triangle `next` at a corner, and the corner's place in it, where `next` is across edge `edge` of a triangle that has the
-/// corner at `corner`.
-fn turn(
-    surface: &impl PatchSurface,
-    (from, edge, corner): (usize, usize, usize),
-    next: usize,
-) -> Option<(usize, usize)> {
-    let back = surface.neighbours(next).iter().position(|n| n.triangle == Some(from as u32))?;
-    // The edge from i to i + 1 here runs from i + 1 to i there.
-    let is_begin = corner == edge;
-    let place = if is_begin { (back + 1) % 3 } else { back };
-    // The two edges at `place` begin at it and end at it.
-    let (begins, ends) = (place, (place + 2) % 3);
-    Some((if begins == back { ends } else { begins }, place))
-}
 
 fn weighted(weights: [f64; 3], [a, b, c]: [DVec3; 3]) -> DVec3 {
     let [u, v, w] = weights;
@@ -315,37 +202,30 @@ impl ToolShape {
 
 /// The unit normal of a ring on the surface about a place, without what lies beyond sharp edges; that of the place's triangle where the ring has
 /// no area.
-fn ring_normal(
-    surface: &impl PatchSurface,
+fn ring_normal<S: PatchSurface>(
+    along: &mut Projection<'_, S>,
     (place, at_m): (SurfacePlace, DVec3),
-    (normal, contact_m): (DVec3, f64),
+    corners_m: [DVec3; 3],
+    contact_m: f64,
     scale: &PatchScale,
 ) -> Option<DVec3> {
-    let [u, v] = tangents(normal, scale.axes);
     let wide = RING_RADII * contact_m + RING_MORE_CELLS * scale.cell_m;
     let ring_m = wide.max(RING_CELLS * scale.cell_m);
+    let middle = along.seen(at_m);
     // Each point from the one before.
     let mut near = place;
-    let mut point = |i: usize| {
-        let (sin, cos) = (i as f64 * std::f64::consts::TAU / RING_POINTS as f64).sin_cos();
-        let target = at_m + ring_m * (cos * u + sin * v);
-        let found = project(surface, near, target, normal, Edges::Smooth);
-        near = found.map_or(near, |found| found.place);
-        found.map_or(DVec3::ZERO, |found| found.at_m - at_m)
-    };
-    let first = point(0);
-    let (mut area, mut last) = (DVec3::ZERO, first);
-    for i in 1..RING_POINTS {
-        let next = point(i);
-        area += last.cross(next);
-        last = next;
-    }
-    area += last.cross(first);
+    let ring = RING_POINTS.map(|point| {
+        let found = along.find(near, middle + ring_m * point).map(|found| found.place);
+        near = found.unwrap_or(near);
+        found.and_then(|found| along.at_m(found)).map_or(DVec3::ZERO, |found_m| found_m - at_m)
+    });
+    let next = ring.iter().cycle().skip(1);
+    let area: DVec3 = ring.iter().zip(next).map(|(point, next)| point.cross(*next)).sum();
     // Twice the area of a ring that is hardly one.
     if area.length() > 1e-6 * ring_m * ring_m {
         return area.try_normalize();
     }
-    let [a, b, c] = surface.corners_m(place.triangle)?;
+    let [a, b, c] = corners_m;
     (b - a).cross(c - a).try_normalize()
 }
 
@@ -390,9 +270,13 @@ impl Patch {
         for _ in 0..rounds {
             let (reach, _) = shape.support(normal);
             let middle = center_m + reach;
-            let Projected { place, at_m, off_m } = project(surface, foot, middle, along, Edges::Smooth)?;
+            let direction = (along, tangents(along, scale.axes));
+            let mut seen = Projection::new(surface, Edges::Smooth, middle, direction);
+            let Projected { place, off_m } = seen.find(foot, DVec2::ZERO)?;
+            let corners_m = surface.corners_m(place.triangle)?;
+            let at_m = weighted(place.weights, corners_m);
             foot = place;
-            let base = ring_normal(surface, (place, at_m), (along, contact_m), scale)?;
+            let base = ring_normal(&mut seen, (place, at_m), corners_m, contact_m, scale)?;
             let away = middle - at_m;
             let height = away.dot(base);
             let aside = away - height * base;
@@ -445,50 +329,36 @@ impl Patch {
 
     /// Spreads the pressure of a contact of radius `radius_m` over the surface: calls `add` with places, the share of the force at each, and
     /// where it is in the contact, in units of its radius along two axes that turn with the body. The shares sum to 1.
-    pub fn spread(
+    pub(crate) fn spread(
         &self,
         surface: &impl PatchSurface,
         (pressure, radius_m): (Pressure, f64),
         scale: &PatchScale,
-        mut add: impl FnMut(SurfacePlace, f64, [f64; 2]),
+        mut add: impl FnMut(SurfacePlace, f64, &PressurePoint),
     ) {
-        if radius_m <= 0.0 {
-            add(self.foot, 1.0, [0.0; 2]);
-            return;
-        }
+        let foot = surface.corners_m(self.foot.triangle).filter(|_| radius_m > 0.0);
+        let Some(corners_m) = foot else { return add(self.foot, 1.0, &PressurePoint::MIDDLE) };
+        // Seen from the foot, along the normal.
+        let direction = (self.normal, self.tangents(scale));
+        let mut seen =
+            Projection::new(surface, Edges::All, weighted(self.foot.weights, corners_m), direction);
         let mut sum = 0.0;
-        let mut places = [(SurfacePlace::default(), 0.0, [0.0; 2]); PRESSURE_POINTS];
+        let mut places = [(SurfacePlace::default(), 0.0, &PressurePoint::MIDDLE); PRESSURE_POINTS];
         for (to, (point, share)) in places.iter_mut().zip(pressure.points()) {
-            if let Some((place, fade)) = self.beside(surface, radius_m, point, scale) {
-                *to = (place, share * fade, point);
-                sum += share * fade;
+            let [x, y] = point.place;
+            if let Some(Projected { place, off_m }) = seen.find(self.foot, radius_m * DVec2::new(x, y)) {
+                // What is beyond an edge carries nothing.
+                let share = share * (1.0 - off_m / (FADE * radius_m)).max(0.0);
+                *to = (place, share, point);
+                sum += share;
             }
         }
         if sum > 0.0 {
             let kept = places.iter().filter(|(_, share, _)| *share > 0.0);
-            kept.for_each(|(place, share, point)| add(*place, share / sum, *point));
+            kept.for_each(|(place, share, point)| add(*place, share / sum, point));
         } else {
-            add(self.foot, 1.0, [0.0; 2]);
+            add(self.foot, 1.0, &PressurePoint::MIDDLE);
         }
-    }
-}
-
-impl Patch {
-    /// The place of the surface at a point of a contact of radius `radius_m`, in units of that, and the share of its pressure that is not beyond
-    /// an edge.
-    pub(crate) fn beside(
-        &self,
-        surface: &impl PatchSurface,
-        radius_m: f64,
-        [x, y]: [f64; 2],
-        scale: &PatchScale,
-    ) -> Option<(SurfacePlace, f64)> {
-        let at_m = weighted(self.foot.weights, surface.corners_m(self.foot.triangle)?);
-        let [u, v] = tangents(self.normal, scale.axes);
-        let target = at_m + radius_m * (x * u + y * v);
-        let projected = project(surface, self.foot, target, self.normal, Edges::All)?;
-        let fade = (1.0 - projected.off_m / (FADE * radius_m)).max(0.0);
-        Some((projected.place, fade))
     }
 }
 

@@ -5,7 +5,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use crate::{Indentation, Patch, PatchScale, Pressure, SeriesCompliance, ToolShape};
+use crate::{Indentation, Patch, PatchScale, Pressure, PressurePoint, SeriesCompliance, ToolShape};
 use glam::DVec3;
 
 /// Most patches that a tool has at once.
@@ -60,7 +60,7 @@ pub struct PatchLayout {
     pub apart: f64,
     sums: [Sums; PATCH_ROWS],
     row_n: [f64; PATCH_ROWS],
-    patch: Patch,
+    pub(crate) patch: Patch,
     axes: [DVec3; 2],
     /// Radius of a ball, m; none of a punch.
     ball_m: Option<f64>,
@@ -130,12 +130,14 @@ impl PatchLayout {
         }
     }
 
-    /// Adds a point of the contact, in units of its radius, that carries `share` of the pressure. Returns the share of each row in it.
-    pub fn add(&mut self, point: [f64; 2], share: f64) -> [f64; PATCH_ROWS] {
-        let shares =
-            if self.apart > 0.0 { portions(point).map(|portion| portion * share) } else { [0.0; PATCH_ROWS] };
-        let [x, y] = point;
-        let behind_m = self.behind_m(x.hypot(y));
+    /// Adds a point of the contact that carries `share` of the pressure. Returns the share of each row in it, where rows are apart.
+    pub(crate) fn add(&mut self, point: &PressurePoint, share: f64) -> Option<[f64; PATCH_ROWS]> {
+        if self.apart <= 0.0 {
+            return None;
+        }
+        let shares = point.portions.map(|portion| portion * share);
+        let [x, y] = point.place;
+        let behind_m = self.behind_m(point.distance);
         for (sums, share) in self.sums.iter_mut().zip(shares) {
             let [sum_x, sum_y] = sums.place;
             *sums = Sums {
@@ -144,7 +146,7 @@ impl PatchLayout {
                 place: [sum_x + share * x, sum_y + share * y],
             };
         }
-        shares
+        Some(shares)
     }
 
     /// Its rows, once all points have been added.
@@ -195,44 +197,4 @@ impl PatchLayout {
 fn rows_apart(radius_m: f64, cell_m: f64) -> f64 {
     let share = ((radius_m / cell_m - ONE_ROW_CELLS) / (ALL_ROWS_CELLS - ONE_ROW_CELLS)).clamp(0.0, 1.0);
     share * share * (3.0 - 2.0 * share)
-}
-
-/// The portions of the pressure at a point of a contact that belong to its middle and to its eight sides. They sum to 1 and change continuously
-/// with the point.
-fn portions([x, y]: [f64; 2]) -> [f64; PATCH_ROWS] {
-    let r2 = (x * x + y * y).min(1.0);
-    let middle = (1.0 - r2) * (1.0 - r2);
-    let mut all = [0.0; PATCH_ROWS];
-    let mut sides = all.iter_mut();
-    if let Some(to) = sides.next() {
-        *to = middle;
-    }
-    if r2 > 0.0 {
-        // cos² of twice the angle to each side, as far as that is below an eighth of a turn.
-        let angle = y.atan2(x) / std::f64::consts::FRAC_PI_4;
-        for (side, to) in sides.enumerate() {
-            let off = (angle - side as f64 + 12.0).rem_euclid(8.0) - 4.0;
-            let cos = (off.abs().min(1.0) * std::f64::consts::FRAC_PI_2).cos();
-            *to = (1.0 - middle) * cos * cos;
-        }
-    }
-    all
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn portions_of_a_point_sum_to_one_and_have_the_symmetry_of_the_square() {
-        for (i, j) in (0..40).flat_map(|i| (0..40).map(move |j| (i, j))) {
-            let [x, y] = [i, j].map(|i| (f64::from(i) + 0.3) / 20.0 - 1.0);
-            let (at, turned) = (portions([x, y]), portions([-y, x]));
-            assert!((at.iter().sum::<f64>() - 1.0).abs() < 1e-12 && at.iter().all(|p| *p >= 0.0));
-            assert!((at[0] - turned[0]).abs() < 1e-12);
-            for side in 0..8 {
-                assert!((at[1 + side] - turned[1 + (side + 2) % 8]).abs() < 1e-12, "({x}, {y}), {side}");
-            }
-        }
-    }
 }

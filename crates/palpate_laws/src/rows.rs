@@ -110,6 +110,9 @@ fn in_series(
     if approach.is_nan() || approach <= 0.0 {
         return coulomb.impulse(w, free);
     }
+    if let Some(per_kg) = isotropic(w) {
+        return in_series_with_a_mass(coulomb, (series, tangential_m_per_n), (per_kg, free, approach), h);
+    }
     let (mut low, mut high) = (0.0, series.force_n(approach * h));
     let own = n.dot(w * n);
     if own > 0.0 {
@@ -142,6 +145,29 @@ fn in_series(
     impulse
 }
 
+/// As [`in_series`], where an impulse does the same to the velocity in every direction, `per_kg`: then what is along the normal and what is
+/// across it are apart.
+fn in_series_with_a_mass(
+    coulomb: Coulomb,
+    (series, tangential_m_per_n): (&SeriesCompliance, f64),
+    (per_kg, free, approach): (f64, DVec3, f64),
+    h: f64,
+) -> DVec3 {
+    let n = coulomb.normal();
+    let normal_ns = h * series.force_beside_n(approach * h, per_kg * h * h);
+    let (slip, most) = (free + approach * n, coulomb.friction() * normal_ns);
+    let across = per_kg + tangential_m_per_n / (h * h);
+    let friction = if across > 0.0 { slip / across } else { most * slip.normalize_or_zero() };
+    let length = friction.length();
+    normal_ns * n - if length > most { most / length * friction } else { friction }
+}
+
+/// What an impulse does to the velocity in every direction, where that is the same.
+fn isotropic(w: DMat3) -> Option<f64> {
+    let own = w.x_axis.x;
+    (w == DMat3::from_diagonal(DVec3::splat(own))).then_some(own)
+}
+
 /// Gives every row its impulse, so that at the end of a step of length `h`, s, each obeys its law, by projected
 /// Gauss-Seidel (F. Jourdan, P. Alart, M. Jean, Comput. Methods Appl. Mech. Eng. 155 (1998) 31): row after row answers
 /// exactly while the others stand, until nothing changes or as many sweeps are over as `effort` allows. Rows may begin with
@@ -170,7 +196,9 @@ pub fn solve_rows(rows: &mut [Row], answer: &mut impl Answer, h: f64, effort: Ef
             change = change.max(more.length());
             moved = moved.max(h * (row.own_per_kg * more).length());
         }
-        if change <= effort.tolerance * largest || count > PATIENCE && moved <= MOVED_M {
+        // A row that is alone has its answer at once.
+        let is_settled = change <= effort.tolerance * largest || rows.len() == 1;
+        if is_settled || count > PATIENCE && moved <= MOVED_M {
             return Sweeps { count, converged: true };
         }
     }

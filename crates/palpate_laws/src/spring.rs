@@ -91,7 +91,8 @@ impl Spring {
         if length == 0.0 {
             return DVec3::ZERO;
         }
-        let u = d / length;
+        // One division instead of three: springs are most of what a step computes.
+        let u = d * length.recip();
         let tension = self.law.at(length - self.rest_length_m).force_n + self.damping_ns_per_m * u.dot(d_dot);
         tension * u
     }

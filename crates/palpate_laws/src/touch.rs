@@ -111,20 +111,29 @@ impl ToolShape {
     }
 }
 
-/// Barycentric weights of the point of a triangle nearest to `p`: on a corner, an edge or the face, by the regions of
-/// C. Ericson, Real-Time Collision Detection (2005), section 5.1.5.
+/// Barycentric weights of the point of a triangle nearest to `p`.
 #[must_use]
 pub fn nearest_weights(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let (ab, ac) = (b - a, c - a);
-    let (d1, d2) = (ab.dot(p - a), ac.dot(p - a));
+    let of = |x: DVec3| (ab.dot(p - x), ac.dot(p - x));
+    weights_of_products(of(a), of(b), of(c))
+}
+
+/// Barycentric weights of the point of a triangle nearest to p: on a corner, an edge or the face, by the regions of
+/// C. Ericson, Real-Time Collision Detection (2005), section 5.1.5, from the products of the edges AB and AC with the way to p from each
+/// corner.
+#[inline]
+pub(crate) fn weights_of_products(
+    (d1, d2): (f64, f64),
+    (d3, d4): (f64, f64),
+    (d5, d6): (f64, f64),
+) -> [f64; 3] {
     if d1 <= 0.0 && d2 <= 0.0 {
         return [1.0, 0.0, 0.0];
     }
-    let (d3, d4) = (ab.dot(p - b), ac.dot(p - b));
     if d3 >= 0.0 && d4 <= d3 {
         return [0.0, 1.0, 0.0];
     }
-    let (d5, d6) = (ab.dot(p - c), ac.dot(p - c));
     if d6 >= 0.0 && d5 <= d6 {
         return [0.0, 0.0, 1.0];
     }

@@ -95,17 +95,19 @@ impl Cholesky {
     }
 }
 
-/// Σ a_i b_i in four running sums, so that it vectorises.
+/// Σ a_i b_i in eight running sums, so that it vectorises and no sum waits for the one before.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 4];
-    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
-    let rest: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a4.zip(b4) {
+    let mut sums = [0.0; 8];
+    let n = a.len().min(b.len());
+    let ((a8, a_rest), (b8, b_rest)) = (a[..n].as_chunks::<8>(), b[..n].as_chunks::<8>());
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    for (a, b) in a8.iter().zip(b8) {
         for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
             *sum += a * b;
         }
     }
-    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
+    let [a, b, c, d, e, f, g, h] = sums;
+    ((a + b) + (c + d)) + ((e + f) + (g + h)) + rest
 }
 
 /// y += factor · Σ_j a_j x_j over the columns a_j of A, which lie one after the other: as a symmetric matrix's rows do. Faster

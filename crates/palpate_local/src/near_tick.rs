@@ -26,6 +26,8 @@ pub(crate) struct NearState {
     ring_dx: Vec<f64>,
     ring_v: Vec<f64>,
     ring_n: Vec<f64>,
+    /// The nodes of S and of the ring as ends of springs.
+    ends: Vec<SpringEnd>,
     /// Whether the forces of the near springs are those of the present state.
     is_stretched: bool,
     scratch: Vec<f64>,
@@ -36,6 +38,14 @@ pub(crate) struct NearState {
     proxy_m: DVec3,
     /// What is displayed, N.
     displayed_n: DVec3,
+}
+
+/// Where an end of springs is, m, how fast it goes, m/s, and what they pull at it with, N.
+#[derive(Clone, Copy, Debug, Default)]
+struct SpringEnd {
+    x: DVec3,
+    v: DVec3,
+    force_n: DVec3,
 }
 
 impl NearState {
@@ -50,6 +60,7 @@ impl NearState {
             ring_dx: still.clone(),
             ring_v: still.clone(),
             ring_n: still,
+            ends: vec![SpringEnd::default(); capacity.nodes + capacity.ring],
             is_stretched: false,
             scratch: zero,
             meeting: Meeting::with_capacity(capacity),
@@ -196,11 +207,15 @@ impl NearState {
         };
         match field.integrator {
             TickIntegrator::Explicit { .. } => {
-                let per_kg = field.node_per_kg.iter().flat_map(|m| [*m; 3]).take(s);
-                let inverse = per_kg.chain(std::iter::repeat(1.0));
-                for ((v, f), per_kg) in z_dot.iter_mut().zip(&*force).zip(inverse).skip(first) {
-                    *v += h * per_kg * f;
+                let (v_s, q_dot) = z_dot.split_at_mut(s);
+                let (on_s, on_q) = force.split_at(s);
+                if first == 0 {
+                    let nodes = v_s.as_chunks_mut::<3>().0.iter_mut().zip(on_s.as_chunks::<3>().0);
+                    for ((v, f), per_kg) in nodes.zip(&field.node_per_kg) {
+                        v.iter_mut().zip(f).for_each(|(v, f)| *v += h * per_kg * f);
+                    }
                 }
+                q_dot.iter_mut().zip(on_q).for_each(|(v, f)| *v += h * f);
             }
             TickIntegrator::Implicit { .. } => {
                 // (M/h + B + hK) Δż = f − hK ż, driven velocities being given.
@@ -226,7 +241,8 @@ impl NearState {
         self.proxy_m = proxy_m;
         let is_closing = closing.is_some();
         let v = closing.unwrap_or(z_dot);
-        z.iter_mut().zip(v).skip(first).for_each(|(z, v)| *z += h * v);
+        let moving = z.get_mut(first..).into_iter().flatten().zip(v.get(first..).into_iter().flatten());
+        moving.for_each(|(z, v)| *z += h * v);
         // The ring goes with q: by its velocities, or where positions went otherwise, anew.
         multiply(field, z_dot.get(s..).unwrap_or_default(), &mut self.ring_v);
         self.is_stretched = false;
@@ -243,37 +259,35 @@ impl NearState {
         if std::mem::replace(&mut self.is_stretched, true) {
             return;
         }
-        let (z, z_dot) = (&self.z, &self.z_dot);
-        self.ring_n.iter_mut().take(3 * field.ring).for_each(|f| *f = 0.0);
-        self.internal_n.iter_mut().take(field.nodes).for_each(|f| *f = DVec3::ZERO);
-        let node = |i: usize| Some((*field.node_m.get(i)? + get(z, i), get(z_dot, i)));
+        let Self { z, z_dot, ring_dx, ring_v, ends, internal_n, ring_n, .. } = self;
+        // Where the nodes are is computed once for all springs that end on them.
+        let of_s = field.node_m.iter().zip(vectors(z)).zip(vectors(z_dot)).take(field.nodes);
+        let of_ring = field.ring_m.iter().zip(vectors(ring_dx)).zip(vectors(ring_v)).take(field.ring);
+        for (to, ((rest, dx), v)) in ends.iter_mut().zip(of_s.chain(of_ring)) {
+            *to = SpringEnd { x: *rest + dx, v, force_n: DVec3::ZERO };
+        }
         for near in field.near.iter().take(field.springs) {
-            let Some((x_a, v_a)) = node(near.a) else { continue };
-            let end = match near.b {
-                NearEnd::Support(i) => node(i),
-                NearEnd::Ring(i) => {
-                    field.ring_m.get(i).map(|x| (*x + get(&self.ring_dx, i), get(&self.ring_v, i)))
+            let Some(a) = ends.get(near.a) else { continue };
+            let (index, x, v) = match near.b {
+                NearEnd::Support(i) | NearEnd::Ring(i) => {
+                    let index = if matches!(near.b, NearEnd::Ring(_)) { field.nodes + i } else { i };
+                    let Some(b) = ends.get(index) else { continue };
+                    (Some(index), b.x, b.v)
                 }
-                NearEnd::Fixed(x) => Some((x, DVec3::ZERO)),
+                NearEnd::Fixed(x) => (None, x, DVec3::ZERO),
             };
-            let Some((x_b, v_b)) = end else { continue };
-            let f = near.spring.force_on_a(x_b - x_a, v_b - v_a);
-            if let Some(sum) = self.internal_n.get_mut(near.a) {
-                *sum += f;
+            let f = near.spring.force_on_a(x - a.x, v - a.v);
+            if let Some(a) = ends.get_mut(near.a) {
+                a.force_n += f;
             }
-            match near.b {
-                NearEnd::Support(i) => {
-                    if let Some(sum) = self.internal_n.get_mut(i) {
-                        *sum -= f;
-                    }
-                }
-                NearEnd::Ring(i) => {
-                    let sum = get(&self.ring_n, i) - f;
-                    put(&mut self.ring_n, i, sum);
-                }
-                NearEnd::Fixed(_) => {}
+            if let Some(b) = index.and_then(|index| ends.get_mut(index)) {
+                b.force_n -= f;
             }
         }
+        let (of_s, of_ring) = ends.split_at(field.nodes.min(ends.len()));
+        internal_n.iter_mut().zip(of_s).for_each(|(to, end)| *to = end.force_n);
+        let of_ring = ring_n.as_chunks_mut::<3>().0.iter_mut().zip(of_ring).take(field.ring);
+        of_ring.for_each(|(to, end)| *to = end.force_n.to_array());
         self.push_near_tetrahedra(field);
     }
 
@@ -350,6 +364,11 @@ fn multiply(field: &NearField, q: &[f64], to: &mut [f64]) {
         to.fill(0.0);
         add_columns(to, &field.basis, q, 1.0);
     }
+}
+
+/// The vectors of a list of numbers.
+fn vectors(list: &[f64]) -> impl Iterator<Item = DVec3> {
+    list.as_chunks::<3>().0.iter().map(|v| DVec3::from_array(*v))
 }
 
 /// The `i`-th vector of a list of numbers.

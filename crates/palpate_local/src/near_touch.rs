@@ -6,6 +6,7 @@
 )]
 
 mod displayed;
+mod near_triangles;
 mod patches;
 mod row;
 
@@ -115,7 +116,7 @@ impl Meeting {
             Support::Touched { shape, friction } => {
                 self.patches.find(field, &shape, tool, placed);
                 let room = (&mut self.rows, &mut self.weights[..], &mut self.mean[..]);
-                let is_full = row::rows_of_patches(field, &self.patches, friction, placed.z, room);
+                let is_full = row::rows_of_patches(field, &mut self.patches, friction, placed, room);
                 self.unsolved |= is_full || self.patches.is_full;
             }
         }
@@ -170,7 +171,7 @@ impl Meeting {
             if is_held {
                 row.aim_held(field, weights, tool, h, z);
             } else {
-                row.aim(field, weights, tool, h, z);
+                row.aim(weights, tool, h, z);
             }
         }
         let (Some(before), false) = (self.before.get_mut(..z_dot.len()), self.rows.is_empty()) else {

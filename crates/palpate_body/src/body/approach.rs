@@ -8,8 +8,9 @@ use crate::tool::Hold;
 use crate::{SurfaceTree, ToolContact};
 use glam::DVec3;
 use palpate_laws::{
-    MAX_PATCHES, PATCH_ROWS, Patch, PatchLayout, PatchScale, PatchStart, RowLayout, Seed, SeriesCompliance,
-    SurfacePlace, ToolShape, contact_radius_m, lever, normal_compliance_at,
+    CarriedPoint, KnownPatch, KnownPatches, MAX_PATCHES, MOST_CARRIED, PATCH_ROWS, Patch, PatchLayout,
+    PatchScale, PatchStart, RowLayout, Seed, SeriesCompliance, SurfacePlace, ToolShape, contact_radius_m,
+    lever, normal_compliance_at,
 };
 
 /// A tool that moves farther in a millisecond has jumped: what lay between was not touched.
@@ -148,6 +149,16 @@ impl Body {
             }
         }
         contact.touched = before;
+        let known = |row: &ToolPatch| KnownPatch {
+            patch: row.patch,
+            at_m: row.corners.iter().map(|&(point, w)| w * x[point]).sum(),
+            rest_normal: row.rest_normal,
+            radius_m: row.radius_m,
+        };
+        let mut all = KnownPatches::default();
+        approach.patches.iter().for_each(|row| {
+            all.add(known(row));
+        });
         let mut seeds: Vec<Seed> = self
             .contact_surface
             .parts_of(near)
@@ -155,38 +166,25 @@ impl Body {
             .filter_map(|triangle| {
                 let corners = self.contact_surface.triangles()[triangle].map(|point| x[point]);
                 let rest_normal = self.contact_surface.rest_normal(triangle);
+                let [a, b, c] = corners;
+                let ball = (a, a.distance(b).max(a.distance(c)));
+                if all.cover(rest_normal, ball, scale.cell_m) {
+                    return None;
+                }
                 Seed::of(&shape, way, (triangle, corners, rest_normal), beside)
             })
             .collect();
-        while let Some(first) = seeds.iter().copied().reduce(|a, b| if b.is_before(&a) { b } else { a }) {
-            let is_apart = |rest_normal: DVec3, row: &ToolPatch| {
-                let at_m: DVec3 = row.corners.iter().map(|&(point, w)| w * x[point]).sum();
-                first.is_apart((at_m, rest_normal, row.radius_m), scale.cell_m)
-            };
-            seeds.retain(|seed| seed.place.triangle != first.place.triangle);
-            if !approach.patches.iter().all(|row| is_apart(row.rest_normal, row)) {
-                continue;
-            }
-            let Some(patch) = find(&PatchStart::on(first.place, first.normal)) else { continue };
-            // Where two places lead to one patch, it is one.
-            let is_same = |row: &ToolPatch| {
-                row.patch.foot.triangle == patch.foot.triangle
-                    || row.patch.normal.dot(patch.normal) > 0.9 && !is_apart(first.rest_normal, row)
-            };
-            if approach.patches.iter().any(is_same) {
-                continue;
-            }
+        all.begin(&mut seeds, scale.cell_m, find, |patch, seed| {
             if approach.patches.len() == MAX_PATCHES {
                 approach.left_out += 1;
-                continue;
+                return None;
             }
-            approach.patches.push(self.patch_rows(
-                &surface,
-                &shape,
-                patch,
-                (first.rest_normal, [0.0; PATCH_ROWS], [DVec3::ZERO; PATCH_ROWS]),
-            ));
-        }
+            let forces = (seed.rest_normal, [0.0; PATCH_ROWS], [DVec3::ZERO; PATCH_ROWS]);
+            let row = self.patch_rows(&surface, &shape, patch, forces);
+            let known = known(&row);
+            approach.patches.push(row);
+            Some(known)
+        });
         approach
     }
 
@@ -244,22 +242,18 @@ impl Body {
         let modulus_pa = self.modulus_at_pa(triangle, weights);
         let scale = self.patch_scale();
         let mut layout = PatchLayout::new(shape, &patch, (modulus_pa, POISSONS_RATIO), &row_n, &scale);
-        let carry = |nodes: &mut Weights, place: SurfacePlace, share: f64| {
-            let corners = self.contact_surface.triangles()[place.triangle];
-            for (point, w) in corners.into_iter().zip(place.weights).filter(|(_, w)| *w != 0.0) {
-                for &(node, o) in self.contact_surface.points()[point].nodes() {
-                    add(nodes, node, share * w * o);
-                }
-            }
-        };
+        let mut carried = Vec::with_capacity(MOST_CARRIED);
+        let corners_of = |triangle: usize| self.contact_surface.triangles().get(triangle).copied();
+        layout.carry(surface, corners_of, &scale, &mut carried);
         let mut mean: Weights = Vec::new();
         let mut own: [Weights; PATCH_ROWS] = Default::default();
-        patch.spread(surface, layout.pressure, &scale, |place, share, point| {
-            carry(&mut mean, place, share);
-            let shares = layout.add(point, share);
-            let parts = own.iter_mut().zip(shares).filter(|(_, share)| *share > 0.0);
-            parts.for_each(|(nodes, share)| carry(nodes, place, share));
-        });
+        for CarriedPoint { point, share, of_rows } in carried {
+            for &(node, w) in self.contact_surface.points()[point].nodes() {
+                add(&mut mean, node, share * w);
+                let parts = own.iter_mut().zip(of_rows).filter(|(_, part)| *part > 0.0);
+                parts.for_each(|(nodes, part)| add(nodes, node, part * w));
+            }
+        }
         let series = if self.adds_compliance() {
             modulus_pa.and_then(|modulus_pa| self.missing_compliance(&mean, &layout, modulus_pa))
         } else {

@@ -5,32 +5,83 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+use super::near_triangles::NearTriangles;
 use crate::dense::room;
 use crate::near_tick::get;
-use crate::{NearField, NearFieldCapacity, NearPatch, NearPoint};
+use crate::{NearField, NearFieldCapacity, NearPatch};
 use glam::DVec3;
 use palpate_laws::{
-    MAX_PATCHES, Neighbour, PATCH_ROWS, Patch, PatchLayout, PatchStart, PatchSurface, Seed, SurfacePlace,
-    ToolMove, ToolShape, contact_radius_m,
+    CarriedPoint, KnownPatch, KnownPatches, MAX_PATCHES, MOST_CARRIED, Neighbour, PATCH_ROWS, Patch,
+    PatchLayout, PatchStart, PatchSurface, Seed, SurfacePlace, ToolMove, ToolShape, contact_radius_m,
 };
+use std::cell::Cell;
 
 /// Where S and the ring are: δx_S, v_S, and the displacements of the ring.
+#[derive(Clone, Copy)]
 pub(crate) struct Placed<'a> {
     pub(crate) z: &'a [f64],
     pub(crate) z_dot: &'a [f64],
     pub(crate) ring_dx: &'a [f64],
 }
 
+impl Placed<'_> {
+    /// Where a node of S or of the ring is, m.
+    fn node_m(&self, field: &NearField, node: usize) -> DVec3 {
+        match node.checked_sub(field.nodes) {
+            None => field.node_m.get(node).copied().unwrap_or_default() + get(self.z, node),
+            Some(i) => field.ring_m.get(i).copied().unwrap_or_default() + get(self.ring_dx, i),
+        }
+    }
+}
+
+/// The points of a surface, as far as a tick has asked for them: few are near the tool.
+#[derive(Debug)]
+pub(super) struct Points {
+    /// Where each was, m, and in which tick.
+    known: Vec<Cell<(u64, DVec3)>>,
+    tick: u64,
+}
+
+impl Points {
+    fn with_capacity(points: usize) -> Self {
+        Self { known: vec![Cell::new((0, DVec3::ZERO)); points], tick: 1 }
+    }
+
+    /// Forgets where they were.
+    fn forget(&mut self) {
+        self.tick = self.tick.wrapping_add(1);
+    }
+}
+
 /// The triangles of a near field with their points where they are now.
+#[derive(Clone, Copy)]
 pub(super) struct PlacedTriangles<'a> {
     pub(super) field: &'a NearField,
-    pub(super) x: &'a [DVec3],
+    pub(super) placed: &'a Placed<'a>,
+    pub(super) points: &'a Points,
+}
+
+impl PlacedTriangles<'_> {
+    /// Where a point is, m.
+    pub(super) fn point_m(&self, point: usize) -> Option<DVec3> {
+        let known = self.points.known.get(point)?;
+        let (tick, x) = known.get();
+        if tick == self.points.tick {
+            return Some(x);
+        }
+        let carried = self.field.point.get(point)?;
+        let carriers = carried.nodes.iter().filter(|(_, w)| *w != 0.0);
+        let x = carriers.map(|(node, w)| *w * self.placed.node_m(self.field, *node)).sum::<DVec3>()
+            + carried.fixed_m;
+        known.set((self.points.tick, x));
+        Some(x)
+    }
 }
 
 impl PatchSurface for PlacedTriangles<'_> {
     fn corners_m(&self, triangle: usize) -> Option<[DVec3; 3]> {
         let [a, b, c] = self.field.triangle.get(triangle).filter(|_| triangle < self.field.triangles)?.points;
-        Some([*self.x.get(a)?, *self.x.get(b)?, *self.x.get(c)?])
+        Some([self.point_m(a)?, self.point_m(b)?, self.point_m(c)?])
     }
 
     fn neighbours(&self, triangle: usize) -> [Neighbour; 3] {
@@ -53,14 +104,12 @@ pub(super) struct Patches {
     pub(super) held: usize,
     now: [Option<TickPatch>; MAX_PATCHES],
     seeds: Vec<Seed>,
-    /// The points of the surface, m.
-    pub(super) point_m: Vec<DVec3>,
+    near: NearTriangles,
+    points: Points,
+    carried: Vec<CarriedPoint>,
     /// Whether there were more than there may be.
     pub(super) is_full: bool,
 }
-
-/// Patches of one place have normals with a cosine above that.
-const SAME: f64 = 0.9;
 
 impl Patches {
     pub(super) fn with_capacity(capacity: NearFieldCapacity) -> Self {
@@ -69,7 +118,9 @@ impl Patches {
             held: 0,
             now: [None; MAX_PATCHES],
             seeds: Vec::with_capacity(capacity.triangles),
-            point_m: room(capacity.points, DVec3::ZERO),
+            near: NearTriangles::with_capacity(capacity),
+            points: Points::with_capacity(capacity.points),
+            carried: room(MOST_CARRIED, CarriedPoint::default()),
             is_full: false,
         }
     }
@@ -85,10 +136,13 @@ impl Patches {
         (self.before, self.held) = (field.contact.patches, field.contact.count.min(MAX_PATCHES));
         self.now = [None; MAX_PATCHES];
         self.is_full = false;
+        self.points.forget();
+        self.near.forget();
     }
 
-    pub(super) fn now(&self) -> impl Iterator<Item = &TickPatch> {
-        self.now.iter().flatten()
+    /// Those of the tick, the points of the surface, and room for those that carry one.
+    pub(super) fn parts(&mut self) -> (impl Iterator<Item = &TickPatch>, &Points, &mut Vec<CarriedPoint>) {
+        (self.now.iter().flatten(), &self.points, &mut self.carried)
     }
 
     /// Finds the patches of a tool of `shape` that moves so in a tick.
@@ -99,72 +153,52 @@ impl Patches {
         tool: &ToolMove,
         placed: &Placed<'_>,
     ) {
-        let Self { before, held, now, seeds, point_m, is_full } = self;
-        place(field, placed, point_m);
-        let surface = PlacedTriangles { field, x: point_m };
         let scale = field.contact.scale;
+        self.points.forget();
+        let Self { before, held, now, seeds, near, points, is_full, .. } = self;
+        *is_full = false;
+        let surface = PlacedTriangles { field, placed, points };
+        let elastic = |foot: SurfacePlace| (modulus_pa(field, foot), field.contact.poissons_ratio);
+        let find = |start: &PatchStart| Patch::find(&surface, shape, tool.to_m, start, &scale);
         let mut count = 0;
-        let elastic = |place: SurfacePlace| (modulus_pa(field, place), field.contact.poissons_ratio);
-        let laid_out = |known: NearPatch| {
+        let mut lay_out = |known: NearPatch| {
             let elastic = elastic(known.patch.foot);
             let layout = PatchLayout::new(shape, &known.patch, elastic, &known.row_n, &scale);
-            TickPatch { known, layout }
+            let NearPatch { patch, rest_normal, .. } = known;
+            let SurfacePlace { triangle, weights: [u, v, w] } = patch.foot;
+            let [a, b, c] = surface.corners_m(triangle)?;
+            let at_m = u * a + v * b + w * c;
+            *now.get_mut(count)? = Some(TickPatch { known, layout });
+            count += 1;
+            Some(KnownPatch { patch, at_m, rest_normal, radius_m: layout.pressure.1 })
         };
-        let find = |start: &PatchStart| Patch::find(&surface, shape, tool.to_m, start, &scale);
+        let mut all = KnownPatches::default();
         for known in before.iter().take(*held) {
             let elastic = elastic(known.patch.foot);
             let contact_m = contact_radius_m(shape, known.patch.normal, elastic, known.row_n.iter().sum());
             if let Some(patch) = find(&known.patch.start(contact_m))
-                && let Some(to) = now.get_mut(count)
+                && let Some(known) = lay_out(NearPatch { patch, ..*known })
             {
-                *to = Some(laid_out(NearPatch { patch, ..*known }));
-                count += 1;
+                all.add(known);
             }
         }
-        now.iter_mut().skip(count).for_each(|patch| *patch = None);
         let fastest = (0..field.nodes).map(|i| get(placed.z_dot, i).length()).fold(0.0, f64::max);
         let beside = 2.0 * fastest * field.tick_s + tool.short_m().length();
         seeds.clear();
-        let triangles = field.triangle.iter().take(field.triangles).enumerate();
-        for (index, triangle) in triangles {
-            let Some(corners) = surface.corners_m(index) else { continue };
-            let of = (index, corners, triangle.rest_normal);
-            let seed = Seed::of(shape, (tool.from_m, tool.to_m), of, beside);
+        let way = (tool.from_m, tool.to_m);
+        near.each(&surface, (shape, way, beside), &all, |index, corners, rest_normal| {
+            let seed = Seed::of(shape, way, (index, corners, rest_normal), beside);
             if let Some(seed) = seed.filter(|_| seeds.len() < seeds.capacity()) {
                 seeds.push(seed);
             }
-        }
-        while let Some(first) = seeds.iter().copied().reduce(|a, b| if b.is_before(&a) { b } else { a }) {
-            seeds.retain(|seed| seed.place.triangle != first.place.triangle);
-            let is_apart = |rest_normal: DVec3, TickPatch { known, layout }: &TickPatch| {
-                let SurfacePlace { triangle, weights: [u, v, w] } = known.patch.foot;
-                let at_m = surface.corners_m(triangle).map_or(first.at_m, |[a, b, c]| u * a + v * b + w * c);
-                first.is_apart((at_m, rest_normal, layout.pressure.1), scale.cell_m)
-            };
-            if !now.iter().flatten().all(|patch| is_apart(patch.known.rest_normal, patch)) {
-                continue;
-            }
-            let Some(patch) = find(&PatchStart::on(first.place, first.normal)) else { continue };
-            // Where two places lead to one patch, it is one.
-            let is_same = |other: &TickPatch| {
-                let known = &other.known.patch;
-                known.foot.triangle == patch.foot.triangle
-                    || known.normal.dot(patch.normal) > SAME && !is_apart(first.rest_normal, other)
-            };
-            if now.iter().flatten().any(is_same) {
-                continue;
-            }
-            let new = NearPatch {
-                patch,
-                rest_normal: first.rest_normal,
-                row_n: [0.0; PATCH_ROWS],
-                force_n: [DVec3::ZERO; PATCH_ROWS],
-            };
-            match now.iter_mut().find(|to| to.is_none()) {
-                Some(to) => *to = Some(laid_out(new)),
-                None => *is_full = true,
-            }
-        }
+        });
+        all.begin(seeds, scale.cell_m, find, |patch, seed| {
+            let (row_n, force_n) = ([0.0; PATCH_ROWS], [DVec3::ZERO; PATCH_ROWS]);
+            let known = lay_out(NearPatch { patch, rest_normal: seed.rest_normal, row_n, force_n });
+            *is_full |= known.is_none();
+            known
+        });
+        now.iter_mut().skip(count).for_each(|patch| *patch = None);
     }
 
     /// Notes the forces on the rows of the patches in the step that has been made.
@@ -191,15 +225,4 @@ pub(super) fn modulus_pa(field: &NearField, place: SurfacePlace) -> Option<f64> 
     let of = |(point, w): (usize, f64)| Some(w * field.point.get(point)?.modulus_pa);
     let modulus: f64 = corners.into_iter().zip(place.weights).filter_map(of).sum();
     (modulus > 0.0).then_some(modulus)
-}
-
-/// Where the points of the surface are, m.
-fn place(field: &NearField, placed: &Placed<'_>, point_m: &mut Vec<DVec3>) {
-    let at = |i: usize| match i.checked_sub(field.nodes) {
-        None => field.node_m.get(i).copied().unwrap_or_default() + get(placed.z, i),
-        Some(i) => field.ring_m.get(i).copied().unwrap_or_default() + get(placed.ring_dx, i),
-    };
-    let of = |point: &NearPoint| point.fixed_m + point.carriers().map(|(i, w)| w * at(i)).sum::<DVec3>();
-    point_m.clear();
-    point_m.extend(field.point.iter().take(field.points.min(point_m.capacity())).map(of));
 }

@@ -5,12 +5,12 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use super::patches::{Patches, PlacedTriangles, TickPatch, modulus_pa as patch_modulus};
+use super::patches::{Patches, Placed, PlacedTriangles, TickPatch, modulus_pa as patch_modulus};
+use crate::NearField;
 use crate::near_tick::get;
-use crate::{NearField, NearPoint};
 use glam::DVec3;
 use palpate_laws::{
-    CLOSING_M_PER_S, ContactGap, Coulomb, PATCH_ROWS, PatchLayout, RowLaw, SeriesCompliance, SurfacePlace,
+    CLOSING_M_PER_S, CarriedPoint, ContactGap, Coulomb, PATCH_ROWS, PatchLayout, RowLaw, SeriesCompliance,
     ToolMove, is_out_of_reach, lever,
 };
 
@@ -24,8 +24,8 @@ pub(super) struct Row {
     pub(super) push: DVec3,
     /// From the tool to its tip, m.
     tip_m: DVec3,
-    /// The part of the row's point that nodes outside of S carry, m.
-    elsewhere_m: DVec3,
+    /// Where the row's point is without δx_S, m.
+    rest_m: DVec3,
     /// The force along the normal in the step before, and the whole force on the body, N.
     force_n: f64,
     whole_n: DVec3,
@@ -46,7 +46,7 @@ impl Default for Row {
             law: RowLaw::TwoSided,
             push: DVec3::ZERO,
             tip_m: DVec3::ZERO,
-            elsewhere_m: DVec3::ZERO,
+            rest_m: DVec3::ZERO,
             force_n: 0.0,
             whole_n: DVec3::ZERO,
             gap_m: 0.0,
@@ -75,9 +75,8 @@ impl Row {
     }
 
     /// Its gap in a step of length `h`.
-    pub(super) fn aim(&mut self, field: &NearField, weights: &[f64], tool: &ToolMove, h: f64, z: &[f64]) {
-        let rest: DVec3 = weights.iter().zip(&field.node_m).map(|(w, x)| *w * *x).sum();
-        let at_m = self.elsewhere_m + rest + of_nodes(weights, z);
+    pub(super) fn aim(&mut self, weights: &[f64], tool: &ToolMove, h: f64, z: &[f64]) {
+        let at_m = self.rest_m + of_nodes(weights, z);
         let apart_m = (tool.to_m + self.tip_m - at_m).dot(-self.push);
         let (mut approached_m, mut stretched_m) = (0.0, DVec3::ZERO);
         if let RowLaw::OneSided { series: Some((series, tangential_m_per_n)), .. } = &mut self.law {
@@ -115,20 +114,21 @@ pub(super) fn of_nodes(weights: &[f64], v: &[f64]) -> DVec3 {
     weights.iter().enumerate().filter(|(_, w)| **w != 0.0).map(|(i, w)| *w * get(v, i)).sum()
 }
 
-/// The rows of the patches of a tick, whose weights are those of S, `weights` row by row of s each; `z` is δx_S now. Returns whether there
-/// were more than there is room for.
+/// The rows of the patches of a tick, whose weights are those of S, `weights` row by row of s each. Returns whether there were more than there
+/// is room for.
 pub(super) fn rows_of_patches(
     field: &NearField,
-    patches: &Patches,
+    patches: &mut Patches,
     friction: f64,
-    z: &[f64],
+    placed: &Placed<'_>,
     (rows, weights, mean): (&mut Vec<Row>, &mut [f64], &mut [f64]),
 ) -> bool {
     rows.clear();
-    let s = field.nodes.max(1);
-    let surface = PlacedTriangles { field, x: &patches.point_m };
+    let (s, z) = (field.nodes.max(1), placed.z);
+    let (now, points, carried) = patches.parts();
+    let surface = PlacedTriangles { field, placed, points };
     let mut is_full = false;
-    for (index, TickPatch { known, layout }) in patches.now().enumerate() {
+    for (index, TickPatch { known, layout }) in now.enumerate() {
         let Some(mean) = mean.get_mut(..field.nodes) else { return is_full };
         mean.fill(0.0);
         let mut mean_m = DVec3::ZERO;
@@ -139,14 +139,29 @@ pub(super) fn rows_of_patches(
             own.iter_mut().take(s * PATCH_ROWS).for_each(|w| *w = 0.0);
         }
         let mut layout = *layout;
-        known.patch.spread(&surface, layout.pressure, &field.contact.scale, |place, share, point| {
-            mean_m += carry(&surface, mean, place, share);
-            let shares = layout.add(point, share);
-            let parts = own.chunks_exact_mut(s).zip(&mut own_m).zip(shares);
-            for ((weights, at_m), share) in parts.filter(|(_, share)| *share > 0.0) {
-                *at_m += carry(&surface, weights, place, share);
+        let corners = |triangle: usize| Some(field.triangle.get(triangle)?.points);
+        layout.carry(&surface, corners, &field.contact.scale, carried);
+        for CarriedPoint { point, share, of_rows } in &*carried {
+            let (Some(carriers), Some(x)) = (field.point.get(*point), surface.point_m(*point)) else {
+                continue;
+            };
+            mean_m += *share * x;
+            let parts = || of_rows.iter().enumerate().filter(|(_, part)| **part > 0.0);
+            for (row, part) in parts() {
+                if let Some(at_m) = own_m.get_mut(row) {
+                    *at_m += *part * x;
+                }
             }
-        });
+            for (node, w) in carriers.nodes.iter().filter(|(_, w)| *w != 0.0) {
+                let Some(to) = mean.get_mut(*node) else { continue };
+                *to += share * w;
+                for (row, part) in parts() {
+                    if let Some(to) = own.get_mut(row * s + node) {
+                        *to += part * w;
+                    }
+                }
+            }
+        }
         // What S does not carry stands still until the next hand-over, and gives way as a half-space does.
         let foot = field.triangle.get(known.patch.foot.triangle);
         let is_static = foot.is_some_and(|triangle| !triangle.is_reachable);
@@ -192,13 +207,12 @@ pub(super) fn rows_of_patches(
             if is_static {
                 weights.fill(0.0);
             }
-            let here: DVec3 = weights.iter().zip(&field.node_m).map(|(w, x)| *w * *x).sum();
             rows.push(Row {
                 of: Some((index, row.index)),
                 law: RowLaw::OneSided { coulomb, series: series.map(|series| (series, 0.0)) },
                 push,
                 tip_m: row.tip_m - lead_m * row.normal,
-                elsewhere_m: at_m - here - of_nodes(weights, z),
+                rest_m: at_m - of_nodes(weights, z),
                 force_n: row.force_n,
                 whole_n: known.whole_n(row.index, row.portion),
                 ..Row::default()
@@ -206,22 +220,6 @@ pub(super) fn rows_of_patches(
         }
     }
     is_full
-}
-
-/// Adds a place with `share` to the weights of S; returns the share of where it is, m.
-fn carry(surface: &PlacedTriangles<'_>, weights: &mut [f64], place: SurfacePlace, share: f64) -> DVec3 {
-    let mut at_m = DVec3::ZERO;
-    let Some(triangle) = surface.field.triangle.get(place.triangle) else { return at_m };
-    for (index, w) in triangle.points.into_iter().zip(place.weights).filter(|(_, w)| *w != 0.0) {
-        let (Some(point), Some(x)) = (surface.field.point.get(index), surface.x.get(index)) else { continue };
-        at_m += share * w * *x;
-        for (node, o) in NearPoint::carriers(point) {
-            if let Some(weight) = weights.get_mut(node) {
-                *weight += share * w * o;
-            }
-        }
-    }
-    at_m
 }
 
 /// What the grid lacks of the law of a contact whose force is spread over S by `mean`.
