@@ -108,11 +108,15 @@ impl Indentation {
     }
 }
 
-/// How much more than in proportion a lattice of springs gives way, because springs that are compressed soften: by the share 0.33 u/(h + 0.13 R)
-/// of what it gives way by in proportion, u. Measured with balls of half a cell to 21 cells of radius, to a strain of a third.
-const SOFTENING: f64 = 0.33;
-const SOFTENING_PUNCH: f64 = 0.1;
-const SOFTENING_RADII: f64 = 0.13;
+/// How much more than in proportion a lattice of springs gives way, because springs that are compressed soften: by the share s u/(h² + (r R)²)^½
+/// of what it gives way by in proportion, u. Measured with balls of half a cell to ten cells of radius, and with punches of two to five.
+#[derive(Clone, Copy)]
+struct Softening {
+    s: f64,
+    r: f64,
+}
+const BALL_SOFTENING: Softening = Softening { s: 0.33, r: 1.0 / 3.0 };
+const PUNCH_SOFTENING: Softening = Softening { s: 0.25, r: 0.5 };
 
 /// The compliance in series with a row: the share of a smooth law of indentation that the grid does not resolve.
 ///
@@ -120,9 +124,10 @@ const SOFTENING_RADII: f64 = 0.13;
 /// force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeriesCompliance {
-    /// κ. Where it is below 0 the grid gives way by more than the law, and the tool meets the surface ahead of itself: see
-    /// [`SeriesCompliance::lead_m`].
+    /// κ, above 0.
     pub share: f64,
+    /// How far ahead of the tool the surface is met where the grid gives way by more than the law, m.
+    pub lead_m: f64,
     /// δ(F) under the force of the whole contact.
     pub law: Indentation,
     /// The portion of the contact's force that the row bears where pressure is spread as the law has it, above 0; 1 for a contact of one row.
@@ -136,44 +141,46 @@ impl SeriesCompliance {
         Self { portion, ..self }
     }
 
-    /// That of a grid of cells of `cell_m`, which under a small force gives way by C_g = `grid_m_per_n` for each newton: δ_s = δ − u(F) at a
-    /// force of `force_n`, with u = C_g F (1 + 0.33 C_g F/(h + 0.13 R)), because springs that are compressed soften.
+    /// That of a grid of cells of `cell_m`, which under a small force gives way by C_g = `grid_m_per_n` for each newton, at a force of `force_n` that has
+    /// been `eased_n` for some time: δ_s = δ − C_g F less what springs soften by.
     #[must_use]
-    pub fn missing(law: Indentation, (grid_m_per_n, cell_m): (f64, f64), force_n: f64) -> Self {
-        let (delta, grid_m) = (law.approach_m(force_n), grid_m_per_n * force_n);
-        let (softening, softened_m) = match law.pressure {
-            Pressure::Ball => (SOFTENING, grid_m),
-            Pressure::Punch => (SOFTENING_PUNCH, grid_m.min(delta)),
+    pub fn missing(
+        law: Indentation,
+        (grid_m_per_n, cell_m): (f64, f64),
+        (force_n, eased_n): (f64, f64),
+    ) -> Self {
+        let ratio = |part: f64, of: f64| if of > 0.0 { part / of } else { 0.0 };
+        let base = (1.0 - ratio(grid_m_per_n * force_n, law.approach_m(force_n))).clamp(0.0, 1.0);
+        let (eased_m, grid_m) = (law.approach_m(eased_n), grid_m_per_n * eased_n);
+        // A grid that does not resolve a punch's rim may give way too much in proportion, and its rows by less.
+        let (Softening { s, r }, grid_m) = match law.pressure {
+            Pressure::Ball => (BALL_SOFTENING, grid_m),
+            Pressure::Punch => (PUNCH_SOFTENING, grid_m.min(eased_m)),
         };
-        let softer_m = softening * softened_m * softened_m / (cell_m + SOFTENING_RADII * law.radius_m);
-        // A grid that does not resolve a punch's rim may give way too much in proportion, and its rows by less; what softens is real.
-        let share = if delta > 0.0 { (1.0 - grid_m / delta).max(0.0) - softer_m / delta } else { 1.0 };
-        Self { share: if share.is_nan() { 0.0 } else { share.clamp(-MAX_LEAD, 1.0) }, law, portion: 1.0 }
+        let softer_m = (s * grid_m * grid_m / cell_m.hypot(r * law.radius_m)).min(MAX_LEAD * eased_m);
+        // As much as there is comes from the compliance, the rest from the tool's place.
+        let share = (base - ratio(softer_m, eased_m)).max(LEAST_SHARE);
+        let lead_m = (softer_m - (base - share) * eased_m).max(0.0);
+        Self { share, lead_m, law, portion: 1.0 }
     }
 
     /// δ_s, m.
     #[must_use]
     pub fn approach_m(&self, force_n: f64) -> f64 {
-        self.share.max(LEAST_SHARE) * self.law.approach_m(force_n.max(0.0) / self.portion)
-    }
-
-    /// How far ahead of the tool the surface is met, m, where the grid gives way by more than the smooth law: at the force of the step before.
-    #[must_use]
-    pub fn lead_m(&self, force_n: f64) -> f64 {
-        (LEAST_SHARE - self.share).max(0.0) * self.law.approach_m(force_n.max(0.0) / self.portion)
+        self.share * self.law.approach_m(force_n.max(0.0) / self.portion)
     }
 
     /// The force under which it gives way by `approach_m`, N.
     #[must_use]
     pub fn force_n(&self, approach_m: f64) -> f64 {
-        self.portion * self.law.force_n(approach_m / self.share.max(LEAST_SHARE))
+        self.portion * self.law.force_n(approach_m / self.share)
     }
 
     /// The force F under which it and a compliance of `other_m_per_n` beside it give way by `approach_m` together, N: δ_s(F) + C F.
     #[must_use]
     pub fn force_beside_n(&self, approach_m: f64, other_m_per_n: f64) -> f64 {
         let Indentation { pressure, radius_m, modulus_pa } = self.law;
-        let (share, other) = (self.share.max(LEAST_SHARE), other_m_per_n * self.portion);
+        let (share, other) = (self.share, other_m_per_n * self.portion);
         let punch = share / (2.0 * modulus_pa * radius_m) + other;
         let full = match pressure {
             Pressure::Punch => (0.0, 0.0),
@@ -202,7 +209,7 @@ impl SeriesCompliance {
     /// dδ_s/dF, m/N.
     #[must_use]
     pub fn slope_m_per_n(&self, force_n: f64) -> f64 {
-        self.share.max(LEAST_SHARE) * self.law.slope_m_per_n(force_n / self.portion) / self.portion
+        self.share * self.law.slope_m_per_n(force_n / self.portion) / self.portion
     }
 
     /// The compliance across the normal that is missing too, m/N: the same share of 1/(8 G a/(2 − ν)), what a contact of radius a that does not
@@ -212,7 +219,7 @@ impl SeriesCompliance {
         // 8 G/(2 − ν) = 4 E* (1 − ν)/(2 − ν).
         let stiffness =
             4.0 * TANGENTIAL * self.law.modulus_pa * self.law.radius_of_contact_m(force_n / self.portion);
-        self.share.max(LEAST_SHARE) / (stiffness * self.portion)
+        self.share / (stiffness * self.portion)
     }
 
     /// The energy that it stores under `force_n`, J.
@@ -220,7 +227,7 @@ impl SeriesCompliance {
     pub fn energy_j(&self, force_n: f64) -> f64 {
         let whole_n = force_n.max(0.0) / self.portion;
         let stored = whole_n * self.law.approach_m(whole_n) - self.law.complementary_energy_j(whole_n);
-        self.share.max(LEAST_SHARE) * self.portion * stored
+        self.share * self.portion * stored
     }
 }
 
@@ -267,8 +274,8 @@ mod tests {
     #[test]
     fn a_force_beside_another_compliance_gives_way_by_both() {
         for law in [BALL, PUNCH] {
-            for (share, portion) in [(1.0, 1.0), (0.3, 0.07), (-0.2, 0.5)] {
-                let series = SeriesCompliance { share, law, portion };
+            for (share, portion) in [(1.0, 1.0), (0.3, 0.07), (0.05, 0.5)] {
+                let series = SeriesCompliance { share, lead_m: 0.0, law, portion };
                 for approach in [1e-9, 1e-4, 0.002, 0.02] {
                     for other in [0.0, 1e-9, 1e-4, 0.01, 1.0, 1e6] {
                         let f = series.force_beside_n(approach, other);
@@ -284,17 +291,26 @@ mod tests {
     fn what_a_grid_resolves_is_taken_from_the_compliance() {
         let law = BALL;
         let f = 0.3;
-        let missing = SeriesCompliance::missing(law, (0.25 * law.approach_m(f) / f, 1e3), f);
+        let missing = SeriesCompliance::missing(law, (0.25 * law.approach_m(f) / f, 1e3), (f, f));
         assert!((missing.share - 0.75).abs() < 1e-6);
         assert!((missing.approach_m(f) - 0.75 * law.approach_m(f)).abs() < 1e-8);
-        let soft = SeriesCompliance::missing(law, (1.0, 0.01), f);
-        assert_eq!((soft.share, missing.lead_m(f)), (-MAX_LEAD, 0.0));
-        assert!((soft.approach_m(f) - soft.lead_m(f) + MAX_LEAD * law.approach_m(f)).abs() < 1e-15);
-        assert_eq!(SeriesCompliance::missing(law, (1.0, 0.01), 0.0).share, 1.0);
+        // What springs soften by comes from the compliance, and where that is not enough from the tool's place.
+        let delta = law.approach_m(f);
+        let firm = SeriesCompliance::missing(law, (0.5 * delta / f, 0.01), (f, f));
+        let softer =
+            BALL_SOFTENING.s * (0.5 * delta).powi(2) / 0.01_f64.hypot(BALL_SOFTENING.r * law.radius_m);
+        assert!((firm.approach_m(f) - (0.5 * delta - softer)).abs() < 1e-12 && firm.lead_m == 0.0);
+        let soft = SeriesCompliance::missing(law, (1.0, 0.01), (f, f));
+        assert!((soft.share, soft.lead_m) == (LEAST_SHARE, LEAST_SHARE * delta + MAX_LEAD * delta));
+        // A force that has begun just now has not softened anything yet.
+        let begun = SeriesCompliance::missing(law, (0.5 * delta / f, 0.01), (f, 0.0));
+        assert!((begun.approach_m(f) - 0.5 * delta).abs() < 1e-12 && begun.lead_m == 0.0);
+        assert_eq!(SeriesCompliance::missing(law, (1.0, 0.01), (0.0, 0.0)).share, 1.0);
         // A grid that resolves a ball's contact leaves the sagitta of the ball under the pressure, a fifth of the approach.
-        let resolved = SeriesCompliance::missing(law, (law.resolved_m_per_n(f), 1e3), f);
+        let resolved = SeriesCompliance::missing(law, (law.resolved_m_per_n(f), 1e3), (f, f));
         assert!((resolved.share - 0.2).abs() < 1e-6);
-        let punch = SeriesCompliance::missing(PUNCH, (PUNCH.resolved_m_per_n(f), 1e3), f);
-        assert!(punch.share.abs() < 1e-6);
+        // One that resolves a punch's leaves nothing.
+        let punch = SeriesCompliance::missing(PUNCH, (PUNCH.resolved_m_per_n(f), 1e3), (f, f));
+        assert!(punch.share == LEAST_SHARE && punch.lead_m > LEAST_SHARE * PUNCH.approach_m(f));
     }
 }

@@ -85,7 +85,7 @@ pub use grid_compliance::{lattice_compliance, normal_compliance_at, tangential_c
 pub use indentation::{Indentation, Pressure, SeriesCompliance};
 pub use law::{ForceLaw, Tension};
 pub use patch::{Neighbour, Patch, PatchScale, PatchStart, PatchSurface, SurfacePlace};
-pub use patch_rows::{MAX_PATCHES, PATCH_ROWS, PatchLayout, RowLayout, contact_radius_m};
+pub use patch_rows::{MAX_PATCHES, PATCH_ROWS, PatchLayout, RowLayout};
 pub use pressure_points::{PRESSURE_POINTS, PressurePoint};
 pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Effort, Row, RowLaw, Sweeps, solve_rows};
 pub use seed::{KnownPatch, KnownPatches, Seed};

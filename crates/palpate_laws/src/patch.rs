@@ -55,6 +55,8 @@ pub struct Patch {
     pub axis: DVec3,
     /// From the tool's position to its point that is deepest along the normal, m.
     pub tip_m: DVec3,
+    /// The force along the normal, averaged over some milliseconds, N.
+    pub eased_n: f64,
 }
 
 /// Where a patch is looked for: that of the step before, or a triangle.
@@ -68,6 +70,10 @@ pub struct PatchStart {
     pub axis: DVec3,
     /// Radius of the contact, m.
     pub contact_m: f64,
+    /// See [`Patch::eased_n`].
+    pub eased_n: f64,
+    /// How deep the tool is in the surface, in radii.
+    pub bedded: f64,
     rounds: usize,
 }
 
@@ -75,15 +81,20 @@ impl PatchStart {
     /// On a place of a triangle with that normal.
     #[must_use]
     pub fn on(foot: SurfacePlace, normal: DVec3) -> Self {
-        Self { foot, normal, axis: normal, contact_m: 0.0, rounds: ROUNDS }
+        Self { foot, normal, axis: normal, contact_m: 0.0, eased_n: 0.0, bedded: 0.0, rounds: ROUNDS }
     }
 }
 
 impl Patch {
-    /// It as the start of the next step's, with a contact of radius `contact_m`, m.
-    #[must_use]
-    pub fn start(&self, contact_m: f64) -> PatchStart {
-        PatchStart { foot: self.foot, normal: self.normal, axis: self.axis, contact_m, rounds: 1 }
+    /// Its averaged force after `span_s` under a force of `force_n`.
+    pub(crate) fn eased(&self, force_n: f64, span_s: f64) -> f64 {
+        self.eased_n + (force_n - self.eased_n) * -(-span_s / EASING_S).exp_m1()
+    }
+
+    /// The start that it is with that contact.
+    pub(crate) fn after(&self, contact_m: f64, eased_n: f64, bedded: f64) -> PatchStart {
+        let Self { foot, normal, axis, .. } = *self;
+        PatchStart { foot, normal, axis, contact_m, eased_n, bedded, rounds: 1 }
     }
 }
 
@@ -119,6 +130,9 @@ const RING_POINTS: [DVec2; 8] = [
     DVec2::NEG_Y,
     DVec2::new(FRAC_1_SQRT_2, -FRAC_1_SQRT_2),
 ];
+/// The time over which the force is averaged by which springs under a patch soften, s: in a tick the tissue has hardly moved, and a force that
+/// followed itself at once would tremble.
+const EASING_S: f64 = 8e-3;
 /// How often foot and normal of a patch that begins are computed in turn; one that goes on begins near enough.
 const ROUNDS: usize = 3;
 /// A change of the normal below which they have been found.
@@ -167,15 +181,16 @@ fn tangents(normal: DVec3, axes: [DVec3; 3]) -> [DVec3; 2] {
 
 impl ToolShape {
     /// From the tool's position to the middle of where it may touch a surface with unit normal `normal`, m, and how far the surface is from
-    /// there along the normal when it touches, m.
-    fn support(&self, normal: DVec3) -> (DVec3, f64) {
+    /// there along the normal when it touches, m. The deeper a punch is in the surface, `bedded` in radii, the less is it met by its rim.
+    fn support(&self, normal: DVec3, bedded: f64) -> (DVec3, f64) {
         match *self {
             Self::Sphere { radius_m } => (DVec3::ZERO, radius_m),
             Self::FlatPunch { radius_m, axis } => {
                 let along = -normal.dot(axis);
                 let aside = -normal - along * axis;
                 // From the middle of the face to its rim as the punch tilts, and on to the end of its side as it leans over.
-                let rim = aside / (aside.length_squared() + TILT * TILT).sqrt();
+                let tilt = TILT + bedded;
+                let rim = aside / (aside.length_squared() + tilt * tilt).sqrt();
                 let behind = (0.5 - 0.5 * along / TILT).clamp(0.0, 1.0);
                 let tip = radius_m * (rim - behind * axis);
                 let (exact, least) = (aside.length() * radius_m, tip.dot(-normal));
@@ -264,11 +279,11 @@ impl Patch {
         start: &PatchStart,
         scale: &PatchScale,
     ) -> Option<Self> {
-        let PatchStart { foot: start, normal, axis, contact_m, rounds } = *start;
+        let PatchStart { foot: start, normal, axis, contact_m, eased_n, bedded, rounds } = *start;
         let (mut foot, mut normal, mut is_on_edge) = (start, normal, false);
         let mut along = axis;
         for _ in 0..rounds {
-            let (reach, _) = shape.support(normal);
+            let (reach, _) = shape.support(normal, bedded);
             let middle = center_m + reach;
             let direction = (along, tangents(along, scale.axes));
             let mut seen = Projection::new(surface, Edges::Smooth, middle, direction);
@@ -308,7 +323,7 @@ impl Patch {
                 break;
             }
         }
-        let (reach, depth) = shape.support(normal);
+        let (reach, depth) = shape.support(normal, bedded);
         let raised = match *shape {
             ToolShape::FlatPunch { radius_m, axis } if is_on_edge => {
                 let corners = surface.corners_m(foot.triangle)?;
@@ -319,7 +334,7 @@ impl Patch {
             }
             _ => 0.0,
         };
-        Some(Self { foot, normal, axis: along, tip_m: reach - (depth - raised) * normal })
+        Some(Self { foot, normal, axis: along, tip_m: reach - (depth - raised) * normal, eased_n })
     }
 
     /// Two unit vectors across its normal that turn with the body.

@@ -5,7 +5,9 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use crate::{Indentation, Patch, PatchScale, Pressure, PressurePoint, SeriesCompliance, ToolShape};
+use crate::{
+    Indentation, Patch, PatchScale, PatchStart, Pressure, PressurePoint, SeriesCompliance, ToolShape,
+};
 use glam::DVec3;
 
 /// Most patches that a tool has at once.
@@ -20,11 +22,22 @@ const RIM_CELLS: f64 = 0.3;
 /// A row with less of the force is none.
 const NO_PORTION: f64 = 1e-9;
 
-/// The radius of the contact of a tool of `shape` with a surface of normal `normal`, m, of Young's modulus and Poisson's ratio `elastic`, under a
-/// force of `force_n`. A ball on a body without a modulus touches at a point.
-#[must_use]
-pub fn contact_radius_m(shape: &ToolShape, normal: DVec3, elastic: (Option<f64>, f64), force_n: f64) -> f64 {
-    contact(shape, normal, elastic, force_n).2
+impl Patch {
+    /// It as the start of the next step's, which takes `span_s`, for a tool of `shape` that presses with `force_n` along the normal on a surface of
+    /// Young's modulus and Poisson's ratio `elastic`. A ball on a body without a modulus touches at a point.
+    #[must_use]
+    pub fn start(
+        &self,
+        shape: &ToolShape,
+        elastic: (Option<f64>, f64),
+        (force_n, span_s): (f64, f64),
+    ) -> PatchStart {
+        let eased_n = self.eased(force_n, span_s);
+        let contact_m = contact(shape, self.normal, elastic, force_n).2;
+        let (_, law, radius_m) = contact(shape, self.normal, elastic, eased_n);
+        let bedded = law.filter(|_| radius_m > 0.0).map_or(0.0, |law| law.approach_m(eased_n) / law.radius_m);
+        self.after(contact_m, eased_n, bedded)
+    }
 }
 
 fn contact(
@@ -185,11 +198,23 @@ impl PatchLayout {
         ball_m - (ball_m * ball_m - off * off).sqrt()
     }
 
+    /// What a grid of cells of `cell_m` lacks of the law under it, that gives way by `grid_m_per_n` under the pressure of the patch.
+    #[must_use]
+    pub fn missing_compliance(&self, grid_m_per_n: f64, cell_m: f64) -> Option<SeriesCompliance> {
+        let forces = (self.force_n, self.patch.eased_n);
+        self.law.map(|law| SeriesCompliance::missing(law, (grid_m_per_n, cell_m), forces))
+    }
+
     /// The compliance of rows on a body to which none is added: a twentieth of the smooth law, so that the load on rows which are nearly the same
     /// is shared, and a contact does not tremble.
     #[must_use]
     pub fn least_compliance(&self) -> Option<SeriesCompliance> {
-        self.law.map(|law| SeriesCompliance { share: crate::indentation::LEAST_SHARE, law, portion: 1.0 })
+        self.law.map(|law| SeriesCompliance {
+            share: crate::indentation::LEAST_SHARE,
+            lead_m: 0.0,
+            law,
+            portion: 1.0,
+        })
     }
 }
 

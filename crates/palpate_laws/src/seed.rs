@@ -153,6 +153,16 @@ impl KnownPatches {
         true
     }
 
+    /// Whether a patch whose foot is at `at_m` is one of those that are known: two that come to one place are one.
+    #[must_use]
+    pub fn have(&self, patch: &Patch, at_m: DVec3, cell_m: f64) -> bool {
+        self.iter().any(|known| {
+            let overlap_m = 0.5 * (known.radius_m + cell_m);
+            known.patch.foot.triangle == patch.foot.triangle
+                || known.patch.normal.dot(patch.normal) > SAME && known.at_m.distance(at_m) < overlap_m
+        })
+    }
+
     /// Whether no patch can begin on a triangle with that normal at rest, because all of it is on a known one: it lies in a ball of radius
     /// `radius_m` about `middle_m`.
     #[must_use]

@@ -9,8 +9,8 @@ use crate::{SurfaceTree, ToolContact};
 use glam::DVec3;
 use palpate_laws::{
     CarriedPoint, KnownPatch, KnownPatches, MAX_PATCHES, MOST_CARRIED, PATCH_ROWS, Patch, PatchLayout,
-    PatchScale, PatchStart, RowLayout, Seed, SeriesCompliance, SurfacePlace, ToolShape, contact_radius_m,
-    lever, normal_compliance_at,
+    PatchScale, PatchStart, RowLayout, Seed, SeriesCompliance, SurfacePlace, ToolShape, lever,
+    normal_compliance_at,
 };
 
 /// A tool that moves farther in a millisecond has jumped: what lay between was not touched.
@@ -127,7 +127,13 @@ impl Body {
         let surface = PlacedSurface { surface: &self.contact_surface, x: &x };
         let scale = self.patch_scale();
         let find = |start: &PatchStart| Patch::find(&surface, &shape, way.1, start, &scale);
-        let mut approach = Approach::default();
+        let known = |row: &ToolPatch| KnownPatch {
+            patch: row.patch,
+            at_m: row.corners.iter().map(|&(point, w)| w * x[point]).sum(),
+            rest_normal: row.rest_normal,
+            radius_m: row.radius_m,
+        };
+        let (mut approach, mut all) = (Approach::default(), KnownPatches::default());
         for touched in before.chunk_by(|a, b| a.patch == b.patch) {
             let Some(first) = touched.first() else { continue };
             let mut row_n = [0.0; PATCH_ROWS];
@@ -138,27 +144,18 @@ impl Body {
             let SurfacePlace { triangle, weights } = first.patch.foot;
             let modulus_pa = self.modulus_at_pa(triangle, weights);
             let elastic = (modulus_pa, POISSONS_RATIO);
-            let contact_m = contact_radius_m(&shape, first.patch.normal, elastic, row_n.iter().sum());
-            if let Some(patch) = find(&first.patch.start(contact_m)) {
-                approach.patches.push(self.patch_rows(
-                    &surface,
-                    &shape,
-                    patch,
-                    (first.rest_normal, row_n, row_f),
-                ));
+            let force_n = row_n.iter().sum();
+            let Some(patch) = find(&first.patch.start(&shape, elastic, (force_n, span_s))) else { continue };
+            let place = self.contact_surface.triangles()[patch.foot.triangle].map(|point| x[point]);
+            let at_m: DVec3 = place.into_iter().zip(patch.foot.weights).map(|(x, w)| w * x).sum();
+            if all.have(&patch, at_m, scale.cell_m) {
+                continue;
             }
+            let row = self.patch_rows(&surface, &shape, patch, (first.rest_normal, row_n, row_f));
+            all.add(known(&row));
+            approach.patches.push(row);
         }
         contact.touched = before;
-        let known = |row: &ToolPatch| KnownPatch {
-            patch: row.patch,
-            at_m: row.corners.iter().map(|&(point, w)| w * x[point]).sum(),
-            rest_normal: row.rest_normal,
-            radius_m: row.radius_m,
-        };
-        let mut all = KnownPatches::default();
-        approach.patches.iter().for_each(|row| {
-            all.add(known(row));
-        });
         let mut seeds: Vec<Seed> = self
             .contact_surface
             .parts_of(near)
@@ -275,7 +272,7 @@ impl Body {
                 return None;
             }
             let RowLayout { index, normal, tip_m, force_n, .. } = row;
-            let tip_m = tip_m - series.map_or(0.0, |series| series.lead_m(force_n)) * normal;
+            let tip_m = tip_m - series.map_or(0.0, |series| series.lead_m) * normal;
             let whole_n = if was_one { row_f[0] * row.portion } else { row_f[index] };
             Some(PatchRow { index, nodes, free_share, normal, tip_m, series, force_n, whole_n })
         };
@@ -297,7 +294,7 @@ impl Body {
             sum += w * (w * self.grid_compliance_per_m(a, a)? + 2.0 * other?);
         }
         let cell_m = self.patch_scale().cell_m;
-        Some(SeriesCompliance::missing(layout.law?, (sum / modulus_pa, cell_m), layout.force_n))
+        layout.missing_compliance(sum / modulus_pa, cell_m)
     }
 }
 

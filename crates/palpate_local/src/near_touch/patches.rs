@@ -12,7 +12,7 @@ use crate::{NearField, NearFieldCapacity, NearPatch};
 use glam::DVec3;
 use palpate_laws::{
     CarriedPoint, KnownPatch, KnownPatches, MAX_PATCHES, MOST_CARRIED, Neighbour, PATCH_ROWS, Patch,
-    PatchLayout, PatchStart, PatchSurface, Seed, SurfacePlace, ToolMove, ToolShape, contact_radius_m,
+    PatchLayout, PatchStart, PatchSurface, Seed, SurfacePlace, ToolMove, ToolShape,
 };
 use std::cell::Cell;
 
@@ -175,8 +175,13 @@ impl Patches {
         let mut all = KnownPatches::default();
         for known in before.iter().take(*held) {
             let elastic = elastic(known.patch.foot);
-            let contact_m = contact_radius_m(shape, known.patch.normal, elastic, known.row_n.iter().sum());
-            if let Some(patch) = find(&known.patch.start(contact_m))
+            let force_n = known.row_n.iter().sum();
+            let Some(patch) = find(&known.patch.start(shape, elastic, (force_n, field.tick_s))) else {
+                continue;
+            };
+            let SurfacePlace { triangle, weights: [u, v, w] } = patch.foot;
+            let Some([a, b, c]) = surface.corners_m(triangle) else { continue };
+            if !all.have(&patch, u * a + v * b + w * c, scale.cell_m)
                 && let Some(known) = lay_out(NearPatch { patch, ..*known })
             {
                 all.add(known);

@@ -166,7 +166,7 @@ pub(super) fn rows_of_patches(
         let foot = field.triangle.get(known.patch.foot.triangle);
         let is_static = foot.is_some_and(|triangle| !triangle.is_reachable);
         let series = if is_static {
-            layout.law.map(|law| SeriesCompliance { share: 1.0, law, portion: 1.0 })
+            layout.law.map(|law| SeriesCompliance { share: 1.0, lead_m: 0.0, law, portion: 1.0 })
         } else {
             missing_compliance(field, mean, patch_modulus(field, known.patch.foot), &layout)
         };
@@ -201,7 +201,7 @@ pub(super) fn rows_of_patches(
                 continue;
             }
             let series = series.map(|series| series.of_portion(borne));
-            let lead_m = series.map_or(0.0, |series| series.lead_m(row.force_n));
+            let lead_m = series.map_or(0.0, |series| series.lead_m);
             let push = -row.normal;
             let Ok(coulomb) = Coulomb::new(push, if is_static { 0.0 } else { friction }) else { continue };
             if is_static {
@@ -229,12 +229,12 @@ fn missing_compliance(
     modulus_pa: Option<f64>,
     layout: &PatchLayout,
 ) -> Option<SeriesCompliance> {
-    let (law, modulus_pa) = (layout.law?, modulus_pa?);
+    let modulus_pa = modulus_pa?;
     if !field.contact.adds_compliance {
         return layout.least_compliance();
     }
     let rows = field.compliance.chunks_exact(field.nodes.max(1)).zip(mean).filter(|(_, w)| **w != 0.0);
     let sum: f64 = rows.map(|(row, w)| w * row.iter().zip(mean).map(|(g, o)| g * o).sum::<f64>()).sum();
     let cell_m = field.contact.scale.cell_m;
-    Some(SeriesCompliance::missing(law, (sum / modulus_pa, cell_m), layout.force_n))
+    layout.missing_compliance(sum / modulus_pa, cell_m)
 }
