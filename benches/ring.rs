@@ -40,6 +40,19 @@ fn touched_lump() -> (Body, ToolContact, ToolPoint) {
     (body, contact, path[50])
 }
 
+/// A block of tissue with `nodes` along its side of 0.1 m that a ball of that radius has been pressed into from above by `depth_m`.
+fn pressed_block(nodes: usize, radius_m: f64, depth_m: f64) -> (Body, ToolContact, ToolPoint) {
+    let block = Block::new([nodes; 3], DVec3::splat(0.1)).map(|block| block.fix(Face::NegZ));
+    let block = block.and_then(|block| block.tissue(&Tissue::default())).expect("the block is a good one");
+    let mut body = Body::new(block.network, block.surface).expect("the surface is its own");
+    let mut contact = ToolContact::touch(ToolShape::Sphere { radius_m }, 0.3).expect("a good tool");
+    let top = DVec3::new(0.003, 0.004, 0.05 + radius_m);
+    let down = |i: i32| top - DVec3::Z * depth_m * (f64::from(i) / 200.0).min(1.0);
+    let path: Vec<ToolPoint> = (0..=400).map(|i| ToolPoint::at_rest(down(i))).collect();
+    body.advance(Some((&mut contact, &path)), 400, SemiImplicitEuler::default()).expect("it is stable");
+    (body, contact, path[400])
+}
+
 /// A whole tick of the loop, exchange and safety chain included, with the local model of `scheme`.
 fn tick_of(
     body: &Body,
@@ -61,7 +74,12 @@ fn tick_of(
     };
     tick();
     let id = ModelId { body: 1, epoch: 0, sequence: 1 };
-    builder.build(scheme, body, contact, at, id, handle.model_slot()).expect("there is room");
+    // Beside the thread that ticks, as in an app: what factorises leaves wide registers in use, and slows its own thread's ticks.
+    std::thread::scope(|scope| {
+        let build =
+            || builder.build(scheme, body, contact, at, id, handle.model_slot()).expect("there is room");
+        scope.spawn(build);
+    });
     handle.publish_model();
     tick
 }
@@ -87,6 +105,12 @@ fn ticks(c: &mut Criterion) {
                 group.bench_function(name, |b| b.iter(&mut tick));
             }
         }
+    }
+    // Contacts that stay: one row, and nine of a ball that is wide beside a cell.
+    for (name, nodes, radius_m, depth_m) in [("one row", 6, 0.005, 0.003), ("nine rows", 11, 0.02, 0.005)] {
+        let (body, contact, at) = pressed_block(nodes, radius_m, depth_m);
+        let mut tick = tick_of(&body, &contact, at, Scheme::NearFieldExact, BuilderOptions::default());
+        group.bench_function(format!("press on tissue, {name}"), |b| b.iter(&mut tick));
     }
     let (body, contact, at) = touched_lump();
     let mut tick = tick_of(&body, &contact, at, Scheme::NearFieldExact, BuilderOptions::of(&body));

@@ -181,19 +181,19 @@ impl SeriesCompliance {
     pub fn force_beside_n(&self, approach_m: f64, other_m_per_n: f64) -> f64 {
         let Indentation { pressure, radius_m, modulus_pa } = self.law;
         let (share, other) = (self.share, other_m_per_n * self.portion);
-        let punch = share / (2.0 * modulus_pa * radius_m) + other;
-        let full = match pressure {
+        let (full_n, full_m) = match pressure {
             Pressure::Punch => (0.0, 0.0),
             Pressure::Ball => (self.law.full_n(), share * radius_m + other * self.law.full_n()),
         };
-        if approach_m >= full.1 {
-            return self.portion * (full.0 + (approach_m - full.1) / punch);
+        if approach_m >= full_m {
+            let slope = share / (2.0 * modulus_pa * radius_m) + other;
+            return self.portion * (full_n + (approach_m - full_m) / slope);
         }
         // With the radius a of the contact, F ∝ a³ and δ ∝ a²: in units of the radius without the other compliance ρ x³ + x² = 1. Newton's
         // method comes to it from above.
-        let radius = (approach_m * radius_m / share).sqrt();
-        let per_cube = 4.0 / 3.0 * modulus_pa / radius_m * radius * radius * radius;
-        let rho = other * per_cube / approach_m;
+        let alone_m = approach_m / share;
+        let per_m = 4.0 / 3.0 * modulus_pa * (alone_m * radius_m).sqrt();
+        let rho = other * per_m / share;
         let mut x = if rho > FAR { rho.cbrt().recip() } else { 1.0 };
         for _ in 0..NEWTON_STEPS {
             let step = (x * x * (rho * x + 1.0) - 1.0) / (x * (3.0 * rho * x + 2.0));
@@ -203,7 +203,7 @@ impl SeriesCompliance {
                 break;
             }
         }
-        self.portion * per_cube * x * x * x
+        self.portion * per_m * alone_m * x * x * x
     }
 
     /// dδ_s/dF, m/N.
@@ -233,7 +233,7 @@ impl SeriesCompliance {
 
 /// Newton steps for the force beside another compliance, a step that is the last, and a ρ from which on the other compliance is a better guess.
 const NEWTON_STEPS: usize = 40;
-const SETTLED: f64 = 1e-8;
+const SETTLED: f64 = 1e-7;
 const FAR: f64 = 8.0;
 /// The least share of the smooth law that is in series with a row, so that the load on rows which are nearly the same is shared.
 pub(crate) const LEAST_SHARE: f64 = 0.05;

@@ -1,6 +1,7 @@
 //! A small dense Cholesky factorisation in place, for systems of a few dozen unknowns inside a tick.
 
 use crate::LocalModelError;
+use glam::DVec2;
 
 /// A = L Lᵀ of a symmetric positive definite matrix, row by row in a buffer that is made once.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,39 +96,47 @@ impl Cholesky {
     }
 }
 
-/// Σ a_i b_i in eight running sums, so that it vectorises and no sum waits for the one before.
+/// Σ a_i b_i in eight running sums, two to a register, so that no sum waits for the one before.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
     let n = a.len().min(b.len());
     let ((a8, a_rest), (b8, b_rest)) = (a[..n].as_chunks::<8>(), b[..n].as_chunks::<8>());
     let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    let mut sums = [DVec2::ZERO; 4];
     for (a, b) in a8.iter().zip(b8) {
-        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-            *sum += a * b;
+        for ((sum, a), b) in sums.iter_mut().zip(a.as_chunks::<2>().0).zip(b.as_chunks::<2>().0) {
+            *sum += DVec2::from_array(*a) * DVec2::from_array(*b);
         }
     }
-    let [a, b, c, d, e, f, g, h] = sums;
-    ((a + b) + (c + d)) + ((e + f) + (g + h)) + rest
+    let [a, b, c, d] = sums;
+    ((a + b) + (c + d)).element_sum() + rest
 }
 
+/// Rows of a product that are summed at once.
+const ROWS: usize = 16;
+
 /// y += factor · Σ_j a_j x_j over the columns a_j of A, which lie one after the other: as a symmetric matrix's rows do. Faster
-/// than by rows, for no sums are left at the end of each.
+/// than by rows, for no sums are left at the end of each; some rows at a time, so that y is written once.
 pub(crate) fn add_columns(y: &mut [f64], a: &[f64], x: &[f64], factor: f64) {
     let m = y.len();
-    let (fours, ones) = (a.chunks_exact(4 * m.max(1)), x.chunks_exact(4));
-    let rest_x = ones.remainder();
-    for (columns, x) in fours.zip(ones) {
-        let [a, b, c, d] = [0, 1, 2, 3].map(|i| factor * x[i]);
-        let (first, last) = columns.split_at(2 * m);
-        let ((first, second), (third, fourth)) = (first.split_at(m), last.split_at(m));
-        for ((((y, p), q), r), s) in y.iter_mut().zip(first).zip(second).zip(third).zip(fourth) {
-            *y += (a * p + b * q) + (c * r + d * s);
+    let columns = || a.chunks_exact(m.max(1)).zip(x);
+    let (blocks, rest) = y.as_chunks_mut::<ROWS>();
+    let whole = blocks.len() * ROWS;
+    for (index, y) in blocks.iter_mut().enumerate() {
+        let mut sums = [0.0; ROWS];
+        for (column, x) in columns() {
+            let Some(part) = column.get(index * ROWS..).and_then(|part| part.first_chunk::<ROWS>()) else {
+                continue;
+            };
+            sums.iter_mut().zip(part).for_each(|(sum, a)| *sum += a * x);
         }
+        y.iter_mut().zip(sums).for_each(|(y, sum)| *y += factor * sum);
     }
-    for (column, x) in a.chunks_exact(m.max(1)).skip(x.len() - rest_x.len()).zip(rest_x) {
-        let x = factor * x;
-        y.iter_mut().zip(column).for_each(|(y, a)| *y += x * a);
+    let mut sums = [0.0; ROWS];
+    for (column, x) in columns() {
+        let part = column.get(whole..).unwrap_or_default();
+        sums.iter_mut().zip(part).for_each(|(sum, a)| *sum += a * x);
     }
+    rest.iter_mut().zip(sums).for_each(|(y, sum)| *y += factor * sum);
 }
 
 /// y −= A x for a row-by-row matrix A.

@@ -63,6 +63,12 @@ fn run(hand_over: &mut HandOver, range: std::ops::Range<u64>, built: u64, at: u6
 }
 
 #[test]
+fn a_hand_over_can_be_shared_between_threads() {
+    fn is_shared<T: Send + Sync>() {}
+    is_shared::<HandOver>();
+}
+
+#[test]
 fn a_model_that_is_handed_over_late_says_what_it_would_have_said_in_time() {
     let in_time = run(&mut hand_over(8), 0..60, 10, 10);
     let late = run(&mut hand_over(8), 0..60, 10, 30);

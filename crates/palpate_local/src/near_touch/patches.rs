@@ -38,18 +38,24 @@ impl Placed<'_> {
 #[derive(Debug)]
 pub(super) struct Points {
     /// Where each was, m, and in which tick.
-    known: Vec<Cell<(u64, DVec3)>>,
+    known: Vec<(u64, DVec3)>,
     tick: u64,
 }
 
 impl Points {
     fn with_capacity(points: usize) -> Self {
-        Self { known: vec![Cell::new((0, DVec3::ZERO)); points], tick: 1 }
+        Self { known: vec![(0, DVec3::ZERO); points], tick: 1 }
     }
 
     /// Forgets where they were.
     fn forget(&mut self) {
         self.tick = self.tick.wrapping_add(1);
+    }
+
+    /// The triangles of `field` with these points, where S and the ring are now.
+    pub(super) fn of<'a>(&'a mut self, field: &'a NearField, placed: &'a Placed<'a>) -> PlacedTriangles<'a> {
+        let known = Cell::from_mut(&mut self.known[..]).as_slice_of_cells();
+        PlacedTriangles { field, placed, known, tick: self.tick }
     }
 }
 
@@ -58,22 +64,24 @@ impl Points {
 pub(super) struct PlacedTriangles<'a> {
     pub(super) field: &'a NearField,
     pub(super) placed: &'a Placed<'a>,
-    pub(super) points: &'a Points,
+    /// See [`Points`].
+    known: &'a [Cell<(u64, DVec3)>],
+    tick: u64,
 }
 
 impl PlacedTriangles<'_> {
     /// Where a point is, m.
     pub(super) fn point_m(&self, point: usize) -> Option<DVec3> {
-        let known = self.points.known.get(point)?;
+        let known = self.known.get(point)?;
         let (tick, x) = known.get();
-        if tick == self.points.tick {
+        if tick == self.tick {
             return Some(x);
         }
         let carried = self.field.point.get(point)?;
         let carriers = carried.nodes.iter().filter(|(_, w)| *w != 0.0);
         let x = carriers.map(|(node, w)| *w * self.placed.node_m(self.field, *node)).sum::<DVec3>()
             + carried.fixed_m;
-        known.set((self.points.tick, x));
+        known.set((self.tick, x));
         Some(x)
     }
 }
@@ -141,8 +149,10 @@ impl Patches {
     }
 
     /// Those of the tick, the points of the surface, and room for those that carry one.
-    pub(super) fn parts(&mut self) -> (impl Iterator<Item = &TickPatch>, &Points, &mut Vec<CarriedPoint>) {
-        (self.now.iter().flatten(), &self.points, &mut self.carried)
+    pub(super) fn parts(
+        &mut self,
+    ) -> (impl Iterator<Item = &TickPatch>, &mut Points, &mut Vec<CarriedPoint>) {
+        (self.now.iter().flatten(), &mut self.points, &mut self.carried)
     }
 
     /// Finds the patches of a tool of `shape` that moves so in a tick.
@@ -157,7 +167,7 @@ impl Patches {
         self.points.forget();
         let Self { before, held, now, seeds, near, points, is_full, .. } = self;
         *is_full = false;
-        let surface = PlacedTriangles { field, placed, points };
+        let surface = points.of(field, placed);
         let elastic = |foot: SurfacePlace| (modulus_pa(field, foot), field.contact.poissons_ratio);
         let find = |start: &PatchStart| Patch::find(&surface, shape, tool.to_m, start, &scale);
         let mut count = 0;

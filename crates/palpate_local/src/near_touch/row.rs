@@ -5,7 +5,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use super::patches::{Patches, Placed, PlacedTriangles, TickPatch, modulus_pa as patch_modulus};
+use super::patches::{Patches, Placed, TickPatch, modulus_pa as patch_modulus};
 use crate::NearField;
 use crate::near_tick::get;
 use glam::DVec3;
@@ -126,7 +126,7 @@ pub(super) fn rows_of_patches(
     rows.clear();
     let (s, z) = (field.nodes.max(1), placed.z);
     let (now, points, carried) = patches.parts();
-    let surface = PlacedTriangles { field, placed, points };
+    let surface = points.of(field, placed);
     let mut is_full = false;
     for (index, TickPatch { known, layout }) in now.enumerate() {
         let Some(mean) = mean.get_mut(..field.nodes) else { return is_full };
