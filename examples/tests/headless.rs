@@ -58,7 +58,7 @@ fn number(value: &Value, key: &str) -> f64 {
 
 #[test]
 fn indentation_is_hertz_and_the_flat_punch() {
-    for (tip, half_space, layer) in [("ball", 1.05..1.7, 0.95..1.05), ("punch", 1.15..1.7, 0.85..1.07)] {
+    for (tip, half_space, layer) in [("ball", 1.05..1.7, 0.95..1.05), ("punch", 1.15..1.7, 0.95..1.05)] {
         let told = json(&printed("indentation", &["--tip", tip, "--seconds", "3"]));
         let stairs = told.as_array().unwrap();
         assert_eq!(stairs.len(), 4, "{told}");

@@ -116,7 +116,7 @@ struct Softening {
     r: f64,
 }
 const BALL_SOFTENING: Softening = Softening { s: 0.33, r: 1.0 / 3.0 };
-const PUNCH_SOFTENING: Softening = Softening { s: 0.25, r: 0.5 };
+const PUNCH_SOFTENING: Softening = Softening { s: 0.27, r: 0.5 };
 
 /// The compliance in series with a row: the share of a smooth law of indentation that the grid does not resolve.
 ///

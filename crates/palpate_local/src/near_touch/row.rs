@@ -203,7 +203,9 @@ pub(super) fn rows_of_patches(
             let series = series.map(|series| series.of_portion(borne));
             let lead_m = series.map_or(0.0, |series| series.lead_m);
             let push = -row.normal;
-            let Ok(coulomb) = Coulomb::new(push, if is_static { 0.0 } else { friction }) else { continue };
+            // What stands still gives way across the normal only under a force along it.
+            let begins = is_static && row.force_n <= 0.0;
+            let Ok(coulomb) = Coulomb::new(push, if begins { 0.0 } else { friction }) else { continue };
             if is_static {
                 weights.fill(0.0);
             }
