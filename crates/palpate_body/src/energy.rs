@@ -27,7 +27,7 @@ pub struct Energy {
 pub struct EnergyBooks {
     /// Done on the body by what drives it, by its loads and by threads that stretch: what they store is not the body's.
     pub work_in_j: f64,
-    /// Energy now minus that when the books were opened.
+    /// Energy now minus that when the books were opened, with what the compliance in series with contacts holds.
     pub stored_j: f64,
     /// Taken by the dampers; never negative.
     pub damped_j: f64,
@@ -70,7 +70,8 @@ impl Body {
     #[must_use]
     pub fn books(&self) -> Option<EnergyBooks> {
         let ledger = self.ledger.as_ref()?;
-        let stored_j = self.energy().total_j() - ledger.opened_with_j;
+        let contact_j = ledger.contact_j.map_or(0.0, |(first, now)| now - first);
+        let stored_j = self.energy().total_j() - ledger.opened_with_j + contact_j;
         let Ledger { work_in_j, damped_j, rubbed_j, .. } = *ledger;
         let integrator_j = work_in_j - stored_j - damped_j - rubbed_j;
         Some(EnergyBooks { work_in_j, stored_j, damped_j, rubbed_j, integrator_j })
@@ -84,6 +85,8 @@ pub(crate) struct Ledger {
     work_in_j: f64,
     damped_j: f64,
     rubbed_j: f64,
+    /// In the compliance in series with contacts, after the first step and now.
+    contact_j: Option<(f64, f64)>,
     /// Positions and velocities at the beginning of the step.
     x: Vec<DVec3>,
     v: Vec<DVec3>,
@@ -96,6 +99,7 @@ impl Ledger {
             work_in_j: 0.0,
             damped_j: 0.0,
             rubbed_j: 0.0,
+            contact_j: None,
             x: body.positions_m().to_vec(),
             v: body.velocities_m_per_s().to_vec(),
         }
@@ -166,8 +170,12 @@ impl Ledger {
         self
     }
 
-    /// Books what the dampers took in this step, at its mean velocities.
-    pub(crate) fn end(mut self, body: &Body, h: f64) -> Self {
+    /// Books what the dampers took in this step, at its mean velocities, and that contacts hold `contact_j` in series with it now: that is not rubbed
+    /// away.
+    pub(crate) fn end(mut self, body: &Body, h: f64, contact_j: f64) -> Self {
+        let (first, before) = self.contact_j.unwrap_or((contact_j, contact_j));
+        self.rubbed_j -= contact_j - before;
+        self.contact_j = Some((first, contact_j));
         let v = body.velocities_m_per_s();
         let mean = |node: usize| 0.5 * (self.v[node] + v[node]);
         let power = |link: &crate::Link| {

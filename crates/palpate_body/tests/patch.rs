@@ -275,6 +275,12 @@ fn what_a_contact_stores_comes_back() {
     body.advance(Some((&mut tool, &path[1000..])), 1000, fine).unwrap();
     let whole = body.books().unwrap();
     assert!(half.work_in_j > 1e-5 && whole.work_in_j.abs() < 0.05 * half.work_in_j, "{half:?}, {whole:?}");
+    // Half way it is in the springs and in the compliance, and nothing is rubbed away.
+    for books in [half, whole] {
+        assert!(books.rubbed_j.abs() < 0.01 * half.work_in_j, "{books:?}");
+        assert!(books.integrator_j.abs() < 0.01 * half.work_in_j, "{books:?}");
+    }
+    assert!(half.stored_j > 0.95 * half.work_in_j, "{half:?}");
 }
 
 proptest! {

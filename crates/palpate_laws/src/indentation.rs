@@ -128,6 +128,8 @@ pub struct SeriesCompliance {
     pub share: f64,
     /// How far ahead of the tool the surface is met where the grid gives way by more than the law, m.
     pub lead_m: f64,
+    /// The share of the law's energy that it holds: κ where that is the same at every force, less where the grid's part grows with the force.
+    pub held: f64,
     /// δ(F) under the force of the whole contact.
     pub law: Indentation,
     /// The portion of the contact's force that the row bears where pressure is spread as the law has it, above 0; 1 for a contact of one row.
@@ -135,6 +137,12 @@ pub struct SeriesCompliance {
 }
 
 impl SeriesCompliance {
+    /// The same share κ = `share` of `law` at every force.
+    #[must_use]
+    pub fn of_share(share: f64, law: Indentation) -> Self {
+        Self { share, lead_m: 0.0, held: share, law, portion: 1.0 }
+    }
+
     /// That of a row that bears `portion` of the contact's force.
     #[must_use]
     pub fn of_portion(self, portion: f64) -> Self {
@@ -161,7 +169,13 @@ impl SeriesCompliance {
         // As much as there is comes from the compliance, the rest from the tool's place.
         let share = (base - ratio(softer_m, eased_m)).max(LEAST_SHARE);
         let lead_m = (softer_m - (base - share) * eased_m).max(0.0);
-        Self { share, lead_m, law, portion: 1.0 }
+        // ∫ F dδ_s with δ_s = δ − C_g F − c F², in parts of ∫ F dδ.
+        let whole = match law.pressure {
+            Pressure::Ball => 2.5,
+            Pressure::Punch => 2.0,
+        };
+        let held = (1.0 - whole * (0.5 * (1.0 - base) + 2.0 / 3.0 * (base - share))).max(0.0);
+        Self { share, lead_m, held, law, portion: 1.0 }
     }
 
     /// δ_s, m.
@@ -227,7 +241,7 @@ impl SeriesCompliance {
     pub fn energy_j(&self, force_n: f64) -> f64 {
         let whole_n = force_n.max(0.0) / self.portion;
         let stored = whole_n * self.law.approach_m(whole_n) - self.law.complementary_energy_j(whole_n);
-        self.share * self.portion * stored
+        self.held * self.portion * stored
     }
 }
 
@@ -275,7 +289,7 @@ mod tests {
     fn a_force_beside_another_compliance_gives_way_by_both() {
         for law in [BALL, PUNCH] {
             for (share, portion) in [(1.0, 1.0), (0.3, 0.07), (0.05, 0.5)] {
-                let series = SeriesCompliance { share, lead_m: 0.0, law, portion };
+                let series = SeriesCompliance::of_share(share, law).of_portion(portion);
                 for approach in [1e-9, 1e-4, 0.002, 0.02] {
                     for other in [0.0, 1e-9, 1e-4, 0.01, 1.0, 1e6] {
                         let f = series.force_beside_n(approach, other);
@@ -302,6 +316,16 @@ mod tests {
         assert!((firm.approach_m(f) - (0.5 * delta - softer)).abs() < 1e-12 && firm.lead_m == 0.0);
         let soft = SeriesCompliance::missing(law, (1.0, 0.01), (f, f));
         assert!((soft.share, soft.lead_m) == (LEAST_SHARE, LEAST_SHARE * delta + MAX_LEAD * delta));
+        // Its energy is the work along its way.
+        let grid = (0.4 * delta / f, 0.01);
+        let steps = 20_000_u32;
+        let at = |i: usize| f * i as f64 / f64::from(steps);
+        let approach = |n: f64| SeriesCompliance::missing(law, grid, (n, n)).approach_m(n);
+        let work: f64 = (0..steps as usize)
+            .map(|i| 0.5 * (at(i) + at(i + 1)) * (approach(at(i + 1)) - approach(at(i))))
+            .sum();
+        let held = SeriesCompliance::missing(law, grid, (f, f)).energy_j(f);
+        assert!((held / work - 1.0).abs() < 1e-6, "{held} J, {work} J");
         // A force that has begun just now has not softened anything yet.
         let begun = SeriesCompliance::missing(law, (0.5 * delta / f, 0.01), (f, 0.0));
         assert!((begun.approach_m(f) - 0.5 * delta).abs() < 1e-12 && begun.lead_m == 0.0);

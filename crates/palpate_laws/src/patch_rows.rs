@@ -209,12 +209,7 @@ impl PatchLayout {
     /// is shared, and a contact does not tremble.
     #[must_use]
     pub fn least_compliance(&self) -> Option<SeriesCompliance> {
-        self.law.map(|law| SeriesCompliance {
-            share: crate::indentation::LEAST_SHARE,
-            lead_m: 0.0,
-            law,
-            portion: 1.0,
-        })
+        self.law.map(|law| SeriesCompliance::of_share(crate::indentation::LEAST_SHARE, law))
     }
 }
 

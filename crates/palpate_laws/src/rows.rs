@@ -308,7 +308,7 @@ mod tests {
                 (0.02, 0.0, 1e-3, 0.1),
             ] {
                 let law = Indentation { pressure: Pressure::Ball, radius_m, modulus_pa: 21e3 };
-                let series = SeriesCompliance { share, lead_m: 0.0, law, portion: 0.7 };
+                let series = SeriesCompliance::of_share(share, law).of_portion(0.7);
                 let coulomb = Coulomb::new(DVec3::Z, friction).unwrap();
                 let law = RowLaw::OneSided { coulomb, series: Some((series, 0.0)) };
                 let mut two = Two { v: [DVec3::X * slide; 2], w: [[200.0, 80.0], [80.0, 150.0]] };
@@ -337,7 +337,7 @@ mod tests {
     #[test]
     fn a_fixed_surface_with_a_compliance_pushes_by_that_alone() {
         let law = Indentation { pressure: Pressure::Ball, radius_m: 0.005, modulus_pa: 21e3 };
-        let series = SeriesCompliance { share: 1.0, lead_m: 0.0, law, portion: 1.0 };
+        let series = SeriesCompliance::of_share(1.0, law);
         let coulomb = Coulomb::new(-DVec3::Z, 0.0).unwrap();
         let law = RowLaw::OneSided { coulomb, series: Some((series, 0.0)) };
         let mut fixed = Two { v: [DVec3::ZERO; 2], w: [[0.0; 2]; 2] };

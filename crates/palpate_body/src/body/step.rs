@@ -5,7 +5,7 @@ use super::constrain::{Step, ToolStep};
 use super::{Body, LOOK_S, QUIET_M_PER_S, spring_forces};
 use crate::energy::Ledger;
 use crate::integrator::{LinearlyImplicitEuler, SolvedBy, Workspace};
-use crate::tool::Hold;
+use crate::tool::{Hold, TouchedPoint};
 use crate::{BodyError, Integrator, Tie, ToolContact, ToolPoint};
 use glam::DVec3;
 use std::sync::Arc;
@@ -273,7 +273,11 @@ impl Body {
         }
         let v = closing.as_ref().unwrap_or(&self.v);
         moving().for_each(|node| self.x[node] += v[node] * h);
-        self.ledger = self.ledger.take().map(|ledger| ledger.end(self, h));
+        if let Some(ledger) = self.ledger.take() {
+            let touched = step.tools.iter().flat_map(|tool| &tool.contact.touched);
+            let contact_j = touched.map(TouchedPoint::stored_j).sum();
+            self.ledger = Some(ledger.end(self, h, contact_j));
+        }
         Ok(())
     }
 

@@ -51,6 +51,18 @@ impl TouchedPoint {
         if self.step_s > 0.0 { self.impulse_ns / self.step_s } else { DVec3::ZERO }
     }
 
+    /// The energy in the compliance that is in series with it, J: along the normal that of its law, across the normal that of a spring.
+    pub(crate) fn stored_j(&self) -> f64 {
+        let Some(series) = self.series else { return 0.0 };
+        let pressing_n = self.pressing_n();
+        let across_n = self.force_n().reject_from_normalized(self.normal);
+        // What presses with nothing gives way without a bound, and holds nothing.
+        let across_m_per_n = series.tangential_m_per_n(pressing_n);
+        let across_j =
+            if across_m_per_n.is_finite() { 0.5 * across_m_per_n * across_n.length_squared() } else { 0.0 };
+        series.energy_j(pressing_n) + across_j
+    }
+
     /// The mean of the surface under it, as a point of the body.
     #[must_use]
     pub fn body_point(&self) -> BodyPoint {

@@ -166,7 +166,7 @@ pub(super) fn rows_of_patches(
         let foot = field.triangle.get(known.patch.foot.triangle);
         let is_static = foot.is_some_and(|triangle| !triangle.is_reachable);
         let series = if is_static {
-            layout.law.map(|law| SeriesCompliance { share: 1.0, lead_m: 0.0, law, portion: 1.0 })
+            layout.law.map(|law| SeriesCompliance::of_share(1.0, law))
         } else {
             missing_compliance(field, mean, patch_modulus(field, known.patch.foot), &layout)
         };
