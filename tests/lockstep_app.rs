@@ -69,7 +69,7 @@ fn a_tool_that_outruns_its_local_model_is_told() {
     assert_eq!(take_faults(&mut app), [""; 0]);
     step(&mut app, 10);
     let said = take_faults(&mut app);
-    assert!(said.len() == 1 && said[0].starts_with("the tool touched beyond the 9 nodes"), "{said:?}");
+    assert!(said.len() == 1 && said[0].starts_with("the tool touched beyond the 16 nodes"), "{said:?}");
 }
 
 #[test]
