@@ -11,7 +11,7 @@ use std::io::Write;
 /// Thickness of the layer and its width, m, and the cells through it.
 pub const THICKNESS_M: f64 = 0.06;
 const WIDTH_M: f64 = 0.18;
-const CELLS: usize = 6;
+const CELLS: usize = 4;
 /// Young's modulus, Pa.
 pub const YOUNGS_MODULUS_PA: f64 = 20e3;
 

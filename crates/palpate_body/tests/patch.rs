@@ -262,6 +262,23 @@ fn a_slide_has_no_steps() {
 }
 
 #[test]
+fn a_tool_that_begins_in_the_surface_presses_soon_and_does_not_hit() {
+    for (radius, depth) in [(0.005, 0.002), (0.02, 0.004), (0.02, 0.008)] {
+        let (mut body, mut tool) = (block(6), ball(radius, 0.0));
+        let (before, _) = press(&mut body, &mut tool, (0.003, 0.002), depth);
+        // The tool goes and another comes, where it was.
+        body.advance(None, 50, SemiImplicitEuler::default()).unwrap();
+        let (mut tool, mut forces) = (ball(radius, 0.0), Vec::new());
+        let stay = vec![over(radius, (0.003, 0.002), -depth); 401];
+        let integrator = SemiImplicitEuler::default();
+        body.advance_observed(Some((&mut tool, &stay)), 400, integrator, |_, f| forces.push(f.z)).unwrap();
+        let (last, most) = (forces[399], forces.iter().copied().fold(0.0, f64::max));
+        assert!((last / before.z - 1.0).abs() < 0.03, "{radius} m, {depth} m: {last} N, {before} N");
+        assert!(most < 1.3 * before.z && forces[0] < 0.2 * before.z, "{radius} m, {depth} m: {forces:?}");
+    }
+}
+
+#[test]
 fn what_a_contact_stores_comes_back() {
     // Pressed and let go slowly, without friction: the work is zero but for what dampers take.
     let (mut body, mut tool) = (block(6), ball(0.005, 0.0));

@@ -178,6 +178,13 @@ impl SeriesCompliance {
         Self { share, lead_m, held, law, portion: 1.0 }
     }
 
+    /// How much it takes part in closing a gap that was there before, from 0, where it is as stiff as it may be, to 1. Where it is soft, positions
+    /// cannot close the gap, because it gives way before the nodes do.
+    #[must_use]
+    pub fn takes_up(&self) -> f64 {
+        ((self.share - LEAST_SHARE) / (SOFT_SHARE - LEAST_SHARE)).clamp(0.0, 1.0)
+    }
+
     /// δ_s, m.
     #[must_use]
     pub fn approach_m(&self, force_n: f64) -> f64 {
@@ -251,6 +258,8 @@ const SETTLED: f64 = 1e-7;
 const FAR: f64 = 8.0;
 /// The least share of the smooth law that is in series with a row, so that the load on rows which are nearly the same is shared.
 pub(crate) const LEAST_SHARE: f64 = 0.05;
+/// With that share of the smooth law it takes up all of a gap.
+const SOFT_SHARE: f64 = 0.2;
 /// The largest share of the smooth law by which the grid may give way too much.
 const MAX_LEAD: f64 = 0.5;
 /// (1 − ν)/(2 − ν) for ν = 1/4.

@@ -91,7 +91,7 @@ pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Effort, Row, RowLaw, Sweeps, s
 pub use seed::{KnownPatch, KnownPatches, Seed};
 pub use skin::SkinLaw;
 pub use spring::{Spring, SpringTangent};
-pub use touch::{ContactGap, POINT_NODES, ToolShape, is_out_of_reach, lever, nearest_weights};
+pub use touch::{ContactGap, GivenWay, POINT_NODES, ToolShape, is_out_of_reach, lever, nearest_weights};
 pub use volume::VolumeBarrier;
 
 #[cfg(doctest)]

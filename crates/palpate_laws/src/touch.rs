@@ -46,6 +46,21 @@ pub fn is_out_of_reach(free_share: f64, is_touched: bool) -> bool {
     free_share < if is_touched { LEAST_LEVER_TOUCHED } else { LEAST_LEVER }
 }
 
+/// How fast a compliance in series takes up what a tool is in the surface already, m/s: a tool that begins there presses within some hundredths of a
+/// second, and does not hit.
+const TAKING_UP_M_PER_S: f64 = 0.2;
+
+/// What the compliance in series with a row did in the step before; nothing where there is none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GivenWay {
+    /// How far it gave way along the normal, m, and across it.
+    pub along_m: f64,
+    /// See `along_m`.
+    pub across_m: DVec3,
+    /// See [`crate::SeriesCompliance::takes_up`].
+    pub takes_up: f64,
+}
+
 /// The gap between a tool and a patch in a step, for the rows of [`crate::solve_rows`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactGap {
@@ -59,20 +74,17 @@ pub struct ContactGap {
 
 impl ContactGap {
     /// The gap in a step of length `h`, s, in which the tool moves by `moved_m`, against a surface along whose inward unit normal `push` the tool
-    /// is `apart_m` from it in the end if the surface stands still, and which gave way by `approached_m` in series with its nodes in the step
-    /// before, and by `stretched_m` across the normal. The tool's own motion is followed at once, what is left from before at the closing speed.
+    /// is `apart_m` from it in the end if the surface stands still. A compliance in series, which gave way in the step before, takes up a part
+    /// of what is left from before, as if the tool came at a low speed; positions alone close the rest at the closing speed. The tool's
+    /// own motion is followed at once.
     #[must_use]
-    pub fn new(
-        (apart_m, approached_m): (f64, f64),
-        push: DVec3,
-        (moved_m, stretched_m): (DVec3, DVec3),
-        h: f64,
-    ) -> Self {
-        let before = apart_m + moved_m.dot(push) + approached_m;
-        let overdue = before.clamp(-h * CLOSING_M_PER_S, 0.0);
-        let normal_m = if before < 0.0 { overdue + apart_m - before } else { apart_m };
-        let gap_m = normal_m * push - (moved_m + stretched_m).reject_from_normalized(push);
-        Self { normal_m, gap_m, overdue_m: overdue * push }
+    pub fn new(apart_m: f64, push: DVec3, moved_m: DVec3, series: GivenWay, h: f64) -> Self {
+        let before = apart_m + moved_m.dot(push) + series.along_m;
+        let left = before.clamp(-h * CLOSING_M_PER_S, 0.0);
+        let taken = before.clamp(-h * TAKING_UP_M_PER_S * series.takes_up, 0.0);
+        let normal_m = if before < 0.0 { left + apart_m - before } else { apart_m };
+        let gap_m = normal_m * push - (moved_m + series.across_m).reject_from_normalized(push);
+        Self { normal_m, gap_m, overdue_m: (left - taken) * push }
     }
 }
 

@@ -10,8 +10,8 @@ use crate::NearField;
 use crate::near_tick::get;
 use glam::DVec3;
 use palpate_laws::{
-    CLOSING_M_PER_S, CarriedPoint, ContactGap, Coulomb, PATCH_ROWS, PatchLayout, RowLaw, SeriesCompliance,
-    ToolMove, is_out_of_reach, lever,
+    CLOSING_M_PER_S, CarriedPoint, ContactGap, Coulomb, GivenWay, PATCH_ROWS, PatchLayout, RowLaw,
+    SeriesCompliance, ToolMove, is_out_of_reach, lever,
 };
 
 /// A row on nodes of S, but for its weights.
@@ -78,16 +78,18 @@ impl Row {
     pub(super) fn aim(&mut self, weights: &[f64], tool: &ToolMove, h: f64, z: &[f64]) {
         let at_m = self.rest_m + of_nodes(weights, z);
         let apart_m = (tool.to_m + self.tip_m - at_m).dot(-self.push);
-        let (mut approached_m, mut stretched_m) = (0.0, DVec3::ZERO);
+        let mut given_way = GivenWay::default();
         if let RowLaw::OneSided { series: Some((series, tangential_m_per_n)), .. } = &mut self.law {
             // A contact that begins bears nothing across its normal yet.
             let compliance = series.tangential_m_per_n(self.force_n);
             *tangential_m_per_n = if compliance.is_finite() { compliance } else { 0.0 };
-            (approached_m, stretched_m) =
-                (series.approach_m(self.force_n), self.whole_n * *tangential_m_per_n);
+            given_way = GivenWay {
+                along_m: series.approach_m(self.force_n),
+                across_m: self.whole_n * *tangential_m_per_n,
+                takes_up: series.takes_up(),
+            };
         }
-        let moved = (tool.to_m - tool.from_m, stretched_m);
-        let gap = ContactGap::new((apart_m, approached_m), self.push, moved, h);
+        let gap = ContactGap::new(apart_m, self.push, tool.to_m - tool.from_m, given_way, h);
         (self.gap_m, self.gap, self.overdue) = (gap.normal_m, gap.gap_m, gap.overdue_m);
         (self.impulse_ns, self.is_met) = (DVec3::ZERO, false);
     }

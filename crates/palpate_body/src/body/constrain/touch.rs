@@ -5,7 +5,7 @@ use crate::body::Body;
 use crate::body::approach::PatchRow;
 use crate::tool::Hold;
 use glam::DVec3;
-use palpate_laws::{CLOSING_M_PER_S, ContactGap, RowLaw};
+use palpate_laws::{CLOSING_M_PER_S, ContactGap, GivenWay, RowLaw};
 
 impl Body {
     /// The rows of the patches that the tool may touch in this step.
@@ -17,8 +17,12 @@ impl Body {
             let at_m: DVec3 = row.nodes.iter().map(|&(node, w)| w * self.x[node]).sum();
             let apart_m = (tool.way.to_m + row.tip_m - at_m).dot(normal);
             let tangential = row.tangential_m_per_n();
-            let stretched = row.whole_n * tangential;
-            let gap = ContactGap::new((apart_m, row.approached_m()), push, (moved, stretched), h);
+            let series = GivenWay {
+                along_m: row.approached_m(),
+                across_m: row.whole_n * tangential,
+                takes_up: row.series.map_or(0.0, |series| series.takes_up()),
+            };
+            let gap = ContactGap::new(apart_m, push, moved, series, h);
             if row.series.is_none() && palpate_laws::is_out_of_reach(row.free_share, row.force_n > 0.0) {
                 return None;
             }
