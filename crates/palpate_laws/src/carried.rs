@@ -23,7 +23,7 @@ pub const MOST_CARRIED: usize = 3 * PRESSURE_POINTS;
 
 impl PatchLayout {
     /// Spreads the force of the patch over the surface: makes `carried`, which needs room for [`MOST_CARRIED`], the points that carry it, where
-    /// `corners` are the points of a triangle. What rows are made of is summed meanwhile.
+    /// `corners` are the points of a triangle. The sums of the rows are taken in the same pass.
     pub fn carry(
         &mut self,
         surface: &impl PatchSurface,

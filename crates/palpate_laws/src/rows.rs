@@ -196,7 +196,7 @@ pub fn solve_rows(rows: &mut [Row], answer: &mut impl Answer, h: f64, effort: Ef
             change = change.max(more.length());
             moved = moved.max(h * (row.own_per_kg * more).length());
         }
-        // A row that is alone has its answer at once.
+        // A row that is alone is solved in one step.
         let is_settled = change <= effort.tolerance * largest || rows.len() == 1;
         if is_settled || count > PATIENCE && moved <= MOVED_M {
             return Sweeps { count, converged: true };

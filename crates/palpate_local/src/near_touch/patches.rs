@@ -34,7 +34,7 @@ impl Placed<'_> {
     }
 }
 
-/// The points of a surface, as far as a tick has asked for them: few are near the tool.
+/// The points of a surface, each placed when it is first needed in a tick: few are near the tool.
 #[derive(Debug)]
 pub(super) struct Points {
     /// Where each was, m, and in which tick.
