@@ -5,14 +5,16 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+mod elements;
 mod surface;
 
+pub use elements::{NearEnd, NearSpring, NearTetrahedron};
 pub use surface::{NearContact, NearPatch, NearPoint, NearTriangle};
 
 use crate::LocalModelError;
 use crate::dense::{Cholesky, zeros};
 use glam::DVec3;
-use palpate_laws::{Coupling, MAX_PATCHES, Spring, ToolShape, VolumeBarrier};
+use palpate_laws::{Coupling, MAX_PATCHES, Spring, ToolShape};
 
 /// How much a near field can hold; fixed at construction, and refused beyond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,37 +55,6 @@ pub enum Support {
         /// μ.
         friction: f64,
     },
-}
-
-/// The other end of a near spring.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum NearEnd {
-    /// A node of S.
-    Support(usize),
-    /// A node of the ring.
-    Ring(usize),
-    /// What does not move, m.
-    Fixed(DVec3),
-}
-
-/// A spring with an end in S.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NearSpring {
-    /// Its node a, in S.
-    pub a: usize,
-    /// Its node b.
-    pub b: NearEnd,
-    /// Its law, rest length and damper.
-    pub spring: Spring,
-}
-
-/// A tetrahedron of a cell with a node in S, and its volume barrier.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct NearTetrahedron {
-    /// Its nodes; the edges lead from the first to the others: i < s is node i of S, s + i node i of the ring.
-    pub nodes: [usize; 4],
-    /// Its barrier.
-    pub barrier: VolumeBarrier,
 }
 
 /// How a tick is integrated.
