@@ -199,7 +199,8 @@ fn a_mesh_of_yours_may_lie_anywhere_and_a_wrong_one_is_told_with_what_to_do() {
             &[&far.display().to_string(), "--seconds", "1", "--scale", scale, "--cells", "5"],
         ));
         assert!((number(&told, "mass_kg") / mass_kg - 1.0).abs() < 0.01, "{told}");
-        assert!(number(&told, "force_n") > 0.005, "{told}");
+        // A sharp corner of soft tissue bears a few millinewtons.
+        assert!(number(&told, "force_n") > 0.001, "{told}");
     }
     for (file, expected) in [
         (folder.join("none.glb"), "it cannot be read"),
