@@ -249,7 +249,10 @@ fn presses(count: usize, sizes: &[usize], seed: u64) -> Seen {
     bodies.push(of_mesh(&cuboid(DVec3::new(0.1, 0.07, 0.053)), 8));
     let (mut random, mut seen) = (Random(seed), Seen::default());
     (0..count).for_each(|_| run(Press::random(&mut random, &bodies), &mut seen));
-    println!("{count} presses: {seen:?}");
+    #[expect(clippy::print_stdout, reason = "the figures of the run")]
+    {
+        println!("{count} presses: {seen:?}");
+    }
     assert_eq!(seen.unsolved_steps, 0, "{seen:?}");
     assert!(100_000 * seen.unsolved_ticks <= seen.touching_ticks, "{seen:?}");
     assert!(seen.sweeps <= 60, "{seen:?}");
