@@ -46,8 +46,8 @@ pub struct NearTriangle {
     pub neighbours: [Neighbour; 3],
     /// Its outward unit normal at rest.
     pub rest_normal: DVec3,
-    /// Whether nodes of S alone carry it, so that it moves under a tool that touches it. What else is touched stands still and gives way as the
-    /// smooth surface of a half-space does.
+    /// Whether nodes of S alone carry it, so that it moves under a tool that touches it, or fixed ones alone. What else is touched stands still and
+    /// gives way as the smooth surface of a half-space does.
     pub is_reachable: bool,
 }
 

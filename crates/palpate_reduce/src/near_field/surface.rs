@@ -57,9 +57,11 @@ pub(super) fn write(
     for triangle in triangles {
         let corners = surface.triangles()[triangle];
         let new = corners.iter().filter(|point| !place_of_point.contains_key(point)).count();
-        let is_reachable = field.triangles < support.triangles.len();
+        let is_of_support = field.triangles < support.triangles.len();
+        let mut nodes = corners.iter().flat_map(|&point| surface.points()[point].nodes());
+        let is_reachable = is_of_support || nodes.all(|(node, _)| body.network().is_fixed(*node));
         if field.triangles == room.triangles || field.points + new > room.points {
-            if is_reachable {
+            if is_of_support {
                 let (found, room) = (field.points + new, room.points);
                 return Err(LocalModelError::Room { what: "points of the surface", found, room }.into());
             }
