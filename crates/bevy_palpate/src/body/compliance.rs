@@ -3,7 +3,7 @@
 use super::{DeformableBody, SimulatedBody};
 use bevy::prelude::*;
 
-/// What gives way where a tool touches a body: put it beside [`DeformableBody`](crate::DeformableBody) to compare with the paper's
+/// What gives way where a tool touches a body: put it beside [`DeformableBody`] to compare with the paper's
 /// scheme. A body without this component is as with the default.
 ///
 /// It may be changed while the body is touched, and acts from the next frame on. The force then jumps, within the limits of the
