@@ -27,8 +27,9 @@ pub fn show(mut contexts: EguiContexts, measured: Res<Measured>) -> Result {
             axes: ["depth, mm", "force, N"],
             lines: &[
                 ("half-space", [120, 160, 220], half_space),
-                ("layer", [240, 228, 66], layer),
                 ("full body", [190, 190, 190], full),
+                // Over the curve that it predicts, which it hardly differs from.
+                ("layer", [240, 228, 66], layer),
             ],
             points: &[("felt", [255, 120, 90], felt)],
         },

@@ -68,7 +68,7 @@ const SCENES: [Scene; 6] = [
             ("body", body, 8_000),
             ("tool", first_tool, 800),
             ("title", title, 150),
-            ("curve", yellow_curve, 120),
+            ("curve", yellow_curve, 80),
         ],
     },
     Scene {
