@@ -93,7 +93,7 @@ pub enum NoForceCause {
         /// [`SafetySettings::ramp_s`](palpate_haptics::SafetySettings::ramp_s), s.
         ramp_s: f64,
     },
-    /// The loop started, or began anew, in the middle of a touch; the force starts once it is small.
+    /// The loop started, or started again, in the middle of a touch; the force starts once it is small.
     #[error(
         "the loop started in a touch of {force_n:.3} N and waits for less than {start_below_n} N; lift the tool once, or raise \
          start_below_n of ToolSettings::safety"
@@ -138,23 +138,13 @@ impl NoForceCause {
     /// Whether no body is within reach, as opposed to a force that is missing in a touch.
     #[must_use]
     pub fn is_about_reach(&self) -> bool {
-        match self {
+        matches!(
+            self,
             Self::NoBody
-            | Self::BodyRejected { .. }
-            | Self::BodyNotReady { .. }
-            | Self::OutOfWorkspace { .. } => true,
-            Self::Inside { .. }
-            | Self::FixedSurface { .. }
-            | Self::NoContact { .. }
-            | Self::DeviceLimit { .. }
-            | Self::ForceLimit { .. }
-            | Self::StartRamp { .. }
-            | Self::StartThreshold { .. }
-            | Self::GrowthLimit { .. }
-            | Self::SafetyStage { .. }
-            | Self::MissingAxes { .. }
-            | Self::LocalModel { .. } => false,
-        }
+                | Self::BodyRejected { .. }
+                | Self::BodyNotReady { .. }
+                | Self::OutOfWorkspace { .. }
+        )
     }
 
     /// Whether `other` is the same cause at the same body, whatever its figures.
@@ -172,15 +162,7 @@ impl NoForceCause {
             | Self::Inside { body }
             | Self::FixedSurface { body, .. }
             | Self::NoContact { body, .. } => Some(body),
-            Self::NoBody
-            | Self::DeviceLimit { .. }
-            | Self::ForceLimit { .. }
-            | Self::StartRamp { .. }
-            | Self::StartThreshold { .. }
-            | Self::GrowthLimit { .. }
-            | Self::SafetyStage { .. }
-            | Self::MissingAxes { .. }
-            | Self::LocalModel { .. } => None,
+            _ => None,
         }
     }
 }
