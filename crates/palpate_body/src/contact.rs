@@ -6,6 +6,14 @@ use palpate_laws::Answer;
 /// Nodes and weights of a row, only those that can move.
 pub(crate) type Weights = Vec<(usize, f64)>;
 
+/// Adds `weight` to that of `node`.
+pub(crate) fn add_weight(weights: &mut Weights, node: usize, weight: f64) {
+    match weights.iter_mut().find(|(known, _)| *known == node) {
+        Some((_, sum)) => *sum += weight,
+        None => weights.push((node, weight)),
+    }
+}
+
 /// A = M: every node answers for itself.
 pub(crate) struct Masses<'a> {
     pub(crate) rows: &'a [Weights],

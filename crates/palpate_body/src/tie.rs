@@ -1,5 +1,6 @@
 //! What holds points of a body to each other or to a place: grasps, threads, sutures.
 
+use crate::contact::add_weight;
 use crate::error::{check, check_positive};
 use crate::{Body, BodyError};
 use glam::DVec3;
@@ -86,12 +87,7 @@ impl BodyPoint {
     pub(crate) fn between(points: [(&Self, f64); 3]) -> Self {
         let mut nodes: Vec<(usize, f64)> = Vec::new();
         for (point, share) in points.into_iter().filter(|(_, share)| *share != 0.0) {
-            for &(node, w) in &point.nodes {
-                match nodes.iter_mut().find(|(known, _)| *known == node) {
-                    Some((_, weight)) => *weight += share * w,
-                    None => nodes.push((node, share * w)),
-                }
-            }
+            point.nodes.iter().for_each(|&(node, w)| add_weight(&mut nodes, node, share * w));
         }
         Self { nodes }
     }

@@ -243,6 +243,13 @@ impl SeriesCompliance {
         self.share / (stiffness * self.portion)
     }
 
+    /// The same, but 0 without a contact: one that begins bears nothing across its normal yet.
+    #[must_use]
+    pub fn across_m_per_n(&self, force_n: f64) -> f64 {
+        let compliance = self.tangential_m_per_n(force_n);
+        if compliance.is_finite() { compliance } else { 0.0 }
+    }
+
     /// The energy that it stores under `force_n`, J.
     #[must_use]
     pub fn energy_j(&self, force_n: f64) -> f64 {

@@ -72,6 +72,7 @@ mod pressure_points;
 mod rows;
 mod seed;
 mod skin;
+mod smooth_step;
 mod spring;
 mod touch;
 mod volume;

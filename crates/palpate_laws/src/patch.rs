@@ -32,6 +32,11 @@ pub trait PatchSurface {
 
     /// What is across the edges from corner 0 to 1, 1 to 2 and 2 to 0.
     fn neighbours(&self, triangle: usize) -> [Neighbour; 3];
+
+    /// Where a place is, m; `None` where there is no such triangle.
+    fn place_m(&self, place: SurfacePlace) -> Option<DVec3> {
+        self.corners_m(place.triangle).map(|corners_m| weighted(place.weights, corners_m))
+    }
 }
 
 /// A place on a triangle.
@@ -326,8 +331,7 @@ impl Patch {
         let (reach, depth) = shape.support(normal, bedded);
         let raised = match *shape {
             ToolShape::FlatPunch { radius_m, axis } if is_on_edge => {
-                let corners = surface.corners_m(foot.triangle)?;
-                let away = (weighted(foot.weights, corners) - center_m).reject_from_normalized(normal);
+                let away = (surface.place_m(foot)? - center_m).reject_from_normalized(normal);
                 let along = away.dot(axis);
                 let aside = (away - along * axis).length();
                 rim_m(aside - radius_m, radius_m) + rim_m(along, radius_m)

@@ -5,6 +5,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+use crate::smooth_step::smooth_step;
 use crate::{
     Indentation, Patch, PatchScale, PatchStart, Pressure, PressurePoint, SeriesCompliance, ToolShape,
 };
@@ -33,9 +34,8 @@ impl Patch {
         (force_n, span_s): (f64, f64),
     ) -> PatchStart {
         let eased_n = self.eased(force_n, span_s);
-        let contact_m = contact(shape, self.normal, elastic, force_n).2;
-        let (_, law, radius_m) = contact(shape, self.normal, elastic, eased_n);
-        let bedded = law.filter(|_| radius_m > 0.0).map_or(0.0, |law| law.approach_m(eased_n) / law.radius_m);
+        let (_, law, contact_m) = contact(shape, self.normal, elastic, force_n);
+        let bedded = law.map_or(0.0, |law| law.approach_m(eased_n) / law.radius_m);
         self.after(contact_m, eased_n, bedded)
     }
 }
@@ -103,6 +103,17 @@ pub struct RowLayout {
     pub portion: f64,
     /// The force along the normal that it bore in the step before, N.
     pub force_n: f64,
+    /// Whether all rows were one in the step before.
+    was_one: bool,
+}
+
+impl RowLayout {
+    /// The whole force that it bore in the step before, N, where those on the patch's rows were `row_n`.
+    #[must_use]
+    pub fn whole_n(&self, row_n: &[DVec3; PATCH_ROWS]) -> DVec3 {
+        let of = |row: usize| row_n.get(row).copied().unwrap_or_default();
+        if self.was_one { of(0) * self.portion } else { of(self.index) }
+    }
 }
 
 impl PatchLayout {
@@ -168,13 +179,14 @@ impl PatchLayout {
         let Self { apart, force_n, row_n, sums, patch, .. } = layout;
         let mean_m: f64 = sums.iter().map(|sums| sums.behind).sum();
         let was_one = row_n.iter().skip(1).all(|n| *n == 0.0);
-        let one = RowLayout { index: 0, normal: patch.normal, tip_m: patch.tip_m, portion: 1.0, force_n };
+        let Patch { normal, tip_m, .. } = patch;
+        let one = RowLayout { index: 0, normal, tip_m, portion: 1.0, force_n, was_one };
         let all = sums.into_iter().zip(row_n).enumerate().map(move |(index, (sums, n))| {
             let portion = sums.portion;
             let behind_m = apart * (sums.behind / portion - mean_m);
             let (normal, tip_m) = layout.tip(sums.place.map(|sum| apart * sum / portion), behind_m);
             let force_n = if was_one { force_n * portion } else { n };
-            RowLayout { index, normal, tip_m, portion, force_n }
+            RowLayout { index, normal, tip_m, portion, force_n, was_one }
         });
         let (one, all) = if apart > 0.0 { (None, Some(all)) } else { (Some(one), None) };
         // What is beyond an edge bears nothing.
@@ -215,6 +227,5 @@ impl PatchLayout {
 
 /// How far the rows of a contact of radius `radius_m` are apart.
 fn rows_apart(radius_m: f64, cell_m: f64) -> f64 {
-    let share = ((radius_m / cell_m - ONE_ROW_CELLS) / (ALL_ROWS_CELLS - ONE_ROW_CELLS)).clamp(0.0, 1.0);
-    share * share * (3.0 - 2.0 * share)
+    smooth_step(radius_m / cell_m, ONE_ROW_CELLS, ALL_ROWS_CELLS)
 }

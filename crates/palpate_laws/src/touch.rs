@@ -1,6 +1,7 @@
 //! Where a tool and a triangulated surface touch.
 
-use crate::{CLOSING_M_PER_S, LawError};
+use crate::smooth_step::smooth_step;
+use crate::{CLOSING_M_PER_S, LawError, SeriesCompliance};
 use glam::DVec3;
 
 /// Most nodes that carry a point of a surface: those of a cell.
@@ -35,8 +36,7 @@ const LEAST_LEVER_TOUCHED: f64 = 0.1;
 /// fixed, 1 where it is not, and smooth between.
 #[must_use]
 pub fn lever(free_share: f64) -> f64 {
-    let share = ((free_share - NO_LEVER) / (FULL_LEVER - NO_LEVER)).clamp(0.0, 1.0);
-    share * share * (3.0 - 2.0 * share)
+    smooth_step(free_share, NO_LEVER, FULL_LEVER)
 }
 
 /// Whether the weight of a row without a compliance of its own on nodes that can move, `free_share`, is too little for it to push; less is enough
@@ -57,8 +57,26 @@ pub struct GivenWay {
     pub along_m: f64,
     /// See `along_m`.
     pub across_m: DVec3,
-    /// See [`crate::SeriesCompliance::takes_up`].
+    /// Its compliance across the normal, m/N.
+    pub across_m_per_n: f64,
+    /// See [`SeriesCompliance::takes_up`].
     pub takes_up: f64,
+}
+
+impl GivenWay {
+    /// That of `series` under a force of `force_n` along the normal and `whole_n` in all, N.
+    #[must_use]
+    pub fn of(series: Option<SeriesCompliance>, force_n: f64, whole_n: DVec3) -> Self {
+        series.map_or(Self::default(), |series| {
+            let across_m_per_n = series.across_m_per_n(force_n);
+            Self {
+                along_m: series.approach_m(force_n),
+                across_m: whole_n * across_m_per_n,
+                across_m_per_n,
+                takes_up: series.takes_up(),
+            }
+        })
+    }
 }
 
 /// The gap between a tool and a patch in a step, for the rows of [`crate::solve_rows`].

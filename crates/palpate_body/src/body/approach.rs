@@ -1,7 +1,7 @@
 //! The tool's way to the surface of a body: the contact patches that it may have in the next ticks.
 
 use super::Body;
-use crate::contact::Weights;
+use crate::contact::{Weights, add_weight};
 use crate::network::POISSONS_RATIO;
 use crate::surface::PlacedSurface;
 use crate::tool::Hold;
@@ -9,7 +9,7 @@ use crate::{SurfaceTree, ToolContact};
 use glam::DVec3;
 use palpate_laws::{
     CarriedPoint, KnownPatch, KnownPatches, MAX_PATCHES, MOST_CARRIED, PATCH_ROWS, Patch, PatchLayout,
-    PatchScale, PatchStart, RowLayout, Seed, SeriesCompliance, SurfacePlace, ToolShape, lever,
+    PatchScale, PatchStart, PatchSurface, RowLayout, Seed, SeriesCompliance, SurfacePlace, ToolShape, lever,
     normal_compliance_at,
 };
 
@@ -49,20 +49,6 @@ pub(super) struct PatchRow {
     /// The force along the normal in the step before, and the whole force on the body, N.
     pub(super) force_n: f64,
     pub(super) whole_n: DVec3,
-}
-
-impl PatchRow {
-    /// How far the surface gives way in series with the nodes, m.
-    pub(super) fn approached_m(&self) -> f64 {
-        self.series.map_or(0.0, |series| series.approach_m(self.force_n))
-    }
-
-    /// Its compliance across the normal, m/N.
-    pub(super) fn tangential_m_per_n(&self) -> f64 {
-        let stiff = |series: SeriesCompliance| series.tangential_m_per_n(self.force_n);
-        // A contact that begins bears nothing across its normal yet.
-        self.series.map(stiff).filter(|compliance| compliance.is_finite()).unwrap_or(0.0)
-    }
 }
 
 /// What a tool may touch on a piece of its path.
@@ -146,9 +132,7 @@ impl Body {
             let elastic = (modulus_pa, POISSONS_RATIO);
             let force_n = row_n.iter().sum();
             let Some(patch) = find(&first.patch.start(&shape, elastic, (force_n, span_s))) else { continue };
-            let place = self.contact_surface.triangles()[patch.foot.triangle].map(|point| x[point]);
-            let at_m: DVec3 = place.into_iter().zip(patch.foot.weights).map(|(x, w)| w * x).sum();
-            if all.have(&patch, at_m, scale.cell_m) {
+            if surface.place_m(patch.foot).is_none_or(|at_m| all.have(&patch, at_m, scale.cell_m)) {
                 continue;
             }
             let row = self.patch_rows(&surface, &shape, patch, (first.rest_normal, row_n, row_f));
@@ -246,9 +230,9 @@ impl Body {
         let mut own: [Weights; PATCH_ROWS] = Default::default();
         for CarriedPoint { point, share, of_rows } in carried {
             for &(node, w) in self.contact_surface.points()[point].nodes() {
-                add(&mut mean, node, share * w);
+                add_weight(&mut mean, node, share * w);
                 let parts = own.iter_mut().zip(of_rows).filter(|(_, part)| *part > 0.0);
-                parts.for_each(|(nodes, part)| add(nodes, node, part * w));
+                parts.for_each(|(nodes, part)| add_weight(nodes, node, part * w));
             }
         }
         let series = if self.adds_compliance() {
@@ -256,14 +240,13 @@ impl Body {
         } else {
             layout.least_compliance()
         };
-        let was_one = row_n[1..].iter().all(|n| *n == 0.0);
         let row = |row: RowLayout| -> Option<PatchRow> {
             let mut nodes: Weights = mean.iter().map(|&(node, w)| (node, (1.0 - layout.apart) * w)).collect();
             let part = layout.apart / row.portion;
             own[row.index]
                 .iter()
                 .filter(|_| part > 0.0)
-                .for_each(|&(node, w)| add(&mut nodes, node, part * w));
+                .for_each(|&(node, w)| add_weight(&mut nodes, node, part * w));
             let free = nodes.iter().filter(|(node, _)| !self.network.is_fixed(*node));
             let free_share: f64 = free.map(|(_, w)| w).sum();
             let borne = row.portion * lever(free_share);
@@ -271,9 +254,9 @@ impl Body {
             if series.is_some() && borne <= 0.0 {
                 return None;
             }
+            let whole_n = row.whole_n(&row_f);
             let RowLayout { index, normal, tip_m, force_n, .. } = row;
             let tip_m = tip_m - series.map_or(0.0, |series| series.lead_m) * normal;
-            let whole_n = if was_one { row_f[0] * row.portion } else { row_f[index] };
             Some(PatchRow { index, nodes, free_share, normal, tip_m, series, force_n, whole_n })
         };
         let rows = layout.rows().filter_map(row).collect();
@@ -295,12 +278,5 @@ impl Body {
         }
         let cell_m = self.patch_scale().cell_m;
         layout.missing_compliance(sum / modulus_pa, cell_m)
-    }
-}
-
-fn add(list: &mut Vec<(usize, f64)>, index: usize, share: f64) {
-    match list.iter_mut().find(|(known, _)| *known == index) {
-        Some((_, sum)) => *sum += share,
-        None => list.push((index, share)),
     }
 }

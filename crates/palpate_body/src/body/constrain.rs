@@ -4,7 +4,7 @@ mod touch;
 
 use super::approach::ToolPatch;
 use super::{Body, StepReport};
-use crate::contact::{Coupled, Masses, Weights};
+use crate::contact::{Coupled, Masses, Weights, add_weight};
 use crate::integrator::Columns;
 use crate::tie::{TieEnd, TieKind};
 use crate::tool::Hold;
@@ -284,12 +284,7 @@ impl Body {
             // Where the other end is now, and how far it is moved by others than the body in this step.
             let (other, moved) = match &tie.b {
                 TieEnd::Point(b) => {
-                    for &(node, w) in b.nodes() {
-                        match nodes.iter_mut().find(|(known, _)| *known == node) {
-                            Some((_, weight)) => *weight -= w,
-                            None => nodes.push((node, -w)),
-                        }
-                    }
+                    b.nodes().iter().for_each(|&(node, w)| add_weight(&mut nodes, node, -w));
                     (b.of(&self.x), DVec3::ZERO)
                 }
                 TieEnd::Anchor { from_m, to_m } => {

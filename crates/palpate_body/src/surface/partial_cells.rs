@@ -5,6 +5,7 @@
 //! what is far, from the nodes about the surface and from those of whole cells alike.
 
 use super::ContactSurface;
+use crate::contact::add_weight;
 use crate::{Block, Network, Tissue};
 use glam::{DMat3, DVec3};
 use std::sync::OnceLock;
@@ -44,8 +45,8 @@ impl PartialCells {
                 let cells = network.rest_m()[node].distance(network.rest_m()[other]) / grid.cell_m();
                 let excess = u.dot(normals[other]) - at_distance(of_whole, cells);
                 // The patches of two nodes differ at their rims: each has half.
-                add(&mut rows[node], other, 0.5 * excess);
-                add(&mut rows[other], node, 0.5 * excess);
+                add_weight(&mut rows[node], other, 0.5 * excess);
+                add_weight(&mut rows[other], node, 0.5 * excess);
             }
         }
         rows.iter_mut().for_each(|row| row.sort_unstable_by_key(|(node, _)| *node));
@@ -160,13 +161,6 @@ impl Patch {
 
 fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
-}
-
-fn add(row: &mut Vec<(usize, f64)>, node: usize, excess: f64) {
-    match row.iter_mut().find(|(known, _)| *known == node) {
-        Some((_, sum)) => *sum += excess,
-        None => row.push((node, excess)),
-    }
 }
 
 /// The same of whole cells below a plane of nodes, by distance in cells: mean values on the rings of nodes about one.

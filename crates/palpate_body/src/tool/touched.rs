@@ -56,11 +56,7 @@ impl TouchedPoint {
         let Some(series) = self.series else { return 0.0 };
         let pressing_n = self.pressing_n();
         let across_n = self.force_n().reject_from_normalized(self.normal);
-        // What presses with nothing gives way without a bound, and holds nothing.
-        let across_m_per_n = series.tangential_m_per_n(pressing_n);
-        let across_j =
-            if across_m_per_n.is_finite() { 0.5 * across_m_per_n * across_n.length_squared() } else { 0.0 };
-        series.energy_j(pressing_n) + across_j
+        series.energy_j(pressing_n) + 0.5 * series.across_m_per_n(pressing_n) * across_n.length_squared()
     }
 
     /// The mean of the surface under it, as a point of the body.

@@ -5,7 +5,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use super::{PatchSurface, SurfacePlace, weighted};
+use super::{PatchSurface, SurfacePlace};
 use crate::touch::weights_of_products;
 use glam::{DVec2, DVec3};
 
@@ -79,7 +79,7 @@ impl<'a, S: PatchSurface> Projection<'a, S> {
 
     /// Where a place of the surface is, m.
     pub(super) fn at_m(&self, place: SurfacePlace) -> Option<DVec3> {
-        Some(weighted(place.weights, self.surface.corners_m(place.triangle)?))
+        self.surface.place_m(place)
     }
 
     /// A triangle as it is seen. One that stands upright, or looks away, has no place under a target.

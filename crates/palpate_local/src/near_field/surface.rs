@@ -64,15 +64,6 @@ pub struct NearPatch {
     pub force_n: [DVec3; PATCH_ROWS],
 }
 
-impl NearPatch {
-    /// The force on a row that bears `portion` of the patch's, N, where it may have been of one row.
-    pub(crate) fn whole_n(&self, row: usize, portion: f64) -> DVec3 {
-        let was_one = self.row_n.iter().skip(1).all(|n| *n == 0.0);
-        let of = |row: usize| self.force_n.get(row).copied().unwrap_or_default();
-        if was_one { of(0) * portion } else { of(row) }
-    }
-}
-
 /// What contact needs to know of the body beside its surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearContact {

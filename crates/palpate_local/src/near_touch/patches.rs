@@ -175,9 +175,7 @@ impl Patches {
             let elastic = elastic(known.patch.foot);
             let layout = PatchLayout::new(shape, &known.patch, elastic, &known.row_n, &scale);
             let NearPatch { patch, rest_normal, .. } = known;
-            let SurfacePlace { triangle, weights: [u, v, w] } = patch.foot;
-            let [a, b, c] = surface.corners_m(triangle)?;
-            let at_m = u * a + v * b + w * c;
+            let at_m = surface.place_m(patch.foot)?;
             *now.get_mut(count)? = Some(TickPatch { known, layout });
             count += 1;
             Some(KnownPatch { patch, at_m, rest_normal, radius_m: layout.pressure.1 })
@@ -189,9 +187,8 @@ impl Patches {
             let Some(patch) = find(&known.patch.start(shape, elastic, (force_n, field.tick_s))) else {
                 continue;
             };
-            let SurfacePlace { triangle, weights: [u, v, w] } = patch.foot;
-            let Some([a, b, c]) = surface.corners_m(triangle) else { continue };
-            if !all.have(&patch, u * a + v * b + w * c, scale.cell_m)
+            let Some(at_m) = surface.place_m(patch.foot) else { continue };
+            if !all.have(&patch, at_m, scale.cell_m)
                 && let Some(known) = lay_out(NearPatch { patch, ..*known })
             {
                 all.add(known);

@@ -79,15 +79,9 @@ impl Row {
         let at_m = self.rest_m + of_nodes(weights, z);
         let apart_m = (tool.to_m + self.tip_m - at_m).dot(-self.push);
         let mut given_way = GivenWay::default();
-        if let RowLaw::OneSided { series: Some((series, tangential_m_per_n)), .. } = &mut self.law {
-            // A contact that begins bears nothing across its normal yet.
-            let compliance = series.tangential_m_per_n(self.force_n);
-            *tangential_m_per_n = if compliance.is_finite() { compliance } else { 0.0 };
-            given_way = GivenWay {
-                along_m: series.approach_m(self.force_n),
-                across_m: self.whole_n * *tangential_m_per_n,
-                takes_up: series.takes_up(),
-            };
+        if let RowLaw::OneSided { series: Some((series, across_m_per_n)), .. } = &mut self.law {
+            given_way = GivenWay::of(Some(*series), self.force_n, self.whole_n);
+            *across_m_per_n = given_way.across_m_per_n;
         }
         let gap = ContactGap::new(apart_m, self.push, tool.to_m - tool.from_m, given_way, h);
         (self.gap_m, self.gap, self.overdue) = (gap.normal_m, gap.gap_m, gap.overdue_m);
@@ -218,7 +212,7 @@ pub(super) fn rows_of_patches(
                 tip_m: row.tip_m - lead_m * row.normal,
                 rest_m: at_m - of_nodes(weights, z),
                 force_n: row.force_n,
-                whole_n: known.whole_n(row.index, row.portion),
+                whole_n: row.whole_n(&known.force_n),
                 ..Row::default()
             });
         }

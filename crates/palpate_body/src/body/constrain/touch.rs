@@ -16,13 +16,9 @@ impl Body {
             let law = tool.contact.law(push)?;
             let at_m: DVec3 = row.nodes.iter().map(|&(node, w)| w * self.x[node]).sum();
             let apart_m = (tool.way.to_m + row.tip_m - at_m).dot(normal);
-            let tangential = row.tangential_m_per_n();
-            let series = GivenWay {
-                along_m: row.approached_m(),
-                across_m: row.whole_n * tangential,
-                takes_up: row.series.map_or(0.0, |series| series.takes_up()),
-            };
-            let gap = ContactGap::new(apart_m, push, moved, series, h);
+            let given_way = GivenWay::of(row.series, row.force_n, row.whole_n);
+            let gap = ContactGap::new(apart_m, push, moved, given_way, h);
+            let series = row.series.map(|series| (series, given_way.across_m_per_n));
             if row.series.is_none() && palpate_laws::is_out_of_reach(row.free_share, row.force_n > 0.0) {
                 return None;
             }
@@ -35,7 +31,7 @@ impl Body {
                     push,
                 },
                 nodes: row.nodes.clone(),
-                law: RowLaw::OneSided { coulomb: law, series: row.series.map(|series| (series, tangential)) },
+                law: RowLaw::OneSided { coulomb: law, series },
                 gap: gap.gap_m,
                 overdue: gap.overdue_m,
             })
