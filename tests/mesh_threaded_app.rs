@@ -35,7 +35,7 @@ fn of_balls(app: &mut App) -> (Handle<Mesh>, Entity) {
     (mesh, entity)
 }
 
-/// What was told of slow steps, and how long they took at most, in ticks of the body.
+/// The reports of slow steps, and how long they took at most, in ticks of the body.
 #[derive(Resource, Default)]
 struct Slow(Vec<SlowStep>, usize);
 

@@ -48,7 +48,7 @@ fn settings(app: &App, tool: Entity) -> SafetySettings {
     app.world().get::<ToolSettings>(tool).unwrap().safety
 }
 
-/// The one cause that is told within three seconds, half a second after it could have been.
+/// The one cause that is reported within three seconds, half a second after it could have been.
 fn only_cause(app: &mut App, tool: Entity) -> NoForceCause {
     step(app, 9);
     assert_eq!(take_causes(app), [], "not before half a second");

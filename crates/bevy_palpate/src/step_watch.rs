@@ -138,7 +138,7 @@ mod tests {
         let is = |said: Vec<String>, cells: usize| {
             said.len() == 1 && said[0].starts_with(&format!("{cells} cells of the body have been inverted"))
         };
-        // A short inversion is none to speak of.
+        // A short inversion does not count.
         assert_eq!((steps(3, 450), steps(0, 50), steps(3, 450)), (vec![], vec![], vec![]));
         assert!(is(steps(4, 50), 4));
         assert_eq!((steps(4, 5000), steps(0, 950), steps(4, 5000)), (vec![], vec![], vec![]));

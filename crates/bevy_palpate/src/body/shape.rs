@@ -6,7 +6,7 @@ use glam::DVec3;
 /// A body that can be touched. Its partners [`Tissue`](crate::Tissue), [`FixedRegion`] and [`Transform`] come by themselves.
 ///
 /// The body is built where its transform places it. Moving the transform of its entity, or of a parent, later carries it along,
-/// fixed parts and all, as it is and at once: what touches it lets go, as if it had been put there anew. A body that appears where a
+/// fixed parts and all, as it is and at once: what touches it lets go, as if it had been put there again. A body that appears where a
 /// tool is (spawned, replaced, moved or chosen by [`HapticTool::body`](crate::HapticTool::body)) is touched at once by a tool
 /// whose centre is outside of it; a tool whose centre is inside waits until it has left. See [`Touching`](crate::Touching). It has the size that
 /// it is given here; a scaled transform is refused ([`HapticFaultKind::Scaled`](crate::HapticFaultKind::Scaled)), and the body

@@ -13,7 +13,7 @@ use palpate_reduce::BuilderOptions;
 /// Steps every body: along the samples of the tools that can touch it, or by the model period if there are none.
 ///
 /// The first of several tools is the clock. Another one's loop, on a thread of its own, may have ticked a little more or less
-/// often meanwhile: its path is stretched to the same time. A path of more ticks than a step may have ([`ModelSpan`]) is walked in that
+/// often in that time: its path is stretched to the same time. A path of more ticks than a step may have ([`ModelSpan`]) is walked in that
 /// many: the newer half at its own pace, what is older faster.
 pub(super) fn step_bodies(
     mut bodies: Query<(Entity, &mut SimulatedBody)>,
