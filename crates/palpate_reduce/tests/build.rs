@@ -97,14 +97,12 @@ fn the_static_stiffness_of_what_is_held_or_touched_is_the_slope_of_its_force_at_
             let (body, contact) = at(by);
             contact.displayed_force_n(&body).dot(along)
         };
-        // A contact that is rigid but for a little trembles by some millinewtons.
-        let by = if friction.is_some() { 2e-4 } else { 1e-5 };
-        let slope = -(force(by) - force(-by)) / (2.0 * by);
+        let slope = -(force(1e-5) - force(-1e-5)) / 2e-5;
         let (body, contact) = at(0.0);
         let k = build(Scheme::Tangent, &body, &contact).stiffness_n_per_m;
         let predicted = along.dot(k * along);
-        // A ball rolls a little on a face that tilts, and its contact widens, which the stiffness of its points does not know.
-        let tolerance = if friction.is_some() { 0.15 } else { 1e-3 };
+        // A ball rolls on a face that tilts, and its contact widens, which the stiffness of its rows does not know. Measured: 8 and 9 %.
+        let tolerance = if friction.is_some() { 0.1 } else { 1e-3 };
         assert!(
             (slope / predicted - 1.0).abs() < tolerance,
             "{slope} N/m, tangent {predicted} N/m, {friction:?}"

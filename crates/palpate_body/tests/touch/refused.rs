@@ -122,7 +122,7 @@ fn what_is_touched_slowly_closes_its_gap() {
                 for t in tool.touched() {
                     let gap_m = t.gap_m + series_m(t);
                     assert!(
-                        t.impulse_ns.dot(t.normal) < 0.0 && gap_m.abs() < 1e-6,
+                        t.impulse_ns.dot(t.normal) < 0.0 && gap_m.abs() < 1e-8,
                         "{radius} m, tick {i}: {t:?}"
                     );
                 }

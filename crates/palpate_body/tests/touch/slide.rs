@@ -127,10 +127,33 @@ fn at_rest_all_that_is_touched_together_carries_what_the_ground_carries() {
         let way = |t: f64| DVec3::new(0.004, -0.006, high + 0.002 - 0.02 * t.min(0.5));
         let force = follow(&mut body, &mut tool, 4000, SemiImplicitEuler::default().into(), way)[3999];
         let ground: DVec3 = (0..36).map(|node| body.internal_force_on_n(node)).sum();
-        // Rows that are rigid but for a twentieth of the smooth compliance tremble by a hundredth.
-        assert!(force.z > 0.5 && (force + ground).length() < 2e-2 * force.length(), "{force}, {ground}");
+        assert!(force.z > 0.5 && (force + ground).length() < 1e-5 * force.length(), "{force}, {ground}");
         let pushed: DVec3 = tool.touched().iter().map(|t| t.impulse_ns).sum::<DVec3>() / 0.25e-3;
-        assert!((force + pushed).length() < 2e-2 * force.length(), "{force}, {pushed}, mu {friction}");
+        assert!((force + pushed).length() < 1e-5 * force.length(), "{force}, {pushed}, mu {friction}");
+    }
+}
+
+/// A ball whose contact widens as it presses harder, and then presses less, followed itself once at 130 Hz by 0.15 N.
+#[test]
+fn what_rests_on_a_body_does_not_tremble() {
+    let tissue = || {
+        let made = Block::new([6; 3], DVec3::splat(0.1)).unwrap().fix(Face::NegZ);
+        let made = made.tissue(&Tissue::default()).unwrap();
+        Body::new(made.network, made.surface).unwrap()
+    };
+    let mut without = tissue();
+    without.add_compliance(false);
+    for body in [block(), tissue(), without] {
+        for mut tool in [ball(0.06, 0.4), ball(0.02, 0.3), punch(0.03, 0.4)] {
+            let mut body = body.clone();
+            let (shape, _) = tool.shape().unwrap();
+            let high = if matches!(shape, ToolShape::Sphere { .. }) { shape.radius_m() } else { 0.0 };
+            let way = |t: f64| DVec3::new(0.004, -0.006, 0.052 + high - 0.04 * t.min(0.25));
+            let forces = follow(&mut body, &mut tool, 1000, SemiImplicitEuler::default().into(), way);
+            let (last, before) = (forces[999], &forces[950..]);
+            let most = before.iter().map(|force| force.distance(last)).fold(0.0, f64::max);
+            assert!(last.z > 1.0 && most < 2e-3 * last.z, "{most} of {last}, {shape:?}");
+        }
     }
 }
 
@@ -174,11 +197,11 @@ fn what_is_displayed_is_what_is_pushed_but_for_inertia() {
                 let pushed: DVec3 = tool.touched().iter().map(|t| t.impulse_ns).sum::<DVec3>() / h;
                 let f = tool.displayed_force_n(&body);
                 let off = (f + pushed).length();
-                // Touch-down is an impact, and so is the end of the way down.
-                if tick < 20 || (400..410).contains(&tick) {
+                // Touch-down is an impact.
+                if tick < 20 {
                     continue;
                 }
-                assert!(off < 0.12 + 0.2 * f.length(), "{radius} m, {friction}, tick {tick}: {f}, {pushed}");
+                assert!(off < 0.12 + 0.15 * f.length(), "{radius} m, {friction}, tick {tick}: {f}, {pushed}");
             }
         }
     }
