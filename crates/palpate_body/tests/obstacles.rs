@@ -193,8 +193,8 @@ proptest! {
                 prop_assert!(normal * c.gap_m.abs() <= 1e-8 * largest, "{c:?}");
                 prop_assert!(tangential.length() <= mu * normal + 1e-9 * largest, "{c:?}");
                 let slip = c.velocity_m_per_s - c.velocity_m_per_s.dot(c.normal) * c.normal;
-                // What slips is rubbed against with all that the cone has.
-                prop_assert!(slip.length() < 1e-6 || tangential.length() > mu * normal - 1e-6 * largest, "{c:?}");
+                // What slips is rubbed against with all that the cone has; the solver finds a motion in the step to 1 nm, which is 4 µm/s.
+                prop_assert!(slip.length() < 5e-6 || tangential.length() > mu * normal - 1e-6 * largest, "{c:?}");
             }
             for x in body.positions_m() {
                 prop_assert!(x.z > -1e-8 && 0.03 - x.x > -1e-8, "{x}");

@@ -34,7 +34,7 @@ impl Patch {
         (force_n, span_s): (f64, f64),
     ) -> PatchStart {
         let eased_n = self.eased(force_n, span_s);
-        let (_, law, contact_m) = contact(shape, self.normal, elastic, eased_n);
+        let (_, law, contact_m) = contact(shape, self.normal, elastic, force_n);
         let bedded = law.map_or(0.0, |law| law.approach_m(eased_n) / law.radius_m);
         self.after(contact_m, eased_n, bedded)
     }
@@ -128,8 +128,11 @@ impl PatchLayout {
         scale: &PatchScale,
     ) -> Self {
         let force_n: f64 = row_n.iter().sum();
+        // With the compliance that the grid lacks, law and grid follow the force together, and their ratio hardly changes. Without it the
+        // contact would widen under a force that then falls, and tremble.
+        let widening_n = if scale.spread_m > 0.0 { force_n } else { patch.eased_n };
         let (pressure, law, radius_m) =
-            contact(shape, patch.normal, (modulus_pa, poissons_ratio), patch.eased_n);
+            contact(shape, patch.normal, (modulus_pa, poissons_ratio), widening_n);
         let apart = rows_apart(radius_m, scale.cell_m);
         // A contact that is small beside a cell is spread, so that it depends little on where in the cell it is.
         let spread_m = radius_m.hypot((1.0 - apart) * scale.spread_m);
