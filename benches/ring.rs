@@ -30,7 +30,7 @@ fn touched_lump() -> (Body, ToolContact, ToolPoint) {
     let top = at.iter().copied().max_by(|a, b| a.y.total_cmp(&b.y)).expect("there are vertices");
     let mesh = ClosedMesh::new(at, triangles).expect("the lump is closed");
     let lattice = CellLattice::fit(&mesh, CellSize::Along(10)).expect("the cells fit");
-    let made = lattice.allow_free().tissue(&Tissue::default()).expect("the lump is a good one");
+    let made = lattice.allow_unconstrained().tissue(&Tissue::default()).expect("the lump is a good one");
     let mut body = Body::new(made.network, made.surface).expect("the surface is its own");
     let shape = ToolShape::Sphere { radius_m: 0.005 };
     let mut contact = ToolContact::touch(shape, 0.3).expect("a good tool");
@@ -126,7 +126,7 @@ fn model_steps(c: &mut Criterion) {
             b.iter(|| body.advance(Some((&mut contact, &path)), 50, SemiImplicitEuler::default()));
         });
         let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).expect("good options");
-        let mut model = LocalModel::silent(builder.capacity());
+        let mut model = LocalModel::empty(builder.capacity());
         for scheme in [Scheme::Tangent, Scheme::Neighbourhood, Scheme::KrylovLinear, Scheme::NearFieldExact] {
             group.bench_function(format!("build {}, {nodes}^3", scheme.name()), |b| {
                 b.iter(|| {
@@ -137,7 +137,7 @@ fn model_steps(c: &mut Criterion) {
     }
     let (body, contact, at) = touched_lump();
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::of(&body)).expect("good options");
-    let mut model = LocalModel::silent(builder.capacity());
+    let mut model = LocalModel::empty(builder.capacity());
     let mut build = || {
         let scheme = Scheme::NearFieldExact;
         builder.build(scheme, black_box(&body), &contact, at, ModelId::default(), &mut model)

@@ -9,7 +9,7 @@ use std::hint::black_box;
 
 fn body(mesh: &ClosedMesh) -> MeshBody {
     let lattice = CellLattice::fit(mesh, CellSize::Along(16)).expect("16 cells fit");
-    lattice.allow_free().tissue(&Tissue::default()).expect("the lump is a good one")
+    lattice.allow_unconstrained().tissue(&Tissue::default()).expect("the lump is a good one")
 }
 
 fn deform(c: &mut Criterion) {

@@ -99,7 +99,7 @@ fn a_coupling_that_makes_no_sense_is_refused_and_the_old_one_stays() {
     let said = take_faults(&mut app);
     assert!(said.len() == 1 && said[0].contains("largest force of a tool's coupling is -1 N"), "{said:?}");
     let coupling = app.world().get::<bevy_palpate::ToolLoop>(tool).unwrap().contact().coupling().unwrap();
-    assert_eq!(coupling.most_n, 10.0);
+    assert_eq!(coupling.max_force_n, 10.0);
 }
 
 #[test]

@@ -145,14 +145,14 @@ fn a_coupling_gives_way_in_the_loop_as_in_the_body() {
     let body = cube(Face::NegZ);
     for (integrator, most) in [(EXPLICIT, 0.03), (IMPLICIT, 0.06)] {
         for most_n in [1.0, 4.0] {
-            let coupling = Coupling { stiffness_n_per_m: 20e3, most_n };
+            let coupling = VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: most_n };
             // Through the whole block and back, with a stir.
             let path = samples(1200, |t| {
                 let depth = (0.3 * (t - 0.12)).clamp(-0.01, 0.12) - 0.4 * (t - 0.8).clamp(0.0, 0.35);
                 DVec3::new(0.004 + 0.01 * (9.0 * t).sin(), 0.003, 0.055 - depth)
             });
             let (error, comparison) =
-                compare(&body, &ball(0.005).behind(coupling).unwrap(), &path, integrator);
+                compare(&body, &ball(0.005).with_coupling(coupling).unwrap(), &path, integrator);
             let shown = comparison.displayed(NEAR).unwrap();
             assert!(peak(shown) <= most_n * (1.0 + 1e-9) && peak(shown) > 0.99 * most_n);
             assert!(error < most, "{error}, {most_n} N, {integrator:?}");
@@ -161,8 +161,8 @@ fn a_coupling_gives_way_in_the_loop_as_in_the_body() {
     // What is held, and pulled out of its place.
     let start = DVec3::new(0.01, 0.01, 0.05);
     let node = body.positions_m().iter().position(|x| x.distance(start) < 1e-9).unwrap();
-    let coupling = Coupling { stiffness_n_per_m: 20e3, most_n: 1.5 };
-    let contact = ToolContact::hold(&body, node, start).unwrap().behind(coupling).unwrap();
+    let coupling = VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 1.5 };
+    let contact = ToolContact::hold(&body, node, start).unwrap().with_coupling(coupling).unwrap();
     let pull = |t: f64| start + DVec3::new(0.6, 0.0, 0.8) * 0.05 * (1.0 - (6.0 * t).cos());
     for integrator in [EXPLICIT, IMPLICIT] {
         let (error, comparison) = compare(&body, &contact, &samples(1000, pull), integrator);

@@ -23,7 +23,7 @@ fn collect_steps(bodies: Query<&SimulatedBody>, mut steps: ResMut<Steps>) {
         let report = body.last_step();
         steps.count += 1;
         steps.touching += usize::from(report.touched > 0);
-        steps.unsolved += report.unsolved;
+        steps.unsolved += report.unconverged;
         steps.most_sweeps = steps.most_sweeps.max(report.sweeps);
     }
 }
@@ -62,7 +62,7 @@ fn the_hand_of_the_readme_converges_in_every_tick_and_step() {
     step(&mut app, 60);
     let records = records(&app, tool);
     let touching = records.iter().filter(|record| is_touching(record)).count();
-    let unsolved = records.iter().filter(|record| record.spoken.unsolved).count();
+    let unsolved = records.iter().filter(|record| record.spoken.unconverged).count();
     assert!(records.len() >= 2900 && touching > 800, "{} ticks, {touching} touch", records.len());
     assert_eq!(unsolved, 0);
     assert_eq!(app.world().get::<LoopTiming>(tool).unwrap().unsolved, 0);
@@ -141,6 +141,6 @@ fn a_hand_held_where_triangles_meet_is_pushed_steadily() {
         let (least, most) = (forces().fold(f64::MAX, f64::min), forces().fold(0.0, f64::max));
         last.len() == 500 && last.iter().all(is_held) && least > 0.5 && least > 0.9 * most
     });
-    assert!(records(&app, tool).iter().all(|record| !record.spoken.unsolved));
+    assert!(records(&app, tool).iter().all(|record| !record.spoken.unconverged));
     assert_eq!(app.world().resource::<Steps>().unsolved, 0);
 }

@@ -80,7 +80,7 @@ impl StepWatch {
         // Without a sweep nothing touched the body and nothing held it.
         let of = if report.sweeps > 0 { (report.ticks * report.substeps) as u64 } else { 0 };
         // A step may be solved several times.
-        let unconverged = (report.unsolved as u64).min(of);
+        let unconverged = (report.unconverged as u64).min(of);
         let cells = report.inverted_cells;
         let inverted = self.inversion.note(ticks, cells).then_some(HapticFaultKind::InvertedCells { cells });
         let unconverged = self.convergence.note(ticks, of, unconverged);
@@ -101,7 +101,7 @@ mod tests {
 
     /// `unsolved` of 200 steps.
     fn solved(unsolved: usize) -> StepReport {
-        StepReport { sweeps: 10, unsolved, ..StepReport::default() }
+        StepReport { sweeps: 10, unconverged: unsolved, ..StepReport::default() }
     }
 
     fn inverted(cells: usize) -> StepReport {

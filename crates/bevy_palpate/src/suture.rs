@@ -188,8 +188,8 @@ fn sew(
 
 fn tie(suture: &Suture, [a, b]: &[BodyPoint; 2]) -> Result<Tie, BodyError> {
     Tie::thread(a.clone(), b.clone(), suture.length_m)?
-        .stretching(suture.stiffness_n_per_m)?
-        .tearing_at(suture.tear_limit_n)
+        .with_stiffness(suture.stiffness_n_per_m)?
+        .with_tear_limit(suture.tear_limit_n)
 }
 
 /// Finds where the suture goes through the surface.

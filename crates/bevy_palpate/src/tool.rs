@@ -28,7 +28,7 @@ use crate::step_time::StepTimes;
 use crate::suture::SutureSystems;
 use bevy::prelude::*;
 use glam::DVec3;
-use palpate_body::{BodyError, Coupling, ToolContact, ToolShape};
+use palpate_body::{BodyError, VirtualCoupling, ToolContact, ToolShape};
 use palpate_haptics::{DeviceFrame, SafetySettings, VelocityEstimator};
 use palpate_local::Scheme;
 
@@ -105,7 +105,7 @@ impl ToolCoupling {
         match self {
             Self::Rigid => Ok(contact),
             Self::GivesWay { stiffness_n_per_m, most_n } => {
-                contact.behind(Coupling { stiffness_n_per_m, most_n })
+                contact.with_coupling(VirtualCoupling { stiffness_n_per_m, max_force_n: most_n })
             }
         }
     }

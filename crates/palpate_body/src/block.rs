@@ -168,7 +168,7 @@ impl Block {
 
     /// The same block, which need not be fixed anywhere.
     #[must_use]
-    pub fn allow_free(mut self) -> Self {
+    pub fn allow_unconstrained(mut self) -> Self {
         self.allow_free = true;
         self
     }
@@ -270,7 +270,7 @@ impl Block {
             )?;
         }
         let network = NetworkBuilder::of(rest_m, mass_kg, fixed, links).with_cells(cells);
-        let network = if self.allow_free { network.allow_free() } else { network }.build()?;
+        let network = if self.allow_free { network.allow_unconstrained() } else { network }.build()?;
         Ok(BlockBody { network, surface })
     }
 

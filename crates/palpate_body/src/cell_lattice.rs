@@ -155,10 +155,10 @@ impl Grid {
 
 impl<'a> CellLattice<'a> {
     /// The most cells along the longest side.
-    pub const MOST_CELLS_ALONG: usize = 127;
+    pub const MAX_CELLS_ALONG: usize = 127;
     /// The most nodes of a body. With as many a step of 50 ticks takes about half a second, its factorisations take half a gigabyte and
     /// a local model seconds: far beyond what can be touched.
-    pub const MOST_NODES: usize = 10_000;
+    pub const MAX_NODES: usize = 10_000;
 
     /// Cells of size `size` round `mesh`, nothing fixed.
     ///
@@ -177,7 +177,7 @@ impl<'a> CellLattice<'a> {
         if !(cell_m > 0.0
             && cell_m.is_finite()
             && along.is_finite()
-            && along <= Self::MOST_CELLS_ALONG as f64 + WHOLE)
+            && along <= Self::MAX_CELLS_ALONG as f64 + WHOLE)
         {
             return Err(MeshError::Cells { cell_m, cells: along, size_m });
         }
@@ -236,7 +236,7 @@ impl<'a> CellLattice<'a> {
 
     /// The same lattice, which need not be fixed anywhere, and may be in several pieces.
     #[must_use]
-    pub fn allow_free(mut self) -> Self {
+    pub fn allow_unconstrained(mut self) -> Self {
         self.allow_free = true;
         self
     }
@@ -282,7 +282,7 @@ impl<'a> CellLattice<'a> {
         let fixed = self.fixed(&embedding, &rest_m)?;
         let network = NetworkBuilder::of(rest_m, made.mass_kg, fixed, made.links)
             .with_cells(embedding.cells().to_vec());
-        let network = if self.allow_free { network.allow_free() } else { network }.build()?;
+        let network = if self.allow_free { network.allow_unconstrained() } else { network }.build()?;
         let cells = crate::Grid::new(grid.cell_m, made.youngs_modulus_pa);
         let is_whole = |share: &f64| (share - 1.0).abs() < WHOLE_CELL;
         let cells = if share.iter().all(is_whole) { cells } else { cells.partly_filled() };
@@ -298,7 +298,7 @@ impl<'a> CellLattice<'a> {
     }
 
     fn check_nodes(&self, nodes: usize) -> Result<(), MeshError> {
-        let most = Self::MOST_NODES;
+        let most = Self::MAX_NODES;
         if nodes <= most {
             return Ok(());
         }

@@ -78,11 +78,11 @@ const FARTHEST_M: f64 = 1e15;
 
 impl ClosedMesh {
     /// The most triangles of a mesh; of vertices there may be three times as many.
-    pub const MOST_TRIANGLES: usize = 2_000_000;
+    pub const MAX_TRIANGLES: usize = 2_000_000;
     /// The least longest side, m.
-    pub const SMALLEST_M: f64 = 1e-3;
+    pub const MIN_SIZE_M: f64 = 1e-3;
     /// The largest longest side, m.
-    pub const LARGEST_M: f64 = 10.0;
+    pub const MAX_SIZE_M: f64 = 10.0;
 
     /// The closed surface of `triangles`, which name `vertices_m` (m).
     ///
@@ -123,7 +123,7 @@ impl ClosedMesh {
         let (low, high) = measured.bounds_m;
         match Self::close(vertices_m, triangles, low, high) {
             // Holes, needles and crossings are the consequence there, not the fault.
-            Err(_) if grid_m > 1e-3 * measured.size_m().max(Self::SMALLEST_M) => {
+            Err(_) if grid_m > 1e-3 * measured.size_m().max(Self::MIN_SIZE_M) => {
                 Err(MeshError::LostDigits { distance_m: measured.distance_m(), grid_m })
             }
             made => made,
@@ -304,7 +304,7 @@ impl Measured {
         if triangles.is_empty() {
             return Err(MeshError::Empty);
         }
-        let most = ClosedMesh::MOST_TRIANGLES;
+        let most = ClosedMesh::MAX_TRIANGLES;
         for (what, found, most) in
             [("triangles", triangles.len(), most), ("vertices", vertices_m.len(), 3 * most)]
         {
@@ -343,7 +343,7 @@ impl Measured {
 }
 
 fn check_size(size_m: f64, center_m: DVec3) -> Result<(), MeshError> {
-    if (ClosedMesh::SMALLEST_M..=ClosedMesh::LARGEST_M).contains(&size_m) {
+    if (ClosedMesh::MIN_SIZE_M..=ClosedMesh::MAX_SIZE_M).contains(&size_m) {
         return Ok(());
     }
     if size_m < 1e-12 {

@@ -1,7 +1,7 @@
 //! What impulses on rows of nodes do to a body.
 
 use glam::{DMat3, DVec3};
-use palpate_laws::Answer;
+use palpate_laws::ImpulseResponse;
 
 /// Nodes and weights of a row, only those that can move.
 pub(crate) type Weights = Vec<(usize, f64)>;
@@ -15,26 +15,26 @@ pub(crate) fn add_weight(weights: &mut Weights, node: usize, weight: f64) {
 }
 
 /// A = M: every node answers for itself.
-pub(crate) struct Masses<'a> {
+pub(crate) struct LumpedMassResponse<'a> {
     pub(crate) rows: &'a [Weights],
     pub(crate) mass_kg: &'a [f64],
     /// Velocities of all nodes.
     pub(crate) v: &'a mut [DVec3],
 }
 
-impl Masses<'_> {
+impl LumpedMassResponse<'_> {
     pub(crate) fn own_per_kg(&self, row: usize) -> DMat3 {
         let per_mass: f64 = self.rows[row].iter().map(|&(node, w)| w * w / self.mass_kg[node]).sum();
         DMat3::from_diagonal(DVec3::splat(per_mass))
     }
 }
 
-impl Answer for Masses<'_> {
+impl ImpulseResponse for LumpedMassResponse<'_> {
     fn velocity_m_per_s(&self, row: usize) -> DVec3 {
         self.rows[row].iter().map(|&(node, w)| w * self.v[node]).sum()
     }
 
-    fn push(&mut self, row: usize, impulse_ns: DVec3) {
+    fn apply_impulse(&mut self, row: usize, impulse_ns: DVec3) {
         for &(node, w) in &self.rows[row] {
             self.v[node] += w / self.mass_kg[node] * impulse_ns;
         }
@@ -42,14 +42,14 @@ impl Answer for Masses<'_> {
 }
 
 /// A = M + hB + h²K: an impulse moves the whole body, so that rows answer to each other by H A⁻¹ Hᵀ.
-pub(crate) struct Coupled {
+pub(crate) struct DelassusMatrix {
     /// Row by row, 1/kg.
     delassus: Vec<DMat3>,
     /// Velocity of each row, m/s.
     u: Vec<DVec3>,
 }
 
-impl Coupled {
+impl DelassusMatrix {
     /// The rows `rows` where nodes have velocities `v` without impulses and `block(i, j)` is the velocity of node i that
     /// an impulse on node j gives.
     pub(crate) fn new(rows: &[Weights], v: &[DVec3], block: impl Fn(usize, usize) -> DMat3) -> Self {
@@ -69,12 +69,12 @@ impl Coupled {
     }
 }
 
-impl Answer for Coupled {
+impl ImpulseResponse for DelassusMatrix {
     fn velocity_m_per_s(&self, row: usize) -> DVec3 {
         self.u[row]
     }
 
-    fn push(&mut self, row: usize, impulse_ns: DVec3) {
+    fn apply_impulse(&mut self, row: usize, impulse_ns: DVec3) {
         let rows = self.u.len();
         for (other, u) in self.u.iter_mut().enumerate() {
             *u += self.delassus[other * rows + row] * impulse_ns;

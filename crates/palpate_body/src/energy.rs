@@ -24,15 +24,15 @@ pub struct Energy {
 /// Work, energy and what the dampers take are each computed from forces and motions; the integrator's share is what is
 /// left. It vanishes with the length of the steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct EnergyBooks {
+pub struct EnergyBalance {
     /// Done on the body by what drives it, by its loads and by threads that stretch: what they store is not the body's.
     pub work_in_j: f64,
     /// Energy now minus that when the books were opened, with what the compliance in series with contacts holds.
     pub stored_j: f64,
     /// Taken by the dampers; never negative.
-    pub damped_j: f64,
+    pub damping_loss_j: f64,
     /// Taken by friction and impacts.
-    pub rubbed_j: f64,
+    pub friction_loss_j: f64,
     /// Taken by the integrator; negative where it gives.
     pub integrator_j: f64,
 }
@@ -68,13 +68,13 @@ impl Body {
 
     /// The books of energy since they were opened; `None` when they were not.
     #[must_use]
-    pub fn books(&self) -> Option<EnergyBooks> {
+    pub fn energy_balance(&self) -> Option<EnergyBalance> {
         let ledger = self.ledger.as_ref()?;
         let contact_j = ledger.contact_j.map_or(0.0, |(first, now)| now - first);
         let stored_j = self.energy().total_j() - ledger.opened_with_j + contact_j;
         let Ledger { work_in_j, damped_j, rubbed_j, .. } = *ledger;
         let integrator_j = work_in_j - stored_j - damped_j - rubbed_j;
-        Some(EnergyBooks { work_in_j, stored_j, damped_j, rubbed_j, integrator_j })
+        Some(EnergyBalance { work_in_j, stored_j, damping_loss_j: damped_j, friction_loss_j: rubbed_j, integrator_j })
     }
 }
 

@@ -54,7 +54,7 @@ impl Lattice {
 
     /// The same lattice, which need not be fixed anywhere.
     #[must_use]
-    pub fn allow_free(self) -> Self {
+    pub fn allow_unconstrained(self) -> Self {
         Self { allow_free: true, ..self }
     }
 
@@ -113,7 +113,7 @@ impl Lattice {
         let nodes = rest_m.len();
         let fixed = self.grid().map(fixed).collect();
         let network = NetworkBuilder::of(rest_m, vec![mass_kg; nodes], fixed, links);
-        if self.allow_free { network.allow_free() } else { network }.build()
+        if self.allow_free { network.allow_unconstrained() } else { network }.build()
     }
 }
 

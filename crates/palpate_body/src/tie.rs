@@ -168,14 +168,14 @@ impl Tie {
     /// # Errors
     /// [`BodyError::Parameter`] when the limit is not above zero; it may be infinite.
     pub fn suture(a: BodyPoint, b: BodyPoint, tear_limit_n: f64) -> Result<Self, BodyError> {
-        Self::new(TieKind::Joint, a, TieEnd::Point(b)).tearing_at(tear_limit_n)
+        Self::new(TieKind::Joint, a, TieEnd::Point(b)).with_tear_limit(tear_limit_n)
     }
 
     /// The same tie, which tears when its force exceeds `tear_limit_n`; what closing a gap takes does not count.
     ///
     /// # Errors
     /// [`BodyError::Parameter`] when the limit is not above zero; it may be infinite.
-    pub fn tearing_at(self, tear_limit_n: f64) -> Result<Self, BodyError> {
+    pub fn with_tear_limit(self, tear_limit_n: f64) -> Result<Self, BodyError> {
         check("tear limit of a tie, N", tear_limit_n, tear_limit_n > 0.0, "above 0")?;
         Ok(Self { tear_limit_n: tear_limit_n.is_finite().then_some(tear_limit_n), ..self })
     }
@@ -186,7 +186,7 @@ impl Tie {
     ///
     /// # Errors
     /// [`BodyError::Parameter`] when the stiffness is not above zero, or the tie is no thread.
-    pub fn stretching(self, stiffness_n_per_m: f64) -> Result<Self, BodyError> {
+    pub fn with_stiffness(self, stiffness_n_per_m: f64) -> Result<Self, BodyError> {
         let what = "stiffness of a thread, N/m";
         check(what, stiffness_n_per_m, stiffness_n_per_m > 0.0, "above 0")?;
         let TieKind::Thread { length_m, .. } = self.kind else {

@@ -6,7 +6,7 @@ pub use touched::TouchedPoint;
 
 use crate::{Body, BodyError, BodyPoint};
 use glam::DVec3;
-use palpate_laws::{Coulomb, Coupling, ToolShape};
+use palpate_laws::{Coulomb, VirtualCoupling, ToolShape};
 
 /// One point of the tool's path, in the body's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -39,7 +39,7 @@ pub struct ToolContact {
     /// The nodes on which it pushed at any time in the last advance.
     pub(crate) touched_nodes: Vec<usize>,
     /// What draws it to the device, unless it is the device.
-    pub(crate) coupling: Option<Coupling>,
+    pub(crate) coupling: Option<VirtualCoupling>,
     /// λ of what it holds in the last step, N s, and that step's length, s.
     pub(crate) gripped: (DVec3, f64),
     /// Where it is behind its coupling, m; where the device is if that is not known.
@@ -106,7 +106,7 @@ impl ToolContact {
     ///
     /// # Errors
     /// [`BodyError::Tool`] when the coupling makes no sense.
-    pub fn behind(mut self, coupling: Coupling) -> Result<Self, BodyError> {
+    pub fn with_coupling(mut self, coupling: VirtualCoupling) -> Result<Self, BodyError> {
         coupling.validate()?;
         self.coupling = Some(coupling);
         if let Hold::Node { node, offset_m } = self.hold {
@@ -117,7 +117,7 @@ impl ToolContact {
 
     /// Its coupling, if it has one.
     #[must_use]
-    pub fn coupling(&self) -> Option<Coupling> {
+    pub fn coupling(&self) -> Option<VirtualCoupling> {
         self.coupling
     }
 
@@ -244,7 +244,7 @@ impl ToolContact {
 
     /// Lets go of what is touched; whether something was. What is held stays held; a proxy that touched is where the device
     /// is.
-    pub fn let_go(&mut self) -> bool {
+    pub fn release(&mut self) -> bool {
         if let Hold::Nothing { .. } = self.hold {
             self.proxy_m = None;
         }

@@ -19,7 +19,7 @@ fn free_ball() -> ToolContact {
 }
 
 fn ball(most_n: f64) -> ToolContact {
-    free_ball().behind(Coupling { stiffness_n_per_m: STIFFNESS, most_n }).unwrap()
+    free_ball().with_coupling(VirtualCoupling { stiffness_n_per_m: STIFFNESS, max_force_n: most_n }).unwrap()
 }
 
 fn both() -> [Integrator; 2] {
@@ -127,8 +127,8 @@ fn what_is_held_gives_way_too() {
     for integrator in both() {
         let mut body = block();
         let from = body.positions_m()[node];
-        let coupling = Coupling { stiffness_n_per_m: STIFFNESS, most_n: 1.5 };
-        let mut tool = ToolContact::hold(&body, node, from).unwrap().behind(coupling).unwrap();
+        let coupling = VirtualCoupling { stiffness_n_per_m: STIFFNESS, max_force_n: 1.5 };
+        let mut tool = ToolContact::hold(&body, node, from).unwrap().with_coupling(coupling).unwrap();
         assert_eq!(tool.driven_node(), None);
         // 100 mm up and aside, within a quarter of a second.
         let pulled = |t: f64| from + DVec3::new(0.6, 0.0, 0.8) * 0.1 * (t / 0.25).min(1.0);
@@ -145,11 +145,11 @@ fn what_is_held_gives_way_too() {
 #[test]
 fn energy_is_accounted_for() {
     let (mut body, mut tool) = (block(), ball(2.0));
-    body.open_books();
+    body.start_energy_accounting();
     follow(&mut body, &mut tool, 600, SemiImplicitEuler::default().into(), dip(0.05));
-    let books = body.books().unwrap();
+    let books = body.energy_balance().unwrap();
     assert!(books.work_in_j > 1e-3, "{books:?}");
-    let spent = books.stored_j + books.damped_j + books.rubbed_j + books.integrator_j;
+    let spent = books.stored_j + books.damping_loss_j + books.friction_loss_j + books.integrator_j;
     assert!((spent / books.work_in_j - 1.0).abs() < 1e-9, "{books:?}");
     assert!(books.integrator_j.abs() < 0.1 * books.work_in_j, "{books:?}");
 }
@@ -157,7 +157,7 @@ fn energy_is_accounted_for() {
 #[test]
 fn a_coupling_that_makes_no_sense_is_refused() {
     for (stiffness_n_per_m, most_n) in [(0.0, 1.0), (f64::NAN, 1.0), (1e3, -1.0), (1e3, f64::INFINITY)] {
-        let refused = free_ball().behind(Coupling { stiffness_n_per_m, most_n });
+        let refused = free_ball().with_coupling(VirtualCoupling { stiffness_n_per_m, max_force_n: most_n });
         assert!(matches!(refused, Err(BodyError::Tool(_))));
     }
 }

@@ -155,7 +155,7 @@ impl Cubes {
         let fixed: Vec<usize> = nodes.iter().filter(|(at, _)| at[2] == 0).map(|(_, &node)| node).collect();
         let points: Vec<_> = (0..nodes.len()).map(BodyPoint::node).collect();
         let surface = Surface { vertices: (0..points.len()).collect(), points, triangles };
-        Self { network: builder.fix(fixed).allow_free().build().unwrap(), surface, faces }
+        Self { network: builder.fix(fixed).allow_unconstrained().build().unwrap(), surface, faces }
     }
 
     /// The surface whose triangles have the middles of their faces `within`.

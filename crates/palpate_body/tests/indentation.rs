@@ -30,7 +30,7 @@ fn indent(n: usize, shape: ToolShape, low_m: f64, depth_m: f64) -> f64 {
     loop {
         let stay = vec![at(1.0); 51];
         let report = body.advance(Some((&mut tool, &stay)), 50, SemiImplicitEuler::default()).unwrap();
-        assert_eq!((report.left_out, report.unsolved), (0, 0));
+        assert_eq!((report.left_out, report.unconverged), (0, 0));
         let now = tool.displayed_force_n(&body).z;
         if (now - force).abs() < 1e-4 * now {
             return now;

@@ -243,7 +243,7 @@ fn a_pulse_runs_along_a_chain_at_the_speed_of_its_waves() {
 
 #[test]
 fn a_free_body_keeps_its_momentum_and_its_spin() {
-    let lattice = Lattice::new([4, 3, 3], 0.05).unwrap().allow_free();
+    let lattice = Lattice::new([4, 3, 3], 0.05).unwrap().allow_unconstrained();
     let network = lattice.uniform(300.0, 0.4, 0.02, |_| false).unwrap();
     let momenta = |body: &Body| {
         let m = body.network().mass_kg();
@@ -317,7 +317,7 @@ fn the_books_close_and_the_integrator_s_share_vanishes_with_its_step() {
     let share = |integrator: Integrator| {
         let mut body = block(3, 200.0, 0.5);
         body.set_gravity(G).unwrap();
-        body.open_books();
+        body.start_energy_accounting();
         let node = 1 + 3 * (1 + 3 * 2);
         let at = body.positions_m()[node];
         let mut tool = ToolContact::hold(&body, node, at).unwrap();
@@ -329,10 +329,10 @@ fn the_books_close_and_the_integrator_s_share_vanishes_with_its_step() {
             .map(|i| ToolPoint { position_m: place(i), velocity_m_per_s: (place(i) - place(i - 1)) / 1e-3 })
             .collect();
         body.advance(Some((&mut tool, &path)), 200, integrator).unwrap();
-        let books = body.books().unwrap();
-        let through = books.work_in_j.abs() + books.damped_j;
-        assert!(books.damped_j > 0.0);
-        let sum = books.stored_j + books.damped_j + books.integrator_j;
+        let books = body.energy_balance().unwrap();
+        let through = books.work_in_j.abs() + books.damping_loss_j;
+        assert!(books.damping_loss_j > 0.0);
+        let sum = books.stored_j + books.damping_loss_j + books.integrator_j;
         assert!((sum - books.work_in_j).abs() < 1e-12 * through);
         books.integrator_j.abs() / through
     };
@@ -350,13 +350,13 @@ fn half_of_the_work_of_a_load_is_stored_and_half_is_damped() {
     for integrator in [integrators()[0], integrators()[1]] {
         let (k, force) = (80.0, 0.4);
         let mut body = oscillator(k, 1.5, 0.05, 0.0);
-        body.open_books();
+        body.start_energy_accounting();
         body.set_loads(&[DVec3::ZERO, DVec3::X * force]).unwrap();
         body.advance(None, 3000, integrator).unwrap();
-        let (books, whole) = (body.books().unwrap(), force * force / k);
+        let (books, whole) = (body.energy_balance().unwrap(), force * force / k);
         assert!((books.work_in_j / whole - 1.0).abs() < 1e-6 && (books.stored_j / whole - 0.5).abs() < 1e-6);
         // The rest is the implicit step's own damping.
-        assert!((books.damped_j / whole - 0.5).abs() < 0.03, "{books:?}, {integrator:?}");
+        assert!((books.damping_loss_j / whole - 0.5).abs() < 0.03, "{books:?}, {integrator:?}");
     }
 }
 
@@ -447,9 +447,9 @@ fn gravity_that_is_switched_off_does_no_work() {
     let mut body = block(3, 300.0, 0.6);
     body.set_gravity(G).unwrap();
     body.advance(None, 300, SemiImplicitEuler::default()).unwrap();
-    body.open_books();
+    body.start_energy_accounting();
     body.set_gravity(DVec3::ZERO).unwrap();
-    let books = body.books().unwrap();
+    let books = body.energy_balance().unwrap();
     assert!(books.stored_j.abs() < 1e-15 && books.integrator_j.abs() < 1e-15, "{books:?}");
 }
 

@@ -47,7 +47,7 @@ fn parts_that_hang_on_nothing_are_named() {
     }
     let builder = builder.fix([0, 3]);
     assert_eq!(builder.clone().build(), Err(BodyError::Disconnected { node: 2, first: 1 }));
-    assert_eq!(builder.allow_free().build().unwrap().free(), [1, 2]);
+    assert_eq!(builder.allow_unconstrained().build().unwrap().free(), [1, 2]);
 }
 
 #[test]

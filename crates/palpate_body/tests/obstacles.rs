@@ -26,7 +26,7 @@ fn implicit() -> Integrator {
 /// A soft cube of `n` nodes a side, its lower face `height` above the ground, fixed to nothing.
 fn cube(n: usize, edge: f64, height: f64) -> Body {
     let center = DVec3::Z * (0.5 * edge + height);
-    let block = Block::new([n; 3], DVec3::splat(edge)).unwrap().centered_at(center).unwrap().allow_free();
+    let block = Block::new([n; 3], DVec3::splat(edge)).unwrap().centered_at(center).unwrap().allow_unconstrained();
     let tissue = Tissue { youngs_modulus_pa: 20e3, damping_ratio: 0.5, ..Tissue::default() };
     body(block.tissue(&tissue).unwrap().network)
 }
@@ -34,7 +34,7 @@ fn cube(n: usize, edge: f64, height: f64) -> Body {
 fn point(m: f64) -> Body {
     let mut builder = NetworkBuilder::new();
     builder.node(DVec3::ZERO, m);
-    body(builder.allow_free().build().unwrap())
+    body(builder.allow_unconstrained().build().unwrap())
 }
 
 #[test]
@@ -45,7 +45,7 @@ fn a_sliding_mass_slows_by_mu_g_and_stops_for_good() {
         body.set_gravity(DVec3::Z * -G).unwrap();
         body.set_obstacles(vec![ground(mu)]);
         body.set_state(&[DVec3::ZERO], &[DVec3::X * v0]).unwrap();
-        body.open_books();
+        body.start_energy_accounting();
         for tick in 1..=400 {
             let report = body.advance(None, 1, integrator).unwrap();
             assert_eq!(report.contacts, 1);
@@ -55,9 +55,9 @@ fn a_sliding_mass_slows_by_mu_g_and_stops_for_good() {
         }
         assert!(body.is_settled());
         // All of its energy is rubbed away.
-        let books = body.books().unwrap();
+        let books = body.energy_balance().unwrap();
         assert!(
-            (books.rubbed_j / (0.5 * 0.2 * v0 * v0) - 1.0).abs() < 1e-9 && books.integrator_j.abs() < 1e-12
+            (books.friction_loss_j / (0.5 * 0.2 * v0 * v0) - 1.0).abs() < 1e-9 && books.integrator_j.abs() < 1e-12
         );
     }
 }
@@ -101,7 +101,7 @@ fn a_dropped_dumbbell_leaves_the_ground_when_its_spring_lifts_it() {
     let low = builder.node(DVec3::Z * drop, m);
     let high = builder.node(DVec3::Z * (drop + l), m);
     builder.spring(low, high, ForceLaw::Linear { stiffness_n_per_m: k }, 0.0);
-    let mut body = body(builder.allow_free().build().unwrap());
+    let mut body = body(builder.allow_unconstrained().build().unwrap());
     body.set_gravity(DVec3::Z * -G).unwrap();
     body.set_obstacles(vec![ground(0.0)]);
     let touch_down = (2.0 * drop / G).sqrt();
@@ -180,7 +180,7 @@ proptest! {
         let x = body.positions_m().to_vec();
         let turn = |x: &DVec3| DVec3::from_array(velocity) - DVec3::Z + DVec3::from_array(spin).cross(*x - DVec3::Z * 0.02);
         body.set_state(&x, &x.iter().map(turn).collect::<Vec<_>>()).unwrap();
-        body.open_books();
+        body.start_energy_accounting();
         let integrator = if stiff { implicit() } else { fine(4) };
         for _ in 0..150 {
             body.advance(None, 1, integrator).unwrap();
@@ -201,7 +201,7 @@ proptest! {
             }
         }
         // But for what a step along a sphere's tangent goes in.
-        prop_assert!(body.books().unwrap().rubbed_j >= -1e-7);
+        prop_assert!(body.energy_balance().unwrap().friction_loss_j >= -1e-7);
     }
 }
 

@@ -7,7 +7,7 @@ const RADIUS: f64 = 0.01;
 fn block(face: Option<Face>) -> Body {
     let lattice = UniformLattice { stiffness_n_per_m: 200.0, damping_ratio: 0.7, mass_kg: 0.5 };
     let block = Block::new([5, 5, 5], DVec3::splat(0.1)).unwrap();
-    let block = face.map_or_else(|| block.clone().allow_free(), |face| block.clone().fix(face));
+    let block = face.map_or_else(|| block.clone().allow_unconstrained(), |face| block.clone().fix(face));
     let made = block.uniform(&lattice).unwrap();
     Body::new(made.network, made.surface).unwrap()
 }
@@ -37,14 +37,14 @@ fn run(
 #[test]
 fn two_that_press_a_floating_body_from_two_sides_feel_equal_and_opposite_forces() {
     for integrator in [SemiImplicitEuler::default().into(), LinearlyImplicitEuler::default().into()] {
-        for coupling in [None, Some(Coupling { stiffness_n_per_m: 20e3, most_n: 1.0 })] {
+        for coupling in [None, Some(VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 1.0 })] {
             let mut body = block(None);
             // Right on the middle nodes, so that nothing turns.
             let way = |side: f64| {
                 path(1500, move |t| DVec3::X * side * (0.05 + RADIUS + 1e-3 - 0.005 * (t / 0.5).min(1.0)))
             };
             // Without friction; the triangles of the two faces are no mirror images, so the dents are not quite.
-            let tool = || coupling.map_or_else(|| ball(0.0), |coupling| ball(0.0).behind(coupling).unwrap());
+            let tool = || coupling.map_or_else(|| ball(0.0), |coupling| ball(0.0).with_coupling(coupling).unwrap());
             let mut tools = [(tool(), way(1.0)), (tool(), way(-1.0))];
             let forces = run(&mut body, &mut tools, 1500, integrator);
             for pair in &forces {
@@ -61,7 +61,7 @@ fn two_that_press_a_floating_body_from_two_sides_feel_equal_and_opposite_forces(
             let end = forces.last().unwrap();
             assert!(end[0].x > 0.5, "{}", end[0]);
             if let Some(coupling) = coupling {
-                assert!(end[0].length() <= coupling.most_n * (1.0 + 1e-9));
+                assert!(end[0].length() <= coupling.max_force_n * (1.0 + 1e-9));
             }
             let momentum: DVec3 = body.velocities_m_per_s().iter().sum();
             assert!(momentum.length() < 1e-3, "{momentum}");

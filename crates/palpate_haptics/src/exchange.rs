@@ -67,7 +67,7 @@ pub fn haptic_loop(
     let first = (0, settings);
     let (settings_in, settings_out) = triple_buffer(&first);
     // The vectors get their length here, before they are cloned into the three slots.
-    let (models_in, models_out) = triple_buffer(&LocalModel::silent(config.hand_over.capacity));
+    let (models_in, models_out) = triple_buffer(&LocalModel::empty(config.hand_over.capacity));
     let history = SampleHistory::with_capacity(config.hand_over.history)?;
     let (samples_in, samples_out) = triple_buffer(&Sampled {
         displayed: DisplayedForces::with_capacity(config.hand_over.history),

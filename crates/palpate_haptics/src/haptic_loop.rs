@@ -17,7 +17,7 @@ use crate::{
     SafetyChain, SafetyInput, TickRecord, TickTiming,
 };
 use glam::{DQuat, DVec3};
-use palpate_local::{HandOver, ModelId, Offer, Sample, SampleOrigin, Spoken};
+use palpate_local::{HandOver, ModelId, SubmitResult, Sample, SampleOrigin, RenderedForce};
 
 /// Missed deadlines in a row that are bridged by interpolated samples; more begin the samples anew.
 pub const LONGEST_BRIDGE: u64 = 200;
@@ -123,7 +123,7 @@ impl HapticLoop {
         let has_jumped = recovered || frame != self.settings.frame;
         self.take_sample(elapsed, &in_scene, has_jumped);
         let taken = if arrived { Some(self.take_model()) } else { None };
-        let spoken = self.hand_over.speak();
+        let spoken = self.hand_over.render();
         self.account_for_model(&spoken);
         let (moved_m, velocity_m_per_s) = self.hand_motion(has_jumped);
         let periods = |ticks: u64| ticks as f64 * self.config.hand_over.tick_s / self.settings.model_period_s;
@@ -312,7 +312,7 @@ impl HapticLoop {
         self.settings = settings;
         self.report.settings_number = number;
         if let Some(body) = settings.body {
-            self.hand_over.forget_others(body);
+            self.hand_over.retain_body(body);
         }
         self.tell(LoopEventKind::SettingsAdopted(number));
         Some((number, settings))
@@ -422,9 +422,9 @@ impl HapticLoop {
         let refused = if self.settings.body.is_some_and(|body| ![body, ModelId::NO_BODY].contains(&id.body)) {
             LoopEventKind::WrongBody(id)
         } else {
-            match self.hand_over.offer(model) {
-                Offer::Taken | Offer::Busy => return id,
-                Offer::Refused(error) => LoopEventKind::ModelRefused(error),
+            match self.hand_over.submit(model) {
+                SubmitResult::Accepted | SubmitResult::Busy => return id,
+                SubmitResult::Rejected(error) => LoopEventKind::ModelRefused(error),
             }
         };
         self.report.models_refused += 1;
@@ -432,8 +432,8 @@ impl HapticLoop {
         id
     }
 
-    fn account_for_model(&mut self, spoken: &Spoken) {
-        self.report.unsolved += u64::from(spoken.unsolved);
+    fn account_for_model(&mut self, spoken: &RenderedForce) {
+        self.report.unsolved += u64::from(spoken.unconverged);
         if let Some(swap) = spoken.swap {
             self.report.models_adopted += 1;
             self.report.last_swap = Some(swap);

@@ -2,7 +2,7 @@
 
 use crate::{DeviceError, LoopSettings, Reading, RealTimeReport, SafetyReport, TickTiming};
 use glam::DVec3;
-use palpate_local::{LocalModelError, ModelId, Sample, Spoken, Swap};
+use palpate_local::{LocalModelError, ModelId, Sample, RenderedForce, ModelSwap};
 use thiserror::Error;
 
 /// Something that happened in the loop.
@@ -28,8 +28,8 @@ pub enum LoopEventKind {
     #[error("the loop has stopped with zero force")]
     Stopped,
     /// A new local model speaks.
-    #[error("the local model of sample {} speaks, after {} replayed samples", .0.to.sequence, .0.replayed)]
-    ModelAdopted(Swap),
+    #[error("the local model of sample {} speaks, after {} replayed samples", .0.to.sequence, .0.replayed_samples)]
+    ModelAdopted(ModelSwap),
     /// A local model was refused or given up; the one before goes on speaking.
     #[error(
         "a local model was refused; the force goes on with the one before and fades when that is old; whatever built it is at fault"
@@ -139,7 +139,7 @@ pub struct TickRecord {
     /// The local model that was taken out of the exchange at this tick, to be caught up.
     pub taken: Option<ModelId>,
     /// The force before the safety chain, and the model it came from.
-    pub spoken: Spoken,
+    pub spoken: RenderedForce,
     /// What the safety chain did.
     pub safety: SafetyReport,
     /// The force that was written, N, scene frame.

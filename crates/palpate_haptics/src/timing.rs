@@ -2,7 +2,7 @@
 
 use crate::RealTimeReport;
 use hdrhistogram::Histogram;
-use palpate_local::Swap;
+use palpate_local::ModelSwap;
 
 /// Bounds of every histogram: 1 ns to 10 s, two significant digits. Longer times count as 10 s.
 const LONGEST_NS: u64 = 10_000_000_000;
@@ -73,7 +73,7 @@ pub struct LoopReport {
     /// Local models that began to speak.
     pub models_adopted: u64,
     /// The last change of local model.
-    pub last_swap: Option<Swap>,
+    pub last_swap: Option<ModelSwap>,
     /// Local models that were refused or given up.
     pub models_refused: u64,
     /// Ticks at which the impulses of the tool's contacts were not found as well as they should be.

@@ -241,8 +241,8 @@ fn touched_triangle(field: &mut NearField, is_implicit: bool) {
         let diagonal: Vec<f64> = (0..121).map(|i| if i % 12 == 0 { 100.0 } else { 0.0 }).collect();
         field.factor.factorise(11, &diagonal).unwrap();
         field.tangent[..121].fill(0.0);
-        field.answer[..99].fill(0.0);
-        (0..9).for_each(|i| field.answer[11 * i + i] = 200.0);
+        field.impulse_response[..99].fill(0.0);
+        (0..9).for_each(|i| field.impulse_response[11 * i + i] = 200.0);
     }
 }
 

@@ -8,7 +8,7 @@ use crate::{defaults, progress};
 use clap::Args;
 use glam::DVec3;
 use palpate_body::{Body, BodyError, SemiImplicitEuler, ToolContact, ToolPoint};
-use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Offer, Sample, Scheme};
+use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, SubmitResult, Sample, Scheme};
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -158,12 +158,12 @@ impl Grip {
                 Some(scheme) => {
                     hand_over.push(sample);
                     if i % period == 0
-                        && let Offer::Refused(error) =
-                            hand_over.offer(model_side.build(scheme, tool, i as u64)?)
+                        && let SubmitResult::Rejected(error) =
+                            hand_over.submit(model_side.build(scheme, tool, i as u64)?)
                     {
                         return Err(ReduceError::from(error).into());
                     }
-                    hand_over.speak().force_n
+                    hand_over.render().force_n
                 }
             };
             heights.push(position_m.z - start.z);
@@ -192,7 +192,7 @@ struct ModelSide {
 impl ModelSide {
     fn new(body: Body, contact: ToolContact, start: DVec3) -> Result<Self, LabError> {
         let builder = LocalModelBuilder::new(&body, BuilderOptions::default())?;
-        let model = LocalModel::silent(builder.capacity());
+        let model = LocalModel::empty(builder.capacity());
         Ok(Self { body, contact, path: vec![ToolPoint::at_rest(start)], builder, model })
     }
 

@@ -175,7 +175,7 @@ impl Probe {
             check("--nodes", nodes as f64, (2..=24).contains(&nodes), "2 to 24 along each axis")?;
         }
         check("--edge-m", self.edge_m, (1e-3..=10.0).contains(&self.edge_m), "0.001 to 10")?;
-        let most = CellLattice::MOST_CELLS_ALONG;
+        let most = CellLattice::MAX_CELLS_ALONG;
         let allowed = format!("1 to {most} along the longest side");
         check("--cells", self.cells as f64, (1..=most).contains(&self.cells), allowed)?;
         let unit = self.metres_per_unit;

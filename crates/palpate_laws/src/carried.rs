@@ -19,7 +19,7 @@ pub struct CarriedPoint {
 }
 
 /// Most points that carry a contact.
-pub const MOST_CARRIED: usize = 3 * PRESSURE_POINTS;
+pub const MAX_CARRIED: usize = 3 * PRESSURE_POINTS;
 
 impl PatchLayout {
     /// Spreads the force of the patch over the surface: makes `carried`, which needs room for [`MOST_CARRIED`], the points that carry it, where

@@ -7,7 +7,7 @@ use glam::DVec3;
 ///
 /// `force_n` is what the body does to the hand, N; `normal` points out of the body.
 #[must_use]
-pub fn one_sided(force_n: DVec3, normal: DVec3) -> DVec3 {
+pub fn unilateral_force(force_n: DVec3, normal: DVec3) -> DVec3 {
     if force_n.dot(normal) > 0.0 { force_n } else { DVec3::ZERO }
 }
 
@@ -18,13 +18,13 @@ mod tests {
     #[test]
     fn a_surface_pushes_and_never_pulls() {
         let push = DVec3::new(0.3, 0.1, 2.0);
-        assert_eq!(one_sided(push, DVec3::Z), push);
-        assert_eq!(one_sided(-push, DVec3::Z), DVec3::ZERO);
-        assert_eq!(one_sided(DVec3::X, DVec3::Z), DVec3::ZERO);
+        assert_eq!(unilateral_force(push, DVec3::Z), push);
+        assert_eq!(unilateral_force(-push, DVec3::Z), DVec3::ZERO);
+        assert_eq!(unilateral_force(DVec3::X, DVec3::Z), DVec3::ZERO);
     }
 
     #[test]
     fn a_force_that_is_not_a_number_is_not_shown() {
-        assert_eq!(one_sided(DVec3::NAN, DVec3::Z), DVec3::ZERO);
+        assert_eq!(unilateral_force(DVec3::NAN, DVec3::Z), DVec3::ZERO);
     }
 }

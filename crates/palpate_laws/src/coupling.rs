@@ -1,6 +1,6 @@
 //! A tool that gives way: a proxy without mass behind a stiff coupling whose force saturates.
 
-use crate::{Answer, Effort, LawError, Row, Sweeps, solve_rows};
+use crate::{ImpulseResponse, SolverLimits, LawError, ConstraintRow, SolverReport, solve_projected_gauss_seidel};
 use glam::{DMat3, DVec3};
 
 /// What draws a tool's proxy, which is what the body meets, to where the device is: a spring as long as its force is
@@ -9,18 +9,18 @@ use glam::{DMat3, DVec3};
 ///
 /// So a hand that goes deeper than a body can leaves the proxy behind on the surface, and no body is dragged through itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Coupling {
+pub struct VirtualCoupling {
     /// k, N/m: below saturation the proxy stays F/k behind the device.
     pub stiffness_n_per_m: f64,
     /// The force at which it saturates, N.
-    pub most_n: f64,
+    pub max_force_n: f64,
 }
 
 /// The proxy in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProxyStep {
     /// What draws it.
-    pub coupling: Coupling,
+    pub coupling: VirtualCoupling,
     /// From where it would be at the end of the step if it moved as the device does, for which the rows' gaps are, to the
     /// device, m; less, if it is not to go as far in one step.
     pub short_m: DVec3,
@@ -42,7 +42,7 @@ impl ToolMove {
     /// another; `radius_m` is `None` for a tool that holds.
     #[must_use]
     pub fn new(
-        coupling: Option<Coupling>,
+        coupling: Option<VirtualCoupling>,
         device_m: (DVec3, DVec3),
         proxy_m: DVec3,
         radius_m: Option<f64>,
@@ -63,13 +63,13 @@ impl ToolMove {
 }
 
 /// How often a coupling that gives way is looked at again in a step.
-const LOOKS: usize = 8;
+const MAX_PLASTIC_ITERATIONS: usize = 8;
 /// Most sweeps over the rows then.
-const ROUGHLY: usize = 20;
+const COARSE_ITERATIONS: usize = 20;
 /// The share of the largest force by which it may be exceeded.
-const BEYOND: f64 = 1e-2;
+const FORCE_TOLERANCE: f64 = 1e-2;
 
-impl Coupling {
+impl VirtualCoupling {
     /// Refuses what makes no sense.
     ///
     /// # Errors
@@ -79,19 +79,19 @@ impl Coupling {
         if !positive(self.stiffness_n_per_m) {
             return Err(LawError::Stiffness(self.stiffness_n_per_m));
         }
-        if positive(self.most_n) { Ok(()) } else { Err(LawError::CouplingForce(self.most_n)) }
+        if positive(self.max_force_n) { Ok(()) } else { Err(LawError::CouplingForce(self.max_force_n)) }
     }
 
     /// How far behind the device the proxy is when the force saturates, m.
     #[must_use]
     pub fn stretch_m(&self) -> f64 {
-        self.most_n / self.stiffness_n_per_m
+        self.max_force_n / self.stiffness_n_per_m
     }
 
     /// `force_n`, but no more than the largest.
     #[must_use]
     pub fn limit(&self, force_n: DVec3) -> DVec3 {
-        force_n.clamp_length_max(self.most_n)
+        force_n.clamp_length_max(self.max_force_n)
     }
 
     /// How far the proxy, `behind_m` the device, may go towards it in one step beside the device's own motion: anywhere for
@@ -107,7 +107,7 @@ impl Coupling {
 
 /// A tool behind a coupling in a step, and how far that draws it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DrawnTool {
+pub struct ProxyState {
     proxy: ProxyStep,
     /// What the proxy moves beside the device's motion over the length of the step, m/s.
     velocity_m_per_s: DVec3,
@@ -117,7 +117,7 @@ pub struct DrawnTool {
     lightest_per_kg: f64,
 }
 
-impl DrawnTool {
+impl ProxyState {
     /// A tool behind that proxy.
     #[must_use]
     pub fn new(proxy: ProxyStep) -> Self {
@@ -126,7 +126,7 @@ impl DrawnTool {
 
     /// How far it was drawn in a step of length `h`, s, beside the device's own motion, m.
     #[must_use]
-    pub fn drawn_m(&self, h: f64) -> DVec3 {
+    pub fn displacement_m(&self, h: f64) -> DVec3 {
         self.velocity_m_per_s * h
     }
 }
@@ -134,24 +134,24 @@ impl DrawnTool {
 /// Velocities of rows relative to proxies that answer to what their tools' rows give.
 struct WithProxies<'a, A, F> {
     rows: &'a mut A,
-    tools: &'a mut [DrawnTool],
+    tools: &'a mut [ProxyState],
     tool_of: F,
 }
 
-impl<A: Answer, F: Fn(usize) -> Option<usize>> WithProxies<'_, A, F> {
-    fn tool(&mut self, row: usize) -> Option<&mut DrawnTool> {
+impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> WithProxies<'_, A, F> {
+    fn tool(&mut self, row: usize) -> Option<&mut ProxyState> {
         self.tools.get_mut((self.tool_of)(row)?)
     }
 }
 
-impl<A: Answer, F: Fn(usize) -> Option<usize>> Answer for WithProxies<'_, A, F> {
+impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> ImpulseResponse for WithProxies<'_, A, F> {
     fn velocity_m_per_s(&self, row: usize) -> DVec3 {
         let tool = (self.tool_of)(row).and_then(|tool| self.tools.get(tool));
         self.rows.velocity_m_per_s(row) - tool.map_or(DVec3::ZERO, |tool| tool.velocity_m_per_s)
     }
 
-    fn push(&mut self, row: usize, impulse_ns: DVec3) {
-        self.rows.push(row, impulse_ns);
+    fn apply_impulse(&mut self, row: usize, impulse_ns: DVec3) {
+        self.rows.apply_impulse(row, impulse_ns);
         if let Some(tool) = self.tool(row) {
             tool.velocity_m_per_s -= tool.per_kg * impulse_ns;
         }
@@ -161,17 +161,17 @@ impl<A: Answer, F: Fn(usize) -> Option<usize>> Answer for WithProxies<'_, A, F> 
 /// As [`solve_rows`], from no impulses, with a tool behind a coupling whose rows are those that `is_tools` tells. Returns also how
 /// far the proxy goes in this step beside the device's own motion, m. See [`solve_with_proxies`].
 pub fn solve_with_proxy(
-    rows: &mut [Row],
-    answer: &mut impl Answer,
+    rows: &mut [ConstraintRow],
+    answer: &mut impl ImpulseResponse,
     is_tools: impl Fn(usize) -> bool,
     proxy: ProxyStep,
     h: f64,
-    effort: Effort,
-) -> (Sweeps, DVec3) {
-    let mut tools = [DrawnTool::new(proxy)];
+    effort: SolverLimits,
+) -> (SolverReport, DVec3) {
+    let mut tools = [ProxyState::new(proxy)];
     let sweeps = solve_with_proxies(rows, answer, &mut tools, |row| is_tools(row).then_some(0), h, effort);
     let [tool] = tools;
-    (sweeps, tool.drawn_m(h))
+    (sweeps, tool.displacement_m(h))
 }
 
 /// As [`solve_rows`], from no impulses, with `tools` behind couplings; `tool_of` tells of each row whose it is, if it is one of
@@ -181,13 +181,13 @@ pub fn solve_with_proxy(
 /// Where |Λ|/h would be more than the largest force, the coupling gives way along Λ, like a perfectly plastic slider, as
 /// far as it takes for the force to be the largest. Several tools are looked at in turn, three times at most.
 pub fn solve_with_proxies(
-    rows: &mut [Row],
-    answer: &mut impl Answer,
-    tools: &mut [DrawnTool],
+    rows: &mut [ConstraintRow],
+    answer: &mut impl ImpulseResponse,
+    tools: &mut [ProxyState],
     tool_of: impl Fn(usize) -> Option<usize>,
     h: f64,
-    effort: Effort,
-) -> Sweeps {
+    effort: SolverLimits,
+) -> SolverReport {
     for tool in &mut *tools {
         // At first to where the coupling would be saturated if the proxy stayed; so that in the end its force is towards the
         // device.
@@ -197,18 +197,18 @@ pub fn solve_with_proxies(
     }
     for (index, row) in rows.iter_mut().enumerate() {
         let Some(tool) = tool_of(index).and_then(|tool| tools.get_mut(tool)) else { continue };
-        let own = row.own_per_kg.x_axis.x.min(row.own_per_kg.y_axis.y).min(row.own_per_kg.z_axis.z);
+        let own = row.inv_effective_mass_per_kg.x_axis.x.min(row.inv_effective_mass_per_kg.y_axis.y).min(row.inv_effective_mass_per_kg.z_axis.z);
         tool.lightest_per_kg = tool.lightest_per_kg.max(own);
-        row.own_per_kg += DMat3::from_diagonal(DVec3::splat(tool.per_kg));
+        row.inv_effective_mass_per_kg += DMat3::from_diagonal(DVec3::splat(tool.per_kg));
     }
-    let rounds = if tools.len() > 1 { ROUNDS } else { 1 };
+    let rounds = if tools.len() > 1 { MAX_ROUNDS } else { 1 };
     let answer = WithProxies { rows: answer, tools, tool_of };
-    let mut pull = Pull { rows, answer, h, effort, sweeps: Sweeps::default() };
+    let mut pull = CoupledProblem { rows, answer, h, effort, sweeps: SolverReport::default() };
     pull.solve();
     for round in 0..rounds {
         let mut is_done = true;
         for index in 0..pull.answer.tools.len() {
-            is_done &= pull.settle(index, round == 0);
+            is_done &= pull.solve_plastic_flow(index, round == 0);
         }
         if is_done {
             break;
@@ -218,45 +218,45 @@ pub fn solve_with_proxies(
 }
 
 /// How often several tools are looked at in turn.
-const ROUNDS: usize = 3;
+const MAX_ROUNDS: usize = 3;
 
 /// Couplings that pull at rows.
-struct Pull<'a, A, F> {
-    rows: &'a mut [Row],
+struct CoupledProblem<'a, A, F> {
+    rows: &'a mut [ConstraintRow],
     answer: WithProxies<'a, A, F>,
     h: f64,
-    effort: Effort,
-    sweeps: Sweeps,
+    effort: SolverLimits,
+    sweeps: SolverReport,
 }
 
-impl<A: Answer, F: Fn(usize) -> Option<usize>> Pull<'_, A, F> {
+impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> CoupledProblem<'_, A, F> {
     fn solve(&mut self) {
-        let now = solve_rows(self.rows, &mut self.answer, self.h, self.effort);
-        self.sweeps = Sweeps { count: self.sweeps.count + now.count, converged: now.converged };
+        let now = solve_projected_gauss_seidel(self.rows, &mut self.answer, self.h, self.effort);
+        self.sweeps = SolverReport { iterations: self.sweeps.iterations + now.iterations, converged: now.converged };
     }
 
     /// Sees to it that the tool `index` gives its largest force at most, and follows its device as far as that allows if it is
     /// looked at for the first time. Whether that was so already.
-    fn settle(&mut self, index: usize, is_first: bool) -> bool {
-        let Some(&DrawnTool { proxy, per_kg, lightest_per_kg, .. }) = self.answer.tools.get(index) else {
+    fn solve_plastic_flow(&mut self, index: usize, is_first: bool) -> bool {
+        let Some(&ProxyState { proxy, per_kg, lightest_per_kg, .. }) = self.answer.tools.get(index) else {
             return true;
         };
-        let (h, most_n) = (self.h, proxy.coupling.most_n);
+        let (h, most_n) = (self.h, proxy.coupling.max_force_n);
         let goal = proxy.short_m.clamp_length_max(proxy.coupling.stretch_m());
         let force = self.force_n(index);
         let beyond = force.length() - most_n;
-        if beyond > BEYOND * most_n {
+        if beyond > FORCE_TOLERANCE * most_n {
             // At first as far as needed if all rows that give something shared it equally.
             let first = beyond * (per_kg + lightest_per_kg / self.giving(index).max(1) as f64) * h * h;
             let search = Search { little: (0.0, beyond), before: None, much: None };
             self.give_way(index, force.normalize(), search, first);
             return false;
         }
-        if is_first && beyond < -BEYOND * most_n && goal != proxy.short_m {
+        if is_first && beyond < -FORCE_TOLERANCE * most_n && goal != proxy.short_m {
             // There is room for more, perhaps for all.
             let more = proxy.short_m - goal;
             let beyond_all = self.give(index, -more).length() - most_n;
-            if beyond_all > BEYOND * most_n {
+            if beyond_all > FORCE_TOLERANCE * most_n {
                 let much = Some((more.length(), beyond));
                 let search = Search { little: (0.0, beyond_all), before: None, much };
                 self.give_way(index, more.normalize(), search, 0.0);
@@ -279,7 +279,7 @@ impl<A: Answer, F: Fn(usize) -> Option<usize>> Pull<'_, A, F> {
         self.rows_of(index).map(|row| row.impulse_ns).sum::<DVec3>() / self.h
     }
 
-    fn rows_of(&self, tool: usize) -> impl Iterator<Item = &Row> {
+    fn rows_of(&self, tool: usize) -> impl Iterator<Item = &ConstraintRow> {
         let rows = self.rows.iter().enumerate();
         rows.filter(move |(row, _)| (self.answer.tool_of)(*row) == Some(tool)).map(|(_, row)| row)
     }
@@ -291,23 +291,23 @@ impl<A: Answer, F: Fn(usize) -> Option<usize>> Pull<'_, A, F> {
 
     /// Lets a tool give way along `way` until the force along it is the largest.
     fn give_way(&mut self, index: usize, way: DVec3, mut search: Search, first: f64) {
-        let Some(most_n) = self.answer.tools.get(index).map(|tool| tool.proxy.coupling.most_n) else {
+        let Some(most_n) = self.answer.tools.get(index).map(|tool| tool.proxy.coupling.max_force_n) else {
             return;
         };
         let mut given = 0.0;
-        let sweeps = self.effort.sweeps;
-        self.effort.sweeps = sweeps.min(ROUGHLY);
-        for look in 0..LOOKS {
+        let sweeps = self.effort.max_iterations;
+        self.effort.max_iterations = sweeps.min(COARSE_ITERATIONS);
+        for look in 0..MAX_PLASTIC_ITERATIONS {
             // In the end rather too little than nothing.
-            let give = if look + 1 < LOOKS { search.guess(first) } else { search.little.0 };
+            let give = if look + 1 < MAX_PLASTIC_ITERATIONS { search.guess(first) } else { search.little.0 };
             let beyond = self.give(index, (give - given) * way).dot(way) - most_n;
             given = give;
-            if beyond.abs() <= BEYOND * most_n {
+            if beyond.abs() <= FORCE_TOLERANCE * most_n {
                 break;
             }
             search.note(give, beyond);
         }
-        self.effort.sweeps = sweeps;
+        self.effort.max_iterations = sweeps;
     }
 }
 
@@ -349,29 +349,29 @@ impl Search {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::RowLaw;
+    use crate::ConstraintLaw;
 
     /// Masses that know nothing of each other, 2 per kg.
     struct Apart(Vec<DVec3>);
 
-    impl Answer for Apart {
+    impl ImpulseResponse for Apart {
         fn velocity_m_per_s(&self, row: usize) -> DVec3 {
             self.0[row]
         }
 
-        fn push(&mut self, row: usize, impulse_ns: DVec3) {
+        fn apply_impulse(&mut self, row: usize, impulse_ns: DVec3) {
             self.0[row] += 2.0 * impulse_ns;
         }
     }
 
     const H: f64 = 1e-3;
 
-    fn held(gap: f64) -> Row {
+    fn held(gap: f64) -> ConstraintRow {
         let own_per_kg = DMat3::from_diagonal(DVec3::splat(2.0));
-        Row { law: RowLaw::TwoSided, gap_m: DVec3::Z * gap, own_per_kg, impulse_ns: DVec3::ZERO }
+        ConstraintRow { law: ConstraintLaw::Bilateral, gap_m: DVec3::Z * gap, inv_effective_mass_per_kg: own_per_kg, impulse_ns: DVec3::ZERO }
     }
 
-    fn step(coupling: Coupling, short: f64, mut rows: Vec<Row>) -> (Vec<Row>, Vec<DVec3>, DVec3) {
+    fn step(coupling: VirtualCoupling, short: f64, mut rows: Vec<ConstraintRow>) -> (Vec<ConstraintRow>, Vec<DVec3>, DVec3) {
         let mut masses = Apart(vec![DVec3::ZERO; rows.len()]);
         let proxy = ProxyStep { coupling, short_m: DVec3::Z * short };
         let (sweeps, moved) = solve_with_proxy(
@@ -380,7 +380,7 @@ mod tests {
             |_| true,
             proxy,
             H,
-            Effort { sweeps: 1000, tolerance: 1e-8 },
+            SolverLimits { max_iterations: 1000, tolerance: 1e-8 },
         );
         assert!(sweeps.converged || rows.len() > 1);
         (rows, masses.0, moved)
@@ -388,7 +388,7 @@ mod tests {
 
     #[test]
     fn below_saturation_it_is_a_spring_and_the_row_is_closed() {
-        let coupling = Coupling { stiffness_n_per_m: 5000.0, most_n: 100.0 };
+        let coupling = VirtualCoupling { stiffness_n_per_m: 5000.0, max_force_n: 100.0 };
         // The device has gone 1 mm down: the row's gap for a proxy that went with it is +1 mm.
         let (rows, v, moved) = step(coupling, 0.0, vec![held(1e-3)]);
         let impulse = rows[0].impulse_ns.z;
@@ -401,7 +401,7 @@ mod tests {
 
     #[test]
     fn it_never_gives_more_than_its_largest_force_and_ends_where_that_is() {
-        let coupling = Coupling { stiffness_n_per_m: 20e3, most_n: 0.3 };
+        let coupling = VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 0.3 };
         for rows in [vec![held(1e-3)], vec![held(1e-3), held(0.7e-3), held(-0.2e-3)]] {
             for short in [0.0, -1e-4, -5e-3, 2e-3] {
                 let (rows, v, moved) = step(coupling, short, rows.clone());
@@ -418,22 +418,22 @@ mod tests {
     fn tools_that_pull_at_the_same_mass_from_two_sides_keep_their_own_limits() {
         // One row each, on one mass; the second coupling saturates.
         struct Shared(DVec3);
-        impl Answer for Shared {
+        impl ImpulseResponse for Shared {
             fn velocity_m_per_s(&self, _: usize) -> DVec3 {
                 self.0
             }
-            fn push(&mut self, _: usize, impulse_ns: DVec3) {
+            fn apply_impulse(&mut self, _: usize, impulse_ns: DVec3) {
                 self.0 += 2.0 * impulse_ns;
             }
         }
         let proxy = |most_n| ProxyStep {
-            coupling: Coupling { stiffness_n_per_m: 20e3, most_n },
+            coupling: VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: most_n },
             short_m: DVec3::ZERO,
         };
-        let mut tools = [DrawnTool::new(proxy(50.0)), DrawnTool::new(proxy(0.5))];
+        let mut tools = [ProxyState::new(proxy(50.0)), ProxyState::new(proxy(0.5))];
         let mut rows = [held(0.4e-3), held(-0.4e-3)];
         let mut mass = Shared(DVec3::ZERO);
-        let effort = Effort { sweeps: 1000, tolerance: 1e-10 };
+        let effort = SolverLimits { max_iterations: 1000, tolerance: 1e-10 };
         solve_with_proxies(&mut rows, &mut mass, &mut tools, Some, H, effort);
         let force = |row: usize| rows[row].impulse_ns.z / H;
         assert!((force(1) - 0.5).abs() < 0.01, "{}", force(1));
@@ -444,7 +444,7 @@ mod tests {
 
     #[test]
     fn what_is_free_goes_to_the_device() {
-        let coupling = Coupling { stiffness_n_per_m: 20e3, most_n: 5.0 };
+        let coupling = VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 5.0 };
         let (_, _, moved) = step(coupling, 3e-3, vec![]);
         assert_eq!(moved, DVec3::Z * 3e-3);
         assert_eq!(coupling.stretch_m(), 0.25e-3);
@@ -456,9 +456,9 @@ mod tests {
     #[test]
     fn what_makes_no_sense_is_refused() {
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let soft = Coupling { stiffness_n_per_m: bad, most_n: 1.0 };
+            let soft = VirtualCoupling { stiffness_n_per_m: bad, max_force_n: 1.0 };
             assert!(matches!(soft.validate(), Err(LawError::Stiffness(_))));
-            let weak = Coupling { stiffness_n_per_m: 1.0, most_n: bad };
+            let weak = VirtualCoupling { stiffness_n_per_m: 1.0, max_force_n: bad };
             assert!(matches!(weak.validate(), Err(LawError::CouplingForce(_))));
         }
     }

@@ -181,7 +181,7 @@ impl SeriesCompliance {
     /// How much it takes part in closing a gap that was there before, from 0, where it is as stiff as it may be, to 1. Where it is soft, positions
     /// cannot close the gap, because it gives way before the nodes do.
     #[must_use]
-    pub fn takes_up(&self) -> f64 {
+    pub fn gap_uptake(&self) -> f64 {
         ((self.share - LEAST_SHARE) / (SOFT_SHARE - LEAST_SHARE)).clamp(0.0, 1.0)
     }
 

@@ -77,10 +77,10 @@ mod spring;
 mod touch;
 mod volume;
 
-pub use carried::{CarriedPoint, MOST_CARRIED};
-pub use contact::one_sided;
+pub use carried::{CarriedPoint, MAX_CARRIED};
+pub use contact::unilateral_force;
 pub use coulomb::Coulomb;
-pub use coupling::{Coupling, DrawnTool, ProxyStep, ToolMove, solve_with_proxies, solve_with_proxy};
+pub use coupling::{VirtualCoupling, ProxyState, ProxyStep, ToolMove, solve_with_proxies, solve_with_proxy};
 pub use error::LawError;
 pub use grid_compliance::{lattice_compliance, normal_compliance_at, tangential_compliance_at};
 pub use indentation::{Indentation, Pressure, SeriesCompliance};
@@ -88,11 +88,11 @@ pub use law::{ForceLaw, Tension};
 pub use patch::{Neighbour, Patch, PatchScale, PatchStart, PatchSurface, SurfacePlace};
 pub use patch_rows::{MAX_PATCHES, PATCH_ROWS, PatchLayout, RowLayout};
 pub use pressure_points::{PRESSURE_POINTS, PressurePoint};
-pub use rows::{Answer, CLOSED_M, CLOSING_M_PER_S, Effort, Row, RowLaw, Sweeps, solve_rows};
+pub use rows::{ImpulseResponse, GAP_TOLERANCE_M, MAX_CORRECTION_SPEED_M_PER_S, SolverLimits, ConstraintRow, ConstraintLaw, SolverReport, solve_projected_gauss_seidel};
 pub use seed::{KnownPatch, KnownPatches, Seed};
 pub use skin::SkinLaw;
 pub use spring::{Spring, SpringTangent};
-pub use touch::{ContactGap, GivenWay, POINT_NODES, ToolShape, is_out_of_reach, lever, nearest_weights};
+pub use touch::{ContactGap, SeriesDeflection, POINT_NODES, ToolShape, is_out_of_reach, mobility, nearest_weights};
 pub use volume::VolumeBarrier;
 
 #[cfg(doctest)]

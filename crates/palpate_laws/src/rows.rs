@@ -5,9 +5,9 @@ use glam::{DMat3, DVec3};
 
 /// What a row, a point Σ w_i x_i or the difference of two, has to obey.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum RowLaw {
+pub enum ConstraintLaw {
     /// A surface that pushes and rubs; the gap is along its normal.
-    OneSided {
+    Unilateral {
         /// Its normal and friction.
         coulomb: Coulomb,
         /// What is in series with it along the normal, where under an impulse the gap that is left is −δ_s(λ_n/h), and across it, m/N, where what
@@ -15,7 +15,7 @@ pub enum RowLaw {
         series: Option<(SeriesCompliance, f64)>,
     },
     /// No gap is left.
-    TwoSided,
+    Bilateral,
     /// No gap is left along a unit direction, by pulling against it only.
     Tension {
         /// The direction in which the row must not go farther.
@@ -28,64 +28,64 @@ pub enum RowLaw {
 
 /// One row of the problem.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
+pub struct ConstraintRow {
     /// What it has to obey.
-    pub law: RowLaw,
+    pub law: ConstraintLaw,
     /// How far it would be beyond the law, or short of it, if it did not move in the step, m.
     pub gap_m: DVec3,
     /// H A⁻¹ Hᵀ of the row with itself: what an impulse on it does to its own velocity, 1/kg.
-    pub own_per_kg: DMat3,
+    pub inv_effective_mass_per_kg: DMat3,
     /// λ, what the law gives it, N s.
     pub impulse_ns: DVec3,
 }
 
 /// What impulses on rows do to the velocities of all rows.
-pub trait Answer {
+pub trait ImpulseResponse {
     /// Velocity of row `row` now, m/s.
     fn velocity_m_per_s(&self, row: usize) -> DVec3;
 
     /// Adds what an impulse `impulse_ns` on row `row` does to the velocities.
-    fn push(&mut self, row: usize, impulse_ns: DVec3);
+    fn apply_impulse(&mut self, row: usize, impulse_ns: DVec3);
 }
 
 /// How much is done to find the impulses of rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Effort {
+pub struct SolverLimits {
     /// Most sweeps over all rows.
-    pub sweeps: usize,
+    pub max_iterations: usize,
     /// Change of an impulse, relative to the largest, below which a sweep was the last.
     pub tolerance: f64,
 }
 
 /// How the impulses of rows were found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Sweeps {
+pub struct SolverReport {
     /// Sweeps over all rows.
-    pub count: usize,
+    pub iterations: usize,
     /// Whether the last changed nothing to speak of.
     pub converged: bool,
 }
 
 /// How fast what is inside of what it should not be in is pushed out, and what is apart is drawn together.
-pub const CLOSING_M_PER_S: f64 = 1.0;
+pub const MAX_CORRECTION_SPEED_M_PER_S: f64 = 1.0;
 /// Less than that of a gap is rounding and needs no care.
-pub const CLOSED_M: f64 = 1e-6;
+pub const GAP_TOLERANCE_M: f64 = 1e-6;
 
 /// How far a row moves in the step because of a change, m, below which a sweep was the last too, after so many sweeps:
 /// impulses that share a load that one of them could bear are not determined, and need not be.
-const MOVED_M: f64 = 1e-9;
-const PATIENCE: usize = 50;
+const STALL_DISPLACEMENT_M: f64 = 1e-9;
+const STALL_CHECK_ITERATIONS: usize = 50;
 
-impl RowLaw {
+impl ConstraintLaw {
     /// The impulse of a row with answer `w` whose velocity without it, the gap over the length of the step added, is
     /// `free`.
     fn impulse(self, w: DMat3, free: DVec3, (before, h): (DVec3, f64)) -> DVec3 {
         match self {
-            Self::OneSided { coulomb, series: None } => coulomb.impulse(w, free),
-            Self::OneSided { coulomb, series: Some((series, tangential)) } => {
+            Self::Unilateral { coulomb, series: None } => coulomb.impulse(w, free),
+            Self::Unilateral { coulomb, series: Some((series, tangential)) } => {
                 in_series(coulomb, (&series, tangential), (w, free), (before, h))
             }
-            Self::TwoSided => -(w.inverse() * free),
+            Self::Bilateral => -(w.inverse() * free),
             Self::Tension { along, compliance_per_kg } => {
                 -along * (free.dot(along).max(0.0) / (along.dot(w * along) + compliance_per_kg))
             }
@@ -175,34 +175,34 @@ fn isotropic(w: DMat3) -> Option<f64> {
 ///
 /// Where rows contradict each other their impulses grow and no sweep is the last; very unequal masses on threads converge
 /// slowly.
-pub fn solve_rows(rows: &mut [Row], answer: &mut impl Answer, h: f64, effort: Effort) -> Sweeps {
-    for count in 1..=effort.sweeps {
+pub fn solve_projected_gauss_seidel(rows: &mut [ConstraintRow], answer: &mut impl ImpulseResponse, h: f64, effort: SolverLimits) -> SolverReport {
+    for count in 1..=effort.max_iterations {
         let (mut largest, mut change, mut moved) = (0.0_f64, 0.0_f64, 0.0_f64);
         for (index, row) in rows.iter_mut().enumerate() {
             // A row of nothing but what is fixed cannot obey.
-            let has_series = matches!(row.law, RowLaw::OneSided { series: Some(_), .. });
-            if row.own_per_kg.determinant() <= 0.0 && !has_series {
+            let has_series = matches!(row.law, ConstraintLaw::Unilateral { series: Some(_), .. });
+            if row.inv_effective_mass_per_kg.determinant() <= 0.0 && !has_series {
                 continue;
             }
             // Velocity without this row's impulse; what is left of the gap may still be closed.
-            let free = answer.velocity_m_per_s(index) - row.own_per_kg * row.impulse_ns + row.gap_m / h;
-            let impulse = row.law.impulse(row.own_per_kg, free, (row.impulse_ns, h));
+            let free = answer.velocity_m_per_s(index) - row.inv_effective_mass_per_kg * row.impulse_ns + row.gap_m / h;
+            let impulse = row.law.impulse(row.inv_effective_mass_per_kg, free, (row.impulse_ns, h));
             let more = impulse - row.impulse_ns;
             if more != DVec3::ZERO {
-                answer.push(index, more);
+                answer.apply_impulse(index, more);
             }
             row.impulse_ns = impulse;
             largest = largest.max(impulse.length());
             change = change.max(more.length());
-            moved = moved.max(h * (row.own_per_kg * more).length());
+            moved = moved.max(h * (row.inv_effective_mass_per_kg * more).length());
         }
         // A row that is alone is solved in one step.
         let is_settled = change <= effort.tolerance * largest || rows.len() == 1;
-        if is_settled || count > PATIENCE && moved <= MOVED_M {
-            return Sweeps { count, converged: true };
+        if is_settled || count > STALL_CHECK_ITERATIONS && moved <= STALL_DISPLACEMENT_M {
+            return SolverReport { iterations: count, converged: true };
         }
     }
-    Sweeps { count: effort.sweeps, converged: false }
+    SolverReport { iterations: effort.max_iterations, converged: false }
 }
 
 #[cfg(test)]
@@ -216,36 +216,36 @@ mod tests {
         w: [[f64; 2]; 2],
     }
 
-    impl Answer for Two {
+    impl ImpulseResponse for Two {
         fn velocity_m_per_s(&self, row: usize) -> DVec3 {
             self.v[row]
         }
 
-        fn push(&mut self, row: usize, impulse_ns: DVec3) {
+        fn apply_impulse(&mut self, row: usize, impulse_ns: DVec3) {
             for other in 0..2 {
                 self.v[other] += self.w[other][row] * impulse_ns;
             }
         }
     }
 
-    fn within(sweeps: usize) -> Effort {
-        Effort { sweeps, tolerance: 1e-8 }
+    fn within(sweeps: usize) -> SolverLimits {
+        SolverLimits { max_iterations: sweeps, tolerance: 1e-8 }
     }
 
-    fn row(law: RowLaw, gap: f64) -> Row {
+    fn row(law: ConstraintLaw, gap: f64) -> ConstraintRow {
         let own_per_kg = DMat3::from_diagonal(DVec3::splat(2.0));
-        Row { law, gap_m: DVec3::Z * gap, own_per_kg, impulse_ns: DVec3::ZERO }
+        ConstraintRow { law, gap_m: DVec3::Z * gap, inv_effective_mass_per_kg: own_per_kg, impulse_ns: DVec3::ZERO }
     }
 
     #[test]
     fn two_coupled_contacts_are_solved_as_one_problem() {
         let w = [[2.0, 1.0], [1.0, 2.0]];
-        let up = RowLaw::OneSided { coulomb: Coulomb::new(DVec3::Z, 0.0).unwrap(), series: None };
+        let up = ConstraintLaw::Unilateral { coulomb: Coulomb::new(DVec3::Z, 0.0).unwrap(), series: None };
         // Both press: [2 1; 1 2] λ = -[v + gap/h].
         let mut two = Two { v: [DVec3::Z * -3.0, DVec3::Z * -4.0], w };
         let mut rows = [row(up, 0.01), row(up, 0.01)];
-        let sweeps = solve_rows(&mut rows, &mut two, 0.01, within(100));
-        assert!(sweeps.converged && (2..40).contains(&sweeps.count));
+        let sweeps = solve_projected_gauss_seidel(&mut rows, &mut two, 0.01, within(100));
+        assert!(sweeps.converged && (2..40).contains(&sweeps.iterations));
         assert!(
             (rows[0].impulse_ns.z - 1.0 / 3.0).abs() < 1e-7
                 && (rows[1].impulse_ns.z - 4.0 / 3.0).abs() < 1e-7
@@ -254,7 +254,7 @@ mod tests {
         // One push is enough for both: the other gives nothing.
         let mut two = Two { v: [DVec3::Z * -0.1, DVec3::Z * -4.0], w };
         let mut rows = [row(up, 0.0), row(up, 0.0)];
-        assert!(solve_rows(&mut rows, &mut two, 0.01, within(100)).converged);
+        assert!(solve_projected_gauss_seidel(&mut rows, &mut two, 0.01, within(100)).converged);
         assert_eq!(rows[0].impulse_ns, DVec3::ZERO);
         assert!((rows[1].impulse_ns.z - 2.0).abs() < 1e-7 && two.v[0].z > 0.0);
     }
@@ -263,12 +263,12 @@ mod tests {
     fn a_thread_pulls_only_and_a_grasp_does_both() {
         let w = [[2.0, 0.0], [0.0, 2.0]];
         let mut two = Two { v: [DVec3::X, -DVec3::X], w };
-        let thread = RowLaw::Tension { along: DVec3::X, compliance_per_kg: 0.0 };
+        let thread = ConstraintLaw::Tension { along: DVec3::X, compliance_per_kg: 0.0 };
         let mut rows = [row(thread, 0.0), row(thread, 0.0)];
-        assert_eq!(solve_rows(&mut rows, &mut two, 0.01, within(100)).count, 2);
+        assert_eq!(solve_projected_gauss_seidel(&mut rows, &mut two, 0.01, within(100)).iterations, 2);
         assert_eq!((two.v, rows[1].impulse_ns), ([DVec3::ZERO, -DVec3::X], DVec3::ZERO));
-        let mut rows = [row(RowLaw::TwoSided, 0.0), row(RowLaw::TwoSided, -0.01)];
-        solve_rows(&mut rows, &mut two, 0.01, within(100));
+        let mut rows = [row(ConstraintLaw::Bilateral, 0.0), row(ConstraintLaw::Bilateral, -0.01)];
+        solve_projected_gauss_seidel(&mut rows, &mut two, 0.01, within(100));
         assert_eq!(two.v, [DVec3::ZERO, DVec3::Z]);
     }
 
@@ -276,11 +276,11 @@ mod tests {
     fn what_a_stretching_thread_leaves_of_the_gap_is_its_force_over_its_stiffness() {
         let (h, stiffness_n_per_m) = (0.01, 700.0);
         let spring =
-            RowLaw::Tension { along: DVec3::Z, compliance_per_kg: 1.0 / (stiffness_n_per_m * h * h) };
+            ConstraintLaw::Tension { along: DVec3::Z, compliance_per_kg: 1.0 / (stiffness_n_per_m * h * h) };
         // Two of them, joined by the body, one with a gap before and one that runs away.
         let mut two = Two { v: [DVec3::ZERO, DVec3::Z * 3.0], w: [[2.0, 1.0], [1.0, 2.0]] };
         let mut rows = [row(spring, 0.004), row(spring, 0.0)];
-        assert!(solve_rows(&mut rows, &mut two, h, within(200)).converged);
+        assert!(solve_projected_gauss_seidel(&mut rows, &mut two, h, within(200)).converged);
         for (row, v) in rows.iter().zip(two.v) {
             let left_m = row.gap_m.z + h * v.z;
             let force_n = -row.impulse_ns.z / h;
@@ -292,7 +292,7 @@ mod tests {
         // Slack it does nothing, and gives nothing to what comes nearer.
         let mut two = Two { v: [-DVec3::Z, DVec3::Z], w: [[2.0, 0.0], [0.0, 2.0]] };
         let mut rows = [row(spring, 0.005), row(spring, -0.02)];
-        solve_rows(&mut rows, &mut two, h, within(50));
+        solve_projected_gauss_seidel(&mut rows, &mut two, h, within(50));
         assert_eq!([rows[0].impulse_ns, rows[1].impulse_ns], [DVec3::ZERO; 2]);
     }
 
@@ -310,12 +310,12 @@ mod tests {
                 let law = Indentation { pressure: Pressure::Ball, radius_m, modulus_pa: 21e3 };
                 let series = SeriesCompliance::of_share(share, law).of_portion(0.7);
                 let coulomb = Coulomb::new(DVec3::Z, friction).unwrap();
-                let law = RowLaw::OneSided { coulomb, series: Some((series, 0.0)) };
+                let law = ConstraintLaw::Unilateral { coulomb, series: Some((series, 0.0)) };
                 let mut two = Two { v: [DVec3::X * slide; 2], w: [[200.0, 80.0], [80.0, 150.0]] };
                 let own = |w: f64| DMat3::from_diagonal(DVec3::splat(w));
                 let mut rows = [row(law, -depth), row(law, -0.7 * depth)];
-                (rows[0].own_per_kg, rows[1].own_per_kg) = (own(200.0), own(150.0));
-                let sweeps = solve_rows(&mut rows, &mut two, h, Effort { sweeps: 200, tolerance: 1e-12 });
+                (rows[0].inv_effective_mass_per_kg, rows[1].inv_effective_mass_per_kg) = (own(200.0), own(150.0));
+                let sweeps = solve_projected_gauss_seidel(&mut rows, &mut two, h, SolverLimits { max_iterations: 200, tolerance: 1e-12 });
                 assert!(sweeps.converged, "{sweeps:?}");
                 for (row, v) in rows.iter().zip(two.v) {
                     let left = row.gap_m.z + h * v.z;
@@ -339,12 +339,12 @@ mod tests {
         let law = Indentation { pressure: Pressure::Ball, radius_m: 0.005, modulus_pa: 21e3 };
         let series = SeriesCompliance::of_share(1.0, law);
         let coulomb = Coulomb::new(-DVec3::Z, 0.0).unwrap();
-        let law = RowLaw::OneSided { coulomb, series: Some((series, 0.0)) };
+        let law = ConstraintLaw::Unilateral { coulomb, series: Some((series, 0.0)) };
         let mut fixed = Two { v: [DVec3::ZERO; 2], w: [[0.0; 2]; 2] };
         // A sum over no free nodes is −0.
         let own_per_kg = -DMat3::ZERO;
-        let mut rows = [Row { law, gap_m: DVec3::Z * 0.003, own_per_kg, impulse_ns: DVec3::ZERO }];
-        assert!(solve_rows(&mut rows, &mut fixed, 1e-3, within(20)).converged);
+        let mut rows = [ConstraintRow { law, gap_m: DVec3::Z * 0.003, inv_effective_mass_per_kg: own_per_kg, impulse_ns: DVec3::ZERO }];
+        assert!(solve_projected_gauss_seidel(&mut rows, &mut fixed, 1e-3, within(20)).converged);
         let force_n = -rows[0].impulse_ns.z / 1e-3;
         assert!((force_n / series.force_n(0.003) - 1.0).abs() < 1e-9, "{force_n} N");
     }
@@ -354,12 +354,12 @@ mod tests {
         let mut two = Two { v: [DVec3::X, DVec3::X], w: [[1.0, 1.0], [1.0, 1.0]] };
         let own = |s: f64| DMat3::from_diagonal(DVec3::splat(s));
         // The same point asked to be at two places.
-        let mut rows = [row(RowLaw::TwoSided, 0.0), row(RowLaw::TwoSided, 0.1)];
-        rows.iter_mut().for_each(|row| row.own_per_kg = own(1.0));
-        assert_eq!(solve_rows(&mut rows, &mut two, 0.01, within(50)), Sweeps { count: 50, converged: false });
-        let mut rows = [row(RowLaw::TwoSided, 0.0)];
-        rows[0].own_per_kg = own(0.0);
-        assert!(solve_rows(&mut rows, &mut two, 0.01, within(50)).converged);
+        let mut rows = [row(ConstraintLaw::Bilateral, 0.0), row(ConstraintLaw::Bilateral, 0.1)];
+        rows.iter_mut().for_each(|row| row.inv_effective_mass_per_kg = own(1.0));
+        assert_eq!(solve_projected_gauss_seidel(&mut rows, &mut two, 0.01, within(50)), SolverReport { iterations: 50, converged: false });
+        let mut rows = [row(ConstraintLaw::Bilateral, 0.0)];
+        rows[0].inv_effective_mass_per_kg = own(0.0);
+        assert!(solve_projected_gauss_seidel(&mut rows, &mut two, 0.01, within(50)).converged);
         assert_eq!(rows[0].impulse_ns, DVec3::ZERO);
     }
 }

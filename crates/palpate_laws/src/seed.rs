@@ -155,7 +155,7 @@ impl KnownPatches {
 
     /// Whether a patch whose foot is at `at_m` is one of those that are known: two that come to one place are one.
     #[must_use]
-    pub fn have(&self, patch: &Patch, at_m: DVec3, cell_m: f64) -> bool {
+    pub fn contains(&self, patch: &Patch, at_m: DVec3, cell_m: f64) -> bool {
         self.iter().any(|known| {
             let overlap_m = 0.5 * (known.radius_m + cell_m);
             known.patch.foot.triangle == patch.foot.triangle
@@ -166,7 +166,7 @@ impl KnownPatches {
     /// Whether no patch can begin on a triangle with that normal at rest, because all of it is on a known one: it lies in a ball of radius
     /// `radius_m` about `middle_m`.
     #[must_use]
-    pub fn cover(&self, rest_normal: DVec3, (middle_m, radius_m): (DVec3, f64), cell_m: f64) -> bool {
+    pub fn covers(&self, rest_normal: DVec3, (middle_m, radius_m): (DVec3, f64), cell_m: f64) -> bool {
         self.iter().any(|known| {
             rest_normal.dot(known.rest_normal) >= APART
                 && middle_m.distance(known.at_m) + radius_m <= known.across_m(cell_m)

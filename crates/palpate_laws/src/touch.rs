@@ -1,7 +1,7 @@
 //! Where a tool and a triangulated surface touch.
 
 use crate::smooth_step::smooth_step;
-use crate::{CLOSING_M_PER_S, LawError, SeriesCompliance};
+use crate::{MAX_CORRECTION_SPEED_M_PER_S, LawError, SeriesCompliance};
 use glam::DVec3;
 
 /// Most nodes that carry a point of a surface: those of a cell.
@@ -35,7 +35,7 @@ const LEAST_LEVER_TOUCHED: f64 = 0.1;
 /// The part of its force that a row with a compliance of its own has whose weight on nodes that can move is `free_share`: 0 where it is
 /// fixed, 1 where it is not, and smooth between.
 #[must_use]
-pub fn lever(free_share: f64) -> f64 {
+pub fn mobility(free_share: f64) -> f64 {
     smooth_step(free_share, NO_LEVER, FULL_LEVER)
 }
 
@@ -52,7 +52,7 @@ const TAKING_UP_M_PER_S: f64 = 0.2;
 
 /// What the compliance in series with a row did in the step before; nothing where there is none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct GivenWay {
+pub struct SeriesDeflection {
     /// How far it gave way along the normal, m, and across it.
     pub along_m: f64,
     /// See `along_m`.
@@ -63,7 +63,7 @@ pub struct GivenWay {
     pub takes_up: f64,
 }
 
-impl GivenWay {
+impl SeriesDeflection {
     /// That of `series` under a force of `force_n` along the normal and `whole_n` in all, N.
     #[must_use]
     pub fn of(series: Option<SeriesCompliance>, force_n: f64, whole_n: DVec3) -> Self {
@@ -73,7 +73,7 @@ impl GivenWay {
                 along_m: series.approach_m(force_n),
                 across_m: whole_n * across_m_per_n,
                 across_m_per_n,
-                takes_up: series.takes_up(),
+                takes_up: series.gap_uptake(),
             }
         })
     }
@@ -96,9 +96,9 @@ impl ContactGap {
     /// of what is left from before, as if the tool came at a low speed; positions alone close the rest at the closing speed. The tool's
     /// own motion is followed at once.
     #[must_use]
-    pub fn new(apart_m: f64, push: DVec3, moved_m: DVec3, series: GivenWay, h: f64) -> Self {
+    pub fn new(apart_m: f64, push: DVec3, moved_m: DVec3, series: SeriesDeflection, h: f64) -> Self {
         let before = apart_m + moved_m.dot(push) + series.along_m;
-        let left = before.clamp(-h * CLOSING_M_PER_S, 0.0);
+        let left = before.clamp(-h * MAX_CORRECTION_SPEED_M_PER_S, 0.0);
         let taken = before.clamp(-h * TAKING_UP_M_PER_S * series.takes_up, 0.0);
         let normal_m = if before < 0.0 { left + apart_m - before } else { apart_m };
         let gap_m = normal_m * push - (moved_m + series.across_m).reject_from_normalized(push);

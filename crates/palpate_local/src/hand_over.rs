@@ -10,10 +10,10 @@ use crate::{
     Scheme,
 };
 use glam::DVec3;
-use palpate_laws::one_sided;
+use palpate_laws::unilateral_force;
 
 /// When a slice of the replay has taken that many multiplications it is over: that is about a quarter of a millisecond.
-const MOST_WORK: usize = 1_500_000;
+const MAX_REPLAY_WORK: usize = 1_500_000;
 
 /// Sizes and rates of a hand-over, fixed at construction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,7 +79,7 @@ impl HandOverSettings {
 
 /// A model with its state.
 #[derive(Clone, Debug)]
-struct Speaker {
+struct ModelInstance {
     model: LocalModel,
     state: LocalState,
 }
@@ -100,10 +100,10 @@ struct Speaker {
 pub struct HandOver {
     settings: HandOverSettings,
     history: SampleHistory,
-    speaking: Speaker,
+    active: ModelInstance,
     /// Sample at which `speaking` spoke last; `None` before the first model.
-    spoken: Option<u64>,
-    incoming: Speaker,
+    rendered_at: Option<u64>,
+    incoming: ModelInstance,
     /// Next sample to be replayed into `incoming`, and how many have been; `None` when it holds no model.
     replay: Option<(u64, u64)>,
     /// Samples pushed since the last word.
@@ -113,44 +113,44 @@ pub struct HandOver {
 
 /// What came of an offered model.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Offer {
+pub enum SubmitResult {
     /// It has been copied and will speak when it has caught up.
-    Taken,
+    Accepted,
     /// Another one is catching up, or there is no sample yet; offer again later.
     Busy,
     /// It is refused, and the one in use goes on speaking.
-    Refused(LocalModelError),
+    Rejected(LocalModelError),
 }
 
 /// What the hand-over has to say at a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Spoken {
+pub struct RenderedForce {
     /// Force on the hand, N, scene frame, before the safety chain.
     pub force_n: DVec3,
     /// The model that spoke; `None` before the first.
     pub model: Option<ModelId>,
     /// The change of model at this tick, if there was one.
-    pub swap: Option<Swap>,
+    pub swap: Option<ModelSwap>,
     /// Whether the impulses of the tool's contacts were not found as well as they should be; see
     /// [`LocalState::is_unsolved`].
-    pub unsolved: bool,
+    pub unconverged: bool,
     /// Why a model that was catching up had to be given up at this tick.
     pub abandoned: Option<LocalModelError>,
 }
 
 /// A change of model.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Swap {
+pub struct ModelSwap {
     /// The model that speaks from this tick on.
     pub to: ModelId,
     /// Samples that were replayed into it.
-    pub replayed: u64,
+    pub replayed_samples: u64,
     /// Its force minus what the old model would have displayed at this tick, N, both before the filter of
     /// [`Scheme::LowPass`].
-    pub force_step_n: DVec3,
+    pub force_jump_n: DVec3,
     /// The body's energy as it has it minus that as the old model has it, J: what the hand-over brings in, or takes where it
     /// is negative. `None` where one of them knows none.
-    pub energy_step_j: Option<f64>,
+    pub energy_jump_j: Option<f64>,
 }
 
 impl HandOver {
@@ -160,15 +160,15 @@ impl HandOver {
     /// As [`HandOverSettings::validate`].
     pub fn new(settings: HandOverSettings) -> Result<Self, LocalModelError> {
         settings.validate()?;
-        let speaker = Speaker {
-            model: LocalModel::silent(settings.capacity),
+        let speaker = ModelInstance {
+            model: LocalModel::empty(settings.capacity),
             state: LocalState::with_capacity(settings.capacity),
         };
         Ok(Self {
             settings,
             history: SampleHistory::with_capacity(settings.history)?,
-            speaking: speaker.clone(),
-            spoken: None,
+            active: speaker.clone(),
+            rendered_at: None,
             incoming: speaker,
             replay: None,
             fresh: 0,
@@ -201,9 +201,9 @@ impl HandOver {
     }
 
     /// Forgets the models of all bodies but `body`: from the next word on they are not heard.
-    pub fn forget_others(&mut self, body: u64) {
-        if self.spoken.is_some() && self.speaking.model.id.body != body {
-            self.spoken = None;
+    pub fn retain_body(&mut self, body: u64) {
+        if self.rendered_at.is_some() && self.active.model.id.body != body {
+            self.rendered_at = None;
         }
         if self.incoming.model.id.body != body {
             self.replay = None;
@@ -212,30 +212,30 @@ impl HandOver {
 
     /// The model that speaks; `None` before the first.
     #[must_use]
-    pub fn speaking(&self) -> Option<&LocalModel> {
-        self.spoken.map(|_| &self.speaking.model)
+    pub fn active(&self) -> Option<&LocalModel> {
+        self.rendered_at.map(|_| &self.active.model)
     }
 
     /// Offers a new model, which is checked and copied.
-    pub fn offer(&mut self, model: &LocalModel) -> Offer {
+    pub fn submit(&mut self, model: &LocalModel) -> SubmitResult {
         if !self.is_ready() {
-            return Offer::Busy;
+            return SubmitResult::Busy;
         }
-        match self.take(model) {
-            Ok(()) => Offer::Taken,
-            Err(error) => Offer::Refused(error),
+        match self.accept(model) {
+            Ok(()) => SubmitResult::Accepted,
+            Err(error) => SubmitResult::Rejected(error),
         }
     }
 
-    fn take(&mut self, model: &LocalModel) -> Result<(), LocalModelError> {
+    fn accept(&mut self, model: &LocalModel) -> Result<(), LocalModelError> {
         model.validate()?;
         let sequence = model.id.sequence;
         let newest = self.history.newest().map_or(0, |s| s.sequence);
         if sequence > newest {
             return Err(LocalModelError::FromTheFuture { model: sequence, newest });
         }
-        if self.spoken.is_some() {
-            let active = self.speaking.model.id;
+        if self.rendered_at.is_some() {
+            let active = self.active.model.id;
             let same_body = active.body == model.id.body;
             if same_body && model.id.epoch < active.epoch {
                 return Err(LocalModelError::OldEpoch { model: model.id.epoch, active: active.epoch });
@@ -268,26 +268,26 @@ impl HandOver {
 
     /// The force at the newest sample: steps the speaking model, catches up the incoming one, and changes
     /// over when it has caught up.
-    pub fn speak(&mut self) -> Spoken {
+    pub fn render(&mut self) -> RenderedForce {
         let Some(&newest) = self.history.newest() else {
-            return Spoken::default();
+            return RenderedForce::default();
         };
-        let mut force = self.step_speaking(&newest);
-        let mut out = Spoken::default();
+        let mut force = self.step_active(&newest);
+        let mut out = RenderedForce::default();
         match self.catch_up(newest.sequence) {
             Ok(None) => {}
             Ok(Some(replayed)) => {
-                let energy = |speaker: &Speaker| speaker.state.energy_j(&speaker.model);
-                let (from, to) = (self.speaking.model.id, self.incoming.model.id);
-                let is_same = self.spoken.is_some() && (from.body, from.epoch) == (to.body, to.epoch);
-                let old = energy(&self.speaking).filter(|_| is_same);
+                let energy = |speaker: &ModelInstance| speaker.state.energy_j(&speaker.model);
+                let (from, to) = (self.active.model.id, self.incoming.model.id);
+                let is_same = self.rendered_at.is_some() && (from.body, from.epoch) == (to.body, to.epoch);
+                let old = energy(&self.active).filter(|_| is_same);
                 let energy_step_j = energy(&self.incoming).zip(old).map(|(new, old)| new - old);
-                std::mem::swap(&mut self.speaking, &mut self.incoming);
+                std::mem::swap(&mut self.active, &mut self.incoming);
                 self.replay = None;
-                self.spoken = Some(newest.sequence);
-                let new = self.speaking.state.force_n(&self.speaking.model, &newest);
-                let to = self.speaking.model.id;
-                out.swap = Some(Swap { to, replayed, force_step_n: new - force, energy_step_j });
+                self.rendered_at = Some(newest.sequence);
+                let new = self.active.state.force_n(&self.active.model, &newest);
+                let to = self.active.model.id;
+                out.swap = Some(ModelSwap { to, replayed_samples: replayed, force_jump_n: new - force, energy_jump_j: energy_step_j });
                 force = new;
             }
             Err(error) => {
@@ -298,20 +298,20 @@ impl HandOver {
         let fresh = std::mem::take(&mut self.fresh);
         force = self.filter(force, fresh);
         out.force_n = force;
-        out.model = self.spoken.map(|_| self.speaking.model.id);
-        out.unsolved = out.model.is_some() && self.speaking.state.is_unsolved(&self.speaking.model);
+        out.model = self.rendered_at.map(|_| self.active.model.id);
+        out.unconverged = out.model.is_some() && self.active.state.is_unconverged(&self.active.model);
         out
     }
 
     /// The low-pass of [`Scheme::LowPass`], with `fresh` samples since the last word. What touches nothing is
     /// silent at once, and a surface does not pull, whatever the filter remembers.
     fn filter(&mut self, force: DVec3, fresh: u64) -> DVec3 {
-        let model = &self.speaking.model;
-        let filtered = self.spoken.is_some() && model.scheme == Scheme::LowPass;
+        let model = &self.active.model;
+        let filtered = self.rendered_at.is_some() && model.scheme == Scheme::LowPass;
         match model.contact {
             Contact::Held if filtered => self.low_pass.advance(force, fresh),
             Contact::Touching { normal } if filtered => {
-                one_sided(self.low_pass.advance(force, fresh), normal)
+                unilateral_force(self.low_pass.advance(force, fresh), normal)
             }
             _ => {
                 self.low_pass.reset(force);
@@ -322,19 +322,19 @@ impl HandOver {
 
     /// Steps the speaking model over the samples since it spoke last: one, or a few where ticks were missed,
     /// and never more than a slice.
-    fn step_speaking(&mut self, newest: &Sample) -> DVec3 {
-        let Some(spoken) = self.spoken else {
+    fn step_active(&mut self, newest: &Sample) -> DVec3 {
+        let Some(spoken) = self.rendered_at else {
             return DVec3::ZERO;
         };
         let slice = self.settings.replay_per_tick as u64;
         let first = spoken.saturating_add(1).max(newest.sequence.saturating_add(1).saturating_sub(slice));
-        let Speaker { model, state } = &mut self.speaking;
+        let ModelInstance { model, state } = &mut self.active;
         for sequence in first..=newest.sequence {
             if let Some(sample) = self.history.get(sequence) {
                 state.advance(model, sample, self.settings.tick_s);
             }
         }
-        self.spoken = Some(newest.sequence);
+        self.rendered_at = Some(newest.sequence);
         state.force_n(model, newest)
     }
 
@@ -343,7 +343,7 @@ impl HandOver {
         let Some((mut next, mut replayed)) = self.replay else {
             return Ok(None);
         };
-        let Speaker { model, state } = &mut self.incoming;
+        let ModelInstance { model, state } = &mut self.incoming;
         let budget = (self.settings.replay_per_tick as u64).saturating_add(self.fresh);
         if !model.has_state() {
             return Ok(Some(0));
@@ -352,7 +352,7 @@ impl HandOver {
         for i in 0..budget {
             // Where a tick is dear, or contacts are hard to solve, a slice is shorter; but one more than came, or it would never
             // catch up.
-            let is_enough = work > MOST_WORK && i > self.fresh;
+            let is_enough = work > MAX_REPLAY_WORK && i > self.fresh;
             if next > newest || is_enough {
                 break;
             }

@@ -188,7 +188,7 @@ pub struct Reduced {
 impl LocalModel {
     /// A model that displays no force, with room for `capacity`.
     #[must_use]
-    pub fn silent(capacity: Capacity) -> Self {
+    pub fn empty(capacity: Capacity) -> Self {
         Self {
             id: ModelId::default(),
             scheme: Scheme::Hold,
@@ -205,7 +205,7 @@ impl LocalModel {
     }
 
     /// Becomes the model that says, as of sample `sequence`, that there is nothing to be felt.
-    pub fn silence(&mut self, sequence: u64) {
+    pub fn clear(&mut self, sequence: u64) {
         self.id = ModelId { body: ModelId::NO_BODY, epoch: 0, sequence };
         (self.scheme, self.contact, self.force_n) = (Scheme::Hold, Contact::Apart, DVec3::ZERO);
         self.reduced.order = 0;
@@ -375,7 +375,7 @@ mod tests {
     use super::*;
 
     fn model(order: usize) -> LocalModel {
-        let mut model = LocalModel::silent(Capacity::of_order(order));
+        let mut model = LocalModel::empty(Capacity::of_order(order));
         model.scheme = Scheme::Neighbourhood;
         model.contact = Contact::Held;
         model.reduced.order = order;
@@ -444,8 +444,8 @@ mod tests {
         to.copy_from(&from).unwrap();
         assert_eq!((to.id, to.scheme, to.reduced.order), (from.id, from.scheme, 3));
         assert_eq!(to.validate(), Ok(()));
-        let mut small = LocalModel::silent(Capacity::of_order(2));
+        let mut small = LocalModel::empty(Capacity::of_order(2));
         assert_eq!(small.copy_from(&from), Err(LocalModelError::Order { order: 3, capacity: 2 }));
-        assert_eq!(small, LocalModel::silent(Capacity::of_order(2)));
+        assert_eq!(small, LocalModel::empty(Capacity::of_order(2)));
     }
 }

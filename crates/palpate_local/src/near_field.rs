@@ -14,7 +14,7 @@ pub use surface::{NearContact, NearPatch, NearPoint, NearTriangle};
 use crate::LocalModelError;
 use crate::dense::{Cholesky, zeros};
 use glam::DVec3;
-use palpate_laws::{Coupling, MAX_PATCHES, Spring, ToolShape};
+use palpate_laws::{VirtualCoupling, MAX_PATCHES, Spring, ToolShape};
 
 /// How much a near field can hold; fixed at construction, and refused beyond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -151,13 +151,13 @@ pub struct NearField {
     /// `Implicit`: the factor of M/h + B + h K of all of z, h the length of a substep.
     pub factor: Cholesky,
     /// `Implicit`: A⁻¹ of an impulse on S over h, n for each of 3s.
-    pub answer: Vec<f64>,
+    pub impulse_response: Vec<f64>,
     /// Energy of the whole body at the model step, J.
     pub energy_j: f64,
     /// Where the device was at the model step, m.
     pub start_m: DVec3,
     /// What draws the tool to the device, unless it is the device.
-    pub coupling: Option<Coupling>,
+    pub coupling: Option<VirtualCoupling>,
     /// Where the tool was at the model step, m: behind its coupling, or where the device was.
     pub proxy_m: DVec3,
     /// Whether nodes within reach had to be left out of S.
@@ -201,7 +201,7 @@ impl NearField {
             integrator: TickIntegrator::Explicit { substeps: 1 },
             tangent: zeros(n * n),
             factor: Cholesky::with_capacity(n),
-            answer: zeros(n * 3 * nodes),
+            impulse_response: zeros(n * 3 * nodes),
             energy_j: 0.0,
             start_m: DVec3::ZERO,
             coupling: None,
@@ -291,7 +291,7 @@ impl NearField {
             ("far force", &self.force, n),
             ("near-field velocity", &self.velocity, n),
             ("near-field tangent", &self.tangent, implicit * implicit),
-            ("near-field answer", &self.answer, implicit * 3 * s),
+            ("near-field answer", &self.impulse_response, implicit * 3 * s),
             ("grid compliance", &self.compliance, if self.contact.adds_compliance { s * s } else { 0 }),
         ]
     }
@@ -456,7 +456,7 @@ impl NearField {
             &mut self.force,
             &mut self.velocity,
             &mut self.tangent,
-            &mut self.answer,
+            &mut self.impulse_response,
             &mut self.compliance,
         ];
         for (to, (_, from, used)) in targets.into_iter().zip(other.parts()) {

@@ -6,7 +6,7 @@
 )]
 
 use crate::dense::{add_columns, dot, subtract_product, zeros};
-use crate::near_touch::{Meeting, Placed};
+use crate::near_touch::{ContactSolver, Placed};
 use crate::{NearEnd, NearField, NearFieldCapacity, Sample, Support, TickIntegrator};
 use glam::DVec3;
 use palpate_laws::{ToolMove, VolumeBarrier};
@@ -31,7 +31,7 @@ pub(crate) struct NearState {
     /// Whether the forces of the near springs are those of the present state.
     is_stretched: bool,
     scratch: Vec<f64>,
-    meeting: Meeting,
+    meeting: ContactSolver,
     /// Where the device was at the last sample, m.
     device_m: DVec3,
     /// Where the tool is behind its coupling, m.
@@ -63,7 +63,7 @@ impl NearState {
             ends: vec![SpringEnd::default(); capacity.nodes + capacity.ring],
             is_stretched: false,
             scratch: zero,
-            meeting: Meeting::with_capacity(capacity),
+            meeting: ContactSolver::with_capacity(capacity),
             device_m: DVec3::ZERO,
             proxy_m: DVec3::ZERO,
             displayed_n: DVec3::ZERO,
@@ -86,13 +86,13 @@ impl NearState {
 
     /// Whether the impulses of contacts were not found as well as they should be at the last sample: they are too many, or
     /// contradict each other.
-    pub(crate) fn is_unsolved(&self) -> bool {
-        self.meeting.is_unsolved()
+    pub(crate) fn is_unconverged(&self) -> bool {
+        self.meeting.is_unconverged()
     }
 
     /// How often contacts were asked for an impulse at the last sample.
-    pub(crate) fn answers(&self) -> usize {
-        self.meeting.answers()
+    pub(crate) fn row_updates(&self) -> usize {
+        self.meeting.row_updates()
     }
 
     /// What is displayed now, N.
@@ -116,8 +116,8 @@ impl NearState {
             let at = |i: u32| from + (to - from) * (f64::from(i) / f64::from(substeps));
             let device = (at(i - 1), at(i));
             if field.support == Support::Driven {
-                put(&mut self.z, 0, device.1 - field.start_m);
-                put(&mut self.z_dot, 0, sample.velocity_m_per_s);
+                set_vec3(&mut self.z, 0, device.1 - field.start_m);
+                set_vec3(&mut self.z_dot, 0, sample.velocity_m_per_s);
                 self.is_stretched = false;
             }
             self.stretch_near_springs(field);
@@ -157,20 +157,20 @@ impl NearState {
         for near in field.near.iter().take(field.springs) {
             let place = |i: usize| field.node_m.get(i).copied().unwrap_or_default();
             let (before, after) = match near.b {
-                NearEnd::Support(i) => (place(i), place(i) + get(z, i)),
+                NearEnd::Support(i) => (place(i), place(i) + vec3_at(z, i)),
                 NearEnd::Ring(i) => {
                     let x = field.ring_m.get(i).copied().unwrap_or_default();
-                    (x, x + get(&self.ring_dx, i))
+                    (x, x + vec3_at(&self.ring_dx, i))
                 }
                 NearEnd::Fixed(x) => (x, x),
             };
             let a = place(near.a);
-            elastic += near.spring.energy_j(after - a - get(z, near.a)) - near.spring.energy_j(before - a);
+            elastic += near.spring.energy_j(after - a - vec3_at(z, near.a)) - near.spring.energy_j(before - a);
         }
         for tetrahedron in field.tetrahedron.iter().take(field.tetrahedra) {
             let place = |node: usize| match node.checked_sub(field.nodes) {
-                None => field.node_m.get(node).map(|x| (*x, *x + get(z, node))),
-                Some(i) => field.ring_m.get(i).map(|x| (*x, *x + get(&self.ring_dx, i))),
+                None => field.node_m.get(node).map(|x| (*x, *x + vec3_at(z, node))),
+                Some(i) => field.ring_m.get(i).map(|x| (*x, *x + vec3_at(&self.ring_dx, i))),
             };
             let [Some(o), Some(a), Some(b), Some(c)] = tetrahedron.nodes.map(place) else { continue };
             let energy = |[o, a, b, c]: [DVec3; 4]| {
@@ -237,7 +237,7 @@ impl NearState {
             }
         }
         let tool = ToolMove::new(field.coupling, device, self.proxy_m, tool_radius_m(field));
-        let (closing, proxy_m) = self.meeting.meet(field, &tool, h, z, z_dot);
+        let (closing, proxy_m) = self.meeting.resolve(field, &tool, h, z, z_dot);
         self.proxy_m = proxy_m;
         let is_closing = closing.is_some();
         let v = closing.unwrap_or(z_dot);
@@ -295,8 +295,8 @@ impl NearState {
     fn push_near_tetrahedra(&mut self, field: &NearField) {
         for tetrahedron in field.tetrahedron.iter().take(field.tetrahedra) {
             let place = |node: usize| match node.checked_sub(field.nodes) {
-                None => field.node_m.get(node).map(|x| *x + get(&self.z, node)),
-                Some(i) => field.ring_m.get(i).map(|x| *x + get(&self.ring_dx, i)),
+                None => field.node_m.get(node).map(|x| *x + vec3_at(&self.z, node)),
+                Some(i) => field.ring_m.get(i).map(|x| *x + vec3_at(&self.ring_dx, i)),
             };
             let [Some(o), Some(a), Some(b), Some(c)] = tetrahedron.nodes.map(place) else { continue };
             let edges = [a - o, b - o, c - o];
@@ -312,8 +312,8 @@ impl NearState {
                         }
                     }
                     Some(i) => {
-                        let sum = get(&self.ring_n, i) + force;
-                        put(&mut self.ring_n, i, sum);
+                        let sum = vec3_at(&self.ring_n, i) + force;
+                        set_vec3(&mut self.ring_n, i, sum);
                     }
                 }
             }
@@ -372,14 +372,14 @@ fn vectors(list: &[f64]) -> impl Iterator<Item = DVec3> {
 }
 
 /// The `i`-th vector of a list of numbers.
-pub(crate) fn get(list: &[f64], i: usize) -> DVec3 {
+pub(crate) fn vec3_at(list: &[f64], i: usize) -> DVec3 {
     match list.get(3 * i..3 * i + 3) {
         Some(&[x, y, z]) => DVec3::new(x, y, z),
         _ => DVec3::ZERO,
     }
 }
 
-pub(crate) fn put(list: &mut [f64], i: usize, value: DVec3) {
+pub(crate) fn set_vec3(list: &mut [f64], i: usize, value: DVec3) {
     if let Some(to) = list.get_mut(3 * i..3 * i + 3) {
         to.copy_from_slice(&value.to_array());
     }

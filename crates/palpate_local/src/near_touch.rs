@@ -13,46 +13,46 @@ mod row;
 pub(crate) use patches::Placed;
 
 use crate::dense::{Cholesky, room, zeros};
-use crate::near_tick::{get, put};
+use crate::near_tick::{vec3_at, set_vec3};
 use crate::{NearField, NearFieldCapacity, Support, TickIntegrator};
 use glam::{DMat3, DVec3};
 use palpate_laws::{
-    Answer, CLOSED_M, Effort, MAX_PATCHES, PATCH_ROWS, ToolMove, solve_rows, solve_with_proxy,
+    ImpulseResponse, GAP_TOLERANCE_M, SolverLimits, MAX_PATCHES, PATCH_ROWS, ToolMove, solve_projected_gauss_seidel, solve_with_proxy,
 };
 use patches::Patches;
-use row::Row;
+use row::ContactRow;
 
 /// Most rows of a tick.
 const MAX_ROWS: usize = MAX_PATCHES * PATCH_ROWS;
 /// How often rows are looked for again after some were met.
-const MEETINGS: usize = 4;
+const MAX_ACTIVE_SET_PASSES: usize = 4;
 /// What is done for the impulses of all rows in a step.
-const EFFORT: Effort = Effort { sweeps: 60, tolerance: 1e-6 };
+const EFFORT: SolverLimits = SolverLimits { max_iterations: 60, tolerance: 1e-6 };
 /// So often a row is asked for its impulse in a tick at most, so that no tick takes long.
-const MOST_ANSWERS: usize = 1000;
+const MAX_ROW_UPDATES: usize = 1000;
 
 /// The rows of a tick, and room to find their impulses in.
 #[derive(Debug)]
-pub(crate) struct Meeting {
+pub(crate) struct ContactSolver {
     patches: Patches,
-    rows: Vec<Row>,
+    rows: Vec<ContactRow>,
     /// Of S in each row, s of them for each; and in the mean of a patch.
     weights: Vec<f64>,
     mean: Vec<f64>,
     /// The rows that take part in the problem of a step, and what they are to it.
-    met: Vec<usize>,
-    problem: Vec<palpate_laws::Row>,
+    active: Vec<usize>,
+    problem: Vec<palpate_laws::ConstraintRow>,
     /// `Implicit`: the velocities of S that a unit impulse on each row gives, 3 × 3s for each.
     response: Vec<f64>,
     before: Vec<f64>,
-    closing: Vec<f64>,
+    correction_velocity: Vec<f64>,
     /// Of S: velocities, and the impulses that all rows give.
     velocity: Vec<f64>,
     given: Vec<f64>,
     /// How often rows may still be asked in this tick.
-    answers_left: usize,
+    row_updates_left: usize,
     /// Whether impulses of this tick were not found as well as they should be.
-    unsolved: bool,
+    is_unconverged: bool,
     /// Gram matrix of the rows, its factor, and forces.
     gram: Vec<f64>,
     factor: Cholesky,
@@ -60,7 +60,7 @@ pub(crate) struct Meeting {
     capacity: NearFieldCapacity,
 }
 
-impl Clone for Meeting {
+impl Clone for ContactSolver {
     /// With the room of the original: a tick must not have to make it.
     fn clone(&self) -> Self {
         let mut copy = Self::with_capacity(self.capacity);
@@ -69,26 +69,26 @@ impl Clone for Meeting {
     }
 }
 
-impl Meeting {
+impl ContactSolver {
     pub(crate) fn with_capacity(capacity: NearFieldCapacity) -> Self {
         let (n, of_support) = (3 * capacity.nodes + capacity.order, 3 * capacity.nodes);
         let forces = zeros(MAX_ROWS);
-        let Row { law, gap: gap_m, impulse_ns, .. } = Row::default();
-        let row = palpate_laws::Row { law, gap_m, own_per_kg: DMat3::ZERO, impulse_ns };
+        let ContactRow { law, gap: gap_m, impulse_ns, .. } = ContactRow::default();
+        let row = palpate_laws::ConstraintRow { law, gap_m, inv_effective_mass_per_kg: DMat3::ZERO, impulse_ns };
         Self {
             patches: Patches::with_capacity(capacity),
-            rows: room(MAX_ROWS, Row::default()),
+            rows: room(MAX_ROWS, ContactRow::default()),
             weights: zeros((MAX_ROWS + PATCH_ROWS) * capacity.nodes),
             mean: zeros(capacity.nodes),
-            met: room(MAX_ROWS, 0),
+            active: room(MAX_ROWS, 0),
             problem: room(MAX_ROWS, row),
             response: zeros(MAX_ROWS * 3 * of_support),
             before: zeros(n),
-            closing: zeros(n),
+            correction_velocity: zeros(n),
             velocity: zeros(of_support),
             given: zeros(of_support),
-            answers_left: MOST_ANSWERS,
-            unsolved: false,
+            row_updates_left: MAX_ROW_UPDATES,
+            is_unconverged: false,
             gram: zeros(MAX_ROWS * MAX_ROWS),
             factor: Cholesky::with_capacity(MAX_ROWS),
             shares: [forces.clone(), forces.clone(), forces],
@@ -100,43 +100,43 @@ impl Meeting {
     pub(crate) fn restart(&mut self, field: &NearField) {
         self.patches.restart(field);
         self.rows.clear();
-        self.unsolved = false;
+        self.is_unconverged = false;
     }
 
     /// Begins a tick in which the tool moves so, from where S and the ring are.
     pub(crate) fn begin(&mut self, field: &NearField, tool: &ToolMove, placed: &Placed<'_>) {
-        (self.answers_left, self.unsolved) = (MOST_ANSWERS, false);
+        (self.row_updates_left, self.is_unconverged) = (MAX_ROW_UPDATES, false);
         match field.support {
             Support::Driven => self.rows.clear(),
             Support::Held => {
                 self.rows.clear();
-                self.rows.push(Row::default());
+                self.rows.push(ContactRow::default());
                 self.weights.iter_mut().zip(&field.weight).take(field.nodes).for_each(|(to, w)| *to = *w);
             }
             Support::Touched { shape, friction } => {
                 self.patches.find(field, &shape, tool, placed);
                 let room = (&mut self.rows, &mut self.weights[..], &mut self.mean[..]);
                 let is_full = row::rows_of_patches(field, &mut self.patches, friction, placed, room);
-                self.unsolved |= is_full || self.patches.is_full;
+                self.is_unconverged |= is_full || self.patches.is_full;
             }
         }
         self.respond(field);
     }
 
     /// How often rows were asked in this tick.
-    pub(crate) fn answers(&self) -> usize {
-        MOST_ANSWERS - self.answers_left
+    pub(crate) fn row_updates(&self) -> usize {
+        MAX_ROW_UPDATES - self.row_updates_left
     }
 
     /// Whether impulses of this tick were not found as well as they should be.
-    pub(crate) fn is_unsolved(&self) -> bool {
-        self.unsolved
+    pub(crate) fn is_unconverged(&self) -> bool {
+        self.is_unconverged
     }
 
     /// Makes the velocities `z_dot` those with which the tool, moving so in a step of length `h`, is held or not entered.
     /// Where a gap was overdue, the velocities with which positions close it are others, and returned; and where the tool
     /// is then.
-    pub(crate) fn meet(
+    pub(crate) fn resolve(
         &mut self,
         field: &NearField,
         tool: &ToolMove,
@@ -144,18 +144,18 @@ impl Meeting {
         z: &[f64],
         z_dot: &mut [f64],
     ) -> (Option<&[f64]>, DVec3) {
-        let (was_overdue, drawn) = self.obey(field, tool, h, z, z_dot);
+        let (was_overdue, drawn) = self.solve_active_set(field, tool, h, z, z_dot);
         self.rows.iter_mut().for_each(|row| row.note(h));
         let rows = &self.rows;
         self.patches.note(|patch, index| {
-            rows.iter().find(|row| row.of == Some((patch, index))).map_or((0.0, DVec3::ZERO), Row::force_n)
+            rows.iter().find(|row| row.of == Some((patch, index))).map_or((0.0, DVec3::ZERO), ContactRow::force_n)
         });
-        let closing = self.closing.get(..z_dot.len()).filter(|_| was_overdue);
+        let closing = self.correction_velocity.get(..z_dot.len()).filter(|_| was_overdue);
         (closing, tool.to_m + drawn)
     }
 
     /// As [`Meeting::meet`]; whether a gap was overdue, and how far the tool is drawn by its coupling, m.
-    fn obey(
+    fn solve_active_set(
         &mut self,
         field: &NearField,
         tool: &ToolMove,
@@ -178,30 +178,30 @@ impl Meeting {
             return (false, drawn);
         };
         before.copy_from_slice(z_dot);
-        self.met.clear();
+        self.active.clear();
         let mut was_overdue = false;
-        for _ in 0..MEETINGS {
-            let known = self.met.len();
+        for _ in 0..MAX_ACTIVE_SET_PASSES {
+            let known = self.active.len();
             for (index, row) in self.rows.iter_mut().enumerate() {
                 let weights = row::weights_of(&self.weights, s, index);
-                let gap = row.gap_m + (h * row::of_nodes(weights, z_dot) - drawn).dot(row.push);
-                if !row.is_met && (is_held || gap < 0.0) {
-                    row.is_met = true;
-                    self.met.push(index);
+                let gap = row.gap_m + (h * row::of_nodes(weights, z_dot) - drawn).dot(row.inward);
+                if !row.is_active && (is_held || gap < 0.0) {
+                    row.is_active = true;
+                    self.active.push(index);
                 }
             }
-            if self.met.len() == known {
+            if self.active.len() == known {
                 break;
             }
-            was_overdue = self.rows.iter().any(|row| row.is_met && row.overdue.length() > CLOSED_M);
+            was_overdue = self.rows.iter().any(|row| row.is_active && row.initial_violation.length() > GAP_TOLERANCE_M);
             if was_overdue {
-                drawn = self.solve(field, tool, h, z_dot, |row| row.gap);
-                if let Some(closing) = self.closing.get_mut(..z_dot.len()) {
+                drawn = self.solve_impulses(field, tool, h, z_dot, |row| row.gap);
+                if let Some(closing) = self.correction_velocity.get_mut(..z_dot.len()) {
                     closing.copy_from_slice(z_dot);
                 }
-                self.solve(field, tool, h, z_dot, |row| row.gap - row.overdue);
+                self.solve_impulses(field, tool, h, z_dot, |row| row.gap - row.initial_violation);
             } else {
-                drawn = self.solve(field, tool, h, z_dot, |row| row.gap);
+                drawn = self.solve_impulses(field, tool, h, z_dot, |row| row.gap);
             }
         }
         (was_overdue, drawn)
@@ -209,13 +209,13 @@ impl Meeting {
 
     /// Makes `z_dot` the velocities with which the rows that are met close their gaps as their laws say, and returns how far
     /// the tool's coupling draws it, m.
-    fn solve(
+    fn solve_impulses(
         &mut self,
         field: &NearField,
         tool: &ToolMove,
         h: f64,
         z_dot: &mut [f64],
-        gap: impl Fn(&Row) -> DVec3,
+        gap: impl Fn(&ContactRow) -> DVec3,
     ) -> DVec3 {
         z_dot.iter_mut().zip(&self.before).for_each(|(to, from)| *to = *from);
         let s = 3 * field.nodes;
@@ -226,8 +226,8 @@ impl Meeting {
         };
         velocity.copy_from_slice(of_support);
         given.fill(0.0);
-        let mut answer = OfSupport {
-            met: &self.met,
+        let mut answer = SupportResponse {
+            met: &self.active,
             weights: &self.weights,
             response: &self.response,
             field,
@@ -235,22 +235,22 @@ impl Meeting {
             given,
         };
         self.problem.clear();
-        for (index, row) in self.met.iter().enumerate() {
+        for (index, row) in self.active.iter().enumerate() {
             let Some(row) = self.rows.get(*row) else { continue };
             // From nothing, as the body does: where rows share a load in more than one way, that decides how.
             let (own_per_kg, impulse_ns) = (answer.own_per_kg(index), DVec3::ZERO);
-            self.problem.push(palpate_laws::Row { law: row.law, gap_m: gap(row), own_per_kg, impulse_ns });
+            self.problem.push(palpate_laws::ConstraintRow { law: row.law, gap_m: gap(row), inv_effective_mass_per_kg: own_per_kg, impulse_ns });
         }
-        let met = self.met.len();
-        let sweeps = EFFORT.sweeps.min(self.answers_left / met.max(1)).max(1);
-        let effort = Effort { sweeps, ..EFFORT };
+        let met = self.active.len();
+        let sweeps = EFFORT.max_iterations.min(self.row_updates_left / met.max(1)).max(1);
+        let effort = SolverLimits { max_iterations: sweeps, ..EFFORT };
         let (sweeps, drawn) = match tool.proxy {
             Some(proxy) => solve_with_proxy(&mut self.problem, &mut answer, |_| true, proxy, h, effort),
-            None => (solve_rows(&mut self.problem, &mut answer, h, effort), DVec3::ZERO),
+            None => (solve_projected_gauss_seidel(&mut self.problem, &mut answer, h, effort), DVec3::ZERO),
         };
-        self.answers_left = self.answers_left.saturating_sub(sweeps.count * met);
-        self.unsolved |= !sweeps.converged;
-        for (index, row) in self.met.iter().zip(&self.problem) {
+        self.row_updates_left = self.row_updates_left.saturating_sub(sweeps.iterations * met);
+        self.is_unconverged |= !sweeps.converged;
+        for (index, row) in self.active.iter().zip(&self.problem) {
             if let Some(to) = self.rows.get_mut(*index) {
                 to.impulse_ns = row.impulse_ns;
             }
@@ -259,7 +259,7 @@ impl Meeting {
             TickIntegrator::Explicit { .. } => of_support.copy_from_slice(velocity),
             TickIntegrator::Implicit { .. } => {
                 let n = z_dot.len();
-                for (column, impulse) in field.answer.chunks_exact(n.max(1)).zip(&*given) {
+                for (column, impulse) in field.impulse_response.chunks_exact(n.max(1)).zip(&*given) {
                     if *impulse != 0.0 {
                         z_dot.iter_mut().zip(column).for_each(|(v, c)| *v += impulse * c);
                     }
@@ -282,7 +282,7 @@ impl Meeting {
             for (axis, to) in response.chunks_exact_mut(s.max(1)).enumerate() {
                 for (node, w) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
                     let start = n * (3 * node + axis);
-                    let column = field.answer.get(start..start + s).unwrap_or_default();
+                    let column = field.impulse_response.get(start..start + s).unwrap_or_default();
                     to.iter_mut().zip(column).for_each(|(v, c)| *v += w * c);
                 }
             }
@@ -291,7 +291,7 @@ impl Meeting {
 }
 
 /// What impulses on rows do to the velocities of S.
-struct OfSupport<'a> {
+struct SupportResponse<'a> {
     met: &'a [usize],
     weights: &'a [f64],
     response: &'a [f64],
@@ -300,7 +300,7 @@ struct OfSupport<'a> {
     given: &'a mut [f64],
 }
 
-impl OfSupport<'_> {
+impl SupportResponse<'_> {
     fn weights(&self, index: usize) -> &[f64] {
         let row = self.met.get(index).copied();
         row.map_or(&[], |row| row::weights_of(self.weights, self.field.nodes, row))
@@ -327,12 +327,12 @@ impl OfSupport<'_> {
     }
 }
 
-impl Answer for OfSupport<'_> {
+impl ImpulseResponse for SupportResponse<'_> {
     fn velocity_m_per_s(&self, row: usize) -> DVec3 {
         row::of_nodes(self.weights(row), self.velocity)
     }
 
-    fn push(&mut self, row: usize, impulse_ns: DVec3) {
+    fn apply_impulse(&mut self, row: usize, impulse_ns: DVec3) {
         let nodes = self.field.nodes;
         let Some(at) = self.met.get(row).map(|row| row * nodes) else { return };
         let weights = self.weights.get(at..at + nodes).unwrap_or_default();
@@ -342,14 +342,14 @@ impl Answer for OfSupport<'_> {
                 for ((node, w), per_kg) in
                     weighted.map(|(node, w)| ((node, w), self.field.node_per_kg.get(node)))
                 {
-                    let v = get(self.velocity, node) + *w * per_kg.copied().unwrap_or(0.0) * impulse_ns;
-                    put(self.velocity, node, v);
+                    let v = vec3_at(self.velocity, node) + *w * per_kg.copied().unwrap_or(0.0) * impulse_ns;
+                    set_vec3(self.velocity, node, v);
                 }
             }
             TickIntegrator::Implicit { .. } => {
                 for (node, w) in weighted {
-                    let all = get(self.given, node) + *w * impulse_ns;
-                    put(self.given, node, all);
+                    let all = vec3_at(self.given, node) + *w * impulse_ns;
+                    set_vec3(self.given, node, all);
                 }
                 let (size, s) = (9 * nodes, 3 * nodes);
                 let start = self.met.get(row).map_or(0, |row| row * size);

@@ -9,7 +9,7 @@ use crate::dense::{dot, subtract_product, zeros};
 use crate::near_tick::NearState;
 use crate::{Capacity, Contact, LocalModel, Sample, Scheme};
 use glam::DVec3;
-use palpate_laws::one_sided;
+use palpate_laws::unilateral_force;
 
 /// The state of a local model's own dynamics: q, q̇ and room to compute in.
 #[derive(Clone, Debug)]
@@ -104,7 +104,7 @@ impl LocalState {
             }
         };
         match model.contact {
-            Contact::Touching { normal } => one_sided(force, normal),
+            Contact::Touching { normal } => unilateral_force(force, normal),
             Contact::Apart | Contact::Held => force,
         }
     }
@@ -112,8 +112,8 @@ impl LocalState {
     /// Whether the impulses of the tool's contacts were not found as well as they should be at the last sample: there were too
     /// many of them for the time of a tick, or they contradict each other.
     #[must_use]
-    pub fn is_unsolved(&self, model: &LocalModel) -> bool {
-        model.scheme == Scheme::NearFieldExact && !model.near.is_empty() && self.near.is_unsolved()
+    pub fn is_unconverged(&self, model: &LocalModel) -> bool {
+        model.scheme == Scheme::NearFieldExact && !model.near.is_empty() && self.near.is_unconverged()
     }
 
     /// About how many multiplications the last tick took.
@@ -121,7 +121,7 @@ impl LocalState {
         if model.scheme != Scheme::NearFieldExact {
             return 3 * model.reduced.order * model.reduced.order;
         }
-        let contacts = ANSWER * self.near.answers();
+        let contacts = ANSWER * self.near.row_updates();
         if !model.near.is_empty() { model.near.multiplications().saturating_add(contacts) } else { 0 }
     }
 

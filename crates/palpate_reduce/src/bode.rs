@@ -77,7 +77,7 @@ impl Bode {
                 let held = ToolContact::hold(body, node, tool.position_m)?;
                 let contact = if scheme == Scheme::Tangent { &held } else { contact };
                 let mut builder = LocalModelBuilder::new(body, options)?;
-                let mut model = LocalModel::silent(builder.capacity());
+                let mut model = LocalModel::empty(builder.capacity());
                 builder.build(scheme, body, contact, tool, ModelId::default(), &mut model)?;
                 let place = builder.support().iter().position(|&of_support| of_support == node);
                 DenseSystem::of_local_model(&model, place).map(|local| local.response(&s))

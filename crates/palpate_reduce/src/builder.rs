@@ -77,9 +77,9 @@ pub struct BuildReport {
     pub support_nodes: usize,
     /// Whether the body's tangent could not be factorised, because the body buckles for instance, and the clamped one took its
     /// place: the far field is stiffer than the body.
-    pub is_clamped: bool,
+    pub tangent_clamped: bool,
     /// Whether nodes that the tool may reach before the next hand-over had to be left out of S.
-    pub is_cut: bool,
+    pub support_truncated: bool,
     /// How its ticks are integrated; `None` for a scheme that steps no near field.
     pub integrator: Option<TickIntegrator>,
     /// A bound of the relative error of the reduced stiffness against a motion of S at 80 Hz; `None` for other schemes than
@@ -229,7 +229,7 @@ impl LocalModelBuilder {
         id: ModelId,
         model: &mut LocalModel,
     ) -> Result<BuildReport, ReduceError> {
-        self.build_beside(scheme, body, (contact, tool), &[], id, model)
+        self.build_with_other_tools(scheme, body, (contact, tool), &[], id, model)
     }
 
     /// As [`LocalModelBuilder::build`], for a tool that is not alone: what the `others` did to the body in its last step is
@@ -237,7 +237,7 @@ impl LocalModelBuilder {
     ///
     /// # Errors
     /// As [`LocalModelBuilder::build`], of every contact.
-    pub fn build_beside(
+    pub fn build_with_other_tools(
         &mut self,
         scheme: Scheme,
         body: &Body,
@@ -257,8 +257,8 @@ impl LocalModelBuilder {
             states: 3 * near.nodes + order,
             order,
             support_nodes: near.nodes,
-            is_clamped: model.clamped,
-            is_cut: near.is_cut,
+            tangent_clamped: model.clamped,
+            support_truncated: near.is_cut,
             integrator: is_near.then_some(near.integrator),
             error_bound,
             time_s: (now() - began).as_secs_f64(),

@@ -3,7 +3,7 @@
 use crate::{BuilderOptions, LocalModelBuilder, ReduceError};
 use glam::DVec3;
 use palpate_body::{Body, Integrator, ToolContact, ToolPoint};
-use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Offer, Sample, Scheme};
+use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, SubmitResult, Sample, Scheme};
 use std::collections::VecDeque;
 
 /// How a comparison is run.
@@ -113,7 +113,7 @@ impl Comparison {
             }
             for runner in &mut runners {
                 if due {
-                    let mut model = LocalModel::silent(builder.capacity());
+                    let mut model = LocalModel::empty(builder.capacity());
                     let id = ModelId { body: 0, epoch: 0, sequence: sample.sequence };
                     builder.build(runner.scheme, &body, &contact, path[i], id, &mut model)?;
                     runner.clamped += usize::from(model.clamped);
@@ -158,12 +158,12 @@ impl Runner {
             // The newest that has arrived counts, as in the loop's triple buffer.
             let arrived = self.pending.iter().take_while(|(at, _)| *at <= i).count();
             if let Some((_, model)) = self.pending.drain(..arrived).next_back()
-                && let Offer::Refused(error) = self.hand_over.offer(&model)
+                && let SubmitResult::Rejected(error) = self.hand_over.submit(&model)
             {
                 return Err(error.into());
             }
         }
-        self.displayed.push(self.hand_over.speak().force_n);
+        self.displayed.push(self.hand_over.render().force_n);
         Ok(())
     }
 }

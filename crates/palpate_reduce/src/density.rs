@@ -32,7 +32,7 @@ pub fn block_scaling(dimension: usize, density: usize) -> Result<f64, ReduceErro
 fn block_stiffness(dimension: usize, density: usize) -> Result<f64, ReduceError> {
     let mut nodes = [1; 3];
     nodes[..dimension].fill(density.saturating_add(1));
-    let lattice = Lattice::new(nodes, 1.0)?.allow_free();
+    let lattice = Lattice::new(nodes, 1.0)?.allow_unconstrained();
     let corner = |ijk: [usize; 3]| ijk[..dimension].iter().all(|&n| n == 0 || n == density);
     let corners: Vec<usize> =
         lattice.grid().filter(|&ijk| corner(ijk)).map(|ijk| lattice.node(ijk)).collect();

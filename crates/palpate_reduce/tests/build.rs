@@ -16,7 +16,7 @@ fn block(nodes: [usize; 3]) -> Body {
 
 fn build(scheme: Scheme, body: &Body, contact: &ToolContact) -> LocalModel {
     let mut builder = LocalModelBuilder::new(body, BuilderOptions::default()).unwrap();
-    let mut model = LocalModel::silent(builder.capacity());
+    let mut model = LocalModel::empty(builder.capacity());
     builder.build(scheme, body, contact, ToolPoint::default(), ID, &mut model).unwrap();
     model.validate().unwrap();
     model
@@ -192,7 +192,7 @@ fn the_energy_of_a_near_field_is_that_of_the_body() {
         body.advance(Some((&mut contact, &path[..=100])), 100, SemiImplicitEuler::default()).unwrap();
         let options = BuilderOptions { integrator, ..BuilderOptions::default() };
         let mut builder = LocalModelBuilder::new(&body, options).unwrap();
-        let mut model = LocalModel::silent(builder.capacity());
+        let mut model = LocalModel::empty(builder.capacity());
         builder.build(Scheme::NearFieldExact, &body, &contact, path[100], ID, &mut model).unwrap();
         let mut state = LocalState::with_capacity(builder.capacity());
         state.start(&model);
@@ -245,7 +245,7 @@ fn a_longer_horizon_reaches_farther() {
     let contact = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).unwrap();
     let options = BuilderOptions { horizon_s: 0.01, support_nodes: 32, ..BuilderOptions::default() };
     let mut builder = LocalModelBuilder::new(&body, options).unwrap();
-    let mut model = LocalModel::silent(builder.capacity());
+    let mut model = LocalModel::empty(builder.capacity());
     let top = body.positions_m().iter().copied().max_by(|a, b| a.z.total_cmp(&b.z)).unwrap();
     let tool = ToolPoint::at_rest(DVec3::new(0.0, 0.0, top.z + 0.006));
     let mut reached = |builder: &mut LocalModelBuilder| {
@@ -264,7 +264,7 @@ fn a_model_without_room_is_refused() {
     let body = block([4, 4, 4]);
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
     let contact = ToolContact::hold(&body, 60, DVec3::ZERO).unwrap();
-    let mut small = LocalModel::silent(Capacity::of_order(6));
+    let mut small = LocalModel::empty(Capacity::of_order(6));
     let error = builder.build(Scheme::Neighbourhood, &body, &contact, ToolPoint::default(), ID, &mut small);
     assert!(matches!(error, Err(ReduceError::LocalModel(_))));
     assert_eq!((small.contact, small.reduced.order), (Contact::Apart, 0));
@@ -274,7 +274,7 @@ fn a_model_without_room_is_refused() {
 fn a_contact_with_another_body_is_refused() {
     let body = block([3, 3, 3]);
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
-    let mut model = LocalModel::silent(builder.capacity());
+    let mut model = LocalModel::empty(builder.capacity());
     let big = Block::new([8; 3], DVec3::splat(0.1)).unwrap().fix(Face::PosZ).uniform(&LATTICE).unwrap();
     let big = Body::new(big.network, big.surface).unwrap();
     for node in [0, 400] {

@@ -34,7 +34,7 @@ fn pressed() -> (Body, ToolContact, ToolPoint) {
 fn build(scheme: Scheme, options: BuilderOptions) -> (Body, ToolContact, LocalModel, LocalState) {
     let (body, contact, tool) = pressed();
     let mut builder = LocalModelBuilder::new(&body, options).unwrap();
-    let mut model = LocalModel::silent(builder.capacity());
+    let mut model = LocalModel::empty(builder.capacity());
     builder.build(scheme, &body, &contact, tool, ModelId::default(), &mut model).unwrap();
     model.validate().unwrap();
     assert!(!model.clamped);

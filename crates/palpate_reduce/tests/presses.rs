@@ -151,7 +151,7 @@ impl Press {
         let friction = if random.share() < 0.3 { 0.0 } else { random.share() };
         let mut contact = ToolContact::touch(shape, friction).unwrap();
         if random.share() < 0.5 {
-            contact = contact.behind(Coupling { stiffness_n_per_m: 20e3, most_n: 10.0 }).unwrap();
+            contact = contact.with_coupling(VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 10.0 }).unwrap();
         }
         let across = DVec3::new(random.between(-0.01, 0.01), random.between(-0.01, 0.01), 0.0);
         let slides = f64::from(u8::from(random.share() < 0.5));
@@ -214,7 +214,7 @@ fn run(press: Press, seen: &mut Seen) {
     let mut builder = LocalModelBuilder::new(&body, options).unwrap();
     let settings = HandOverSettings { capacity: builder.capacity(), ..HandOverSettings::default() };
     let mut hand_over = HandOver::new(settings).unwrap();
-    let mut model = LocalModel::silent(builder.capacity());
+    let mut model = LocalModel::empty(builder.capacity());
     let point = |sample: &Sample| ToolPoint {
         position_m: sample.position_m,
         velocity_m_per_s: sample.velocity_m_per_s,
@@ -229,11 +229,11 @@ fn run(press: Press, seen: &mut Seen) {
         for sample in period {
             hand_over.push(*sample);
             if is_waiting && hand_over.is_ready() {
-                is_waiting = !matches!(hand_over.offer(&model), Offer::Taken);
+                is_waiting = !matches!(hand_over.submit(&model), SubmitResult::Accepted);
             }
-            let spoken = hand_over.speak();
+            let spoken = hand_over.render();
             assert!(spoken.force_n.is_finite());
-            seen.unsolved_ticks += usize::from(spoken.unsolved);
+            seen.unsolved_ticks += usize::from(spoken.unconverged);
             seen.touching_ticks += usize::from(spoken.force_n != DVec3::ZERO);
         }
         let path: Vec<ToolPoint> = std::iter::once(&before).chain(period).map(point).collect();
@@ -244,7 +244,7 @@ fn run(press: Press, seen: &mut Seen) {
             times.push(began.elapsed().as_secs_f64());
         }
         assert!(contact.displayed_force_n(&body).is_finite());
-        seen.unsolved_steps += report.unsolved;
+        seen.unsolved_steps += report.unconverged;
         seen.sweeps = seen.sweeps.max(report.sweeps);
     }
     times.sort_by(f64::total_cmp);

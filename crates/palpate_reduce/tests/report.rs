@@ -23,7 +23,7 @@ fn build(
     options: BuilderOptions,
 ) -> (BuildReport, LocalModel) {
     let mut builder = LocalModelBuilder::new(body, options).unwrap();
-    let mut model = LocalModel::silent(builder.capacity());
+    let mut model = LocalModel::empty(builder.capacity());
     let id = ModelId::default();
     let report = builder.build(Scheme::NearFieldExact, body, contact, tool, id, &mut model).unwrap();
     model.validate().unwrap();
@@ -99,15 +99,15 @@ fn a_report_tells_what_was_built() {
     let ball = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).unwrap();
     let above = |z: f64| ToolPoint::at_rest(DVec3::new(0.004, 0.003, z));
     let (report, model) = build(&body, &ball, above(0.056), BuilderOptions::default());
-    assert_eq!((report.scheme, report.is_clamped), (Scheme::NearFieldExact, false));
+    assert_eq!((report.scheme, report.tangent_clamped), (Scheme::NearFieldExact, false));
     assert_eq!((report.order, report.support_nodes), (model.near.order, model.near.nodes));
     assert_eq!(report.states, 3 * report.support_nodes + report.order);
     assert_eq!(report.integrator, Some(TickIntegrator::Explicit { substeps: 4 }));
     assert!(report.time_s > 0.0 && report.error_bound.is_some_and(|bound| bound < 0.05), "{report:?}");
     // 25 mm are within reach, on a surface with a node every 20 mm: nine do not hold all of it, thirty-two do.
-    assert!(report.is_cut);
+    assert!(report.support_truncated);
     let roomy = BuilderOptions { support_nodes: 32, ..BuilderOptions::default() };
-    assert!(!build(&body, &ball, above(0.056), roomy).0.is_cut);
+    assert!(!build(&body, &ball, above(0.056), roomy).0.support_truncated);
     // Stiff bodies are stepped implicitly; from afar there is nothing to step.
     let (stiff, _) = build(&block(50e3), &ball, above(0.056), BuilderOptions::default());
     assert_eq!(stiff.integrator, Some(TickIntegrator::Implicit { substeps: 2 }));

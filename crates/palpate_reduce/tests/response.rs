@@ -29,7 +29,7 @@ fn built(scheme: Scheme) -> (Body, DenseSystem) {
     let (body, contact, tool) = pressed();
     let options = BuilderOptions { regularisation_per_s: 0.0, ..BuilderOptions::default() };
     let mut builder = LocalModelBuilder::new(&body, options).unwrap();
-    let mut model = LocalModel::silent(builder.capacity());
+    let mut model = LocalModel::empty(builder.capacity());
     let id = ModelId { body: 1, epoch: 1, sequence: 100 };
     builder.build(scheme, &body, &contact, tool, id, &mut model).unwrap();
     assert!(!model.clamped);
@@ -76,7 +76,7 @@ fn the_tangent_is_the_static_stiffness_at_every_frequency() {
 fn what_answers_nothing_has_no_response() {
     let (body, contact, tool) = pressed();
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
-    let mut model = LocalModel::silent(builder.capacity());
+    let mut model = LocalModel::empty(builder.capacity());
     for scheme in [Scheme::Hold, Scheme::LowPass, Scheme::Neighbourhood] {
         builder.build(scheme, &body, &contact, tool, ModelId::default(), &mut model).unwrap();
         assert!(DenseSystem::of_local_model(&model, Some(0)).is_none(), "{scheme}");
@@ -90,7 +90,7 @@ fn what_answers_nothing_has_no_response() {
 fn the_columns_of_a_basis_are_orthonormal_in_the_masses_and_still_in_the_support_set() {
     let (body, contact, tool) = pressed();
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
-    let mut model = LocalModel::silent(builder.capacity());
+    let mut model = LocalModel::empty(builder.capacity());
     builder.build(Scheme::NearFieldExact, &body, &contact, tool, ModelId::default(), &mut model).unwrap();
     let order = builder.basis_order();
     assert_eq!(order, model.near.order);

@@ -101,7 +101,7 @@ impl Plan {
             (
                 "nodes of a block in all",
                 in_all,
-                CellLattice::MOST_NODES,
+                CellLattice::MAX_NODES,
                 "at most 10000: no more could be stepped in time",
             ),
         ] {
@@ -118,7 +118,7 @@ impl Plan {
             block = block.fix_within(region.into());
         }
         if self.fixed.is_nothing() {
-            block = block.allow_free();
+            block = block.allow_unconstrained();
         }
         if let Some(Slit { length_m, depth_m, gape_m }) = self.slit {
             block = block.slit(palpate_body::Slit { length_m, depth_m, gape_m });
@@ -144,7 +144,7 @@ impl Plan {
             lattice = lattice.fix_vertices(vertices)?;
         }
         if self.fixed.is_nothing() {
-            lattice = lattice.allow_free();
+            lattice = lattice.allow_unconstrained();
         }
         for &Inclusion { region, tissue } in &self.inclusions {
             lattice = lattice.region(region.into(), tissue.into());

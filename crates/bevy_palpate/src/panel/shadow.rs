@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use palpate_body::{Body, ToolContact, ToolPoint};
-use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Offer, Sample, Scheme};
+use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, SubmitResult, Sample, Scheme};
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use std::collections::VecDeque;
 
@@ -116,13 +116,13 @@ impl Runner {
                 };
                 let arrived = self.pending.iter().take_while(is_there).count();
                 if let Some((model, _)) = arrived.checked_sub(1).and_then(|newest| self.pending.get(newest))
-                    && let Offer::Refused(error) = self.hand_over.offer(model)
+                    && let SubmitResult::Rejected(error) = self.hand_over.submit(model)
                 {
                     refused = Some(error.to_string());
                 }
                 self.spare.extend(self.pending.drain(..arrived).map(|(model, _)| model));
             }
-            let spoken = self.hand_over.speak();
+            let spoken = self.hand_over.render();
             if spoken.model.is_some() {
                 forces.push((sample.sequence, spoken.force_n));
             }
@@ -140,11 +140,11 @@ impl Runner {
         if self.pending.len() == MOST_PENDING {
             self.spare.extend(self.pending.pop_front().map(|(model, _)| model));
         }
-        let mut model = self.spare.pop().unwrap_or_else(|| LocalModel::silent(settings.capacity));
+        let mut model = self.spare.pop().unwrap_or_else(|| LocalModel::empty(settings.capacity));
         let tool = ToolPoint { position_m: newest.position_m, velocity_m_per_s: newest.velocity_m_per_s };
         let Moment { body, contact, beside, id, .. } = moment;
         let beside: Vec<&ToolContact> = beside.iter().collect();
-        builder.build_beside(self.scheme, body, (contact, tool), &beside, *id, &mut model)?;
+        builder.build_with_other_tools(self.scheme, body, (contact, tool), &beside, *id, &mut model)?;
         self.pending.push_back((model, None));
         Ok(())
     }

@@ -95,7 +95,7 @@ fn step(
     });
     for ((_, tool), forces) in tools.iter_mut().zip(forces) {
         if stepped.is_err() {
-            tool.contact.let_go();
+            tool.contact.release();
         } else {
             // One for each of its own ticks.
             let pace = pace(tool);
@@ -199,7 +199,7 @@ pub(super) fn build_local_models(
         let simulated = body.and_then(|body| Some((body, bodies.get_mut(body).ok()?)));
         let Some((body, mut simulated)) = simulated else {
             // Nothing to be felt: that is a model too, or the last touch would last until it is stale.
-            model.silence(sequence);
+            model.clear(sequence);
             *built = true;
             continue;
         };
@@ -224,7 +224,7 @@ pub(super) fn build_local_models(
             .collect();
         // It is within bounds.
         let _ = builder.set_horizon_s(horizon_s);
-        match builder.build_beside(asked.scheme, full, (contact, point), &others, id, model) {
+        match builder.build_with_other_tools(asked.scheme, full, (contact, point), &others, id, model) {
             Ok(report) => {
                 (*built, *newest) = (true, report.into());
                 if asked.scheme == Scheme::NearFieldExact {

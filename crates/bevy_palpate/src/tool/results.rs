@@ -88,7 +88,7 @@ pub struct LocalModelBuild {
 
 impl From<BuildReport> for LocalModelBuild {
     fn from(report: BuildReport) -> Self {
-        let BuildReport { states, support_nodes, is_clamped, is_cut, error_bound, time_s, .. } = report;
+        let BuildReport { states, support_nodes, tangent_clamped: is_clamped, support_truncated: is_cut, error_bound, time_s, .. } = report;
         Self { states, support_nodes, is_clamped, is_cut, error_bound, time_s }
     }
 }
@@ -231,7 +231,7 @@ pub(super) fn write_results(
         }
         let report = tool.handle.report();
         if let Some(swap) = report.last_swap {
-            (force.hand_over_step_n, force.hand_over_step_j) = (swap.force_step_n, swap.energy_step_j);
+            (force.hand_over_step_n, force.hand_over_step_j) = (swap.force_jump_n, swap.energy_jump_j);
         }
         timing.set_if_neq(LoopTiming {
             ticks: report.ticks,

@@ -41,7 +41,7 @@ pub(super) fn set_loops(
         if ![body, ModelId::NO_BODY].contains(&before) {
             // A model of the old body may wait in the exchange; this one takes its place.
             let sequence = tool.consumed.unwrap_or(0);
-            tool.handle.model_slot().silence(sequence);
+            tool.handle.model_slot().clear(sequence);
             tool.handle.publish_model();
         }
         let asked = LoopSettings {

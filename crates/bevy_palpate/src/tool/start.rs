@@ -165,7 +165,7 @@ impl ToolLoop {
         if held {
             self.contact = self.untouched.clone();
         }
-        let touched = self.contact.let_go();
+        let touched = self.contact.release();
         self.body.filter(|_| touched || held).map(|body| ContactEnded { tool, body })
     }
 }

@@ -1,7 +1,7 @@
 use super::*;
 
 fn block(nodes: [usize; 3]) -> Block {
-    Block::new(nodes, DVec3::new(0.1, 0.1, 0.1)).unwrap().allow_free()
+    Block::new(nodes, DVec3::new(0.1, 0.1, 0.1)).unwrap().allow_unconstrained()
 }
 
 const LATTICE: UniformLattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
@@ -25,7 +25,7 @@ fn an_inner_node_has_26_neighbours_a_corner_7() {
 
 #[test]
 fn the_surface_is_closed_and_looks_outward() {
-    let b = Block::new([3, 4, 5], DVec3::new(0.1, 0.2, 0.3)).unwrap().allow_free();
+    let b = Block::new([3, 4, 5], DVec3::new(0.1, 0.2, 0.3)).unwrap().allow_unconstrained();
     let body = b.uniform(&LATTICE).unwrap();
     let x = body.network.rest_m();
     // Divergence theorem: the volume is a third of the flux of x through the surface.

@@ -8,8 +8,8 @@ use crate::tool::Hold;
 use crate::{SurfaceTree, ToolContact};
 use glam::DVec3;
 use palpate_laws::{
-    CarriedPoint, KnownPatch, KnownPatches, MAX_PATCHES, MOST_CARRIED, PATCH_ROWS, Patch, PatchLayout,
-    PatchScale, PatchStart, PatchSurface, RowLayout, Seed, SeriesCompliance, SurfacePlace, ToolShape, lever,
+    CarriedPoint, KnownPatch, KnownPatches, MAX_PATCHES, MAX_CARRIED, PATCH_ROWS, Patch, PatchLayout,
+    PatchScale, PatchStart, PatchSurface, RowLayout, Seed, SeriesCompliance, SurfacePlace, ToolShape, mobility,
     normal_compliance_at,
 };
 
@@ -132,7 +132,7 @@ impl Body {
             let elastic = (modulus_pa, POISSONS_RATIO);
             let force_n = row_n.iter().sum();
             let Some(patch) = find(&first.patch.start(&shape, elastic, (force_n, span_s))) else { continue };
-            if surface.place_m(patch.foot).is_none_or(|at_m| all.have(&patch, at_m, scale.cell_m)) {
+            if surface.place_m(patch.foot).is_none_or(|at_m| all.contains(&patch, at_m, scale.cell_m)) {
                 continue;
             }
             let row = self.patch_rows(&surface, &shape, patch, (first.rest_normal, row_n, row_f));
@@ -149,7 +149,7 @@ impl Body {
                 let rest_normal = self.contact_surface.rest_normal(triangle);
                 let [a, b, c] = corners;
                 let ball = (a, a.distance(b).max(a.distance(c)));
-                if all.cover(rest_normal, ball, scale.cell_m) {
+                if all.covers(rest_normal, ball, scale.cell_m) {
                     return None;
                 }
                 Seed::of(&shape, way, (triangle, corners, rest_normal), beside)
@@ -223,7 +223,7 @@ impl Body {
         let modulus_pa = self.modulus_at_pa(triangle, weights);
         let scale = self.patch_scale();
         let mut layout = PatchLayout::new(shape, &patch, (modulus_pa, POISSONS_RATIO), &row_n, &scale);
-        let mut carried = Vec::with_capacity(MOST_CARRIED);
+        let mut carried = Vec::with_capacity(MAX_CARRIED);
         let corners_of = |triangle: usize| self.contact_surface.triangles().get(triangle).copied();
         layout.carry(surface, corners_of, &scale, &mut carried);
         let mut mean: Weights = Vec::new();
@@ -249,7 +249,7 @@ impl Body {
                 .for_each(|&(node, w)| add_weight(&mut nodes, node, part * w));
             let free = nodes.iter().filter(|(node, _)| !self.network.is_fixed(*node));
             let free_share: f64 = free.map(|(_, w)| w).sum();
-            let borne = row.portion * lever(free_share);
+            let borne = row.portion * mobility(free_share);
             let series = series.map(|series| series.of_portion(borne));
             if series.is_some() && borne <= 0.0 {
                 return None;

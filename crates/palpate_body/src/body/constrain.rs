@@ -4,21 +4,21 @@ mod touch;
 
 use super::approach::ToolPatch;
 use super::{Body, StepReport};
-use crate::contact::{Coupled, Masses, Weights, add_weight};
+use crate::contact::{DelassusMatrix, LumpedMassResponse, Weights, add_weight};
 use crate::integrator::Columns;
 use crate::tie::{TieEnd, TieKind};
 use crate::tool::Hold;
 use crate::{BodyError, Integrator, NodeContact, ToolContact, TouchedPoint};
 use glam::{DMat3, DVec3};
 use palpate_laws::{
-    Answer, CLOSED_M, CLOSING_M_PER_S, DrawnTool, Effort, ProxyStep, Row, RowLaw, Sweeps, ToolMove,
-    solve_rows, solve_with_proxies,
+    ImpulseResponse, GAP_TOLERANCE_M, MAX_CORRECTION_SPEED_M_PER_S, ProxyState, SolverLimits, ProxyStep, ConstraintRow, ConstraintLaw, SolverReport, ToolMove,
+    solve_projected_gauss_seidel, solve_with_proxies,
 };
 
 /// How often obstacles are looked for again after some were met.
-const MEETINGS: usize = 8;
+const MAX_ACTIVE_SET_PASSES: usize = 8;
 /// What is done for the impulses of all rows.
-const EFFORT: Effort = Effort { sweeps: 1000, tolerance: 1e-8 };
+const EFFORT: SolverLimits = SolverLimits { max_iterations: 1000, tolerance: 1e-8 };
 
 /// What is known of a step when its velocities are to be constrained.
 pub(super) struct Step<'a> {
@@ -72,7 +72,7 @@ impl Step<'_> {
 struct Constraint {
     source: Source,
     nodes: Weights,
-    law: RowLaw,
+    law: ConstraintLaw,
     gap: DVec3,
     /// The part of the gap that was there before: positions close it, velocities keep nothing of that.
     overdue: DVec3,
@@ -123,7 +123,7 @@ impl Body {
         // Without rows a proxy goes as far as it is let.
         let mut drawn: Vec<DVec3> = step.tools.iter().map(|tool| tool.way.short_m()).collect();
         // A push out of one obstacle may lead into another: until no more are met.
-        for meeting in 0..MEETINGS {
+        for meeting in 0..MAX_ACTIVE_SET_PASSES {
             let known = rows.len();
             self.meet(step, &mut rows);
             for (index, touchable) in touchable.iter().enumerate() {
@@ -132,7 +132,7 @@ impl Body {
             if rows.len() == known && (meeting > 0 || rows.is_empty()) {
                 break;
             }
-            let overdue = rows.iter().any(|row| row.overdue.length() > CLOSED_M);
+            let overdue = rows.iter().any(|row| row.overdue.length() > GAP_TOLERANCE_M);
             if overdue {
                 let whole: Vec<DVec3> = rows.iter().map(|row| row.gap).collect();
                 (_, drawn) = self.solve(step, &rows, &whole, &before, &mut columns, report)?;
@@ -258,11 +258,11 @@ impl Body {
                     continue;
                 }
                 let Some(law) = what.law(normal) else { continue };
-                let (apart_m, gap_m) = (gap_m, gap_m.max(-h * CLOSING_M_PER_S));
+                let (apart_m, gap_m) = (gap_m, gap_m.max(-h * MAX_CORRECTION_SPEED_M_PER_S));
                 rows.push(Constraint {
                     source: Source::Obstacle { node, obstacle, apart_m, normal },
                     nodes: vec![(node, 1.0)],
-                    law: RowLaw::OneSided { coulomb: law, series: None },
+                    law: ConstraintLaw::Unilateral { coulomb: law, series: None },
                     gap: gap_m * normal,
                     overdue: gap_m.min(0.0) * normal,
                 });
@@ -300,8 +300,8 @@ impl Body {
             nodes.retain(|(node, _)| drive.is_none_or(|(driven, _)| driven != *node));
             let (law, gap, overdue) = match tie.kind {
                 TieKind::Joint => {
-                    let closing = apart.clamp_length_max(h * CLOSING_M_PER_S);
-                    (RowLaw::TwoSided, closing - moved, closing)
+                    let closing = apart.clamp_length_max(h * MAX_CORRECTION_SPEED_M_PER_S);
+                    (ConstraintLaw::Bilateral, closing - moved, closing)
                 }
                 TieKind::Thread { length_m, stiffness_n_per_m } => {
                     // Along the line between its ends at the end of the step, as far as that is known.
@@ -310,13 +310,13 @@ impl Body {
                     match stiffness_n_per_m {
                         // What it is stretched by is no gap that was to be closed.
                         Some(k) => {
-                            let law = RowLaw::Tension { along, compliance_per_kg: 1.0 / (k * h * h) };
+                            let law = ConstraintLaw::Tension { along, compliance_per_kg: 1.0 / (k * h * h) };
                             (law, -slack * along, DVec3::ZERO)
                         }
                         None => {
-                            let law = RowLaw::Tension { along, compliance_per_kg: 0.0 };
-                            let slack = slack.max(-h * CLOSING_M_PER_S - moved.length());
-                            let before = (length_m - apart.length()).clamp(-h * CLOSING_M_PER_S, 0.0);
+                            let law = ConstraintLaw::Tension { along, compliance_per_kg: 0.0 };
+                            let slack = slack.max(-h * MAX_CORRECTION_SPEED_M_PER_S - moved.length());
+                            let before = (length_m - apart.length()).clamp(-h * MAX_CORRECTION_SPEED_M_PER_S, 0.0);
                             (law, -slack * along, -before * along)
                         }
                     }
@@ -344,21 +344,21 @@ impl Body {
             |(node, _): &(usize, f64)| self.network.free_index(*node).is_some() && driven != Some(*node);
         let nodes: Vec<Weights> =
             constraints.iter().map(|row| row.nodes.iter().copied().filter(movable).collect()).collect();
-        let asked = |(row, &gap_m): (&Constraint, &DVec3)| Row {
+        let asked = |(row, &gap_m): (&Constraint, &DVec3)| ConstraintRow {
             law: row.law,
             gap_m,
-            own_per_kg: DMat3::ZERO,
+            inv_effective_mass_per_kg: DMat3::ZERO,
             impulse_ns: DVec3::ZERO,
         };
-        let mut rows: Vec<Row> = constraints.iter().zip(gaps).map(asked).collect();
+        let mut rows: Vec<ConstraintRow> = constraints.iter().zip(gaps).map(asked).collect();
         self.v.copy_from_slice(before);
         let proxies: Vec<Option<ProxyStep>> = step.tools.iter().map(|tool| tool.way.proxy).collect();
         let (sweeps, drawn) = match (step.integrator, &self.implicit) {
             (Integrator::LinearlyImplicitEuler(settings), Some(implicit)) => {
                 let touched = nodes.iter().flatten().map(|(node, _)| *node);
                 implicit.answer(&self.network, touched, settings, columns)?;
-                let mut answer = Coupled::new(&nodes, before, |i, j| columns.block(&self.network, i, j));
-                rows.iter_mut().enumerate().for_each(|(i, row)| row.own_per_kg = answer.own_per_kg(i));
+                let mut answer = DelassusMatrix::new(&nodes, before, |i, j| columns.block(&self.network, i, j));
+                rows.iter_mut().enumerate().for_each(|(i, row)| row.inv_effective_mass_per_kg = answer.own_per_kg(i));
                 let solved = solve(constraints, &mut rows, &mut answer, &proxies, step.h);
                 let pushes = nodes.iter().zip(&rows);
                 for (node, impulse) in
@@ -370,13 +370,13 @@ impl Body {
             }
             _ => {
                 let mass_kg = self.network.mass_kg();
-                let mut answer = Masses { rows: &nodes, mass_kg, v: &mut self.v };
-                rows.iter_mut().enumerate().for_each(|(i, row)| row.own_per_kg = answer.own_per_kg(i));
+                let mut answer = LumpedMassResponse { rows: &nodes, mass_kg, v: &mut self.v };
+                rows.iter_mut().enumerate().for_each(|(i, row)| row.inv_effective_mass_per_kg = answer.own_per_kg(i));
                 solve(constraints, &mut rows, &mut answer, &proxies, step.h)
             }
         };
-        report.sweeps = report.sweeps.max(sweeps.count);
-        report.unsolved += usize::from(!sweeps.converged);
+        report.sweeps = report.sweeps.max(sweeps.iterations);
+        report.unconverged += usize::from(!sweeps.converged);
         Ok((rows.into_iter().map(|row| row.impulse_ns).collect(), drawn))
     }
 }
@@ -384,22 +384,22 @@ impl Body {
 /// Solves the rows of `constraints`, and for how far the tools' couplings draw them.
 fn solve(
     constraints: &[Constraint],
-    rows: &mut [Row],
-    answer: &mut impl Answer,
+    rows: &mut [ConstraintRow],
+    answer: &mut impl ImpulseResponse,
     proxies: &[Option<ProxyStep>],
     h: f64,
-) -> (Sweeps, Vec<DVec3>) {
+) -> (SolverReport, Vec<DVec3>) {
     let mut drawn = vec![DVec3::ZERO; proxies.len()];
     let behind: Vec<usize> = (0..proxies.len()).filter(|&tool| proxies[tool].is_some()).collect();
-    let mut tools: Vec<DrawnTool> = proxies.iter().flatten().map(|proxy| DrawnTool::new(*proxy)).collect();
+    let mut tools: Vec<ProxyState> = proxies.iter().flatten().map(|proxy| ProxyState::new(*proxy)).collect();
     if tools.is_empty() {
-        return (solve_rows(rows, answer, h, EFFORT), drawn);
+        return (solve_projected_gauss_seidel(rows, answer, h, EFFORT), drawn);
     }
     let tool_of = |row: usize| {
         let tool = constraints[row].source.tool()?;
         behind.iter().position(|behind| *behind == tool)
     };
     let sweeps = solve_with_proxies(rows, answer, &mut tools, tool_of, h, EFFORT);
-    behind.iter().zip(&tools).for_each(|(&index, tool)| drawn[index] = tool.drawn_m(h));
+    behind.iter().zip(&tools).for_each(|(&index, tool)| drawn[index] = tool.displacement_m(h));
     (sweeps, drawn)
 }

@@ -40,7 +40,7 @@ pub struct StepReport {
     pub sweeps: usize,
     /// How often those impulses were not found in all sweeps that are made: what is asked for cannot be, or is not
     /// determined, or converges too slowly.
-    pub unsolved: usize,
+    pub unconverged: usize,
     /// Ties that tore.
     pub torn: usize,
     /// Cells that are inverted at the end of the advance: those for which the volume ratio of at least one of their ten tetrahedra
@@ -314,7 +314,7 @@ impl Body {
     }
 
     /// Begins to keep books of energy, from zero: see [`Body::books`].
-    pub fn open_books(&mut self) {
+    pub fn start_energy_accounting(&mut self) {
         self.ledger = Some(Ledger::open(self));
     }
 }

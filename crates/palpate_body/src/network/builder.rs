@@ -185,7 +185,7 @@ impl NetworkBuilder {
 
     /// Lets parts be fixed to nothing, or not joined to each other.
     #[must_use]
-    pub fn allow_free(mut self) -> Self {
+    pub fn allow_unconstrained(mut self) -> Self {
         self.allow_free = true;
         self
     }

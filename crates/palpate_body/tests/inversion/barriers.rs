@@ -220,7 +220,7 @@ fn books_balance_while_barriers_act_and_the_integrator_s_share_vanishes_with_its
     let share = |integrator: Integrator| {
         let mut body = cube(3);
         body.set_gravity(DVec3::NEG_Y * 9.81).unwrap();
-        body.open_books();
+        body.start_energy_accounting();
         let node = 1 + 3 * (2 + 3);
         let at = body.positions_m()[node];
         let mut tool = ToolContact::hold(&body, node, at).unwrap();
@@ -238,9 +238,9 @@ fn books_balance_while_barriers_act_and_the_integrator_s_share_vanishes_with_its
             inverted = inverted.max(report.inverted_cells);
         }
         assert!(inverted > 0, "{integrator:?}");
-        let books = body.books().unwrap();
-        let through = books.work_in_j.abs() + books.damped_j;
-        let sum = books.stored_j + books.damped_j + books.integrator_j;
+        let books = body.energy_balance().unwrap();
+        let through = books.work_in_j.abs() + books.damping_loss_j;
+        let sum = books.stored_j + books.damping_loss_j + books.integrator_j;
         assert!((sum - books.work_in_j).abs() < 1e-12 * through);
         books.integrator_j.abs() / through
     };

@@ -266,7 +266,7 @@ fn lists_that_make_no_sense_are_refused() {
         shape.vertices[3].y = bad;
         assert_eq!(refused(&shape), MeshError::NotFinite { vertex: 3 });
     }
-    let many = vec![[0, 1, 2]; ClosedMesh::MOST_TRIANGLES + 1];
+    let many = vec![[0, 1, 2]; ClosedMesh::MAX_TRIANGLES + 1];
     assert!(matches!(
         ClosedMesh::new(cube.vertices.clone(), many).unwrap_err(),
         MeshError::TooLarge { what: "triangles", .. }

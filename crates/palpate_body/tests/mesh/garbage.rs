@@ -9,7 +9,7 @@ use proptest::prelude::*;
 fn make(shape: &Shape) -> Result<(), MeshError> {
     let mesh = shape.close()?;
     assert!(mesh.volume_m3() > 0.0, "{}", mesh.volume_m3());
-    let lattice = CellLattice::fit(&mesh, CellSize::Along(5))?.allow_free();
+    let lattice = CellLattice::fit(&mesh, CellSize::Along(5))?.allow_unconstrained();
     let made = lattice.tissue(&Tissue::default()).expect("free parts are allowed, and nothing is fixed");
     assert!(made.network.mass_kg().iter().all(|m| *m > 0.0));
     Ok(())

@@ -10,7 +10,7 @@ const TISSUE: Tissue = Tissue { youngs_modulus_pa: 20e3, density_kg_per_m3: 1000
 
 fn free(shape: &Shape, cells: usize) -> MeshBody {
     let mesh = shape.close().unwrap();
-    CellLattice::fit(&mesh, CellSize::Along(cells)).unwrap().allow_free().tissue(&TISSUE).unwrap()
+    CellLattice::fit(&mesh, CellSize::Along(cells)).unwrap().allow_unconstrained().tissue(&TISSUE).unwrap()
 }
 
 fn mass(network: &Network) -> f64 {
@@ -149,7 +149,7 @@ fn pieces_that_share_no_cell_are_named_and_allowed_when_asked_for() {
         panic!()
     };
     assert!(at_m.distance(DVec3::new(0.1, 1.0, 0.0)) < 0.02, "{at_m}");
-    let both = fit(16).allow_free().tissue(&TISSUE).unwrap();
+    let both = fit(16).allow_unconstrained().tissue(&TISSUE).unwrap();
     assert!((mass(&both.network) / (1000.0 * mesh.volume_m3()) - 1.0).abs() < 1e-12);
     // In cells as wide as the gap they are one.
     assert!(fit(2).tissue(&TISSUE).is_ok());
@@ -161,7 +161,7 @@ fn regions_have_their_tissue_by_the_share_of_a_cell_that_they_hold() {
     let stiff = Tissue { youngs_modulus_pa: 80e3, density_kg_per_m3: 2000.0, damping_ratio: 0.2 };
     // The upper 37.5 mm of 100, in cells of 25 mm: one layer whole and half of another.
     let upper = Region::HalfSpace { point_m: 0.0125 * DVec3::Z, outward: -DVec3::Z };
-    let fit = || CellLattice::fit(&mesh, CellSize::Side(0.025)).unwrap().allow_free();
+    let fit = || CellLattice::fit(&mesh, CellSize::Side(0.025)).unwrap().allow_unconstrained();
     let made = fit().region(upper.clone(), stiff).tissue(&TISSUE).unwrap();
     assert!((mass(&made.network) - (1.0 + 0.375)).abs() < 1e-12);
     let strain = DMat3::from_diagonal(DVec3::new(0.0, 0.0, 0.01));
@@ -240,7 +240,7 @@ fn senseless_cells_are_refused() {
         assert!(matches!(CellLattice::fit(&mesh, size), Err(MeshError::Cells { .. })), "{size:?}");
     }
     // One large cell round a small mesh is a body still.
-    let large = CellLattice::fit(&mesh, CellSize::Side(0.5)).unwrap().allow_free().tissue(&TISSUE).unwrap();
+    let large = CellLattice::fit(&mesh, CellSize::Side(0.5)).unwrap().allow_unconstrained().tissue(&TISSUE).unwrap();
     assert_eq!(large.network.node_count(), 8);
     assert!(CellLattice::fit(&mesh, CellSize::Along(2)).unwrap().touch_spacing(1.5).is_err());
 }
@@ -249,7 +249,7 @@ fn senseless_cells_are_refused() {
 fn the_touched_surface_is_the_mesh_to_within_a_part_of_a_cell() {
     let shape = sphere(0.05, 48);
     let mesh = shape.close().unwrap();
-    let made = CellLattice::fit(&mesh, CellSize::Along(12)).unwrap().allow_free().tissue(&TISSUE).unwrap();
+    let made = CellLattice::fit(&mesh, CellSize::Along(12)).unwrap().allow_unconstrained().tissue(&TISSUE).unwrap();
     let cell = made.cells.cell_m;
     let x = made.network.rest_m();
     let points: Vec<DVec3> = made.surface.points.iter().map(|point| point.of(x)).collect();
@@ -270,7 +270,7 @@ fn the_touched_surface_is_the_mesh_to_within_a_part_of_a_cell() {
         made.surface.triangles.iter().map(|t| t.map(corner)).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
     assert!((volume / mesh.volume_m3() - 1.0).abs() < 0.02, "{volume}");
     // Asked for all of it, all of it is there.
-    let all = CellLattice::fit(&mesh, CellSize::Along(12)).unwrap().allow_free().touch_spacing(0.0).unwrap();
+    let all = CellLattice::fit(&mesh, CellSize::Along(12)).unwrap().allow_unconstrained().touch_spacing(0.0).unwrap();
     let all = all.tissue(&TISSUE).unwrap();
     assert_eq!((all.surface.points.len(), all.deviation_m), (shape.vertices.len(), 0.0));
     // A cube of twelve triangles gets points that dent.

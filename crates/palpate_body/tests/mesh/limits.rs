@@ -44,14 +44,14 @@ fn more_nodes_than_a_body_can_have_are_refused_with_a_number_of_cells_that_makes
     for size in [DVec3::splat(0.1), DVec3::new(0.1, 0.1, 0.04), DVec3::new(0.1, 0.03, 0.04)] {
         let mesh = cuboid(size, [1; 3]).close().unwrap();
         let made = |cells| {
-            CellLattice::fit(&mesh, CellSize::Along(cells)).unwrap().allow_free().tissue(&Tissue::default())
+            CellLattice::fit(&mesh, CellSize::Along(cells)).unwrap().allow_unconstrained().tissue(&Tissue::default())
         };
         let error = made(FINE).map(|made| made.cells).unwrap_err();
         let palpate_body::BodyError::Mesh(MeshError::TooManyNodes { along, nodes, most, advised }) = error
         else {
             panic!("{error}")
         };
-        assert_eq!((along, most), (FINE, CellLattice::MOST_NODES));
+        assert_eq!((along, most), (FINE, CellLattice::MAX_NODES));
         assert!(nodes > most && error.to_string().contains(&format!("take {advised} cells")), "{error}");
         let taken = made(advised).unwrap().network.node_count();
         assert!(taken <= most && taken > most / 2, "{advised} cells: {taken} nodes");
@@ -63,7 +63,7 @@ fn how_much_too_heavy_a_body_is_is_told() {
     // A sheet in one layer of cells of a centimetre.
     for (thickness, filled) in [(2e-3, 0.2), (1e-4, 0.01), (5e-5, 0.005), (2e-5, 0.002)] {
         let mesh = cuboid(DVec3::new(0.1, 0.1, thickness), [1; 3]).close().unwrap();
-        let made = CellLattice::fit(&mesh, CellSize::Along(10)).unwrap().allow_free();
+        let made = CellLattice::fit(&mesh, CellSize::Along(10)).unwrap().allow_unconstrained();
         let made = made.tissue(&Tissue::default()).unwrap();
         let mass_kg: f64 = made.network.mass_kg().iter().sum();
         let expected = (0.01 / filled - 1.0_f64).max(0.0);

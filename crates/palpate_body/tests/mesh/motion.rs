@@ -62,11 +62,11 @@ fn cells_with_little_in_them_need_no_shorter_step() {
     {
         let mesh = shape.turned(turn()).close().unwrap();
         let made =
-            CellLattice::fit(&mesh, CellSize::Along(cells)).unwrap().allow_free().tissue(&TISSUE).unwrap();
+            CellLattice::fit(&mesh, CellSize::Along(cells)).unwrap().allow_unconstrained().tissue(&TISSUE).unwrap();
         let lightest = made.network.mass_kg().iter().fold(f64::INFINITY, |a, b| a.min(*b));
         let eighth = 1000.0 * made.cells.cell_m.powi(3) / 8.0;
         assert!(lightest < 0.2 * eighth);
-        let block = Block::new([5; 3], DVec3::splat(4.0 * made.cells.cell_m)).unwrap().allow_free();
+        let block = Block::new([5; 3], DVec3::splat(4.0 * made.cells.cell_m)).unwrap().allow_unconstrained();
         let block = block.tissue(&TISSUE).unwrap();
         let share = stable_step(made.network, made.surface) / stable_step(block.network, block.surface);
         least = least.min(share);

@@ -31,7 +31,7 @@ fn a_punch_wider_than_the_body_is_one_patch_of_nine_rows() {
     let mut tool = punch(0.2, 0.3);
     let way = path(20, |t| DVec3::Z * (0.0505 - 0.1 * t));
     let report = body.advance(Some((&mut tool, &way)), 20, SemiImplicitEuler::default()).unwrap();
-    assert_eq!((report.touched, report.left_out, report.unsolved), (9, 0, 0));
+    assert_eq!((report.touched, report.left_out, report.unconverged), (9, 0, 0));
 }
 
 #[test]

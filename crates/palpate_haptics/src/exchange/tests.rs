@@ -3,7 +3,7 @@
 use crate::{LoopConfig, LoopSettings, haptic_loop};
 use glam::{DMat3, DVec3};
 use palpate_laws::{
-    Coupling, MAX_PATCHES, Neighbour, PATCH_ROWS, Patch, PatchScale, Spring, SurfacePlace, ToolShape,
+    VirtualCoupling, MAX_PATCHES, Neighbour, PATCH_ROWS, Patch, PatchScale, Spring, SurfacePlace, ToolShape,
     VolumeBarrier,
 };
 use palpate_local::{
@@ -117,7 +117,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         integrator,
         tangent,
         factor,
-        answer,
+        impulse_response: answer,
         energy_j,
         start_m,
         coupling,
@@ -191,7 +191,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         if n.is() { TickIntegrator::Explicit { substeps } } else { TickIntegrator::Implicit { substeps } };
     n.factor(factor);
     let (stiffness_n_per_m, most_n) = (n.next(), n.next());
-    *coupling = n.is().then_some(Coupling { stiffness_n_per_m, most_n });
+    *coupling = n.is().then_some(VirtualCoupling { stiffness_n_per_m, max_force_n: most_n });
 }
 
 #[test]
@@ -210,7 +210,7 @@ fn every_field_of_a_local_model_crosses_whole() {
                 number += 1;
             }
         });
-        let mut expected = LocalModel::silent(CAPACITY);
+        let mut expected = LocalModel::empty(CAPACITY);
         let (mut seen, mut last) = (0, None);
         while seen < SEEN {
             if !models.update() {

@@ -32,7 +32,7 @@ pub(super) fn measure(
     let point = |s: &Sample| ToolPoint { position_m: s.position_m, velocity_m_per_s: s.velocity_m_per_s };
     let path: Vec<ToolPoint> = samples.iter().take(AT + 1).map(point).collect();
     body.advance(Some((&mut contact, &path)), AT, SemiImplicitEuler::default())?;
-    let mut model = LocalModel::silent(builder.capacity());
+    let mut model = LocalModel::empty(builder.capacity());
     let id = ModelId { body: 1, epoch: 0, sequence: samples[AT].sequence };
     let mut builds = Vec::with_capacity(BUILDS);
     for _ in 0..BUILDS {
@@ -54,9 +54,9 @@ pub(super) fn measure(
         let begun = Instant::now();
         hand_over.push(*sample);
         if sample.sequence == id.sequence {
-            hand_over.offer(&model);
+            hand_over.submit(&model);
         }
-        std::hint::black_box(hand_over.speak());
+        std::hint::black_box(hand_over.render());
         ticks.push(1e6 * begun.elapsed().as_secs_f64());
     }
     Ok(Cost { states, tick_us: median(ticks), build_ms: median(builds) })

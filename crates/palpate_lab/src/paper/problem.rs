@@ -58,7 +58,7 @@ pub(super) fn demonstration() -> Result<Vec<Row>, LabError> {
 /// Section 3.
 pub(super) fn linear_approximation() -> Result<Vec<Row>, LabError> {
     let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
-    let cube = Block::new([10; 3], DVec3::splat(0.1))?.allow_free().uniform(&lattice)?;
+    let cube = Block::new([10; 3], DVec3::splat(0.1))?.allow_unconstrained().uniform(&lattice)?;
     let order = (6 * cube.network.free().len()).to_string();
     let built = "linearise, then reduce: SecondOrderSystem::of_body, then a projection or truncation";
     Ok(vec![

@@ -5,7 +5,7 @@ use super::scene::Scene;
 use glam::DVec3;
 use palpate_body::{Integrator, LinearlyImplicitEuler, SemiImplicitEuler, ToolPoint};
 use palpate_haptics::{VelocityEstimator, VelocityState};
-use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Offer, Sample, Scheme};
+use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, SubmitResult, Sample, Scheme};
 use palpate_reduce::{BuilderOptions, LocalIntegrator, LocalModelBuilder, ReduceError};
 use std::time::Instant;
 
@@ -88,7 +88,7 @@ impl Press {
         let mut builder = LocalModelBuilder::new(&body, options)?;
         let settings = HandOverSettings { capacity: builder.capacity(), ..HandOverSettings::default() };
         let mut hand_over = HandOver::new(settings)?;
-        let mut model = LocalModel::silent(builder.capacity());
+        let mut model = LocalModel::empty(builder.capacity());
         let mut velocity = VelocityState::default();
         let unturn = scene.turn.conjugate();
         let mut sample_at = |tick: usize| {
@@ -135,14 +135,14 @@ impl Press {
                 path.push(tool_point(&newest));
                 hand_over.push(newest);
                 if is_waiting && hand_over.is_ready() {
-                    match hand_over.offer(&model) {
-                        Offer::Taken => is_waiting = false,
-                        Offer::Busy => {}
-                        Offer::Refused(error) => return Err(error.into()),
+                    match hand_over.submit(&model) {
+                        SubmitResult::Accepted => is_waiting = false,
+                        SubmitResult::Busy => {}
+                        SubmitResult::Rejected(error) => return Err(error.into()),
                     }
                 }
-                let spoken = hand_over.speak();
-                press.unconverged_ticks += usize::from(spoken.unsolved);
+                let spoken = hand_over.render();
+                press.unconverged_ticks += usize::from(spoken.unconverged);
                 press.loop_n.push(unturn * spoken.force_n);
                 press.depth_m.push(motion.depth_at_m(tick));
             }
@@ -156,7 +156,7 @@ impl Press {
             let report =
                 body.advance_observed(Some((&mut contact, &path)), PERIOD_TICKS, integrator, observe)?;
             press.step_ms.push(1e3 * (now() - began).as_secs_f64());
-            press.unconverged_steps += report.unsolved;
+            press.unconverged_steps += report.unconverged;
             press.inverted_cells = press.inverted_cells.max(report.inverted_cells);
             press.is_settled = tick >= arrival + MIN_HOLD_TICKS && body.is_settled();
         }

@@ -7,7 +7,7 @@ use super::top::Top;
 use crate::error::{LabError, check};
 use glam::{DQuat, DVec3};
 use palpate_body::{
-    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Coupling, Face, MeshError, Network, Region,
+    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, VirtualCoupling, Face, MeshError, Network, Region,
     Surface, Tissue, ToolContact, ToolShape,
 };
 use std::path::Path;
@@ -24,7 +24,7 @@ pub(super) struct Scene {
 }
 
 /// The plugin's default coupling.
-const COUPLING: Coupling = Coupling { stiffness_n_per_m: 20e3, most_n: 10.0 };
+const COUPLING: VirtualCoupling = VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 10.0 };
 
 impl Scene {
     pub(super) fn of(probe: &Probe) -> Result<Self, LabError> {
@@ -52,7 +52,7 @@ fn contact(probe: &Probe) -> Result<ToolContact, LabError> {
     let contact = ToolContact::touch(shape, probe.friction)?;
     Ok(match probe.coupling {
         CouplingKind::Rigid => contact,
-        CouplingKind::Virtual => contact.behind(COUPLING)?,
+        CouplingKind::Virtual => contact.with_coupling(COUPLING)?,
     })
 }
 

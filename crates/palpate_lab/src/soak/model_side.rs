@@ -115,7 +115,7 @@ impl ModelSide {
         let Some(&last) = self.path.last().filter(|_| self.path.len() > 1) else { return Ok(false) };
         if lost > 0 {
             // The tool is elsewhere without having moved there: what it touched must not be thrown.
-            self.contact.let_go();
+            self.contact.release();
             self.done.samples_lost += lost;
         }
         let along = Some((&mut self.contact, self.path.as_slice()));

@@ -16,7 +16,7 @@ fn sample(sequence: u64) -> Sample {
 /// One mass on a spring and a damper, moved by the tool through another spring and damper.
 fn model(sequence: u64) -> LocalModel {
     let at = sample(sequence);
-    let mut m = LocalModel::silent(Capacity::of_order(3));
+    let mut m = LocalModel::empty(Capacity::of_order(3));
     m.id = ModelId { body: 1, epoch: 0, sequence };
     m.scheme = Scheme::Neighbourhood;
     m.contact = Contact::Held;
@@ -50,14 +50,14 @@ fn hand_over(replay_per_tick: usize) -> HandOver {
 }
 
 /// Speaks at samples `range`, offering `model(built)` once, when sample `at` has been pushed.
-fn run(hand_over: &mut HandOver, range: std::ops::Range<u64>, built: u64, at: u64) -> Vec<Spoken> {
+fn run(hand_over: &mut HandOver, range: std::ops::Range<u64>, built: u64, at: u64) -> Vec<RenderedForce> {
     range
         .map(|s| {
             hand_over.push(sample(s));
             if s == at {
-                assert_eq!(hand_over.offer(&model(built)), Offer::Taken);
+                assert_eq!(hand_over.submit(&model(built)), SubmitResult::Accepted);
             }
-            hand_over.speak()
+            hand_over.render()
         })
         .collect()
 }
@@ -75,7 +75,7 @@ fn a_model_that_is_handed_over_late_says_what_it_would_have_said_in_time() {
     let swap = late.iter().position(|s| s.swap.is_some()).unwrap();
     // 20 samples behind at tick 30, its own among them; 8 a tick and the tick's own: 9 (k + 1) >= 20 + k at k = 2.
     assert_eq!(swap, 32);
-    assert_eq!(late[swap].swap.unwrap().replayed, 22);
+    assert_eq!(late[swap].swap.unwrap().replayed_samples, 22);
     for tick in swap..60 {
         assert_eq!(in_time[tick].force_n, late[tick].force_n, "tick {tick}");
     }
@@ -87,7 +87,7 @@ fn a_model_that_is_handed_over_late_says_what_it_would_have_said_in_time() {
 fn at_the_tick_of_the_model_step_the_force_is_that_of_the_body() {
     let spoken = run(&mut hand_over(8), 0..20, 10, 10);
     assert_eq!(spoken[10].force_n, DVec3::Z * 0.5);
-    assert_eq!(spoken[10].swap.unwrap().replayed, 0);
+    assert_eq!(spoken[10].swap.unwrap().replayed_samples, 0);
 }
 
 #[test]
@@ -103,7 +103,7 @@ fn the_old_model_speaks_while_the_new_one_catches_up() {
         assert_eq!(spoken.force_n, alone[30 + k].force_n);
     }
     let at_swap = spoken[swap].swap.unwrap();
-    assert_eq!(spoken[swap].force_n, alone[34].force_n + at_swap.force_step_n);
+    assert_eq!(spoken[swap].force_n, alone[34].force_n + at_swap.force_jump_n);
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn a_model_offered_while_another_catches_up_has_to_wait() {
     let mut h = hand_over(1);
     run(&mut h, 0..30, 5, 20);
     assert!(h.is_catching_up());
-    assert_eq!(h.offer(&model(25)), Offer::Busy);
+    assert_eq!(h.submit(&model(25)), SubmitResult::Busy);
 }
 
 #[test]
@@ -120,11 +120,11 @@ fn models_without_a_state_speak_at_once() {
     (0..60).for_each(|s| h.push(sample(s)));
     let mut tangent = model(0);
     tangent.scheme = Scheme::Tangent;
-    assert_eq!(h.offer(&tangent), Offer::Taken);
-    let spoken = h.speak();
+    assert_eq!(h.submit(&tangent), SubmitResult::Accepted);
+    let spoken = h.render();
     let dx = sample(59).position_m - sample(0).position_m;
     assert_eq!(spoken.force_n, DVec3::Z * 0.5 - 100.0 * dx);
-    assert_eq!(spoken.swap.unwrap().replayed, 0);
+    assert_eq!(spoken.swap.unwrap().replayed_samples, 0);
 }
 
 #[test]
@@ -134,8 +134,8 @@ fn apart_means_silent_whatever_the_rest_says() {
         h.push(sample(0));
         let mut apart = model(0);
         (apart.scheme, apart.contact) = (scheme, Contact::Apart);
-        h.offer(&apart);
-        assert_eq!(h.speak().force_n, DVec3::ZERO);
+        h.submit(&apart);
+        assert_eq!(h.render().force_n, DVec3::ZERO);
     }
 }
 
@@ -146,44 +146,44 @@ fn a_surface_never_pulls_between_model_steps() {
     let mut touching = model(0);
     touching.contact = Contact::Touching { normal: DVec3::Z };
     touching.scheme = Scheme::Tangent;
-    h.offer(&touching);
+    h.submit(&touching);
     let up = Sample { sequence: 1, position_m: DVec3::Z * 0.02, ..Sample::default() };
     h.push(up);
-    assert_eq!(h.speak().force_n, DVec3::ZERO);
+    assert_eq!(h.render().force_n, DVec3::ZERO);
     h.push(Sample { sequence: 2, position_m: DVec3::Z * -0.02, ..up });
-    assert_eq!(h.speak().force_n, DVec3::Z * 2.5);
+    assert_eq!(h.render().force_n, DVec3::Z * 2.5);
 }
 
 #[test]
 fn models_that_cannot_be_used_are_refused_and_the_old_one_stays() {
     let mut h = hand_over(8);
     run(&mut h, 0..10, 5, 5);
-    let before = h.clone().speak().force_n;
+    let before = h.clone().render().force_n;
     let mut nan = model(9);
     nan.force_n.x = f64::NAN;
-    assert_eq!(h.offer(&nan), Offer::Refused(LocalModelError::NotFinite { what: "force" }));
+    assert_eq!(h.submit(&nan), SubmitResult::Rejected(LocalModelError::NotFinite { what: "force" }));
     let future = LocalModelError::FromTheFuture { model: 12, newest: 9 };
-    assert_eq!(h.offer(&model(12)), Offer::Refused(future));
-    assert_eq!(h.offer(&model(5)), Offer::Refused(LocalModelError::NotNewer { model: 5, active: 5 }));
-    let mut large = LocalModel::silent(Capacity::of_order(4));
+    assert_eq!(h.submit(&model(12)), SubmitResult::Rejected(future));
+    assert_eq!(h.submit(&model(5)), SubmitResult::Rejected(LocalModelError::NotNewer { model: 5, active: 5 }));
+    let mut large = LocalModel::empty(Capacity::of_order(4));
     large.id = ModelId { sequence: 9, ..model(9).id };
     large.reduced.order = 4;
     large.reduced.step_s = 1e-3;
     let identity: Vec<f64> = (0..16).map(|i| f64::from(u8::from(i % 5 == 0))).collect();
     large.reduced.implicit.factorise(4, &identity).unwrap();
-    assert_eq!(h.offer(&large), Offer::Refused(LocalModelError::Order { order: 4, capacity: 3 }));
-    assert_eq!(h.speak().force_n, before);
+    assert_eq!(h.submit(&large), SubmitResult::Rejected(LocalModelError::Order { order: 4, capacity: 3 }));
+    assert_eq!(h.render().force_n, before);
 }
 
 #[test]
 fn a_model_older_than_the_history_is_refused_or_given_up() {
     let mut h = hand_over(8);
     (0..100).for_each(|s| h.push(sample(s)));
-    assert_eq!(h.offer(&model(20)), Offer::Refused(LocalModelError::TooOld { model: 20, oldest: 36 }));
-    assert_eq!(h.offer(&model(40)), Offer::Taken);
+    assert_eq!(h.submit(&model(20)), SubmitResult::Rejected(LocalModelError::TooOld { model: 20, oldest: 36 }));
+    assert_eq!(h.submit(&model(40)), SubmitResult::Accepted);
     // The samples jump: what was to be replayed is gone.
     h.push(sample(500));
-    let spoken = h.speak();
+    let spoken = h.render();
     assert_eq!(spoken.abandoned, Some(LocalModelError::TooOld { model: 40, oldest: 500 }));
     assert!(!h.is_catching_up());
 }
@@ -194,19 +194,19 @@ fn a_low_pass_starts_from_what_was_felt_before() {
     h.push(sample(0));
     let mut held = model(0);
     (held.scheme, held.force_n) = (Scheme::Hold, DVec3::X * 3.0);
-    h.offer(&held);
-    assert_eq!(h.speak().force_n, DVec3::X * 3.0);
+    h.submit(&held);
+    assert_eq!(h.render().force_n, DVec3::X * 3.0);
     h.push(sample(1));
     let mut low = model(1);
     low.scheme = Scheme::LowPass;
-    h.offer(&low);
+    h.submit(&low);
     let a = 1.0 - (-std::f64::consts::TAU * 10.0 * 1e-3).exp();
     let expected = DVec3::X * 3.0 * (1.0 - a) + DVec3::Z * 0.5 * a;
-    assert!((h.speak().force_n - expected).length() < 1e-14);
+    assert!((h.render().force_n - expected).length() < 1e-14);
     // Missed ticks count.
     (2..12).for_each(|s| h.push(sample(s)));
     let expected = DVec3::X * 3.0 * (1.0 - a).powi(11) + DVec3::Z * 0.5 * (1.0 - (1.0 - a).powi(11));
-    assert!((h.speak().force_n - expected).length() < 1e-14);
+    assert!((h.render().force_n - expected).length() < 1e-14);
 }
 
 #[test]
@@ -217,8 +217,8 @@ fn a_low_pass_neither_speaks_when_apart_nor_pulls_nor_keeps_infinity() {
     let mut say = |sequence, contact, force_n| {
         h.push(sample(sequence));
         (low.id.sequence, low.contact, low.force_n) = (sequence, contact, force_n);
-        assert_eq!(h.offer(&low), Offer::Taken);
-        h.speak().force_n
+        assert_eq!(h.submit(&low), SubmitResult::Accepted);
+        h.render().force_n
     };
     assert!(say(1, Contact::Held, DVec3::Z * 5.0).z > 0.0);
     assert_eq!(say(2, Contact::Touching { normal: -DVec3::Z }, DVec3::Z * -0.001), DVec3::ZERO);
@@ -236,10 +236,10 @@ fn a_model_always_catches_up_even_when_ticks_are_missed() {
         })
         .unwrap();
         (0..40).for_each(|s| h.push(sample(s)));
-        assert_eq!(h.offer(&model(5)), Offer::Taken);
+        assert_eq!(h.submit(&model(5)), SubmitResult::Accepted);
         let ticks = (0..100).position(|tick| {
             (0..missed).for_each(|i| h.push(sample(40 + tick * missed + i)));
-            h.speak().swap.is_some()
+            h.render().swap.is_some()
         });
         assert!(ticks.unwrap() <= 35, "{ticks:?} with {replay_per_tick} a tick, {missed} samples each");
     }
@@ -248,39 +248,39 @@ fn a_model_always_catches_up_even_when_ticks_are_missed() {
 #[test]
 fn a_model_without_a_state_speaks_even_if_the_samples_begin_anew() {
     let mut h = hand_over(8);
-    assert_eq!(h.offer(&model(0)), Offer::Busy, "there is no sample yet");
+    assert_eq!(h.submit(&model(0)), SubmitResult::Busy, "there is no sample yet");
     h.push(sample(4));
     let mut hold = model(0);
     hold.scheme = Scheme::Hold;
-    assert_eq!(h.offer(&hold), Offer::Taken);
+    assert_eq!(h.submit(&hold), SubmitResult::Accepted);
     h.push(sample(900));
-    assert_eq!(h.speak().force_n, DVec3::Z * 0.5);
+    assert_eq!(h.render().force_n, DVec3::Z * 0.5);
 }
 
 #[test]
 fn models_of_other_bodies_are_forgotten_on_demand() {
     let mut h = hand_over(1);
     run(&mut h, 0..20, 5, 5);
-    h.offer(&model(6));
-    h.forget_others(1);
-    assert!(h.is_catching_up() && h.speaking().is_some());
-    h.forget_others(2);
-    assert!(!h.is_catching_up() && h.speaking().is_none());
-    assert_eq!(h.speak().force_n, DVec3::ZERO);
+    h.submit(&model(6));
+    h.retain_body(1);
+    assert!(h.is_catching_up() && h.active().is_some());
+    h.retain_body(2);
+    assert!(!h.is_catching_up() && h.active().is_none());
+    assert_eq!(h.render().force_n, DVec3::ZERO);
 }
 
 #[test]
 fn that_there_is_nothing_to_be_felt_may_be_said_twice() {
     let mut h = hand_over(8);
     h.push(sample(7));
-    let mut nothing = LocalModel::silent(Capacity::of_order(3));
+    let mut nothing = LocalModel::empty(Capacity::of_order(3));
     for sequence in [7, 7] {
-        nothing.silence(sequence);
-        assert_eq!(h.offer(&nothing), Offer::Taken);
-        assert_eq!(h.speak().force_n, DVec3::ZERO);
+        nothing.clear(sequence);
+        assert_eq!(h.submit(&nothing), SubmitResult::Accepted);
+        assert_eq!(h.render().force_n, DVec3::ZERO);
     }
-    nothing.silence(6);
-    assert!(matches!(h.offer(&nothing), Offer::Refused(LocalModelError::NotNewer { .. })));
+    nothing.clear(6);
+    assert!(matches!(h.submit(&nothing), SubmitResult::Rejected(LocalModelError::NotNewer { .. })));
 }
 
 #[test]
@@ -289,13 +289,13 @@ fn an_older_build_or_another_step_is_refused() {
     run(&mut h, 0..10, 5, 5);
     let mut newer = model(9);
     newer.id.epoch = 1;
-    assert_eq!(h.offer(&newer), Offer::Taken);
-    h.speak();
+    assert_eq!(h.submit(&newer), SubmitResult::Accepted);
+    h.render();
     h.push(sample(10));
-    assert_eq!(h.offer(&model(10)), Offer::Refused(LocalModelError::OldEpoch { model: 0, active: 1 }));
+    assert_eq!(h.submit(&model(10)), SubmitResult::Rejected(LocalModelError::OldEpoch { model: 0, active: 1 }));
     let mut slow = model(10);
     (slow.id.epoch, slow.reduced.step_s) = (1, 1e-2);
-    assert_eq!(h.offer(&slow), Offer::Refused(LocalModelError::Step { found: 1e-2, needed: 1e-3 }));
+    assert_eq!(h.submit(&slow), SubmitResult::Rejected(LocalModelError::Step { found: 1e-2, needed: 1e-3 }));
 }
 
 #[test]

@@ -5,8 +5,8 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use super::Meeting;
-use super::row::Row;
+use super::ContactSolver;
+use super::row::ContactRow;
 use crate::NearField;
 use glam::DVec3;
 use palpate_laws::Coulomb;
@@ -14,7 +14,7 @@ use palpate_laws::Coulomb;
 /// What several rows can hardly tell apart, by less than that share of them, is taken from their impulses.
 const SHARE: f64 = 1e-2;
 
-impl Meeting {
+impl ContactSolver {
     /// The force on the hand, N, from the internal forces on S: the sum over the rows that pushed in the last step, of
     /// length `h`, of (H Hᵀ)⁻¹ H F, each as far as it lies in its friction cone.
     pub(crate) fn displayed_n(
@@ -29,8 +29,8 @@ impl Meeting {
         let is_free = |node: usize| field.node_per_kg.get(node).is_some_and(|per_kg| *per_kg > 0.0);
         let force = |node: usize| internal_n.get(node).copied().unwrap_or_default();
         let (rows, all) = (&self.rows, &self.weights);
-        self.met.retain(|index| rows.get(*index).is_some_and(|row| row.impulse_ns != DVec3::ZERO));
-        let m = self.met.len();
+        self.active.retain(|index| rows.get(*index).is_some_and(|row| row.impulse_ns != DVec3::ZERO));
+        let m = self.active.len();
         let weights = |index: usize| all.get(index * s..(index + 1) * s).unwrap_or_default();
         let impulse = |index: usize| rows.get(index).map_or(DVec3::ZERO, |row| row.impulse_ns);
         let product = |a: usize, b: usize| -> f64 {
@@ -38,10 +38,10 @@ impl Meeting {
             pairs.filter(|(node, _)| is_free(*node)).map(|(_, (a, b))| a * b).sum()
         };
         // H (F − Hᵀ guess), the guess being −λ/h.
-        for (r, &row) in self.met.iter().enumerate() {
+        for (r, &row) in self.active.iter().enumerate() {
             let free = weights(row).iter().enumerate().filter(|(node, _)| is_free(*node));
             let mut rest: DVec3 = free.map(|(node, w)| *w * force(node)).sum();
-            for (c, &other) in self.met.iter().enumerate() {
+            for (c, &other) in self.active.iter().enumerate() {
                 let gram = product(row, other);
                 rest += gram * impulse(other) / h;
                 if let Some(entry) = self.gram.get_mut(r * m + c) {
@@ -67,12 +67,12 @@ impl Meeting {
         }
         let [x, y, z] = &self.shares;
         let shares = x.iter().zip(y).zip(z).map(|((x, y), z)| DVec3::new(*x, *y, *z));
-        let in_cone = |row: &Row, f: DVec3| {
-            Coulomb::new(-row.push, friction).map_or(DVec3::ZERO, |cone| cone.in_cone(f))
+        let in_cone = |row: &ContactRow, f: DVec3| {
+            Coulomb::new(-row.inward, friction).map_or(DVec3::ZERO, |cone| cone.in_cone(f))
         };
         let force = |(index, more): (&usize, DVec3)| {
             self.rows.get(*index).map_or(DVec3::ZERO, |row| in_cone(row, more - row.impulse_ns / h))
         };
-        self.met.iter().zip(shares).map(force).sum()
+        self.active.iter().zip(shares).map(force).sum()
     }
 }

@@ -83,7 +83,7 @@ impl NearTriangles {
             else {
                 continue;
             };
-            if known.cover(rest_normal, (middle_m, radius_m + moved_m), cell_m) {
+            if known.covers(rest_normal, (middle_m, radius_m + moved_m), cell_m) {
                 continue;
             }
             if let Some(corners) = surface.corners_m(index) {

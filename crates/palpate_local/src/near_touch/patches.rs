@@ -7,11 +7,11 @@
 
 use super::near_triangles::NearTriangles;
 use crate::dense::room;
-use crate::near_tick::get;
+use crate::near_tick::vec3_at;
 use crate::{NearField, NearFieldCapacity, NearPatch};
 use glam::DVec3;
 use palpate_laws::{
-    CarriedPoint, KnownPatch, KnownPatches, MAX_PATCHES, MOST_CARRIED, Neighbour, PATCH_ROWS, Patch,
+    CarriedPoint, KnownPatch, KnownPatches, MAX_PATCHES, MAX_CARRIED, Neighbour, PATCH_ROWS, Patch,
     PatchLayout, PatchStart, PatchSurface, Seed, SurfacePlace, ToolMove, ToolShape,
 };
 use std::cell::Cell;
@@ -28,8 +28,8 @@ impl Placed<'_> {
     /// Where a node of S or of the ring is, m.
     fn node_m(&self, field: &NearField, node: usize) -> DVec3 {
         match node.checked_sub(field.nodes) {
-            None => field.node_m.get(node).copied().unwrap_or_default() + get(self.z, node),
-            Some(i) => field.ring_m.get(i).copied().unwrap_or_default() + get(self.ring_dx, i),
+            None => field.node_m.get(node).copied().unwrap_or_default() + vec3_at(self.z, node),
+            Some(i) => field.ring_m.get(i).copied().unwrap_or_default() + vec3_at(self.ring_dx, i),
         }
     }
 }
@@ -128,7 +128,7 @@ impl Patches {
             seeds: Vec::with_capacity(capacity.triangles),
             near: NearTriangles::with_capacity(capacity),
             points: Points::with_capacity(capacity.points),
-            carried: room(MOST_CARRIED, CarriedPoint::default()),
+            carried: room(MAX_CARRIED, CarriedPoint::default()),
             is_full: false,
         }
     }
@@ -188,13 +188,13 @@ impl Patches {
                 continue;
             };
             let Some(at_m) = surface.place_m(patch.foot) else { continue };
-            if !all.have(&patch, at_m, scale.cell_m)
+            if !all.contains(&patch, at_m, scale.cell_m)
                 && let Some(known) = lay_out(NearPatch { patch, ..*known })
             {
                 all.add(known);
             }
         }
-        let fastest = (0..field.nodes).map(|i| get(placed.z_dot, i).length()).fold(0.0, f64::max);
+        let fastest = (0..field.nodes).map(|i| vec3_at(placed.z_dot, i).length()).fold(0.0, f64::max);
         let beside = 2.0 * fastest * field.tick_s + tool.short_m().length();
         seeds.clear();
         let way = (tool.from_m, tool.to_m);

@@ -7,21 +7,21 @@
 
 use super::patches::{Patches, Placed, TickPatch, modulus_pa as patch_modulus};
 use crate::NearField;
-use crate::near_tick::get;
+use crate::near_tick::vec3_at;
 use glam::DVec3;
 use palpate_laws::{
-    CLOSING_M_PER_S, CarriedPoint, ContactGap, Coulomb, GivenWay, PATCH_ROWS, PatchLayout, RowLaw,
-    SeriesCompliance, ToolMove, is_out_of_reach, lever,
+    MAX_CORRECTION_SPEED_M_PER_S, CarriedPoint, ContactGap, Coulomb, SeriesDeflection, PATCH_ROWS, PatchLayout, ConstraintLaw,
+    SeriesCompliance, ToolMove, is_out_of_reach, mobility,
 };
 
 /// A row on nodes of S, but for its weights.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Row {
+pub(super) struct ContactRow {
     /// Its patch in the tick, and which of the patch's rows it is; `None` for what is held.
     pub(super) of: Option<(usize, usize)>,
-    pub(super) law: RowLaw,
+    pub(super) law: ConstraintLaw,
     /// Along which the tool pushes.
-    pub(super) push: DVec3,
+    pub(super) inward: DVec3,
     /// From the tool to its tip, m.
     tip_m: DVec3,
     /// Where the row's point is without δx_S, m.
@@ -32,33 +32,33 @@ pub(super) struct Row {
     /// As in [`ContactGap`].
     pub(super) gap_m: f64,
     pub(super) gap: DVec3,
-    pub(super) overdue: DVec3,
+    pub(super) initial_violation: DVec3,
     pub(super) impulse_ns: DVec3,
     /// Whether it takes part in the problem of the step.
-    pub(super) is_met: bool,
+    pub(super) is_active: bool,
 }
 
-impl Default for Row {
+impl Default for ContactRow {
     /// One that pushes nothing, only to fill a place.
     fn default() -> Self {
         Self {
             of: None,
-            law: RowLaw::TwoSided,
-            push: DVec3::ZERO,
+            law: ConstraintLaw::Bilateral,
+            inward: DVec3::ZERO,
             tip_m: DVec3::ZERO,
             rest_m: DVec3::ZERO,
             force_n: 0.0,
             whole_n: DVec3::ZERO,
             gap_m: 0.0,
             gap: DVec3::ZERO,
-            overdue: DVec3::ZERO,
+            initial_violation: DVec3::ZERO,
             impulse_ns: DVec3::ZERO,
-            is_met: false,
+            is_active: false,
         }
     }
 }
 
-impl Row {
+impl ContactRow {
     /// That of what the tool holds, whose weights are the field's.
     pub(super) fn aim_held(
         &mut self,
@@ -69,29 +69,29 @@ impl Row {
         z: &[f64],
     ) {
         let moved_so_far = of_nodes(weights, z) - (tool.from_m - field.proxy_m);
-        self.overdue = moved_so_far.clamp_length_max(h * CLOSING_M_PER_S);
-        self.gap = self.overdue - (tool.to_m - tool.from_m);
-        self.is_met = false;
+        self.initial_violation = moved_so_far.clamp_length_max(h * MAX_CORRECTION_SPEED_M_PER_S);
+        self.gap = self.initial_violation - (tool.to_m - tool.from_m);
+        self.is_active = false;
     }
 
     /// Its gap in a step of length `h`.
     pub(super) fn aim(&mut self, weights: &[f64], tool: &ToolMove, h: f64, z: &[f64]) {
         let at_m = self.rest_m + of_nodes(weights, z);
-        let apart_m = (tool.to_m + self.tip_m - at_m).dot(-self.push);
-        let mut given_way = GivenWay::default();
-        if let RowLaw::OneSided { series: Some((series, across_m_per_n)), .. } = &mut self.law {
-            given_way = GivenWay::of(Some(*series), self.force_n, self.whole_n);
+        let apart_m = (tool.to_m + self.tip_m - at_m).dot(-self.inward);
+        let mut given_way = SeriesDeflection::default();
+        if let ConstraintLaw::Unilateral { series: Some((series, across_m_per_n)), .. } = &mut self.law {
+            given_way = SeriesDeflection::of(Some(*series), self.force_n, self.whole_n);
             *across_m_per_n = given_way.across_m_per_n;
         }
-        let gap = ContactGap::new(apart_m, self.push, tool.to_m - tool.from_m, given_way, h);
-        (self.gap_m, self.gap, self.overdue) = (gap.normal_m, gap.gap_m, gap.overdue_m);
-        (self.impulse_ns, self.is_met) = (DVec3::ZERO, false);
+        let gap = ContactGap::new(apart_m, self.inward, tool.to_m - tool.from_m, given_way, h);
+        (self.gap_m, self.gap, self.initial_violation) = (gap.normal_m, gap.gap_m, gap.overdue_m);
+        (self.impulse_ns, self.is_active) = (DVec3::ZERO, false);
     }
 
     /// Notes its force in a step of length `h`.
     pub(super) fn note(&mut self, h: f64) {
-        let whole_n = if self.is_met { self.impulse_ns / h } else { DVec3::ZERO };
-        (self.force_n, self.whole_n) = (whole_n.dot(self.push).max(0.0), whole_n);
+        let whole_n = if self.is_active { self.impulse_ns / h } else { DVec3::ZERO };
+        (self.force_n, self.whole_n) = (whole_n.dot(self.inward).max(0.0), whole_n);
     }
 
     /// The force along the normal in the step that has been made, and the whole force on the body, N.
@@ -107,7 +107,7 @@ pub(super) fn weights_of(all: &[f64], nodes: usize, row: usize) -> &[f64] {
 
 /// Σ w_i v_i over the nodes of S.
 pub(super) fn of_nodes(weights: &[f64], v: &[f64]) -> DVec3 {
-    weights.iter().enumerate().filter(|(_, w)| **w != 0.0).map(|(i, w)| *w * get(v, i)).sum()
+    weights.iter().enumerate().filter(|(_, w)| **w != 0.0).map(|(i, w)| *w * vec3_at(v, i)).sum()
 }
 
 /// The rows of the patches of a tick, whose weights are those of S, `weights` row by row of s each. Returns whether there were more than there
@@ -117,7 +117,7 @@ pub(super) fn rows_of_patches(
     patches: &mut Patches,
     friction: f64,
     placed: &Placed<'_>,
-    (rows, weights, mean): (&mut Vec<Row>, &mut [f64], &mut [f64]),
+    (rows, weights, mean): (&mut Vec<ContactRow>, &mut [f64], &mut [f64]),
 ) -> bool {
     rows.clear();
     let (s, z) = (field.nodes.max(1), placed.z);
@@ -192,7 +192,7 @@ pub(super) fn rows_of_patches(
             let is_free = |per_kg: &f64| *per_kg > 0.0;
             let free = weights.iter().zip(&field.node_per_kg).filter(|(_, per_kg)| is_free(per_kg));
             let free: f64 = free.map(|(w, _)| w).sum();
-            let borne = row.portion * if is_static { 1.0 } else { lever(free) };
+            let borne = row.portion * if is_static { 1.0 } else { mobility(free) };
             if series.map_or(is_out_of_reach(free, row.force_n > 0.0), |_| borne <= 0.0) {
                 continue;
             }
@@ -205,15 +205,15 @@ pub(super) fn rows_of_patches(
             if is_static {
                 weights.fill(0.0);
             }
-            rows.push(Row {
+            rows.push(ContactRow {
                 of: Some((index, row.index)),
-                law: RowLaw::OneSided { coulomb, series: series.map(|series| (series, 0.0)) },
-                push,
+                law: ConstraintLaw::Unilateral { coulomb, series: series.map(|series| (series, 0.0)) },
+                inward: push,
                 tip_m: row.tip_m - lead_m * row.normal,
                 rest_m: at_m - of_nodes(weights, z),
                 force_n: row.force_n,
                 whole_n: row.whole_n(&known.force_n),
-                ..Row::default()
+                ..ContactRow::default()
             });
         }
     }

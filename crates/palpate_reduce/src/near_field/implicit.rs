@@ -55,7 +55,7 @@ pub(super) fn make_implicit(field: &mut NearField, h: f64) -> Result<(), ReduceE
     field.factor.factorise(n, &a)?;
     field.tangent[..n * n].copy_from_slice(&k);
     for column in 0..s {
-        let answer = &mut field.answer[column * n..(column + 1) * n];
+        let answer = &mut field.impulse_response[column * n..(column + 1) * n];
         answer.fill(0.0);
         if field.node_per_kg[column / 3] > 0.0 && !is_driven {
             answer[column] = 1.0 / h;

@@ -78,5 +78,5 @@ impl Number {
 pub(super) fn check_tissue(tissue: &Tissue) -> Result<(), BodyError> {
     let Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio } = *tissue;
     let tissue = palpate_body::Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio };
-    Block::new([2; 3], DVec3::splat(0.01))?.allow_free().tissue(&tissue).map(|_| ())
+    Block::new([2; 3], DVec3::splat(0.01))?.allow_unconstrained().tissue(&tissue).map(|_| ())
 }

@@ -111,7 +111,7 @@ impl HapticWidgets<'_, '_> {
 
 /// Substeps of the body's last model step in which contact did not converge, and whether there are none.
 fn unconverged_steps(report: &StepReport) -> (String, bool) {
-    let StepReport { ticks, substeps, unsolved, .. } = *report;
+    let StepReport { ticks, substeps, unconverged: unsolved, .. } = *report;
     // A substep may be solved several times.
     let (of, unsolved) = (ticks * substeps, unsolved.min(ticks * substeps));
     (format!("{unsolved} of {of} substeps of the body in the last model step"), unsolved == 0)
@@ -127,7 +127,7 @@ mod tests {
         let text = "0 of 200 substeps of the body in the last model step";
         assert_eq!(unconverged_steps(&report), (text.into(), true));
         for (unsolved, shown) in [(3, "3 of 200"), (900, "200 of 200")] {
-            let (text, is_healthy) = unconverged_steps(&StepReport { unsolved, ..report });
+            let (text, is_healthy) = unconverged_steps(&StepReport { unconverged: unsolved, ..report });
             assert!(text.starts_with(shown) && !is_healthy, "{text}");
         }
     }

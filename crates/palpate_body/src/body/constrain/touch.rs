@@ -5,7 +5,7 @@ use crate::body::Body;
 use crate::body::approach::PatchRow;
 use crate::tool::Hold;
 use glam::DVec3;
-use palpate_laws::{CLOSING_M_PER_S, ContactGap, GivenWay, RowLaw};
+use palpate_laws::{MAX_CORRECTION_SPEED_M_PER_S, ContactGap, SeriesDeflection, ConstraintLaw};
 
 impl Body {
     /// The rows of the patches that the tool may touch in this step.
@@ -16,7 +16,7 @@ impl Body {
             let law = tool.contact.law(push)?;
             let at_m: DVec3 = row.nodes.iter().map(|&(node, w)| w * self.x[node]).sum();
             let apart_m = (tool.way.to_m + row.tip_m - at_m).dot(normal);
-            let given_way = GivenWay::of(row.series, row.force_n, row.whole_n);
+            let given_way = SeriesDeflection::of(row.series, row.force_n, row.whole_n);
             let gap = ContactGap::new(apart_m, push, moved, given_way, h);
             let series = row.series.map(|series| (series, given_way.across_m_per_n));
             if row.series.is_none() && palpate_laws::is_out_of_reach(row.free_share, row.force_n > 0.0) {
@@ -31,7 +31,7 @@ impl Body {
                     push,
                 },
                 nodes: row.nodes.clone(),
-                law: RowLaw::OneSided { coulomb: law, series },
+                law: ConstraintLaw::Unilateral { coulomb: law, series },
                 gap: gap.gap_m,
                 overdue: gap.overdue_m,
             })
@@ -65,9 +65,9 @@ impl Body {
     pub(super) fn grip_row(&self, (index, tool): (usize, &ToolStep<'_>), h: f64) -> Option<Constraint> {
         let Hold::Point { point, offset_m } = &tool.contact.hold else { return None };
         let apart = point.of(&self.x) - (tool.way.from_m + *offset_m);
-        let overdue = apart.clamp_length_max(h * CLOSING_M_PER_S);
+        let overdue = apart.clamp_length_max(h * MAX_CORRECTION_SPEED_M_PER_S);
         let gap = overdue - (tool.way.to_m - tool.way.from_m);
         let nodes = point.nodes().to_vec();
-        Some(Constraint { source: Source::Grip(index), nodes, law: RowLaw::TwoSided, gap, overdue })
+        Some(Constraint { source: Source::Grip(index), nodes, law: ConstraintLaw::Bilateral, gap, overdue })
     }
 }
