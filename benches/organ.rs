@@ -72,8 +72,8 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>, mut devices: ResMut<H
     });
     let mesh =
         assets.load(GltfAssetLabel::Primitive { mesh: 0, primitive: 0 }.from_asset("meshes/organ.glb"));
-    commands.spawn((DeformableBody::from_mesh(mesh), FixedRegion::Face(Face::Bottom)));
-    let coupling = ToolCoupling::GivesWay { stiffness_n_per_m: 20e3, most_n: 3.0 };
+    commands.spawn((DeformableBody::from_mesh(mesh), FixedRegion::Face(BoxFace::Bottom)));
+    let coupling = ToolCoupling::Virtual { stiffness_n_per_m: 20e3, max_force_n: 3.0 };
     commands.spawn(HapticTool { device: DeviceSelector::named("hand"), coupling, ..default() });
 }
 
@@ -108,7 +108,7 @@ fn take_away(
     mut commands: Commands,
     mut run: ResMut<Run>,
     bodies: Query<(Entity, &SimulatedBody)>,
-    tool: Single<(&LoopTiming, &LocalModelError, &LocalModelBuild)>,
+    tool: Single<(&LoopTiming, &ForceError, &LocalModelStats)>,
     time: Res<Time<Real>>,
 ) {
     let now = time.elapsed_secs_f64();

@@ -98,7 +98,7 @@ fn set_up(mut commands: Commands) {
     commands.spawn((
         DeformableBody::block([6, 6, 6], 0.1),
         Tissue { youngs_modulus_pa: 20e3, ..default() },
-        FixedRegion::Face(Face::Bottom),
+        FixedRegion::Face(BoxFace::Bottom),
     ));
 }
 

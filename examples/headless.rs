@@ -58,11 +58,11 @@ fn main() -> Result {
 fn run(scheme: Scheme, seconds: f64) -> Outcome {
     let mut app = App::new();
     app.add_plugins(MinimalPlugins)
-        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() }))
+        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: LoopMode::Lockstep, ..default() }))
         .insert_resource(Time::<Fixed>::from_hz(20.0))
         .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
     app.world_mut().resource_mut::<HapticDevices>().register("hand", || Ok(pressing_hand()));
-    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(Face::Bottom)));
+    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(BoxFace::Bottom)));
     let tool = HapticTool { device: DeviceSelector::named("hand"), scheme, ..default() };
     let tool = app.world_mut().spawn((tool, TickRecording::default())).id();
 
@@ -71,9 +71,9 @@ fn run(scheme: Scheme, seconds: f64) -> Outcome {
     for _ in 0..=(20.0 * seconds).round() as usize {
         app.update();
         let world = app.world_mut();
-        outcome.touched += world.resource_mut::<Messages<ContactBegan>>().drain().count();
-        outcome.let_go += world.resource_mut::<Messages<ContactEnded>>().drain().count();
-        if let Some(error) = world.get::<LocalModelError>(tool).and_then(|error| error.relative) {
+        outcome.touched += world.resource_mut::<Messages<ContactStart>>().drain().count();
+        outcome.let_go += world.resource_mut::<Messages<ContactEnd>>().drain().count();
+        if let Some(error) = world.get::<ForceError>(tool).and_then(|error| error.relative) {
             outcome.largest_error = outcome.largest_error.max(error);
         }
     }

@@ -68,7 +68,7 @@ fn set_up(mut commands: Commands) {
     commands.spawn((
         DeformableBody::block_of_size([13, 7, 9], DVec3::new(0.12, 2.0 * TOP_M, 0.08)),
         Tissue { youngs_modulus_pa: 10e3, ..default() },
-        FixedRegion::Face(Face::Bottom),
+        FixedRegion::Face(BoxFace::Bottom),
     ));
 }
 

@@ -78,7 +78,7 @@ fn main() -> AppExit {
         .init_resource::<Tapped>()
         .add_systems(SetUpScene, set_up)
         .add_systems(SetUpHands, set_up_hand)
-        .add_systems(ModelStep, listen.in_set(HapticSystems::Last))
+        .add_systems(ModelSchedule, listen.in_set(HapticSystems::Last))
         .add_systems(Last, report.run_if(on_message::<AppExit>))
         .run()
 }
@@ -99,12 +99,12 @@ fn set_up(
     *tapped = Tapped::default();
     commands.spawn((
         DeformableBody::Mesh(MeshShape {
-            scale: options.scale,
-            cells_along: options.cells,
+            metres_per_unit: options.scale,
+            cells_along_longest_axis: options.cells,
             ..MeshShape::new(meshes.add(shown.mesh.clone()))
         }),
         Tissue { youngs_modulus_pa: options.youngs_modulus, ..default() },
-        FixedRegion::Face(Face::Bottom),
+        FixedRegion::Face(BoxFace::Bottom),
         Transform::from_translation(-shown.middle_m.as_vec3()),
     ));
 }
@@ -136,7 +136,7 @@ impl Tap {
     }
 }
 
-fn listen(tools: Query<(&ToolForce, &LocalModelError)>, mut tapped: ResMut<Tapped>) {
+fn listen(tools: Query<(&ToolForce, &ForceError)>, mut tapped: ResMut<Tapped>) {
     for (force, error) in &tools {
         tapped.most_n = tapped.most_n.max(force.force_n.length());
         tapped.largest_error = tapped.largest_error.max(error.relative.unwrap_or(0.0));

@@ -11,7 +11,7 @@ const OUTSIDE_M: f64 = 0.0515;
 const INSIDE_M: f64 = 0.0465;
 
 fn block() -> impl Bundle {
-    (DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(Face::Bottom))
+    (DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(BoxFace::Bottom))
 }
 
 /// A tool that comes down from above to `height_m` within 0.3 s and leaves after 4 s.
@@ -27,7 +27,7 @@ fn tool(app: &mut App, height_m: f64) -> Entity {
 }
 
 fn state(app: &App, tool: Entity) -> ContactState {
-    app.world().get::<Touching>(tool).unwrap().state
+    app.world().get::<TouchedBody>(tool).unwrap().state
 }
 
 fn force(app: &App, tool: Entity) -> f64 {
@@ -102,7 +102,7 @@ fn a_body_that_appears_at_a_tool_whose_centre_is_outside_is_touched_at_once() {
         let body = way(&mut app, tool);
         step(&mut app, 3);
         assert_eq!(state(&app, tool), ContactState::Touching, "{what}");
-        assert_eq!(app.world().get::<Touching>(tool).unwrap().body, Some(body), "{what}");
+        assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, Some(body), "{what}");
         step(&mut app, 12);
         assert!(force(&app, tool) > 0.2, "{what}: {} N", force(&app, tool));
         let causes = take_causes(&mut app);
@@ -121,7 +121,7 @@ fn a_body_that_appears_round_the_centre_of_a_tool_waits_for_it_to_leave() {
         step(&mut app, 1);
         let _ = take_causes(&mut app);
         assert_eq!(state(&app, tool), ContactState::Inside, "{what}");
-        assert_eq!(app.world().get::<Touching>(tool).unwrap().body, None, "{what}");
+        assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, None, "{what}");
         step(&mut app, 20);
         assert_eq!((state(&app, tool), force(&app, tool)), (ContactState::Inside, 0.0), "{what}");
         assert_eq!(take_causes(&mut app), [(tool, NoForceCause::Inside { body })], "{what}");
@@ -164,7 +164,7 @@ fn the_state_of_a_contact_follows_it() {
     assert_eq!(state(&app, tool), ContactState::NoBody);
     app.world_mut().entity_mut(tool).remove::<HapticTool>();
     app.update();
-    assert_eq!(app.world().get::<Touching>(tool), Some(&Touching::default()));
+    assert_eq!(app.world().get::<TouchedBody>(tool), Some(&TouchedBody::default()));
 }
 
 /// Every fault of a tool's size, with its tool.
@@ -263,7 +263,7 @@ fn sutures_without_an_effect_are_reported_once_and_sewn_when_they_have_one() {
     assert_eq!([same, fixed].map(|suture| tension(&app, suture)), [0.0; 2]);
     assert!([good, half].into_iter().all(|suture| tension(&app, suture) > 0.0));
     // With another part fixed the thread has an effect.
-    app.world_mut().entity_mut(body).insert(FixedRegion::Face(Face::Top));
+    app.world_mut().entity_mut(body).insert(FixedRegion::Face(BoxFace::Top));
     step(&mut app, 10);
     assert!(tension(&app, fixed) > 0.0);
     let told = std::mem::take(&mut app.world_mut().resource_mut::<Sutures>().0);

@@ -34,11 +34,13 @@ fn pierce(coupling: ToolCoupling) -> (f64, f64) {
 
 #[test]
 fn a_tool_gives_way_by_default_and_only_then() {
-    let ToolCoupling::GivesWay { most_n, .. } = ToolCoupling::default() else { panic!("it gives way") };
+    let ToolCoupling::Virtual { max_force_n: most_n, .. } = ToolCoupling::default() else {
+        panic!("it gives way")
+    };
     let (force, last) = pierce(ToolCoupling::default());
     assert!(force <= most_n * (1.0 + 1e-9) && force > 0.98 * most_n, "{force} N");
     assert_eq!(last, 0.0);
-    let gentle = ToolCoupling::GivesWay { stiffness_n_per_m: 5e3, most_n: 2.0 };
+    let gentle = ToolCoupling::Virtual { stiffness_n_per_m: 5e3, max_force_n: 2.0 };
     let (force, _) = pierce(gentle);
     assert!(force <= 2.0 * (1.0 + 1e-9) && force > 1.9, "{force} N");
     let (force, _) = pierce(ToolCoupling::Rigid);
@@ -93,7 +95,7 @@ fn a_coupling_that_makes_no_sense_is_refused_and_the_old_one_stays() {
     let mut app = lockstep_app();
     let (_, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, pressing_hand);
     step(&mut app, 2);
-    let bad = ToolCoupling::GivesWay { stiffness_n_per_m: 20e3, most_n: -1.0 };
+    let bad = ToolCoupling::Virtual { stiffness_n_per_m: 20e3, max_force_n: -1.0 };
     app.world_mut().get_mut::<HapticTool>(tool).unwrap().coupling = bad;
     step(&mut app, 1);
     let said = take_faults(&mut app);
@@ -106,19 +108,19 @@ fn a_coupling_that_makes_no_sense_is_refused_and_the_old_one_stays() {
 fn an_app_knows_what_its_local_models_are() {
     let mut app = lockstep_app();
     let (_, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, pressing_hand);
-    assert_eq!(app.world().get::<LocalModelBuild>(tool), Some(&LocalModelBuild::default()));
+    assert_eq!(app.world().get::<LocalModelStats>(tool), Some(&LocalModelStats::default()));
     step(&mut app, 10);
-    let near = *app.world().get::<LocalModelBuild>(tool).unwrap();
-    assert!((9..40).contains(&near.support_nodes) && near.states > 27 && !near.is_clamped, "{near:?}");
+    let near = *app.world().get::<LocalModelStats>(tool).unwrap();
+    assert!((9..40).contains(&near.support_nodes) && near.states > 27 && !near.tangent_clamped, "{near:?}");
     assert!(near.time_s > 0.0 && near.error_bound.is_some_and(|bound| bound < 0.1), "{near:?}");
     app.world_mut().get_mut::<HapticTool>(tool).unwrap().scheme = Scheme::Hold;
     step(&mut app, 1);
-    let hold = *app.world().get::<LocalModelBuild>(tool).unwrap();
+    let hold = *app.world().get::<LocalModelStats>(tool).unwrap();
     assert_eq!((hold.states, hold.error_bound), (0, None));
     // A tool that is one no longer has none.
     app.world_mut().entity_mut(tool).remove::<HapticTool>();
     step(&mut app, 1);
-    assert_eq!(app.world().get::<LocalModelBuild>(tool), Some(&LocalModelBuild::default()));
+    assert_eq!(app.world().get::<LocalModelStats>(tool), Some(&LocalModelStats::default()));
 }
 
 #[test]
@@ -133,10 +135,10 @@ fn an_app_keeps_the_last_ticks_when_something_goes_wrong_and_when_it_asks() {
         })
     };
     let (_, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, hand);
-    app.world_mut().entity_mut(tool).insert(bevy_palpate::KeepBlackBox::in_folder(&folder));
+    app.world_mut().entity_mut(tool).insert(bevy_palpate::BlackBoxDump::in_folder(&folder));
     step(&mut app, 5);
     let files =
-        |app: &bevy::app::App| app.world().get::<bevy_palpate::KeepBlackBox>(tool).unwrap().files().to_vec();
+        |app: &bevy::app::App| app.world().get::<bevy_palpate::BlackBoxDump>(tool).unwrap().files().to_vec();
     assert_eq!(files(&app), [""; 0].map(std::path::PathBuf::from));
     step(&mut app, 3);
     assert_eq!(files(&app).len(), 1);
@@ -144,9 +146,12 @@ fn an_app_keeps_the_last_ticks_when_something_goes_wrong_and_when_it_asks() {
     assert!(name.contains("the-device-failed"), "{name}");
     let ticks = palpate_haptics::Recording::read_csv(&files(&app)[0]).unwrap();
     assert!(
-        ticks.ticks().iter().any(|tick| tick.read_failed == Some(palpate_haptics::DeviceFault::TimedOut))
+        ticks
+            .ticks()
+            .iter()
+            .any(|tick| tick.read_failed == Some(palpate_haptics::RecordedDeviceError::TimedOut))
     );
-    app.world_mut().get_mut::<bevy_palpate::KeepBlackBox>(tool).unwrap().ask("a user asked");
+    app.world_mut().get_mut::<bevy_palpate::BlackBoxDump>(tool).unwrap().request("a user asked");
     step(&mut app, 1);
     assert_eq!(files(&app).len(), 2);
     std::fs::remove_dir_all(folder).unwrap();

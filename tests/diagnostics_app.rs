@@ -20,13 +20,13 @@ fn everything_is_measured_and_agrees() {
     let (_, tool) = spawn_scene(&mut app, Scheme::Tangent, pressing_hand);
     step(&mut app, 12);
     let world = app.world();
-    let built = world.get::<LocalModelBuild>(tool).unwrap();
+    let built = world.get::<LocalModelStats>(tool).unwrap();
     assert_eq!(value(&app, &Of::LOCAL_MODEL_BUILD), 1e3 * built.time_s);
     let force = world.get::<ToolForce>(tool).unwrap().force_n.length();
     assert!(force > 0.1 && value(&app, &Of::FORCE) == force);
-    let error = world.get::<LocalModelError>(tool).unwrap();
+    let error = world.get::<ForceError>(tool).unwrap();
     assert_eq!(value(&app, &Of::LOCAL_MODEL_ERROR), error.rms_n);
-    let share = 100.0 * error.share_of_noticeable.unwrap();
+    let share = 100.0 * error.jnd_ratio.unwrap();
     assert_eq!(value(&app, &Of::LOCAL_MODEL_ERROR_NOTICEABLE), share);
     // In lock step there are no deadlines, and no clock is read in a tick.
     for path in [Of::MISSED_DEADLINES, Of::LATENESS_P99, Of::TICK_COST_P99] {
@@ -73,9 +73,7 @@ fn a_frame_costs_its_model_step_and_what_is_done_around_it() {
 fn the_diagnostics_can_be_left_out() {
     let mut app = App::new();
     app.add_plugins(MinimalPlugins).add_plugins(
-        PalpatePlugins
-            .set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() })
-            .disable::<Of>(),
+        PalpatePlugins.set(HapticSchedulePlugin { clock: LoopMode::Lockstep, ..default() }).disable::<Of>(),
     );
     (0..5).for_each(|_| app.update());
     let store = app.world().get_resource::<DiagnosticsStore>();

@@ -55,13 +55,14 @@ fn the_organ_is_loaded_built_and_touched() {
         }))
     });
     let mesh = load(&app, "meshes/organ.glb");
-    let body = app.world_mut().spawn((DeformableBody::from_mesh(mesh), FixedRegion::Face(Face::Bottom))).id();
+    let body =
+        app.world_mut().spawn((DeformableBody::from_mesh(mesh), FixedRegion::Face(BoxFace::Bottom))).id();
     assert!(until(&mut app, |app| app.world().get::<SimulatedBody>(body).is_some()), "it was built");
     let tool = app.world_mut().spawn(HapticTool { device: DeviceSelector::named("hand"), ..default() }).id();
     step(&mut app, 40);
     let force = app.world().get::<ToolForce>(tool).unwrap().force_n;
     assert!(force.y > 0.5, "{force}");
-    let error = app.world().get::<LocalModelError>(tool).unwrap().relative.unwrap();
+    let error = app.world().get::<ForceError>(tool).unwrap().relative.unwrap();
     assert!(error < 5e-3, "{error}");
     assert_eq!(take_faults(&mut app), [""; 0]);
 }

@@ -24,8 +24,8 @@ fn grasping_scene(app: &mut App, grasp: ToolGrasp) -> (Entity, Entity) {
     (body, tool)
 }
 
-fn grasping(app: &App, tool: Entity) -> Grasping {
-    *app.world().get::<Grasping>(tool).unwrap()
+fn grasping(app: &App, tool: Entity) -> GraspedPoint {
+    *app.world().get::<GraspedPoint>(tool).unwrap()
 }
 
 #[test]
@@ -33,7 +33,7 @@ fn a_tool_that_grasps_pulls_and_lets_go() {
     let mut app = lockstep_app();
     let (body, tool) = grasping_scene(&mut app, ToolGrasp::default());
     step(&mut app, 6);
-    assert_eq!(grasping(&app, tool), Grasping::default());
+    assert_eq!(grasping(&app, tool), GraspedPoint::default());
     let touch = app.world().get::<ToolForce>(tool).unwrap().force_n;
     step(&mut app, 2);
     let held = grasping(&app, tool);
@@ -46,11 +46,11 @@ fn a_tool_that_grasps_pulls_and_lets_go() {
     // The point goes with the hand, but for the coupling: 20 kN/m.
     let behind = force.model_force_n / 20e3;
     assert!((moved - DVec3::new(0.003, 0.004, 0.0) - behind).length() < 3e-5, "{moved}, {behind}");
-    assert_eq!(app.world().get::<Touching>(tool).unwrap().body, Some(body));
-    let error = app.world().get::<LocalModelError>(tool).unwrap();
+    assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, Some(body));
+    let error = app.world().get::<ForceError>(tool).unwrap();
     assert!(error.relative.is_some_and(|relative| relative < 0.02), "{error:?}");
     step(&mut app, 3);
-    assert_eq!(grasping(&app, tool), Grasping::default());
+    assert_eq!(grasping(&app, tool), GraspedPoint::default());
     step(&mut app, 6);
     assert_eq!(app.world().get::<ToolForce>(tool).unwrap().force_n, DVec3::ZERO);
     let told = &app.world().resource::<Contacts>().0;
@@ -85,7 +85,7 @@ fn a_grasp_beyond_its_reach_or_with_another_button_holds_nothing() {
         let mut app = lockstep_app();
         let (_, tool) = grasping_scene(&mut app, grasp);
         step(&mut app, 12);
-        assert_eq!(grasping(&app, tool), Grasping::default(), "{grasp:?}");
+        assert_eq!(grasping(&app, tool), GraspedPoint::default(), "{grasp:?}");
     }
 }
 
@@ -118,7 +118,7 @@ fn every_end_of_a_grasp_lets_go() {
         assert!(grasping(&app, tool).body.is_some(), "{what}");
         end(app.world_mut(), body, tool);
         step(&mut app, 2);
-        assert_eq!(grasping(&app, tool), Grasping::default(), "{what}");
+        assert_eq!(grasping(&app, tool), GraspedPoint::default(), "{what}");
         let held = app.world().get::<ToolLoop>(tool).and_then(|tool| tool.contact().held_point());
         assert_eq!(held, None, "{what}");
         assert_eq!(app.world().resource::<Contacts>().0[..2], ["began", "ended"], "{what}");
@@ -139,9 +139,9 @@ fn a_scheme_that_is_switched_keeps_the_grasp() {
 fn what_is_fixed_cannot_be_grasped_and_that_is_told() {
     let mut app = lockstep_app();
     let (body, tool) = grasping_scene(&mut app, ToolGrasp::default());
-    app.world_mut().entity_mut(body).insert(FixedRegion::Face(Face::Top));
+    app.world_mut().entity_mut(body).insert(FixedRegion::Face(BoxFace::Top));
     step(&mut app, 10);
-    assert_eq!(grasping(&app, tool), Grasping::default());
+    assert_eq!(grasping(&app, tool), GraspedPoint::default());
     let said = take_faults(&mut app);
     assert!(said.len() == 1 && said[0].starts_with("the tool cannot hold what it has grasped"), "{said:?}");
 }
@@ -149,10 +149,10 @@ fn what_is_fixed_cannot_be_grasped_and_that_is_told() {
 /// A block with a gaping slit in its top, and a thread across its middle.
 fn sutured(length_m: f64, tear_limit_n: f64) -> (App, Entity, Entity) {
     let mut app = lockstep_app();
-    let slit = Slit { length_m: 0.06, depth_m: 0.02, gape_m: 0.01 };
+    let slit = Slit { length_m: 0.06, depth_m: 0.02, opening_m: 0.01 };
     let block = DeformableBody::block_of_size([9, 5, 11], DVec3::new(0.08, 0.04, 0.1));
     let tissue = Tissue { youngs_modulus_pa: 5e3, ..default() };
-    let body = app.world_mut().spawn((block, tissue, slit, FixedRegion::Face(Face::Bottom))).id();
+    let body = app.world_mut().spawn((block, tissue, slit, FixedRegion::Face(BoxFace::Bottom))).id();
     let ends_m = [DVec3::new(-0.007, 0.02, 0.0), DVec3::new(0.007, 0.02, 0.0)];
     let stiffness_n_per_m = f64::INFINITY;
     let suture = Suture { body, ends_m, length_m, stiffness_n_per_m, tear_limit_n };

@@ -53,7 +53,7 @@ fn info(serial: &str) -> HidInfo {
     }
 }
 
-fn scene(choice: HidChoice) -> (App, Arc<StandInBus>, Entity) {
+fn scene(choice: HidSelector) -> (App, Arc<StandInBus>, Entity) {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, PalpatePlugins));
     listen(&mut app);
@@ -64,7 +64,7 @@ fn scene(choice: HidChoice) -> (App, Arc<StandInBus>, Entity) {
     let half_size_m = DVec3::splat(0.015);
     let space_mouse = SpaceMouseOptions { full_speed_m_per_s: 0.02, half_size_m, ..Default::default() };
     devices.set_hid_options(HidOptions { space_mouse, ..Default::default() });
-    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(Face::Bottom)));
+    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(BoxFace::Bottom)));
     let frame = DeviceFrame { offset_m: DVec3::new(0.012, 0.06, 0.009), ..default() };
     let tool = HapticTool { device: DeviceSelector::Hid(choice), ..default() };
     let tool = app.world_mut().spawn((tool, ToolSettings { frame, ..default() })).id();
@@ -77,7 +77,7 @@ fn fault(app: &mut App, part: &str) -> bool {
 
 #[test]
 fn a_cap_touches_is_lost_and_found_again() {
-    let (mut app, bus, tool) = scene(HidChoice { serial: Some("1".into()), ..default() });
+    let (mut app, bus, tool) = scene(HidSelector { serial: Some("1".into()), ..default() });
     // Nothing is plugged in.
     app.update();
     assert!(fault(&mut app, "no device of a known kind with serial number 1 is plugged in"));
@@ -106,7 +106,7 @@ fn a_cap_touches_is_lost_and_found_again() {
 /// A hand on a board's arm presses the body, is told where home is first, and feels what the app says.
 #[test]
 fn a_board_is_calibrated_and_its_hand_feels_the_body() {
-    let (mut app, bus, tool) = scene(HidChoice { kind: Some(HidDeviceKind::Board), ..default() });
+    let (mut app, bus, tool) = scene(HidSelector { kind: Some(HidDeviceKind::Board), ..default() });
     let kinematics = BoardKinematics::default();
     let home = BoardFirmware::at_home(BoardForm::Bytes14, &kinematics).tip_m();
     let board = BoardFirmware::at_home(BoardForm::Bytes14, &kinematics);
@@ -153,7 +153,7 @@ fn a_board_is_calibrated_and_its_hand_feels_the_body() {
 
 #[test]
 fn what_is_plugged_in_is_listed_and_two_alike_are_a_fault() {
-    let (mut app, bus, tool) = scene(HidChoice { kind: Some(HidDeviceKind::SpaceMouse), ..default() });
+    let (mut app, bus, tool) = scene(HidSelector { kind: Some(HidDeviceKind::SpaceMouse), ..default() });
     bus.plug(info("1"), Vec::new(), Cap::default());
     bus.plug(info("2"), Vec::new(), Cap::default());
     app.update();
@@ -181,7 +181,7 @@ fn what_is_plugged_in_is_listed_and_two_alike_are_a_fault() {
 
 #[test]
 fn options_out_of_bounds_are_a_fault_and_lose_nothing() {
-    let (mut app, bus, tool) = scene(HidChoice::first());
+    let (mut app, bus, tool) = scene(HidSelector::first());
     bus.plug(info("1"), Vec::new(), Cap::default());
     let bad = SpaceMouseOptions { full_speed_m_per_s: f64::NAN, ..Default::default() };
     let options = HidOptions { space_mouse: bad, ..Default::default() };

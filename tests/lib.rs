@@ -61,7 +61,7 @@ pub mod app {
         mut causes: ResMut<Causes>,
     ) {
         for fault in faults.read() {
-            collected.0.push(fault.kind.chain());
+            collected.0.push(fault.kind.report());
             if let (Some(tool), HapticFaultKind::NoForce(cause)) = (fault.entity, &fault.kind) {
                 causes.0.push((tool, *cause));
             }
@@ -83,8 +83,8 @@ pub mod app {
     pub struct Contacts(pub Vec<&'static str>);
 
     fn collect_contacts(
-        mut began: MessageReader<ContactBegan>,
-        mut ended: MessageReader<ContactEnded>,
+        mut began: MessageReader<ContactStart>,
+        mut ended: MessageReader<ContactEnd>,
         mut told: ResMut<Contacts>,
     ) {
         // Within one update a contact ends before another begins.
@@ -96,9 +96,7 @@ pub mod app {
     pub fn lockstep_app() -> App {
         let mut app = App::new();
         app.add_plugins(MinimalPlugins)
-            .add_plugins(
-                PalpatePlugins.set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() }),
-            )
+            .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: LoopMode::Lockstep, ..default() }))
             .insert_resource(Time::<Fixed>::from_hz(20.0))
             .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
         listen(&mut app);
@@ -151,7 +149,7 @@ pub mod app {
     /// Spawns a block fixed at its bottom and a tool with `device`; returns body and tool.
     pub fn spawn_scene(app: &mut App, scheme: Scheme, device: fn() -> ScriptedDevice) -> (Entity, Entity) {
         app.world_mut().resource_mut::<HapticDevices>().register("hand", move || Ok(device()));
-        let block = (DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(Face::Bottom));
+        let block = (DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(BoxFace::Bottom));
         let body = app.world_mut().spawn(block).id();
         let tool = HapticTool { device: DeviceSelector::named("hand"), scheme, ..default() };
         (body, app.world_mut().spawn(tool).id())

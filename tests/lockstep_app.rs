@@ -37,7 +37,7 @@ fn the_error_against_the_full_body_is_told_at_every_model_step() {
         let mut errors = Vec::new();
         for _ in 0..26 {
             step(&mut app, 1);
-            errors.push(*app.world().get::<LocalModelError>(tool).unwrap());
+            errors.push(*app.world().get::<ForceError>(tool).unwrap());
         }
         // Fifty ticks a step, but for those before the first local model.
         assert!(errors[2..].iter().all(|error| error.ticks == 50), "{errors:?}");
@@ -45,7 +45,7 @@ fn the_error_against_the_full_body_is_told_at_every_model_step() {
         let told = store.get(&bevy_palpate::HapticDiagnosticsPlugin::LOCAL_MODEL_ERROR).unwrap();
         assert_eq!(told.value(), errors.last().map(|error| error.rms_n));
         let felt: Vec<f64> = errors.iter().filter_map(|error| error.relative).collect();
-        let share: Vec<f64> = errors.iter().filter_map(|error| error.share_of_noticeable).collect();
+        let share: Vec<f64> = errors.iter().filter_map(|error| error.jnd_ratio).collect();
         assert!(felt.len() > 10 && (share[0] - felt[0] / 0.07).abs() < 1e-12);
         felt.iter().skip(1).copied().fold(0.0, f64::max)
     };
@@ -76,7 +76,7 @@ fn a_tool_that_outruns_its_local_model_is_told() {
 fn touching_and_letting_go_are_told_once_each() {
     let mut app = lockstep_app();
     let (body, tool) = spawn_scene(&mut app, Scheme::Hold, pressing_hand);
-    app.add_systems(Update, move |mut began: MessageReader<ContactBegan>| {
+    app.add_systems(Update, move |mut began: MessageReader<ContactStart>| {
         for message in began.read() {
             assert_eq!((message.body, message.tool), (body, tool));
             assert!((message.normal - DVec3::Y).length() < 0.1, "{}", message.normal);
@@ -85,10 +85,10 @@ fn touching_and_letting_go_are_told_once_each() {
     });
     step(&mut app, 10);
     assert_eq!(told(&app), ["began"]);
-    assert_eq!(app.world().get::<Touching>(tool).unwrap().body, Some(body));
+    assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, Some(body));
     step(&mut app, 16);
     assert_eq!(told(&app), ["began", "ended"]);
-    assert_eq!(app.world().get::<Touching>(tool).unwrap().body, None);
+    assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, None);
 }
 
 fn told(app: &App) -> Vec<&'static str> {
@@ -118,7 +118,7 @@ fn every_end_of_a_contact_is_told() {
             world.entity_mut(body).insert(DeformableBody::block([3; 3], 0.1));
         }),
         ("the touched node fixed", |world, body, _| {
-            world.entity_mut(body).insert(FixedRegion::Faces(vec![Face::Top, Face::Bottom]));
+            world.entity_mut(body).insert(FixedRegion::Faces(vec![BoxFace::Top, BoxFace::Bottom]));
         }),
     ];
     for (what, end) in ends {
@@ -132,7 +132,7 @@ fn every_end_of_a_contact_is_told() {
         assert_eq!(told(&app)[..2], ["began", "ended"], "{what}");
         let again = told(&app).len() > 2;
         if let (Some(touching), Some(force)) =
-            (app.world().get::<Touching>(tool), app.world().get::<ToolForce>(tool))
+            (app.world().get::<TouchedBody>(tool), app.world().get::<ToolForce>(tool))
         {
             assert_eq!(touching.body.is_some(), again, "{what}");
             assert!(again || force.force_n == DVec3::ZERO, "{what}: {force:?}");
@@ -151,7 +151,7 @@ fn bits(scheme: Scheme) -> Vec<u64> {
     step(&mut app, 20);
     let recording = app.world().get::<TickRecording>(tool).unwrap();
     assert_eq!((recording.records.len(), recording.dropped), (1000, 0));
-    let forces = recording.records.iter().flat_map(|r| (r.force_n + r.spoken.force_n).to_array());
+    let forces = recording.records.iter().flat_map(|r| (r.force_n + r.rendered.force_n).to_array());
     let body = app.world().get::<SimulatedBody>(body).unwrap().body();
     let state = body.positions_m().iter().chain(body.velocities_m_per_s()).flat_map(|v| v.to_array());
     forces.chain(state).map(f64::to_bits).collect()
@@ -382,7 +382,7 @@ fn the_mesh_follows_the_body_where_the_entity_stands() {
     });
     let block = (
         DeformableBody::block([6, 6, 6], 0.1),
-        FixedRegion::Face(Face::Bottom),
+        FixedRegion::Face(BoxFace::Bottom),
         Transform::from_xyz(1.0, 0.0, 0.0),
     );
     let body = app.world_mut().spawn(block).id();
@@ -426,14 +426,14 @@ fn another_device_means_another_loop() {
     let mut app = lockstep_app();
     let (_, tool) = spawn_scene(&mut app, Scheme::Hold, pressing_hand);
     step(&mut app, 10);
-    assert!(app.world().get::<Touching>(tool).unwrap().body.is_some());
+    assert!(app.world().get::<TouchedBody>(tool).unwrap().body.is_some());
     let away = || Ok(ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::Y * 0.5))));
     app.world_mut().resource_mut::<HapticDevices>().register("away", away);
     app.world_mut().get_mut::<HapticTool>(tool).unwrap().device = DeviceSelector::named("away");
     step(&mut app, 4);
     assert_eq!(app.world().get::<Transform>(tool).unwrap().translation, Vec3::Y * 0.5);
     assert_eq!(app.world().get::<ToolForce>(tool).unwrap().force_n, DVec3::ZERO);
-    assert_eq!(app.world().get::<Touching>(tool).unwrap().body, None);
+    assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, None);
 }
 
 #[test]
@@ -457,8 +457,8 @@ fn systems_that_were_added_before_the_plugin_run() {
     struct Runs(u32);
     let mut app = App::new();
     let count = |mut runs: ResMut<Runs>| runs.0 += 1;
-    app.init_resource::<Runs>().add_systems(ModelStep, count.in_set(HapticSystems::Last));
-    let lockstep = HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() };
+    app.init_resource::<Runs>().add_systems(ModelSchedule, count.in_set(HapticSystems::Last));
+    let lockstep = HapticSchedulePlugin { clock: LoopMode::Lockstep, ..default() };
     let step_s = std::time::Duration::from_millis(50);
     app.add_plugins((MinimalPlugins, PalpatePlugins.set(lockstep)))
         .insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(step_s));
@@ -479,7 +479,7 @@ fn a_group_without_its_schedule_says_what_is_missing() {
 fn ambiguous_systems_in_a_model_step_are_an_error() {
     let mut app = lockstep_app();
     app.add_systems(
-        ModelStep,
+        ModelSchedule,
         (|_: Query<&mut ToolForce>| (), |_: Query<&mut ToolForce>| ()).in_set(HapticSystems::Last),
     );
     spawn_scene(&mut app, Scheme::Hold, pressing_hand);

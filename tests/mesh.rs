@@ -108,8 +108,8 @@ pub fn spawn(app: &mut App, mesh: Mesh) -> Entity {
 /// The same of a mesh that is there.
 pub fn spawn_of(app: &mut App, mesh: Handle<Mesh>) -> Entity {
     let floor = BodyRegion::HalfSpace { point_m: DVec3::Y * -0.5 * RADIUS, outward: DVec3::Y };
-    let shape = DeformableBody::Mesh(MeshShape { cells_along: 8, ..MeshShape::new(mesh) });
-    app.world_mut().spawn((shape, FixedRegion::Within(vec![floor]))).id()
+    let shape = DeformableBody::Mesh(MeshShape { cells_along_longest_axis: 8, ..MeshShape::new(mesh) });
+    app.world_mut().spawn((shape, FixedRegion::Regions(vec![floor]))).id()
 }
 
 /// What a tool's device is given, N.

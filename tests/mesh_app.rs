@@ -33,7 +33,7 @@ fn a_ball_becomes_a_body_that_pushes_back_and_dents_under_the_tool() {
     step(&mut app, 20);
     let felt = force(&app, tool);
     assert!(felt.y > 0.5 && felt.y < 10.0 && felt.x.abs() < 0.3 * felt.y, "{felt}");
-    let error = app.world().get::<LocalModelError>(tool).unwrap().relative.unwrap();
+    let error = app.world().get::<ForceError>(tool).unwrap().relative.unwrap();
     assert!(error < 5e-3, "{error}");
     // The uppermost vertex is under the tool, and the drawn surface gives way by a part of the depth; the rest is finer than cells.
     let now = shown(&app, entity, false);
@@ -274,7 +274,7 @@ fn vertices_and_faces_can_be_fixed_and_the_loop_outlives_its_body() {
     };
     let of = |fixed: FixedRegion| (DeformableBody::from_mesh(mesh.clone()), fixed);
     let by_vertices = app.world_mut().spawn(of(FixedRegion::Vertices(is_low))).id();
-    let by_face = app.world_mut().spawn(of(FixedRegion::Face(Face::Bottom))).id();
+    let by_face = app.world_mut().spawn(of(FixedRegion::Face(BoxFace::Bottom))).id();
     let too_few = app.world_mut().spawn(of(FixedRegion::Vertices(vec![true; 3]))).id();
     step(&mut app, 2);
     let said = take_faults(&mut app);
@@ -298,7 +298,7 @@ fn vertices_and_faces_can_be_fixed_and_the_loop_outlives_its_body() {
 fn what_shows_the_mesh_of_the_body_shows_it_deformed_and_gets_it_back() {
     let mut app = app();
     let source = add(&mut app, ball());
-    let floor = FixedRegion::Face(Face::Bottom);
+    let floor = FixedRegion::Face(BoxFace::Bottom);
     let shape = DeformableBody::from_mesh(source.clone());
     let entity = app.world_mut().spawn((shape.clone(), floor.clone(), Mesh3d(source.clone()))).id();
     let other = add(&mut app, Cuboid::from_length(0.1).mesh().build());
@@ -360,7 +360,7 @@ fn a_body_under_a_parent_goes_where_the_parent_goes_while_it_is_touched() {
     app.world_mut().get_mut::<Transform>(entity).unwrap().translation.z = -0.5;
     step(&mut app, 10);
     // The body has come back under the tool by its side, and is pressed again.
-    assert_eq!(app.world().get::<Touching>(tool).unwrap().state, ContactState::Touching);
+    assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().state, ContactState::Touching);
     assert_eq!(app.world().resource::<Contacts>().0.last(), Some(&"began"));
     assert!(force(&app, tool).y > 0.1, "{}", force(&app, tool));
 }

@@ -121,13 +121,13 @@ fn odd_meshes_that_enclose_a_volume_are_bodies_of_its_mass() {
 fn what_the_message_says_helps() {
     let mut app = app();
     let mesh = add(&mut app, ball().scaled_by(Vec3::splat(1000.0)));
-    let shape = MeshShape { scale: 0.001, ..MeshShape::new(mesh.clone()) };
+    let shape = MeshShape { metres_per_unit: 0.001, ..MeshShape::new(mesh.clone()) };
     let entity = app.world_mut().spawn(DeformableBody::Mesh(shape)).id();
     step(&mut app, 2);
     assert_eq!(take_faults(&mut app), [""; 0]);
     assert!(shown(&app, entity, false).iter().all(|x| (f64::from(x.length()) - RADIUS).abs() < 1e-5));
     for scale in [0.0, -1.0, f64::NAN] {
-        let shape = MeshShape { scale, ..MeshShape::new(mesh.clone()) };
+        let shape = MeshShape { metres_per_unit: scale, ..MeshShape::new(mesh.clone()) };
         app.world_mut().spawn(DeformableBody::Mesh(shape));
         step(&mut app, 1);
         let said = take_faults(&mut app);
@@ -136,7 +136,11 @@ fn what_the_message_says_helps() {
     for (cells_along, says) in
         [(0, "it must be 1 to 127"), (1000, "it must be 1 to 127"), (100, "cells along it")]
     {
-        let shape = MeshShape { cells_along, scale: 0.001, ..MeshShape::new(mesh.clone()) };
+        let shape = MeshShape {
+            cells_along_longest_axis: cells_along,
+            metres_per_unit: 0.001,
+            ..MeshShape::new(mesh.clone())
+        };
         app.world_mut().spawn(DeformableBody::Mesh(shape));
         step(&mut app, 1);
         let said = take_faults(&mut app);
@@ -151,7 +155,7 @@ fn lost_digits_are_noticed_whatever_the_unit() {
         let mut app = app();
         let far = ball().scaled_by(Vec3::splat(1000.0)).translated_by(Vec3::X * away_mm);
         let mesh = add(&mut app, far);
-        let shape = MeshShape { scale: 0.001, ..MeshShape::new(mesh) };
+        let shape = MeshShape { metres_per_unit: 0.001, ..MeshShape::new(mesh) };
         let entity = app.world_mut().spawn(DeformableBody::Mesh(shape)).id();
         step(&mut app, 2);
         let said = take_faults(&mut app);

@@ -68,7 +68,7 @@ fn after_a_mesh_that_is_refused_the_body_is_drawn_as_it_was_whatever_changes_the
     assert!(said.len() == 1 && said[0].contains("holes"), "{said:?}");
     assert!(is_a_ball(&app, entity, vertices));
     // Drawn anew, since other nodes are fixed: of the mesh that it is made of, and in its colours.
-    app.world_mut().entity_mut(entity).insert(FixedRegion::Face(Face::Bottom));
+    app.world_mut().entity_mut(entity).insert(FixedRegion::Face(BoxFace::Bottom));
     step(&mut app, 3);
     assert_eq!(take_faults(&mut app), [""; 0]);
     assert!(is_a_ball(&app, entity, vertices));

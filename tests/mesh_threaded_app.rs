@@ -61,7 +61,7 @@ fn a_body_too_large_for_its_rate_is_reported_once_with_the_cells_that_would_do()
     app.add_plugins((MinimalPlugins, PalpatePlugins.set(schedule), AssetPlugin::default(), MeshPlugin));
     app.init_resource::<Slow>().add_systems(Last, collect_slow);
     let mesh = add(&mut app, Sphere::new(0.05).into());
-    let fixed = FixedRegion::Face(Face::Bottom);
+    let fixed = FixedRegion::Face(BoxFace::Bottom);
     let entity = app.world_mut().spawn((DeformableBody::from_mesh(mesh), fixed)).id();
     assert!(until(&mut app, |app| body(app, entity).is_some()));
     let press = || Ok(ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::new(0.001, 0.052, 0.002)))));

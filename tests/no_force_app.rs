@@ -20,14 +20,14 @@ fn tool(
         let device = ScriptedDevice::new(move |n, _| Ok(Reading::at(at(n as f64 * 1e-3))));
         let mut description = device.describe();
         describe(&mut description);
-        Ok(device.described(description))
+        Ok(device.with_description(description))
     };
     app.world_mut().resource_mut::<HapticDevices>().register("hand", make);
     app.world_mut().spawn(HapticTool { device: DeviceSelector::named("hand"), ..default() }).id()
 }
 
 fn block(app: &mut App) -> Entity {
-    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(Face::Bottom))).id()
+    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(BoxFace::Bottom))).id()
 }
 
 /// From 7 mm above the top of the block to 4 mm deep within 0.3 s, to stay.
@@ -138,7 +138,7 @@ impl HapticDevice for Planar {
     fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError> {
         self.0.write(force_n)
     }
-    fn shown_n(&self, force_n: DVec3) -> DVec3 {
+    fn quantized_force_n(&self, force_n: DVec3) -> DVec3 {
         force_n.with_z(0.0)
     }
     fn close(&mut self) -> Result<(), DeviceError> {
@@ -182,9 +182,9 @@ fn a_hand_that_starts_inside_is_named_until_it_has_left() {
     let body = block(&mut app);
     let tool = tool(&mut app, |_| (), |t| DVec3::new(0.012, if t < 4.0 { 0.0 } else { 0.06 }, 0.009));
     assert_eq!(only_cause(&mut app, tool), NoForceCause::Inside { body });
-    assert_eq!(app.world().get::<Touching>(tool).unwrap().state, ContactState::Inside);
+    assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().state, ContactState::Inside);
     step(&mut app, 30);
-    assert_eq!(app.world().get::<Touching>(tool).unwrap().state, ContactState::Clear);
+    assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().state, ContactState::Clear);
     assert_eq!(take_causes(&mut app), []);
 }
 

@@ -30,12 +30,12 @@ fn collect_steps(bodies: Query<&SimulatedBody>, mut steps: ResMut<Steps>) {
 
 /// The README's body and tool; every tick and every step is recorded.
 fn spawn<D: HapticDevice + 'static>(app: &mut App, device: impl Fn() -> D + Send + Sync + 'static) -> Entity {
-    app.init_resource::<Steps>().add_systems(ModelStep, collect_steps.in_set(HapticSystems::Last));
+    app.init_resource::<Steps>().add_systems(ModelSchedule, collect_steps.in_set(HapticSystems::Last));
     app.world_mut().resource_mut::<HapticDevices>().register("hand", move || Ok(device()));
     app.world_mut().spawn((
         DeformableBody::block([6, 6, 6], 0.1),
         Tissue { youngs_modulus_pa: 20e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5 },
-        FixedRegion::Face(Face::Bottom),
+        FixedRegion::Face(BoxFace::Bottom),
     ));
     let tool = HapticTool { device: DeviceSelector::named("hand"), ..default() };
     app.world_mut().spawn((tool, TickRecording::default())).id()
@@ -46,7 +46,7 @@ fn records(app: &App, tool: Entity) -> &[TickRecord] {
 }
 
 fn is_touching(record: &TickRecord) -> bool {
-    record.spoken.force_n != DVec3::ZERO
+    record.rendered.force_n != DVec3::ZERO
 }
 
 /// The README's own program.
@@ -62,10 +62,10 @@ fn the_hand_of_the_readme_converges_in_every_tick_and_step() {
     step(&mut app, 60);
     let records = records(&app, tool);
     let touching = records.iter().filter(|record| is_touching(record)).count();
-    let unsolved = records.iter().filter(|record| record.spoken.unconverged).count();
+    let unsolved = records.iter().filter(|record| record.rendered.unconverged).count();
     assert!(records.len() >= 2900 && touching > 800, "{} ticks, {touching} touch", records.len());
     assert_eq!(unsolved, 0);
-    assert_eq!(app.world().get::<LoopTiming>(tool).unwrap().unsolved, 0);
+    assert_eq!(app.world().get::<LoopTiming>(tool).unwrap().unconverged_ticks, 0);
     let steps = app.world().resource::<Steps>();
     assert!(steps.touching > 15, "{} of {}", steps.touching, steps.count);
     assert_eq!(steps.unsolved, 0);
@@ -141,6 +141,6 @@ fn a_hand_held_where_triangles_meet_is_pushed_steadily() {
         let (least, most) = (forces().fold(f64::MAX, f64::min), forces().fold(0.0, f64::max));
         last.len() == 500 && last.iter().all(is_held) && least > 0.5 && least > 0.9 * most
     });
-    assert!(records(&app, tool).iter().all(|record| !record.spoken.unconverged));
+    assert!(records(&app, tool).iter().all(|record| !record.rendered.unconverged));
     assert_eq!(app.world().resource::<Steps>().unsolved, 0);
 }

@@ -72,7 +72,7 @@ fn record(ticks: usize) -> (Vec<TickRecord>, Vec<u64>) {
         // Another frame in mid-run.
         if records.len() > 600 && handle.settings().frame == DeviceFrame::default() {
             let frame = DeviceFrame { offset_m: glam::DVec3::X * 1e-3, ..DeviceFrame::default() };
-            handle.set(LoopSettings { frame, ..settings() }).unwrap();
+            handle.set_settings(LoopSettings { frame, ..settings() }).unwrap();
         }
     }
     thread.stop();
@@ -97,7 +97,7 @@ fn a_thread_run_is_replayed_to_the_bit() {
             }
         }
         if let Some((_, settings)) = recorded.settings {
-            handle.set(settings).unwrap();
+            handle.set_settings(settings).unwrap();
         }
         let ticked = haptic_loop.tick(recorded.elapsed, recorded.reading);
         haptic_loop.finish_tick(&ticked, None, Ok(()));
@@ -109,7 +109,7 @@ fn a_thread_run_is_replayed_to_the_bit() {
         for (_, sample) in samples_of(&mut handle) {
             samples.insert(sample.sequence, sample);
         }
-        adopted += usize::from(recorded.spoken.swap.is_some());
+        adopted += usize::from(recorded.rendered.swap.is_some());
         loudest = loudest.max(recorded.force_n.length());
     }
     assert!(adopted > 10 && loudest > 1.0, "{adopted} models, {loudest} N");

@@ -27,7 +27,7 @@ fn hand(
 fn block(app: &mut App, x: f32) -> Entity {
     let place = Transform::from_xyz(x, 0.0, 0.0);
     app.world_mut()
-        .spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(Face::Bottom), place))
+        .spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(BoxFace::Bottom), place))
         .id()
 }
 
@@ -36,7 +36,7 @@ fn force(app: &App, tool: Entity) -> DVec3 {
 }
 
 fn error(app: &App, tool: Entity) -> f64 {
-    app.world().get::<LocalModelError>(tool).unwrap().relative.unwrap()
+    app.world().get::<ForceError>(tool).unwrap().relative.unwrap()
 }
 
 fn two_on_one() -> (App, Entity, [Entity; 2]) {
@@ -52,7 +52,7 @@ fn two_on_one() -> (App, Entity, [Entity; 2]) {
 fn two_hands_on_one_body_feel_each_other() {
     let (mut app, body, tools) = two_on_one();
     for tool in tools {
-        assert_eq!(app.world().get::<Touching>(tool).unwrap().body, Some(body));
+        assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, Some(body));
         assert!(force(&app, tool).y > 0.2, "{}", force(&app, tool));
         assert!(error(&app, tool) < 5e-3, "{}", error(&app, tool));
     }
@@ -92,7 +92,7 @@ fn a_body_that_goes_while_two_touch_it_leaves_them_without_force() {
     step(&mut app, 12);
     for tool in tools {
         assert_eq!(force(&app, tool), DVec3::ZERO);
-        assert_eq!(app.world().get::<Touching>(tool).unwrap().body, None);
+        assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, None);
         assert!(app.world().get::<ToolLoop>(tool).is_some(), "the loop goes on");
     }
     assert_eq!(app.world().resource::<Contacts>().0, ["began", "began", "ended", "ended"]);
@@ -124,7 +124,7 @@ fn every_hand_finds_the_body_that_is_nearest() {
     let tools = [hand(&mut app, "a", at(0.6)), hand(&mut app, "b", at(0.0)), hand(&mut app, "c", at(0.3))];
     step(&mut app, 12);
     for (tool, body) in tools.into_iter().zip([bodies[2], bodies[0], bodies[1]]) {
-        assert_eq!(app.world().get::<Touching>(tool).unwrap().body, Some(body));
+        assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, Some(body));
         assert!(force(&app, tool).y > 0.5);
     }
     // They are alike, and so are what they give, however far from the origin.
@@ -170,13 +170,13 @@ fn a_hand_that_goes_from_one_body_to_another_touches_that() {
         })
     });
     step(&mut app, 11);
-    assert_eq!(app.world().get::<Touching>(tool).unwrap().body, Some(first));
+    assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, Some(first));
     let there = force(&app, tool);
     assert!(there.y > 0.5, "{there}");
     // One that comes when the hand has a body already.
     let second = block(&mut app, 0.3);
     step(&mut app, 30);
-    assert_eq!(app.world().get::<Touching>(tool).unwrap().body, Some(second));
+    assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, Some(second));
     let here = force(&app, tool);
     assert!((here - there).length() < 0.02 * there.length(), "{there}, then {here}");
     assert_eq!(take_faults(&mut app), [""; 0]);

@@ -50,7 +50,7 @@ fn scene() -> (App, Hand, Entity) {
     let hand = Hand::default();
     let device = hand.clone();
     app.world_mut().resource_mut::<HapticDevices>().register("hand", move || Ok(device.clone()));
-    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(Face::Bottom)));
+    app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(BoxFace::Bottom)));
     let tool = HapticTool { device: DeviceSelector::named("hand"), ..default() };
     let tool = app.world_mut().spawn(tool).id();
     (app, hand, tool)
@@ -79,7 +79,7 @@ fn removing_a_tool_leaves_zero_force_a_closed_device_and_no_thread() {
         update_until(&mut app, "the hand is pushed back", |app| force(app, tool) > 0.5);
         // The loop may know of a touch before the next model step does.
         update_until(&mut app, "a model step has seen it", |app| {
-            app.world().get::<Touching>(tool).unwrap().body.is_some()
+            app.world().get::<TouchedBody>(tool).unwrap().body.is_some()
         });
         if despawn {
             app.world_mut().despawn(tool);
@@ -116,7 +116,7 @@ fn a_pause_fades_the_force_is_seen_and_is_no_fault() {
     app.world_mut().resource_mut::<Time<Virtual>>().pause();
     update_until(&mut app, "the force has faded", |app| force(app, tool) == 0.0);
     assert_eq!(*hand.last_force.lock().unwrap(), DVec3::ZERO);
-    assert!(app.world().get::<ToolForce>(tool).unwrap().safety_acted);
+    assert!(app.world().get::<ToolForce>(tool).unwrap().safety_limited);
     let reads = hand.reads.load(Ordering::SeqCst);
     update_until(&mut app, "a long pause", |_| hand.reads.load(Ordering::SeqCst) > reads + 700);
     take_faults(&mut app);
@@ -150,7 +150,7 @@ fn a_device_that_panics_ends_its_loop_and_can_be_started_again() {
     hand.panics.store(true, Ordering::SeqCst);
     update_until(&mut app, "the loop is gone", |app| app.world().get::<ToolLoop>(tool).is_none());
     assert_eq!(*hand.last_force.lock().unwrap(), DVec3::ZERO);
-    assert_eq!((force(&app, tool), app.world().get::<Touching>(tool).unwrap().body), (0.0, None));
+    assert_eq!((force(&app, tool), app.world().get::<TouchedBody>(tool).unwrap().body), (0.0, None));
     let said = faults(&mut app);
     // The loop's last word, and what is left to the app.
     assert!(said.len() == 2 && said[0].contains("panicked"), "{said:?}");
@@ -200,13 +200,13 @@ fn a_slow_model_step_makes_the_local_model_older_and_not_the_loop_late() {
     let (mut app, hand, tool) = scene();
     #[expect(clippy::disallowed_methods, reason = "the model step is slow")]
     let slow = || std::thread::sleep(Duration::from_millis(150));
-    app.add_systems(ModelStep, slow.in_set(HapticSystems::First));
+    app.add_systems(ModelSchedule, slow.in_set(HapticSystems::First));
     app.init_resource::<Slow>().add_systems(Last, collect_slow);
     app.world_mut().entity_mut(tool).insert(TickRecording::default());
     // Long enough for ten steps, and a touch.
     update_until(&mut app, "several slow model steps", |_| hand.reads.load(Ordering::SeqCst) > 2000);
     let recording = app.world().get::<TickRecording>(tool).unwrap();
-    let age = |record: &TickRecord| Some(record.sample?.sequence - record.spoken.model?.sequence);
+    let age = |record: &TickRecord| Some(record.sample?.sequence - record.rendered.model?.sequence);
     let oldest = recording.records.iter().filter_map(age).max().unwrap_or(0);
     assert!(oldest >= 150, "{oldest} ms");
     // Even on a machine that leaves the loop every fifth of its ticks, a step of 150 ms has 30 of them.
@@ -219,5 +219,5 @@ fn a_slow_model_step_makes_the_local_model_older_and_not_the_loop_late() {
     // One step a frame; its body two periods at most, and one after a slow step.
     assert_eq!(slow.most_steps, 1);
     assert!(slow.most_ticks <= 100, "{} ticks", slow.most_ticks);
-    assert!(app.world().get::<Touching>(tool).unwrap().body.is_some(), "it touches all the same");
+    assert!(app.world().get::<TouchedBody>(tool).unwrap().body.is_some(), "it touches all the same");
 }

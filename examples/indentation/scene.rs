@@ -3,7 +3,7 @@
 use super::{hand, theory};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{ModelStep, SimulatedBody, TickRecording, ToolLoop};
+use bevy_palpate::{ModelSchedule, SimulatedBody, TickRecording, ToolLoop};
 use clap::ValueEnum;
 use palpate_stage::{HandTime, SetUpHands, SetUpScene, StageOptions, register_hand};
 use std::io::Write;
@@ -73,7 +73,7 @@ impl Plugin for ScenePlugin {
             .add_systems(SetUpScene, set_up)
             .add_systems(SetUpHands, set_up_hand)
             .add_systems(
-                ModelStep,
+                ModelSchedule,
                 (change_tip.in_set(HapticSystems::First), measure.in_set(HapticSystems::Last)),
             )
             .add_systems(Last, report.pipe(fail).run_if(on_message::<AppExit>));
@@ -132,7 +132,7 @@ fn set_up(mut commands: Commands, mut measured: ResMut<Measured>) {
     commands.spawn((
         DeformableBody::block_of_size([across, CELLS + 1, across], DVec3::new(WIDTH_M, THICKNESS_M, WIDTH_M)),
         Tissue { youngs_modulus_pa: YOUNGS_MODULUS_PA, damping_ratio: 0.5, ..default() },
-        FixedRegion::Face(Face::Bottom),
+        FixedRegion::Face(BoxFace::Bottom),
     ));
 }
 

@@ -46,7 +46,7 @@ fn report(
     let contact = tool.contact()?;
     let number = |record: &TickRecord| record.sample.map_or(0, |sample| sample.sequence);
     let records = comparable::of_last_loop(&recording.records, number);
-    let felt = records.iter().filter(|record| record.spoken.force_n != DVec3::ZERO).map(number);
+    let felt = records.iter().filter(|record| record.rendered.force_n != DVec3::ZERO).map(number);
     let samples = &recording.samples[comparable::begin(&recording.samples, felt)..];
     let at_rest = Body::new(network, surface)?;
     let builder = BuilderOptions::of(&at_rest);
@@ -124,7 +124,7 @@ fn felt_error(run: &Run) -> Option<f64> {
     for record in run.records {
         let Some(sample) = record.sample.filter(|s| s.sequence >= first) else { continue };
         let Some(oracle) = run.comparison.oracle_n.get((sample.sequence - first) as usize) else { continue };
-        error += (record.spoken.force_n - *oracle).length_squared();
+        error += (record.rendered.force_n - *oracle).length_squared();
         reference += oracle.length_squared();
     }
     (reference > 0.0).then(|| (error / reference).sqrt())
@@ -145,14 +145,14 @@ fn write_trace(run: &Run, mut out: impl Write) -> std::io::Result<()> {
         let Some(&oracle) = run.comparison.oracle_n.get(at) else { continue };
         let [x, y, z] = sample.position_m.to_array();
         write!(out, "{:.3},{},{},{x},{y},{z},", sample.time_s, sample.sequence, record.elapsed)?;
-        if let Some(model) = record.spoken.model {
+        if let Some(model) = record.rendered.model {
             write!(out, "{}", model.sequence)?;
         }
         let microseconds = |ns: u64| ns as f64 * 1e-3;
         let (late, cost) = (microseconds(record.timing.lateness_ns), microseconds(record.timing.cost_ns));
         write!(out, ",{},{late},{cost}", record.safety.gain)?;
         let schemes = run.comparison.displayed_n.iter().filter_map(|(_, forces)| forces.get(at).copied());
-        for force in [record.force_n, record.spoken.force_n, oracle].into_iter().chain(schemes) {
+        for force in [record.force_n, record.rendered.force_n, oracle].into_iter().chain(schemes) {
             write!(out, ",{},{},{}", force.x, force.y, force.z)?;
         }
         writeln!(out)?;

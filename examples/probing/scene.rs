@@ -46,7 +46,7 @@ fn organ(assets: &AssetServer) -> impl Bundle {
             tissue: Tissue { youngs_modulus_pa: 100e3, ..default() },
         }]),
         // What it lies on.
-        FixedRegion::Within(vec![BodyRegion::HalfSpace {
+        FixedRegion::Regions(vec![BodyRegion::HalfSpace {
             point_m: DVec3::new(0.0, -0.015, 0.0),
             outward: DVec3::Y,
         }]),

@@ -3,22 +3,22 @@
 use crate::scene::set_up_hands;
 use crate::{Stage, StageOptions};
 use bevy::prelude::*;
-use bevy_palpate::HapticSetupSystems;
+use bevy_palpate::HapticUpdateSystems;
 use bevy_palpate::prelude::*;
 
 /// The option `--hid`: the first of any kind, of one kind, or the one with a serial number.
 ///
 /// # Errors
 /// None: what is no kind is a serial number.
-pub(crate) fn choice(text: &str) -> Result<HidChoice, String> {
+pub(crate) fn choice(text: &str) -> Result<HidSelector, String> {
     let kind = match text {
-        "first" => return Ok(HidChoice::first()),
+        "first" => return Ok(HidSelector::first()),
         "cap" => HidDeviceKind::SpaceMouse,
         "joystick" => HidDeviceKind::Joystick,
         "board" => HidDeviceKind::Board,
-        serial => return Ok(HidChoice { serial: Some(serial.into()), ..default() }),
+        serial => return Ok(HidSelector { serial: Some(serial.into()), ..default() }),
     };
-    Ok(HidChoice { kind: Some(kind), ..HidChoice::first() })
+    Ok(HidSelector { kind: Some(kind), ..HidSelector::first() })
 }
 
 /// Where the device of `--hid` gets its tool, unless the mouse has it.
@@ -29,7 +29,7 @@ pub(crate) struct GiveHid;
 pub(crate) fn add(app: &mut App) {
     app.add_systems(
         PreUpdate,
-        give_hid.in_set(GiveHid).after(set_up_hands).before(HapticSetupSystems::Tools),
+        give_hid.in_set(GiveHid).after(set_up_hands).before(HapticUpdateSystems::Tools),
     );
 }
 
@@ -53,9 +53,9 @@ mod tests {
 
     #[test]
     fn a_device_is_named_by_kind_or_serial_number() {
-        assert_eq!(choice("first"), Ok(HidChoice::first()));
+        assert_eq!(choice("first"), Ok(HidSelector::first()));
         let board = choice("board").unwrap();
         assert!(board.kind == Some(HidDeviceKind::Board) && board.first && board.serial.is_none());
-        assert_eq!(choice("A1B2").unwrap(), HidChoice { serial: Some("A1B2".into()), ..default() });
+        assert_eq!(choice("A1B2").unwrap(), HidSelector { serial: Some("A1B2".into()), ..default() });
     }
 }

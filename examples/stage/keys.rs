@@ -5,7 +5,7 @@ use crate::scene::{ResetScene, set_up_hands};
 use crate::{Stage, StageOptions, time};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticSetupSystems, MouseDevicePlugin, MouseHand};
+use bevy_palpate::{HapticUpdateSystems, MouseDevice, MouseDevicePlugin};
 use bevy_panorbit_camera::PanOrbitCamera;
 
 pub(crate) struct KeysPlugin;
@@ -15,7 +15,7 @@ impl Plugin for KeysPlugin {
         app.init_resource::<Hand>()
             .add_systems(
                 PreUpdate,
-                (give_mouse, grasp_with_mouse).chain().after(set_up_hands).before(HapticSetupSystems::Tools),
+                (give_mouse, grasp_with_mouse).chain().after(set_up_hands).before(HapticUpdateSystems::Tools),
             )
             .configure_sets(PreUpdate, GiveHid.after(give_mouse).run_if(not(is_the_mouses)))
             .add_systems(Update, (press.run_if(not(keys_are_elsewhere)), zoom));
@@ -71,7 +71,7 @@ fn press(world: &mut World) {
         world.insert_resource(hand);
     }
     if reset || mouse {
-        world.resource_mut::<MouseHand>().start_again();
+        world.resource_mut::<MouseDevice>().reset();
         world.write_message(ResetScene);
     }
 }

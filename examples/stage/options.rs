@@ -1,7 +1,7 @@
 //! The part of the command line that all scenes share.
 
 use bevy::prelude::Resource;
-use bevy_palpate::prelude::{HidChoice, Scheme};
+use bevy_palpate::prelude::{HidSelector, Scheme};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -18,7 +18,7 @@ pub struct StageOptions {
     /// Give the first tool to a device that is plugged in: first, cap, joystick, board, or a serial number
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, default_missing_value = "first", value_parser = crate::device::choice)]
     #[arg(conflicts_with = "pictures")]
-    pub hid: Option<HidChoice>,
+    pub hid: Option<HidSelector>,
     /// Run without a window even if this program has one
     #[arg(long)]
     pub headless: bool,

@@ -8,7 +8,7 @@ use bevy::ecs::schedule::ScheduleLabel;
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticSetupSystems, SimulatedBody};
+use bevy_palpate::{HapticUpdateSystems, SimulatedBody};
 use std::time::Duration;
 
 /// Spawns a scene's bodies, at the start and at every reset: systems are added to it as to `Startup`.
@@ -41,7 +41,7 @@ pub struct Stage {
     /// How long it takes, s.
     pub seconds: f64,
     /// The clock of the loops where there is no window.
-    pub clock: HapticClock,
+    pub clock: LoopMode,
     /// The scene's own hand is there, so the mouse is not the first device.
     pub has_hand: bool,
 }
@@ -59,7 +59,7 @@ impl Default for Stage {
             floor_m: -0.0502,
             size_m: USUAL_M,
             seconds: 5.0,
-            clock: HapticClock::Lockstep,
+            clock: LoopMode::Lockstep,
             has_hand: true,
         }
     }
@@ -117,21 +117,21 @@ impl Stage {
         let shown = show(&mut app, &self, options);
         let clock = match shown {
             #[cfg(feature = "window")]
-            Shown::InWindow => HapticClock::Thread,
+            Shown::InWindow => LoopMode::Thread,
             #[cfg(feature = "window")]
-            Shown::InPictures => HapticClock::Lockstep,
+            Shown::InPictures => LoopMode::Lockstep,
             // A device that is plugged in has the time of its hand.
-            Shown::Headless if options.hid.is_some() => HapticClock::Thread,
+            Shown::Headless if options.hid.is_some() => LoopMode::Thread,
             Shown::Headless => self.clock,
         };
         if shown == Shown::Headless {
-            let frame = Duration::from_millis(if clock == HapticClock::Thread { 5 } else { 0 });
+            let frame = Duration::from_millis(if clock == LoopMode::Thread { 5 } else { 0 });
             let runner = ScheduleRunnerPlugin::run_loop(frame);
             app.add_plugins((MinimalPlugins.set(runner), LogPlugin::default(), ProgressPlugin));
             assets::add_without_window(&mut app);
         }
         crate::device::add(&mut app);
-        if clock == HapticClock::Lockstep {
+        if clock == LoopMode::Lockstep {
             time::step_by_step(&mut app);
         }
         app.insert_resource(shown)
@@ -144,18 +144,18 @@ impl Stage {
             .add_systems(Startup, set_up)
             .add_systems(
                 PreUpdate,
-                set_up.run_if(on_message::<ResetScene>).before(HapticSetupSystems::Bodies),
+                set_up.run_if(on_message::<ResetScene>).before(HapticUpdateSystems::Bodies),
             )
             .add_systems(
                 PreUpdate,
                 (end_if_refused, set_up_hands)
                     .chain()
-                    .after(HapticSetupSystems::Bodies)
-                    .before(HapticSetupSystems::Tools)
+                    .after(HapticUpdateSystems::Bodies)
+                    .before(HapticUpdateSystems::Tools)
                     .run_if(|awaits: Res<AwaitsBodies>| awaits.0),
             )
             .add_systems(
-                ModelStep,
+                ModelSchedule,
                 (
                     count_time.before(HapticSystems::First),
                     time::return_to_full_speed

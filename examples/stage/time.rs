@@ -23,7 +23,7 @@ const SLOW_TICKS: u32 = 5;
 /// What there was before slow motion.
 #[derive(Resource, Clone, Copy)]
 struct AtFullSpeed {
-    clock: HapticClock,
+    clock: LoopMode,
     rate: ModelRate,
     timestep: Duration,
 }
@@ -47,14 +47,14 @@ pub fn set_slow(world: &mut World, slow: bool) {
     if slow {
         let before = world.remove_resource::<Returning>().map_or_else(
             || AtFullSpeed {
-                clock: *world.resource::<HapticClock>(),
+                clock: *world.resource::<LoopMode>(),
                 rate: *world.resource::<ModelRate>(),
                 timestep: world.resource::<Time<Fixed>>().timestep(),
             },
             |Returning(before)| before,
         );
         world.insert_resource(before);
-        world.insert_resource(HapticClock::Lockstep);
+        world.insert_resource(LoopMode::Lockstep);
         world.insert_resource(slowly);
         // Or several model steps would wait for each other, and be seen as one.
         world.resource_mut::<Time<Fixed>>().set_timestep(Duration::from_millis(SLOW_TICKS.into()));

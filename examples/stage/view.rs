@@ -6,7 +6,7 @@ use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{MouseDevicePlugin, MouseDeviceSystems, SimulatedBody};
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
-use palpate_haptics::FollowingHand;
+use palpate_haptics::FollowerSettings;
 
 const BLUE: Color = Color::srgb(0.10, 0.42, 0.85);
 const ORANGE: Color = Color::srgb(0.95, 0.60, 0.10);
@@ -38,11 +38,11 @@ pub(crate) fn open_window(app: &mut App, stage: &Stage, options: &StageOptions) 
 fn mouse(stage: &Stage) -> MouseDevicePlugin {
     let magnified = stage.magnified();
     let start_m = (stage.focus_m + Vec3::Y * 0.7 * stage.size_m).as_dvec3();
-    let usual = FollowingHand::default();
+    let usual = FollowerSettings::default();
     let workspace_m =
         usual.workspace_m.map(|corner_m| stage.focus_m.as_dvec3() + f64::from(magnified) * corner_m);
     let max_speed_m_per_s = f64::from(magnified) * usual.max_speed_m_per_s;
-    let hand = FollowingHand { start_m, workspace_m, max_speed_m_per_s, ..usual };
+    let hand = FollowerSettings { start_m, workspace_m, max_speed_m_per_s, ..usual };
     let usual = MouseDevicePlugin::default();
     MouseDevicePlugin { hand, line_m: magnified * usual.line_m, ..usual }
 }

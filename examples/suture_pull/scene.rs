@@ -21,8 +21,8 @@ impl Plugin for ScenePlugin {
         app.insert_resource(Told { tear_limit_n: self.tear_limit_n, ..default() })
             .add_systems(SetUpScene, set_up)
             .add_systems(SetUpHands, set_up_hand)
-            .add_systems(ModelStep, (wound::tighten, sew).chain().in_set(HapticSystems::First))
-            .add_systems(ModelStep, listen.in_set(HapticSystems::Last))
+            .add_systems(ModelSchedule, (wound::tighten, sew).chain().in_set(HapticSystems::First))
+            .add_systems(ModelSchedule, listen.in_set(HapticSystems::Last))
             .add_systems(Last, report.pipe(fail).run_if(on_message::<AppExit>));
         register_hand(app.world_mut(), "surgeon", hand::reading);
     }
@@ -65,7 +65,7 @@ fn set_up_hand(mut commands: Commands, options: Res<StageOptions>) {
 fn sew(
     mut commands: Commands,
     bodies: Query<(Entity, &SimulatedBody)>,
-    tools: Query<&Grasping>,
+    tools: Query<&GraspedPoint>,
     mut told: ResMut<Told>,
 ) {
     let Ok((entity, body)) = bodies.single() else { return };
@@ -82,7 +82,7 @@ fn sew(
 }
 
 fn listen(
-    tools: Query<(&Grasping, &ToolForce)>,
+    tools: Query<(&GraspedPoint, &ToolForce)>,
     sutures: Query<(&Suture, &SutureForce)>,
     bodies: Query<&SimulatedBody>,
     mut torn: MessageReader<SutureTorn>,

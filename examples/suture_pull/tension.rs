@@ -11,7 +11,7 @@ impl Plugin for TensionPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<Curves>()
             .add_systems(SetUpScene, |mut curves: ResMut<Curves>| *curves = Curves::default())
-            .add_systems(ModelStep, note.in_set(HapticSystems::Last))
+            .add_systems(ModelSchedule, note.in_set(HapticSystems::Last))
             .add_systems(EguiPrimaryContextPass, show);
     }
 }

@@ -23,8 +23,8 @@ pub fn slab() -> impl Bundle {
     (
         DeformableBody::block_of_size([13, 4, 13], DVec3::new(0.12, 2.0 * TOP_M, 0.12)),
         Tissue { youngs_modulus_pa: 5e3, damping_ratio: 0.6, ..default() },
-        Slit { length_m: 0.06, depth_m: 0.02, gape_m: GAPE_M },
-        FixedRegion::Face(Face::Bottom),
+        Slit { length_m: 0.06, depth_m: 0.02, opening_m: GAPE_M },
+        FixedRegion::Face(BoxFace::Bottom),
     )
 }
 
@@ -57,7 +57,7 @@ pub fn stitches(entity: Entity, body: &SimulatedBody, tear_limit_n: f64) -> Vec<
 }
 
 /// Pulls the threads tight, as far as they are not, once the hand has let go.
-pub fn tighten(mut sutures: Query<&mut Suture>, tools: Query<&Grasping>, rate: Res<ModelRate>) {
+pub fn tighten(mut sutures: Query<&mut Suture>, tools: Query<&GraspedPoint>, rate: Res<ModelRate>) {
     if tools.iter().any(|grasping| grasping.body.is_some()) {
         return;
     }

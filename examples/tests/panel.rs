@@ -45,7 +45,7 @@ fn app() -> App {
     // A picture must not be drawn before what is to be drawn is ready.
     let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
     app.add_plugins(DefaultPlugins.set(window).set(render).disable::<WinitPlugin>())
-        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() }))
+        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: LoopMode::Lockstep, ..default() }))
         .add_plugins((HapticPanelPlugin::default(), HapticGizmosPlugin))
         .insert_resource(Time::<Fixed>::from_hz(20.0))
         .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)))
@@ -84,7 +84,7 @@ fn setup(
         Name::new("block"),
         DeformableBody::block([6, 6, 6], 0.1),
         Tissue::default(),
-        FixedRegion::Face(Face::Bottom),
+        FixedRegion::Face(BoxFace::Bottom),
         MeshMaterial3d(materials.add(Color::srgb(0.62, 0.30, 0.28))),
     ));
     let light = DirectionalLight { illuminance: 5_000.0, ..default() };

@@ -59,7 +59,7 @@ fn a_wound_that_is_sewn_is_pulled_open_after_slow_motion_and_not_sewn_again() {
     app.finish();
     app.cleanup();
     let is_held = |app: &mut App| {
-        let mut tools = app.world_mut().query::<&Grasping>();
+        let mut tools = app.world_mut().query::<&GraspedPoint>();
         tools.single(app.world()).is_ok_and(|grasping| grasping.body.is_some())
     };
     let threads = |app: &mut App| {

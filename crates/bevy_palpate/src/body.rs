@@ -13,8 +13,8 @@ mod tissue;
 
 pub(crate) use build::BodyBuild;
 pub use compliance::ContactCompliance;
-pub use shape::{BodyRegion, DeformableBody, Face, FixedRegion, MeshShape, Slit};
-pub use source::MeshSourceError;
+pub use shape::{BodyRegion, BoxFace, DeformableBody, FixedRegion, MeshShape, Slit};
+pub use source::MeshFault;
 pub use tissue::{Inclusion, Inclusions, Tissue};
 
 use crate::diagnostics::FrameCost;
@@ -117,7 +117,7 @@ impl SimulatedBody {
 
     /// Value of [`MeshShape::cells_along`] of which the body was made; `None` for a block.
     pub(crate) fn cells_along(&self) -> Option<usize> {
-        self.shape_asked.mesh().map(|shape| shape.cells_along)
+        self.shape_asked.mesh().map(|shape| shape.cells_along_longest_axis)
     }
 
     /// What became of that mesh: repairs, cells, and how far from it the body is touched; `None` for a block.
@@ -195,7 +195,7 @@ impl Plugin for BodyPlugin {
                     cost.timed(drawn::give_meshes),
                 )
                     .chain()
-                    .in_set(HapticSetupSystems::Bodies),
+                    .in_set(HapticUpdateSystems::Bodies),
             )
             .add_observer(remove_simulation)
             .add_systems(
@@ -225,7 +225,7 @@ fn remove_simulation(
 
 /// What is made of new or changed components, in [`PreUpdate`].
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum HapticSetupSystems {
+pub enum HapticUpdateSystems {
     /// Builds bodies.
     Bodies,
     /// Starts and sets loops.

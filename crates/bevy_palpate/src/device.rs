@@ -4,12 +4,12 @@ mod choice;
 #[cfg(feature = "hid")]
 mod hid;
 
-pub use choice::{HidChoice, HidDeviceKind};
+pub use choice::{HidDeviceKind, HidSelector};
 
 use crate::fault::DeviceFault;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
-use palpate_haptics::{AtEnd, HapticDevice, ReplayDevice, Trajectory};
+use palpate_haptics::{HapticDevice, ReplayDevice, ReplayEnd, Trajectory};
 use std::path::PathBuf;
 
 /// Which device a tool has. A selector is plain data; the device itself comes from [`HapticDevices`] when the
@@ -30,7 +30,7 @@ pub enum DeviceSelector {
     Named(String),
     /// A device over HID that is plugged in. Needs the feature `hid`; without it, and where there is no such device, the tool has a
     /// fault that says so.
-    Hid(HidChoice),
+    Hid(HidSelector),
 }
 
 impl DeviceSelector {
@@ -92,7 +92,7 @@ impl HapticDevices {
     pub fn make(&self, selector: &DeviceSelector) -> Result<Box<dyn HapticDevice>, DeviceFault> {
         match selector {
             DeviceSelector::Replay { path, repeat } => {
-                let at_end = if *repeat { AtEnd::Repeat } else { AtEnd::Stay };
+                let at_end = if *repeat { ReplayEnd::Repeat } else { ReplayEnd::Stay };
                 Ok(Box::new(ReplayDevice::new(Trajectory::from_csv_file(find(path))?, at_end)))
             }
             DeviceSelector::Named(name) => match self.named.get(name) {
@@ -108,7 +108,7 @@ impl HapticDevices {
             #[cfg(feature = "hid")]
             DeviceSelector::Hid(choice) => Ok(Box::new(self.hid.make(choice)?)),
             #[cfg(not(feature = "hid"))]
-            DeviceSelector::Hid(_) => Err(DeviceFault::NotBuilt { feature: "hid" }),
+            DeviceSelector::Hid(_) => Err(DeviceFault::FeatureDisabled { feature: "hid" }),
         }
     }
 }
@@ -132,19 +132,19 @@ impl HapticDevices {
     ///
     /// # Errors
     /// [`HidError`](palpate_hid::HidError) where the operating system does not list them.
-    pub fn hid_present(&self) -> Result<Vec<(HidChoice, String)>, palpate_hid::HidError> {
+    pub fn hid_present(&self) -> Result<Vec<(HidSelector, String)>, palpate_hid::HidError> {
         self.hid.present()
     }
 
     /// What the device that was made last by `choice` has seen: reports skipped, the rate at which it takes forces.
     #[must_use]
-    pub fn hid_counters(&self, choice: &HidChoice) -> Option<palpate_hid::HidCounters> {
+    pub fn hid_counters(&self, choice: &HidSelector) -> Option<palpate_hid::HidCounters> {
         self.hid.made(choice).map(|made| made.counters)
     }
 
     /// A way to calibrate the 3-DOF board that was made last by `choice`, while its loop has it; `None` for other kinds.
     #[must_use]
-    pub fn hid_calibration(&self, choice: &HidChoice) -> Option<palpate_hid::BoardCalibration> {
+    pub fn hid_calibration(&self, choice: &HidSelector) -> Option<palpate_hid::BoardCalibration> {
         self.hid.made(choice).and_then(|made| made.calibration)
     }
 }

@@ -4,8 +4,8 @@ mod cost;
 
 pub(crate) use cost::{FrameCost, now, timed};
 
-use crate::schedule::{HapticSystems, ModelStep};
-use crate::tool::{LocalModelBuild, LocalModelError, LoopTiming, ToolForce};
+use crate::schedule::{HapticSystems, ModelSchedule};
+use crate::tool::{ForceError, LocalModelStats, LoopTiming, ToolForce};
 use bevy::diagnostic::{
     Diagnostic, DiagnosticMeasurement, DiagnosticPath, Diagnostics, DiagnosticsStore, RegisterDiagnostic,
 };
@@ -69,14 +69,17 @@ impl Plugin for HapticDiagnosticsPlugin {
             app.register_diagnostic(Diagnostic::new(path).with_suffix(suffix));
         }
         app.init_resource::<FrameCost>()
-            .add_systems(ModelStep, measure_step.after(HapticSystems::Writeback).before(HapticSystems::Last))
+            .add_systems(
+                ModelSchedule,
+                measure_step.after(HapticSystems::Writeback).before(HapticSystems::Last),
+            )
             .add_systems(Last, measure_frame);
     }
 }
 
 /// Measures what is new after a model step.
 fn measure_step(
-    tools: Query<(Ref<LocalModelBuild>, &LocalModelError, &LoopTiming, &ToolForce)>,
+    tools: Query<(Ref<LocalModelStats>, &ForceError, &LoopTiming, &ToolForce)>,
     mut diagnostics: Diagnostics,
 ) {
     type Plugin = HapticDiagnosticsPlugin;
@@ -99,7 +102,7 @@ fn measure_step(
     let judged = tools.iter().map(|(_, error, ..)| error).filter(|error| error.ticks > 0);
     if let Some(worst) = judged.max_by(|a, b| a.rms_n.total_cmp(&b.rms_n)) {
         tell(Plugin::LOCAL_MODEL_ERROR, Some(worst.rms_n));
-        tell(Plugin::LOCAL_MODEL_ERROR_NOTICEABLE, worst.share_of_noticeable.map(|share| 100.0 * share));
+        tell(Plugin::LOCAL_MODEL_ERROR_NOTICEABLE, worst.jnd_ratio.map(|share| 100.0 * share));
     }
 }
 

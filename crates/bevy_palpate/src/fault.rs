@@ -6,7 +6,7 @@ mod slow_step;
 pub use no_force::NoForceCause;
 pub use slow_step::{SlowStep, StepPart};
 
-use crate::body::MeshSourceError;
+use crate::body::MeshFault;
 use bevy::prelude::*;
 use palpate_body::BodyError;
 use palpate_haptics::{BlackBoxError, DeviceError, HapticsError, LoopEventKind, TrajectoryError};
@@ -31,7 +31,7 @@ pub enum HapticFaultKind {
     BuildBody(#[source] BodyError),
     /// A mesh could not be read, so no body was made of it.
     #[error("no body can be made of the mesh")]
-    Mesh(#[source] MeshSourceError),
+    Mesh(#[source] MeshFault),
     /// A body of a mesh weighs more than the mesh does, by `share` of it: cells that hold next to nothing count as filled to a
     /// hundredth. It is simulated all the same.
     #[error(
@@ -39,7 +39,7 @@ pub enum HapticFaultKind {
          (more cells_along), or thicken what is thin",
         percent = .share * 100.0
     )]
-    Heavier {
+    MassExcess {
         /// By which share of the mesh's volume.
         share: f64,
         /// How many such cells there are.
@@ -51,13 +51,13 @@ pub enum HapticFaultKind {
         "the body's transform has scale {scale}, is mirrored or is sheared by its parents; its scale must be 1: give the size to \
          the body itself"
     )]
-    Scaled {
+    NonUnitScale {
         /// The scale found.
         scale: Vec3,
     },
     /// A body's transform, or that of a parent, is not finite.
     #[error("the body's transform, or that of a parent, is not finite: place it again")]
-    Place,
+    NonFiniteTransform,
     /// A body could not be stepped. It is as it was before the step, at rest, and has let go of the tool.
     #[error("the body cannot be stepped")]
     StepBody(#[source] BodyError),
@@ -130,7 +130,7 @@ pub enum HapticFaultKind {
     #[error(
         "the app's clock runs at {speed} times real time; a loop on a thread cannot: use the lock step clock"
     )]
-    Speed {
+    UnsupportedTimeScale {
         /// The relative speed.
         speed: f64,
     },
@@ -274,7 +274,7 @@ pub enum DeviceFault {
     Make(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// The device needs a feature with which this was not built.
     #[error("such a device needs the feature `{feature}` of bevy_palpate, with which this was not built")]
-    NotBuilt {
+    FeatureDisabled {
         /// Which.
         feature: &'static str,
     },
@@ -303,7 +303,7 @@ impl DeviceFault {
 impl HapticFaultKind {
     /// The message and those of its causes, in one line.
     #[must_use]
-    pub fn chain(&self) -> String {
+    pub fn report(&self) -> String {
         let mut text = self.to_string();
         let mut cause = std::error::Error::source(self);
         while let Some(error) = cause {
@@ -320,10 +320,10 @@ pub(crate) fn log_faults(mut faults: MessageReader<HapticFault>) {
     for HapticFault { entity, kind } in faults.read() {
         match entity {
             Some(entity) if matches!(kind, HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(_))) => {
-                debug!("{entity}: {}", kind.chain());
+                debug!("{entity}: {}", kind.report());
             }
-            Some(entity) => warn!("{entity}: {}", kind.chain()),
-            None => warn!("{}", kind.chain()),
+            Some(entity) => warn!("{entity}: {}", kind.report()),
+            None => warn!("{}", kind.report()),
         }
     }
 }

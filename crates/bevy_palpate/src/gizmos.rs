@@ -172,7 +172,7 @@ fn draw_tools(
         let proxy = transform.translation;
         let radius = radius_m(asked.shape);
         if parts.force {
-            let device = proxy - tool.behind_m().as_vec3();
+            let device = proxy - tool.proxy_offset_m().as_vec3();
             if proxy.distance(device) > 1e-5 {
                 draw_shape(&mut gizmos, asked.shape, device, colors::DEVICE);
                 gizmos.line(device, proxy, colors::DEVICE);
@@ -268,9 +268,7 @@ mod tests {
         let mut app = App::new();
         app.add_plugins((MinimalPlugins, AssetPlugin::default()))
             .init_asset::<GizmoAsset>()
-            .add_plugins(
-                PalpatePlugins.set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() }),
-            )
+            .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: LoopMode::Lockstep, ..default() }))
             .add_plugins(HapticGizmosPlugin)
             .insert_resource(Time::<Fixed>::from_hz(20.0))
             .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
@@ -279,7 +277,7 @@ mod tests {
         });
         app.world_mut().resource_mut::<GizmoConfigStore>().config_mut::<HapticGizmos>().1.basis = Some(0);
         let block = |app: &mut App, x: f32| {
-            let body = (DeformableBody::block([nodes; 3], 0.1), FixedRegion::Face(Face::Bottom));
+            let body = (DeformableBody::block([nodes; 3], 0.1), FixedRegion::Face(BoxFace::Bottom));
             app.world_mut().spawn((body, Transform::from_xyz(x, 0.0, 0.0))).id()
         };
         let bodies = [block(&mut app, 0.0), block(&mut app, 0.5)];

@@ -131,10 +131,10 @@ mod suture;
 mod tool;
 
 pub use body::{
-    BodyPlugin, BodyRegion, ContactCompliance, DeformableBody, Face, FixedRegion, HapticSetupSystems,
-    Inclusion, Inclusions, MeshReport, MeshShape, MeshSourceError, SimulatedBody, Slit, Tissue,
+    BodyPlugin, BodyRegion, BoxFace, ContactCompliance, DeformableBody, FixedRegion, HapticUpdateSystems,
+    Inclusion, Inclusions, MeshFault, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,
 };
-pub use device::{DeviceSelector, HapticDevices, HidChoice, HidDeviceKind};
+pub use device::{DeviceSelector, HapticDevices, HidDeviceKind, HidSelector};
 pub use diagnostics::HapticDiagnosticsPlugin;
 pub use fault::{
     DeviceFault, HapticFault, HapticFaultKind, NoForceCause, SlowStep, StepPart, SutureFault, ToolSizeFault,
@@ -142,16 +142,16 @@ pub use fault::{
 #[cfg(feature = "gizmos")]
 pub use gizmos::{HapticGizmos, HapticGizmosPlugin};
 #[cfg(feature = "window")]
-pub use mouse::{MouseDevicePlugin, MouseDeviceSystems, MouseHand};
+pub use mouse::{MouseDevice, MouseDevicePlugin, MouseDeviceSystems};
 #[cfg(feature = "panel")]
 pub use panel::{HapticPanel, HapticPanelPlugin, HapticWidgets};
 pub use plugins::{FaultLogPlugin, PalpatePlugins};
-pub use schedule::{HapticClock, HapticSchedulePlugin, HapticSystems, ModelRate, ModelStep, ModelStepCount};
+pub use schedule::{HapticSchedulePlugin, HapticSystems, LoopMode, ModelRate, ModelSchedule, ModelStepCount};
 pub use suture::{Suture, SutureForce, SuturePlugin, SutureTorn};
 pub use tool::{
-    ContactBegan, ContactEnded, ContactState, Grasping, HapticTool, KeepBlackBox, LocalModelBuild,
-    LocalModelError, LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolGrasp, ToolLoop, ToolPlugin,
-    ToolSettings, Touching,
+    BlackBoxDump, ContactEnd, ContactStart, ContactState, ForceError, GraspedPoint, HapticTool,
+    LocalModelStats, LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolGrasp, ToolLoop, ToolPlugin,
+    ToolSettings, TouchedBody,
 };
 
 #[cfg(doctest)]
@@ -161,11 +161,12 @@ struct Readme;
 /// What an app with haptic bodies needs.
 pub mod prelude {
     pub use crate::{
-        BodyRegion, ContactBegan, ContactCompliance, ContactEnded, ContactState, DeformableBody,
-        DeviceSelector, Face, FaultLogPlugin, FixedRegion, Grasping, HapticClock, HapticDevices, HapticFault,
-        HapticSchedulePlugin, HapticSystems, HapticTool, HidChoice, HidDeviceKind, Inclusion, Inclusions,
-        LocalModelBuild, LocalModelError, LoopTiming, MeshShape, ModelRate, ModelStep, PalpatePlugins, Slit,
-        Suture, SutureForce, SutureTorn, Tissue, ToolCoupling, ToolForce, ToolGrasp, ToolSettings, Touching,
+        BodyRegion, BoxFace, ContactCompliance, ContactEnd, ContactStart, ContactState, DeformableBody,
+        DeviceSelector, FaultLogPlugin, FixedRegion, ForceError, GraspedPoint, HapticDevices, HapticFault,
+        HapticSchedulePlugin, HapticSystems, HapticTool, HidDeviceKind, HidSelector, Inclusion, Inclusions,
+        LocalModelStats, LoopMode, LoopTiming, MeshShape, ModelRate, ModelSchedule, PalpatePlugins, Slit,
+        Suture, SutureForce, SutureTorn, Tissue, ToolCoupling, ToolForce, ToolGrasp, ToolSettings,
+        TouchedBody,
     };
     pub use glam::{DQuat, DVec3};
     pub use palpate_body::ToolShape;

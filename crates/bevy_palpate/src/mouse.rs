@@ -6,7 +6,7 @@ use bevy::camera::{NormalizedRenderTarget, RenderTarget};
 use bevy::input::mouse::{AccumulatedMouseScroll, MouseScrollUnit};
 use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
-use palpate_haptics::{DeviceFrame, FollowedPlace, FollowingHand, Reading};
+use palpate_haptics::{DeviceFrame, FollowerSettings, FollowerTarget, Reading};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Registers the mouse as the device [`MouseDevicePlugin::NAME`].
@@ -19,7 +19,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 #[derive(Clone, Copy, Debug)]
 pub struct MouseDevicePlugin {
     /// How the hand follows, where it starts and where it may go, m, in the frame of the device.
-    pub hand: FollowingHand,
+    pub hand: FollowerSettings,
     /// How far a line of the wheel takes it away from the eye, m in the scene.
     pub line_m: f32,
     /// The mouse's buttons that are the device's buttons 0, 1, … up to 31; those after them are not read.
@@ -34,16 +34,16 @@ impl MouseDevicePlugin {
 impl Default for MouseDevicePlugin {
     /// [`FollowingHand::default`], 2 mm a line, the left button.
     fn default() -> Self {
-        Self { hand: FollowingHand::default(), line_m: 0.002, buttons: &[MouseButton::Left] }
+        Self { hand: FollowerSettings::default(), line_m: 0.002, buttons: &[MouseButton::Left] }
     }
 }
 
 /// Where the mouse's hand is to go.
 #[derive(Resource, Debug, Reflect)]
 #[reflect(Resource, Debug)]
-pub struct MouseHand {
+pub struct MouseDevice {
     /// The place, m, in the frame of the device.
-    pub place_m: Vec3,
+    pub target_m: Vec3,
     line_m: f32,
     #[reflect(ignore)]
     buttons: &'static [MouseButton],
@@ -60,12 +60,12 @@ pub struct MouseHand {
 }
 
 /// The end of the device that was made last; there is one mouse. Never locked by a loop.
-type Followed = Arc<Mutex<Option<FollowedPlace>>>;
+type Followed = Arc<Mutex<Option<FollowerTarget>>>;
 
-impl MouseHand {
+impl MouseDevice {
     /// Puts the place to where the hand starts.
-    pub fn start_again(&mut self) {
-        self.place_m = self.start_m;
+    pub fn reset(&mut self) {
+        self.target_m = self.start_m;
     }
 
     fn frame(&self) -> DeviceFrame {
@@ -74,13 +74,13 @@ impl MouseHand {
 
     /// The place in the scene, m.
     fn scene_m(&self) -> Vec3 {
-        self.frame().to_scene(&Reading::at(self.place_m.as_dvec3())).position_m.as_vec3()
+        self.frame().to_scene(&Reading::at(self.target_m.as_dvec3())).position_m.as_vec3()
     }
 
     /// Puts the place to `scene_m` in the scene, as far as the hand may go.
     fn go_to(&mut self, scene_m: Vec3) {
         let [low, high] = self.workspace_m;
-        self.place_m = self.frame().position_to_device_m(scene_m.as_dvec3()).as_vec3().clamp(low, high);
+        self.target_m = self.frame().position_to_device_m(scene_m.as_dvec3()).as_vec3().clamp(low, high);
     }
 }
 
@@ -94,8 +94,8 @@ impl Plugin for MouseDevicePlugin {
         let (hand, followed) = (self.hand, Followed::default());
         let [low, high] = hand.workspace_m.map(|corner| corner.as_vec3());
         let start_m = hand.start_m.as_vec3().clamp(low, high);
-        app.register_type::<MouseHand>().insert_resource(MouseHand {
-            place_m: start_m,
+        app.register_type::<MouseDevice>().insert_resource(MouseDevice {
+            target_m: start_m,
             line_m: self.line_m,
             buttons: self.buttons,
             start_m,
@@ -120,7 +120,7 @@ impl Plugin for MouseDevicePlugin {
 }
 
 /// Another frame of the same tool leaves the place where it is in the scene.
-fn keep_place(tools: Query<(Entity, &ToolLoop)>, mut hand: ResMut<MouseHand>) {
+fn keep_place(tools: Query<(Entity, &ToolLoop)>, mut hand: ResMut<MouseDevice>) {
     let mouse = DeviceSelector::named(MouseDevicePlugin::NAME);
     let with_mouse = tools.iter().filter(|(_, tool)| tool.device == mouse);
     let framed =
@@ -140,7 +140,7 @@ fn follow_pointer(
     cameras: Query<(&Camera, &RenderTarget, &GlobalTransform), With<Camera3d>>,
     pressed: Res<ButtonInput<MouseButton>>,
     wheel: Res<AccumulatedMouseScroll>,
-    mut hand: ResMut<MouseHand>,
+    mut hand: ResMut<MouseDevice>,
 ) {
     let pointer = windows.single().ok().and_then(|(window, seen)| Some((window, seen.cursor_position()?)));
     if let Some((window, pointer)) = pointer
@@ -182,12 +182,12 @@ fn camera_under<'a>(
 }
 
 /// Tells the device where to go. A button that is released is released, even while the pointer is not followed.
-fn tell_hand(pressed: Res<ButtonInput<MouseButton>>, mut hand: ResMut<MouseHand>) {
+fn tell_hand(pressed: Res<ButtonInput<MouseButton>>, mut hand: ResMut<MouseDevice>) {
     let pressed = hand.pressed & bits(hand.buttons, &pressed);
     let hand = hand.bypass_change_detection();
     hand.pressed = pressed;
     if let Some(followed) = &mut *hand.followed.lock().unwrap_or_else(PoisonError::into_inner) {
-        followed.set(hand.place_m.as_dvec3(), pressed);
+        followed.set(hand.target_m.as_dvec3(), pressed);
     }
 }
 
@@ -210,9 +210,7 @@ mod tests {
     fn app() -> (App, Entity) {
         let mut app = App::new();
         app.add_plugins((MinimalPlugins, bevy::input::InputPlugin))
-            .add_plugins(
-                PalpatePlugins.set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() }),
-            )
+            .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: LoopMode::Lockstep, ..default() }))
             .add_plugins(MouseDevicePlugin::default())
             .insert_resource(Time::<Fixed>::from_hz(20.0))
             .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
@@ -268,8 +266,8 @@ mod tests {
         point_at(&mut app, Vec2::new(399.0, 200.0));
         let at = settled(&mut app, tool);
         assert!((at.x - 0.2).abs() < 1e-5, "{at}");
-        app.world_mut().resource_mut::<MouseHand>().start_again();
-        assert_eq!(app.world().resource::<MouseHand>().place_m, Vec3::ZERO);
+        app.world_mut().resource_mut::<MouseDevice>().reset();
+        assert_eq!(app.world().resource::<MouseDevice>().target_m, Vec3::ZERO);
     }
 
     #[test]
@@ -281,7 +279,7 @@ mod tests {
         app.world_mut().resource_mut::<ButtonInput<MouseButton>>().press(MouseButton::Left);
         settled(&mut app, tool);
         let samples = &app.world().get::<crate::TickRecording>(tool).unwrap().samples;
-        let most_m = FollowingHand::default().max_speed_m_per_s * 1e-3;
+        let most_m = FollowerSettings::default().max_speed_m_per_s * 1e-3;
         for pair in samples.windows(2) {
             assert!(pair[0].position_m.distance(pair[1].position_m) <= most_m + 1e-12);
         }
@@ -331,7 +329,7 @@ mod tests {
         let (mut app, tool) = app();
         let mut buttons = vec![MouseButton::Left; 31];
         buttons.extend([MouseButton::Right; 9]);
-        app.world_mut().resource_mut::<MouseHand>().buttons = buttons.leak();
+        app.world_mut().resource_mut::<MouseDevice>().buttons = buttons.leak();
         app.world_mut().entity_mut(tool).insert(crate::TickRecording::default());
         app.world_mut().resource_mut::<ButtonInput<MouseButton>>().press(MouseButton::Right);
         settled(&mut app, tool);
@@ -367,9 +365,9 @@ mod tests {
     fn its_place_can_be_looked_at_by_reflection() {
         let (app, _) = app();
         let registry = app.world().resource::<AppTypeRegistry>().read();
-        let known = registry.get(std::any::TypeId::of::<MouseHand>()).unwrap();
+        let known = registry.get(std::any::TypeId::of::<MouseDevice>()).unwrap();
         assert!(known.data::<ReflectResource>().is_some());
-        let hand: &dyn Reflect = app.world().resource::<MouseHand>();
+        let hand: &dyn Reflect = app.world().resource::<MouseDevice>();
         let place = hand.reflect_ref().as_struct().unwrap().field("place_m").unwrap();
         assert_eq!(place.try_downcast_ref::<Vec3>(), Some(&Vec3::ZERO));
     }

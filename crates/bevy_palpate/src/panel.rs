@@ -14,9 +14,9 @@ mod widgets;
 
 pub use widgets::HapticWidgets;
 
-use crate::body::HapticSetupSystems;
+use crate::body::HapticUpdateSystems;
 use crate::diagnostics::FrameCost;
-use crate::schedule::{HapticSystems, ModelStep};
+use crate::schedule::{HapticSystems, ModelSchedule};
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
 use bevy::prelude::*;
 use bevy_egui::input::EguiWantsInput;
@@ -139,10 +139,10 @@ impl Plugin for HapticPanelPlugin {
             .add_systems(First, cost.timed(watch::begin_frame))
             .add_systems(
                 PreUpdate,
-                (toggle, cost.timed(faults::hear)).chain().after(HapticSetupSystems::Tools),
+                (toggle, cost.timed(faults::hear)).chain().after(HapticUpdateSystems::Tools),
             )
             .add_systems(
-                ModelStep,
+                ModelSchedule,
                 cost.timed(watch::watch).after(HapticSystems::Writeback).before(HapticSystems::Last),
             )
             .add_systems(Last, tell_cost);

@@ -28,10 +28,10 @@ pub(crate) enum ReflectedVelocityEstimator {
 #[bevy::reflect::reflect_remote(palpate_haptics::SafetySettings)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ReflectedSafetySettings {
-    pub start_below_n: f64,
+    pub arm_below_n: f64,
     pub ramp_s: f64,
     pub stale_after_periods: f64,
-    pub silent_after_ticks: u64,
+    pub device_timeout_ticks: u64,
     pub fade_s: f64,
     pub max_speed_m_per_s: f64,
     pub passivity_damping_ns_per_m: f64,

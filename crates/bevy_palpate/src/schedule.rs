@@ -1,6 +1,6 @@
 //! The model's own schedule, its rate and its clock.
 
-use crate::body::HapticSetupSystems;
+use crate::body::HapticUpdateSystems;
 use crate::diagnostics::{FrameCost, note_model_step, timed};
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::step_time::{StepTimes, report_slow_step};
@@ -14,7 +14,7 @@ use std::time::Duration;
 /// The schedule of a model step: one turn of the ring, at the rate of [`ModelRate`], inside Bevy's fixed main
 /// loop (in [`FixedUpdate`]). The app's own `Time<Fixed>` is left as it is.
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash, Default)]
-pub struct ModelStep;
+pub struct ModelSchedule;
 
 /// The sets of [`ModelStep`], in the order of the ring: each runs after the one before.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -22,13 +22,13 @@ pub enum HapticSystems {
     /// For users: before anything else in a model step.
     First,
     /// Takes the samples of every tool's loop; in lock step, turns the loops first.
-    Receive,
+    ReceiveSamples,
     /// Steps every body along the samples of the tool that touches it.
-    StepBody,
+    StepBodies,
     /// Builds a local model for every tool.
-    BuildLocalModel,
+    BuildLocalModels,
     /// Hands the local models over to the loops.
-    Publish,
+    PublishLocalModels,
     /// Writes meshes, results and messages.
     Writeback,
     /// For users: after everything else in a model step.
@@ -38,7 +38,7 @@ pub enum HapticSystems {
 /// What makes the loops tick. A loop has the clock that is set when it starts: choose it with the plugin and leave it.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Debug, Default, PartialEq, Clone)]
-pub enum HapticClock {
+pub enum LoopMode {
     /// Each loop on a thread of its own, at 1 kHz of real time: for use.
     #[default]
     Thread,
@@ -147,14 +147,14 @@ pub struct HapticSchedulePlugin {
     /// How often the bodies are stepped.
     pub rate: ModelRate,
     /// What makes the loops tick. A loop has the clock that is set when it starts: choose it with the plugin and leave it.
-    pub clock: HapticClock,
+    pub clock: LoopMode,
 }
 
 /// The time that really passes between two model steps.
 #[derive(SystemParam)]
 pub(crate) struct ModelPeriod<'w> {
     rate: Res<'w, ModelRate>,
-    clock: Res<'w, HapticClock>,
+    clock: Res<'w, LoopMode>,
     fixed: Option<Res<'w, Time<Fixed>>>,
 }
 
@@ -163,8 +163,8 @@ impl ModelPeriod<'_> {
     pub(crate) fn s(&self) -> f64 {
         let fixed_s = self.fixed.as_ref().map_or(0.0, |fixed| fixed.timestep().as_secs_f64());
         match *self.clock {
-            HapticClock::Thread => self.rate.period_s().max(fixed_s),
-            HapticClock::Lockstep => self.rate.period_s(),
+            LoopMode::Thread => self.rate.period_s().max(fixed_s),
+            LoopMode::Lockstep => self.rate.period_s(),
         }
     }
 }
@@ -173,7 +173,7 @@ impl ModelPeriod<'_> {
 #[derive(SystemParam)]
 pub(crate) struct ModelSpan<'w> {
     rate: Res<'w, ModelRate>,
-    clock: Res<'w, HapticClock>,
+    clock: Res<'w, LoopMode>,
     times: Option<Res<'w, StepTimes>>,
 }
 
@@ -188,9 +188,9 @@ impl ModelSpan<'_> {
     pub(crate) fn most_ticks(&self) -> usize {
         let was_slow = self.times.as_ref().is_some_and(|times| times.last > self.rate.period());
         match (*self.clock, was_slow) {
-            (HapticClock::Lockstep, _) => usize::MAX,
-            (HapticClock::Thread, false) => 2 * self.ticks(),
-            (HapticClock::Thread, true) => self.ticks(),
+            (LoopMode::Lockstep, _) => usize::MAX,
+            (LoopMode::Thread, false) => 2 * self.ticks(),
+            (LoopMode::Thread, true) => self.ticks(),
         }
     }
 }
@@ -215,7 +215,7 @@ impl ModelOverstep<'_> {
 impl Plugin for HapticSchedulePlugin {
     fn build(&self, app: &mut App) {
         // A schedule that somebody has added systems to already keeps them.
-        app.edit_schedule(ModelStep, |schedule| {
+        app.edit_schedule(ModelSchedule, |schedule| {
             schedule.set_build_settings(ScheduleBuildSettings {
                 ambiguity_detection: LogLevel::Error,
                 ..ScheduleBuildSettings::default()
@@ -223,10 +223,10 @@ impl Plugin for HapticSchedulePlugin {
             schedule.configure_sets(
                 (
                     HapticSystems::First,
-                    HapticSystems::Receive,
-                    HapticSystems::StepBody,
-                    HapticSystems::BuildLocalModel,
-                    HapticSystems::Publish,
+                    HapticSystems::ReceiveSamples,
+                    HapticSystems::StepBodies,
+                    HapticSystems::BuildLocalModels,
+                    HapticSystems::PublishLocalModels,
                     HapticSystems::Writeback,
                     HapticSystems::Last,
                 )
@@ -240,12 +240,12 @@ impl Plugin for HapticSchedulePlugin {
             .init_resource::<ModelStepCount>()
             .init_resource::<StepTimes>()
             .register_type::<ModelRate>()
-            .register_type::<HapticClock>()
+            .register_type::<LoopMode>()
             .register_type::<ModelStepCount>()
             .add_message::<HapticFault>()
             .add_systems(RunFixedMainLoop, begin_frame.in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop))
             .add_systems(FixedUpdate, (cost.timed(run_model_steps), report_slow_step).chain())
-            .add_systems(PreUpdate, watch_speed.before(HapticSetupSystems::Bodies));
+            .add_systems(PreUpdate, watch_speed.before(HapticUpdateSystems::Bodies));
     }
 }
 
@@ -256,9 +256,9 @@ fn begin_frame(mut accumulated: ResMut<Accumulated>) {
 /// Runs [`ModelStep`] when it is due. In lock step every due step is run; on threads one a frame at most, which consumes all samples
 /// there are.
 fn run_model_steps(world: &mut World) {
-    let (rate, clock) = (*world.resource::<ModelRate>(), *world.resource::<HapticClock>());
+    let (rate, clock) = (*world.resource::<ModelRate>(), *world.resource::<LoopMode>());
     let delta = world.resource::<Time<Fixed>>().delta();
-    if clock == HapticClock::Thread {
+    if clock == LoopMode::Thread {
         if world.resource_mut::<Accumulated>().is_due(delta, rate.period()) {
             run_model_step(world);
         }
@@ -273,7 +273,7 @@ fn run_model_steps(world: &mut World) {
 
 fn run_model_step(world: &mut World) {
     world.resource_mut::<ModelStepCount>().0 += 1;
-    let ((), cost) = timed(|| world.run_schedule(ModelStep));
+    let ((), cost) = timed(|| world.run_schedule(ModelSchedule));
     note_model_step(world, cost);
     world.resource_mut::<StepTimes>().note(cost);
 }
@@ -282,13 +282,13 @@ fn run_model_step(world: &mut World) {
 /// as in a pause (`set_loops`).
 fn watch_speed(
     time: Res<Time<Virtual>>,
-    clock: Res<HapticClock>,
+    clock: Res<LoopMode>,
     mut last: Local<Option<f64>>,
     mut faults: MessageWriter<HapticFault>,
 ) {
     let speed = time.relative_speed_f64();
-    if last.replace(speed) != Some(speed) && speed != 1.0 && *clock == HapticClock::Thread {
-        faults.write(HapticFault { entity: None, kind: HapticFaultKind::Speed { speed } });
+    if last.replace(speed) != Some(speed) && speed != 1.0 && *clock == LoopMode::Thread {
+        faults.write(HapticFault { entity: None, kind: HapticFaultKind::UnsupportedTimeScale { speed } });
     }
 }
 
@@ -314,26 +314,24 @@ mod tests {
     fn on_threads_a_step_catches_up_one_period_and_after_a_slow_one_none() {
         let mut world = World::new();
         world.insert_resource(ModelRate::default());
-        let mut most = |clock: HapticClock, last_ms: u64| {
+        let mut most = |clock: LoopMode, last_ms: u64| {
             world.insert_resource(clock);
             world.init_resource::<StepTimes>();
             world.resource_mut::<StepTimes>().note(Duration::from_millis(last_ms));
             world.run_system_once(|span: ModelSpan| span.most_ticks()).unwrap()
         };
-        assert_eq!(most(HapticClock::Thread, 10), 100);
-        assert_eq!(most(HapticClock::Thread, 60), 50);
-        assert_eq!([10, 60].map(|ms| most(HapticClock::Lockstep, ms)), [usize::MAX; 2]);
+        assert_eq!(most(LoopMode::Thread, 10), 100);
+        assert_eq!(most(LoopMode::Thread, 60), 50);
+        assert_eq!([10, 60].map(|ms| most(LoopMode::Lockstep, ms)), [usize::MAX; 2]);
     }
 
     #[test]
     fn on_threads_models_come_no_more_often_than_the_fixed_main_loop() {
         let mut world = World::new();
         world.insert_resource(Time::<Fixed>::from_hz(50.0));
-        for (ticks, clock, expected_s) in [
-            (5, HapticClock::Thread, 0.02),
-            (50, HapticClock::Thread, 0.05),
-            (5, HapticClock::Lockstep, 0.005),
-        ] {
+        for (ticks, clock, expected_s) in
+            [(5, LoopMode::Thread, 0.02), (50, LoopMode::Thread, 0.05), (5, LoopMode::Lockstep, 0.005)]
+        {
             world.insert_resource(ModelRate::every_ticks(ticks).unwrap());
             world.insert_resource(clock);
             let period_s = world.run_system_once(|period: ModelPeriod| period.s()).unwrap();

@@ -3,7 +3,7 @@
 use crate::body::SimulatedBody;
 use crate::diagnostics::FrameCost;
 use crate::fault::{HapticFault, HapticFaultKind, SlowStep};
-use crate::schedule::{HapticClock, ModelPeriod};
+use crate::schedule::{LoopMode, ModelPeriod};
 use bevy::prelude::*;
 use std::time::Duration;
 
@@ -39,7 +39,7 @@ const IN_TIME_S: f64 = 1.0;
 pub(crate) fn report_slow_step(
     mut times: ResMut<StepTimes>,
     bodies: Query<(Entity, &SimulatedBody)>,
-    clock: Res<HapticClock>,
+    clock: Res<LoopMode>,
     period: ModelPeriod,
     mut in_time_s: Local<Option<f64>>,
     mut faults: MessageWriter<HapticFault>,
@@ -49,7 +49,7 @@ pub(crate) fn report_slow_step(
     }
     let (bodies_ms, local_models_ms) = (times.bodies.take_ms(), times.local_models.take_ms());
     let (step_s, period_s) = (times.last.as_secs_f64(), period.s());
-    if *clock == HapticClock::Lockstep {
+    if *clock == LoopMode::Lockstep {
         return;
     }
     if step_s <= period_s {
@@ -98,7 +98,7 @@ mod tests {
         world.resource_mut::<Messages<HapticFault>>().drain().map(figure).collect()
     }
 
-    fn world(clock: HapticClock) -> World {
+    fn world(clock: LoopMode) -> World {
         let mut world = World::new();
         world.insert_resource(clock);
         world.insert_resource(ModelRate::default());
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_slow_step_is_reported_once_until_a_second_was_in_time() {
-        let mut world = world(HapticClock::Thread);
+        let mut world = world(LoopMode::Thread);
         assert_eq!(reported(&mut world, &[(20, 5), (60, 1)]), [60.0]);
         assert_eq!(reported(&mut world, &[(180, 20), (20, 19), (70, 1), (20, 19)]), [0.0; 0]);
         assert_eq!(reported(&mut world, &[(20, 1), (90, 3)]), [90.0]);
@@ -117,6 +117,6 @@ mod tests {
 
     #[test]
     fn in_lock_step_no_step_is_slow() {
-        assert_eq!(reported(&mut world(HapticClock::Lockstep), &[(500, 5)]), [0.0; 0]);
+        assert_eq!(reported(&mut world(LoopMode::Lockstep), &[(500, 5)]), [0.0; 0]);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::body::{DeformableBody, SimulatedBody};
 use crate::fault::{HapticFault, HapticFaultKind, SutureFault};
-use crate::schedule::{HapticSystems, ModelStep};
+use crate::schedule::{HapticSystems, ModelSchedule};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{Body, BodyError, BodyPoint, SurfaceTree, Tie};
@@ -102,10 +102,10 @@ impl Plugin for SuturePlugin {
             .add_message::<HapticFault>()
             .add_message::<SutureTorn>()
             .configure_sets(
-                ModelStep,
-                (SutureSystems::Sew, SutureSystems::Tell).chain().in_set(HapticSystems::StepBody),
+                ModelSchedule,
+                (SutureSystems::Sew, SutureSystems::Tell).chain().in_set(HapticSystems::StepBodies),
             )
-            .add_systems(ModelStep, (sew.in_set(SutureSystems::Sew), tell.in_set(SutureSystems::Tell)));
+            .add_systems(ModelSchedule, (sew.in_set(SutureSystems::Sew), tell.in_set(SutureSystems::Tell)));
     }
 }
 

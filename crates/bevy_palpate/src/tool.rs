@@ -12,23 +12,23 @@ mod settings;
 mod size;
 mod start;
 
-pub use black_box::KeepBlackBox;
-pub use grasp::{Grasping, ToolGrasp};
+pub use black_box::BlackBoxDump;
+pub use grasp::{GraspedPoint, ToolGrasp};
 pub use results::{
-    ContactState, LocalModelBuild, LocalModelError, LoopTiming, TickRecording, ToolForce, Touching,
+    ContactState, ForceError, LocalModelStats, LoopTiming, TickRecording, ToolForce, TouchedBody,
 };
 pub use start::ToolLoop;
 
-use crate::body::HapticSetupSystems;
+use crate::body::HapticUpdateSystems;
 use crate::device::{DeviceSelector, HapticDevices};
 use crate::diagnostics::FrameCost;
 use crate::fault::HapticFault;
-use crate::schedule::{HapticClock, HapticSystems, ModelRate, ModelStep};
+use crate::schedule::{HapticSystems, LoopMode, ModelRate, ModelSchedule};
 use crate::step_time::StepTimes;
 use crate::suture::SutureSystems;
 use bevy::prelude::*;
 use glam::DVec3;
-use palpate_body::{BodyError, VirtualCoupling, ToolContact, ToolShape};
+use palpate_body::{BodyError, ToolContact, ToolShape, VirtualCoupling};
 use palpate_haptics::{DeviceFrame, SafetySettings, VelocityEstimator};
 use palpate_local::Scheme;
 
@@ -39,7 +39,7 @@ use palpate_local::Scheme;
 /// [`Transform`] is where it is in the picture: between the last two model steps, as the bodies are drawn, and behind its
 /// coupling. Spawn it without a parent.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
-#[require(ToolSettings, ToolForce, LocalModelBuild, LocalModelError, LoopTiming, Touching, Transform)]
+#[require(ToolSettings, ToolForce, LocalModelStats, ForceError, LoopTiming, TouchedBody, Transform)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct HapticTool {
     /// Which device moves it. A change starts another loop.
@@ -80,7 +80,7 @@ impl HapticTool {
     /// # Errors
     /// [`BodyError`] when shape, friction or coupling make no sense.
     pub fn contact(&self) -> Result<ToolContact, BodyError> {
-        self.coupling.put_before(ToolContact::touch(self.shape, self.friction)?)
+        self.coupling.apply_to(ToolContact::touch(self.shape, self.friction)?)
     }
 }
 
@@ -91,20 +91,20 @@ pub enum ToolCoupling {
     /// It is where the device is, whatever that takes: a hand can drag a body through itself. For measuring fidelity.
     Rigid,
     /// A stiff spring whose force saturates: a hand that goes deeper than the body can leaves the tool on its surface.
-    GivesWay {
+    Virtual {
         /// Stiffness, N/m: below the largest force the tool is F/k behind the device.
         stiffness_n_per_m: f64,
         /// The largest force, N: more is neither felt nor done to the body.
-        most_n: f64,
+        max_force_n: f64,
     },
 }
 
 impl ToolCoupling {
     /// `contact` behind this coupling.
-    pub(crate) fn put_before(self, contact: ToolContact) -> Result<ToolContact, BodyError> {
+    pub(crate) fn apply_to(self, contact: ToolContact) -> Result<ToolContact, BodyError> {
         match self {
             Self::Rigid => Ok(contact),
-            Self::GivesWay { stiffness_n_per_m, most_n } => {
+            Self::Virtual { stiffness_n_per_m, max_force_n: most_n } => {
                 contact.with_coupling(VirtualCoupling { stiffness_n_per_m, max_force_n: most_n })
             }
         }
@@ -114,7 +114,7 @@ impl ToolCoupling {
 impl Default for ToolCoupling {
     /// 20 kN/m, so a quarter of a millimetre at 5 N; 10 N.
     fn default() -> Self {
-        Self::GivesWay { stiffness_n_per_m: 20e3, most_n: 10.0 }
+        Self::Virtual { stiffness_n_per_m: 20e3, max_force_n: 10.0 }
     }
 }
 
@@ -137,7 +137,7 @@ pub struct ToolSettings {
 /// A tool has touched a body. Each of these is followed by one [`ContactEnded`], whatever ends the contact.
 #[derive(Message, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Message, Debug, PartialEq, Clone)]
-pub struct ContactBegan {
+pub struct ContactStart {
     /// The tool.
     pub tool: Entity,
     /// The body.
@@ -151,7 +151,7 @@ pub struct ContactBegan {
 /// A tool has let go of a body.
 #[derive(Message, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[reflect(Message, Debug, PartialEq, Clone)]
-pub struct ContactEnded {
+pub struct ContactEnd {
     /// The tool.
     pub tool: Entity,
     /// The body.
@@ -170,52 +170,52 @@ impl Plugin for ToolPlugin {
             .register_type::<HapticTool>()
             .register_type::<ToolSettings>()
             .register_type::<ToolGrasp>()
-            .register_type::<Grasping>()
+            .register_type::<GraspedPoint>()
             .register_type::<ToolForce>()
-            .register_type::<LocalModelBuild>()
-            .register_type::<LocalModelError>()
+            .register_type::<LocalModelStats>()
+            .register_type::<ForceError>()
             .register_type::<LoopTiming>()
-            .register_type::<Touching>()
+            .register_type::<TouchedBody>()
             .register_type::<ContactState>()
             .register_type::<TickRecording>()
-            .register_type::<ContactBegan>()
-            .register_type::<ContactEnded>()
+            .register_type::<ContactStart>()
+            .register_type::<ContactEnd>()
             .add_message::<HapticFault>()
-            .add_message::<ContactBegan>()
-            .add_message::<ContactEnded>()
-            .configure_sets(PreUpdate, (HapticSetupSystems::Bodies, HapticSetupSystems::Tools).chain())
+            .add_message::<ContactStart>()
+            .add_message::<ContactEnd>()
+            .configure_sets(PreUpdate, (HapticUpdateSystems::Bodies, HapticUpdateSystems::Tools).chain())
             .add_systems(
                 PreUpdate,
                 (
                     cost.timed(start::start_loops),
-                    cost.timed(receive::watch_loops),
+                    cost.timed(receive::poll_loops),
                     cost.timed(settings::check_settings),
                     cost.timed(settings::set_loops),
                     cost.timed(results::write_results),
                 )
                     .chain()
-                    .in_set(HapticSetupSystems::Tools),
+                    .in_set(HapticUpdateSystems::Tools),
             )
             .add_systems(
-                ModelStep,
+                ModelSchedule,
                 (
-                    (receive::receive, receive::choose_bodies, settings::set_loops)
+                    (receive::receive, receive::select_bodies, settings::set_loops)
                         .chain()
-                        .in_set(HapticSystems::Receive),
-                    (times.bodies.timed(model::step_bodies), model::judge_loops, grasp::grasp)
+                        .in_set(HapticSystems::ReceiveSamples),
+                    (times.bodies.timed(model::step_bodies), model::measure_force_error, grasp::grasp)
                         .chain()
-                        .in_set(HapticSystems::StepBody)
+                        .in_set(HapticSystems::StepBodies)
                         .after(SutureSystems::Sew)
                         .before(SutureSystems::Tell),
                     times
                         .local_models
                         .timed(model::build_local_models)
-                        .in_set(HapticSystems::BuildLocalModel),
-                    model::publish_local_models.in_set(HapticSystems::Publish),
+                        .in_set(HapticSystems::BuildLocalModels),
+                    model::publish_local_models.in_set(HapticSystems::PublishLocalModels),
                     (
-                        receive::watch_loops,
+                        receive::poll_loops,
                         results::write_results,
-                        results::note_poses,
+                        results::record_poses,
                         results::write_errors,
                         no_force::report_missing_force,
                         convergence::report_unconverged,
@@ -226,14 +226,17 @@ impl Plugin for ToolPlugin {
                 ),
             )
             .add_observer(start::remove_loop)
-            .add_systems(PostUpdate, cost.timed(results::move_tools).before(TransformSystems::Propagate));
+            .add_systems(
+                PostUpdate,
+                cost.timed(results::interpolate_tool_transforms).before(TransformSystems::Propagate),
+            );
     }
 
     fn finish(&self, app: &mut App) {
         let world = app.world();
         let needed = [
             (world.contains_resource::<ModelRate>(), "HapticSchedulePlugin, or the resource ModelRate"),
-            (world.contains_resource::<HapticClock>(), "HapticSchedulePlugin, or the resource HapticClock"),
+            (world.contains_resource::<LoopMode>(), "HapticSchedulePlugin, or the resource HapticClock"),
             (
                 world.contains_resource::<Time<Virtual>>(),
                 "Bevy's TimePlugin (it is in MinimalPlugins and DefaultPlugins)",

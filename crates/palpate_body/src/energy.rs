@@ -74,7 +74,13 @@ impl Body {
         let stored_j = self.energy().total_j() - ledger.opened_with_j + contact_j;
         let Ledger { work_in_j, damped_j, rubbed_j, .. } = *ledger;
         let integrator_j = work_in_j - stored_j - damped_j - rubbed_j;
-        Some(EnergyBalance { work_in_j, stored_j, damping_loss_j: damped_j, friction_loss_j: rubbed_j, integrator_j })
+        Some(EnergyBalance {
+            work_in_j,
+            stored_j,
+            damping_loss_j: damped_j,
+            friction_loss_j: rubbed_j,
+            integrator_j,
+        })
     }
 }
 

@@ -110,7 +110,7 @@ pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplic
 pub use lattice::{Lattice, Neighbours};
 pub use network::{Grid, Link, Network, NetworkBuilder};
 pub use obstacle::{NodeContact, Obstacle};
-pub use palpate_laws::{VirtualCoupling, ToolShape, VolumeBarrier};
+pub use palpate_laws::{ToolShape, VirtualCoupling, VolumeBarrier};
 pub use region::Region;
 pub use skin::Skin;
 pub use surface::{ClosestPoint, ContactSurface, Surface, SurfaceTree};

@@ -6,7 +6,7 @@ pub use touched::TouchedPoint;
 
 use crate::{Body, BodyError, BodyPoint};
 use glam::DVec3;
-use palpate_laws::{Coulomb, VirtualCoupling, ToolShape};
+use palpate_laws::{Coulomb, ToolShape, VirtualCoupling};
 
 /// One point of the tool's path, in the body's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

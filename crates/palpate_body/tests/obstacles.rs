@@ -26,7 +26,8 @@ fn implicit() -> Integrator {
 /// A soft cube of `n` nodes a side, its lower face `height` above the ground, fixed to nothing.
 fn cube(n: usize, edge: f64, height: f64) -> Body {
     let center = DVec3::Z * (0.5 * edge + height);
-    let block = Block::new([n; 3], DVec3::splat(edge)).unwrap().centered_at(center).unwrap().allow_unconstrained();
+    let block =
+        Block::new([n; 3], DVec3::splat(edge)).unwrap().centered_at(center).unwrap().allow_unconstrained();
     let tissue = Tissue { youngs_modulus_pa: 20e3, damping_ratio: 0.5, ..Tissue::default() };
     body(block.tissue(&tissue).unwrap().network)
 }
@@ -57,7 +58,8 @@ fn a_sliding_mass_slows_by_mu_g_and_stops_for_good() {
         // All of its energy is rubbed away.
         let books = body.energy_balance().unwrap();
         assert!(
-            (books.friction_loss_j / (0.5 * 0.2 * v0 * v0) - 1.0).abs() < 1e-9 && books.integrator_j.abs() < 1e-12
+            (books.friction_loss_j / (0.5 * 0.2 * v0 * v0) - 1.0).abs() < 1e-9
+                && books.integrator_j.abs() < 1e-12
         );
     }
 }

@@ -90,7 +90,8 @@ fn a_damped_oscillator_follows_the_predicted_discrete_trajectory() {
 #[test]
 fn a_rigid_motion_makes_no_force() {
     // Nothing is fixed: what is fixed has no velocity.
-    let block = Block::new([5; 3], DVec3::splat(0.1)).unwrap().allow_unconstrained().uniform(&LATTICE).unwrap();
+    let block =
+        Block::new([5; 3], DVec3::splat(0.1)).unwrap().allow_unconstrained().uniform(&LATTICE).unwrap();
     let mut body = Body::new(block.network, block.surface).unwrap();
     let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 1.1);
     let shift = DVec3::new(0.3, -2.0, 0.7);

@@ -44,7 +44,8 @@ fn two_that_press_a_floating_body_from_two_sides_feel_equal_and_opposite_forces(
                 path(1500, move |t| DVec3::X * side * (0.05 + RADIUS + 1e-3 - 0.005 * (t / 0.5).min(1.0)))
             };
             // Without friction; the triangles of the two faces are no mirror images, so the dents are not quite.
-            let tool = || coupling.map_or_else(|| ball(0.0), |coupling| ball(0.0).with_coupling(coupling).unwrap());
+            let tool =
+                || coupling.map_or_else(|| ball(0.0), |coupling| ball(0.0).with_coupling(coupling).unwrap());
             let mut tools = [(tool(), way(1.0)), (tool(), way(-1.0))];
             let forces = run(&mut body, &mut tools, 1500, integrator);
             for pair in &forces {

@@ -21,11 +21,11 @@ use std::time::Duration;
 
 /// A running bare thread. It waits for the loop beside it ([`crate::run_beside`]) to begin. Dropping it stops it.
 #[derive(Debug)]
-pub struct BareThread {
+pub struct BaselineThread {
     clock: MonotonicClock,
     period_ns: u64,
     shared: Arc<Shared>,
-    thread: Option<JoinHandle<BareReport>>,
+    thread: Option<JoinHandle<BaselineReport>>,
 }
 
 #[derive(Debug, Default)]
@@ -39,7 +39,7 @@ struct Shared {
 
 /// What a bare thread measured.
 #[derive(Clone, Debug)]
-pub struct BareReport {
+pub struct BaselineReport {
     /// What it got of what it asked the operating system for.
     pub real_time: RealTimeReport,
     /// Times that it woke.
@@ -52,7 +52,7 @@ pub struct BareReport {
     pub lateness: TimeHistogram,
 }
 
-impl BareThread {
+impl BaselineThread {
     /// Starts a bare thread beside a loop made with `config`: the same requests and the same period.
     ///
     /// # Errors
@@ -67,9 +67,9 @@ impl BareThread {
         let thread = std::thread::Builder::new()
             .name("bare".into())
             .spawn(move || {
-                let real_time = real_time.ask_for_this_thread();
+                let real_time = real_time.apply_to_current_thread();
                 let mut report =
-                    BareReport { real_time, ticks: 0, during_ticks: 0, missed_deadlines: 0, lateness };
+                    BaselineReport { real_time, ticks: 0, during_ticks: 0, missed_deadlines: 0, lateness };
                 if let Some(first_ns) = wait_for_first(clock, &other, period_ns) {
                     wake(clock, &other, first_ns, period_ns, &mut report);
                 }
@@ -100,17 +100,17 @@ impl BareThread {
 
     /// Stops it and waits for it, a period at most; `None` if it panicked.
     #[must_use]
-    pub fn stop(mut self) -> Option<BareReport> {
+    pub fn stop(mut self) -> Option<BaselineReport> {
         self.end()
     }
 
-    fn end(&mut self) -> Option<BareReport> {
+    fn end(&mut self) -> Option<BaselineReport> {
         self.shared.stop.store(true, Ordering::Release);
         self.thread.take()?.join().ok()
     }
 }
 
-impl Drop for BareThread {
+impl Drop for BaselineThread {
     fn drop(&mut self) {
         self.end();
     }
@@ -141,7 +141,7 @@ fn wake(
     shared: &Shared,
     mut deadline_ns: u64,
     period_ns: u64,
-    report: &mut BareReport,
+    report: &mut BaselineReport,
 ) {
     while !shared.stop.load(Ordering::Acquire) {
         clock.sleep_until(deadline_ns);
@@ -162,14 +162,14 @@ fn wake(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Reading, RealTime, ScriptedDevice, haptic_loop, run_beside};
+    use crate::{Reading, RealTimeRequest, ScriptedDevice, haptic_loop, run_with_baseline};
     use glam::DVec3;
 
     #[test]
     fn it_waits_for_the_loop_and_then_accounts_for_every_deadline() {
-        let config = LoopConfig { real_time: RealTime::NOTHING, ..LoopConfig::default() };
+        let config = LoopConfig { real_time: RealTimeRequest::NONE, ..LoopConfig::default() };
         let (_handle, haptic_loop) = haptic_loop(config, crate::LoopSettings::default()).unwrap();
-        let bare = BareThread::spawn(&config).unwrap();
+        let bare = BaselineThread::spawn(&config).unwrap();
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
         let mut device = ScriptedDevice::new(move |n, _| {
@@ -178,7 +178,7 @@ mod tests {
         });
         let (clock, begun_ns) = (bare.clock, bare.clock.now_ns());
         assert_eq!(bare.shared.first_deadline_ns.load(Ordering::Acquire), 0, "it waits");
-        run_beside(haptic_loop, &mut device, &stop, &bare);
+        run_with_baseline(haptic_loop, &mut device, &stop, &bare);
         let report = bare.stop().unwrap();
         let took_ms = (clock.now_ns() - begun_ns) / 1_000_000;
         let deadlines = report.ticks + report.missed_deadlines;
@@ -204,10 +204,10 @@ mod tests {
 
     #[test]
     fn it_ends_without_a_loop_and_refuses_what_a_loop_does() {
-        let config = LoopConfig { real_time: RealTime::NOTHING, ..LoopConfig::default() };
-        let report = BareThread::spawn(&config).unwrap().stop().unwrap();
+        let config = LoopConfig { real_time: RealTimeRequest::NONE, ..LoopConfig::default() };
+        let report = BaselineThread::spawn(&config).unwrap().stop().unwrap();
         assert_eq!((report.ticks, report.missed_deadlines), (0, 0));
         let config = LoopConfig { event_capacity: 0, ..config };
-        assert!(matches!(BareThread::spawn(&config), Err(HapticsError::Setting { .. })));
+        assert!(matches!(BaselineThread::spawn(&config), Err(HapticsError::Setting { .. })));
     }
 }

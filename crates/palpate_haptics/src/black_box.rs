@@ -20,10 +20,10 @@ pub(crate) mod table;
 mod tick;
 
 pub use error::BlackBoxError;
-pub use keeper::BlackBoxKeeper;
+pub use keeper::BlackBoxWriter;
 pub use recording::Recording;
 pub use stages::{SafetyAction, SafetyActions};
-pub use tick::{BlackBoxTick, DeviceFault};
+pub use tick::{BlackBoxTick, RecordedDeviceError};
 
 use std::io::{BufWriter, Write};
 use std::ops::Range;

@@ -4,8 +4,8 @@ mod following;
 mod replay;
 mod scripted;
 
-pub use following::{FollowedPlace, FollowingDevice, FollowingHand};
-pub use replay::{AtEnd, ReplayDevice};
+pub use following::{FollowerDevice, FollowerSettings, FollowerTarget};
+pub use replay::{ReplayDevice, ReplayEnd};
 pub use scripted::ScriptedDevice;
 
 use crate::error::{check, check_positive};
@@ -53,7 +53,7 @@ pub trait HapticDevice: Send {
 
     /// The part of `force_n` that its motors can show whatever their limits, N, its own frame: a linear projection, which leaves out the
     /// axes without a motor. By default all of it. A tool whose force lies along such axes is reported by the app.
-    fn shown_n(&self, force_n: DVec3) -> DVec3 {
+    fn quantized_force_n(&self, force_n: DVec3) -> DVec3 {
         force_n
     }
 
@@ -109,9 +109,11 @@ impl DeviceDescription {
             } else {
                 good.max_slew_n_per_s
             },
-            start_below_n: good.start_below_n.min(force_n / 20.0),
+            arm_below_n: good.arm_below_n.min(force_n / 20.0),
             // What is not finite becomes the largest number there is.
-            silent_after_ticks: good.silent_after_ticks.max((3.0 / (self.rate_hz * tick_s)).ceil() as u64),
+            device_timeout_ticks: good
+                .device_timeout_ticks
+                .max((3.0 / (self.rate_hz * tick_s)).ceil() as u64),
             ..good
         }
     }
@@ -176,7 +178,7 @@ pub struct Reading {
     pub buttons: u32,
     /// The number of the device's report, where it counts them: each newer one has a larger number, until the device is opened
     /// anew. Without, a device that repeats itself or whose reports overtake each other cannot be told from a hand.
-    pub number: Option<u64>,
+    pub sequence: Option<u64>,
 }
 
 impl Reading {
@@ -184,7 +186,7 @@ impl Reading {
     #[must_use]
     pub fn at(position_m: DVec3) -> Self {
         let orientation = DQuat::IDENTITY;
-        Self { position_m, velocity_m_per_s: None, orientation, buttons: 0, number: None }
+        Self { position_m, velocity_m_per_s: None, orientation, buttons: 0, sequence: None }
     }
 
     /// Whether every number is one that a hand can have, and the orientation a rotation: positions within 1 km of

@@ -27,7 +27,7 @@ pub struct HapticHandle {
     settings: Input<(u64, LoopSettings)>,
     newest_settings: (u64, LoopSettings),
     models: Input<LocalModel>,
-    samples: Output<Sampled>,
+    samples: Output<LoopSnapshot>,
     reports: Output<LoopReport>,
     events: Receiver<LoopEvent>,
     records: Receiver<TickRecord>,
@@ -35,7 +35,7 @@ pub struct HapticHandle {
 
 /// What the loop publishes at every tick.
 #[derive(Clone, Debug)]
-pub(crate) struct Sampled {
+pub(crate) struct LoopSnapshot {
     pub(crate) history: SampleHistory,
     pub(crate) displayed: DisplayedForces,
     pub(crate) black_box: BlackBox,
@@ -44,10 +44,10 @@ pub(crate) struct Sampled {
 
 /// The loop's ends of everything that crosses.
 #[derive(Debug)]
-pub(crate) struct LoopEnds {
+pub(crate) struct LoopChannels {
     pub(crate) settings: Output<(u64, LoopSettings)>,
     pub(crate) models: Output<LocalModel>,
-    pub(crate) samples: Input<Sampled>,
+    pub(crate) samples: Input<LoopSnapshot>,
     pub(crate) reports: Input<LoopReport>,
     pub(crate) events: Sender<LoopEvent>,
     pub(crate) records: Sender<TickRecord>,
@@ -69,7 +69,7 @@ pub fn haptic_loop(
     // The vectors get their length here, before they are cloned into the three slots.
     let (models_in, models_out) = triple_buffer(&LocalModel::empty(config.hand_over.capacity));
     let history = SampleHistory::with_capacity(config.hand_over.history)?;
-    let (samples_in, samples_out) = triple_buffer(&Sampled {
+    let (samples_in, samples_out) = triple_buffer(&LoopSnapshot {
         displayed: DisplayedForces::with_capacity(config.hand_over.history),
         history,
         black_box: BlackBox::new(),
@@ -78,7 +78,7 @@ pub fn haptic_loop(
     let (reports_in, reports_out) = triple_buffer(&LoopReport::new());
     let (events_in, events_out) = bounded(config.event_capacity);
     let (records_in, records_out) = bounded(config.record_capacity);
-    let ends = LoopEnds {
+    let ends = LoopChannels {
         settings: settings_out,
         models: models_out,
         samples: samples_in,
@@ -116,7 +116,7 @@ impl HapticHandle {
     ///
     /// # Errors
     /// [`HapticsError::Setting`] when they make no sense; the old ones stay in force.
-    pub fn set(&mut self, settings: LoopSettings) -> Result<u64, HapticsError> {
+    pub fn set_settings(&mut self, settings: LoopSettings) -> Result<u64, HapticsError> {
         settings.validate()?;
         self.newest_settings = (self.newest_settings.0 + 1, settings);
         self.settings.write(self.newest_settings);

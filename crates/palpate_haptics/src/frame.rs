@@ -53,7 +53,7 @@ impl DeviceFrame {
             velocity_m_per_s: reading.velocity_m_per_s.map(turn),
             orientation: self.rotation * reading.orientation,
             buttons: reading.buttons,
-            number: reading.number,
+            sequence: reading.sequence,
         }
     }
 

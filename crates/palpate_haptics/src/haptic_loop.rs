@@ -7,7 +7,7 @@
 
 use crate::black_box::BlackBox;
 use crate::displayed::DisplayedForces;
-use crate::exchange::LoopEnds;
+use crate::exchange::LoopChannels;
 use crate::plausibility::Plausibility;
 use crate::real_time;
 use crate::timing::LoopReport;
@@ -17,10 +17,10 @@ use crate::{
     SafetyChain, SafetyInput, TickRecord, TickTiming,
 };
 use glam::{DQuat, DVec3};
-use palpate_local::{HandOver, ModelId, SubmitResult, Sample, SampleOrigin, RenderedForce};
+use palpate_local::{HandOver, ModelId, RenderedForce, Sample, SampleOrigin, SubmitResult};
 
 /// Missed deadlines in a row that are bridged by interpolated samples; more begin the samples anew.
-pub const LONGEST_BRIDGE: u64 = 200;
+pub const MAX_BRIDGED_TICKS: u64 = 200;
 
 /// A longer sleep than that counts as one of that length: about three years of ticks of 1 ms.
 const LONGEST_GAP: u64 = 100_000_000_000;
@@ -37,7 +37,7 @@ const REPORT_PERIOD: u64 = 64;
 pub struct HapticLoop {
     config: LoopConfig,
     settings: LoopSettings,
-    pub(crate) ends: LoopEnds,
+    pub(crate) ends: LoopChannels,
     hand_over: HandOver,
     safety: SafetyChain,
     velocity: VelocityState,
@@ -62,7 +62,7 @@ pub struct HapticLoop {
 
 /// The outcome of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ticked {
+pub struct TickOutput {
     /// The force to be written to the device, N, device frame.
     pub device_force_n: DVec3,
     /// Everything else, to be given back to [`HapticLoop::finish_tick`].
@@ -73,7 +73,7 @@ impl HapticLoop {
     pub(crate) fn new(
         config: LoopConfig,
         settings: LoopSettings,
-        ends: LoopEnds,
+        ends: LoopChannels,
     ) -> Result<Self, HapticsError> {
         Ok(Self {
             config,
@@ -104,7 +104,7 @@ impl HapticLoop {
 
     /// One tick, `elapsed` periods after the last one (1, more where deadlines were missed), with what the
     /// device gave. The force must be written before [`HapticLoop::finish_tick`] is called.
-    pub fn tick(&mut self, elapsed: u64, reading: Result<Reading, DeviceError>) -> Ticked {
+    pub fn tick(&mut self, elapsed: u64, reading: Result<Reading, DeviceError>) -> TickOutput {
         let elapsed = elapsed.clamp(1, LONGEST_GAP);
         // Models before settings: whoever sets a tool to another body and then publishes a model of it must not
         // have the model judged by the old settings.
@@ -113,18 +113,18 @@ impl HapticLoop {
         let settings = self.adopt_settings();
         if frame.rotation != self.settings.frame.rotation {
             // The device goes on showing what it shows, whatever the scene calls it.
-            self.safety.turned(self.settings.frame.rotation * frame.rotation.conjugate());
+            self.safety.rotate_frame(self.settings.frame.rotation * frame.rotation.conjugate());
         }
-        let reading = self.judge(reading.and_then(usable), elapsed);
+        let reading = self.validate_reading(reading.and_then(usable), elapsed);
         let in_scene = reading.map(|r| self.settings.frame.to_scene(&r)).and_then(usable);
-        self.account_for_deadlines(elapsed);
+        self.record_deadlines(elapsed);
         self.sequence = self.sequence.saturating_add(elapsed);
-        let recovered = self.account_for_reading(&in_scene, elapsed);
+        let recovered = self.record_reading(&in_scene, elapsed);
         let has_jumped = recovered || frame != self.settings.frame;
         self.take_sample(elapsed, &in_scene, has_jumped);
         let taken = if arrived { Some(self.take_model()) } else { None };
         let spoken = self.hand_over.render();
-        self.account_for_model(&spoken);
+        self.record_model(&spoken);
         let (moved_m, velocity_m_per_s) = self.hand_motion(has_jumped);
         let periods = |ticks: u64| ticks as f64 * self.config.hand_over.tick_s / self.settings.model_period_s;
         let input = SafetyInput {
@@ -148,10 +148,10 @@ impl HapticLoop {
             && safety.stale
             && !self.settings.paused
         {
-            self.tell(LoopEventKind::ModelStale(input.model_age_periods));
+            self.emit(LoopEventKind::ModelStale(input.model_age_periods));
         }
         if !std::mem::replace(&mut self.is_not_finite, safety.not_finite) && safety.not_finite {
-            self.tell(LoopEventKind::ForceNotFinite);
+            self.emit(LoopEventKind::ForceNotFinite);
         }
         let sample = self.hand_over.history().newest().copied();
         if let Some(sample) = sample.filter(|_| spoken.model.is_some()) {
@@ -165,19 +165,19 @@ impl HapticLoop {
             sample,
             settings,
             taken,
-            spoken,
+            rendered: spoken,
             safety,
             force_n,
             written: Ok(()),
             timing,
         };
-        Ticked { device_force_n: self.settings.frame.force_to_device(force_n), record }
+        TickOutput { device_force_n: self.settings.frame.force_to_device(force_n), record }
     }
 
     /// After the force of `ticked` has been written: takes the time and publishes what the app wants to know.
     pub fn finish_tick(
         &mut self,
-        ticked: &Ticked,
+        ticked: &TickOutput,
         timing: Option<TickTiming>,
         written: Result<(), DeviceError>,
     ) {
@@ -187,10 +187,10 @@ impl HapticLoop {
                 self.report.device_errors += 1;
                 // One word when it begins.
                 if self.unwritten_ticks == 0 {
-                    self.tell(LoopEventKind::DeviceFailed(error));
+                    self.emit(LoopEventKind::DeviceFailed(error));
                 }
                 self.unwritten_ticks = self.unwritten_ticks.saturating_add(ticked.record.elapsed);
-                self.safety.not_written();
+                self.safety.write_failed();
             }
         }
         if let Some(timing) = timing {
@@ -223,42 +223,42 @@ impl HapticLoop {
 
     /// Asks the operating system for what the thread needs, on that thread.
     pub(crate) fn set_up_thread(&mut self) {
-        let granted = real_time::ask(self.config.real_time);
+        let granted = real_time::apply(self.config.real_time);
         real_time::touch_stack();
         self.report.real_time = granted;
-        self.tell(LoopEventKind::RealTime(granted));
+        self.emit(LoopEventKind::RealTime(granted));
     }
 
     /// Tells the app that the device is open, and whether it is watched.
-    pub(crate) fn begin(&mut self, is_watched: bool) {
-        self.tell(LoopEventKind::Started);
+    pub(crate) fn start(&mut self, is_watched: bool) {
+        self.emit(LoopEventKind::Started);
         if !is_watched {
-            self.tell(LoopEventKind::NoEmergencyStop);
+            self.emit(LoopEventKind::NoEmergencyStop);
         }
     }
 
     /// The device was stopped beside the loop: its force begins anew.
     pub(crate) fn was_stopped(&mut self) {
         self.begin_anew = true;
-        self.safety.released();
-        self.tell(LoopEventKind::EmergencyStopped);
+        self.safety.reset_output();
+        self.emit(LoopEventKind::EmergencyStopped);
     }
 
     /// The device has been opened again: its force begins anew, wherever the hand is now.
     pub(crate) fn reconnected(&mut self) {
         (self.begin_anew, self.plausibility) = (true, Plausibility::default());
-        self.safety.released();
-        self.tell(LoopEventKind::Reconnected);
+        self.safety.reset_output();
+        self.emit(LoopEventKind::Reconnected);
     }
 
     /// The device was disconnected and could not be opened again, for another reason than the last that was told.
     pub(crate) fn not_reopened(&mut self, error: DeviceError) {
-        self.tell(LoopEventKind::ReopenFailed(error));
+        self.emit(LoopEventKind::ReopenFailed(error));
     }
 
     /// The driver or the loop panicked; zero force has been written and the device closed.
     pub(crate) fn panicked(&mut self) {
-        self.tell(LoopEventKind::Panicked);
+        self.emit(LoopEventKind::Panicked);
         self.report.ended = true;
         self.publish_report();
     }
@@ -267,9 +267,9 @@ impl HapticLoop {
     pub(crate) fn end(&mut self, closed: Result<(), DeviceError>) {
         if let Err(error) = closed {
             self.report.device_errors += 1;
-            self.tell(LoopEventKind::DeviceFailed(error));
+            self.emit(LoopEventKind::DeviceFailed(error));
         }
-        self.tell(LoopEventKind::Stopped);
+        self.emit(LoopEventKind::Stopped);
         self.report.ended = true;
         self.publish_report();
     }
@@ -279,18 +279,22 @@ impl HapticLoop {
         self.ends.reports.publish();
     }
 
-    fn tell(&mut self, kind: LoopEventKind) {
+    fn emit(&mut self, kind: LoopEventKind) {
         let event = LoopEvent { sequence: self.sequence, kind };
         self.report.dropped_events += u64::from(self.ends.events.try_send(event).is_err());
     }
 
     /// `reading` if it is believed. Where nobody saw how the hand came there, the start begins anew.
-    fn judge(&mut self, reading: Result<Reading, DeviceError>, elapsed: u64) -> Result<Reading, DeviceError> {
+    fn validate_reading(
+        &mut self,
+        reading: Result<Reading, DeviceError>,
+        elapsed: u64,
+    ) -> Result<Reading, DeviceError> {
         let step_m = self.settings.jump_m_per_s * self.config.hand_over.tick_s;
-        let believed = self.plausibility.judge(reading, elapsed, step_m)?;
+        let believed = self.plausibility.validate(reading, elapsed, step_m)?;
         if let Some(distance_m) = believed.jumped_m {
             self.begin_anew = true;
-            self.tell(LoopEventKind::HandJumped(distance_m));
+            self.emit(LoopEventKind::HandJumped(distance_m));
         }
         Ok(believed.reading)
     }
@@ -314,30 +318,30 @@ impl HapticLoop {
         if let Some(body) = settings.body {
             self.hand_over.retain_body(body);
         }
-        self.tell(LoopEventKind::SettingsAdopted(number));
+        self.emit(LoopEventKind::SettingsAdopted(number));
         Some((number, settings))
     }
 
-    fn account_for_deadlines(&mut self, elapsed: u64) {
+    fn record_deadlines(&mut self, elapsed: u64) {
         self.report.success.note(elapsed);
         let missed = elapsed - 1;
         if missed > 0 {
             self.report.missed_deadlines += missed;
-            let long = missed > LONGEST_BRIDGE;
+            let long = missed > MAX_BRIDGED_TICKS;
             // What the hand did meanwhile nobody knows.
             self.begin_anew |= long;
             self.report.gaps += u64::from(long);
-            self.tell(if long { LoopEventKind::Gap(missed) } else { LoopEventKind::DeadlinesMissed(missed) });
+            self.emit(if long { LoopEventKind::Gap(missed) } else { LoopEventKind::DeadlinesMissed(missed) });
         }
     }
 
     /// Returns whether the device has answered again after a silence.
-    fn account_for_reading(&mut self, reading: &Result<Reading, DeviceError>, elapsed: u64) -> bool {
+    fn record_reading(&mut self, reading: &Result<Reading, DeviceError>, elapsed: u64) -> bool {
         match reading {
             Ok(_) => {
                 let silent = std::mem::take(&mut self.silent_ticks);
                 if silent > 0 {
-                    self.tell(LoopEventKind::DeviceRecovered(silent));
+                    self.emit(LoopEventKind::DeviceRecovered(silent));
                 }
                 silent > 0
             }
@@ -349,7 +353,7 @@ impl HapticLoop {
                 }
                 // One word when it begins; `DeviceRecovered` says how long it lasted.
                 if self.silent_ticks == 0 {
-                    self.tell(LoopEventKind::DeviceFailed(*error));
+                    self.emit(LoopEventKind::DeviceFailed(*error));
                 }
                 self.silent_ticks = self.silent_ticks.saturating_add(elapsed);
                 false
@@ -362,7 +366,7 @@ impl HapticLoop {
     fn take_sample(&mut self, elapsed: u64, reading: &Result<Reading, DeviceError>, jump: bool) {
         let last = self.hand_over.history().newest().copied();
         let first_missed = self.sequence.saturating_sub(elapsed - 1);
-        if let Some(last) = last.filter(|_| elapsed <= LONGEST_BRIDGE + 1) {
+        if let Some(last) = last.filter(|_| elapsed <= MAX_BRIDGED_TICKS + 1) {
             for (i, sequence) in (1..elapsed).zip(first_missed..) {
                 match reading {
                     Ok(now) if !jump => {
@@ -372,9 +376,9 @@ impl HapticLoop {
                             orientation: slerp(last.orientation, now.orientation, along),
                             ..*now
                         };
-                        self.push(sequence, &between, SampleOrigin::Interpolated);
+                        self.push_sample(sequence, &between, SampleOrigin::Interpolated);
                     }
-                    _ => self.repeat(sequence, &last),
+                    _ => self.repeat_sample(sequence, &last),
                 }
             }
         } else {
@@ -385,22 +389,22 @@ impl HapticLoop {
                 if jump {
                     self.velocity.reset();
                 }
-                self.push(self.sequence, now, SampleOrigin::Measured);
+                self.push_sample(self.sequence, now, SampleOrigin::Measured);
             }
-            (Err(_), Some(last)) => self.repeat(self.sequence, &last),
+            (Err(_), Some(last)) => self.repeat_sample(self.sequence, &last),
             (Err(_), None) => {}
         }
     }
 
     /// The last sample again, at rest.
-    fn repeat(&mut self, sequence: u64, last: &Sample) {
+    fn repeat_sample(&mut self, sequence: u64, last: &Sample) {
         let at_rest =
             Reading { orientation: last.orientation, buttons: last.buttons, ..Reading::at(last.position_m) };
         self.velocity.reset();
-        self.push(sequence, &at_rest, SampleOrigin::Repeated);
+        self.push_sample(sequence, &at_rest, SampleOrigin::Repeated);
     }
 
-    fn push(&mut self, sequence: u64, reading: &Reading, origin: SampleOrigin) {
+    fn push_sample(&mut self, sequence: u64, reading: &Reading, origin: SampleOrigin) {
         let tick_s = self.config.hand_over.tick_s;
         let told = reading.velocity_m_per_s;
         let velocity_m_per_s = self.velocity.step(self.settings.velocity, reading.position_m, told, tick_s);
@@ -427,21 +431,21 @@ impl HapticLoop {
                 SubmitResult::Rejected(error) => LoopEventKind::ModelRefused(error),
             }
         };
-        self.report.models_refused += 1;
-        self.tell(refused);
+        self.report.models_rejected += 1;
+        self.emit(refused);
         id
     }
 
-    fn account_for_model(&mut self, spoken: &RenderedForce) {
-        self.report.unsolved += u64::from(spoken.unconverged);
+    fn record_model(&mut self, spoken: &RenderedForce) {
+        self.report.unconverged_ticks += u64::from(spoken.unconverged);
         if let Some(swap) = spoken.swap {
             self.report.models_adopted += 1;
             self.report.last_swap = Some(swap);
-            self.tell(LoopEventKind::ModelAdopted(swap));
+            self.emit(LoopEventKind::ModelAdopted(swap));
         }
         if let Some(error) = spoken.abandoned {
-            self.report.models_refused += 1;
-            self.tell(LoopEventKind::ModelRefused(error));
+            self.report.models_rejected += 1;
+            self.emit(LoopEventKind::ModelRefused(error));
         }
     }
 }

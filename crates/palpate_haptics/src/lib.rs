@@ -78,25 +78,25 @@ mod trajectory;
 mod velocity;
 mod watchdog;
 
-pub use bare::{BareReport, BareThread};
+pub use bare::{BaselineReport, BaselineThread};
 pub use black_box::{
-    BlackBox, BlackBoxError, BlackBoxKeeper, BlackBoxTick, DeviceFault, Recording, SafetyAction,
+    BlackBox, BlackBoxError, BlackBoxTick, BlackBoxWriter, RecordedDeviceError, Recording, SafetyAction,
     SafetyActions,
 };
 pub use device::{
-    AtEnd, DeviceDescription, DeviceError, DeviceLimits, FollowedPlace, FollowingDevice, FollowingHand,
-    HapticDevice, Reading, ReplayDevice, ScriptedDevice,
+    DeviceDescription, DeviceError, DeviceLimits, FollowerDevice, FollowerSettings, FollowerTarget,
+    HapticDevice, Reading, ReplayDevice, ReplayEnd, ScriptedDevice,
 };
 pub use displayed::DisplayedForces;
 pub use error::{HapticsError, TrajectoryError};
 pub use exchange::{HapticHandle, haptic_loop};
 pub use frame::DeviceFrame;
-pub use haptic_loop::{HapticLoop, LONGEST_BRIDGE, Ticked};
+pub use haptic_loop::{HapticLoop, MAX_BRIDGED_TICKS, TickOutput};
 pub use lockstep::Lockstep;
-pub use real_time::{Outcome, RealTime, RealTimeReport, Refusal};
+pub use real_time::{DenialReason, Outcome, RealTimeReport, RealTimeRequest};
 pub use record::{LoopEvent, LoopEventKind, TickRecord};
 pub use recorder::Recorder;
-pub use runner::{EndedLoop, LoopThread, Stop, run, run_beside};
+pub use runner::{LoopThread, StopOutcome, StoppedLoop, run, run_with_baseline};
 pub use safety::{SafetyChain, SafetyInput, SafetyReport, SafetySettings, StageForces};
 pub use settings::{LoopConfig, LoopSettings};
 pub use timing::{LoopReport, SuccessRate, TickTiming, TimeHistogram};

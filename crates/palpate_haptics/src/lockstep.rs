@@ -17,7 +17,7 @@ impl<D: HapticDevice + ?Sized> Lockstep<D> {
     /// What opening the device gives.
     pub fn new(mut haptic_loop: HapticLoop, mut device: Box<D>) -> Result<Self, DeviceError> {
         device.open()?;
-        haptic_loop.begin(true);
+        haptic_loop.start(true);
         Ok(Self { haptic_loop, device })
     }
 

@@ -31,7 +31,7 @@ pub(crate) struct Plausibility {
 
 /// A reading that is believed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Believed {
+pub(crate) struct AcceptedReading {
     pub(crate) reading: Reading,
     /// How far it is from the last, m, where a hand cannot have come there within a tick: nobody saw its way.
     pub(crate) jumped_m: Option<f64>,
@@ -40,14 +40,14 @@ pub(crate) struct Believed {
 impl Plausibility {
     /// `reading` if a hand can have come there since the last one, within `elapsed` ticks of `step_m` each at most. What stays
     /// where it cannot is believed after a while.
-    pub(crate) fn judge(
+    pub(crate) fn validate(
         &mut self,
         reading: Result<Reading, DeviceError>,
         elapsed: u64,
         step_m: f64,
-    ) -> Result<Believed, DeviceError> {
+    ) -> Result<AcceptedReading, DeviceError> {
         match reading.and_then(|reading| self.numbers.take(reading, elapsed)) {
-            Ok(reading) => self.believe(reading, elapsed, step_m * elapsed as f64),
+            Ok(reading) => self.accept(reading, elapsed, step_m * elapsed as f64),
             Err(error) => {
                 self.unread_ticks = self.unread_ticks.saturating_add(elapsed);
                 Err(error)
@@ -56,7 +56,12 @@ impl Plausibility {
     }
 
     /// As [`Plausibility::judge`], with the farthest way within these ticks.
-    fn believe(&mut self, reading: Reading, elapsed: u64, within_m: f64) -> Result<Believed, DeviceError> {
+    fn accept(
+        &mut self,
+        reading: Reading,
+        elapsed: u64,
+        within_m: f64,
+    ) -> Result<AcceptedReading, DeviceError> {
         let at = reading.position_m;
         let distance_m = self.read_m.map_or(0.0, |last| last.distance(at));
         // What was not read for longer may have gone farther; what was read and not believed not.
@@ -70,7 +75,7 @@ impl Plausibility {
             }
         }
         (self.read_m, self.suspect, self.unread_ticks) = (Some(at), None, 0);
-        Ok(Believed { reading, jumped_m: (distance_m > within_m).then_some(distance_m) })
+        Ok(AcceptedReading { reading, jumped_m: (distance_m > within_m).then_some(distance_m) })
     }
 }
 
@@ -87,7 +92,7 @@ struct Numbers {
 impl Numbers {
     /// `reading` if it is newer than the last, or the last again and not for too long.
     fn take(&mut self, reading: Reading, elapsed: u64) -> Result<Reading, DeviceError> {
-        if let (Some(number), Some(newest)) = (reading.number, self.newest) {
+        if let (Some(number), Some(newest)) = (reading.sequence, self.newest) {
             if number == newest {
                 self.repeated = self.repeated.saturating_add(elapsed);
                 return if self.repeated > MOST_REPEATS { Err(DeviceError::Repeated) } else { Ok(reading) };
@@ -97,7 +102,7 @@ impl Numbers {
                 return Err(DeviceError::Reordered);
             }
         }
-        *self = Self { newest: reading.number, ..Self::default() };
+        *self = Self { newest: reading.sequence, ..Self::default() };
         Ok(reading)
     }
 }
@@ -113,7 +118,7 @@ mod tests {
     }
 
     fn numbered(number: u64) -> Result<Reading, DeviceError> {
-        Ok(Reading { number: Some(number), ..Reading::at(DVec3::ZERO) })
+        Ok(Reading { sequence: Some(number), ..Reading::at(DVec3::ZERO) })
     }
 
     /// Judges what came after one tick each.
@@ -121,7 +126,7 @@ mod tests {
         known: &mut Plausibility,
         reading: Result<Reading, DeviceError>,
     ) -> Result<Option<f64>, DeviceError> {
-        known.judge(reading, 1, STEP_M).map(|believed| believed.jumped_m)
+        known.validate(reading, 1, STEP_M).map(|believed| believed.jumped_m)
     }
 
     #[test]

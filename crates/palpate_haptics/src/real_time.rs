@@ -5,7 +5,7 @@ use std::fmt;
 
 /// What the loop's thread asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RealTime {
+pub struct RealTimeRequest {
     /// The real-time priority, 1 to 99 on Linux (`SCHED_FIFO`): the thread runs before all others as soon as it wakes. Without,
     /// a busy machine wakes it milliseconds late. `None` asks for none.
     pub priority: Option<u8>,
@@ -16,22 +16,22 @@ pub struct RealTime {
     pub core: Option<usize>,
 }
 
-impl Default for RealTime {
+impl Default for RealTimeRequest {
     /// Priority 80, memory locked, any core.
     fn default() -> Self {
         Self { priority: Some(80), lock_memory: true, core: None }
     }
 }
 
-impl RealTime {
+impl RealTimeRequest {
     /// Asks for nothing.
-    pub const NOTHING: Self = Self { priority: None, lock_memory: false, core: None };
+    pub const NONE: Self = Self { priority: None, lock_memory: false, core: None };
 
     /// Asks for everything in it, for the calling thread. The loop's thread does so when it starts; this is for other threads
     /// that are to have the same.
     #[must_use]
-    pub fn ask_for_this_thread(self) -> RealTimeReport {
-        ask(self)
+    pub fn apply_to_current_thread(self) -> RealTimeReport {
+        apply(self)
     }
 }
 
@@ -50,7 +50,7 @@ impl RealTimeReport {
     /// Whether nothing that was asked for was refused.
     #[must_use]
     pub fn is_complete(&self) -> bool {
-        [self.priority, self.memory, self.core].iter().all(|what| !matches!(what, Outcome::Refused(_)))
+        [self.priority, self.memory, self.core].iter().all(|what| !matches!(what, Outcome::Denied(_)))
     }
 }
 
@@ -66,19 +66,19 @@ impl fmt::Display for RealTimeReport {
 pub enum Outcome {
     /// It was not made.
     #[default]
-    NotAsked,
+    NotRequested,
     /// It was granted.
     Granted,
     /// It was not.
-    Refused(Refusal),
+    Denied(DenialReason),
 }
 
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotAsked => f.write_str("not asked for"),
+            Self::NotRequested => f.write_str("not asked for"),
             Self::Granted => f.write_str("granted"),
-            Self::Refused(why) => write!(f, "refused: {why}"),
+            Self::Denied(why) => write!(f, "refused: {why}"),
         }
     }
 }
@@ -86,7 +86,7 @@ impl fmt::Display for Outcome {
 /// Why a request was refused, and how it can be allowed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Refusal {
+pub enum DenialReason {
     /// The user may not raise priorities.
     NotPermitted,
     /// So many bytes of memory may be locked, and the process may come to need more: asking for it would let it fail later.
@@ -101,7 +101,7 @@ pub enum Refusal {
     NotOffered,
 }
 
-impl fmt::Display for Refusal {
+impl fmt::Display for DenialReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotPermitted => f.write_str(
@@ -124,11 +124,11 @@ impl fmt::Display for Refusal {
 }
 
 /// Asks for everything in `wanted`, for the calling thread.
-pub(crate) fn ask(wanted: RealTime) -> RealTimeReport {
-    let outcome = |asked: Option<Result<(), Refusal>>| match asked {
-        None => Outcome::NotAsked,
+pub(crate) fn apply(wanted: RealTimeRequest) -> RealTimeReport {
+    let outcome = |asked: Option<Result<(), DenialReason>>| match asked {
+        None => Outcome::NotRequested,
         Some(Ok(())) => Outcome::Granted,
-        Some(Err(why)) => Outcome::Refused(why),
+        Some(Err(why)) => Outcome::Denied(why),
     };
     RealTimeReport {
         // The core first: a thread of high priority should not be moved.
@@ -147,20 +147,20 @@ pub(crate) fn touch_stack() {
 /// Several times what a tick needs, and little of what a thread has.
 const STACK_BYTES: usize = 128 << 10;
 
-fn pin(core: usize) -> Result<(), Refusal> {
+fn pin(core: usize) -> Result<(), DenialReason> {
     let cores = core_affinity::get_core_ids().unwrap_or_default();
     let found = cores.iter().find(|id| id.id == core);
     match found {
         Some(&id) if core_affinity::set_for_current(id) => Ok(()),
         // The core is there; macOS on its own processors offers none.
-        Some(_) => Err(Refusal::NotOffered),
-        None => Err(Refusal::NoSuchCore(cores.len())),
+        Some(_) => Err(DenialReason::NotOffered),
+        None => Err(DenialReason::NoSuchCore(cores.len())),
     }
 }
 
 #[cfg(target_os = "linux")]
 mod platform {
-    use super::Refusal;
+    use super::DenialReason;
     use rustix::io::Errno;
     use rustix::mm::{MlockAllFlags, mlockall};
     use rustix::process::{Resource, getrlimit};
@@ -172,35 +172,35 @@ mod platform {
 
     const EPERM: i32 = 1;
 
-    pub(super) fn raise(priority: u8) -> Result<(), Refusal> {
-        let value = ThreadPriorityValue::try_from(priority).map_err(|_| Refusal::OutOfRange)?;
+    pub(super) fn raise(priority: u8) -> Result<(), DenialReason> {
+        let value = ThreadPriorityValue::try_from(priority).map_err(|_| DenialReason::OutOfRange)?;
         if priority == 0 {
-            return Err(Refusal::OutOfRange);
+            return Err(DenialReason::OutOfRange);
         }
         let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
         let priority = ThreadPriority::Crossplatform(value);
         set_thread_priority_and_policy(thread_native_id(), priority, policy).map_err(|error| match error {
-            Error::OS(EPERM) => Refusal::NotPermitted,
-            Error::OS(number) => Refusal::Os(number),
-            Error::Priority(_) | Error::PriorityNotInRange(_) => Refusal::OutOfRange,
-            Error::Ffi(_) => Refusal::NotOffered,
+            Error::OS(EPERM) => DenialReason::NotPermitted,
+            Error::OS(number) => DenialReason::Os(number),
+            Error::Priority(_) | Error::PriorityNotInRange(_) => DenialReason::OutOfRange,
+            Error::Ffi(_) => DenialReason::NotOffered,
         })
     }
 
     /// Locks what there is and what will be, each page when it is first used. Under a limit a later allocation would fail, so
     /// that it is not asked for.
-    pub(super) fn lock_memory() -> Result<(), Refusal> {
+    pub(super) fn lock_memory() -> Result<(), DenialReason> {
         let may_lock_all =
             capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
         let limit = getrlimit(Resource::Memlock).current;
         match limit {
-            Some(bytes) if !may_lock_all => Err(Refusal::MemoryLimit(bytes)),
+            Some(bytes) if !may_lock_all => Err(DenialReason::MemoryLimit(bytes)),
             _ => {
                 let flags = MlockAllFlags::CURRENT | MlockAllFlags::FUTURE | MlockAllFlags::ONFAULT;
                 mlockall(flags).map_err(|error| match error {
                     // The limit holds all the same, as in a container.
-                    Errno::PERM | Errno::NOMEM => Refusal::MemoryLimit(limit.unwrap_or(0)),
-                    error => Refusal::Os(error.raw_os_error()),
+                    Errno::PERM | Errno::NOMEM => DenialReason::MemoryLimit(limit.unwrap_or(0)),
+                    error => DenialReason::Os(error.raw_os_error()),
                 })
             }
         }
@@ -209,17 +209,17 @@ mod platform {
 
 #[cfg(not(target_os = "linux"))]
 mod platform {
-    use super::Refusal;
+    use super::DenialReason;
     use thread_priority::{ThreadPriority, ThreadPriorityValue, set_current_thread_priority};
 
-    pub(super) fn raise(priority: u8) -> Result<(), Refusal> {
-        let value = ThreadPriorityValue::try_from(priority).map_err(|_| Refusal::OutOfRange)?;
+    pub(super) fn raise(priority: u8) -> Result<(), DenialReason> {
+        let value = ThreadPriorityValue::try_from(priority).map_err(|_| DenialReason::OutOfRange)?;
         let asked = set_current_thread_priority(ThreadPriority::Crossplatform(value));
-        asked.map_err(|_| Refusal::NotPermitted)
+        asked.map_err(|_| DenialReason::NotPermitted)
     }
 
-    pub(super) fn lock_memory() -> Result<(), Refusal> {
-        Err(Refusal::NotOffered)
+    pub(super) fn lock_memory() -> Result<(), DenialReason> {
+        Err(DenialReason::NotOffered)
     }
 }
 
@@ -228,21 +228,21 @@ mod tests {
     use super::*;
 
     /// On a thread of its own, so that the test's own stays as it is.
-    fn asked(wanted: RealTime) -> RealTimeReport {
-        std::thread::spawn(move || ask(wanted)).join().unwrap()
+    fn asked(wanted: RealTimeRequest) -> RealTimeReport {
+        std::thread::spawn(move || apply(wanted)).join().unwrap()
     }
 
     #[test]
     fn what_is_not_asked_for_is_not_tried() {
-        assert_eq!(asked(RealTime::NOTHING), RealTimeReport::default());
+        assert_eq!(asked(RealTimeRequest::NONE), RealTimeReport::default());
         assert!(RealTimeReport::default().is_complete());
     }
 
     #[test]
     fn what_cannot_be_is_refused_with_a_remedy() {
-        let report = asked(RealTime { priority: Some(0), core: Some(100_000), lock_memory: false });
-        assert_eq!(report.priority, Outcome::Refused(Refusal::OutOfRange));
-        assert!(matches!(report.core, Outcome::Refused(Refusal::NoSuchCore(1..))), "{report}");
+        let report = asked(RealTimeRequest { priority: Some(0), core: Some(100_000), lock_memory: false });
+        assert_eq!(report.priority, Outcome::Denied(DenialReason::OutOfRange));
+        assert!(matches!(report.core, Outcome::Denied(DenialReason::NoSuchCore(1..))), "{report}");
         assert!(!report.is_complete());
         let said = report.to_string();
         assert!(said.contains("priority refused: out of range; give 1 to 99"), "{said}");
@@ -250,7 +250,7 @@ mod tests {
             said.contains("locked memory not asked for") && said.contains("give the number of another"),
             "{said}"
         );
-        let refused = Outcome::Refused(Refusal::MemoryLimit(65_536)).to_string();
+        let refused = Outcome::Denied(DenialReason::MemoryLimit(65_536)).to_string();
         assert!(refused.contains("65536 bytes") && refused.contains("memlock unlimited"));
     }
 
@@ -259,7 +259,8 @@ mod tests {
     #[test]
     fn what_is_granted_is_in_force() {
         let (report, policy) = std::thread::spawn(|| {
-            let report = ask(RealTime { core: Some(0), lock_memory: false, ..RealTime::default() });
+            let report =
+                apply(RealTimeRequest { core: Some(0), lock_memory: false, ..RealTimeRequest::default() });
             (report, thread_priority::thread_schedule_policy().unwrap())
         })
         .join()
@@ -268,7 +269,8 @@ mod tests {
             thread_priority::RealtimeThreadSchedulePolicy::Fifo,
         );
         assert_eq!(report.priority == Outcome::Granted, policy == fifo, "{report}");
-        let is_told = matches!(report.priority, Outcome::Granted | Outcome::Refused(Refusal::NotPermitted));
+        let is_told =
+            matches!(report.priority, Outcome::Granted | Outcome::Denied(DenialReason::NotPermitted));
         assert!(is_told, "{report}");
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::{DeviceError, LoopSettings, Reading, RealTimeReport, SafetyReport, TickTiming};
 use glam::DVec3;
-use palpate_local::{LocalModelError, ModelId, Sample, RenderedForce, ModelSwap};
+use palpate_local::{LocalModelError, ModelId, ModelSwap, RenderedForce, Sample};
 use thiserror::Error;
 
 /// Something that happened in the loop.
@@ -139,7 +139,7 @@ pub struct TickRecord {
     /// The local model that was taken out of the exchange at this tick, to be caught up.
     pub taken: Option<ModelId>,
     /// The force before the safety chain, and the model it came from.
-    pub spoken: RenderedForce,
+    pub rendered: RenderedForce,
     /// What the safety chain did.
     pub safety: SafetyReport,
     /// The force that was written, N, scene frame.

@@ -22,8 +22,8 @@
 //!    itself, and [`Stop::Detached`] says so.
 
 use crate::clock::MonotonicClock;
-use crate::watchdog::Watched;
-use crate::{BareThread, DeviceError, HapticDevice, HapticLoop, HapticsError, TickTiming};
+use crate::watchdog::Watchdog;
+use crate::{BaselineThread, DeviceError, HapticDevice, HapticLoop, HapticsError, TickTiming};
 use glam::DVec3;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
@@ -41,13 +41,13 @@ const RECONNECT_TICKS: u64 = 500;
 #[derive(Debug)]
 pub struct LoopThread {
     stop: Arc<AtomicBool>,
-    watched: Arc<Watched>,
-    thread: Option<JoinHandle<EndedLoop>>,
+    watched: Arc<Watchdog>,
+    thread: Option<JoinHandle<StoppedLoop>>,
 }
 
 /// How a thread ended.
 #[derive(Debug)]
-pub enum Stop {
+pub enum StopOutcome {
     /// It returned; the device has zero force, is closed, and gone.
     Joined,
     /// The device or the loop panicked; zero force was written while it unwound.
@@ -66,13 +66,18 @@ impl HapticLoop {
     pub fn spawn(self, device: Box<dyn HapticDevice>) -> Result<LoopThread, HapticsError> {
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
-        let watched = Arc::<Watched>::default();
+        let watched = Arc::<Watchdog>::default();
         let of_thread = Arc::clone(&watched);
         let thread = std::thread::Builder::new()
             .name("haptic-loop".into())
             .spawn(move || {
                 let mut device = device;
-                open_and_turn(self, device.as_mut(), &flag, Beside { watched: Some(&of_thread), bare: None })
+                open_and_run(
+                    self,
+                    device.as_mut(),
+                    &flag,
+                    Companions { watched: Some(&of_thread), bare: None },
+                )
             })
             .map_err(HapticsError::Thread)?;
         Ok(LoopThread { stop, watched, thread: Some(thread) })
@@ -94,21 +99,21 @@ impl LoopThread {
     }
 
     /// Stops the loop with zero force and waits for its thread, 200 ms at most.
-    pub fn stop(&mut self) -> Stop {
+    pub fn stop(&mut self) -> StopOutcome {
         // Relaxed would do: the flag carries no other data. Release keeps what the app did before visible.
         self.stop.store(true, Ordering::Release);
         let Some(thread) = self.thread.take() else {
-            return Stop::AlreadyStopped;
+            return StopOutcome::AlreadyStopped;
         };
         let clock = MonotonicClock::start();
         let give_up = clock.now_ns() + JOIN_WITHIN.as_nanos() as u64;
         while !thread.is_finished() {
             if clock.now_ns() >= give_up {
-                return Stop::Detached;
+                return StopOutcome::Detached;
             }
             clock.sleep_until((clock.now_ns() + 200_000).min(give_up));
         }
-        thread.join().map_or(Stop::Panicked, |_| Stop::Joined)
+        thread.join().map_or(StopOutcome::Panicked, |_| StopOutcome::Joined)
     }
 }
 
@@ -120,29 +125,29 @@ impl Drop for LoopThread {
 
 /// Opens `device` and turns `haptic_loop` on the calling thread until `stop` is set; then writes zero force and
 /// closes the device. This is what the thread of [`HapticLoop::spawn`] runs, with a watchdog besides.
-pub fn run(haptic_loop: HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) -> EndedLoop {
-    open_and_turn(haptic_loop, device, stop, Beside::default())
+pub fn run(haptic_loop: HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) -> StoppedLoop {
+    open_and_run(haptic_loop, device, stop, Companions::default())
 }
 
 /// As [`run`], with a bare thread beside it to compare with, which begins half a period after the
 /// loop and ends with it.
-pub fn run_beside(
+pub fn run_with_baseline(
     haptic_loop: HapticLoop,
     device: &mut dyn HapticDevice,
     stop: &AtomicBool,
-    bare: &BareThread,
-) -> EndedLoop {
-    open_and_turn(haptic_loop, device, stop, Beside { bare: Some(bare), watched: None })
+    bare: &BaselineThread,
+) -> StoppedLoop {
+    open_and_run(haptic_loop, device, stop, Companions { bare: Some(bare), watched: None })
 }
 
 /// Threads beside the loop's.
 #[derive(Clone, Copy, Default)]
-struct Beside<'a> {
-    watched: Option<&'a Arc<Watched>>,
-    bare: Option<&'a BareThread>,
+struct Companions<'a> {
+    watched: Option<&'a Arc<Watchdog>>,
+    bare: Option<&'a BaselineThread>,
 }
 
-impl Drop for EndBeside<'_> {
+impl Drop for StopCompanions<'_> {
     fn drop(&mut self) {
         if let Some(watched) = self.0.watched {
             watched.end();
@@ -154,27 +159,27 @@ impl Drop for EndBeside<'_> {
 }
 
 /// Ends what is beside the loop when it is dropped.
-struct EndBeside<'a>(Beside<'a>);
+struct StopCompanions<'a>(Companions<'a>);
 
-fn open_and_turn(
+fn open_and_run(
     mut haptic_loop: HapticLoop,
     device: &mut dyn HapticDevice,
     stop: &AtomicBool,
-    beside: Beside<'_>,
-) -> EndedLoop {
+    beside: Companions<'_>,
+) -> StoppedLoop {
     haptic_loop.set_up_thread();
     // Whatever happens, they do not outlive the loop.
-    let end = EndBeside(beside);
+    let end = StopCompanions(beside);
     if let Err(error) = device.open() {
         haptic_loop.end(Err(error));
-        return EndedLoop { _memory: haptic_loop };
+        return StoppedLoop { _memory: haptic_loop };
     }
     let real_time = haptic_loop.config().real_time;
     let is_watched = beside.watched.is_some_and(|watched| watched.begin(device, real_time));
-    haptic_loop.begin(is_watched);
+    haptic_loop.start(is_watched);
     let mut open = OpenDevice { device, closed: false };
     let turned = catch_unwind(AssertUnwindSafe(|| {
-        turn(&mut haptic_loop, open.device, stop, beside);
+        run_ticks(&mut haptic_loop, open.device, stop, beside);
         open.close(|| drop(end))
     }));
     match turned {
@@ -186,20 +191,20 @@ fn open_and_turn(
             resume_unwind(panic);
         }
     }
-    EndedLoop { _memory: haptic_loop }
+    StoppedLoop { _memory: haptic_loop }
 }
 
 /// What is left of a loop that has ended: its memory, to be freed elsewhere than on the loop's thread.
 #[derive(Debug)]
-pub struct EndedLoop {
+pub struct StoppedLoop {
     _memory: HapticLoop,
 }
 
-fn turn(
+fn run_ticks(
     haptic_loop: &mut HapticLoop,
     device: &mut dyn HapticDevice,
     stop: &AtomicBool,
-    Beside { watched, bare }: Beside<'_>,
+    Companions { watched, bare }: Companions<'_>,
 ) {
     let period = Duration::from_secs_f64(haptic_loop.config().hand_over.tick_s);
     let period_ns = period.as_nanos() as u64;
@@ -219,7 +224,7 @@ fn turn(
         }
         let begun_ns = clock.now_ns();
         if let Some(watched) = watched.filter(|_| was_taken) {
-            watched.beat();
+            watched.heartbeat();
         }
         let lateness_ns = begun_ns - deadline_ns;
         // Deadlines after this one that have passed too: this tick stands for the newest of them.
@@ -276,10 +281,10 @@ fn turn(
 fn reopen(
     haptic_loop: &mut HapticLoop,
     device: &mut dyn HapticDevice,
-    watched: Option<&Arc<Watched>>,
+    watched: Option<&Arc<Watchdog>>,
 ) -> Result<(), DeviceError> {
     if let Some(watched) = watched {
-        watched.rest();
+        watched.suspend();
     }
     // Nothing is left of what it was.
     let _ = device.close();

@@ -27,7 +27,7 @@ pub use settings::SafetySettings;
 use crate::error::check_positive;
 use crate::{DeviceLimits, HapticsError};
 use glam::{DQuat, DVec3};
-use passivity::Passivity;
+use passivity::PassivityObserver;
 
 /// What the chain has to know of a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -72,7 +72,7 @@ pub struct SafetyReport {
     /// The damping that the passivity stage added, N s/m.
     pub damping_ns_per_m: f64,
     /// What the hand has given since the touch began, minus what it got, J.
-    pub given_j: f64,
+    pub observed_energy_j: f64,
     /// The force was longer than the limit.
     pub magnitude_limited: bool,
     /// The force grew faster than the limit.
@@ -119,7 +119,7 @@ pub struct SafetyChain {
     model: f64,
     reading: f64,
     pause: f64,
-    passivity: Passivity,
+    passivity: PassivityObserver,
     /// The force that the device shows, N, and the one that it showed before.
     last_n: DVec3,
     before_n: DVec3,
@@ -141,7 +141,7 @@ impl SafetyChain {
             model: 1.0,
             reading: 1.0,
             pause: 1.0,
-            passivity: Passivity::default(),
+            passivity: PassivityObserver::default(),
             last_n: DVec3::ZERO,
             before_n: DVec3::ZERO,
         })
@@ -151,7 +151,7 @@ impl SafetyChain {
     pub fn apply(&mut self, settings: &SafetySettings, input: &SafetyInput) -> (DVec3, SafetyReport) {
         let mut report = SafetyReport { not_finite: !has_length(input.force_n), ..SafetyReport::default() };
         let mut force = if report.not_finite { DVec3::ZERO } else { input.force_n };
-        self.passivity.book(self.last_n, input.moved_m, input.elapsed);
+        self.passivity.record(self.last_n, input.moved_m, input.elapsed);
 
         self.start(settings, input, force, &mut report);
         force *= self.gain(settings, input, &mut report);
@@ -161,7 +161,7 @@ impl SafetyChain {
         report.after.velocity_guard_n = force;
 
         let (tolerance_j, most) = (settings.passivity_tolerance_j, settings.passivity_damping_ns_per_m);
-        report.given_j = self.passivity.given_j();
+        report.observed_energy_j = self.passivity.observed_energy_j();
         // Along the force only, so that its direction stays and no surface comes to pull.
         if let Some(along) = force.try_normalize() {
             let speed = input.velocity_m_per_s.dot(along);
@@ -193,17 +193,17 @@ impl SafetyChain {
     }
 
     /// The device did not take the last force: it goes on with the one before.
-    pub fn not_written(&mut self) {
+    pub fn write_failed(&mut self) {
         self.last_n = self.before_n;
     }
 
     /// The frame of forces has turned, and what the device shows with it: what was `force` is `by * force` now.
-    pub fn turned(&mut self, by: DQuat) {
+    pub fn rotate_frame(&mut self, by: DQuat) {
         (self.before_n, self.last_n) = (by * self.before_n, by * self.last_n);
     }
 
     /// The device shows no force any more, whatever was written: it was stopped beside the loop, or opened anew.
-    pub fn released(&mut self) {
+    pub fn reset_output(&mut self) {
         (self.before_n, self.last_n) = (DVec3::ZERO, DVec3::ZERO);
     }
 
@@ -219,7 +219,7 @@ impl SafetyChain {
         if input.has_jumped || self.reading == 0.0 {
             (self.has_started, self.ramp) = (false, 0.0);
         }
-        let is_small = force.length() <= settings.start_below_n;
+        let is_small = force.length() <= settings.arm_below_n;
         self.has_started |= input.sampled && input.has_model && is_small;
         report.waiting = !self.has_started;
     }
@@ -235,7 +235,7 @@ impl SafetyChain {
             self.ramp = (self.ramp + part(gaining(input.elapsed), settings.ramp_s)).min(1.0);
         }
         report.stale = input.model_age_periods > settings.stale_after_periods;
-        report.silent = input.silent_ticks > settings.silent_after_ticks;
+        report.silent = input.silent_ticks > settings.device_timeout_ticks;
         for (gain, down) in [
             (&mut self.model, report.stale),
             (&mut self.reading, report.silent),

@@ -1,7 +1,7 @@
 //! What is fixed when a loop is made, and what can be set while it runs.
 
 use crate::error::{check, check_positive};
-use crate::{DeviceFrame, DeviceLimits, HapticsError, RealTime, SafetySettings, VelocityEstimator};
+use crate::{DeviceFrame, DeviceLimits, HapticsError, RealTimeRequest, SafetySettings, VelocityEstimator};
 use palpate_local::HandOverSettings;
 
 /// Sizes and rates of a loop, fixed at construction.
@@ -12,7 +12,7 @@ pub struct LoopConfig {
     /// What the device can bear.
     pub device: DeviceLimits,
     /// What the loop's thread asks of the operating system. Nothing is asked for in lock step.
-    pub real_time: RealTime,
+    pub real_time: RealTimeRequest,
     /// Room for events that the app has not read yet.
     pub event_capacity: usize,
     /// Room for tick records that the app has not read yet.
@@ -25,7 +25,7 @@ impl Default for LoopConfig {
         Self {
             hand_over: HandOverSettings::default(),
             device: DeviceLimits::of_force(20.0),
-            real_time: RealTime::default(),
+            real_time: RealTimeRequest::default(),
             event_capacity: 1024,
             record_capacity: 8192,
         }

@@ -75,9 +75,9 @@ pub struct LoopReport {
     /// The last change of local model.
     pub last_swap: Option<ModelSwap>,
     /// Local models that were refused or given up.
-    pub models_refused: u64,
+    pub models_rejected: u64,
     /// Ticks at which the impulses of the tool's contacts were not found as well as they should be.
-    pub unsolved: u64,
+    pub unconverged_ticks: u64,
     /// Ticks at which the safety chain changed the force.
     pub safety_acted: u64,
     /// Events that found their queue full.
@@ -116,8 +116,8 @@ impl LoopReport {
             device_errors: 0,
             models_adopted: 0,
             last_swap: None,
-            models_refused: 0,
-            unsolved: 0,
+            models_rejected: 0,
+            unconverged_ticks: 0,
             safety_acted: 0,
             dropped_events: 0,
             dropped_records: 0,
@@ -144,8 +144,8 @@ impl LoopReport {
             device_errors,
             models_adopted,
             last_swap,
-            models_refused,
-            unsolved,
+            models_rejected: models_refused,
+            unconverged_ticks: unsolved,
             safety_acted,
             dropped_events,
             dropped_records,
@@ -167,8 +167,8 @@ impl LoopReport {
         *device_errors = other.device_errors;
         *models_adopted = other.models_adopted;
         *last_swap = other.last_swap;
-        *models_refused = other.models_refused;
-        *unsolved = other.unsolved;
+        *models_refused = other.models_rejected;
+        *unsolved = other.unconverged_ticks;
         *safety_acted = other.safety_acted;
         *dropped_events = other.dropped_events;
         *dropped_records = other.dropped_records;
@@ -247,13 +247,13 @@ impl SuccessRate {
 
     /// Of the last 100 periods, or of all so far if there were fewer: the share that had a tick, 0 to 1; 1 before the first.
     #[must_use]
-    pub fn of_100(&self) -> f64 {
+    pub fn on_time_ratio_100(&self) -> f64 {
         share(self.of_100, self.periods.min(100))
     }
 
     /// Of the last 1000 periods likewise.
     #[must_use]
-    pub fn of_1000(&self) -> f64 {
+    pub fn on_time_ratio_1000(&self) -> f64 {
         share(self.of_1000, self.periods.min(1000))
     }
 }
@@ -287,7 +287,7 @@ mod tests {
     #[test]
     fn the_success_rate_is_that_of_counting() {
         let mut rate = SuccessRate::new();
-        assert_eq!((rate.of_100(), rate.of_1000()), (1.0, 1.0));
+        assert_eq!((rate.on_time_ratio_100(), rate.on_time_ratio_1000()), (1.0, 1.0));
         let mut all: Vec<bool> = Vec::new();
         let mut seed = 7u64;
         for _ in 0..3000 {
@@ -301,7 +301,7 @@ mod tests {
             rate.note(elapsed);
             all.extend((1..elapsed).map(|_| false));
             all.push(true);
-            for (window, found) in [(100, rate.of_100()), (1000, rate.of_1000())] {
+            for (window, found) in [(100, rate.on_time_ratio_100()), (1000, rate.on_time_ratio_1000())] {
                 let newest = &all[all.len().saturating_sub(window)..];
                 let share = newest.iter().filter(|had| **had).count() as f64 / newest.len() as f64;
                 assert!((found - share).abs() < 1e-12, "{found} {share} of {window}");

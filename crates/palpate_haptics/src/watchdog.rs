@@ -1,7 +1,7 @@
 //! Zero force for a device in which the loop hangs.
 
 use crate::clock::MonotonicClock;
-use crate::{DeviceError, HapticDevice, RealTime};
+use crate::{DeviceError, HapticDevice, RealTimeRequest};
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -23,7 +23,7 @@ const SILENCE_NS: u64 = 50_000_000;
 const LOOK_NS: u64 = 5_000_000;
 
 /// What loop, watchdog and app share.
-pub(crate) struct Watched {
+pub(crate) struct Watchdog {
     /// That of both: clocks that were started at different times need not agree.
     clock: MonotonicClock,
     /// When the loop last began a tick after one whose force the device took, on that clock, ns; 0 before the first and while
@@ -39,7 +39,7 @@ pub(crate) struct Watched {
     stop: Mutex<Option<Box<dyn EmergencyStop>>>,
 }
 
-impl fmt::Debug for Watched {
+impl fmt::Debug for Watchdog {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Watched")
             .field("beat_ns", &self.beat_ns)
@@ -48,7 +48,7 @@ impl fmt::Debug for Watched {
     }
 }
 
-impl Default for Watched {
+impl Default for Watchdog {
     fn default() -> Self {
         Self {
             clock: MonotonicClock::start(),
@@ -61,11 +61,11 @@ impl Default for Watched {
     }
 }
 
-impl Watched {
+impl Watchdog {
     /// Takes what an open device offers, and begins to watch it with the first that does. Whether it is watched. `real_time` is
     /// what the loop's thread asked for: the watchdog goes before it, or a driver that waits busily on the same core would keep
     /// it from running.
-    pub(crate) fn begin(self: &Arc<Self>, device: &mut dyn HapticDevice, real_time: RealTime) -> bool {
+    pub(crate) fn begin(self: &Arc<Self>, device: &mut dyn HapticDevice, real_time: RealTimeRequest) -> bool {
         let offered = device.emergency_stop();
         let is_offered = offered.is_some();
         // What a device offered before it was opened anew leads nowhere now.
@@ -78,7 +78,7 @@ impl Watched {
         let thread = std::thread::Builder::new().name("haptic-watchdog".into());
         let spawned = thread.spawn(move || {
             // If it is refused, the loop's own was too.
-            let _ = RealTime { priority, ..RealTime::NOTHING }.ask_for_this_thread();
+            let _ = RealTimeRequest { priority, ..RealTimeRequest::NONE }.apply_to_current_thread();
             watched.watch();
         });
         self.is_watching.store(spawned.is_ok(), Ordering::Release);
@@ -86,12 +86,12 @@ impl Watched {
     }
 
     /// The device is about to be opened anew, which takes the time that it takes.
-    pub(crate) fn rest(&self) {
+    pub(crate) fn suspend(&self) {
         self.beat_ns.store(0, Ordering::Release);
     }
 
     /// The loop begins a tick.
-    pub(crate) fn beat(&self) {
+    pub(crate) fn heartbeat(&self) {
         // Never 0, which is before the first.
         self.beat_ns.store(self.clock.now_ns().max(1), Ordering::Release);
     }

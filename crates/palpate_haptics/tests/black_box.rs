@@ -15,7 +15,7 @@ fn run(ticks: usize) -> HapticHandle {
     let swing = |n: u64, _| Ok(Reading::at(DVec3::X * 0.01 * (n as f64 * 0.013).sin()));
     // The force begins whatever it is, and nothing is taken back of it.
     let safety = SafetySettings {
-        start_below_n: f64::MAX,
+        arm_below_n: f64::MAX,
         passivity_damping_ns_per_m: 0.0,
         ..SafetySettings::default()
     };
@@ -44,7 +44,7 @@ fn the_box_holds_what_went_through_the_newest_ticks() {
     assert_eq!((last.sequence, last.time_s, last.elapsed), (5000, 5.0, 1));
     assert_eq!(last.sample, newest.sample);
     assert_eq!(last.model, Some(ModelId { body: 7, epoch: 2, sequence: 100 }));
-    assert_eq!((last.before_n, last.written_n), (newest.spoken.force_n, newest.force_n));
+    assert_eq!((last.before_n, last.written_n), (newest.rendered.force_n, newest.force_n));
     assert!(last.acted.contains(SafetyAction::Stale) && last.gain == 0.0);
 }
 
@@ -98,7 +98,7 @@ fn after_a_device_s_fault_the_box_has_the_ticks_around_it_and_is_there_when_the_
         }
         done > 300
     });
-    assert!(matches!(thread.stop(), Stop::Joined));
+    assert!(matches!(thread.stop(), StopOutcome::Joined));
     let ticks: Vec<BlackBoxTick> = handle.black_box().ticks().copied().collect();
     assert_eq!(ticks.len() as u64, handle.report().ticks, "none is missing");
     for pair in ticks.windows(2) {
@@ -117,7 +117,7 @@ fn a_thread_that_panicked_leaves_its_box_behind() {
         Ok(Reading::at(DVec3::ZERO))
     });
     wait_for(|| !thread.is_running());
-    assert!(matches!(thread.stop(), Stop::Panicked));
+    assert!(matches!(thread.stop(), StopOutcome::Panicked));
     assert_eq!(handle.black_box().ticks().count(), 600);
 }
 
@@ -129,6 +129,9 @@ fn a_force_that_the_device_does_not_take_is_in_the_box() {
         assert_eq!(ticked.record.written, Ok(()));
         haptic_loop.finish_tick(&ticked, None, written);
         assert_eq!(handle.latest_tick().unwrap().written, written);
-        assert_eq!(handle.black_box().newest().unwrap().write_failed, written.err().map(DeviceFault::from));
+        assert_eq!(
+            handle.black_box().newest().unwrap().write_failed,
+            written.err().map(RecordedDeviceError::from)
+        );
     }
 }

@@ -81,7 +81,7 @@ fn a_peer_of_another_version_is_told() {
     std::thread::scope(|scope| {
         let found = scope.spawn(|| BridgeDevice::find(settings));
         let hello = peer.hear();
-        let mut end = [0; LARGEST_SIZE];
+        let mut end = [0; MAX_SIZE];
         let packet = Packet { session: 0, number: hello.number, body: Body::End(EndReason::OtherVersion) };
         let length = packet.encode(&mut end).unwrap().len();
         end[4] = 7;
@@ -233,8 +233,8 @@ fn the_newest_sample_is_read_and_nothing_moves_the_hand_back() {
     let mut read_until = |expected: (u64, f64), done: &dyn Fn(BridgeCounts) -> bool| {
         wait_for(|| {
             if let Ok(reading) = device.read(TICK) {
-                assert!(reading.number >= Some(last.0), "the hand goes back");
-                last = (reading.number.unwrap(), reading.position_m.x);
+                assert!(reading.sequence >= Some(last.0), "the hand goes back");
+                last = (reading.sequence.unwrap(), reading.position_m.x);
             }
             last == expected && done(monitor.counts())
         });
@@ -281,7 +281,7 @@ fn samples_that_come_together_are_skipped_but_for_the_newest() {
     }
     let mut numbers = Vec::new();
     wait_for(|| {
-        numbers.extend(device.read(TICK).ok().and_then(|reading| reading.number));
+        numbers.extend(device.read(TICK).ok().and_then(|reading| reading.sequence));
         numbers.last() == Some(&100)
     });
     assert!(numbers.is_sorted());
@@ -343,7 +343,7 @@ fn a_silent_peer_ends_the_session_for_good() {
     assert_ne!(peer.session, before);
     // Numbers begin anew, those of the old session are no more.
     peer.say(1, Body::Sample(sampled(0.01)));
-    wait_for(|| device.read(TICK).is_ok_and(|reading| reading.number == Some(1)));
+    wait_for(|| device.read(TICK).is_ok_and(|reading| reading.sequence == Some(1)));
 }
 
 #[test]

@@ -51,10 +51,10 @@ impl HapticDevice for SpringHand {
 
 /// A loop that shows a spring, at once and for ever, and records every tick.
 fn elastic() -> (HapticHandle, HapticLoop) {
-    let safety = SafetySettings { start_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
+    let safety = SafetySettings { arm_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
     let settings = LoopSettings { safety, record: true, model_period_s: 1e3, ..LoopSettings::default() };
     let config =
-        LoopConfig { real_time: RealTime::NOTHING, record_capacity: 100_000, ..LoopConfig::default() };
+        LoopConfig { real_time: RealTimeRequest::NONE, record_capacity: 100_000, ..LoopConfig::default() };
     let (mut handle, haptic_loop) = haptic_loop(config, settings).unwrap();
     let model = handle.model_slot();
     model.id = ModelId { body: 1, epoch: 0, sequence: 0 };
@@ -93,7 +93,7 @@ fn in_lock_step_a_bridge_changes_no_bit() {
     for tick in 0..2000 {
         // The peer's time stands still, so that nothing depends on the machine's.
         wait_for(|| tick == 0 || peer.receive(Duration::ZERO));
-        peer.answer();
+        peer.reply();
         felt.push(peer.force_n());
         lockstep.run(1);
     }
@@ -126,9 +126,9 @@ fn on_threads_what_is_felt_is_what_was_written() {
         while !is_over.load(Ordering::SeqCst) {
             std::thread::sleep(TICK);
             peer.receive(Duration::ZERO);
-            peer.answer();
-            if peer.shown() > 0 {
-                felt.push((peer.shown(), peer.force_n()));
+            peer.reply();
+            if peer.forces_written() > 0 {
+                felt.push((peer.forces_written(), peer.force_n()));
             }
             if felt.len() == 1500 {
                 stop.store(true, Ordering::SeqCst);
@@ -165,7 +165,7 @@ fn a_peer_that_is_restarted_is_a_device_that_was_plugged_in_again() {
     let first = runs(peer, &stop);
     let device = BridgeDevice::find(patient(address)).unwrap();
     let monitor = device.monitor();
-    let config = LoopConfig { real_time: RealTime::NOTHING, ..LoopConfig::default() };
+    let config = LoopConfig { real_time: RealTimeRequest::NONE, ..LoopConfig::default() };
     let settings = LoopSettings { model_period_s: 1e3, ..LoopSettings::default() };
     let (mut handle, haptic_loop) = haptic_loop(config, settings).unwrap();
     let model = handle.model_slot();
@@ -191,7 +191,7 @@ fn a_peer_that_is_restarted_is_a_device_that_was_plugged_in_again() {
     let failed = place(LoopEventKind::DeviceFailed(DeviceError::Disconnected));
     assert!(failed.is_some() && failed < place(LoopEventKind::Reconnected), "{told:?}");
     assert!(monitor.counts().sessions >= 2);
-    assert!(matches!(thread.stop(), Stop::Joined));
+    assert!(matches!(thread.stop(), StopOutcome::Joined));
     wait_for(|| again.force_n() == DVec3::ZERO);
     stop.store(true, Ordering::SeqCst);
     second.join().unwrap();
@@ -236,7 +236,7 @@ fn a_loop_that_hangs_is_let_go() {
     let mut thread = haptic_loop.spawn(Box::new(Hanging(device, Arc::clone(&hangs)))).unwrap();
     let mut turn_until = |done: &dyn Fn() -> bool| {
         wait_for(|| {
-            peer.turn(Duration::ZERO);
+            peer.advance(Duration::ZERO);
             done()
         });
     };
@@ -247,7 +247,7 @@ fn a_loop_that_hangs_is_let_go() {
     hangs.store(false, Ordering::SeqCst);
     turn_until(&|| hand.force_n() == DVec3::Y);
     assert_eq!(peer.monitor().counts().sessions, 1);
-    assert!(matches!(thread.stop(), Stop::Joined));
+    assert!(matches!(thread.stop(), StopOutcome::Joined));
 }
 
 /// Reading and writing, with everything that can come in between, and the peer's turn.
@@ -273,7 +273,7 @@ fn nothing_is_allocated_at_either_end() {
     for _ in 0..200 {
         stranger.say(1, Body::Force(DVec3::Z));
         stranger.bytes(b"nonsense");
-        let turned = allocation_counter::measure(|| peer.turn(Duration::ZERO));
+        let turned = allocation_counter::measure(|| peer.advance(Duration::ZERO));
         at_peer = at_peer.max(Some(turned.count_total));
         allocations.push(of_device(TICK, &mut device, 1).count_total);
     }

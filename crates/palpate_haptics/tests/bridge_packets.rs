@@ -65,7 +65,7 @@ fn expected() -> BTreeMap<&'static str, Packet> {
 }
 
 fn encoded(packet: &Packet) -> Result<Vec<u8>, PacketError> {
-    packet.encode(&mut [0xff; LARGEST_SIZE]).map(<[u8]>::to_vec)
+    packet.encode(&mut [0xff; MAX_SIZE]).map(<[u8]>::to_vec)
 }
 
 #[test]
@@ -84,7 +84,7 @@ fn a_sample_is_a_reading_with_its_number() {
     let Body::Sample(sampled) = expected()["sample"].body else { panic!("a sample") };
     let reading = sampled.reading(258);
     assert!(reading.is_usable());
-    assert_eq!((reading.number, reading.buttons), (Some(258), 0b101));
+    assert_eq!((reading.sequence, reading.buttons), (Some(258), 0b101));
     assert_eq!(
         (reading.position_m, reading.velocity_m_per_s),
         (sampled.position_m, sampled.velocity_m_per_s)
@@ -203,17 +203,28 @@ fn body() -> impl Strategy<Value = Body> {
     let rotation = (vector(1.0), 0.0..7.0).prop_filter_map("an axis", |(axis, angle)| {
         Some(DQuat::from_axis_angle(axis.try_normalize()?, angle))
     });
-    let sampled =
-        (vector(MOST_M), rotation, prop::option::of(vector(MOST_M_PER_S)), any::<u32>(), any::<u64>())
-            .prop_map(|(position_m, orientation, velocity_m_per_s, buttons, shown)| {
-                Body::Sample(Sampled { position_m, orientation, velocity_m_per_s, buttons, shown })
+    let sampled = (
+        vector(MAX_POSITION_M),
+        rotation,
+        prop::option::of(vector(MAX_SPEED_M_PER_S)),
+        any::<u32>(),
+        any::<u64>(),
+    )
+        .prop_map(|(position_m, orientation, velocity_m_per_s, buttons, shown)| {
+            Body::Sample(Sampled { position_m, orientation, velocity_m_per_s, buttons, shown })
+        });
+    let welcome =
+        (".*", [vector(MAX_POSITION_M), vector(MAX_POSITION_M)], 0.0..=MAX_FORCE_N, RATES_HZ, WATCHDOGS_US)
+            .prop_map(|(name, [a, b], max_force_n, rate_hz, watchdog_us)| {
+                let workspace_m = [a.min(b), a.max(b)];
+                Body::Welcome(Welcome {
+                    name: Name::new(&name),
+                    workspace_m,
+                    max_force_n,
+                    rate_hz,
+                    watchdog_us,
+                })
             });
-    let welcome = (".*", [vector(MOST_M), vector(MOST_M)], 0.0..=MOST_N, RATES_HZ, WATCHDOGS_US).prop_map(
-        |(name, [a, b], max_force_n, rate_hz, watchdog_us)| {
-            let workspace_m = [a.min(b), a.max(b)];
-            Body::Welcome(Welcome { name: Name::new(&name), workspace_m, max_force_n, rate_hz, watchdog_us })
-        },
-    );
     let reason = prop::sample::select(vec![
         EndReason::OtherVersion,
         EndReason::Busy,
@@ -226,7 +237,7 @@ fn body() -> impl Strategy<Value = Body> {
         Just(Body::Hello),
         welcome,
         sampled,
-        vector(MOST_N).prop_map(Body::Force),
+        vector(MAX_FORCE_N).prop_map(Body::Force),
         Just(Body::Stop),
         reason.prop_map(Body::End),
     ]
@@ -254,7 +265,7 @@ proptest! {
     #[test]
     fn spoilt_packets_are_packets_or_refused(
         body in body(),
-        spoilt in prop::collection::vec((0..LARGEST_SIZE, any::<u8>()), 1..6),
+        spoilt in prop::collection::vec((0..MAX_SIZE, any::<u8>()), 1..6),
     ) {
         let mut bytes = encoded(&Packet { session: SESSION, number: 1, body }).unwrap();
         for (at, byte) in spoilt {

@@ -97,7 +97,7 @@ fn refuses_what_the_page_says(peer: SocketAddr) {
     };
     palpate.say(4, Body::Force(DVec3::X));
     answer(&mut palpate, 4, EndReason::NoSession);
-    let mut bytes = [0; LARGEST_SIZE];
+    let mut bytes = [0; MAX_SIZE];
     let hello = Packet { session: palpate.session, number: 3, body: Body::Hello };
     let length = hello.encode(&mut bytes).unwrap().len();
     bytes[4] = 9;

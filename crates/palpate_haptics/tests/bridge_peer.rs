@@ -38,7 +38,7 @@ fn begin(peer: &mut BridgePeer, palpate: &mut Speaker, now: Duration) {
 /// Says it, and turns the peer at `now` until it was heard, as `heard` tells by the counts.
 fn until(peer: &mut BridgePeer, now: Duration, heard: impl Fn(BridgeCounts) -> bool) {
     wait_for(|| {
-        peer.turn(now);
+        peer.advance(now);
         heard(peer.monitor().counts())
     });
 }
@@ -55,33 +55,36 @@ fn it_answers_a_question_and_begins_nothing() {
     palpate.session = 0;
     palpate.say(9, Body::Hello);
     wait_for(|| {
-        peer.turn(START);
+        peer.advance(START);
         !palpate.hears_nothing()
     });
     let answer = palpate.hear();
     let expected = Welcome { name: Name::new("test hand"), ..welcome() };
     assert_eq!(answer, Packet { session: 0, number: 9, body: Body::Welcome(expected) });
     assert_eq!((peer.session(), peer.monitor().counts().sessions), (None, 0));
-    peer.turn(START);
+    peer.advance(START);
     assert!(palpate.hears_nothing(), "no samples either");
 }
 
 #[test]
 fn forces_are_shown_in_order_and_samples_tell_which() {
     let (device, mut peer, mut palpate) = in_session();
-    peer.turn(START);
-    assert_eq!((peer.shown(), device.force_n()), (0, DVec3::ZERO));
+    peer.advance(START);
+    assert_eq!((peer.forces_written(), device.force_n()), (0, DVec3::ZERO));
     let force = |x: f64| Body::Force(DVec3::X * x);
     palpate.say(1, force(1.0));
     palpate.say(2, force(2.0));
     until(&mut peer, START, |counts| counts.taken == 2);
-    assert_eq!((peer.shown(), peer.force_n(), device.force_n()), (2, DVec3::X * 2.0, DVec3::X * 2.0));
+    assert_eq!(
+        (peer.forces_written(), peer.force_n(), device.force_n()),
+        (2, DVec3::X * 2.0, DVec3::X * 2.0)
+    );
     // 4 comes before 3, which comes twice.
     for number in [4, 3, 3, 1] {
         palpate.say(number, force(number as f64));
     }
     until(&mut peer, START, |counts| counts.duplicated == 2);
-    assert_eq!((peer.shown(), device.force_n()), (4, DVec3::X * 4.0));
+    assert_eq!((peer.forces_written(), device.force_n()), (4, DVec3::X * 4.0));
     let counts = peer.monitor().counts();
     assert_eq!((counts.taken, counts.late, counts.lost), (3, 1, 0));
     // Samples are numbered without a gap, and know the force.
@@ -105,17 +108,17 @@ fn a_sample_carries_all_of_a_reading() {
         velocity_m_per_s: Some(DVec3::new(0.1, 0.2, -0.3)),
         orientation: glam::DQuat::from_rotation_z(0.7),
         buttons: 6,
-        number: Some(1),
+        sequence: Some(1),
     };
     device.hand.lock().unwrap().reading = Ok(reading);
-    peer.turn(START);
+    peer.advance(START);
     let Packet { number, body: Body::Sample(sampled), .. } = palpate.hear() else { panic!("a sample") };
     assert_eq!(sampled.reading(number), reading);
     // What no packet can carry is not sent, and neither is what has not come.
     device.hand.lock().unwrap().reading = Ok(Reading::at(DVec3::NAN));
-    peer.turn(START);
+    peer.advance(START);
     device.hand.lock().unwrap().reading = Err(DeviceError::TimedOut);
-    peer.turn(START);
+    peer.advance(START);
     assert!(palpate.hears_nothing() && peer.session().is_some());
     assert_eq!(peer.monitor().counts().refused, 1);
 }
@@ -126,10 +129,10 @@ fn silence_lets_go_and_the_session_never_comes_back() {
     palpate.say(1, Body::Force(DVec3::X));
     until(&mut peer, START, |counts| counts.taken == 1);
     // Exactly as long as allowed, and then a microsecond more.
-    peer.turn(START + WATCHDOG);
+    peer.advance(START + WATCHDOG);
     assert_eq!(device.force_n(), DVec3::X);
     let now = START + WATCHDOG + Duration::from_micros(1);
-    peer.turn(now);
+    peer.advance(now);
     assert_eq!((device.force_n(), peer.force_n(), peer.session()), (DVec3::ZERO, DVec3::ZERO, None));
     assert_eq!(end_of(&mut palpate), Body::End(EndReason::Silent));
     palpate.say(2, Body::Force(DVec3::X));
@@ -160,7 +163,7 @@ fn a_late_hello_does_not_take_up_a_session_that_is_over() {
             _ => device.hand.lock().unwrap().reading = Err(DeviceError::Disconnected),
         }
         wait_for(|| {
-            peer.turn(now);
+            peer.advance(now);
             peer.session().is_none()
         });
         device.hand.lock().unwrap().reading = Ok(Reading::at(DVec3::ZERO));
@@ -173,7 +176,7 @@ fn a_late_hello_does_not_take_up_a_session_that_is_over() {
             palpate.say(number, Body::Force(DVec3::Y));
             let expected = Packet { session: palpate.session, number, body: Body::End(EndReason::NoSession) };
             wait_for(|| {
-                peer.turn(now);
+                peer.advance(now);
                 !palpate.hears_nothing()
             });
             assert_eq!(palpate.hear_but_samples(), expected, "the hello");
@@ -218,7 +221,7 @@ fn what_is_refused_is_silence() {
     palpate.say(9, Body::Force(DVec3::Z));
     palpate.say(10, Body::Stop);
     palpate.session = session;
-    let mut bytes = [0; LARGEST_SIZE];
+    let mut bytes = [0; MAX_SIZE];
     let force = Packet { session, number: 6, body: Body::Force(DVec3::ZERO) };
     let length = force.encode(&mut bytes).unwrap().len();
     palpate.bytes(&bytes[..length - 1]);
@@ -228,14 +231,14 @@ fn what_is_refused_is_silence() {
     palpate.say(2, Body::Hello);
     until(&mut peer, ms(50), |counts| counts.corrupt == 3);
     wait_for(|| {
-        peer.turn(ms(50));
+        peer.advance(ms(50));
         !palpate.hears_nothing() && matches!(palpate.hear().body, Body::Welcome(_))
     });
-    assert_eq!((device.force_n(), peer.shown()), (DVec3::X * 2.0, 2));
+    assert_eq!((device.force_n(), peer.forces_written()), (DVec3::X * 2.0, 2));
     let counts = peer.monitor().counts();
     assert_eq!((counts.foreign, counts.refused, counts.other_session), (2, 1, 2));
     assert_eq!((counts.taken, counts.duplicated, counts.lost), (2, 2, 0));
-    peer.turn(ms(51));
+    peer.advance(ms(51));
     assert_eq!((device.force_n(), peer.session()), (DVec3::ZERO, None));
 }
 
@@ -274,7 +277,7 @@ fn another_one_is_told_that_the_peer_is_busy() {
     other.session = 77;
     other.say(3, Body::Hello);
     wait_for(|| {
-        peer.turn(START);
+        peer.advance(START);
         !other.hears_nothing()
     });
     assert_eq!(other.hear(), Packet { session: 77, number: 3, body: Body::End(EndReason::Busy) });
@@ -285,14 +288,14 @@ fn another_one_is_told_that_the_peer_is_busy() {
 fn a_hello_of_another_version_is_answered() {
     let mut peer = TestDevice::new().peer(WATCHDOG);
     let mut palpate = Speaker::new(peer.address());
-    let mut bytes = [0; LARGEST_SIZE];
+    let mut bytes = [0; MAX_SIZE];
     let hello = Packet { session: 5, number: 6, body: Body::Hello };
     let length = hello.encode(&mut bytes).unwrap().len();
     for version in [0, 2, 200] {
         bytes[4] = version;
         palpate.bytes(&bytes[..length]);
         wait_for(|| {
-            peer.turn(START);
+            peer.advance(START);
             !palpate.hears_nothing()
         });
         let end = Body::End(EndReason::OtherVersion);
@@ -314,12 +317,12 @@ fn a_device_that_fails_ends_the_session_and_is_opened_anew_for_the_next() {
             }
             hand.opened = Err(DeviceError::Disconnected);
         }
-        peer.turn(START);
+        peer.advance(START);
         assert_eq!((end_of(&mut palpate), peer.session()), (Body::End(EndReason::DeviceFailed), None));
         palpate.session += 1;
         palpate.say(1, Body::Hello);
         wait_for(|| {
-            peer.turn(START);
+            peer.advance(START);
             !palpate.hears_nothing()
         });
         assert_eq!((end_of(&mut palpate), peer.session()), (Body::End(EndReason::DeviceFailed), None));
@@ -351,20 +354,20 @@ fn a_device_that_fails_is_zeroed_until_it_obeys_though_palpate_is_gone() {
     {
         let (device, mut peer) = left_with_a_force(written, panics);
         for now in 1..=80 {
-            peer.turn(ms(now));
+            peer.advance(ms(now));
             let hand = device.hand.lock().unwrap();
             assert_eq!((hand.forces.last(), hand.is_open), (Some(&DVec3::X), true), "{written}, {now} ms");
         }
         // A device that only timed out was let go when palpate had been silent for too long.
         assert_eq!(peer.session(), None, "{written}");
         device.hand.lock().unwrap().written = Ok(());
-        peer.turn(ms(81));
+        peer.advance(ms(81));
         assert_eq!(device.force_n(), DVec3::ZERO, "{written}");
         // Another failure has 100 ms of its own, and a device that obeys stays open.
         for (now, written) in [(90, Err(written)), (189, Err(written)), (190, Ok(())), (500, Ok(()))] {
             device.hand.lock().unwrap().written = written;
             let writes = device.hand.lock().unwrap().writes;
-            peer.turn(ms(now));
+            peer.advance(ms(now));
             let hand = device.hand.lock().unwrap();
             assert!(hand.writes > writes && hand.is_open, "at every turn: {now} ms");
         }
@@ -381,21 +384,21 @@ fn a_device_that_cannot_be_zeroed_for_100_ms_is_closed() {
             (hand.is_open, hand.closes)
         };
         for now in [1, 2, 50, 100] {
-            peer.turn(ms(now));
+            peer.advance(ms(now));
             assert_eq!(state(), (true, 0), "{now} ms");
         }
         // The first zero that failed was that of the first turn, at 1 ms.
-        peer.turn(ms(101));
+        peer.advance(ms(101));
         assert_eq!(state(), (false, 1));
         let writes = device.hand.lock().unwrap().writes;
-        peer.turn(ms(102));
+        peer.advance(ms(102));
         assert_eq!(state(), (false, 1), "closed once");
         assert_eq!(device.hand.lock().unwrap().writes, writes, "and left alone");
         // The next session opens it.
         device.hand.lock().unwrap().written = Ok(());
         let mut palpate = Speaker::new(peer.address());
         begin(&mut peer, &mut palpate, ms(103));
-        peer.turn(ms(103));
+        peer.advance(ms(103));
         assert_eq!((device.force_n(), state()), (DVec3::ZERO, (true, 1)));
         drop(peer);
         assert_eq!(state(), (false, 2));
@@ -412,7 +415,7 @@ fn a_driver_that_panics_is_a_device_that_fails() {
         let mut hand = device.hand.lock().unwrap();
         (hand.reading, hand.panics) = (Err(DeviceError::Disconnected), true);
     }
-    peer.turn(START);
+    peer.advance(START);
     assert_eq!((end_of(&mut palpate), peer.session()), (Body::End(EndReason::DeviceFailed), None));
     assert_eq!(device.force_n(), DVec3::ZERO);
 }

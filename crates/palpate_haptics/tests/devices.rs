@@ -17,13 +17,13 @@ fn x_of(device: &mut dyn HapticDevice) -> f64 {
 #[test]
 fn a_replay_gives_its_rows_and_then_stays_or_begins_anew() {
     for (at_end, expected) in
-        [(AtEnd::Stay, [1.0, 2.0, 3.0, 3.0, 3.0]), (AtEnd::Repeat, [1.0, 2.0, 3.0, 1.0, 2.0])]
+        [(ReplayEnd::Stay, [1.0, 2.0, 3.0, 3.0, 3.0]), (ReplayEnd::Repeat, [1.0, 2.0, 3.0, 1.0, 2.0])]
     {
         let mut device = ReplayDevice::new(trajectory(), at_end);
         device.open().unwrap();
         assert_eq!([(); 5].map(|()| x_of(&mut device)), expected);
     }
-    let description = ReplayDevice::new(trajectory(), AtEnd::Stay).describe();
+    let description = ReplayDevice::new(trajectory(), ReplayEnd::Stay).describe();
     assert_eq!(description.workspace_m, [DVec3::X, DVec3::X * 3.0]);
 }
 
@@ -39,7 +39,7 @@ fn a_script_hears_the_force_that_was_written_last() {
 #[test]
 fn a_closed_device_says_so_and_can_be_opened_again() {
     let devices: [Box<dyn HapticDevice>; 2] = [
-        Box::new(ReplayDevice::new(trajectory(), AtEnd::Stay)),
+        Box::new(ReplayDevice::new(trajectory(), ReplayEnd::Stay)),
         Box::new(ScriptedDevice::new(|n, force| Ok(Reading::at(DVec3::new(1.0 + n as f64, force.y, 0.0))))),
     ];
     for mut device in devices {
@@ -75,7 +75,7 @@ fn readings_that_are_no_readings_are_seen() {
 fn descriptions_that_make_no_sense_are_refused() {
     let good = ScriptedDevice::new(|_, _| Err(DeviceError::TimedOut)).describe();
     good.validate().unwrap();
-    ReplayDevice::new(trajectory(), AtEnd::Stay).describe().validate().unwrap();
+    ReplayDevice::new(trajectory(), ReplayEnd::Stay).describe().validate().unwrap();
     for bad in [
         DeviceDescription { max_force_n: f64::NAN, ..good.clone() },
         DeviceDescription { max_force_n: -1.0, ..good.clone() },
@@ -98,13 +98,13 @@ fn the_safety_chain_s_settings_follow_from_the_description() {
     };
     let good = SafetySettings::default();
     assert_eq!(of(20.0, 1000.0), SafetySettings { max_force_n: 20.0, ..good });
-    let weak = SafetySettings { max_force_n: 2.0, max_slew_n_per_s: 100.0, start_below_n: 0.1, ..good };
+    let weak = SafetySettings { max_force_n: 2.0, max_slew_n_per_s: 100.0, arm_below_n: 0.1, ..good };
     assert_eq!(of(2.0, 1000.0), weak);
-    assert_eq!(of(20.0, 60.0).silent_after_ticks, 50);
-    assert_eq!((of(0.0, 1000.0).max_force_n, of(0.0, 1000.0).start_below_n), (0.0, 0.0));
+    assert_eq!(of(20.0, 60.0).device_timeout_ticks, 50);
+    assert_eq!((of(0.0, 1000.0).max_force_n, of(0.0, 1000.0).arm_below_n), (0.0, 0.0));
 }
 
-fn follow(hand: FollowingHand, place_m: DVec3) -> (FollowedPlace, FollowingDevice) {
+fn follow(hand: FollowerSettings, place_m: DVec3) -> (FollowerTarget, FollowerDevice) {
     let (mut place, mut device) = hand.follow().unwrap();
     device.open().unwrap();
     place.set(place_m, 0);
@@ -113,7 +113,7 @@ fn follow(hand: FollowingHand, place_m: DVec3) -> (FollowedPlace, FollowingDevic
 
 #[test]
 fn a_hand_follows_a_place_that_jumps_without_a_jump_and_no_faster_than_it_may() {
-    let hand = FollowingHand::default();
+    let hand = FollowerSettings::default();
     let (_place, mut device) = follow(hand, DVec3::X * 0.1);
     let (mut last, mut speed) = (DVec3::ZERO, 0.0);
     for _ in 0..1000 {
@@ -132,7 +132,7 @@ fn a_hand_follows_a_place_that_jumps_without_a_jump_and_no_faster_than_it_may() 
 
 #[test]
 fn a_hand_lags_by_two_over_omega_behind_an_even_motion() {
-    let hand = FollowingHand::default();
+    let hand = FollowerSettings::default();
     let (mut place, mut device) = follow(hand, DVec3::ZERO);
     let speed = 0.1;
     let mut lag = 0.0;
@@ -148,11 +148,11 @@ fn a_hand_lags_by_two_over_omega_behind_an_even_motion() {
 
 #[test]
 fn a_hand_that_follows_yields_to_force_keeps_its_workspace_and_tells_its_buttons() {
-    let hand = FollowingHand::default();
+    let hand = FollowerSettings::default();
     let (mut place, mut device) = follow(hand, DVec3::ZERO);
     let force = DVec3::new(0.0, 2.0, 0.0);
     let settle =
-        |device: &mut FollowingDevice| (0..2000).map(|_| device.read(WITHIN).unwrap()).last().unwrap();
+        |device: &mut FollowerDevice| (0..2000).map(|_| device.read(WITHIN).unwrap()).last().unwrap();
     device.write(force).unwrap();
     let beside = settle(&mut device).position_m;
     assert!((beside - force / (0.2 * 40.0 * 40.0)).length() < 1e-9, "{beside}");
@@ -165,11 +165,11 @@ fn a_hand_that_follows_yields_to_force_keeps_its_workspace_and_tells_its_buttons
     let there = settle(&mut device);
     assert!(there.is_usable() && (there.position_m - reading.position_m).length() < 1e-9);
     for bad in [
-        FollowingHand { rate_per_s: 0.0, ..hand },
-        FollowingHand { mass_kg: f64::NAN, ..hand },
-        FollowingHand { max_speed_m_per_s: -1.0, ..hand },
-        FollowingHand { workspace_m: [DVec3::ONE, DVec3::ZERO], ..hand },
-        FollowingHand { start_m: DVec3::NAN, ..hand },
+        FollowerSettings { rate_per_s: 0.0, ..hand },
+        FollowerSettings { mass_kg: f64::NAN, ..hand },
+        FollowerSettings { max_speed_m_per_s: -1.0, ..hand },
+        FollowerSettings { workspace_m: [DVec3::ONE, DVec3::ZERO], ..hand },
+        FollowerSettings { start_m: DVec3::NAN, ..hand },
     ] {
         assert!(matches!(bad.follow(), Err(HapticsError::Setting { .. })), "{bad:?}");
     }

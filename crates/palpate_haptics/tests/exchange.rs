@@ -38,7 +38,7 @@ fn settings(number: u64) -> LoopSettings {
     let value = 1.0 + (number % 1000) as f64 * 1e-3;
     LoopSettings {
         safety: SafetySettings {
-            start_below_n: f64::MAX,
+            arm_below_n: f64::MAX,
             ramp_s: 0.0,
             max_speed_m_per_s: 1e3 * value,
             passivity_damping_ns_per_m: value,
@@ -47,7 +47,7 @@ fn settings(number: u64) -> LoopSettings {
             fade_s: value,
             max_force_n: 10.0 * value,
             max_slew_n_per_s: 1e5 * value,
-            silent_after_ticks: number,
+            device_timeout_ticks: number,
         },
         velocity: VelocityEstimator::BackwardDifference,
         model_period_s: value,
@@ -126,7 +126,7 @@ fn models_and_settings_cross_whole_to_a_loop_at_full_speed() {
                 let sequence = handle.samples().newest().map_or(0, |sample| sample.sequence);
                 write(ModelId { body: number, epoch: 3 * number, sequence }, handle.model_slot());
                 handle.publish_model();
-                assert_eq!(handle.set(settings(number)).unwrap(), number);
+                assert_eq!(handle.set_settings(settings(number)).unwrap(), number);
             }
         });
         let _finally = Finally(&enough);
@@ -144,7 +144,7 @@ fn models_and_settings_cross_whole_to_a_loop_at_full_speed() {
             }
             if let Some((number, found)) = first.record.settings {
                 assert_eq!(found, settings(number), "settings {number} are torn");
-                twin_handle.set(found).unwrap();
+                twin_handle.set_settings(found).unwrap();
                 changed += 1;
             }
             let second = twin.tick(1, Ok(reading(sequence)));
@@ -154,14 +154,14 @@ fn models_and_settings_cross_whole_to_a_loop_at_full_speed() {
                 record, first.record,
                 "a model or settings are torn, or the loop is no function of them"
             );
-            adopted += u64::from(first.record.spoken.swap.is_some());
+            adopted += u64::from(first.record.rendered.swap.is_some());
             felt += u64::from(first.device_force_n != DVec3::ZERO);
             haptic_loop.finish_tick(&first, None, Ok(()));
             twin.finish_tick(&second, None, Ok(()));
         }
     });
     // The report comes every 64 ticks, more than Miri has time for.
-    let refused = handle.report().models_refused;
+    let refused = handle.report().models_rejected;
     // Where the writer is interrupted long enough its model is too old for the samples that are kept.
     assert!(20 * refused < taken && 2 * adopted > taken, "{refused} refused, {adopted} adopted of {taken}");
     let enough = taken >= TAKEN && changed >= TAKEN / 2 && felt >= TAKEN / 100;
@@ -252,6 +252,9 @@ fn check_record(record: &TickRecord) -> u64 {
     assert_eq!(found, sample(sequence), "the record of {sequence} is torn");
     assert_eq!(record.reading, Ok(reading(sequence)));
     assert_eq!((record.timing, record.elapsed), (timing(sequence), 1));
-    assert_eq!(record.spoken.force_n, if record.spoken.model.is_some() { DVec3::ONE } else { DVec3::ZERO });
+    assert_eq!(
+        record.rendered.force_n,
+        if record.rendered.model.is_some() { DVec3::ONE } else { DVec3::ZERO }
+    );
     sequence
 }

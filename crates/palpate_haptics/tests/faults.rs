@@ -12,7 +12,7 @@ use std::time::Duration;
 use wait::wait_for;
 
 fn settings() -> LoopSettings {
-    let safety = SafetySettings { start_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
+    let safety = SafetySettings { arm_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
     LoopSettings { safety, velocity: VelocityEstimator::BackwardDifference, ..LoopSettings::default() }
 }
 
@@ -134,7 +134,7 @@ impl HapticDevice for Stand {
 
 fn start() -> (HapticHandle, LoopThread, Arc<Seen>) {
     let seen = Arc::new(Seen::default());
-    let config = LoopConfig { real_time: RealTime::NOTHING, ..LoopConfig::default() };
+    let config = LoopConfig { real_time: RealTimeRequest::NONE, ..LoopConfig::default() };
     let (mut handle, haptic_loop) = haptic_loop(config, settings()).unwrap();
     let thread = haptic_loop.spawn(Box::new(Stand(Arc::clone(&seen)))).unwrap();
     let model = handle.model_slot();
@@ -158,7 +158,7 @@ fn a_loop_that_hangs_is_stopped_once_and_starts_anew() {
     seen.hangs.store(false, Ordering::SeqCst);
     wait_for(|| seen.reads.load(Ordering::SeqCst) > reads + 20);
     assert!(kinds(&mut handle).contains(&LoopEventKind::EmergencyStopped));
-    assert!(matches!(thread.stop(), Stop::Joined));
+    assert!(matches!(thread.stop(), StopOutcome::Joined));
 }
 
 #[test]
@@ -173,7 +173,7 @@ fn a_device_that_went_away_is_opened_again() {
     // What can be read again needs no opening; what cannot is opened within half a second.
     let reads = seen.reads.load(Ordering::SeqCst);
     wait_for(|| seen.reads.load(Ordering::SeqCst) > reads + 20);
-    assert!(matches!(thread.stop(), Stop::Joined));
+    assert!(matches!(thread.stop(), StopOutcome::Joined));
     let recovered =
         kinds(&mut handle).into_iter().any(|kind| matches!(kind, LoopEventKind::DeviceRecovered(_)));
     assert!(recovered);
@@ -195,7 +195,7 @@ fn why_a_device_that_is_back_cannot_be_opened_is_told() {
         told.extend(kinds(&mut handle));
     }
     seen.is_gone.store(false, Ordering::SeqCst);
-    assert!(matches!(thread.stop(), Stop::Joined));
+    assert!(matches!(thread.stop(), StopOutcome::Joined));
     told.extend(kinds(&mut handle));
     let reasons: Vec<LoopEventKind> =
         told.iter().copied().filter(|kind| matches!(kind, LoopEventKind::ReopenFailed(_))).collect();
@@ -220,7 +220,7 @@ fn a_device_that_takes_no_force_is_stopped_and_opened_again() {
     });
     let failed = LoopEventKind::DeviceFailed(DeviceError::Disconnected);
     assert!(told.contains(&failed) && told.contains(&LoopEventKind::EmergencyStopped), "{told:?}");
-    assert!(matches!(thread.stop(), Stop::Joined));
+    assert!(matches!(thread.stop(), StopOutcome::Joined));
 }
 
 #[test]
@@ -240,5 +240,5 @@ fn a_brake_that_panics_is_not_asked_again_and_the_loop_goes_on() {
     seen.hangs.store(true, Ordering::SeqCst);
     wait_for(|| thread.emergency_stops() == 1);
     seen.hangs.store(false, Ordering::SeqCst);
-    assert!(matches!(thread.stop(), Stop::Joined));
+    assert!(matches!(thread.stop(), StopOutcome::Joined));
 }

@@ -129,11 +129,11 @@ fn settings() -> impl Strategy<Value = LoopSettings> {
                 damping,
             )| {
                 SafetySettings {
-                    start_below_n,
+                    arm_below_n: start_below_n,
                     ramp_s,
                     max_force_n,
                     max_slew_n_per_s,
-                    silent_after_ticks,
+                    device_timeout_ticks: silent_after_ticks,
                     fade_s,
                     max_speed_m_per_s: speed,
                     passivity_damping_ns_per_m: damping,
@@ -193,7 +193,7 @@ struct Rig {
 impl Rig {
     fn new() -> Self {
         let config = LoopConfig { device: LIMITS, ..LoopConfig::default() };
-        let safety = SafetySettings { start_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
+        let safety = SafetySettings { arm_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
         let in_force = LoopSettings { safety, ..LoopSettings::default() };
         let (handle, haptic_loop) = haptic_loop(config, in_force).unwrap();
         let (at, velocity, shown_n) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
@@ -208,7 +208,7 @@ impl Rig {
     ) {
         self.at += self.velocity * TICK_S;
         self.count = self.count.map(|count| count + 1);
-        let reading = broken.unwrap_or(Ok(Reading { number: self.count, ..Reading::at(self.at) }));
+        let reading = broken.unwrap_or(Ok(Reading { sequence: self.count, ..Reading::at(self.at) }));
         let ticked = self.haptic_loop.tick(elapsed, reading);
         self.haptic_loop.finish_tick(&ticked, None, written);
         if let Some((_, settings)) = ticked.record.settings {
@@ -244,7 +244,7 @@ impl Rig {
                     self.handle.publish_model();
                 }
                 Happens::Set(settings) => {
-                    self.handle.set(*settings).unwrap();
+                    self.handle.set_settings(*settings).unwrap();
                 }
             }
             for _ in 0..*ticks {
@@ -266,11 +266,11 @@ proptest! {
         let mut rig = Rig::new();
         rig.run(&all);
         // Whatever it was: without readings, or without a model, force ends within the stated time.
-        let SafetySettings { silent_after_ticks, fade_s, .. } = rig.in_force.safety;
-        rig.handle.set(LoopSettings { paused: false, ..rig.in_force }).unwrap();
+        let SafetySettings { device_timeout_ticks, fade_s, .. } = rig.in_force.safety;
+        rig.handle.set_settings(LoopSettings { paused: false, ..rig.in_force }).unwrap();
         let fade = (fade_s / TICK_S).ceil() as u64 + 2;
         // Three model periods of 50 ticks.
-        let within = if is_read { 151 } else { silent_after_ticks + 1 } + fade;
+        let within = if is_read { 151 } else { device_timeout_ticks + 1 } + fade;
         let broken = (!is_read).then_some(Err(DeviceError::TimedOut));
         for _ in 0..within {
             rig.tick(1, broken, Ok(()));

@@ -64,10 +64,16 @@ fn a_box_that_is_written_and_read_is_the_same_to_the_bit() {
     // Zeros that are equal can differ in their sign.
     assert_eq!(format!("{:?}", read.ticks()), format!("{here:?}"));
     let faults: Vec<_> = [1, 51, 61, 71, 72].map(|n| read.ticks()[n - 1].read_failed).into();
-    let [timed_out, os] = [DeviceFault::TimedOut, DeviceFault::Os(-5)];
+    let [timed_out, os] = [RecordedDeviceError::TimedOut, RecordedDeviceError::Os(-5)];
     assert_eq!(
         faults,
-        [Some(timed_out), Some(os), Some(DeviceFault::Protocol), Some(DeviceFault::Unusable), None]
+        [
+            Some(timed_out),
+            Some(os),
+            Some(RecordedDeviceError::Protocol),
+            Some(RecordedDeviceError::Unusable),
+            None
+        ]
     );
     assert_eq!((read.ticks()[0].sample, read.ticks()[0].model), (None, None));
 }
@@ -143,8 +149,8 @@ fn every_fault_of_a_file_is_named_with_file_and_line() {
 fn a_keeper_writes_a_few_files_and_none_in_the_place_of_another() {
     let folder = folder("keeper").join("made");
     let (mut handle, _lockstep) = run(120, LoopSettings::default());
-    let mut keeper = BlackBoxKeeper::new(&folder).at_most(3);
-    let mut keep = |reason: &str| keeper.keep(&mut handle, reason).unwrap();
+    let mut keeper = BlackBoxWriter::new(&folder).with_max_files(3);
+    let mut keep = |reason: &str| keeper.write(&mut handle, reason).unwrap();
     assert_eq!(keep("the device failed"), Some(folder.join("blackbox-1-the-device-failed.csv")));
     std::fs::write(folder.join("blackbox-7-of-another-run.csv"), "").unwrap();
     std::fs::write(folder.join("notes.txt"), "").unwrap();
@@ -153,7 +159,7 @@ fn a_keeper_writes_a_few_files_and_none_in_the_place_of_another() {
     assert_eq!(keep("once more"), None);
     assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 5);
     assert_eq!(Recording::read_csv(folder.join("blackbox-9-asked.csv")).unwrap().ticks().len(), 120);
-    let blocked = BlackBoxKeeper::new(folder.join("notes.txt")).keep(&mut handle, "").unwrap_err();
+    let blocked = BlackBoxWriter::new(folder.join("notes.txt")).write(&mut handle, "").unwrap_err();
     assert!(blocked.to_string().contains("notes.txt"), "{blocked}");
 }
 

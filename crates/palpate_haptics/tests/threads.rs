@@ -53,7 +53,7 @@ fn start(
 ) -> (HapticHandle, LoopThread, Arc<Log>) {
     let log = Arc::new(Log::default());
     let device = Logged { log: log.clone(), read: Box::new(read) };
-    let safety = SafetySettings { start_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
+    let safety = SafetySettings { arm_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
     let settings = LoopSettings { safety, record: true, ..LoopSettings::default() };
     let (mut handle, haptic_loop) = haptic_loop(LoopConfig::default(), settings).unwrap();
     let thread = haptic_loop.spawn(Box::new(device)).unwrap();
@@ -72,7 +72,7 @@ fn publish(handle: &mut HapticHandle, sequence: u64) {
 fn every_period_is_a_tick_or_a_counted_missed_deadline() {
     let (mut handle, mut thread, log) = start(|_| Ok(Reading::at(DVec3::ZERO)));
     wait_for(|| log.reads.load(Ordering::SeqCst) > 400);
-    assert!(matches!(thread.stop(), Stop::Joined));
+    assert!(matches!(thread.stop(), StopOutcome::Joined));
     let report = handle.report();
     assert!(report.ended);
     let (ticks, missed) = (report.ticks, report.missed_deadlines);
@@ -119,9 +119,9 @@ fn stopping_and_dropping_leave_zero_force_and_a_closed_device() {
         if drop_it {
             drop(thread);
         } else {
-            assert!(matches!(thread.stop(), Stop::Joined));
+            assert!(matches!(thread.stop(), StopOutcome::Joined));
             assert!(!thread.is_running());
-            assert!(matches!(thread.stop(), Stop::AlreadyStopped));
+            assert!(matches!(thread.stop(), StopOutcome::AlreadyStopped));
         }
         assert_eq!(*log.last_force.lock().unwrap(), Some(DVec3::ZERO));
         assert_eq!(log.closed.load(Ordering::SeqCst), 1);
@@ -135,7 +135,7 @@ fn a_device_that_panics_is_left_with_zero_force_and_that_is_said() {
         Ok(Reading::at(DVec3::ZERO))
     });
     wait_for(|| !thread.is_running());
-    assert!(matches!(thread.stop(), Stop::Panicked));
+    assert!(matches!(thread.stop(), StopOutcome::Panicked));
     assert_eq!(*log.last_force.lock().unwrap(), Some(DVec3::ZERO));
     assert_eq!(log.closed.load(Ordering::SeqCst), 1);
     let told = std::iter::from_fn(|| handle.next_event()).map(|event| event.kind);
@@ -169,7 +169,7 @@ fn a_device_that_panics_while_it_is_zeroed_is_closed() {
     let (_handle, haptic_loop) = haptic_loop(LoopConfig::default(), LoopSettings::default()).unwrap();
     let mut thread = haptic_loop.spawn(Box::new(Brittle(closed.clone()))).unwrap();
     wait_for(|| !thread.is_running());
-    assert!(matches!(thread.stop(), Stop::Panicked));
+    assert!(matches!(thread.stop(), StopOutcome::Panicked));
     assert_eq!(closed.load(Ordering::SeqCst), 1);
 }
 
@@ -185,7 +185,7 @@ fn a_device_that_blocks_is_left_to_itself_and_that_is_said() {
         Ok(Reading::at(DVec3::ZERO))
     });
     wait_for(|| log.reads.load(Ordering::SeqCst) > 20);
-    assert!(matches!(thread.stop(), Stop::Detached));
+    assert!(matches!(thread.stop(), StopOutcome::Detached));
     *log.last_force.lock().unwrap() = None;
     release.store(true, Ordering::SeqCst);
     wait_for(|| log.closed.load(Ordering::SeqCst) == 1);
@@ -199,7 +199,7 @@ fn a_device_that_cannot_be_opened_is_reported_and_nothing_is_written() {
     device.open().unwrap();
     let mut thread = haptic_loop.spawn(Box::new(device)).unwrap();
     wait_for(|| !thread.is_running());
-    assert!(matches!(thread.stop(), Stop::Joined));
+    assert!(matches!(thread.stop(), StopOutcome::Joined));
     let kinds: Vec<LoopEventKind> = std::iter::from_fn(|| handle.next_event()).map(|e| e.kind).collect();
     let [LoopEventKind::RealTime(_), failed, stopped] = kinds[..] else { panic!("{kinds:?}") };
     assert_eq!(failed, LoopEventKind::DeviceFailed(DeviceError::AlreadyOpen));
@@ -264,7 +264,7 @@ fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
             let mut handle = other.lock().unwrap();
             let sequence = handle.samples().newest().map_or(0, |s| s.sequence);
             let settings = LoopSettings { paused: sequence % 7 == 0, ..*handle.settings() };
-            handle.set(settings).unwrap();
+            handle.set_settings(settings).unwrap();
             let model = handle.model_slot();
             let near = sequence % 3;
             let scheme = if near > 0 { Scheme::NearFieldExact } else { Scheme::Neighbourhood };
@@ -323,7 +323,7 @@ fn local_models_cross_whole() {
     thread.stop();
     let mut seen = 0;
     while let Some(record) = handle.next_record() {
-        let (spoken, force) = (record.spoken, record.spoken.force_n);
+        let (spoken, force) = (record.rendered, record.rendered.force_n);
         let Some(model) = spoken.model.filter(|m| m.body > 0) else {
             continue;
         };
@@ -345,11 +345,12 @@ fn a_slow_model_side_makes_the_model_older_and_not_the_loop_late() {
     wait_for(|| handle.samples().newest().unwrap().sequence >= built_at + 150);
     publish(&mut handle, built_at);
     assert!(log.reads.load(Ordering::SeqCst) > before, "the loop has ticked meanwhile");
-    let adopted =
-        |handle: &mut HapticHandle| handle.latest_tick().unwrap().spoken.model.unwrap().sequence == built_at;
+    let adopted = |handle: &mut HapticHandle| {
+        handle.latest_tick().unwrap().rendered.model.unwrap().sequence == built_at
+    };
     wait_for(|| adopted(&mut handle));
     let tick = handle.latest_tick().unwrap();
     assert!(tick.sample.unwrap().sequence - built_at >= 150, "and the model is that old");
-    assert_eq!(tick.spoken.force_n, DVec3::Y);
+    assert_eq!(tick.rendered.force_n, DVec3::Y);
     thread.stop();
 }

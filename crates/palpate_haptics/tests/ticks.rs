@@ -11,7 +11,7 @@ const DEVICE: DeviceLimits = DeviceLimits { force_n: 20.0, slew_n_per_s: 1e12 };
 /// Settings with no ramp, no slew to speak of and no guards, records on, velocities by difference.
 fn bare() -> LoopSettings {
     let safety = SafetySettings {
-        start_below_n: f64::MAX,
+        arm_below_n: f64::MAX,
         ramp_s: 0.0,
         max_speed_m_per_s: f64::MAX,
         passivity_damping_ns_per_m: 0.0,
@@ -45,7 +45,7 @@ fn publish(handle: &mut HapticHandle, sequence: u64, change: impl FnOnce(&mut Lo
     handle.publish_model();
 }
 
-fn tick(haptic_loop: &mut HapticLoop, elapsed: u64, reading: Result<Reading, DeviceError>) -> Ticked {
+fn tick(haptic_loop: &mut HapticLoop, elapsed: u64, reading: Result<Reading, DeviceError>) -> TickOutput {
     let ticked = haptic_loop.tick(elapsed, reading);
     haptic_loop.finish_tick(&ticked, None, Ok(()));
     ticked
@@ -95,13 +95,14 @@ fn a_missed_deadline_is_counted_and_bridged() {
 fn a_long_gap_begins_the_samples_anew() {
     let (mut handle, mut haptic_loop) = halves(bare());
     tick(&mut haptic_loop, 1, at(0.0));
-    tick(&mut haptic_loop, LONGEST_BRIDGE + 1, at(0.1));
-    assert_eq!(handle.samples().len(), LONGEST_BRIDGE as usize + 2);
-    tick(&mut haptic_loop, LONGEST_BRIDGE + 2, at(0.5));
+    tick(&mut haptic_loop, MAX_BRIDGED_TICKS + 1, at(0.1));
+    assert_eq!(handle.samples().len(), MAX_BRIDGED_TICKS as usize + 2);
+    tick(&mut haptic_loop, MAX_BRIDGED_TICKS + 2, at(0.5));
     let samples = handle.samples();
     assert_eq!(samples.len(), 1);
     assert_eq!(samples.newest().unwrap().velocity_m_per_s, DVec3::ZERO);
-    let expected = [LoopEventKind::DeadlinesMissed(LONGEST_BRIDGE), LoopEventKind::Gap(LONGEST_BRIDGE + 1)];
+    let expected =
+        [LoopEventKind::DeadlinesMissed(MAX_BRIDGED_TICKS), LoopEventKind::Gap(MAX_BRIDGED_TICKS + 1)];
     assert_eq!(events(&mut handle), expected);
 }
 
@@ -157,7 +158,7 @@ fn where_the_tool_is_put_without_moving_there_is_no_velocity() {
     assert_eq!(samples.get(9).unwrap().position_m, DVec3::X * 0.05);
     // Another frame.
     let frame = DeviceFrame { offset_m: DVec3::Y * 0.1, ..DeviceFrame::default() };
-    handle.set(LoopSettings { frame, ..bare() }).unwrap();
+    handle.set_settings(LoopSettings { frame, ..bare() }).unwrap();
     tick(&mut haptic_loop, 2, at(0.05));
     let sample = *handle.samples().newest().unwrap();
     assert_eq!((sample.position_m.y, sample.velocity_m_per_s), (0.1, DVec3::ZERO));
@@ -184,9 +185,9 @@ fn another_body_silences_the_first_at_once() {
     tick(&mut haptic_loop, 1, at(0.01));
     publish(&mut handle, 1, |_| ());
     assert_eq!(tick(&mut haptic_loop, 1, at(0.01)).device_force_n, DVec3::X * -1.0);
-    handle.set(LoopSettings { body: Some(2), ..bare() }).unwrap();
+    handle.set_settings(LoopSettings { body: Some(2), ..bare() }).unwrap();
     assert_eq!(tick(&mut haptic_loop, 1, at(0.01)).device_force_n, DVec3::ZERO);
-    handle.set(LoopSettings { body: Some(3), ..bare() }).unwrap();
+    handle.set_settings(LoopSettings { body: Some(3), ..bare() }).unwrap();
     publish(&mut handle, 3, |m| m.id.body = 3);
     assert_eq!(tick(&mut haptic_loop, 1, at(0.01)).device_force_n, DVec3::X * -1.0);
     assert!(!events(&mut handle).iter().any(LoopEventKind::is_fault));
@@ -249,7 +250,7 @@ fn a_force_keeps_its_direction_at_the_device_when_the_frame_is_turned_or_grows_a
     }
     let rotation = DQuat::from_rotation_z(std::f64::consts::PI);
     let frame = DeviceFrame { rotation, ..DeviceFrame::default() };
-    handle.set(LoopSettings { safety, frame, ..bare() }).unwrap();
+    handle.set_settings(LoopSettings { safety, frame, ..bare() }).unwrap();
     for n in 1..=3 {
         let force = tick(&mut haptic_loop, 1, at(0.01)).device_force_n;
         assert!((force + DVec3::X * 0.1 * f64::from(n)).length() < 1e-9, "{force}");
@@ -273,7 +274,7 @@ fn a_force_that_is_not_finite_is_told_once() {
 #[test]
 fn a_device_that_repeats_itself_for_too_long_is_silent() {
     let (mut handle, mut haptic_loop) = halves(bare());
-    let numbered = |n: u64| Ok(Reading { number: Some(n), ..Reading::at(DVec3::X * 0.01) });
+    let numbered = |n: u64| Ok(Reading { sequence: Some(n), ..Reading::at(DVec3::X * 0.01) });
     tick(&mut haptic_loop, 1, numbered(1));
     publish(&mut handle, 1, |_| ());
     let forces: Vec<f64> =
@@ -345,7 +346,7 @@ fn settings_act_at_the_next_tick_and_are_acknowledged() {
         scale: 2.0,
         offset_m: DVec3::Z,
     };
-    assert_eq!(handle.set(LoopSettings { frame, ..bare() }).unwrap(), 1);
+    assert_eq!(handle.set_settings(LoopSettings { frame, ..bare() }).unwrap(), 1);
     publish(&mut handle, 1, |m| m.position_m = DVec3::Z);
     let ticked = tick(&mut haptic_loop, 1, at(0.01));
     let sample = ticked.record.sample.unwrap();
@@ -361,11 +362,11 @@ fn settings_that_make_no_sense_are_refused_and_the_old_ones_stay() {
     let (mut handle, _haptic_loop) = halves(bare());
     let mut bad = bare();
     bad.model_period_s = 0.0;
-    let error = handle.set(bad).unwrap_err();
+    let error = handle.set_settings(bad).unwrap_err();
     assert_eq!(error.to_string(), "time between two model steps, s is 0; it must be finite and above 0");
     bad = bare();
     bad.frame.scale = f64::NAN;
-    assert!(handle.set(bad).is_err());
+    assert!(handle.set_settings(bad).is_err());
     assert_eq!(*handle.settings(), bare());
     for config in [
         LoopConfig { device: DeviceLimits::of_force(f64::NAN), ..LoopConfig::default() },

@@ -102,7 +102,7 @@ fn buttons_and_orientations_are_columns_that_a_file_may_have() {
     }
     assert_eq!(hand.reading(20), None);
     // A replay presses and turns as the hand did, and repeats it.
-    let mut device = ReplayDevice::new(hand, AtEnd::Repeat);
+    let mut device = ReplayDevice::new(hand, ReplayEnd::Repeat);
     device.open().unwrap();
     let told: Vec<u32> = (0..40).map(|_| device.read(std::time::Duration::ZERO).unwrap().buttons).collect();
     assert_eq!(told, [[0; 10], [2; 10], [0; 10], [2; 10]].concat());

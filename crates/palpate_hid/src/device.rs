@@ -187,7 +187,7 @@ impl HapticDevice for HidDevice {
         self.driver.describe()
     }
 
-    fn shown_n(&self, force_n: DVec3) -> DVec3 {
+    fn quantized_force_n(&self, force_n: DVec3) -> DVec3 {
         self.driver.shown_n(force_n)
     }
 

@@ -250,7 +250,7 @@ impl Driver for Joystick {
             velocity_m_per_s: None,
             orientation: DQuat::IDENTITY,
             buttons,
-            number: None,
+            sequence: None,
         })
     }
 

@@ -223,7 +223,7 @@ impl Driver for SpaceMouse {
             velocity_m_per_s: Some(velocity),
             orientation: self.orientation,
             buttons: cap.buttons,
-            number: None,
+            sequence: None,
         })
     }
 

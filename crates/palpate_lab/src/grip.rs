@@ -8,7 +8,7 @@ use crate::{defaults, progress};
 use clap::Args;
 use glam::DVec3;
 use palpate_body::{Body, BodyError, SemiImplicitEuler, ToolContact, ToolPoint};
-use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, SubmitResult, Sample, Scheme};
+use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Sample, Scheme, SubmitResult};
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -20,8 +20,8 @@ use load::{Load, LoadKind};
 use memory::Memory;
 use model_side::{Done, ModelSide, PERIOD};
 use palpate_haptics::{
-    BareReport, BareThread, EndedLoop, HapticDevice, HapticLoop, LoopConfig, LoopSettings, RealTime,
-    SafetySettings, haptic_loop, run_beside,
+    BaselineReport, BaselineThread, HapticDevice, HapticLoop, LoopConfig, LoopSettings, RealTimeRequest,
+    SafetySettings, StoppedLoop, haptic_loop, run_with_baseline,
 };
 use palpate_local::HandOverSettings;
 use palpate_reduce::{BuilderOptions, LocalModelBuilder};
@@ -89,7 +89,7 @@ struct Outcome {
     model_side: ModelSide,
     felt: Felt,
     allocations: u64,
-    bare: BareReport,
+    bare: BaselineReport,
     memory: Memory,
     load_rounds: u64,
 }
@@ -122,7 +122,11 @@ impl Soak {
                 history: HISTORY,
                 ..HandOverSettings::default()
             },
-            real_time: RealTime { priority: self.priority.0, core: self.core, ..RealTime::default() },
+            real_time: RealTimeRequest {
+                priority: self.priority.0,
+                core: self.core,
+                ..RealTimeRequest::default()
+            },
             // Room for eight seconds in which the model side takes nothing.
             event_capacity: 8192,
             record_capacity: 8192,
@@ -153,7 +157,7 @@ impl Soak {
         mut hand: Hand,
         config: LoopConfig,
     ) -> Result<Outcome, LabError> {
-        let bare = BareThread::spawn(&config)?;
+        let bare = BaselineThread::spawn(&config)?;
         let load = Load::start(self.load)?;
         let (stop, ended) = (AtomicBool::new(false), AtomicBool::new(false));
         let (memory, turned, model_side) = std::thread::scope(|scope| {
@@ -179,16 +183,16 @@ fn turn(
     haptic_loop: HapticLoop,
     hand: &mut dyn HapticDevice,
     stop: &AtomicBool,
-    bare: &BareThread,
-    real_time: RealTime,
-) -> (Option<EndedLoop>, u64) {
+    bare: &BaselineThread,
+    real_time: RealTimeRequest,
+) -> (Option<StoppedLoop>, u64) {
     // The loop asks the operating system for what its thread needs before it begins; naming a core allocates. That is
     // measured by asking twice, and does not count.
     let set_up = allocation_counter::measure(|| {
-        let _ = real_time.ask_for_this_thread();
+        let _ = real_time.apply_to_current_thread();
     });
     let mut ended = None;
-    let all = allocation_counter::measure(|| ended = Some(run_beside(haptic_loop, hand, stop, bare)));
+    let all = allocation_counter::measure(|| ended = Some(run_with_baseline(haptic_loop, hand, stop, bare)));
     let freed = (all.count_current - set_up.count_current).min(0).unsigned_abs();
     (ended, all.count_total.saturating_sub(set_up.count_total) + freed)
 }
@@ -219,10 +223,10 @@ mod tests {
     use std::sync::Arc;
 
     /// Allocations counted while a device is read thirty times that allocates so many times at each.
-    fn counted(at_each: usize, real_time: RealTime) -> u64 {
+    fn counted(at_each: usize, real_time: RealTimeRequest) -> u64 {
         let config = LoopConfig { real_time, ..LoopConfig::default() };
         let (_handle, haptic_loop) = haptic_loop(config, LoopSettings::default()).unwrap();
-        let bare = BareThread::spawn(&config).unwrap();
+        let bare = BaselineThread::spawn(&config).unwrap();
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
         let mut device = ScriptedDevice::new(move |n, _| {
@@ -238,7 +242,7 @@ mod tests {
 
     #[test]
     fn what_is_allocated_at_a_tick_is_counted_and_what_setting_up_takes_is_not() {
-        for real_time in [RealTime::NOTHING, RealTime { core: Some(0), ..RealTime::NOTHING }] {
+        for real_time in [RealTimeRequest::NONE, RealTimeRequest { core: Some(0), ..RealTimeRequest::NONE }] {
             assert_eq!(counted(0, real_time), 0);
             assert_eq!(counted(2, real_time), 60);
         }

@@ -32,7 +32,7 @@ fn refused(file: &Path, arguments: &[&str]) -> String {
 fn kept(folder: &Path) -> PathBuf {
     // Force begins as it is, and nothing is taken back of what the late models of this hand give.
     let safety = SafetySettings {
-        start_below_n: f64::MAX,
+        arm_below_n: f64::MAX,
         passivity_damping_ns_per_m: 0.0,
         ..SafetySettings::default()
     };

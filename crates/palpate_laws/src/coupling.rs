@@ -1,6 +1,8 @@
 //! A tool that gives way: a proxy without mass behind a stiff coupling whose force saturates.
 
-use crate::{ImpulseResponse, SolverLimits, LawError, ConstraintRow, SolverReport, solve_projected_gauss_seidel};
+use crate::{
+    ConstraintRow, ImpulseResponse, LawError, SolverLimits, SolverReport, solve_projected_gauss_seidel,
+};
 use glam::{DMat3, DVec3};
 
 /// What draws a tool's proxy, which is what the body meets, to where the device is: a spring as long as its force is
@@ -197,7 +199,12 @@ pub fn solve_with_proxies(
     }
     for (index, row) in rows.iter_mut().enumerate() {
         let Some(tool) = tool_of(index).and_then(|tool| tools.get_mut(tool)) else { continue };
-        let own = row.inv_effective_mass_per_kg.x_axis.x.min(row.inv_effective_mass_per_kg.y_axis.y).min(row.inv_effective_mass_per_kg.z_axis.z);
+        let own = row
+            .inv_effective_mass_per_kg
+            .x_axis
+            .x
+            .min(row.inv_effective_mass_per_kg.y_axis.y)
+            .min(row.inv_effective_mass_per_kg.z_axis.z);
         tool.lightest_per_kg = tool.lightest_per_kg.max(own);
         row.inv_effective_mass_per_kg += DMat3::from_diagonal(DVec3::splat(tool.per_kg));
     }
@@ -232,7 +239,8 @@ struct CoupledProblem<'a, A, F> {
 impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> CoupledProblem<'_, A, F> {
     fn solve(&mut self) {
         let now = solve_projected_gauss_seidel(self.rows, &mut self.answer, self.h, self.effort);
-        self.sweeps = SolverReport { iterations: self.sweeps.iterations + now.iterations, converged: now.converged };
+        self.sweeps =
+            SolverReport { iterations: self.sweeps.iterations + now.iterations, converged: now.converged };
     }
 
     /// Sees to it that the tool `index` gives its largest force at most, and follows its device as far as that allows if it is
@@ -368,10 +376,19 @@ mod tests {
 
     fn held(gap: f64) -> ConstraintRow {
         let own_per_kg = DMat3::from_diagonal(DVec3::splat(2.0));
-        ConstraintRow { law: ConstraintLaw::Bilateral, gap_m: DVec3::Z * gap, inv_effective_mass_per_kg: own_per_kg, impulse_ns: DVec3::ZERO }
+        ConstraintRow {
+            law: ConstraintLaw::Bilateral,
+            gap_m: DVec3::Z * gap,
+            inv_effective_mass_per_kg: own_per_kg,
+            impulse_ns: DVec3::ZERO,
+        }
     }
 
-    fn step(coupling: VirtualCoupling, short: f64, mut rows: Vec<ConstraintRow>) -> (Vec<ConstraintRow>, Vec<DVec3>, DVec3) {
+    fn step(
+        coupling: VirtualCoupling,
+        short: f64,
+        mut rows: Vec<ConstraintRow>,
+    ) -> (Vec<ConstraintRow>, Vec<DVec3>, DVec3) {
         let mut masses = Apart(vec![DVec3::ZERO; rows.len()]);
         let proxy = ProxyStep { coupling, short_m: DVec3::Z * short };
         let (sweeps, moved) = solve_with_proxy(

@@ -80,7 +80,7 @@ mod volume;
 pub use carried::{CarriedPoint, MAX_CARRIED};
 pub use contact::unilateral_force;
 pub use coulomb::Coulomb;
-pub use coupling::{VirtualCoupling, ProxyState, ProxyStep, ToolMove, solve_with_proxies, solve_with_proxy};
+pub use coupling::{ProxyState, ProxyStep, ToolMove, VirtualCoupling, solve_with_proxies, solve_with_proxy};
 pub use error::LawError;
 pub use grid_compliance::{lattice_compliance, normal_compliance_at, tangential_compliance_at};
 pub use indentation::{Indentation, Pressure, SeriesCompliance};
@@ -88,11 +88,16 @@ pub use law::{ForceLaw, Tension};
 pub use patch::{Neighbour, Patch, PatchScale, PatchStart, PatchSurface, SurfacePlace};
 pub use patch_rows::{MAX_PATCHES, PATCH_ROWS, PatchLayout, RowLayout};
 pub use pressure_points::{PRESSURE_POINTS, PressurePoint};
-pub use rows::{ImpulseResponse, GAP_TOLERANCE_M, MAX_CORRECTION_SPEED_M_PER_S, SolverLimits, ConstraintRow, ConstraintLaw, SolverReport, solve_projected_gauss_seidel};
+pub use rows::{
+    ConstraintLaw, ConstraintRow, GAP_TOLERANCE_M, ImpulseResponse, MAX_CORRECTION_SPEED_M_PER_S,
+    SolverLimits, SolverReport, solve_projected_gauss_seidel,
+};
 pub use seed::{KnownPatch, KnownPatches, Seed};
 pub use skin::SkinLaw;
 pub use spring::{Spring, SpringTangent};
-pub use touch::{ContactGap, SeriesDeflection, POINT_NODES, ToolShape, is_out_of_reach, mobility, nearest_weights};
+pub use touch::{
+    ContactGap, POINT_NODES, SeriesDeflection, ToolShape, is_out_of_reach, mobility, nearest_weights,
+};
 pub use volume::VolumeBarrier;
 
 #[cfg(doctest)]

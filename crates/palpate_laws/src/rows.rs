@@ -175,7 +175,12 @@ fn isotropic(w: DMat3) -> Option<f64> {
 ///
 /// Where rows contradict each other their impulses grow and no sweep is the last; very unequal masses on threads converge
 /// slowly.
-pub fn solve_projected_gauss_seidel(rows: &mut [ConstraintRow], answer: &mut impl ImpulseResponse, h: f64, effort: SolverLimits) -> SolverReport {
+pub fn solve_projected_gauss_seidel(
+    rows: &mut [ConstraintRow],
+    answer: &mut impl ImpulseResponse,
+    h: f64,
+    effort: SolverLimits,
+) -> SolverReport {
     for count in 1..=effort.max_iterations {
         let (mut largest, mut change, mut moved) = (0.0_f64, 0.0_f64, 0.0_f64);
         for (index, row) in rows.iter_mut().enumerate() {
@@ -185,7 +190,8 @@ pub fn solve_projected_gauss_seidel(rows: &mut [ConstraintRow], answer: &mut imp
                 continue;
             }
             // Velocity without this row's impulse; what is left of the gap may still be closed.
-            let free = answer.velocity_m_per_s(index) - row.inv_effective_mass_per_kg * row.impulse_ns + row.gap_m / h;
+            let free = answer.velocity_m_per_s(index) - row.inv_effective_mass_per_kg * row.impulse_ns
+                + row.gap_m / h;
             let impulse = row.law.impulse(row.inv_effective_mass_per_kg, free, (row.impulse_ns, h));
             let more = impulse - row.impulse_ns;
             if more != DVec3::ZERO {
@@ -234,7 +240,12 @@ mod tests {
 
     fn row(law: ConstraintLaw, gap: f64) -> ConstraintRow {
         let own_per_kg = DMat3::from_diagonal(DVec3::splat(2.0));
-        ConstraintRow { law, gap_m: DVec3::Z * gap, inv_effective_mass_per_kg: own_per_kg, impulse_ns: DVec3::ZERO }
+        ConstraintRow {
+            law,
+            gap_m: DVec3::Z * gap,
+            inv_effective_mass_per_kg: own_per_kg,
+            impulse_ns: DVec3::ZERO,
+        }
     }
 
     #[test]
@@ -314,8 +325,14 @@ mod tests {
                 let mut two = Two { v: [DVec3::X * slide; 2], w: [[200.0, 80.0], [80.0, 150.0]] };
                 let own = |w: f64| DMat3::from_diagonal(DVec3::splat(w));
                 let mut rows = [row(law, -depth), row(law, -0.7 * depth)];
-                (rows[0].inv_effective_mass_per_kg, rows[1].inv_effective_mass_per_kg) = (own(200.0), own(150.0));
-                let sweeps = solve_projected_gauss_seidel(&mut rows, &mut two, h, SolverLimits { max_iterations: 200, tolerance: 1e-12 });
+                (rows[0].inv_effective_mass_per_kg, rows[1].inv_effective_mass_per_kg) =
+                    (own(200.0), own(150.0));
+                let sweeps = solve_projected_gauss_seidel(
+                    &mut rows,
+                    &mut two,
+                    h,
+                    SolverLimits { max_iterations: 200, tolerance: 1e-12 },
+                );
                 assert!(sweeps.converged, "{sweeps:?}");
                 for (row, v) in rows.iter().zip(two.v) {
                     let left = row.gap_m.z + h * v.z;
@@ -343,7 +360,12 @@ mod tests {
         let mut fixed = Two { v: [DVec3::ZERO; 2], w: [[0.0; 2]; 2] };
         // A sum over no free nodes is −0.
         let own_per_kg = -DMat3::ZERO;
-        let mut rows = [ConstraintRow { law, gap_m: DVec3::Z * 0.003, inv_effective_mass_per_kg: own_per_kg, impulse_ns: DVec3::ZERO }];
+        let mut rows = [ConstraintRow {
+            law,
+            gap_m: DVec3::Z * 0.003,
+            inv_effective_mass_per_kg: own_per_kg,
+            impulse_ns: DVec3::ZERO,
+        }];
         assert!(solve_projected_gauss_seidel(&mut rows, &mut fixed, 1e-3, within(20)).converged);
         let force_n = -rows[0].impulse_ns.z / 1e-3;
         assert!((force_n / series.force_n(0.003) - 1.0).abs() < 1e-9, "{force_n} N");
@@ -356,7 +378,10 @@ mod tests {
         // The same point asked to be at two places.
         let mut rows = [row(ConstraintLaw::Bilateral, 0.0), row(ConstraintLaw::Bilateral, 0.1)];
         rows.iter_mut().for_each(|row| row.inv_effective_mass_per_kg = own(1.0));
-        assert_eq!(solve_projected_gauss_seidel(&mut rows, &mut two, 0.01, within(50)), SolverReport { iterations: 50, converged: false });
+        assert_eq!(
+            solve_projected_gauss_seidel(&mut rows, &mut two, 0.01, within(50)),
+            SolverReport { iterations: 50, converged: false }
+        );
         let mut rows = [row(ConstraintLaw::Bilateral, 0.0)];
         rows[0].inv_effective_mass_per_kg = own(0.0);
         assert!(solve_projected_gauss_seidel(&mut rows, &mut two, 0.01, within(50)).converged);

@@ -1,7 +1,7 @@
 //! Where a tool and a triangulated surface touch.
 
 use crate::smooth_step::smooth_step;
-use crate::{MAX_CORRECTION_SPEED_M_PER_S, LawError, SeriesCompliance};
+use crate::{LawError, MAX_CORRECTION_SPEED_M_PER_S, SeriesCompliance};
 use glam::DVec3;
 
 /// Most nodes that carry a point of a surface: those of a cell.

@@ -287,7 +287,12 @@ impl HandOver {
                 self.rendered_at = Some(newest.sequence);
                 let new = self.active.state.force_n(&self.active.model, &newest);
                 let to = self.active.model.id;
-                out.swap = Some(ModelSwap { to, replayed_samples: replayed, force_jump_n: new - force, energy_jump_j: energy_step_j });
+                out.swap = Some(ModelSwap {
+                    to,
+                    replayed_samples: replayed,
+                    force_jump_n: new - force,
+                    energy_jump_j: energy_step_j,
+                });
                 force = new;
             }
             Err(error) => {

@@ -102,7 +102,7 @@ mod tick;
 
 pub use dense::Cholesky;
 pub use error::LocalModelError;
-pub use hand_over::{HandOver, HandOverSettings, SubmitResult, RenderedForce, ModelSwap};
+pub use hand_over::{HandOver, HandOverSettings, ModelSwap, RenderedForce, SubmitResult};
 pub use low_pass::LowPass;
 pub use model::{Capacity, Contact, LocalModel, ModelId, Scheme};
 pub use near_field::{

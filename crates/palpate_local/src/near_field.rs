@@ -14,7 +14,7 @@ pub use surface::{NearContact, NearPatch, NearPoint, NearTriangle};
 use crate::LocalModelError;
 use crate::dense::{Cholesky, zeros};
 use glam::DVec3;
-use palpate_laws::{VirtualCoupling, MAX_PATCHES, Spring, ToolShape};
+use palpate_laws::{MAX_PATCHES, Spring, ToolShape, VirtualCoupling};
 
 /// How much a near field can hold; fixed at construction, and refused beyond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -165,7 +165,8 @@ impl NearState {
                 NearEnd::Fixed(x) => (x, x),
             };
             let a = place(near.a);
-            elastic += near.spring.energy_j(after - a - vec3_at(z, near.a)) - near.spring.energy_j(before - a);
+            elastic +=
+                near.spring.energy_j(after - a - vec3_at(z, near.a)) - near.spring.energy_j(before - a);
         }
         for tetrahedron in field.tetrahedron.iter().take(field.tetrahedra) {
             let place = |node: usize| match node.checked_sub(field.nodes) {

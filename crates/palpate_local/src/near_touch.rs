@@ -13,11 +13,12 @@ mod row;
 pub(crate) use patches::Placed;
 
 use crate::dense::{Cholesky, room, zeros};
-use crate::near_tick::{vec3_at, set_vec3};
+use crate::near_tick::{set_vec3, vec3_at};
 use crate::{NearField, NearFieldCapacity, Support, TickIntegrator};
 use glam::{DMat3, DVec3};
 use palpate_laws::{
-    ImpulseResponse, GAP_TOLERANCE_M, SolverLimits, MAX_PATCHES, PATCH_ROWS, ToolMove, solve_projected_gauss_seidel, solve_with_proxy,
+    GAP_TOLERANCE_M, ImpulseResponse, MAX_PATCHES, PATCH_ROWS, SolverLimits, ToolMove,
+    solve_projected_gauss_seidel, solve_with_proxy,
 };
 use patches::Patches;
 use row::ContactRow;
@@ -74,7 +75,8 @@ impl ContactSolver {
         let (n, of_support) = (3 * capacity.nodes + capacity.order, 3 * capacity.nodes);
         let forces = zeros(MAX_ROWS);
         let ContactRow { law, gap: gap_m, impulse_ns, .. } = ContactRow::default();
-        let row = palpate_laws::ConstraintRow { law, gap_m, inv_effective_mass_per_kg: DMat3::ZERO, impulse_ns };
+        let row =
+            palpate_laws::ConstraintRow { law, gap_m, inv_effective_mass_per_kg: DMat3::ZERO, impulse_ns };
         Self {
             patches: Patches::with_capacity(capacity),
             rows: room(MAX_ROWS, ContactRow::default()),
@@ -148,7 +150,9 @@ impl ContactSolver {
         self.rows.iter_mut().for_each(|row| row.note(h));
         let rows = &self.rows;
         self.patches.note(|patch, index| {
-            rows.iter().find(|row| row.of == Some((patch, index))).map_or((0.0, DVec3::ZERO), ContactRow::force_n)
+            rows.iter()
+                .find(|row| row.of == Some((patch, index)))
+                .map_or((0.0, DVec3::ZERO), ContactRow::force_n)
         });
         let closing = self.correction_velocity.get(..z_dot.len()).filter(|_| was_overdue);
         (closing, tool.to_m + drawn)
@@ -193,7 +197,8 @@ impl ContactSolver {
             if self.active.len() == known {
                 break;
             }
-            was_overdue = self.rows.iter().any(|row| row.is_active && row.initial_violation.length() > GAP_TOLERANCE_M);
+            was_overdue =
+                self.rows.iter().any(|row| row.is_active && row.initial_violation.length() > GAP_TOLERANCE_M);
             if was_overdue {
                 drawn = self.solve_impulses(field, tool, h, z_dot, |row| row.gap);
                 if let Some(closing) = self.correction_velocity.get_mut(..z_dot.len()) {
@@ -239,7 +244,12 @@ impl ContactSolver {
             let Some(row) = self.rows.get(*row) else { continue };
             // From nothing, as the body does: where rows share a load in more than one way, that decides how.
             let (own_per_kg, impulse_ns) = (answer.own_per_kg(index), DVec3::ZERO);
-            self.problem.push(palpate_laws::ConstraintRow { law: row.law, gap_m: gap(row), inv_effective_mass_per_kg: own_per_kg, impulse_ns });
+            self.problem.push(palpate_laws::ConstraintRow {
+                law: row.law,
+                gap_m: gap(row),
+                inv_effective_mass_per_kg: own_per_kg,
+                impulse_ns,
+            });
         }
         let met = self.active.len();
         let sweeps = EFFORT.max_iterations.min(self.row_updates_left / met.max(1)).max(1);

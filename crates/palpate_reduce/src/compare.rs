@@ -3,7 +3,7 @@
 use crate::{BuilderOptions, LocalModelBuilder, ReduceError};
 use glam::DVec3;
 use palpate_body::{Body, Integrator, ToolContact, ToolPoint};
-use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, SubmitResult, Sample, Scheme};
+use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Sample, Scheme, SubmitResult};
 use std::collections::VecDeque;
 
 /// How a comparison is run.

@@ -151,7 +151,9 @@ impl Press {
         let friction = if random.share() < 0.3 { 0.0 } else { random.share() };
         let mut contact = ToolContact::touch(shape, friction).unwrap();
         if random.share() < 0.5 {
-            contact = contact.with_coupling(VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 10.0 }).unwrap();
+            contact = contact
+                .with_coupling(VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 10.0 })
+                .unwrap();
         }
         let across = DVec3::new(random.between(-0.01, 0.01), random.between(-0.01, 0.01), 0.0);
         let slides = f64::from(u8::from(random.share() < 0.5));

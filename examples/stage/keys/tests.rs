@@ -25,7 +25,7 @@ fn scene_with(options: &[&str]) -> (App, HandTime) {
         .init_resource::<AccumulatedMouseScroll>()
         .add_plugins((MouseDevicePlugin::default(), KeysPlugin))
         .add_systems(SetUpScene, |mut commands: Commands| {
-            commands.spawn((DeformableBody::block([4; 3], 0.1), FixedRegion::Face(Face::Bottom)));
+            commands.spawn((DeformableBody::block([4; 3], 0.1), FixedRegion::Face(BoxFace::Bottom)));
         })
         .add_systems(SetUpHands, |mut commands: Commands, options: Res<StageOptions>| {
             let device = DeviceSelector::named("hand");
@@ -80,13 +80,13 @@ fn slow_motion_goes_on_where_body_and_hand_are() {
     let moved_m = tool_m(&mut app) - before_m;
     // It is drawn where it was up to a model step ago.
     assert!((-2.1e-3..-1.5e-3).contains(&moved_m.y), "{moved_m}: it neither jumps nor begins anew");
-    assert!(single::<Touching>(&mut app).body == Some(at), "what was touched is touched again");
+    assert!(single::<TouchedBody>(&mut app).body == Some(at), "what was touched is touched again");
     tap(&mut app, KeyCode::KeyS);
     pass(&mut app, 4);
     let fast_s = hand.s() - 1.55 - slowly_s;
     assert!((fast_s - 0.2).abs() < 0.06, "{fast_s} s");
     let world = app.world();
-    assert_eq!(*world.resource::<HapticClock>(), HapticClock::Lockstep, "the clock that there was before");
+    assert_eq!(*world.resource::<LoopMode>(), LoopMode::Lockstep, "the clock that there was before");
     assert_eq!(world.resource::<ModelRate>().ticks(), 50);
     assert_eq!(world.resource::<Time<Fixed>>().timestep().as_millis(), 50);
 }
@@ -202,7 +202,7 @@ fn a_tool_grasps_with_the_mouse_and_only_with_it() {
 #[test]
 fn the_mouse_takes_the_hand_from_a_device_that_is_plugged_in_and_gives_it_back() {
     let (mut app, _) = scene_with(&["test", "--headless", "--seconds", "3600", "--hid", "nowhere"]);
-    let plugged_in = DeviceSelector::Hid(HidChoice { serial: Some("nowhere".into()), ..default() });
+    let plugged_in = DeviceSelector::Hid(HidSelector { serial: Some("nowhere".into()), ..default() });
     let frame = |app: &mut App| single::<ToolSettings>(app).frame;
     // The loops are on threads, as they are with such a device.
     let wait = |app: &mut App, device: &DeviceSelector| {

@@ -1,14 +1,12 @@
 //! Bodies are built of what is asked for, and anew when that changes: blocks at once, meshes beside the app.
 
-use super::make::{Made, Plan, Refusal, place};
+use super::make::{BuildError, BuildInput, BuildOutput, place};
 use super::meshes::Meshes;
 use super::put::{Build, put, settle};
 use super::source::Source;
-use super::{
-    DeformableBody, FixedRegion, Inclusions, MeshSourceError, SimulatedBody, Slit, SourceMesh, Tissue,
-};
+use super::{DeformableBody, FixedRegion, Inclusions, MeshFault, SimulatedBody, Slit, SourceMesh, Tissue};
 use crate::fault::{HapticFault, HapticFaultKind};
-use crate::schedule::HapticClock;
+use crate::schedule::LoopMode;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
 use bevy::tasks::futures::check_ready;
@@ -32,7 +30,7 @@ pub(crate) enum BodyBuild {
 
 /// A body that is being made beside the app.
 pub(crate) struct Making {
-    task: Task<(Plan, Result<Made, Refusal>)>,
+    task: Task<(BuildInput, Result<BuildOutput, BuildError>)>,
     /// Whether something has changed since.
     is_outdated: bool,
     /// How its mesh compares with the one that there is now.
@@ -112,9 +110,9 @@ impl AskedItem<'_, '_> {
     }
 
     /// All that makes it, at `at`.
-    fn plan(&self, at: &GlobalTransform) -> Result<Plan, HapticFaultKind> {
+    fn plan(&self, at: &GlobalTransform) -> Result<BuildInput, HapticFaultKind> {
         let (rotation, translation_m) = place(at)?;
-        Ok(Plan {
+        Ok(BuildInput {
             shape: (*self.shape).clone(),
             tissue: *self.tissue,
             fixed: (*self.fixed).clone(),
@@ -138,7 +136,7 @@ pub(super) fn build_bodies(
     mut bodies: Query<Asked>,
     mut meshes: Meshes,
     transforms: TransformHelper,
-    clock: Option<Res<HapticClock>>,
+    clock: Option<Res<LoopMode>>,
     mut builds: ResMut<BodyBuilds>,
     mut faults: MessageWriter<HapticFault>,
 ) {
@@ -182,9 +180,9 @@ pub(super) fn build_bodies(
                 commands.entity(entity).try_insert(BodyBuild::AwaitsMesh);
                 continue;
             }
-            Err(NotNow::Refused(HapticFaultKind::Mesh(MeshSourceError::NotLoaded(why)))) => {
+            Err(NotNow::Refused(HapticFaultKind::Mesh(MeshFault::NotLoaded(why)))) => {
                 if !matches!(asked.build.as_deref(), Some(BodyBuild::MissesMesh)) {
-                    refuse(HapticFaultKind::Mesh(MeshSourceError::NotLoaded(why)));
+                    refuse(HapticFaultKind::Mesh(MeshFault::NotLoaded(why)));
                     commands.entity(entity).try_insert(BodyBuild::MissesMesh);
                 }
                 continue;
@@ -204,7 +202,7 @@ pub(super) fn build_bodies(
             }
         };
         // In lock step nothing may depend on when another thread is ready.
-        let is_beside = source.is_some() && clock.as_deref() != Some(&HapticClock::Lockstep);
+        let is_beside = source.is_some() && clock.as_deref() != Some(&LoopMode::Lockstep);
         if let Some(pool) = AsyncComputeTaskPool::try_get().filter(|_| is_beside) {
             let task = pool.spawn(async move {
                 let made = plan.make(source);
@@ -257,7 +255,7 @@ pub(super) fn take_built(
                 let old = simulated.as_deref_mut();
                 put(&mut commands, &mut faults, (entity, old), (build, at), builds.next());
             }
-            Err(Refusal { kind, is_of_mesh }) => {
+            Err(BuildError { kind, is_of_mesh }) => {
                 faults.write(HapticFault { entity: Some(entity), kind });
                 // Another mesh than the one refused, or in another size, has not been refused.
                 if is_of_mesh

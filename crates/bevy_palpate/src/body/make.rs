@@ -1,7 +1,7 @@
 //! From what is asked for to a body: plain computation, which knows no app.
 
 use super::source::Source;
-use super::{DeformableBody, Face, FixedRegion, Inclusion, MeshReport, Slit, Tissue};
+use super::{BoxFace, DeformableBody, FixedRegion, Inclusion, MeshReport, Slit, Tissue};
 use crate::fault::HapticFaultKind;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
@@ -12,7 +12,7 @@ use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use std::sync::Arc;
 
 /// All that makes a body, so that it can be made elsewhere.
-pub(super) struct Plan {
+pub(super) struct BuildInput {
     pub(super) shape: DeformableBody,
     pub(super) tissue: Tissue,
     pub(super) fixed: FixedRegion,
@@ -23,7 +23,7 @@ pub(super) struct Plan {
 }
 
 /// What is made.
-pub(super) struct Made {
+pub(super) struct BuildOutput {
     pub(super) body: Body,
     pub(super) builder: LocalModelBuilder,
     /// Of a mesh: how it is drawn, and itself.
@@ -33,7 +33,7 @@ pub(super) struct Made {
 }
 
 /// Why nothing is made.
-pub(super) struct Refusal {
+pub(super) struct BuildError {
     pub(super) kind: HapticFaultKind,
     /// Whether the mesh itself is at fault, whatever else is asked for.
     pub(super) is_of_mesh: bool,
@@ -44,32 +44,32 @@ pub(super) fn place(transform: &GlobalTransform) -> Result<(DQuat, DVec3), Hapti
     let affine = transform.affine();
     let (x, y, z) = (affine.x_axis, affine.y_axis, affine.z_axis);
     if !(affine.matrix3.is_finite() && affine.translation.is_finite()) {
-        return Err(HapticFaultKind::Place);
+        return Err(HapticFaultKind::NonFiniteTransform);
     }
     let scale = Vec3::new(x.length(), y.length(), z.length());
     let is_skew = [x.dot(y), y.dot(z), z.dot(x)].iter().any(|product| product.abs() > 1e-4);
     if (scale - Vec3::ONE).abs().max_element() > 1e-4 || is_skew || affine.matrix3.determinant() < 0.0 {
-        return Err(HapticFaultKind::Scaled { scale });
+        return Err(HapticFaultKind::NonUnitScale { scale });
     }
     let (_, rotation, translation) = transform.to_scale_rotation_translation();
     Ok((rotation.as_dquat().normalize(), translation.as_dvec3()))
 }
 
-impl Plan {
+impl BuildInput {
     /// Makes the body; of `source`, if it is a mesh.
-    pub(super) fn make(&self, source: Option<Source>) -> Result<Made, Refusal> {
+    pub(super) fn make(&self, source: Option<Source>) -> Result<BuildOutput, BuildError> {
         let kind = |error| match error {
             ReduceError::Body(error) => HapticFaultKind::BuildBody(error),
             error => HapticFaultKind::LocalModel(error),
         };
         let closed = match source.map(Source::close).transpose() {
             Ok(closed) => closed,
-            Err(error) => return Err(Refusal { kind: kind(error.into()), is_of_mesh: true }),
+            Err(error) => return Err(BuildError { kind: kind(error.into()), is_of_mesh: true }),
         };
-        let build = || -> Result<Made, ReduceError> {
+        let build = || -> Result<BuildOutput, ReduceError> {
             let (body, skin, report) = match (&self.shape, &closed) {
                 (DeformableBody::Mesh(shape), Some(closed)) => {
-                    let (body, skin, report) = self.mesh(closed, shape.cells_along)?;
+                    let (body, skin, report) = self.mesh(closed, shape.cells_along_longest_axis)?;
                     (body, Some(skin), Some(report))
                 }
                 (DeformableBody::Block { nodes, size_m }, _) => (self.block(*nodes, *size_m)?, None, None),
@@ -79,9 +79,9 @@ impl Plan {
             // A body that cannot be stepped is refused here, not at its first step.
             SemiImplicitEuler::default().substeps(&body)?;
             let builder = LocalModelBuilder::new(&body, BuilderOptions::of(&body))?;
-            Ok(Made { body, builder, skin, closed, report })
+            Ok(BuildOutput { body, builder, skin, closed, report })
         };
-        build().map_err(|error| Refusal { kind: kind(error), is_of_mesh: false })
+        build().map_err(|error| BuildError { kind: kind(error), is_of_mesh: false })
     }
 
     fn block(&self, nodes: [usize; 3], size_m: DVec3) -> Result<Body, BodyError> {
@@ -120,7 +120,7 @@ impl Plan {
         if self.fixed.is_nothing() {
             block = block.allow_unconstrained();
         }
-        if let Some(Slit { length_m, depth_m, gape_m }) = self.slit {
+        if let Some(Slit { length_m, depth_m, opening_m: gape_m }) = self.slit {
             block = block.slit(palpate_body::Slit { length_m, depth_m, gape_m });
         }
         let made = block.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
@@ -157,15 +157,15 @@ impl Plan {
 }
 
 /// The outermost layer of nodes on one side of a mesh in cells of `cell_m`: they lie outside its bounds, the next ones inside.
-fn outermost(closed: &ClosedMesh, cell_m: f64, face: Face) -> Region {
+fn outermost(closed: &ClosedMesh, cell_m: f64, face: BoxFace) -> Region {
     let [low, high] = closed.bounds_m();
     let (axis, is_high) = match face {
-        Face::Left => (DVec3::X, false),
-        Face::Right => (DVec3::X, true),
-        Face::Bottom => (DVec3::Y, false),
-        Face::Top => (DVec3::Y, true),
-        Face::Front => (DVec3::Z, false),
-        Face::Back => (DVec3::Z, true),
+        BoxFace::Left => (DVec3::X, false),
+        BoxFace::Right => (DVec3::X, true),
+        BoxFace::Bottom => (DVec3::Y, false),
+        BoxFace::Top => (DVec3::Y, true),
+        BoxFace::Front => (DVec3::Z, false),
+        BoxFace::Back => (DVec3::Z, true),
     };
     let (at, outward) = if is_high { (high, -axis) } else { (low, axis) };
     Region::HalfSpace { point_m: at + 0.49 * cell_m * outward, outward }

@@ -1,6 +1,6 @@
 //! The meshes of the app, as bodies see them.
 
-use super::source::{MeshSourceError, Source};
+use super::source::{MeshFault, Source};
 use super::{DeformableBody, MeshShape};
 use bevy::asset::LoadState;
 use bevy::ecs::message::MessageCursor;
@@ -36,13 +36,13 @@ impl Meshes<'_, '_> {
     }
 
     /// What is to be filled; `None` while it is being loaded.
-    pub(super) fn source(&self, shape: &MeshShape) -> Result<Option<Source>, MeshSourceError> {
-        let assets = self.assets.as_ref().ok_or(MeshSourceError::NoMeshes)?;
+    pub(super) fn source(&self, shape: &MeshShape) -> Result<Option<Source>, MeshFault> {
+        let assets = self.assets.as_ref().ok_or(MeshFault::NoMeshes)?;
         if let Some(mesh) = assets.get(&shape.mesh) {
             return Source::read(mesh, shape).map(Some);
         }
         match self.server.as_ref().and_then(|server| server.get_load_state(&shape.mesh)) {
-            Some(LoadState::Failed(error)) => Err(MeshSourceError::NotLoaded(error.to_string())),
+            Some(LoadState::Failed(error)) => Err(MeshFault::NotLoaded(error.to_string())),
             _ => Ok(None),
         }
     }

@@ -1,7 +1,7 @@
 //! A body that has been made takes its place, that of an earlier one if there is one.
 
 use super::build::BodyBuild;
-use super::make::{Made, Plan};
+use super::make::{BuildInput, BuildOutput};
 use super::{Drawn, MeshReport, SimulatedBody, SourceMesh};
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::step_watch::StepWatch;
@@ -11,8 +11,8 @@ use std::sync::Arc;
 
 /// What was made of what.
 pub(super) struct Build {
-    pub(super) plan: Plan,
-    pub(super) made: Made,
+    pub(super) plan: BuildInput,
+    pub(super) made: BuildOutput,
     /// How its mesh compares with the one that there is now.
     pub(super) source: SourceMesh,
 }
@@ -105,7 +105,7 @@ fn tell(faults: &mut MessageWriter<HapticFault>, entity: Entity, body: &Simulate
         );
     }
     if cells.raised_share > TOO_HEAVY {
-        let kind = HapticFaultKind::Heavier { share: cells.raised_share, cells: cells.raised };
+        let kind = HapticFaultKind::MassExcess { share: cells.raised_share, cells: cells.raised };
         faults.write(HapticFault { entity: Some(entity), kind });
     }
 }

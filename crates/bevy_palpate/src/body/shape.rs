@@ -45,17 +45,17 @@ pub struct MeshShape {
     /// The mesh, of triangles, in metres once scaled; near its origin, or single precision is too coarse for its cells.
     pub mesh: Handle<Mesh>,
     /// Metres to a unit of the mesh: 0.001 for one in millimetres.
-    pub scale: f64,
+    pub metres_per_unit: f64,
     /// Cells along its longest side. A model step takes longer than proportional to the number of cells: ten make some hundred
     /// cells of an organ, twenty some thousand; beyond [`palpate_body::CellLattice::MOST_NODES`] they are refused.
-    pub cells_along: usize,
+    pub cells_along_longest_axis: usize,
 }
 
 impl MeshShape {
     /// `mesh` in metres, ten cells along its longest side.
     #[must_use]
     pub fn new(mesh: Handle<Mesh>) -> Self {
-        Self { mesh, scale: 1.0, cells_along: 10 }
+        Self { mesh, metres_per_unit: 1.0, cells_along_longest_axis: 10 }
     }
 }
 
@@ -90,13 +90,13 @@ impl DeformableBody {
 pub enum FixedRegion {
     /// Nothing: the body floats.
     #[default]
-    Nothing,
+    None,
     /// One side: of a block the nodes of its face, of a mesh the outermost nodes on that side of its bounds.
-    Face(Face),
+    Face(BoxFace),
     /// Several sides.
-    Faces(Vec<Face>),
+    Faces(Vec<BoxFace>),
     /// The nodes within one of these, in the body's own frame.
-    Within(Vec<BodyRegion>),
+    Regions(Vec<BodyRegion>),
     /// Of a mesh: the nodes that carry the vertices for which this is true, one for each vertex.
     Vertices(Vec<bool>),
 }
@@ -111,13 +111,13 @@ pub struct Slit {
     /// Depth, m, in whole cells.
     pub depth_m: f64,
     /// Distance of its lips from each other at rest, m: a cell's width at most.
-    pub gape_m: f64,
+    pub opening_m: f64,
 }
 
 /// A side of a body, in its own frame, named as in Bevy: y is up, −z is forward.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Debug, PartialEq, Hash, Clone)]
-pub enum Face {
+pub enum BoxFace {
     /// −x.
     Left,
     /// +x.
@@ -179,30 +179,30 @@ impl From<BodyRegion> for palpate_body::Region {
     }
 }
 
-impl From<Face> for palpate_body::Face {
-    fn from(face: Face) -> Self {
+impl From<BoxFace> for palpate_body::Face {
+    fn from(face: BoxFace) -> Self {
         match face {
-            Face::Left => Self::NegX,
-            Face::Right => Self::PosX,
-            Face::Bottom => Self::NegY,
-            Face::Top => Self::PosY,
-            Face::Front => Self::NegZ,
-            Face::Back => Self::PosZ,
+            BoxFace::Left => Self::NegX,
+            BoxFace::Right => Self::PosX,
+            BoxFace::Bottom => Self::NegY,
+            BoxFace::Top => Self::PosY,
+            BoxFace::Front => Self::NegZ,
+            BoxFace::Back => Self::PosZ,
         }
     }
 }
 
 impl FixedRegion {
-    pub(super) fn faces(&self) -> &[Face] {
+    pub(super) fn faces(&self) -> &[BoxFace] {
         match self {
             Self::Face(face) => std::slice::from_ref(face),
             Self::Faces(faces) => faces,
-            Self::Nothing | Self::Within(_) | Self::Vertices(_) => &[],
+            Self::None | Self::Regions(_) | Self::Vertices(_) => &[],
         }
     }
 
     pub(super) fn regions(&self) -> &[BodyRegion] {
-        if let Self::Within(regions) = self { regions } else { &[] }
+        if let Self::Regions(regions) = self { regions } else { &[] }
     }
 
     /// Whether nothing is asked to be fixed.

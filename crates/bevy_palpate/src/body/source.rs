@@ -10,7 +10,7 @@ use thiserror::Error;
 /// Why a mesh cannot be read. What is wrong with its surface is a [`palpate_body::MeshError`].
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum MeshSourceError {
+pub enum MeshFault {
     /// The app has no meshes at all.
     #[error("the app has no meshes: add Bevy's AssetPlugin and MeshPlugin")]
     NoMeshes,
@@ -44,18 +44,18 @@ pub(super) enum Source {
 
 impl Source {
     /// What is in `mesh`.
-    pub(super) fn read(mesh: &Mesh, shape: &MeshShape) -> Result<Self, MeshSourceError> {
-        let scale_m = shape.scale;
+    pub(super) fn read(mesh: &Mesh, shape: &MeshShape) -> Result<Self, MeshFault> {
+        let scale_m = shape.metres_per_unit;
         if !(scale_m.is_finite() && scale_m > 0.0) {
-            return Err(MeshSourceError::Scale(scale_m));
+            return Err(MeshFault::Scale(scale_m));
         }
         if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
-            return Err(MeshSourceError::Topology(mesh.primitive_topology()));
+            return Err(MeshFault::Topology(mesh.primitive_topology()));
         }
         let vectors = |id| match mesh.try_attribute(id) {
             Ok(VertexAttributeValues::Float32x3(values)) => Ok(values),
-            Err(MeshAccessError::ExtractedToRenderWorld) => Err(MeshSourceError::NotInMemory),
-            Ok(_) | Err(MeshAccessError::NotFound) => Err(MeshSourceError::NoPositions),
+            Err(MeshAccessError::ExtractedToRenderWorld) => Err(MeshFault::NotInMemory),
+            Ok(_) | Err(MeshAccessError::NotFound) => Err(MeshFault::NoPositions),
         };
         let wide = |v: &[f32; 3]| DVec3::from_array(v.map(f64::from));
         let vertices = vectors(Mesh::ATTRIBUTE_POSITION)?.clone();
@@ -66,7 +66,7 @@ impl Source {
             Err(_) => (0..vertices.len()).collect(),
         };
         if !corners.len().is_multiple_of(3) {
-            return Err(MeshSourceError::Incomplete(corners.len()));
+            return Err(MeshFault::Incomplete(corners.len()));
         }
         let triangles = corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
         Ok(Self::Given { vertices, scale_m, triangles, normals })

@@ -28,7 +28,7 @@ pub enum HidDeviceKind {
 /// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Debug, Default, PartialEq, Hash, Clone)]
-pub struct HidChoice {
+pub struct HidSelector {
     /// Its kind.
     pub kind: Option<HidDeviceKind>,
     /// Number of its vendor.
@@ -43,10 +43,10 @@ pub struct HidChoice {
     /// Where several are like that, whether the first that nobody has is meant; without it that is a fault, which lists them.
     pub first: bool,
     /// Whether 16C0:0486 is a 3-DOF board. Every sketch for a Teensy with raw HID has these numbers, so that somebody has to say it.
-    pub teensy_is_board: bool,
+    pub treat_teensy_as_board: bool,
 }
 
-impl HidChoice {
+impl HidSelector {
     /// The first of any kind: boards before joysticks before caps.
     #[must_use]
     pub fn first() -> Self {
@@ -64,7 +64,7 @@ impl core::fmt::Display for HidDeviceKind {
     }
 }
 
-impl core::fmt::Display for HidChoice {
+impl core::fmt::Display for HidSelector {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         if self.first {
             f.write_str("first ")?;

@@ -1,6 +1,6 @@
 //! Devices over HID for the registry.
 
-use super::{HidChoice, HidDeviceKind};
+use super::{HidDeviceKind, HidSelector};
 use palpate_hid::{
     BoardCalibration, FoundDevice, HidBus, HidCounters, HidDevice, HidError, HidKind, HidOptions,
     HidSelector, SystemBus,
@@ -17,7 +17,7 @@ pub(super) struct Hid {
     bus: Mutex<Option<Arc<dyn HidBus>>>,
     pub(super) options: HidOptions,
     /// The newest device that was made by each choice.
-    made: Mutex<Vec<(HidChoice, Made)>>,
+    made: Mutex<Vec<(HidSelector, Made)>>,
 }
 
 /// What is kept of a device that a loop has.
@@ -41,7 +41,7 @@ impl Hid {
         Ok(Arc::clone(bus.insert(system)))
     }
 
-    pub(super) fn present(&self) -> Result<Vec<(HidChoice, String)>, HidError> {
+    pub(super) fn present(&self) -> Result<Vec<(HidSelector, String)>, HidError> {
         let bus = self.bus()?;
         let known = |info| FoundDevice::known(&*bus, info, true);
         // Every sketch for a Teensy with raw HID looks like a board.
@@ -59,12 +59,12 @@ impl Hid {
         let told = |one: &FoundDevice| {
             let is_alone = found.iter().filter(|other| is_alike(one, other)).count() == 1;
             let (label, path) = (label(one), &one.info.path);
-            (HidChoice::of(one, is_alone), if is_alone { label } else { format!("{label} at {path}") })
+            (HidSelector::of(one, is_alone), if is_alone { label } else { format!("{label} at {path}") })
         };
         Ok(found.iter().map(told).collect())
     }
 
-    pub(super) fn make(&self, choice: &HidChoice) -> Result<HidDevice, HidError> {
+    pub(super) fn make(&self, choice: &HidSelector) -> Result<HidDevice, HidError> {
         let device = HidDevice::find(self.bus()?, &choice.selector(), &self.options)?;
         let kept = Made { counters: device.counters(), calibration: device.board_calibration() };
         let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
@@ -73,13 +73,13 @@ impl Hid {
         Ok(device)
     }
 
-    pub(super) fn made(&self, choice: &HidChoice) -> Option<Made> {
+    pub(super) fn made(&self, choice: &HidSelector) -> Option<Made> {
         let made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
         made.iter().find(|(known, _)| known == choice).map(|(_, made)| made.clone())
     }
 }
 
-impl HidChoice {
+impl HidSelector {
     /// Exactly `found`: by its serial number where it has one of its own, otherwise by where it is.
     fn of(found: &FoundDevice, is_alone: bool) -> Self {
         let info = &found.info;

@@ -2,7 +2,7 @@
 
 use super::recording::name_of;
 use super::theme;
-use crate::device::{DeviceSelector, HapticDevices, HidChoice, HidDeviceKind};
+use crate::device::{DeviceSelector, HapticDevices, HidDeviceKind, HidSelector};
 use bevy_egui::egui;
 
 /// What may be asked for before it is plugged in.
@@ -34,7 +34,7 @@ impl Present {
                         ui.selectable_value(device, DeviceSelector::named(name), name);
                     }
                     for choice in FIRST.iter().filter(|_| cfg!(feature = "hid")) {
-                        let choice = HidChoice { kind: *choice, ..HidChoice::first() };
+                        let choice = HidSelector { kind: *choice, ..HidSelector::first() };
                         let label = choice.to_string();
                         ui.selectable_value(device, DeviceSelector::Hid(choice), label);
                     }

@@ -60,7 +60,7 @@ pub(super) fn hear(
         if let (HapticFaultKind::BeyondSupport { .. }, Some(tool)) = (&fault.kind, fault.entity) {
             heard.beyond_support.insert(tool, time.elapsed_secs_f64());
         }
-        let text = fault.kind.chain();
+        let text = fault.kind.report();
         let view = &mut panel.bypass_change_detection().view;
         if let (HapticFaultKind::BuildBody(_) | HapticFaultKind::LocalModel(_), Some(body)) =
             (&fault.kind, fault.entity)

@@ -1,6 +1,6 @@
 //! What has been felt over the last seconds, and how far schemes were from the full body.
 
-use crate::tool::LocalModelError;
+use crate::tool::ForceError;
 use glam::DVec3;
 use std::collections::VecDeque;
 
@@ -105,13 +105,13 @@ impl Curve {
     }
 
     /// How far it was from `full` at the ticks after `from` that both have.
-    pub(super) fn error_against(&self, full: &Self, from: u64) -> LocalModelError {
+    pub(super) fn error_against(&self, full: &Self, from: u64) -> ForceError {
         let mut reference = full.after(from).peekable();
         let pairs = self.after(from).filter_map(|&(sequence, displayed)| {
             while reference.next_if(|(s, _)| *s < sequence).is_some() {}
             reference.next_if(|(s, _)| *s == sequence).map(|(_, full)| (displayed, *full))
         });
-        LocalModelError::of(pairs)
+        ForceError::of(pairs)
     }
 }
 

@@ -86,7 +86,7 @@ impl Drawn {
         running: Scheme,
         draws: impl Fn(Scheme) -> bool,
     ) {
-        let noticeable = log(100.0 * crate::tool::LocalModelError::NOTICEABLE);
+        let noticeable = log(100.0 * crate::tool::ForceError::FORCE_JND);
         plain("palpate_error")
             .height(HEIGHT)
             .include_x(-seconds)

@@ -176,7 +176,7 @@ impl View {
             ui.end_row();
             Number::new("start below", "N", 1.0, 0.0..=5.0)
                 .unlimited("starts at once")
-                .show(ui, &mut draft.start_below_n);
+                .show(ui, &mut draft.arm_below_n);
             ui.end_row();
             Number::new("start-up ramp", "s", 1.0, 0.0..=3.0).show(ui, &mut draft.ramp_s);
             ui.end_row();

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use palpate_body::{Body, ToolContact, ToolPoint};
-use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, SubmitResult, Sample, Scheme};
+use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Sample, Scheme, SubmitResult};
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use std::collections::VecDeque;
 

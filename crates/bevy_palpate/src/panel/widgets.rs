@@ -13,9 +13,7 @@ use super::{HapticPanel, theme};
 use crate::body::{SimulatedBody, Tissue};
 use crate::device::HapticDevices;
 use crate::schedule::ModelRate;
-use crate::tool::{
-    HapticTool, LocalModelBuild, LocalModelError, LoopTiming, ToolForce, ToolLoop, ToolSettings,
-};
+use crate::tool::{ForceError, HapticTool, LocalModelStats, LoopTiming, ToolForce, ToolLoop, ToolSettings};
 use bevy::ecs::query::QueryData;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
@@ -63,8 +61,8 @@ struct Shown {
     settings: &'static mut ToolSettings,
     running: Option<&'static mut ToolLoop>,
     force: &'static ToolForce,
-    build: &'static LocalModelBuild,
-    error: &'static LocalModelError,
+    build: &'static LocalModelStats,
+    error: &'static ForceError,
     timing: &'static LoopTiming,
 }
 
@@ -156,7 +154,7 @@ impl HapticWidgets<'_, '_> {
             });
             ui.end_row();
             ui.label("local model");
-            let LocalModelBuild { states, time_s, .. } = *shown.build;
+            let LocalModelStats { states, time_s, .. } = *shown.build;
             let age_ms = 1e3 * shown.force.model_age_s;
             ui.label(format!("{states} states, built in {:.1} ms, {age_ms:.0} ms old", 1e3 * time_s));
             ui.end_row();
@@ -207,7 +205,7 @@ impl HapticWidgets<'_, '_> {
         let now = newest.filter(|(at, _)| self.watched.newest.is_some_and(|newest| newest - at < 1000));
         ui.horizontal(|ui| match now {
             Some((_, share)) => {
-                let noticeable = LocalModelError::NOTICEABLE;
+                let noticeable = ForceError::FORCE_JND;
                 let color = match share / noticeable {
                     part if part < 1.0 => theme::GREEN,
                     part if part < 2.0 => theme::AMBER,
@@ -416,14 +414,14 @@ const RECENT_S: f64 = 5.0;
 
 /// What is to be said of a local model, and whether it is a warning: that the body buckles, or that the tool touched beyond the
 /// support set `beyond_s` ago. A support set that is cut, as most are, does no harm by itself.
-fn note_on_model(build: &LocalModelBuild, beyond_s: Option<f64>) -> Option<(String, bool)> {
-    if build.is_clamped {
+fn note_on_model(build: &LocalModelStats, beyond_s: Option<f64>) -> Option<(String, bool)> {
+    if build.tangent_clamped {
         Some(("the body buckles: clamped tangent".into(), true))
     } else if beyond_s.is_some_and(|ago_s| ago_s < RECENT_S) {
         Some(("the tool touched beyond the nodes of S".into(), true))
     } else {
         let nodes = build.support_nodes;
-        build.is_cut.then(|| (format!("S is cut to its {nodes} most likely nodes"), false))
+        build.support_truncated.then(|| (format!("S is cut to its {nodes} most likely nodes"), false))
     }
 }
 
@@ -433,15 +431,15 @@ mod tests {
 
     #[test]
     fn a_support_set_that_is_cut_is_a_warning_only_where_the_tool_touched_beyond_it() {
-        let whole = LocalModelBuild { support_nodes: 18, ..default() };
-        let cut = LocalModelBuild { is_cut: true, ..whole };
+        let whole = LocalModelStats { support_nodes: 18, ..default() };
+        let cut = LocalModelStats { support_truncated: true, ..whole };
         assert_eq!(note_on_model(&whole, None), None);
         assert_eq!(note_on_model(&cut, None), Some(("S is cut to its 18 most likely nodes".into(), false)));
         for build in [&whole, &cut] {
             assert!(note_on_model(build, Some(1.0)).unwrap().1);
         }
         assert!(!note_on_model(&cut, Some(60.0)).unwrap().1);
-        let clamped = LocalModelBuild { is_clamped: true, ..cut };
+        let clamped = LocalModelStats { tangent_clamped: true, ..cut };
         assert!(note_on_model(&clamped, None).unwrap().1);
     }
 

@@ -2,27 +2,27 @@
 
 use crate::fault::HapticFaultKind;
 use bevy::prelude::*;
-use palpate_haptics::{BlackBoxKeeper, HapticHandle};
+use palpate_haptics::{BlackBoxWriter, HapticHandle};
 use std::path::PathBuf;
 
 /// Put it on a tool to have the last 4,096 ticks of its loop written to a folder when something goes wrong in it, a missed
 /// deadline excepted, and whenever it is asked to. `palpate-lab blackbox FILE` reads them.
 #[derive(Component, Debug)]
-pub struct KeepBlackBox {
-    keeper: BlackBoxKeeper,
+pub struct BlackBoxDump {
+    keeper: BlackBoxWriter,
     files: Vec<PathBuf>,
     asked: Option<String>,
 }
 
-impl KeepBlackBox {
+impl BlackBoxDump {
     /// In `folder`, which is made when the first file is written; 16 files at most.
     #[must_use]
     pub fn in_folder(folder: impl Into<PathBuf>) -> Self {
-        Self { keeper: BlackBoxKeeper::new(folder), files: Vec::new(), asked: None }
+        Self { keeper: BlackBoxWriter::new(folder), files: Vec::new(), asked: None }
     }
 
     /// Asks for a file in the next frame; `reason` becomes a part of its name.
-    pub fn ask(&mut self, reason: impl Into<String>) {
+    pub fn request(&mut self, reason: impl Into<String>) {
         self.asked = Some(reason.into());
     }
 
@@ -39,7 +39,7 @@ impl KeepBlackBox {
         fault: Option<String>,
     ) -> Option<HapticFaultKind> {
         let reason = self.asked.take().or(fault)?;
-        match self.keeper.keep(handle, &reason) {
+        match self.keeper.write(handle, &reason) {
             Ok(file) => {
                 self.files.extend(file);
                 None

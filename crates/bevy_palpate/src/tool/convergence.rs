@@ -35,7 +35,7 @@ pub(super) fn report_unconverged(
         let first = (newest + 1).saturating_sub(ticks);
         let felt = |sequence: &u64| displayed.get(*sequence).is_some_and(|force_n| force_n != DVec3::ZERO);
         let touching = (first..=newest).filter(felt).count() as u64;
-        let counter = handle.report().unsolved;
+        let counter = handle.report().unconverged_ticks;
         if let Some((ticks, touching)) = convergence.note(ticks, touching, counter) {
             let kind = HapticFaultKind::Unconverged { ticks, touching };
             faults.write(HapticFault { entity: Some(entity), kind });

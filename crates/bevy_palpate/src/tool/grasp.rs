@@ -1,6 +1,6 @@
 //! Tools that take hold of a body.
 
-use super::{ContactBegan, ContactEnded, HapticTool, ToolCoupling, ToolLoop};
+use super::{ContactEnd, ContactStart, HapticTool, ToolCoupling, ToolLoop};
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
 use bevy::prelude::*;
@@ -14,7 +14,7 @@ use palpate_body::{Body, BodyError, ClosestPoint, SurfaceTree, ToolContact};
 /// not be noticed. On the hand a grasp begins and ends with the hand-over after it. What ends a grasp from outside, a body
 /// that is rebuilt with other nodes for instance, needs another press to begin it again.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
-#[require(Grasping)]
+#[require(GraspedPoint)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct ToolGrasp {
     /// The button that closes it: bit i of a reading's buttons.
@@ -33,7 +33,7 @@ impl Default for ToolGrasp {
 /// What a tool with [`ToolGrasp`] holds.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
-pub struct Grasping {
+pub struct GraspedPoint {
     /// The body; `None` while it holds nothing.
     pub body: Option<Entity>,
     /// Where the held point is, m, world.
@@ -42,10 +42,10 @@ pub struct Grasping {
 
 /// Takes hold and lets go as the buttons say.
 pub(super) fn grasp(
-    mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, Option<&ToolGrasp>, Option<&mut Grasping>)>,
+    mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, Option<&ToolGrasp>, Option<&mut GraspedPoint>)>,
     bodies: Query<&SimulatedBody>,
-    mut began: MessageWriter<ContactBegan>,
-    mut ended: MessageWriter<ContactEnded>,
+    mut began: MessageWriter<ContactStart>,
+    mut ended: MessageWriter<ContactEnd>,
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, asked, mut tool, grasp, grasping) in &mut tools {
@@ -64,7 +64,7 @@ pub(super) fn grasp(
                 Ok(Some((contact, closest))) => {
                     if !tool.is_in_contact() {
                         let (point_m, normal) = (closest.point_m, closest.normal);
-                        began.write(ContactBegan { tool: entity, body: on, point_m, normal });
+                        began.write(ContactStart { tool: entity, body: on, point_m, normal });
                     }
                     (tool.contact, tool.has_support) = (contact, false);
                 }
@@ -77,9 +77,8 @@ pub(super) fn grasp(
         }
         if let Some(mut grasping) = grasping {
             let held = tool.contact.held_point().zip(body);
-            grasping.set_if_neq(held.map_or_else(Grasping::default, |(point, (on, body))| Grasping {
-                body: Some(on),
-                point_m: point.of(body.positions_m()),
+            grasping.set_if_neq(held.map_or_else(GraspedPoint::default, |(point, (on, body))| {
+                GraspedPoint { body: Some(on), point_m: point.of(body.positions_m()) }
             }));
         }
     }
@@ -94,7 +93,7 @@ fn hold(
 ) -> Result<Option<(ToolContact, ClosestPoint)>, BodyError> {
     let Some(closest) = SurfaceTree::new(body).closest(at_m, reach_m) else { return Ok(None) };
     let contact = ToolContact::hold_point(body, closest.body_point(body.surface()), at_m)?;
-    Ok(Some((coupling.put_before(contact)?, closest)))
+    Ok(Some((coupling.apply_to(contact)?, closest)))
 }
 
 impl ToolLoop {

@@ -1,6 +1,6 @@
 //! The model side of a step: bodies, local models, hand-over.
 
-use super::{ContactBegan, ContactEnded, HapticTool, LocalModelBuild, LocalModelError, ToolLoop};
+use super::{ContactEnd, ContactStart, ForceError, HapticTool, LocalModelStats, ToolLoop};
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::{ModelPeriod, ModelSpan};
@@ -19,8 +19,8 @@ pub(super) fn step_bodies(
     mut bodies: Query<(Entity, &mut SimulatedBody)>,
     mut tools: Query<(Entity, &mut ToolLoop)>,
     span: ModelSpan,
-    mut began: MessageWriter<ContactBegan>,
-    mut ended: MessageWriter<ContactEnded>,
+    mut began: MessageWriter<ContactStart>,
+    mut ended: MessageWriter<ContactEnd>,
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (_, mut tool) in &mut tools {
@@ -43,11 +43,11 @@ pub(super) fn step_bodies(
             let (tool_entity, contact) = (*tool_entity, &tool.contact);
             match (was_touching, contact.normal().zip(contact.touched().first())) {
                 (true, None) => {
-                    ended.write(ContactEnded { tool: tool_entity, body: entity });
+                    ended.write(ContactEnd { tool: tool_entity, body: entity });
                 }
                 (false, Some((normal, touched))) => {
                     let point_m = touched.point_m(&simulated.body);
-                    began.write(ContactBegan { tool: tool_entity, body: entity, point_m, normal });
+                    began.write(ContactStart { tool: tool_entity, body: entity, point_m, normal });
                 }
                 _ => {}
             }
@@ -155,13 +155,13 @@ fn stretch(path: &[ToolPoint], pace: Pace) -> Vec<ToolPoint> {
 }
 
 /// Compares what every loop displayed with what the full body says for the same samples.
-pub(super) fn judge_loops(mut tools: Query<&mut ToolLoop>) {
+pub(super) fn measure_force_error(mut tools: Query<&mut ToolLoop>) {
     for mut tool in &mut tools {
         let ToolLoop { handle, full_n, consumed, error, .. } = &mut *tool;
         let displayed = handle.displayed();
         let first = consumed.and_then(|newest| newest.checked_sub(full_n.len() as u64));
         let pair = |(i, full): (usize, &DVec3)| Some((displayed.get(first? + 1 + i as u64)?, *full));
-        *error = LocalModelError::of(full_n.iter().enumerate().filter_map(pair));
+        *error = ForceError::of(full_n.iter().enumerate().filter_map(pair));
     }
 }
 
@@ -175,7 +175,7 @@ fn bring_to_rest(simulated: &mut SimulatedBody) {
 /// Builds a local model for every tool that has new samples, into the slot of the exchange.
 pub(super) fn build_local_models(
     mut bodies: Query<&mut SimulatedBody>,
-    mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, &mut LocalModelBuild)>,
+    mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, &mut LocalModelStats)>,
     period: ModelPeriod,
     mut faults: MessageWriter<HapticFault>,
 ) {

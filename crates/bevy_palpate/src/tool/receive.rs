@@ -1,7 +1,7 @@
 //! From the loops to the model side: samples, events, records.
 
 use super::start::Driver;
-use super::{ContactEnded, HapticTool, KeepBlackBox, TickRecording, ToolLoop};
+use super::{BlackBoxDump, ContactEnd, HapticTool, TickRecording, ToolLoop};
 use crate::body::{DeformableBody, SimulatedBody};
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::ModelRate;
@@ -15,7 +15,7 @@ use palpate_local::{Sample, SampleHistory};
 pub(super) fn receive(
     mut tools: Query<(Entity, &mut ToolLoop)>,
     rate: Res<ModelRate>,
-    mut ended: MessageWriter<ContactEnded>,
+    mut ended: MessageWriter<ContactEnd>,
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, mut tool) in &mut tools {
@@ -40,9 +40,9 @@ pub(super) fn receive(
 }
 
 /// Takes every loop's events and records, and notices loops that have ended by themselves.
-pub(super) fn watch_loops(
+pub(super) fn poll_loops(
     mut commands: Commands,
-    mut tools: Query<(Entity, &mut ToolLoop, Option<&mut TickRecording>, Option<&mut KeepBlackBox>)>,
+    mut tools: Query<(Entity, &mut ToolLoop, Option<&mut TickRecording>, Option<&mut BlackBoxDump>)>,
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, mut tool, recording, black_box) in &mut tools {
@@ -55,7 +55,7 @@ pub(super) fn watch_loops(
         let mut worth_keeping = None;
         tool.take_faults(&mut |kind| {
             if !matches!(kind, HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(_))) {
-                worth_keeping.get_or_insert_with(|| kind.chain());
+                worth_keeping.get_or_insert_with(|| kind.report());
             }
             fault(kind);
         });
@@ -132,11 +132,11 @@ fn tool_point(sample: &Sample) -> ToolPoint {
 }
 
 /// Gives every tool that has samples the body it asks for, or the nearest.
-pub(super) fn choose_bodies(
+pub(super) fn select_bodies(
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop)>,
     bodies: Query<(Entity, &SimulatedBody)>,
     to_come: Query<(), With<DeformableBody>>,
-    mut ended: MessageWriter<ContactEnded>,
+    mut ended: MessageWriter<ContactEnd>,
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, asked, mut tool) in &mut tools {

@@ -17,13 +17,13 @@ pub struct ToolForce {
     /// What the local model says, before the safety chain, N, world frame.
     pub model_force_n: DVec3,
     /// Whether the safety chain changed it.
-    pub safety_acted: bool,
+    pub safety_limited: bool,
     /// Age of the local model at that tick, s.
     pub model_age_s: f64,
     /// What the last hand-over made of the force: that of the new local model minus that of the old one, N.
-    pub hand_over_step_n: DVec3,
+    pub swap_force_jump_n: DVec3,
     /// What it brought into the body or took out of it, J; `None` where a scheme knows no energy.
-    pub hand_over_step_j: Option<f64>,
+    pub swap_energy_jump_j: Option<f64>,
 }
 
 /// The loop's account of itself since its start, renewed every 64 ticks.
@@ -43,9 +43,9 @@ pub struct LoopTiming {
     /// Its maximum, µs.
     pub lateness_max_us: f64,
     /// Of the last 100 periods, the share that had a tick, 0 to 1.
-    pub success_of_100: f64,
+    pub on_time_ratio_100: f64,
     /// Of the last 1000.
-    pub success_of_1000: f64,
+    pub on_time_ratio_1000: f64,
     /// Ticks that took longer than a period.
     pub overruns: u64,
     /// Median of the time that a tick takes, device included, µs.
@@ -57,13 +57,13 @@ pub struct LoopTiming {
     /// 99th percentile of the time that it takes to be written, µs.
     pub write_p99_us: f64,
     /// Ticks at which the impulses of the tool's contacts were not found as well as they should be.
-    pub unsolved: u64,
+    pub unconverged_ticks: u64,
     /// Readings that could not be used.
     pub rejected_readings: u64,
     /// Device errors, on reading and on writing.
     pub device_errors: u64,
     /// Local models that were refused or given up.
-    pub models_refused: u64,
+    pub models_rejected: u64,
     /// Events that were lost because the app did not listen.
     pub dropped_events: u64,
 }
@@ -71,25 +71,40 @@ pub struct LoopTiming {
 /// The newest local model that was built for the tool, and what that took. See [`palpate_reduce::BuildReport`].
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
-pub struct LocalModelBuild {
+pub struct LocalModelStats {
     /// Degrees of freedom that the loop steps at a tick.
     pub states: usize,
     /// Nodes of the support set.
     pub support_nodes: usize,
     /// Whether the body buckled and its clamped tangent had to do: the far field is stiffer than the body.
-    pub is_clamped: bool,
+    pub tangent_clamped: bool,
     /// Whether nodes that the tool may reach before the next local model did not find room in the support set.
-    pub is_cut: bool,
+    pub support_truncated: bool,
     /// A bound of the relative error of the reduced stiffness at 80 Hz; `None` for schemes that have none.
     pub error_bound: Option<f64>,
     /// How long it took, s.
     pub time_s: f64,
 }
 
-impl From<BuildReport> for LocalModelBuild {
+impl From<BuildReport> for LocalModelStats {
     fn from(report: BuildReport) -> Self {
-        let BuildReport { states, support_nodes, tangent_clamped: is_clamped, support_truncated: is_cut, error_bound, time_s, .. } = report;
-        Self { states, support_nodes, is_clamped, is_cut, error_bound, time_s }
+        let BuildReport {
+            states,
+            support_nodes,
+            tangent_clamped: is_clamped,
+            support_truncated: is_cut,
+            error_bound,
+            time_s,
+            ..
+        } = report;
+        Self {
+            states,
+            support_nodes,
+            tangent_clamped: is_clamped,
+            support_truncated: is_cut,
+            error_bound,
+            time_s,
+        }
     }
 }
 
@@ -97,7 +112,7 @@ impl From<BuildReport> for LocalModelBuild {
 /// the safety chain. Ticks at which no local model spoke do not count.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
-pub struct LocalModelError {
+pub struct ForceError {
     /// RMS of the difference, N.
     pub rms_n: f64,
     /// Largest difference, N.
@@ -105,14 +120,14 @@ pub struct LocalModelError {
     /// RMS of the difference over that of the full body's force; `None` where that is zero.
     pub relative: Option<f64>,
     /// That as a share of 7 %, the difference that a person just notices.
-    pub share_of_noticeable: Option<f64>,
+    pub jnd_ratio: Option<f64>,
     /// Ticks that were compared.
     pub ticks: usize,
 }
 
-impl LocalModelError {
+impl ForceError {
     /// The just noticeable difference of a force: a person notices about 7 to 10 %; the stricter end.
-    pub const NOTICEABLE: f64 = 0.07;
+    pub const FORCE_JND: f64 = 0.07;
 
     /// Of pairs of what was displayed and what the full body says, N.
     pub(crate) fn of(pairs: impl Iterator<Item = (DVec3, DVec3)>) -> Self {
@@ -128,14 +143,14 @@ impl LocalModelError {
             rms_n: if ticks > 0 { (error / ticks as f64).sqrt() } else { 0.0 },
             peak_n,
             relative,
-            share_of_noticeable: relative.map(|relative| relative / Self::NOTICEABLE),
+            jnd_ratio: relative.map(|relative| relative / Self::FORCE_JND),
             ticks,
         }
     }
 }
 
 /// Writes the errors of all tools.
-pub(super) fn write_errors(mut tools: Query<(&ToolLoop, &mut LocalModelError)>) {
+pub(super) fn write_errors(mut tools: Query<(&ToolLoop, &mut ForceError)>) {
     for (tool, mut error) in &mut tools {
         error.set_if_neq(tool.error);
     }
@@ -151,7 +166,7 @@ pub(super) fn write_errors(mut tools: Query<(&ToolLoop, &mut LocalModelError)>) 
 /// ([`NoForceCause::Inside`](crate::NoForceCause::Inside)).
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
-pub struct Touching {
+pub struct TouchedBody {
     /// The touched or held body; `None` while the tool is free.
     pub body: Option<Entity>,
     /// State of the contact after the last model step.
@@ -212,26 +227,27 @@ impl TickRecording {
 
 /// Writes the results of every tool.
 pub(super) fn write_results(
-    mut tools: Query<(&mut ToolLoop, &mut ToolForce, &mut LoopTiming, &mut Touching)>,
+    mut tools: Query<(&mut ToolLoop, &mut ToolForce, &mut LoopTiming, &mut TouchedBody)>,
 ) {
     for (mut tool, mut force, mut timing, mut touching) in &mut tools {
         let body = tool.body.filter(|_| tool.is_in_contact());
-        touching.set_if_neq(Touching { body, state: tool.contact_state() });
+        touching.set_if_neq(TouchedBody { body, state: tool.contact_state() });
         let tick_s = tool.handle.config().hand_over.tick_s;
-        if let Some(TickRecord { spoken, safety, force_n, sample, .. }) = tool.handle.latest_tick() {
+        if let Some(TickRecord { rendered: spoken, safety, force_n, sample, .. }) = tool.handle.latest_tick()
+        {
             let newest = sample.map_or(0, |sample| sample.sequence);
             let age = spoken.model.map_or(0, |model| newest.saturating_sub(model.sequence));
             *force = ToolForce {
                 force_n,
                 model_force_n: spoken.force_n,
-                safety_acted: safety.acted(),
+                safety_limited: safety.acted(),
                 model_age_s: age as f64 * tick_s,
                 ..*force
             };
         }
         let report = tool.handle.report();
         if let Some(swap) = report.last_swap {
-            (force.hand_over_step_n, force.hand_over_step_j) = (swap.force_jump_n, swap.energy_jump_j);
+            (force.swap_force_jump_n, force.swap_energy_jump_j) = (swap.force_jump_n, swap.energy_jump_j);
         }
         timing.set_if_neq(LoopTiming {
             ticks: report.ticks,
@@ -240,17 +256,17 @@ pub(super) fn write_results(
             lateness_p99_us: report.lateness.quantile_us(0.99),
             lateness_p999_us: report.lateness.quantile_us(0.999),
             lateness_max_us: report.lateness.max_us(),
-            success_of_100: report.success.of_100(),
-            success_of_1000: report.success.of_1000(),
+            on_time_ratio_100: report.success.on_time_ratio_100(),
+            on_time_ratio_1000: report.success.on_time_ratio_1000(),
             overruns: report.overruns,
             cost_p50_us: report.cost.quantile_us(0.5),
             cost_p99_us: report.cost.quantile_us(0.99),
             read_p99_us: report.read.quantile_us(0.99),
             write_p99_us: report.write.quantile_us(0.99),
-            unsolved: report.unsolved,
+            unconverged_ticks: report.unconverged_ticks,
             rejected_readings: report.rejected_readings,
             device_errors: report.device_errors,
-            models_refused: report.models_refused,
+            models_rejected: report.models_rejected,
             dropped_events: report.dropped_events,
         });
     }
@@ -282,13 +298,13 @@ impl ToolLoop {
 
     /// From the device to the tool behind its coupling, m, at the last model step. The tool's [`Transform`] is where the tool is.
     #[must_use]
-    pub fn behind_m(&self) -> DVec3 {
+    pub fn proxy_offset_m(&self) -> DVec3 {
         self.poses.map_or(DVec3::ZERO, |[_, last]| last.behind_m)
     }
 }
 
 /// Notes where every tool is at a model step.
-pub(super) fn note_poses(mut tools: Query<&mut ToolLoop>) {
+pub(super) fn record_poses(mut tools: Query<&mut ToolLoop>) {
     for mut tool in &mut tools {
         let ToolLoop { path, contact, consumed, poses, .. } = &mut *tool;
         if let (Some(point), Some(sequence)) = (path.last(), *consumed) {
@@ -300,7 +316,7 @@ pub(super) fn note_poses(mut tools: Query<&mut ToolLoop>) {
 }
 
 /// Moves every tool, every frame, to where it was when the bodies were as they are drawn: between the last two model steps.
-pub(super) fn move_tools(
+pub(super) fn interpolate_tool_transforms(
     mut tools: Query<(&mut ToolLoop, &mut Transform, Option<&ChildOf>)>,
     parents: Query<&GlobalTransform>,
     overstep: ModelOverstep,

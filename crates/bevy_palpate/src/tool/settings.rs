@@ -3,7 +3,7 @@
 use super::{TickRecording, ToolLoop, ToolSettings};
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
-use crate::schedule::{HapticClock, ModelPeriod};
+use crate::schedule::{LoopMode, ModelPeriod};
 use bevy::prelude::*;
 use palpate_haptics::{LoopSettings, SafetySettings};
 use palpate_local::ModelId;
@@ -29,11 +29,11 @@ pub(super) fn set_loops(
     mut tools: Query<(&mut ToolLoop, Has<TickRecording>)>,
     bodies: Query<(), With<SimulatedBody>>,
     time: Res<Time<Virtual>>,
-    clock: Res<HapticClock>,
+    clock: Res<LoopMode>,
     period: ModelPeriod,
 ) {
     // At another speed than that of real time a thread cannot follow.
-    let paused = time.is_paused() || *clock == HapticClock::Thread && time.relative_speed_f64() != 1.0;
+    let paused = time.is_paused() || *clock == LoopMode::Thread && time.relative_speed_f64() != 1.0;
     for (mut tool, record) in &mut tools {
         tool.was_paused |= paused;
         let body = tool.body.filter(|&body| bodies.contains(body)).map_or(ModelId::NO_BODY, Entity::to_bits);
@@ -52,7 +52,7 @@ pub(super) fn set_loops(
         };
         if asked != *tool.handle.settings() {
             // They have been checked; the loop would keep its old ones.
-            let _ = tool.handle.set(asked);
+            let _ = tool.handle.set_settings(asked);
         }
     }
 }

@@ -6,12 +6,12 @@ use super::results::Pose;
 use super::settings::loop_settings;
 use super::size::ComparedSizes;
 use super::{
-    ContactEnded, Grasping, HapticTool, LocalModelBuild, LocalModelError, TickRecording, ToolForce,
-    ToolSettings, Touching,
+    ContactEnd, ForceError, GraspedPoint, HapticTool, LocalModelStats, TickRecording, ToolForce,
+    ToolSettings, TouchedBody,
 };
 use crate::device::{DeviceSelector, HapticDevices};
 use crate::fault::{DeviceFault, HapticFault, HapticFaultKind};
-use crate::schedule::{HapticClock, ModelPeriod};
+use crate::schedule::{LoopMode, ModelPeriod};
 use bevy::ecs::lifecycle::HookContext;
 use bevy::ecs::world::DeferredWorld;
 use bevy::platform::cell::SyncCell;
@@ -20,7 +20,7 @@ use glam::{DMat3, DVec3};
 use palpate_body::{ToolContact, ToolPoint};
 use palpate_haptics::{
     DeviceDescription, HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopReport, LoopSettings,
-    LoopThread, SafetySettings, Stop, haptic_loop,
+    LoopThread, SafetySettings, StopOutcome, haptic_loop,
 };
 use palpate_local::{Capacity, HandOverSettings, NearFieldCapacity};
 
@@ -52,7 +52,7 @@ pub struct ToolLoop {
     /// What the full body displayed over the last model step, tick by tick, N.
     pub(crate) full_n: Vec<DVec3>,
     /// How far the loop was from that.
-    pub(super) error: LocalModelError,
+    pub(super) error: ForceError,
     /// Where the tool was at the last two model steps.
     pub(super) poses: Option<[Pose; 2]>,
     /// A local model waits to be published.
@@ -100,9 +100,9 @@ impl Driver {
     pub(super) fn stop(&mut self) -> Option<HapticFaultKind> {
         match std::mem::replace(self, Self::Stopped) {
             Self::Thread(mut thread) => match thread.stop() {
-                Stop::Joined | Stop::AlreadyStopped => None,
-                Stop::Panicked => Some(HapticFaultKind::LoopEnded),
-                Stop::Detached => Some(HapticFaultKind::LoopDetached),
+                StopOutcome::Joined | StopOutcome::AlreadyStopped => None,
+                StopOutcome::Panicked => Some(HapticFaultKind::LoopEnded),
+                StopOutcome::Detached => Some(HapticFaultKind::LoopDetached),
             },
             // Dropping it writes zero force and closes the device.
             Self::Lockstep(_) | Self::Stopped => None,
@@ -151,7 +151,7 @@ impl ToolLoop {
 
     /// Lets go, and begins again as a tool that has just met its body; the message to be written if something was touched or held.
     #[must_use]
-    pub(super) fn forget_contact(&mut self, tool: Entity) -> Option<ContactEnded> {
+    pub(super) fn forget_contact(&mut self, tool: Entity) -> Option<ContactEnd> {
         let ended = self.let_go(tool);
         self.contact = self.untouched.clone();
         ended
@@ -159,14 +159,14 @@ impl ToolLoop {
 
     /// Lets go of what is touched or held; the message to be written if something was.
     #[must_use]
-    pub(super) fn let_go(&mut self, tool: Entity) -> Option<ContactEnded> {
+    pub(super) fn let_go(&mut self, tool: Entity) -> Option<ContactEnd> {
         self.has_support = false;
         let held = self.contact.held_point().is_some();
         if held {
             self.contact = self.untouched.clone();
         }
         let touched = self.contact.release();
-        self.body.filter(|_| touched || held).map(|body| ContactEnded { tool, body })
+        self.body.filter(|_| touched || held).map(|body| ContactEnd { tool, body })
     }
 }
 
@@ -186,23 +186,23 @@ fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) 
     if let Some(mut faults) = world.get_resource_mut::<Messages<HapticFault>>() {
         faults.write_batch(kinds.into_iter().map(|kind| HapticFault { entity: Some(entity), kind }));
     }
-    if let (Some(ended), Some(mut messages)) = (ended, world.get_resource_mut::<Messages<ContactEnded>>()) {
+    if let (Some(ended), Some(mut messages)) = (ended, world.get_resource_mut::<Messages<ContactEnd>>()) {
         messages.write(ended);
     }
     if let Some(mut force) = world.get_mut::<ToolForce>(entity) {
         *force = ToolForce::default();
     }
-    if let Some(mut touching) = world.get_mut::<Touching>(entity) {
-        *touching = Touching::default();
+    if let Some(mut touching) = world.get_mut::<TouchedBody>(entity) {
+        *touching = TouchedBody::default();
     }
-    if let Some(mut grasping) = world.get_mut::<Grasping>(entity) {
-        *grasping = Grasping::default();
+    if let Some(mut grasping) = world.get_mut::<GraspedPoint>(entity) {
+        *grasping = GraspedPoint::default();
     }
-    if let Some(mut newest) = world.get_mut::<LocalModelBuild>(entity) {
-        *newest = LocalModelBuild::default();
+    if let Some(mut newest) = world.get_mut::<LocalModelStats>(entity) {
+        *newest = LocalModelStats::default();
     }
-    if let Some(mut error) = world.get_mut::<LocalModelError>(entity) {
-        *error = LocalModelError::default();
+    if let Some(mut error) = world.get_mut::<ForceError>(entity) {
+        *error = ForceError::default();
     }
 }
 
@@ -230,10 +230,10 @@ pub(super) fn start_loops(
     mut commands: Commands,
     mut tools: Query<(Entity, Ref<HapticTool>, Ref<ToolSettings>, Option<&mut ToolLoop>, Has<TickRecording>)>,
     devices: Res<HapticDevices>,
-    clock: Res<HapticClock>,
+    clock: Res<LoopMode>,
     period: ModelPeriod,
     (time, mut waiting): (Option<Res<Time<Real>>>, Local<Vec<Waiting>>),
-    (mut ended, mut faults): (MessageWriter<ContactEnded>, MessageWriter<HapticFault>),
+    (mut ended, mut faults): (MessageWriter<ContactEnd>, MessageWriter<HapticFault>),
 ) {
     let now_s = time.map_or(0.0, |time| time.elapsed_secs_f64());
     waiting.retain(|waiting| tools.get(waiting.tool).is_ok_and(|(.., running, _)| running.is_none()));
@@ -279,7 +279,8 @@ pub(super) fn start_loops(
         let started = devices.make(&tool.device).and_then(|device| {
             let description = device.describe();
             let of_device = description.safety(TICK_S);
-            let shown = DMat3::from_cols_array_2d(&DVec3::AXES.map(|axis| device.shown_n(axis).to_array()));
+            let shown =
+                DMat3::from_cols_array_2d(&DVec3::AXES.map(|axis| device.quantized_force_n(axis).to_array()));
             let (handle, driver) = start(device, *clock, asked(of_device))?;
             Ok((handle, driver, of_device, description, shown))
         });
@@ -299,7 +300,7 @@ pub(super) fn start_loops(
                     has_support: false,
                     was_beyond: false,
                     full_n: Vec::with_capacity(256),
-                    error: LocalModelError::default(),
+                    error: ForceError::default(),
                     poses: None,
                     built: false,
                     was_paused: false,
@@ -319,9 +320,9 @@ pub(super) fn start_loops(
                 });
             }
             Err(error) => {
-                let may_come = error.is_about_what_is_plugged_in() && *clock == HapticClock::Thread;
+                let may_come = error.is_about_what_is_plugged_in() && *clock == LoopMode::Thread;
                 let kind = HapticFaultKind::Device(error);
-                let told = kind.chain();
+                let told = kind.report();
                 // Once, and again when it is another one.
                 if asked_anew || waited.is_none_or(|waited| waited.told != told) {
                     fault(kind);
@@ -343,7 +344,7 @@ const ROOM: Capacity = Capacity {
 
 fn start(
     device: Box<dyn HapticDevice>,
-    clock: HapticClock,
+    clock: LoopMode,
     settings: LoopSettings,
 ) -> Result<(HapticHandle, Driver), DeviceFault> {
     let description = device.describe();
@@ -352,10 +353,8 @@ fn start(
     let config = LoopConfig { device: description.limits(), hand_over, ..LoopConfig::default() };
     let (handle, haptic_loop) = haptic_loop(config, settings)?;
     let driver = match clock {
-        HapticClock::Thread => Driver::Thread(haptic_loop.spawn(device)?),
-        HapticClock::Lockstep => {
-            Driver::Lockstep(Box::new(SyncCell::new(Lockstep::new(haptic_loop, device)?)))
-        }
+        LoopMode::Thread => Driver::Thread(haptic_loop.spawn(device)?),
+        LoopMode::Lockstep => Driver::Lockstep(Box::new(SyncCell::new(Lockstep::new(haptic_loop, device)?))),
     };
     Ok((handle, driver))
 }

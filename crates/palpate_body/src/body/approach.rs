@@ -8,9 +8,9 @@ use crate::tool::Hold;
 use crate::{SurfaceTree, ToolContact};
 use glam::DVec3;
 use palpate_laws::{
-    CarriedPoint, KnownPatch, KnownPatches, MAX_PATCHES, MAX_CARRIED, PATCH_ROWS, Patch, PatchLayout,
-    PatchScale, PatchStart, PatchSurface, RowLayout, Seed, SeriesCompliance, SurfacePlace, ToolShape, mobility,
-    normal_compliance_at,
+    CarriedPoint, KnownPatch, KnownPatches, MAX_CARRIED, MAX_PATCHES, PATCH_ROWS, Patch, PatchLayout,
+    PatchScale, PatchStart, PatchSurface, RowLayout, Seed, SeriesCompliance, SurfacePlace, ToolShape,
+    mobility, normal_compliance_at,
 };
 
 /// A tool that moves farther in a millisecond has jumped: what lay between was not touched.

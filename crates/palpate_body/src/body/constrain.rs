@@ -11,8 +11,8 @@ use crate::tool::Hold;
 use crate::{BodyError, Integrator, NodeContact, ToolContact, TouchedPoint};
 use glam::{DMat3, DVec3};
 use palpate_laws::{
-    ImpulseResponse, GAP_TOLERANCE_M, MAX_CORRECTION_SPEED_M_PER_S, ProxyState, SolverLimits, ProxyStep, ConstraintRow, ConstraintLaw, SolverReport, ToolMove,
-    solve_projected_gauss_seidel, solve_with_proxies,
+    ConstraintLaw, ConstraintRow, GAP_TOLERANCE_M, ImpulseResponse, MAX_CORRECTION_SPEED_M_PER_S, ProxyState,
+    ProxyStep, SolverLimits, SolverReport, ToolMove, solve_projected_gauss_seidel, solve_with_proxies,
 };
 
 /// How often obstacles are looked for again after some were met.
@@ -316,7 +316,8 @@ impl Body {
                         None => {
                             let law = ConstraintLaw::Tension { along, compliance_per_kg: 0.0 };
                             let slack = slack.max(-h * MAX_CORRECTION_SPEED_M_PER_S - moved.length());
-                            let before = (length_m - apart.length()).clamp(-h * MAX_CORRECTION_SPEED_M_PER_S, 0.0);
+                            let before =
+                                (length_m - apart.length()).clamp(-h * MAX_CORRECTION_SPEED_M_PER_S, 0.0);
                             (law, -slack * along, -before * along)
                         }
                     }
@@ -357,8 +358,11 @@ impl Body {
             (Integrator::LinearlyImplicitEuler(settings), Some(implicit)) => {
                 let touched = nodes.iter().flatten().map(|(node, _)| *node);
                 implicit.answer(&self.network, touched, settings, columns)?;
-                let mut answer = DelassusMatrix::new(&nodes, before, |i, j| columns.block(&self.network, i, j));
-                rows.iter_mut().enumerate().for_each(|(i, row)| row.inv_effective_mass_per_kg = answer.own_per_kg(i));
+                let mut answer =
+                    DelassusMatrix::new(&nodes, before, |i, j| columns.block(&self.network, i, j));
+                rows.iter_mut()
+                    .enumerate()
+                    .for_each(|(i, row)| row.inv_effective_mass_per_kg = answer.own_per_kg(i));
                 let solved = solve(constraints, &mut rows, &mut answer, &proxies, step.h);
                 let pushes = nodes.iter().zip(&rows);
                 for (node, impulse) in
@@ -371,7 +375,9 @@ impl Body {
             _ => {
                 let mass_kg = self.network.mass_kg();
                 let mut answer = LumpedMassResponse { rows: &nodes, mass_kg, v: &mut self.v };
-                rows.iter_mut().enumerate().for_each(|(i, row)| row.inv_effective_mass_per_kg = answer.own_per_kg(i));
+                rows.iter_mut()
+                    .enumerate()
+                    .for_each(|(i, row)| row.inv_effective_mass_per_kg = answer.own_per_kg(i));
                 solve(constraints, &mut rows, &mut answer, &proxies, step.h)
             }
         };

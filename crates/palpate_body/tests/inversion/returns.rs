@@ -115,7 +115,8 @@ fn fully_mirrored_cells_return() {
         returns_within(&mut body, integrator, 4000, 1e-4);
         // Free, and turned inside out about its middle plane and about its centre: it returns to its shape.
         for mirror in [DVec3::new(-1.0, 1.0, 1.0), DVec3::NEG_ONE] {
-            let block = Block::new([n; 3], DVec3::splat(0.02 * (n - 1) as f64)).unwrap().allow_unconstrained();
+            let block =
+                Block::new([n; 3], DVec3::splat(0.02 * (n - 1) as f64)).unwrap().allow_unconstrained();
             let mut body =
                 Body::new(block.tissue(&Tissue::default()).unwrap().network, Surface::default()).unwrap();
             let mirrored: Vec<DVec3> = body.network().rest_m().iter().map(|x| mirror * *x).collect();

@@ -240,7 +240,8 @@ fn senseless_cells_are_refused() {
         assert!(matches!(CellLattice::fit(&mesh, size), Err(MeshError::Cells { .. })), "{size:?}");
     }
     // One large cell round a small mesh is a body still.
-    let large = CellLattice::fit(&mesh, CellSize::Side(0.5)).unwrap().allow_unconstrained().tissue(&TISSUE).unwrap();
+    let large =
+        CellLattice::fit(&mesh, CellSize::Side(0.5)).unwrap().allow_unconstrained().tissue(&TISSUE).unwrap();
     assert_eq!(large.network.node_count(), 8);
     assert!(CellLattice::fit(&mesh, CellSize::Along(2)).unwrap().touch_spacing(1.5).is_err());
 }
@@ -249,7 +250,8 @@ fn senseless_cells_are_refused() {
 fn the_touched_surface_is_the_mesh_to_within_a_part_of_a_cell() {
     let shape = sphere(0.05, 48);
     let mesh = shape.close().unwrap();
-    let made = CellLattice::fit(&mesh, CellSize::Along(12)).unwrap().allow_unconstrained().tissue(&TISSUE).unwrap();
+    let made =
+        CellLattice::fit(&mesh, CellSize::Along(12)).unwrap().allow_unconstrained().tissue(&TISSUE).unwrap();
     let cell = made.cells.cell_m;
     let x = made.network.rest_m();
     let points: Vec<DVec3> = made.surface.points.iter().map(|point| point.of(x)).collect();
@@ -270,7 +272,11 @@ fn the_touched_surface_is_the_mesh_to_within_a_part_of_a_cell() {
         made.surface.triangles.iter().map(|t| t.map(corner)).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
     assert!((volume / mesh.volume_m3() - 1.0).abs() < 0.02, "{volume}");
     // Asked for all of it, all of it is there.
-    let all = CellLattice::fit(&mesh, CellSize::Along(12)).unwrap().allow_unconstrained().touch_spacing(0.0).unwrap();
+    let all = CellLattice::fit(&mesh, CellSize::Along(12))
+        .unwrap()
+        .allow_unconstrained()
+        .touch_spacing(0.0)
+        .unwrap();
     let all = all.tissue(&TISSUE).unwrap();
     assert_eq!((all.surface.points.len(), all.deviation_m), (shape.vertices.len(), 0.0));
     // A cube of twelve triangles gets points that dent.

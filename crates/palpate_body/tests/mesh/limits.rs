@@ -44,7 +44,10 @@ fn more_nodes_than_a_body_can_have_are_refused_with_a_number_of_cells_that_makes
     for size in [DVec3::splat(0.1), DVec3::new(0.1, 0.1, 0.04), DVec3::new(0.1, 0.03, 0.04)] {
         let mesh = cuboid(size, [1; 3]).close().unwrap();
         let made = |cells| {
-            CellLattice::fit(&mesh, CellSize::Along(cells)).unwrap().allow_unconstrained().tissue(&Tissue::default())
+            CellLattice::fit(&mesh, CellSize::Along(cells))
+                .unwrap()
+                .allow_unconstrained()
+                .tissue(&Tissue::default())
         };
         let error = made(FINE).map(|made| made.cells).unwrap_err();
         let palpate_body::BodyError::Mesh(MeshError::TooManyNodes { along, nodes, most, advised }) = error

@@ -61,8 +61,11 @@ fn cells_with_little_in_them_need_no_shorter_step() {
         [(sphere(0.05, 24), 9), (sphere(0.05, 24), 16), (torus(0.05, 0.02, 48, 24), 12), (needle, 20)]
     {
         let mesh = shape.turned(turn()).close().unwrap();
-        let made =
-            CellLattice::fit(&mesh, CellSize::Along(cells)).unwrap().allow_unconstrained().tissue(&TISSUE).unwrap();
+        let made = CellLattice::fit(&mesh, CellSize::Along(cells))
+            .unwrap()
+            .allow_unconstrained()
+            .tissue(&TISSUE)
+            .unwrap();
         let lightest = made.network.mass_kg().iter().fold(f64::INFINITY, |a, b| a.min(*b));
         let eighth = 1000.0 * made.cells.cell_m.powi(3) / 8.0;
         assert!(lightest < 0.2 * eighth);

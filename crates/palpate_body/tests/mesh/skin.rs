@@ -5,7 +5,11 @@ use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use palpate_body::*;
 
 fn made(mesh: &ClosedMesh, cells: usize) -> MeshBody {
-    CellLattice::fit(mesh, CellSize::Along(cells)).unwrap().allow_unconstrained().tissue(&Tissue::default()).unwrap()
+    CellLattice::fit(mesh, CellSize::Along(cells))
+        .unwrap()
+        .allow_unconstrained()
+        .tissue(&Tissue::default())
+        .unwrap()
 }
 
 struct Drawn {
@@ -99,8 +103,11 @@ fn a_bent_body_is_drawn_where_its_cells_are() {
     // Trilinear weights of the same cell: the touched surface with all its points says where.
     let shape = sphere(0.05, 10);
     let mesh = shape.close().unwrap();
-    let lattice =
-        CellLattice::fit(&mesh, CellSize::Along(6)).unwrap().allow_unconstrained().touch_spacing(0.0).unwrap();
+    let lattice = CellLattice::fit(&mesh, CellSize::Along(6))
+        .unwrap()
+        .allow_unconstrained()
+        .touch_spacing(0.0)
+        .unwrap();
     let mut body = lattice.tissue(&Tissue::default()).unwrap();
     let bend = |x: DVec3| x + DVec3::new(4.0 * x.z * x.z, 3.0 * x.x * x.y, (40.0 * x.y).sin() * 0.01);
     let nodes: Vec<DVec3> = body.network.rest_m().iter().map(|x| bend(*x)).collect();

@@ -25,23 +25,23 @@ use std::path::PathBuf;
 /// What the box holds is what the loop has published when it is asked; who wants the ticks after a fault asks later.
 /// A file has 1 to 2 MB and takes some hundredths of a second to write, on the thread that asks.
 #[derive(Clone, Debug)]
-pub struct BlackBoxKeeper {
+pub struct BlackBoxWriter {
     folder: PathBuf,
     room: usize,
 }
 
-impl BlackBoxKeeper {
+impl BlackBoxWriter {
     /// How many files a keeper writes, unless it is told otherwise.
-    pub const FILES: usize = 16;
+    pub const DEFAULT_MAX_FILES: usize = 16;
 
     /// A keeper for `folder`, which is made when the first box is kept.
     pub fn new(folder: impl Into<PathBuf>) -> Self {
-        Self { folder: folder.into(), room: Self::FILES }
+        Self { folder: folder.into(), room: Self::DEFAULT_MAX_FILES }
     }
 
     /// The same, but for the number of files that it writes.
     #[must_use]
-    pub fn at_most(self, files: usize) -> Self {
+    pub fn with_max_files(self, files: usize) -> Self {
         Self { room: files, ..self }
     }
 
@@ -51,7 +51,7 @@ impl BlackBoxKeeper {
     ///
     /// # Errors
     /// [`BlackBoxError::File`]; what was begun is removed.
-    pub fn keep(
+    pub fn write(
         &mut self,
         handle: &mut HapticHandle,
         reason: &str,

@@ -1,6 +1,6 @@
 //! Ticks as rows of comma-separated values; the columns are described at [`super::Recording`].
 
-use super::{BlackBoxError, BlackBoxTick, DeviceFault, SafetyActions};
+use super::{BlackBoxError, BlackBoxTick, RecordedDeviceError, SafetyActions};
 use crate::{StageForces, TickTiming};
 use csv::StringRecord;
 use glam::{DQuat, DVec3};
@@ -105,8 +105,9 @@ pub(super) fn read_row(path: &Path, line: u64, row: &StringRecord) -> Result<Bla
     let (lateness_ns, period_ns) = (fields.count()?, fields.count()?);
     let (read_ns, write_ns, cost_ns) = (fields.count()?, fields.count()?, fields.count()?);
     let timing = TickTiming { lateness_ns, period_ns, cost_ns, read_ns, write_ns };
-    let fault =
-        |fields: &mut Fields| fields.parsed("the name of a device error, or empty", DeviceFault::named);
+    let fault = |fields: &mut Fields| {
+        fields.parsed("the name of a device error, or empty", RecordedDeviceError::named)
+    };
     let (read_failed, write_failed) = (fields.maybe(1, fault)?, fields.maybe(1, fault)?);
     Ok(BlackBoxTick {
         sequence,

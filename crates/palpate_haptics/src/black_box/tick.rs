@@ -37,9 +37,9 @@ pub struct BlackBoxTick {
     /// When it began and how long it took; zero in lock step.
     pub timing: TickTiming,
     /// Why the device gave no usable reading.
-    pub read_failed: Option<DeviceFault>,
+    pub read_failed: Option<RecordedDeviceError>,
     /// Why the device did not take the force.
-    pub write_failed: Option<DeviceFault>,
+    pub write_failed: Option<RecordedDeviceError>,
 }
 
 impl BlackBoxTick {
@@ -51,15 +51,15 @@ impl BlackBoxTick {
             time_s: record.sequence as f64 * tick_s,
             elapsed: record.elapsed,
             sample: record.sample,
-            model: record.spoken.model,
-            before_n: record.spoken.force_n,
+            model: record.rendered.model,
+            before_n: record.rendered.force_n,
             after: record.safety.after,
             written_n: record.force_n,
             gain: record.safety.gain,
             acted: actions_of(&record.safety),
             timing: record.timing,
-            read_failed: record.reading.err().map(DeviceFault::from),
-            write_failed: record.written.err().map(DeviceFault::from),
+            read_failed: record.reading.err().map(RecordedDeviceError::from),
+            write_failed: record.written.err().map(RecordedDeviceError::from),
         }
     }
 }
@@ -67,7 +67,7 @@ impl BlackBoxTick {
 /// A [`DeviceError`] as a file tells it: without the text that goes with a broken protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
-pub enum DeviceFault {
+pub enum RecordedDeviceError {
     /// [`DeviceError::NotOpen`], `not_open`.
     NotOpen,
     /// [`DeviceError::AlreadyOpen`], `already_open`.
@@ -90,7 +90,7 @@ pub enum DeviceFault {
     Reordered,
 }
 
-impl DeviceFault {
+impl RecordedDeviceError {
     /// All but [`DeviceFault::Os`], with their names.
     const NAMED: [(Self, &'static str); 9] = [
         (Self::Jumped, "jumped"),
@@ -113,7 +113,7 @@ impl DeviceFault {
     }
 }
 
-impl Display for DeviceFault {
+impl Display for RecordedDeviceError {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         match (self, Self::NAMED.iter().find(|(fault, _)| fault == self)) {
             (Self::Os(number), _) => write!(f, "os:{number}"),
@@ -123,7 +123,7 @@ impl Display for DeviceFault {
     }
 }
 
-impl From<DeviceError> for DeviceFault {
+impl From<DeviceError> for RecordedDeviceError {
     fn from(error: DeviceError) -> Self {
         match error {
             DeviceError::NotOpen => Self::NotOpen,

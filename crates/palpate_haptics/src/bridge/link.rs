@@ -1,6 +1,6 @@
 //! A socket that never waits.
 
-use super::packet::{Header, LARGEST_SIZE, Packet, PacketError};
+use super::packet::{Header, MAX_SIZE, Packet, PacketError};
 use crate::DeviceError;
 use std::io::{self, ErrorKind};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
@@ -60,7 +60,7 @@ impl Link {
     /// The oldest datagram that has not been received yet, without waiting.
     pub(super) fn receive(&self) -> io::Result<Received> {
         // One byte more than the largest packet: what is longer still is cut, and has no packet's length either.
-        let mut bytes = [0; LARGEST_SIZE + 1];
+        let mut bytes = [0; MAX_SIZE + 1];
         match self.0.recv_from(&mut bytes) {
             Ok((length, from)) => {
                 let datagram = bytes.get(..length).unwrap_or_default();
@@ -78,7 +78,7 @@ impl Link {
 
     /// Sends `packet` without waiting.
     pub(super) fn send(&self, packet: &Packet, to: SocketAddr) -> Result<(), SendError> {
-        let mut buffer = [0; LARGEST_SIZE];
+        let mut buffer = [0; MAX_SIZE];
         let bytes = packet.encode(&mut buffer).map_err(|_| SendError::Packet)?;
         self.0.send_to(bytes, to).map(|_| ()).map_err(SendError::Os)
     }

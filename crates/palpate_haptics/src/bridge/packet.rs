@@ -23,14 +23,14 @@ pub const VERSION: u16 = 1;
 /// The size of the header.
 pub const HEADER_SIZE: usize = 24;
 /// The size of the largest packet.
-pub const LARGEST_SIZE: usize = 128;
+pub const MAX_SIZE: usize = 128;
 
 /// What no coordinate exceeds, m.
-pub const MOST_M: f64 = 100.0;
+pub const MAX_POSITION_M: f64 = 100.0;
 /// What no velocity exceeds, m/s.
-pub const MOST_M_PER_S: f64 = 1000.0;
+pub const MAX_SPEED_M_PER_S: f64 = 1000.0;
 /// What no force exceeds, N.
-pub const MOST_N: f64 = 1000.0;
+pub const MAX_FORCE_N: f64 = 1000.0;
 /// Rates of a device, Hz.
 pub const RATES_HZ: RangeInclusive<f64> = 1.0..=20_000.0;
 /// Watchdogs of a peer, µs.
@@ -100,7 +100,7 @@ impl Sampled {
     #[must_use]
     pub fn reading(&self, number: u64) -> Reading {
         let Self { position_m, orientation, velocity_m_per_s, buttons, .. } = *self;
-        Reading { position_m, velocity_m_per_s, orientation, buttons, number: Some(number) }
+        Reading { position_m, velocity_m_per_s, orientation, buttons, sequence: Some(number) }
     }
 }
 
@@ -153,7 +153,7 @@ impl Packet {
         match &self.body {
             Body::Welcome(welcome) => welcome.check(),
             Body::Sample(sampled) => sampled.check(),
-            Body::Force(force_n) => within("force, N", *force_n, MOST_N),
+            Body::Force(force_n) => within("force, N", *force_n, MAX_FORCE_N),
             Body::Hello | Body::Stop | Body::End(_) => Ok(()),
         }
     }
@@ -162,10 +162,10 @@ impl Packet {
 impl Welcome {
     fn check(&self) -> Result<(), PacketError> {
         let [low, high] = self.workspace_m;
-        within("workspace, m", low, MOST_M)?;
-        within("workspace, m", high, MOST_M)?;
-        number("smallest side of the workspace, m", (high - low).min_element(), 0.0..=2.0 * MOST_M)?;
-        number("largest force, N", self.max_force_n, 0.0..=MOST_N)?;
+        within("workspace, m", low, MAX_POSITION_M)?;
+        within("workspace, m", high, MAX_POSITION_M)?;
+        number("smallest side of the workspace, m", (high - low).min_element(), 0.0..=2.0 * MAX_POSITION_M)?;
+        number("largest force, N", self.max_force_n, 0.0..=MAX_FORCE_N)?;
         number("rate, Hz", self.rate_hz, RATES_HZ)?;
         let watchdog = RangeInclusive::new(f64::from(*WATCHDOGS_US.start()), f64::from(*WATCHDOGS_US.end()));
         number("watchdog, µs", f64::from(self.watchdog_us), watchdog)
@@ -174,8 +174,8 @@ impl Welcome {
 
 impl Sampled {
     fn check(&self) -> Result<(), PacketError> {
-        within("position, m", self.position_m, MOST_M)?;
-        within("velocity, m/s", self.velocity_m_per_s.unwrap_or_default(), MOST_M_PER_S)?;
+        within("position, m", self.position_m, MAX_POSITION_M)?;
+        within("velocity, m/s", self.velocity_m_per_s.unwrap_or_default(), MAX_SPEED_M_PER_S)?;
         let q = self.orientation;
         for component in q.to_array() {
             number("orientation", component, -1.001..=1.001)?;

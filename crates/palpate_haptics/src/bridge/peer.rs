@@ -72,7 +72,7 @@ impl BridgePeer {
             watchdog_us: u32::try_from(settings.watchdog.as_micros()).unwrap_or(u32::MAX),
         };
         Packet { session: 0, number: 0, body: Body::Welcome(welcome) }
-            .encode(&mut [0; super::packet::LARGEST_SIZE])
+            .encode(&mut [0; super::packet::MAX_SIZE])
             .map_err(BridgeError::Description)?;
         let of_socket = |source| BridgeError::Socket { address: settings.address, source };
         let link = Link::bind(settings.address).map_err(of_socket)?;
@@ -107,7 +107,7 @@ impl BridgePeer {
 
     /// The number of the force that it shows; 0 before the first of a session, and where there is none.
     #[must_use]
-    pub fn shown(&self) -> u64 {
+    pub fn forces_written(&self) -> u64 {
         self.session.map_or(0, |session| session.shown)
     }
 
@@ -129,7 +129,7 @@ impl BridgePeer {
         let (begun_ns, period) = (clock.now_ns(), self.period());
         let mut due_ns = begun_ns;
         while !stop.load(Ordering::Acquire) {
-            self.turn(Duration::from_nanos(clock.now_ns() - begun_ns));
+            self.advance(Duration::from_nanos(clock.now_ns() - begun_ns));
             // Turns that are late are left out, never made up by a burst.
             due_ns = (due_ns + period.as_nanos() as u64).max(clock.now_ns());
             clock.sleep_until(due_ns);
@@ -138,9 +138,9 @@ impl BridgePeer {
     }
 
     /// One turn, at the time `now` on any clock that only goes forward.
-    pub fn turn(&mut self, now: Duration) {
+    pub fn advance(&mut self, now: Duration) {
         self.receive(now);
-        self.answer();
+        self.reply();
     }
 
     /// The first half of a turn: lets go if palpate has been silent for too long, then takes what has come. Whether a newer force
@@ -179,7 +179,7 @@ impl BridgePeer {
     }
 
     /// The second half of a turn: shows the force, reads the hand and sends it. A device that has failed is shown zero force.
-    pub fn answer(&mut self) {
+    pub fn reply(&mut self) {
         if self.is_closed {
             return;
         }

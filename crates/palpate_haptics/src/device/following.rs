@@ -13,7 +13,7 @@ use triple_buffer::{Input, Output, triple_buffer};
 /// jumps, and is pushed back by the force that is written: x'' = ω² (place − x) − 2ω x' + F/m, no faster than a largest speed.
 /// So it lags behind an even motion by 2/ω, and rests F/(m ω²) beside a place at which it is pushed with F.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FollowingHand {
+pub struct FollowerSettings {
     /// Where it is when the device is opened, m.
     pub start_m: DVec3,
     /// Corners of the box that it never leaves, m.
@@ -28,7 +28,7 @@ pub struct FollowingHand {
     pub max_force_n: f64,
 }
 
-impl Default for FollowingHand {
+impl Default for FollowerSettings {
     /// In the middle of a box of 40 cm; 40 s⁻¹ and 0.2 kg, so 320 N/m and 50 ms behind; 0.5 m/s; 10 N.
     fn default() -> Self {
         Self {
@@ -44,12 +44,12 @@ impl Default for FollowingHand {
 
 /// The place that a [`FollowingDevice`] follows: the app's end. Setting it never makes the loop wait.
 #[derive(Debug)]
-pub struct FollowedPlace(Input<Followed>);
+pub struct FollowerTarget(Input<Followed>);
 
 /// A hand without hardware that follows a [`FollowedPlace`]. Reading it neither blocks nor allocates.
 #[derive(Debug)]
-pub struct FollowingDevice {
-    hand: FollowingHand,
+pub struct FollowerDevice {
+    hand: FollowerSettings,
     place: Output<Followed>,
     /// e^(−ω T).
     decay: f64,
@@ -68,12 +68,12 @@ struct Followed {
 /// Time from one reading to the next, s: that of a tick.
 const TICK_S: f64 = 1e-3;
 
-impl FollowingHand {
+impl FollowerSettings {
     /// The two ends: the place goes with the app, the device to the loop.
     ///
     /// # Errors
     /// [`HapticsError::Setting`] when a number makes no sense.
-    pub fn follow(self) -> Result<(FollowedPlace, FollowingDevice), HapticsError> {
+    pub fn follow(self) -> Result<(FollowerTarget, FollowerDevice), HapticsError> {
         let [low, high] = self.workspace_m;
         let size = (high - low).min_element();
         let ok = low.is_finite() && high.is_finite() && size >= 0.0;
@@ -93,7 +93,7 @@ impl FollowingHand {
         )?;
         let start_m = start.clamp(low, high);
         let (input, output) = triple_buffer(&Followed { place_m: start_m, buttons: 0 });
-        let device = FollowingDevice {
+        let device = FollowerDevice {
             hand: self,
             place: output,
             decay: (-rate * TICK_S).exp(),
@@ -102,11 +102,11 @@ impl FollowingHand {
             velocity_m_per_s: DVec3::ZERO,
             force_n: DVec3::ZERO,
         };
-        Ok((FollowedPlace(input), device))
+        Ok((FollowerTarget(input), device))
     }
 }
 
-impl FollowedPlace {
+impl FollowerTarget {
     /// The hand is to go to `place_m`, in the device's frame, and bit i of `buttons` says whether button i is pressed. What is
     /// outside of the workspace, or not finite, is taken back into it or ignored.
     pub fn set(&mut self, place_m: DVec3, buttons: u32) {
@@ -114,12 +114,12 @@ impl FollowedPlace {
     }
 }
 
-impl FollowingDevice {
+impl FollowerDevice {
     /// One tick, exactly as the spring has it while place and force stay what they are; the largest speed and the walls of the
     /// workspace then take their part.
     fn follow(&mut self) -> u32 {
         let Followed { place_m, buttons } = *self.place.read();
-        let FollowingHand { workspace_m: [low, high], rate_per_s, mass_kg, max_speed_m_per_s, .. } =
+        let FollowerSettings { workspace_m: [low, high], rate_per_s, mass_kg, max_speed_m_per_s, .. } =
             self.hand;
         let place_m = if place_m.is_finite() { place_m.clamp(low, high) } else { self.position_m };
         let rest_m = place_m + self.force_n / (mass_kg * rate_per_s * rate_per_s);
@@ -136,7 +136,7 @@ impl FollowingDevice {
     }
 }
 
-impl HapticDevice for FollowingDevice {
+impl HapticDevice for FollowerDevice {
     fn describe(&self) -> DeviceDescription {
         DeviceDescription {
             name: "hand that follows".into(),

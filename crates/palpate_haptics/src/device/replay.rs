@@ -7,7 +7,7 @@ use std::time::Duration;
 
 /// What a replay does after its last row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum AtEnd {
+pub enum ReplayEnd {
     /// Stays at the last position.
     #[default]
     Stay,
@@ -19,7 +19,7 @@ pub enum AtEnd {
 #[derive(Clone, Debug)]
 pub struct ReplayDevice {
     trajectory: Trajectory,
-    at_end: AtEnd,
+    at_end: ReplayEnd,
     open: bool,
     next: usize,
 }
@@ -27,7 +27,7 @@ pub struct ReplayDevice {
 impl ReplayDevice {
     /// A device that replays `trajectory`.
     #[must_use]
-    pub fn new(trajectory: Trajectory, at_end: AtEnd) -> Self {
+    pub fn new(trajectory: Trajectory, at_end: ReplayEnd) -> Self {
         Self { trajectory, at_end, open: false, next: 0 }
     }
 }
@@ -60,7 +60,7 @@ impl HapticDevice for ReplayDevice {
         let rows = self.trajectory.positions_m().len();
         let row = self.next.min(rows.saturating_sub(1));
         self.next += 1;
-        if self.next >= rows && self.at_end == AtEnd::Repeat {
+        if self.next >= rows && self.at_end == ReplayEnd::Repeat {
             self.next = 0;
         }
         self.trajectory.reading(row).ok_or(DeviceError::Protocol("no rows"))

@@ -31,7 +31,7 @@ impl ScriptedDevice {
 
     /// The same device with another description.
     #[must_use]
-    pub fn described(mut self, description: DeviceDescription) -> Self {
+    pub fn with_description(mut self, description: DeviceDescription) -> Self {
         self.description = description;
         self
     }

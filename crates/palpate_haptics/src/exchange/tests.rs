@@ -3,7 +3,7 @@
 use crate::{LoopConfig, LoopSettings, haptic_loop};
 use glam::{DMat3, DVec3};
 use palpate_laws::{
-    VirtualCoupling, MAX_PATCHES, Neighbour, PATCH_ROWS, Patch, PatchScale, Spring, SurfacePlace, ToolShape,
+    MAX_PATCHES, Neighbour, PATCH_ROWS, Patch, PatchScale, Spring, SurfacePlace, ToolShape, VirtualCoupling,
     VolumeBarrier,
 };
 use palpate_local::{

@@ -12,7 +12,7 @@ use glam::DVec3;
 ///
 /// It counts from touch to touch: after a tenth of a second without force the account is closed.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Passivity {
+pub(super) struct PassivityObserver {
     /// What the hand has given since the touch began, minus what it got, J.
     given_j: f64,
     /// Ticks in a row without force.
@@ -22,9 +22,9 @@ pub(super) struct Passivity {
 /// Ticks without force after which a touch is over.
 const IDLE_TICKS: u64 = 100;
 
-impl Passivity {
+impl PassivityObserver {
     /// Books the way `moved_m` of the hand against the force `written_n` that was held meanwhile, over `elapsed` ticks.
-    pub(super) fn book(&mut self, written_n: DVec3, moved_m: DVec3, elapsed: u64) {
+    pub(super) fn record(&mut self, written_n: DVec3, moved_m: DVec3, elapsed: u64) {
         let got_j = written_n.dot(moved_m);
         if got_j.is_finite() {
             self.given_j -= got_j;
@@ -36,7 +36,7 @@ impl Passivity {
     }
 
     /// What the hand has given since the touch began, minus what it got, J.
-    pub(super) fn given_j(&self) -> f64 {
+    pub(super) fn observed_energy_j(&self) -> f64 {
         self.given_j
     }
 
@@ -55,35 +55,35 @@ mod tests {
 
     #[test]
     fn a_spring_gives_back_what_it_got_and_no_damping_comes_of_it() {
-        let mut account = Passivity::default();
+        let mut account = PassivityObserver::default();
         let depth = |i: i32| 5e-3 * (f64::from(i) * 0.01).sin().max(0.0);
         for i in 0..1000 {
             // The force of the tick before was held while the hand went on: a spring in time loses nothing, a late one gains.
             let held = 0.5 * (depth(i) + depth(i + 1));
-            account.book(DVec3::Z * 300.0 * held, -DVec3::Z * (depth(i + 1) - depth(i)), 1);
-            assert!(account.given_j() > -1e-12);
+            account.record(DVec3::Z * 300.0 * held, -DVec3::Z * (depth(i + 1) - depth(i)), 1);
+            assert!(account.observed_energy_j() > -1e-12);
             assert_eq!(account.damping(0.1, 1e-3, 1e-9, 5.0), 0.0);
         }
-        assert!(account.given_j().abs() < 1e-12);
+        assert!(account.observed_energy_j().abs() < 1e-12);
     }
 
     #[test]
     fn a_debt_is_taken_back_in_a_tick_or_as_fast_as_allowed() {
-        let mut account = Passivity::default();
+        let mut account = PassivityObserver::default();
         // The hand is pushed along by 1 N over 2 mm.
-        account.book(DVec3::X, DVec3::X * 2e-3, 1);
-        assert!((account.given_j() + 2e-3).abs() < 1e-15);
+        account.record(DVec3::X, DVec3::X * 2e-3, 1);
+        assert!((account.observed_energy_j() + 2e-3).abs() < 1e-15);
         // P = b v², so 1.5 mJ in a tick at 1 m/s take 1.5 N s/m.
         assert!((account.damping(1.0, 1e-3, 5e-4, 5.0) - 1.5).abs() < 1e-12);
         assert_eq!(account.damping(-0.1, 1e-3, 5e-4, 5.0), 5.0);
         assert_eq!(account.damping(0.0, 1e-3, 5e-4, 5.0), 0.0);
         // Nothing is known of a way that is no number.
-        account.book(DVec3::X, DVec3::NAN, 1);
-        assert!((account.given_j() + 2e-3).abs() < 1e-15);
+        account.record(DVec3::X, DVec3::NAN, 1);
+        assert!((account.observed_energy_j() + 2e-3).abs() < 1e-15);
         // A touch that is over is forgotten.
-        account.book(DVec3::ZERO, DVec3::X, 99);
-        assert!(account.given_j() < 0.0);
-        account.book(DVec3::ZERO, DVec3::X, 1);
-        assert_eq!(account.given_j(), 0.0);
+        account.record(DVec3::ZERO, DVec3::X, 99);
+        assert!(account.observed_energy_j() < 0.0);
+        account.record(DVec3::ZERO, DVec3::X, 1);
+        assert_eq!(account.observed_energy_j(), 0.0);
     }
 }

@@ -8,13 +8,13 @@ use crate::error::{check, check_positive};
 pub struct SafetySettings {
     /// The force that a local model must not exceed before the ramp begins, N: at the start, and after the device was silent or
     /// its hand came back elsewhere. `f64::MAX`: the ramp begins at once.
-    pub start_below_n: f64,
+    pub arm_below_n: f64,
     /// Time from that to full force, s. Zero: the first touch comes at once.
     pub ramp_s: f64,
     /// Model periods after which a local model counts as stale. More: an old force lasts longer.
     pub stale_after_periods: f64,
     /// Ticks in a row without a reading after which the device counts as silent.
-    pub silent_after_ticks: u64,
+    pub device_timeout_ticks: u64,
     /// Time in which a force fades to zero once model or device is too old, or on a pause, s.
     pub fade_s: f64,
     /// Speed of the hand from which on what pushes it along fades, m/s, to nothing at twice that. `f64::MAX`: never.
@@ -33,10 +33,10 @@ impl Default for SafetySettings {
     /// The table above; no limit of magnitude but the device's.
     fn default() -> Self {
         Self {
-            start_below_n: 0.5,
+            arm_below_n: 0.5,
             ramp_s: 0.5,
             stale_after_periods: 3.0,
-            silent_after_ticks: 20,
+            device_timeout_ticks: 20,
             fade_s: 0.1,
             max_speed_m_per_s: 2.0,
             passivity_damping_ns_per_m: 5.0,
@@ -54,7 +54,7 @@ impl SafetySettings {
     /// [`HapticsError::Setting`].
     pub fn validate(&self) -> Result<(), HapticsError> {
         let at_least_0 = |v: f64| v.is_finite() && v >= 0.0;
-        let start = self.start_below_n;
+        let start = self.arm_below_n;
         check("largest force at the start, N", start, at_least_0(start), "finite and at least 0")?;
         check("start-up ramp, s", self.ramp_s, at_least_0(self.ramp_s), "finite and at least 0")?;
         check("fade, s", self.fade_s, at_least_0(self.fade_s), "finite and at least 0")?;

@@ -49,7 +49,7 @@ fn a_length_that_overflows_is_not_let_through() {
 #[test]
 fn the_ramp_lets_force_in_over_its_time() {
     let settings =
-        SafetySettings { start_below_n: f64::MAX, max_slew_n_per_s: 1e9, ..SafetySettings::default() };
+        SafetySettings { arm_below_n: f64::MAX, max_slew_n_per_s: 1e9, ..SafetySettings::default() };
     let mut chain = SafetyChain::new(1e-3, LIMITS).unwrap();
     for tick in 1..=600 {
         let (out, report) = chain.apply(&settings, &still(DVec3::X * 2.0));
@@ -115,7 +115,7 @@ fn growth_is_bounded_falling_is_free_and_turning_round_is_growth() {
 
 #[test]
 fn after_missed_deadlines_force_grows_for_four_ticks_at_most() {
-    let settings = SafetySettings { start_below_n: f64::MAX, ..SafetySettings::default() };
+    let settings = SafetySettings { arm_below_n: f64::MAX, ..SafetySettings::default() };
     for (elapsed, grown) in [(1, 0.5), (3, 1.5), (4, 2.0), (200, 2.0), (u64::MAX, 2.0)] {
         let input = SafetyInput { elapsed, ..still(DVec3::X * 9.0) };
         assert!((warm(&settings).apply(&settings, &input).0.x - grown).abs() < 1e-12);
@@ -130,7 +130,7 @@ fn after_missed_deadlines_force_grows_for_four_ticks_at_most() {
 
 #[test]
 fn the_ramp_waits_for_the_first_sample() {
-    let settings = SafetySettings { start_below_n: f64::MAX, ..SafetySettings::default() };
+    let settings = SafetySettings { arm_below_n: f64::MAX, ..SafetySettings::default() };
     let mut chain = SafetyChain::new(1e-3, LIMITS).unwrap();
     for _ in 0..600 {
         let (_, report) = chain.apply(&settings, &SafetyInput { sampled: false, ..still(DVec3::ZERO) });
@@ -156,7 +156,7 @@ fn limits_that_make_no_sense_are_refused() {
         SafetySettings { stale_after_periods: 0.5, ..good },
         SafetySettings { max_force_n: f64::NAN, ..good },
         SafetySettings { max_force_n: -1.0, ..good },
-        SafetySettings { start_below_n: -1.0, ..good },
+        SafetySettings { arm_below_n: -1.0, ..good },
         SafetySettings { max_speed_m_per_s: 0.0, ..good },
         SafetySettings { passivity_damping_ns_per_m: f64::NAN, ..good },
         SafetySettings { passivity_tolerance_j: -1e-3, ..good },
@@ -309,15 +309,15 @@ fn growth_is_counted_from_what_the_device_shows() {
     // It does not take the first three.
     for _ in 0..3 {
         assert!((chain.apply(&settings, &pressed).0.x - 0.5).abs() < 1e-12);
-        chain.not_written();
+        chain.write_failed();
     }
     for tick in 1..=4 {
         assert!((chain.apply(&settings, &pressed).0.x - 0.5 * f64::from(tick)).abs() < 1e-12);
     }
-    chain.turned(DQuat::from_rotation_z(std::f64::consts::PI));
+    chain.rotate_frame(DQuat::from_rotation_z(std::f64::consts::PI));
     assert!((chain.apply(&settings, &pressed).0.x - 0.5).abs() < 1e-12, "the other way is growth");
     assert!((chain.apply(&settings, &pressed).0.x - 1.0).abs() < 1e-12);
-    chain.released();
+    chain.reset_output();
     assert!((chain.apply(&settings, &pressed).0.x - 0.5).abs() < 1e-12);
 }
 

@@ -152,7 +152,7 @@ impl Speaker {
 
     pub fn say(&self, number: u64, body: Body) {
         let packet = Packet { session: self.session, number, body };
-        self.bytes(packet.encode(&mut [0; LARGEST_SIZE]).unwrap());
+        self.bytes(packet.encode(&mut [0; MAX_SIZE]).unwrap());
     }
 
     /// The next packet, whoever sent it.

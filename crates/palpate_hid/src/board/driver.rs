@@ -213,7 +213,7 @@ impl Board {
             velocity_m_per_s: None,
             orientation: DQuat::IDENTITY,
             buttons: u32::from(pose.is_pressed),
-            number: Some(self.number),
+            sequence: Some(self.number),
         })
     }
 

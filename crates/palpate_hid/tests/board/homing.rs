@@ -220,7 +220,7 @@ fn a_loop_finds_its_board_again() {
     let calibration = device.board_calibration().unwrap();
     // A hold without an age limit, so that the other thread may be late.
     let safety = SafetySettings {
-        start_below_n: f64::MAX,
+        arm_below_n: f64::MAX,
         ramp_s: 0.0,
         stale_after_periods: 1e9,
         ..device.describe().safety(1e-3)
@@ -251,7 +251,7 @@ fn a_loop_finds_its_board_again() {
     assert_eq!(firmware.lock().unwrap().currents_ma(), [0; 3]);
     calibration.request();
     wait_for(|| calibration.is_done() && is_felt());
-    assert!(matches!(thread.stop(), Stop::Joined));
+    assert!(matches!(thread.stop(), StopOutcome::Joined));
     assert_eq!(firmware.lock().unwrap().currents_ma(), [0; 3]);
 }
 

@@ -12,13 +12,13 @@ use std::time::Duration;
 #[test]
 fn every_report_is_numbered_and_what_comes_again_has_the_same_number() {
     let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), kept());
-    let first = bench.tick(DVec3::ZERO).number.unwrap();
-    assert_eq!(bench.tick(DVec3::ZERO).number, Some(first + 1));
+    let first = bench.tick(DVec3::ZERO).sequence.unwrap();
+    assert_eq!(bench.tick(DVec3::ZERO).sequence, Some(first + 1));
     // Nothing is written: the board waits.
     bench.device().read(Duration::ZERO).unwrap();
     for _ in 0..9 {
         bench.pass_ms(1);
-        assert_eq!(bench.device().read(Duration::ZERO).unwrap().number, Some(first + 2));
+        assert_eq!(bench.device().read(Duration::ZERO).unwrap().sequence, Some(first + 2));
     }
 }
 
@@ -133,10 +133,10 @@ fn a_slow_board_gets_one_report_for_each_of_its_own() {
     bench.bus.plug(bench.board(|it| it.info(PATH)), bench.board(|it| it.descriptor()), slow);
     bench.device().open().unwrap();
     bench.ticks(50, DVec3::X);
-    let (exchanged, first) = (bench.board(|it| it.exchanged()), bench.tick(DVec3::X).number.unwrap());
+    let (exchanged, first) = (bench.board(|it| it.exchanged()), bench.tick(DVec3::X).sequence.unwrap());
     let mut greatest_ahead = 0;
     for tick in 0..100_u64 {
-        let number = bench.tick((1.0 + 0.01 * tick as f64) * DVec3::X).number.unwrap();
+        let number = bench.tick((1.0 + 0.01 * tick as f64) * DVec3::X).sequence.unwrap();
         greatest_ahead = greatest_ahead.max(bench.board(|it| it.exchanged()) - exchanged - (number - first));
     }
     let taken = bench.board(|it| it.exchanged()) - exchanged;

@@ -14,10 +14,10 @@ use std::time::Duration;
 fn make_loop(device: &HidDevice) -> (HapticHandle, HapticLoop) {
     let config = LoopConfig {
         device: device.describe().limits(),
-        real_time: RealTime::NOTHING,
+        real_time: RealTimeRequest::NONE,
         ..LoopConfig::default()
     };
-    let safety = SafetySettings { start_below_n: f64::MAX, ramp_s: 0.0, ..device.describe().safety(1e-3) };
+    let safety = SafetySettings { arm_below_n: f64::MAX, ramp_s: 0.0, ..device.describe().safety(1e-3) };
     let settings = LoopSettings { safety, record: true, ..LoopSettings::default() };
     haptic_loop(config, settings).unwrap()
 }
@@ -137,7 +137,7 @@ fn unplugged_in_the_middle_of_a_touch_and_plugged_in_again() {
         (bench.force_n()[0] - 2.0).abs() < 0.01
     });
     assert_eq!(bench.firmware.lock().unwrap().effects(), 2, "those from before were freed");
-    assert!(matches!(thread.stop(), Stop::Joined));
+    assert!(matches!(thread.stop(), StopOutcome::Joined));
     assert!(!bench.firmware.lock().unwrap().is_on());
 }
 

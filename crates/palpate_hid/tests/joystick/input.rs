@@ -75,7 +75,7 @@ fn positions_and_buttons_are_where_the_descriptor_says() {
         assert_eq!(reading.buttons, buttons, "{}", kind.name);
         let expected_m = DVec3::new(0.06, 0.0, 0.06 * part);
         assert!((reading.position_m - expected_m).length() < 1e-15, "{}: {}", kind.name, reading.position_m);
-        assert!(reading.velocity_m_per_s.is_none() && reading.number.is_none());
+        assert!(reading.velocity_m_per_s.is_none() && reading.sequence.is_none());
     }
 }
 

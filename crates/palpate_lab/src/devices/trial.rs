@@ -6,7 +6,7 @@ use crate::output::Output;
 use glam::DVec3;
 use palpate_haptics::{
     DeviceDescription, DeviceError, HapticDevice, HapticHandle, LoopConfig, LoopEventKind, LoopSettings,
-    SafetySettings, Stop, haptic_loop,
+    SafetySettings, StopOutcome, haptic_loop,
 };
 use palpate_hid::{
     BoardHoming, BoardKinematics, BoardOptions, HidBus, HidDevice, HidKind, HidOptions, HidSelector,
@@ -203,7 +203,7 @@ impl Trial {
             seen.take(&mut handle);
         }
         let seconds = began.elapsed().as_secs_f64();
-        if matches!(thread.stop(), Stop::Detached) {
+        if matches!(thread.stop(), StopOutcome::Detached) {
             let text = "the device hangs and may still push: cut its power";
             return Err(LabError::Broken(text.into()));
         }

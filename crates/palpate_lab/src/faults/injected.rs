@@ -55,7 +55,7 @@ fn writes(ticks: u64, error: DeviceError) -> Scene {
 
 /// The reading of that number.
 fn numbered(tick: u64) -> Reading {
-    Reading { number: Some(tick), ..Reading::at(hand(tick)) }
+    Reading { sequence: Some(tick), ..Reading::at(hand(tick)) }
 }
 
 /// The number of the other of two in a row.
@@ -198,8 +198,10 @@ pub(crate) fn all() -> Vec<Injected> {
                     for record in
                         [true, false].into_iter().cycle().take(if is_broken(tick, 1000) { 100 } else { 0 })
                     {
-                        let good = handle.set(LoopSettings { record: record && tick % 7 == 0, ..settings() });
-                        let bad = handle.set(LoopSettings { model_period_s: f64::NAN, ..settings() });
+                        let good = handle
+                            .set_settings(LoopSettings { record: record && tick % 7 == 0, ..settings() });
+                        let bad =
+                            handle.set_settings(LoopSettings { model_period_s: f64::NAN, ..settings() });
                         debug_assert!(good.is_ok() && bad.is_err());
                     }
                 }),
@@ -222,7 +224,7 @@ pub(crate) fn all() -> Vec<Injected> {
                 app: Box::new(|tick, handle| {
                     if tick == BREAKS_AT || tick == BREAKS_AT + 800 {
                         let paused = tick == BREAKS_AT;
-                        let set = handle.set(LoopSettings { paused, ..settings() });
+                        let set = handle.set_settings(LoopSettings { paused, ..settings() });
                         debug_assert!(set.is_ok());
                     }
                 }),

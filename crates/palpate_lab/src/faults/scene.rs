@@ -3,8 +3,8 @@
 use crate::error::LabError;
 use glam::{DMat3, DVec3};
 use palpate_haptics::{
-    DeviceError, DeviceLimits, HapticHandle, LoopConfig, LoopEventKind, LoopSettings, Reading, RealTime,
-    haptic_loop,
+    DeviceError, DeviceLimits, HapticHandle, LoopConfig, LoopEventKind, LoopSettings, Reading,
+    RealTimeRequest, haptic_loop,
 };
 use palpate_local::{Contact, LocalModel, ModelId, Scheme};
 
@@ -45,7 +45,7 @@ pub(crate) fn write_model(model: &mut LocalModel, at: DVec3, sequence: u64) {
 }
 
 pub(crate) fn config() -> LoopConfig {
-    LoopConfig { device: LIMITS, real_time: RealTime::NOTHING, ..LoopConfig::default() }
+    LoopConfig { device: LIMITS, real_time: RealTimeRequest::NONE, ..LoopConfig::default() }
 }
 
 pub(crate) fn settings() -> LoopSettings {
@@ -100,7 +100,7 @@ impl Scene {
         let mut turned = Turned { ticks: self.ticks, ..Turned::default() };
         for tick in 1..=self.ticks {
             (self.app)(tick, &mut handle);
-            let whole = Reading { number: Some(tick), ..Reading::at(hand(tick)) };
+            let whole = Reading { sequence: Some(tick), ..Reading::at(hand(tick)) };
             let reading = (self.read)(tick, whole);
             let ticked = haptic_loop.tick((self.elapsed)(tick), reading);
             let written = (self.write)(tick);

@@ -5,7 +5,7 @@ use super::scene::Scene;
 use glam::DVec3;
 use palpate_body::{Integrator, LinearlyImplicitEuler, SemiImplicitEuler, ToolPoint};
 use palpate_haptics::{VelocityEstimator, VelocityState};
-use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, SubmitResult, Sample, Scheme};
+use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Sample, Scheme, SubmitResult};
 use palpate_reduce::{BuilderOptions, LocalIntegrator, LocalModelBuilder, ReduceError};
 use std::time::Instant;
 

@@ -7,8 +7,8 @@ use super::top::Top;
 use crate::error::{LabError, check};
 use glam::{DQuat, DVec3};
 use palpate_body::{
-    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, VirtualCoupling, Face, MeshError, Network, Region,
-    Surface, Tissue, ToolContact, ToolShape,
+    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Face, MeshError, Network, Region, Surface,
+    Tissue, ToolContact, ToolShape, VirtualCoupling,
 };
 use std::path::Path;
 

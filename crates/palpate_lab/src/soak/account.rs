@@ -60,7 +60,7 @@ impl Account {
         let may = |ticks| self.limits.allow(self.last_n, record.force_n, ticks);
         self.grown_too_fast += u64::from(!may(record.elapsed) && may(MOST_TICKS));
         self.last_n = record.force_n;
-        if let (Some(sample), Some(model)) = (record.sample, record.spoken.model) {
+        if let (Some(sample), Some(model)) = (record.sample, record.rendered.model) {
             let age = sample.sequence.saturating_sub(model.sequence);
             self.oldest_model_ticks = self.oldest_model_ticks.max(age);
         }

@@ -137,7 +137,7 @@ impl Report {
                 max: 1e3 * done.longest.as_secs_f64(),
             },
             models_adopted: told.models_adopted,
-            models_refused: told.models_refused,
+            models_refused: told.models_rejected,
             oldest_model_ms: account.oldest_model_ticks as f64 * tick_ms,
             samples_lost: done.samples_lost,
             real_time: told.real_time.into(),

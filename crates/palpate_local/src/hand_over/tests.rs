@@ -164,7 +164,10 @@ fn models_that_cannot_be_used_are_refused_and_the_old_one_stays() {
     assert_eq!(h.submit(&nan), SubmitResult::Rejected(LocalModelError::NotFinite { what: "force" }));
     let future = LocalModelError::FromTheFuture { model: 12, newest: 9 };
     assert_eq!(h.submit(&model(12)), SubmitResult::Rejected(future));
-    assert_eq!(h.submit(&model(5)), SubmitResult::Rejected(LocalModelError::NotNewer { model: 5, active: 5 }));
+    assert_eq!(
+        h.submit(&model(5)),
+        SubmitResult::Rejected(LocalModelError::NotNewer { model: 5, active: 5 })
+    );
     let mut large = LocalModel::empty(Capacity::of_order(4));
     large.id = ModelId { sequence: 9, ..model(9).id };
     large.reduced.order = 4;
@@ -179,7 +182,10 @@ fn models_that_cannot_be_used_are_refused_and_the_old_one_stays() {
 fn a_model_older_than_the_history_is_refused_or_given_up() {
     let mut h = hand_over(8);
     (0..100).for_each(|s| h.push(sample(s)));
-    assert_eq!(h.submit(&model(20)), SubmitResult::Rejected(LocalModelError::TooOld { model: 20, oldest: 36 }));
+    assert_eq!(
+        h.submit(&model(20)),
+        SubmitResult::Rejected(LocalModelError::TooOld { model: 20, oldest: 36 })
+    );
     assert_eq!(h.submit(&model(40)), SubmitResult::Accepted);
     // The samples jump: what was to be replayed is gone.
     h.push(sample(500));
@@ -292,7 +298,10 @@ fn an_older_build_or_another_step_is_refused() {
     assert_eq!(h.submit(&newer), SubmitResult::Accepted);
     h.render();
     h.push(sample(10));
-    assert_eq!(h.submit(&model(10)), SubmitResult::Rejected(LocalModelError::OldEpoch { model: 0, active: 1 }));
+    assert_eq!(
+        h.submit(&model(10)),
+        SubmitResult::Rejected(LocalModelError::OldEpoch { model: 0, active: 1 })
+    );
     let mut slow = model(10);
     (slow.id.epoch, slow.reduced.step_s) = (1, 1e-2);
     assert_eq!(h.submit(&slow), SubmitResult::Rejected(LocalModelError::Step { found: 1e-2, needed: 1e-3 }));

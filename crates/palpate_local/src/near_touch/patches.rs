@@ -11,7 +11,7 @@ use crate::near_tick::vec3_at;
 use crate::{NearField, NearFieldCapacity, NearPatch};
 use glam::DVec3;
 use palpate_laws::{
-    CarriedPoint, KnownPatch, KnownPatches, MAX_PATCHES, MAX_CARRIED, Neighbour, PATCH_ROWS, Patch,
+    CarriedPoint, KnownPatch, KnownPatches, MAX_CARRIED, MAX_PATCHES, Neighbour, PATCH_ROWS, Patch,
     PatchLayout, PatchStart, PatchSurface, Seed, SurfacePlace, ToolMove, ToolShape,
 };
 use std::cell::Cell;

@@ -10,8 +10,8 @@ use crate::NearField;
 use crate::near_tick::vec3_at;
 use glam::DVec3;
 use palpate_laws::{
-    MAX_CORRECTION_SPEED_M_PER_S, CarriedPoint, ContactGap, Coulomb, SeriesDeflection, PATCH_ROWS, PatchLayout, ConstraintLaw,
-    SeriesCompliance, ToolMove, is_out_of_reach, mobility,
+    CarriedPoint, ConstraintLaw, ContactGap, Coulomb, MAX_CORRECTION_SPEED_M_PER_S, PATCH_ROWS, PatchLayout,
+    SeriesCompliance, SeriesDeflection, ToolMove, is_out_of_reach, mobility,
 };
 
 /// A row on nodes of S, but for its weights.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::tool::{Grasping, ToolForce, ToolLoop};
+use crate::tool::{GraspedPoint, ToolForce, ToolLoop};
 use glam::{DQuat, DVec3};
 use palpate_local::Sample;
 
@@ -73,7 +73,7 @@ fn grasping_app(device: DeviceSelector) -> (App, Entity) {
     use crate::prelude::*;
     let mut app = App::new();
     app.add_plugins(MinimalPlugins)
-        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() }))
+        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: LoopMode::Lockstep, ..default() }))
         .insert_resource(Time::<Fixed>::from_hz(20.0))
         .insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(std::time::Duration::from_millis(
             50,
@@ -92,7 +92,7 @@ fn grasping_app(device: DeviceSelector) -> (App, Entity) {
     app.world_mut().spawn((
         DeformableBody::block([4; 3], 0.1),
         Tissue { youngs_modulus_pa: 20e3, ..default() },
-        FixedRegion::Face(Face::Bottom),
+        FixedRegion::Face(BoxFace::Bottom),
     ));
     let tool = HapticTool { device, ..default() };
     let tool = app.world_mut().spawn((tool, ToolGrasp::default())).id();
@@ -111,7 +111,7 @@ fn held(
         .map(|_| {
             app.update();
             look(&mut app.world_mut().get_mut::<ToolLoop>(tool).unwrap());
-            let grasping = app.world().get::<Grasping>(tool).unwrap();
+            let grasping = app.world().get::<GraspedPoint>(tool).unwrap();
             let force = app.world().get::<ToolForce>(tool).unwrap();
             (grasping.body.is_some(), grasping.point_m, force.force_n)
         })

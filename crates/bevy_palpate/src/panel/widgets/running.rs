@@ -27,7 +27,9 @@ impl HapticWidgets<'_, '_> {
         let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
         let LoopTiming { lateness_p50_us, lateness_p99_us, lateness_p999_us, lateness_max_us, .. } =
             *shown.timing;
-        let LoopTiming { ticks, missed_deadlines, cost_p50_us, cost_p99_us, unsolved, .. } = *shown.timing;
+        let LoopTiming {
+            ticks, missed_deadlines, cost_p50_us, cost_p99_us, unconverged_ticks: unsolved, ..
+        } = *shown.timing;
         let body = shown.running.as_ref().and_then(|running| running.body());
         let step = body.and_then(|body| self.bodies.get(body).ok()).map(|(body, ..)| body.last_step());
         grid(ui, "palpate_timing", |ui| {

@@ -5,7 +5,7 @@ use crate::body::Body;
 use crate::body::approach::PatchRow;
 use crate::tool::Hold;
 use glam::DVec3;
-use palpate_laws::{MAX_CORRECTION_SPEED_M_PER_S, ContactGap, SeriesDeflection, ConstraintLaw};
+use palpate_laws::{ConstraintLaw, ContactGap, MAX_CORRECTION_SPEED_M_PER_S, SeriesDeflection};
 
 impl Body {
     /// The rows of the patches that the tool may touch in this step.

@@ -2,7 +2,7 @@
 
 use super::bytes::{Reader, Writer};
 use super::{
-    Body, EndReason, HEADER_SIZE, LARGEST_SIZE, MAGIC, Name, Packet, PacketError, Sampled, VERSION, Welcome,
+    Body, EndReason, HEADER_SIZE, MAGIC, MAX_SIZE, Name, Packet, PacketError, Sampled, VERSION, Welcome,
 };
 use glam::DQuat;
 
@@ -84,11 +84,11 @@ impl Packet {
     ///
     /// # Errors
     /// [`PacketError`] of what [`Packet::parse`] would not take.
-    pub fn encode<'a>(&self, buffer: &'a mut [u8; LARGEST_SIZE]) -> Result<&'a [u8], PacketError> {
+    pub fn encode<'a>(&self, buffer: &'a mut [u8; MAX_SIZE]) -> Result<&'a [u8], PacketError> {
         self.check()?;
         let kind = self.body.kind();
         let size = size_of(kind)?;
-        let too_long = PacketError::Length { found: LARGEST_SIZE, expected: size };
+        let too_long = PacketError::Length { found: MAX_SIZE, expected: size };
         let mut write = Writer::new(buffer);
         write.array(MAGIC).ok_or(too_long)?;
         write.u16(VERSION).ok_or(too_long)?;

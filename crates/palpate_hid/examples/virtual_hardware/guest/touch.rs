@@ -3,8 +3,8 @@
 use super::check::wait_until;
 use glam::{DMat3, DVec3};
 use palpate_haptics::{
-    DeviceError, HapticDevice, HapticHandle, LoopConfig, LoopEventKind, LoopSettings, LoopThread, RealTime,
-    SafetySettings, Stop, haptic_loop,
+    DeviceError, HapticDevice, HapticHandle, LoopConfig, LoopEventKind, LoopSettings, LoopThread,
+    RealTimeRequest, SafetySettings, StopOutcome, haptic_loop,
 };
 use palpate_hid::HidDevice;
 use palpate_local::{Capacity, Contact, HandOverSettings, Scheme};
@@ -26,15 +26,12 @@ pub fn settings(device: &dyn HapticDevice) -> (LoopConfig, LoopSettings) {
     let hand_over = HandOverSettings { capacity: Capacity::of_order(0), ..HandOverSettings::default() };
     let config = LoopConfig {
         device: description.limits(),
-        real_time: RealTime::NOTHING,
+        real_time: RealTimeRequest::NONE,
         hand_over,
         ..LoopConfig::default()
     };
-    let safety = SafetySettings {
-        start_below_n: f64::MAX,
-        ramp_s: 0.02,
-        ..description.safety(config.hand_over.tick_s)
-    };
+    let safety =
+        SafetySettings { arm_below_n: f64::MAX, ramp_s: 0.02, ..description.safety(config.hand_over.tick_s) };
     (config, LoopSettings { safety, ..LoopSettings::default() })
 }
 
@@ -119,7 +116,7 @@ impl Touch {
     /// Ends it: zero force, the device closed.
     pub fn end(mut self) -> Result<(), Box<dyn Error>> {
         match self.thread.stop() {
-            Stop::Joined => Ok(()),
+            StopOutcome::Joined => Ok(()),
             stop => Err(format!("the loop did not stop as it should: {stop:?}").into()),
         }
     }
