@@ -58,7 +58,7 @@ fn main() -> Result {
 fn run(scheme: Scheme, seconds: f64) -> Outcome {
     let mut app = App::new();
     app.add_plugins(MinimalPlugins)
-        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: LoopMode::Lockstep, ..default() }))
+        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { mode: LoopMode::Lockstep, ..default() }))
         .insert_resource(Time::<Fixed>::from_hz(20.0))
         .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
     app.world_mut().resource_mut::<HapticDevices>().register("hand", || Ok(pressing_hand()));

@@ -73,7 +73,7 @@ fn a_frame_costs_its_model_step_and_what_is_done_around_it() {
 fn the_diagnostics_can_be_left_out() {
     let mut app = App::new();
     app.add_plugins(MinimalPlugins).add_plugins(
-        PalpatePlugins.set(HapticSchedulePlugin { clock: LoopMode::Lockstep, ..default() }).disable::<Of>(),
+        PalpatePlugins.set(HapticSchedulePlugin { mode: LoopMode::Lockstep, ..default() }).disable::<Of>(),
     );
     (0..5).for_each(|_| app.update());
     let store = app.world().get_resource::<DiagnosticsStore>();

@@ -458,7 +458,7 @@ fn systems_that_were_added_before_the_plugin_run() {
     let mut app = App::new();
     let count = |mut runs: ResMut<Runs>| runs.0 += 1;
     app.init_resource::<Runs>().add_systems(ModelSchedule, count.in_set(HapticSystems::Last));
-    let lockstep = HapticSchedulePlugin { clock: LoopMode::Lockstep, ..default() };
+    let lockstep = HapticSchedulePlugin { mode: LoopMode::Lockstep, ..default() };
     let step_s = std::time::Duration::from_millis(50);
     app.add_plugins((MinimalPlugins, PalpatePlugins.set(lockstep)))
         .insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(step_s));

@@ -12,13 +12,13 @@ use bevy_palpate::prelude::*;
 /// None: what is no kind is a serial number.
 pub(crate) fn choice(text: &str) -> Result<HidSelector, String> {
     let kind = match text {
-        "first" => return Ok(HidSelector::first()),
+        "first" => return Ok(HidSelector::match_first()),
         "cap" => HidDeviceKind::SpaceMouse,
         "joystick" => HidDeviceKind::Joystick,
         "board" => HidDeviceKind::Board,
         serial => return Ok(HidSelector { serial: Some(serial.into()), ..default() }),
     };
-    Ok(HidSelector { kind: Some(kind), ..HidSelector::first() })
+    Ok(HidSelector { kind: Some(kind), ..HidSelector::match_first() })
 }
 
 /// Where the device of `--hid` gets its tool, unless the mouse has it.
@@ -53,7 +53,7 @@ mod tests {
 
     #[test]
     fn a_device_is_named_by_kind_or_serial_number() {
-        assert_eq!(choice("first"), Ok(HidSelector::first()));
+        assert_eq!(choice("first"), Ok(HidSelector::match_first()));
         let board = choice("board").unwrap();
         assert!(board.kind == Some(HidDeviceKind::Board) && board.first && board.serial.is_none());
         assert_eq!(choice("A1B2").unwrap(), HidSelector { serial: Some("A1B2".into()), ..default() });

@@ -117,15 +117,15 @@ impl Stage {
         let shown = show(&mut app, &self, options);
         let clock = match shown {
             #[cfg(feature = "window")]
-            Shown::InWindow => LoopMode::Thread,
+            Shown::InWindow => LoopMode::Threaded,
             #[cfg(feature = "window")]
             Shown::InPictures => LoopMode::Lockstep,
             // A device that is plugged in has the time of its hand.
-            Shown::Headless if options.hid.is_some() => LoopMode::Thread,
+            Shown::Headless if options.hid.is_some() => LoopMode::Threaded,
             Shown::Headless => self.clock,
         };
         if shown == Shown::Headless {
-            let frame = Duration::from_millis(if clock == LoopMode::Thread { 5 } else { 0 });
+            let frame = Duration::from_millis(if clock == LoopMode::Threaded { 5 } else { 0 });
             let runner = ScheduleRunnerPlugin::run_loop(frame);
             app.add_plugins((MinimalPlugins.set(runner), LogPlugin::default(), ProgressPlugin));
             assets::add_without_window(&mut app);
@@ -135,7 +135,7 @@ impl Stage {
             time::step_by_step(&mut app);
         }
         app.insert_resource(shown)
-            .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock, ..default() }))
+            .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { mode: clock, ..default() }))
             .add_message::<ResetScene>()
             .init_schedule(SetUpScene)
             .init_schedule(SetUpHands)

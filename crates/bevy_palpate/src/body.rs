@@ -1,173 +1,34 @@
-//! Bodies: what the user asks for, and what is simulated.
+//! Deformable bodies: the components that describe them, their builds, and what is simulated.
 
 mod build;
-mod carry;
 mod compliance;
-mod drawn;
-mod make;
-mod meshes;
-mod put;
+mod construct;
+mod follow_transform;
+mod install;
+mod mesh_assets;
+mod mesh_source;
+mod pending;
+mod region;
+mod render_mesh;
+mod render_systems;
 mod shape;
-mod source;
+mod simulated;
+mod state;
 mod tissue;
 
-pub(crate) use build::BodyBuild;
 pub use compliance::ContactCompliance;
-pub use shape::{BodyRegion, BoxFace, DeformableBody, FixedRegion, MeshShape, Slit};
-pub use source::MeshFault;
+pub(crate) use pending::BodyBuild;
+pub use region::{BodyRegion, BoxFace};
+pub use shape::{DeformableBody, FixedRegion, MeshShape, Slit};
+pub use simulated::{MeshReport, SimulatedBody};
+pub use state::{BodyReady, BodyState};
 pub use tissue::{Inclusion, Inclusions, Tissue};
 
-use crate::diagnostics::FrameCost;
+use crate::cost::FrameCost;
 use crate::fault::HapticFault;
-use crate::step_watch::StepWatch;
+use crate::schedule::HapticUpdateSystems;
 use bevy::asset::AssetEventSystems;
 use bevy::prelude::*;
-use drawn::Drawn;
-use glam::DVec3;
-use palpate_body::{Body, BodyError, ClosedMesh, MeshCells, MeshRepairs, Skin, StepReport};
-use palpate_reduce::LocalModelBuilder;
-use std::sync::Arc;
-
-/// The simulated body, in the world's frame: made from [`DeformableBody`] and its partners, stepped at the
-/// model rate. Read it to look inside.
-#[derive(Component, Debug)]
-pub struct SimulatedBody {
-    pub(crate) body: Body,
-    pub(crate) builder: LocalModelBuilder,
-    pub(crate) epoch: u64,
-    pub(crate) last_step: StepReport,
-    /// What has been wrong with its steps for some time.
-    pub(crate) watch: StepWatch,
-    /// The first build with these nodes, and these fixed.
-    pub(crate) shape: u64,
-    /// The last carrying along.
-    carried: u64,
-    /// Why the last step failed, so that it is said once.
-    pub(crate) failed: Option<std::mem::Discriminant<BodyError>>,
-    /// Where the entity was when the body was built or last carried along.
-    place: GlobalTransform,
-    /// The entity is at a place that was refused, and that has been said.
-    is_refused_place: bool,
-    /// What it was built of.
-    shape_asked: DeformableBody,
-    fixed_asked: FixedRegion,
-    slit_asked: Option<Slit>,
-    tissue_asked: Tissue,
-    /// Of a mesh: how it is drawn, itself, what became of it, and how it compares with the mesh that there is now.
-    skin: Option<Skin>,
-    closed: Option<Arc<ClosedMesh>>,
-    report: Option<MeshReport>,
-    source: SourceMesh,
-    pub(crate) drawn: Drawn,
-    /// The sutures in it, in the order of the body's ties.
-    pub(crate) sutures: Vec<Entity>,
-}
-
-impl SimulatedBody {
-    /// The full body: network, surface, positions, velocities, forces.
-    #[must_use]
-    pub fn body(&self) -> &Body {
-        &self.body
-    }
-
-    /// Which build it is: every build of a body in an app, and every carrying along, has a higher number than those before.
-    #[must_use]
-    pub fn epoch(&self) -> u64 {
-        self.epoch
-    }
-
-    /// What a contact belongs to: nodes of another shape have other numbers, and those of a body that was carried along are
-    /// elsewhere without having moved there.
-    pub(crate) fn touched_as(&self) -> (u64, u64) {
-        (self.shape, self.carried)
-    }
-
-    /// The closed mesh that it fills; `None` for a block.
-    #[must_use]
-    pub fn closed_mesh(&self) -> Option<&ClosedMesh> {
-        self.closed.as_deref()
-    }
-
-    /// What it is made of now; while it is being made of another tissue, the one before.
-    #[must_use]
-    pub fn tissue(&self) -> Tissue {
-        self.tissue_asked
-    }
-
-    /// Edge of a cell at rest, m; of a block's cells the shortest edge.
-    #[must_use]
-    pub fn cell_m(&self) -> f64 {
-        match (&self.shape_asked, self.report) {
-            (DeformableBody::Block { nodes, size_m }, _) => {
-                let cells = nodes.map(|nodes| nodes.saturating_sub(1).max(1) as f64);
-                (*size_m / DVec3::from_array(cells)).min_element()
-            }
-            (DeformableBody::Mesh(_), Some(report)) => report.cells.cell_m,
-            (DeformableBody::Mesh(_), None) => f64::NAN,
-        }
-    }
-
-    /// Longest side of the box round all nodes at rest, m, along the world's axes as the body stood when it was built.
-    #[must_use]
-    pub fn longest_side_m(&self) -> f64 {
-        let rest = self.body.network().rest_m().iter().copied();
-        let bounds = rest.map(|x| (x, x)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
-        bounds.map_or(0.0, |(low, high)| (high - low).max_element())
-    }
-
-    /// Value of [`MeshShape::cells_along`] of which the body was made; `None` for a block.
-    pub(crate) fn cells_along(&self) -> Option<usize> {
-        self.shape_asked.mesh().map(|shape| shape.cells_along_longest_axis)
-    }
-
-    /// What became of that mesh: repairs, cells, and how far from it the body is touched; `None` for a block.
-    #[must_use]
-    pub fn mesh_report(&self) -> Option<MeshReport> {
-        self.report
-    }
-
-    /// Where the nodes are drawn now, m, in the world's frame: on their way between the last two model steps.
-    #[must_use]
-    pub fn drawn_m(&self) -> &[DVec3] {
-        self.drawn.nodes_m(&self.body)
-    }
-
-    /// How every node moves with column `column` of the newest local model's basis; `None` where there is no such column. See
-    /// [`LocalModelBuilder::basis_column`].
-    #[must_use]
-    pub fn basis_column(&self, column: usize) -> Option<Vec<DVec3>> {
-        self.builder.basis_column(&self.body, column)
-    }
-
-    /// What the last model step did.
-    #[must_use]
-    pub fn last_step(&self) -> StepReport {
-        self.last_step
-    }
-}
-
-/// What became of the mesh that a body was made of.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MeshReport {
-    /// What was put right in the mesh.
-    pub repairs: MeshRepairs,
-    /// The cells that fill it: how many, how wide, and how much heavier than the mesh they are.
-    pub cells: MeshCells,
-    /// The greatest distance of a vertex of the mesh from the surface that tools touch, m.
-    pub deviation_m: f64,
-}
-
-/// How the mesh that a body was made of compares with what its handle names now.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum SourceMesh {
-    /// It is that.
-    #[default]
-    Same,
-    /// It has changed since, and is to be made a body of.
-    Changed,
-    /// It has changed since, and no body can be made of it; the body is of the one before.
-    Refused,
-}
 
 /// Builds the bodies, carries them along and draws them. Their steps are the tools' affair
 /// ([`ToolPlugin`](crate::ToolPlugin)), because a body is moved along its tool's path.
@@ -182,17 +43,19 @@ impl Plugin for BodyPlugin {
             .register_type::<ContactCompliance>()
             .register_type::<FixedRegion>()
             .register_type::<Inclusions>()
-            .init_resource::<build::BodyBuilds>()
+            .init_resource::<pending::BodyBuilds>()
             .register_type::<Slit>()
+            .register_type::<BodyState>()
+            .register_type::<BodyReady>()
             .add_message::<HapticFault>()
             .add_systems(
                 PreUpdate,
                 (
-                    cost.timed(build::take_built),
+                    cost.timed(build::poll_builds),
                     cost.timed(build::build_bodies),
                     cost.timed(compliance::set_compliance),
-                    cost.timed(carry::carry_bodies),
-                    cost.timed(drawn::give_meshes),
+                    cost.timed(follow_transform::follow_transforms),
+                    cost.timed(render_systems::assign_meshes),
                 )
                     .chain()
                     .in_set(HapticUpdateSystems::Bodies),
@@ -200,7 +63,9 @@ impl Plugin for BodyPlugin {
             .add_observer(remove_simulation)
             .add_systems(
                 PostUpdate,
-                cost.timed(drawn::draw_bodies).before(AssetEventSystems).before(TransformSystems::Propagate),
+                cost.timed(render_systems::update_meshes)
+                    .before(AssetEventSystems)
+                    .before(TransformSystems::Propagate),
             );
     }
 }
@@ -212,7 +77,7 @@ fn remove_simulation(
     mut commands: Commands,
 ) {
     let mut entity = commands.entity(removed.entity);
-    entity.try_remove::<BodyBuild>();
+    entity.try_remove::<(BodyBuild, BodyState)>();
     let Ok((simulated, mesh)) = bodies.get(removed.entity) else { return };
     if mesh.is_some_and(|mesh| simulated.drawn.is_shown_by(mesh)) {
         match simulated.drawn.replaced() {
@@ -221,13 +86,4 @@ fn remove_simulation(
         };
     }
     entity.try_remove::<SimulatedBody>();
-}
-
-/// What is made of new or changed components, in [`PreUpdate`].
-#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum HapticUpdateSystems {
-    /// Builds bodies.
-    Bodies,
-    /// Starts and sets loops.
-    Tools,
 }

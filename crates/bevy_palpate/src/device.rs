@@ -1,10 +1,10 @@
 //! Which device a tool has, and where devices come from.
 
-mod choice;
 #[cfg(feature = "hid")]
 mod hid;
+mod hid_selector;
 
-pub use choice::{HidDeviceKind, HidSelector};
+pub use hid_selector::{HidDeviceKind, HidSelector};
 
 use crate::fault::DeviceFault;
 use bevy::platform::collections::HashMap;
@@ -139,13 +139,13 @@ impl HapticDevices {
     /// What the device that was made last by `choice` has seen: reports skipped, the rate at which it takes forces.
     #[must_use]
     pub fn hid_counters(&self, choice: &HidSelector) -> Option<palpate_hid::HidCounters> {
-        self.hid.made(choice).map(|made| made.counters)
+        self.hid.opened(choice).map(|made| made.counters)
     }
 
     /// A way to calibrate the 3-DOF board that was made last by `choice`, while its loop has it; `None` for other kinds.
     #[must_use]
     pub fn hid_calibration(&self, choice: &HidSelector) -> Option<palpate_hid::BoardCalibration> {
-        self.hid.made(choice).and_then(|made| made.calibration)
+        self.hid.opened(choice).and_then(|made| made.calibration)
     }
 }
 

@@ -1,16 +1,13 @@
 //! What palpate costs and how well it does, in Bevy's [`DiagnosticsStore`].
 
-mod cost;
-
-pub(crate) use cost::{FrameCost, now, timed};
-
+use crate::cost::FrameCost;
 use crate::schedule::{HapticSystems, ModelSchedule};
+use crate::step_times::StepTimes;
 use crate::tool::{ForceError, LocalModelStats, LoopTiming, ToolForce};
 use bevy::diagnostic::{
     Diagnostic, DiagnosticMeasurement, DiagnosticPath, Diagnostics, DiagnosticsStore, RegisterDiagnostic,
 };
 use bevy::prelude::*;
-use std::time::Duration;
 
 /// Registers the diagnostics of the table and measures them.
 ///
@@ -73,7 +70,7 @@ impl Plugin for HapticDiagnosticsPlugin {
                 ModelSchedule,
                 measure_step.after(HapticSystems::Writeback).before(HapticSystems::Last),
             )
-            .add_systems(Last, measure_frame);
+            .add_systems(Last, (measure_frame, measure_model_steps));
     }
 }
 
@@ -106,16 +103,18 @@ fn measure_step(
     }
 }
 
-/// Notes what a model step has cost, where that is wanted.
-pub(crate) fn note_model_step(world: &mut World, cost: Duration) {
-    let Some(mut store) = world.get_resource_mut::<DiagnosticsStore>() else { return };
-    let wanted = store.get_mut(&HapticDiagnosticsPlugin::MODEL_STEP_COST).filter(|step| step.is_enabled);
-    if let Some(step) = wanted {
-        step.add_measurement(DiagnosticMeasurement { time: now(), value: 1e3 * cost.as_secs_f64() });
-    }
-}
-
 /// Measures what the frame has cost.
 fn measure_frame(cost: Res<FrameCost>, mut diagnostics: Diagnostics) {
     diagnostics.add_measurement(&HapticDiagnosticsPlugin::FRAME_COST, || cost.take_ms());
+}
+
+/// Records what every model step since the last frame has cost.
+fn measure_model_steps(times: Option<ResMut<StepTimes>>, store: Option<ResMut<DiagnosticsStore>>) {
+    let (Some(mut times), Some(mut store)) = (times, store) else { return };
+    let steps = times.take_steps();
+    let enabled = store.get_mut(&HapticDiagnosticsPlugin::MODEL_STEP_COST).filter(|step| step.is_enabled);
+    let Some(diagnostic) = enabled else { return };
+    for (time, cost) in steps {
+        diagnostic.add_measurement(DiagnosticMeasurement { time, value: 1e3 * cost.as_secs_f64() });
+    }
 }

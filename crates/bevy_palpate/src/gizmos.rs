@@ -3,7 +3,7 @@
 mod colors;
 
 use crate::body::SimulatedBody;
-use crate::diagnostics::FrameCost;
+use crate::cost::FrameCost;
 use crate::schedule::ModelStepCount;
 use crate::tool::{HapticTool, ToolForce, ToolLoop};
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
@@ -268,7 +268,7 @@ mod tests {
         let mut app = App::new();
         app.add_plugins((MinimalPlugins, AssetPlugin::default()))
             .init_asset::<GizmoAsset>()
-            .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: LoopMode::Lockstep, ..default() }))
+            .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { mode: LoopMode::Lockstep, ..default() }))
             .add_plugins(HapticGizmosPlugin)
             .insert_resource(Time::<Fixed>::from_hz(20.0))
             .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));

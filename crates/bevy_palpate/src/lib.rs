@@ -113,6 +113,7 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 mod body;
+mod cost;
 mod device;
 mod diagnostics;
 mod fault;
@@ -125,19 +126,21 @@ mod panel;
 mod plugins;
 mod reflect;
 mod schedule;
-mod step_time;
+mod slow_steps;
+mod step_times;
 mod step_watch;
 mod suture;
 mod tool;
 
 pub use body::{
-    BodyPlugin, BodyRegion, BoxFace, ContactCompliance, DeformableBody, FixedRegion, HapticUpdateSystems,
-    Inclusion, Inclusions, MeshFault, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,
+    BodyPlugin, BodyReady, BodyRegion, BodyState, BoxFace, ContactCompliance, DeformableBody, FixedRegion,
+    Inclusion, Inclusions, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,
 };
 pub use device::{DeviceSelector, HapticDevices, HidDeviceKind, HidSelector};
 pub use diagnostics::HapticDiagnosticsPlugin;
 pub use fault::{
-    DeviceFault, HapticFault, HapticFaultKind, NoForceCause, SlowStep, StepPart, SutureFault, ToolSizeFault,
+    DeviceFault, HapticFault, HapticFaultKind, MeshFault, NoForceCause, SlowStep, StepPart, SutureFault,
+    ToolSizeFault,
 };
 #[cfg(feature = "gizmos")]
 pub use gizmos::{HapticGizmos, HapticGizmosPlugin};
@@ -146,7 +149,10 @@ pub use mouse::{MouseDevice, MouseDevicePlugin, MouseDeviceSystems};
 #[cfg(feature = "panel")]
 pub use panel::{HapticPanel, HapticPanelPlugin, HapticWidgets};
 pub use plugins::{FaultLogPlugin, PalpatePlugins};
-pub use schedule::{HapticSchedulePlugin, HapticSystems, LoopMode, ModelRate, ModelSchedule, ModelStepCount};
+pub use schedule::{
+    HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, LoopMode, ModelRate, ModelSchedule,
+    ModelStepCount,
+};
 pub use suture::{Suture, SutureForce, SuturePlugin, SutureTorn};
 pub use tool::{
     BlackBoxDump, ContactEnd, ContactStart, ContactState, ForceError, GraspedPoint, HapticTool,

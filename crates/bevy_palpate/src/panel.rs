@@ -1,22 +1,21 @@
 //! A panel for every tool: what it feels, how well, how late, and what can be set of it.
 
 mod devices;
-mod faults;
+mod fault_log;
 mod history;
 mod plots;
 mod recording;
-mod safety;
+mod safety_lamps;
+mod scheme_comparison;
 mod settings;
-mod shadow;
 mod theme;
-mod watch;
+mod tool_history;
 mod widgets;
 
 pub use widgets::HapticWidgets;
 
-use crate::body::HapticUpdateSystems;
-use crate::diagnostics::FrameCost;
-use crate::schedule::{HapticSystems, ModelSchedule};
+use crate::cost::FrameCost;
+use crate::schedule::{HapticSystems, HapticUpdateSystems, ModelSchedule};
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
 use bevy::prelude::*;
 use bevy_egui::input::EguiWantsInput;
@@ -81,7 +80,7 @@ pub struct HapticPanel {
     #[reflect(ignore)]
     pub(crate) view: settings::View,
     #[reflect(ignore)]
-    present: devices::Present,
+    present: devices::DeviceList,
 }
 
 impl HapticPanel {
@@ -97,7 +96,7 @@ impl HapticPanel {
             curves,
             folder,
             view: settings::View::default(),
-            present: devices::Present::default(),
+            present: devices::DeviceList::default(),
         }
     }
 
@@ -116,7 +115,7 @@ impl HapticPanel {
     /// Whether the curve of `scheme` is drawn.
     #[must_use]
     pub fn draws(&self, scheme: Scheme) -> bool {
-        self.curves[watch::index_of(scheme)]
+        self.curves[tool_history::index_of(scheme)]
     }
 }
 
@@ -133,17 +132,19 @@ impl Plugin for HapticPanelPlugin {
         app.insert_resource(HapticPanel::new(self))
             .register_type::<HapticPanel>()
             .insert_resource(PanelCost(cost.clone()))
-            .init_resource::<watch::Watched>()
-            .init_resource::<faults::Heard>()
+            .init_resource::<tool_history::ToolHistory>()
+            .init_resource::<fault_log::FaultLog>()
             .register_diagnostic(Diagnostic::new(Self::COST).with_suffix(" ms"))
-            .add_systems(First, cost.timed(watch::begin_frame))
+            .add_systems(First, cost.timed(tool_history::begin_frame))
             .add_systems(
                 PreUpdate,
-                (toggle, cost.timed(faults::hear)).chain().after(HapticUpdateSystems::Tools),
+                (toggle, cost.timed(fault_log::collect_faults)).chain().after(HapticUpdateSystems::Tools),
             )
             .add_systems(
                 ModelSchedule,
-                cost.timed(watch::watch).after(HapticSystems::Writeback).before(HapticSystems::Last),
+                cost.timed(tool_history::update_history)
+                    .after(HapticSystems::Writeback)
+                    .before(HapticSystems::Last),
             )
             .add_systems(Last, tell_cost);
         if self.side {

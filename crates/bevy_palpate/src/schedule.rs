@@ -1,9 +1,8 @@
 //! The model's own schedule, its rate and its clock.
 
-use crate::body::HapticUpdateSystems;
-use crate::diagnostics::{FrameCost, note_model_step, timed};
+use crate::cost::{FrameCost, timed};
 use crate::fault::{HapticFault, HapticFaultKind};
-use crate::step_time::{StepTimes, report_slow_step};
+use crate::step_times::StepTimes;
 use bevy::app::{RunFixedMainLoop, RunFixedMainLoopSystems};
 use bevy::ecs::schedule::{LogLevel, ScheduleBuildSettings, ScheduleLabel};
 use bevy::ecs::system::SystemParam;
@@ -35,13 +34,22 @@ pub enum HapticSystems {
     Last,
 }
 
+/// The sets of the systems that handle new or changed components, in [`PreUpdate`], in this order.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum HapticUpdateSystems {
+    /// Builds bodies.
+    Bodies,
+    /// Starts and sets loops.
+    Tools,
+}
+
 /// What makes the loops tick. A loop has the clock that is set when it starts: choose it with the plugin and leave it.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Debug, Default, PartialEq, Clone)]
 pub enum LoopMode {
     /// Each loop on a thread of its own, at 1 kHz of real time: for use.
     #[default]
-    Thread,
+    Threaded,
     /// No threads: each model step turns every loop by as many ticks as it is long. The same scene gives the
     /// same bits: for tests, and for other speeds than that of real time.
     Lockstep,
@@ -120,13 +128,13 @@ pub struct ModelStepCount(pub u64);
 
 /// Time that has passed in the fixed main loop since the last model step.
 #[derive(Resource, Clone, Copy, Debug, Default)]
-pub(crate) struct Accumulated {
+pub(crate) struct ModelClock {
     time: Duration,
     /// A model step has been run in this frame.
     has_stepped: bool,
 }
 
-impl Accumulated {
+impl ModelClock {
     /// Adds `delta` on a thread; whether a model step is due. It is the only one of its frame: what would follow at once has no samples
     /// to work on, and makes a slow frame slower. Whole periods beyond the first are dropped.
     fn is_due(&mut self, delta: Duration, period: Duration) -> bool {
@@ -147,7 +155,7 @@ pub struct HapticSchedulePlugin {
     /// How often the bodies are stepped.
     pub rate: ModelRate,
     /// What makes the loops tick. A loop has the clock that is set when it starts: choose it with the plugin and leave it.
-    pub clock: LoopMode,
+    pub mode: LoopMode,
 }
 
 /// The time that really passes between two model steps.
@@ -163,7 +171,7 @@ impl ModelPeriod<'_> {
     pub(crate) fn s(&self) -> f64 {
         let fixed_s = self.fixed.as_ref().map_or(0.0, |fixed| fixed.timestep().as_secs_f64());
         match *self.clock {
-            LoopMode::Thread => self.rate.period_s().max(fixed_s),
+            LoopMode::Threaded => self.rate.period_s().max(fixed_s),
             LoopMode::Lockstep => self.rate.period_s(),
         }
     }
@@ -185,12 +193,12 @@ impl ModelSpan<'_> {
 
     /// Most ticks of a step: on threads two periods, so that a late step catches up one, and a single period after a step that took
     /// longer than that, so that a slow step does not slow the next; in lock step as many as are due.
-    pub(crate) fn most_ticks(&self) -> usize {
+    pub(crate) fn max_ticks(&self) -> usize {
         let was_slow = self.times.as_ref().is_some_and(|times| times.last > self.rate.period());
         match (*self.clock, was_slow) {
             (LoopMode::Lockstep, _) => usize::MAX,
-            (LoopMode::Thread, false) => 2 * self.ticks(),
-            (LoopMode::Thread, true) => self.ticks(),
+            (LoopMode::Threaded, false) => 2 * self.ticks(),
+            (LoopMode::Threaded, true) => self.ticks(),
         }
     }
 }
@@ -199,7 +207,7 @@ impl ModelSpan<'_> {
 #[derive(SystemParam)]
 pub(crate) struct ModelOverstep<'w> {
     rate: Option<Res<'w, ModelRate>>,
-    accumulated: Option<Res<'w, Accumulated>>,
+    accumulated: Option<Res<'w, ModelClock>>,
     fixed: Option<Res<'w, Time<Fixed>>>,
 }
 
@@ -235,8 +243,8 @@ impl Plugin for HapticSchedulePlugin {
         });
         let cost = FrameCost::of(app);
         app.insert_resource(self.rate)
-            .insert_resource(self.clock)
-            .init_resource::<Accumulated>()
+            .insert_resource(self.mode)
+            .init_resource::<ModelClock>()
             .init_resource::<ModelStepCount>()
             .init_resource::<StepTimes>()
             .register_type::<ModelRate>()
@@ -244,12 +252,17 @@ impl Plugin for HapticSchedulePlugin {
             .register_type::<ModelStepCount>()
             .add_message::<HapticFault>()
             .add_systems(RunFixedMainLoop, begin_frame.in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop))
-            .add_systems(FixedUpdate, (cost.timed(run_model_steps), report_slow_step).chain())
-            .add_systems(PreUpdate, watch_speed.before(HapticUpdateSystems::Bodies));
+            .add_systems(FixedUpdate, cost.timed(run_model_steps).in_set(RunModelSteps))
+            .configure_sets(PreUpdate, (HapticUpdateSystems::Bodies, HapticUpdateSystems::Tools).chain())
+            .add_systems(PreUpdate, report_time_scale.before(HapticUpdateSystems::Bodies));
     }
 }
 
-fn begin_frame(mut accumulated: ResMut<Accumulated>) {
+/// The set of the system that runs [`ModelSchedule`].
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct RunModelSteps;
+
+fn begin_frame(mut accumulated: ResMut<ModelClock>) {
     accumulated.has_stepped = false;
 }
 
@@ -258,15 +271,15 @@ fn begin_frame(mut accumulated: ResMut<Accumulated>) {
 fn run_model_steps(world: &mut World) {
     let (rate, clock) = (*world.resource::<ModelRate>(), *world.resource::<LoopMode>());
     let delta = world.resource::<Time<Fixed>>().delta();
-    if clock == LoopMode::Thread {
-        if world.resource_mut::<Accumulated>().is_due(delta, rate.period()) {
+    if clock == LoopMode::Threaded {
+        if world.resource_mut::<ModelClock>().is_due(delta, rate.period()) {
             run_model_step(world);
         }
         return;
     }
-    world.resource_mut::<Accumulated>().time += delta;
-    while world.resource::<Accumulated>().time >= rate.period() {
-        world.resource_mut::<Accumulated>().time -= rate.period();
+    world.resource_mut::<ModelClock>().time += delta;
+    while world.resource::<ModelClock>().time >= rate.period() {
+        world.resource_mut::<ModelClock>().time -= rate.period();
         run_model_step(world);
     }
 }
@@ -274,20 +287,19 @@ fn run_model_steps(world: &mut World) {
 fn run_model_step(world: &mut World) {
     world.resource_mut::<ModelStepCount>().0 += 1;
     let ((), cost) = timed(|| world.run_schedule(ModelSchedule));
-    note_model_step(world, cost);
-    world.resource_mut::<StepTimes>().note(cost);
+    world.resource_mut::<StepTimes>().record(cost);
 }
 
 /// A loop on a thread runs in real time, whatever the speed of the app's clock. At another speed its force is faded
 /// as in a pause (`set_loops`).
-fn watch_speed(
+fn report_time_scale(
     time: Res<Time<Virtual>>,
     clock: Res<LoopMode>,
     mut last: Local<Option<f64>>,
     mut faults: MessageWriter<HapticFault>,
 ) {
     let speed = time.relative_speed_f64();
-    if last.replace(speed) != Some(speed) && speed != 1.0 && *clock == LoopMode::Thread {
+    if last.replace(speed) != Some(speed) && speed != 1.0 && *clock == LoopMode::Threaded {
         faults.write(HapticFault { entity: None, kind: HapticFaultKind::UnsupportedTimeScale { speed } });
     }
 }
@@ -299,7 +311,7 @@ mod tests {
 
     #[test]
     fn on_threads_a_late_frame_has_one_step_and_catches_up_no_more() {
-        let (mut accumulated, period) = (Accumulated::default(), Duration::from_millis(50));
+        let (mut accumulated, period) = (ModelClock::default(), Duration::from_millis(50));
         let mut frame = |fixed_steps: usize| {
             accumulated.has_stepped = false;
             let due = |_: &usize| accumulated.is_due(Duration::from_millis(16), period);
@@ -317,11 +329,11 @@ mod tests {
         let mut most = |clock: LoopMode, last_ms: u64| {
             world.insert_resource(clock);
             world.init_resource::<StepTimes>();
-            world.resource_mut::<StepTimes>().note(Duration::from_millis(last_ms));
-            world.run_system_once(|span: ModelSpan| span.most_ticks()).unwrap()
+            world.resource_mut::<StepTimes>().record(Duration::from_millis(last_ms));
+            world.run_system_once(|span: ModelSpan| span.max_ticks()).unwrap()
         };
-        assert_eq!(most(LoopMode::Thread, 10), 100);
-        assert_eq!(most(LoopMode::Thread, 60), 50);
+        assert_eq!(most(LoopMode::Threaded, 10), 100);
+        assert_eq!(most(LoopMode::Threaded, 60), 50);
         assert_eq!([10, 60].map(|ms| most(LoopMode::Lockstep, ms)), [usize::MAX; 2]);
     }
 
@@ -330,7 +342,7 @@ mod tests {
         let mut world = World::new();
         world.insert_resource(Time::<Fixed>::from_hz(50.0));
         for (ticks, clock, expected_s) in
-            [(5, LoopMode::Thread, 0.02), (50, LoopMode::Thread, 0.05), (5, LoopMode::Lockstep, 0.005)]
+            [(5, LoopMode::Threaded, 0.02), (50, LoopMode::Threaded, 0.05), (5, LoopMode::Lockstep, 0.005)]
         {
             world.insert_resource(ModelRate::every_ticks(ticks).unwrap());
             world.insert_resource(clock);

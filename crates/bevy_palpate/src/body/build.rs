@@ -1,57 +1,26 @@
-//! Bodies are built of what is asked for, and anew when that changes: blocks at once, meshes beside the app.
+//! Builds bodies from their components, and builds them again when these change: blocks at once, meshes in a background task.
 
-use super::make::{BuildError, BuildInput, BuildOutput, place};
-use super::meshes::Meshes;
-use super::put::{Build, put, settle};
-use super::source::Source;
-use super::{DeformableBody, FixedRegion, Inclusions, MeshFault, SimulatedBody, Slit, SourceMesh, Tissue};
-use crate::fault::{HapticFault, HapticFaultKind};
+use super::construct::{BuildError, BuildInput, checked_pose};
+use super::install::{FinishedBuild, clear_build, install};
+use super::mesh_assets::Meshes;
+use super::mesh_source::Source;
+use super::pending::{BodyBuild, BodyBuilds, PendingBuild};
+use super::shape::{DeformableBody, FixedRegion, Slit};
+use super::simulated::{SimulatedBody, SourceMesh};
+use super::state::BodyState;
+use super::tissue::{Inclusions, Tissue};
+use crate::fault::{HapticFault, HapticFaultKind, MeshFault};
 use crate::schedule::LoopMode;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
+use bevy::tasks::AsyncComputeTaskPool;
 use bevy::tasks::futures::check_ready;
-use bevy::tasks::{AsyncComputeTaskPool, Task};
+use glam::{DQuat, DVec3};
 
-/// A body that is not there yet, or not as it is asked for now.
-#[derive(Component)]
-pub(crate) enum BodyBuild {
-    /// Its mesh is being loaded.
-    AwaitsMesh,
-    /// Its mesh could not be loaded, which has been said; it may still come.
-    MissesMesh,
-    /// It was asked for where no body can be, which has been said; it may be moved.
-    AwaitsPlace(GlobalTransform),
-    /// It is being made. What changes meanwhile is made afterwards: a task that was begun anew at every change would never end
-    /// while a slider is dragged.
-    Making(Making),
-    /// It has been made, and something had changed meanwhile.
-    Outdated,
-}
-
-/// A body that is being made beside the app.
-pub(crate) struct Making {
-    task: Task<(BuildInput, Result<BuildOutput, BuildError>)>,
-    /// Whether something has changed since.
-    is_outdated: bool,
-    /// How its mesh compares with the one that there is now.
-    source: SourceMesh,
-}
-
-/// How often bodies have been built in this app.
-#[derive(Resource, Default)]
-pub(super) struct BodyBuilds(u64);
-
-impl BodyBuilds {
-    /// The number of the next build, or of the next place: greater than all before.
-    pub(super) fn next(&mut self) -> u64 {
-        self.0 += 1;
-        self.0
-    }
-}
-
+/// The components that describe a body, and its build.
 #[derive(QueryData)]
 #[query_data(mutable)]
-pub(super) struct Asked {
+pub(super) struct BodyQuery {
     entity: Entity,
     shape: Ref<'static, DeformableBody>,
     tissue: Ref<'static, Tissue>,
@@ -62,14 +31,14 @@ pub(super) struct Asked {
     build: Option<&'static mut BodyBuild>,
 }
 
-/// Why a body is not built now.
-enum NotNow {
-    /// Its mesh is not there yet.
-    Awaits,
-    Refused(HapticFaultKind),
+/// Why a body cannot be built now.
+enum NotReady {
+    /// Its mesh asset is being loaded.
+    MeshLoading,
+    Rejected(HapticFaultKind),
 }
 
-impl AskedItem<'_, '_> {
+impl BodyQueryItem<'_, '_> {
     fn is_changed(&self) -> bool {
         self.shape.is_changed()
             || self.tissue.is_changed()
@@ -78,41 +47,39 @@ impl AskedItem<'_, '_> {
             || self.inclusions.as_ref().is_some_and(DetectChanges::is_changed)
     }
 
-    /// Whether what kept it from being built may be over.
+    /// Whether the condition that prevented the build may have changed.
     fn is_due(&self, transforms: &TransformHelper) -> bool {
         match self.build.as_deref() {
-            None | Some(BodyBuild::Making(_)) => false,
-            Some(BodyBuild::AwaitsPlace(refused)) => self.place(transforms) != *refused,
-            Some(BodyBuild::AwaitsMesh | BodyBuild::MissesMesh | BodyBuild::Outdated) => true,
+            None | Some(BodyBuild::Running(_)) => false,
+            Some(BodyBuild::TransformRejected(rejected)) => self.pose(transforms) != *rejected,
+            Some(BodyBuild::MeshLoading | BodyBuild::MeshFailed | BodyBuild::Outdated) => true,
         }
     }
 
-    /// Where it is to be built: where it is, or where its entity is now.
-    fn place(&self, transforms: &TransformHelper) -> GlobalTransform {
-        let old = self.simulated.as_ref().map(|old| old.place);
+    /// The pose of the build: that of the simulated body, or of the entity.
+    fn pose(&self, transforms: &TransformHelper) -> GlobalTransform {
+        let old = self.simulated.as_ref().map(|old| old.pose);
         // The only error is a missing transform, which the body requires.
         old.unwrap_or_else(|| transforms.compute_global_transform(self.entity).unwrap_or_default())
     }
 
-    /// What it is to be made of, and how that compares with the mesh that there is now: as it was closed before, if that is still
-    /// the mesh or the new one was refused.
-    fn source(&self, meshes: &Meshes) -> Result<(Option<Source>, SourceMesh), NotNow> {
+    /// The mesh to build from, and how it compares with the asset as it is now: the closed mesh of the simulated body, if the asset has
+    /// not changed or was rejected.
+    fn source(&self, meshes: &Meshes) -> Result<(Option<Source>, SourceMesh), NotReady> {
         let Some(shape) = self.shape.mesh() else { return Ok((None, SourceMesh::Same)) };
-        let is_known =
-            |old: &&Mut<SimulatedBody>| old.source != SourceMesh::Changed && old.shape_asked == *self.shape;
-        if let Some(old) = self.simulated.as_ref().filter(is_known)
+        let has_source =
+            |old: &&Mut<SimulatedBody>| old.source != SourceMesh::Changed && old.built_shape == *self.shape;
+        if let Some(old) = self.simulated.as_ref().filter(has_source)
             && let Some(closed) = old.closed.clone()
         {
             return Ok((Some(Source::Closed(closed)), old.source));
         }
-        let read = meshes.source(shape).map_err(|error| NotNow::Refused(HapticFaultKind::Mesh(error)))?;
-        read.map(|read| (Some(read), SourceMesh::Same)).ok_or(NotNow::Awaits)
+        let read = meshes.source(shape).map_err(|error| NotReady::Rejected(HapticFaultKind::Mesh(error)))?;
+        read.map(|read| (Some(read), SourceMesh::Same)).ok_or(NotReady::MeshLoading)
     }
 
-    /// All that makes it, at `at`.
-    fn plan(&self, at: &GlobalTransform) -> Result<BuildInput, HapticFaultKind> {
-        let (rotation, translation_m) = place(at)?;
-        Ok(BuildInput {
+    fn input(&self, (rotation, translation_m): (DQuat, DVec3)) -> BuildInput {
+        BuildInput {
             shape: (*self.shape).clone(),
             tissue: *self.tissue,
             fixed: (*self.fixed).clone(),
@@ -120,117 +87,112 @@ impl AskedItem<'_, '_> {
             inclusions: self.inclusions.as_ref().map(|inclusions| inclusions.0.clone()).unwrap_or_default(),
             rotation,
             translation_m,
-        })
+        }
     }
 
-    fn note_source(&mut self, source: SourceMesh) {
+    fn set_source(&mut self, source: SourceMesh) {
         if let Some(old) = &mut self.simulated {
             old.bypass_change_detection().source = source;
         }
     }
 }
 
-/// Builds what is new or changed.
+/// Builds new and changed bodies.
 pub(super) fn build_bodies(
     mut commands: Commands,
-    mut bodies: Query<Asked>,
+    mut bodies: Query<BodyQuery>,
     mut meshes: Meshes,
     transforms: TransformHelper,
-    clock: Option<Res<LoopMode>>,
+    mode: Option<Res<LoopMode>>,
     mut builds: ResMut<BodyBuilds>,
     mut faults: MessageWriter<HapticFault>,
 ) {
     meshes
-        .look(|id| bodies.iter().any(|asked| asked.shape.mesh().is_some_and(|shape| shape.mesh.id() == id)));
-    for mut asked in &mut bodies {
-        let entity = asked.entity;
-        let is_new_mesh = meshes.has_changed(&asked.shape);
+        .update(|id| bodies.iter().any(|body| body.shape.mesh().is_some_and(|shape| shape.mesh.id() == id)));
+    for mut body in &mut bodies {
+        let entity = body.entity;
+        let is_new_mesh = meshes.has_changed(&body.shape);
         if is_new_mesh {
-            asked.note_source(SourceMesh::Changed);
+            body.set_source(SourceMesh::Changed);
         }
-        let is_asked_anew = is_new_mesh || asked.is_changed();
-        if !(is_asked_anew || asked.is_due(&transforms)) {
+        let is_changed = is_new_mesh || body.is_changed();
+        if !(is_changed || body.is_due(&transforms)) {
             continue;
         }
-        if let Some(BodyBuild::Making(making)) = asked.build.as_deref_mut()
-            && asked.shape.mesh().is_some()
+        if let Some(BodyBuild::Running(build)) = body.build.as_deref_mut()
+            && body.shape.mesh().is_some()
         {
-            making.is_outdated = true;
+            build.is_outdated = true;
             if is_new_mesh {
-                making.source = SourceMesh::Changed;
+                build.source = SourceMesh::Changed;
             }
             continue;
         }
-        let at = asked.place(&transforms);
-        let mut refuse = |kind| {
-            faults.write(HapticFault { entity: Some(entity), kind });
-        };
-        // The place first: what is refused there need not be read.
-        if let Err(kind) = place(&at) {
-            // Said once, however it moves on.
-            if is_asked_anew || !matches!(asked.build.as_deref(), Some(BodyBuild::AwaitsPlace(_))) {
-                refuse(kind);
-            }
-            commands.entity(entity).try_insert(BodyBuild::AwaitsPlace(at));
-            continue;
-        }
-        let (source, compared) = match asked.source(&meshes) {
-            Ok(source) => source,
-            Err(NotNow::Awaits) => {
-                commands.entity(entity).try_insert(BodyBuild::AwaitsMesh);
+        let at = body.pose(&transforms);
+        // The pose is checked first: if it is rejected the mesh need not be read.
+        let pose = match checked_pose(&at) {
+            Ok(pose) => pose,
+            Err(kind) => {
+                // Reported once, wherever else it moves.
+                if is_changed || !matches!(body.build.as_deref(), Some(BodyBuild::TransformRejected(_))) {
+                    reject(&mut commands, &mut faults, entity, kind);
+                }
+                commands.entity(entity).try_insert(BodyBuild::TransformRejected(at));
                 continue;
             }
-            Err(NotNow::Refused(HapticFaultKind::Mesh(MeshFault::NotLoaded(why)))) => {
-                if !matches!(asked.build.as_deref(), Some(BodyBuild::MissesMesh)) {
-                    refuse(HapticFaultKind::Mesh(MeshFault::NotLoaded(why)));
-                    commands.entity(entity).try_insert(BodyBuild::MissesMesh);
+        };
+        let (source, compared) = match body.source(&meshes) {
+            Ok(source) => source,
+            Err(NotReady::MeshLoading) => {
+                commands.entity(entity).try_insert((BodyBuild::MeshLoading, BodyState::Loading));
+                continue;
+            }
+            Err(NotReady::Rejected(HapticFaultKind::Mesh(MeshFault::NotLoaded(why)))) => {
+                if !matches!(body.build.as_deref(), Some(BodyBuild::MeshFailed)) {
+                    let kind = HapticFaultKind::Mesh(MeshFault::NotLoaded(why));
+                    reject(&mut commands, &mut faults, entity, kind);
+                    commands.entity(entity).try_insert(BodyBuild::MeshFailed);
                 }
                 continue;
             }
-            Err(NotNow::Refused(kind)) => {
-                refuse(kind);
-                settle(&mut commands, entity);
-                asked.note_source(SourceMesh::Refused);
+            Err(NotReady::Rejected(kind)) => {
+                reject(&mut commands, &mut faults, entity, kind);
+                clear_build(&mut commands, entity);
+                body.set_source(SourceMesh::Rejected);
                 continue;
             }
         };
-        let plan = match asked.plan(&at) {
-            Ok(plan) => plan,
-            Err(kind) => {
-                refuse(kind);
-                continue;
-            }
-        };
-        // In lock step nothing may depend on when another thread is ready.
-        let is_beside = source.is_some() && clock.as_deref() != Some(&LoopMode::Lockstep);
-        if let Some(pool) = AsyncComputeTaskPool::try_get().filter(|_| is_beside) {
+        let input = body.input(pose);
+        // In lock step nothing may depend on when another thread finishes.
+        let is_background = source.is_some() && mode.as_deref() != Some(&LoopMode::Lockstep);
+        if let Some(pool) = AsyncComputeTaskPool::try_get().filter(|_| is_background) {
             let task = pool.spawn(async move {
-                let made = plan.make(source);
-                (plan, made)
+                let output = input.build(source);
+                (input, output)
             });
-            let making = Making { task, is_outdated: false, source: compared };
-            commands.entity(entity).try_insert(BodyBuild::Making(making));
+            let build = PendingBuild { task, is_outdated: false, source: compared };
+            commands.entity(entity).try_insert((BodyBuild::Running(build), BodyState::Building));
             continue;
         }
-        settle(&mut commands, entity);
-        match plan.make(source) {
-            Ok(made) => {
-                let build = Build { plan, made, source: compared };
-                let old = asked.simulated.as_deref_mut();
-                put(&mut commands, &mut faults, (entity, old), (build, at), builds.next());
+        clear_build(&mut commands, entity);
+        match input.build(source) {
+            Ok(output) => {
+                let build = FinishedBuild { input, output, source: compared };
+                let old = body.simulated.as_deref_mut();
+                install(&mut commands, &mut faults, (entity, old), (build, at), builds.next());
             }
-            Err(refusal) => {
-                refuse(refusal.kind);
-                if refusal.is_of_mesh {
-                    asked.note_source(SourceMesh::Refused);
+            Err(BuildError { kind, is_mesh_error }) => {
+                reject(&mut commands, &mut faults, entity, kind);
+                if is_mesh_error {
+                    body.set_source(SourceMesh::Rejected);
                 }
             }
         }
     }
 }
 
-/// Takes what was made beside the app.
-pub(super) fn take_built(
+/// Installs the bodies that background tasks have built.
+pub(super) fn poll_builds(
     mut commands: Commands,
     mut bodies: Query<(Entity, &mut BodyBuild, Option<&mut SimulatedBody>)>,
     transforms: TransformHelper,
@@ -238,35 +200,46 @@ pub(super) fn take_built(
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, mut build, mut simulated) in &mut bodies {
-        let BodyBuild::Making(Making { task, is_outdated, source }) = &mut *build else { continue };
-        let Some((plan, made)) = check_ready(task) else { continue };
+        let BodyBuild::Running(PendingBuild { task, is_outdated, source }) = &mut *build else { continue };
+        let Some((input, output)) = check_ready(task) else { continue };
         let (is_outdated, source) = (*is_outdated, *source);
         if is_outdated {
             *build = BodyBuild::Outdated;
         } else {
-            settle(&mut commands, entity);
+            clear_build(&mut commands, entity);
         }
-        match made {
-            Ok(made) => {
-                let old = simulated.as_ref().map(|old| old.place);
+        match output {
+            Ok(output) => {
+                let old = simulated.as_ref().map(|old| old.pose);
                 let at =
                     old.unwrap_or_else(|| transforms.compute_global_transform(entity).unwrap_or_default());
-                let build = Build { plan, made, source };
+                let build = FinishedBuild { input, output, source };
                 let old = simulated.as_deref_mut();
-                put(&mut commands, &mut faults, (entity, old), (build, at), builds.next());
+                install(&mut commands, &mut faults, (entity, old), (build, at), builds.next());
             }
-            Err(BuildError { kind, is_of_mesh }) => {
-                faults.write(HapticFault { entity: Some(entity), kind });
-                // Another mesh than the one refused, or in another size, has not been refused.
-                if is_of_mesh
+            Err(BuildError { kind, is_mesh_error }) => {
+                reject(&mut commands, &mut faults, entity, kind);
+                // A mesh that has changed since, or has another size, has not been rejected.
+                if is_mesh_error
                     && source != SourceMesh::Changed
-                    && let Some(old) = simulated.filter(|old| old.shape_asked == plan.shape)
+                    && let Some(old) = simulated.filter(|old| old.built_shape == input.shape)
                 {
-                    old.into_inner().source = SourceMesh::Refused;
+                    old.into_inner().source = SourceMesh::Rejected;
                 }
             }
         }
     }
+}
+
+/// Reports why the body of `entity` is not built.
+fn reject(
+    commands: &mut Commands,
+    faults: &mut MessageWriter<HapticFault>,
+    entity: Entity,
+    kind: HapticFaultKind,
+) {
+    commands.entity(entity).try_insert(BodyState::Rejected(kind.report()));
+    faults.write(HapticFault { entity: Some(entity), kind });
 }
 
 #[cfg(test)]

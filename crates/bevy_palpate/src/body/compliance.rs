@@ -1,6 +1,7 @@
 //! Whether contact gets the compliance that the grid lacks.
 
-use super::{DeformableBody, SimulatedBody};
+use super::shape::DeformableBody;
+use super::simulated::SimulatedBody;
 use bevy::prelude::*;
 
 /// What gives way where a tool touches a body: put it beside [`DeformableBody`] to compare with the paper's

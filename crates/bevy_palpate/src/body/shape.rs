@@ -1,26 +1,31 @@
-//! What the user asks of a body's shape: a block or a mesh, and what of it is fixed.
+//! The shape of a body: a block or a mesh, its fixed region, and a slit.
 
+use super::region::{BodyRegion, BoxFace};
+use super::state::BodyState;
+use super::tissue::Tissue;
 use bevy::prelude::*;
 use glam::DVec3;
 
-/// A body that can be touched. Its partners [`Tissue`](crate::Tissue), [`FixedRegion`] and [`Transform`] come by themselves.
+/// A deformable body that tools can touch: a block, or the inside of a closed mesh. Requires [`Tissue`], [`FixedRegion`],
+/// [`BodyState`] and [`Transform`].
 ///
-/// The body is built where its transform places it. Moving the transform of its entity, or of a parent, later carries it along,
-/// fixed parts and all, as it is and at once: what touches it lets go, as if it had been put there again. A body that appears where a
-/// tool is (spawned, replaced, moved or chosen by [`HapticTool::body`](crate::HapticTool::body)) is touched at once by a tool
-/// whose centre is outside of it; a tool whose centre is inside waits until it has left. See [`Touching`](crate::Touching). It has the size that
-/// it is given here; a scaled transform is refused ([`HapticFaultKind::Scaled`](crate::HapticFaultKind::Scaled)), and the body
-/// built once it is put right.
+/// The body is built at the pose of its transform, in the size given here. A scaled transform is rejected
+/// ([`HapticFaultKind::NonUnitScale`](crate::HapticFaultKind::NonUnitScale)), and the body is built once the scale is 1. Moving the
+/// transform of the entity or of a parent later moves the whole body at once, its fixed region included; tools in contact release it.
 ///
-/// Its entity is given a [`Mesh3d`] that shows it deformed. Where the entity shows the very mesh that the body is made of, that
-/// is replaced, and comes back when this component is taken away. A [`Mesh3d`] of another mesh is left alone: it is drawn as it
-/// is, and the body's motion is not to be seen but in [`SimulatedBody::drawn_m`](crate::SimulatedBody::drawn_m).
+/// A body can appear where a tool is: it is spawned, replaced, moved, or selected by [`HapticTool::body`](crate::HapticTool::body). A tool whose
+/// centre is outside of it is in contact at once; one whose centre is inside is in contact after it has left. See
+/// [`TouchedBody`](crate::TouchedBody).
+///
+/// The entity receives a [`Mesh3d`] that shows it deformed. If the entity shows the mesh of which the body is made, that
+/// handle is replaced, and restored when this component is removed. A [`Mesh3d`] of another mesh is not changed; the nodes are then
+/// available in [`SimulatedBody::drawn_m`](crate::SimulatedBody::drawn_m).
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[component(immutable)]
-#[require(crate::Tissue, FixedRegion, Transform)]
+#[require(Tissue, FixedRegion, BodyState, Transform)]
 #[reflect(Component, Debug, PartialEq, Clone)]
 pub enum DeformableBody {
-    /// A block round the entity's origin.
+    /// A block centred on the entity's origin.
     Block {
         /// Nodes along x, y, z.
         nodes: [usize; 3],
@@ -33,21 +38,21 @@ pub enum DeformableBody {
 
 /// A closed mesh as the shape of a body.
 ///
-/// It is filled with cubic cells ([`palpate_body::CellLattice`]), which carry its surface; its own picture, with its colours
-/// and textures, follows. Built beside the app, as soon as the mesh is loaded; anew whenever the mesh changes. What is wrong with
-/// a mesh (holes, crossings, odd units) is a [`HapticFault`](crate::HapticFault) that says what to do.
+/// The mesh is filled with cubic cells ([`palpate_body::CellLattice`]), which carry its surface. Its own vertices follow, with their colours and
+/// textures. A background task builds the body once the mesh is loaded, and again whenever the mesh changes. A mesh that cannot be used (holes,
+/// intersections, wrong units) is reported as a [`HapticFault`](crate::HapticFault) with the remedy.
 ///
-/// It is one mesh: of a glTF file one primitive, as it is stored, without the transforms of the file's nodes. A file of several parts, or
-/// of placed ones, is joined first; `examples/stage/mesh_file.rs` shows how.
+/// A glTF handle names one primitive as it is stored, without the transforms of the file's nodes. Join a file of several or transformed parts
+/// first; `examples/stage/mesh_file.rs` shows how.
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[reflect(Debug, PartialEq, Clone)]
 pub struct MeshShape {
-    /// The mesh, of triangles, in metres once scaled; near its origin, or single precision is too coarse for its cells.
+    /// The mesh: a triangle list near its origin, where single precision resolves its cells.
     pub mesh: Handle<Mesh>,
-    /// Metres to a unit of the mesh: 0.001 for one in millimetres.
+    /// Length of a unit of the mesh, m: 0.001 for a mesh in millimetres.
     pub metres_per_unit: f64,
-    /// Cells along its longest side. A model step takes longer than proportional to the number of cells: ten make some hundred
-    /// cells of an organ, twenty some thousand; beyond [`palpate_body::CellLattice::MOST_NODES`] they are refused.
+    /// Number of cells along its longest side. Ten divide an organ into some hundred cells, twenty into some thousand; the time of a model
+    /// step grows faster than their number. More than [`palpate_body::CellLattice::MAX_NODES`] nodes are rejected.
     pub cells_along_longest_axis: usize,
 }
 
@@ -60,35 +65,35 @@ impl MeshShape {
 }
 
 impl DeformableBody {
-    /// A cube of `nodes` nodes along x, y, z and `edge_m` wide, round the entity's origin.
+    /// A cube with edges of `edge_m`, m, and `nodes` nodes along x, y, z, centred on the entity's origin.
     #[must_use]
     pub fn block(nodes: [usize; 3], edge_m: f64) -> Self {
         Self::Block { nodes, size_m: DVec3::splat(edge_m) }
     }
 
-    /// A block of `nodes` nodes along x, y, z and of size `size_m`, round the entity's origin.
+    /// A block of size `size_m`, m, with `nodes` nodes along x, y, z, centred on the entity's origin.
     #[must_use]
     pub fn block_of_size(nodes: [usize; 3], size_m: DVec3) -> Self {
         Self::Block { nodes, size_m }
     }
 
-    /// The inside of a closed mesh in metres, ten cells along its longest side. For other units or cells see [`MeshShape`].
+    /// The inside of a closed mesh in metres, with ten cells along its longest side. [`MeshShape`] has other units and cell sizes.
     #[must_use]
     pub fn from_mesh(mesh: Handle<Mesh>) -> Self {
         Self::Mesh(MeshShape::new(mesh))
     }
 
-    /// The mesh that it is made of, if it is.
+    /// The mesh of [`Self::Mesh`].
     pub(super) fn mesh(&self) -> Option<&MeshShape> {
         if let Self::Mesh(shape) = self { Some(shape) } else { None }
     }
 }
 
-/// Which part of a body cannot move.
+/// The part of a body that cannot move.
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub enum FixedRegion {
-    /// Nothing: the body floats.
+    /// No part: the body floats.
     #[default]
     None,
     /// One side: of a block the nodes of its face, of a mesh the outermost nodes on that side of its bounds.
@@ -101,8 +106,8 @@ pub enum FixedRegion {
     Vertices(Vec<bool>),
 }
 
-/// A cut into the top of a block, in its middle plane across x, along z: see [`palpate_body::Slit`]. Without it the block is
-/// whole; taking it away later does not heal a cut.
+/// A cut into the top of a block, in its middle plane across x, along z; see [`palpate_body::Slit`]. Removing the component does not
+/// change a body that has been built.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Debug, PartialEq, Clone)]
 pub struct Slit {
@@ -110,86 +115,8 @@ pub struct Slit {
     pub length_m: f64,
     /// Depth, m, in whole cells.
     pub depth_m: f64,
-    /// Distance of its lips from each other at rest, m: a cell's width at most.
+    /// Distance between its lips at rest, m, at most the width of a cell.
     pub opening_m: f64,
-}
-
-/// A side of a body, in its own frame, named as in Bevy: y is up, −z is forward.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
-#[reflect(Debug, PartialEq, Hash, Clone)]
-pub enum BoxFace {
-    /// −x.
-    Left,
-    /// +x.
-    Right,
-    /// −y.
-    Bottom,
-    /// +y.
-    Top,
-    /// −z.
-    Front,
-    /// +z.
-    Back,
-}
-
-/// A region of space in a body's own frame, m.
-#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
-#[reflect(Debug, PartialEq, Clone)]
-pub enum BodyRegion {
-    /// A ball.
-    Sphere {
-        /// Its centre, m.
-        center_m: DVec3,
-        /// Its radius, m.
-        radius_m: f64,
-    },
-    /// A box along the axes.
-    Cuboid {
-        /// Its centre, m.
-        center_m: DVec3,
-        /// Half its sides, m.
-        half_m: DVec3,
-    },
-    /// What is within a radius of a line.
-    Capsule {
-        /// One end of the line, m.
-        from_m: DVec3,
-        /// The other, m.
-        to_m: DVec3,
-        /// The radius, m.
-        radius_m: f64,
-    },
-    /// Everything on one side of a plane.
-    HalfSpace {
-        /// A point of the plane, m.
-        point_m: DVec3,
-        /// Away from the region; of any length.
-        outward: DVec3,
-    },
-}
-
-impl From<BodyRegion> for palpate_body::Region {
-    fn from(region: BodyRegion) -> Self {
-        match region {
-            BodyRegion::Sphere { center_m, radius_m } => Self::Sphere { center_m, radius_m },
-            BodyRegion::Cuboid { center_m, half_m } => Self::Cuboid { center_m, half_m },
-            BodyRegion::Capsule { from_m, to_m, radius_m } => Self::Capsule { from_m, to_m, radius_m },
-            BodyRegion::HalfSpace { point_m, outward } => Self::HalfSpace { point_m, outward },
-        }
-    }
-}
-
-impl From<BoxFace> for palpate_body::Face {
-    fn from(face: BoxFace) -> Self {
-        match face {
-            BoxFace::Left => Self::NegX,
-            BoxFace::Right => Self::PosX,
-            BoxFace::Bottom => Self::NegY,
-            BoxFace::Top => Self::PosY,
-            BoxFace::Front => Self::NegZ,
-            BoxFace::Back => Self::PosZ,
-        }
-    }
 }
 
 impl FixedRegion {
@@ -205,8 +132,8 @@ impl FixedRegion {
         if let Self::Regions(regions) = self { regions } else { &[] }
     }
 
-    /// Whether nothing is asked to be fixed.
-    pub(super) fn is_nothing(&self) -> bool {
+    /// Whether no part is fixed.
+    pub(super) fn is_none(&self) -> bool {
         let is_vertices = matches!(self, Self::Vertices(_));
         self.faces().is_empty() && self.regions().is_empty() && !is_vertices
     }

@@ -1,6 +1,6 @@
 //! What the user asks a body to be made of.
 
-use super::BodyRegion;
+use super::region::BodyRegion;
 use bevy::prelude::*;
 
 /// What a body is made of: see [`palpate_body::Tissue`] for how it becomes springs. It may be changed while the

@@ -16,12 +16,12 @@ pub(super) struct Hid {
     bus: Mutex<Option<Arc<dyn HidBus>>>,
     pub(super) options: HidOptions,
     /// The newest device that was made by each choice.
-    made: Mutex<Vec<(HidSelector, Made)>>,
+    made: Mutex<Vec<(HidSelector, OpenedDevice)>>,
 }
 
 /// What is kept of a device that a loop has.
 #[derive(Clone)]
-pub(super) struct Made {
+pub(super) struct OpenedDevice {
     pub(super) counters: HidCounters,
     pub(super) calibration: Option<BoardCalibration>,
 }
@@ -65,14 +65,14 @@ impl Hid {
 
     pub(super) fn make(&self, choice: &HidSelector) -> Result<HidDevice, HidError> {
         let device = HidDevice::find(self.bus()?, &choice.selector(), &self.options)?;
-        let kept = Made { counters: device.counters(), calibration: device.board_calibration() };
+        let kept = OpenedDevice { counters: device.counters(), calibration: device.board_calibration() };
         let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
         made.retain(|(known, _)| known != choice);
         made.push((choice.clone(), kept));
         Ok(device)
     }
 
-    pub(super) fn made(&self, choice: &HidSelector) -> Option<Made> {
+    pub(super) fn opened(&self, choice: &HidSelector) -> Option<OpenedDevice> {
         let made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
         made.iter().find(|(known, _)| known == choice).map(|(_, made)| made.clone())
     }

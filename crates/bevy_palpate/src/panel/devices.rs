@@ -11,13 +11,13 @@ const FIRST: [Option<HidDeviceKind>; 4] =
 
 /// The devices that were found when they were last looked for.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Present {
+pub(crate) struct DeviceList {
     found: Vec<(DeviceSelector, String)>,
     /// What looking for them gave.
     told: Option<Result<String, String>>,
 }
 
-impl Present {
+impl DeviceList {
     /// A list of all devices that have a name here and of those that are plugged in; whether `device` is another one now.
     pub(super) fn choose(
         &mut self,
@@ -34,7 +34,7 @@ impl Present {
                         ui.selectable_value(device, DeviceSelector::named(name), name);
                     }
                     for choice in FIRST.iter().filter(|_| cfg!(feature = "hid")) {
-                        let choice = HidSelector { kind: *choice, ..HidSelector::first() };
+                        let choice = HidSelector { kind: *choice, ..HidSelector::match_first() };
                         let label = choice.to_string();
                         ui.selectable_value(device, DeviceSelector::Hid(choice), label);
                     }
@@ -44,7 +44,7 @@ impl Present {
                 },
             );
             if ui.small_button("look").on_hover_text("looks for devices that are plugged in").clicked() {
-                self.look(devices);
+                self.refresh(devices);
             }
         });
         match &self.told {
@@ -60,7 +60,7 @@ impl Present {
     }
 
     /// Looks for what is plugged in.
-    pub(super) fn look(&mut self, devices: &HapticDevices) {
+    pub(super) fn refresh(&mut self, devices: &HapticDevices) {
         match present(devices) {
             Ok(found) => {
                 self.told = Some(Ok(match found.len() {
@@ -154,9 +154,9 @@ mod tests {
             applications: vec![Usage::new(1, 8)],
         };
         bus.plug(info, Vec::new(), Silent);
-        let (mut present, mut devices) = (Present::default(), HapticDevices::default());
+        let (mut present, mut devices) = (DeviceList::default(), HapticDevices::default());
         devices.set_hid_bus(bus);
-        present.look(&devices);
+        present.refresh(&devices);
         assert_eq!(present.told, Some(Ok("One is plugged in.".into())));
         let [(selector, label)] = present.found() else { panic!("one device") };
         assert_eq!(label, "SpaceMouse: SpaceMouse (256f:c635, serial 7)");
@@ -171,7 +171,7 @@ mod tests {
     #[cfg(not(feature = "hid"))]
     #[test]
     fn without_the_feature_it_says_so() {
-        let mut present = Present::default();
+        let mut present = DeviceList::default();
         present.look(&HapticDevices::default());
         assert!(present.told.as_ref().is_some_and(|told| told.is_err()) && present.found().is_empty());
     }

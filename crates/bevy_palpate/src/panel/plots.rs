@@ -1,8 +1,8 @@
 //! The panel's plots.
 
-use super::history::Along;
+use super::history::Component;
 use super::theme;
-use super::watch::Watched;
+use super::tool_history::ToolHistory;
 use bevy_egui::egui::{self, Color32};
 use egui_plot::{
     AxisHints, GridInput, GridMark, HLine, Line, LineStyle, Plot, PlotPoint, PlotPoints, PlotUi, VLine,
@@ -22,16 +22,16 @@ const WIDTH: f32 = 44.0;
 
 /// Points to be drawn, kept from frame to frame so that their room is.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Drawn {
-    of: Option<(u64, u64, Along)>,
+pub(crate) struct PlotPoints {
+    of: Option<(u64, u64, Component)>,
     full: Vec<PlotPoint>,
     schemes: [Vec<PlotPoint>; 6],
     errors: [Vec<PlotPoint>; 6],
 }
 
-impl Drawn {
+impl PlotPoints {
     /// Makes the points of the last `seconds` where there is anything new.
-    pub(super) fn refresh(&mut self, watched: &Watched, seconds: f64, along: Along) {
+    pub(super) fn refresh(&mut self, watched: &ToolHistory, seconds: f64, along: Component) {
         let newest = watched.newest.unwrap_or(0);
         let ticks = (seconds / TICK_S) as u64;
         // Curves that are computed in the background come a little later than their samples.

@@ -114,7 +114,7 @@ impl Recorder {
     }
 
     /// Throws away what could not be written.
-    pub(super) fn throw_away(&mut self) {
+    pub(super) fn discard(&mut self) {
         (self.unwritten, self.told) = (Vec::new(), None);
     }
 
@@ -124,7 +124,7 @@ impl Recorder {
     }
 
     /// Notices that a file has been written, or why not.
-    pub(super) fn look(&mut self) {
+    pub(super) fn poll(&mut self) {
         let Some((done, readings)) = self.writing.as_mut().and_then(check_ready) else { return };
         self.writing = None;
         let seconds = readings.len() as f64 * Trajectory::PERIOD_S;
@@ -160,7 +160,7 @@ impl Recorder {
     }
 
     /// Gives `tool` back the device that it had before a replay.
-    pub(super) fn go_back(&mut self, (entity, tool): (Entity, &mut HapticTool)) {
+    pub(super) fn restore_device(&mut self, (entity, tool): (Entity, &mut HapticTool)) {
         if let Some(before) = self.before.remove(&entity) {
             (tool.device, self.told) = (before, None);
         }

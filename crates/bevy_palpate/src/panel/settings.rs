@@ -1,6 +1,6 @@
 //! What can be set in the panel. It acts at once; nonsense is refused in the words of its own type, and what was stays.
 
-mod draft;
+mod number_field;
 
 use super::theme;
 use crate::body::Tissue;
@@ -9,29 +9,29 @@ use crate::tool::ToolSettings;
 use bevy::math::EulerRot;
 use bevy::prelude::*;
 use bevy_egui::egui;
-use draft::{Number, check_tissue};
 use glam::{DQuat, DVec3};
+use number_field::{NumberField, check_tissue};
 use palpate_haptics::{DeviceFrame, SafetySettings};
 use palpate_local::Scheme;
 
 /// What the panel itself remembers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct View {
-    pub(super) along: super::history::Along,
+    pub(super) along: super::history::Component,
     /// File of the next recording or replay.
     pub(super) file: String,
-    pub(super) lamps: super::safety::Lamps,
+    pub(super) lamps: super::safety_lamps::SafetyLamps,
     /// Why the last change was refused, by part.
     refused: [Option<String>; 4],
     /// The turn of the device frame in degrees, and the rotation that it is.
     angles: Option<(DVec3, DQuat)>,
-    trial: Option<Trial>,
+    trial: Option<PendingChange>,
 }
 
 /// A material that the panel has set and that the body has not been made of yet: it may still be refused, however long the body
 /// takes to make.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Trial {
+struct PendingChange {
     body: Entity,
     /// What the body is made of.
     good: Tissue,
@@ -49,7 +49,7 @@ enum Part {
 
 impl View {
     /// What a body that refuses its material was made of before, if the panel has set that material.
-    pub(super) fn take_back_tissue(&mut self, body: Entity, now: Tissue, why: &str) -> Option<Tissue> {
+    pub(super) fn revert_tissue(&mut self, body: Entity, now: Tissue, why: &str) -> Option<Tissue> {
         let trial = self.trial.take_if(|trial| trial.body == body)?;
         // Somebody else has set another since.
         if trial.set != now {
@@ -60,7 +60,7 @@ impl View {
     }
 
     /// Ends a trial once the body is made of what was set.
-    pub(super) fn settle_tissue(&mut self, made_of: impl FnOnce(Entity) -> Option<Tissue>) {
+    pub(super) fn confirm_tissue(&mut self, made_of: impl FnOnce(Entity) -> Option<Tissue>) {
         self.trial.take_if(|trial| made_of(trial.body) == Some(trial.set));
     }
 
@@ -103,7 +103,7 @@ impl View {
     /// Ticks between two model steps; the new rate if it was changed and makes sense.
     pub(super) fn rate(&mut self, ui: &mut egui::Ui, rate: ModelRate) -> Option<ModelRate> {
         let mut ticks = f64::from(rate.ticks());
-        Number::new("model step", "ms", 1.0, 5.0..=200.0).whole().show(ui, &mut ticks);
+        NumberField::new("model step", "ms", 1.0, 5.0..=200.0).whole().show(ui, &mut ticks);
         ui.label(format!("{:.1} Hz", 1e3 / ticks));
         ui.end_row();
         let mut made = Ok(rate);
@@ -124,13 +124,15 @@ impl View {
         let before = **tissue;
         let mut draft = before;
         grid(ui, "palpate_tissue", |ui| {
-            Number::new("Young's modulus", "kPa", 1e3, 1.0..=200.0)
+            NumberField::new("Young's modulus", "kPa", 1e3, 1.0..=200.0)
                 .log()
                 .show(ui, &mut draft.youngs_modulus_pa);
             ui.end_row();
-            Number::new("density", "kg/m³", 1.0, 200.0..=4000.0).log().show(ui, &mut draft.density_kg_per_m3);
+            NumberField::new("density", "kg/m³", 1.0, 200.0..=4000.0)
+                .log()
+                .show(ui, &mut draft.density_kg_per_m3);
             ui.end_row();
-            Number::new("damping ratio", "", 1.0, 0.0..=2.0).show(ui, &mut draft.damping_ratio);
+            NumberField::new("damping ratio", "", 1.0, 0.0..=2.0).show(ui, &mut draft.damping_ratio);
             ui.end_row();
         });
         if let Some(tissue_now) = self.accept(Part::Material, &before, draft, check_tissue) {
@@ -144,7 +146,7 @@ impl View {
     pub(super) fn try_tissue(&mut self, body: Entity, before: Tissue, set: Tissue) {
         // What was before the first of several changes in a row is known to be good.
         let good = self.trial.filter(|trial| trial.body == body).map_or(before, |trial| trial.good);
-        self.trial = Some(Trial { body, good, set });
+        self.trial = Some(PendingChange { body, good, set });
     }
 
     /// Limits of the safety chain. As long as nothing was set those of the device are in force; the first change sets them all.
@@ -164,30 +166,34 @@ impl View {
         let mut draft = in_force;
         grid(ui, "palpate_limits", |ui| {
             let of_device = "the device's own limit";
-            Number::new("force", "N", 1.0, 0.5..=20.0).unlimited(of_device).show(ui, &mut draft.max_force_n);
+            NumberField::new("force", "N", 1.0, 0.5..=20.0)
+                .unlimited(of_device)
+                .show(ui, &mut draft.max_force_n);
             ui.end_row();
-            Number::new("growth of force", "N/s", 1.0, 10.0..=5000.0)
+            NumberField::new("growth of force", "N/s", 1.0, 10.0..=5000.0)
                 .log()
                 .show(ui, &mut draft.max_slew_n_per_s);
             ui.end_row();
-            Number::new("speed of the hand", "m/s", 1.0, 0.2..=5.0)
+            NumberField::new("speed of the hand", "m/s", 1.0, 0.2..=5.0)
                 .unlimited("never fades")
                 .show(ui, &mut draft.max_speed_m_per_s);
             ui.end_row();
-            Number::new("start below", "N", 1.0, 0.0..=5.0)
+            NumberField::new("start below", "N", 1.0, 0.0..=5.0)
                 .unlimited("starts at once")
                 .show(ui, &mut draft.arm_below_n);
             ui.end_row();
-            Number::new("start-up ramp", "s", 1.0, 0.0..=3.0).show(ui, &mut draft.ramp_s);
+            NumberField::new("start-up ramp", "s", 1.0, 0.0..=3.0).show(ui, &mut draft.ramp_s);
             ui.end_row();
-            Number::new("fade", "s", 1.0, 0.0..=1.0).show(ui, &mut draft.fade_s);
+            NumberField::new("fade", "s", 1.0, 0.0..=1.0).show(ui, &mut draft.fade_s);
             ui.end_row();
-            Number::new("stale after", "steps", 1.0, 1.0..=10.0).show(ui, &mut draft.stale_after_periods);
+            NumberField::new("stale after", "steps", 1.0, 1.0..=10.0)
+                .show(ui, &mut draft.stale_after_periods);
             ui.end_row();
             let damping = &mut draft.passivity_damping_ns_per_m;
-            Number::new("passivity", "N s/m", 1.0, 0.0..=20.0).show(ui, damping);
+            NumberField::new("passivity", "N s/m", 1.0, 0.0..=20.0).show(ui, damping);
             ui.end_row();
-            Number::new("its tolerance", "mJ", 1e-3, 0.0..=20.0).show(ui, &mut draft.passivity_tolerance_j);
+            NumberField::new("its tolerance", "mJ", 1e-3, 0.0..=20.0)
+                .show(ui, &mut draft.passivity_tolerance_j);
             ui.end_row();
         });
         if let Some(safety) = self.accept(Part::Limits, &in_force, draft, SafetySettings::validate) {
@@ -207,7 +213,7 @@ impl View {
         grid(ui, "palpate_frame", |ui| {
             three(ui, "offset", " mm", 0.5, 1e3, draft.offset_m.as_mut());
             three(ui, "turn about x y z", "°", 1.0, 1.0, turned.as_mut());
-            Number::new("scale", "×", 1.0, 0.1..=10.0).log().show(ui, &mut draft.scale);
+            NumberField::new("scale", "×", 1.0, 0.1..=10.0).log().show(ui, &mut draft.scale);
             ui.end_row();
         });
         if turned != degrees {

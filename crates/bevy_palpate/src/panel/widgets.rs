@@ -3,12 +3,12 @@
 mod running;
 
 use super::devices;
-use super::faults::Heard;
-use super::history::Along;
-use super::plots::Drawn;
+use super::fault_log::FaultLog;
+use super::history::Component;
+use super::plots::PlotPoints;
 use super::recording::{name_of, next_free};
 use super::settings::{View, grid};
-use super::watch::{Watched, index_of};
+use super::tool_history::{ToolHistory, index_of};
 use super::{HapticPanel, theme};
 use crate::body::{SimulatedBody, Tissue};
 use crate::device::HapticDevices;
@@ -42,14 +42,14 @@ use palpate_local::Scheme;
 #[derive(SystemParam)]
 pub struct HapticWidgets<'w, 's> {
     panel: ResMut<'w, HapticPanel>,
-    watched: ResMut<'w, Watched>,
-    heard: Res<'w, Heard>,
+    watched: ResMut<'w, ToolHistory>,
+    heard: Res<'w, FaultLog>,
     tools: Query<'w, 's, Shown>,
     bodies: Query<'w, 's, (&'static SimulatedBody, &'static mut Tissue, Option<&'static Name>)>,
     devices: Res<'w, HapticDevices>,
     rate: ResMut<'w, ModelRate>,
     time: Res<'w, Time<Real>>,
-    drawn: Local<'s, Drawn>,
+    drawn: Local<'s, PlotPoints>,
 }
 
 #[derive(QueryData)]
@@ -179,7 +179,7 @@ impl HapticWidgets<'_, '_> {
         drawn.force(ui, panel.seconds, running, |scheme| panel.draws(scheme));
         let panel = panel.bypass_change_detection();
         ui.horizontal(|ui| {
-            for (along, name) in Along::ALL {
+            for (along, name) in Component::ALL {
                 ui.selectable_value(&mut panel.view.along, along, name);
             }
             ui.separator();
@@ -304,7 +304,8 @@ impl HapticWidgets<'_, '_> {
     pub fn limits(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
         let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
-        let of_device = shown.running.as_ref().map_or(SafetySettings::default(), |running| running.of_device);
+        let of_device =
+            shown.running.as_ref().map_or(SafetySettings::default(), |running| running.device_safety);
         self.panel.bypass_change_detection().view.limits(ui, &mut shown.settings, of_device);
     }
 
@@ -345,7 +346,7 @@ impl HapticWidgets<'_, '_> {
                 if again {
                     recorder.write_again(view.file.clone().into());
                 } else if away {
-                    recorder.throw_away();
+                    recorder.discard();
                 }
             } else {
                 let idle = shown.running.is_some() && !recorder.is_writing();
@@ -369,7 +370,7 @@ impl HapticWidgets<'_, '_> {
             if replay {
                 recorder.replay(tool, view.file.clone(), &self.devices);
             } else if back {
-                recorder.go_back(tool);
+                recorder.restore_device(tool);
             }
             if shown.tool.device != device {
                 shown.tool.set_changed();

@@ -9,21 +9,21 @@ use std::path::PathBuf;
 /// deadline excepted, and whenever it is asked to. `palpate-lab blackbox FILE` reads them.
 #[derive(Component, Debug)]
 pub struct BlackBoxDump {
-    keeper: BlackBoxWriter,
+    writer: BlackBoxWriter,
     files: Vec<PathBuf>,
-    asked: Option<String>,
+    requested: Option<String>,
 }
 
 impl BlackBoxDump {
     /// In `folder`, which is made when the first file is written; 16 files at most.
     #[must_use]
     pub fn in_folder(folder: impl Into<PathBuf>) -> Self {
-        Self { keeper: BlackBoxWriter::new(folder), files: Vec::new(), asked: None }
+        Self { writer: BlackBoxWriter::new(folder), files: Vec::new(), requested: None }
     }
 
     /// Asks for a file in the next frame; `reason` becomes a part of its name.
     pub fn request(&mut self, reason: impl Into<String>) {
-        self.asked = Some(reason.into());
+        self.requested = Some(reason.into());
     }
 
     /// The files that have been written.
@@ -33,13 +33,13 @@ impl BlackBoxDump {
     }
 
     /// Writes what has been asked for, or for `fault`.
-    pub(super) fn keep(
+    pub(super) fn write(
         &mut self,
         handle: &mut HapticHandle,
         fault: Option<String>,
     ) -> Option<HapticFaultKind> {
-        let reason = self.asked.take().or(fault)?;
-        match self.keeper.write(handle, &reason) {
+        let reason = self.requested.take().or(fault)?;
+        match self.writer.write(handle, &reason) {
             Ok(file) => {
                 self.files.extend(file);
                 None

@@ -1,44 +1,12 @@
 //! Tools that take hold of a body.
 
-use super::{ContactEnd, ContactStart, HapticTool, ToolCoupling, ToolLoop};
+use super::components::{ContactEnd, ContactStart, GraspedPoint, HapticTool, ToolCoupling, ToolGrasp};
+use super::tool_loop::ToolLoop;
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{Body, BodyError, ClosestPoint, SurfaceTree, ToolContact};
-
-/// Put it on a tool that can grasp. While its button is pressed the tool holds the point of the surface that was nearest to it
-/// when it closed, pushing and pulling; it touches again when the button is released.
-///
-/// The button is looked at once in a model step, at the newest sample that the body was moved along: a press shorter than that may
-/// not be noticed. On the hand a grasp begins and ends with the hand-over after it. What ends a grasp from outside, a body
-/// that is rebuilt with other nodes for instance, needs another press to begin it again.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
-#[require(GraspedPoint)]
-#[reflect(Component, Debug, Default, PartialEq, Clone)]
-pub struct ToolGrasp {
-    /// The button that closes it: bit i of a reading's buttons.
-    pub button: u32,
-    /// How far from the tool's position the surface may be to be grasped, m.
-    pub reach_m: f64,
-}
-
-impl Default for ToolGrasp {
-    /// The first button, 10 mm.
-    fn default() -> Self {
-        Self { button: 0, reach_m: 0.01 }
-    }
-}
-
-/// What a tool with [`ToolGrasp`] holds.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
-#[reflect(Component, Debug, Default, PartialEq, Clone)]
-pub struct GraspedPoint {
-    /// The body; `None` while it holds nothing.
-    pub body: Option<Entity>,
-    /// Where the held point is, m, world.
-    pub point_m: DVec3,
-}
 
 /// Takes hold and lets go as the buttons say.
 pub(super) fn grasp(
@@ -55,7 +23,7 @@ pub(super) fn grasp(
         let was_pressed = std::mem::replace(&mut tool.was_pressed, pressed);
         let closes = pressed && !was_pressed;
         if !pressed && tool.contact.held_point().is_some() {
-            tool.let_go(entity).map(|message| ended.write(message));
+            tool.release(entity).map(|message| ended.write(message));
         }
         let body = tool.body.and_then(|body| Some((body, bodies.get(body).ok()?.body())));
         let place = tool.path.last().map(|point| point.position_m);

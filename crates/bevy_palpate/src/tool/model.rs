@@ -1,6 +1,8 @@
 //! The model side of a step: bodies, local models, hand-over.
 
-use super::{ContactEnd, ContactStart, ForceError, HapticTool, LocalModelStats, ToolLoop};
+use super::components::{ContactEnd, ContactStart, HapticTool};
+use super::results::{ForceError, LocalModelStats};
+use super::tool_loop::ToolLoop;
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::{ModelPeriod, ModelSpan};
@@ -24,7 +26,7 @@ pub(super) fn step_bodies(
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (_, mut tool) in &mut tools {
-        tool.full_n.clear();
+        tool.full_forces_n.clear();
     }
     for (entity, mut simulated) in &mut bodies {
         let simulated = &mut *simulated;
@@ -32,13 +34,13 @@ pub(super) fn step_bodies(
             tools.iter_mut().filter(|(_, tool)| tool.body == Some(entity) && !tool.path.is_empty()).collect();
         at_it.sort_unstable_by_key(|(tool, _)| *tool);
         for (tool_entity, tool) in &mut at_it {
-            if std::mem::replace(&mut tool.touched_as, simulated.touched_as()) != simulated.touched_as() {
-                tool.forget_contact(*tool_entity).map(|message| ended.write(message));
+            if std::mem::replace(&mut tool.contact_key, simulated.contact_key()) != simulated.contact_key() {
+                tool.reset_contact(*tool_entity).map(|message| ended.write(message));
             }
         }
-        simulated.drawn.note(&simulated.body);
+        simulated.drawn.begin_step(&simulated.body);
         let before: Vec<bool> = at_it.iter().map(|(_, tool)| tool.contact.normal().is_some()).collect();
-        let stepped = step(&mut simulated.body, &mut at_it, (span.ticks(), span.most_ticks()));
+        let stepped = step(&mut simulated.body, &mut at_it, (span.ticks(), span.max_ticks()));
         for ((tool_entity, tool), was_touching) in at_it.iter_mut().zip(before) {
             let (tool_entity, contact) = (*tool_entity, &tool.contact);
             match (was_touching, contact.normal().zip(contact.touched().first())) {
@@ -99,7 +101,7 @@ fn step(
         } else {
             // One for each of its own ticks.
             let pace = pace(tool);
-            tool.full_n.extend((1..=pace.samples).filter_map(|i| forces.get(pace.tick_of(i) - 1)));
+            tool.full_forces_n.extend((1..=pace.samples).filter_map(|i| forces.get(pace.tick_of(i) - 1)));
         }
     }
     stepped
@@ -157,7 +159,7 @@ fn stretch(path: &[ToolPoint], pace: Pace) -> Vec<ToolPoint> {
 /// Compares what every loop displayed with what the full body says for the same samples.
 pub(super) fn measure_force_error(mut tools: Query<&mut ToolLoop>) {
     for mut tool in &mut tools {
-        let ToolLoop { handle, full_n, consumed, error, .. } = &mut *tool;
+        let ToolLoop { handle, full_forces_n: full_n, consumed, error, .. } = &mut *tool;
         let displayed = handle.displayed();
         let first = consumed.and_then(|newest| newest.checked_sub(full_n.len() as u64));
         let pair = |(i, full): (usize, &DVec3)| Some((displayed.get(first? + 1 + i as u64)?, *full));
@@ -189,7 +191,16 @@ pub(super) fn build_local_models(
         .collect();
     for (entity, asked, mut tool, mut newest) in &mut tools {
         let ToolLoop {
-            handle, contact, path, consumed, body, built, support, has_support, was_beyond, ..
+            handle,
+            contact,
+            path,
+            consumed,
+            body,
+            built,
+            support,
+            has_support,
+            reported_beyond_support: was_beyond,
+            ..
         } = &mut *tool;
         *built = false;
         let (Some(&point), Some(sequence)) = (path.last().filter(|_| path.len() > 1), *consumed) else {

@@ -1,7 +1,5 @@
 //! What a tool shows of itself.
 
-use super::ToolLoop;
-use crate::schedule::ModelOverstep;
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_haptics::TickRecord;
@@ -149,13 +147,6 @@ impl ForceError {
     }
 }
 
-/// Writes the errors of all tools.
-pub(super) fn write_errors(mut tools: Query<(&ToolLoop, &mut ForceError)>) {
-    for (tool, mut error) in &mut tools {
-        error.set_if_neq(tool.error);
-    }
-}
-
 /// What a tool touches now.
 ///
 /// One rule holds whenever a tool and a body come together otherwise than by the tool's motion: the body is spawned, replaced by one
@@ -221,133 +212,6 @@ impl TickRecording {
         }
         if self.samples.len() / 2 >= self.keep {
             self.samples.drain(..self.samples.len() - self.keep);
-        }
-    }
-}
-
-/// Writes the results of every tool.
-pub(super) fn write_results(
-    mut tools: Query<(&mut ToolLoop, &mut ToolForce, &mut LoopTiming, &mut TouchedBody)>,
-) {
-    for (mut tool, mut force, mut timing, mut touching) in &mut tools {
-        let body = tool.body.filter(|_| tool.is_in_contact());
-        touching.set_if_neq(TouchedBody { body, state: tool.contact_state() });
-        let tick_s = tool.handle.config().hand_over.tick_s;
-        if let Some(TickRecord { rendered: spoken, safety, force_n, sample, .. }) = tool.handle.latest_tick()
-        {
-            let newest = sample.map_or(0, |sample| sample.sequence);
-            let age = spoken.model.map_or(0, |model| newest.saturating_sub(model.sequence));
-            *force = ToolForce {
-                force_n,
-                model_force_n: spoken.force_n,
-                safety_limited: safety.acted(),
-                model_age_s: age as f64 * tick_s,
-                ..*force
-            };
-        }
-        let report = tool.handle.report();
-        if let Some(swap) = report.last_swap {
-            (force.swap_force_jump_n, force.swap_energy_jump_j) = (swap.force_jump_n, swap.energy_jump_j);
-        }
-        timing.set_if_neq(LoopTiming {
-            ticks: report.ticks,
-            missed_deadlines: report.missed_deadlines,
-            lateness_p50_us: report.lateness.quantile_us(0.5),
-            lateness_p99_us: report.lateness.quantile_us(0.99),
-            lateness_p999_us: report.lateness.quantile_us(0.999),
-            lateness_max_us: report.lateness.max_us(),
-            on_time_ratio_100: report.success.on_time_ratio_100(),
-            on_time_ratio_1000: report.success.on_time_ratio_1000(),
-            overruns: report.overruns,
-            cost_p50_us: report.cost.quantile_us(0.5),
-            cost_p99_us: report.cost.quantile_us(0.99),
-            read_p99_us: report.read.quantile_us(0.99),
-            write_p99_us: report.write.quantile_us(0.99),
-            unconverged_ticks: report.unconverged_ticks,
-            rejected_readings: report.rejected_readings,
-            device_errors: report.device_errors,
-            models_rejected: report.models_rejected,
-            dropped_events: report.dropped_events,
-        });
-    }
-}
-
-/// Where a tool was at a model step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Pose {
-    /// The sample's number.
-    sequence: u64,
-    /// From the device to the tool behind its coupling, m.
-    behind_m: DVec3,
-}
-
-impl ToolLoop {
-    fn contact_state(&self) -> ContactState {
-        if self.body.is_none() {
-            ContactState::NoBody
-        } else if self.contact.held_point().is_some() {
-            ContactState::Holding
-        } else if !self.contact.touched().is_empty() {
-            ContactState::Touching
-        } else if self.contact.is_clear() {
-            ContactState::Clear
-        } else {
-            ContactState::Inside
-        }
-    }
-
-    /// From the device to the tool behind its coupling, m, at the last model step. The tool's [`Transform`] is where the tool is.
-    #[must_use]
-    pub fn proxy_offset_m(&self) -> DVec3 {
-        self.poses.map_or(DVec3::ZERO, |[_, last]| last.behind_m)
-    }
-}
-
-/// Notes where every tool is at a model step.
-pub(super) fn record_poses(mut tools: Query<&mut ToolLoop>) {
-    for mut tool in &mut tools {
-        let ToolLoop { path, contact, consumed, poses, .. } = &mut *tool;
-        if let (Some(point), Some(sequence)) = (path.last(), *consumed) {
-            let behind_m = contact.proxy_m(point.position_m) - point.position_m;
-            let now = Pose { sequence, behind_m };
-            *poses = Some([poses.map_or(now, |[_, last]| last), now]);
-        }
-    }
-}
-
-/// Moves every tool, every frame, to where it was when the bodies were as they are drawn: between the last two model steps.
-pub(super) fn interpolate_tool_transforms(
-    mut tools: Query<(&mut ToolLoop, &mut Transform, Option<&ChildOf>)>,
-    parents: Query<&GlobalTransform>,
-    overstep: ModelOverstep,
-) {
-    let share = overstep.share();
-    for (mut tool, mut transform, child_of) in &mut tools {
-        let ToolLoop { handle, poses, .. } = &mut *tool;
-        // `latest_tick` and `samples` read the same buffer; neither takes anything out of it.
-        let samples = handle.samples();
-        let (sample, behind_m) = match poses {
-            Some([from, to]) => {
-                let ticks = (share * to.sequence.saturating_sub(from.sequence) as f64).round();
-                let sample = samples.get(from.sequence + ticks as u64).or(samples.newest());
-                (sample, from.behind_m.lerp(to.behind_m, share))
-            }
-            None => (samples.newest(), DVec3::ZERO),
-        };
-        let Some(sample) = sample else { continue };
-        let place = Transform {
-            translation: (sample.position_m + behind_m).as_vec3(),
-            rotation: sample.orientation.as_quat(),
-            scale: transform.scale,
-        };
-        // Where there is a parent it is in that one's frame.
-        let parent = child_of.and_then(|child_of| parents.get(child_of.parent()).ok());
-        let place = match parent {
-            Some(parent) => GlobalTransform::from(place).reparented_to(parent),
-            None => place,
-        };
-        if place.is_finite() {
-            transform.set_if_neq(place);
         }
     }
 }

@@ -1,6 +1,8 @@
 //! What is set of a tool's loop while it runs.
 
-use super::{TickRecording, ToolLoop, ToolSettings};
+use super::components::ToolSettings;
+use super::results::TickRecording;
+use super::tool_loop::ToolLoop;
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::schedule::{LoopMode, ModelPeriod};
@@ -9,13 +11,13 @@ use palpate_haptics::{LoopSettings, SafetySettings};
 use palpate_local::ModelId;
 
 /// Takes changed settings if they make sense; if not, says so once and keeps the old ones.
-pub(super) fn check_settings(
+pub(super) fn validate_settings(
     mut tools: Query<(Entity, &ToolSettings, &mut ToolLoop), Changed<ToolSettings>>,
     period: ModelPeriod,
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, settings, mut tool) in &mut tools {
-        match loop_settings(settings, tool.of_device, period.s()).validate() {
+        match loop_settings(settings, tool.device_safety, period.s()).validate() {
             Ok(()) => tool.settings = *settings,
             Err(error) => {
                 faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::Settings(error) });
@@ -25,7 +27,7 @@ pub(super) fn check_settings(
 }
 
 /// Sets every loop to what its tool's settings and the app ask for.
-pub(super) fn set_loops(
+pub(super) fn apply_settings(
     mut tools: Query<(&mut ToolLoop, Has<TickRecording>)>,
     bodies: Query<(), With<SimulatedBody>>,
     time: Res<Time<Virtual>>,
@@ -33,7 +35,7 @@ pub(super) fn set_loops(
     period: ModelPeriod,
 ) {
     // At another speed than that of real time a thread cannot follow.
-    let paused = time.is_paused() || *clock == LoopMode::Thread && time.relative_speed_f64() != 1.0;
+    let paused = time.is_paused() || *clock == LoopMode::Threaded && time.relative_speed_f64() != 1.0;
     for (mut tool, record) in &mut tools {
         tool.was_paused |= paused;
         let body = tool.body.filter(|&body| bodies.contains(body)).map_or(ModelId::NO_BODY, Entity::to_bits);
@@ -48,7 +50,7 @@ pub(super) fn set_loops(
             body: Some(body),
             paused,
             record,
-            ..loop_settings(&tool.settings, tool.of_device, period.s())
+            ..loop_settings(&tool.settings, tool.device_safety, period.s())
         };
         if asked != *tool.handle.settings() {
             // They have been checked; the loop would keep its old ones.

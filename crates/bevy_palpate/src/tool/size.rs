@@ -1,21 +1,13 @@
 //! Compares the size of a tool with the body it touches.
 
-use super::{HapticTool, ToolLoop};
+use super::components::HapticTool;
+use super::tool_loop::{ComparedSizes, ToolLoop};
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind, ToolSizeFault};
 use bevy::prelude::*;
-use palpate_body::ToolShape;
 
 /// Smallest radius of a tool as a share of a cell.
 const LEAST_OF_CELL: f64 = 0.1;
-
-/// A body, its shape ([`SimulatedBody::shape`]) and a tool's shape.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct ComparedSizes {
-    body: Entity,
-    shape: u64,
-    tool: ToolShape,
-}
 
 /// Reports once for each pair of a touching tool and a body that the tool is too small or too large.
 pub(super) fn report_sizes(

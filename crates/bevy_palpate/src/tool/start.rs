@@ -1,210 +1,25 @@
 //! A tool's loop: started and stopped.
 
-use super::convergence::ConvergenceWatch;
-use super::no_force::ForceWatch;
-use super::results::Pose;
+use super::components::{ContactEnd, HapticTool, ToolSettings};
+use super::convergence_watch::ConvergenceWatch;
+use super::force_watch::ForceWatch;
+use super::results::{ForceError, TickRecording};
 use super::settings::loop_settings;
-use super::size::ComparedSizes;
-use super::{
-    ContactEnd, ForceError, GraspedPoint, HapticTool, LocalModelStats, TickRecording, ToolForce,
-    ToolSettings, TouchedBody,
-};
-use crate::device::{DeviceSelector, HapticDevices};
+use super::tool_loop::{Driver, ToolLoop};
+use crate::device::HapticDevices;
 use crate::fault::{DeviceFault, HapticFault, HapticFaultKind};
 use crate::schedule::{LoopMode, ModelPeriod};
-use bevy::ecs::lifecycle::HookContext;
-use bevy::ecs::world::DeferredWorld;
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
 use glam::{DMat3, DVec3};
-use palpate_body::{ToolContact, ToolPoint};
+use palpate_body::ToolContact;
 use palpate_haptics::{
-    DeviceDescription, HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopReport, LoopSettings,
-    LoopThread, SafetySettings, StopOutcome, haptic_loop,
+    HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopSettings, SafetySettings, haptic_loop,
 };
 use palpate_local::{Capacity, HandOverSettings, NearFieldCapacity};
 
-/// The running loop of a tool, and the model side's account of it. Removing it stops the loop.
-#[derive(Component, Debug)]
-#[component(on_remove = stop_loop)]
-pub struct ToolLoop {
-    pub(crate) handle: HapticHandle,
-    pub(super) driver: Driver,
-    pub(crate) contact: ToolContact,
-    /// The same contact before it touches or holds anything.
-    pub(super) untouched: ToolContact,
-    /// The button that grasps was pressed when it was last looked at.
-    pub(super) was_pressed: bool,
-    /// The body it touches or can touch.
-    pub(crate) body: Option<Entity>,
-    /// The shape and place of that body to which the contact belongs.
-    pub(super) touched_as: (u64, u64),
-    /// Sequence number of the sample up to which the body has been moved.
-    pub(crate) consumed: Option<u64>,
-    /// The path since then: where it began and one point for each tick.
-    pub(crate) path: Vec<ToolPoint>,
-    /// The support set of the last local model, of the body's shape of then.
-    pub(super) support: Vec<usize>,
-    /// Whether there was one: nothing within reach is a support set too.
-    pub(super) has_support: bool,
-    /// It has been said that the tool touched beyond that.
-    pub(super) was_beyond: bool,
-    /// What the full body displayed over the last model step, tick by tick, N.
-    pub(crate) full_n: Vec<DVec3>,
-    /// How far the loop was from that.
-    pub(super) error: ForceError,
-    /// Where the tool was at the last two model steps.
-    pub(super) poses: Option<[Pose; 2]>,
-    /// A local model waits to be published.
-    pub(super) built: bool,
-    /// There has been a pause since the last model step.
-    pub(super) was_paused: bool,
-    /// The entity that was refused to it as a body, so that it is said once.
-    pub(super) refused_body: Option<Entity>,
-    /// Why no force is rendered, if none is.
-    pub(super) force_watch: ForceWatch,
-    /// Ticks of the last second at which the loop's contact solver did not converge.
-    pub(super) convergence: ConvergenceWatch,
-    /// The body, its shape and the tool's shape whose sizes have been compared.
-    pub(super) compared_sizes: Option<ComparedSizes>,
-    /// Description of the device at the start of the loop.
-    pub(super) description: DeviceDescription,
-    /// The force that the device can show of a unit force along each axis, its own frame.
-    pub(super) shown: DMat3,
-    /// The newest settings that make sense.
-    pub(crate) settings: ToolSettings,
-    /// The safety chain's settings that follow from the device's description.
-    pub(crate) of_device: SafetySettings,
-    /// How often the device has been stopped by the watchdog, as far as that has been said.
-    pub(super) emergency_stops: u64,
-    /// Events lost, as far as that has been said.
-    pub(super) dropped_events: u64,
-    /// Sequence number of the newest sample that has been recorded, and records lost so far.
-    pub(super) recorded_to: Option<u64>,
-    pub(super) dropped_records: u64,
-    pub(crate) device: DeviceSelector,
-}
-
 /// Length of a tick, s.
 const TICK_S: f64 = 1e-3;
-
-/// What makes the loop tick.
-pub(super) enum Driver {
-    Thread(LoopThread),
-    Lockstep(Box<SyncCell<Lockstep<dyn HapticDevice>>>),
-    Stopped,
-}
-
-impl Driver {
-    /// Ends the loop with zero force; what did not go well is a fault.
-    pub(super) fn stop(&mut self) -> Option<HapticFaultKind> {
-        match std::mem::replace(self, Self::Stopped) {
-            Self::Thread(mut thread) => match thread.stop() {
-                StopOutcome::Joined | StopOutcome::AlreadyStopped => None,
-                StopOutcome::Panicked => Some(HapticFaultKind::LoopEnded),
-                StopOutcome::Detached => Some(HapticFaultKind::LoopDetached),
-            },
-            // Dropping it writes zero force and closes the device.
-            Self::Lockstep(_) | Self::Stopped => None,
-        }
-    }
-}
-
-impl std::fmt::Debug for Driver {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Thread(_) => "Thread",
-            Self::Lockstep(_) => "Lockstep",
-            Self::Stopped => "Stopped",
-        })
-    }
-}
-
-impl ToolLoop {
-    /// The body that the tool touches or can touch.
-    #[must_use]
-    pub fn body(&self) -> Option<Entity> {
-        self.body
-    }
-
-    /// How the tool acts on that body now.
-    #[must_use]
-    pub fn contact(&self) -> &ToolContact {
-        &self.contact
-    }
-
-    /// Whether it touches or holds something.
-    pub(super) fn is_in_contact(&self) -> bool {
-        !self.contact.touched().is_empty() || self.contact.held_point().is_some()
-    }
-
-    /// The support set of its newest local model, as the body numbers its nodes; empty for a scheme that has none.
-    #[must_use]
-    pub fn support(&self) -> &[usize] {
-        if self.has_support { &self.support } else { &[] }
-    }
-
-    /// The loop's newest account of itself: counters and histograms since its start.
-    pub fn report(&mut self) -> &LoopReport {
-        self.handle.report()
-    }
-
-    /// Lets go, and begins again as a tool that has just met its body; the message to be written if something was touched or held.
-    #[must_use]
-    pub(super) fn forget_contact(&mut self, tool: Entity) -> Option<ContactEnd> {
-        let ended = self.let_go(tool);
-        self.contact = self.untouched.clone();
-        ended
-    }
-
-    /// Lets go of what is touched or held; the message to be written if something was.
-    #[must_use]
-    pub(super) fn let_go(&mut self, tool: Entity) -> Option<ContactEnd> {
-        self.has_support = false;
-        let held = self.contact.held_point().is_some();
-        if held {
-            self.contact = self.untouched.clone();
-        }
-        let touched = self.contact.release();
-        self.body.filter(|_| touched || held).map(|body| ContactEnd { tool, body })
-    }
-}
-
-/// What a loop leaves behind: zero force, no contact, and a word about a device that did not let it end.
-fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
-    let Some(mut tool) = world.get_mut::<ToolLoop>(entity) else { return };
-    let (fault, ended) = (tool.driver.stop(), tool.let_go(entity));
-    // Its last words, and its last ticks.
-    let (mut kinds, mut rest) = (Vec::from_iter(fault), TickRecording::default());
-    tool.take_faults(&mut |kind| kinds.push(kind));
-    tool.record(&mut rest);
-    if let Some(mut recording) = world.get_mut::<TickRecording>(entity) {
-        recording.samples.append(&mut rest.samples);
-        recording.records.append(&mut rest.records);
-        recording.dropped += rest.dropped;
-    }
-    if let Some(mut faults) = world.get_resource_mut::<Messages<HapticFault>>() {
-        faults.write_batch(kinds.into_iter().map(|kind| HapticFault { entity: Some(entity), kind }));
-    }
-    if let (Some(ended), Some(mut messages)) = (ended, world.get_resource_mut::<Messages<ContactEnd>>()) {
-        messages.write(ended);
-    }
-    if let Some(mut force) = world.get_mut::<ToolForce>(entity) {
-        *force = ToolForce::default();
-    }
-    if let Some(mut touching) = world.get_mut::<TouchedBody>(entity) {
-        *touching = TouchedBody::default();
-    }
-    if let Some(mut grasping) = world.get_mut::<GraspedPoint>(entity) {
-        *grasping = GraspedPoint::default();
-    }
-    if let Some(mut newest) = world.get_mut::<LocalModelStats>(entity) {
-        *newest = LocalModelStats::default();
-    }
-    if let Some(mut error) = world.get_mut::<ForceError>(entity) {
-        *error = ForceError::default();
-    }
-}
 
 /// A tool that is a tool no longer has no loop.
 pub(super) fn remove_loop(removed: On<Remove, HapticTool>, mut commands: Commands) {
@@ -213,7 +28,7 @@ pub(super) fn remove_loop(removed: On<Remove, HapticTool>, mut commands: Command
 
 /// A tool whose device was not there.
 #[derive(Debug)]
-pub(super) struct Waiting {
+pub(super) struct RetryStart {
     tool: Entity,
     /// When it is looked for again, s of real time.
     again_s: f64,
@@ -222,7 +37,7 @@ pub(super) struct Waiting {
 }
 
 /// Devices that may be plugged in are looked for so often, s: it may cost a frame.
-const LOOK_S: f64 = 2.0;
+const RETRY_S: f64 = 2.0;
 
 /// Starts a loop for every new tool, another one for a tool whose device has changed, and tries again what could
 /// not be started when something has changed that may help, or, on threads, when a device may have been plugged in.
@@ -232,7 +47,7 @@ pub(super) fn start_loops(
     devices: Res<HapticDevices>,
     clock: Res<LoopMode>,
     period: ModelPeriod,
-    (time, mut waiting): (Option<Res<Time<Real>>>, Local<Vec<Waiting>>),
+    (time, mut waiting): (Option<Res<Time<Real>>>, Local<Vec<RetryStart>>),
     (mut ended, mut faults): (MessageWriter<ContactEnd>, MessageWriter<HapticFault>),
 ) {
     let now_s = time.map_or(0.0, |time| time.elapsed_secs_f64());
@@ -261,7 +76,7 @@ pub(super) fn start_loops(
                 let is_same =
                     |a: &ToolContact, b: &ToolContact| (a.shape(), a.coupling()) == (b.shape(), b.coupling());
                 if !is_same(&running.untouched, &contact) {
-                    running.let_go(entity).map(|message| ended.write(message));
+                    running.release(entity).map(|message| ended.write(message));
                     running.untouched = contact.clone();
                     running.contact = contact;
                 }
@@ -293,13 +108,13 @@ pub(super) fn start_loops(
                     contact,
                     was_pressed: false,
                     body: None,
-                    touched_as: (0, 0),
+                    contact_key: (0, 0),
                     consumed: None,
                     path: Vec::with_capacity(256),
                     support: Vec::new(),
                     has_support: false,
-                    was_beyond: false,
-                    full_n: Vec::with_capacity(256),
+                    reported_beyond_support: false,
+                    full_forces_n: Vec::with_capacity(256),
                     error: ForceError::default(),
                     poses: None,
                     built: false,
@@ -309,9 +124,9 @@ pub(super) fn start_loops(
                     convergence: ConvergenceWatch::default(),
                     compared_sizes: None,
                     description,
-                    shown,
+                    device_resolution: shown,
                     settings: *settings,
-                    of_device,
+                    device_safety: of_device,
                     emergency_stops: 0,
                     dropped_events: 0,
                     recorded_to: None,
@@ -320,7 +135,7 @@ pub(super) fn start_loops(
                 });
             }
             Err(error) => {
-                let may_come = error.is_about_what_is_plugged_in() && *clock == LoopMode::Thread;
+                let may_come = error.is_about_what_is_plugged_in() && *clock == LoopMode::Threaded;
                 let kind = HapticFaultKind::Device(error);
                 let told = kind.report();
                 // Once, and again when it is another one.
@@ -328,7 +143,7 @@ pub(super) fn start_loops(
                     fault(kind);
                 }
                 if may_come {
-                    waiting.push(Waiting { tool: entity, again_s: now_s + LOOK_S, told });
+                    waiting.push(RetryStart { tool: entity, again_s: now_s + RETRY_S, told });
                 }
             }
         }
@@ -337,7 +152,7 @@ pub(super) fn start_loops(
 
 /// Room for local models of any body, which a tool may meet while its loop runs: for support sets of 27 nodes, as surfaces carried
 /// by cells need them, each with eight points of the surface.
-const ROOM: Capacity = Capacity {
+const MAX_CAPACITY: Capacity = Capacity {
     order: 96,
     near: NearFieldCapacity { nodes: 27, order: 96, ring: 400, springs: 702, points: 216, triangles: 864 },
 };
@@ -349,11 +164,11 @@ fn start(
 ) -> Result<(HapticHandle, Driver), DeviceFault> {
     let description = device.describe();
     description.validate()?;
-    let hand_over = HandOverSettings { capacity: ROOM, ..HandOverSettings::default() };
+    let hand_over = HandOverSettings { capacity: MAX_CAPACITY, ..HandOverSettings::default() };
     let config = LoopConfig { device: description.limits(), hand_over, ..LoopConfig::default() };
     let (handle, haptic_loop) = haptic_loop(config, settings)?;
     let driver = match clock {
-        LoopMode::Thread => Driver::Thread(haptic_loop.spawn(device)?),
+        LoopMode::Threaded => Driver::Thread(haptic_loop.spawn(device)?),
         LoopMode::Lockstep => Driver::Lockstep(Box::new(SyncCell::new(Lockstep::new(haptic_loop, device)?))),
     };
     Ok((handle, driver))

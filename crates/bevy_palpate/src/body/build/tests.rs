@@ -54,14 +54,14 @@ fn until(app: &mut App, mut done: impl FnMut(&mut App) -> bool) {
 }
 
 fn is_making(app: &App, entity: Entity) -> bool {
-    matches!(app.world().get::<BodyBuild>(entity), Some(BodyBuild::Making(_)))
+    matches!(app.world().get::<BodyBuild>(entity), Some(BodyBuild::Running(_)))
 }
 
 /// Holds back the build that is under way.
 fn hold(app: &mut App, entity: Entity) -> Gate {
     let (gate, pool) = (Gate::default(), AsyncComputeTaskPool::get());
     let mut build = app.world_mut().get_mut::<BodyBuild>(entity).unwrap();
-    let BodyBuild::Making(making) = &mut *build else { panic!("nothing is being made") };
+    let BodyBuild::Running(making) = &mut *build else { panic!("nothing is being made") };
     let task = std::mem::replace(&mut making.task, pool.spawn(pending()));
     let passed = gate.clone().passed();
     making.task = pool.spawn(async move {

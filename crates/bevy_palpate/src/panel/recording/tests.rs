@@ -73,7 +73,7 @@ fn grasping_app(device: DeviceSelector) -> (App, Entity) {
     use crate::prelude::*;
     let mut app = App::new();
     app.add_plugins(MinimalPlugins)
-        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { clock: LoopMode::Lockstep, ..default() }))
+        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { mode: LoopMode::Lockstep, ..default() }))
         .insert_resource(Time::<Fixed>::from_hz(20.0))
         .insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(std::time::Duration::from_millis(
             50,
@@ -177,7 +177,7 @@ fn wait(recorder: &mut Recorder) {
     recorder.writing = Some(IoTaskPool::get().spawn(async move { done }));
     while recorder.is_writing() {
         std::thread::yield_now();
-        recorder.look();
+        recorder.poll();
     }
 }
 
@@ -229,7 +229,7 @@ fn a_recording_that_no_file_can_hold_is_not_kept() {
 fn what_could_not_be_written_can_be_thrown_away() {
     let mut recorder = Recorder { unwritten: vec![Reading::at(DVec3::X); 10], ..Recorder::default() };
     assert_eq!(recorder.unwritten_s(), Some(0.01));
-    recorder.throw_away();
+    recorder.discard();
     assert_eq!(recorder.unwritten_s(), None);
 }
 
@@ -243,7 +243,7 @@ fn going_back_gives_the_first_device_however_many_replays_there_were() {
         recorder.replay((Entity::PLACEHOLDER, &mut tool), path.clone(), &HapticDevices::default());
         assert_eq!(tool.device, DeviceSelector::replay(path));
     }
-    recorder.go_back((Entity::PLACEHOLDER, &mut tool));
+    recorder.restore_device((Entity::PLACEHOLDER, &mut tool));
     assert_eq!(tool.device, DeviceSelector::default());
     std::fs::remove_dir_all(folder).ok();
 }

@@ -48,19 +48,19 @@ fn a_material_that_the_body_refuses_gives_way_to_the_last_good_one() {
     // Dragged: two changes before the body has been made of the first.
     view.try_tissue(body, good, of(1e5));
     view.try_tissue(body, of(1e5), of(1e9));
-    assert_eq!(view.take_back_tissue(other, of(1e9), "no"), None);
-    assert_eq!(view.take_back_tissue(body, of(1e9), "too stiff"), Some(good));
+    assert_eq!(view.revert_tissue(other, of(1e9), "no"), None);
+    assert_eq!(view.revert_tissue(body, of(1e9), "too stiff"), Some(good));
     assert_eq!(refused(&view, Part::Material), "too stiff. The material before is back.");
-    assert_eq!(view.take_back_tissue(body, good, "again"), None);
+    assert_eq!(view.revert_tissue(body, good, "again"), None);
     // What the body was made of in between is the last good one.
     view.try_tissue(body, good, of(1e5));
-    view.settle_tissue(|_| Some(good));
+    view.confirm_tissue(|_| Some(good));
     assert!(view.trial.is_some(), "it is not made of that yet");
-    view.settle_tissue(|_| Some(of(1e5)));
+    view.confirm_tissue(|_| Some(of(1e5)));
     assert_eq!(view.trial, None);
     view.try_tissue(body, of(1e5), of(1e9));
     // The app has set another one meanwhile: that is not the panel's to take back.
-    assert_eq!(view.take_back_tissue(body, of(2e5), "too stiff"), None);
+    assert_eq!(view.revert_tissue(body, of(2e5), "too stiff"), None);
 }
 
 #[test]
@@ -97,7 +97,7 @@ fn typed(text: &str) -> f64 {
     for events in inputs {
         let input = egui::RawInput { events, ..egui::RawInput::default() };
         let mut output = context.run_ui(input, |ui| {
-            Number::new("Young's modulus", "kPa", 1e3, 1.0..=200.0).log().show(ui, &mut value);
+            NumberField::new("Young's modulus", "kPa", 1e3, 1.0..=200.0).log().show(ui, &mut value);
         });
         output.textures_delta.clear();
     }

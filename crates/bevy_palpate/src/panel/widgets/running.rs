@@ -16,7 +16,7 @@ impl HapticWidgets<'_, '_> {
         let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
         let lamps = &mut self.panel.bypass_change_detection().view.lamps;
         if let Some(running) = &mut shown.running {
-            lamps.look(running.handle.black_box(), now_s);
+            lamps.update(running.handle.black_box(), now_s);
         }
         lamps.show(ui, now_s);
     }

@@ -1,7 +1,10 @@
-//! From what is asked for to a body: plain computation, which knows no app.
+//! Builds a body from its components: plain computation without access to the app, so that a background task can run it.
 
-use super::source::Source;
-use super::{BoxFace, DeformableBody, FixedRegion, Inclusion, MeshReport, Slit, Tissue};
+use super::mesh_source::Source;
+use super::region::BoxFace;
+use super::shape::{DeformableBody, FixedRegion, Slit};
+use super::simulated::MeshReport;
+use super::tissue::{Inclusion, Tissue};
 use crate::fault::HapticFaultKind;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
@@ -11,7 +14,7 @@ use palpate_body::{
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use std::sync::Arc;
 
-/// All that makes a body, so that it can be made elsewhere.
+/// Copies of the components that describe a body.
 pub(super) struct BuildInput {
     pub(super) shape: DeformableBody,
     pub(super) tissue: Tissue,
@@ -22,25 +25,25 @@ pub(super) struct BuildInput {
     pub(super) translation_m: DVec3,
 }
 
-/// What is made.
+/// A body that has been built.
 pub(super) struct BuildOutput {
     pub(super) body: Body,
     pub(super) builder: LocalModelBuilder,
-    /// Of a mesh: how it is drawn, and itself.
+    /// Of a mesh: the skin that moves its vertices, and the closed mesh.
     pub(super) skin: Option<Skin>,
     pub(super) closed: Option<Arc<ClosedMesh>>,
     pub(super) report: Option<MeshReport>,
 }
 
-/// Why nothing is made.
+/// Why a build failed.
 pub(super) struct BuildError {
     pub(super) kind: HapticFaultKind,
-    /// Whether the mesh itself is at fault, whatever else is asked for.
-    pub(super) is_of_mesh: bool,
+    /// Whether the mesh itself was rejected, whatever the other components are.
+    pub(super) is_mesh_error: bool,
 }
 
-/// The place of a body, unless its transform is not finite, scaled, mirrored or sheared.
-pub(super) fn place(transform: &GlobalTransform) -> Result<(DQuat, DVec3), HapticFaultKind> {
+/// Rotation and translation of a body; rejects a transform that is not finite, or is scaled, mirrored or sheared.
+pub(super) fn checked_pose(transform: &GlobalTransform) -> Result<(DQuat, DVec3), HapticFaultKind> {
     let affine = transform.affine();
     let (x, y, z) = (affine.x_axis, affine.y_axis, affine.z_axis);
     if !(affine.matrix3.is_finite() && affine.translation.is_finite()) {
@@ -56,15 +59,15 @@ pub(super) fn place(transform: &GlobalTransform) -> Result<(DQuat, DVec3), Hapti
 }
 
 impl BuildInput {
-    /// Makes the body; of `source`, if it is a mesh.
-    pub(super) fn make(&self, source: Option<Source>) -> Result<BuildOutput, BuildError> {
+    /// Builds the body, from `source` if it is one of a mesh.
+    pub(super) fn build(&self, source: Option<Source>) -> Result<BuildOutput, BuildError> {
         let kind = |error| match error {
             ReduceError::Body(error) => HapticFaultKind::BuildBody(error),
             error => HapticFaultKind::LocalModel(error),
         };
         let closed = match source.map(Source::close).transpose() {
             Ok(closed) => closed,
-            Err(error) => return Err(BuildError { kind: kind(error.into()), is_of_mesh: true }),
+            Err(error) => return Err(BuildError { kind: kind(error.into()), is_mesh_error: true }),
         };
         let build = || -> Result<BuildOutput, ReduceError> {
             let (body, skin, report) = match (&self.shape, &closed) {
@@ -73,15 +76,15 @@ impl BuildInput {
                     (body, Some(skin), Some(report))
                 }
                 (DeformableBody::Block { nodes, size_m }, _) => (self.block(*nodes, *size_m)?, None, None),
-                // A mesh is made of a mesh.
+                // The source of a mesh is a mesh.
                 (DeformableBody::Mesh(_), None) => return Err(BodyError::NoNodes.into()),
             };
-            // A body that cannot be stepped is refused here, not at its first step.
+            // A body that cannot be stepped is rejected here, and not at its first step.
             SemiImplicitEuler::default().substeps(&body)?;
             let builder = LocalModelBuilder::new(&body, BuilderOptions::of(&body))?;
             Ok(BuildOutput { body, builder, skin, closed, report })
         };
-        build().map_err(|error| BuildError { kind: kind(error), is_of_mesh: false })
+        build().map_err(|error| BuildError { kind: kind(error), is_mesh_error: false })
     }
 
     fn block(&self, nodes: [usize; 3], size_m: DVec3) -> Result<Body, BodyError> {
@@ -117,7 +120,7 @@ impl BuildInput {
         for &region in self.fixed.regions() {
             block = block.fix_within(region.into());
         }
-        if self.fixed.is_nothing() {
+        if self.fixed.is_none() {
             block = block.allow_unconstrained();
         }
         if let Some(Slit { length_m, depth_m, opening_m: gape_m }) = self.slit {
@@ -143,7 +146,7 @@ impl BuildInput {
         if let FixedRegion::Vertices(vertices) = &self.fixed {
             lattice = lattice.fix_vertices(vertices)?;
         }
-        if self.fixed.is_nothing() {
+        if self.fixed.is_none() {
             lattice = lattice.allow_unconstrained();
         }
         for &Inclusion { region, tissue } in &self.inclusions {

@@ -1,15 +1,15 @@
 //! A body goes where the transform of its entity goes.
 
-use super::SimulatedBody;
-use super::build::BodyBuilds;
-use super::make::place;
+use super::construct::checked_pose;
+use super::pending::BodyBuilds;
+use super::simulated::SimulatedBody;
 use crate::fault::HapticFault;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 
 /// Carries along the bodies whose entities have been moved. What touches them lets go: their nodes are elsewhere without
 /// having moved there.
-pub(super) fn carry_bodies(
+pub(super) fn follow_transforms(
     mut bodies: Query<(Entity, &mut SimulatedBody)>,
     transforms: TransformHelper,
     mut builds: ResMut<BodyBuilds>,
@@ -17,20 +17,20 @@ pub(super) fn carry_bodies(
 ) {
     for (entity, mut simulated) in &mut bodies {
         let Ok(now) = transforms.compute_global_transform(entity) else { continue };
-        if now == simulated.place {
-            simulated.bypass_change_detection().is_refused_place = false;
+        if now == simulated.pose {
+            simulated.bypass_change_detection().reported_pose = false;
             continue;
         }
-        match place(&now) {
+        match checked_pose(&now) {
             Ok(_) => {
-                simulated.carry_to(now);
-                simulated.is_refused_place = false;
+                simulated.move_to(now);
+                simulated.reported_pose = false;
                 simulated.epoch = builds.next();
                 simulated.carried = simulated.epoch;
             }
             Err(kind) => {
                 // Said once; the body stays where it was.
-                if !std::mem::replace(&mut simulated.is_refused_place, true) {
+                if !std::mem::replace(&mut simulated.reported_pose, true) {
                     faults.write(HapticFault { entity: Some(entity), kind });
                 }
             }
@@ -41,9 +41,9 @@ pub(super) fn carry_bodies(
 impl SimulatedBody {
     /// Moves all nodes from where the entity was to where it is `now`, with their shape and motion; nowhere, if that is no
     /// place for a body.
-    pub(super) fn carry_to(&mut self, now: GlobalTransform) {
-        let (Ok((r0, t0)), Ok((r1, t1))) = (place(&self.place), place(&now)) else { return };
-        self.place = now;
+    pub(super) fn move_to(&mut self, now: GlobalTransform) {
+        let (Ok((r0, t0)), Ok((r1, t1))) = (checked_pose(&self.pose), checked_pose(&now)) else { return };
+        self.pose = now;
         let turn: DQuat = (r1 * r0.inverse()).normalize();
         let shift: DVec3 = t1 - turn * t0;
         if turn.is_near_identity() && shift == DVec3::ZERO {

@@ -7,7 +7,7 @@ use palpate_body::{Block, BodyError};
 use std::ops::RangeInclusive;
 
 /// A slider with a number beside it. The slider has a range; what is typed may be anything, and is for its type to judge.
-pub(super) struct Number {
+pub(super) struct NumberField {
     label: &'static str,
     unit: &'static str,
     /// What one unit is in the value.
@@ -19,7 +19,7 @@ pub(super) struct Number {
     unlimited: Option<&'static str>,
 }
 
-impl Number {
+impl NumberField {
     pub(super) fn new(
         label: &'static str,
         unit: &'static str,

@@ -1,7 +1,5 @@
 //! The picture of a body: a mesh that follows its nodes, every frame.
 
-use super::{DeformableBody, SimulatedBody, SourceMesh};
-use crate::schedule::ModelOverstep;
 use bevy::asset::RenderAssetUsages;
 use bevy::mesh::{Indices, PrimitiveTopology, VertexAttributeValues};
 use bevy::prelude::*;
@@ -10,26 +8,26 @@ use palpate_body::{Body, Skin};
 
 /// The mesh that a body has been given, and what it shows.
 #[derive(Debug, Default)]
-pub(crate) struct Drawn {
-    mesh: Handle<Mesh>,
+pub(crate) struct RenderMesh {
+    pub(super) mesh: Handle<Mesh>,
     /// What the entity showed before.
-    replaced: Option<Handle<Mesh>>,
+    pub(super) replaced: Option<Handle<Mesh>>,
     /// Whether the mesh has the body's vertices.
-    is_current: bool,
+    pub(super) is_current: bool,
     /// The nodes before the last model step, m; none if there has been no step.
     before_m: Vec<DVec3>,
     /// The nodes as they are shown, m, and the entity's place.
     shown_m: Vec<DVec3>,
     place: GlobalTransform,
-    positions: Vec<[f32; 3]>,
+    pub(super) positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
 }
 
 /// A node that is nearer than that to where it is shown has not moved, m: less than single precision can show of any body, and
 /// more than what is left of one that has come to rest.
-const UNMOVED_M: f64 = 1e-9;
+const MOTION_TOLERANCE_M: f64 = 1e-9;
 
-impl Drawn {
+impl RenderMesh {
     /// What the entity showed before it was given this.
     pub(super) fn replaced(&self) -> Option<&Handle<Mesh>> {
         self.replaced.as_ref()
@@ -52,7 +50,7 @@ impl Drawn {
     }
 
     /// Notes where the nodes are before a model step.
-    pub(crate) fn note(&mut self, body: &Body) {
+    pub(crate) fn begin_step(&mut self, body: &Body) {
         self.before_m.clear();
         self.before_m.extend_from_slice(body.positions_m());
     }
@@ -63,7 +61,7 @@ impl Drawn {
     }
 
     /// Moves what is shown to `share` of the way through the last model step; whether anything moved.
-    fn move_nodes(&mut self, body: &Body, share: f64, place: &GlobalTransform) -> bool {
+    pub(super) fn move_nodes(&mut self, body: &Body, share: f64, place: &GlobalTransform) -> bool {
         let x = body.positions_m();
         let mut moved = self.place != *place || self.shown_m.len() != x.len();
         self.place = *place;
@@ -72,7 +70,7 @@ impl Drawn {
             // To the bit where it is if it has not moved, whatever the share; `lerp` is not.
             let between = |before: &DVec3| *before + (x[index] - *before) * share;
             let at = self.before_m.get(index).map_or(x[index], between);
-            if at.distance_squared(*shown) > UNMOVED_M * UNMOVED_M {
+            if at.distance_squared(*shown) > MOTION_TOLERANCE_M * MOTION_TOLERANCE_M {
                 (*shown, moved) = (at, true);
             }
         }
@@ -80,7 +78,7 @@ impl Drawn {
     }
 
     /// Writes vertices and normals, in the frame of the entity.
-    fn write(&mut self, body: &Body, skin: Option<&mut Skin>) {
+    pub(super) fn write(&mut self, body: &Body, skin: Option<&mut Skin>) {
         let affine = self.place.affine();
         let to_local = affine.inverse();
         // What is flattened has no frame of its own; such a transform is refused, and what was drawn stays.
@@ -123,7 +121,7 @@ impl Drawn {
     }
 
     /// Copies vertices and normals into `mesh`, if it has as many.
-    fn copy_to(&self, mesh: &mut Mesh) -> bool {
+    pub(super) fn copy_to(&self, mesh: &mut Mesh) -> bool {
         let lists = [(Mesh::ATTRIBUTE_POSITION, &self.positions), (Mesh::ATTRIBUTE_NORMAL, &self.normals)];
         lists.into_iter().all(|(id, from)| match mesh.try_attribute_mut(id) {
             Ok(VertexAttributeValues::Float32x3(to)) if to.len() == from.len() => {
@@ -135,96 +133,16 @@ impl Drawn {
     }
 
     /// A mesh with vertices and normals as they are, and what else `source` has: colours, texture coordinates.
-    fn make_mesh(&self, simulated: &SimulatedBody, source: Option<&Mesh>) -> Mesh {
+    pub(super) fn make_mesh(&self, triangles: &[[usize; 3]], source: Option<&Mesh>) -> Mesh {
         let usage = RenderAssetUsages::MAIN_WORLD | RenderAssetUsages::RENDER_WORLD;
         let mut mesh = source.cloned().unwrap_or_else(|| Mesh::new(PrimitiveTopology::TriangleList, usage));
         mesh.asset_usage = usage;
         // It moves with the nodes, not with joints.
         mesh.remove_attribute(Mesh::ATTRIBUTE_JOINT_INDEX);
         mesh.remove_attribute(Mesh::ATTRIBUTE_JOINT_WEIGHT);
-        let triangles = match &simulated.closed {
-            Some(closed) => closed.triangles(),
-            None => &simulated.body.surface().triangles,
-        };
         mesh.insert_indices(Indices::U32(triangles.iter().flatten().map(|&vertex| vertex as u32).collect()));
         mesh.insert_attribute(Mesh::ATTRIBUTE_POSITION, self.positions.clone());
         mesh.insert_attribute(Mesh::ATTRIBUTE_NORMAL, self.normals.clone());
         mesh
-    }
-}
-
-/// Gives every new body a mesh, if the app has meshes. A body that brings a [`Mesh3d`] of its own keeps it, unless that is the
-/// mesh which it is made of.
-pub(super) fn give_meshes(
-    mut commands: Commands,
-    meshes: Option<ResMut<Assets<Mesh>>>,
-    mut bodies: Query<
-        (Entity, &DeformableBody, &mut SimulatedBody, Option<&Mesh3d>),
-        Or<(Added<SimulatedBody>, Changed<Mesh3d>)>,
-    >,
-) {
-    let Some(mut meshes) = meshes else { return };
-    for (entity, shape, mut simulated, shown) in &mut bodies {
-        let is_source = |shown: &&Mesh3d| shape.mesh().is_some_and(|shape| shape.mesh == shown.0);
-        if shown.is_some_and(|shown| !is_source(&shown)) {
-            continue;
-        }
-        let simulated = simulated.bypass_change_detection();
-        if !meshes.contains(&simulated.drawn.mesh) {
-            let place = simulated.place;
-            simulated.drawn.move_nodes(&simulated.body, 1.0, &place);
-            simulated.drawn.write(&simulated.body, simulated.skin.as_mut());
-            let mesh = simulated.make_mesh(&meshes);
-            (simulated.drawn.mesh, simulated.drawn.is_current) = (meshes.add(mesh), true);
-        }
-        simulated.drawn.replaced = shown.map(|shown| shown.0.clone());
-        commands.entity(entity).try_insert(Mesh3d(simulated.drawn.mesh.clone()));
-    }
-}
-
-/// Moves the vertices of every body's mesh to where its nodes are between the last two model steps. A mesh whose body has not
-/// moved is not touched, so nothing is uploaded for it; nothing is allocated for one that has.
-pub(super) fn draw_bodies(
-    meshes: Option<ResMut<Assets<Mesh>>>,
-    mut bodies: Query<(Entity, &mut SimulatedBody)>,
-    transforms: TransformHelper,
-    overstep: ModelOverstep,
-) {
-    let Some(mut meshes) = meshes else { return };
-    let share = overstep.share();
-    for (entity, mut simulated) in &mut bodies {
-        let simulated = simulated.bypass_change_detection();
-        let place = transforms.compute_global_transform(entity).unwrap_or_default();
-        let has_moved = simulated.drawn.move_nodes(&simulated.body, share, &place);
-        if (has_moved || !simulated.drawn.is_current) && meshes.contains(&simulated.drawn.mesh) {
-            simulated.drawn.write(&simulated.body, simulated.skin.as_mut());
-            simulated.put_into(&mut meshes);
-        }
-    }
-}
-
-impl SimulatedBody {
-    fn put_into(&mut self, meshes: &mut Assets<Mesh>) {
-        let is_written = self.drawn.is_current
-            && meshes.get_mut(&self.drawn.mesh).is_some_and(|mut mesh| self.drawn.copy_to(&mut mesh));
-        if !is_written {
-            let mesh = self.make_mesh(meshes);
-            if let Some(mut old) = meshes.get_mut(&self.drawn.mesh) {
-                *old = mesh;
-            }
-        }
-        self.drawn.is_current = true;
-    }
-
-    /// With the colours of the mesh that it is made of; if that is another one by now, with those it is drawn with.
-    fn make_mesh(&self, meshes: &Assets<Mesh>) -> Mesh {
-        let of_source = self.shape_asked.mesh().filter(|_| self.source == SourceMesh::Same);
-        let candidates = [of_source.map(|shape| &shape.mesh), Some(&self.drawn.mesh)];
-        let fits = |mesh: &&Mesh| {
-            let positions = mesh.try_attribute(Mesh::ATTRIBUTE_POSITION);
-            positions.is_ok_and(|positions| positions.len() == self.drawn.positions.len())
-        };
-        let source = candidates.into_iter().flatten().find_map(|handle| meshes.get(handle).filter(fits));
-        self.drawn.make_mesh(self, source.filter(|_| self.skin.is_some()))
     }
 }

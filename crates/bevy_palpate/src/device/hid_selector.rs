@@ -49,7 +49,7 @@ pub struct HidSelector {
 impl HidSelector {
     /// The first of any kind: boards before joysticks before caps.
     #[must_use]
-    pub fn first() -> Self {
+    pub fn match_first() -> Self {
         Self { first: true, ..Self::default() }
     }
 }

@@ -56,7 +56,7 @@ fn shadowed(
     let samples = hand(start);
     let capacity = LocalModelBuilder::new(&body, BuilderOptions::of(&body)).unwrap().capacity();
     let settings = HandOverSettings { capacity, ..HandOverSettings::default() };
-    let mut shadow: Option<Shadow> = None;
+    let mut shadow: Option<SchemeComparison> = None;
     let mut forces = vec![Vec::new(); schemes.len()];
     for newest in (50..=400).step_by(50) {
         let path: Vec<ToolPoint> = samples[newest - 50..=newest]
@@ -66,7 +66,7 @@ fn shadowed(
         body.advance(Some((&mut contact, &path)), 50, SemiImplicitEuler::default()).unwrap();
         let oldest = if newest == 50 { 0 } else { newest - 49 };
         let built = newest as u64 - 50;
-        let moment = Moment {
+        let moment = StepInput {
             body: body.clone(),
             contact: contact.clone(),
             beside: Vec::new(),
@@ -74,7 +74,7 @@ fn shadowed(
             adopted: if built > 0 { vec![(built, built + delay)] } else { Vec::new() },
             id: ModelId { body: 7, epoch: 1, sequence: newest as u64 },
         };
-        let shadow = shadow.get_or_insert_with(|| Shadow::new(&moment, schemes, settings).unwrap());
+        let shadow = shadow.get_or_insert_with(|| SchemeComparison::new(&moment, schemes, settings).unwrap());
         assert!(shadow.fits(&moment, schemes));
         for (forces, (_, told)) in forces.iter_mut().zip(shadow.step(&moment)) {
             forces.extend(told.unwrap());
@@ -132,7 +132,7 @@ fn a_scheme_that_cannot_be_had_says_why_and_the_others_go_on() {
     // No room for a neighbourhood.
     let settings =
         HandOverSettings { capacity: palpate_local::Capacity::of_order(3), ..HandOverSettings::default() };
-    let moment = |newest: u64| Moment {
+    let moment = |newest: u64| StepInput {
         body: body.clone(),
         contact: contact.clone(),
         beside: Vec::new(),
@@ -141,13 +141,13 @@ fn a_scheme_that_cannot_be_had_says_why_and_the_others_go_on() {
         id: ModelId { body: 7, epoch: 1, sequence: newest },
     };
     let schemes = [Scheme::Neighbourhood, Scheme::Tangent];
-    let mut shadow = Shadow::new(&moment(50), &schemes, settings).unwrap();
+    let mut shadow = SchemeComparison::new(&moment(50), &schemes, settings).unwrap();
     shadow.step(&moment(50));
     let told = shadow.step(&moment(100));
     let why = told[0].1.as_ref().unwrap_err();
     assert!(why.contains("local model"), "{why}");
     assert_eq!(told[1].1.as_ref().unwrap().len(), 50);
-    let other = Moment { id: ModelId { body: 7, epoch: 2, sequence: 150 }, ..moment(150) };
+    let other = StepInput { id: ModelId { body: 7, epoch: 2, sequence: 150 }, ..moment(150) };
     assert!(shadow.fits(&moment(150), &schemes));
     assert!(!shadow.fits(&other, &schemes) && !shadow.fits(&moment(150), &schemes[1..]));
     // A step was left out.

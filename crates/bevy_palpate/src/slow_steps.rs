@@ -1,36 +1,10 @@
-//! How long model steps take, by part, and a report of those that take longer than their period.
+//! Reports model steps that take longer than their period.
 
 use crate::body::SimulatedBody;
-use crate::diagnostics::FrameCost;
 use crate::fault::{HapticFault, HapticFaultKind, SlowStep};
 use crate::schedule::{LoopMode, ModelPeriod};
+use crate::step_times::StepTimes;
 use bevy::prelude::*;
-use std::time::Duration;
-
-/// Durations of the newest model step.
-#[derive(Resource, Clone, Debug, Default)]
-pub(crate) struct StepTimes {
-    /// The whole step.
-    pub(crate) last: Duration,
-    /// Whether it has not been looked at.
-    is_new: bool,
-    /// Time in the steps of the bodies.
-    pub(crate) bodies: FrameCost,
-    /// Time in building local models.
-    pub(crate) local_models: FrameCost,
-}
-
-impl StepTimes {
-    /// The durations of `app`, which has some from now on.
-    pub(crate) fn of(app: &mut App) -> Self {
-        app.world_mut().get_resource_or_init::<Self>().clone()
-    }
-
-    /// Notes that a model step took `last`.
-    pub(crate) fn note(&mut self, last: Duration) {
-        (self.last, self.is_new) = (last, true);
-    }
-}
 
 /// Model steps in time after which a slow one is reported again, s.
 const IN_TIME_S: f64 = 1.0;
@@ -44,7 +18,7 @@ pub(crate) fn report_slow_step(
     mut in_time_s: Local<Option<f64>>,
     mut faults: MessageWriter<HapticFault>,
 ) {
-    if !std::mem::take(&mut times.is_new) {
+    if !times.take_is_new() {
         return;
     }
     let (bodies_ms, local_models_ms) = (times.bodies.take_ms(), times.local_models.take_ms());
@@ -81,11 +55,12 @@ pub(crate) fn report_slow_step(
 mod tests {
     use super::*;
     use crate::schedule::ModelRate;
+    use std::time::Duration;
 
     fn reported(world: &mut World, steps_ms: &[(u64, usize)]) -> Vec<f64> {
         for (ms, times) in steps_ms {
             for _ in 0..*times {
-                world.resource_mut::<StepTimes>().note(Duration::from_millis(*ms));
+                world.resource_mut::<StepTimes>().record(Duration::from_millis(*ms));
                 world.run_system_cached(report_slow_step).unwrap();
                 // Between two model steps nothing is new.
                 world.run_system_cached(report_slow_step).unwrap();
@@ -109,7 +84,7 @@ mod tests {
 
     #[test]
     fn a_slow_step_is_reported_once_until_a_second_was_in_time() {
-        let mut world = world(LoopMode::Thread);
+        let mut world = world(LoopMode::Threaded);
         assert_eq!(reported(&mut world, &[(20, 5), (60, 1)]), [60.0]);
         assert_eq!(reported(&mut world, &[(180, 20), (20, 19), (70, 1), (20, 19)]), [0.0; 0]);
         assert_eq!(reported(&mut world, &[(20, 1), (90, 3)]), [90.0]);

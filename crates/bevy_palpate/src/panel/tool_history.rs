@@ -5,10 +5,10 @@ mod background;
 use super::HapticPanel;
 use super::history::{Curve, Trace};
 use super::recording::Recorder;
-use super::shadow::Moment;
+use super::scheme_comparison::StepInput;
 use crate::body::SimulatedBody;
 use crate::tool::{HapticTool, ToolLoop};
-use background::{Answering, Comparing};
+use background::{BodeTask, ComparisonTask};
 use bevy::prelude::*;
 use palpate_body::ToolContact;
 use palpate_haptics::BlackBox;
@@ -17,10 +17,10 @@ use palpate_reduce::Bode;
 
 /// What the panel knows of the tool that it shows.
 #[derive(Resource, Default)]
-pub(crate) struct Watched {
+pub(crate) struct ToolHistory {
     /// What was looked at in the last frame, and what is in this one.
-    wanted: Wanted,
-    pub(super) drawn: Wanted,
+    wanted: Requested,
+    pub(super) drawn: Requested,
     tool: Option<Entity>,
     body: Option<Entity>,
     /// The newest sample that has been seen.
@@ -32,14 +32,14 @@ pub(crate) struct Watched {
     pub(super) errors: [Trace; 6],
     /// Why a scheme has no curve.
     pub(super) notes: [Option<String>; 6],
-    comparing: Comparing,
-    answering: Answering,
+    comparing: ComparisonTask,
+    answering: BodeTask,
     pub(super) recorder: Recorder,
 }
 
 /// What is looked at.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Wanted {
+pub(super) struct Requested {
     /// Force or error.
     pub(super) forces: bool,
     pub(super) bode: bool,
@@ -53,7 +53,7 @@ pub(super) fn index_of(scheme: Scheme) -> usize {
 /// Ticks over which an error is taken.
 pub(super) const ERROR_TICKS: u64 = 1000;
 
-impl Watched {
+impl ToolHistory {
     fn forget_forces(&mut self) {
         self.full.clear();
         self.schemes.iter_mut().for_each(Curve::clear);
@@ -86,7 +86,7 @@ impl Watched {
                             self.schemes[at].push(sequence, force_n);
                         }
                     }
-                    self.judge(at);
+                    self.compare_errors(at);
                 }
                 Err(why) => self.notes[at] = Some(why),
             }
@@ -94,7 +94,7 @@ impl Watched {
         self.answering.take();
     }
 
-    fn judge(&mut self, at: usize) {
+    fn compare_errors(&mut self, at: usize) {
         let Some(newest) = self.schemes[at].newest() else { return };
         let error = self.schemes[at].error_against(&self.full, newest.saturating_sub(ERROR_TICKS));
         let trace = &mut self.errors[at];
@@ -110,17 +110,17 @@ impl Watched {
 const LEAST_N: f64 = 0.01;
 
 /// What was drawn in the last frame is what is wanted in this one.
-pub(super) fn begin_frame(mut watched: ResMut<Watched>) {
+pub(super) fn begin_frame(mut watched: ResMut<ToolHistory>) {
     let watched = &mut *watched;
     watched.wanted = std::mem::take(&mut watched.drawn);
     watched.take();
-    watched.recorder.look();
+    watched.recorder.poll();
 }
 
 /// After every model step: takes what it has left, as far as it is looked at.
-pub(super) fn watch(
+pub(super) fn update_history(
     panel: Res<HapticPanel>,
-    mut watched: ResMut<Watched>,
+    mut watched: ResMut<ToolHistory>,
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop)>,
     bodies: Query<&SimulatedBody>,
     time: Res<Time<Real>>,
@@ -151,14 +151,14 @@ pub(super) fn watch(
     if watched.wanted.bode {
         let now_s = time.elapsed_secs_f64();
         if let Some(point) = tool.path.last() {
-            watched.answering.ask(now_s, simulated.body(), &tool.contact, *point, asked.scheme);
+            watched.answering.request(now_s, simulated.body(), &tool.contact, *point, asked.scheme);
         }
     }
-    if !watched.wanted.forces || tool.full_n.is_empty() {
+    if !watched.wanted.forces || tool.full_forces_n.is_empty() {
         return;
     }
-    let first = consumed + 1 - (tool.full_n.len() as u64).min(consumed);
-    for (sequence, full_n) in (first..).zip(&tool.full_n) {
+    let first = consumed + 1 - (tool.full_forces_n.len() as u64).min(consumed);
+    for (sequence, full_n) in (first..).zip(&tool.full_forces_n) {
         watched.full.push(sequence, *full_n);
     }
     let running = index_of(asked.scheme);
@@ -167,7 +167,7 @@ pub(super) fn watch(
         watched.schemes[running].push(sequence, force_n);
     }
     watched.newest = Some(consumed);
-    watched.judge(running);
+    watched.compare_errors(running);
     if panel.compare {
         let id = ModelId { body: body.to_bits(), epoch: simulated.epoch(), sequence: consumed };
         let history = tool.handle.samples();
@@ -176,7 +176,7 @@ pub(super) fn watch(
         let (body, contact) = (simulated.body().clone(), tool.contact.clone());
         beside.retain(|contact| contact.validate(&body).is_ok());
         let settings = tool.handle.config().hand_over;
-        watched.comparing.push(Moment { body, contact, beside, samples, adopted, id }, settings);
+        watched.comparing.push(StepInput { body, contact, beside, samples, adopted, id }, settings);
     } else {
         watched.comparing.reset();
     }

@@ -1,7 +1,8 @@
 //! The meshes of the app, as bodies see them.
 
-use super::source::{MeshFault, Source};
-use super::{DeformableBody, MeshShape};
+use super::mesh_source::Source;
+use super::shape::{DeformableBody, MeshShape};
+use crate::fault::MeshFault;
 use bevy::asset::LoadState;
 use bevy::ecs::message::MessageCursor;
 use bevy::ecs::system::SystemParam;
@@ -20,7 +21,7 @@ pub(super) struct Meshes<'w, 's> {
 impl Meshes<'_, '_> {
     /// Notes which have changed since the last call, of those that `is_wanted`; not what bodies are drawn by, which changes
     /// whenever they move. What is new is waited for where it is wanted.
-    pub(super) fn look(&mut self, is_wanted: impl Fn(AssetId<Mesh>) -> bool) {
+    pub(super) fn update(&mut self, is_wanted: impl Fn(AssetId<Mesh>) -> bool) {
         self.changed.clear();
         let Some(events) = &self.events else { return };
         let id = |event: &AssetEvent<Mesh>| match event {

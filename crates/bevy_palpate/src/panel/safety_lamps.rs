@@ -6,7 +6,7 @@ use palpate_haptics::{BlackBox, SafetyAction, SafetyActions};
 
 /// Which stages have acted lately.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Lamps {
+pub(crate) struct SafetyLamps {
     /// Number of the newest tick that has been looked at.
     seen: u64,
     /// When each went on last, s; by [`SafetyAction::ALL`].
@@ -16,9 +16,9 @@ pub(crate) struct Lamps {
 /// How long a lamp stays lit, s: a stage that acts at a single tick must be seen.
 const LATCH_S: f64 = 0.5;
 
-impl Lamps {
+impl SafetyLamps {
     /// Takes what has acted since the last look.
-    pub(super) fn look(&mut self, black_box: &BlackBox, now_s: f64) {
+    pub(super) fn update(&mut self, black_box: &BlackBox, now_s: f64) {
         let ticks = black_box.ticks().rev();
         let newest = black_box.newest().map_or(0, |tick| tick.sequence);
         // A loop that began anew counts from the start again.
@@ -100,8 +100,8 @@ mod tests {
 
     #[test]
     fn a_stage_that_acted_at_one_tick_stays_lit_for_half_a_second() {
-        let mut lamps = Lamps::default();
-        let at = |lamps: &Lamps, now_s| lamps.brightness(now_s);
+        let mut lamps = SafetyLamps::default();
+        let at = |lamps: &SafetyLamps, now_s| lamps.brightness(now_s);
         assert_eq!(at(&lamps, 0.0), [0.0; 9]);
         lamps.light([SafetyAction::Slew, SafetyAction::Gains].into_iter().collect(), 3.0);
         let mut expected = [0.0; 9];

@@ -1,38 +1,11 @@
 //! From a mesh of Bevy to a closed one.
 
-use super::MeshShape;
+use super::shape::MeshShape;
+use crate::fault::MeshFault;
 use bevy::mesh::{Indices, Mesh, MeshAccessError, PrimitiveTopology, VertexAttributeValues};
 use glam::DVec3;
 use palpate_body::{BodyError, ClosedMesh};
 use std::sync::Arc;
-use thiserror::Error;
-
-/// Why a mesh cannot be read. What is wrong with its surface is a [`palpate_body::MeshError`].
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum MeshFault {
-    /// The app has no meshes at all.
-    #[error("the app has no meshes: add Bevy's AssetPlugin and MeshPlugin")]
-    NoMeshes,
-    /// The asset could not be loaded.
-    #[error("the mesh cannot be loaded: {0}")]
-    NotLoaded(String),
-    /// Lines, points or strips.
-    #[error("the mesh is a {0:?}; a body is made of a TriangleList")]
-    Topology(PrimitiveTopology),
-    /// No positions, or not three numbers each.
-    #[error("the mesh has no positions of three numbers each")]
-    NoPositions,
-    /// Corners that make no whole number of triangles.
-    #[error("the mesh has {0} corners, which is no whole number of triangles; export it again, triangulated")]
-    Incomplete(usize),
-    /// It lives on the graphics card only.
-    #[error("the mesh is not in main memory any more: load it with RenderAssetUsages::MAIN_WORLD")]
-    NotInMemory,
-    /// A factor that makes no sense.
-    #[error("the mesh is scaled by {0}; it must be finite and above 0")]
-    Scale(f64),
-}
 
 /// What a body is to be made of.
 pub(super) enum Source {

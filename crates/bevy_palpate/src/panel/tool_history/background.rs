@@ -1,7 +1,7 @@
 //! What is computed beside the app, so that neither frame nor model step waits for it.
 
-use crate::diagnostics::timed;
-use crate::panel::shadow::{Moment, Shadow, Told};
+use crate::cost::timed;
+use crate::panel::scheme_comparison::{SchemeComparison, SchemeSample, StepInput};
 use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
 use palpate_body::{Body, ToolContact, ToolPoint};
@@ -10,26 +10,26 @@ use palpate_reduce::{Bode, BuilderOptions};
 
 /// The schemes that do not run.
 #[derive(Default)]
-pub(super) struct Comparing {
-    task: Option<Task<Compared>>,
-    shadow: Option<Shadow>,
-    queue: Vec<Moment>,
+pub(super) struct ComparisonTask {
+    task: Option<Task<ComparisonOutput>>,
+    shadow: Option<SchemeComparison>,
+    queue: Vec<StepInput>,
     /// Of the last model step, ms.
     pub(super) cost_ms: f64,
     /// Model steps that were left out.
     pub(super) skipped: u64,
 }
 
-struct Compared {
-    shadow: Option<Shadow>,
-    told: Vec<Told>,
+struct ComparisonOutput {
+    shadow: Option<SchemeComparison>,
+    told: Vec<SchemeSample>,
     cost_ms: f64,
 }
 
 /// Model steps that may wait. When there are more the machine is too slow: all are left out, and the schemes begin anew.
 const MOST_WAITING: usize = 6;
 
-impl Comparing {
+impl ComparisonTask {
     /// Forgets everything.
     pub(super) fn reset(&mut self) {
         if self.task.is_some() || self.shadow.is_some() || !self.queue.is_empty() {
@@ -38,7 +38,7 @@ impl Comparing {
     }
 
     /// Adds a model step of a loop with `settings`.
-    pub(super) fn push(&mut self, moment: Moment, settings: HandOverSettings) {
+    pub(super) fn push(&mut self, moment: StepInput, settings: HandOverSettings) {
         self.queue.push(moment);
         if self.queue.len() > MOST_WAITING {
             self.skipped += self.queue.len() as u64;
@@ -53,19 +53,23 @@ impl Comparing {
     }
 
     /// What has been computed since the last call.
-    pub(super) fn take(&mut self) -> Vec<Told> {
+    pub(super) fn take(&mut self) -> Vec<SchemeSample> {
         let Some(done) = self.task.as_mut().and_then(check_ready) else { return Vec::new() };
         (self.task, self.shadow, self.cost_ms) = (None, done.shadow, done.cost_ms);
         done.told
     }
 }
 
-fn compare(mut shadow: Option<Shadow>, moments: &[Moment], settings: HandOverSettings) -> Compared {
+fn compare(
+    mut shadow: Option<SchemeComparison>,
+    moments: &[StepInput],
+    settings: HandOverSettings,
+) -> ComparisonOutput {
     let (told, time) = timed(|| {
         let mut told = Vec::new();
         for moment in moments {
             let kept = shadow.take().filter(|shadow| shadow.fits(moment, &Scheme::ALL));
-            match kept.map_or_else(|| Shadow::new(moment, &Scheme::ALL, settings), Ok) {
+            match kept.map_or_else(|| SchemeComparison::new(moment, &Scheme::ALL, settings), Ok) {
                 Ok(mut fitting) => {
                     told.extend(fitting.step(moment));
                     shadow = Some(fitting);
@@ -75,12 +79,12 @@ fn compare(mut shadow: Option<Shadow>, moments: &[Moment], settings: HandOverSet
         }
         told
     });
-    Compared { shadow, told, cost_ms: 1e3 * time.as_secs_f64() / moments.len().max(1) as f64 }
+    ComparisonOutput { shadow, told, cost_ms: 1e3 * time.as_secs_f64() / moments.len().max(1) as f64 }
 }
 
 /// The answer over frequency.
 #[derive(Default)]
-pub(super) struct Answering {
+pub(super) struct BodeTask {
     task: Option<Task<Result<Bode, String>>>,
     asked_s: Option<f64>,
     pub(super) newest: Option<Result<Bode, String>>,
@@ -91,9 +95,9 @@ const MOST_NODES: usize = 2000;
 /// Time between two questions, s.
 const EVERY_S: f64 = 1.0;
 
-impl Answering {
+impl BodeTask {
     /// Asks, unless the last question is not answered yet or was asked within the last second.
-    pub(super) fn ask(
+    pub(super) fn request(
         &mut self,
         now_s: f64,
         body: &Body,

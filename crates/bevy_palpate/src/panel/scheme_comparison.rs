@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 
 /// What a model step leaves for the schemes that do not run.
 #[derive(Clone, Debug)]
-pub(super) struct Moment {
+pub(super) struct StepInput {
     /// The body after the step.
     pub(super) body: Body,
     /// How the tool acts on it.
@@ -29,17 +29,17 @@ pub(super) struct Moment {
 /// of the same state as the running scheme. It takes that at the tick at which the loop took its own, so that all are late
 /// alike.
 #[derive(Debug)]
-pub(super) struct Shadow {
+pub(super) struct SchemeComparison {
     settings: HandOverSettings,
     builder: LocalModelBuilder,
     of: (u64, u64),
     /// The newest sample that has been felt.
     newest: Option<u64>,
-    runners: Vec<Runner>,
+    runners: Vec<SchemeRunner>,
 }
 
 #[derive(Debug)]
-struct Runner {
+struct SchemeRunner {
     scheme: Scheme,
     hand_over: HandOver,
     /// Models on their way, with the tick at which the loop's own arrived, once that is known.
@@ -50,22 +50,22 @@ struct Runner {
 }
 
 /// The force of a scheme at the samples of a step, N, or why there is none.
-pub(super) type Told = (Scheme, Result<Vec<(u64, DVec3)>, String>);
+pub(super) type SchemeSample = (Scheme, Result<Vec<(u64, DVec3)>, String>);
 
 /// The model side is never that many steps behind.
 const MOST_PENDING: usize = 8;
 
-impl Shadow {
+impl SchemeComparison {
     /// The schemes `schemes` beside a loop with `settings`, beginning at `moment`.
     pub(super) fn new(
-        moment: &Moment,
+        moment: &StepInput,
         schemes: &[Scheme],
         settings: HandOverSettings,
     ) -> Result<Self, ReduceError> {
         let builder = LocalModelBuilder::new(&moment.body, BuilderOptions::of(&moment.body))?;
-        let runner = |&scheme: &Scheme| -> Result<Runner, ReduceError> {
+        let runner = |&scheme: &Scheme| -> Result<SchemeRunner, ReduceError> {
             let hand_over = HandOver::new(settings)?;
-            Ok(Runner { scheme, hand_over, pending: VecDeque::new(), spare: Vec::new(), failed: None })
+            Ok(SchemeRunner { scheme, hand_over, pending: VecDeque::new(), spare: Vec::new(), failed: None })
         };
         let runners = schemes.iter().map(runner).collect::<Result<_, _>>()?;
         let of = (moment.id.body, moment.id.epoch);
@@ -73,7 +73,7 @@ impl Shadow {
     }
 
     /// Whether it can go on with `moment` and `schemes`: it is of that body, and of the step before.
-    pub(super) fn fits(&self, moment: &Moment, schemes: &[Scheme]) -> bool {
+    pub(super) fn fits(&self, moment: &StepInput, schemes: &[Scheme]) -> bool {
         let next = moment.samples.first().map(|sample| sample.sequence);
         let follows = self.newest.is_none_or(|newest| next == Some(newest + 1));
         follows
@@ -82,13 +82,13 @@ impl Shadow {
     }
 
     /// What the schemes display at the samples of `moment`; then gives each a local model of it.
-    pub(super) fn step(&mut self, moment: &Moment) -> Vec<Told> {
+    pub(super) fn step(&mut self, moment: &StepInput) -> Vec<SchemeSample> {
         self.newest = moment.samples.last().map(|sample| sample.sequence);
         let Self { settings, builder, runners, .. } = self;
         runners
             .iter_mut()
             .map(|runner| {
-                let told = runner.feel(moment);
+                let told = runner.render(moment);
                 runner.failed = None;
                 if let Err(error) = runner.build(moment, builder, settings) {
                     runner.failed = Some(error.to_string());
@@ -99,8 +99,8 @@ impl Shadow {
     }
 }
 
-impl Runner {
-    fn feel(&mut self, moment: &Moment) -> Result<Vec<(u64, DVec3)>, String> {
+impl SchemeRunner {
+    fn render(&mut self, moment: &StepInput) -> Result<Vec<(u64, DVec3)>, String> {
         for (model, arrived) in &mut self.pending {
             let adopted = moment.adopted.iter().find(|(sample, _)| *sample >= model.id.sequence);
             *arrived = arrived.or(adopted.map(|(_, tick)| *tick));
@@ -132,7 +132,7 @@ impl Runner {
 
     fn build(
         &mut self,
-        moment: &Moment,
+        moment: &StepInput,
         builder: &mut LocalModelBuilder,
         settings: &HandOverSettings,
     ) -> Result<(), ReduceError> {
@@ -142,7 +142,7 @@ impl Runner {
         }
         let mut model = self.spare.pop().unwrap_or_else(|| LocalModel::empty(settings.capacity));
         let tool = ToolPoint { position_m: newest.position_m, velocity_m_per_s: newest.velocity_m_per_s };
-        let Moment { body, contact, beside, id, .. } = moment;
+        let StepInput { body, contact, beside, id, .. } = moment;
         let beside: Vec<&ToolContact> = beside.iter().collect();
         builder.build_with_other_tools(self.scheme, body, (contact, tool), &beside, *id, &mut model)?;
         self.pending.push_back((model, None));

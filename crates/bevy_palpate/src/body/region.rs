@@ -1,0 +1,82 @@
+//! Faces and regions of a body, in its own frame.
+
+use bevy::prelude::*;
+use glam::DVec3;
+
+/// A side of a body, in its own frame, named as in Bevy: y is up, −z is forward.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
+#[reflect(Debug, PartialEq, Hash, Clone)]
+pub enum BoxFace {
+    /// −x.
+    Left,
+    /// +x.
+    Right,
+    /// −y.
+    Bottom,
+    /// +y.
+    Top,
+    /// −z.
+    Front,
+    /// +z.
+    Back,
+}
+
+/// A region of space in a body's own frame, m.
+#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Debug, PartialEq, Clone)]
+pub enum BodyRegion {
+    /// A ball.
+    Sphere {
+        /// Its centre, m.
+        center_m: DVec3,
+        /// Its radius, m.
+        radius_m: f64,
+    },
+    /// A box along the axes.
+    Cuboid {
+        /// Its centre, m.
+        center_m: DVec3,
+        /// Half its sides, m.
+        half_m: DVec3,
+    },
+    /// What is within a radius of a line.
+    Capsule {
+        /// One end of the line, m.
+        from_m: DVec3,
+        /// The other, m.
+        to_m: DVec3,
+        /// The radius, m.
+        radius_m: f64,
+    },
+    /// Everything on one side of a plane.
+    HalfSpace {
+        /// A point of the plane, m.
+        point_m: DVec3,
+        /// Away from the region; of any length.
+        outward: DVec3,
+    },
+}
+
+impl From<BodyRegion> for palpate_body::Region {
+    fn from(region: BodyRegion) -> Self {
+        match region {
+            BodyRegion::Sphere { center_m, radius_m } => Self::Sphere { center_m, radius_m },
+            BodyRegion::Cuboid { center_m, half_m } => Self::Cuboid { center_m, half_m },
+            BodyRegion::Capsule { from_m, to_m, radius_m } => Self::Capsule { from_m, to_m, radius_m },
+            BodyRegion::HalfSpace { point_m, outward } => Self::HalfSpace { point_m, outward },
+        }
+    }
+}
+
+impl From<BoxFace> for palpate_body::Face {
+    fn from(face: BoxFace) -> Self {
+        match face {
+            BoxFace::Left => Self::NegX,
+            BoxFace::Right => Self::PosX,
+            BoxFace::Bottom => Self::NegY,
+            BoxFace::Top => Self::PosY,
+            BoxFace::Front => Self::NegZ,
+            BoxFace::Back => Self::PosZ,
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Assigns a mesh to every body, and moves its vertices every frame.
+
+use super::shape::DeformableBody;
+use super::simulated::{SimulatedBody, SourceMesh};
+use crate::schedule::ModelOverstep;
+use bevy::prelude::*;
+
+/// Gives every new body a mesh, if the app has meshes. A body that brings a [`Mesh3d`] of its own keeps it, unless that is the
+/// mesh which it is made of.
+pub(super) fn assign_meshes(
+    mut commands: Commands,
+    meshes: Option<ResMut<Assets<Mesh>>>,
+    mut bodies: Query<
+        (Entity, &DeformableBody, &mut SimulatedBody, Option<&Mesh3d>),
+        Or<(Added<SimulatedBody>, Changed<Mesh3d>)>,
+    >,
+) {
+    let Some(mut meshes) = meshes else { return };
+    for (entity, shape, mut simulated, shown) in &mut bodies {
+        let is_source = |shown: &&Mesh3d| shape.mesh().is_some_and(|shape| shape.mesh == shown.0);
+        if shown.is_some_and(|shown| !is_source(&shown)) {
+            continue;
+        }
+        let simulated = simulated.bypass_change_detection();
+        if !meshes.contains(&simulated.drawn.mesh) {
+            let place = simulated.pose;
+            simulated.drawn.move_nodes(&simulated.body, 1.0, &place);
+            simulated.drawn.write(&simulated.body, simulated.skin.as_mut());
+            let mesh = simulated.make_mesh(&meshes);
+            (simulated.drawn.mesh, simulated.drawn.is_current) = (meshes.add(mesh), true);
+        }
+        simulated.drawn.replaced = shown.map(|shown| shown.0.clone());
+        commands.entity(entity).try_insert(Mesh3d(simulated.drawn.mesh.clone()));
+    }
+}
+
+/// Moves the vertices of every body's mesh to where its nodes are between the last two model steps. A mesh whose body has not
+/// moved is not touched, so nothing is uploaded for it; nothing is allocated for one that has.
+pub(super) fn update_meshes(
+    meshes: Option<ResMut<Assets<Mesh>>>,
+    mut bodies: Query<(Entity, &mut SimulatedBody)>,
+    transforms: TransformHelper,
+    overstep: ModelOverstep,
+) {
+    let Some(mut meshes) = meshes else { return };
+    let share = overstep.share();
+    for (entity, mut simulated) in &mut bodies {
+        let simulated = simulated.bypass_change_detection();
+        let place = transforms.compute_global_transform(entity).unwrap_or_default();
+        let has_moved = simulated.drawn.move_nodes(&simulated.body, share, &place);
+        if (has_moved || !simulated.drawn.is_current) && meshes.contains(&simulated.drawn.mesh) {
+            simulated.drawn.write(&simulated.body, simulated.skin.as_mut());
+            simulated.put_into(&mut meshes);
+        }
+    }
+}
+
+impl SimulatedBody {
+    fn put_into(&mut self, meshes: &mut Assets<Mesh>) {
+        let is_written = self.drawn.is_current
+            && meshes.get_mut(&self.drawn.mesh).is_some_and(|mut mesh| self.drawn.copy_to(&mut mesh));
+        if !is_written {
+            let mesh = self.make_mesh(meshes);
+            if let Some(mut old) = meshes.get_mut(&self.drawn.mesh) {
+                *old = mesh;
+            }
+        }
+        self.drawn.is_current = true;
+    }
+
+    /// With the colours of the mesh that it is made of; if that is another one by now, with those it is drawn with.
+    fn make_mesh(&self, meshes: &Assets<Mesh>) -> Mesh {
+        let of_source = self.built_shape.mesh().filter(|_| self.source == SourceMesh::Same);
+        let candidates = [of_source.map(|shape| &shape.mesh), Some(&self.drawn.mesh)];
+        let fits = |mesh: &&Mesh| {
+            let positions = mesh.try_attribute(Mesh::ATTRIBUTE_POSITION);
+            positions.is_ok_and(|positions| positions.len() == self.drawn.positions.len())
+        };
+        let source = candidates.into_iter().flatten().find_map(|handle| meshes.get(handle).filter(fits));
+        let triangles = match &self.closed {
+            Some(closed) => closed.triangles(),
+            None => &self.body.surface().triangles,
+        };
+        self.drawn.make_mesh(triangles, source.filter(|_| self.skin.is_some()))
+    }
+}

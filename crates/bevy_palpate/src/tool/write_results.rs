@@ -1,0 +1,60 @@
+//! Writes the results of every tool.
+
+use super::results::{ForceError, LoopTiming, ToolForce, TouchedBody};
+use super::tool_loop::ToolLoop;
+use bevy::prelude::*;
+use palpate_haptics::TickRecord;
+
+/// Writes the results of every tool.
+pub(super) fn write_results(
+    mut tools: Query<(&mut ToolLoop, &mut ToolForce, &mut LoopTiming, &mut TouchedBody)>,
+) {
+    for (mut tool, mut force, mut timing, mut touching) in &mut tools {
+        let body = tool.body.filter(|_| tool.is_in_contact());
+        touching.set_if_neq(TouchedBody { body, state: tool.contact_state() });
+        let tick_s = tool.handle.config().hand_over.tick_s;
+        if let Some(TickRecord { rendered: spoken, safety, force_n, sample, .. }) = tool.handle.latest_tick()
+        {
+            let newest = sample.map_or(0, |sample| sample.sequence);
+            let age = spoken.model.map_or(0, |model| newest.saturating_sub(model.sequence));
+            *force = ToolForce {
+                force_n,
+                model_force_n: spoken.force_n,
+                safety_limited: safety.acted(),
+                model_age_s: age as f64 * tick_s,
+                ..*force
+            };
+        }
+        let report = tool.handle.report();
+        if let Some(swap) = report.last_swap {
+            (force.swap_force_jump_n, force.swap_energy_jump_j) = (swap.force_jump_n, swap.energy_jump_j);
+        }
+        timing.set_if_neq(LoopTiming {
+            ticks: report.ticks,
+            missed_deadlines: report.missed_deadlines,
+            lateness_p50_us: report.lateness.quantile_us(0.5),
+            lateness_p99_us: report.lateness.quantile_us(0.99),
+            lateness_p999_us: report.lateness.quantile_us(0.999),
+            lateness_max_us: report.lateness.max_us(),
+            on_time_ratio_100: report.success.on_time_ratio_100(),
+            on_time_ratio_1000: report.success.on_time_ratio_1000(),
+            overruns: report.overruns,
+            cost_p50_us: report.cost.quantile_us(0.5),
+            cost_p99_us: report.cost.quantile_us(0.99),
+            read_p99_us: report.read.quantile_us(0.99),
+            write_p99_us: report.write.quantile_us(0.99),
+            unconverged_ticks: report.unconverged_ticks,
+            rejected_readings: report.rejected_readings,
+            device_errors: report.device_errors,
+            models_rejected: report.models_rejected,
+            dropped_events: report.dropped_events,
+        });
+    }
+}
+
+/// Writes the errors of all tools.
+pub(super) fn write_errors(mut tools: Query<(&ToolLoop, &mut ForceError)>) {
+    for (tool, mut error) in &mut tools {
+        error.set_if_neq(tool.error);
+    }
+}
