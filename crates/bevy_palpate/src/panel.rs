@@ -8,10 +8,12 @@ mod recording;
 mod safety_lamps;
 mod scheme_comparison;
 mod settings;
+mod state;
 mod theme;
 mod tool_history;
 mod widgets;
 
+pub use state::HapticPanel;
 pub use widgets::HapticWidgets;
 
 use crate::cost::FrameCost;
@@ -20,7 +22,6 @@ use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnost
 use bevy::prelude::*;
 use bevy_egui::input::EguiWantsInput;
 use bevy_egui::{EguiContexts, EguiPlugin, EguiPrimaryContextPass, egui};
-use palpate_local::Scheme;
 use std::path::PathBuf;
 
 /// A panel at the right edge of the window: forces of all schemes, error against the full body, lateness, Bode plot, safety
@@ -59,66 +60,6 @@ impl HapticPanelPlugin {
     pub const COST: DiagnosticPath = DiagnosticPath::const_new("palpate/panel_cost");
 }
 
-/// What the panel shows. Change it to open, close or direct it.
-#[derive(Resource, Clone, Debug, Reflect)]
-#[reflect(Resource, Debug, Clone)]
-pub struct HapticPanel {
-    /// Whether the side panel is open.
-    pub open: bool,
-    /// What opens and closes it.
-    pub key: Option<KeyCode>,
-    /// The tool that is shown; `None`, or one that is gone: the first.
-    pub tool: Option<Entity>,
-    /// Seconds of force and error that are shown, 1 to 15.
-    pub seconds: f64,
-    /// Whether the schemes that do not run are computed on the same samples while force or error is looked at.
-    pub compare: bool,
-    /// Schemes whose curves are drawn, by [`Scheme::ALL`].
-    pub curves: [bool; 6],
-    /// Where recordings go.
-    pub folder: PathBuf,
-    #[reflect(ignore)]
-    pub(crate) view: settings::View,
-    #[reflect(ignore)]
-    present: devices::DeviceList,
-}
-
-impl HapticPanel {
-    fn new(plugin: &HapticPanelPlugin) -> Self {
-        let HapticPanelPlugin { open, key, folder, .. } = plugin.clone();
-        let (seconds, curves) = (5.0, [true; 6]);
-        Self {
-            open,
-            key,
-            tool: None,
-            seconds,
-            compare: true,
-            curves,
-            folder,
-            view: settings::View::default(),
-            present: devices::DeviceList::default(),
-        }
-    }
-
-    /// The tool that is shown, of those there are.
-    fn shown(&self, tools: impl Iterator<Item = Entity>) -> Option<Entity> {
-        let mut first: Option<Entity> = None;
-        for tool in tools {
-            if self.tool == Some(tool) {
-                return Some(tool);
-            }
-            first = Some(first.map_or(tool, |first| first.min(tool)));
-        }
-        first
-    }
-
-    /// Whether the curve of `scheme` is drawn.
-    #[must_use]
-    pub fn draws(&self, scheme: Scheme) -> bool {
-        self.curves[tool_history::index_of(scheme)]
-    }
-}
-
 /// What the panel has cost in this frame.
 #[derive(Resource, Default)]
 struct PanelCost(FrameCost);
@@ -129,7 +70,7 @@ impl Plugin for HapticPanelPlugin {
             app.add_plugins(EguiPlugin::default());
         }
         let cost = FrameCost::default();
-        app.insert_resource(HapticPanel::new(self))
+        app.insert_resource(HapticPanel::new(self.open, self.key, self.folder.clone()))
             .register_type::<HapticPanel>()
             .insert_resource(PanelCost(cost.clone()))
             .init_resource::<tool_history::ToolHistory>()
@@ -146,7 +87,7 @@ impl Plugin for HapticPanelPlugin {
                     .after(HapticSystems::Writeback)
                     .before(HapticSystems::Last),
             )
-            .add_systems(Last, tell_cost);
+            .add_systems(Last, record_cost);
         if self.side {
             app.add_systems(EguiPrimaryContextPass, cost.timed(draw_side));
         }
@@ -185,7 +126,7 @@ fn draw_side(mut contexts: EguiContexts, mut widgets: HapticWidgets) {
     );
 }
 
-fn tell_cost(cost: Res<PanelCost>, mut diagnostics: Diagnostics) {
+fn record_cost(cost: Res<PanelCost>, mut diagnostics: Diagnostics) {
     diagnostics.add_measurement(&HapticPanelPlugin::COST, || cost.0.take_ms());
 }
 

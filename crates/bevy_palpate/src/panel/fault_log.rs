@@ -1,6 +1,6 @@
 //! What went wrong lately, and what the panel takes back because of it.
 
-use super::HapticPanel;
+use super::state::HapticPanel;
 use crate::body::{BodyBuild, SimulatedBody, Tissue};
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::tool::HapticTool;

@@ -2,6 +2,7 @@
 
 use crate::tool::ForceError;
 use glam::DVec3;
+use palpate_local::Scheme;
 use std::collections::VecDeque;
 
 /// Ticks that a history holds at most.
@@ -18,7 +19,7 @@ pub(super) struct Curve {
 
 /// What of a force is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Component {
+pub(super) enum ForceComponent {
     #[default]
     Length,
     X,
@@ -26,7 +27,7 @@ pub(super) enum Component {
     Z,
 }
 
-impl Component {
+impl ForceComponent {
     pub(super) const ALL: [(Self, &str); 4] =
         [(Self::Length, "length"), (Self::X, "x"), (Self::Y, "y"), (Self::Z, "z")];
 
@@ -67,7 +68,7 @@ impl Curve {
 
     /// The least and the greatest of every `stride` ticks after `from`, in the order in which they came, as (sequence,
     /// force): a peak of one tick stays to be seen. Where ticks are missing for longer than [`HOLE`] a NaN stands.
-    pub(super) fn decimate(&self, along: Component, from: u64, stride: u64, mut found: impl FnMut(u64, f64)) {
+    pub(super) fn decimate(&self, along: ForceComponent, from: u64, stride: u64, mut found: impl FnMut(u64, f64)) {
         let mut bucket: Option<(u64, [(u64, f64); 2])> = None;
         let mut tell = |[low, high]: [(u64, f64); 2]| {
             let (first, second) = if low.0 <= high.0 { (low, high) } else { (high, low) };
@@ -134,6 +135,11 @@ impl Trace {
     }
 }
 
+/// Index of `scheme` in [`Scheme::ALL`].
+pub(super) fn index_of(scheme: Scheme) -> usize {
+    Scheme::ALL.iter().position(|other| *other == scheme).unwrap_or(0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -146,7 +152,7 @@ mod tests {
 
     fn decimated(curve: &Curve, from: u64, stride: u64) -> Vec<(u64, f64)> {
         let mut found = Vec::new();
-        curve.decimate(Component::Y, from, stride, |sequence, y| found.push((sequence, y)));
+        curve.decimate(ForceComponent::Y, from, stride, |sequence, y| found.push((sequence, y)));
         found
     }
 

@@ -1,6 +1,6 @@
 //! The panel's plots.
 
-use super::history::Component;
+use super::history::ForceComponent;
 use super::theme;
 use super::tool_history::ToolHistory;
 use bevy_egui::egui::{self, Color32};
@@ -23,7 +23,7 @@ const WIDTH: f32 = 44.0;
 /// Points to be drawn, kept from frame to frame so that their room is.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PlotPoints {
-    of: Option<(u64, u64, Component)>,
+    of: Option<(u64, u64, ForceComponent)>,
     full: Vec<PlotPoint>,
     schemes: [Vec<PlotPoint>; 6],
     errors: [Vec<PlotPoint>; 6],
@@ -31,7 +31,7 @@ pub(crate) struct PlotPoints {
 
 impl PlotPoints {
     /// Makes the points of the last `seconds` where there is anything new.
-    pub(super) fn refresh(&mut self, watched: &ToolHistory, seconds: f64, along: Component) {
+    pub(super) fn refresh(&mut self, watched: &ToolHistory, seconds: f64, along: ForceComponent) {
         let newest = watched.newest.unwrap_or(0);
         let ticks = (seconds / TICK_S) as u64;
         // Curves that are computed in the background come a little later than their samples.

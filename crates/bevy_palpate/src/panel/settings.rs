@@ -17,7 +17,7 @@ use palpate_local::Scheme;
 /// What the panel itself remembers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct View {
-    pub(super) along: super::history::Component,
+    pub(super) along: super::history::ForceComponent,
     /// File of the next recording or replay.
     pub(super) file: String,
     pub(super) lamps: super::safety_lamps::SafetyLamps,

@@ -2,10 +2,10 @@
 
 mod background;
 
-use super::HapticPanel;
-use super::history::{Curve, Trace};
+use super::history::{Curve, Trace, index_of};
 use super::recording::Recorder;
 use super::scheme_comparison::StepInput;
+use super::state::HapticPanel;
 use crate::body::SimulatedBody;
 use crate::tool::{HapticTool, ToolLoop};
 use background::{BodeTask, ComparisonTask};
@@ -43,11 +43,6 @@ pub(super) struct Requested {
     /// Force or error.
     pub(super) forces: bool,
     pub(super) bode: bool,
-}
-
-/// Where `scheme` stands among all.
-pub(super) fn index_of(scheme: Scheme) -> usize {
-    Scheme::ALL.iter().position(|other| *other == scheme).unwrap_or(0)
 }
 
 /// Ticks over which an error is taken.

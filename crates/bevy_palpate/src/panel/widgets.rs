@@ -4,12 +4,13 @@ mod running;
 
 use super::devices;
 use super::fault_log::FaultLog;
-use super::history::Component;
+use super::history::{ForceComponent, index_of};
 use super::plots::PlotPoints;
 use super::recording::{name_of, next_free};
 use super::settings::{View, grid};
-use super::tool_history::{ToolHistory, index_of};
-use super::{HapticPanel, theme};
+use super::state::HapticPanel;
+use super::theme;
+use super::tool_history::ToolHistory;
 use crate::body::{SimulatedBody, Tissue};
 use crate::device::HapticDevices;
 use crate::schedule::ModelRate;
@@ -179,7 +180,7 @@ impl HapticWidgets<'_, '_> {
         drawn.force(ui, panel.seconds, running, |scheme| panel.draws(scheme));
         let panel = panel.bypass_change_detection();
         ui.horizontal(|ui| {
-            for (along, name) in Component::ALL {
+            for (along, name) in ForceComponent::ALL {
                 ui.selectable_value(&mut panel.view.along, along, name);
             }
             ui.separator();
