@@ -181,7 +181,7 @@ fn what_is_plugged_in_is_listed_and_two_alike_are_a_fault() {
 
 #[test]
 fn options_out_of_bounds_are_a_fault_and_lose_nothing() {
-    let (mut app, bus, tool) = scene(HidSelector::match_first());
+    let (mut app, bus, tool) = scene(HidSelector::first());
     bus.plug(info("1"), Vec::new(), Cap::default());
     let bad = SpaceMouseOptions { full_speed_m_per_s: f64::NAN, ..Default::default() };
     let options = HidOptions { space_mouse: bad, ..Default::default() };

@@ -439,11 +439,11 @@ fn another_device_means_another_loop() {
 #[test]
 fn model_rates_are_whole_ticks() {
     for (hz, ticks) in [(20.0, 50), (25.0, 40), (100.0, 10), (1000.0, 1), (5.0, 200)] {
-        assert_eq!(ModelRate::hz(hz).unwrap().ticks(), ticks);
-        assert_eq!(ModelRate::every_ticks(ticks).unwrap(), ModelRate::hz(hz).unwrap());
+        assert_eq!(ModelRate::try_from_hz(hz).unwrap().ticks(), ticks);
+        assert_eq!(ModelRate::every_ticks(ticks).unwrap(), ModelRate::try_from_hz(hz).unwrap());
     }
     for hz in [0.0, -20.0, 30.0, 4.0, 2000.0, f64::NAN, f64::INFINITY] {
-        let error = ModelRate::hz(hz).unwrap_err().to_string();
+        let error = ModelRate::try_from_hz(hz).unwrap_err().to_string();
         assert!(
             error.ends_with("it must be 5 to 1000, with a whole number of milliseconds between two steps")
         );

@@ -57,7 +57,7 @@ fn collect_slow(
 #[test]
 fn a_body_too_large_for_its_rate_is_reported_once_with_the_cells_that_would_do() {
     let mut app = App::new();
-    let schedule = HapticSchedulePlugin { rate: ModelRate::hz(100.0).unwrap(), ..default() };
+    let schedule = HapticSchedulePlugin { rate: ModelRate::try_from_hz(100.0).unwrap(), ..default() };
     app.add_plugins((MinimalPlugins, PalpatePlugins.set(schedule), AssetPlugin::default(), MeshPlugin));
     app.init_resource::<Slow>().add_systems(Last, collect_slow);
     let mesh = add(&mut app, Sphere::new(0.05).into());

@@ -12,13 +12,13 @@ use bevy_palpate::prelude::*;
 /// None: what is no kind is a serial number.
 pub(crate) fn choice(text: &str) -> Result<HidSelector, String> {
     let kind = match text {
-        "first" => return Ok(HidSelector::match_first()),
+        "first" => return Ok(HidSelector::first()),
         "cap" => HidDeviceKind::SpaceMouse,
         "joystick" => HidDeviceKind::Joystick,
         "board" => HidDeviceKind::Board,
         serial => return Ok(HidSelector { serial: Some(serial.into()), ..default() }),
     };
-    Ok(HidSelector { kind: Some(kind), ..HidSelector::match_first() })
+    Ok(HidSelector { kind: Some(kind), ..HidSelector::first() })
 }
 
 /// Where the device of `--hid` gets its tool, unless the mouse has it.
@@ -53,9 +53,9 @@ mod tests {
 
     #[test]
     fn a_device_is_named_by_kind_or_serial_number() {
-        assert_eq!(choice("first"), Ok(HidSelector::match_first()));
+        assert_eq!(choice("first"), Ok(HidSelector::first()));
         let board = choice("board").unwrap();
-        assert!(board.kind == Some(HidDeviceKind::Board) && board.first && board.serial.is_none());
+        assert!(board.kind == Some(HidDeviceKind::Board) && board.match_first && board.serial.is_none());
         assert_eq!(choice("A1B2").unwrap(), HidSelector { serial: Some("A1B2".into()), ..default() });
     }
 }

@@ -47,6 +47,34 @@ impl DeviceSelector {
     }
 }
 
+impl DeviceSelector {
+    /// The first device over HID that is not in use: boards before joysticks before SpaceMice.
+    #[must_use]
+    pub fn first_hid() -> Self {
+        Self::Hid(HidSelector::first())
+    }
+}
+
+impl From<&str> for DeviceSelector {
+    /// The device registered under that name.
+    fn from(name: &str) -> Self {
+        Self::named(name)
+    }
+}
+
+impl From<String> for DeviceSelector {
+    /// The device registered under that name.
+    fn from(name: String) -> Self {
+        Self::Named(name)
+    }
+}
+
+impl From<HidSelector> for DeviceSelector {
+    fn from(selector: HidSelector) -> Self {
+        Self::Hid(selector)
+    }
+}
+
 impl Default for DeviceSelector {
     /// The device registered as `"default"`.
     fn default() -> Self {

@@ -11,19 +11,58 @@ use bevy::prelude::*;
 use palpate_body::BodyError;
 use palpate_haptics::{BlackBoxError, DeviceError, HapticsError, LoopEventKind, TrajectoryError};
 use palpate_reduce::ReduceError;
+use std::sync::Arc;
 use thiserror::Error;
 
-/// Something went wrong with a body, a tool or its loop. What can go on goes on.
-#[derive(Message, Debug)]
+/// A fault of a body, a tool or its loop. Everything that is not affected continues.
+///
+/// It is a message, and an event for observers, which run in [`Last`]. [`FaultLogPlugin`](crate::FaultLogPlugin) writes faults to the log;
+/// with `MinimalPlugins` add Bevy's `LogPlugin` to see them.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// use bevy_palpate::{FaultSeverity, prelude::*};
+///
+/// fn alarm(fault: On<HapticFault>) {
+///     if fault.severity() == FaultSeverity::Error {
+///         eprintln!("{:?}: {}", fault.entity, fault.kind.report());
+///     }
+/// }
+/// # let mut app = App::new();
+/// app.add_observer(alarm);
+/// ```
+#[derive(Event, Message, Clone, Debug, Reflect)]
+#[reflect(opaque)]
+#[reflect(Message, Debug, Clone)]
 pub struct HapticFault {
-    /// The body or tool; `None` if it concerns all.
+    /// The body or tool; `None` if the fault concerns the whole app.
     pub entity: Option<Entity>,
-    /// What went wrong, with its cause.
+    /// The fault, with its cause.
     pub kind: HapticFaultKind,
 }
 
-/// What went wrong.
-#[derive(Debug, Error)]
+impl HapticFault {
+    /// Severity of the fault.
+    #[must_use]
+    pub fn severity(&self) -> FaultSeverity {
+        self.kind.severity()
+    }
+}
+
+/// Severity of a fault, in ascending order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Reflect)]
+#[reflect(Debug, PartialEq, Hash, Clone)]
+pub enum FaultSeverity {
+    /// A loaded machine produces it now and then; the force is hardly affected: missed deadlines, lost samples, a late local model.
+    Load,
+    /// The force or the simulation is less accurate than it should be, or a setting does not suit the scene.
+    Warning,
+    /// A body, a tool, a suture or a device does not work until something is changed.
+    Error,
+}
+
+/// The kind of a fault, with its cause.
+#[derive(Clone, Debug, Error)]
 #[non_exhaustive]
 pub enum HapticFaultKind {
     /// A body could not be built. Correct its components; until then it is not simulated, or as it was.
@@ -66,10 +105,10 @@ pub enum HapticFaultKind {
     LocalModel(#[source] ReduceError),
     /// A tool has no device. Correct [`crate::HapticTool::device`].
     #[error("the tool has no device")]
-    Device(#[source] DeviceFault),
+    Device(#[source] Arc<DeviceFault>),
     /// A tool's settings make no sense; the old ones stay in force.
     #[error("the tool's settings are refused")]
-    Settings(#[source] HapticsError),
+    Settings(#[source] Arc<HapticsError>),
     /// A tool's radius, friction or coupling makes no sense; a new tool does not start, a running one keeps the old ones.
     #[error("the tool is refused")]
     Tool(#[source] BodyError),
@@ -92,7 +131,7 @@ pub enum HapticFaultKind {
     LoopDetached,
     /// The last ticks of a loop could not be written to a file.
     #[error("the black box cannot be written")]
-    BlackBox(#[source] BlackBoxError),
+    BlackBox(#[source] Arc<BlackBoxError>),
     /// The loop hangs in its device, and the watchdog has stopped the device. When the device lets the loop go on, force comes
     /// back once it is small.
     #[error("the haptic loop hangs in its device, which has been stopped: check its cable and driver")]
@@ -216,7 +255,7 @@ pub enum ToolSizeFault {
 }
 
 /// Why a mesh cannot be read. What is wrong with its surface is a [`palpate_body::MeshError`].
-#[derive(Debug, Error)]
+#[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum MeshFault {
     /// The app has no meshes at all.
@@ -328,6 +367,46 @@ impl DeviceFault {
 }
 
 impl HapticFaultKind {
+    /// Severity of the fault.
+    #[must_use]
+    pub fn severity(&self) -> FaultSeverity {
+        match self {
+            Self::SamplesLost { .. } | Self::SlowStep(_) | Self::EventsDropped { .. } => FaultSeverity::Load,
+            Self::Loop(event) => match event {
+                LoopEventKind::DeadlinesMissed(_)
+                | LoopEventKind::Gap(_)
+                | LoopEventKind::ModelRefused(_)
+                | LoopEventKind::ModelStale(_) => FaultSeverity::Load,
+                LoopEventKind::Panicked | LoopEventKind::EmergencyStopped => FaultSeverity::Error,
+                _ => FaultSeverity::Warning,
+            },
+            Self::MassExcess { .. }
+            | Self::LocalModel(_)
+            | Self::Settings(_)
+            | Self::Grasp(_)
+            | Self::BlackBox(_)
+            | Self::BeyondSupport { .. }
+            | Self::UnsupportedTimeScale { .. }
+            | Self::Unconverged { .. }
+            | Self::UnconvergedSteps { .. }
+            | Self::InvertedCells { .. }
+            | Self::ToolSize(_) => FaultSeverity::Warning,
+            Self::BuildBody(_)
+            | Self::Mesh(_)
+            | Self::NonUnitScale { .. }
+            | Self::NonFiniteTransform
+            | Self::StepBody(_)
+            | Self::Device(_)
+            | Self::Tool(_)
+            | Self::Suture(_)
+            | Self::LoopEnded
+            | Self::LoopDetached
+            | Self::EmergencyStopped
+            | Self::NotABody { .. }
+            | Self::NoForce(_) => FaultSeverity::Error,
+        }
+    }
+
     /// The message and those of its causes, in one line.
     #[must_use]
     pub fn report(&self) -> String {
@@ -342,7 +421,7 @@ impl HapticFaultKind {
     }
 }
 
-/// Writes every fault to the log; a missed deadline, of which a busy machine makes many, at a lower level.
+/// Writes every fault to the log: errors and warnings as warnings, load as debug where the machine is the cause and may be busy.
 pub(crate) fn log_faults(mut faults: MessageReader<HapticFault>) {
     for HapticFault { entity, kind } in faults.read() {
         match entity {

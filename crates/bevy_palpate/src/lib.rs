@@ -139,8 +139,8 @@ pub use body::{
 pub use device::{DeviceSelector, HapticDevices, HidDeviceKind, HidSelector};
 pub use diagnostics::HapticDiagnosticsPlugin;
 pub use fault::{
-    DeviceFault, HapticFault, HapticFaultKind, MeshFault, NoForceCause, SlowStep, StepPart, SutureFault,
-    ToolSizeFault,
+    DeviceFault, FaultSeverity, HapticFault, HapticFaultKind, MeshFault, NoForceCause, SlowStep, StepPart,
+    SutureFault, ToolSizeFault,
 };
 #[cfg(feature = "gizmos")]
 pub use gizmos::{HapticGizmos, HapticGizmosPlugin};

@@ -87,10 +87,19 @@ impl ModelRate {
 
     /// A model step `hz` times a second.
     ///
+    /// # Panics
+    /// Where [`Self::try_from_hz`] returns an error.
+    #[must_use]
+    pub fn from_hz(hz: f64) -> Self {
+        Self::try_from_hz(hz).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// A model step `hz` times a second.
+    ///
     /// # Errors
     /// [`HapticsError::Setting`] unless 1000/hz is a whole number of ticks from 1 to 200: 20, 25, 50, 100 Hz
     /// are such rates.
-    pub fn hz(hz: f64) -> Result<Self, HapticsError> {
+    pub fn try_from_hz(hz: f64) -> Result<Self, HapticsError> {
         let ticks = 1000.0 / hz;
         let whole = (ticks - ticks.round()).abs() < 1e-9 * ticks;
         if whole && (1.0..=f64::from(MAX_TICKS)).contains(&ticks) {

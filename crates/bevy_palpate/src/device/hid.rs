@@ -92,7 +92,7 @@ impl HidSelector {
             product: Some(info.product),
             serial: (!info.serial.is_empty()).then(|| info.serial.clone()),
             path: (info.serial.is_empty() || !is_alone).then(|| info.path.clone()),
-            first: false,
+            match_first: false,
             treat_teensy_as_board: found.kind == HidKind::Board,
         }
     }
@@ -108,7 +108,7 @@ impl HidSelector {
             product: self.product,
             serial: self.serial.clone(),
             path: self.path.clone(),
-            first: self.first,
+            first: self.match_first,
             teensy_is_board: self.treat_teensy_as_board,
         }
     }

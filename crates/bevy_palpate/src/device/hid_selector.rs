@@ -41,7 +41,7 @@ pub struct HidSelector {
     /// anew.
     pub path: Option<String>,
     /// Where several are like that, whether the first that nobody has is meant; without it that is a fault, which lists them.
-    pub first: bool,
+    pub match_first: bool,
     /// Whether 16C0:0486 is a 3-DOF board. Every sketch for a Teensy with raw HID has these numbers, so that somebody has to say it.
     pub treat_teensy_as_board: bool,
 }
@@ -49,8 +49,8 @@ pub struct HidSelector {
 impl HidSelector {
     /// The first of any kind: boards before joysticks before caps.
     #[must_use]
-    pub fn match_first() -> Self {
-        Self { first: true, ..Self::default() }
+    pub fn first() -> Self {
+        Self { match_first: true, ..Self::default() }
     }
 }
 
@@ -66,7 +66,7 @@ impl core::fmt::Display for HidDeviceKind {
 
 impl core::fmt::Display for HidSelector {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        if self.first {
+        if self.match_first {
             f.write_str("first ")?;
         }
         match self.kind {

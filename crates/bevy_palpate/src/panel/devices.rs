@@ -34,7 +34,7 @@ impl DeviceList {
                         ui.selectable_value(device, DeviceSelector::named(name), name);
                     }
                     for choice in FIRST.iter().filter(|_| cfg!(feature = "hid")) {
-                        let choice = HidSelector { kind: *choice, ..HidSelector::match_first() };
+                        let choice = HidSelector { kind: *choice, ..HidSelector::first() };
                         let label = choice.to_string();
                         ui.selectable_value(device, DeviceSelector::Hid(choice), label);
                     }

@@ -68,7 +68,13 @@ impl Curve {
 
     /// The least and the greatest of every `stride` ticks after `from`, in the order in which they came, as (sequence,
     /// force): a peak of one tick stays to be seen. Where ticks are missing for longer than [`HOLE`] a NaN stands.
-    pub(super) fn decimate(&self, along: ForceComponent, from: u64, stride: u64, mut found: impl FnMut(u64, f64)) {
+    pub(super) fn decimate(
+        &self,
+        along: ForceComponent,
+        from: u64,
+        stride: u64,
+        mut found: impl FnMut(u64, f64),
+    ) {
         let mut bucket: Option<(u64, [(u64, f64); 2])> = None;
         let mut tell = |[low, high]: [(u64, f64); 2]| {
             let (first, second) = if low.0 <= high.0 { (low, high) } else { (high, low) };

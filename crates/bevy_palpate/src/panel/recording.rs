@@ -150,7 +150,7 @@ impl Recorder {
                 tool.device = selector;
                 Ok(format!("Replays {}, again and again.", device.describe().name))
             }
-            Err(error) => Err(HapticFaultKind::Device(error).report()),
+            Err(error) => Err(HapticFaultKind::Device(error.into()).report()),
         });
     }
 

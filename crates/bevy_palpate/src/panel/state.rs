@@ -43,7 +43,7 @@ impl HapticPanel {
             curves,
             folder,
             view: View::default(),
-            pub(super) present: DeviceList::default(),
+            present: DeviceList::default(),
         }
     }
 

@@ -44,7 +44,7 @@ impl BlackBoxDump {
                 self.files.extend(file);
                 None
             }
-            Err(error) => Some(HapticFaultKind::BlackBox(error)),
+            Err(error) => Some(HapticFaultKind::BlackBox(error.into())),
         }
     }
 }

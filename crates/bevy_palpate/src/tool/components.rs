@@ -51,6 +51,50 @@ impl Default for HapticTool {
 }
 
 impl HapticTool {
+    /// A tool that `device` moves, with the other values of [`HapticTool::default`]. A string selects the device that is registered under
+    /// that name.
+    ///
+    /// ```
+    /// use bevy_palpate::prelude::*;
+    ///
+    /// let tool = HapticTool::new("hand").with_shape(ToolShape::Sphere { radius_m: 0.01 }).with_friction(0.0);
+    /// assert_eq!(tool.device, DeviceSelector::named("hand"));
+    /// ```
+    #[must_use]
+    pub fn new(device: impl Into<DeviceSelector>) -> Self {
+        Self { device: device.into(), ..Self::default() }
+    }
+
+    /// The same tool with another scheme.
+    #[must_use]
+    pub fn with_scheme(self, scheme: Scheme) -> Self {
+        Self { scheme, ..self }
+    }
+
+    /// The same tool with another shape.
+    #[must_use]
+    pub fn with_shape(self, shape: ToolShape) -> Self {
+        Self { shape, ..self }
+    }
+
+    /// The same tool with another coefficient of friction.
+    #[must_use]
+    pub fn with_friction(self, friction: f64) -> Self {
+        Self { friction, ..self }
+    }
+
+    /// The same tool with another coupling.
+    #[must_use]
+    pub fn with_coupling(self, coupling: ToolCoupling) -> Self {
+        Self { coupling, ..self }
+    }
+
+    /// The same tool for one body only.
+    #[must_use]
+    pub fn with_body(self, body: Entity) -> Self {
+        Self { body: Some(body), ..self }
+    }
+
     /// A contact of its shape, which touches nothing yet.
     ///
     /// # Errors

@@ -20,7 +20,10 @@ pub(super) fn validate_settings(
         match loop_settings(settings, tool.device_safety, period.s()).validate() {
             Ok(()) => tool.settings = *settings,
             Err(error) => {
-                faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::Settings(error) });
+                faults.write(HapticFault {
+                    entity: Some(entity),
+                    kind: HapticFaultKind::Settings(error.into()),
+                });
             }
         }
     }

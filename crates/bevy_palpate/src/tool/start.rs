@@ -88,7 +88,7 @@ pub(super) fn start_loops(
         }
         let asked = |of_device| LoopSettings { record, ..loop_settings(&settings, of_device, period.s()) };
         if let Err(error) = asked(SafetySettings::default()).validate() {
-            fault(HapticFaultKind::Settings(error));
+            fault(HapticFaultKind::Settings(error.into()));
             continue;
         }
         let started = devices.make(&tool.device).and_then(|device| {
@@ -136,7 +136,7 @@ pub(super) fn start_loops(
             }
             Err(error) => {
                 let may_come = error.is_about_what_is_plugged_in() && *clock == LoopMode::Threaded;
-                let kind = HapticFaultKind::Device(error);
+                let kind = HapticFaultKind::Device(error.into());
                 let told = kind.report();
                 // Once, and again when it is another one.
                 if asked_anew || waited.is_none_or(|waited| waited.told != told) {
