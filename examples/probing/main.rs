@@ -26,7 +26,7 @@ fn main() -> AppExit {
         focus_m: Vec3::new(0.005, 0.03, 0.0),
         eye_m: Vec3::new(0.07, 0.115, 0.13),
         // What the loop's thread does is what it is about.
-        clock: LoopMode::Threaded,
+        mode: LoopMode::Threaded,
         ..Stage::default()
     };
     stage

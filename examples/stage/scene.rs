@@ -41,7 +41,7 @@ pub struct Stage {
     /// How long it takes, s.
     pub seconds: f64,
     /// The clock of the loops where there is no window.
-    pub clock: LoopMode,
+    pub mode: LoopMode,
     /// The scene's own hand is there, so the mouse is not the first device.
     pub has_hand: bool,
 }
@@ -59,7 +59,7 @@ impl Default for Stage {
             floor_m: -0.0502,
             size_m: USUAL_M,
             seconds: 5.0,
-            clock: LoopMode::Lockstep,
+            mode: LoopMode::Lockstep,
             has_hand: true,
         }
     }
@@ -122,7 +122,7 @@ impl Stage {
             Shown::InPictures => LoopMode::Lockstep,
             // A device that is plugged in has the time of its hand.
             Shown::Headless if options.hid.is_some() => LoopMode::Threaded,
-            Shown::Headless => self.clock,
+            Shown::Headless => self.mode,
         };
         if shown == Shown::Headless {
             let frame = Duration::from_millis(if clock == LoopMode::Threaded { 5 } else { 0 });

@@ -23,7 +23,7 @@ const SLOW_TICKS: u32 = 5;
 /// What there was before slow motion.
 #[derive(Resource, Clone, Copy)]
 struct AtFullSpeed {
-    clock: LoopMode,
+    mode: LoopMode,
     rate: ModelRate,
     timestep: Duration,
 }
@@ -47,7 +47,7 @@ pub fn set_slow(world: &mut World, slow: bool) {
     if slow {
         let before = world.remove_resource::<Returning>().map_or_else(
             || AtFullSpeed {
-                clock: *world.resource::<LoopMode>(),
+                mode: *world.resource::<LoopMode>(),
                 rate: *world.resource::<ModelRate>(),
                 timestep: world.resource::<Time<Fixed>>().timestep(),
             },
@@ -59,7 +59,7 @@ pub fn set_slow(world: &mut World, slow: bool) {
         // Or several model steps would wait for each other, and be seen as one.
         world.resource_mut::<Time<Fixed>>().set_timestep(Duration::from_millis(SLOW_TICKS.into()));
     } else if let Some(before) = world.remove_resource::<AtFullSpeed>() {
-        world.insert_resource(before.clock);
+        world.insert_resource(before.mode);
         let set_meanwhile = *world.resource::<ModelRate>();
         let rate = if set_meanwhile == slowly { before.rate } else { set_meanwhile };
         world.insert_resource(Returning(AtFullSpeed { rate, ..before }));

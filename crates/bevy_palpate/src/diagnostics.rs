@@ -14,7 +14,7 @@ use bevy::prelude::*;
 /// | path | unit | measured | what it is |
 /// | --- | --- | --- | --- |
 /// | [`FRAME_COST`](Self::FRAME_COST) | ms | every frame | time in palpate's own systems, model steps included |
-/// | [`MODEL_STEP_COST`](Self::MODEL_STEP_COST) | ms | every model step | time of the schedule [`ModelStep`] |
+/// | [`MODEL_STEP_COST`](Self::MODEL_STEP_COST) | ms | every model step | time of the schedule [`ModelSchedule`] |
 /// | [`LOCAL_MODEL_BUILD`](Self::LOCAL_MODEL_BUILD) | ms | every model step | time to build a local model |
 /// | [`MISSED_DEADLINES`](Self::MISSED_DEADLINES) | | every model step | since the loops' starts, of all loops |
 /// | [`LATENESS_P99`](Self::LATENESS_P99) | µs | every model step | 99th percentile from deadline to tick |

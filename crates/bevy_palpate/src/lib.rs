@@ -22,7 +22,7 @@
 //!     commands.spawn((
 //!         DeformableBody::block([6, 6, 6], 0.1),
 //!         Tissue { youngs_modulus_pa: 20e3, ..default() },
-//!         FixedRegion::Face(Face::Bottom),
+//!         FixedRegion::Face(BoxFace::Bottom),
 //!     ));
 //!     commands.spawn(HapticTool { device: DeviceSelector::named("hand"), ..default() });
 //! }
@@ -46,9 +46,9 @@
 //! * Threads through a body: [`Suture`]; result [`SutureForce`]; message [`SutureTorn`].
 //! * Tools: [`HapticTool`] with its partner [`ToolSettings`], [`ToolGrasp`] for those that take hold; results
 //!   [`ToolForce`], [`LoopTiming`],
-//!   [`Touching`]; messages [`ContactBegan`], [`ContactEnded`]; every tick in [`TickRecording`].
-//! * Devices: [`DeviceSelector`], [`HapticDevices`]; those that are plugged in (feature `hid`) by [`HidChoice`]; with the feature `window` `MouseDevicePlugin`.
-//! * Time: [`ModelStep`], [`HapticSystems`], [`ModelRate`], [`HapticClock`].
+//!   [`TouchedBody`]; messages [`ContactStart`], [`ContactEnd`]; every tick in [`TickRecording`].
+//! * Devices: [`DeviceSelector`], [`HapticDevices`]; those that are plugged in (feature `hid`) by [`HidSelector`]; with the feature `window` `MouseDevicePlugin`.
+//! * Time: [`ModelSchedule`], [`HapticSystems`], [`ModelRate`], [`LoopMode`].
 //! * Faults: [`HapticFault`]; why a tool renders no force: [`NoForceCause`]. Costs and errors as diagnostics: [`HapticDiagnosticsPlugin`].
 //! * To look at it all: `HapticPanelPlugin` with `HapticPanel` and `HapticWidgets` (feature `panel`),
 //!   `HapticGizmosPlugin` with `HapticGizmos` (feature `gizmos`).
@@ -67,7 +67,7 @@
 //!
 //! # Headless tests
 //!
-//! With [`HapticClock::Lockstep`] there is no thread and no sleeping: each model step turns the loops by exactly
+//! With [`LoopMode::Lockstep`] there is no thread and no sleeping: each model step turns the loops by exactly
 //! as many ticks as it is long, and the same scene gives the same bits. `MinimalPlugins` suffices; bodies of meshes need
 //! `AssetPlugin` and `MeshPlugin`, those of GLB files also `ImagePlugin`, `WorldSerializationPlugin` and `GltfPlugin`.
 //!
@@ -82,7 +82,7 @@
 //! * With `NearFieldExact`, the default, the force between model steps is within 0.1 % RMS of the full body's at the same samples
 //!   (a block that is held and moved, model steps at 20 Hz), and a touch is felt in the tick in which the tool meets the
 //!   surface. With the other schemes, those of the seed paper, it is off by 1.5 % (`KrylovLinear`) to 25 % (`LowPass`), and a touch
-//!   made between two model steps is felt after the next one. What it is in an app is told at every model step: [`LocalModelError`].
+//!   made between two model steps is felt after the next one. What it is in an app is told at every model step: [`ForceError`].
 //! * A tool touches one body at a time. What several tools on a body do to each other between two model steps is felt
 //!   after the next one: a local model holds what the others did constant.
 //! * Moving a body's transform carries the body along at once, and what touches it lets go; a body that is to be moved while it
@@ -155,9 +155,9 @@ pub use schedule::{
 };
 pub use suture::{Suture, SutureForce, SuturePlugin, SutureTorn};
 pub use tool::{
-    BlackBoxDump, ContactEnd, ContactStart, ContactState, ForceError, GraspedPoint, HapticTool,
-    LocalModelStats, LoopTiming, TickRecording, ToolCoupling, ToolForce, ToolGrasp, ToolLoop, ToolPlugin,
-    ToolSettings, TouchedBody,
+    BlackBoxDump, ContactEnd, ContactStart, ContactState, ForceError, GraspEnd, GraspStart, GraspedPoint,
+    HapticTool, LocalModelStats, LoopTiming, TickRecording, ToolContactPoint, ToolCoupling, ToolForce,
+    ToolGrasp, ToolLoop, ToolPlugin, ToolSettings, TouchedBody,
 };
 
 #[cfg(doctest)]

@@ -13,7 +13,7 @@ use bevy::prelude::*;
 ///
 /// | plugin | what it does |
 /// | --- | --- |
-/// | [`HapticSchedulePlugin`] | the schedule [`ModelStep`](crate::ModelStep), its rate and clock |
+/// | [`HapticSchedulePlugin`] | the schedule [`ModelSchedule`](crate::ModelSchedule), its rate and clock |
 /// | [`BodyPlugin`] | builds bodies, writes their meshes |
 /// | [`ToolPlugin`] | devices, loops, model steps, local models, results |
 /// | [`SuturePlugin`] | threads through bodies |
@@ -28,7 +28,7 @@ use bevy::prelude::*;
 /// # let mut app = App::new();
 /// app.add_plugins(MinimalPlugins).add_plugins(
 ///     PalpatePlugins
-///         .set(HapticSchedulePlugin { clock: HapticClock::Lockstep, ..default() })
+///         .set(HapticSchedulePlugin { mode: LoopMode::Lockstep, ..default() })
 ///         .disable::<FaultLogPlugin>(),
 /// );
 /// ```

@@ -1,10 +1,10 @@
-//! The model's own schedule, its rate and its clock.
+//! The model's own schedule, its rate and its loop mode.
 
 use crate::cost::{FrameCost, timed};
 use crate::fault::{HapticFault, HapticFaultKind};
 use crate::step_times::StepTimes;
 use bevy::app::{RunFixedMainLoop, RunFixedMainLoopSystems};
-use bevy::ecs::schedule::{LogLevel, ScheduleBuildSettings, ScheduleLabel};
+use bevy::ecs::schedule::{InternedScheduleLabel, LogLevel, ScheduleBuildSettings, ScheduleLabel};
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use palpate_haptics::HapticsError;
@@ -15,7 +15,7 @@ use std::time::Duration;
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash, Default)]
 pub struct ModelSchedule;
 
-/// The sets of [`ModelStep`], in the order of the ring: each runs after the one before.
+/// The sets of [`ModelSchedule`], in the order of the ring: each runs after the one before.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum HapticSystems {
     /// For users: before anything else in a model step.
@@ -158,20 +158,58 @@ impl ModelClock {
     }
 }
 
-/// Adds the schedule [`ModelStep`], its rate and its clock.
-#[derive(Clone, Copy, Debug, Default)]
+/// Adds the schedule [`ModelSchedule`], its rate and its mode.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// use bevy_palpate::prelude::*;
+/// # let mut app = App::new();
+/// let schedule = HapticSchedulePlugin::default().with_rate(ModelRate::from_hz(25.0)).in_schedule(FixedPostUpdate);
+/// app.add_plugins((MinimalPlugins, PalpatePlugins.set(schedule)));
+/// ```
+#[derive(Clone, Debug)]
 pub struct HapticSchedulePlugin {
-    /// How often the bodies are stepped.
+    /// Number of model steps per second.
     pub rate: ModelRate,
-    /// What makes the loops tick. A loop has the clock that is set when it starts: choose it with the plugin and leave it.
+    /// Where the loops run. A loop keeps the mode in which it was started.
     pub mode: LoopMode,
+    /// The schedule that runs the model steps, within Bevy's fixed main loop.
+    pub schedule: InternedScheduleLabel,
+}
+
+impl Default for HapticSchedulePlugin {
+    /// 20 Hz, loops on threads, in [`FixedUpdate`].
+    fn default() -> Self {
+        Self { rate: ModelRate::default(), mode: LoopMode::default(), schedule: FixedUpdate.intern() }
+    }
+}
+
+impl HapticSchedulePlugin {
+    /// The same plugin with another rate.
+    #[must_use]
+    pub fn with_rate(self, rate: ModelRate) -> Self {
+        Self { rate, ..self }
+    }
+
+    /// The same plugin with another mode.
+    #[must_use]
+    pub fn with_mode(self, mode: LoopMode) -> Self {
+        Self { mode, ..self }
+    }
+
+    /// The same plugin with its model steps in another schedule of the fixed main loop: [`FixedPreUpdate`], [`FixedUpdate`] or
+    /// [`FixedPostUpdate`], so that they run before or after the app's own fixed systems.
+    #[must_use]
+    pub fn in_schedule(self, schedule: impl ScheduleLabel) -> Self {
+        Self { schedule: schedule.intern(), ..self }
+    }
 }
 
 /// The time that really passes between two model steps.
 #[derive(SystemParam)]
 pub(crate) struct ModelPeriod<'w> {
     rate: Res<'w, ModelRate>,
-    clock: Res<'w, LoopMode>,
+    mode: Res<'w, LoopMode>,
     fixed: Option<Res<'w, Time<Fixed>>>,
 }
 
@@ -179,7 +217,7 @@ impl ModelPeriod<'_> {
     /// s.
     pub(crate) fn s(&self) -> f64 {
         let fixed_s = self.fixed.as_ref().map_or(0.0, |fixed| fixed.timestep().as_secs_f64());
-        match *self.clock {
+        match *self.mode {
             LoopMode::Threaded => self.rate.period_s().max(fixed_s),
             LoopMode::Lockstep => self.rate.period_s(),
         }
@@ -190,7 +228,7 @@ impl ModelPeriod<'_> {
 #[derive(SystemParam)]
 pub(crate) struct ModelSpan<'w> {
     rate: Res<'w, ModelRate>,
-    clock: Res<'w, LoopMode>,
+    mode: Res<'w, LoopMode>,
     times: Option<Res<'w, StepTimes>>,
 }
 
@@ -204,7 +242,7 @@ impl ModelSpan<'_> {
     /// longer than that, so that a slow step does not slow the next; in lock step as many as are due.
     pub(crate) fn max_ticks(&self) -> usize {
         let was_slow = self.times.as_ref().is_some_and(|times| times.last > self.rate.period());
-        match (*self.clock, was_slow) {
+        match (*self.mode, was_slow) {
             (LoopMode::Lockstep, _) => usize::MAX,
             (LoopMode::Threaded, false) => 2 * self.ticks(),
             (LoopMode::Threaded, true) => self.ticks(),
@@ -231,7 +269,7 @@ impl ModelOverstep<'_> {
 
 impl Plugin for HapticSchedulePlugin {
     fn build(&self, app: &mut App) {
-        // A schedule that somebody has added systems to already keeps them.
+        // A schedule to which systems have already been added keeps them.
         app.edit_schedule(ModelSchedule, |schedule| {
             schedule.set_build_settings(ScheduleBuildSettings {
                 ambiguity_detection: LogLevel::Error,
@@ -261,26 +299,22 @@ impl Plugin for HapticSchedulePlugin {
             .register_type::<ModelStepCount>()
             .add_message::<HapticFault>()
             .add_systems(RunFixedMainLoop, begin_frame.in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop))
-            .add_systems(FixedUpdate, cost.timed(run_model_steps).in_set(RunModelSteps))
+            .add_systems(self.schedule, cost.timed(run_model_steps))
             .configure_sets(PreUpdate, (HapticUpdateSystems::Bodies, HapticUpdateSystems::Tools).chain())
             .add_systems(PreUpdate, report_time_scale.before(HapticUpdateSystems::Bodies));
     }
 }
 
-/// The set of the system that runs [`ModelSchedule`].
-#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) struct RunModelSteps;
-
 fn begin_frame(mut accumulated: ResMut<ModelClock>) {
     accumulated.has_stepped = false;
 }
 
-/// Runs [`ModelStep`] when it is due. In lock step every due step is run; on threads one a frame at most, which consumes all samples
+/// Runs [`ModelSchedule`] when it is due. In lock step every due step is run; on threads one a frame at most, which consumes all samples
 /// there are.
 fn run_model_steps(world: &mut World) {
-    let (rate, clock) = (*world.resource::<ModelRate>(), *world.resource::<LoopMode>());
+    let (rate, mode) = (*world.resource::<ModelRate>(), *world.resource::<LoopMode>());
     let delta = world.resource::<Time<Fixed>>().delta();
-    if clock == LoopMode::Threaded {
+    if mode == LoopMode::Threaded {
         if world.resource_mut::<ModelClock>().is_due(delta, rate.period()) {
             run_model_step(world);
         }
@@ -303,12 +337,12 @@ fn run_model_step(world: &mut World) {
 /// as in a pause (`set_loops`).
 fn report_time_scale(
     time: Res<Time<Virtual>>,
-    clock: Res<LoopMode>,
+    mode: Res<LoopMode>,
     mut last: Local<Option<f64>>,
     mut faults: MessageWriter<HapticFault>,
 ) {
     let speed = time.relative_speed_f64();
-    if last.replace(speed) != Some(speed) && speed != 1.0 && *clock == LoopMode::Threaded {
+    if last.replace(speed) != Some(speed) && speed != 1.0 && *mode == LoopMode::Threaded {
         faults.write(HapticFault { entity: None, kind: HapticFaultKind::UnsupportedTimeScale { speed } });
     }
 }
@@ -335,8 +369,8 @@ mod tests {
     fn on_threads_a_step_catches_up_one_period_and_after_a_slow_one_none() {
         let mut world = World::new();
         world.insert_resource(ModelRate::default());
-        let mut most = |clock: LoopMode, last_ms: u64| {
-            world.insert_resource(clock);
+        let mut most = |mode: LoopMode, last_ms: u64| {
+            world.insert_resource(mode);
             world.init_resource::<StepTimes>();
             world.resource_mut::<StepTimes>().record(Duration::from_millis(last_ms));
             world.run_system_once(|span: ModelSpan| span.max_ticks()).unwrap()
@@ -350,11 +384,11 @@ mod tests {
     fn on_threads_models_come_no_more_often_than_the_fixed_main_loop() {
         let mut world = World::new();
         world.insert_resource(Time::<Fixed>::from_hz(50.0));
-        for (ticks, clock, expected_s) in
+        for (ticks, mode, expected_s) in
             [(5, LoopMode::Threaded, 0.02), (50, LoopMode::Threaded, 0.05), (5, LoopMode::Lockstep, 0.005)]
         {
             world.insert_resource(ModelRate::every_ticks(ticks).unwrap());
-            world.insert_resource(clock);
+            world.insert_resource(mode);
             let period_s = world.run_system_once(|period: ModelPeriod| period.s()).unwrap();
             assert!((period_s - expected_s).abs() < 1e-12, "{period_s}");
         }

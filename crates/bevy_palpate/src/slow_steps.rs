@@ -13,7 +13,7 @@ const IN_TIME_S: f64 = 1.0;
 pub(crate) fn report_slow_step(
     mut times: ResMut<StepTimes>,
     bodies: Query<(Entity, &SimulatedBody)>,
-    clock: Res<LoopMode>,
+    mode: Res<LoopMode>,
     period: ModelPeriod,
     mut in_time_s: Local<Option<f64>>,
     mut faults: MessageWriter<HapticFault>,
@@ -23,7 +23,7 @@ pub(crate) fn report_slow_step(
     }
     let (bodies_ms, local_models_ms) = (times.bodies.take_ms(), times.local_models.take_ms());
     let (step_s, period_s) = (times.last.as_secs_f64(), period.s());
-    if *clock == LoopMode::Lockstep {
+    if *mode == LoopMode::Lockstep {
         return;
     }
     if step_s <= period_s {
@@ -73,9 +73,9 @@ mod tests {
         world.resource_mut::<Messages<HapticFault>>().drain().map(figure).collect()
     }
 
-    fn world(clock: LoopMode) -> World {
+    fn world(mode: LoopMode) -> World {
         let mut world = World::new();
-        world.insert_resource(clock);
+        world.insert_resource(mode);
         world.insert_resource(ModelRate::default());
         world.init_resource::<StepTimes>();
         world.init_resource::<Messages<HapticFault>>();

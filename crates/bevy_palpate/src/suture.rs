@@ -52,11 +52,12 @@ pub struct SutureForce {
     pub is_torn: bool,
 }
 
-/// A suture has torn.
-#[derive(Message, Clone, Copy, Debug, PartialEq, Reflect)]
+/// A suture has torn: a message, and an event for observers of the suture.
+#[derive(EntityEvent, Message, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Message, Debug, PartialEq, Clone)]
 pub struct SutureTorn {
     /// The suture.
+    #[event_target]
     pub suture: Entity,
     /// The body.
     pub body: Entity,
@@ -81,7 +82,7 @@ struct Stitch {
     points: [BodyPoint; 2],
 }
 
-/// Sews, and tells what threads do.
+/// Sews sutures and writes their results.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SuturePlugin;
 
@@ -90,8 +91,8 @@ pub struct SuturePlugin;
 pub(crate) enum SutureSystems {
     /// Before the bodies are stepped.
     Sew,
-    /// After that.
-    Tell,
+    /// After the bodies are stepped.
+    Report,
 }
 
 impl Plugin for SuturePlugin {
@@ -103,9 +104,12 @@ impl Plugin for SuturePlugin {
             .add_message::<SutureTorn>()
             .configure_sets(
                 ModelSchedule,
-                (SutureSystems::Sew, SutureSystems::Tell).chain().in_set(HapticSystems::StepBodies),
+                (SutureSystems::Sew, SutureSystems::Report).chain().in_set(HapticSystems::StepBodies),
             )
-            .add_systems(ModelSchedule, (sew.in_set(SutureSystems::Sew), tell.in_set(SutureSystems::Tell)));
+            .add_systems(
+                ModelSchedule,
+                (sew.in_set(SutureSystems::Sew), report.in_set(SutureSystems::Report)),
+            );
     }
 }
 
@@ -228,10 +232,11 @@ fn has_effect([a, b]: &[BodyPoint; 2], body: &Body) -> Result<(), SutureFault> {
     }
 }
 
-/// Tells what every thread does, and which have torn.
-fn tell(
+/// Writes the results of every suture, and reports those that have torn.
+fn report(
     mut sutures: Query<(Entity, &Sewn, &mut SutureForce)>,
     bodies: Query<&SimulatedBody>,
+    mut commands: Commands,
     mut torn: MessageWriter<SutureTorn>,
 ) {
     for (entity, sewn, mut force) in &mut sutures {
@@ -245,7 +250,9 @@ fn tell(
         let tie = index.and_then(|index| body.ties().get(index));
         let tension_n = tie.map_or(0.0, |tie| tie.force_n().length());
         if let Some(tension_n) = tie.and_then(Tie::torn_at_n).filter(|_| !force.is_torn) {
-            torn.write(SutureTorn { suture: entity, body: stitch.body, tension_n });
+            let event = SutureTorn { suture: entity, body: stitch.body, tension_n };
+            torn.write(event);
+            commands.trigger(event);
             force.is_torn = true;
         }
         force.tension_n = tension_n;

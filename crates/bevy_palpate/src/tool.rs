@@ -10,6 +10,7 @@ mod grasp;
 mod loop_events;
 mod model;
 mod no_force;
+mod observers;
 mod overlap;
 mod results;
 mod samples;
@@ -22,17 +23,21 @@ mod write_results;
 
 pub use black_box::BlackBoxDump;
 pub use components::{
-    ContactEnd, ContactStart, GraspedPoint, HapticTool, ToolCoupling, ToolGrasp, ToolSettings,
+    ContactEnd, ContactStart, GraspEnd, GraspStart, GraspedPoint, HapticTool, ToolCoupling, ToolGrasp,
+    ToolSettings,
 };
 pub use results::{
-    ContactState, ForceError, LocalModelStats, LoopTiming, TickRecording, ToolForce, TouchedBody,
+    ContactState, ForceError, LocalModelStats, LoopTiming, TickRecording, ToolContactPoint, ToolForce,
+    TouchedBody,
 };
 pub use tool_loop::ToolLoop;
 
 use crate::cost::FrameCost;
 use crate::device::HapticDevices;
 use crate::fault::HapticFault;
-use crate::schedule::{HapticSystems, HapticUpdateSystems, LoopMode, ModelRate, ModelSchedule};
+use crate::schedule::{
+    HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, LoopMode, ModelRate, ModelSchedule,
+};
 use crate::step_times::StepTimes;
 use crate::suture::SutureSystems;
 use bevy::prelude::*;
@@ -59,9 +64,14 @@ impl Plugin for ToolPlugin {
             .register_type::<TickRecording>()
             .register_type::<ContactStart>()
             .register_type::<ContactEnd>()
+            .register_type::<GraspStart>()
+            .register_type::<GraspEnd>()
+            .register_type::<ToolContactPoint>()
             .add_message::<HapticFault>()
             .add_message::<ContactStart>()
             .add_message::<ContactEnd>()
+            .add_message::<GraspStart>()
+            .add_message::<GraspEnd>()
             .add_systems(
                 PreUpdate,
                 (
@@ -84,7 +94,7 @@ impl Plugin for ToolPlugin {
                         .chain()
                         .in_set(HapticSystems::StepBodies)
                         .after(SutureSystems::Sew)
-                        .before(SutureSystems::Tell),
+                        .before(SutureSystems::Report),
                     times
                         .local_models
                         .timed(model::build_local_models)
@@ -103,10 +113,8 @@ impl Plugin for ToolPlugin {
                         .in_set(HapticSystems::Writeback),
                 ),
             )
-            .add_systems(
-                FixedUpdate,
-                crate::slow_steps::report_slow_step.after(crate::schedule::RunModelSteps),
-            )
+            .add_systems(FixedLast, crate::slow_steps::report_slow_step)
+            .add_systems(Last, observers::trigger_observers)
             .add_observer(start::remove_loop)
             .add_systems(
                 PostUpdate,
@@ -115,17 +123,13 @@ impl Plugin for ToolPlugin {
     }
 
     fn finish(&self, app: &mut App) {
-        let world = app.world();
-        let needed = [
-            (world.contains_resource::<ModelRate>(), "HapticSchedulePlugin, or the resource ModelRate"),
-            (world.contains_resource::<LoopMode>(), "HapticSchedulePlugin, or the resource HapticClock"),
-            (
-                world.contains_resource::<Time<Virtual>>(),
-                "Bevy's TimePlugin (it is in MinimalPlugins and DefaultPlugins)",
-            ),
-        ];
-        for (there, what) in needed {
-            assert!(there, "palpate's ToolPlugin needs {what}");
+        // Without the plugin the schedule, its rate and its mode have their defaults.
+        if !app.world().contains_resource::<ModelRate>() || !app.world().contains_resource::<LoopMode>() {
+            app.add_plugins(HapticSchedulePlugin::default());
         }
+        assert!(
+            app.world().contains_resource::<Time<Virtual>>(),
+            "palpate's ToolPlugin needs Bevy's TimePlugin, which is part of MinimalPlugins and DefaultPlugins"
+        );
     }
 }

@@ -42,6 +42,7 @@ pub(super) fn install(
         carried: 0,
         failed: None,
         pose: planned,
+        rest_pose: planned,
         reported_pose: false,
         built_shape: input.shape,
         built_fixed: input.fixed,

@@ -6,7 +6,7 @@ use super::tissue::Tissue;
 use crate::step_watch::StepWatch;
 use bevy::prelude::*;
 use glam::DVec3;
-use palpate_body::{Body, BodyError, ClosedMesh, MeshCells, MeshRepairs, Skin, StepReport};
+use palpate_body::{Body, BodyError, BodyPoint, ClosedMesh, MeshCells, MeshRepairs, Skin, StepReport};
 use palpate_reduce::LocalModelBuilder;
 use std::sync::Arc;
 
@@ -28,6 +28,8 @@ pub struct SimulatedBody {
     pub(crate) failed: Option<std::mem::Discriminant<BodyError>>,
     /// Where the entity was when the body was built or last carried along.
     pub(super) pose: GlobalTransform,
+    /// The pose at which its nodes are at rest.
+    pub(super) rest_pose: GlobalTransform,
     /// The entity is at a place that was refused, and that has been said.
     pub(super) reported_pose: bool,
     /// What it was built of.
@@ -89,6 +91,15 @@ impl SimulatedBody {
         }
     }
 
+    /// Place of a point of the body if it were not deformed, m, world frame.
+    pub(crate) fn undeformed_m(&self, point: &BodyPoint) -> DVec3 {
+        let rest_m = point.of(self.body.network().rest_m());
+        let (from, to) = (&self.rest_pose, &self.pose);
+        let turn = |pose: &GlobalTransform| pose.rotation().as_dquat();
+        let local_m = turn(from).inverse() * (rest_m - from.translation().as_dvec3());
+        to.translation().as_dvec3() + turn(to) * local_m
+    }
+
     /// Longest side of the box round all nodes at rest, m, along the world's axes as the body stood when it was built.
     #[must_use]
     pub fn longest_side_m(&self) -> f64 {
@@ -97,7 +108,7 @@ impl SimulatedBody {
         bounds.map_or(0.0, |(low, high)| (high - low).max_element())
     }
 
-    /// Value of [`MeshShape::cells_along`] of which the body was made; `None` for a block.
+    /// Value of [`MeshShape::cells_along_longest_axis`] of which the body was made; `None` for a block.
     pub(crate) fn cells_along(&self) -> Option<usize> {
         self.built_shape.mesh().map(|shape| shape.cells_along_longest_axis)
     }

@@ -18,13 +18,13 @@ pub enum HidDeviceKind {
 /// Which device over HID. What is not named may be anything.
 ///
 /// ```
-/// use bevy_palpate::{DeviceSelector, HidChoice, HidDeviceKind};
+/// use bevy_palpate::{DeviceSelector, HidSelector, HidDeviceKind};
 ///
 /// // Any, one with motors before one without.
-/// let any = DeviceSelector::Hid(HidChoice::first());
-/// let joystick = HidChoice { kind: Some(HidDeviceKind::Joystick), ..HidChoice::first() };
-/// let mine = HidChoice { serial: Some("A1B2".into()), ..HidChoice::default() };
-/// # assert!(joystick != mine && any == DeviceSelector::Hid(HidChoice::first()));
+/// let any = DeviceSelector::Hid(HidSelector::first());
+/// let joystick = HidSelector { kind: Some(HidDeviceKind::Joystick), ..HidSelector::first() };
+/// let mine = HidSelector { serial: Some("A1B2".into()), ..HidSelector::default() };
+/// # assert!(joystick != mine && any == DeviceSelector::Hid(HidSelector::first()));
 /// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Debug, Default, PartialEq, Hash, Clone)]

@@ -26,7 +26,7 @@ pub enum NoForceCause {
     /// A body still waits for its mesh or is still being built.
     #[error(
         "body {body} is not built after {waited_s:.1} s; check that its mesh is loaded (a headless app needs AssetPlugin, MeshPlugin \
-         and, for GLB files, App::finish), or reduce MeshShape::cells_along"
+         and, for GLB files, App::finish), or reduce MeshShape::cells_along_longest_axis"
     )]
     BodyNotReady {
         /// The body.
@@ -65,7 +65,7 @@ pub enum NoForceCause {
         point_m: DVec3,
     },
     /// The tool overlaps a surface that is free to move, and the body finds no contact.
-    #[error("body {body} computes no contact at {point_m}; keep a black box (KeepBlackBox) and report it")]
+    #[error("body {body} computes no contact at {point_m}; keep a black box (BlackBoxDump) and report it")]
     NoContact {
         /// The body.
         body: Entity,

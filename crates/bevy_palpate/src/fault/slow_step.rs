@@ -15,7 +15,7 @@ pub struct SlowStep {
     pub local_models_ms: f64,
     /// Nodes of the largest body; the fault's entity is that body.
     pub nodes: usize,
-    /// Value of [`MeshShape::cells_along`](crate::MeshShape::cells_along) with which that body would be fast enough, if it is of a
+    /// Value of [`MeshShape::cells_along_longest_axis`](crate::MeshShape::cells_along_longest_axis) with which that body would be fast enough, if it is of a
     /// mesh. An estimate: the time is taken to grow with the number of cells.
     pub cells_along: Option<usize>,
 }
@@ -27,7 +27,7 @@ pub enum StepPart {
     Bodies,
     /// The building of local models.
     LocalModels,
-    /// Everything else, systems of the app in [`ModelStep`](crate::ModelStep) included.
+    /// Everything else, systems of the app in [`ModelSchedule`](crate::ModelSchedule) included.
     Other,
 }
 

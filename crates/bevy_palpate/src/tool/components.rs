@@ -9,7 +9,7 @@ use palpate_haptics::{DeviceFrame, SafetySettings, VelocityEstimator};
 use palpate_local::Scheme;
 
 /// A haptic interface point: a sphere, or the end of a punch, at the place of its device. Its partners come by themselves; among them
-/// the results [`ToolForce`], [`LocalModelBuild`], [`LocalModelError`], [`LoopTiming`] and [`Touching`].
+/// the results [`ToolForce`], [`LocalModelStats`], [`ForceError`], [`LoopTiming`] and [`TouchedBody`].
 ///
 /// Spawning it starts a loop, removing it stops the loop with zero force and joins its thread. Its
 /// [`Transform`] is where it is in the picture: between the last two model steps, as the bodies are drawn, and behind its
@@ -31,7 +31,7 @@ pub struct HapticTool {
     /// What holds the tool to the device. A change ends a touch.
     pub coupling: ToolCoupling,
     /// The body that it can touch; `None`: the one that is nearest while it touches nothing. A change ends a touch; how the next
-    /// one begins is at [`Touching`].
+    /// one begins is at [`TouchedBody`].
     #[entities]
     pub body: Option<Entity>,
 }
@@ -154,11 +154,24 @@ pub struct ToolSettings {
     pub velocity: VelocityEstimator,
 }
 
-/// A tool has touched a body. Each of these is followed by one [`ContactEnded`], whatever ends the contact.
-#[derive(Message, Clone, Copy, Debug, PartialEq, Reflect)]
+/// A tool has come into contact with a body. Each is followed by one [`ContactEnd`], whatever ends the contact.
+///
+/// Like [`ContactEnd`], [`GraspStart`] and [`GraspEnd`] it is a message, readable in the same model step after
+/// [`HapticSystems::StepBodies`](crate::HapticSystems::StepBodies), and an event for observers of the tool, which run in [`Last`]. In a model step a
+/// tool ends at most one contact and then starts at most one; observers run in that order, ends before starts. A pause of the app ends a
+/// contact of a loop on a thread, because the hand may have moved; it starts again after the pause.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_palpate::prelude::*;
+/// # let mut app = App::new();
+/// app.add_observer(|start: On<ContactStart>| info!("{} touches {} at {}", start.tool, start.body, start.point_m));
+/// ```
+#[derive(EntityEvent, Message, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Message, Debug, PartialEq, Clone)]
 pub struct ContactStart {
     /// The tool.
+    #[event_target]
     pub tool: Entity,
     /// The body.
     pub body: Entity,
@@ -168,11 +181,12 @@ pub struct ContactStart {
     pub normal: DVec3,
 }
 
-/// A tool has let go of a body.
-#[derive(Message, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+/// A contact of a tool with a body has ended.
+#[derive(EntityEvent, Message, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[reflect(Message, Debug, PartialEq, Clone)]
 pub struct ContactEnd {
     /// The tool.
+    #[event_target]
     pub tool: Entity,
     /// The body.
     pub body: Entity,
@@ -209,4 +223,28 @@ pub struct GraspedPoint {
     pub body: Option<Entity>,
     /// Where the held point is, m, world.
     pub point_m: DVec3,
+}
+
+/// A tool with [`ToolGrasp`] has grasped a point of a body. Each is followed by one [`GraspEnd`].
+#[derive(EntityEvent, Message, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Message, Debug, PartialEq, Clone)]
+pub struct GraspStart {
+    /// The tool.
+    #[event_target]
+    pub tool: Entity,
+    /// The body.
+    pub body: Entity,
+    /// The grasped point, m, world frame.
+    pub point_m: DVec3,
+}
+
+/// A tool has released the point that it grasped.
+#[derive(EntityEvent, Message, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[reflect(Message, Debug, PartialEq, Clone)]
+pub struct GraspEnd {
+    /// The tool.
+    #[event_target]
+    pub tool: Entity,
+    /// The body.
+    pub body: Entity,
 }

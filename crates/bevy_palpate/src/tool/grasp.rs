@@ -1,6 +1,8 @@
 //! Tools that take hold of a body.
 
-use super::components::{ContactEnd, ContactStart, GraspedPoint, HapticTool, ToolCoupling, ToolGrasp};
+use super::components::{
+    ContactEnd, ContactStart, GraspEnd, GraspStart, GraspedPoint, HapticTool, ToolCoupling, ToolGrasp,
+};
 use super::tool_loop::ToolLoop;
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
@@ -14,9 +16,10 @@ pub(super) fn grasp(
     bodies: Query<&SimulatedBody>,
     mut began: MessageWriter<ContactStart>,
     mut ended: MessageWriter<ContactEnd>,
+    (mut grasp_started, mut grasp_ended): (MessageWriter<GraspStart>, MessageWriter<GraspEnd>),
     mut faults: MessageWriter<HapticFault>,
 ) {
-    for (entity, asked, mut tool, grasp, grasping) in &mut tools {
+    for (entity, asked, mut tool, grasp, grasped) in &mut tools {
         let tool = &mut *tool;
         let pressed = grasp
             .is_some_and(|grasp| tool.buttons().checked_shr(grasp.button).is_some_and(|rest| rest & 1 == 1));
@@ -43,12 +46,21 @@ pub(super) fn grasp(
                 }
             }
         }
-        if let Some(mut grasping) = grasping {
-            let held = tool.contact.held_point().zip(body);
-            grasping.set_if_neq(held.map_or_else(GraspedPoint::default, |(point, (on, body))| {
-                GraspedPoint { body: Some(on), point_m: point.of(body.positions_m()) }
-            }));
+        let Some(mut grasped) = grasped else { continue };
+        let held = tool.contact.held_point().zip(body);
+        let now = held.map_or_else(GraspedPoint::default, |(point, (on, body))| GraspedPoint {
+            body: Some(on),
+            point_m: point.of(body.positions_m()),
+        });
+        if grasped.body != now.body || closes && now.body.is_some() {
+            if let Some(body) = grasped.body {
+                grasp_ended.write(GraspEnd { tool: entity, body });
+            }
+            if let Some(body) = now.body {
+                grasp_started.write(GraspStart { tool: entity, body, point_m: now.point_m });
+            }
         }
+        grasped.set_if_neq(now);
     }
 }
 

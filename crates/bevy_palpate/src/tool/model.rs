@@ -1,7 +1,7 @@
 //! The model side of a step: bodies, local models, hand-over.
 
 use super::components::{ContactEnd, ContactStart, HapticTool};
-use super::results::{ForceError, LocalModelStats};
+use super::results::{ForceError, LocalModelStats, ToolContactPoint};
 use super::tool_loop::ToolLoop;
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
@@ -42,6 +42,12 @@ pub(super) fn step_bodies(
         let before: Vec<bool> = at_it.iter().map(|(_, tool)| tool.contact.normal().is_some()).collect();
         let stepped = step(&mut simulated.body, &mut at_it, (span.ticks(), span.max_ticks()));
         for ((tool_entity, tool), was_touching) in at_it.iter_mut().zip(before) {
+            let touched = tool.contact.normal().zip(tool.contact.touched().first());
+            tool.contact_point = touched.map(|(normal, touched)| {
+                let point_m = touched.point_m(&simulated.body);
+                let depth_m = (simulated.undeformed_m(&touched.body_point()) - point_m).dot(normal);
+                ToolContactPoint { point_m, normal, depth_m }
+            });
             let (tool_entity, contact) = (*tool_entity, &tool.contact);
             match (was_touching, contact.normal().zip(contact.touched().first())) {
                 (true, None) => {

@@ -6,22 +6,40 @@ use palpate_haptics::TickRecord;
 use palpate_local::Sample;
 use palpate_reduce::BuildReport;
 
-/// The force at the newest tick that the model step has seen.
+/// The force on the hand, and the tool's contact, at the newest tick that the app has read. It is changed only when a value differs.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct ToolForce {
-    /// What is written to the device, N, world frame; along the surface normal it pushes the tool out.
+    /// Force written to the device, N, world frame: the force of the body on the hand.
     pub force_n: DVec3,
-    /// What the local model says, before the safety chain, N, world frame.
+    /// Force of the local model before the safety chain, N, world frame.
     pub model_force_n: DVec3,
-    /// Whether the safety chain changed it.
+    /// Sequence number of the sample at which these forces were rendered.
+    pub sample: u64,
+    /// Position of the device at that sample, m, world frame. The tool's [`Transform`] has that of the proxy.
+    pub device_position_m: DVec3,
+    /// Contact with a body after the last model step; `None` without contact.
+    pub contact: Option<ToolContactPoint>,
+    /// Whether the safety chain changed the force.
     pub safety_limited: bool,
     /// Age of the local model at that tick, s.
     pub model_age_s: f64,
-    /// What the last hand-over made of the force: that of the new local model minus that of the old one, N.
+    /// Jump of the force at the last change of the local model, N: the new model's force minus the old one's.
     pub swap_force_jump_n: DVec3,
-    /// What it brought into the body or took out of it, J; `None` where a scheme knows no energy.
+    /// Energy that this change added to the body, J, negative if it removed energy; `None` for a scheme without an energy.
     pub swap_energy_jump_j: Option<f64>,
+}
+
+/// Contact of a tool with the full body.
+#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Debug, PartialEq, Clone)]
+pub struct ToolContactPoint {
+    /// Point of the body's surface, m, world frame.
+    pub point_m: DVec3,
+    /// Unit normal of the surface there, out of the body.
+    pub normal: DVec3,
+    /// Displacement of that point against the normal from its place on the undeformed body, m: the depth of the dent.
+    pub depth_m: f64,
 }
 
 /// The loop's account of itself since its start, renewed every 64 ticks.
@@ -178,7 +196,7 @@ pub enum ContactState {
     /// The tool holds a point of the body ([`ToolGrasp`](crate::ToolGrasp)).
     Holding,
     /// The tool is inside the body without having pushed its way there: it renders no force until all of it has left. See
-    /// [`Touching`].
+    /// [`TouchedBody`].
     Inside,
 }
 

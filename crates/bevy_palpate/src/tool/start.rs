@@ -45,7 +45,7 @@ pub(super) fn start_loops(
     mut commands: Commands,
     mut tools: Query<(Entity, Ref<HapticTool>, Ref<ToolSettings>, Option<&mut ToolLoop>, Has<TickRecording>)>,
     devices: Res<HapticDevices>,
-    clock: Res<LoopMode>,
+    mode: Res<LoopMode>,
     period: ModelPeriod,
     (time, mut waiting): (Option<Res<Time<Real>>>, Local<Vec<RetryStart>>),
     (mut ended, mut faults): (MessageWriter<ContactEnd>, MessageWriter<HapticFault>),
@@ -96,7 +96,7 @@ pub(super) fn start_loops(
             let of_device = description.safety(TICK_S);
             let shown =
                 DMat3::from_cols_array_2d(&DVec3::AXES.map(|axis| device.quantized_force_n(axis).to_array()));
-            let (handle, driver) = start(device, *clock, asked(of_device))?;
+            let (handle, driver) = start(device, *mode, asked(of_device))?;
             Ok((handle, driver, of_device, description, shown))
         });
         match started {
@@ -107,6 +107,7 @@ pub(super) fn start_loops(
                     untouched: contact.clone(),
                     contact,
                     was_pressed: false,
+                    contact_point: None,
                     body: None,
                     contact_key: (0, 0),
                     consumed: None,
@@ -135,7 +136,7 @@ pub(super) fn start_loops(
                 });
             }
             Err(error) => {
-                let may_come = error.is_about_what_is_plugged_in() && *clock == LoopMode::Threaded;
+                let may_come = error.is_about_what_is_plugged_in() && *mode == LoopMode::Threaded;
                 let kind = HapticFaultKind::Device(error.into());
                 let told = kind.report();
                 // Once, and again when it is another one.
@@ -159,7 +160,7 @@ const MAX_CAPACITY: Capacity = Capacity {
 
 fn start(
     device: Box<dyn HapticDevice>,
-    clock: LoopMode,
+    mode: LoopMode,
     settings: LoopSettings,
 ) -> Result<(HapticHandle, Driver), DeviceFault> {
     let description = device.describe();
@@ -167,7 +168,7 @@ fn start(
     let hand_over = HandOverSettings { capacity: MAX_CAPACITY, ..HandOverSettings::default() };
     let config = LoopConfig { device: description.limits(), hand_over, ..LoopConfig::default() };
     let (handle, haptic_loop) = haptic_loop(config, settings)?;
-    let driver = match clock {
+    let driver = match mode {
         LoopMode::Threaded => Driver::Thread(haptic_loop.spawn(device)?),
         LoopMode::Lockstep => Driver::Lockstep(Box::new(SyncCell::new(Lockstep::new(haptic_loop, device)?))),
     };

@@ -1,9 +1,11 @@
 //! The running loop of a tool, and what the model side keeps of it.
 
-use super::components::{ContactEnd, GraspedPoint, ToolSettings};
+use super::components::{ContactEnd, GraspEnd, GraspedPoint, ToolSettings};
 use super::convergence_watch::ConvergenceWatch;
 use super::force_watch::ForceWatch;
-use super::results::{ContactState, ForceError, LocalModelStats, TickRecording, ToolForce, TouchedBody};
+use super::results::{
+    ContactState, ForceError, LocalModelStats, TickRecording, ToolContactPoint, ToolForce, TouchedBody,
+};
 use crate::device::DeviceSelector;
 use crate::fault::{HapticFault, HapticFaultKind};
 use bevy::ecs::lifecycle::HookContext;
@@ -28,6 +30,8 @@ pub struct ToolLoop {
     pub(super) untouched: ToolContact,
     /// The button that grasps was pressed when it was last looked at.
     pub(super) was_pressed: bool,
+    /// The contact with that body after the last model step.
+    pub(super) contact_point: Option<ToolContactPoint>,
     /// The body it touches or can touch.
     pub(crate) body: Option<Entity>,
     /// The shape and place of that body to which the contact belongs.
@@ -156,6 +160,7 @@ impl ToolLoop {
             self.contact = self.untouched.clone();
         }
         let touched = self.contact.release();
+        self.contact_point = None;
         self.body.filter(|_| touched || held).map(|body| ContactEnd { tool, body })
     }
 }
@@ -263,8 +268,11 @@ fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) 
     if let Some(mut touching) = world.get_mut::<TouchedBody>(entity) {
         *touching = TouchedBody::default();
     }
-    if let Some(mut grasping) = world.get_mut::<GraspedPoint>(entity) {
-        *grasping = GraspedPoint::default();
+    if let Some(mut grasped) = world.get_mut::<GraspedPoint>(entity)
+        && let Some(body) = std::mem::take(&mut *grasped).body
+        && let Some(mut messages) = world.get_resource_mut::<Messages<GraspEnd>>()
+    {
+        messages.write(GraspEnd { tool: entity, body });
     }
     if let Some(mut newest) = world.get_mut::<LocalModelStats>(entity) {
         *newest = LocalModelStats::default();

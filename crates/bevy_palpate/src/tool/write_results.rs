@@ -3,6 +3,7 @@
 use super::results::{ForceError, LoopTiming, ToolForce, TouchedBody};
 use super::tool_loop::ToolLoop;
 use bevy::prelude::*;
+use glam::DVec3;
 use palpate_haptics::TickRecord;
 
 /// Writes the results of every tool.
@@ -13,22 +14,26 @@ pub(super) fn write_results(
         let body = tool.body.filter(|_| tool.is_in_contact());
         touching.set_if_neq(TouchedBody { body, state: tool.contact_state() });
         let tick_s = tool.handle.config().hand_over.tick_s;
-        if let Some(TickRecord { rendered: spoken, safety, force_n, sample, .. }) = tool.handle.latest_tick()
-        {
-            let newest = sample.map_or(0, |sample| sample.sequence);
-            let age = spoken.model.map_or(0, |model| newest.saturating_sub(model.sequence));
-            *force = ToolForce {
+        let mut now = ToolForce { contact: tool.contact_point, ..*force };
+        if let Some(TickRecord { rendered, safety, force_n, sample, .. }) = tool.handle.latest_tick() {
+            let (newest, device_position_m) =
+                sample.map_or((0, DVec3::ZERO), |sample| (sample.sequence, sample.position_m));
+            let age = rendered.model.map_or(0, |model| newest.saturating_sub(model.sequence));
+            now = ToolForce {
                 force_n,
-                model_force_n: spoken.force_n,
+                model_force_n: rendered.force_n,
+                sample: newest,
+                device_position_m,
                 safety_limited: safety.acted(),
                 model_age_s: age as f64 * tick_s,
-                ..*force
+                ..now
             };
         }
         let report = tool.handle.report();
         if let Some(swap) = report.last_swap {
-            (force.swap_force_jump_n, force.swap_energy_jump_j) = (swap.force_jump_n, swap.energy_jump_j);
+            (now.swap_force_jump_n, now.swap_energy_jump_j) = (swap.force_jump_n, swap.energy_jump_j);
         }
+        force.set_if_neq(now);
         timing.set_if_neq(LoopTiming {
             ticks: report.ticks,
             missed_deadlines: report.missed_deadlines,

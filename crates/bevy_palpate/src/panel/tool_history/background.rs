@@ -91,7 +91,7 @@ pub(super) struct BodeTask {
 }
 
 /// Most free nodes of a body whose answer is computed: beyond, it takes longer than anybody waits.
-const MOST_NODES: usize = 2000;
+const MAX_NODES: usize = 2000;
 /// Time between two questions, s.
 const EVERY_S: f64 = 1.0;
 
@@ -109,8 +109,8 @@ impl BodeTask {
             return;
         }
         let free = body.network().free().len();
-        if free > MOST_NODES {
-            let why = format!("The body has {free} free nodes; the plot is made for up to {MOST_NODES}.");
+        if free > MAX_NODES {
+            let why = format!("The body has {free} free nodes; the plot is made for up to {MAX_NODES}.");
             self.newest = Some(Err(why));
         } else if Bode::driven_node(body, contact).is_none() {
             // The last answer stays to be read.
