@@ -76,7 +76,21 @@ impl Default for HapticGizmos {
     }
 }
 
-/// What drawing has cost in this frame.
+/// The parts that are drawn of one body or tool, in place of those of the group's configuration: with all parts off, nothing of it is drawn.
+///
+/// ```no_run
+/// # use bevy::prelude::*;
+/// # use bevy_palpate::{HapticGizmos, HapticGizmosOverride, prelude::*};
+/// # fn setup(mut commands: Commands) {
+/// let parts = HapticGizmos { lattice: true, ..default() };
+/// commands.spawn((DeformableBody::block([6; 3], 0.1), HapticGizmosOverride(parts)));
+/// # }
+/// ```
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub struct HapticGizmosOverride(pub HapticGizmos);
+
+/// Time that drawing took in this frame.
 #[derive(Resource, Default)]
 struct GizmosCost(FrameCost);
 
@@ -86,6 +100,7 @@ impl Plugin for HapticGizmosPlugin {
         let line = GizmoLineConfig { width: 1.5, ..GizmoLineConfig::default() };
         let in_front = GizmoConfig { depth_bias: -1.0, line, ..GizmoConfig::default() };
         app.register_type::<HapticGizmos>()
+            .register_type::<HapticGizmosOverride>()
             .insert_gizmo_config(HapticGizmos::default(), in_front)
             .insert_resource(GizmosCost(cost.clone()))
             .register_diagnostic(Diagnostic::new(Self::COST).with_suffix(" ms"))
@@ -94,11 +109,11 @@ impl Plugin for HapticGizmosPlugin {
                 PostUpdate,
                 (cost.timed(draw_tools), cost.timed(draw_bodies)).chain().before(TransformSystems::Propagate),
             )
-            .add_systems(Last, tell_cost);
+            .add_systems(Last, record_cost);
     }
 }
 
-fn tell_cost(cost: Res<GizmosCost>, mut diagnostics: Diagnostics) {
+fn record_cost(cost: Res<GizmosCost>, mut diagnostics: Diagnostics) {
     diagnostics.add_measurement(&HapticGizmosPlugin::COST, || cost.0.take_ms());
 }
 
@@ -109,16 +124,18 @@ type BasisShown = ((u64, u64, usize), Option<Vec<f32>>);
 fn draw_bodies(
     mut gizmos: Gizmos<HapticGizmos>,
     store: Res<GizmoConfigStore>,
-    bodies: Query<(Entity, &SimulatedBody)>,
+    bodies: Query<(Entity, &SimulatedBody, Option<&HapticGizmosOverride>)>,
     steps: Res<ModelStepCount>,
     mut shown: Local<EntityHashMap<BasisShown>>,
 ) {
-    let (config, parts) = store.config::<HapticGizmos>();
+    let (config, group) = store.config::<HapticGizmos>();
     if !config.enabled {
         return;
     }
-    shown.retain(|entity, _| parts.basis.is_some() && bodies.contains(*entity));
-    for (entity, simulated) in &bodies {
+    let parts_of = |own: Option<&HapticGizmosOverride>| own.map_or(*group, |own| own.0);
+    shown.retain(|entity, _| bodies.get(*entity).is_ok_and(|(.., own)| parts_of(own).basis.is_some()));
+    for (entity, simulated, own) in &bodies {
+        let parts = parts_of(own);
         let body = simulated.body();
         let (network, x) = (body.network(), simulated.drawn_m());
         let at = |node: usize| x[node].as_vec3();
@@ -161,23 +178,24 @@ fn cross_size(simulated: &SimulatedBody) -> f32 {
 fn draw_tools(
     mut gizmos: Gizmos<HapticGizmos>,
     store: Res<GizmoConfigStore>,
-    tools: Query<(&HapticTool, &ToolLoop, &ToolForce, &Transform)>,
+    tools: Query<(&HapticTool, &ToolLoop, &ToolForce, &Transform, Option<&HapticGizmosOverride>)>,
     bodies: Query<&SimulatedBody>,
 ) {
-    let (config, parts) = store.config::<HapticGizmos>();
+    let (config, group) = store.config::<HapticGizmos>();
     if !config.enabled {
         return;
     }
-    for (asked, tool, force, transform) in &tools {
+    for (described, tool, force, transform, own) in &tools {
+        let parts = own.map_or(*group, |own| own.0);
         let proxy = transform.translation;
-        let radius = radius_m(asked.shape);
+        let radius = radius_m(described.shape);
         if parts.force {
             let device = proxy - tool.proxy_offset_m().as_vec3();
             if proxy.distance(device) > 1e-5 {
-                draw_shape(&mut gizmos, asked.shape, device, colors::DEVICE);
+                draw_shape(&mut gizmos, described.shape, device, colors::DEVICE);
                 gizmos.line(device, proxy, colors::DEVICE);
             }
-            draw_shape(&mut gizmos, asked.shape, proxy, colors::TOOL);
+            draw_shape(&mut gizmos, described.shape, proxy, colors::TOOL);
             let arrow = parts.force_m_per_n * force.force_n.as_vec3();
             if arrow.length() > 1e-4 {
                 gizmos.arrow(proxy, proxy + arrow, colors::FORCE).with_tip_length(0.15 * arrow.length());

@@ -67,9 +67,8 @@
 //!
 //! # Headless tests
 //!
-//! With [`LoopMode::Lockstep`] there is no thread and no sleeping: each model step turns the loops by exactly
-//! as many ticks as it is long, and the same scene gives the same bits. `MinimalPlugins` suffices; bodies of meshes need
-//! `AssetPlugin` and `MeshPlugin`, those of GLB files also `ImagePlugin`, `WorldSerializationPlugin` and `GltfPlugin`.
+//! [`testing`] makes an app in lock step and advances it by model steps. There is no thread and no sleeping: each model step runs the
+//! loops by as many ticks as it is long, and the same scene gives the same bits.
 //!
 //! # Units, frames, signs
 //!
@@ -130,7 +129,15 @@ mod slow_steps;
 mod step_times;
 mod step_watch;
 mod suture;
+pub mod testing;
 mod tool;
+
+pub use palpate_body;
+pub use palpate_haptics;
+#[cfg(feature = "hid")]
+pub use palpate_hid;
+pub use palpate_local;
+pub use palpate_reduce;
 
 pub use body::{
     BodyPlugin, BodyReady, BodyRegion, BodyState, BoxFace, ContactCompliance, DeformableBody, FixedRegion,
@@ -143,7 +150,7 @@ pub use fault::{
     SutureFault, ToolSizeFault,
 };
 #[cfg(feature = "gizmos")]
-pub use gizmos::{HapticGizmos, HapticGizmosPlugin};
+pub use gizmos::{HapticGizmos, HapticGizmosOverride, HapticGizmosPlugin};
 #[cfg(feature = "window")]
 pub use mouse::{MouseDevice, MouseDevicePlugin, MouseDeviceSystems};
 #[cfg(feature = "panel")]

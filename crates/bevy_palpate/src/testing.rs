@@ -1,0 +1,103 @@
+//! Helpers for headless tests of scenes: an app in lock step that advances by model steps.
+//!
+//! ```
+//! use bevy::prelude::*;
+//! use bevy_palpate::{prelude::*, testing};
+//!
+//! // A test of a scene: a tool presses 5 mm into a block, and the block pushes back.
+//! let mut app = testing::headless_app();
+//! app.world_mut().resource_mut::<HapticDevices>().register("script", || {
+//!     Ok(ScriptedDevice::new(|n, _| Ok(Reading::at(DVec3::Y * (0.06 - 1e-5 * n.min(1000) as f64)))))
+//! });
+//! let body = app.world_mut().spawn((DeformableBody::block([6; 3], 0.1), FixedRegion::Face(BoxFace::Bottom))).id();
+//! let tool = app.world_mut().spawn(HapticTool::new("script")).id();
+//! testing::wait_for_body(&mut app, body);
+//! testing::advance_model_steps(&mut app, 30);
+//! let force = app.world().get::<ToolForce>(tool).unwrap();
+//! assert!(force.force_n.y > 0.1, "{force:?}");
+//! ```
+
+use crate::body::{BodyState, DeformableBody};
+use crate::plugins::PalpatePlugins;
+use crate::schedule::{HapticSchedulePlugin, LoopMode, ModelStepCount};
+use bevy::app::PluginsState;
+use bevy::asset::AssetPlugin;
+use bevy::mesh::MeshPlugin;
+use bevy::prelude::*;
+use bevy::time::TimeUpdateStrategy;
+use std::time::Duration;
+
+/// Time that passes in an update, ms: two updates to a tick of Bevy's fixed main loop, so that no more than one model step falls into an update.
+const UPDATE_MS: u64 = 10;
+
+/// Maximum number of updates to the next model step.
+const MAX_UPDATES: usize = 1000;
+
+/// Maximum number of updates until a body is built.
+const MAX_BUILD_UPDATES: usize = 100_000;
+
+/// An app for tests: Bevy's `MinimalPlugins`, assets and meshes, and [`PalpatePlugins`] in [`LoopMode::Lockstep`] with simulated time. It has no
+/// window, no threads for loops, and gives the same bits in every run.
+///
+/// Bodies of GLB files also need `ImagePlugin`, `WorldSerializationPlugin` and `GltfPlugin` (feature `gltf`).
+#[must_use]
+pub fn headless_app() -> App {
+    let schedule = HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep);
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, AssetPlugin::default(), MeshPlugin, PalpatePlugins.set(schedule)))
+        .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(UPDATE_MS)));
+    app
+}
+
+/// Updates `app` until `steps` more model steps have run. Finishes its plugins first if that has not been done.
+///
+/// # Panics
+/// If model steps do not run: time is paused, or the app has no [`PalpatePlugins`].
+pub fn advance_model_steps(app: &mut App, steps: u64) {
+    finish_plugins(app);
+    let count = |app: &App| app.world().get_resource::<ModelStepCount>().map_or(0, |count| count.0);
+    for _ in 0..steps {
+        let before = count(app);
+        let has_run = (0..MAX_UPDATES).any(|_| {
+            app.update();
+            count(app) > before
+        });
+        assert!(
+            has_run,
+            "no model step in {MAX_UPDATES} updates; is the app's time paused, or PalpatePlugins missing?"
+        );
+    }
+}
+
+/// Updates `app` until the body of `entity` is simulated. Finishes the app's plugins first if that has not been done.
+///
+/// # Panics
+/// If the entity has no [`DeformableBody`], if the body is rejected, or if it is not built within 100,000 updates.
+pub fn wait_for_body(app: &mut App, entity: Entity) {
+    finish_plugins(app);
+    assert!(app.world().get::<DeformableBody>(entity).is_some(), "{entity} has no DeformableBody");
+    let is_ready = (0..MAX_BUILD_UPDATES).any(|_| {
+        app.update();
+        match app.world().get::<BodyState>(entity) {
+            Some(BodyState::Ready) => true,
+            Some(BodyState::Rejected(reason)) => panic!("the body of {entity} is rejected: {reason}"),
+            _ => {
+                std::thread::yield_now();
+                false
+            }
+        }
+    });
+    assert!(is_ready, "the body of {entity} is not built after {MAX_BUILD_UPDATES} updates");
+}
+
+/// Finishes the plugins of an app that has not run, as its runner would.
+fn finish_plugins(app: &mut App) {
+    if app.plugins_state() == PluginsState::Cleaned {
+        return;
+    }
+    while app.plugins_state() == PluginsState::Adding {
+        bevy::tasks::tick_global_task_pools_on_main_thread();
+    }
+    app.finish();
+    app.cleanup();
+}
