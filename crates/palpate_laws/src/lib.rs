@@ -58,47 +58,56 @@
 
 #![forbid(unsafe_code)]
 
-mod carried;
-mod contact;
+mod carried_points;
+mod constraint_row;
+mod contact_gap;
 mod coulomb;
 mod coupling;
 mod error;
+mod force_law;
+mod gauss_seidel;
 mod grid_compliance;
 mod indentation;
-mod law;
 mod patch;
 mod patch_rows;
+mod patch_seed;
+mod patch_surface;
 mod pressure_points;
-mod rows;
-mod seed;
-mod skin;
+mod proxy_solver;
+mod series_compliance;
+mod skin_law;
 mod smooth_step;
 mod spring;
-mod touch;
-mod volume;
+mod tension;
+mod tool_shape;
+mod triangle;
+mod unilateral;
+mod volume_barrier;
 
-pub use carried::{CarriedPoint, MAX_CARRIED};
-pub use contact::unilateral_force;
+pub use carried_points::{CarriedPoint, MAX_CARRIED};
+pub use constraint_row::{ConstraintLaw, ConstraintRow, GAP_TOLERANCE_M, MAX_CORRECTION_SPEED_M_PER_S};
+pub use contact_gap::{ContactGap, SeriesDeflection, is_out_of_reach, mobility};
 pub use coulomb::Coulomb;
-pub use coupling::{ProxyState, ProxyStep, ToolMove, VirtualCoupling, solve_with_proxies, solve_with_proxy};
+pub use coupling::{ProxyStep, ToolMove, VirtualCoupling};
 pub use error::LawError;
+pub use force_law::ForceLaw;
+pub use gauss_seidel::{ImpulseResponse, SolverLimits, SolverReport, solve_projected_gauss_seidel};
 pub use grid_compliance::{lattice_compliance, normal_compliance_at, tangential_compliance_at};
-pub use indentation::{Indentation, Pressure, SeriesCompliance};
-pub use law::{ForceLaw, Tension};
-pub use patch::{Neighbour, Patch, PatchScale, PatchStart, PatchSurface, SurfacePlace};
-pub use patch_rows::{MAX_PATCHES, PATCH_ROWS, PatchLayout, RowLayout};
-pub use pressure_points::{PRESSURE_POINTS, PressurePoint};
-pub use rows::{
-    ConstraintLaw, ConstraintRow, GAP_TOLERANCE_M, ImpulseResponse, MAX_CORRECTION_SPEED_M_PER_S,
-    SolverLimits, SolverReport, solve_projected_gauss_seidel,
-};
-pub use seed::{KnownPatch, KnownPatches, Seed};
-pub use skin::SkinLaw;
+pub use indentation::{Indentation, Pressure};
+pub use patch::{Patch, PatchScale, PatchStart};
+pub use patch_rows::{MAX_PATCHES, PatchLayout, RowLayout};
+pub use patch_seed::{KnownPatch, KnownPatches, Seed};
+pub use patch_surface::{Neighbour, POINT_NODES, PatchSurface, SurfacePlace};
+pub use pressure_points::{PATCH_ROWS, PRESSURE_POINTS, PressurePoint};
+pub use proxy_solver::{ProxyState, solve_with_proxies, solve_with_proxy};
+pub use series_compliance::SeriesCompliance;
+pub use skin_law::SkinLaw;
 pub use spring::{Spring, SpringTangent};
-pub use touch::{
-    ContactGap, POINT_NODES, SeriesDeflection, ToolShape, is_out_of_reach, mobility, nearest_weights,
-};
-pub use volume::VolumeBarrier;
+pub use tension::Tension;
+pub use tool_shape::ToolShape;
+pub use triangle::nearest_weights;
+pub use unilateral::unilateral_force;
+pub use volume_barrier::VolumeBarrier;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

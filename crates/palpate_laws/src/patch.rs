@@ -11,42 +11,13 @@
 
 mod projection;
 
-use crate::{PRESSURE_POINTS, Pressure, PressurePoint, ToolShape, nearest_weights};
+use crate::patch_surface::weighted;
+use crate::{
+    PRESSURE_POINTS, PatchSurface, Pressure, PressurePoint, SurfacePlace, ToolShape, nearest_weights,
+};
 use glam::{DQuat, DVec2, DVec3};
 use projection::{Edges, Projected, Projection};
 use std::f64::consts::FRAC_1_SQRT_2;
-
-/// What is across an edge of a triangle.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Neighbour {
-    /// The triangle beside it, if there is one.
-    pub triangle: Option<u32>,
-    /// Whether the surface has a sharp edge there at rest.
-    pub is_crease: bool,
-}
-
-/// A triangulated surface where it is now.
-pub trait PatchSurface {
-    /// Where the corners of a triangle are, m, counter-clockwise seen from outside; `None` where there is no such triangle.
-    fn corners_m(&self, triangle: usize) -> Option<[DVec3; 3]>;
-
-    /// What is across the edges from corner 0 to 1, 1 to 2 and 2 to 0.
-    fn neighbours(&self, triangle: usize) -> [Neighbour; 3];
-
-    /// Where a place is, m; `None` where there is no such triangle.
-    fn place_m(&self, place: SurfacePlace) -> Option<DVec3> {
-        self.corners_m(place.triangle).map(|corners_m| weighted(place.weights, corners_m))
-    }
-}
-
-/// A place on a triangle.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SurfacePlace {
-    /// The triangle.
-    pub triangle: usize,
-    /// The weights of its corners, at least 0, which sum to 1.
-    pub weights: [f64; 3],
-}
 
 /// Where a tool is pressed against a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -158,11 +129,6 @@ const TILT: f64 = 0.2;
 const RIM_SHARE: f64 = 0.25;
 /// The rim of a punch is rounded by that share of its radius where it is pushed beyond an edge.
 const RIM: f64 = 0.1;
-
-fn weighted(weights: [f64; 3], [a, b, c]: [DVec3; 3]) -> DVec3 {
-    let [u, v, w] = weights;
-    u * a + v * b + w * c
-}
 
 /// Two unit vectors across `normal` that turn with the body: of three `axes` the two that are least along it, turned as the third is to the
 /// normal.

@@ -7,14 +7,13 @@
 
 use crate::smooth_step::smooth_step;
 use crate::{
-    Indentation, Patch, PatchScale, PatchStart, Pressure, PressurePoint, SeriesCompliance, ToolShape,
+    Indentation, PATCH_ROWS, Patch, PatchScale, PatchStart, Pressure, PressurePoint, SeriesCompliance,
+    ToolShape,
 };
 use glam::DVec3;
 
 /// Most patches that a tool has at once.
 pub const MAX_PATCHES: usize = 4;
-/// Most rows of a patch: its middle and eight sides.
-pub const PATCH_ROWS: usize = 9;
 /// Contacts with a radius of fewer cells are one row, and of more are nine that are apart.
 const ONE_ROW_CELLS: f64 = 0.8;
 const ALL_ROWS_CELLS: f64 = 2.0;
@@ -225,7 +224,7 @@ impl PatchLayout {
     /// is shared, and a contact does not tremble.
     #[must_use]
     pub fn least_compliance(&self) -> Option<SeriesCompliance> {
-        self.law.map(|law| SeriesCompliance::of_share(crate::indentation::LEAST_SHARE, law))
+        self.law.map(|law| SeriesCompliance::of_share(crate::series_compliance::LEAST_SHARE, law))
     }
 }
 

@@ -1,6 +1,9 @@
 //! The points at which a contact has its pressure.
 
-use crate::{PATCH_ROWS, Pressure};
+use crate::Pressure;
+
+/// Most rows of a patch: its middle and eight sides.
+pub const PATCH_ROWS: usize = 9;
 
 /// A point of a contact.
 #[derive(Clone, Copy, Debug, PartialEq)]

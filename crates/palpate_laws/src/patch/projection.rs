@@ -5,8 +5,8 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use super::{PatchSurface, SurfacePlace};
-use crate::touch::weights_of_products;
+use crate::triangle::weights_of_products;
+use crate::{PatchSurface, SurfacePlace};
 use glam::{DVec2, DVec3};
 
 /// Most triangles that a projection passes.

@@ -1,6 +1,6 @@
 //! How a spring's tension depends on its extension.
 
-use crate::{LawError, SkinLaw};
+use crate::{LawError, SkinLaw, Tension};
 
 /// φ(e), the tension of a spring at extension e (length minus rest length). All laws are odd, so that a spring is as stiff
 /// pressed as stretched, and smooth at rest.
@@ -26,15 +26,6 @@ pub enum ForceLaw {
         /// a, 1/m.
         rate_per_m: f64,
     },
-}
-
-/// The value of a force law at one extension.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tension {
-    /// φ(e), N; positive when stretched.
-    pub force_n: f64,
-    /// φ'(e), N/m.
-    pub stiffness_n_per_m: f64,
 }
 
 impl ForceLaw {
