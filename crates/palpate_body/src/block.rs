@@ -4,9 +4,8 @@ mod slit;
 
 pub use slit::Slit;
 
-use crate::error::check_positive;
+use crate::error::{check_damping_ratio, check_positive};
 use crate::lattice;
-use crate::tissue::check_damping_ratio;
 use crate::{BodyError, BodyPoint, Grid, Link, Network, NetworkBuilder, Region, Surface};
 use glam::{DQuat, DVec3};
 use palpate_laws::Spring;
@@ -112,7 +111,7 @@ impl BlockBody {
 
 impl Block {
     /// The largest number of nodes along one side.
-    pub const MAX_NODES_PER_SIDE: usize = 128;
+    pub const MAX_NODES_PER_SIDE: usize = crate::limits::MAX_NODES_PER_SIDE;
 
     /// A block of `nodes` nodes along x, y, z and of outer size `size_m`, centred on the origin, nothing fixed.
     ///
@@ -257,8 +256,9 @@ impl Block {
         let mut cells = self.cells();
         if let Some(slit) = self.slit {
             let (rest_m, mass_kg, fixed) = (&mut rest_m, &mut mass_kg, &mut fixed);
-            self.cut(
+            slit::cut(
                 slit,
+                (self.nodes, self.cell_m()),
                 &mut slit::Pieces {
                     rest_m,
                     mass_kg,

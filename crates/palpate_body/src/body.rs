@@ -1,14 +1,26 @@
 //! A body: a network with its state.
 
-mod approach;
-mod constrain;
+mod constraint;
+mod constraint_solver;
+mod energy_accounting;
+mod point_forces;
+mod stability;
 mod step;
+mod step_report;
+mod substep;
+mod surface_tree;
+mod tangent;
+mod tie_rows;
+mod tool_patches;
+mod tool_rows;
 
-pub use step::{StepReport, ToolRun};
+pub use step::ToolRun;
+pub use step_report::StepReport;
 
-use crate::cells::Watch;
-use crate::energy::Ledger;
+use crate::cells::ActiveCells;
+use crate::energy::EnergyLedger;
 use crate::integrator::Workspace;
+use crate::network::NetworkState;
 use crate::surface::PartialCells;
 use crate::{
     BarrierTetrahedron, BodyError, ContactSurface, Network, NodeContact, Obstacle, Surface, SurfaceTree, Tie,
@@ -38,12 +50,12 @@ pub struct Body {
     quiet_s: f64,
     force: Vec<DVec3>,
     before: (Vec<DVec3>, Vec<DVec3>),
-    pub(crate) ledger: Option<Ledger>,
+    pub(crate) ledger: Option<EnergyLedger>,
     implicit: Option<Box<Workspace>>,
     /// Of the surface, once a tool has come near.
     tree: Option<Box<SurfaceTree>>,
     /// Of its cells.
-    watch: Watch,
+    active_cells: ActiveCells,
 }
 
 /// Nodes slower than that stand still to the eye and to the hand: a hair's breadth in a second.
@@ -106,12 +118,17 @@ impl Body {
             adds_compliance: true,
             partial_cells: PartialCells::new(&network, &contact_surface).map(Arc::new),
             contact_surface: Arc::new(contact_surface),
-            watch: Watch::default(),
+            active_cells: ActiveCells::default(),
             v: still,
             x,
             network: Arc::new(network),
             surface: Arc::new(surface),
         })
+    }
+
+    /// Its network with the positions and velocities of its nodes.
+    pub(crate) fn network_state(&self) -> NetworkState<'_> {
+        NetworkState { network: &self.network, x: &self.x, v: &self.v }
     }
 
     /// What it is made of.
@@ -167,7 +184,7 @@ impl Body {
         // What a height is worth has changed; nobody has done work.
         let change = self.gravitational_j() - before;
         if let Some(ledger) = &mut self.ledger {
-            ledger.revalue(change);
+            ledger.shift_initial(change);
         }
         Ok(())
     }
@@ -340,7 +357,7 @@ impl Body {
         }
         self.contacts.clear();
         // A state that was set is no work that was done.
-        self.ledger = self.ledger.take().map(|_| Ledger::open(self));
+        self.ledger = self.ledger.take().map(|_| EnergyLedger::start(self));
         Ok(())
     }
 
@@ -376,7 +393,7 @@ impl Body {
 
     /// The tetrahedra of cells whose volume ratio is below `ratio` at the present state.
     pub fn barriers_below(&self, ratio: f64) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
-        self.network.barriers().all_tetrahedra().filter(move |tetrahedron| tetrahedron.ratio(&self.x) < ratio)
+        self.network.barriers().tetrahedra_below(ratio, &self.x)
     }
 
     /// Indices in [`Network::cells`] of the inverted cells, ascending. A cell is inverted where the volume ratio J of at least one

@@ -1,16 +1,20 @@
 //! Cubic cells fitted to a closed mesh: a body of any shape.
 
+mod cell_grid;
 mod embedding;
 mod fill;
-mod keep;
+mod kept_cells;
 mod material;
 
-pub(crate) use embedding::{Embedding, weights};
+pub(crate) use embedding::Embedding;
+pub use kept_cells::MeshCells;
 
 use crate::touch_surface::TouchSurface;
 use crate::{BodyError, ClosedMesh, MeshError, Network, NetworkBuilder, Region, Skin, Surface, Tissue};
+use cell_grid::CellGrid;
+use embedding::trilinear_weights;
 use glam::{DQuat, DVec3};
-use keep::Kept;
+use kept_cells::KeptCells;
 
 /// A cell is whole when its share differs from 1 by less.
 const WHOLE_CELL: f64 = 1e-9;
@@ -71,7 +75,7 @@ pub enum CellSize {
 #[derive(Clone, Debug)]
 pub struct CellLattice<'a> {
     mesh: &'a ClosedMesh,
-    grid: Grid,
+    grid: CellGrid,
     fixed: Vec<Region>,
     fixed_vertices: Vec<Vec<bool>>,
     regions: Vec<(Region, Tissue)>,
@@ -94,68 +98,9 @@ pub struct MeshBody {
     pub deviation_m: f64,
 }
 
-/// What became of the cells.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MeshCells {
-    /// Side of a cell, m.
-    pub cell_m: f64,
-    /// Cells of the body.
-    pub cells: usize,
-    /// Cells with little in them whose surface a neighbour carries.
-    pub slivers_carried: usize,
-    /// Cells that hold almost nothing and count for more: the body is that much too heavy.
-    pub raised: usize,
-    /// By which share of the mesh's volume those make the body larger; of its mass, where it is one tissue throughout.
-    pub raised_share: f64,
-    /// The least φ of a cell that stayed.
-    pub least_fill: f64,
-}
-
-/// The cells round a mesh: `cells` along each axis, from `low_m`, relative to the mesh's centre.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Grid {
-    cells: [usize; 3],
-    cell_m: f64,
-    low_m: DVec3,
-}
-
-impl Grid {
-    fn cell_total(&self) -> usize {
-        self.cells.iter().product()
-    }
-
-    fn index(&self, [i, j, k]: [usize; 3]) -> usize {
-        i + self.cells[0] * (j + self.cells[1] * k)
-    }
-
-    fn place(&self, cell: usize) -> [usize; 3] {
-        let [nx, ny, _] = self.cells;
-        [cell % nx, cell / nx % ny, cell / (nx * ny)]
-    }
-
-    /// A place in cells from the lowest corner.
-    fn in_cells(&self, place_m: DVec3) -> DVec3 {
-        (place_m - self.low_m) / self.cell_m
-    }
-
-    /// The place so many cells from the lowest corner, m.
-    fn at_m(&self, in_cells: DVec3) -> DVec3 {
-        self.low_m + self.cell_m * in_cells
-    }
-
-    /// The up to 26 cells round one, with the steps there.
-    fn round(&self, cell: usize) -> impl Iterator<Item = ([i32; 3], usize)> {
-        let (grid, own) = (*self, self.place(cell));
-        let both = crate::lattice::steps().flat_map(|step| [step, step.map(|s| -s)]);
-        both.filter_map(move |step| {
-            crate::lattice::neighbour(grid.cells, own, step).map(|other| (step, grid.index(other)))
-        })
-    }
-}
-
 impl<'a> CellLattice<'a> {
     /// The most cells along the longest side.
-    pub const MAX_CELLS_ALONG: usize = 127;
+    pub const MAX_CELLS_ALONG: usize = crate::limits::MAX_CELLS_ALONG;
     /// The most nodes of a body. With as many a step of 50 ticks takes about half a second, its factorisations take half a gigabyte and
     /// a local model seconds: far beyond what can be touched.
     pub const MAX_NODES: usize = 10_000;
@@ -187,7 +132,7 @@ impl<'a> CellLattice<'a> {
         // A side that is a whole number of cells but for rounding takes no more.
         let cells = (sides_m / cell_m - WHOLE).ceil().max(DVec3::ONE);
         let low_m = -0.5 * cell_m * cells;
-        let grid = Grid { cells: cells.to_array().map(|n| n as usize), cell_m, low_m };
+        let grid = CellGrid { cells: cells.to_array().map(|n| n as usize), cell_m, low_m };
         Ok(Self {
             mesh,
             grid,
@@ -267,8 +212,8 @@ impl<'a> CellLattice<'a> {
         material::check_tissue(tissue)?;
         self.regions.iter().try_for_each(|(_, other)| material::check_tissue(other))?;
         let (mesh, grid) = (self.mesh, self.grid);
-        let kept: Kept = keep::keep(&grid, fill::fill(mesh, &grid));
-        let (pieces, smallest) = keep::pieces(&grid, &kept.cells);
+        let kept = KeptCells::choose(&grid, fill::fill(mesh, &grid));
+        let (pieces, smallest) = kept_cells::pieces(&grid, &kept.cells);
         if pieces > 1 && !self.allow_free {
             let middle = DVec3::from_array(grid.place(smallest).map(|n| n as f64)) + 0.5;
             return Err(MeshError::Pieces { pieces, at_m: mesh.center_m() + grid.at_m(middle) }.into());
@@ -287,7 +232,8 @@ impl<'a> CellLattice<'a> {
         let is_whole = |share: &f64| (share - 1.0).abs() < WHOLE_CELL;
         let cells = if share.iter().all(is_whole) { cells } else { cells.partly_filled() };
         let network = network.with_grid(cells);
-        let touched = TouchSurface::new(mesh, &embedding, grid.cell_m, self.touch_spacing);
+        let touched =
+            TouchSurface::new(mesh, |place_m| embedding.point(place_m), grid.cell_m, self.touch_spacing);
         Ok(MeshBody {
             network,
             surface: touched.surface,
@@ -332,7 +278,7 @@ impl<'a> CellLattice<'a> {
             }
             for place_m in places {
                 let (cell, local) = embedding.locate(place_m);
-                for (node, weight) in embedding.cells()[cell].into_iter().zip(weights(local)) {
+                for (node, weight) in embedding.cells()[cell].into_iter().zip(trilinear_weights(local)) {
                     fixed[node] |= weight >= 0.125 - 1e-9;
                 }
             }

@@ -1,8 +1,8 @@
 //! The hexahedral cells of a network and their volume barriers.
 
-mod watch;
+mod active_cells;
 
-pub(crate) use watch::{Watch, rate_bound};
+pub(crate) use active_cells::{ActiveCells, rate_bound};
 
 use crate::Link;
 use glam::{DMat3, DVec3};
@@ -187,6 +187,23 @@ impl Cells {
     /// All tetrahedra, cell by cell.
     pub(crate) fn all_tetrahedra(&self) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
         (0..self.nodes.len()).flat_map(|cell| self.tetrahedra(cell))
+    }
+
+    /// The tetrahedra whose volume ratio is below `ratio` at the positions `x`.
+    pub(crate) fn tetrahedra_below<'a>(
+        &'a self,
+        ratio: f64,
+        x: &'a [DVec3],
+    ) -> impl Iterator<Item = BarrierTetrahedron> + 'a {
+        self.all_tetrahedra().filter(move |tetrahedron| tetrahedron.ratio(x) < ratio)
+    }
+
+    /// The tetrahedra whose barriers act at the positions `x`.
+    pub(crate) fn active_tetrahedra<'a>(
+        &'a self,
+        x: &'a [DVec3],
+    ) -> impl Iterator<Item = BarrierTetrahedron> + 'a {
+        self.tetrahedra_below(VolumeBarrier::ONSET, x)
     }
 
     /// The force of the barriers on `node`, N.

@@ -3,12 +3,14 @@
 mod coincident;
 mod crossing;
 mod error;
+mod geometry;
 mod inside;
 mod orient;
 mod weld;
 
 pub use error::MeshError;
 
+use geometry::{TOLERANCE, same_winding, volume};
 use glam::DVec3;
 use inside::Inside;
 
@@ -71,8 +73,6 @@ pub struct MeshRepairs {
     pub pinched_edges: usize,
 }
 
-/// Points nearer than that to each other, as a share of the longest side, are one; so are crossings no deeper.
-const TOLERANCE: f64 = 1e-6;
 /// Coordinates beyond that have no digits left for a body.
 const FARTHEST_M: f64 = 1e15;
 
@@ -80,9 +80,9 @@ impl ClosedMesh {
     /// The most triangles of a mesh; of vertices there may be three times as many.
     pub const MAX_TRIANGLES: usize = 2_000_000;
     /// The least longest side, m.
-    pub const MIN_SIZE_M: f64 = 1e-3;
+    pub const MIN_SIZE_M: f64 = crate::limits::MIN_MESH_SIZE_M;
     /// The largest longest side, m.
-    pub const MAX_SIZE_M: f64 = 10.0;
+    pub const MAX_SIZE_M: f64 = crate::limits::MAX_MESH_SIZE_M;
 
     /// The closed surface of `triangles`, which name `vertices_m` (m).
     ///
@@ -353,18 +353,4 @@ fn check_size(size_m: f64, center_m: DVec3) -> Result<(), MeshError> {
     let usual = [1e-3, 1e-2, 1e3, 1e-6, 1e6].into_iter().find(|f| (0.01..=2.0).contains(&(f * size_m)));
     let factor = usual.unwrap_or(0.1 / size_m);
     Err(MeshError::Size { size_m, factor })
-}
-
-/// Whether `b` is `a` or a rotation of it.
-fn same_winding(a: [usize; 3], b: [usize; 3]) -> bool {
-    (0..3).any(|turn| (0..3).all(|i| a[(i + turn) % 3] == b[i]))
-}
-
-/// Σ a · (b × c)/6.
-fn volume(triangles: &[[usize; 3]], points_m: &[DVec3]) -> f64 {
-    let of = |t: &[usize; 3]| {
-        let [a, b, c] = t.map(|point| points_m[point]);
-        a.dot(b.cross(c)) / 6.0
-    };
-    triangles.iter().map(of).sum()
 }

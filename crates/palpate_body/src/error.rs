@@ -130,7 +130,7 @@ pub enum BodyError {
     #[error("all {0} nodes are fixed; at least one must be free")]
     AllFixed(usize),
     /// A lattice with too few or too many nodes along an axis.
-    #[error("a block needs 2 to {max} nodes along each axis; it was given {nodes:?}", max = crate::Block::MAX_NODES_PER_SIDE)]
+    #[error("a block needs 2 to {max} nodes along each axis; it was given {nodes:?}", max = crate::limits::MAX_NODES_PER_SIDE)]
     LatticeNodes {
         /// Nodes along x, y, z.
         nodes: [usize; 3],
@@ -253,4 +253,9 @@ pub(crate) fn check(
 /// `value` if it is finite and above zero.
 pub(crate) fn check_positive(what: &'static str, value: f64) -> Result<f64, BodyError> {
     check(what, value, value.is_finite() && value > 0.0, "finite and above 0")
+}
+
+/// `ratio` if it is a damping ratio: finite and at least zero.
+pub(crate) fn check_damping_ratio(ratio: f64) -> Result<f64, BodyError> {
+    check("damping ratio", ratio, ratio.is_finite() && ratio >= 0.0, "finite and at least 0")
 }

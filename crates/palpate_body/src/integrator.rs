@@ -3,14 +3,17 @@
 mod columns;
 mod linearly_implicit;
 mod semi_implicit;
+mod solved_by;
 
 pub(crate) use columns::Columns;
 pub(crate) use linearly_implicit::Workspace;
 pub use linearly_implicit::{LinearSolver, LinearlyImplicitEuler};
+pub(crate) use semi_implicit::Rates;
 pub use semi_implicit::SemiImplicitEuler;
-pub(crate) use semi_implicit::{Rates, largest_eigenvalue};
+pub use solved_by::SolvedBy;
 
-use crate::{Body, BodyError};
+use crate::BodyError;
+use crate::network::NetworkState;
 
 /// An integrator with its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,9 +69,9 @@ impl Integrator {
     }
 
     /// Bounds of the rates of springs and dampers at the state of `body`; `None` where steps are stable whatever they are.
-    pub(crate) fn spring_rates(&self, body: &Body) -> Option<Rates> {
+    pub(crate) fn spring_rates(&self, state: NetworkState<'_>) -> Option<Rates> {
         match self {
-            Self::SemiImplicitEuler(_) => Some(Rates::of_springs(body)),
+            Self::SemiImplicitEuler(_) => Some(Rates::of_springs(state)),
             Self::LinearlyImplicitEuler(_) => None,
         }
     }
@@ -101,20 +104,4 @@ impl Integrator {
             _ => steps,
         }
     }
-}
-
-/// What solved for the steps of a model step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum SolvedBy {
-    /// Nothing had to be solved: semi-implicit Euler.
-    #[default]
-    Nothing,
-    /// A sparse Cholesky factorisation at each step.
-    Cholesky,
-    /// Preconditioned conjugate gradients.
-    ConjugateGradients {
-        /// The most iterations that a step took.
-        iterations: usize,
-    },
 }

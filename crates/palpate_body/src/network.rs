@@ -2,27 +2,28 @@
 
 mod builder;
 mod grid;
+mod state;
 
 pub use builder::NetworkBuilder;
 pub use grid::Grid;
 pub(crate) use grid::POISSONS_RATIO;
+pub(crate) use state::NetworkState;
 
-use crate::BodyError;
 use crate::cells::Cells;
 use crate::error::check;
+use crate::{BodyError, Link};
 use glam::{DQuat, DVec3};
-use palpate_laws::Spring;
 use std::collections::HashMap;
 
-/// A spring and damper e = (a, b) between two nodes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Link {
-    /// Index of node a.
-    pub a: usize,
-    /// Index of node b.
-    pub b: usize,
-    /// The spring and the damper between them.
-    pub spring: Spring,
+/// The lists from which a network is assembled.
+struct NetworkParts {
+    rest_m: Vec<DVec3>,
+    mass_kg: Vec<f64>,
+    fixed: Vec<bool>,
+    links: Vec<Link>,
+    /// The nodes of each hexahedral cell.
+    cells: Vec<[usize; 8]>,
+    allow_free: bool,
 }
 
 /// Nodes with masses and rest positions, some fixed, and the links between them. Immutable once built.
@@ -55,11 +56,11 @@ impl Network {
         fixed: Vec<bool>,
         links: Vec<Link>,
     ) -> Result<Self, BodyError> {
-        NetworkBuilder::of(rest_m, mass_kg, fixed, links).build()
+        Self::assemble(NetworkParts { rest_m, mass_kg, fixed, links, cells: Vec::new(), allow_free: false })
     }
 
-    fn assemble(builder: NetworkBuilder) -> Result<Self, BodyError> {
-        let NetworkBuilder { rest_m, mass_kg, fixed, links, cells, allow_free, .. } = builder;
+    fn assemble(parts: NetworkParts) -> Result<Self, BodyError> {
+        let NetworkParts { rest_m, mass_kg, fixed, links, cells, allow_free } = parts;
         validate_nodes(&rest_m, &mass_kg, &fixed)?;
         validate_links(&links, &rest_m)?;
         let free: Vec<usize> = (0..rest_m.len()).filter(|&i| !fixed[i]).collect();

@@ -1,14 +1,14 @@
 //! The touchable surface of a body.
 
-mod closest;
 mod contact_surface;
 mod orient;
 mod partial_cells;
+mod surface_tree;
 
-pub use closest::{ClosestPoint, SurfaceTree};
 pub use contact_surface::ContactSurface;
 pub(crate) use contact_surface::PlacedSurface;
 pub(crate) use partial_cells::PartialCells;
+pub use surface_tree::{ClosestPoint, SurfaceTree};
 
 use crate::error::check;
 use crate::{BodyError, BodyPoint};

@@ -1,8 +1,8 @@
 //! The exact sparse tangent of a body's internal forces.
 
-use crate::Body;
+use crate::Network;
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat, SymbolicSparseColMatRef};
-use glam::DMat3;
+use glam::{DMat3, DVec3};
 
 /// Where the entries of a network's tangent lie: computed once in the life of a body, since its links never
 /// change. Degree of freedom 3 f + c is component c of node `network.free()[f]`.
@@ -40,10 +40,8 @@ struct LinkSlots {
 }
 
 impl TangentPattern {
-    /// The pattern of `body`'s network.
-    #[must_use]
-    pub fn new(body: &Body) -> Self {
-        let network = body.network();
+    /// The pattern of a network.
+    pub(crate) fn of_network(network: &Network) -> Self {
         let columns: Vec<Vec<usize>> = network
             .free()
             .iter()
@@ -100,24 +98,15 @@ impl TangentPattern {
         }
     }
 
-    /// Fills `tangent` with K and B of `body` at its present state. With `clamped`, every spring's share of K
-    /// and every volume barrier's share of K is made positive semidefinite (see [`palpate_laws::Spring::tangent`] and
-    /// [`palpate_laws::VolumeBarrier::tangent`]), and so is K.
-    ///
-    /// # Panics
-    /// When `body` or `tangent` belongs to another network.
-    pub fn fill(&self, body: &Body, clamped: bool, tangent: &mut Tangent) {
-        self.fill_parts(body, (clamped, clamped), tangent);
-    }
-
     /// As [`TangentPattern::fill`], clamped or not for springs and for volume barriers.
-    pub(crate) fn fill_parts(
+    pub(crate) fn fill_at(
         &self,
-        body: &Body,
+        network: &Network,
+        x: &[DVec3],
         (springs_clamped, barriers_clamped): (bool, bool),
         tangent: &mut Tangent,
     ) {
-        assert_eq!(self.links.len(), body.network().links().len(), "the pattern is of another network");
+        assert_eq!(self.links.len(), network.links().len(), "the pattern is of another network");
         assert_eq!(
             self.symbolic.row_idx().len(),
             tangent.stiffness.len(),
@@ -125,8 +114,7 @@ impl TangentPattern {
         );
         tangent.stiffness.fill(0.0);
         tangent.damping.fill(0.0);
-        let x = body.positions_m();
-        for (link, slots) in body.network().links().iter().zip(&self.links) {
+        for (link, slots) in network.links().iter().zip(&self.links) {
             let t = link.spring.tangent(x[link.b] - x[link.a], springs_clamped);
             for (values, block) in [(&mut tangent.stiffness, t.stiffness), (&mut tangent.damping, t.damping)]
             {
@@ -139,8 +127,8 @@ impl TangentPattern {
                 }
             }
         }
-        for tetrahedron in body.active_barriers() {
-            let free = tetrahedron.nodes.map(|node| body.network().free_index(node));
+        for tetrahedron in network.barriers().active_tetrahedra(x) {
+            let free = tetrahedron.nodes.map(|node| network.free_index(node));
             for (row, blocks) in free.into_iter().zip(tetrahedron.stiffness(x, barriers_clamped)) {
                 for (column, block) in free.into_iter().zip(blocks) {
                     if let Some(slot) = row.zip(column).and_then(|(row, column)| self.slot(row, column)) {

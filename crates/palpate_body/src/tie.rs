@@ -1,16 +1,8 @@
 //! What holds points of a body to each other or to a place: grasps, threads, sutures.
 
-use crate::contact::add_weight;
 use crate::error::{check, check_positive};
-use crate::{Body, BodyError};
+use crate::{BodyError, BodyPoint};
 use glam::DVec3;
-
-/// A point of a body, Σ w_i x_i over some of its nodes: one node, a place on a triangle or inside a cell.
-#[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct BodyPoint {
-    nodes: Vec<(usize, f64)>,
-}
 
 /// A tie between a point of a body and a place, or two points of it.
 ///
@@ -48,89 +40,6 @@ pub(crate) enum TieKind {
     Joint,
     /// Tension only: the ends are at most that far apart, or pulled by k times what they are farther.
     Thread { length_m: f64, stiffness_n_per_m: Option<f64> },
-}
-
-/// Most nodes of a point.
-const MOST_NODES: usize = 32;
-
-impl BodyPoint {
-    /// The node `node` itself.
-    #[must_use]
-    pub fn node(node: usize) -> Self {
-        Self { nodes: vec![(node, 1.0)] }
-    }
-
-    /// Σ w_i x_i over `nodes` of (node, weight).
-    ///
-    /// # Errors
-    /// [`BodyError::Parameter`] when there are none or more than 32, a weight is not finite, they do not sum to 1, or a
-    /// node is named twice.
-    pub fn new(nodes: Vec<(usize, f64)>) -> Result<Self, BodyError> {
-        let count = nodes.len();
-        check("nodes of a point", count as f64, (1..=MOST_NODES).contains(&count), "1 to 32")?;
-        let sum: f64 = nodes.iter().map(|(_, w)| w).sum();
-        check("sum of the weights of a point", sum, (sum - 1.0).abs() < 1e-9, "1 within 1e-9")?;
-        for (i, &(node, _)) in nodes.iter().enumerate() {
-            let once = nodes[..i].iter().all(|(other, _)| *other != node);
-            check("node of a point", node as f64, once, "named once")?;
-        }
-        Ok(Self { nodes })
-    }
-
-    /// Its nodes and weights.
-    #[must_use]
-    pub fn nodes(&self) -> &[(usize, f64)] {
-        &self.nodes
-    }
-
-    /// The point Σ w_i p_i of points p_i; those whose weight is 0 are left out.
-    pub(crate) fn between(points: [(&Self, f64); 3]) -> Self {
-        let mut nodes: Vec<(usize, f64)> = Vec::new();
-        for (point, share) in points.into_iter().filter(|(_, share)| *share != 0.0) {
-            point.nodes.iter().for_each(|&(node, w)| add_weight(&mut nodes, node, share * w));
-        }
-        Self { nodes }
-    }
-
-    /// Refuses nodes that a body of `nodes` nodes does not have.
-    pub(crate) fn validate(&self, nodes: usize) -> Result<(), BodyError> {
-        match self.nodes.iter().find(|(node, _)| *node >= nodes) {
-            Some(&(index, _)) => Err(BodyError::Surface { index, below: nodes }),
-            None => Ok(()),
-        }
-    }
-
-    /// The point that `nodes` carry with their weights, which sum to 1.
-    pub(crate) fn carried_by(nodes: Vec<(usize, f64)>) -> Self {
-        Self { nodes }
-    }
-
-    /// Its nodes without their weights.
-    pub(crate) fn named(&self) -> Vec<usize> {
-        self.nodes.iter().map(|(node, _)| *node).collect()
-    }
-
-    /// The internal force on it, Σ w_i F_i / Σ w_i² over its free nodes, N: what the springs of `body` pull it with, at rest
-    /// the opposite of what holds it. Zero where all its nodes are fixed.
-    ///
-    /// # Panics
-    /// When `body` has not its nodes.
-    #[must_use]
-    pub fn internal_force_n(&self, body: &Body) -> DVec3 {
-        let free = || self.nodes.iter().filter(|(node, _)| !body.network().is_fixed(*node));
-        let force: DVec3 = free().map(|&(node, w)| w * body.internal_force_on_n(node)).sum();
-        let share: f64 = free().map(|(_, w)| w * w).sum();
-        if share > 0.0 { force / share } else { DVec3::ZERO }
-    }
-
-    /// Σ w_i `values[i]`: where it is, of positions of all nodes; how fast, of velocities.
-    ///
-    /// # Panics
-    /// When it has a node for which there is no value.
-    #[must_use]
-    pub fn of(&self, values: &[DVec3]) -> DVec3 {
-        self.nodes.iter().map(|&(node, w)| w * values[node]).sum()
-    }
 }
 
 impl Tie {
@@ -233,9 +142,9 @@ impl Tie {
     /// Adds what it gave to its ends in the last step, N.
     pub(crate) fn add_force_n(&self, force_n: &mut [DVec3]) {
         let f = self.force_n();
-        self.a.nodes.iter().for_each(|&(node, w)| force_n[node] += w * f);
+        self.a.nodes().iter().for_each(|&(node, w)| force_n[node] += w * f);
         if let TieEnd::Point(b) = &self.b {
-            b.nodes.iter().for_each(|&(node, w)| force_n[node] -= w * f);
+            b.nodes().iter().for_each(|&(node, w)| force_n[node] -= w * f);
         }
     }
 
@@ -252,16 +161,9 @@ impl Tie {
         Ok(())
     }
 
-    /// What the body does to a hand that holds the tie's first point, N: the internal force on the row,
-    /// Σ w_i F_i / Σ w_i², without the impacts of the step.
-    #[must_use]
-    pub fn displayed_force_n(&self, body: &Body) -> DVec3 {
-        self.a.internal_force_n(body)
-    }
-
     /// The weight of `node` in the row: that in the first point minus that in the second.
     pub(crate) fn weight(&self, node: usize) -> f64 {
-        let of = |point: &BodyPoint| point.nodes.iter().find(|(n, _)| *n == node).map_or(0.0, |(_, w)| *w);
+        let of = |point: &BodyPoint| point.nodes().iter().find(|(n, _)| *n == node).map_or(0.0, |(_, w)| *w);
         let other = match &self.b {
             TieEnd::Point(b) => of(b),
             TieEnd::Anchor { .. } => 0.0,
@@ -279,9 +181,9 @@ impl Tie {
     /// Refuses points with nodes that the body does not have, and what its constructors would refuse: it may come from a
     /// file.
     pub(crate) fn validate(&self, nodes: usize) -> Result<(), BodyError> {
-        BodyPoint::new(self.a.nodes.clone())?;
+        BodyPoint::new(self.a.nodes().to_vec())?;
         match &self.b {
-            TieEnd::Point(b) => drop(BodyPoint::new(b.nodes.clone())?),
+            TieEnd::Point(b) => drop(BodyPoint::new(b.nodes().to_vec())?),
             TieEnd::Anchor { from_m, to_m } => {
                 let finite = from_m.is_finite() && to_m.is_finite();
                 check("place of an anchor, m", from_m.abs().max(to_m.abs()).max_element(), finite, "finite")?;
@@ -295,10 +197,10 @@ impl Tie {
             check_positive("tear limit of a tie, N", limit)?;
         }
         let of_b = match &self.b {
-            TieEnd::Point(b) => &b.nodes[..],
+            TieEnd::Point(b) => b.nodes(),
             TieEnd::Anchor { .. } => &[],
         };
-        match self.a.nodes.iter().chain(of_b).find(|(node, _)| *node >= nodes) {
+        match self.a.nodes().iter().chain(of_b).find(|(node, _)| *node >= nodes) {
             Some(&(node, _)) => Err(BodyError::CannotHold { node, why: "there is no such node" }),
             None => Ok(()),
         }

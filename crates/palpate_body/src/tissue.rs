@@ -1,6 +1,6 @@
 //! From the engineer's numbers of a tissue to the springs of a lattice.
 
-use crate::error::{check, check_positive};
+use crate::error::{check_damping_ratio, check_positive};
 use crate::{Block, BlockBody, BodyError};
 use glam::DVec3;
 
@@ -129,10 +129,6 @@ impl Block {
         )?;
         Ok(built.laid_in(|grid| grid, self.cell_m(), tissue.youngs_modulus_pa))
     }
-}
-
-pub(crate) fn check_damping_ratio(ratio: f64) -> Result<f64, BodyError> {
-    check("damping ratio", ratio, ratio.is_finite() && ratio >= 0.0, "finite and at least 0")
 }
 
 #[cfg(test)]

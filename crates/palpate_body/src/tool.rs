@@ -1,8 +1,8 @@
 //! The tool as the body sees it: it holds a point of the body, or touches its surface.
 
-mod touched;
+mod touched_point;
 
-pub use touched::TouchedPoint;
+pub use touched_point::TouchedPoint;
 
 use crate::{Body, BodyError, BodyPoint};
 use glam::DVec3;
@@ -204,7 +204,9 @@ impl ToolContact {
         let force_n = match &self.hold {
             Hold::Node { node, .. } => body.internal_force_on_n(*node),
             Hold::Point { point, .. } => point.internal_force_n(body),
-            Hold::Nothing { friction, .. } => touched::displayed_force_n(&self.touched, *friction, body),
+            Hold::Nothing { friction, .. } => {
+                touched_point::displayed_force_n(&self.touched, *friction, body)
+            }
         };
         self.coupling.map_or(force_n, |coupling| coupling.limit(force_n))
     }

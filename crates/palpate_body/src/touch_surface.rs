@@ -3,8 +3,7 @@
 mod cluster;
 mod subdivide;
 
-use crate::cell_lattice::Embedding;
-use crate::{ClosedMesh, Surface};
+use crate::{BodyPoint, ClosedMesh, Surface};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
@@ -24,12 +23,17 @@ pub(crate) struct TouchSurface {
 impl TouchSurface {
     /// With points at least `spacing` cells of `cell_m` apart, and edges of at most 1 + `spacing` cells: what clustering makes is
     /// not cut again, but for a few.
-    pub(crate) fn new(mesh: &ClosedMesh, embedding: &Embedding, cell_m: f64, spacing: f64) -> Self {
+    pub(crate) fn new(
+        mesh: &ClosedMesh,
+        point_at: impl Fn(DVec3) -> BodyPoint,
+        cell_m: f64,
+        spacing: f64,
+    ) -> Self {
         let clustered = cluster::cluster(mesh.closed_triangles(), mesh.points_m(), spacing * cell_m);
         let mut points_m: Vec<DVec3> = clustered.kept.iter().map(|&point| mesh.points_m()[point]).collect();
         let deviation_m = deviation(mesh.points_m(), &clustered.triangles, &points_m);
         let triangles = subdivide::subdivide(clustered.triangles, &mut points_m, (1.0 + spacing) * cell_m);
-        let points: Vec<_> = points_m.iter().map(|x| embedding.point(*x)).collect();
+        let points: Vec<_> = points_m.iter().map(|x| point_at(*x)).collect();
         let vertices = (0..points.len()).collect();
         Self { surface: Surface { points, vertices, triangles }, deviation_m }
     }

@@ -1,6 +1,5 @@
 //! A cut into a block.
 
-use super::Block;
 use crate::error::{check, check_positive};
 use crate::{BodyError, BodyPoint, Link, Surface};
 use glam::DVec3;
@@ -43,9 +42,7 @@ pub(super) struct Pieces<'a> {
 }
 
 impl Cut {
-    fn of(block: &Block, slit: Slit) -> Result<Self, BodyError> {
-        let nodes = block.nodes;
-        let cell = block.cell_m();
+    fn of(slit: Slit, (nodes, cell): ([usize; 3], DVec3)) -> Result<Self, BodyError> {
         let [along_x, along_y, along_z] = nodes;
         check("nodes across a slit", along_x as f64, along_x % 2 == 1 && along_x >= 5, "odd and at least 5")?;
         let cells = |length: f64, cell: f64| (length / cell).round();
@@ -82,6 +79,10 @@ impl Cut {
         [node % nx, node / nx % ny, node / (nx * ny)]
     }
 
+    fn node(&self, [i, j, k]: [usize; 3]) -> usize {
+        i + self.nodes[0] * (j + self.nodes[1] * k)
+    }
+
     fn is_open(&self, [i, j, k]: [usize; 3]) -> bool {
         i == self.plane && j > self.bottom && self.ends[0] < k && k < self.ends[1]
     }
@@ -95,54 +96,52 @@ impl Cut {
     }
 }
 
-impl Block {
-    /// Cuts the `pieces` of this block.
-    pub(super) fn cut(&self, slit: Slit, pieces: &mut Pieces<'_>) -> Result<(), BodyError> {
-        let cut = Cut::of(self, slit)?;
-        let lattice = pieces.rest_m.len();
-        let mut right: HashMap<usize, usize> = HashMap::new();
-        for node in (0..lattice).filter(|&node| cut.is_open(cut.ijk(node))) {
-            right.insert(node, pieces.rest_m.len());
-            let bend = DVec3::X * (0.5 * slit.gape_m * cut.bend(cut.ijk(node)));
-            pieces.mass_kg[node] *= 0.5;
-            pieces.rest_m.push(pieces.rest_m[node] + bend);
-            pieces.mass_kg.push(pieces.mass_kg[node]);
-            pieces.fixed.push(pieces.fixed[node]);
-            pieces.rest_m[node] -= bend;
-        }
-        let on_right = |node: usize| right.get(&node).copied().unwrap_or(node);
-        let mut doubled = Vec::new();
-        for (index, link) in pieces.links.iter_mut().enumerate() {
-            let law = |source| BodyError::Law { link: index, source };
-            if !(right.contains_key(&link.a) || right.contains_key(&link.b)) {
-                continue;
-            }
-            let side = (cut.ijk(link.a)[0] + cut.ijk(link.b)[0]).cmp(&(2 * cut.plane));
-            if side.is_gt() {
-                (link.a, link.b) = (on_right(link.a), on_right(link.b));
-            } else if side.is_eq() {
-                link.spring = link.spring.scaled(0.5, 0.5).map_err(law)?;
-                doubled.push(Link { a: on_right(link.a), b: on_right(link.b), spring: link.spring });
-            }
-        }
-        pieces.links.extend(doubled);
-        for cell in pieces.cells.iter_mut().filter(|cell| cut.ijk(cell[0])[0] >= cut.plane) {
-            *cell = cell.map(on_right);
-        }
-        // At rest where they have been bent to.
-        for (index, link) in pieces.links.iter_mut().enumerate() {
-            let length_m = pieces.rest_m[link.a].distance(pieces.rest_m[link.b]);
-            link.spring = Spring::new(link.spring.law(), length_m, link.spring.damping_ns_per_m())
-                .map_err(|source| BodyError::Law { link: index, source })?;
-        }
-        cut.open_surface(&right, self, pieces.surface);
-        Ok(())
+/// Cuts the `pieces` of a block with that many nodes along each axis and cells of that size, m.
+pub(super) fn cut(slit: Slit, block: ([usize; 3], DVec3), pieces: &mut Pieces<'_>) -> Result<(), BodyError> {
+    let cut = Cut::of(slit, block)?;
+    let lattice = pieces.rest_m.len();
+    let mut right: HashMap<usize, usize> = HashMap::new();
+    for node in (0..lattice).filter(|&node| cut.is_open(cut.ijk(node))) {
+        right.insert(node, pieces.rest_m.len());
+        let bend = DVec3::X * (0.5 * slit.gape_m * cut.bend(cut.ijk(node)));
+        pieces.mass_kg[node] *= 0.5;
+        pieces.rest_m.push(pieces.rest_m[node] + bend);
+        pieces.mass_kg.push(pieces.mass_kg[node]);
+        pieces.fixed.push(pieces.fixed[node]);
+        pieces.rest_m[node] -= bend;
     }
+    let on_right = |node: usize| right.get(&node).copied().unwrap_or(node);
+    let mut doubled = Vec::new();
+    for (index, link) in pieces.links.iter_mut().enumerate() {
+        let law = |source| BodyError::Law { link: index, source };
+        if !(right.contains_key(&link.a) || right.contains_key(&link.b)) {
+            continue;
+        }
+        let side = (cut.ijk(link.a)[0] + cut.ijk(link.b)[0]).cmp(&(2 * cut.plane));
+        if side.is_gt() {
+            (link.a, link.b) = (on_right(link.a), on_right(link.b));
+        } else if side.is_eq() {
+            link.spring = link.spring.scaled(0.5, 0.5).map_err(law)?;
+            doubled.push(Link { a: on_right(link.a), b: on_right(link.b), spring: link.spring });
+        }
+    }
+    pieces.links.extend(doubled);
+    for cell in pieces.cells.iter_mut().filter(|cell| cut.ijk(cell[0])[0] >= cut.plane) {
+        *cell = cell.map(on_right);
+    }
+    // At rest where they have been bent to.
+    for (index, link) in pieces.links.iter_mut().enumerate() {
+        let length_m = pieces.rest_m[link.a].distance(pieces.rest_m[link.b]);
+        link.spring = Spring::new(link.spring.law(), length_m, link.spring.damping_ns_per_m())
+            .map_err(|source| BodyError::Law { link: index, source })?;
+    }
+    cut.open_surface(&right, pieces.surface);
+    Ok(())
 }
 
 impl Cut {
     /// Gives the right lip its own points and vertices, and both lips their walls.
-    fn open_surface(&self, right: &HashMap<usize, usize>, block: &Block, surface: &mut Surface) {
+    fn open_surface(&self, right: &HashMap<usize, usize>, surface: &mut Surface) {
         let mut point_of: HashMap<usize, usize> =
             surface.points.iter().enumerate().map(|(point, at)| (at.nodes()[0].0, point)).collect();
         let Surface { points, vertices, triangles } = surface;
@@ -171,7 +170,7 @@ impl Cut {
             let mut wall: HashMap<usize, usize> = HashMap::new();
             for (j, k) in lows.clone().flat_map(|j| alongs.clone().map(move |k| (j, k))) {
                 let corners = [[j, k], [j + 1, k], [j + 1, k + 1], [j, k + 1]].map(|[j, k]| {
-                    let node = block.node([self.plane, j, k]);
+                    let node = self.node([self.plane, j, k]);
                     let node = if is_right { right.get(&node).copied().unwrap_or(node) } else { node };
                     *wall.entry(node).or_insert_with(|| {
                         vertices.push(point_of(node, points));

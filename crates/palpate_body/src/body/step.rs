@@ -1,9 +1,10 @@
 //! A body's step through time.
 
-use super::approach::Approach;
-use super::constrain::{Step, ToolStep};
+use super::StepReport;
+use super::substep::{Substep, ToolStep};
+use super::tool_patches::ToolPatches;
 use super::{Body, LOOK_S, QUIET_M_PER_S, spring_forces};
-use crate::energy::Ledger;
+use crate::energy::EnergyLedger;
 use crate::integrator::{LinearlyImplicitEuler, SolvedBy, Workspace};
 use crate::tool::{Hold, TouchedPoint};
 use crate::{BodyError, Integrator, Tie, ToolContact, ToolPoint};
@@ -17,35 +18,6 @@ pub struct ToolRun<'a> {
     pub contact: &'a mut ToolContact,
     /// `path[0]` is where it was at the end of the last step, `path[i]` where it is at the end of tick i.
     pub path: &'a [ToolPoint],
-}
-
-/// What a model step did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct StepReport {
-    /// Ticks stepped.
-    pub ticks: usize,
-    /// Substeps in each of them, at most; 1 when a step spans several ticks.
-    pub substeps: usize,
-    /// What solved for the steps.
-    pub solved_by: SolvedBy,
-    /// Steps for which the tangent had to be clamped.
-    pub clamped: usize,
-    /// Nodes in contact with obstacles, at most.
-    pub contacts: usize,
-    /// Rows of contact patches with which a tool pushed at once, at most: one or nine for each patch.
-    pub touched: usize,
-    /// Contact patches that it should have had but did not, at most: it has no more than four at once.
-    pub left_out: usize,
-    /// Sweeps that the impulses of obstacles, ties and the tool took, at most.
-    pub sweeps: usize,
-    /// How often those impulses were not found in all sweeps that are made: what is asked for cannot be, or is not
-    /// determined, or converges too slowly.
-    pub unconverged: usize,
-    /// Ties that tore.
-    pub torn: usize,
-    /// Cells that are inverted at the end of the advance: those for which the volume ratio of at least one of their ten tetrahedra
-    /// is zero or negative. See [`Body::inverted_cells`].
-    pub inverted_cells: usize,
 }
 
 /// How often the stable step of a body of linear springs is estimated anew.
@@ -147,30 +119,31 @@ impl Body {
         }
         tools.iter_mut().for_each(|tool| tool.contact.touched_nodes.clear());
         let mut forces = vec![DVec3::ZERO; tools.len()];
-        let mut rates = integrator.spring_rates(self);
+        let mut rates = integrator.spring_rates(self.network_state());
         let (ticks_per_step, mut spring_substeps) = (integrator.ticks_per_step(), integrator.steps(rates)?);
         let mut report = StepReport { ticks, substeps: spring_substeps, ..StepReport::default() };
         let mut tick = 0;
         while tick < ticks {
             // Stiffness changes with the shape, and the stable step with it; fast where a law stiffens.
             if tick > 0 && (tick % LOOK_TICKS == 0 || !self.network.is_linear()) {
-                rates = integrator.spring_rates(self);
+                rates = integrator.spring_rates(self.network_state());
                 spring_substeps = integrator.steps(rates)?;
             }
             let span = ticks_per_step.min(ticks - tick);
             let span_s = integrator.tick_s() * span as f64;
             let substeps = if rates.is_some() {
                 // A barrier is as stiff as its cell is compressed.
-                let barriers = self.watch.rate_bound(&self.network, (&self.x, &self.v), integrator.tick_s());
+                let barriers =
+                    self.active_cells.rate_bound(&self.network, (&self.x, &self.v), integrator.tick_s());
                 integrator.steps_with_barriers(spring_substeps, rates, barriers)
             } else {
                 spring_substeps
             };
             report.substeps = report.substeps.max(substeps);
-            let mut approaches: Vec<Approach> = Vec::with_capacity(tools.len());
+            let mut approaches: Vec<ToolPatches> = Vec::with_capacity(tools.len());
             for ToolRun { contact, path } in &mut *tools {
                 let way = (path[tick].position_m, path[tick + span].position_m);
-                let approach = self.approach(contact, way, span_s);
+                let approach = self.find_tool_patches(contact, way, span_s);
                 report.left_out = report.left_out.max(approach.left_out);
                 approaches.push(approach);
             }
@@ -193,7 +166,7 @@ impl Body {
             tick += span;
             let moving = self.network.free().iter().any(|&node| self.v[node].length() > QUIET_M_PER_S);
             let looked = (integrator.tick_s() * span as f64).min(LOOK_S);
-            let at_rest = !moving && self.watch.inverted_count(self.network.barriers(), &self.x) == 0;
+            let at_rest = !moving && self.active_cells.inverted_count(self.network.barriers(), &self.x) == 0;
             self.quiet_s = if at_rest { self.quiet_s + looked } else { 0.0 };
             for (force, tool) in forces.iter_mut().zip(&*tools) {
                 *force = tool.contact.displayed_force_n(self);
@@ -206,7 +179,7 @@ impl Body {
                 if ticks > 0 {
                     self.ties.iter_mut().for_each(Tie::arrive);
                 }
-                report.inverted_cells = self.watch.inverted_count(self.network.barriers(), &self.x);
+                report.inverted_cells = self.active_cells.inverted_count(self.network.barriers(), &self.x);
                 Ok(report)
             }
         }
@@ -220,7 +193,7 @@ impl Body {
         integrator: &Integrator,
         report: &mut StepReport,
     ) -> Result<(), BodyError> {
-        self.ledger = self.ledger.take().map(|ledger| ledger.begin(self));
+        self.ledger = self.ledger.take().map(|ledger| ledger.begin_step(self));
         let mut drive = None;
         for ToolStep { contact, way, velocity_m_per_s, .. } in &tools {
             if let Hold::Node { node, offset_m } = contact.hold {
@@ -230,12 +203,12 @@ impl Body {
             }
         }
         spring_forces(&self.network, &self.x, &self.v, &mut self.force);
-        self.watch.add_forces(self.network.barriers(), &self.x, &mut self.force);
+        self.active_cells.add_forces(self.network.barriers(), &self.x, &mut self.force);
         let driven = drive.map(|(node, _)| node);
         if let Some(node) = driven {
-            self.ledger = self.ledger.take().map(|ledger| ledger.drive(self, node, self.force[node]));
+            self.ledger = self.ledger.take().map(|ledger| ledger.add_drive(self, node, self.force[node]));
         }
-        let mut step = Step { h, along, integrator, drive, tools };
+        let mut step = Substep { h, along, integrator, drive, tools };
         let constrained = step.constrains() || !(self.obstacles.is_empty() && self.ties.is_empty());
         let network = Arc::clone(&self.network);
         let moving = || network.free().iter().copied().filter(move |&node| driven != Some(node));
@@ -253,7 +226,7 @@ impl Body {
         }
         let mut closing = None;
         if constrained {
-            closing = self.constrain(&mut step, report)?;
+            closing = self.solve_constraints(&mut step, report)?;
         } else {
             for tool in &mut step.tools {
                 tool.contact.touched.clear();
@@ -269,14 +242,14 @@ impl Body {
                 self.force[node] + if outer { weight } else { -self.loads_n[node] }
             };
             let work = moving().map(|node| -force(node).dot(closing[node] - self.v[node]) * h).sum();
-            self.ledger = self.ledger.take().map(|ledger| ledger.close_gaps(work));
+            self.ledger = self.ledger.take().map(|ledger| ledger.add_gap_closing(work));
         }
         let v = closing.as_ref().unwrap_or(&self.v);
         moving().for_each(|node| self.x[node] += v[node] * h);
         if let Some(ledger) = self.ledger.take() {
             let touched = step.tools.iter().flat_map(|tool| &tool.contact.touched);
             let contact_j = touched.map(TouchedPoint::stored_j).sum();
-            self.ledger = Some(ledger.end(self, h, contact_j));
+            self.ledger = Some(ledger.end_step(self, h, contact_j));
         }
         Ok(())
     }
@@ -293,8 +266,8 @@ impl Body {
             let outer = self.outer_force_on_n(node);
             self.force[node] += outer;
         }
-        let mut implicit = self.implicit.take().unwrap_or_else(|| Box::new(Workspace::new(self)));
-        let solved = implicit.solve(self, driven, &self.force, h, settings, constrained);
+        let mut implicit = self.implicit.take().unwrap_or_else(|| Box::new(Workspace::new(&self.network)));
+        let solved = implicit.solve(self.network_state(), driven, &self.force, h, settings, constrained);
         for (index, &node) in self.network.free().iter().enumerate() {
             if driven != Some(node) && solved.is_ok() {
                 self.v[node] += implicit.change(index);
@@ -315,6 +288,6 @@ impl Body {
 
     /// Begins to keep books of energy, from zero: see [`Body::books`].
     pub fn start_energy_accounting(&mut self) {
-        self.ledger = Some(Ledger::open(self));
+        self.ledger = Some(EnergyLedger::start(self));
     }
 }

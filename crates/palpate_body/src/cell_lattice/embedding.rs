@@ -1,7 +1,7 @@
 //! Places in the cells of a body, as weights on their nodes.
 
-use super::Grid;
-use super::keep::Kept;
+use super::cell_grid::CellGrid;
+use super::kept_cells::KeptCells;
 use crate::BodyPoint;
 use crate::lattice;
 use glam::DVec3;
@@ -11,7 +11,7 @@ use glam::DVec3;
 /// Corner c of a cell lies towards +x where bit 0 of c is set, +y with bit 1, +z with bit 2.
 #[derive(Clone, Debug)]
 pub(crate) struct Embedding {
-    grid: Grid,
+    grid: CellGrid,
     /// Nodes of each kept cell.
     cells: Vec<[usize; 8]>,
     /// (i, j, k) of each kept cell.
@@ -28,7 +28,7 @@ pub(crate) struct Embedding {
 const ON_SIDE: f64 = 1e-9;
 
 impl Embedding {
-    pub(super) fn new(grid: Grid, kept: &Kept) -> Self {
+    pub(super) fn new(grid: CellGrid, kept: &KeptCells) -> Self {
         let corners = grid.cells.map(|n| n + 1);
         let corner_index = |[i, j, k]: [usize; 3]| i + corners[0] * (j + corners[1] * k);
         let place: Vec<[usize; 3]> = kept.cells.iter().map(|(cell, _)| grid.place(*cell)).collect();
@@ -59,7 +59,7 @@ impl Embedding {
         &self.cells
     }
 
-    pub(super) fn grid(&self) -> &Grid {
+    pub(super) fn grid(&self) -> &CellGrid {
         &self.grid
     }
 
@@ -115,7 +115,7 @@ impl Embedding {
     /// The point of the body at a place (m, relative to the mesh's centre).
     pub(crate) fn point(&self, place_m: DVec3) -> BodyPoint {
         let (cell, local) = self.locate(place_m);
-        let weights = weights(local);
+        let weights = trilinear_weights(local);
         let nodes = self.cells[cell].into_iter().zip(weights).filter(|(_, w)| *w != 0.0);
         BodyPoint::carried_by(nodes.collect())
     }
@@ -127,7 +127,7 @@ pub(super) fn corner([i, j, k]: [usize; 3], c: usize) -> [usize; 3] {
 }
 
 /// Trilinear weights of the corners.
-pub(crate) fn weights(local: DVec3) -> [f64; 8] {
+pub(super) fn trilinear_weights(local: DVec3) -> [f64; 8] {
     std::array::from_fn(|c| {
         let along = |axis: usize| if c >> axis & 1 == 1 { local[axis] } else { 1.0 - local[axis] };
         along(0) * along(1) * along(2)

@@ -1,6 +1,6 @@
 //! How much of each cell a closed surface encloses.
 
-use super::Grid;
+use super::cell_grid::CellGrid;
 use crate::ClosedMesh;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -21,7 +21,7 @@ type Piece = Vec<DVec3>;
 /// Of a row of cells along x, what lies inside within the footprint of one cell is Σ ± ∫ (x_T − x_i) dy dz over the pieces
 /// of triangles before and in it: a piece of projected area A and mean x̄ in cell i adds A (x̄ − x_i) to that cell, and A to
 /// each cell before it.
-pub(super) fn fill(mesh: &ClosedMesh, grid: &Grid) -> Fill {
+pub(super) fn fill(mesh: &ClosedMesh, grid: &CellGrid) -> Fill {
     let mut fill = Fill { share: vec![0.0; grid.cell_total()], surface: BTreeMap::new() };
     let mut before = vec![0.0; grid.cell_total()];
     for t in mesh.closed_triangles() {

@@ -1,11 +1,9 @@
 //! Masses and springs of cells that are partly filled.
 
 use super::embedding::{Embedding, corner};
-use super::{MeshError, Region};
-use crate::error::check_positive;
+use crate::error::{check_damping_ratio, check_positive};
 use crate::lattice::steps;
-use crate::tissue::check_damping_ratio;
-use crate::{BodyError, CellStiffness, Link, Tissue};
+use crate::{BodyError, CellStiffness, Link, MeshError, Region, Tissue};
 use glam::DVec3;
 use palpate_laws::Spring;
 

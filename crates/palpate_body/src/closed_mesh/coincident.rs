@@ -1,6 +1,7 @@
 //! Triangles that have the same three corners.
 
 use super::MeshError;
+use super::geometry::same_winding;
 use super::orient::Oriented;
 
 /// A closed surface without coincident triangles.
@@ -71,6 +72,6 @@ fn distinct(triangles: &[(usize, [usize; 3])], cancel: bool) -> Distinct {
 fn sort([a, b, c]: [usize; 3], index: usize) -> ([usize; 3], bool, usize) {
     let mut corners = [a, b, c];
     corners.sort_unstable();
-    let odd = !super::same_winding([a, b, c], corners);
+    let odd = !same_winding([a, b, c], corners);
     (corners, odd, index)
 }

@@ -1,7 +1,7 @@
 //! Whether a surface passes through itself.
 
 use super::MeshError;
-use super::inside::bounds;
+use super::geometry::bounds;
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};

@@ -44,8 +44,8 @@ pub enum MeshError {
     #[error(
         "the mesh is {size_m} m across; {least} m to {most} m are taken. Are its units metres? Scale it by {factor}, \
          for instance",
-        least = crate::ClosedMesh::MIN_SIZE_M,
-        most = crate::ClosedMesh::MAX_SIZE_M
+        least = crate::limits::MIN_MESH_SIZE_M,
+        most = crate::limits::MAX_MESH_SIZE_M
     )]
     Size {
         /// Its longest side, m.
@@ -156,7 +156,7 @@ pub enum MeshError {
     /// Too few or too many cells.
     #[error(
         "cells of {cell_m} m make {cells} along the longest side of the mesh, {size_m} m; it must be 1 to {most}",
-        most = crate::CellLattice::MAX_CELLS_ALONG
+        most = crate::limits::MAX_CELLS_ALONG
     )]
     Cells {
         /// Side of a cell, m.

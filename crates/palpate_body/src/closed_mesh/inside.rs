@@ -1,6 +1,7 @@
 //! What is inside a closed surface.
 
-use super::{MeshError, TOLERANCE};
+use super::MeshError;
+use super::geometry::{TOLERANCE, bounds};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
@@ -145,9 +146,4 @@ fn cross_x(b: [i64; 3], a: [i64; 3], c: [i64; 3]) -> i64 {
 fn side(a: [i64; 3], b: [i64; 3], p: [i64; 3]) -> i64 {
     let signs = [cross_x(b, a, p), a[2] - b[2], b[1] - a[1]];
     signs.into_iter().map(i64::signum).find(|sign| *sign != 0).unwrap_or(0)
-}
-
-/// The box of a triangle, wider by `margin_m`.
-pub(super) fn bounds([a, b, c]: [DVec3; 3], margin_m: f64) -> Aabb {
-    Aabb::new(a.min(b).min(c) - margin_m, a.max(b).max(c) + margin_m)
 }

@@ -1,6 +1,7 @@
 //! Edges: whether they close the surface, and which way its triangles look.
 
-use super::{MeshError, volume};
+use super::MeshError;
+use super::geometry::volume;
 use glam::DVec3;
 
 /// A closed surface whose triangles agree, in parts that are not joined by edges.

@@ -1,8 +1,10 @@
 //! Linearly implicit Euler and its linear solvers.
 
 use super::{Columns, SolvedBy};
+use crate::conjugate_gradients::{ConjugateGradients, SolveError};
 use crate::error::{check, check_positive};
-use crate::{Body, BodyError, Network, Tangent, TangentPattern};
+use crate::network::NetworkState;
+use crate::{BodyError, Network, Tangent, TangentPattern};
 use faer::linalg::solvers::Solve;
 use faer::sparse::SparseColMatRef;
 use faer::sparse::linalg::LltError;
@@ -102,8 +104,8 @@ pub(crate) struct Workspace {
 }
 
 impl Workspace {
-    pub(crate) fn new(body: &Body) -> Self {
-        let pattern = TangentPattern::new(body);
+    pub(crate) fn new(network: &Network) -> Self {
+        let pattern = TangentPattern::of_network(network);
         let dofs = pattern.symbolic().ncols();
         Self {
             tangent: pattern.zero(),
@@ -122,23 +124,23 @@ impl Workspace {
     }
 
     /// Δv of every free node over a step of length `h`, in the order of `network.free()`; zero for the node `driven`, whose
-    /// motion is given. `force` is the whole force on every node; `constrained` says that [`Workspace::answer`] may follow. Returns what solved it, and whether K was clamped.
+    /// motion is given. `force` is the whole force on every node; `constrained` says that [`Workspace::add_columns`] may follow. Returns what solved it, and whether K was clamped.
     pub(crate) fn solve(
         &mut self,
-        body: &Body,
+        state: NetworkState<'_>,
         driven: Option<usize>,
         force: &[DVec3],
         h: f64,
         settings: &LinearlyImplicitEuler,
         constrained: bool,
     ) -> Result<(SolvedBy, bool), BodyError> {
-        let driven = driven.and_then(|node| body.network().free_index(node));
+        let driven = driven.and_then(|node| state.network.free_index(node));
         // Conjugate gradients may miss that the matrix is indefinite, and contacts must be answered with the same one.
-        let cautious = constrained && !settings.factorises(body.network().free().len());
+        let cautious = constrained && !settings.factorises(state.network.free().len());
         for clamped in if cautious { [true, true] } else { [false, true] } {
             self.factor = None;
-            self.assemble(body, driven, force, h, clamped);
-            if settings.factorises(body.network().free().len()) {
+            self.assemble(state, driven, force, h, clamped);
+            if settings.factorises(state.network.free().len()) {
                 if self.factorise()? {
                     (0..self.last.len()).for_each(|i| self.last[i] = self.rhs[(i, 0)]);
                     return Ok((SolvedBy::Cholesky, clamped));
@@ -162,10 +164,17 @@ impl Workspace {
         DVec3::from_array([0, 1, 2].map(|axis| self.last[3 * index + axis]))
     }
 
-    fn assemble(&mut self, body: &Body, driven: Option<usize>, force: &[DVec3], h: f64, clamped: bool) {
-        let (network, v) = (body.network(), body.velocities_m_per_s());
+    fn assemble(
+        &mut self,
+        state: NetworkState<'_>,
+        driven: Option<usize>,
+        force: &[DVec3],
+        h: f64,
+        clamped: bool,
+    ) {
+        let NetworkState { network, x, v } = state;
         // The exact tangent of a barrier would make steps long along its negative curvature, and its force grows with them.
-        self.pattern.fill_parts(body, (clamped, true), &mut self.tangent);
+        self.pattern.fill_at(network, x, (clamped, true), &mut self.tangent);
         let symbolic = self.pattern.symbolic();
         let (k, b) = (self.tangent.stiffness(), self.tangent.damping());
         let is_driven = |dof: usize| Some(dof / 3) == driven;
@@ -214,7 +223,7 @@ impl Workspace {
     }
 
     /// Adds to `columns` what impulses on the free nodes `nodes` do, with the matrix of the last [`Workspace::solve`].
-    pub(crate) fn answer(
+    pub(crate) fn add_columns(
         &self,
         network: &Network,
         nodes: impl Iterator<Item = usize>,
@@ -233,8 +242,8 @@ impl Workspace {
             Some(factor) => factor.solve_in_place(&mut rhs),
             None => {
                 for column in 0..rhs.ncols() {
-                    let asked: Vec<f64> = (0..dofs).map(|i| rhs[(i, column)]).collect();
-                    let solved = self.conjugate_gradients(&asked, vec![0.0; dofs], settings.tolerance)?;
+                    let unit: Vec<f64> = (0..dofs).map(|i| rhs[(i, column)]).collect();
+                    let solved = self.conjugate_gradients(&unit, vec![0.0; dofs], settings.tolerance)?;
                     let (solution, _) = solved.ok_or(BodyError::Indefinite)?;
                     (0..dofs).for_each(|i| rhs[(i, column)] = solution[i]);
                 }
@@ -267,34 +276,23 @@ impl Workspace {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let mut product = vec![0.0; n];
         self.multiply(&x, &mut product);
-        let mut r: Vec<f64> = (0..n).map(|i| rhs[i] - product[i]).collect();
+        let mut residual: Vec<f64> = (0..n).map(|i| rhs[i] - product[i]).collect();
         let goal = tolerance * dot(rhs, rhs).sqrt();
-        let mut z = vec![0.0; n];
-        precondition(&r, &mut z);
-        let (mut p, mut rz) = (z.clone(), dot(&r, &z));
-        let most = 20 * n + 100;
-        for iterations in 0..most {
-            let left = dot(&r, &r).sqrt();
-            if left <= goal {
-                return Ok(Some((x, iterations)));
+        let max_iterations = 20 * n + 100;
+        let method = ConjugateGradients {
+            multiply: |x: &[f64], product: &mut [f64]| self.multiply(x, product),
+            precondition,
+            dot,
+            is_converged: |residual: &[f64], _| dot(residual, residual).sqrt() <= goal,
+            max_iterations,
+        };
+        match method.solve(&mut x, &mut residual) {
+            Ok(iterations) => Ok(Some((x, iterations))),
+            Err(SolveError::Indefinite) => Ok(None),
+            Err(SolveError::NotConverged) => {
+                Err(BodyError::NotConverged { iterations: max_iterations, tolerance })
             }
-            self.multiply(&p, &mut product);
-            let curvature = dot(&p, &product);
-            if curvature.is_nan() || curvature <= 0.0 {
-                return Ok(None);
-            }
-            let alpha = rz / curvature;
-            for i in 0..n {
-                x[i] += alpha * p[i];
-                r[i] -= alpha * product[i];
-            }
-            precondition(&r, &mut z);
-            let next = dot(&r, &z);
-            let beta = next / rz;
-            rz = next;
-            (0..n).for_each(|i| p[i] = z[i] + beta * p[i]);
         }
-        Err(BodyError::NotConverged { iterations: most, tolerance })
     }
 
     /// The matrix, which is symmetric, times `x`.

@@ -1,8 +1,10 @@
 //! Semi-implicit Euler and the step at which it stays stable.
 
+use crate::BodyError;
+use crate::eigenvalue::largest_eigenvalue;
 use crate::error::{check, check_positive};
-use crate::{Body, BodyError};
-use glam::{DMat3, DVec3};
+use crate::network::NetworkState;
+use glam::DMat3;
 
 /// Semi-implicit (symplectic) Euler: v ← v + h M⁻¹F(x, v), then x ← x + h v, with n equal substeps h in each
 /// tick.
@@ -44,21 +46,16 @@ impl Default for SemiImplicitEuler {
 }
 
 impl SemiImplicitEuler {
-    /// The largest stable substep h at the state of `body`, s, by the bound above.
-    #[must_use]
-    pub fn stable_step_s(body: &Body) -> f64 {
-        Rates::of_springs(body).stable_step_s(barrier_rate(body, 0.0))
+    /// The largest stable substep at a state, s.
+    pub(crate) fn stable_step_at(state: NetworkState<'_>) -> f64 {
+        Rates::of_springs(state).stable_step_s(barrier_rate(state, 0.0))
     }
 
-    /// Substeps in a tick at the state of `body`.
-    ///
-    /// # Errors
-    /// [`BodyError::Parameter`] when a setting makes no sense, [`BodyError::Substeps`] when springs need more than
-    /// `max_substeps`.
-    pub fn substeps(&self, body: &Body) -> Result<usize, BodyError> {
-        let rates = Rates::of_springs(body);
+    /// Substeps in a tick at a state.
+    pub(crate) fn substeps_at(&self, state: NetworkState<'_>) -> Result<usize, BodyError> {
+        let rates = Rates::of_springs(state);
         let springs = self.spring_substeps(rates)?;
-        Ok(self.barrier_substeps(rates, barrier_rate(body, self.tick_s)).max(springs))
+        Ok(self.barrier_substeps(rates, barrier_rate(state, self.tick_s)).max(springs))
     }
 
     /// Substeps in a tick without volume barriers.
@@ -92,9 +89,9 @@ impl SemiImplicitEuler {
 }
 
 /// The bound of all volume barriers that act now or will within `ahead_s`, 1/s².
-fn barrier_rate(body: &Body, ahead_s: f64) -> f64 {
-    let (network, state) = (body.network(), (body.positions_m(), body.velocities_m_per_s()));
-    crate::cells::rate_bound(network.barriers().all_tetrahedra(), network, state, ahead_s)
+fn barrier_rate(state: NetworkState<'_>, ahead_s: f64) -> f64 {
+    let NetworkState { network, x, v } = state;
+    crate::cells::rate_bound(network.barriers().all_tetrahedra(), network, (x, v), ahead_s)
 }
 
 /// Upper bounds of the largest eigenvalues over the free nodes, of springs and dampers.
@@ -107,9 +104,8 @@ pub(crate) struct Rates {
 }
 
 impl Rates {
-    /// Those at the state of `body`.
-    pub(crate) fn of_springs(body: &Body) -> Self {
-        let (network, x) = (body.network(), body.positions_m());
+    /// Those at a state.
+    pub(crate) fn of_springs(NetworkState { network, x, .. }: NetworkState<'_>) -> Self {
         let (mut beta, mut kappa) = (0.0_f64, 0.0_f64);
         for &node in network.free() {
             let (mut k, mut b) = (DMat3::ZERO, DMat3::ZERO);
@@ -133,33 +129,5 @@ impl Rates {
             return if beta == 0.0 { f64::INFINITY } else { 2.0 / beta };
         }
         ((beta * beta + 4.0 * kappa).sqrt() - beta) / kappa
-    }
-}
-
-/// Largest eigenvalue of a symmetric matrix, by the trigonometric solution of its characteristic cubic
-/// (O. K. Smith, Communications of the ACM 4 (1961) 168).
-pub(crate) fn largest_eigenvalue(a: &DMat3) -> f64 {
-    let mean = (a.x_axis.x + a.y_axis.y + a.z_axis.z) / 3.0;
-    let shifted = *a - DMat3::from_diagonal(DVec3::splat(mean));
-    let spread = (shifted.to_cols_array().iter().map(|v| v * v).sum::<f64>() / 6.0).sqrt();
-    if spread == 0.0 {
-        return mean;
-    }
-    let half_det = ((shifted * (1.0 / spread)).determinant() / 2.0).clamp(-1.0, 1.0);
-    mean + 2.0 * spread * (half_det.acos() / 3.0).cos()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_largest_eigenvalue_of_known_matrices() {
-        assert_eq!(largest_eigenvalue(&DMat3::from_diagonal(DVec3::splat(3.0))), 3.0);
-        let diagonal = DMat3::from_diagonal(DVec3::new(1.0, -4.0, 2.5));
-        assert!((largest_eigenvalue(&diagonal) - 2.5).abs() < 1e-14);
-        let u = DVec3::new(1.0, 2.0, -2.0) / 3.0;
-        let rank_one = DMat3::from_cols(u * u.x, u * u.y, u * u.z) * 7.0;
-        assert!((largest_eigenvalue(&rank_one) - 7.0).abs() < 1e-13);
     }
 }

@@ -1,8 +1,8 @@
 //! Putting a network together, or changing one.
 
-use super::{Grid, Link, Network};
-use crate::BodyError;
+use super::{Grid, Network, NetworkParts};
 use crate::error::{check, check_positive};
+use crate::{BodyError, Link};
 use glam::DVec3;
 use palpate_laws::{ForceLaw, Spring};
 
@@ -28,12 +28,12 @@ use palpate_laws::{ForceLaw, Spring};
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct NetworkBuilder {
-    pub(super) rest_m: Vec<DVec3>,
-    pub(super) mass_kg: Vec<f64>,
-    pub(super) fixed: Vec<bool>,
-    pub(super) links: Vec<Link>,
-    pub(super) cells: Vec<[usize; 8]>,
-    pub(super) allow_free: bool,
+    rest_m: Vec<DVec3>,
+    mass_kg: Vec<f64>,
+    fixed: Vec<bool>,
+    links: Vec<Link>,
+    cells: Vec<[usize; 8]>,
+    allow_free: bool,
     /// Of a network that is edited, as long as it has the same nodes.
     grid: Option<Grid>,
     error: Option<BodyError>,
@@ -203,7 +203,9 @@ impl NetworkBuilder {
             None => {
                 let nodes = self.rest_m.len();
                 let grid = self.grid.take().filter(|grid| grid.youngs_modulus_pa.len() == nodes);
-                let network = Network::assemble(self)?;
+                let Self { rest_m, mass_kg, fixed, links, cells, allow_free, .. } = self;
+                let parts = NetworkParts { rest_m, mass_kg, fixed, links, cells, allow_free };
+                let network = Network::assemble(parts)?;
                 Ok(match grid {
                     Some(grid) => network.with_grid(grid),
                     None => network,

@@ -5,7 +5,8 @@
 //! what is far, from the nodes about the surface and from those of whole cells alike.
 
 use super::ContactSurface;
-use crate::contact::add_weight;
+use crate::conjugate_gradients::ConjugateGradients;
+use crate::weights::add_weight;
 use crate::{Block, Network, Tissue};
 use glam::{DMat3, DVec3};
 use std::sync::OnceLock;
@@ -16,7 +17,7 @@ const REACH_CELLS: f64 = 3.2;
 const HOLD: f64 = 0.2;
 /// Least reduction of the residual of the solution, and the most steps of conjugate gradients for it.
 const TOLERANCE: f64 = 1e-4;
-const MOST_STEPS: usize = 60;
+const MAX_ITERATIONS: usize = 60;
 
 /// How much more nodes give way under a force on a node than those of whole cells below a plane of nodes, along the normals of the surface there.
 #[derive(Clone, Debug)]
@@ -130,31 +131,30 @@ impl Patch {
         let mut u = vec![DVec3::ZERO; self.nodes.len()];
         let mut residual = u.clone();
         residual[0] = force;
-        let precondition =
-            |residual: &[DVec3]| residual.iter().zip(&scale).map(|(r, m)| *m * *r).collect::<Vec<DVec3>>();
-        let mut z = precondition(&residual);
-        let mut direction = z.clone();
-        let mut size = dot(&residual, &z);
-        let enough = TOLERANCE * TOLERANCE * size;
-        for _ in 0..MOST_STEPS {
-            if size.is_nan() || size <= enough {
-                break;
+        let precondition = |residual: &[DVec3], z: &mut [DVec3]| {
+            for ((z, r), m) in z.iter_mut().zip(residual).zip(&scale) {
+                *z = *m * *r;
             }
-            let mut along: Vec<DVec3> = self.diagonal.iter().zip(&direction).map(|(k, d)| *k * *d).collect();
+        };
+        let multiply = |direction: &[DVec3], product: &mut [DVec3]| {
+            for ((product, k), d) in product.iter_mut().zip(&self.diagonal).zip(direction) {
+                *product = *k * *d;
+            }
             for &(a, b, k) in &self.links {
-                along[a] -= k * direction[b];
-                along[b] -= k * direction[a];
+                product[a] -= k * direction[b];
+                product[b] -= k * direction[a];
             }
-            let step = size / dot(&direction, &along);
-            for (i, d) in direction.iter().enumerate() {
-                u[i] += step * *d;
-                residual[i] -= step * along[i];
-            }
-            z = precondition(&residual);
-            let next = dot(&residual, &z);
-            direction.iter_mut().zip(&z).for_each(|(d, z)| *d = *z + next / size * *d);
-            size = next;
-        }
+        };
+        let enough = TOLERANCE * TOLERANCE * force.dot(scale[0] * force);
+        let method = ConjugateGradients {
+            multiply,
+            precondition,
+            dot,
+            is_converged: |_: &[DVec3], size: f64| size.is_nan() || size <= enough,
+            max_iterations: MAX_ITERATIONS,
+        };
+        // The last approximation does: the matrix is positive definite, and the tolerance is coarse.
+        let _ = method.solve(&mut u, &mut residual);
         u
     }
 }

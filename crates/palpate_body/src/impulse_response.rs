@@ -1,18 +1,8 @@
 //! What impulses on rows of nodes do to a body.
 
+use crate::weights::Weights;
 use glam::{DMat3, DVec3};
 use palpate_laws::ImpulseResponse;
-
-/// Nodes and weights of a row, only those that can move.
-pub(crate) type Weights = Vec<(usize, f64)>;
-
-/// Adds `weight` to that of `node`.
-pub(crate) fn add_weight(weights: &mut Weights, node: usize, weight: f64) {
-    match weights.iter_mut().find(|(known, _)| *known == node) {
-        Some((_, sum)) => *sum += weight,
-        None => weights.push((node, weight)),
-    }
-}
 
 /// A = M: every node answers for itself.
 pub(crate) struct LumpedMassResponse<'a> {
@@ -23,7 +13,7 @@ pub(crate) struct LumpedMassResponse<'a> {
 }
 
 impl LumpedMassResponse<'_> {
-    pub(crate) fn own_per_kg(&self, row: usize) -> DMat3 {
+    pub(crate) fn inv_effective_mass_per_kg(&self, row: usize) -> DMat3 {
         let per_mass: f64 = self.rows[row].iter().map(|&(node, w)| w * w / self.mass_kg[node]).sum();
         DMat3::from_diagonal(DVec3::splat(per_mass))
     }
@@ -64,7 +54,7 @@ impl DelassusMatrix {
         Self { delassus, u }
     }
 
-    pub(crate) fn own_per_kg(&self, row: usize) -> DMat3 {
+    pub(crate) fn inv_effective_mass_per_kg(&self, row: usize) -> DMat3 {
         self.delassus[row * self.u.len() + row]
     }
 }

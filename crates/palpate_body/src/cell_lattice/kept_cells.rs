@@ -1,7 +1,7 @@
 //! Which cells make the body: all that hold some of it, but for slivers that a neighbour can carry.
 
+use super::cell_grid::CellGrid;
 use super::fill::Fill;
-use super::{Grid, MeshCells};
 use glam::DVec3;
 
 /// Of cells filled less than the first number, the surface is carried by a neighbour filled that much, if it is not farther
@@ -10,8 +10,25 @@ const CARRIED: [(f64, f64); 2] = [(0.1, 0.25), (LEAST, 0.5)];
 /// What a cell that must be kept counts as filled at least.
 const LEAST: f64 = 0.01;
 
+/// What became of the cells.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MeshCells {
+    /// Side of a cell, m.
+    pub cell_m: f64,
+    /// Cells of the body.
+    pub cells: usize,
+    /// Cells with little in them whose surface a neighbour carries.
+    pub slivers_carried: usize,
+    /// Cells that hold almost nothing and count for more: the body is that much too heavy.
+    pub raised: usize,
+    /// By which share of the mesh's volume those make the body larger; of its mass, where it is one tissue throughout.
+    pub raised_share: f64,
+    /// The least φ of a cell that stayed.
+    pub least_fill: f64,
+}
+
 /// The cells that are kept.
-pub(super) struct Kept {
+pub(super) struct KeptCells {
     /// Index in the grid and φ of each, in the order of the grid.
     pub cells: Vec<(usize, f64)>,
     /// Slivers, and the cell of the grid that carries what is in each.
@@ -19,57 +36,59 @@ pub(super) struct Kept {
     pub report: MeshCells,
 }
 
-/// Chooses the cells. A sliver goes when a neighbour can carry all surface in it (see [`CARRIED`]) and its other neighbours
-/// stay joined by their faces without it; its volume becomes the neighbour's.
-pub(super) fn keep(grid: &Grid, fill: Fill) -> Kept {
-    let Fill { mut share, surface } = fill;
-    // Without a surface in it a cell is inside or outside.
-    let mut kept: Vec<bool> =
-        (0..share.len()).map(|cell| share[cell] > 0.5 || surface.contains_key(&cell)).collect();
-    let mut carried = Vec::new();
-    for (least, farthest) in CARRIED {
-        let mut slivers: Vec<(f64, usize)> = surface
-            .keys()
-            .map(|&cell| (share[cell], cell))
-            .filter(|(share, cell)| *share < least && kept[*cell])
-            .collect();
-        slivers.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        for (_, sliver) in slivers {
-            let can = |other: usize| (kept[other] && share[other] >= least).then_some(share[other]);
-            let Some(carrier) = carrier(grid, sliver, surface[&sliver], farthest, can) else { continue };
-            kept[sliver] = false;
-            if joined_without(grid, &kept, sliver) {
-                carried.push((sliver, carrier));
-            } else {
-                kept[sliver] = true;
+impl KeptCells {
+    /// Chooses the cells. A sliver goes when a neighbour can carry all surface in it (see [`CARRIED`]) and its other neighbours
+    /// stay joined by their faces without it; its volume becomes the neighbour's.
+    pub(super) fn choose(grid: &CellGrid, fill: Fill) -> Self {
+        let Fill { mut share, surface } = fill;
+        // Without a surface in it a cell is inside or outside.
+        let mut kept: Vec<bool> =
+            (0..share.len()).map(|cell| share[cell] > 0.5 || surface.contains_key(&cell)).collect();
+        let mut carried = Vec::new();
+        for (least, farthest) in CARRIED {
+            let mut slivers: Vec<(f64, usize)> = surface
+                .keys()
+                .map(|&cell| (share[cell], cell))
+                .filter(|(share, cell)| *share < least && kept[*cell])
+                .collect();
+            slivers.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            for (_, sliver) in slivers {
+                let can = |other: usize| (kept[other] && share[other] >= least).then_some(share[other]);
+                let Some(carrier) = carrier(grid, sliver, surface[&sliver], farthest, can) else { continue };
+                kept[sliver] = false;
+                if joined_without(grid, &kept, sliver) {
+                    carried.push((sliver, carrier));
+                } else {
+                    kept[sliver] = true;
+                }
             }
         }
+        for &(sliver, carrier) in &carried {
+            share[carrier] += share[sliver];
+        }
+        carried.sort_unstable();
+        let mut report = MeshCells { slivers_carried: carried.len(), ..MeshCells::default() };
+        report.least_fill = 1.0;
+        let (mut added, mut held) = (0.0, 0.0);
+        let mut cells = Vec::new();
+        for cell in (0..share.len()).filter(|&cell| kept[cell]) {
+            report.raised += usize::from(share[cell] < LEAST);
+            let filled = share[cell].max(LEAST);
+            added += filled - share[cell];
+            held += share[cell];
+            report.least_fill = report.least_fill.min(filled);
+            cells.push((cell, filled));
+        }
+        report.cells = cells.len();
+        report.raised_share = added / held;
+        Self { cells, carried, report }
     }
-    for &(sliver, carrier) in &carried {
-        share[carrier] += share[sliver];
-    }
-    carried.sort_unstable();
-    let mut report = MeshCells { slivers_carried: carried.len(), ..MeshCells::default() };
-    report.least_fill = 1.0;
-    let (mut added, mut held) = (0.0, 0.0);
-    let mut cells = Vec::new();
-    for cell in (0..share.len()).filter(|&cell| kept[cell]) {
-        report.raised += usize::from(share[cell] < LEAST);
-        let filled = share[cell].max(LEAST);
-        added += filled - share[cell];
-        held += share[cell];
-        report.least_fill = report.least_fill.min(filled);
-        cells.push((cell, filled));
-    }
-    report.cells = cells.len();
-    report.raised_share = added / held;
-    Kept { cells, carried, report }
 }
 
 /// Of the neighbours that `can` carry the surface within `low` and `high` of a cell, at most `farthest` outside them, the
 /// nearest; of several the fullest.
 fn carrier(
-    grid: &Grid,
+    grid: &CellGrid,
     cell: usize,
     [low, high]: [DVec3; 2],
     farthest: f64,
@@ -92,7 +111,7 @@ fn carrier(
 }
 
 /// Whether the kept cells at the faces of `cell` are joined through faces of kept cells round it.
-fn joined_without(grid: &Grid, kept: &[bool], cell: usize) -> bool {
+fn joined_without(grid: &CellGrid, kept: &[bool], cell: usize) -> bool {
     let round: Vec<([i32; 3], usize)> = grid.round(cell).filter(|(_, other)| kept[*other]).collect();
     let beside = |step: &[i32; 3]| step.iter().map(|s| s.abs()).sum::<i32>() == 1;
     let at_faces: Vec<usize> = (0..round.len()).filter(|&i| beside(&round[i].0)).collect();
@@ -113,7 +132,7 @@ fn joined_without(grid: &Grid, kept: &[bool], cell: usize) -> bool {
 }
 
 /// The pieces that the kept cells make, joined by faces: how many, and a cell of the smallest.
-pub(super) fn pieces(grid: &Grid, cells: &[(usize, f64)]) -> (usize, usize) {
+pub(super) fn pieces(grid: &CellGrid, cells: &[(usize, f64)]) -> (usize, usize) {
     let mut left = vec![false; grid.cell_total()];
     cells.iter().for_each(|(cell, _)| left[*cell] = true);
     let (mut pieces, mut smallest) = (0, (usize::MAX, 0));

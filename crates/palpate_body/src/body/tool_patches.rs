@@ -1,10 +1,10 @@
 //! The tool's way to the surface of a body: the contact patches that it may have in the next ticks.
 
 use super::Body;
-use crate::contact::{Weights, add_weight};
 use crate::network::POISSONS_RATIO;
 use crate::surface::PlacedSurface;
 use crate::tool::Hold;
+use crate::weights::{Weights, add_weight};
 use crate::{SurfaceTree, ToolContact};
 use glam::DVec3;
 use palpate_laws::{
@@ -53,7 +53,7 @@ pub(super) struct PatchRow {
 
 /// What a tool may touch on a piece of its path.
 #[derive(Default)]
-pub(super) struct Approach {
+pub(super) struct ToolPatches {
     pub(super) patches: Vec<ToolPatch>,
     /// Patches that found no place among the most that there may be.
     pub(super) left_out: usize,
@@ -62,14 +62,14 @@ pub(super) struct Approach {
 impl Body {
     /// The approach of a tool whose device goes straight from `from_m` to `to_m` in `span_s`. A tool that is inside the body at the
     /// beginning, and touches nothing, touches nothing until it has come out.
-    pub(super) fn approach(
+    pub(super) fn find_tool_patches(
         &mut self,
         contact: &mut ToolContact,
         (from_m, to_m): (DVec3, DVec3),
         span_s: f64,
-    ) -> Approach {
+    ) -> ToolPatches {
         let (proxy_m, coupling) = (contact.proxy_m(from_m), contact.coupling);
-        let Hold::Nothing { shape, clear, .. } = &mut contact.hold else { return Approach::default() };
+        let Hold::Nothing { shape, clear, .. } = &mut contact.hold else { return ToolPatches::default() };
         let (shape, radius, moved) = (*shape, shape.radius_m(), from_m.distance(to_m));
         let speed2 = |&node: &usize| self.v[node].length_squared();
         let fastest = self.network.free().iter().map(speed2).fold(0.0, f64::max).sqrt();
@@ -88,7 +88,7 @@ impl Body {
         let is_near = least.cmple(high).all() && most.cmpge(low).all();
         if !is_near && before.is_empty() {
             *clear = true;
-            return Approach::default();
+            return ToolPatches::default();
         }
         let mut tree = self.tree.take().unwrap_or_else(|| Box::new(SurfaceTree::new(self)));
         tree.refit(self);
@@ -107,7 +107,7 @@ impl Body {
         }
         self.tree = Some(tree);
         if !*clear {
-            return Approach::default();
+            return ToolPatches::default();
         }
         let x: Vec<DVec3> = self.contact_surface.points().iter().map(|point| point.of(&self.x)).collect();
         let surface = PlacedSurface { surface: &self.contact_surface, x: &x };
@@ -119,7 +119,7 @@ impl Body {
             rest_normal: row.rest_normal,
             radius_m: row.radius_m,
         };
-        let (mut approach, mut all) = (Approach::default(), KnownPatches::default());
+        let (mut approach, mut all) = (ToolPatches::default(), KnownPatches::default());
         for touched in before.chunk_by(|a, b| a.patch == b.patch) {
             let Some(first) = touched.first() else { continue };
             let mut row_n = [0.0; PATCH_ROWS];

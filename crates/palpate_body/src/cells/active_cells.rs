@@ -2,7 +2,7 @@
 
 use super::{BarrierTetrahedron, Cells};
 use crate::Network;
-use crate::integrator::largest_eigenvalue;
+use crate::eigenvalue::largest_eigenvalue;
 use glam::{DMat3, DVec3};
 use palpate_laws::VolumeBarrier;
 use std::collections::BTreeMap;
@@ -18,7 +18,7 @@ const ROUNDING: f64 = 1e-9;
 /// Cells whose volume ratio is farther than that above the onset need not be examined. The watch saves time only:
 /// no result depends on when cells were examined.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Watch {
+pub(crate) struct ActiveCells {
     /// Positions at which cells were examined, m.
     at_m: Vec<DVec3>,
     /// Whether each cell may act.
@@ -27,7 +27,7 @@ pub(crate) struct Watch {
     cells: Vec<usize>,
 }
 
-impl Watch {
+impl ActiveCells {
     /// The cells that may act while no node is farther than `beyond_m` from `x`, ascending; `beyond_m` is below the reach.
     fn update(&mut self, cells: &Cells, x: &[DVec3], beyond_m: f64) -> &[usize] {
         if cells.nodes.is_empty() {
@@ -94,7 +94,7 @@ impl Watch {
 /// How far below the predicted volume ratio a tetrahedron may come within a tick.
 const BELOW_PREDICTED: f64 = 0.1;
 
-/// As [`Watch::rate_bound`], of given tetrahedra.
+/// As [`ActiveCells::rate_bound`], of given tetrahedra.
 ///
 /// Each node gets a block such that the sum of the blocks' quadratic forms bounds that of the stiffness. Of the gradient g of J,
 /// (Σ g_i·x_i)² ≤ Σ_i |g_i| Σ_j |g_j| (ĝ_i·x_i)²; and |d_iᵀ (∂²J/∂e_i∂e_j) d_j| ≤ |e_k| |d_i| |d_j|/V, where the difference d of

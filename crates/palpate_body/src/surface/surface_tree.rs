@@ -1,6 +1,6 @@
 //! The point of a body's surface nearest to a place.
 
-use crate::{Body, BodyPoint, Surface};
+use crate::{BodyPoint, Surface};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode, BvhWorkspace};
@@ -59,10 +59,8 @@ impl ClosestPoint {
 const NO_WEIGHT: f64 = 1e-9;
 
 impl SurfaceTree {
-    /// The tree of `body`'s surface where it is now.
-    #[must_use]
-    pub fn new(body: &Body) -> Self {
-        let surface = body.surface();
+    /// The tree of `surface` with the nodes at `positions_m`.
+    pub(crate) fn of_surface(surface: &Surface, positions_m: &[DVec3]) -> Self {
         let triangles: Vec<[usize; 3]> =
             (0..surface.triangles.len()).map(|triangle| surface.corners(triangle)).collect();
         let (mut round_point, mut beside_edge) = (HashMap::<_, Vec<_>>::new(), HashMap::<_, Vec<_>>::new());
@@ -73,19 +71,16 @@ impl SurfaceTree {
                 beside_edge.entry((a.min(b), a.max(b))).or_default().push(index);
             }
         }
-        let x: Vec<DVec3> = surface.points.iter().map(|point| point.of(body.positions_m())).collect();
+        let x: Vec<DVec3> = surface.points.iter().map(|point| point.of(positions_m)).collect();
         let boxes: Vec<Aabb> = triangles.iter().map(|t| bounds(t.map(|point| x[point]))).collect();
         let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
         Self { triangles, x, round_point, beside_edge, bvh, workspace: BvhWorkspace::default() }
     }
 
-    /// Fits the tree to where `body` is now: fast as long as its triangles stay neighbours, which they do.
-    ///
-    /// # Panics
-    /// When `body` is not the one that the tree is of and has fewer nodes or points.
-    pub fn refit(&mut self, body: &Body) {
-        let points = &body.surface().points;
-        self.x.iter_mut().zip(points).for_each(|(x, point)| *x = point.of(body.positions_m()));
+    /// Fits the tree to the nodes at `positions_m`.
+    pub(crate) fn refit_to(&mut self, surface: &Surface, positions_m: &[DVec3]) {
+        let points = &surface.points;
+        self.x.iter_mut().zip(points).for_each(|(x, point)| *x = point.of(positions_m));
         for (index, t) in self.triangles.iter().enumerate() {
             self.bvh.insert_or_update_partially(bounds(t.map(|point| self.x[point])), index as u32, 0.0);
         }
