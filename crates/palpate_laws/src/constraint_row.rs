@@ -1,52 +1,52 @@
-//! Rows: points that have to obey laws, and the impulses that make them.
+//! Constraint rows and the impulse that satisfies a single row.
 
 use crate::{Coulomb, SeriesCompliance};
 use glam::{DMat3, DVec3};
 
-/// What a row, a point Σ w_i x_i or the difference of two, has to obey.
+/// Constraint law of a row. A row is a point Σ w_i x_i or the difference of two points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ConstraintLaw {
-    /// A surface that pushes and rubs; the gap is along its normal.
+    /// Unilateral contact with Coulomb friction. The gap is measured along the normal.
     Unilateral {
-        /// Its normal and friction.
+        /// Normal and coefficient of friction.
         coulomb: Coulomb,
-        /// What is in series with it along the normal, where under an impulse the gap that is left is −δ_s(λ_n/h), and across it, m/N, where what
-        /// is left is minus that times λ_t/h.
+        /// Compliance in series with the contact, and its compliance across the normal, m/N. Under the impulse λ the
+        /// remaining gap is −δ_s(λ_n/h) along the normal and −(compliance) λ_t/h across it.
         series: Option<(SeriesCompliance, f64)>,
     },
-    /// No gap is left.
+    /// Bilateral constraint: the gap is closed in all directions.
     Bilateral,
-    /// No gap is left along a unit direction, by pulling against it only.
+    /// Constraint along one direction that only pulls.
     Tension {
-        /// The direction in which the row must not go farther.
+        /// Unit direction in which the row must not move further.
         along: DVec3,
-        /// How it stretches: 1/(k h²) of a spring of k N/m in a step of h s, 1/kg, so that what is left of the gap at the end of the
-        /// step is the impulse over k h; 0 for one that does not.
+        /// Regularisation 1/(k h²) of a spring of stiffness k (N/m) in a step of length h (s), 1/kg; 0 for an
+        /// inextensible thread. The gap at the end of the step is then the impulse over k h.
         compliance_per_kg: f64,
     },
 }
 
-/// One row of the problem.
+/// One constraint row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConstraintRow {
-    /// What it has to obey.
+    /// Constraint law.
     pub law: ConstraintLaw,
-    /// How far it would be beyond the law, or short of it, if it did not move in the step, m.
+    /// Constraint violation if the row did not move during the step, m.
     pub gap_m: DVec3,
-    /// H A⁻¹ Hᵀ of the row with itself: what an impulse on it does to its own velocity, 1/kg.
+    /// Inverse effective mass H A⁻¹ Hᵀ, 1/kg: the velocity of the row per impulse on it.
     pub inv_effective_mass_per_kg: DMat3,
-    /// λ, what the law gives it, N s.
+    /// Impulse λ of the constraint, N s.
     pub impulse_ns: DVec3,
 }
 
-/// How fast what is inside of what it should not be in is pushed out, and what is apart is drawn together.
+/// Maximum speed at which existing penetration or separation is corrected, m/s.
 pub const MAX_CORRECTION_SPEED_M_PER_S: f64 = 1.0;
-/// Less than that of a gap is rounding and needs no care.
+/// Gaps below this tolerance are treated as rounding errors, m.
 pub const GAP_TOLERANCE_M: f64 = 1e-6;
 
 impl ConstraintLaw {
-    /// The impulse of a row with answer `w` whose velocity without it, the gap over the length of the step added, is
-    /// `free`.
+    /// Impulse of a row with the inverse effective mass `w`. `free` is its velocity without the impulse, plus the gap
+    /// divided by the step length.
     pub(crate) fn impulse(self, w: DMat3, free: DVec3, (before, h): (DVec3, f64)) -> DVec3 {
         match self {
             Self::Unilateral { coulomb, series: None } => coulomb.impulse(w, free),
@@ -61,12 +61,13 @@ impl ConstraintLaw {
     }
 }
 
-/// Newton steps for the force of a contact in series with a compliance, and the relative change that ends them.
+/// Maximum number of Newton iterations for a contact in series with a compliance, and the relative change at which
+/// they end.
 const NEWTON_STEPS: usize = 40;
 const NEWTON_TOLERANCE: f64 = 1e-12;
 
-/// The impulse of a contact that leaves the gap −δ_s(λ_n/h): by Newton's method on the force, held between 0 and what either the row or the
-/// compliance alone would give.
+/// Impulse of a contact that leaves the gap −δ_s(λ_n/h), by Newton's method on the normal force. The force is
+/// bracketed by 0 and the smaller of the forces that the row or the compliance alone would give.
 fn in_series(
     coulomb: Coulomb,
     (series, tangential_m_per_n): (&SeriesCompliance, f64),
@@ -86,7 +87,7 @@ fn in_series(
     if own > 0.0 {
         high = high.min(approach / own / h);
     }
-    // Across the normal it is a spring whose stretch of the step before is in the gap.
+    // Across the normal the compliance is a spring. Its deflection in the previous step is part of the gap.
     let across =
         (DMat3::IDENTITY - DMat3::from_cols(n * n.x, n * n.y, n * n.z)) * (tangential_m_per_n / (h * h));
     let guess = before.dot(n) / h;
@@ -101,7 +102,7 @@ fn in_series(
         if (next - force).abs() <= NEWTON_TOLERANCE * force {
             break;
         }
-        // A compliance that stiffens with force is concave: the tangent falls short of the force, never beyond it.
+        // δ_s(F) is concave: a Newton step underestimates the force and never exceeds it.
         if next > force {
             low = force;
         } else {
@@ -113,8 +114,7 @@ fn in_series(
     impulse
 }
 
-/// As [`in_series`], where an impulse does the same to the velocity in every direction, `per_kg`: then what is along the normal and what is
-/// across it are apart.
+/// [`in_series`] for an isotropic response `per_kg`, for which the normal and the tangential problem decouple.
 fn in_series_with_a_mass(
     coulomb: Coulomb,
     (series, tangential_m_per_n): (&SeriesCompliance, f64),
@@ -130,7 +130,7 @@ fn in_series_with_a_mass(
     normal_ns * n - if length > most { most / length * friction } else { friction }
 }
 
-/// What an impulse does to the velocity in every direction, where that is the same.
+/// The response of an isotropic inverse mass; `None` if `w` is not isotropic.
 fn isotropic(w: DMat3) -> Option<f64> {
     let own = w.x_axis.x;
     (w == DMat3::from_diagonal(DVec3::splat(own))).then_some(own)

@@ -4,47 +4,48 @@ use crate::smooth_step::smooth_step;
 use crate::{MAX_CORRECTION_SPEED_M_PER_S, SeriesCompliance};
 use glam::DVec3;
 
-/// A row with less weight than `FULL_LEVER` on nodes that can move pushes less, and with less than `NO_LEVER` not at all.
-const FULL_LEVER: f64 = 0.1;
-const NO_LEVER: f64 = 0.01;
-/// The same for rows without a compliance of their own: to move them their nodes would have to go far. Less is enough for one that pushes already,
-/// so that a touch near what is fixed does not come and go.
-const LEAST_LEVER: f64 = 0.3;
-const LEAST_LEVER_TOUCHED: f64 = 0.1;
+/// Free weight (weight on nodes that can move) from which a row with a series compliance has its full force, and
+/// below which it has none.
+const FULL_FREE_SHARE: f64 = 0.1;
+const ZERO_FREE_SHARE: f64 = 0.01;
+/// Minimum free weight of a row without a series compliance. A row with less would have to move its nodes too far.
+/// The second value applies to rows that are already in contact and prevents chattering near fixed nodes.
+const MIN_FREE_SHARE: f64 = 0.3;
+const MIN_FREE_SHARE_TOUCHED: f64 = 0.1;
 
-/// The part of its force that a row with a compliance of its own has whose weight on nodes that can move is `free_share`: 0 where it is
-/// fixed, 1 where it is not, and smooth between.
+/// Fraction of its force that a row with a series compliance transmits. `free_share` is its weight on nodes that can
+/// move. The result rises smoothly from 0 for a fixed row to 1.
 #[must_use]
 pub fn mobility(free_share: f64) -> f64 {
-    smooth_step(free_share, NO_LEVER, FULL_LEVER)
+    smooth_step(free_share, ZERO_FREE_SHARE, FULL_FREE_SHARE)
 }
 
-/// Whether the weight of a row without a compliance of its own on nodes that can move, `free_share`, is too little for it to push; less is enough
-/// for a row that is touched already, `is_touched`.
+/// Whether a row without a series compliance has too little weight on nodes that can move, `free_share`, to transmit
+/// force. The threshold is lower for a row that is already in contact (`is_touched`).
 #[must_use]
 pub fn is_out_of_reach(free_share: f64, is_touched: bool) -> bool {
-    free_share < if is_touched { LEAST_LEVER_TOUCHED } else { LEAST_LEVER }
+    free_share < if is_touched { MIN_FREE_SHARE_TOUCHED } else { MIN_FREE_SHARE }
 }
 
-/// How fast a compliance in series takes up what a tool is in the surface already, m/s: a tool that begins there presses within some hundredths of a
-/// second, and does not hit.
-const TAKING_UP_M_PER_S: f64 = 0.2;
+/// Speed at which a series compliance takes up existing penetration, m/s. A tool that starts inside the surface
+/// reaches its force within some hundredths of a second, without an impact.
+const UPTAKE_SPEED_M_PER_S: f64 = 0.2;
 
-/// What the compliance in series with a row did in the step before; nothing where there is none.
+/// Deflection of the series compliance of a row in the previous step; zero without one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SeriesDeflection {
-    /// How far it gave way along the normal, m, and across it.
+    /// Deflection along the normal, m.
     pub along_m: f64,
-    /// See `along_m`.
+    /// Deflection across the normal, m.
     pub across_m: DVec3,
-    /// Its compliance across the normal, m/N.
+    /// Compliance across the normal, m/N.
     pub across_m_per_n: f64,
-    /// See [`SeriesCompliance::takes_up`].
+    /// Fraction of an existing gap that the compliance takes up; see [`SeriesCompliance::gap_uptake`].
     pub takes_up: f64,
 }
 
 impl SeriesDeflection {
-    /// That of `series` under a force of `force_n` along the normal and `whole_n` in all, N.
+    /// Deflection of `series` under a normal force of `force_n` and a total force of `whole_n`, N.
     #[must_use]
     pub fn of(series: Option<SeriesCompliance>, force_n: f64, whole_n: DVec3) -> Self {
         series.map_or(Self::default(), |series| {
@@ -59,27 +60,30 @@ impl SeriesDeflection {
     }
 }
 
-/// The gap between a tool and a patch in a step, for the rows of [`crate::solve_rows`].
+/// Gap between a tool and a patch in a step, for a row of [`crate::solve_projected_gauss_seidel`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactGap {
-    /// Along the normal, as far as it is to be closed in this step, m.
+    /// Gap along the normal, limited to the part that this step may close, m.
     pub normal_m: f64,
-    /// The whole, with what the tool moves across the normal, m.
+    /// Gap vector, including the tangential motion of the tool, m.
     pub gap_m: DVec3,
-    /// The part of it that was there before: positions close it, velocities keep nothing of that, m.
+    /// Part of the gap that existed before the step, m. The position update closes it, and it leaves no velocity
+    /// behind.
     pub overdue_m: DVec3,
 }
 
 impl ContactGap {
-    /// The gap in a step of length `h`, s, in which the tool moves by `moved_m`, against a surface along whose inward unit normal `push` the tool
-    /// is `apart_m` from it in the end if the surface stands still. A compliance in series, which gave way in the step before, takes up a part
-    /// of what is left from before, as if the tool came at a low speed; positions alone close the rest at the closing speed. The tool's
-    /// own motion is followed at once.
+    /// Gap in a step of length `h`, s. The tool moves by `moved_m` and ends `apart_m` away from the resting surface,
+    /// measured along the inward unit normal `push`.
+    ///
+    /// A series compliance takes up part of an existing penetration as if the tool approached at a low speed. The
+    /// position update closes the rest at [`MAX_CORRECTION_SPEED_M_PER_S`]. The tool's own motion takes full effect
+    /// at once.
     #[must_use]
     pub fn new(apart_m: f64, push: DVec3, moved_m: DVec3, series: SeriesDeflection, h: f64) -> Self {
         let before = apart_m + moved_m.dot(push) + series.along_m;
         let left = before.clamp(-h * MAX_CORRECTION_SPEED_M_PER_S, 0.0);
-        let taken = before.clamp(-h * TAKING_UP_M_PER_S * series.takes_up, 0.0);
+        let taken = before.clamp(-h * UPTAKE_SPEED_M_PER_S * series.takes_up, 0.0);
         let normal_m = if before < 0.0 { left + apart_m - before } else { apart_m };
         let gap_m = normal_m * push - (moved_m + series.across_m).reject_from_normalized(push);
         Self { normal_m, gap_m, overdue_m: (left - taken) * push }

@@ -1,45 +1,46 @@
-//! A tool that gives way: a proxy without mass behind a stiff coupling whose force saturates.
+//! The virtual coupling between a device and the tool's proxy.
 
 use crate::LawError;
 use glam::DVec3;
 
-/// What draws a tool's proxy, which is what the body meets, to where the device is: a spring as long as its force is
-/// below the largest, and from there on that force and no more, however far the device has gone. A virtual coupling (J. E.
-/// Colgate, M. C. Stanley, J. M. Brown, Proc. IROS 1995) without mass and damper, implicit in time.
+/// A virtual coupling: a spring with a force limit between the device and the tool's proxy, which touches the body.
 ///
-/// So a hand that goes deeper than a body can leaves the proxy behind on the surface, and no body is dragged through itself.
+/// Below the limit the coupling is a linear spring. At the limit it yields, however far the device moves on. The
+/// coupling follows J. E. Colgate, M. C. Stanley and J. M. Brown (Proc. IROS 1995), without mass and damper, and is
+/// integrated implicitly. When the device goes deeper than the body can follow, the proxy stays on the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VirtualCoupling {
-    /// k, N/m: below saturation the proxy stays F/k behind the device.
+    /// Stiffness k, N/m. Below the force limit the proxy is F/k behind the device.
     pub stiffness_n_per_m: f64,
-    /// The force at which it saturates, N.
+    /// Maximum force, N.
     pub max_force_n: f64,
 }
 
-/// The proxy in a step.
+/// A proxy in one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProxyStep {
-    /// What draws it.
+    /// Coupling to the device.
     pub coupling: VirtualCoupling,
-    /// From where it would be at the end of the step if it moved as the device does, for which the rows' gaps are, to the
-    /// device, m; less, if it is not to go as far in one step.
+    /// Remaining displacement to the device, m, from the position that the proxy would have if it moved with the
+    /// device. The gaps of the rows refer to that position. The displacement is shorter if the proxy may not go that
+    /// far in one step.
     pub short_m: DVec3,
 }
 
-/// What a tool does in a step.
+/// Motion of a tool in one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolMove {
-    /// Where it begins and ends, m; behind a coupling, if it moves as its device does.
+    /// Position at the beginning of the step, m.
     pub from_m: DVec3,
-    /// See `from_m`.
+    /// Position at the end of the step, m. With a coupling, the position if the proxy moves with the device.
     pub to_m: DVec3,
-    /// What draws it elsewhere.
+    /// The proxy, with a coupling.
     pub proxy: Option<ProxyStep>,
 }
 
 impl ToolMove {
-    /// That of a tool behind `coupling`, if there is one, whose proxy is at `proxy_m` and whose device goes from one place to
-    /// another; `radius_m` is `None` for a tool that holds.
+    /// Motion of a tool whose device moves from `device_m.0` to `device_m.1`, m. With a `coupling`, the proxy is at
+    /// `proxy_m`. `radius_m` is `None` for a tool that holds a point.
     #[must_use]
     pub fn new(
         coupling: Option<VirtualCoupling>,
@@ -55,7 +56,7 @@ impl ToolMove {
         Self { from_m: proxy_m, to_m: device_m.1 - behind_m, proxy }
     }
 
-    /// How far its coupling draws it if nothing is in the way, m.
+    /// Displacement of the proxy by its coupling if nothing blocks it, m.
     #[must_use]
     pub fn short_m(&self) -> DVec3 {
         self.proxy.map_or(DVec3::ZERO, |proxy| proxy.short_m)
@@ -63,10 +64,10 @@ impl ToolMove {
 }
 
 impl VirtualCoupling {
-    /// Refuses what makes no sense.
+    /// Checks stiffness and force limit.
     ///
     /// # Errors
-    /// [`LawError::Stiffness`] and [`LawError::CouplingForce`] for what is not finite and above 0.
+    /// [`LawError::Stiffness`] and [`LawError::CouplingForce`] for a value that is not finite or not above 0.
     pub fn validate(&self) -> Result<(), LawError> {
         let positive = |value: f64| value.is_finite() && value > 0.0;
         if !positive(self.stiffness_n_per_m) {
@@ -75,20 +76,22 @@ impl VirtualCoupling {
         if positive(self.max_force_n) { Ok(()) } else { Err(LawError::CouplingForce(self.max_force_n)) }
     }
 
-    /// How far behind the device the proxy is when the force saturates, m.
+    /// Distance between device and proxy at the force limit, m.
     #[must_use]
     pub fn stretch_m(&self) -> f64 {
         self.max_force_n / self.stiffness_n_per_m
     }
 
-    /// `force_n`, but no more than the largest.
+    /// Limits `force_n` to the maximum force, N.
     #[must_use]
     pub fn limit(&self, force_n: DVec3) -> DVec3 {
         force_n.clamp_length_max(self.max_force_n)
     }
 
-    /// How far the proxy, `behind_m` the device, may go towards it in one step beside the device's own motion: anywhere for
-    /// a tool that holds (`radius_m` is `None`), half its radius for one that touches, so that it passes nothing unseen.
+    /// Displacement of the proxy towards the device that one step allows, in addition to the device's own motion, m.
+    /// The proxy is `behind_m` away from the device. A tool that holds a point (`radius_m` is `None`) may go all the
+    /// way. A touching tool is limited to half its radius, and to the coupling's stretch if that is longer. It
+    /// therefore crosses no surface undetected.
     #[must_use]
     pub fn short_m(&self, behind_m: DVec3, radius_m: Option<f64>) -> DVec3 {
         match radius_m {
@@ -103,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_makes_no_sense_is_refused() {
+    fn rejects_values_that_are_not_positive_and_finite() {
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let soft = VirtualCoupling { stiffness_n_per_m: bad, max_force_n: 1.0 };
             assert!(matches!(soft.validate(), Err(LawError::Stiffness(_))));

@@ -3,75 +3,77 @@
 use crate::{ConstraintLaw, ConstraintRow};
 use glam::DVec3;
 
-/// What impulses on rows do to the velocities of all rows.
+/// Response of the velocities of all rows to impulses on rows: the Delassus operator W = H A⁻¹ Hᵀ.
 pub trait ImpulseResponse {
-    /// Velocity of row `row` now, m/s.
+    /// Current velocity of row `row`, m/s.
     fn velocity_m_per_s(&self, row: usize) -> DVec3;
 
-    /// Adds what an impulse `impulse_ns` on row `row` does to the velocities.
+    /// Applies the impulse `impulse_ns`, N s, to row `row` and updates the velocities.
     fn apply_impulse(&mut self, row: usize, impulse_ns: DVec3);
 }
 
-/// How much is done to find the impulses of rows.
+/// Limits of the iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolverLimits {
-    /// Most sweeps over all rows.
+    /// Maximum number of sweeps over all rows.
     pub max_iterations: usize,
-    /// Change of an impulse, relative to the largest, below which a sweep was the last.
+    /// Relative tolerance: the iteration ends when the largest change of an impulse is below this fraction of the
+    /// largest impulse.
     pub tolerance: f64,
 }
 
-/// How the impulses of rows were found.
+/// Result of the iteration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SolverReport {
-    /// Sweeps over all rows.
+    /// Number of sweeps over all rows.
     pub iterations: usize,
-    /// Whether the last changed nothing to speak of.
+    /// Whether the last sweep was within the tolerance.
     pub converged: bool,
 }
 
-/// How far a row moves in the step because of a change, m, below which a sweep was the last too, after so many sweeps:
-/// impulses that share a load that one of them could bear are not determined, and need not be.
+/// Displacement of a row, m, below which the iteration also ends, after this number of report. The impulses of
+/// redundant rows are not unique and need not converge.
 const STALL_DISPLACEMENT_M: f64 = 1e-9;
 const STALL_CHECK_ITERATIONS: usize = 50;
 
-/// Gives every row its impulse, so that at the end of a step of length `h`, s, each obeys its law, by projected
-/// Gauss-Seidel (F. Jourdan, P. Alart, M. Jean, Comput. Methods Appl. Mech. Eng. 155 (1998) 31): row after row answers
-/// exactly while the others stand, until nothing changes or as many sweeps are over as `effort` allows. Rows may begin with
-/// impulses, for a guess; `answer` begins with the velocities that these give.
+/// Solves for the impulses of all rows by projected Gauss-Seidel (F. Jourdan, P. Alart, M. Jean, Comput. Methods
+/// Appl. Mech. Eng. 155 (1998) 31).
 ///
-/// Where rows contradict each other their impulses grow and no sweep is the last; very unequal masses on threads converge
-/// slowly.
+/// At the end of a step of length `h`, s, each row satisfies its law. Each sweep solves row after row exactly while
+/// the others are held, until the impulses converge or `effort` is used up. Rows may start with a guess of their
+/// impulses; `response` starts with the resulting velocities.
+///
+/// Contradictory rows do not converge. Very unequal masses joined by threads converge slowly.
 pub fn solve_projected_gauss_seidel(
     rows: &mut [ConstraintRow],
-    answer: &mut impl ImpulseResponse,
+    response: &mut impl ImpulseResponse,
     h: f64,
     effort: SolverLimits,
 ) -> SolverReport {
     for count in 1..=effort.max_iterations {
         let (mut largest, mut change, mut moved) = (0.0_f64, 0.0_f64, 0.0_f64);
         for (index, row) in rows.iter_mut().enumerate() {
-            // A row of nothing but what is fixed cannot obey.
+            // A row of fixed nodes only cannot move.
             let has_series = matches!(row.law, ConstraintLaw::Unilateral { series: Some(_), .. });
             if row.inv_effective_mass_per_kg.determinant() <= 0.0 && !has_series {
                 continue;
             }
-            // Velocity without this row's impulse; what is left of the gap may still be closed.
-            let free = answer.velocity_m_per_s(index) - row.inv_effective_mass_per_kg * row.impulse_ns
+            // Velocity without this row's impulse, including the gap that may still be closed.
+            let free = response.velocity_m_per_s(index) - row.inv_effective_mass_per_kg * row.impulse_ns
                 + row.gap_m / h;
             let impulse = row.law.impulse(row.inv_effective_mass_per_kg, free, (row.impulse_ns, h));
             let more = impulse - row.impulse_ns;
             if more != DVec3::ZERO {
-                answer.apply_impulse(index, more);
+                response.apply_impulse(index, more);
             }
             row.impulse_ns = impulse;
             largest = largest.max(impulse.length());
             change = change.max(more.length());
             moved = moved.max(h * (row.inv_effective_mass_per_kg * more).length());
         }
-        // A row that is alone is solved in one step.
-        let is_settled = change <= effort.tolerance * largest || rows.len() == 1;
-        if is_settled || count > STALL_CHECK_ITERATIONS && moved <= STALL_DISPLACEMENT_M {
+        // A single row is solved exactly.
+        let is_converged = change <= effort.tolerance * largest || rows.len() == 1;
+        if is_converged || count > STALL_CHECK_ITERATIONS && moved <= STALL_DISPLACEMENT_M {
             return SolverReport { iterations: count, converged: true };
         }
     }
@@ -84,7 +86,7 @@ mod tests {
     use crate::{Coulomb, Indentation, Pressure, SeriesCompliance};
     use glam::DMat3;
 
-    /// Two points that answer to each other.
+    /// Two coupled points.
     struct Two {
         v: [DVec3; 2],
         w: [[f64; 2]; 2],
@@ -102,16 +104,16 @@ mod tests {
         }
     }
 
-    fn within(sweeps: usize) -> SolverLimits {
-        SolverLimits { max_iterations: sweeps, tolerance: 1e-8 }
+    fn within(max_iterations: usize) -> SolverLimits {
+        SolverLimits { max_iterations, tolerance: 1e-8 }
     }
 
     fn row(law: ConstraintLaw, gap: f64) -> ConstraintRow {
-        let own_per_kg = DMat3::from_diagonal(DVec3::splat(2.0));
+        let per_kg = DMat3::from_diagonal(DVec3::splat(2.0));
         ConstraintRow {
             law,
             gap_m: DVec3::Z * gap,
-            inv_effective_mass_per_kg: own_per_kg,
+            inv_effective_mass_per_kg: per_kg,
             impulse_ns: DVec3::ZERO,
         }
     }
@@ -120,17 +122,17 @@ mod tests {
     fn two_coupled_contacts_are_solved_as_one_problem() {
         let w = [[2.0, 1.0], [1.0, 2.0]];
         let up = ConstraintLaw::Unilateral { coulomb: Coulomb::new(DVec3::Z, 0.0).unwrap(), series: None };
-        // Both press: [2 1; 1 2] λ = -[v + gap/h].
+        // Both contacts are active: [2 1; 1 2] λ = -[v + gap/h].
         let mut two = Two { v: [DVec3::Z * -3.0, DVec3::Z * -4.0], w };
         let mut rows = [row(up, 0.01), row(up, 0.01)];
-        let sweeps = solve_projected_gauss_seidel(&mut rows, &mut two, 0.01, within(100));
-        assert!(sweeps.converged && (2..40).contains(&sweeps.iterations));
+        let report = solve_projected_gauss_seidel(&mut rows, &mut two, 0.01, within(100));
+        assert!(report.converged && (2..40).contains(&report.iterations));
         assert!(
             (rows[0].impulse_ns.z - 1.0 / 3.0).abs() < 1e-7
                 && (rows[1].impulse_ns.z - 4.0 / 3.0).abs() < 1e-7
         );
         assert!(two.v.iter().all(|v| (v.z + 1.0).abs() < 1e-7), "the gap is closed and no more");
-        // One push is enough for both: the other gives nothing.
+        // One impulse separates both contacts; the other stays zero.
         let mut two = Two { v: [DVec3::Z * -0.1, DVec3::Z * -4.0], w };
         let mut rows = [row(up, 0.0), row(up, 0.0)];
         assert!(solve_projected_gauss_seidel(&mut rows, &mut two, 0.01, within(100)).converged);
@@ -139,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_pulls_only_and_a_grasp_does_both() {
+    fn thread_only_pulls_and_bilateral_row_does_both() {
         let w = [[2.0, 0.0], [0.0, 2.0]];
         let mut two = Two { v: [DVec3::X, -DVec3::X], w };
         let thread = ConstraintLaw::Tension { along: DVec3::X, compliance_per_kg: 0.0 };
@@ -152,11 +154,11 @@ mod tests {
     }
 
     #[test]
-    fn what_a_stretching_thread_leaves_of_the_gap_is_its_force_over_its_stiffness() {
+    fn elastic_thread_leaves_a_gap_of_force_over_stiffness() {
         let (h, stiffness_n_per_m) = (0.01, 700.0);
         let spring =
             ConstraintLaw::Tension { along: DVec3::Z, compliance_per_kg: 1.0 / (stiffness_n_per_m * h * h) };
-        // Two of them, joined by the body, one with a gap before and one that runs away.
+        // Two coupled threads, one with an initial gap and one whose end moves away.
         let mut two = Two { v: [DVec3::ZERO, DVec3::Z * 3.0], w: [[2.0, 1.0], [1.0, 2.0]] };
         let mut rows = [row(spring, 0.004), row(spring, 0.0)];
         assert!(solve_projected_gauss_seidel(&mut rows, &mut two, h, within(200)).converged);
@@ -168,7 +170,7 @@ mod tests {
                 "{row:?}"
             );
         }
-        // Slack it does nothing, and gives nothing to what comes nearer.
+        // A slack thread has no impulse, also while its ends approach.
         let mut two = Two { v: [-DVec3::Z, DVec3::Z], w: [[2.0, 0.0], [0.0, 2.0]] };
         let mut rows = [row(spring, 0.005), row(spring, -0.02)];
         solve_projected_gauss_seidel(&mut rows, &mut two, h, within(50));
@@ -176,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_contact_in_series_with_a_compliance_leaves_its_approach_as_the_gap() {
+    fn contact_with_series_compliance_leaves_its_deflection_as_the_gap() {
         let h = 2.5e-4;
         for friction in [0.0, 0.4, 2.0] {
             for (radius_m, share, depth, slide) in [
@@ -195,13 +197,13 @@ mod tests {
                 let mut rows = [row(law, -depth), row(law, -0.7 * depth)];
                 (rows[0].inv_effective_mass_per_kg, rows[1].inv_effective_mass_per_kg) =
                     (own(200.0), own(150.0));
-                let sweeps = solve_projected_gauss_seidel(
+                let report = solve_projected_gauss_seidel(
                     &mut rows,
                     &mut two,
                     h,
                     SolverLimits { max_iterations: 200, tolerance: 1e-12 },
                 );
-                assert!(sweeps.converged, "{sweeps:?}");
+                assert!(report.converged, "{report:?}");
                 for (row, v) in rows.iter().zip(two.v) {
                     let left = row.gap_m.z + h * v.z;
                     let force = row.impulse_ns.z / h;
@@ -220,18 +222,18 @@ mod tests {
     }
 
     #[test]
-    fn a_fixed_surface_with_a_compliance_pushes_by_that_alone() {
+    fn fixed_surface_with_series_compliance_pushes_by_the_compliance_alone() {
         let law = Indentation { pressure: Pressure::Ball, radius_m: 0.005, modulus_pa: 21e3 };
         let series = SeriesCompliance::of_share(1.0, law);
         let coulomb = Coulomb::new(-DVec3::Z, 0.0).unwrap();
         let law = ConstraintLaw::Unilateral { coulomb, series: Some((series, 0.0)) };
         let mut fixed = Two { v: [DVec3::ZERO; 2], w: [[0.0; 2]; 2] };
-        // A sum over no free nodes is −0.
-        let own_per_kg = -DMat3::ZERO;
+        // The sum over no free nodes is −0.
+        let per_kg = -DMat3::ZERO;
         let mut rows = [ConstraintRow {
             law,
             gap_m: DVec3::Z * 0.003,
-            inv_effective_mass_per_kg: own_per_kg,
+            inv_effective_mass_per_kg: per_kg,
             impulse_ns: DVec3::ZERO,
         }];
         assert!(solve_projected_gauss_seidel(&mut rows, &mut fixed, 1e-3, within(20)).converged);
@@ -240,10 +242,10 @@ mod tests {
     }
 
     #[test]
-    fn what_is_fixed_or_contradicts_itself_ends() {
+    fn fixed_row_converges_and_contradictory_rows_stop_at_the_limit() {
         let mut two = Two { v: [DVec3::X, DVec3::X], w: [[1.0, 1.0], [1.0, 1.0]] };
         let own = |s: f64| DMat3::from_diagonal(DVec3::splat(s));
-        // The same point asked to be at two places.
+        // The same point is constrained to two positions.
         let mut rows = [row(ConstraintLaw::Bilateral, 0.0), row(ConstraintLaw::Bilateral, 0.1)];
         rows.iter_mut().for_each(|row| row.inv_effective_mass_per_kg = own(1.0));
         assert_eq!(

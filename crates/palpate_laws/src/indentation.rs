@@ -6,7 +6,7 @@
 /// A body of cells resolves the part of it that is coarser than a cell; [`SeriesCompliance`] has the rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Indentation {
-    /// The pressure under the tool.
+    /// Pressure distribution under the tool.
     pub pressure: Pressure,
     /// Radius of the tool, m: R of a ball, a of a flat punch.
     pub radius_m: f64,
@@ -14,18 +14,20 @@ pub struct Indentation {
     pub modulus_pa: f64,
 }
 
-/// How the pressure is spread over the contact's radius.
+/// Distribution of the pressure over the contact radius.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pressure {
-    /// Hertz, under a ball: p ∝ (1 − r²/a²)^½.
+    /// Hertz's pressure under a ball: p ∝ (1 − r²/a²)^½.
     Ball,
-    /// Boussinesq, under a rigid flat punch: p ∝ (1 − r²/a²)^−½.
+    /// Boussinesq's pressure under a rigid flat punch: p ∝ (1 − r²/a²)^−½.
     Punch,
 }
 
 impl Indentation {
-    /// The approach δ(F), m, under a force of `force_n` ≥ 0, N: a²/R of Hertz under a ball up to δ = R, where the contact is as wide
-    /// as the ball, and from there on at the slope of a punch of that radius; F/(2 a E*) under a punch.
+    /// Approach δ(F), m, under a force of `force_n` ≥ 0, N.
+    ///
+    /// For a ball it is Hertz's a²/R up to δ = R, where the contact is as wide as the ball. Beyond that it continues
+    /// with the slope of a punch of that radius. For a punch it is F/(2 a E*).
     #[must_use]
     pub fn approach_m(&self, force_n: f64) -> f64 {
         let stiffness = 2.0 * self.modulus_pa * self.radius_m;
@@ -43,13 +45,13 @@ impl Indentation {
         }
     }
 
-    /// dδ/dF, m/N. Without a bound under a ball where the force goes to zero.
+    /// Slope dδ/dF, m/N; unbounded for a ball as the force goes to zero.
     #[must_use]
     pub fn slope_m_per_n(&self, force_n: f64) -> f64 {
         1.0 / (2.0 * self.modulus_pa * self.radius_of_contact_m(force_n))
     }
 
-    /// The force F(δ) at an approach of `approach_m`, N; 0 where that is not above 0.
+    /// Force F(δ) at an approach of `approach_m`, N; 0 for an approach of 0 or less.
     #[must_use]
     pub fn force_n(&self, approach_m: f64) -> f64 {
         let (delta, stiffness) = (approach_m.max(0.0), 2.0 * self.modulus_pa * self.radius_m);
@@ -60,7 +62,7 @@ impl Indentation {
         }
     }
 
-    /// The radius of the contact, m: that of Hertz under a ball, at most its radius; that of a punch.
+    /// Contact radius, m: Hertz's radius for a ball, at most the ball's radius; the radius of a punch.
     #[must_use]
     pub fn radius_of_contact_m(&self, force_n: f64) -> f64 {
         match self.pressure {
@@ -71,7 +73,7 @@ impl Indentation {
         }
     }
 
-    /// ∫ δ dF from 0 to `force_n`, J: F δ less this is the energy that the half-space stores.
+    /// Complementary energy ∫ δ dF from 0 to `force_n`, J. The half-space stores F δ minus this energy.
     #[must_use]
     pub fn complementary_energy_j(&self, force_n: f64) -> f64 {
         match self.pressure {
@@ -88,8 +90,8 @@ impl Indentation {
         }
     }
 
-    /// The mean displacement of the surface under the pressure, weighted by it, over the force, m/N: what a grid that resolves the
-    /// contact answers.
+    /// Pressure-weighted mean displacement of the surface divided by the force, m/N: the compliance of a grid that
+    /// resolves the contact.
     #[must_use]
     pub fn resolved_m_per_n(&self, force_n: f64) -> f64 {
         // Under a ball u(r) = δ (1 − r²/2a²) and the mean of r² is 2a²/5.
@@ -102,7 +104,7 @@ impl Indentation {
         }
     }
 
-    /// The force at which a ball's contact is as wide as the ball, N.
+    /// Force at which the contact is as wide as the ball, N.
     pub(crate) fn full_n(&self) -> f64 {
         4.0 / 3.0 * self.modulus_pa * self.radius_m * self.radius_m
     }
@@ -116,7 +118,7 @@ mod tests {
     const PUNCH: Indentation = Indentation { pressure: Pressure::Punch, ..BALL };
 
     #[test]
-    fn force_and_approach_are_inverse_and_their_slope_and_energy_are_the_derivative_and_the_integral() {
+    fn force_approach_slope_and_energy_are_consistent() {
         for law in [BALL, PUNCH] {
             let mut energy = 0.0;
             let step = 1e-5;

@@ -7,38 +7,38 @@
 
 use glam::DVec3;
 
-/// Most nodes that carry a point of a surface: those of a cell.
+/// Maximum number of nodes that carry a point of a surface: the corners of a cell.
 pub const POINT_NODES: usize = 8;
 
-/// What is across an edge of a triangle.
+/// The neighbour across an edge of a triangle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Neighbour {
-    /// The triangle beside it, if there is one.
+    /// Index of the adjacent triangle, if there is one.
     pub triangle: Option<u32>,
-    /// Whether the surface has a sharp edge there at rest.
+    /// Whether the edge is sharp at rest.
     pub is_crease: bool,
 }
 
-/// A triangulated surface where it is now.
+/// A triangulated surface in its current shape.
 pub trait PatchSurface {
-    /// Where the corners of a triangle are, m, counter-clockwise seen from outside; `None` where there is no such triangle.
+    /// Corners of a triangle, m, counter-clockwise as seen from outside; `None` for an invalid index.
     fn corners_m(&self, triangle: usize) -> Option<[DVec3; 3]>;
 
-    /// What is across the edges from corner 0 to 1, 1 to 2 and 2 to 0.
+    /// Neighbours across the edges from corner 0 to 1, 1 to 2 and 2 to 0.
     fn neighbours(&self, triangle: usize) -> [Neighbour; 3];
 
-    /// Where a place is, m; `None` where there is no such triangle.
+    /// Position of a place, m; `None` for an invalid index.
     fn place_m(&self, place: SurfacePlace) -> Option<DVec3> {
         self.corners_m(place.triangle).map(|corners_m| weighted(place.weights, corners_m))
     }
 }
 
-/// A place on a triangle.
+/// A place on a triangle in barycentric coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SurfacePlace {
-    /// The triangle.
+    /// Index of the triangle.
     pub triangle: usize,
-    /// The weights of its corners, at least 0, which sum to 1.
+    /// Weights of the corners; they are at least 0 and sum to 1.
     pub weights: [f64; 3],
 }
 

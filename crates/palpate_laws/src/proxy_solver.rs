@@ -5,40 +5,40 @@ use crate::{
 };
 use glam::{DMat3, DVec3};
 
-/// How often a coupling that gives way is looked at again in a step.
+/// Maximum number of iterations for the yield of a coupling in one step.
 const MAX_PLASTIC_ITERATIONS: usize = 8;
-/// Most sweeps over the rows then.
+/// Maximum number of sweeps in each of them.
 const COARSE_ITERATIONS: usize = 20;
-/// The share of the largest force by which it may be exceeded.
+/// Relative tolerance of the force limit.
 const FORCE_TOLERANCE: f64 = 1e-2;
 
-/// A tool behind a coupling in a step, and how far that draws it.
+/// State of a tool's proxy in one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProxyState {
     proxy: ProxyStep,
-    /// What the proxy moves beside the device's motion over the length of the step, m/s.
+    /// Displacement of the proxy relative to the device's motion, divided by the step length, m/s.
     velocity_m_per_s: DVec3,
-    /// What an impulse on the proxy does to that, 1/kg.
+    /// Change of that velocity per impulse on the proxy, 1/kg.
     per_kg: f64,
-    /// H A⁻¹ Hᵀ of the lightest of its rows, 1/kg.
+    /// Largest inverse effective mass of its rows, 1/kg.
     lightest_per_kg: f64,
 }
 
 impl ProxyState {
-    /// A tool behind that proxy.
+    /// Initial state of a proxy.
     #[must_use]
     pub fn new(proxy: ProxyStep) -> Self {
         Self { proxy, velocity_m_per_s: DVec3::ZERO, per_kg: 0.0, lightest_per_kg: 0.0 }
     }
 
-    /// How far it was drawn in a step of length `h`, s, beside the device's own motion, m.
+    /// Displacement of the proxy relative to the device's motion in a step of length `h` (s), m.
     #[must_use]
     pub fn displacement_m(&self, h: f64) -> DVec3 {
         self.velocity_m_per_s * h
     }
 }
 
-/// Velocities of rows relative to proxies that answer to what their tools' rows give.
+/// Response of rows that includes the motion of the proxies.
 struct WithProxies<'a, A, F> {
     rows: &'a mut A,
     tools: &'a mut [ProxyState],
@@ -65,38 +65,38 @@ impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> ImpulseResponse for With
     }
 }
 
-/// As [`solve_rows`], from no impulses, with a tool behind a coupling whose rows are those that `is_tools` tells. Returns also how
-/// far the proxy goes in this step beside the device's own motion, m. See [`solve_with_proxies`].
+/// [`solve_projected_gauss_seidel`] with zero initial impulses and one tool behind a coupling; `is_tools` selects its
+/// rows. Also returns the proxy's displacement relative to the device's motion, m. See [`solve_with_proxies`].
 pub fn solve_with_proxy(
     rows: &mut [ConstraintRow],
-    answer: &mut impl ImpulseResponse,
+    response: &mut impl ImpulseResponse,
     is_tools: impl Fn(usize) -> bool,
     proxy: ProxyStep,
     h: f64,
     effort: SolverLimits,
 ) -> (SolverReport, DVec3) {
     let mut tools = [ProxyState::new(proxy)];
-    let sweeps = solve_with_proxies(rows, answer, &mut tools, |row| is_tools(row).then_some(0), h, effort);
+    let report = solve_with_proxies(rows, response, &mut tools, |row| is_tools(row).then_some(0), h, effort);
     let [tool] = tools;
-    (sweeps, tool.displacement_m(h))
+    (report, tool.displacement_m(h))
 }
 
-/// As [`solve_rows`], from no impulses, with `tools` behind couplings; `tool_of` tells of each row whose it is, if it is one of
-/// theirs. How far each goes in this step beside its device's own motion is [`DrawnTool::drawn_m`].
+/// [`solve_projected_gauss_seidel`] with zero initial impulses and `tools` behind couplings. `tool_of` maps a row to
+/// the index of its tool. [`ProxyState::displacement_m`] then holds each proxy's displacement.
 ///
-/// A proxy has no mass: the impulses Λ of its rows are those of the coupling, and it ends Λ/(h k) short of the device.
-/// Where |Λ|/h would be more than the largest force, the coupling gives way along Λ, like a perfectly plastic slider, as
-/// far as it takes for the force to be the largest. Several tools are looked at in turn, three times at most.
+/// A proxy has no mass. The sum Λ of its rows' impulses is the impulse of the coupling, and the proxy ends Λ/(h k)
+/// away from the device. Where |Λ|/h would exceed the force limit, the coupling yields along Λ like a perfectly
+/// plastic slider until the force is at the limit. Several tools are handled in turn, in at most three rounds.
 pub fn solve_with_proxies(
     rows: &mut [ConstraintRow],
-    answer: &mut impl ImpulseResponse,
+    response: &mut impl ImpulseResponse,
     tools: &mut [ProxyState],
     tool_of: impl Fn(usize) -> Option<usize>,
     h: f64,
     effort: SolverLimits,
 ) -> SolverReport {
     for tool in &mut *tools {
-        // At first to where the coupling would be saturated if the proxy stayed; so that in the end its force is towards the
+        // Start where the coupling would saturate if the proxy stayed: the final force then points towards the
         // device.
         let goal = tool.proxy.short_m.clamp_length_max(tool.proxy.coupling.stretch_m());
         tool.velocity_m_per_s = goal / h;
@@ -114,62 +114,62 @@ pub fn solve_with_proxies(
         row.inv_effective_mass_per_kg += DMat3::from_diagonal(DVec3::splat(tool.per_kg));
     }
     let rounds = if tools.len() > 1 { MAX_ROUNDS } else { 1 };
-    let answer = WithProxies { rows: answer, tools, tool_of };
-    let mut pull = CoupledProblem { rows, answer, h, effort, sweeps: SolverReport::default() };
-    pull.solve();
+    let response = WithProxies { rows: response, tools, tool_of };
+    let mut problem = CoupledProblem { rows, response, h, effort, report: SolverReport::default() };
+    problem.solve();
     for round in 0..rounds {
         let mut is_done = true;
-        for index in 0..pull.answer.tools.len() {
-            is_done &= pull.solve_plastic_flow(index, round == 0);
+        for index in 0..problem.response.tools.len() {
+            is_done &= problem.solve_plastic_flow(index, round == 0);
         }
         if is_done {
             break;
         }
     }
-    pull.sweeps
+    problem.report
 }
 
-/// How often several tools are looked at in turn.
+/// Maximum number of rounds over several tools.
 const MAX_ROUNDS: usize = 3;
 
-/// Couplings that pull at rows.
+/// Constraint rows with the couplings of tools.
 struct CoupledProblem<'a, A, F> {
     rows: &'a mut [ConstraintRow],
-    answer: WithProxies<'a, A, F>,
+    response: WithProxies<'a, A, F>,
     h: f64,
     effort: SolverLimits,
-    sweeps: SolverReport,
+    report: SolverReport,
 }
 
 impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> CoupledProblem<'_, A, F> {
     fn solve(&mut self) {
-        let now = solve_projected_gauss_seidel(self.rows, &mut self.answer, self.h, self.effort);
-        self.sweeps =
-            SolverReport { iterations: self.sweeps.iterations + now.iterations, converged: now.converged };
+        let now = solve_projected_gauss_seidel(self.rows, &mut self.response, self.h, self.effort);
+        self.report =
+            SolverReport { iterations: self.report.iterations + now.iterations, converged: now.converged };
     }
 
-    /// Sees to it that the tool `index` gives its largest force at most, and follows its device as far as that allows if it is
-    /// looked at for the first time. Whether that was so already.
+    /// Limits the force of the tool `index`. In the first round the tool also follows its device as far as the limit
+    /// allows. Returns whether nothing had to change.
     fn solve_plastic_flow(&mut self, index: usize, is_first: bool) -> bool {
-        let Some(&ProxyState { proxy, per_kg, lightest_per_kg, .. }) = self.answer.tools.get(index) else {
+        let Some(&ProxyState { proxy, per_kg, lightest_per_kg, .. }) = self.response.tools.get(index) else {
             return true;
         };
-        let (h, most_n) = (self.h, proxy.coupling.max_force_n);
+        let (h, max_force_n) = (self.h, proxy.coupling.max_force_n);
         let goal = proxy.short_m.clamp_length_max(proxy.coupling.stretch_m());
         let force = self.force_n(index);
-        let beyond = force.length() - most_n;
-        if beyond > FORCE_TOLERANCE * most_n {
-            // At first as far as needed if all rows that give something shared it equally.
+        let beyond = force.length() - max_force_n;
+        if beyond > FORCE_TOLERANCE * max_force_n {
+            // First estimate: all active rows share the yield equally.
             let first = beyond * (per_kg + lightest_per_kg / self.giving(index).max(1) as f64) * h * h;
             let search = Search { little: (0.0, beyond), before: None, much: None };
             self.give_way(index, force.normalize(), search, first);
             return false;
         }
-        if is_first && beyond < -FORCE_TOLERANCE * most_n && goal != proxy.short_m {
-            // There is room for more, perhaps for all.
+        if is_first && beyond < -FORCE_TOLERANCE * max_force_n && goal != proxy.short_m {
+            // The limit allows more displacement, perhaps all of it.
             let more = proxy.short_m - goal;
-            let beyond_all = self.give(index, -more).length() - most_n;
-            if beyond_all > FORCE_TOLERANCE * most_n {
+            let beyond_all = self.give(index, -more).length() - max_force_n;
+            if beyond_all > FORCE_TOLERANCE * max_force_n {
                 let much = Some((more.length(), beyond));
                 let search = Search { little: (0.0, beyond_all), before: None, much };
                 self.give_way(index, more.normalize(), search, 0.0);
@@ -179,9 +179,9 @@ impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> CoupledProblem<'_, A, F>
         true
     }
 
-    /// What the rows of a tool give, N, when it gives way by `more`, m.
+    /// Moves a tool's goal back by `more`, m, and returns the resulting force of its rows, N.
     fn give(&mut self, index: usize, more: DVec3) -> DVec3 {
-        if let Some(tool) = self.answer.tools.get_mut(index) {
+        if let Some(tool) = self.response.tools.get_mut(index) {
             tool.velocity_m_per_s -= more / self.h;
         }
         self.solve();
@@ -194,38 +194,41 @@ impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> CoupledProblem<'_, A, F>
 
     fn rows_of(&self, tool: usize) -> impl Iterator<Item = &ConstraintRow> {
         let rows = self.rows.iter().enumerate();
-        rows.filter(move |(row, _)| (self.answer.tool_of)(*row) == Some(tool)).map(|(_, row)| row)
+        rows.filter(move |(row, _)| (self.response.tool_of)(*row) == Some(tool)).map(|(_, row)| row)
     }
 
-    /// How many of a tool's rows give something.
+    /// Number of active rows of a tool.
     fn giving(&self, tool: usize) -> usize {
         self.rows_of(tool).filter(|row| row.impulse_ns != DVec3::ZERO).count()
     }
 
-    /// Lets a tool give way along `way` until the force along it is the largest.
+    /// Yields along `way` until the force along it is at the limit.
     fn give_way(&mut self, index: usize, way: DVec3, mut search: Search, first: f64) {
-        let Some(most_n) = self.answer.tools.get(index).map(|tool| tool.proxy.coupling.max_force_n) else {
+        let Some(max_force_n) = self.response.tools.get(index).map(|tool| tool.proxy.coupling.max_force_n)
+        else {
             return;
         };
         let mut given = 0.0;
-        let sweeps = self.effort.max_iterations;
-        self.effort.max_iterations = sweeps.min(COARSE_ITERATIONS);
-        for look in 0..MAX_PLASTIC_ITERATIONS {
-            // In the end rather too little than nothing.
-            let give = if look + 1 < MAX_PLASTIC_ITERATIONS { search.guess(first) } else { search.little.0 };
-            let beyond = self.give(index, (give - given) * way).dot(way) - most_n;
+        let max_iterations = self.effort.max_iterations;
+        self.effort.max_iterations = max_iterations.min(COARSE_ITERATIONS);
+        for iteration in 0..MAX_PLASTIC_ITERATIONS {
+            // The last iteration rather yields too little than not at all.
+            let give =
+                if iteration + 1 < MAX_PLASTIC_ITERATIONS { search.guess(first) } else { search.little.0 };
+            let beyond = self.give(index, (give - given) * way).dot(way) - max_force_n;
             given = give;
-            if beyond.abs() <= FORCE_TOLERANCE * most_n {
+            if beyond.abs() <= FORCE_TOLERANCE * max_force_n {
                 break;
             }
             search.note(give, beyond);
         }
-        self.effort.max_iterations = sweeps;
+        self.effort.max_iterations = max_iterations;
     }
 }
 
-/// How far a coupling has to give way: where that was too little, twice, and too much, each with what the force was beyond the
-/// largest, N. By the secant while all was too little, then by the Illinois form of regula falsi.
+/// One-dimensional search for the yield. It holds two points with too little yield and one with too much, each with
+/// the excess force, N. It uses the secant method until the solution is bracketed, then the Illinois variant of
+/// regula falsi.
 struct Search {
     little: (f64, f64),
     before: Option<(f64, f64)>,
@@ -233,7 +236,7 @@ struct Search {
 }
 
 impl Search {
-    /// Where to look next; `first` at first.
+    /// Next point; `first` at the beginning.
     fn guess(&self, first: f64) -> f64 {
         let (from, to) = match (self.much, self.before) {
             (Some(much), _) => (self.little, much),
@@ -245,7 +248,7 @@ impl Search {
     }
 
     fn note(&mut self, give: f64, beyond: f64) {
-        // An end that stays counts half.
+        // The function value at an end that is retained is halved.
         if beyond > 0.0 {
             self.before = Some(self.little);
             self.little = (give, beyond);
@@ -264,7 +267,7 @@ mod tests {
     use super::*;
     use crate::{ConstraintLaw, VirtualCoupling};
 
-    /// Masses that know nothing of each other, 2 per kg.
+    /// Uncoupled masses of 2 per kg.
     struct Apart(Vec<DVec3>);
 
     impl ImpulseResponse for Apart {
@@ -280,11 +283,11 @@ mod tests {
     const H: f64 = 1e-3;
 
     fn held(gap: f64) -> ConstraintRow {
-        let own_per_kg = DMat3::from_diagonal(DVec3::splat(2.0));
+        let per_kg = DMat3::from_diagonal(DVec3::splat(2.0));
         ConstraintRow {
             law: ConstraintLaw::Bilateral,
             gap_m: DVec3::Z * gap,
-            inv_effective_mass_per_kg: own_per_kg,
+            inv_effective_mass_per_kg: per_kg,
             impulse_ns: DVec3::ZERO,
         }
     }
@@ -296,7 +299,7 @@ mod tests {
     ) -> (Vec<ConstraintRow>, Vec<DVec3>, DVec3) {
         let mut masses = Apart(vec![DVec3::ZERO; rows.len()]);
         let proxy = ProxyStep { coupling, short_m: DVec3::Z * short };
-        let (sweeps, moved) = solve_with_proxy(
+        let (report, moved) = solve_with_proxy(
             &mut rows,
             &mut masses,
             |_| true,
@@ -304,14 +307,14 @@ mod tests {
             H,
             SolverLimits { max_iterations: 1000, tolerance: 1e-8 },
         );
-        assert!(sweeps.converged || rows.len() > 1);
+        assert!(report.converged || rows.len() > 1);
         (rows, masses.0, moved)
     }
 
     #[test]
-    fn below_saturation_it_is_a_spring_and_the_row_is_closed() {
+    fn coupling_below_its_limit_is_a_spring_and_closes_the_row() {
         let coupling = VirtualCoupling { stiffness_n_per_m: 5000.0, max_force_n: 100.0 };
-        // The device has gone 1 mm down: the row's gap for a proxy that went with it is +1 mm.
+        // The device has moved 1 mm down; the gap of the row for a proxy that moved with it is +1 mm.
         let (rows, v, moved) = step(coupling, 0.0, vec![held(1e-3)]);
         let impulse = rows[0].impulse_ns.z;
         // h v + gap = moved, moved = -impulse / (h k), v = 2 impulse.
@@ -322,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn it_never_gives_more_than_its_largest_force_and_ends_where_that_is() {
+    fn saturated_coupling_ends_at_its_force_limit() {
         let coupling = VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 0.3 };
         for rows in [vec![held(1e-3)], vec![held(1e-3), held(0.7e-3), held(-0.2e-3)]] {
             for short in [0.0, -1e-4, -5e-3, 2e-3] {
@@ -330,15 +333,15 @@ mod tests {
                 let force = rows.iter().map(|r| r.impulse_ns).sum::<DVec3>() / H;
                 assert!((force.length() / 0.3 - 1.0).abs() < 5e-2, "{force} at {short}");
                 for (row, v) in rows.iter().zip(v) {
-                    assert!((v * H + row.gap_m - moved).length() < 2e-5, "the row is closed all the same");
+                    assert!((v * H + row.gap_m - moved).length() < 2e-5, "the row is still closed");
                 }
             }
         }
     }
 
     #[test]
-    fn tools_that_pull_at_the_same_mass_from_two_sides_keep_their_own_limits() {
-        // One row each, on one mass; the second coupling saturates.
+    fn two_tools_on_one_mass_keep_their_own_force_limits() {
+        // One row each on a shared mass; the second coupling saturates.
         struct Shared(DVec3);
         impl ImpulseResponse for Shared {
             fn velocity_m_per_s(&self, _: usize) -> DVec3 {
@@ -348,8 +351,8 @@ mod tests {
                 self.0 += 2.0 * impulse_ns;
             }
         }
-        let proxy = |most_n| ProxyStep {
-            coupling: VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: most_n },
+        let proxy = |max_force_n| ProxyStep {
+            coupling: VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n },
             short_m: DVec3::ZERO,
         };
         let mut tools = [ProxyState::new(proxy(50.0)), ProxyState::new(proxy(0.5))];
@@ -359,13 +362,13 @@ mod tests {
         solve_with_proxies(&mut rows, &mut mass, &mut tools, Some, H, effort);
         let force = |row: usize| rows[row].impulse_ns.z / H;
         assert!((force(1) - 0.5).abs() < 0.01, "{}", force(1));
-        // The first: f h = -k h (gap + h v), v = 2 h (f + 0.5) of the shared mass.
+        // First tool: f h = -k h (gap + h v), v = 2 h (f + 0.5) of the shared mass.
         let expected = -20e3 * (0.4e-3 + 2.0 * H * H * force(1)) / (1.0 + 20e3 * 2.0 * H * H);
         assert!((force(0) / expected - 1.0).abs() < 1e-6, "{} {expected}", force(0));
     }
 
     #[test]
-    fn what_is_free_goes_to_the_device() {
+    fn proxy_without_rows_reaches_the_device() {
         let coupling = VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 5.0 };
         let (_, _, moved) = step(coupling, 3e-3, vec![]);
         assert_eq!(moved, DVec3::Z * 3e-3);

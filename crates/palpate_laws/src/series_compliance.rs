@@ -2,8 +2,8 @@
 
 use crate::{Indentation, Pressure};
 
-/// How much more than in proportion a lattice of springs gives way, because springs that are compressed soften: by the share s u/(h² + (r R)²)^½
-/// of what it gives way by in proportion, u. Measured with balls of half a cell to ten cells of radius, and with punches of two to five.
+/// Softening of compressed springs: a lattice deflects by the additional fraction s u/(h² + (r R)²)^½ of its linear
+/// deflection u. Measured with balls of half a cell to ten cells of radius, and with punches of two to five.
 #[derive(Clone, Copy)]
 struct Softening {
     s: f64,
@@ -12,39 +12,42 @@ struct Softening {
 const BALL_SOFTENING: Softening = Softening { s: 0.33, r: 1.0 / 3.0 };
 const PUNCH_SOFTENING: Softening = Softening { s: 0.27, r: 0.5 };
 
-/// The compliance in series with a row: the share of a smooth law of indentation that the grid does not resolve.
+/// Compliance in series with a contact row: the share of a smooth law of indentation that the grid does not resolve.
 ///
-/// δ_s(F) = κ δ(F/p) with κ ≤ 1 for a row that bears the portion p of the contact's force. It adds no state: it follows from the
-/// force.
+/// δ_s(F) = κ δ(F/p) with κ ≤ 1, for a row that bears the portion p of the contact's force. It is a function of the
+/// force and adds no state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeriesCompliance {
-    /// κ, above 0.
+    /// Share κ of the law, above 0.
     pub share: f64,
-    /// How far ahead of the tool the surface is met where the grid gives way by more than the law, m.
+    /// Distance by which the contact leads the tool, m, where the grid deflects by more than the law.
     pub lead_m: f64,
-    /// The share of the law's energy that it holds: κ where that is the same at every force, less where the grid's part grows with the force.
+    /// Share of the law's energy that the compliance stores: κ where κ does not depend on the force, less where the
+    /// grid's part grows with the force.
     pub held: f64,
-    /// δ(F) under the force of the whole contact.
+    /// Law δ(F) of the whole contact.
     pub law: Indentation,
-    /// The portion of the contact's force that the row bears where pressure is spread as the law has it, above 0; 1 for a contact of one row.
+    /// Portion of the contact's force that the row bears under the law's pressure distribution, above 0; 1 for a
+    /// contact of one row.
     pub portion: f64,
 }
 
 impl SeriesCompliance {
-    /// The same share κ = `share` of `law` at every force.
+    /// Creates a compliance with the share κ = `share` of `law` at every force.
     #[must_use]
     pub fn of_share(share: f64, law: Indentation) -> Self {
         Self { share, lead_m: 0.0, held: share, law, portion: 1.0 }
     }
 
-    /// That of a row that bears `portion` of the contact's force.
+    /// The same compliance for a row that bears `portion` of the contact's force.
     #[must_use]
     pub fn of_portion(self, portion: f64) -> Self {
         Self { portion, ..self }
     }
 
-    /// That of a grid of cells of `cell_m`, which under a small force gives way by C_g = `grid_m_per_n` for each newton, at a force of `force_n` that has
-    /// been `eased_n` for some time: δ_s = δ − C_g F less what springs soften by.
+    /// Compliance that a grid of cells of `cell_m` lacks: δ_s = δ − C_g F, minus the softening of springs.
+    /// `grid_m_per_n` is the linear compliance C_g of the grid, m/N. `force_n` is the force, N, and `eased_n` its
+    /// average over some milliseconds.
     #[must_use]
     pub fn missing(
         law: Indentation,
@@ -54,13 +57,13 @@ impl SeriesCompliance {
         let ratio = |part: f64, of: f64| if of > 0.0 { part / of } else { 0.0 };
         let base = (1.0 - ratio(grid_m_per_n * force_n, law.approach_m(force_n))).clamp(0.0, 1.0);
         let (eased_m, grid_m) = (law.approach_m(eased_n), grid_m_per_n * eased_n);
-        // A grid that does not resolve a punch's rim may give way too much in proportion, and its rows by less.
+        // A grid that does not resolve a punch's rim may deflect too much in proportion.
         let (Softening { s, r }, grid_m) = match law.pressure {
             Pressure::Ball => (BALL_SOFTENING, grid_m),
             Pressure::Punch => (PUNCH_SOFTENING, grid_m.min(eased_m)),
         };
         let softer_m = (s * grid_m * grid_m / cell_m.hypot(r * law.radius_m)).min(MAX_LEAD * eased_m);
-        // As much as there is comes from the compliance, the rest from the tool's place.
+        // The softening reduces the compliance as far as possible; the rest shifts the tool.
         let share = (base - ratio(softer_m, eased_m)).max(LEAST_SHARE);
         let lead_m = (softer_m - (base - share) * eased_m).max(0.0);
         // ∫ F dδ_s with δ_s = δ − C_g F − c F², in parts of ∫ F dδ.
@@ -72,26 +75,27 @@ impl SeriesCompliance {
         Self { share, lead_m, held, law, portion: 1.0 }
     }
 
-    /// How much it takes part in closing a gap that was there before, from 0, where it is as stiff as it may be, to 1. Where it is soft, positions
-    /// cannot close the gap, because it gives way before the nodes do.
+    /// Fraction of an existing gap that the compliance takes up, from 0 at its minimum share to 1. The position
+    /// update cannot close the gap of a soft compliance, which gives way before the nodes do.
     #[must_use]
     pub fn gap_uptake(&self) -> f64 {
         ((self.share - LEAST_SHARE) / (SOFT_SHARE - LEAST_SHARE)).clamp(0.0, 1.0)
     }
 
-    /// δ_s, m.
+    /// Deflection δ_s under a force, m.
     #[must_use]
     pub fn approach_m(&self, force_n: f64) -> f64 {
         self.share * self.law.approach_m(force_n.max(0.0) / self.portion)
     }
 
-    /// The force under which it gives way by `approach_m`, N.
+    /// Force at a deflection of `approach_m`, N.
     #[must_use]
     pub fn force_n(&self, approach_m: f64) -> f64 {
         self.portion * self.law.force_n(approach_m / self.share)
     }
 
-    /// The force F under which it and a compliance of `other_m_per_n` beside it give way by `approach_m` together, N: δ_s(F) + C F.
+    /// Force F under which this compliance and a linear one of `other_m_per_n` in series deflect by `approach_m`
+    /// together, N: δ_s(F) + C F.
     #[must_use]
     pub fn force_beside_n(&self, approach_m: f64, other_m_per_n: f64) -> f64 {
         let Indentation { pressure, radius_m, modulus_pa } = self.law;
@@ -104,8 +108,8 @@ impl SeriesCompliance {
             let slope = share / (2.0 * modulus_pa * radius_m) + other;
             return self.portion * (full_n + (approach_m - full_m) / slope);
         }
-        // With the radius a of the contact, F ∝ a³ and δ ∝ a²: in units of the radius without the other compliance ρ x³ + x² = 1. Newton's
-        // method comes to it from above.
+        // With the contact radius a, F ∝ a³ and δ ∝ a²: in units of the radius without the other compliance, ρ x³ +
+        // x² = 1. Newton's method converges from above.
         let alone_m = approach_m / share;
         let per_m = 4.0 / 3.0 * modulus_pa * (alone_m * radius_m).sqrt();
         let rho = other * per_m / share;
@@ -113,7 +117,7 @@ impl SeriesCompliance {
         for _ in 0..NEWTON_STEPS {
             let step = (x * x * (rho * x + 1.0) - 1.0) / (x * (3.0 * rho * x + 2.0));
             x -= step;
-            // The next step would be about the square of that.
+            // The next step would be about the square of this one.
             if step <= SETTLED * x {
                 break;
             }
@@ -121,14 +125,15 @@ impl SeriesCompliance {
         self.portion * per_m * alone_m * x * x * x
     }
 
-    /// dδ_s/dF, m/N.
+    /// Slope dδ_s/dF, m/N.
     #[must_use]
     pub fn slope_m_per_n(&self, force_n: f64) -> f64 {
         self.share * self.law.slope_m_per_n(force_n / self.portion) / self.portion
     }
 
-    /// The compliance across the normal that is missing too, m/N: the same share of 1/(8 G a/(2 − ν)), what a contact of radius a that does not
-    /// slip gives way by under a small force (R. D. Mindlin, J. Appl. Mech. 16 (1949) 259), for ν = 1/4. Infinite without a contact.
+    /// Missing compliance across the normal, m/N: the same share of 1/(8 G a/(2 − ν)), the compliance of a contact of
+    /// radius a in stick under a small force (R. D. Mindlin, J. Appl. Mech. 16 (1949) 259), for ν = 1/4. Infinite
+    /// without a contact.
     #[must_use]
     pub fn tangential_m_per_n(&self, force_n: f64) -> f64 {
         // 8 G/(2 − ν) = 4 E* (1 − ν)/(2 − ν).
@@ -137,14 +142,14 @@ impl SeriesCompliance {
         self.share / (stiffness * self.portion)
     }
 
-    /// The same, but 0 without a contact: one that begins bears nothing across its normal yet.
+    /// [`Self::tangential_m_per_n`], but 0 without a contact: a new contact bears no tangential force yet.
     #[must_use]
     pub fn across_m_per_n(&self, force_n: f64) -> f64 {
         let compliance = self.tangential_m_per_n(force_n);
         if compliance.is_finite() { compliance } else { 0.0 }
     }
 
-    /// The energy that it stores under `force_n`, J.
+    /// Stored energy under `force_n`, J.
     #[must_use]
     pub fn energy_j(&self, force_n: f64) -> f64 {
         let whole_n = force_n.max(0.0) / self.portion;
@@ -153,15 +158,16 @@ impl SeriesCompliance {
     }
 }
 
-/// Newton steps for the force beside another compliance, a step that is the last, and a ρ from which on the other compliance is a better guess.
+/// Newton's method for the force in series with a linear compliance: maximum number of steps, relative step that ends
+/// it, and the ρ from which the linear compliance gives the better start.
 const NEWTON_STEPS: usize = 40;
 const SETTLED: f64 = 1e-7;
 const FAR: f64 = 8.0;
-/// The least share of the smooth law that is in series with a row, so that the load on rows which are nearly the same is shared.
+/// Minimum share of the smooth law in series with a row. It distributes the load over nearly redundant rows.
 pub(crate) const LEAST_SHARE: f64 = 0.05;
-/// With that share of the smooth law it takes up all of a gap.
+/// Share of the smooth law from which the compliance takes up all of a gap.
 const SOFT_SHARE: f64 = 0.2;
-/// The largest share of the smooth law by which the grid may give way too much.
+/// Maximum share of the smooth law by which the contact may lead the tool.
 const MAX_LEAD: f64 = 0.5;
 /// (1 − ν)/(2 − ν) for ν = 1/4.
 const TANGENTIAL: f64 = 3.0 / 7.0;
@@ -174,7 +180,7 @@ mod tests {
     const PUNCH: Indentation = Indentation { pressure: Pressure::Punch, ..BALL };
 
     #[test]
-    fn a_force_beside_another_compliance_gives_way_by_both() {
+    fn deflections_in_series_with_a_linear_compliance_add_up() {
         for law in [BALL, PUNCH] {
             for (share, portion) in [(1.0, 1.0), (0.3, 0.07), (0.05, 0.5)] {
                 let series = SeriesCompliance::of_share(share, law).of_portion(portion);
@@ -190,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_grid_resolves_is_taken_from_the_compliance() {
+    fn grid_compliance_and_softening_are_subtracted() {
         let law = BALL;
         let f = 0.3;
         let missing = SeriesCompliance::missing(law, (0.25 * law.approach_m(f) / f, 1e3), (f, f));

@@ -3,29 +3,29 @@
 use crate::LawError;
 use glam::DVec3;
 
-/// The part of a tool that touches, rigid.
+/// Rigid shape of the part of a tool that touches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ToolShape {
-    /// A ball round the tool's position.
+    /// A ball around the tool's position.
     Sphere {
-        /// Its radius, m.
+        /// Radius, m.
         radius_m: f64,
     },
-    /// A flat disc round the tool's position, the end of a cylinder: everything behind it is tool.
+    /// The flat end of a cylinder: a disc around the tool's position. The cylinder extends behind it.
     FlatPunch {
-        /// Its radius, m.
+        /// Radius, m.
         radius_m: f64,
-        /// Unit vector along the cylinder, the way it presses.
+        /// Unit vector along the cylinder, in the direction in which it presses.
         axis: DVec3,
     },
 }
 
 impl ToolShape {
-    /// Refuses a shape that makes no sense.
+    /// Checks radius and axis.
     ///
     /// # Errors
-    /// [`LawError::Radius`] when the radius is not finite and above 0, [`LawError::Normal`] when the axis is not of unit
-    /// length.
+    /// [`LawError::Radius`] if the radius is not finite or not above 0, [`LawError::Normal`] if the axis is not a
+    /// unit vector.
     pub fn validate(&self) -> Result<(), LawError> {
         let radius_m = self.radius_m();
         if !(radius_m.is_finite() && radius_m > 0.0) {
@@ -45,7 +45,7 @@ impl ToolShape {
         }
     }
 
-    /// A point that is well inside the tool when the tool is at `center_m`, and outside of any body it touches.
+    /// A point well inside the tool at `center_m`, m, and outside of any body that it touches.
     #[must_use]
     pub fn core_m(&self, center_m: DVec3) -> DVec3 {
         match *self {
@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tools_that_make_no_sense_are_refused() {
+    fn rejects_invalid_radius_and_axis() {
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(matches!(ToolShape::Sphere { radius_m: bad }.validate(), Err(LawError::Radius(_))));
         }

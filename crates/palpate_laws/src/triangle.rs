@@ -10,9 +10,9 @@ pub fn nearest_weights(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     weights_of_products(of(a), of(b), of(c))
 }
 
-/// Barycentric weights of the point of a triangle nearest to p: on a corner, an edge or the face, by the regions of
-/// C. Ericson, Real-Time Collision Detection (2005), section 5.1.5, from the products of the edges AB and AC with the way to p from each
-/// corner.
+/// Barycentric weights of the point of a triangle nearest to p, on a corner, an edge or the face, by the regions of
+/// C. Ericson, Real-Time Collision Detection (2005), section 5.1.5. The arguments are the scalar products of the
+/// edges AB and AC with the vectors from A, B and C to p.
 #[inline]
 pub(crate) fn weights_of_products(
     (d1, d2): (f64, f64),
@@ -56,7 +56,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_point_of_a_triangle_is_nearer_than_the_nearest(
+        fn nearest_point_is_at_most_as_far_as_any_other(
             p in vector(2.0), corners in prop::array::uniform3(vector(1.0)), other in prop::array::uniform3(0.01..1.0f64),
         ) {
             let weights = nearest_weights(p, corners);
