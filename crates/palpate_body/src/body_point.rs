@@ -1,32 +1,32 @@
-//! A point of a body.
+//! A point of a body as a weighted sum of its nodes.
 
 use crate::BodyError;
 use crate::error::check;
 use crate::weights::add_weight;
 use glam::DVec3;
 
-/// A point of a body, Σ w_i x_i over some of its nodes: one node, a place on a triangle or inside a cell.
+/// A point Σ w_i x_i of a body: a node, a place on a triangle or a place inside a cell.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BodyPoint {
     nodes: Vec<(usize, f64)>,
 }
 
-/// Most nodes of a point.
+/// Maximum number of nodes of a point.
 const MAX_NODES: usize = 32;
 
 impl BodyPoint {
-    /// The node `node` itself.
+    /// The point at node `node`.
     #[must_use]
     pub fn node(node: usize) -> Self {
         Self { nodes: vec![(node, 1.0)] }
     }
 
-    /// Σ w_i x_i over `nodes` of (node, weight).
+    /// Creates the point Σ w_i x_i from pairs of node and weight.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when there are none or more than 32, a weight is not finite, they do not sum to 1, or a
-    /// node is named twice.
+    /// [`BodyError::Parameter`] if there are no nodes or more than 32, a weight is not finite, the weights do not sum
+    /// to 1, or a node occurs twice.
     pub fn new(nodes: Vec<(usize, f64)>) -> Result<Self, BodyError> {
         let count = nodes.len();
         check("nodes of a point", count as f64, (1..=MAX_NODES).contains(&count), "1 to 32")?;
@@ -39,13 +39,13 @@ impl BodyPoint {
         Ok(Self { nodes })
     }
 
-    /// Its nodes and weights.
+    /// Nodes and weights.
     #[must_use]
     pub fn nodes(&self) -> &[(usize, f64)] {
         &self.nodes
     }
 
-    /// The point Σ w_i p_i of points p_i; those whose weight is 0 are left out.
+    /// The point Σ w_i p_i of points p_i. Points of weight 0 are omitted.
     pub(crate) fn between(points: [(&Self, f64); 3]) -> Self {
         let mut nodes: Vec<(usize, f64)> = Vec::new();
         for (point, share) in points.into_iter().filter(|(_, share)| *share != 0.0) {
@@ -54,7 +54,7 @@ impl BodyPoint {
         Self { nodes }
     }
 
-    /// Refuses nodes that a body of `nodes` nodes does not have.
+    /// Rejects nodes that a body of `nodes` nodes does not have.
     pub(crate) fn validate(&self, nodes: usize) -> Result<(), BodyError> {
         match self.nodes.iter().find(|(node, _)| *node >= nodes) {
             Some(&(index, _)) => Err(BodyError::Surface { index, below: nodes }),
@@ -62,20 +62,20 @@ impl BodyPoint {
         }
     }
 
-    /// The point that `nodes` carry with their weights, which sum to 1.
+    /// The point with the given nodes and weights, which must sum to 1.
     pub(crate) fn carried_by(nodes: Vec<(usize, f64)>) -> Self {
         Self { nodes }
     }
 
-    /// Its nodes without their weights.
+    /// The nodes without their weights.
     pub(crate) fn named(&self) -> Vec<usize> {
         self.nodes.iter().map(|(node, _)| *node).collect()
     }
 
-    /// Σ w_i `values[i]`: where it is, of positions of all nodes; how fast, of velocities.
+    /// Weighted sum Σ w_i `values[i]` of a quantity given for every node, for example positions or velocities.
     ///
     /// # Panics
-    /// When it has a node for which there is no value.
+    /// If a node of the point has no value.
     #[must_use]
     pub fn of(&self, values: &[DVec3]) -> DVec3 {
         self.nodes.iter().map(|&(node, w)| w * values[node]).sum()

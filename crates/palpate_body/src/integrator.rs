@@ -1,4 +1,4 @@
-//! How a body is stepped through time.
+//! Time integrators.
 
 mod columns;
 mod linearly_implicit;
@@ -19,9 +19,9 @@ use crate::network::NetworkState;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Integrator {
-    /// Cheap steps, as many as stability needs.
+    /// Explicit steps, as many as stability needs.
     SemiImplicitEuler(SemiImplicitEuler),
-    /// Dear steps, stable whatever their length.
+    /// Implicit steps, stable at any length.
     LinearlyImplicitEuler(LinearlyImplicitEuler),
 }
 
@@ -59,7 +59,7 @@ impl Integrator {
         }
     }
 
-    /// Ticks that a step spans at most.
+    /// Maximum number of ticks that a step spans.
     #[must_use]
     pub fn ticks_per_step(&self) -> usize {
         match self {
@@ -68,7 +68,7 @@ impl Integrator {
         }
     }
 
-    /// Bounds of the rates of springs and dampers at the state of `body`; `None` where steps are stable whatever they are.
+    /// Bounds of the rates of springs and dampers; `None` for an unconditionally stable integrator.
     pub(crate) fn spring_rates(&self, state: NetworkState<'_>) -> Option<Rates> {
         match self {
             Self::SemiImplicitEuler(_) => Some(Rates::of_springs(state)),
@@ -76,10 +76,10 @@ impl Integrator {
         }
     }
 
-    /// Steps in each span of ticks for springs with the bounds `rates`.
+    /// Number of steps in each span of ticks for springs with the bounds `rates`.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when a setting makes no sense, [`BodyError::Substeps`] when a stable step is too short.
+    /// [`BodyError::Parameter`] for an invalid setting, [`BodyError::Substeps`] if the stable step is too short.
     pub(crate) fn steps(&self, rates: Option<Rates>) -> Result<usize, BodyError> {
         match self {
             Self::SemiImplicitEuler(settings) => settings.spring_substeps(rates.unwrap_or_default()),
@@ -90,7 +90,7 @@ impl Integrator {
         }
     }
 
-    /// As [`Integrator::steps`], with volume barriers whose largest eigenvalue of M⁻¹K is at most `barriers_per_s2`.
+    /// [`Integrator::steps`] with volume barriers whose largest eigenvalue of M⁻¹K is at most `barriers_per_s2`.
     pub(crate) fn steps_with_barriers(
         &self,
         steps: usize,

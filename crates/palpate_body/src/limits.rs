@@ -1,4 +1,4 @@
-//! Limits that both errors and the types they belong to state.
+//! Limits shared by types and their errors.
 
 /// Maximum number of nodes along one side of a block.
 pub(crate) const MAX_NODES_PER_SIDE: usize = 128;

@@ -9,6 +9,6 @@ pub struct Link {
     pub a: usize,
     /// Index of node b.
     pub b: usize,
-    /// The spring and the damper between them.
+    /// Spring and damper.
     pub spring: Spring,
 }

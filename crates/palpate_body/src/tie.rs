@@ -1,24 +1,25 @@
-//! What holds points of a body to each other or to a place: grasps, threads, sutures.
+//! Ties that hold points of a body: grasps, threads and sutures.
 
 use crate::error::{check, check_positive};
 use crate::{BodyError, BodyPoint};
 use glam::DVec3;
 
-/// A tie between a point of a body and a place, or two points of it.
+/// A tie between a point of a body and an anchor, or between two points.
 ///
-/// It is rigid, but for a thread that [stretches](Tie::stretching): where what it asks for cannot be, a grasped node pressed into
-/// an obstacle for instance, its force is no measure of anything, and [`crate::StepReport::unsolved`] counts such steps.
+/// Ties are rigid, except threads [with a stiffness](Tie::with_stiffness). The force of a rigid tie is meaningless if
+/// it cannot be satisfied, for example when it presses a node into an obstacle; [`crate::StepReport::unconverged`]
+/// counts such steps.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Tie {
     pub(crate) kind: TieKind,
     pub(crate) a: BodyPoint,
     pub(crate) b: TieEnd,
-    /// Force beyond which it tears, N; infinity has no place in every file.
+    /// Force beyond which the tie tears, N; `None` for infinity, which not every file format can store.
     pub(crate) tear_limit_n: Option<f64>,
-    /// The force at which it tore, N.
+    /// Force at which it tore, N.
     pub(crate) torn_at_n: Option<f64>,
-    /// λ of the last step, what the tie gave to `a`, N s, and that step's length, s.
+    /// Impulse λ on `a` in the last step, N s, and the length of that step, s.
     pub(crate) last: (DVec3, f64),
 }
 
@@ -26,7 +27,7 @@ pub struct Tie {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) enum TieEnd {
     Point(BodyPoint),
-    /// A place that the user moves: where it is, and where it is to be at the end of the next advance.
+    /// A position set by the user: now, and at the end of the next advance.
     Anchor {
         from_m: DVec3,
         to_m: DVec3,
@@ -36,65 +37,65 @@ pub(crate) enum TieEnd {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) enum TieKind {
-    /// Two-sided: the ends stay together.
+    /// Bilateral: the ends coincide.
     Joint,
-    /// Tension only: the ends are at most that far apart, or pulled by k times what they are farther.
+    /// Tension only: the ends are at most that far apart, or a spring acts beyond that length.
     Thread { length_m: f64, stiffness_n_per_m: Option<f64> },
 }
 
 impl Tie {
-    /// A tool that has hold of `point` at `anchor_m`, pushes and pulls: the point is moved there.
+    /// Creates a grasp: a bilateral tie that moves `point` to `anchor_m`, m.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the place is not finite.
+    /// [`BodyError::Parameter`] if the position is not finite.
     pub fn grasp(point: BodyPoint, anchor_m: DVec3) -> Result<Self, BodyError> {
         let b = anchor(anchor_m)?;
         Ok(Self::new(TieKind::Joint, point, b))
     }
 
-    /// A thread of length `length_m` from `point` to `anchor_m`: it pulls and never pushes.
+    /// Creates a thread of length `length_m` from `point` to `anchor_m`, m, which only pulls.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the length is not above zero or the place not finite.
+    /// [`BodyError::Parameter`] if the length is not above zero or the position is not finite.
     pub fn thread_to(point: BodyPoint, anchor_m: DVec3, length_m: f64) -> Result<Self, BodyError> {
         let length_m = check_positive("length of a thread, m", length_m)?;
         Ok(Self::new(TieKind::Thread { length_m, stiffness_n_per_m: None }, point, anchor(anchor_m)?))
     }
 
-    /// A thread of length `length_m` between two points: it pulls them together and never apart. It does not stretch, unless it is
-    /// made to: [`Self::stretching`].
+    /// Creates a thread of length `length_m` between two points, which only pulls. It is inextensible without
+    /// [`Self::with_stiffness`].
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the length is not above zero.
+    /// [`BodyError::Parameter`] if the length is not above zero.
     pub fn thread(a: BodyPoint, b: BodyPoint, length_m: f64) -> Result<Self, BodyError> {
         let length_m = check_positive("length of a thread, m", length_m)?;
         Ok(Self::new(TieKind::Thread { length_m, stiffness_n_per_m: None }, a, TieEnd::Point(b)))
     }
 
-    /// A suture that draws two points together, at 1 m/s, and holds them until its force exceeds `tear_limit_n`; what
-    /// closing takes does not count.
+    /// Creates a suture: it draws two points together at 1 m/s and holds them until its force exceeds `tear_limit_n`.
+    /// The force needed for closing does not count.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the limit is not above zero; it may be infinite.
+    /// [`BodyError::Parameter`] if the limit is not above zero; it may be infinite.
     pub fn suture(a: BodyPoint, b: BodyPoint, tear_limit_n: f64) -> Result<Self, BodyError> {
         Self::new(TieKind::Joint, a, TieEnd::Point(b)).with_tear_limit(tear_limit_n)
     }
 
-    /// The same tie, which tears when its force exceeds `tear_limit_n`; what closing a gap takes does not count.
+    /// Sets the force above which the tie tears, N. The force needed to close a gap does not count.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the limit is not above zero; it may be infinite.
+    /// [`BodyError::Parameter`] if the limit is not above zero; it may be infinite.
     pub fn with_tear_limit(self, tear_limit_n: f64) -> Result<Self, BodyError> {
         check("tear limit of a tie, N", tear_limit_n, tear_limit_n > 0.0, "above 0")?;
         Ok(Self { tear_limit_n: tear_limit_n.is_finite().then_some(tear_limit_n), ..self })
     }
 
-    /// The same thread as a spring that pulls and never pushes: its tension is `stiffness_n_per_m` times what its ends are farther
-    /// apart than its length, and zero where they are nearer. The force is that at the end of a step, so that no stiffness needs
-    /// shorter steps; infinite is the thread that does not stretch.
+    /// Makes a thread elastic: beyond its length its tension is `stiffness_n_per_m` times the additional distance of
+    /// its ends, else zero. The force is evaluated at the end of the step, so no stiffness needs shorter steps. An
+    /// infinite stiffness is an inextensible thread.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the stiffness is not above zero, or the tie is no thread.
+    /// [`BodyError::Parameter`] if the stiffness is not above zero, or the tie is no thread.
     pub fn with_stiffness(self, stiffness_n_per_m: f64) -> Result<Self, BodyError> {
         let what = "stiffness of a thread, N/m";
         check(what, stiffness_n_per_m, stiffness_n_per_m > 0.0, "above 0")?;
@@ -109,13 +110,13 @@ impl Tie {
         Self { kind, a, b, tear_limit_n: None, torn_at_n: None, last: (DVec3::ZERO, 0.0) }
     }
 
-    /// The first point.
+    /// First point.
     #[must_use]
     pub fn point(&self) -> &BodyPoint {
         &self.a
     }
 
-    /// Whether it is a spring and no rigid limit.
+    /// Whether the tie is an elastic thread.
     pub(crate) fn stretches(&self) -> bool {
         matches!(self.kind, TieKind::Thread { stiffness_n_per_m: Some(_), .. })
     }
@@ -126,20 +127,20 @@ impl Tie {
         self.torn_at_n.is_some()
     }
 
-    /// The force at which it tore, N; `None` while it holds.
+    /// Force at which the tie tore, N; `None` while it holds.
     #[must_use]
     pub fn torn_at_n(&self) -> Option<f64> {
         self.torn_at_n
     }
 
-    /// The force λ/h that the tie gave to its first point in the last step, N; to the other end its opposite.
+    /// Force λ/h on the first point in the last step, N. The force on the other end is its negative.
     #[must_use]
     pub fn force_n(&self) -> DVec3 {
         let (impulse, h) = self.last;
         if h > 0.0 { impulse / h } else { DVec3::ZERO }
     }
 
-    /// Adds what it gave to its ends in the last step, N.
+    /// Adds the forces on its ends in the last step, N.
     pub(crate) fn add_force_n(&self, force_n: &mut [DVec3]) {
         let f = self.force_n();
         self.a.nodes().iter().for_each(|&(node, w)| force_n[node] += w * f);
@@ -148,10 +149,10 @@ impl Tie {
         }
     }
 
-    /// Moves the anchor: it is at `to_m` at the end of the next advance, and on the way there at an even speed.
+    /// Moves the anchor. It moves at constant speed and reaches `to_m` at the end of the next advance.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the place is not finite or the tie has no anchor.
+    /// [`BodyError::Parameter`] if the position is not finite or the tie has no anchor.
     pub(crate) fn move_to(&mut self, to_m: DVec3) -> Result<(), BodyError> {
         let TieEnd::Anchor { to_m: target, .. } = &mut self.b else {
             return Err(BodyError::Parameter { what: "anchors of the tie", value: 0.0, allowed: "1" });
@@ -161,7 +162,7 @@ impl Tie {
         Ok(())
     }
 
-    /// The weight of `node` in the row: that in the first point minus that in the second.
+    /// Weight of `node` in the row: that in the first point minus that in the second.
     pub(crate) fn weight(&self, node: usize) -> f64 {
         let of = |point: &BodyPoint| point.nodes().iter().find(|(n, _)| *n == node).map_or(0.0, |(_, w)| *w);
         let other = match &self.b {
@@ -171,15 +172,14 @@ impl Tie {
         of(&self.a) - other
     }
 
-    /// The anchor is where it was moved to.
+    /// Ends the motion of the anchor.
     pub(crate) fn arrive(&mut self) {
         if let TieEnd::Anchor { from_m, to_m } = &mut self.b {
             *from_m = *to_m;
         }
     }
 
-    /// Refuses points with nodes that the body does not have, and what its constructors would refuse: it may come from a
-    /// file.
+    /// Checks a tie that may come from a file: its nodes must exist, and its parameters must be valid.
     pub(crate) fn validate(&self, nodes: usize) -> Result<(), BodyError> {
         BodyPoint::new(self.a.nodes().to_vec())?;
         match &self.b {

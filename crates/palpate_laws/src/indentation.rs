@@ -3,7 +3,7 @@
 /// Contact of a rigid tool with the smooth surface of an elastic half-space (K. L. Johnson, Contact Mechanics, 1985, sections
 /// 3.8 and 4.2), without friction.
 ///
-/// A body of cells resolves the part of it that is coarser than a cell; [`SeriesCompliance`] has the rest.
+/// A body of cells resolves the part that is coarser than a cell; [`SeriesCompliance`](crate::SeriesCompliance) is the rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Indentation {
     /// Pressure distribution under the tool.

@@ -4,32 +4,32 @@ use crate::weights::Weights;
 use glam::DVec3;
 use palpate_laws::ConstraintLaw;
 
-/// A row of nodes that has to obey, and where it comes from.
+/// A constraint row on nodes, with its origin.
 #[derive(Clone)]
 pub(super) struct Constraint {
     pub(super) source: ConstraintSource,
     pub(super) nodes: Weights,
     pub(super) law: ConstraintLaw,
     pub(super) gap: DVec3,
-    /// The part of the gap that was there before: positions close it, velocities keep nothing of that.
+    /// Part of the gap that existed before the step. The position update closes it, and it leaves no velocity behind.
     pub(super) overdue: DVec3,
 }
 
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum ConstraintSource {
-    /// The tie of this index.
+    /// Index of a tie.
     Tie(usize),
-    /// The point that the tool of this index holds.
+    /// Index of a tool that holds a point.
     Grip(usize),
-    /// A node and an obstacle, and how far apart they are.
+    /// A node and an obstacle, with their distance.
     Obstacle { node: usize, obstacle: usize, apart_m: f64, normal: DVec3 },
-    /// The surface and the tool of this index: with which row of which of its patches, how far apart at the end of the step if the surface stood still, and that as far as
-    /// it is to be closed in this step.
+    /// A row of a contact patch: indices of the tool, of its patch and of the row. `apart_m` is the distance at the
+    /// end of the step if the surface stands still; `gap_m` is the part of it that this step may close.
     Touch { tool: usize, patch: (usize, usize), apart_m: f64, gap_m: f64, push: DVec3 },
 }
 
 impl ConstraintSource {
-    /// The tool whose row it is.
+    /// Index of the tool to which the row belongs.
     pub(super) fn tool(self) -> Option<usize> {
         match self {
             Self::Grip(tool) | Self::Touch { tool, .. } => Some(tool),

@@ -1,4 +1,4 @@
-//! Obstacles, ties and the tool in a step: the velocities that obey them.
+//! Solution of the constraints of obstacles, ties and tools in a substep.
 
 use super::constraint::{Constraint, ConstraintSource};
 use super::substep::Substep;
@@ -13,14 +13,15 @@ use palpate_laws::{
     ProxyStep, SolverLimits, SolverReport, solve_projected_gauss_seidel, solve_with_proxies,
 };
 
-/// How often obstacles are looked for again after some were met.
+/// Maximum number of passes over the active set.
 const MAX_ACTIVE_SET_PASSES: usize = 8;
-/// What is done for the impulses of all rows.
+/// Limits of the solver.
 const SOLVER_LIMITS: SolverLimits = SolverLimits { max_iterations: 1000, tolerance: 1e-8 };
 
 impl Body {
-    /// Makes the velocities those that keep nodes out of obstacles and off the tool, and ties together, at the end of a
-    /// step. Where a gap was overdue, the velocities with which positions close it are others, and returned.
+    /// Changes the velocities at the end of a step to satisfy the constraints of obstacles, ties and tools.
+    ///
+    /// If a gap existed before the step, returns separate velocities for the position update, which close that gap.
     pub(super) fn solve_constraints(
         &mut self,
         step: &mut Substep<'_>,
@@ -41,9 +42,9 @@ impl Body {
             .collect();
         let mut columns = Columns::default();
         let mut impulses = Vec::new();
-        // Without rows a proxy goes as far as it is let.
+        // Without rows a proxy is displaced freely.
         let mut drawn: Vec<DVec3> = step.tools.iter().map(|tool| tool.way.short_m()).collect();
-        // A push out of one obstacle may lead into another: until no more are met.
+        // A push out of one obstacle may lead into another: repeat until no constraint is added.
         for pass in 0..MAX_ACTIVE_SET_PASSES {
             let known = rows.len();
             self.activate_obstacle_contacts(step, &mut rows);
@@ -81,8 +82,8 @@ impl Body {
         Ok(closing)
     }
 
-    /// Notes what every row did, where positions go with the velocities `closing` and the tool was `drawn` by its coupling.
-    /// Returns what the tool did: where, its impulse, and how far it moved there.
+    /// Stores the result of every row. Positions move with the velocities `closing`, and `drawn` is the displacement
+    /// of each tool by its coupling. Returns each tool row's nodes, impulse and the tool's displacement.
     fn record_impulses(
         &mut self,
         step: &mut Substep<'_>,
@@ -149,7 +150,7 @@ impl Body {
         for tool in &mut step.tools {
             let ToolContact { touched, touched_nodes, .. } = &mut *tool.contact;
             report.touched = report.touched.max(touched.len());
-            // The nodes under the tool: a contact's pressure reaches a little farther.
+            // Nodes under the tool; a contact's pressure reaches slightly further.
             let points = touched.iter().flat_map(|t| t.corners).filter(|(_, w)| *w > 0.0);
             let nodes = points.flat_map(|(point, _)| self.contact_surface.points()[point].nodes());
             for &(node, _) in nodes {
@@ -168,7 +169,7 @@ impl Body {
         work
     }
 
-    /// Adds the nodes that would be inside an obstacle at the end of the step.
+    /// Adds a row for every node that would be inside an obstacle at the end of the step.
     fn activate_obstacle_contacts(&self, step: &Substep<'_>, rows: &mut Vec<Constraint>) {
         let (h, known) = (step.h, rows.len());
         let driven = step.drive.map(|(node, _)| node);
@@ -193,8 +194,8 @@ impl Body {
         }
     }
 
-    /// Makes the velocities, `before` without impulses, those with which every row closes its gap as its law says, and
-    /// returns the impulses, and how far the tools' couplings have drawn them.
+    /// Solves the rows for the given gaps. Velocities start at `before` and end with all impulses applied. Returns
+    /// the impulses, and the displacement of each tool by its coupling.
     fn solve_rows(
         &mut self,
         step: &Substep<'_>,
@@ -204,7 +205,7 @@ impl Body {
         columns: &mut Columns,
         report: &mut StepReport,
     ) -> Result<(Vec<DVec3>, Vec<DVec3>), BodyError> {
-        // What is fixed or driven answers to no impulse.
+        // Fixed and driven nodes do not respond to impulses.
         let driven = step.drive.map(|(node, _)| node);
         let movable =
             |(node, _): &(usize, f64)| self.network.free_index(*node).is_some() && driven != Some(*node);
@@ -252,7 +253,8 @@ impl Body {
     }
 }
 
-/// Solves the rows of `constraints`, and for how far the tools' couplings draw them.
+/// Solves the rows of `constraints`, with couplings if tools have any. Returns the displacement of each tool by its
+/// coupling.
 fn solve_with_couplings(
     constraints: &[Constraint],
     rows: &mut [ConstraintRow],

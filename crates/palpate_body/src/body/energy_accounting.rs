@@ -1,4 +1,4 @@
-//! Accounting of a body's energy.
+//! Energy of a body and its accounting.
 
 use super::Body;
 use crate::energy::EnergyLedger;
@@ -7,7 +7,7 @@ use crate::{BodyPoint, Energy, EnergyBalance, NodeContact};
 use glam::DVec3;
 
 impl Body {
-    /// The energy that it holds now. Fixed nodes have none of their own.
+    /// Current energy. Fixed nodes have none.
     #[must_use]
     pub fn energy(&self) -> Energy {
         let (network, x, v) = (self.network(), self.positions_m(), self.velocities_m_per_s());
@@ -20,14 +20,14 @@ impl Body {
         }
     }
 
-    /// −Σ m g·(x − x_rest) over its free nodes, J.
+    /// Potential energy −Σ m g·(x − x_rest) of the free nodes, J.
     pub(crate) fn gravitational_j(&self) -> f64 {
         let (network, x, g) = (self.network(), self.positions_m(), self.gravity_m_per_s2());
         let height = |&node: &usize| -network.mass_kg()[node] * g.dot(x[node] - network.rest_m()[node]);
         network.free().iter().map(height).sum()
     }
 
-    /// The books of energy since they were opened; `None` when they were not.
+    /// Energy balance since [`Body::start_energy_accounting`]; `None` without it.
     #[must_use]
     pub fn energy_balance(&self) -> Option<EnergyBalance> {
         let ledger = self.ledger.as_ref()?;
@@ -52,19 +52,20 @@ impl EnergyLedger {
         }
     }
 
-    /// Takes note of energy that came without work.
+    /// Accounts for a change of energy without work.
     pub(crate) fn shift_initial(&mut self, change_j: f64) {
         self.initial_j += change_j;
     }
 
-    /// Notes the state at the beginning of a step.
+    /// Stores the state at the beginning of a step.
     pub(crate) fn begin_step(mut self, body: &Body) -> Self {
         self.x.copy_from_slice(body.positions_m());
         self.v.copy_from_slice(body.velocities_m_per_s());
         self
     }
 
-    /// Books the work of what moves `node` in this step, against `internal_n` and gravity, and its inertia.
+    /// Adds the work on the driven node in this step: against `internal_n` and external forces, and for its kinetic
+    /// energy.
     pub(crate) fn add_drive(mut self, body: &Body, node: usize, internal_n: DVec3) -> Self {
         let m = body.network().mass_kg()[node];
         let (v, moved) = (body.velocities_m_per_s()[node], body.positions_m()[node] - self.x[node]);
@@ -73,14 +74,14 @@ impl EnergyLedger {
         self
     }
 
-    /// Books what obstacles and ties did in this step, at the mean velocities of what they touch: what anchors and stretching
-    /// threads did is work, all else is rubbed away.
+    /// Adds the effect of obstacles and ties in this step, at mean velocities: anchors and elastic threads do work,
+    /// and the rest is dissipated.
     pub(crate) fn add_contacts(&mut self, body: &Body, driven: Option<usize>) {
         let taken = |c: &NodeContact| -0.5 * c.impulse_ns.dot(self.v[c.node] + c.velocity_m_per_s);
         self.friction_loss_j += body.contacts().iter().map(taken).sum::<f64>();
         for tie in body.ties() {
             let (impulse, h) = tie.last;
-            // What drives a node does the work of the ties that hang on it.
+            // The drive does the work of the ties on its node.
             if let Some(node) = driven.filter(|_| h > 0.0) {
                 let moved = body.positions_m()[node] - self.x[node];
                 self.work_in_j -= tie.weight(node) * impulse.dot(moved) / h;
@@ -96,8 +97,8 @@ impl EnergyLedger {
         }
     }
 
-    /// Books what the tool did in this step with an impulse on a row of nodes, moving at `tool_m_per_s`: what the row did
-    /// not follow is rubbed away.
+    /// Adds the effect of a tool's impulse on a row in this step. The tool moves at `tool_m_per_s`; the slip relative
+    /// to the row dissipates energy.
     pub(crate) fn add_tool(
         &mut self,
         body: &Body,
@@ -111,14 +112,14 @@ impl EnergyLedger {
         self.friction_loss_j += impulse_ns.dot(tool_m_per_s - mean);
     }
 
-    /// Books the work of closing gaps that were overdue.
+    /// Adds the work of closing gaps that existed before the step.
     pub(crate) fn add_gap_closing(mut self, work_j: f64) -> Self {
         self.work_in_j += work_j;
         self
     }
 
-    /// Books what the dampers took in this step, at its mean velocities, and that contacts hold `contact_j` in series with it now: that is not rubbed
-    /// away.
+    /// Adds the losses of dampers in this step, at mean velocities, and the work of loads. The series compliance of
+    /// contacts now stores `contact_j`, which is not a loss.
     pub(crate) fn end_step(mut self, body: &Body, h: f64, contact_j: f64) -> Self {
         let (first, before) = self.contact_j.unwrap_or((contact_j, contact_j));
         self.friction_loss_j -= contact_j - before;

@@ -1,15 +1,15 @@
-//! The internal force on a point of a body, and on the first point of a tie.
+//! Internal forces on points of a body.
 
 use super::Body;
 use crate::{BodyPoint, Tie};
 use glam::DVec3;
 
 impl BodyPoint {
-    /// The internal force on it, Σ w_i F_i / Σ w_i² over its free nodes, N: what the springs of `body` pull it with, at rest
-    /// the opposite of what holds it. Zero where all its nodes are fixed.
+    /// Internal force on the point, Σ w_i F_i / Σ w_i² over its free nodes, N. At rest it balances the force that
+    /// holds the point. Zero if all its nodes are fixed.
     ///
     /// # Panics
-    /// When `body` has not its nodes.
+    /// If a node of the point is not in `body`.
     #[must_use]
     pub fn internal_force_n(&self, body: &Body) -> DVec3 {
         let free = || self.nodes().iter().filter(|(node, _)| !body.network().is_fixed(*node));
@@ -20,8 +20,8 @@ impl BodyPoint {
 }
 
 impl Tie {
-    /// What the body does to a hand that holds the tie's first point, N: the internal force on the row,
-    /// Σ w_i F_i / Σ w_i², without the impacts of the step.
+    /// Force of the body on a hand that holds the tie's first point, N: the internal force on the point, without the
+    /// impacts of the step.
     #[must_use]
     pub fn displayed_force_n(&self, body: &Body) -> DVec3 {
         self.point().internal_force_n(body)

@@ -1,32 +1,31 @@
-//! The report of an advance.
+//! Report of an advance.
 
 use crate::integrator::SolvedBy;
 
-/// What a model step did.
+/// Statistics of an advance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StepReport {
-    /// Ticks stepped.
+    /// Number of ticks.
     pub ticks: usize,
-    /// Substeps in each of them, at most; 1 when a step spans several ticks.
+    /// Maximum number of substeps per tick; 1 when a step spans several ticks.
     pub substeps: usize,
-    /// What solved for the steps.
+    /// Solver of the steps.
     pub solved_by: SolvedBy,
-    /// Steps for which the tangent had to be clamped.
+    /// Number of steps with a clamped tangent.
     pub clamped: usize,
-    /// Nodes in contact with obstacles, at most.
+    /// Maximum number of nodes in contact with obstacles.
     pub contacts: usize,
-    /// Rows of contact patches with which a tool pushed at once, at most: one or nine for each patch.
+    /// Maximum number of active rows of contact patches of a tool: one or nine for each patch.
     pub touched: usize,
-    /// Contact patches that it should have had but did not, at most: it has no more than four at once.
+    /// Maximum number of contact patches that a tool lacked, because it has at most four.
     pub left_out: usize,
-    /// Sweeps that the impulses of obstacles, ties and the tool took, at most.
+    /// Maximum number of sweeps of the constraint solver.
     pub sweeps: usize,
-    /// How often those impulses were not found in all sweeps that are made: what is asked for cannot be, or is not
-    /// determined, or converges too slowly.
+    /// Number of solutions that did not converge: the constraints are contradictory or redundant, or convergence is
+    /// too slow.
     pub unconverged: usize,
-    /// Ties that tore.
+    /// Number of ties that tore.
     pub torn: usize,
-    /// Cells that are inverted at the end of the advance: those for which the volume ratio of at least one of their ten tetrahedra
-    /// is zero or negative. See [`Body::inverted_cells`].
+    /// Number of inverted cells at the end of the advance; see [`crate::Body::inverted_cells`].
     pub inverted_cells: usize,
 }

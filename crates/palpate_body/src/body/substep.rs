@@ -1,4 +1,4 @@
-//! A substep and its tools.
+//! Data of a substep and its tools.
 
 use super::tool_patches::ToolPatch;
 use crate::tool::Hold;
@@ -6,31 +6,32 @@ use crate::{Integrator, ToolContact};
 use glam::DVec3;
 use palpate_laws::ToolMove;
 
-/// What is known of a step when its velocities are to be constrained.
+/// A substep whose velocities are to be constrained.
 pub(super) struct Substep<'a> {
-    /// Its length, s.
+    /// Length of the step, s.
     pub(super) h: f64,
-    /// The shares of the advance that are over before and after it.
+    /// Fractions of the advance before and after the step.
     pub(super) along: (f64, f64),
     pub(super) integrator: &'a Integrator,
-    /// The node that is driven, and how far it has been moved.
+    /// The driven node and its displacement in this step, m.
     pub(super) drive: Option<(usize, DVec3)>,
     pub(super) tools: Vec<ToolStep<'a>>,
 }
 
-/// A tool in a step.
+/// A tool in a substep.
 pub(super) struct ToolStep<'a> {
     pub(super) contact: &'a mut ToolContact,
-    /// From where to where it goes.
+    /// Motion of the tool.
     pub(super) way: ToolMove,
-    /// Velocity that a node which it drives takes over, m/s.
+    /// Velocity of a node that the tool drives, m/s.
     pub(super) velocity_m_per_s: DVec3,
-    /// The patches that it may touch.
+    /// Candidate contact patches.
     pub(super) patches: &'a mut [ToolPatch],
 }
 
 impl<'a> ToolStep<'a> {
-    /// The step of a tool whose device goes from one place to another, with a velocity in the end.
+    /// Creates the step of a tool whose device moves between the positions `device_m` and has the given velocity at
+    /// the end.
     pub(super) fn new(
         contact: &'a mut ToolContact,
         (device_m, velocity_m_per_s): ((DVec3, DVec3), DVec3),
@@ -43,7 +44,7 @@ impl<'a> ToolStep<'a> {
 }
 
 impl Substep<'_> {
-    /// Whether a tool may push or pull.
+    /// Whether a tool may give an impulse.
     pub(super) fn constrains(&self) -> bool {
         self.tools.iter().any(|tool| match tool.contact.hold {
             Hold::Node { .. } => false,

@@ -1,19 +1,19 @@
-//! The surface tree of a body.
+//! Surface tree of a body.
 
 use super::Body;
 use crate::SurfaceTree;
 
 impl SurfaceTree {
-    /// The tree of `body`'s surface where it is now.
+    /// Creates the tree of the surface of `body` in its current shape.
     #[must_use]
     pub fn new(body: &Body) -> Self {
         Self::of_surface(body.surface(), body.positions_m())
     }
 
-    /// Fits the tree to where `body` is now: fast as long as its triangles stay neighbours, which they do.
+    /// Refits the tree to the current shape of `body`.
     ///
     /// # Panics
-    /// When `body` is not the one that the tree is of and has fewer nodes or points.
+    /// If `body` has fewer nodes or points than the one that the tree was created for.
     pub fn refit(&mut self, body: &Body) {
         self.refit_to(body.surface(), body.positions_m());
     }

@@ -1,21 +1,21 @@
-//! The tangent of a body at its present state.
+//! Tangent of a body in its current state.
 
 use super::Body;
 use crate::{Tangent, TangentPattern};
 
 impl TangentPattern {
-    /// The pattern of `body`'s network.
+    /// Creates the pattern of the network of `body`.
     #[must_use]
     pub fn new(body: &Body) -> Self {
         Self::of_network(body.network())
     }
 
-    /// Fills `tangent` with K and B of `body` at its present state. With `clamped`, every spring's share of K
-    /// and every volume barrier's share of K is made positive semidefinite (see [`palpate_laws::Spring::tangent`] and
-    /// [`palpate_laws::VolumeBarrier::tangent`]), and so is K.
+    /// Fills `tangent` with K and B of `body` in its current state. With `clamped`, the contribution of every spring
+    /// and of every volume barrier to K is made positive semidefinite (see [`palpate_laws::Spring::tangent`] and
+    /// [`palpate_laws::VolumeBarrier::tangent`]).
     ///
     /// # Panics
-    /// When `body` or `tangent` belongs to another network.
+    /// If `body` or `tangent` belongs to another network.
     pub fn fill(&self, body: &Body, clamped: bool, tangent: &mut Tangent) {
         self.fill_at(body.network(), body.positions_m(), (clamped, clamped), tangent);
     }

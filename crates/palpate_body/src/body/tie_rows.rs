@@ -1,4 +1,4 @@
-//! The constraint rows of ties.
+//! Constraint rows of ties.
 
 use super::Body;
 use super::constraint::{Constraint, ConstraintSource};
@@ -9,7 +9,7 @@ use glam::DVec3;
 use palpate_laws::{ConstraintLaw, MAX_CORRECTION_SPEED_M_PER_S};
 
 impl Body {
-    /// The rows of the ties that hold.
+    /// Rows of all ties that have not torn.
     pub(super) fn tie_rows(&mut self, step: &Substep<'_>) -> Vec<Constraint> {
         let (h, drive) = (step.h, step.drive);
         let mut rows = Vec::new();
@@ -20,7 +20,7 @@ impl Body {
             }
             let mut nodes = tie.a.nodes().to_vec();
             let at = tie.a.of(&self.x);
-            // Where the other end is now, and how far it is moved by others than the body in this step.
+            // Position of the other end, and its prescribed displacement in this step.
             let (other, moved) = match &tie.b {
                 TieEnd::Point(b) => {
                     b.nodes().iter().for_each(|&(node, w)| add_weight(&mut nodes, node, -w));
@@ -31,7 +31,7 @@ impl Body {
                     (place(step.along.0), place(step.along.1) - place(step.along.0))
                 }
             };
-            // A driven node is already where it is at the end of the step.
+            // A driven node is already at its position of the end of the step.
             let pulled = drive.map_or(DVec3::ZERO, |(driven, by)| {
                 nodes.iter().filter(|(node, _)| *node == driven).map(|(_, w)| *w * by).sum()
             });
@@ -43,11 +43,11 @@ impl Body {
                     (ConstraintLaw::Bilateral, closing - moved, closing)
                 }
                 TieKind::Thread { length_m, stiffness_n_per_m } => {
-                    // Along the line between its ends at the end of the step, as far as that is known.
+                    // Along the predicted line between the ends at the end of the step.
                     let Some(along) = (apart - moved).try_normalize() else { continue };
                     let slack = length_m - (apart - moved).length();
                     match stiffness_n_per_m {
-                        // What it is stretched by is no gap that was to be closed.
+                        // The stretch of an elastic thread is no gap to be closed.
                         Some(k) => {
                             let law = ConstraintLaw::Tension { along, compliance_per_kg: 1.0 / (k * h * h) };
                             (law, -slack * along, DVec3::ZERO)

@@ -1,4 +1,4 @@
-//! The tool in a step: the patches with which it may run into the surface, and the point that it holds.
+//! Constraint rows of a tool: contact patches, and the point that it holds.
 
 use super::Body;
 use super::constraint::{Constraint, ConstraintSource};
@@ -9,7 +9,7 @@ use glam::DVec3;
 use palpate_laws::{ConstraintLaw, ContactGap, MAX_CORRECTION_SPEED_M_PER_S, SeriesDeflection};
 
 impl Body {
-    /// The rows of the patches that the tool may touch in this step.
+    /// Rows of the tool's candidate patches.
     pub(super) fn tool_contact_rows(&self, (index, tool): (usize, &ToolStep<'_>), h: f64) -> Vec<Constraint> {
         let moved = tool.way.to_m - tool.way.from_m;
         let row = |patch: usize, index_in_patch: usize, row: &PatchRow| {
@@ -44,8 +44,7 @@ impl Body {
         rows.filter_map(|(patch, index, of_patch)| row(patch, index, of_patch)).collect()
     }
 
-    /// Adds the patches with which the tool, `drawn` by its coupling, would have run into the surface at the end of a step of length
-    /// `h`.
+    /// Adds the rows that the tool, displaced by `drawn`, would penetrate at the end of a step of length `h`.
     pub(super) fn activate_tool_contacts(
         &self,
         touchable: &[Constraint],
@@ -62,7 +61,7 @@ impl Body {
         }
     }
 
-    /// The row of a point that the tool holds.
+    /// Row of the point that the tool holds.
     pub(super) fn grip_row(&self, (index, tool): (usize, &ToolStep<'_>), h: f64) -> Option<Constraint> {
         let Hold::Point { point, offset_m } = &tool.contact.hold else { return None };
         let apart = point.of(&self.x) - (tool.way.from_m + *offset_m);

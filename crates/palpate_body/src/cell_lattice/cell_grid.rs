@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-/// The cells round a mesh: `cells` along each axis, from `low_m`, relative to the mesh's centre.
+/// Cells around a mesh: their number along each axis, their size, and the lowest corner relative to the mesh's
+/// centre, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct CellGrid {
     pub(super) cells: [usize; 3],
@@ -24,17 +25,17 @@ impl CellGrid {
         [cell % nx, cell / nx % ny, cell / (nx * ny)]
     }
 
-    /// A place in cells from the lowest corner.
+    /// A position in units of cells from the lowest corner.
     pub(super) fn in_cells(&self, place_m: DVec3) -> DVec3 {
         (place_m - self.low_m) / self.cell_m
     }
 
-    /// The place so many cells from the lowest corner, m.
+    /// Position of a place given in cells from the lowest corner, m.
     pub(super) fn at_m(&self, in_cells: DVec3) -> DVec3 {
         self.low_m + self.cell_m * in_cells
     }
 
-    /// The up to 26 cells round one, with the steps there.
+    /// The up to 26 neighbours of a cell, with the steps to them.
     pub(super) fn round(&self, cell: usize) -> impl Iterator<Item = ([i32; 3], usize)> {
         let (grid, own) = (*self, self.place(cell));
         let both = crate::lattice::steps().flat_map(|step| [step, step.map(|s| -s)]);

@@ -1,51 +1,51 @@
-//! Which cells make the body: all that hold some of it, but for slivers that a neighbour can carry.
+//! The cells that make the body.
 
 use super::cell_grid::CellGrid;
 use super::fill::Fill;
 use glam::DVec3;
 
-/// Of cells filled less than the first number, the surface is carried by a neighbour filled that much, if it is not farther
-/// outside that than the second, in cells. The second line is for those of which hardly anything would be left.
-const CARRIED: [(f64, f64); 2] = [(0.1, 0.25), (LEAST, 0.5)];
-/// What a cell that must be kept counts as filled at least.
-const LEAST: f64 = 0.01;
+/// Slivers: a cell filled less than the first number is carried by a neighbour filled at least that much, if its
+/// surface is at most the second number of cells outside the neighbour. The second entry is for almost empty cells.
+const SLIVER_LIMITS: [(f64, f64); 2] = [(0.1, 0.25), (MIN_FILL, 0.5)];
+/// Minimum filled share of a cell that must be kept.
+const MIN_FILL: f64 = 0.01;
 
-/// What became of the cells.
+/// Statistics of the cells of a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MeshCells {
     /// Side of a cell, m.
     pub cell_m: f64,
-    /// Cells of the body.
+    /// Number of cells of the body.
     pub cells: usize,
-    /// Cells with little in them whose surface a neighbour carries.
+    /// Number of almost empty cells whose surface a neighbour carries.
     pub slivers_carried: usize,
-    /// Cells that hold almost nothing and count for more: the body is that much too heavy.
+    /// Number of almost empty cells that count as filled to the minimum, which makes the body too heavy.
     pub raised: usize,
-    /// By which share of the mesh's volume those make the body larger; of its mass, where it is one tissue throughout.
+    /// Additional volume of those cells as a share of the mesh's volume; of its mass for a single tissue.
     pub raised_share: f64,
-    /// The least φ of a cell that stayed.
+    /// Minimum φ of a kept cell.
     pub least_fill: f64,
 }
 
-/// The cells that are kept.
+/// The kept cells.
 pub(super) struct KeptCells {
-    /// Index in the grid and φ of each, in the order of the grid.
+    /// Index in the grid and φ of each, in grid order.
     pub cells: Vec<(usize, f64)>,
-    /// Slivers, and the cell of the grid that carries what is in each.
+    /// Removed slivers, each with the cell of the grid that carries it.
     pub carried: Vec<(usize, usize)>,
     pub report: MeshCells,
 }
 
 impl KeptCells {
-    /// Chooses the cells. A sliver goes when a neighbour can carry all surface in it (see [`CARRIED`]) and its other neighbours
-    /// stay joined by their faces without it; its volume becomes the neighbour's.
+    /// Chooses the cells. A sliver is removed if a neighbour can carry all of its surface (see [`SLIVER_LIMITS`]) and its
+    /// other neighbours stay connected by faces. Its volume is added to that neighbour.
     pub(super) fn choose(grid: &CellGrid, fill: Fill) -> Self {
         let Fill { mut share, surface } = fill;
-        // Without a surface in it a cell is inside or outside.
+        // A cell without surface is entirely inside or outside.
         let mut kept: Vec<bool> =
             (0..share.len()).map(|cell| share[cell] > 0.5 || surface.contains_key(&cell)).collect();
         let mut carried = Vec::new();
-        for (least, farthest) in CARRIED {
+        for (least, farthest) in SLIVER_LIMITS {
             let mut slivers: Vec<(f64, usize)> = surface
                 .keys()
                 .map(|&cell| (share[cell], cell))
@@ -72,8 +72,8 @@ impl KeptCells {
         let (mut added, mut held) = (0.0, 0.0);
         let mut cells = Vec::new();
         for cell in (0..share.len()).filter(|&cell| kept[cell]) {
-            report.raised += usize::from(share[cell] < LEAST);
-            let filled = share[cell].max(LEAST);
+            report.raised += usize::from(share[cell] < MIN_FILL);
+            let filled = share[cell].max(MIN_FILL);
             added += filled - share[cell];
             held += share[cell];
             report.least_fill = report.least_fill.min(filled);
@@ -85,8 +85,8 @@ impl KeptCells {
     }
 }
 
-/// Of the neighbours that `can` carry the surface within `low` and `high` of a cell, at most `farthest` outside them, the
-/// nearest; of several the fullest.
+/// The nearest neighbour that `can` carry the surface within `low` and `high` of a cell, at most `farthest` outside
+/// it. Among equally near ones the fullest.
 fn carrier(
     grid: &CellGrid,
     cell: usize,
@@ -110,7 +110,7 @@ fn carrier(
     best.map(|(.., other)| other)
 }
 
-/// Whether the kept cells at the faces of `cell` are joined through faces of kept cells round it.
+/// Whether the kept face neighbours of `cell` are connected through the kept cells around it.
 fn joined_without(grid: &CellGrid, kept: &[bool], cell: usize) -> bool {
     let round: Vec<([i32; 3], usize)> = grid.round(cell).filter(|(_, other)| kept[*other]).collect();
     let beside = |step: &[i32; 3]| step.iter().map(|s| s.abs()).sum::<i32>() == 1;
@@ -131,7 +131,7 @@ fn joined_without(grid: &CellGrid, kept: &[bool], cell: usize) -> bool {
     at_faces.into_iter().all(|i| reached[i])
 }
 
-/// The pieces that the kept cells make, joined by faces: how many, and a cell of the smallest.
+/// Number of pieces of the kept cells, connected by faces, and a cell of the smallest.
 pub(super) fn pieces(grid: &CellGrid, cells: &[(usize, f64)]) -> (usize, usize) {
     let mut left = vec![false; grid.cell_total()];
     cells.iter().for_each(|(cell, _)| left[*cell] = true);

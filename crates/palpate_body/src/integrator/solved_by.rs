@@ -1,17 +1,17 @@
-//! The solver that a step used.
+//! The solver used in a step.
 
-/// What solved for the steps of a model step.
+/// Solver used in the steps of an advance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SolvedBy {
-    /// Nothing had to be solved: semi-implicit Euler.
+    /// None: semi-implicit Euler.
     #[default]
     Nothing,
-    /// A sparse Cholesky factorisation at each step.
+    /// Sparse Cholesky factorisation in each step.
     Cholesky,
     /// Preconditioned conjugate gradients.
     ConjugateGradients {
-        /// The most iterations that a step took.
+        /// Maximum number of iterations in a step.
         iterations: usize,
     },
 }

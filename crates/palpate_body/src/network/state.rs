@@ -1,9 +1,9 @@
-//! A network at given positions and velocities.
+//! A network in a state.
 
 use super::Network;
 use glam::DVec3;
 
-/// A network with the positions and velocities of its nodes.
+/// A network with positions and velocities of its nodes.
 #[derive(Clone, Copy)]
 pub(crate) struct NetworkState<'a> {
     pub(crate) network: &'a Network,
