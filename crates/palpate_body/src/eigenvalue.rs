@@ -20,7 +20,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_largest_eigenvalue_of_known_matrices() {
+    fn largest_eigenvalue_matches_closed_forms() {
         assert_eq!(largest_eigenvalue(&DMat3::from_diagonal(DVec3::splat(3.0))), 3.0);
         let diagonal = DMat3::from_diagonal(DVec3::new(1.0, -4.0, 2.5));
         assert!((largest_eigenvalue(&diagonal) - 2.5).abs() < 1e-14);

@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cube_has_the_stated_stiffness_and_the_block_its_mass() {
+    fn cube_has_the_closed_form_stiffness_and_the_block_its_mass() {
         let springs = CellStiffness::isotropic(20e3, DVec3::splat(0.02)).unwrap();
         let side = 8.0 / 15.0 * 20e3 * 0.02;
         for n in 0..3 {
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_up_to_1_2_times_longer_are_taken_and_long_ones_refused() {
+    fn accepts_cells_up_to_1_2_times_longer_and_rejects_longer_ones() {
         for cell in [DVec3::new(1.2, 1.0, 1.0), DVec3::new(1.2, 1.2, 1.0), DVec3::new(1.0, 1.1, 1.2)] {
             assert!(CellStiffness::isotropic(1e3, 0.01 * cell).is_ok(), "{cell}");
         }
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn senseless_tissue_is_refused() {
+    fn rejects_invalid_tissue() {
         let block = Block::new([3, 3, 3], DVec3::splat(0.1)).unwrap();
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(block.tissue(&Tissue { youngs_modulus_pa: bad, ..Tissue::default() }).is_err());

@@ -29,6 +29,11 @@ pub(super) enum ConstraintSource {
 }
 
 impl ConstraintSource {
+    /// Whether it is the contact of that node with that obstacle.
+    pub(super) fn is_contact(self, node: usize, obstacle: usize) -> bool {
+        matches!(self, Self::Obstacle { node: n, obstacle: o, .. } if (n, o) == (node, obstacle))
+    }
+
     /// Index of the tool to which the row belongs.
     pub(super) fn tool(self) -> Option<usize> {
         match self {

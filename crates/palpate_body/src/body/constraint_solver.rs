@@ -119,7 +119,7 @@ impl Body {
                         impulse_ns,
                         velocity_m_per_s: velocity,
                         step_s: h,
-                    })
+                    });
                 }
                 ConstraintSource::Touch { tool, patch: (patch, index), apart_m, push, .. } => {
                     let drawn = drawn[tool];
@@ -177,7 +177,7 @@ impl Body {
             for (obstacle, what) in self.obstacles.iter().enumerate() {
                 let (gap_m, normal) = what.gap_m(self.x[node]);
                 let enters = gap_m + h * self.v[node].dot(normal) < 0.0;
-                let is_it = |row: &Constraint| matches!(row.source, ConstraintSource::Obstacle { node: n, obstacle: o, .. } if (n, o) == (node, obstacle));
+                let is_it = |row: &Constraint| row.source.is_contact(node, obstacle);
                 if !enters || rows[..known].iter().any(is_it) {
                     continue;
                 }
@@ -227,7 +227,7 @@ impl Body {
                 let mut response =
                     DelassusMatrix::new(&nodes, before, |i, j| columns.block(&self.network, i, j));
                 rows.iter_mut().enumerate().for_each(|(i, row)| {
-                    row.inv_effective_mass_per_kg = response.inv_effective_mass_per_kg(i)
+                    row.inv_effective_mass_per_kg = response.inv_effective_mass_per_kg(i);
                 });
                 let solved = solve_with_couplings(constraints, &mut rows, &mut response, &proxies, step.h);
                 let pushes = nodes.iter().zip(&rows);
@@ -242,7 +242,7 @@ impl Body {
                 let mass_kg = self.network.mass_kg();
                 let mut response = LumpedMassResponse { rows: &nodes, mass_kg, v: &mut self.v };
                 rows.iter_mut().enumerate().for_each(|(i, row)| {
-                    row.inv_effective_mass_per_kg = response.inv_effective_mass_per_kg(i)
+                    row.inv_effective_mass_per_kg = response.inv_effective_mass_per_kg(i);
                 });
                 solve_with_couplings(constraints, &mut rows, &mut response, &proxies, step.h)
             }

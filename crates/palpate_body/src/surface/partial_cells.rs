@@ -210,7 +210,7 @@ mod tests {
     use palpate_laws::normal_compliance_at;
 
     #[test]
-    fn whole_cells_have_no_excess_and_half_of_the_stiffness_twice_the_compliance() {
+    fn whole_cells_have_no_excess_and_half_the_stiffness_doubles_the_compliance() {
         let tissue = Tissue { youngs_modulus_pa: 2e3, ..Tissue::default() };
         let made =
             Block::new([9, 9, 5], DVec3::new(0.08, 0.08, 0.04)).unwrap().fix(Face::NegZ).tissue(&tissue);
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn what_holds_the_nodes_takes_away_only_what_is_far() {
+    fn holding_springs_remove_only_the_far_field() {
         // The remaining compliance changes little from node to node.
         let rest = |cells: f64| normal_compliance_at(cells) - at_distance(whole_cells(), cells);
         let (near, beside, far) = (rest(0.0), rest(1.0), rest(2.0));

@@ -46,7 +46,7 @@ fn volume(triangles: &[[usize; 3]], points: &[DVec3]) -> f64 {
 }
 
 #[test]
-fn the_two_sides_of_a_thin_plate_stay_apart() {
+fn two_sides_of_a_thin_plate_stay_separate() {
     let (points, triangles) = plate(40, 0.01);
     let made = cluster::cluster(&triangles, &points, 0.1);
     let kept: Vec<DVec3> = made.kept.iter().map(|&p| points[p]).collect();
@@ -63,7 +63,7 @@ fn the_two_sides_of_a_thin_plate_stay_apart() {
 }
 
 #[test]
-fn a_coarse_surface_stays_as_it_is_and_long_edges_are_halved() {
+fn coarse_surface_is_kept_and_long_edges_are_halved() {
     let (mut points, triangles) = plate(1, 0.5);
     let made = cluster::cluster(&triangles, &points, 0.1);
     assert_eq!(made.kept, (0..8).collect::<Vec<_>>());
