@@ -132,7 +132,7 @@ pub enum BodyError {
     #[error("all {0} nodes are fixed; at least one must be free")]
     AllFixed(usize),
     /// A lattice has too few or too many nodes along an axis.
-    #[error("the nodes along the axes of a block are {nodes:?}; they must be 2 to {max}", max = crate::limits::MAX_NODES_PER_SIDE)]
+    #[error("a block needs 2 to {max} nodes along each axis; it was given {nodes:?}", max = crate::limits::MAX_NODES_PER_SIDE)]
     LatticeNodes {
         /// Numbers of nodes along x, y, z.
         nodes: [usize; 3],
@@ -149,8 +149,8 @@ pub enum BodyError {
     },
     /// The step would need too many substeps. The body is unchanged.
     #[error(
-        "the step needs {needed} substeps per tick; it must be at most {allowed}: soften the springs, use fewer nodes or \
-         raise `max_substeps`"
+        "{needed} substeps of a tick are needed; at most {allowed} are allowed: soften the springs or use fewer \
+         nodes (or raise `max_substeps`)"
     )]
     Substeps {
         /// Number of substeps needed for stability.

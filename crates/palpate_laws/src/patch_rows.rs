@@ -21,7 +21,7 @@ const ALL_ROWS_CELLS: f64 = 2.0;
 /// the closed form.
 const RIM_CELLS: f64 = 0.3;
 /// Minimum portion of the force of a row.
-const NO_PORTION: f64 = 1e-9;
+const MIN_PORTION: f64 = 1e-9;
 
 impl Patch {
     /// Start of the next step's search. The step takes `span_s`, and a tool of `shape` presses with `force_n` along
@@ -197,7 +197,7 @@ impl PatchLayout {
         });
         let (one, all) = if apart > 0.0 { (None, Some(all)) } else { (Some(one), None) };
         // A row beyond an edge bears nothing.
-        one.into_iter().chain(all.into_iter().flatten().filter(|row| row.portion > NO_PORTION))
+        one.into_iter().chain(all.into_iter().flatten().filter(|row| row.portion > MIN_PORTION))
     }
 
     /// Normal and tip at a point of the contact, at which the tool's surface is `behind_m` behind its tip.
@@ -230,7 +230,7 @@ impl PatchLayout {
     /// over nearly redundant rows and prevents oscillation.
     #[must_use]
     pub fn least_compliance(&self) -> Option<SeriesCompliance> {
-        self.law.map(|law| SeriesCompliance::of_share(crate::series_compliance::LEAST_SHARE, law))
+        self.law.map(|law| SeriesCompliance::of_share(crate::series_compliance::MIN_SHARE, law))
     }
 }
 

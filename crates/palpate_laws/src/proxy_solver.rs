@@ -157,22 +157,22 @@ impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> CoupledProblem<'_, A, F>
         let (h, max_force_n) = (self.h, proxy.coupling.max_force_n);
         let goal = proxy.short_m.clamp_length_max(proxy.coupling.stretch_m());
         let force = self.force_n(index);
-        let beyond = force.length() - max_force_n;
-        if beyond > FORCE_TOLERANCE * max_force_n {
+        let excess = force.length() - max_force_n;
+        if excess > FORCE_TOLERANCE * max_force_n {
             // First estimate: all active rows share the yield equally.
-            let first = beyond * (per_kg + lightest_per_kg / self.giving(index).max(1) as f64) * h * h;
-            let search = Search { little: (0.0, beyond), before: None, much: None };
-            self.give_way(index, force.normalize(), search, first);
+            let first = excess * (per_kg + lightest_per_kg / self.active_rows(index).max(1) as f64) * h * h;
+            let search = Search { too_little: (0.0, excess), previous: None, too_much: None };
+            self.find_yield(index, force.normalize(), search, first);
             return false;
         }
-        if is_first && beyond < -FORCE_TOLERANCE * max_force_n && goal != proxy.short_m {
+        if is_first && excess < -FORCE_TOLERANCE * max_force_n && goal != proxy.short_m {
             // The limit allows more displacement, perhaps all of it.
             let more = proxy.short_m - goal;
-            let beyond_all = self.give(index, -more).length() - max_force_n;
-            if beyond_all > FORCE_TOLERANCE * max_force_n {
-                let much = Some((more.length(), beyond));
-                let search = Search { little: (0.0, beyond_all), before: None, much };
-                self.give_way(index, more.normalize(), search, 0.0);
+            let excess_of_all = self.apply_yield(index, -more).length() - max_force_n;
+            if excess_of_all > FORCE_TOLERANCE * max_force_n {
+                let too_much = Some((more.length(), excess));
+                let search = Search { too_little: (0.0, excess_of_all), previous: None, too_much };
+                self.find_yield(index, more.normalize(), search, 0.0);
             }
             return false;
         }
@@ -180,7 +180,7 @@ impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> CoupledProblem<'_, A, F>
     }
 
     /// Moves a tool's goal back by `more`, m, and returns the resulting force of its rows, N.
-    fn give(&mut self, index: usize, more: DVec3) -> DVec3 {
+    fn apply_yield(&mut self, index: usize, more: DVec3) -> DVec3 {
         if let Some(tool) = self.response.tools.get_mut(index) {
             tool.velocity_m_per_s -= more / self.h;
         }
@@ -198,29 +198,32 @@ impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> CoupledProblem<'_, A, F>
     }
 
     /// Number of active rows of a tool.
-    fn giving(&self, tool: usize) -> usize {
+    fn active_rows(&self, tool: usize) -> usize {
         self.rows_of(tool).filter(|row| row.impulse_ns != DVec3::ZERO).count()
     }
 
-    /// Yields along `way` until the force along it is at the limit.
-    fn give_way(&mut self, index: usize, way: DVec3, mut search: Search, first: f64) {
+    /// Yields along `direction` until the force along it is at the limit.
+    fn find_yield(&mut self, index: usize, direction: DVec3, mut search: Search, first: f64) {
         let Some(max_force_n) = self.response.tools.get(index).map(|tool| tool.proxy.coupling.max_force_n)
         else {
             return;
         };
-        let mut given = 0.0;
+        let mut yielded = 0.0;
         let max_iterations = self.effort.max_iterations;
         self.effort.max_iterations = max_iterations.min(COARSE_ITERATIONS);
         for iteration in 0..MAX_PLASTIC_ITERATIONS {
-            // The last iteration rather yields too little than not at all.
-            let give =
-                if iteration + 1 < MAX_PLASTIC_ITERATIONS { search.guess(first) } else { search.little.0 };
-            let beyond = self.give(index, (give - given) * way).dot(way) - max_force_n;
-            given = give;
-            if beyond.abs() <= FORCE_TOLERANCE * max_force_n {
+            // The last iteration uses the largest yield that is known to be too little.
+            let give = if iteration + 1 < MAX_PLASTIC_ITERATIONS {
+                search.guess(first)
+            } else {
+                search.too_little.0
+            };
+            let excess = self.apply_yield(index, (give - yielded) * direction).dot(direction) - max_force_n;
+            yielded = give;
+            if excess.abs() <= FORCE_TOLERANCE * max_force_n {
                 break;
             }
-            search.note(give, beyond);
+            search.note(give, excess);
         }
         self.effort.max_iterations = max_iterations;
     }
@@ -230,34 +233,34 @@ impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> CoupledProblem<'_, A, F>
 /// the excess force, N. It uses the secant method until the solution is bracketed, then the Illinois variant of
 /// regula falsi.
 struct Search {
-    little: (f64, f64),
-    before: Option<(f64, f64)>,
-    much: Option<(f64, f64)>,
+    too_little: (f64, f64),
+    previous: Option<(f64, f64)>,
+    too_much: Option<(f64, f64)>,
 }
 
 impl Search {
     /// Next point; `first` at the beginning.
     fn guess(&self, first: f64) -> f64 {
-        let (from, to) = match (self.much, self.before) {
-            (Some(much), _) => (self.little, much),
-            (None, Some(before)) => (before, self.little),
+        let (from, to) = match (self.too_much, self.previous) {
+            (Some(too_much), _) => (self.too_little, too_much),
+            (None, Some(before)) => (before, self.too_little),
             (None, None) => return first,
         };
         let guess = (from.0 * to.1 - to.0 * from.1) / (to.1 - from.1);
-        if guess.is_finite() && guess > self.little.0 { guess } else { self.little.0 + first }
+        if guess.is_finite() && guess > self.too_little.0 { guess } else { self.too_little.0 + first }
     }
 
-    fn note(&mut self, give: f64, beyond: f64) {
+    fn note(&mut self, give: f64, excess: f64) {
         // The function value at an end that is retained is halved.
-        if beyond > 0.0 {
-            self.before = Some(self.little);
-            self.little = (give, beyond);
-            self.much = self.much.map(|(give, beyond)| (give, 0.5 * beyond));
+        if excess > 0.0 {
+            self.previous = Some(self.too_little);
+            self.too_little = (give, excess);
+            self.too_much = self.too_much.map(|(give, excess)| (give, 0.5 * excess));
         } else {
-            if self.much.is_some() {
-                self.little.1 *= 0.5;
+            if self.too_much.is_some() {
+                self.too_little.1 *= 0.5;
             }
-            self.much = Some((give, beyond));
+            self.too_much = Some((give, excess));
         }
     }
 }

@@ -64,7 +64,7 @@ impl SeriesCompliance {
         };
         let softer_m = (s * grid_m * grid_m / cell_m.hypot(r * law.radius_m)).min(MAX_LEAD * eased_m);
         // The softening reduces the compliance as far as possible; the rest shifts the tool.
-        let share = (base - ratio(softer_m, eased_m)).max(LEAST_SHARE);
+        let share = (base - ratio(softer_m, eased_m)).max(MIN_SHARE);
         let lead_m = (softer_m - (base - share) * eased_m).max(0.0);
         // ∫ F dδ_s with δ_s = δ − C_g F − c F², in parts of ∫ F dδ.
         let whole = match law.pressure {
@@ -79,7 +79,7 @@ impl SeriesCompliance {
     /// update cannot close the gap of a soft compliance, which gives way before the nodes do.
     #[must_use]
     pub fn gap_uptake(&self) -> f64 {
-        ((self.share - LEAST_SHARE) / (SOFT_SHARE - LEAST_SHARE)).clamp(0.0, 1.0)
+        ((self.share - MIN_SHARE) / (SOFT_SHARE - MIN_SHARE)).clamp(0.0, 1.0)
     }
 
     /// Deflection δ_s under a force, m.
@@ -164,7 +164,7 @@ const NEWTON_STEPS: usize = 40;
 const SETTLED: f64 = 1e-7;
 const FAR: f64 = 8.0;
 /// Minimum share of the smooth law in series with a row. It distributes the load over nearly redundant rows.
-pub(crate) const LEAST_SHARE: f64 = 0.05;
+pub(crate) const MIN_SHARE: f64 = 0.05;
 /// Share of the smooth law from which the compliance takes up all of a gap.
 const SOFT_SHARE: f64 = 0.2;
 /// Maximum share of the smooth law by which the contact may lead the tool.
@@ -209,7 +209,7 @@ mod tests {
             BALL_SOFTENING.s * (0.5 * delta).powi(2) / 0.01_f64.hypot(BALL_SOFTENING.r * law.radius_m);
         assert!((firm.approach_m(f) - (0.5 * delta - softer)).abs() < 1e-12 && firm.lead_m == 0.0);
         let soft = SeriesCompliance::missing(law, (1.0, 0.01), (f, f));
-        assert!((soft.share, soft.lead_m) == (LEAST_SHARE, LEAST_SHARE * delta + MAX_LEAD * delta));
+        assert!((soft.share, soft.lead_m) == (MIN_SHARE, MIN_SHARE * delta + MAX_LEAD * delta));
         // Its energy is the work along its way.
         let grid = (0.4 * delta / f, 0.01);
         let steps = 20_000_u32;
@@ -229,6 +229,6 @@ mod tests {
         assert!((resolved.share - 0.2).abs() < 1e-6);
         // One that resolves a punch's leaves nothing.
         let punch = SeriesCompliance::missing(PUNCH, (PUNCH.resolved_m_per_n(f), 1e3), (f, f));
-        assert!(punch.share == LEAST_SHARE && punch.lead_m > LEAST_SHARE * PUNCH.approach_m(f));
+        assert!(punch.share == MIN_SHARE && punch.lead_m > MIN_SHARE * PUNCH.approach_m(f));
     }
 }

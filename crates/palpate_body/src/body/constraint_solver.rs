@@ -46,12 +46,12 @@ impl Body {
         let mut drawn: Vec<DVec3> = step.tools.iter().map(|tool| tool.way.short_m()).collect();
         // A push out of one obstacle may lead into another: repeat until no constraint is added.
         for pass in 0..MAX_ACTIVE_SET_PASSES {
-            let known = rows.len();
+            let active_count = rows.len();
             self.activate_obstacle_contacts(step, &mut rows);
             for (index, touchable) in touchable.iter().enumerate() {
                 self.activate_tool_contacts(touchable, (h, drawn[index]), &mut rows);
             }
-            if rows.len() == known && (pass > 0 || rows.is_empty()) {
+            if rows.len() == active_count && (pass > 0 || rows.is_empty()) {
                 break;
             }
             let overdue = rows.iter().any(|row| row.overdue.length() > GAP_TOLERANCE_M);
@@ -171,14 +171,14 @@ impl Body {
 
     /// Adds a row for every node that would be inside an obstacle at the end of the step.
     fn activate_obstacle_contacts(&self, step: &Substep<'_>, rows: &mut Vec<Constraint>) {
-        let (h, known) = (step.h, rows.len());
+        let (h, active_count) = (step.h, rows.len());
         let driven = step.drive.map(|(node, _)| node);
         for &node in self.network.free().iter().filter(|&&node| driven != Some(node)) {
             for (obstacle, what) in self.obstacles.iter().enumerate() {
                 let (gap_m, normal) = what.gap_m(self.x[node]);
                 let enters = gap_m + h * self.v[node].dot(normal) < 0.0;
                 let is_it = |row: &Constraint| row.source.is_contact(node, obstacle);
-                if !enters || rows[..known].iter().any(is_it) {
+                if !enters || rows[..active_count].iter().any(is_it) {
                     continue;
                 }
                 let Some(law) = what.law(normal) else { continue };

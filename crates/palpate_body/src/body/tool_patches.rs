@@ -113,7 +113,7 @@ impl Body {
         let surface = PlacedSurface { surface: &self.contact_surface, x: &x };
         let scale = self.patch_scale();
         let find = |start: &PatchStart| Patch::find(&surface, &shape, way.1, start, &scale);
-        let known = |row: &ToolPatch| KnownPatch {
+        let known_patch = |row: &ToolPatch| KnownPatch {
             patch: row.patch,
             at_m: row.corners.iter().map(|&(point, w)| w * x[point]).sum(),
             rest_normal: row.rest_normal,
@@ -136,7 +136,7 @@ impl Body {
                 continue;
             }
             let row = self.patch_rows(&surface, &shape, patch, (first.rest_normal, row_n, row_f));
-            all.add(known(&row));
+            all.add(known_patch(&row));
             approach.patches.push(row);
         }
         contact.touched = before;
@@ -162,7 +162,7 @@ impl Body {
             }
             let forces = (seed.rest_normal, [0.0; PATCH_ROWS], [DVec3::ZERO; PATCH_ROWS]);
             let row = self.patch_rows(&surface, &shape, patch, forces);
-            let known = known(&row);
+            let known = known_patch(&row);
             approach.patches.push(row);
             Some(known)
         });

@@ -116,7 +116,7 @@ pub enum MeshError {
     },
     /// Triangles intersect.
     #[error(
-        "the mesh intersects itself: {pairs} pairs of triangles cross, one of them at {at_m:.4}; unite the parts (a boolean \
+        "the mesh passes through itself: {pairs} pairs of triangles cross, one of them at {at_m:.4}; unite the parts (a boolean \
          union or a voxel remesh)"
     )]
     Crossing {
@@ -183,7 +183,7 @@ pub enum MeshError {
     },
     /// The mesh consists of pieces that share no cell.
     #[error(
-        "the mesh has {pieces} pieces that no cells connect, one at {at_m:.4}: make a body of each, use larger cells, or \
+        "the mesh is in {pieces} pieces that no cells connect, one at {at_m:.4}: make a body of each, use larger cells, or \
          allow separate parts (`allow_unconstrained`, or `FixedRegion::None` of a component)"
     )]
     Pieces {

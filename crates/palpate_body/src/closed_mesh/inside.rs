@@ -76,22 +76,22 @@ impl Inside {
         parts: usize,
         center_m: DVec3,
     ) -> Result<Vec<bool>, MeshError> {
-        let mut looks = vec![0.0; parts];
+        let mut orientation = vec![0.0; parts];
         let mut widest = vec![(0.0, 0); parts];
         for (triangle, &part) in part.iter().enumerate() {
             let [a, b, c] = self.corners_m(triangle);
-            looks[part] += a.dot(b.cross(c));
+            orientation[part] += a.dot(b.cross(c));
             let area = (b - a).cross(c - a).length();
             if area > widest[part].0 {
                 widest[part] = (area, triangle);
             }
         }
-        let looks: Vec<f64> = looks.into_iter().map(f64::signum).collect();
+        let orientation: Vec<f64> = orientation.into_iter().map(f64::signum).collect();
         let containers: Vec<Vec<usize>> = (0..parts)
             .map(|own| {
                 // A position just inside the part, because parts may touch.
                 let [a, b, c] = self.corners_m(widest[own].1);
-                let inward = -looks[own] * (b - a).cross(c - a).normalize_or_zero();
+                let inward = -orientation[own] * (b - a).cross(c - a).normalize_or_zero();
                 let depth_m = 16.0 * TOLERANCE * 2.0 * self.half_size_m.max_element();
                 let mut winding = std::collections::BTreeMap::new();
                 self.crossed((a + b + c) / 3.0 + depth_m * inward, |triangle, sign| {
@@ -104,17 +104,17 @@ impl Inside {
                     .collect()
             })
             .collect();
-        let mut turn: Vec<bool> = looks.iter().map(|&looks| looks < 0.0).collect();
+        let mut turn: Vec<bool> = orientation.iter().map(|&orientation| orientation < 0.0).collect();
         for own in 0..parts {
             let depth = |other: &&usize| containers[**other].len();
             let Some(&parent) = containers[own].iter().max_by_key(depth) else { continue };
-            if looks[own] == looks[parent] {
+            if orientation[own] == orientation[parent] {
                 let at = part.iter().position(|&p| p == own).map_or(DVec3::ZERO, |t| self.corners_m(t)[0]);
                 return Err(MeshError::Nested { at_m: center_m + at });
             }
             // Of two parts with opposite orientation both are flipped or neither, depending on the outermost part.
             let outermost = containers[own].iter().min_by_key(depth).copied().unwrap_or(parent);
-            turn[own] = looks[outermost] < 0.0;
+            turn[own] = orientation[outermost] < 0.0;
         }
         Ok(turn)
     }
