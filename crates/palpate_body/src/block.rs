@@ -4,14 +4,13 @@ mod slit;
 
 pub use slit::Slit;
 
-use crate::error::check_positive;
+use crate::error::{check_damping_ratio, check_positive};
 use crate::lattice;
-use crate::tissue::check_damping_ratio;
 use crate::{BodyError, BodyPoint, Grid, Link, Network, NetworkBuilder, Region, Surface};
 use glam::{DQuat, DVec3};
 use palpate_laws::Spring;
 
-/// One of the six sides of a block, named by the axis it looks along.
+/// A side of a block, named by the axis of its outward normal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Face {
     /// The side towards −x.
@@ -29,16 +28,16 @@ pub enum Face {
 }
 
 impl Face {
-    /// All six.
+    /// All six faces.
     pub const ALL: [Self; 6] = [Self::NegX, Self::PosX, Self::NegY, Self::PosY, Self::NegZ, Self::PosZ];
 
-    /// 0 for x, 1 for y, 2 for z.
+    /// Axis of the normal: 0 for x, 1 for y, 2 for z.
     #[must_use]
     pub fn axis(self) -> usize {
         self as usize / 2
     }
 
-    /// Whether it looks towards the positive end of its axis.
+    /// Whether the normal points in the positive direction of its axis.
     #[must_use]
     pub fn is_positive(self) -> bool {
         self as usize % 2 == 1
@@ -51,8 +50,7 @@ impl Face {
     }
 }
 
-/// The geometry of a block lattice, to be given a material by [`Block::uniform`] or
-/// [`Block::tissue`](Self::tissue).
+/// Geometry of a block lattice. [`Block::uniform`] or [`Block::tissue`](Self::tissue) gives it a material.
 ///
 /// Node (i, j, k) has index i + nx (j + ny k) and lies at centre − size/2 + (i, j, k) · cell.
 #[derive(Clone, Debug)]
@@ -66,28 +64,28 @@ pub struct Block {
     slit: Option<Slit>,
 }
 
-/// A block with its material: a network and its surface.
+/// A block with its material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockBody {
-    /// Nodes, masses, springs.
+    /// Nodes, masses and springs.
     pub network: Network,
-    /// The six faces.
+    /// Surface of the six faces.
     pub surface: Surface,
 }
 
-/// A lattice in which every node has the same mass and every spring the same stiffness, as in the seed paper.
+/// Material with equal node masses and equal spring stiffnesses, as in the seed paper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UniformLattice {
-    /// k of every spring, N/m.
+    /// Stiffness k of every spring, N/m.
     pub stiffness_n_per_m: f64,
-    /// Every damper is this times √(k m), m the mass of one node.
+    /// Damping ratio: every damper is this times √(k m), with the mass m of one node.
     pub damping_ratio: f64,
-    /// Mass of the whole block, shared equally by its nodes, kg.
+    /// Mass of the block, distributed equally over its nodes, kg.
     pub mass_kg: f64,
 }
 
 impl BlockBody {
-    /// The same block, whose springs stand for cells of `cell_m` with that modulus, Pa.
+    /// Adds the grid of cells of `cell_m` with Young's modulus `modulus_pa`, Pa.
     pub(crate) fn laid_in(
         mut self,
         change: impl FnOnce(Grid) -> Grid,
@@ -100,7 +98,7 @@ impl BlockBody {
         self
     }
 
-    /// The same block turned by `rotation` about the origin and then moved by `translation_m`.
+    /// Rotates the block by `rotation` about the origin and then translates it by `translation_m`, m.
     ///
     /// # Errors
     /// As [`Network::placed`].
@@ -111,14 +109,15 @@ impl BlockBody {
 }
 
 impl Block {
-    /// The largest number of nodes along one side.
-    pub const MAX_NODES_PER_SIDE: usize = 128;
+    /// Maximum number of nodes along one side.
+    pub const MAX_NODES_PER_SIDE: usize = crate::limits::MAX_NODES_PER_SIDE;
 
-    /// A block of `nodes` nodes along x, y, z and of outer size `size_m`, centred on the origin, nothing fixed.
+    /// Creates a block of `nodes` nodes along x, y, z and of outer size `size_m`, centred on the origin, without
+    /// fixed nodes.
     ///
     /// # Errors
-    /// [`BodyError::LatticeNodes`] for fewer than two nodes along an axis or more than
-    /// [`Block::MAX_NODES_PER_SIDE`]; [`BodyError::Parameter`] for a size that is not finite and above zero.
+    /// [`BodyError::LatticeNodes`] for fewer than two nodes along an axis or more than [`Block::MAX_NODES_PER_SIDE`];
+    /// [`BodyError::Parameter`] for a size that is not finite or not above zero.
     pub fn new(nodes: [usize; 3], size_m: DVec3) -> Result<Self, BodyError> {
         if nodes.iter().any(|n| !(2..=Self::MAX_NODES_PER_SIDE).contains(n)) {
             return Err(BodyError::LatticeNodes { nodes });
@@ -137,10 +136,10 @@ impl Block {
         })
     }
 
-    /// The same block centred on `center_m`.
+    /// Centres the block on `center_m`, m.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when a coordinate is not finite.
+    /// [`BodyError::Parameter`] if a coordinate is not finite.
     pub fn centered_at(mut self, center_m: DVec3) -> Result<Self, BodyError> {
         for axis in 0..3 {
             let what = ["centre x, m", "centre y, m", "centre z, m"][axis];
@@ -150,7 +149,7 @@ impl Block {
         Ok(self)
     }
 
-    /// The same block with all nodes of `face` fixed.
+    /// Fixes all nodes of `face`.
     #[must_use]
     pub fn fix(mut self, face: Face) -> Self {
         if !self.fixed.contains(&face) {
@@ -159,34 +158,34 @@ impl Block {
         self
     }
 
-    /// The same block with the nodes in `region` fixed too.
+    /// Fixes the nodes in `region`.
     #[must_use]
     pub fn fix_within(mut self, region: Region) -> Self {
         self.fixed_within.push(region);
         self
     }
 
-    /// The same block, which need not be fixed anywhere.
+    /// Allows a block without fixed nodes.
     #[must_use]
     pub fn allow_unconstrained(mut self) -> Self {
         self.allow_free = true;
         self
     }
 
-    /// The same block, cut. What makes no sense of the slit is told when the block is given its material.
+    /// Cuts a slit into the block. An invalid slit is reported when the block gets its material.
     #[must_use]
     pub fn slit(mut self, slit: Slit) -> Self {
         self.slit = Some(slit);
         self
     }
 
-    /// Nodes along x, y, z.
+    /// Number of nodes along x, y, z.
     #[must_use]
     pub fn nodes(&self) -> [usize; 3] {
         self.nodes
     }
 
-    /// Size of one cell, m.
+    /// Size of a cell, m.
     #[must_use]
     pub fn cell_m(&self) -> DVec3 {
         self.size_m / DVec3::from_array(self.nodes.map(|n| (n - 1) as f64))
@@ -195,17 +194,18 @@ impl Block {
     /// Index of node (i, j, k).
     ///
     /// # Panics
-    /// In debug builds, when an index is not below the number of nodes along its axis.
+    /// In debug builds, if an index is not below the number of nodes along its axis.
     #[must_use]
     pub fn node(&self, [i, j, k]: [usize; 3]) -> usize {
         debug_assert!(i < self.nodes[0] && j < self.nodes[1] && k < self.nodes[2], "node out of the lattice");
         i + self.nodes[0] * (j + self.nodes[1] * k)
     }
 
-    /// A lattice of equal springs and equal masses.
+    /// Creates the block with equal springs and equal masses.
     ///
     /// # Errors
-    /// [`BodyError`] when a parameter makes no sense, every node is fixed or, unless [`Block::allow_free`] was said, none.
+    /// [`BodyError`] if a parameter is invalid, all nodes are fixed or, without [`Block::allow_unconstrained`], none
+    /// is.
     pub fn uniform(&self, lattice: &UniformLattice) -> Result<BlockBody, BodyError> {
         let k = check_positive("spring stiffness, N/m", lattice.stiffness_n_per_m)?;
         let mass = check_positive("mass of the block, kg", lattice.mass_kg)?;
@@ -225,8 +225,8 @@ impl Block {
         self.nodes.iter().product()
     }
 
-    /// The lattice with `mass_kg` of every node, stiffness by (node (i, j, k), step to the other node), and
-    /// damping by (stiffness, mass of a, mass of b).
+    /// Builds the lattice from the mass of every node, the stiffness of the spring at node (i, j, k) in the direction
+    /// of a step, and the damping as a function of stiffness and the two masses.
     pub(crate) fn build(
         &self,
         mut mass_kg: Vec<f64>,
@@ -257,8 +257,9 @@ impl Block {
         let mut cells = self.cells();
         if let Some(slit) = self.slit {
             let (rest_m, mass_kg, fixed) = (&mut rest_m, &mut mass_kg, &mut fixed);
-            self.cut(
+            slit::cut(
                 slit,
+                (self.nodes, self.cell_m()),
                 &mut slit::Pieces {
                     rest_m,
                     mass_kg,
@@ -279,7 +280,7 @@ impl Block {
         lattice::grid(self.nodes)
     }
 
-    /// The nodes of all cells, in the order of their lowest corners.
+    /// Nodes of all cells, in the order of their lowest corners.
     fn cells(&self) -> Vec<[usize; 8]> {
         let corner =
             |[i, j, k]: [usize; 3], c: usize| self.node([i + (c & 1), j + (c >> 1 & 1), k + (c >> 2)]);
@@ -292,7 +293,7 @@ impl Block {
         self.center_m - 0.5 * self.size_m + cell * DVec3::from_array(ijk.map(|n| n as f64))
     }
 
-    /// 1 at either end of `axis`, 2 between: how many cells lie on the two sides of the node.
+    /// Number of cells beside the node along `axis`: 1 at either end, else 2.
     pub(crate) fn cells_beside(&self, ijk: [usize; 3], axis: usize) -> u32 {
         if ijk[axis] == 0 || ijk[axis] + 1 == self.nodes[axis] { 1 } else { 2 }
     }
@@ -312,7 +313,7 @@ impl Block {
 
     fn add_face(&self, face: Face, surface: &mut Surface) {
         let axis = face.axis();
-        // (u, v, normal) is right-handed for a positive face; for a negative one the winding is turned.
+        // (u, v, normal) is right-handed for a positive face; the winding is reversed for a negative one.
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let first = surface.vertices.len();
         let mut point_of: std::collections::HashMap<usize, usize> =

@@ -1,14 +1,26 @@
-//! A body: a network with its state.
+//! A body: a network with its state, surface and constraints.
 
-mod approach;
-mod constrain;
+mod constraint;
+mod constraint_solver;
+mod energy_accounting;
+mod point_forces;
+mod stability;
 mod step;
+mod step_report;
+mod substep;
+mod surface_tree;
+mod tangent;
+mod tie_rows;
+mod tool_patches;
+mod tool_rows;
 
-pub use step::{StepReport, ToolRun};
+pub use step::ToolRun;
+pub use step_report::StepReport;
 
-use crate::cells::Watch;
-use crate::energy::Ledger;
+use crate::cells::ActiveCells;
+use crate::energy::EnergyLedger;
 use crate::integrator::Workspace;
+use crate::network::NetworkState;
 use crate::surface::PartialCells;
 use crate::{
     BarrierTetrahedron, BodyError, ContactSurface, Network, NodeContact, Obstacle, Surface, SurfaceTree, Tie,
@@ -16,47 +28,50 @@ use crate::{
 use glam::DVec3;
 use std::sync::Arc;
 
-/// A deformable body: a [`Network`], the positions and velocities of its nodes, and its [`Surface`].
+/// A deformable body: a [`Network`] with positions and velocities of its nodes, a [`Surface`], loads, obstacles and
+/// ties.
 #[derive(Clone, Debug)]
 pub struct Body {
     network: Arc<Network>,
     surface: Arc<Surface>,
     contact_surface: Arc<ContactSurface>,
     partial_cells: Option<Arc<PartialCells>>,
-    /// Whether contact gets the compliance that the grid lacks, where it can.
+    /// Whether contact gets the compliance that the grid lacks, where the grid permits it.
     adds_compliance: bool,
     gravity_m_per_s2: DVec3,
-    /// What acts on the nodes from outside, beside gravity and the tool.
+    /// External force on every node except gravity and tools, N.
     loads_n: Vec<DVec3>,
     obstacles: Vec<Obstacle>,
     ties: Vec<Tie>,
-    /// With the obstacles, in the last step.
+    /// Contacts with obstacles in the last step.
     contacts: Vec<NodeContact>,
     x: Vec<DVec3>,
     v: Vec<DVec3>,
-    /// How long nothing has moved to speak of, s.
+    /// Time for which the body has been at rest, s.
     quiet_s: f64,
     force: Vec<DVec3>,
     before: (Vec<DVec3>, Vec<DVec3>),
-    pub(crate) ledger: Option<Ledger>,
+    pub(crate) ledger: Option<EnergyLedger>,
     implicit: Option<Box<Workspace>>,
-    /// Of the surface, once a tool has come near.
+    /// Tree of the surface, created when a tool comes near.
     tree: Option<Box<SurfaceTree>>,
-    /// Of its cells.
-    watch: Watch,
+    /// Cells whose volume barriers may act.
+    active_cells: ActiveCells,
 }
 
-/// Nodes slower than that stand still to the eye and to the hand: a hair's breadth in a second.
+/// Speed below which a node counts as at rest, m/s.
 const QUIET_M_PER_S: f64 = 1e-4;
-/// Time of quiet after which a body is settled.
+/// Time at rest after which a body is settled, s.
 const SETTLED_S: f64 = 0.1;
-/// Time of quiet that one look at the body counts for, at most.
-const LOOK_S: f64 = 0.02;
+/// Maximum time at rest that one check accounts for, s.
+const MAX_QUIET_CHECK_S: f64 = 0.02;
 
-/// The state of a body: what a step changes. Gravity, loads and obstacles are not in it, nor is the tool.
+/// State of a body: everything that a step changes, except the tools. Gravity, loads and obstacles are not part of
+/// it.
 ///
-/// Restored into a body of the same network, with the same gravity, loads and obstacles, it leads to the same steps, to the
-/// bit. Books of energy begin anew. A file keeps the bits if its format does (serde_json with `float_roundtrip`).
+/// Restored into a body of the same network with the same gravity, loads and obstacles, it leads to bit-identical
+/// steps. Energy accounting restarts. A file preserves the bits if its format does (serde_json with
+/// `float_roundtrip`).
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BodyState {
@@ -64,28 +79,30 @@ pub struct BodyState {
     pub positions_m: Vec<DVec3>,
     /// Velocity of every node, m/s.
     pub velocities_m_per_s: Vec<DVec3>,
-    /// How long nothing has moved to speak of, s: see [`Body::is_settled`].
+    /// Time for which the body has been at rest, s; see [`Body::is_settled`].
     pub quiet_s: f64,
-    /// What holds points of it, torn or not.
+    /// Ties, including torn ones.
     pub ties: Vec<Tie>,
 }
 
 impl Body {
-    /// A body at rest, without gravity.
+    /// Creates a body at rest without gravity.
     ///
-    /// Triangles of `surface` that face inward are turned: two of their vertices change places, and nothing else. Triangles that share an
-    /// edge with one other are made to agree with it, and each part that is joined so faces away from the tissue:
+    /// Triangles of `surface` that face inward are flipped by exchanging two of their vertices. Triangles that share
+    /// an edge with exactly one other are made consistent with it. Each connected part is then oriented:
     ///
-    /// * away from the nodes that springs join to its own, where these lie on one side of it; so does a cavity and an open sheet, such
-    ///   as the top of a block,
-    /// * else, if it is closed, away from what it encloses; into it where it is within another closed part, as a cavity is,
-    /// * else as most of its triangles were given: an open sheet without tissue on either side has no inside.
+    /// * away from the nodes that springs join to its own nodes, if these lie on one side; this includes cavities and
+    ///   open sheets, for example the top of a block,
+    /// * otherwise, if it is closed, away from the volume that it encloses; inward if it is a cavity within another
+    ///   closed part,
+    /// * otherwise as the majority of its triangles were given: an open sheet without tissue on either side has no
+    ///   inside.
     ///
-    /// Triangles with two corners at one point are left as they are.
+    /// Degenerate triangles are left unchanged.
     ///
     /// # Errors
-    /// [`BodyError::Surface`], [`BodyError::Parameter`] when `surface` does not fit `network`; [`BodyError::OneSidedSurface`] for a
-    /// surface that cannot be turned to agree, such as a Möbius strip.
+    /// [`BodyError::Surface`] and [`BodyError::Parameter`] if `surface` does not fit `network`;
+    /// [`BodyError::OneSidedSurface`] for a surface that cannot be oriented, for example a Möbius strip.
     pub fn new(network: Network, surface: Surface) -> Result<Self, BodyError> {
         surface.validate(network.node_count())?;
         let surface = surface.facing_outward(&network)?;
@@ -106,7 +123,7 @@ impl Body {
             adds_compliance: true,
             partial_cells: PartialCells::new(&network, &contact_surface).map(Arc::new),
             contact_surface: Arc::new(contact_surface),
-            watch: Watch::default(),
+            active_cells: ActiveCells::default(),
             v: still,
             x,
             network: Arc::new(network),
@@ -114,48 +131,54 @@ impl Body {
         })
     }
 
-    /// What it is made of.
+    /// The network with the positions and velocities of its nodes.
+    pub(crate) fn network_state(&self) -> NetworkState<'_> {
+        NetworkState { network: &self.network, x: &self.x, v: &self.v }
+    }
+
+    /// Network of the body.
     #[must_use]
     pub fn network(&self) -> &Network {
         &self.network
     }
 
-    /// Its touchable surface.
+    /// Touchable surface of the body.
     #[must_use]
     pub fn surface(&self) -> &Surface {
         &self.surface
     }
 
-    /// The triangles of its surface on which contact patches are found.
+    /// Triangles of the surface on which contact patches are found.
     #[must_use]
     pub fn contact_surface(&self) -> &ContactSurface {
         &self.contact_surface
     }
 
-    /// Whether a contact that is smaller than a cell gets the compliance which the grid lacks: see [`Body::add_compliance`].
+    /// Whether contacts get the compliance that the grid lacks; see [`Body::add_compliance`].
     #[must_use]
     pub fn adds_compliance(&self) -> bool {
         self.adds_compliance && self.network.grid().is_some_and(crate::Grid::adds_compliance)
     }
 
-    /// Sets whether a contact that is smaller than a cell gets the compliance which the grid lacks, so that the hand feels the tissue and not
-    /// the grid; on at first. Without it contact gives way by what the springs give way, as in the paper, and by a
-    /// twentieth of the smooth law, so that the problem stays well posed. So do lattices of equal springs; networks without cells have
+    /// Sets whether contacts get the compliance that the grid of cells lacks below its size; on by default.
+    ///
+    /// Without it, a contact gives way by the springs, as in the paper, and by a twentieth of the smooth law, which
+    /// keeps the problem well posed. The same holds for lattices of equal springs. Networks without cells have
     /// neither.
     pub fn add_compliance(&mut self, adds: bool) {
         self.adds_compliance = adds;
     }
 
-    /// The acceleration of gravity, m/s².
+    /// Acceleration of gravity, m/s².
     #[must_use]
     pub fn gravity_m_per_s2(&self) -> DVec3 {
         self.gravity_m_per_s2
     }
 
-    /// Sets the acceleration of gravity, m/s², for instance (0, 0, −9.81).
+    /// Sets the acceleration of gravity, m/s², for example (0, 0, −9.81).
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when it is not finite.
+    /// [`BodyError::Parameter`] if it is not finite.
     pub fn set_gravity(&mut self, gravity_m_per_s2: DVec3) -> Result<(), BodyError> {
         let largest = gravity_m_per_s2.abs().max_element();
         crate::error::check("gravity, m/s2", largest, gravity_m_per_s2.is_finite(), "finite")?;
@@ -164,25 +187,25 @@ impl Body {
         }
         let before = self.gravitational_j();
         self.gravity_m_per_s2 = gravity_m_per_s2;
-        // What a height is worth has changed; nobody has done work.
+        // The potential energy has changed without any work.
         let change = self.gravitational_j() - before;
         if let Some(ledger) = &mut self.ledger {
-            ledger.revalue(change);
+            ledger.shift_initial(change);
         }
         Ok(())
     }
 
-    /// The forces that act on the nodes from outside, beside gravity and the tool, N.
+    /// External force on every node, N, without gravity and tools.
     #[must_use]
     pub fn loads_n(&self) -> &[DVec3] {
         &self.loads_n
     }
 
-    /// Sets the forces that act on the nodes from outside, N. They stay until they are set again.
+    /// Sets the external force on every node, N. The forces act until they are set again.
     ///
     /// # Errors
-    /// [`BodyError::Length`] when there is not one for each node, [`BodyError::Load`] when one is not finite. The body
-    /// keeps its loads then.
+    /// [`BodyError::Length`] if the number of forces is not the number of nodes, [`BodyError::Load`] if a force is
+    /// not finite. The loads are then unchanged.
     pub fn set_loads(&mut self, loads_n: &[DVec3]) -> Result<(), BodyError> {
         let nodes = self.network.node_count();
         if loads_n.len() != nodes {
@@ -198,29 +221,29 @@ impl Body {
         Ok(())
     }
 
-    /// What is in the body's way.
+    /// Obstacles of the body.
     #[must_use]
     pub fn obstacles(&self) -> &[Obstacle] {
         &self.obstacles
     }
 
-    /// Sets what is in the body's way. A node that is inside an obstacle is pushed out at 1 m/s.
+    /// Sets the obstacles. A node inside an obstacle is pushed out at 1 m/s.
     pub fn set_obstacles(&mut self, obstacles: Vec<Obstacle>) {
         self.obstacles = obstacles;
         self.contacts.clear();
         self.quiet_s = 0.0;
     }
 
-    /// What holds points of it.
+    /// Ties of the body.
     #[must_use]
     pub fn ties(&self) -> &[Tie] {
         &self.ties
     }
 
-    /// Sets what holds points of it.
+    /// Sets the ties.
     ///
     /// # Errors
-    /// [`BodyError::CannotHold`] when a tie names a node that the body does not have. The ties are kept then.
+    /// [`BodyError::CannotHold`] if a tie names a node that does not exist. The ties are then unchanged.
     pub fn set_ties(&mut self, ties: Vec<Tie>) -> Result<(), BodyError> {
         ties.iter().try_for_each(|tie| tie.validate(self.x.len()))?;
         self.ties = ties;
@@ -228,11 +251,11 @@ impl Body {
         Ok(())
     }
 
-    /// Moves the anchor of the tie at `index`: it is at `to_m` at the end of the next advance, and on the way there at an
-    /// even speed.
+    /// Moves the anchor of the tie at `index`. It moves at constant speed and reaches `to_m`, m, at the end of the
+    /// next advance.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when there is no such tie, it has no anchor, or the place is not finite.
+    /// [`BodyError::Parameter`] if there is no such tie, it has no anchor, or the position is not finite.
     pub fn move_tie(&mut self, index: usize, to_m: DVec3) -> Result<(), BodyError> {
         let Some(tie) = self.ties.get_mut(index) else {
             return Err(BodyError::Parameter {
@@ -246,23 +269,23 @@ impl Body {
         Ok(())
     }
 
-    /// The contacts with the obstacles in the last step that gave an impulse.
+    /// Contacts with obstacles that gave an impulse in the last step.
     #[must_use]
     pub fn contacts(&self) -> &[NodeContact] {
         &self.contacts
     }
 
-    /// What acts on `node` beside springs, dampers and the tool: gravity and its load, N.
+    /// External force on `node`, N: gravity and its load.
     #[must_use]
     pub fn outer_force_on_n(&self, node: usize) -> DVec3 {
         self.network.mass_kg()[node] * self.gravity_m_per_s2 + self.loads_n[node]
     }
 
-    /// What acts on every node from outside, N, into `force_n`: gravity, loads, and what obstacles and ties gave in the last
-    /// step. The tool is not among it.
+    /// Writes the external force on every node to `force_n`, N: gravity, loads, and the forces of obstacles and ties
+    /// in the last step. Tools are not included.
     ///
     /// # Panics
-    /// When `force_n` has not one entry for each node.
+    /// If `force_n` does not have one entry for each node.
     pub fn outer_forces_n(&self, force_n: &mut [DVec3]) {
         assert_eq!(force_n.len(), self.x.len(), "one force for each node");
         force_n.iter_mut().enumerate().for_each(|(node, force)| *force = self.outer_force_on_n(node));
@@ -286,14 +309,14 @@ impl Body {
         &self.v
     }
 
-    /// Whether no node was seen to move faster than 0.1 mm/s for the last 0.1 s: it may be left unstepped as long as
-    /// nothing about it changes.
+    /// Whether the body is at rest: no node was faster than 0.1 mm/s for 0.1 s. It needs no steps while its
+    /// surroundings do not change.
     #[must_use]
     pub fn is_settled(&self) -> bool {
         self.quiet_s >= SETTLED_S
     }
 
-    /// Its state now.
+    /// Current state.
     #[must_use]
     pub fn state(&self) -> BodyState {
         BodyState {
@@ -304,7 +327,7 @@ impl Body {
         }
     }
 
-    /// Puts the body into `state`, to the bit if it is one of this body's network.
+    /// Restores `state`, bit for bit if it comes from the same network.
     ///
     /// # Errors
     /// As [`Body::set_state`].
@@ -316,11 +339,11 @@ impl Body {
         Ok(())
     }
 
-    /// Puts the body into a state. Velocities of fixed nodes count as zero.
+    /// Sets positions, m, and velocities, m/s, of all nodes. Velocities of fixed nodes are set to zero.
     ///
     /// # Errors
-    /// [`BodyError::Length`] when a list has not one entry for each node, [`BodyError::Position`] when an
-    /// entry is not finite. The body keeps its state then.
+    /// [`BodyError::Length`] if a list does not have one entry for each node, [`BodyError::Position`] if an entry is
+    /// not finite. The state is then unchanged.
     pub fn set_state(&mut self, x_m: &[DVec3], v_m_per_s: &[DVec3]) -> Result<(), BodyError> {
         let nodes = self.network.node_count();
         for (what, list) in [("the list of positions", x_m), ("the list of velocities", v_m_per_s)] {
@@ -334,20 +357,20 @@ impl Body {
         self.x.copy_from_slice(x_m);
         self.v.copy_from_slice(v_m_per_s);
         self.quiet_s = 0.0;
-        // What is fixed does not move, whatever the list says.
+        // Fixed nodes do not move.
         for node in (0..nodes).filter(|&node| self.network.is_fixed(node)) {
             self.v[node] = DVec3::ZERO;
         }
         self.contacts.clear();
-        // A state that was set is no work that was done.
-        self.ledger = self.ledger.take().map(|_| Ledger::open(self));
+        // Setting a state is no work.
+        self.ledger = self.ledger.take().map(|_| EnergyLedger::start(self));
         Ok(())
     }
 
-    /// Internal force (springs, dampers and volume barriers) on every node at the present state, N, into `force_n`.
+    /// Writes the internal force (springs, dampers and volume barriers) on every node to `force_n`, N.
     ///
     /// # Panics
-    /// When `force_n` has not one entry for each node.
+    /// If `force_n` does not have one entry for each node.
     pub fn internal_forces_n(&self, force_n: &mut [DVec3]) {
         assert_eq!(force_n.len(), self.x.len(), "one force for each node");
         spring_forces(&self.network, &self.x, &self.v, force_n);
@@ -369,25 +392,25 @@ impl Body {
         }
     }
 
-    /// The tetrahedra of cells whose volume barriers act at the present state.
+    /// Tetrahedra whose volume barriers act in the current state.
     pub fn active_barriers(&self) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
         self.barriers_below(palpate_laws::VolumeBarrier::ONSET)
     }
 
-    /// The tetrahedra of cells whose volume ratio is below `ratio` at the present state.
+    /// Tetrahedra whose volume ratio is below `ratio` in the current state.
     pub fn barriers_below(&self, ratio: f64) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
-        self.network.barriers().all_tetrahedra().filter(move |tetrahedron| tetrahedron.ratio(&self.x) < ratio)
+        self.network.barriers().tetrahedra_below(ratio, &self.x)
     }
 
-    /// Indices in [`Network::cells`] of the inverted cells, ascending. A cell is inverted where the volume ratio J of at least one
-    /// of its ten tetrahedra is zero or negative (see [`BarrierTetrahedron`]).
+    /// Indices in [`Network::cells`] of the inverted cells, ascending. A cell is inverted if the volume ratio J of at
+    /// least one of its ten tetrahedra is zero or negative (see [`BarrierTetrahedron`]).
     pub fn inverted_cells(&self) -> impl Iterator<Item = usize> + '_ {
         let cells = self.network.barriers();
         (0..cells.nodes().len()).filter(|&cell| cells.is_inverted(cell, &self.x))
     }
 }
 
-/// The forces of springs and dampers on all nodes, N.
+/// Writes the forces of springs and dampers on all nodes, N.
 fn spring_forces(network: &Network, x: &[DVec3], v: &[DVec3], force: &mut [DVec3]) {
     force.fill(DVec3::ZERO);
     for link in network.links() {

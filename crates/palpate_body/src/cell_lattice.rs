@@ -1,60 +1,66 @@
 //! Cubic cells fitted to a closed mesh: a body of any shape.
 
+mod cell_grid;
 mod embedding;
 mod fill;
-mod keep;
+mod kept_cells;
 mod material;
 
-pub(crate) use embedding::{Embedding, weights};
+pub(crate) use embedding::Embedding;
+pub use kept_cells::MeshCells;
 
 use crate::touch_surface::TouchSurface;
 use crate::{BodyError, ClosedMesh, MeshError, Network, NetworkBuilder, Region, Skin, Surface, Tissue};
+use cell_grid::CellGrid;
+use embedding::trilinear_weights;
 use glam::{DQuat, DVec3};
-use keep::Kept;
+use kept_cells::KeptCells;
 
-/// A cell is whole when its share differs from 1 by less.
+/// Tolerance of the filled share of a whole cell.
 const WHOLE_CELL: f64 = 1e-9;
 
-/// How fine the cells are.
+/// Size of the cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CellSize {
-    /// So many along the longest side of the mesh.
+    /// Number of cells along the longest side of the mesh.
     Along(usize),
-    /// Of that side, m.
+    /// Side of a cell, m.
     Side(f64),
 }
 
-/// Cubic cells that hold a closed mesh, to be given a material by [`CellLattice::tissue`].
+/// Cubic cells fitted to a closed mesh. [`CellLattice::tissue`] gives them a material.
 ///
 /// # Cells
 ///
-/// The cells lie along the axes and round the middle of the mesh's bounds. φ of a cell is the share of its volume that the
-/// mesh encloses, computed exactly. Cells with φ > 0 make the body, and the surface moves with the trilinear weights of the
-/// cell that it is in. A cell with φ < 0.1 goes where a neighbour with more can carry its surface from at most a quarter of
-/// a cell away (with φ < 0.01, half a cell) and what it joins stays joined; its φ is added to the neighbour's. Otherwise it
-/// stays: a tip thinner than a cell is still there.
+/// The cells are aligned with the axes and centred on the bounds of the mesh. φ of a cell is the exact share of its
+/// volume that the mesh encloses. The body consists of the cells with φ > 0, and the surface moves with the trilinear
+/// weights of its cell.
+///
+/// A cell with φ < 0.1 is removed if a fuller neighbour can carry its surface from at most a quarter of a cell away
+/// (with φ < 0.01, half a cell), and if its neighbours stay connected. Its φ is added to that neighbour. Otherwise it
+/// stays, so that a tip thinner than a cell is kept.
 ///
 /// # Masses and springs
 ///
-/// Every cell has the springs of [`Tissue`], shared as there, times φ, and gives each of its nodes the mass ρ φ h³/8. So
-/// the body has the mass of the mesh, uniform strain costs the energy of an isotropic solid of its volume, and a mesh that
-/// is a block of whole cells becomes the very network of [`crate::Block::tissue`]. A node's springs and its mass shrink
-/// together, so cells with little in them need no more substeps than full ones.
+/// Every cell has the springs of [`Tissue`], shared as there, times φ, and gives each of its nodes the mass ρ φ h³/8.
+/// The body has the mass of the mesh, and uniform strain costs the energy of an isotropic solid of its volume. A mesh
+/// that is a block of whole cells gives the network of [`crate::Block::tissue`]. Springs and mass of a node shrink
+/// together, so partly filled cells need no more substeps than full ones.
 ///
 /// # Limits
 ///
-/// * What shares a cell, or is in cells that touch, is one solid: a slit or a fold narrower than one to two cells is closed.
-/// * A wall thinner than a cell has its mass and its stiffness in its plane, but bends as stiffly as one of a cell's
-///   thickness with those.
-/// * Nodes lie up to a cell outside the mesh. Obstacles meet nodes.
-/// * A cell that must stay counts as filled to 0.01 at least ([`MeshCells::raised`]).
+/// * Parts that share a cell, or that lie in adjacent cells, are joined: a slit or fold narrower than one to two
+///   cells is closed.
+/// * A wall thinner than a cell keeps its mass and its in-plane stiffness, but bends like a wall one cell thick.
+/// * Nodes lie up to a cell outside the mesh. Obstacles act on nodes.
+/// * A cell that must stay counts as filled to at least 0.01 ([`MeshCells::raised`]).
 ///
 /// ```
 /// use glam::DVec3;
 /// use palpate_body::{Body, CellLattice, CellSize, ClosedMesh, Region, Tissue};
 ///
 /// # fn main() -> Result<(), palpate_body::BodyError> {
-/// // An octahedron, 10 cm from corner to corner, whose lower tip is held.
+/// An octahedron, 10 cm from corner to corner, with its lower tip fixed.
 /// let corners = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z].map(|x| 0.05 * x);
 /// let triangles = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
 /// let mesh = ClosedMesh::new(corners.to_vec(), triangles.to_vec())?;
@@ -71,7 +77,7 @@ pub enum CellSize {
 #[derive(Clone, Debug)]
 pub struct CellLattice<'a> {
     mesh: &'a ClosedMesh,
-    grid: Grid,
+    grid: CellGrid,
     fixed: Vec<Region>,
     fixed_vertices: Vec<Vec<bool>>,
     regions: Vec<(Region, Tissue)>,
@@ -79,93 +85,34 @@ pub struct CellLattice<'a> {
     touch_spacing: f64,
 }
 
-/// A body made of a mesh.
+/// A body made from a mesh.
 #[derive(Clone, Debug)]
 pub struct MeshBody {
-    /// Nodes, masses, springs.
+    /// Nodes, masses and springs.
     pub network: Network,
-    /// What tools touch: the mesh, with triangles of a size that fits the cells.
+    /// Touchable surface: the mesh, with triangles of a size that fits the cells.
     pub surface: Surface,
-    /// How the mesh that was given moves with the nodes.
+    /// Deformation of the given mesh with the nodes.
     pub skin: Skin,
-    /// What was made of the cells.
+    /// Statistics of the cells.
     pub cells: MeshCells,
-    /// The greatest distance of a vertex of the mesh from the touched surface, m.
+    /// Maximum distance of a vertex of the mesh from the touchable surface, m.
     pub deviation_m: f64,
 }
 
-/// What became of the cells.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MeshCells {
-    /// Side of a cell, m.
-    pub cell_m: f64,
-    /// Cells of the body.
-    pub cells: usize,
-    /// Cells with little in them whose surface a neighbour carries.
-    pub slivers_carried: usize,
-    /// Cells that hold almost nothing and count for more: the body is that much too heavy.
-    pub raised: usize,
-    /// By which share of the mesh's volume those make the body larger; of its mass, where it is one tissue throughout.
-    pub raised_share: f64,
-    /// The least φ of a cell that stayed.
-    pub least_fill: f64,
-}
-
-/// The cells round a mesh: `cells` along each axis, from `low_m`, relative to the mesh's centre.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Grid {
-    cells: [usize; 3],
-    cell_m: f64,
-    low_m: DVec3,
-}
-
-impl Grid {
-    fn cell_total(&self) -> usize {
-        self.cells.iter().product()
-    }
-
-    fn index(&self, [i, j, k]: [usize; 3]) -> usize {
-        i + self.cells[0] * (j + self.cells[1] * k)
-    }
-
-    fn place(&self, cell: usize) -> [usize; 3] {
-        let [nx, ny, _] = self.cells;
-        [cell % nx, cell / nx % ny, cell / (nx * ny)]
-    }
-
-    /// A place in cells from the lowest corner.
-    fn in_cells(&self, place_m: DVec3) -> DVec3 {
-        (place_m - self.low_m) / self.cell_m
-    }
-
-    /// The place so many cells from the lowest corner, m.
-    fn at_m(&self, in_cells: DVec3) -> DVec3 {
-        self.low_m + self.cell_m * in_cells
-    }
-
-    /// The up to 26 cells round one, with the steps there.
-    fn round(&self, cell: usize) -> impl Iterator<Item = ([i32; 3], usize)> {
-        let (grid, own) = (*self, self.place(cell));
-        let both = crate::lattice::steps().flat_map(|step| [step, step.map(|s| -s)]);
-        both.filter_map(move |step| {
-            crate::lattice::neighbour(grid.cells, own, step).map(|other| (step, grid.index(other)))
-        })
-    }
-}
-
 impl<'a> CellLattice<'a> {
-    /// The most cells along the longest side.
-    pub const MAX_CELLS_ALONG: usize = 127;
-    /// The most nodes of a body. With as many a step of 50 ticks takes about half a second, its factorisations take half a gigabyte and
-    /// a local model seconds: far beyond what can be touched.
+    /// Maximum number of cells along the longest side.
+    pub const MAX_CELLS_ALONG: usize = crate::limits::MAX_CELLS_ALONG;
+    /// Maximum number of nodes of a body. A body of that size takes about half a second for 50 ticks, half a gigabyte
+    /// for its factorisations and seconds for a local model.
     pub const MAX_NODES: usize = 10_000;
 
-    /// Cells of size `size` round `mesh`, nothing fixed.
+    /// Fits cells of size `size` to `mesh`, without fixed nodes.
     ///
     /// # Errors
-    /// [`MeshError::Cells`] when that makes none along the longest side, or more than
-    /// [`CellLattice::MOST_CELLS_ALONG`]; [`MeshError::CoarseGrid`] when a mesh in single precision is so far from its origin that
-    /// its vertices are more than a hundredth of a cell apart.
+    /// [`MeshError::Cells`] for less than one cell along the longest side or more than
+    /// [`CellLattice::MAX_CELLS_ALONG`]. [`MeshError::CoarseGrid`] for a single-precision mesh so far from its origin
+    /// that its vertices are more than a hundredth of a cell apart.
     pub fn fit(mesh: &'a ClosedMesh, size: CellSize) -> Result<Self, MeshError> {
         let sides_m = 2.0 * mesh.half_size_m();
         let size_m = sides_m.max_element();
@@ -177,17 +124,19 @@ impl<'a> CellLattice<'a> {
         if !(cell_m > 0.0
             && cell_m.is_finite()
             && along.is_finite()
-            && along <= Self::MAX_CELLS_ALONG as f64 + WHOLE)
+            && along <= Self::MAX_CELLS_ALONG as f64 + WHOLE_TOLERANCE)
         {
             return Err(MeshError::Cells { cell_m, cells: along, size_m });
         }
-        if let Some((distance_m, grid_m)) = mesh.grid_m().filter(|(_, grid_m)| *grid_m > COARSEST * cell_m) {
+        if let Some((distance_m, grid_m)) =
+            mesh.grid_m().filter(|(_, grid_m)| *grid_m > MAX_GRID_CELLS * cell_m)
+        {
             return Err(MeshError::CoarseGrid { distance_m, grid_m, cell_m });
         }
-        // A side that is a whole number of cells but for rounding takes no more.
-        let cells = (sides_m / cell_m - WHOLE).ceil().max(DVec3::ONE);
+        // A side that is a whole number of cells up to rounding takes no more.
+        let cells = (sides_m / cell_m - WHOLE_TOLERANCE).ceil().max(DVec3::ONE);
         let low_m = -0.5 * cell_m * cells;
-        let grid = Grid { cells: cells.to_array().map(|n| n as usize), cell_m, low_m };
+        let grid = CellGrid { cells: cells.to_array().map(|n| n as usize), cell_m, low_m };
         Ok(Self {
             mesh,
             grid,
@@ -205,18 +154,19 @@ impl<'a> CellLattice<'a> {
         self.grid.cell_m
     }
 
-    /// The same lattice with the nodes in `region` fixed.
+    /// Fixes the nodes in `region`.
     #[must_use]
     pub fn fix(mut self, region: Region) -> Self {
         self.fixed.push(region);
         self
     }
 
-    /// The same lattice, fixed where `vertices` of the mesh that was given are named: the nodes that carry one of them, or
-    /// a place of a triangle all of whose corners are named, with a weight of an eighth at least, as one node always does.
+    /// Fixes the nodes that carry the named `vertices` of the given mesh, and the nodes that carry triangles with
+    /// three named corners. A node counts as carrying with a weight of at least 1/8, which at least one node always
+    /// has.
     ///
     /// # Errors
-    /// [`MeshError::Length`] when there is not one entry for each vertex.
+    /// [`MeshError::Length`] if the list does not have one entry for each vertex.
     pub fn fix_vertices(mut self, vertices: &[bool]) -> Result<Self, MeshError> {
         let (found, needed) = (vertices.len(), self.mesh.vertices_m().len());
         if found != needed {
@@ -226,26 +176,26 @@ impl<'a> CellLattice<'a> {
         Ok(self)
     }
 
-    /// The same lattice with `tissue` in `region`, where the last region given counts. A cell takes the mean of what is at
-    /// 4 × 4 × 4 places in it.
+    /// Fills `region` with `tissue`; later regions override earlier ones. A cell takes the mean over 4 × 4 × 4 places
+    /// in it.
     #[must_use]
     pub fn region(mut self, region: Region, tissue: Tissue) -> Self {
         self.regions.push((region, tissue));
         self
     }
 
-    /// The same lattice, which need not be fixed anywhere, and may be in several pieces.
+    /// Allows a body without fixed nodes, or in several pieces.
     #[must_use]
     pub fn allow_unconstrained(mut self) -> Self {
         self.allow_free = true;
         self
     }
 
-    /// The same lattice with points of the touched surface at least `cells` apart; half a cell is the default.
-    /// Nearer points move as their cell does and would tell the hand nothing new.
+    /// Sets the minimum distance of points of the touchable surface, in cells; half a cell by default. Closer points
+    /// move with the same cell and add no detail.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] unless it is between 0 and 1; at 0 every vertex of the mesh is one.
+    /// [`BodyError::Parameter`] unless it is between 0 and 1. At 0 every vertex of the mesh is a point.
     pub fn touch_spacing(mut self, cells: f64) -> Result<Self, BodyError> {
         crate::error::check(
             "spacing of points of the touched surface, cells",
@@ -257,18 +207,19 @@ impl<'a> CellLattice<'a> {
         Ok(self)
     }
 
-    /// The body: cells filled with `tissue`.
+    /// Creates the body with the cells filled with `tissue`.
     ///
     /// # Errors
-    /// [`BodyError`] when a number makes no sense, all is fixed, or nothing is and [`CellLattice::allow_free`] was not said;
-    /// [`MeshError::Pieces`] when there is more than one piece and it was not said; [`MeshError::EmptyRegion`] for a region
-    /// that holds nothing; [`MeshError::TooManyNodes`] beyond [`CellLattice::MOST_NODES`].
+    /// [`BodyError`] for an invalid tissue, if all nodes are fixed, or if none is without
+    /// [`CellLattice::allow_unconstrained`]; [`MeshError::Pieces`] for more than one piece without it;
+    /// [`MeshError::EmptyRegion`] for a region without any part of the body; [`MeshError::TooManyNodes`] beyond
+    /// [`CellLattice::MAX_NODES`].
     pub fn tissue(&self, tissue: &Tissue) -> Result<MeshBody, BodyError> {
         material::check_tissue(tissue)?;
         self.regions.iter().try_for_each(|(_, other)| material::check_tissue(other))?;
         let (mesh, grid) = (self.mesh, self.grid);
-        let kept: Kept = keep::keep(&grid, fill::fill(mesh, &grid));
-        let (pieces, smallest) = keep::pieces(&grid, &kept.cells);
+        let kept = KeptCells::choose(&grid, fill::fill(mesh, &grid));
+        let (pieces, smallest) = kept_cells::pieces(&grid, &kept.cells);
         if pieces > 1 && !self.allow_free {
             let middle = DVec3::from_array(grid.place(smallest).map(|n| n as f64)) + 0.5;
             return Err(MeshError::Pieces { pieces, at_m: mesh.center_m() + grid.at_m(middle) }.into());
@@ -287,7 +238,8 @@ impl<'a> CellLattice<'a> {
         let is_whole = |share: &f64| (share - 1.0).abs() < WHOLE_CELL;
         let cells = if share.iter().all(is_whole) { cells } else { cells.partly_filled() };
         let network = network.with_grid(cells);
-        let touched = TouchSurface::new(mesh, &embedding, grid.cell_m, self.touch_spacing);
+        let touched =
+            TouchSurface::new(mesh, |place_m| embedding.point(place_m), grid.cell_m, self.touch_spacing);
         Ok(MeshBody {
             network,
             surface: touched.surface,
@@ -302,7 +254,7 @@ impl<'a> CellLattice<'a> {
         if nodes <= most {
             return Ok(());
         }
-        // As many of the corners in a box of that shape as here; of few cells a few more are at the surface.
+        // Assume the filled share of the corners of a box; with few cells slightly more lie at the surface.
         let along = self.grid.cells.into_iter().max().unwrap_or(1);
         let shares = self.grid.cells.map(|cells| cells as f64 / along as f64);
         let corners =
@@ -326,13 +278,13 @@ impl<'a> CellLattice<'a> {
             }
         }
         for (index, named) in self.fixed_vertices.iter().enumerate() {
-            let places = self.named_places_m(named);
+            let places = self.named_positions_m(named);
             if places.is_empty() {
                 return Err(empty("list of fixed vertices", index));
             }
             for place_m in places {
                 let (cell, local) = embedding.locate(place_m);
-                for (node, weight) in embedding.cells()[cell].into_iter().zip(weights(local)) {
+                for (node, weight) in embedding.cells()[cell].into_iter().zip(trilinear_weights(local)) {
                     fixed[node] |= weight >= 0.125 - 1e-9;
                 }
             }
@@ -340,9 +292,9 @@ impl<'a> CellLattice<'a> {
         Ok(fixed)
     }
 
-    /// Named vertices, and places at most half a cell apart on triangles all of whose corners are named, relative to the
-    /// mesh's centre, m.
-    fn named_places_m(&self, named: &[bool]) -> Vec<DVec3> {
+    /// Positions of the named vertices, and of places at most half a cell apart on triangles with three named
+    /// corners, relative to the mesh's centre, m.
+    fn named_positions_m(&self, named: &[bool]) -> Vec<DVec3> {
         let point_of = self.mesh.point_of();
         let mut points = vec![false; self.mesh.points_m().len()];
         for point in named.iter().zip(point_of).filter(|(named, _)| **named).filter_map(|(_, point)| *point) {
@@ -363,14 +315,14 @@ impl<'a> CellLattice<'a> {
     }
 }
 
-/// What a number of cells may exceed a whole number by.
-const WHOLE: f64 = 1e-6;
-/// The coarsest grid of vertices, in cells: of a body with ten cells along, a thousandth of its size. Beyond, faces of a fine mesh
-/// are turned to be seen.
-const COARSEST: f64 = 0.01;
+/// Tolerance of a whole number of cells.
+const WHOLE_TOLERANCE: f64 = 1e-6;
+/// Maximum spacing of the coordinate grid of vertices, in cells. With ten cells it is a thousandth of the body's
+/// size. Beyond it, faces of a fine mesh are visibly rotated.
+const MAX_GRID_CELLS: f64 = 0.01;
 
 impl MeshBody {
-    /// The same body turned by `rotation` about the origin and then moved by `translation_m`.
+    /// Rotates the body by `rotation` about the origin and then translates it by `translation_m`, m.
     ///
     /// # Errors
     /// As [`Network::placed`].

@@ -1,38 +1,40 @@
-//! The hexahedral cells of a network and their volume barriers.
+//! Hexahedral cells of a network and their volume barriers.
 
-mod watch;
+mod active_cells;
 
-pub(crate) use watch::{Watch, rate_bound};
+pub(crate) use active_cells::{ActiveCells, rate_bound};
 
 use crate::Link;
 use glam::{DMat3, DVec3};
 use palpate_laws::VolumeBarrier;
 
-/// The hexahedral cells of a network. Each has a volume barrier in each of its ten tetrahedra; see [`VolumeBarrier`].
+/// The hexahedral cells of a network. Each of the ten tetrahedra of a cell has a volume barrier; see
+/// [`VolumeBarrier`].
 ///
 /// Corner c of a cell lies towards +x where bit 0 of c is set, +y with bit 1, +z with bit 2.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Cells {
     nodes: Vec<[usize; 8]>,
     barriers: Vec<[VolumeBarrier; TETRAHEDRA.len()]>,
-    /// Cells with node i: `incident[incident_start[i]..incident_start[i + 1]]`.
+    /// Cells of node i: `incident[incident_start[i]..incident_start[i + 1]]`.
     incident: Vec<usize>,
     incident_start: Vec<usize>,
-    /// The shortest edge at rest, m.
+    /// Shortest edge at rest, m.
     shortest_m: f64,
 }
 
-/// A tetrahedron of a cell and its volume barrier.
+/// A tetrahedron of a cell with its volume barrier.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BarrierTetrahedron {
-    /// Its nodes; the edges lead from the first to the others.
+    /// Nodes; the edges lead from the first to the others.
     pub nodes: [usize; 4],
-    /// Its barrier.
+    /// Volume barrier.
     pub barrier: VolumeBarrier,
 }
 
-/// The tetrahedra of a cell whose volumes count: those at its eight corners, and the two between alternate corners, which alone
-/// notice a twist of opposite faces. Together they are the tetrahedra of the two decompositions of a hexahedron into five.
+/// Tetrahedra of a cell with a barrier: those at its eight corners, and the two between alternate corners, which
+/// alone change their volume when opposite faces twist. Together they form the two decompositions of a hexahedron
+/// into five tetrahedra.
 const TETRAHEDRA: [[usize; 4]; 10] = [
     [0, 1, 2, 4],
     [1, 0, 3, 5],
@@ -51,26 +53,26 @@ fn edges_m(x: &[DVec3], [o, a, b, c]: [usize; 4]) -> [DVec3; 3] {
 }
 
 impl BarrierTetrahedron {
-    /// Its edges at the positions `x_m` of all nodes, m.
+    /// Edges at the positions `x_m` of all nodes, m.
     #[must_use]
     pub fn edges_m(&self, x_m: &[DVec3]) -> [DVec3; 3] {
         edges_m(x_m, self.nodes)
     }
 
-    /// Its volume ratio at the positions `x_m` of all nodes.
+    /// Volume ratio at the positions `x_m` of all nodes.
     #[must_use]
     pub fn ratio(&self, x_m: &[DVec3]) -> f64 {
         self.barrier.ratio(self.edges_m(x_m))
     }
 
-    /// The forces on its four nodes, N.
+    /// Forces on the four nodes, N.
     #[must_use]
     pub fn forces_n(&self, x_m: &[DVec3]) -> [DVec3; 4] {
         let [a, b, c] = self.barrier.forces_n(self.edges_m(x_m));
         [-(a + b + c), a, b, c]
     }
 
-    /// The 3 × 3 blocks of its stiffness over its four nodes, N/m.
+    /// Stiffness of the four nodes in 3 × 3 blocks, N/m. With `clamped` it is positive semidefinite.
     #[must_use]
     pub fn stiffness(&self, x_m: &[DVec3], clamped: bool) -> [[DMat3; 4]; 4] {
         let edges = self.barrier.tangent(self.edges_m(x_m), clamped);
@@ -88,11 +90,12 @@ impl BarrierTetrahedron {
 }
 
 impl Cells {
-    /// The cells `nodes` of a network. A cell without proper volume at rest, or without springs, has no barrier and is left out.
+    /// Creates the cells with the given nodes. A cell without volume at rest or without springs has no barrier and is
+    /// omitted.
     ///
-    /// c of the tetrahedra of a cell together is E V of its tissue. At J = 0 the barrier then pushes with 1.04 E, and at
-    /// J = −0.5 with 2 E; the springs of a flat cell pull with up to 0.55 E towards the inverted side. E V follows from the
-    /// springs: (1/V) Σ k ℓ² = 6 E in an isotropic lattice. Cells share a spring equally.
+    /// The energy scales c of the tetrahedra of a cell sum to E V of its tissue. The barrier then has a pressure of
+    /// 1.04 E at J = 0 and of 2 E at J = −0.5; the springs of a flat cell pull with up to 0.55 E towards the inverted
+    /// side. E V follows from the springs: (1/V) Σ k ℓ² = 6 E in an isotropic lattice. Cells share a spring equally.
     pub(crate) fn new(
         nodes: Vec<[usize; 8]>,
         rest_m: &[DVec3],
@@ -103,7 +106,7 @@ impl Cells {
             let mut inside: Vec<usize> = Vec::with_capacity(28);
             for &node in cell {
                 let around = &incident[incident_start[node]..incident_start[node + 1]];
-                // Each once, from its end a.
+                // Each spring once, from its end a.
                 inside.extend(around.iter().filter(|&&l| links[l].a == node && cell.contains(&links[l].b)));
             }
             inside
@@ -158,17 +161,17 @@ impl Cells {
         (self.incident, self.incident_start) = (incident, start);
     }
 
-    /// The nodes of each cell.
+    /// Nodes of each cell.
     pub(crate) fn nodes(&self) -> &[[usize; 8]] {
         &self.nodes
     }
 
-    /// The other nodes of the cells of `node`; some more than once.
+    /// The other nodes of the cells of `node`, with duplicates.
     pub(crate) fn cell_mates(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
         self.cells_of(node).iter().flat_map(|&cell| self.nodes[cell]).filter(move |&other| other != node)
     }
 
-    /// The cells of `node`.
+    /// Indices of the cells of `node`.
     fn cells_of(&self, node: usize) -> &[usize] {
         match self.incident_start.get(node..node + 2) {
             Some(&[from, to]) => &self.incident[from..to],
@@ -189,7 +192,24 @@ impl Cells {
         (0..self.nodes.len()).flat_map(|cell| self.tetrahedra(cell))
     }
 
-    /// The force of the barriers on `node`, N.
+    /// Tetrahedra whose volume ratio is below `ratio` at the positions `x`.
+    pub(crate) fn tetrahedra_below<'a>(
+        &'a self,
+        ratio: f64,
+        x: &'a [DVec3],
+    ) -> impl Iterator<Item = BarrierTetrahedron> + 'a {
+        self.all_tetrahedra().filter(move |tetrahedron| tetrahedron.ratio(x) < ratio)
+    }
+
+    /// Tetrahedra whose barriers act at the positions `x`.
+    pub(crate) fn active_tetrahedra<'a>(
+        &'a self,
+        x: &'a [DVec3],
+    ) -> impl Iterator<Item = BarrierTetrahedron> + 'a {
+        self.tetrahedra_below(VolumeBarrier::ONSET, x)
+    }
+
+    /// Force of the barriers on `node`, N; `None` if no barrier acts.
     pub(crate) fn force_on_n(&self, x: &[DVec3], node: usize) -> Option<DVec3> {
         let mut sum = None;
         for tetrahedron in self.cells_of(node).iter().flat_map(|&cell| self.tetrahedra(cell)) {
@@ -217,7 +237,7 @@ impl Cells {
         (0..self.nodes.len()).for_each(|cell| self.add_forces(cell, x, force));
     }
 
-    /// The energy of all barriers, J.
+    /// Energy of all barriers, J.
     pub(crate) fn energy_j(&self, x: &[DVec3]) -> f64 {
         self.all_tetrahedra().map(|tetrahedron| tetrahedron.barrier.energy_j(tetrahedron.ratio(x))).sum()
     }

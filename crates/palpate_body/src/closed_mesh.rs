@@ -1,102 +1,104 @@
-//! A closed triangle mesh: what encloses a body.
+//! A closed triangle mesh that encloses a body.
 
 mod coincident;
 mod crossing;
 mod error;
+mod geometry;
 mod inside;
 mod orient;
 mod weld;
 
 pub use error::MeshError;
 
+use geometry::{TOLERANCE, same_winding, volume};
 use glam::DVec3;
 use inside::Inside;
 
-/// A closed surface of triangles, made from any mesh that encloses a volume.
+/// A closed surface of triangles, created from a mesh that encloses a volume.
 ///
-/// # What is taken, and what is not
+/// # Accepted and rejected meshes
 ///
-/// | the mesh has | what becomes of it |
+/// | property of the mesh | result |
 /// | --- | --- |
-/// | vertices at one place, as glTF splits them along seams | welded, within 1e-6 of its size ([`MeshRepairs::welded`]) |
-/// | triangles with two corners at one place, or named twice | left out |
-/// | triangles back to back: a wall of no thickness within it, or every triangle in both windings | left out |
-/// | triangles of mixed winding, or all inside out | turned ([`MeshRepairs::turned`]) |
-/// | several closed parts | taken; they may touch |
-/// | a closed part inside another that looks the other way | a cavity |
-/// | an edge at which four triangles or more meet, in a winding that closes | taken ([`MeshRepairs::pinched_edges`]) |
-/// | holes, other edges with three triangles or more, one side only, no thickness, parts that cross | [`MeshError`] |
+/// | coincident vertices, as glTF splits them along seams | welded within 1e-6 of its size ([`MeshRepairs::welded`]) |
+/// | degenerate or repeated triangles | omitted |
+/// | pairs of opposite triangles: an inner wall without thickness, or every triangle in both windings | omitted |
+/// | inconsistent or inverted winding | flipped ([`MeshRepairs::turned`]) |
+/// | several closed parts | accepted; they may touch |
+/// | a closed part inside another, with opposite orientation | a cavity |
+/// | an edge of four or more triangles with a consistent winding | accepted ([`MeshRepairs::pinched_edges`]) |
+/// | holes, other edges of three or more triangles, one-sided, flat or self-intersecting parts | [`MeshError`] |
 /// | a longest side below 1 mm or above 10 m; more than two million triangles | [`MeshError`] |
 ///
-/// Everything is computed relative to the mesh's centre, so that it may lie anywhere; in single precision
-/// ([`ClosedMesh::from_single`]) as far from the origin as its digits last. Triangles that only touch, or cross
-/// by less than 1e-6 of the mesh's size, do not count as crossing.
+/// All computations are relative to the mesh's centre, so the mesh may lie anywhere. A single-precision mesh
+/// ([`ClosedMesh::from_single`]) is limited by its digits. Triangles that only touch, or that intersect by less than
+/// 1e-6 of the mesh's size, do not count as intersecting.
 #[derive(Clone, Debug)]
 pub struct ClosedMesh {
-    /// As given.
+    /// Vertices as given.
     vertices_m: Vec<DVec3>,
     normals: Option<Vec<DVec3>>,
-    /// The triangles given, turned where needed; those that were left out for the volume included.
+    /// Triangles as given, flipped where needed; includes those omitted from the volume.
     triangles: Vec<[usize; 3]>,
-    /// The point of each vertex, if a triangle has it.
+    /// The welded point of each vertex that a triangle uses.
     point_of: Vec<Option<usize>>,
     center_m: DVec3,
     /// Welded vertices, relative to the centre, m.
     points_m: Vec<DVec3>,
-    /// Of points, counter-clockwise seen from outside.
+    /// Triangles of welded points, counter-clockwise as seen from outside.
     closed: Vec<[usize; 3]>,
     parts: usize,
     volume_m3: f64,
     half_size_m: DVec3,
     repairs: MeshRepairs,
     inside: Inside,
-    /// The least difference of two coordinates that its vertices could have, m, if they are known to be on such a grid.
+    /// Spacing of the coordinate grid of the vertices, m, if it is known.
     grid_m: Option<f64>,
 }
 
-/// What was put right in a mesh.
+/// Repairs of a mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MeshRepairs {
-    /// Vertices that were at the place of another.
+    /// Number of vertices that coincided with another.
     pub welded: usize,
-    /// Triangles with two corners at one place.
+    /// Number of degenerate triangles.
     pub collapsed: usize,
-    /// Triangles that repeated another.
+    /// Number of repeated triangles.
     pub duplicates: usize,
-    /// Triangles that lay back to back with another, and went with it.
+    /// Number of triangles omitted together with their opposite.
     pub back_to_back: usize,
-    /// Triangles whose winding was turned.
+    /// Number of flipped triangles.
     pub turned: usize,
-    /// Edges with four triangles or more.
+    /// Number of edges with four or more triangles.
     pub pinched_edges: usize,
 }
 
-/// Points nearer than that to each other, as a share of the longest side, are one; so are crossings no deeper.
-const TOLERANCE: f64 = 1e-6;
-/// Coordinates beyond that have no digits left for a body.
-const FARTHEST_M: f64 = 1e15;
+/// Coordinates beyond this, m, have no digits left for a body.
+const MAX_COORDINATE_M: f64 = 1e15;
 
 impl ClosedMesh {
-    /// The most triangles of a mesh; of vertices there may be three times as many.
+    /// Maximum number of triangles of a mesh. The maximum number of vertices is three times as large.
     pub const MAX_TRIANGLES: usize = 2_000_000;
-    /// The least longest side, m.
-    pub const MIN_SIZE_M: f64 = 1e-3;
-    /// The largest longest side, m.
-    pub const MAX_SIZE_M: f64 = 10.0;
+    /// Minimum length of the longest side, m.
+    pub const MIN_SIZE_M: f64 = crate::limits::MIN_MESH_SIZE_M;
+    /// Maximum length of the longest side, m.
+    pub const MAX_SIZE_M: f64 = crate::limits::MAX_MESH_SIZE_M;
 
-    /// The closed surface of `triangles`, which name `vertices_m` (m).
+    /// Creates the closed surface of `triangles`, given as indices into `vertices_m` (m).
     ///
     /// # Errors
-    /// [`MeshError`], which says what to do: see the table above.
+    /// [`MeshError`] with the remedy; see the table above.
     pub fn new(vertices_m: Vec<DVec3>, triangles: Vec<[usize; 3]>) -> Result<Self, MeshError> {
         let measured = Measured::of(&vertices_m, &triangles)?;
         let grid_m = if measured.is_single { measured.distance_m() * f64::from(f32::EPSILON) } else { 0.0 };
         Self::close_measured(vertices_m, triangles, measured, grid_m)
     }
 
-    /// The closed surface of `triangles`, which name `vertices` in single precision, a unit of which is `scale_m` metres. How
-    /// many digits they have is then known whatever the scale: a mesh too far from its origin for its cells is refused
-    /// ([`MeshError::CoarseGrid`]) when cells are fitted to it.
+    /// Creates the closed surface of `triangles`, given as indices into the single-precision `vertices`, in units of
+    /// `scale_m` metres.
+    ///
+    /// The precision of the vertices is then known for any scale. Fitting cells to a mesh too far from its origin
+    /// fails with [`MeshError::CoarseGrid`].
     ///
     /// # Errors
     /// [`MeshError`], as [`ClosedMesh::new`].
@@ -122,7 +124,7 @@ impl ClosedMesh {
     ) -> Result<Self, MeshError> {
         let (low, high) = measured.bounds_m;
         match Self::close(vertices_m, triangles, low, high) {
-            // Holes, needles and crossings are the consequence there, not the fault.
+            // Here holes, slivers and intersections are consequences of lost digits.
             Err(_) if grid_m > 1e-3 * measured.size_m().max(Self::MIN_SIZE_M) => {
                 Err(MeshError::LostDigits { distance_m: measured.distance_m(), grid_m })
             }
@@ -173,7 +175,7 @@ impl ClosedMesh {
             }
             inside = Inside::new(&triangles, &points_m, half_size_m);
         }
-        // Drawn triangles follow: those left out keep the winding they had.
+        // The drawn triangles follow. Omitted ones keep their winding.
         for ((index, given), now) in surface.kept.iter().map(|&k| of_points[k]).zip(&triangles) {
             if !same_winding(given, *now) {
                 drawn[index].swap(1, 2);
@@ -198,11 +200,11 @@ impl ClosedMesh {
         })
     }
 
-    /// The same mesh with the normal at each vertex that it is drawn with: where vertices at one place have different
-    /// normals, there is an edge that stays hard.
+    /// Adds the normal of each vertex as drawn. Where coincident vertices have different normals, the drawn edge
+    /// stays hard.
     ///
     /// # Errors
-    /// [`MeshError::Length`] when there is not one normal for each vertex.
+    /// [`MeshError::Length`] if the number of normals is not the number of vertices.
     pub fn with_normals(mut self, normals: Vec<DVec3>) -> Result<Self, MeshError> {
         let (found, vertices) = (normals.len(), self.vertices_m.len());
         if found != vertices {
@@ -212,44 +214,44 @@ impl ClosedMesh {
         Ok(self)
     }
 
-    /// The vertices given, m.
+    /// Vertices as given, m.
     #[must_use]
     pub fn vertices_m(&self) -> &[DVec3] {
         &self.vertices_m
     }
 
-    /// The triangles given, as indices of the vertices given and in the same order, turned where their winding was wrong:
-    /// what to draw.
+    /// Triangles to draw: as given, in the same order, with corrected winding.
     #[must_use]
     pub fn triangles(&self) -> &[[usize; 3]] {
         &self.triangles
     }
 
-    /// The volume it encloses, without its cavities, m³.
+    /// Enclosed volume without cavities, m³.
     #[must_use]
     pub fn volume_m3(&self) -> f64 {
         self.volume_m3
     }
 
-    /// Its lowest and its highest coordinates, m.
+    /// Minimum and maximum coordinates, m.
     #[must_use]
     pub fn bounds_m(&self) -> [DVec3; 2] {
         [self.center_m - self.half_size_m, self.center_m + self.half_size_m]
     }
 
-    /// How many closed surfaces it has, cavities among them.
+    /// Number of closed surfaces, including cavities.
     #[must_use]
     pub fn parts(&self) -> usize {
         self.parts
     }
 
-    /// What was put right.
+    /// Repairs of the mesh.
     #[must_use]
     pub fn repairs(&self) -> MeshRepairs {
         self.repairs
     }
 
-    /// Whether `place_m` is inside: exact but for a rounding of vertices and place to 2⁻²⁵ of the mesh's size.
+    /// Whether `place_m` is inside. The test is exact after vertices and place are rounded to 2⁻²⁵ of the mesh's
+    /// size.
     #[must_use]
     pub fn contains(&self, place_m: DVec3) -> bool {
         self.inside.winding(place_m - self.center_m) > 0
@@ -268,18 +270,18 @@ impl ClosedMesh {
         &self.points_m
     }
 
-    /// Triangles of the welded vertices, counter-clockwise seen from outside.
+    /// Triangles of welded vertices, counter-clockwise as seen from outside.
     pub(crate) fn closed_triangles(&self) -> &[[usize; 3]] {
         &self.closed
     }
 
-    /// The welded vertex of each vertex given, if a triangle has it.
+    /// The welded vertex of each vertex that a triangle uses.
     pub(crate) fn point_of(&self) -> &[Option<usize>] {
         &self.point_of
     }
 
-    /// How far from the origin it reaches along an axis, and the least difference of two coordinates that its vertices could have
-    /// there, m; `None` where that is not known to be more than rounding.
+    /// Maximum absolute coordinate, and the spacing of the coordinate grid of the vertices there, m; `None` if the
+    /// spacing is unknown.
     pub(crate) fn grid_m(&self) -> Option<(f64, f64)> {
         let [low, high] = self.bounds_m();
         self.grid_m.map(|grid_m| (low.abs().max(high.abs()).max_element(), grid_m))
@@ -290,16 +292,16 @@ impl ClosedMesh {
     }
 }
 
-/// What is known of a mesh before anything is computed with it.
+/// Measurements of a mesh before any computation.
 struct Measured {
-    /// Of the vertices that triangles have.
+    /// Bounds of the vertices in use.
     bounds_m: (DVec3, DVec3),
-    /// Whether all of their coordinates are single-precision numbers.
+    /// Whether all coordinates in use are single-precision numbers.
     is_single: bool,
 }
 
 impl Measured {
-    /// Of a mesh whose numbers can be computed with.
+    /// Checks indices and coordinates, and measures the mesh.
     fn of(vertices_m: &[DVec3], triangles: &[[usize; 3]]) -> Result<Self, MeshError> {
         if triangles.is_empty() {
             return Err(MeshError::Empty);
@@ -318,7 +320,7 @@ impl Measured {
                 return Err(MeshError::Index { triangle, vertex, vertices });
             }
         }
-        let taken = |x: &DVec3| x.is_finite() && x.abs().max_element() < FARTHEST_M;
+        let taken = |x: &DVec3| x.is_finite() && x.abs().max_element() < MAX_COORDINATE_M;
         if let Some(vertex) = vertices_m.iter().position(|x| !taken(x)) {
             return Err(MeshError::NotFinite { vertex });
         }
@@ -335,7 +337,7 @@ impl Measured {
         (self.bounds_m.1 - self.bounds_m.0).max_element()
     }
 
-    /// How far from the origin it reaches along an axis.
+    /// Maximum absolute coordinate, m.
     fn distance_m(&self) -> f64 {
         let (low, high) = self.bounds_m;
         low.abs().max(high.abs()).max_element()
@@ -349,22 +351,8 @@ fn check_size(size_m: f64, center_m: DVec3) -> Result<(), MeshError> {
     if size_m < 1e-12 {
         return Err(MeshError::Flat { at_m: center_m });
     }
-    // Millimetres, centimetres, inches taken for metres, and metres for something smaller; else a decimetre.
+    // Millimetres, centimetres or inches read as metres, and metres read as a smaller unit; otherwise scale to 0.1 m.
     let usual = [1e-3, 1e-2, 1e3, 1e-6, 1e6].into_iter().find(|f| (0.01..=2.0).contains(&(f * size_m)));
     let factor = usual.unwrap_or(0.1 / size_m);
     Err(MeshError::Size { size_m, factor })
-}
-
-/// Whether `b` is `a` or a rotation of it.
-fn same_winding(a: [usize; 3], b: [usize; 3]) -> bool {
-    (0..3).any(|turn| (0..3).all(|i| a[(i + turn) % 3] == b[i]))
-}
-
-/// Σ a · (b × c)/6.
-fn volume(triangles: &[[usize; 3]], points_m: &[DVec3]) -> f64 {
-    let of = |t: &[usize; 3]| {
-        let [a, b, c] = t.map(|point| points_m[point]);
-        a.dot(b.cross(c)) / 6.0
-    };
-    triangles.iter().map(of).sum()
 }

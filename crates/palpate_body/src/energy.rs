@@ -1,197 +1,58 @@
-//! A body's energy, and where it comes from and goes.
+//! Energy of a body and its balance.
 
-use crate::tie::TieEnd;
-use crate::{Body, BodyPoint, NodeContact};
 use glam::DVec3;
 
-/// The energy that a body holds, J.
+/// Energy of a body, J.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {
-    /// Of the motion of its nodes.
+    /// Kinetic energy of the nodes.
     pub kinetic_j: f64,
-    /// Of its springs and of the volume barriers of its cells.
+    /// Elastic energy of springs and volume barriers.
     pub elastic_j: f64,
-    /// Of its height, zero at rest: −Σ m g·(x − x_rest).
+    /// Potential energy −Σ m g·(x − x_rest); zero at rest.
     pub gravitational_j: f64,
 }
 
-/// What happened to a body's energy since [`Body::open_books`], J.
+/// Energy balance of a body since [`crate::Body::start_energy_accounting`], J.
 ///
 /// ```text
-/// work in = stored + damped + rubbed + integrator
+/// work in = stored + damping loss + friction loss + integrator
 /// ```
 ///
-/// Work, energy and what the dampers take are each computed from forces and motions; the integrator's share is what is
-/// left. It vanishes with the length of the steps.
+/// Work, stored energy and damping losses are computed from forces and motions; the integrator's share is the
+/// remainder. It vanishes with the step length.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyBalance {
-    /// Done on the body by what drives it, by its loads and by threads that stretch: what they store is not the body's.
+    /// Work on the body by drives, loads and elastic threads. The energy stored in elastic threads is not the body's.
     pub work_in_j: f64,
-    /// Energy now minus that when the books were opened, with what the compliance in series with contacts holds.
+    /// Change of the stored energy, including the series compliance of contacts.
     pub stored_j: f64,
-    /// Taken by the dampers; never negative.
+    /// Energy dissipated by dampers; never negative.
     pub damping_loss_j: f64,
-    /// Taken by friction and impacts.
+    /// Energy dissipated by friction and impacts.
     pub friction_loss_j: f64,
-    /// Taken by the integrator; negative where it gives.
+    /// Energy removed by the integrator; negative where it adds energy.
     pub integrator_j: f64,
 }
 
 impl Energy {
-    /// The sum.
+    /// Total energy, J.
     #[must_use]
     pub fn total_j(&self) -> f64 {
         self.kinetic_j + self.elastic_j + self.gravitational_j
     }
 }
 
-impl Body {
-    /// The energy that it holds now. Fixed nodes have none of their own.
-    #[must_use]
-    pub fn energy(&self) -> Energy {
-        let (network, x, v) = (self.network(), self.positions_m(), self.velocities_m_per_s());
-        let kinetic = |&node: &usize| 0.5 * network.mass_kg()[node] * v[node].length_squared();
-        let elastic = |link: &crate::Link| link.spring.energy_j(x[link.b] - x[link.a]);
-        Energy {
-            kinetic_j: network.free().iter().map(kinetic).sum(),
-            elastic_j: network.links().iter().map(elastic).sum::<f64>() + network.barriers().energy_j(x),
-            gravitational_j: self.gravitational_j(),
-        }
-    }
-
-    /// −Σ m g·(x − x_rest) over its free nodes, J.
-    pub(crate) fn gravitational_j(&self) -> f64 {
-        let (network, x, g) = (self.network(), self.positions_m(), self.gravity_m_per_s2());
-        let height = |&node: &usize| -network.mass_kg()[node] * g.dot(x[node] - network.rest_m()[node]);
-        network.free().iter().map(height).sum()
-    }
-
-    /// The books of energy since they were opened; `None` when they were not.
-    #[must_use]
-    pub fn energy_balance(&self) -> Option<EnergyBalance> {
-        let ledger = self.ledger.as_ref()?;
-        let contact_j = ledger.contact_j.map_or(0.0, |(first, now)| now - first);
-        let stored_j = self.energy().total_j() - ledger.opened_with_j + contact_j;
-        let Ledger { work_in_j, damped_j, rubbed_j, .. } = *ledger;
-        let integrator_j = work_in_j - stored_j - damped_j - rubbed_j;
-        Some(EnergyBalance {
-            work_in_j,
-            stored_j,
-            damping_loss_j: damped_j,
-            friction_loss_j: rubbed_j,
-            integrator_j,
-        })
-    }
-}
-
-/// The books in the making.
+/// Running sums of the energy balance.
 #[derive(Clone, Debug)]
-pub(crate) struct Ledger {
-    opened_with_j: f64,
-    work_in_j: f64,
-    damped_j: f64,
-    rubbed_j: f64,
-    /// In the compliance in series with contacts, after the first step and now.
-    contact_j: Option<(f64, f64)>,
+pub(crate) struct EnergyLedger {
+    pub(crate) initial_j: f64,
+    pub(crate) work_in_j: f64,
+    pub(crate) damping_loss_j: f64,
+    pub(crate) friction_loss_j: f64,
+    /// Energy in the series compliance of contacts, after the first step and now.
+    pub(crate) contact_j: Option<(f64, f64)>,
     /// Positions and velocities at the beginning of the step.
-    x: Vec<DVec3>,
-    v: Vec<DVec3>,
-}
-
-impl Ledger {
-    pub(crate) fn open(body: &Body) -> Self {
-        Self {
-            opened_with_j: body.energy().total_j(),
-            work_in_j: 0.0,
-            damped_j: 0.0,
-            rubbed_j: 0.0,
-            contact_j: None,
-            x: body.positions_m().to_vec(),
-            v: body.velocities_m_per_s().to_vec(),
-        }
-    }
-
-    /// Takes note of energy that came without work.
-    pub(crate) fn revalue(&mut self, change_j: f64) {
-        self.opened_with_j += change_j;
-    }
-
-    /// Notes the state at the beginning of a step.
-    pub(crate) fn begin(mut self, body: &Body) -> Self {
-        self.x.copy_from_slice(body.positions_m());
-        self.v.copy_from_slice(body.velocities_m_per_s());
-        self
-    }
-
-    /// Books the work of what moves `node` in this step, against `internal_n` and gravity, and its inertia.
-    pub(crate) fn drive(mut self, body: &Body, node: usize, internal_n: DVec3) -> Self {
-        let m = body.network().mass_kg()[node];
-        let (v, moved) = (body.velocities_m_per_s()[node], body.positions_m()[node] - self.x[node]);
-        self.work_in_j += 0.5 * m * (v.length_squared() - self.v[node].length_squared());
-        self.work_in_j -= (internal_n + body.outer_force_on_n(node)).dot(moved);
-        self
-    }
-
-    /// Books what obstacles and ties did in this step, at the mean velocities of what they touch: what anchors and stretching
-    /// threads did is work, all else is rubbed away.
-    pub(crate) fn meet(&mut self, body: &Body, driven: Option<usize>) {
-        let taken = |c: &NodeContact| -0.5 * c.impulse_ns.dot(self.v[c.node] + c.velocity_m_per_s);
-        self.rubbed_j += body.contacts().iter().map(taken).sum::<f64>();
-        for tie in body.ties() {
-            let (impulse, h) = tie.last;
-            // What drives a node does the work of the ties that hang on it.
-            if let Some(node) = driven.filter(|_| h > 0.0) {
-                let moved = body.positions_m()[node] - self.x[node];
-                self.work_in_j -= tie.weight(node) * impulse.dot(moved) / h;
-            }
-            let mean = |point: &BodyPoint| 0.5 * (point.of(&self.v) + point.of(body.velocities_m_per_s()));
-            match &tie.b {
-                TieEnd::Anchor { .. } => self.work_in_j += impulse.dot(mean(&tie.a)),
-                TieEnd::Point(b) => {
-                    let done = impulse.dot(mean(&tie.a) - mean(b));
-                    if tie.stretches() { self.work_in_j += done } else { self.rubbed_j -= done }
-                }
-            }
-        }
-    }
-
-    /// Books what the tool did in this step with an impulse on a row of nodes, moving at `tool_m_per_s`: what the row did
-    /// not follow is rubbed away.
-    pub(crate) fn handle(
-        &mut self,
-        body: &Body,
-        row: &[(usize, f64)],
-        impulse_ns: DVec3,
-        tool_m_per_s: DVec3,
-    ) {
-        let v = body.velocities_m_per_s();
-        let mean: DVec3 = row.iter().map(|&(node, w)| 0.5 * w * (self.v[node] + v[node])).sum();
-        self.work_in_j += impulse_ns.dot(tool_m_per_s);
-        self.rubbed_j += impulse_ns.dot(tool_m_per_s - mean);
-    }
-
-    /// Books the work of closing gaps that were overdue.
-    pub(crate) fn close_gaps(mut self, work_j: f64) -> Self {
-        self.work_in_j += work_j;
-        self
-    }
-
-    /// Books what the dampers took in this step, at its mean velocities, and that contacts hold `contact_j` in series with it now: that is not rubbed
-    /// away.
-    pub(crate) fn end(mut self, body: &Body, h: f64, contact_j: f64) -> Self {
-        let (first, before) = self.contact_j.unwrap_or((contact_j, contact_j));
-        self.rubbed_j -= contact_j - before;
-        self.contact_j = Some((first, contact_j));
-        let v = body.velocities_m_per_s();
-        let mean = |node: usize| 0.5 * (self.v[node] + v[node]);
-        let power = |link: &crate::Link| {
-            let d = self.x[link.b] - self.x[link.a];
-            link.spring.dissipated_w(d, mean(link.b) - mean(link.a))
-        };
-        let taken: f64 = body.network().links().iter().map(power).sum();
-        self.damped_j += h * taken;
-        let (x, loads) = (body.positions_m(), body.loads_n());
-        self.work_in_j += (0..x.len()).map(|node| loads[node].dot(x[node] - self.x[node])).sum::<f64>();
-        self
-    }
+    pub(crate) x: Vec<DVec3>,
+    pub(crate) v: Vec<DVec3>,
 }

@@ -1,246 +1,250 @@
-//! What can be wrong with a body, its tool or its step.
+//! Errors of a body, its tools and its steps.
 
 use crate::MeshError;
 use palpate_laws::LawError;
 use thiserror::Error;
 
-/// Why a body could not be built or stepped.
+/// The reason why a body cannot be built or stepped.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum BodyError {
     /// A network without nodes.
-    #[error("a network needs at least one node")]
+    #[error("the network has no nodes; it must have at least one")]
     NoNodes,
-    /// Lists that should have one entry for each node differ in length.
-    #[error("{what} has {found} entries for {nodes} nodes; it needs exactly one for each")]
+    /// A list does not have one entry for each node.
+    #[error("{what} has {found} entries for {nodes} nodes; it must have exactly one for each")]
     Length {
-        /// Which list.
+        /// Name of the list.
         what: &'static str,
-        /// Its length.
+        /// Length of the list.
         found: usize,
-        /// The number of nodes.
+        /// Number of nodes.
         nodes: usize,
     },
-    /// A node's position has a coordinate that is not finite.
+    /// The position of a node is not finite.
     #[error("the position of node {node} is not finite")]
     Position {
-        /// The node's index.
+        /// Index of the node.
         node: usize,
     },
-    /// A load has a component that is not finite.
+    /// A load is not finite.
     #[error("the load of node {node} is not finite")]
     Load {
-        /// The node's index.
+        /// Index of the node.
         node: usize,
     },
-    /// A node's mass makes no sense.
+    /// The mass of a node is not finite or not above 0.
     #[error("the mass of node {node} is {mass_kg} kg; it must be finite and above 0")]
     Mass {
-        /// The node's index.
+        /// Index of the node.
         node: usize,
-        /// The mass given.
+        /// Mass given, kg.
         mass_kg: f64,
     },
-    /// The shape of a tool makes no sense.
+    /// The shape or the coupling of a tool is invalid.
     #[error(transparent)]
     Tool(#[from] LawError),
-    /// A mesh cannot become a body.
+    /// The mesh cannot become a body.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// A spring names a node that does not exist.
+    /// A spring refers to a node that does not exist.
     #[error("spring {link} joins node {node}, but there are only {nodes} nodes (0 to {})", .nodes - 1)]
     NodeOutOfRange {
-        /// The spring's index.
+        /// Index of the spring.
         link: usize,
-        /// The index it names.
+        /// Index of the node.
         node: usize,
-        /// The number of nodes.
+        /// Number of nodes.
         nodes: usize,
     },
-    /// A spring joins a node with itself.
+    /// A spring joins a node to itself.
     #[error("spring {link} joins node {node} with itself")]
     SelfLink {
-        /// The spring's index.
+        /// Index of the spring.
         link: usize,
-        /// The node.
+        /// Index of the node.
         node: usize,
     },
-    /// A spring joins two nodes that are at the same place, so it has no direction.
+    /// A spring joins two nodes at the same position and has no direction.
     #[error("spring {link} joins the nodes {a} and {b}, which are at the same place; move one of them")]
     ZeroLength {
-        /// The spring's index.
+        /// Index of the spring.
         link: usize,
-        /// One node.
+        /// Index of one node.
         a: usize,
-        /// The other.
+        /// Index of the other node.
         b: usize,
     },
-    /// A node that should be fixed does not exist.
+    /// A node to be fixed does not exist.
     #[error("node {node} cannot be fixed: there are only {nodes} nodes (0 to {})", .nodes.saturating_sub(1))]
     Fixed {
-        /// The index named.
+        /// Index of the node.
         node: usize,
-        /// The number of nodes.
+        /// Number of nodes.
         nodes: usize,
     },
     /// A part of the network has no fixed node.
     #[error(
-        "node {node} and what it is joined to, {nodes} nodes, are fixed to nothing; fix one of them, or let it float \
-         (`allow_free`; of a component `FixedRegion::Nothing`)"
+        "node {node} and its part of {nodes} nodes have no fixed node; fix one of them, or allow an unconstrained body \
+         (`allow_unconstrained`, or `FixedRegion::None` of a component)"
     )]
     Unheld {
-        /// Its first free node.
+        /// First free node of the part.
         node: usize,
-        /// How many nodes the part has.
+        /// Number of nodes of the part.
         nodes: usize,
     },
-    /// The network is in two parts.
+    /// The network consists of separate parts.
     #[error(
-        "node {node} is not joined to node {first} by any springs; join them, make two bodies, or let them float \
-         (`allow_free`; of a component `FixedRegion::Nothing`)"
+        "no springs connect node {node} to node {first}; connect them, make two bodies, or allow separate parts \
+         (`allow_unconstrained`, or `FixedRegion::None` of a component)"
     )]
     Disconnected {
-        /// The first free node of the later part.
+        /// First free node of the later part.
         node: usize,
-        /// The first free node of all.
+        /// First free node of the network.
         first: usize,
     },
-    /// Two springs join the same two nodes. Add their stiffnesses instead.
-    #[error("spring {link} joins the nodes {a} and {b}, as spring {earlier} does already")]
+    /// Two springs join the same nodes. Use one spring with the sum of their stiffnesses.
+    #[error(
+        "spring {link} joins the nodes {a} and {b} like spring {earlier}; use one spring with the sum of their stiffnesses"
+    )]
     DuplicateLink {
-        /// The later spring's index.
+        /// Index of the later spring.
         link: usize,
-        /// The earlier spring's index.
+        /// Index of the earlier spring.
         earlier: usize,
-        /// One node.
+        /// Index of one node.
         a: usize,
-        /// The other node.
+        /// Index of the other node.
         b: usize,
     },
-    /// A parameter of a spring's law makes no sense.
-    #[error("spring {link} makes no sense")]
+    /// The law of a spring is invalid.
+    #[error("spring {link} has an invalid law")]
     Law {
-        /// The spring's index.
+        /// Index of the spring.
         link: usize,
-        /// What is wrong with it.
+        /// Error of the law.
         #[source]
         source: LawError,
     },
-    /// Every node is fixed: nothing can move.
+    /// All nodes are fixed.
     #[error("all {0} nodes are fixed; at least one must be free")]
     AllFixed(usize),
-    /// A lattice with too few or too many nodes along an axis.
-    #[error("a block needs 2 to {max} nodes along each axis; it was given {nodes:?}", max = crate::Block::MAX_NODES_PER_SIDE)]
+    /// A lattice has too few or too many nodes along an axis.
+    #[error("a block needs 2 to {max} nodes along each axis; it was given {nodes:?}", max = crate::limits::MAX_NODES_PER_SIDE)]
     LatticeNodes {
-        /// Nodes along x, y, z.
+        /// Numbers of nodes along x, y, z.
         nodes: [usize; 3],
     },
-    /// A named quantity is outside what is allowed.
+    /// A parameter is outside its allowed range.
     #[error("{what} is {value}; it must be {allowed}")]
     Parameter {
-        /// The quantity with its unit.
+        /// Name of the parameter with its unit.
         what: &'static str,
-        /// The value given.
+        /// Value given.
         value: f64,
-        /// What is allowed.
+        /// Allowed range.
         allowed: &'static str,
     },
-    /// The step would need more substeps than are allowed. The body has not been stepped.
+    /// The step would need too many substeps. The body is unchanged.
     #[error(
         "{needed} substeps of a tick are needed; at most {allowed} are allowed: soften the springs or use fewer \
          nodes (or raise `max_substeps`)"
     )]
     Substeps {
-        /// Substeps needed for stability.
+        /// Number of substeps needed for stability.
         needed: f64,
-        /// [`crate::SemiImplicitEuler::max_substeps`].
+        /// Maximum number, [`crate::SemiImplicitEuler::max_substeps`].
         allowed: usize,
     },
-    /// The matrix of an implicit step is not positive definite even when clamped: a number has overflowed.
+    /// The matrix of an implicit step is not positive definite even when clamped, because a number has overflowed.
     #[error(
-        "the matrix of the implicit step is not positive definite; are stiffness, mass and step within reason?"
+        "the matrix of the implicit step is not positive definite; reduce stiffness, mass or step length"
     )]
     Indefinite,
-    /// Memory does not last for a factorisation.
-    #[error("the factorisation of a body of {nodes} free nodes failed; take conjugate gradients")]
+    /// The factorisation exceeds the memory.
+    #[error(
+        "the factorisation of a body of {nodes} free nodes failed; use `LinearSolver::ConjugateGradients`"
+    )]
     TooLarge {
         /// Number of free nodes.
         nodes: usize,
     },
-    /// Conjugate gradients did not converge. The body is as it was before the step.
+    /// Conjugate gradients did not converge. The body is unchanged.
     #[error(
-        "conjugate gradients are not at {tolerance} after {iterations} iterations; take Cholesky, a shorter step or a \
-         larger tolerance"
+        "conjugate gradients did not reach {tolerance} in {iterations} iterations; use `LinearSolver::Cholesky`, a shorter \
+         step or a larger tolerance"
     )]
     NotConverged {
-        /// Iterations taken.
+        /// Number of iterations.
         iterations: usize,
-        /// The residual asked for.
+        /// Requested relative residual.
         tolerance: f64,
     },
-    /// The cells of a lattice are too long in one direction for an isotropic network of springs.
+    /// The cells are too elongated for an isotropic network of springs.
     #[error(
         "cells of {x_m} m x {y_m} m x {z_m} m are too far from cubes for an isotropic tissue: \
          choose the nodes so that no side is more than 1.2 times another"
     )]
     CellShape {
-        /// Cell size along x.
+        /// Cell size along x, m.
         x_m: f64,
-        /// Cell size along y.
+        /// Cell size along y, m.
         y_m: f64,
-        /// Cell size along z.
+        /// Cell size along z, m.
         z_m: f64,
     },
-    /// The triangles of a surface cannot all face the same way, as on a Möbius strip: it has no outside.
+    /// The triangles of a surface cannot be oriented consistently, as on a Möbius strip.
     #[error(
-        "the surface has one side only: triangle {triangle} and its neighbours cannot all face the same way; take out of \
-         `Surface::triangles` what closes a strip with a twist"
+        "the surface is one-sided: triangle {triangle} and its neighbours cannot be oriented consistently; remove the \
+         triangles that close a twisted strip from `Surface::triangles`"
     )]
     OneSidedSurface {
-        /// Index of a triangle where two ways round meet.
+        /// Index of an inconsistent triangle.
         triangle: usize,
     },
-    /// A surface names a node or vertex that does not exist.
-    #[error("the surface names index {index}, but there are only {below}")]
+    /// A surface refers to a node, point or vertex that does not exist.
+    #[error("the surface refers to index {index}; it must be below {below}")]
     Surface {
-        /// The index.
+        /// Index given.
         index: usize,
-        /// How many there are.
+        /// Number of existing ones.
         below: usize,
     },
-    /// A node that the tool should hold does not exist or is fixed.
+    /// A tool cannot hold a node.
     #[error("the tool cannot hold node {node}: {why}")]
     CannotHold {
-        /// The node's index.
+        /// Index of the node.
         node: usize,
-        /// The reason.
+        /// Reason.
         why: &'static str,
     },
-    /// A point of the tool's path is not finite. The body has not been stepped.
+    /// A point of the tool's path is not finite. The body is unchanged.
     #[error("point {index} of the tool's path is not finite")]
     Path {
-        /// Its index in the path.
+        /// Index in the path.
         index: usize,
     },
-    /// The tool's path does not fit the ticks to be stepped. The body has not been stepped.
-    #[error("a step of {ticks} ticks needs a path of {} points, one more than ticks; it was given {points}", .ticks + 1)]
+    /// The length of the tool's path does not fit the number of ticks. The body is unchanged.
+    #[error("the path for {ticks} ticks has {points} points; it must have {}, one more than ticks", .ticks + 1)]
     PathLength {
-        /// Ticks to be stepped.
+        /// Number of ticks.
         ticks: usize,
-        /// Points given.
+        /// Number of points given.
         points: usize,
     },
-    /// The step left a node at a place or speed that is not finite. The body is as it was before the step.
+    /// A position or velocity is no longer finite. The body is as it was before the step.
     #[error(
         "the step diverged at node {node}; the body is as it was before. Take more substeps or softer springs"
     )]
     Diverged {
-        /// The first such node.
+        /// Index of the first such node.
         node: usize,
     },
 }
 
-/// `value` if `ok`, else a [`BodyError::Parameter`].
+/// Returns `value` if `ok`, else [`BodyError::Parameter`].
 pub(crate) fn check(
     what: &'static str,
     value: f64,
@@ -250,7 +254,12 @@ pub(crate) fn check(
     if ok { Ok(value) } else { Err(BodyError::Parameter { what, value, allowed }) }
 }
 
-/// `value` if it is finite and above zero.
+/// Returns `value` if it is finite and above zero.
 pub(crate) fn check_positive(what: &'static str, value: f64) -> Result<f64, BodyError> {
     check(what, value, value.is_finite() && value > 0.0, "finite and above 0")
+}
+
+/// Returns `ratio` if it is finite and at least zero.
+pub(crate) fn check_damping_ratio(ratio: f64) -> Result<f64, BodyError> {
+    check("damping ratio", ratio, ratio.is_finite() && ratio >= 0.0, "finite and at least 0")
 }

@@ -1,24 +1,27 @@
-//! How a body is stepped through time.
+//! Time integrators.
 
 mod columns;
 mod linearly_implicit;
 mod semi_implicit;
+mod solved_by;
 
 pub(crate) use columns::Columns;
 pub(crate) use linearly_implicit::Workspace;
 pub use linearly_implicit::{LinearSolver, LinearlyImplicitEuler};
+pub(crate) use semi_implicit::Rates;
 pub use semi_implicit::SemiImplicitEuler;
-pub(crate) use semi_implicit::{Rates, largest_eigenvalue};
+pub use solved_by::SolvedBy;
 
-use crate::{Body, BodyError};
+use crate::BodyError;
+use crate::network::NetworkState;
 
 /// An integrator with its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Integrator {
-    /// Cheap steps, as many as stability needs.
+    /// Explicit steps, as many as stability needs.
     SemiImplicitEuler(SemiImplicitEuler),
-    /// Dear steps, stable whatever their length.
+    /// Implicit steps, stable at any length.
     LinearlyImplicitEuler(LinearlyImplicitEuler),
 }
 
@@ -56,7 +59,7 @@ impl Integrator {
         }
     }
 
-    /// Ticks that a step spans at most.
+    /// Maximum number of ticks that a step spans.
     #[must_use]
     pub fn ticks_per_step(&self) -> usize {
         match self {
@@ -65,18 +68,18 @@ impl Integrator {
         }
     }
 
-    /// Bounds of the rates of springs and dampers at the state of `body`; `None` where steps are stable whatever they are.
-    pub(crate) fn spring_rates(&self, body: &Body) -> Option<Rates> {
+    /// Bounds of the rates of springs and dampers; `None` for an unconditionally stable integrator.
+    pub(crate) fn spring_rates(&self, state: NetworkState<'_>) -> Option<Rates> {
         match self {
-            Self::SemiImplicitEuler(_) => Some(Rates::of_springs(body)),
+            Self::SemiImplicitEuler(_) => Some(Rates::of_springs(state)),
             Self::LinearlyImplicitEuler(_) => None,
         }
     }
 
-    /// Steps in each span of ticks for springs with the bounds `rates`.
+    /// Number of steps in each span of ticks for springs with the bounds `rates`.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when a setting makes no sense, [`BodyError::Substeps`] when a stable step is too short.
+    /// [`BodyError::Parameter`] for an invalid setting, [`BodyError::Substeps`] if the stable step is too short.
     pub(crate) fn steps(&self, rates: Option<Rates>) -> Result<usize, BodyError> {
         match self {
             Self::SemiImplicitEuler(settings) => settings.spring_substeps(rates.unwrap_or_default()),
@@ -87,7 +90,7 @@ impl Integrator {
         }
     }
 
-    /// As [`Integrator::steps`], with volume barriers whose largest eigenvalue of M⁻¹K is at most `barriers_per_s2`.
+    /// [`Integrator::steps`] with volume barriers whose largest eigenvalue of M⁻¹K is at most `barriers_per_s2`.
     pub(crate) fn steps_with_barriers(
         &self,
         steps: usize,
@@ -101,20 +104,4 @@ impl Integrator {
             _ => steps,
         }
     }
-}
-
-/// What solved for the steps of a model step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum SolvedBy {
-    /// Nothing had to be solved: semi-implicit Euler.
-    #[default]
-    Nothing,
-    /// A sparse Cholesky factorisation at each step.
-    Cholesky,
-    /// Preconditioned conjugate gradients.
-    ConjugateGradients {
-        /// The most iterations that a step took.
-        iterations: usize,
-    },
 }

@@ -5,18 +5,18 @@ use crate::{BodyError, Link, Network, NetworkBuilder};
 use glam::DVec3;
 use palpate_laws::Spring;
 
-/// Which nodes of a lattice are joined.
+/// Neighbours that springs join in a lattice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Neighbours {
-    /// Those beside each other along an axis: 2 in one dimension, 4 in two, 6 in three. In more than one dimension
-    /// nothing resists shear.
+    /// Neighbours along the axes: 2 in one dimension, 4 in two, 6 in three. In more than one dimension the lattice
+    /// has no shear stiffness.
     Lateral,
-    /// Those, and the ones across a face or a cell: 2 in one dimension, 8 in two, 26 in three.
+    /// Also the neighbours across faces and cells: 2 in one dimension, 8 in two, 26 in three.
     #[default]
     LateralAndDiagonal,
 }
 
-/// A regular lattice of nodes in one, two or three dimensions. A dimension is left out by giving its axis one node.
+/// A regular lattice of nodes in one, two or three dimensions. An axis with one node omits a dimension.
 ///
 /// Node (i, j, k) has index i + nx (j + ny k) and lies at (i, j, k) · spacing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,11 +28,11 @@ pub struct Lattice {
 }
 
 impl Lattice {
-    /// A lattice of `nodes` nodes along x, y, z, `spacing_m` apart.
+    /// Creates a lattice of `nodes` nodes along x, y, z, `spacing_m` apart.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when an axis has no node or there are more than a million in all, or the spacing
-    /// is not finite and above zero.
+    /// [`BodyError::Parameter`] if an axis has no node, the total is below two or above a million, or the spacing is
+    /// not finite or not above zero.
     pub fn new(nodes: [usize; 3], spacing_m: f64) -> Result<Self, BodyError> {
         check_positive("spacing of the lattice, m", spacing_m)?;
         let total = nodes.iter().try_fold(1usize, |total, n| total.checked_mul(*n)).unwrap_or(usize::MAX);
@@ -46,19 +46,19 @@ impl Lattice {
         Ok(Self { nodes, spacing_m, neighbours: Neighbours::default(), allow_free: false })
     }
 
-    /// The same lattice, its nodes joined to `neighbours`.
+    /// Sets the neighbours that springs join.
     #[must_use]
     pub fn joined_to(self, neighbours: Neighbours) -> Self {
         Self { neighbours, ..self }
     }
 
-    /// The same lattice, which need not be fixed anywhere.
+    /// Allows a lattice without fixed nodes.
     #[must_use]
     pub fn allow_unconstrained(self) -> Self {
         Self { allow_free: true, ..self }
     }
 
-    /// Nodes along x, y, z.
+    /// Number of nodes along x, y, z.
     #[must_use]
     pub fn nodes(&self) -> [usize; 3] {
         self.nodes
@@ -81,12 +81,11 @@ impl Lattice {
         self.spacing_m * DVec3::from_array(ijk.map(|n| n as f64))
     }
 
-    /// The network in which every spring has stiffness `stiffness_n_per_m` and damping `damping_ns_per_m`, every
-    /// node the mass `mass_kg`, and the nodes that `fixed` says are fixed.
+    /// Creates the network with the same stiffness, damping and mass throughout. `fixed` selects the fixed nodes.
     ///
     /// # Errors
-    /// [`BodyError`] when a parameter makes no sense, every node is fixed or, unless [`Lattice::allow_free`] was said,
-    /// none.
+    /// [`BodyError`] if a parameter is invalid, all nodes are fixed or, without [`Lattice::allow_unconstrained`],
+    /// none is.
     pub fn uniform(
         &self,
         stiffness_n_per_m: f64,
@@ -117,12 +116,12 @@ impl Lattice {
     }
 }
 
-/// All (i, j, k) below `nodes`, i running fastest.
+/// All (i, j, k) below `nodes`, with i fastest.
 pub(crate) fn grid([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     (0..nz).flat_map(move |k| (0..ny).flat_map(move |j| (0..nx).map(move |i| [i, j, k])))
 }
 
-/// The node one `step` from `ijk`, if it is in a lattice of `nodes`.
+/// The node one `step` from `ijk`, if it lies in a lattice of `nodes`.
 pub(crate) fn neighbour(nodes: [usize; 3], ijk: [usize; 3], step: [i32; 3]) -> Option<[usize; 3]> {
     let mut other = [0; 3];
     for axis in 0..3 {
@@ -131,7 +130,7 @@ pub(crate) fn neighbour(nodes: [usize; 3], ijk: [usize; 3], step: [i32; 3]) -> O
     Some(other)
 }
 
-/// The 13 of the 26 steps to a neighbour that are above zero in lexical order: every pair of neighbours once.
+/// The 13 steps to neighbours that are lexically above zero: each pair of neighbours once.
 pub(crate) fn steps() -> impl Iterator<Item = [i32; 3]> {
     let range = || -1..=1;
     range()

@@ -1,31 +1,32 @@
-//! A network of point masses, springs and dampers: what a body is made of, without its state.
+//! A network of point masses, springs and dampers: a body without its state.
 
 mod builder;
 mod grid;
+mod state;
 
 pub use builder::NetworkBuilder;
 pub use grid::Grid;
 pub(crate) use grid::POISSONS_RATIO;
+pub(crate) use state::NetworkState;
 
-use crate::BodyError;
 use crate::cells::Cells;
 use crate::error::check;
+use crate::{BodyError, Link};
 use glam::{DQuat, DVec3};
-use palpate_laws::Spring;
 use std::collections::HashMap;
 
-/// A spring and damper e = (a, b) between two nodes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Link {
-    /// Index of node a.
-    pub a: usize,
-    /// Index of node b.
-    pub b: usize,
-    /// The spring and the damper between them.
-    pub spring: Spring,
+/// Lists from which a network is assembled.
+struct NetworkParts {
+    rest_m: Vec<DVec3>,
+    mass_kg: Vec<f64>,
+    fixed: Vec<bool>,
+    links: Vec<Link>,
+    /// Nodes of each hexahedral cell.
+    cells: Vec<[usize; 8]>,
+    allow_free: bool,
 }
 
-/// Nodes with masses and rest positions, some fixed, and the links between them. Immutable once built.
+/// Nodes with masses and rest positions, some of them fixed, and the links between them. Immutable once built.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
     rest_m: Vec<DVec3>,
@@ -44,22 +45,22 @@ pub struct Network {
 }
 
 impl Network {
-    /// A network of nodes at `rest_m` (m) with masses `mass_kg`, held where `fixed`, joined by `links`. See
-    /// [`NetworkBuilder`] for networks with parts that are free, or one made step by step.
+    /// Creates a network of nodes at `rest_m` (m) with masses `mass_kg` (kg), fixed nodes `fixed` and `links`. Use
+    /// [`NetworkBuilder`] for networks with unconstrained parts, or to build step by step.
     ///
     /// # Errors
-    /// As [`NetworkBuilder::build`]; [`BodyError::Length`] when the lists differ in length.
+    /// As [`NetworkBuilder::build`]; [`BodyError::Length`] if the lists differ in length.
     pub fn new(
         rest_m: Vec<DVec3>,
         mass_kg: Vec<f64>,
         fixed: Vec<bool>,
         links: Vec<Link>,
     ) -> Result<Self, BodyError> {
-        NetworkBuilder::of(rest_m, mass_kg, fixed, links).build()
+        Self::assemble(NetworkParts { rest_m, mass_kg, fixed, links, cells: Vec::new(), allow_free: false })
     }
 
-    fn assemble(builder: NetworkBuilder) -> Result<Self, BodyError> {
-        let NetworkBuilder { rest_m, mass_kg, fixed, links, cells, allow_free, .. } = builder;
+    fn assemble(parts: NetworkParts) -> Result<Self, BodyError> {
+        let NetworkParts { rest_m, mass_kg, fixed, links, cells, allow_free } = parts;
         validate_nodes(&rest_m, &mass_kg, &fixed)?;
         validate_links(&links, &rest_m)?;
         let free: Vec<usize> = (0..rest_m.len()).filter(|&i| !fixed[i]).collect();
@@ -90,7 +91,7 @@ impl Network {
         Ok(network)
     }
 
-    /// Refuses parts with a free node that are fixed to nothing, or not joined to the first of them.
+    /// Rejects parts without a fixed node, and free nodes that are not connected to the first one.
     fn validate_parts(&self) -> Result<(), BodyError> {
         let mut part = vec![usize::MAX; self.node_count()];
         for &start in &self.free {
@@ -119,10 +120,10 @@ impl Network {
         Ok(())
     }
 
-    /// The same network turned by `rotation` about the origin and then moved by `translation_m`.
+    /// Rotates the network by `rotation` about the origin and then translates it by `translation_m`, m.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when `rotation` is not of unit length or `translation_m` not finite.
+    /// [`BodyError::Parameter`] if `rotation` is not a unit quaternion or `translation_m` is not finite.
     pub fn placed(mut self, rotation: DQuat, translation_m: DVec3) -> Result<Self, BodyError> {
         let length = rotation.length();
         check("length of the rotation", length, (length - 1.0).abs() < 1e-6, "1 within 1e-6")?;
@@ -133,14 +134,14 @@ impl Network {
         Ok(self)
     }
 
-    /// The same network, laid in the cells of `grid`, which has a modulus for each of its nodes.
+    /// Adds the grid of cells, which has a modulus for each node.
     pub(crate) fn with_grid(mut self, grid: Grid) -> Self {
         debug_assert_eq!(grid.youngs_modulus_pa.len(), self.node_count(), "a modulus for each node");
         self.grid = Some(grid);
         self
     }
 
-    /// The grid of cells that it was laid in, where there is one.
+    /// The grid of cells, if the network has one.
     #[must_use]
     pub fn grid(&self) -> Option<&Grid> {
         self.grid.as_ref()
@@ -170,7 +171,7 @@ impl Network {
         self.fixed[node]
     }
 
-    /// All links.
+    /// Links.
     #[must_use]
     pub fn links(&self) -> &[Link] {
         &self.links
@@ -182,20 +183,21 @@ impl Network {
         self.linear
     }
 
-    /// The nodes that are not fixed, in ascending order.
+    /// Free nodes in ascending order.
     #[must_use]
     pub fn free(&self) -> &[usize] {
         &self.free
     }
 
-    /// Where node `node` stands in [`Network::free`]; `None` for a fixed node.
+    /// Index of node `node` in [`Network::free`]; `None` for a fixed node.
     #[must_use]
     pub fn free_index(&self, node: usize) -> Option<usize> {
         self.free_index[node]
     }
 
-    /// The nodes of each hexahedral cell that has a volume barrier. Corner c of a cell lies towards +x where bit 0 of c is set, +y
-    /// with bit 1, +z with bit 2, before the network was placed. Blocks and cell lattices have cells; other networks have none.
+    /// Nodes of each hexahedral cell with volume barriers. Corner c of a cell lies towards +x if bit 0 of c is set,
+    /// +y with bit 1, +z with bit 2, before the network is placed. Blocks and cell lattices have cells; other
+    /// networks have none.
     #[must_use]
     pub fn cells(&self) -> &[[usize; 8]] {
         self.cells.nodes()
@@ -211,7 +213,7 @@ impl Network {
         &self.incident[self.incident_start[node]..self.incident_start[node + 1]]
     }
 
-    /// The nodes joined to `node` by one link.
+    /// Nodes linked to `node`.
     pub fn neighbours(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
         self.incident_links(node).iter().map(move |&link| {
             let Link { a, b, .. } = self.links[link];

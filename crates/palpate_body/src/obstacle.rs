@@ -1,11 +1,11 @@
-//! Things in the way of a body that do not move: planes and spheres.
+//! Fixed rigid obstacles: planes and spheres.
 
 use crate::BodyError;
 use crate::error::{check, check_positive};
 use glam::DVec3;
 use palpate_laws::Coulomb;
 
-/// A rigid obstacle: the nodes of a body cannot enter it, and rub against it.
+/// A rigid obstacle. Nodes of a body cannot enter it, and slide on it with friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Obstacle {
     shape: Shape,
@@ -18,18 +18,18 @@ enum Shape {
     Sphere { center_m: DVec3, radius_m: f64 },
 }
 
-/// What a node and an obstacle did to each other in the last step.
+/// Contact of a node with an obstacle in the last step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeContact {
-    /// The node.
+    /// Index of the node.
     pub node: usize,
     /// Index of the obstacle.
     pub obstacle: usize,
-    /// Unit normal, away from the obstacle.
+    /// Unit normal away from the obstacle.
     pub normal: DVec3,
-    /// Distance of the node from the obstacle at the end of the step, m; of a sphere to the first order.
+    /// Distance of the node from the obstacle at the end of the step, m; first-order accurate for a sphere.
     pub gap_m: f64,
-    /// λ, the impulse that the obstacle gave, N s.
+    /// Impulse λ on the node, N s.
     pub impulse_ns: DVec3,
     /// Velocity of the node at the end of the step, m/s.
     pub velocity_m_per_s: DVec3,
@@ -38,11 +38,12 @@ pub struct NodeContact {
 }
 
 impl Obstacle {
-    /// A half-space: all on the other side of the plane through `point_m` with unit normal `normal`, with coefficient
-    /// of friction `friction`.
+    /// Creates a half-space bounded by the plane through `point_m` (m) with outward unit normal `normal`, with
+    /// coefficient of friction `friction`.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the normal is not of unit length, the point not finite or the friction negative.
+    /// [`BodyError::Parameter`] if the normal is not a unit vector, the point is not finite or the friction is
+    /// negative.
     pub fn plane(point_m: DVec3, normal: DVec3, friction: f64) -> Result<Self, BodyError> {
         let length = normal.length();
         check("length of the normal of a plane", length, (length - 1.0).abs() < 1e-9, "1 within 1e-9")?;
@@ -50,10 +51,11 @@ impl Obstacle {
         Self { shape: Shape::Plane { point_m, normal }, friction }.checked()
     }
 
-    /// A ball of radius `radius_m` round `center_m`, with coefficient of friction `friction`.
+    /// Creates a ball of radius `radius_m` (m) around `center_m` (m), with coefficient of friction `friction`.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the radius is not above zero, the centre not finite or the friction negative.
+    /// [`BodyError::Parameter`] if the radius is not above zero, the centre is not finite or the friction is
+    /// negative.
     pub fn sphere(center_m: DVec3, radius_m: f64, friction: f64) -> Result<Self, BodyError> {
         check("centre of a sphere, m", center_m.abs().max_element(), center_m.is_finite(), "finite")?;
         check_positive("radius of a sphere, m", radius_m)?;
@@ -66,14 +68,14 @@ impl Obstacle {
         Ok(self)
     }
 
-    /// μ.
+    /// Coefficient of friction μ.
     #[must_use]
     pub fn friction(&self) -> f64 {
         self.friction
     }
 
-    /// Distance of `x_m` from the obstacle, m, negative inside, and the unit normal there. In the very centre of a sphere the
-    /// normal is z.
+    /// Distance of `x_m` from the obstacle, m, negative inside, and the unit normal there. In the centre of a sphere
+    /// the normal is z.
     #[must_use]
     pub fn gap_m(&self, x_m: DVec3) -> (f64, DVec3) {
         match self.shape {

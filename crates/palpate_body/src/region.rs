@@ -1,53 +1,53 @@
-//! Regions of space: where another tissue is, or what is fixed.
+//! Regions of space for tissue and fixed nodes.
 
 use glam::DVec3;
 use std::sync::Arc;
 
-/// A region of space, in the coordinates of the mesh or lattice that it is given to.
+/// A region of space in the coordinates of the mesh or lattice.
 #[derive(Clone)]
 #[non_exhaustive]
 pub enum Region {
     /// A ball.
     Sphere {
-        /// Its centre, m.
+        /// Centre, m.
         center_m: DVec3,
-        /// Its radius, m.
+        /// Radius, m.
         radius_m: f64,
     },
-    /// A box along the axes.
+    /// An axis-aligned box.
     Cuboid {
-        /// Its centre, m.
+        /// Centre, m.
         center_m: DVec3,
-        /// Half its sides, m.
+        /// Half of its size, m.
         half_m: DVec3,
     },
-    /// What is within a radius of a line.
+    /// All points within a radius of a line segment.
     Capsule {
-        /// One end of the line, m.
+        /// One end of the segment, m.
         from_m: DVec3,
-        /// The other, m.
+        /// Other end of the segment, m.
         to_m: DVec3,
-        /// The radius, m.
+        /// Radius, m.
         radius_m: f64,
     },
-    /// Everything on one side of a plane.
+    /// One side of a plane.
     HalfSpace {
         /// A point of the plane, m.
         point_m: DVec3,
-        /// Away from the region; of any length.
+        /// Normal of the plane away from the region, of any length.
         outward: DVec3,
     },
-    /// Where a function says so: see [`Region::from_fn`].
+    /// A region defined by a function; see [`Region::from_fn`].
     Where(Arc<dyn Fn(DVec3) -> bool + Send + Sync>),
 }
 
 impl Region {
-    /// Where `inside`, asked with a place in m, says so.
+    /// Creates the region where `inside` returns true for a position in m.
     pub fn from_fn(inside: impl Fn(DVec3) -> bool + Send + Sync + 'static) -> Self {
         Self::Where(Arc::new(inside))
     }
 
-    /// Whether `place_m` is in it, its boundary included.
+    /// Whether `place_m` is in the region, including its boundary.
     #[must_use]
     pub fn contains(&self, place_m: DVec3) -> bool {
         match self {

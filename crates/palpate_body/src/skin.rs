@@ -1,35 +1,35 @@
-//! The drawn mesh of a body: it moves with the nodes.
+//! The drawn mesh of a body.
 
 use crate::cell_lattice::Embedding;
 use crate::{BodyError, ClosedMesh, MeshError};
 use glam::{DAffine3, DVec3, Vec3A};
 use std::collections::BTreeMap;
 
-/// How the vertices of a mesh move with the nodes of the body made of it ([`crate::MeshBody::skin`]): position by the
-/// trilinear weights of a cell, normal from the triangles round it, weighted by their area.
+/// Deformation of a mesh with the nodes of its body ([`crate::MeshBody::skin`]). Positions follow by trilinear
+/// weights of a cell, and normals are area-weighted means of the adjacent triangles.
 ///
-/// Vertices at one place share a normal, so that the surface is smooth there; where the mesh was given normals
-/// ([`ClosedMesh::with_normals`]), only vertices whose normals agree do, so that hard edges stay hard.
+/// Coincident vertices share a normal, which makes the surface smooth there. If the mesh has normals
+/// ([`ClosedMesh::with_normals`]), only vertices with equal normals share one, so hard edges stay hard.
 #[derive(Clone, Debug)]
 pub struct Skin {
-    /// The nodes of the cells that carry points.
+    /// Nodes of the cells that carry points.
     cells: Vec<[u32; 8]>,
-    /// Points up to this one are in each of those cells.
+    /// End of each cell's range of points.
     ends: Vec<u32>,
-    /// Where in its cell each point is.
+    /// Local coordinates of each point in its cell.
     locals: Vec<[f32; 3]>,
-    /// Of points.
+    /// Triangles as indices of points.
     triangles: Vec<[u32; 3]>,
-    /// The point of each vertex.
+    /// Point of each vertex.
     point_of: Vec<u32>,
     nodes: usize,
-    /// Relative to the first node, in the frame asked for.
+    /// Node positions relative to the first node, in the output frame.
     node_at: Vec<Vec3A>,
     at: Vec<Vec3A>,
     normal: Vec<Vec3A>,
 }
 
-/// Normals at one place agree when their cosine is above that: 2.6°.
+/// Minimum cosine between equal normals: 2.6°.
 const AGREE: f64 = 0.999;
 
 impl Skin {
@@ -38,7 +38,7 @@ impl Skin {
         let mut placed: Vec<(usize, DVec3, usize)> = Vec::with_capacity(grouped.place_m.len());
         for (point, &(place_m, on_surface)) in grouped.place_m.iter().enumerate() {
             let (cell, local) = embedding.locate(place_m);
-            // A vertex without triangles may be anywhere; nobody sees it.
+            // A vertex without triangles may lie anywhere; it is not visible.
             let local = if on_surface { local } else { local.clamp(DVec3::ZERO, DVec3::ONE) };
             placed.push((cell, local, point));
         }
@@ -51,7 +51,7 @@ impl Skin {
             ends.push(ends.last().copied().unwrap_or(0) + same.len() as u32);
         }
         let point_of: Vec<u32> = grouped.of.iter().map(|&point| rank[point]).collect();
-        // In the order of their points, which are near each other in memory then.
+        // Sorted by their points, which lie close together in memory.
         let mut triangles: Vec<[u32; 3]> =
             mesh.triangles().iter().map(|t| t.map(|vertex| point_of[vertex])).collect();
         triangles.sort_by_key(|t| t.iter().copied().min());
@@ -70,18 +70,18 @@ impl Skin {
         }
     }
 
-    /// Vertices of the mesh: what [`Skin::deform`] writes.
+    /// Number of vertices of the mesh, the length of the lists that [`Skin::deform`] writes.
     #[must_use]
     pub fn vertices(&self) -> usize {
         self.point_of.len()
     }
 
-    /// Writes position and unit normal of every vertex, in the order in which they were given, where the nodes are at
-    /// `positions_m`, in the frame that `to_local` leads to; a frame that mirrors keeps normals outward. Nothing is
-    /// allocated. A vertex without an area round it gets the normal (0, 1, 0).
+    /// Writes position and unit normal of every vertex in the given order, for nodes at `positions_m` (m),
+    /// transformed by `to_local`. Normals point outward also under a mirroring transform. A vertex without adjacent
+    /// area gets the normal (0, 1, 0). Nothing is allocated.
     ///
     /// # Errors
-    /// [`BodyError::Length`], [`MeshError::Length`] when a list has not one entry for each node or vertex.
+    /// [`BodyError::Length`] or [`MeshError::Length`] if a list does not have one entry for each node or vertex.
     pub fn deform(
         &mut self,
         positions_m: &[DVec3],
@@ -116,7 +116,7 @@ impl Skin {
         Ok(())
     }
 
-    /// The points from the nodes, cell by cell: x = c₀ + c₁a + c₂b + c₃c + c₁₂ab + c₁₃ac + c₂₃bc + c₁₂₃abc.
+    /// Computes the points from the nodes, cell by cell: x = c₀ + c₁a + c₂b + c₃c + c₁₂ab + c₁₃ac + c₂₃bc + c₁₂₃abc.
     fn place(&mut self) {
         let mut first = 0;
         for (nodes, &end) in self.cells.iter().zip(&self.ends) {
@@ -132,7 +132,7 @@ impl Skin {
         }
     }
 
-    /// The normals from the triangles of the points.
+    /// Computes the normals from the triangles.
     fn turn(&mut self, sign: f32) {
         self.normal.fill(Vec3A::ZERO);
         for t in &self.triangles {
@@ -144,25 +144,25 @@ impl Skin {
             self.normal[k] += area;
         }
         for normal in &mut self.normal {
-            // Areas of less than (1e-9 m)² are nothing to be seen.
+            // Areas below (1e-9 m)² are invisible.
             let length2 = normal.length_squared();
             *normal = if length2 > 1e-36 { *normal * (sign / length2.sqrt()) } else { Vec3A::Y };
         }
     }
 }
 
-/// Vertices that are drawn as one: at one place and, where normals are given, with one normal.
+/// Groups of vertices that are drawn as one: coincident and, with given normals, with equal normals.
 struct Grouped {
-    /// The group of each vertex.
+    /// Group of each vertex.
     of: Vec<usize>,
-    /// Where each is, relative to the mesh's centre, m, and whether a triangle has it.
+    /// Position of each group relative to the mesh's centre, m, and whether a triangle uses it.
     place_m: Vec<(DVec3, bool)>,
 }
 
 impl Grouped {
     fn new(mesh: &ClosedMesh) -> Self {
         let mut made = Self { of: Vec::with_capacity(mesh.vertices_m().len()), place_m: Vec::new() };
-        // The groups at each welded point, with their normals.
+        // Groups at each welded point, with their normals.
         let mut at_point: BTreeMap<usize, Vec<(DVec3, usize)>> = BTreeMap::new();
         for (vertex, point) in mesh.point_of().iter().enumerate() {
             let normal = mesh.normals().map_or(DVec3::ZERO, |normals| normals[vertex].normalize_or_zero());

@@ -1,45 +1,46 @@
 //! The touchable surface of a body.
 
-mod closest;
 mod contact_surface;
 mod orient;
 mod partial_cells;
+mod surface_tree;
 
-pub use closest::{ClosestPoint, SurfaceTree};
 pub use contact_surface::ContactSurface;
 pub(crate) use contact_surface::PlacedSurface;
 pub(crate) use partial_cells::PartialCells;
+pub use surface_tree::{ClosestPoint, SurfaceTree};
 
 use crate::error::check;
 use crate::{BodyError, BodyPoint};
 use palpate_laws::POINT_NODES;
 
-/// A triangulated surface that a body carries: every point of it is a node, or Σ w_i x_i over the nodes of the cell that it is
-/// embedded in.
+/// A triangulated surface of a body. Every point of it is a node, or a weighted sum over the nodes of the cell in
+/// which it is embedded.
 ///
-/// A point can be several vertices: a block's faces do not share theirs, so that its edges stay sharp when it is drawn.
-/// Triangles count as neighbours by their points.
+/// Several vertices may share a point: the faces of a block do not share vertices, which keeps its drawn edges sharp.
+/// The adjacency of triangles is defined by points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surface {
-    /// Its points.
+    /// Points of the surface.
     pub points: Vec<BodyPoint>,
-    /// The point at each vertex.
+    /// Index of the point of each vertex.
     pub vertices: Vec<usize>,
-    /// Triangles as indices into `vertices`, counter-clockwise seen from outside. [`crate::Body::new`] turns those that are not.
+    /// Triangles as indices into `vertices`, counter-clockwise as seen from outside. [`crate::Body::new`] flips
+    /// others.
     pub triangles: Vec<[usize; 3]>,
 }
 
 impl Surface {
-    /// The points of a triangle.
+    /// Indices of the points of a triangle.
     ///
     /// # Panics
-    /// When there is no such triangle.
+    /// If the triangle does not exist.
     #[must_use]
     pub fn corners(&self, triangle: usize) -> [usize; 3] {
         self.triangles[triangle].map(|vertex| self.vertices[vertex])
     }
 
-    /// Refuses indices beyond `nodes` nodes, the points or the vertices.
+    /// Rejects indices of nodes, points and vertices that do not exist.
     pub(crate) fn validate(&self, nodes: usize) -> Result<(), BodyError> {
         for point in &self.points {
             point.validate(nodes)?;

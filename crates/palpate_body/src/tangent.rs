@@ -1,21 +1,21 @@
-//! The exact sparse tangent of a body's internal forces.
+//! The exact sparse tangent of internal forces.
 
-use crate::Body;
+use crate::Network;
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat, SymbolicSparseColMatRef};
-use glam::DMat3;
+use glam::{DMat3, DVec3};
 
-/// Where the entries of a network's tangent lie: computed once in the life of a body, since its links never
-/// change. Degree of freedom 3 f + c is component c of node `network.free()[f]`.
+/// Sparsity pattern of a network's tangent. It is computed once, since the links of a body never change. Degree of
+/// freedom 3 f + c is component c of node `network.free()[f]`.
 #[derive(Clone, Debug)]
 pub struct TangentPattern {
     symbolic: SymbolicSparseColMat<usize>,
     links: Vec<LinkSlots>,
 }
 
-/// K and B over the free nodes of a body at one state: the internal force changes by −K δx − B δv.
+/// Stiffness K and damping B over the free nodes of a body in one state: the internal force changes by −K δx − B δv.
 ///
-/// Both are symmetric and stored whole (both triangles), column by column. B is positive semidefinite; K is
-/// too unless a spring or a cell is compressed. The damper's own geometric term (∂/∂x of b u·ḋ u) is left out.
+/// Both are symmetric; both triangles are stored, column by column. B is positive semidefinite, and so is K unless a
+/// spring or a cell is compressed. The damper's geometric term (∂/∂x of b u·ḋ u) is omitted.
 #[derive(Clone, Debug)]
 pub struct Tangent {
     symbolic: SymbolicSparseColMat<usize>,
@@ -30,20 +30,18 @@ struct Slot {
     stride: usize,
 }
 
-/// The blocks that a link adds to; `None` where one of its ends is fixed.
+/// The blocks to which a link contributes; `None` where an end is fixed.
 #[derive(Clone, Copy, Debug, Default)]
 struct LinkSlots {
     aa: Option<Slot>,
     bb: Option<Slot>,
-    /// Rows of a, columns of b, and the other way round.
+    /// Rows of a and columns of b, and vice versa.
     ab_ba: Option<(Slot, Slot)>,
 }
 
 impl TangentPattern {
-    /// The pattern of `body`'s network.
-    #[must_use]
-    pub fn new(body: &Body) -> Self {
-        let network = body.network();
+    /// Creates the pattern of a network.
+    pub(crate) fn of_network(network: &Network) -> Self {
         let columns: Vec<Vec<usize>> = network
             .free()
             .iter()
@@ -89,7 +87,7 @@ impl TangentPattern {
         Self { symbolic: SymbolicSparseColMat::new_checked(dofs, dofs, starts, None, rows), links }
     }
 
-    /// A tangent with this pattern, all zero.
+    /// Creates a zero tangent with this pattern.
     #[must_use]
     pub fn zero(&self) -> Tangent {
         let entries = self.symbolic.row_idx().len();
@@ -100,24 +98,15 @@ impl TangentPattern {
         }
     }
 
-    /// Fills `tangent` with K and B of `body` at its present state. With `clamped`, every spring's share of K
-    /// and every volume barrier's share of K is made positive semidefinite (see [`palpate_laws::Spring::tangent`] and
-    /// [`palpate_laws::VolumeBarrier::tangent`]), and so is K.
-    ///
-    /// # Panics
-    /// When `body` or `tangent` belongs to another network.
-    pub fn fill(&self, body: &Body, clamped: bool, tangent: &mut Tangent) {
-        self.fill_parts(body, (clamped, clamped), tangent);
-    }
-
-    /// As [`TangentPattern::fill`], clamped or not for springs and for volume barriers.
-    pub(crate) fn fill_parts(
+    /// [`TangentPattern::fill`] for given positions, with separate clamping for springs and for volume barriers.
+    pub(crate) fn fill_at(
         &self,
-        body: &Body,
+        network: &Network,
+        x: &[DVec3],
         (springs_clamped, barriers_clamped): (bool, bool),
         tangent: &mut Tangent,
     ) {
-        assert_eq!(self.links.len(), body.network().links().len(), "the pattern is of another network");
+        assert_eq!(self.links.len(), network.links().len(), "the pattern is of another network");
         assert_eq!(
             self.symbolic.row_idx().len(),
             tangent.stiffness.len(),
@@ -125,8 +114,7 @@ impl TangentPattern {
         );
         tangent.stiffness.fill(0.0);
         tangent.damping.fill(0.0);
-        let x = body.positions_m();
-        for (link, slots) in body.network().links().iter().zip(&self.links) {
+        for (link, slots) in network.links().iter().zip(&self.links) {
             let t = link.spring.tangent(x[link.b] - x[link.a], springs_clamped);
             for (values, block) in [(&mut tangent.stiffness, t.stiffness), (&mut tangent.damping, t.damping)]
             {
@@ -139,8 +127,8 @@ impl TangentPattern {
                 }
             }
         }
-        for tetrahedron in body.active_barriers() {
-            let free = tetrahedron.nodes.map(|node| body.network().free_index(node));
+        for tetrahedron in network.barriers().active_tetrahedra(x) {
+            let free = tetrahedron.nodes.map(|node| network.free_index(node));
             for (row, blocks) in free.into_iter().zip(tetrahedron.stiffness(x, barriers_clamped)) {
                 for (column, block) in free.into_iter().zip(blocks) {
                     if let Some(slot) = row.zip(column).and_then(|(row, column)| self.slot(row, column)) {
@@ -151,14 +139,14 @@ impl TangentPattern {
         }
     }
 
-    /// Where the block of two free nodes is.
+    /// Location of the block of two free nodes.
     fn slot(&self, row: usize, column: usize) -> Option<Slot> {
         let range = self.symbolic.col_range(3 * column);
         let place = self.symbolic.row_idx()[range.clone()].binary_search(&(3 * row)).ok()?;
         Some(Slot { first: range.start + place, stride: range.len() })
     }
 
-    /// The positions of the entries, for a symbolic factorisation.
+    /// Positions of the entries, for a symbolic factorisation.
     #[must_use]
     pub fn symbolic(&self) -> SymbolicSparseColMatRef<'_, usize> {
         self.symbolic.as_ref()
@@ -178,13 +166,13 @@ impl Slot {
 }
 
 impl Tangent {
-    /// K, N/m, over the degrees of freedom of the free nodes.
+    /// Stiffness K over the degrees of freedom of the free nodes, N/m.
     #[must_use]
     pub fn stiffness(&self) -> SparseColMatRef<'_, usize, f64> {
         SparseColMatRef::new(self.symbolic.as_ref(), &self.stiffness)
     }
 
-    /// B, N s/m, likewise.
+    /// Damping B over the degrees of freedom of the free nodes, N s/m.
     #[must_use]
     pub fn damping(&self) -> SparseColMatRef<'_, usize, f64> {
         SparseColMatRef::new(self.symbolic.as_ref(), &self.damping)
@@ -193,7 +181,7 @@ impl Tangent {
     /// Adds `shift_n_per_m[i]` to entry (i, i) of K.
     ///
     /// # Panics
-    /// When there are fewer shifts than degrees of freedom.
+    /// If there are fewer shifts than degrees of freedom.
     pub fn add_to_stiffness_diagonal(&mut self, shift_n_per_m: &[f64]) {
         for (column, shift) in shift_n_per_m.iter().enumerate().take(self.symbolic.ncols()) {
             let range = self.symbolic.col_range(column);

@@ -1,32 +1,25 @@
-//! What holds points of a body to each other or to a place: grasps, threads, sutures.
+//! Ties that hold points of a body: grasps, threads and sutures.
 
-use crate::contact::add_weight;
 use crate::error::{check, check_positive};
-use crate::{Body, BodyError};
+use crate::{BodyError, BodyPoint};
 use glam::DVec3;
 
-/// A point of a body, Σ w_i x_i over some of its nodes: one node, a place on a triangle or inside a cell.
-#[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct BodyPoint {
-    nodes: Vec<(usize, f64)>,
-}
-
-/// A tie between a point of a body and a place, or two points of it.
+/// A tie between a point of a body and an anchor, or between two points.
 ///
-/// It is rigid, but for a thread that [stretches](Tie::stretching): where what it asks for cannot be, a grasped node pressed into
-/// an obstacle for instance, its force is no measure of anything, and [`crate::StepReport::unsolved`] counts such steps.
+/// Ties are rigid, except threads [with a stiffness](Tie::with_stiffness). The force of a rigid tie is meaningless if
+/// it cannot be satisfied, for example when it presses a node into an obstacle; [`crate::StepReport::unconverged`]
+/// counts such steps.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Tie {
     pub(crate) kind: TieKind,
     pub(crate) a: BodyPoint,
     pub(crate) b: TieEnd,
-    /// Force beyond which it tears, N; infinity has no place in every file.
+    /// Force beyond which the tie tears, N; `None` for infinity, which not every file format can store.
     pub(crate) tear_limit_n: Option<f64>,
-    /// The force at which it tore, N.
+    /// Force at which it tore, N.
     pub(crate) torn_at_n: Option<f64>,
-    /// λ of the last step, what the tie gave to `a`, N s, and that step's length, s.
+    /// Impulse λ on `a` in the last step, N s, and the length of that step, s.
     pub(crate) last: (DVec3, f64),
 }
 
@@ -34,7 +27,7 @@ pub struct Tie {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) enum TieEnd {
     Point(BodyPoint),
-    /// A place that the user moves: where it is, and where it is to be at the end of the next advance.
+    /// A position set by the user: now, and at the end of the next advance.
     Anchor {
         from_m: DVec3,
         to_m: DVec3,
@@ -44,148 +37,65 @@ pub(crate) enum TieEnd {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) enum TieKind {
-    /// Two-sided: the ends stay together.
+    /// Bilateral: the ends coincide.
     Joint,
-    /// Tension only: the ends are at most that far apart, or pulled by k times what they are farther.
+    /// Tension only: the ends are at most that far apart, or a spring acts beyond that length.
     Thread { length_m: f64, stiffness_n_per_m: Option<f64> },
 }
 
-/// Most nodes of a point.
-const MOST_NODES: usize = 32;
-
-impl BodyPoint {
-    /// The node `node` itself.
-    #[must_use]
-    pub fn node(node: usize) -> Self {
-        Self { nodes: vec![(node, 1.0)] }
-    }
-
-    /// Σ w_i x_i over `nodes` of (node, weight).
-    ///
-    /// # Errors
-    /// [`BodyError::Parameter`] when there are none or more than 32, a weight is not finite, they do not sum to 1, or a
-    /// node is named twice.
-    pub fn new(nodes: Vec<(usize, f64)>) -> Result<Self, BodyError> {
-        let count = nodes.len();
-        check("nodes of a point", count as f64, (1..=MOST_NODES).contains(&count), "1 to 32")?;
-        let sum: f64 = nodes.iter().map(|(_, w)| w).sum();
-        check("sum of the weights of a point", sum, (sum - 1.0).abs() < 1e-9, "1 within 1e-9")?;
-        for (i, &(node, _)) in nodes.iter().enumerate() {
-            let once = nodes[..i].iter().all(|(other, _)| *other != node);
-            check("node of a point", node as f64, once, "named once")?;
-        }
-        Ok(Self { nodes })
-    }
-
-    /// Its nodes and weights.
-    #[must_use]
-    pub fn nodes(&self) -> &[(usize, f64)] {
-        &self.nodes
-    }
-
-    /// The point Σ w_i p_i of points p_i; those whose weight is 0 are left out.
-    pub(crate) fn between(points: [(&Self, f64); 3]) -> Self {
-        let mut nodes: Vec<(usize, f64)> = Vec::new();
-        for (point, share) in points.into_iter().filter(|(_, share)| *share != 0.0) {
-            point.nodes.iter().for_each(|&(node, w)| add_weight(&mut nodes, node, share * w));
-        }
-        Self { nodes }
-    }
-
-    /// Refuses nodes that a body of `nodes` nodes does not have.
-    pub(crate) fn validate(&self, nodes: usize) -> Result<(), BodyError> {
-        match self.nodes.iter().find(|(node, _)| *node >= nodes) {
-            Some(&(index, _)) => Err(BodyError::Surface { index, below: nodes }),
-            None => Ok(()),
-        }
-    }
-
-    /// The point that `nodes` carry with their weights, which sum to 1.
-    pub(crate) fn carried_by(nodes: Vec<(usize, f64)>) -> Self {
-        Self { nodes }
-    }
-
-    /// Its nodes without their weights.
-    pub(crate) fn named(&self) -> Vec<usize> {
-        self.nodes.iter().map(|(node, _)| *node).collect()
-    }
-
-    /// The internal force on it, Σ w_i F_i / Σ w_i² over its free nodes, N: what the springs of `body` pull it with, at rest
-    /// the opposite of what holds it. Zero where all its nodes are fixed.
-    ///
-    /// # Panics
-    /// When `body` has not its nodes.
-    #[must_use]
-    pub fn internal_force_n(&self, body: &Body) -> DVec3 {
-        let free = || self.nodes.iter().filter(|(node, _)| !body.network().is_fixed(*node));
-        let force: DVec3 = free().map(|&(node, w)| w * body.internal_force_on_n(node)).sum();
-        let share: f64 = free().map(|(_, w)| w * w).sum();
-        if share > 0.0 { force / share } else { DVec3::ZERO }
-    }
-
-    /// Σ w_i `values[i]`: where it is, of positions of all nodes; how fast, of velocities.
-    ///
-    /// # Panics
-    /// When it has a node for which there is no value.
-    #[must_use]
-    pub fn of(&self, values: &[DVec3]) -> DVec3 {
-        self.nodes.iter().map(|&(node, w)| w * values[node]).sum()
-    }
-}
-
 impl Tie {
-    /// A tool that has hold of `point` at `anchor_m`, pushes and pulls: the point is moved there.
+    /// Creates a grasp: a bilateral tie that moves `point` to `anchor_m`, m.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the place is not finite.
+    /// [`BodyError::Parameter`] if the position is not finite.
     pub fn grasp(point: BodyPoint, anchor_m: DVec3) -> Result<Self, BodyError> {
         let b = anchor(anchor_m)?;
         Ok(Self::new(TieKind::Joint, point, b))
     }
 
-    /// A thread of length `length_m` from `point` to `anchor_m`: it pulls and never pushes.
+    /// Creates a thread of length `length_m` from `point` to `anchor_m`, m, which only pulls.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the length is not above zero or the place not finite.
+    /// [`BodyError::Parameter`] if the length is not above zero or the position is not finite.
     pub fn thread_to(point: BodyPoint, anchor_m: DVec3, length_m: f64) -> Result<Self, BodyError> {
         let length_m = check_positive("length of a thread, m", length_m)?;
         Ok(Self::new(TieKind::Thread { length_m, stiffness_n_per_m: None }, point, anchor(anchor_m)?))
     }
 
-    /// A thread of length `length_m` between two points: it pulls them together and never apart. It does not stretch, unless it is
-    /// made to: [`Self::stretching`].
+    /// Creates a thread of length `length_m` between two points, which only pulls. It is inextensible without
+    /// [`Self::with_stiffness`].
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the length is not above zero.
+    /// [`BodyError::Parameter`] if the length is not above zero.
     pub fn thread(a: BodyPoint, b: BodyPoint, length_m: f64) -> Result<Self, BodyError> {
         let length_m = check_positive("length of a thread, m", length_m)?;
         Ok(Self::new(TieKind::Thread { length_m, stiffness_n_per_m: None }, a, TieEnd::Point(b)))
     }
 
-    /// A suture that draws two points together, at 1 m/s, and holds them until its force exceeds `tear_limit_n`; what
-    /// closing takes does not count.
+    /// Creates a suture: it draws two points together at 1 m/s and holds them until its force exceeds `tear_limit_n`.
+    /// The force needed for closing does not count.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the limit is not above zero; it may be infinite.
+    /// [`BodyError::Parameter`] if the limit is not above zero; it may be infinite.
     pub fn suture(a: BodyPoint, b: BodyPoint, tear_limit_n: f64) -> Result<Self, BodyError> {
         Self::new(TieKind::Joint, a, TieEnd::Point(b)).with_tear_limit(tear_limit_n)
     }
 
-    /// The same tie, which tears when its force exceeds `tear_limit_n`; what closing a gap takes does not count.
+    /// Sets the force above which the tie tears, N. The force needed to close a gap does not count.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the limit is not above zero; it may be infinite.
+    /// [`BodyError::Parameter`] if the limit is not above zero; it may be infinite.
     pub fn with_tear_limit(self, tear_limit_n: f64) -> Result<Self, BodyError> {
         check("tear limit of a tie, N", tear_limit_n, tear_limit_n > 0.0, "above 0")?;
         Ok(Self { tear_limit_n: tear_limit_n.is_finite().then_some(tear_limit_n), ..self })
     }
 
-    /// The same thread as a spring that pulls and never pushes: its tension is `stiffness_n_per_m` times what its ends are farther
-    /// apart than its length, and zero where they are nearer. The force is that at the end of a step, so that no stiffness needs
-    /// shorter steps; infinite is the thread that does not stretch.
+    /// Makes a thread elastic: beyond its length its tension is `stiffness_n_per_m` times the additional distance of
+    /// its ends, else zero. The force is evaluated at the end of the step, so no stiffness needs shorter steps. An
+    /// infinite stiffness is an inextensible thread.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the stiffness is not above zero, or the tie is no thread.
+    /// [`BodyError::Parameter`] if the stiffness is not above zero, or the tie is no thread.
     pub fn with_stiffness(self, stiffness_n_per_m: f64) -> Result<Self, BodyError> {
         let what = "stiffness of a thread, N/m";
         check(what, stiffness_n_per_m, stiffness_n_per_m > 0.0, "above 0")?;
@@ -200,13 +110,13 @@ impl Tie {
         Self { kind, a, b, tear_limit_n: None, torn_at_n: None, last: (DVec3::ZERO, 0.0) }
     }
 
-    /// The first point.
+    /// First point.
     #[must_use]
     pub fn point(&self) -> &BodyPoint {
         &self.a
     }
 
-    /// Whether it is a spring and no rigid limit.
+    /// Whether the tie is an elastic thread.
     pub(crate) fn stretches(&self) -> bool {
         matches!(self.kind, TieKind::Thread { stiffness_n_per_m: Some(_), .. })
     }
@@ -217,32 +127,32 @@ impl Tie {
         self.torn_at_n.is_some()
     }
 
-    /// The force at which it tore, N; `None` while it holds.
+    /// Force at which the tie tore, N; `None` while it holds.
     #[must_use]
     pub fn torn_at_n(&self) -> Option<f64> {
         self.torn_at_n
     }
 
-    /// The force λ/h that the tie gave to its first point in the last step, N; to the other end its opposite.
+    /// Force λ/h on the first point in the last step, N. The force on the other end is its negative.
     #[must_use]
     pub fn force_n(&self) -> DVec3 {
         let (impulse, h) = self.last;
         if h > 0.0 { impulse / h } else { DVec3::ZERO }
     }
 
-    /// Adds what it gave to its ends in the last step, N.
+    /// Adds the forces on its ends in the last step, N.
     pub(crate) fn add_force_n(&self, force_n: &mut [DVec3]) {
         let f = self.force_n();
-        self.a.nodes.iter().for_each(|&(node, w)| force_n[node] += w * f);
+        self.a.nodes().iter().for_each(|&(node, w)| force_n[node] += w * f);
         if let TieEnd::Point(b) = &self.b {
-            b.nodes.iter().for_each(|&(node, w)| force_n[node] -= w * f);
+            b.nodes().iter().for_each(|&(node, w)| force_n[node] -= w * f);
         }
     }
 
-    /// Moves the anchor: it is at `to_m` at the end of the next advance, and on the way there at an even speed.
+    /// Moves the anchor. It moves at constant speed and reaches `to_m` at the end of the next advance.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] when the place is not finite or the tie has no anchor.
+    /// [`BodyError::Parameter`] if the position is not finite or the tie has no anchor.
     pub(crate) fn move_to(&mut self, to_m: DVec3) -> Result<(), BodyError> {
         let TieEnd::Anchor { to_m: target, .. } = &mut self.b else {
             return Err(BodyError::Parameter { what: "anchors of the tie", value: 0.0, allowed: "1" });
@@ -252,16 +162,9 @@ impl Tie {
         Ok(())
     }
 
-    /// What the body does to a hand that holds the tie's first point, N: the internal force on the row,
-    /// Σ w_i F_i / Σ w_i², without the impacts of the step.
-    #[must_use]
-    pub fn displayed_force_n(&self, body: &Body) -> DVec3 {
-        self.a.internal_force_n(body)
-    }
-
-    /// The weight of `node` in the row: that in the first point minus that in the second.
+    /// Weight of `node` in the row: that in the first point minus that in the second.
     pub(crate) fn weight(&self, node: usize) -> f64 {
-        let of = |point: &BodyPoint| point.nodes.iter().find(|(n, _)| *n == node).map_or(0.0, |(_, w)| *w);
+        let of = |point: &BodyPoint| point.nodes().iter().find(|(n, _)| *n == node).map_or(0.0, |(_, w)| *w);
         let other = match &self.b {
             TieEnd::Point(b) => of(b),
             TieEnd::Anchor { .. } => 0.0,
@@ -269,19 +172,18 @@ impl Tie {
         of(&self.a) - other
     }
 
-    /// The anchor is where it was moved to.
+    /// Ends the motion of the anchor.
     pub(crate) fn arrive(&mut self) {
         if let TieEnd::Anchor { from_m, to_m } = &mut self.b {
             *from_m = *to_m;
         }
     }
 
-    /// Refuses points with nodes that the body does not have, and what its constructors would refuse: it may come from a
-    /// file.
+    /// Checks a tie that may come from a file: its nodes must exist, and its parameters must be valid.
     pub(crate) fn validate(&self, nodes: usize) -> Result<(), BodyError> {
-        BodyPoint::new(self.a.nodes.clone())?;
+        BodyPoint::new(self.a.nodes().to_vec())?;
         match &self.b {
-            TieEnd::Point(b) => drop(BodyPoint::new(b.nodes.clone())?),
+            TieEnd::Point(b) => drop(BodyPoint::new(b.nodes().to_vec())?),
             TieEnd::Anchor { from_m, to_m } => {
                 let finite = from_m.is_finite() && to_m.is_finite();
                 check("place of an anchor, m", from_m.abs().max(to_m.abs()).max_element(), finite, "finite")?;
@@ -295,10 +197,10 @@ impl Tie {
             check_positive("tear limit of a tie, N", limit)?;
         }
         let of_b = match &self.b {
-            TieEnd::Point(b) => &b.nodes[..],
+            TieEnd::Point(b) => b.nodes(),
             TieEnd::Anchor { .. } => &[],
         };
-        match self.a.nodes.iter().chain(of_b).find(|(node, _)| *node >= nodes) {
+        match self.a.nodes().iter().chain(of_b).find(|(node, _)| *node >= nodes) {
             Some(&(node, _)) => Err(BodyError::CannotHold { node, why: "there is no such node" }),
             None => Ok(()),
         }

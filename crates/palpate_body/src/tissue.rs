@@ -1,10 +1,10 @@
-//! From the engineer's numbers of a tissue to the springs of a lattice.
+//! From the material parameters of a tissue to the springs of a lattice.
 
-use crate::error::{check, check_positive};
+use crate::error::{check_damping_ratio, check_positive};
 use crate::{Block, BlockBody, BodyError};
 use glam::DVec3;
 
-/// A homogeneous isotropic tissue, as a lattice of springs makes it.
+/// A homogeneous isotropic tissue, represented by a lattice of springs.
 ///
 /// # From Young's modulus to springs
 ///
@@ -14,28 +14,28 @@ use glam::DVec3;
 /// C_ijkl = (1/V) Σ_e k_e ℓ_e² n_i n_j n_k n_l          (sum over the springs of one cell, n = axis of e)
 /// ```
 ///
-/// which is fully symmetric (Cauchy's relations). It is isotropic when C_1111 = 3 C_1122 = 3μ, so Poisson's
-/// ratio is always 1/4, λ = μ and E = 5μ/2. With a cell of sides a, b, c there are seven families of springs:
-/// three along the sides, three across the faces, one through the cell, with κ = k ℓ²/V each. The six
-/// conditions leave one number free, κ_s of the family through the cell; it is chosen as
-/// κ_s = μ L⁴ / (12 max(a²b², b²c², c²a²)), L² = a² + b² + c², which keeps every stiffness positive for cells
-/// near a cube and gives k = (8/15) E h along the sides, half of it across the faces and 3/16 of it through
-/// the cell for a cube of side h.
+/// It is fully symmetric (Cauchy's relations). It is isotropic if C_1111 = 3 C_1122 = 3μ, so Poisson's ratio is
+/// always 1/4, λ = μ and E = 5μ/2. A cell of sides a, b, c has seven families of springs: three along the sides,
+/// three across the faces and one through the cell, with κ = k ℓ²/V each. The six conditions leave one parameter
+/// free, κ_s of the family through the cell. It is chosen as κ_s = μ L⁴ / (12 max(a²b², b²c², c²a²)), L² = a² + b² +
+/// c², which keeps every stiffness positive for cells close to a cube. For a cube of side h it gives k = (8/15) E h
+/// along the sides, half of it across the faces and 3/16 of it through the cell.
 ///
-/// A spring belongs to the one, two or four cells round it, and each gives its share; so springs and masses on
-/// the surface are lighter, and a block under uniform strain has exactly the modulus asked for.
+/// A spring is shared by the one, two or four cells around it, each of which contributes its part. Springs and masses
+/// on the surface are therefore smaller, and a block under uniform strain has exactly the given modulus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tissue {
-    /// Young's modulus E, Pa. Soft organs: 1 kPa to 100 kPa.
+    /// Young's modulus E, Pa. Soft organs have 1 kPa to 100 kPa.
     pub youngs_modulus_pa: f64,
     /// Density ρ, kg/m³.
     pub density_kg_per_m3: f64,
-    /// The damper beside a spring k between masses m_a, m_b is this times √(k · 2 m_a m_b/(m_a + m_b)).
+    /// Damping ratio: the damper parallel to a spring k between masses m_a and m_b is this times √(k · 2 m_a m_b/(m_a
+    /// + m_b)).
     pub damping_ratio: f64,
 }
 
 impl Default for Tissue {
-    /// Soft, heavy as water, damped: 20 kPa, 1000 kg/m³, 0.5.
+    /// A soft tissue with the density of water: 20 kPa, 1000 kg/m³, damping ratio 0.5.
     fn default() -> Self {
         Self { youngs_modulus_pa: 20e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5 }
     }
@@ -44,20 +44,20 @@ impl Default for Tissue {
 /// Stiffness of the seven families of springs inside a large lattice, N/m (see [`Tissue`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellStiffness {
-    /// Along x, y, z.
+    /// Springs along x, y, z.
     pub side: [f64; 3],
-    /// Across the face whose normal is x, y, z.
+    /// Springs across the face with normal x, y, z.
     pub face: [f64; 3],
-    /// Through the cell.
+    /// Springs through the cell.
     pub through: f64,
 }
 
 impl CellStiffness {
-    /// The springs of an isotropic network with Young's modulus `youngs_modulus_pa` and cells of `cell_m`.
+    /// Stiffness of an isotropic network with Young's modulus `youngs_modulus_pa` and cells of `cell_m`.
     ///
     /// # Errors
-    /// [`BodyError::Parameter`] for a modulus or size that is not finite and above zero,
-    /// [`BodyError::CellShape`] for cells too far from cubes.
+    /// [`BodyError::Parameter`] for a modulus or size that is not finite or not above zero, [`BodyError::CellShape`]
+    /// for cells too far from cubes.
     pub fn isotropic(youngs_modulus_pa: f64, cell_m: DVec3) -> Result<Self, BodyError> {
         let mu = 0.4 * check_positive("Young's modulus, Pa", youngs_modulus_pa)?;
         check_positive("smallest side of a cell, m", cell_m.min_element())?;
@@ -87,7 +87,7 @@ impl CellStiffness {
         }
     }
 
-    /// Stiffness of the spring that leads one `step` through the lattice.
+    /// Stiffness of the spring in the direction of `step`.
     pub(crate) fn along(&self, step: [i32; 3]) -> f64 {
         match step.map(|s| s != 0) {
             [true, true, true] => self.through,
@@ -102,11 +102,11 @@ impl CellStiffness {
 }
 
 impl Block {
-    /// The block filled with `tissue`.
+    /// Creates the block filled with `tissue`.
     ///
     /// # Errors
-    /// [`BodyError`] when a parameter makes no sense, the cells are too far from cubes, all is fixed, or nothing is
-    /// and [`Block::allow_free`] was not said.
+    /// [`BodyError`] if a parameter is invalid, the cells are too far from cubes, all nodes are fixed, or none is
+    /// without [`Block::allow_unconstrained`].
     pub fn tissue(&self, tissue: &Tissue) -> Result<BlockBody, BodyError> {
         let density = check_positive("density, kg/m3", tissue.density_kg_per_m3)?;
         let ratio = check_damping_ratio(tissue.damping_ratio)?;
@@ -131,10 +131,6 @@ impl Block {
     }
 }
 
-pub(crate) fn check_damping_ratio(ratio: f64) -> Result<f64, BodyError> {
-    check("damping ratio", ratio, ratio.is_finite() && ratio >= 0.0, "finite and at least 0")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -142,7 +138,7 @@ mod tests {
     use glam::DMat3;
     use palpate_laws::ForceLaw;
 
-    /// Elastic energy of `network` when every node is moved by the infinitesimal affine map x → x + ε x.
+    /// Elastic energy of `network` under the infinitesimal affine displacement x → x + ε x.
     fn energy(network: &Network, strain: DMat3) -> f64 {
         let x = network.rest_m();
         network
@@ -185,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cube_has_the_stated_stiffness_and_the_block_its_mass() {
+    fn cube_has_the_closed_form_stiffness_and_the_block_its_mass() {
         let springs = CellStiffness::isotropic(20e3, DVec3::splat(0.02)).unwrap();
         let side = 8.0 / 15.0 * 20e3 * 0.02;
         for n in 0..3 {
@@ -199,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_up_to_1_2_times_longer_are_taken_and_long_ones_refused() {
+    fn accepts_cells_up_to_1_2_times_longer_and_rejects_longer_ones() {
         for cell in [DVec3::new(1.2, 1.0, 1.0), DVec3::new(1.2, 1.2, 1.0), DVec3::new(1.0, 1.1, 1.2)] {
             assert!(CellStiffness::isotropic(1e3, 0.01 * cell).is_ok(), "{cell}");
         }
@@ -208,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn senseless_tissue_is_refused() {
+    fn rejects_invalid_tissue() {
         let block = Block::new([3, 3, 3], DVec3::splat(0.1)).unwrap();
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(block.tissue(&Tissue { youngs_modulus_pa: bad, ..Tissue::default() }).is_err());

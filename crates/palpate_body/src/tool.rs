@@ -1,25 +1,25 @@
-//! The tool as the body sees it: it holds a point of the body, or touches its surface.
+//! Tools of a body: they hold a point or touch the surface.
 
-mod touched;
+mod touched_point;
 
-pub use touched::TouchedPoint;
+pub use touched_point::TouchedPoint;
 
 use crate::{Body, BodyError, BodyPoint};
 use glam::DVec3;
 use palpate_laws::{Coulomb, ToolShape, VirtualCoupling};
 
-/// One point of the tool's path, in the body's frame.
+/// A point of a tool's path in the frame of the body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ToolPoint {
-    /// Centre of the tool, m.
+    /// Position of the tool's centre, m.
     pub position_m: DVec3,
-    /// Its velocity, m/s. It need not be the derivative of the positions: an estimator may have smoothed it. Only a held
-    /// node takes it over; what is touched or held elsewhere goes by the positions.
+    /// Velocity, m/s. It may be a smoothed estimate instead of the derivative of the positions. Only a held node
+    /// takes it over; all other contact depends on the positions.
     pub velocity_m_per_s: DVec3,
 }
 
 impl ToolPoint {
-    /// A tool that stands still at `position_m`.
+    /// A tool at rest at `position_m`, m.
     #[must_use]
     pub fn at_rest(position_m: DVec3) -> Self {
         Self { position_m, velocity_m_per_s: DVec3::ZERO }
@@ -30,64 +30,63 @@ impl ToolPoint {
     }
 }
 
-/// How a tool acts on a body, and where it does now.
+/// Contact of a tool with a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToolContact {
     pub(crate) hold: Hold,
-    /// The rows of contact patches that gave an impulse in the last step; none for a tool that holds.
+    /// Rows of contact patches that gave an impulse in the last step; none for a tool that holds.
     pub(crate) touched: Vec<TouchedPoint>,
-    /// The nodes on which it pushed at any time in the last advance.
+    /// Nodes that it pushed during the last advance.
     pub(crate) touched_nodes: Vec<usize>,
-    /// What draws it to the device, unless it is the device.
+    /// Coupling to the device, if there is one.
     pub(crate) coupling: Option<VirtualCoupling>,
-    /// λ of what it holds in the last step, N s, and that step's length, s.
+    /// Impulse λ on the held point in the last step, N s, and the length of that step, s.
     pub(crate) gripped: (DVec3, f64),
-    /// Where it is behind its coupling, m; where the device is if that is not known.
+    /// Position behind the coupling, m; `None` if it is at the device.
     pub(crate) proxy_m: Option<DVec3>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Hold {
-    /// A node, driven: it is where the tool is, plus an offset, and as fast.
+    /// A driven node: it has the tool's position plus an offset, and the tool's velocity.
     Node { node: usize, offset_m: DVec3 },
-    /// A point, by a two-sided row.
+    /// A point, by a bilateral row.
     Point { point: BodyPoint, offset_m: DVec3 },
-    /// Nothing: it pushes and rubs, if it is `clear`: not in the body, or come out of it.
+    /// No hold: it touches with friction if it is `clear`, that is, not inside the body or out again.
     Nothing { shape: ToolShape, friction: f64, clear: bool },
 }
 
 impl ToolContact {
-    /// A tool at `tool_m` that holds `node` where it is now, for ever, pushing and pulling. The node's position and
-    /// velocity are the tool's.
+    /// Creates a tool at `tool_m` (m) that holds `node` permanently at its present offset. The node takes the tool's
+    /// motion.
     ///
     /// # Errors
-    /// [`BodyError::CannotHold`] when there is no such node or it is fixed; [`BodyError::Path`] when `tool_m`
-    /// is not finite.
+    /// [`BodyError::CannotHold`] if the node does not exist or is fixed; [`BodyError::Path`] if `tool_m` is not
+    /// finite.
     pub fn hold(body: &Body, node: usize, tool_m: DVec3) -> Result<Self, BodyError> {
         can_hold(body, &[node])?;
         let offset_m = body.positions_m()[node] - finite(tool_m)?;
         Ok(Self::new(Hold::Node { node, offset_m }))
     }
 
-    /// A tool at `tool_m` that holds `point` where it is now, for ever, pushing and pulling: a place on a triangle or in a
-    /// cell, by impulses on its nodes.
+    /// Creates a tool at `tool_m` (m) that holds `point` permanently at its present offset, by impulses on its nodes.
     ///
     /// # Errors
-    /// [`BodyError::CannotHold`] when the point has a node that the body has not, or none that is free;
-    /// [`BodyError::Path`] when `tool_m` is not finite.
+    /// [`BodyError::CannotHold`] if the point has a node that does not exist, or no free node; [`BodyError::Path`] if
+    /// `tool_m` is not finite.
     pub fn hold_point(body: &Body, point: BodyPoint, tool_m: DVec3) -> Result<Self, BodyError> {
         can_hold(body, &point.named())?;
         let offset_m = point.of(body.positions_m()) - finite(tool_m)?;
         Ok(Self::new(Hold::Point { point, offset_m }))
     }
 
-    /// A tool that touches nothing yet. It pushes the surface of the body before it in contact patches, at most four, one-sided and with
-    /// coefficient of friction `friction`, wherever it meets it and it is not fixed: it slides, rolls over edges, leaves and comes again. One that begins with
-    /// its centre in the body, or jumps there, touches nothing until all of it has come out.
+    /// Creates a touching tool without contacts. It pushes on the surface in at most four contact patches,
+    /// unilaterally and with coefficient of friction `friction`. It may slide, roll over edges, leave and return. A
+    /// tool that starts with its centre inside the body, or jumps there, touches nothing until all of it has come
+    /// out.
     ///
     /// # Errors
-    /// [`BodyError::Tool`] when the shape makes no sense, [`BodyError::Parameter`] when the friction is negative or not
-    /// finite.
+    /// [`BodyError::Tool`] for an invalid shape, [`BodyError::Parameter`] if the friction is negative or not finite.
     pub fn touch(shape: ToolShape, friction: f64) -> Result<Self, BodyError> {
         shape.validate()?;
         let ok = friction.is_finite() && friction >= 0.0;
@@ -100,12 +99,12 @@ impl ToolContact {
         Self { hold, touched, touched_nodes, gripped, coupling: None, proxy_m: None }
     }
 
-    /// The same tool behind `coupling`: what the body meets is a proxy, which the coupling draws to the device with its
-    /// largest force at most, so that a device deeper than the body can go leaves it behind. Without one the tool is where
-    /// the device is, whatever that takes. A node that is held is then held as a point, by impulses.
+    /// Puts the tool behind `coupling`: the body touches a proxy, and the coupling pulls the proxy to the device with
+    /// a limited force. A device deeper than the body can follow leaves the proxy behind. Without a coupling the tool
+    /// follows the device with any force. A held node becomes a held point.
     ///
     /// # Errors
-    /// [`BodyError::Tool`] when the coupling makes no sense.
+    /// [`BodyError::Tool`] for an invalid coupling.
     pub fn with_coupling(mut self, coupling: VirtualCoupling) -> Result<Self, BodyError> {
         coupling.validate()?;
         self.coupling = Some(coupling);
@@ -115,19 +114,19 @@ impl ToolContact {
         Ok(self)
     }
 
-    /// Its coupling, if it has one.
+    /// Coupling to the device, if there is one.
     #[must_use]
     pub fn coupling(&self) -> Option<VirtualCoupling> {
         self.coupling
     }
 
-    /// Where the tool is, m, with the device at `device_m`: there, or behind its coupling.
+    /// Position of the tool, m, with the device at `device_m`.
     #[must_use]
     pub fn proxy_m(&self, device_m: DVec3) -> DVec3 {
         self.proxy_m.unwrap_or(device_m)
     }
 
-    /// The node that it drives, if it holds one.
+    /// The driven node, if the tool drives one.
     #[must_use]
     pub fn driven_node(&self) -> Option<usize> {
         match self.hold {
@@ -136,7 +135,7 @@ impl ToolContact {
         }
     }
 
-    /// The point that it holds, unless it drives a node or holds nothing.
+    /// The held point, if the tool holds one by impulses.
     #[must_use]
     pub fn held_point(&self) -> Option<&BodyPoint> {
         match &self.hold {
@@ -145,7 +144,7 @@ impl ToolContact {
         }
     }
 
-    /// Shape and coefficient of friction of a tool that touches.
+    /// Shape and coefficient of friction of a touching tool.
     #[must_use]
     pub fn shape(&self) -> Option<(ToolShape, f64)> {
         match self.hold {
@@ -154,27 +153,27 @@ impl ToolContact {
         }
     }
 
-    /// Whether it holds nothing and can touch: it is not in the body.
+    /// Whether the tool can touch: it holds nothing and is not inside the body.
     #[must_use]
     pub fn is_clear(&self) -> bool {
         matches!(self.hold, Hold::Nothing { clear: true, .. })
     }
 
-    /// Where it touches the surface: the rows that pushed it in the last step, those of each contact patch one after another. A patch is one
-    /// row, or nine under a contact wider than 0.8 cells. Empty for a tool that holds.
+    /// Rows that gave an impulse in the last step, patch by patch. A patch is one row, or nine under a contact wider
+    /// than 0.8 cells. Empty for a tool that holds.
     #[must_use]
     pub fn touched(&self) -> &[TouchedPoint] {
         &self.touched
     }
 
-    /// The nodes of the triangles under it on which it pushed at any time in the last advance, each once. Empty for a tool that holds.
+    /// Nodes of the triangles that the tool pushed during the last advance, each once. Empty for a tool that holds.
     #[must_use]
     pub fn touched_nodes(&self) -> &[usize] {
         &self.touched_nodes
     }
 
-    /// The points through which it acts on the body now: the one that it holds, or for each row that pushes the mean of the surface under its
-    /// part of the tool's pressure.
+    /// Points at which the tool acts on the body now: the held point, or for each active row the mean of the surface
+    /// under its part of the pressure.
     #[must_use]
     pub fn points(&self) -> Vec<BodyPoint> {
         match &self.hold {
@@ -184,36 +183,38 @@ impl ToolContact {
         }
     }
 
-    /// The unit normal of the surface where it is touched, out of the body, in the mean over what pushes; `None` when nothing
-    /// is touched.
+    /// Mean outward unit normal of the touched surface, weighted by the normal impulses; `None` without contact.
     #[must_use]
     pub fn normal(&self) -> Option<DVec3> {
         let push: DVec3 = self.touched.iter().map(|t| t.impulse_ns.dot(t.normal) * t.normal).sum();
         (-push).try_normalize()
     }
 
-    /// What the body does to the hand now, N, in the body's frame, without the inertia of what is held or touched: the
-    /// internal force on the driven node, or on the row that is held, Σ w_i F_i / Σ w_i²; for a touch on all rows that
-    /// pushed in the last step, each as far as it lies in its friction cone (see [`ToolContact::touched`]). Behind a coupling
-    /// no more than the coupling's largest.
+    /// Force of the body on the hand, N, in the frame of the body, without the inertia of the held or touched nodes.
+    ///
+    /// It is the internal force on the driven node or on the held point, Σ w_i F_i / Σ w_i². For a touch it is the
+    /// sum over all rows that gave an impulse in the last step, each projected into its friction cone (see
+    /// [`ToolContact::touched`]). A coupling limits it to its maximum force.
     ///
     /// # Panics
-    /// When the contact belongs to a body with more nodes; see [`ToolContact::validate`].
+    /// If the contact belongs to a body with more nodes; see [`ToolContact::validate`].
     #[must_use]
     pub fn displayed_force_n(&self, body: &Body) -> DVec3 {
         let force_n = match &self.hold {
             Hold::Node { node, .. } => body.internal_force_on_n(*node),
             Hold::Point { point, .. } => point.internal_force_n(body),
-            Hold::Nothing { friction, .. } => touched::displayed_force_n(&self.touched, *friction, body),
+            Hold::Nothing { friction, .. } => {
+                touched_point::displayed_force_n(&self.touched, *friction, body)
+            }
         };
         self.coupling.map_or(force_n, |coupling| coupling.limit(force_n))
     }
 
-    /// Adds what it did to the nodes in the last step, N, to `force_n`: its impulses over the length of the step. What a driven
-    /// node takes is not among it.
+    /// Adds the forces of the tool on the nodes in the last step to `force_n`, N. The force on a driven node is not
+    /// included.
     ///
     /// # Panics
-    /// When `force_n` has no entry for a node that it touches or holds.
+    /// If `force_n` has no entry for a touched or held node.
     pub fn add_force_n(&self, force_n: &mut [DVec3]) {
         for touched in self.touched.iter().filter(|touched| touched.step_s > 0.0) {
             let f = touched.impulse_ns / touched.step_s;
@@ -226,7 +227,7 @@ impl ToolContact {
         }
     }
 
-    /// Refuses a contact that belongs to another body: one with nodes that `body` has not, or has fixed.
+    /// Rejects a contact with nodes that do not exist in `body` or are fixed.
     ///
     /// # Errors
     /// [`BodyError::CannotHold`].
@@ -242,8 +243,8 @@ impl ToolContact {
         }
     }
 
-    /// Lets go of what is touched; whether something was. What is held stays held; a proxy that touched is where the device
-    /// is.
+    /// Releases the touched surface. Returns whether there was a contact. A held point stays held; a touching proxy
+    /// returns to the device.
     pub fn release(&mut self) -> bool {
         if let Hold::Nothing { .. } = self.hold {
             self.proxy_m = None;
@@ -254,7 +255,7 @@ impl ToolContact {
         touching
     }
 
-    /// The law of a touch whose tool pushes along `push`.
+    /// Contact law of a tool that pushes along `push`.
     pub(crate) fn law(&self, push: DVec3) -> Option<Coulomb> {
         let (_, friction) = self.shape()?;
         Coulomb::new(push, friction).ok()
@@ -265,7 +266,7 @@ fn finite(tool_m: DVec3) -> Result<DVec3, BodyError> {
     if tool_m.is_finite() { Ok(tool_m) } else { Err(BodyError::Path { index: 0 }) }
 }
 
-/// Refuses nodes that `body` does not have, and nodes of which none can move.
+/// Rejects nodes that `body` does not have, and sets of nodes that are all fixed.
 fn can_hold(body: &Body, nodes: &[usize]) -> Result<(), BodyError> {
     let network = body.network();
     if let Some(&node) = nodes.iter().find(|&&node| node >= network.node_count()) {

@@ -1,41 +1,46 @@
-//! The surface that tools touch: a mesh with triangles of a size that fits the cells.
+//! The touchable surface of a mesh, with triangles of a size that fits the cells.
 
 mod cluster;
 mod subdivide;
 
-use crate::cell_lattice::Embedding;
-use crate::{ClosedMesh, Surface};
+use crate::{BodyPoint, ClosedMesh, Surface};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::Triangle;
 
-/// The touched surface of a mesh.
+/// The touchable surface of a mesh.
 ///
-/// Where the mesh is finer than a share of a cell, contact would be found on many triangles that move alike; where it is coarser than a
-/// cell, a dent would have no corners. So vertices are clustered first and long edges halved then.
+/// Where the mesh is finer than the cells, many triangles would move alike; where it is coarser, a dent would have no
+/// vertices. Vertices are clustered first, and long edges are halved afterwards.
 pub(crate) struct TouchSurface {
     pub surface: Surface,
-    /// The greatest distance of a vertex of the mesh from it, m.
+    /// Maximum distance of a vertex of the mesh from the surface, m.
     pub deviation_m: f64,
 }
 
 impl TouchSurface {
-    /// With points at least `spacing` cells of `cell_m` apart, and edges of at most 1 + `spacing` cells: what clustering makes is
-    /// not cut again, but for a few.
-    pub(crate) fn new(mesh: &ClosedMesh, embedding: &Embedding, cell_m: f64, spacing: f64) -> Self {
+    /// Creates the surface with points at least `spacing` cells of `cell_m` apart and edges of at most 1 + `spacing`
+    /// cells. With these limits few clustered edges are halved again. `point_at` embeds a position, relative to the
+    /// mesh's centre, in the body.
+    pub(crate) fn new(
+        mesh: &ClosedMesh,
+        point_at: impl Fn(DVec3) -> BodyPoint,
+        cell_m: f64,
+        spacing: f64,
+    ) -> Self {
         let clustered = cluster::cluster(mesh.closed_triangles(), mesh.points_m(), spacing * cell_m);
         let mut points_m: Vec<DVec3> = clustered.kept.iter().map(|&point| mesh.points_m()[point]).collect();
         let deviation_m = deviation(mesh.points_m(), &clustered.triangles, &points_m);
         let triangles = subdivide::subdivide(clustered.triangles, &mut points_m, (1.0 + spacing) * cell_m);
-        let points: Vec<_> = points_m.iter().map(|x| embedding.point(*x)).collect();
+        let points: Vec<_> = points_m.iter().map(|x| point_at(*x)).collect();
         let vertices = (0..points.len()).collect();
         Self { surface: Surface { points, vertices, triangles }, deviation_m }
     }
 }
 
-/// The greatest distance of `places_m` from the triangles.
+/// Maximum distance of `places_m` from the triangles.
 fn deviation(places_m: &[DVec3], triangles: &[[usize; 3]], points_m: &[DVec3]) -> f64 {
     let corners = |triangle: usize| triangles[triangle].map(|point| points_m[point]);
     let boxes: Vec<Aabb> = (0..triangles.len())

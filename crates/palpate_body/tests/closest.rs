@@ -1,4 +1,4 @@
-//! The nearest point of a surface, against every triangle in turn.
+//! The nearest point of a surface against a search over all triangles.
 
 use glam::DVec3;
 use palpate_body::*;
@@ -11,7 +11,7 @@ fn block(n: usize) -> Body {
     Body::new(block.network, block.surface).unwrap()
 }
 
-/// The least distance to a triangle by walking over it: no outline cases.
+/// The minimum distance to a triangle by sampling, without case distinctions.
 fn walked(corners: [DVec3; 3], place: DVec3) -> f64 {
     let [a, b, c] = corners;
     let steps = 60;
@@ -27,13 +27,13 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn it_is_the_nearest_of_all_points(
+    fn closest_point_is_nearest_of_all_triangles(
         place in prop::array::uniform3(-0.06..0.06f64),
         bend in prop::array::uniform3(-0.3..0.3f64),
     ) {
         let mut body = block(4);
         let mut tree = SurfaceTree::new(&body);
-        // Bent after the tree was built, so that it has to be fitted.
+        // Bent after the tree was built, so that it has to be refitted.
         let x: Vec<DVec3> = body
             .network()
             .rest_m()
@@ -54,16 +54,16 @@ proptest! {
             .iter()
             .map(|t| walked(t.map(|v| surface.points[surface.vertices[v]].of(&x)), place))
             .fold(f64::INFINITY, f64::min);
-        // Walking misses the nearest point by less than its step, and never finds a nearer one.
+        // Sampling misses the nearest point by less than its step, and finds no nearer one.
         prop_assert!(found.distance_m.abs() <= nearest + 1e-12 && nearest < found.distance_m.abs() + 5e-4);
         prop_assert!((found.normal.length() - 1.0).abs() < 1e-12);
         let nothing = tree.closest(place, 0.99 * found.distance_m.abs());
         prop_assert!(nothing.is_none());
     }
 
-    /// The sides of a block are known in closed form, its edges and corners among them.
+    /// The distance to a block is known in closed form, including edges and corners.
     #[test]
-    fn inside_and_outside_are_told_apart_everywhere(place in prop::array::uniform3(-0.08..0.08f64)) {
+    fn distance_is_negative_exactly_inside(place in prop::array::uniform3(-0.08..0.08f64)) {
         let body = block(3);
         let half = DVec3::new(0.025, 0.03, 0.035);
         let place = DVec3::from_array(place);
@@ -72,13 +72,13 @@ proptest! {
         let expected = if beyond > 0.0 { beyond } else { -within };
         let found = SurfaceTree::new(&body).closest(place, 1.0).unwrap();
         prop_assert!((found.distance_m - expected).abs() < 1e-12, "{found:?}, expected {expected}");
-        // Outside, the way back to the surface is against its normal, or nearly so at an edge.
+        // Outside, the direction to the surface is opposite to its normal, or nearly so at an edge.
         prop_assert!(expected <= 1e-9 || found.normal.dot(place - found.point_m) > 0.5 * expected);
     }
 }
 
 #[test]
-fn a_body_without_triangles_has_no_nearest_point() {
+fn surface_without_triangles_has_no_closest_point() {
     let network = Lattice::new([3, 1, 1], 0.1).unwrap().uniform(1.0, 0.1, 1.0, |[i, ..]| i == 0).unwrap();
     let body = Body::new(network, Surface::default()).unwrap();
     assert!(SurfaceTree::new(&body).closest(DVec3::ZERO, 1.0).is_none());

@@ -1,4 +1,4 @@
-//! A tool behind a coupling that gives way.
+//! A tool behind a virtual coupling.
 
 use glam::DVec3;
 use palpate_body::*;
@@ -27,7 +27,7 @@ fn both() -> [Integrator; 2] {
     [SemiImplicitEuler::default().into(), implicit.into()]
 }
 
-/// Moves the device along `at` and returns force and proxy at every tick.
+/// Moves the device along `at` and returns force and proxy position at every tick.
 fn follow(
     body: &mut Body,
     tool: &mut ToolContact,
@@ -44,7 +44,7 @@ fn follow(
     all
 }
 
-/// Down from 2 mm above at 0.3 m/s, as deep as `depth`, wait, and up again after 0.4 s.
+/// Down from 2 mm above at 0.3 m/s to the depth `depth`, wait, and up again after 0.4 s.
 fn dip(depth: f64) -> impl Fn(f64) -> DVec3 {
     move |t| {
         let down = 2e-3 - (0.3 * t).min(depth + 2e-3) + 0.3 * (t - 0.4).max(0.0);
@@ -53,23 +53,23 @@ fn dip(depth: f64) -> impl Fn(f64) -> DVec3 {
 }
 
 #[test]
-fn a_hand_deeper_than_the_body_can_go_leaves_the_proxy_where_the_force_is_the_largest() {
+fn deep_device_leaves_the_proxy_at_the_force_limit() {
     for integrator in both() {
         for most_n in [1.0, 4.0] {
             let (mut body, mut tool) = (block(), ball(most_n));
-            // Through the whole block, and 50 mm beyond.
+            // Through the whole block and 50 mm beyond.
             let all = follow(&mut body, &mut tool, 400, integrator, dip(0.15));
             assert!(all.iter().all(|(f, _)| f.length() <= most_n * (1.0 + 1e-9)), "saturated");
             let (force, proxy) = *all.last().unwrap();
             assert!((force.z - most_n).abs() < 0.02 * most_n, "{force}");
-            // The same place, reached by a tool that does not give way, has the same force.
+            // The same position, reached by a tool without a coupling, has the same force.
             let (mut other, mut stiff) = (block(), free_ball());
             let depth = TOP + RADIUS - proxy.z;
             let same = follow(&mut other, &mut stiff, 400, integrator, dip(depth));
             let (expected, at) = *same.last().unwrap();
             assert!((at.z - proxy.z).abs() < 1e-12);
             assert!((force.z - expected.z).abs() < 0.03 * most_n, "{force} {expected} at {depth}");
-            // Nothing is turned inside out: each vertex of the surface is still where its neighbours are.
+            // No part is inverted: each vertex of the surface is close to its neighbours.
             let furthest =
                 body.positions_m().iter().zip(body.network().rest_m()).map(|(x, r)| x.distance(*r));
             assert!(furthest.fold(0.0, f64::max) < 0.03);
@@ -78,7 +78,7 @@ fn a_hand_deeper_than_the_body_can_go_leaves_the_proxy_where_the_force_is_the_la
 }
 
 #[test]
-fn it_comes_back_with_the_hand() {
+fn proxy_returns_with_the_device() {
     for integrator in both() {
         let (mut body, mut tool) = (block(), ball(2.0));
         let all = follow(&mut body, &mut tool, 1200, integrator, dip(0.06));
@@ -86,7 +86,7 @@ fn it_comes_back_with_the_hand() {
         assert_eq!((force, proxy), (DVec3::ZERO, dip(0.06)(1.2)));
         let moved = body.positions_m().iter().zip(body.network().rest_m()).map(|(x, r)| x.distance(*r));
         assert!(moved.fold(0.0, f64::max) < 1e-3, "the body comes back");
-        // On its way up it stayed saturated until the hand was where the proxy was.
+        // On the way up the coupling stays saturated until the device reaches the proxy.
         let until = all.iter().rposition(|(f, _)| f.z > 1.95).unwrap();
         let behind = dip(0.06)(until as f64 * 1e-3).distance(all[until].1);
         assert!(until > 450 && behind < 3e-3, "{until} {behind}");
@@ -94,7 +94,7 @@ fn it_comes_back_with_the_hand() {
 }
 
 #[test]
-fn below_saturation_it_is_a_stiff_spring_and_in_the_air_it_is_not_there() {
+fn coupling_below_its_limit_is_a_spring_and_in_air_has_no_effect() {
     let (mut body, mut tool) = (block(), ball(50.0));
     let at = dip(6e-3);
     let all = follow(&mut body, &mut tool, 390, SemiImplicitEuler::default().into(), &at);
@@ -107,7 +107,7 @@ fn below_saturation_it_is_a_stiff_spring_and_in_the_air_it_is_not_there() {
 }
 
 #[test]
-fn a_proxy_tunnels_through_nothing() {
+fn proxy_crosses_no_surface_undetected() {
     for most_n in [0.5, 5.0] {
         for speed in [0.3, 1.0, 3.0] {
             let (mut body, mut tool) = (block(), ball(most_n));
@@ -122,7 +122,7 @@ fn a_proxy_tunnels_through_nothing() {
 }
 
 #[test]
-fn what_is_held_gives_way_too() {
+fn coupling_of_a_held_point_saturates() {
     let node = 3 + 6 * (3 + 6 * 5);
     for integrator in both() {
         let mut body = block();
@@ -130,34 +130,34 @@ fn what_is_held_gives_way_too() {
         let coupling = VirtualCoupling { stiffness_n_per_m: STIFFNESS, max_force_n: 1.5 };
         let mut tool = ToolContact::hold(&body, node, from).unwrap().with_coupling(coupling).unwrap();
         assert_eq!(tool.driven_node(), None);
-        // 100 mm up and aside, within a quarter of a second.
+        // 100 mm up and aside within a quarter of a second.
         let pulled = |t: f64| from + DVec3::new(0.6, 0.0, 0.8) * 0.1 * (t / 0.25).min(1.0);
         let all = follow(&mut body, &mut tool, 700, integrator, pulled);
         let (force, proxy) = *all.last().unwrap();
         assert!((force.length() - 1.5).abs() < 0.03, "{force}");
         assert!((proxy - body.positions_m()[node]).length() < 1e-6, "it holds on");
-        // It pulls towards the hand.
+        // The force pulls towards the device.
         let towards = (pulled(0.7) - proxy).normalize();
         assert!((-force.normalize()).dot(towards) > 0.98, "{force} {towards}");
     }
 }
 
 #[test]
-fn energy_is_accounted_for() {
+fn energy_balance_closes_with_a_coupling() {
     let (mut body, mut tool) = (block(), ball(2.0));
     body.start_energy_accounting();
     follow(&mut body, &mut tool, 600, SemiImplicitEuler::default().into(), dip(0.05));
-    let books = body.energy_balance().unwrap();
-    assert!(books.work_in_j > 1e-3, "{books:?}");
-    let spent = books.stored_j + books.damping_loss_j + books.friction_loss_j + books.integrator_j;
-    assert!((spent / books.work_in_j - 1.0).abs() < 1e-9, "{books:?}");
-    assert!(books.integrator_j.abs() < 0.1 * books.work_in_j, "{books:?}");
+    let balance = body.energy_balance().unwrap();
+    assert!(balance.work_in_j > 1e-3, "{balance:?}");
+    let spent = balance.stored_j + balance.damping_loss_j + balance.friction_loss_j + balance.integrator_j;
+    assert!((spent / balance.work_in_j - 1.0).abs() < 1e-9, "{balance:?}");
+    assert!(balance.integrator_j.abs() < 0.1 * balance.work_in_j, "{balance:?}");
 }
 
 #[test]
-fn a_coupling_that_makes_no_sense_is_refused() {
+fn rejects_an_invalid_coupling() {
     for (stiffness_n_per_m, most_n) in [(0.0, 1.0), (f64::NAN, 1.0), (1e3, -1.0), (1e3, f64::INFINITY)] {
-        let refused = free_ball().with_coupling(VirtualCoupling { stiffness_n_per_m, max_force_n: most_n });
-        assert!(matches!(refused, Err(BodyError::Tool(_))));
+        let rejected = free_ball().with_coupling(VirtualCoupling { stiffness_n_per_m, max_force_n: most_n });
+        assert!(matches!(rejected, Err(BodyError::Tool(_))));
     }
 }

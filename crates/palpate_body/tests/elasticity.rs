@@ -5,7 +5,7 @@ use palpate_body::*;
 
 const E: f64 = 20e3;
 
-/// A bar of tissue along z with `n` nodes across and its cells cubes, held at its lower end.
+/// A bar of tissue along z with `n` nodes across, cubic cells and a fixed lower end.
 struct Bar {
     body: Body,
     /// Nodes along x, y, z.
@@ -29,7 +29,8 @@ impl Bar {
         k * across..(k + 1) * across
     }
 
-    /// `force`, N, spread over the upper end as a uniform stress is: a corner has a quarter of an inner node's share.
+    /// Distributes `force`, N, over the upper end as a uniform stress: a corner gets a quarter of an inner node's
+    /// share.
     fn pull(&mut self, force: DVec3) {
         let top = self.nodes[2] - 1;
         let n = self.nodes[0];
@@ -41,7 +42,7 @@ impl Bar {
         self.body.set_loads(&loads).unwrap();
     }
 
-    /// To the state of rest, by Newton's method.
+    /// Solves for the state of rest by Newton's method.
     fn rest(&mut self) {
         let solver = LinearSolver::Cholesky;
         let newton = LinearlyImplicitEuler { tick_s: 1e4, solver, ..LinearlyImplicitEuler::default() };
@@ -53,7 +54,7 @@ impl Bar {
         self.layer(k).map(|node| of(x[node])).sum::<f64>() / (self.nodes[0] * self.nodes[1]) as f64
     }
 
-    /// How far a layer of nodes is spread along x: a root mean square.
+    /// Root mean square width of a layer of nodes along x.
     fn spread(&self, k: usize) -> f64 {
         let middle = self.mean(k, |x| x.x);
         self.mean(k, |x| (x.x - middle).powi(2)).sqrt()
@@ -61,13 +62,13 @@ impl Bar {
 }
 
 #[test]
-fn a_bar_in_tension_has_the_stated_modulus_and_poisson_s_ratio_one_quarter() {
+fn bar_in_tension_has_the_given_modulus_and_poissons_ratio_one_quarter() {
     let strain = 1e-4;
     let mut errors = Vec::new();
     for n in [3, 4, 6] {
         let mut bar = Bar::new(n, 5, 0.02);
         let cells = bar.nodes[2] - 1;
-        // Between 2/5 and 4/5 of its length, away from where its end is held together.
+        // Between 2/5 and 4/5 of the length, away from the fixed end.
         let (low, high) = (2 * cells / 5, 4 * cells / 5);
         let (length, spread) =
             (bar.mean(high, |x| x.z) - bar.mean(low, |x| x.z), bar.spread((low + high) / 2));
@@ -79,12 +80,12 @@ fn a_bar_in_tension_has_the_stated_modulus_and_poisson_s_ratio_one_quarter() {
         assert!((along / strain - 1.0).abs() < 0.03, "{n} nodes across: {along} for a strain of {strain}");
         assert!((-across / along - 0.25).abs() < 0.25 * 0.03, "{n} nodes across: ratio {}", -across / along);
     }
-    // What is left comes from the stress being linear in the strain only.
+    // The remaining error is due to the nonlinearity in the strain.
     assert!(errors.iter().all(|error| error.abs() < 0.03), "{errors:?}");
 }
 
 #[test]
-fn a_cantilever_bends_as_a_beam_the_closer_the_finer_it_is() {
+fn cantilever_converges_to_timoshenko_beam() {
     // P L^3/3 E I and the beam's shear, P L/(kappa G A) with kappa = 10 (1 + nu)/(12 + 11 nu) (G. R. Cowper, J. Appl. Mech.
     // 33 (1966) 335).
     let mut errors = Vec::new();
@@ -101,7 +102,7 @@ fn a_cantilever_bends_as_a_beam_the_closer_the_finer_it_is() {
         bar.rest();
         errors.push((bar.mean(top, |x| x.x) - before) / (p * flexibility) - 1.0);
     }
-    // Too stiff by a share that falls with the square of the cells, 2, 3, 5 and 7 of them across.
+    // The excess stiffness falls with the square of the cell size, for 2, 3, 5 and 7 cells across.
     let [two, three, five, seven] = errors[..] else { unreachable!() };
     let rate = |fine: f64, coarse: f64, cells: (f64, f64)| (coarse / fine).ln() / (cells.1 / cells.0).ln();
     for (fine, coarse, cells) in
@@ -116,7 +117,7 @@ fn a_cantilever_bends_as_a_beam_the_closer_the_finer_it_is() {
 }
 
 #[test]
-fn a_hanging_bar_stretches_by_its_own_weight() {
+fn hanging_bar_stretches_by_the_closed_form() {
     let mut bar = Bar::new(4, 5, 0.02);
     let g = 0.5;
     bar.body.set_gravity(DVec3::Z * g).unwrap();
@@ -124,7 +125,7 @@ fn a_hanging_bar_stretches_by_its_own_weight() {
     let (low, high) = (2 * cells / 5, 4 * cells / 5);
     let before = bar.mean(high, |x| x.z) - bar.mean(low, |x| x.z);
     bar.rest();
-    // u(z) = rho g (L z - z^2/2)/E; the masses hang on the nodes as the material does on its layers.
+    // u(z) = rho g (L z - z^2/2)/E; the node masses approximate the distributed weight.
     let u = |k: usize| {
         let z = bar.length * k as f64 / cells as f64;
         1000.0 * g * (bar.length * z - 0.5 * z * z) / E
@@ -134,7 +135,7 @@ fn a_hanging_bar_stretches_by_its_own_weight() {
 }
 
 #[test]
-fn loads_that_make_no_sense_are_refused() {
+fn rejects_invalid_loads() {
     let mut bar = Bar::new(3, 2, 0.02);
     let nodes = bar.body.network().node_count();
     bar.pull(DVec3::X);

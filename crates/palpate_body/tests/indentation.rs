@@ -1,4 +1,4 @@
-//! Balls and flat punches pressed into a layer: the forces of elasticity.
+//! Balls and flat punches on a layer against closed forms of elasticity.
 
 use glam::DVec3;
 use palpate_body::*;
@@ -6,10 +6,10 @@ use palpate_body::*;
 const E_PA: f64 = 20e3;
 /// Thickness of the layer.
 const H: f64 = 0.06;
-/// Its width as a multiple of that.
+/// Width of the layer as a multiple of its thickness.
 const WIDTH: f64 = 3.0;
 
-/// A layer with `n` cells through its thickness, its bottom held. Its cells are cubes.
+/// A layer with `n` cubic cells through its thickness and a fixed bottom.
 fn layer(n: usize) -> Body {
     let across = (WIDTH * n as f64) as usize;
     let size = DVec3::new(WIDTH * H, WIDTH * H, H);
@@ -19,8 +19,8 @@ fn layer(n: usize) -> Body {
     Body::new(made.network, made.surface).unwrap()
 }
 
-/// Presses `shape`, whose lowest point is `low_m` below its position, `depth_m` into the layer with `n` cells and waits for
-/// rest. Returns the force, N.
+/// Presses `shape`, whose lowest point is `low_m` below its position, `depth_m` into the layer with `n` cells and
+/// waits for rest. Returns the force, N.
 fn indent(n: usize, shape: ToolShape, low_m: f64, depth_m: f64) -> f64 {
     let (mut body, mut tool) = (layer(n), ToolContact::touch(shape, 0.0).unwrap());
     let at = |share: f64| ToolPoint::at_rest(DVec3::Z * (0.5 * H + low_m + 1e-6 - share * (depth_m + 1e-6)));
@@ -44,16 +44,16 @@ fn reduced_modulus_pa() -> f64 {
     E_PA / (1.0 - 1.0 / 16.0)
 }
 
-/// The layer is stiffer than the half-space of the formulas, because its bottom is held: E. K. Dimitriadis, F. Horkay, J.
-/// Maresca, B. Kachar, R. S. Chadwick, Biophys. J. 82 (2002) 2798, bonded, for a contact of radius chi times
-/// the thickness. Returns their alpha_0 and beta_0.
+/// The layer is stiffer than the half-space of the formulas, because its bottom is fixed: E. K. Dimitriadis, F.
+/// Horkay, J. Maresca, B. Kachar, R. S. Chadwick, Biophys. J. 82 (2002) 2798, bonded case, for a contact radius of
+/// chi times the thickness. Returns alpha_0 and beta_0.
 fn bonded(nu: f64) -> (f64, f64) {
     let alpha = -(1.2876 - 1.4678 * nu + 1.3442 * nu * nu) / (1.0 - nu);
     (alpha, (0.6387 - 1.0277 * nu + 1.5164 * nu * nu) / (1.0 - nu))
 }
 
 #[test]
-fn a_ball_in_a_layer_meets_the_force_of_hertz() {
+fn ball_on_a_layer_matches_hertz() {
     let pi = std::f64::consts::PI;
     // A contact of 0.22 of the thickness: about 1, 2 and 3 cells.
     let a = 0.22 * H;
@@ -71,8 +71,8 @@ fn a_ball_in_a_layer_meets_the_force_of_hertz() {
 }
 
 #[test]
-fn a_flat_punch_in_a_layer_meets_its_force() {
-    // 1, 2 and 3 cells of radius. The same mean sinking of the bottom as for the ball, to first order.
+fn flat_punch_on_a_layer_matches_boussinesq() {
+    // Radii of 1, 2 and 3 cells. To first order the mean effect of the bottom is as for the ball.
     let a = 0.25 * H;
     let depth = 0.05 * a;
     let flat = 2.0 * reduced_modulus_pa() * a * depth;
@@ -84,8 +84,8 @@ fn a_flat_punch_in_a_layer_meets_its_force() {
 }
 
 #[test]
-fn the_sides_of_the_layer_are_far_enough() {
-    // Twice as wide a layer answers the same within a hundredth: what is left of the error is not its width.
+fn wider_layer_gives_the_same_force() {
+    // A layer twice as wide gives the same force to 1 %: the remaining error is not due to the width.
     let force = |width: f64| {
         let cells = 6;
         let across = (width * f64::from(cells)) as usize;

@@ -1,4 +1,4 @@
-//! Motion with a predicted answer: both integrators, gravity, momentum, energy, state.
+//! Motion against closed forms: both integrators, gravity, momentum, energy, state.
 
 use glam::DVec3;
 use palpate_body::*;
@@ -35,7 +35,7 @@ fn body(network: Network) -> Body {
     Body::new(network, Surface::default()).unwrap()
 }
 
-/// A mass on a spring and a damper, pulled out by `out`.
+/// A mass on a spring and a damper, displaced by `out`.
 fn oscillator(k: f64, b: f64, m: f64, out: f64) -> Body {
     let mut body = body(string(&[DVec3::ZERO, DVec3::X], m, linear(k), b).build().unwrap());
     body.set_state(&[DVec3::ZERO, DVec3::X * (1.0 + out)], &[DVec3::ZERO; 2]).unwrap();
@@ -48,14 +48,14 @@ fn block(n: usize, k: f64, damping_ratio: f64) -> Body {
     Body::new(block.network, block.surface).unwrap()
 }
 
-/// Steps so long that each is one of Newton's for the state of rest.
+/// Steps so long that each is a Newton step towards rest.
 fn to_rest(body: &mut Body, steps: usize) {
     let newton = LinearlyImplicitEuler { tick_s: 1e4, ..implicit(LinearSolver::Cholesky) };
     body.advance(None, steps, newton).unwrap();
 }
 
 #[test]
-fn an_implicit_oscillator_follows_the_predicted_discrete_trajectory() {
+fn implicit_oscillator_follows_the_discrete_closed_form() {
     let (k, b, m, h) = (80.0, 0.3, 0.05, 1e-3 / 3.0);
     let mut body = oscillator(k, b, m, 0.02);
     let settings = LinearlyImplicitEuler { substeps: 3, ..implicit(LinearSolver::Cholesky) };
@@ -91,7 +91,7 @@ fn both_integrators_are_of_first_order() {
 }
 
 #[test]
-fn the_two_solvers_agree_and_say_what_they_did() {
+fn both_linear_solvers_agree_and_are_reported() {
     let run = |integrator: Integrator| {
         let mut body = block(5, 400.0, 0.3);
         let node = 2 + 5 * (2 + 5 * 4);
@@ -109,7 +109,7 @@ fn the_two_solvers_agree_and_say_what_they_did() {
     for (a, b) in cholesky.0.positions_m().iter().zip(gradients.0.positions_m()) {
         assert!((*a - *b).length() < 1e-10);
     }
-    // The driven node is where it was put.
+    // The driven node is at its prescribed position.
     assert!(
         (cholesky.2.displayed_force_n(&cholesky.0) - gradients.2.displayed_force_n(&gradients.0)).length()
             < 1e-6
@@ -118,7 +118,7 @@ fn the_two_solvers_agree_and_say_what_they_did() {
 }
 
 #[test]
-fn stiff_tissue_stays_put_with_one_long_step_where_cheap_steps_are_refused() {
+fn one_implicit_step_is_stable_where_explicit_steps_are_rejected() {
     let mut body = block(4, 1e10, 0.2);
     body.set_gravity(G).unwrap();
     assert!(matches!(body.advance(None, 1, SemiImplicitEuler::default()), Err(BodyError::Substeps { .. })));
@@ -130,7 +130,7 @@ fn stiff_tissue_stays_put_with_one_long_step_where_cheap_steps_are_refused() {
 }
 
 #[test]
-fn a_step_may_span_what_ticks_are_left() {
+fn last_step_spans_the_remaining_ticks() {
     let long = LinearlyImplicitEuler { ticks_per_step: 20, ..implicit(LinearSolver::Cholesky) };
     let mut seen = Vec::new();
     block(3, 100.0, 0.5).advance_observed(None, 50, long, |tick, _| seen.push(tick)).unwrap();
@@ -138,7 +138,7 @@ fn a_step_may_span_what_ticks_are_left() {
 }
 
 #[test]
-fn a_hanging_chain_stretches_by_the_weight_below() {
+fn hanging_chain_stretches_by_the_weight_below() {
     let (k, m, n) = (40.0, 0.02, 6);
     let rest: Vec<DVec3> = (0..n).map(|i| DVec3::Z * -0.1 * f64::from(i)).collect();
     for law in [
@@ -162,9 +162,9 @@ fn a_hanging_chain_stretches_by_the_weight_below() {
 }
 
 #[test]
-fn a_slack_chain_hangs_in_the_discrete_catenary() {
-    // Stiff links of 0.1 m between hooks 0.8 m apart. The horizontal tension H is the same everywhere, and at each mass
-    // the slope grows by m g/H; each link is as long as its tension stretches it. H is found by bisection.
+fn slack_chain_hangs_in_the_discrete_catenary() {
+    // Stiff links of 0.1 m between hooks 0.8 m apart. The horizontal tension H is constant, the slope increases by m
+    // g/H at each mass, and each link is stretched by its tension. H is found by bisection.
     let (links, k, m, span) = (10, 5e3, 0.01, 0.8);
     let shape = |h: f64| -> Vec<DVec3> {
         let mut at = vec![DVec3::ZERO];
@@ -182,7 +182,7 @@ fn a_slack_chain_hangs_in_the_discrete_catenary() {
         if shape(middle)[links as usize].x < span { low = middle } else { high = middle }
     }
     let expected = shape(low);
-    // From a polygon with the links at rest: hung up at both ends of an arc.
+    // Start from a polygon with the links at rest: an arc between the hooks.
     let mut builder = NetworkBuilder::new();
     let angle = |i: i32| (f64::from(i) / f64::from(links) - 0.5) * 1.9;
     let arc: Vec<DVec3> = (0..=links).map(|i| DVec3::new(angle(i).sin(), 0.0, -angle(i).cos())).collect();
@@ -194,7 +194,7 @@ fn a_slack_chain_hangs_in_the_discrete_catenary() {
         builder.spring(pair[0], pair[1], linear(k), 0.5);
     });
     let mut body = body(builder.fix([0, links as usize]).build().unwrap());
-    // The hooks are where they must be.
+    // The end is at its hook.
     let x: Vec<DVec3> = body.positions_m().iter().map(|x| DVec3::new(x.x * stretch, 0.0, x.z)).collect();
     body.set_state(&x, &vec![DVec3::ZERO; x.len()]).unwrap();
     body.set_gravity(G).unwrap();
@@ -204,7 +204,7 @@ fn a_slack_chain_hangs_in_the_discrete_catenary() {
     for (x, expected) in body.positions_m().iter().zip(&expected) {
         assert!((*x - *expected).length() < 1e-8, "{x}, not {expected}");
     }
-    // And the continuous one, as far as ten links follow it: y = a cosh(x/a).
+    // The continuous catenary, as far as ten links approximate it: y = a cosh(x/a).
     let a = low / (m * 9.81 / 0.1);
     let sag = a * ((0.5 * span / a).cosh() - 1.0);
     let deepest = body.positions_m().iter().map(|x| -x.z).fold(0.0, f64::max);
@@ -212,8 +212,8 @@ fn a_slack_chain_hangs_in_the_discrete_catenary() {
 }
 
 #[test]
-fn a_pulse_runs_along_a_chain_at_the_speed_of_its_waves() {
-    // c = l sqrt(k/m) for waves long compared with a link; this one is 16 links wide, so 0.1 % slower at most.
+fn pulse_travels_at_the_wave_speed() {
+    // c = l sqrt(k/m) for waves long compared with a link. This one is 16 links wide, hence at most 0.1 % slower.
     let (k, m, l, n) = (400.0_f64, 0.01, 0.05, 400);
     let rest: Vec<DVec3> = (0..n).map(|i| DVec3::X * (l * f64::from(i))).collect();
     let mut body = body(string(&rest, m, linear(k), 0.0).fix([n as usize - 1]).build().unwrap());
@@ -242,7 +242,7 @@ fn a_pulse_runs_along_a_chain_at_the_speed_of_its_waves() {
 }
 
 #[test]
-fn a_free_body_keeps_its_momentum_and_its_spin() {
+fn free_body_keeps_linear_and_angular_momentum() {
     let lattice = Lattice::new([4, 3, 3], 0.05).unwrap().allow_unconstrained();
     let network = lattice.uniform(300.0, 0.4, 0.02, |_| false).unwrap();
     let momenta = |body: &Body| {
@@ -262,7 +262,7 @@ fn a_free_body_keeps_its_momentum_and_its_spin() {
         body.advance(None, 500, integrator).unwrap();
         let (p_now, l_now) = momenta(&body);
         assert!((p_now - p).length() < 1e-12 * p.length().max(1.0), "{integrator:?}");
-        // A linearised step turns the springs' axes late.
+        // A linearised step rotates the springs' axes late.
         assert!(
             (l_now - l).length() < if spin_kept { 1e-12 } else { 0.03 } * l.length(),
             "{integrator:?}: {l} to {l_now}"
@@ -270,7 +270,7 @@ fn a_free_body_keeps_its_momentum_and_its_spin() {
     }
 }
 
-/// A lattice bent out of shape and let go, its dampers at least what `b` says.
+/// A bent lattice, released, with dampers of at least `b`.
 fn bent(n: [usize; 3], seed: &[f64], k: f64, b: f64) -> Body {
     let lattice = Lattice::new(n, 0.05).unwrap();
     let network = lattice.uniform(k, b, 0.02, |[i, ..]| i == 0).unwrap();
@@ -291,9 +291,9 @@ fn bent(n: [usize; 3], seed: &[f64], k: f64, b: f64) -> Body {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Semi-implicit Euler promises it where every damper has b ≥ k h: see its documentation.
+    /// Guaranteed by semi-implicit Euler where every damper has b ≥ k h; see its documentation.
     #[test]
-    fn a_body_left_alone_never_gains_energy(
+    fn released_body_never_gains_energy(
         n in prop::array::uniform3(2usize..=3),
         seed in prop::collection::vec(-1.0..1.0f64, 17),
         k in 50.0..500.0f64,
@@ -313,7 +313,7 @@ proptest! {
 }
 
 #[test]
-fn the_books_close_and_the_integrator_s_share_vanishes_with_its_step() {
+fn energy_balance_closes_and_integrator_share_vanishes_with_the_step() {
     let share = |integrator: Integrator| {
         let mut body = block(3, 200.0, 0.5);
         body.set_gravity(G).unwrap();
@@ -329,12 +329,12 @@ fn the_books_close_and_the_integrator_s_share_vanishes_with_its_step() {
             .map(|i| ToolPoint { position_m: place(i), velocity_m_per_s: (place(i) - place(i - 1)) / 1e-3 })
             .collect();
         body.advance(Some((&mut tool, &path)), 200, integrator).unwrap();
-        let books = body.energy_balance().unwrap();
-        let through = books.work_in_j.abs() + books.damping_loss_j;
-        assert!(books.damping_loss_j > 0.0);
-        let sum = books.stored_j + books.damping_loss_j + books.integrator_j;
-        assert!((sum - books.work_in_j).abs() < 1e-12 * through);
-        books.integrator_j.abs() / through
+        let balance = body.energy_balance().unwrap();
+        let through = balance.work_in_j.abs() + balance.damping_loss_j;
+        assert!(balance.damping_loss_j > 0.0);
+        let sum = balance.stored_j + balance.damping_loss_j + balance.integrator_j;
+        assert!((sum - balance.work_in_j).abs() < 1e-12 * through);
+        balance.integrator_j.abs() / through
     };
     let semi = |n| share(SemiImplicitEuler { min_substeps: n, ..SemiImplicitEuler::default() }.into());
     let whole = |n| share(LinearlyImplicitEuler { substeps: n, ..implicit(LinearSolver::Cholesky) }.into());
@@ -345,23 +345,26 @@ fn the_books_close_and_the_integrator_s_share_vanishes_with_its_step() {
 }
 
 #[test]
-fn half_of_the_work_of_a_load_is_stored_and_half_is_damped() {
-    // A spring pulled by a constant force F comes to rest at F/k, whatever its damper: work F^2/k, stored half of it.
+fn constant_load_stores_half_of_its_work() {
+    // A spring under a constant force F comes to rest at F/k with any damper: the work is F^2/k, and half of it is
+    // stored.
     for integrator in [integrators()[0], integrators()[1]] {
         let (k, force) = (80.0, 0.4);
         let mut body = oscillator(k, 1.5, 0.05, 0.0);
         body.start_energy_accounting();
         body.set_loads(&[DVec3::ZERO, DVec3::X * force]).unwrap();
         body.advance(None, 3000, integrator).unwrap();
-        let (books, whole) = (body.energy_balance().unwrap(), force * force / k);
-        assert!((books.work_in_j / whole - 1.0).abs() < 1e-6 && (books.stored_j / whole - 0.5).abs() < 1e-6);
-        // The rest is the implicit step's own damping.
-        assert!((books.damping_loss_j / whole - 0.5).abs() < 0.03, "{books:?}, {integrator:?}");
+        let (balance, whole) = (body.energy_balance().unwrap(), force * force / k);
+        assert!(
+            (balance.work_in_j / whole - 1.0).abs() < 1e-6 && (balance.stored_j / whole - 0.5).abs() < 1e-6
+        );
+        // The remainder is the implicit step's own damping.
+        assert!((balance.damping_loss_j / whole - 0.5).abs() < 0.03, "{balance:?}, {integrator:?}");
     }
 }
 
 #[test]
-fn energy_is_what_the_closed_forms_say() {
+fn energy_matches_closed_forms() {
     let mut body = oscillator(80.0, 0.0, 0.05, 0.02);
     body.set_gravity(G).unwrap();
     let up = [DVec3::ZERO, DVec3::new(1.02, 0.0, 0.0) + DVec3::Z * 0.0];
@@ -375,7 +378,7 @@ fn energy_is_what_the_closed_forms_say() {
 }
 
 #[test]
-fn a_state_restored_leads_to_the_same_bits() {
+fn restored_state_leads_to_identical_bits() {
     for integrator in integrators() {
         let mut body = block(4, 300.0, 0.3);
         body.set_gravity(G).unwrap();
@@ -384,7 +387,7 @@ fn a_state_restored_leads_to_the_same_bits() {
         let text = serde_json::to_string(&state).unwrap();
         body.advance(None, 64, integrator).unwrap();
         let once = body.state();
-        // Into another body of the same network, by way of text.
+        // Into another body of the same network, through text.
         let mut other = block(4, 300.0, 0.3);
         other.set_gravity(G).unwrap();
         other.advance(None, 5, integrator).unwrap();
@@ -399,12 +402,12 @@ fn a_state_restored_leads_to_the_same_bits() {
 }
 
 #[test]
-fn a_body_at_rest_is_known_to_be_settled() {
+fn body_at_rest_becomes_settled() {
     let mut body = block(4, 400.0, 0.6);
-    assert!(!body.is_settled(), "nothing is known before the first step");
+    assert!(!body.is_settled(), "not settled before the first step");
     body.set_gravity(G).unwrap();
     body.advance(None, 150, SemiImplicitEuler::default()).unwrap();
-    assert!(!body.is_settled(), "it still sinks");
+    assert!(!body.is_settled(), "still sinking");
     body.advance(None, 4000, SemiImplicitEuler::default()).unwrap();
     assert!(body.is_settled());
     body.set_gravity(-G).unwrap();
@@ -412,9 +415,9 @@ fn a_body_at_rest_is_known_to_be_settled() {
 }
 
 #[test]
-fn a_body_that_buckles_is_stepped_with_the_clamped_tangent_and_says_so() {
+fn buckling_body_uses_and_reports_the_clamped_tangent() {
     let mut body = block(4, 200.0, 0.3);
-    // Pressed to a half of its height, exactly straight.
+    // Compressed to half of its height, exactly straight.
     let x: Vec<DVec3> =
         body.network().rest_m().iter().map(|x| DVec3::new(x.x, x.y, 0.5 * (x.z + 0.05) - 0.05)).collect();
     body.set_state(&x, &vec![DVec3::ZERO; x.len()]).unwrap();
@@ -427,7 +430,7 @@ fn a_body_that_buckles_is_stepped_with_the_clamped_tangent_and_says_so() {
 }
 
 #[test]
-fn a_body_that_is_pulled_out_far_gets_the_steps_that_it_then_needs() {
+fn stretched_nonlinear_body_gets_more_substeps() {
     let lattice = Lattice::new([3, 3, 3], 0.02).unwrap();
     let network = lattice.uniform(200.0, 0.0, 0.01, |[.., k]| k == 0).unwrap();
     let mut body = body(network);
@@ -443,18 +446,18 @@ fn a_body_that_is_pulled_out_far_gets_the_steps_that_it_then_needs() {
 }
 
 #[test]
-fn gravity_that_is_switched_off_does_no_work() {
+fn switching_gravity_off_does_no_work() {
     let mut body = block(3, 300.0, 0.6);
     body.set_gravity(G).unwrap();
     body.advance(None, 300, SemiImplicitEuler::default()).unwrap();
     body.start_energy_accounting();
     body.set_gravity(DVec3::ZERO).unwrap();
-    let books = body.energy_balance().unwrap();
-    assert!(books.stored_j.abs() < 1e-15 && books.integrator_j.abs() < 1e-15, "{books:?}");
+    let balance = body.energy_balance().unwrap();
+    assert!(balance.stored_j.abs() < 1e-15 && balance.integrator_j.abs() < 1e-15, "{balance:?}");
 }
 
 #[test]
-fn settings_that_make_no_sense_are_refused_and_nothing_is_lost() {
+fn rejects_invalid_settings_and_keeps_the_state() {
     let mut body = block(3, 100.0, 0.5);
     assert!(body.set_gravity(DVec3::NAN).is_err());
     body.set_gravity(G).unwrap();

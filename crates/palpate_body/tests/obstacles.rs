@@ -1,4 +1,4 @@
-//! Bodies against planes and spheres: one-sided, with friction, at the times and angles that theory gives.
+//! Bodies on planes and spheres: unilateral contact with friction at the predicted times and angles.
 
 use glam::DVec3;
 use palpate_body::*;
@@ -23,7 +23,7 @@ fn implicit() -> Integrator {
     LinearlyImplicitEuler { solver: LinearSolver::Cholesky, ..LinearlyImplicitEuler::default() }.into()
 }
 
-/// A soft cube of `n` nodes a side, its lower face `height` above the ground, fixed to nothing.
+/// A soft, unconstrained cube of `n` nodes a side, its lower face `height` above the ground.
 fn cube(n: usize, edge: f64, height: f64) -> Body {
     let center = DVec3::Z * (0.5 * edge + height);
     let block =
@@ -39,7 +39,7 @@ fn point(m: f64) -> Body {
 }
 
 #[test]
-fn a_sliding_mass_slows_by_mu_g_and_stops_for_good() {
+fn sliding_mass_decelerates_by_mu_g_and_stays_at_rest() {
     for integrator in [fine(4), implicit()] {
         let (mu, v0) = (0.3, 0.6);
         let mut body = point(0.2);
@@ -55,23 +55,23 @@ fn a_sliding_mass_slows_by_mu_g_and_stops_for_good() {
             assert_eq!(body.positions_m()[0].z, 0.0);
         }
         assert!(body.is_settled());
-        // All of its energy is rubbed away.
-        let books = body.energy_balance().unwrap();
+        // Friction dissipates all of its energy.
+        let balance = body.energy_balance().unwrap();
         assert!(
-            (books.friction_loss_j / (0.5 * 0.2 * v0 * v0) - 1.0).abs() < 1e-9
-                && books.integrator_j.abs() < 1e-12
+            (balance.friction_loss_j / (0.5 * 0.2 * v0 * v0) - 1.0).abs() < 1e-9
+                && balance.integrator_j.abs() < 1e-12
         );
     }
 }
 
 #[test]
-fn a_block_on_a_slope_slips_at_the_angle_of_friction() {
+fn block_on_a_slope_slips_at_the_friction_angle() {
     for mu in [0.2, 0.5] {
         for (off, slips) in [(-0.1_f64, false), (0.1, true)] {
             let angle = f64::atan(mu) + off.to_radians();
             let mut body = cube(3, 0.03, 0.0);
             body.set_obstacles(vec![ground(mu)]);
-            // Laid down level, then tilted slowly and to just short of slipping, so that nothing swings.
+            // Laid down level, then tilted slowly to just short of slipping, so that it does not oscillate.
             let mut mean = DVec3::ZERO;
             for (share, ticks) in [(0.0, 600), (0.5, 600), (0.9, 600), (1.0, 1000)] {
                 let tilt = share * angle;
@@ -95,9 +95,9 @@ fn mean_velocity(body: &Body) -> DVec3 {
 }
 
 #[test]
-fn a_dropped_dumbbell_leaves_the_ground_when_its_spring_lifts_it() {
-    // Two masses on a vertical spring fall together. The lower one stops dead; the upper one swings on the spring,
-    // and the lower leaves when the spring pulls it up with its weight.
+fn dropped_dumbbell_lifts_off_at_the_predicted_time() {
+    // Two masses on a vertical spring fall together. The lower one stops on impact, and the upper one oscillates on
+    // the spring. The lower one lifts off when the spring pulls it up with its weight.
     let (m, k, l, drop) = (0.05, 60.0, 0.1, 0.2);
     let mut builder = NetworkBuilder::new();
     let low = builder.node(DVec3::Z * drop, m);
@@ -107,7 +107,7 @@ fn a_dropped_dumbbell_leaves_the_ground_when_its_spring_lifts_it() {
     body.set_gravity(DVec3::Z * -G).unwrap();
     body.set_obstacles(vec![ground(0.0)]);
     let touch_down = (2.0 * drop / G).sqrt();
-    // Extension e of the spring: e'' = -(k/m) e - g from e = 0 at -v; it leaves at e = m g/k.
+    // Extension e of the spring: e'' = -(k/m) e - g from e = 0 at -v. It lifts off at e = m g/k.
     let omega = (k / m).sqrt();
     let (rest, v) = (-m * G / k, -(2.0 * G * drop).sqrt());
     let extension = |t: f64| rest - rest * (omega * t).cos() + v / omega * (omega * t).sin();
@@ -133,7 +133,7 @@ fn a_dropped_dumbbell_leaves_the_ground_when_its_spring_lifts_it() {
 }
 
 #[test]
-fn a_body_pressed_on_a_sphere_lies_on_it() {
+fn body_on_a_sphere_rests_on_its_surface() {
     let mut body = cube(4, 0.03, 0.002);
     let ball = Obstacle::sphere(DVec3::new(0.002, -0.001, -0.05), 0.05, 0.4).unwrap();
     body.set_obstacles(vec![ball, ground(0.4)]);
@@ -142,14 +142,14 @@ fn a_body_pressed_on_a_sphere_lies_on_it() {
     for x in body.positions_m() {
         assert!(ball.gap_m(*x).0 > -1e-6 && x.z > -1e-12, "{x}");
     }
-    // What lies on something is carried by it.
+    // The sphere bears the weight of the body.
     let weight = body.network().mass_kg().iter().sum::<f64>() * G;
     let carried: f64 = body.contacts().iter().map(|c| c.impulse_ns.z).sum::<f64>() / 0.25e-3;
     assert!((carried / weight - 1.0).abs() < 0.02, "{carried} N, not {weight} N");
 }
 
 #[test]
-fn what_begins_inside_an_obstacle_is_pushed_out_gently() {
+fn body_starting_inside_an_obstacle_is_pushed_out_slowly() {
     let mut body = point(0.1);
     body.set_state(&[DVec3::Z * -0.05], &[DVec3::ZERO]).unwrap();
     body.set_obstacles(vec![ground(0.2)]);
@@ -158,7 +158,7 @@ fn what_begins_inside_an_obstacle_is_pushed_out_gently() {
         body.advance(None, 1, fine(4)).unwrap();
         fastest = fastest.max(body.velocities_m_per_s()[0].z);
     }
-    // It is out, and at rest: nothing flies.
+    // The body is out and at rest.
     let [x, v] = [body.positions_m()[0].z, body.velocities_m_per_s()[0].z];
     assert!((0.0..1e-9).contains(&x) && v.abs() < 1e-9 && fastest <= 1e-9, "{x} m, {v} m/s, {fastest} m/s");
 }
@@ -167,7 +167,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 16, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn contacts_obey_signorini_and_coulomb_at_every_step(
+    fn contacts_satisfy_signorini_and_coulomb_at_every_step(
         velocity in prop::array::uniform3(-1.0..1.0f64),
         spin in prop::array::uniform3(-10.0..10.0f64),
         ball in prop::array::uniform2(-0.02..0.02f64),
@@ -195,20 +195,21 @@ proptest! {
                 prop_assert!(normal * c.gap_m.abs() <= 1e-8 * largest, "{c:?}");
                 prop_assert!(tangential.length() <= mu * normal + 1e-9 * largest, "{c:?}");
                 let slip = c.velocity_m_per_s - c.velocity_m_per_s.dot(c.normal) * c.normal;
-                // What slips is rubbed against with all that the cone has; the solver finds a motion in the step to 1 nm, which is 4 µm/s.
+                // In slip the friction is on the cone. The solver finds a displacement in the step to 1 nm, which is
+                // 4 µm/s.
                 prop_assert!(slip.length() < 5e-6 || tangential.length() > mu * normal - 1e-6 * largest, "{c:?}");
             }
             for x in body.positions_m() {
                 prop_assert!(x.z > -1e-8 && 0.03 - x.x > -1e-8, "{x}");
             }
         }
-        // But for what a step along a sphere's tangent goes in.
+        // Except for the error of a step along a sphere's tangent.
         prop_assert!(body.energy_balance().unwrap().friction_loss_j >= -1e-7);
     }
 }
 
 #[test]
-fn obstacles_that_make_no_sense_are_refused() {
+fn rejects_invalid_obstacles() {
     for bad in [DVec3::ZERO, DVec3::Z * 2.0, DVec3::NAN] {
         assert!(Obstacle::plane(DVec3::ZERO, bad, 0.1).is_err());
     }

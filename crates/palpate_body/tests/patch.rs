@@ -1,4 +1,4 @@
-//! Contact patches: the hand feels the tissue and not the grid.
+//! Contact patches: the force is that of the tissue, not of the grid.
 
 use glam::{DQuat, DVec3};
 use palpate_body::*;
@@ -26,17 +26,17 @@ fn hertz(radius: f64, depth: f64) -> f64 {
     4.0 / 3.0 * REDUCED_PA * radius.sqrt() * depth.powf(1.5)
 }
 
-/// The tool's place at height `above` its first touch.
+/// The tool at the height `above` of its first contact.
 fn over(radius: f64, (x, y): (f64, f64), above: f64) -> ToolPoint {
     ToolPoint::at_rest(DVec3::new(x, y, 0.5 * EDGE + radius + above))
 }
 
-/// Presses a ball into `body` and waits for rest: the force, and what the steps reported.
+/// Presses a ball into `body` and waits for rest. Returns the force and the report.
 fn press(body: &mut Body, tool: &mut ToolContact, place: (f64, f64), depth: f64) -> (DVec3, StepReport) {
     press_from(body, tool, place, depth, 0.0)
 }
 
-/// The same where the surface is raised by so many metres.
+/// The same with the surface raised by a distance in m.
 fn press_from(
     body: &mut Body,
     tool: &mut ToolContact,
@@ -71,7 +71,7 @@ fn pressed(nodes: usize, radius: f64, place: (f64, f64), depth: f64) -> f64 {
 }
 
 #[test]
-fn the_force_does_not_depend_on_the_place_in_a_cell_and_is_hertz() {
+fn force_matches_hertz_at_any_place_in_a_cell() {
     let cell = EDGE / 10.0;
     for (cells, most) in [(0.5, 0.005), (1.0, 0.015), (2.0, 0.02)] {
         let radius = cells * cell;
@@ -85,7 +85,7 @@ fn the_force_does_not_depend_on_the_place_in_a_cell_and_is_hertz() {
     }
 }
 
-/// A box as a mesh in cells of 10 mm, its lowest nodes held.
+/// A box mesh in cells of 10 mm with its lowest nodes fixed.
 fn box_of_cells(size: DVec3) -> Body {
     let corner = |i: usize| DVec3::from_array([0, 1, 2].map(|k| (i >> k & 1) as f64 - 0.5)) * size;
     let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
@@ -99,8 +99,8 @@ fn box_of_cells(size: DVec3) -> Body {
 }
 
 #[test]
-fn partly_filled_cells_give_way_as_tissue_does() {
-    // The cells at top and bottom are half full. The layer's own stiffness under the largest ball is 7 %.
+fn partly_filled_cells_match_hertz() {
+    // The cells at top and bottom are half full. The layer's own stiffness adds 7 % under the largest ball.
     let height = 0.05 + 1e-6;
     let body = box_of_cells(DVec3::new(0.16, 0.16, height));
     for (cells, most) in [(0.5, 0.005), (1.0, 0.01), (2.0, 0.02)] {
@@ -123,7 +123,7 @@ fn partly_filled_cells_give_way_as_tissue_does() {
 }
 
 #[test]
-fn without_the_added_compliance_the_grid_is_felt() {
+fn force_depends_on_the_place_without_added_compliance() {
     let cell = EDGE / 10.0;
     let at = |x: f64| {
         let (mut body, mut tool) = (block(11), ball(0.5 * cell, 0.0));
@@ -140,15 +140,15 @@ fn without_the_added_compliance_the_grid_is_felt() {
 }
 
 #[test]
-fn symmetric_places_have_symmetric_forces() {
-    // Nothing across the plane of symmetry.
+fn symmetric_places_give_symmetric_forces() {
+    // No force across the plane of symmetry.
     for place in [(0.0, 0.0043), (0.0, 0.0), (0.01, 0.01), (0.0, 0.013)] {
         let (mut body, mut tool) = (block(6), ball(0.005, 0.0));
         let (force, _) = press(&mut body, &mut tool, place, 0.005);
         assert!(force.x.abs() < 1e-9 * force.z || place.0 != 0.0, "{place:?}: {force}");
         assert!(place.0 != place.1 || (force.x - force.y).abs() < 1e-9 * force.z, "{place:?}: {force}");
     }
-    // Mirrored and turned places, on as many cells as make every diagonal different.
+    // Mirrored and rotated places, with cell counts that give different diagonals.
     let turns: [fn((f64, f64)) -> (f64, f64); 4] =
         [|(x, y)| (x, y), |(x, y)| (-x, y), |(x, y)| (y, x), |(x, y)| (-y, -x)];
     for (nodes, friction) in [(7, 0.0), (7, 0.4), (6, 0.3)] {
@@ -165,7 +165,7 @@ fn symmetric_places_have_symmetric_forces() {
 }
 
 #[test]
-fn a_body_that_is_turned_is_felt_turned() {
+fn rotated_body_gives_rotated_forces() {
     let turned = |angle: f64| {
         let rotation = DQuat::from_rotation_z(angle);
         let made = Block::new([7; 3], DVec3::splat(EDGE)).unwrap().fix(Face::NegZ).tissue(&Tissue::default());
@@ -192,7 +192,7 @@ fn a_body_that_is_turned_is_felt_turned() {
 }
 
 #[test]
-fn every_side_of_a_body_pushes_outward_and_alike() {
+fn all_sides_push_outward_with_equal_force() {
     let force = |face: Face| {
         let fixed = Face::ALL.into_iter().find(|f| f.axis() == face.axis() && *f != face).unwrap();
         let made =
@@ -208,7 +208,7 @@ fn every_side_of_a_body_pushes_outward_and_alike() {
 }
 
 #[test]
-fn a_body_of_twice_the_modulus_is_twice_as_hard_however_many_substeps_it_takes() {
+fn force_is_proportional_to_the_modulus_at_any_substep_count() {
     // 5 mm, of 5 and 10 MPa: 247 and 349 substeps in a millisecond.
     let force = |youngs_modulus_pa: f64| {
         let mut body = block_of(6, 0.005, Tissue { youngs_modulus_pa, ..Tissue::default() });
@@ -224,7 +224,7 @@ fn a_body_of_twice_the_modulus_is_twice_as_hard_however_many_substeps_it_takes()
 }
 
 #[test]
-fn force_grows_with_depth_to_the_other_side() {
+fn force_grows_with_depth_through_the_whole_block() {
     let (mut body, mut tool) = (block(6), ball(0.005, 0.0));
     let path: Vec<ToolPoint> =
         (0..=1100).map(|i| over(0.005, (0.003, 0.004), -1e-4 * f64::from(i))).collect();
@@ -240,7 +240,7 @@ fn force_grows_with_depth_to_the_other_side() {
 }
 
 #[test]
-fn a_slide_has_no_steps() {
+fn sliding_force_is_continuous() {
     // 20 mm/s: five ticks are 0.1 mm.
     for (nodes, radius, friction) in
         [(6, 0.005, 0.0), (6, 0.005, 0.5), (6, 0.02, 0.3), (11, 0.005, 0.0), (11, 0.02, 0.3)]
@@ -262,11 +262,11 @@ fn a_slide_has_no_steps() {
 }
 
 #[test]
-fn a_tool_that_begins_in_the_surface_presses_soon_and_does_not_hit() {
+fn tool_starting_in_the_surface_reaches_its_force_without_impact() {
     for (radius, depth) in [(0.005, 0.002), (0.02, 0.004), (0.02, 0.008)] {
         let (mut body, mut tool) = (block(6), ball(radius, 0.0));
         let (before, _) = press(&mut body, &mut tool, (0.003, 0.002), depth);
-        // The tool goes and another comes, where it was.
+        // One tool leaves and another appears in its place.
         body.advance(None, 50, SemiImplicitEuler::default()).unwrap();
         let (mut tool, mut forces) = (ball(radius, 0.0), Vec::new());
         let stay = vec![over(radius, (0.003, 0.002), -depth); 401];
@@ -279,8 +279,8 @@ fn a_tool_that_begins_in_the_surface_presses_soon_and_does_not_hit() {
 }
 
 #[test]
-fn what_a_contact_stores_comes_back() {
-    // Pressed and let go slowly, without friction: the work is zero but for what dampers take.
+fn slow_press_and_release_does_no_net_work() {
+    // Slow press and release without friction: the work is zero except for the dampers.
     let (mut body, mut tool) = (block(6), ball(0.005, 0.0));
     body.start_energy_accounting();
     let fine = SemiImplicitEuler { min_substeps: 16, ..SemiImplicitEuler::default() };
@@ -292,26 +292,26 @@ fn what_a_contact_stores_comes_back() {
     body.advance(Some((&mut tool, &path[1000..])), 1000, fine).unwrap();
     let whole = body.energy_balance().unwrap();
     assert!(half.work_in_j > 1e-5 && whole.work_in_j.abs() < 0.05 * half.work_in_j, "{half:?}, {whole:?}");
-    // Half way it is in the springs and in the compliance, and nothing is rubbed away.
-    for books in [half, whole] {
-        assert!(books.friction_loss_j.abs() < 0.01 * half.work_in_j, "{books:?}");
-        assert!(books.integrator_j.abs() < 0.01 * half.work_in_j, "{books:?}");
+    // Half way the energy is in the springs and in the compliance; friction is zero.
+    for balance in [half, whole] {
+        assert!(balance.friction_loss_j.abs() < 0.01 * half.work_in_j, "{balance:?}");
+        assert!(balance.integrator_j.abs() < 0.01 * half.work_in_j, "{balance:?}");
     }
     assert!(half.stored_j > 0.95 * half.work_in_j, "{half:?}");
 }
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 96, max_shrink_iters: 0, ..ProptestConfig::default() })]
-    /// Wherever, however deep, with whatever ball, a press converges, and its force is finite and pushes.
+    /// At any place, at any depth and with any ball, a press converges to a finite pushing force.
     #[test]
-    fn presses_converge_everywhere(
+    fn press_converges_at_any_place_depth_and_radius(
         nodes in 5..9_usize, radius_exponent in 0.0..1.0_f64, depth in 0.0005..0.015_f64,
         on_grid in any::<bool>(), x in -1.0..1.0_f64, y in -1.0..1.0_f64,
         friction in 0.0..1.0_f64, is_implicit in any::<bool>(), slide in -0.01..0.01_f64,
     ) {
         let radius = 2e-4 * 100_f64.powf(radius_exponent);
         let cell = EDGE / (nodes - 1) as f64;
-        // Nodes, edges and diagonals among the places.
+        // The places include nodes, edges and diagonals.
         let snap = |v: f64| if on_grid { (0.045 * v / (0.5 * cell)).round() * 0.5 * cell } else { 0.045 * v };
         let place = (snap(x).clamp(-0.045, 0.045), snap(y).clamp(-0.045, 0.045));
         let (mut body, mut tool) = (block(nodes), ball(radius, friction));
@@ -331,7 +331,7 @@ proptest! {
         prop_assert_eq!(report.unconverged, 0, "{:?}", report);
         prop_assert!(report.sweeps <= 60, "{:?}", report);
         prop_assert!(forces.iter().all(|f| f.is_finite()));
-        // Beyond the edge there is nothing to touch.
+        // Beyond the edge there is no contact.
         prop_assert!((place.0 + slide).abs() > 0.049 || forces[119].length() > 0.0);
     }
 }

@@ -1,4 +1,4 @@
-//! What a body must do, each a sentence with a predicted answer.
+//! Physics of a body against closed forms.
 
 use glam::{DQuat, DVec3};
 use palpate_body::*;
@@ -22,7 +22,7 @@ fn chain(masses: usize, k: f64, m: f64, b: f64) -> Body {
 }
 
 #[test]
-fn a_chain_between_fixed_ends_swings_at_its_closed_form_frequencies() {
+fn chain_frequencies_match_the_closed_form() {
     let (masses, k, m) = (7, 50.0, 0.02);
     let body = chain(masses, k, m, 0.0);
     // From the assembled tangent: K of the longitudinal motion is tridiagonal with eigenvectors
@@ -43,7 +43,7 @@ fn a_chain_between_fixed_ends_swings_at_its_closed_form_frequencies() {
 }
 
 #[test]
-fn a_mode_of_the_chain_follows_the_predicted_discrete_trajectory() {
+fn chain_mode_follows_the_discrete_closed_form() {
     let (masses, k, m, n) = (7, 50.0, 0.02, 2);
     let mut body = chain(masses, k, m, 0.0);
     let angle = f64::from(n) * std::f64::consts::PI / (masses + 1) as f64;
@@ -57,8 +57,8 @@ fn a_mode_of_the_chain_follows_the_predicted_discrete_trajectory() {
         .map(|(i, x)| x + DVec3::X * amplitude * shape(i))
         .collect();
     body.set_state(&x, &vec![DVec3::ZERO; x.len()]).unwrap();
-    // Along the line linear springs are exactly linear, so each mode obeys v += -h w^2 q, q += h v, whose
-    // solution from (q0, 0) is q_j = q0 cos((j + 1/2) t)/cos(t/2) with cos t = 1 - (w h)^2/2.
+    // Linear springs along the line are exactly linear, so each mode satisfies v += -h w^2 q, q += h v. Its solution
+    // from (q0, 0) is q_j = q0 cos((j + 1/2) t)/cos(t/2) with cos t = 1 - (w h)^2/2.
     let integrator = SemiImplicitEuler::default();
     body.advance(None, 100, integrator).unwrap();
     let h = integrator.tick_s / 4.0;
@@ -71,7 +71,7 @@ fn a_mode_of_the_chain_follows_the_predicted_discrete_trajectory() {
 }
 
 #[test]
-fn a_damped_oscillator_follows_the_predicted_discrete_trajectory() {
+fn damped_oscillator_follows_the_discrete_closed_form() {
     let (k, m, b) = (100.0, 0.05, 0.3);
     let mut body = chain(1, k, m, b);
     let mut x = body.network().rest_m().to_vec();
@@ -88,14 +88,14 @@ fn a_damped_oscillator_follows_the_predicted_discrete_trajectory() {
 }
 
 #[test]
-fn a_rigid_motion_makes_no_force() {
-    // Nothing is fixed: what is fixed has no velocity.
+fn rigid_motion_gives_no_internal_force() {
+    // Nothing is fixed, since fixed nodes have no velocity.
     let block =
         Block::new([5; 3], DVec3::splat(0.1)).unwrap().allow_unconstrained().uniform(&LATTICE).unwrap();
     let mut body = Body::new(block.network, block.surface).unwrap();
     let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -0.5).normalize(), 1.1);
     let shift = DVec3::new(0.3, -2.0, 0.7);
-    // Turning about an axis at 3 rad/s while moving on: dampers must not notice either.
+    // Rotation about an axis at 3 rad/s with translation: dampers must not react.
     let spin = DVec3::new(0.4, -3.0, 1.0);
     let x: Vec<DVec3> = body.network().rest_m().iter().map(|x| turn * *x + shift).collect();
     let v: Vec<DVec3> = x.iter().map(|x| spin.cross(*x) + DVec3::new(1.0, 0.0, -2.0)).collect();
@@ -107,10 +107,10 @@ fn a_rigid_motion_makes_no_force() {
 }
 
 #[test]
-fn the_tangent_is_the_derivative_of_the_force_in_a_large_deformation_whatever_the_law() {
+fn tangent_is_the_derivative_of_the_force_for_every_law() {
     for law in [
         ForceLaw::Linear { stiffness_n_per_m: 100.0 },
-        // Their guards are at a few millimetres, so that some springs are beyond them.
+        // The guards are at a few millimetres, so that some springs are beyond them.
         ForceLaw::Skin(SkinLaw { compliance_m_per_n: 0.01, hardening_per_n: 1.0 }),
         ForceLaw::Exponential { stiffness_n_per_m: 100.0, rate_per_m: 600.0 },
     ] {
@@ -120,7 +120,7 @@ fn the_tangent_is_the_derivative_of_the_force_in_a_large_deformation_whatever_th
     }
 }
 
-/// Bends `body`, compares, and returns how many springs were beyond their law's guard.
+/// Bends `body`, compares tangent and forces, and returns how many springs were beyond their law's guard.
 fn tangent_is_the_derivative(mut body: Body) -> usize {
     let bend = |x: &DVec3| {
         *x + DVec3::new(0.02 * (30.0 * x.z).sin(), -0.3 * x.x * (x.z + 0.05), -0.4 * (x.z + 0.05))
@@ -165,7 +165,7 @@ fn tangent_is_the_derivative(mut body: Body) -> usize {
 }
 
 #[test]
-fn tangents_are_symmetric_and_a_clamped_one_is_positive_semidefinite() {
+fn tangent_is_symmetric_and_clamped_tangent_positive_semidefinite() {
     let mut body = block(3);
     let x: Vec<DVec3> = body.network().rest_m().iter().map(|x| DVec3::new(x.x, x.y, 0.4 * x.z)).collect();
     body.set_state(&x, &vec![DVec3::ZERO; x.len()]).unwrap();
@@ -186,7 +186,7 @@ fn tangents_are_symmetric_and_a_clamped_one_is_positive_semidefinite() {
     assert!(least[1] > -1e-10, "{}", least[1]);
 }
 
-/// The true limit of the step by bisection on 4M − 2hB − h²K > 0, from the dense tangent.
+/// The true stability limit, by bisection on 4M − 2hB − h²K > 0 with the dense tangent.
 fn true_stable_step(body: &Body) -> f64 {
     let pattern = TangentPattern::new(body);
     let mut tangent = pattern.zero();
@@ -209,7 +209,7 @@ fn true_stable_step(body: &Body) -> f64 {
 }
 
 #[test]
-fn the_stable_step_is_safe_and_not_wasteful() {
+fn stable_step_is_within_the_true_limit_and_close_to_it() {
     for n in [3, 5] {
         let body = block(n);
         let (estimate, limit) = (SemiImplicitEuler::stable_step_s(&body), true_stable_step(&body));
@@ -217,9 +217,10 @@ fn the_stable_step_is_safe_and_not_wasteful() {
     }
 }
 
-/// The same for large blocks: there B = (b/k) K, so one eigenvalue tells, and power iteration finds it from below.
+/// The same for large blocks. There B = (b/k) K, so a single eigenvalue suffices, and power iteration finds it from
+/// below.
 #[test]
-fn the_stable_step_holds_for_large_blocks() {
+fn stable_step_is_within_the_true_limit_for_large_blocks() {
     for n in [10, 20, 40] {
         let body = block(n);
         let (network, m) = (body.network(), body.network().mass_kg()[0]);
@@ -228,7 +229,7 @@ fn the_stable_step_holds_for_large_blocks() {
             .iter()
             .map(|link| (link.a, link.b, (network.rest_m()[link.b] - network.rest_m()[link.a]).normalize()))
             .collect();
-        // Neighbours against each other: next to the fastest mode.
+        // Neighbours move in opposite directions: close to the fastest mode.
         let mut d: Vec<DVec3> = (0..network.node_count())
             .map(|i| {
                 let sign = if (i + i / n + i / (n * n)) % 2 == 0 { 1.0 } else { -1.0 };
@@ -256,17 +257,17 @@ fn the_stable_step_holds_for_large_blocks() {
 }
 
 #[test]
-fn a_step_that_would_be_unstable_is_refused() {
+fn rejects_a_step_with_too_many_substeps() {
     let mut body = block(5);
     let stable = SemiImplicitEuler::stable_step_s(&body);
     let one = |h| SemiImplicitEuler { tick_s: h, min_substeps: 1, max_substeps: 1, stability_margin: 1.0 };
     assert!(body.advance(None, 1, one(0.999 * stable)).is_ok());
-    let refused = body.advance(None, 1, one(1.01 * stable));
-    assert_eq!(refused, Err(BodyError::Substeps { needed: 2.0, allowed: 1 }));
+    let rejected = body.advance(None, 1, one(1.01 * stable));
+    assert_eq!(rejected, Err(BodyError::Substeps { needed: 2.0, allowed: 1 }));
 }
 
 #[test]
-fn an_impossible_step_leaves_the_body_as_it_was() {
+fn failed_step_leaves_the_body_unchanged() {
     let mut body = block(3);
     let integrator = SemiImplicitEuler::default();
     let node = 26;
@@ -282,9 +283,6 @@ fn an_impossible_step_leaves_the_body_as_it_was() {
     assert_eq!(body.advance(Some((&mut tool, &nan)), 1, integrator), Err(BodyError::Path { index: 1 }));
     let short = [ToolPoint::at_rest(p)];
     let error = body.advance(Some((&mut tool, &short)), 1, integrator).unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "a step of 1 ticks needs a path of 2 points, one more than ticks; it was given 1"
-    );
+    assert_eq!(error, BodyError::PathLength { ticks: 1, points: 1 });
     assert_eq!(body.positions_m(), before);
 }

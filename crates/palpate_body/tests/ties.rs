@@ -1,4 +1,4 @@
-//! Grasps, threads and sutures: what they hold, what they pull, when they tear, and where the work goes.
+//! Grasps, threads and sutures: positions, forces, tearing and energy.
 
 use glam::DVec3;
 use palpate_body::*;
@@ -37,7 +37,7 @@ fn masses(at: &[(DVec3, f64)]) -> Body {
 }
 
 #[test]
-fn what_is_grasped_goes_where_the_hand_goes() {
+fn grasped_point_follows_its_anchor() {
     for integrator in integrators(4) {
         let mut body = block(4);
         let start = place(&body, &on_the_top());
@@ -53,27 +53,27 @@ fn what_is_grasped_goes_where_the_hand_goes() {
 }
 
 #[test]
-fn at_rest_a_grasp_pulls_as_hard_as_the_body_pulls_back() {
+fn grasp_at_rest_balances_the_internal_force() {
     for integrator in integrators(4) {
         let mut body = block(4);
         let start = place(&body, &on_the_top());
         body.set_ties(vec![Tie::grasp(on_the_top(), start).unwrap()]).unwrap();
         body.move_tie(0, start + DVec3::new(0.002, 0.0, 0.005)).unwrap();
-        // There in half a second, and to rest.
+        // There in half a second, then to rest.
         body.advance(None, 500, integrator).unwrap();
         body.advance(None, 1500, integrator).unwrap();
         let tie = &body.ties()[0];
         let pull = tie.force_n();
         let ground: DVec3 = (0..16).map(|node| body.internal_force_on_n(node)).sum();
         assert!(pull.z > 0.3, "{pull}");
-        // The ground is pulled by what the hand pulls, and the hand feels the opposite of what it gives.
+        // The ground bears the force of the hand, and the hand gets the opposite of what it gives.
         assert!((ground - pull).length() < 1e-6 * pull.length(), "{ground}, {pull}");
         assert!((tie.displayed_force_n(&body) + pull).length() < 1e-6 * pull.length());
     }
 }
 
 #[test]
-fn the_work_of_a_hand_is_stored_or_dissipated() {
+fn energy_balance_closes_with_a_moving_grasp() {
     for integrator in integrators(160) {
         let mut body = block(3);
         let node = 1 + 3 * (1 + 3 * 2);
@@ -85,15 +85,15 @@ fn the_work_of_a_hand_is_stored_or_dissipated() {
             body.move_tie(0, start + DVec3::Z * 0.005 * (1.0 - (20.0 * t).cos())).unwrap();
             body.advance(None, 1, integrator).unwrap();
         }
-        let books = body.energy_balance().unwrap();
-        assert!(books.work_in_j > 0.0 && books.friction_loss_j == 0.0);
-        let through = books.work_in_j.abs() + books.damping_loss_j;
-        assert!(books.integrator_j.abs() < 1e-3 * through, "{books:?}, {integrator:?}");
+        let balance = body.energy_balance().unwrap();
+        assert!(balance.work_in_j > 0.0 && balance.friction_loss_j == 0.0);
+        let through = balance.work_in_j.abs() + balance.damping_loss_j;
+        assert!(balance.integrator_j.abs() < 1e-3 * through, "{balance:?}, {integrator:?}");
     }
 }
 
 #[test]
-fn a_mass_on_a_thread_is_a_pendulum() {
+fn mass_on_a_thread_is_a_pendulum() {
     let length = 0.4;
     for integrator in integrators(10) {
         let angle = 0.05_f64;
@@ -120,10 +120,10 @@ fn a_mass_on_a_thread_is_a_pendulum() {
 }
 
 #[test]
-fn a_slack_thread_does_nothing_and_none_pushes() {
+fn slack_thread_has_no_force_and_no_thread_pushes() {
     let mut body = masses(&[(DVec3::X * 0.1, 0.1), (DVec3::ZERO, 0.3)]);
     body.set_ties(vec![Tie::thread(BodyPoint::node(0), BodyPoint::node(1), 0.15).unwrap()]).unwrap();
-    // Thrown apart at 1 m/s: straight for 0.05 m, then both go on together.
+    // Thrown apart at 1 m/s: free motion for 0.05 m, then both move together.
     body.set_state(body.positions_m().to_vec().as_slice(), &[DVec3::X, DVec3::ZERO]).unwrap();
     body.advance(None, 40, SemiImplicitEuler::default()).unwrap();
     assert_eq!(body.ties()[0].force_n(), DVec3::ZERO);
@@ -134,14 +134,14 @@ fn a_slack_thread_does_nothing_and_none_pushes() {
     }
     let apart = body.positions_m()[0].x - body.positions_m()[1].x;
     assert!((apart - 0.15).abs() < 1e-9, "{apart}");
-    // Pushed together it is slack again.
+    // Pushed together, the thread is slack again.
     body.set_loads(&[DVec3::X * -1.0, DVec3::ZERO]).unwrap();
     body.advance(None, 5, SemiImplicitEuler::default()).unwrap();
     assert_eq!(body.ties()[0].force_n(), DVec3::ZERO);
 }
 
 #[test]
-fn a_suture_draws_together_holds_and_tears_at_its_limit() {
+fn suture_closes_holds_and_tears_at_its_limit() {
     let limit = 2.0;
     let torn_at = |force: f64| {
         let mut body = masses(&[(DVec3::X * 0.01, 0.1), (DVec3::ZERO, 0.1)]);
@@ -150,7 +150,7 @@ fn a_suture_draws_together_holds_and_tears_at_its_limit() {
         body.advance(None, 30, SemiImplicitEuler::default()).unwrap();
         let [a, b] = body.positions_m() else { unreachable!() };
         assert!((*a - *b).length() < 1e-12, "drawn together at 1 m/s");
-        // Neither gives the other more than it gets.
+        // The forces on both ends are opposite.
         let total: DVec3 = body.velocities_m_per_s().iter().sum();
         assert!(total.length() < 1e-12);
         body.set_ties(vec![Tie::suture(BodyPoint::node(0), BodyPoint::node(1), limit).unwrap()]).unwrap();
@@ -165,7 +165,7 @@ fn a_suture_draws_together_holds_and_tears_at_its_limit() {
 }
 
 #[test]
-fn a_thread_tears_at_its_limit_and_pulls_no_more() {
+fn thread_tears_at_its_limit_and_then_has_no_force() {
     let limit = 2.0;
     for (force, is_torn) in [(0.99 * limit, false), (1.01 * limit, true)] {
         let mut body = masses(&[(DVec3::X * 0.01, 0.1), (DVec3::ZERO, 0.1)]);
@@ -184,7 +184,7 @@ fn a_thread_tears_at_its_limit_and_pulls_no_more() {
 }
 
 #[test]
-fn a_suture_does_not_tear_by_closing_whatever_the_step() {
+fn closing_suture_does_not_tear_at_any_step() {
     for substeps in [1, 4, 40] {
         for integrator in integrators(substeps) {
             let mut body = masses(&[(DVec3::X * 1e-3, 0.008), (DVec3::ZERO, 0.008)]);
@@ -198,7 +198,7 @@ fn a_suture_does_not_tear_by_closing_whatever_the_step() {
 }
 
 #[test]
-fn a_thread_on_a_held_node_lifts_and_the_hand_does_the_work() {
+fn drive_of_a_node_does_the_work_of_its_thread() {
     for integrator in integrators(8) {
         let mut body = masses(&[(DVec3::Z * 0.1, 0.02), (DVec3::ZERO, 0.1)]);
         body.set_gravity(DVec3::Z * -G).unwrap();
@@ -215,14 +215,14 @@ fn a_thread_on_a_held_node_lifts_and_the_hand_does_the_work() {
         body.advance(Some((&mut hand, &path)), 500, integrator).unwrap();
         let [a, b] = body.positions_m() else { unreachable!() };
         assert!((a.distance(*b) - 0.1).abs() < 1e-9, "{}", a.distance(*b));
-        let books = body.energy_balance().unwrap();
-        // Both masses are higher by 0.25 m and faster by 0.5 m/s; the thread's jerk at the start is lost.
+        let balance = body.energy_balance().unwrap();
+        // Both masses are 0.25 m higher and 0.5 m/s faster; the impact of the thread at the start is lost.
         let stored = 0.12 * (G * 0.25 + 0.5 * 0.25);
-        assert!((books.stored_j / stored - 1.0).abs() < 1e-6, "{books:?}");
+        assert!((balance.stored_j / stored - 1.0).abs() < 1e-6, "{balance:?}");
         let lost = 0.5 * 0.1 * 0.25;
         assert!(
-            (books.integrator_j + books.friction_loss_j - lost).abs() < 0.02 * stored,
-            "{books:?}, {integrator:?}"
+            (balance.integrator_j + balance.friction_loss_j - lost).abs() < 0.02 * stored,
+            "{balance:?}, {integrator:?}"
         );
     }
 }
@@ -236,12 +236,12 @@ fn on_a_spring(k: f64) -> Body {
 }
 
 #[test]
-fn a_thread_that_stretches_is_a_spring_that_pulls_only_in_every_step() {
+fn elastic_thread_is_a_spring_that_only_pulls() {
     let (k, substeps) = (400.0, 4);
     for integrator in integrators(substeps) {
         let mut body = on_a_spring(k);
         body.set_state(body.positions_m().to_vec().as_slice(), &[DVec3::X * 0.5, DVec3::ZERO]).unwrap();
-        // The same by hand: implicit Euler of e'' = -T/m, T = max(0, k e), with the reduced mass.
+        // The same by hand: implicit Euler for e'' = -T/m, T = max(0, k e), with the reduced mass.
         let (h, reduced_kg) = (1e-3 / substeps as f64, 0.1 * 0.3 / 0.4);
         let (mut e, mut v, mut pulls, mut slack) = (0.0_f64, 0.5_f64, 0, 0);
         for tick in 1..=120 {
@@ -261,7 +261,7 @@ fn a_thread_that_stretches_is_a_spring_that_pulls_only_in_every_step() {
                 apart - 0.1
             );
             assert!((pull - DVec3::X * tension_n).length() < 1e-6, "tick {tick}: {pull}, not {tension_n} N");
-            // Its force is that of the length which it has at the end of the step.
+            // The force belongs to the length at the end of the step.
             assert!((tension_n - k * (apart - 0.1).max(0.0)).abs() < 1e-6, "tick {tick}");
             if tension_n > 0.0 { pulls += 1 } else { slack += 1 }
         }
@@ -270,7 +270,7 @@ fn a_thread_that_stretches_is_a_spring_that_pulls_only_in_every_step() {
 }
 
 #[test]
-fn at_rest_a_thread_is_longer_by_its_force_over_its_stiffness() {
+fn elastic_thread_at_rest_is_longer_by_force_over_stiffness() {
     for (k, integrator) in [(20.0, 0), (5e4, 1)] {
         let integrator = integrators(4)[integrator];
         let mut body = block(4);
@@ -285,14 +285,14 @@ fn at_rest_a_thread_is_longer_by_its_force_over_its_stiffness() {
             tension_n > 0.05 && (tension_n / (k * (apart - 0.03)) - 1.0).abs() < 1e-4,
             "{tension_n} N, {apart} m"
         );
-        // What the body pulls back with.
+        // The internal force of the body.
         let pull = body.ties()[0].displayed_force_n(&body);
         assert!((pull.length() / tension_n - 1.0).abs() < 1e-3, "{pull}, {tension_n} N");
     }
 }
 
 #[test]
-fn a_very_stiff_thread_is_the_rigid_one() {
+fn very_stiff_thread_matches_the_inextensible_one() {
     for integrator in integrators(4) {
         let ends = [1e9, f64::INFINITY].map(|k| {
             let mut body = on_a_spring(k);
@@ -308,19 +308,19 @@ fn a_very_stiff_thread_is_the_rigid_one() {
 }
 
 #[test]
-fn what_a_stretching_thread_does_is_booked_as_work() {
+fn energy_balance_counts_elastic_threads_as_work() {
     let mut body = on_a_spring(400.0);
     body.set_state(body.positions_m().to_vec().as_slice(), &[DVec3::X * 0.5, DVec3::ZERO]).unwrap();
     body.start_energy_accounting();
-    // Until it is longest.
+    // Until the thread is longest.
     let quarter = 0.5 * std::f64::consts::PI * (0.075_f64 / 400.0).sqrt();
     body.advance(None, (1e3 * quarter).round() as usize, integrators(20)[0]).unwrap();
-    let books = body.energy_balance().unwrap();
+    let balance = body.energy_balance().unwrap();
     let apart = body.positions_m()[0].x - body.positions_m()[1].x - 0.1;
     let in_the_thread = 0.5 * 400.0 * apart * apart;
-    assert!((books.work_in_j / -in_the_thread - 1.0).abs() < 0.02, "{books:?}, {in_the_thread} J");
-    assert_eq!(books.friction_loss_j, 0.0);
-    assert!(books.integrator_j.abs() < 1e-9, "{books:?}");
+    assert!((balance.work_in_j / -in_the_thread - 1.0).abs() < 0.02, "{balance:?}, {in_the_thread} J");
+    assert_eq!(balance.friction_loss_j, 0.0);
+    assert!(balance.integrator_j.abs() < 1e-9, "{balance:?}");
 }
 
 #[test]
@@ -347,14 +347,17 @@ fn ties_are_part_of_the_state() {
 }
 
 #[test]
-fn ties_that_make_no_sense_are_refused() {
+fn rejects_invalid_ties() {
     let node = BodyPoint::node;
     for bad in
         [vec![], vec![(0, 0.5)], vec![(0, f64::NAN)], vec![(0, 0.5), (0, 0.5)], vec![(0, 1.0 / 33.0); 33]]
     {
         assert!(BodyPoint::new(bad).is_err());
     }
-    assert!(Tie::suture(node(0), node(1), 1.0).unwrap().with_stiffness(5.0).is_err(), "it has no length");
+    assert!(
+        Tie::suture(node(0), node(1), 1.0).unwrap().with_stiffness(5.0).is_err(),
+        "a suture has no length"
+    );
     for bad in [0.0, -1.0, f64::NAN] {
         assert!(Tie::thread(node(0), node(1), 0.1).unwrap().with_stiffness(bad).is_err());
         assert!(Tie::thread(node(0), node(1), bad).is_err() && Tie::suture(node(0), node(1), bad).is_err());
@@ -363,11 +366,11 @@ fn ties_that_make_no_sense_are_refused() {
     assert!(Tie::grasp(node(0), DVec3::NAN).is_err());
     let mut body = block(3);
     body.set_ties(vec![Tie::suture(node(20), node(21), 1.0).unwrap()]).unwrap();
-    assert!(body.move_tie(0, DVec3::X).is_err(), "it has no anchor");
+    assert!(body.move_tie(0, DVec3::X).is_err(), "a suture has no anchor");
     assert!(body.move_tie(1, DVec3::X).is_err(), "there is no such tie");
-    let refused = body.set_ties(vec![Tie::grasp(node(27), DVec3::ZERO).unwrap()]);
-    assert_eq!(refused, Err(BodyError::CannotHold { node: 27, why: "there is no such node" }));
-    // What is fixed cannot be moved, and nothing breaks.
+    let rejected = body.set_ties(vec![Tie::grasp(node(27), DVec3::ZERO).unwrap()]);
+    assert_eq!(rejected, Err(BodyError::CannotHold { node: 27, why: "there is no such node" }));
+    // A fixed point cannot be moved, and the step stays finite.
     body.set_ties(vec![Tie::grasp(node(0), DVec3::Z).unwrap()]).unwrap();
     body.advance(None, 5, SemiImplicitEuler::default()).unwrap();
     assert_eq!(body.positions_m()[0], body.network().rest_m()[0]);

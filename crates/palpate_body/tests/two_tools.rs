@@ -35,26 +35,26 @@ fn run(
 }
 
 #[test]
-fn two_that_press_a_floating_body_from_two_sides_feel_equal_and_opposite_forces() {
+fn two_tools_on_opposite_sides_of_a_free_body_get_opposite_forces() {
     for integrator in [SemiImplicitEuler::default().into(), LinearlyImplicitEuler::default().into()] {
         for coupling in [None, Some(VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 1.0 })] {
             let mut body = block(None);
-            // Right on the middle nodes, so that nothing turns.
+            // Exactly on the middle nodes, so that the body does not rotate.
             let way = |side: f64| {
                 path(1500, move |t| DVec3::X * side * (0.05 + RADIUS + 1e-3 - 0.005 * (t / 0.5).min(1.0)))
             };
-            // Without friction; the triangles of the two faces are no mirror images, so the dents are not quite.
+            // Without friction. The triangles of the two faces are no mirror images, so the dents differ slightly.
             let tool =
                 || coupling.map_or_else(|| ball(0.0), |coupling| ball(0.0).with_coupling(coupling).unwrap());
             let mut tools = [(tool(), way(1.0)), (tool(), way(-1.0))];
             let forces = run(&mut body, &mut tools, 1500, integrator);
             for pair in &forces {
-                // One may touch a tick before the other, by rounding.
+                // Because of rounding, one tool may touch a tick before the other.
                 if pair.contains(&DVec3::ZERO) && pair[0].length() + pair[1].length() < 0.02 {
                     continue;
                 }
                 let sum = pair[0] + pair[1];
-                // Couplings that give way find their largest force to a per cent.
+                // A saturated coupling finds its force limit to within a per cent.
                 let most = if coupling.is_some() { 1e-2 } else { 1e-9 };
                 assert!(sum.x.abs() < most, "{} {}", pair[0], pair[1]);
                 assert!(sum.length() < 2e-2 * pair[0].length() + 1e-9, "{} {}", pair[0], pair[1]);
@@ -71,7 +71,7 @@ fn two_that_press_a_floating_body_from_two_sides_feel_equal_and_opposite_forces(
 }
 
 #[test]
-fn one_that_touches_nothing_changes_nothing() {
+fn second_tool_without_contact_changes_nothing() {
     let press = |t: f64| DVec3::new(0.003, 0.004, 0.05 + RADIUS - 0.006 * (t / 0.1).min(1.0));
     let far = |_: f64| DVec3::new(0.5, 0.0, 0.0);
     let (mut alone, mut beside) = (block(Some(Face::NegZ)), block(Some(Face::NegZ)));
@@ -86,9 +86,9 @@ fn one_that_touches_nothing_changes_nothing() {
     assert!(felt.last().unwrap()[0].z > 0.5);
 }
 
-/// A tool that holds and one that presses: what is fixed bears both.
+/// One tool holds and another presses: the fixed nodes bear both.
 #[test]
-fn what_is_fixed_bears_the_forces_of_all_tools() {
+fn fixed_nodes_bear_the_sum_of_all_tool_forces() {
     let mut body = block(Some(Face::NegZ));
     let top =
         |x: f64| body.positions_m().iter().position(|p| p.distance(DVec3::new(x, 0.0, 0.05)) < 1e-9).unwrap();
@@ -103,26 +103,26 @@ fn what_is_fixed_bears_the_forces_of_all_tools() {
     let end = forces.last().unwrap();
     assert!(end[0].z < -0.5 && end[1].z > 0.5, "{end:?}");
     let base: DVec3 = (0..25).map(|node| body.internal_force_on_n(node)).sum();
-    // Internal forces sum to nothing: what the base takes is what the hands give.
+    // Internal forces sum to zero: the base bears what the tools give.
     assert!((base + end[0] + end[1]).length() < 1e-5, "{base} {end:?}");
-    // The same, told by the tools: impulses over the step.
-    let mut told = vec![DVec3::ZERO; 125];
-    tools.iter().for_each(|(contact, _)| contact.add_force_n(&mut told));
-    let sum: DVec3 = told.iter().sum();
+    // The same from the tools' impulses over the step.
+    let mut tool_forces = vec![DVec3::ZERO; 125];
+    tools.iter().for_each(|(contact, _)| contact.add_force_n(&mut tool_forces));
+    let sum: DVec3 = tool_forces.iter().sum();
     assert!((sum + end[0] + end[1]).length() < 1e-5, "{sum}");
 }
 
 #[test]
-fn only_one_may_drive_a_node_and_a_refusal_changes_nothing() {
+fn rejects_two_driving_tools_and_changes_nothing() {
     let mut body = block(Some(Face::NegZ));
     let at = body.positions_m().to_vec();
     let still = |node: usize| vec![ToolPoint::at_rest(at[node]); 11];
     let mut hold = [120, 122].map(|node| (ToolContact::hold(&body, node, at[node]).unwrap(), still(node)));
     let [(a, a_path), (b, b_path)] = &mut hold;
     let mut both = [ToolRun { contact: a, path: a_path }, ToolRun { contact: b, path: b_path }];
-    let refused = body.advance_tools(&mut both, 10, SemiImplicitEuler::default(), |_, _| ());
-    assert!(matches!(refused, Err(BodyError::CannotHold { node: 122, .. })), "{refused:?}");
-    // One drives, another pushes at what it pulls along.
+    let rejected = body.advance_tools(&mut both, 10, SemiImplicitEuler::default(), |_, _| ());
+    assert!(matches!(rejected, Err(BodyError::CannotHold { node: 122, .. })), "{rejected:?}");
+    // One drives a node; the other pushes the surface that the node pulls along.
     let moved: Vec<ToolPoint> =
         (0..=300).map(|i| ToolPoint::at_rest(at[112] + DVec3::Z * 1e-5 * f64::from(i))).collect();
     let mut drive = ToolContact::hold(&body, 112, at[112]).unwrap();
@@ -133,13 +133,13 @@ fn only_one_may_drive_a_node_and_a_refusal_changes_nothing() {
     body.advance_tools(&mut runs, 300, SemiImplicitEuler::default(), |_, f| last = f.to_vec()).unwrap();
     assert_eq!(body.positions_m()[112], moved[300].position_m);
     assert!(last[0].z < 0.0 && last[1].z > 0.0, "{last:?}");
-    // A path that is too short: both tools and the body stay.
+    // With a path that is too short, tools and body are unchanged.
     let (x, before) = (body.positions_m().to_vec(), (drive.clone(), push.clone()));
     let mut runs = [
         ToolRun { contact: &mut drive, path: &moved },
         ToolRun { contact: &mut push, path: &push_path[..5] },
     ];
-    let refused = body.advance_tools(&mut runs, 300, SemiImplicitEuler::default(), |_, _| ());
-    assert_eq!(refused, Err(BodyError::PathLength { ticks: 300, points: 5 }));
+    let rejected = body.advance_tools(&mut runs, 300, SemiImplicitEuler::default(), |_, _| ());
+    assert_eq!(rejected, Err(BodyError::PathLength { ticks: 300, points: 5 }));
     assert_eq!((body.positions_m(), &(drive, push)), (&x[..], &before));
 }

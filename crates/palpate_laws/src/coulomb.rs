@@ -1,26 +1,27 @@
-//! One-sided contact with Coulomb friction at one point, as a small problem in impulses.
+//! Unilateral contact with Coulomb friction at one point, formulated in impulses.
 
 use crate::LawError;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 
-/// A surface that pushes and never pulls, with Coulomb friction.
+/// A unilateral contact with Coulomb friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coulomb {
-    /// Unit normal, along which the surface pushes.
+    /// Unit normal along which the surface pushes.
     normal: DVec3,
-    /// μ.
+    /// Coefficient of friction μ.
     friction: f64,
 }
 
-/// Directions between which slip is looked for: few, and where two solutions hide between neighbours more.
+/// Numbers of directions at which the slip direction is bracketed. Finer subdivisions follow when two solutions lie
+/// between neighbours.
 const DIRECTIONS: [u32; 3] = [16, 256, 4096];
-/// Most narrowings of the interval between two of them, half a dozen being common, and the change of the angle, rad, that
-/// ends them.
-const NARROWINGS: u32 = 60;
-const CLOSE: f64 = 1e-13;
+/// Maximum number of regula falsi iterations (about six are common), and the change of the angle, rad, that ends
+/// them.
+const MAX_NARROWINGS: u32 = 60;
+const ANGLE_TOLERANCE: f64 = 1e-13;
 
 impl Coulomb {
-    /// A contact with unit normal `normal` and coefficient of friction `friction`.
+    /// Creates a contact with unit normal `normal` and coefficient of friction `friction`.
     ///
     /// # Errors
     /// [`LawError::Friction`] when the coefficient is negative or not finite, [`LawError::Normal`] when the normal is not
@@ -37,20 +38,20 @@ impl Coulomb {
         }
     }
 
-    /// The normal.
+    /// Unit normal.
     #[must_use]
     pub fn normal(&self) -> DVec3 {
         self.normal
     }
 
-    /// μ.
+    /// Coefficient of friction μ.
     #[must_use]
     pub fn friction(&self) -> f64 {
         self.friction
     }
 
-    /// `r` as far as it lies in the friction cone: nothing where it pulls, and its component across the normal cut to μ times
-    /// that along it.
+    /// Projects `r` into the friction cone: zero for a pulling force, otherwise the tangential component is limited
+    /// to μ times the normal component.
     #[must_use]
     pub fn in_cone(&self, r: DVec3) -> DVec3 {
         let along = r.dot(self.normal);
@@ -60,25 +61,30 @@ impl Coulomb {
         along * self.normal + (r - along * self.normal).clamp_length_max(self.friction * along)
     }
 
-    /// The impulse r, N s, that the surface gives, where the point's velocity relative to the surface is u = W r + `free`,
-    /// m/s. `w` (1/kg, symmetric positive definite) is what an impulse does to that velocity; `free` is the velocity
-    /// without one, a gap that may still be closed over the length of the step added along the normal.
+    /// Contact impulse r, N s.
     ///
-    /// With r_n, u_n the components along the normal and r_t, u_t the rest:
+    /// The velocity of the point relative to the surface is u = W r + `free`, m/s. `w` is the inverse effective mass
+    /// W (1/kg, symmetric positive definite). `free` is the velocity without an impulse; a gap that may still be
+    /// closed is added to it along the normal, divided by the step length.
+    ///
+    /// With r_n, u_n the normal components and r_t, u_t the tangential components, the conditions of Signorini and
+    /// Coulomb are:
     ///
     /// ```text
     /// 0 ≤ r_n ⟂ u_n ≥ 0,    ‖r_t‖ ≤ μ r_n,    u_t = 0  or  r_t = −μ r_n u_t/‖u_t‖
     /// ```
     ///
-    /// Take-off, stick and slip are tried in this order. Slip has one unknown left, the direction of r_t; it is found by
-    /// regula falsi. Where μ is so large that a push along it would press the point in (Painlevé's paradox) there may be
-    /// none: then r_n is that without friction and r_t as far as the cone allows in the direction of stick, and u_n may be
-    /// below 0.
+    /// Separation, stick and slip are tried in this order. In slip the direction of r_t is the only unknown; regula
+    /// falsi finds it.
+    ///
+    /// With large μ, friction can press the point into the surface (Painlevé's paradox), and slip may have no
+    /// solution. Then r_n is the frictionless impulse, r_t lies on the cone in the direction of stick, and u_n may be
+    /// negative.
     #[must_use]
     pub fn impulse(&self, w: DMat3, free: DVec3) -> DVec3 {
         let (n, mu) = (self.normal, self.friction);
         let approach = free.dot(n);
-        // Also where it is not a number.
+        // Also returns zero for NaN.
         if approach.is_nan() || approach >= 0.0 {
             return DVec3::ZERO;
         }
@@ -92,7 +98,7 @@ impl Coulomb {
         if mu == 0.0 {
             return frictionless * n;
         }
-        // A point mass slips on in the direction in which it would go.
+        // A point mass keeps its direction of motion.
         if w == DMat3::from_diagonal(DVec3::splat(w.x_axis.x)) {
             return frictionless * n + mu * frictionless * tangential.normalize_or_zero();
         }
@@ -100,7 +106,7 @@ impl Coulomb {
             .unwrap_or_else(|| frictionless * (n + mu * tangential.normalize_or_zero()))
     }
 
-    /// The impulse of a point that slips; the direction nearest to `hint` comes first.
+    /// Impulse in slip. The direction nearest to `hint` is tried first.
     fn slip(&self, w: DMat3, free: DVec3, hint: DVec3) -> Option<DVec3> {
         let first = hint.try_normalize().unwrap_or_else(|| self.normal.any_orthonormal_vector());
         let slip = Slip::new(self, w, free, first);
@@ -121,17 +127,17 @@ impl Coulomb {
     }
 }
 
-/// The search for the direction t of the friction on a point that slips, by its angle in the plane of contact.
+/// Search for the slip direction t, by its angle in the contact plane.
 struct Slip {
     normal: DVec3,
-    /// The plane's axes, the first at angle 0.
+    /// Axes of the contact plane; the first is at angle 0.
     axes: [DVec3; 2],
     friction: f64,
-    /// −u_n without an impulse.
+    /// −u_n without an impulse, m/s.
     approach: f64,
-    /// Velocity across the normal without an impulse.
+    /// Tangential velocity without an impulse, m/s.
     free: DVec2,
-    /// Of W: normal; normal to plane; in the plane.
+    /// Blocks of W: normal, normal-tangential, tangential.
     w_n: f64,
     w_nt: DVec2,
     w_t: DMat2,
@@ -155,24 +161,24 @@ impl Slip {
         }
     }
 
-    /// r_n with friction along t, if it pushes.
+    /// r_n with friction along t; `None` if it would pull.
     fn size(&self, t: DVec2) -> Option<f64> {
         let size = self.approach / (self.w_n + self.friction * self.w_nt.dot(t));
         (size > 0.0).then_some(size)
     }
 
-    /// Velocity across the normal with friction along t.
+    /// Tangential velocity with friction along t.
     fn velocity(&self, t: DVec2) -> Option<DVec2> {
         Some(self.size(t)? * (self.w_nt + self.friction * (self.w_t * t)) + self.free)
     }
 
-    /// How far the slip is from being along the friction: its component across.
+    /// Component of the slip velocity perpendicular to the friction; zero at a solution.
     fn miss(&self, angle: f64) -> Option<f64> {
         let t = DVec2::from_angle(angle);
         Some(t.perp_dot(self.velocity(t)?))
     }
 
-    /// The slip along the friction.
+    /// Component of the slip velocity along the friction.
     fn along(&self, angle: f64) -> f64 {
         let t = DVec2::from_angle(angle);
         self.velocity(t).map_or(f64::INFINITY, |u| u.dot(t))
@@ -184,22 +190,23 @@ impl Slip {
         Some(self.size(t)? * (self.normal + self.friction * across))
     }
 
-    /// The angle between two at which slip and friction are along the same line, by the Illinois form of regula falsi.
+    /// Angle between the given two at which slip velocity and friction are collinear, by the Illinois variant of
+    /// regula falsi.
     fn straight_between(&self, (mut low, mut high): (f64, f64)) -> Option<f64> {
         let (mut at_low, mut at_high) = (self.miss(low)?, self.miss(high)?);
         if at_low * at_high > 0.0 {
             return None;
         }
         let (mut last, mut low_stayed, mut high_stayed) = (f64::NAN, false, false);
-        for _ in 0..NARROWINGS {
+        for _ in 0..MAX_NARROWINGS {
             let guess = (low * at_high - high * at_low) / (at_high - at_low);
             let middle = if guess > low && guess < high { guess } else { 0.5 * (low + high) };
             let at = self.miss(middle)?;
-            if at == 0.0 || (middle - last).abs() < CLOSE {
+            if at == 0.0 || (middle - last).abs() < ANGLE_TOLERANCE {
                 return Some(middle);
             }
             last = middle;
-            // An end that stays again counts half.
+            // The function value at an end that is retained twice is halved.
             if at * at_low > 0.0 {
                 (low, at_low) = (middle, at);
                 at_high *= if high_stayed { 0.5 } else { 1.0 };
@@ -223,7 +230,8 @@ mod tests {
         prop::array::uniform3(-size..size).prop_map(DVec3::from_array)
     }
 
-    /// What a body's point may answer with: symmetric positive definite, its condition up to a hundred or so.
+    /// Random inverse effective masses: symmetric positive definite, with a condition number of up to about a
+    /// hundred.
     fn delassus() -> impl Strategy<Value = DMat3> {
         (vector(1.0), vector(1.0), vector(1.0), 0.2..1.0f64).prop_map(|(a, b, c, d)| {
             let m = DMat3::from_cols(a, b, c);
@@ -233,7 +241,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_impulse_obeys_signorini_and_coulomb(
+        fn impulse_satisfies_signorini_and_coulomb(
             w in delassus(),
             free in vector(1.0),
             normal in vector(1.0).prop_filter("a direction", |n| n.length() > 0.1),
@@ -248,11 +256,11 @@ mod tests {
             prop_assert!(r_n >= 0.0 && u_n >= -1e-12, "r_n {r_n}, u_n {u_n}");
             prop_assert!((r_n * u_n).abs() < 1e-12, "r_n {r_n}, u_n {u_n}");
             prop_assert!(r_t.length() <= mu * r_n + 1e-12);
-            // Friction takes energy, and as much as it can.
+            // Friction dissipates energy, as much as possible.
             prop_assert!(r_t.dot(u_t) <= 1e-12);
             if u_t.length() > 1e-9 && r_n > 0.0 {
                 let slipping = -mu * r_n * u_t.normalize();
-                // In Painlevé's case there is no solution; it needs more friction than the point's answer bears.
+                // Painlevé's case has no solution. It needs more friction than this inverse mass allows.
                 let bears = (0..64).all(|i| {
                     let (a, t) = (f64::from(i) * 0.1, n.any_orthonormal_vector());
                     n.dot(w * (n + mu * (t * a.cos() + n.cross(t) * a.sin()))) > 0.0
@@ -277,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_in_the_cone_is_cut() {
+    fn in_cone_projects_outside_forces_onto_the_cone() {
         let contact = Coulomb::new(DVec3::Z, 0.5).unwrap();
         assert_eq!(contact.in_cone(DVec3::new(0.3, 0.0, 1.0)), DVec3::new(0.3, 0.0, 1.0));
         assert!((contact.in_cone(DVec3::new(3.0, 4.0, 2.0)) - DVec3::new(0.6, 0.8, 2.0)).length() < 1e-15);
@@ -287,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn friction_that_makes_no_sense_is_refused() {
+    fn rejects_invalid_friction_and_normal() {
         for bad in [-0.1, f64::NAN, f64::INFINITY] {
             assert!(matches!(Coulomb::new(DVec3::Z, bad), Err(LawError::Friction(_))));
         }

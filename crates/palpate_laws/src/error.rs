@@ -1,39 +1,39 @@
-//! What can be wrong with a law's parameters.
+//! Errors in the parameters of a law.
 
 use thiserror::Error;
 
-/// A parameter of a force law that makes no sense.
+/// An invalid parameter of a law.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum LawError {
-    /// The stiffness of a spring is negative, zero or not finite. Give a finite number above zero.
+    /// The stiffness is not finite or not above 0.
     #[error("spring stiffness is {0} N/m; it must be finite and above 0")]
     Stiffness(f64),
-    /// The compliance of a law of skin is negative, zero or not finite.
+    /// The compliance of a skin law is not finite or not above 0.
     #[error("compliance of skin is {0} m/N; it must be finite and above 0")]
     Compliance(f64),
-    /// The hardening of a law of skin is negative, zero or not finite. A law without is linear.
+    /// The hardening of a skin law is not finite or not above 0. Use a linear law for no hardening.
     #[error("hardening of skin is {0} 1/N; it must be finite and above 0")]
     Hardening(f64),
-    /// The rate of an exponential law is negative, zero or not finite. A law without is linear.
+    /// The rate of an exponential law is not finite or not above 0. Use a linear law for no stiffening.
     #[error("rate of stiffening is {0} 1/m; it must be finite and above 0")]
     Rate(f64),
-    /// A coefficient of friction is negative or not finite.
+    /// The coefficient of friction is negative or not finite.
     #[error("coefficient of friction is {0}; it must be finite and at least 0")]
     Friction(f64),
-    /// A normal or an axis is not of unit length.
+    /// A normal or an axis is not a unit vector.
     #[error("the length of a normal or an axis is {0}; it must be 1")]
     Normal(f64),
-    /// The radius of a tool is negative, zero or not finite.
+    /// The radius of a tool is not finite or not above 0.
     #[error("radius of a tool is {0} m; it must be finite and above 0")]
     Radius(f64),
-    /// The largest force of a tool's coupling is negative, zero or not finite. A tool that is to give way never has none.
+    /// The maximum force of a virtual coupling is not finite or not above 0. Use no coupling for an unlimited force.
     #[error("largest force of a tool's coupling is {0} N; it must be finite and above 0")]
     CouplingForce(f64),
-    /// The damping of a damper is negative or not finite. Give zero for a spring without a damper.
+    /// The damping is negative or not finite. Use zero for a spring without a damper.
     #[error("damping is {0} N s/m; it must be finite and at least 0")]
     Damping(f64),
-    /// The rest length of a spring is negative, zero or not finite. Its two nodes must be apart.
+    /// The rest length of a spring is not finite or not above 0.
     #[error("spring rest length is {0} m; it must be finite and above 0")]
     RestLength(f64),
 }

@@ -3,10 +3,10 @@
 /// Contact of a rigid tool with the smooth surface of an elastic half-space (K. L. Johnson, Contact Mechanics, 1985, sections
 /// 3.8 and 4.2), without friction.
 ///
-/// A body of cells resolves the part of it that is coarser than a cell; [`SeriesCompliance`] has the rest.
+/// A body of cells resolves the part that is coarser than a cell; [`SeriesCompliance`](crate::SeriesCompliance) is the rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Indentation {
-    /// The pressure under the tool.
+    /// Pressure distribution under the tool.
     pub pressure: Pressure,
     /// Radius of the tool, m: R of a ball, a of a flat punch.
     pub radius_m: f64,
@@ -14,18 +14,20 @@ pub struct Indentation {
     pub modulus_pa: f64,
 }
 
-/// How the pressure is spread over the contact's radius.
+/// Distribution of the pressure over the contact radius.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pressure {
-    /// Hertz, under a ball: p ∝ (1 − r²/a²)^½.
+    /// Hertz's pressure under a ball: p ∝ (1 − r²/a²)^½.
     Ball,
-    /// Boussinesq, under a rigid flat punch: p ∝ (1 − r²/a²)^−½.
+    /// Boussinesq's pressure under a rigid flat punch: p ∝ (1 − r²/a²)^−½.
     Punch,
 }
 
 impl Indentation {
-    /// The approach δ(F), m, under a force of `force_n` ≥ 0, N: a²/R of Hertz under a ball up to δ = R, where the contact is as wide
-    /// as the ball, and from there on at the slope of a punch of that radius; F/(2 a E*) under a punch.
+    /// Approach δ(F), m, under a force of `force_n` ≥ 0, N.
+    ///
+    /// For a ball it is Hertz's a²/R up to δ = R, where the contact is as wide as the ball. Beyond that it continues
+    /// with the slope of a punch of that radius. For a punch it is F/(2 a E*).
     #[must_use]
     pub fn approach_m(&self, force_n: f64) -> f64 {
         let stiffness = 2.0 * self.modulus_pa * self.radius_m;
@@ -43,13 +45,13 @@ impl Indentation {
         }
     }
 
-    /// dδ/dF, m/N. Without a bound under a ball where the force goes to zero.
+    /// Slope dδ/dF, m/N; unbounded for a ball as the force goes to zero.
     #[must_use]
     pub fn slope_m_per_n(&self, force_n: f64) -> f64 {
         1.0 / (2.0 * self.modulus_pa * self.radius_of_contact_m(force_n))
     }
 
-    /// The force F(δ) at an approach of `approach_m`, N; 0 where that is not above 0.
+    /// Force F(δ) at an approach of `approach_m`, N; 0 for an approach of 0 or less.
     #[must_use]
     pub fn force_n(&self, approach_m: f64) -> f64 {
         let (delta, stiffness) = (approach_m.max(0.0), 2.0 * self.modulus_pa * self.radius_m);
@@ -60,7 +62,7 @@ impl Indentation {
         }
     }
 
-    /// The radius of the contact, m: that of Hertz under a ball, at most its radius; that of a punch.
+    /// Contact radius, m: Hertz's radius for a ball, at most the ball's radius; the radius of a punch.
     #[must_use]
     pub fn radius_of_contact_m(&self, force_n: f64) -> f64 {
         match self.pressure {
@@ -71,7 +73,7 @@ impl Indentation {
         }
     }
 
-    /// ∫ δ dF from 0 to `force_n`, J: F δ less this is the energy that the half-space stores.
+    /// Complementary energy ∫ δ dF from 0 to `force_n`, J. The half-space stores F δ minus this energy.
     #[must_use]
     pub fn complementary_energy_j(&self, force_n: f64) -> f64 {
         match self.pressure {
@@ -88,8 +90,8 @@ impl Indentation {
         }
     }
 
-    /// The mean displacement of the surface under the pressure, weighted by it, over the force, m/N: what a grid that resolves the
-    /// contact answers.
+    /// Pressure-weighted mean displacement of the surface divided by the force, m/N: the compliance of a grid that
+    /// resolves the contact.
     #[must_use]
     pub fn resolved_m_per_n(&self, force_n: f64) -> f64 {
         // Under a ball u(r) = δ (1 − r²/2a²) and the mean of r² is 2a²/5.
@@ -102,175 +104,11 @@ impl Indentation {
         }
     }
 
-    /// The force at which a ball's contact is as wide as the ball, N.
-    fn full_n(&self) -> f64 {
+    /// Force at which the contact is as wide as the ball, N.
+    pub(crate) fn full_n(&self) -> f64 {
         4.0 / 3.0 * self.modulus_pa * self.radius_m * self.radius_m
     }
 }
-
-/// How much more than in proportion a lattice of springs gives way, because springs that are compressed soften: by the share s u/(h² + (r R)²)^½
-/// of what it gives way by in proportion, u. Measured with balls of half a cell to ten cells of radius, and with punches of two to five.
-#[derive(Clone, Copy)]
-struct Softening {
-    s: f64,
-    r: f64,
-}
-const BALL_SOFTENING: Softening = Softening { s: 0.33, r: 1.0 / 3.0 };
-const PUNCH_SOFTENING: Softening = Softening { s: 0.27, r: 0.5 };
-
-/// The compliance in series with a row: the share of a smooth law of indentation that the grid does not resolve.
-///
-/// δ_s(F) = κ δ(F/p) with κ ≤ 1 for a row that bears the portion p of the contact's force. It adds no state: it follows from the
-/// force.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SeriesCompliance {
-    /// κ, above 0.
-    pub share: f64,
-    /// How far ahead of the tool the surface is met where the grid gives way by more than the law, m.
-    pub lead_m: f64,
-    /// The share of the law's energy that it holds: κ where that is the same at every force, less where the grid's part grows with the force.
-    pub held: f64,
-    /// δ(F) under the force of the whole contact.
-    pub law: Indentation,
-    /// The portion of the contact's force that the row bears where pressure is spread as the law has it, above 0; 1 for a contact of one row.
-    pub portion: f64,
-}
-
-impl SeriesCompliance {
-    /// The same share κ = `share` of `law` at every force.
-    #[must_use]
-    pub fn of_share(share: f64, law: Indentation) -> Self {
-        Self { share, lead_m: 0.0, held: share, law, portion: 1.0 }
-    }
-
-    /// That of a row that bears `portion` of the contact's force.
-    #[must_use]
-    pub fn of_portion(self, portion: f64) -> Self {
-        Self { portion, ..self }
-    }
-
-    /// That of a grid of cells of `cell_m`, which under a small force gives way by C_g = `grid_m_per_n` for each newton, at a force of `force_n` that has
-    /// been `eased_n` for some time: δ_s = δ − C_g F less what springs soften by.
-    #[must_use]
-    pub fn missing(
-        law: Indentation,
-        (grid_m_per_n, cell_m): (f64, f64),
-        (force_n, eased_n): (f64, f64),
-    ) -> Self {
-        let ratio = |part: f64, of: f64| if of > 0.0 { part / of } else { 0.0 };
-        let base = (1.0 - ratio(grid_m_per_n * force_n, law.approach_m(force_n))).clamp(0.0, 1.0);
-        let (eased_m, grid_m) = (law.approach_m(eased_n), grid_m_per_n * eased_n);
-        // A grid that does not resolve a punch's rim may give way too much in proportion, and its rows by less.
-        let (Softening { s, r }, grid_m) = match law.pressure {
-            Pressure::Ball => (BALL_SOFTENING, grid_m),
-            Pressure::Punch => (PUNCH_SOFTENING, grid_m.min(eased_m)),
-        };
-        let softer_m = (s * grid_m * grid_m / cell_m.hypot(r * law.radius_m)).min(MAX_LEAD * eased_m);
-        // As much as there is comes from the compliance, the rest from the tool's place.
-        let share = (base - ratio(softer_m, eased_m)).max(LEAST_SHARE);
-        let lead_m = (softer_m - (base - share) * eased_m).max(0.0);
-        // ∫ F dδ_s with δ_s = δ − C_g F − c F², in parts of ∫ F dδ.
-        let whole = match law.pressure {
-            Pressure::Ball => 2.5,
-            Pressure::Punch => 2.0,
-        };
-        let held = (1.0 - whole * (0.5 * (1.0 - base) + 2.0 / 3.0 * (base - share))).max(0.0);
-        Self { share, lead_m, held, law, portion: 1.0 }
-    }
-
-    /// How much it takes part in closing a gap that was there before, from 0, where it is as stiff as it may be, to 1. Where it is soft, positions
-    /// cannot close the gap, because it gives way before the nodes do.
-    #[must_use]
-    pub fn gap_uptake(&self) -> f64 {
-        ((self.share - LEAST_SHARE) / (SOFT_SHARE - LEAST_SHARE)).clamp(0.0, 1.0)
-    }
-
-    /// δ_s, m.
-    #[must_use]
-    pub fn approach_m(&self, force_n: f64) -> f64 {
-        self.share * self.law.approach_m(force_n.max(0.0) / self.portion)
-    }
-
-    /// The force under which it gives way by `approach_m`, N.
-    #[must_use]
-    pub fn force_n(&self, approach_m: f64) -> f64 {
-        self.portion * self.law.force_n(approach_m / self.share)
-    }
-
-    /// The force F under which it and a compliance of `other_m_per_n` beside it give way by `approach_m` together, N: δ_s(F) + C F.
-    #[must_use]
-    pub fn force_beside_n(&self, approach_m: f64, other_m_per_n: f64) -> f64 {
-        let Indentation { pressure, radius_m, modulus_pa } = self.law;
-        let (share, other) = (self.share, other_m_per_n * self.portion);
-        let (full_n, full_m) = match pressure {
-            Pressure::Punch => (0.0, 0.0),
-            Pressure::Ball => (self.law.full_n(), share * radius_m + other * self.law.full_n()),
-        };
-        if approach_m >= full_m {
-            let slope = share / (2.0 * modulus_pa * radius_m) + other;
-            return self.portion * (full_n + (approach_m - full_m) / slope);
-        }
-        // With the radius a of the contact, F ∝ a³ and δ ∝ a²: in units of the radius without the other compliance ρ x³ + x² = 1. Newton's
-        // method comes to it from above.
-        let alone_m = approach_m / share;
-        let per_m = 4.0 / 3.0 * modulus_pa * (alone_m * radius_m).sqrt();
-        let rho = other * per_m / share;
-        let mut x = if rho > FAR { rho.cbrt().recip() } else { 1.0 };
-        for _ in 0..NEWTON_STEPS {
-            let step = (x * x * (rho * x + 1.0) - 1.0) / (x * (3.0 * rho * x + 2.0));
-            x -= step;
-            // The next step would be about the square of that.
-            if step <= SETTLED * x {
-                break;
-            }
-        }
-        self.portion * per_m * alone_m * x * x * x
-    }
-
-    /// dδ_s/dF, m/N.
-    #[must_use]
-    pub fn slope_m_per_n(&self, force_n: f64) -> f64 {
-        self.share * self.law.slope_m_per_n(force_n / self.portion) / self.portion
-    }
-
-    /// The compliance across the normal that is missing too, m/N: the same share of 1/(8 G a/(2 − ν)), what a contact of radius a that does not
-    /// slip gives way by under a small force (R. D. Mindlin, J. Appl. Mech. 16 (1949) 259), for ν = 1/4. Infinite without a contact.
-    #[must_use]
-    pub fn tangential_m_per_n(&self, force_n: f64) -> f64 {
-        // 8 G/(2 − ν) = 4 E* (1 − ν)/(2 − ν).
-        let stiffness =
-            4.0 * TANGENTIAL * self.law.modulus_pa * self.law.radius_of_contact_m(force_n / self.portion);
-        self.share / (stiffness * self.portion)
-    }
-
-    /// The same, but 0 without a contact: one that begins bears nothing across its normal yet.
-    #[must_use]
-    pub fn across_m_per_n(&self, force_n: f64) -> f64 {
-        let compliance = self.tangential_m_per_n(force_n);
-        if compliance.is_finite() { compliance } else { 0.0 }
-    }
-
-    /// The energy that it stores under `force_n`, J.
-    #[must_use]
-    pub fn energy_j(&self, force_n: f64) -> f64 {
-        let whole_n = force_n.max(0.0) / self.portion;
-        let stored = whole_n * self.law.approach_m(whole_n) - self.law.complementary_energy_j(whole_n);
-        self.held * self.portion * stored
-    }
-}
-
-/// Newton steps for the force beside another compliance, a step that is the last, and a ρ from which on the other compliance is a better guess.
-const NEWTON_STEPS: usize = 40;
-const SETTLED: f64 = 1e-7;
-const FAR: f64 = 8.0;
-/// The least share of the smooth law that is in series with a row, so that the load on rows which are nearly the same is shared.
-pub(crate) const LEAST_SHARE: f64 = 0.05;
-/// With that share of the smooth law it takes up all of a gap.
-const SOFT_SHARE: f64 = 0.2;
-/// The largest share of the smooth law by which the grid may give way too much.
-const MAX_LEAD: f64 = 0.5;
-/// (1 − ν)/(2 − ν) for ν = 1/4.
-const TANGENTIAL: f64 = 3.0 / 7.0;
 
 #[cfg(test)]
 mod tests {
@@ -280,7 +118,7 @@ mod tests {
     const PUNCH: Indentation = Indentation { pressure: Pressure::Punch, ..BALL };
 
     #[test]
-    fn force_and_approach_are_inverse_and_their_slope_and_energy_are_the_derivative_and_the_integral() {
+    fn force_approach_slope_and_energy_are_consistent() {
         for law in [BALL, PUNCH] {
             let mut energy = 0.0;
             let step = 1e-5;
@@ -299,58 +137,5 @@ mod tests {
         // Hertz.
         let f = 4.0 / 3.0 * 21e3 * 0.005_f64.sqrt() * 0.002_f64.powf(1.5);
         assert!((BALL.force_n(0.002) - f).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_force_beside_another_compliance_gives_way_by_both() {
-        for law in [BALL, PUNCH] {
-            for (share, portion) in [(1.0, 1.0), (0.3, 0.07), (0.05, 0.5)] {
-                let series = SeriesCompliance::of_share(share, law).of_portion(portion);
-                for approach in [1e-9, 1e-4, 0.002, 0.02] {
-                    for other in [0.0, 1e-9, 1e-4, 0.01, 1.0, 1e6] {
-                        let f = series.force_beside_n(approach, other);
-                        let both = series.approach_m(f) + other * f;
-                        assert!((both / approach - 1.0).abs() < 1e-13, "{law:?} {share} {approach} {other}");
-                    }
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn what_a_grid_resolves_is_taken_from_the_compliance() {
-        let law = BALL;
-        let f = 0.3;
-        let missing = SeriesCompliance::missing(law, (0.25 * law.approach_m(f) / f, 1e3), (f, f));
-        assert!((missing.share - 0.75).abs() < 1e-6);
-        assert!((missing.approach_m(f) - 0.75 * law.approach_m(f)).abs() < 1e-8);
-        // What springs soften by comes from the compliance, and where that is not enough from the tool's place.
-        let delta = law.approach_m(f);
-        let firm = SeriesCompliance::missing(law, (0.5 * delta / f, 0.01), (f, f));
-        let softer =
-            BALL_SOFTENING.s * (0.5 * delta).powi(2) / 0.01_f64.hypot(BALL_SOFTENING.r * law.radius_m);
-        assert!((firm.approach_m(f) - (0.5 * delta - softer)).abs() < 1e-12 && firm.lead_m == 0.0);
-        let soft = SeriesCompliance::missing(law, (1.0, 0.01), (f, f));
-        assert!((soft.share, soft.lead_m) == (LEAST_SHARE, LEAST_SHARE * delta + MAX_LEAD * delta));
-        // Its energy is the work along its way.
-        let grid = (0.4 * delta / f, 0.01);
-        let steps = 20_000_u32;
-        let at = |i: usize| f * i as f64 / f64::from(steps);
-        let approach = |n: f64| SeriesCompliance::missing(law, grid, (n, n)).approach_m(n);
-        let work: f64 = (0..steps as usize)
-            .map(|i| 0.5 * (at(i) + at(i + 1)) * (approach(at(i + 1)) - approach(at(i))))
-            .sum();
-        let held = SeriesCompliance::missing(law, grid, (f, f)).energy_j(f);
-        assert!((held / work - 1.0).abs() < 1e-6, "{held} J, {work} J");
-        // A force that has begun just now has not softened anything yet.
-        let begun = SeriesCompliance::missing(law, (0.5 * delta / f, 0.01), (f, 0.0));
-        assert!((begun.approach_m(f) - 0.5 * delta).abs() < 1e-12 && begun.lead_m == 0.0);
-        assert_eq!(SeriesCompliance::missing(law, (1.0, 0.01), (0.0, 0.0)).share, 1.0);
-        // A grid that resolves a ball's contact leaves the sagitta of the ball under the pressure, a fifth of the approach.
-        let resolved = SeriesCompliance::missing(law, (law.resolved_m_per_n(f), 1e3), (f, f));
-        assert!((resolved.share - 0.2).abs() < 1e-6);
-        // One that resolves a punch's leaves nothing.
-        let punch = SeriesCompliance::missing(PUNCH, (PUNCH.resolved_m_per_n(f), 1e3), (f, f));
-        assert!(punch.share == LEAST_SHARE && punch.lead_m > LEAST_SHARE * PUNCH.approach_m(f));
     }
 }

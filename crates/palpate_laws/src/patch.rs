@@ -1,8 +1,8 @@
-//! A contact patch: where a tool is pressed against a triangulated surface, and how the surface carries its pressure.
+//! A contact patch: the region in which a tool presses on a triangulated surface.
 //!
-//! A patch has one normal and one point, the mean of the surface weighted by the tool's pressure. Both change continuously as the tool
-//! moves, whatever triangles lie under it: the normal is that of a ring about a cell wide, and the pressure is spread over points
-//! of a disc that are projected onto the surface.
+//! A patch has one normal and one point, the pressure-weighted mean of the surface. Both change continuously as the
+//! tool moves over triangles of any shape. The normal is that of a ring about one cell wide. The pressure acts on the
+//! points of a disc, which are projected onto the surface.
 
 #![cfg_attr(
     not(test),
@@ -11,117 +11,91 @@
 
 mod projection;
 
-use crate::{PRESSURE_POINTS, Pressure, PressurePoint, ToolShape, nearest_weights};
+use crate::patch_surface::weighted;
+use crate::{
+    PRESSURE_POINTS, PatchSurface, Pressure, PressurePoint, SurfacePlace, ToolShape, nearest_weights,
+};
 use glam::{DQuat, DVec2, DVec3};
 use projection::{Edges, Projected, Projection};
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// What is across an edge of a triangle.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Neighbour {
-    /// The triangle beside it, if there is one.
-    pub triangle: Option<u32>,
-    /// Whether the surface has a sharp edge there at rest.
-    pub is_crease: bool,
-}
-
-/// A triangulated surface where it is now.
-pub trait PatchSurface {
-    /// Where the corners of a triangle are, m, counter-clockwise seen from outside; `None` where there is no such triangle.
-    fn corners_m(&self, triangle: usize) -> Option<[DVec3; 3]>;
-
-    /// What is across the edges from corner 0 to 1, 1 to 2 and 2 to 0.
-    fn neighbours(&self, triangle: usize) -> [Neighbour; 3];
-
-    /// Where a place is, m; `None` where there is no such triangle.
-    fn place_m(&self, place: SurfacePlace) -> Option<DVec3> {
-        self.corners_m(place.triangle).map(|corners_m| weighted(place.weights, corners_m))
-    }
-}
-
-/// A place on a triangle.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SurfacePlace {
-    /// The triangle.
-    pub triangle: usize,
-    /// The weights of its corners, at least 0, which sum to 1.
-    pub weights: [f64; 3],
-}
-
-/// Where a tool is pressed against a surface.
+/// A contact patch of a tool on a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Patch {
-    /// The place under the tool.
+    /// Place of the surface under the tool.
     pub foot: SurfacePlace,
-    /// Unit normal out of the body, against which the tool pushes.
+    /// Outward unit normal of the surface, against which the tool pushes.
     pub normal: DVec3,
-    /// The direction along which the tool is projected onto the surface: the normal, or while the tool's middle is below the surface that when it
-    /// went there.
+    /// Direction in which the tool is projected onto the surface. It is the normal, or, while the tool's middle is
+    /// below the surface, the normal with which it entered.
     pub axis: DVec3,
-    /// From the tool's position to its point that is deepest along the normal, m.
+    /// Offset from the tool's position to its deepest point along the normal, m.
     pub tip_m: DVec3,
-    /// The force along the normal, averaged over some milliseconds, N.
+    /// Normal force, averaged over some milliseconds, N.
     pub eased_n: f64,
 }
 
-/// Where a patch is looked for: that of the step before, or a triangle.
+/// Start of the search for a patch: the patch of the previous step, or a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PatchStart {
-    /// See [`Patch::foot`].
+    /// Place of the surface at which the search starts; see [`Patch::foot`].
     pub foot: SurfacePlace,
-    /// See [`Patch::normal`].
+    /// Outward unit normal at the start; see [`Patch::normal`].
     pub normal: DVec3,
-    /// See [`Patch::axis`].
+    /// Direction of projection at the start; see [`Patch::axis`].
     pub axis: DVec3,
-    /// Radius of the contact, m.
+    /// Contact radius, m.
     pub contact_m: f64,
-    /// See [`Patch::eased_n`].
+    /// Averaged normal force, N; see [`Patch::eased_n`].
     pub eased_n: f64,
-    /// How deep the tool is in the surface, in radii.
+    /// Penetration depth in tool radii.
     pub bedded: f64,
     rounds: usize,
 }
 
 impl PatchStart {
-    /// On a place of a triangle with that normal.
+    /// Start at a place of a triangle with that normal.
     #[must_use]
     pub fn on(foot: SurfacePlace, normal: DVec3) -> Self {
-        Self { foot, normal, axis: normal, contact_m: 0.0, eased_n: 0.0, bedded: 0.0, rounds: ROUNDS }
+        Self { foot, normal, axis: normal, contact_m: 0.0, eased_n: 0.0, bedded: 0.0, rounds: MAX_ROUNDS }
     }
 }
 
 impl Patch {
-    /// Its averaged force after `span_s` under a force of `force_n`.
+    /// Averaged force after `span_s` seconds under a force of `force_n`, N.
     pub(crate) fn eased(&self, force_n: f64, span_s: f64) -> f64 {
         self.eased_n + (force_n - self.eased_n) * -(-span_s / EASING_S).exp_m1()
     }
 
-    /// The start that it is with that contact.
+    /// Start of the next step's search.
     pub(crate) fn after(&self, contact_m: f64, eased_n: f64, bedded: f64) -> PatchStart {
         let Self { foot, normal, axis, .. } = *self;
         PatchStart { foot, normal, axis, contact_m, eased_n, bedded, rounds: 1 }
     }
 }
 
-/// What is known of a surface and a tool beside where they are.
+/// Scales and axes that a body gives to its contact patches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PatchScale {
     /// Side of a cell of the body, m.
     pub cell_m: f64,
-    /// The radius over which the pressure of a contact that is small beside a cell is spread, m: [`PatchScale::SPREAD_CELLS`], or 0.
+    /// Minimum radius over which the pressure of a small contact is spread, m: [`PatchScale::SPREAD_CELLS`] cells, or
+    /// 0.
     pub spread_m: f64,
-    /// Three orthogonal unit vectors that turn with the body, from which directions on the surface are counted.
+    /// Three orthogonal unit vectors that rotate with the body. Tangential directions derive from them.
     pub axes: [DVec3; 3],
 }
 
 impl PatchScale {
-    /// The radius, in cells, over which a small contact is spread where it has the compliance which a grid lacks: so wide that the force depends little
-    /// on where in a cell it is. Measured with balls of half a cell to two.
+    /// Minimum radius in cells over which the pressure of a small contact is spread, on bodies with added compliance.
+    /// It makes the force nearly independent of the position within a cell. Measured with balls of half a cell to two
+    /// cells.
     pub const SPREAD_CELLS: f64 = 0.7;
 }
 
-/// Radius of the ring whose normal a patch has, in cells, or where the contact is wider, in radii of the contact and cells; and its points. On the
-/// surface of a contact itself, which is the tool's, every place would do as the patch's.
+/// Radius of the ring that defines the normal: in cells, or for wide contacts in contact radii plus cells. The ring
+/// is wider than the contact, because within the contact the surface has the shape of the tool and does not define a
+/// place.
 const RING_CELLS: f64 = 1.2;
 const RING_RADII: f64 = 1.3;
 const RING_MORE_CELLS: f64 = 0.6;
@@ -135,37 +109,34 @@ const RING_POINTS: [DVec2; 8] = [
     DVec2::NEG_Y,
     DVec2::new(FRAC_1_SQRT_2, -FRAC_1_SQRT_2),
 ];
-/// The time over which the force is averaged by which springs under a patch soften, s: in a tick the tissue has hardly moved, and a force that
-/// followed itself at once would tremble.
+/// Time constant of the averaged force that determines the softening of springs, s. In one tick the tissue hardly
+/// moves, and an immediate feedback of the force would oscillate.
 const EASING_S: f64 = 8e-3;
-/// How often foot and normal of a patch that begins are computed in turn; one that goes on begins near enough.
-const ROUNDS: usize = 3;
-/// A change of the normal below which they have been found.
-const SETTLED: f64 = 1e-12;
-/// A foot that is farther from under the tool than that share of the tool's radius lies on an edge.
+/// Iterations that alternate between foot and normal of a new patch. An existing patch needs one.
+const MAX_ROUNDS: usize = 3;
+/// Change of the normal below which the iteration ends.
+const NORMAL_TOLERANCE: f64 = 1e-12;
+/// A foot further aside than this fraction of the tool's radius lies on an edge.
 const ON_EDGE: f64 = 1e-9;
-/// Over an edge a normal turns as for a ball whose centre is at least that share of its way over the surface.
-const LEAST_HEIGHT: f64 = 0.5;
-/// What is farther beyond an edge than that share of the contact's radius carries none of its pressure.
+/// Minimum height of a ball's centre, as a fraction of its way above the surface, with which the normal turns over an
+/// edge.
+const MIN_HEIGHT: f64 = 0.5;
+/// Points further beyond an edge than this fraction of the contact radius carry no pressure.
 const FADE: f64 = 0.3;
-/// The cosine of the angle to the other side of an edge at which a tool that is inside the body goes over to it.
-const MOSTLY_TURNED: f64 = 0.98;
-/// As far as a tool's middle is above the surface by that share of its radius the direction of projection turns with the normal.
+/// Cosine of the angle to the other side of an edge at which a tool inside the body changes sides.
+const CHANGE_SIDE_COSINE: f64 = 0.98;
+/// Height of the tool's middle above the surface, as a fraction of its radius, at which the direction of projection
+/// follows the normal.
 const TURNING: f64 = 0.25;
-/// A flat punch that is tilted by about that angle, rad, is met by its rim.
+/// Tilt angle, rad, at which a flat punch touches with its rim.
 const TILT: f64 = 0.2;
-/// That part of its radius, at least, is in contact when it is tilted.
+/// Minimum fraction of the radius of a tilted punch that is in contact.
 const RIM_SHARE: f64 = 0.25;
-/// The rim of a punch is rounded by that share of its radius where it is pushed beyond an edge.
+/// Rounding of the rim of a punch beyond an edge, as a fraction of its radius.
 const RIM: f64 = 0.1;
 
-fn weighted(weights: [f64; 3], [a, b, c]: [DVec3; 3]) -> DVec3 {
-    let [u, v, w] = weights;
-    u * a + v * b + w * c
-}
-
-/// Two unit vectors across `normal` that turn with the body: of three `axes` the two that are least along it, turned as the third is to the
-/// normal.
+/// Two unit vectors perpendicular to `normal` that rotate with the body: the two of the three `axes` that are least
+/// along the normal, rotated as the third one is onto the normal.
 fn tangents(normal: DVec3, axes: [DVec3; 3]) -> [DVec3; 2] {
     let [x, y, z] = axes;
     let along = axes.map(|axis| axis.dot(normal));
@@ -185,33 +156,34 @@ fn tangents(normal: DVec3, axes: [DVec3; 3]) -> [DVec3; 2] {
 }
 
 impl ToolShape {
-    /// From the tool's position to the middle of where it may touch a surface with unit normal `normal`, m, and how far the surface is from
-    /// there along the normal when it touches, m. The deeper a punch is in the surface, `bedded` in radii, the less is it met by its rim.
+    /// Offset from the tool's position to the middle of its possible contact with a surface of unit normal `normal`,
+    /// m, and the distance of the surface from there along the normal, m. The deeper a punch is (`bedded`, in radii),
+    /// the less it touches with its rim.
     fn support(&self, normal: DVec3, bedded: f64) -> (DVec3, f64) {
         match *self {
             Self::Sphere { radius_m } => (DVec3::ZERO, radius_m),
             Self::FlatPunch { radius_m, axis } => {
                 let along = -normal.dot(axis);
                 let aside = -normal - along * axis;
-                // From the middle of the face to its rim as the punch tilts, and on to the end of its side as it leans over.
+                // From the middle of the face to its rim as the punch tilts, and on to the end of its side.
                 let tilt = TILT + bedded;
                 let rim = aside / (aside.length_squared() + tilt * tilt).sqrt();
                 let behind = (0.5 - 0.5 * along / TILT).clamp(0.0, 1.0);
                 let tip = radius_m * (rim - behind * axis);
                 let (exact, least) = (aside.length() * radius_m, tip.dot(-normal));
-                // The rounded tip is not quite as deep as the rim.
+                // The smoothed tip is slightly less deep than the rim.
                 (tip, (exact + radius_m * (-along).max(0.0) - least).max(0.0))
             }
         }
     }
 
-    /// How a tool's pressure is spread on a surface with unit normal `normal`, and over which radius, m, at most.
+    /// Pressure distribution of the tool on a surface with unit normal `normal`, and its maximum radius, m.
     #[must_use]
     pub fn pressure(&self, normal: DVec3) -> (Pressure, f64) {
         match *self {
             Self::Sphere { radius_m } => (Pressure::Ball, radius_m),
             Self::FlatPunch { radius_m, axis } => {
-                // A tilted punch touches with a part of its rim.
+                // A tilted punch touches with part of its rim.
                 let aside = normal.reject_from(axis).length_squared();
                 let share = 1.0 - (aside / (aside + TILT * TILT)).sqrt();
                 (Pressure::Punch, radius_m * share.max(RIM_SHARE))
@@ -220,8 +192,8 @@ impl ToolShape {
     }
 }
 
-/// The unit normal of a ring on the surface about a place, without what lies beyond sharp edges; that of the place's triangle where the ring has
-/// no area.
+/// Unit normal of a ring on the surface around a place, without the surface beyond sharp edges. Falls back to the
+/// normal of the triangle if the ring has no area.
 fn ring_normal<S: PatchSurface>(
     along: &mut Projection<'_, S>,
     (place, at_m): (SurfacePlace, DVec3),
@@ -232,7 +204,7 @@ fn ring_normal<S: PatchSurface>(
     let wide = RING_RADII * contact_m + RING_MORE_CELLS * scale.cell_m;
     let ring_m = wide.max(RING_CELLS * scale.cell_m);
     let middle = along.seen(at_m);
-    // Each point from the one before.
+    // Each point starts from the one before.
     let mut near = place;
     let ring = RING_POINTS.map(|point| {
         let found = along.find(near, middle + ring_m * point).map(|found| found.place);
@@ -241,7 +213,7 @@ fn ring_normal<S: PatchSurface>(
     });
     let next = ring.iter().cycle().skip(1);
     let area: DVec3 = ring.iter().zip(next).map(|(point, next)| point.cross(*next)).sum();
-    // Twice the area of a ring that is hardly one.
+    // Twice the area of a degenerate ring.
     if area.length() > 1e-6 * ring_m * ring_m {
         return area.try_normalize();
     }
@@ -249,7 +221,8 @@ fn ring_normal<S: PatchSurface>(
     (b - a).cross(c - a).try_normalize()
 }
 
-/// The triangle across a sharp edge on which a place lies, with the place on it, whose normal is nearer to `normal` than `base` is.
+/// The triangle across a sharp edge under `place` whose normal is closer to `normal` than `base` is, and the place on
+/// it.
 fn over_crease(
     surface: &impl PatchSurface,
     (place, at_m): (SurfacePlace, DVec3),
@@ -275,7 +248,8 @@ fn over_crease(
 }
 
 impl Patch {
-    /// The patch of a tool of `shape` at `center_m` on the surface, near to `start`. `None` where the surface has no place there.
+    /// The patch of a tool of `shape` at `center_m`, m, searched from `start`. `None` if the surface has no place
+    /// there.
     #[must_use]
     pub fn find(
         surface: &impl PatchSurface,
@@ -305,17 +279,17 @@ impl Patch {
             if is_on_edge {
                 let beyond_m = aside.length();
                 if let ToolShape::Sphere { radius_m } = *shape {
-                    // As a ball rolls over the edge, from the normal of one side to that of the other.
-                    let least = LEAST_HEIGHT * (radius_m - beyond_m).max(0.0);
+                    // A ball rolls over the edge: the normal turns from that of one side to that of the other.
+                    let least = MIN_HEIGHT * (radius_m - beyond_m).max(0.0);
                     next = (height.max(least) * base + aside).try_normalize().unwrap_or(base);
-                    // A ball that is deep inside stays on its side until it has left.
-                    let turned = if height >= 0.0 { -1.0 } else { MOSTLY_TURNED };
+                    // A ball deep inside stays on its side until it has left.
+                    let turned = if height >= 0.0 { -1.0 } else { CHANGE_SIDE_COSINE };
                     if let Some(other) = over_crease(surface, (place, at_m), (next, base), turned) {
                         foot = other;
                     }
                 }
             }
-            // From far below the surface the least turn of the direction would lead to another place.
+            // Far below the surface a small rotation of the direction would lead to a different place.
             let level = match shape {
                 ToolShape::Sphere { .. } => height,
                 ToolShape::FlatPunch { radius_m, .. } => height + radius_m,
@@ -324,7 +298,7 @@ impl Patch {
             along = (axis * (1.0 - free) + next * free).try_normalize().unwrap_or(next);
             let change = next.distance(normal);
             normal = next;
-            if change <= SETTLED {
+            if change <= NORMAL_TOLERANCE {
                 break;
             }
         }
@@ -341,13 +315,13 @@ impl Patch {
         Some(Self { foot, normal, axis: along, tip_m: reach - (depth - raised) * normal, eased_n })
     }
 
-    /// Two unit vectors across its normal that turn with the body.
+    /// Two unit vectors perpendicular to the normal that rotate with the body.
     pub(crate) fn tangents(&self, scale: &PatchScale) -> [DVec3; 2] {
         tangents(self.normal, scale.axes)
     }
 
-    /// Spreads the pressure of a contact of radius `radius_m` over the surface: calls `add` with places, the share of the force at each, and
-    /// where it is in the contact, in units of its radius along two axes that turn with the body. The shares sum to 1.
+    /// Spreads the pressure of a contact of radius `radius_m` over the surface. Calls `add` with each place, its
+    /// share of the force and its pressure point. The shares sum to 1.
     pub(crate) fn spread(
         &self,
         surface: &impl PatchSurface,
@@ -357,7 +331,7 @@ impl Patch {
     ) {
         let foot = surface.corners_m(self.foot.triangle).filter(|_| radius_m > 0.0);
         let Some(corners_m) = foot else { return add(self.foot, 1.0, &PressurePoint::MIDDLE) };
-        // Seen from the foot, along the normal.
+        // As seen from the foot along the normal.
         let direction = (self.normal, self.tangents(scale));
         let mut seen =
             Projection::new(surface, Edges::All, weighted(self.foot.weights, corners_m), direction);
@@ -366,7 +340,7 @@ impl Patch {
         for (to, (point, share)) in places.iter_mut().zip(pressure.points()) {
             let [x, y] = point.place;
             if let Some(Projected { place, off_m }) = seen.find(self.foot, radius_m * DVec2::new(x, y)) {
-                // What is beyond an edge carries nothing.
+                // Points beyond an edge carry less, and further out nothing.
                 let share = share * (1.0 - off_m / (FADE * radius_m)).max(0.0);
                 *to = (place, share, point);
                 sum += share;
@@ -381,7 +355,8 @@ impl Patch {
     }
 }
 
-/// How far the rounded rim of a punch is raised at a place that is `beyond_m` beyond its end, m: without a bound there.
+/// Height by which the rounded rim of a punch is raised at a place `beyond_m` beyond its end, m; unbounded far
+/// outside.
 fn rim_m(beyond_m: f64, radius_m: f64) -> f64 {
     let rounded = RIM * radius_m;
     let out = (beyond_m + rounded).clamp(0.0, rounded * (1.0 - 1e-9));

@@ -1,4 +1,4 @@
-//! The rows of a contact patch: one for a contact that is small beside a cell, nine for one that is not.
+//! Layout of a contact patch in rows: one row for a contact that is small compared with a cell, else nine.
 
 #![cfg_attr(
     not(test),
@@ -7,25 +7,26 @@
 
 use crate::smooth_step::smooth_step;
 use crate::{
-    Indentation, Patch, PatchScale, PatchStart, Pressure, PressurePoint, SeriesCompliance, ToolShape,
+    Indentation, PATCH_ROWS, Patch, PatchScale, PatchStart, Pressure, PressurePoint, SeriesCompliance,
+    ToolShape,
 };
 use glam::DVec3;
 
-/// Most patches that a tool has at once.
+/// Maximum number of patches of a tool.
 pub const MAX_PATCHES: usize = 4;
-/// Most rows of a patch: its middle and eight sides.
-pub const PATCH_ROWS: usize = 9;
-/// Contacts with a radius of fewer cells are one row, and of more are nine that are apart.
+/// Contact radius in cells up to which a patch is one row, and from which its nine rows are fully separated.
 const ONE_ROW_CELLS: f64 = 0.8;
 const ALL_ROWS_CELLS: f64 = 2.0;
-/// Where rows are apart, the pressure of a punch ends that many cells within its rim: measured against the closed form.
+/// Distance in cells by which the pressure of a punch ends inside its rim when rows are separated; measured against
+/// the closed form.
 const RIM_CELLS: f64 = 0.3;
-/// A row with less of the force is none.
-const NO_PORTION: f64 = 1e-9;
+/// Minimum portion of the force of a row.
+const MIN_PORTION: f64 = 1e-9;
 
 impl Patch {
-    /// It as the start of the next step's, which takes `span_s`, for a tool of `shape` that presses with `force_n` along the normal on a surface of
-    /// Young's modulus and Poisson's ratio `elastic`. A ball on a body without a modulus touches at a point.
+    /// Start of the next step's search. The step takes `span_s`, and a tool of `shape` presses with `force_n` along
+    /// the normal. `elastic` holds Young's modulus, Pa, and Poisson's ratio. A ball on a body without a modulus
+    /// touches at a point.
     #[must_use]
     pub fn start(
         &self,
@@ -60,55 +61,56 @@ fn contact(
     (pressure, law, contact_m)
 }
 
-/// How a contact patch is divided into rows: each is the mean of the surface under its part of the tool's pressure.
+/// Layout of a contact patch in rows. Each row is the mean of the surface under its part of the tool's pressure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PatchLayout {
-    /// The pressure under the tool, and the radius of the contact, m.
+    /// Pressure distribution and contact radius, m.
     pub pressure: (Pressure, f64),
-    /// The law of indentation on a smooth surface, where the body has Young's modulus.
+    /// Law of indentation of a smooth surface, if the body has a Young's modulus.
     pub law: Option<Indentation>,
-    /// The force on all rows in the step before, N.
+    /// Force on all rows in the previous step, N.
     pub force_n: f64,
-    /// How far rows are apart, from 0, where all are the mean under the tool's pressure and there is one, to 1.
+    /// Separation of the rows, from 0 (one row, the mean under the whole pressure) to 1.
     pub apart: f64,
     sums: [Sums; PATCH_ROWS],
     row_n: [f64; PATCH_ROWS],
     pub(crate) patch: Patch,
     axes: [DVec3; 2],
-    /// Radius of a ball, m; none of a punch.
+    /// Radius of a ball, m; `None` for a punch.
     ball_m: Option<f64>,
 }
 
-/// Sums over the points of a row, weighted with the share of the pressure that they carry.
+/// Sums over the points of a row, weighted with their shares of the pressure.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Sums {
-    /// Of 1.
+    /// Sum of the shares.
     portion: f64,
-    /// Of how far the tool's surface is behind its tip, m.
+    /// Distance of the tool's surface behind its tip, m.
     behind: f64,
-    /// Of where it is in the contact, in units of its radius.
+    /// Position in the contact in units of its radius.
     place: [f64; 2],
 }
 
 /// A row of a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RowLayout {
-    /// Which of the patch's rows it is: 0 its middle, or all of it.
+    /// Index of the row in its patch: 0 for the middle or for a single row, 1 to 8 for the sides.
     pub index: usize,
-    /// Unit normal out of the body, against which the tool pushes there.
+    /// Outward unit normal of the surface, against which the tool pushes there.
     pub normal: DVec3,
-    /// From the tool's position to the plane across the normal that is in contact, m: its gap to the row's point x is n·(tool + tip − x).
+    /// Offset from the tool's position to the plane of contact, m. The gap to the row's point x is n·(tool + tip −
+    /// x).
     pub tip_m: DVec3,
-    /// The portion of the force that it bears where pressure is spread as on a smooth surface.
+    /// Portion of the force under the pressure distribution on a smooth surface.
     pub portion: f64,
-    /// The force along the normal that it bore in the step before, N.
+    /// Normal force in the previous step, N.
     pub force_n: f64,
-    /// Whether all rows were one in the step before.
+    /// Whether the patch was one row in the previous step.
     was_one: bool,
 }
 
 impl RowLayout {
-    /// The whole force that it bore in the step before, N, where those on the patch's rows were `row_n`.
+    /// Total force in the previous step, N; `row_n` holds the forces of the patch's rows then.
     #[must_use]
     pub fn whole_n(&self, row_n: &[DVec3; PATCH_ROWS]) -> DVec3 {
         let of = |row: usize| row_n.get(row).copied().unwrap_or_default();
@@ -117,8 +119,8 @@ impl RowLayout {
 }
 
 impl PatchLayout {
-    /// That of a patch that was pressed with so many newtons in each of its rows in the step before, on a body with Young's modulus
-    /// `modulus_pa` (Pa) and Poisson's ratio `poissons_ratio` there.
+    /// Creates the layout of a patch whose rows bore the normal forces `row_n` (N) in the previous step, on a body
+    /// with Young's modulus `modulus_pa` (Pa) and Poisson's ratio `poissons_ratio`.
     #[must_use]
     pub fn new(
         shape: &ToolShape,
@@ -128,15 +130,15 @@ impl PatchLayout {
         scale: &PatchScale,
     ) -> Self {
         let force_n: f64 = row_n.iter().sum();
-        // With the compliance that the grid lacks, law and grid follow the force together, and their ratio hardly changes. Without it the
-        // contact would widen under a force that then falls, and tremble.
+        // With added compliance, law and grid follow the force together, and their ratio hardly changes. Without it
+        // the contact would widen under a force that then falls, and oscillate.
         let widening_n = if scale.spread_m > 0.0 { force_n } else { patch.eased_n };
         let (pressure, law, radius_m) =
             contact(shape, patch.normal, (modulus_pa, poissons_ratio), widening_n);
         let apart = rows_apart(radius_m, scale.cell_m);
-        // A contact that is small beside a cell is spread, so that it depends little on where in the cell it is.
+        // Spread a small contact, so that its force depends little on the position within a cell.
         let spread_m = radius_m.hypot((1.0 - apart) * scale.spread_m);
-        // Under a punch, whose pressure is greatest at its rim, the nodes beyond the rim bear as much as those within.
+        // A punch has its maximum pressure at the rim: nodes beyond the rim bear as much as those within.
         let radius_m = match pressure {
             Pressure::Ball => spread_m,
             Pressure::Punch => spread_m - RIM_CELLS * apart * scale.cell_m,
@@ -158,7 +160,8 @@ impl PatchLayout {
         }
     }
 
-    /// Adds a point of the contact that carries `share` of the pressure. Returns the share of each row in it, where rows are apart.
+    /// Adds a point of the contact with its `share` of the pressure. Returns each row's share of the point, if rows
+    /// are separated.
     pub(crate) fn add(&mut self, point: &PressurePoint, share: f64) -> Option<[f64; PATCH_ROWS]> {
         if self.apart <= 0.0 {
             return None;
@@ -177,7 +180,7 @@ impl PatchLayout {
         Some(shares)
     }
 
-    /// Its rows, once all points have been added.
+    /// The rows. All points must have been added.
     pub fn rows(&self) -> impl Iterator<Item = RowLayout> + use<> {
         let layout = *self;
         let Self { apart, force_n, row_n, sums, patch, .. } = layout;
@@ -193,43 +196,45 @@ impl PatchLayout {
             RowLayout { index, normal, tip_m, portion, force_n, was_one }
         });
         let (one, all) = if apart > 0.0 { (None, Some(all)) } else { (Some(one), None) };
-        // What is beyond an edge bears nothing.
-        one.into_iter().chain(all.into_iter().flatten().filter(|row| row.portion > NO_PORTION))
+        // A row beyond an edge bears nothing.
+        one.into_iter().chain(all.into_iter().flatten().filter(|row| row.portion > MIN_PORTION))
     }
 
-    /// The normal and the tip at a point of the contact, where the tool's surface counts as `behind_m` behind its tip.
+    /// Normal and tip at a point of the contact, at which the tool's surface is `behind_m` behind its tip.
     fn tip(&self, [x, y]: [f64; 2], behind_m: f64) -> (DVec3, DVec3) {
         let (normal, [u, v]) = (self.patch.normal, self.axes);
         let Some(ball_m) = self.ball_m else { return (normal, self.patch.tip_m + behind_m * normal) };
-        // From the surface there to the centre of the ball.
+        // From the surface to the centre of the ball.
         let tilt = self.pressure.1 / ball_m;
         let there = (normal - tilt * (x * u + y * v)).try_normalize().unwrap_or(normal);
         (there, (behind_m - self.behind_m(x.hypot(y)) - ball_m) * there)
     }
 
-    /// How far the surface of the tool is behind its tip at a distance from the middle of the contact in units of its radius, m.
+    /// Distance of the tool's surface behind its tip, m, at a distance from the middle in units of the contact
+    /// radius.
     fn behind_m(&self, distance: f64) -> f64 {
         let Some(ball_m) = self.ball_m else { return 0.0 };
         let off = (distance * self.pressure.1).min(ball_m);
         ball_m - (ball_m * ball_m - off * off).sqrt()
     }
 
-    /// What a grid of cells of `cell_m` lacks of the law under it, that gives way by `grid_m_per_n` under the pressure of the patch.
+    /// Compliance that a grid of cells of `cell_m` lacks under this patch. `grid_m_per_n` is the deflection of the
+    /// grid under the patch's pressure, per newton.
     #[must_use]
     pub fn missing_compliance(&self, grid_m_per_n: f64, cell_m: f64) -> Option<SeriesCompliance> {
         let forces = (self.force_n, self.patch.eased_n);
         self.law.map(|law| SeriesCompliance::missing(law, (grid_m_per_n, cell_m), forces))
     }
 
-    /// The compliance of rows on a body to which none is added: a twentieth of the smooth law, so that the load on rows which are nearly the same
-    /// is shared, and a contact does not tremble.
+    /// Compliance of rows on a body without added compliance: a twentieth of the smooth law. It distributes the load
+    /// over nearly redundant rows and prevents oscillation.
     #[must_use]
     pub fn least_compliance(&self) -> Option<SeriesCompliance> {
-        self.law.map(|law| SeriesCompliance::of_share(crate::indentation::LEAST_SHARE, law))
+        self.law.map(|law| SeriesCompliance::of_share(crate::series_compliance::MIN_SHARE, law))
     }
 }
 
-/// How far the rows of a contact of radius `radius_m` are apart.
+/// Separation of the rows of a contact of radius `radius_m`.
 fn rows_apart(radius_m: f64, cell_m: f64) -> f64 {
     smooth_step(radius_m / cell_m, ONE_ROW_CELLS, ALL_ROWS_CELLS)
 }

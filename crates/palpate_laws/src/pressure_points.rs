@@ -1,19 +1,22 @@
-//! The points at which a contact has its pressure.
+//! Quadrature points of a contact's pressure.
 
-use crate::{PATCH_ROWS, Pressure};
+use crate::Pressure;
 
-/// A point of a contact.
+/// Maximum number of rows of a patch: its middle and eight sides.
+pub const PATCH_ROWS: usize = 9;
+
+/// A quadrature point of a contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PressurePoint {
-    /// Where it is, in units of the contact's radius.
+    /// Position in units of the contact radius.
     pub place: [f64; 2],
-    /// How far it is from the middle, in the same units.
+    /// Distance from the middle in units of the contact radius.
     pub distance: f64,
-    /// The portions of its pressure that belong to the contact's middle and to its eight sides. They sum to 1.
+    /// Portions that belong to the middle and to the eight sides. They sum to 1.
     pub portions: [f64; PATCH_ROWS],
 }
 
-/// Rings of the quadrature over a disc, and points on each: the pattern has the symmetries of a square.
+/// Rings of the quadrature over a disc. The pattern has the symmetries of a square.
 const RINGS: [Ring; 4] = [
     Ring { s: 0.183_434_642_495_649_8, weight: 0.362_683_783_378_362, radius: 0.983_031_907_891_342_6 },
     Ring { s: 0.525_532_409_916_329, weight: 0.313_706_645_877_887_3, radius: 0.850_773_580_999_983_6 },
@@ -21,11 +24,11 @@ const RINGS: [Ring; 4] = [
     Ring { s: 0.960_289_856_497_536_3, weight: 0.101_228_536_290_376_3, radius: 0.279_004_285_823_607_3 },
 ];
 const POINTS_ON_RING: usize = 12;
-/// Points of the quadrature.
+/// Number of quadrature points.
 pub const PRESSURE_POINTS: usize = RINGS.len() * POINTS_ON_RING;
 
-/// Gauss-Legendre on (−1, 1) of order 8: its positive places s and their weights. With r² = a² (1 − s²) Hertz's pressure has the weight
-/// s² and the punch's 1 in ds.
+/// Positive nodes s of the Gauss-Legendre rule of order 8 on (−1, 1), and their weights. With r² = a² (1 − s²), the
+/// weight per ds is s² for Hertz's pressure and 1 for a punch.
 #[derive(Clone, Copy)]
 struct Ring {
     s: f64,
@@ -34,7 +37,7 @@ struct Ring {
     radius: f64,
 }
 
-/// The cosines of the multiples of a 24th of a turn.
+/// Cosines of the multiples of 1/24 turn.
 const COSINES: [f64; 24] = {
     let quarter = [
         1.0,
@@ -59,21 +62,20 @@ const COSINES: [f64; 24] = {
     all
 };
 
-/// The points, ring by ring, and the shares of the force that they carry under a ball and under a punch. They are the same in every step, so
-/// they are computed when this is compiled.
+/// The points, ring by ring. They are the same in every step and are computed at compile time.
 static POINTS: [PressurePoint; PRESSURE_POINTS] = {
     let mut all = [PressurePoint::MIDDLE; PRESSURE_POINTS];
     let mut i = 0;
     while i < PRESSURE_POINTS {
         let (ring, on_ring) = (i / POINTS_ON_RING, i % POINTS_ON_RING);
         let Ring { s, radius, .. } = RINGS[ring];
-        // Every other ring is turned by half a step, a 24th of a turn.
+        // Every other ring is rotated by half a step, 1/24 turn.
         let turn = 2 * on_ring + ring % 2;
         let middle = s * s * s * s;
         let mut portions = [middle, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let mut side = 0;
         while side < 8 {
-            // cos² of twice the angle to the side, as far as that is below an eighth of a turn.
+            // cos² of twice the angle to the side, for angles below 1/8 turn.
             let off = (turn + 24 - 3 * side) % 24;
             portions[1 + side] = (1.0 - middle)
                 * match off {
@@ -93,7 +95,7 @@ static POINTS: [PressurePoint; PRESSURE_POINTS] = {
 const BALL_SHARES: [f64; RINGS.len()] = shares(Pressure::Ball);
 const PUNCH_SHARES: [f64; RINGS.len()] = shares(Pressure::Punch);
 
-/// The share of the force that a point of each ring carries.
+/// Share of the force of a point of each ring.
 const fn shares(pressure: Pressure) -> [f64; RINGS.len()] {
     let (mut shares, mut sum, mut ring) = ([0.0; RINGS.len()], 0.0, 0);
     while ring < RINGS.len() {
@@ -119,7 +121,7 @@ impl PressurePoint {
 }
 
 impl Pressure {
-    /// Points of a disc of radius 1 with the share of the force that each carries; the shares sum to 1.
+    /// Points of the unit disc with their shares of the force. The shares sum to 1.
     pub fn points(self) -> impl Iterator<Item = (&'static PressurePoint, f64)> {
         let shares = match self {
             Self::Ball => BALL_SHARES,
@@ -134,7 +136,7 @@ mod tests {
     use super::*;
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
-    /// The portions of a point in closed form.
+    /// Portions of a point in closed form.
     fn portions([x, y]: [f64; 2]) -> [f64; PATCH_ROWS] {
         let middle = (1.0 - (x * x + y * y)).powi(2);
         let mut all = [middle; PATCH_ROWS];

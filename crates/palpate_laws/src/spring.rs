@@ -1,9 +1,9 @@
-//! A spring and a damper along one axis.
+//! A spring with a parallel damper.
 
 use crate::{ForceLaw, LawError, Tension};
 use glam::{DMat3, DVec3};
 
-/// A spring with rest length ℓ₀ and law φ, and a damper b, side by side between two points `a` and `b`.
+/// A spring of rest length ℓ₀ and law φ with a parallel damper b, between two points `a` and `b`.
 ///
 /// With d = x_b − x_a, ℓ = |d|, u = d/ℓ and ḋ = v_b − v_a, the force on `a` is
 ///
@@ -37,7 +37,7 @@ impl Default for Spring {
 }
 
 impl Spring {
-    /// A spring of law `law` and rest length `rest_length_m`, beside a damper of `damping_ns_per_m`.
+    /// Creates a spring of law `law` and rest length `rest_length_m` with a parallel damper of `damping_ns_per_m`.
     ///
     /// # Errors
     /// [`LawError`] when a parameter is not finite, the rest length or the stiffness is not above zero, or the
@@ -53,7 +53,7 @@ impl Spring {
         Ok(Self { law, rest_length_m, damping_ns_per_m })
     }
 
-    /// A linear spring of `stiffness_n_per_m`.
+    /// Creates a linear spring of `stiffness_n_per_m`.
     ///
     /// # Errors
     /// As [`Spring::new`].
@@ -65,25 +65,25 @@ impl Spring {
         Self::new(ForceLaw::Linear { stiffness_n_per_m }, rest_length_m, damping_ns_per_m)
     }
 
-    /// The law φ.
+    /// Force law φ.
     #[must_use]
     pub fn law(&self) -> ForceLaw {
         self.law
     }
 
-    /// ℓ₀, m.
+    /// Rest length ℓ₀, m.
     #[must_use]
     pub fn rest_length_m(&self) -> f64 {
         self.rest_length_m
     }
 
-    /// b, N s/m.
+    /// Damping b, N s/m.
     #[must_use]
     pub fn damping_ns_per_m(&self) -> f64 {
         self.damping_ns_per_m
     }
 
-    /// The force on `a`, N, for d = x_b − x_a (m) and ḋ = v_b − v_a (m/s).
+    /// Force on `a`, N, for d = x_b − x_a (m) and ḋ = v_b − v_a (m/s).
     #[must_use]
     #[inline]
     pub fn force_on_a(&self, d: DVec3, d_dot: DVec3) -> DVec3 {
@@ -91,19 +91,19 @@ impl Spring {
         if length == 0.0 {
             return DVec3::ZERO;
         }
-        // One division instead of three: springs are most of what a step computes.
+        // One division instead of three: springs dominate the cost of a step.
         let u = d * length.recip();
         let tension = self.law.at(length - self.rest_length_m).force_n + self.damping_ns_per_m * u.dot(d_dot);
         tension * u
     }
 
-    /// Energy stored at d = x_b − x_a, J.
+    /// Stored energy at d = x_b − x_a, J.
     #[must_use]
     pub fn energy_j(&self, d: DVec3) -> f64 {
         self.law.energy_j(d.length() - self.rest_length_m)
     }
 
-    /// Power that the damper takes at d and ḋ, W; never negative.
+    /// Power that the damper dissipates at d and ḋ, W; never negative.
     #[must_use]
     pub fn dissipated_w(&self, d: DVec3, d_dot: DVec3) -> f64 {
         let length = d.length();
@@ -120,8 +120,8 @@ impl Spring {
 
     /// The exact tangent at d = x_b − x_a.
     ///
-    /// With `clamped`, the geometric stiffness of a compressed spring (φ < 0, which destabilises) and a
-    /// negative φ' are taken as zero, so that the result is positive semidefinite.
+    /// With `clamped`, the negative geometric stiffness of a compressed spring (φ < 0) and a negative φ' are set to
+    /// zero. The result is then positive semidefinite.
     #[must_use]
     pub fn tangent(&self, d: DVec3, clamped: bool) -> SpringTangent {
         let length = d.length();
@@ -178,7 +178,7 @@ mod tests {
             ForceLaw::Skin(SkinLaw { compliance_m_per_n: 1.0 / 120.0, hardening_per_n: 0.4 }),
             ForceLaw::Exponential { stiffness_n_per_m: 120.0, rate_per_m: 60.0 },
         ];
-        // Stretched by a half, pressed to a half, and turned round.
+        // Stretched by a half, compressed to a half, and rotated.
         let places =
             [DVec3::new(0.03, 0.01, -0.02), DVec3::new(-0.004, 0.009, 0.002), DVec3::new(0.0, 0.0, 0.021)];
         for (s, d) in laws.iter().flat_map(|&law| places.map(|d| (Spring::new(law, 0.02, 0.7).unwrap(), d))) {
@@ -189,7 +189,7 @@ mod tests {
             for axis in 0..3 {
                 let e = DVec3::AXES[axis] * h;
                 let dx = (s.force_on_a(d + e, DVec3::ZERO) - s.force_on_a(d - e, DVec3::ZERO)) / (2.0 * h);
-                // The force is linear in the velocity, so any step will do.
+                // The force is linear in the velocity, so a unit step is exact.
                 let v = DVec3::AXES[axis];
                 let dv = (s.force_on_a(d, v) - s.force_on_a(d, -v)) / 2.0;
                 let column = tangent.stiffness.col(axis);
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn senseless_parameters_are_refused_with_the_value() {
+    fn rejects_invalid_parameters_and_reports_the_value() {
         assert_eq!(Spring::linear(0.0, 0.1, 0.0), Err(LawError::Stiffness(0.0)));
         assert_eq!(Spring::linear(-1.0, 0.1, 0.0), Err(LawError::Stiffness(-1.0)));
         assert!(matches!(Spring::linear(f64::NAN, 0.1, 0.0), Err(LawError::Stiffness(_))));

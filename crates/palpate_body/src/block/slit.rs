@@ -1,38 +1,38 @@
 //! A cut into a block.
 
-use super::Block;
 use crate::error::{check, check_positive};
 use crate::{BodyError, BodyPoint, Link, Surface};
 use glam::DVec3;
 use palpate_laws::Spring;
 use std::collections::HashMap;
 
-/// A cut into the side +y of a block, in its middle plane across x, along z, its middle in the middle of that side.
+/// A slit in the side +y of a block: along z, in the middle plane across x, centred on that side.
 ///
-/// The nodes inside the cut are doubled, one for each lip, with half their mass each; the springs in its plane likewise. Its ends
-/// and its bottom hold the lips together. At rest it gapes: the lips are bent apart as a parabola along z, and less with depth.
+/// The nodes in the slit are duplicated, one for each lip, with half their mass each. The springs in its plane are
+/// split likewise. The lips meet at the ends and at the bottom. At rest the slit is open: the lips are bent apart in
+/// a parabola along z, and less with depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slit {
-    /// Length along z, m; it ends at the nodes nearest to that.
+    /// Length along z, m, rounded to whole cells.
     pub length_m: f64,
-    /// Depth, m; it ends at the nodes nearest to that.
+    /// Depth, m, rounded to whole cells.
     pub depth_m: f64,
-    /// Distance of its lips from each other at rest, in the middle of the side, m.
+    /// Distance between the lips at rest, in the middle of the side, m.
     pub gape_m: f64,
 }
 
-/// What a slit is in a lattice: the nodes it opens, and what it ends at.
+/// The slit in terms of nodes of the lattice.
 struct Cut {
     nodes: [usize; 3],
-    /// Index along x of its plane.
+    /// Index of its plane along x.
     plane: usize,
-    /// The lowest open index along y less one.
+    /// Index along y of the node below the lowest open one.
     bottom: usize,
-    /// The indices along z of its two ends.
+    /// Indices of its two ends along z.
     ends: [usize; 2],
 }
 
-/// What is cut: the lists of a block in the making.
+/// The lists of a block under construction.
 pub(super) struct Pieces<'a> {
     pub(super) rest_m: &'a mut Vec<DVec3>,
     pub(super) mass_kg: &'a mut Vec<f64>,
@@ -43,14 +43,12 @@ pub(super) struct Pieces<'a> {
 }
 
 impl Cut {
-    fn of(block: &Block, slit: Slit) -> Result<Self, BodyError> {
-        let nodes = block.nodes;
-        let cell = block.cell_m();
+    fn of(slit: Slit, (nodes, cell): ([usize; 3], DVec3)) -> Result<Self, BodyError> {
         let [along_x, along_y, along_z] = nodes;
         check("nodes across a slit", along_x as f64, along_x % 2 == 1 && along_x >= 5, "odd and at least 5")?;
         let cells = |length: f64, cell: f64| (length / cell).round();
         let length = cells(check_positive("length of a slit, m", slit.length_m)?, cell.z);
-        // As many cells as leave the same number on both sides.
+        // The same number of cells remains on both sides.
         let length = if (along_z - 1) % 2 == length as usize % 2 { length } else { length - 1.0 };
         let (most_long, most_deep) = (along_z as f64 - 3.0, along_y as f64 - 2.0);
         let depth = cells(check_positive("depth of a slit, m", slit.depth_m)?, cell.y);
@@ -82,11 +80,15 @@ impl Cut {
         [node % nx, node / nx % ny, node / (nx * ny)]
     }
 
+    fn node(&self, [i, j, k]: [usize; 3]) -> usize {
+        i + self.nodes[0] * (j + self.nodes[1] * k)
+    }
+
     fn is_open(&self, [i, j, k]: [usize; 3]) -> bool {
         i == self.plane && j > self.bottom && self.ends[0] < k && k < self.ends[1]
     }
 
-    /// How far a lip is bent from the plane there, as a share of half the gape.
+    /// Distance of a lip from the plane as a fraction of half the opening.
     fn bend(&self, [_, j, k]: [usize; 3]) -> f64 {
         let up = (j - self.bottom) as f64 / (self.nodes[1] - 1 - self.bottom) as f64;
         let [first, last] = self.ends.map(|end| end as f64);
@@ -95,54 +97,52 @@ impl Cut {
     }
 }
 
-impl Block {
-    /// Cuts the `pieces` of this block.
-    pub(super) fn cut(&self, slit: Slit, pieces: &mut Pieces<'_>) -> Result<(), BodyError> {
-        let cut = Cut::of(self, slit)?;
-        let lattice = pieces.rest_m.len();
-        let mut right: HashMap<usize, usize> = HashMap::new();
-        for node in (0..lattice).filter(|&node| cut.is_open(cut.ijk(node))) {
-            right.insert(node, pieces.rest_m.len());
-            let bend = DVec3::X * (0.5 * slit.gape_m * cut.bend(cut.ijk(node)));
-            pieces.mass_kg[node] *= 0.5;
-            pieces.rest_m.push(pieces.rest_m[node] + bend);
-            pieces.mass_kg.push(pieces.mass_kg[node]);
-            pieces.fixed.push(pieces.fixed[node]);
-            pieces.rest_m[node] -= bend;
-        }
-        let on_right = |node: usize| right.get(&node).copied().unwrap_or(node);
-        let mut doubled = Vec::new();
-        for (index, link) in pieces.links.iter_mut().enumerate() {
-            let law = |source| BodyError::Law { link: index, source };
-            if !(right.contains_key(&link.a) || right.contains_key(&link.b)) {
-                continue;
-            }
-            let side = (cut.ijk(link.a)[0] + cut.ijk(link.b)[0]).cmp(&(2 * cut.plane));
-            if side.is_gt() {
-                (link.a, link.b) = (on_right(link.a), on_right(link.b));
-            } else if side.is_eq() {
-                link.spring = link.spring.scaled(0.5, 0.5).map_err(law)?;
-                doubled.push(Link { a: on_right(link.a), b: on_right(link.b), spring: link.spring });
-            }
-        }
-        pieces.links.extend(doubled);
-        for cell in pieces.cells.iter_mut().filter(|cell| cut.ijk(cell[0])[0] >= cut.plane) {
-            *cell = cell.map(on_right);
-        }
-        // At rest where they have been bent to.
-        for (index, link) in pieces.links.iter_mut().enumerate() {
-            let length_m = pieces.rest_m[link.a].distance(pieces.rest_m[link.b]);
-            link.spring = Spring::new(link.spring.law(), length_m, link.spring.damping_ns_per_m())
-                .map_err(|source| BodyError::Law { link: index, source })?;
-        }
-        cut.open_surface(&right, self, pieces.surface);
-        Ok(())
+/// Cuts a slit into a block with the given number of nodes along each axis and the given cell size, m.
+pub(super) fn cut(slit: Slit, block: ([usize; 3], DVec3), pieces: &mut Pieces<'_>) -> Result<(), BodyError> {
+    let cut = Cut::of(slit, block)?;
+    let lattice = pieces.rest_m.len();
+    let mut right: HashMap<usize, usize> = HashMap::new();
+    for node in (0..lattice).filter(|&node| cut.is_open(cut.ijk(node))) {
+        right.insert(node, pieces.rest_m.len());
+        let bend = DVec3::X * (0.5 * slit.gape_m * cut.bend(cut.ijk(node)));
+        pieces.mass_kg[node] *= 0.5;
+        pieces.rest_m.push(pieces.rest_m[node] + bend);
+        pieces.mass_kg.push(pieces.mass_kg[node]);
+        pieces.fixed.push(pieces.fixed[node]);
+        pieces.rest_m[node] -= bend;
     }
+    let on_right = |node: usize| right.get(&node).copied().unwrap_or(node);
+    let mut doubled = Vec::new();
+    for (index, link) in pieces.links.iter_mut().enumerate() {
+        let law = |source| BodyError::Law { link: index, source };
+        if !(right.contains_key(&link.a) || right.contains_key(&link.b)) {
+            continue;
+        }
+        let side = (cut.ijk(link.a)[0] + cut.ijk(link.b)[0]).cmp(&(2 * cut.plane));
+        if side.is_gt() {
+            (link.a, link.b) = (on_right(link.a), on_right(link.b));
+        } else if side.is_eq() {
+            link.spring = link.spring.scaled(0.5, 0.5).map_err(law)?;
+            doubled.push(Link { a: on_right(link.a), b: on_right(link.b), spring: link.spring });
+        }
+    }
+    pieces.links.extend(doubled);
+    for cell in pieces.cells.iter_mut().filter(|cell| cut.ijk(cell[0])[0] >= cut.plane) {
+        *cell = cell.map(on_right);
+    }
+    // The bent springs are at rest.
+    for (index, link) in pieces.links.iter_mut().enumerate() {
+        let length_m = pieces.rest_m[link.a].distance(pieces.rest_m[link.b]);
+        link.spring = Spring::new(link.spring.law(), length_m, link.spring.damping_ns_per_m())
+            .map_err(|source| BodyError::Law { link: index, source })?;
+    }
+    cut.open_surface(&right, pieces.surface);
+    Ok(())
 }
 
 impl Cut {
-    /// Gives the right lip its own points and vertices, and both lips their walls.
-    fn open_surface(&self, right: &HashMap<usize, usize>, block: &Block, surface: &mut Surface) {
+    /// Creates separate points and vertices for the right lip, and the walls of both lips.
+    fn open_surface(&self, right: &HashMap<usize, usize>, surface: &mut Surface) {
         let mut point_of: HashMap<usize, usize> =
             surface.points.iter().enumerate().map(|(point, at)| (at.nodes()[0].0, point)).collect();
         let Surface { points, vertices, triangles } = surface;
@@ -171,14 +171,15 @@ impl Cut {
             let mut wall: HashMap<usize, usize> = HashMap::new();
             for (j, k) in lows.clone().flat_map(|j| alongs.clone().map(move |k| (j, k))) {
                 let corners = [[j, k], [j + 1, k], [j + 1, k + 1], [j, k + 1]].map(|[j, k]| {
-                    let node = block.node([self.plane, j, k]);
+                    let node = self.node([self.plane, j, k]);
                     let node = if is_right { right.get(&node).copied().unwrap_or(node) } else { node };
                     *wall.entry(node).or_insert_with(|| {
                         vertices.push(point_of(node, points));
                         vertices.len() - 1
                     })
                 });
-                // Cut along a diagonal with an open corner, or both lips would share a triangle where the slit ends.
+                // Split along a diagonal with an open corner; otherwise both lips would share a triangle at the end
+                // of the slit.
                 let [a, b, c, d] = corners;
                 let is_open = |j, k| self.is_open([self.plane, j, k]);
                 let halves = if is_open(j, k) || is_open(j + 1, k + 1) {
@@ -186,7 +187,7 @@ impl Cut {
                 } else {
                     [[a, b, d], [b, c, d]]
                 };
-                // The left lip looks towards +x, the right one back.
+                // The left lip faces +x, the right one −x.
                 triangles.extend(halves.map(|[p, q, r]| if is_right { [p, r, q] } else { [p, q, r] }));
             }
         }

@@ -24,7 +24,7 @@ fn an_inner_node_has_26_neighbours_a_corner_7() {
 }
 
 #[test]
-fn the_surface_is_closed_and_looks_outward() {
+fn surface_is_closed_and_faces_outward() {
     let b = Block::new([3, 4, 5], DVec3::new(0.1, 0.2, 0.3)).unwrap().allow_unconstrained();
     let body = b.uniform(&LATTICE).unwrap();
     let x = body.network.rest_m();
@@ -45,7 +45,7 @@ fn the_surface_is_closed_and_looks_outward() {
 }
 
 #[test]
-fn the_block_lies_round_its_centre() {
+fn block_is_centred_on_its_centre() {
     let c = DVec3::new(1.0, -2.0, 3.0);
     let body = block([3, 3, 3]).centered_at(c).unwrap().uniform(&LATTICE).unwrap();
     let mean: DVec3 = body.network.rest_m().iter().sum::<DVec3>() / 27.0;
@@ -54,7 +54,7 @@ fn the_block_lies_round_its_centre() {
 }
 
 #[test]
-fn senseless_blocks_are_refused_with_the_value() {
+fn rejects_invalid_blocks_with_the_value() {
     let size = DVec3::splat(0.1);
     assert_eq!(Block::new([1, 6, 6], size).unwrap_err(), BodyError::LatticeNodes { nodes: [1, 6, 6] });
     assert_eq!(Block::new([6, 6, 129], size).unwrap_err(), BodyError::LatticeNodes { nodes: [6, 6, 129] });
@@ -74,7 +74,7 @@ fn senseless_blocks_are_refused_with_the_value() {
 }
 
 #[test]
-fn a_placed_block_is_the_same_block_elsewhere() {
+fn placed_block_is_the_same_block_moved() {
     let body = block([3, 3, 3]).fix(Face::NegZ).uniform(&LATTICE).unwrap();
     let turn = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
     let placed = body.clone().placed(turn, DVec3::X).unwrap();
@@ -93,7 +93,7 @@ fn a_placed_block_is_the_same_block_elsewhere() {
 }
 
 #[test]
-fn what_is_within_regions_is_fixed_beside_faces() {
+fn fixes_regions_in_addition_to_faces() {
     let block = block([5, 5, 5]).fix(Face::NegZ);
     let corner = block.rest([4, 4, 4]);
     let made =
@@ -108,7 +108,7 @@ fn slit(gape_m: f64) -> Slit {
 }
 
 #[test]
-fn a_slit_parts_what_it_is_between_and_nothing_else() {
+fn slit_separates_its_lips_and_nothing_else() {
     let whole = block([5, 6, 11]).uniform(&LATTICE).unwrap();
     let cut = block([5, 6, 11]).slit(slit(0.0)).uniform(&LATTICE).unwrap();
     // 2 rows below the top and 5 nodes between the ends are doubled.
@@ -136,7 +136,7 @@ fn a_slit_parts_what_it_is_between_and_nothing_else() {
 }
 
 #[test]
-fn a_slit_changes_no_energy_of_a_strain_that_leaves_it_closed() {
+fn closed_slit_changes_no_strain_energy() {
     let energy = |body: &BlockBody| -> f64 {
         let x: Vec<DVec3> = body
             .network
@@ -153,7 +153,7 @@ fn a_slit_changes_no_energy_of_a_strain_that_leaves_it_closed() {
 }
 
 #[test]
-fn the_surface_of_a_gaping_slit_is_closed_and_its_gap_outside() {
+fn surface_of_an_open_slit_is_closed_and_excludes_the_gap() {
     let gape = 0.02;
     let body = block([5, 6, 11]).slit(slit(gape)).uniform(&LATTICE).unwrap();
     let x = body.network.rest_m();
@@ -177,7 +177,7 @@ fn the_surface_of_a_gaping_slit_is_closed_and_its_gap_outside() {
 }
 
 #[test]
-fn slits_that_make_no_sense_are_refused() {
+fn rejects_invalid_slits() {
     let good = slit(0.01);
     assert!(block([5, 6, 11]).slit(good).uniform(&LATTICE).is_ok());
     assert!(block([4, 6, 11]).slit(good).uniform(&LATTICE).is_err(), "no plane of nodes in the middle");

@@ -1,67 +1,39 @@
-//! A body's step through time.
+//! Time stepping of a body.
 
-use super::approach::Approach;
-use super::constrain::{Step, ToolStep};
-use super::{Body, LOOK_S, QUIET_M_PER_S, spring_forces};
-use crate::energy::Ledger;
+use super::StepReport;
+use super::substep::{Substep, ToolStep};
+use super::tool_patches::ToolPatches;
+use super::{Body, MAX_QUIET_CHECK_S, QUIET_M_PER_S, spring_forces};
+use crate::energy::EnergyLedger;
 use crate::integrator::{LinearlyImplicitEuler, SolvedBy, Workspace};
 use crate::tool::{Hold, TouchedPoint};
 use crate::{BodyError, Integrator, Tie, ToolContact, ToolPoint};
 use glam::DVec3;
 use std::sync::Arc;
 
-/// A tool and its way in an advance.
+/// A tool and its path during an advance.
 #[derive(Debug)]
 pub struct ToolRun<'a> {
-    /// How it acts on the body.
+    /// Contact of the tool with the body.
     pub contact: &'a mut ToolContact,
-    /// `path[0]` is where it was at the end of the last step, `path[i]` where it is at the end of tick i.
+    /// `path[0]` is the tool's point at the end of the previous step, `path[i]` at the end of tick i.
     pub path: &'a [ToolPoint],
 }
 
-/// What a model step did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct StepReport {
-    /// Ticks stepped.
-    pub ticks: usize,
-    /// Substeps in each of them, at most; 1 when a step spans several ticks.
-    pub substeps: usize,
-    /// What solved for the steps.
-    pub solved_by: SolvedBy,
-    /// Steps for which the tangent had to be clamped.
-    pub clamped: usize,
-    /// Nodes in contact with obstacles, at most.
-    pub contacts: usize,
-    /// Rows of contact patches with which a tool pushed at once, at most: one or nine for each patch.
-    pub touched: usize,
-    /// Contact patches that it should have had but did not, at most: it has no more than four at once.
-    pub left_out: usize,
-    /// Sweeps that the impulses of obstacles, ties and the tool took, at most.
-    pub sweeps: usize,
-    /// How often those impulses were not found in all sweeps that are made: what is asked for cannot be, or is not
-    /// determined, or converges too slowly.
-    pub unconverged: usize,
-    /// Ties that tore.
-    pub torn: usize,
-    /// Cells that are inverted at the end of the advance: those for which the volume ratio of at least one of their ten tetrahedra
-    /// is zero or negative. See [`Body::inverted_cells`].
-    pub inverted_cells: usize,
-}
-
-/// How often the stable step of a body of linear springs is estimated anew.
-const LOOK_TICKS: usize = 10;
+/// Ticks between two estimates of the stable step of a body of linear springs.
+const STABILITY_CHECK_TICKS: usize = 10;
 
 impl Body {
-    /// Advances by `ticks` ticks, the tool following its path: `path[0]` is where it was at the end of the
-    /// last step, `path[i]` where it is at the end of tick i; between them its position is linear and its
-    /// velocity that of the later point.
+    /// Advances by `ticks` ticks while the tool follows its path. `path[0]` is its point at the end of the previous
+    /// step, `path[i]` at the end of tick i. Between two points its position is linear, and its velocity is that of
+    /// the later point.
     ///
     /// # Errors
-    /// [`BodyError::PathLength`], [`BodyError::Path`] for a path that does not fit or is not finite,
-    /// [`BodyError::CannotHold`] for a contact with another body,
-    /// [`BodyError::Parameter`], [`BodyError::Substeps`], [`BodyError::TooLarge`], [`BodyError::NotConverged`],
-    /// [`BodyError::Indefinite`] for an integrator that cannot take the step; [`BodyError::Diverged`] when the step left
-    /// the finite numbers. In every case body and tool are as they were before.
+    /// [`BodyError::PathLength`] and [`BodyError::Path`] for a path of the wrong length or with values that are not
+    /// finite; [`BodyError::CannotHold`] for a contact with another body; [`BodyError::Parameter`],
+    /// [`BodyError::Substeps`], [`BodyError::TooLarge`], [`BodyError::NotConverged`] and [`BodyError::Indefinite`] if
+    /// the integrator cannot take the step; [`BodyError::Diverged`] if a value is no longer finite. Body and tool are
+    /// then unchanged.
     pub fn advance(
         &mut self,
         tool: Option<(&mut ToolContact, &[ToolPoint])>,
@@ -71,8 +43,8 @@ impl Body {
         self.advance_observed(tool, ticks, integrator, |_, _| ())
     }
 
-    /// As [`Body::advance`], and calls `observe` after every tick with its number (from 1) and the force that
-    /// the body then displays to the tool, N; after the last tick of a step only, when a step spans several.
+    /// [`Body::advance`] with an observer. `observe` gets the number of each tick (from 1) and the force that the
+    /// body then displays to the tool, N. If a step spans several ticks, it is called after the last of them.
     ///
     /// # Errors
     /// As [`Body::advance`].
@@ -83,21 +55,21 @@ impl Body {
         integrator: impl Into<Integrator>,
         mut observe: impl FnMut(usize, DVec3),
     ) -> Result<StepReport, BodyError> {
-        let is_there = tool.is_some();
+        let has_tool = tool.is_some();
         let mut tools: Vec<ToolRun<'_>> =
             tool.into_iter().map(|(contact, path)| ToolRun { contact, path }).collect();
         let mut on_tick = |tick: usize, forces: &[DVec3]| match forces {
-            [force] if is_there => observe(tick, *force),
+            [force] if has_tool => observe(tick, *force),
             _ => observe(tick, DVec3::ZERO),
         };
         self.advance_tools(&mut tools, ticks, integrator, &mut on_tick)
     }
 
-    /// As [`Body::advance_observed`], with several tools at once, of which at most one may drive a node. `observe` gets the
-    /// forces displayed to all of them, in their order.
+    /// [`Body::advance_observed`] with several tools, of which at most one may drive a node. `observe` gets the
+    /// displayed forces of all tools in their order.
     ///
     /// # Errors
-    /// As [`Body::advance`]; [`BodyError::CannotHold`] also where two tools drive nodes.
+    /// As [`Body::advance`]; [`BodyError::CannotHold`] also if two tools drive nodes.
     pub fn advance_tools(
         &mut self,
         tools: &mut [ToolRun<'_>],
@@ -125,7 +97,7 @@ impl Body {
         let (quiet, ledger, ties) = (self.quiet_s, self.ledger.clone(), self.ties.clone());
         let contacts = self.contacts.clone();
         let tools_before: Vec<ToolContact> = tools.iter().map(|tool| tool.contact.clone()).collect();
-        let stepped = self.march(tools, ticks, &integrator, &mut observe);
+        let stepped = self.advance_ticks(tools, ticks, &integrator, &mut observe);
         stepped.inspect_err(|_| {
             self.x.copy_from_slice(&self.before.0);
             self.v.copy_from_slice(&self.before.1);
@@ -135,7 +107,7 @@ impl Body {
         })
     }
 
-    fn march(
+    fn advance_ticks(
         &mut self,
         tools: &mut [ToolRun<'_>],
         ticks: usize,
@@ -147,54 +119,55 @@ impl Body {
         }
         tools.iter_mut().for_each(|tool| tool.contact.touched_nodes.clear());
         let mut forces = vec![DVec3::ZERO; tools.len()];
-        let mut rates = integrator.spring_rates(self);
+        let mut rates = integrator.spring_rates(self.network_state());
         let (ticks_per_step, mut spring_substeps) = (integrator.ticks_per_step(), integrator.steps(rates)?);
         let mut report = StepReport { ticks, substeps: spring_substeps, ..StepReport::default() };
         let mut tick = 0;
         while tick < ticks {
-            // Stiffness changes with the shape, and the stable step with it; fast where a law stiffens.
-            if tick > 0 && (tick % LOOK_TICKS == 0 || !self.network.is_linear()) {
-                rates = integrator.spring_rates(self);
+            // Stiffness and stable step change with the shape, and rapidly where a law stiffens.
+            if tick > 0 && (tick % STABILITY_CHECK_TICKS == 0 || !self.network.is_linear()) {
+                rates = integrator.spring_rates(self.network_state());
                 spring_substeps = integrator.steps(rates)?;
             }
             let span = ticks_per_step.min(ticks - tick);
             let span_s = integrator.tick_s() * span as f64;
             let substeps = if rates.is_some() {
-                // A barrier is as stiff as its cell is compressed.
-                let barriers = self.watch.rate_bound(&self.network, (&self.x, &self.v), integrator.tick_s());
+                // The stiffness of a barrier depends on the compression of its cell.
+                let barriers =
+                    self.active_cells.rate_bound(&self.network, (&self.x, &self.v), integrator.tick_s());
                 integrator.steps_with_barriers(spring_substeps, rates, barriers)
             } else {
                 spring_substeps
             };
             report.substeps = report.substeps.max(substeps);
-            let mut approaches: Vec<Approach> = Vec::with_capacity(tools.len());
+            let mut tool_patches: Vec<ToolPatches> = Vec::with_capacity(tools.len());
             for ToolRun { contact, path } in &mut *tools {
                 let way = (path[tick].position_m, path[tick + span].position_m);
-                let approach = self.approach(contact, way, span_s);
-                report.left_out = report.left_out.max(approach.left_out);
-                approaches.push(approach);
+                let patches = self.find_tool_patches(contact, way, span_s);
+                report.left_out = report.left_out.max(patches.left_out);
+                tool_patches.push(patches);
             }
             let steps = substeps;
             let h = span_s / steps as f64;
             for i in 1..=steps {
                 let share = |i: usize| i as f64 / steps as f64;
                 let mut steps = Vec::with_capacity(tools.len());
-                for (ToolRun { contact, path }, approach) in tools.iter_mut().zip(&mut approaches) {
+                for (ToolRun { contact, path }, patches) in tools.iter_mut().zip(&mut tool_patches) {
                     let (from, to) = (path[tick], path[tick + span]);
                     let at = |share: f64| from.position_m + (to.position_m - from.position_m) * share;
                     let device = (at(share(i - 1)), at(share(i)));
-                    steps.push(ToolStep::new(contact, (device, to.velocity_m_per_s), &mut approach.patches));
+                    steps.push(ToolStep::new(contact, (device, to.velocity_m_per_s), &mut patches.patches));
                 }
-                // The shares of the advance that are over before and after this step.
+                // Fractions of the advance before and after this step.
                 let over = |i: usize| (tick as f64 + span as f64 * share(i)) / ticks as f64;
                 let along = (over(i - 1), over(i));
                 self.step(steps, h, along, integrator, &mut report)?;
             }
             tick += span;
             let moving = self.network.free().iter().any(|&node| self.v[node].length() > QUIET_M_PER_S);
-            let looked = (integrator.tick_s() * span as f64).min(LOOK_S);
-            let at_rest = !moving && self.watch.inverted_count(self.network.barriers(), &self.x) == 0;
-            self.quiet_s = if at_rest { self.quiet_s + looked } else { 0.0 };
+            let checked_s = (integrator.tick_s() * span as f64).min(MAX_QUIET_CHECK_S);
+            let at_rest = !moving && self.active_cells.inverted_count(self.network.barriers(), &self.x) == 0;
+            self.quiet_s = if at_rest { self.quiet_s + checked_s } else { 0.0 };
             for (force, tool) in forces.iter_mut().zip(&*tools) {
                 *force = tool.contact.displayed_force_n(self);
             }
@@ -206,7 +179,7 @@ impl Body {
                 if ticks > 0 {
                     self.ties.iter_mut().for_each(Tie::arrive);
                 }
-                report.inverted_cells = self.watch.inverted_count(self.network.barriers(), &self.x);
+                report.inverted_cells = self.active_cells.inverted_count(self.network.barriers(), &self.x);
                 Ok(report)
             }
         }
@@ -220,7 +193,7 @@ impl Body {
         integrator: &Integrator,
         report: &mut StepReport,
     ) -> Result<(), BodyError> {
-        self.ledger = self.ledger.take().map(|ledger| ledger.begin(self));
+        self.ledger = self.ledger.take().map(|ledger| ledger.begin_step(self));
         let mut drive = None;
         for ToolStep { contact, way, velocity_m_per_s, .. } in &tools {
             if let Hold::Node { node, offset_m } = contact.hold {
@@ -230,12 +203,12 @@ impl Body {
             }
         }
         spring_forces(&self.network, &self.x, &self.v, &mut self.force);
-        self.watch.add_forces(self.network.barriers(), &self.x, &mut self.force);
+        self.active_cells.add_forces(self.network.barriers(), &self.x, &mut self.force);
         let driven = drive.map(|(node, _)| node);
         if let Some(node) = driven {
-            self.ledger = self.ledger.take().map(|ledger| ledger.drive(self, node, self.force[node]));
+            self.ledger = self.ledger.take().map(|ledger| ledger.add_drive(self, node, self.force[node]));
         }
-        let mut step = Step { h, along, integrator, drive, tools };
+        let mut step = Substep { h, along, integrator, drive, tools };
         let constrained = step.constrains() || !(self.obstacles.is_empty() && self.ties.is_empty());
         let network = Arc::clone(&self.network);
         let moving = || network.free().iter().copied().filter(move |&node| driven != Some(node));
@@ -253,30 +226,30 @@ impl Body {
         }
         let mut closing = None;
         if constrained {
-            closing = self.constrain(&mut step, report)?;
+            closing = self.solve_constraints(&mut step, report)?;
         } else {
             for tool in &mut step.tools {
                 tool.contact.touched.clear();
-                // Nothing is near that could keep it from the device.
+                // Nothing nearby holds the proxy back from the device.
                 tool.contact.proxy_m = None;
             }
         }
         if let Some(closing) = &closing {
-            // What closes gaps works against the body's forces; loads are booked where nodes have gone.
+            // Closing a gap works against the body's forces; loads are accounted for by the displacement of nodes.
             let outer = matches!(integrator, Integrator::SemiImplicitEuler(_));
             let force = |node: usize| {
                 let weight = network.mass_kg()[node] * self.gravity_m_per_s2;
                 self.force[node] + if outer { weight } else { -self.loads_n[node] }
             };
             let work = moving().map(|node| -force(node).dot(closing[node] - self.v[node]) * h).sum();
-            self.ledger = self.ledger.take().map(|ledger| ledger.close_gaps(work));
+            self.ledger = self.ledger.take().map(|ledger| ledger.add_gap_closing(work));
         }
         let v = closing.as_ref().unwrap_or(&self.v);
         moving().for_each(|node| self.x[node] += v[node] * h);
         if let Some(ledger) = self.ledger.take() {
             let touched = step.tools.iter().flat_map(|tool| &tool.contact.touched);
             let contact_j = touched.map(TouchedPoint::stored_j).sum();
-            self.ledger = Some(ledger.end(self, h, contact_j));
+            self.ledger = Some(ledger.end_step(self, h, contact_j));
         }
         Ok(())
     }
@@ -293,8 +266,8 @@ impl Body {
             let outer = self.outer_force_on_n(node);
             self.force[node] += outer;
         }
-        let mut implicit = self.implicit.take().unwrap_or_else(|| Box::new(Workspace::new(self)));
-        let solved = implicit.solve(self, driven, &self.force, h, settings, constrained);
+        let mut implicit = self.implicit.take().unwrap_or_else(|| Box::new(Workspace::new(&self.network)));
+        let solved = implicit.solve(self.network_state(), driven, &self.force, h, settings, constrained);
         for (index, &node) in self.network.free().iter().enumerate() {
             if driven != Some(node) && solved.is_ok() {
                 self.v[node] += implicit.change(index);
@@ -313,8 +286,8 @@ impl Body {
         Ok(())
     }
 
-    /// Begins to keep books of energy, from zero: see [`Body::books`].
+    /// Starts energy accounting from zero; see [`Body::energy_balance`].
     pub fn start_energy_accounting(&mut self) {
-        self.ledger = Some(Ledger::open(self));
+        self.ledger = Some(EnergyLedger::start(self));
     }
 }

@@ -1,34 +1,34 @@
-//! Places in the cells of a body, as weights on their nodes.
+//! Embedding of positions in the cells of a body.
 
-use super::Grid;
-use super::keep::Kept;
+use super::cell_grid::CellGrid;
+use super::kept_cells::KeptCells;
 use crate::BodyPoint;
 use crate::lattice;
 use glam::DVec3;
 
-/// The nodes at the corners of kept cells, and which cell carries a place.
+/// Nodes at the corners of the kept cells, and the cell that carries each position.
 ///
 /// Corner c of a cell lies towards +x where bit 0 of c is set, +y with bit 1, +z with bit 2.
 #[derive(Clone, Debug)]
 pub(crate) struct Embedding {
-    grid: Grid,
+    grid: CellGrid,
     /// Nodes of each kept cell.
     cells: Vec<[usize; 8]>,
     /// (i, j, k) of each kept cell.
     place: Vec<[usize; 3]>,
-    /// The kept cell that carries what is in each cell of the grid.
+    /// The kept cell that carries each cell of the grid.
     carrier: Vec<Option<u32>>,
-    /// (i, j, k) of each node, in the order of a block's: i fastest.
+    /// (i, j, k) of each node, with i fastest, as in a block.
     nodes: Vec<[usize; 3]>,
     /// The node at each corner of the grid.
     node_at: Vec<Option<u32>>,
 }
 
-/// Places that near to a side of a cell, in cells, are on it.
+/// Distance in cells within which a position counts as on a side of its cell.
 const ON_SIDE: f64 = 1e-9;
 
 impl Embedding {
-    pub(super) fn new(grid: Grid, kept: &Kept) -> Self {
+    pub(super) fn new(grid: CellGrid, kept: &KeptCells) -> Self {
         let corners = grid.cells.map(|n| n + 1);
         let corner_index = |[i, j, k]: [usize; 3]| i + corners[0] * (j + corners[1] * k);
         let place: Vec<[usize; 3]> = kept.cells.iter().map(|(cell, _)| grid.place(*cell)).collect();
@@ -59,7 +59,7 @@ impl Embedding {
         &self.cells
     }
 
-    pub(super) fn grid(&self) -> &Grid {
+    pub(super) fn grid(&self) -> &CellGrid {
         &self.grid
     }
 
@@ -79,8 +79,8 @@ impl Embedding {
         self.node_at[i + corners[0] * (j + corners[1] * k)].map(|node| node as usize)
     }
 
-    /// The cell that carries a place (m, relative to the mesh's centre), and where in it the place is: 0 to 1 along each
-    /// side, or a little beyond.
+    /// The cell that carries a position (m, relative to the mesh's centre), and the local coordinates there: 0 to 1
+    /// along each side, or slightly beyond.
     pub(crate) fn locate(&self, place_m: DVec3) -> (usize, DVec3) {
         let at = self.grid.in_cells(place_m);
         let own: [usize; 3] =
@@ -100,7 +100,7 @@ impl Embedding {
         (cell, local)
     }
 
-    /// The kept cell nearest to a place in a cell that holds none of the body: places on a side are there by rounding.
+    /// The kept cell nearest to a position in an empty cell. Positions on a side get there by rounding.
     fn nearest(&self, own: [usize; 3], at: DVec3) -> usize {
         let distance = |cell: usize| {
             let low = DVec3::from_array(self.place[cell].map(|n| n as f64));
@@ -112,10 +112,10 @@ impl Embedding {
         near.or_else(all).unwrap_or_default()
     }
 
-    /// The point of the body at a place (m, relative to the mesh's centre).
+    /// The point of the body at a position (m, relative to the mesh's centre).
     pub(crate) fn point(&self, place_m: DVec3) -> BodyPoint {
         let (cell, local) = self.locate(place_m);
-        let weights = weights(local);
+        let weights = trilinear_weights(local);
         let nodes = self.cells[cell].into_iter().zip(weights).filter(|(_, w)| *w != 0.0);
         BodyPoint::carried_by(nodes.collect())
     }
@@ -127,7 +127,7 @@ pub(super) fn corner([i, j, k]: [usize; 3], c: usize) -> [usize; 3] {
 }
 
 /// Trilinear weights of the corners.
-pub(crate) fn weights(local: DVec3) -> [f64; 8] {
+pub(super) fn trilinear_weights(local: DVec3) -> [f64; 8] {
     std::array::from_fn(|c| {
         let along = |axis: usize| if c >> axis & 1 == 1 { local[axis] } else { 1.0 - local[axis] };
         along(0) * along(1) * along(2)

@@ -1,27 +1,27 @@
-//! How much of each cell a closed surface encloses.
+//! The filled share of each cell.
 
-use super::Grid;
+use super::cell_grid::CellGrid;
 use crate::ClosedMesh;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// What a mesh makes of the cells of a grid.
+/// Intersection of a mesh with the cells of a grid.
 pub(super) struct Fill {
-    /// φ of each cell: the share of its volume that is inside.
+    /// Share φ of the volume of each cell that is inside.
     pub share: Vec<f64>,
-    /// The box of the surface in each cell that it meets, 0 to 1 along each side.
+    /// Bounds of the surface in each cell that it meets, 0 to 1 along each side.
     pub surface: BTreeMap<usize, [DVec3; 2]>,
 }
 
-/// A convex piece of a triangle: three corners, and one more for each plane that has cut it.
+/// A convex piece of a triangle: three corners, plus one for each plane that has cut it.
 type Piece = Vec<DVec3>;
 
-/// The shares of all cells, exact but for rounding.
+/// Computes the share of every cell, exact up to rounding.
 ///
-/// Of a row of cells along x, what lies inside within the footprint of one cell is Σ ± ∫ (x_T − x_i) dy dz over the pieces
-/// of triangles before and in it: a piece of projected area A and mean x̄ in cell i adds A (x̄ − x_i) to that cell, and A to
-/// each cell before it.
-pub(super) fn fill(mesh: &ClosedMesh, grid: &Grid) -> Fill {
+/// For a row of cells along x, the volume inside within the footprint of one cell is Σ ± ∫ (x_T − x_i) dy dz over the
+/// pieces of triangles in and beyond it. A piece in cell i with projected area A and mean x̄ adds A (x̄ − x_i) to
+/// that cell, and A to each cell before it.
+pub(super) fn fill(mesh: &ClosedMesh, grid: &CellGrid) -> Fill {
     let mut fill = Fill { share: vec![0.0; grid.cell_total()], surface: BTreeMap::new() };
     let mut before = vec![0.0; grid.cell_total()];
     for t in mesh.closed_triangles() {
@@ -54,7 +54,8 @@ pub(super) fn fill(mesh: &ClosedMesh, grid: &Grid) -> Fill {
     fill
 }
 
-/// Cuts `piece` at the whole numbers along `axis` and hands out each part with the number below it, 0 to `cells` − 1.
+/// Cuts `piece` at the integers along `axis`, and calls `each` with every part and the integer below it, from 0 to
+/// `cells` − 1.
 fn slabs(mut piece: Piece, axis: usize, cells: usize, mut each: impl FnMut(usize, Piece)) {
     let low = piece.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
     let high = piece.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
@@ -72,7 +73,7 @@ fn slabs(mut piece: Piece, axis: usize, cells: usize, mut each: impl FnMut(usize
     }
 }
 
-/// The parts of a convex piece below and above a plane.
+/// Parts of a convex piece below and above a plane.
 fn split(piece: &Piece, axis: usize, plane: f64) -> (Piece, Piece) {
     let (mut below, mut above) =
         (Piece::with_capacity(piece.len() + 1), Piece::with_capacity(piece.len() + 1));
@@ -94,7 +95,7 @@ fn split(piece: &Piece, axis: usize, plane: f64) -> (Piece, Piece) {
     (below, above)
 }
 
-/// The signed area of a piece seen along x, and its integral of x − `from`.
+/// Signed area of a piece projected along x, and its integral of x − `from`.
 fn projected(piece: &Piece, from: f64) -> (f64, f64) {
     let (mut area, mut moment) = (0.0, 0.0);
     for i in 1..piece.len() - 1 {

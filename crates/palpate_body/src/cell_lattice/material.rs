@@ -1,18 +1,16 @@
-//! Masses and springs of cells that are partly filled.
+//! Masses and springs of partly filled cells.
 
 use super::embedding::{Embedding, corner};
-use super::{MeshError, Region};
-use crate::error::check_positive;
+use crate::error::{check_damping_ratio, check_positive};
 use crate::lattice::steps;
-use crate::tissue::check_damping_ratio;
-use crate::{BodyError, CellStiffness, Link, Tissue};
+use crate::{BodyError, CellStiffness, Link, MeshError, Region, Tissue};
 use glam::DVec3;
 use palpate_laws::Spring;
 
-/// Places along each side of a cell at which its tissue is asked for.
+/// Number of samples of the tissue along each side of a cell.
 const SAMPLES: usize = 4;
 
-/// Mean numbers of what fills a cell.
+/// Mean material parameters of a cell.
 #[derive(Clone, Copy)]
 struct Mean {
     youngs_modulus_pa: f64,
@@ -23,18 +21,18 @@ struct Mean {
 pub(super) struct Material {
     pub mass_kg: Vec<f64>,
     pub links: Vec<Link>,
-    /// About each node: the mean of its cells, each as far as it is filled.
+    /// Young's modulus at each node: the mean over its cells, weighted by their filled shares.
     pub youngs_modulus_pa: Vec<f64>,
 }
 
-/// Refuses a tissue that makes no sense.
+/// Checks the parameters of a tissue.
 pub(super) fn check_tissue(tissue: &Tissue) -> Result<(), BodyError> {
     check_positive("density, kg/m3", tissue.density_kg_per_m3)?;
     check_positive("Young's modulus, Pa", tissue.youngs_modulus_pa)?;
     check_damping_ratio(tissue.damping_ratio).map(drop)
 }
 
-/// The masses and springs of cells filled `share` with `tissue`, in `regions` with another.
+/// Masses and springs of cells with the filled shares `share`, made of `tissue`, or of another tissue in `regions`.
 pub(super) fn material(
     embedding: &Embedding,
     share: &[f64],
@@ -50,7 +48,7 @@ pub(super) fn material(
         let eighth = mean.density_kg_per_m3 * share * grid.cell_m.powi(3) / 8.0;
         nodes.iter().for_each(|&node| mass_kg[node] += eighth);
     }
-    // Of a modulus of 1 Pa: springs are proportional to it.
+    // For a modulus of 1 Pa: springs are proportional to it.
     let springs = CellStiffness::isotropic(1.0, DVec3::splat(grid.cell_m))?;
     let mut of_cell = vec![None; grid.cell_total()];
     embedding.places().iter().enumerate().for_each(|(cell, place)| of_cell[grid.index(*place)] = Some(cell));
@@ -86,7 +84,7 @@ pub(super) fn material(
     Ok(Material { mass_kg, links, youngs_modulus_pa })
 }
 
-/// The mean tissue of each cell: of 4 × 4 × 4 places, each counts as the last region that contains it.
+/// Mean tissue of each cell over 4 × 4 × 4 samples. The last region that contains a sample applies.
 fn means(
     embedding: &Embedding,
     tissue: &Tissue,
@@ -130,7 +128,7 @@ fn means(
     }
 }
 
-/// The cells that have both the node at `ijk` and the one a `step` from it.
+/// Cells that have both the node at `ijk` and the node one `step` from it.
 fn beside(ijk: [usize; 3], step: [i32; 3], cells: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     (0..8).filter_map(move |c| {
         let mut place = [0; 3];

@@ -1,31 +1,33 @@
-//! Triangles that have the same three corners.
+//! Triangles with the same three corners.
 
 use super::MeshError;
+use super::geometry::same_winding;
 use super::orient::Oriented;
 
 /// A closed surface without coincident triangles.
 pub(super) struct Surface {
-    /// Which of the triangles given are in it.
+    /// Indices of the given triangles that are kept.
     pub kept: Vec<usize>,
     pub oriented: Oriented,
     pub duplicates: usize,
     pub back_to_back: usize,
 }
 
-/// Triangles with the same corners, and how they were dealt with.
+/// Selection among triangles with the same corners.
 struct Distinct {
     kept: Vec<usize>,
     duplicates: usize,
     back_to_back: usize,
 }
 
-/// The surface of `triangles` (with what they were made of), each set of corners at most once.
+/// Orients `triangles` with each set of corners at most once. The first entry of a pair is the index of the original
+/// triangle.
 ///
-/// Two triangles back to back are a wall without thickness, and both are left out; where that leaves no closed surface, as
-/// with a mesh that has every triangle in both windings, one of them is.
+/// Two opposite triangles form a wall without thickness, and both are omitted. If no closed surface remains, as with
+/// a mesh that has every triangle in both windings, only one of them is.
 ///
 /// # Errors
-/// That of `orient`, or [`MeshError::Flat`] when nothing but walls without thickness is there.
+/// Error of `orient`; [`MeshError::Flat`] if only walls without thickness remain.
 pub(super) fn without_coincident(
     triangles: &[(usize, [usize; 3])],
     orient: impl Fn(&[[usize; 3]]) -> Result<Oriented, MeshError>,
@@ -45,7 +47,7 @@ pub(super) fn without_coincident(
 }
 
 fn distinct(triangles: &[(usize, [usize; 3])], cancel: bool) -> Distinct {
-    // Sorted corners, whether that took an odd permutation, and the index.
+    // Sorted corners, parity of the permutation, and index.
     let mut sorted: Vec<([usize; 3], bool, usize)> =
         triangles.iter().enumerate().map(|(k, (_, corners))| sort(*corners, k)).collect();
     sorted.sort_unstable();
@@ -57,7 +59,7 @@ fn distinct(triangles: &[(usize, [usize; 3])], cancel: bool) -> Distinct {
             made.back_to_back += same.len();
             continue;
         }
-        // Even ones come first.
+        // Even permutations come first.
         let keep = if odd > even { even } else { 0 };
         made.kept.push(same[keep].2);
         let paired = if cancel { 2 * odd.min(even) } else { 0 };
@@ -71,6 +73,6 @@ fn distinct(triangles: &[(usize, [usize; 3])], cancel: bool) -> Distinct {
 fn sort([a, b, c]: [usize; 3], index: usize) -> ([usize; 3], bool, usize) {
     let mut corners = [a, b, c];
     corners.sort_unstable();
-    let odd = !super::same_winding([a, b, c], corners);
+    let odd = !same_winding([a, b, c], corners);
     (corners, odd, index)
 }

@@ -1,18 +1,18 @@
-//! Whether a surface passes through itself.
+//! Detection of self-intersections.
 
 use super::MeshError;
-use super::inside::bounds;
+use super::geometry::bounds;
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 
-/// Pairs of neighbouring boxes that are looked at for each triangle on average, and whatever their number. A mesh of
-/// even triangles has about ten for each.
-const PAIRS: (usize, usize) = (64, 1 << 20);
-/// Crossing pairs after which no more are counted.
-const MOST_FOUND: usize = 1000;
+/// Maximum number of tested pairs of boxes: per triangle, plus a constant. A mesh of even triangles has about ten
+/// pairs per triangle.
+const MAX_PAIRS: (usize, usize) = (64, 1 << 20);
+/// Number of intersecting pairs after which the search ends.
+const MAX_FOUND: usize = 1000;
 
-/// Refuses triangles that cross by more than `tolerance_m`, in bounded time.
+/// Rejects triangles that intersect by more than `tolerance_m`, in bounded time.
 ///
 /// # Errors
 /// [`MeshError::Crossing`], [`MeshError::Tangled`].
@@ -25,11 +25,11 @@ pub(super) fn check(
     let corners = |triangle: usize| triangles[triangle].map(|point| points_m[point]);
     let boxes: Vec<Aabb> = (0..triangles.len()).map(|t| bounds(corners(t), 0.0)).collect();
     let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
-    let most = PAIRS.0 * triangles.len() + PAIRS.1;
-    let (mut looked_at, mut found, mut first) = (0, 0, None);
+    let max_pairs = MAX_PAIRS.0 * triangles.len() + MAX_PAIRS.1;
+    let (mut tested, mut found, mut first) = (0, 0, None);
     for (own, bounds) in boxes.iter().enumerate() {
         for other in bvh.intersect_aabb(bounds).map(|other| other as usize) {
-            looked_at += 1;
+            tested += 1;
             if other <= own {
                 continue;
             }
@@ -38,20 +38,20 @@ pub(super) fn check(
                 first.get_or_insert(at_m);
             }
         }
-        if found >= MOST_FOUND {
+        if found >= MAX_FOUND {
             break;
         }
-        if looked_at > most && found == 0 {
-            return Err(MeshError::Tangled { pairs: looked_at });
+        if tested > max_pairs && found == 0 {
+            return Err(MeshError::Tangled { pairs: tested });
         }
-        if looked_at > most {
+        if tested > max_pairs {
             break;
         }
     }
     first.map_or(Ok(()), |at_m| Err(MeshError::Crossing { pairs: found, at_m: center_m + at_m }))
 }
 
-/// A place where two triangles cross; those that share an edge do not.
+/// A point of intersection of two triangles. Triangles that share an edge do not intersect.
 fn meet(triangles: &[[usize; 3]], points_m: &[DVec3], pair: [usize; 2], tolerance_m: f64) -> Option<DVec3> {
     let [t, u] = pair.map(|triangle| triangles[triangle]);
     let shared = t.iter().filter(|point| u.contains(point)).count();
@@ -62,7 +62,7 @@ fn meet(triangles: &[[usize; 3]], points_m: &[DVec3], pair: [usize; 2], toleranc
         let through_m = through.map(|point| points_m[point]);
         (0..3).find_map(|corner| {
             let edge = [from[corner], from[(corner + 1) % 3]];
-            // An edge that begins at a shared corner leaves it, and does not come back.
+            // An edge that starts at a shared corner cannot return to the triangle.
             let away = edge.iter().all(|point| !through.contains(point));
             let [p, q] = edge.map(|point| points_m[point]);
             away.then(|| pierced(through_m, p, q, tolerance_m)).flatten()
@@ -71,7 +71,7 @@ fn meet(triangles: &[[usize; 3]], points_m: &[DVec3], pair: [usize; 2], toleranc
     pierces(t, u).or_else(|| pierces(u, t))
 }
 
-/// Where the edge from `p` to `q` passes through a triangle, by more than `tolerance_m` on either side.
+/// The point at which the edge from `p` to `q` passes through a triangle, by more than `tolerance_m` on both sides.
 fn pierced([a, b, c]: [DVec3; 3], p: DVec3, q: DVec3, tolerance_m: f64) -> Option<DVec3> {
     let normal = (b - a).cross(c - a);
     let unit = normal.try_normalize()?;

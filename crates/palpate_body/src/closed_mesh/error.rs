@@ -1,78 +1,78 @@
-//! What can be wrong with a mesh, and what to do about it.
+//! Errors of a mesh, with remedies.
 
 use glam::DVec3;
 use thiserror::Error;
 
-/// Why a mesh could not become a body. Places are in the mesh's own coordinates, m.
+/// The reason why a mesh cannot become a body. Positions are in the coordinates of the mesh, m.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum MeshError {
-    /// Nothing to make a body of.
+    /// The mesh has no triangles.
     #[error("the mesh has no triangles; give it a closed surface")]
     Empty,
-    /// More triangles or vertices than are taken.
-    #[error("the mesh has {found} {what}; at most {most} are taken: decimate it")]
+    /// The mesh has too many triangles or vertices.
+    #[error("the mesh has {found} {what}; it must have at most {most}: decimate it")]
     TooLarge {
-        /// Vertices or triangles.
+        /// "triangles" or "vertices".
         what: &'static str,
-        /// How many.
+        /// Number given.
         found: usize,
-        /// How many are taken.
+        /// Maximum number.
         most: usize,
     },
-    /// A triangle names a vertex that does not exist.
+    /// A triangle refers to a vertex that does not exist.
     #[error(
-        "triangle {triangle} names vertex {vertex}, but there are only {vertices}: its list is cut off or of another mesh"
+        "triangle {triangle} refers to vertex {vertex}; it must be below {vertices}: check whether both lists belong to one mesh"
     )]
     Index {
-        /// The triangle's index.
+        /// Index of the triangle.
         triangle: usize,
-        /// The vertex it names.
+        /// Index of the vertex.
         vertex: usize,
-        /// How many there are.
+        /// Number of vertices.
         vertices: usize,
     },
-    /// A vertex has a coordinate that is not finite, or too large to compute with.
+    /// A coordinate of a vertex is not finite or too large.
     #[error(
         "the position of vertex {vertex} is not a finite number below 1e15 m: repair it, or export the mesh again"
     )]
     NotFinite {
-        /// The vertex's index.
+        /// Index of the vertex.
         vertex: usize,
     },
-    /// Smaller or larger than any body: the units are probably others.
+    /// The mesh is too small or too large, probably because of its units.
     #[error(
-        "the mesh is {size_m} m across; {least} m to {most} m are taken. Are its units metres? Scale it by {factor}, \
-         for instance",
-        least = crate::ClosedMesh::MIN_SIZE_M,
-        most = crate::ClosedMesh::MAX_SIZE_M
+        "the mesh is {size_m} m long; it must be {least} m to {most} m: check its units, or scale it, for example by \
+         {factor}",
+        least = crate::limits::MIN_MESH_SIZE_M,
+        most = crate::limits::MAX_MESH_SIZE_M
     )]
     Size {
-        /// Its longest side, m.
+        /// Longest side, m.
         size_m: f64,
-        /// A factor that makes a body of a usual size of it.
+        /// A factor that gives a body of a common size.
         factor: f64,
     },
-    /// Single-precision numbers so far from the origin do not tell its vertices apart.
+    /// At this distance from the origin, single-precision coordinates cannot distinguish the vertices.
     #[error(
         "the mesh is {distance_m} m from the origin, where its single-precision vertices are {grid_m} m apart: move it \
-         to the origin before it is stored, and place the body instead"
+         to the origin before it is saved, and place the body instead"
     )]
     LostDigits {
-        /// How far from the origin, m.
+        /// Distance from the origin, m.
         distance_m: f64,
-        /// The least difference of two coordinates there, m.
+        /// Spacing of single-precision numbers there, m.
         grid_m: f64,
     },
-    /// Single-precision numbers so far from the origin are too coarse for the cells.
+    /// At this distance from the origin, single-precision coordinates are too coarse for the cells.
     #[error(
         "the mesh is {distance_m} m from the origin, where its single-precision vertices are {grid_m:.1e} m apart, more than a \
-         hundredth of a cell of {cell_m} m: move it to the origin before it is stored, and place the body instead"
+         hundredth of a cell of {cell_m} m: move it to the origin before it is saved, and place the body instead"
     )]
     CoarseGrid {
-        /// How far from the origin, m.
+        /// Distance from the origin, m.
         distance_m: f64,
-        /// The least difference of two coordinates there, m.
+        /// Spacing of single-precision numbers there, m.
         grid_m: f64,
         /// Side of a cell, m.
         cell_m: f64,
@@ -82,124 +82,124 @@ pub enum MeshError {
         "the mesh has no thickness at {at_m:.4}: give it a volume (a solidify or shell modifier), or remove that part"
     )]
     Flat {
-        /// A place of it.
+        /// Position on the part, m.
         at_m: DVec3,
     },
-    /// Edges with one triangle.
+    /// Some edges have only one triangle.
     #[error(
         "the mesh has holes: {edges} edges have one triangle only, one of them at {at_m:.4}; fill them, or join the mesh with its other parts"
     )]
     Holes {
-        /// How many edges.
+        /// Number of edges.
         edges: usize,
-        /// The middle of one.
+        /// Midpoint of one of them, m.
         at_m: DVec3,
     },
-    /// Edges with more than two triangles, between which inside and outside cannot be told apart.
+    /// Some edges have more than two triangles and leave the inside undefined.
     #[error(
         "{edges} edges have more than two triangles, one of them at {at_m:.4}; remove inner walls and separate parts that \
          share an edge"
     )]
     NonManifold {
-        /// How many edges.
+        /// Number of edges.
         edges: usize,
-        /// The middle of one.
+        /// Midpoint of one of them, m.
         at_m: DVec3,
     },
-    /// Neighbours look opposite ways however they are turned.
+    /// The mesh is one-sided: neighbouring triangles cannot be made consistent.
     #[error(
-        "the mesh has one side only, like a Klein bottle, as seen at {at_m:.4}; it has no inside: cut it open and close it round a volume"
+        "the mesh is one-sided like a Klein bottle, at {at_m:.4}; cut it open and close it around a volume"
     )]
     OneSided {
-        /// Where two neighbours could not be made to agree.
+        /// Position of an inconsistency, m.
         at_m: DVec3,
     },
-    /// Triangles pass through each other.
+    /// Triangles intersect.
     #[error(
-        "the mesh passes through itself: {pairs} pairs of triangles cross, one at {at_m:.4}; unite the parts (a boolean \
+        "the mesh passes through itself: {pairs} pairs of triangles cross, one of them at {at_m:.4}; unite the parts (a boolean \
          union or a voxel remesh)"
     )]
     Crossing {
-        /// Pairs found before the search ended.
+        /// Number of pairs found before the search ended.
         pairs: usize,
-        /// Where two of them cross.
+        /// Position of one intersection, m.
         at_m: DVec3,
     },
-    /// Too many triangles lie over each other to see whether they cross.
+    /// Too many triangles overlap for the intersection test.
     #[error(
-        "triangles are so long and close that {pairs} pairs of them would have to be looked at; remesh with triangles of \
+        "the triangles are so long and close that more than {pairs} pairs would have to be tested; remesh with triangles of \
          even size"
     )]
     Tangled {
-        /// Pairs after which the search was given up.
+        /// Number of pairs after which the test ended.
         pairs: usize,
     },
-    /// A closed surface lies inside another and looks the same way.
+    /// A closed surface lies inside another with the same orientation.
     #[error(
-        "a closed surface at {at_m:.4} lies inside another and looks outward like it: turn it inside out for a cavity, or \
+        "a closed surface at {at_m:.4} lies inside another and faces the same way: invert it for a cavity, or \
          remove it and give that region another tissue"
     )]
     Nested {
-        /// A place of it.
+        /// Position on it, m.
         at_m: DVec3,
     },
-    /// A list with one entry for each vertex has another length.
-    #[error("{what} has {found} entries for {vertices} vertices; it needs exactly one for each")]
+    /// A list does not have one entry for each vertex.
+    #[error("{what} has {found} entries for {vertices} vertices; it must have exactly one for each")]
     Length {
-        /// Which list.
+        /// Name of the list.
         what: &'static str,
-        /// Its length.
+        /// Length of the list.
         found: usize,
-        /// The number of vertices.
+        /// Number of vertices.
         vertices: usize,
     },
-    /// Too few or too many cells.
+    /// The number of cells along the longest side is out of range.
     #[error(
         "cells of {cell_m} m make {cells} along the longest side of the mesh, {size_m} m; it must be 1 to {most}",
-        most = crate::CellLattice::MAX_CELLS_ALONG
+        most = crate::limits::MAX_CELLS_ALONG
     )]
     Cells {
         /// Side of a cell, m.
         cell_m: f64,
-        /// Cells along the longest side.
+        /// Number of cells along the longest side.
         cells: f64,
-        /// The longest side, m.
+        /// Longest side, m.
         size_m: f64,
     },
-    /// More cells than a body can be stepped with.
+    /// The body would have too many nodes.
     #[error(
-        "{along} cells along the longest side make a body of {nodes} nodes; at most {most} are taken: take {advised} cells along \
-         it"
+        "{along} cells along the longest side make a body of {nodes} nodes; it must have at most {most}: use {advised} cells \
+         along it"
     )]
     TooManyNodes {
-        /// Cells along the longest side.
+        /// Number of cells along the longest side.
         along: usize,
-        /// The nodes that they would make.
+        /// Number of nodes that they would create.
         nodes: usize,
-        /// [`crate::CellLattice::MOST_NODES`].
+        /// Maximum number of nodes, [`crate::CellLattice::MAX_NODES`].
         most: usize,
-        /// Cells along the longest side that stay below it.
+        /// Number of cells along the longest side that stays below it.
         advised: usize,
     },
-    /// Parts of the mesh that share no cell.
+    /// The mesh consists of pieces that share no cell.
     #[error(
-        "the mesh is in {pieces} pieces that no cells join, one at {at_m:.4}: make a body of each, use larger cells, or \
-         let them float (`allow_free`; of a component `FixedRegion::Nothing`)"
+        "the mesh is in {pieces} pieces that no cells connect, one at {at_m:.4}: make a body of each, use larger cells, or \
+         allow separate parts (`allow_unconstrained`, or `FixedRegion::None` of a component)"
     )]
     Pieces {
-        /// How many.
+        /// Number of pieces.
         pieces: usize,
-        /// The centre of a cell of the smallest.
+        /// Centre of a cell of the smallest piece, m.
         at_m: DVec3,
     },
-    /// A region in which there is nothing of the body.
+    /// A region contains no part of the body.
     #[error(
-        "{what} {index} holds no part of the body, whose cells are {cell_m} m wide; move it, enlarge it or use smaller cells"
+        "{what} {index} contains no part of the body, whose cells are {cell_m} m wide; move it, enlarge it or use smaller cells"
     )]
     EmptyRegion {
-        /// A region of tissue, of fixed nodes, of fixed vertices.
+        /// Kind of the region.
         what: &'static str,
-        /// Its index in the order in which they were given.
+        /// Index among the regions of its kind.
         index: usize,
         /// Side of a cell, m.
         cell_m: f64,

@@ -1,14 +1,15 @@
-//! What is inside a closed surface.
+//! Inside test for a closed surface.
 
-use super::{MeshError, TOLERANCE};
+use super::MeshError;
+use super::geometry::{TOLERANCE, bounds};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 
-/// A closed surface, asked for its winding number by a ray along +x.
+/// A closed surface whose winding number is computed by a ray along +x.
 ///
-/// Coordinates are whole numbers of a unit, so that every sign is exact; where the ray meets an edge or a corner, the place
-/// is moved by (ε, ε²) in y and z (H. Edelsbrunner and E. P. Mücke, ACM Trans. Graph. 9 (1990) 66), so that it never does.
+/// Coordinates are integers, so every sign is exact. Where the ray would meet an edge or a corner, the position is
+/// shifted symbolically by (ε, ε²) in y and z (H. Edelsbrunner and E. P. Mücke, ACM Trans. Graph. 9 (1990) 66).
 #[derive(Clone)]
 pub(super) struct Inside {
     triangles: Vec<[[i64; 3]; 3]>,
@@ -17,7 +18,7 @@ pub(super) struct Inside {
     unit_m: f64,
 }
 
-/// Units along half the longest side: products of three differences stay within 128 bits.
+/// Units along half the longest side. Products of three differences fit in 128 bits.
 const UNITS: f64 = (1_u32 << 25) as f64;
 
 impl std::fmt::Debug for Inside {
@@ -27,7 +28,7 @@ impl std::fmt::Debug for Inside {
 }
 
 impl Inside {
-    /// Of `triangles` of `points_m`, which lie within ±`half_size_m`.
+    /// Creates the test for `triangles` of `points_m`, which lie within ±`half_size_m`.
     pub fn new(triangles: &[[usize; 3]], points_m: &[DVec3], half_size_m: DVec3) -> Self {
         let unit_m = half_size_m.max_element() / UNITS;
         let boxes: Vec<Aabb> =
@@ -41,16 +42,17 @@ impl Inside {
         }
     }
 
-    /// How often the surface winds round `place_m`: 1 inside, 0 outside.
+    /// Winding number of the surface around `place_m`: 1 inside, 0 outside.
     pub fn winding(&self, place_m: DVec3) -> i64 {
         let mut sum = 0;
         self.crossed(place_m, |_, sign| sum += sign);
         sum
     }
 
-    /// Calls `each` with every triangle that a ray along +x meets, and 1 where the triangle looks along the ray, else −1.
+    /// Calls `each` with every triangle that a ray along +x crosses, with +1 if the triangle faces along the ray and
+    /// −1 otherwise.
     fn crossed(&self, place_m: DVec3, mut each: impl FnMut(usize, i64)) {
-        // Nothing is out there; and no whole number is large enough for everywhere.
+        // Positions far outside would overflow the integers.
         if !place_m.abs().cmple(self.half_size_m + self.unit_m).all() {
             return;
         }
@@ -64,32 +66,32 @@ impl Inside {
         }
     }
 
-    /// Which parts to turn, so that the outermost look outward and the parts inside others in turn inward and outward.
+    /// Parts to flip, so that the outermost face outward and nested parts alternate.
     ///
     /// # Errors
-    /// [`MeshError::Nested`] for a part within another that looks the same way.
+    /// [`MeshError::Nested`] for a part within another with the same orientation.
     pub fn parts_to_turn(
         &self,
         part: &[usize],
         parts: usize,
         center_m: DVec3,
     ) -> Result<Vec<bool>, MeshError> {
-        let mut looks = vec![0.0; parts];
+        let mut orientation = vec![0.0; parts];
         let mut widest = vec![(0.0, 0); parts];
         for (triangle, &part) in part.iter().enumerate() {
             let [a, b, c] = self.corners_m(triangle);
-            looks[part] += a.dot(b.cross(c));
+            orientation[part] += a.dot(b.cross(c));
             let area = (b - a).cross(c - a).length();
             if area > widest[part].0 {
                 widest[part] = (area, triangle);
             }
         }
-        let looks: Vec<f64> = looks.into_iter().map(f64::signum).collect();
+        let orientation: Vec<f64> = orientation.into_iter().map(f64::signum).collect();
         let containers: Vec<Vec<usize>> = (0..parts)
             .map(|own| {
-                // A place just inside the part: parts may touch.
+                // A position just inside the part, because parts may touch.
                 let [a, b, c] = self.corners_m(widest[own].1);
-                let inward = -looks[own] * (b - a).cross(c - a).normalize_or_zero();
+                let inward = -orientation[own] * (b - a).cross(c - a).normalize_or_zero();
                 let depth_m = 16.0 * TOLERANCE * 2.0 * self.half_size_m.max_element();
                 let mut winding = std::collections::BTreeMap::new();
                 self.crossed((a + b + c) / 3.0 + depth_m * inward, |triangle, sign| {
@@ -102,17 +104,17 @@ impl Inside {
                     .collect()
             })
             .collect();
-        let mut turn: Vec<bool> = looks.iter().map(|&looks| looks < 0.0).collect();
+        let mut turn: Vec<bool> = orientation.iter().map(|&orientation| orientation < 0.0).collect();
         for own in 0..parts {
             let depth = |other: &&usize| containers[**other].len();
             let Some(&parent) = containers[own].iter().max_by_key(depth) else { continue };
-            if looks[own] == looks[parent] {
+            if orientation[own] == orientation[parent] {
                 let at = part.iter().position(|&p| p == own).map_or(DVec3::ZERO, |t| self.corners_m(t)[0]);
                 return Err(MeshError::Nested { at_m: center_m + at });
             }
-            // Of two that look opposite ways both are turned or none, as is what is round them all.
+            // Of two parts with opposite orientation both are flipped or neither, depending on the outermost part.
             let outermost = containers[own].iter().min_by_key(depth).copied().unwrap_or(parent);
-            turn[own] = looks[outermost] < 0.0;
+            turn[own] = orientation[outermost] < 0.0;
         }
         Ok(turn)
     }
@@ -122,9 +124,9 @@ impl Inside {
     }
 }
 
-/// 1 or −1 when the ray from `p` along +x meets the triangle from its inner or its outer side, else 0.
+/// +1 or −1 if the ray from `p` along +x crosses the triangle from its inner or its outer side, else 0.
 fn crossing(&[a, b, c]: &[[i64; 3]; 3], p: [i64; 3]) -> i64 {
-    // The x component of the normal: twice the signed area seen along x.
+    // The x component of the normal: twice the signed projected area.
     let facing = cross_x(b, a, c).signum();
     if facing == 0 || [(a, b), (b, c), (c, a)].into_iter().any(|(from, to)| side(from, to, p) != facing) {
         return 0;
@@ -132,7 +134,7 @@ fn crossing(&[a, b, c]: &[[i64; 3]; 3], p: [i64; 3]) -> i64 {
     let d = |to: [i64; 3]| [0, 1, 2].map(|i| i128::from(to[i] - a[i]));
     let ([bx, by, bz], [cx, cy, cz], [px, py, pz]) = (d(b), d(c), d(p));
     let beyond = px * (by * cz - bz * cy) + py * (bz * cx - bx * cz) + pz * (bx * cy - by * cx);
-    // The triangle is ahead where p lies behind its plane as seen along the ray.
+    // The triangle is ahead if p lies behind its plane as seen along the ray.
     if beyond.signum() == -i128::from(facing) { facing } else { 0 }
 }
 
@@ -141,13 +143,8 @@ fn cross_x(b: [i64; 3], a: [i64; 3], c: [i64; 3]) -> i64 {
     (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
 }
 
-/// On which side of the line from `a` to `b` the place (y + ε, z + ε²) of `p` lies, seen along x.
+/// The side of the line from `a` to `b`, seen along x, on which the shifted position (y + ε, z + ε²) of `p` lies.
 fn side(a: [i64; 3], b: [i64; 3], p: [i64; 3]) -> i64 {
     let signs = [cross_x(b, a, p), a[2] - b[2], b[1] - a[1]];
     signs.into_iter().map(i64::signum).find(|sign| *sign != 0).unwrap_or(0)
-}
-
-/// The box of a triangle, wider by `margin_m`.
-pub(super) fn bounds([a, b, c]: [DVec3; 3], margin_m: f64) -> Aabb {
-    Aabb::new(a.min(b).min(c) - margin_m, a.max(b).max(c) + margin_m)
 }

@@ -1,13 +1,14 @@
-//! Edges: whether they close the surface, and which way its triangles look.
+//! Closedness and orientation of a mesh by its edges.
 
-use super::{MeshError, volume};
+use super::MeshError;
+use super::geometry::volume;
 use glam::DVec3;
 
-/// A closed surface whose triangles agree, in parts that are not joined by edges.
+/// A closed surface with consistent triangles, in parts that are connected by edges.
 pub(super) struct Oriented {
-    /// In the order given; those of one part look all outward or all inward.
+    /// Triangles in the given order. Those of one part all face outward or all inward.
     pub triangles: Vec<[usize; 3]>,
-    /// The part of each.
+    /// Part of each triangle.
     pub part: Vec<usize>,
     pub parts: usize,
     pub pinched_edges: usize,
@@ -15,14 +16,14 @@ pub(super) struct Oriented {
 
 /// One side of a triangle.
 struct Side {
-    /// The lower and the higher point of the edge.
+    /// Lower and higher point of the edge.
     edge: (usize, usize),
     triangle: usize,
-    /// Whether the triangle goes from the lower to the higher.
+    /// Whether the triangle runs from the lower to the higher point.
     up: bool,
 }
 
-/// Turns triangles until neighbours agree.
+/// Flips triangles until neighbours are consistent.
 ///
 /// # Errors
 /// [`MeshError::Flat`] for no triangles, [`MeshError::Holes`], [`MeshError::NonManifold`], [`MeshError::OneSided`].
@@ -51,7 +52,7 @@ pub(super) fn orient(
     if let (false, Some(side)) = (agreed, first_pinched) {
         return Err(MeshError::NonManifold { edges: pinched_edges, at_m: middle(side) });
     }
-    // Where edges are pinched all agree already; else every edge has two triangles.
+    // With pinched edges all triangles are consistent already; otherwise every edge has two triangles.
     let neighbours = neighbours(&sides, triangles.len());
     let mut turned: Vec<Option<bool>> = vec![None; triangles.len()];
     let (mut part, mut parts) = (vec![0; triangles.len()], 0);
@@ -87,7 +88,7 @@ pub(super) fn orient(
     Ok(Oriented { triangles, part, parts, pinched_edges })
 }
 
-/// Refuses parts whose mean thickness, 2 V/A, is within the tolerance.
+/// Rejects parts whose mean thickness, 2 V/A, is within the tolerance.
 ///
 /// # Errors
 /// [`MeshError::Flat`].
@@ -131,7 +132,7 @@ fn count<'a>(mut groups: impl Iterator<Item = &'a [Side]>) -> (usize, Option<&'a
     (usize::from(first.is_some()) + groups.count(), first)
 }
 
-/// The triangles beside each, and whether they agree.
+/// Neighbours of each triangle, and whether they are consistent with it.
 struct Neighbours {
     start: Vec<usize>,
     all: Vec<(usize, bool)>,
@@ -143,7 +144,7 @@ impl Neighbours {
     }
 }
 
-/// At each edge every triangle is beside the next; two of them beside each other.
+/// Around each edge, every triangle is the neighbour of the next one.
 fn neighbours(sides: &[Side], triangles: usize) -> Neighbours {
     let pairs = || {
         sides.chunk_by(|a, b| a.edge == b.edge).flat_map(|group| {

@@ -1,19 +1,19 @@
-//! Vertices at one place are one point.
+//! Welding of coincident vertices.
 
 use glam::{DVec3, I64Vec3};
 use std::collections::HashMap;
 
 pub(super) struct Welded {
-    /// The point of each vertex, if a triangle has it.
+    /// Welded point of each vertex that a triangle uses.
     pub point_of: Vec<Option<usize>>,
-    /// Relative to the centre, m.
+    /// Positions relative to the centre, m.
     pub points_m: Vec<DVec3>,
-    /// Vertices at the place of an earlier one.
+    /// Number of vertices that coincide with an earlier one.
     pub count: usize,
 }
 
-/// Welds the vertices of `triangles` that are within `tolerance_m` of each other: of those at one place, the first in the
-/// order of the vertices is the point.
+/// Welds the vertices of `triangles` that are within `tolerance_m` of each other. The first of them in vertex order
+/// defines the point.
 pub(super) fn weld(
     vertices_m: &[DVec3],
     triangles: &[[usize; 3]],
@@ -23,7 +23,7 @@ pub(super) fn weld(
     let mut named = vec![false; vertices_m.len()];
     triangles.iter().flatten().for_each(|&vertex| named[vertex] = true);
     let mut welded = Welded { point_of: vec![None; vertices_m.len()], points_m: Vec::new(), count: 0 };
-    // Boxes much wider than the tolerance, so that few places are near the side of one.
+    // Boxes are much wider than the tolerance, so that few points are close to a side.
     let box_m = 16.0 * tolerance_m;
     let box_of = |x: DVec3| (x / box_m).floor().as_i64vec3();
     let mut boxes: HashMap<I64Vec3, Vec<usize>> = HashMap::with_capacity(vertices_m.len());

@@ -1,20 +1,20 @@
-//! Columns of A⁻¹: the velocities that impulses on single nodes give.
+//! Columns of A⁻¹: velocities per impulse on single nodes.
 
 use crate::Network;
 use faer::Mat;
 use glam::{DMat3, DVec3};
 use std::collections::HashMap;
 
-/// A⁻¹ E_j for some nodes j, E_j their three degrees of freedom. All of them are of the same A.
+/// Columns A⁻¹ E_j for some nodes j, with the three degrees of freedom E_j of a node, for a single matrix A.
 #[derive(Debug, Default)]
 pub(crate) struct Columns {
-    /// For each node its solution and its first column there.
+    /// Index of the solution of each node, and its first column there.
     place: HashMap<usize, (usize, usize)>,
     solutions: Vec<Mat<f64>>,
 }
 
 impl Columns {
-    /// Those of `nodes` that are not known yet, each once.
+    /// The `nodes` without columns, each once.
     pub(super) fn unknown(&self, nodes: impl Iterator<Item = usize>) -> Vec<usize> {
         let mut unknown: Vec<usize> = nodes.filter(|node| !self.place.contains_key(node)).collect();
         unknown.sort_unstable();
@@ -30,7 +30,7 @@ impl Columns {
         self.solutions.push(solution);
     }
 
-    /// The velocity of node `i` that an impulse on the known node `j` gives, 1/kg.
+    /// Velocity of node `i` per impulse on node `j`, 1/kg. The columns of `j` must exist.
     pub(crate) fn block(&self, network: &Network, i: usize, j: usize) -> DMat3 {
         let (Some(i), Some(&(solution, first))) = (network.free_index(i), self.place.get(&j)) else {
             return DMat3::ZERO;
@@ -39,7 +39,7 @@ impl Columns {
         DMat3::from_cols_array_2d(&[0, 1, 2].map(|axis| [0, 1, 2].map(|row| entry(row, axis))))
     }
 
-    /// Adds to the velocities of all nodes what an impulse on the known node `node` gives.
+    /// Adds the velocities of all nodes due to an impulse on `node`. Its columns must exist.
     pub(crate) fn push(&self, network: &Network, node: usize, impulse_ns: DVec3, v: &mut [DVec3]) {
         let Some(&(solution, first)) = self.place.get(&node) else { return };
         let columns = [0, 1, 2].map(|axis| self.solutions[solution].col(first + axis));

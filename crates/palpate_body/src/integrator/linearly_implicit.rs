@@ -1,8 +1,10 @@
 //! Linearly implicit Euler and its linear solvers.
 
 use super::{Columns, SolvedBy};
+use crate::conjugate_gradients::{ConjugateGradients, SolveError};
 use crate::error::{check, check_positive};
-use crate::{Body, BodyError, Network, Tangent, TangentPattern};
+use crate::network::NetworkState;
+use crate::{BodyError, Network, Tangent, TangentPattern};
 use faer::linalg::solvers::Solve;
 use faer::sparse::SparseColMatRef;
 use faer::sparse::linalg::LltError;
@@ -10,50 +12,51 @@ use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
 
-/// One Newton step of implicit Euler: with F, K and B at the state at which the step of length h begins
+/// One Newton step of implicit Euler. With F, K and B at the beginning of a step of length h:
 ///
 /// ```text
 /// (M + h B + h² K) Δv = h (F − h K v),    v ← v + Δv,    x ← x + h v
 /// ```
 ///
-/// It is stable whatever h for a body that is not about to buckle (D. Baraff and A. Witkin, SIGGRAPH 98, pp. 43-54), so
-/// that stiff tissue needs no more steps than soft; it is of first order, and damps what is fast compared with h.
+/// The step is stable at any h for a body that is not about to buckle (D. Baraff and A. Witkin, SIGGRAPH 98, pp.
+/// 43-54). Stiff tissue needs no more steps than soft tissue. The method is of first order and damps motion that is
+/// fast compared with h.
 ///
-/// K is the exact tangent with its geometric stiffness. Where the matrix is not positive definite, a body about to
-/// buckle, K's clamped part takes its place for that step, and [`crate::StepReport::clamped`] counts it. The part of
-/// volume barriers is always clamped.
+/// K is the exact tangent with its geometric stiffness. If the matrix is not positive definite, as for a buckling
+/// body, the clamped part of K replaces it in that step, and [`crate::StepReport::clamped`] counts the step. The
+/// contribution of volume barriers is always clamped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinearlyImplicitEuler {
     /// Length of a tick, s.
     pub tick_s: f64,
-    /// Steps in each tick; 1 when a step spans several ticks.
+    /// Number of steps per tick; 1 if a step spans several ticks.
     pub substeps: usize,
-    /// Ticks that a step spans; 1 when a tick has several steps. The tool is on a straight line between the beginning
-    /// and the end of a step.
+    /// Number of ticks that a step spans; 1 if a tick has several steps. The tool moves on a straight line during a
+    /// step.
     pub ticks_per_step: usize,
-    /// How the linear system is solved.
+    /// Solver of the linear system.
     pub solver: LinearSolver,
-    /// Residual, relative to the right-hand side, at which conjugate gradients stop.
+    /// Residual relative to the right-hand side at which conjugate gradients stop.
     pub tolerance: f64,
 }
 
-/// How a linear system is solved.
+/// Solver of the linear system of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LinearSolver {
     /// Cholesky for bodies of up to 2,000 free nodes, conjugate gradients for larger ones.
     #[default]
     Auto,
-    /// Sparse Cholesky factorisation; its pattern is analysed once in the life of a body.
+    /// Sparse Cholesky factorisation. Its pattern is analysed once per body.
     Cholesky,
-    /// Conjugate gradients, preconditioned by the 3 × 3 blocks of the diagonal and started from the solution before.
+    /// Conjugate gradients with the 3 × 3 diagonal blocks as preconditioner, starting from the previous solution.
     ConjugateGradients,
 }
 
-/// Largest number of free nodes for which `Auto` factorises.
+/// Maximum number of free nodes for which `Auto` factorises.
 const CHOLESKY_NODES: usize = 2_000;
 
 impl Default for LinearlyImplicitEuler {
-    /// One step in each tick of 1 ms, the solver chosen by size, to 1e-8.
+    /// One step per tick of 1 ms, the solver chosen by size, a tolerance of 1e-8.
     fn default() -> Self {
         Self { tick_s: 1e-3, substeps: 1, ticks_per_step: 1, solver: LinearSolver::Auto, tolerance: 1e-8 }
     }
@@ -91,19 +94,19 @@ impl LinearlyImplicitEuler {
 pub(crate) struct Workspace {
     pattern: TangentPattern,
     tangent: Tangent,
-    /// The entries of M + h B + h² K.
+    /// Entries of M + h B + h² K.
     matrix: Vec<f64>,
     symbolic: Option<SymbolicLlt<usize>>,
-    /// The factor of the matrix; `None` when conjugate gradients took its place.
+    /// Factor of the matrix; `None` with conjugate gradients.
     factor: Option<Llt<usize, f64>>,
     rhs: Mat<f64>,
-    /// Δv of the step before, from which conjugate gradients start.
+    /// Δv of the previous step, the start of conjugate gradients.
     last: Vec<f64>,
 }
 
 impl Workspace {
-    pub(crate) fn new(body: &Body) -> Self {
-        let pattern = TangentPattern::new(body);
+    pub(crate) fn new(network: &Network) -> Self {
+        let pattern = TangentPattern::of_network(network);
         let dofs = pattern.symbolic().ncols();
         Self {
             tangent: pattern.zero(),
@@ -116,29 +119,32 @@ impl Workspace {
         }
     }
 
-    /// Forgets the step before, so that the next depends on the body's state alone.
+    /// Clears the previous step, so that the next one depends on the state alone.
     pub(crate) fn forget(&mut self) {
         self.last.fill(0.0);
     }
 
-    /// Δv of every free node over a step of length `h`, in the order of `network.free()`; zero for the node `driven`, whose
-    /// motion is given. `force` is the whole force on every node; `constrained` says that [`Workspace::answer`] may follow. Returns what solved it, and whether K was clamped.
+    /// Solves for Δv of every free node over a step of length `h`, in the order of `network.free()`. Δv of the node
+    /// `driven` is zero.
+    ///
+    /// `force` is the total force on every node. With `constrained`, [`Workspace::add_columns`] may follow. Returns
+    /// the solver, and whether K was clamped.
     pub(crate) fn solve(
         &mut self,
-        body: &Body,
+        state: NetworkState<'_>,
         driven: Option<usize>,
         force: &[DVec3],
         h: f64,
         settings: &LinearlyImplicitEuler,
         constrained: bool,
     ) -> Result<(SolvedBy, bool), BodyError> {
-        let driven = driven.and_then(|node| body.network().free_index(node));
-        // Conjugate gradients may miss that the matrix is indefinite, and contacts must be answered with the same one.
-        let cautious = constrained && !settings.factorises(body.network().free().len());
+        let driven = driven.and_then(|node| state.network.free_index(node));
+        // Conjugate gradients may not detect an indefinite matrix, and contacts need the same matrix.
+        let cautious = constrained && !settings.factorises(state.network.free().len());
         for clamped in if cautious { [true, true] } else { [false, true] } {
             self.factor = None;
-            self.assemble(body, driven, force, h, clamped);
-            if settings.factorises(body.network().free().len()) {
+            self.assemble(state, driven, force, h, clamped);
+            if settings.factorises(state.network.free().len()) {
                 if self.factorise()? {
                     (0..self.last.len()).for_each(|i| self.last[i] = self.rhs[(i, 0)]);
                     return Ok((SolvedBy::Cholesky, clamped));
@@ -162,10 +168,17 @@ impl Workspace {
         DVec3::from_array([0, 1, 2].map(|axis| self.last[3 * index + axis]))
     }
 
-    fn assemble(&mut self, body: &Body, driven: Option<usize>, force: &[DVec3], h: f64, clamped: bool) {
-        let (network, v) = (body.network(), body.velocities_m_per_s());
-        // The exact tangent of a barrier would make steps long along its negative curvature, and its force grows with them.
-        self.pattern.fill_parts(body, (clamped, true), &mut self.tangent);
+    fn assemble(
+        &mut self,
+        state: NetworkState<'_>,
+        driven: Option<usize>,
+        force: &[DVec3],
+        h: f64,
+        clamped: bool,
+    ) {
+        let NetworkState { network, x, v } = state;
+        // With the exact tangent of a barrier, steps would become long along its negative curvature.
+        self.pattern.fill_at(network, x, (clamped, true), &mut self.tangent);
         let symbolic = self.pattern.symbolic();
         let (k, b) = (self.tangent.stiffness(), self.tangent.damping());
         let is_driven = |dof: usize| Some(dof / 3) == driven;
@@ -194,7 +207,7 @@ impl Workspace {
         }
     }
 
-    /// Solves in place of the right-hand side; false where the matrix is not positive definite.
+    /// Solves in place for the right-hand side. Returns false if the matrix is not positive definite.
     fn factorise(&mut self) -> Result<bool, BodyError> {
         let matrix = SparseColMatRef::new(self.pattern.symbolic(), &self.matrix);
         let too_large = |_| BodyError::TooLarge { nodes: matrix.ncols() / 3 };
@@ -213,8 +226,9 @@ impl Workspace {
         }
     }
 
-    /// Adds to `columns` what impulses on the free nodes `nodes` do, with the matrix of the last [`Workspace::solve`].
-    pub(crate) fn answer(
+    /// Adds the columns of A⁻¹ of the free nodes `nodes` to `columns`, for the matrix of the last
+    /// [`Workspace::solve`].
+    pub(crate) fn add_columns(
         &self,
         network: &Network,
         nodes: impl Iterator<Item = usize>,
@@ -233,8 +247,8 @@ impl Workspace {
             Some(factor) => factor.solve_in_place(&mut rhs),
             None => {
                 for column in 0..rhs.ncols() {
-                    let asked: Vec<f64> = (0..dofs).map(|i| rhs[(i, column)]).collect();
-                    let solved = self.conjugate_gradients(&asked, vec![0.0; dofs], settings.tolerance)?;
+                    let unit: Vec<f64> = (0..dofs).map(|i| rhs[(i, column)]).collect();
+                    let solved = self.conjugate_gradients(&unit, vec![0.0; dofs], settings.tolerance)?;
                     let (solution, _) = solved.ok_or(BodyError::Indefinite)?;
                     (0..dofs).for_each(|i| rhs[(i, column)] = solution[i]);
                 }
@@ -244,8 +258,8 @@ impl Workspace {
         Ok(())
     }
 
-    /// The solution for `rhs` by conjugate gradients from `x` on (M. R. Hestenes and E. Stiefel, J. Res. Natl. Bur. Stand.
-    /// 49 (1952) 409), and the iterations; `None` where the matrix is not positive definite.
+    /// Solves for `rhs` by conjugate gradients, starting from `x`. Returns the solution and the number of iterations;
+    /// `None` if the matrix is not positive definite.
     fn conjugate_gradients(
         &self,
         rhs: &[f64],
@@ -267,37 +281,26 @@ impl Workspace {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let mut product = vec![0.0; n];
         self.multiply(&x, &mut product);
-        let mut r: Vec<f64> = (0..n).map(|i| rhs[i] - product[i]).collect();
+        let mut residual: Vec<f64> = (0..n).map(|i| rhs[i] - product[i]).collect();
         let goal = tolerance * dot(rhs, rhs).sqrt();
-        let mut z = vec![0.0; n];
-        precondition(&r, &mut z);
-        let (mut p, mut rz) = (z.clone(), dot(&r, &z));
-        let most = 20 * n + 100;
-        for iterations in 0..most {
-            let left = dot(&r, &r).sqrt();
-            if left <= goal {
-                return Ok(Some((x, iterations)));
+        let max_iterations = 20 * n + 100;
+        let method = ConjugateGradients {
+            multiply: |x: &[f64], product: &mut [f64]| self.multiply(x, product),
+            precondition,
+            dot,
+            is_converged: |residual: &[f64], _| dot(residual, residual).sqrt() <= goal,
+            max_iterations,
+        };
+        match method.solve(&mut x, &mut residual) {
+            Ok(iterations) => Ok(Some((x, iterations))),
+            Err(SolveError::Indefinite) => Ok(None),
+            Err(SolveError::NotConverged) => {
+                Err(BodyError::NotConverged { iterations: max_iterations, tolerance })
             }
-            self.multiply(&p, &mut product);
-            let curvature = dot(&p, &product);
-            if curvature.is_nan() || curvature <= 0.0 {
-                return Ok(None);
-            }
-            let alpha = rz / curvature;
-            for i in 0..n {
-                x[i] += alpha * p[i];
-                r[i] -= alpha * product[i];
-            }
-            precondition(&r, &mut z);
-            let next = dot(&r, &z);
-            let beta = next / rz;
-            rz = next;
-            (0..n).for_each(|i| p[i] = z[i] + beta * p[i]);
         }
-        Err(BodyError::NotConverged { iterations: most, tolerance })
     }
 
-    /// The matrix, which is symmetric, times `x`.
+    /// Multiplies the symmetric matrix by `x`.
     fn multiply(&self, x: &[f64], product: &mut [f64]) {
         let symbolic = self.pattern.symbolic();
         for (column, sum) in product.iter_mut().enumerate() {
@@ -317,7 +320,7 @@ impl Workspace {
     }
 }
 
-/// The inverse of a symmetric block, if it is positive definite.
+/// Inverse of a symmetric block; `None` unless it is positive definite.
 fn positive_inverse(block: &DMat3) -> Option<DMat3> {
     let minor = block.x_axis.x * block.y_axis.y - block.x_axis.y * block.y_axis.x;
     (block.x_axis.x > 0.0 && minor > 0.0 && block.determinant() > 0.0).then(|| block.inverse())

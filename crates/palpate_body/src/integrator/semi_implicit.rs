@@ -1,67 +1,64 @@
-//! Semi-implicit Euler and the step at which it stays stable.
+//! Semi-implicit Euler and its stable step.
 
+use crate::BodyError;
+use crate::eigenvalue::largest_eigenvalue;
 use crate::error::{check, check_positive};
-use crate::{Body, BodyError};
-use glam::{DMat3, DVec3};
+use crate::network::NetworkState;
+use glam::DMat3;
 
 /// Semi-implicit (symplectic) Euler: v ← v + h M⁻¹F(x, v), then x ← x + h v, with n equal substeps h in each
 /// tick.
 ///
 /// # Stability
 ///
-/// For M ẍ + B ẋ + K x = 0 the step is stable when 4M − 2hB − h²K is positive definite, so when
-/// 2h β + h² κ < 4 with β, κ the largest eigenvalues of M⁻¹B and M⁻¹K. For a network both are bounded, node by
-/// node, by twice the largest eigenvalue of Σ_e k_e u uᵀ / m_i over the links of node i (because
-/// (a − b)² ≤ 2a² + 2b²), the stretched links' geometric stiffness included. The estimate uses these bounds at
-/// the state at which a model step begins, so a `stability_margin` is kept for what happens during the step.
+/// For M ẍ + B ẋ + K x = 0 the step is stable if 4M − 2hB − h²K is positive definite, hence if 2h β + h² κ < 4 with
+/// the largest eigenvalues β of M⁻¹B and κ of M⁻¹K. In a network both are bounded, node by node, by twice the largest
+/// eigenvalue of Σ_e k_e u uᵀ / m_i over the links of node i (because (a − b)² ≤ 2a² + 2b²), including the geometric
+/// stiffness of stretched links. The bounds are computed at the beginning of a model step; `stability_margin` allows
+/// for changes during the step.
 ///
-/// Volume barriers add a bound of their own, of those that act now or will within the tick, each with the greatest stiffness
-/// that it can have there. Where barriers need more than `max_substeps`, the step takes that many; a barrier's force is
-/// bounded.
+/// Volume barriers add their own bound, over those that act now or may act within the tick, each with its maximum
+/// stiffness there. If barriers need more than `max_substeps`, the step takes `max_substeps`; the force of a barrier
+/// is bounded.
 ///
 /// # Energy
 ///
-/// Of a mode with damping 2ζω a step adds about h²ω²(v² − ω²x²)/2 of energy and the damper takes 2hζω v², so where every
-/// damper has b ≥ k h a body left alone never gains energy; where dampers are weaker it goes up and down a little within a
-/// swing, and not in the long run.
+/// For a mode with damping 2ζω, a step adds an energy of about h²ω²(v² − ω²x²)/2, and the damper dissipates 2hζω v².
+/// If every damper has b ≥ k h, a free body never gains energy. With weaker dampers the energy fluctuates within a
+/// period, without drift.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SemiImplicitEuler {
     /// Length of a tick, s.
     pub tick_s: f64,
-    /// Substeps in a tick when stability needs no more.
+    /// Minimum number of substeps per tick.
     pub min_substeps: usize,
-    /// Substeps in a tick never exceed this; a step that would need more is refused.
+    /// Maximum number of substeps per tick; a step that needs more is rejected.
     pub max_substeps: usize,
-    /// The share of the stable step that is used, above 0 and at most 1.
+    /// Fraction of the stable step that is used, above 0 and at most 1.
     pub stability_margin: f64,
 }
 
 impl Default for SemiImplicitEuler {
-    /// 1 ms, 4 to 1000 substeps, 0.9 of the stable step.
+    /// Ticks of 1 ms, 4 to 1000 substeps, 0.9 of the stable step.
     fn default() -> Self {
         Self { tick_s: 1e-3, min_substeps: 4, max_substeps: 1000, stability_margin: 0.9 }
     }
 }
 
 impl SemiImplicitEuler {
-    /// The largest stable substep h at the state of `body`, s, by the bound above.
-    #[must_use]
-    pub fn stable_step_s(body: &Body) -> f64 {
-        Rates::of_springs(body).stable_step_s(barrier_rate(body, 0.0))
+    /// Maximum stable substep in a state, s.
+    pub(crate) fn stable_step_at(state: NetworkState<'_>) -> f64 {
+        Rates::of_springs(state).stable_step_s(barrier_rate(state, 0.0))
     }
 
-    /// Substeps in a tick at the state of `body`.
-    ///
-    /// # Errors
-    /// [`BodyError::Parameter`] when a setting makes no sense, [`BodyError::Substeps`] when springs need more than
-    /// `max_substeps`.
-    pub fn substeps(&self, body: &Body) -> Result<usize, BodyError> {
-        let rates = Rates::of_springs(body);
+    /// Number of substeps per tick in a state.
+    pub(crate) fn substeps_at(&self, state: NetworkState<'_>) -> Result<usize, BodyError> {
+        let rates = Rates::of_springs(state);
         let springs = self.spring_substeps(rates)?;
-        Ok(self.barrier_substeps(rates, barrier_rate(body, self.tick_s)).max(springs))
+        Ok(self.barrier_substeps(rates, barrier_rate(state, self.tick_s)).max(springs))
     }
 
-    /// Substeps in a tick without volume barriers.
+    /// Number of substeps per tick without volume barriers.
     pub(crate) fn spring_substeps(&self, rates: Rates) -> Result<usize, BodyError> {
         check_positive("tick, s", self.tick_s)?;
         let margin = self.stability_margin;
@@ -80,7 +77,7 @@ impl SemiImplicitEuler {
         Ok(min.max(needed as usize))
     }
 
-    /// Substeps in a tick with volume barriers; at most `max_substeps`.
+    /// Number of substeps per tick with volume barriers; at most `max_substeps`.
     pub(crate) fn barrier_substeps(&self, rates: Rates, barriers_per_s2: f64) -> usize {
         let needed = self.needed(rates, barriers_per_s2);
         if needed < self.max_substeps as f64 { needed as usize } else { self.max_substeps }
@@ -91,25 +88,24 @@ impl SemiImplicitEuler {
     }
 }
 
-/// The bound of all volume barriers that act now or will within `ahead_s`, 1/s².
-fn barrier_rate(body: &Body, ahead_s: f64) -> f64 {
-    let (network, state) = (body.network(), (body.positions_m(), body.velocities_m_per_s()));
-    crate::cells::rate_bound(network.barriers().all_tetrahedra(), network, state, ahead_s)
+/// Bound over all volume barriers that act now or may act within `ahead_s`, 1/s².
+fn barrier_rate(state: NetworkState<'_>, ahead_s: f64) -> f64 {
+    let NetworkState { network, x, v } = state;
+    crate::cells::rate_bound(network.barriers().all_tetrahedra(), network, (x, v), ahead_s)
 }
 
-/// Upper bounds of the largest eigenvalues over the free nodes, of springs and dampers.
+/// Upper bounds of the largest eigenvalues of springs and dampers over the free nodes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Rates {
-    /// Of M⁻¹B, 1/s.
+    /// Bound for M⁻¹B, 1/s.
     beta: f64,
-    /// Of M⁻¹K, 1/s².
+    /// Bound for M⁻¹K, 1/s².
     kappa: f64,
 }
 
 impl Rates {
-    /// Those at the state of `body`.
-    pub(crate) fn of_springs(body: &Body) -> Self {
-        let (network, x) = (body.network(), body.positions_m());
+    /// Bounds in a state.
+    pub(crate) fn of_springs(NetworkState { network, x, .. }: NetworkState<'_>) -> Self {
         let (mut beta, mut kappa) = (0.0_f64, 0.0_f64);
         for &node in network.free() {
             let (mut k, mut b) = (DMat3::ZERO, DMat3::ZERO);
@@ -126,40 +122,12 @@ impl Rates {
         Self { beta, kappa }
     }
 
-    /// The largest stable substep, s, with volume barriers whose largest eigenvalue of M⁻¹K is at most `barriers_per_s2`.
+    /// Maximum stable substep, s, with volume barriers whose largest eigenvalue of M⁻¹K is at most `barriers_per_s2`.
     fn stable_step_s(self, barriers_per_s2: f64) -> f64 {
         let (beta, kappa) = (self.beta, self.kappa + barriers_per_s2);
         if kappa == 0.0 {
             return if beta == 0.0 { f64::INFINITY } else { 2.0 / beta };
         }
         ((beta * beta + 4.0 * kappa).sqrt() - beta) / kappa
-    }
-}
-
-/// Largest eigenvalue of a symmetric matrix, by the trigonometric solution of its characteristic cubic
-/// (O. K. Smith, Communications of the ACM 4 (1961) 168).
-pub(crate) fn largest_eigenvalue(a: &DMat3) -> f64 {
-    let mean = (a.x_axis.x + a.y_axis.y + a.z_axis.z) / 3.0;
-    let shifted = *a - DMat3::from_diagonal(DVec3::splat(mean));
-    let spread = (shifted.to_cols_array().iter().map(|v| v * v).sum::<f64>() / 6.0).sqrt();
-    if spread == 0.0 {
-        return mean;
-    }
-    let half_det = ((shifted * (1.0 / spread)).determinant() / 2.0).clamp(-1.0, 1.0);
-    mean + 2.0 * spread * (half_det.acos() / 3.0).cos()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_largest_eigenvalue_of_known_matrices() {
-        assert_eq!(largest_eigenvalue(&DMat3::from_diagonal(DVec3::splat(3.0))), 3.0);
-        let diagonal = DMat3::from_diagonal(DVec3::new(1.0, -4.0, 2.5));
-        assert!((largest_eigenvalue(&diagonal) - 2.5).abs() < 1e-14);
-        let u = DVec3::new(1.0, 2.0, -2.0) / 3.0;
-        let rank_one = DMat3::from_cols(u * u.x, u * u.y, u * u.z) * 7.0;
-        assert!((largest_eigenvalue(&rank_one) - 7.0).abs() < 1e-13);
     }
 }

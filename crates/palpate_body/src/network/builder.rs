@@ -1,14 +1,14 @@
-//! Putting a network together, or changing one.
+//! Builder of networks.
 
-use super::{Grid, Link, Network};
-use crate::BodyError;
+use super::{Grid, Network, NetworkParts};
 use crate::error::{check, check_positive};
+use crate::{BodyError, Link};
 use glam::DVec3;
 use palpate_laws::{ForceLaw, Spring};
 
-/// A network in the making: nodes, springs between them, what is fixed, and regions of another material.
+/// A network under construction: nodes, springs, fixed nodes and regions of different material.
 ///
-/// Errors of single steps are kept and told by [`NetworkBuilder::build`], the first of them.
+/// [`NetworkBuilder::build`] reports the first error of all steps.
 ///
 /// ```
 /// use glam::DVec3;
@@ -16,7 +16,7 @@ use palpate_laws::{ForceLaw, Spring};
 /// use palpate_laws::ForceLaw;
 ///
 /// # fn main() -> Result<(), palpate_body::BodyError> {
-/// // Two masses hanging from a hook, the lower spring twice as stiff.
+/// Two masses on a hook; the lower spring is twice as stiff.
 /// let mut network = NetworkBuilder::new();
 /// let nodes = [0.0, -0.1, -0.2].map(|z| network.node(DVec3::Z * z, 0.01));
 /// network.spring(nodes[0], nodes[1], ForceLaw::Linear { stiffness_n_per_m: 50.0 }, 0.1);
@@ -28,19 +28,19 @@ use palpate_laws::{ForceLaw, Spring};
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct NetworkBuilder {
-    pub(super) rest_m: Vec<DVec3>,
-    pub(super) mass_kg: Vec<f64>,
-    pub(super) fixed: Vec<bool>,
-    pub(super) links: Vec<Link>,
-    pub(super) cells: Vec<[usize; 8]>,
-    pub(super) allow_free: bool,
-    /// Of a network that is edited, as long as it has the same nodes.
+    rest_m: Vec<DVec3>,
+    mass_kg: Vec<f64>,
+    fixed: Vec<bool>,
+    links: Vec<Link>,
+    cells: Vec<[usize; 8]>,
+    allow_free: bool,
+    /// Grid of an edited network, valid while the number of nodes is unchanged.
     grid: Option<Grid>,
     error: Option<BodyError>,
 }
 
 impl Network {
-    /// The same network, to be changed.
+    /// Converts the network back to a builder.
     #[must_use]
     pub fn edit(self) -> NetworkBuilder {
         let cells = self.cells().to_vec();
@@ -50,18 +50,18 @@ impl Network {
 }
 
 impl NetworkBuilder {
-    /// An empty network.
+    /// Creates an empty network.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Of lists as [`Network::new`] takes them.
+    /// Creates the builder from the lists of [`Network::new`].
     pub(crate) fn of(rest_m: Vec<DVec3>, mass_kg: Vec<f64>, fixed: Vec<bool>, links: Vec<Link>) -> Self {
         Self { rest_m, mass_kg, fixed, links, cells: Vec::new(), allow_free: false, grid: None, error: None }
     }
 
-    /// The same network with hexahedral cells between its nodes.
+    /// Adds hexahedral cells between the nodes.
     pub(crate) fn with_cells(self, cells: Vec<[usize; 8]>) -> Self {
         Self { cells, ..self }
     }
@@ -74,8 +74,8 @@ impl NetworkBuilder {
         self.rest_m.len() - 1
     }
 
-    /// Adds a spring of law `law` between nodes `a` and `b`, at rest where they are, beside a damper of
-    /// `damping_ns_per_m`, and returns its index.
+    /// Adds a spring of law `law` between nodes `a` and `b`, at rest in their positions, with a parallel damper of
+    /// `damping_ns_per_m`. Returns its index.
     pub fn spring(&mut self, a: usize, b: usize, law: ForceLaw, damping_ns_per_m: f64) -> usize {
         let (link, nodes) = (self.links.len(), self.rest_m.len());
         let (Some(&x_a), Some(&x_b)) = (self.rest_m.get(a), self.rest_m.get(b)) else {
@@ -94,7 +94,7 @@ impl NetworkBuilder {
         }
     }
 
-    /// Adds a link, whose spring need not be at rest, and returns its index.
+    /// Adds a link and returns its index. Its spring need not be at rest.
     pub fn link(&mut self, link: Link) -> usize {
         self.links.push(link);
         self.links.len() - 1
@@ -115,15 +115,15 @@ impl NetworkBuilder {
         self
     }
 
-    /// Fixes the nodes whose rest position (m) is `where_at`.
+    /// Fixes the nodes whose rest position (m) satisfies `where_at`.
     #[must_use]
     pub fn fix_where(self, where_at: impl Fn(DVec3) -> bool) -> Self {
         let nodes: Vec<usize> = (0..self.rest_m.len()).filter(|&node| where_at(self.rest_m[node])).collect();
         self.fix(nodes)
     }
 
-    /// A region of another material: springs whose middle at rest (m) is `inside` get `stiffness` times their force and
-    /// `damping` times their damping, nodes inside `mass` times their mass.
+    /// Scales the material of a region: springs with their midpoint at rest (m) `inside` get `stiffness` times their
+    /// force and `damping` times their damping, and nodes inside get `mass` times their mass.
     #[must_use]
     pub fn region(mut self, inside: impl Fn(DVec3) -> bool, stiffness: f64, damping: f64, mass: f64) -> Self {
         let checked = check_positive("stiffness of a region, as a factor", stiffness)
@@ -165,7 +165,7 @@ impl NetworkBuilder {
         self
     }
 
-    /// Gives every spring whose middle at rest (m) is `inside` the law `law` makes of its own.
+    /// Replaces the law of every spring with its midpoint at rest (m) `inside` by `law` of its present law.
     #[must_use]
     pub fn law_where(mut self, inside: impl Fn(DVec3) -> bool, law: impl Fn(ForceLaw) -> ForceLaw) -> Self {
         for link in 0..self.links.len() {
@@ -183,27 +183,29 @@ impl NetworkBuilder {
         self
     }
 
-    /// Lets parts be fixed to nothing, or not joined to each other.
+    /// Allows parts without fixed nodes, and separate parts.
     #[must_use]
     pub fn allow_unconstrained(mut self) -> Self {
         self.allow_free = true;
         self
     }
 
-    /// The network.
+    /// Builds the network.
     ///
     /// # Errors
-    /// [`BodyError`]: the first step that made no sense; no node, or none that is free; a position that is not
-    /// finite, a mass not above zero; a link that names a node which does not exist, joins a node with itself or two
-    /// nodes at one place, or repeats another; and, unless [`NetworkBuilder::allow_free`] was said, a part that is
-    /// fixed to nothing or not joined to the rest. Each names the index.
+    /// [`BodyError`] with the index: the first invalid step; no node, or no free one; a position that is not finite;
+    /// a mass not above zero; a link that refers to a missing node, joins a node to itself, joins nodes at the same
+    /// position or repeats another; without [`NetworkBuilder::allow_unconstrained`] also a part without a fixed node
+    /// or separate parts.
     pub fn build(mut self) -> Result<Network, BodyError> {
         match self.error.take() {
             Some(error) => Err(error),
             None => {
                 let nodes = self.rest_m.len();
                 let grid = self.grid.take().filter(|grid| grid.youngs_modulus_pa.len() == nodes);
-                let network = Network::assemble(self)?;
+                let Self { rest_m, mass_kg, fixed, links, cells, allow_free, .. } = self;
+                let parts = NetworkParts { rest_m, mass_kg, fixed, links, cells, allow_free };
+                let network = Network::assemble(parts)?;
                 Ok(match grid {
                     Some(grid) => network.with_grid(grid),
                     None => network,
@@ -212,7 +214,7 @@ impl NetworkBuilder {
         }
     }
 
-    /// Keeps the first error; the index of what would have been added.
+    /// Stores the first error, and returns the index of the element that was not added.
     fn refuse(&mut self, error: BodyError) -> usize {
         self.error.get_or_insert(error);
         self.links.len()

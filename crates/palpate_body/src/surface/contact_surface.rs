@@ -5,29 +5,29 @@ use glam::DVec3;
 use palpate_laws::{Neighbour, POINT_NODES, PatchSurface};
 use std::collections::HashMap;
 
-/// The triangles of a surface, with what lies beside them, on which contact patches are found. Rectangles, the faces of a lattice's
-/// cells, are split at their middle into four: so it has the symmetries of the body.
+/// The triangles of a surface on which contact patches are found, with their neighbours. Rectangles, the faces of a
+/// lattice's cells, are split at their centre into four triangles, which preserves the symmetries of the body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactSurface {
     points: Vec<BodyPoint>,
     triangles: Vec<[usize; 3]>,
     neighbours: Vec<[Neighbour; 3]>,
     rest_normals: Vec<DVec3>,
-    /// Its triangles of each triangle of the surface, four at most.
+    /// Contact triangles of each triangle of the surface, at most four.
     parts: Vec<[Option<u32>; 4]>,
     mean_edge_m: f64,
 }
 
-/// The cosine of the angle between two triangles at rest below which their edge is sharp.
+/// Cosine of the angle between two triangles at rest below which their edge is sharp.
 const CREASE: f64 = 0.642_787_609_686_539_3;
-/// Two triangles make a rectangle when its diagonals halve each other and are as long as each other within that share.
+/// Tolerance of a rectangle, relative to its size: its diagonals bisect each other and are equally long.
 const RECTANGLE: f64 = 1e-6;
 
-/// An edge of a triangle: which, and which of its three.
+/// An edge: index of the triangle, and of the edge in it.
 type Side = (usize, usize);
 
 impl ContactSurface {
-    /// That of `surface`, which `network` carries.
+    /// Creates the contact surface of `surface`, carried by `network`.
     #[must_use]
     pub fn new(surface: &Surface, network: &Network) -> Self {
         let of: Vec<[usize; 3]> =
@@ -61,7 +61,7 @@ impl ContactSurface {
             points.push(center);
             let center = points.len() - 1;
             let first = triangles.len() as u32;
-            // Round the rectangle.
+            // Around the rectangle.
             let around = [p, apex, q, r];
             triangles.extend((0..4).map(|i| [around[i], around[(i + 1) % 4], center]));
             let four = [0, 1, 2, 3].map(|i| Some(first + i));
@@ -85,37 +85,37 @@ impl ContactSurface {
         Self { points, triangles, neighbours, rest_normals, parts, mean_edge_m }
     }
 
-    /// Its points: those of the surface, then the middles of rectangles.
+    /// Points: those of the surface, followed by the centres of rectangles.
     #[must_use]
     pub fn points(&self) -> &[BodyPoint] {
         &self.points
     }
 
-    /// Its triangles, counter-clockwise seen from outside, by its points.
+    /// Triangles as indices of points, counter-clockwise as seen from outside.
     #[must_use]
     pub fn triangles(&self) -> &[[usize; 3]] {
         &self.triangles
     }
 
-    /// What is across the edges of a triangle: from corner 0 to 1, 1 to 2, 2 to 0.
+    /// Neighbours across the edges of a triangle: from corner 0 to 1, 1 to 2, 2 to 0.
     ///
     /// # Panics
-    /// When there is no such triangle.
+    /// If the triangle does not exist.
     #[must_use]
     pub fn neighbours(&self, triangle: usize) -> [Neighbour; 3] {
         self.neighbours[triangle]
     }
 
-    /// The outward unit normal of a triangle at rest.
+    /// Outward unit normal of a triangle at rest.
     ///
     /// # Panics
-    /// When there is no such triangle.
+    /// If the triangle does not exist.
     #[must_use]
     pub fn rest_normal(&self, triangle: usize) -> DVec3 {
         self.rest_normals[triangle]
     }
 
-    /// Its triangles that lie in triangles of the surface, each once, in ascending order.
+    /// Contact triangles of the given surface triangles, each once, in ascending order.
     #[must_use]
     pub fn parts_of(&self, triangles: impl IntoIterator<Item = usize>) -> Vec<usize> {
         let parts = triangles.into_iter().filter_map(|triangle| self.parts.get(triangle)).flatten();
@@ -125,15 +125,15 @@ impl ContactSurface {
         parts
     }
 
-    /// The mean length of the surface's edges at rest, m.
+    /// Mean edge length of the surface at rest, m.
     #[must_use]
     pub fn mean_edge_m(&self) -> f64 {
         self.mean_edge_m
     }
 }
 
-/// The two triangles beside each edge, in the order of the first; `None` for edges with one or more than two, or where they do not turn the
-/// same way.
+/// The two triangles at each edge, in the order of the first one; `None` for an edge of one or more than two
+/// triangles, or with inconsistent winding.
 fn sides(triangles: &[[usize; 3]]) -> Vec<Option<[Side; 2]>> {
     let mut beside: HashMap<(usize, usize), Vec<Side>> = HashMap::with_capacity(2 * triangles.len());
     let mut order = Vec::with_capacity(2 * triangles.len());
@@ -155,10 +155,10 @@ fn sides(triangles: &[[usize; 3]]) -> Vec<Option<[Side; 2]>> {
     order.iter().map(pair).collect()
 }
 
-/// A contact surface with its points where they are now.
+/// A contact surface with the current positions of its points.
 pub(crate) struct PlacedSurface<'a> {
     pub(crate) surface: &'a ContactSurface,
-    /// Of every point, m.
+    /// Position of every point, m.
     pub(crate) x: &'a [DVec3],
 }
 

@@ -1,35 +1,37 @@
-//! Which way the triangles of a surface face.
+//! Orientation of the triangles of a surface.
 
 use crate::{BodyError, Network, Surface};
 use glam::DVec3;
 use std::collections::{BTreeMap, HashMap};
 use std::f64::consts::TAU;
 
-/// Cosine of the angle between a triangle's normal and the way to the tissue, in the mean over springs, above which the side is clear.
+/// Minimum cosine between a triangle's normal and the direction to the tissue, averaged over springs, for an
+/// unambiguous side.
 const CLEAR_COSINE: f64 = 0.1;
-/// Share of a part's area that must have tissue on the same side, and the most that may have it on the other, as a share of that.
+/// Minimum share of a part's area with tissue on the same side, and maximum share of that area with tissue on the
+/// other side.
 const CLEAR_AREA: (f64, f64) = (0.6, 0.1);
-/// Least volume of a closed part, as a share of its area to the power of 3/2; below it is rounding.
-const LEAST_VOLUME: f64 = 1e-9;
-/// Places of a part at which it is tested whether they are within another part, at most.
-const PLACES: usize = 8;
-/// Winding numbers of a place that is clearly outside (below) and clearly inside (above).
+/// Minimum volume of a closed part, as a multiple of its area to the power 3/2.
+const MIN_VOLUME: f64 = 1e-9;
+/// Maximum number of places of a part that are tested for being within another part.
+const MAX_PLACES: usize = 8;
+/// Winding numbers below which a place is outside, and above which it is inside.
 const CLEAR_WINDING: (f64, f64) = (0.1, 0.9);
 
 /// One side of a triangle.
 struct Side {
-    /// The lower and the higher point of the edge.
+    /// Lower and higher point of the edge.
     edge: (usize, usize),
     triangle: usize,
-    /// 1 where the triangle goes from the lower to the higher, else −1.
+    /// +1 if the triangle runs from the lower to the higher point, else −1.
     sign: i32,
 }
 
-/// A part of a surface: triangles that are joined by edges with two triangles each.
+/// A part of a surface: triangles connected by edges of two triangles each.
 #[derive(Default)]
 struct Part {
     triangles: Vec<usize>,
-    /// Whether its edges close it, once its triangles agree.
+    /// Whether it has no boundary, once its triangles are consistent.
     is_closed: bool,
     area_m2: f64,
     volume_m3: f64,
@@ -37,22 +39,22 @@ struct Part {
     high_m: DVec3,
 }
 
-/// A surface at rest, with the triangles of each part turned until they agree.
+/// A surface at rest, in consistently oriented parts.
 struct Parts<'a> {
     surface: &'a Surface,
     network: &'a Network,
-    /// Where each point is at rest, m.
+    /// Position of each point at rest, m.
     x: Vec<DVec3>,
-    /// Whether a triangle was turned.
+    /// Whether each triangle was flipped.
     is_turned: Vec<bool>,
     parts: Vec<Part>,
-    /// Of every node that carries triangles, a number that it shares with all that triangles join it to.
+    /// An identifier of the connected sheet of every node that carries triangles.
     sheet: Vec<Option<usize>>,
 }
 
 impl Surface {
-    /// The same surface, with its triangles turned to face away from the tissue: see [`crate::Body::new`]. The order of triangles stays, and the
-    /// first vertex of each.
+    /// Flips triangles to face away from the tissue; see [`crate::Body::new`]. The order of the triangles and the
+    /// first vertex of each stay.
     ///
     /// # Errors
     /// [`BodyError::OneSidedSurface`].
@@ -62,7 +64,7 @@ impl Surface {
             let is_inward = parts.is_inward_by_tissue(index).or_else(|| parts.is_inward_by_volume(index));
             let Part { triangles, .. } = &parts.parts[index];
             let is_wrong = is_inward.unwrap_or_else(|| {
-                // Neither side is inside: as most of its triangles were given.
+                // Neither side is inside: keep the majority of the given windings.
                 2 * triangles.iter().filter(|&&t| parts.is_turned[t]).count() > triangles.len()
             });
             if is_wrong {
@@ -118,7 +120,7 @@ impl<'a> Parts<'a> {
             parts.push(Part { triangles, is_closed: true, ..Part::default() });
         }
         let is_turned: Vec<bool> = turned.into_iter().map(Option::unwrap_or_default).collect();
-        // A part is closed where its triangles pass every edge as often one way as the other.
+        // A part is closed if its triangles run along every edge equally often in both directions.
         for group in sides.chunk_by(|a, b| a.edge == b.edge) {
             let mut sums = BTreeMap::new();
             for side in group {
@@ -137,7 +139,7 @@ impl<'a> Parts<'a> {
         Ok(made)
     }
 
-    /// The corners of a triangle at rest, m, in the winding that it has now.
+    /// Corners of a triangle at rest, m, in its current winding.
     fn corners_m(&self, triangle: usize) -> [DVec3; 3] {
         let [a, b, c] = self.surface.corners(triangle).map(|point| self.x[point]);
         if self.is_turned[triangle] { [a, c, b] } else { [a, b, c] }
@@ -156,9 +158,9 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// Whether a part faces the tissue, where that is clear: nodes that springs join to its own, and that carry nothing of it or of what
-    /// touches it, lie on one side of most of it. Points of a closed part that lie within a cell do not count: the nodes of their cell are
-    /// on both sides.
+    /// Whether a part faces the tissue, if that is unambiguous: nodes joined to its own by springs, and not part of
+    /// it or of a sheet that touches it, lie mostly on one side. Points of a closed part within a cell are ignored,
+    /// because the nodes of their cell lie on both sides.
     fn is_inward_by_tissue(&self, part: usize) -> Option<bool> {
         let Part { triangles, is_closed, area_m2, .. } = &self.parts[part];
         let points = &self.surface.points;
@@ -194,10 +196,11 @@ impl<'a> Parts<'a> {
         (before != behind).then_some(before > behind)
     }
 
-    /// Whether a closed part faces what it encloses, or away from it where it is a cavity: within an odd number of others.
+    /// Whether a closed part faces its interior; the reverse for a cavity, which lies within an odd number of other
+    /// parts.
     fn is_inward_by_volume(&self, part: usize) -> Option<bool> {
         let own = &self.parts[part];
-        if !own.is_closed || own.volume_m3.abs() <= LEAST_VOLUME * own.area_m2.powf(1.5) {
+        if !own.is_closed || own.volume_m3.abs() <= MIN_VOLUME * own.area_m2.powf(1.5) {
             return None;
         }
         let mut is_cavity = false;
@@ -210,9 +213,9 @@ impl<'a> Parts<'a> {
         Some((own.volume_m3 < 0.0) != is_cavity)
     }
 
-    /// Whether `part` is within `other`, where that is clear.
+    /// Whether `part` lies within `other`, if that is unambiguous.
     fn is_within(&self, part: &Part, other: &Part) -> Option<bool> {
-        let step = part.triangles.len().div_ceil(PLACES).max(1);
+        let step = part.triangles.len().div_ceil(MAX_PLACES).max(1);
         let (mut sum, mut count) = (0.0, 0);
         for &triangle in part.triangles.iter().step_by(step) {
             let place = self.corners_m(triangle).into_iter().sum::<DVec3>() / 3.0;
@@ -226,7 +229,7 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// Of every node that carries triangles, the first node of those that triangles join it to.
+/// For every node that carries triangles, the first node of its connected sheet.
 fn sheets(surface: &Surface, network: &Network) -> Vec<Option<usize>> {
     let mut joined: Vec<usize> = (0..network.node_count()).collect();
     let first_of = |joined: &mut Vec<usize>, mut node: usize| {
@@ -252,19 +255,19 @@ fn sheets(surface: &Surface, network: &Network) -> Vec<Option<usize>> {
     (0..joined.len()).map(|node| carries[node].then(|| first_of(&mut joined, node))).collect()
 }
 
-/// Whether the boxes of two parts meet.
+/// Whether the bounding boxes of two parts overlap.
 fn meet(a: &Part, b: &Part) -> bool {
     a.low_m.cmple(b.high_m).all() && b.low_m.cmple(a.high_m).all()
 }
 
-/// The solid angle of a triangle seen from the origin, signed by its winding (A. van Oosterom and J. Strackee, IEEE Trans. Biomed. Eng.
+/// Signed solid angle of a triangle seen from the origin (A. van Oosterom and J. Strackee, IEEE Trans. Biomed. Eng.
 /// 30 (1983) 125).
 fn solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
     let [x, y, z] = [a, b, c].map(DVec3::length);
     2.0 * a.dot(b.cross(c)).atan2(x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y)
 }
 
-/// The sides of all triangles with three different points, by their edges. Points with the same nodes and weights are one.
+/// Sides of all non-degenerate triangles, sorted by edge. Points with the same nodes and weights count as one.
 fn sides(surface: &Surface) -> Vec<Side> {
     let mut first: HashMap<Vec<(usize, u64)>, usize> = HashMap::with_capacity(surface.points.len());
     let point_of: Vec<usize> = (surface.points.iter().enumerate())

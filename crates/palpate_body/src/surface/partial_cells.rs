@@ -1,32 +1,34 @@
-//! Static compliance of the surface of cells that are partly filled.
+//! Static compliance of the surface of partly filled cells.
 //!
-//! The table of [`palpate_laws::normal_compliance_at`] is that of whole cells below a plane of nodes. Where a mesh cuts cells, springs are softer and
-//! the surface lies between nodes. The difference is local: it is computed with every node held to its place by a weak spring, which takes away
-//! what is far, from the nodes about the surface and from those of whole cells alike.
+//! [`palpate_laws::normal_compliance_at`] tabulates the compliance of whole cells below a plane of nodes. Where a
+//! mesh cuts cells, springs are softer and the surface lies between nodes. The difference is local. It is computed
+//! with every node held in place by a weak spring, which removes the far field of partly filled and whole cells
+//! alike.
 
 use super::ContactSurface;
-use crate::contact::add_weight;
+use crate::conjugate_gradients::ConjugateGradients;
+use crate::weights::add_weight;
 use crate::{Block, Network, Tissue};
 use glam::{DMat3, DVec3};
 use std::sync::OnceLock;
 
-/// What is farther from a node than so many cells is held.
+/// Radius in cells beyond which nodes are held.
 const REACH_CELLS: f64 = 3.2;
-/// Stiffness of the springs that hold nodes to their places, in parts of a node's own.
+/// Stiffness of the springs that hold nodes in place, as a fraction of a node's own stiffness.
 const HOLD: f64 = 0.2;
-/// Least reduction of the residual of the solution, and the most steps of conjugate gradients for it.
+/// Relative residual of the solution, and maximum number of conjugate gradient iterations.
 const TOLERANCE: f64 = 1e-4;
-const MOST_STEPS: usize = 60;
+const MAX_ITERATIONS: usize = 60;
 
-/// How much more nodes give way under a force on a node than those of whole cells below a plane of nodes, along the normals of the surface there.
+/// Excess compliance of nodes compared with whole cells below a plane of nodes, along the surface normals.
 #[derive(Clone, Debug)]
 pub(crate) struct PartialCells {
-    /// The nodes that carry the surface have a row: other nodes in ascending order, with the difference in 1/(E h).
+    /// For each node that carries the surface: other nodes in ascending order, with the difference in 1/(E h).
     rows: Vec<Vec<(usize, f64)>>,
 }
 
 impl PartialCells {
-    /// Those of a body; `None` where it has no grid, or one of whole cells.
+    /// Excess compliance of a body; `None` without a grid or with whole cells only.
     pub(crate) fn new(network: &Network, surface: &ContactSurface) -> Option<Self> {
         let grid = network.grid().filter(|grid| grid.has_partial_cells())?;
         let normals = node_normals(network, surface);
@@ -44,7 +46,7 @@ impl PartialCells {
             {
                 let cells = network.rest_m()[node].distance(network.rest_m()[other]) / grid.cell_m();
                 let excess = u.dot(normals[other]) - at_distance(of_whole, cells);
-                // The patches of two nodes differ at their rims: each has half.
+                // The patches of two nodes differ at their rims: average the two values.
                 add_weight(&mut rows[node], other, 0.5 * excess);
                 add_weight(&mut rows[other], node, 0.5 * excess);
             }
@@ -53,14 +55,14 @@ impl PartialCells {
         Some(Self { rows })
     }
 
-    /// The difference between two nodes, in 1/(E h).
+    /// Excess compliance between two nodes, in 1/(E h).
     pub(crate) fn between(&self, i: usize, j: usize) -> f64 {
         let row = &self.rows[i];
         row.binary_search_by_key(&j, |(node, _)| *node).map_or(0.0, |at| row[at].1)
     }
 }
 
-/// The outward unit normal of the surface that each node carries at rest; 0 where it carries none.
+/// Outward unit normal at rest of the surface that each node carries; 0 without one.
 fn node_normals(network: &Network, surface: &ContactSurface) -> Vec<DVec3> {
     let at = |point: usize| surface.points()[point].of(network.rest_m());
     let mut normals = vec![DVec3::ZERO; network.node_count()];
@@ -74,11 +76,11 @@ fn node_normals(network: &Network, surface: &ContactSurface) -> Vec<DVec3> {
     normals.iter().map(|normal| normal.normalize_or_zero()).collect()
 }
 
-/// The nodes about a node, and their stiffness in units of E h.
+/// The nodes around a node, with their stiffness in units of E h.
 struct Patch {
-    /// The first is the one in the middle.
+    /// Indices of the nodes; the first is the middle.
     nodes: Vec<usize>,
-    /// Of each node: its own, and those of the springs to others by their place in `nodes`.
+    /// Diagonal block of each node, and blocks of the springs between entries of `nodes`.
     diagonal: Vec<DMat3>,
     links: Vec<(usize, usize, DMat3)>,
 }
@@ -124,37 +126,36 @@ impl Patch {
         Self { nodes, diagonal, links }
     }
 
-    /// How far its nodes move under a force of 1 on the one in the middle, by conjugate gradients.
+    /// Displacements of its nodes under a unit force on the middle one, by conjugate gradients.
     fn displacements(&self, force: DVec3) -> Vec<DVec3> {
         let scale: Vec<DMat3> = self.diagonal.iter().map(DMat3::inverse).collect();
         let mut u = vec![DVec3::ZERO; self.nodes.len()];
         let mut residual = u.clone();
         residual[0] = force;
-        let precondition =
-            |residual: &[DVec3]| residual.iter().zip(&scale).map(|(r, m)| *m * *r).collect::<Vec<DVec3>>();
-        let mut z = precondition(&residual);
-        let mut direction = z.clone();
-        let mut size = dot(&residual, &z);
-        let enough = TOLERANCE * TOLERANCE * size;
-        for _ in 0..MOST_STEPS {
-            if size.is_nan() || size <= enough {
-                break;
+        let precondition = |residual: &[DVec3], z: &mut [DVec3]| {
+            for ((z, r), m) in z.iter_mut().zip(residual).zip(&scale) {
+                *z = *m * *r;
             }
-            let mut along: Vec<DVec3> = self.diagonal.iter().zip(&direction).map(|(k, d)| *k * *d).collect();
+        };
+        let multiply = |direction: &[DVec3], product: &mut [DVec3]| {
+            for ((product, k), d) in product.iter_mut().zip(&self.diagonal).zip(direction) {
+                *product = *k * *d;
+            }
             for &(a, b, k) in &self.links {
-                along[a] -= k * direction[b];
-                along[b] -= k * direction[a];
+                product[a] -= k * direction[b];
+                product[b] -= k * direction[a];
             }
-            let step = size / dot(&direction, &along);
-            for (i, d) in direction.iter().enumerate() {
-                u[i] += step * *d;
-                residual[i] -= step * along[i];
-            }
-            z = precondition(&residual);
-            let next = dot(&residual, &z);
-            direction.iter_mut().zip(&z).for_each(|(d, z)| *d = *z + next / size * *d);
-            size = next;
-        }
+        };
+        let enough = TOLERANCE * TOLERANCE * force.dot(scale[0] * force);
+        let method = ConjugateGradients {
+            multiply,
+            precondition,
+            dot,
+            is_converged: |_: &[DVec3], size: f64| size.is_nan() || size <= enough,
+            max_iterations: MAX_ITERATIONS,
+        };
+        // The last approximation suffices: the matrix is positive definite, and the tolerance is coarse.
+        let _ = method.solve(&mut u, &mut residual);
         u
     }
 }
@@ -163,7 +164,8 @@ fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
 }
 
-/// The same of whole cells below a plane of nodes, by distance in cells: mean values on the rings of nodes about one.
+/// The same compliance for whole cells below a plane of nodes, by distance in cells: means over the rings of nodes
+/// around one.
 fn whole_cells() -> &'static [(f64, f64)] {
     static TABLE: OnceLock<Vec<(f64, f64)>> = OnceLock::new();
     TABLE.get_or_init(|| {
@@ -191,7 +193,7 @@ fn whole_cells() -> &'static [(f64, f64)] {
     })
 }
 
-/// The value at a distance in cells, between the rings of a table.
+/// Interpolates a table linearly at a distance in cells.
 fn at_distance(table: &[(f64, f64)], cells: f64) -> f64 {
     let next = table.partition_point(|(distance, _)| *distance <= cells);
     match (next.checked_sub(1).and_then(|before| table.get(before)), table.get(next)) {
@@ -208,7 +210,7 @@ mod tests {
     use palpate_laws::normal_compliance_at;
 
     #[test]
-    fn whole_cells_have_no_excess_and_half_of_the_stiffness_twice_the_compliance() {
+    fn whole_cells_have_no_excess_and_half_the_stiffness_doubles_the_compliance() {
         let tissue = Tissue { youngs_modulus_pa: 2e3, ..Tissue::default() };
         let made =
             Block::new([9, 9, 5], DVec3::new(0.08, 0.08, 0.04)).unwrap().fix(Face::NegZ).tissue(&tissue);
@@ -228,7 +230,7 @@ mod tests {
             let own = cells.between(at(0.0, 0.0), at(0.0, 0.0));
             let expected = (soft - 1.0) * whole_cells()[0].1;
             assert!((own - expected).abs() < 1e-6, "{own}, {expected}");
-            // A ring of nodes has their mean.
+            // All nodes of a ring have their mean.
             let (along, across) =
                 (cells.between(at(0.0, 0.0), at(1.0, 0.0)), cells.between(at(0.0, 0.0), at(0.0, 1.0)));
             assert!((along - across).abs() < 1e-9);
@@ -237,8 +239,8 @@ mod tests {
     }
 
     #[test]
-    fn what_holds_the_nodes_takes_away_only_what_is_far() {
-        // The rest of the compliance changes little from node to node.
+    fn holding_springs_remove_only_the_far_field() {
+        // The remaining compliance changes little from node to node.
         let rest = |cells: f64| normal_compliance_at(cells) - at_distance(whole_cells(), cells);
         let (near, beside, far) = (rest(0.0), rest(1.0), rest(2.0));
         assert!(near > beside && beside > far && far > 0.0, "{near}, {beside}, {far}");

@@ -1,28 +1,28 @@
-//! Fewer vertices: each stands for those near it on the same sheet.
+//! Clustering of vertices.
 
 use glam::DVec3;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 pub(super) struct Clustered {
-    /// The points that stay.
+    /// Kept points.
     pub kept: Vec<usize>,
-    /// Of the points that stay, as indices into `kept`.
+    /// Triangles as indices into `kept`.
     pub triangles: Vec<[usize; 3]>,
 }
 
-/// Clusters points (J. Rossignac and P. Borrel, "Multi-resolution 3D approximations for rendering complex scenes", 1993),
-/// with clusters that are Voronoi cells along the edges instead of boxes.
+/// Clusters points (J. Rossignac and P. Borrel, "Multi-resolution 3D approximations for rendering complex scenes",
+/// 1993). The clusters are Voronoi cells along the edges instead of boxes.
 ///
-/// Points that stay are chosen in their order, each at least `spacing_m` from those before that edges join with it within
-/// that distance. Every other point goes to the one that is nearest along edges; none to one whose normal is
-/// against its own, so that the two sides of a thin wall stay apart. Triangles whose corners come together go.
+/// Points are kept in order if they are at least `spacing_m` from earlier kept points that edges connect within that
+/// distance. Every other point joins the kept point nearest along edges, except one with an opposite normal. This
+/// separates the two sides of a thin wall. Degenerate triangles are omitted.
 pub(super) fn cluster(triangles: &[[usize; 3]], points_m: &[DVec3], spacing_m: f64) -> Clustered {
     let edges = Edges::new(triangles, points_m.len());
     let normals = normals(triangles, points_m);
     let along = |seed: usize, point: usize| normals[seed].dot(normals[point]) > 0.0;
     let mut seed_of = vec![usize::MAX; points_m.len()];
-    // The last seed that has looked at each.
+    // The last seed that visited each point.
     let mut seen = vec![usize::MAX; points_m.len()];
     let mut kept = Vec::new();
     for seed in 0..points_m.len() {
@@ -52,8 +52,8 @@ pub(super) fn cluster(triangles: &[[usize; 3]], points_m: &[DVec3], spacing_m: f
     Clustered { triangles: distinct(triangles.iter().map(of)), kept }
 }
 
-/// Gives every point the nearest of `seeds` along edges, where one that is `along` reaches it (E. W. Dijkstra, Numerische
-/// Mathematik 1 (1959) 269); others keep the seed they have.
+/// Assigns every point to the nearest of `seeds` along edges that satisfies `along` (E. W. Dijkstra, Numerische
+/// Mathematik 1 (1959) 269). Other points keep their seed.
 fn nearest(
     seeds: &[usize],
     edges: &Edges,
@@ -62,7 +62,7 @@ fn nearest(
     along: impl Fn(usize, usize) -> bool,
 ) {
     let mut distance = vec![f64::INFINITY; points_m.len()];
-    // Distances are at least 0, so that their bits are in their order.
+    // The bits of non-negative numbers are ordered like the numbers.
     let mut queue: BinaryHeap<Reverse<(u64, usize, usize)>> =
         seeds.iter().map(|&seed| Reverse((0, seed, seed))).collect();
     while let Some(Reverse((bits, point, seed))) = queue.pop() {
@@ -80,7 +80,7 @@ fn nearest(
     }
 }
 
-/// Triangles with three different corners, each once, and none beside its reverse: what is left is closed still.
+/// Triangles with three different corners, each once, without pairs of opposite triangles. The surface stays closed.
 fn distinct(triangles: impl Iterator<Item = [usize; 3]>) -> Vec<[usize; 3]> {
     let mut sorted: Vec<([usize; 3], bool)> = triangles
         .filter(|[a, b, c]| a != b && b != c && c != a)
@@ -105,7 +105,7 @@ fn distinct(triangles: impl Iterator<Item = [usize; 3]>) -> Vec<[usize; 3]> {
     kept
 }
 
-/// Of points, weighted by area.
+/// Area-weighted normals of points.
 fn normals(triangles: &[[usize; 3]], points_m: &[DVec3]) -> Vec<DVec3> {
     let mut normals = vec![DVec3::ZERO; points_m.len()];
     for t in triangles {
@@ -115,7 +115,7 @@ fn normals(triangles: &[[usize; 3]], points_m: &[DVec3]) -> Vec<DVec3> {
     normals.iter().map(|n| n.normalize_or_zero()).collect()
 }
 
-/// The points at the other ends of each point's edges.
+/// For each point the other ends of its edges.
 struct Edges {
     start: Vec<usize>,
     ends: Vec<usize>,

@@ -1,14 +1,14 @@
-//! More triangles where they are large.
+//! Subdivision of large triangles.
 
 use glam::DVec3;
 use std::collections::HashMap;
 
-/// Halves edges, together with the triangles beside them, until none is longer than `longest_m`. New points are added to
+/// Halves edges and the adjacent triangles until no edge is longer than `max_edge_m`. New points are appended to
 /// `points_m`.
 pub(super) fn subdivide(
     mut triangles: Vec<[usize; 3]>,
     points_m: &mut Vec<DVec3>,
-    longest_m: f64,
+    max_edge_m: f64,
 ) -> Vec<[usize; 3]> {
     loop {
         let mut middle: HashMap<(usize, usize), usize> = HashMap::new();
@@ -16,7 +16,7 @@ pub(super) fn subdivide(
         for &t in &triangles {
             let halved = [0, 1, 2].map(|corner| {
                 let (a, b) = (t[corner], t[(corner + 1) % 3]);
-                (points_m[a].distance(points_m[b]) > longest_m).then(|| {
+                (points_m[a].distance(points_m[b]) > max_edge_m).then(|| {
                     *middle.entry((a.min(b), a.max(b))).or_insert_with(|| {
                         points_m.push(0.5 * (points_m[a] + points_m[b]));
                         points_m.len() - 1
@@ -39,7 +39,7 @@ fn split([a, b, c]: [usize; 3], halved: [Option<usize>; 3], out: &mut Vec<[usize
         [Some(ab), Some(bc), Some(ca)] => {
             out.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
         }
-        // Turned until the first edge is the only one halved, or the last the only one that is not.
+        // Rotated until the first edge is the only halved one, or the last one the only one that is not.
         [Some(ab), None, None] => out.extend([[a, ab, c], [ab, b, c]]),
         [Some(ab), Some(bc), None] => out.extend([[ab, b, bc], [a, ab, bc], [a, bc, c]]),
         [first, second, third] => split([b, c, a], [second, third, first], out),

@@ -1,7 +1,7 @@
 use super::*;
 use std::collections::HashMap;
 
-/// A square plate of `n` × `n` fields and a thickness, every corner of a field a point.
+/// A square plate with `n` × `n` fields and a thickness, with a point at every corner of a field.
 fn plate(n: usize, thickness_m: f64) -> (Vec<DVec3>, Vec<[usize; 3]>) {
     let m = n + 1;
     let at = |i: usize, j: usize, top: bool| i + m * j + if top { m * m } else { 0 };
@@ -26,7 +26,7 @@ fn plate(n: usize, thickness_m: f64) -> (Vec<DVec3>, Vec<[usize; 3]>) {
     (points, triangles)
 }
 
-/// Every directed edge as often as its reverse.
+/// Whether every directed edge occurs as often as its reverse.
 fn is_closed(triangles: &[[usize; 3]]) -> bool {
     let mut balance = HashMap::new();
     for &[a, b, c] in triangles {
@@ -46,13 +46,13 @@ fn volume(triangles: &[[usize; 3]], points: &[DVec3]) -> f64 {
 }
 
 #[test]
-fn the_two_sides_of_a_thin_plate_stay_apart() {
+fn two_sides_of_a_thin_plate_stay_separate() {
     let (points, triangles) = plate(40, 0.01);
     let made = cluster::cluster(&triangles, &points, 0.1);
     let kept: Vec<DVec3> = made.kept.iter().map(|&p| points[p]).collect();
     assert!(is_closed(&made.triangles));
     assert!(made.kept.len() < points.len() / 8, "{} of {}", made.kept.len(), points.len());
-    // Corners of the plate are rounded by at most the spacing; its thickness is what it was.
+    // Clustering rounds the corners of the plate by at most the spacing; the thickness is unchanged.
     let volume = volume(&made.triangles, &kept);
     assert!(volume > 0.85 * 0.01 && volume <= 0.01 + 1e-12, "{volume}");
     for (i, a) in kept.iter().enumerate() {
@@ -63,7 +63,7 @@ fn the_two_sides_of_a_thin_plate_stay_apart() {
 }
 
 #[test]
-fn a_coarse_surface_stays_as_it_is_and_long_edges_are_halved() {
+fn coarse_surface_is_kept_and_long_edges_are_halved() {
     let (mut points, triangles) = plate(1, 0.5);
     let made = cluster::cluster(&triangles, &points, 0.1);
     assert_eq!(made.kept, (0..8).collect::<Vec<_>>());

@@ -1,4 +1,4 @@
-//! Volume barriers: their force, tangent and energy, their cells, and the steps of a body while they act.
+//! Volume barriers: force, tangent, energy, cells, and the steps of a body while they act.
 
 use super::*;
 
@@ -61,7 +61,7 @@ fn tangent_is_the_derivative_of_the_force_and_its_clamped_form_is_positive_semid
 }
 
 #[test]
-fn no_tetrahedron_below_the_onset_gives_the_bits_of_the_springs_alone() {
+fn inactive_barriers_change_no_bit() {
     let body = cube(4);
     let network = body.network().clone();
     let springs = without_cells(&network);
@@ -69,7 +69,7 @@ fn no_tetrahedron_below_the_onset_gives_the_bits_of_the_springs_alone() {
     for integrator in integrators() {
         let mut alone = Body::new(springs.clone(), Surface::default()).unwrap();
         let mut body = body.clone();
-        // Pressed to 0.7 of its height, and sheared.
+        // Compressed to 0.7 of its height, and sheared.
         let press = |x: &DVec3| {
             let up = (x.y - network.rest_m()[0].y) / 0.06;
             *x + up * DVec3::new(0.01, -0.018, 0.004)
@@ -93,7 +93,7 @@ fn no_tetrahedron_below_the_onset_gives_the_bits_of_the_springs_alone() {
 }
 
 #[test]
-fn turning_and_moving_a_body_turns_its_forces() {
+fn barrier_forces_rotate_with_the_body() {
     let mut body = cube(3);
     let x = shaken(&body, 0.02, 8);
     at_rest(&mut body, &x);
@@ -112,7 +112,7 @@ fn turning_and_moving_a_body_turns_its_forces() {
 }
 
 #[test]
-fn forces_of_barriers_have_no_resultant_and_no_moment() {
+fn barrier_forces_have_no_resultant_and_no_moment() {
     let mut body = cube(3);
     let x = shaken(&body, 0.02, 9);
     at_rest(&mut body, &x);
@@ -131,7 +131,7 @@ fn forces_of_barriers_have_no_resultant_and_no_moment() {
 fn report_counts_a_cell_inverted_by_hand() {
     let mut body = cube(3);
     let mut x = body.network().rest_m().to_vec();
-    // A corner of the block, through its only cell to the other side.
+    // A corner of the block, moved through its only cell to the other side.
     let corner = 3 * 2;
     let own: Vec<usize> = (0..8).filter(|&cell| body.network().cells()[cell].contains(&corner)).collect();
     assert_eq!(own.len(), 1);
@@ -141,7 +141,7 @@ fn report_counts_a_cell_inverted_by_hand() {
     for integrator in integrators() {
         assert_eq!(body.advance(None, 0, integrator).unwrap().inverted_cells, 1);
     }
-    // Flat counts as inverted, and what is only strongly compressed does not.
+    // Flat counts as inverted, strongly compressed does not.
     for (share, count) in [(0.999, 0), (1.0, 1)] {
         let rest = body.network().rest_m().to_vec();
         let moved: Vec<DVec3> = rest
@@ -164,7 +164,7 @@ fn blocks_slits_and_meshes_have_cells_and_keep_them() {
     let network = block.tissue(&Tissue::default()).unwrap().network;
     assert_eq!(network.cells().len(), 6 * 5 * 6);
     assert!(network.node_count() > 7 * 6 * 7);
-    // The nodes of each cell are joined to each other, so that no cell spans the slit.
+    // The nodes of each cell are connected, so no cell spans the slit.
     for cell in network.cells() {
         for (i, &a) in cell.iter().enumerate() {
             assert!(cell[i + 1..].iter().all(|&b| network.neighbours(a).any(|other| other == b)));
@@ -172,7 +172,7 @@ fn blocks_slits_and_meshes_have_cells_and_keep_them() {
     }
     let edited = network.clone().edit().region(|x| x.y > 0.0, 3.0, 1.0, 1.0).build().unwrap();
     assert_eq!(edited.cells(), network.cells());
-    // Three times the springs, three times the barrier.
+    // Three times the stiffness, three times the barrier.
     let whole: Vec<DVec3> = network.rest_m().iter().map(|x| DVec3::new(x.x, 0.1 * x.y, x.z)).collect();
     let energy = |network: &Network, x: &[DVec3]| {
         let mut body = Body::new(network.clone(), Surface::default()).unwrap();
@@ -181,7 +181,7 @@ fn blocks_slits_and_meshes_have_cells_and_keep_them() {
     };
     let all = network.clone().edit().region(|_| true, 3.0, 1.0, 1.0).build().unwrap();
     assert!((energy(&all, &whole) / energy(&network, &whole) - 3.0).abs() < 1e-12);
-    // A box of whole cells as a mesh is the block.
+    // A box mesh of whole cells equals the block.
     let (size, n) = (DVec3::new(0.06, 0.04, 0.08), [4, 3, 5]);
     let block = Block::new(n, size).unwrap().fix(Face::NegY).tissue(&Tissue::default()).unwrap().network;
     let corner = |c: usize| {
@@ -216,7 +216,7 @@ fn energy_of_a_uniformly_flattened_block_is_the_closed_form() {
 }
 
 #[test]
-fn books_balance_while_barriers_act_and_the_integrator_s_share_vanishes_with_its_step() {
+fn energy_balance_closes_with_active_barriers() {
     let share = |integrator: Integrator| {
         let mut body = cube(3);
         body.set_gravity(DVec3::NEG_Y * 9.81).unwrap();
@@ -238,11 +238,11 @@ fn books_balance_while_barriers_act_and_the_integrator_s_share_vanishes_with_its
             inverted = inverted.max(report.inverted_cells);
         }
         assert!(inverted > 0, "{integrator:?}");
-        let books = body.energy_balance().unwrap();
-        let through = books.work_in_j.abs() + books.damping_loss_j;
-        let sum = books.stored_j + books.damping_loss_j + books.integrator_j;
-        assert!((sum - books.work_in_j).abs() < 1e-12 * through);
-        books.integrator_j.abs() / through
+        let balance = body.energy_balance().unwrap();
+        let through = balance.work_in_j.abs() + balance.damping_loss_j;
+        let sum = balance.stored_j + balance.damping_loss_j + balance.integrator_j;
+        assert!((sum - balance.work_in_j).abs() < 1e-12 * through);
+        balance.integrator_j.abs() / through
     };
     let semi = |n| share(SemiImplicitEuler { min_substeps: n, ..SemiImplicitEuler::default() }.into());
     let whole = |n| share(LinearlyImplicitEuler { substeps: n, ..LinearlyImplicitEuler::default() }.into());
@@ -253,7 +253,7 @@ fn books_balance_while_barriers_act_and_the_integrator_s_share_vanishes_with_its
 }
 
 #[test]
-fn a_state_restored_while_cells_are_inverted_leads_to_the_same_bits() {
+fn restored_inverted_state_leads_to_identical_bits() {
     for integrator in integrators() {
         let mut body = cube(4);
         let x = shaken(&body, 0.03, 11);
@@ -272,11 +272,11 @@ fn a_state_restored_while_cells_are_inverted_leads_to_the_same_bits() {
 
 #[test]
 fn explicit_steps_stay_stable_while_cells_are_inverted() {
-    // Without dampers the energy of a released body would grow without bound if a step were unstable.
+    // Without dampers, the energy of a released body would grow without bound if a step were unstable.
     let tissue = Tissue { youngs_modulus_pa: 500e3, damping_ratio: 0.0, ..Tissue::default() };
     let mut body = block([4; 3], DVec3::splat(0.06), &tissue);
     let at_rest_substeps = SemiImplicitEuler::default().substeps(&body).unwrap();
-    // The energy of such steps goes up and down by a share that is proportional to their length.
+    // The energy fluctuates by a share that is proportional to the step length.
     for (min_substeps, share) in [(4, 0.4), (120, 0.02)] {
         let settings = SemiImplicitEuler { min_substeps, ..SemiImplicitEuler::default() };
         let x = shaken(&body, 0.03, 21);
@@ -290,7 +290,7 @@ fn explicit_steps_stay_stable_while_cells_are_inverted() {
         }
         assert!(substeps > at_rest_substeps && substeps <= min_substeps.max(40), "{substeps}");
     }
-    // A body whose springs take all substeps is stepped all the same.
+    // A body whose springs need all substeps is still stepped.
     let x = shaken(&body, 0.012, 22);
     let mut alone = Body::new(without_cells(body.network()), Surface::default()).unwrap();
     at_rest(&mut body, &x);

@@ -1,4 +1,4 @@
-//! Bodies that are pressed or pulled until cells invert: what the volume barriers do, and that they return to rest.
+//! Bodies pressed or pulled until cells invert: the volume barriers, and the return to rest.
 
 mod barriers;
 mod returns;
@@ -19,13 +19,13 @@ fn at_rest(body: &mut Body, x: &[DVec3]) {
     body.set_state(x, &vec![DVec3::ZERO; x.len()]).unwrap();
 }
 
-/// The greatest distance of a node from rest, m.
+/// Maximum distance of a node from rest, m.
 fn off_m(body: &Body) -> f64 {
     let rest = body.network().rest_m();
     body.positions_m().iter().zip(rest).map(|(x, rest)| x.distance(*rest)).fold(0.0, f64::max)
 }
 
-/// The volume ratios of the tetrahedra of every cell: at its corners, and between alternate corners.
+/// Volume ratios of the tetrahedra of every cell: at its corners, and between alternate corners.
 fn ratios(network: &Network, x: &[DVec3]) -> Vec<f64> {
     let volume = |x: &[DVec3], cell: &[usize; 8], [o, a, b, c]: [usize; 4]| {
         let edge = |to: usize| x[cell[to]] - x[cell[o]];
@@ -39,14 +39,14 @@ fn ratios(network: &Network, x: &[DVec3]) -> Vec<f64> {
     network.cells().iter().flat_map(of).collect()
 }
 
-/// The same springs, without cells.
+/// The same springs without cells.
 fn without_cells(network: &Network) -> Network {
     let fixed = (0..network.node_count()).map(|node| network.is_fixed(node)).collect();
     let (rest_m, mass_kg) = (network.rest_m().to_vec(), network.mass_kg().to_vec());
     Network::new(rest_m, mass_kg, fixed, network.links().to_vec()).unwrap()
 }
 
-/// Numbers between −1 and 1.
+/// Pseudo-random numbers between −1 and 1.
 fn number(seed: u64) -> f64 {
     let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -59,7 +59,7 @@ fn noise(seed: u64, node: usize) -> DVec3 {
     DVec3::new(number(at), number(at + 1), number(at + 2))
 }
 
-/// Free nodes moved by up to `by_m`.
+/// Free nodes displaced by up to `by_m`.
 fn shaken(body: &Body, by_m: f64, seed: u64) -> Vec<DVec3> {
     let network = body.network();
     let moved = |node: usize| if network.is_fixed(node) { DVec3::ZERO } else { by_m * noise(seed, node) };
@@ -72,7 +72,7 @@ fn internal_n(body: &Body) -> Vec<DVec3> {
     force
 }
 
-/// Steps of 1 ms, and of 10 ms.
+/// Steps of 1 ms and of 10 ms.
 fn integrators() -> [Integrator; 2] {
     let long = LinearlyImplicitEuler { ticks_per_step: 10, ..LinearlyImplicitEuler::default() };
     [SemiImplicitEuler::default().into(), long.into()]

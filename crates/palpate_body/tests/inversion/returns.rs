@@ -1,4 +1,4 @@
-//! Bodies that are pressed, drawn or folded through themselves return to rest once they are released.
+//! Bodies pressed, drawn or folded through themselves return to rest after release.
 
 use super::*;
 use proptest::prelude::*;
@@ -18,7 +18,7 @@ fn bar_stretched_to_150_percent_returns_to_rest() {
         let stretched: Vec<DVec3> =
             body.network().rest_m().iter().map(|x| DVec3::new(x.x, 1.5 * x.y + 0.03, x.z)).collect();
         at_rest(&mut body, &stretched);
-        // It contracts beyond its length at rest.
+        // The bar contracts beyond its rest length.
         let mut active = 0;
         for _ in 0..200 {
             body.advance(None, 1, integrator).unwrap();
@@ -46,7 +46,7 @@ fn bar_pulled_and_pushed_at_its_end_returns_to_rest() {
     }
 }
 
-/// The end of the bar moved to `length` within a second, held there, and released.
+/// Moves the end of the bar to `length` within a second, holds it there, and releases it.
 fn drawn_to(length: f64, network: Network, integrator: Integrator) -> Body {
     let mut body = Body::new(network, Surface::default()).unwrap();
     let rest = body.network().rest_m().to_vec();
@@ -69,7 +69,7 @@ fn bar_drawn_slowly_to_150_or_60_percent_and_released_returns_to_rest() {
     let bar = block([5, 13, 5], DVec3::new(0.04, 0.12, 0.04), &Tissue::default());
     for (integrator, length) in integrators().into_iter().flat_map(|i| [1.5, 0.6].map(|length| (i, length))) {
         let mut body = drawn_to(length, bar.network().clone(), integrator);
-        // The pushed bar buckles, and sways for long.
+        // The compressed bar buckles and oscillates for a long time.
         let ticks = if length < 1.0 { 60_000 } else { 4_000 };
         returns_within(&mut body, integrator, ticks, 1e-4);
     }
@@ -113,7 +113,7 @@ fn fully_mirrored_cells_return() {
         at_rest(&mut body, &mirrored);
         assert_eq!(body.inverted_cells().count(), (n - 1).pow(3));
         returns_within(&mut body, integrator, 4000, 1e-4);
-        // Free, and turned inside out about its middle plane and about its centre: it returns to its shape.
+        // Unconstrained and inverted about its middle plane and about its centre: it returns to its shape.
         for mirror in [DVec3::new(-1.0, 1.0, 1.0), DVec3::NEG_ONE] {
             let block =
                 Block::new([n; 3], DVec3::splat(0.02 * (n - 1) as f64)).unwrap().allow_unconstrained();
@@ -131,7 +131,7 @@ fn fully_mirrored_cells_return() {
     }
 }
 
-/// A deformation: stretched to `stretch` along the normal of the fixed face, or mirrored; sheared; and noise.
+/// A deformation: stretched to `stretch` along the normal of the fixed face, or mirrored; sheared; with noise.
 fn violent(body: &Body, stretch: f64, shear: &[f64], by: f64, cell_m: f64, seed: u64) -> Vec<DVec3> {
     let network = body.network();
     let low = network.rest_m()[0];
@@ -168,7 +168,7 @@ proptest! {
             let mut body = block(n, size, &tissue);
             let x = violent(&body, stretch, &shear, noise, cell_m, seed);
             at_rest(&mut body, &x);
-            // A slender body sways for long.
+            // A slender body oscillates for a long time.
             let ticks = if integrator == implicit.into() { 6_000 } else { 12_000 };
             let report = body.advance(None, ticks, integrator).unwrap();
             prop_assert_eq!(report.inverted_cells, 0);

@@ -1,4 +1,4 @@
-//! The network that a mesh becomes: its mass, its springs, what is fixed and what is elsewhere.
+//! The network of a mesh: masses, springs, fixed nodes and position.
 
 use crate::shapes::{Shape, cube, cuboid, sphere, torus};
 use glam::{DMat3, DQuat, DVec3};
@@ -26,7 +26,7 @@ fn stiffness(link: &Link) -> f64 {
     stiffness_n_per_m
 }
 
-/// Elastic energy when every node is moved by the infinitesimal affine map x → x + ε x.
+/// Elastic energy under the infinitesimal affine displacement x → x + ε x.
 fn energy(network: &Network, strain: DMat3) -> f64 {
     let x = network.rest_m();
     let of = |link: &Link| {
@@ -37,7 +37,7 @@ fn energy(network: &Network, strain: DMat3) -> f64 {
 }
 
 #[test]
-fn a_box_of_whole_cells_is_the_network_of_a_block() {
+fn box_of_whole_cells_gives_the_network_of_a_block() {
     let size = DVec3::new(0.12, 0.08, 0.1);
     let at = DVec3::new(0.3, -0.2, 5.0);
     let block = Block::new([7, 5, 6], size).unwrap().centered_at(at).unwrap().fix(Face::NegZ);
@@ -67,7 +67,7 @@ fn a_box_of_whole_cells_is_the_network_of_a_block() {
 }
 
 #[test]
-fn every_shape_has_its_mass_and_the_energy_of_an_isotropic_solid_of_its_volume() {
+fn shapes_have_their_mass_and_isotropic_strain_energy() {
     let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.7);
     let (lambda, mu) = (0.4 * TISSUE.youngs_modulus_pa, 0.4 * TISSUE.youngs_modulus_pa);
     for (shape, cells) in [
@@ -95,9 +95,9 @@ fn every_shape_has_its_mass_and_the_energy_of_an_isotropic_solid_of_its_volume()
 }
 
 #[test]
-fn a_sphere_lies_where_it_lies() {
+fn sphere_has_its_centre_of_mass() {
     let center = DVec3::new(0.2, 1.0, -3.0);
-    // The middle of the bounds is the centre, so the lattice is symmetric to it; turned it is not.
+    // The centre of the bounds is the centre, so the lattice is symmetric about it; rotated it is not.
     let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 0.2, 0.9);
     let shape = sphere(0.05, 24).turned(turn).map(|x| x + DVec3::X * x.x.max(0.0)).moved(center);
     let mesh = shape.close().unwrap();
@@ -105,7 +105,7 @@ fn a_sphere_lies_where_it_lies() {
     // Half a sphere and half an ellipsoid twice as long: 3/8 (2a · 2 − a) V/V.
     let expected = center + DVec3::X * (0.05 * 3.0 / 8.0 * (4.0 - 1.0) / 3.0);
     assert!((mass(&made.network) / (1000.0 * mesh.volume_m3()) - 1.0).abs() < 1e-12);
-    // Facets, and volume that a cell has but not at its middle: well below a cell of 12 mm.
+    // Facets, and volume off the middle of its cell: well below a cell of 12 mm.
     assert!(
         center_of_mass(&made.network).distance(expected) < 2e-4,
         "{}",
@@ -114,19 +114,19 @@ fn a_sphere_lies_where_it_lies() {
 }
 
 #[test]
-fn thin_plates_tips_and_slivers_keep_their_mass_and_stay_whole() {
+fn thin_plates_tips_and_slivers_keep_mass_and_connection() {
     // A plate thinner than a cell, across the cells.
     let turn = DQuat::from_rotation_y(0.3);
     let plate = cuboid(DVec3::new(0.1, 0.1, 0.002), [20, 20, 1]).turned(turn);
     let made = free(&plate, 10);
     assert!((mass(&made.network) / 0.02 - 1.0).abs() < 1e-9, "{}", mass(&made.network));
-    // A needle: cells in which there is almost nothing, and nothing beside them.
+    // A needle: almost empty cells without neighbours.
     let needle =
         cuboid(DVec3::new(0.1, 4e-4, 4e-4), [30, 1, 1]).turned(DQuat::from_rotation_z(0.6)).turned(turn);
     let made = free(&needle, 20);
     assert!(made.cells.raised > 20 && made.cells.least_fill == 0.01, "{:?}", made.cells);
     for body in [free(&plate, 10), made] {
-        // What stays is joined: one piece, found by walking along springs.
+        // The kept cells are connected: one piece, found by walking along springs.
         let network = &body.network;
         let mut reached = vec![false; network.node_count()];
         let mut front = vec![0];
@@ -140,7 +140,7 @@ fn thin_plates_tips_and_slivers_keep_their_mass_and_stay_whole() {
 }
 
 #[test]
-fn pieces_that_share_no_cell_are_named_and_allowed_when_asked_for() {
+fn rejects_separate_pieces_unless_allowed() {
     let two = sphere(0.03, 8).and(&cube(0.02).moved(DVec3::X * 0.1)).moved(DVec3::Y);
     let mesh = two.close().unwrap();
     let fit =
@@ -151,15 +151,15 @@ fn pieces_that_share_no_cell_are_named_and_allowed_when_asked_for() {
     assert!(at_m.distance(DVec3::new(0.1, 1.0, 0.0)) < 0.02, "{at_m}");
     let both = fit(16).allow_unconstrained().tissue(&TISSUE).unwrap();
     assert!((mass(&both.network) / (1000.0 * mesh.volume_m3()) - 1.0).abs() < 1e-12);
-    // In cells as wide as the gap they are one.
+    // In cells as wide as the gap they are one piece.
     assert!(fit(2).tissue(&TISSUE).is_ok());
 }
 
 #[test]
-fn regions_have_their_tissue_by_the_share_of_a_cell_that_they_hold() {
+fn region_tissue_is_averaged_by_its_share_of_a_cell() {
     let mesh = cuboid(DVec3::splat(0.1), [1; 3]).close().unwrap();
     let stiff = Tissue { youngs_modulus_pa: 80e3, density_kg_per_m3: 2000.0, damping_ratio: 0.2 };
-    // The upper 37.5 mm of 100, in cells of 25 mm: one layer whole and half of another.
+    // The upper 37.5 mm of 100 mm, in cells of 25 mm: one whole layer and half of another.
     let upper = Region::HalfSpace { point_m: 0.0125 * DVec3::Z, outward: -DVec3::Z };
     let fit = || CellLattice::fit(&mesh, CellSize::Side(0.025)).unwrap().allow_unconstrained();
     let made = fit().region(upper.clone(), stiff).tissue(&TISSUE).unwrap();
@@ -168,14 +168,14 @@ fn regions_have_their_tissue_by_the_share_of_a_cell_that_they_hold() {
     let of = |e: f64| 0.5 * 1.2 * e * 1e-4 * 1e-3;
     let expected = of(20e3) * 0.625 + of(80e3) * 0.375;
     assert!((energy(&made.network, strain) / expected - 1.0).abs() < 1e-12);
-    // The last region counts.
+    // The last region applies.
     let other =
         fit().region(upper.clone(), stiff).region(Region::from_fn(|_| true), TISSUE).tissue(&TISSUE).unwrap();
     let plain = fit().tissue(&TISSUE).unwrap();
     for (a, b) in other.network.links().iter().zip(plain.network.links()) {
         assert!((stiffness(a) / stiffness(b) - 1.0).abs() < 1e-12);
     }
-    // Dampers of the stiff layer are those of the stiff layer.
+    // The dampers of the stiff layer have its damping ratio.
     let top: Vec<usize> = (0..125).filter(|&n| made.network.rest_m()[n].z > 0.049).collect();
     let link = made.network.links().iter().find(|l| top.contains(&l.a) && top.contains(&l.b)).unwrap();
     let (m_a, m_b) = (made.network.mass_kg()[link.a], made.network.mass_kg()[link.b]);
@@ -186,9 +186,9 @@ fn regions_have_their_tissue_by_the_share_of_a_cell_that_they_hold() {
         (Region::Sphere { center_m: DVec3::splat(f64::NAN), radius_m: 0.5 }, 1),
         (Region::Cuboid { center_m: DVec3::ZERO, half_m: -DVec3::ONE }, 1),
     ] {
-        let refused = fit().region(upper.clone(), stiff).region(nothing, stiff).tissue(&TISSUE).unwrap_err();
+        let rejected = fit().region(upper.clone(), stiff).region(nothing, stiff).tissue(&TISSUE).unwrap_err();
         assert!(
-            matches!(refused, BodyError::Mesh(MeshError::EmptyRegion { what: "region of tissue", index, .. }) if index == error)
+            matches!(rejected, BodyError::Mesh(MeshError::EmptyRegion { what: "region of tissue", index, .. }) if index == error)
         );
     }
     let bad = Tissue { youngs_modulus_pa: -1.0, ..TISSUE };
@@ -204,7 +204,7 @@ fn nodes_are_fixed_by_region_and_by_vertex() {
     let low = |x: DVec3| x.z < -0.049;
     let by_region = fit().fix(Region::from_fn(low)).tissue(&TISSUE).unwrap();
     assert_eq!(fixed(&by_region), (0..36).collect::<Vec<_>>());
-    // Four corners of one face: its triangles hold all nodes of it, though the mesh has no vertices there.
+    // Four corners of one face: its triangles carry all nodes of it, although the mesh has no vertices there.
     let mask: Vec<bool> = shape.vertices.iter().map(|x| low(*x)).collect();
     let by_vertex = fit().fix_vertices(&mask).unwrap().tissue(&TISSUE).unwrap();
     assert_eq!(fixed(&by_vertex), (0..36).collect::<Vec<_>>());
@@ -212,21 +212,21 @@ fn nodes_are_fixed_by_region_and_by_vertex() {
     let one: Vec<bool> = (0..8).map(|v| v == 0).collect();
     let held = fixed(&fit().fix_vertices(&one).unwrap().tissue(&TISSUE).unwrap());
     assert!(held.len() == 1 && by_region.network.rest_m()[held[0]].distance(shape.vertices[0]) < 1e-12);
-    let refused = |lattice: CellLattice<'_>| lattice.tissue(&TISSUE).unwrap_err();
-    assert_eq!(refused(fit()), BodyError::Unheld { node: 0, nodes: 216 });
-    assert_eq!(refused(fit().fix(Region::from_fn(|_| true))), BodyError::AllFixed(216));
-    let nothing = refused(fit().fix(Region::from_fn(low)).fix(Region::from_fn(|_| false)));
+    let rejected = |lattice: CellLattice<'_>| lattice.tissue(&TISSUE).unwrap_err();
+    assert_eq!(rejected(fit()), BodyError::Unheld { node: 0, nodes: 216 });
+    assert_eq!(rejected(fit().fix(Region::from_fn(|_| true))), BodyError::AllFixed(216));
+    let nothing = rejected(fit().fix(Region::from_fn(low)).fix(Region::from_fn(|_| false)));
     assert!(matches!(
         nothing,
         BodyError::Mesh(MeshError::EmptyRegion { what: "fixed region", index: 1, .. })
     ));
-    let none = refused(fit().fix_vertices(&[false; 8]).unwrap());
+    let none = rejected(fit().fix_vertices(&[false; 8]).unwrap());
     assert!(matches!(none, BodyError::Mesh(MeshError::EmptyRegion { what: "list of fixed vertices", .. })));
     assert!(matches!(fit().fix_vertices(&[true; 9]), Err(MeshError::Length { found: 9, vertices: 8, .. })));
 }
 
 #[test]
-fn senseless_cells_are_refused() {
+fn rejects_invalid_cells() {
     let mesh = cube(0.1).close().unwrap();
     for size in [
         CellSize::Along(0),
@@ -239,7 +239,7 @@ fn senseless_cells_are_refused() {
     ] {
         assert!(matches!(CellLattice::fit(&mesh, size), Err(MeshError::Cells { .. })), "{size:?}");
     }
-    // One large cell round a small mesh is a body still.
+    // One large cell around a small mesh is a valid body.
     let large =
         CellLattice::fit(&mesh, CellSize::Side(0.5)).unwrap().allow_unconstrained().tissue(&TISSUE).unwrap();
     assert_eq!(large.network.node_count(), 8);
@@ -247,7 +247,7 @@ fn senseless_cells_are_refused() {
 }
 
 #[test]
-fn the_touched_surface_is_the_mesh_to_within_a_part_of_a_cell() {
+fn touchable_surface_deviates_by_less_than_a_cell() {
     let shape = sphere(0.05, 48);
     let mesh = shape.close().unwrap();
     let made =
@@ -271,7 +271,7 @@ fn the_touched_surface_is_the_mesh_to_within_a_part_of_a_cell() {
     let volume: f64 =
         made.surface.triangles.iter().map(|t| t.map(corner)).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
     assert!((volume / mesh.volume_m3() - 1.0).abs() < 0.02, "{volume}");
-    // Asked for all of it, all of it is there.
+    // With zero spacing every vertex is kept.
     let all = CellLattice::fit(&mesh, CellSize::Along(12))
         .unwrap()
         .allow_unconstrained()
@@ -279,14 +279,14 @@ fn the_touched_surface_is_the_mesh_to_within_a_part_of_a_cell() {
         .unwrap();
     let all = all.tissue(&TISSUE).unwrap();
     assert_eq!((all.surface.points.len(), all.deviation_m), (shape.vertices.len(), 0.0));
-    // A cube of twelve triangles gets points that dent.
+    // A cube of twelve triangles gets additional points.
     let coarse = free(&cube(0.1), 5);
     assert!(coarse.surface.points.len() > 6 * 16 && coarse.deviation_m == 0.0);
 }
 
-/// Thin walls, cavities and pieces that clustering pinches, too: what a mesh is touched by faces outward already.
+/// Also for thin walls, cavities and pieces pinched by clustering, the touchable surface faces outward.
 #[test]
-fn the_touched_surface_of_a_mesh_is_left_as_it_is() {
+fn touchable_surface_of_a_mesh_already_faces_outward() {
     let shapes = [
         ("a sphere", sphere(0.05, 12), 8),
         ("a torus", torus(0.04, 0.012, 24, 12), 10),
@@ -311,7 +311,7 @@ fn the_touched_surface_of_a_mesh_is_left_as_it_is() {
 }
 
 #[test]
-fn a_placed_body_is_the_same_body_elsewhere() {
+fn placed_body_is_the_same_body_moved() {
     let made = free(&sphere(0.05, 6), 5);
     let turn = DQuat::from_rotation_x(1.0);
     let placed = made.clone().placed(turn, DVec3::X).unwrap();
@@ -326,7 +326,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn a_turned_box_has_its_mass_in_cells_of_any_size(
+    fn rotated_box_keeps_its_mass_in_cells_of_any_size(
         angles in prop::array::uniform3(-3.0..3.0f64),
         half in prop::array::uniform3(0.01..0.06f64),
         cells in 1..14usize,
@@ -337,7 +337,7 @@ proptest! {
         let expected = 8000.0 * half.iter().product::<f64>();
         prop_assume!(made.cells.raised == 0);
         prop_assert!((mass(&made.network) / expected - 1.0).abs() < 1e-11);
-        // The lattice is symmetric; of two slivers alike one may go to the left and one to the right.
+        // The lattice is symmetric; of two equal slivers one may go to the left and one to the right.
         prop_assert!(center_of_mass(&made.network).length() < 0.1 * made.cells.cell_m);
     }
 }

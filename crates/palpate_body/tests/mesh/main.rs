@@ -1,7 +1,7 @@
 //! Closed meshes and the bodies made of them.
 
+mod arbitrary_input;
 mod closed;
-mod garbage;
 mod lattice;
 mod limits;
 mod motion;

@@ -1,4 +1,4 @@
-//! Bodies made of meshes, moving: their stiffness, their stable step, gravity and a poke.
+//! Motion of bodies made of meshes: stiffness, stable step, gravity and a poke.
 
 use crate::shapes::{Shape, cuboid, sphere, torus};
 use glam::{DQuat, DVec3};
@@ -10,7 +10,7 @@ fn turn() -> DQuat {
     DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, -0.5)
 }
 
-/// The modulus of a bar across the cells, from its extension under a pull: fitted to the displacements of its middle half.
+/// Young's modulus of an oblique bar from its extension under a pull, fitted to the displacements of its middle half.
 fn modulus_of_bar(cells: usize) -> f64 {
     let (width, length, force) = (0.03, 0.12, 0.2);
     let axis = turn() * DVec3::Z;
@@ -27,7 +27,7 @@ fn modulus_of_bar(cells: usize) -> f64 {
     body.set_loads(&loads).unwrap();
     let newton = LinearlyImplicitEuler { tick_s: 1e4, solver: LinearSolver::Cholesky, ..Default::default() };
     body.advance(None, 12, newton).unwrap();
-    // Least squares of the displacement along the bar over the place along it.
+    // Least squares of the displacement along the bar over the position along it.
     let (mut n, mut s, mut u, mut ss, mut su) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for point in &body.surface().points {
         let at = point.of(&rest).dot(axis);
@@ -41,8 +41,8 @@ fn modulus_of_bar(cells: usize) -> f64 {
 }
 
 #[test]
-fn a_bar_across_the_cells_has_its_modulus() {
-    // Three, five and eight cells to its width; the bar gets 1 % longer.
+fn oblique_bar_has_the_given_modulus() {
+    // Three, five and eight cells across; the bar extends by 1 %.
     for (cells, within) in [(11, 0.01), (18, 0.01), (29, 0.005)] {
         let found = modulus_of_bar(cells) / TISSUE.youngs_modulus_pa;
         assert!((found - 1.0).abs() < within, "{found} of E with {cells} cells along");
@@ -54,7 +54,7 @@ fn stable_step(network: Network, surface: Surface) -> f64 {
 }
 
 #[test]
-fn cells_with_little_in_them_need_no_shorter_step() {
+fn partly_filled_cells_need_no_shorter_step() {
     let needle = cuboid(DVec3::new(0.1, 4e-4, 4e-4), [30, 1, 1]).turned(turn());
     let mut least = 1.0_f64;
     for (shape, cells) in
@@ -78,7 +78,7 @@ fn cells_with_little_in_them_need_no_shorter_step() {
     assert!(least < 1.0);
 }
 
-/// A ball of tissue, its lower part held, turned against the cells.
+/// A ball of tissue, its lower part fixed, rotated relative to the cells.
 fn ball() -> (Body, MeshCells) {
     let shape: Shape = sphere(0.04, 20).turned(turn());
     let mesh = shape.close().unwrap();
@@ -94,7 +94,7 @@ fn both() -> [Integrator; 2] {
 }
 
 #[test]
-fn under_gravity_it_comes_to_rest_with_its_weight_on_what_holds_it() {
+fn body_at_rest_has_its_weight_on_fixed_nodes() {
     for integrator in both() {
         let (mut body, _) = ball();
         body.set_gravity(-9.81 * DVec3::Z).unwrap();
@@ -113,8 +113,8 @@ fn under_gravity_it_comes_to_rest_with_its_weight_on_what_holds_it() {
     }
 }
 
-/// Presses a ball of 15 mm radius 4 mm into the top of a body at (1, 2) mm, within 0.1 s, waits for 0.2 s, and takes it
-/// away. The force while waiting, and the body 2 s later.
+/// Presses a ball of 15 mm radius 4 mm into the top of a body at (1, 2) mm within 0.1 s, waits for 0.2 s, and removes
+/// it. Returns the force while waiting, and the body 2 s later.
 fn poke(mut body: Body, top_m: f64, integrator: Integrator) -> (DVec3, Body) {
     let mut tool = ToolContact::touch(ToolShape::Sphere { radius_m: 0.015 }, 0.2).unwrap();
     let at = |tick: usize| {
@@ -136,13 +136,13 @@ fn poke(mut body: Body, top_m: f64, integrator: Integrator) -> (DVec3, Body) {
 }
 
 #[test]
-fn a_poke_feels_the_same_wherever_the_surface_cuts_the_cells() {
+fn poke_force_does_not_depend_on_the_cut_of_cells() {
     let size = DVec3::new(0.06, 0.06, 0.04);
     let block = Block::new([9, 9, 6], size).unwrap().fix(Face::NegZ).tissue(&TISSUE).unwrap();
     let block = Body::new(block.network, block.surface).unwrap();
     let (of_block, _) = poke(block, 0.02, SemiImplicitEuler::default().into());
     for integrator in both() {
-        // Cells of 7.5 mm: 5 1/3 of them, and turned, through the thickness.
+        // Cells of 7.5 mm: 5 1/3 of them through the thickness, and rotated.
         let held = Region::HalfSpace { point_m: -0.0199 * DVec3::Z, outward: DVec3::Z };
         for turn in [0.0, 0.6] {
             let shape = cuboid(size, [30, 30, 20]).turned(DQuat::from_rotation_z(turn));

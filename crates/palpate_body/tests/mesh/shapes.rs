@@ -1,4 +1,4 @@
-//! Closed meshes to test with, and what mathematics says of them.
+//! Closed test meshes with their geometry.
 
 use glam::{DQuat, DVec3};
 use palpate_body::{ClosedMesh, MeshError};
@@ -40,7 +40,7 @@ impl Shape {
         self.map(|x| by * x)
     }
 
-    /// Every triangle with vertices of its own, as where every face is flat-shaded.
+    /// Separate vertices for every triangle, as in flat shading.
     pub fn split(&self) -> Self {
         let vertices = self.triangles.iter().flatten().map(|&v| self.vertices[v]).collect();
         Self {
@@ -58,7 +58,7 @@ impl Shape {
     }
 }
 
-/// A box round the origin, `n` fields along each edge, welded.
+/// A box around the origin with `n` fields along each edge, welded.
 pub fn cuboid(size: DVec3, n: [usize; 3]) -> Shape {
     let mut shape = Shape::default();
     let mut known = HashMap::new();
@@ -88,13 +88,13 @@ pub fn cube(size: f64) -> Shape {
     cuboid(DVec3::splat(size), [1; 3])
 }
 
-/// A cube of `n` fields along its edges, blown up to a sphere.
+/// A cube with `n` fields along its edges, projected onto a sphere.
 pub fn sphere(radius: f64, n: usize) -> Shape {
     cuboid(DVec3::splat(2.0), [n; 3])
         .map(|x| radius * (x * std::f64::consts::FRAC_PI_4).map(f64::tan).normalize())
 }
 
-/// Round the z axis.
+/// A torus around the z axis.
 pub fn torus(radius: f64, tube: f64, round: usize, across: usize) -> Shape {
     let mut shape = Shape::default();
     for (i, j) in (0..round).flat_map(|i| (0..across).map(move |j| (i, j))) {

@@ -1,4 +1,4 @@
-//! The drawn mesh: where its vertices and normals go.
+//! The drawn mesh: positions and normals.
 
 use crate::shapes::{Shape, cuboid, sphere, torus};
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
@@ -34,7 +34,7 @@ fn turn() -> DQuat {
     DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.7)
 }
 
-/// The area-weighted normal at each vertex.
+/// Area-weighted normal at each vertex.
 fn normals(shape: &Shape) -> Vec<DVec3> {
     let mut normals = vec![DVec3::ZERO; shape.vertices.len()];
     for t in &shape.triangles {
@@ -45,7 +45,7 @@ fn normals(shape: &Shape) -> Vec<DVec3> {
 }
 
 #[test]
-fn an_affine_motion_of_the_nodes_is_that_of_every_vertex_and_normal() {
+fn affine_node_motion_moves_vertices_and_normals_alike() {
     let stretch =
         DMat3::from_cols(DVec3::new(1.3, 0.1, 0.0), DVec3::new(-0.2, 0.8, 0.05), DVec3::new(0.1, 0.0, 1.1));
     for (shape, cells) in [
@@ -81,7 +81,7 @@ fn an_affine_motion_of_the_nodes_is_that_of_every_vertex_and_normal() {
 }
 
 #[test]
-fn a_rigid_motion_far_from_the_origin_keeps_what_the_local_frame_can_hold() {
+fn distant_rigid_motion_keeps_local_precision() {
     let by = DVec3::new(1e6, -3e6, 2e6);
     let shape = sphere(0.05, 12);
     let mesh = shape.clone().moved(by).close().unwrap();
@@ -91,7 +91,7 @@ fn a_rigid_motion_far_from_the_origin_keeps_what_the_local_frame_can_hold() {
     for (vertex, x) in shape.vertices.iter().enumerate() {
         assert!(at(&drawn.positions, vertex).distance(*x) < 1e-8);
     }
-    // Where the frame is far away, positions are rounded and normals are not.
+    // With a distant frame, positions are rounded and normals are not.
     let drawn = draw(&mut body.skin, &nodes, &DAffine3::from_translation(-by + 1e3));
     for (vertex, normal) in normals(&shape).into_iter().enumerate() {
         assert!(at(&drawn.normals, vertex).distance(normal) < 1e-4);
@@ -99,8 +99,8 @@ fn a_rigid_motion_far_from_the_origin_keeps_what_the_local_frame_can_hold() {
 }
 
 #[test]
-fn a_bent_body_is_drawn_where_its_cells_are() {
-    // Trilinear weights of the same cell: the touched surface with all its points says where.
+fn bent_body_is_drawn_at_its_cells() {
+    // The touchable surface with all its points has the trilinear weights of the same cells.
     let shape = sphere(0.05, 10);
     let mesh = shape.close().unwrap();
     let lattice = CellLattice::fit(&mesh, CellSize::Along(6))
@@ -120,7 +120,7 @@ fn a_bent_body_is_drawn_where_its_cells_are() {
 }
 
 #[test]
-fn split_vertices_are_smooth_and_hard_edges_stay_hard_when_normals_say_so() {
+fn given_normals_keep_hard_edges_hard() {
     let split = cuboid(DVec3::splat(0.1), [2; 3]).split();
     let faces: Vec<DVec3> = normals(&split);
     let smooth = split.close().unwrap();
@@ -138,7 +138,7 @@ fn split_vertices_are_smooth_and_hard_edges_stay_hard_when_normals_say_so() {
         assert!(!is_corner || of_smooth.abs().min_element() > 0.3, "{of_smooth}");
         assert_eq!(drawn[0].0.positions[vertex], drawn[1].0.positions[vertex]);
     }
-    // A frame that mirrors keeps them outward.
+    // A mirroring frame keeps normals outward.
     let mirror = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
     let (_, nodes, body) = &mut drawn[1];
     let mirrored = draw(&mut body.skin, nodes, &mirror);
@@ -148,7 +148,7 @@ fn split_vertices_are_smooth_and_hard_edges_stay_hard_when_normals_say_so() {
 }
 
 #[test]
-fn an_inside_out_mesh_is_drawn_outward_and_loose_vertices_harm_nothing() {
+fn inverted_mesh_is_drawn_outward_with_unused_vertices() {
     let mut shape = sphere(0.05, 6).inside_out();
     shape.vertices.push(DVec3::splat(3.0));
     let mesh = shape.close().unwrap();
@@ -163,7 +163,7 @@ fn an_inside_out_mesh_is_drawn_outward_and_loose_vertices_harm_nothing() {
 }
 
 #[test]
-fn lists_of_another_length_are_refused() {
+fn rejects_lists_of_another_length() {
     let mesh = sphere(0.05, 4).close().unwrap();
     let mut body = made(&mesh, 4);
     let nodes = body.network.rest_m().to_vec();

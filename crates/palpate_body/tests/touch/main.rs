@@ -1,6 +1,6 @@
-//! Touching, sliding and letting go.
+//! Touch, hold and release.
 
-mod refused;
+mod rejected;
 mod slide;
 
 use glam::DVec3;
@@ -15,7 +15,7 @@ fn block() -> Body {
     Body::new(block.network, block.surface).unwrap()
 }
 
-/// The same without a grid of cells: contact has no compliance of its own and is one row of one point.
+/// The same without a grid of cells: contact has no compliance of its own, and is one row at one point.
 fn rigid_block() -> Body {
     let (body, links) = (block(), block().network().links().to_vec());
     let network = body.network();
@@ -44,7 +44,7 @@ fn path(ticks: usize, at: impl Fn(f64) -> DVec3) -> Vec<ToolPoint> {
     (0..=ticks).map(|i| ToolPoint::at_rest(at(i as f64 * 1e-3))).collect()
 }
 
-/// Moves the tool along `at` and returns every force.
+/// Moves the tool along `at` and returns the force of every tick.
 fn follow(
     body: &mut Body,
     tool: &mut ToolContact,
@@ -57,24 +57,24 @@ fn follow(
     forces
 }
 
-/// Moves the tool along `height` (of its lowest point above the surface at rest) and returns every force.
+/// Moves the tool along `height` (of its lowest point above the surface at rest) and returns the force of every tick.
 fn press(body: &mut Body, tool: &mut ToolContact, ticks: usize, height: impl Fn(f64) -> f64) -> Vec<DVec3> {
     let at = |t: f64| DVec3::new(0.012, -0.008, 0.05 + RADIUS + height(t));
     follow(body, tool, ticks, SemiImplicitEuler::default().into(), at)
 }
 
-/// How far the centre of a ball is outside of the surface.
+/// Distance of the centre of a ball outside of the surface.
 fn outside(body: &Body, center: DVec3) -> f64 {
     SurfaceTree::new(body).closest(center, 1.0).unwrap().distance_m
 }
 
-/// What gives way at a touched point in series with the nodes, m.
+/// Deflection of the series compliance of a touched point, m.
 fn series_m(touched: &TouchedPoint) -> f64 {
     touched.series.map_or(0.0, |series| series.approach_m(touched.pressing_n()))
 }
 
 #[test]
-fn a_tool_above_the_body_feels_nothing_and_moves_nothing() {
+fn tool_above_the_body_has_no_effect() {
     let (mut body, mut tool) = (block(), ball(RADIUS, 0.3));
     let forces = press(&mut body, &mut tool, 50, |_| 1e-6);
     assert!(forces.iter().all(|&f| f == DVec3::ZERO));
@@ -82,12 +82,12 @@ fn a_tool_above_the_body_feels_nothing_and_moves_nothing() {
 }
 
 #[test]
-fn touch_begins_in_the_tick_in_which_the_tool_crosses_the_surface() {
+fn contact_starts_in_the_tick_of_crossing() {
     let (mut body, mut tool) = (block(), ball(RADIUS, 0.3));
     // 4.15 mm above, 100 mm/s down: through the surface half-way through tick 42, whose index is 41.
     let forces = press(&mut body, &mut tool, 60, |t| 4.15e-3 - 0.1 * t);
     assert_eq!(forces.iter().position(|f| f.z > 0.0), Some(41));
-    // What is touched is on the tool, between the nodes round (12, -8) mm.
+    // The touched point lies on the tool, between the nodes around (12, -8) mm.
     let center = DVec3::new(0.012, -0.008, 0.05 + RADIUS + 4.15e-3 - 6e-3);
     assert!(!tool.touched().is_empty());
     for touched in tool.touched() {
@@ -102,7 +102,7 @@ fn touch_begins_in_the_tick_in_which_the_tool_crosses_the_surface() {
 }
 
 #[test]
-fn pressing_pushes_back_and_never_pulls_and_leaving_ends_it() {
+fn press_only_pushes_and_ends_on_leaving() {
     for friction in [0.0, 0.5] {
         let (mut body, mut tool) = (block(), ball(RADIUS, friction));
         let wave = |t: f64| -0.006 * (2.0 * std::f64::consts::PI * 2.0 * t).sin();
@@ -119,7 +119,7 @@ fn pressing_pushes_back_and_never_pulls_and_leaving_ends_it() {
 }
 
 #[test]
-fn a_held_node_pulls_too() {
+fn held_node_pushes_and_pulls() {
     let mut body = block();
     let node = 3 + 6 * (3 + 6 * 5);
     let p = body.positions_m()[node];
@@ -131,7 +131,7 @@ fn a_held_node_pulls_too() {
 }
 
 #[test]
-fn a_held_point_follows_the_tool_and_feels_what_its_triangle_pulls() {
+fn held_point_follows_the_tool_with_the_internal_force() {
     let node = |i: usize, j: usize| i + 6 * (j + 6 * 5);
     let triangle = || BodyPoint::new(vec![(node(3, 3), 0.5), (node(4, 3), 0.3), (node(3, 4), 0.2)]).unwrap();
     let at_of = |body: &Body| -> DVec3 {
@@ -146,7 +146,7 @@ fn a_held_point_follows_the_tool_and_feels_what_its_triangle_pulls() {
         let lifted = follow(&mut body, &mut tool, 314, integrator, |t| way(t) + DVec3::X);
         assert!((at_of(&body) - way(0.314)).length() < 1e-12);
         assert!(lifted[300].z < -0.3 && lifted.iter().all(|f| f.is_finite()));
-        // At rest what the hand feels is what holds the ground.
+        // At rest the displayed force balances the fixed nodes.
         let last = follow(&mut body, &mut tool, 3000, integrator, |_| way(0.314) + DVec3::X)[2999];
         let ground: DVec3 = (0..36).map(|node| body.internal_force_on_n(node)).sum();
         assert!((last + ground).length() < 1e-6, "{last}, {ground}");
@@ -154,7 +154,7 @@ fn a_held_point_follows_the_tool_and_feels_what_its_triangle_pulls() {
 }
 
 #[test]
-fn a_held_triangle_pulls_as_the_reference_says() {
+fn held_triangle_matches_the_reference() {
     let text = include_str!("../../../../tests/data/contact_held_triangle.json");
     let data: serde_json::Value = serde_json::from_str(text).unwrap();
     let expected: Vec<[f64; 3]> = serde_json::from_value(data["force_n"].clone()).unwrap();
@@ -176,7 +176,7 @@ fn a_held_triangle_pulls_as_the_reference_says() {
 }
 
 #[test]
-fn a_tool_that_starts_deep_inside_touches_nothing_until_it_has_come_out() {
+fn tool_starting_inside_touches_nothing_until_outside() {
     let (mut body, mut tool) = (block(), ball(RADIUS, 0.3));
     let forces = press(&mut body, &mut tool, 400, |t| -0.04 + 0.2 * t);
     assert!(forces.iter().all(|&f| f == DVec3::ZERO));
@@ -184,14 +184,14 @@ fn a_tool_that_starts_deep_inside_touches_nothing_until_it_has_come_out() {
     assert!(forces[150] == DVec3::ZERO && forces[250].z > 0.0);
 }
 
-/// A scene: tool, friction, where it goes, and how fast the body's nodes fly at the beginning.
+/// A scene: tool, friction, path, and initial speed of the body's nodes.
 fn scenes() -> impl Strategy<Value = (bool, f64, f64, [f64; 3], [f64; 3], u64)> {
     let place = || prop::array::uniform3(-1.0..1.0f64);
     (any::<bool>(), 0.004..0.04f64, 0.0..0.8f64, place(), place(), any::<u64>())
 }
 
 proptest! {
-    // Always the same scenes: what slides fast under a punch is closed in two solutions, which differ by micrometres.
+    // A fixed seed: a fast sliding punch is resolved in two solutions, which differ by micrometres.
     #![proptest_config(ProptestConfig {
         cases: 48,
         max_shrink_iters: 0,
@@ -199,7 +199,7 @@ proptest! {
         ..ProptestConfig::default()
     })]
     #[test]
-    fn every_touch_obeys_signorini_and_coulomb_at_every_step(
+    fn touch_satisfies_signorini_and_coulomb_at_every_step(
         (flat, radius, mu, from, to, seed) in scenes(), is_implicit in any::<bool>(),
     ) {
         let mut body = rigid_block();
@@ -229,7 +229,7 @@ proptest! {
                 let push = -t.normal;
                 let (along, slip) = (t.impulse_ns.dot(push), t.slip_m_per_s.reject_from(push));
                 let across = t.impulse_ns - along * push;
-                // The gap is closed, unless it was overdue because the surface slid or turned.
+                // The gap is closed, unless it existed before because the surface slid or turned.
                 let most = if flat { 1e-4 } else { 1e-5 };
                 let gap_m = t.gap_m + series_m(t);
                 prop_assert!(along > 0.0 && (-5e-4 - 0.05 * radius..most).contains(&gap_m), "{t:?}");

@@ -3,11 +3,11 @@
 use super::*;
 
 #[test]
-fn a_tool_in_free_air_near_an_edge_or_a_corner_touches_nothing() {
+fn tool_beside_an_edge_or_corner_touches_nothing() {
     let mut body = block();
     for i in 0..40 {
         for j in 0..40 {
-            // A plane just above the top, reaching beyond its edges, and one beside a side.
+            // A plane just above the top, wider than the top, and one beside a side.
             let (u, v) = (f64::from(i) * 0.004 - 0.08, f64::from(j) * 0.004 - 0.08);
             let (top, side) =
                 (DVec3::new(u, v, 0.05 + RADIUS + 1e-6), DVec3::new(0.05 + RADIUS + 1e-6, u, v));
@@ -25,21 +25,21 @@ fn a_tool_in_free_air_near_an_edge_or_a_corner_touches_nothing() {
 }
 
 #[test]
-fn a_ball_that_slides_over_an_edge_leaves() {
+fn ball_sliding_over_an_edge_leaves_the_surface() {
     let (mut body, mut tool) = (block(), ball(0.01, 0.2));
     // 2 mm deep across the top and beyond, 40 mm in 0.4 s.
     let forces = follow(&mut body, &mut tool, 600, SemiImplicitEuler::default().into(), |t| {
         DVec3::new(0.03 + 0.1 * (t - 0.2).max(0.0), 0.004, 0.06 - 0.002 * (t / 0.2).min(1.0))
     });
     assert!(forces[250].z > 0.05, "{}", forces[250]);
-    // Past the edge the normal leans over it and pushes the ball on.
+    // Beyond the edge the normal leans over it and pushes the ball on.
     assert!(forces.iter().any(|f| f.x > 0.02 && f.z > 0.0));
     assert_eq!(forces[599], DVec3::ZERO);
     assert!(tool.touched().is_empty());
 }
 
 #[test]
-fn a_ball_that_slides_is_rubbed_by_mu_times_its_load() {
+fn sliding_friction_is_mu_times_the_load() {
     for integrator in both() {
         for mu in [0.0, 0.2, 0.4] {
             let (mut body, mut tool) = (block(), ball(0.01, mu));
@@ -47,8 +47,8 @@ fn a_ball_that_slides_is_rubbed_by_mu_times_its_load() {
             let forces = follow(&mut body, &mut tool, 900, integrator, |t| {
                 DVec3::new(-0.02 + 0.04 * (t - 0.3).max(0.0), 0.001, 0.06 - 0.004 * (t / 0.2).min(1.0))
             });
-            // It drags the surface along, so that the body resists: forces oppose the movement of the tool. In the mean over
-            // a cell of the lattice, because the surface rises and falls.
+            // The ball drags the surface along, so that the forces oppose its motion. Averaged over a cell of the
+            // lattice, because the surface rises and falls.
             let cell = &forces[400..900];
             let mean: DVec3 = cell.iter().sum::<DVec3>() / cell.len() as f64;
             assert!((mean.x / mean.z + mu).abs() < 0.03, "{mean}, mu {mu}");
@@ -59,7 +59,7 @@ fn a_ball_that_slides_is_rubbed_by_mu_times_its_load() {
 }
 
 #[test]
-fn a_ball_that_moves_little_sticks_and_takes_the_surface_along() {
+fn small_tangential_motion_sticks() {
     let (mut body, mut tool) = (rigid_block(), ball(0.01, 0.8));
     // Down by 4 mm, then 1 mm aside.
     let way = |t: f64| {
@@ -73,7 +73,7 @@ fn a_ball_that_moves_little_sticks_and_takes_the_surface_along() {
 }
 
 #[test]
-fn nothing_is_passed_unseen_however_fast() {
+fn fast_tool_crosses_no_surface_undetected() {
     for (radius, speed) in [(0.001, 1.0), (0.001, 5.0), (0.005, 1.0), (0.01, 20.0)] {
         for integrator in [SemiImplicitEuler::default().into(), implicit(LinearSolver::Cholesky, 1)] {
             let (mut body, mut tool) = (block(), ball(radius, 0.3));
@@ -95,7 +95,7 @@ fn nothing_is_passed_unseen_however_fast() {
 }
 
 #[test]
-fn steps_of_many_ticks_touch_too() {
+fn steps_over_several_ticks_touch() {
     let (mut body, mut tool) = (block(), ball(RADIUS, 0.3));
     let way = |t: f64| DVec3::new(0.012, -0.008, 0.05 + RADIUS + 0.004 - 0.1 * t);
     let forces = follow(&mut body, &mut tool, 100, implicit(LinearSolver::Cholesky, 50), way);
@@ -104,7 +104,7 @@ fn steps_of_many_ticks_touch_too() {
 }
 
 #[test]
-fn conjugate_gradients_answer_as_the_factorisation_does() {
+fn conjugate_gradients_match_the_factorisation_in_contact() {
     let run = |solver| {
         let (mut body, mut tool) = (block(), ball(0.02, 0.3));
         let tight = LinearlyImplicitEuler { solver, tolerance: 1e-12, ..LinearlyImplicitEuler::default() };
@@ -118,7 +118,7 @@ fn conjugate_gradients_answer_as_the_factorisation_does() {
 }
 
 #[test]
-fn at_rest_all_that_is_touched_together_carries_what_the_ground_carries() {
+fn touch_at_rest_balances_the_ground_force() {
     for mut tool in [ball(0.06, 0.0), ball(0.06, 0.4), punch(0.03, 0.0), punch(0.03, 0.4), punch(0.004, 0.3)]
     {
         let (shape, friction) = tool.shape().unwrap();
@@ -133,10 +133,10 @@ fn at_rest_all_that_is_touched_together_carries_what_the_ground_carries() {
     }
 }
 
-/// A wide ball once made the radius of its contact follow the force in two ways that were unstable: without added compliance at once, by
-/// 0.15 N at 130 Hz; and with it after a delay, by 3 N at 80 Hz.
+/// Regression: the contact radius of a wide ball followed the force in two unstable ways. Without added compliance it
+/// did so at once, with 0.15 N at 130 Hz; with it after a delay, with 3 N at 80 Hz.
 #[test]
-fn what_rests_on_a_body_does_not_tremble() {
+fn resting_ball_does_not_oscillate() {
     let tissue = |nodes, size_m| {
         let made = Block::new(nodes, size_m).unwrap().fix(Face::NegZ).tissue(&Tissue::default()).unwrap();
         Body::new(made.network, made.surface).unwrap()
@@ -165,7 +165,7 @@ fn what_rests_on_a_body_does_not_tremble() {
 }
 
 #[test]
-fn the_work_of_a_tool_that_presses_and_slides_is_stored_or_dissipated() {
+fn energy_balance_closes_for_a_sliding_tool() {
     let fine = SemiImplicitEuler { min_substeps: 64, ..SemiImplicitEuler::default() };
     for (mut tool, lowest) in [(ball(0.01, 0.3), 0.01), (punch(0.012, 0.3), 0.0), (punch(0.03, 0.3), 0.0)] {
         let mut body = block();
@@ -174,16 +174,20 @@ fn the_work_of_a_tool_that_presses_and_slides_is_stored_or_dissipated() {
             DVec3::new(-0.015 + 0.1 * (t - 0.1).max(0.0), 0.001, 0.05 + lowest - 0.004 * (t / 0.1).min(1.0))
         };
         follow(&mut body, &mut tool, 350, fine.into(), way);
-        let books = body.energy_balance().unwrap();
-        let through = books.stored_j + books.damping_loss_j + books.friction_loss_j;
-        assert!(books.work_in_j > 1e-3 && books.friction_loss_j > 0.2 * books.work_in_j, "{books:?}");
-        assert!((books.work_in_j - through).abs() < 1e-3 * books.work_in_j, "{:?}: {books:?}", tool.shape());
+        let balance = body.energy_balance().unwrap();
+        let through = balance.stored_j + balance.damping_loss_j + balance.friction_loss_j;
+        assert!(balance.work_in_j > 1e-3 && balance.friction_loss_j > 0.2 * balance.work_in_j, "{balance:?}");
+        assert!(
+            (balance.work_in_j - through).abs() < 1e-3 * balance.work_in_j,
+            "{:?}: {balance:?}",
+            tool.shape()
+        );
     }
 }
 
 #[test]
-fn what_is_displayed_is_what_is_pushed_but_for_inertia() {
-    // Slow scenes, in which a touch changes its triangles: along a diagonal, over nodes, deep with much friction.
+fn displayed_force_is_the_contact_force_without_inertia() {
+    // Slow scenes in which a touch changes triangles: along a diagonal, over nodes, deep with high friction.
     for integrator in both() {
         for (radius, friction, x, y) in [
             (0.02, 1.0, 0.004, 0.001),
@@ -204,7 +208,7 @@ fn what_is_displayed_is_what_is_pushed_but_for_inertia() {
                 let pushed: DVec3 = tool.touched().iter().map(|t| t.impulse_ns).sum::<DVec3>() / h;
                 let f = tool.displayed_force_n(&body);
                 let off = (f + pushed).length();
-                // Touch-down is an impact.
+                // The first contact is an impact.
                 if tick < 20 {
                     continue;
                 }

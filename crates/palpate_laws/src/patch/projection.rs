@@ -5,101 +5,102 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use super::{PatchSurface, SurfacePlace};
-use crate::touch::weights_of_products;
+use crate::triangle::weights_of_products;
+use crate::{PatchSurface, SurfacePlace};
 use glam::{DVec2, DVec3};
 
-/// Most triangles that a projection passes.
-const MOST_TRIANGLES: usize = 48;
-/// Most triangles round a corner that are looked at.
-const MOST_ROUND_CORNER: usize = 12;
-/// A triangle that looks less along the normal than that is not seen along it.
-const LEAST_FACING: f64 = 0.1;
-/// Triangles that are kept as they are seen along the direction.
-const KEPT: usize = 32;
+/// Maximum number of triangles on the path of a projection.
+const MAX_TRIANGLES: usize = 48;
+/// Maximum number of triangles visited around a corner.
+const MAX_AROUND_CORNER: usize = 12;
+/// Minimum cosine between a triangle's normal and the direction; others are treated as edge-on.
+const MIN_FACING: f64 = 0.1;
+/// Size of the cache of projected triangles.
+const CACHE_SIZE: usize = 32;
 
-/// Which edges a projection may pass.
+/// Edges that a projection may cross.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Edges {
     Smooth,
     All,
 }
 
-/// What a projection ends on.
+/// Result of a projection.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Projected {
     pub(super) place: SurfacePlace,
-    /// How far it is from the target across the direction, m.
+    /// Distance from the target perpendicular to the direction, m.
     pub(super) off_m: f64,
 }
 
-/// A surface as it is seen along a direction.
+/// Projection of a surface along a direction.
 pub(super) struct Projection<'a, S> {
     surface: &'a S,
     edges: Edges,
-    /// A place that counts as the origin, m.
+    /// Origin of the projection plane, m.
     origin_m: DVec3,
     normal: DVec3,
-    /// Across the direction.
+    /// Axes of the projection plane.
     axes: [DVec3; 2],
-    /// Triangle i at i modulo their number: points near each other lead to the same ones.
-    kept: [Option<(usize, Option<Facet>)>; KEPT],
+    /// Cache: triangle i is stored at i modulo the size. Nearby points lead to the same triangles.
+    kept: [Option<(usize, Option<Facet>)>; CACHE_SIZE],
 }
 
-/// A triangle as it is seen.
+/// A projected triangle.
 #[derive(Clone, Copy, Debug)]
 struct Facet {
-    /// Its first corner, and the edges to the others.
+    /// First corner, and the edges to the other two.
     a: DVec2,
     ab: DVec2,
     ac: DVec2,
-    /// The products of the edges.
+    /// Scalar products of the edges.
     ab_ab: f64,
     ab_ac: f64,
     ac_ac: f64,
 }
 
 impl<'a, S: PatchSurface> Projection<'a, S> {
-    /// Along `normal`, with unit vectors across it.
+    /// Creates the projection along `normal`, with unit vectors perpendicular to it.
     pub(super) fn new(
         surface: &'a S,
         edges: Edges,
         origin_m: DVec3,
         (normal, axes): (DVec3, [DVec3; 2]),
     ) -> Self {
-        Self { surface, edges, origin_m, normal, axes, kept: [None; KEPT] }
+        Self { surface, edges, origin_m, normal, axes, kept: [None; CACHE_SIZE] }
     }
 
-    /// Where a place is seen.
+    /// Position in the projection plane.
     pub(super) fn seen(&self, at_m: DVec3) -> DVec2 {
         let [u, v] = self.axes;
         let away = at_m - self.origin_m;
         DVec2::new(away.dot(u), away.dot(v))
     }
 
-    /// Where a place of the surface is, m.
+    /// Position of a place of the surface, m.
     pub(super) fn at_m(&self, place: SurfacePlace) -> Option<DVec3> {
         self.surface.place_m(place)
     }
 
-    /// A triangle as it is seen. One that stands upright, or looks away, has no place under a target.
+    /// The projected triangle. A triangle that is edge-on or faces away has none.
     fn facet(&mut self, triangle: usize) -> Option<&Facet> {
-        let is_kept = matches!(self.kept.get(triangle % KEPT), Some(Some((kept, _))) if *kept == triangle);
-        let facet = if is_kept { None } else { Some(self.look(triangle)) };
-        let kept = self.kept.get_mut(triangle % KEPT)?;
+        let is_kept =
+            matches!(self.kept.get(triangle % CACHE_SIZE), Some(Some((kept, _))) if *kept == triangle);
+        let facet = if is_kept { None } else { Some(self.project(triangle)) };
+        let kept = self.kept.get_mut(triangle % CACHE_SIZE)?;
         if let Some(facet) = facet {
             *kept = Some((triangle, facet));
         }
         kept.as_ref()?.1.as_ref()
     }
 
-    fn look(&self, triangle: usize) -> Option<Facet> {
+    fn project(&self, triangle: usize) -> Option<Facet> {
         let [a, b, c] = self.surface.corners_m(triangle)?;
         let outward = (b - a).cross(c - a);
         let along = outward.dot(self.normal);
         if along.is_nan()
             || along <= 0.0
-            || along * along <= LEAST_FACING * LEAST_FACING * outward.length_squared()
+            || along * along <= MIN_FACING * MIN_FACING * outward.length_squared()
         {
             return None;
         }
@@ -108,7 +109,7 @@ impl<'a, S: PatchSurface> Projection<'a, S> {
         Some(Facet { a, ab, ac, ab_ab: ab.dot(ab), ab_ac: ab.dot(ac), ac_ac: ac.dot(ac) })
     }
 
-    /// The place of a triangle that is nearest to what is seen at `target`.
+    /// The place of a triangle nearest to `target` in the projection plane.
     fn on(&mut self, triangle: usize, target: DVec2) -> Option<Projected> {
         let &Facet { a, ab, ac, ab_ab, ab_ac, ac_ac } = self.facet(triangle)?;
         let away = target - a;
@@ -116,7 +117,7 @@ impl<'a, S: PatchSurface> Projection<'a, S> {
         let of_b = (of_a.0 - ab_ab, of_a.1 - ab_ac);
         let of_c = (of_a.0 - ab_ac, of_a.1 - ac_ac);
         let weights @ [_, v, w] = weights_of_products(of_a, of_b, of_c);
-        // A target within the triangle is met.
+        // The target lies within the triangle.
         let is_within = weights.iter().all(|w| *w > 0.0);
         let off_m = if is_within { 0.0 } else { (v * ab + w * ac).distance(away) };
         let is_place = off_m.is_finite() && weights.iter().all(|w| *w >= 0.0);
@@ -129,12 +130,12 @@ impl<'a, S: PatchSurface> Projection<'a, S> {
         neighbour.triangle.filter(|_| passes).map(|triangle| triangle as usize)
     }
 
-    /// The place of the surface under what is seen at `target`: by descent from `start` over triangles that face the direction. Where the
-    /// surface ends before, its nearest place.
+    /// The place of the surface under `target`, by descent from `start` over triangles that face the direction.
+    /// Beyond the end of the surface it is the nearest place.
     pub(super) fn find(&mut self, start: SurfacePlace, target: DVec2) -> Option<Projected> {
         let mut now = match self.on(start.triangle, target) {
             Some(now) => now,
-            // From the nearest corner of a triangle that does not face the direction to those round it.
+            // Start at the nearest corner of a triangle that does not face the direction.
             None => {
                 self.surface.corners_m(start.triangle)?;
                 let mut weights = [0.0; 3];
@@ -143,7 +144,7 @@ impl<'a, S: PatchSurface> Projection<'a, S> {
                 Projected { place: SurfacePlace { triangle: start.triangle, weights }, off_m: f64::MAX }
             }
         };
-        for _ in 0..MOST_TRIANGLES {
+        for _ in 0..MAX_TRIANGLES {
             if now.off_m == 0.0 {
                 break;
             }
@@ -155,11 +156,11 @@ impl<'a, S: PatchSurface> Projection<'a, S> {
         (now.off_m < f64::MAX).then_some(now)
     }
 
-    /// The place nearest to the target on the triangles beside that on whose edge or corner `now` lies, if it is nearer.
+    /// The place nearest to the target on the triangles that share the edge or corner of `now`, if it is nearer.
     fn nearer(&mut self, now: &Projected, target: DVec2) -> Option<Projected> {
         let mut best: Option<Projected> = None;
         let SurfacePlace { triangle, weights } = now.place;
-        let mut look = |this: &mut Self, triangle: usize| {
+        let mut examine = |this: &mut Self, triangle: usize| {
             if let Some(other) = this.on(triangle, target)
                 && other.off_m < best.map_or(now.off_m, |best| best.off_m) * (1.0 - 1e-12)
             {
@@ -167,16 +168,16 @@ impl<'a, S: PatchSurface> Projection<'a, S> {
             }
         };
         for (edge, opposite) in [(0, 2), (1, 0), (2, 1)] {
-            // Across an edge that the place lies on.
+            // Across an edge that contains the place.
             if weights.get(opposite).is_some_and(|w| *w > 0.0) {
                 continue;
             }
             let Some(mut next) = self.across(triangle, edge) else { continue };
-            look(self, next);
-            // On round the corner that the place lies on, away from the edge.
+            examine(self, next);
+            // Around the corner that contains the place, away from the edge.
             let Some(corner) = weights.iter().position(|w| *w >= 1.0) else { continue };
             let mut pivot_edge = (triangle, edge, corner);
-            for _ in 0..MOST_ROUND_CORNER {
+            for _ in 0..MAX_AROUND_CORNER {
                 let Some(after) = turn(self.surface, pivot_edge, next) else { break };
                 pivot_edge = (next, after.0, after.1);
                 let Some(further) = self.across(next, after.0) else { break };
@@ -184,25 +185,25 @@ impl<'a, S: PatchSurface> Projection<'a, S> {
                     break;
                 }
                 next = further;
-                look(self, next);
+                examine(self, next);
             }
         }
         best
     }
 }
 
-/// The other edge of triangle `next` at a corner, and the corner's place in it, where `next` is across edge `edge` of a triangle that has the
-/// corner at `corner`.
+/// The other edge of triangle `next` at a corner, and the index of the corner in it. `next` is across edge `edge` of
+/// triangle `from`, whose corner has the index `corner`.
 fn turn(
     surface: &impl PatchSurface,
     (from, edge, corner): (usize, usize, usize),
     next: usize,
 ) -> Option<(usize, usize)> {
     let back = surface.neighbours(next).iter().position(|n| n.triangle == Some(from as u32))?;
-    // The edge from i to i + 1 here runs from i + 1 to i there.
+    // The edge from i to i + 1 here runs from i + 1 to i in the neighbour.
     let is_begin = corner == edge;
     let place = if is_begin { (back + 1) % 3 } else { back };
-    // The two edges at `place` begin at it and end at it.
+    // One of the two edges at `place` begins there, and the other ends there.
     let (begins, ends) = (place, (place + 2) % 3);
     Some((if begins == back { ends } else { begins }, place))
 }

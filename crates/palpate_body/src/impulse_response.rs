@@ -1,29 +1,19 @@
-//! What impulses on rows of nodes do to a body.
+//! Response of a body to impulses on constraint rows.
 
+use crate::weights::Weights;
 use glam::{DMat3, DVec3};
 use palpate_laws::ImpulseResponse;
 
-/// Nodes and weights of a row, only those that can move.
-pub(crate) type Weights = Vec<(usize, f64)>;
-
-/// Adds `weight` to that of `node`.
-pub(crate) fn add_weight(weights: &mut Weights, node: usize, weight: f64) {
-    match weights.iter_mut().find(|(known, _)| *known == node) {
-        Some((_, sum)) => *sum += weight,
-        None => weights.push((node, weight)),
-    }
-}
-
-/// A = M: every node answers for itself.
+/// Response of the explicit step, A = M: impulses change only the nodes of their row.
 pub(crate) struct LumpedMassResponse<'a> {
     pub(crate) rows: &'a [Weights],
     pub(crate) mass_kg: &'a [f64],
-    /// Velocities of all nodes.
+    /// Velocities of all nodes, m/s.
     pub(crate) v: &'a mut [DVec3],
 }
 
 impl LumpedMassResponse<'_> {
-    pub(crate) fn own_per_kg(&self, row: usize) -> DMat3 {
+    pub(crate) fn inv_effective_mass_per_kg(&self, row: usize) -> DMat3 {
         let per_mass: f64 = self.rows[row].iter().map(|&(node, w)| w * w / self.mass_kg[node]).sum();
         DMat3::from_diagonal(DVec3::splat(per_mass))
     }
@@ -41,17 +31,17 @@ impl ImpulseResponse for LumpedMassResponse<'_> {
     }
 }
 
-/// A = M + hB + h²K: an impulse moves the whole body, so that rows answer to each other by H A⁻¹ Hᵀ.
+/// Response of the implicit step, A = M + hB + h²K: the Delassus matrix H A⁻¹ Hᵀ couples all rows.
 pub(crate) struct DelassusMatrix {
-    /// Row by row, 1/kg.
+    /// Blocks in row-major order, 1/kg.
     delassus: Vec<DMat3>,
     /// Velocity of each row, m/s.
     u: Vec<DVec3>,
 }
 
 impl DelassusMatrix {
-    /// The rows `rows` where nodes have velocities `v` without impulses and `block(i, j)` is the velocity of node i that
-    /// an impulse on node j gives.
+    /// Creates the matrix for `rows`. `v` holds the velocities of the nodes without impulses; `block(i, j)` is the
+    /// velocity of node i per impulse on node j.
     pub(crate) fn new(rows: &[Weights], v: &[DVec3], block: impl Fn(usize, usize) -> DMat3) -> Self {
         let mut delassus = Vec::with_capacity(rows.len() * rows.len());
         for row in rows {
@@ -64,7 +54,7 @@ impl DelassusMatrix {
         Self { delassus, u }
     }
 
-    pub(crate) fn own_per_kg(&self, row: usize) -> DMat3 {
+    pub(crate) fn inv_effective_mass_per_kg(&self, row: usize) -> DMat3 {
         self.delassus[row * self.u.len() + row]
     }
 }

@@ -1,6 +1,6 @@
-//! The point of a body's surface nearest to a place.
+//! The nearest point of a surface.
 
-use crate::{Body, BodyPoint, Surface};
+use crate::{BodyPoint, Surface};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode, BvhWorkspace};
@@ -8,33 +8,33 @@ use parry3d_f64::query::{PointQuery, PointQueryWithLocation};
 use parry3d_f64::shape::Triangle;
 use std::collections::HashMap;
 
-/// The triangles of a body's surface in a tree of boxes, built once and fitted anew when the body has moved.
+/// Bounding volume tree of the triangles of a body's surface. It is built once and refitted when the body has moved.
 #[derive(Clone)]
 pub struct SurfaceTree {
-    /// Points of each triangle, counter-clockwise seen from outside.
+    /// Points of each triangle, counter-clockwise as seen from outside.
     triangles: Vec<[usize; 3]>,
-    /// Where each point of the surface was at the last fit, m.
+    /// Position of each point of the surface at the last fit, m.
     x: Vec<DVec3>,
-    /// The triangles round each point, and beside each edge.
+    /// Triangles around each point, and at each edge.
     round_point: HashMap<usize, Vec<usize>>,
     beside_edge: HashMap<(usize, usize), Vec<usize>>,
     bvh: Bvh,
     workspace: BvhWorkspace,
 }
 
-/// A point of a body's surface.
+/// The nearest point of a body's surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClosestPoint {
-    /// Its triangle.
+    /// Index of the triangle.
     pub triangle: usize,
-    /// The triangle's corners, points of the surface, and the weights of each, at least 0.
+    /// Corners of the triangle as points of the surface, with their weights, at least 0.
     pub corners: [(usize, f64); 3],
-    /// Where it is, m.
+    /// Position, m.
     pub point_m: DVec3,
-    /// Outward unit normal of the surface there; on an edge or a corner that between its triangles, weighted by their
-    /// angles.
+    /// Outward unit normal of the surface. On an edge or a corner it is the mean over the adjacent triangles,
+    /// weighted by their angles.
     pub normal: DVec3,
-    /// Distance of the place asked for, m; negative inside the body.
+    /// Distance of the given position from the surface, m; negative inside the body.
     pub distance_m: f64,
 }
 
@@ -45,24 +45,22 @@ impl std::fmt::Debug for SurfaceTree {
 }
 
 impl ClosestPoint {
-    /// It as a point of the body, Σ w_i x_i, to be held or tied.
+    /// Converts it to a point of the body, to be held or tied.
     ///
     /// # Panics
-    /// When `surface` is another one, with fewer points.
+    /// If `surface` has fewer points than the one of the tree.
     #[must_use]
     pub fn body_point(&self, surface: &Surface) -> BodyPoint {
         BodyPoint::between(self.corners.map(|(point, w)| (&surface.points[point], w)))
     }
 }
 
-/// Weights below that are of a corner or an edge that the point is not on.
+/// Weights below this value count as zero: the point lies on an edge or a corner.
 const NO_WEIGHT: f64 = 1e-9;
 
 impl SurfaceTree {
-    /// The tree of `body`'s surface where it is now.
-    #[must_use]
-    pub fn new(body: &Body) -> Self {
-        let surface = body.surface();
+    /// Creates the tree of `surface` with the nodes at `positions_m`.
+    pub(crate) fn of_surface(surface: &Surface, positions_m: &[DVec3]) -> Self {
         let triangles: Vec<[usize; 3]> =
             (0..surface.triangles.len()).map(|triangle| surface.corners(triangle)).collect();
         let (mut round_point, mut beside_edge) = (HashMap::<_, Vec<_>>::new(), HashMap::<_, Vec<_>>::new());
@@ -73,26 +71,23 @@ impl SurfaceTree {
                 beside_edge.entry((a.min(b), a.max(b))).or_default().push(index);
             }
         }
-        let x: Vec<DVec3> = surface.points.iter().map(|point| point.of(body.positions_m())).collect();
+        let x: Vec<DVec3> = surface.points.iter().map(|point| point.of(positions_m)).collect();
         let boxes: Vec<Aabb> = triangles.iter().map(|t| bounds(t.map(|point| x[point]))).collect();
         let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
         Self { triangles, x, round_point, beside_edge, bvh, workspace: BvhWorkspace::default() }
     }
 
-    /// Fits the tree to where `body` is now: fast as long as its triangles stay neighbours, which they do.
-    ///
-    /// # Panics
-    /// When `body` is not the one that the tree is of and has fewer nodes or points.
-    pub fn refit(&mut self, body: &Body) {
-        let points = &body.surface().points;
-        self.x.iter_mut().zip(points).for_each(|(x, point)| *x = point.of(body.positions_m()));
+    /// Refits the tree to the nodes at `positions_m`.
+    pub(crate) fn refit_to(&mut self, surface: &Surface, positions_m: &[DVec3]) {
+        let points = &surface.points;
+        self.x.iter_mut().zip(points).for_each(|(x, point)| *x = point.of(positions_m));
         for (index, t) in self.triangles.iter().enumerate() {
             self.bvh.insert_or_update_partially(bounds(t.map(|point| self.x[point])), index as u32, 0.0);
         }
         self.bvh.refit(&mut self.workspace);
     }
 
-    /// The indices of the triangles whose boxes meet the box from `low_m` to `high_m`, in ascending order.
+    /// Indices of the triangles whose boxes overlap the box from `low_m` to `high_m`, in ascending order.
     #[must_use]
     pub fn near(&self, low_m: DVec3, high_m: DVec3) -> Vec<usize> {
         let mut triangles: Vec<usize> =
@@ -101,8 +96,8 @@ impl SurfaceTree {
         triangles
     }
 
-    /// The point of the surface nearest to `place_m`, if one is nearer than `within_m`, and not on a collapsed triangle;
-    /// where the body was at the last fit.
+    /// The point of the surface nearest to `place_m`, in the shape of the last fit. `None` if it is not within
+    /// `within_m`, or lies on a degenerate triangle.
     #[must_use]
     pub fn closest(&self, place_m: DVec3, within_m: f64) -> Option<ClosestPoint> {
         let corners = |triangle: usize| self.triangles[triangle].map(|point| self.x[point]);
@@ -121,7 +116,7 @@ impl SurfaceTree {
         let on = [(i, weights[0]), (j, weights[1]), (k, weights[2])];
         let point_m: DVec3 = on.iter().map(|&(point, w)| w * self.x[point]).sum();
         let normal = self.normal(triangle, weights);
-        // Of a triangle that has collapsed there is no outside.
+        // A degenerate triangle has no outside.
         if normal == DVec3::ZERO {
             return None;
         }
@@ -135,8 +130,8 @@ impl SurfaceTree {
         })
     }
 
-    /// The normal of a place on `triangle`; on its rim that of all triangles that meet there (J. A. Baerentzen and H.
-    /// Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243), with which inside and outside are told apart.
+    /// Normal at a place of `triangle`. On its edges and corners it combines all adjacent triangles (J. A. Baerentzen
+    /// and H. Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243), which makes the sign of the distance correct.
     fn normal(&self, triangle: usize, weights: [f64; 3]) -> DVec3 {
         let x = &self.x;
         let face = |index: usize| {

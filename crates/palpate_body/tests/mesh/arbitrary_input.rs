@@ -1,11 +1,11 @@
-//! Anything at all: an answer, never a panic and never a hang.
+//! Arbitrary input gives a body or an error, without a panic or a hang.
 
 use crate::shapes::{Shape, sphere, torus};
 use glam::DVec3;
 use palpate_body::{CellLattice, CellSize, MeshError, Tissue};
 use proptest::prelude::*;
 
-/// Makes what can be made of a shape.
+/// Builds a body from a shape if possible.
 fn make(shape: &Shape) -> Result<(), MeshError> {
     let mesh = shape.close()?;
     assert!(mesh.volume_m3() > 0.0, "{}", mesh.volume_m3());
@@ -18,7 +18,7 @@ fn make(shape: &Shape) -> Result<(), MeshError> {
 fn coordinate() -> impl Strategy<Value = f64> {
     prop_oneof![
         -0.1..0.1f64,
-        // Places that coincide, and degenerate ones.
+        // Coincident and degenerate positions.
         (-2..3i32).prop_map(|i| f64::from(i) * 0.02),
         prop::num::f64::ANY,
     ]
@@ -28,7 +28,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn random_triangles_are_refused(
+    fn rejects_random_triangles(
         vertices in prop::collection::vec(prop::array::uniform3(coordinate()), 1..12),
         triangles in prop::collection::vec(prop::array::uniform3(0..14usize), 0..40),
     ) {
@@ -37,7 +37,7 @@ proptest! {
     }
 
     #[test]
-    fn a_few_points_joined_to_closed_surfaces_make_bodies_or_errors(
+    fn random_closed_surfaces_give_a_body_or_an_error(
         places in prop::collection::vec(prop::array::uniform3(-2..3i32), 4..7),
         tetrahedra in prop::collection::vec(prop::array::uniform4(0..4usize), 1..5),
     ) {
@@ -48,12 +48,12 @@ proptest! {
         for [a, b, c, d] in tetrahedra {
             shape.triangles.extend([[a, b, c], [a, c, d], [a, d, b], [b, d, c]]);
         }
-        // An answer is enough.
+        // Any result is accepted.
         let _ = make(&shape);
     }
 
     #[test]
-    fn a_damaged_surface_makes_a_body_or_an_error(
+    fn damaged_surface_gives_a_body_or_an_error(
         round in any::<bool>(),
         moved in prop::collection::vec((any::<prop::sample::Index>(), prop::array::uniform3(-0.03..0.03f64)), 0..4),
         renamed in prop::collection::vec((any::<prop::sample::Index>(), 0..3usize, any::<prop::sample::Index>()), 0..3),
@@ -81,8 +81,8 @@ proptest! {
 }
 
 #[test]
-fn a_great_many_triangles_through_one_place_are_refused_in_time() {
-    // Long needles, all through the origin: every box meets every other.
+fn rejects_many_overlapping_triangles_in_bounded_time() {
+    // Long slivers through the origin: every box overlaps every other.
     let mut shape = Shape::default();
     for i in 0..60_000_u32 {
         let turn = f64::from(i) * 0.01;

@@ -1,15 +1,16 @@
-//! The tool in a step: the patches with which it may run into the surface, and the point that it holds.
+//! Constraint rows of a tool: contact patches, and the point that it holds.
 
-use super::{Constraint, Source, ToolStep};
-use crate::body::Body;
-use crate::body::approach::PatchRow;
+use super::Body;
+use super::constraint::{Constraint, ConstraintSource};
+use super::substep::ToolStep;
+use super::tool_patches::PatchRow;
 use crate::tool::Hold;
 use glam::DVec3;
 use palpate_laws::{ConstraintLaw, ContactGap, MAX_CORRECTION_SPEED_M_PER_S, SeriesDeflection};
 
 impl Body {
-    /// The rows of the patches that the tool may touch in this step.
-    pub(super) fn touchable(&self, (index, tool): (usize, &ToolStep<'_>), h: f64) -> Vec<Constraint> {
+    /// Rows of the tool's candidate patches.
+    pub(super) fn tool_contact_rows(&self, (index, tool): (usize, &ToolStep<'_>), h: f64) -> Vec<Constraint> {
         let moved = tool.way.to_m - tool.way.from_m;
         let row = |patch: usize, index_in_patch: usize, row: &PatchRow| {
             let (normal, push) = (row.normal, -row.normal);
@@ -23,7 +24,7 @@ impl Body {
                 return None;
             }
             Some(Constraint {
-                source: Source::Touch {
+                source: ConstraintSource::Touch {
                     tool: index,
                     patch: (patch, index_in_patch),
                     apart_m,
@@ -43,16 +44,15 @@ impl Body {
         rows.filter_map(|(patch, index, of_patch)| row(patch, index, of_patch)).collect()
     }
 
-    /// Adds the patches with which the tool, `drawn` by its coupling, would have run into the surface at the end of a step of length
-    /// `h`.
-    pub(super) fn meet_tool(
+    /// Adds the rows that the tool, displaced by `drawn`, would penetrate at the end of a step of length `h`.
+    pub(super) fn activate_tool_contacts(
         &self,
         touchable: &[Constraint],
         (h, drawn): (f64, DVec3),
         rows: &mut Vec<Constraint>,
     ) {
         for row in touchable {
-            let Source::Touch { gap_m, push, .. } = row.source else { continue };
+            let ConstraintSource::Touch { gap_m, push, .. } = row.source else { continue };
             let velocity: DVec3 = row.nodes.iter().map(|&(node, w)| w * self.v[node]).sum();
             let gap = gap_m + (h * velocity - drawn).dot(push);
             if gap < 0.0 && !rows.iter().any(|known| known.source == row.source) {
@@ -61,13 +61,19 @@ impl Body {
         }
     }
 
-    /// The row of a point that the tool holds.
+    /// Row of the point that the tool holds.
     pub(super) fn grip_row(&self, (index, tool): (usize, &ToolStep<'_>), h: f64) -> Option<Constraint> {
         let Hold::Point { point, offset_m } = &tool.contact.hold else { return None };
         let apart = point.of(&self.x) - (tool.way.from_m + *offset_m);
         let overdue = apart.clamp_length_max(h * MAX_CORRECTION_SPEED_M_PER_S);
         let gap = overdue - (tool.way.to_m - tool.way.from_m);
         let nodes = point.nodes().to_vec();
-        Some(Constraint { source: Source::Grip(index), nodes, law: ConstraintLaw::Bilateral, gap, overdue })
+        Some(Constraint {
+            source: ConstraintSource::Grip(index),
+            nodes,
+            law: ConstraintLaw::Bilateral,
+            gap,
+            overdue,
+        })
     }
 }

@@ -1,30 +1,30 @@
-//! The force of skin pressed in, as measured on the thigh.
+//! The measured force law of skin.
 
 use crate::Tension;
 
-/// f(x) = x / (c − h x): compliance c at first touch, infinitely stiff at the indentation c/h.
+/// Force f(x) = x / (c − h x) at indentation x, with compliance c at first touch and a singularity at c/h.
 ///
 /// Equation 5 of the seed paper, from D. d'Aulignac, C. Laugier and M. C. Çavuşoğlu, IROS'99, pp. 727–732: with x in
 /// millimetres and f in newtons c = 5.4398 and h = 0.1418.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkinLaw {
-    /// c, m/N.
+    /// Compliance c at first touch, m/N.
     pub compliance_m_per_n: f64,
-    /// h, 1/N.
+    /// Hardening h, 1/N.
     pub hardening_per_n: f64,
 }
 
 impl SkinLaw {
-    /// The skin of the thigh.
+    /// Values measured on the thigh.
     pub const THIGH: Self = Self { compliance_m_per_n: 5.4398e-3, hardening_per_n: 0.1418 };
 
-    /// The indentation at which the force would be infinite, m: 38.4 mm for [`SkinLaw::THIGH`].
+    /// Indentation at which the force is singular, m: 38.4 mm for [`SkinLaw::THIGH`].
     #[must_use]
     pub fn limit_m(self) -> f64 {
         self.compliance_m_per_n / self.hardening_per_n
     }
 
-    /// f and f' at indentation `x_m`; `None` at the limit and beyond, where the law says nothing.
+    /// f and f' at indentation `x_m`, m; `None` from the singularity on.
     #[must_use]
     pub fn at(self, x_m: f64) -> Option<Tension> {
         let rest = self.compliance_m_per_n - self.hardening_per_n * x_m;
@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_paper_s_numbers_in_millimetres() {
+    fn thigh_law_matches_the_paper_in_millimetres() {
         let at = SkinLaw::THIGH.at(0.010).unwrap();
         assert!((at.force_n - 10.0 / (5.4398 - 1.418)).abs() < 1e-12);
         let h = 1e-8;
@@ -50,7 +50,7 @@ mod tests {
     }
 
     #[test]
-    fn at_its_limit_the_law_says_nothing() {
+    fn law_is_undefined_from_its_singularity_on() {
         let limit = SkinLaw::THIGH.limit_m();
         assert!((limit - 0.038362).abs() < 1e-6);
         assert!(SkinLaw::THIGH.at(0.999 * limit).is_some());

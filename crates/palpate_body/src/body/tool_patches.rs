@@ -1,10 +1,10 @@
-//! The tool's way to the surface of a body: the contact patches that it may have in the next ticks.
+//! Candidate contact patches of a tool for the next ticks.
 
 use super::Body;
-use crate::contact::{Weights, add_weight};
 use crate::network::POISSONS_RATIO;
 use crate::surface::PlacedSurface;
 use crate::tool::Hold;
+use crate::weights::{Weights, add_weight};
 use crate::{SurfaceTree, ToolContact};
 use glam::DVec3;
 use palpate_laws::{
@@ -13,68 +13,68 @@ use palpate_laws::{
     mobility, normal_compliance_at,
 };
 
-/// A tool that moves farther in a millisecond has jumped: what lay between was not touched.
+/// A tool that moves further than this in a millisecond, m, counts as having jumped and touches nothing on the way.
 const JUMP_M_PER_MS: f64 = 0.025;
-/// Of its radius, by so much a tool may be in the surface and still count as clear of it.
+/// Penetration, as a fraction of its radius, with which a tool still counts as outside.
 const CLEAR_SHARE: f64 = 1e-3;
 
-/// A contact patch as rows of nodes.
+/// A contact patch with its rows of nodes.
 #[derive(Clone, Debug)]
 pub(super) struct ToolPatch {
     pub(super) patch: Patch,
-    /// The corners of the triangle under the tool, points of the contact surface, with their weights.
+    /// Corners of the triangle under the tool as points of the contact surface, with their weights.
     pub(super) corners: [(usize, f64); 3],
-    /// The normal at rest of the triangle on which it began.
+    /// Rest normal of the triangle on which the patch started.
     pub(super) rest_normal: DVec3,
-    /// Radius of the contact, m.
+    /// Contact radius, m.
     pub(super) radius_m: f64,
-    /// One while the contact is small beside a cell, then [`PATCH_ROWS`].
+    /// One row while the contact is small compared with a cell, then [`PATCH_ROWS`].
     pub(super) rows: Vec<PatchRow>,
 }
 
 /// A row of a patch.
 #[derive(Clone, Debug)]
 pub(super) struct PatchRow {
-    /// Which of the patch's rows it is: 0 its middle, or all of it.
+    /// Index of the row in its patch: 0 for the middle or for a single row.
     pub(super) index: usize,
-    /// The nodes that carry it: the mean of the surface under its part of the tool's pressure is Σ w_i x_i.
+    /// Nodes and weights: the mean of the surface under the row's part of the pressure is Σ w_i x_i.
     pub(super) nodes: Weights,
-    /// The sum of the weights of those that can move.
+    /// Sum of the weights of the free nodes.
     pub(super) free_share: f64,
-    /// Unit normal out of the body there, and from the tool's position to its tip against it, m.
+    /// Outward unit normal, and the offset from the tool's position to its tip, m.
     pub(super) normal: DVec3,
     pub(super) tip_m: DVec3,
-    /// What the grid lacks.
+    /// Compliance in series.
     pub(super) series: Option<SeriesCompliance>,
-    /// The force along the normal in the step before, and the whole force on the body, N.
+    /// Normal force in the previous step, and total force on the body, N.
     pub(super) force_n: f64,
     pub(super) whole_n: DVec3,
 }
 
-/// What a tool may touch on a piece of its path.
+/// Candidate patches of a tool on a section of its path.
 #[derive(Default)]
-pub(super) struct Approach {
+pub(super) struct ToolPatches {
     pub(super) patches: Vec<ToolPatch>,
-    /// Patches that found no place among the most that there may be.
+    /// Number of patches beyond the maximum.
     pub(super) left_out: usize,
 }
 
 impl Body {
-    /// The approach of a tool whose device goes straight from `from_m` to `to_m` in `span_s`. A tool that is inside the body at the
-    /// beginning, and touches nothing, touches nothing until it has come out.
-    pub(super) fn approach(
+    /// Finds the candidate patches of a tool whose device moves straight from `from_m` to `to_m` in `span_s`. A tool
+    /// that starts inside the body without a contact touches nothing until it has come out.
+    pub(super) fn find_tool_patches(
         &mut self,
         contact: &mut ToolContact,
         (from_m, to_m): (DVec3, DVec3),
         span_s: f64,
-    ) -> Approach {
+    ) -> ToolPatches {
         let (proxy_m, coupling) = (contact.proxy_m(from_m), contact.coupling);
-        let Hold::Nothing { shape, clear, .. } = &mut contact.hold else { return Approach::default() };
+        let Hold::Nothing { shape, clear, .. } = &mut contact.hold else { return ToolPatches::default() };
         let (shape, radius, moved) = (*shape, shape.radius_m(), from_m.distance(to_m));
         let speed2 = |&node: &usize| self.v[node].length_squared();
         let fastest = self.network.free().iter().map(speed2).fold(0.0, f64::max).sqrt();
         let short = coupling.map_or(0.0, |c| c.short_m(from_m - proxy_m, Some(radius)).length());
-        // Nodes are pushed by the tool, or move by themselves; what comes from farther is met in the next piece.
+        // Nodes are pushed by the tool or move by themselves. The next section finds patches from further away.
         let beside = 2.0 * fastest * span_s + short;
         let reach = 1.5 * radius + moved + beside;
         let way = (proxy_m, proxy_m + (to_m - from_m));
@@ -88,7 +88,7 @@ impl Body {
         let is_near = least.cmple(high).all() && most.cmpge(low).all();
         if !is_near && before.is_empty() {
             *clear = true;
-            return Approach::default();
+            return ToolPatches::default();
         }
         let mut tree = self.tree.take().unwrap_or_else(|| Box::new(SurfaceTree::new(self)));
         tree.refit(self);
@@ -107,19 +107,19 @@ impl Body {
         }
         self.tree = Some(tree);
         if !*clear {
-            return Approach::default();
+            return ToolPatches::default();
         }
         let x: Vec<DVec3> = self.contact_surface.points().iter().map(|point| point.of(&self.x)).collect();
         let surface = PlacedSurface { surface: &self.contact_surface, x: &x };
         let scale = self.patch_scale();
         let find = |start: &PatchStart| Patch::find(&surface, &shape, way.1, start, &scale);
-        let known = |row: &ToolPatch| KnownPatch {
+        let known_patch = |row: &ToolPatch| KnownPatch {
             patch: row.patch,
             at_m: row.corners.iter().map(|&(point, w)| w * x[point]).sum(),
             rest_normal: row.rest_normal,
             radius_m: row.radius_m,
         };
-        let (mut approach, mut all) = (Approach::default(), KnownPatches::default());
+        let (mut approach, mut all) = (ToolPatches::default(), KnownPatches::default());
         for touched in before.chunk_by(|a, b| a.patch == b.patch) {
             let Some(first) = touched.first() else { continue };
             let mut row_n = [0.0; PATCH_ROWS];
@@ -136,7 +136,7 @@ impl Body {
                 continue;
             }
             let row = self.patch_rows(&surface, &shape, patch, (first.rest_normal, row_n, row_f));
-            all.add(known(&row));
+            all.add(known_patch(&row));
             approach.patches.push(row);
         }
         contact.touched = before;
@@ -162,14 +162,14 @@ impl Body {
             }
             let forces = (seed.rest_normal, [0.0; PATCH_ROWS], [DVec3::ZERO; PATCH_ROWS]);
             let row = self.patch_rows(&surface, &shape, patch, forces);
-            let known = known(&row);
+            let known = known_patch(&row);
             approach.patches.push(row);
             Some(known)
         });
         approach
     }
 
-    /// The scale of contact patches on its surface.
+    /// Scale of the contact patches on the surface.
     #[must_use]
     pub fn patch_scale(&self) -> PatchScale {
         let grid = self.network.grid();
@@ -181,7 +181,7 @@ impl Body {
         }
     }
 
-    /// Young's modulus at a point of the contact surface, Pa, where the body has one.
+    /// Young's modulus at a point of the contact surface, Pa, if the body has one.
     #[must_use]
     pub fn contact_modulus_pa(&self, point: usize) -> Option<f64> {
         let moduli = self.network.grid()?.youngs_modulus_pa();
@@ -189,14 +189,14 @@ impl Body {
         Some(point.nodes().iter().map(|&(node, w)| w * moduli[node]).sum())
     }
 
-    /// Young's modulus at a place on a triangle of the contact surface, Pa, where the body has one.
+    /// Young's modulus at a place on a triangle of the contact surface, Pa, if the body has one.
     fn modulus_at_pa(&self, triangle: usize, weights: [f64; 3]) -> Option<f64> {
         let corners = self.contact_surface.triangles()[triangle].into_iter().zip(weights);
         corners.map(|(point, w)| Some(w * self.contact_modulus_pa(point)?)).sum()
     }
 
-    /// What a unit force on node `j` along the normal of the surface does to node `i` by the grid below it, times Young's modulus, 1/m. `None`
-    /// where the body has no grid. A fixed node does not give way.
+    /// Compliance of the grid below the surface between the nodes `i` and `j`, along the surface normal, times
+    /// Young's modulus, 1/m. `None` if the body has no grid; 0 for a fixed node.
     #[must_use]
     pub fn grid_compliance_per_m(&self, i: usize, j: usize) -> Option<f64> {
         let cell_m = self.network.grid()?.cell_m();
@@ -208,8 +208,8 @@ impl Body {
         Some((normal_compliance_at(distance / cell_m) + excess) / cell_m)
     }
 
-    /// The rows of a patch that began on a triangle with that normal at rest, and was pressed with so many newtons in each of its rows in the
-    /// step before.
+    /// Rows of a patch. `rest_normal` is that of the triangle on which it started; `row_n` and `row_f` are the normal
+    /// and total forces on its rows in the previous step, N.
     fn patch_rows(
         &self,
         surface: &PlacedSurface<'_>,
@@ -263,7 +263,7 @@ impl Body {
         ToolPatch { patch, corners, rest_normal, radius_m: layout.pressure.1, rows }
     }
 
-    /// What the grid lacks of the law of a contact whose force is spread over `nodes`.
+    /// Compliance that the grid lacks of the law of a contact whose force is distributed over `nodes`.
     fn missing_compliance(
         &self,
         nodes: &[(usize, f64)],

@@ -1,21 +1,21 @@
-//! What is refused, cut off or out of place.
+//! Rejected, truncated and misplaced tools.
 
 use super::*;
 
 #[test]
-fn tools_that_make_no_sense_are_refused() {
+fn rejects_invalid_tools() {
     let body = block();
     for bad in [-1.0, f64::NAN, f64::INFINITY] {
         assert!(ToolContact::touch(ToolShape::Sphere { radius_m: RADIUS }, bad).is_err());
     }
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let refused = ToolContact::touch(ToolShape::Sphere { radius_m: bad }, 0.3);
-        assert!(matches!(refused, Err(BodyError::Tool(_))));
+        let rejected = ToolContact::touch(ToolShape::Sphere { radius_m: bad }, 0.3);
+        assert!(matches!(rejected, Err(BodyError::Tool(_))));
     }
-    let refused = |node, at| ToolContact::hold(&body, node, at).unwrap_err();
-    assert_eq!(refused(216, DVec3::ZERO), BodyError::CannotHold { node: 216, why: "there is no such node" });
-    assert_eq!(refused(0, DVec3::ZERO), BodyError::CannotHold { node: 0, why: "it is fixed" });
-    assert_eq!(refused(215, DVec3::NAN), BodyError::Path { index: 0 });
+    let rejected = |node, at| ToolContact::hold(&body, node, at).unwrap_err();
+    assert_eq!(rejected(216, DVec3::ZERO), BodyError::CannotHold { node: 216, why: "there is no such node" });
+    assert_eq!(rejected(0, DVec3::ZERO), BodyError::CannotHold { node: 0, why: "it is fixed" });
+    assert_eq!(rejected(215, DVec3::NAN), BodyError::Path { index: 0 });
     let fixed = BodyPoint::new(vec![(0, 0.5), (1, 0.5)]).unwrap();
     assert_eq!(
         ToolContact::hold_point(&body, fixed, DVec3::ZERO),
@@ -24,7 +24,7 @@ fn tools_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn a_punch_wider_than_the_body_is_one_patch_of_nine_rows() {
+fn punch_wider_than_the_body_is_one_patch_of_nine_rows() {
     let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
     let made = Block::new([10; 3], DVec3::splat(0.1)).unwrap().fix(Face::NegZ).uniform(&lattice).unwrap();
     let mut body = Body::new(made.network, made.surface).unwrap();
@@ -35,7 +35,7 @@ fn a_punch_wider_than_the_body_is_one_patch_of_nine_rows() {
 }
 
 #[test]
-fn a_ball_near_a_fixed_edge_finds_no_lever() {
+fn ball_at_a_fixed_edge_has_no_contact() {
     for integrator in both() {
         let (mut body, mut tool) = (block(), ball(0.01, 0.3));
         // A millimetre into the side, and down to the fixed bottom.
@@ -48,12 +48,12 @@ fn a_ball_near_a_fixed_edge_finds_no_lever() {
 }
 
 #[test]
-fn a_tilted_punch_and_one_moved_into_a_wall_are_felt() {
+fn tilted_and_sideways_punch_give_force() {
     for tilt in [0.0, 10.0, 20.0, 45.0_f64] {
         let axis = -DVec3::new(tilt.to_radians().sin(), 0.0, tilt.to_radians().cos());
         let mut body = block();
         let mut tool = ToolContact::touch(ToolShape::FlatPunch { radius_m: 0.03, axis }, 0.3).unwrap();
-        // Its lowest point 2 mm in.
+        // Its lowest point is 2 mm deep.
         let high = 0.03 * tilt.to_radians().sin();
         let forces = follow(&mut body, &mut tool, 300, SemiImplicitEuler::default().into(), |t| {
             DVec3::new(0.001, 0.0033, 0.05 + high + 0.001 - 0.003 * (t / 0.1).min(1.0))
@@ -68,7 +68,7 @@ fn a_tilted_punch_and_one_moved_into_a_wall_are_felt() {
 }
 
 #[test]
-fn a_contact_with_another_body_is_refused_and_nothing_is_stepped() {
+fn rejects_a_contact_of_another_body_without_a_step() {
     let big = {
         let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
         let block = Block::new([8; 3], DVec3::splat(0.1)).unwrap().fix(Face::PosZ).uniform(&lattice).unwrap();
@@ -78,14 +78,14 @@ fn a_contact_with_another_body_is_refused_and_nothing_is_stepped() {
     let before = body.positions_m().to_vec();
     for (node, why) in [(400, "there is no such node"), (0, "it is fixed")] {
         let mut foreign = ToolContact::hold(&big, node, DVec3::ZERO).unwrap();
-        let refused = body.advance(Some((&mut foreign, &path)), 1, SemiImplicitEuler::default());
-        assert_eq!(refused, Err(BodyError::CannotHold { node, why }));
+        let rejected = body.advance(Some((&mut foreign, &path)), 1, SemiImplicitEuler::default());
+        assert_eq!(rejected, Err(BodyError::CannotHold { node, why }));
     }
     assert_eq!(body.positions_m(), before);
 }
 
 #[test]
-fn from_a_restored_state_a_touch_goes_on_to_the_bit() {
+fn restored_touch_continues_with_identical_bits() {
     for integrator in both() {
         let (mut body, mut tool) = (block(), ball(0.01, 0.3));
         let ground = Obstacle::sphere(DVec3::new(0.07, 0.0, 0.0), 0.025, 0.2).unwrap();
@@ -109,7 +109,7 @@ fn from_a_restored_state_a_touch_goes_on_to_the_bit() {
 }
 
 #[test]
-fn what_is_touched_slowly_closes_its_gap() {
+fn slow_touch_closes_its_gap() {
     for integrator in both() {
         for (radius, friction) in [(0.005, 0.0), (0.005, 0.4), (0.02, 0.3), (0.05, 0.2)] {
             let (mut body, mut tool) = (rigid_block(), ball(radius, friction));

@@ -1,34 +1,35 @@
-//! The cells whose barriers may act before nodes have moved on.
+//! Cells whose barriers may act.
 
 use super::{BarrierTetrahedron, Cells};
 use crate::Network;
-use crate::integrator::largest_eigenvalue;
+use crate::eigenvalue::largest_eigenvalue;
 use glam::{DMat3, DVec3};
 use palpate_laws::VolumeBarrier;
 use std::collections::BTreeMap;
 
-/// How far nodes may move from where the cells were examined, in shortest edges at rest.
+/// Distance that nodes may move from where their cells were examined, in shortest edges at rest.
 const REACH: f64 = 0.05;
-/// What rounding may do to a volume ratio.
+/// Rounding error of a volume ratio.
 const ROUNDING: f64 = 1e-9;
 
-/// The cells whose barriers may act, as far as each node is near the position at which its cells were last examined.
+/// Cells whose barriers may act while each node is near the position at which its cells were last examined.
 ///
-/// The volume that three edges of length L at most span changes by at most (L + 2d)³ − L³ when no node moves farther than d.
-/// Cells whose volume ratio is farther than that above the onset need not be examined. The watch saves time only:
-/// no result depends on when cells were examined.
+/// The volume that three edges of length at most L span changes by at most (L + 2d)³ − L³ if no node moves further
+/// than d. Cells whose volume ratio exceeds the onset by more need no examination. This saves time only: no result
+/// depends on when cells were examined.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Watch {
+pub(crate) struct ActiveCells {
     /// Positions at which cells were examined, m.
     at_m: Vec<DVec3>,
-    /// Whether each cell may act.
+    /// Whether the barriers of each cell may act.
     may_act: Vec<bool>,
-    /// The cells that may act, ascending.
+    /// Indices of the cells whose barriers may act, ascending.
     cells: Vec<usize>,
 }
 
-impl Watch {
-    /// The cells that may act while no node is farther than `beyond_m` from `x`, ascending; `beyond_m` is below the reach.
+impl ActiveCells {
+    /// Updates and returns the cells whose barriers may act while no node is further than `beyond_m` from `x`,
+    /// ascending. `beyond_m` must be below the reach.
     fn update(&mut self, cells: &Cells, x: &[DVec3], beyond_m: f64) -> &[usize] {
         if cells.nodes.is_empty() {
             return &[];
@@ -58,7 +59,7 @@ impl Watch {
         &self.cells
     }
 
-    /// Adds the forces of the barriers that act, N.
+    /// Adds the forces of all active barriers, N.
     pub(crate) fn add_forces(&mut self, cells: &Cells, x: &[DVec3], force: &mut [DVec3]) {
         for &cell in self.update(cells, x, 0.0) {
             cells.add_forces(cell, x, force);
@@ -70,8 +71,8 @@ impl Watch {
         self.update(cells, x, 0.0).iter().filter(|&&cell| cells.is_inverted(cell, x)).count()
     }
 
-    /// An upper bound of the largest eigenvalue of M⁻¹K, 1/s², of the barriers that act now or will within `ahead_s` at the
-    /// present velocities; 0 where none does.
+    /// Upper bound of the largest eigenvalue of M⁻¹K, 1/s², over the barriers that act now or may act within
+    /// `ahead_s` at the present velocities; 0 without any.
     pub(crate) fn rate_bound(
         &mut self,
         network: &Network,
@@ -91,14 +92,14 @@ impl Watch {
     }
 }
 
-/// How far below the predicted volume ratio a tetrahedron may come within a tick.
+/// Margin by which a volume ratio may fall below its prediction within a tick.
 const BELOW_PREDICTED: f64 = 0.1;
 
-/// As [`Watch::rate_bound`], of given tetrahedra.
+/// [`ActiveCells::rate_bound`] for given tetrahedra.
 ///
-/// Each node gets a block such that the sum of the blocks' quadratic forms bounds that of the stiffness. Of the gradient g of J,
-/// (Σ g_i·x_i)² ≤ Σ_i |g_i| Σ_j |g_j| (ĝ_i·x_i)²; and |d_iᵀ (∂²J/∂e_i∂e_j) d_j| ≤ |e_k| |d_i| |d_j|/V, where the difference d of
-/// two displacements has |d|² ≤ 2|x|² + 2|x_o|².
+/// Each node gets a block such that the sum of the blocks' quadratic forms bounds that of the stiffness. The gradient
+/// g of J satisfies (Σ g_i·x_i)² ≤ Σ_i |g_i| Σ_j |g_j| (ĝ_i·x_i)². Its curvature satisfies |d_iᵀ (∂²J/∂e_i∂e_j) d_j|
+/// ≤ |e_k| |d_i| |d_j|/V, where the difference d of two displacements has |d|² ≤ 2|x|² + 2|x_o|².
 pub(crate) fn rate_bound(
     tetrahedra: impl Iterator<Item = BarrierTetrahedron>,
     network: &Network,
@@ -135,7 +136,7 @@ pub(crate) fn rate_bound(
 }
 
 impl BarrierTetrahedron {
-    /// The lowest of the volume ratios now and `ahead_s` later at the velocities `v`.
+    /// Minimum of the volume ratios now and `ahead_s` later at the velocities `v`.
     fn lowest_ratio(&self, x: &[DVec3], v: &[DVec3], ahead_s: f64) -> f64 {
         let (now, change) = (self.edges_m(x), self.edges_m(v));
         let later = [0, 1, 2].map(|i| now[i] + ahead_s * change[i]);
@@ -144,7 +145,7 @@ impl BarrierTetrahedron {
 }
 
 impl Cells {
-    /// Whether no barrier of `cell` can act while no node is farther than `reach_m` from `x`.
+    /// Whether no barrier of `cell` can act while no node is further than `reach_m` from `x`.
     fn is_clear(&self, cell: usize, x: &[DVec3], reach_m: f64) -> bool {
         self.tetrahedra(cell).all(|tetrahedron| {
             let edges = tetrahedron.edges_m(x);

@@ -1,4 +1,4 @@
-//! Where a tool comes to a surface first: the triangles on which contact patches begin.
+//! Seeds of contact patches: the first places of a surface that a moving tool reaches.
 
 #![cfg_attr(
     not(test),
@@ -8,35 +8,36 @@
 use crate::{MAX_PATCHES, Patch, PatchStart, SurfacePlace, ToolShape, nearest_weights};
 use glam::DVec3;
 
-/// A place on which a contact patch may begin.
+/// A place at which a contact patch may start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seed {
-    /// The place of its triangle that the tool comes nearest to.
+    /// Place of the triangle that the tool comes closest to.
     pub place: SurfacePlace,
-    /// Where it is, m.
+    /// Position, m.
     pub at_m: DVec3,
-    /// The triangle's unit normal now, and that at rest.
+    /// Current unit normal of the triangle.
     pub normal: DVec3,
-    /// See `normal`.
+    /// Unit normal of the triangle at rest.
     pub rest_normal: DVec3,
-    /// The look at the way at which it was within the tool's reach, and how far it was then, m: smaller comes first.
+    /// Sample of the path at which the place came within reach, and its distance then, m. Seeds are ordered by both.
     order: (u32, f64),
 }
 
-/// Of the way between two looks at the surface, the largest part of a tool's radius, and the most looks.
-const LOOK_SHARE: f64 = 0.5;
-const MOST_LOOKS: f64 = 64.0;
-/// Patches are apart where their normals at rest are at an angle with a cosine below that.
-const APART: f64 = 0.5;
-/// And where they are farther from each other than that multiple of the first one's radius and so many cells.
+/// Maximum spacing of the samples on the tool's path, in tool radii, and their maximum number.
+const SAMPLE_SPACING_RADII: f64 = 0.5;
+const MAX_SAMPLES: f64 = 64.0;
+/// Two patches are separate if the cosine between their rest normals is below this value.
+const SEPARATE_COSINE: f64 = 0.5;
+/// Two patches are also separate if they are further apart than this multiple of the first one's radius plus this
+/// number of cells.
 const BEYOND_RADII: f64 = 2.0;
 const BEYOND_CELLS: f64 = 2.0;
-/// Patches of one place have normals with a cosine above that.
-const SAME: f64 = 0.9;
+/// Two patches are the same if the cosine between their normals is above this value.
+const SAME_COSINE: f64 = 0.9;
 
 impl Seed {
-    /// The seed on a triangle for a tool whose position goes straight from `from_m` to `to_m`; `None` where the tool does not come within
-    /// `reach_m` of it beside its own radius, or begins behind it.
+    /// The seed on a triangle for a tool that moves straight from `from_m` to `to_m`. `None` if the tool's surface
+    /// does not come within `reach_m` of the triangle, or the tool starts behind it.
     #[must_use]
     pub fn of(
         shape: &ToolShape,
@@ -45,7 +46,7 @@ impl Seed {
         reach_m: f64,
     ) -> Option<Self> {
         let [a, b, c] = corners_m;
-        // What is far is seen at a glance.
+        // Reject distant triangles early.
         let size = a.distance(b).max(a.distance(c));
         let far = reach_m + from_m.distance(to_m) + 3.0 * shape.radius_m() + size;
         if a.distance_squared(from_m) > far * far {
@@ -57,21 +58,22 @@ impl Seed {
             return None;
         }
         let radius_m = shape.radius_m();
-        let looks = (from_m.distance(to_m) / (LOOK_SHARE * radius_m)).ceil().clamp(1.0, MOST_LOOKS) as u32;
+        let samples =
+            (from_m.distance(to_m) / (SAMPLE_SPACING_RADII * radius_m)).ceil().clamp(1.0, MAX_SAMPLES) as u32;
         let around = around_m(shape);
         let mut best: Option<Self> = None;
-        for look in 0..=looks {
-            let core = core(f64::from(look) / f64::from(looks));
+        for sample in 0..=samples {
+            let core = core(f64::from(sample) / f64::from(samples));
             let weights = nearest_weights(core, corners_m);
             let [u, v, w] = weights;
             let at_m = u * a + v * b + w * c;
             let away = at_m.distance(core) - around;
-            // What is passed is met.
+            // A triangle that the tool has crossed counts as reached.
             let is_passed = (core - a).dot(normal) < 0.0;
             if away.is_nan() || away > reach_m && !(is_passed && weights.iter().all(|w| *w > 0.0)) {
                 continue;
             }
-            let order = (if away <= 0.0 { look } else { looks + 1 }, away);
+            let order = (if away <= 0.0 { sample } else { samples + 1 }, away);
             if best.is_none_or(|best| order < best.order) {
                 let place = SurfacePlace { triangle, weights };
                 best = Some(Self { place, at_m, normal, rest_normal, order });
@@ -83,29 +85,29 @@ impl Seed {
         best
     }
 
-    /// No triangle has a seed that is farther than that from the tool's core at the beginning of its way, m: see [`Seed::of`].
+    /// Maximum distance between a seed and the tool's core at the beginning of its path, m; see [`Seed::of`].
     #[must_use]
     pub fn farthest_m(shape: &ToolShape, (from_m, to_m): (DVec3, DVec3), reach_m: f64) -> f64 {
         let moved_m = from_m.distance(to_m);
-        // What is passed is in front of the core at first, and no deeper than the way is long in the end.
+        // A crossed triangle was in front of the core and is no deeper than the length of the path.
         (reach_m + around_m(shape) + moved_m).max(2.0 * moved_m) * (1.0 + 1e-9)
     }
 
-    /// Whether it comes before `other`.
+    /// Whether this seed is ordered before `other`.
     fn is_before(&self, other: &Self) -> bool {
         (self.order, self.place.triangle) < (other.order, other.place.triangle)
     }
 
-    /// Whether the tool is in contact on it apart from a patch that began on a place with that normal at rest: because the surface looks
-    /// elsewhere there, or is met beyond the patch.
+    /// Whether a contact here is separate from the patch `known`, which started on a triangle with the given rest
+    /// normal. It is if the surface faces another way, or if the tool touches it beyond the patch.
     fn is_apart(&self, rest_normal: DVec3, known: &KnownPatch, cell_m: f64) -> bool {
         let is_met = self.order.1 < 0.0;
-        self.rest_normal.dot(rest_normal) < APART
+        self.rest_normal.dot(rest_normal) < SEPARATE_COSINE
             || is_met && self.at_m.distance(known.at_m) > known.across_m(cell_m)
     }
 }
 
-/// How far the surface of a tool is from its core at most, m.
+/// Maximum distance of the tool's surface from its core, m.
 fn around_m(shape: &ToolShape) -> f64 {
     match *shape {
         ToolShape::Sphere { radius_m } => radius_m,
@@ -113,27 +115,27 @@ fn around_m(shape: &ToolShape) -> f64 {
     }
 }
 
-/// A patch that a tool has already.
+/// An existing patch of a tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct KnownPatch {
-    /// Where it is.
+    /// The patch.
     pub patch: Patch,
-    /// Where its foot is, m.
+    /// Position of its foot, m.
     pub at_m: DVec3,
-    /// The normal at rest of the triangle on which it began.
+    /// Rest normal of the triangle on which it started.
     pub rest_normal: DVec3,
-    /// Radius of the contact, m.
+    /// Contact radius, m.
     pub radius_m: f64,
 }
 
 impl KnownPatch {
-    /// How far from it the tool is in contact apart from it, m.
+    /// Distance from its foot beyond which a contact is separate, m.
     fn across_m(&self, cell_m: f64) -> f64 {
         BEYOND_RADII * self.radius_m + BEYOND_CELLS * cell_m
     }
 }
 
-/// The patches that a tool has already.
+/// The existing patches of a tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct KnownPatches {
     all: [KnownPatch; MAX_PATCHES],
@@ -145,7 +147,7 @@ impl KnownPatches {
         self.all.iter().take(self.count)
     }
 
-    /// Adds one; whether there was room for it.
+    /// Adds a patch. Returns whether the capacity sufficed.
     pub fn add(&mut self, patch: KnownPatch) -> bool {
         let Some(to) = self.all.get_mut(self.count) else { return false };
         *to = patch;
@@ -153,28 +155,30 @@ impl KnownPatches {
         true
     }
 
-    /// Whether a patch whose foot is at `at_m` is one of those that are known: two that come to one place are one.
+    /// Whether a patch with its foot at `at_m` coincides with an existing one.
     #[must_use]
     pub fn contains(&self, patch: &Patch, at_m: DVec3, cell_m: f64) -> bool {
         self.iter().any(|known| {
             let overlap_m = 0.5 * (known.radius_m + cell_m);
             known.patch.foot.triangle == patch.foot.triangle
-                || known.patch.normal.dot(patch.normal) > SAME && known.at_m.distance(at_m) < overlap_m
+                || known.patch.normal.dot(patch.normal) > SAME_COSINE && known.at_m.distance(at_m) < overlap_m
         })
     }
 
-    /// Whether no patch can begin on a triangle with that normal at rest, because all of it is on a known one: it lies in a ball of radius
-    /// `radius_m` about `middle_m`.
+    /// Whether an existing patch covers a whole triangle with that rest normal, so that no patch can start on it. The
+    /// triangle lies in a ball of radius `radius_m` around `middle_m`.
     #[must_use]
     pub fn covers(&self, rest_normal: DVec3, (middle_m, radius_m): (DVec3, f64), cell_m: f64) -> bool {
         self.iter().any(|known| {
-            rest_normal.dot(known.rest_normal) >= APART
+            rest_normal.dot(known.rest_normal) >= SEPARATE_COSINE
                 && middle_m.distance(known.at_m) + radius_m <= known.across_m(cell_m)
         })
     }
 
-    /// Begins patches on `seeds` that are apart from all that are known, the first of them first: `find` is where a patch comes to from its
-    /// start, and `begin` begins one that is new and returns it, or `None` where there is no room for it. The seeds are used up.
+    /// Starts patches on `seeds` that are separate from all existing ones, in the order of the seeds.
+    ///
+    /// `find` returns the patch that a start leads to. `begin` creates a new patch and returns it, or `None` without
+    /// capacity for it. The seeds are consumed.
     pub fn begin(
         &mut self,
         seeds: &mut Vec<Seed>,
@@ -183,16 +187,16 @@ impl KnownPatches {
         mut begin: impl FnMut(Patch, &Seed) -> Option<KnownPatch>,
     ) {
         loop {
-            // What is not apart from a patch now is not later.
+            // A seed that is not separate now will not be later.
             seeds.retain(|seed| self.iter().all(|known| seed.is_apart(known.rest_normal, known, cell_m)));
             let first = seeds.iter().copied().reduce(|a, b| if b.is_before(&a) { b } else { a });
             let Some(first) = first else { return };
             seeds.retain(|seed| seed.place.triangle != first.place.triangle);
             let Some(patch) = find(&PatchStart::on(first.place, first.normal)) else { continue };
-            // Where two places lead to one patch, it is one.
+            // Two seeds that lead to the same place are one patch.
             let is_same = |known: &KnownPatch| {
                 known.patch.foot.triangle == patch.foot.triangle
-                    || known.patch.normal.dot(patch.normal) > SAME
+                    || known.patch.normal.dot(patch.normal) > SAME_COSINE
                         && !first.is_apart(first.rest_normal, known, cell_m)
             };
             if self.iter().any(is_same) {

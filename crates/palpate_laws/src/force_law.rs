@@ -1,52 +1,41 @@
-//! How a spring's tension depends on its extension.
+//! Force laws: the tension of a spring as a function of its extension.
 
-use crate::{LawError, SkinLaw};
+use crate::{LawError, SkinLaw, Tension};
 
-/// φ(e), the tension of a spring at extension e (length minus rest length). All laws are odd, so that a spring is as stiff
-/// pressed as stretched, and smooth at rest.
+/// Tension φ(e) of a spring at extension e (length minus rest length). All laws are odd and smooth at e = 0.
 ///
-/// The laws that stiffen do so up to [`ForceLaw::GUARD`] times their stiffness at rest and go on linearly from there, with
-/// φ and φ' continuous: their singularity or their overflow is never met, and no step of an integrator has to
-/// be shorter than that stiffness asks for.
+/// Nonlinear laws stiffen up to [`ForceLaw::GUARD`] times their stiffness at rest and continue linearly from there,
+/// with continuous φ and φ'. They are finite everywhere, and their stiffness is bounded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum ForceLaw {
     /// φ(e) = k e.
     Linear {
-        /// k, N/m.
+        /// Stiffness k, N/m.
         stiffness_n_per_m: f64,
     },
-    /// φ(e) = e / (c − h |e|), the law of skin: equation 5 of the seed paper.
+    /// φ(e) = e / (c − h |e|), measured on skin: equation 5 of the seed paper.
     Skin(SkinLaw),
-    /// φ(e) = (k/a) sgn(e) (exp(a |e|) − 1), so φ' = k exp(a |e|): the stiffening of soft tissue (Y. C. Fung, Am. J.
+    /// φ(e) = (k/a) sgn(e) (exp(a |e|) − 1), with φ' = k exp(a |e|): stiffening of soft tissue (Y. C. Fung, Am. J.
     /// Physiol. 213 (1967) 1532).
     Exponential {
-        /// k, the stiffness at rest, N/m.
+        /// Stiffness at rest k, N/m.
         stiffness_n_per_m: f64,
-        /// a, 1/m.
+        /// Rate of stiffening a, 1/m.
         rate_per_m: f64,
     },
 }
 
-/// The value of a force law at one extension.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tension {
-    /// φ(e), N; positive when stretched.
-    pub force_n: f64,
-    /// φ'(e), N/m.
-    pub stiffness_n_per_m: f64,
-}
-
 impl ForceLaw {
-    /// How many times as stiff as at rest a law gets before it goes on linearly.
+    /// Ratio of the maximum stiffness of a law to its stiffness at rest.
     pub const GUARD: f64 = 100.0;
 
-    /// φ and φ' at extension `extension_m`, m.
+    /// Tension φ and stiffness φ' at extension `extension_m`, m.
     #[must_use]
     #[inline]
     pub fn at(self, extension_m: f64) -> Tension {
         match self {
-            // Every spring of a body asks this at every substep.
+            // The hot path: evaluated for every spring in every substep.
             Self::Linear { stiffness_n_per_m } => {
                 Tension { force_n: stiffness_n_per_m * extension_m, stiffness_n_per_m }
             }
@@ -56,7 +45,7 @@ impl ForceLaw {
 
     fn guarded(self, extension_m: f64) -> Tension {
         let (size, limit) = (extension_m.abs(), self.guard_m());
-        // What is not a number stays so.
+        // NaN stays NaN.
         let mut tension = self.unguarded(if size > limit { limit } else { size });
         if size > limit {
             tension.force_n += tension.stiffness_n_per_m * (size - limit);
@@ -64,7 +53,7 @@ impl ForceLaw {
         Tension { force_n: tension.force_n.copysign(extension_m), ..tension }
     }
 
-    /// The energy stored at extension `extension_m`, ∫₀ᵉ φ, J.
+    /// Stored energy ∫₀ᵉ φ at extension `extension_m`, J.
     #[must_use]
     pub fn energy_j(self, extension_m: f64) -> f64 {
         let (size, limit) = (extension_m.abs(), self.guard_m());
@@ -77,7 +66,7 @@ impl ForceLaw {
         inside + over * (force_n + 0.5 * stiffness_n_per_m * over)
     }
 
-    /// φ'(0), N/m.
+    /// Stiffness at rest φ'(0), N/m.
     #[must_use]
     pub fn stiffness_at_rest_n_per_m(self) -> f64 {
         match self {
@@ -88,13 +77,13 @@ impl ForceLaw {
         }
     }
 
-    /// Whether φ' depends on the extension.
+    /// Whether φ' is constant.
     #[must_use]
     pub fn is_linear(self) -> bool {
         matches!(self, Self::Linear { .. })
     }
 
-    /// The extension from which it is linear, m; infinite where nothing is to be guarded.
+    /// Extension from which the law is linear, m; infinite for a linear law.
     #[must_use]
     pub fn guard_m(self) -> f64 {
         match self {
@@ -105,7 +94,7 @@ impl ForceLaw {
         }
     }
 
-    /// The law with `factor` times its force at every extension.
+    /// The law with `factor` times its force.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         match self {
@@ -119,7 +108,7 @@ impl ForceLaw {
         }
     }
 
-    /// Of an extension that is neither negative nor beyond the guard.
+    /// Value at an extension between 0 and the guard.
     fn unguarded(self, e: f64) -> Tension {
         match self {
             Self::Linear { stiffness_n_per_m } => {
@@ -139,7 +128,7 @@ impl ForceLaw {
         match self {
             Self::Linear { stiffness_n_per_m: k } => 0.5 * k * e * e,
             Self::Skin(SkinLaw { compliance_m_per_n: c, hardening_per_n: h }) => {
-                // c/h² (−z − ln(1 − z)) with z = h e/c; for small z the difference loses digits, its series none.
+                // c/h² (−z − ln(1 − z)) with z = h e/c. The difference loses digits for small z; the series does not.
                 let z = h * e / c;
                 e * e / c * if z < 1e-2 { series(z, |n| 1.0 / n) } else { (-z - (-z).ln_1p()) / (z * z) }
             }
@@ -151,7 +140,7 @@ impl ForceLaw {
         }
     }
 
-    /// Whether its parameters make sense.
+    /// Checks the parameters.
     pub(crate) fn validate(self) -> Result<(), LawError> {
         let positive = |value: f64| value.is_finite() && value > 0.0;
         match self {
@@ -172,7 +161,7 @@ impl ForceLaw {
     }
 }
 
-/// Σ_{n ≥ 2} c(n) z^(n − 2), far enough for z below a hundredth.
+/// Σ_{n ≥ 2} c(n) z^(n − 2), with enough terms for z below 0.01.
 fn series(z: f64, c: impl Fn(f64) -> f64) -> f64 {
     (2..=9).rev().fold(0.0, |sum, n| sum * z + c(f64::from(n)))
 }
@@ -192,7 +181,7 @@ mod tests {
     #[test]
     fn stiffness_is_the_slope_of_force_and_force_that_of_energy() {
         for law in laws() {
-            // Inside, near the guard of the skin (34.5 mm) and of the exponential (92 mm), and beyond.
+            // Below, near and beyond the guards of the skin law (34.5 mm) and of the exponential law (92 mm).
             for e in [1e-5_f64, 1e-3, 0.01, 0.0344, 0.0347, 0.05, 0.0915, 0.0925, 0.2] {
                 for e in [e, -e] {
                     let h = 1e-6 * e.abs();
@@ -231,7 +220,7 @@ mod tests {
 
     #[test]
     fn energy_of_small_extensions_keeps_its_digits() {
-        // On both sides of the change from the series to the closed form, and far below.
+        // On both sides of the switch from the series to the closed form, and far below it.
         for law in laws() {
             let k = law.stiffness_at_rest_n_per_m();
             assert!((law.energy_j(1e-9) / (0.5 * k * 1e-18) - 1.0).abs() < 1e-6);
@@ -241,7 +230,7 @@ mod tests {
                     ForceLaw::Exponential { rate_per_m, .. } => at / rate_per_m,
                     ForceLaw::Linear { .. } => at,
                 };
-                // Simpson's rule, on which the error is of the fifth order.
+                // Simpson's rule, with an error of the fifth order.
                 let force = |x: f64| law.at(x).force_n;
                 let n = 200;
                 let step = e / f64::from(n);
@@ -257,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scaled_law_has_the_multiple_of_the_force() {
+    fn scaled_law_multiplies_force_and_stiffness() {
         for law in laws() {
             for e in [1e-3, 0.02, 0.3] {
                 let (once, thrice) = (law.at(e), law.scaled(3.0).at(e));
@@ -268,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn senseless_parameters_are_refused() {
+    fn rejects_parameters_that_are_not_positive_and_finite() {
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let skin = |c, h| ForceLaw::Skin(SkinLaw { compliance_m_per_n: c, hardening_per_n: h });
             let exponential = |k, a| ForceLaw::Exponential { stiffness_n_per_m: k, rate_per_m: a };

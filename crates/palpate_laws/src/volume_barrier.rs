@@ -17,29 +17,29 @@ use glam::{DMat3, DVec3};
 /// g = 0 for J ≥ J₀;   3 t³ (1 + t²)^(−4/3) with t = J₀ − J below
 /// ```
 ///
-/// The force is exactly zero above the onset J₀ and has a continuous derivative everywhere. The energy grows with −J without
-/// limit, so that an inverted tetrahedron is always turned back, and ever more steeply down to J = −0.5. Far below, the
-/// energy grows no faster than a length: the force stays bounded however large the tetrahedron is.
+/// The force is exactly zero above the onset J₀, and its derivative is continuous. The energy grows without limit as
+/// J falls, so an inverted tetrahedron is always restored. It steepens down to J = −0.5. Far below, it grows no
+/// faster than a length, and the force is bounded for tetrahedra of any size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VolumeBarrier {
-    /// c, J.
+    /// Scale of the energy c, J.
     energy_j: f64,
     /// 1/det(E₁, E₂, E₃), 1/m³; negative where the edges at rest are left-handed.
     per_m3: f64,
 }
 
 impl Default for VolumeBarrier {
-    /// The barrier of the edges of a cube of 1 m, with 1 J.
+    /// The barrier of a cube corner with edges of 1 m and an energy scale of 1 J.
     fn default() -> Self {
         Self { energy_j: 1.0, per_m3: 1.0 }
     }
 }
 
 impl VolumeBarrier {
-    /// J₀: the volume ratio below which the barrier acts.
+    /// Onset J₀: the barrier acts at volume ratios below it.
     pub const ONSET: f64 = 0.4;
-    /// The barrier of a tetrahedron with the edges `rest_m` at rest and the scale `energy_j` (c) of its energy; `None` unless both
-    /// are finite, the scale is above zero and the edges span a volume.
+    /// Creates the barrier of a tetrahedron with the rest edges `rest_m` and the energy scale c = `energy_j`. `None`
+    /// unless all values are finite, the scale is above zero and the edges span a volume.
     #[must_use]
     pub fn new(rest_m: [DVec3; 3], energy_j: f64) -> Option<Self> {
         let per_m3 = 1.0 / triple(rest_m);
@@ -47,14 +47,14 @@ impl VolumeBarrier {
         ok.then_some(Self { energy_j, per_m3 })
     }
 
-    /// J of a tetrahedron with the edges `edges_m`.
+    /// Volume ratio J of a tetrahedron with the edges `edges_m`.
     #[must_use]
     #[inline]
     pub fn ratio(&self, edges_m: [DVec3; 3]) -> f64 {
         self.per_m3 * triple(edges_m)
     }
 
-    /// |1/det(E₁, E₂, E₃)|, 1/m³: the greatest change of J with the volume that the edges span.
+    /// |1/det(E₁, E₂, E₃)|, 1/m³: the maximum change of J with the volume that the edges span.
     #[must_use]
     pub fn ratio_per_m3(&self) -> f64 {
         self.per_m3.abs()
@@ -67,7 +67,7 @@ impl VolumeBarrier {
         ratio < Self::ONSET
     }
 
-    /// The energy at a volume ratio, J.
+    /// Energy at a volume ratio, J.
     #[must_use]
     pub fn energy_j(&self, ratio: f64) -> f64 {
         let t = Self::depth(ratio);
@@ -91,14 +91,14 @@ impl VolumeBarrier {
         self.energy_j * 2.0 * t * (27.0 - 30.0 * t2 - t2 * t2) / (3.0 * q * q * q * q.cbrt())
     }
 
-    /// Upper bounds of the slope and of the curvature at all volume ratios of at least `lowest`, J.
+    /// Upper bounds of slope and curvature over all volume ratios of at least `lowest`, J.
     #[must_use]
     pub fn bounds_j(&self, lowest: f64) -> (f64, f64) {
         (self.slope_j(lowest.max(STEEPEST)), self.curvature_j(lowest.max(STIFFEST)))
     }
 
-    /// The forces on the far ends of the edges, N; zero for an inactive barrier. The force on the node that
-    /// they share is minus their sum.
+    /// Forces on the far ends of the edges, N; zero for an inactive barrier. The force on the shared node is minus
+    /// their sum.
     #[must_use]
     #[inline]
     pub fn forces_n(&self, edges_m: [DVec3; 3]) -> [DVec3; 3] {
@@ -117,9 +117,9 @@ impl VolumeBarrier {
         [b.cross(c), c.cross(a), a.cross(b)].map(|area| self.per_m3 * area)
     }
 
-    /// The second derivatives of the energy with respect to the edges, N/m: entry \[i\]\[j\] is ∂²/∂e_i∂e_j.
+    /// Second derivatives of the energy with respect to the edges, N/m: entry \[i\]\[j\] is ∂²/∂e_i∂e_j.
     ///
-    /// With `clamped`, the result is the positive semidefinite part of the exact one.
+    /// With `clamped`, the positive semidefinite part of it.
     #[must_use]
     pub fn tangent(&self, edges_m: [DVec3; 3], clamped: bool) -> [[DMat3; 3]; 3] {
         let ratio = self.ratio(edges_m);
@@ -135,15 +135,15 @@ impl VolumeBarrier {
         if clamped { positive_part(&blocks) } else { blocks }
     }
 
-    /// t: how far a volume ratio is below the onset.
+    /// t: distance of a volume ratio below the onset.
     fn depth(ratio: f64) -> f64 {
         (Self::ONSET - ratio).max(0.0)
     }
 }
 
-/// The volume ratio at which the slope is greatest, where 27 − 30 t² − t⁴ = 0.
+/// Volume ratio with the maximum slope, where 27 − 30 t² − t⁴ = 0.
 const STEEPEST: f64 = VolumeBarrier::ONSET - 0.935_151;
-/// The volume ratio at which the curvature is greatest.
+/// Volume ratio with the maximum curvature.
 const STIFFEST: f64 = VolumeBarrier::ONSET - 0.342_113;
 
 fn triple([a, b, c]: [DVec3; 3]) -> f64 {
@@ -161,7 +161,7 @@ fn cross_matrix(a: DVec3) -> DMat3 {
 
 /// Order of the matrix of three edges.
 const N: usize = 9;
-/// Sweeps of the Jacobi method, at most; a matrix of this order takes about six.
+/// Maximum number of Jacobi sweeps; a matrix of this order takes about six.
 const MAX_SWEEPS: usize = 20;
 
 /// The positive semidefinite part Σ max(λ, 0) v vᵀ of a symmetric matrix, by the cyclic Jacobi method.
@@ -262,8 +262,8 @@ mod tests {
             let curvature = (barrier().slope_j(ratio - h) - barrier().slope_j(ratio + h)) / (2.0 * h);
             assert!((slope - barrier().slope_j(ratio)).abs() < 1e-11, "{ratio}");
             assert!((curvature - barrier().curvature_j(ratio)).abs() < 1e-8, "{ratio}");
-            let (most_slope, most_curvature) = barrier().bounds_j(ratio - 0.05);
-            assert!(barrier().slope_j(ratio) <= most_slope && barrier().curvature_j(ratio) <= most_curvature);
+            let (max_slope, max_curvature) = barrier().bounds_j(ratio - 0.05);
+            assert!(barrier().slope_j(ratio) <= max_slope && barrier().curvature_j(ratio) <= max_curvature);
         }
     }
 
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_without_volume_or_with_a_scale_that_is_not_positive_have_no_barrier() {
+    fn flat_edges_or_non_positive_scale_give_no_barrier() {
         let rest = [DVec3::X, DVec3::Y, DVec3::Z];
         assert!(VolumeBarrier::new([DVec3::X, DVec3::Y, DVec3::X], 1.0).is_none());
         for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {

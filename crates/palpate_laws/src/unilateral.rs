@@ -1,11 +1,11 @@
-//! The one-sided rule of contact.
+//! The unilateral condition of contact.
 
 use glam::DVec3;
 
-/// The force shown to the hand by a surface that can push but never pull: `force_n` while its component along
-/// the outward `normal` is positive, zero otherwise (section 6 of the seed paper).
+/// Force of a unilateral contact on the hand: `force_n` while its component along the outward `normal` is positive,
+/// else zero (section 6 of the seed paper).
 ///
-/// `force_n` is what the body does to the hand, N; `normal` points out of the body.
+/// `force_n` is the force of the body on the hand, N; `normal` is the outward unit normal of the body.
 #[must_use]
 pub fn unilateral_force(force_n: DVec3, normal: DVec3) -> DVec3 {
     if force_n.dot(normal) > 0.0 { force_n } else { DVec3::ZERO }
@@ -24,7 +24,7 @@ mod tests {
     }
 
     #[test]
-    fn a_force_that_is_not_a_number_is_not_shown() {
+    fn nan_force_becomes_zero() {
         assert_eq!(unilateral_force(DVec3::NAN, DVec3::Z), DVec3::ZERO);
     }
 }

@@ -1,4 +1,4 @@
-//! The points of a surface that carry a contact.
+//! Surface points that carry the load of a contact.
 
 #![cfg_attr(
     not(test),
@@ -7,23 +7,26 @@
 
 use crate::{PATCH_ROWS, PRESSURE_POINTS, PatchLayout, PatchScale, PatchSurface};
 
-/// A point of a surface, a corner of triangles, under a contact.
+/// A vertex of a triangulated surface that carries part of a contact's load.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CarriedPoint {
-    /// Which it is.
+    /// Index of the vertex.
     pub point: usize,
-    /// The share of the force that it carries: the shares of all points sum to 1.
+    /// Share of the contact's force on this vertex. The shares of all vertices sum to 1.
     pub share: f64,
-    /// The share of each row in that, where rows are apart.
+    /// Share of each row in `share`, when the patch has several rows.
     pub of_rows: [f64; PATCH_ROWS],
 }
 
-/// Most points that carry a contact.
+/// Maximum number of surface points that carry a contact.
 pub const MAX_CARRIED: usize = 3 * PRESSURE_POINTS;
 
 impl PatchLayout {
-    /// Spreads the force of the patch over the surface: makes `carried`, which needs room for [`MOST_CARRIED`], the points that carry it, where
-    /// `corners` are the points of a triangle. The sums of the rows are taken in the same pass.
+    /// Distributes the patch's force over the vertices of the surface and accumulates the sums of the rows in the
+    /// same pass.
+    ///
+    /// `corners` returns the vertices of a triangle. The result replaces the contents of `carried`, which needs a
+    /// capacity of [`MAX_CARRIED`]; vertices beyond its capacity are merged into the last one.
     pub fn carry(
         &mut self,
         surface: &impl PatchSurface,
@@ -32,7 +35,7 @@ impl PatchLayout {
         carried: &mut Vec<CarriedPoint>,
     ) {
         carried.clear();
-        // The corners of the last triangle in the list: the next place is often on the same.
+        // The vertices of the last triangle in the list: the next place is often on the same triangle.
         let mut last: Option<(usize, [usize; 3])> = None;
         let (patch, pressure) = (self.patch, self.pressure);
         patch.spread(surface, pressure, scale, |place, share, at| {

@@ -1,0 +1,55 @@
+//! Data of a substep and its tools.
+
+use super::tool_patches::ToolPatch;
+use crate::tool::Hold;
+use crate::{Integrator, ToolContact};
+use glam::DVec3;
+use palpate_laws::ToolMove;
+
+/// A substep whose velocities are to be constrained.
+pub(super) struct Substep<'a> {
+    /// Length of the step, s.
+    pub(super) h: f64,
+    /// Fractions of the advance before and after the step.
+    pub(super) along: (f64, f64),
+    pub(super) integrator: &'a Integrator,
+    /// The driven node and its displacement in this step, m.
+    pub(super) drive: Option<(usize, DVec3)>,
+    pub(super) tools: Vec<ToolStep<'a>>,
+}
+
+/// A tool in a substep.
+pub(super) struct ToolStep<'a> {
+    pub(super) contact: &'a mut ToolContact,
+    /// Motion of the tool.
+    pub(super) way: ToolMove,
+    /// Velocity of a node that the tool drives, m/s.
+    pub(super) velocity_m_per_s: DVec3,
+    /// Candidate contact patches.
+    pub(super) patches: &'a mut [ToolPatch],
+}
+
+impl<'a> ToolStep<'a> {
+    /// Creates the step of a tool whose device moves between the positions `device_m` and has the given velocity at
+    /// the end.
+    pub(super) fn new(
+        contact: &'a mut ToolContact,
+        (device_m, velocity_m_per_s): ((DVec3, DVec3), DVec3),
+        patches: &'a mut [ToolPatch],
+    ) -> Self {
+        let radius_m = contact.shape().map(|(shape, _)| shape.radius_m());
+        let way = ToolMove::new(contact.coupling, device_m, contact.proxy_m(device_m.0), radius_m);
+        Self { contact, way, velocity_m_per_s, patches }
+    }
+}
+
+impl Substep<'_> {
+    /// Whether a tool may give an impulse.
+    pub(super) fn constrains(&self) -> bool {
+        self.tools.iter().any(|tool| match tool.contact.hold {
+            Hold::Node { .. } => false,
+            Hold::Point { .. } => true,
+            Hold::Nothing { .. } => !tool.patches.is_empty(),
+        })
+    }
+}
