@@ -125,9 +125,8 @@ fn a_thread_that_panicked_leaves_its_box_behind() {
 fn a_force_that_the_device_does_not_take_is_in_the_box() {
     let (mut handle, mut haptic_loop) = haptic_loop(LoopConfig::default(), LoopSettings::default()).unwrap();
     for written in [Ok(()), Err(DeviceError::Disconnected)] {
-        let ticked = haptic_loop.tick(1, Ok(Reading::at(DVec3::ZERO)));
-        assert_eq!(ticked.record.written, Ok(()));
-        haptic_loop.finish_tick(&ticked, None, written);
+        let output = haptic_loop.tick(1, Ok(Reading::at(DVec3::ZERO)));
+        haptic_loop.finish_tick(output, None, written);
         assert_eq!(handle.latest_tick().unwrap().written, written);
         assert_eq!(
             handle.black_box().newest().unwrap().write_failed,

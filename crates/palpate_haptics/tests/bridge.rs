@@ -88,7 +88,7 @@ fn a_peer_of_another_version_is_told() {
         peer.bytes(&end[..length]);
         let error = found.join().unwrap().unwrap_err();
         assert!(matches!(error, BridgeError::OtherVersion { found: 7, .. }), "{error}");
-        assert!(error.to_string().ends_with("speaks version 7 of the bridge's protocol; it must be 1"));
+        assert!(error.to_string().ends_with("uses version 7 of the bridge's protocol; it must be 1"));
     });
 }
 

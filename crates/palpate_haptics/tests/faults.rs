@@ -25,8 +25,8 @@ fn a_jump_is_believed_when_it_stays_and_a_glitch_never() {
     let (mut handle, mut haptic_loop) = haptic_loop(LoopConfig::default(), settings()).unwrap();
     let mut tick = |x: f64| {
         let ticked = haptic_loop.tick(1, Ok(Reading::at(DVec3::X * x)));
-        haptic_loop.finish_tick(&ticked, None, Ok(()));
-        ticked.record.sample.unwrap()
+        haptic_loop.finish_tick(ticked, None, Ok(()));
+        ticked.sample.unwrap()
     };
     for i in 0..10 {
         tick(f64::from(i) / 1000.0);
@@ -67,8 +67,8 @@ fn a_fast_hand_is_no_jump_nor_is_one_after_missed_deadlines() {
         // 15 m/s.
         x += 15e-3 * elapsed as f64;
         let ticked = haptic_loop.tick(elapsed, Ok(Reading::at(DVec3::X * x)));
-        haptic_loop.finish_tick(&ticked, None, Ok(()));
-        assert_eq!(ticked.record.sample.unwrap().position_m.x, x);
+        haptic_loop.finish_tick(ticked, None, Ok(()));
+        assert_eq!(ticked.sample.unwrap().position_m.x, x);
     }
     let faults = kinds(&mut handle).into_iter().filter(|kind| matches!(kind, LoopEventKind::DeviceFailed(_)));
     assert_eq!(faults.count(), 0);

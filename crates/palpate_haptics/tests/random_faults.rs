@@ -210,8 +210,8 @@ impl Rig {
         self.count = self.count.map(|count| count + 1);
         let reading = broken.unwrap_or(Ok(Reading { sequence: self.count, ..Reading::at(self.at) }));
         let ticked = self.haptic_loop.tick(elapsed, reading);
-        self.haptic_loop.finish_tick(&ticked, None, written);
-        if let Some((_, settings)) = ticked.record.settings {
+        self.haptic_loop.finish_tick(ticked, None, written);
+        if let Some((_, settings)) = ticked.settings {
             self.in_force = settings;
         }
         let force = ticked.device_force_n;

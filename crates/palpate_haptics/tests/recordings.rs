@@ -141,7 +141,10 @@ fn every_fault_of_a_file_is_named_with_file_and_line() {
         assert_eq!(error.to_string(), format!("{}: cannot be read or written", path.display()));
         assert!(std::error::Error::source(&error).is_some());
     }
-    assert!(matches!(handle.black_box().write_csv(folder("no_file")), Err(BlackBoxError::File { .. })));
+    assert!(matches!(
+        handle.black_box().write_csv(folder("no_file")),
+        Err(BlackBoxError::Csv(CsvError::File { .. }))
+    ));
     assert!(Recording::from_csv(header.as_bytes(), "box.csv").unwrap().ticks().is_empty());
 }
 
@@ -183,7 +186,7 @@ fn a_recorded_run_has_every_tick() {
     let newest: Vec<BlackBoxTick> = handle.black_box().ticks().copied().collect();
     assert_eq!(read.ticks()[7300 - 4096..], newest, "the same rows as the black box has");
     let error = Recorder::create(&path).unwrap_err();
-    assert!(matches!(error, BlackBoxError::File { .. }), "a run is not written over");
+    assert!(matches!(error, BlackBoxError::Csv(CsvError::File { .. })), "a run is not written over");
 }
 
 #[test]

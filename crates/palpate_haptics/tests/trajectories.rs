@@ -59,8 +59,8 @@ fn every_fault_is_named_with_file_and_line() {
         (&format!("{ok}0.002,0,abc,0\n"), "hand.csv:4: y_m is \"abc\"; it must be a finite number"),
         (&format!("{ok}0.002,NaN,0,0\n"), "hand.csv:4: x_m is \"NaN\"; it must be a finite number"),
         (&format!("{ok}0.002,0,0,inf\n"), "hand.csv:4: z_m is \"inf\"; it must be a finite number"),
-        (&format!("{ok}0.002,0,0\n"), "hand.csv:4: 3 fields; a row has 4: t_s,x_m,y_m,z_m"),
-        (&format!("{ok}0.002,0,0,0,0\n"), "hand.csv:4: 5 fields; a row has 4: t_s,x_m,y_m,z_m"),
+        (&format!("{ok}0.002,0,0\n"), "hand.csv:4: 3 fields; a row has 4"),
+        (&format!("{ok}0.002,0,0,0,0\n"), "hand.csv:4: 5 fields; a row has 4"),
         (&format!("{ok}0.003,0,0,0\n"), "hand.csv:4: t_s is 0.003; rows are 1 ms apart, so it must be 0.002"),
         (&format!("{ok}0.001,0,0,0\n"), "hand.csv:4: t_s is 0.001; rows are 1 ms apart, so it must be 0.002"),
         (&format!("{ok}0.002,0,55,0\n"), "hand.csv:4: y_m is 55 m; positions lie within 10 m of the origin"),
@@ -124,7 +124,7 @@ fn wrong_buttons_and_orientations_are_named_with_file_and_line() {
     assert_eq!(row("0.5", "0,0,0,1"), format!("hand.csv:3: buttons is \"0.5\"; {bits}"));
     assert_eq!(row("0", "0,0,0,2"), "hand.csv:3: the length of qx,qy,qz,qw is 2; it must be 1");
     assert_eq!(row("0", "0,x,0,1"), "hand.csv:3: qy is \"x\"; it must be a finite number");
-    assert_eq!(row("0", "0,0,0"), "hand.csv:3: 8 fields; a row has 9: t_s,x_m,y_m,z_m,buttons,qx,qy,qz,qw");
+    assert_eq!(row("0", "0,0,0"), "hand.csv:3: 8 fields; a row has 9");
     for header in
         ["t_s,x_m,y_m,z_m,button", "t_s,x_m,y_m,z_m,qx,qy,qz", "t_s,x_m,y_m,z_m,qx,qy,qz,qw,buttons"]
     {
