@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_movement_is_found_exactly() {
+    fn constant_velocity_is_exact() {
         for estimator in [VelocityEstimator::BackwardDifference, VelocityEstimator::default()] {
             assert!((run(estimator, |t| 0.2 * t, 100) - 0.2).abs() < 1e-12);
         }
@@ -110,14 +110,14 @@ mod tests {
 
     #[test]
     fn two_poles_delay_by_their_group_delay() {
-        // The velocity of x = t^2/2 is t. Backward difference: half a tick late; each pole: 1/ω.
-        let late = 0.5e-3 + 2.0 / (std::f64::consts::TAU * 80.0);
+        // The velocity of x = t^2/2 is t. The backward difference delays by half a tick, each pole by 1/ω.
+        let delay = 0.5e-3 + 2.0 / (std::f64::consts::TAU * 80.0);
         let v = run(VelocityEstimator::default(), |t| t * t / 2.0, 500);
-        assert!((v - (0.5 - late)).abs() < 1e-12, "{v}");
+        assert!((v - (0.5 - delay)).abs() < 1e-12, "{v}");
     }
 
     #[test]
-    fn two_poles_calm_a_quantised_path() {
+    fn two_poles_reduce_quantisation_noise() {
         let quantised = |t: f64| ((0.02 * (6.0 * t).sin()) / 3e-4).round() * 3e-4;
         let noise = |estimator| {
             let mut state = VelocityState::default();
@@ -128,9 +128,9 @@ mod tests {
             });
             (errors.sum::<f64>() / 950.0).sqrt()
         };
-        let (rough, calm) =
+        let (unfiltered, filtered) =
             (noise(VelocityEstimator::BackwardDifference), noise(VelocityEstimator::default()));
-        assert!(calm < 0.35 * rough, "{calm} m/s of {rough} m/s");
+        assert!(filtered < 0.35 * unfiltered, "{filtered} m/s of {unfiltered} m/s");
     }
 
     #[test]
