@@ -44,8 +44,8 @@
 //!
 //! | end | timeout | action |
 //! | --- | --- | --- |
-//! | palpate | no newer sample for [`BridgeSettings::silent_after`] (20 ms) or three periods of the device | sends a stop to the peer and rejects forces |
-//! | peer | no newer force for [`PeerSettings::watchdog`] (20 ms) | sets zero force and reports the end of the session to palpate |
+//! | palpate | no newer sample for [`BridgeSettings::silent_after`] (20 ms) or three periods | sends a stop, rejects forces |
+//! | peer | no newer force for [`PeerSettings::watchdog`] (20 ms) | sets zero force, reports the end to palpate |
 //!
 //! Rejected packets do not count. A peer that was not scheduled for that time also ends the session, before it reads waiting packets.
 //! If the peer's device fails, the peer keeps writing zero force, and closes the device if that fails too ([`BridgePeer`]).

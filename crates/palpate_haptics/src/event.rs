@@ -79,7 +79,7 @@ pub enum LoopEventKind {
     ReopenFailed(#[source] DeviceError),
     /// The active local model is this old, in model periods, and the force fades.
     #[error(
-        "no new local model has come for {0:.1} model periods, and the force fades; the model side has stopped or is too slow: \
+        "no new local model has come for {0:.1} model periods, and the force fades; the model side stands still or is too slow: \
          reduce its work"
     )]
     ModelStale(f64),

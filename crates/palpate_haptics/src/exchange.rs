@@ -2,7 +2,7 @@
 //!
 //! | data | direction | structure | if the reader is late |
 //! | --- | --- | --- | --- |
-//! | samples, and the force displayed at each | loop → app | triple buffer with a history of at least 512 | older ones are lost; sequence numbers show the gap |
+//! | samples, and the force displayed at each | loop → app | triple buffer of at least 512 | older ones are lost; numbers show the gap |
 //! | black box | loop → app | the same triple buffer, a ring buffer of 4096 ticks | older ticks are lost |
 //! | local model | app → loop | triple buffer | the loop keeps the previous model, and its age fades the force |
 //! | settings | app → loop | triple buffer of one struct with a number | the newest apply; the loop acknowledges their number |

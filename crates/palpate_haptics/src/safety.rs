@@ -1,15 +1,24 @@
 //! The safety chain: the last computation before the device. Every force passes all stages, in this order.
 //!
-//! | stage | effect | purpose | default | cost of changing it |
-//! | --- | --- | --- | --- | --- |
-//! | finite | replaces a force that is not finite, or beyond 1e150 N, by zero | invalid numbers must not reach a motor, and later sums must not overflow | always on | fixed |
-//! | start | holds zero force until a local model renders a small force, at the start and after every interruption | a hand that starts inside a body, or reappears elsewhere, must not be thrown out | 0.5 N | higher: a blow when a loop starts under load |
-//! | gains | start-up ramp × fade of a stale model × fade of a silent device × fade of a pause | forces appear and disappear slowly, and none outlives its basis | 0.5 s ramp; 0.1 s fade, from 3 model periods or 20 silent ticks on | longer: an old force lasts longer |
-//! | velocity guard | fades the component that accelerates a hand above the speed limit, to zero at twice the limit; braking forces stay | force accelerates a runaway device | 2 m/s | higher: a device runs away for longer |
-//! | passivity | adds damping while the loop has given the hand more energy than it received since the touch began (Hannaford and Ryu 2002) | an active loop can become unstable in a loose grip (Colgate and Schenkel 1997) | up to 5 N s/m, 1 mJ tolerance | less damping: schemes with delay buzz and drift; more: they feel sluggish |
-//! | magnitude | shortens the force to the smaller of the user's and the device's limit | motors and hands have limits | the device's limit | lower: stiff bodies feel soft under high load |
-//! | slew | limits growth to the smaller of the user's and the device's limit, after missed deadlines for at most 4 ticks; decrease is unlimited | a jump in force is a blow, a release is not | 500 N/s; the device's whole force in 20 ms | higher: contacts feel crisper, and errors hit harder |
-//! | finite | as the first stage | no later code checks the force | always on | fixed |
+//! 1. **Finite.** Replaces a force that is not finite, or beyond 1e150 N, by zero: invalid numbers must not reach a motor, and later
+//!    sums must not overflow. Always on.
+//! 2. **Start.** Holds zero force until a local model renders a small force, at the start and after every interruption: a hand that
+//!    starts inside a body, or reappears elsewhere, must not be thrown out. Default 0.5 N; with a higher value a loop that starts under
+//!    load may strike a blow.
+//! 3. **Gains.** Start-up ramp × fade of a stale model × fade of a silent device × fade of a pause: forces appear and disappear slowly,
+//!    and none outlives its basis. Default ramp 0.5 s; fade 0.1 s, from 3 model periods or 20 silent ticks on. With longer times an old
+//!    force lasts longer.
+//! 4. **Velocity guard.** Fades the component that accelerates a hand above the speed limit, to zero at twice the limit; braking forces
+//!    stay. It stops a device that runs away under its own force. Default 2 m/s; with a higher value the device runs away for longer.
+//! 5. **Passivity.** Adds damping along the force while the loop has given the hand more energy than it received since the touch began
+//!    (Hannaford and Ryu 2002): an active loop can become unstable in a loose grip (Colgate and Schenkel 1997). Default up to 5 N s/m,
+//!    tolerance 1 mJ. With less damping, schemes with delay buzz and drift; with more, they feel sluggish.
+//! 6. **Magnitude.** Shortens the force to the smaller of the user's and the device's limit. Default: the device's limit. With a lower
+//!    value stiff bodies feel soft under high load.
+//! 7. **Slew.** Limits the growth per tick to the smaller of the user's and the device's limit, after missed deadlines for at most
+//!    4 ticks; the decrease is unlimited. A jump in force is a blow, a release is not. Default 500 N/s; for the device its whole force in
+//!    20 ms. With a higher value contacts feel crisper, and errors hit harder.
+//! 8. **Finite.** As the first stage, because no later code checks the force. Always on.
 //!
 //! Growth counts from the force that the device currently applies. A force that it rejected ([`SafetyChain::write_failed`]) does
 //! not count, nor does any force before an emergency stop or reopening ([`SafetyChain::reset_output`]).

@@ -12,7 +12,8 @@ use thiserror::Error;
 pub enum BridgeError {
     /// The address is not a loopback address.
     #[error(
-        "{address} is not a loopback address (127.0.0.1, ::1); set `beyond_loopback` to allow it: any program that reaches the peer can move its motors"
+        "{address} is not a loopback address (127.0.0.1, ::1); set `beyond_loopback` to allow it: any program that reaches the peer \
+         can move its motors"
     )]
     NotLoopback {
         /// Rejected address.

@@ -15,7 +15,7 @@ pub enum PacketError {
         /// Expected length, bytes.
         expected: usize,
     },
-    /// The first bytes are not [`MAGIC`](super::MAGIC).
+    /// The first bytes are not [`MAGIC`].
     #[error("a packet does not begin with {MAGIC:02x?}")]
     Magic,
     /// The packet is of another version of the protocol.
