@@ -69,7 +69,7 @@ fn tick_of(
         n += 1;
         let wobble = DVec3::Z * 1e-3 * (n as f64 * 0.01).sin();
         let ticked = haptic_loop.tick(1, Ok(Reading::at(at.position_m - wobble)));
-        haptic_loop.finish_tick(&ticked, None, Ok(()));
+        haptic_loop.finish_tick(ticked, None, Ok(()));
         ticked.device_force_n
     };
     tick();

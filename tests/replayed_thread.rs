@@ -100,8 +100,8 @@ fn a_thread_run_is_replayed_to_the_bit() {
             handle.set_settings(settings).unwrap();
         }
         let ticked = haptic_loop.tick(recorded.elapsed, recorded.reading);
-        haptic_loop.finish_tick(&ticked, None, Ok(()));
-        let again = TickRecord { written: recorded.written, timing: recorded.timing, ..ticked.record };
+        haptic_loop.finish_tick(ticked, None, Ok(()));
+        let again = ticked.complete(recorded.written, recorded.timing);
         assert_eq!(again, *recorded);
         for (a, b) in again.force_n.to_array().iter().zip(recorded.force_n.to_array()) {
             assert_eq!(a.to_bits(), b.to_bits());

@@ -65,7 +65,7 @@ fn faults(app: &mut App) -> Vec<String> {
     let load = [
         "deadlines were missed",
         "samples were lost",
-        "local model was refused",
+        "local model rejected",
         "no new local model has come",
         "a model step takes",
     ];

@@ -1,5 +1,5 @@
-//! This example demonstrates the vendor's end of a bridge: a process that serves a device to palpate in another one. The device
-//! is a simulated hand, a mass that a spring draws up and down and that the force pushes back.
+//! This example demonstrates the vendor's end of a bridge: a process that serves a device to palpate in another process. The device is
+//! a simulated hand: a mass on a spring with a moving end, pushed back by the force.
 //!
 //! `cargo run -p palpate_haptics --example bridge_peer [ADDRESS:PORT [--beyond-loopback]]`; Enter ends it.
 
@@ -18,7 +18,7 @@ const DAMPING_NS_PER_M: f64 = 8.0;
 const MASS_KG: f64 = 0.1;
 const TICK_S: f64 = 1e-3;
 
-/// The hand: x'' = (k (wish − x) − b x' + F)/m.
+/// The hand: x'' = (k (target − x) − b x' + F)/m.
 #[derive(Clone, Copy, Debug, Default)]
 struct SpringHand {
     tick: u64,
@@ -28,25 +28,25 @@ struct SpringHand {
 }
 
 impl SpringHand {
-    /// Up and down by 30 mm, once in three seconds.
-    fn wish_m(&self) -> DVec3 {
+    /// Position of the spring's end: up and down by 30 mm, once in three seconds.
+    fn target_m(&self) -> DVec3 {
         DVec3::Y * 0.03 * (TAU * self.tick as f64 * TICK_S / 3.0).cos()
     }
 
     fn step(&mut self) {
         self.tick += 1;
-        let pull_n = STIFFNESS_N_PER_M * (self.wish_m() - self.position_m) + self.force_n;
-        self.velocity_m_per_s += TICK_S * (pull_n - DAMPING_NS_PER_M * self.velocity_m_per_s) / MASS_KG;
+        let spring_n = STIFFNESS_N_PER_M * (self.target_m() - self.position_m) + self.force_n;
+        self.velocity_m_per_s += TICK_S * (spring_n - DAMPING_NS_PER_M * self.velocity_m_per_s) / MASS_KG;
         self.position_m += TICK_S * self.velocity_m_per_s;
     }
 }
 
-/// The hand as a device, which can be looked at from outside.
+/// The hand as a device, with access for the main thread.
 struct Device(Arc<Mutex<SpringHand>>);
 
 impl Device {
-    fn with<T>(&mut self, use_it: impl FnOnce(&mut SpringHand) -> T) -> Result<T, DeviceError> {
-        self.0.lock().map(|mut hand| use_it(&mut hand)).map_err(|_| DeviceError::Disconnected)
+    fn with<T>(&mut self, operation: impl FnOnce(&mut SpringHand) -> T) -> Result<T, DeviceError> {
+        self.0.lock().map(|mut hand| operation(&mut hand)).map_err(|_| DeviceError::Disconnected)
     }
 }
 
@@ -61,7 +61,7 @@ impl HapticDevice for Device {
     }
 
     fn open(&mut self) -> Result<(), DeviceError> {
-        self.with(|hand| *hand = SpringHand { position_m: hand.wish_m(), ..SpringHand::default() })
+        self.with(|hand| *hand = SpringHand { position_m: hand.target_m(), ..SpringHand::default() })
     }
 
     fn read(&mut self, _within: Duration) -> Result<Reading, DeviceError> {
@@ -95,7 +95,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     writeln!(out, "serving a hand on a spring on {}; Enter ends it", peer.address())?;
     let (enter, entered) = channel();
     std::thread::spawn(move || {
-        // At the end of the input nobody can press Enter: it goes on until it is killed.
+        // Without input there is no Enter: the process runs until it is killed.
         while std::io::stdin().read_line(&mut String::new()).is_ok_and(|length| length == 0) {
             std::thread::park();
         }
@@ -105,9 +105,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     std::thread::scope(|scope| {
         scope.spawn(|| peer.run(&stop));
         while entered.recv_timeout(Duration::from_secs(1)) == Err(RecvTimeoutError::Timeout) {
-            let (counts, seen) =
+            let (counts, state) =
                 (monitor.counts(), hand.lock().map_or_else(|e| *e.into_inner(), |hand| *hand));
-            let (y_mm, force_n) = (1e3 * seen.position_m.y, seen.force_n.length());
+            let (y_mm, force_n) = (1e3 * state.position_m.y, state.force_n.length());
             let _ = writeln!(
                 out,
                 "hand at {y_mm:6.1} mm, {force_n:5.2} N; {} forces, {} lost, {} late, {} refused; {} sessions, {} silences",

@@ -1,4 +1,4 @@
-//! This example writes `assets/trajectories/probe.csv`, the hand that the `probing` example replays.
+//! This example writes `assets/trajectories/probe.csv`, the trajectory that the `probing` example replays.
 
 use palpate_haptics::Probe;
 

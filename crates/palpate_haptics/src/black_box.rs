@@ -1,82 +1,83 @@
-//! The black box: what went through the newest 4,096 ticks, kept without allocation.
+//! The black box: a record of the newest 4,096 ticks, kept without allocation.
 //!
-//! The loop keeps the box itself and brings a copy in the exchange up to it at every tick, so the app finds the newest ticks
-//! whenever it looks, also after the loop has ended or its thread has panicked. Of a tick that panicked there is
-//! nothing: a tick is in the box once its force has been written.
+//! The loop owns the black box and updates a copy in the exchange at every tick. The app can read the newest ticks at any time, also
+//! after the loop has ended or its thread has panicked. A tick enters the black box after its force was written; a tick that
+//! panicked is missing.
 //!
-//! [`BlackBox::write_csv`] writes it, [`Recording`] reads it again, [`BlackBoxKeeper`] keeps a few files in a folder,
-//! [`crate::Recorder`] writes the same rows of a whole run.
+//! [`BlackBox::write_csv`] writes a file, [`Recording`] reads it, [`BlackBoxWriter`] writes numbered files in a folder, and
+//! [`crate::Recorder`] writes the same rows for a whole run.
 
 #![cfg_attr(
     not(test),
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+pub(crate) mod csv_rows;
 mod error;
-mod keeper;
 mod recording;
-mod stages;
-pub(crate) mod table;
+mod safety_actions;
 mod tick;
+mod writer;
 
 pub use error::BlackBoxError;
-pub use keeper::BlackBoxWriter;
 pub use recording::Recording;
-pub use stages::{SafetyAction, SafetyActions};
+pub use safety_actions::{SafetyAction, SafetyActions};
 pub use tick::{BlackBoxTick, RecordedDeviceError};
+pub use writer::BlackBoxWriter;
 
+use crate::CsvError;
 use std::io::{BufWriter, Write};
 use std::ops::Range;
 use std::path::Path;
 
-/// Ticks that a copy takes over at once. So many are little work within a tick, and more than an app leaves behind that
-/// looks four times a second.
-const AT_ONCE: u64 = 256;
+/// Maximum number of ticks per copy operation: cheap within a tick, and more than accumulates between two reads of an app that
+/// reads four times a second.
+const MAX_COPIED: u64 = 256;
 
 /// The newest ticks of a loop, 4,096 at most.
 #[derive(Clone, Debug)]
 pub struct BlackBox {
-    /// Tick number n, counted from 1, is at n modulo the capacity, beside its number; number 0 is none.
+    /// Tick number n, from 1, is at index n modulo the capacity, with its number; number 0 marks an empty slot.
     ring: Vec<(u64, BlackBoxTick)>,
     /// Number of the newest tick.
     newest: u64,
-    /// Numbers of the ticks that a copy has yet to take over.
-    behind: Range<u64>,
+    /// In a copy: numbers of older ticks that are still to be copied.
+    pending: Range<u64>,
 }
 
 impl BlackBox {
-    /// How many ticks it holds at most.
+    /// Maximum number of ticks.
     pub const CAPACITY: usize = 4096;
 
-    /// An empty box with room for [`BlackBox::CAPACITY`] ticks.
+    /// An empty black box with a capacity of [`BlackBox::CAPACITY`] ticks.
     pub(crate) fn new() -> Self {
-        Self { ring: vec![(0, BlackBoxTick::default()); Self::CAPACITY], newest: 0, behind: 0..0 }
+        Self { ring: vec![(0, BlackBoxTick::default()); Self::CAPACITY], newest: 0, pending: 0..0 }
     }
 
-    /// Adds the newest tick, in the place of the oldest where the box is full.
+    /// Appends a tick; a full black box drops its oldest.
     pub(crate) fn push(&mut self, tick: BlackBoxTick) {
         self.newest = self.newest.saturating_add(1);
         self.put(self.newest, tick);
     }
 
-    /// Brings a copy up to `source` by copying what is new, 256 ticks at once and the newest first. After a long absence
-    /// the older ones follow at the next calls; until then they are missing, the newest never are.
+    /// Updates a copy from `source`: copies at most 256 ticks, the newest first. If more are new, the next calls copy the older ones,
+    /// which are missing until then.
     pub(crate) fn catch_up_with(&mut self, source: &Self) {
         let next = self.newest.saturating_add(1);
         let end = source.newest.saturating_add(1);
-        let fresh = next.max(end.saturating_sub(AT_ONCE));
+        let fresh = next.max(end.saturating_sub(MAX_COPIED));
         if fresh > next {
-            let start = if self.behind.is_empty() { next } else { self.behind.start };
-            self.behind = start..fresh;
+            let start = if self.pending.is_empty() { next } else { self.pending.start };
+            self.pending = start..fresh;
         }
         self.copy(source, fresh..end);
-        // What the source has lost meanwhile is not to be had.
+        // Older ticks have been overwritten in the source.
         let kept = source.ring.len() as u64;
-        let oldest = self.behind.start.max(end.saturating_sub(kept));
-        let room = AT_ONCE.saturating_sub(end.saturating_sub(fresh));
-        let from = self.behind.end.saturating_sub(room).max(oldest);
-        self.copy(source, from..self.behind.end);
-        self.behind = oldest..from;
+        let oldest = self.pending.start.max(end.saturating_sub(kept));
+        let budget = MAX_COPIED.saturating_sub(end.saturating_sub(fresh));
+        let from = self.pending.end.saturating_sub(budget).max(oldest);
+        self.copy(source, from..self.pending.end);
+        self.pending = oldest..from;
         self.newest = source.newest;
     }
 
@@ -92,24 +93,23 @@ impl BlackBox {
         self.get(self.newest)
     }
 
-    /// Writes the ticks as CSV, oldest first: the columns of [`Recording`].
+    /// Writes the ticks as CSV with the columns of [`Recording`], oldest first.
     ///
     /// # Errors
-    /// What `writer` returns.
+    /// Errors of `writer`.
     pub fn to_csv(&self, mut writer: impl Write) -> std::io::Result<()> {
-        table::write_header(&mut writer)?;
-        self.ticks().try_for_each(|tick| table::write_row(&mut writer, tick))
+        csv_rows::write_header(&mut writer)?;
+        self.ticks().try_for_each(|tick| csv_rows::write_row(&mut writer, tick))
     }
 
-    /// Writes the file `path`, in the place of one that is there: 1 to 2 MB of a full box.
+    /// Writes the file `path` and overwrites an existing one. A full black box has 1 to 2 MB.
     ///
     /// # Errors
-    /// [`BlackBoxError::File`].
+    /// [`CsvError::File`].
     pub fn write_csv(&self, path: impl AsRef<Path>) -> Result<(), BlackBoxError> {
         let path = path.as_ref();
-        std::fs::File::create(path)
-            .and_then(|file| self.write_to(file))
-            .map_err(|source| BlackBoxError::File { path: path.to_owned(), source })
+        let written = std::fs::File::create(path).and_then(|file| self.write_to(file));
+        Ok(written.map_err(CsvError::file(path))?)
     }
 
     fn write_to(&self, file: std::fs::File) -> std::io::Result<()> {
@@ -128,8 +128,8 @@ impl BlackBox {
 
     fn put(&mut self, number: u64, tick: BlackBoxTick) {
         let slot = self.slot(number);
-        if let Some(place) = self.ring.get_mut(slot) {
-            *place = (number, tick);
+        if let Some(entry) = self.ring.get_mut(slot) {
+            *entry = (number, tick);
         }
     }
 

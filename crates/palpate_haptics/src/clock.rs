@@ -1,5 +1,5 @@
-//! The monotonic clock and waiting for a point on it. Only the runner uses it, with its watchdog and the bare thread it is
-//! compared with, and the bridge, whose other end lives in real time.
+//! The monotonic clock, and waiting for a point in time. Its users are the runner with watchdog and baseline thread, and the bridge,
+//! whose other end runs in real time.
 
 #[cfg(target_os = "linux")]
 mod platform {
@@ -17,13 +17,13 @@ mod platform {
             Self
         }
 
-        /// Time on the clock, ns.
+        /// Current time, ns.
         pub(crate) fn now_ns(self) -> u64 {
             let now = clock_gettime(ClockId::Monotonic);
             now.tv_sec.unsigned_abs() * NS_PER_S + now.tv_nsec.unsigned_abs()
         }
 
-        /// Waits until the clock shows `deadline_ns`; returns at once if it does already.
+        /// Waits until `deadline_ns`; returns at once if that has passed.
         pub(crate) fn sleep_until(self, deadline_ns: u64) {
             let (Ok(tv_sec), Ok(tv_nsec)) =
                 ((deadline_ns / NS_PER_S).try_into(), (deadline_ns % NS_PER_S).try_into())
@@ -42,7 +42,7 @@ mod platform {
 mod platform {
     use std::time::{Duration, Instant};
 
-    /// The standard library's monotonic clock, from the moment it was made.
+    /// The standard library's monotonic clock, counted from its construction.
     #[derive(Clone, Copy, Debug)]
     pub(crate) struct MonotonicClock(Instant);
 
@@ -52,12 +52,12 @@ mod platform {
             Self(Instant::now())
         }
 
-        /// Time on the clock, ns.
+        /// Current time, ns.
         pub(crate) fn now_ns(self) -> u64 {
             u64::try_from(self.0.elapsed().as_nanos()).unwrap_or(u64::MAX)
         }
 
-        /// Waits until the clock shows `deadline_ns`; returns at once if it does already.
+        /// Waits until `deadline_ns`; returns at once if that has passed.
         pub(crate) fn sleep_until(self, deadline_ns: u64) {
             loop {
                 let now = self.now_ns();

@@ -1,26 +1,24 @@
-//! The two halves of a loop and what crosses between them.
+//! The data exchanged between the app and the loop.
 //!
-//! | data | direction | structure | when the reader is late |
+//! | data | direction | structure | if the reader is late |
 //! | --- | --- | --- | --- |
-//! | samples, and what was displayed at each | loop → model side | triple buffer of a history of at least 512 | older ones are lost; the gap is seen in the sequence numbers |
-//! | black box | loop → app | the same triple buffer, a ring of 4096 ticks | older ones are lost |
-//! | local model | model side → loop | triple buffer | the loop keeps the last one, and its age fades the force |
-//! | settings | app → loop | triple buffer, one struct with a number | the newest counts; the loop acknowledges by number |
-//! | report | loop → app | triple buffer | the newest counts |
+//! | samples, and the force displayed at each | loop → app | triple buffer of at least 512 | older ones are lost; numbers show the gap |
+//! | black box | loop → app | the same triple buffer, a ring buffer of 4096 ticks | older ticks are lost |
+//! | local model | app → loop | triple buffer | the loop keeps the previous model, and its age fades the force |
+//! | settings | app → loop | triple buffer of one struct with a number | the newest apply; the loop acknowledges their number |
+//! | report | loop → app | triple buffer | the newest is read |
 //! | events, tick records | loop → app | bounded queues, `try_send` only | dropped and counted |
 
 use crate::black_box::BlackBox;
-use crate::displayed::DisplayedForces;
-use crate::haptic_loop::HapticLoop;
-use crate::timing::LoopReport;
-use crate::{HapticsError, LoopConfig, LoopEvent, LoopSettings, TickRecord};
+use crate::displayed_forces::DisplayedForces;
+use crate::{HapticsError, LoopConfig, LoopEvent, LoopReport, LoopSettings, TickRecord};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use palpate_local::{LocalModel, SampleHistory};
 use triple_buffer::{Input, Output, triple_buffer};
 
 /// The app's half of a loop: publishes local models and settings, reads samples, events and reports.
 ///
-/// It cannot be cloned, and nothing it does makes the loop wait.
+/// It cannot be cloned, and none of its methods blocks the loop.
 #[derive(Debug)]
 pub struct HapticHandle {
     config: LoopConfig,
@@ -33,7 +31,7 @@ pub struct HapticHandle {
     records: Receiver<TickRecord>,
 }
 
-/// What the loop publishes at every tick.
+/// State that the loop publishes at every tick.
 #[derive(Clone, Debug)]
 pub(crate) struct LoopSnapshot {
     pub(crate) history: SampleHistory,
@@ -42,7 +40,7 @@ pub(crate) struct LoopSnapshot {
     pub(crate) latest: Option<TickRecord>,
 }
 
-/// The loop's ends of everything that crosses.
+/// The loop's ends of the exchange.
 #[derive(Debug)]
 pub(crate) struct LoopChannels {
     pub(crate) settings: Output<(u64, LoopSettings)>,
@@ -53,20 +51,16 @@ pub(crate) struct LoopChannels {
     pub(crate) records: Sender<TickRecord>,
 }
 
-/// Makes the two halves of a loop: the handle stays with the app, the loop goes to a thread
-/// ([`HapticLoop::spawn`]) or into lock step ([`crate::Lockstep`]).
-///
-/// # Errors
-/// [`HapticsError`] when `config` or `settings` makes no sense.
-pub fn haptic_loop(
+/// Creates the app's handle and the loop's channels.
+pub(crate) fn exchange(
     config: LoopConfig,
     settings: LoopSettings,
-) -> Result<(HapticHandle, HapticLoop), HapticsError> {
+) -> Result<(HapticHandle, LoopChannels), HapticsError> {
     config.validate()?;
     settings.validate()?;
     let first = (0, settings);
     let (settings_in, settings_out) = triple_buffer(&first);
-    // The vectors get their length here, before they are cloned into the three slots.
+    // The vectors get their full length before they are cloned into the three slots.
     let (models_in, models_out) = triple_buffer(&LocalModel::empty(config.hand_over.capacity));
     let history = SampleHistory::with_capacity(config.hand_over.history)?;
     let (samples_in, samples_out) = triple_buffer(&LoopSnapshot {
@@ -78,7 +72,7 @@ pub fn haptic_loop(
     let (reports_in, reports_out) = triple_buffer(&LoopReport::new());
     let (events_in, events_out) = bounded(config.event_capacity);
     let (records_in, records_out) = bounded(config.record_capacity);
-    let ends = LoopChannels {
+    let channels = LoopChannels {
         settings: settings_out,
         models: models_out,
         samples: samples_in,
@@ -96,7 +90,7 @@ pub fn haptic_loop(
         events: events_out,
         records: records_out,
     };
-    Ok((handle, HapticLoop::new(config, settings, ends)?))
+    Ok((handle, channels))
 }
 
 impl HapticHandle {
@@ -106,16 +100,17 @@ impl HapticHandle {
         &self.config
     }
 
-    /// The settings set last.
+    /// The settings published last.
     #[must_use]
     pub fn settings(&self) -> &LoopSettings {
         &self.newest_settings.1
     }
 
-    /// Sets new settings; returns their number, with which the loop acknowledges them.
+    /// Publishes new settings and returns their number, which the loop acknowledges
+    /// ([`crate::LoopEventKind::SettingsAdopted`]).
     ///
     /// # Errors
-    /// [`HapticsError::Setting`] when they make no sense; the old ones stay in force.
+    /// [`HapticsError::Setting`] for a value out of range; the previous settings stay in force.
     pub fn set_settings(&mut self, settings: LoopSettings) -> Result<u64, HapticsError> {
         settings.validate()?;
         self.newest_settings = (self.newest_settings.0 + 1, settings);
@@ -123,13 +118,13 @@ impl HapticHandle {
         Ok(self.newest_settings.0)
     }
 
-    /// The slot of the next local model, to be filled and then [published](Self::publish_model). It holds an
-    /// older model, not the last: every field must be written.
+    /// The slot of the next local model; fill it, then call [`publish_model`](Self::publish_model). The slot contains an older model
+    /// than the last one: write every field.
     pub fn model_slot(&mut self) -> &mut LocalModel {
         self.models.input_buffer_mut()
     }
 
-    /// Hands the local model in the slot over to the loop.
+    /// Publishes the local model in the slot.
     pub fn publish_model(&mut self) {
         self.models.publish();
     }
@@ -139,14 +134,15 @@ impl HapticHandle {
         &self.samples.read().history
     }
 
-    /// What was displayed at the newest samples.
+    /// The forces displayed at the newest samples.
     pub fn displayed(&mut self) -> &DisplayedForces {
         &self.samples.read().displayed
     }
 
-    /// What went through the newest ticks, 4,096 at most, also after the loop has ended. Whoever looks twice within a few
-    /// hundredths of a second after not having looked for a quarter of one may miss the older ones at the second look,
-    /// never the newest 256.
+    /// The newest ticks, at most 4,096; also after the loop has ended.
+    ///
+    /// The newest 256 ticks are always complete. Older ones may be missing for some hundredths of a second after a pause of more
+    /// than a quarter of a second between two reads.
     pub fn black_box(&mut self) -> &BlackBox {
         &self.samples.read().black_box
     }
@@ -156,17 +152,17 @@ impl HapticHandle {
         self.samples.read().latest
     }
 
-    /// The loop's newest account of itself.
+    /// The newest report of the loop.
     pub fn report(&mut self) -> &LoopReport {
         self.reports.read()
     }
 
-    /// The next event that has not been read.
+    /// Removes the oldest event from the queue.
     pub fn next_event(&mut self) -> Option<LoopEvent> {
         self.events.try_recv().ok()
     }
 
-    /// The next tick record that has not been read; there are some while [`LoopSettings::record`] is set.
+    /// Removes the oldest tick record from the queue; the loop sends records while [`LoopSettings::record`] is set.
     pub fn next_record(&mut self) -> Option<TickRecord> {
         self.records.try_recv().ok()
     }

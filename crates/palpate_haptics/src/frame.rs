@@ -1,4 +1,4 @@
-//! From the device's frame to the scene's, and back for the force.
+//! Transformation between the device's frame and the scene's.
 
 #![cfg_attr(
     not(test),
@@ -9,30 +9,29 @@ use crate::error::{check, check_positive};
 use crate::{HapticsError, Reading};
 use glam::{DQuat, DVec3};
 
-/// How the device lies in the scene: x_scene = offset + rotation · (scale · x_device).
+/// Pose and scale of the device in the scene: x_scene = offset + rotation · (scale · x_device).
 ///
-/// Velocities are rotated and scaled, orientations rotated. The force goes back through the inverse rotation
-/// and is not scaled: a newton in the scene is a newton on the hand, so limits mean what they say. With a scale
-/// s the hand feels s times the scene's stiffness.
+/// Velocities are rotated and scaled, orientations rotated. Forces are rotated back and not scaled: one newton in the scene is one
+/// newton on the hand, and force limits apply unchanged. At scale s the hand feels s times the scene's stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceFrame {
-    /// Device to scene.
+    /// Rotation from the device's frame to the scene's.
     pub rotation: DQuat,
-    /// Metres in the scene for a metre of the device.
+    /// Metres in the scene per metre of the device.
     pub scale: f64,
-    /// Where the device's origin lies in the scene, m.
+    /// Position of the device's origin in the scene, m.
     pub offset_m: DVec3,
 }
 
 impl Default for DeviceFrame {
-    /// The device's frame is the scene's.
+    /// The identity: both frames coincide.
     fn default() -> Self {
         Self { rotation: DQuat::IDENTITY, scale: 1.0, offset_m: DVec3::ZERO }
     }
 }
 
 impl DeviceFrame {
-    /// Refuses what is no rotation, no scale or no place.
+    /// Rejects a rotation that is not a unit quaternion, a scale that is not positive, and an offset that is not finite.
     ///
     /// # Errors
     /// [`HapticsError::Setting`].
@@ -44,32 +43,32 @@ impl DeviceFrame {
         check("offset of the device frame, m", far, self.offset_m.is_finite(), "finite")
     }
 
-    /// The reading in the scene's frame.
+    /// Transforms a reading to the scene's frame.
     #[must_use]
     pub fn to_scene(&self, reading: &Reading) -> Reading {
-        let turn = |v: DVec3| self.rotation * (self.scale * v);
+        let rotate = |v: DVec3| self.rotation * (self.scale * v);
         Reading {
-            position_m: self.offset_m + turn(reading.position_m),
-            velocity_m_per_s: reading.velocity_m_per_s.map(turn),
+            position_m: self.offset_m + rotate(reading.position_m),
+            velocity_m_per_s: reading.velocity_m_per_s.map(rotate),
             orientation: self.rotation * reading.orientation,
             buttons: reading.buttons,
             sequence: reading.sequence,
         }
     }
 
-    /// The place, m, in the device's frame.
+    /// Transforms a position, m, to the device's frame.
     #[must_use]
     pub fn position_to_device_m(&self, scene_m: DVec3) -> DVec3 {
         self.rotation.conjugate() * (scene_m - self.offset_m) / self.scale
     }
 
-    /// The orientation in the device's frame.
+    /// Transforms an orientation to the device's frame.
     #[must_use]
     pub fn orientation_to_device(&self, scene: DQuat) -> DQuat {
         (self.rotation.conjugate() * scene).normalize()
     }
 
-    /// The force, N, in the device's frame.
+    /// Transforms a force, N, to the device's frame.
     #[must_use]
     pub fn force_to_device(&self, force_n: DVec3) -> DVec3 {
         self.rotation.conjugate() * force_n
@@ -81,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn power_is_the_same_in_both_frames_up_to_the_scale() {
+    fn power_is_equal_in_both_frames_up_to_scale() {
         let frame = DeviceFrame {
             rotation: DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.7),
             scale: 2.5,
@@ -95,12 +94,12 @@ mod tests {
         assert!((power - 2.5 * frame.force_to_device(f).dot(v)).abs() < 1e-12);
         let back = frame.position_to_device_m(scene.position_m);
         assert!((back - reading.position_m).length() < 1e-15);
-        let turned = frame.orientation_to_device(scene.orientation);
-        assert!(turned.angle_between(reading.orientation) < 1e-7);
+        let rotated = frame.orientation_to_device(scene.orientation);
+        assert!(rotated.angle_between(reading.orientation) < 1e-7);
     }
 
     #[test]
-    fn frames_that_make_no_sense_are_refused() {
+    fn rejects_invalid_frames() {
         let good = DeviceFrame::default();
         for bad in [
             DeviceFrame { scale: 0.0, ..good },

@@ -1,9 +1,9 @@
-//! The loop in lock step with the model side: no thread, no clock, the same bits every time.
+//! The loop in lock step with the model side: deterministic, without thread and clock.
 
 use crate::{DeviceError, HapticDevice, HapticLoop};
 use std::time::Duration;
 
-/// A loop and its device, turned by hand: exactly as many ticks as asked for, none missed.
+/// A loop and its device, advanced by calls: exactly the requested number of ticks, without missed deadlines.
 #[derive(Debug)]
 pub struct Lockstep<D: HapticDevice + ?Sized> {
     haptic_loop: HapticLoop,
@@ -11,24 +11,24 @@ pub struct Lockstep<D: HapticDevice + ?Sized> {
 }
 
 impl<D: HapticDevice + ?Sized> Lockstep<D> {
-    /// Opens `device` and couples it to `haptic_loop`.
+    /// Opens `device` and connects it to `haptic_loop`.
     ///
     /// # Errors
-    /// What opening the device gives.
+    /// Errors of [`HapticDevice::open`].
     pub fn new(mut haptic_loop: HapticLoop, mut device: Box<D>) -> Result<Self, DeviceError> {
         device.open()?;
-        haptic_loop.start(true);
+        haptic_loop.start();
         Ok(Self { haptic_loop, device })
     }
 
-    /// Turns the loop `ticks` times.
+    /// Runs `ticks` ticks.
     pub fn run(&mut self, ticks: usize) {
         let period = Duration::from_secs_f64(self.haptic_loop.config().hand_over.tick_s);
         for _ in 0..ticks {
             let reading = self.device.read(period);
-            let ticked = self.haptic_loop.tick(1, reading);
-            let written = self.device.write(ticked.device_force_n);
-            self.haptic_loop.finish_tick(&ticked, None, written);
+            let output = self.haptic_loop.tick(1, reading);
+            let written = self.device.write(output.device_force_n);
+            self.haptic_loop.finish_tick(output, None, written);
         }
     }
 

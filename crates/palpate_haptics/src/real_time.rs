@@ -1,18 +1,18 @@
-//! What the loop's thread asks of the operating system, and what it gets. Each is tried once, when the thread starts; the
-//! loop runs without any of them.
+//! Real-time requests of the loop's thread to the operating system, and their results. Each request is made once, when the thread
+//! starts; the loop also runs if all are denied.
 
 use std::fmt;
 
-/// What the loop's thread asks for.
+/// Requests of a thread to the operating system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RealTimeRequest {
-    /// The real-time priority, 1 to 99 on Linux (`SCHED_FIFO`): the thread runs before all others as soon as it wakes. Without,
-    /// a busy machine wakes it milliseconds late. `None` asks for none.
+    /// Real-time priority, 1 to 99 on Linux (`SCHED_FIFO`): the thread preempts threads of lower priority as soon as it wakes.
+    /// Without one, a busy machine wakes it milliseconds late. `None` requests no priority.
     pub priority: Option<u8>,
-    /// That the process's memory is never swapped out: a page that has to be fetched from a disk costs ten ticks. Pages are
-    /// locked when they are first used, for as long as the process lives.
+    /// Whether to lock the process's memory: fetching a swapped page from a disk takes ten ticks. Pages are locked at their first use,
+    /// for the lifetime of the process.
     pub lock_memory: bool,
-    /// The core that it runs on and no other; `None` leaves that to the operating system.
+    /// Core to which the thread is pinned; `None` leaves the choice to the operating system.
     pub core: Option<usize>,
 }
 
@@ -24,30 +24,30 @@ impl Default for RealTimeRequest {
 }
 
 impl RealTimeRequest {
-    /// Asks for nothing.
+    /// No requests.
     pub const NONE: Self = Self { priority: None, lock_memory: false, core: None };
 
-    /// Asks for everything in it, for the calling thread. The loop's thread does so when it starts; this is for other threads
-    /// that are to have the same.
+    /// Makes the requests for the calling thread. The loop's thread does this by itself; call it on other threads with the same
+    /// needs.
     #[must_use]
     pub fn apply_to_current_thread(self) -> RealTimeReport {
         apply(self)
     }
 }
 
-/// What came of each request. It carries no heap, so it can be part of an event.
+/// Outcome of each request. It holds no heap memory and can be part of an event.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RealTimeReport {
-    /// The priority.
+    /// Outcome of the priority.
     pub priority: Outcome,
-    /// The memory.
+    /// Outcome of the locked memory.
     pub memory: Outcome,
-    /// The core.
+    /// Outcome of the core.
     pub core: Outcome,
 }
 
 impl RealTimeReport {
-    /// Whether nothing that was asked for was refused.
+    /// Whether no request was denied.
     #[must_use]
     pub fn is_complete(&self) -> bool {
         [self.priority, self.memory, self.core].iter().all(|what| !matches!(what, Outcome::Denied(_)))
@@ -61,15 +61,15 @@ impl fmt::Display for RealTimeReport {
     }
 }
 
-/// What came of a request.
+/// Outcome of a request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Outcome {
-    /// It was not made.
+    /// The request was not made.
     #[default]
     NotRequested,
-    /// It was granted.
+    /// The request was granted.
     Granted,
-    /// It was not.
+    /// The request was denied.
     Denied(DenialReason),
 }
 
@@ -83,21 +83,21 @@ impl fmt::Display for Outcome {
     }
 }
 
-/// Why a request was refused, and how it can be allowed.
+/// Why a request was denied; the text names a remedy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DenialReason {
-    /// The user may not raise priorities.
+    /// The user lacks the permission to raise priorities.
     NotPermitted,
-    /// So many bytes of memory may be locked, and the process may come to need more: asking for it would let it fail later.
+    /// The limit of locked memory is this number of bytes. The process may later need more, and an allocation would then fail.
     MemoryLimit(u64),
-    /// There is no such core, or the process may not run on it; there are so many.
+    /// The core does not exist or is not available to the process, which has this number of cores.
     NoSuchCore(usize),
     /// The priority is out of range.
     OutOfRange,
-    /// The operating system gave this error number.
+    /// The operating system returned this error number.
     Os(i32),
-    /// This operating system offers no such thing to this library.
+    /// The request is not supported on this operating system.
     NotOffered,
 }
 
@@ -114,7 +114,7 @@ impl fmt::Display for DenialReason {
                  /etc/security/limits.conf and a new login, or by \"setcap cap_ipc_lock=ep PROGRAM\""
             ),
             Self::NoSuchCore(cores) => {
-                write!(f, "the process may run on {cores} cores, and that is none of them; give the number of another")
+                write!(f, "the process may run on {cores} cores, and this is none of them; give the number of another")
             }
             Self::OutOfRange => f.write_str("out of range; give 1 to 99"),
             Self::Os(number) => write!(f, "{}", std::io::Error::from_raw_os_error(*number)),
@@ -123,28 +123,28 @@ impl fmt::Display for DenialReason {
     }
 }
 
-/// Asks for everything in `wanted`, for the calling thread.
-pub(crate) fn apply(wanted: RealTimeRequest) -> RealTimeReport {
-    let outcome = |asked: Option<Result<(), DenialReason>>| match asked {
+/// Makes the requests in `request` for the calling thread.
+pub(crate) fn apply(request: RealTimeRequest) -> RealTimeReport {
+    let outcome = |result: Option<Result<(), DenialReason>>| match result {
         None => Outcome::NotRequested,
         Some(Ok(())) => Outcome::Granted,
         Some(Err(why)) => Outcome::Denied(why),
     };
     RealTimeReport {
         // The core first: a thread of high priority should not be moved.
-        core: outcome(wanted.core.map(pin)),
-        memory: outcome(wanted.lock_memory.then(platform::lock_memory)),
-        priority: outcome(wanted.priority.map(platform::raise)),
+        core: outcome(request.core.map(pin)),
+        memory: outcome(request.lock_memory.then(platform::lock_memory)),
+        priority: outcome(request.priority.map(platform::raise)),
     }
 }
 
-/// Touches the memory that a tick needs on the stack, so that no page of it is fetched within one.
+/// Touches the stack memory that a tick needs, to avoid page faults within a tick.
 #[inline(never)]
 pub(crate) fn touch_stack() {
     std::hint::black_box(&mut [0_u8; STACK_BYTES]);
 }
 
-/// Several times what a tick needs, and little of what a thread has.
+/// Several times the need of a tick, and a small part of a thread's stack.
 const STACK_BYTES: usize = 128 << 10;
 
 fn pin(core: usize) -> Result<(), DenialReason> {
@@ -152,7 +152,7 @@ fn pin(core: usize) -> Result<(), DenialReason> {
     let found = cores.iter().find(|id| id.id == core);
     match found {
         Some(&id) if core_affinity::set_for_current(id) => Ok(()),
-        // The core is there; macOS on its own processors offers none.
+        // The core exists, but cannot be pinned, as on macOS with Apple processors.
         Some(_) => Err(DenialReason::NotOffered),
         None => Err(DenialReason::NoSuchCore(cores.len())),
     }
@@ -187,8 +187,8 @@ mod platform {
         })
     }
 
-    /// Locks what there is and what will be, each page when it is first used. Under a limit a later allocation would fail, so
-    /// that it is not asked for.
+    /// Locks present and future pages, each at its first use. With a limit in place a later allocation would fail; the request is
+    /// therefore not made.
     pub(super) fn lock_memory() -> Result<(), DenialReason> {
         let may_lock_all =
             capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
@@ -198,7 +198,7 @@ mod platform {
             _ => {
                 let flags = MlockAllFlags::CURRENT | MlockAllFlags::FUTURE | MlockAllFlags::ONFAULT;
                 mlockall(flags).map_err(|error| match error {
-                    // The limit holds all the same, as in a container.
+                    // A limit applies despite the capability, as in a container.
                     Errno::PERM | Errno::NOMEM => DenialReason::MemoryLimit(limit.unwrap_or(0)),
                     error => DenialReason::Os(error.raw_os_error()),
                 })
@@ -214,8 +214,8 @@ mod platform {
 
     pub(super) fn raise(priority: u8) -> Result<(), DenialReason> {
         let value = ThreadPriorityValue::try_from(priority).map_err(|_| DenialReason::OutOfRange)?;
-        let asked = set_current_thread_priority(ThreadPriority::Crossplatform(value));
-        asked.map_err(|_| DenialReason::NotPermitted)
+        let result = set_current_thread_priority(ThreadPriority::Crossplatform(value));
+        result.map_err(|_| DenialReason::NotPermitted)
     }
 
     pub(super) fn lock_memory() -> Result<(), DenialReason> {
@@ -227,37 +227,41 @@ mod platform {
 mod tests {
     use super::*;
 
-    /// On a thread of its own, so that the test's own stays as it is.
-    fn asked(wanted: RealTimeRequest) -> RealTimeReport {
-        std::thread::spawn(move || apply(wanted)).join().unwrap()
+    /// Applies the request on a new thread, which leaves the test's own unchanged.
+    fn apply_on_new_thread(request: RealTimeRequest) -> RealTimeReport {
+        std::thread::spawn(move || apply(request)).join().unwrap()
     }
 
     #[test]
-    fn what_is_not_asked_for_is_not_tried() {
-        assert_eq!(asked(RealTimeRequest::NONE), RealTimeReport::default());
+    fn makes_no_request_that_is_not_set() {
+        assert_eq!(apply_on_new_thread(RealTimeRequest::NONE), RealTimeReport::default());
         assert!(RealTimeReport::default().is_complete());
     }
 
     #[test]
-    fn what_cannot_be_is_refused_with_a_remedy() {
-        let report = asked(RealTimeRequest { priority: Some(0), core: Some(100_000), lock_memory: false });
+    fn denies_impossible_requests_with_remedy() {
+        let report = apply_on_new_thread(RealTimeRequest {
+            priority: Some(0),
+            core: Some(100_000),
+            lock_memory: false,
+        });
         assert_eq!(report.priority, Outcome::Denied(DenialReason::OutOfRange));
         assert!(matches!(report.core, Outcome::Denied(DenialReason::NoSuchCore(1..))), "{report}");
         assert!(!report.is_complete());
-        let said = report.to_string();
-        assert!(said.contains("priority refused: out of range; give 1 to 99"), "{said}");
+        let text = report.to_string();
+        assert!(text.contains("priority refused: out of range; give 1 to 99"), "{text}");
         assert!(
-            said.contains("locked memory not asked for") && said.contains("give the number of another"),
-            "{said}"
+            text.contains("locked memory not asked for") && text.contains("give the number of another"),
+            "{text}"
         );
-        let refused = Outcome::Denied(DenialReason::MemoryLimit(65_536)).to_string();
-        assert!(refused.contains("65536 bytes") && refused.contains("memlock unlimited"));
+        let denied = Outcome::Denied(DenialReason::MemoryLimit(65_536)).to_string();
+        assert!(denied.contains("65536 bytes") && denied.contains("memlock unlimited"));
     }
 
-    /// Whatever this machine grants, what it says is what is so.
+    /// The report agrees with the thread's actual scheduling policy, whether this machine grants the request or not.
     #[cfg(target_os = "linux")]
     #[test]
-    fn what_is_granted_is_in_force() {
+    fn granted_priority_is_in_force() {
         let (report, policy) = std::thread::spawn(|| {
             let report =
                 apply(RealTimeRequest { core: Some(0), lock_memory: false, ..RealTimeRequest::default() });
@@ -269,8 +273,8 @@ mod tests {
             thread_priority::RealtimeThreadSchedulePolicy::Fifo,
         );
         assert_eq!(report.priority == Outcome::Granted, policy == fifo, "{report}");
-        let is_told =
+        let has_outcome =
             matches!(report.priority, Outcome::Granted | Outcome::Denied(DenialReason::NotPermitted));
-        assert!(is_told, "{report}");
+        assert!(has_outcome, "{report}");
     }
 }

@@ -1,18 +1,18 @@
-//! A recorder for whole runs, off the loop.
+//! Recorder of whole runs on the app's thread.
 
-use crate::black_box::table::{write_header, write_row};
-use crate::{BlackBoxError, BlackBoxTick, HapticHandle};
+use crate::black_box::csv_rows::{write_header, write_row};
+use crate::{BlackBoxError, BlackBoxTick, CsvError, HapticHandle};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes every tick of a run to a file as it comes, on the app's thread: the rows of [`crate::Recording`].
+/// Writes every tick of a run to a file, on the app's thread: the rows of [`crate::Recording`].
 ///
-/// [`crate::LoopSettings::record`] must be set, and [`Recorder::take`] called often enough that the queue of
-/// [`crate::LoopConfig::record_capacity`] ticks (8 s) does not fill up. What finds it full is dropped and counted. A recorder
-/// takes every record that it finds: who wants to look at them otherwise reads the file.
+/// Set [`crate::LoopSettings::record`], and call [`Recorder::take`] before the queue of [`crate::LoopConfig::record_capacity`]
+/// ticks (8 s by default) is full. The loop drops and counts records that do not fit. A recorder consumes all records of the queue,
+/// which other readers then find only in the file.
 ///
-/// A second takes half a megabyte.
+/// One second takes half a megabyte.
 #[derive(Debug)]
 pub struct Recorder {
     path: PathBuf,
@@ -22,35 +22,35 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Begins the file `path`.
+    /// Creates the file `path`.
     ///
     /// # Errors
-    /// [`BlackBoxError::File`], also if there is a file already: a run cannot be had twice.
+    /// [`CsvError::File`], also if the file exists: a recording is never overwritten.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, BlackBoxError> {
         let path = path.as_ref().to_owned();
-        let begin = || -> std::io::Result<_> {
+        let create = || -> std::io::Result<_> {
             let mut file = BufWriter::new(File::create_new(&path)?);
             write_header(&mut file)?;
             file.flush()?;
             Ok(file)
         };
-        match begin() {
+        match create() {
             Ok(file) => Ok(Self { path, file, written: 0, dropped: 0 }),
-            Err(source) => Err(BlackBoxError::File { path, source }),
+            Err(error) => Err(CsvError::file(&path)(error).into()),
         }
     }
 
-    /// Writes the ticks that have come since the last call; returns how many. The file is whole when it returns. A last call
-    /// after the loop has ended takes what is left.
+    /// Writes the ticks since the last call and returns their number. The file is flushed on return. Call once more after the loop has
+    /// ended to write the remaining ticks.
     ///
     /// # Errors
-    /// [`BlackBoxError::File`]; the tick at which writing failed is lost.
+    /// [`CsvError::File`]; the tick at which writing failed is lost.
     pub fn take(&mut self, handle: &mut HapticHandle) -> Result<u64, BlackBoxError> {
         let before = self.written;
         let tick_s = handle.config().hand_over.tick_s;
         let written = self.write(handle, tick_s).and_then(|()| self.file.flush());
         self.dropped = handle.report().dropped_records;
-        written.map_err(|source| BlackBoxError::File { path: self.path.clone(), source })?;
+        written.map_err(CsvError::file(&self.path))?;
         Ok(self.written - before)
     }
 
@@ -62,20 +62,20 @@ impl Recorder {
         Ok(())
     }
 
-    /// Ticks written.
+    /// Number of ticks written.
     #[must_use]
     pub fn written(&self) -> u64 {
         self.written
     }
 
-    /// Ticks that found the queue full, since the loop's start: they are missing in the file. As of the last
-    /// [`Recorder::take`], to the newest report of the loop, which comes every 64 ticks and at its end.
+    /// Number of ticks missing in the file because the queue was full, as of the last [`Recorder::take`]. It comes from the loop's
+    /// report, which is updated every 64 ticks and at the end.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
 
-    /// The file.
+    /// Path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

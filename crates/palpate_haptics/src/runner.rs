@@ -1,25 +1,24 @@
-//! The thread that owns a device and turns its loop, the only place that reads a clock
-//! beside the bare thread it is compared with ([`crate::BareThread`]).
+//! The thread that owns a device and runs its loop. Only this file, the watchdog and [`crate::BaselineThread`] read a clock for a
+//! loop.
 //!
 //! # Life of a loop's thread
 //!
 //! 1. (app) [`HapticLoop::spawn`] moves loop and device into a new thread named `haptic-loop`.
-//! 2. (thread) Priority, locked memory and core are asked for ([`crate::RealTime`]); what came of it is told. The device is
-//!    opened. If that fails the app is told ([`crate::LoopEventKind::DeviceFailed`]), nothing
-//!    is written, and the thread goes on with 5.
-//!    If it offers an [`crate::EmergencyStop`] a watchdog on another thread, of a higher priority, calls it when the loop has
-//!    not begun a tick, or the device has taken no force, for 50 ms; if not that is told.
-//! 3. (thread) At every deadline, a whole number of periods after the start on the monotonic clock: read, tick,
-//!    write. Deadlines that passed meanwhile are counted and left out, never made up by a burst.
-//!    A device that is disconnected is closed and opened again, tried twice a second; why that fails is told once for each reason
+//! 2. (thread) The thread requests priority, locked memory and core ([`crate::RealTimeRequest`]), reports the results, and opens the
+//!    device. If opening fails, the thread reports [`crate::LoopEventKind::DeviceFailed`], writes nothing and continues with 5.
+//!    If the device offers an [`crate::EmergencyStop`], a watchdog thread of higher priority calls it when for 50 ms the loop has
+//!    started no tick or the device has accepted no force. Otherwise the thread reports
+//!    [`crate::LoopEventKind::NoEmergencyStop`].
+//! 3. (thread) At every deadline, a whole number of periods after the start on the monotonic clock: read, tick, write. Missed
+//!    deadlines are counted and skipped, never made up by a burst of ticks.
+//!    A disconnected device is closed and opened again, twice a second; each new reason of a failure is reported once
 //!    ([`crate::LoopEventKind::ReopenFailed`]).
-//! 4. (app) [`LoopThread::stop`], or dropping it, sets the stop flag. (thread) The flag is seen within a
-//!    period; zero force is written and the device closed. If the tick or the device panics, both are still
-//!    done while the thread unwinds.
-//! 5. (thread) The last report is published and the thread returns. After a panic the last event says so
-//!    ([`crate::LoopEventKind::Panicked`]).
-//! 6. (app) The thread is joined; if it has not returned within 200 ms (a device that blocks) it is left to
-//!    itself, and [`Stop::Detached`] says so.
+//! 4. (app) [`LoopThread::stop`], or dropping it, sets the stop flag. (thread) The thread reads the flag within a period, writes zero
+//!    force and closes the device. If the tick or the device panics, it does both while unwinding.
+//! 5. (thread) The thread publishes the last report and returns. After a panic the last event is
+//!    [`crate::LoopEventKind::Panicked`].
+//! 6. (app) The app joins the thread. If the thread has not returned within 200 ms, because the device blocks, it is detached
+//!    ([`StopOutcome::Detached`]).
 
 use crate::clock::MonotonicClock;
 use crate::watchdog::Watchdog;
@@ -31,30 +30,30 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// How long [`LoopThread::stop`] waits for the thread.
+/// Maximum time for which [`LoopThread::stop`] waits for the thread.
 const JOIN_WITHIN: Duration = Duration::from_millis(200);
 
-/// Ticks between two attempts to open a device that is disconnected.
+/// Ticks between two attempts to open a disconnected device.
 const RECONNECT_TICKS: u64 = 500;
 
 /// A running loop. Dropping it stops the loop with zero force and joins its thread.
 #[derive(Debug)]
 pub struct LoopThread {
     stop: Arc<AtomicBool>,
-    watched: Arc<Watchdog>,
+    watchdog: Arc<Watchdog>,
     thread: Option<JoinHandle<StoppedLoop>>,
 }
 
-/// How a thread ended.
+/// Result of stopping a loop's thread.
 #[derive(Debug)]
 pub enum StopOutcome {
-    /// It returned; the device has zero force, is closed, and gone.
+    /// The thread returned; the device is at zero force, closed and dropped.
     Joined,
-    /// The device or the loop panicked; zero force was written while it unwound.
+    /// The device or the loop panicked; zero force was written during unwinding.
     Panicked,
-    /// It did not return in time and is left to itself; the device blocks.
+    /// The thread did not return in time, because the device blocks, and was detached.
     Detached,
-    /// It had been stopped before.
+    /// The thread had been stopped before.
     AlreadyStopped,
 }
 
@@ -62,12 +61,12 @@ impl HapticLoop {
     /// Runs the loop with `device` on a thread of its own.
     ///
     /// # Errors
-    /// [`HapticsError::Thread`] when the operating system gives no thread.
+    /// [`HapticsError::Thread`] if the operating system cannot create a thread.
     pub fn spawn(self, device: Box<dyn HapticDevice>) -> Result<LoopThread, HapticsError> {
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
-        let watched = Arc::<Watchdog>::default();
-        let of_thread = Arc::clone(&watched);
+        let watchdog = Arc::<Watchdog>::default();
+        let shared = Arc::clone(&watchdog);
         let thread = std::thread::Builder::new()
             .name("haptic-loop".into())
             .spawn(move || {
@@ -76,11 +75,11 @@ impl HapticLoop {
                     self,
                     device.as_mut(),
                     &flag,
-                    Companions { watched: Some(&of_thread), bare: None },
+                    Companions { watchdog: Some(&shared), baseline: None },
                 )
             })
             .map_err(HapticsError::Thread)?;
-        Ok(LoopThread { stop, watched, thread: Some(thread) })
+        Ok(LoopThread { stop, watchdog, thread: Some(thread) })
     }
 }
 
@@ -91,16 +90,15 @@ impl LoopThread {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// How often the watchdog has stopped the device because the loop hung in it. The loop itself can tell only when the device
-    /// lets it go on.
+    /// Number of times the watchdog has stopped the device. The loop itself reports a stop only after it has resumed.
     #[must_use]
     pub fn emergency_stops(&self) -> u64 {
-        self.watched.stops()
+        self.watchdog.stops()
     }
 
-    /// Stops the loop with zero force and waits for its thread, 200 ms at most.
+    /// Stops the loop with zero force and waits at most 200 ms for its thread.
     pub fn stop(&mut self) -> StopOutcome {
-        // Relaxed would do: the flag carries no other data. Release keeps what the app did before visible.
+        // Relaxed would suffice, because the flag carries no other data; Release makes earlier writes of the app visible.
         self.stop.store(true, Ordering::Release);
         let Some(thread) = self.thread.take() else {
             return StopOutcome::AlreadyStopped;
@@ -123,69 +121,72 @@ impl Drop for LoopThread {
     }
 }
 
-/// Opens `device` and turns `haptic_loop` on the calling thread until `stop` is set; then writes zero force and
-/// closes the device. This is what the thread of [`HapticLoop::spawn`] runs, with a watchdog besides.
+/// Opens `device` and runs `haptic_loop` on the calling thread until `stop` is set; then writes zero force and closes the device.
+/// [`HapticLoop::spawn`] does the same on a new thread, with a watchdog.
 pub fn run(haptic_loop: HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) -> StoppedLoop {
     open_and_run(haptic_loop, device, stop, Companions::default())
 }
 
-/// As [`run`], with a bare thread beside it to compare with, which begins half a period after the
-/// loop and ends with it.
+/// As [`run`], with a [`BaselineThread`] that starts half a period after the loop and ends with it.
+#[doc(hidden)]
 pub fn run_with_baseline(
     haptic_loop: HapticLoop,
     device: &mut dyn HapticDevice,
     stop: &AtomicBool,
-    bare: &BaselineThread,
+    baseline: &BaselineThread,
 ) -> StoppedLoop {
-    open_and_run(haptic_loop, device, stop, Companions { bare: Some(bare), watched: None })
+    open_and_run(haptic_loop, device, stop, Companions { baseline: Some(baseline), watchdog: None })
 }
 
-/// Threads beside the loop's.
+/// Threads that run next to the loop's.
 #[derive(Clone, Copy, Default)]
 struct Companions<'a> {
-    watched: Option<&'a Arc<Watchdog>>,
-    bare: Option<&'a BaselineThread>,
+    watchdog: Option<&'a Arc<Watchdog>>,
+    baseline: Option<&'a BaselineThread>,
 }
 
 impl Drop for StopCompanions<'_> {
     fn drop(&mut self) {
-        if let Some(watched) = self.0.watched {
-            watched.end();
+        if let Some(watchdog) = self.0.watchdog {
+            watchdog.end();
         }
-        if let Some(bare) = self.0.bare {
-            bare.end_with_loop();
+        if let Some(baseline) = self.0.baseline {
+            baseline.end_with_loop();
         }
     }
 }
 
-/// Ends what is beside the loop when it is dropped.
+/// Stops the companions on drop.
 struct StopCompanions<'a>(Companions<'a>);
 
 fn open_and_run(
     mut haptic_loop: HapticLoop,
     device: &mut dyn HapticDevice,
     stop: &AtomicBool,
-    beside: Companions<'_>,
+    companions: Companions<'_>,
 ) -> StoppedLoop {
     haptic_loop.set_up_thread();
-    // Whatever happens, they do not outlive the loop.
-    let end = StopCompanions(beside);
+    // The companions never outlive the loop.
+    let stop_companions = StopCompanions(companions);
     if let Err(error) = device.open() {
         haptic_loop.end(Err(error));
         return StoppedLoop { _memory: haptic_loop };
     }
     let real_time = haptic_loop.config().real_time;
-    let is_watched = beside.watched.is_some_and(|watched| watched.begin(device, real_time));
-    haptic_loop.start(is_watched);
+    let is_watched = companions.watchdog.is_some_and(|watchdog| watchdog.begin(device, real_time));
+    haptic_loop.start();
+    if !is_watched {
+        haptic_loop.no_emergency_stop();
+    }
     let mut open = OpenDevice { device, closed: false };
-    let turned = catch_unwind(AssertUnwindSafe(|| {
-        run_ticks(&mut haptic_loop, open.device, stop, beside);
-        open.close(|| drop(end))
+    let result = catch_unwind(AssertUnwindSafe(|| {
+        run_ticks(&mut haptic_loop, open.device, stop, companions);
+        open.close(|| drop(stop_companions))
     }));
-    match turned {
+    match result {
         Ok(closed) => haptic_loop.end(closed),
         Err(panic) => {
-            // Zero force first, then the last word.
+            // Zero force first, then the last event.
             drop(open);
             haptic_loop.panicked();
             resume_unwind(panic);
@@ -194,7 +195,7 @@ fn open_and_run(
     StoppedLoop { _memory: haptic_loop }
 }
 
-/// What is left of a loop that has ended: its memory, to be freed elsewhere than on the loop's thread.
+/// Memory of a loop that has ended, to be freed on another thread than the loop's.
 #[derive(Debug)]
 pub struct StoppedLoop {
     _memory: HapticLoop,
@@ -204,111 +205,112 @@ fn run_ticks(
     haptic_loop: &mut HapticLoop,
     device: &mut dyn HapticDevice,
     stop: &AtomicBool,
-    Companions { watched, bare }: Companions<'_>,
+    Companions { watchdog, baseline }: Companions<'_>,
 ) {
     let period = Duration::from_secs_f64(haptic_loop.config().hand_over.tick_s);
     let period_ns = period.as_nanos() as u64;
     let clock = MonotonicClock::start();
     let mut deadline_ns = clock.now_ns() + period_ns;
-    if let Some(bare) = bare {
-        bare.begin_in(period_ns + period_ns / 2);
+    if let Some(baseline) = baseline {
+        baseline.begin_in(period_ns + period_ns / 2);
     }
-    let (mut elapsed, mut last_begun_ns) = (1, None);
-    let (mut stops, mut lost_ticks, mut was_taken) = (0, 0, true);
-    // That it is disconnected has been told by then.
-    let mut told = DeviceError::Disconnected;
+    let (mut elapsed, mut last_start_ns) = (1, None);
+    let (mut stops, mut lost_ticks, mut was_written) = (0, 0, true);
+    // `tick` has already reported the disconnection.
+    let mut last_reason = DeviceError::Disconnected;
     while !stop.load(Ordering::Acquire) {
         clock.sleep_until(deadline_ns);
         if stop.load(Ordering::Acquire) {
             return;
         }
-        let begun_ns = clock.now_ns();
-        if let Some(watched) = watched.filter(|_| was_taken) {
-            watched.heartbeat();
+        let start_ns = clock.now_ns();
+        if let Some(watchdog) = watchdog.filter(|_| was_written) {
+            watchdog.heartbeat();
         }
-        let lateness_ns = begun_ns - deadline_ns;
-        // Deadlines after this one that have passed too: this tick stands for the newest of them.
+        let lateness_ns = start_ns - deadline_ns;
+        // Later deadlines that have also passed; this tick counts for the newest of them.
         let missed = lateness_ns / period_ns;
         elapsed += missed;
         let reading = device.read(period);
-        let read_ns = clock.now_ns() - begun_ns;
-        // The read may have blocked; after a stop no force may follow.
+        let read_ns = clock.now_ns() - start_ns;
+        // The read may have blocked; no force may follow a stop.
         if stop.load(Ordering::Acquire) {
             return;
         }
-        let stops_now = watched.map_or(0, |watched| watched.stops());
+        let stops_now = watchdog.map_or(0, |watchdog| watchdog.stops());
         if std::mem::replace(&mut stops, stops_now) != stops_now {
-            haptic_loop.was_stopped();
+            haptic_loop.emergency_stopped();
         }
-        let ticked = haptic_loop.tick(elapsed, reading);
-        let ticked_ns = clock.now_ns();
-        let written = device.write(ticked.device_force_n);
-        let done_ns = clock.now_ns();
+        let output = haptic_loop.tick(elapsed, reading);
+        let computed_ns = clock.now_ns();
+        let written = device.write(output.device_force_n);
+        let end_ns = clock.now_ns();
         let timing = TickTiming {
             lateness_ns,
-            period_ns: last_begun_ns.map_or(0, |last| begun_ns - last),
-            cost_ns: done_ns - begun_ns,
+            period_ns: last_start_ns.map_or(0, |last| start_ns - last),
+            cost_ns: end_ns - start_ns,
             read_ns,
-            write_ns: done_ns - ticked_ns,
+            write_ns: end_ns - computed_ns,
         };
-        last_begun_ns = Some(begun_ns);
-        haptic_loop.finish_tick(&ticked, Some(timing), written);
-        was_taken = written.is_ok();
+        last_start_ns = Some(start_ns);
+        haptic_loop.finish_tick(output, Some(timing), written);
+        was_written = written.is_ok();
         let is_lost = [reading.err(), written.err()]
             .into_iter()
             .flatten()
             .any(|error| matches!(error, DeviceError::Disconnected | DeviceError::NotOpen));
-        (lost_ticks, told) = if is_lost { (lost_ticks + 1, told) } else { (0, DeviceError::Disconnected) };
+        (lost_ticks, last_reason) =
+            if is_lost { (lost_ticks + 1, last_reason) } else { (0, DeviceError::Disconnected) };
         if lost_ticks == RECONNECT_TICKS {
             lost_ticks = 0;
-            let opened = reopen(haptic_loop, device, watched);
-            was_taken = opened.is_ok();
+            let opened = reopen(haptic_loop, device, watchdog);
+            was_written = opened.is_ok();
             if let Err(error) = opened
-                && std::mem::replace(&mut told, error) != error
+                && std::mem::replace(&mut last_reason, error) != error
             {
-                haptic_loop.not_reopened(error);
+                haptic_loop.reopen_failed(error);
             }
         }
-        if let Some(bare) = bare {
-            bare.note_tick(clock.now_ns() - begun_ns);
+        if let Some(baseline) = baseline {
+            baseline.note_tick(clock.now_ns() - start_ns);
         }
         deadline_ns += period_ns * (1 + missed);
         elapsed = 1;
     }
 }
 
-/// Closes a device that is gone and tries to open it again, with zero force.
+/// Closes a disconnected device and tries to open it again.
 fn reopen(
     haptic_loop: &mut HapticLoop,
     device: &mut dyn HapticDevice,
-    watched: Option<&Arc<Watchdog>>,
+    watchdog: Option<&Arc<Watchdog>>,
 ) -> Result<(), DeviceError> {
-    if let Some(watched) = watched {
-        watched.suspend();
+    if let Some(watchdog) = watchdog {
+        watchdog.suspend();
     }
-    // Nothing is left of what it was.
+    // The device is lost; an error of closing gives no further information.
     let _ = device.close();
     device.open()?;
-    if let Some(watched) = watched {
-        watched.begin(device, haptic_loop.config().real_time);
+    if let Some(watchdog) = watchdog {
+        watchdog.begin(device, haptic_loop.config().real_time);
     }
     haptic_loop.reconnected();
     Ok(())
 }
 
-/// An open device that is left with zero force and closed, whatever happens.
+/// An open device; drop sets zero force and closes it.
 struct OpenDevice<'a> {
     device: &'a mut dyn HapticDevice,
     closed: bool,
 }
 
 impl OpenDevice<'_> {
-    /// `is_zeroed` is called once zero force has been written.
-    fn close(&mut self, is_zeroed: impl FnOnce()) -> Result<(), DeviceError> {
+    /// Writes zero force, calls `on_zeroed`, and closes the device.
+    fn close(&mut self, on_zeroed: impl FnOnce()) -> Result<(), DeviceError> {
         let zeroed = self.device.write(DVec3::ZERO);
-        is_zeroed();
+        on_zeroed();
         let closed = self.device.close();
-        // Only now: if either panics, dropping tries once more.
+        // Only now: if either call panics, drop tries once more.
         self.closed = true;
         closed.and(zeroed)
     }
@@ -317,12 +319,44 @@ impl OpenDevice<'_> {
 impl Drop for OpenDevice<'_> {
     fn drop(&mut self) {
         if !self.closed {
-            // Nobody is left to be told: the thread unwinds. A device that panics once more while it is zeroed
-            // must be closed all the same, and must not abort the app.
+            // The thread unwinds, so errors have no receiver. If writing zero force panics again, the device must still be closed,
+            // and the app must not abort.
             let device = AssertUnwindSafe(&mut *self.device);
             let _ = catch_unwind(move || { device }.0.write(DVec3::ZERO));
             let device = AssertUnwindSafe(&mut *self.device);
             let _ = catch_unwind(move || { device }.0.close());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        LoopConfig, LoopSettings, Reading, RealTimeReport, RealTimeRequest, ScriptedDevice, haptic_loop,
+    };
+
+    /// The baseline thread waits for the loop, then each of its deadlines is either a wake-up or counted as missed.
+    #[test]
+    fn baseline_waits_for_loop_and_counts_every_deadline() {
+        let config = LoopConfig { real_time: RealTimeRequest::NONE, ..LoopConfig::default() };
+        let (_handle, haptic_loop) = haptic_loop(config, LoopSettings::default()).unwrap();
+        let baseline = BaselineThread::spawn(&config).unwrap();
+        let stop = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&stop);
+        let mut device = ScriptedDevice::new(move |n, _| {
+            flag.store(n >= 100, Ordering::Release);
+            Ok(Reading::at(DVec3::ZERO))
+        });
+        let clock = MonotonicClock::start();
+        let start_ns = clock.now_ns();
+        assert!(!baseline.has_started());
+        run_with_baseline(haptic_loop, &mut device, &stop, &baseline);
+        let report = baseline.stop().unwrap();
+        let took_ms = (clock.now_ns() - start_ns) / 1_000_000;
+        let deadlines = report.ticks + report.missed_deadlines;
+        assert!((10..=took_ms).contains(&deadlines), "{deadlines} in {took_ms} ms");
+        assert_eq!(report.lateness.count() + report.during_ticks, report.ticks);
+        assert_eq!(report.real_time, RealTimeReport::default());
     }
 }

@@ -1,18 +1,30 @@
-//! The safety chain: the last lines before the device. Every force passes it, always in this order.
+//! The safety chain: the last computation before the device. Every force passes all stages, in this order.
 //!
-//! | stage | what it does | why | default | what is lost by changing it |
-//! | --- | --- | --- | --- | --- |
-//! | finite | a force that is not finite, or beyond 1e150 N, becomes zero | one bad number must not reach a motor, nor a sum overflow on the way to it | always on | cannot be changed |
-//! | start | waits until a local model has spoken of a small force, at the start and after every interruption | a hand that begins in a body, or came back elsewhere, must not be thrown out | 0.5 N | higher: a blow when a loop starts under load |
-//! | gains | start-up ramp × fade of a stale model × fade of a silent device × pause | a force appears and disappears slowly, and none outlives what it is based on | 0.5 s ramp; fade over 0.1 s, from 3 model periods or 20 silent ticks on | longer: an old force lasts longer |
-//! | velocity guard | fades what pushes a hand that is too fast on its way, to nothing at twice the limit; what brakes it stays | a device that runs away runs because of the force | 2 m/s | higher: a device that runs away does so longer |
-//! | passivity | damps while the loop has given the hand more energy than it got since the touch began | a loop that gives energy can be unstable in a loosened grip | up to 5 N s/m, 1 mJ of tolerance | less damping: late schemes buzz and drift; more: they feel sluggish |
-//! | magnitude | shortens the force to the smaller of the user's and the device's limit | motors and hands have limits | the device's limit | lower: stiff bodies feel soft where they are pressed hard; higher than the device's: not possible |
-//! | slew | growth per tick is bounded by the smaller of the user's and the device's (after missed deadlines, for 4 ticks at most); falling is free | a jump of force is a blow, letting go never is | 500 N/s; for the device its whole force in 20 ms | higher: contacts feel crisper, and errors hit harder |
-//! | finite | as the first | nothing after this line looks at the force again | always on | cannot be changed |
+//! 1. **Finite.** Replaces a force that is not finite, or beyond 1e150 N, by zero: invalid numbers must not reach a motor, and later
+//!    sums must not overflow. Always on.
+//! 2. **Start.** Holds zero force until a local model renders a small force, at the start and after every interruption: a hand that
+//!    starts inside a body, or reappears elsewhere, must not be thrown out. Default 0.5 N; with a higher value a loop that starts under
+//!    load may strike a blow.
+//! 3. **Gains.** Start-up ramp × fade of a stale model × fade of a silent device × fade of a pause: forces appear and disappear slowly,
+//!    and none outlives its basis. Default ramp 0.5 s; fade 0.1 s, from 3 model periods or 20 silent ticks on. With longer times an old
+//!    force lasts longer.
+//! 4. **Velocity guard.** Fades the component that accelerates a hand above the speed limit, to zero at twice the limit; braking forces
+//!    stay. It stops a device that runs away under its own force. Default 2 m/s; with a higher value the device runs away for longer.
+//! 5. **Passivity.** Adds damping along the force while the loop has given the hand more energy than it received since the touch began
+//!    (Hannaford and Ryu 2002): an active loop can become unstable in a loose grip (Colgate and Schenkel 1997). Default up to 5 N s/m,
+//!    tolerance 1 mJ. With less damping, schemes with delay buzz and drift; with more, they feel sluggish.
+//! 6. **Magnitude.** Shortens the force to the smaller of the user's and the device's limit. Default: the device's limit. With a lower
+//!    value stiff bodies feel soft under high load.
+//! 7. **Slew.** Limits the growth per tick to the smaller of the user's and the device's limit, after missed deadlines for at most
+//!    4 ticks; the decrease is unlimited. A jump in force is a blow, a release is not. Default 500 N/s; for the device its whole force in
+//!    20 ms. With a higher value contacts feel crisper, and errors hit harder.
+//! 8. **Finite.** As the first stage, because no later code checks the force. Always on.
 //!
-//! Growth is counted from what the device shows. A force that it did not take ([`SafetyChain::not_written`]) is not that, nor is
-//! any after it was let go beside the loop ([`SafetyChain::released`]).
+//! Growth counts from the force that the device currently applies. A force that it rejected ([`SafetyChain::write_failed`]) does
+//! not count, nor does any force before an emergency stop or reopening ([`SafetyChain::reset_output`]).
+//!
+//! Sources: B. Hannaford, J.-H. Ryu, Time-domain passivity control of haptic interfaces, IEEE Trans. Robot. Autom. 18 (2002) 1–10;
+//! J. E. Colgate, G. G. Schenkel, Passivity of a class of sampled-data systems, J. Robotic Systems 14 (1997) 37–47.
 
 #![cfg_attr(
     not(test),
@@ -29,70 +41,70 @@ use crate::{DeviceLimits, HapticsError};
 use glam::{DQuat, DVec3};
 use passivity::PassivityObserver;
 
-/// What the chain has to know of a tick.
+/// Input of the safety chain at one tick. Force, displacement and velocity are in the scene's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SafetyInput {
-    /// The force to be made safe, N.
+    /// Rendered force, N.
     pub force_n: DVec3,
-    /// Whether a local model made it.
+    /// Whether a local model rendered the force.
     pub has_model: bool,
-    /// Age of the local model that made it, in model periods.
+    /// Age of that local model, in model periods.
     pub model_age_periods: f64,
-    /// Ticks in a row without a reading, or in which the device took no force.
+    /// Consecutive ticks without a reading, or with a failed write.
     pub silent_ticks: u64,
     /// Whether the app is paused.
     pub paused: bool,
-    /// Whether there has been a sample; the start waits for it.
+    /// Whether there is a sample; the start stage waits for one.
     pub sampled: bool,
-    /// Whether the hand came back elsewhere than where it was lost: the start begins anew.
+    /// Whether to arm the start stage again, because the hand's path was not observed or the device was stopped.
     pub has_jumped: bool,
-    /// How far the hand has moved since the last tick, m, in the hand's own size and the force's frame.
+    /// Displacement of the hand since the last tick, m, in the hand's own scale.
     pub moved_m: DVec3,
-    /// Its velocity, m/s, likewise.
+    /// Velocity of the hand, m/s, in the hand's own scale.
     pub velocity_m_per_s: DVec3,
-    /// Ticks since the last call: 1, more where deadlines were missed.
+    /// Ticks since the last call: 1 plus the number of missed deadlines.
     pub elapsed: u64,
 }
 
-/// What each stage did at a tick.
+/// Actions of each stage at one tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SafetyReport {
-    /// A force that was not finite came in.
+    /// Whether the force was not finite.
     pub not_finite: bool,
-    /// The start waits for a small force.
+    /// Whether the start stage waits for a small force.
     pub waiting: bool,
-    /// The product of the gains, 0 to 1.
+    /// Product of the gains, 0 to 1.
     pub gain: f64,
-    /// The local model is stale.
+    /// Whether the local model is stale.
     pub stale: bool,
-    /// The device is silent.
+    /// Whether the device timeout has passed.
     pub silent: bool,
-    /// The hand was too fast to be pushed along.
+    /// Whether the velocity guard reduced the force.
     pub speed_guarded: bool,
-    /// The damping that the passivity stage added, N s/m.
+    /// Damping added by the passivity stage, N s/m.
     pub damping_ns_per_m: f64,
-    /// What the hand has given since the touch began, minus what it got, J.
+    /// Energy received from the hand minus energy given to it since the touch began, J.
     pub observed_energy_j: f64,
-    /// The force was longer than the limit.
+    /// Whether the magnitude limit reduced the force.
     pub magnitude_limited: bool,
-    /// The force grew faster than the limit.
+    /// Whether the growth limit reduced the force.
     pub slew_limited: bool,
-    /// The force after each stage; the one written is that after the last.
+    /// Force after each stage; the last one is written.
     pub after: StageForces,
 }
 
-/// The force after each stage of a tick, N.
+/// Force after each stage of a tick, N, scene frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageForces {
-    /// After start and gains.
+    /// Force after start and gains, N.
     pub gains_n: DVec3,
-    /// After the velocity guard.
+    /// Force after the velocity guard, N.
     pub velocity_guard_n: DVec3,
-    /// After the passivity stage.
+    /// Force after the passivity stage, N.
     pub passivity_n: DVec3,
-    /// After the limit of magnitude.
+    /// Force after the magnitude limit, N.
     pub magnitude_n: DVec3,
-    /// After that of growth.
+    /// Force after the growth limit, N.
     pub slew_n: DVec3,
 }
 
@@ -109,27 +121,28 @@ impl SafetyReport {
     }
 }
 
-/// The chain with its memory.
+/// The safety chain with its state.
 #[derive(Clone, Debug)]
 pub struct SafetyChain {
     tick_s: f64,
     device: DeviceLimits,
     has_started: bool,
-    ramp: f64,
-    model: f64,
-    reading: f64,
-    pause: f64,
+    ramp_gain: f64,
+    model_gain: f64,
+    reading_gain: f64,
+    pause_gain: f64,
     passivity: PassivityObserver,
-    /// The force that the device shows, N, and the one that it showed before.
+    /// Last force, which the device applies unless writing it failed, N.
     last_n: DVec3,
-    before_n: DVec3,
+    /// Force before the last, N.
+    previous_n: DVec3,
 }
 
 impl SafetyChain {
-    /// A chain for ticks of `tick_s` and a device with limits `device`.
+    /// A chain for ticks of `tick_s`, s, and a device with limits `device`.
     ///
     /// # Errors
-    /// [`HapticsError::Setting`].
+    /// [`HapticsError::Setting`] for a value out of range.
     pub fn new(tick_s: f64, device: DeviceLimits) -> Result<Self, HapticsError> {
         check_positive("tick, s", tick_s)?;
         device.validate()?;
@@ -137,17 +150,17 @@ impl SafetyChain {
             tick_s,
             device,
             has_started: false,
-            ramp: 0.0,
-            model: 1.0,
-            reading: 1.0,
-            pause: 1.0,
+            ramp_gain: 0.0,
+            model_gain: 1.0,
+            reading_gain: 1.0,
+            pause_gain: 1.0,
             passivity: PassivityObserver::default(),
             last_n: DVec3::ZERO,
-            before_n: DVec3::ZERO,
+            previous_n: DVec3::ZERO,
         })
     }
 
-    /// The force that may be written, N, and what was done to it.
+    /// Returns the force to be written, N, scene frame, and the actions of the stages.
     pub fn apply(&mut self, settings: &SafetySettings, input: &SafetyInput) -> (DVec3, SafetyReport) {
         let mut report = SafetyReport { not_finite: !has_length(input.force_n), ..SafetyReport::default() };
         let mut force = if report.not_finite { DVec3::ZERO } else { input.force_n };
@@ -160,12 +173,13 @@ impl SafetyChain {
         force = guard_speed(settings, input, force, &mut report);
         report.after.velocity_guard_n = force;
 
-        let (tolerance_j, most) = (settings.passivity_tolerance_j, settings.passivity_damping_ns_per_m);
+        let (tolerance_j, max_damping) =
+            (settings.passivity_tolerance_j, settings.passivity_damping_ns_per_m);
         report.observed_energy_j = self.passivity.observed_energy_j();
-        // Along the force only, so that its direction stays and no surface comes to pull.
+        // Only along the force: its direction stays, and a surface never pulls.
         if let Some(along) = force.try_normalize() {
             let speed = input.velocity_m_per_s.dot(along);
-            let damping = self.passivity.damping(speed, self.tick_s, tolerance_j, most);
+            let damping = self.passivity.damping(speed, self.tick_s, tolerance_j, max_damping);
             if damping > 0.0 {
                 report.damping_ns_per_m = damping;
                 force = (force.length() - damping * speed).max(0.0) * along;
@@ -182,32 +196,33 @@ impl SafetyChain {
         report.after.magnitude_n = force;
 
         let slew = settings.max_slew_n_per_s.min(self.device.slew_n_per_s);
-        force = self.limit_growth(force, slew * self.tick_s * gaining(input.elapsed) as f64, &mut report);
+        force =
+            self.limit_growth(force, slew * self.tick_s * growth_ticks(input.elapsed) as f64, &mut report);
 
         if !has_length(force) {
             (force, report.not_finite) = (DVec3::ZERO, true);
         }
         report.after.slew_n = force;
-        (self.before_n, self.last_n) = (self.last_n, force);
+        (self.previous_n, self.last_n) = (self.last_n, force);
         (force, report)
     }
 
-    /// The device did not take the last force: it goes on with the one before.
+    /// Notes that writing the last force failed: the device keeps the previous one.
     pub fn write_failed(&mut self) {
-        self.last_n = self.before_n;
+        self.last_n = self.previous_n;
     }
 
-    /// The frame of forces has turned, and what the device shows with it: what was `force` is `by * force` now.
-    pub fn rotate_frame(&mut self, by: DQuat) {
-        (self.before_n, self.last_n) = (by * self.before_n, by * self.last_n);
+    /// Notes a rotation of the scene's frame: the force at the device, formerly `force`, is now `rotation * force`.
+    pub fn rotate_frame(&mut self, rotation: DQuat) {
+        (self.previous_n, self.last_n) = (rotation * self.previous_n, rotation * self.last_n);
     }
 
-    /// The device shows no force any more, whatever was written: it was stopped beside the loop, or opened anew.
+    /// Notes that the device is at zero force, because it was stopped by the watchdog or opened again.
     pub fn reset_output(&mut self) {
-        (self.before_n, self.last_n) = (DVec3::ZERO, DVec3::ZERO);
+        (self.previous_n, self.last_n) = (DVec3::ZERO, DVec3::ZERO);
     }
 
-    /// Waits for a small force, at the start and anew where the hand was lost.
+    /// The start stage: waits for a small force, at the start and after an interruption.
     fn start(
         &mut self,
         settings: &SafetySettings,
@@ -215,9 +230,9 @@ impl SafetyChain {
         force: DVec3,
         report: &mut SafetyReport,
     ) {
-        // What has faded out altogether begins again like the first time.
-        if input.has_jumped || self.reading == 0.0 {
-            (self.has_started, self.ramp) = (false, 0.0);
+        // A force that has faded out completely starts as at the beginning.
+        if input.has_jumped || self.reading_gain == 0.0 {
+            (self.has_started, self.ramp_gain) = (false, 0.0);
         }
         let is_small = force.length() <= settings.arm_below_n;
         self.has_started |= input.sampled && input.has_model && is_small;
@@ -226,37 +241,40 @@ impl SafetyChain {
 
     fn gain(&mut self, settings: &SafetySettings, input: &SafetyInput, report: &mut SafetyReport) -> f64 {
         let tick_s = self.tick_s;
-        let part = |ticks: u64, duration_s: f64| {
+        let fraction = |ticks: u64, duration_s: f64| {
             if duration_s > 0.0 { tick_s * ticks as f64 / duration_s } else { 1.0 }
         };
-        let (down_by, up_by) =
-            (part(input.elapsed, settings.fade_s), part(gaining(input.elapsed), settings.fade_s));
+        let (down_by, up_by) = (
+            fraction(input.elapsed, settings.fade_s),
+            fraction(growth_ticks(input.elapsed), settings.fade_s),
+        );
         if self.has_started {
-            self.ramp = (self.ramp + part(gaining(input.elapsed), settings.ramp_s)).min(1.0);
+            self.ramp_gain =
+                (self.ramp_gain + fraction(growth_ticks(input.elapsed), settings.ramp_s)).min(1.0);
         }
         report.stale = input.model_age_periods > settings.stale_after_periods;
         report.silent = input.silent_ticks > settings.device_timeout_ticks;
-        for (gain, down) in [
-            (&mut self.model, report.stale),
-            (&mut self.reading, report.silent),
-            (&mut self.pause, input.paused),
+        for (gain, fades_out) in [
+            (&mut self.model_gain, report.stale),
+            (&mut self.reading_gain, report.silent),
+            (&mut self.pause_gain, input.paused),
         ] {
-            *gain = if down { (*gain - down_by).max(0.0) } else { (*gain + up_by).min(1.0) };
+            *gain = if fades_out { (*gain - down_by).max(0.0) } else { (*gain + up_by).min(1.0) };
         }
-        report.gain = self.ramp * self.model * self.reading * self.pause;
+        report.gain = self.ramp_gain * self.model_gain * self.reading_gain * self.pause_gain;
         report.gain
     }
 
-    /// Bounds how much of `force` was not there at the last tick. What was there is the last force's part along
-    /// the new direction, so a force that turns round has to grow from zero again.
+    /// Limits the growth of `force` relative to the last force's component along it. A force that reverses its direction grows from
+    /// zero.
     fn limit_growth(&self, force: DVec3, growth_n: f64, report: &mut SafetyReport) -> DVec3 {
         let length = force.length();
         if length == 0.0 {
             return force;
         }
-        // Not `clamp`, which panics where a bound is not a number.
-        let there = (self.last_n.dot(force) / length).max(0.0).min(length);
-        let allowed = there + growth_n;
+        // Not `clamp`, which panics for a bound that is NaN.
+        let present_n = (self.last_n.dot(force) / length).max(0.0).min(length);
+        let allowed = present_n + growth_n;
         if length <= allowed {
             return force;
         }
@@ -265,7 +283,7 @@ impl SafetyChain {
     }
 }
 
-/// Fades what pushes a hand along that is too fast already.
+/// The velocity guard: fades the component of `force` that accelerates a hand above the speed limit.
 fn guard_speed(
     settings: &SafetySettings,
     input: &SafetyInput,
@@ -273,30 +291,30 @@ fn guard_speed(
     report: &mut SafetyReport,
 ) -> DVec3 {
     if !has_length(input.velocity_m_per_s) {
-        // Which way it goes nobody knows.
+        // The direction of motion is undefined.
         report.speed_guarded = true;
         return DVec3::ZERO;
     }
     let speed = input.velocity_m_per_s.length();
     let Some(along) = input.velocity_m_per_s.try_normalize() else { return force };
-    let pushes = force.dot(along);
-    if speed <= settings.max_speed_m_per_s || pushes <= 0.0 {
+    let accelerating_n = force.dot(along);
+    if speed <= settings.max_speed_m_per_s || accelerating_n <= 0.0 {
         return force;
     }
     report.speed_guarded = true;
     let kept = (2.0 - speed / settings.max_speed_m_per_s).max(0.0);
-    force - (1.0 - kept) * pushes * along
+    force - (1.0 - kept) * accelerating_n * along
 }
 
-/// Whether `vector` is finite, and so are its length and its products with its like.
+/// Whether `vector`, its length and its products with similar vectors are finite.
 fn has_length(vector: DVec3) -> bool {
-    // Not a number is not at most anything.
+    // The comparison is false for NaN.
     vector.to_array().iter().all(|c| c.abs() <= 1e150)
 }
 
-/// Ticks for which force may grow after `elapsed` of them: while deadlines were missed the hand felt an old force,
-/// and time that it could not follow is no licence for a blow.
-fn gaining(elapsed: u64) -> u64 {
+/// Number of ticks for which the force may grow after `elapsed` ticks. While deadlines were missed the device applied an old force,
+/// and that time must not allow a large step.
+fn growth_ticks(elapsed: u64) -> u64 {
     elapsed.clamp(1, 4)
 }
 

@@ -1,21 +1,21 @@
-//! What is fixed when a loop is made, and what can be set while it runs.
+//! Configuration of a loop: fixed at construction, and settable while it runs.
 
 use crate::error::{check, check_positive};
 use crate::{DeviceFrame, DeviceLimits, HapticsError, RealTimeRequest, SafetySettings, VelocityEstimator};
 use palpate_local::HandOverSettings;
 
-/// Sizes and rates of a loop, fixed at construction.
+/// Sizes, rates and limits of a loop, fixed at construction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoopConfig {
-    /// Tick, room for local models, samples kept and replayed.
+    /// Tick, capacity of local models, numbers of samples kept and replayed.
     pub hand_over: HandOverSettings,
-    /// What the device can bear.
+    /// Limits of the device.
     pub device: DeviceLimits,
-    /// What the loop's thread asks of the operating system. Nothing is asked for in lock step.
+    /// Requests of the loop's thread to the operating system; unused in lock step.
     pub real_time: RealTimeRequest,
-    /// Room for events that the app has not read yet.
+    /// Capacity of the queue of events.
     pub event_capacity: usize,
-    /// Room for tick records that the app has not read yet.
+    /// Capacity of the queue of tick records.
     pub record_capacity: usize,
 }
 
@@ -32,26 +32,25 @@ impl Default for LoopConfig {
     }
 }
 
-/// What an app can set while the loop runs. It crosses whole: the newest counts, and the loop acknowledges it
-/// by its number.
+/// Settings of a running loop. The loop adopts the newest as a whole, and acknowledges their number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoopSettings {
-    /// How the device lies in the scene.
+    /// Pose and scale of the device in the scene.
     pub frame: DeviceFrame,
-    /// Limits of the safety chain.
+    /// Limits and times of the safety chain.
     pub safety: SafetySettings,
-    /// Where a sample's velocity comes from.
+    /// Estimator of the samples' velocity.
     pub velocity: VelocityEstimator,
-    /// Speed that no hand has, m/s: a reading farther away than that is not believed until it has stayed there for 5 ticks.
+    /// Maximum plausible speed of a hand, m/s. A reading farther away is rejected until it has persisted for 5 ticks.
     pub jump_m_per_s: f64,
-    /// Time between two model steps, s; the age of a local model is counted in it.
+    /// Time between two model steps, s: the unit of a local model's age.
     pub model_period_s: f64,
-    /// The body whose models are taken, those of others falling silent at once; `None` takes any.
-    /// A model of no body is always taken.
+    /// Body whose local models are accepted; the loop drops the models of other bodies at once. `None` accepts all bodies.
+    /// A model of [`palpate_local::ModelId::NO_BODY`] is always accepted.
     pub body: Option<u64>,
-    /// Whether the app is paused: the force fades to zero.
+    /// Whether the app is paused; the force then fades to zero.
     pub paused: bool,
-    /// Whether a record of every tick is sent.
+    /// Whether the loop sends a record of every tick.
     pub record: bool,
 }
 
@@ -76,25 +75,26 @@ impl LoopConfig {
         self.hand_over.validate()?;
         let history = self.hand_over.history;
         check("samples kept", history as f64, history >= 512, "at least 512")?;
-        for (what, room) in
-            [("room for events", self.event_capacity), ("room for tick records", self.record_capacity)]
-        {
-            check(what, room as f64, (1..=1_000_000).contains(&room), "1 to 1000000")?;
+        for (what, capacity) in [
+            ("capacity of the queue of events", self.event_capacity),
+            ("capacity of the queue of tick records", self.record_capacity),
+        ] {
+            check(what, capacity as f64, (1..=1_000_000).contains(&capacity), "1 to 1000000")?;
         }
         Ok(())
     }
 }
 
 impl LoopSettings {
-    /// Refuses settings that make no sense.
+    /// Checks all ranges.
     ///
     /// # Errors
-    /// [`HapticsError::Setting`] with the first of them.
+    /// [`HapticsError::Setting`] for the first value out of range.
     pub fn validate(&self) -> Result<(), HapticsError> {
         self.frame.validate()?;
         self.safety.validate()?;
         self.velocity.validate()?;
-        check_positive("speed that no hand has, m/s", self.jump_m_per_s)?;
-        check_positive("time between two model steps, s", self.model_period_s)
+        check_positive("maximum plausible speed of a hand (jump_m_per_s), m/s", self.jump_m_per_s)?;
+        check_positive("time between two model steps (model_period_s), s", self.model_period_s)
     }
 }

@@ -1,4 +1,4 @@
-//! Velocity from positions.
+//! Velocity estimation from positions.
 
 #![cfg_attr(
     not(test),
@@ -9,18 +9,18 @@ use crate::HapticsError;
 use crate::error::check;
 use glam::DVec3;
 
-/// Where a sample's velocity comes from.
+/// Estimator of a sample's velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum VelocityEstimator {
-    /// (xₙ − xₙ₋₁)/h. Exact for a smooth path, rough for a quantised one: a step of 0.3 mm is 0.3 m/s.
+    /// Backward difference (xₙ − xₙ₋₁)/h: accurate for a smooth path, noisy for a quantised one. A step of 0.3 mm gives 0.3 m/s.
     BackwardDifference,
     /// The backward difference through two equal first-order low-passes in series, at `cutoff_hz` each, by backward Euler:
-    /// a = ω h/(1 + ω h), ω = 2π f, with which each is late by 1/ω, as in continuous time.
+    /// a = ω h/(1 + ω h), ω = 2π f. Each delays by 1/ω, as in continuous time.
     TwoPole {
-        /// Cut-off of each pole, Hz.
+        /// Cut-off frequency of each pole, Hz.
         cutoff_hz: f64,
     },
-    /// What the device says; the backward difference where it says nothing.
+    /// Velocity measured by the device; the backward difference if the device measures none.
     Device,
 }
 
@@ -32,7 +32,7 @@ impl Default for VelocityEstimator {
 }
 
 impl VelocityEstimator {
-    /// Refuses a cut-off that is none.
+    /// Rejects a cut-off frequency that is not finite or not positive.
     ///
     /// # Errors
     /// [`HapticsError::Setting`].
@@ -49,7 +49,7 @@ impl VelocityEstimator {
     }
 }
 
-/// The state of an estimator.
+/// State of a [`VelocityEstimator`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VelocityState {
     last_m: Option<DVec3>,
@@ -57,22 +57,22 @@ pub struct VelocityState {
 }
 
 impl VelocityState {
-    /// The velocity at a new position, m/s, `tick_s` after the last one; zero at the first. `told` is what the device says.
+    /// Velocity, m/s, at a new position, `tick_s` after the last one; zero at the first. `measured_m_per_s` is the device's own velocity.
     pub fn step(
         &mut self,
         estimator: VelocityEstimator,
         position_m: DVec3,
-        told: Option<DVec3>,
+        measured_m_per_s: Option<DVec3>,
         tick_s: f64,
     ) -> DVec3 {
         let difference = self.last_m.map_or(DVec3::ZERO, |last| (position_m - last) / tick_s);
         self.last_m = Some(position_m);
         match estimator {
             VelocityEstimator::BackwardDifference => difference,
-            VelocityEstimator::Device => told.unwrap_or(difference),
+            VelocityEstimator::Device => measured_m_per_s.unwrap_or(difference),
             VelocityEstimator::TwoPole { cutoff_hz } => {
-                let turned = std::f64::consts::TAU * cutoff_hz * tick_s;
-                let a = turned / (1.0 + turned);
+                let angle = std::f64::consts::TAU * cutoff_hz * tick_s;
+                let a = angle / (1.0 + angle);
                 let mut input = difference;
                 for pole in &mut self.poles {
                     *pole += a * (input - *pole);
@@ -83,7 +83,7 @@ impl VelocityState {
         }
     }
 
-    /// Forgets the past: the next position is a first one, at rest.
+    /// Resets to the state before the first position.
     pub fn reset(&mut self) {
         *self = Self::default();
     }
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_movement_is_found_exactly() {
+    fn constant_velocity_is_exact() {
         for estimator in [VelocityEstimator::BackwardDifference, VelocityEstimator::default()] {
             assert!((run(estimator, |t| 0.2 * t, 100) - 0.2).abs() < 1e-12);
         }
@@ -110,14 +110,14 @@ mod tests {
 
     #[test]
     fn two_poles_delay_by_their_group_delay() {
-        // The velocity of x = t^2/2 is t. Backward difference: half a tick late; each pole: 1/ω.
-        let late = 0.5e-3 + 2.0 / (std::f64::consts::TAU * 80.0);
+        // The velocity of x = t^2/2 is t. The backward difference delays by half a tick, each pole by 1/ω.
+        let delay = 0.5e-3 + 2.0 / (std::f64::consts::TAU * 80.0);
         let v = run(VelocityEstimator::default(), |t| t * t / 2.0, 500);
-        assert!((v - (0.5 - late)).abs() < 1e-12, "{v}");
+        assert!((v - (0.5 - delay)).abs() < 1e-12, "{v}");
     }
 
     #[test]
-    fn two_poles_calm_a_quantised_path() {
+    fn two_poles_reduce_quantisation_noise() {
         let quantised = |t: f64| ((0.02 * (6.0 * t).sin()) / 3e-4).round() * 3e-4;
         let noise = |estimator| {
             let mut state = VelocityState::default();
@@ -128,21 +128,21 @@ mod tests {
             });
             (errors.sum::<f64>() / 950.0).sqrt()
         };
-        let (rough, calm) =
+        let (unfiltered, filtered) =
             (noise(VelocityEstimator::BackwardDifference), noise(VelocityEstimator::default()));
-        assert!(calm < 0.35 * rough, "{calm} m/s of {rough} m/s");
+        assert!(filtered < 0.35 * unfiltered, "{filtered} m/s of {unfiltered} m/s");
     }
 
     #[test]
-    fn the_device_s_word_counts_if_it_gives_one() {
+    fn device_estimator_prefers_measured_velocity() {
         let mut state = VelocityState::default();
-        let told = Some(DVec3::Y);
-        assert_eq!(state.step(VelocityEstimator::Device, DVec3::ZERO, told, 1e-3), DVec3::Y);
+        let measured = Some(DVec3::Y);
+        assert_eq!(state.step(VelocityEstimator::Device, DVec3::ZERO, measured, 1e-3), DVec3::Y);
         assert_eq!(state.step(VelocityEstimator::Device, DVec3::X * 1e-3, None, 1e-3), DVec3::X);
     }
 
     #[test]
-    fn a_senseless_cutoff_is_refused() {
+    fn rejects_invalid_cutoff() {
         for cutoff_hz in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(VelocityEstimator::TwoPole { cutoff_hz }.validate().is_err());
         }

@@ -1,48 +1,37 @@
-//! Zero force for a device in which the loop hangs.
+//! Watchdog of a loop: sets zero force when the loop is blocked in its device.
 
 use crate::clock::MonotonicClock;
-use crate::{DeviceError, HapticDevice, RealTimeRequest};
+use crate::{EmergencyStop, HapticDevice, RealTimeRequest};
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A way to a device's actuators beside [`HapticDevice`], for a thread of its own.
-pub trait EmergencyStop: Send {
-    /// Zero force, now: the loop's thread hangs in the device, has not been run for too long, or cannot write to the device.
-    ///
-    /// # Errors
-    /// [`DeviceError`] when even that is not possible; it is tried again. After a panic it is not, until the loop has gone on.
-    fn stop(&mut self) -> Result<(), DeviceError>;
-}
+/// Time without a heartbeat after which the watchdog stops the device: 50 ticks with an old force.
+const TIMEOUT_NS: u64 = 50_000_000;
+/// Time between two checks.
+const CHECK_NS: u64 = 5_000_000;
 
-/// So long the loop may be silent before the watchdog stops the device: a device whose loop has not looked for that long has
-/// shown fifty old forces.
-const SILENCE_NS: u64 = 50_000_000;
-/// How often it looks.
-const LOOK_NS: u64 = 5_000_000;
-
-/// What loop, watchdog and app share.
+/// State shared by loop, watchdog and app.
 pub(crate) struct Watchdog {
-    /// That of both: clocks that were started at different times need not agree.
+    /// Clock of loop and watchdog: clocks started at different times need not agree.
     clock: MonotonicClock,
-    /// When the loop last began a tick after one whose force the device took, on that clock, ns; 0 before the first and while
-    /// the device is opened anew.
-    beat_ns: AtomicU64,
-    /// How often the device was stopped.
+    /// Time of the last heartbeat, ns; 0 before the first and while the device is being reopened.
+    heartbeat_ns: AtomicU64,
+    /// Number of times the device was stopped.
     stops: AtomicU64,
-    /// There is a thread that watches.
+    /// Whether the watchdog's thread runs.
     is_watching: AtomicBool,
-    /// The loop has ended.
+    /// Whether the loop has ended.
     has_ended: AtomicBool,
-    /// Locked by the loop only when the device is opened, never at a tick.
+    /// The loop locks it only while opening the device, never in a tick.
     stop: Mutex<Option<Box<dyn EmergencyStop>>>,
 }
 
 impl fmt::Debug for Watchdog {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Watched")
-            .field("beat_ns", &self.beat_ns)
+        f.debug_struct("Watchdog")
+            .field("heartbeat_ns", &self.heartbeat_ns)
             .field("stops", &self.stops)
             .finish_non_exhaustive()
     }
@@ -52,7 +41,7 @@ impl Default for Watchdog {
     fn default() -> Self {
         Self {
             clock: MonotonicClock::start(),
-            beat_ns: AtomicU64::new(0),
+            heartbeat_ns: AtomicU64::new(0),
             stops: AtomicU64::new(0),
             is_watching: AtomicBool::new(false),
             has_ended: AtomicBool::new(false),
@@ -62,46 +51,46 @@ impl Default for Watchdog {
 }
 
 impl Watchdog {
-    /// Takes what an open device offers, and begins to watch it with the first that does. Whether it is watched. `real_time` is
-    /// what the loop's thread asked for: the watchdog goes before it, or a driver that waits busily on the same core would keep
-    /// it from running.
+    /// Takes the emergency stop of an open device, and starts the watchdog's thread with the first one. Returns whether the device is
+    /// watched. The watchdog's priority is one above that of the loop's thread (`real_time`): otherwise a driver that spins on the
+    /// same core would prevent it from running.
     pub(crate) fn begin(self: &Arc<Self>, device: &mut dyn HapticDevice, real_time: RealTimeRequest) -> bool {
         let offered = device.emergency_stop();
         let is_offered = offered.is_some();
-        // What a device offered before it was opened anew leads nowhere now.
+        // The emergency stop of an earlier opening is invalid.
         *self.stop.lock().unwrap_or_else(PoisonError::into_inner) = offered;
         if !is_offered || self.is_watching.swap(true, Ordering::AcqRel) {
             return is_offered;
         }
-        let watched = Arc::clone(self);
+        let watchdog = Arc::clone(self);
         let priority = real_time.priority.map(|priority| priority.saturating_add(1).min(99));
         let thread = std::thread::Builder::new().name("haptic-watchdog".into());
         let spawned = thread.spawn(move || {
-            // If it is refused, the loop's own was too.
+            // If this request is denied, so was the loop's.
             let _ = RealTimeRequest { priority, ..RealTimeRequest::NONE }.apply_to_current_thread();
-            watched.watch();
+            watchdog.watch();
         });
         self.is_watching.store(spawned.is_ok(), Ordering::Release);
         spawned.is_ok()
     }
 
-    /// The device is about to be opened anew, which takes the time that it takes.
+    /// Suspends the timeout while the device is reopened, which may take long.
     pub(crate) fn suspend(&self) {
-        self.beat_ns.store(0, Ordering::Release);
+        self.heartbeat_ns.store(0, Ordering::Release);
     }
 
-    /// The loop begins a tick.
+    /// Notes that the loop starts a tick and that the device accepted the last force.
     pub(crate) fn heartbeat(&self) {
-        // Never 0, which is before the first.
-        self.beat_ns.store(self.clock.now_ns().max(1), Ordering::Release);
+        // 0 marks the time before the first heartbeat.
+        self.heartbeat_ns.store(self.clock.now_ns().max(1), Ordering::Release);
     }
 
-    /// The loop has ended.
+    /// Ends the watchdog together with the loop.
     pub(crate) fn end(&self) {
         self.has_ended.store(true, Ordering::Release);
     }
 
-    /// How often the device was stopped.
+    /// Number of times the device was stopped.
     pub(crate) fn stops(&self) -> u64 {
         self.stops.load(Ordering::Acquire)
     }
@@ -109,23 +98,23 @@ impl Watchdog {
     fn watch(&self) {
         let (clock, mut stopped_at) = (self.clock, 0);
         while !self.has_ended.load(Ordering::Acquire) {
-            clock.sleep_until(clock.now_ns() + LOOK_NS);
-            let beat = self.beat_ns.load(Ordering::Acquire);
-            let is_silent = beat > 0 && clock.now_ns().saturating_sub(beat) > SILENCE_NS;
-            // Once for every silence; again if it did not work.
-            if !is_silent || stopped_at == beat {
+            clock.sleep_until(clock.now_ns() + CHECK_NS);
+            let heartbeat = self.heartbeat_ns.load(Ordering::Acquire);
+            let is_late = heartbeat > 0 && clock.now_ns().saturating_sub(heartbeat) > TIMEOUT_NS;
+            // Once for every timeout; again if the stop failed.
+            if !is_late || stopped_at == heartbeat {
                 continue;
             }
             let mut stop = self.stop.lock().unwrap_or_else(PoisonError::into_inner);
             let Some(stop) = stop.as_mut() else { continue };
             match catch_unwind(AssertUnwindSafe(|| stop.stop())) {
                 Ok(Ok(())) => {
-                    stopped_at = beat;
+                    stopped_at = heartbeat;
                     self.stops.fetch_add(1, Ordering::AcqRel);
                 }
                 Ok(Err(_)) => {}
-                // What panicked once need not be asked two hundred times a second.
-                Err(_) => stopped_at = beat,
+                // A stop that panicked is not called again.
+                Err(_) => stopped_at = heartbeat,
             }
         }
     }

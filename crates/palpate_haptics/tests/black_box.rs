@@ -10,10 +10,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use wait::wait_for;
 
-/// A loop in lock step whose hand swings, with a local model that pushes with 300 N from tick 100 on.
+/// A loop in lock step with a swinging hand, and a local model of 300 N from tick 100 on.
 fn run(ticks: usize) -> HapticHandle {
     let swing = |n: u64, _| Ok(Reading::at(DVec3::X * 0.01 * (n as f64 * 0.013).sin()));
-    // The force begins whatever it is, and nothing is taken back of it.
+    // Without the start condition and passivity damping.
     let safety = SafetySettings {
         arm_below_n: f64::MAX,
         passivity_damping_ns_per_m: 0.0,
@@ -32,7 +32,7 @@ fn run(ticks: usize) -> HapticHandle {
 }
 
 #[test]
-fn the_box_holds_what_went_through_the_newest_ticks() {
+fn black_box_contains_newest_ticks() {
     let mut handle = run(5000);
     let newest = handle.latest_tick().unwrap();
     let black_box = handle.black_box();
@@ -49,7 +49,7 @@ fn the_box_holds_what_went_through_the_newest_ticks() {
 }
 
 #[test]
-fn forces_between_the_stages_are_those_of_the_chain() {
+fn forces_between_stages_match_safety_chain() {
     let mut handle = run(400);
     let mut seen = [false; 3];
     for tick in handle.black_box().ticks().filter(|tick| tick.sequence > 100) {
@@ -67,7 +67,7 @@ fn forces_between_the_stages_are_those_of_the_chain() {
     assert_eq!(seen, [true; 3]);
 }
 
-/// A device that says so when it is read, on a thread.
+/// A loop on a thread, and the number of reads of its device.
 fn spawn(
     mut read: impl FnMut(u64) -> Result<Reading, DeviceError> + Send + 'static,
 ) -> (HapticHandle, LoopThread, Arc<AtomicU64>) {
@@ -82,9 +82,9 @@ fn spawn(
     (handle, thread, reads)
 }
 
-/// The app looks 20 times a second, as it does in a scene.
+/// The app reads the black box 20 times a second, as in a scene; the last read follows the end of the loop.
 #[test]
-fn after_a_device_s_fault_the_box_has_the_ticks_around_it_and_is_there_when_the_loop_has_ended() {
+fn black_box_contains_all_ticks_around_device_fault() {
     let (mut handle, mut thread, reads) = spawn(|n| match n {
         150..160 => Err(DeviceError::Disconnected),
         _ => Ok(Reading::at(DVec3::X * n as f64 * 1e-6)),
@@ -100,7 +100,7 @@ fn after_a_device_s_fault_the_box_has_the_ticks_around_it_and_is_there_when_the_
     });
     assert!(matches!(thread.stop(), StopOutcome::Joined));
     let ticks: Vec<BlackBoxTick> = handle.black_box().ticks().copied().collect();
-    assert_eq!(ticks.len() as u64, handle.report().ticks, "none is missing");
+    assert_eq!(ticks.len() as u64, handle.report().ticks, "no tick is missing");
     for pair in ticks.windows(2) {
         assert_eq!(pair[1].sequence - pair[1].elapsed, pair[0].sequence);
     }
@@ -111,9 +111,9 @@ fn after_a_device_s_fault_the_box_has_the_ticks_around_it_and_is_there_when_the_
 }
 
 #[test]
-fn a_thread_that_panicked_leaves_its_box_behind() {
+fn black_box_survives_panic_of_thread() {
     let (mut handle, mut thread, _) = spawn(|n| {
-        assert!(n < 600, "a rehearsed panic of the device");
+        assert!(n < 600, "a simulated panic of the device");
         Ok(Reading::at(DVec3::ZERO))
     });
     wait_for(|| !thread.is_running());
@@ -122,12 +122,11 @@ fn a_thread_that_panicked_leaves_its_box_behind() {
 }
 
 #[test]
-fn a_force_that_the_device_does_not_take_is_in_the_box() {
+fn black_box_records_failed_write() {
     let (mut handle, mut haptic_loop) = haptic_loop(LoopConfig::default(), LoopSettings::default()).unwrap();
     for written in [Ok(()), Err(DeviceError::Disconnected)] {
-        let ticked = haptic_loop.tick(1, Ok(Reading::at(DVec3::ZERO)));
-        assert_eq!(ticked.record.written, Ok(()));
-        haptic_loop.finish_tick(&ticked, None, written);
+        let output = haptic_loop.tick(1, Ok(Reading::at(DVec3::ZERO)));
+        haptic_loop.finish_tick(output, None, written);
         assert_eq!(handle.latest_tick().unwrap().written, written);
         assert_eq!(
             handle.black_box().newest().unwrap().write_failed,

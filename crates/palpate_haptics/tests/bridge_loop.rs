@@ -1,4 +1,4 @@
-//! The loop with a device on the other side of a bridge: what is felt there is what was written here. No times are judged.
+//! The loop with a bridged device: the forces applied by the peer are those written by the loop. No test depends on measured times.
 
 #[path = "shared/bridge.rs"]
 mod ends;
@@ -17,10 +17,10 @@ use std::time::Duration;
 use wait::wait_for;
 
 const TICK: Duration = Duration::from_millis(1);
-/// Of the body that the loop shows, N/m.
+/// Stiffness of the rendered body, N/m.
 const STIFFNESS: f64 = 100.0;
 
-/// A hand of 0.1 kg that a spring of 200 N/m draws to a place 20 mm from the body's rest.
+/// A hand of 0.1 kg on a spring of 200 N/m that pulls it to 20 mm from the body's rest.
 #[derive(Clone, Debug, Default)]
 struct SpringHand {
     x: f64,
@@ -49,8 +49,8 @@ impl HapticDevice for SpringHand {
     }
 }
 
-/// A loop that shows a spring, at once and for ever, and records every tick.
-fn elastic() -> (HapticHandle, HapticLoop) {
+/// A loop that renders a spring without ramp or fade, and records every tick.
+fn spring_loop() -> (HapticHandle, HapticLoop) {
     let safety = SafetySettings { arm_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
     let settings = LoopSettings { safety, record: true, model_period_s: 1e3, ..LoopSettings::default() };
     let config =
@@ -70,78 +70,78 @@ fn bind(device: impl HapticDevice + 'static, watchdog: Duration) -> BridgePeer {
     BridgePeer::bind(settings, Box::new(device)).unwrap()
 }
 
-/// Forces that were taken by the device, in order.
+/// Forces written successfully, in order.
 fn written(handle: &mut HapticHandle) -> Vec<DVec3> {
     let records = std::iter::from_fn(|| handle.next_record());
     records.filter(|record| record.written.is_ok()).map(|record| record.force_n).collect()
 }
 
-/// A bridge between loop and hand changes no bit of what either of them does.
+/// A bridge between loop and hand changes no bit of forces or motion.
 #[test]
-fn in_lock_step_a_bridge_changes_no_bit() {
-    let (mut direct, haptic_loop) = elastic();
+fn lockstep_over_bridge_is_bit_identical() {
+    let (mut direct, haptic_loop) = spring_loop();
     let mut lockstep = Lockstep::new(haptic_loop, Box::new(SpringHand::default())).unwrap();
     lockstep.run(2000);
     let expected = written(&mut direct);
 
     let mut peer = bind(SpringHand::default(), TICK);
     let settings = patient(peer.address());
-    let device = meanwhile(&mut peer, || BridgeDevice::find(settings)).unwrap();
-    let (mut bridged, haptic_loop) = elastic();
-    let mut lockstep = meanwhile(&mut peer, || Lockstep::new(haptic_loop, Box::new(device))).unwrap();
-    let mut felt = Vec::new();
+    let device = while_serving(&mut peer, || BridgeDevice::find(settings)).unwrap();
+    let (mut bridged, haptic_loop) = spring_loop();
+    let mut lockstep = while_serving(&mut peer, || Lockstep::new(haptic_loop, Box::new(device))).unwrap();
+    let mut applied = Vec::new();
     for tick in 0..2000 {
-        // The peer's time stands still, so that nothing depends on the machine's.
+        // The peer's clock stands still; nothing depends on real time.
         wait_for(|| tick == 0 || peer.receive(Duration::ZERO));
         peer.reply();
-        felt.push(peer.force_n());
+        applied.push(peer.force_n());
         lockstep.run(1);
     }
     assert_eq!(written(&mut bridged), expected);
-    assert_eq!(felt[1..], expected[..1999]);
+    assert_eq!(applied[1..], expected[..1999]);
     let counts = lockstep.device().monitor().counts();
     assert_eq!((counts.taken, counts.lost, counts.skipped), (2000, 0, 0));
-    // Both springs have the hand between them.
+    // The hand rests between both springs.
     let rest = 0.02 * 200.0 / (200.0 + STIFFNESS);
-    assert!((felt[1999].x + STIFFNESS * rest).abs() < 1e-3, "{}", felt[1999]);
+    assert!((applied[1999].x + STIFFNESS * rest).abs() < 1e-3, "{}", applied[1999]);
 }
 
 /// The loop on its own thread, the peer on another, each at its own pace: force number n at the peer is the nth that was written.
 #[test]
-fn on_threads_what_is_felt_is_what_was_written() {
+fn threaded_peer_applies_the_written_forces() {
     let mut peer = bind(SpringHand::default(), TICK);
     let settings = patient(peer.address());
-    let mut device = meanwhile(&mut peer, || BridgeDevice::find(settings)).unwrap();
+    let mut device = while_serving(&mut peer, || BridgeDevice::find(settings)).unwrap();
     let monitor = device.monitor();
-    let (mut handle, haptic_loop) = elastic();
+    let (mut handle, haptic_loop) = spring_loop();
     let (stop, is_over) = (AtomicBool::new(false), AtomicBool::new(false));
-    let mut felt = Vec::new();
+    let mut applied = Vec::new();
     std::thread::scope(|scope| {
         scope.spawn(|| {
             run(haptic_loop, &mut device, &stop);
             is_over.store(true, Ordering::SeqCst);
         });
-        // About a thousand times a second, and never silent for its own clock.
-        #[expect(clippy::disallowed_methods, reason = "the peer has a pace of its own")]
+        // About a thousand times a second, with a clock that never lets the watchdog expire.
+        #[expect(clippy::disallowed_methods, reason = "the peer runs at its own rate")]
         while !is_over.load(Ordering::SeqCst) {
             std::thread::sleep(TICK);
             peer.receive(Duration::ZERO);
             peer.reply();
             if peer.forces_written() > 0 {
-                felt.push((peer.forces_written(), peer.force_n()));
+                applied.push((peer.forces_written(), peer.force_n()));
             }
-            if felt.len() == 1500 {
+            if applied.len() == 1500 {
                 stop.store(true, Ordering::SeqCst);
             }
         }
     });
     assert_eq!((peer.session(), peer.force_n()), (None, DVec3::ZERO), "the loop has closed its device");
     let written = written(&mut handle);
-    for (number, force_n) in &felt {
+    for (number, force_n) in &applied {
         assert_eq!(*force_n, written[*number as usize - 1], "{number}");
     }
-    assert!(felt.is_sorted_by_key(|(number, _)| *number));
-    let last = felt[1499].1;
+    assert!(applied.is_sorted_by_key(|(number, _)| *number));
+    let last = applied[1499].1;
     assert!((last.x + STIFFNESS * 0.02 * 2.0 / 3.0).abs() < 0.01, "{last}");
     let counts = monitor.counts();
     assert!(counts.taken > 100 && counts.corrupt + counts.foreign + counts.late == 0, "{counts:?}");
@@ -152,7 +152,7 @@ fn kinds(handle: &mut HapticHandle) -> Vec<LoopEventKind> {
 }
 
 #[test]
-fn a_peer_that_is_restarted_is_a_device_that_was_plugged_in_again() {
+fn restarted_peer_is_reconnected_with_ramp() {
     let watchdog = Duration::from_secs(1);
     let hand = TestDevice::new();
     let peer = hand.peer(watchdog);
@@ -173,7 +173,7 @@ fn a_peer_that_is_restarted_is_a_device_that_was_plugged_in_again() {
     handle.publish_model();
     let mut thread = haptic_loop.spawn(Box::new(device)).unwrap();
     wait_for(|| hand.force_n() == 0.4 * DVec3::Y);
-    // It goes away in mid-touch and comes back on the same port, with nothing of what it knew.
+    // The peer ends during a touch, and a new one starts on the same port without its state.
     stop.store(true, Ordering::SeqCst);
     first.join().unwrap();
     assert_eq!(hand.force_n(), DVec3::ZERO);
@@ -182,14 +182,14 @@ fn a_peer_that_is_restarted_is_a_device_that_was_plugged_in_again() {
     let settings = PeerSettings { address, watchdog, ..PeerSettings::default() };
     let second = runs(BridgePeer::bind(settings, Box::new(again.clone())).unwrap(), &stop);
     wait_for(|| again.force_n() == 0.4 * DVec3::Y);
-    // Force begins anew, and grows.
+    // The force starts again with the ramp.
     let forces = again.hand.lock().unwrap().forces.clone();
     let first_n = forces.iter().find(|force_n| **force_n != DVec3::ZERO).unwrap();
     assert!(first_n.y < 0.2, "{first_n}");
-    let told = kinds(&mut handle);
-    let place = |kind| told.iter().position(|told| *told == kind);
-    let failed = place(LoopEventKind::DeviceFailed(DeviceError::Disconnected));
-    assert!(failed.is_some() && failed < place(LoopEventKind::Reconnected), "{told:?}");
+    let events = kinds(&mut handle);
+    let position = |kind| events.iter().position(|event| *event == kind);
+    let failed = position(LoopEventKind::DeviceFailed(DeviceError::Disconnected));
+    assert!(failed.is_some() && failed < position(LoopEventKind::Reconnected), "{events:?}");
     assert!(monitor.counts().sessions >= 2);
     assert!(matches!(thread.stop(), StopOutcome::Joined));
     wait_for(|| again.force_n() == DVec3::ZERO);
@@ -197,10 +197,10 @@ fn a_peer_that_is_restarted_is_a_device_that_was_plugged_in_again() {
     second.join().unwrap();
 }
 
-/// A loop that hangs is silence, and the watchdog's zero force comes besides.
+/// The loop's watchdog sends zero force over the bridge, independently of the peer's watchdog.
 #[test]
-fn a_loop_that_hangs_is_let_go() {
-    /// A device that hangs in `read` when it is asked to.
+fn watchdog_of_blocked_loop_sets_zero_force_at_peer() {
+    /// A device that blocks in `read` while the flag is set.
     struct Hanging(BridgeDevice, Arc<AtomicBool>);
     impl HapticDevice for Hanging {
         fn describe(&self) -> DeviceDescription {
@@ -224,39 +224,39 @@ fn a_loop_that_hangs_is_let_go() {
         }
     }
     let hand = TestDevice::new();
-    // Its watchdog waits, so that it is the loop's that lets go.
+    // The peer's clock stands still: only the loop's watchdog can act.
     let mut peer = hand.peer(TICK);
     let settings = patient(peer.address());
-    let device = meanwhile(&mut peer, || BridgeDevice::find(settings)).unwrap();
+    let device = while_serving(&mut peer, || BridgeDevice::find(settings)).unwrap();
     let hangs = Arc::new(AtomicBool::new(false));
-    let (mut handle, haptic_loop) = elastic();
+    let (mut handle, haptic_loop) = spring_loop();
     let model = handle.model_slot();
     (model.scheme, model.contact, model.force_n) = (Scheme::Hold, Contact::Held, DVec3::Y);
     handle.publish_model();
     let mut thread = haptic_loop.spawn(Box::new(Hanging(device, Arc::clone(&hangs)))).unwrap();
-    let mut turn_until = |done: &dyn Fn() -> bool| {
+    let mut advance_until = |done: &dyn Fn() -> bool| {
         wait_for(|| {
             peer.advance(Duration::ZERO);
             done()
         });
     };
-    turn_until(&|| hand.force_n() == DVec3::Y);
+    advance_until(&|| hand.force_n() == DVec3::Y);
     hangs.store(true, Ordering::SeqCst);
-    turn_until(&|| hand.force_n() == DVec3::ZERO && thread.emergency_stops() > 0);
-    // It goes on in the same session.
+    advance_until(&|| hand.force_n() == DVec3::ZERO && thread.emergency_stops() > 0);
+    // The session continues.
     hangs.store(false, Ordering::SeqCst);
-    turn_until(&|| hand.force_n() == DVec3::Y);
+    advance_until(&|| hand.force_n() == DVec3::Y);
     assert_eq!(peer.monitor().counts().sessions, 1);
     assert!(matches!(thread.stop(), StopOutcome::Joined));
 }
 
-/// Reading and writing, with everything that can come in between, and the peer's turn.
+/// Covers read and write, packets of strangers, and the peer's cycle.
 #[test]
-fn nothing_is_allocated_at_either_end() {
+fn neither_end_allocates() {
     let mut peer = bind(SpringHand::default(), Duration::from_secs(1));
     let settings = BridgeSettings { silent_after: TICK, ..patient(peer.address()) };
-    let mut device = meanwhile(&mut peer, || BridgeDevice::find(settings)).unwrap();
-    meanwhile(&mut peer, || device.open()).unwrap();
+    let mut device = while_serving(&mut peer, || BridgeDevice::find(settings)).unwrap();
+    while_serving(&mut peer, || device.open()).unwrap();
     let mut at_peer = None;
     let readings = AtomicU64::new(0);
     let of_device = |within: Duration, device: &mut BridgeDevice, ticks: usize| {
@@ -268,25 +268,25 @@ fn nothing_is_allocated_at_either_end() {
             }
         })
     };
-    let stranger = Speaker::new(peer.address());
+    let stranger = ManualEnd::new(peer.address());
     let mut allocations = Vec::new();
     for _ in 0..200 {
-        stranger.say(1, Body::Force(DVec3::Z));
-        stranger.bytes(b"nonsense");
-        let turned = allocation_counter::measure(|| peer.advance(Duration::ZERO));
-        at_peer = at_peer.max(Some(turned.count_total));
+        stranger.send(1, Body::Force(DVec3::Z));
+        stranger.send_bytes(b"nonsense");
+        let cycle = allocation_counter::measure(|| peer.advance(Duration::ZERO));
+        at_peer = at_peer.max(Some(cycle.count_total));
         allocations.push(of_device(TICK, &mut device, 1).count_total);
     }
     assert!(readings.load(Ordering::SeqCst) > 0);
-    // And once the peer is silent, and the session over.
+    // Also after the timeout and the end of the session.
     allocations.push(of_device(TICK, &mut device, 20).count_total);
     assert_eq!(device.read(TICK), Err(DeviceError::Disconnected));
     assert_eq!((allocations.iter().max(), at_peer), (Some(&0), Some(0)));
 }
 
-/// The whole loop, with its bookkeeping.
+/// Covers the whole loop with reports and records.
 #[test]
-fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
+fn loop_with_bridged_device_neither_allocates_nor_frees() {
     let peer = bind(SpringHand::default(), Duration::from_secs(1));
     let address = peer.address();
     let (serving, stop) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
@@ -294,7 +294,7 @@ fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
     let served = std::thread::spawn(move || peer.lock().unwrap().run(&of_peer));
     let mut device = BridgeDevice::find(patient(address)).unwrap();
     let monitor = device.monitor();
-    let (_handle, haptic_loop) = elastic();
+    let (_handle, haptic_loop) = spring_loop();
     let flag = Arc::clone(&stop);
     let stopper = std::thread::spawn(move || {
         wait_for(|| monitor.counts().taken > 300);

@@ -1,4 +1,4 @@
-//! The bridge's packets, byte for byte, both ways; and whatever else arrives.
+//! Packets of the bridge, byte for byte in both directions, and arbitrary bytes.
 
 use glam::{DQuat, DVec3};
 use palpate_haptics::bridge::packet::*;
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 const SESSION: u64 = 0x0123_4567_89ab_cdef;
 
 /// The packets of `data/bridge_packets.txt`, which names its source.
-fn written_out() -> BTreeMap<&'static str, Vec<u8>> {
+fn reference_bytes() -> BTreeMap<&'static str, Vec<u8>> {
     let mut packets = BTreeMap::<_, Vec<u8>>::new();
     let mut name = "";
     for line in include_str!("data/bridge_packets.txt").lines().filter(|line| !line.starts_with('#')) {
@@ -69,8 +69,8 @@ fn encoded(packet: &Packet) -> Result<Vec<u8>, PacketError> {
 }
 
 #[test]
-fn packets_are_those_of_the_page_in_both_directions() {
-    let (written, expected) = (written_out(), expected());
+fn parses_and_encodes_reference_packets() {
+    let (written, expected) = (reference_bytes(), expected());
     assert!(written.keys().eq(expected.keys()), "{:?}", written.keys());
     for (name, bytes) in written {
         let packet = expected[name];
@@ -80,7 +80,7 @@ fn packets_are_those_of_the_page_in_both_directions() {
 }
 
 #[test]
-fn a_sample_is_a_reading_with_its_number() {
+fn sample_converts_to_reading_with_its_number() {
     let Body::Sample(sampled) = expected()["sample"].body else { panic!("a sample") };
     let reading = sampled.reading(258);
     assert!(reading.is_usable());
@@ -92,17 +92,17 @@ fn a_sample_is_a_reading_with_its_number() {
     assert_eq!(reading.orientation, sampled.orientation);
 }
 
-/// What is wrong with `bytes` once `at` has been overwritten.
-fn with(name: &str, at: usize, bytes: &[u8]) -> Result<Packet, PacketError> {
-    let mut packet = written_out()[name].clone();
+/// Parses the reference packet `name` with `bytes` written at offset `at`.
+fn parse_with(name: &str, at: usize, bytes: &[u8]) -> Result<Packet, PacketError> {
+    let mut packet = reference_bytes()[name].clone();
     packet[at..at + bytes.len()].copy_from_slice(bytes);
     Packet::parse(&packet)
 }
 
 #[test]
-fn every_fault_of_a_packet_has_an_error_of_its_own() {
+fn each_violation_has_its_own_error() {
     use PacketError::*;
-    for (name, bytes) in written_out() {
+    for (name, bytes) in reference_bytes() {
         for length in 0..bytes.len() {
             let expected = if length < HEADER_SIZE { HEADER_SIZE } else { bytes.len() };
             assert_eq!(Packet::parse(&bytes[..length]), Err(Length { found: length, expected }), "{name}");
@@ -110,40 +110,40 @@ fn every_fault_of_a_packet_has_an_error_of_its_own() {
         let longer = [&bytes[..], &[0]].concat();
         assert_eq!(Packet::parse(&longer), Err(Length { found: bytes.len() + 1, expected: bytes.len() }));
     }
-    assert_eq!(with("hello", 0, b"plpb"), Err(Magic));
-    assert_eq!(with("hello", 4, &[2, 0]), Err(Version(2)));
+    assert_eq!(parse_with("hello", 0, b"plpb"), Err(Magic));
+    assert_eq!(parse_with("hello", 4, &[2, 0]), Err(Version(2)));
     for kind in [0, 7, 255] {
-        assert_eq!(with("hello", 6, &[kind]), Err(Kind(kind)));
+        assert_eq!(parse_with("hello", 6, &[kind]), Err(Kind(kind)));
     }
     for (name, reserved) in
         [("hello", 7), ("welcome", 124), ("welcome", 127), ("sample", 29), ("end: busy", 31)]
     {
-        assert_eq!(with(name, reserved, &[1]), Err(Reserved), "{name}");
+        assert_eq!(parse_with(name, reserved, &[1]), Err(Reserved), "{name}");
     }
-    // A velocity that is not said to be there, be it -0.
-    assert_eq!(with("sample without velocity", 95, &[0x80]), Err(Reserved));
-    assert_eq!(with("sample", 28, &[2]), Err(Reserved));
+    // A velocity without its flag, even -0.
+    assert_eq!(parse_with("sample without velocity", 95, &[0x80]), Err(Reserved));
+    assert_eq!(parse_with("sample", 28, &[2]), Err(Reserved));
     for name in ["sample", "force", "stop"] {
-        assert_eq!(with(name, 8, &[0; 8]), Err(Session), "{name}");
-        assert_eq!(with(name, 16, &[0; 8]), Err(Counted), "{name}");
+        assert_eq!(parse_with(name, 8, &[0; 8]), Err(Session), "{name}");
+        assert_eq!(parse_with(name, 16, &[0; 8]), Err(Counted), "{name}");
     }
-    assert_eq!(with("hello", 16, &[0; 8]), Err(Counted));
+    assert_eq!(parse_with("hello", 16, &[0; 8]), Err(Counted));
     for name in [[0; 32], [b'a'; 32].map(|_| 0xff), [7; 32], *b"a\0b                             "] {
-        assert_eq!(with("welcome", 24, &name), Err(Name), "{name:?}");
+        assert_eq!(parse_with("welcome", 24, &name), Err(Name), "{name:?}");
     }
     for reason in [0, 7, u32::MAX] {
-        assert_eq!(with("end: busy", 24, &reason.to_le_bytes()), Err(Reason(reason)));
+        assert_eq!(parse_with("end: busy", 24, &reason.to_le_bytes()), Err(Reason(reason)));
     }
-    assert_eq!(with("sample", 80, &1.0_f64.to_le_bytes()), Err(Orientation));
-    assert_eq!(with("welcome", 120, &999_u32.to_le_bytes()).map_err(of), Err("watchdog, µs"));
+    assert_eq!(parse_with("sample", 80, &1.0_f64.to_le_bytes()), Err(Orientation));
+    assert_eq!(parse_with("welcome", 120, &999_u32.to_le_bytes()).map_err(quantity_of), Err("watchdog, µs"));
     assert_eq!(
-        with("welcome", 80, &(-0.081_f64).to_le_bytes()).map_err(of),
+        parse_with("welcome", 80, &(-0.081_f64).to_le_bytes()).map_err(quantity_of),
         Err("smallest side of the workspace, m")
     );
 }
 
-/// What is beyond.
-fn of(error: PacketError) -> &'static str {
+/// The quantity out of range.
+fn quantity_of(error: PacketError) -> &'static str {
     match error {
         PacketError::Beyond { what, .. } => what,
         _ => panic!("{error}"),
@@ -151,7 +151,7 @@ fn of(error: PacketError) -> &'static str {
 }
 
 #[test]
-fn numbers_that_are_not_finite_or_beyond_all_bounds_are_refused_both_ways() {
+fn rejects_numbers_out_of_range_in_both_directions() {
     let fields = [
         ("welcome", 56, 6, "workspace, m"),
         ("welcome", 104, 1, "largest force, N"),
@@ -164,19 +164,19 @@ fn numbers_that_are_not_finite_or_beyond_all_bounds_are_refused_both_ways() {
     for value in [f64::NAN, -f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, 20_001.0] {
         for (name, first, count, what) in fields {
             for field in 0..count {
-                let refused = with(name, first + 8 * field, &value.to_le_bytes());
-                assert_eq!(refused.map_err(of), Err(what), "{name} {field} {value}");
+                let rejected = parse_with(name, first + 8 * field, &value.to_le_bytes());
+                assert_eq!(rejected.map_err(quantity_of), Err(what), "{name} {field} {value}");
             }
         }
         let force = Packet { session: 1, number: 1, body: Body::Force(DVec3::new(0.0, value, 0.0)) };
-        assert_eq!(encoded(&force).map_err(of), Err("force, N"));
+        assert_eq!(encoded(&force).map_err(quantity_of), Err("force, N"));
     }
     assert_eq!(encoded(&Packet { session: 0, number: 1, body: Body::Stop }), Err(PacketError::Session));
     assert_eq!(encoded(&Packet { session: 1, number: 0, body: Body::Stop }), Err(PacketError::Counted));
 }
 
 #[test]
-fn names_are_cut_where_a_character_ends() {
+fn names_are_truncated_at_character_boundaries() {
     let long = "ä".repeat(20);
     assert_eq!(Name::new(&long).as_str(), "ä".repeat(16));
     assert_eq!(Name::new(&format!("a{long}")).as_str(), format!("a{}", "ä".repeat(15)));
@@ -185,8 +185,8 @@ fn names_are_cut_where_a_character_ends() {
 }
 
 #[test]
-fn a_hello_of_any_version_can_be_told() {
-    let mut hello = written_out()["hello"].clone();
+fn header_identifies_hello_of_any_version() {
+    let mut hello = reference_bytes()["hello"].clone();
     hello[4] = 9;
     let header = Header::of(&hello).unwrap();
     assert!(header.is_hello());
@@ -194,8 +194,8 @@ fn a_hello_of_any_version_can_be_told() {
     assert_eq!(Header::of(&hello[..23]), None);
 }
 
-fn vector(most: f64) -> impl Strategy<Value = DVec3> + Clone {
-    let one = -most..=most;
+fn vector(max: f64) -> impl Strategy<Value = DVec3> + Clone {
+    let one = -max..=max;
     (one.clone(), one.clone(), one).prop_map(|(x, y, z)| DVec3::new(x, y, z))
 }
 
@@ -247,30 +247,30 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     #[test]
-    fn what_is_sent_is_what_arrives(session in 1..=u64::MAX, number in 1..=u64::MAX, body in body()) {
+    fn encoded_packets_parse_to_themselves(session in 1..=u64::MAX, number in 1..=u64::MAX, body in body()) {
         let packet = Packet { session, number, body };
         let bytes = encoded(&packet).unwrap();
         prop_assert_eq!(Packet::parse(&bytes), Ok(packet));
     }
 
-    /// Bytes that are taken are those that the packet gives again.
+    /// Encoding a parsed packet reproduces its bytes.
     #[test]
-    fn any_bytes_are_a_packet_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn arbitrary_bytes_round_trip_or_are_rejected(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         if let Ok(packet) = Packet::parse(&bytes) {
             prop_assert_eq!(encoded(&packet), Ok(bytes));
         }
     }
 
-    /// The same for what was a packet once.
+    /// The same for packets with random changes.
     #[test]
-    fn spoilt_packets_are_packets_or_refused(
+    fn corrupted_packets_round_trip_or_are_rejected(
         body in body(),
-        spoilt in prop::collection::vec((0..MAX_SIZE, any::<u8>()), 1..6),
+        changes in prop::collection::vec((0..MAX_SIZE, any::<u8>()), 1..6),
     ) {
         let mut bytes = encoded(&Packet { session: SESSION, number: 1, body }).unwrap();
-        for (at, byte) in spoilt {
-            if let Some(place) = bytes.get_mut(at) {
-                *place = byte;
+        for (at, byte) in changes {
+            if let Some(target) = bytes.get_mut(at) {
+                *target = byte;
             }
         }
         if let Ok(packet) = Packet::parse(&bytes) {

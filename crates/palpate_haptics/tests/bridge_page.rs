@@ -1,4 +1,5 @@
-//! The peer in C++ of `docs/bridge.md`, taken from the page, compiled, and spoken with: page and protocol cannot drift apart.
+//! Extracts the C++ peer from `docs/bridge.md`, compiles it and tests it against the protocol, which keeps page and protocol
+//! consistent.
 
 #![cfg(unix)]
 
@@ -7,7 +8,7 @@ mod ends;
 #[path = "shared/wait.rs"]
 mod wait;
 
-use ends::Speaker;
+use ends::ManualEnd;
 use glam::DVec3;
 use palpate_haptics::bridge::packet::*;
 use palpate_haptics::bridge::*;
@@ -21,7 +22,7 @@ use wait::wait_for;
 
 const TICK: Duration = Duration::from_millis(1);
 const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/bridge.md");
-/// Of the stand-in's spring, N/m.
+/// Stiffness of the simulated hand's spring, N/m.
 const STIFFNESS: f64 = 200.0;
 
 /// The page's only block of C++.
@@ -32,7 +33,7 @@ fn source() -> String {
     blocks[0].split_once("```\n").unwrap().0.to_owned()
 }
 
-/// The page's peer, compiled; `None` where there is no compiler.
+/// Compiles the page's peer; `None` without a compiler.
 fn compiled(folder: &Path) -> Option<PathBuf> {
     let program = folder.join("peer");
     let compiler = Command::new("c++")
@@ -52,7 +53,7 @@ fn compiled(folder: &Path) -> Option<PathBuf> {
     Some(program)
 }
 
-/// A running peer, killed when it is dropped.
+/// A running peer, killed on drop.
 struct Running(Child, SocketAddr);
 
 impl Running {
@@ -72,8 +73,8 @@ impl Drop for Running {
     }
 }
 
-/// Ticks until `done`, with that force, opening the device anew whenever its session is over: on a busy machine the peer's
-/// watchdog has its reasons.
+/// Runs ticks with force `force_n` until `done`. Reopens the device after the end of a session, since on a busy machine the peer's
+/// watchdog may expire.
 fn tick_until(device: &mut BridgeDevice, force_n: DVec3, mut done: impl FnMut(&Reading) -> bool) {
     wait_for(|| {
         let reading = device.read(TICK);
@@ -86,44 +87,44 @@ fn tick_until(device: &mut BridgeDevice, force_n: DVec3, mut done: impl FnMut(&R
     });
 }
 
-/// What a device never sends, sent by hand.
-fn refuses_what_the_page_says(peer: SocketAddr) {
-    let mut palpate = Speaker::new(peer);
-    let answer = |palpate: &mut Speaker, number, body| {
+/// Sends packets that a [`BridgeDevice`] never sends.
+fn rejects_invalid_packets(peer: SocketAddr) {
+    let mut palpate = ManualEnd::new(peer);
+    let expect_end = |palpate: &mut ManualEnd, number, body| {
         assert_eq!(
-            palpate.hear_but_samples(),
+            palpate.receive_except_samples(),
             Packet { session: palpate.session, number, body: Body::End(body) }
         );
     };
-    palpate.say(4, Body::Force(DVec3::X));
-    answer(&mut palpate, 4, EndReason::NoSession);
+    palpate.send(4, Body::Force(DVec3::X));
+    expect_end(&mut palpate, 4, EndReason::NoSession);
     let mut bytes = [0; MAX_SIZE];
     let hello = Packet { session: palpate.session, number: 3, body: Body::Hello };
     let length = hello.encode(&mut bytes).unwrap().len();
     bytes[4] = 9;
-    palpate.bytes(&bytes[..length]);
-    answer(&mut palpate, 3, EndReason::OtherVersion);
-    // What is cut, too long, or nothing at all is not answered; nor is what follows in a session, but for its silence.
+    palpate.send_bytes(&bytes[..length]);
+    expect_end(&mut palpate, 3, EndReason::OtherVersion);
+    // The peer does not reply to truncated, oversized or empty packets, nor to the invalid packets of the following session.
     bytes[4] = 1;
-    for nonsense in [&bytes[..length - 1], &bytes[..], &[], b"PLPB"] {
-        palpate.bytes(nonsense);
+    for invalid in [&bytes[..length - 1], &bytes[..], &[], b"PLPB"] {
+        palpate.send_bytes(invalid);
     }
     wait_for(|| {
-        // Another session where a busy machine let this one end too soon.
+        // Another session if a busy machine ended this one too early.
         palpate.session += 1;
-        palpate.say(1, Body::Hello);
-        palpate.say(5, Body::Force(DVec3::X));
-        palpate.say(3, Body::Force(DVec3::Y));
-        palpate.say(6, Body::Force(DVec3::splat(3.0)));
+        palpate.send(1, Body::Hello);
+        palpate.send(5, Body::Force(DVec3::X));
+        palpate.send(3, Body::Force(DVec3::Y));
+        palpate.send(6, Body::Force(DVec3::splat(3.0)));
         let force = Packet { session: palpate.session, number: 7, body: Body::Force(DVec3::ZERO) };
         let length = force.encode(&mut bytes).unwrap().len();
         bytes[32..40].copy_from_slice(&f64::NAN.to_le_bytes());
-        palpate.bytes(&bytes[..length]);
-        let (mut other, mut newest, mut last) = (Speaker::new(peer), 0, 0);
+        palpate.send_bytes(&bytes[..length]);
+        let (mut other, mut newest, mut last) = (ManualEnd::new(peer), 0, 0);
         other.session = 1;
-        other.say(8, Body::Force(DVec3::Z));
+        other.send(8, Body::Force(DVec3::Z));
         loop {
-            let packet = palpate.hear();
+            let packet = palpate.receive();
             assert_eq!(packet.session, palpate.session);
             match packet.body {
                 Body::Sample(Sampled { position_m, shown, .. }) => {
@@ -138,63 +139,63 @@ fn refuses_what_the_page_says(peer: SocketAddr) {
                 }
             }
         }
-        assert_eq!(other.hear().body, Body::End(EndReason::NoSession));
-        // Forces that came after the end were answered one by one.
-        while !palpate.hears_nothing() {
-            palpate.hear();
+        assert_eq!(other.receive().body, Body::End(EndReason::NoSession));
+        // The peer replied to each force after the end.
+        while !palpate.receives_nothing() {
+            palpate.receive();
         }
         newest == 5
     });
 }
 
-/// A hello of the session that was over last, from who had it: no session, and no force of it.
-fn never_takes_up_what_is_over(peer: SocketAddr) {
-    let (mut palpate, mut newer) = (Speaker::new(peer), Speaker::new(peer));
+/// A hello of the last ended session, from its owner, starts no session and makes no force of it valid.
+fn never_resumes_ended_session(peer: SocketAddr) {
+    let (mut palpate, mut newer) = (ManualEnd::new(peer), ManualEnd::new(peer));
     let no_session = Body::End(EndReason::NoSession);
-    // The peer of the page serves one at a time: whoever was before is over first.
+    // The page's peer serves one session at a time: the previous one must end first.
     wait_for(|| {
         palpate.session += 1;
-        palpate.say(1, Body::Hello);
-        matches!(palpate.hear_but_samples().body, Body::Welcome(_))
+        palpate.send(1, Body::Hello);
+        matches!(palpate.receive_except_samples().body, Body::Welcome(_))
     });
-    palpate.say(2, Body::Stop);
-    // Samples that were under way, and an end if a busy machine was silent; then what is asked for here.
+    palpate.send(2, Body::Stop);
+    // Skips samples in transit, and an end caused by a busy machine.
     for number in 3..6 {
-        palpate.say(number, Body::Hello);
-        palpate.say(number, Body::Force(DVec3::X));
+        palpate.send(number, Body::Hello);
+        palpate.send(number, Body::Force(DVec3::X));
         for what in ["hello", "force"] {
-            let answer = loop {
-                let packet = palpate.hear_but_samples();
+            let reply = loop {
+                let packet = palpate.receive_except_samples();
                 if packet.number == number {
                     break packet;
                 }
             };
-            assert_eq!((answer.session, answer.body), (palpate.session, no_session), "{what}");
+            assert_eq!((reply.session, reply.body), (palpate.session, no_session), "{what}");
         }
     }
-    // Somebody else may have that number, and begins where nobody has been.
+    // Another sender may use the same number for a new session.
     newer.session = palpate.session;
-    newer.say(1, Body::Hello);
-    assert!(matches!(newer.hear_but_samples().body, Body::Welcome(_)));
-    newer.say(1, Body::Stop);
-    // And so does the first one with another number.
+    newer.send(1, Body::Hello);
+    assert!(matches!(newer.receive_except_samples().body, Body::Welcome(_)));
+    newer.send(1, Body::Stop);
+    // The first sender may use another number.
     wait_for(|| {
         palpate.session += 1;
-        palpate.say(1, Body::Hello);
-        matches!(palpate.hear_but_samples().body, Body::Welcome(_))
+        palpate.send(1, Body::Hello);
+        matches!(palpate.receive_except_samples().body, Body::Welcome(_))
     });
-    palpate.say(1, Body::Stop);
+    palpate.send(1, Body::Stop);
 }
 
 #[test]
-fn the_page_s_peer_in_cpp_speaks_the_protocol() {
+fn cpp_peer_of_page_follows_protocol() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let Some(program) = compiled(folder) else { return };
     let peer = Running::start(&program, 0);
     let address = peer.1;
     assert!(address.ip().is_loopback());
-    refuses_what_the_page_says(address);
-    never_takes_up_what_is_over(address);
+    rejects_invalid_packets(address);
+    never_resumes_ended_session(address);
     let long = Duration::from_secs(10);
     let settings = BridgeSettings { address, open_within: long, ..BridgeSettings::default() };
     let mut device = BridgeDevice::find(settings).unwrap();
@@ -207,7 +208,7 @@ fn the_page_s_peer_in_cpp_speaks_the_protocol() {
     assert_eq!((device.describe(), device.peer_watchdog()), (described, Duration::from_millis(20)));
     device.open().unwrap();
 
-    // The hand rests where its spring bears the force, and says how fast it gets there.
+    // The hand moves, with a reported velocity, to the equilibrium of spring and force.
     let (force_n, mut fastest) = (DVec3::new(1.0, -2.0, 3.0), 0.0_f64);
     tick_until(&mut device, force_n, |reading| {
         assert_eq!((reading.buttons, reading.orientation), (0, glam::DQuat::IDENTITY));
@@ -217,13 +218,13 @@ fn the_page_s_peer_in_cpp_speaks_the_protocol() {
     });
     assert!(fastest > 0.05, "{fastest}");
     wait_for(|| {
-        // One that shows what was written a tick or two ago.
+        // The peer applies forces written at most a few ticks ago.
         tick_until(&mut device, force_n, |_| true);
         device.monitor().counts().unshown < 20
     });
 
-    // Silence: the hand is let go, and the session is over.
-    #[expect(clippy::disallowed_methods, reason = "palpate is silent")]
+    // Timeout: the peer sets zero force and ends the session.
+    #[expect(clippy::disallowed_methods, reason = "palpate sends nothing")]
     std::thread::sleep(Duration::from_millis(300));
     wait_for(|| device.read(TICK) == Err(DeviceError::Disconnected));
     device.close().unwrap();
@@ -235,9 +236,9 @@ fn the_page_s_peer_in_cpp_speaks_the_protocol() {
     });
     assert!(first.unwrap().length() < force_n.length() / STIFFNESS / 2.0, "{first:?}");
 
-    // It serves one at a time, and anybody who asks.
+    // The peer serves one session at a time, but replies to every description request.
     let impatient = BridgeSettings { open_within: Duration::from_millis(200), ..settings };
-    let refused = std::thread::scope(|scope| {
+    let second = std::thread::scope(|scope| {
         let opened = scope.spawn(|| {
             assert_eq!(BridgeDevice::find(settings).unwrap().peer_watchdog(), Duration::from_millis(20));
             BridgeDevice::find(impatient).map(|mut other| other.open())
@@ -248,13 +249,13 @@ fn the_page_s_peer_in_cpp_speaks_the_protocol() {
         });
         opened.join().unwrap()
     });
-    // On a busy machine it may have let go of us and served the other, or nobody in time.
-    if let Ok(Err(error)) = refused {
+    // On a busy machine the first session may have ended and the second been served, or neither in time.
+    if let Ok(Err(error)) = second {
         let busy = DeviceError::Protocol("the peer serves another program");
         assert!([busy, DeviceError::Disconnected].contains(&error), "{error}");
     }
 
-    // A crash without a word, and a new peer on the same port.
+    // A crash without a message, then a new peer on the same port.
     tick_until(&mut device, DVec3::X, |_| true);
     drop(peer);
     wait_for(|| {

@@ -1,4 +1,4 @@
-//! Stand-in devices keep the contract that real ones must keep.
+//! Simulated devices fulfil the contract of [`HapticDevice`].
 
 use glam::DVec3;
 use palpate_haptics::*;
@@ -15,7 +15,7 @@ fn x_of(device: &mut dyn HapticDevice) -> f64 {
 }
 
 #[test]
-fn a_replay_gives_its_rows_and_then_stays_or_begins_anew() {
+fn replay_returns_rows_then_stays_or_repeats() {
     for (at_end, expected) in
         [(ReplayEnd::Stay, [1.0, 2.0, 3.0, 3.0, 3.0]), (ReplayEnd::Repeat, [1.0, 2.0, 3.0, 1.0, 2.0])]
     {
@@ -28,7 +28,7 @@ fn a_replay_gives_its_rows_and_then_stays_or_begins_anew() {
 }
 
 #[test]
-fn a_script_hears_the_force_that_was_written_last() {
+fn script_receives_last_written_force() {
     let mut device = ScriptedDevice::new(|n, force| Ok(Reading::at(DVec3::new(n as f64, force.y, 0.0))));
     device.open().unwrap();
     assert_eq!(device.read(WITHIN).unwrap().position_m, DVec3::ZERO);
@@ -37,7 +37,7 @@ fn a_script_hears_the_force_that_was_written_last() {
 }
 
 #[test]
-fn a_closed_device_says_so_and_can_be_opened_again() {
+fn closed_device_returns_not_open_and_can_be_reopened() {
     let devices: [Box<dyn HapticDevice>; 2] = [
         Box::new(ReplayDevice::new(trajectory(), ReplayEnd::Stay)),
         Box::new(ScriptedDevice::new(|n, force| Ok(Reading::at(DVec3::new(1.0 + n as f64, force.y, 0.0))))),
@@ -48,7 +48,11 @@ fn a_closed_device_says_so_and_can_be_opened_again() {
         for _ in 0..2 {
             device.open().unwrap();
             assert_eq!(device.open(), Err(DeviceError::AlreadyOpen));
-            assert_eq!(device.read(WITHIN).unwrap().position_m, DVec3::X, "from the beginning, no old force");
+            assert_eq!(
+                device.read(WITHIN).unwrap().position_m,
+                DVec3::X,
+                "from the first row, without an old force"
+            );
             device.write(DVec3::Y).unwrap();
             device.close().unwrap();
         }
@@ -57,7 +61,7 @@ fn a_closed_device_says_so_and_can_be_opened_again() {
 }
 
 #[test]
-fn readings_that_are_no_readings_are_seen() {
+fn detects_unusable_readings() {
     let good = Reading::at(DVec3::ONE);
     assert!(good.is_usable());
     for bad in [
@@ -72,7 +76,7 @@ fn readings_that_are_no_readings_are_seen() {
 }
 
 #[test]
-fn descriptions_that_make_no_sense_are_refused() {
+fn rejects_invalid_descriptions() {
     let good = ScriptedDevice::new(|_, _| Err(DeviceError::TimedOut)).describe();
     good.validate().unwrap();
     ReplayDevice::new(trajectory(), ReplayEnd::Stay).describe().validate().unwrap();
@@ -89,7 +93,7 @@ fn descriptions_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn the_safety_chain_s_settings_follow_from_the_description() {
+fn safety_settings_follow_from_description() {
     let of = |max_force_n: f64, rate_hz: f64| {
         let arm = ScriptedDevice::new(|_, _| Err(DeviceError::TimedOut)).describe();
         let settings = DeviceDescription { max_force_n, rate_hz, ..arm }.safety(1e-3);
@@ -104,72 +108,72 @@ fn the_safety_chain_s_settings_follow_from_the_description() {
     assert_eq!((of(0.0, 1000.0).max_force_n, of(0.0, 1000.0).arm_below_n), (0.0, 0.0));
 }
 
-fn follow(hand: FollowerSettings, place_m: DVec3) -> (FollowerTarget, FollowerDevice) {
-    let (mut place, mut device) = hand.follow().unwrap();
+fn follow(settings: FollowerSettings, target_m: DVec3) -> (FollowerTarget, FollowerDevice) {
+    let (mut target, mut device) = settings.follow().unwrap();
     device.open().unwrap();
-    place.set(place_m, 0);
-    (place, device)
+    target.set(target_m, 0);
+    (target, device)
 }
 
 #[test]
-fn a_hand_follows_a_place_that_jumps_without_a_jump_and_no_faster_than_it_may() {
-    let hand = FollowerSettings::default();
-    let (_place, mut device) = follow(hand, DVec3::X * 0.1);
+fn follower_moves_continuously_within_speed_limit_to_jumped_target() {
+    let settings = FollowerSettings::default();
+    let (_target, mut device) = follow(settings, DVec3::X * 0.1);
     let (mut last, mut speed) = (DVec3::ZERO, 0.0);
     for _ in 0..1000 {
         let reading = device.read(WITHIN).unwrap();
         let now = (reading.position_m - last).length() / 1e-3;
-        // At the end of a tick it is as fast as during it, but for what it gains or loses meanwhile.
+        // The velocity at the end of a tick differs from the mean by the change within the tick.
         assert!((reading.velocity_m_per_s.unwrap().length() - now).abs() < 0.1 * 1600.0 * 1e-3);
-        assert!(now <= hand.max_speed_m_per_s + 1e-9, "{now} m/s");
-        // No more acceleration than the spring, stretched by all of it, can give.
+        assert!(now <= settings.max_speed_m_per_s + 1e-9, "{now} m/s");
+        // The acceleration is at most that of the fully stretched spring.
         assert!((now - speed) / 1e-3 <= 0.1 * 40.0 * 40.0, "{now} m/s after {speed} m/s");
-        assert!(reading.position_m.x < 0.1 + 1e-12, "critically damped: it does not go beyond");
+        assert!(reading.position_m.x < 0.1 + 1e-12, "critically damped: no overshoot");
         (last, speed) = (reading.position_m, now);
     }
     assert!((last.x - 0.1).abs() < 1e-9);
 }
 
 #[test]
-fn a_hand_lags_by_two_over_omega_behind_an_even_motion() {
-    let hand = FollowerSettings::default();
-    let (mut place, mut device) = follow(hand, DVec3::ZERO);
+fn follower_lags_by_two_over_omega_at_constant_speed() {
+    let settings = FollowerSettings::default();
+    let (mut target, mut device) = follow(settings, DVec3::ZERO);
     let speed = 0.1;
     let mut lag = 0.0;
     for tick in 1..=1000 {
         let at = speed * 1e-3 * f64::from(tick);
-        place.set(DVec3::Y * at, 0);
+        target.set(DVec3::Y * at, 0);
         lag = at - device.read(WITHIN).unwrap().position_m.y;
     }
-    // The place stands still within a tick, so the lag is that of a motion half a tick ahead.
-    let expected = speed * (2.0 / hand.rate_per_s - 0.5e-3);
+    // The target is constant within a tick, which shortens the lag by half a tick.
+    let expected = speed * (2.0 / settings.rate_per_s - 0.5e-3);
     assert!((lag - expected).abs() < 1e-3 * expected, "{lag} m, not {expected} m");
 }
 
 #[test]
-fn a_hand_that_follows_yields_to_force_keeps_its_workspace_and_tells_its_buttons() {
-    let hand = FollowerSettings::default();
-    let (mut place, mut device) = follow(hand, DVec3::ZERO);
+fn follower_yields_to_force_stays_in_workspace_and_reports_buttons() {
+    let settings = FollowerSettings::default();
+    let (mut target, mut device) = follow(settings, DVec3::ZERO);
     let force = DVec3::new(0.0, 2.0, 0.0);
     let settle =
         |device: &mut FollowerDevice| (0..2000).map(|_| device.read(WITHIN).unwrap()).last().unwrap();
     device.write(force).unwrap();
-    let beside = settle(&mut device).position_m;
-    assert!((beside - force / (0.2 * 40.0 * 40.0)).length() < 1e-9, "{beside}");
+    let pushed = settle(&mut device).position_m;
+    assert!((pushed - force / (0.2 * 40.0 * 40.0)).length() < 1e-9, "{pushed}");
     device.write(DVec3::ZERO).unwrap();
-    place.set(DVec3::new(0.5, -0.3, 0.1), 0b101);
+    target.set(DVec3::new(0.5, -0.3, 0.1), 0b101);
     let reading = settle(&mut device);
     assert!((reading.position_m - DVec3::new(0.2, -0.2, 0.1)).length() < 1e-9);
     assert_eq!(reading.buttons, 0b101);
-    place.set(DVec3::NAN, 0);
-    let there = settle(&mut device);
-    assert!(there.is_usable() && (there.position_m - reading.position_m).length() < 1e-9);
+    target.set(DVec3::NAN, 0);
+    let kept = settle(&mut device);
+    assert!(kept.is_usable() && (kept.position_m - reading.position_m).length() < 1e-9);
     for bad in [
-        FollowerSettings { rate_per_s: 0.0, ..hand },
-        FollowerSettings { mass_kg: f64::NAN, ..hand },
-        FollowerSettings { max_speed_m_per_s: -1.0, ..hand },
-        FollowerSettings { workspace_m: [DVec3::ONE, DVec3::ZERO], ..hand },
-        FollowerSettings { start_m: DVec3::NAN, ..hand },
+        FollowerSettings { rate_per_s: 0.0, ..settings },
+        FollowerSettings { mass_kg: f64::NAN, ..settings },
+        FollowerSettings { max_speed_m_per_s: -1.0, ..settings },
+        FollowerSettings { workspace_m: [DVec3::ONE, DVec3::ZERO], ..settings },
+        FollowerSettings { start_m: DVec3::NAN, ..settings },
     ] {
         assert!(matches!(bad.follow(), Err(HapticsError::Setting { .. })), "{bad:?}");
     }

@@ -1,5 +1,5 @@
-//! The exchange at full speed, as the two sides use it: what crosses is whole, in both directions. That every field of a
-//! local model crosses whole is tested where they can all be seen, in `src/exchange/tests.rs`.
+//! The exchange at full speed through the public API: no data is torn in either direction. The test of every single field of a
+//! local model needs private access and is in `src/exchange/tests.rs`.
 
 use glam::{DQuat, DVec3};
 use palpate_haptics::*;
@@ -16,13 +16,13 @@ const CAPACITY: Capacity = Capacity {
 };
 const TICK_S: f64 = 1e-3;
 const TICKS: u64 = if cfg!(miri) { 60 } else { 200_000 };
-/// Models that have to be taken.
+/// Number of models to be received.
 const TAKEN: u64 = if cfg!(miri) { 20 } else { 20_000 };
 
-/// Ends the other thread even if this one unwinds, or the scope would wait for it for ever.
-struct Finally<'a>(&'a AtomicBool);
+/// Ends the other thread even if this one unwinds; otherwise the scope would never end.
+struct SetOnDrop<'a>(&'a AtomicBool);
 
-impl Drop for Finally<'_> {
+impl Drop for SetOnDrop<'_> {
     fn drop(&mut self) {
         self.0.store(true, Ordering::Release);
     }
@@ -33,7 +33,7 @@ fn config() -> LoopConfig {
     LoopConfig { hand_over, record_capacity: 64, event_capacity: 64, ..LoopConfig::default() }
 }
 
-/// Settings that betray tearing: every number says which they are.
+/// Settings that reveal tearing: every number follows from `number`.
 fn settings(number: u64) -> LoopSettings {
     let value = 1.0 + (number % 1000) as f64 * 1e-3;
     LoopSettings {
@@ -56,12 +56,12 @@ fn settings(number: u64) -> LoopSettings {
     }
 }
 
-/// A number from 1 to 2 that is another for every model.
+/// A value from 1 to 2, different for every model.
 fn value(number: u64) -> f64 {
     1.0 + (number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f64 / (1_u64 << 24) as f64
 }
 
-/// A triangle on springs that the hand is in touch with, and a far field: their sizes and every number depend on the model's.
+/// A triangle on springs that the hand touches, and a far field. All sizes and numbers depend on the model's number.
 fn write(id: ModelId, model: &mut LocalModel) {
     let (number, v) = (id.body, value(id.body));
     (model.id, model.scheme, model.contact) = (id, Scheme::NearFieldExact, Contact::Held);
@@ -102,7 +102,7 @@ fn write(id: ModelId, model: &mut LocalModel) {
     field.integrator = TickIntegrator::Explicit { substeps: 1 + (number % 4) as u32 };
 }
 
-/// What the device reads at tick `sequence`.
+/// The device's reading at tick `sequence`.
 fn reading(sequence: u64) -> Reading {
     let t = sequence as f64 * TICK_S;
     let position_m = DVec3::new((3.0 * t).sin(), (5.0 * t).sin(), (7.0 * t).sin()) * 1e-3;
@@ -110,77 +110,81 @@ fn reading(sequence: u64) -> Reading {
     Reading { orientation, buttons: sequence as u32, ..Reading::at(position_m) }
 }
 
-/// A second loop, fed with what the first says it has taken, made anew, gives the same bits at every tick.
+/// A second loop receives regenerated copies of the models and settings that the first one reports, and gives the same bits at every
+/// tick.
 #[test]
-fn models_and_settings_cross_whole_to_a_loop_at_full_speed() {
+fn models_and_settings_are_not_torn_at_full_speed() {
     let (mut handle, mut haptic_loop) = haptic_loop(config(), settings(0)).unwrap();
     let (mut twin_handle, mut twin) = palpate_haptics::haptic_loop(config(), settings(0)).unwrap();
-    let enough = AtomicBool::new(false);
-    let (mut taken, mut adopted, mut changed, mut felt) = (0_u64, 0_u64, 0_u64, 0_u64);
+    let is_done = AtomicBool::new(false);
+    let (mut taken, mut adopted, mut changed, mut nonzero) = (0_u64, 0_u64, 0_u64, 0_u64);
     std::thread::scope(|scope| {
         scope.spawn(|| {
             let mut number = 0;
-            while !enough.load(Ordering::Acquire) {
+            while !is_done.load(Ordering::Acquire) {
                 number += 1;
-                // The newest sample, so that there is little to catch up with.
+                // The newest sample, to keep the catch-up short.
                 let sequence = handle.samples().newest().map_or(0, |sample| sample.sequence);
                 write(ModelId { body: number, epoch: 3 * number, sequence }, handle.model_slot());
                 handle.publish_model();
                 assert_eq!(handle.set_settings(settings(number)).unwrap(), number);
             }
         });
-        let _finally = Finally(&enough);
-        // On a busy machine one side may get many more turns than the other.
+        let _stop = SetOnDrop(&is_done);
+        // On a busy machine one side may run many more iterations than the other.
         for sequence in 1..=100 * TICKS {
             if taken == TAKEN {
                 break;
             }
             let first = haptic_loop.tick(1, Ok(reading(sequence)));
-            if let Some(id) = first.record.taken {
+            if let Some(id) = first.taken {
                 assert_eq!(id.epoch, 3 * id.body, "the identity is torn");
                 write(id, twin_handle.model_slot());
                 twin_handle.publish_model();
                 taken += 1;
             }
-            if let Some((number, found)) = first.record.settings {
+            if let Some((number, found)) = first.settings {
                 assert_eq!(found, settings(number), "settings {number} are torn");
                 twin_handle.set_settings(found).unwrap();
                 changed += 1;
             }
             let second = twin.tick(1, Ok(reading(sequence)));
-            // The twin counts its settings for itself.
-            let record = TickRecord { settings: first.record.settings, ..second.record };
+            // The twin has its own count of settings.
+            let expected = TickOutput { settings: first.settings, ..second };
             assert_eq!(
-                record, first.record,
-                "a model or settings are torn, or the loop is no function of them"
+                first, expected,
+                "a model or settings are torn, or the loop is not a function of them"
             );
-            adopted += u64::from(first.record.rendered.swap.is_some());
-            felt += u64::from(first.device_force_n != DVec3::ZERO);
-            haptic_loop.finish_tick(&first, None, Ok(()));
-            twin.finish_tick(&second, None, Ok(()));
+            adopted += u64::from(first.rendered.swap.is_some());
+            nonzero += u64::from(first.device_force_n != DVec3::ZERO);
+            haptic_loop.finish_tick(first, None, Ok(()));
+            twin.finish_tick(second, None, Ok(()));
         }
     });
-    // The report comes every 64 ticks, more than Miri has time for.
-    let refused = handle.report().models_rejected;
-    // Where the writer is interrupted long enough its model is too old for the samples that are kept.
-    assert!(20 * refused < taken && 2 * adopted > taken, "{refused} refused, {adopted} adopted of {taken}");
-    let enough = taken >= TAKEN && changed >= TAKEN / 2 && felt >= TAKEN / 100;
-    assert!(enough, "{taken} taken, {changed} changed, {felt} felt");
+    // The report comes every 64 ticks, more than Miri can run.
+    let rejected = handle.report().models_rejected;
+    // After a long interruption of the writer its model is too old for the kept samples.
+    assert!(
+        20 * rejected < taken && 2 * adopted > taken,
+        "{rejected} rejected, {adopted} adopted of {taken}"
+    );
+    let is_enough = taken >= TAKEN && changed >= TAKEN / 2 && nonzero >= TAKEN / 100;
+    assert!(is_enough, "{taken} taken, {changed} changed, {nonzero} nonzero");
 }
 
 #[test]
-fn samples_records_and_reports_cross_whole_from_a_loop_at_full_speed() {
+fn samples_records_and_reports_are_not_torn_at_full_speed() {
     let (mut handle, mut haptic_loop) = haptic_loop(config(), settings(0)).unwrap();
     let model = handle.model_slot();
     (model.scheme, model.contact, model.force_n) = (Scheme::Hold, Contact::Held, DVec3::ONE);
     handle.publish_model();
-    let enough = AtomicBool::new(false);
+    let is_done = AtomicBool::new(false);
     std::thread::scope(|scope| {
         scope.spawn(|| {
-            let _finally = Finally(&enough);
+            let _stop = SetOnDrop(&is_done);
             for sequence in 1..=TICKS {
-                let ticked = haptic_loop.tick(1, Ok(reading(sequence)));
-                haptic_loop.finish_tick(&ticked, Some(timing(sequence)), Ok(()));
+                let output = haptic_loop.tick(1, Ok(reading(sequence)));
+                haptic_loop.finish_tick(output, Some(timing(sequence)), Ok(()));
             }
         });
         let (mut last, mut last_recorded) = (0, 0);
@@ -199,18 +203,18 @@ fn samples_records_and_reports_cross_whole_from_a_loop_at_full_speed() {
             for times in [&report.lateness, &report.period, &report.cost, &report.read, &report.write] {
                 assert_eq!(times.count(), report.ticks, "the report is torn");
             }
-            // Once more after the loop's last word.
+            // One more pass after the loop's last tick.
             if at_the_end {
                 break;
             }
-            at_the_end = enough.load(Ordering::Acquire);
+            at_the_end = is_done.load(Ordering::Acquire);
         }
         assert_eq!(last, TICKS);
     });
     assert!(handle.report().ticks + 64 >= TICKS);
 }
 
-/// What the sample `sequence` must be.
+/// The expected sample `sequence`.
 fn sample(sequence: u64) -> Sample {
     let Reading { position_m, orientation, buttons, .. } = reading(sequence);
     let time_s = sequence as f64 * TICK_S;
@@ -232,7 +236,7 @@ fn timing(sequence: u64) -> TickTiming {
 fn check_samples(handle: &mut HapticHandle) {
     let Some(tick) = handle.latest_tick() else { return };
     let sequence = check_record(&tick);
-    // Samples and what was displayed are of the same tick or a later one.
+    // Samples and displayed forces are of the same tick or a later one.
     let samples = handle.samples();
     let (oldest, newest) = (samples.oldest_sequence().unwrap(), samples.newest().unwrap().sequence);
     assert!(newest >= sequence && newest - oldest < 512 && (newest < 512 || newest - oldest == 511));
@@ -241,11 +245,14 @@ fn check_samples(handle: &mut HapticHandle) {
     }
     let displayed = handle.displayed();
     for s in sequence.saturating_sub(40)..=sequence {
-        assert!(displayed.get(s).is_none_or(|force_n| force_n == DVec3::ONE), "what was displayed is torn");
+        assert!(
+            displayed.get(s).is_none_or(|force_n| force_n == DVec3::ONE),
+            "the displayed forces are torn"
+        );
     }
 }
 
-/// Returns its sequence number.
+/// Checks a record and returns its sequence number.
 fn check_record(record: &TickRecord) -> u64 {
     let found = record.sample.unwrap();
     let sequence = found.sequence;

@@ -1,5 +1,4 @@
-//! Whatever comes in whatever order: no tick panics, and every force is finite and within its limits of magnitude and growth, as
-//! the device has it.
+//! Random sequences of faults: no tick panics, and every force at the device is finite and within its magnitude and growth limits.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate_haptics::*;
@@ -9,25 +8,25 @@ use proptest::prelude::*;
 const LIMITS: DeviceLimits = DeviceLimits { force_n: 10.0, slew_n_per_s: 500.0 };
 const TICK_S: f64 = 1e-3;
 
-/// What happens from one tick on, for some.
+/// A change that lasts for some ticks.
 #[derive(Clone, Debug)]
-enum Happens {
-    /// The hand moves with that velocity, m/s.
-    Moves(DVec3),
-    /// It is elsewhere, m from where it was.
-    Jumps(DVec3),
-    /// The device gives these.
-    Reads(Result<Reading, DeviceError>),
-    /// Its numbers go on from there.
-    Counts(Option<u64>),
-    /// It does not take forces, or does again.
-    Writes(Result<(), DeviceError>),
-    /// So many periods pass.
-    Misses(u64),
-    /// A model comes.
+enum Change {
+    /// The hand moves with this velocity, m/s.
+    Velocity(DVec3),
+    /// The hand jumps by this displacement, m.
+    Jump(DVec3),
+    /// The device returns this result of `read`.
+    ReadResult(Result<Reading, DeviceError>),
+    /// The device's sequence numbers continue from here.
+    SequenceNumber(Option<u64>),
+    /// The device returns this result of `write`.
+    WriteResult(Result<(), DeviceError>),
+    /// This number of periods passes.
+    Elapsed(u64),
+    /// A local model arrives.
     Model(Model),
-    /// Settings come.
-    Set(LoopSettings),
+    /// Settings arrive.
+    Settings(LoopSettings),
 }
 
 #[derive(Clone, Debug)]
@@ -44,7 +43,7 @@ struct Model {
 impl Model {
     fn write(&self, model: &mut LocalModel, at: DVec3, newest: u64) {
         (model.id, model.scheme, model.contact) = (self.id, self.scheme, self.contact);
-        // Mostly of the newest sample.
+        // Mostly for the newest sample.
         model.id.sequence = (newest + 2).saturating_sub(self.id.sequence);
         (model.force_n, model.position_m, model.velocity_m_per_s) = (self.force_n, at, DVec3::ZERO);
         model.stiffness_n_per_m = DMat3::from_diagonal(DVec3::splat(self.stiffness));
@@ -119,21 +118,21 @@ fn settings() -> impl Strategy<Value = LoopSettings> {
     let safety = (start, 0.0..0.1, 0.0..12.0, 1.0..900.0, 0..40_u64, 0.0..0.2, 0.01..5.0, 0.0..50.0)
         .prop_map(
             |(
-                start_below_n,
+                arm_below_n,
                 ramp_s,
                 max_force_n,
                 max_slew_n_per_s,
-                silent_after_ticks,
+                device_timeout_ticks,
                 fade_s,
                 speed,
                 damping,
             )| {
                 SafetySettings {
-                    arm_below_n: start_below_n,
+                    arm_below_n,
                     ramp_s,
                     max_force_n,
                     max_slew_n_per_s,
-                    device_timeout_ticks: silent_after_ticks,
+                    device_timeout_ticks,
                     fade_s,
                     max_speed_m_per_s: speed,
                     passivity_damping_ns_per_m: damping,
@@ -164,91 +163,91 @@ fn settings() -> impl Strategy<Value = LoopSettings> {
     )
 }
 
-fn happens() -> impl Strategy<Value = Happens> {
+fn change() -> impl Strategy<Value = Change> {
     let reading = (numbers(), proptest::option::of(numbers()))
         .prop_map(|(at, velocity_m_per_s)| Reading { velocity_m_per_s, ..Reading::at(at) });
     prop_oneof![
-        3 => vector(-2.0..2.0).prop_map(Happens::Moves),
-        1 => vector(-0.1..0.1).prop_map(Happens::Jumps),
-        2 => prop_oneof![reading.prop_map(Ok), error().prop_map(Err)].prop_map(Happens::Reads),
-        1 => proptest::option::of(0..2000_u64).prop_map(Happens::Counts),
-        2 => prop_oneof![Just(Ok(())), error().prop_map(Err)].prop_map(Happens::Writes),
-        1 => prop_oneof![2..10_u64, 190..210_u64, Just(u64::MAX)].prop_map(Happens::Misses),
-        6 => model().prop_map(Happens::Model),
-        2 => settings().prop_map(Happens::Set),
+        3 => vector(-2.0..2.0).prop_map(Change::Velocity),
+        1 => vector(-0.1..0.1).prop_map(Change::Jump),
+        2 => prop_oneof![reading.prop_map(Ok), error().prop_map(Err)].prop_map(Change::ReadResult),
+        1 => proptest::option::of(0..2000_u64).prop_map(Change::SequenceNumber),
+        2 => prop_oneof![Just(Ok(())), error().prop_map(Err)].prop_map(Change::WriteResult),
+        1 => prop_oneof![2..10_u64, 190..210_u64, Just(u64::MAX)].prop_map(Change::Elapsed),
+        6 => model().prop_map(Change::Model),
+        2 => settings().prop_map(Change::Settings),
     ]
 }
 
-/// A loop, its hand and what its device shows.
+/// A loop, its hand and the force of its device.
 struct Rig {
     handle: HapticHandle,
     haptic_loop: HapticLoop,
-    in_force: LoopSettings,
+    settings: LoopSettings,
     at: DVec3,
     velocity: DVec3,
     count: Option<u64>,
-    shown_n: DVec3,
+    applied_n: DVec3,
 }
 
 impl Rig {
     fn new() -> Self {
         let config = LoopConfig { device: LIMITS, ..LoopConfig::default() };
         let safety = SafetySettings { arm_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
-        let in_force = LoopSettings { safety, ..LoopSettings::default() };
-        let (handle, haptic_loop) = haptic_loop(config, in_force).unwrap();
-        let (at, velocity, shown_n) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
-        Self { handle, haptic_loop, in_force, at, velocity, count: None, shown_n }
+        let settings = LoopSettings { safety, ..LoopSettings::default() };
+        let (handle, haptic_loop) = haptic_loop(config, settings).unwrap();
+        let (at, velocity, applied_n) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        Self { handle, haptic_loop, settings, at, velocity, count: None, applied_n }
     }
 
     fn tick(
         &mut self,
         elapsed: u64,
-        broken: Option<Result<Reading, DeviceError>>,
+        replaced: Option<Result<Reading, DeviceError>>,
         written: Result<(), DeviceError>,
     ) {
         self.at += self.velocity * TICK_S;
         self.count = self.count.map(|count| count + 1);
-        let reading = broken.unwrap_or(Ok(Reading { sequence: self.count, ..Reading::at(self.at) }));
-        let ticked = self.haptic_loop.tick(elapsed, reading);
-        self.haptic_loop.finish_tick(&ticked, None, written);
-        if let Some((_, settings)) = ticked.record.settings {
-            self.in_force = settings;
+        let reading = replaced.unwrap_or(Ok(Reading { sequence: self.count, ..Reading::at(self.at) }));
+        let output = self.haptic_loop.tick(elapsed, reading);
+        self.haptic_loop.finish_tick(output, None, written);
+        if let Some((_, settings)) = output.settings {
+            self.settings = settings;
         }
-        let force = ticked.device_force_n;
-        assert!(force.is_finite(), "{ticked:?}");
-        let SafetySettings { max_force_n, max_slew_n_per_s, .. } = self.in_force.safety;
-        assert!(force.length() <= max_force_n.min(LIMITS.force_n) + 1e-9, "{} N: {ticked:?}", force.length());
-        let there = force.try_normalize().map_or(0.0, |along| self.shown_n.dot(along).max(0.0));
+        let force = output.device_force_n;
+        assert!(force.is_finite(), "{output:?}");
+        let SafetySettings { max_force_n, max_slew_n_per_s, .. } = self.settings.safety;
+        assert!(force.length() <= max_force_n.min(LIMITS.force_n) + 1e-9, "{} N: {output:?}", force.length());
+        let present = force.try_normalize().map_or(0.0, |along| self.applied_n.dot(along).max(0.0));
         let growth = max_slew_n_per_s.min(LIMITS.slew_n_per_s) * TICK_S * elapsed.clamp(1, 4) as f64;
-        assert!(force.length() <= there + growth + 1e-9, "from {} to {force}: {ticked:?}", self.shown_n);
+        assert!(force.length() <= present + growth + 1e-9, "from {} to {force}: {output:?}", self.applied_n);
         if written.is_ok() {
-            self.shown_n = force;
+            self.applied_n = force;
         }
         while self.handle.next_event().is_some() || self.handle.next_record().is_some() {}
     }
 
-    fn run(&mut self, all: &[(Happens, u64)]) {
+    fn run(&mut self, all: &[(Change, u64)]) {
         let mut written = Ok(());
-        for (what, ticks) in all {
-            let (mut broken, mut elapsed) = (None, 1);
-            match what {
-                Happens::Moves(velocity) => self.velocity = *velocity,
-                Happens::Jumps(way) => self.at += *way,
-                Happens::Reads(reading) => broken = Some(*reading),
-                Happens::Counts(from) => self.count = *from,
-                Happens::Writes(gives) => written = *gives,
-                Happens::Misses(periods) => elapsed = *periods,
-                Happens::Model(model) => {
+        for (change, ticks) in all {
+            let (mut replaced, mut elapsed) = (None, 1);
+            match change {
+                Change::Velocity(velocity) => self.velocity = *velocity,
+                Change::Jump(displacement) => self.at += *displacement,
+                Change::ReadResult(reading) => replaced = Some(*reading),
+                Change::SequenceNumber(from) => self.count = *from,
+                Change::WriteResult(result) => written = *result,
+                Change::Elapsed(periods) => elapsed = *periods,
+                Change::Model(model) => {
                     let newest = self.handle.samples().newest().copied().unwrap_or_default();
                     model.write(self.handle.model_slot(), newest.position_m, newest.sequence);
                     self.handle.publish_model();
                 }
-                Happens::Set(settings) => {
+                Change::Settings(settings) => {
                     self.handle.set_settings(*settings).unwrap();
                 }
             }
             for _ in 0..*ticks {
-                self.tick(elapsed, broken, written);
+                self.tick(elapsed, replaced, written);
                 elapsed = 1;
             }
         }
@@ -259,25 +258,25 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn every_force_is_within_its_limits_and_silence_ends_it(
-        all in proptest::collection::vec((happens(), prop_oneof![8 => 1..20_u64, 1 => 100..260_u64]), 1..60),
+    fn forces_stay_within_limits_and_fade_without_input(
+        all in proptest::collection::vec((change(), prop_oneof![8 => 1..20_u64, 1 => 100..260_u64]), 1..60),
         is_read in any::<bool>(),
     ) {
         let mut rig = Rig::new();
         rig.run(&all);
-        // Whatever it was: without readings, or without a model, force ends within the stated time.
-        let SafetySettings { device_timeout_ticks, fade_s, .. } = rig.in_force.safety;
-        rig.handle.set_settings(LoopSettings { paused: false, ..rig.in_force }).unwrap();
+        // After any sequence, the force ends within the specified time without readings or without a model.
+        let SafetySettings { device_timeout_ticks, fade_s, .. } = rig.settings.safety;
+        rig.handle.set_settings(LoopSettings { paused: false, ..rig.settings }).unwrap();
         let fade = (fade_s / TICK_S).ceil() as u64 + 2;
         // Three model periods of 50 ticks.
         let within = if is_read { 151 } else { device_timeout_ticks + 1 } + fade;
-        let broken = (!is_read).then_some(Err(DeviceError::TimedOut));
+        let replaced = (!is_read).then_some(Err(DeviceError::TimedOut));
         for _ in 0..within {
-            rig.tick(1, broken, Ok(()));
+            rig.tick(1, replaced, Ok(()));
         }
         for _ in 0..20 {
-            rig.tick(1, broken, Ok(()));
-            prop_assert_eq!(rig.shown_n, DVec3::ZERO);
+            rig.tick(1, replaced, Ok(()));
+            prop_assert_eq!(rig.applied_n, DVec3::ZERO);
         }
     }
 }

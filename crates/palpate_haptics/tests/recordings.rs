@@ -1,11 +1,11 @@
-//! Files of black boxes and recordings of whole runs: written, read, refused, kept.
+//! Files of black boxes and recordings of whole runs: writing, reading, errors, numbered files.
 
 use glam::{DQuat, DVec3};
 use palpate_haptics::*;
 use palpate_local::{Contact, ModelId, Scheme};
 use std::path::PathBuf;
 
-/// An empty folder for the test of that name.
+/// An empty folder for the test `name`.
 fn folder(name: &str) -> PathBuf {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = std::fs::remove_dir_all(&folder);
@@ -13,7 +13,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// A loop in lock step whose hand swings and whose device fails now and then, with a local model from tick 100 on.
+/// A loop in lock step with a swinging hand, a device that fails occasionally, and a local model from tick 100 on.
 fn run(ticks: usize, settings: LoopSettings) -> (HapticHandle, Lockstep<ScriptedDevice>) {
     run_with(ticks, settings, LoopConfig::default())
 }
@@ -53,7 +53,7 @@ fn text(black_box: &BlackBox) -> String {
 }
 
 #[test]
-fn a_box_that_is_written_and_read_is_the_same_to_the_bit() {
+fn written_black_box_is_read_bit_for_bit() {
     let (mut handle, _lockstep) = run(400, LoopSettings::default());
     let path = folder("round_trip").join("box.csv");
     handle.black_box().write_csv(&path).unwrap();
@@ -61,7 +61,7 @@ fn a_box_that_is_written_and_read_is_the_same_to_the_bit() {
     let here: Vec<BlackBoxTick> = handle.black_box().ticks().copied().collect();
     assert_eq!(read.ticks(), here);
     assert_eq!(std::fs::read_to_string(&path).unwrap(), text(handle.black_box()));
-    // Zeros that are equal can differ in their sign.
+    // The debug text also compares the signs of zeros.
     assert_eq!(format!("{:?}", read.ticks()), format!("{here:?}"));
     let faults: Vec<_> = [1, 51, 61, 71, 72].map(|n| read.ticks()[n - 1].read_failed).into();
     let [timed_out, os] = [RecordedDeviceError::TimedOut, RecordedDeviceError::Os(-5)];
@@ -78,9 +78,9 @@ fn a_box_that_is_written_and_read_is_the_same_to_the_bit() {
     assert_eq!((read.ticks()[0].sample, read.ticks()[0].model), (None, None));
 }
 
-/// Numbers as large, as small and as odd as there are.
+/// Covers infinities, extreme numbers and the sign of zero.
 #[test]
-fn every_number_is_read_as_it_was_written() {
+fn numbers_round_trip_exactly() {
     let (mut handle, _lockstep) = run(150, LoopSettings::default());
     let text = text(handle.black_box());
     let row = text.lines().nth(120).unwrap();
@@ -94,7 +94,7 @@ fn every_number_is_read_as_it_was_written() {
 }
 
 #[test]
-fn every_fault_of_a_file_is_named_with_file_and_line() {
+fn errors_name_file_and_line() {
     let (mut handle, _lockstep) = run(102, LoopSettings::default());
     let good = text(handle.black_box());
     let (header, last) = (good.lines().next().unwrap(), good.lines().last().unwrap());
@@ -134,43 +134,49 @@ fn every_fault_of_a_file_is_named_with_file_and_line() {
     }
     let bytes = [header.as_bytes(), b"\n1,\xff\xfe\n"].concat();
     let error = Recording::from_csv(bytes.as_slice(), "box.csv").unwrap_err();
-    assert!(error.to_string().starts_with("box.csv:2: not a row"), "{error}");
+    assert!(matches!(error, BlackBoxError::Csv(CsvError::Syntax { line: 2, .. })), "{error}");
     assert!(std::error::Error::source(&error).unwrap().is::<csv::Error>());
     for path in [folder("no_file").join("such.csv"), folder("no_file")] {
         let error = Recording::read_csv(&path).unwrap_err();
         assert_eq!(error.to_string(), format!("{}: cannot be read or written", path.display()));
         assert!(std::error::Error::source(&error).is_some());
     }
-    assert!(matches!(handle.black_box().write_csv(folder("no_file")), Err(BlackBoxError::File { .. })));
+    assert!(matches!(
+        handle.black_box().write_csv(folder("no_file")),
+        Err(BlackBoxError::Csv(CsvError::File { .. }))
+    ));
     assert!(Recording::from_csv(header.as_bytes(), "box.csv").unwrap().ticks().is_empty());
 }
 
 #[test]
-fn a_keeper_writes_a_few_files_and_none_in_the_place_of_another() {
+fn writer_numbers_files_up_to_its_maximum_and_never_overwrites() {
     let folder = folder("keeper").join("made");
     let (mut handle, _lockstep) = run(120, LoopSettings::default());
-    let mut keeper = BlackBoxWriter::new(&folder).with_max_files(3);
-    let mut keep = |reason: &str| keeper.write(&mut handle, reason).unwrap();
-    assert_eq!(keep("the device failed"), Some(folder.join("blackbox-1-the-device-failed.csv")));
+    let mut writer = BlackBoxWriter::new(&folder).with_max_files(3);
+    let mut write = |reason: &str| writer.write(&mut handle, reason).unwrap();
+    assert_eq!(write("the device failed"), Some(folder.join("blackbox-1-the-device-failed.csv")));
     std::fs::write(folder.join("blackbox-7-of-another-run.csv"), "").unwrap();
     std::fs::write(folder.join("notes.txt"), "").unwrap();
-    assert_eq!(keep("../../Etc é"), Some(folder.join("blackbox-8-etc.csv")));
-    assert_eq!(keep(""), Some(folder.join("blackbox-9-asked.csv")));
-    assert_eq!(keep("once more"), None);
+    assert_eq!(write("../../Etc é"), Some(folder.join("blackbox-8-etc.csv")));
+    assert_eq!(write(""), Some(folder.join("blackbox-9-asked.csv")));
+    assert_eq!(write("once more"), None);
     assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 5);
     assert_eq!(Recording::read_csv(folder.join("blackbox-9-asked.csv")).unwrap().ticks().len(), 120);
     let blocked = BlackBoxWriter::new(folder.join("notes.txt")).write(&mut handle, "").unwrap_err();
-    assert!(blocked.to_string().contains("notes.txt"), "{blocked}");
+    assert!(
+        matches!(&blocked, BlackBoxError::Csv(CsvError::File { path, .. }) if path.ends_with("notes.txt")),
+        "{blocked}"
+    );
 }
 
 #[test]
-fn a_recorded_run_has_every_tick() {
+fn recorded_run_contains_every_tick() {
     let settings = LoopSettings { record: true, ..LoopSettings::default() };
     let path = folder("recorder").join("run.csv");
     let mut recorder = Recorder::create(&path).unwrap();
     let (mut handle, mut lockstep) = run(300, settings);
     assert_eq!(recorder.take(&mut handle).unwrap(), 300);
-    assert_eq!(Recording::read_csv(&path).unwrap().ticks().len(), 300, "what was taken is in the file");
+    assert_eq!(Recording::read_csv(&path).unwrap().ticks().len(), 300, "the file is flushed");
     for _ in 0..10 {
         lockstep.run(700);
         recorder.take(&mut handle).unwrap();
@@ -181,13 +187,16 @@ fn a_recorded_run_has_every_tick() {
     let read = Recording::read_csv(recorder.path()).unwrap();
     assert!(read.ticks().iter().map(|tick| tick.sequence).eq(1..=7300));
     let newest: Vec<BlackBoxTick> = handle.black_box().ticks().copied().collect();
-    assert_eq!(read.ticks()[7300 - 4096..], newest, "the same rows as the black box has");
+    assert_eq!(read.ticks()[7300 - 4096..], newest, "the same rows as in the black box");
     let error = Recorder::create(&path).unwrap_err();
-    assert!(matches!(error, BlackBoxError::File { .. }), "a run is not written over");
+    assert!(
+        matches!(error, BlackBoxError::Csv(CsvError::File { .. })),
+        "an existing recording is not overwritten"
+    );
 }
 
 #[test]
-fn what_nobody_takes_in_time_is_dropped_and_counted() {
+fn records_beyond_queue_capacity_are_dropped_and_counted() {
     let settings = LoopSettings { record: true, ..LoopSettings::default() };
     let config = LoopConfig { record_capacity: 100, ..LoopConfig::default() };
     let (mut handle, mut lockstep) = run_with(250, settings, config);

@@ -1,4 +1,4 @@
-//! The loop on its own thread: what must hold whatever the machine's load. No times are judged here.
+//! The loop on its own thread: properties that hold at any load of the machine. No test depends on measured times.
 
 #[path = "shared/wait.rs"]
 mod wait;
@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use wait::wait_for;
 
-/// Forces written and calls made, as a device saw them.
+/// Calls of a device.
 #[derive(Default)]
 struct Log {
     last_force: Mutex<Option<DVec3>>,
@@ -23,12 +23,12 @@ struct Log {
     reads: AtomicU64,
 }
 
-struct Logged {
+struct LoggedDevice {
     log: Arc<Log>,
     read: Box<dyn FnMut(u64) -> Result<Reading, DeviceError> + Send>,
 }
 
-impl HapticDevice for Logged {
+impl HapticDevice for LoggedDevice {
     fn describe(&self) -> DeviceDescription {
         ScriptedDevice::new(|_, _| Err(DeviceError::TimedOut)).describe()
     }
@@ -52,7 +52,7 @@ fn start(
     read: impl FnMut(u64) -> Result<Reading, DeviceError> + Send + 'static,
 ) -> (HapticHandle, LoopThread, Arc<Log>) {
     let log = Arc::new(Log::default());
-    let device = Logged { log: log.clone(), read: Box::new(read) };
+    let device = LoggedDevice { log: log.clone(), read: Box::new(read) };
     let safety = SafetySettings { arm_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };
     let settings = LoopSettings { safety, record: true, ..LoopSettings::default() };
     let (mut handle, haptic_loop) = haptic_loop(LoopConfig::default(), settings).unwrap();
@@ -93,7 +93,7 @@ fn every_period_is_a_tick_or_a_counted_missed_deadline() {
 }
 
 #[test]
-fn a_read_that_takes_five_periods_misses_deadlines_and_no_burst_makes_up_for_it() {
+fn slow_read_misses_deadlines_without_later_burst() {
     #[expect(clippy::disallowed_methods, reason = "the device is slow")]
     let slow = |n| {
         if n == 50 {
@@ -110,7 +110,7 @@ fn a_read_that_takes_five_periods_misses_deadlines_and_no_burst_makes_up_for_it(
 }
 
 #[test]
-fn stopping_and_dropping_leave_zero_force_and_a_closed_device() {
+fn stop_and_drop_set_zero_force_and_close_device() {
     for drop_it in [false, true] {
         let (_handle, mut thread, log) = start(|_| Ok(Reading::at(DVec3::ZERO)));
         wait_for(|| {
@@ -129,25 +129,25 @@ fn stopping_and_dropping_leave_zero_force_and_a_closed_device() {
 }
 
 #[test]
-fn a_device_that_panics_is_left_with_zero_force_and_that_is_said() {
+fn panic_of_device_sets_zero_force_and_is_reported() {
     let (mut handle, mut thread, log) = start(|n| {
-        assert!(n < 30, "a rehearsed panic of the device");
+        assert!(n < 30, "a simulated panic of the device");
         Ok(Reading::at(DVec3::ZERO))
     });
     wait_for(|| !thread.is_running());
     assert!(matches!(thread.stop(), StopOutcome::Panicked));
     assert_eq!(*log.last_force.lock().unwrap(), Some(DVec3::ZERO));
     assert_eq!(log.closed.load(Ordering::SeqCst), 1);
-    let told = std::iter::from_fn(|| handle.next_event()).map(|event| event.kind);
-    assert_eq!(told.last(), Some(LoopEventKind::Panicked));
+    let events = std::iter::from_fn(|| handle.next_event()).map(|event| event.kind);
+    assert_eq!(events.last(), Some(LoopEventKind::Panicked));
     assert!(handle.report().ended && handle.report().ticks == 30);
 }
 
-/// A device whose zero write panics is closed all the same.
+/// Also the write of zero force panics.
 #[test]
-fn a_device_that_panics_while_it_is_zeroed_is_closed() {
-    struct Brittle(Arc<AtomicU64>);
-    impl HapticDevice for Brittle {
+fn device_that_panics_in_every_write_is_closed() {
+    struct PanickingDevice(Arc<AtomicU64>);
+    impl HapticDevice for PanickingDevice {
         fn describe(&self) -> DeviceDescription {
             ScriptedDevice::new(|_, _| Err(DeviceError::TimedOut)).describe()
         }
@@ -158,7 +158,7 @@ fn a_device_that_panics_while_it_is_zeroed_is_closed() {
             Err(DeviceError::TimedOut)
         }
         fn write(&mut self, _: DVec3) -> Result<(), DeviceError> {
-            panic!("a rehearsed panic of the device")
+            panic!("a simulated panic of the device")
         }
         fn close(&mut self) -> Result<(), DeviceError> {
             self.0.fetch_add(1, Ordering::SeqCst);
@@ -167,14 +167,14 @@ fn a_device_that_panics_while_it_is_zeroed_is_closed() {
     }
     let closed = Arc::new(AtomicU64::new(0));
     let (_handle, haptic_loop) = haptic_loop(LoopConfig::default(), LoopSettings::default()).unwrap();
-    let mut thread = haptic_loop.spawn(Box::new(Brittle(closed.clone()))).unwrap();
+    let mut thread = haptic_loop.spawn(Box::new(PanickingDevice(closed.clone()))).unwrap();
     wait_for(|| !thread.is_running());
     assert!(matches!(thread.stop(), StopOutcome::Panicked));
     assert_eq!(closed.load(Ordering::SeqCst), 1);
 }
 
 #[test]
-fn a_device_that_blocks_is_left_to_itself_and_that_is_said() {
+fn blocking_device_is_detached() {
     let release = Arc::new(AtomicBool::new(false));
     let gate = release.clone();
     #[expect(clippy::disallowed_methods, reason = "the device blocks")]
@@ -189,11 +189,11 @@ fn a_device_that_blocks_is_left_to_itself_and_that_is_said() {
     *log.last_force.lock().unwrap() = None;
     release.store(true, Ordering::SeqCst);
     wait_for(|| log.closed.load(Ordering::SeqCst) == 1);
-    assert_eq!(*log.last_force.lock().unwrap(), Some(DVec3::ZERO), "and nothing but zero after the stop");
+    assert_eq!(*log.last_force.lock().unwrap(), Some(DVec3::ZERO), "only zero force after the stop");
 }
 
 #[test]
-fn a_device_that_cannot_be_opened_is_reported_and_nothing_is_written() {
+fn reports_failed_open_and_writes_nothing() {
     let (mut handle, haptic_loop) = haptic_loop(LoopConfig::default(), LoopSettings::default()).unwrap();
     let mut device = ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::ZERO)));
     device.open().unwrap();
@@ -207,7 +207,7 @@ fn a_device_that_cannot_be_opened_is_reported_and_nothing_is_written() {
     assert!(handle.report().ended);
 }
 
-/// A triangle on springs that the tool is in touch with, and a far field of two numbers.
+/// A triangle on springs that the tool touches, and a far field of order two.
 fn touched_triangle(field: &mut NearField, is_implicit: bool) {
     field.clear();
     (field.nodes, field.order, field.ring) = (3, 2, 1);
@@ -246,9 +246,9 @@ fn touched_triangle(field: &mut NearField, is_implicit: bool) {
     }
 }
 
-/// The real runner, its tick and its bookkeeping, with a state-carrying model changing all the time.
+/// Covers the runner, the tick, reports and records, with models that have a state and change all the time.
 #[test]
-fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
+fn loop_thread_neither_allocates_nor_frees() {
     let hand_over =
         HandOverSettings { capacity: Capacity { order: 12, ..Capacity::default() }, ..Default::default() };
     let config = LoopConfig { hand_over, event_capacity: 16, record_capacity: 32, ..LoopConfig::default() };
@@ -258,7 +258,7 @@ fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
     let (other, stop) = (handle.clone(), Arc::new(AtomicBool::new(false)));
     let (flag, last) = (stop.clone(), Arc::new(AtomicU64::new(0)));
     let newest = last.clone();
-    // The model side on another thread: dynamic models, new settings, all the time.
+    // The model side on another thread publishes dynamic models and new settings all the time.
     let model_side = std::thread::spawn(move || {
         while !flag.load(Ordering::SeqCst) {
             let mut handle = other.lock().unwrap();
@@ -280,10 +280,10 @@ fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
         }
     });
     let counter = stop.clone();
-    let felt = Arc::new(AtomicBool::new(false));
-    let was_felt = felt.clone();
+    let was_touched = Arc::new(AtomicBool::new(false));
+    let touched = was_touched.clone();
     let mut device = ScriptedDevice::new(move |n, force_n: DVec3| {
-        was_felt.fetch_or(force_n != DVec3::ZERO, Ordering::SeqCst);
+        touched.fetch_or(force_n != DVec3::ZERO, Ordering::SeqCst);
         newest.store(n, Ordering::SeqCst);
         if n == 400 {
             counter.store(true, Ordering::SeqCst);
@@ -300,15 +300,15 @@ fn nothing_is_allocated_or_freed_on_the_loop_s_thread() {
     assert!(last.load(Ordering::SeqCst) >= 400);
     let mut handle = handle.lock().unwrap();
     assert!(handle.report().models_adopted > 5 && handle.report().dropped_records > 0);
-    assert!(felt.load(Ordering::SeqCst), "the triangle was touched");
-    assert!(handle.black_box().ticks().count() >= 400, "the black box was kept meanwhile");
+    assert!(was_touched.load(Ordering::SeqCst), "the triangle was touched");
+    assert!(handle.black_box().ticks().count() >= 400, "the black box has all ticks");
     assert_eq!(allocations.count_total, 0, "{allocations:?}");
-    assert_eq!(allocations.count_current, 0, "nothing freed either");
+    assert_eq!(allocations.count_current, 0, "and nothing freed");
 }
 
-/// Values that betray tearing: every number of a published model is the same.
+/// All numbers of a published model are equal, which reveals tearing.
 #[test]
-fn local_models_cross_whole() {
+fn local_models_are_not_torn() {
     let (mut handle, mut thread, log) = start(|_| Ok(Reading::at(DVec3::ZERO)));
     let mut sequence = 1;
     while log.reads.load(Ordering::SeqCst) < 300 {
@@ -321,30 +321,30 @@ fn local_models_cross_whole() {
         sequence += 1;
     }
     thread.stop();
-    let mut seen = 0;
+    let mut checked = 0;
     while let Some(record) = handle.next_record() {
-        let (spoken, force) = (record.rendered, record.rendered.force_n);
-        let Some(model) = spoken.model.filter(|m| m.body > 0) else {
+        let (rendered, force) = (record.rendered, record.rendered.force_n);
+        let Some(model) = rendered.model.filter(|m| m.body > 0) else {
             continue;
         };
         assert_eq!(model.body, model.epoch);
         assert_eq!(force, DVec3::splat((model.body % 1000) as f64 * 1e-3));
-        seen += 1;
+        checked += 1;
     }
-    assert!(seen > 100, "{seen}");
+    assert!(checked > 100, "{checked}");
 }
 
-/// A model step that takes 150 ms makes the local model older; the loop goes on ticking.
+/// During a model step of 150 ms the local model ages, and the loop keeps ticking.
 #[test]
-fn a_slow_model_side_makes_the_model_older_and_not_the_loop_late() {
+fn slow_model_step_ages_model_without_delaying_loop() {
     let (mut handle, mut thread, log) = start(|_| Ok(Reading::at(DVec3::ZERO)));
     wait_for(|| log.reads.load(Ordering::SeqCst) > 20);
     let built_at = handle.samples().newest().unwrap().sequence;
     let before = log.reads.load(Ordering::SeqCst);
-    // The model step takes until the loop has gone on by 150 samples.
+    // The model step lasts until the loop has made 150 more samples.
     wait_for(|| handle.samples().newest().unwrap().sequence >= built_at + 150);
     publish(&mut handle, built_at);
-    assert!(log.reads.load(Ordering::SeqCst) > before, "the loop has ticked meanwhile");
+    assert!(log.reads.load(Ordering::SeqCst) > before, "the loop ticked during the model step");
     let adopted = |handle: &mut HapticHandle| {
         handle.latest_tick().unwrap().rendered.model.unwrap().sequence == built_at
     };

@@ -1,15 +1,15 @@
-//! The tick, in lock step or by hand.
+//! Ticks, in lock step or called one by one.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate_haptics::*;
 use palpate_local::*;
 use proptest::prelude::*;
 
-/// A device that limits no growth.
+/// A device without an effective growth limit.
 const DEVICE: DeviceLimits = DeviceLimits { force_n: 20.0, slew_n_per_s: 1e12 };
 
-/// Settings with no ramp, no slew to speak of and no guards, records on, velocities by difference.
-fn bare() -> LoopSettings {
+/// Settings without ramp, growth limit and guards, with records and velocities by backward difference.
+fn unguarded() -> LoopSettings {
     let safety = SafetySettings {
         arm_below_n: f64::MAX,
         ramp_s: 0.0,
@@ -26,7 +26,7 @@ fn bare() -> LoopSettings {
     }
 }
 
-fn halves(settings: LoopSettings) -> (HapticHandle, HapticLoop) {
+fn new_loop(settings: LoopSettings) -> (HapticHandle, HapticLoop) {
     haptic_loop(LoopConfig { device: DEVICE, ..LoopConfig::default() }, settings).unwrap()
 }
 
@@ -46,9 +46,9 @@ fn publish(handle: &mut HapticHandle, sequence: u64, change: impl FnOnce(&mut Lo
 }
 
 fn tick(haptic_loop: &mut HapticLoop, elapsed: u64, reading: Result<Reading, DeviceError>) -> TickOutput {
-    let ticked = haptic_loop.tick(elapsed, reading);
-    haptic_loop.finish_tick(&ticked, None, Ok(()));
-    ticked
+    let output = haptic_loop.tick(elapsed, reading);
+    haptic_loop.finish_tick(output, None, Ok(()));
+    output
 }
 
 fn at(x: f64) -> Result<Reading, DeviceError> {
@@ -60,19 +60,19 @@ fn events(handle: &mut HapticHandle) -> Vec<LoopEventKind> {
 }
 
 #[test]
-fn a_published_model_speaks_at_the_next_tick() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn published_model_renders_force_at_next_tick() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     assert_eq!(tick(&mut haptic_loop, 1, at(0.01)).device_force_n, DVec3::ZERO);
     publish(&mut handle, 1, |_| ());
-    let ticked = tick(&mut haptic_loop, 1, at(0.02));
-    assert!((ticked.device_force_n - DVec3::X * -2.0).length() < 1e-15);
-    assert_eq!(ticked.record.taken.unwrap().sequence, 1);
+    let output = tick(&mut haptic_loop, 1, at(0.02));
+    assert!((output.device_force_n - DVec3::X * -2.0).length() < 1e-15);
+    assert_eq!(output.taken.unwrap().sequence, 1);
     assert!(matches!(events(&mut handle)[..], [LoopEventKind::ModelAdopted(_)]));
 }
 
 #[test]
-fn a_missed_deadline_is_counted_and_bridged() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn missed_deadlines_are_counted_and_bridged() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     tick(&mut haptic_loop, 1, at(0.0));
     tick(&mut haptic_loop, 4, at(0.004));
     let samples = handle.samples();
@@ -92,8 +92,8 @@ fn a_missed_deadline_is_counted_and_bridged() {
 }
 
 #[test]
-fn a_long_gap_begins_the_samples_anew() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn long_gap_restarts_sample_history() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     tick(&mut haptic_loop, 1, at(0.0));
     tick(&mut haptic_loop, MAX_BRIDGED_TICKS + 1, at(0.1));
     assert_eq!(handle.samples().len(), MAX_BRIDGED_TICKS as usize + 2);
@@ -107,31 +107,31 @@ fn a_long_gap_begins_the_samples_anew() {
 }
 
 #[test]
-fn nan_from_a_device_reaches_neither_force_nor_samples() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn nan_reading_reaches_neither_force_nor_samples() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     tick(&mut haptic_loop, 1, at(0.01));
     publish(&mut handle, 1, |_| ());
     tick(&mut haptic_loop, 1, at(0.01));
     events(&mut handle);
     for bad in [f64::NAN, f64::INFINITY] {
-        let ticked = tick(&mut haptic_loop, 1, at(bad));
-        assert_eq!(ticked.device_force_n, DVec3::X * -1.0, "the last good sample is repeated");
+        let output = tick(&mut haptic_loop, 1, at(bad));
+        assert_eq!(output.device_force_n, DVec3::X * -1.0, "the last good sample is repeated");
         let sample = *handle.samples().newest().unwrap();
         assert_eq!((sample.position_m, sample.velocity_m_per_s), (DVec3::X * 0.01, DVec3::ZERO));
         assert_eq!(sample.origin, SampleOrigin::Repeated);
     }
     tick(&mut haptic_loop, 1, at(0.02));
     let sample = *handle.samples().newest().unwrap();
-    assert_eq!(sample.velocity_m_per_s, DVec3::ZERO, "where it moved meanwhile is no velocity");
+    assert_eq!(sample.velocity_m_per_s, DVec3::ZERO, "the motion without readings gives no velocity");
     let expected = [LoopEventKind::DeviceFailed(DeviceError::Unusable), LoopEventKind::DeviceRecovered(2)];
     assert_eq!(events(&mut handle), expected);
 }
 
 #[test]
-fn a_reading_beyond_all_bounds_is_refused_and_leaves_no_trace() {
+fn rejects_reading_out_of_bounds_without_effect_on_samples() {
     let frame = DeviceFrame { scale: 10.0, ..DeviceFrame::default() };
-    let settings = LoopSettings { velocity: VelocityEstimator::default(), frame, ..bare() };
-    let (mut handle, mut haptic_loop) = halves(settings);
+    let settings = LoopSettings { velocity: VelocityEstimator::default(), frame, ..unguarded() };
+    let (mut handle, mut haptic_loop) = new_loop(settings);
     for x in [0.0, 1e306, 101.0, -1e5, 0.0, 0.0] {
         tick(&mut haptic_loop, 1, at(x));
         let sample = handle.samples().newest().unwrap();
@@ -142,9 +142,9 @@ fn a_reading_beyond_all_bounds_is_refused_and_leaves_no_trace() {
 }
 
 #[test]
-fn where_the_tool_is_put_without_moving_there_is_no_velocity() {
+fn jump_of_tool_has_zero_velocity() {
     // A device that recovers together with a missed deadline.
-    let (mut handle, mut haptic_loop) = halves(bare());
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     tick(&mut haptic_loop, 1, at(0.0));
     for _ in 0..5 {
         tick(&mut haptic_loop, 1, Err(DeviceError::TimedOut));
@@ -158,15 +158,15 @@ fn where_the_tool_is_put_without_moving_there_is_no_velocity() {
     assert_eq!(samples.get(9).unwrap().position_m, DVec3::X * 0.05);
     // Another frame.
     let frame = DeviceFrame { offset_m: DVec3::Y * 0.1, ..DeviceFrame::default() };
-    handle.set_settings(LoopSettings { frame, ..bare() }).unwrap();
+    handle.set_settings(LoopSettings { frame, ..unguarded() }).unwrap();
     tick(&mut haptic_loop, 2, at(0.05));
     let sample = *handle.samples().newest().unwrap();
     assert_eq!((sample.position_m.y, sample.velocity_m_per_s), (0.1, DVec3::ZERO));
 }
 
 #[test]
-fn a_tick_of_any_length_does_no_harm() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn accepts_any_number_of_elapsed_periods() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     for elapsed in [u64::MAX, u64::MAX / 2, 0, u64::MAX] {
         assert!(tick(&mut haptic_loop, elapsed, at(0.0)).device_force_n.is_finite());
     }
@@ -180,22 +180,22 @@ fn a_tick_of_any_length_does_no_harm() {
 }
 
 #[test]
-fn another_body_silences_the_first_at_once() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn selecting_another_body_drops_previous_model_at_once() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     tick(&mut haptic_loop, 1, at(0.01));
     publish(&mut handle, 1, |_| ());
     assert_eq!(tick(&mut haptic_loop, 1, at(0.01)).device_force_n, DVec3::X * -1.0);
-    handle.set_settings(LoopSettings { body: Some(2), ..bare() }).unwrap();
+    handle.set_settings(LoopSettings { body: Some(2), ..unguarded() }).unwrap();
     assert_eq!(tick(&mut haptic_loop, 1, at(0.01)).device_force_n, DVec3::ZERO);
-    handle.set_settings(LoopSettings { body: Some(3), ..bare() }).unwrap();
+    handle.set_settings(LoopSettings { body: Some(3), ..unguarded() }).unwrap();
     publish(&mut handle, 3, |m| m.id.body = 3);
     assert_eq!(tick(&mut haptic_loop, 1, at(0.01)).device_force_n, DVec3::X * -1.0);
     assert!(!events(&mut handle).iter().any(LoopEventKind::is_fault));
 }
 
 #[test]
-fn a_read_that_blocks_counts_as_silence_for_as_long_as_it_takes() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn blocking_read_counts_as_silence_for_its_duration() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     tick(&mut haptic_loop, 1, at(0.01));
     publish(&mut handle, 1, |_| ());
     tick(&mut haptic_loop, 1, at(0.01));
@@ -204,45 +204,45 @@ fn a_read_that_blocks_counts_as_silence_for_as_long_as_it_takes() {
 }
 
 #[test]
-fn a_write_that_keeps_failing_is_told_once() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn persistent_write_failure_emits_one_event() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     for _ in 0..128 {
-        let ticked = haptic_loop.tick(1, at(0.0));
-        haptic_loop.finish_tick(&ticked, None, Err(DeviceError::Disconnected));
+        let output = haptic_loop.tick(1, at(0.0));
+        haptic_loop.finish_tick(output, None, Err(DeviceError::Disconnected));
     }
     assert_eq!(events(&mut handle), [LoopEventKind::DeviceFailed(DeviceError::Disconnected)]);
     assert_eq!((handle.report().device_errors, handle.report().dropped_events), (128, 0));
 }
 
 #[test]
-fn after_forces_that_were_not_taken_force_grows_from_the_one_that_is_shown() {
-    let safety = SafetySettings { max_slew_n_per_s: 100.0, ..bare().safety };
-    let (mut handle, mut haptic_loop) = halves(LoopSettings { safety, ..bare() });
+fn failed_writes_do_not_count_for_growth() {
+    let safety = SafetySettings { max_slew_n_per_s: 100.0, ..unguarded().safety };
+    let (mut handle, mut haptic_loop) = new_loop(LoopSettings { safety, ..unguarded() });
     tick(&mut haptic_loop, 1, at(0.01));
     publish(&mut handle, 1, |_| ());
     for _ in 0..15 {
-        let ticked = haptic_loop.tick(1, at(0.01));
-        assert!((ticked.device_force_n.x + 0.1).abs() < 1e-12);
-        haptic_loop.finish_tick(&ticked, None, Err(DeviceError::TimedOut));
+        let output = haptic_loop.tick(1, at(0.01));
+        assert!((output.device_force_n.x + 0.1).abs() < 1e-12);
+        haptic_loop.finish_tick(output, None, Err(DeviceError::TimedOut));
     }
     for n in 1..=5 {
         let force = tick(&mut haptic_loop, 1, at(0.01)).device_force_n.x;
         assert!((force + 0.1 * f64::from(n)).abs() < 1e-12, "{force}");
     }
-    // A device that takes none for longer is as good as silent.
+    // After more failed writes the device counts as silent.
     let mut forces = Vec::new();
     for _ in 0..130 {
-        let ticked = haptic_loop.tick(1, at(0.01));
-        haptic_loop.finish_tick(&ticked, None, Err(DeviceError::TimedOut));
-        forces.push(ticked.device_force_n.x);
+        let output = haptic_loop.tick(1, at(0.01));
+        haptic_loop.finish_tick(output, None, Err(DeviceError::TimedOut));
+        forces.push(output.device_force_n.x);
     }
     assert!(forces[20] < -0.5 && forces[121..].iter().all(|force| *force == 0.0), "{forces:?}");
 }
 
 #[test]
-fn a_force_keeps_its_direction_at_the_device_when_the_frame_is_turned_or_grows_anew() {
-    let safety = SafetySettings { max_slew_n_per_s: 100.0, ..bare().safety };
-    let (mut handle, mut haptic_loop) = halves(LoopSettings { safety, ..bare() });
+fn rotated_frame_limits_growth_in_device_direction() {
+    let safety = SafetySettings { max_slew_n_per_s: 100.0, ..unguarded().safety };
+    let (mut handle, mut haptic_loop) = new_loop(LoopSettings { safety, ..unguarded() });
     tick(&mut haptic_loop, 1, at(0.01));
     publish(&mut handle, 1, |model| (model.scheme, model.force_n) = (Scheme::Hold, DVec3::X));
     for _ in 0..20 {
@@ -250,7 +250,7 @@ fn a_force_keeps_its_direction_at_the_device_when_the_frame_is_turned_or_grows_a
     }
     let rotation = DQuat::from_rotation_z(std::f64::consts::PI);
     let frame = DeviceFrame { rotation, ..DeviceFrame::default() };
-    handle.set_settings(LoopSettings { safety, frame, ..bare() }).unwrap();
+    handle.set_settings(LoopSettings { safety, frame, ..unguarded() }).unwrap();
     for n in 1..=3 {
         let force = tick(&mut haptic_loop, 1, at(0.01)).device_force_n;
         assert!((force + DVec3::X * 0.1 * f64::from(n)).length() < 1e-9, "{force}");
@@ -258,22 +258,22 @@ fn a_force_keeps_its_direction_at_the_device_when_the_frame_is_turned_or_grows_a
 }
 
 #[test]
-fn a_force_that_is_not_finite_is_told_once() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn non_finite_force_emits_one_event() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     tick(&mut haptic_loop, 1, at(0.01));
-    // Every number of it is finite, and their product is not.
+    // All its numbers are finite, but their product is not.
     publish(&mut handle, 1, |model| model.stiffness_n_per_m = DMat3::from_diagonal(DVec3::splat(f64::MAX)));
     for _ in 0..10 {
         tick(&mut haptic_loop, 1, at(0.9));
         assert_eq!(tick(&mut haptic_loop, 1, at(0.9)).device_force_n, DVec3::ZERO);
     }
-    let told = events(&mut handle).into_iter().filter(|kind| *kind == LoopEventKind::ForceNotFinite).count();
-    assert_eq!(told, 1);
+    let events = events(&mut handle);
+    assert_eq!(events.iter().filter(|kind| **kind == LoopEventKind::ForceNotFinite).count(), 1);
 }
 
 #[test]
-fn a_device_that_repeats_itself_for_too_long_is_silent() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn repeated_readings_count_as_silence_after_ten_ticks() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     let numbered = |n: u64| Ok(Reading { sequence: Some(n), ..Reading::at(DVec3::X * 0.01) });
     tick(&mut haptic_loop, 1, numbered(1));
     publish(&mut handle, 1, |_| ());
@@ -282,21 +282,21 @@ fn a_device_that_repeats_itself_for_too_long_is_silent() {
     assert!(forces[29] == -1.0 && forces[30] > -1.0 && forces[131] == 0.0, "ten ticks, twenty, and the fade");
     tick(&mut haptic_loop, 1, numbered(0));
     tick(&mut haptic_loop, 1, numbered(2));
-    let told = events(&mut handle);
-    assert!(told.contains(&LoopEventKind::DeviceFailed(DeviceError::Repeated)), "{told:?}");
-    assert_eq!(told.last(), Some(&LoopEventKind::DeviceRecovered(131)));
+    let events = events(&mut handle);
+    assert!(events.contains(&LoopEventKind::DeviceFailed(DeviceError::Repeated)), "{events:?}");
+    assert_eq!(events.last(), Some(&LoopEventKind::DeviceRecovered(131)));
 }
 
 #[test]
-fn nan_before_the_first_reading_makes_no_sample() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn nan_as_first_reading_gives_no_sample() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     assert_eq!(tick(&mut haptic_loop, 1, at(f64::NAN)).device_force_n, DVec3::ZERO);
     assert!(handle.samples().is_empty());
 }
 
 #[test]
-fn a_device_that_stays_silent_fades_to_zero() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn force_fades_to_zero_without_readings() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     tick(&mut haptic_loop, 1, at(0.01));
     publish(&mut handle, 1, |_| ());
     let forces: Vec<f64> =
@@ -307,9 +307,9 @@ fn a_device_that_stays_silent_fades_to_zero() {
 }
 
 #[test]
-fn a_local_model_with_nan_or_of_another_body_is_refused() {
-    let settings = LoopSettings { body: Some(1), ..bare() };
-    let (mut handle, mut haptic_loop) = halves(settings);
+fn rejects_local_model_with_nan_or_of_another_body() {
+    let settings = LoopSettings { body: Some(1), ..unguarded() };
+    let (mut handle, mut haptic_loop) = new_loop(settings);
     tick(&mut haptic_loop, 1, at(0.01));
     publish(&mut handle, 1, |_| ());
     tick(&mut haptic_loop, 1, at(0.01));
@@ -326,8 +326,8 @@ fn a_local_model_with_nan_or_of_another_body_is_refused() {
 }
 
 #[test]
-fn an_old_model_fades_after_three_model_periods() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn force_fades_after_three_model_periods_without_model() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     tick(&mut haptic_loop, 1, at(0.01));
     publish(&mut handle, 1, |_| ());
     let forces: Vec<f64> = (0..260).map(|_| tick(&mut haptic_loop, 1, at(0.01)).device_force_n.x).collect();
@@ -338,36 +338,40 @@ fn an_old_model_fades_after_three_model_periods() {
 }
 
 #[test]
-fn settings_act_at_the_next_tick_and_are_acknowledged() {
-    let (mut handle, mut haptic_loop) = halves(bare());
+fn settings_apply_at_next_tick_and_are_acknowledged() {
+    let (mut handle, mut haptic_loop) = new_loop(unguarded());
     tick(&mut haptic_loop, 1, at(0.01));
     let frame = DeviceFrame {
         rotation: DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2),
         scale: 2.0,
         offset_m: DVec3::Z,
     };
-    assert_eq!(handle.set_settings(LoopSettings { frame, ..bare() }).unwrap(), 1);
+    assert_eq!(handle.set_settings(LoopSettings { frame, ..unguarded() }).unwrap(), 1);
     publish(&mut handle, 1, |m| m.position_m = DVec3::Z);
-    let ticked = tick(&mut haptic_loop, 1, at(0.01));
-    let sample = ticked.record.sample.unwrap();
+    let output = tick(&mut haptic_loop, 1, at(0.01));
+    let sample = output.sample.unwrap();
     assert!((sample.position_m - DVec3::new(0.0, 0.02, 1.0)).length() < 1e-15);
-    assert!((ticked.record.force_n - DVec3::Y * -2.0).length() < 1e-12);
-    assert!((ticked.device_force_n - DVec3::X * -2.0).length() < 1e-12);
-    assert_eq!(ticked.record.settings.unwrap().0, 1);
+    assert!((output.force_n - DVec3::Y * -2.0).length() < 1e-12);
+    assert!((output.device_force_n - DVec3::X * -2.0).length() < 1e-12);
+    assert_eq!(output.settings.unwrap().0, 1);
     assert!(events(&mut handle).contains(&LoopEventKind::SettingsAdopted(1)));
 }
 
 #[test]
-fn settings_that_make_no_sense_are_refused_and_the_old_ones_stay() {
-    let (mut handle, _haptic_loop) = halves(bare());
-    let mut bad = bare();
+fn rejects_invalid_settings_and_keeps_previous() {
+    let (mut handle, _haptic_loop) = new_loop(unguarded());
+    let mut bad = unguarded();
     bad.model_period_s = 0.0;
     let error = handle.set_settings(bad).unwrap_err();
-    assert_eq!(error.to_string(), "time between two model steps, s is 0; it must be finite and above 0");
-    bad = bare();
+    assert!(matches!(error, HapticsError::Setting { value: 0.0, .. }), "{error}");
+    assert_eq!(
+        error.to_string(),
+        "time between two model steps (model_period_s), s is 0; it must be finite and above 0"
+    );
+    bad = unguarded();
     bad.frame.scale = f64::NAN;
     assert!(handle.set_settings(bad).is_err());
-    assert_eq!(*handle.settings(), bare());
+    assert_eq!(*handle.settings(), unguarded());
     for config in [
         LoopConfig { device: DeviceLimits::of_force(f64::NAN), ..LoopConfig::default() },
         LoopConfig { event_capacity: 0, ..LoopConfig::default() },
@@ -395,14 +399,14 @@ fn settings_that_make_no_sense_are_refused_and_the_old_ones_stay() {
             ..Default::default()
         },
     ] {
-        assert!(haptic_loop(config, bare()).is_err(), "{config:?}");
+        assert!(haptic_loop(config, unguarded()).is_err(), "{config:?}");
     }
 }
 
 #[test]
-fn a_full_queue_drops_and_counts() {
+fn full_queues_drop_and_count() {
     let config = LoopConfig { event_capacity: 2, record_capacity: 3, ..LoopConfig::default() };
-    let (mut handle, mut haptic_loop) = haptic_loop(config, bare()).unwrap();
+    let (mut handle, mut haptic_loop) = haptic_loop(config, unguarded()).unwrap();
     for _ in 0..64 {
         tick(&mut haptic_loop, 2, at(0.0));
     }
@@ -412,7 +416,7 @@ fn a_full_queue_drops_and_counts() {
 }
 
 #[test]
-fn lock_step_leaves_the_device_with_zero_force() {
+fn lockstep_leaves_device_at_zero_force() {
     let last = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
     struct Witness(std::sync::Arc<std::sync::Mutex<Vec<&'static str>>>);
     impl HapticDevice for Witness {
@@ -434,7 +438,7 @@ fn lock_step_leaves_the_device_with_zero_force() {
             Ok(())
         }
     }
-    let (mut handle, haptic_loop) = halves(bare());
+    let (mut handle, haptic_loop) = new_loop(unguarded());
     let mut lockstep = Lockstep::new(haptic_loop, Box::new(Witness(last.clone()))).unwrap();
     lockstep.run(1);
     publish(&mut handle, 1, |_| ());
@@ -446,13 +450,13 @@ fn lock_step_leaves_the_device_with_zero_force() {
 }
 
 proptest! {
-    /// Whatever device and model side do, what is written is finite, within the limit, and grows slowly.
+    /// For any input of device and model side, the written force is finite, within its limit, and grows slowly.
     #[test]
-    fn no_input_gets_an_unsafe_force_out(
+    fn force_is_safe_for_any_input(
         inputs in prop::collection::vec((1u64..300, any::<[f64; 3]>(), 0u8..6, any::<[f64; 3]>()), 1..60),
     ) {
         let settings = LoopSettings { velocity: VelocityEstimator::default(), ..LoopSettings::default() };
-        let (mut handle, mut haptic_loop) = halves(settings);
+        let (mut handle, mut haptic_loop) = new_loop(settings);
         let (mut sequence, mut last) = (0, DVec3::ZERO);
         for (elapsed, position, kind, force) in inputs {
             if kind % 2 == 0 {
@@ -460,14 +464,14 @@ proptest! {
                 publish(&mut handle, sequence, |m| (m.scheme, m.force_n) = (scheme, DVec3::from_array(force)));
             }
             let reading = if kind == 5 { Err(DeviceError::TimedOut) } else { Ok(Reading::at(DVec3::from_array(position))) };
-            let out = tick(&mut haptic_loop, elapsed, reading).record.force_n;
+            let out = tick(&mut haptic_loop, elapsed, reading).force_n;
             sequence += elapsed;
             prop_assert!(out.is_finite() && out.length() <= 20.0 * (1.0 + 1e-12), "{out}");
             if let Some(s) = handle.samples().newest() {
                 prop_assert!(s.position_m.is_finite() && s.velocity_m_per_s.is_finite(), "{s:?}");
             }
-            let there = if out.length() == 0.0 { 0.0 } else { last.dot(out).max(0.0) / out.length() };
-            prop_assert!(out.length() <= there + 0.5 * elapsed.min(4) as f64 + 1e-9, "{last} to {out}");
+            let present = if out.length() == 0.0 { 0.0 } else { last.dot(out).max(0.0) / out.length() };
+            prop_assert!(out.length() <= present + 0.5 * elapsed.min(4) as f64 + 1e-9, "{last} to {out}");
             last = out;
         }
     }

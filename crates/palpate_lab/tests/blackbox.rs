@@ -65,7 +65,7 @@ fn kept(folder: &Path) -> PathBuf {
             write_ns: 3_000,
             cost_ns: 21_000 + jitter / 2 + if n % 50 == 0 { 60_000 } else { 0 },
         };
-        haptic_loop.finish_tick(&ticked, Some(timing), Ok(()));
+        haptic_loop.finish_tick(ticked, Some(timing), Ok(()));
     }
     let path = folder.join("blackbox-1-the-device-failed.csv");
     handle.black_box().write_csv(&path).unwrap();
@@ -146,7 +146,7 @@ fn a_box_of_one_tick_is_printed_and_drawn() {
     handle.black_box().write_csv(&file).unwrap();
     assert!(refused(&file, &[]).contains("one.csv: there is no tick in it"), "a header and no more");
     let ticked = haptic_loop.tick(1, Err(DeviceError::TimedOut));
-    haptic_loop.finish_tick(&ticked, None, Err(DeviceError::Disconnected));
+    haptic_loop.finish_tick(ticked, None, Err(DeviceError::Disconnected));
     handle.black_box().write_csv(&file).unwrap();
     let plot = folder.path().join("one.svg");
     let text = printed(&file, &["--plot", plot.to_str().unwrap()]);

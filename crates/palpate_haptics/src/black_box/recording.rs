@@ -1,31 +1,32 @@
-//! Ticks that were written to a file.
+//! Reads files of black boxes and recordings.
 
-use super::table::{COLUMNS, read_row};
+use super::csv_rows::{COLUMNS, read_row};
 use super::{BlackBoxError, BlackBoxTick};
+use crate::CsvError;
 use std::io::Read;
 use std::path::Path;
 
-/// The ticks in the file of a [`super::BlackBox`] or of a [`crate::Recorder`].
+/// The ticks in a file of a [`super::BlackBox`] or of a [`crate::Recorder`].
 ///
-/// A file has this header and one row for each tick, ascending. Forces are on the hand, in the scene's frame; numbers are
-/// read back to the bit.
+/// A file has this header and one row per tick, ascending. Forces act on the hand, in the scene's frame. Numbers round-trip
+/// exactly.
 ///
-/// | columns | what | empty |
+/// | columns | content | empty |
 /// | --- | --- | --- |
-/// | `sequence`, `elapsed` | periods since the loop's start, and since the tick before | |
+/// | `sequence`, `elapsed` | periods since the loop's start, and since the previous tick | |
 /// | `time_s` | time since the loop's start, s | |
-/// | `origin` | of the sample: `measured`, `interpolated`, `repeated` | before the first reading |
+/// | `origin` | origin of the sample: `measured`, `interpolated`, `repeated` | before the first reading |
 /// | `x_m` … `z_m`, `vx_m_per_s` … `vz_m_per_s` | position and velocity of the tool, m and m/s | likewise |
-/// | `qx`, `qy`, `qz`, `qw`, `buttons` | its orientation, and its buttons as bits | likewise |
-/// | `model_sequence`, `model_body`, `model_epoch` | the local model that spoke | before the first |
-/// | `before_x_n` … | force before the safety chain, N; it need not be finite | |
+/// | `qx`, `qy`, `qz`, `qw`, `buttons` | orientation of the tool; buttons as bits | likewise |
+/// | `model_sequence`, `model_body`, `model_epoch` | active local model | before the first |
+/// | `before_x_n` … | force before the safety chain, N; may be infinite or NaN | |
 /// | `gains_x_n` …, `velocity_guard_x_n` …, `passivity_x_n` …, `magnitude_x_n` … | force after these stages, N | |
-/// | `written_x_n` … | force after the last stage, the limit of growth, as it was written, N | |
+/// | `written_x_n` … | force after the last stage, the growth limit, as written, N | |
 /// | `gain` | product of the gains, 0 to 1 | |
-/// | `acted` | what acted ([`super::SafetyAction::name`]), with `+` between | where nothing did |
-/// | `lateness_ns`, `period_ns` | from the deadline and from the tick before to its beginning, ns | |
-/// | `read_ns`, `write_ns`, `cost_ns` | in the device's read and write, and in all, ns | |
-/// | `read_error`, `write_error` | what the device failed with ([`super::DeviceFault`]) | where it did not |
+/// | `acted` | active stages ([`super::SafetyAction::name`]), joined by `+` | if none |
+/// | `lateness_ns`, `period_ns` | time from the deadline, and from the previous tick, to the start of the tick, ns | |
+/// | `read_ns`, `write_ns`, `cost_ns` | duration of the device's read and write, and of the whole tick, ns | |
+/// | `read_error`, `write_error` | error of the device ([`super::RecordedDeviceError`]) | if none |
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     ticks: Vec<BlackBoxTick>,
@@ -38,27 +39,19 @@ impl Recording {
     /// [`BlackBoxError`], with file and line.
     pub fn read_csv(path: impl AsRef<Path>) -> Result<Self, BlackBoxError> {
         let path = path.as_ref();
-        let file = std::fs::File::open(path)
-            .map_err(|source| BlackBoxError::File { path: path.to_owned(), source })?;
+        let file = std::fs::File::open(path).map_err(CsvError::file(path))?;
         Self::from_csv(file, path)
     }
 
-    /// Reads CSV from `reader`; `name` stands for the file in errors.
+    /// Reads CSV from `reader`; errors contain `name` in place of a path.
     ///
     /// # Errors
     /// [`BlackBoxError`], with `name` and line.
     pub fn from_csv(reader: impl Read, name: impl AsRef<Path>) -> Result<Self, BlackBoxError> {
         let name = name.as_ref();
-        let csv_error = |source: csv::Error| {
-            let (path, line) = (name.to_owned(), source.position().map_or(1, csv::Position::line));
-            if let csv::ErrorKind::Io(error) = source.kind() {
-                let source = std::io::Error::new(error.kind(), error.to_string());
-                return BlackBoxError::File { path, source };
-            }
-            BlackBoxError::Csv { path, line, source }
-        };
+        let csv_error = CsvError::reader(name);
         let mut rows = csv::ReaderBuilder::new().flexible(true).from_reader(reader);
-        let header = rows.headers().map_err(csv_error)?;
+        let header = rows.headers().map_err(&csv_error)?;
         for i in 0..header.len().max(COLUMNS.len()) {
             let (found, expected) = (header.get(i).unwrap_or_default(), COLUMNS.get(i).unwrap_or(&""));
             if found != *expected || i >= COLUMNS.len() {
@@ -68,7 +61,7 @@ impl Recording {
         }
         let mut ticks: Vec<BlackBoxTick> = Vec::new();
         for row in rows.records() {
-            let row = row.map_err(csv_error)?;
+            let row = row.map_err(&csv_error)?;
             let line = row.position().map_or(0, csv::Position::line);
             let tick = read_row(name, line, &row)?;
             let previous = ticks.last().map(|tick| tick.sequence);

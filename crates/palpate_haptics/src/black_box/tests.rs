@@ -1,4 +1,4 @@
-//! The ring and its copies.
+//! The ring buffer and its copies.
 
 use super::*;
 
@@ -20,7 +20,7 @@ fn sequences(black_box: &BlackBox) -> Vec<u64> {
 }
 
 #[test]
-fn the_newest_4096_ticks_are_kept_in_order() {
+fn keeps_newest_4096_ticks_in_order() {
     assert_eq!(filled(0).newest(), None);
     assert!(sequences(&filled(0)).is_empty());
     assert_eq!(sequences(&filled(3)), [1, 2, 3]);
@@ -34,7 +34,7 @@ fn the_newest_4096_ticks_are_kept_in_order() {
 }
 
 #[test]
-fn a_copy_that_looks_often_has_it_all_at_once() {
+fn frequently_updated_copy_is_always_complete() {
     let (mut source, mut copy) = (BlackBox::new(), BlackBox::new());
     copy.catch_up_with(&source);
     for ticks in (0..200).map(|i| i * 7 % 256) {
@@ -45,11 +45,11 @@ fn a_copy_that_looks_often_has_it_all_at_once() {
 }
 
 #[test]
-fn after_a_long_absence_the_newest_come_first_and_the_others_soon() {
-    for absence in [257, 600, 4000, 4096, 9000] {
+fn copy_gets_newest_ticks_first_after_long_pause() {
+    for ticks in [257, 600, 4000, 4096, 9000] {
         let (mut source, mut copy) = (filled(100), BlackBox::new());
         copy.catch_up_with(&source);
-        push(&mut source, absence);
+        push(&mut source, ticks);
         copy.catch_up_with(&source);
         let newest: Vec<u64> = (source.newest - 255..=source.newest).collect();
         assert!(sequences(&copy).ends_with(&newest));
@@ -58,18 +58,18 @@ fn after_a_long_absence_the_newest_come_first_and_the_others_soon() {
             copy.catch_up_with(&source);
             assert_eq!(copy.newest(), source.newest());
         }
-        assert_eq!(sequences(&copy), sequences(&source), "{absence}");
+        assert_eq!(sequences(&copy), sequences(&source), "{ticks}");
     }
 }
 
 #[test]
-fn absences_that_follow_each_other_leave_no_hole() {
+fn consecutive_pauses_leave_no_hole() {
     let (mut source, mut copy) = (BlackBox::new(), BlackBox::new());
-    for absence in [900, 3, 1500, 1, 700, 256, 4096, 300, 0] {
-        push(&mut source, absence);
+    for ticks in [900, 3, 1500, 1, 700, 256, 4096, 300, 0] {
+        push(&mut source, ticks);
         copy.catch_up_with(&source);
-        let here = sequences(&copy);
-        assert!(here.is_sorted() && here.iter().all(|s| source.newest - s < 4096));
+        let copied = sequences(&copy);
+        assert!(copied.is_sorted() && copied.iter().all(|s| source.newest - s < 4096));
     }
     for _ in 0..20 {
         push(&mut source, 1);
@@ -79,7 +79,7 @@ fn absences_that_follow_each_other_leave_no_hole() {
 }
 
 #[test]
-fn the_last_number_there_is_does_no_harm() {
+fn handles_largest_tick_number() {
     let mut source = filled(5);
     source.newest = u64::MAX - 1;
     source.push(BlackBoxTick::default());

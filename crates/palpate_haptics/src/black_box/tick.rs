@@ -1,49 +1,49 @@
-//! One tick in the black box.
+//! Record of one tick in the black box.
 
 #![cfg_attr(
     not(test),
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use super::stages::{SafetyActions, actions_of};
+use super::safety_actions::{SafetyActions, actions_of};
 use crate::{DeviceError, StageForces, TickRecord, TickTiming};
 use glam::DVec3;
 use palpate_local::{ModelId, Sample};
 use std::fmt::{Display, Formatter};
 
-/// What went through one tick. Forces are in the scene's frame, on the hand.
+/// Record of one tick. Forces act on the hand, in the scene's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BlackBoxTick {
     /// Periods since the loop's start.
     pub sequence: u64,
     /// Time since the loop's start, s: `sequence` times the period.
     pub time_s: f64,
-    /// Periods since the tick before: 1, and one more for every missed deadline.
+    /// Periods since the previous tick: 1 plus the number of missed deadlines.
     pub elapsed: u64,
-    /// The sample of this tick; `None` before the first reading.
+    /// Newest sample; `None` before the first reading.
     pub sample: Option<Sample>,
-    /// The local model that spoke; `None` before the first.
+    /// Active local model; `None` before the first.
     pub model: Option<ModelId>,
-    /// Force before the safety chain, N. It need not be finite.
+    /// Force before the safety chain, N; may be infinite or NaN.
     pub before_n: DVec3,
-    /// Force after each stage of the safety chain, N; after the last, the limit of growth, it is `written_n`.
+    /// Force after each stage of the safety chain, N; the last stage gives `written_n`.
     pub after: StageForces,
-    /// The force that was written, N.
+    /// Written force, N.
     pub written_n: DVec3,
-    /// The product of the gains, 0 to 1.
+    /// Product of the gains, 0 to 1.
     pub gain: f64,
-    /// What acted in the safety chain.
+    /// Actions of the safety chain.
     pub acted: SafetyActions,
-    /// When it began and how long it took; zero in lock step.
+    /// Times of the tick; zero in lock step.
     pub timing: TickTiming,
-    /// Why the device gave no usable reading.
+    /// Error of the device's read, or reason for which the reading was rejected.
     pub read_failed: Option<RecordedDeviceError>,
-    /// Why the device did not take the force.
+    /// Error of the device's write.
     pub write_failed: Option<RecordedDeviceError>,
 }
 
 impl BlackBoxTick {
-    /// That of `record`, in a loop with ticks of `tick_s`, s.
+    /// Converts `record` of a loop with ticks of `tick_s`, s.
     #[must_use]
     pub fn of(record: &TickRecord, tick_s: f64) -> Self {
         Self {
@@ -64,7 +64,7 @@ impl BlackBoxTick {
     }
 }
 
-/// A [`DeviceError`] as a file tells it: without the text that goes with a broken protocol.
+/// A [`DeviceError`] as stored in a file, without the texts of [`DeviceError::Protocol`] and [`DeviceError::Unavailable`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum RecordedDeviceError {
@@ -91,7 +91,7 @@ pub enum RecordedDeviceError {
 }
 
 impl RecordedDeviceError {
-    /// All but [`DeviceFault::Os`], with their names.
+    /// All variants but [`RecordedDeviceError::Os`], with their names.
     const NAMED: [(Self, &'static str); 9] = [
         (Self::Jumped, "jumped"),
         (Self::Repeated, "repeated"),
@@ -104,7 +104,7 @@ impl RecordedDeviceError {
         (Self::Unusable, "unusable"),
     ];
 
-    /// The fault of that name.
+    /// Parses a name.
     pub(crate) fn named(name: &str) -> Option<Self> {
         match name.strip_prefix("os:") {
             Some(number) => number.parse().ok().map(Self::Os),

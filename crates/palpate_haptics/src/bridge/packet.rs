@@ -1,102 +1,87 @@
-//! The bridge's packets: pure functions between bytes and values. `docs/bridge.md` has the table of bytes.
+//! Packets of the bridge: pure functions between bytes and values. `docs/bridge.md` contains the table of bytes.
 //!
-//! Numbers are little-endian, floating-point numbers IEEE 754 doubles. Each kind has one size; bytes without a meaning are zero.
-//! Whatever is not exactly so is refused, so that bytes that are taken are those that the packet gives again.
+//! Numbers are little-endian; floating-point numbers are IEEE 754 doubles. Each kind has one size, and reserved bytes are zero. All
+//! other packets are rejected: encoding a parsed packet reproduces its bytes.
 
 mod bytes;
-mod coding;
+mod codec;
 mod error;
+mod format;
 mod name;
 
-pub use coding::Header;
+pub use codec::Header;
 pub use error::PacketError;
+pub use format::{
+    HEADER_SIZE, MAGIC, MAX_FORCE_N, MAX_POSITION_M, MAX_SIZE, MAX_SPEED_M_PER_S, RATES_HZ, VERSION,
+    WATCHDOGS_US,
+};
 pub use name::Name;
 
 use crate::Reading;
 use glam::{DQuat, DVec3};
 use std::ops::RangeInclusive;
 
-/// What every packet begins with.
-pub const MAGIC: [u8; 4] = *b"PLPB";
-/// The version of the protocol.
-pub const VERSION: u16 = 1;
-/// The size of the header.
-pub const HEADER_SIZE: usize = 24;
-/// The size of the largest packet.
-pub const MAX_SIZE: usize = 128;
-
-/// What no coordinate exceeds, m.
-pub const MAX_POSITION_M: f64 = 100.0;
-/// What no velocity exceeds, m/s.
-pub const MAX_SPEED_M_PER_S: f64 = 1000.0;
-/// What no force exceeds, N.
-pub const MAX_FORCE_N: f64 = 1000.0;
-/// Rates of a device, Hz.
-pub const RATES_HZ: RangeInclusive<f64> = 1.0..=20_000.0;
-/// Watchdogs of a peer, µs.
-pub const WATCHDOGS_US: RangeInclusive<u32> = 1_000..=1_000_000;
-
 /// One packet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Packet {
-    /// The session that it belongs to; 0 in a question for the description, and in its answer.
+    /// Session number; 0 in a request for the description and in its reply.
     pub session: u64,
-    /// Its number. Samples, and forces together with the stop, are counted from 1 in each session; answers have the number of
-    /// what they answer.
+    /// Packet number. Samples count from 1 in each session, as do forces and stops together; a reply has the number of its
+    /// request.
     pub number: u64,
-    /// What it says.
+    /// Content of the packet.
     pub body: Body,
 }
 
-/// What a packet says. Kinds are numbered from 1 in this order.
+/// Content of a packet. Kinds are numbered from 1 in this order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Body {
-    /// palpate: let us begin this session; in session 0: what are you?
+    /// From palpate: start this session; in session 0, request the description.
     Hello,
-    /// Peer: this is what I am.
+    /// From the peer: description of the device, in reply to a hello.
     Welcome(Welcome),
-    /// Peer: the hand.
+    /// From the peer: one sample of the hand.
     Sample(Sampled),
-    /// palpate: show this force, N, the device's frame.
+    /// From palpate: apply this force, N, device frame.
     Force(DVec3),
-    /// palpate: zero force; the session is over.
+    /// From palpate: set zero force and end the session.
     Stop,
-    /// Peer: zero force; the session is over, or never began.
+    /// From the peer: zero force is set; the session has ended or was not started.
     End(EndReason),
 }
 
-/// What a peer's device is.
+/// Description of a peer's device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Welcome {
-    /// A name for people.
+    /// Human-readable name.
     pub name: Name,
-    /// Corners of the box in which it can be moved, m, its own frame.
+    /// Lower and upper corner of the workspace box, m, device frame.
     pub workspace_m: [DVec3; 2],
-    /// The largest force that it shows, N. Larger ones are refused.
+    /// Maximum force, N; the peer rejects larger ones.
     pub max_force_n: f64,
-    /// How often it is read and written, Hz.
+    /// Rate at which the device is read and written, Hz.
     pub rate_hz: f64,
-    /// The time without a newer force after which it lets go, µs.
+    /// Time without a newer force after which the peer sets zero force, µs.
     pub watchdog_us: u32,
 }
 
-/// The hand at one moment.
+/// Measured state of the hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampled {
-    /// Position, m, the device's frame.
+    /// Position, m, device frame.
     pub position_m: DVec3,
-    /// Orientation.
+    /// Orientation, a unit quaternion.
     pub orientation: DQuat,
-    /// Velocity as the device itself knows it, m/s.
+    /// Velocity measured by the device, m/s; `None` if the device measures none.
     pub velocity_m_per_s: Option<DVec3>,
     /// Bit i is set while button i is pressed.
     pub buttons: u32,
-    /// The number of the force that was shown then; 0 before the first.
+    /// Number of the force applied at the measurement; 0 before the first.
     pub shown: u64,
 }
 
 impl Sampled {
-    /// The reading that it carries, with the number of its packet.
+    /// Converts to a reading with the number of the packet as its sequence number.
     #[must_use]
     pub fn reading(&self, number: u64) -> Reading {
         let Self { position_m, orientation, velocity_m_per_s, buttons, .. } = *self;
@@ -104,19 +89,19 @@ impl Sampled {
     }
 }
 
-/// Why a session is over, or did not begin.
+/// Why a session ended or was not started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum EndReason {
-    /// The other end speaks another version.
+    /// The other end uses another version.
     OtherVersion = 1,
-    /// There is a session with somebody else.
+    /// The peer has a session with another program.
     Busy = 2,
-    /// There is no such session: the peer was restarted, or the session has ended.
+    /// The session does not exist: the peer was restarted, or the session has ended.
     NoSession = 3,
-    /// No newer force came for too long.
+    /// The peer's watchdog expired without a newer force.
     Silent = 4,
-    /// The peer ends.
+    /// The peer is closing.
     Closing = 5,
     /// The peer's device failed.
     DeviceFailed = 6,
@@ -141,7 +126,7 @@ impl Body {
 }
 
 impl Packet {
-    /// Refuses what no packet may say.
+    /// Rejects contents out of range.
     fn check(&self) -> Result<(), PacketError> {
         let is_in_session = matches!(self.body, Body::Sample(_) | Body::Force(_) | Body::Stop);
         if is_in_session && self.session == 0 {
@@ -184,11 +169,11 @@ impl Sampled {
     }
 }
 
-fn within(what: &'static str, vector: DVec3, most: f64) -> Result<(), PacketError> {
-    vector.to_array().into_iter().try_for_each(|component| number(what, component, -most..=most))
+fn within(what: &'static str, vector: DVec3, max: f64) -> Result<(), PacketError> {
+    vector.to_array().into_iter().try_for_each(|component| number(what, component, -max..=max))
 }
 
-/// Refuses a number beyond what is allowed, and what is not a number.
+/// Rejects a number out of range, and NaN.
 fn number(what: &'static str, value: f64, allowed: RangeInclusive<f64>) -> Result<(), PacketError> {
     if allowed.contains(&value) {
         return Ok(());

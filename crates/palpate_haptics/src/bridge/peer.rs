@@ -1,11 +1,11 @@
-//! The vendor's end of a bridge.
+//! The peer: the vendor's end of a bridge.
 
-use super::counts::{BridgeMonitor, add_one};
-use super::device::is_within;
-use super::guarded::Guarded;
-use super::link::{Link, MOST_IN_A_ROW, Received, SendError};
-use super::order::Order;
+use super::force_limit::is_within;
+use super::guarded_device::GuardedDevice;
+use super::monitor::{BridgeMonitor, add_one};
 use super::packet::{Body, EndReason, Name, Packet, PacketError, Sampled, Welcome};
+use super::packet_order::PacketOrder;
+use super::socket::{MAX_RECEIVED, PacketSocket, Received, SendError};
 use super::{BridgeError, PeerSettings};
 use crate::clock::MonotonicClock;
 use crate::{DeviceError, HapticDevice};
@@ -17,45 +17,45 @@ use std::time::Duration;
 
 /// The reference peer: serves any [`HapticDevice`] to palpate in another process, see [`crate::bridge`].
 ///
-/// [`BridgePeer::run`] turns it at the device's rate. Whoever has a rate of their own calls [`BridgePeer::turn`], with the time
-/// on a clock of theirs: the peer itself reads none. At every turn it takes the newest force, shows it, reads the hand and sends
-/// it. Between sessions the device has zero force. Dropping the peer leaves the device with zero force, and closed.
+/// [`BridgePeer::run`] serves at the device's rate. To serve at another rate, call [`BridgePeer::advance`] with the time of any
+/// monotonic clock; the peer itself then reads no clock. Each cycle receives the newest force, applies it, reads the hand and sends the
+/// sample. Between sessions the device is at zero force. Dropping the peer sets zero force and closes the device.
 ///
-/// A device that fails, or panics, ends its session. It is told to show zero force at every turn from then on, whether palpate is
-/// there or not; one that has not taken it for 100 ms is closed. It is opened anew when a session is to begin.
+/// A failure or panic of the device ends the session. The peer then writes zero force in every cycle, with or without palpate, and
+/// closes the device if that fails for 100 ms. The next session reopens it.
 pub struct BridgePeer {
-    device: Guarded,
-    link: Link,
+    device: GuardedDevice,
+    socket: PacketSocket,
     address: SocketAddr,
     welcome: Welcome,
     watchdog: Duration,
     monitor: BridgeMonitor,
     session: Option<Served>,
-    /// Number and sender of the last session that is over. It is never taken up again.
+    /// Number and sender of the last session that has ended; it is never resumed.
     ended: Option<(u64, SocketAddr)>,
-    /// The force to be shown, N.
+    /// Force to be applied, N.
     force_n: DVec3,
-    /// The time of the last turn.
+    /// Time of the last cycle.
     now: Duration,
     is_closed: bool,
 }
 
-/// The session that is served.
+/// The session being served.
 #[derive(Clone, Copy, Debug)]
 struct Served {
     id: u64,
     palpate: SocketAddr,
-    order: Order,
-    /// When the newest force came, or the session began.
-    heard: Duration,
-    /// The number of the force that is shown.
+    order: PacketOrder,
+    /// Time when the newest force was received, or the session started.
+    received: Duration,
+    /// Number of the applied force.
     shown: u64,
-    /// The number of the last sample.
+    /// Number of the last sample.
     sampled: u64,
 }
 
 impl BridgePeer {
-    /// Opens `device`, at zero force, and listens for palpate.
+    /// Opens `device` at zero force and listens for palpate.
     ///
     /// # Errors
     /// [`BridgeError::NotLoopback`], [`BridgeError::Setting`], [`BridgeError::Description`], [`BridgeError::Socket`],
@@ -74,13 +74,13 @@ impl BridgePeer {
         Packet { session: 0, number: 0, body: Body::Welcome(welcome) }
             .encode(&mut [0; super::packet::MAX_SIZE])
             .map_err(BridgeError::Description)?;
-        let of_socket = |source| BridgeError::Socket { address: settings.address, source };
-        let link = Link::bind(settings.address).map_err(of_socket)?;
-        let address = link.address().map_err(of_socket)?;
-        let device = Guarded::open(device).map_err(BridgeError::Device)?;
+        let socket_error = |source| BridgeError::Socket { address: settings.address, source };
+        let socket = PacketSocket::bind(settings.address).map_err(socket_error)?;
+        let address = socket.address().map_err(socket_error)?;
+        let device = GuardedDevice::open(device).map_err(BridgeError::Device)?;
         Ok(Self {
             device,
-            link,
+            socket,
             address,
             welcome,
             watchdog: settings.watchdog,
@@ -93,73 +93,73 @@ impl BridgePeer {
         })
     }
 
-    /// Where it listens.
+    /// Address and port on which the peer listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// The force that it shows, or will at the next turn, N, the device's frame; zero where there is no session.
+    /// The force applied now or in the next cycle, N, device frame; zero without a session.
     #[must_use]
     pub fn force_n(&self) -> DVec3 {
         self.force_n
     }
 
-    /// The number of the force that it shows; 0 before the first of a session, and where there is none.
+    /// Number of the applied force; 0 before the first of a session, and without a session.
     #[must_use]
     pub fn forces_written(&self) -> u64 {
         self.session.map_or(0, |session| session.shown)
     }
 
-    /// The session that it serves.
+    /// Number of the session being served.
     #[must_use]
     pub fn session(&self) -> Option<u64> {
         self.session.map(|session| session.id)
     }
 
-    /// What reads the counts while another thread turns it.
+    /// Reader of the counts, usable while another thread runs the peer.
     #[must_use]
     pub fn monitor(&self) -> BridgeMonitor {
         self.monitor.clone()
     }
 
-    /// Turns it at its device's rate until `stop` is set, then tells palpate that the session is over, and closes the device.
+    /// Serves at the device's rate until `stop` is set; then reports the end of the session to palpate and closes the device.
     pub fn run(&mut self, stop: &AtomicBool) {
         let clock = MonotonicClock::start();
-        let (begun_ns, period) = (clock.now_ns(), self.period());
-        let mut due_ns = begun_ns;
+        let (start_ns, period) = (clock.now_ns(), self.period());
+        let mut due_ns = start_ns;
         while !stop.load(Ordering::Acquire) {
-            self.advance(Duration::from_nanos(clock.now_ns() - begun_ns));
-            // Turns that are late are left out, never made up by a burst.
+            self.advance(Duration::from_nanos(clock.now_ns() - start_ns));
+            // Missed cycles are skipped, never made up by a burst.
             due_ns = (due_ns + period.as_nanos() as u64).max(clock.now_ns());
             clock.sleep_until(due_ns);
         }
         self.close();
     }
 
-    /// One turn, at the time `now` on any clock that only goes forward.
+    /// Runs one cycle at time `now` of any monotonic clock.
     pub fn advance(&mut self, now: Duration) {
         self.receive(now);
         self.reply();
     }
 
-    /// The first half of a turn: lets go if palpate has been silent for too long, then takes what has come. Whether a newer force
-    /// is to be shown.
+    /// The first half of a cycle: sets zero force if the watchdog has expired, then processes the received packets. Returns whether a
+    /// newer force is to be applied.
     pub fn receive(&mut self, now: Duration) -> bool {
         self.now = now;
-        // Before anything is read: after a pause of the peer itself, what waits is old.
-        if self.session.is_some_and(|session| now.saturating_sub(session.heard) > self.watchdog) {
+        // Before receiving: after a pause of the peer itself, waiting packets are old.
+        if self.session.is_some_and(|session| now.saturating_sub(session.received) > self.watchdog) {
             add_one(&self.monitor.counters().silences);
             self.end(EndReason::Silent);
         }
         let mut has_force = false;
-        for _ in 0..MOST_IN_A_ROW {
-            match self.link.receive() {
+        for _ in 0..MAX_RECEIVED {
+            match self.socket.receive() {
                 Ok(Received::Nothing) | Err(_) => break,
                 Ok(Received::Undelivered) => {}
                 Ok(Received::Unreadable) => add_one(&self.monitor.counters().corrupt),
                 Ok(Received::Datagram { from, packet: Ok(packet), .. }) => {
-                    if self.take(&packet, from, now) {
+                    if self.process(&packet, from, now) {
                         if has_force {
                             add_one(&self.monitor.counters().skipped);
                         }
@@ -170,7 +170,7 @@ impl BridgePeer {
                     add_one(&self.monitor.counters().corrupt);
                     let hello = header.filter(|header| header.is_hello());
                     if let (Some(hello), PacketError::Version(_)) = (hello, error) {
-                        self.tell(from, hello.session, hello.number, Body::End(EndReason::OtherVersion));
+                        self.send(from, hello.session, hello.number, Body::End(EndReason::OtherVersion));
                     }
                 }
             }
@@ -178,7 +178,7 @@ impl BridgePeer {
         has_force
     }
 
-    /// The second half of a turn: shows the force, reads the hand and sends it. A device that has failed is shown zero force.
+    /// The second half of a cycle: applies the force, reads the hand and sends the sample. A failed device gets zero force.
     pub fn reply(&mut self) {
         if self.is_closed {
             return;
@@ -209,18 +209,18 @@ impl BridgePeer {
             shown: session.shown,
         };
         let packet = Packet { session: session.id, number: session.sampled, body: Body::Sample(sampled) };
-        if let Err(SendError::Packet) = self.link.send(&packet, session.palpate) {
+        if let Err(SendError::Packet) = self.socket.send(&packet, session.palpate) {
             add_one(&self.monitor.counters().refused);
         }
     }
 
-    /// Tells palpate that the session is over, and leaves the device with zero force, and closed. It answers nobody any more.
+    /// Reports the end of the session to palpate, sets zero force and closes the device. The peer sends no replies afterwards.
     pub fn close(&mut self) {
         if std::mem::replace(&mut self.is_closed, true) {
             return;
         }
         self.end(EndReason::Closing);
-        // One that cannot be zeroed any more is closed all the same.
+        // Also closes a device that rejects zero force.
         self.device.close();
     }
 
@@ -228,8 +228,8 @@ impl BridgePeer {
         Duration::from_secs_f64(1.0 / self.welcome.rate_hz)
     }
 
-    /// Whether it was a newer force.
-    fn take(&mut self, packet: &Packet, from: SocketAddr, now: Duration) -> bool {
+    /// Processes a packet; returns whether it was a newer force.
+    fn process(&mut self, packet: &Packet, from: SocketAddr, now: Duration) -> bool {
         if self.is_closed {
             return false;
         }
@@ -241,7 +241,7 @@ impl BridgePeer {
         let Some(session) = self.session.as_mut().filter(|session| session.id == packet.session) else {
             add_one(&counters.other_session);
             if let Body::Force(_) = packet.body {
-                self.tell(from, packet.session, packet.number, Body::End(EndReason::NoSession));
+                self.send(from, packet.session, packet.number, Body::End(EndReason::NoSession));
             }
             return false;
         };
@@ -255,18 +255,18 @@ impl BridgePeer {
                     add_one(&counters.refused);
                     return false;
                 }
-                let is_newer = counters.note(session.order.take(packet.number));
+                let is_newer = counters.note(session.order.note(packet.number));
                 if is_newer {
-                    (session.heard, self.force_n) = (now, force_n);
+                    (session.received, self.force_n) = (now, force_n);
                 }
                 is_newer
             }
-            // It may have been overtaken by an older force, and is right all the same.
+            // Valid in any order: a stop may arrive before an older force.
             Body::Stop => {
-                self.let_go();
+                self.end_session();
                 false
             }
-            // These are ours to send.
+            // Only the peer sends these.
             Body::Hello | Body::Welcome(_) | Body::Sample(_) | Body::End(_) => {
                 add_one(&counters.corrupt);
                 false
@@ -274,50 +274,50 @@ impl BridgePeer {
         }
     }
 
-    /// Answers a hello.
+    /// Replies to a hello.
     fn greet(&mut self, hello: &Packet, from: SocketAddr, now: Duration) {
         let Packet { session: id, number, .. } = *hello;
-        let is_known = self.session.is_some_and(|session| (session.id, session.palpate) == (id, from));
-        if id != 0 && !is_known {
+        let is_served = self.session.is_some_and(|session| (session.id, session.palpate) == (id, from));
+        if id != 0 && !is_served {
             if self.session.is_some() {
-                return self.tell(from, id, number, Body::End(EndReason::Busy));
+                return self.send(from, id, number, Body::End(EndReason::Busy));
             }
-            // A hello that came late, or twice. Forces that are still under way would count as new.
+            // A late or duplicate hello. Forces still in transit would count as new in a resumed session.
             if self.ended == Some((id, from)) {
                 add_one(&self.monitor.counters().other_session);
-                return self.tell(from, id, number, Body::End(EndReason::NoSession));
+                return self.send(from, id, number, Body::End(EndReason::NoSession));
             }
             if !self.device.is_ready() && self.device.reopen().is_err() {
-                return self.tell(from, id, number, Body::End(EndReason::DeviceFailed));
+                return self.send(from, id, number, Body::End(EndReason::DeviceFailed));
             }
-            self.device.begin();
+            self.device.start_session();
             add_one(&self.monitor.counters().sessions);
-            let order = Order::default();
-            self.session = Some(Served { id, palpate: from, order, heard: now, shown: 0, sampled: 0 });
+            let order = PacketOrder::default();
+            self.session = Some(Served { id, palpate: from, order, received: now, shown: 0, sampled: 0 });
         }
-        self.tell(from, id, number, Body::Welcome(self.welcome));
+        self.send(from, id, number, Body::Welcome(self.welcome));
     }
 
-    fn tell(&self, to: SocketAddr, session: u64, number: u64, body: Body) {
-        // What does not arrive is asked for again, or found out by silence.
-        let _ = self.link.send(&Packet { session, number, body }, to);
+    fn send(&self, to: SocketAddr, session: u64, number: u64, body: Body) {
+        // A lost packet leads to a repeated hello or a timeout.
+        let _ = self.socket.send(&Packet { session, number, body }, to);
     }
 
-    /// Zero force, and palpate is told why.
+    /// Ends the session with zero force and reports the reason to palpate.
     fn end(&mut self, reason: EndReason) {
         if let Some(session) = self.session {
-            self.tell(session.palpate, session.id, 0, Body::End(reason));
+            self.send(session.palpate, session.id, 0, Body::End(reason));
         }
-        self.let_go();
+        self.end_session();
     }
 
-    /// Zero force, now.
-    fn let_go(&mut self) {
+    /// Ends the session and sets zero force.
+    fn end_session(&mut self) {
         if let Some(session) = self.session.take() {
             self.ended = Some((session.id, session.palpate));
         }
         self.force_n = DVec3::ZERO;
-        // If it fails, the next turn tries again.
+        // On failure the next cycle tries again.
         self.device.zero(self.now);
     }
 }

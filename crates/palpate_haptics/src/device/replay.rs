@@ -1,34 +1,35 @@
-//! A device that repeats a recorded hand.
+//! A device that replays a trajectory.
 
+use super::open_state::OpenState;
 use super::{DeviceDescription, DeviceError, HapticDevice, Reading};
 use crate::Trajectory;
 use glam::DVec3;
 use std::time::Duration;
 
-/// What a replay does after its last row.
+/// Behaviour of a [`ReplayDevice`] after the last row of its trajectory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ReplayEnd {
-    /// Stays at the last position.
+    /// Stay at the last position.
     #[default]
     Stay,
-    /// Begins anew. The trajectory should end where it begins, or the tool jumps.
+    /// Start again at the first row. The trajectory should end where it begins, or the tool jumps.
     Repeat,
 }
 
-/// Replays a [`Trajectory`], one row a reading, with its buttons and orientations. It takes forces and feels none of them.
+/// Replays a [`Trajectory`] with its buttons and orientations, one row per reading. It accepts forces and ignores them.
 #[derive(Clone, Debug)]
 pub struct ReplayDevice {
     trajectory: Trajectory,
     at_end: ReplayEnd,
-    open: bool,
+    open: OpenState,
     next: usize,
 }
 
 impl ReplayDevice {
-    /// A device that replays `trajectory`.
+    /// A closed device that replays `trajectory`.
     #[must_use]
     pub fn new(trajectory: Trajectory, at_end: ReplayEnd) -> Self {
-        Self { trajectory, at_end, open: false, next: 0 }
+        Self { trajectory, at_end, open: OpenState::default(), next: 0 }
     }
 }
 
@@ -46,17 +47,13 @@ impl HapticDevice for ReplayDevice {
     }
 
     fn open(&mut self) -> Result<(), DeviceError> {
-        if self.open {
-            return Err(DeviceError::AlreadyOpen);
-        }
-        (self.open, self.next) = (true, 0);
+        self.open.open()?;
+        self.next = 0;
         Ok(())
     }
 
     fn read(&mut self, _within: Duration) -> Result<Reading, DeviceError> {
-        if !self.open {
-            return Err(DeviceError::NotOpen);
-        }
+        self.open.check()?;
         let rows = self.trajectory.positions_m().len();
         let row = self.next.min(rows.saturating_sub(1));
         self.next += 1;
@@ -67,11 +64,11 @@ impl HapticDevice for ReplayDevice {
     }
 
     fn write(&mut self, _force_n: DVec3) -> Result<(), DeviceError> {
-        if self.open { Ok(()) } else { Err(DeviceError::NotOpen) }
+        self.open.check()
     }
 
     fn close(&mut self) -> Result<(), DeviceError> {
-        self.open = false;
+        self.open.close();
         Ok(())
     }
 }

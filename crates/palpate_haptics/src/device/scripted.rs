@@ -1,24 +1,25 @@
-//! A device whose hand is a function.
+//! A device whose readings come from a function.
 
+use super::open_state::OpenState;
 use super::{DeviceDescription, DeviceError, HapticDevice, Reading};
 use glam::DVec3;
 use std::time::Duration;
 
-/// What a script is told at each reading.
+/// Function of the reading's index and of the last force, N.
 type Script = dyn FnMut(u64, DVec3) -> Result<Reading, DeviceError> + Send;
 
-/// A complete stand-in whose readings are made by a function of the number of the reading (from 0) and of the
-/// force written last (N, zero at first). The function can answer with an error, to rehearse faults.
+/// A simulated device whose readings come from a function. Arguments of the function are the index of the reading, from 0, and
+/// the last written force, N, zero at first. The function may return an error to simulate a fault.
 pub struct ScriptedDevice {
     script: Box<Script>,
     description: DeviceDescription,
-    open: bool,
+    open: OpenState,
     reads: u64,
     force_n: DVec3,
 }
 
 impl ScriptedDevice {
-    /// A device that reads what `script` says.
+    /// A closed device whose readings come from `script`.
     pub fn new(script: impl FnMut(u64, DVec3) -> Result<Reading, DeviceError> + Send + 'static) -> Self {
         let description = DeviceDescription {
             name: "scripted hand".into(),
@@ -26,10 +27,11 @@ impl ScriptedDevice {
             max_force_n: 20.0,
             rate_hz: 1000.0,
         };
-        Self { script: Box::new(script), description, open: false, reads: 0, force_n: DVec3::ZERO }
+        let open = OpenState::default();
+        Self { script: Box::new(script), description, open, reads: 0, force_n: DVec3::ZERO }
     }
 
-    /// The same device with another description.
+    /// Replaces the description.
     #[must_use]
     pub fn with_description(mut self, description: DeviceDescription) -> Self {
         self.description = description;
@@ -43,32 +45,27 @@ impl HapticDevice for ScriptedDevice {
     }
 
     fn open(&mut self) -> Result<(), DeviceError> {
-        if self.open {
-            return Err(DeviceError::AlreadyOpen);
-        }
-        (self.open, self.reads, self.force_n) = (true, 0, DVec3::ZERO);
+        self.open.open()?;
+        (self.reads, self.force_n) = (0, DVec3::ZERO);
         Ok(())
     }
 
     fn read(&mut self, _within: Duration) -> Result<Reading, DeviceError> {
-        if !self.open {
-            return Err(DeviceError::NotOpen);
-        }
+        self.open.check()?;
         let reading = (self.script)(self.reads, self.force_n);
         self.reads += 1;
         reading
     }
 
     fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError> {
-        if !self.open {
-            return Err(DeviceError::NotOpen);
-        }
+        self.open.check()?;
         self.force_n = force_n;
         Ok(())
     }
 
     fn close(&mut self) -> Result<(), DeviceError> {
-        (self.open, self.force_n) = (false, DVec3::ZERO);
+        self.open.close();
+        self.force_n = DVec3::ZERO;
         Ok(())
     }
 }

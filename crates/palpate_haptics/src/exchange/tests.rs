@@ -1,4 +1,4 @@
-//! Every field of a local model, written and read at full speed: values that betray tearing.
+//! Every field of a local model, written and read concurrently at full speed with values that reveal tearing.
 
 use crate::{LoopConfig, LoopSettings, haptic_loop};
 use glam::{DMat3, DVec3};
@@ -17,10 +17,10 @@ const CAPACITY: Capacity = Capacity {
     near: NearFieldCapacity { nodes: 4, order: 6, ring: 8, springs: 12, points: 5, triangles: 5 },
 };
 
-/// Models that have to be seen.
-const SEEN: u64 = if cfg!(miri) { 20 } else { 10_000 };
+/// Number of models to be received.
+const RECEIVED: u64 = if cfg!(miri) { 20 } else { 10_000 };
 
-/// Numbers that all differ from one model to the next.
+/// Generator of numbers that all differ from one model to the next.
 struct Numbers(u64);
 
 impl Numbers {
@@ -31,9 +31,9 @@ impl Numbers {
     fn vector(&mut self) -> DVec3 {
         DVec3::new(self.next(), self.next(), self.next())
     }
-    /// 0 to `most`.
-    fn size(&mut self, most: usize) -> usize {
-        ((self.next() - 1.0) * (most + 1) as f64) as usize
+    /// A size from 0 to `max`.
+    fn size(&mut self, max: usize) -> usize {
+        ((self.next() - 1.0) * (max + 1) as f64) as usize
     }
     fn is(&mut self) -> bool {
         self.size(1) == 1
@@ -49,8 +49,8 @@ impl Numbers {
     }
 }
 
-/// Makes `model` the one of number `number`, in every field and to the ends of its vectors. What does not
-/// write a field that is added does not compile, but for the linear reduced system.
+/// Writes all fields of the model with number `number`, to the ends of its vectors. A new field does not compile until it is written
+/// here, except in the linear reduced system.
 fn write(number: u64, model: &mut LocalModel) {
     let n = &mut Numbers(number);
     let LocalModel {
@@ -117,29 +117,39 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         integrator,
         tangent,
         factor,
-        impulse_response: answer,
+        impulse_response,
         energy_j,
         start_m,
         coupling,
         proxy_m,
         is_cut,
     } = near;
-    let room = CAPACITY.near;
-    for (size, most) in [
-        (nodes, room.nodes),
-        (order, room.order),
-        (ring, room.ring),
-        (springs, room.springs),
-        (tetrahedra, 2 * room.springs),
-        (points, room.points),
-        (triangles, room.triangles),
+    let capacity = CAPACITY.near;
+    for (size, max) in [
+        (nodes, capacity.nodes),
+        (order, capacity.order),
+        (ring, capacity.ring),
+        (springs, capacity.springs),
+        (tetrahedra, 2 * capacity.springs),
+        (points, capacity.points),
+        (triangles, capacity.triangles),
     ] {
-        *size = n.size(most);
+        *size = n.size(max);
     }
     let shape = ToolShape::Sphere { radius_m: n.next() };
     *support = if n.is() { Support::Touched { shape, friction: n.next() } } else { Support::Held };
-    for list in [weight, node_per_kg, basis, stiffness, damping, force, velocity, tangent, answer, compliance]
-    {
+    for list in [
+        weight,
+        node_per_kg,
+        basis,
+        stiffness,
+        damping,
+        force,
+        velocity,
+        tangent,
+        impulse_response,
+        compliance,
+    ] {
         n.fill(list);
     }
     for list in [node_m, ring_m] {
@@ -190,29 +200,29 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
     *integrator =
         if n.is() { TickIntegrator::Explicit { substeps } } else { TickIntegrator::Implicit { substeps } };
     n.factor(factor);
-    let (stiffness_n_per_m, most_n) = (n.next(), n.next());
-    *coupling = n.is().then_some(VirtualCoupling { stiffness_n_per_m, max_force_n: most_n });
+    let (stiffness_n_per_m, max_force_n) = (n.next(), n.next());
+    *coupling = n.is().then_some(VirtualCoupling { stiffness_n_per_m, max_force_n });
 }
 
 #[test]
-fn every_field_of_a_local_model_crosses_whole() {
+fn local_models_cross_without_tearing() {
     let hand_over = HandOverSettings { capacity: CAPACITY, ..HandOverSettings::default() };
     let config = LoopConfig { hand_over, ..LoopConfig::default() };
     let (mut handle, haptic_loop) = haptic_loop(config, LoopSettings::default()).unwrap();
-    let mut models = haptic_loop.ends.models;
-    let enough = AtomicBool::new(false);
+    let mut models = haptic_loop.channels.models;
+    let is_done = AtomicBool::new(false);
     std::thread::scope(|scope| {
         scope.spawn(|| {
             let mut number = 0;
-            while !enough.load(Ordering::Acquire) {
+            while !is_done.load(Ordering::Acquire) {
                 write(number, handle.model_slot());
                 handle.publish_model();
                 number += 1;
             }
         });
         let mut expected = LocalModel::empty(CAPACITY);
-        let (mut seen, mut last) = (0, None);
-        while seen < SEEN {
+        let (mut received, mut last) = (0, None);
+        while received < RECEIVED {
             if !models.update() {
                 std::thread::yield_now();
                 continue;
@@ -221,15 +231,15 @@ fn every_field_of_a_local_model_crosses_whole() {
             let number = model.id.sequence;
             write(number, &mut expected);
             let whole = *model == expected;
-            // The writer must end before this thread unwinds, or the scope waits for ever.
+            // The writer must end before this thread unwinds, or the scope never ends.
             if !whole || last.is_some_and(|last| last >= number) {
-                enough.store(true, Ordering::Release);
+                is_done.store(true, Ordering::Release);
             }
             assert!(whole, "the model {number} is torn:\n{model:?}\ninstead of\n{expected:?}");
             assert!(last.is_none_or(|last| last < number), "{number} after {last:?}");
             last = Some(number);
-            seen += 1;
+            received += 1;
         }
-        enough.store(true, Ordering::Release);
+        is_done.store(true, Ordering::Release);
     });
 }

@@ -6,31 +6,33 @@ use crate::error::{check, check_positive};
 /// Limits and times of the safety chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetySettings {
-    /// The force that a local model must not exceed before the ramp begins, N: at the start, and after the device was silent or
-    /// its hand came back elsewhere. `f64::MAX`: the ramp begins at once.
+    /// Rendered force below which the start-up ramp begins, N: at the start, after a device timeout, and after a jump of the hand.
+    /// With `f64::MAX` the ramp begins at once.
     pub arm_below_n: f64,
-    /// Time from that to full force, s. Zero: the first touch comes at once.
+    /// Duration of the start-up ramp, s. With zero the full force is applied at once.
     pub ramp_s: f64,
-    /// Model periods after which a local model counts as stale. More: an old force lasts longer.
+    /// Age above which a local model is stale, in model periods. With a larger value an old force lasts longer.
     pub stale_after_periods: f64,
-    /// Ticks in a row without a reading after which the device counts as silent.
+    /// Consecutive ticks without a reading or write after which the force fades.
     pub device_timeout_ticks: u64,
-    /// Time in which a force fades to zero once model or device is too old, or on a pause, s.
+    /// Duration of the fade to zero for a stale model, a silent device or a pause, s.
     pub fade_s: f64,
-    /// Speed of the hand from which on what pushes it along fades, m/s, to nothing at twice that. `f64::MAX`: never.
+    /// Speed of the hand above which the accelerating component of the force fades, m/s; it is zero at twice this speed. With
+    /// `f64::MAX` the velocity guard is off.
     pub max_speed_m_per_s: f64,
-    /// The largest damping with which the passivity stage takes energy back, N s/m. Zero: it only counts.
+    /// Maximum damping of the passivity stage, N s/m. With zero the stage only observes.
     pub passivity_damping_ns_per_m: f64,
-    /// Energy that may have been given beyond what was got before it does, J.
+    /// Energy given to the hand beyond that received at which the passivity stage starts to damp, J.
     pub passivity_tolerance_j: f64,
-    /// Largest force, N; the device's own limit applies besides.
+    /// Maximum force, N; the device's own limit also applies.
     pub max_force_n: f64,
-    /// Largest growth of the force, N/s; the device's own limit applies besides. More: harder contacts feel crisper, and errors hit harder.
+    /// Maximum growth of the force, N/s; the device's own limit also applies. With a larger value hard contacts feel crisper, and
+    /// errors hit harder.
     pub max_slew_n_per_s: f64,
 }
 
 impl Default for SafetySettings {
-    /// The table above; no limit of magnitude but the device's.
+    /// 0.5 N, 0.5 s, 3 model periods, 20 ticks, 0.1 s, 2 m/s, 5 N s/m, 1 mJ, no force limit besides the device's, 500 N/s.
     fn default() -> Self {
         Self {
             arm_below_n: 0.5,
@@ -48,14 +50,19 @@ impl Default for SafetySettings {
 }
 
 impl SafetySettings {
-    /// Refuses limits that limit nothing or make no sense.
+    /// Checks all ranges.
     ///
     /// # Errors
-    /// [`HapticsError::Setting`].
+    /// [`HapticsError::Setting`] for the first value out of range.
     pub fn validate(&self) -> Result<(), HapticsError> {
         let at_least_0 = |v: f64| v.is_finite() && v >= 0.0;
         let start = self.arm_below_n;
-        check("largest force at the start, N", start, at_least_0(start), "finite and at least 0")?;
+        check(
+            "largest force at the start (arm_below_n), N",
+            start,
+            at_least_0(start),
+            "finite and at least 0",
+        )?;
         check("start-up ramp, s", self.ramp_s, at_least_0(self.ramp_s), "finite and at least 0")?;
         check("fade, s", self.fade_s, at_least_0(self.fade_s), "finite and at least 0")?;
         let periods = self.stale_after_periods;

@@ -1,9 +1,9 @@
 use super::*;
 
-/// A device that is never the one to limit growth.
+/// A device without an effective growth limit.
 const LIMITS: DeviceLimits = DeviceLimits { force_n: 10.0, slew_n_per_s: 1e12 };
 
-/// A chain past its start-up ramp, without fades in progress.
+/// A chain after its start-up ramp, without fades in progress.
 fn warm(settings: &SafetySettings) -> SafetyChain {
     let mut chain = SafetyChain::new(1e-3, LIMITS).unwrap();
     for _ in 0..1000 {
@@ -17,7 +17,7 @@ fn still(force_n: DVec3) -> SafetyInput {
 }
 
 #[test]
-fn a_force_within_all_limits_is_left_alone() {
+fn force_within_limits_is_unchanged() {
     let settings = SafetySettings::default();
     let mut chain = warm(&settings);
     let force = DVec3::new(0.1, 0.2, -0.3);
@@ -27,7 +27,7 @@ fn a_force_within_all_limits_is_left_alone() {
 }
 
 #[test]
-fn what_is_not_finite_becomes_zero_and_the_next_force_grows_from_there() {
+fn non_finite_force_becomes_zero_and_growth_restarts() {
     let settings = SafetySettings::default();
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let mut chain = warm(&settings);
@@ -40,14 +40,14 @@ fn what_is_not_finite_becomes_zero_and_the_next_force_grows_from_there() {
 }
 
 #[test]
-fn a_length_that_overflows_is_not_let_through() {
+fn overflowing_length_is_limited() {
     let settings = SafetySettings::default();
     let (out, _) = warm(&settings).apply(&settings, &still(DVec3::splat(1e308)));
     assert!(out.is_finite() && out.length() <= 10.0, "{out}");
 }
 
 #[test]
-fn the_ramp_lets_force_in_over_its_time() {
+fn ramp_scales_force_over_its_duration() {
     let settings =
         SafetySettings { arm_below_n: f64::MAX, max_slew_n_per_s: 1e9, ..SafetySettings::default() };
     let mut chain = SafetyChain::new(1e-3, LIMITS).unwrap();
@@ -55,13 +55,13 @@ fn the_ramp_lets_force_in_over_its_time() {
         let (out, report) = chain.apply(&settings, &still(DVec3::X * 2.0));
         let expected = 2.0 * (f64::from(tick) / 500.0).min(1.0);
         assert!((out.x - expected).abs() < 1e-9, "tick {tick}: {out}");
-        // The sum of 500 parts may miss 1 by a rounding, so the tick after is asked.
+        // The sum of 500 parts may miss 1 by a rounding error; tick 501 is checked instead.
         assert_eq!(report.acted(), tick < 501 && report.gain < 1.0, "tick {tick}");
     }
 }
 
 #[test]
-fn a_stale_model_fades_in_a_tenth_of_a_second_and_a_fresh_one_comes_back() {
+fn stale_model_fades_out_and_fresh_one_fades_in() {
     let settings = SafetySettings { max_slew_n_per_s: 1e9, ..SafetySettings::default() };
     let mut chain = warm(&settings);
     let aged = |model_age_periods| SafetyInput { model_age_periods, ..still(DVec3::X) };
@@ -78,7 +78,7 @@ fn a_stale_model_fades_in_a_tenth_of_a_second_and_a_fresh_one_comes_back() {
 }
 
 #[test]
-fn a_silent_device_and_a_pause_fade_too() {
+fn silent_device_and_pause_fade_out() {
     let settings = SafetySettings::default();
     for input in [
         SafetyInput { silent_ticks: 21, ..still(DVec3::X * 0.4) },
@@ -91,7 +91,7 @@ fn a_silent_device_and_a_pause_fade_too() {
 }
 
 #[test]
-fn the_smaller_limit_of_magnitude_counts() {
+fn smaller_magnitude_limit_applies() {
     let strong = SafetySettings { max_slew_n_per_s: 1e9, ..SafetySettings::default() };
     let weak = SafetySettings { max_force_n: 2.0, ..strong };
     for (settings, limit) in [(strong, 10.0), (weak, 2.0)] {
@@ -102,7 +102,7 @@ fn the_smaller_limit_of_magnitude_counts() {
 }
 
 #[test]
-fn growth_is_bounded_falling_is_free_and_turning_round_is_growth() {
+fn limits_growth_and_reversal_but_not_decrease() {
     let settings = SafetySettings::default();
     let mut chain = warm(&settings);
     let mut next = |x: f64| chain.apply(&settings, &still(DVec3::X * x)).0.x;
@@ -114,12 +114,12 @@ fn growth_is_bounded_falling_is_free_and_turning_round_is_growth() {
 }
 
 #[test]
-fn after_missed_deadlines_force_grows_for_four_ticks_at_most() {
+fn missed_deadlines_allow_growth_of_four_ticks_at_most() {
     let settings = SafetySettings { arm_below_n: f64::MAX, ..SafetySettings::default() };
     for (elapsed, grown) in [(1, 0.5), (3, 1.5), (4, 2.0), (200, 2.0), (u64::MAX, 2.0)] {
         let input = SafetyInput { elapsed, ..still(DVec3::X * 9.0) };
         assert!((warm(&settings).apply(&settings, &input).0.x - grown).abs() < 1e-12);
-        // The start-up ramp and a fade in follow the same rule; a fade out counts all the time there was.
+        // Start-up ramp and fade-in follow the same rule; a fade-out counts all elapsed time.
         let mut fresh = SafetyChain::new(1e-3, LIMITS).unwrap();
         let (_, report) = fresh.apply(&settings, &input);
         assert!((report.gain - grown / 0.5 * 1e-3 / 0.5).abs() < 1e-12);
@@ -129,7 +129,7 @@ fn after_missed_deadlines_force_grows_for_four_ticks_at_most() {
 }
 
 #[test]
-fn the_ramp_waits_for_the_first_sample() {
+fn ramp_waits_for_first_sample() {
     let settings = SafetySettings { arm_below_n: f64::MAX, ..SafetySettings::default() };
     let mut chain = SafetyChain::new(1e-3, LIMITS).unwrap();
     for _ in 0..600 {
@@ -140,13 +140,13 @@ fn the_ramp_waits_for_the_first_sample() {
 }
 
 #[test]
-fn a_limit_below_zero_does_not_turn_the_force_round() {
+fn negative_limit_gives_zero_force() {
     let settings = SafetySettings { max_force_n: -5.0, ..SafetySettings::default() };
     assert_eq!(warm(&settings).apply(&settings, &still(DVec3::X * 9.0)).0, DVec3::ZERO);
 }
 
 #[test]
-fn limits_that_make_no_sense_are_refused() {
+fn rejects_settings_out_of_range() {
     let good = SafetySettings::default();
     good.validate().unwrap();
     for bad in [
@@ -171,10 +171,10 @@ fn limits_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn the_start_waits_for_a_small_force_of_a_model() {
+fn start_waits_for_small_force_of_model() {
     let settings = SafetySettings::default();
     let mut chain = SafetyChain::new(1e-3, LIMITS).unwrap();
-    // No model yet, then one that begins with 3 N: a hand that starts inside.
+    // No model yet, then one of 3 N: the hand starts inside a body.
     for _ in 0..300 {
         let silent = SafetyInput { has_model: false, ..still(DVec3::ZERO) };
         assert!(chain.apply(&settings, &silent).1.waiting);
@@ -183,7 +183,7 @@ fn the_start_waits_for_a_small_force_of_a_model() {
         let (out, report) = chain.apply(&settings, &still(DVec3::X * 3.0));
         assert!(out == DVec3::ZERO && report.waiting && report.gain == 0.0);
     }
-    // Once the hand has come out of it the ramp begins, whatever comes then.
+    // The ramp begins once the force is small, and continues at any force.
     assert!(!chain.apply(&settings, &still(DVec3::X * 0.5)).1.waiting);
     for tick in 2..=500 {
         let (out, _) = chain.apply(&settings, &still(DVec3::X * 3.0));
@@ -194,7 +194,7 @@ fn the_start_waits_for_a_small_force_of_a_model() {
 }
 
 #[test]
-fn a_hand_that_was_lost_starts_anew_and_one_that_blinked_does_not() {
+fn long_silence_and_jump_rearm_start_but_short_silence_does_not() {
     let settings = SafetySettings::default();
     let pressed = still(DVec3::X * 3.0);
     let settle = |chain: &mut SafetyChain| {
@@ -211,7 +211,7 @@ fn a_hand_that_was_lost_starts_anew_and_one_that_blinked_does_not() {
     settle(&mut chain);
     silence(&mut chain, 20);
     assert_eq!(chain.apply(&settings, &pressed).0, DVec3::X * 3.0);
-    // 20 ticks, and the fade of 100.
+    // The timeout of 20 ticks and the fade of 100.
     silence(&mut chain, 121);
     assert!(chain.apply(&settings, &pressed).1.waiting);
     settle(&mut chain);
@@ -223,7 +223,7 @@ fn a_hand_that_was_lost_starts_anew_and_one_that_blinked_does_not() {
 }
 
 #[test]
-fn a_fast_hand_is_braked_but_not_pushed_along() {
+fn velocity_guard_keeps_braking_and_fades_accelerating_force() {
     let settings = SafetySettings { passivity_damping_ns_per_m: 0.0, ..SafetySettings::default() };
     let at = |speed: f64, force: DVec3| {
         let input = SafetyInput { velocity_m_per_s: DVec3::X * speed, ..still(force) };
@@ -235,16 +235,16 @@ fn a_fast_hand_is_braked_but_not_pushed_along() {
     let (out, report) = at(3.0, push);
     assert!((out - DVec3::new(1.0, 1.0, 0.0)).length() < 1e-12 && report.speed_guarded && report.acted());
     assert!((at(4.0, push).0 - DVec3::Y).length() < 1e-12 && (at(400.0, push).0 - DVec3::Y).length() < 1e-12);
-    // What brakes stays.
+    // A braking force is unchanged.
     assert_eq!(at(400.0, -push).0, -push);
     assert!(!at(400.0, -push).1.speed_guarded);
 }
 
-/// A hand of 75 g held by a finger of little damping, pressed onto a surface whose force is 50 ms late: left alone that swings
-/// ever wider.
+/// A hand of 75 g with little damping presses onto a surface whose force is delayed by 50 ms: without passivity damping the
+/// oscillation grows.
 #[test]
-fn energy_that_was_not_put_in_is_taken_back() {
-    let swing = |damping: f64| -> (f64, bool) {
+fn passivity_stage_reduces_oscillation_of_delayed_surface() {
+    let oscillate = |damping: f64| -> (f64, bool) {
         let settings = SafetySettings {
             passivity_damping_ns_per_m: damping,
             passivity_tolerance_j: 1e-4,
@@ -256,7 +256,7 @@ fn energy_that_was_not_put_in_is_taken_back() {
         let (mut late, mut widest, mut acted) = (std::collections::VecDeque::from([0.0; 50]), 0.0_f64, false);
         for tick in 0..4000 {
             let before = x;
-            // 1 N of load, 0.3 N s/m of the finger.
+            // Load of 1 N, damping of the finger 0.3 N s/m.
             v += 1e-3 / 0.075 * (held.x - 0.3 * v - 1.0 - 60.0 * x);
             x += 1e-3 * v;
             late.push_back(-150.0 * x);
@@ -271,13 +271,13 @@ fn energy_that_was_not_put_in_is_taken_back() {
         }
         (widest, acted)
     };
-    let ((alone, none), (damped, acted)) = (swing(0.0), swing(5.0));
+    let ((undamped, none), (damped, acted)) = (oscillate(0.0), oscillate(5.0));
     assert!(!none && acted);
-    assert!(damped < 0.5 * alone, "{damped} m of {alone} m");
+    assert!(damped < 0.5 * undamped, "{damped} m of {undamped} m");
 }
 
 #[test]
-fn the_device_s_own_growth_counts_too() {
+fn growth_limit_of_device_applies() {
     let settings = SafetySettings::default();
     let limits = DeviceLimits::of_force(3.0);
     assert_eq!(limits.slew_n_per_s, 150.0);
@@ -289,7 +289,7 @@ fn the_device_s_own_growth_counts_too() {
 }
 
 #[test]
-fn what_each_stage_made_of_a_force_is_told() {
+fn reports_force_after_each_stage() {
     let settings = SafetySettings { max_force_n: 2.0, ..SafetySettings::default() };
     let mut chain = warm(&settings);
     let input = SafetyInput { velocity_m_per_s: DVec3::X * 3.0, ..still(DVec3::new(4.0, 3.0, 0.0)) };
@@ -302,11 +302,11 @@ fn what_each_stage_made_of_a_force_is_told() {
 }
 
 #[test]
-fn growth_is_counted_from_what_the_device_shows() {
+fn growth_counts_from_force_at_device() {
     let settings = SafetySettings::default();
     let mut chain = warm(&settings);
     let pressed = still(DVec3::X * 9.0);
-    // It does not take the first three.
+    // The first three writes fail.
     for _ in 0..3 {
         assert!((chain.apply(&settings, &pressed).0.x - 0.5).abs() < 1e-12);
         chain.write_failed();
@@ -315,14 +315,14 @@ fn growth_is_counted_from_what_the_device_shows() {
         assert!((chain.apply(&settings, &pressed).0.x - 0.5 * f64::from(tick)).abs() < 1e-12);
     }
     chain.rotate_frame(DQuat::from_rotation_z(std::f64::consts::PI));
-    assert!((chain.apply(&settings, &pressed).0.x - 0.5).abs() < 1e-12, "the other way is growth");
+    assert!((chain.apply(&settings, &pressed).0.x - 0.5).abs() < 1e-12, "a reversed force is growth");
     assert!((chain.apply(&settings, &pressed).0.x - 1.0).abs() < 1e-12);
     chain.reset_output();
     assert!((chain.apply(&settings, &pressed).0.x - 0.5).abs() < 1e-12);
 }
 
 #[test]
-fn no_number_however_large_makes_it_panic_or_let_a_force_through() {
+fn output_is_limited_for_extreme_inputs() {
     let values = [0.0, 1.0, -1.0, 1e-320, 1e150, -1e200, f64::MAX, f64::MIN, f64::INFINITY, f64::NAN];
     let vectors: Vec<DVec3> = (0..values.len().pow(2))
         .map(|i| DVec3::new(values[i % 10], values[i / 10], values[(i + i / 10) % 10]))

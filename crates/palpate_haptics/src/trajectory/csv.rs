@@ -1,13 +1,13 @@
-//! A trajectory's file.
+//! Trajectory files.
 
-use super::{FARTHEST_M, OF_LENGTH_1, Trajectory};
-use crate::TrajectoryError;
+use super::{MAX_COORDINATE_M, Trajectory, TrajectoryError, UNIT_TOLERANCE};
+use crate::CsvError;
 use glam::{DQuat, DVec3};
 use std::io::{Read, Write};
 use std::path::Path;
 
-/// The columns that every file has, and those that it may have.
-const PLACE: [&str; 4] = ["t_s", "x_m", "y_m", "z_m"];
+/// Columns of every file, then the optional ones.
+const POSITION: [&str; 4] = ["t_s", "x_m", "y_m", "z_m"];
 const BUTTONS: &str = "buttons";
 const ORIENTATION: [&str; 4] = ["qx", "qy", "qz", "qw"];
 
@@ -18,34 +18,30 @@ impl Trajectory {
     /// [`TrajectoryError`], with file and line.
     pub fn from_csv_file(path: impl AsRef<Path>) -> Result<Self, TrajectoryError> {
         let path = path.as_ref();
-        let file = std::fs::File::open(path)
-            .map_err(|source| TrajectoryError::File { path: path.to_owned(), source })?;
+        let file = std::fs::File::open(path).map_err(CsvError::file(path))?;
         Self::from_csv(file, path)
     }
 
-    /// Reads CSV from `reader`; `name` stands for the file in errors.
+    /// Reads CSV from `reader`; errors contain `name` in place of a path.
     ///
     /// # Errors
     /// [`TrajectoryError`], with `name` and line.
     pub fn from_csv(reader: impl Read, name: impl AsRef<Path>) -> Result<Self, TrajectoryError> {
         let path = || name.as_ref().to_owned();
-        let csv_error = |source: csv::Error| {
-            let line = source.position().map_or(1, csv::Position::line);
-            TrajectoryError::Csv { path: path(), line, source }
-        };
+        let csv_error = CsvError::reader(name.as_ref());
         let mut rows = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(reader);
-        let columns: Vec<String> = rows.headers().map_err(csv_error)?.iter().map(str::to_owned).collect();
+        let columns: Vec<String> = rows.headers().map_err(&csv_error)?.iter().map(str::to_owned).collect();
         let Some(Columns { buttons, orientation }) = Columns::of(&columns) else {
             return Err(TrajectoryError::Header { path: path(), found: columns.join(",") });
         };
-        let mut hand = Self { positions_m: Vec::new(), buttons: Vec::new(), orientations: Vec::new() };
+        let mut trajectory = Self { positions_m: Vec::new(), buttons: Vec::new(), orientations: Vec::new() };
         let mut start = 0.0;
         for row in rows.records() {
-            let row = row.map_err(csv_error)?;
+            let row = row.map_err(&csv_error)?;
             let line = row.position().map_or(0, csv::Position::line);
             if row.len() != columns.len() {
-                let (found, columns) = (row.len(), columns.clone());
-                return Err(TrajectoryError::Fields { path: path(), line, found, columns });
+                let (found, expected) = (row.len(), columns.len());
+                return Err(CsvError::Fields { path: path(), line, found, expected }.into());
             }
             let number = |i: usize| {
                 let finite = row[i].parse().ok().filter(|v: &f64| v.is_finite());
@@ -53,49 +49,50 @@ impl Trajectory {
                 finite.ok_or_else(|| TrajectoryError::Number { path: path(), line, column, found: found() })
             };
             let (t, position) = (number(0)?, DVec3::new(number(1)?, number(2)?, number(3)?));
-            if let Some(axis) = (0..3).find(|&axis| position[axis].abs() > FARTHEST_M) {
-                let (column, found) = (PLACE[axis + 1], position[axis]);
+            if let Some(axis) = (0..3).find(|&axis| position[axis].abs() > MAX_COORDINATE_M) {
+                let (column, found) = (POSITION[axis + 1], position[axis]);
                 return Err(TrajectoryError::Far { path: path(), line, column, found });
             }
-            if hand.positions_m.is_empty() {
+            if trajectory.positions_m.is_empty() {
                 start = t;
             }
-            let expected = start + hand.positions_m.len() as f64 * Self::PERIOD_S;
-            // A microsecond, and what rounding does to large times.
+            let expected = start + trajectory.positions_m.len() as f64 * Self::PERIOD_S;
+            // One microsecond, and the rounding of large times.
             if (t - expected).abs() > 1e-6 + 4.0 * f64::EPSILON * expected.abs() {
                 return Err(TrajectoryError::Time { path: path(), line, found: t, expected });
             }
-            hand.positions_m.push(position);
+            trajectory.positions_m.push(position);
             if let Some(at) = buttons {
                 let bits = row[at].parse::<u32>();
                 let found = || row[at].to_owned();
-                hand.buttons.push(bits.map_err(|_| TrajectoryError::Buttons {
+                trajectory.buttons.push(bits.map_err(|_| TrajectoryError::Buttons {
                     path: path(),
                     line,
                     found: found(),
                 })?);
             }
             if let Some(at) = orientation {
-                let turn = DQuat::from_xyzw(number(at)?, number(at + 1)?, number(at + 2)?, number(at + 3)?);
-                let found = turn.length();
-                if (found - 1.0).abs() >= OF_LENGTH_1 {
+                let orientation =
+                    DQuat::from_xyzw(number(at)?, number(at + 1)?, number(at + 2)?, number(at + 3)?);
+                let found = orientation.length();
+                if (found - 1.0).abs() >= UNIT_TOLERANCE {
                     return Err(TrajectoryError::Orientation { path: path(), line, found });
                 }
-                hand.orientations.push(turn.normalize());
+                trajectory.orientations.push(orientation.normalize());
             }
         }
-        if hand.positions_m.len() < 2 {
-            return Err(TrajectoryError::TooShort { path: path(), rows: hand.positions_m.len() });
+        if trajectory.positions_m.len() < 2 {
+            return Err(TrajectoryError::TooShort { path: path(), rows: trajectory.positions_m.len() });
         }
-        Ok(hand)
+        Ok(trajectory)
     }
 
-    /// Writes the file's text, times from zero, positions to the nearest 0.1 µm; buttons and orientations if there are any.
+    /// Writes CSV: times from zero, positions rounded to 0.1 µm, and buttons and orientations if there are any.
     ///
     /// # Errors
-    /// What `writer` returns.
+    /// Errors of `writer`.
     pub fn to_csv(&self, mut writer: impl Write) -> std::io::Result<()> {
-        write!(writer, "{}", PLACE.join(","))?;
+        write!(writer, "{}", POSITION.join(","))?;
         if !self.buttons.is_empty() {
             write!(writer, ",{BUTTONS}")?;
         }
@@ -121,22 +118,22 @@ impl Trajectory {
     }
 }
 
-/// Where the columns that a file need not have stand in it.
+/// Indices of the optional columns.
 struct Columns {
     buttons: Option<usize>,
     orientation: Option<usize>,
 }
 
 impl Columns {
-    /// Those of a header; `None` where it is none.
+    /// Parses a header; `None` if it is invalid.
     fn of(header: &[String]) -> Option<Self> {
-        let (place, rest) = header.split_at_checked(PLACE.len())?;
+        let (place, rest) = header.split_at_checked(POSITION.len())?;
         let (buttons, rest) = match rest {
-            [first, rest @ ..] if first == BUTTONS => (Some(PLACE.len()), rest),
+            [first, rest @ ..] if first == BUTTONS => (Some(POSITION.len()), rest),
             rest => (None, rest),
         };
         let orientation = (rest == ORIENTATION).then_some(header.len() - rest.len());
-        (place == PLACE && (rest.is_empty() || orientation.is_some()))
+        (place == POSITION && (rest.is_empty() || orientation.is_some()))
             .then_some(Self { buttons, orientation })
     }
 }

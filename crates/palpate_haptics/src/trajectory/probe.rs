@@ -1,4 +1,4 @@
-//! A hand that probes a surface: the generator of `assets/trajectories/probe.csv`.
+//! Generator of a probing trajectory, as in `assets/trajectories/probe.csv`.
 
 use super::Trajectory;
 use crate::HapticsError;
@@ -6,25 +6,25 @@ use crate::error::check;
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-/// A hand above a horizontal surface (normal +y) that presses several places, one after the other.
+/// Parameters of a trajectory that presses into several places of a horizontal surface (normal +y), one after the other.
 ///
 /// # The generator
 ///
-/// One probe takes 1.25 s: down 350 ms, dwelling 300 ms while the depth wavers, up 350 ms, across to the next
-/// place 250 ms. Each movement is the minimum-jerk one, s(τ) = 10τ³ − 15τ⁴ + 6τ⁵ (Flash and Hogan, Journal of
+/// One probe takes 1.25 s: down 350 ms, dwell 300 ms with a small oscillation of the depth, up 350 ms, across to the next place
+/// 250 ms. Each movement has minimum jerk, s(τ) = 10τ³ − 15τ⁴ + 6τ⁵ (Flash and Hogan, Journal of
 /// Neuroscience 5 (1985) 1688). Added to it is physiological tremor: on each axis five sinusoids between
 /// 8 and 12 Hz (the band of the hand's tremor: Elble and Randall, Electroencephalography and Clinical
 /// Neurophysiology 44 (1978) 72) of 0.1 mm RMS together, with phases from a seed. All frequencies are whole
-/// multiples of the inverse of the duration, so the hand ends where it begins and can be repeated.
+/// multiples of the inverse of the duration: the trajectory ends where it begins and can be repeated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
-    /// Height of the tool's centre above which it touches nothing, m.
+    /// Height of the tool's centre when the tool just touches the surface, m.
     pub surface_m: f64,
-    /// How many places are probed.
+    /// Number of probed places.
     pub probes: u32,
     /// Depth of the deepest probe, m.
     pub depth_m: f64,
-    /// RMS of the tremor on each axis, m.
+    /// RMS amplitude of the tremor on each axis, m.
     pub tremor_m: f64,
     /// Seed of the tremor's phases.
     pub seed: u64,
@@ -37,19 +37,19 @@ impl Default for Probe {
     }
 }
 
-/// Ticks of: down, dwelling, up, across.
+/// Ticks of the phases down, dwell, up, across.
 const PHASES: [f64; 4] = [350.0, 300.0, 350.0, 250.0];
 /// Height above the surface between two probes, m.
 const HOVER_M: f64 = 0.006;
-/// Centre and radius of the circle on which the places lie, m. None is on a node of the 6 x 6 x 6 block.
+/// Centre and radius of the circle of the probed places, m. No place coincides with a node of the 6 x 6 x 6 block.
 const CIRCLE_M: (DVec3, f64) = (DVec3::new(0.008, 0.0, 0.007), 0.022);
 
 impl Probe {
-    /// The hand's positions.
+    /// Generates the trajectory.
     ///
     /// # Errors
-    /// [`HapticsError::Setting`] when a number is not finite, there is no probe or more than 1000, or depth or
-    /// tremor is negative.
+    /// [`HapticsError::Setting`] for a number that is not finite, a number of probes other than 1 to 1000, and a depth or tremor
+    /// other than 0 to 0.1 m.
     pub fn trajectory(&self) -> Result<Trajectory, HapticsError> {
         let probes = self.probes;
         check("number of probes", f64::from(probes), (1..=1000).contains(&probes), "1 to 1000")?;
@@ -75,21 +75,21 @@ impl Probe {
         Trajectory::from_positions(positions_m)
     }
 
-    /// The intended place at `tick` of probe number `probe`.
+    /// Position without tremor, m, at `tick` of probe number `probe`.
     fn intended(&self, probe: f64, tick: f64) -> DVec3 {
         let place = |n: f64| {
             let angle = TAU * (n / f64::from(self.probes) + 0.1);
             CIRCLE_M.0 + CIRCLE_M.1 * DVec3::new(angle.cos(), 0.0, angle.sin())
         };
-        // The depths go up to `depth_m`; the last probe is the deepest.
+        // Depths increase to `depth_m` at the last probe.
         let depth = self.depth_m * (0.5 + 0.5 * (probe + 1.0) / f64::from(self.probes));
         let (hover, deep) = (self.surface_m + HOVER_M, self.surface_m - depth);
         let [down, dwell, up, across] = PHASES;
         let (height, along) = match tick {
             t if t < down => (hover + (deep - hover) * minimum_jerk(t / down), 0.0),
             t if t < down + dwell => {
-                let waver = 0.08 * depth * (TAU * 2.0 * (t - down) / dwell).sin();
-                (deep + waver, 0.0)
+                let oscillation = 0.08 * depth * (TAU * 2.0 * (t - down) / dwell).sin();
+                (deep + oscillation, 0.0)
             }
             t if t < down + dwell + up => {
                 (deep + (hover - deep) * minimum_jerk((t - down - dwell) / up), 0.0)

@@ -1,6 +1,5 @@
-//! Both ends of a bridge, and somebody who plays the other end by hand.
+//! Both ends of a bridge, and one end played by the test packet by packet.
 
-// Each test uses its part.
 #![allow(dead_code, reason = "not every test plays both ends")]
 
 use super::wait::wait_for;
@@ -12,17 +11,17 @@ use std::net::{SocketAddr, UdpSocket};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// What a device was asked, and what it is to answer.
+/// Calls of a device so far, and its next results.
 pub struct Hand {
     pub reading: Result<Reading, DeviceError>,
     pub written: Result<(), DeviceError>,
     pub opened: Result<(), DeviceError>,
-    /// Whether it panics where it would give an error.
+    /// Whether the device panics where it would return an error.
     pub panics: bool,
     pub forces: Vec<DVec3>,
-    /// How often it was to show a force, could it or not.
+    /// Number of writes, successful or not.
     pub writes: u32,
-    /// How often it was closed.
+    /// Number of closes.
     pub closes: u32,
     pub is_open: bool,
 }
@@ -55,12 +54,12 @@ impl TestDevice {
         Self { hand: Arc::new(Mutex::new(hand)), description }
     }
 
-    /// The force that it shows.
+    /// The applied force, N.
     pub fn force_n(&self) -> DVec3 {
         self.hand.lock().unwrap().forces.last().copied().unwrap_or_default()
     }
 
-    /// A peer that serves it, on any port.
+    /// A peer that serves the device on a free port.
     pub fn peer(&self, watchdog: Duration) -> BridgePeer {
         let settings = PeerSettings { address: any_port(), watchdog, ..PeerSettings::default() };
         BridgePeer::bind(settings, Box::new(self.clone())).unwrap()
@@ -82,7 +81,7 @@ impl HapticDevice for TestDevice {
             let hand = self.hand.lock().unwrap();
             (hand.reading, hand.panics)
         };
-        assert!(reading.is_ok() || !panics, "a driver that panics while it reads");
+        assert!(reading.is_ok() || !panics, "a driver panics while it reads");
         reading
     }
     fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError> {
@@ -94,8 +93,8 @@ impl HapticDevice for TestDevice {
             }
             (hand.written, hand.panics)
         };
-        // The lock is free again: others look at the hand afterwards.
-        assert!(written.is_ok() || !panics, "a driver that panics while it writes");
+        // The lock is released before the panic: the test reads the hand afterwards.
+        assert!(written.is_ok() || !panics, "a driver panics while it writes");
         written
     }
     fn close(&mut self) -> Result<(), DeviceError> {
@@ -110,32 +109,32 @@ pub fn any_port() -> SocketAddr {
     ([127, 0, 0, 1], 0).into()
 }
 
-/// Settings of a device at `address` that outlast a busy machine.
+/// Settings of a device at `address` with timeouts for a busy machine.
 pub fn patient(address: SocketAddr) -> BridgeSettings {
     let long = Duration::from_secs(10);
     BridgeSettings { address, open_within: long, silent_after: long, ..BridgeSettings::default() }
 }
 
-/// What `ask` gives, which waits for `peer`, turned meanwhile at the time zero of its clock.
-pub fn meanwhile<T: Send>(peer: &mut BridgePeer, ask: impl FnOnce() -> T + Send) -> T {
+/// Runs `call`, which waits for replies of `peer`, and serves it at time zero of its clock until `call` has returned.
+pub fn while_serving<T: Send>(peer: &mut BridgePeer, call: impl FnOnce() -> T + Send) -> T {
     std::thread::scope(|scope| {
-        let asked = scope.spawn(ask);
+        let result = scope.spawn(call);
         wait_for(|| {
             peer.receive(Duration::ZERO);
-            asked.is_finished()
+            result.is_finished()
         });
-        asked.join().unwrap()
+        result.join().unwrap()
     })
 }
 
-/// One who speaks by hand.
-pub struct Speaker {
+/// One end of a bridge, played by the test.
+pub struct ManualEnd {
     pub socket: UdpSocket,
     pub other: SocketAddr,
     pub session: u64,
 }
 
-impl Speaker {
+impl ManualEnd {
     pub fn new(other: SocketAddr) -> Self {
         let socket = UdpSocket::bind(any_port()).unwrap();
         socket.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
@@ -146,35 +145,35 @@ impl Speaker {
         self.socket.local_addr().unwrap()
     }
 
-    pub fn bytes(&self, bytes: &[u8]) {
+    pub fn send_bytes(&self, bytes: &[u8]) {
         self.socket.send_to(bytes, self.other).unwrap();
     }
 
-    pub fn say(&self, number: u64, body: Body) {
+    pub fn send(&self, number: u64, body: Body) {
         let packet = Packet { session: self.session, number, body };
-        self.bytes(packet.encode(&mut [0; MAX_SIZE]).unwrap());
+        self.send_bytes(packet.encode(&mut [0; MAX_SIZE]).unwrap());
     }
 
-    /// The next packet, whoever sent it.
-    pub fn hear(&mut self) -> Packet {
+    /// Receives the next packet from any sender.
+    pub fn receive(&mut self) -> Packet {
         let mut bytes = [0; 200];
         let (length, from) = self.socket.recv_from(&mut bytes).unwrap();
         self.other = from;
         Packet::parse(&bytes[..length]).unwrap()
     }
 
-    /// Whether nothing has come that was not heard.
-    pub fn hears_nothing(&self) -> bool {
+    /// Whether no packet is waiting.
+    pub fn receives_nothing(&self) -> bool {
         self.socket.set_nonblocking(true).unwrap();
         let nothing = self.socket.peek_from(&mut [0; 200]).is_err();
         self.socket.set_nonblocking(false).unwrap();
         nothing
     }
 
-    /// The next packet that is not a sample.
-    pub fn hear_but_samples(&mut self) -> Packet {
+    /// Receives the next packet that is not a sample.
+    pub fn receive_except_samples(&mut self) -> Packet {
         loop {
-            let packet = self.hear();
+            let packet = self.receive();
             if !matches!(packet.body, Body::Sample(_)) {
                 return packet;
             }
@@ -182,7 +181,7 @@ impl Speaker {
     }
 }
 
-/// What a peer played by hand says of itself.
+/// Description sent by a peer played by the test.
 pub fn welcome() -> Welcome {
     Welcome {
         name: Name::new("by hand"),
@@ -193,7 +192,7 @@ pub fn welcome() -> Welcome {
     }
 }
 
-/// A hand at `x`, m.
+/// A sample at `x`, m.
 pub fn sampled(x: f64) -> Sampled {
     Sampled {
         position_m: DVec3::X * x,
@@ -204,40 +203,40 @@ pub fn sampled(x: f64) -> Sampled {
     }
 }
 
-/// A peer that is played by hand, and its device, found. The player outlives it: nobody else is to get its last words.
-pub fn found(settings: impl FnOnce(BridgeSettings) -> BridgeSettings) -> (Speaker, BridgeDevice) {
-    let mut peer = Speaker::new(any_port());
+/// A peer played by the test, and its device after `find`. The peer outlives the device and receives its last packets.
+pub fn found(settings: impl FnOnce(BridgeSettings) -> BridgeSettings) -> (ManualEnd, BridgeDevice) {
+    let mut peer = ManualEnd::new(any_port());
     let settings = settings(patient(peer.address()));
     let device = std::thread::scope(|scope| {
         let device = scope.spawn(|| BridgeDevice::find(settings));
-        answer_hello(&mut peer, welcome());
+        reply_to_hello(&mut peer, welcome());
         device.join().unwrap().unwrap()
     });
-    // Hellos that were said again meanwhile.
-    while !peer.hears_nothing() {
-        peer.hear();
+    // Repeated hellos.
+    while !peer.receives_nothing() {
+        peer.receive();
     }
     (peer, device)
 }
 
-/// Answers the next hello.
-pub fn answer_hello(peer: &mut Speaker, welcome: Welcome) -> Packet {
-    let hello = peer.hear();
+/// Replies to the next hello.
+pub fn reply_to_hello(peer: &mut ManualEnd, welcome: Welcome) -> Packet {
+    let hello = peer.receive();
     assert_eq!(hello.body, Body::Hello);
     peer.session = hello.session;
-    peer.say(hello.number, Body::Welcome(welcome));
+    peer.send(hello.number, Body::Welcome(welcome));
     hello
 }
 
-/// Opens `device` with the peer played by hand.
-pub fn open(device: &mut BridgeDevice, peer: &mut Speaker) {
+/// Opens `device`, with the peer played by the test.
+pub fn open(device: &mut BridgeDevice, peer: &mut ManualEnd) {
     let opened = std::thread::scope(|scope| {
         let opened = scope.spawn(|| device.open());
-        answer_hello(peer, welcome());
+        reply_to_hello(peer, welcome());
         opened.join().unwrap()
     });
     opened.unwrap();
-    while !peer.hears_nothing() {
-        peer.hear();
+    while !peer.receives_nothing() {
+        peer.receive();
     }
 }

@@ -1,8 +1,8 @@
-//! Waiting for a thread.
+//! Waits for a condition set by another thread.
 
 use std::time::Duration;
 
-/// Waits until `done`, for ten seconds at most.
+/// Waits until `done`, at most ten seconds.
 #[expect(clippy::disallowed_methods, reason = "a test of a thread has to wait for it")]
 pub fn wait_for(mut done: impl FnMut() -> bool) {
     for _ in 0..10_000 {
@@ -11,5 +11,5 @@ pub fn wait_for(mut done: impl FnMut() -> bool) {
         }
         std::thread::sleep(Duration::from_millis(1));
     }
-    panic!("it did not happen within ten seconds");
+    panic!("the condition did not become true within ten seconds");
 }

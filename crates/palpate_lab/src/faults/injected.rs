@@ -83,7 +83,7 @@ pub(crate) fn all() -> Vec<Injected> {
     vec![
         (
             "read_error_once",
-            bridged("the device failed: the device did not answer"),
+            bridged("the device failed: the device did not reply"),
             reads(1, DeviceError::TimedOut),
         ),
         ("read_error_20_ticks", bridged("the device failed"), reads(20, DeviceError::TimedOut)),
@@ -148,7 +148,7 @@ pub(crate) fn all() -> Vec<Injected> {
         // The device goes on with what it has until it is stopped beside the loop, for which there has to be a thread.
         (
             "write_error_300_ticks",
-            fades(301, "the device failed: the device did not answer"),
+            fades(301, "the device failed: the device did not reply"),
             writes(300, DeviceError::TimedOut),
         ),
         (
@@ -158,7 +158,7 @@ pub(crate) fn all() -> Vec<Injected> {
         ),
         (
             "local_model_with_nan",
-            fades(STALE, "a local model was refused"),
+            fades(STALE, "local model rejected"),
             models(|model| {
                 model.force_n.y = f64::NAN;
                 true
@@ -176,7 +176,7 @@ pub(crate) fn all() -> Vec<Injected> {
         ),
         (
             "local_model_with_wrong_sizes",
-            fades(STALE, "a local model was refused"),
+            fades(STALE, "local model rejected"),
             models(|model| {
                 (model.scheme, model.reduced.order) = (palpate_local::Scheme::Neighbourhood, usize::MAX);
                 true

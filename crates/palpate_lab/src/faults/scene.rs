@@ -107,7 +107,7 @@ impl Scene {
             // What is not written is not felt: the device goes on with what it had.
             let held = turned.forces.last().map_or(DVec3::ZERO, |(_, force)| *force);
             let felt = if written.is_ok() { ticked.device_force_n } else { held };
-            haptic_loop.finish_tick(&ticked, None, written);
+            haptic_loop.finish_tick(ticked, None, written);
             turned.forces.push((tick, felt));
             if tick % PERIOD == 0 {
                 // The model side knows the hand by the loop's samples alone.

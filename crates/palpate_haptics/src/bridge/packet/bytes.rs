@@ -1,4 +1,4 @@
-//! Little-endian numbers out of bytes and into them. Where there are too few bytes there is `None`.
+//! Reads and writes little-endian numbers; `None` if too few bytes are left.
 
 use glam::DVec3;
 

@@ -1,57 +1,57 @@
-//! What can be wrong with a packet.
+//! Errors of packets.
 
-use super::{MAGIC, VERSION};
+use super::format::{MAGIC, VERSION};
 use thiserror::Error;
 
-/// Why bytes are no packet, or a packet is not sent. It carries no heap.
+/// Why bytes could not be parsed or a packet could not be encoded. It holds no heap memory.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum PacketError {
-    /// It is shorter or longer than its kind.
+    /// The length does not match the kind.
     #[error("a packet has {found} bytes; it must have {expected}")]
     Length {
-        /// Its length.
+        /// Length found, bytes.
         found: usize,
-        /// What it must be.
+        /// Expected length, bytes.
         expected: usize,
     },
-    /// It does not begin as every packet does.
+    /// The first bytes are not [`MAGIC`].
     #[error("a packet does not begin with {MAGIC:02x?}")]
     Magic,
-    /// It is of another version of the protocol.
+    /// The packet is of another version of the protocol.
     #[error("a packet is of version {0}; it must be {VERSION}")]
     Version(u16),
-    /// There is no such kind.
-    #[error("a packet is of kind {0}; there are 1 to 6")]
+    /// The kind does not exist.
+    #[error("a packet is of kind {0}; it must be 1 to 6")]
     Kind(u8),
-    /// A byte, a flag or a field without a meaning is not zero.
-    #[error("a byte without a meaning is not zero")]
+    /// A reserved byte, flag or field is not zero.
+    #[error("a reserved byte is not zero")]
     Reserved,
-    /// It belongs to no session, and must.
-    #[error("a sample, a force or a stop is of session 0, which there never is")]
+    /// The session number is 0 in a packet that belongs to a session.
+    #[error("a sample, a force or a stop is of session 0, which is not a session")]
     Session,
-    /// It has the number 0; they are counted from 1.
+    /// The packet number is 0.
     #[error("a hello, a sample, a force or a stop has the number 0; they are counted from 1")]
     Counted,
-    /// A number is not finite, or beyond what is allowed.
+    /// A number is not finite or out of range.
     #[error("{what} is {value}; it must be {least} to {most}")]
     Beyond {
-        /// What it is, with its unit.
+        /// Quantity, with its unit.
         what: &'static str,
-        /// The number.
+        /// Rejected number.
         value: f64,
-        /// The least that is allowed.
+        /// Minimum.
         least: f64,
-        /// The most that is allowed.
+        /// Maximum.
         most: f64,
     },
-    /// The orientation is no rotation.
-    #[error("the orientation is no unit quaternion; its square must be 1 within 0.0002")]
+    /// The orientation is not a unit quaternion.
+    #[error("the orientation is not a unit quaternion; its squared length must be 1 within 0.0002")]
     Orientation,
-    /// The name is empty, not UTF-8, has control characters, or something after its end.
+    /// The name is empty, is not UTF-8, or contains control characters or bytes after its end.
     #[error("the name must be 1 to 32 bytes of UTF-8 without control characters, then zeros")]
     Name,
-    /// There is no such reason for an end.
-    #[error("a session ends for reason {0}; there are 1 to 6")]
+    /// The reason of an end does not exist.
+    #[error("a session ends for reason {0}; it must be 1 to 6")]
     Reason(u32),
 }

@@ -1,16 +1,16 @@
-//! A device's name in a packet.
+//! Name of a device in a packet.
 
 use super::PacketError;
 use std::fmt;
 
 const SIZE: usize = 32;
 
-/// A name of 1 to 32 bytes of UTF-8 without control characters. It needs no heap.
+/// A name of 1 to 32 bytes of UTF-8 without control characters. It holds no heap memory.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Name([u8; SIZE]);
 
 impl Name {
-    /// As much of `name` as there is room for, without control characters; "device" where nothing is left.
+    /// Truncates `name` to the capacity and removes control characters; "device" if nothing is left.
     #[must_use]
     pub fn new(name: &str) -> Self {
         let (mut bytes, mut used) = ([0; SIZE], 0);
@@ -22,14 +22,14 @@ impl Name {
         if used == 0 { Self::new("device") } else { Self(bytes) }
     }
 
-    /// The name.
+    /// The name as text.
     #[must_use]
     pub fn as_str(&self) -> &str {
-        // A name is only made of what is UTF-8.
+        // The bytes are UTF-8 by construction.
         self.used().and_then(|used| str::from_utf8(used).ok()).unwrap_or_default()
     }
 
-    /// What is before the zeros, if nothing else is after it.
+    /// The bytes before the zero padding; `None` if other bytes follow.
     fn used(&self) -> Option<&[u8]> {
         let length = self.0.iter().position(|byte| *byte == 0).unwrap_or(SIZE);
         let (used, rest) = self.0.split_at_checked(length)?;

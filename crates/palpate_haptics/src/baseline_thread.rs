@@ -1,16 +1,14 @@
-//! A thread that wakes as the loop's does and does nothing: what of the loop's lateness is the machine's.
+//! A thread that wakes like the loop's and does no work: it measures the part of the loop's lateness that the machine causes.
 //!
-//! It asks for the same ([`crate::RealTime`]), sleeps until absolute deadlines of the same period on the same clock, and
-//! measures its lateness in the same way. What it is late, nothing in a tick can help; what the loop is later, a tick
-//! costs.
+//! The baseline thread makes the same requests ([`crate::RealTimeRequest`]), sleeps until absolute deadlines of the same period on
+//! the same clock, and measures its lateness in the same way. Its lateness is the machine's; any additional lateness of the loop
+//! comes from the ticks.
 //!
-//! Both run at the same time, the bare thread's deadlines half a period after the loop's. One after the other, in turns,
-//! they would meet different load, and a core that just had nothing to do sleeps deeper and wakes later. At the same
-//! deadlines one of the two would wait for the other on a core that both use: threads of equal priority do not interrupt
-//! each other. Half a period is as far apart as they can be. A tick that takes longer than that may still make the bare
-//! thread late where both are on one core; so deadlines that passed during a tick are counted and their lateness left out.
-//! That leaves out those too at which the whole machine stood still during a tick, which makes the bare thread look better and
-//! not the loop.
+//! Both threads run at the same time, and the baseline's deadlines are half a period after the loop's. Run in turns, the two would
+//! meet different load, and an idle core sleeps deeper and wakes later. With equal deadlines on one core, one would wait for the
+//! other, because threads of equal priority do not preempt each other. A tick longer than half a period may still delay the baseline
+//! on a shared core. Deadlines that pass during a tick are therefore counted, and their lateness is left out. This also leaves out
+//! stalls of the whole machine during a tick, which favours the baseline over the loop.
 
 use crate::clock::MonotonicClock;
 use crate::{HapticsError, LoopConfig, RealTimeReport, TimeHistogram};
@@ -19,7 +17,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// A running bare thread. It waits for the loop beside it ([`crate::run_beside`]) to begin. Dropping it stops it.
+/// A running baseline thread. It waits for the loop ([`crate::run_with_baseline`]) to start. Drop stops it.
+#[doc(hidden)]
 #[derive(Debug)]
 pub struct BaselineThread {
     clock: MonotonicClock,
@@ -31,38 +30,39 @@ pub struct BaselineThread {
 #[derive(Debug, Default)]
 struct Shared {
     stop: AtomicBool,
-    /// On the thread's clock, ns; 0 before the loop begins.
+    /// First deadline on the thread's clock, ns; 0 before the loop starts.
     first_deadline_ns: AtomicU64,
-    /// The newest of its deadlines that passed during a tick of the loop, likewise.
+    /// Newest deadline that passed during a tick of the loop, ns.
     during_tick_ns: AtomicU64,
 }
 
-/// What a bare thread measured.
+/// Measurements of a baseline thread.
+#[doc(hidden)]
 #[derive(Clone, Debug)]
 pub struct BaselineReport {
-    /// What it got of what it asked the operating system for.
+    /// Results of the real-time requests.
     pub real_time: RealTimeReport,
-    /// Times that it woke.
+    /// Number of wake-ups.
     pub ticks: u64,
-    /// Of them, those for a deadline that passed during a tick of the loop, which may have held it up.
+    /// Wake-ups whose deadline passed during a tick of the loop, which may have delayed them.
     pub during_ticks: u64,
-    /// Deadlines that passed while it slept; as in the loop, they are left out and not made up for.
+    /// Deadlines that passed while it slept; they are skipped, as in the loop.
     pub missed_deadlines: u64,
-    /// How long after its deadline it woke, where no tick can have held it up.
+    /// Time from the deadline to the wake-up, without those that a tick may have delayed.
     pub lateness: TimeHistogram,
 }
 
 impl BaselineThread {
-    /// Starts a bare thread beside a loop made with `config`: the same requests and the same period.
+    /// Starts a baseline thread for a loop with `config`: the same requests and the same period.
     ///
     /// # Errors
-    /// [`HapticsError::Thread`] when the operating system gives no thread, others when `config` makes no sense.
+    /// [`HapticsError::Thread`] if the operating system cannot create a thread; other errors for a value of `config` out of range.
     pub fn spawn(config: &LoopConfig) -> Result<Self, HapticsError> {
         config.validate()?;
         let (clock, shared) = (MonotonicClock::start(), Arc::new(Shared::default()));
-        let (other, real_time) = (Arc::clone(&shared), config.real_time);
+        let (of_thread, real_time) = (Arc::clone(&shared), config.real_time);
         let period_ns = Duration::from_secs_f64(config.hand_over.tick_s).as_nanos() as u64;
-        // The histogram is made here: as the loop's, the thread only fills it.
+        // Allocated here: like the loop's thread, the thread only fills it.
         let lateness = TimeHistogram::new();
         let thread = std::thread::Builder::new()
             .name("bare".into())
@@ -70,8 +70,8 @@ impl BaselineThread {
                 let real_time = real_time.apply_to_current_thread();
                 let mut report =
                     BaselineReport { real_time, ticks: 0, during_ticks: 0, missed_deadlines: 0, lateness };
-                if let Some(first_ns) = wait_for_first(clock, &other, period_ns) {
-                    wake(clock, &other, first_ns, period_ns, &mut report);
+                if let Some(first_ns) = wait_for_first(clock, &of_thread, period_ns) {
+                    run_periods(clock, &of_thread, first_ns, period_ns, &mut report);
                 }
                 report
             })
@@ -79,13 +79,13 @@ impl BaselineThread {
         Ok(Self { clock, period_ns, shared, thread: Some(thread) })
     }
 
-    /// Its first deadline is in `wait_ns`.
+    /// Sets the first deadline `wait_ns` from now.
     pub(crate) fn begin_in(&self, wait_ns: u64) {
-        // Release, with the acquire of the thread, is no more than tidy: the number stands for itself.
+        // Relaxed would suffice: the value carries no other data.
         self.shared.first_deadline_ns.store(self.clock.now_ns() + wait_ns, Ordering::Release);
     }
 
-    /// The loop has just ended a tick that took `took_ns`.
+    /// Notes that the loop has just ended a tick of duration `took_ns`.
     pub(crate) fn note_tick(&self, took_ns: u64) {
         let (now_ns, first_ns) = (self.clock.now_ns(), self.shared.first_deadline_ns.load(Ordering::Acquire));
         if let Some(deadline_ns) = passed_within(first_ns, self.period_ns, now_ns, took_ns) {
@@ -93,12 +93,18 @@ impl BaselineThread {
         }
     }
 
-    /// The loop has ended, and it with the loop.
+    /// Ends the thread together with the loop.
     pub(crate) fn end_with_loop(&self) {
         self.shared.stop.store(true, Ordering::Release);
     }
 
-    /// Stops it and waits for it, a period at most; `None` if it panicked.
+    /// Whether the loop has started.
+    #[cfg(test)]
+    pub(crate) fn has_started(&self) -> bool {
+        self.shared.first_deadline_ns.load(Ordering::Acquire) > 0
+    }
+
+    /// Stops the thread and waits for it, at most one period; `None` if it panicked.
     #[must_use]
     pub fn stop(mut self) -> Option<BaselineReport> {
         self.end()
@@ -116,7 +122,7 @@ impl Drop for BaselineThread {
     }
 }
 
-/// The first deadline that is still to come once the loop has begun; `None` after a stop.
+/// Waits for the start of the loop and returns the next deadline; `None` after a stop.
 fn wait_for_first(clock: MonotonicClock, shared: &Shared, period_ns: u64) -> Option<u64> {
     while !shared.stop.load(Ordering::Acquire) {
         let first_ns = shared.first_deadline_ns.load(Ordering::Acquire);
@@ -129,14 +135,14 @@ fn wait_for_first(clock: MonotonicClock, shared: &Shared, period_ns: u64) -> Opt
     None
 }
 
-/// The newest deadline before `now_ns`, if it was less than `took_ns` ago.
+/// The newest deadline before `now_ns`, if it lies less than `took_ns` back.
 fn passed_within(first_ns: u64, period_ns: u64, now_ns: u64, took_ns: u64) -> Option<u64> {
     let since_ns = now_ns.checked_sub(first_ns)? % period_ns;
     (since_ns < took_ns).then_some(now_ns - since_ns)
 }
 
-/// The loop's waiting and its accounts, without a tick.
-fn wake(
+/// Waits and measures like the loop, without ticks.
+fn run_periods(
     clock: MonotonicClock,
     shared: &Shared,
     mut deadline_ns: u64,
@@ -147,7 +153,7 @@ fn wake(
         clock.sleep_until(deadline_ns);
         let lateness_ns = clock.now_ns() - deadline_ns;
         let missed = lateness_ns / period_ns;
-        // A tick that still goes on, on another core, has held up nothing.
+        // A tick that is still running, on another core, has delayed nothing.
         if shared.during_tick_ns.load(Ordering::Acquire) == deadline_ns {
             report.during_ticks += 1;
         } else {
@@ -162,33 +168,10 @@ fn wake(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Reading, RealTimeRequest, ScriptedDevice, haptic_loop, run_with_baseline};
-    use glam::DVec3;
+    use crate::RealTimeRequest;
 
     #[test]
-    fn it_waits_for_the_loop_and_then_accounts_for_every_deadline() {
-        let config = LoopConfig { real_time: RealTimeRequest::NONE, ..LoopConfig::default() };
-        let (_handle, haptic_loop) = haptic_loop(config, crate::LoopSettings::default()).unwrap();
-        let bare = BaselineThread::spawn(&config).unwrap();
-        let stop = Arc::new(AtomicBool::new(false));
-        let flag = Arc::clone(&stop);
-        let mut device = ScriptedDevice::new(move |n, _| {
-            flag.store(n >= 100, Ordering::Release);
-            Ok(Reading::at(DVec3::ZERO))
-        });
-        let (clock, begun_ns) = (bare.clock, bare.clock.now_ns());
-        assert_eq!(bare.shared.first_deadline_ns.load(Ordering::Acquire), 0, "it waits");
-        run_with_baseline(haptic_loop, &mut device, &stop, &bare);
-        let report = bare.stop().unwrap();
-        let took_ms = (clock.now_ns() - begun_ns) / 1_000_000;
-        let deadlines = report.ticks + report.missed_deadlines;
-        assert!((10..=took_ms).contains(&deadlines), "{deadlines} in {took_ms} ms");
-        assert_eq!(report.lateness.count() + report.during_ticks, report.ticks);
-        assert_eq!(report.real_time, RealTimeReport::default());
-    }
-
-    #[test]
-    fn a_deadline_counts_as_during_a_tick_if_the_tick_had_begun_before_it() {
+    fn deadline_within_tick_duration_counts_as_during_tick() {
         for (now_ns, took_ns, deadline_ns) in [
             (1400, 300, None),
             (1500, 0, None),
@@ -203,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn it_ends_without_a_loop_and_refuses_what_a_loop_does() {
+    fn stops_without_loop_and_rejects_invalid_config() {
         let config = LoopConfig { real_time: RealTimeRequest::NONE, ..LoopConfig::default() };
         let report = BaselineThread::spawn(&config).unwrap().stop().unwrap();
         assert_eq!((report.ticks, report.missed_deadlines), (0, 0));

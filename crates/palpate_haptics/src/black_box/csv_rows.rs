@@ -1,14 +1,14 @@
-//! Ticks as rows of comma-separated values; the columns are described at [`super::Recording`].
+//! Conversion between ticks and CSV rows; [`super::Recording`] documents the columns.
 
 use super::{BlackBoxError, BlackBoxTick, RecordedDeviceError, SafetyActions};
-use crate::{StageForces, TickTiming};
+use crate::{CsvError, StageForces, TickTiming};
 use csv::StringRecord;
 use glam::{DQuat, DVec3};
 use palpate_local::{ModelId, Sample, SampleOrigin};
 use std::io::{Result as IoResult, Write};
 use std::path::Path;
 
-/// The columns.
+/// Names of the columns, in order.
 #[rustfmt::skip]
 pub(crate) const COLUMNS: [&str; 45] = [
     "sequence", "time_s", "elapsed",
@@ -35,7 +35,7 @@ pub(crate) fn write_header(writer: &mut impl Write) -> IoResult<()> {
     writeln!(writer, "{}", COLUMNS.join(","))
 }
 
-/// Numbers are written with as many digits as it takes to read them back to the bit.
+/// Writes one row, with enough digits for an exact round trip.
 pub(crate) fn write_row(writer: &mut impl Write, tick: &BlackBoxTick) -> IoResult<()> {
     write!(writer, "{},{:?},{},", tick.sequence, tick.time_s, tick.elapsed)?;
     match &tick.sample {
@@ -76,15 +76,15 @@ fn numbers(writer: &mut impl Write, values: impl IntoIterator<Item = f64>) -> Io
     values.into_iter().try_for_each(|value| write!(writer, "{value:?},"))
 }
 
-/// The tick in `row`, which stands on this line of the file.
+/// Parses the tick in `row`, which is at `line` of the file `path`.
 pub(super) fn read_row(path: &Path, line: u64, row: &StringRecord) -> Result<BlackBoxTick, BlackBoxError> {
     if row.len() != COLUMNS.len() {
         let (path, found, expected) = (path.to_owned(), row.len(), COLUMNS.len());
-        return Err(BlackBoxError::Fields { path, line, found, expected });
+        return Err(CsvError::Fields { path, line, found, expected }.into());
     }
     let mut fields = Fields { path, line, row, at: 0 };
     let (sequence, time_s, elapsed) = (fields.count()?, fields.number()?, fields.count()?);
-    let sample = fields.maybe(12, |fields| {
+    let sample = fields.optional(12, |fields| {
         let origin = "measured, interpolated or repeated";
         let origin = fields.parsed(origin, |text| ORIGINS.iter().find(|(_, name)| *name == text))?.0;
         let (position_m, velocity_m_per_s) = (fields.vector()?, fields.vector()?);
@@ -93,7 +93,7 @@ pub(super) fn read_row(path: &Path, line: u64, row: &StringRecord) -> Result<Bla
         let buttons = fields.parsed("a whole number below 2^32", |text| text.parse().ok())?;
         Ok(Sample { sequence, time_s, position_m, velocity_m_per_s, orientation, buttons, origin })
     })?;
-    let model = fields.maybe(3, |fields| {
+    let model = fields.optional(3, |fields| {
         let (sequence, body, epoch) = (fields.count()?, fields.count()?, fields.count()?);
         Ok(ModelId { body, epoch, sequence })
     })?;
@@ -108,7 +108,7 @@ pub(super) fn read_row(path: &Path, line: u64, row: &StringRecord) -> Result<Bla
     let fault = |fields: &mut Fields| {
         fields.parsed("the name of a device error, or empty", RecordedDeviceError::named)
     };
-    let (read_failed, write_failed) = (fields.maybe(1, fault)?, fields.maybe(1, fault)?);
+    let (read_failed, write_failed) = (fields.optional(1, fault)?, fields.optional(1, fault)?);
     Ok(BlackBoxTick {
         sequence,
         time_s,
@@ -126,7 +126,7 @@ pub(super) fn read_row(path: &Path, line: u64, row: &StringRecord) -> Result<Bla
     })
 }
 
-/// The fields of a row, one after the other.
+/// Reads the fields of a row in order.
 struct Fields<'a> {
     path: &'a Path,
     line: u64,
@@ -135,7 +135,7 @@ struct Fields<'a> {
 }
 
 impl Fields<'_> {
-    /// The next field as `parse` takes it; `expected` says what that is.
+    /// Parses the next field; `expected` describes the valid content in errors.
     fn parsed<T>(
         &mut self,
         expected: &'static str,
@@ -162,8 +162,8 @@ impl Fields<'_> {
         Ok(DVec3::new(self.number()?, self.number()?, self.number()?))
     }
 
-    /// `None` where the next `fields` are empty, else what `read` reads of them.
-    fn maybe<T>(
+    /// Returns `None` if the next `fields` fields are empty, otherwise the result of `read`.
+    fn optional<T>(
         &mut self,
         fields: usize,
         read: impl FnOnce(&mut Self) -> Result<T, BlackBoxError>,

@@ -1,5 +1,4 @@
-//! What the black box knows of the safety chain. This file is the only one that has to follow when the chain gets another
-//! stage.
+//! Actions of the safety chain, as recorded by the black box. A new stage of the chain needs changes here only.
 
 #![cfg_attr(
     not(test),
@@ -9,7 +8,7 @@
 use crate::SafetyReport;
 use std::fmt::{Display, Formatter};
 
-/// What acted at a tick.
+/// Actions of the safety chain at one tick.
 pub(super) fn actions_of(report: &SafetyReport) -> SafetyActions {
     let happened = [
         (SafetyAction::NotFinite, report.not_finite),
@@ -25,32 +24,32 @@ pub(super) fn actions_of(report: &SafetyReport) -> SafetyActions {
     happened.into_iter().filter(|(_, acted)| *acted).map(|(action, _)| action).collect()
 }
 
-/// Something that the safety chain did, or found.
+/// Action or finding of the safety chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum SafetyAction {
-    /// A force that was not finite became zero.
+    /// A force that was not finite was replaced by zero.
     NotFinite,
-    /// The start waited for a small force.
+    /// The start stage waited for a small force.
     Waiting,
-    /// The gains, of start-up, fades and pause, made the force smaller.
+    /// The gains of start-up, fades and pause reduced the force.
     Gains,
-    /// The local model was too old.
+    /// The local model was stale.
     Stale,
-    /// The device had been silent for too long.
+    /// The device timeout had passed without a reading or write.
     Silent,
-    /// The velocity guard made the force smaller.
+    /// The velocity guard reduced the force.
     VelocityGuard,
-    /// The passivity stage damped.
+    /// The passivity stage added damping.
     Passivity,
-    /// The force was longer than the limit.
+    /// The force exceeded the magnitude limit.
     Magnitude,
-    /// The force grew faster than the limit.
+    /// The growth of the force exceeded its limit.
     Slew,
 }
 
 impl SafetyAction {
-    /// All of them, in the chain's order.
+    /// All actions, in the order of the chain.
     pub const ALL: [Self; 9] = [
         Self::NotFinite,
         Self::Waiting,
@@ -63,7 +62,7 @@ impl SafetyAction {
         Self::Slew,
     ];
 
-    /// Its name in a file.
+    /// Name of the action in a file.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -85,24 +84,24 @@ impl SafetyAction {
 pub struct SafetyActions(u16);
 
 impl SafetyActions {
-    /// Whether `action` is among them.
+    /// Whether the set contains `action`.
     #[must_use]
     pub fn contains(self, action: SafetyAction) -> bool {
         self.0 & 1 << action as u16 != 0
     }
 
-    /// Whether there is none.
+    /// Whether the set is empty.
     #[must_use]
     pub fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// Those that are among them, in the chain's order.
+    /// The actions of the set, in the order of the chain.
     pub fn iter(self) -> impl Iterator<Item = SafetyAction> {
         SafetyAction::ALL.into_iter().filter(move |action| self.contains(*action))
     }
 
-    /// Those of the names in `text`, with `+` between them.
+    /// Parses names joined by `+`; an empty text is the empty set.
     pub(crate) fn named(text: &str) -> Option<Self> {
         let named = |name: &str| SafetyAction::ALL.into_iter().find(|action| action.name() == name);
         if text.is_empty() { Some(Self::default()) } else { text.split('+').map(named).collect() }
@@ -116,7 +115,7 @@ impl FromIterator<SafetyAction> for SafetyActions {
 }
 
 impl Display for SafetyActions {
-    /// Their names with `+` between them; nothing where there is none.
+    /// The names joined by `+`; nothing for the empty set.
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         for (i, action) in self.iter().enumerate() {
             write!(f, "{}{}", if i > 0 { "+" } else { "" }, action.name())?;

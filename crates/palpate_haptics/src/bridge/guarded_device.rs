@@ -1,45 +1,45 @@
-//! The device behind a peer: no panic of it comes through, and once it has failed it is zeroed until it obeys, or closed.
+//! The device behind a peer: catches its panics, and after a failure writes zero force until that succeeds or closes the device.
 
 use crate::{DeviceError, HapticDevice, Reading};
 use glam::DVec3;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
-/// A device that has not taken zero force for so long is closed, which is to leave it with zero force too.
-const UNZEROED_AT_MOST: Duration = Duration::from_millis(100);
+/// Time without a successful write of zero force after which the device is closed, which must also set zero force.
+const ZERO_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// What the device is fit for.
+/// Operational state of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// To be written and read.
+    /// Can be written and read.
     Ready,
-    /// Only for zero force, until it is opened anew.
+    /// Accepts only zero force until it is reopened.
     Failed,
-    /// For nothing, until it is opened anew.
+    /// Closed until it is reopened.
     Closed,
 }
 
-/// A device that is open, or was.
-pub(super) struct Guarded {
+/// A device that has been opened, with its state.
+pub(super) struct GuardedDevice {
     device: Box<dyn HapticDevice>,
     state: State,
-    /// When it was first told to show zero force and did not, if it has not since.
+    /// Time of the first failed write of zero force, if none has succeeded since.
     unzeroed_since: Option<Duration>,
 }
 
-impl Guarded {
+impl GuardedDevice {
     /// Opens `device`.
     pub(super) fn open(mut device: Box<dyn HapticDevice>) -> Result<Self, DeviceError> {
         device.open()?;
         Ok(Self { device, state: State::Ready, unzeroed_since: None })
     }
 
-    /// Whether it may be written and read; if not, a session needs it opened anew.
+    /// Whether the device can be written and read; otherwise a new session has to reopen it.
     pub(super) fn is_ready(&self) -> bool {
         self.state == State::Ready
     }
 
-    /// It is shown zero force from now on, and nothing else.
+    /// Marks the device as failed: from now on it gets only zero force.
     pub(super) fn fail(&mut self) {
         if self.is_ready() {
             self.state = State::Failed;
@@ -54,7 +54,7 @@ impl Guarded {
         self.call(|device| device.read(within))
     }
 
-    /// Tries to show zero force, at the time `now`.
+    /// Tries to write zero force at time `now`.
     pub(super) fn zero(&mut self, now: Duration) {
         if self.state != State::Closed {
             let written = self.write(DVec3::ZERO);
@@ -62,24 +62,24 @@ impl Guarded {
         }
     }
 
-    /// Notes what became of a zero force that was written at the time `now`, and closes what has not taken one for too long.
+    /// Records the result of writing zero force at time `now`, and closes the device if the writes have failed for too long.
     pub(super) fn note_zero(&mut self, written: Result<(), DeviceError>, now: Duration) {
         if written.is_ok() {
             self.unzeroed_since = None;
             return;
         }
         let since = *self.unzeroed_since.get_or_insert(now);
-        if now.saturating_sub(since) >= UNZEROED_AT_MOST {
+        if now.saturating_sub(since) >= ZERO_TIMEOUT {
             self.close();
         }
     }
 
-    /// A force is shown again: what is not zero need not be.
-    pub(super) fn begin(&mut self) {
+    /// Starts a session: the device no longer has to be at zero force.
+    pub(super) fn start_session(&mut self) {
         self.unzeroed_since = None;
     }
 
-    /// Closes it if it is open, and opens it.
+    /// Closes the device if it is open, and opens it.
     pub(super) fn reopen(&mut self) -> Result<(), DeviceError> {
         self.close();
         self.call(|device| device.open())?;
@@ -87,22 +87,22 @@ impl Guarded {
         Ok(())
     }
 
-    /// Closes it, once. It counts as closed even if it says that it failed.
+    /// Closes the device once. It counts as closed even if closing fails.
     pub(super) fn close(&mut self) {
         if self.state != State::Closed {
             self.state = State::Closed;
-            // Nobody is left to be told of an error.
+            // An error has no receiver.
             let _ = self.call(|device| device.close());
         }
     }
 
-    /// What `ask` gives; a panic is an error like any other.
+    /// Calls `operation` on the device; a panic becomes an error.
     fn call<T>(
         &mut self,
-        ask: impl FnOnce(&mut dyn HapticDevice) -> Result<T, DeviceError>,
+        operation: impl FnOnce(&mut dyn HapticDevice) -> Result<T, DeviceError>,
     ) -> Result<T, DeviceError> {
-        // Of a device that panicked nothing is asked but zero force, close and open.
-        let asked = catch_unwind(AssertUnwindSafe(|| ask(self.device.as_mut())));
-        asked.unwrap_or(Err(DeviceError::Protocol("its driver panicked")))
+        // Unwind safety: after a panic only zero force, close and open are called on the device.
+        let result = catch_unwind(AssertUnwindSafe(|| operation(self.device.as_mut())));
+        result.unwrap_or(Err(DeviceError::Protocol("its driver panicked")))
     }
 }

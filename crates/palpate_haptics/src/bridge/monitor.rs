@@ -1,44 +1,44 @@
-//! What came over a bridge and what did not, counted where it runs and read from anywhere.
+//! Counts of packets on a bridge, written by its thread and readable from any thread.
 
-use super::order::Arrival;
+use super::packet_order::Arrival;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What one end of a bridge has counted since it was made. Packets are samples at palpate's end, forces at the peer's.
+/// Counts of one end of a bridge since its creation. Packets are samples at palpate's end and forces at the peer's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BridgeCounts {
-    /// Sessions that began.
+    /// Started sessions.
     pub sessions: u64,
-    /// Sessions that were over because the other end was silent.
+    /// Sessions ended by a timeout of the other end.
     pub silences: u64,
-    /// Packets that were newer than all before.
+    /// Packets newer than all previous ones.
     pub taken: u64,
-    /// Of these, such that were never used, because a newer one had come by then.
+    /// Newer packets that were not used because an even newer one followed before their use.
     pub skipped: u64,
-    /// Numbers that have not come.
+    /// Packets missing in the sequence of numbers.
     pub lost: u64,
-    /// Packets that came after a newer one. They are not used.
+    /// Packets that arrived after a newer one, and were dropped.
     pub late: u64,
-    /// Packets that came again. They are not used.
+    /// Packets that arrived twice; the second was dropped.
     pub duplicated: u64,
-    /// Packets that break the protocol, or are of another version.
+    /// Packets that violate the protocol or are of another version.
     pub corrupt: u64,
-    /// Packets from somebody else.
+    /// Packets from another sender.
     pub foreign: u64,
     /// Packets of another session.
     pub other_session: u64,
-    /// At the peer: forces beyond the device's largest, which are not shown, and readings that no packet can carry. At palpate's
-    /// end: forces that were not finite or beyond the largest, which are not sent.
+    /// At the peer: rejected forces above the device's maximum, and readings out of the range of the protocol. At palpate's end:
+    /// rejected forces that were not finite or above the maximum.
     pub refused: u64,
-    /// At palpate's end: forces that had been sent when the newest sample came, and were not shown when it was taken.
+    /// At palpate's end: forces sent by the arrival of the newest sample, but not yet applied when that sample was measured.
     pub unshown: u64,
 }
 
-/// Reads the counts of an end of a bridge, from any thread. Counts of one reading may be some packets apart.
+/// Reads the counts of one end of a bridge, from any thread. The counts of one call may differ by a few packets in time.
 #[derive(Clone, Debug, Default)]
 pub struct BridgeMonitor(Arc<Counters>);
 
-/// Written by one thread each.
+/// Counters, each written by one thread.
 #[derive(Debug, Default)]
 pub(super) struct Counters {
     pub(super) sessions: AtomicU64,
@@ -56,10 +56,10 @@ pub(super) struct Counters {
 }
 
 impl BridgeMonitor {
-    /// The counts as they are now.
+    /// The current counts.
     #[must_use]
     pub fn counts(&self) -> BridgeCounts {
-        // They carry no other data.
+        // Relaxed: the counters carry no other data.
         let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         let counters = &self.0;
         BridgeCounts {
@@ -84,14 +84,14 @@ impl BridgeMonitor {
 }
 
 impl Counters {
-    /// Counts `arrival`, and whether it is newer than all before.
+    /// Counts `arrival`; returns whether it is newer than all previous ones.
     pub(super) fn note(&self, arrival: Arrival) -> bool {
         match arrival {
             Arrival::Newer { missing } => {
                 self.lost.fetch_add(missing, Ordering::Relaxed);
                 add_one(&self.taken);
             }
-            Arrival::Again => add_one(&self.duplicated),
+            Arrival::Duplicate => add_one(&self.duplicated),
             Arrival::Late { was_missing } => {
                 self.lost.fetch_sub(u64::from(was_missing), Ordering::Relaxed);
                 add_one(&self.late);
@@ -101,7 +101,7 @@ impl Counters {
     }
 }
 
-/// One more.
+/// Increments `counter`.
 pub(super) fn add_one(counter: &AtomicU64) {
     counter.fetch_add(1, Ordering::Relaxed);
 }

@@ -1,54 +1,54 @@
-//! A socket that never waits.
+//! Non-blocking socket for packets.
 
 use super::packet::{Header, MAX_SIZE, Packet, PacketError};
 use crate::DeviceError;
 use std::io::{self, ErrorKind};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 
-/// So many packets are looked at in a row at most, so that nobody who sends without end can keep an end from its work. It is more
-/// than a socket's usual buffer has room for.
-pub(super) const MOST_IN_A_ROW: usize = 512;
+/// Maximum number of packets processed in a row: a flood of packets must not block an end. It exceeds the usual capacity of a
+/// socket's buffer.
+pub(super) const MAX_RECEIVED: usize = 512;
 
-/// The socket of one end.
+/// The socket of one end of a bridge.
 #[derive(Debug)]
-pub(super) struct Link(UdpSocket);
+pub(super) struct PacketSocket(UdpSocket);
 
-/// What has come.
+/// Result of receiving.
 #[derive(Debug)]
 pub(super) enum Received {
-    /// Nothing more.
+    /// No more datagrams.
     Nothing,
-    /// Something that cannot be read.
+    /// A datagram that could not be read.
     Unreadable,
-    /// Word that what was sent could not be delivered.
+    /// Notice that a sent datagram could not be delivered.
     Undelivered,
-    /// A datagram. Of one of another version there is a header and an error.
+    /// A datagram. A packet of another version gives a header and an error.
     Datagram { from: SocketAddr, header: Option<Header>, packet: Result<Packet, PacketError> },
 }
 
-/// A datagram that was larger than the room for it, on Windows.
+/// Windows error number of a datagram larger than the buffer.
 const WSAEMSGSIZE: i32 = 10_040;
 
-impl Link {
-    /// One that listens on `address`.
+impl PacketSocket {
+    /// Creates a socket that listens on `address`.
     pub(super) fn bind(address: SocketAddr) -> io::Result<Self> {
         let socket = UdpSocket::bind(address)?;
         socket.set_nonblocking(true)?;
         Ok(Self(socket))
     }
 
-    /// One that speaks with `peer`, on a port of its own; with a peer on a loopback address it cannot be reached from elsewhere.
-    pub(super) fn towards(peer: SocketAddr) -> io::Result<Self> {
-        let here = match (peer.ip(), peer.ip().is_loopback()) {
+    /// Creates a socket for packets to `peer`, on a free port. For a peer on a loopback address, it is not reachable from other machines.
+    pub(super) fn to(peer: SocketAddr) -> io::Result<Self> {
+        let local = match (peer.ip(), peer.ip().is_loopback()) {
             (IpAddr::V4(_), true) => IpAddr::V4(Ipv4Addr::LOCALHOST),
             (IpAddr::V4(_), false) => IpAddr::V4(Ipv4Addr::UNSPECIFIED),
             (IpAddr::V6(_), true) => IpAddr::V6(Ipv6Addr::LOCALHOST),
             (IpAddr::V6(_), false) => IpAddr::V6(Ipv6Addr::UNSPECIFIED),
         };
-        Self::bind(SocketAddr::new(here, 0))
+        Self::bind(SocketAddr::new(local, 0))
     }
 
-    /// Another handle of the same socket.
+    /// Another handle to the same socket.
     pub(super) fn try_clone(&self) -> io::Result<Self> {
         self.0.try_clone().map(Self)
     }
@@ -57,9 +57,9 @@ impl Link {
         self.0.local_addr()
     }
 
-    /// The oldest datagram that has not been received yet, without waiting.
+    /// Receives the oldest waiting datagram, without blocking.
     pub(super) fn receive(&self) -> io::Result<Received> {
-        // One byte more than the largest packet: what is longer still is cut, and has no packet's length either.
+        // One byte more than the largest packet: longer datagrams are truncated to a length that no packet has.
         let mut bytes = [0; MAX_SIZE + 1];
         match self.0.recv_from(&mut bytes) {
             Ok((length, from)) => {
@@ -76,7 +76,7 @@ impl Link {
         }
     }
 
-    /// Sends `packet` without waiting.
+    /// Sends `packet` without blocking.
     pub(super) fn send(&self, packet: &Packet, to: SocketAddr) -> Result<(), SendError> {
         let mut buffer = [0; MAX_SIZE];
         let bytes = packet.encode(&mut buffer).map_err(|_| SendError::Packet)?;
@@ -87,24 +87,24 @@ impl Link {
 /// Why a packet was not sent.
 #[derive(Debug)]
 pub(super) enum SendError {
-    /// No packet can say that.
+    /// The content exceeds the ranges of the protocol.
     Packet,
-    /// The operating system refused.
+    /// The operating system returned an error.
     Os(io::Error),
 }
 
 impl SendError {
-    /// What a device says of it.
-    pub(super) fn of_device(&self) -> DeviceError {
+    /// The corresponding error of a device.
+    pub(super) fn device_error(&self) -> DeviceError {
         match self {
-            Self::Packet => DeviceError::Protocol("a force that no packet can carry"),
-            Self::Os(error) => of_device(error),
+            Self::Packet => DeviceError::Protocol("a force out of the range of the bridge's protocol"),
+            Self::Os(error) => device_error(error),
         }
     }
 }
 
-/// What a device says of the socket's error.
-pub(super) fn of_device(error: &io::Error) -> DeviceError {
+/// The device error that corresponds to an error of the socket.
+pub(super) fn device_error(error: &io::Error) -> DeviceError {
     match error.kind() {
         ErrorKind::WouldBlock | ErrorKind::Interrupted | ErrorKind::TimedOut => DeviceError::TimedOut,
         ErrorKind::ConnectionRefused | ErrorKind::ConnectionReset => DeviceError::Disconnected,

@@ -1,4 +1,4 @@
-//! Packets from bytes and to bytes.
+//! Parses and encodes packets.
 
 use super::bytes::{Reader, Writer};
 use super::{
@@ -6,21 +6,21 @@ use super::{
 };
 use glam::DQuat;
 
-/// What packets of all versions begin with.
+/// Header common to packets of all versions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
-    /// The version of the protocol.
+    /// Version of the protocol.
     pub version: u16,
-    /// The kind; that of a hello is the same in all versions.
+    /// Kind of the packet; a hello has the same kind in all versions.
     pub kind: u8,
-    /// The session.
+    /// Session number.
     pub session: u64,
-    /// The number.
+    /// Packet number.
     pub number: u64,
 }
 
 impl Header {
-    /// The header of a packet of any version; `None` of what is no packet.
+    /// Reads the header of a packet of any version; `None` if the bytes are not a packet.
     #[must_use]
     pub fn of(bytes: &[u8]) -> Option<Self> {
         let mut read = Reader::new(bytes);
@@ -31,14 +31,14 @@ impl Header {
         Some(Self { version, kind, session: read.u64()?, number: read.u64()? })
     }
 
-    /// Whether it begins a session, in whatever version.
+    /// Whether the packet is a hello, in any version.
     #[must_use]
     pub fn is_hello(&self) -> bool {
         self.kind == Body::Hello.kind()
     }
 }
 
-/// The size of a packet of this kind.
+/// Size of a packet of this kind, bytes.
 fn size_of(kind: u8) -> Result<usize, PacketError> {
     match kind {
         1 | 5 => Ok(HEADER_SIZE),
@@ -51,10 +51,10 @@ fn size_of(kind: u8) -> Result<usize, PacketError> {
 }
 
 impl Packet {
-    /// The packet that `bytes` are.
+    /// Parses a packet.
     ///
     /// # Errors
-    /// [`PacketError`], of the first thing that is wrong.
+    /// [`PacketError`] for the first violation of the protocol.
     pub fn parse(bytes: &[u8]) -> Result<Self, PacketError> {
         let found = bytes.len();
         let Some(Header { version, kind, session, number }) = Header::of(bytes) else {
@@ -80,10 +80,10 @@ impl Packet {
         Ok(packet)
     }
 
-    /// Writes it to `buffer`, and gives the part that it fills.
+    /// Encodes the packet to `buffer` and returns the used part.
     ///
     /// # Errors
-    /// [`PacketError`] of what [`Packet::parse`] would not take.
+    /// [`PacketError`] if [`Packet::parse`] would reject the result.
     pub fn encode<'a>(&self, buffer: &'a mut [u8; MAX_SIZE]) -> Result<&'a [u8], PacketError> {
         self.check()?;
         let kind = self.body.kind();
@@ -100,7 +100,7 @@ impl Packet {
     }
 }
 
-/// `None` where there are too few bytes, which the size has been compared with before.
+/// Returns `None` for too few bytes, which the caller has excluded.
 fn read_body(kind: u8, bytes: &[u8]) -> Option<Result<Body, PacketError>> {
     let mut read = Reader::new(bytes);
     let body = match kind {
