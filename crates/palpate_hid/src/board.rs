@@ -25,14 +25,16 @@
 
 mod calibration;
 mod driver;
+mod force_limits;
 mod kinematics;
-mod limits;
 mod linkage;
 mod options;
 mod packet;
-mod polhem;
-mod turns;
-mod woodenhaptics;
+mod polhem_linkage;
+mod presets;
+mod reach;
+mod report_credits;
+mod woodenhaptics_linkage;
 
 pub use calibration::{BoardCalibration, BoardHoming};
 pub use kinematics::BoardKinematics;
@@ -44,9 +46,9 @@ use crate::driver::Driver;
 use crate::{HidError, HidInfo, ReportDescriptor, Usage};
 
 /// Whether its numbers are those of such a board.
-pub(crate) fn is_one(info: &HidInfo, teensy_is_board: bool) -> bool {
+pub(crate) fn is_one(info: &HidInfo, treat_teensy_as_board: bool) -> bool {
     let numbers = (info.vendor, info.product);
-    (numbers == (0x1234, 0x0006) || (teensy_is_board && numbers == (0x16C0, 0x0486)))
+    (numbers == (0x1234, 0x0006) || (treat_teensy_as_board && numbers == (0x16C0, 0x0486)))
         && info.applications.contains(&Usage::new(0xFFAB, 0x0200))
 }
 

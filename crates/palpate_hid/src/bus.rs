@@ -6,10 +6,10 @@ use std::fmt;
 use std::time::Duration;
 
 /// The longest input report that is read, bytes, its number included. Those of the devices known here have 64.
-pub const LONGEST_INPUT: usize = 256;
+pub const MAX_INPUT_REPORT_BYTES: usize = 256;
 
 /// Where HID devices come from: the operating system ([`SystemBus`](crate::SystemBus)), or a stand-in for tests
-/// ([`StandInBus`](crate::StandInBus)).
+/// ([`SimulatedBus`](crate::SimulatedBus)).
 pub trait HidBus: Send + Sync + fmt::Debug {
     /// What is plugged in, of every kind. It may take a tenth of a second.
     ///
@@ -33,7 +33,7 @@ pub trait HidBus: Send + Sync + fmt::Debug {
     ///
     /// # Errors
     /// [`HidError`].
-    fn open_beside(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError>;
+    fn open_shared(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError>;
 }
 
 impl<B: HidBus + ?Sized> HidBus for std::sync::Arc<B> {
@@ -49,8 +49,8 @@ impl<B: HidBus + ?Sized> HidBus for std::sync::Arc<B> {
         (**self).open(info)
     }
 
-    fn open_beside(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
-        (**self).open_beside(info)
+    fn open_shared(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
+        (**self).open_shared(info)
     }
 }
 

@@ -1,10 +1,11 @@
 //! A HID device as a haptic device: found, opened, lost and found again.
 
-use crate::driver::{Driver, StopsSent, driver};
+use crate::driver::{Driver, StopCounter};
 use crate::link::Link;
 use crate::{
     BoardCalibration, BoardOptions, Clock, FoundDevice, HidBus, HidConnection, HidCounters, HidError,
-    HidInfo, HidSelector, JoystickOptions, ReportDescriptor, SpaceMouseOptions, clock,
+    HidInfo, HidKind, HidSelector, JoystickOptions, ReportDescriptor, SpaceMouseOptions, board, clock,
+    joystick, space_mouse,
 };
 use glam::DVec3;
 use palpate_haptics::{DeviceDescription, DeviceError, EmergencyStop, HapticDevice, Reading};
@@ -88,7 +89,7 @@ impl HidDevice {
         let bytes = bus.descriptor(&found.info)?;
         let parsed = ReportDescriptor::parse(&bytes)
             .map_err(|source| HidError::Descriptor { device: device(), source })?;
-        let driver = driver(found.kind, &found.info, &parsed, options)?;
+        let driver = new_driver(found.kind, &found.info, &parsed, options)?;
         drop(bus.open(&found.info)?);
         let counters = HidCounters::default();
         let beside = beside(&found.info, &bus.list()?);
@@ -169,7 +170,7 @@ impl HidDevice {
             [one] => Ok(one),
             [first, ..] if has_serial => Ok(first),
             _ => Err(HidError::Several {
-                asked: format!("like {}, which has no serial number", known.label()),
+                requested: format!("like {}, which has no serial number", known.label()),
                 found: found.iter().map(|info| info.path.clone()).collect(),
             }),
         }
@@ -188,7 +189,7 @@ impl HapticDevice for HidDevice {
     }
 
     fn quantized_force_n(&self, force_n: DVec3) -> DVec3 {
-        self.driver.shown_n(force_n)
+        self.driver.displayed_force_n(force_n)
     }
 
     fn open(&mut self) -> Result<(), DeviceError> {
@@ -220,7 +221,7 @@ impl HapticDevice for HidDevice {
         };
         let is_elsewhere = opened.as_ref().is_ok_and(|(found, _)| found.info.path != self.found.info.path);
         if is_gone || is_elsewhere {
-            self.driver.was_gone();
+            self.driver.mark_disconnected();
         }
         let (found, connection) = opened.map_err(|error: HidError| error.for_loop())?;
         self.found = found;
@@ -254,8 +255,8 @@ impl HapticDevice for HidDevice {
         if reports.is_empty() || self.link.is_none() {
             return None;
         }
-        let connection = self.bus.open_beside(&self.found.info).ok()?;
-        Some(Box::new(StopBeside { connection, reports, sent: self.driver.stops_sent() }))
+        let connection = self.bus.open_shared(&self.found.info).ok()?;
+        Some(Box::new(SharedStop { connection, reports, sent: self.driver.stop_counter() }))
     }
 
     fn close(&mut self) -> Result<(), DeviceError> {
@@ -275,13 +276,13 @@ impl Drop for HidDevice {
 }
 
 /// Stops a device from another thread.
-struct StopBeside {
+struct SharedStop {
     connection: Box<dyn HidConnection>,
     reports: Vec<Vec<u8>>,
-    sent: Option<StopsSent>,
+    sent: Option<StopCounter>,
 }
 
-impl EmergencyStop for StopBeside {
+impl EmergencyStop for SharedStop {
     fn stop(&mut self) -> Result<(), DeviceError> {
         let mut stopped = Ok(());
         for report in &self.reports {
@@ -294,4 +295,21 @@ impl EmergencyStop for StopBeside {
         }
         stopped
     }
+}
+
+/// The driver for a device of `kind`.
+///
+/// # Errors
+/// [`HidError::Unsupported`], [`HidError::Option`].
+fn new_driver(
+    kind: HidKind,
+    info: &HidInfo,
+    descriptor: &ReportDescriptor,
+    options: &HidOptions,
+) -> Result<Box<dyn Driver>, HidError> {
+    Ok(match kind {
+        HidKind::SpaceMouse => space_mouse::driver(info, options.space_mouse)?,
+        HidKind::Joystick => joystick::driver(info, descriptor, options.joystick)?,
+        HidKind::Board => board::driver(info, descriptor, options.board)?,
+    })
 }

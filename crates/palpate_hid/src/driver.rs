@@ -1,8 +1,7 @@
 //! What the three kinds of device have in common, once one of them is open.
 
+use crate::BoardCalibration;
 use crate::link::Link;
-use crate::{BoardCalibration, HidError, HidInfo, HidKind, HidOptions, ReportDescriptor};
-use crate::{board, joystick, space_mouse};
 use glam::DVec3;
 use palpate_haptics::{DeviceDescription, DeviceError, Reading};
 use std::sync::Arc;
@@ -11,9 +10,9 @@ use std::time::Duration;
 
 /// How often a device was stopped by another thread since its driver last asked.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct StopsSent(Arc<AtomicU32>);
+pub(crate) struct StopCounter(Arc<AtomicU32>);
 
-impl StopsSent {
+impl StopCounter {
     /// A report that ends all force has been sent.
     pub(crate) fn note(&self) {
         self.0.fetch_add(1, Ordering::AcqRel);
@@ -31,7 +30,7 @@ pub(crate) trait Driver: Send {
     fn describe(&self) -> DeviceDescription;
 
     /// The part of a force that its motors can show, N, in the device's frame.
-    fn shown_n(&self, force_n: DVec3) -> DVec3 {
+    fn displayed_force_n(&self, force_n: DVec3) -> DVec3 {
         force_n
     }
 
@@ -48,7 +47,7 @@ pub(crate) trait Driver: Send {
     fn stop(&mut self, link: &mut Link) -> Result<(), DeviceError>;
 
     /// The device was not there when it was looked for, or is somewhere else by now: it has been unplugged.
-    fn was_gone(&mut self) {}
+    fn mark_disconnected(&mut self) {}
 
     /// Whether it is known to end its force by itself when nobody writes to it any more.
     fn ends_by_itself(&self) -> bool;
@@ -57,7 +56,7 @@ pub(crate) trait Driver: Send {
     fn stop_reports(&self) -> Vec<Vec<u8>>;
 
     /// Where such a thread counts the reports that it has sent, for a driver that has to know.
-    fn stops_sent(&self) -> Option<StopsSent> {
+    fn stop_counter(&self) -> Option<StopCounter> {
         None
     }
 
@@ -65,21 +64,4 @@ pub(crate) trait Driver: Send {
     fn calibration(&self) -> Option<BoardCalibration> {
         None
     }
-}
-
-/// The driver for a device of `kind`.
-///
-/// # Errors
-/// [`HidError::Unsupported`], [`HidError::Option`].
-pub(crate) fn driver(
-    kind: HidKind,
-    info: &HidInfo,
-    descriptor: &ReportDescriptor,
-    options: &HidOptions,
-) -> Result<Box<dyn Driver>, HidError> {
-    Ok(match kind {
-        HidKind::SpaceMouse => space_mouse::driver(info, options.space_mouse)?,
-        HidKind::Joystick => joystick::driver(info, descriptor, options.joystick)?,
-        HidKind::Board => board::driver(info, descriptor, options.board)?,
-    })
 }

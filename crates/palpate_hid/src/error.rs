@@ -13,20 +13,20 @@ pub enum HidError {
     #[error("the HID devices cannot be listed: {0}")]
     List(String),
     /// Nothing that is plugged in is what was asked for.
-    #[error("no {asked} is plugged in; there {}{}", list(.present), hint(.teensy.as_deref()))]
+    #[error("no {requested} is plugged in; there {}{}", list(.present), hint(.teensy.as_deref()))]
     NotFound {
         /// What was asked for.
-        asked: String,
+        requested: String,
         /// What there is.
         present: Vec<String>,
         /// A Teensy among it that is what was asked for, if it is a board.
         teensy: Option<String>,
     },
     /// More than one is what was asked for.
-    #[error("{} devices are {asked}: {}; name one by its serial number or its path, or ask for the first", .found.len(), .found.join(", "))]
+    #[error("{} devices are {requested}: {}; name one by its serial number or its path, or ask for the first", .found.len(), .found.join(", "))]
     Several {
         /// What was asked for.
-        asked: String,
+        requested: String,
         /// What there is of it.
         found: Vec<String>,
     },
@@ -144,7 +144,7 @@ fn rule(vendor: u16, product: u16) -> String {
 fn hint(teensy: Option<&str>) -> String {
     teensy.map_or_else(String::new, |teensy| {
         format!(
-            "; {teensy} may be a 3-DOF board, which no Teensy can tell: if it is one, say so with `teensy_is_board`, or --teensy-is-board of palpate-lab devices"
+            "; {teensy} may be a 3-DOF board, which no Teensy can tell: if it is one, say so with `treat_teensy_as_board`, or --teensy-is-board of palpate-lab devices"
         )
     })
 }

@@ -31,20 +31,20 @@
 )]
 
 mod effect;
-mod force;
-mod form;
+mod effect_duration;
+mod force_scale;
 mod input;
-mod lasting;
 mod layout;
 mod options;
+mod report_encoding;
 pub(crate) mod usages;
 
 pub use options::JoystickOptions;
 
 use crate::driver::Driver;
-use crate::link::{Link, Understood};
+use crate::link::{Handled, Link};
 use crate::{HidError, HidInfo, ReportDescriptor, ReportKind};
-use effect::{Effect, check_room};
+use effect::{Effect, check_capacity};
 use glam::{DQuat, DVec3};
 use input::Said;
 use layout::{Axes, Layout};
@@ -57,7 +57,7 @@ const RESTART: Duration = Duration::from_millis(40);
 /// After the device was set to zero the whole force comes back within this time.
 const RECOVERY: Duration = Duration::from_millis(20);
 /// The most that one tick counts of it.
-const LONGEST_TICK: Duration = Duration::from_millis(2);
+const MAX_TICK: Duration = Duration::from_millis(2);
 
 /// Whether its applications allow it: a joystick, or a game pad.
 pub(crate) fn may_be_one(info: &HidInfo) -> bool {
@@ -137,7 +137,7 @@ impl Joystick {
 
     /// Zero, and from there on anew: one axis must not go on with an old force while the other has a new one. Where an axis does not
     /// even take zero the actuators are switched off.
-    fn let_go(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+    fn zero_all(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.part = 0.0;
         let mut zeroed = Ok(());
         for effect in &mut self.effects {
@@ -153,7 +153,7 @@ impl Joystick {
 
     /// Lets the effects act again, which may have been stopped beside.
     fn restart(&mut self, link: &mut Link) -> Result<(), DeviceError> {
-        self.let_go(link)?;
+        self.zero_all(link)?;
         link.write(&self.layout.control.enable)?;
         self.effects.iter_mut().try_for_each(|effect| effect.start(link))?;
         self.is_stopped = false;
@@ -193,7 +193,7 @@ impl Driver for Joystick {
         }
     }
 
-    fn shown_n(&self, force_n: DVec3) -> DVec3 {
+    fn displayed_force_n(&self, force_n: DVec3) -> DVec3 {
         let axes = self.options.plane.iter().take(self.axes());
         axes.map(|axis| force_n.dot(*axis) * *axis).sum()
     }
@@ -202,7 +202,7 @@ impl Driver for Joystick {
         self.effects.clear();
         self.place = None;
         // What came before it was opened is old.
-        link.drain(Duration::ZERO, |_| Understood::Nothing)?;
+        link.drain(Duration::ZERO, |_| Handled::Ignored)?;
         link.write(&self.layout.control.reset)?;
         if let Some(resume) = &self.layout.control.resume {
             // A reset need not end a pause. One that does not take this may do without.
@@ -213,7 +213,7 @@ impl Driver for Joystick {
             link.write(gain)?;
         }
         if let Some(pool) = &self.layout.pool {
-            check_room(link, pool, self.axes() as i64)?;
+            check_capacity(link, pool, self.axes() as i64)?;
         }
         if let Err(error) = self.make(link) {
             // There may be an effect whose index is not known.
@@ -230,10 +230,10 @@ impl Driver for Joystick {
         link.drain(Duration::ZERO, |bytes| match input.parse(bytes) {
             Said::Place(place, buttons) => {
                 said = Some((place, buttons));
-                Understood::As(0)
+                Handled::Used(0)
             }
-            Said::Other => Understood::Nothing,
-            Said::Malformed => Understood::Malformed,
+            Said::Other => Handled::Ignored,
+            Said::Malformed => Handled::Malformed,
         })?;
         let now = link.clock.now();
         if let Some((place, buttons)) = said {
@@ -266,11 +266,11 @@ impl Driver for Joystick {
         let is_written = match self.send(link, now) {
             Ok(is_written) => is_written,
             Err(error) => {
-                let _ = self.let_go(link);
+                let _ = self.zero_all(link);
                 return Err(error);
             }
         };
-        let tick = now.saturating_sub(self.taken_at).min(LONGEST_TICK);
+        let tick = now.saturating_sub(self.taken_at).min(MAX_TICK);
         self.part = (self.part + tick.as_secs_f64() / RECOVERY.as_secs_f64()).min(1.0);
         self.taken_at = now;
         if is_written {
@@ -281,7 +281,7 @@ impl Driver for Joystick {
 
     fn stop(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         // Each of these, even if one fails.
-        let mut stopped = self.let_go(link);
+        let mut stopped = self.zero_all(link);
         for effect in &self.effects {
             stopped = stopped.and(effect.stop(link));
         }

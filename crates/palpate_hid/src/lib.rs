@@ -23,7 +23,7 @@
 //! * What a device says of its reports: [`ReportDescriptor`].
 //! * A 3-DOF board: its arm [`BoardKinematics`], its home [`BoardHoming`], [`BoardCalibration`], its reports [`BoardForm`],
 //!   [`BoardInput`], [`BoardOutput`].
-//! * Without hardware: [`StandInBus`], [`Firmware`]; a cap [`SpaceMouseFirmware`]; a joystick in a hand
+//! * Without hardware: [`SimulatedBus`], [`Firmware`]; a cap [`SpaceMouseFirmware`]; a joystick in a hand
 //!   [`JoystickFirmware`]; a board with an arm and a hand [`BoardFirmware`].
 //!
 //! # Units, frames, signs
@@ -44,29 +44,27 @@ mod error;
 mod joystick;
 mod link;
 mod selector;
+#[cfg(feature = "simulated")]
+pub mod simulated;
 mod space_mouse;
-mod stand_in;
 mod system;
 
 pub use board::{
     BoardBytes, BoardCalibration, BoardForm, BoardHoming, BoardInput, BoardKinematics, BoardLinkage,
     BoardOptions, BoardOutput, BoardPacketError,
 };
-pub use bus::{HidBus, HidConnection, HidInfo, LONGEST_INPUT};
+pub use bus::{HidBus, HidConnection, HidInfo, MAX_INPUT_REPORT_BYTES};
 pub use clock::Clock;
 pub use counters::HidCounters;
 pub use descriptor::{
-    Collection, DescriptorError, Field, LONGEST_DESCRIPTOR, LONGEST_REPORT, MOST_FIELDS, Report,
+    Collection, DescriptorError, Field, MAX_DESCRIPTOR_BYTES, MAX_FIELDS, MAX_REPORT_BYTES, Report,
     ReportDescriptor, ReportKind, Usage, UsageRange,
 };
 pub use device::{HidDevice, HidOptions};
 pub use error::HidError;
 pub use joystick::JoystickOptions;
 pub use selector::{FoundDevice, HidKind, HidSelector};
-pub use space_mouse::{CapReport, NotACapReport, SpaceMouseOptions};
-pub use stand_in::{
-    BoardFirmware, CapForm, Firmware, HeldStick, JoystickFirmware, SpaceMouseFirmware, StandInBus,
-};
+pub use space_mouse::{ParseReportError, SpaceMouseOptions, SpaceMouseReport};
 pub use system::SystemBus;
 
 #[cfg(doctest)]

@@ -1,20 +1,20 @@
 //! An open device as a driver sees it: the newest of what has come, and a count of the rest.
 
-use crate::bus::LONGEST_INPUT;
+use crate::bus::MAX_INPUT_REPORT_BYTES;
 use crate::{Clock, HidConnection, HidCounters};
 use palpate_haptics::DeviceError;
 use std::time::Duration;
 
 /// So many reports are read at once at most: more than any operating system keeps, so that the newest is reached, and an end for a
 /// device that sends faster than it can be read.
-const MOST_AT_ONCE: usize = 128;
+const MAX_REPORTS_PER_DRAIN: usize = 128;
 
 /// What a driver makes of one input report.
-pub(crate) enum Understood {
+pub(crate) enum Handled {
     /// It took something from it. Where it takes another of the same kind (a small number) at the same tick, this one was skipped.
-    As(u8),
+    Used(u8),
     /// It is a report of such a device in which there is nothing for it.
-    Nothing,
+    Ignored,
     /// It is none.
     Malformed,
 }
@@ -27,7 +27,7 @@ pub(crate) struct Link {
     is_gone: bool,
     pub(crate) clock: Box<dyn Clock>,
     pub(crate) counters: HidCounters,
-    buffer: [u8; LONGEST_INPUT],
+    buffer: [u8; MAX_INPUT_REPORT_BYTES],
 }
 
 impl Link {
@@ -36,7 +36,7 @@ impl Link {
         clock: Box<dyn Clock>,
         counters: HidCounters,
     ) -> Self {
-        Self { connection, is_gone: false, clock, counters, buffer: [0; LONGEST_INPUT] }
+        Self { connection, is_gone: false, clock, counters, buffer: [0; MAX_INPUT_REPORT_BYTES] }
     }
 
     /// Gives its parts back, to be opened anew.
@@ -62,13 +62,13 @@ impl Link {
     pub(crate) fn drain(
         &mut self,
         within: Duration,
-        mut take: impl FnMut(&[u8]) -> Understood,
+        mut take: impl FnMut(&[u8]) -> Handled,
     ) -> Result<(), DeviceError> {
         let (mut read, mut skipped, mut malformed) = (0, 0, 0);
         let mut kinds = 0_u64;
         let mut wait = within;
         let mut ended = Ok(());
-        for _ in 0..MOST_AT_ONCE {
+        for _ in 0..MAX_REPORTS_PER_DRAIN {
             let length = match self.ask(|connection, buffer| connection.read(buffer, wait)) {
                 Ok(0) => break,
                 Ok(length) => length,
@@ -79,14 +79,14 @@ impl Link {
             };
             wait = Duration::ZERO;
             match take(self.buffer.get(..length).unwrap_or_default()) {
-                Understood::As(kind) => {
+                Handled::Used(kind) => {
                     let bit = 1 << (kind & 63);
                     skipped += u64::from(kinds & bit != 0);
                     kinds |= bit;
                     read += 1;
                 }
-                Understood::Nothing => read += 1,
-                Understood::Malformed => malformed += 1,
+                Handled::Ignored => read += 1,
+                Handled::Malformed => malformed += 1,
             }
         }
         self.counters.note_read(read, skipped, malformed);
@@ -158,7 +158,7 @@ mod test {
 
     fn ask_all(link: &mut Link) -> [Result<(), DeviceError>; 4] {
         [
-            link.drain(Duration::ZERO, |_| Understood::Nothing),
+            link.drain(Duration::ZERO, |_| Handled::Ignored),
             link.write(&[1]),
             link.feature(&mut [1]).map(|_| ()),
             link.set_feature(&[1]),

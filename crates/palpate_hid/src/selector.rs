@@ -45,22 +45,22 @@ pub struct HidSelector {
     pub path: Option<String>,
     /// Where there are several, whether the first is meant and not an error: forces before none (see [`HidKind::ALL`]), then by
     /// path; one that another program or tool has is passed over.
-    pub first: bool,
+    pub match_first: bool,
     /// Whether 16C0:0486 is a board. Every sketch for a Teensy with raw HID has these numbers, so that somebody has to say it.
-    pub teensy_is_board: bool,
+    pub treat_teensy_as_board: bool,
 }
 
 impl HidSelector {
     /// The first of `kind`.
     #[must_use]
     pub fn first(kind: HidKind) -> Self {
-        Self { kind: Some(kind), first: true, ..Self::default() }
+        Self { kind: Some(kind), match_first: true, ..Self::default() }
     }
 
     /// The first device of any kind, one with motors before one without.
     #[must_use]
     pub fn any() -> Self {
-        Self { first: true, ..Self::default() }
+        Self { match_first: true, ..Self::default() }
     }
 
     fn admits(&self, kind: HidKind, info: &HidInfo) -> bool {
@@ -82,21 +82,23 @@ impl HidSelector {
     /// The device that is meant, and, where the first is meant, the others after it in their order.
     pub(crate) fn find_all(&self, bus: &dyn HidBus) -> Result<(FoundDevice, Vec<FoundDevice>), HidError> {
         let present = bus.list()?;
-        let mut found: Vec<FoundDevice> =
-            present.iter().filter_map(|info| FoundDevice::known(bus, info, self.teensy_is_board)).collect();
+        let mut found: Vec<FoundDevice> = present
+            .iter()
+            .filter_map(|info| FoundDevice::known(bus, info, self.treat_teensy_as_board))
+            .collect();
         found.retain(|found| self.admits(found.kind, &found.info));
         let rank = |found: &FoundDevice| HidKind::ALL.iter().position(|&kind| kind == found.kind);
         found.sort_by(|a, b| rank(a).cmp(&rank(b)).then_with(|| a.info.path.cmp(&b.info.path)));
-        if found.len() > 1 && !self.first {
+        if found.len() > 1 && !self.match_first {
             // Those that are alike and have no serial number differ in their paths only.
             let found = found.iter().map(|it| format!("{} at {}", it.info.label(), it.info.path)).collect();
-            return Err(HidError::Several { asked: self.to_string(), found });
+            return Err(HidError::Several { requested: self.to_string(), found });
         }
         let mut found = found.into_iter();
         match found.next() {
             Some(first) => Ok((first, found.collect())),
             None => Err(HidError::NotFound {
-                asked: self.to_string(),
+                requested: self.to_string(),
                 present: present.iter().map(HidInfo::label).collect(),
                 teensy: present.iter().find(|info| self.may_mean(info)).map(HidInfo::label),
             }),
@@ -105,7 +107,7 @@ impl HidSelector {
 
     /// Whether `info` is a Teensy that would be meant if it were a board.
     fn may_mean(&self, info: &HidInfo) -> bool {
-        !self.teensy_is_board && board::is_one(info, true) && self.admits(HidKind::Board, info)
+        !self.treat_teensy_as_board && board::is_one(info, true) && self.admits(HidKind::Board, info)
     }
 }
 
@@ -143,11 +145,11 @@ pub struct FoundDevice {
 impl FoundDevice {
     /// `info` with its kind, if it is of one. The descriptor is looked at only where numbers and applications do not tell.
     #[must_use]
-    pub fn known(bus: &dyn HidBus, info: &HidInfo, teensy_is_board: bool) -> Option<Self> {
+    pub fn known(bus: &dyn HidBus, info: &HidInfo, treat_teensy_as_board: bool) -> Option<Self> {
         let descriptor = || bus.descriptor(info).ok().and_then(|bytes| ReportDescriptor::parse(&bytes).ok());
         let kind = if space_mouse::is_one(info) {
             HidKind::SpaceMouse
-        } else if board::is_one(info, teensy_is_board) {
+        } else if board::is_one(info, treat_teensy_as_board) {
             HidKind::Board
         } else if joystick::may_be_one(info) && descriptor().is_some_and(|it| joystick::is_one(&it)) {
             HidKind::Joystick

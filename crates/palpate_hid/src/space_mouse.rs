@@ -13,10 +13,10 @@ mod models;
 mod report;
 
 pub(crate) use models::is_one;
-pub use report::{CapReport, NotACapReport};
+pub use report::{ParseReportError, SpaceMouseReport};
 
 use crate::driver::Driver;
-use crate::link::{Link, Understood};
+use crate::link::{Handled, Link};
 use crate::{HidError, HidInfo};
 use glam::{DQuat, DVec3};
 use palpate_haptics::{DeviceDescription, DeviceError, Reading};
@@ -25,7 +25,7 @@ use std::time::Duration;
 /// The push and the turn, in counts, that are taken as full.
 const FULL: f64 = 350.0;
 /// The longest time between two readings over which the cap's push is taken to have lasted, s.
-const LONGEST_STEP_S: f64 = 0.02;
+const MAX_STEP_S: f64 = 0.02;
 
 /// What can be set for a SpaceMouse.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,26 +134,26 @@ impl SpaceMouse {
         }))
     }
 
-    fn take(cap: &mut Cap, report: CapReport) -> (bool, bool, Understood) {
+    fn take(cap: &mut Cap, report: SpaceMouseReport) -> (bool, bool, Handled) {
         match report {
-            CapReport::Push(push) => {
+            SpaceMouseReport::Push(push) => {
                 cap.push = push;
-                (true, false, Understood::As(1))
+                (true, false, Handled::Used(1))
             }
-            CapReport::Turn(turn) => {
+            SpaceMouseReport::Turn(turn) => {
                 cap.turn = turn;
-                (false, true, Understood::As(2))
+                (false, true, Handled::Used(2))
             }
-            CapReport::PushAndTurn(push, turn) => {
+            SpaceMouseReport::PushAndTurn(push, turn) => {
                 (cap.push, cap.turn) = (push, turn);
-                (true, true, Understood::As(1))
+                (true, true, Handled::Used(1))
             }
-            CapReport::Buttons(buttons) => {
+            SpaceMouseReport::Buttons(buttons) => {
                 cap.buttons = buttons;
                 // Each press counts: none is passed over.
-                (false, false, Understood::Nothing)
+                (false, false, Handled::Ignored)
             }
-            CapReport::Other(_) => (false, false, Understood::Nothing),
+            SpaceMouseReport::Other(_) => (false, false, Handled::Ignored),
         }
     }
 }
@@ -173,7 +173,7 @@ impl Driver for SpaceMouse {
         (self.cap, self.pushed_at, self.turned_at, self.read_at) = (Cap::default(), None, None, None);
         (self.position_m, self.orientation) = (DVec3::ZERO, DQuat::IDENTITY);
         // What came before it was opened is old.
-        link.drain(Duration::ZERO, |_| Understood::Nothing)?;
+        link.drain(Duration::ZERO, |_| Handled::Ignored)?;
         // A model without a light is as good.
         let _ = link.write(&report::LIGHT_ON);
         Ok(())
@@ -181,13 +181,13 @@ impl Driver for SpaceMouse {
 
     fn read(&mut self, link: &mut Link, _: Duration) -> Result<Reading, DeviceError> {
         let (mut cap, mut pushed, mut turned) = (self.cap, false, false);
-        link.drain(Duration::ZERO, |bytes| match CapReport::parse(bytes) {
+        link.drain(Duration::ZERO, |bytes| match SpaceMouseReport::parse(bytes) {
             Ok(report) => {
                 let (push, turn, understood) = Self::take(&mut cap, report);
                 (pushed, turned) = (pushed || push, turned || turn);
                 understood
             }
-            Err(NotACapReport { .. }) => Understood::Malformed,
+            Err(ParseReportError { .. }) => Handled::Malformed,
         })?;
         let now = link.clock.now();
         if pushed {
@@ -207,7 +207,7 @@ impl Driver for SpaceMouse {
         }
         self.cap = cap;
         let step_s = self.read_at.map_or(0.0, |last| now.saturating_sub(last).as_secs_f64());
-        let step_s = step_s.min(LONGEST_STEP_S);
+        let step_s = step_s.min(MAX_STEP_S);
         self.read_at = Some(now);
 
         let half = self.options.half_size_m;

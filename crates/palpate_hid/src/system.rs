@@ -1,6 +1,6 @@
 //! The operating system's HID devices, by way of `hidapi`.
 
-use crate::{HidBus, HidConnection, HidError, HidInfo, LONGEST_DESCRIPTOR, Usage};
+use crate::{HidBus, HidConnection, HidError, HidInfo, MAX_DESCRIPTOR_BYTES, Usage};
 use hidapi::HidApi;
 use palpate_haptics::DeviceError;
 use std::ffi::CString;
@@ -119,7 +119,7 @@ impl HidBus for SystemBus {
         let other = |error: hidapi::HidError| open_error(info, io::Error::other(error.to_string()));
         let api = self.api.lock().unwrap_or_else(PoisonError::into_inner);
         let device = api.open_path(&path).map_err(other)?;
-        let mut bytes = vec![0; LONGEST_DESCRIPTOR];
+        let mut bytes = vec![0; MAX_DESCRIPTOR_BYTES];
         let length = device.get_report_descriptor(&mut bytes).map_err(other)?;
         bytes.truncate(length);
         Ok(bytes)
@@ -129,7 +129,7 @@ impl HidBus for SystemBus {
         self.connect(info, true)
     }
 
-    fn open_beside(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
+    fn open_shared(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
         self.connect(info, false)
     }
 }

@@ -2,14 +2,14 @@
 
 #[path = "board/bench.rs"]
 mod bench;
-#[path = "board/closing.rs"]
-mod closing;
 #[path = "board/homing.rs"]
 mod homing;
 #[path = "board/polhem.rs"]
 mod polhem;
-#[path = "board/turns.rs"]
-mod turns;
+#[path = "board/report_exchange.rs"]
+mod report_exchange;
+#[path = "board/shutdown.rs"]
+mod shutdown;
 
 use bench::*;
 use glam::DVec3;
@@ -49,7 +49,7 @@ fn a_thousand_ticks_in_lock_step_and_the_force_felt_is_the_force_sent() {
             lockstep.run(1);
             assert_eq!(bench.board(|it| it.exchanged()), before + 1, "one report for each, tick {tick}");
             let record = handle.next_record().unwrap();
-            let off_n = bench.felt_n() - record.force_n;
+            let off_n = bench.applied_force_n() - record.force_n;
             assert!(off_n.length() < ROUNDING_N, "{form:?} tick {tick}: {off_n} of {}", record.force_n);
             let off_m = record.reading.unwrap().position_m - bench.board(|it| it.tip_m());
             assert!(off_m.length() < 2e-3, "tick {tick}: {off_m}");
@@ -94,7 +94,7 @@ fn the_button_and_the_encoders_noise_come_through() {
     assert!(farthest_m > 0.3 * most_m && farthest_m < 1.01 * most_m, "{farthest_m} {most_m}");
     // Force is as good as the pose is: 1 mrad.
     bench.ticks(40, DVec3::X);
-    assert!((bench.felt_n() - DVec3::X).length() < 2.0 * ROUNDING_N, "{}", bench.felt_n());
+    assert!((bench.applied_force_n() - DVec3::X).length() < 2.0 * ROUNDING_N, "{}", bench.applied_force_n());
 }
 
 #[test]
@@ -102,7 +102,7 @@ fn a_force_that_takes_too_much_current_is_made_smaller_and_keeps_its_direction()
     let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), kept());
     let direction = DVec3::new(0.3, 0.9, 0.2).normalize();
     bench.ticks(40, 100.0 * direction);
-    let felt_n = bench.felt_n();
+    let felt_n = bench.applied_force_n();
     let most_ma = bench.board(|it| it.currents_ma()).map(i16::abs).into_iter().max();
     assert_eq!(most_ma, Some(2000));
     assert!(felt_n.length() < 5.0 && felt_n.normalize().dot(direction) > 1.0 - 1e-5, "{felt_n}");
@@ -114,7 +114,7 @@ fn a_force_that_takes_too_much_current_is_made_smaller_and_keeps_its_direction()
     };
     let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), options);
     bench.ticks(40, 100.0 * direction);
-    assert!((bench.felt_n() - 1.5 * direction).length() < ROUNDING_N, "{}", bench.felt_n());
+    assert!((bench.applied_force_n() - 1.5 * direction).length() < ROUNDING_N, "{}", bench.applied_force_n());
 }
 
 #[test]
@@ -122,7 +122,7 @@ fn no_force_where_the_arm_is_out_of_reach_or_the_force_no_number() {
     let options = BoardOptions { reach_m: 0.21, ..kept() };
     let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), options);
     bench.ticks(40, DVec3::X);
-    assert!((bench.felt_n() - DVec3::X).length() < ROUNDING_N);
+    assert!((bench.applied_force_n() - DVec3::X).length() < ROUNDING_N);
     for bad in [DVec3::NAN, DVec3::new(f64::INFINITY, 0.0, 0.0), DVec3::new(0.0, f64::NAN, 1.0)] {
         bench.tick(bad);
         assert_eq!(bench.board(|it| it.currents_ma()), [0; 3]);
@@ -137,9 +137,9 @@ fn no_force_where_the_arm_is_out_of_reach_or_the_force_no_number() {
     let mut last_n = 0.0;
     for _ in 0..500 {
         bench.tick(DVec3::X);
-        let now_n = bench.felt_n().length();
+        let now_n = bench.applied_force_n().length();
         assert!(now_n - last_n < 0.25 + ROUNDING_N, "{last_n} {now_n}");
         last_n = now_n;
     }
-    assert!((bench.felt_n() - DVec3::X).length() < ROUNDING_N);
+    assert!((bench.applied_force_n() - DVec3::X).length() < ROUNDING_N);
 }

@@ -4,6 +4,7 @@
 mod bytes;
 
 use bytes::{bytes, words};
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use proptest::prelude::*;
 
@@ -63,7 +64,7 @@ fn reports_of_14_and_of_64_bytes() {
         comes(form, &named(file, "input"), input([0, -1, 6000, 0, 30, i16::MIN]));
         let pressed = BoardInput { is_pressed: true, ..input([1, 2, 3, -900, 0, 0]) };
         comes(form, &named(file, "input_pressed"), pressed);
-        comes(form, &named(file, "input_asks"), BoardInput { asks: true, ..input([0; 6]) });
+        comes(form, &named(file, "input_asks"), BoardInput { requests_calibration: true, ..input([0; 6]) });
         goes(form, &named(file, "zero"), BoardOutput::ZERO);
         goes(form, &named(file, "currents"), BoardOutput::Currents([1200, -1000, 1]));
         goes(form, &named(file, "home"), BoardOutput::Counters([0, 0, 6000, 0, 30, 0]));

@@ -1,7 +1,7 @@
 //! Report descriptors: published ones, a second parser's opinion, and whatever bytes there are.
 
 use palpate_hid::{
-    DescriptorError, Field, LONGEST_DESCRIPTOR, LONGEST_REPORT, MOST_FIELDS, ReportDescriptor, ReportKind,
+    DescriptorError, Field, MAX_DESCRIPTOR_BYTES, MAX_FIELDS, MAX_REPORT_BYTES, ReportDescriptor, ReportKind,
     Usage,
 };
 use proptest::prelude::*;
@@ -74,7 +74,7 @@ proptest! {
         if let Ok(parsed) = ReportDescriptor::parse(&bytes) {
             let mut data = [0; 64];
             for report in parsed.reports() {
-                prop_assert!(report.bytes() <= LONGEST_REPORT && report.fields.len() <= MOST_FIELDS);
+                prop_assert!(report.bytes() <= MAX_REPORT_BYTES && report.fields.len() <= MAX_FIELDS);
                 for field in &report.fields {
                     let _ = (field.get(&data), field.set(&mut data, i64::MAX), field.set(&mut data, i64::MIN));
                     let _ = (field.value_of(X), field.usage_of(i64::MIN), field.usage_of(3));
@@ -283,8 +283,8 @@ fn what_is_broken_is_refused_with_its_place() {
     assert_eq!(refused(&huge), DescriptorError::ReportTooLong { at: 10 });
     let many = [0x75, 1, 0x96, 0x01, 0x10, 0x81, 2];
     assert_eq!(refused(&many), DescriptorError::TooManyFields { at: 5 });
-    let longer = vec![0x04; LONGEST_DESCRIPTOR + 1];
-    assert_eq!(refused(&longer), DescriptorError::TooLong(LONGEST_DESCRIPTOR + 1));
+    let longer = vec![0x04; MAX_DESCRIPTOR_BYTES + 1];
+    assert_eq!(refused(&longer), DescriptorError::TooLong(MAX_DESCRIPTOR_BYTES + 1));
     // A page in the usage itself goes before the page that holds; a long item is passed over; 0xFF is 255 where nothing is below 0.
     let odd =
         [0xFE, 2, 0, 9, 9, 0x05, 1, 0x0B, 0x70, 0, 0x0F, 0, 0x15, 0, 0x25, 0xFF, 0x75, 8, 0x95, 2, 0x81, 2];

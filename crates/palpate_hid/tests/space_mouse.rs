@@ -2,9 +2,10 @@
 
 use glam::{DQuat, DVec3};
 use palpate_haptics::{DeviceError, HapticDevice};
+use palpate_hid::simulated::{Firmware, SimulatedBus};
 use palpate_hid::{
-    CapReport, Firmware, HidBus, HidDevice, HidError, HidInfo, HidKind, HidOptions, HidSelector,
-    SpaceMouseOptions, StandInBus, Usage,
+    HidBus, HidDevice, HidError, HidInfo, HidKind, HidOptions, HidSelector, SpaceMouseOptions,
+    SpaceMouseReport, Usage,
 };
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -35,24 +36,28 @@ fn reports_are_read_byte_by_byte() {
             hex.trim().split(' ').map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect();
         let axes = |at: usize| [0, 1, 2].map(|i| i16::try_from(said[at + i]).unwrap());
         let expected = match kind {
-            "push" => Ok(CapReport::Push(axes(0))),
-            "turn" => Ok(CapReport::Turn(axes(0))),
-            "push+turn" => Ok(CapReport::PushAndTurn(axes(0), axes(3))),
-            "buttons" => Ok(CapReport::Buttons(said[0] as u32)),
-            "other" => Ok(CapReport::Other(said[0] as u8)),
+            "push" => Ok(SpaceMouseReport::Push(axes(0))),
+            "turn" => Ok(SpaceMouseReport::Turn(axes(0))),
+            "push+turn" => Ok(SpaceMouseReport::PushAndTurn(axes(0), axes(3))),
+            "buttons" => Ok(SpaceMouseReport::Buttons(said[0] as u32)),
+            "other" => Ok(SpaceMouseReport::Other(said[0] as u8)),
             _ => Err((said[0] as u8, bytes.len())),
         };
-        assert_eq!(CapReport::parse(&bytes).map_err(|short| (short.id, short.found)), expected, "{line}");
+        assert_eq!(
+            SpaceMouseReport::parse(&bytes).map_err(|short| (short.id, short.found)),
+            expected,
+            "{line}"
+        );
         lines += 1;
     }
     assert_eq!(lines, 12);
-    assert!(CapReport::parse(&[]).is_err());
+    assert!(SpaceMouseReport::parse(&[]).is_err());
 }
 
 proptest::proptest! {
     #[test]
     fn no_report_makes_it_panic(bytes in proptest::collection::vec(proptest::num::u8::ANY, 0..70)) {
-        let _ = CapReport::parse(&bytes);
+        let _ = SpaceMouseReport::parse(&bytes);
     }
 }
 
@@ -104,14 +109,14 @@ fn info(serial: &str) -> HidInfo {
 struct Time(Arc<AtomicU64>);
 
 impl Time {
-    fn pass(&self, ms: u64) {
+    fn advance(&self, ms: u64) {
         self.0.fetch_add(ms, Ordering::Relaxed);
     }
 }
 
 /// An open cap, its bus, its other end and its clock.
-fn open(options: SpaceMouseOptions) -> (HidDevice, Arc<StandInBus>, Cap, Time) {
-    let (bus, cap, time) = (Arc::new(StandInBus::default()), Cap::default(), Time::default());
+fn open(options: SpaceMouseOptions) -> (HidDevice, Arc<SimulatedBus>, Cap, Time) {
+    let (bus, cap, time) = (Arc::new(SimulatedBus::default()), Cap::default(), Time::default());
     bus.plug(info("1"), Vec::new(), cap.clone());
     let now = time.0.clone();
     let options = HidOptions { space_mouse: options, ..HidOptions::default() };
@@ -134,17 +139,17 @@ fn a_push_moves_the_point_and_ends_when_the_cap_falls_silent() {
     cap.push([175, 350, 87]);
     let rate = DVec3::new(0.5, -87.0 / 350.0, 1.0) * 0.1;
     for tick in 1..=100_u32 {
-        time.pass(1);
+        time.advance(1);
         let reading = device.read(PERIOD).unwrap();
         assert!((reading.position_m - rate * f64::from(tick) * 1e-3).length() < 1e-12, "{tick}");
         assert!((reading.velocity_m_per_s.unwrap() - rate).length() < 1e-9);
     }
     // It was last heard at the first of these ticks, 0.1 s ago at the last one that counts.
-    time.pass(1);
+    time.advance(1);
     device.read(PERIOD).unwrap();
     let there = device.read(PERIOD).unwrap();
     for _ in 0..50 {
-        time.pass(1);
+        time.advance(1);
         let reading = device.read(PERIOD).unwrap();
         assert_eq!((reading.position_m, reading.velocity_m_per_s), (there.position_m, Some(DVec3::ZERO)));
     }
@@ -155,12 +160,12 @@ fn the_point_stays_in_its_box_and_a_stall_moves_it_little() {
     let (mut device, _, cap, time) = open(SpaceMouseOptions::default());
     device.read(PERIOD).unwrap();
     cap.push([0, 350, 0]);
-    time.pass(5000);
+    time.advance(5000);
     // 5 s of silence in the loop, but no hand moves on unseen: 20 ms at most.
     assert!((device.read(PERIOD).unwrap().position_m - DVec3::Z * 0.1 * 0.02).length() < 1e-12);
     for _ in 0..2000 {
         cap.push([0, 32767, 0]);
-        time.pass(1);
+        time.advance(1);
         device.read(PERIOD).unwrap();
     }
     let reading = device.read(PERIOD).unwrap();
@@ -176,7 +181,7 @@ fn turns_go_about_the_axes_by_the_right_hand() {
     let full = 350_i16.to_le_bytes();
     for tick in 1..=20_u32 {
         cap.say(&[1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, full[0], full[1]]);
-        time.pass(1);
+        time.advance(1);
         let reading = device.read(PERIOD).unwrap();
         let expected = DQuat::from_rotation_y(-1.5e-3 * f64::from(tick));
         assert!(reading.orientation.angle_between(expected) < 1e-9 && reading.is_usable());
@@ -195,9 +200,9 @@ fn buttons_light_and_the_count_of_what_was_passed_over() {
     }
     cap.say(&[3, 2]);
     cap.say(&[1, 0]);
-    time.pass(1);
+    time.advance(1);
     device.read(PERIOD).unwrap();
-    time.pass(10);
+    time.advance(10);
     let reading = device.read(PERIOD).unwrap();
     assert_eq!(reading.buttons, 2);
     let speed = 0.1 * (63.0 / 350.0 - 0.02) / 0.98;
@@ -223,13 +228,13 @@ fn it_is_found_again_where_it_is_plugged_in_anew() {
     assert_eq!(device.found().info.path, "elsewhere");
     cap.push([350, 0, 0]);
     device.read(PERIOD).unwrap();
-    time.pass(10);
+    time.advance(10);
     assert!(device.read(PERIOD).unwrap().position_m.x > 0.0);
 }
 
 #[test]
 fn which_one_is_meant_is_said_or_refused() {
-    let bus = Arc::new(StandInBus::default());
+    let bus = Arc::new(SimulatedBus::default());
     let find = |selector: &HidSelector| {
         HidDevice::find(bus.clone(), selector, &HidOptions::default()).map(|device| device.found().clone())
     };
@@ -278,7 +283,7 @@ fn which_one_is_meant_is_said_or_refused() {
 /// Both were found before either was opened.
 #[test]
 fn two_tools_that_mean_the_first_get_one_each() {
-    let bus = Arc::new(StandInBus::default());
+    let bus = Arc::new(SimulatedBus::default());
     bus.plug(info("a"), Vec::new(), Cap::default());
     bus.plug(info("b"), Vec::new(), Cap::default());
     let find = || HidDevice::find(bus.clone(), &HidSelector::any(), &HidOptions::default()).unwrap();
@@ -318,10 +323,10 @@ fn reading_allocates_nothing() {
     for count in 0..200 {
         cap.push([count, 0, 0]);
     }
-    time.pass(1);
+    time.advance(1);
     let counted = allocation_counter::measure(|| {
         for _ in 0..3 {
-            time.pass(1);
+            time.advance(1);
             device.read(PERIOD).unwrap();
             device.write(DVec3::ZERO).unwrap();
         }

@@ -2,8 +2,7 @@
 
 use super::{HidDeviceKind, HidSelector};
 use palpate_hid::{
-    BoardCalibration, FoundDevice, HidBus, HidCounters, HidDevice, HidError, HidKind, HidOptions,
-    HidSelector, SystemBus,
+    BoardCalibration, FoundDevice, HidBus, HidCounters, HidDevice, HidError, HidKind, HidOptions, SystemBus,
 };
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -94,12 +93,12 @@ impl HidSelector {
             serial: (!info.serial.is_empty()).then(|| info.serial.clone()),
             path: (info.serial.is_empty() || !is_alone).then(|| info.path.clone()),
             first: false,
-            teensy_is_board: found.kind == HidKind::Board,
+            treat_teensy_as_board: found.kind == HidKind::Board,
         }
     }
 
-    fn selector(&self) -> HidSelector {
-        HidSelector {
+    fn selector(&self) -> palpate_hid::HidSelector {
+        palpate_hid::HidSelector {
             kind: self.kind.map(|kind| match kind {
                 HidDeviceKind::Board => HidKind::Board,
                 HidDeviceKind::Joystick => HidKind::Joystick,
@@ -109,8 +108,8 @@ impl HidSelector {
             product: self.product,
             serial: self.serial.clone(),
             path: self.path.clone(),
-            first: self.first,
-            teensy_is_board: self.teensy_is_board,
+            match_first: self.first,
+            treat_teensy_as_board: self.treat_teensy_as_board,
         }
     }
 }

@@ -1,12 +1,12 @@
 //! All scenarios, one after the other.
 
 mod board;
-mod cap;
 mod check;
 mod enumeration;
 mod joystick;
 mod lab;
 mod queue;
+mod space_mouse;
 mod touch;
 mod uhid;
 mod unplugged;
@@ -19,8 +19,8 @@ use std::process::ExitCode;
 const SCENARIOS: [(&str, fn() -> Outcome); 14] = [
     ("enumeration", enumeration::run),
     ("palpate_lab", lab::run),
-    ("cap_with_a_cable", cap::with_a_cable),
-    ("cap_without", cap::without),
+    ("cap_with_a_cable", space_mouse::with_a_cable),
+    ("cap_without", space_mouse::without),
     ("queue", queue::run),
     ("unplugged_cap", unplugged::cap),
     ("joystick_openffboard", joystick::openffboard),

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// How near to home, in counts, the counters are just after they have been set: a body turns little within a few reports.
 const NEAR_HOME: i32 = 200;
 /// So many reports may come before they are; then they are set once more.
-const PATIENCE: u8 = 10;
+const MAX_REPORTS_UNTIL_SET: u8 = 10;
 
 /// What is believed of a board's counters when it is opened. They count from where the arm was when the board got its power.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -149,13 +149,17 @@ impl Calibrator {
         let counters = [a, b, c];
         match self.stage {
             Stage::Told(reports) => {
-                if !input.asks && is_near_home(kinematics, counters) {
+                if !input.requests_calibration && is_near_home(kinematics, counters) {
                     self.enter(Stage::Done);
                 } else {
-                    self.enter(if reports < PATIENCE { Stage::Told(reports + 1) } else { Stage::Asked });
+                    self.enter(if reports < MAX_REPORTS_UNTIL_SET {
+                        Stage::Told(reports + 1)
+                    } else {
+                        Stage::Asked
+                    });
                 }
             }
-            _ if input.asks => self.enter(Stage::Asked),
+            _ if input.requests_calibration => self.enter(Stage::Asked),
             Stage::Awaited | Stage::Asked | Stage::Done => {}
         }
         counters
@@ -178,7 +182,7 @@ impl Calibrator {
     }
 
     /// Whether the board is to be told, or has been and has not come back with the right counters yet.
-    pub(super) fn is_under_way(&self) -> bool {
+    pub(super) fn is_in_progress(&self) -> bool {
         matches!(self.stage, Stage::Asked | Stage::Told(_))
     }
 
@@ -193,7 +197,7 @@ impl Calibrator {
 
     /// Whether force has to begin from nothing: the counters are not right, or have only been since this was last asked. A board
     /// of 8 bytes that is calibrated in use is done before and after a report, and its arm elsewhere.
-    pub(super) fn begins_anew(&mut self) -> bool {
+    pub(super) fn take_force_reset(&mut self) -> bool {
         let is_newly_done = std::mem::take(&mut self.is_newly_done);
         is_newly_done || !self.is_done()
     }
@@ -208,8 +212,8 @@ fn is_near_home(kinematics: &BoardKinematics, counters: [i16; 3]) -> bool {
 mod tests {
     use super::*;
 
-    fn report(c: i16, asks: bool) -> BoardInput {
-        BoardInput { encoders: [0, 0, c, 0, 0, 0], asks, ..BoardInput::default() }
+    fn report(c: i16, requests_calibration: bool) -> BoardInput {
+        BoardInput { encoders: [0, 0, c, 0, 0, 0], requests_calibration, ..BoardInput::default() }
     }
 
     #[test]
@@ -223,10 +227,10 @@ mod tests {
         // Reports that were on their way.
         for old in [report(0, false), report(5990, true), report(5700, false)] {
             calibrator.take(&arm, &old);
-            assert!(!calibrator.is_done() && !calibrator.is_asked() && calibrator.is_under_way());
+            assert!(!calibrator.is_done() && !calibrator.is_asked() && calibrator.is_in_progress());
         }
         calibrator.take(&arm, &report(5990, false));
-        assert!(calibrator.is_done() && calibrator.handle().is_done() && !calibrator.is_under_way());
+        assert!(calibrator.is_done() && calibrator.handle().is_done() && !calibrator.is_in_progress());
     }
 
     #[test]
@@ -237,7 +241,7 @@ mod tests {
         calibrator.handle().request();
         calibrator.take(&arm, &report(0, false));
         calibrator.told();
-        for _ in 0..=PATIENCE {
+        for _ in 0..=MAX_REPORTS_UNTIL_SET {
             assert!(!calibrator.is_asked());
             calibrator.take(&arm, &report(0, false));
         }
@@ -253,12 +257,12 @@ mod tests {
             calibrator.opening();
             calibrator.opened(BoardHoming::Awaited);
             calibrator.take(&arm, &report(0, false));
-            assert!(!calibrator.is_under_way() && !calibrator.is_done(), "{form:?}");
+            assert!(!calibrator.is_in_progress() && !calibrator.is_done(), "{form:?}");
             calibrator.opening();
             calibrator.handle().request();
             calibrator.opened(BoardHoming::Awaited);
             calibrator.take(&arm, &report(0, false));
-            assert!(calibrator.is_under_way() || calibrator.is_done(), "{form:?}");
+            assert!(calibrator.is_in_progress() || calibrator.is_done(), "{form:?}");
         }
     }
 

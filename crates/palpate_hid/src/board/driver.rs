@@ -1,18 +1,18 @@
 //! The driver: what is sent, and when.
 
 use super::calibration::Calibrator;
-use super::limits::{Limits, is_much_less};
-use super::turns::{SILENCE, Turns};
+use super::force_limits::{Limits, is_less_than_half};
+use super::report_credits::{ReportCredits, SILENCE_TIMEOUT};
 use super::{
     BoardBytes, BoardCalibration, BoardForm, BoardInput, BoardKinematics, BoardOptions, BoardOutput,
 };
-use crate::driver::{Driver, StopsSent};
-use crate::link::{Link, Understood};
+use crate::driver::{Driver, StopCounter};
+use crate::link::{Handled, Link};
 use glam::{DQuat, DVec3};
 use palpate_haptics::{DeviceDescription, DeviceError, Reading};
 use std::time::Duration;
 
-/// So often a board that has just been opened is waited for, `SILENCE` each time: it may be slow, but not for ever.
+/// So often a board that has just been opened is waited for, `SILENCE_TIMEOUT` each time: it may be slow, but not for ever.
 const FIRST_WAITS: usize = 20;
 /// The first reports of a board that has just been opened may be as old as the last time that it was read: what its bus keeps, and
 /// one more. As many show, when it is closed, that the board has taken a zero: only what is fetched lets it go on.
@@ -29,8 +29,8 @@ pub(super) struct Board {
     zero: BoardBytes,
     calibrator: Calibrator,
     limits: Limits,
-    turns: Turns,
-    stops_sent: StopsSent,
+    turns: ReportCredits,
+    stop_counter: StopCounter,
     /// Reports that have come since it was opened.
     number: u64,
     newest: Option<Pose>,
@@ -53,19 +53,19 @@ impl Board {
             zero,
             calibrator: Calibrator::new(form),
             limits: Limits::default(),
-            turns: Turns::default(),
-            stops_sent: StopsSent::default(),
+            turns: ReportCredits::default(),
+            stop_counter: StopCounter::default(),
             number: 0,
             newest: None,
         }
     }
 
     /// Takes into account what another thread has sent to end all force.
-    fn note_stops(&mut self) {
-        let zeros = self.stops_sent.take();
+    fn account_for_stops(&mut self) {
+        let zeros = self.stop_counter.take();
         if zeros > 0 {
             self.turns.stopped(zeros);
-            self.limits.begin_anew();
+            self.limits.reset();
         }
     }
 
@@ -76,15 +76,15 @@ impl Board {
             Ok(input) => {
                 newest = Some(input);
                 reports += 1;
-                Understood::As(0)
+                Handled::Used(0)
             }
-            Err(_) => Understood::Malformed,
+            Err(_) => Handled::Malformed,
         })?;
         let Some(input) = newest else { return Ok(false) };
         let kinematics = &self.options.kinematics;
         let counters = self.calibrator.take(kinematics, &input);
-        if self.calibrator.begins_anew() {
-            self.limits.begin_anew();
+        if self.calibrator.take_force_reset() {
+            self.limits.reset();
         }
         let angles_rad = kinematics.angles_rad(kinematics.counts(counters));
         self.newest = Some(Pose { angles_rad, is_pressed: input.is_pressed });
@@ -93,17 +93,17 @@ impl Board {
         Ok(true)
     }
 
-    /// Takes no notice of what has come, but that it has. Whether there was a report within [`SILENCE`].
+    /// Takes no notice of what has come, but that it has. Whether there was a report within [`SILENCE_TIMEOUT`].
     fn skip(&mut self, link: &mut Link) -> Result<bool, DeviceError> {
         let mut reports = 0;
-        link.drain(SILENCE, |_| {
+        link.drain(SILENCE_TIMEOUT, |_| {
             reports += 1;
-            Understood::Nothing
+            Handled::Ignored
         })?;
         if reports > 0 {
             self.turns.heard(reports, link.clock.now());
         } else {
-            self.turns.fell_silent();
+            self.turns.note_silence();
         }
         Ok(reports > 0)
     }
@@ -112,7 +112,7 @@ impl Board {
         self.turns.sending(link.clock.now());
         link.write(self.zero.as_slice())?;
         self.turns.sent([0; 3]);
-        self.limits.begin_anew();
+        self.limits.reset();
         Ok(())
     }
 
@@ -131,11 +131,11 @@ impl Board {
     }
 
     /// Zero force, and where home is if the board is to be told.
-    fn answer_with_zero(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+    fn reply_with_zero(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         if !self.calibrator.is_asked() {
             return self.send_zero(link);
         }
-        self.limits.begin_anew();
+        self.limits.reset();
         self.send(link, BoardOutput::Counters(self.options.kinematics.home_counts))?;
         self.calibrator.told();
         Ok(())
@@ -152,7 +152,7 @@ impl Board {
     }
 
     /// Hands `done` on. After an error of the link the board's counters may mean nothing.
-    fn noting<T>(&mut self, done: Result<T, DeviceError>) -> Result<T, DeviceError> {
+    fn track_link_errors<T>(&mut self, done: Result<T, DeviceError>) -> Result<T, DeviceError> {
         match done {
             Err(DeviceError::Disconnected) => self.calibrator.lost(),
             // That is told of a silence; nothing has failed.
@@ -165,8 +165,8 @@ impl Board {
     /// Synchronises with a board that has just been opened, at zero force.
     fn begin(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.calibrator.opening();
-        self.turns = Turns::begin(link.clock.now());
-        self.stops_sent.take();
+        self.turns = ReportCredits::begin(link.clock.now());
+        self.stop_counter.take();
         (self.limits, self.number, self.newest) = (Limits::default(), 0, None);
         // Firmware that takes turns falls silent once it has nothing to take.
         for _ in 0..FIRST_WAITS {
@@ -178,7 +178,7 @@ impl Board {
         let mut old = 0;
         for _ in 0..FIRST_WAITS {
             old += usize::from(self.skip(link)?);
-            if self.turns.is_owed() {
+            if self.turns.has_credit() {
                 self.send_zero(link)?;
             }
             if old == OLD_REPORTS {
@@ -187,24 +187,24 @@ impl Board {
         }
         self.calibrator.opened(self.options.homing);
         for _ in 0..FIRST_WAITS {
-            if !self.drain(link, SILENCE)? || !self.calibrator.is_under_way() {
+            if !self.drain(link, SILENCE_TIMEOUT)? || !self.calibrator.is_in_progress() {
                 break;
             }
             // So that an arm that is at home now is not seen to jump there.
-            if self.turns.is_owed() {
-                self.answer_with_zero(link)?;
+            if self.turns.has_credit() {
+                self.reply_with_zero(link)?;
             }
         }
         Ok(())
     }
 
     fn newest(&mut self, link: &mut Link) -> Result<Reading, DeviceError> {
-        self.note_stops();
+        self.account_for_stops();
         let drained = self.drain(link, Duration::ZERO);
         if drained.is_err() {
             self.turns.failed();
         }
-        if !drained? && self.turns.is_to_be_woken(link.clock.now()) {
+        if !drained? && self.turns.needs_wake_up(link.clock.now()) {
             self.send_zero(link)?;
         }
         let pose = self.newest.filter(|_| !self.turns.is_silent()).ok_or(DeviceError::TimedOut)?;
@@ -218,21 +218,21 @@ impl Board {
     }
 
     fn show(&mut self, link: &mut Link, force_n: DVec3) -> Result<(), DeviceError> {
-        self.note_stops();
-        if self.turns.is_owed() && self.calibrator.is_asked() {
-            return self.answer_with_zero(link);
+        self.account_for_stops();
+        if self.turns.has_credit() && self.calibrator.is_asked() {
+            return self.reply_with_zero(link);
         }
         if !force_n.is_finite() {
-            self.limits.begin_anew();
+            self.limits.reset();
         }
         let currents_ma = self.currents_ma(force_n);
-        if self.turns.is_owed() {
+        if self.turns.has_credit() {
             self.send(link, BoardOutput::Currents(currents_ma))?;
             if let Some(pose) = self.newest.filter(|_| self.calibrator.is_done()) {
                 self.limits.taken(&self.options, pose.angles_rad);
             }
             link.note_force();
-        } else if self.turns.may_go_ahead() && is_much_less(currents_ma, self.turns.shown_ma) {
+        } else if self.turns.may_send_early() && is_less_than_half(currents_ma, self.turns.shown_ma) {
             self.send(link, BoardOutput::Currents(currents_ma))?;
         } else if self.turns.is_silent() && force_n != DVec3::ZERO {
             return Err(DeviceError::TimedOut);
@@ -241,7 +241,7 @@ impl Board {
     }
 
     /// Zero force, sent again where it was not taken: nothing comes after it.
-    fn insist_on_zero(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+    fn send_zero_with_retries(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         let mut sent = self.send_zero(link);
         for _ in 1..ZERO_TRIES {
             if sent.is_ok() {
@@ -253,14 +253,14 @@ impl Board {
     }
 
     fn end(&mut self, link: &mut Link) -> Result<(), DeviceError> {
-        self.note_stops();
-        self.insist_on_zero(link)?;
+        self.account_for_stops();
+        self.send_zero_with_retries(link)?;
         for _ in 0..OLD_REPORTS {
-            if !self.drain(link, SILENCE)? {
+            if !self.drain(link, SILENCE_TIMEOUT)? {
                 break;
             }
-            if self.turns.is_owed() {
-                self.insist_on_zero(link)?;
+            if self.turns.has_credit() {
+                self.send_zero_with_retries(link)?;
             }
         }
         Ok(())
@@ -281,25 +281,25 @@ impl Driver for Board {
 
     fn start(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         let begun = self.begin(link);
-        self.noting(begun)
+        self.track_link_errors(begun)
     }
 
     fn read(&mut self, link: &mut Link, _: Duration) -> Result<Reading, DeviceError> {
         let newest = self.newest(link);
-        self.noting(newest)
+        self.track_link_errors(newest)
     }
 
     fn write(&mut self, link: &mut Link, force_n: DVec3) -> Result<(), DeviceError> {
         let shown = self.show(link, force_n);
-        self.noting(shown)
+        self.track_link_errors(shown)
     }
 
     fn stop(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         let ended = self.end(link);
-        self.noting(ended)
+        self.track_link_errors(ended)
     }
 
-    fn was_gone(&mut self) {
+    fn mark_disconnected(&mut self) {
         self.calibrator.lost();
     }
 
@@ -312,8 +312,8 @@ impl Driver for Board {
         vec![self.zero.as_slice().to_vec()]
     }
 
-    fn stops_sent(&self) -> Option<StopsSent> {
-        Some(self.stops_sent.clone())
+    fn stop_counter(&self) -> Option<StopCounter> {
+        Some(self.stop_counter.clone())
     }
 
     fn calibration(&self) -> Option<BoardCalibration> {

@@ -3,7 +3,8 @@
 //! Sources: forsslund/haptikfabrikenapi at b8d6c94, `src/kinematics.cpp` for the formulas, `src/haptikfabrikenapi.h` for the numbers;
 //! those of Polhem are named in `polhem.rs`.
 
-use super::linkage::{BoardLinkage, Reach};
+use super::linkage::BoardLinkage;
+use super::reach::Reach;
 use crate::HidError;
 use glam::{DMat3, DVec3, Vec3Swizzles};
 use std::f64::consts::TAU;
@@ -54,34 +55,7 @@ pub struct BoardKinematics {
     pub home_counts: [i16; 6],
 }
 
-impl Default for BoardKinematics {
-    /// [`BoardKinematics::woodenhaptics_v2015`].
-    fn default() -> Self {
-        Self::woodenhaptics_v2015()
-    }
-}
-
 impl BoardKinematics {
-    /// The WoodenHaptics of 2015. At home B points up and C to the front: counts 0, 0, 6000, θ_C = π/2.
-    ///
-    /// Source: `woodenhaptics_v2015` in `src/haptikfabrikenapi.h`, which also gives 1,000 N/m and 8 N s/m as the most that it should
-    /// show.
-    #[must_use]
-    pub fn woodenhaptics_v2015() -> Self {
-        Self {
-            linkage: BoardLinkage::WoodenHaptics { length_m: [0.080, 0.205, 0.245] },
-            capstan_m: [0.010; 3],
-            body_m: [0.160, 0.120, 0.120],
-            is_reversed: [false; 3],
-            counts_per_turn: [2000.0; 3],
-            torque_nm_per_a: [0.0259; 3],
-            origin_m: DVec3::new(0.220, 0.0, 0.080),
-            workspace_radius_m: 0.100,
-            max_force_n: 5.0,
-            home_counts: [0, 0, 6000, 0, 0, 0],
-        }
-    }
-
     /// Refuses an arm that cannot be.
     ///
     /// # Errors

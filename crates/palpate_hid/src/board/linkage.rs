@@ -1,8 +1,8 @@
 //! What lies between the bodies of a board and its tip.
 
-use super::{polhem, woodenhaptics};
+use super::reach::Reach;
+use super::{polhem_linkage, woodenhaptics_linkage};
 use crate::HidError;
-use glam::DVec2;
 
 /// Which linkage an arm has, and how long its links are.
 ///
@@ -61,20 +61,8 @@ pub enum BoardLinkage {
 impl Default for BoardLinkage {
     /// That of the WoodenHaptics of 2015.
     fn default() -> Self {
-        super::BoardKinematics::woodenhaptics_v2015().linkage
+        Self::WoodenHaptics { length_m: woodenhaptics_linkage::LENGTH_2015_M }
     }
-}
-
-/// Where a linkage has the tip, in the plane of B and C: x is ρ, the distance from A's axis, and y the height, m.
-pub(super) struct Reach {
-    pub(super) tip: DVec2,
-    /// How the tip moves with θ_B and θ_C, m/rad.
-    pub(super) by_b: DVec2,
-    pub(super) by_c: DVec2,
-    /// 0 where it is singular, 1 at most.
-    pub(super) leverage: f64,
-    /// Whether its bars meet.
-    pub(super) is_closed: bool,
 }
 
 impl BoardLinkage {
@@ -96,8 +84,8 @@ impl BoardLinkage {
     /// Where the tip is with bodies B and C at these angles, rad.
     pub(super) fn reach(&self, b_rad: f64, c_rad: f64) -> Reach {
         match self {
-            Self::WoodenHaptics { length_m } => woodenhaptics::reach(length_m, b_rad, c_rad),
-            Self::Polhem { length_m } => polhem::reach(length_m, b_rad, c_rad),
+            Self::WoodenHaptics { length_m } => woodenhaptics_linkage::reach(length_m, b_rad, c_rad),
+            Self::Polhem { length_m } => polhem_linkage::reach(length_m, b_rad, c_rad),
         }
     }
 }

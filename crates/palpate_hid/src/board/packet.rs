@@ -24,7 +24,7 @@ const PRESSED_ABOVE: i16 = 5_000;
 /// What a pressed button adds to encoder d.
 const PRESSED: i16 = 10_000;
 /// Info: the board asks to be calibrated.
-const ASKS: i16 = 1;
+const CALIBRATION_REQUEST: i16 = 1;
 /// Command: show currents.
 const SHOW: i16 = 0;
 /// Command: set the counters.
@@ -106,7 +106,7 @@ pub struct BoardInput {
     /// Whether the button is pressed.
     pub is_pressed: bool,
     /// Whether it asks to be calibrated: the arm is at home and its button was pushed.
-    pub asks: bool,
+    pub requests_calibration: bool,
     /// Its running number in the form of 8 bytes; zero in the others.
     pub running: u16,
 }
@@ -177,7 +177,12 @@ impl BoardInput {
         }
         let is_pressed = d > PRESSED_ABOVE;
         let d = if is_pressed { d.wrapping_sub(PRESSED) } else { d };
-        Ok(Self { encoders: [a, b, c, d, e, f], is_pressed, asks: info == ASKS, running: 0 })
+        Ok(Self {
+            encoders: [a, b, c, d, e, f],
+            is_pressed,
+            requests_calibration: info == CALIBRATION_REQUEST,
+            running: 0,
+        })
     }
 
     /// The report as a board sends it. What the form has no room for is left out.
@@ -189,7 +194,8 @@ impl BoardInput {
             report.put(0, [a, b, c, self.running.cast_signed()]);
         } else {
             let d = if self.is_pressed { d.wrapping_add(PRESSED) } else { d };
-            report.put(0, [a, b, c, d, e, f, if self.asks { ASKS } else { 0 }]);
+            report
+                .put(0, [a, b, c, d, e, f, if self.requests_calibration { CALIBRATION_REQUEST } else { 0 }]);
         }
         report
     }

@@ -1,8 +1,8 @@
 //! One constant force in the device: made, changed, started, stopped.
 
-use super::form::{Word, put};
-use super::lasting::RENEWED;
+use super::effect_duration::RESTART_PERIOD;
 use super::layout::{Layout, Pool};
+use super::report_encoding::{Word, put};
 use crate::link::Link;
 use palpate_haptics::DeviceError;
 use std::time::Duration;
@@ -68,7 +68,7 @@ impl Effect {
     /// Whether it has or shall have a force and was started so long ago that it has to be started again, or has ended.
     fn has_to_start(&self, layout: &Layout, now: Duration) -> bool {
         let has_force = self.wanted != 0 || self.shown != Some(0);
-        layout.ends && has_force && now.saturating_sub(self.started_at) >= RENEWED
+        layout.ends && has_force && now.saturating_sub(self.started_at) >= RESTART_PERIOD
     }
 
     /// Ends it.
@@ -153,7 +153,7 @@ fn created(link: &mut Link, layout: &Layout) -> Result<i64, DeviceError> {
 }
 
 /// Whether there is room for `effects` in the device. One that does not answer may have it; some empty their memory when asked.
-pub(super) fn check_room(link: &mut Link, pool: &Pool, effects: i64) -> Result<(), DeviceError> {
+pub(super) fn check_capacity(link: &mut Link, pool: &Pool, effects: i64) -> Result<(), DeviceError> {
     let mut report = pool.blank.clone();
     let length = match link.feature(&mut report) {
         Ok(length) => length,

@@ -1,10 +1,10 @@
 //! What a force-feedback joystick's reports are, found by what its descriptor says they mean and never by their numbers, widths or
 //! places, which differ from device to device.
 
-use super::force::Scale;
-use super::form::{Template, Word, blank, highest, put, put_raw};
+use super::effect_duration;
+use super::force_scale::Scale;
 use super::input::Input;
-use super::lasting;
+use super::report_encoding::{Template, Word, blank, highest, put, put_raw};
 use super::usages::*;
 use crate::{Field, HidError, JoystickOptions, Report, ReportDescriptor, ReportKind};
 
@@ -208,7 +208,7 @@ impl<'a> Finder<'a> {
 
     fn pool(self) -> Option<Pool> {
         let of = |wanted| self.field(ReportKind::Feature, POOL_REPORT, wanted).ok();
-        let (most, is_managed) = (of(MOST_EFFECTS), of(DEVICE_MANAGED));
+        let (most, is_managed) = (of(MAX_EFFECTS), of(DEVICE_MANAGED));
         let (report, _) = most.or(is_managed)?;
         let of_this = |found: Option<(&'a Report, &Field)>| {
             found.filter(|(other, _)| other.id == report.id).map(|(_, field)| field.clone())
@@ -275,7 +275,7 @@ impl SetEffect<'_> {
 
     /// What to write as a duration of half a second, where that can be written.
     fn lasts(&self) -> Option<i64> {
-        self.report.field(DURATION.usage).and_then(lasting::counts)
+        self.report.field(DURATION.usage).and_then(effect_duration::counts)
     }
 
     /// A constant force that only its magnitude changes, on `axis`, from `turn` parts of a full turn.

@@ -49,7 +49,7 @@ impl Default for JoystickOptions {
 }
 
 /// How far the two directions may be from unit length and from a right angle.
-const SLOPPY: f64 = 1e-6;
+const UNIT_VECTOR_TOLERANCE: f64 = 1e-6;
 
 impl JoystickOptions {
     /// A full scale that is meant to be more than any joystick or wheel base has, N. Direct-drive bases have 25 N m and more, which
@@ -80,12 +80,12 @@ impl JoystickOptions {
         let [x, y] = plane;
         for direction in plane {
             let length = direction.length();
-            let ok = (length - 1.0).abs() <= SLOPPY;
+            let ok = (length - 1.0).abs() <= UNIT_VECTOR_TOLERANCE;
             check("length of a direction of the joystick's plane", length, ok, "1")?;
         }
         let cosine = x.dot(y);
         let what = "cosine between the directions of the joystick's plane";
-        check(what, cosine, cosine.abs() <= SLOPPY, "0: they are at a right angle")?;
+        check(what, cosine, cosine.abs() <= UNIT_VECTOR_TOLERANCE, "0: they are at a right angle")?;
         if let Some(silent_s) = silent_after_s {
             let ok = silent_s > 0.0 && silent_s <= 3600.0;
             check(

@@ -10,7 +10,7 @@ pub(super) const LIGHT_OFF: [u8; 2] = [4, 0];
 /// One input report of a cap. Numbers are counts, about ±350 at the stop, in its own axes: x to the right, y towards the hand's
 /// owner, z down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CapReport {
+pub enum SpaceMouseReport {
     /// How far it is pushed. Report 1, 7 bytes: x, y, z.
     Push([i16; 3]),
     /// How far it is turned. Report 2, 7 bytes: about x, y, z.
@@ -25,24 +25,24 @@ pub enum CapReport {
 
 /// A report that is too short for what its number says.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-#[error("report {id} of a cap has {found} bytes; it has {least} at least")]
-pub struct NotACapReport {
+#[error("report {id} of a cap has {found} bytes; it must have at least {required}")]
+pub struct ParseReportError {
     /// Its number; 0 where there is not even that.
     pub id: u8,
     /// Its length, bytes.
     pub found: usize,
     /// The least, bytes.
-    pub least: usize,
+    pub required: usize,
 }
 
-impl CapReport {
+impl SpaceMouseReport {
     /// Reads an input report, its number first. Reports 1 to 3 have a number and two bytes for each axis, little-endian; whether
     /// report 1 has three axes or six its length says.
     ///
     /// # Errors
-    /// [`NotACapReport`].
-    pub fn parse(report: &[u8]) -> Result<Self, NotACapReport> {
-        let short = |id, least| NotACapReport { id, found: report.len(), least };
+    /// [`ParseReportError`].
+    pub fn parse(report: &[u8]) -> Result<Self, ParseReportError> {
+        let short = |id, required| ParseReportError { id, found: report.len(), required };
         match report {
             [1, ..] if report.len() >= 13 => match (axes(report, 1), axes(report, 7)) {
                 (Some(push), Some(turn)) => Ok(Self::PushAndTurn(push, turn)),

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use palpate_haptics::*;
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -13,7 +14,7 @@ pub const ROUNDING_N: f64 = 3e-3;
 
 /// A board that is plugged in, the driver's device, and its time.
 pub struct Bench {
-    pub bus: Arc<StandInBus>,
+    pub bus: Arc<SimulatedBus>,
     pub firmware: Arc<Mutex<BoardFirmware>>,
     pub device: Option<HidDevice>,
     pub ms: Arc<AtomicU64>,
@@ -31,14 +32,14 @@ pub fn homed() -> BoardOptions {
     BoardOptions { homing: BoardHoming::AtOpen, ..BoardOptions::default() }
 }
 
-pub fn find(bus: Arc<StandInBus>, options: BoardOptions) -> Result<HidDevice, HidError> {
-    let selector = HidSelector { teensy_is_board: true, ..HidSelector::first(HidKind::Board) };
+pub fn find(bus: Arc<SimulatedBus>, options: BoardOptions) -> Result<HidDevice, HidError> {
+    let selector = HidSelector { treat_teensy_as_board: true, ..HidSelector::first(HidKind::Board) };
     HidDevice::find(bus, &selector, &HidOptions { board: options, ..HidOptions::default() })
 }
 
 impl Bench {
     pub fn new(firmware: BoardFirmware, options: BoardOptions) -> Self {
-        let bus = Arc::new(StandInBus::default());
+        let bus = Arc::new(SimulatedBus::default());
         let firmware = Arc::new(Mutex::new(firmware));
         let mut bench = Self { bus, firmware, device: None, ms: Arc::default() };
         bench.plug();
@@ -83,8 +84,8 @@ impl Bench {
         (0..ticks).map(|_| self.tick(force_n)).last().unwrap()
     }
 
-    pub fn felt_n(&self) -> DVec3 {
-        self.board(|it| it.felt_n())
+    pub fn applied_force_n(&self) -> DVec3 {
+        self.board(|it| it.applied_force_n())
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::bench::*;
 use glam::DVec3;
 use palpate_haptics::*;
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use palpate_local::{Contact, Scheme};
 use std::sync::{Arc, Mutex};
@@ -15,7 +16,7 @@ fn nothing_is_shown_before_somebody_has_put_it_home() {
         let calibration = bench.device().board_calibration().unwrap();
         for _ in 0..50 {
             bench.tick(DVec3::Y);
-            assert_eq!(bench.felt_n(), DVec3::ZERO);
+            assert_eq!(bench.applied_force_n(), DVec3::ZERO);
         }
         assert!(!calibration.is_done());
         // The arm is at home, and the app says so.
@@ -24,7 +25,7 @@ fn nothing_is_shown_before_somebody_has_put_it_home() {
         assert!(calibration.is_done(), "{form:?}");
         assert!((reading.position_m - DVec3::new(0.0, 0.205, 0.025)).length() < 1e-12, "{form:?}");
         bench.ticks(30, DVec3::Y);
-        assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N, "{form:?}");
+        assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N, "{form:?}");
     }
 }
 
@@ -34,12 +35,12 @@ fn the_board_s_own_button_calibrates_it_also_in_use() {
     bench.ticks(40, DVec3::Y);
     bench.ticks(500, DVec3::ZERO);
     // Something has slipped: the counters are wrong.
-    bench.board(|it| it.lose_power());
+    bench.board(|it| it.cut_power());
     let wrong_m = bench.ticks(3, DVec3::ZERO).position_m;
     assert!((wrong_m - bench.board(|it| it.tip_m())).length() > 0.1);
-    bench.board(|it| it.ask_for_calibration());
+    bench.board(|it| it.request_calibration());
     bench.tick(DVec3::Y);
-    assert_eq!(bench.felt_n(), DVec3::ZERO);
+    assert_eq!(bench.applied_force_n(), DVec3::ZERO);
     let calibration = bench.device().board_calibration().unwrap();
     assert!(!calibration.is_done());
     let right_m = bench.ticks(3, DVec3::ZERO).position_m;
@@ -52,7 +53,7 @@ fn force_begins_from_nothing_after_a_calibration_in_use() {
     for form in BoardForm::ALL {
         let mut bench = Bench::open(at_home(form), homed());
         bench.ticks(40, DVec3::Y);
-        assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+        assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N);
         let home_m = kinematics().position_m(kinematics().home_rad());
         bench.board(|it| it.hold_at(home_m - DVec3::Y / 400.0));
         bench.device().board_calibration().unwrap().request();
@@ -60,11 +61,11 @@ fn force_begins_from_nothing_after_a_calibration_in_use() {
         let mut last_n = 0.0;
         for tick in 0..20 {
             bench.tick(DVec3::Y);
-            let now_n = bench.felt_n().length();
+            let now_n = bench.applied_force_n().length();
             assert!(now_n - last_n < 0.25 + ROUNDING_N, "{form:?} {tick}: {last_n} {now_n}");
             last_n = now_n;
         }
-        assert!((bench.felt_n() - DVec3::Y).length() < 0.1, "{form:?}: {}", bench.felt_n());
+        assert!((bench.applied_force_n() - DVec3::Y).length() < 0.1, "{form:?}: {}", bench.applied_force_n());
     }
 }
 
@@ -72,27 +73,27 @@ fn force_begins_from_nothing_after_a_calibration_in_use() {
 fn unplugged_in_a_touch_and_plugged_in_again() {
     let mut bench = Bench::open(moving(BoardForm::Bytes14), homed());
     bench.ticks(500, DVec3::Y);
-    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+    assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N);
     bench.bus.unplug(PATH);
     assert_eq!(bench.device().read(Duration::ZERO), Err(DeviceError::Disconnected));
     assert_eq!(bench.device().write(DVec3::Y), Err(DeviceError::Disconnected), "it has not taken it");
-    bench.board(|it| it.pass(0.6));
+    bench.board(|it| it.advance(0.6));
     assert!(!bench.board(|it| it.are_motors_on()), "its own watchdog");
     assert_eq!(bench.device().close(), Err(DeviceError::Disconnected));
     assert_eq!(bench.device().open(), Err(DeviceError::Disconnected));
     // It had no power meanwhile, so that its counters mean nothing: no force, wherever the arm is.
-    bench.board(|it| it.lose_power());
+    bench.board(|it| it.cut_power());
     bench.plug();
     bench.device().open().unwrap();
     bench.ticks(50, DVec3::Y);
-    assert_eq!(bench.felt_n(), DVec3::ZERO);
+    assert_eq!(bench.applied_force_n(), DVec3::ZERO);
     let home_m = kinematics().position_m(kinematics().home_rad());
     bench.board(|it| it.hold_at(home_m));
     bench.ticks(2000, DVec3::ZERO);
     bench.device().board_calibration().unwrap().request();
     bench.ticks(4, DVec3::ZERO);
     bench.ticks(40, DVec3::Y);
-    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N, "{}", bench.felt_n());
+    assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N, "{}", bench.applied_force_n());
 }
 
 #[test]
@@ -109,14 +110,14 @@ fn a_request_from_while_it_was_unplugged_is_forgotten() {
         // It comes back with its arm somewhere else.
         bench.board(|it| {
             it.hold_at(0.5 * it.tip_m());
-            it.pass(2.0);
-            it.lose_power();
+            it.advance(2.0);
+            it.cut_power();
         });
         bench.plug();
         bench.device().open().unwrap();
         for _ in 0..50 {
             bench.tick(DVec3::Y);
-            assert_eq!(bench.felt_n(), DVec3::ZERO, "{form:?}");
+            assert_eq!(bench.applied_force_n(), DVec3::ZERO, "{form:?}");
         }
         assert!(!calibration.is_done(), "{form:?}");
         // One that is made now is heard.
@@ -135,13 +136,13 @@ fn opens_without_force(bench: &mut Bench) {
     assert!(!calibration.is_done(), "it is known before");
     bench.board(|it| {
         it.hold_at(0.5 * it.tip_m());
-        it.pass(2.0);
-        it.lose_power();
+        it.advance(2.0);
+        it.cut_power();
     });
     bench.device().open().unwrap();
     for _ in 0..50 {
         bench.tick(DVec3::Y);
-        assert_eq!(bench.felt_n(), DVec3::ZERO);
+        assert_eq!(bench.applied_force_n(), DVec3::ZERO);
     }
     assert!(!calibration.is_done());
 }
@@ -151,7 +152,7 @@ fn what_was_kept_is_believed_until_the_board_is_gone() {
     let begin = || {
         let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), kept());
         bench.ticks(40, DVec3::Y);
-        assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+        assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N);
         bench
     };
     // Gone while it is read.
@@ -166,7 +167,7 @@ fn what_was_kept_is_believed_until_the_board_is_gone() {
     bench.device().close().unwrap();
     bench.device().open().unwrap();
     bench.ticks(40, DVec3::Y);
-    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+    assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N);
     bench.device().close().unwrap();
     bench.bus.unplug(PATH);
     assert_eq!(bench.device().open(), Err(DeviceError::Disconnected));
@@ -185,12 +186,12 @@ fn what_was_kept_is_believed_until_the_board_is_gone() {
     bench.device().open().unwrap();
     bench.ticks(40, DVec3::Y);
     assert!(!calibration.is_done());
-    assert_eq!(bench.felt_n(), DVec3::ZERO);
+    assert_eq!(bench.applied_force_n(), DVec3::ZERO);
     // Once it is calibrated there is force again.
     calibration.request();
     bench.ticks(4, DVec3::ZERO);
     bench.ticks(40, DVec3::Y);
-    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N, "{}", bench.felt_n());
+    assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N, "{}", bench.applied_force_n());
 }
 
 /// The loop's own thread, with a bus that was loose for a moment while the board had power from elsewhere.
@@ -206,7 +207,7 @@ fn a_loop_finds_its_board_again() {
         }
         panic!("it has not happened within 20 s");
     }
-    let bus = Arc::new(StandInBus::default());
+    let bus = Arc::new(SimulatedBus::default());
     let firmware = Arc::new(Mutex::new(at_home(BoardForm::Bytes14).calibrated()));
     let plug = || {
         let (info, descriptor) = {
@@ -232,7 +233,7 @@ fn a_loop_finds_its_board_again() {
     let model = handle.model_slot();
     (model.scheme, model.contact, model.force_n) = (Scheme::Hold, Contact::Held, DVec3::Y);
     handle.publish_model();
-    let is_felt = || (firmware.lock().unwrap().felt_n() - DVec3::Y).length() < ROUNDING_N;
+    let is_felt = || (firmware.lock().unwrap().applied_force_n() - DVec3::Y).length() < ROUNDING_N;
     wait_for(is_felt);
     bus.unplug(PATH);
     let events = |handle: &mut HapticHandle| -> Vec<LoopEventKind> {
@@ -240,7 +241,7 @@ fn a_loop_finds_its_board_again() {
     };
     let lost = LoopEventKind::DeviceFailed(DeviceError::Disconnected);
     wait_for(|| events(&mut handle).contains(&lost));
-    firmware.lock().unwrap().pass(0.6);
+    firmware.lock().unwrap().advance(0.6);
     assert!(!firmware.lock().unwrap().are_motors_on());
     plug();
     // What was kept is believed no longer: the loop goes on without force until somebody says that the arm is at home.

@@ -2,6 +2,7 @@
 
 use super::bench::*;
 use glam::DVec3;
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 
 fn kinematics() -> BoardKinematics {
@@ -36,7 +37,11 @@ fn the_force_felt_is_the_force_sent_in_every_form() {
         assert!(reading.position_m.length() < 1e-3, "{}", reading.position_m);
         for force_n in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(-1.0, 0.5, -0.7)] {
             bench.ticks(600, force_n);
-            assert!((bench.felt_n() - force_n).length() < 2.0 * ROUNDING_N, "{form:?}: {}", bench.felt_n());
+            assert!(
+                (bench.applied_force_n() - force_n).length() < 2.0 * ROUNDING_N,
+                "{form:?}: {}",
+                bench.applied_force_n()
+            );
             let off_m = bench.tick(force_n).position_m - bench.board(|it| it.tip_m());
             assert!(off_m.length() < 3e-4, "{off_m}");
         }
@@ -52,12 +57,12 @@ fn there_is_no_force_while_it_is_folded_and_it_begins_with_little_when_it_is_dra
     let mut last_n = 0.0;
     for _ in 0..500 {
         bench.tick(DVec3::Y);
-        let now_n = bench.felt_n().length();
+        let now_n = bench.applied_force_n().length();
         // A twentieth of 5 N, and what the arm turns from one report to the next.
         assert!(now_n.is_finite() && now_n - last_n < 0.27, "{last_n} {now_n}");
         last_n = now_n;
     }
-    assert!((bench.felt_n() - DVec3::Y).length() < 2.0 * ROUNDING_N, "{}", bench.felt_n());
+    assert!((bench.applied_force_n() - DVec3::Y).length() < 2.0 * ROUNDING_N, "{}", bench.applied_force_n());
 }
 
 #[test]
@@ -67,14 +72,14 @@ fn a_force_that_takes_too_much_current_is_made_smaller_and_keeps_its_direction()
     bench.ticks(40, 100.0 * DVec3::X);
     assert_eq!(bench.board(|it| it.currents_ma())[0], 2000);
     let expected_n = 2.0 * 0.0603 * 0.175 / (0.028_853_4 * 0.2045);
-    assert!((bench.felt_n() - expected_n * DVec3::X).length() < 0.03, "{}", bench.felt_n());
+    assert!((bench.applied_force_n() - expected_n * DVec3::X).length() < 0.03, "{}", bench.applied_force_n());
     for direction in [DVec3::Y, DVec3::Z, DVec3::new(1.0, -2.0, 1.0).normalize()] {
         let options = BoardOptions { max_current_a: 0.3, ..polhem(BoardHoming::AtOpen) };
         let mut bench = drawn_out(BoardForm::Bytes14, options);
         bench.ticks(40, 100.0 * direction);
         let most_ma = bench.board(|it| it.currents_ma()).map(i16::abs).into_iter().max();
         assert_eq!(most_ma, Some(300));
-        let felt_n = bench.felt_n();
+        let felt_n = bench.applied_force_n();
         assert!(felt_n.length() < 3.0 && felt_n.normalize().dot(direction) > 1.0 - 1e-4, "{felt_n}");
     }
     // Where the motors can, the largest force of the device is the bound.
@@ -82,7 +87,11 @@ fn a_force_that_takes_too_much_current_is_made_smaller_and_keeps_its_direction()
     let options = BoardOptions { kinematics: weak, max_current_a: 3.0, ..polhem(BoardHoming::AtOpen) };
     let mut bench = drawn_out(BoardForm::Bytes14, options);
     bench.ticks(40, 100.0 * DVec3::X);
-    assert!((bench.felt_n() - 1.5 * DVec3::X).length() < 2.0 * ROUNDING_N, "{}", bench.felt_n());
+    assert!(
+        (bench.applied_force_n() - 1.5 * DVec3::X).length() < 2.0 * ROUNDING_N,
+        "{}",
+        bench.applied_force_n()
+    );
 }
 
 #[test]
@@ -90,7 +99,7 @@ fn no_force_out_of_reach() {
     let options = BoardOptions { reach_m: 0.05, ..polhem(BoardHoming::AtOpen) };
     let mut bench = drawn_out(BoardForm::Bytes14, options);
     bench.ticks(40, DVec3::X);
-    assert!((bench.felt_n() - DVec3::X).length() < 2.0 * ROUNDING_N);
+    assert!((bench.applied_force_n() - DVec3::X).length() < 2.0 * ROUNDING_N);
     bench.board(|it| it.hold_at(DVec3::new(0.0, 0.0, 0.07)));
     bench.ticks(500, DVec3::X);
     assert_eq!(bench.board(|it| it.currents_ma()), [0; 3]);

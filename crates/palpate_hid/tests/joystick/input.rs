@@ -1,9 +1,10 @@
 //! What joysticks say, and what they might: positions and buttons to the byte, reports that are none, silence, noise.
 
 use crate::hex;
-use crate::stick::{Bench, PATH, info, kinds, openffboard, whole_force};
+use crate::joystick_bench::{Bench, PATH, info, kinds, openffboard, whole_force};
 use glam::DVec3;
 use palpate_haptics::{DeviceError, HapticDevice, Reading};
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use proptest::prelude::*;
 use std::collections::VecDeque;
@@ -46,7 +47,7 @@ fn prompted(
     options: JoystickOptions,
     answers: Option<Vec<u8>>,
 ) -> (HidDevice, Arc<Mutex<VecDeque<Vec<u8>>>>, Bench) {
-    let bench = Bench::new(descriptor, HeldStick::default());
+    let bench = Bench::new(descriptor, SimulatedStick::default());
     let (firmware, says) = (Arc::clone(&bench.firmware), Arc::default());
     let prompted = Prompted { firmware, says: Arc::clone(&says), answers };
     bench.bus.plug(info(), descriptor.to_vec(), prompted);
@@ -254,8 +255,8 @@ proptest! {
             let at = at.index(descriptor.len());
             descriptor[at] = byte;
         }
-        let Ok(firmware) = JoystickFirmware::new(&descriptor, HeldStick::default()) else { return Ok(()) };
-        let bus = Arc::new(StandInBus::default());
+        let Ok(firmware) = JoystickFirmware::new(&descriptor, SimulatedStick::default()) else { return Ok(()) };
+        let bus = Arc::new(SimulatedBus::default());
         bus.plug(info(), descriptor, firmware);
         let selector = HidSelector { path: Some(PATH.into()), ..HidSelector::any() };
         let Ok(mut device) = HidDevice::find(bus, &selector, &HidOptions::default()) else { return Ok(()) };

@@ -1,9 +1,10 @@
 //! Force-feedback joysticks to the byte, on three published layouts.
 
 use crate::hex;
-use crate::stick::{Bench, kinds, known_scale, openffboard, renumbered, whole_force};
+use crate::joystick_bench::{Bench, kinds, known_scale, openffboard, renumbered, whole_force};
 use glam::DVec3;
 use palpate_haptics::{DeviceError, HapticDevice};
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use std::time::Duration;
 
@@ -22,7 +23,7 @@ fn expected(reports: &str, part: &str, number: impl Fn(u8) -> u8) -> Vec<String>
 
 fn passes_to_the_byte(number: impl Fn(u8) -> u8 + Copy) {
     for kind in kinds() {
-        let bench = Bench::new(&renumbered(&kind.descriptor, number), HeldStick::default());
+        let bench = Bench::new(&renumbered(&kind.descriptor, number), SimulatedStick::default());
         let mut device = bench.device(whole_force());
         let part = |name| expected(kind.reports, name, number);
         device.open().unwrap();
@@ -67,7 +68,7 @@ fn the_published_descriptor_is_complete() {
 
 #[test]
 fn what_has_not_changed_is_said_again_after_25_ms_and_not_before() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     let mut device = bench.device(whole_force());
     device.open().unwrap();
     device.write(DVec3::X).unwrap();
@@ -92,7 +93,7 @@ fn what_has_not_changed_is_said_again_after_25_ms_and_not_before() {
 
 #[test]
 fn the_axis_that_gets_smaller_goes_first() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     let mut device = bench.device(whole_force());
     device.open().unwrap();
     let mut order = |x: f64, z: f64| {
@@ -111,7 +112,7 @@ fn the_axis_that_gets_smaller_goes_first() {
 #[test]
 fn half_a_force_is_no_force() {
     for refused in [1, 2] {
-        let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+        let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
         let mut device = bench.device(whole_force());
         device.open().unwrap();
         let force_n = DVec3::new(20.0, 0.0, 20.0);
@@ -146,7 +147,7 @@ fn half_a_force_is_no_force() {
 /// An axis that takes nothing at all, not even zero: the actuators are off until it does.
 #[test]
 fn an_axis_that_is_deaf_switches_the_actuators_off() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     let mut device = bench.device(whole_force());
     device.open().unwrap();
     let force_n = DVec3::new(20.0, 0.0, 10.0);
@@ -168,7 +169,7 @@ fn an_axis_that_is_deaf_switches_the_actuators_off() {
 
 #[test]
 fn a_device_that_was_stopped_beside_is_started_anew_from_zero() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     let mut device = bench.device(whole_force());
     device.open().unwrap();
     device.write(DVec3::X * 10.0).unwrap();
@@ -192,7 +193,7 @@ fn a_device_that_was_stopped_beside_is_started_anew_from_zero() {
 #[test]
 fn force_felt_is_force_written() {
     for kind in kinds() {
-        let bench = Bench::new(&kind.descriptor, HeldStick::default());
+        let bench = Bench::new(&kind.descriptor, SimulatedStick::default());
         let mut device = bench.device(whole_force());
         device.open().unwrap();
         for step in 0..200 {
@@ -213,7 +214,7 @@ fn force_felt_is_force_written() {
 
 #[test]
 fn force_is_projected_limited_and_turned_round() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     let felt = |options: JoystickOptions, force_n: DVec3| {
         let mut device = bench.device(options);
         device.open().unwrap();
@@ -247,7 +248,7 @@ fn a_pause_that_a_game_has_left_is_ended() {
     let published = openffboard().descriptor;
     let pause = [0x0C, 0x10];
     let felt_n = |refused: &[&[u8]]| {
-        let bench = Bench::new(&published, HeldStick::default());
+        let bench = Bench::new(&published, SimulatedStick::default());
         assert!(bench.firmware.lock().unwrap().output(&pause));
         bench.ear.refuse(refused);
         let mut device = bench.device(whole_force());
@@ -264,7 +265,10 @@ fn a_pause_that_a_game_has_left_is_ended() {
 #[test]
 fn the_default_is_careful_with_strong_devices() {
     for (full_scale_n, felt_n) in [(500.0, 5.0), (150.0, 1.5), (50.0, 0.5)] {
-        let bench = Bench::new(&openffboard().descriptor, HeldStick { full_scale_n, ..HeldStick::default() });
+        let bench = Bench::new(
+            &openffboard().descriptor,
+            SimulatedStick { full_scale_n, ..SimulatedStick::default() },
+        );
         let mut device = bench.device(JoystickOptions::default());
         device.open().unwrap();
         device.write(DVec3::X * 100.0).unwrap();
@@ -275,7 +279,7 @@ fn the_default_is_careful_with_strong_devices() {
 /// A wheel: one motor, and a pedal that is called y.
 #[test]
 fn a_wheel_has_one_axis() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     let mut device = bench.device(JoystickOptions { use_y: false, ..whole_force() });
     device.open().unwrap();
     assert_eq!(bench.firmware.lock().unwrap().effects(), 1);
@@ -295,7 +299,7 @@ fn a_wheel_has_one_axis() {
 
 #[test]
 fn a_new_effect_is_asked_for_and_its_answer_believed() {
-    let said = |stick: HeldStick, change: &dyn Fn(&Bench), descriptor: &[u8]| {
+    let said = |stick: SimulatedStick, change: &dyn Fn(&Bench), descriptor: &[u8]| {
         let bench = Bench::new(descriptor, stick);
         change(&bench);
         let mut device = bench.device(whole_force());
@@ -305,7 +309,7 @@ fn a_new_effect_is_asked_for_and_its_answer_believed() {
         opened.unwrap_err()
     };
     let published = openffboard().descriptor;
-    let small = HeldStick { room: 1, ..HeldStick::default() };
+    let small = SimulatedStick { max_effects: 1, ..SimulatedStick::default() };
     let protocol = DeviceError::Protocol;
     let fewer = protocol("it plays fewer effects at once than it has axes");
     assert_eq!(said(small, &|_| (), &published), fewer);
@@ -315,7 +319,7 @@ fn a_new_effect_is_asked_for_and_its_answer_believed() {
     without_pool[at + 1] = 0xF0;
     assert_eq!(said(small, &|_| (), &without_pool), protocol("it has no room for another effect"));
     let fail = |bench: &Bench| bench.firmware.lock().unwrap().break_effects();
-    let stick = HeldStick::default();
+    let stick = SimulatedStick::default();
     assert_eq!(said(stick, &fail, &published), protocol("it could not make a constant force"));
     let mute = |bench: &Bench| bench.ear.refuse(&[&[0x12]]);
     assert_eq!(said(stick, &mute, &published), protocol("it refused a feature report"));
@@ -372,7 +376,7 @@ fn what_is_missing_is_named() {
             0x16 => (0, 0),
             _ => (0xF0, old[2]),
         };
-        let error = Bench::new(&descriptor, HeldStick::default()).try_find(whole_force()).unwrap_err();
+        let error = Bench::new(&descriptor, SimulatedStick::default()).try_find(whole_force()).unwrap_err();
         let HidError::Unsupported { lacks, device } = error else { panic!("{error}") };
         assert_eq!(lacks, format!("its report descriptor has no {told}"));
         assert_eq!(device, "Stick (1209:ffb0)");
@@ -382,7 +386,7 @@ fn what_is_missing_is_named() {
 #[test]
 fn options_that_make_no_sense_are_refused() {
     let good = JoystickOptions::default();
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     for (options, what) in [
         (
             JoystickOptions { full_scale_n: 0.0, ..good },

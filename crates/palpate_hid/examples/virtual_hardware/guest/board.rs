@@ -6,9 +6,10 @@ use super::uhid::Identity;
 use super::virtual_device::{Pace, VirtualDevice};
 use glam::DVec3;
 use palpate_haptics::{HapticHandle, Lockstep, haptic_loop};
+use palpate_hid::simulated::BoardFirmware;
 use palpate_hid::{
-    BoardFirmware, BoardForm, BoardHoming, BoardKinematics, BoardOptions, HidDevice, HidKind, HidOptions,
-    HidSelector, SystemBus,
+    BoardForm, BoardHoming, BoardKinematics, BoardOptions, HidDevice, HidKind, HidOptions, HidSelector,
+    SystemBus,
 };
 use std::error::Error;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -39,7 +40,7 @@ pub fn find(serial: &str, homing: BoardHoming) -> Result<HidDevice, Box<dyn Erro
     let selector = HidSelector {
         kind: Some(HidKind::Board),
         serial: Some(serial.into()),
-        teensy_is_board: true,
+        treat_teensy_as_board: true,
         ..HidSelector::default()
     };
     let options =
@@ -68,7 +69,7 @@ pub fn bytes_8() -> Outcome {
 }
 
 /// One tick for each report of the board, which answers each of the driver's.
-struct Turns {
+struct ReportCredits {
     plugged: VirtualDevice,
     board: Board,
     handle: HapticHandle,
@@ -78,7 +79,7 @@ struct Turns {
     ms: Arc<AtomicU64>,
 }
 
-impl Turns {
+impl ReportCredits {
     fn tick(&mut self) -> Result<(), Box<dyn Error>> {
         wait_until("the board speaks", || self.plugged.said() > self.heard)?;
         self.heard = self.plugged.said();
@@ -107,9 +108,9 @@ fn run(serial: &str, form: BoardForm, homing: BoardHoming) -> Outcome {
     let (config, settings) = touch::settings(&device);
     let (handle, haptic_loop) = haptic_loop(config, settings)?;
     let lockstep = Lockstep::new(haptic_loop, Box::new(device))?;
-    let mut turns = Turns { plugged, board, handle, lockstep, heard: 0, ms };
+    let mut turns = ReportCredits { plugged, board, handle, lockstep, heard: 0, ms };
 
-    of(&turns.board, |board| board.ask_for_calibration());
+    of(&turns.board, |board| board.request_calibration());
     for tick in 0..AT_REST {
         ensure(tick < AT_REST / 2 || calibration.is_done(), || "it was not calibrated".into())?;
         turns.tick()?;
@@ -123,7 +124,7 @@ fn run(serial: &str, form: BoardForm, homing: BoardHoming) -> Outcome {
         turns.tick()?;
         let record = turns.handle.latest_tick().ok_or("no tick")?;
         let (reading, sent_n) = (record.reading?, record.force_n);
-        let (felt_n, currents_ma) = of(&turns.board, |board| (board.felt_n(), board.currents_ma()));
+        let (felt_n, currents_ma) = of(&turns.board, |board| (board.applied_force_n(), board.currents_ma()));
         angles_rad = angles_at(&kinematics, reading.position_m, angles_rad);
         let wanted_ma = 1e3 * kinematics.currents_a(angles_rad, sent_n);
         let off_ma = (wanted_ma - DVec3::from(currents_ma.map(f64::from))).abs().max_element();
@@ -143,7 +144,7 @@ fn run(serial: &str, form: BoardForm, homing: BoardHoming) -> Outcome {
     let report = (counters.skipped(), counters.malformed());
     ensure(report == (0, 0), || format!("reports skipped and malformed: {report:?}"))?;
 
-    let Turns { plugged, board, lockstep, .. } = turns;
+    let ReportCredits { plugged, board, lockstep, .. } = turns;
     drop(lockstep);
     wait_until("no current is left", || of(&board, |board| board.currents_ma() == [0; 3]))?;
     plugged.unplug();

@@ -2,11 +2,12 @@
 
 use super::check::{Outcome, ensure};
 use super::virtual_device::{Pace, VirtualDevice};
-use super::{board, cap, joystick};
+use super::{board, joystick, space_mouse};
 use palpate_haptics::HapticDevice;
+use palpate_hid::simulated::{BoardFirmware, SpaceMouseLayout};
 use palpate_hid::{
-    BoardFirmware, BoardForm, BoardKinematics, CapForm, FoundDevice, HidBus, HidDevice, HidError, HidKind,
-    HidOptions, HidSelector, SystemBus,
+    BoardForm, BoardKinematics, FoundDevice, HidBus, HidDevice, HidError, HidKind, HidOptions, HidSelector,
+    SystemBus,
 };
 use std::error::Error;
 use std::sync::Arc;
@@ -23,8 +24,16 @@ pub fn plug_all() -> Result<Plugged, Box<dyn Error>> {
     let joystick =
         |serial| joystick::plug(serial, &joystick::OPENFFBOARD, Pace::WhenTold).map(|(plugged, _)| plugged);
     Ok(vec![
-        (cap::plug("cap-1", CapForm::Apart, Pace::WhenTold)?.0, "cap-1", HidKind::SpaceMouse),
-        (cap::plug("cap-2", CapForm::Together, Pace::WhenTold)?.0, "cap-2", HidKind::SpaceMouse),
+        (
+            space_mouse::plug("cap-1", SpaceMouseLayout::Separate, Pace::WhenTold)?.0,
+            "cap-1",
+            HidKind::SpaceMouse,
+        ),
+        (
+            space_mouse::plug("cap-2", SpaceMouseLayout::Combined, Pace::WhenTold)?.0,
+            "cap-2",
+            HidKind::SpaceMouse,
+        ),
         (joystick("joystick-1")?, "joystick-1", HidKind::Joystick),
         (board("board-1", BoardForm::Bytes14)?, "board-1", HidKind::Board),
         (board("board-2", BoardForm::Bytes64)?, "board-2", HidKind::Board),
@@ -42,8 +51,11 @@ pub fn run() -> Outcome {
         let known = FoundDevice::known(&*bus, info, true).map(|found| found.kind);
         ensure(known == Some(*kind), || format!("{} is taken for {known:?}", info.label()))?;
         ensure(info.path == device.node, || format!("{serial} is at {}, not {}", info.path, device.node))?;
-        let selector =
-            HidSelector { serial: Some((*serial).into()), teensy_is_board: true, ..HidSelector::default() };
+        let selector = HidSelector {
+            serial: Some((*serial).into()),
+            treat_teensy_as_board: true,
+            ..HidSelector::default()
+        };
         HidDevice::find(Arc::clone(&bus), &selector, &options)?;
     }
 
@@ -53,13 +65,13 @@ pub fn run() -> Outcome {
         Err(HidError::NotFound { .. }) => {}
         other => return Err(format!("a Teensy that nobody called a board gave {other:?}").into()),
     }
-    let vendor = Some(cap::identity("").vendor);
+    let vendor = Some(space_mouse::identity("").vendor);
     let caps = HidSelector { kind: Some(HidKind::SpaceMouse), vendor, ..HidSelector::default() };
     match HidDevice::find(Arc::clone(&bus), &caps, &options) {
         Err(HidError::Several { found, .. }) if found.len() == 2 => {}
         other => return Err(format!("two alike gave {other:?}").into()),
     }
-    let first = HidSelector { first: true, ..caps };
+    let first = HidSelector { match_first: true, ..caps };
     let mut used = HidDevice::find(Arc::clone(&bus), &first, &options)?;
     used.open()?;
     let mut second = HidDevice::find(Arc::clone(&bus), &first, &options)?;

@@ -7,9 +7,8 @@ use super::uhid::Identity;
 use super::virtual_device::{Pace, VirtualDevice};
 use glam::DVec3;
 use palpate_haptics::{Lockstep, haptic_loop};
-use palpate_hid::{
-    HeldStick, HidDevice, HidKind, HidOptions, HidSelector, JoystickFirmware, JoystickOptions, SystemBus,
-};
+use palpate_hid::simulated::{JoystickFirmware, SimulatedStick};
+use palpate_hid::{HidDevice, HidKind, HidOptions, HidSelector, JoystickOptions, SystemBus};
 use std::error::Error;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -65,7 +64,7 @@ pub fn plug(serial: &str, make: &Make, pace: Pace) -> Result<(VirtualDevice, Joy
         .lines()
         .flat_map(|line| line.split('#').next().unwrap_or_default().split_whitespace());
     let descriptor = words.map(|word| u8::from_str_radix(word, 16)).collect::<Result<Vec<u8>, _>>()?;
-    let joystick = Arc::new(Mutex::new(JoystickFirmware::new(&descriptor, HeldStick::default())?));
+    let joystick = Arc::new(Mutex::new(JoystickFirmware::new(&descriptor, SimulatedStick::default())?));
     let identity = Identity {
         name: "Virtual joystick",
         serial: serial.into(),
@@ -80,7 +79,7 @@ pub fn find(serial: &str) -> Result<HidDevice, Box<dyn Error>> {
     let selector =
         HidSelector { kind: Some(HidKind::Joystick), serial: Some(serial.into()), ..HidSelector::default() };
     // What the stand-in has, so that what is felt is what was sent.
-    let full_scale_n = HeldStick::default().full_scale_n;
+    let full_scale_n = SimulatedStick::default().full_scale_n;
     let joystick = JoystickOptions { full_scale_n, ..JoystickOptions::default() };
     let options = HidOptions { joystick, ..HidOptions::default() };
     Ok(HidDevice::find(Arc::new(SystemBus::new()?), &selector, &options)?)
@@ -125,7 +124,7 @@ fn run(serial: &str, make: &Make) -> Outcome {
     })?;
 
     // One count of each magnitude.
-    let count_n = HeldStick::default().full_scale_n / make.full * f64::sqrt(2.0);
+    let count_n = SimulatedStick::default().full_scale_n / make.full * f64::sqrt(2.0);
     let (mut most_n, mut worst_n) = (0.0_f64, 0.0_f64);
     for number in 0..TICKS {
         ms.fetch_add(1, Ordering::Relaxed);

@@ -1,10 +1,10 @@
 //! Reports that nobody reads: hidraw keeps the oldest 63, the driver reads them all at its next tick and goes by the newest.
 
-use super::cap;
 use super::check::{Outcome, ensure};
+use super::space_mouse;
 use super::virtual_device::Pace;
 use palpate_haptics::HapticDevice;
-use palpate_hid::CapForm;
+use palpate_hid::simulated::SpaceMouseLayout;
 use std::time::Duration;
 
 /// Reports that are sent while nobody reads.
@@ -13,8 +13,8 @@ const SENT: i16 = 200;
 const KEPT: i16 = 63;
 
 pub fn run() -> Outcome {
-    let (plugged, cap) = cap::plug("queue", CapForm::Together, Pace::WhenTold)?;
-    let device = cap::find("queue")?;
+    let (plugged, cap) = space_mouse::plug("queue", SpaceMouseLayout::Combined, Pace::WhenTold)?;
+    let device = space_mouse::find("queue")?;
     let counters = device.counters();
     let mut ms = 0;
     let mut device = device.with_clock(move || {
@@ -34,7 +34,7 @@ pub fn run() -> Outcome {
     };
 
     for count in 1..=SENT {
-        cap::of(&cap, |cap| cap.push([count, 0, 0], [0; 3]));
+        space_mouse::of(&cap, |cap| cap.push([count, 0, 0], [0; 3]));
         plugged.speak()?;
     }
     read(KEPT)?;
@@ -43,7 +43,7 @@ pub fn run() -> Outcome {
         format!("read, skipped and malformed are {counted:?}")
     })?;
     // None of them is left: the next report is the newest.
-    cap::of(&cap, |cap| cap.push([300, 0, 0], [0; 3]));
+    space_mouse::of(&cap, |cap| cap.push([300, 0, 0], [0; 3]));
     plugged.speak()?;
     read(300)?;
     let counted = (counters.read(), counters.skipped());

@@ -3,12 +3,11 @@
 use super::check::{Outcome, ensure};
 use super::touch::Touch;
 use super::virtual_device::{Pace, VirtualDevice};
-use super::{board, cap, joystick};
+use super::{board, joystick, space_mouse};
 use glam::DVec3;
 use palpate_haptics::LoopEventKind;
-use palpate_hid::{
-    BoardCalibration, BoardFirmware, BoardForm, BoardHoming, BoardKinematics, CapForm, HidDevice,
-};
+use palpate_hid::simulated::{BoardFirmware, SpaceMouseLayout};
+use palpate_hid::{BoardCalibration, BoardForm, BoardHoming, BoardKinematics, HidDevice};
 use std::cell::RefCell;
 use std::error::Error;
 use std::time::Duration;
@@ -42,7 +41,7 @@ fn run<T>(kind: &Kind<'_, T>) -> Outcome {
     touch.until("the loop goes on without it", |touch| touch.ticks() > ticks + 1200)?;
     ensure(!touch.told.contains(&LoopEventKind::Reconnected), || "it opened what is not there".into())?;
 
-    let in_its_place = cap::plug("in-its-place", CapForm::Apart, Pace::WhenTold)?;
+    let in_its_place = space_mouse::plug("in-its-place", SpaceMouseLayout::Separate, Pace::WhenTold)?;
     let (again, inside) = plug()?;
     ensure(again.node != first_node, || format!("{serial} is at {first_node} again"))?;
     touch.until("the loop opens it anew", |touch| touch.told.contains(&LoopEventKind::Reconnected))?;
@@ -70,14 +69,15 @@ pub fn cap() -> Outcome {
     run(&Kind {
         serial,
         plug: &|| {
-            let (plugged, cap) = cap::plug(serial, CapForm::Apart, Pace::Every(Duration::from_millis(8)))?;
-            cap::of(&cap, |cap| (0..10_000).for_each(|_| cap.push([350, 0, 0], [0; 3])));
+            let (plugged, cap) =
+                space_mouse::plug(serial, SpaceMouseLayout::Separate, Pace::Every(Duration::from_millis(8)))?;
+            space_mouse::of(&cap, |cap| (0..10_000).for_each(|_| cap.push([350, 0, 0], [0; 3])));
             Ok((plugged, cap))
         },
-        find: &|| cap::find(serial),
+        find: &|| space_mouse::find(serial),
         force_n: DVec3::ZERO,
         is_touched: &|cap, touch| {
-            cap::of(cap, |cap| cap.is_lit()) && touch.position_m().is_some_and(|at| at.x > 0.01)
+            space_mouse::of(cap, |cap| cap.is_lit()) && touch.position_m().is_some_and(|at| at.x > 0.01)
         },
         put_right: &|_, _| Ok(()),
     })
@@ -110,7 +110,7 @@ pub fn board() -> Outcome {
             Ok(device)
         },
         force_n,
-        is_touched: &|board, _| board::of(board, |board| (board.felt_n() - force_n).length() < 0.01),
+        is_touched: &|board, _| board::of(board, |board| (board.applied_force_n() - force_n).length() < 0.01),
         // What was kept is believed no longer, until somebody says that its arm is at home, as it is.
         put_right: &|board, touch| {
             let ticks = touch.ticks();

@@ -3,7 +3,8 @@
 
 use super::check::{pause, wait_until};
 use super::uhid::{self, Event, Identity};
-use palpate_hid::{Firmware, LONGEST_INPUT};
+use palpate_hid::MAX_INPUT_REPORT_BYTES;
+use palpate_hid::simulated::Firmware;
 use std::error::Error;
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
@@ -114,7 +115,7 @@ impl At {
     }
 
     fn speak(&self) -> io::Result<bool> {
-        let mut report = [0; LONGEST_INPUT];
+        let mut report = [0; MAX_INPUT_REPORT_BYTES];
         let length = self.with(|firmware| firmware.input(&mut report));
         if length > 0 {
             (&self.file).write_all(&uhid::input(&report[..length]))?;
@@ -169,7 +170,7 @@ impl At {
                 self.answer_in_turn()?;
             }
             Event::GetFeature { id, number } => {
-                let mut report = [0; LONGEST_INPUT];
+                let mut report = [0; MAX_INPUT_REPORT_BYTES];
                 report[0] = number;
                 let length = self.with(|firmware| firmware.feature(&mut report));
                 let reply = report.get(..length).filter(|reply| !reply.is_empty());

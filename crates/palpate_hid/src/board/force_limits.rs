@@ -4,7 +4,7 @@ use super::BoardOptions;
 use glam::DVec3;
 
 /// Leverage below which an arm counts as singular: there currents show another force than the one that was asked for.
-const LEAST_LEVERAGE: f64 = 0.05;
+const MIN_LEVERAGE: f64 = 0.05;
 /// Forces in which what may be shown grows from nothing to all.
 const FORCES_TO_FULL: f64 = 20.0;
 
@@ -18,7 +18,7 @@ pub(super) struct Limits {
 
 impl Limits {
     /// Begins with nothing again.
-    pub(super) fn begin_anew(&mut self) {
+    pub(super) fn reset(&mut self) {
         self.allowed_n = 0.0;
     }
 
@@ -28,7 +28,7 @@ impl Limits {
     pub(super) fn currents(&self, options: &BoardOptions, angles_rad: DVec3, force_n: DVec3) -> [i16; 3] {
         let BoardOptions { kinematics, max_current_a, reach_m, .. } = options;
         let is_near = kinematics.position_m(angles_rad).length() <= *reach_m;
-        let is_regular = kinematics.leverage(angles_rad) >= LEAST_LEVERAGE;
+        let is_regular = kinematics.leverage(angles_rad) >= MIN_LEVERAGE;
         if !(force_n.is_finite() && is_near && is_regular) {
             return [0; 3];
         }
@@ -43,9 +43,9 @@ impl Limits {
     pub(super) fn taken(&mut self, options: &BoardOptions, angles_rad: DVec3) {
         let BoardOptions { kinematics, reach_m, .. } = options;
         if kinematics.position_m(angles_rad).length() > *reach_m
-            || kinematics.leverage(angles_rad) < LEAST_LEVERAGE
+            || kinematics.leverage(angles_rad) < MIN_LEVERAGE
         {
-            self.begin_anew();
+            self.reset();
         } else {
             let most_n = kinematics.max_force_n;
             self.allowed_n = (self.allowed_n + most_n / FORCES_TO_FULL).min(most_n);
@@ -60,7 +60,7 @@ fn milliamperes(current_a: f64) -> i16 {
 }
 
 /// Whether `new` is zero, or less than half of what is shown: then it does not wait until the board asks.
-pub(super) fn is_much_less(new: [i16; 3], shown: [i16; 3]) -> bool {
+pub(super) fn is_less_than_half(new: [i16; 3], shown: [i16; 3]) -> bool {
     let square = |currents: [i16; 3]| -> i64 {
         currents.iter().map(|&current| i64::from(current) * i64::from(current)).sum()
     };

@@ -1,52 +1,41 @@
-//! The linkage of Polhem 2 and 3, and their sizes; its formulas are at [`BoardLinkage::Polhem`].
+//! Published sizes of arms.
 
-use super::BoardKinematics;
-use super::linkage::{BoardLinkage, Reach};
-use glam::{DVec2, DVec3};
+use super::woodenhaptics_linkage::LENGTH_2015_M;
+use super::{BoardKinematics, BoardLinkage};
+use glam::DVec3;
 
 /// L0 to L5, m. Source: forsslund/hfabapi at aadabaa, `hfab_polhem.h`, the only place where they are published; it does not tell
 /// Polhem 2 from Polhem 3.
 const LENGTH_M: [f64; 6] = [0.034, 0.165, 0.025, 0.190, 0.034, 0.1308];
 
-pub(super) fn reach(&[l0, l1, l2, l3, l4, l5]: &[f64; 6], b_rad: f64, c_rad: f64) -> Reach {
-    let (along_b, along_c) = (DVec2::from_angle(b_rad), DVec2::from_angle(c_rad));
-    let elbow = 0.5 * l0 * DVec2::X + l1 * along_b;
-    let w = elbow + 0.5 * l0 * DVec2::X - l2 * along_c;
-    let size = w.length();
-    // The cosine of the angle from w to the outer link; 1 and -1 where rod, outer link and w lie in one line.
-    let cosine =
-        if size > f64::EPSILON { (size * size + l4 * l4 - l3 * l3) / (2.0 * l4 * size) } else { 2.0 };
-    let held = cosine.clamp(-1.0, 1.0);
-    let towards = if size > f64::EPSILON { w / size } else { along_b };
-    let sine = (1.0 - held * held).sqrt();
-    let outer = held * towards - sine * towards.perp();
-    let tip = elbow + l5 * outer;
-    // The rod, f = c − d, and L3 sin(φ − λ).
-    let (rod, across) = (w - l4 * outer, size * sine);
-    if !(cosine.abs() < 1.0 && across > f64::EPSILON) {
-        return Reach {
-            tip,
-            by_b: (tip - 0.5 * l0 * DVec2::X).perp(),
-            by_c: DVec2::ZERO,
-            leverage: 0.0,
-            is_closed: cosine.abs() <= 1.0,
-        };
-    }
-    // L3 sin(φ − θ_C).
-    let crank = along_c.perp_dot(rod);
-    let turned_by_b = l1 * along_b.perp_dot(rod) / (l4 * across);
-    let turned_by_c = -l2 * crank / (l4 * across);
-    let stretch = tip.x / (0.5 * l0 + l1 + l5);
-    Reach {
-        tip,
-        by_b: l1 * along_b.perp() + turned_by_b * l5 * outer.perp(),
-        by_c: turned_by_c * l5 * outer.perp(),
-        leverage: (stretch * along_b.perp_dot(outer)).abs() * crank.abs().min(across) / l3,
-        is_closed: true,
+impl Default for BoardKinematics {
+    /// [`BoardKinematics::woodenhaptics_v2015`].
+    fn default() -> Self {
+        Self::woodenhaptics_v2015()
     }
 }
 
 impl BoardKinematics {
+    /// The WoodenHaptics of 2015. At home B points up and C to the front: counts 0, 0, 6000, θ_C = π/2.
+    ///
+    /// Source: `woodenhaptics_v2015` in `src/haptikfabrikenapi.h`, which also gives 1,000 N/m and 8 N s/m as the most that it should
+    /// show.
+    #[must_use]
+    pub fn woodenhaptics_v2015() -> Self {
+        Self {
+            linkage: BoardLinkage::WoodenHaptics { length_m: LENGTH_2015_M },
+            capstan_m: [0.010; 3],
+            body_m: [0.160, 0.120, 0.120],
+            is_reversed: [false; 3],
+            counts_per_turn: [2000.0; 3],
+            torque_nm_per_a: [0.0259; 3],
+            origin_m: DVec3::new(0.220, 0.0, 0.080),
+            workspace_radius_m: 0.100,
+            max_force_n: 5.0,
+            home_counts: [0, 0, 6000, 0, 0, 0],
+        }
+    }
+
     /// The Polhem 3, by its newest published numbers. At home it is folded: A is turned by 120° from the front over the right, B by
     /// 125°, C by 238°; the outer link points 30° down, and the tip is 36 mm from A's axis and 70 mm above the axes of B and C.
     /// So near to the axis it is nearly singular ([`BoardKinematics::leverage`] is 0.03), and no force is shown before the tip has

@@ -1,7 +1,8 @@
 //! Joysticks to be tested with: three layouts, plugged in, on a clock that stands until it is moved.
 
 use crate::hex;
-use crate::recorded::{Ear, Recorded};
+use crate::report_log::{Ear, Recorded};
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -65,7 +66,7 @@ pub fn renumbered(descriptor: &[u8], number: impl Fn(u8) -> u8) -> Vec<u8> {
 
 /// A joystick that is plugged in.
 pub struct Bench {
-    pub bus: Arc<StandInBus>,
+    pub bus: Arc<SimulatedBus>,
     pub firmware: Arc<Mutex<JoystickFirmware>>,
     pub ear: Ear,
     pub now_us: Arc<AtomicU64>,
@@ -86,7 +87,7 @@ pub fn info() -> HidInfo {
 }
 
 impl Bench {
-    pub fn new(descriptor: &[u8], stick: HeldStick) -> Self {
+    pub fn new(descriptor: &[u8], stick: SimulatedStick) -> Self {
         let firmware = Arc::new(Mutex::new(JoystickFirmware::new(descriptor, stick).unwrap()));
         let bench = Self {
             bus: Arc::default(),
@@ -128,7 +129,7 @@ impl Bench {
 
 /// The defaults, with the stand-in's own full scale.
 pub fn known_scale() -> JoystickOptions {
-    let full_scale_n = HeldStick::default().full_scale_n;
+    let full_scale_n = SimulatedStick::default().full_scale_n;
     JoystickOptions { full_scale_n, ..JoystickOptions::default() }
 }
 

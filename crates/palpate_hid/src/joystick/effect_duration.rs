@@ -1,15 +1,15 @@
 //! How long an effect lasts that nobody starts again.
 
-use super::form::highest;
+use super::report_encoding::highest;
 use crate::Field;
 use std::time::Duration;
 
 /// So long an effect lasts, where its duration can be told so: a device ends the force of a program that was killed.
-const LASTS_S: f64 = 0.5;
+const DURATION_S: f64 = 0.5;
 /// What is near enough to it.
 const ALLOWED_S: [f64; 2] = [0.25, 1.0];
 /// So often an effect with a force is started again.
-pub(super) const RENEWED: Duration = Duration::from_millis(100);
+pub(super) const RESTART_PERIOD: Duration = Duration::from_millis(100);
 
 /// What to write into the field of a duration so that an effect lasts half a second, or as near to that as the field allows; `None`
 /// where that is less than a quarter of a second or more than a whole one. All bits mean without end and are none of its values.
@@ -20,7 +20,7 @@ pub(super) fn counts(field: &Field) -> Option<i64> {
     if count_s <= 0.0 || least > most {
         return None;
     }
-    let counts = ((LASTS_S / count_s).round() as i64).clamp(least, most);
+    let counts = ((DURATION_S / count_s).round() as i64).clamp(least, most);
     let [shortest_s, longest_s] = ALLOWED_S;
     (shortest_s..=longest_s).contains(&(counts as f64 * count_s)).then_some(counts)
 }

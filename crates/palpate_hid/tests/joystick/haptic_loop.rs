@@ -1,9 +1,10 @@
 //! A joystick in the haptic loop: in lock step, on a thread, unplugged and plugged in again.
 
 use crate::hex;
-use crate::stick::{Bench, PATH, info, kinds, openffboard, whole_force};
+use crate::joystick_bench::{Bench, PATH, info, kinds, openffboard, whole_force};
 use glam::DVec3;
 use palpate_haptics::*;
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use palpate_local::{Contact, Scheme};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -34,7 +35,7 @@ fn publish(handle: &mut HapticHandle, force_n: DVec3, sequence: u64) {
 #[test]
 fn force_felt_is_force_written_at_every_tick_of_the_loop() {
     for kind in kinds() {
-        let bench = Bench::new(&kind.descriptor, HeldStick::default());
+        let bench = Bench::new(&kind.descriptor, SimulatedStick::default());
         let device = bench.device(whole_force());
         let (mut handle, haptic_loop) = make_loop(&device);
         let counters = device.counters();
@@ -79,7 +80,7 @@ fn force_felt_is_force_written_at_every_tick_of_the_loop() {
 /// In a hand of stiffness k a force F, held, moves the stick by F/k.
 #[test]
 fn a_held_stick_rests_where_hand_and_motor_agree() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     let mut device = bench.device(whole_force());
     device.open().unwrap();
     let force_n = DVec3::new(3.0, 0.0, -1.5);
@@ -109,7 +110,7 @@ fn wait_for(mut done: impl FnMut() -> bool) {
 
 #[test]
 fn unplugged_in_the_middle_of_a_touch_and_plugged_in_again() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     let device = bench.try_find(whole_force()).unwrap();
     let (mut handle, haptic_loop) = make_loop(&device);
     let mut thread = haptic_loop.spawn(Box::new(device)).unwrap();
@@ -165,7 +166,7 @@ impl Firmware for Deaf {
 /// Reading and writing, with forces that change and that stay, with ticks that are refused and ticks that come late.
 #[test]
 fn nothing_is_allocated_once_it_is_open() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     let is_deaf = Arc::new(AtomicBool::new(false));
     let deaf = Deaf { firmware: Arc::clone(&bench.firmware), is_deaf: Arc::clone(&is_deaf) };
     bench.bus.plug(info(), openffboard().descriptor, deaf);

@@ -3,16 +3,16 @@
 use std::time::Duration;
 
 /// Silence after which a board is woken up, and counts as silent.
-pub(super) const SILENCE: Duration = Duration::from_millis(10);
+pub(super) const SILENCE_TIMEOUT: Duration = Duration::from_millis(10);
 
 /// So many reports may wait at a board in its driver's view: after a long silence, in which it was sent a zero every now and then, a
 /// board that does not take turns is answered again after as many of its own.
-const MOST_AHEAD: i64 = 64;
+const MAX_EARLY_REPORTS: i64 = 64;
 
 /// Reports that have come and gone, balanced: firmware that takes turns takes one report for each that it sends, and the rest waits.
 /// Each that is sent too many would stay there, and every force after it would come a report later, for good.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Turns {
+pub(super) struct ReportCredits {
     /// Reports of the board less those sent to it: 1 where one is to be answered; below 0 where as many of its next ones have been
     /// answered before they came. Never more than 1: of several that have come at once the newest is answered, as firmware that
     /// does not take turns sends more than it gets.
@@ -30,7 +30,7 @@ pub(super) struct Turns {
     is_silent: bool,
 }
 
-impl Turns {
+impl ReportCredits {
     /// With a board that has just been opened, at `now`.
     pub(super) fn begin(now: Duration) -> Self {
         Self { heard_at: now, exchanged_at: now, ..Self::default() }
@@ -46,20 +46,20 @@ impl Turns {
         (self.has_spoken, self.is_silent) = (true, false);
     }
 
-    /// Nothing has come for [`SILENCE`]. A board that has spoken since it was last sent anything has taken all that was sent, and
+    /// Nothing has come for [`SILENCE_TIMEOUT`]. A board that has spoken since it was last sent anything has taken all that was sent, and
     /// waits, also where a report of it was lost and nothing seems to be owed.
-    pub(super) fn fell_silent(&mut self) {
+    pub(super) fn note_silence(&mut self) {
         if self.has_spoken {
             self.owed = 1;
         }
     }
 
     /// Nothing has come by `now`. Whether it is so long that the board is to be woken up.
-    pub(super) fn is_to_be_woken(&mut self, now: Duration) -> bool {
-        self.is_silent = now.saturating_sub(self.heard_at) >= SILENCE;
-        let is_still = now.saturating_sub(self.exchanged_at) >= SILENCE;
+    pub(super) fn needs_wake_up(&mut self, now: Duration) -> bool {
+        self.is_silent = now.saturating_sub(self.heard_at) >= SILENCE_TIMEOUT;
+        let is_still = now.saturating_sub(self.exchanged_at) >= SILENCE_TIMEOUT;
         if is_still {
-            self.fell_silent();
+            self.note_silence();
         }
         is_still
     }
@@ -71,7 +71,7 @@ impl Turns {
 
     /// It has been sent, and shows these currents.
     pub(super) fn sent(&mut self, currents_ma: [i16; 3]) {
-        self.owed = (self.owed - 1).max(-MOST_AHEAD);
+        self.owed = (self.owed - 1).max(-MAX_EARLY_REPORTS);
         (self.has_spoken, self.shown_ma, self.beyond) = (false, currents_ma, 0);
     }
 
@@ -81,7 +81,7 @@ impl Turns {
         let zeros = i64::from(zeros);
         let earlier = zeros.min(self.beyond);
         self.beyond -= earlier;
-        self.owed = (self.owed - (zeros - earlier)).max(-MOST_AHEAD);
+        self.owed = (self.owed - (zeros - earlier)).max(-MAX_EARLY_REPORTS);
         self.has_spoken &= self.owed > 0;
         self.shown_ma = [0; 3];
     }
@@ -92,16 +92,16 @@ impl Turns {
     }
 
     /// Whether a report waits for its answer.
-    pub(super) fn is_owed(&self) -> bool {
+    pub(super) fn has_credit(&self) -> bool {
         self.owed > 0
     }
 
     /// Whether one may be sent that was not asked for: none such waits at the board.
-    pub(super) fn may_go_ahead(&self) -> bool {
+    pub(super) fn may_send_early(&self) -> bool {
         self.owed == 0
     }
 
-    /// Whether nothing has come for [`SILENCE`].
+    /// Whether nothing has come for [`SILENCE_TIMEOUT`].
     pub(super) fn is_silent(&self) -> bool {
         self.is_silent
     }
@@ -117,69 +117,69 @@ mod tests {
 
     #[test]
     fn what_was_sent_ahead_answers_the_next_report() {
-        let mut turns = Turns::begin(ms(0));
+        let mut turns = ReportCredits::begin(ms(0));
         turns.heard(1, ms(1));
         turns.sent([0; 3]);
-        assert!(!turns.is_owed() && turns.may_go_ahead());
+        assert!(!turns.has_credit() && turns.may_send_early());
         turns.sent([0; 3]);
-        assert!(!turns.may_go_ahead());
+        assert!(!turns.may_send_early());
         turns.heard(1, ms(2));
-        assert!(!turns.is_owed() && turns.may_go_ahead());
+        assert!(!turns.has_credit() && turns.may_send_early());
         turns.heard(1, ms(3));
-        assert!(turns.is_owed());
+        assert!(turns.has_credit());
     }
 
     #[test]
     fn a_stop_from_another_thread_has_answered_a_report() {
-        let mut turns = Turns::begin(ms(0));
+        let mut turns = ReportCredits::begin(ms(0));
         turns.heard(1, ms(1));
         turns.stopped(1);
-        assert!(!turns.is_owed() && turns.may_go_ahead());
+        assert!(!turns.has_credit() && turns.may_send_early());
         turns.heard(1, ms(2));
-        assert!(turns.is_owed());
+        assert!(turns.has_credit());
         turns.sent([9; 3]);
         // It had nothing to answer yet.
         turns.stopped(2);
         assert_eq!(turns.shown_ma, [0; 3]);
         turns.heard(2, ms(3));
-        assert!(!turns.is_owed());
+        assert!(!turns.has_credit());
         turns.heard(1, ms(4));
-        assert!(turns.is_owed());
+        assert!(turns.has_credit());
         // It is told of only when the report after that has come, which still waits.
         turns.heard(1, ms(5));
         turns.stopped(1);
-        assert!(turns.is_owed());
+        assert!(turns.has_credit());
         turns.sent([0; 3]);
-        assert!(!turns.is_owed());
+        assert!(!turns.has_credit());
         turns.heard(1, ms(6));
-        assert!(turns.is_owed());
+        assert!(turns.has_credit());
     }
 
     #[test]
     fn a_board_that_does_not_take_turns_is_owed_one_at_a_time() {
-        let mut turns = Turns::begin(ms(0));
+        let mut turns = ReportCredits::begin(ms(0));
         turns.heard(9, ms(1));
         turns.sent([0; 3]);
-        assert!(!turns.is_owed());
+        assert!(!turns.has_credit());
         // It was silent for long.
         (0..1000).for_each(|_| turns.sent([0; 3]));
         turns.heard(64, ms(2));
-        assert!(!turns.is_owed());
+        assert!(!turns.has_credit());
         turns.heard(1, ms(3));
-        assert!(turns.is_owed());
+        assert!(turns.has_credit());
     }
 
     #[test]
     fn a_board_that_falls_silent_after_it_has_spoken_waits_for_a_report() {
-        let mut turns = Turns::begin(ms(0));
+        let mut turns = ReportCredits::begin(ms(0));
         // One of its reports was lost.
         turns.sent([0; 3]);
         turns.heard(1, ms(1));
-        assert!(!turns.is_to_be_woken(ms(10)) && !turns.is_owed());
-        assert!(turns.is_to_be_woken(ms(11)) && turns.is_owed() && turns.is_silent());
+        assert!(!turns.needs_wake_up(ms(10)) && !turns.has_credit());
+        assert!(turns.needs_wake_up(ms(11)) && turns.has_credit() && turns.is_silent());
         turns.sending(ms(11));
         turns.sent([0; 3]);
         // It has not spoken since: it may not have taken that yet.
-        assert!(turns.is_to_be_woken(ms(21)) && !turns.is_owed());
+        assert!(turns.needs_wake_up(ms(21)) && !turns.has_credit());
     }
 }

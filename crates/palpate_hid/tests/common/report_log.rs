@@ -1,7 +1,7 @@
 //! A firmware that is listened to, and that can be made to refuse.
 
 use crate::hex;
-use palpate_hid::{Firmware, JoystickFirmware};
+use palpate_hid::simulated::{Firmware, JoystickFirmware};
 use std::sync::{Arc, Mutex};
 
 /// What was said to a firmware, and what it shall refuse.

@@ -1,17 +1,17 @@
 //! A force-feedback joystick without hardware: a stick with a mass in a hand, and motors that do what constant forces say.
 
-mod heard;
+mod parsed_report;
 
 use super::Firmware;
 use crate::joystick::usages::*;
 use crate::{DescriptorError, ReportDescriptor, ReportKind};
-use heard::{Effect, Heard};
+use parsed_report::{Effect, ParsedReport};
 use std::sync::Arc;
 
 /// A stick in a hand. Each axis is for itself: `m ẍ = F + k (x_hand - x) - c ẋ`, with `F` of the motor, advanced by a step of
 /// semi-implicit Euler with every input report.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HeldStick {
+pub struct SimulatedStick {
     /// Mass at the grip, kg.
     pub mass_kg: f64,
     /// Stiffness of the hand, N/m; 0 for a stick that nobody holds.
@@ -25,10 +25,10 @@ pub struct HeldStick {
     /// Time between two input reports, s.
     pub step_s: f64,
     /// How many effects it has room for.
-    pub room: usize,
+    pub max_effects: usize,
 }
 
-impl Default for HeldStick {
+impl Default for SimulatedStick {
     /// 0.2 kg in a hand of 150 N/m and 5 N s/m, ±60 mm, 50 N, a thousand reports a second, room for four effects.
     fn default() -> Self {
         Self {
@@ -38,7 +38,7 @@ impl Default for HeldStick {
             travel_m: [0.06; 2],
             full_scale_n: 50.0,
             step_s: 1e-3,
-            room: 4,
+            max_effects: 4,
         }
     }
 }
@@ -51,7 +51,7 @@ impl Default for HeldStick {
 #[derive(Clone, Debug)]
 pub struct JoystickFirmware {
     descriptor: Arc<ReportDescriptor>,
-    stick: HeldStick,
+    stick: SimulatedStick,
     position_m: [f64; 2],
     velocity_m_per_s: [f64; 2],
     hand_m: [f64; 2],
@@ -80,7 +80,7 @@ impl JoystickFirmware {
     ///
     /// # Errors
     /// [`DescriptorError`].
-    pub fn new(descriptor: &[u8], stick: HeldStick) -> Result<Self, DescriptorError> {
+    pub fn new(descriptor: &[u8], stick: SimulatedStick) -> Result<Self, DescriptorError> {
         Ok(Self {
             descriptor: Arc::new(ReportDescriptor::parse(descriptor)?),
             stick,
@@ -89,7 +89,7 @@ impl JoystickFirmware {
             hand_m: [0.0; 2],
             buttons: 0,
             has_just_said: false,
-            effects: vec![None; stick.room],
+            effects: vec![None; stick.max_effects],
             loaded: Loaded::Nothing,
             is_broken: false,
             is_on: false,
@@ -161,13 +161,13 @@ impl JoystickFirmware {
         }
     }
 
-    fn effect(&mut self, heard: &Heard<'_>) -> Option<&mut Effect> {
+    fn effect(&mut self, heard: &ParsedReport<'_>) -> Option<&mut Effect> {
         let index = usize::try_from(heard.value(INDEX)?).ok()?;
         self.effects.get_mut(index.checked_sub(1)?)?.as_mut()
     }
 
     /// Takes an output report; `None` where it makes no sense.
-    fn take(&mut self, heard: &Heard<'_>) -> Option<()> {
+    fn take(&mut self, heard: &ParsedReport<'_>) -> Option<()> {
         if heard.is(SET_CONSTANT_FORCE) {
             let field = heard.field(MAGNITUDE)?;
             let magnitude = heard.value(MAGNITUDE)? as f64 / field.logical[1] as f64;
@@ -192,7 +192,7 @@ impl JoystickFirmware {
         Some(())
     }
 
-    fn operate(&mut self, heard: &Heard<'_>) -> Option<()> {
+    fn operate(&mut self, heard: &ParsedReport<'_>) -> Option<()> {
         let is_solo = heard.says(OP_START_SOLO);
         let is_start = is_solo || heard.says(OP_START);
         if is_start == heard.says(OP_STOP) {
@@ -213,7 +213,7 @@ impl JoystickFirmware {
         Some(())
     }
 
-    fn control(&mut self, heard: &Heard<'_>) -> Option<()> {
+    fn control(&mut self, heard: &ParsedReport<'_>) -> Option<()> {
         // One after the other where there is a bit for each.
         let mut is_any = false;
         for command in [RESET, STOP_ALL, DISABLE_ACTUATORS, ENABLE_ACTUATORS, PAUSE, CONTINUE] {
@@ -269,7 +269,7 @@ impl Firmware for JoystickFirmware {
 
     fn output(&mut self, report: &[u8]) -> bool {
         let descriptor = Arc::clone(&self.descriptor);
-        let heard = Heard::of(&descriptor, ReportKind::Output, report);
+        let heard = ParsedReport::of(&descriptor, ReportKind::Output, report);
         heard.is_some_and(|heard| self.take(&heard).is_some())
     }
 
@@ -297,7 +297,7 @@ impl Firmware for JoystickFirmware {
                 Loaded::Failed => put(LOAD_ERROR, 1),
             }
         } else if is(POOL_REPORT) {
-            put(MOST_EFFECTS, i64::try_from(self.stick.room).unwrap_or(0));
+            put(MAX_EFFECTS, i64::try_from(self.stick.max_effects).unwrap_or(0));
             put(DEVICE_MANAGED, 1);
         } else {
             return 0;
@@ -307,7 +307,7 @@ impl Firmware for JoystickFirmware {
 
     fn set_feature(&mut self, report: &[u8]) -> bool {
         let descriptor = Arc::clone(&self.descriptor);
-        let heard = Heard::of(&descriptor, ReportKind::Feature, report);
+        let heard = ParsedReport::of(&descriptor, ReportKind::Feature, report);
         if !heard.is_some_and(|heard| heard.is(CREATE_EFFECT) && heard.says(ET_CONSTANT)) {
             return false;
         }

@@ -24,13 +24,13 @@ fn unit_s(duration: &Field) -> f64 {
 }
 
 /// A report that came, and what it says.
-pub(super) struct Heard<'a> {
+pub(super) struct ParsedReport<'a> {
     descriptor: &'a ReportDescriptor,
     report: &'a Report,
     data: &'a [u8],
 }
 
-impl<'a> Heard<'a> {
+impl<'a> ParsedReport<'a> {
     /// The report in `bytes`, if there is one of that number and length.
     pub(super) fn of(descriptor: &'a ReportDescriptor, kind: ReportKind, bytes: &'a [u8]) -> Option<Self> {
         let (&id, data) = bytes.split_first()?;

@@ -1,22 +1,23 @@
 //! What is inside a SpaceMouse that is not there.
 
-use crate::{CapReport, Firmware};
+use super::Firmware;
+use crate::SpaceMouseReport;
 use std::collections::VecDeque;
 
 /// How a cap tells push and turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CapForm {
+pub enum SpaceMouseLayout {
     /// One after the other, each in a report of its own, as models with a cable do.
-    Apart,
+    Separate,
     /// Both in one report, as wireless models do.
-    Together,
+    Combined,
 }
 
 /// A cap that says what it has been told to say, one report at a time, and has a light.
 #[derive(Clone, Debug)]
 pub struct SpaceMouseFirmware {
-    form: CapForm,
-    says: VecDeque<CapReport>,
+    form: SpaceMouseLayout,
+    says: VecDeque<SpaceMouseReport>,
     is_lit: bool,
     lit: u64,
 }
@@ -24,7 +25,7 @@ pub struct SpaceMouseFirmware {
 impl SpaceMouseFirmware {
     /// A cap at rest, its light off, that has nothing to say.
     #[must_use]
-    pub fn new(form: CapForm) -> Self {
+    pub fn new(form: SpaceMouseLayout) -> Self {
         Self { form, says: VecDeque::new(), is_lit: false, lit: 0 }
     }
 
@@ -45,11 +46,11 @@ impl SpaceMouseFirmware {
             bytes.extend([0x75, 0x10, 0x95, count, 0x81, 0x02, 0xC0]);
         };
         match self.form {
-            CapForm::Apart => {
+            SpaceMouseLayout::Separate => {
                 axes(1, &[&PUSH]);
                 axes(2, &[&TURN]);
             }
-            CapForm::Together => axes(1, &[&PUSH, &TURN]),
+            SpaceMouseLayout::Combined => axes(1, &[&PUSH, &TURN]),
         }
         // Report 3: buttons 1 and 2, and 14 bits of nothing.
         bytes.extend([0xA1, 0x02, 0x85, 0x03, 0x05, 0x09, 0x19, 0x01, 0x29, 0x02, 0x15, 0x00, 0x25, 0x01]);
@@ -65,19 +66,21 @@ impl SpaceMouseFirmware {
     /// down.
     pub fn push(&mut self, push: [i16; 3], turn: [i16; 3]) {
         match self.form {
-            CapForm::Apart => self.says.extend([CapReport::Push(push), CapReport::Turn(turn)]),
-            CapForm::Together => self.says.push_back(CapReport::PushAndTurn(push, turn)),
+            SpaceMouseLayout::Separate => {
+                self.says.extend([SpaceMouseReport::Push(push), SpaceMouseReport::Turn(turn)]);
+            }
+            SpaceMouseLayout::Combined => self.says.push_back(SpaceMouseReport::PushAndTurn(push, turn)),
         }
     }
 
     /// It will say that these buttons are pressed, bit i for button i.
     pub fn press(&mut self, buttons: u32) {
-        self.says.push_back(CapReport::Buttons(buttons));
+        self.says.push_back(SpaceMouseReport::Buttons(buttons));
     }
 
     /// How many reports it has still to say.
     #[must_use]
-    pub fn left(&self) -> usize {
+    pub fn pending(&self) -> usize {
         self.says.len()
     }
 
@@ -112,25 +115,27 @@ impl Firmware for SpaceMouseFirmware {
 }
 
 /// The report as the device sends it.
-fn encode(report: CapReport) -> Vec<u8> {
+fn encode(report: SpaceMouseReport) -> Vec<u8> {
     let axes = |of: [i16; 3]| of.into_iter().flat_map(i16::to_le_bytes);
     match report {
-        CapReport::Push(push) => [1].into_iter().chain(axes(push)).collect(),
-        CapReport::Turn(turn) => [2].into_iter().chain(axes(turn)).collect(),
-        CapReport::PushAndTurn(push, turn) => [1].into_iter().chain(axes(push)).chain(axes(turn)).collect(),
-        CapReport::Buttons(buttons) => {
+        SpaceMouseReport::Push(push) => [1].into_iter().chain(axes(push)).collect(),
+        SpaceMouseReport::Turn(turn) => [2].into_iter().chain(axes(turn)).collect(),
+        SpaceMouseReport::PushAndTurn(push, turn) => {
+            [1].into_iter().chain(axes(push)).chain(axes(turn)).collect()
+        }
+        SpaceMouseReport::Buttons(buttons) => {
             [3].into_iter().chain(buttons.to_le_bytes().into_iter().take(2)).collect()
         }
-        CapReport::Other(id) => vec![id],
+        SpaceMouseReport::Other(id) => vec![id],
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulated::SimulatedBus;
     use crate::{
-        HidBus, HidDevice, HidInfo, HidKind, HidOptions, HidSelector, ReportDescriptor, ReportKind,
-        StandInBus, Usage,
+        HidBus, HidDevice, HidInfo, HidKind, HidOptions, HidSelector, ReportDescriptor, ReportKind, Usage,
     };
     use glam::DVec3;
     use palpate_haptics::HapticDevice;
@@ -149,21 +154,21 @@ mod tests {
 
     #[test]
     fn it_says_the_bytes_of_the_published_layouts() {
-        let mut apart = SpaceMouseFirmware::new(CapForm::Apart);
+        let mut apart = SpaceMouseFirmware::new(SpaceMouseLayout::Separate);
         apart.push([1, -2, 350], [-350, 256, 0]);
         apart.press(0b10);
         let push = [1, 1, 0, 0xFE, 0xFF, 0x5E, 0x01];
         let turn = [0xA2, 0xFE, 0x00, 0x01, 0, 0];
         let told = said(apart);
         assert_eq!(told, [push.to_vec(), [&[2][..], &turn].concat(), vec![3, 2, 0]]);
-        let mut together = SpaceMouseFirmware::new(CapForm::Together);
+        let mut together = SpaceMouseFirmware::new(SpaceMouseLayout::Combined);
         together.push([1, -2, 350], [-350, 256, 0]);
         assert_eq!(said(together), [[&push[..], &turn].concat()]);
     }
 
     #[test]
     fn its_reports_are_those_of_its_descriptor() {
-        for form in [CapForm::Apart, CapForm::Together] {
+        for form in [SpaceMouseLayout::Separate, SpaceMouseLayout::Combined] {
             let mut cap = SpaceMouseFirmware::new(form);
             let descriptor = ReportDescriptor::parse(&cap.descriptor()).unwrap();
             assert_eq!(descriptor.applications().next(), Some(Usage::new(1, 8)));
@@ -179,9 +184,9 @@ mod tests {
 
     #[test]
     fn behind_a_stand_in_it_moves_a_point_and_its_light_is_on_while_it_is_open() {
-        for form in [CapForm::Apart, CapForm::Together] {
+        for form in [SpaceMouseLayout::Separate, SpaceMouseLayout::Combined] {
             let cap = Arc::new(Mutex::new(SpaceMouseFirmware::new(form)));
-            let bus = StandInBus::default();
+            let bus = SimulatedBus::default();
             let info = HidInfo {
                 path: "stand-in".into(),
                 vendor: 0x256F,

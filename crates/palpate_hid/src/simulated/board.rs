@@ -21,7 +21,7 @@ type Hand = dyn FnMut(u64) -> DVec3 + Send;
 ///
 /// It sends one report and then waits for one, as the firmware for 14 bytes does; that for 8 bytes sends whenever it is asked, which
 /// here, where nothing has a clock, is once for each report as well. How the firmware of a Teensy takes turns has not been published;
-/// it does the same here. Each report that it takes advances its time by one step. Where no reports go, [`BoardFirmware::pass`] does.
+/// it does the same here. Each report that it takes advances its time by one step. Where no reports go, [`BoardFirmware::advance`] does.
 ///
 /// The hand holds the tip, which has 0.2 kg, with 400 N/m and 10 N s/m. The arm's kinematics are its own: turned links for the place
 /// of the tip, half angles where bars close, finite differences for its motion, Newton's method for the angles. Places and forces are
@@ -34,31 +34,31 @@ pub struct BoardFirmware {
     /// What the counters were when their bodies were at zero, with the sign with which the board counts.
     base: [i32; 6],
     is_pressed: bool,
-    asks: bool,
+    requests_calibration: bool,
     running: u16,
     currents_ma: [i16; 3],
     are_motors_on: bool,
     silent_s: f64,
-    turn: Turn,
+    phase: Phase,
     /// Reports that came before its own was fetched, oldest first.
     early: VecDeque<BoardOutput>,
     exchanged: u64,
-    felt_n: DVec3,
+    applied_force_n: DVec3,
     noise: u32,
     dice: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Turn {
-    Speaks,
-    Listens,
+enum Phase {
+    Sending,
+    Receiving,
 }
 
 impl fmt::Debug for BoardFirmware {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("BoardFirmware")
             .field("form", &self.form)
-            .field("turn", &self.turn)
+            .field("phase", &self.phase)
             .field("exchanged", &self.exchanged)
             .finish_non_exhaustive()
     }
@@ -77,20 +77,20 @@ impl BoardFirmware {
             step_s: 1e-3,
             base: [0; 6],
             is_pressed: false,
-            asks: false,
+            requests_calibration: false,
             running: 0,
             currents_ma: [0; 3],
             are_motors_on: false,
             silent_s: 0.0,
-            turn: Turn::Speaks,
+            phase: Phase::Sending,
             // Room, so that nothing is allocated while it runs.
             early: VecDeque::with_capacity(64),
             exchanged: 0,
-            felt_n: DVec3::ZERO,
+            applied_force_n: DVec3::ZERO,
             noise: 0,
             dice: 1,
         };
-        board.lose_power();
+        board.cut_power();
         board
     }
 
@@ -161,26 +161,26 @@ impl BoardFirmware {
     }
 
     /// Somebody pushes the button on the board: the arm is at home.
-    pub fn ask_for_calibration(&mut self) {
-        self.asks = self.form.has_commands();
+    pub fn request_calibration(&mut self) {
+        self.requests_calibration = self.form.has_commands();
     }
 
     /// The power was gone for a moment: the counters begin with zero where the arm is.
-    pub fn lose_power(&mut self) {
+    pub fn cut_power(&mut self) {
         let here = self.signed_counts();
         self.base = [here[0], here[1], here[2], 0, 0, 0];
-        (self.currents_ma, self.are_motors_on, self.asks) = ([0; 3], false, false);
-        (self.turn, self.silent_s) = (Turn::Speaks, 0.0);
+        (self.currents_ma, self.are_motors_on, self.requests_calibration) = ([0; 3], false, false);
+        (self.phase, self.silent_s) = (Phase::Sending, 0.0);
         self.early.clear();
     }
 
     /// Time goes by, s, and nobody sends a report.
-    pub fn pass(&mut self, time_s: f64) {
+    pub fn advance(&mut self, time_s: f64) {
         let steps = (time_s / self.step_s).round() as u64;
         for _ in 0..steps {
             self.silent_s += self.step_s;
             self.are_motors_on &= self.silent_s < WATCHDOG_S;
-            self.advance();
+            self.step();
         }
     }
 
@@ -198,8 +198,8 @@ impl BoardFirmware {
 
     /// Force of the motors on the hand when the last report was taken, N.
     #[must_use]
-    pub fn felt_n(&self) -> DVec3 {
-        self.felt_n
+    pub fn applied_force_n(&self) -> DVec3 {
+        self.applied_force_n
     }
 
     /// Currents of the motors, mA; what was sent last.
@@ -254,16 +254,16 @@ impl BoardFirmware {
                 for (i, value) in values.into_iter().enumerate() {
                     self.base[i] = here.get(i).copied().unwrap_or(0) - i32::from(value);
                 }
-                (self.asks, self.currents_ma) = (false, [0; 3]);
+                (self.requests_calibration, self.currents_ma) = (false, [0; 3]);
             }
         }
-        self.felt_n = self.arm.force_n(self.currents_ma);
+        self.applied_force_n = self.arm.force_n(self.currents_ma);
         self.exchanged += 1;
-        self.advance();
-        self.turn = Turn::Speaks;
+        self.step();
+        self.phase = Phase::Sending;
     }
 
-    fn advance(&mut self) {
+    fn step(&mut self) {
         let hand_m = (self.hand)(self.exchanged);
         let force_n = self.arm.force_n(self.currents_ma());
         self.arm.advance(hand_m, force_n, self.step_s);
@@ -272,17 +272,18 @@ impl BoardFirmware {
 
 impl Firmware for BoardFirmware {
     fn input(&mut self, report: &mut [u8]) -> usize {
-        if self.turn == Turn::Listens {
+        if self.phase == Phase::Receiving {
             return 0;
         }
         self.running = self.running.wrapping_add(1);
         let encoders = self.counters();
-        let (is_pressed, asks, running) = (self.is_pressed, self.asks, self.running);
-        let input = BoardInput { encoders, is_pressed, asks, running }.encode(self.form);
+        let (is_pressed, requests_calibration, running) =
+            (self.is_pressed, self.requests_calibration, self.running);
+        let input = BoardInput { encoders, is_pressed, requests_calibration, running }.encode(self.form);
         let Some(room) = report.get_mut(..input.as_slice().len()) else { return 0 };
         room.copy_from_slice(input.as_slice());
         let length = room.len();
-        self.turn = Turn::Listens;
+        self.phase = Phase::Receiving;
         if let Some(early) = self.early.pop_front() {
             self.take(early);
         }
@@ -291,10 +292,10 @@ impl Firmware for BoardFirmware {
 
     fn output(&mut self, report: &[u8]) -> bool {
         let Ok(output) = BoardOutput::parse(self.form, report) else { return false };
-        match self.turn {
-            Turn::Listens => self.take(output),
+        match self.phase {
+            Phase::Receiving => self.take(output),
             // It takes one for each that it sends; the rest waits.
-            Turn::Speaks => self.early.push_back(output),
+            Phase::Sending => self.early.push_back(output),
         }
         true
     }

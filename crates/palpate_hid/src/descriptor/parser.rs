@@ -2,13 +2,13 @@
 
 use super::items::{Item, Items};
 use super::{
-    Collection, DescriptorError, Field, LONGEST_DESCRIPTOR, LONGEST_REPORT, MOST_FIELDS, Report,
+    Collection, DescriptorError, Field, MAX_DESCRIPTOR_BYTES, MAX_FIELDS, MAX_REPORT_BYTES, Report,
     ReportDescriptor, ReportKind, Usage, UsageRange,
 };
 use std::sync::Arc;
 
 /// How many states may be pushed, and how deep collections may lie.
-const DEEPEST: usize = 64;
+const MAX_DEPTH: usize = 64;
 
 /// What holds until it is said otherwise.
 #[derive(Clone, Copy, Default)]
@@ -50,21 +50,26 @@ struct Parser {
     unnumbered: Option<usize>,
 }
 
-/// Reads a descriptor.
-pub(super) fn parse(bytes: &[u8]) -> Result<ReportDescriptor, DescriptorError> {
-    if bytes.len() > LONGEST_DESCRIPTOR {
-        return Err(DescriptorError::TooLong(bytes.len()));
-    }
-    let mut parser = Parser::default();
-    for item in Items::of(bytes) {
-        parser.take(item?)?;
-    }
-    if !parser.open.is_empty() {
-        return Err(DescriptorError::UnpairedCollection { at: bytes.len() });
-    }
-    match parser.unnumbered {
-        Some(at) if parser.descriptor.is_numbered() => Err(DescriptorError::Unnumbered { at }),
-        _ => Ok(parser.descriptor),
+impl ReportDescriptor {
+    /// Parses the bytes of a report descriptor.
+    ///
+    /// # Errors
+    /// [`DescriptorError`]. For any bytes the parser neither panics nor allocates more than a few MB.
+    pub fn parse(bytes: &[u8]) -> Result<Self, DescriptorError> {
+        if bytes.len() > MAX_DESCRIPTOR_BYTES {
+            return Err(DescriptorError::TooLong(bytes.len()));
+        }
+        let mut parser = Parser::default();
+        for item in Items::of(bytes) {
+            parser.take(item?)?;
+        }
+        if !parser.open.is_empty() {
+            return Err(DescriptorError::UnpairedCollection { at: bytes.len() });
+        }
+        match parser.unnumbered {
+            Some(at) if parser.descriptor.is_numbered() => Err(DescriptorError::Unnumbered { at }),
+            _ => Ok(parser.descriptor),
+        }
     }
 }
 
@@ -96,8 +101,8 @@ impl Parser {
                 _ => return Err(DescriptorError::ReportNumber { at, id: data }),
             },
             0x94 => globals.count = data,
-            0xA4 if self.pushed.len() == DEEPEST => {
-                return Err(DescriptorError::TooDeep { at, allowed: DEEPEST });
+            0xA4 if self.pushed.len() == MAX_DEPTH => {
+                return Err(DescriptorError::TooDeep { at, allowed: MAX_DEPTH });
             }
             0xA4 => self.pushed.push(self.globals),
             0xB4 => self.globals = self.pushed.pop().ok_or(DescriptorError::UnpairedPop { at })?,
@@ -123,8 +128,8 @@ impl Parser {
     }
 
     fn begin_collection(&mut self, at: usize) -> Result<(), DescriptorError> {
-        if self.open.len() == DEEPEST {
-            return Err(DescriptorError::TooDeep { at, allowed: DEEPEST });
+        if self.open.len() == MAX_DEPTH {
+            return Err(DescriptorError::TooDeep { at, allowed: MAX_DEPTH });
         }
         let page = self.globals.page;
         let usage = self
@@ -140,13 +145,13 @@ impl Parser {
     }
 
     fn main(&mut self, kind: ReportKind, item: Item) -> Result<(), DescriptorError> {
-        const LONGEST: usize = 8 * LONGEST_REPORT;
+        const MAX_REPORT_BITS: usize = 8 * MAX_REPORT_BYTES;
         let Item { at, data: flags, .. } = item;
         let locals = std::mem::take(&mut self.locals);
         let Globals { page, bits, count, id, unit, unit_exponent, .. } = self.globals;
         let too_long = DescriptorError::ReportTooLong { at };
         let (bits, count) = (bits as usize, count as usize);
-        let all = bits.checked_mul(count).filter(|&all| all <= LONGEST).ok_or(too_long)?;
+        let all = bits.checked_mul(count).filter(|&all| all <= MAX_REPORT_BITS).ok_or(too_long)?;
         if all == 0 {
             return Ok(());
         }
@@ -162,7 +167,7 @@ impl Parser {
         let Some(report) = reports.get_mut(index) else { return Ok(()) };
         let begin = report.bits;
         report.bits += all;
-        if report.bits > LONGEST {
+        if report.bits > MAX_REPORT_BITS {
             return Err(too_long);
         }
         let range = |&(own, first, last): &(Option<u16>, u16, u16)| UsageRange {
@@ -180,7 +185,7 @@ impl Parser {
         let mut newest = Usage::new(page, 0);
         for element in 0..count {
             self.fields += 1;
-            if self.fields > MOST_FIELDS {
+            if self.fields > MAX_FIELDS {
                 return Err(DescriptorError::TooManyFields { at });
             }
             let of_this = if is_array {

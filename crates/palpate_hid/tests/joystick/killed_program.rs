@@ -1,8 +1,9 @@
 //! What a program leaves that is killed: its writes stop, and nothing else happens.
 
-use crate::stick::{Bench, kinds, openffboard, whole_force};
+use crate::joystick_bench::{Bench, kinds, openffboard, whole_force};
 use glam::DVec3;
 use palpate_haptics::HapticDevice;
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use std::time::Duration;
 
@@ -21,7 +22,7 @@ fn starts(bench: &Bench, start: &str) -> usize {
 #[test]
 fn the_firmware_ends_the_force_of_a_killed_program() {
     for kind in kinds() {
-        let bench = Bench::new(&kind.descriptor, HeldStick::default());
+        let bench = Bench::new(&kind.descriptor, SimulatedStick::default());
         let mut device = bench.device(whole_force());
         assert!(device.ends_by_itself());
         device.open().unwrap();
@@ -56,7 +57,7 @@ fn the_firmware_ends_the_force_of_a_killed_program() {
 /// finds its effect ended, at zero, and starts it before it gets a magnitude.
 #[test]
 fn only_an_effect_with_a_force_is_started_again() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     let mut device = bench.device(whole_force());
     device.open().unwrap();
     bench.ear.heard();
@@ -87,7 +88,7 @@ fn where_no_such_duration_can_be_written_effects_are_endless() {
     let published = limits([0xFF, 0x7F]);
     let at = descriptor.windows(published.len()).position(|items| items == published).unwrap();
     descriptor[at..at + published.len()].copy_from_slice(&limits([200, 0]));
-    let bench = Bench::new(&descriptor, HeldStick::default());
+    let bench = Bench::new(&descriptor, SimulatedStick::default());
     let mut device = bench.device(whole_force());
     device.open().unwrap();
     let heard = bench.ear.heard();

@@ -3,6 +3,7 @@
 use crate::bench::*;
 use glam::DVec3;
 use palpate_haptics::*;
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use proptest::{collection, prelude::*};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -26,7 +27,7 @@ fn every_report_is_numbered_and_what_comes_again_has_the_same_number() {
 fn a_board_that_is_not_answered_is_woken_up_after_10_ms_and_its_silence_told() {
     let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), kept());
     bench.ticks(40, DVec3::X);
-    assert!((bench.felt_n() - DVec3::X).length() < ROUNDING_N);
+    assert!((bench.applied_force_n() - DVec3::X).length() < ROUNDING_N);
     bench.pass_ms(1);
     // A report is read and its answer lost: the board waits for it.
     bench.device().read(Duration::ZERO).unwrap();
@@ -39,14 +40,18 @@ fn a_board_that_is_not_answered_is_woken_up_after_10_ms_and_its_silence_told() {
     bench.pass_ms(1);
     assert_eq!(bench.device().read(Duration::ZERO), Err(DeviceError::TimedOut));
     assert_eq!(bench.board(|it| it.exchanged()), exchanged + 1, "woken up");
-    assert_eq!(bench.felt_n(), DVec3::ZERO);
+    assert_eq!(bench.applied_force_n(), DVec3::ZERO);
     assert_eq!(bench.device().write(DVec3::X), Err(DeviceError::TimedOut), "nobody has asked");
     assert_eq!(bench.device().write(DVec3::ZERO), Ok(()), "and there is none");
     // From nothing, by a twentieth of 5 N with each force.
     for tick in 0..6 {
         bench.tick(DVec3::X);
         let expected_n = (0.25 * f64::from(tick)).min(1.0);
-        assert!((bench.felt_n().x - expected_n).abs() < ROUNDING_N, "{tick}: {}", bench.felt_n());
+        assert!(
+            (bench.applied_force_n().x - expected_n).abs() < ROUNDING_N,
+            "{tick}: {}",
+            bench.applied_force_n()
+        );
     }
 }
 
@@ -55,9 +60,9 @@ fn a_board_that_is_not_answered_is_woken_up_after_10_ms_and_its_silence_told() {
 fn the_firmware_switches_its_motors_off_when_the_driver_is_silent() {
     let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), kept());
     bench.ticks(40, DVec3::X);
-    bench.board(|it| it.pass(0.49));
+    bench.board(|it| it.advance(0.49));
     assert!(bench.board(|it| it.are_motors_on() && it.currents_ma() != [0; 3]));
-    bench.board(|it| it.pass(0.02));
+    bench.board(|it| it.advance(0.02));
     assert!(!bench.board(|it| it.are_motors_on()));
     assert_eq!(bench.board(|it| it.currents_ma()), [0; 3]);
 }
@@ -78,7 +83,7 @@ fn a_force_waits_until_it_is_asked_for_but_zero_and_much_less_do_not() {
     bench.board(|it| it.input(&mut report));
     bench.device().write(0.4 * DVec3::X).unwrap();
     assert_eq!(exchanged(&bench), before + 1);
-    assert!((bench.felt_n() - 0.4 * DVec3::X).length() < ROUNDING_N);
+    assert!((bench.applied_force_n() - 0.4 * DVec3::X).length() < ROUNDING_N);
     // Once for each report.
     bench.board(|it| it.input(&mut report));
     bench.device().write(DVec3::ZERO).unwrap();
@@ -94,7 +99,7 @@ fn another_thread_can_stop_it() {
     bench.pass_ms(1);
     bench.device().read(Duration::ZERO).unwrap();
     stop.stop().unwrap();
-    assert_eq!(bench.felt_n(), DVec3::ZERO);
+    assert_eq!(bench.applied_force_n(), DVec3::ZERO);
     assert_eq!(bench.board(|it| it.currents_ma()), [0; 3]);
 }
 
@@ -192,7 +197,7 @@ fn forces_that_nobody_asked_for_do_not_pile_up_at_a_slow_board() {
                 bench.tick(force_n);
                 most = most.max(bench.board(|it| it.waiting()));
             }
-            shown += u32::from((bench.felt_n() - force_n).length() < ROUNDING_N);
+            shown += u32::from((bench.applied_force_n() - force_n).length() < ROUNDING_N);
         }
     }
     assert!(most == 1 && shown == 100, "{most} reports waited at the board, {shown} forces were shown");
@@ -205,7 +210,7 @@ fn after_a_stop_from_another_thread_no_force_comes_a_report_late() {
     for (stops, is_read) in [(1, true), (1, false), (3, true), (3, false)] {
         let mut bench = open_at_pace(1);
         bench.ticks(50, DVec3::X);
-        assert!((bench.felt_n() - DVec3::X).length() < ROUNDING_N, "{}", bench.felt_n());
+        assert!((bench.applied_force_n() - DVec3::X).length() < ROUNDING_N, "{}", bench.applied_force_n());
         let mut stop = bench.device().emergency_stop().unwrap();
         bench.pass_ms(1);
         if is_read {
@@ -216,14 +221,14 @@ fn after_a_stop_from_another_thread_no_force_comes_a_report_late() {
         bench.device().write(DVec3::X).unwrap();
         // What was sent ahead is taken, and the rest begins with little.
         bench.ticks(stops, DVec3::X);
-        assert!(bench.felt_n().length() < 0.8, "{}", bench.felt_n());
+        assert!(bench.applied_force_n().length() < 0.8, "{}", bench.applied_force_n());
         bench.ticks(40, DVec3::X);
         for tick in 0..20 {
             let before = bench.board(|it| it.exchanged());
             let force_n = (1.0 + 0.02 * f64::from(tick)) * DVec3::X;
             bench.tick(force_n);
             assert_eq!(bench.board(|it| (it.exchanged(), it.waiting())), (before + 1, 0));
-            let off_n = bench.felt_n() - force_n;
+            let off_n = bench.applied_force_n() - force_n;
             assert!(off_n.length() < ROUNDING_N, "{stops} {is_read}: {off_n}");
         }
     }
@@ -240,7 +245,7 @@ fn a_board_of_which_a_report_is_lost_is_answered_again() {
         let _ = bench.device().write(DVec3::X);
     }
     bench.ticks(10, DVec3::X);
-    assert!((bench.felt_n() - DVec3::X).length() < ROUNDING_N, "{}", bench.felt_n());
+    assert!((bench.applied_force_n() - DVec3::X).length() < ROUNDING_N, "{}", bench.applied_force_n());
     assert_eq!(bench.board(|it| it.waiting()), 0);
 }
 
@@ -275,7 +280,7 @@ fn nothing_waits_at_a_board_that_has_been_opened_whoever_was_to_speak() {
             bench.ticks(3, DVec3::ZERO);
             assert_eq!(bench.board(|it| it.waiting()), 0, "{form:?} {is_listening}");
             bench.ticks(40, DVec3::X);
-            assert!((bench.felt_n() - DVec3::X).length() < ROUNDING_N, "{form:?} {is_listening}");
+            assert!((bench.applied_force_n() - DVec3::X).length() < ROUNDING_N, "{form:?} {is_listening}");
         }
     }
 }

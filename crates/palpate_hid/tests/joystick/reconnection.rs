@@ -1,8 +1,9 @@
 //! A joystick that was unplugged is opened again, and nothing else instead of it.
 
-use crate::stick::{Bench, PATH, info, openffboard, renumbered, whole_force};
+use crate::joystick_bench::{Bench, PATH, info, openffboard, renumbered, whole_force};
 use glam::DVec3;
 use palpate_haptics::{DeviceError, HapticDevice};
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use std::sync::{Arc, Mutex};
 
@@ -10,12 +11,12 @@ use std::sync::{Arc, Mutex};
 #[test]
 fn another_report_descriptor_is_refused() {
     let published = openffboard().descriptor;
-    let bench = Bench::new(&published, HeldStick::default());
+    let bench = Bench::new(&published, SimulatedStick::default());
     let mut device = bench.device(whole_force());
     device.open().unwrap();
     device.close().unwrap();
     let updated = renumbered(&published, |id| 0xFF - id);
-    let firmware = JoystickFirmware::new(&updated, HeldStick::default()).unwrap();
+    let firmware = JoystickFirmware::new(&updated, SimulatedStick::default()).unwrap();
     bench.bus.plug(info(), updated, firmware);
     let changed =
         DeviceError::Unavailable("its report descriptor is not the one it was found with; choose it anew");
@@ -31,7 +32,8 @@ fn another_report_descriptor_is_refused() {
 /// Plugs one in at `path` that is like the bench's but for its serial number.
 fn plug_alike(bench: &Bench, path: &str, serial: &str) -> Arc<Mutex<JoystickFirmware>> {
     let descriptor = openffboard().descriptor;
-    let firmware = Arc::new(Mutex::new(JoystickFirmware::new(&descriptor, HeldStick::default()).unwrap()));
+    let firmware =
+        Arc::new(Mutex::new(JoystickFirmware::new(&descriptor, SimulatedStick::default()).unwrap()));
     let alike = HidInfo { path: path.into(), serial: serial.into(), ..info() };
     bench.bus.plug(alike, descriptor, Arc::clone(&firmware));
     firmware
@@ -40,7 +42,7 @@ fn plug_alike(bench: &Bench, path: &str, serial: &str) -> Arc<Mutex<JoystickFirm
 /// Two that are alike and have no serial number: when one is unplugged the other, which was there all along, is not pushed.
 #[test]
 fn an_alike_one_that_was_there_is_not_taken_for_it() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     let other = plug_alike(&bench, "stand-in/other", "");
     let mut device = bench.device(whole_force());
     // Also one that came after it was found and before it was opened.
@@ -70,7 +72,7 @@ fn an_alike_one_that_was_there_is_not_taken_for_it() {
 
 #[test]
 fn where_several_may_be_it_none_is_taken() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     let mut device = bench.device(whole_force());
     bench.bus.unplug(PATH);
     let new = ["stand-in/one", "stand-in/two"].map(|path| plug_alike(&bench, path, ""));
@@ -85,7 +87,7 @@ fn where_several_may_be_it_none_is_taken() {
 /// The other is unplugged too, and the device comes back where the other was.
 #[test]
 fn a_path_that_was_left_may_be_its_own() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     plug_alike(&bench, "stand-in/other", "");
     let mut device = bench.device(whole_force());
     bench.bus.unplug(PATH);
@@ -98,7 +100,7 @@ fn a_path_that_was_left_may_be_its_own() {
 /// It is back, and another program is faster: that is told, and not that it is unplugged.
 #[test]
 fn what_another_program_has_is_not_disconnected() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     let mut device = bench.device(whole_force());
     device.open().unwrap();
     bench.bus.unplug(PATH);
@@ -115,7 +117,7 @@ fn what_another_program_has_is_not_disconnected() {
 /// With a serial number it is found at any path, beside whatever is alike but for that number.
 #[test]
 fn a_serial_number_tells_which_it_is() {
-    let bench = Bench::new(&openffboard().descriptor, HeldStick::default());
+    let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
     bench.bus.unplug(PATH);
     plug_alike(&bench, "stand-in/first", "7");
     let mut device = bench.device(whole_force());

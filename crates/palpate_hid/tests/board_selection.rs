@@ -4,14 +4,15 @@
 mod bytes;
 
 use bytes::bytes;
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use std::sync::Arc;
 
 const SEREMU: &str = include_str!("data/board_teensy_seremu_descriptor.txt");
 
 /// A Teensy as it shows itself: raw HID, and beside it a serial port made of HID.
-fn teensy() -> Arc<StandInBus> {
-    let bus = StandInBus::default();
+fn teensy() -> Arc<SimulatedBus> {
+    let bus = SimulatedBus::default();
     let firmware = || BoardFirmware::at_home(BoardForm::Bytes64, &BoardKinematics::default());
     let board = firmware();
     bus.plug(board.info("b"), board.descriptor(), firmware());
@@ -21,8 +22,13 @@ fn teensy() -> Arc<StandInBus> {
     Arc::new(bus)
 }
 
-fn open(bus: Arc<StandInBus>, teensy_is_board: bool, board: BoardOptions) -> Result<HidDevice, HidError> {
-    let selector = HidSelector { kind: Some(HidKind::Board), teensy_is_board, ..HidSelector::default() };
+fn open(
+    bus: Arc<SimulatedBus>,
+    treat_teensy_as_board: bool,
+    board: BoardOptions,
+) -> Result<HidDevice, HidError> {
+    let selector =
+        HidSelector { kind: Some(HidKind::Board), treat_teensy_as_board, ..HidSelector::default() };
     HidDevice::find(bus, &selector, &HidOptions { board, ..HidOptions::default() })
 }
 
@@ -50,7 +56,7 @@ fn a_teensy_is_a_board_only_for_somebody_who_says_so() {
 #[test]
 fn an_mbed_is_a_board_without_being_asked() {
     for form in [BoardForm::Bytes8, BoardForm::Bytes14] {
-        let bus = StandInBus::default();
+        let bus = SimulatedBus::default();
         let firmware = BoardFirmware::at_home(form, &BoardKinematics::default());
         bus.plug(firmware.info("a"), firmware.descriptor(), firmware);
         let device = open(Arc::new(bus), false, BoardOptions::default()).unwrap();
@@ -61,7 +67,7 @@ fn an_mbed_is_a_board_without_being_asked() {
 #[test]
 fn what_no_driver_can_do_is_refused_before_it_is_opened() {
     let plug = |form, change: fn(&mut Vec<u8>)| {
-        let bus = StandInBus::default();
+        let bus = SimulatedBus::default();
         let firmware = BoardFirmware::at_home(form, &BoardKinematics::default());
         let mut descriptor = firmware.descriptor();
         change(&mut descriptor);

@@ -5,7 +5,8 @@ use super::touch::Touch;
 use super::uhid::Identity;
 use super::virtual_device::{Pace, VirtualDevice};
 use glam::DVec3;
-use palpate_hid::{CapForm, HidDevice, HidKind, HidOptions, HidSelector, SpaceMouseFirmware, SystemBus};
+use palpate_hid::simulated::{SpaceMouseFirmware, SpaceMouseLayout};
+use palpate_hid::{HidDevice, HidKind, HidOptions, HidSelector, SystemBus};
 use std::error::Error;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -19,7 +20,11 @@ pub fn identity(serial: &str) -> Identity {
 }
 
 /// Plugs one in.
-pub fn plug(serial: &str, form: CapForm, pace: Pace) -> Result<(VirtualDevice, Cap), Box<dyn Error>> {
+pub fn plug(
+    serial: &str,
+    form: SpaceMouseLayout,
+    pace: Pace,
+) -> Result<(VirtualDevice, Cap), Box<dyn Error>> {
     let cap = SpaceMouseFirmware::new(form);
     let descriptor = cap.descriptor();
     let cap = Arc::new(Mutex::new(cap));
@@ -42,15 +47,15 @@ pub fn of<T>(cap: &Cap, ask: impl FnOnce(&mut SpaceMouseFirmware) -> T) -> T {
 }
 
 pub fn with_a_cable() -> Outcome {
-    run("cable", CapForm::Apart)
+    run("cable", SpaceMouseLayout::Separate)
 }
 
 pub fn without() -> Outcome {
-    run("radio", CapForm::Together)
+    run("radio", SpaceMouseLayout::Combined)
 }
 
 /// It is pushed to the left and up, and turned; a report every 8 ms, as of a real one.
-fn run(serial: &str, form: CapForm) -> Outcome {
+fn run(serial: &str, form: SpaceMouseLayout) -> Outcome {
     let (plugged, cap) = plug(serial, form, Pace::Every(Duration::from_millis(8)))?;
     let device = find(serial)?;
     let counters = device.counters();
@@ -62,7 +67,7 @@ fn run(serial: &str, form: CapForm) -> Outcome {
         (0..40).for_each(|_| cap.push([-350, 0, -175], [0, 0, 350]));
         cap.press(0b10);
     });
-    touch.until("it has said everything and the point rests", |_| of(&cap, |cap| cap.left() == 0))?;
+    touch.until("it has said everything and the point rests", |_| of(&cap, |cap| cap.pending() == 0))?;
     touch.until("its button is pressed", |touch| touch.buttons() == 0b10)?;
     let mut before = None;
     let mut same = 0;

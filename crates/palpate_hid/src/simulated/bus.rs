@@ -1,13 +1,6 @@
-//! HID devices that are only there in memory: for tests of drivers, and for an app on a machine without the device.
+//! A HID bus in memory.
 
-mod board;
-mod joystick;
-mod space_mouse;
-
-pub use board::BoardFirmware;
-pub use joystick::{HeldStick, JoystickFirmware};
-pub use space_mouse::{CapForm, SpaceMouseFirmware};
-
+use super::Firmware;
 use crate::{HidBus, HidConnection, HidError, HidInfo};
 use palpate_haptics::DeviceError;
 use std::fmt;
@@ -15,53 +8,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// What is inside a HID device: the other end of [`HidConnection`], whose words on report numbers hold here too. The same
-/// firmware answers behind a [`StandInBus`] and behind a kernel's virtual device.
-pub trait Firmware: Send {
-    /// The next input report, if there is one by now: how many bytes of `report` it fills.
-    fn input(&mut self, report: &mut [u8]) -> usize;
-
-    /// Takes an output report. Whether it is one that it knows.
-    fn output(&mut self, report: &[u8]) -> bool;
-
-    /// Fills the feature report whose number is `report[0]`: how many bytes it has, 0 where there is none.
-    fn feature(&mut self, report: &mut [u8]) -> usize {
-        let _ = report;
-        0
-    }
-
-    /// Takes a feature report. Whether it is one that it knows.
-    fn set_feature(&mut self, report: &[u8]) -> bool {
-        let _ = report;
-        false
-    }
-}
-
-impl<F: Firmware + ?Sized> Firmware for Arc<Mutex<F>> {
-    fn input(&mut self, report: &mut [u8]) -> usize {
-        self.lock().unwrap_or_else(PoisonError::into_inner).input(report)
-    }
-
-    fn output(&mut self, report: &[u8]) -> bool {
-        self.lock().unwrap_or_else(PoisonError::into_inner).output(report)
-    }
-
-    fn feature(&mut self, report: &mut [u8]) -> usize {
-        self.lock().unwrap_or_else(PoisonError::into_inner).feature(report)
-    }
-
-    fn set_feature(&mut self, report: &[u8]) -> bool {
-        self.lock().unwrap_or_else(PoisonError::into_inner).set_feature(report)
-    }
-}
-
 /// A bus into which devices are plugged by a program.
 #[derive(Default)]
-pub struct StandInBus {
+pub struct SimulatedBus {
     plugged: Mutex<Vec<Plugged>>,
 }
 
-impl fmt::Debug for StandInBus {
+impl fmt::Debug for SimulatedBus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let plugged = self.plugged.lock().unwrap_or_else(PoisonError::into_inner);
         f.debug_list().entries(plugged.iter().map(|it| &it.info)).finish()
@@ -77,7 +30,7 @@ struct Plugged {
     is_held: Arc<AtomicBool>,
 }
 
-impl StandInBus {
+impl SimulatedBus {
     /// Plugs a device in at `info.path`, in place of what is there.
     pub fn plug(&self, info: HidInfo, descriptor: Vec<u8>, firmware: impl Firmware + 'static) {
         self.unplug(&info.path);
@@ -110,7 +63,7 @@ impl StandInBus {
     }
 }
 
-impl HidBus for StandInBus {
+impl HidBus for SimulatedBus {
     fn list(&self) -> Result<Vec<HidInfo>, HidError> {
         let plugged = self.plugged.lock().unwrap_or_else(PoisonError::into_inner);
         let mut infos: Vec<HidInfo> = plugged.iter().map(|it| it.info.clone()).collect();
@@ -127,20 +80,20 @@ impl HidBus for StandInBus {
         if plugged.is_held.swap(true, Ordering::AcqRel) {
             return Err(HidError::Busy { device: info.label() });
         }
-        Ok(Box::new(StandInConnection { plugged, is_alone: true }))
+        Ok(Box::new(SimulatedConnection { plugged, is_alone: true }))
     }
 
-    fn open_beside(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
-        Ok(Box::new(StandInConnection { plugged: self.at(info)?, is_alone: false }))
+    fn open_shared(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
+        Ok(Box::new(SimulatedConnection { plugged: self.at(info)?, is_alone: false }))
     }
 }
 
-struct StandInConnection {
+struct SimulatedConnection {
     plugged: Plugged,
     is_alone: bool,
 }
 
-impl StandInConnection {
+impl SimulatedConnection {
     fn firmware<T>(&mut self, ask: impl FnOnce(&mut dyn Firmware) -> T) -> Result<T, DeviceError> {
         if !self.plugged.is_there.load(Ordering::Acquire) {
             return Err(DeviceError::Disconnected);
@@ -149,7 +102,7 @@ impl StandInConnection {
     }
 }
 
-impl Drop for StandInConnection {
+impl Drop for SimulatedConnection {
     fn drop(&mut self) {
         if self.is_alone {
             self.plugged.is_held.store(false, Ordering::Release);
@@ -157,7 +110,7 @@ impl Drop for StandInConnection {
     }
 }
 
-impl HidConnection for StandInConnection {
+impl HidConnection for SimulatedConnection {
     fn read(&mut self, report: &mut [u8], _: Duration) -> Result<usize, DeviceError> {
         self.firmware(|firmware| firmware.input(report))
     }
