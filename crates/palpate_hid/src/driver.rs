@@ -1,4 +1,4 @@
-//! What the three kinds of device have in common, once one of them is open.
+//! The interface of the drivers for the three kinds of device.
 
 use crate::BoardCalibration;
 use crate::link::Link;
@@ -8,59 +8,59 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-/// How often a device was stopped by another thread since its driver last asked.
+/// Counts the stop reports that another thread has sent.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct StopCounter(Arc<AtomicU32>);
 
 impl StopCounter {
-    /// A report that ends all force has been sent.
-    pub(crate) fn note(&self) {
+    /// Counts one stop report.
+    pub(crate) fn increment(&self) {
         self.0.fetch_add(1, Ordering::AcqRel);
     }
 
-    /// How many there were, which are forgotten with that.
+    /// Returns the count and resets it.
     pub(crate) fn take(&self) -> u32 {
         self.0.swap(0, Ordering::AcqRel)
     }
 }
 
-/// The protocol of one kind of device. The promises of [`HapticDevice`](palpate_haptics::HapticDevice) hold for it.
+/// Protocol of one kind of device. The contract of [`HapticDevice`](palpate_haptics::HapticDevice) applies.
 pub(crate) trait Driver: Send {
-    /// What it is and what it can do.
+    /// Describes the device.
     fn describe(&self) -> DeviceDescription;
 
-    /// The part of a force that its motors can show, N, in the device's frame.
+    /// Component of a force that the motors can display, N, in the device frame.
     fn displayed_force_n(&self, force_n: DVec3) -> DVec3 {
         force_n
     }
 
-    /// Makes a device that has just been opened ready, at zero force.
+    /// Initialises a newly opened device, at zero force.
     fn start(&mut self, link: &mut Link) -> Result<(), DeviceError>;
 
-    /// The newest reading.
+    /// Returns the latest reading.
     fn read(&mut self, link: &mut Link, within: Duration) -> Result<Reading, DeviceError>;
 
-    /// Shows a force, N, in the device's frame.
+    /// Sends a force, N, in the device frame.
     fn write(&mut self, link: &mut Link, force_n: DVec3) -> Result<(), DeviceError>;
 
-    /// Zero force, actuators off.
+    /// Sets zero force and switches the actuators off.
     fn stop(&mut self, link: &mut Link) -> Result<(), DeviceError>;
 
-    /// The device was not there when it was looked for, or is somewhere else by now: it has been unplugged.
+    /// Notes that the device was unplugged: it was missing or has another path.
     fn mark_disconnected(&mut self) {}
 
-    /// Whether it is known to end its force by itself when nobody writes to it any more.
+    /// Whether the firmware is documented to end its force when reports stop.
     fn ends_by_itself(&self) -> bool;
 
-    /// The output reports that end all force, for a thread that has no part in the protocol; none for a device without motors.
+    /// Output reports that end all force, independent of the protocol state; empty for a device without motors.
     fn stop_reports(&self) -> Vec<Vec<u8>>;
 
-    /// Where such a thread counts the reports that it has sent, for a driver that has to know.
+    /// Counter for stop reports sent by other threads, if the driver needs it.
     fn stop_counter(&self) -> Option<StopCounter> {
         None
     }
 
-    /// A way to have it calibrated, for a device that needs it.
+    /// Calibration handle, for a device that needs one.
     fn calibration(&self) -> Option<BoardCalibration> {
         None
     }

@@ -1,5 +1,5 @@
-//! Haptic devices over HID, the only part of palpate that talks to hardware: SpaceMouse, force-feedback joysticks, open boards with
-//! three motors.
+//! HID haptic devices: 3Dconnexion SpaceMouse, force-feedback joysticks, open boards with three motors. The only crate of palpate
+//! that accesses hardware.
 //!
 //! # Getting started
 //!
@@ -11,25 +11,25 @@
 //! let bus = Arc::new(SystemBus::new()?);
 //! let device = HidDevice::find(bus, &HidSelector::any(), &HidOptions::default())?;
 //! println!("{}", device.found().info.label());
-//! // `device` is a `HapticDevice`: a haptic loop takes it from here.
+//! // `device` is a `HapticDevice`: pass it to a haptic loop.
 //! # Ok(())
 //! # }
 //! ```
 //!
 //! # Contents
 //!
-//! * Which device: [`HidSelector`], [`FoundDevice`], [`HidKind`]; what is there: [`HidBus`], [`SystemBus`], [`HidInfo`].
-//! * The device: [`HidDevice`], with [`HidOptions`] for each kind; what it saw: [`HidCounters`].
-//! * What a device says of its reports: [`ReportDescriptor`].
-//! * A 3-DOF board: its arm [`BoardKinematics`], its home [`BoardHoming`], [`BoardCalibration`], its reports [`BoardForm`],
-//!   [`BoardInput`], [`BoardOutput`].
-//! * Without hardware: [`SimulatedBus`], [`Firmware`]; a cap [`SpaceMouseFirmware`]; a joystick in a hand
-//!   [`JoystickFirmware`]; a board with an arm and a hand [`BoardFirmware`].
+//! * Selection and enumeration: [`HidSelector`], [`FoundDevice`], [`HidKind`]; [`HidBus`], [`SystemBus`], [`HidInfo`].
+//! * The device: [`HidDevice`], with [`HidOptions`] for each kind and the statistics [`HidCounters`].
+//! * Report descriptors: [`ReportDescriptor`].
+//! * 3-DOF boards: kinematics [`BoardKinematics`], calibration [`BoardHoming`] and [`BoardCalibration`], reports [`BoardForm`],
+//!   [`BoardInput`] and [`BoardOutput`].
+//! * Simulated devices: the module `simulated` of the feature with the same name.
 //!
 //! # Units, frames, signs
 //!
-//! SI. Positions and forces are in the device's own frame: x to the right, y up, z towards the hand's owner. Force is what the
-//! device does to the hand.
+//!
+//! SI units. Positions and forces are in the device frame: x to the right, y up, z towards the user. A force acts on the user's
+//! hand.
 
 #![forbid(unsafe_code)]
 

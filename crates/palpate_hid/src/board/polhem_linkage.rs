@@ -1,4 +1,4 @@
-//! The linkage of Polhem 2 and 3, and their sizes; its formulas are at [`BoardLinkage::Polhem`].
+//! Linkage of Polhem 2 and 3; the formulas are documented at [`BoardLinkage::Polhem`](super::BoardLinkage::Polhem).
 
 use super::reach::Reach;
 use glam::DVec2;
@@ -8,7 +8,7 @@ pub(super) fn reach(&[l0, l1, l2, l3, l4, l5]: &[f64; 6], b_rad: f64, c_rad: f64
     let elbow = 0.5 * l0 * DVec2::X + l1 * along_b;
     let w = elbow + 0.5 * l0 * DVec2::X - l2 * along_c;
     let size = w.length();
-    // The cosine of the angle from w to the outer link; 1 and -1 where rod, outer link and w lie in one line.
+    // Cosine of the angle from w to the outer link; ±1 where rod, outer link and w are collinear.
     let cosine =
         if size > f64::EPSILON { (size * size + l4 * l4 - l3 * l3) / (2.0 * l4 * size) } else { 2.0 };
     let held = cosine.clamp(-1.0, 1.0);

@@ -4,8 +4,8 @@ use super::woodenhaptics_linkage::LENGTH_2015_M;
 use super::{BoardKinematics, BoardLinkage};
 use glam::DVec3;
 
-/// L0 to L5, m. Source: forsslund/hfabapi at aadabaa, `hfab_polhem.h`, the only place where they are published; it does not tell
-/// Polhem 2 from Polhem 3.
+/// Lengths L0 to L5 of the Polhem 2 and 3, m. Source: forsslund/hfabapi at aadabaa, `hfab_polhem.h`, the only publication, which does
+/// not distinguish the two.
 const LENGTH_M: [f64; 6] = [0.034, 0.165, 0.025, 0.190, 0.034, 0.1308];
 
 impl Default for BoardKinematics {
@@ -16,10 +16,10 @@ impl Default for BoardKinematics {
 }
 
 impl BoardKinematics {
-    /// The WoodenHaptics of 2015. At home B points up and C to the front: counts 0, 0, 6000, θ_C = π/2.
+    /// Arm of the WoodenHaptics of 2015. At home B points up and C to the front: counts 0, 0, 6000, θ_C = π/2.
     ///
-    /// Source: `woodenhaptics_v2015` in `src/haptikfabrikenapi.h`, which also gives 1,000 N/m and 8 N s/m as the most that it should
-    /// show.
+    /// Source: `woodenhaptics_v2015` in `src/haptikfabrikenapi.h` of forsslund/haptikfabrikenapi at b8d6c94, which also gives the maximum
+    /// stiffness 1,000 N/m and damping 8 N s/m.
     #[must_use]
     pub fn woodenhaptics_v2015() -> Self {
         Self {
@@ -36,23 +36,21 @@ impl BoardKinematics {
         }
     }
 
-    /// The Polhem 3, by its newest published numbers. At home it is folded: A is turned by 120° from the front over the right, B by
-    /// 125°, C by 238°; the outer link points 30° down, and the tip is 36 mm from A's axis and 70 mm above the axes of B and C.
-    /// So near to the axis it is nearly singular ([`BoardKinematics::leverage`] is 0.03), and no force is shown before the tip has
-    /// been drawn out.
+    /// Arm of the Polhem 3, with its latest published sizes. At home it is folded: A is turned by 120° from the front over the right,
+    /// B by 125°, C by 238°; the outer link points 30° down, and the tip is 36 mm from A's axis and 70 mm above the axes of B and C. This
+    /// pose is nearly singular ([`BoardKinematics::leverage`] is 0.03), so the force is zero until the tip has been pulled out.
     ///
-    /// Sources: the lengths are those of forsslund/hfabapi at aadabaa, `hfab_polhem.h`; the rest is `polhem_v3` in its `hfab_math.h` at
-    /// 4224b75, dated 21 December 2020 there, and the same in its `hfab_api.cpp`. It also gives 2,000 N/m and 1 N s/m as the most that it
-    /// should show. They disagree with
+    /// Sources: the lengths are those of forsslund/hfabapi at aadabaa, `hfab_polhem.h`. The rest is `polhem_v3` in its `hfab_math.h` at
+    /// 4224b75, dated 21 December 2020 there, and the same in its `hfab_api.cpp`, which also gives the maximum stiffness 2,000 N/m and
+    /// damping 1 N s/m. Other published sizes differ:
     ///
-    /// * `hfab_kinematics.cpp` beside it: d_c 0.01373, home of C 19,768, in a table that it says is not used;
+    /// * `hfab_kinematics.cpp` in the same repository: d_c 0.01373, home of C 19,768, in a table marked as unused;
     /// * forsslund/haptikfabrikenapi at fbffb77, `src/haptikfabrikenapi.h`, of January 2020: d 0.0288, 0.0130, 0.014, home 8327, −10,926,
     ///   19,386; at 035fc25: d_c 0.010, home of C 27,140, k_a 0.321 and the origin of Polhem 2;
     /// * forsslund/polhemstylus at cb01101, `tmp/winworks-2020-11-04/polhem_teensy.ino`, of October 2020: home 8298, −10,771, 19,756.
     ///
-    /// The angles at home are the same within 0.1° in all that name capstans: what changed is how thick the capstans are, with the cable
-    /// on them. An arm that is taken for one with the other of the two d_c turns C by a third too much or too little: whoever has an
-    /// early one must try.
+    /// All sources with capstans agree on the angles at home within 0.1°; the effective diameter of the capstans, with cable, differs.
+    /// With the wrong one of the two d_c, the computed angle of C is a third too large or too small. Verify it for an early arm.
     #[must_use]
     pub fn polhem_v3() -> Self {
         Self {
@@ -69,13 +67,13 @@ impl BoardKinematics {
         }
     }
 
-    /// The Polhem 2, folded at home as the [Polhem 3](BoardKinematics::polhem_v3) is. Half of what it calls its workspace is so near to
-    /// A's axis that there is little or no force; a larger [`origin_m`](BoardKinematics::origin_m) moves the middle to where there is.
+    /// Arm of the Polhem 2, folded at home as the [Polhem 3](BoardKinematics::polhem_v3). Half of its published workspace is so near to A's
+    /// axis that there is little or no force; a larger [`origin_m`](BoardKinematics::origin_m) shifts the centre away from the axis.
     ///
-    /// Sources: the lengths as for Polhem 3; the rest is `polhem_v2` in forsslund/hfabapi at 4224b75, `hfab_math.h`, and the same in
-    /// forsslund/haptikfabrikenapi at fbffb77, `src/haptikfabrikenapi.h`, with 5,000 N/m and 1 N s/m as the most that it should show.
-    /// A comment in the latter, older than the numbers, has d_b 0.0077, home of B −18,447, the origin −0.137, 0.182, −0.0217 and 2,000
-    /// N/m. They are what it was "originally", as the source says; the angles at home are the same.
+    /// Sources: the lengths as for the Polhem 3. The rest is `polhem_v2` in forsslund/hfabapi at 4224b75, `hfab_math.h`, and the same in
+    /// forsslund/haptikfabrikenapi at fbffb77, `src/haptikfabrikenapi.h`, with the maximum stiffness 5,000 N/m and damping 1 N s/m. An older
+    /// comment in the latter has d_b 0.0077, home of B −18,447, the origin −0.137, 0.182, −0.0217 and 2,000 N/m, marked as "originally";
+    /// the angles at home are the same.
     #[must_use]
     pub fn polhem_v2() -> Self {
         Self {

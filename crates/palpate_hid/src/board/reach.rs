@@ -2,14 +2,14 @@
 
 use glam::DVec2;
 
-/// Where a linkage has the tip, in the plane of B and C: x is ρ, the distance from A's axis, and y the height, m.
+/// Tip of a linkage in the plane of B and C: x is ρ, the distance from A's axis, and y the height, m.
 pub(super) struct Reach {
     pub(super) tip: DVec2,
-    /// How the tip moves with θ_B and θ_C, m/rad.
+    /// Derivatives of the tip with respect to θ_B and θ_C, m/rad.
     pub(super) by_b: DVec2,
     pub(super) by_c: DVec2,
-    /// 0 where it is singular, 1 at most.
+    /// Distance from singularity, 0 (singular) to 1.
     pub(super) leverage: f64,
-    /// Whether its bars meet.
+    /// Whether the bars can be closed.
     pub(super) is_closed: bool,
 }

@@ -1,107 +1,106 @@
-//! Whose turn it is: reports that are owed to a board, and those that it has not asked for.
+//! Bookkeeping of the report exchange: pending reports of the board, and reports sent early.
 
 use std::time::Duration;
 
-/// Silence after which a board is woken up, and counts as silent.
+/// Time without a report after which the board counts as silent and is woken up.
 pub(super) const SILENCE_TIMEOUT: Duration = Duration::from_millis(10);
 
-/// So many reports may wait at a board in its driver's view: after a long silence, in which it was sent a zero every now and then, a
-/// board that does not take turns is answered again after as many of its own.
+/// Maximum number of early reports in the balance. A board that does not wait for replies gets zero reports during a long silence; it
+/// is replied to again after this many reports of its own.
 const MAX_EARLY_REPORTS: i64 = 64;
 
-/// Reports that have come and gone, balanced: firmware that takes turns takes one report for each that it sends, and the rest waits.
-/// Each that is sent too many would stay there, and every force after it would come a report later, for good.
+/// Balance of received and sent reports. Firmware that waits for replies takes one report for each that it sends and queues the rest.
+/// Every surplus report would stay in the queue and delay all later forces by one report.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ReportCredits {
-    /// Reports of the board less those sent to it: 1 where one is to be answered; below 0 where as many of its next ones have been
-    /// answered before they came. Never more than 1: of several that have come at once the newest is answered, as firmware that
-    /// does not take turns sends more than it gets.
-    owed: i64,
-    /// Reports beyond that one, since it was last sent anything: nobody has answered them, unless another thread has.
-    beyond: i64,
-    /// Whether it has spoken since it was last sent anything.
-    has_spoken: bool,
-    /// The currents that the board shows, or will when it has taken all that was sent, mA.
-    pub(super) shown_ma: [i16; 3],
-    /// When a report was last read.
-    heard_at: Duration,
-    /// When one last went either way.
+    /// Received minus sent reports: 1 where a report waits for its reply, negative where later reports were replied to early. At most
+    /// 1: of several reports received at once only the latest is replied to, as firmware that does not wait sends more than it gets.
+    balance: i64,
+    /// Reports beyond that one since the last report was sent. They have no reply, except for stop reports of another thread.
+    unreplied: i64,
+    /// Whether a report has arrived since the last one was sent.
+    has_received: bool,
+    /// Currents that the board displays after it has processed all sent reports, mA.
+    pub(super) displayed_ma: [i16; 3],
+    /// Time of the last received report.
+    received_at: Duration,
+    /// Time of the last report in either direction.
     exchanged_at: Duration,
     is_silent: bool,
 }
 
 impl ReportCredits {
-    /// With a board that has just been opened, at `now`.
+    /// Balance for a board opened at `now`.
     pub(super) fn begin(now: Duration) -> Self {
-        Self { heard_at: now, exchanged_at: now, ..Self::default() }
+        Self { received_at: now, exchanged_at: now, ..Self::default() }
     }
 
-    /// So many reports have come.
-    pub(super) fn heard(&mut self, reports: u64, now: Duration) {
+    /// Counts received reports.
+    pub(super) fn received(&mut self, reports: u64, now: Duration) {
         let reports = i64::try_from(reports).unwrap_or(i64::MAX);
-        let all = self.owed.saturating_add(reports);
-        self.owed = all.min(1);
-        self.beyond = self.beyond.saturating_add(all - self.owed);
-        (self.heard_at, self.exchanged_at) = (now, now);
-        (self.has_spoken, self.is_silent) = (true, false);
+        let all = self.balance.saturating_add(reports);
+        self.balance = all.min(1);
+        self.unreplied = self.unreplied.saturating_add(all - self.balance);
+        (self.received_at, self.exchanged_at) = (now, now);
+        (self.has_received, self.is_silent) = (true, false);
     }
 
-    /// Nothing has come for [`SILENCE_TIMEOUT`]. A board that has spoken since it was last sent anything has taken all that was sent, and
-    /// waits, also where a report of it was lost and nothing seems to be owed.
+    /// Notes [`SILENCE_TIMEOUT`] without a report. A board that has sent a report since the last one to it has processed everything and
+    /// waits for a reply, also if its own report was lost and the balance shows none pending.
     pub(super) fn note_silence(&mut self) {
-        if self.has_spoken {
-            self.owed = 1;
+        if self.has_received {
+            self.balance = 1;
         }
     }
 
-    /// Nothing has come by `now`. Whether it is so long that the board is to be woken up.
+    /// Notes that no report has arrived by `now`. Returns whether the board has to be woken up.
     pub(super) fn needs_wake_up(&mut self, now: Duration) -> bool {
-        self.is_silent = now.saturating_sub(self.heard_at) >= SILENCE_TIMEOUT;
-        let is_still = now.saturating_sub(self.exchanged_at) >= SILENCE_TIMEOUT;
-        if is_still {
+        self.is_silent = now.saturating_sub(self.received_at) >= SILENCE_TIMEOUT;
+        let is_idle = now.saturating_sub(self.exchanged_at) >= SILENCE_TIMEOUT;
+        if is_idle {
             self.note_silence();
         }
-        is_still
+        is_idle
     }
 
-    /// A report is sent at `now`, whether it arrives or not.
+    /// Notes an attempt to send a report at `now`, successful or not.
     pub(super) fn sending(&mut self, now: Duration) {
         self.exchanged_at = now;
     }
 
-    /// It has been sent, and shows these currents.
+    /// Counts a sent report that displays `currents_ma`.
     pub(super) fn sent(&mut self, currents_ma: [i16; 3]) {
-        self.owed = (self.owed - 1).max(-MAX_EARLY_REPORTS);
-        (self.has_spoken, self.shown_ma, self.beyond) = (false, currents_ma, 0);
+        self.balance = (self.balance - 1).max(-MAX_EARLY_REPORTS);
+        (self.has_received, self.displayed_ma, self.unreplied) = (false, currents_ma, 0);
     }
 
-    /// Another thread has sent so many zeros. Each has answered a report as any other would: one that was not answered before the next
-    /// came, or that which is owed, or one to come.
-    pub(super) fn stopped(&mut self, zeros: u32) {
+    /// Counts zero reports sent by another thread. Each replies to a report: one without reply before the latest, the pending one, or a
+    /// later one.
+    pub(super) fn stops_sent(&mut self, zeros: u32) {
         let zeros = i64::from(zeros);
-        let earlier = zeros.min(self.beyond);
-        self.beyond -= earlier;
-        self.owed = (self.owed - (zeros - earlier)).max(-MAX_EARLY_REPORTS);
-        self.has_spoken &= self.owed > 0;
-        self.shown_ma = [0; 3];
+        let earlier = zeros.min(self.unreplied);
+        self.unreplied -= earlier;
+        self.balance = (self.balance - (zeros - earlier)).max(-MAX_EARLY_REPORTS);
+        self.has_received &= self.balance > 0;
+        self.displayed_ma = [0; 3];
     }
 
-    /// The link has failed.
-    pub(super) fn failed(&mut self) {
+    /// Notes a failure of the link.
+    pub(super) fn link_failed(&mut self) {
         self.is_silent = true;
     }
 
-    /// Whether a report waits for its answer.
+    /// Whether a report of the board waits for a reply.
     pub(super) fn has_credit(&self) -> bool {
-        self.owed > 0
+        self.balance > 0
     }
 
-    /// Whether one may be sent that was not asked for: none such waits at the board.
+    /// Whether a report may be sent early: none is in the board's queue.
     pub(super) fn may_send_early(&self) -> bool {
-        self.owed == 0
+        self.balance == 0
     }
 
-    /// Whether nothing has come for [`SILENCE_TIMEOUT`].
+    /// Whether no report has arrived for [`SILENCE_TIMEOUT`].
     pub(super) fn is_silent(&self) -> bool {
         self.is_silent
     }
@@ -116,70 +115,70 @@ mod tests {
     }
 
     #[test]
-    fn what_was_sent_ahead_answers_the_next_report() {
-        let mut turns = ReportCredits::begin(ms(0));
-        turns.heard(1, ms(1));
-        turns.sent([0; 3]);
-        assert!(!turns.has_credit() && turns.may_send_early());
-        turns.sent([0; 3]);
-        assert!(!turns.may_send_early());
-        turns.heard(1, ms(2));
-        assert!(!turns.has_credit() && turns.may_send_early());
-        turns.heard(1, ms(3));
-        assert!(turns.has_credit());
+    fn early_report_is_the_reply_to_the_next_report() {
+        let mut credits = ReportCredits::begin(ms(0));
+        credits.received(1, ms(1));
+        credits.sent([0; 3]);
+        assert!(!credits.has_credit() && credits.may_send_early());
+        credits.sent([0; 3]);
+        assert!(!credits.may_send_early());
+        credits.received(1, ms(2));
+        assert!(!credits.has_credit() && credits.may_send_early());
+        credits.received(1, ms(3));
+        assert!(credits.has_credit());
     }
 
     #[test]
-    fn a_stop_from_another_thread_has_answered_a_report() {
-        let mut turns = ReportCredits::begin(ms(0));
-        turns.heard(1, ms(1));
-        turns.stopped(1);
-        assert!(!turns.has_credit() && turns.may_send_early());
-        turns.heard(1, ms(2));
-        assert!(turns.has_credit());
-        turns.sent([9; 3]);
-        // It had nothing to answer yet.
-        turns.stopped(2);
-        assert_eq!(turns.shown_ma, [0; 3]);
-        turns.heard(2, ms(3));
-        assert!(!turns.has_credit());
-        turns.heard(1, ms(4));
-        assert!(turns.has_credit());
-        // It is told of only when the report after that has come, which still waits.
-        turns.heard(1, ms(5));
-        turns.stopped(1);
-        assert!(turns.has_credit());
-        turns.sent([0; 3]);
-        assert!(!turns.has_credit());
-        turns.heard(1, ms(6));
-        assert!(turns.has_credit());
+    fn stop_from_another_thread_counts_as_a_reply() {
+        let mut credits = ReportCredits::begin(ms(0));
+        credits.received(1, ms(1));
+        credits.stops_sent(1);
+        assert!(!credits.has_credit() && credits.may_send_early());
+        credits.received(1, ms(2));
+        assert!(credits.has_credit());
+        credits.sent([9; 3]);
+        // No report is pending for these two.
+        credits.stops_sent(2);
+        assert_eq!(credits.displayed_ma, [0; 3]);
+        credits.received(2, ms(3));
+        assert!(!credits.has_credit());
+        credits.received(1, ms(4));
+        assert!(credits.has_credit());
+        // The stop is counted only after the next report, which is still pending.
+        credits.received(1, ms(5));
+        credits.stops_sent(1);
+        assert!(credits.has_credit());
+        credits.sent([0; 3]);
+        assert!(!credits.has_credit());
+        credits.received(1, ms(6));
+        assert!(credits.has_credit());
     }
 
     #[test]
-    fn a_board_that_does_not_take_turns_is_owed_one_at_a_time() {
-        let mut turns = ReportCredits::begin(ms(0));
-        turns.heard(9, ms(1));
-        turns.sent([0; 3]);
-        assert!(!turns.has_credit());
-        // It was silent for long.
-        (0..1000).for_each(|_| turns.sent([0; 3]));
-        turns.heard(64, ms(2));
-        assert!(!turns.has_credit());
-        turns.heard(1, ms(3));
-        assert!(turns.has_credit());
+    fn several_reports_at_once_get_one_reply() {
+        let mut credits = ReportCredits::begin(ms(0));
+        credits.received(9, ms(1));
+        credits.sent([0; 3]);
+        assert!(!credits.has_credit());
+        // A long silence with many wake-ups.
+        (0..1000).for_each(|_| credits.sent([0; 3]));
+        credits.received(64, ms(2));
+        assert!(!credits.has_credit());
+        credits.received(1, ms(3));
+        assert!(credits.has_credit());
     }
 
     #[test]
-    fn a_board_that_falls_silent_after_it_has_spoken_waits_for_a_report() {
-        let mut turns = ReportCredits::begin(ms(0));
-        // One of its reports was lost.
-        turns.sent([0; 3]);
-        turns.heard(1, ms(1));
-        assert!(!turns.needs_wake_up(ms(10)) && !turns.has_credit());
-        assert!(turns.needs_wake_up(ms(11)) && turns.has_credit() && turns.is_silent());
-        turns.sending(ms(11));
-        turns.sent([0; 3]);
-        // It has not spoken since: it may not have taken that yet.
-        assert!(turns.needs_wake_up(ms(21)) && !turns.has_credit());
+    fn silence_after_a_report_means_that_the_board_waits_for_a_reply() {
+        let mut credits = ReportCredits::begin(ms(0));
+        // A report of the board was lost.
+        credits.sent([0; 3]);
+        credits.received(1, ms(1));
+        assert!(!credits.needs_wake_up(ms(10)) && !credits.has_credit());
+        assert!(credits.needs_wake_up(ms(11)) && credits.has_credit() && credits.is_silent());
+        credits.sending(ms(11));
+        credits.sent([0; 3]);
+        // Without a report since, the board may not have processed the last one yet.
+        assert!(credits.needs_wake_up(ms(21)) && !credits.has_credit());
     }
 }
