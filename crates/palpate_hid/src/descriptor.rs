@@ -1,4 +1,4 @@
-//! Report descriptors: which reports a device has, and where in them each usage lies.
+//! Report descriptors: the reports of a device, and the position of each usage in them.
 //!
 //! Source: *Device Class Definition for Human Interface Devices (HID)*, version 1.11, USB Implementers' Forum, chapters 5.4 to 6.2.2.
 

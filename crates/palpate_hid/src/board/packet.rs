@@ -85,9 +85,9 @@ pub enum BoardPacketError {
         /// Expected length, bytes.
         expected: usize,
     },
-    /// An output report begins with the number that boards do not have: there a zero is due.
+    /// An output report does not begin with zero.
     #[error(
-        "an output report of a board begins with {0}; boards have no report numbers, so that it must be 0"
+        "the first byte of a board's output report is {0}; it must be 0, because boards have no report IDs"
     )]
     Number(u8),
     /// The command is unknown.

@@ -1,71 +1,71 @@
-//! Limits of report descriptors, and parse errors.
+//! Limits and errors of report descriptors.
 
 use thiserror::Error;
 
-/// The longest descriptor taken, bytes: as Linux has it.
+/// Maximum length of a descriptor, bytes, as on Linux.
 pub const MAX_DESCRIPTOR_BYTES: usize = 4096;
-/// The longest report taken, bytes: as Linux has it.
+/// Maximum length of a report, bytes, as on Linux.
 pub const MAX_REPORT_BYTES: usize = 16_384;
-/// The most fields taken of one descriptor.
+/// Maximum number of fields of a descriptor.
 pub const MAX_FIELDS: usize = 4096;
 
-/// Why a report descriptor is not taken. Offsets count bytes from its beginning.
+/// Error while parsing a report descriptor. Offsets count bytes from its beginning.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DescriptorError {
-    /// It is longer than any device may have.
-    #[error("the report descriptor has {0} bytes; {MAX_DESCRIPTOR_BYTES} are allowed")]
+    /// The descriptor is too long.
+    #[error("the report descriptor has {0} bytes; it must have at most {MAX_DESCRIPTOR_BYTES}")]
     TooLong(usize),
-    /// It ends within an item.
+    /// The descriptor ends within an item.
     #[error("the report descriptor ends within the item at byte {at}")]
     Truncated {
-        /// Where the item begins.
+        /// Offset of the item.
         at: usize,
     },
-    /// A collection ends that has not begun, or one does not end.
-    #[error("collections begin and end in pairs; the one at byte {at} does not")]
+    /// A collection ends without a begin, or has no end.
+    #[error("the begin or end of a collection at byte {at} has no counterpart")]
     UnpairedCollection {
-        /// Where the item begins; the descriptor's length where an end is missing.
+        /// Offset of the item; the descriptor's length for a missing end.
         at: usize,
     },
-    /// A pop without a push.
-    #[error("a pop needs a push before it; the one at byte {at} has none")]
+    /// A pop has no matching push.
+    #[error("the pop at byte {at} has no matching push")]
     UnpairedPop {
-        /// Where the item begins.
+        /// Offset of the item.
         at: usize,
     },
-    /// More is pushed, or nested deeper, than any device needs.
-    #[error("the item at byte {at} is nested deeper than {allowed}")]
+    /// The push stack or the collections are nested too deeply.
+    #[error("the item at byte {at} is nested too deeply; at most {allowed} levels are allowed")]
     TooDeep {
-        /// Where the item begins.
+        /// Offset of the item.
         at: usize,
-        /// How deep it may be.
+        /// Maximum depth.
         allowed: usize,
     },
-    /// A report has the number 0, which is kept for devices without numbers, or one above 255.
-    #[error("report numbers are 1 to 255; that at byte {at} is {id}")]
+    /// A report has the ID 0, which is reserved for devices without report IDs, or one above 255.
+    #[error("the report ID at byte {at} is {id}; it must be 1 to 255")]
     ReportNumber {
-        /// Where the item begins.
+        /// Offset of the item.
         at: usize,
-        /// The number.
+        /// Rejected ID.
         id: u32,
     },
-    /// Some reports have numbers and some have none.
-    #[error("either all reports have numbers or none; the field at byte {at} comes before the first number")]
+    /// Some reports have IDs and some do not.
+    #[error("the field at byte {at} has no report ID; either all reports or none must have one")]
     Unnumbered {
-        /// Where the field's item begins.
+        /// Offset of the field's item.
         at: usize,
     },
-    /// A report is longer than any device may have.
-    #[error("the report of the field at byte {at} is longer than {MAX_REPORT_BYTES} bytes")]
+    /// A report is too long.
+    #[error("the field at byte {at} extends its report beyond the maximum of {MAX_REPORT_BYTES} bytes")]
     ReportTooLong {
-        /// Where the item begins.
+        /// Offset of the item.
         at: usize,
     },
-    /// There are more fields than any device has.
-    #[error("the field at byte {at} is one too many; {MAX_FIELDS} are allowed")]
+    /// The descriptor has too many fields.
+    #[error("the field at byte {at} exceeds the maximum of {MAX_FIELDS} fields")]
     TooManyFields {
-        /// Where the item begins.
+        /// Offset of the item.
         at: usize,
     },
 }

@@ -1,4 +1,4 @@
-//! From items to reports.
+//! Parser of report descriptors.
 
 use super::items::{Item, Items};
 use super::{
@@ -7,15 +7,15 @@ use super::{
 };
 use std::sync::Arc;
 
-/// How many states may be pushed, and how deep collections may lie.
+/// Maximum depth of the push stack and of collections.
 const MAX_DEPTH: usize = 64;
 
-/// What holds until it is said otherwise.
+/// Global items, valid until replaced.
 #[derive(Clone, Copy, Default)]
 struct Globals {
     page: u16,
     logical_min: i64,
-    /// Read when a field needs it: whether it is negative depends on the least value.
+    /// Evaluated at the next field, as the sign depends on the minimum.
     logical_max: Option<Item>,
     physical_min: i64,
     physical_max: Option<Item>,
@@ -26,13 +26,13 @@ struct Globals {
     id: u8,
 }
 
-/// What holds for the next main item.
+/// Local items, valid for the next main item.
 #[derive(Clone, Default)]
 struct Locals {
-    /// Usages; a page where the item has one of its own.
+    /// Usages, with a page if the item has one of its own.
     usages: Vec<(Option<u16>, u16, u16)>,
     first: Option<(Option<u16>, u16)>,
-    /// Within a set of alternatives, of which the first counts.
+    /// Whether the parser is within a delimited set of alternatives, of which the first is used.
     is_alternative: bool,
     has_alternative: bool,
 }
@@ -43,10 +43,10 @@ struct Parser {
     globals: Globals,
     pushed: Vec<Globals>,
     locals: Locals,
-    /// The collections that have begun, outermost first.
+    /// Indices of the open collections, outermost first.
     open: Vec<usize>,
     fields: usize,
-    /// Where the first field without a report number lies.
+    /// Offset of the first field without a report ID.
     unnumbered: Option<usize>,
 }
 
@@ -106,7 +106,7 @@ impl Parser {
             }
             0xA4 => self.pushed.push(self.globals),
             0xB4 => self.globals = self.pushed.pop().ok_or(DescriptorError::UnpairedPop { at })?,
-            // Local items; designators and strings say nothing that a driver here needs.
+            // Local items; designators and strings are ignored.
             0x08 => {
                 let (page, id) = paged(item);
                 self.locals.push(page, id, id);
@@ -191,7 +191,7 @@ impl Parser {
             let of_this = if is_array {
                 Arc::clone(&usages)
             } else {
-                // Where there are fewer usages than fields the last one stands for the rest.
+                // The last usage applies to all remaining fields.
                 newest = named.next().unwrap_or(newest);
                 Arc::from([UsageRange { first: newest, last: newest.id }])
             };
@@ -223,8 +223,8 @@ impl Locals {
 }
 
 impl Globals {
-    /// Least and greatest value, logical and physical. A greatest value is below 0 only if the least is: many devices say
-    /// 255 in one byte.
+    /// Minimum and maximum, logical and physical. A maximum is signed only if the minimum is negative: many devices declare 255 in one
+    /// byte.
     fn limits(&self) -> [[i64; 2]; 2] {
         let highest = |low: i64, item: Option<Item>| match item {
             Some(item) if low < 0 => item.signed(),
@@ -236,13 +236,13 @@ impl Globals {
     }
 }
 
-/// The number that a unit's exponent is: its lowest four bits, of which 8 to 15 stand for -8 to -1. Many devices write all eight.
+/// Value of a unit exponent: its lowest four bits, where 8 to 15 stand for -8 to -1. Many devices write all eight bits.
 fn exponent(data: u32) -> i8 {
     let low = (data & 0xF) as i8;
     if low > 7 { low - 16 } else { low }
 }
 
-/// Number of a usage item, and its page if it has one of its own.
+/// Page, if the item has one of its own, and ID of a usage item.
 fn paged(item: Item) -> (Option<u16>, u16) {
     let page = (item.bytes == 4).then_some((item.data >> 16) as u16);
     (page, item.data as u16)

@@ -2,54 +2,53 @@
 
 use super::{Field, Usage};
 
-/// Which way a report goes.
+/// Type of a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum ReportKind {
-    /// From the device, by itself.
+    /// From the device, unsolicited.
     Input,
     /// To the device.
     Output,
-    /// Either way, when asked for.
+    /// In either direction, on request.
     Feature,
 }
 
-/// What a device says of its reports.
+/// A parsed report descriptor.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct ReportDescriptor {
     pub(super) reports: Vec<Report>,
     pub(super) collections: Vec<Collection>,
 }
 
-/// One report: its fields in the order in which they lie.
+/// A report, with its fields in order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// Which way it goes.
+    /// Type of the report.
     pub kind: ReportKind,
-    /// Its number, which comes before its data; 0 for a device whose reports have none.
+    /// Report ID, which precedes the data; 0 for a device without report IDs.
     pub id: u8,
-    /// What is in it.
+    /// Fields of the report.
     pub fields: Vec<Field>,
     pub(super) bits: usize,
 }
 
-/// Fields that belong together.
+/// A collection of fields.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Collection {
-    /// What it is.
+    /// Usage of the collection.
     pub usage: Usage,
-    /// The collection in which it lies; `None` at the top.
+    /// Index of the enclosing collection; `None` at the top level.
     pub parent: Option<usize>,
 }
 
 impl Report {
-    /// Length of its data, bytes, without its number.
+    /// Length of the data, bytes, without the report ID.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.bits.div_ceil(8)
     }
 
-    /// The field with `usage`, the first if there are several. Fields that only fill the report are none: nothing is read from them, and
-    /// nothing put there.
+    /// First field with `usage`. Constant fields, which only pad the report, are skipped.
     #[must_use]
     pub fn field(&self, usage: Usage) -> Option<&Field> {
         self.fields.iter().find(|field| !field.is_constant && field.has(usage))
@@ -57,30 +56,30 @@ impl Report {
 }
 
 impl ReportDescriptor {
-    /// Its reports, in the order in which they are first named.
+    /// Reports in the order of their first occurrence.
     #[must_use]
     pub fn reports(&self) -> &[Report] {
         &self.reports
     }
 
-    /// Whether each report is led by its number.
+    /// Whether the reports have IDs.
     #[must_use]
     pub fn is_numbered(&self) -> bool {
         self.reports.iter().any(|report| report.id != 0)
     }
 
-    /// The report of `kind` with the number `id`.
+    /// Report of the type `kind` with the ID `id`.
     #[must_use]
     pub fn report(&self, kind: ReportKind, id: u8) -> Option<&Report> {
         self.reports.iter().find(|report| report.kind == kind && report.id == id)
     }
 
-    /// The usages of the collections at the top: what the device is.
+    /// Usages of the top-level collections, which name the function of the device.
     pub fn applications(&self) -> impl Iterator<Item = Usage> {
         self.collections.iter().filter(|collection| collection.parent.is_none()).map(|top| top.usage)
     }
 
-    /// The collections in which `field` lies, innermost first.
+    /// Usages of the collections that enclose `field`, innermost first.
     pub fn around(&self, field: &Field) -> impl Iterator<Item = Usage> {
         let next = |at: &usize| self.collections.get(*at).and_then(|collection| collection.parent);
         std::iter::successors(field.collection, next)
@@ -88,7 +87,7 @@ impl ReportDescriptor {
             .map(|collection| collection.usage)
     }
 
-    /// The first report of `kind` that has a field with `usage` in a collection with `within`, other than one that only fills the report.
+    /// First report of the type `kind` with a non-constant field with `usage` in a collection with the usage `within`.
     #[must_use]
     pub fn find(&self, kind: ReportKind, within: Usage, usage: Usage) -> Option<(&Report, &Field)> {
         self.reports.iter().filter(|report| report.kind == kind).find_map(|report| {

@@ -1,33 +1,33 @@
-//! How long an effect lasts that nobody starts again.
+//! Duration of effects, which bounds the force after the program was killed.
 
-use super::report_encoding::highest;
+use super::report_encoding::max_value;
 use crate::Field;
 use std::time::Duration;
 
-/// So long an effect lasts, where its duration can be told so: a device ends the force of a program that was killed.
+/// Target duration of an effect, s.
 const DURATION_S: f64 = 0.5;
-/// What is near enough to it.
+/// Minimum and maximum duration, s, of a finite effect.
 const ALLOWED_S: [f64; 2] = [0.25, 1.0];
-/// So often an effect with a force is started again.
+/// Period at which an effect with a force is started again.
 pub(super) const RESTART_PERIOD: Duration = Duration::from_millis(100);
 
-/// What to write into the field of a duration so that an effect lasts half a second, or as near to that as the field allows; `None`
-/// where that is less than a quarter of a second or more than a whole one. All bits mean without end and are none of its values.
-pub(super) fn counts(field: &Field) -> Option<i64> {
+/// Value of the duration field for 0.5 s, or the nearest that the field holds; `None` if that is below 0.25 s or above 1 s. The value
+/// with all bits set means endless and is never used.
+pub(super) fn duration_counts(field: &Field) -> Option<i64> {
     let count_s = count_s(field);
     let [low, high] = field.logical;
-    let (least, most) = (low.max(1), high.min(highest(field) - 1));
-    if count_s <= 0.0 || least > most {
+    let (min, max) = (low.max(1), high.min(max_value(field) - 1));
+    if count_s <= 0.0 || min > max {
         return None;
     }
-    let counts = ((DURATION_S / count_s).round() as i64).clamp(least, most);
-    let [shortest_s, longest_s] = ALLOWED_S;
-    (shortest_s..=longest_s).contains(&(counts as f64 * count_s)).then_some(counts)
+    let counts = ((DURATION_S / count_s).round() as i64).clamp(min, max);
+    let [min_s, max_s] = ALLOWED_S;
+    (min_s..=max_s).contains(&(counts as f64 * count_s)).then_some(counts)
 }
 
-/// What one count is, s. Milliseconds, as the class definition has it, where the field names no unit of time.
+/// Duration of one count, s: milliseconds, by the class definition, where the field declares no unit of time.
 fn count_s(field: &Field) -> f64 {
-    // The lowest four bits are the system of units, the next ones the powers of length, mass and time, and so on.
+    // Lowest four bits: system of units; then the exponents of length, mass, time and so on.
     const TIME: u32 = 0x1000;
     if field.unit & !0xF != TIME {
         return 1e-3;
@@ -43,37 +43,37 @@ mod test {
     use super::*;
     use crate::{ReportDescriptor, ReportKind};
 
-    fn told(logical: [i32; 2], more: &[u8], bits: u8) -> Option<i64> {
+    fn counts_of(logical: [i32; 2], more: &[u8], bits: u8) -> Option<i64> {
         let [[a, b, c, d], [e, f, g, h]] = logical.map(i32::to_le_bytes);
         let limits = [0x05, 0x0F, 0x09, 0x50, 0x17, a, b, c, d, 0x27, e, f, g, h];
         let items = [&limits[..], more, &[0x75, bits, 0x95, 1, 0x91, 2]].concat();
         let descriptor = ReportDescriptor::parse(&items).unwrap();
-        counts(&descriptor.report(ReportKind::Output, 0).unwrap().fields[0])
+        duration_counts(&descriptor.report(ReportKind::Output, 0).unwrap().fields[0])
     }
 
     #[test]
-    fn half_a_second_in_the_unit_of_the_field() {
+    fn half_a_second_in_various_units() {
         // Seconds as a unit: 0x1001 in SI, 0x1003 in the English system.
         let unit = |exponent: u8| [0x66, 0x01, 0x10, 0x55, exponent];
-        assert_eq!(told([0, 32767], &[], 16), Some(500), "without a unit");
-        assert_eq!(told([0, 32767], &[0x66, 0x03, 0x10, 0x55, 0xFD], 16), Some(500));
-        assert_eq!(told([0, 32767], &unit(0x0D), 16), Some(500), "an exponent of four bits");
-        assert_eq!(told([0, 65534], &unit(0x0C), 16), Some(5000), "tenths of a millisecond");
-        assert_eq!(told([0, 32767], &unit(0x0E), 16), Some(50), "hundredths of a second");
-        assert_eq!(told([0, 100], &unit(0), 16), Some(1), "seconds: one is the least");
+        assert_eq!(counts_of([0, 32767], &[], 16), Some(500), "without a unit");
+        assert_eq!(counts_of([0, 32767], &[0x66, 0x03, 0x10, 0x55, 0xFD], 16), Some(500));
+        assert_eq!(counts_of([0, 32767], &unit(0x0D), 16), Some(500), "an exponent of four bits");
+        assert_eq!(counts_of([0, 65534], &unit(0x0C), 16), Some(5000), "tenths of a millisecond");
+        assert_eq!(counts_of([0, 32767], &unit(0x0E), 16), Some(50), "hundredths of a second");
+        assert_eq!(counts_of([0, 100], &unit(0), 16), Some(1), "seconds: minimum of one count");
         // 0 to 2000 stands for 0 to 1000 ms.
         let physical = [&[0x35, 0, 0x46, 0xE8, 0x03][..], &unit(0x0D)].concat();
-        assert_eq!(told([0, 2000], &physical, 16), Some(1000));
-        // A unit of length is that of another field, and was left.
-        assert_eq!(told([0, 32767], &[0x65, 0x11], 16), Some(500));
+        assert_eq!(counts_of([0, 2000], &physical, 16), Some(1000));
+        // A unit of length is left over from another field.
+        assert_eq!(counts_of([0, 32767], &[0x65, 0x11], 16), Some(500));
     }
 
     #[test]
-    fn what_a_field_cannot_say_is_not_said() {
-        assert_eq!(told([0, 255], &[], 8), Some(254), "255 is without end");
-        assert_eq!(told([0, 200], &[], 8), None, "too short to be started again in time");
-        assert_eq!(told([1500, 32767], &[], 16), None, "too long");
-        assert_eq!(told([0, 32767], &[0x66, 0x01, 0x10, 0x55, 1], 16), None, "tens of seconds");
-        assert_eq!(told([0, 0], &[], 16), None);
+    fn unrepresentable_durations_are_none() {
+        assert_eq!(counts_of([0, 255], &[], 8), Some(254), "255 means endless");
+        assert_eq!(counts_of([0, 200], &[], 8), None, "too short to be started again in time");
+        assert_eq!(counts_of([1500, 32767], &[], 16), None, "too long");
+        assert_eq!(counts_of([0, 32767], &[0x66, 0x01, 0x10, 0x55, 1], 16), None, "tens of seconds");
+        assert_eq!(counts_of([0, 0], &[], 16), None);
     }
 }

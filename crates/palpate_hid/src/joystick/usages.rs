@@ -1,11 +1,11 @@
-//! The usages that a force-feedback joystick is known by.
+//! HID usages of a force-feedback joystick.
 //!
 //! Source: *Device Class Definition for Physical Interface Devices (PID)*, version 1.0, USB Implementers' Forum, chapter 4, and
 //! *HID Usage Tables*, pages 1, 9, 0x0A and 0x0F.
 
 use crate::Usage;
 
-/// A usage with its name in the tables.
+/// A usage with its name in the usage tables.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Named {
     pub(crate) usage: Usage,
