@@ -48,9 +48,9 @@ fn goes(form: BoardForm, report: &[u8], output: BoardOutput) {
 #[test]
 fn reports_of_8_bytes() {
     let form = BoardForm::Bytes8;
-    let running = |encoders, running| BoardInput { running, ..input(encoders) };
-    comes(form, &named(FILE_8, "input"), running([6000, -6000, -1, 0, 0, 0], 0x1234));
-    comes(form, &named(FILE_8, "input_ends"), running([i16::MIN, i16::MAX, 0, 0, 0, 0], 65535));
+    let sequence = |encoders, sequence| BoardInput { sequence, ..input(encoders) };
+    comes(form, &named(FILE_8, "input"), sequence([6000, -6000, -1, 0, 0, 0], 0x1234));
+    comes(form, &named(FILE_8, "input_ends"), sequence([i16::MIN, i16::MAX, 0, 0, 0, 0], 65535));
     goes(form, &named(FILE_8, "zero"), BoardOutput::ZERO);
     goes(form, &named(FILE_8, "currents"), BoardOutput::Currents([1200, -1000, 1]));
     goes(form, &named(FILE_8, "currents_ends"), BoardOutput::Currents([i16::MAX, i16::MIN, 2000]));

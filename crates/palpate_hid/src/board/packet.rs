@@ -108,7 +108,7 @@ pub struct BoardInput {
     /// Whether the board requests calibration: the arm is at home and its button was pressed.
     pub requests_calibration: bool,
     /// Sequence number in the form of 8 bytes; zero in the others.
-    pub running: u16,
+    pub sequence: u16,
 }
 
 /// Output report of a board.
@@ -173,7 +173,7 @@ impl BoardInput {
         let [a, b, c, d, e, f, info] = words(report);
         if form == BoardForm::Bytes8 {
             let encoders = [a, b, c, 0, 0, 0];
-            return Ok(Self { encoders, running: d.cast_unsigned(), ..Self::default() });
+            return Ok(Self { encoders, sequence: d.cast_unsigned(), ..Self::default() });
         }
         let is_pressed = d > PRESSED_ABOVE;
         let d = if is_pressed { d.wrapping_sub(PRESSED) } else { d };
@@ -181,7 +181,7 @@ impl BoardInput {
             encoders: [a, b, c, d, e, f],
             is_pressed,
             requests_calibration: info == CALIBRATION_REQUEST,
-            running: 0,
+            sequence: 0,
         })
     }
 
@@ -191,7 +191,7 @@ impl BoardInput {
         let [a, b, c, d, e, f] = self.encoders;
         let mut report = BoardBytes::zeros(form.bytes());
         if form == BoardForm::Bytes8 {
-            report.put(0, [a, b, c, self.running.cast_signed()]);
+            report.put(0, [a, b, c, self.sequence.cast_signed()]);
         } else {
             let d = if self.is_pressed { d.wrapping_add(PRESSED) } else { d };
             report

@@ -231,8 +231,8 @@ impl Globals {
             Some(item) => i64::from(item.data),
             None => 0,
         };
-        let most = |low, item| [low, highest(low, item)];
-        [most(self.logical_min, self.logical_max), most(self.physical_min, self.physical_max)]
+        let range = |low, item| [low, highest(low, item)];
+        [range(self.logical_min, self.logical_max), range(self.physical_min, self.physical_max)]
     }
 }
 

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// A bus into which devices are plugged by a program.
+/// A HID bus in memory, with devices that the program plugs in.
 #[derive(Default)]
 pub struct SimulatedBus {
     plugged: Mutex<Vec<Plugged>>,
@@ -26,31 +26,31 @@ struct Plugged {
     info: HidInfo,
     descriptor: Vec<u8>,
     firmware: Arc<Mutex<dyn Firmware>>,
-    is_there: Arc<AtomicBool>,
-    is_held: Arc<AtomicBool>,
+    is_plugged: Arc<AtomicBool>,
+    is_open: Arc<AtomicBool>,
 }
 
 impl SimulatedBus {
-    /// Plugs a device in at `info.path`, in place of what is there.
+    /// Plugs a device in at `info.path` and replaces the one there.
     pub fn plug(&self, info: HidInfo, descriptor: Vec<u8>, firmware: impl Firmware + 'static) {
         self.unplug(&info.path);
         let plugged = Plugged {
             info,
             descriptor,
             firmware: Arc::new(Mutex::new(firmware)),
-            is_there: Arc::new(AtomicBool::new(true)),
-            is_held: Arc::default(),
+            is_plugged: Arc::new(AtomicBool::new(true)),
+            is_open: Arc::default(),
         };
         self.plugged.lock().unwrap_or_else(PoisonError::into_inner).push(plugged);
     }
 
-    /// Unplugs the device at `path`, whether it is open or not. Whether there was one.
+    /// Unplugs the device at `path`, open or closed. Returns whether there was one.
     pub fn unplug(&self, path: &str) -> bool {
         let mut plugged = self.plugged.lock().unwrap_or_else(PoisonError::into_inner);
         let before = plugged.len();
         plugged.retain(|it| {
             let stays = it.info.path != path;
-            it.is_there.store(stays, Ordering::Release);
+            it.is_plugged.store(stays, Ordering::Release);
             stays
         });
         plugged.len() < before
@@ -77,35 +77,35 @@ impl HidBus for SimulatedBus {
 
     fn open(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
         let plugged = self.at(info)?;
-        if plugged.is_held.swap(true, Ordering::AcqRel) {
+        if plugged.is_open.swap(true, Ordering::AcqRel) {
             return Err(HidError::Busy { device: info.label() });
         }
-        Ok(Box::new(SimulatedConnection { plugged, is_alone: true }))
+        Ok(Box::new(SimulatedConnection { plugged, is_exclusive: true }))
     }
 
     fn open_shared(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
-        Ok(Box::new(SimulatedConnection { plugged: self.at(info)?, is_alone: false }))
+        Ok(Box::new(SimulatedConnection { plugged: self.at(info)?, is_exclusive: false }))
     }
 }
 
 struct SimulatedConnection {
     plugged: Plugged,
-    is_alone: bool,
+    is_exclusive: bool,
 }
 
 impl SimulatedConnection {
-    fn firmware<T>(&mut self, ask: impl FnOnce(&mut dyn Firmware) -> T) -> Result<T, DeviceError> {
-        if !self.plugged.is_there.load(Ordering::Acquire) {
+    fn firmware<T>(&mut self, operation: impl FnOnce(&mut dyn Firmware) -> T) -> Result<T, DeviceError> {
+        if !self.plugged.is_plugged.load(Ordering::Acquire) {
             return Err(DeviceError::Disconnected);
         }
-        Ok(ask(&mut *self.plugged.firmware.lock().unwrap_or_else(PoisonError::into_inner)))
+        Ok(operation(&mut *self.plugged.firmware.lock().unwrap_or_else(PoisonError::into_inner)))
     }
 }
 
 impl Drop for SimulatedConnection {
     fn drop(&mut self) {
-        if self.is_alone {
-            self.plugged.is_held.store(false, Ordering::Release);
+        if self.is_exclusive {
+            self.plugged.is_open.store(false, Ordering::Release);
         }
     }
 }
@@ -116,19 +116,19 @@ impl HidConnection for SimulatedConnection {
     }
 
     fn write(&mut self, report: &[u8]) -> Result<(), DeviceError> {
-        let is_known = self.firmware(|firmware| firmware.output(report))?;
-        if is_known { Ok(()) } else { Err(DeviceError::Protocol("it refused an output report")) }
+        let is_accepted = self.firmware(|firmware| firmware.output(report))?;
+        if is_accepted { Ok(()) } else { Err(DeviceError::Protocol("the device rejected an output report")) }
     }
 
     fn feature(&mut self, report: &mut [u8]) -> Result<usize, DeviceError> {
         match self.firmware(|firmware| firmware.feature(report))? {
-            0 => Err(DeviceError::Protocol("it refused a feature report")),
+            0 => Err(DeviceError::Protocol("the device rejected a feature report")),
             length => Ok(length),
         }
     }
 
     fn set_feature(&mut self, report: &[u8]) -> Result<(), DeviceError> {
-        let is_known = self.firmware(|firmware| firmware.set_feature(report))?;
-        if is_known { Ok(()) } else { Err(DeviceError::Protocol("it refused a feature report")) }
+        let is_accepted = self.firmware(|firmware| firmware.set_feature(report))?;
+        if is_accepted { Ok(()) } else { Err(DeviceError::Protocol("the device rejected a feature report")) }
     }
 }

@@ -1,23 +1,23 @@
-//! The firmware side of a HID connection.
+//! Interface of simulated firmware.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What is inside a HID device: the other end of [`HidConnection`], whose words on report numbers hold here too. The same
-/// firmware answers behind a [`SimulatedBus`] and behind a kernel's virtual device.
+/// Firmware of a HID device: the device side of [`HidConnection`](crate::HidConnection), with the same rules for report IDs. The same
+/// firmware runs behind a [`SimulatedBus`](crate::simulated::SimulatedBus) and behind a virtual device of the kernel.
 pub trait Firmware: Send {
-    /// The next input report, if there is one by now: how many bytes of `report` it fills.
+    /// Writes the next input report to `report` and returns its length in bytes; 0 without one.
     fn input(&mut self, report: &mut [u8]) -> usize;
 
-    /// Takes an output report. Whether it is one that it knows.
+    /// Processes an output report. Returns whether the firmware supports it.
     fn output(&mut self, report: &[u8]) -> bool;
 
-    /// Fills the feature report whose number is `report[0]`: how many bytes it has, 0 where there is none.
+    /// Writes the feature report with the ID `report[0]` to `report` and returns its length in bytes; 0 without one.
     fn feature(&mut self, report: &mut [u8]) -> usize {
         let _ = report;
         0
     }
 
-    /// Takes a feature report. Whether it is one that it knows.
+    /// Processes a feature report. Returns whether the firmware supports it.
     fn set_feature(&mut self, report: &[u8]) -> bool {
         let _ = report;
         false
