@@ -140,8 +140,8 @@ impl Joystick {
         self.effects.iter_mut().try_for_each(|effect| effect.start(link))
     }
 
-    /// Sets all effects to zero and restarts the recovery: no axis may keep an old force while another has a new one. Disables the actuators
-    /// if an axis rejects zero.
+    /// Sets all effects to zero and restarts the recovery: no axis may keep an old force while another has a new one. If an axis rejects
+    /// zero, disables the actuators.
     fn zero_all(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.scale = 0.0;
         let mut zeroed = Ok(());

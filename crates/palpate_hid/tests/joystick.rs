@@ -1,4 +1,4 @@
-//! Force-feedback joysticks: to the byte on three published layouts, what they say and might say, and in the haptic loop.
+//! Driver of force-feedback joysticks: reports byte by byte on three published layouts, input reports, and the haptic loop.
 
 #[path = "joystick/haptic_loop.rs"]
 mod haptic_loop;

@@ -71,8 +71,8 @@ impl BoardKinematics {
     /// axis that there is little or no force; a larger [`origin_m`](BoardKinematics::origin_m) shifts the centre away from the axis.
     ///
     /// Sources: the lengths as for the Polhem 3. The rest is `polhem_v2` in forsslund/hfabapi at 4224b75, `hfab_math.h`, and the same in
-    /// forsslund/haptikfabrikenapi at fbffb77, `src/haptikfabrikenapi.h`, with the maximum stiffness 5,000 N/m and damping 1 N s/m. An older
-    /// comment in the latter has d_b 0.0077, home of B −18,447, the origin −0.137, 0.182, −0.0217 and 2,000 N/m, marked as "originally";
+    /// forsslund/haptikfabrikenapi at fbffb77, `src/haptikfabrikenapi.h`, with the maximum stiffness 5,000 N/m and damping 1 N s/m. An
+    /// older comment in the latter has d_b 0.0077, home of B −18,447, the origin −0.137, 0.182, −0.0217 and 2,000 N/m, marked as "originally";
     /// the angles at home are the same.
     #[must_use]
     pub fn polhem_v2() -> Self {

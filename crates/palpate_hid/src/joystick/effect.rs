@@ -95,8 +95,8 @@ impl Effect {
         self.displayed.map_or(i64::MIN, |displayed| self.target.saturating_abs() - displayed.saturating_abs())
     }
 
-    /// Sends the target magnitude if it has changed or was sent too long ago, and returns whether it was sent. After an error the caller has
-    /// to zero the effect, as the device may have received a report. A finite effect is started again in time, before its magnitude is
+    /// Sends the target magnitude if it has changed or was sent too long ago, and returns whether it was sent. After an error the caller
+    /// must zero the effect, as the device may have received a report. A finite effect is started again in time, before its magnitude is
     /// sent: an effect that has ended at zero then starts at zero.
     pub(super) fn send(
         &mut self,

@@ -1,4 +1,4 @@
-//! A board on a bus, the driver's device, and their time.
+//! Test bench: a simulated board on a bus, its device, and a manual clock.
 
 use glam::DVec3;
 use palpate_haptics::*;
@@ -9,10 +9,10 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 pub const PATH: &str = "board";
-/// Half a milliampere for each motor, and half a count for each encoder at 5 N: what a force can be off by, N.
+/// Maximum error of a force, N, by half a milliampere for each motor and half a count for each encoder at 5 N.
 pub const ROUNDING_N: f64 = 3e-3;
 
-/// A board that is plugged in, the driver's device, and its time.
+/// A simulated board that is plugged in, its device, and a manual clock.
 pub struct Bench {
     pub bus: Arc<SimulatedBus>,
     pub firmware: Arc<Mutex<BoardFirmware>>,
@@ -60,21 +60,21 @@ impl Bench {
         self.bus.plug(info, descriptor, self.firmware.clone());
     }
 
-    pub fn board<T>(&self, ask: impl FnOnce(&mut BoardFirmware) -> T) -> T {
-        ask(&mut self.firmware.lock().unwrap())
+    pub fn board<T>(&self, operation: impl FnOnce(&mut BoardFirmware) -> T) -> T {
+        operation(&mut self.firmware.lock().unwrap())
     }
 
     pub fn device(&mut self) -> &mut HidDevice {
         self.device.as_mut().unwrap()
     }
 
-    pub fn pass_ms(&self, ms: u64) {
+    pub fn advance_ms(&self, ms: u64) {
         self.ms.fetch_add(ms, Ordering::Relaxed);
     }
 
-    /// One tick of 1 ms: what was read.
+    /// Runs one tick of 1 ms and returns the reading.
     pub fn tick(&mut self, force_n: DVec3) -> Reading {
-        self.pass_ms(1);
+        self.advance_ms(1);
         let reading = self.device().read(Duration::ZERO).unwrap();
         self.device().write(force_n).unwrap();
         reading
@@ -93,7 +93,7 @@ pub fn at_home(form: BoardForm) -> BoardFirmware {
     BoardFirmware::at_home(form, &kinematics())
 }
 
-/// A hand that goes from home to the middle of the workspace within 400 reports, and then in circles.
+/// A hand that moves from home to the workspace centre within 400 reports, and then in circles.
 pub fn moving(form: BoardForm) -> BoardFirmware {
     let board = at_home(form);
     let from_m = board.tip_m();

@@ -1,52 +1,52 @@
-//! A firmware that is listened to, and that can be made to refuse.
+//! Firmware that records its reports and rejects chosen ones.
 
 use crate::hex;
 use palpate_hid::simulated::{Firmware, JoystickFirmware};
 use std::sync::{Arc, Mutex};
 
-/// What was said to a firmware, and what it shall refuse.
+/// RecordedFirmware reports, and prefixes of reports to reject.
 #[derive(Clone, Debug, Default)]
-pub struct Ear(Arc<Mutex<(Vec<String>, Vec<Vec<u8>>)>>);
+pub struct ReportLog(Arc<Mutex<(Vec<String>, Vec<Vec<u8>>)>>);
 
-impl Ear {
-    /// What was said since the last time.
-    pub fn heard(&self) -> Vec<String> {
+impl ReportLog {
+    /// Returns the reports since the last call.
+    pub fn take(&self) -> Vec<String> {
         std::mem::take(&mut self.0.lock().unwrap().0)
     }
 
-    /// From now on reports that begin with one of `beginnings` are refused.
-    pub fn refuse(&self, beginnings: &[&[u8]]) {
-        self.0.lock().unwrap().1 = beginnings.iter().map(|beginning| beginning.to_vec()).collect();
+    /// Rejects reports that begin with one of `prefixes` from now on.
+    pub fn reject(&self, prefixes: &[&[u8]]) {
+        self.0.lock().unwrap().1 = prefixes.iter().map(|prefix| prefix.to_vec()).collect();
     }
 
-    /// Notes a report. Whether it may pass.
-    fn note(&self, verb: &str, report: &[u8]) -> bool {
-        let mut ear = self.0.lock().unwrap();
-        ear.0.push(hex::line(verb, report));
-        !ear.1.iter().any(|beginning| report.starts_with(beginning))
+    /// Records a report. Returns whether it is accepted.
+    fn record(&self, verb: &str, report: &[u8]) -> bool {
+        let mut log = self.0.lock().unwrap();
+        log.0.push(hex::line(verb, report));
+        !log.1.iter().any(|prefix| report.starts_with(prefix))
     }
 }
 
-/// The firmware behind an ear.
-pub struct Recorded {
+/// Firmware with a report log.
+pub struct RecordedFirmware {
     pub firmware: Arc<Mutex<JoystickFirmware>>,
-    pub ear: Ear,
+    pub log: ReportLog,
 }
 
-impl Firmware for Recorded {
+impl Firmware for RecordedFirmware {
     fn input(&mut self, report: &mut [u8]) -> usize {
         self.firmware.input(report)
     }
 
     fn output(&mut self, report: &[u8]) -> bool {
-        self.ear.note("write", report) && self.firmware.output(report)
+        self.log.record("write", report) && self.firmware.output(report)
     }
 
     fn feature(&mut self, report: &mut [u8]) -> usize {
-        if self.ear.note("feature", &report[..1]) { self.firmware.feature(report) } else { 0 }
+        if self.log.record("feature", &report[..1]) { self.firmware.feature(report) } else { 0 }
     }
 
     fn set_feature(&mut self, report: &[u8]) -> bool {
-        self.ear.note("set_feature", report) && self.firmware.set_feature(report)
+        self.log.record("set_feature", report) && self.firmware.set_feature(report)
     }
 }

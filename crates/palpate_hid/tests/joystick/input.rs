@@ -1,7 +1,7 @@
 //! What joysticks say, and what they might: positions and buttons to the byte, reports that are none, silence, noise.
 
 use crate::hex;
-use crate::joystick_bench::{Bench, PATH, info, kinds, openffboard, whole_force};
+use crate::joystick_bench::{Bench, PATH, full_force, info, kinds, openffboard};
 use glam::DVec3;
 use palpate_haptics::{DeviceError, HapticDevice, Reading};
 use palpate_hid::simulated::*;
@@ -68,7 +68,7 @@ fn positions_and_buttons_are_where_the_descriptor_says() {
     let said = ["01 05 00 00 80 00 00 00 80 ff 7f 80 00", "01 85 ff 7f 80 00", "01 00 10 10 00"];
     let expected = [(0x8000_0005_u32, 128.0 / 32767.0), (0x85, 128.0 / 32767.0), (0, 16.0 / 4096.0)];
     for (index, kind) in kinds().into_iter().enumerate() {
-        let (mut device, says, _) = prompted(&kind.descriptor, whole_force(), None);
+        let (mut device, says, _) = prompted(&kind.descriptor, full_force(), None);
         device.open().unwrap();
         let text = format!("{}{}", said[index], rest[index]);
         let reading = read(&mut device, &says, &text).unwrap();
@@ -84,7 +84,7 @@ fn positions_and_buttons_are_where_the_descriptor_says() {
 #[test]
 fn buttons_after_the_axes_are_found() {
     let [.., rhino] = kinds();
-    let (mut device, says, _) = prompted(&rhino.descriptor, whole_force(), None);
+    let (mut device, says, _) = prompted(&rhino.descriptor, full_force(), None);
     device.open().unwrap();
     let text = format!("01 00 f0 00 00 00 00 ff ff ff ff 02 00 00 80 ff ff ff ff ff ff{}", " ff".repeat(13));
     let reading = read(&mut device, &says, &text).unwrap();
@@ -94,7 +94,7 @@ fn buttons_after_the_axes_are_found() {
 
 #[test]
 fn reports_that_are_none_are_counted_and_passed_over() {
-    let (mut device, says, _) = prompted(&openffboard().descriptor, whole_force(), None);
+    let (mut device, says, _) = prompted(&openffboard().descriptor, full_force(), None);
     device.open().unwrap();
     let counters = device.counters();
     assert_eq!(device.read(NOW), Err(DeviceError::TimedOut), "nothing is known of where it is");
@@ -123,7 +123,7 @@ fn reports_that_are_none_are_counted_and_passed_over() {
 
 #[test]
 fn what_was_said_before_it_was_opened_is_old() {
-    let (mut device, says, _) = prompted(&openffboard().descriptor, whole_force(), None);
+    let (mut device, says, _) = prompted(&openffboard().descriptor, full_force(), None);
     says.lock().unwrap().push_back(hex::bytes(&format!("01{}", " 00".repeat(24))));
     device.open().unwrap();
     assert_eq!(device.read(NOW), Err(DeviceError::TimedOut));
@@ -132,16 +132,16 @@ fn what_was_said_before_it_was_opened_is_old() {
 #[test]
 fn silence_times_out_unless_it_means_nothing() {
     for (silent_after_s, times_out) in [(Some(0.25), true), (None, false)] {
-        let options = JoystickOptions { silent_after_s, ..whole_force() };
+        let options = JoystickOptions { silent_after_s, ..full_force() };
         let (mut device, says, bench) = prompted(&openffboard().descriptor, options, None);
         device.open().unwrap();
-        bench.wait_ms(10_000);
+        bench.advance_ms(10_000);
         assert_eq!(device.read(NOW), Err(DeviceError::TimedOut));
         let middle = format!("01{}", " 00".repeat(24));
         assert_eq!(read(&mut device, &says, &middle).unwrap().position_m, DVec3::ZERO);
-        bench.wait_ms(250);
+        bench.advance_ms(250);
         assert_eq!(device.read(NOW).unwrap().position_m, DVec3::ZERO, "a stick that is held still");
-        bench.wait_ms(1);
+        bench.advance_ms(1);
         assert_eq!(device.read(NOW).is_err(), times_out);
         assert!(read(&mut device, &says, &middle).is_ok());
     }
@@ -155,7 +155,7 @@ fn axes_may_have_any_width() {
     let wide = hex::bytes("17 01 00 00 80 27 ff ff ff 7f 75 20 95 08 81 02 c0");
     let at = published.windows(narrow.len()).position(|items| items == narrow).unwrap();
     let descriptor = [&published[..at], &wide, &published[at + narrow.len()..]].concat();
-    let (mut device, says, _) = prompted(&descriptor, whole_force(), None);
+    let (mut device, says, _) = prompted(&descriptor, full_force(), None);
     device.open().unwrap();
     let text = format!("01{} ff ff ff 7f 00 00 00 c0{}", " 00".repeat(8), " 00 00 00 00".repeat(6));
     let position_m = read(&mut device, &says, &text).unwrap().position_m;
@@ -182,11 +182,11 @@ fn answers_that_make_no_sense_are_refused() {
         ("12 01 01 01 01", "it plays fewer effects at once than it has axes"),
     ] {
         let answers = Some(hex::bytes(answer));
-        let (mut device, ..) = prompted(&openffboard().descriptor, whole_force(), answers);
+        let (mut device, ..) = prompted(&openffboard().descriptor, full_force(), answers);
         assert_eq!(device.open(), Err(DeviceError::Protocol(told)), "{answer}");
     }
     let answers = Some(hex::bytes("12 28 01 00 01"));
-    let (mut device, ..) = prompted(&openffboard().descriptor, whole_force(), answers);
+    let (mut device, ..) = prompted(&openffboard().descriptor, full_force(), answers);
     device.open().unwrap();
 }
 
@@ -198,7 +198,7 @@ fn an_index_must_fit_in_every_report() {
     let at = descriptor.windows(4).position(|items| items == [0x09, 0x73, 0xA1, 0x02]).unwrap();
     assert_eq!(descriptor[at + 10..at + 12], [0x25, 0x28]);
     descriptor[at + 11] = 1;
-    let (mut device, ..) = prompted(&descriptor, whole_force(), None);
+    let (mut device, ..) = prompted(&descriptor, full_force(), None);
     let told = Err(DeviceError::Protocol("it gave an effect an index that its descriptor does not have"));
     assert_eq!(device.open(), told);
     // Where they say that 0 is an index it means none all the same.
@@ -211,7 +211,7 @@ fn an_index_must_fit_in_every_report() {
             }
         }
     }
-    let (mut device, ..) = prompted(&descriptor, whole_force(), Some(hex::bytes("12 00 01 00 01")));
+    let (mut device, ..) = prompted(&descriptor, full_force(), Some(hex::bytes("12 00 01 00 01")));
     assert_eq!(device.open(), told);
 }
 
@@ -221,7 +221,7 @@ proptest! {
         reports in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..80), 0..20),
         kind in 0_usize..3,
     ) {
-        let (mut device, says, _) = prompted(&kinds()[kind].descriptor, whole_force(), None);
+        let (mut device, says, _) = prompted(&kinds()[kind].descriptor, full_force(), None);
         device.open().unwrap();
         let reports = reports.into_iter().filter(|report| !report.is_empty()).map(|mut report| {
             // Half of them with the right number.
@@ -236,7 +236,7 @@ proptest! {
 
     #[test]
     fn no_answer_makes_it_panic(answers in prop::collection::vec(any::<u8>(), 1..8), kind in 0_usize..3) {
-        let (mut device, ..) = prompted(&kinds()[kind].descriptor, whole_force(), Some(answers));
+        let (mut device, ..) = prompted(&kinds()[kind].descriptor, full_force(), Some(answers));
         if device.open().is_ok() {
             let _ = device.write(DVec3::X);
             let _ = device.close();

@@ -1,7 +1,7 @@
 //! Force-feedback joysticks to the byte, on three published layouts.
 
 use crate::hex;
-use crate::joystick_bench::{Bench, kinds, known_scale, openffboard, renumbered, whole_force};
+use crate::joystick_bench::{Bench, calibrated, full_force, kinds, openffboard, renumbered};
 use glam::DVec3;
 use palpate_haptics::{DeviceError, HapticDevice};
 use palpate_hid::simulated::*;
@@ -24,20 +24,20 @@ fn expected(reports: &str, part: &str, number: impl Fn(u8) -> u8) -> Vec<String>
 fn passes_to_the_byte(number: impl Fn(u8) -> u8 + Copy) {
     for kind in kinds() {
         let bench = Bench::new(&renumbered(&kind.descriptor, number), SimulatedStick::default());
-        let mut device = bench.device(whole_force());
+        let mut device = bench.device(full_force());
         let part = |name| expected(kind.reports, name, number);
         device.open().unwrap();
-        assert_eq!(bench.ear.heard(), part("start"), "{}", kind.name);
+        assert_eq!(bench.log.take(), part("start"), "{}", kind.name);
         assert_eq!(bench.force_n(), [0.0, 0.0]);
         // Half of 50 N to the right and a quarter away from the hand's owner; what is upwards is not shown.
         device.write(DVec3::new(25.0, 7.0, -12.5)).unwrap();
-        assert_eq!(bench.ear.heard(), part("half to the right and a quarter away"), "{}", kind.name);
+        assert_eq!(bench.log.take(), part("half to the right and a quarter away"), "{}", kind.name);
         let mut stop = device.emergency_stop().unwrap();
         stop.stop().unwrap();
-        assert_eq!(bench.ear.heard(), part("emergency"), "{}", kind.name);
+        assert_eq!(bench.log.take(), part("emergency"), "{}", kind.name);
         assert!(!bench.firmware.lock().unwrap().is_on());
         device.close().unwrap();
-        assert_eq!(bench.ear.heard(), part("stop"), "{}", kind.name);
+        assert_eq!(bench.log.take(), part("stop"), "{}", kind.name);
         assert_eq!(bench.firmware.lock().unwrap().effects(), 0);
     }
 }
@@ -69,22 +69,22 @@ fn the_published_descriptor_is_complete() {
 #[test]
 fn what_has_not_changed_is_said_again_after_25_ms_and_not_before() {
     let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
-    let mut device = bench.device(whole_force());
+    let mut device = bench.device(full_force());
     device.open().unwrap();
     device.write(DVec3::X).unwrap();
-    bench.ear.heard();
+    bench.log.take();
     for ms in 1..=60 {
-        bench.wait_ms(1);
+        bench.advance_ms(1);
         device.write(DVec3::X).unwrap();
-        let again = bench.ear.heard();
+        let again = bench.log.take();
         // Both at 25 ms and at 50 ms; y was last written when it was set to zero, at the same time.
         assert_eq!(again.len(), if ms % 25 == 0 { 2 } else { 0 }, "{ms} ms: {again:?}");
     }
     // Less than half a count is no change.
     device.write(DVec3::X * (1.0 + 1e-5)).unwrap();
-    assert!(bench.ear.heard().is_empty());
+    assert!(bench.log.take().is_empty());
     device.write(DVec3::X * 1.01).unwrap();
-    assert_eq!(bench.ear.heard(), ["write 05 01 96 02"]);
+    assert_eq!(bench.log.take(), ["write 05 01 96 02"]);
     let counters = device.counters();
     // Those at 0, 25, 50 and 60 ms, of which a report went out.
     assert_eq!(counters.forces(), 4);
@@ -94,12 +94,12 @@ fn what_has_not_changed_is_said_again_after_25_ms_and_not_before() {
 #[test]
 fn the_axis_that_gets_smaller_goes_first() {
     let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
-    let mut device = bench.device(whole_force());
+    let mut device = bench.device(full_force());
     device.open().unwrap();
     let mut order = |x: f64, z: f64| {
-        bench.ear.heard();
+        bench.log.take();
         device.write(DVec3::new(x, 0.0, z)).unwrap();
-        bench.ear.heard().iter().map(|line| line.as_bytes()[10]).collect::<Vec<u8>>()
+        bench.log.take().iter().map(|line| line.as_bytes()[10]).collect::<Vec<u8>>()
     };
     assert_eq!(order(20.0, 1.0), b"21", "both grow: the smaller growth first");
     assert_eq!(order(1.0, 20.0), b"12");
@@ -113,24 +113,24 @@ fn the_axis_that_gets_smaller_goes_first() {
 fn half_a_force_is_no_force() {
     for refused in [1, 2] {
         let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
-        let mut device = bench.device(whole_force());
+        let mut device = bench.device(full_force());
         device.open().unwrap();
         let force_n = DVec3::new(20.0, 0.0, 20.0);
         device.write(force_n).unwrap();
         // That axis takes nothing but zero.
         let one = |count: i16| [&[5, refused][..], &count.to_le_bytes()].concat();
-        bench.ear.refuse(&[&one(6553), &one(13106)]);
-        bench.wait_ms(1);
+        bench.log.reject(&[&one(6553), &one(13106)]);
+        bench.advance_ms(1);
         assert_eq!(
             device.write(DVec3::new(10.0, 0.0, 10.0)),
             Err(DeviceError::Protocol("it refused an output report"))
         );
         assert_eq!(bench.force_n(), [0.0, 0.0], "axis {refused} refused");
-        bench.ear.refuse(&[]);
+        bench.log.reject(&[]);
         // Once it takes forces again, a twentieth of the force more every millisecond.
         let mut felt_n = Vec::new();
         for _ in 0..25 {
-            bench.wait_ms(1);
+            bench.advance_ms(1);
             device.write(force_n).unwrap();
             felt_n.push(bench.force_n());
         }
@@ -148,19 +148,19 @@ fn half_a_force_is_no_force() {
 #[test]
 fn an_axis_that_is_deaf_switches_the_actuators_off() {
     let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
-    let mut device = bench.device(whole_force());
+    let mut device = bench.device(full_force());
     device.open().unwrap();
     let force_n = DVec3::new(20.0, 0.0, 10.0);
     device.write(force_n).unwrap();
-    bench.ear.refuse(&[&[5, 1]]);
+    bench.log.reject(&[&[5, 1]]);
     for _ in 0..5 {
-        bench.wait_ms(1);
+        bench.advance_ms(1);
         assert!(device.write(DVec3::new(1.0, 0.0, 30.0)).is_err());
         assert!(!bench.firmware.lock().unwrap().is_on());
     }
-    bench.ear.refuse(&[]);
+    bench.log.reject(&[]);
     for _ in 0..25 {
-        bench.wait_ms(1);
+        bench.advance_ms(1);
         device.write(force_n).unwrap();
     }
     assert!(bench.firmware.lock().unwrap().is_on());
@@ -170,19 +170,19 @@ fn an_axis_that_is_deaf_switches_the_actuators_off() {
 #[test]
 fn a_device_that_was_stopped_beside_is_started_anew_from_zero() {
     let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
-    let mut device = bench.device(whole_force());
+    let mut device = bench.device(full_force());
     device.open().unwrap();
     device.write(DVec3::X * 10.0).unwrap();
     let mut stop = device.emergency_stop().unwrap();
-    bench.wait_ms(60);
+    bench.advance_ms(60);
     stop.stop().unwrap();
     assert_eq!(bench.force_n(), [0.0, 0.0]);
-    bench.ear.heard();
+    bench.log.take();
     device.write(DVec3::X * 10.0).unwrap();
     let begun = ["05 01 00 00", "05 02 00 00", "0c 01", "0a 01 01 01", "0a 02 01 01"];
-    assert_eq!(bench.ear.heard(), begun.map(|bytes| format!("write {bytes}")));
+    assert_eq!(bench.log.take(), begun.map(|bytes| format!("write {bytes}")));
     for _ in 0..20 {
-        bench.wait_ms(1);
+        bench.advance_ms(1);
         device.write(DVec3::X * 10.0).unwrap();
     }
     assert!((bench.force_n()[0] - 10.0).abs() < 50.0 / 32767.0);
@@ -194,12 +194,12 @@ fn a_device_that_was_stopped_beside_is_started_anew_from_zero() {
 fn force_felt_is_force_written() {
     for kind in kinds() {
         let bench = Bench::new(&kind.descriptor, SimulatedStick::default());
-        let mut device = bench.device(whole_force());
+        let mut device = bench.device(full_force());
         device.open().unwrap();
         for step in 0..200 {
             let angle = 0.1 * f64::from(step);
             let force_n = 0.2 * f64::from(step) * DVec3::new(angle.cos(), 0.0, angle.sin());
-            bench.wait_ms(1);
+            bench.advance_ms(1);
             device.write(force_n).unwrap();
             let [x, y] = bench.force_n();
             let count_n = 50.0 / kind.full;
@@ -224,7 +224,7 @@ fn force_is_projected_limited_and_turned_round() {
         felt_n
     };
     let near = |[x, y]: [f64; 2], [a, b]: [f64; 2]| (x - a).hypot(y - b) < 0.002;
-    let five = known_scale();
+    let five = calibrated();
     assert!(near(felt(five, DVec3::new(30.0, 100.0, -40.0)), [3.0, -4.0]), "shortened to 5 N, not bent");
     assert!(near(felt(five, DVec3::Y * 30.0), [0.0, 0.0]));
     let upright = JoystickOptions { plane: [DVec3::X, DVec3::Y], ..five };
@@ -250,8 +250,8 @@ fn a_pause_that_a_game_has_left_is_ended() {
     let felt_n = |refused: &[&[u8]]| {
         let bench = Bench::new(&published, SimulatedStick::default());
         assert!(bench.firmware.lock().unwrap().output(&pause));
-        bench.ear.refuse(refused);
-        let mut device = bench.device(whole_force());
+        bench.log.reject(refused);
+        let mut device = bench.device(full_force());
         device.open().unwrap();
         device.write(DVec3::X * 10.0).unwrap();
         bench.force_n()[0]
@@ -280,7 +280,7 @@ fn the_default_is_careful_with_strong_devices() {
 #[test]
 fn a_wheel_has_one_axis() {
     let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
-    let mut device = bench.device(JoystickOptions { use_y: false, ..whole_force() });
+    let mut device = bench.device(JoystickOptions { use_y: false, ..full_force() });
     device.open().unwrap();
     assert_eq!(bench.firmware.lock().unwrap().effects(), 1);
     device.write(DVec3::new(1.0, 0.0, 30.0)).unwrap();
@@ -288,7 +288,7 @@ fn a_wheel_has_one_axis() {
     bench.firmware.lock().unwrap().move_hand([0.03, 0.05]);
     for _ in 0..2000 {
         assert!(device.read(NOW).is_ok());
-        bench.wait_ms(1);
+        bench.advance_ms(1);
         device.write(DVec3::new(1.0, 0.0, 30.0)).unwrap();
     }
     let position_m = device.read(NOW).unwrap().position_m;
@@ -302,7 +302,7 @@ fn a_new_effect_is_asked_for_and_its_answer_believed() {
     let said = |stick: SimulatedStick, change: &dyn Fn(&Bench), descriptor: &[u8]| {
         let bench = Bench::new(descriptor, stick);
         change(&bench);
-        let mut device = bench.device(whole_force());
+        let mut device = bench.device(full_force());
         let opened = device.open();
         let firmware = bench.firmware.lock().unwrap();
         assert!(firmware.effects() == 0 && !firmware.is_on(), "what was begun is ended");
@@ -321,14 +321,14 @@ fn a_new_effect_is_asked_for_and_its_answer_believed() {
     let fail = |bench: &Bench| bench.firmware.lock().unwrap().break_effects();
     let stick = SimulatedStick::default();
     assert_eq!(said(stick, &fail, &published), protocol("it could not make a constant force"));
-    let mute = |bench: &Bench| bench.ear.refuse(&[&[0x12]]);
+    let mute = |bench: &Bench| bench.log.reject(&[&[0x12]]);
     assert_eq!(said(stick, &mute, &published), protocol("it refused a feature report"));
-    let unwilling = |bench: &Bench| bench.ear.refuse(&[&[0x11]]);
+    let unwilling = |bench: &Bench| bench.log.reject(&[&[0x11]]);
     assert_eq!(said(stick, &unwilling, &published), protocol("it refused a feature report"));
     // A pool that is not told is not needed.
     let bench = Bench::new(&published, stick);
-    bench.ear.refuse(&[&[0x13]]);
-    bench.device(whole_force()).open().unwrap();
+    bench.log.reject(&[&[0x13]]);
+    bench.device(full_force()).open().unwrap();
 }
 
 #[test]
@@ -376,7 +376,7 @@ fn what_is_missing_is_named() {
             0x16 => (0, 0),
             _ => (0xF0, old[2]),
         };
-        let error = Bench::new(&descriptor, SimulatedStick::default()).try_find(whole_force()).unwrap_err();
+        let error = Bench::new(&descriptor, SimulatedStick::default()).try_find(full_force()).unwrap_err();
         let HidError::Unsupported { lacks, device } = error else { panic!("{error}") };
         assert_eq!(lacks, format!("its report descriptor has no {told}"));
         assert_eq!(device, "Stick (1209:ffb0)");

@@ -69,7 +69,7 @@ impl Arm {
         }
     }
 
-    /// ReportCredits of a motor for one of its body, with their sign.
+    /// Turns of a motor for one of its body, signed.
     fn turns(&self, i: usize) -> f64 {
         let turns = self.sizes.body_m[i] / self.sizes.capstan_m[i];
         if self.sizes.is_reversed[i] { -turns } else { turns }
