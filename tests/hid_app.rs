@@ -174,7 +174,7 @@ fn what_is_plugged_in_is_listed_and_two_alike_are_a_fault() {
     // Two tools on one device.
     app.world_mut().spawn(HapticTool { device: DeviceSelector::Hid(second), ..default() });
     app.update();
-    assert!(fault(&mut app, "another program or tool uses it; one device has one hand"));
+    assert!(fault(&mut app, "already in use by another program or HapticTool"));
 }
 
 #[test]

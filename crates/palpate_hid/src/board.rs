@@ -46,7 +46,7 @@ use crate::driver::Driver;
 use crate::{HidError, HidInfo, ReportDescriptor, Usage};
 
 /// Whether USB IDs and usage are those of a board.
-pub(crate) fn is_one(info: &HidInfo, treat_teensy_as_board: bool) -> bool {
+pub(crate) fn is_board(info: &HidInfo, treat_teensy_as_board: bool) -> bool {
     let numbers = (info.vendor, info.product);
     (numbers == (0x1234, 0x0006) || (treat_teensy_as_board && numbers == (0x16C0, 0x0486)))
         && info.applications.contains(&Usage::new(0xFFAB, 0x0200))

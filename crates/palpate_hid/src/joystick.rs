@@ -66,12 +66,12 @@ const RECOVERY: Duration = Duration::from_millis(20);
 const MAX_TICK: Duration = Duration::from_millis(2);
 
 /// Whether a top-level usage is that of a joystick or a game pad.
-pub(crate) fn may_be_one(info: &HidInfo) -> bool {
+pub(crate) fn may_be_joystick(info: &HidInfo) -> bool {
     info.applications.iter().any(|usage| *usage == JOYSTICK.usage || *usage == GAME_PAD.usage)
 }
 
 /// Whether the device has a report that sets a constant force.
-pub(crate) fn is_one(descriptor: &ReportDescriptor) -> bool {
+pub(crate) fn has_constant_force(descriptor: &ReportDescriptor) -> bool {
     descriptor.find(ReportKind::Output, SET_CONSTANT_FORCE.usage, MAGNITUDE.usage).is_some()
 }
 

@@ -107,7 +107,7 @@ impl HidSelector {
 
     /// Whether `info` is a Teensy that would match if it were treated as a board.
     fn may_be_board(&self, info: &HidInfo) -> bool {
-        !self.treat_teensy_as_board && board::is_one(info, true) && self.matches(HidKind::Board, info)
+        !self.treat_teensy_as_board && board::is_board(info, true) && self.matches(HidKind::Board, info)
     }
 }
 
@@ -148,11 +148,13 @@ impl FoundDevice {
     #[must_use]
     pub fn known(bus: &dyn HidBus, info: &HidInfo, treat_teensy_as_board: bool) -> Option<Self> {
         let descriptor = || bus.descriptor(info).ok().and_then(|bytes| ReportDescriptor::parse(&bytes).ok());
-        let kind = if space_mouse::is_one(info) {
+        let kind = if space_mouse::is_space_mouse(info) {
             HidKind::SpaceMouse
-        } else if board::is_one(info, treat_teensy_as_board) {
+        } else if board::is_board(info, treat_teensy_as_board) {
             HidKind::Board
-        } else if joystick::may_be_one(info) && descriptor().is_some_and(|it| joystick::is_one(&it)) {
+        } else if joystick::may_be_joystick(info)
+            && descriptor().is_some_and(|it| joystick::has_constant_force(&it))
+        {
             HidKind::Joystick
         } else {
             return None;

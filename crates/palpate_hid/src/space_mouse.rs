@@ -12,7 +12,7 @@
 mod models;
 mod report;
 
-pub(crate) use models::is_one;
+pub(crate) use models::is_space_mouse;
 pub use report::{ParseReportError, SpaceMouseReport};
 
 use crate::driver::Driver;

@@ -104,7 +104,7 @@ mod tests {
         let options = BoardOptions { max_current_a: 3.0, ..BoardOptions::default() };
         let home = options.kinematics.home_rad();
         let limits = grown(&options, home);
-        let most = limits.currents(&options, home, 5.0 * DVec3::X);
-        assert_eq!(limits.currents(&options, home, 1e3 * DVec3::X), most);
+        let max = limits.currents(&options, home, 5.0 * DVec3::X);
+        assert_eq!(limits.currents(&options, home, 1e3 * DVec3::X), max);
     }
 }

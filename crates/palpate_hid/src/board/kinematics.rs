@@ -60,8 +60,8 @@ impl BoardKinematics {
     /// # Errors
     /// [`HidError::Option`].
     pub fn validate(&self) -> Result<(), HidError> {
-        let within = |what, values: [f64; 3], least: f64, most: f64, allowed| {
-            let bad = values.into_iter().find(|value| !(least..=most).contains(value));
+        let within = |what, values: [f64; 3], min: f64, max: f64, allowed| {
+            let bad = values.into_iter().find(|value| !(min..=max).contains(value));
             bad.map_or(Ok(()), |bad| Err(HidError::Option { what, found: bad.to_string(), allowed }))
         };
         self.linkage.validate()?;

@@ -139,12 +139,12 @@ impl Field {
         }
         let [low, high] = self.logical;
         // Range of the bits, which the declared range may exceed.
-        let (least, most) = if low < 0 {
+        let (min, max) = if low < 0 {
             (-(1_i64 << (self.bits - 1)), (1_i64 << (self.bits - 1)) - 1)
         } else {
             (0, (1_i64 << self.bits) - 1)
         };
-        let value = value.max(low.max(least)).min(high.min(most)).clamp(least, most);
+        let value = value.max(low.max(min)).min(high.min(max)).clamp(min, max);
         let (first, shift) = (self.bit / 8, self.bit % 8);
         let last = (self.bit + self.bits).div_ceil(8);
         let mask = ((1_u64 << self.bits) - 1) << shift;

@@ -2,7 +2,7 @@
 
 use crate::Field;
 
-/// ForceScale of a constant force, `F = F_full · n / n_full`, where `n_full` is the largest number that the field holds with either sign.
+/// Scale of a constant force, `F = F_full · n / n_full`, where `n_full` is the largest number that the field holds with either sign.
 /// Zero maps to zero and opposite forces to opposite numbers, also for a field whose negative range is one larger.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ForceScale {

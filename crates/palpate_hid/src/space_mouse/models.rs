@@ -17,7 +17,7 @@ const NEWER: [u16; 10] = [0xC62E, 0xC62F, 0xC631, 0xC632, 0xC633, 0xC635, 0xC636
 const MULTI_AXIS: Usage = Usage::new(0x01, 0x08);
 
 /// Whether `info` is a SpaceMouse.
-pub(crate) fn is_one(info: &HidInfo) -> bool {
+pub(crate) fn is_space_mouse(info: &HidInfo) -> bool {
     let is_listed = match info.vendor {
         LOGITECH => OLDER.contains(&info.product),
         CONNEXION => NEWER.contains(&info.product),

@@ -111,21 +111,21 @@ fn decreasing_axis_is_sent_first() {
 /// last one.
 #[test]
 fn rejected_magnitude_zeroes_both_axes() {
-    for refused in [1, 2] {
+    for rejected in [1, 2] {
         let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
         let mut device = bench.device(full_force());
         device.open().unwrap();
         let force_n = DVec3::new(20.0, 0.0, 20.0);
         device.write(force_n).unwrap();
         // The axis accepts only zero.
-        let one = |count: i16| [&[5, refused][..], &count.to_le_bytes()].concat();
+        let one = |count: i16| [&[5, rejected][..], &count.to_le_bytes()].concat();
         bench.log.reject(&[&one(6553), &one(13106)]);
         bench.advance_ms(1);
         assert_eq!(
             device.write(DVec3::new(10.0, 0.0, 10.0)),
             Err(DeviceError::Protocol("the device rejected an output report"))
         );
-        assert_eq!(bench.force_n(), [0.0, 0.0], "axis {refused} refused");
+        assert_eq!(bench.force_n(), [0.0, 0.0], "axis {rejected} rejected");
         bench.log.reject(&[]);
         // When it accepts forces again, the force grows by a twentieth per millisecond.
         let mut felt_n = Vec::new();
@@ -215,7 +215,7 @@ fn applied_force_is_the_written_force() {
 #[test]
 fn force_is_projected_limited_and_reversed() {
     let bench = Bench::new(&openffboard().descriptor, SimulatedStick::default());
-    let felt = |options: JoystickOptions, force_n: DVec3| {
+    let applied = |options: JoystickOptions, force_n: DVec3| {
         let mut device = bench.device(options);
         device.open().unwrap();
         device.write(force_n).unwrap();
@@ -226,16 +226,16 @@ fn force_is_projected_limited_and_reversed() {
     let near = |[x, y]: [f64; 2], [a, b]: [f64; 2]| (x - a).hypot(y - b) < 0.002;
     let max_5_n = calibrated();
     assert!(
-        near(felt(max_5_n, DVec3::new(30.0, 100.0, -40.0)), [3.0, -4.0]),
+        near(applied(max_5_n, DVec3::new(30.0, 100.0, -40.0)), [3.0, -4.0]),
         "limited to 5 N, same direction"
     );
-    assert!(near(felt(max_5_n, DVec3::Y * 30.0), [0.0, 0.0]));
+    assert!(near(applied(max_5_n, DVec3::Y * 30.0), [0.0, 0.0]));
     let upright = JoystickOptions { plane: [DVec3::X, DVec3::Y], ..max_5_n };
-    assert!(near(felt(upright, DVec3::new(1.0, 2.0, 3.0)), [1.0, 2.0]));
+    assert!(near(applied(upright, DVec3::new(1.0, 2.0, 3.0)), [1.0, 2.0]));
     let reversed = JoystickOptions { reverse: [true, false], ..max_5_n };
-    assert!(near(felt(reversed, DVec3::new(1.0, 2.0, 3.0)), [-1.0, 3.0]));
+    assert!(near(applied(reversed, DVec3::new(1.0, 2.0, 3.0)), [-1.0, 3.0]));
     for force_n in [DVec3::NAN, DVec3::new(f64::INFINITY, 0.0, 1.0)] {
-        assert_eq!(felt(max_5_n, force_n), [0.0, 0.0], "non-finite force");
+        assert_eq!(applied(max_5_n, force_n), [0.0, 0.0], "non-finite force");
     }
     let device = bench.device(upright);
     assert_eq!(device.quantized_force_n(DVec3::new(1.0, 2.0, 3.0)), DVec3::new(1.0, 2.0, 0.0));

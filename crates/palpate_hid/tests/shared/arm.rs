@@ -26,7 +26,7 @@ pub fn check_jacobian(
     allowed: f64,
 ) -> Result<(), TestCaseError> {
     let off = arm.jacobian(angles) - differences(arm, angles, h);
-    let worst = off.to_cols_array().into_iter().fold(0.0_f64, |most, entry| most.max(entry.abs()));
+    let worst = off.to_cols_array().into_iter().fold(0.0_f64, |max, entry| max.max(entry.abs()));
     prop_assert!(worst < allowed, "{worst}");
     Ok(())
 }

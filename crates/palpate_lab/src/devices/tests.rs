@@ -57,7 +57,7 @@ fn what_is_plugged_in_is_listed_with_what_keeps_it_from_being_opened() {
     );
     assert_eq!(of("/dev/mouse").kind, None);
     let held = bus.open(&info("/dev/cap", 0xC635)).unwrap();
-    assert!(of("/dev/cap").refused.contains("another program or tool uses it"));
+    assert!(of("/dev/cap").refused.contains("already in use by another program or HapticTool"));
     drop(held);
     let mut text = Vec::new();
     let mut listed = Listed { devices: vec![cap], others: 1, may_be_boards: Vec::new() };
