@@ -27,9 +27,8 @@
 //!
 //! # Units, frames, signs
 //!
-//!
-//! SI units. Positions and forces are in the device frame: x to the right, y up, z towards the user. A force acts on the user's
-//! hand.
+//! SI units. Positions and forces are in the device frame: x to the right, y up, z towards the user. Forces are those
+//! exerted by the device on the hand.
 
 #![forbid(unsafe_code)]
 

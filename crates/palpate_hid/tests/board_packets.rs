@@ -66,7 +66,7 @@ fn reports_of_14_and_64_bytes_match_the_data_files() {
         check_input(form, &named(file, "input_pressed"), pressed);
         check_input(
             form,
-            &named(file, "input_asks"),
+            &named(file, "input_request"),
             BoardInput { requests_calibration: true, ..input([0; 6]) },
         );
         check_output(form, &named(file, "zero"), BoardOutput::ZERO);

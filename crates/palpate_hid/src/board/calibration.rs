@@ -117,7 +117,7 @@ impl Calibrator {
         });
     }
 
-    /// Notes a connection_lost connection: the board may have connection_lost its power, which makes its counters invalid.
+    /// Notes a lost connection: the board may have lost its power, which makes its counters invalid.
     pub(super) fn connection_lost(&mut self) {
         self.link_failed();
         self.enter(Stage::Uncalibrated);
@@ -283,7 +283,7 @@ mod tests {
             calibrator.handle().request();
             calibrator.process(&arm, &report(0, false));
             calibrator.counters_sent();
-            // Not yet: it may have gone between.
+            // Not confirmed before the opening: still invalid.
             calibrator.after_open(BoardHoming::Kept);
             assert!(!calibrator.is_done());
             calibrator.handle().request();

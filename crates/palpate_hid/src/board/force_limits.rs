@@ -1,4 +1,4 @@
-//! ForceLimits of force and current.
+//! Limits of force and current.
 
 use super::BoardOptions;
 use glam::DVec3;

@@ -24,7 +24,7 @@ use std::f64::consts::TAU;
 /// In the formulas x points towards the user, y to the right, z up (the frame of CHAI3D). Arguments and results use palpate's device
 /// frame: x to the right, y up, z towards the user, which is (y, z, x) of the formulas, as in
 /// `examples/h3d/H3D24/HAPI/src/HaptikfabrikenHapticsDevice.cpp` of the source for the same frame. The origin is the centre of the
-/// workspace. A force acts on the user's hand.
+/// workspace. Forces are those exerted by the device on the hand.
 ///
 /// # Not included
 ///

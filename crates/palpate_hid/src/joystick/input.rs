@@ -1,4 +1,4 @@
-//! InputLayout reports of a joystick: position and buttons.
+//! Input reports of a joystick: position and buttons.
 
 use super::usages::{BUTTONS, GAME_PAD, JOYSTICK, X, Y};
 use crate::{Field, ReportDescriptor, ReportKind, Usage};

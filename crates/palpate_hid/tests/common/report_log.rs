@@ -4,7 +4,7 @@ use crate::hex;
 use palpate_hid::simulated::{Firmware, JoystickFirmware};
 use std::sync::{Arc, Mutex};
 
-/// RecordedFirmware reports, and prefixes of reports to reject.
+/// Recorded reports, and prefixes of reports to reject.
 #[derive(Clone, Debug, Default)]
 pub struct ReportLog(Arc<Mutex<(Vec<String>, Vec<Vec<u8>>)>>);
 
