@@ -3,10 +3,8 @@
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use palpate_haptics::DeviceFrame;
-use palpate_hid::{
-    BoardFirmware, BoardForm, BoardKinematics, BoardOptions, Firmware, HidInfo, HidOptions,
-    SpaceMouseOptions, StandInBus, Usage,
-};
+use palpate_hid::simulated::{BoardFirmware, Firmware, SimulatedBus};
+use palpate_hid::{BoardForm, BoardKinematics, BoardOptions, HidInfo, HidOptions, SpaceMouseOptions, Usage};
 use palpate_tests::app::{listen, take_faults, update_until};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -53,11 +51,11 @@ fn info(serial: &str) -> HidInfo {
     }
 }
 
-fn scene(choice: HidSelector) -> (App, Arc<StandInBus>, Entity) {
+fn scene(choice: HidSelector) -> (App, Arc<SimulatedBus>, Entity) {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, PalpatePlugins));
     listen(&mut app);
-    let bus = Arc::new(StandInBus::default());
+    let bus = Arc::new(SimulatedBus::default());
     let mut devices = app.world_mut().resource_mut::<HapticDevices>();
     devices.set_hid_bus(Arc::clone(&bus));
     // Slowly, and to 5 mm below the surface at most.
@@ -126,7 +124,7 @@ fn a_board_is_calibrated_and_its_hand_feels_the_body() {
     };
     let calibration = app.world().resource::<HapticDevices>().hid_calibration(&choice).unwrap();
     // Nobody has said where home is: no force, wherever the hand is.
-    let felt = || board.lock().unwrap().felt_n();
+    let felt = || board.lock().unwrap().applied_force_n();
     update_until(&mut app, "reports", |_| board.lock().unwrap().exchanged() > 50);
     assert!(!calibration.is_done() && felt() == DVec3::ZERO);
     calibration.request();
@@ -176,7 +174,7 @@ fn what_is_plugged_in_is_listed_and_two_alike_are_a_fault() {
     // Two tools on one device.
     app.world_mut().spawn(HapticTool { device: DeviceSelector::Hid(second), ..default() });
     app.update();
-    assert!(fault(&mut app, "another program or tool uses it; one device has one hand"));
+    assert!(fault(&mut app, "already in use by another program or HapticTool"));
 }
 
 #[test]

@@ -6,7 +6,8 @@
 use glam::DVec3;
 use libfuzzer_sys::fuzz_target;
 use palpate_haptics::HapticDevice;
-use palpate_hid::{BoardHoming, BoardOptions, Firmware, HidDevice, HidInfo, HidOptions, HidSelector, StandInBus, Usage};
+use palpate_hid::simulated::{Firmware, SimulatedBus};
+use palpate_hid::{BoardHoming, BoardOptions, HidDevice, HidInfo, HidOptions, HidSelector, Usage};
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
@@ -58,7 +59,7 @@ fuzz_target!(|bytes: &[u8]| {
     let length = usize::from(*length).min(rest.len());
     let (descriptor, said) =
         if kind & 0x80 == 0 { (own.clone(), rest) } else { (rest[..length].to_vec(), &rest[length..]) };
-    let bus = Arc::new(StandInBus::default());
+    let bus = Arc::new(SimulatedBus::default());
     let info = HidInfo {
         path: "made up".into(),
         vendor,

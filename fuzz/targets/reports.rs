@@ -3,10 +3,10 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use palpate_hid::{BoardForm, BoardInput, BoardOutput, CapReport};
+use palpate_hid::{BoardForm, BoardInput, BoardOutput, SpaceMouseReport};
 
 fuzz_target!(|bytes: &[u8]| {
-    let _ = CapReport::parse(bytes);
+    let _ = SpaceMouseReport::parse(bytes);
     for form in [BoardForm::Bytes8, BoardForm::Bytes14, BoardForm::Bytes64] {
         if let Ok(input) = BoardInput::parse(form, bytes) {
             assert_eq!(BoardInput::parse(form, input.encode(form).as_slice()), Ok(input));

@@ -144,7 +144,7 @@ impl HapticDevices {
 /// Devices over HID.
 #[cfg(feature = "hid")]
 impl HapticDevices {
-    /// Where they come from, in place of the operating system: a [`StandInBus`](palpate_hid::StandInBus) in a test.
+    /// Where they come from, in place of the operating system: a `SimulatedBus` of `palpate_hid` (feature `simulated`) in a test.
     pub fn set_hid_bus(&mut self, bus: impl palpate_hid::HidBus + 'static) {
         self.hid.set_bus(std::sync::Arc::new(bus));
     }

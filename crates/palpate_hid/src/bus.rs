@@ -1,39 +1,39 @@
-//! HID devices as the operating system shows them: listed, opened, read and written.
+//! Access to HID devices: enumeration, connections, reports.
 
 use crate::{HidError, Usage};
 use palpate_haptics::DeviceError;
 use std::fmt;
 use std::time::Duration;
 
-/// The longest input report that is read, bytes, its number included. Those of the devices known here have 64.
-pub const LONGEST_INPUT: usize = 256;
+/// Maximum length of an input report, bytes, including its report ID. The supported devices use at most 64.
+pub const MAX_INPUT_REPORT_BYTES: usize = 256;
 
-/// Where HID devices come from: the operating system ([`SystemBus`](crate::SystemBus)), or a stand-in for tests
-/// ([`StandInBus`](crate::StandInBus)).
+/// A source of HID devices: the operating system ([`SystemBus`](crate::SystemBus)), or simulated devices (`SimulatedBus` of the
+/// feature `simulated`).
 pub trait HidBus: Send + Sync + fmt::Debug {
-    /// What is plugged in, of every kind. It may take a tenth of a second.
+    /// Lists all HID devices that are plugged in. The call may take 0.1 s.
     ///
     /// # Errors
     /// [`HidError`].
     fn list(&self) -> Result<Vec<HidInfo>, HidError>;
 
-    /// The report descriptor of one of them.
+    /// Reads the report descriptor of a device.
     ///
     /// # Errors
     /// [`HidError`].
     fn descriptor(&self, info: &HidInfo) -> Result<Vec<u8>, HidError>;
 
-    /// Opens one for a driver, which then has it alone.
+    /// Opens a device for exclusive use.
     ///
     /// # Errors
-    /// [`HidError`], among them [`HidError::Busy`].
+    /// [`HidError`]; [`HidError::Busy`] where another program or tool has opened the device.
     fn open(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError>;
 
-    /// A second way to one that is open, by which another thread can stop it.
+    /// Opens a second connection to an open device, from which another thread can stop it.
     ///
     /// # Errors
     /// [`HidError`].
-    fn open_beside(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError>;
+    fn open_shared(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError>;
 }
 
 impl<B: HidBus + ?Sized> HidBus for std::sync::Arc<B> {
@@ -49,16 +49,16 @@ impl<B: HidBus + ?Sized> HidBus for std::sync::Arc<B> {
         (**self).open(info)
     }
 
-    fn open_beside(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
-        (**self).open_beside(info)
+    fn open_shared(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
+        (**self).open_shared(info)
     }
 }
 
-/// An open HID device. Output and feature reports begin with their number, 0 where the device's reports have none; input reports
-/// begin with it only where there is one. Nothing here may allocate while all is well.
+/// An open HID device. Output and feature reports begin with their report ID, which is 0 for a device without report IDs. Input
+/// reports begin with it only where the device uses report IDs. Successful calls must not allocate.
 pub trait HidConnection: Send {
-    /// The oldest input report that has not been read, waiting `within` for it at most, and not at all where that is less than a
-    /// millisecond. How many bytes of `report` it fills, 0 when there is none.
+    /// Copies the oldest unread input report to `report` and returns its length in bytes, or 0 without one. Waits at most `within`, and
+    /// not at all if that is below a millisecond.
     ///
     /// # Errors
     /// [`DeviceError::Disconnected`], [`DeviceError::Os`].
@@ -70,7 +70,7 @@ pub trait HidConnection: Send {
     /// As [`HidConnection::read`].
     fn write(&mut self, report: &[u8]) -> Result<(), DeviceError>;
 
-    /// Asks for the feature report whose number is `report[0]`, and how many bytes of `report` it fills.
+    /// Reads the feature report with the ID `report[0]` into `report` and returns its length in bytes.
     ///
     /// # Errors
     /// As [`HidConnection::read`].
@@ -83,27 +83,27 @@ pub trait HidConnection: Send {
     fn set_feature(&mut self, report: &[u8]) -> Result<(), DeviceError>;
 }
 
-/// What the operating system knows of a HID device.
+/// Description of a HID device by the operating system.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct HidInfo {
-    /// Where it is, in the operating system's words; another one after it has been plugged in anew.
+    /// Path of the device in the operating system. It changes when the device is unplugged and plugged in again.
     pub path: String,
-    /// Number of its vendor.
+    /// USB vendor ID.
     pub vendor: u16,
-    /// Number of its product.
+    /// USB product ID.
     pub product: u16,
-    /// Its serial number; empty where it has none.
+    /// Serial number; empty without one.
     pub serial: String,
-    /// The name that it gives itself.
+    /// Product name.
     pub name: String,
-    /// Which of its USB interfaces this is, where that is known.
+    /// Number of the USB interface, if available.
     pub interface: Option<u8>,
-    /// What its collections at the top are.
+    /// Usages of the top-level collections.
     pub applications: Vec<Usage>,
 }
 
 impl HidInfo {
-    /// A name for people, never empty.
+    /// Display name from product name, IDs and serial number; never empty.
     #[must_use]
     pub fn label(&self) -> String {
         let numbers = format!("{:04x}:{:04x}", self.vendor, self.product);
@@ -115,7 +115,7 @@ impl HidInfo {
         }
     }
 
-    /// Whether it may be the same device as `other`, plugged in anew.
+    /// Whether `other` can be the same device at another path: equal IDs, interface and serial number.
     #[must_use]
     pub fn is_like(&self, other: &Self) -> bool {
         let of = |info: &Self| (info.vendor, info.product, info.interface);

@@ -1,10 +1,10 @@
-//! Time for drivers: a cap that tells how fast it is pushed has to be timed.
+//! Clock of the drivers. A SpaceMouse reports a velocity, which its driver integrates over time.
 
 use std::time::Duration;
 
-/// Time since some moment, never going back.
+/// A monotonic clock.
 pub trait Clock: Send {
-    /// That time.
+    /// Time since an arbitrary fixed instant.
     fn now(&mut self) -> Duration;
 }
 

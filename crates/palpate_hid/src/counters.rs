@@ -1,15 +1,15 @@
-//! What a driver has seen of its device.
+//! Statistics of a device's reports.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// What a driver has seen of its device since it was made; shared with whoever wants to know.
+/// Statistics of a device since its creation. Clones share the same counters.
 #[derive(Clone, Debug, Default)]
-pub struct HidCounters(Arc<Counted>);
+pub struct HidCounters(Arc<Counters>);
 
 #[derive(Debug, Default)]
-struct Counted {
+struct Counters {
     read: AtomicU64,
     skipped: AtomicU64,
     malformed: AtomicU64,
@@ -19,34 +19,35 @@ struct Counted {
 }
 
 impl HidCounters {
-    /// Input reports that were read and understood.
+    /// Number of valid input reports read.
     #[must_use]
     pub fn read(&self) -> u64 {
         self.0.read.load(Ordering::Relaxed)
     }
 
-    /// Those of them that were passed over for newer ones that had come by then.
+    /// Number of valid input reports that a newer one superseded before they were used.
     #[must_use]
     pub fn skipped(&self) -> u64 {
         self.0.skipped.load(Ordering::Relaxed)
     }
 
-    /// Input reports that were no reports of such a device; they are passed over.
+    /// Number of malformed input reports, which the driver discards.
     #[must_use]
     pub fn malformed(&self) -> u64 {
         self.0.malformed.load(Ordering::Relaxed)
     }
 
-    /// Forces that went out to the device and that it took, each with all its reports since it was opened. A joystick is told a force
-    /// that has not changed every 25 ms only; the ticks in between are not counted.
+    /// Number of forces sent since the device was opened, each with all of its reports accepted. A joystick driver sends an unchanged
+    /// force only every 25 ms; the ticks between are not counted.
     #[must_use]
     pub fn forces(&self) -> u64 {
         self.0.forces.load(Ordering::Relaxed)
     }
 
-    /// How often a force went out and the device took it, Hz, from the first to the newest since it was opened; `None` before the
-    /// second. It is what was needed and not what could be: a joystick that is told a changed force at every tick of 1 ms has 1000,
-    /// and one whose force rests 40. For the highest rate of a device measure while its force changes.
+    /// Mean rate of sent forces, Hz, from the first to the latest since the device was opened; `None` before the second.
+    ///
+    /// The rate depends on the forces: a joystick driver sends a force that changes at every tick of 1 ms at 1000 Hz, and a constant
+    /// force at 40 Hz. To find the highest rate of a device, measure while the force changes.
     #[must_use]
     pub fn force_rate_hz(&self) -> Option<f64> {
         let ns = |of: &AtomicU64| of.load(Ordering::Relaxed);
@@ -69,7 +70,7 @@ impl HidCounters {
         self.0.last_force_ns.store(at_ns, Ordering::Relaxed);
     }
 
-    /// The device is opened anew: the rate of its forces is counted from then.
+    /// Restarts the count and the rate of forces when the device is opened.
     pub(crate) fn opened(&self) {
         self.0.forces.store(0, Ordering::Relaxed);
     }

@@ -1,10 +1,11 @@
-//! A HID device as a haptic device: found, opened, lost and found again.
+//! A HID device as a haptic device: finding, opening and reopening.
 
-use crate::driver::{Driver, StopsSent, driver};
+use crate::driver::{Driver, StopCounter};
 use crate::link::Link;
 use crate::{
     BoardCalibration, BoardOptions, Clock, FoundDevice, HidBus, HidConnection, HidCounters, HidError,
-    HidInfo, HidSelector, JoystickOptions, ReportDescriptor, SpaceMouseOptions, clock,
+    HidInfo, HidKind, HidSelector, JoystickOptions, ReportDescriptor, SpaceMouseOptions, board, clock,
+    joystick, space_mouse,
 };
 use glam::DVec3;
 use palpate_haptics::{DeviceDescription, DeviceError, EmergencyStop, HapticDevice, Reading};
@@ -12,36 +13,37 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// What can be set, for each kind of device.
+/// Options for each kind of device.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HidOptions {
-    /// For a SpaceMouse.
+    /// Options of a SpaceMouse.
     pub space_mouse: SpaceMouseOptions,
-    /// For a force-feedback joystick.
+    /// Options of a force-feedback joystick.
     pub joystick: JoystickOptions,
-    /// For a 3-DOF board.
+    /// Options of a 3-DOF board.
     pub board: BoardOptions,
 }
 
-/// A HID device that gives samples and takes forces.
+/// A HID device for the haptic loop.
 ///
-/// It is looked for when this is made, so that what it is and can do is known before it is opened. When it has been unplugged the
-/// next `open` looks for the same one (vendor, product, interface, serial number), wherever it is plugged in by then. Without a
-/// serial number that is the only device like it that is new: none that was there beside it when it was last found or opened, and
-/// none at all where there are several; until one is left `open` says [`DeviceError::Unavailable`]. So it does of one whose report
-/// descriptor is another by then, as after an update of its firmware: make this anew; and of one that may not be opened, or that
-/// another program has.
+/// The constructor looks for the device, so its description is available before it is opened. After the device was unplugged, `open`
+/// looks for it at any path, by vendor, product, interface and serial number.
+///
+/// Without a serial number, `open` takes only a matching device that is new: one that was not present when the device was last found
+/// or opened. With several new ones it returns [`DeviceError::Unavailable`] until one is left. It returns the same error for a device
+/// whose report descriptor has changed, as after a firmware update, for one without permission, and for one in use by another
+/// program. After a firmware update, create a new `HidDevice`.
 pub struct HidDevice {
     bus: Arc<dyn HidBus>,
     found: FoundDevice,
-    /// Where devices like it were when it was last found, which are others.
-    beside: Vec<String>,
-    /// Until it is opened: those that would do as well, where the first of several was meant.
+    /// Paths of other matching devices when this one was last found.
+    other_paths: Vec<String>,
+    /// Alternatives to `found` before the first opening, for a selector with `match_first`.
     others: Vec<FoundDevice>,
     driver: Box<dyn Driver>,
-    /// The bytes of the report descriptor that the driver was made from.
+    /// Report descriptor from which the driver was created.
     descriptor: Vec<u8>,
-    /// Here while it is closed.
+    /// Clock; the link owns it while the device is open.
     clock: Option<Box<dyn Clock>>,
     link: Option<Link>,
     counters: HidCounters,
@@ -54,12 +56,12 @@ impl fmt::Debug for HidDevice {
 }
 
 impl HidDevice {
-    /// Looks for the device that `selector` means and sees whether it can be opened; it is closed again. Where the first is meant and
-    /// another program or tool has it, it is the next one.
+    /// Finds the device that `selector` matches and checks that it can be opened; it is closed again. With `match_first`, devices in use
+    /// are skipped.
     ///
     /// # Errors
-    /// [`HidError`]: it is not there, there are several, it may not be opened, another program has it, it lacks what its driver
-    /// needs, or an option is out of bounds.
+    /// [`HidError`]: no device matches, several match, the permission is missing, another program uses the device, it lacks what its
+    /// driver needs, or an option is out of range.
     pub fn find(
         bus: Arc<dyn HidBus>,
         selector: &HidSelector,
@@ -68,18 +70,18 @@ impl HidDevice {
         let (first, others) = selector.find_all(&*bus)?;
         let mut others = others.into_iter();
         let mut device = match Self::new(Arc::clone(&bus), first, options) {
-            // Where none is free the first is the one to be told of.
+            // Report the first device if none is free.
             Err(busy @ HidError::Busy { .. }) => {
                 let free = others.by_ref().find_map(|it| Self::new(Arc::clone(&bus), it, options).ok());
                 free.ok_or(busy)?
             }
-            made => made?,
+            result => result?,
         };
         device.others = others.collect();
         Ok(device)
     }
 
-    /// The device `found`; otherwise as [`HidDevice::find`].
+    /// Creates the device for `found`; otherwise like [`HidDevice::find`].
     ///
     /// # Errors
     /// [`HidError`].
@@ -88,49 +90,49 @@ impl HidDevice {
         let bytes = bus.descriptor(&found.info)?;
         let parsed = ReportDescriptor::parse(&bytes)
             .map_err(|source| HidError::Descriptor { device: device(), source })?;
-        let driver = driver(found.kind, &found.info, &parsed, options)?;
+        let driver = new_driver(found.kind, &found.info, &parsed, options)?;
         drop(bus.open(&found.info)?);
         let counters = HidCounters::default();
-        let beside = beside(&found.info, &bus.list()?);
+        let other_paths = other_paths(&found.info, &bus.list()?);
         let clock = Some(clock::monotonic());
         let others = Vec::new();
-        Ok(Self { bus, found, beside, others, driver, descriptor: bytes, clock, link: None, counters })
+        Ok(Self { bus, found, other_paths, others, driver, descriptor: bytes, clock, link: None, counters })
     }
 
-    /// The same with another clock, for tests.
+    /// Sets the clock, for tests.
     #[must_use]
     pub fn with_clock(mut self, clock: impl Clock + 'static) -> Self {
         self.clock = Some(Box::new(clock));
         self
     }
 
-    /// Which device it is.
+    /// The device found by the selector or by the latest `open`.
     #[must_use]
     pub fn found(&self) -> &FoundDevice {
         &self.found
     }
 
-    /// What has been seen of it: kept by whoever asks, also while the loop has the device.
+    /// Report statistics. The handle stays valid while the loop owns the device.
     #[must_use]
     pub fn counters(&self) -> HidCounters {
         self.counters.clone()
     }
 
-    /// Whether it is known to end its force by itself, within a second, when the program that drives it is killed. It is not of a
-    /// joystick for whose effects no duration of 0.25 to 1 s can be written, and of a board with reports of 64 bytes, whose firmware has
-    /// not been published.
+    /// Whether the firmware is documented to end its force within one second after the controlling program was killed. `false` for a
+    /// joystick whose effects cannot have a duration of 0.25 to 1 s, and for a board with reports of 64 bytes, whose firmware is
+    /// unpublished.
     #[must_use]
     pub fn ends_by_itself(&self) -> bool {
         self.driver.ends_by_itself()
     }
 
-    /// A way to have a board calibrated, also while the loop has the device; `None` for other kinds.
+    /// Calibration handle of a board, which stays valid while the loop owns the device; `None` for other kinds.
     #[must_use]
     pub fn board_calibration(&self) -> Option<BoardCalibration> {
         self.driver.calibration()
     }
 
-    /// One of those that would do as well and that nobody has. Its reports have to be the same, as the driver is made already.
+    /// Opens a free alternative with the same report descriptor, as the driver has been created already.
     fn open_another(&self) -> Option<(FoundDevice, Box<dyn HidConnection>)> {
         let is_same = |other: &&FoundDevice| {
             other.kind == self.found.kind
@@ -140,44 +142,45 @@ impl HidDevice {
         self.others.iter().filter(is_same).find_map(open)
     }
 
-    /// Where the device is now: where it was, or where one like it is that may be it.
+    /// Locates the device: at its last path, or at the path of a matching device.
     fn find_again(&mut self) -> Result<FoundDevice, HidError> {
         let present = self.bus.list()?;
-        let known = &self.found.info;
-        // A path from which a device was unplugged is free, and may be given to this one.
-        self.beside.retain(|path| present.iter().any(|info| info.path == *path));
-        let here = present.iter().find(|info| info.path == known.path && info.is_like(known));
+        let expected = &self.found.info;
+        // The path of an unplugged device may be reassigned to this one.
+        self.other_paths.retain(|path| present.iter().any(|info| info.path == *path));
+        let here = present.iter().find(|info| info.path == expected.path && info.is_like(expected));
         let info = match here {
             Some(info) => info,
             None => self.moved(&present)?,
         };
         let found = FoundDevice { kind: self.found.kind, info: info.clone() };
-        self.beside = beside(info, &present);
+        self.other_paths = other_paths(info, &present);
         Ok(found)
     }
 
-    /// The one of `present` that may be the device at another path. A serial number tells; without one it is none of those that were
-    /// there before.
+    /// The device in `present` that may be this one at another path: the one with the same serial number, or without one the only new
+    /// match.
     fn moved<'a>(&self, present: &'a [HidInfo]) -> Result<&'a HidInfo, HidError> {
-        let known = &self.found.info;
-        let has_serial = !known.serial.is_empty();
-        let may_be =
-            |info: &&HidInfo| info.is_like(known) && (has_serial || !self.beside.contains(&info.path));
+        let expected = &self.found.info;
+        let has_serial = !expected.serial.is_empty();
+        let may_be = |info: &&HidInfo| {
+            info.is_like(expected) && (has_serial || !self.other_paths.contains(&info.path))
+        };
         let found: Vec<&HidInfo> = present.iter().filter(may_be).collect();
         match *found {
-            [] => Err(HidError::Gone { device: known.label() }),
+            [] => Err(HidError::Gone { device: expected.label() }),
             [one] => Ok(one),
             [first, ..] if has_serial => Ok(first),
             _ => Err(HidError::Several {
-                asked: format!("like {}, which has no serial number", known.label()),
+                requested: format!("like {}, which has no serial number", expected.label()),
                 found: found.iter().map(|info| info.path.clone()).collect(),
             }),
         }
     }
 }
 
-/// Where the devices of `present` are that are like `info`, and are others.
-fn beside(info: &HidInfo, present: &[HidInfo]) -> Vec<String> {
+/// Paths of the devices in `present` that match `info`, except its own.
+fn other_paths(info: &HidInfo, present: &[HidInfo]) -> Vec<String> {
     let others = present.iter().filter(|other| other.path != info.path && other.is_like(info));
     others.map(|other| other.path.clone()).collect()
 }
@@ -188,7 +191,7 @@ impl HapticDevice for HidDevice {
     }
 
     fn quantized_force_n(&self, force_n: DVec3) -> DVec3 {
-        self.driver.shown_n(force_n)
+        self.driver.displayed_force_n(force_n)
     }
 
     fn open(&mut self) -> Result<(), DeviceError> {
@@ -202,10 +205,10 @@ impl HapticDevice for HidDevice {
             }
             match self.bus.open(&found.info) {
                 Ok(connection) => Ok((found, connection)),
-                // Another tool that meant the first was faster.
+                // Another tool has opened the device in the meantime.
                 Err(busy @ HidError::Busy { .. }) => {
                     let (found, connection) = self.open_another().ok_or(busy)?;
-                    self.beside = beside(&found.info, &self.bus.list()?);
+                    self.other_paths = other_paths(&found.info, &self.bus.list()?);
                     Ok((found, connection))
                 }
                 Err(error) => Err(error),
@@ -213,14 +216,14 @@ impl HapticDevice for HidDevice {
         };
         let opened = open();
         let is_gone = match &opened {
-            // Where several may be it, it was unplugged.
+            // Several candidates exist only after the device was unplugged.
             Err(HidError::Gone { .. } | HidError::Several { .. } | HidError::List(_)) => true,
             Err(HidError::Open { source, .. }) => source.raw_os_error().is_none(),
             _ => false,
         };
         let is_elsewhere = opened.as_ref().is_ok_and(|(found, _)| found.info.path != self.found.info.path);
         if is_gone || is_elsewhere {
-            self.driver.was_gone();
+            self.driver.mark_disconnected();
         }
         let (found, connection) = opened.map_err(|error: HidError| error.for_loop())?;
         self.found = found;
@@ -230,7 +233,7 @@ impl HapticDevice for HidDevice {
         let mut link = Link::new(connection, clock, self.counters.clone());
         let started = self.driver.start(&mut link);
         if started.is_err() {
-            // What it has begun must not stay.
+            // Undo a partial start.
             let _ = self.driver.stop(&mut link);
             self.clock = Some(link.into_clock());
         } else {
@@ -254,8 +257,8 @@ impl HapticDevice for HidDevice {
         if reports.is_empty() || self.link.is_none() {
             return None;
         }
-        let connection = self.bus.open_beside(&self.found.info).ok()?;
-        Some(Box::new(StopBeside { connection, reports, sent: self.driver.stops_sent() }))
+        let connection = self.bus.open_shared(&self.found.info).ok()?;
+        Some(Box::new(SharedStop { connection, reports, sent: self.driver.stop_counter() }))
     }
 
     fn close(&mut self) -> Result<(), DeviceError> {
@@ -274,24 +277,41 @@ impl Drop for HidDevice {
     }
 }
 
-/// Stops a device from another thread.
-struct StopBeside {
+/// Stops a device from another thread through a second connection.
+struct SharedStop {
     connection: Box<dyn HidConnection>,
     reports: Vec<Vec<u8>>,
-    sent: Option<StopsSent>,
+    sent: Option<StopCounter>,
 }
 
-impl EmergencyStop for StopBeside {
+impl EmergencyStop for SharedStop {
     fn stop(&mut self) -> Result<(), DeviceError> {
         let mut stopped = Ok(());
         for report in &self.reports {
-            // Each of them, even if one fails.
+            // Send all reports, even if one fails.
             let written = self.connection.write(report);
             if let (Ok(()), Some(sent)) = (written, &self.sent) {
-                sent.note();
+                sent.increment();
             }
             stopped = written.and(stopped);
         }
         stopped
     }
+}
+
+/// Creates the driver for a device of `kind`.
+///
+/// # Errors
+/// [`HidError::Unsupported`], [`HidError::Option`].
+fn new_driver(
+    kind: HidKind,
+    info: &HidInfo,
+    descriptor: &ReportDescriptor,
+    options: &HidOptions,
+) -> Result<Box<dyn Driver>, HidError> {
+    Ok(match kind {
+        HidKind::SpaceMouse => space_mouse::driver(info, options.space_mouse)?,
+        HidKind::Joystick => joystick::driver(info, descriptor, options.joystick)?,
+        HidKind::Board => board::driver(info, descriptor, options.board)?,
+    })
 }

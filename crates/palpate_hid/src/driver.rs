@@ -1,85 +1,67 @@
-//! What the three kinds of device have in common, once one of them is open.
+//! The interface of the drivers for the three kinds of device.
 
+use crate::BoardCalibration;
 use crate::link::Link;
-use crate::{BoardCalibration, HidError, HidInfo, HidKind, HidOptions, ReportDescriptor};
-use crate::{board, joystick, space_mouse};
 use glam::DVec3;
 use palpate_haptics::{DeviceDescription, DeviceError, Reading};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-/// How often a device was stopped by another thread since its driver last asked.
+/// Counts the stop reports that another thread has sent.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct StopsSent(Arc<AtomicU32>);
+pub(crate) struct StopCounter(Arc<AtomicU32>);
 
-impl StopsSent {
-    /// A report that ends all force has been sent.
-    pub(crate) fn note(&self) {
+impl StopCounter {
+    /// Counts one stop report.
+    pub(crate) fn increment(&self) {
         self.0.fetch_add(1, Ordering::AcqRel);
     }
 
-    /// How many there were, which are forgotten with that.
+    /// Returns the count and resets it.
     pub(crate) fn take(&self) -> u32 {
         self.0.swap(0, Ordering::AcqRel)
     }
 }
 
-/// The protocol of one kind of device. The promises of [`HapticDevice`](palpate_haptics::HapticDevice) hold for it.
+/// Protocol of one kind of device. The contract of [`HapticDevice`](palpate_haptics::HapticDevice) applies.
 pub(crate) trait Driver: Send {
-    /// What it is and what it can do.
+    /// Describes the device.
     fn describe(&self) -> DeviceDescription;
 
-    /// The part of a force that its motors can show, N, in the device's frame.
-    fn shown_n(&self, force_n: DVec3) -> DVec3 {
+    /// Component of a force that the motors can display, N, in the device frame.
+    fn displayed_force_n(&self, force_n: DVec3) -> DVec3 {
         force_n
     }
 
-    /// Makes a device that has just been opened ready, at zero force.
+    /// Initialises a newly opened device, at zero force.
     fn start(&mut self, link: &mut Link) -> Result<(), DeviceError>;
 
-    /// The newest reading.
+    /// Returns the latest reading.
     fn read(&mut self, link: &mut Link, within: Duration) -> Result<Reading, DeviceError>;
 
-    /// Shows a force, N, in the device's frame.
+    /// Sends a force, N, in the device frame.
     fn write(&mut self, link: &mut Link, force_n: DVec3) -> Result<(), DeviceError>;
 
-    /// Zero force, actuators off.
+    /// Sets zero force and switches the actuators off.
     fn stop(&mut self, link: &mut Link) -> Result<(), DeviceError>;
 
-    /// The device was not there when it was looked for, or is somewhere else by now: it has been unplugged.
-    fn was_gone(&mut self) {}
+    /// Notes that the device was unplugged: it was missing or has another path.
+    fn mark_disconnected(&mut self) {}
 
-    /// Whether it is known to end its force by itself when nobody writes to it any more.
+    /// Whether the firmware is documented to end its force when reports stop.
     fn ends_by_itself(&self) -> bool;
 
-    /// The output reports that end all force, for a thread that has no part in the protocol; none for a device without motors.
+    /// Output reports that end all force, independent of the protocol state; empty for a device without motors.
     fn stop_reports(&self) -> Vec<Vec<u8>>;
 
-    /// Where such a thread counts the reports that it has sent, for a driver that has to know.
-    fn stops_sent(&self) -> Option<StopsSent> {
+    /// Counter for stop reports sent by other threads, if the driver needs it.
+    fn stop_counter(&self) -> Option<StopCounter> {
         None
     }
 
-    /// A way to have it calibrated, for a device that needs it.
+    /// Calibration handle, for a device that needs one.
     fn calibration(&self) -> Option<BoardCalibration> {
         None
     }
-}
-
-/// The driver for a device of `kind`.
-///
-/// # Errors
-/// [`HidError::Unsupported`], [`HidError::Option`].
-pub(crate) fn driver(
-    kind: HidKind,
-    info: &HidInfo,
-    descriptor: &ReportDescriptor,
-    options: &HidOptions,
-) -> Result<Box<dyn Driver>, HidError> {
-    Ok(match kind {
-        HidKind::SpaceMouse => space_mouse::driver(info, options.space_mouse)?,
-        HidKind::Joystick => joystick::driver(info, descriptor, options.joystick)?,
-        HidKind::Board => board::driver(info, descriptor, options.board)?,
-    })
 }

@@ -1,140 +1,146 @@
-//! Why a HID device cannot be found or used.
+//! Errors of HID devices.
 
 use crate::DescriptorError;
 use palpate_haptics::DeviceError;
 use std::io;
 use thiserror::Error;
 
-/// Why a HID device cannot be listed, found, opened or understood.
+/// Error while listing, finding, opening or configuring a HID device.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum HidError {
-    /// The operating system does not list its devices.
+    /// The operating system failed to list its devices.
     #[error("the HID devices cannot be listed: {0}")]
     List(String),
-    /// Nothing that is plugged in is what was asked for.
-    #[error("no {asked} is plugged in; there {}{}", list(.present), hint(.teensy.as_deref()))]
+    /// No device matches the selector.
+    #[error("no {requested} is plugged in; there {}{}", list(.present), hint(.teensy.as_deref()))]
     NotFound {
-        /// What was asked for.
-        asked: String,
-        /// What there is.
+        /// Description of the selector.
+        requested: String,
+        /// Names of the devices that are plugged in.
         present: Vec<String>,
-        /// A Teensy among it that is what was asked for, if it is a board.
+        /// Name of a Teensy that would match if it were treated as a board.
         teensy: Option<String>,
     },
-    /// More than one is what was asked for.
-    #[error("{} devices are {asked}: {}; name one by its serial number or its path, or ask for the first", .found.len(), .found.join(", "))]
+    /// Several devices match the selector.
+    #[error("{} devices match {requested}: {}; select one by serial number or path, or set `match_first`", .found.len(), .found.join(", "))]
     Several {
-        /// What was asked for.
-        asked: String,
-        /// What there is of it.
+        /// Description of the selector.
+        requested: String,
+        /// Names and paths of the matching devices.
         found: Vec<String>,
     },
-    /// The user may not open it.
+    /// The user lacks the permission to open the device.
     #[error(
-        "{device}: permission to open {path} is denied; on Linux install assets/udev/70-palpate.rules, whose first lines say how, with this line for it if it has none, and plug it in anew: {}",
+        "{device}: permission to open {path} is denied; on Linux install assets/udev/70-palpate.rules (its first lines say how), add this line if the device is not listed there, and plug the device in again: {}",
         rule(*.vendor, *.product)
     )]
     Permission {
-        /// Which.
+        /// Name of the device.
         device: String,
-        /// What could not be opened.
+        /// Path of the device.
         path: String,
-        /// Number of its vendor.
+        /// USB vendor ID.
         vendor: u16,
-        /// Number of its product.
+        /// USB product ID.
         product: u16,
     },
-    /// Another program, or another tool of this one, has it.
-    #[error("{device}: another program or tool uses it; one device has one hand")]
+    /// Another program or tool has opened the device.
+    #[error(
+        "{device}: already in use by another program or HapticTool; close that one, or select another device"
+    )]
     Busy {
-        /// Which.
+        /// Name of the device.
         device: String,
     },
-    /// It was unplugged in the meantime.
-    #[error("{device}: it is not plugged in any more")]
+    /// The device was unplugged.
+    #[error("{device}: no longer plugged in")]
     Gone {
-        /// Which.
+        /// Name of the device.
         device: String,
     },
-    /// The operating system refused for another reason.
-    #[error("{device}: it cannot be opened")]
+    /// The operating system failed to open the device for another reason.
+    #[error("{device}: cannot be opened")]
     Open {
-        /// Which.
+        /// Name of the device.
         device: String,
-        /// Why.
+        /// Cause.
         #[source]
         source: io::Error,
     },
-    /// Its report descriptor breaks the standard.
-    #[error("{device}: its report descriptor breaks the standard")]
+    /// The report descriptor violates the HID standard.
+    #[error("{device}: its report descriptor violates the HID standard")]
     Descriptor {
-        /// Which.
+        /// Name of the device.
         device: String,
-        /// How.
+        /// Violation.
         #[source]
         source: DescriptorError,
     },
-    /// Its report descriptor is another than when it was found: another firmware, or another device that says that it is the same.
-    #[error("{device}: its report descriptor is not the one it was found with; choose it anew")]
+    /// The report descriptor has changed since the device was found, as after a firmware update.
+    #[error(
+        "{device}: its report descriptor has changed since the device was found; select the device again"
+    )]
     Changed {
-        /// Which.
+        /// Name of the device.
         device: String,
     },
-    /// It is none of the kinds that are known here, or lacks what a driver needs.
+    /// The device lacks something that its driver needs.
     #[error("{device}: {lacks}")]
     Unsupported {
-        /// Which.
+        /// Name of the device.
         device: String,
-        /// What it would need.
+        /// Description of what is missing.
         lacks: String,
     },
-    /// An option is out of bounds.
+    /// An option is out of range.
     #[error("{what} is {found}; it must be {allowed}")]
     Option {
-        /// Which.
+        /// Name of the device.
         what: &'static str,
-        /// What was given.
+        /// Rejected value.
         found: String,
-        /// What is allowed.
+        /// Allowed range.
         allowed: &'static str,
     },
 }
 
 impl HidError {
-    /// The same for the loop, which keeps no text. Only what is not plugged in is [`DeviceError::Disconnected`].
+    /// Converts the error for the haptic loop, which stores no text. Only a missing device is [`DeviceError::Disconnected`].
     #[must_use]
     pub fn for_loop(&self) -> DeviceError {
         match self {
             Self::NotFound { .. } | Self::Gone { .. } => DeviceError::Disconnected,
             Self::Several { .. } => DeviceError::Unavailable(
-                "several are like it, which has no serial number; unplug all but one, or choose it anew by its path",
+                "several devices match it and it has no serial number; unplug all but one, or select it by its path",
             ),
             Self::Permission { .. } => DeviceError::Unavailable(
-                "permission to open it is denied; on Linux install assets/udev/70-palpate.rules with a line for it and plug it in anew",
+                "permission to open it is denied; on Linux install assets/udev/70-palpate.rules with a line for it and plug it in again",
             ),
-            Self::Busy { .. } => DeviceError::Unavailable("another program or tool uses it; close that one"),
+            Self::Busy { .. } => {
+                DeviceError::Unavailable("already in use by another program or HapticTool; close that one")
+            }
             Self::Changed { .. } => DeviceError::Unavailable(
-                "its report descriptor is not the one it was found with; choose it anew",
+                "its report descriptor has changed since the device was found; select the device again",
             ),
             Self::Descriptor { .. } | Self::Unsupported { .. } => {
-                DeviceError::Protocol("its report descriptor is not what the driver needs")
+                DeviceError::Protocol("its report descriptor lacks what the driver needs")
             }
             Self::Open { source, .. } => source.raw_os_error().map_or(
-                DeviceError::Unavailable("the operating system does not open it; plug it in anew"),
+                DeviceError::Unavailable("the operating system cannot open it; plug it in again"),
                 DeviceError::Os,
             ),
             Self::List(_) => DeviceError::Unavailable(
-                "the operating system does not list its devices; restart the program if that stays",
+                "the operating system cannot list its devices; restart the program if the error persists",
             ),
             Self::Option { .. } => {
-                DeviceError::Unavailable("an option is out of bounds; choose it anew with another")
+                DeviceError::Unavailable("an option is out of range; create the device with a valid one")
             }
         }
     }
 }
 
-/// The line of udev's rules by which who is logged in may open such a device.
+/// The udev rule that lets the logged-in user open the device.
 fn rule(vendor: u16, product: u16) -> String {
     format!(
         r#"SUBSYSTEM=="hidraw", ATTRS{{idVendor}}=="{vendor:04x}", ATTRS{{idProduct}}=="{product:04x}", TAG+="uaccess""#
@@ -144,7 +150,7 @@ fn rule(vendor: u16, product: u16) -> String {
 fn hint(teensy: Option<&str>) -> String {
     teensy.map_or_else(String::new, |teensy| {
         format!(
-            "; {teensy} may be a 3-DOF board, which no Teensy can tell: if it is one, say so with `teensy_is_board`, or --teensy-is-board of palpate-lab devices"
+            "; {teensy} may be a 3-DOF board, which its USB IDs do not show: if it is one, set `treat_teensy_as_board` (palpate-lab devices: --teensy-is-board)"
         )
     })
 }

@@ -1,26 +1,32 @@
-//! Force-feedback joysticks with USB's physical interface device class (PID), driven by what their report descriptors say.
+//! Force-feedback joysticks with the USB physical interface device class (PID), driven by their report descriptors.
 //!
-//! The driver has the device make one constant force for each axis that has a motor, and writes its magnitude at every tick:
+//! The driver creates one constant force for each axis with a motor and writes its magnitude at every tick:
 //!
-//! 1. start: reset, an end to the pause in which a game may have left it, actuators on, gain to its greatest, the effects made one by one and asked for, told what they are, set to zero,
-//!    started;
-//! 2. write: the magnitude of each, first that which gets smaller; if one is not taken, zero for all; every 100 ms a start, as long as
-//!    there is force;
-//! 3. stop: the magnitudes zero, the effects stopped and freed, actuators off. What the device does then (some have a spring of their
-//!    own) is its own business.
+//! 1. start: reset the device, end a pause that a game may have left, enable the actuators, set the gain to its maximum, create the
+//!    effects one by one, set their parameters, set their magnitudes to zero, start them;
+//! 2. write: the magnitude of each effect, the decreasing one first. If the device rejects one, all are set to zero. While there is
+//!    force, each effect is started again every 100 ms;
+//! 3. stop: magnitudes zero, effects stopped and freed, actuators disabled. The force after that depends on the device; some have a
+//!    spring of their own.
 //!
-//! **What a killed program leaves.** A program that ends without a stop, because it is killed, would leave the
-//! last force on. So effects last half a second, in the unit that the duration's field states, milliseconds where it states none;
-//! and as long as there is force each is started again every 100 ms. When nobody does that any more the firmware ends the force by
-//! itself, 0.4 to 0.5 s later. To start an effect that is playing restarts it, by the class definition's effect operation: its time
-//! begins anew, and a constant force without an envelope, which does not depend on the time, goes on with its magnitude. OpenFFBoard
-//! (HidFFB.cpp at 3a4cc0e, `set_effect_operation`) and ArduinoJoystickWithFFBLibrary (PIDReportHandler.cpp at 04fdc39, `StartEffect`)
-//! set the time of its start and leave the rest; OpenFFBoard of 2020 (04dcaf4) counts on instead, so that the force pauses for up to
-//! 100 ms after each of its durations. A device on whose duration field nothing from 0.25 to 1 s can be written is given
-//! effects without end: there the last force stays until the device is opened again, reset or without power.
+//! # After the program was killed
 //!
-//! The operating system's driver of such devices (`hid-pidff` on Linux) may also make effects in it: let no game and no force
-//! feedback through evdev run beside.
+//! A killed program sends no stop and would leave the last force on. Effects therefore last 0.5 s, in the unit of the duration field
+//! (milliseconds without one), and each effect with a force is started again every 100 ms. Without the driver the firmware ends the
+//! force 0.4 to 0.5 s later.
+//!
+//! By the class definition, the start operation restarts an effect that is already playing: its time begins at zero, and a constant
+//! force without an envelope keeps its magnitude. OpenFFBoard (HidFFB.cpp at 3a4cc0e, `set_effect_operation`) and
+//! ArduinoJoystickWithFFBLibrary (PIDReportHandler.cpp at 04fdc39, `StartEffect`) reset the start time only. OpenFFBoard of 2020
+//! (04dcaf4) lets the time run on, so the force pauses for up to 100 ms after each duration.
+//!
+//! If the duration field holds no value from 0.25 to 1 s, the effects are endless: the last force stays until the device is opened
+//! again, reset or switched off.
+//!
+//! # Other programs
+//!
+//! The operating system's driver (`hid-pidff` on Linux) can create effects in the same device. Do not run a game or force feedback
+//! through evdev at the same time.
 //!
 //! Sources: *Device Class Definition for Physical Interface Devices (PID)*, version 1.0, USB Implementers' Forum; and of firmware
 //! Ultrawipf/OpenFFBoard, YukMingLaw/ArduinoJoystickWithFFBLibrary, and walmis/VPforce-TelemFFB for the VPforce Rhino.
@@ -31,41 +37,41 @@
 )]
 
 mod effect;
-mod force;
-mod form;
+mod effect_duration;
+mod force_scale;
 mod input;
-mod lasting;
 mod layout;
 mod options;
+mod report_encoding;
 pub(crate) mod usages;
 
 pub use options::JoystickOptions;
 
 use crate::driver::Driver;
-use crate::link::{Link, Understood};
+use crate::link::{Handled, Link};
 use crate::{HidError, HidInfo, ReportDescriptor, ReportKind};
-use effect::{Effect, check_room};
+use effect::{Effect, check_capacity};
 use glam::{DQuat, DVec3};
-use input::Said;
+use input::ParsedInput;
 use layout::{Axes, Layout};
 use palpate_haptics::{DeviceDescription, DeviceError, Reading};
 use std::time::Duration;
 use usages::{GAME_PAD, JOYSTICK, MAGNITUDE, SET_CONSTANT_FORCE};
 
-/// After a silence as long as this the effects are started anew: the watchdog, which stops them after 50 ms, may have done so.
+/// Time without a force after which the effects are started again: the watchdog, with a timeout of 50 ms, may have stopped them.
 const RESTART: Duration = Duration::from_millis(40);
-/// After the device was set to zero the whole force comes back within this time.
+/// Time in which the full force returns after the device was set to zero.
 const RECOVERY: Duration = Duration::from_millis(20);
-/// The most that one tick counts of it.
-const LONGEST_TICK: Duration = Duration::from_millis(2);
+/// Maximum part of the recovery time that one tick counts.
+const MAX_TICK: Duration = Duration::from_millis(2);
 
-/// Whether its applications allow it: a joystick, or a game pad.
-pub(crate) fn may_be_one(info: &HidInfo) -> bool {
+/// Whether a top-level usage is that of a joystick or a game pad.
+pub(crate) fn may_be_joystick(info: &HidInfo) -> bool {
     info.applications.iter().any(|usage| *usage == JOYSTICK.usage || *usage == GAME_PAD.usage)
 }
 
-/// Whether it has a report that sets a constant force.
-pub(crate) fn is_one(descriptor: &ReportDescriptor) -> bool {
+/// Whether the device has a report that sets a constant force.
+pub(crate) fn has_constant_force(descriptor: &ReportDescriptor) -> bool {
     descriptor.find(ReportKind::Output, SET_CONSTANT_FORCE.usage, MAGNITUDE.usage).is_some()
 }
 
@@ -74,16 +80,16 @@ struct Joystick {
     name: String,
     options: JoystickOptions,
     layout: Layout,
-    /// Those of x and, if it has a motor, of y, once it is started.
+    /// Effects of x and, if it has a motor, of y; empty before the start.
     effects: Vec<Effect>,
-    /// When the device last took a force, and the part of what is asked for that it is given: less than 1 for a while after it was
-    /// set to zero, when the loop does not know of it.
-    taken_at: Duration,
-    part: f64,
-    /// Whether its effects have to be started anew.
+    /// Time of the last accepted force.
+    accepted_at: Duration,
+    /// Scale of the forces, 0 to 1; below 1 for a while after the device was set to zero without the loop's involvement.
+    scale: f64,
+    /// Whether the effects have to be started again.
     is_stopped: bool,
-    /// Where it is in parts of its travel, which buttons are pressed, and when it said so.
-    place: Option<([f64; 2], u32, Duration)>,
+    /// Latest position as a fraction of the travel, pressed buttons, and the time of their report.
+    latest: Option<([f64; 2], u32, Duration)>,
 }
 
 pub(crate) fn driver(
@@ -94,9 +100,9 @@ pub(crate) fn driver(
     options.validate()?;
     let name = info.label();
     let layout = Layout::of(&name, descriptor, &options)?;
-    let (effects, taken_at, part, place) = (Vec::new(), Duration::ZERO, 1.0, None);
+    let (effects, accepted_at, scale, latest) = (Vec::new(), Duration::ZERO, 1.0, None);
     let is_stopped = false;
-    Ok(Box::new(Joystick { name, options, layout, effects, taken_at, part, is_stopped, place }))
+    Ok(Box::new(Joystick { name, options, layout, effects, accepted_at, scale, is_stopped, latest }))
 }
 
 impl Joystick {
@@ -107,26 +113,25 @@ impl Joystick {
         }
     }
 
-    /// The magnitudes for a force, of x and of y: it is projected on the plane, or on the line of x, and shortened to what is
-    /// allowed.
+    /// Magnitudes of x and y for a force: projected on the plane, or on the line of x, and limited to the maximum force.
     fn magnitudes(&self, force_n: DVec3) -> [i64; 2] {
         let [x, y] = self.options.plane;
         let along_y = if self.axes() == 2 { force_n.dot(y) } else { 0.0 };
         let in_plane = [force_n.dot(x), along_y];
         let length = in_plane[0].hypot(in_plane[1]);
-        // What is not a number is no force.
+        // A NaN becomes the magnitude 0.
         let shorter = if length > self.options.max_force_n { self.options.max_force_n / length } else { 1.0 };
         let [is_x_reversed, is_y_reversed] = self.options.reverse;
         let magnitude = |force_n: f64, is_reversed: bool| {
             let sign = if is_reversed { -1.0 } else { 1.0 };
-            self.layout.scale.counts(sign * self.part * shorter * force_n)
+            self.layout.scale.counts(sign * self.scale * shorter * force_n)
         };
         let [x, y] = in_plane;
         [magnitude(x, is_x_reversed), magnitude(y, is_y_reversed)]
     }
 
-    /// Has the device make its effects and lets them act, at zero.
-    fn make(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+    /// Creates the effects and starts them at zero.
+    fn create_effects(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         for axis in 0..self.axes() {
             self.effects.push(Effect::create(link, &self.layout, axis)?);
         }
@@ -135,13 +140,13 @@ impl Joystick {
         self.effects.iter_mut().try_for_each(|effect| effect.start(link))
     }
 
-    /// Zero, and from there on anew: one axis must not go on with an old force while the other has a new one. Where an axis does not
-    /// even take zero the actuators are switched off.
-    fn let_go(&mut self, link: &mut Link) -> Result<(), DeviceError> {
-        self.part = 0.0;
+    /// Sets all effects to zero and restarts the recovery: no axis may keep an old force while another has a new one. If an axis rejects
+    /// zero, disables the actuators.
+    fn zero_all(&mut self, link: &mut Link) -> Result<(), DeviceError> {
+        self.scale = 0.0;
         let mut zeroed = Ok(());
         for effect in &mut self.effects {
-            // Each of them, even if one fails.
+            // Zero each effect, even if one fails.
             zeroed = zeroed.and(effect.zero(link));
         }
         if zeroed.is_err() {
@@ -151,29 +156,29 @@ impl Joystick {
         zeroed
     }
 
-    /// Lets the effects act again, which may have been stopped beside.
+    /// Starts the effects again after another thread may have stopped them.
     fn restart(&mut self, link: &mut Link) -> Result<(), DeviceError> {
-        self.let_go(link)?;
+        self.zero_all(link)?;
         link.write(&self.layout.control.enable)?;
         self.effects.iter_mut().try_for_each(|effect| effect.start(link))?;
         self.is_stopped = false;
         Ok(())
     }
 
-    /// Writes all magnitudes: first the one that gets smaller, so that in between there is less force and not more. Whether one
-    /// was written.
+    /// Writes all magnitudes, the decreasing one first: in between, the total force is smaller, not larger. Returns whether one was
+    /// written.
     fn send(&mut self, link: &mut Link, now: Duration) -> Result<bool, DeviceError> {
         let layout = &self.layout;
         let is_second_first = matches!(&*self.effects, [x, y] if y.growth() < x.growth());
-        let mut is_any = false;
+        let mut has_written = false;
         let mut send =
-            |effect: &mut Effect| effect.send(link, layout, now).map(|is_written| is_any |= is_written);
+            |effect: &mut Effect| effect.send(link, layout, now).map(|is_written| has_written |= is_written);
         if is_second_first {
             self.effects.iter_mut().rev().try_for_each(&mut send)?;
         } else {
             self.effects.iter_mut().try_for_each(&mut send)?;
         }
-        Ok(is_any)
+        Ok(has_written)
     }
 }
 
@@ -187,25 +192,25 @@ impl Driver for Joystick {
             name: self.name.clone(),
             workspace_m: [-half, half],
             max_force_n: self.options.max_force_n,
-            // An inference: USB at full speed takes one output report a millisecond, and each axis needs one. What was achieved
-            // the counters tell.
+            // Estimated: full-speed USB transfers one output report per millisecond, and each axis needs one. `HidCounters` has the
+            // measured rate.
             rate_hz: 1000.0 / self.axes() as f64,
         }
     }
 
-    fn shown_n(&self, force_n: DVec3) -> DVec3 {
+    fn displayed_force_n(&self, force_n: DVec3) -> DVec3 {
         let axes = self.options.plane.iter().take(self.axes());
         axes.map(|axis| force_n.dot(*axis) * *axis).sum()
     }
 
     fn start(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.effects.clear();
-        self.place = None;
-        // What came before it was opened is old.
-        link.drain(Duration::ZERO, |_| Understood::Nothing)?;
+        self.latest = None;
+        // Discard reports from before the opening.
+        link.drain(Duration::ZERO, |_| Handled::Ignored)?;
         link.write(&self.layout.control.reset)?;
         if let Some(resume) = &self.layout.control.resume {
-            // A reset need not end a pause. One that does not take this may do without.
+            // A reset may leave the device paused. The command is optional, so ignore its rejection.
             let _ = link.write(resume);
         }
         link.write(&self.layout.control.enable)?;
@@ -213,40 +218,40 @@ impl Driver for Joystick {
             link.write(gain)?;
         }
         if let Some(pool) = &self.layout.pool {
-            check_room(link, pool, self.axes() as i64)?;
+            check_capacity(link, pool, self.axes() as i64)?;
         }
-        if let Err(error) = self.make(link) {
-            // There may be an effect whose index is not known.
+        if let Err(error) = self.create_effects(link) {
+            // An effect with an unknown index may exist.
             let _ = link.write(&self.layout.control.reset);
             return Err(error);
         }
-        (self.taken_at, self.part, self.is_stopped) = (link.clock.now(), 1.0, false);
+        (self.accepted_at, self.scale, self.is_stopped) = (link.clock.now(), 1.0, false);
         Ok(())
     }
 
     fn read(&mut self, link: &mut Link, _: Duration) -> Result<Reading, DeviceError> {
-        let (input, mut said) = (&self.layout.input, None);
-        // Nothing is waited for: between two reports the stick is where it was.
+        let (input, mut newest) = (&self.layout.input, None);
+        // Do not wait: between two reports the position is unchanged.
         link.drain(Duration::ZERO, |bytes| match input.parse(bytes) {
-            Said::Place(place, buttons) => {
-                said = Some((place, buttons));
-                Understood::As(0)
+            ParsedInput::Position(position, buttons) => {
+                newest = Some((position, buttons));
+                Handled::Used(0)
             }
-            Said::Other => Understood::Nothing,
-            Said::Malformed => Understood::Malformed,
+            ParsedInput::Other => Handled::Ignored,
+            ParsedInput::Malformed => Handled::Malformed,
         })?;
         let now = link.clock.now();
-        if let Some((place, buttons)) = said {
-            self.place = Some((place, buttons, now));
+        if let Some((position, buttons)) = newest {
+            self.latest = Some((position, buttons, now));
         }
-        let (place, buttons, said_at) = self.place.ok_or(DeviceError::TimedOut)?;
-        let silence_s = now.saturating_sub(said_at).as_secs_f64();
+        let (position, buttons, reported_at) = self.latest.ok_or(DeviceError::TimedOut)?;
+        let silence_s = now.saturating_sub(reported_at).as_secs_f64();
         if self.options.silent_after_s.is_some_and(|limit_s| silence_s > limit_s) {
             return Err(DeviceError::TimedOut);
         }
         let ([x, y], [along_x, along_y]) = (self.options.plane, self.options.travel_m);
         Ok(Reading {
-            position_m: place[0] * along_x * x + place[1] * along_y * y,
+            position_m: position[0] * along_x * x + position[1] * along_y * y,
             velocity_m_per_s: None,
             orientation: DQuat::IDENTITY,
             buttons,
@@ -256,23 +261,23 @@ impl Driver for Joystick {
 
     fn write(&mut self, link: &mut Link, force_n: DVec3) -> Result<(), DeviceError> {
         let now = link.clock.now();
-        if self.is_stopped || now.saturating_sub(self.taken_at) > RESTART {
+        if self.is_stopped || now.saturating_sub(self.accepted_at) > RESTART {
             self.restart(link)?;
         }
         let magnitudes = self.magnitudes(force_n);
         for (effect, magnitude) in self.effects.iter_mut().zip(magnitudes) {
-            effect.wanted = magnitude;
+            effect.target = magnitude;
         }
         let is_written = match self.send(link, now) {
             Ok(is_written) => is_written,
             Err(error) => {
-                let _ = self.let_go(link);
+                let _ = self.zero_all(link);
                 return Err(error);
             }
         };
-        let tick = now.saturating_sub(self.taken_at).min(LONGEST_TICK);
-        self.part = (self.part + tick.as_secs_f64() / RECOVERY.as_secs_f64()).min(1.0);
-        self.taken_at = now;
+        let tick = now.saturating_sub(self.accepted_at).min(MAX_TICK);
+        self.scale = (self.scale + tick.as_secs_f64() / RECOVERY.as_secs_f64()).min(1.0);
+        self.accepted_at = now;
         if is_written {
             link.note_force();
         }
@@ -280,8 +285,8 @@ impl Driver for Joystick {
     }
 
     fn stop(&mut self, link: &mut Link) -> Result<(), DeviceError> {
-        // Each of these, even if one fails.
-        let mut stopped = self.let_go(link);
+        // Send each report, even if one fails.
+        let mut stopped = self.zero_all(link);
         for effect in &self.effects {
             stopped = stopped.and(effect.stop(link));
         }
@@ -294,13 +299,13 @@ impl Driver for Joystick {
     }
 
     fn ends_by_itself(&self) -> bool {
-        self.layout.ends
+        self.layout.has_finite_effects
     }
 
     fn stop_reports(&self) -> Vec<Vec<u8>> {
         let zero = self.effects.iter().map(Effect::zero_report);
         let control = &self.layout.control;
-        // The last two need no effect's index.
+        // The last two work without effect indices.
         zero.chain([control.stop_all.clone(), control.disable.clone()]).collect()
     }
 }

@@ -1,5 +1,5 @@
-//! Haptic devices over HID, the only part of palpate that talks to hardware: SpaceMouse, force-feedback joysticks, open boards with
-//! three motors.
+//! HID haptic devices: 3Dconnexion SpaceMouse, force-feedback joysticks, open boards with three motors. The only crate of palpate
+//! that accesses hardware.
 //!
 //! # Getting started
 //!
@@ -11,25 +11,24 @@
 //! let bus = Arc::new(SystemBus::new()?);
 //! let device = HidDevice::find(bus, &HidSelector::any(), &HidOptions::default())?;
 //! println!("{}", device.found().info.label());
-//! // `device` is a `HapticDevice`: a haptic loop takes it from here.
+//! // `device` is a `HapticDevice`: pass it to a haptic loop.
 //! # Ok(())
 //! # }
 //! ```
 //!
 //! # Contents
 //!
-//! * Which device: [`HidSelector`], [`FoundDevice`], [`HidKind`]; what is there: [`HidBus`], [`SystemBus`], [`HidInfo`].
-//! * The device: [`HidDevice`], with [`HidOptions`] for each kind; what it saw: [`HidCounters`].
-//! * What a device says of its reports: [`ReportDescriptor`].
-//! * A 3-DOF board: its arm [`BoardKinematics`], its home [`BoardHoming`], [`BoardCalibration`], its reports [`BoardForm`],
-//!   [`BoardInput`], [`BoardOutput`].
-//! * Without hardware: [`StandInBus`], [`Firmware`]; a cap [`SpaceMouseFirmware`]; a joystick in a hand
-//!   [`JoystickFirmware`]; a board with an arm and a hand [`BoardFirmware`].
+//! * Selection and enumeration: [`HidSelector`], [`FoundDevice`], [`HidKind`]; [`HidBus`], [`SystemBus`], [`HidInfo`].
+//! * The device: [`HidDevice`], with [`HidOptions`] for each kind and the statistics [`HidCounters`].
+//! * Report descriptors: [`ReportDescriptor`].
+//! * 3-DOF boards: kinematics [`BoardKinematics`], calibration [`BoardHoming`] and [`BoardCalibration`], reports [`BoardForm`],
+//!   [`BoardInput`] and [`BoardOutput`].
+//! * Simulated devices: the module `simulated` of the feature with the same name.
 //!
 //! # Units, frames, signs
 //!
-//! SI. Positions and forces are in the device's own frame: x to the right, y up, z towards the hand's owner. Force is what the
-//! device does to the hand.
+//! SI units. Positions and forces are in the device frame: x to the right, y up, z towards the user. Forces are those
+//! exerted by the device on the hand.
 
 #![forbid(unsafe_code)]
 
@@ -44,29 +43,27 @@ mod error;
 mod joystick;
 mod link;
 mod selector;
+#[cfg(feature = "simulated")]
+pub mod simulated;
 mod space_mouse;
-mod stand_in;
 mod system;
 
 pub use board::{
     BoardBytes, BoardCalibration, BoardForm, BoardHoming, BoardInput, BoardKinematics, BoardLinkage,
     BoardOptions, BoardOutput, BoardPacketError,
 };
-pub use bus::{HidBus, HidConnection, HidInfo, LONGEST_INPUT};
+pub use bus::{HidBus, HidConnection, HidInfo, MAX_INPUT_REPORT_BYTES};
 pub use clock::Clock;
 pub use counters::HidCounters;
 pub use descriptor::{
-    Collection, DescriptorError, Field, LONGEST_DESCRIPTOR, LONGEST_REPORT, MOST_FIELDS, Report,
+    Collection, DescriptorError, Field, MAX_DESCRIPTOR_BYTES, MAX_FIELDS, MAX_REPORT_BYTES, Report,
     ReportDescriptor, ReportKind, Usage, UsageRange,
 };
 pub use device::{HidDevice, HidOptions};
 pub use error::HidError;
 pub use joystick::JoystickOptions;
 pub use selector::{FoundDevice, HidKind, HidSelector};
-pub use space_mouse::{CapReport, NotACapReport, SpaceMouseOptions};
-pub use stand_in::{
-    BoardFirmware, CapForm, Firmware, HeldStick, JoystickFirmware, SpaceMouseFirmware, StandInBus,
-};
+pub use space_mouse::{ParseReportError, SpaceMouseOptions, SpaceMouseReport};
 pub use system::SystemBus;
 
 #[cfg(doctest)]

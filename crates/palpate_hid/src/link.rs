@@ -1,33 +1,33 @@
-//! An open device as a driver sees it: the newest of what has come, and a count of the rest.
+//! Connection to an open device: reads all pending reports and counts them.
 
-use crate::bus::LONGEST_INPUT;
+use crate::bus::MAX_INPUT_REPORT_BYTES;
 use crate::{Clock, HidConnection, HidCounters};
 use palpate_haptics::DeviceError;
 use std::time::Duration;
 
-/// So many reports are read at once at most: more than any operating system keeps, so that the newest is reached, and an end for a
-/// device that sends faster than it can be read.
-const MOST_AT_ONCE: usize = 128;
+/// Maximum number of reports read in one tick. It exceeds the queue of every operating system, so the latest report is reached, and
+/// bounds the loop for a device that sends faster than it can be read.
+const MAX_REPORTS_PER_DRAIN: usize = 128;
 
-/// What a driver makes of one input report.
-pub(crate) enum Understood {
-    /// It took something from it. Where it takes another of the same kind (a small number) at the same tick, this one was skipped.
-    As(u8),
-    /// It is a report of such a device in which there is nothing for it.
-    Nothing,
-    /// It is none.
+/// Result of processing one input report.
+pub(crate) enum Handled {
+    /// The driver used the report. A later report of the same kind (a small number) in the same tick makes it count as skipped.
+    Used(u8),
+    /// The report is valid and contains nothing for the driver.
+    Ignored,
+    /// The report is malformed.
     Malformed,
 }
 
 /// An open device.
 pub(crate) struct Link {
     connection: Box<dyn HidConnection>,
-    /// Whether the connection has said that the device is gone: it is not asked again, as it may make a text for every answer. A
-    /// device that comes back is a new link.
+    /// Whether the connection has reported that the device is gone. No further call is made then, as `hidapi` allocates a message for
+    /// each error. A device that returns gets a new link.
     is_gone: bool,
     pub(crate) clock: Box<dyn Clock>,
     pub(crate) counters: HidCounters,
-    buffer: [u8; LONGEST_INPUT],
+    buffer: [u8; MAX_INPUT_REPORT_BYTES],
 }
 
 impl Link {
@@ -36,40 +36,40 @@ impl Link {
         clock: Box<dyn Clock>,
         counters: HidCounters,
     ) -> Self {
-        Self { connection, is_gone: false, clock, counters, buffer: [0; LONGEST_INPUT] }
+        Self { connection, is_gone: false, clock, counters, buffer: [0; MAX_INPUT_REPORT_BYTES] }
     }
 
-    /// Gives its parts back, to be opened anew.
+    /// Returns the clock for reuse by the next link.
     pub(crate) fn into_clock(self) -> Box<dyn Clock> {
         self.clock
     }
 
-    /// Asks the connection, unless the device is gone.
-    fn ask<T>(
+    /// Calls `operation` on the connection, unless the device is gone.
+    fn with_connection<T>(
         &mut self,
-        ask: impl FnOnce(&mut dyn HidConnection, &mut [u8]) -> Result<T, DeviceError>,
+        operation: impl FnOnce(&mut dyn HidConnection, &mut [u8]) -> Result<T, DeviceError>,
     ) -> Result<T, DeviceError> {
         if self.is_gone {
             return Err(DeviceError::Disconnected);
         }
-        let answer = ask(&mut *self.connection, &mut self.buffer);
-        self.is_gone = matches!(answer, Err(DeviceError::Disconnected));
-        answer
+        let result = operation(&mut *self.connection, &mut self.buffer);
+        self.is_gone = matches!(result, Err(DeviceError::Disconnected));
+        result
     }
 
-    /// Reads all that has come, oldest first, waiting `within` for the first at most. hidraw keeps the oldest reports and loses
-    /// newer ones, so nothing may be left there. An error is told only where nothing was read before it: it comes again.
+    /// Reads all pending reports, oldest first, and waits at most `within` for the first. hidraw keeps the oldest reports and drops newer
+    /// ones, so the queue must be emptied. An error is returned only if no report was read before it: the next call meets it again.
     pub(crate) fn drain(
         &mut self,
         within: Duration,
-        mut take: impl FnMut(&[u8]) -> Understood,
+        mut take: impl FnMut(&[u8]) -> Handled,
     ) -> Result<(), DeviceError> {
         let (mut read, mut skipped, mut malformed) = (0, 0, 0);
         let mut kinds = 0_u64;
         let mut wait = within;
         let mut ended = Ok(());
-        for _ in 0..MOST_AT_ONCE {
-            let length = match self.ask(|connection, buffer| connection.read(buffer, wait)) {
+        for _ in 0..MAX_REPORTS_PER_DRAIN {
+            let length = match self.with_connection(|connection, buffer| connection.read(buffer, wait)) {
                 Ok(0) => break,
                 Ok(length) => length,
                 Err(error) => {
@@ -79,14 +79,14 @@ impl Link {
             };
             wait = Duration::ZERO;
             match take(self.buffer.get(..length).unwrap_or_default()) {
-                Understood::As(kind) => {
+                Handled::Used(kind) => {
                     let bit = 1 << (kind & 63);
                     skipped += u64::from(kinds & bit != 0);
                     kinds |= bit;
                     read += 1;
                 }
-                Understood::Nothing => read += 1,
-                Understood::Malformed => malformed += 1,
+                Handled::Ignored => read += 1,
+                Handled::Malformed => malformed += 1,
             }
         }
         self.counters.note_read(read, skipped, malformed);
@@ -95,20 +95,20 @@ impl Link {
 
     /// Sends an output report.
     pub(crate) fn write(&mut self, report: &[u8]) -> Result<(), DeviceError> {
-        self.ask(|connection, _| connection.write(report))
+        self.with_connection(|connection, _| connection.write(report))
     }
 
-    /// Asks for a feature report, whose number is the first byte of `report`.
+    /// Reads the feature report with the ID `report[0]`.
     pub(crate) fn feature(&mut self, report: &mut [u8]) -> Result<usize, DeviceError> {
-        self.ask(|connection, _| connection.feature(report))
+        self.with_connection(|connection, _| connection.feature(report))
     }
 
     /// Sends a feature report.
     pub(crate) fn set_feature(&mut self, report: &[u8]) -> Result<(), DeviceError> {
-        self.ask(|connection, _| connection.set_feature(report))
+        self.with_connection(|connection, _| connection.set_feature(report))
     }
 
-    /// The device has taken a force with all its reports, of which there was one at least.
+    /// Counts a force whose reports, at least one, were all sent.
     pub(crate) fn note_force(&mut self) {
         let now = self.clock.now();
         self.counters.note_force(now);
@@ -121,44 +121,44 @@ mod test {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    /// Counts how often it is asked, and makes a text for each of its errors.
-    struct Counted {
-        asked: Arc<AtomicUsize>,
-        answer: DeviceError,
+    /// Counts the calls and allocates a message for each error.
+    struct FailingConnection {
+        calls: Arc<AtomicUsize>,
+        error: DeviceError,
     }
 
-    impl Counted {
-        fn answer(&self) -> DeviceError {
-            self.asked.fetch_add(1, Ordering::SeqCst);
-            drop(self.answer.to_string());
-            self.answer
+    impl FailingConnection {
+        fn count_call(&self) -> DeviceError {
+            self.calls.fetch_add(1, Ordering::SeqCst);
+            drop(self.error.to_string());
+            self.error
         }
     }
 
-    impl HidConnection for Counted {
+    impl HidConnection for FailingConnection {
         fn read(&mut self, _: &mut [u8], _: Duration) -> Result<usize, DeviceError> {
-            Err(self.answer())
+            Err(self.count_call())
         }
         fn write(&mut self, _: &[u8]) -> Result<(), DeviceError> {
-            Err(self.answer())
+            Err(self.count_call())
         }
         fn feature(&mut self, _: &mut [u8]) -> Result<usize, DeviceError> {
-            Err(self.answer())
+            Err(self.count_call())
         }
         fn set_feature(&mut self, _: &[u8]) -> Result<(), DeviceError> {
-            Err(self.answer())
+            Err(self.count_call())
         }
     }
 
-    fn link(answer: DeviceError) -> (Link, Arc<AtomicUsize>) {
-        let asked = Arc::<AtomicUsize>::default();
-        let connection = Box::new(Counted { asked: Arc::clone(&asked), answer });
-        (Link::new(connection, crate::clock::monotonic(), HidCounters::default()), asked)
+    fn link(error: DeviceError) -> (Link, Arc<AtomicUsize>) {
+        let calls = Arc::<AtomicUsize>::default();
+        let connection = Box::new(FailingConnection { calls: Arc::clone(&calls), error });
+        (Link::new(connection, crate::clock::monotonic(), HidCounters::default()), calls)
     }
 
-    fn ask_all(link: &mut Link) -> [Result<(), DeviceError>; 4] {
+    fn call_all(link: &mut Link) -> [Result<(), DeviceError>; 4] {
         [
-            link.drain(Duration::ZERO, |_| Understood::Nothing),
+            link.drain(Duration::ZERO, |_| Handled::Ignored),
             link.write(&[1]),
             link.feature(&mut [1]).map(|_| ()),
             link.set_feature(&[1]),
@@ -166,22 +166,22 @@ mod test {
     }
 
     #[test]
-    fn a_connection_without_its_device_is_asked_once_and_nothing_is_allocated() {
-        let (mut link, asked) = link(DeviceError::Disconnected);
+    fn disconnected_link_makes_no_further_calls_and_allocates_nothing() {
+        let (mut link, calls) = link(DeviceError::Disconnected);
         assert_eq!(link.write(&[1]), Err(DeviceError::Disconnected));
         let allocations = allocation_counter::measure(|| {
             for _ in 0..100 {
-                assert_eq!(ask_all(&mut link), [Err(DeviceError::Disconnected); 4]);
+                assert_eq!(call_all(&mut link), [Err(DeviceError::Disconnected); 4]);
             }
         });
-        assert_eq!(asked.load(Ordering::SeqCst), 1);
+        assert_eq!(calls.load(Ordering::SeqCst), 1);
         assert_eq!(allocations.count_total, 0, "{allocations:?}");
     }
 
     #[test]
-    fn after_another_error_it_is_asked_again() {
-        let (mut link, asked) = link(DeviceError::Os(5));
-        assert_eq!(ask_all(&mut link), [Err(DeviceError::Os(5)); 4]);
-        assert_eq!(asked.load(Ordering::SeqCst), 4);
+    fn link_stays_open_after_other_errors() {
+        let (mut link, calls) = link(DeviceError::Os(5));
+        assert_eq!(call_all(&mut link), [Err(DeviceError::Os(5)); 4]);
+        assert_eq!(calls.load(Ordering::SeqCst), 4);
     }
 }

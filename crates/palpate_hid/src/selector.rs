@@ -1,22 +1,22 @@
-//! Which of the devices that are plugged in.
+//! Selection among the devices that are plugged in.
 
 use crate::{HidBus, HidError, HidInfo, ReportDescriptor, board, joystick, space_mouse};
 use std::fmt;
 
-/// A kind of device with a protocol of its own.
+/// A kind of device, with a driver of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum HidKind {
-    /// A cap that is pushed and turned, of 3Dconnexion. It has no motors.
+    /// 3Dconnexion SpaceMouse: a cap with six axes, without motors.
     SpaceMouse,
-    /// A force-feedback joystick with USB's physical interface device class (PID), two axes.
+    /// Force-feedback joystick with two axes, USB physical interface device class (PID).
     Joystick,
-    /// An open board with three motors: WoodenHaptics, AluHaptics, Polhem. All have the same numbers, and not all the same linkage:
-    /// which it is has to be said, with [`BoardOptions::kinematics`](crate::BoardOptions::kinematics).
+    /// Open board with three motors: WoodenHaptics, AluHaptics, Polhem. Their USB IDs are equal and their linkages differ: set
+    /// [`BoardOptions::kinematics`](crate::BoardOptions::kinematics).
     Board,
 }
 
 impl HidKind {
-    /// All of them; where a device is asked for and no kind is named, the earlier goes before the later.
+    /// All kinds, in the order of preference of a selector without a kind.
     pub const ALL: [Self; 3] = [Self::Board, Self::Joystick, Self::SpaceMouse];
 }
 
@@ -30,48 +30,48 @@ impl fmt::Display for HidKind {
     }
 }
 
-/// What a device must be. What is not named may be anything.
+/// Criteria for a device; `None` matches everything.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct HidSelector {
-    /// Its kind.
+    /// Kind of the device.
     pub kind: Option<HidKind>,
-    /// Number of its vendor.
+    /// USB vendor ID.
     pub vendor: Option<u16>,
-    /// Number of its product.
+    /// USB product ID.
     pub product: Option<u16>,
-    /// Its serial number.
+    /// Serial number.
     pub serial: Option<String>,
-    /// Where it is, as [`HidInfo::path`]. It changes when the device is plugged in anew.
+    /// Path, as [`HidInfo::path`]. It changes when the device is unplugged and plugged in again.
     pub path: Option<String>,
-    /// Where there are several, whether the first is meant and not an error: forces before none (see [`HidKind::ALL`]), then by
-    /// path; one that another program or tool has is passed over.
-    pub first: bool,
-    /// Whether 16C0:0486 is a board. Every sketch for a Teensy with raw HID has these numbers, so that somebody has to say it.
-    pub teensy_is_board: bool,
+    /// Whether to use the first of several matching devices instead of returning an error. Devices are ordered by kind (see
+    /// [`HidKind::ALL`]), then by path; devices in use are skipped.
+    pub match_first: bool,
+    /// Whether a device with the IDs 16C0:0486 is a board. Every Teensy sketch with raw HID has these IDs.
+    pub treat_teensy_as_board: bool,
 }
 
 impl HidSelector {
-    /// The first of `kind`.
+    /// Matches the first device of `kind`.
     #[must_use]
     pub fn first(kind: HidKind) -> Self {
-        Self { kind: Some(kind), first: true, ..Self::default() }
+        Self { kind: Some(kind), match_first: true, ..Self::default() }
     }
 
-    /// The first device of any kind, one with motors before one without.
+    /// Matches the first device of any kind; devices with motors come first.
     #[must_use]
     pub fn any() -> Self {
-        Self { first: true, ..Self::default() }
+        Self { match_first: true, ..Self::default() }
     }
 
-    fn admits(&self, kind: HidKind, info: &HidInfo) -> bool {
-        self.kind.is_none_or(|asked| asked == kind)
+    fn matches(&self, kind: HidKind, info: &HidInfo) -> bool {
+        self.kind.is_none_or(|required| required == kind)
             && self.vendor.is_none_or(|vendor| vendor == info.vendor)
             && self.product.is_none_or(|product| product == info.product)
             && self.serial.as_ref().is_none_or(|serial| *serial == info.serial)
             && self.path.as_ref().is_none_or(|path| *path == info.path)
     }
 
-    /// The device that is meant.
+    /// Finds the matching device.
     ///
     /// # Errors
     /// [`HidError::NotFound`], [`HidError::Several`], [`HidError::List`].
@@ -79,33 +79,35 @@ impl HidSelector {
         self.find_all(bus).map(|(first, _)| first)
     }
 
-    /// The device that is meant, and, where the first is meant, the others after it in their order.
+    /// Finds the matching device, and the further matches in their order if `match_first` is set.
     pub(crate) fn find_all(&self, bus: &dyn HidBus) -> Result<(FoundDevice, Vec<FoundDevice>), HidError> {
         let present = bus.list()?;
-        let mut found: Vec<FoundDevice> =
-            present.iter().filter_map(|info| FoundDevice::known(bus, info, self.teensy_is_board)).collect();
-        found.retain(|found| self.admits(found.kind, &found.info));
+        let mut found: Vec<FoundDevice> = present
+            .iter()
+            .filter_map(|info| FoundDevice::known(bus, info, self.treat_teensy_as_board))
+            .collect();
+        found.retain(|found| self.matches(found.kind, &found.info));
         let rank = |found: &FoundDevice| HidKind::ALL.iter().position(|&kind| kind == found.kind);
         found.sort_by(|a, b| rank(a).cmp(&rank(b)).then_with(|| a.info.path.cmp(&b.info.path)));
-        if found.len() > 1 && !self.first {
-            // Those that are alike and have no serial number differ in their paths only.
+        if found.len() > 1 && !self.match_first {
+            // Equal devices without serial number differ only in their paths.
             let found = found.iter().map(|it| format!("{} at {}", it.info.label(), it.info.path)).collect();
-            return Err(HidError::Several { asked: self.to_string(), found });
+            return Err(HidError::Several { requested: self.to_string(), found });
         }
         let mut found = found.into_iter();
         match found.next() {
             Some(first) => Ok((first, found.collect())),
             None => Err(HidError::NotFound {
-                asked: self.to_string(),
+                requested: self.to_string(),
                 present: present.iter().map(HidInfo::label).collect(),
-                teensy: present.iter().find(|info| self.may_mean(info)).map(HidInfo::label),
+                teensy: present.iter().find(|info| self.may_be_board(info)).map(HidInfo::label),
             }),
         }
     }
 
-    /// Whether `info` is a Teensy that would be meant if it were a board.
-    fn may_mean(&self, info: &HidInfo) -> bool {
-        !self.teensy_is_board && board::is_one(info, true) && self.admits(HidKind::Board, info)
+    /// Whether `info` is a Teensy that would match if it were treated as a board.
+    fn may_be_board(&self, info: &HidInfo) -> bool {
+        !self.treat_teensy_as_board && board::is_board(info, true) && self.matches(HidKind::Board, info)
     }
 }
 
@@ -113,13 +115,13 @@ impl fmt::Display for HidSelector {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.kind {
             Some(kind) => kind.fmt(f)?,
-            None => f.write_str("device of a known kind")?,
+            None => f.write_str("supported device")?,
         }
         if let Some(vendor) = self.vendor {
             write!(f, " of vendor {vendor:04x}")?;
         }
         if let Some(product) = self.product {
-            write!(f, " with product number {product:04x}")?;
+            write!(f, " with product ID {product:04x}")?;
         }
         if let Some(serial) = &self.serial {
             write!(f, " with serial number {serial}")?;
@@ -131,25 +133,28 @@ impl fmt::Display for HidSelector {
     }
 }
 
-/// A device that is plugged in and known.
+/// A supported device that is plugged in.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FoundDevice {
-    /// Its kind.
+    /// Kind of the device.
     pub kind: HidKind,
-    /// What the operating system knows of it.
+    /// Description by the operating system.
     pub info: HidInfo,
 }
 
 impl FoundDevice {
-    /// `info` with its kind, if it is of one. The descriptor is looked at only where numbers and applications do not tell.
+    /// Identifies the kind of `info`; `None` for an unsupported device. The report descriptor is read only where IDs and usages are not
+    /// sufficient.
     #[must_use]
-    pub fn known(bus: &dyn HidBus, info: &HidInfo, teensy_is_board: bool) -> Option<Self> {
+    pub fn known(bus: &dyn HidBus, info: &HidInfo, treat_teensy_as_board: bool) -> Option<Self> {
         let descriptor = || bus.descriptor(info).ok().and_then(|bytes| ReportDescriptor::parse(&bytes).ok());
-        let kind = if space_mouse::is_one(info) {
+        let kind = if space_mouse::is_space_mouse(info) {
             HidKind::SpaceMouse
-        } else if board::is_one(info, teensy_is_board) {
+        } else if board::is_board(info, treat_teensy_as_board) {
             HidKind::Board
-        } else if joystick::may_be_one(info) && descriptor().is_some_and(|it| joystick::is_one(&it)) {
+        } else if joystick::may_be_joystick(info)
+            && descriptor().is_some_and(|it| joystick::has_constant_force(&it))
+        {
             HidKind::Joystick
         } else {
             return None;

@@ -1,5 +1,5 @@
-//! The SpaceMouse of 3Dconnexion: a cap that springs back and tells how far it is pushed and turned. Its push is taken as a
-//! velocity, which moves a point in a box.
+//! The 3Dconnexion SpaceMouse: a spring-centred cap that reports its deflection along and about three axes. The driver integrates the
+//! deflection as a velocity, which moves a point in a box.
 //!
 //! Sources: JakubAndrysek/PySpaceMouse at 284caf6, `pyspacemouse/devices.toml` and `device.py`; FreeSpacenav/spacenavd at bac572a,
 //! `src/dev.c`.
@@ -12,38 +12,38 @@
 mod models;
 mod report;
 
-pub(crate) use models::is_one;
-pub use report::{CapReport, NotACapReport};
+pub(crate) use models::is_space_mouse;
+pub use report::{ParseReportError, SpaceMouseReport};
 
 use crate::driver::Driver;
-use crate::link::{Link, Understood};
+use crate::link::{Handled, Link};
 use crate::{HidError, HidInfo};
 use glam::{DQuat, DVec3};
 use palpate_haptics::{DeviceDescription, DeviceError, Reading};
 use std::time::Duration;
 
-/// The push and the turn, in counts, that are taken as full.
-const FULL: f64 = 350.0;
-/// The longest time between two readings over which the cap's push is taken to have lasted, s.
-const LONGEST_STEP_S: f64 = 0.02;
+/// Full deflection, counts.
+const FULL_DEFLECTION: f64 = 350.0;
+/// Maximum time between two readings over which the deflection is integrated, s.
+const MAX_STEP_S: f64 = 0.02;
 
-/// What can be set for a SpaceMouse.
+/// Options of a SpaceMouse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpaceMouseOptions {
-    /// Speed of the point where the cap is pushed fully along one axis, m/s.
+    /// Speed of the point at full deflection along one axis, m/s, above 0 and at most 10.
     pub full_speed_m_per_s: f64,
-    /// Speed with which it turns where the cap is turned fully about one axis, rad/s; 0 keeps its orientation.
+    /// Angular speed at full deflection about one axis, rad/s, 0 to 100; 0 keeps the orientation.
     pub full_turn_rad_per_s: f64,
-    /// Half the sides of the box in which the point moves, about the place where it begins, m.
+    /// Half the sides of the box, m. The box is centred on the initial position of the point.
     pub half_size_m: DVec3,
-    /// The part of the full push that counts as none: caps seldom rest at zero.
+    /// Fraction of the full deflection that is treated as none, at least 0 and below 1, because caps seldom rest at zero.
     pub dead_zone: f64,
-    /// So long after its last word, s, the cap counts as let go: not every model says that it is back at rest.
+    /// Time after the last report after which the cap is treated as released, s. Some models do not report their return to rest.
     pub stale_after_s: f64,
 }
 
 impl Default for SpaceMouseOptions {
-    /// 0.1 m/s and 1.5 rad/s in a cube of 0.2 m; a dead zone of 0.02; let go after 0.1 s.
+    /// 0.1 m/s and 1.5 rad/s in a cube of 0.2 m; dead zone 0.02; released after 0.1 s.
     fn default() -> Self {
         Self {
             full_speed_m_per_s: 0.1,
@@ -56,7 +56,7 @@ impl Default for SpaceMouseOptions {
 }
 
 impl SpaceMouseOptions {
-    /// Refuses what makes no sense.
+    /// Validates the options.
     ///
     /// # Errors
     /// [`HidError::Option`].
@@ -78,11 +78,16 @@ impl SpaceMouseOptions {
         }
         check("dead zone of the cap", dead_zone, (0.0..1.0).contains(&dead_zone), "at least 0 and below 1")?;
         let ok = stale_after_s > 0.0 && stale_after_s <= 10.0;
-        check("time after which the cap counts as let go, s", stale_after_s, ok, "above 0 and at most 10")
+        check(
+            "time after which the cap is treated as released, s",
+            stale_after_s,
+            ok,
+            "above 0 and at most 10",
+        )
     }
 }
 
-/// Push and turn, counts as the device has them.
+/// State of the cap: deflections in device counts, and buttons.
 #[derive(Clone, Copy, Debug, Default)]
 struct Cap {
     push: [i16; 3],
@@ -95,7 +100,7 @@ struct SpaceMouse {
     name: String,
     options: SpaceMouseOptions,
     cap: Cap,
-    /// When it last said where it is pushed; how it is turned.
+    /// Times of the last reports of push and of turn.
     pushed_at: Option<Duration>,
     turned_at: Option<Duration>,
     read_at: Option<Duration>,
@@ -117,43 +122,43 @@ pub(crate) fn driver(info: &HidInfo, options: SpaceMouseOptions) -> Result<Box<d
     }))
 }
 
-/// Its axes are x to the right, y towards the hand's owner, z down, and its turns go about them by the right hand: here x is to the
-/// right, y up, z towards the hand's owner.
+/// Converts from the axes of the cap (x to the right, y towards the user, z down; right-handed rotations) to the device frame (x to the
+/// right, y up, z towards the user).
 fn to_frame([x, y, z]: [f64; 3]) -> DVec3 {
     DVec3::new(x, -z, y)
 }
 
 impl SpaceMouse {
-    /// Parts of the full push or turn, between -1 and 1, in the device's frame.
-    fn parts(&self, counts: [i16; 3]) -> DVec3 {
+    /// Deflection as a fraction of the full one, -1 to 1, in the device frame.
+    fn deflection(&self, counts: [i16; 3]) -> DVec3 {
         let zone = self.options.dead_zone;
         to_frame(counts.map(|count| {
-            let part = (f64::from(count) / FULL).clamp(-1.0, 1.0);
-            // Without a step where the zone ends.
+            let part = (f64::from(count) / FULL_DEFLECTION).clamp(-1.0, 1.0);
+            // Continuous at the edge of the dead zone.
             part.signum() * ((part.abs() - zone) / (1.0 - zone)).max(0.0)
         }))
     }
 
-    fn take(cap: &mut Cap, report: CapReport) -> (bool, bool, Understood) {
+    fn update(cap: &mut Cap, report: SpaceMouseReport) -> (bool, bool, Handled) {
         match report {
-            CapReport::Push(push) => {
+            SpaceMouseReport::Push(push) => {
                 cap.push = push;
-                (true, false, Understood::As(1))
+                (true, false, Handled::Used(1))
             }
-            CapReport::Turn(turn) => {
+            SpaceMouseReport::Turn(turn) => {
                 cap.turn = turn;
-                (false, true, Understood::As(2))
+                (false, true, Handled::Used(2))
             }
-            CapReport::PushAndTurn(push, turn) => {
+            SpaceMouseReport::PushAndTurn(push, turn) => {
                 (cap.push, cap.turn) = (push, turn);
-                (true, true, Understood::As(1))
+                (true, true, Handled::Used(1))
             }
-            CapReport::Buttons(buttons) => {
+            SpaceMouseReport::Buttons(buttons) => {
                 cap.buttons = buttons;
-                // Each press counts: none is passed over.
-                (false, false, Understood::Nothing)
+                // A press is never superseded by a later report.
+                (false, false, Handled::Ignored)
             }
-            CapReport::Other(_) => (false, false, Understood::Nothing),
+            SpaceMouseReport::Other(_) => (false, false, Handled::Ignored),
         }
     }
 }
@@ -164,7 +169,7 @@ impl Driver for SpaceMouse {
             name: self.name.clone(),
             workspace_m: [-self.options.half_size_m, self.options.half_size_m],
             max_force_n: 0.0,
-            // It can be asked at any time: between its reports, about a hundred a second, the point moves on.
+            // The position is available at any time and moves between the reports, of which there are about 100 per second.
             rate_hz: 1000.0,
         }
     }
@@ -172,22 +177,22 @@ impl Driver for SpaceMouse {
     fn start(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         (self.cap, self.pushed_at, self.turned_at, self.read_at) = (Cap::default(), None, None, None);
         (self.position_m, self.orientation) = (DVec3::ZERO, DQuat::IDENTITY);
-        // What came before it was opened is old.
-        link.drain(Duration::ZERO, |_| Understood::Nothing)?;
-        // A model without a light is as good.
+        // Discard reports from before the opening.
+        link.drain(Duration::ZERO, |_| Handled::Ignored)?;
+        // Some models have no light.
         let _ = link.write(&report::LIGHT_ON);
         Ok(())
     }
 
     fn read(&mut self, link: &mut Link, _: Duration) -> Result<Reading, DeviceError> {
         let (mut cap, mut pushed, mut turned) = (self.cap, false, false);
-        link.drain(Duration::ZERO, |bytes| match CapReport::parse(bytes) {
+        link.drain(Duration::ZERO, |bytes| match SpaceMouseReport::parse(bytes) {
             Ok(report) => {
-                let (push, turn, understood) = Self::take(&mut cap, report);
+                let (push, turn, understood) = Self::update(&mut cap, report);
                 (pushed, turned) = (pushed || push, turned || turn);
                 understood
             }
-            Err(NotACapReport { .. }) => Understood::Malformed,
+            Err(ParseReportError { .. }) => Handled::Malformed,
         })?;
         let now = link.clock.now();
         if pushed {
@@ -207,16 +212,16 @@ impl Driver for SpaceMouse {
         }
         self.cap = cap;
         let step_s = self.read_at.map_or(0.0, |last| now.saturating_sub(last).as_secs_f64());
-        let step_s = step_s.min(LONGEST_STEP_S);
+        let step_s = step_s.min(MAX_STEP_S);
         self.read_at = Some(now);
 
         let half = self.options.half_size_m;
-        let wanted = self.options.full_speed_m_per_s * self.parts(cap.push);
-        let moved = (self.position_m + step_s * wanted).clamp(-half, half);
-        // At a wall of the box it stands still.
+        let target_velocity = self.options.full_speed_m_per_s * self.deflection(cap.push);
+        let moved = (self.position_m + step_s * target_velocity).clamp(-half, half);
+        // Zero at a wall of the box.
         let velocity = if step_s > 0.0 { (moved - self.position_m) / step_s } else { DVec3::ZERO };
         self.position_m = moved;
-        let turn = step_s * self.options.full_turn_rad_per_s * self.parts(cap.turn);
+        let turn = step_s * self.options.full_turn_rad_per_s * self.deflection(cap.turn);
         self.orientation = (DQuat::from_scaled_axis(turn) * self.orientation).normalize();
         Ok(Reading {
             position_m: self.position_m,
@@ -228,7 +233,7 @@ impl Driver for SpaceMouse {
     }
 
     fn write(&mut self, _: &mut Link, _: DVec3) -> Result<(), DeviceError> {
-        // It has no motors; the safety chain has made it zero already.
+        // A device without motors. The safety chain has limited the force to zero.
         Ok(())
     }
 
@@ -238,7 +243,7 @@ impl Driver for SpaceMouse {
     }
 
     fn ends_by_itself(&self) -> bool {
-        // It has no force.
+        // A device without motors has no force to end.
         true
     }
 

@@ -1,6 +1,6 @@
-//! The operating system's HID devices, by way of `hidapi`.
+//! HID devices of the operating system, through `hidapi`.
 
-use crate::{HidBus, HidConnection, HidError, HidInfo, LONGEST_DESCRIPTOR, Usage};
+use crate::{HidBus, HidConnection, HidError, HidInfo, MAX_DESCRIPTOR_BYTES, Usage};
 use hidapi::HidApi;
 use palpate_haptics::DeviceError;
 use std::ffi::CString;
@@ -10,7 +10,7 @@ use std::io::{self, ErrorKind};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-/// The operating system's HID devices.
+/// HID devices of the operating system.
 pub struct SystemBus {
     api: Mutex<HidApi>,
 }
@@ -22,7 +22,7 @@ impl fmt::Debug for SystemBus {
 }
 
 impl SystemBus {
-    /// Makes ready to list and open.
+    /// Initialises `hidapi`.
     ///
     /// # Errors
     /// [`HidError::List`].
@@ -31,25 +31,25 @@ impl SystemBus {
         Ok(Self { api: Mutex::new(api) })
     }
 
-    fn connect(&self, info: &HidInfo, is_alone: bool) -> Result<Box<dyn HidConnection>, HidError> {
-        let held = hold(info, is_alone)?;
+    fn connect(&self, info: &HidInfo, is_exclusive: bool) -> Result<Box<dyn HidConnection>, HidError> {
+        let lock = lock(info, is_exclusive)?;
         let path = CString::new(info.path.as_str()).map_err(|error| open_error(info, error.into()))?;
         let api = self.api.lock().unwrap_or_else(PoisonError::into_inner);
         let device =
             api.open_path(&path).map_err(|error| open_error(info, io::Error::other(error.to_string())))?;
-        Ok(Box::new(SystemConnection { device, _held: held }))
+        Ok(Box::new(SystemConnection { device, _lock: lock }))
     }
 }
 
-/// The device's file with a lock on it if it is to be had alone: hidraw itself lets any number of programs write forces. On other
-/// systems, where the path names no file, the operating system keeps others out or nothing does.
+/// Opens the device file, locked for exclusive use: hidraw itself lets any number of programs write forces. On other systems the path
+/// names no file, and exclusive access depends on the operating system.
 #[cfg(target_os = "linux")]
-fn hold(info: &HidInfo, is_alone: bool) -> Result<Option<File>, HidError> {
+fn lock(info: &HidInfo, is_exclusive: bool) -> Result<Option<File>, HidError> {
     use std::fs::TryLockError;
-    // Read and write, so that a lack of either permission is noticed here.
+    // Open for reading and writing, which checks both permissions.
     let file =
         File::options().read(true).write(true).open(&info.path).map_err(|error| open_error(info, error))?;
-    if is_alone {
+    if is_exclusive {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(HidError::Busy { device: info.label() }),
@@ -60,7 +60,7 @@ fn hold(info: &HidInfo, is_alone: bool) -> Result<Option<File>, HidError> {
 }
 
 #[cfg(not(target_os = "linux"))]
-fn hold(_: &HidInfo, _: bool) -> Result<Option<File>, HidError> {
+fn lock(_: &HidInfo, _: bool) -> Result<Option<File>, HidError> {
     Ok(None)
 }
 
@@ -73,7 +73,7 @@ fn open_error(info: &HidInfo, source: io::Error) -> HidError {
         }
         ErrorKind::NotFound => HidError::Gone { device },
         ErrorKind::ResourceBusy => HidError::Busy { device },
-        // No such device: its file is still there and it is not.
+        // The device file exists and the device does not.
         _ if matches!(source.raw_os_error(), Some(NO_DEVICE | NO_ADDRESS)) => HidError::Gone { device },
         _ => HidError::Open { device, source },
     }
@@ -84,12 +84,12 @@ impl HidBus for SystemBus {
         let mut api = self.api.lock().unwrap_or_else(PoisonError::into_inner);
         api.refresh_devices().map_err(|error| HidError::List(error.to_string()))?;
         let mut infos: Vec<HidInfo> = Vec::new();
-        // One entry for each collection at the top.
+        // hidapi returns one entry for each top-level collection.
         for entry in api.device_list() {
             let path = entry.path().to_string_lossy().into_owned();
             let application = Usage::new(entry.usage_page(), entry.usage());
-            if let Some(known) = infos.iter_mut().find(|info| info.path == path) {
-                known.applications.push(application);
+            if let Some(listed) = infos.iter_mut().find(|info| info.path == path) {
+                listed.applications.push(application);
                 continue;
             }
             infos.push(HidInfo {
@@ -107,11 +107,11 @@ impl HidBus for SystemBus {
     }
 
     fn descriptor(&self, info: &HidInfo) -> Result<Vec<u8>, HidError> {
-        // Linux shows it to everyone, so that a device is known before it may be opened.
+        // On Linux every user may read the descriptor, also without permission to open the device.
         #[cfg(target_os = "linux")]
         if let Some(node) = info.path.strip_prefix("/dev/") {
-            let shown = format!("/sys/class/hidraw/{node}/device/report_descriptor");
-            if let Ok(bytes) = std::fs::read(shown) {
+            let file = format!("/sys/class/hidraw/{node}/device/report_descriptor");
+            if let Ok(bytes) = std::fs::read(file) {
                 return Ok(bytes);
             }
         }
@@ -119,7 +119,7 @@ impl HidBus for SystemBus {
         let other = |error: hidapi::HidError| open_error(info, io::Error::other(error.to_string()));
         let api = self.api.lock().unwrap_or_else(PoisonError::into_inner);
         let device = api.open_path(&path).map_err(other)?;
-        let mut bytes = vec![0; LONGEST_DESCRIPTOR];
+        let mut bytes = vec![0; MAX_DESCRIPTOR_BYTES];
         let length = device.get_report_descriptor(&mut bytes).map_err(other)?;
         bytes.truncate(length);
         Ok(bytes)
@@ -129,23 +129,23 @@ impl HidBus for SystemBus {
         self.connect(info, true)
     }
 
-    fn open_beside(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
+    fn open_shared(&self, info: &HidInfo) -> Result<Box<dyn HidConnection>, HidError> {
         self.connect(info, false)
     }
 }
 
-/// A device that is open.
+/// An open device of the operating system.
 struct SystemConnection {
     device: hidapi::HidDevice,
-    /// Its lock, for as long as it is open.
-    _held: Option<File>,
+    /// Lock on the device file, held while the device is open.
+    _lock: Option<File>,
 }
 
-/// Error numbers of Linux: no such device; no such device or address.
+/// Linux error numbers `ENODEV` and `ENXIO`.
 const NO_DEVICE: i32 = 19;
 const NO_ADDRESS: i32 = 6;
 
-/// The same for the loop. What has no number of the operating system's is a device that is gone: `hidapi` says that in words.
+/// Converts an error for the haptic loop. `hidapi` reports a missing device as an error without a number.
 fn for_loop(error: &hidapi::HidError) -> DeviceError {
     match error {
         hidapi::HidError::IoError { error } => match error.raw_os_error() {
@@ -153,49 +153,52 @@ fn for_loop(error: &hidapi::HidError) -> DeviceError {
             Some(number) => DeviceError::Os(number),
         },
         hidapi::HidError::InvalidZeroSizeData | hidapi::HidError::IncompleteSendError { .. } => {
-            DeviceError::Protocol("a report was not taken whole")
+            DeviceError::Protocol("the device accepted only a part of a report")
         }
         _ => DeviceError::Disconnected,
     }
 }
 
-/// As [`for_loop`]; a device that is there may refuse a feature report.
+/// Error text for a rejected feature report.
+const FEATURE_REJECTED: &str = "the device rejected a feature report";
+
+/// Like [`for_loop`], except that a connected device may reject a feature report.
 fn feature_error(error: &hidapi::HidError) -> DeviceError {
     match error {
         hidapi::HidError::HidApiError { message } if !message.contains("ENODEV") => {
-            DeviceError::Protocol("it refused a feature report")
+            DeviceError::Protocol(FEATURE_REJECTED)
         }
         error => for_loop(error),
     }
 }
 
-/// Whether a signal came in between, which says nothing of the device.
+/// Whether a signal interrupted the call, which is no error of the device.
 fn is_interrupted(error: &hidapi::HidError) -> bool {
     matches!(error, hidapi::HidError::IoError { error } if error.kind() == ErrorKind::Interrupted)
 }
 
-/// How many bytes have come: none where a signal came first.
-fn come(read: Result<usize, hidapi::HidError>) -> Result<usize, DeviceError> {
+/// Number of bytes read; 0 if a signal interrupted the call.
+fn bytes_read(read: Result<usize, hidapi::HidError>) -> Result<usize, DeviceError> {
     match read {
         Err(error) if is_interrupted(&error) => Ok(0),
         read => read.map_err(|error| for_loop(&error)),
     }
 }
 
-/// Sends by `write`, once more where a signal came first.
+/// Calls `write`, and retries once after a signal.
 fn send(mut write: impl FnMut() -> Result<usize, hidapi::HidError>) -> Result<(), DeviceError> {
     let sent = match write() {
         Err(error) if is_interrupted(&error) => write(),
         sent => sent,
     };
-    // How much of it counts as sent differs between systems where there is no number.
+    // The returned length is ignored: for a device without report IDs it differs between systems.
     sent.map(|_| ()).map_err(|error| for_loop(&error))
 }
 
 impl HidConnection for SystemConnection {
     fn read(&mut self, report: &mut [u8], within: Duration) -> Result<usize, DeviceError> {
         let within_ms = i32::try_from(within.as_millis()).unwrap_or(i32::MAX);
-        come(self.device.read_timeout(report, within_ms))
+        bytes_read(self.device.read_timeout(report, within_ms))
     }
 
     fn write(&mut self, report: &[u8]) -> Result<(), DeviceError> {
@@ -219,13 +222,13 @@ mod test {
         hidapi::HidError::IoError { error: io::Error::from_raw_os_error(number) }
     }
 
-    /// A timer's or a profiler's signal.
+    /// `EINTR`, as after a signal of a timer or profiler.
     const INTERRUPTED: i32 = 4;
     const IO: i32 = 5;
 
-    /// What the operating system says of a file that may not be opened, that is in use, that is gone, and else.
+    /// Missing permission, device in use, missing device, and other errors.
     #[test]
-    fn why_it_cannot_be_opened_is_told_with_what_to_do() {
+    fn open_errors_state_cause_and_remedy() {
         let info = HidInfo {
             path: "/dev/hidraw7".into(),
             vendor: 0x1234,
@@ -233,36 +236,38 @@ mod test {
             name: "Stick".into(),
             ..HidInfo::default()
         };
-        let told = |number| open_error(&info, io::Error::from_raw_os_error(number));
-        let (access, busy) = (told(13), told(16));
+        let error_of = |number| open_error(&info, io::Error::from_raw_os_error(number));
+        let (access, busy) = (error_of(13), error_of(16));
         let text = access.to_string();
         let rule =
             r#"SUBSYSTEM=="hidraw", ATTRS{idVendor}=="1234", ATTRS{idProduct}=="bead", TAG+="uaccess""#;
         assert!(text.starts_with("Stick (1234:bead): permission to open /dev/hidraw7 is denied"), "{text}");
         assert!(text.ends_with(rule), "{text}");
-        // It is a line of the same form as those that are installed.
-        let known = include_str!("../../../assets/udev/70-palpate.rules");
-        assert!(known.contains(&rule.replace("bead", "0006")), "{known}");
+        // The rule has the form of the installed ones.
+        let installed = include_str!("../../../assets/udev/70-palpate.rules");
+        assert!(installed.contains(&rule.replace("bead", "0006")), "{installed}");
         assert!(matches!(&busy, HidError::Busy { device } if device == "Stick (1234:bead)"), "{busy}");
-        assert!(busy.to_string().contains("another program or tool uses it"), "{busy}");
-        assert!(matches!(told(2), HidError::Gone { .. }) && matches!(told(NO_DEVICE), HidError::Gone { .. }));
-        assert!(matches!(told(INTERRUPTED), HidError::Open { .. }));
-        // The loop keeps the reason.
+        assert!(
+            matches!(error_of(2), HidError::Gone { .. })
+                && matches!(error_of(NO_DEVICE), HidError::Gone { .. })
+        );
+        assert!(matches!(error_of(INTERRUPTED), HidError::Open { .. }));
+        // The error for the loop keeps the reason.
         for (error, reason) in [(access, "permission"), (busy, "another program")] {
-            let DeviceError::Unavailable(told) = error.for_loop() else { panic!("{error}") };
-            assert!(told.contains(reason), "{told}");
+            let DeviceError::Unavailable(text) = error.for_loop() else { panic!("{error}") };
+            assert!(text.contains(reason), "{text}");
         }
-        assert_eq!(told(INTERRUPTED).for_loop(), DeviceError::Os(INTERRUPTED));
-        assert_eq!(told(2).for_loop(), DeviceError::Disconnected);
+        assert_eq!(error_of(INTERRUPTED).for_loop(), DeviceError::Os(INTERRUPTED));
+        assert_eq!(error_of(2).for_loop(), DeviceError::Disconnected);
     }
 
     #[test]
-    fn a_signal_is_no_failure_of_the_device() {
-        assert_eq!(come(Err(os(INTERRUPTED))), Ok(0));
-        assert_eq!(come(Err(os(IO))), Err(DeviceError::Os(IO)));
-        assert_eq!(come(Err(os(NO_DEVICE))), Err(DeviceError::Disconnected));
-        assert_eq!(come(Ok(7)), Ok(7));
-        // Writes that fail with these, one after the other: what comes of it, and how many there were.
+    fn interrupted_calls_are_retried_or_empty() {
+        assert_eq!(bytes_read(Err(os(INTERRUPTED))), Ok(0));
+        assert_eq!(bytes_read(Err(os(IO))), Err(DeviceError::Os(IO)));
+        assert_eq!(bytes_read(Err(os(NO_DEVICE))), Err(DeviceError::Disconnected));
+        assert_eq!(bytes_read(Ok(7)), Ok(7));
+        // Error numbers of successive writes, the result, and the number of writes.
         for (fails, sent, writes) in [
             (&[][..], Ok(()), 1),
             (&[INTERRUPTED][..], Ok(()), 2),
@@ -271,11 +276,11 @@ mod test {
             (&[IO, IO], Err(DeviceError::Os(IO)), 1),
         ] {
             let mut count = 0;
-            let told = send(|| {
+            let result = send(|| {
                 count += 1;
                 fails.get(count - 1).map_or(Ok(8), |&number| Err(os(number)))
             });
-            assert_eq!((told, count), (sent, writes), "{fails:?}");
+            assert_eq!((result, count), (sent, writes), "{fails:?}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The arm of a 3-DOF board: against finite differences, a published pose, and its own inverse.
+//! Kinematics of a WoodenHaptics: finite differences, a published pose, and inverse.
 
 #[path = "shared/arm.rs"]
 mod every_arm;
@@ -17,7 +17,7 @@ fn links(length_m: [f64; 3]) -> BoardLinkage {
     BoardLinkage::WoodenHaptics { length_m }
 }
 
-/// Both signs, three different links, capstans, bodies, motors and encoders.
+/// Both signs, and different links, capstans, bodies, motors and encoders.
 fn other_arm() -> BoardKinematics {
     BoardKinematics {
         linkage: links([0.058, 0.174, 0.133]),
@@ -31,13 +31,13 @@ fn other_arm() -> BoardKinematics {
     }
 }
 
-/// Angles of an arm in use, away from where it is singular.
+/// Angles of an arm in use, away from singularities.
 fn poses() -> impl Strategy<Value = DVec3> {
     (-1.2..1.2, 0.0..1.0, 0.4..1.6).prop_map(|(a, b, c)| DVec3::new(a, b, c))
 }
 
 #[test]
-fn at_home_the_tip_is_where_the_published_numbers_put_it() {
+fn home_position_is_the_published_one() {
     // 6000 of 2000 counts are three turns of the motor, a quarter of one of body C: 3 · 0.010/0.120.
     let angles = arm().angles_rad([0, 0, 6000]);
     assert!((angles - DVec3::new(0.0, 0.0, FRAC_PI_2)).length() < 1e-15, "{angles}");
@@ -49,10 +49,10 @@ fn at_home_the_tip_is_where_the_published_numbers_put_it() {
 }
 
 #[test]
-fn axes_are_right_up_and_towards_the_owner() {
+fn axes_point_right_up_and_towards_the_user() {
     let home = arm().home_rad();
     let moved = |turn: DVec3| arm().position_m(home + 0.01 * turn) - arm().position_m(home);
-    // A turns about the vertical by the right hand, as seen from above from the front to the right of who sits there.
+    // A turns about the vertical axis by the right hand: seen from above, from the front to the user's right.
     assert!(moved(DVec3::X).x > 0.002 && moved(DVec3::X).y.abs() < 1e-15);
     // B tips to the front, C rises.
     assert!(moved(DVec3::Y).z > 0.002);
@@ -60,8 +60,8 @@ fn axes_are_right_up_and_towards_the_owner() {
 }
 
 #[test]
-fn the_middle_of_the_workspace_is_within_reach_and_the_arm_regular_there() {
-    // ρ = 0.22 and the shoulder's height: two equations for B and C, by Newton's method.
+fn workspace_centre_is_reachable_and_regular() {
+    // ρ = 0.22 and the height of the shoulder: two equations for B and C, by Newton's method.
     let mut angles = DVec3::new(0.0, 0.3, 0.7);
     for _ in 0..20 {
         angles -= arm().jacobian(angles).inverse() * arm().position_m(angles);
@@ -71,7 +71,7 @@ fn the_middle_of_the_workspace_is_within_reach_and_the_arm_regular_there() {
     assert!((l_b * angles.y.cos() - l_c * angles.z.cos()).abs() < 1e-14);
     assert!((l_b * angles.y.sin() + l_c * angles.z.sin() - 0.220).abs() < 1e-14);
     assert!((arm().leverage(angles) - 0.220 / 0.450 * (angles.y + angles.z).sin()).abs() < 1e-15);
-    // The weakest direction is that in which body C moves: L_c for an arm, its motor alone against it.
+    // The weakest direction is that in which body C moves: lever L_c, and only its motor.
     let along_c = arm().jacobian(angles).col(2).normalize();
     let weakest_n = 2.0 / arm().currents_a(angles, along_c).abs().max_element();
     assert!((weakest_n - 2.0 * 0.0259 * 12.0 / 0.245).abs() < 1e-12, "{weakest_n}");
@@ -81,21 +81,21 @@ fn the_middle_of_the_workspace_is_within_reach_and_the_arm_regular_there() {
 }
 
 #[test]
-fn counters_of_16_bits_wrap_around_and_counts_do_not() {
+fn counts_are_unwrapped_from_16_bit_counters() {
     let arm = arm();
     assert_eq!(arm.counts([0, 0, 6000]), [0, 0, 6000]);
     assert_eq!(arm.counts([-1, i16::MAX, i16::MIN]), [-1, 32767, 32768]);
-    // A body that turns on and on: the counter wraps at 32,767, the counts, being near home at 6000, only at 38,767.
+    // A body that keeps turning: the counter wraps at 32,767, the counts, nearest to home at 6000, only at 38,767.
     for count in -26_768..=38_767 {
         assert_eq!(arm.counts([0, 0, count as i16])[2], count);
     }
-    // What a WoodenHaptics can turn is far within: half a turn to either side of home is 12,000 counts of C.
+    // The range of a WoodenHaptics is far within: half a turn to either side of home is 12,000 counts of C.
     let counts_per_turn = std::f64::consts::TAU / arm.angles_rad([0, 0, 1]).z;
     assert!((counts_per_turn - 24_000.0).abs() < 1e-9);
 }
 
 #[test]
-fn singular_poses_are_known() {
+fn singular_poses_have_zero_leverage_and_no_force() {
     let arm = arm();
     // B and C in one line: θ_B + θ_C = π; folded: 0. The tip above the shoulder: ρ = 0.
     let below = -(0.205_f64 * 0.5_f64.sin() / 0.245).asin();
@@ -108,7 +108,7 @@ fn singular_poses_are_known() {
 }
 
 #[test]
-fn arms_that_cannot_be_are_refused() {
+fn rejects_invalid_kinematics_and_options() {
     let good = arm();
     good.validate().unwrap();
     other_arm().validate().unwrap();
@@ -142,23 +142,23 @@ fn arms_that_cannot_be_are_refused() {
 
 proptest! {
     #[test]
-    fn the_jacobian_is_that_of_finite_differences(angles in poses()) {
+    fn jacobian_matches_finite_differences(angles in poses()) {
         for arm in [arm(), other_arm()] {
-            jacobian_is_that_of_differences(&arm, angles, 1e-3, 1e-12)?;
+            check_jacobian(&arm, angles, 1e-3, 1e-12)?;
         }
     }
 
     #[test]
-    fn a_force_comes_back_from_its_currents(angles in poses(), force in forces()) {
+    fn force_is_recovered_from_its_currents(angles in poses(), force in forces()) {
         for arm in [arm(), other_arm()] {
-            force_comes_back(&arm, angles, force)?;
+            check_force_inverse(&arm, angles, force)?;
         }
     }
 
     #[test]
-    fn what_the_motors_do_the_tip_does(angles in poses(), force in forces(), speed in forces()) {
+    fn motor_power_equals_tip_power(angles in poses(), force in forces(), speed in forces()) {
         for arm in [arm(), other_arm()] {
-            no_power_is_lost(&arm, angles, force, speed, 1e-4)?;
+            check_power_balance(&arm, angles, force, speed, 1e-4)?;
         }
     }
 }

@@ -1,9 +1,10 @@
-//! Reports of 3-DOF boards, byte for byte against files, and their report descriptors.
+//! Reports of 3-DOF boards, compared byte by byte with data files, and their report descriptors.
 
 #[path = "shared/bytes.rs"]
 mod bytes;
 
 use bytes::{bytes, words};
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use proptest::prelude::*;
 
@@ -16,7 +17,7 @@ const LATER_MBED_14: &str = include_str!("data/board_later_mbed_14_descriptor.tx
 const RAWHID: &str = include_str!("data/board_teensy_rawhid_descriptor.txt");
 const SEREMU: &str = include_str!("data/board_teensy_seremu_descriptor.txt");
 
-/// The bytes after the word `name`, up to the next name.
+/// Bytes after the word `name`, up to the next name.
 fn named(text: &str, name: &str) -> Vec<u8> {
     let after = words(text).skip_while(|word| *word != name).skip(1);
     let found: Vec<u8> = after.map_while(|word| u8::from_str_radix(word, 16).ok()).collect();
@@ -28,58 +29,62 @@ fn input(encoders: [i16; 6]) -> BoardInput {
     BoardInput { encoders, ..BoardInput::default() }
 }
 
-/// Both ways for an input report.
-fn comes(form: BoardForm, report: &[u8], input: BoardInput) {
+/// Parses and encodes an input report.
+fn check_input(form: BoardForm, report: &[u8], input: BoardInput) {
     assert_eq!(BoardInput::parse(form, report), Ok(input));
     let encoded = input.encode(form);
-    // What the board does not say it may fill with anything.
-    let said = form.bytes().min(14);
-    assert_eq!(encoded.as_slice()[..said], report[..said]);
+    // Unused bytes may have any value.
+    let used = form.bytes().min(14);
+    assert_eq!(encoded.as_slice()[..used], report[..used]);
     assert_eq!(encoded.as_slice().len(), form.bytes());
 }
 
-/// Both ways for an output report.
-fn goes(form: BoardForm, report: &[u8], output: BoardOutput) {
+/// Parses and encodes an output report.
+fn check_output(form: BoardForm, report: &[u8], output: BoardOutput) {
     assert_eq!(output.encode(form).unwrap().as_slice(), report);
     assert_eq!(BoardOutput::parse(form, report), Ok(output));
 }
 
 #[test]
-fn reports_of_8_bytes() {
+fn reports_of_8_bytes_match_the_data_file() {
     let form = BoardForm::Bytes8;
-    let running = |encoders, running| BoardInput { running, ..input(encoders) };
-    comes(form, &named(FILE_8, "input"), running([6000, -6000, -1, 0, 0, 0], 0x1234));
-    comes(form, &named(FILE_8, "input_ends"), running([i16::MIN, i16::MAX, 0, 0, 0, 0], 65535));
-    goes(form, &named(FILE_8, "zero"), BoardOutput::ZERO);
-    goes(form, &named(FILE_8, "currents"), BoardOutput::Currents([1200, -1000, 1]));
-    goes(form, &named(FILE_8, "currents_ends"), BoardOutput::Currents([i16::MAX, i16::MIN, 2000]));
+    let sequence = |encoders, sequence| BoardInput { sequence, ..input(encoders) };
+    check_input(form, &named(FILE_8, "input"), sequence([6000, -6000, -1, 0, 0, 0], 0x1234));
+    check_input(form, &named(FILE_8, "input_ends"), sequence([i16::MIN, i16::MAX, 0, 0, 0, 0], 65535));
+    check_output(form, &named(FILE_8, "zero"), BoardOutput::ZERO);
+    check_output(form, &named(FILE_8, "currents"), BoardOutput::Currents([1200, -1000, 1]));
+    check_output(form, &named(FILE_8, "currents_ends"), BoardOutput::Currents([i16::MAX, i16::MIN, 2000]));
     let home = BoardOutput::Counters([0, 0, 6000, 0, 0, 0]);
     assert_eq!(home.encode(form), Err(BoardPacketError::NoCommands));
 }
 
 #[test]
-fn reports_of_14_and_of_64_bytes() {
+fn reports_of_14_and_64_bytes_match_the_data_files() {
     for (form, file) in [(BoardForm::Bytes14, FILE_14), (BoardForm::Bytes64, FILE_64)] {
-        comes(form, &named(file, "input"), input([0, -1, 6000, 0, 30, i16::MIN]));
+        check_input(form, &named(file, "input"), input([0, -1, 6000, 0, 30, i16::MIN]));
         let pressed = BoardInput { is_pressed: true, ..input([1, 2, 3, -900, 0, 0]) };
-        comes(form, &named(file, "input_pressed"), pressed);
-        comes(form, &named(file, "input_asks"), BoardInput { asks: true, ..input([0; 6]) });
-        goes(form, &named(file, "zero"), BoardOutput::ZERO);
-        goes(form, &named(file, "currents"), BoardOutput::Currents([1200, -1000, 1]));
-        goes(form, &named(file, "home"), BoardOutput::Counters([0, 0, 6000, 0, 30, 0]));
+        check_input(form, &named(file, "input_pressed"), pressed);
+        check_input(
+            form,
+            &named(file, "input_request"),
+            BoardInput { requests_calibration: true, ..input([0; 6]) },
+        );
+        check_output(form, &named(file, "zero"), BoardOutput::ZERO);
+        check_output(form, &named(file, "currents"), BoardOutput::Currents([1200, -1000, 1]));
+        check_output(form, &named(file, "home"), BoardOutput::Counters([0, 0, 6000, 0, 30, 0]));
     }
 }
 
 #[test]
-fn the_button_is_pressed_above_5000_and_not_at_it() {
+fn button_is_pressed_above_5000() {
     let form = BoardForm::Bytes14;
-    comes(form, &named(FILE_14, "input_at_limit"), input([0, 0, 0, 5000, 0, 0]));
+    check_input(form, &named(FILE_14, "input_at_limit"), input([0, 0, 0, 5000, 0, 0]));
     let above = BoardInput { is_pressed: true, ..input([0, 0, 0, -4999, 0, 0]) };
-    comes(form, &named(FILE_14, "input_above"), above);
+    check_input(form, &named(FILE_14, "input_above"), above);
 }
 
 #[test]
-fn what_is_no_report_is_refused() {
+fn rejects_wrong_lengths_report_ids_and_commands() {
     for form in BoardForm::ALL {
         let expected = form.bytes();
         for found in (0..=80).filter(|found| *found != expected) {
@@ -98,13 +103,13 @@ fn what_is_no_report_is_refused() {
 }
 
 #[test]
-fn the_form_is_told_by_the_report_descriptor() {
+fn form_follows_from_the_report_descriptor() {
     let form = |text| BoardForm::of(&ReportDescriptor::parse(&bytes(text)).unwrap());
     assert_eq!(form(MBED_8), Some(BoardForm::Bytes8));
     assert_eq!(form(MBED_14), Some(BoardForm::Bytes14));
     assert_eq!(form(LATER_MBED_14), Some(BoardForm::Bytes14));
     assert_eq!(form(RAWHID), Some(BoardForm::Bytes64));
-    // A Teensy's serial port: 64 bytes one way and 32 the other.
+    // Serial port of a Teensy: 64 bytes in one direction and 32 in the other.
     assert_eq!(form(SEREMU), None);
     let application = |text| {
         let descriptor = ReportDescriptor::parse(&bytes(text)).unwrap();
@@ -117,7 +122,7 @@ fn the_form_is_told_by_the_report_descriptor() {
 }
 
 #[test]
-fn the_stand_in_s_descriptors_are_those_of_the_files() {
+fn simulated_descriptors_match_the_data_files() {
     for (form, text) in
         [(BoardForm::Bytes8, MBED_8), (BoardForm::Bytes14, MBED_14), (BoardForm::Bytes64, RAWHID)]
     {
@@ -127,7 +132,7 @@ fn the_stand_in_s_descriptors_are_those_of_the_files() {
 }
 
 #[test]
-fn numbered_reports_and_other_lengths_are_no_board_s() {
+fn descriptors_with_report_ids_or_other_lengths_have_no_form() {
     let form = |bytes: &[u8]| BoardForm::of(&ReportDescriptor::parse(bytes).unwrap());
     let mut numbered = bytes(MBED_14);
     numbered.splice(8..8, [0x85, 0x01]);
@@ -140,7 +145,7 @@ fn numbered_reports_and_other_lengths_are_no_board_s() {
 
 proptest! {
     #[test]
-    fn no_bytes_make_it_panic(report in proptest::collection::vec(any::<u8>(), 0..80)) {
+    fn arbitrary_bytes_do_not_panic(report in proptest::collection::vec(any::<u8>(), 0..80)) {
         for form in BoardForm::ALL {
             let parsed = BoardInput::parse(form, &report);
             prop_assert_eq!(parsed.is_ok(), report.len() == form.bytes());

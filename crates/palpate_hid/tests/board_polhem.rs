@@ -1,5 +1,5 @@
-//! The arm of a Polhem: against poses that close on paper, the lengths of its bars, the source's formula, finite differences, and its
-//! own inverse.
+//! Kinematics of a Polhem: poses with closed-form solutions, lengths of the bars, the formula of the source, finite differences, and
+//! inverse.
 
 #[path = "shared/arm.rs"]
 mod every_arm;
@@ -10,7 +10,7 @@ use palpate_hid::*;
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
-/// Published: axes of B and C, upper arm, crank, rod, rear and front of the outer link, m.
+/// Published lengths, m: distance of the axes of B and C, upper arm, crank, rod, rear and front of the outer link.
 const L0: f64 = 0.034;
 const L1: f64 = 0.165;
 const L2: f64 = 0.025;
@@ -24,7 +24,7 @@ fn arms() -> [BoardKinematics; 2] {
     [BoardKinematics::polhem_v2(), BoardKinematics::polhem_v3()]
 }
 
-/// Both signs, other bars, capstans, bodies, motors and encoders.
+/// Both signs, and different bars, capstans, bodies, motors and encoders.
 fn other_arm() -> BoardKinematics {
     BoardKinematics {
         linkage: BoardLinkage::Polhem { length_m: [0.030, 0.180, 0.030, 0.200, 0.040, 0.150] },
@@ -36,24 +36,23 @@ fn other_arm() -> BoardKinematics {
     }
 }
 
-/// From the plane of the linkage, out and up, to the device's frame, with A turned by `a`.
+/// Converts from the plane of the linkage (out, up) to the device frame, with A turned by `a`.
 fn in_device(arm: &BoardKinematics, a: f64, tip: DVec2) -> DVec3 {
     (DVec3::new(a.cos() * tip.x, a.sin() * tip.x, tip.y) - arm.origin_m).yzx()
 }
 
-/// And back.
+/// Inverse of [`in_device`].
 fn in_plane(arm: &BoardKinematics, a: f64, position_m: DVec3) -> DVec2 {
     let formulas_m = position_m.zxy() + arm.origin_m;
     DVec2::new(formulas_m.x * a.cos() + formulas_m.y * a.sin(), formulas_m.z)
 }
 
-/// Angle between sides `a` and `b` of a triangle, opposite to the third (law of cosines).
+/// Angle between the sides `a` and `b` of a triangle, opposite the third side (law of cosines).
 fn angle(a: f64, b: f64, opposite: f64) -> f64 {
     ((a * a + b * b - opposite * opposite) / (2.0 * a * b)).acos()
 }
 
-/// Angles of B and C with the tip at a place in the plane, elbow up, the crank on the side where it is at home: from the hand to the base,
-/// two triangles.
+/// Angles of B and C for a tip in the plane, with the elbow up and the crank on its home side: two triangles, from the tip to the base.
 fn inverse(tip: DVec2) -> [f64; 2] {
     let to_tip = tip - AXIS_B;
     let b = to_tip.to_angle() + angle(L1, to_tip.length(), L5);
@@ -63,7 +62,7 @@ fn inverse(tip: DVec2) -> [f64; 2] {
     [b, to_rear.to_angle() + angle(L2, to_rear.length(), L3)]
 }
 
-/// Angles of an arm in use, away from where it is singular, and the tip in the plane that they were made for: anywhere within reach.
+/// Angles of an arm in use, away from singularities, and the tip in the plane from which they were computed.
 fn places() -> impl Strategy<Value = (DVec3, DVec2)> {
     let place = (-1.5..1.5, 0.08..0.29, -0.1..0.15);
     place.prop_filter_map("within reach and regular", |(a, out, up)| {
@@ -80,8 +79,8 @@ fn poses() -> impl Strategy<Value = DVec3> {
 }
 
 #[test]
-fn where_the_bars_are_parallel_the_outer_link_is_level() {
-    // L4 = L0 and L3 = L1 + L2: with the crank turned away from the upper arm, θ_C = θ_B + π, the axes, the elbow and the rear end are a
+fn parallelogram_keeps_the_outer_link_level() {
+    // L4 = L0 and L3 = L1 + L2. With the crank opposite to the upper arm, θ_C = θ_B + π, the axes, the elbow and the rear end form a
     // parallelogram of L1 and L0, and λ = 0.
     for arm in arms() {
         for step in 0..=20 {
@@ -90,14 +89,14 @@ fn where_the_bars_are_parallel_the_outer_link_is_level() {
             let tip = AXIS_B + L1 * DVec2::from_angle(b) + DVec2::new(L5, 0.0);
             let off_m = arm.position_m(angles) - in_device(&arm, a, tip);
             assert!(off_m.length() < 1e-14, "{off_m}");
-            // Crank and rod are in one line: a dead centre, where motor C moves nothing.
+            // Crank and rod are collinear: a dead centre, where motor C moves nothing.
             assert!(arm.leverage(angles) < 1e-13 && arm.jacobian(angles).col(2).length() < 1e-13);
         }
     }
 }
 
 #[test]
-fn with_a_right_angle_at_the_elbow_it_is_where_two_triangles_put_it() {
+fn right_angle_at_the_elbow_matches_two_triangles_and_statics() {
     let arm = BoardKinematics::polhem_v3();
     // θ_B = 45°, λ = −45°: the rear end is at (L0/2, 0) + ((L1 − L4), (L1 + L4)) / √2, seen from C's axis (L0, 0) farther out.
     let rear = DVec2::new(L0 + (L1 - L4) * FRAC_1_SQRT_2, (L1 + L4) * FRAC_1_SQRT_2);
@@ -107,14 +106,14 @@ fn with_a_right_angle_at_the_elbow_it_is_where_two_triangles_put_it() {
         DVec3::new(L0 / 2.0 + (L1 + L5) * FRAC_1_SQRT_2 - 0.2045, 0.0, (L1 - L5) * FRAC_1_SQRT_2 - 0.0325);
     let off_m = arm.position_m(angles) - formulas_m.yzx();
     assert!(off_m.length() < 1e-15, "{off_m}");
-    // Levers: A has the whole distance. With the crank held, b and the rear end go as the rod lets them.
+    // Levers: A has the whole distance ρ.
     let newton = arm.currents_a(angles, DVec3::X);
     let out = L0 / 2.0 + (L1 + L5) * FRAC_1_SQRT_2;
     assert!((newton - DVec3::new(out * 0.028_853_4 / 0.175 / 0.0603, 0.0, 0.0)).length() < 1e-14);
-    // Statics, without a Jacobian, with one newton on the hand along the upper arm, 45° out and up. The hand's answer at the tip, L5 before
-    // the elbow, and the rod's push on the rear end, L4 behind it, turn the outer link, which is at a right angle to the newton,
-    // against each other; the rod pushes the crank as much the other way. The elbow's bearing takes both, and of these only the rod's
-    // push goes beside the axis of B. The motors hold against that; that of B turns the other way round.
+    // Statics without a Jacobian, for 1 N on the hand along the upper arm, 45° out and up. The outer link is at a right angle to that
+    // force. Two forces turn it against each other: the hand's reaction at the tip, at L5 from the elbow, and the push of the rod at the
+    // rear end, at L4 on the other side. The rod pushes the crank in the opposite direction. The bearing of the elbow carries both
+    // forces; only the push of the rod has a moment about the axis of B. The motors balance these moments; that of B is reversed.
     let up_the_arm = DVec2::splat(FRAC_1_SQRT_2);
     let along_crank = DVec2::from_angle(c);
     let along_rod = (rear - L2 * along_crank) / L3;
@@ -127,7 +126,7 @@ fn with_a_right_angle_at_the_elbow_it_is_where_two_triangles_put_it() {
 }
 
 #[test]
-fn home_is_the_same_pose_for_both_and_folded() {
+fn home_is_the_same_folded_pose_for_both_versions() {
     for arm in arms() {
         let home = arm.home_rad();
         let [a, b, c] = home.to_array().map(f64::to_degrees);
@@ -136,64 +135,68 @@ fn home_is_the_same_pose_for_both_and_folded() {
         let back = inverse(tip);
         assert!((back[0] - home.y).abs() < 1e-12 && (back[1] - home.z).abs() < 1e-12);
         assert!((tip - DVec2::new(0.036, 0.070)).length() < 1e-3 && arm.leverage(home) < 0.05, "{tip}");
-        // From there the hand is within the driver's reach.
+        // The home pose is within the default reach.
         assert!(arm.position_m(home).length() < BoardOptions::default().reach_m);
         arm.validate().unwrap();
     }
-    // 4096 counts are a turn of a motor; B counts down as it rises, as the source has its motor the other way round.
+    // 4096 counts are a turn of a motor; B rises with falling counts, as its motor is reversed in the source.
     let turn = BoardKinematics::polhem_v3().angles_rad([4096, -4096, 4096]) / TAU;
     assert!((turn - DVec3::new(0.028_853_4 / 0.175, 0.136_981, 0.137_281)).length() < 1e-15);
 }
 
 #[test]
-fn axes_are_right_up_and_towards_the_owner() {
+fn axes_point_right_up_and_towards_the_user() {
     let arm = BoardKinematics::polhem_v3();
     let [b, c] = inverse(DVec2::new(0.2045, 0.0325));
     let middle = DVec3::new(0.0, b, c);
     assert!(arm.position_m(middle).length() < 1e-15);
     let moved = |turn: DVec3| arm.position_m(middle + 0.01 * turn) - arm.position_m(middle);
     assert!(moved(DVec3::X).x > 0.002 && moved(DVec3::X).y.abs() < 1e-15);
-    // B leans back; the outer link rises as C turns on.
+    // B leans back; the outer link rises with C.
     assert!(moved(DVec3::Y).z < -0.001);
     assert!(moved(DVec3::Z).y > 0.0005);
     assert!(arm.leverage(middle) > 0.6);
 }
 
 #[test]
-fn where_bars_are_in_one_line_or_do_not_meet_there_is_no_force_and_no_nan() {
+fn collinear_or_open_bars_have_no_force_and_no_nan() {
     let arm = BoardKinematics::polhem_v3();
-    let away = |angles: DVec3| {
+    let evaluate = |angles: DVec3| {
         let currents = arm.currents_a(angles, DVec3::ONE);
         assert!(
             arm.position_m(angles).is_finite() && arm.jacobian(angles).is_finite() && currents.is_finite()
         );
         (arm.leverage(angles), arm.force_n(angles, DVec3::ONE))
     };
-    // Upper arm and outer link in one line: folded, with the tip below the elbow; and stretched.
+    // Upper arm and outer link collinear: folded, with the tip below the elbow; and stretched.
     let rear = DVec2::new(L0, L1 + L4);
     let c = rear.to_angle() + angle(L2, rear.length(), L3);
-    assert!(away(DVec3::new(0.0, FRAC_PI_2, c)).0 < 1e-15);
-    // Rod and outer link in one line: the elbow is L3 − L4 from the crank's end.
+    assert!(evaluate(DVec3::new(0.0, FRAC_PI_2, c)).0 < 1e-15);
+    // Rod and outer link collinear: the elbow is L3 − L4 from the crank's end.
     let elbow = DVec2::new(L0, L1);
     let c = elbow.to_angle() + angle(L2, elbow.length(), L3 - L4);
-    assert!(away(DVec3::new(0.3, FRAC_PI_2, c)).0 < 1e-6);
-    assert_eq!(away(DVec3::new(0.3, FRAC_PI_2, c - 0.01)), (0.0, None), "nearer than that they cannot be");
-    assert!(away(DVec3::new(0.3, FRAC_PI_2, c + 0.1)).1.is_some());
-    // Counters that nobody has set: whatever pose that is.
-    away(DVec3::ZERO);
-    // The elbow on the crank's end, with a rod as long as the outer link's rear: no direction at all.
-    let odd = BoardKinematics {
+    assert!(evaluate(DVec3::new(0.3, FRAC_PI_2, c)).0 < 1e-6);
+    assert_eq!(
+        evaluate(DVec3::new(0.3, FRAC_PI_2, c - 0.01)),
+        (0.0, None),
+        "the bars cannot close at a smaller distance"
+    );
+    assert!(evaluate(DVec3::new(0.3, FRAC_PI_2, c + 0.1)).1.is_some());
+    // The pose of uncalibrated counters.
+    evaluate(DVec3::ZERO);
+    // The elbow on the crank's end, with a rod as long as the rear of the outer link: the direction is undefined.
+    let degenerate = BoardKinematics {
         linkage: BoardLinkage::Polhem { length_m: [0.0, 0.1, 0.1, 0.05, 0.05, 0.1] },
         ..arm
     };
     let angles = DVec3::new(0.0, 1.0, 1.0);
-    assert!(odd.position_m(angles).is_finite() && odd.jacobian(angles).is_finite());
-    assert_eq!((odd.leverage(angles), odd.force_n(angles, DVec3::ONE)), (0.0, None));
-    assert!(matches!(odd.validate(), Ok(()) | Err(HidError::Option { .. })));
+    assert!(degenerate.position_m(angles).is_finite() && degenerate.jacobian(angles).is_finite());
+    assert_eq!((degenerate.leverage(angles), degenerate.force_n(angles, DVec3::ONE)), (0.0, None));
+    assert!(matches!(degenerate.validate(), Ok(()) | Err(HidError::Option { .. })));
 }
 
 #[test]
-fn arms_that_cannot_be_are_refused() {
+fn rejects_invalid_lengths_and_open_home() {
     let good = BoardKinematics::polhem_v3();
     other_arm().validate().unwrap();
     let links = |at: usize, length: f64| {
@@ -207,16 +210,16 @@ fn arms_that_cannot_be_are_refused() {
         }
         assert!(at == 0 || links(at, 0.0).validate().is_err());
     }
-    // Bars that do not meet at home.
+    // Bars that do not close at home.
     for bad in [links(3, 0.1), BoardKinematics { home_counts: [8312, 10_366, 19_764, 0, 30, 0], ..good }] {
         let error = bad.validate().unwrap_err();
-        assert!(error.to_string().contains("meet"), "{error}");
+        assert!(matches!(&error, HidError::Option { what: "home counters of a board", .. }), "{error}");
     }
 }
 
 proptest! {
     #[test]
-    fn the_bars_keep_their_lengths(angles in poses()) {
+    fn bars_keep_their_lengths(angles in poses()) {
         for arm in arms() {
             let tip = in_plane(&arm, angles.x, arm.position_m(angles));
             let elbow = AXIS_B + L1 * DVec2::from_angle(angles.y);
@@ -224,30 +227,30 @@ proptest! {
             let rear = elbow - L4 / L5 * (tip - elbow);
             prop_assert!(((tip - elbow).length() - L5).abs() < 1e-14);
             prop_assert!(((rear - crank).length() - L3).abs() < 1e-14);
-            // And it is put together the right way round: the rear end clockwise from the crank.
+            // Assembled on the correct side: the rear end is clockwise from the crank.
             prop_assert!((crank - elbow).perp_dot(rear - elbow) < 0.0);
         }
     }
 
     #[test]
-    fn the_tip_is_where_its_inverse_came_from((angles, tip) in places()) {
+    fn position_matches_the_inverse((angles, tip) in places()) {
         for arm in arms() {
             let off_m = arm.position_m(angles) - in_device(&arm, angles.x, tip);
             prop_assert!(off_m.length() < 1e-12, "{off_m}");
         }
     }
 
-    /// hfab_polhem.h: λ is θ_B less the angles at the elbow in three triangles, without signs.
+    /// hfab_polhem.h: λ is θ_B minus the unsigned angles at the elbow in three triangles.
     #[test]
-    fn it_is_where_the_source_puts_it(angles in poses()) {
+    fn position_matches_the_source(angles in poses()) {
         let arm = BoardKinematics::polhem_v3();
         let elbow = AXIS_B + L1 * DVec2::from_angle(angles.y);
         let crank = AXIS_C + L2 * DVec2::from_angle(angles.z);
         let (to_c, to_crank) = ((elbow - AXIS_C).length(), (elbow - crank).length());
-        // What the source takes for granted.
-        let is_as_meant = elbow.y > 0.0 && (AXIS_C - elbow).perp_dot(crank - elbow) < 0.0;
-        prop_assert!(is_as_meant || elbow.y < 0.0 || arm.leverage(angles) < 0.1);
-        if is_as_meant {
+        // Assumptions of the source.
+        let is_in_range = elbow.y > 0.0 && (AXIS_C - elbow).perp_dot(crank - elbow) < 0.0;
+        prop_assert!(is_in_range || elbow.y < 0.0 || arm.leverage(angles) < 0.1);
+        if is_in_range {
             let in_three = [angle(L1, to_c, L0), angle(L4, to_crank, L3), angle(to_c, to_crank, L2)];
             let lambda = angles.y - in_three.iter().sum::<f64>();
             let tip = elbow + L5 * DVec2::from_angle(lambda);
@@ -257,32 +260,32 @@ proptest! {
     }
 
     #[test]
-    fn the_jacobian_is_that_of_finite_differences(angles in poses()) {
+    fn jacobian_matches_finite_differences(angles in poses()) {
         for arm in arms().into_iter().chain([other_arm()]) {
             if arm.leverage(angles) > 0.05 {
-                jacobian_is_that_of_differences(&arm, angles, 2e-4, 1e-8)?;
+                check_jacobian(&arm, angles, 2e-4, 1e-8)?;
             }
         }
     }
 
     #[test]
-    fn a_force_comes_back_from_its_currents(angles in poses(), force in forces()) {
+    fn force_is_recovered_from_its_currents(angles in poses(), force in forces()) {
         for arm in arms().into_iter().chain([other_arm()]) {
             if arm.leverage(angles) > 0.05 {
-                force_comes_back(&arm, angles, force)?;
+                check_force_inverse(&arm, angles, force)?;
             }
         }
     }
 
     #[test]
-    fn what_the_motors_do_the_tip_does(angles in poses(), force in forces(), speed in forces()) {
+    fn motor_power_equals_tip_power(angles in poses(), force in forces(), speed in forces()) {
         for arm in arms() {
-            no_power_is_lost(&arm, angles, force, speed, 2e-5)?;
+            check_power_balance(&arm, angles, force, speed, 2e-5)?;
         }
     }
 
     #[test]
-    fn whatever_the_counters_say_nothing_is_nan(counters in any::<[i16; 3]>(), force in forces()) {
+    fn arbitrary_counters_give_finite_values(counters in any::<[i16; 3]>(), force in forces()) {
         for arm in arms().into_iter().chain([other_arm()]) {
             let angles = arm.angles_rad(arm.counts(counters));
             prop_assert!(arm.position_m(angles).is_finite() && arm.jacobian(angles).is_finite());

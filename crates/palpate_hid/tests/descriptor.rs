@@ -1,7 +1,7 @@
-//! Report descriptors: published ones, a second parser's opinion, and whatever bytes there are.
+//! Report descriptors: published ones, comparison with a second parser, and arbitrary bytes.
 
 use palpate_hid::{
-    DescriptorError, Field, LONGEST_DESCRIPTOR, LONGEST_REPORT, MOST_FIELDS, ReportDescriptor, ReportKind,
+    DescriptorError, Field, MAX_DESCRIPTOR_BYTES, MAX_FIELDS, MAX_REPORT_BYTES, ReportDescriptor, ReportKind,
     Usage,
 };
 use proptest::prelude::*;
@@ -17,13 +17,13 @@ const X: Usage = Usage::new(1, 0x30);
 const Y: Usage = Usage::new(1, 0x31);
 
 #[test]
-fn the_mouse_of_the_standard_is_read_as_the_standard_says() {
+fn parses_the_mouse_of_the_standard() {
     let mouse = ReportDescriptor::parse(&MOUSE).unwrap();
     assert!(!mouse.is_numbered());
     assert_eq!(mouse.applications().collect::<Vec<_>>(), [Usage::new(1, 2)]);
     let [report] = mouse.reports() else { panic!("one report") };
     assert_eq!((report.kind, report.id, report.bytes()), (ReportKind::Input, 0, 3));
-    // Three buttons, five bits of nothing, x and y.
+    // Three buttons, five bits of padding, x and y.
     let places: Vec<(usize, usize)> = report.fields.iter().map(|field| (field.bit, field.bits)).collect();
     assert_eq!(places, [(0, 1), (1, 1), (2, 1), (8, 8), (16, 8)]);
     let (_, x) = mouse.find(ReportKind::Input, Usage::new(1, 1), X).unwrap();
@@ -36,7 +36,7 @@ fn the_mouse_of_the_standard_is_read_as_the_standard_says() {
     assert_eq!(report.field(Y).unwrap().get(&data[..2]), None, "too short");
 }
 
-/// One field of `bits` from `bit`, with padding before it.
+/// A field of `bits` bits at `bit`, after padding.
 fn field(bit: u8, bits: u8, low: i16, high: i16) -> Field {
     let [[a, b], [c, d]] = [low.to_le_bytes(), high.to_le_bytes()];
     let bytes = [
@@ -49,19 +49,19 @@ fn field(bit: u8, bits: u8, low: i16, high: i16) -> Field {
 
 proptest! {
     #[test]
-    fn what_is_put_into_a_field_is_found_there_and_nothing_else_is_touched(
+    fn set_then_get_returns_the_value_and_changes_no_other_bits(
         bit in 0_u8..40, bits in 2_u8..=16, value in any::<i16>(), before in any::<[u8; 8]>(),
     ) {
-        let most = (1_i32 << (bits - 1)) - 1;
-        let field = field(bit, bits, (-most) as i16, most as i16);
+        let max = (1_i32 << (bits - 1)) - 1;
+        let field = field(bit, bits, (-max) as i16, max as i16);
         let mut data = before;
         let put = field.set(&mut data, i64::from(value)).unwrap();
-        prop_assert_eq!(put, i64::from(value).clamp(-i64::from(most), i64::from(most)));
+        prop_assert_eq!(put, i64::from(value).clamp(-i64::from(max), i64::from(max)));
         prop_assert_eq!(field.get(&data), Some(put));
-        // As one number of 64 bits, without the field.
+        // The data as a 64-bit number without the field.
         let rest = |bytes: [u8; 8]| u64::from_le_bytes(bytes) & !(((1 << bits) - 1) << bit);
         prop_assert_eq!(rest(data), rest(before));
-        // Its bits, counted one by one.
+        // The value from the single bits.
         let bits_of = (0..usize::from(bits)).map(|i| {
             let at = usize::from(bit) + i;
             i64::from(data[at / 8] >> (at % 8) & 1) << i
@@ -70,11 +70,11 @@ proptest! {
     }
 
     #[test]
-    fn no_bytes_make_it_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn arbitrary_bytes_do_not_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         if let Ok(parsed) = ReportDescriptor::parse(&bytes) {
             let mut data = [0; 64];
             for report in parsed.reports() {
-                prop_assert!(report.bytes() <= LONGEST_REPORT && report.fields.len() <= MOST_FIELDS);
+                prop_assert!(report.bytes() <= MAX_REPORT_BYTES && report.fields.len() <= MAX_FIELDS);
                 for field in &report.fields {
                     let _ = (field.get(&data), field.set(&mut data, i64::MAX), field.set(&mut data, i64::MIN));
                     let _ = (field.value_of(X), field.usage_of(i64::MIN), field.usage_of(3));
@@ -85,8 +85,8 @@ proptest! {
     }
 
     #[test]
-    fn a_second_parser_reads_the_same(items in prop::collection::vec(item(), 1..30)) {
-        // In a collection, which that parser wants.
+    fn agrees_with_a_second_parser(items in prop::collection::vec(item(), 1..30)) {
+        // The second parser requires a collection.
         let bytes = [&[0x05, 1, 0x09, 4, 0xA1, 1][..], &items.concat(), &[0xC0]].concat();
         let ours = ReportDescriptor::parse(&bytes).unwrap();
         let theirs = hidreport::ReportDescriptor::try_from(bytes.as_slice()).unwrap();
@@ -96,7 +96,7 @@ proptest! {
     }
 }
 
-/// A main item with all that it needs.
+/// A main item with its global and local items.
 fn item() -> impl Strategy<Value = Vec<u8>> {
     let kind = prop::sample::select(vec![0x81_u8, 0x91, 0xB1]);
     let flags = prop::sample::select(vec![2_u8, 6, 0]);
@@ -137,7 +137,7 @@ fn compare(
     for report in theirs {
         let id = u8::from(report.report_id().unwrap());
         let mine = ours.report(kind, id).unwrap();
-        // They count the report's number.
+        // The second parser includes the report ID.
         prop_assert_eq!(mine.bytes() + 1, report.size_in_bytes());
         let mut of_mine = mine.fields.iter();
         for field in report.fields() {
@@ -152,7 +152,7 @@ fn compare(
                     prop_assert!(mine.has(Usage::new(page, id)));
                 }
                 hidreport::Field::Array(theirs) => {
-                    // All its elements are one field there.
+                    // The second parser has one field for all elements.
                     let mut at = theirs.bits.start;
                     while at < theirs.bits.end {
                         let mine = of_mine.next().unwrap();
@@ -178,8 +178,8 @@ fn compare(
 }
 
 #[test]
-fn an_array_names_usages_by_numbers() {
-    // A device control with six words, numbers 1 to 6. Source: Device Class Definition for PID 1.0, chapter 5.8.
+fn array_field_maps_usages_to_numbers() {
+    // A device control with six commands, numbers 1 to 6. Source: Device Class Definition for PID 1.0, chapter 5.8.
     let bytes = [
         0x05, 0x0F, 0x09, 0x96, 0xA1, 0x02, 0x85, 0x0C, 0x09, 0x97, 0x09, 0x98, 0x09, 0x99, 0x09, 0x9A, 0x09,
         0x9B, 0x09, 0x9C, 0x15, 0x01, 0x25, 0x06, 0x75, 0x08, 0x95, 0x01, 0x91, 0x00, 0xC0,
@@ -197,8 +197,8 @@ fn an_array_names_usages_by_numbers() {
 }
 
 #[test]
-fn what_only_fills_a_report_is_not_found() {
-    // A joystick whose first byte is named x and constant, whose second is x, and whose y is constant alone.
+fn find_skips_constant_fields() {
+    // A joystick with a constant field for x, a variable one for x, and only a constant one for y.
     let bytes = [
         0x05, 0x01, 0x09, 0x04, 0xA1, 0x01, 0x15, 0x81, 0x25, 0x7F, 0x75, 0x08, 0x95, 0x01, 0x09, 0x30, 0x81,
         0x03, 0x09, 0x30, 0x81, 0x02, 0x09, 0x31, 0x81, 0x03, 0xC0,
@@ -206,7 +206,7 @@ fn what_only_fills_a_report_is_not_found() {
     let parsed = ReportDescriptor::parse(&bytes).unwrap();
     let [report] = parsed.reports() else { panic!("one report") };
     let all: Vec<(usize, bool)> = report.fields.iter().map(|field| (field.bit, field.is_constant)).collect();
-    assert_eq!(all, [(0, true), (8, false), (16, true)], "they are there all the same");
+    assert_eq!(all, [(0, true), (8, false), (16, true)], "constant fields are listed");
     let joystick = Usage::new(1, 4);
     assert_eq!(report.field(X).map(|field| field.bit), Some(8));
     assert_eq!(parsed.find(ReportKind::Input, joystick, X).map(|(_, field)| field.bit), Some(8));
@@ -214,19 +214,19 @@ fn what_only_fills_a_report_is_not_found() {
     assert_eq!(parsed.find(ReportKind::Input, joystick, Y), None);
 }
 
-/// Chapters 6.2.2.7 and 6.2.2.8 of the standard: a push keeps all global items, a pop brings them back, local items are no part of it.
+/// Chapters 6.2.2.7 and 6.2.2.8 of the standard: push saves all global items, pop restores them, local items are excluded.
 #[test]
-fn what_was_pushed_holds_again_after_the_pop() {
+fn pop_restores_global_items() {
     let bytes = [
-        // Page 1, -127 to 127, physical 0 to 100, unit 0x11 by a thousandth, 8 bits, one, report 3; kept twice.
+        // Page 1, -127 to 127, physical 0 to 100, unit 0x11 by a thousandth, 8 bits, one, report 3; pushed twice.
         &[0x05, 1, 0x15, 0x81, 0x25, 0x7F, 0x35, 0, 0x45, 100, 0x65, 0x11, 0x55, 0x0D][..],
         &[0x75, 8, 0x95, 1, 0x85, 3, 0xA4, 0xA4],
-        // All of them changed: two buttons of report 4.
+        // All global items changed: two buttons of report 4.
         &[0x05, 9, 0x15, 0, 0x25, 1, 0x35, 0, 0x45, 0, 0x65, 0, 0x55, 0, 0x75, 1, 0x95, 2, 0x85, 4],
         &[0x19, 1, 0x29, 2, 0x81, 2],
-        // x, with the usage named before the pop.
+        // x, with its usage before the pop.
         &[0x09, 0x30, 0xB4, 0x81, 2],
-        // Other bits; the second pop brings eight again, for y.
+        // Another size; the second pop restores eight bits, for y.
         &[0x75, 16, 0xB4, 0x09, 0x31, 0x81, 2],
     ];
     let parsed = ReportDescriptor::parse(&bytes.concat()).unwrap();
@@ -243,9 +243,9 @@ fn what_was_pushed_holds_again_after_the_pop() {
     }
 }
 
-/// Chapter 6.2.2.8: between delimiters stand several usages for one control, the one that is meant most first.
+/// Chapter 6.2.2.8: delimiters enclose alternative usages of one control, the preferred one first.
 #[test]
-fn of_usages_between_delimiters_the_first_counts() {
+fn first_of_delimited_usages_is_used() {
     let bytes = [
         &[0x05, 1, 0x09, 4, 0xA1, 1, 0x15, 0, 0x25, 0x7F, 0x75, 8, 0x95, 3][..],
         // Three controls: x or z, y alone, a slider or a dial or a wheel.
@@ -253,7 +253,7 @@ fn of_usages_between_delimiters_the_first_counts() {
         &[0x09, 0x31],
         &[0xA9, 1, 0x09, 0x36, 0x09, 0x37, 0x09, 0x38, 0xA9, 0],
         &[0x81, 2],
-        // They are forgotten with the main item.
+        // The main item resets local items.
         &[0x95, 2, 0x09, 0x33, 0x09, 0x34, 0x81, 2, 0xC0],
     ];
     let parsed = ReportDescriptor::parse(&bytes.concat()).unwrap();
@@ -264,33 +264,33 @@ fn of_usages_between_delimiters_the_first_counts() {
 }
 
 #[test]
-fn what_is_broken_is_refused_with_its_place() {
-    let refused = |bytes: &[u8]| ReportDescriptor::parse(bytes).unwrap_err();
-    assert_eq!(refused(&[0x05]), DescriptorError::Truncated { at: 0 });
-    assert_eq!(refused(&[0x05, 1, 0x27, 1, 2, 3]), DescriptorError::Truncated { at: 2 });
-    assert_eq!(refused(&[0xFE, 9, 0]), DescriptorError::Truncated { at: 0 });
-    assert_eq!(refused(&[0xC0]), DescriptorError::UnpairedCollection { at: 0 });
-    assert_eq!(refused(&[0xA1, 1]), DescriptorError::UnpairedCollection { at: 2 });
-    assert_eq!(refused(&[0xB4]), DescriptorError::UnpairedPop { at: 0 });
-    assert_eq!(refused(&[0xA4; 65]), DescriptorError::TooDeep { at: 64, allowed: 64 });
-    assert_eq!(refused(&[0xA0; 65]), DescriptorError::TooDeep { at: 64, allowed: 64 });
-    assert_eq!(refused(&[0x85, 0]), DescriptorError::ReportNumber { at: 0, id: 0 });
-    assert_eq!(refused(&[0x86, 0, 1]), DescriptorError::ReportNumber { at: 0, id: 256 });
+fn rejects_malformed_descriptors_with_the_offset() {
+    let error = |bytes: &[u8]| ReportDescriptor::parse(bytes).unwrap_err();
+    assert_eq!(error(&[0x05]), DescriptorError::Truncated { at: 0 });
+    assert_eq!(error(&[0x05, 1, 0x27, 1, 2, 3]), DescriptorError::Truncated { at: 2 });
+    assert_eq!(error(&[0xFE, 9, 0]), DescriptorError::Truncated { at: 0 });
+    assert_eq!(error(&[0xC0]), DescriptorError::UnpairedCollection { at: 0 });
+    assert_eq!(error(&[0xA1, 1]), DescriptorError::UnpairedCollection { at: 2 });
+    assert_eq!(error(&[0xB4]), DescriptorError::UnpairedPop { at: 0 });
+    assert_eq!(error(&[0xA4; 65]), DescriptorError::TooDeep { at: 64, allowed: 64 });
+    assert_eq!(error(&[0xA0; 65]), DescriptorError::TooDeep { at: 64, allowed: 64 });
+    assert_eq!(error(&[0x85, 0]), DescriptorError::ReportNumber { at: 0, id: 0 });
+    assert_eq!(error(&[0x86, 0, 1]), DescriptorError::ReportNumber { at: 0, id: 256 });
     let unnumbered = [0x75, 8, 0x95, 1, 0x81, 2, 0x85, 1, 0x81, 2];
-    assert_eq!(refused(&unnumbered), DescriptorError::Unnumbered { at: 4 });
-    // Four thousand million fields of as many bits each.
+    assert_eq!(error(&unnumbered), DescriptorError::Unnumbered { at: 4 });
+    // 2³² − 1 fields with as many bits each.
     let huge = [0x77, 0xFF, 0xFF, 0xFF, 0xFF, 0x97, 0xFF, 0xFF, 0xFF, 0xFF, 0x81, 2];
-    assert_eq!(refused(&huge), DescriptorError::ReportTooLong { at: 10 });
+    assert_eq!(error(&huge), DescriptorError::ReportTooLong { at: 10 });
     let many = [0x75, 1, 0x96, 0x01, 0x10, 0x81, 2];
-    assert_eq!(refused(&many), DescriptorError::TooManyFields { at: 5 });
-    let longer = vec![0x04; LONGEST_DESCRIPTOR + 1];
-    assert_eq!(refused(&longer), DescriptorError::TooLong(LONGEST_DESCRIPTOR + 1));
-    // A page in the usage itself goes before the page that holds; a long item is passed over; 0xFF is 255 where nothing is below 0.
-    let odd =
+    assert_eq!(error(&many), DescriptorError::TooManyFields { at: 5 });
+    let longer = vec![0x04; MAX_DESCRIPTOR_BYTES + 1];
+    assert_eq!(error(&longer), DescriptorError::TooLong(MAX_DESCRIPTOR_BYTES + 1));
+    // A usage with its own page overrides the global page; a long item is skipped; 0xFF is 255 for a minimum of 0.
+    let unusual =
         [0xFE, 2, 0, 9, 9, 0x05, 1, 0x0B, 0x70, 0, 0x0F, 0, 0x15, 0, 0x25, 0xFF, 0x75, 8, 0x95, 2, 0x81, 2];
-    let parsed = ReportDescriptor::parse(&odd).unwrap();
+    let parsed = ReportDescriptor::parse(&unusual).unwrap();
     let fields = &parsed.reports()[0].fields;
-    // The last usage stands for the fields that are left.
+    // The last usage applies to the remaining fields.
     assert!(fields.len() == 2 && fields.iter().all(|field| field.has(Usage::new(0x0F, 0x70))));
     assert_eq!(fields[1].logical, [0, 255]);
 }

@@ -1,18 +1,18 @@
-//! Force-feedback joysticks: to the byte on three published layouts, what they say and might say, and in the haptic loop.
+//! Driver of force-feedback joysticks: reports byte by byte on three published layouts, input reports, and the haptic loop.
 
-#[path = "joystick/found_again.rs"]
-mod found_again;
+#[path = "joystick/haptic_loop.rs"]
+mod haptic_loop;
 #[path = "common/hex.rs"]
 mod hex;
-#[path = "joystick/in_loop.rs"]
-mod in_loop;
 #[path = "joystick/input.rs"]
 mod input;
-#[path = "joystick/killed.rs"]
-mod killed;
-#[path = "common/recorded.rs"]
-mod recorded;
+#[path = "common/joystick_bench.rs"]
+mod joystick_bench;
+#[path = "joystick/killed_program.rs"]
+mod killed_program;
+#[path = "joystick/reconnection.rs"]
+mod reconnection;
+#[path = "common/report_log.rs"]
+mod report_log;
 #[path = "joystick/reports.rs"]
 mod reports;
-#[path = "common/stick.rs"]
-mod stick;

@@ -214,7 +214,7 @@ fn row(line: &Line, out: &mut dyn Write) -> std::io::Result<()> {
 
 /// The device that a user means by `id`: where it is, its serial number, or its vendor's and product's numbers.
 fn selector(id: &str, teensy_is_board: bool, bus: &dyn HidBus) -> Result<HidSelector, HidError> {
-    let asked = HidSelector { teensy_is_board, ..HidSelector::default() };
+    let asked = HidSelector { treat_teensy_as_board: teensy_is_board, ..HidSelector::default() };
     let present = bus.list()?;
     if present.iter().any(|info| info.path == id) || id.starts_with('/') {
         return Ok(HidSelector { path: Some(id.into()), ..asked });

@@ -108,8 +108,8 @@ impl HidSelector {
             product: self.product,
             serial: self.serial.clone(),
             path: self.path.clone(),
-            first: self.match_first,
-            teensy_is_board: self.treat_teensy_as_board,
+            match_first: self.match_first,
+            treat_teensy_as_board: self.treat_teensy_as_board,
         }
     }
 }

@@ -131,7 +131,8 @@ mod tests {
     #[cfg(feature = "hid")]
     #[test]
     fn what_is_plugged_in_is_found_when_it_is_looked_for() {
-        use palpate_hid::{Firmware, HidInfo, StandInBus, Usage};
+        use palpate_hid::simulated::{Firmware, SimulatedBus};
+        use palpate_hid::{HidInfo, Usage};
 
         struct Silent;
         impl Firmware for Silent {
@@ -143,7 +144,7 @@ mod tests {
                 true
             }
         }
-        let bus = StandInBus::default();
+        let bus = SimulatedBus::default();
         let info = HidInfo {
             path: "cap".into(),
             vendor: 0x256F,

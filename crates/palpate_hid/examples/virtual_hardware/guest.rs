@@ -1,28 +1,28 @@
-//! All scenarios, one after the other.
+//! All scenarios, in sequence.
 
 mod board;
-mod cap;
 mod check;
 mod enumeration;
 mod joystick;
 mod lab;
 mod queue;
+mod space_mouse;
 mod touch;
 mod uhid;
 mod unplugged;
 mod virtual_device;
 
-use check::{NotHere, Outcome};
+use check::{Outcome, Unavailable};
 use std::process::ExitCode;
 
-/// What is tried, in this order; each brings its own devices.
+/// Scenarios in this order; each creates its own devices.
 const SCENARIOS: [(&str, fn() -> Outcome); 14] = [
     ("enumeration", enumeration::run),
     ("palpate_lab", lab::run),
-    ("cap_with_a_cable", cap::with_a_cable),
-    ("cap_without", cap::without),
+    ("wired_space_mouse", space_mouse::wired),
+    ("wireless_space_mouse", space_mouse::wireless),
     ("queue", queue::run),
-    ("unplugged_cap", unplugged::cap),
+    ("unplugged_space_mouse", unplugged::space_mouse),
     ("joystick_openffboard", joystick::openffboard),
     ("joystick_rhino", joystick::rhino),
     ("joystick_arduino", joystick::arduino),
@@ -33,16 +33,16 @@ const SCENARIOS: [(&str, fn() -> Outcome); 14] = [
     ("unplugged_board", unplugged::board),
 ];
 
-/// Runs them and says what came of each; `word` ends the last line.
+/// Runs all scenarios and prints their results; `word` ends the last line.
 pub fn run_all(word: &str) -> ExitCode {
     let mut failed = 0;
     for (name, scenario) in SCENARIOS {
         match scenario() {
             Ok(figures) => println!("ok {name}: {figures}"),
-            Err(why) if why.is::<NotHere>() => println!("skipped {name}: {why}"),
+            Err(why) if why.is::<Unavailable>() => println!("skipped {name}: {why}"),
             Err(why) => {
                 failed += 1;
-                println!("FAILED {name}: {}", check::chain(&*why));
+                println!("FAILED {name}: {}", check::report(&*why));
             }
         }
     }

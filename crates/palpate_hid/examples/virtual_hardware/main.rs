@@ -1,10 +1,10 @@
-//! Drivers against devices that exist only in a Linux kernel, by way of `uhid`: found, opened, read and written through hidraw as
-//! real ones are. `.ci/virtual-hardware` boots a kernel that has it and runs this there; where `/dev/uhid` is there and may be
-//! opened it runs on the machine itself as well. Every device it asks for it names by its serial number: real ones stay alone.
+//! Tests the drivers with virtual devices of a Linux kernel, created through `uhid`: they are found, opened, read and written through
+//! hidraw like real ones. `.ci/virtual-hardware` boots a kernel with uhid and runs this program in it. It also runs on a machine where
+//! `/dev/uhid` exists and can be opened. Each selector has a serial number, so real devices are not touched.
 //!
-//! Prints a line for each scenario and a last one with the word given as argument, by which it is known that all were run.
+//! Prints a line for each scenario, and a last line that ends with the argument, which shows that all scenarios ran.
 
-#![expect(clippy::print_stdout, reason = "whoever boots the guest reads what it prints")]
+#![expect(clippy::print_stdout, reason = "the output is read by the script that boots the guest")]
 
 #[cfg(target_os = "linux")]
 mod guest;
@@ -18,6 +18,6 @@ fn main() -> ExitCode {
 
 #[cfg(not(target_os = "linux"))]
 fn main() -> ExitCode {
-    println!("virtual devices are those of Linux");
+    println!("virtual devices need Linux");
     ExitCode::FAILURE
 }

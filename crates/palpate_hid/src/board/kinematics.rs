@@ -1,94 +1,67 @@
-//! The arm of a board: from encoder counts to the place of its tip, and from a force to the currents of its motors.
+//! Kinematics of a board's arm: encoder counts to tip position, and force to motor currents.
 //!
-//! Sources: forsslund/haptikfabrikenapi at b8d6c94, `src/kinematics.cpp` for the formulas, `src/haptikfabrikenapi.h` for the numbers;
-//! those of Polhem are named in `polhem.rs`.
+//! Sources: forsslund/haptikfabrikenapi at b8d6c94, `src/kinematics.cpp` for the formulas, `src/haptikfabrikenapi.h` for the sizes;
+//! those of a Polhem are named in `presets.rs`.
 
-use super::linkage::{BoardLinkage, Reach};
+use super::linkage::BoardLinkage;
+use super::reach::Reach;
 use crate::HidError;
 use glam::{DMat3, DVec3, Vec3Swizzles};
 use std::f64::consts::TAU;
 
-/// The arm of a board: three bodies, each turned by a motor through a capstan, and the linkage between them and the tip.
+/// Arm of a board: three bodies, each driven by a motor through a capstan, and the linkage from the bodies to the tip.
 ///
-/// Body A turns about the vertical by θ_A and carries the linkage, which lies in a plane with that axis. Its bodies B and C, turned by
-/// θ_B and θ_C, move the tip in the plane: ρ from the axis and h up ([`BoardLinkage`] has how).
+/// Body A turns about the vertical axis by θ_A and carries the linkage, which lies in a plane with that axis. Bodies B and C, at θ_B
+/// and θ_C, move the tip in the plane: ρ from the axis and h up ([`BoardLinkage`] has the formulas).
 ///
-/// * θ_i = s_i · 2π n_i / cpr_i · d_i / D_i, with the counts n, the counts for a turn cpr, the diameters d of the capstan and D of
+/// * θ_i = s_i · 2π n_i / cpr_i · d_i / D_i, with the counts n, the counts per turn cpr, the diameters d of the capstan and D of
 ///   the body, and s = ±1;
 /// * x = ρ cos θ_A − o_x, y = ρ sin θ_A − o_y, z = h − o_z;
 /// * τ = JᵀF with J = ∂(x, y, z)/∂θ; the torque of a motor is s_i τ_i d_i / D_i, its current that by its torque constant k_i.
 ///
 /// # Frame
 ///
-/// The formulas have x towards the hand's owner, y to the right, z up (the frame of CHAI3D). What is given and taken here is in
-/// palpate's frame of devices, x to the right, y up, z towards the owner: (y, z, x) of the formulas, as
-/// `examples/h3d/H3D24/HAPI/src/HaptikfabrikenHapticsDevice.cpp` of the source has it for the same frame. The zero is the middle of
-/// the workspace. Force is what the device does to the hand.
+/// In the formulas x points towards the user, y to the right, z up (the frame of CHAI3D). Arguments and results use palpate's device
+/// frame: x to the right, y up, z towards the user, which is (y, z, x) of the formulas, as in
+/// `examples/h3d/H3D24/HAPI/src/HaptikfabrikenHapticsDevice.cpp` of the source for the same frame. The origin is the centre of the
+/// workspace. Forces are those exerted by the device on the hand.
 ///
-/// # Not in it
+/// # Not included
 ///
-/// The weight of the bodies, friction, and the turning of the grip. The source's numbers switch the weight's compensation off for a
-/// WoodenHaptics; for a Polhem hfabapi adds 0.4 kg of bodies to the torques. That would be a force that no safety chain has seen, so
-/// the hand carries it here.
+/// Weight of the bodies, friction, and rotation of the grip. The source disables weight compensation for a WoodenHaptics; for a Polhem
+/// hfabapi adds 0.4 kg of bodies to the torques. Such a force would bypass the safety chain, so here the hand carries the weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoardKinematics {
-    /// How bodies B and C move the tip, with the lengths of the links.
+    /// Linkage from bodies B and C to the tip, with the lengths of its links.
     pub linkage: BoardLinkage,
-    /// d: diameters of the capstans on the motors, m.
+    /// Diameters d of the capstans on the motors, m.
     pub capstan_m: [f64; 3],
-    /// D: diameters of the bodies where the cable runs, m.
+    /// Diameters D of the bodies at the cable, m.
     pub body_m: [f64; 3],
-    /// s: whether a body turns against its counts. The source's `motor_and_body_aligned`.
+    /// Whether a body turns against its counts (s = −1). `motor_and_body_aligned` of the source.
     pub is_reversed: [bool; 3],
-    /// cpr: counts for a turn of the motor, four for each line of the encoder.
+    /// Encoder counts cpr for a turn of the motor: four for each line of the encoder.
     pub counts_per_turn: [f64; 3],
-    /// k: torque constants of the motors, N m/A.
+    /// Torque constants k of the motors, N m/A.
     pub torque_nm_per_a: [f64; 3],
-    /// o: the middle of the workspace, m, from the foot of A's axis; in the frame of the formulas.
+    /// Centre o of the workspace, m, from the foot of A's axis, in the frame of the formulas.
     pub origin_m: DVec3,
     /// Radius of the workspace, m.
     pub workspace_radius_m: f64,
-    /// The largest force that it should show, N.
+    /// Maximum force, N.
     pub max_force_n: f64,
-    /// What the counters of encoders a to f are at home.
+    /// Counters of encoders a to f at home.
     pub home_counts: [i16; 6],
 }
 
-impl Default for BoardKinematics {
-    /// [`BoardKinematics::woodenhaptics_v2015`].
-    fn default() -> Self {
-        Self::woodenhaptics_v2015()
-    }
-}
-
 impl BoardKinematics {
-    /// The WoodenHaptics of 2015. At home B points up and C to the front: counts 0, 0, 6000, θ_C = π/2.
-    ///
-    /// Source: `woodenhaptics_v2015` in `src/haptikfabrikenapi.h`, which also gives 1,000 N/m and 8 N s/m as the most that it should
-    /// show.
-    #[must_use]
-    pub fn woodenhaptics_v2015() -> Self {
-        Self {
-            linkage: BoardLinkage::WoodenHaptics { length_m: [0.080, 0.205, 0.245] },
-            capstan_m: [0.010; 3],
-            body_m: [0.160, 0.120, 0.120],
-            is_reversed: [false; 3],
-            counts_per_turn: [2000.0; 3],
-            torque_nm_per_a: [0.0259; 3],
-            origin_m: DVec3::new(0.220, 0.0, 0.080),
-            workspace_radius_m: 0.100,
-            max_force_n: 5.0,
-            home_counts: [0, 0, 6000, 0, 0, 0],
-        }
-    }
-
-    /// Refuses an arm that cannot be.
+    /// Validates the sizes, and that the linkage closes at home.
     ///
     /// # Errors
     /// [`HidError::Option`].
     pub fn validate(&self) -> Result<(), HidError> {
-        let within = |what, values: [f64; 3], least: f64, most: f64, allowed| {
-            let bad = values.into_iter().find(|value| !(least..=most).contains(value));
+        let within = |what, values: [f64; 3], min: f64, max: f64, allowed| {
+            let bad = values.into_iter().find(|value| !(min..=max).contains(value));
             bad.map_or(Ok(()), |bad| Err(HidError::Option { what, found: bad.to_string(), allowed }))
         };
         self.linkage.validate()?;
@@ -102,33 +75,33 @@ impl BoardKinematics {
             10.0,
             "0.0001 to 10",
         )?;
-        within("middle of a board's workspace, m", self.origin_m.to_array(), -10.0, 10.0, "-10 to 10")?;
+        within("centre of a board's workspace, m", self.origin_m.to_array(), -10.0, 10.0, "-10 to 10")?;
         within("radius of a board's workspace, m", [self.workspace_radius_m; 3], 1e-3, 10.0, "0.001 to 10")?;
-        within("largest force of a board, N", [self.max_force_n; 3], 0.0, 100.0, "0 to 100")?;
-        // So that a counter of 16 bits names one place of the body.
+        within("maximum force of a board, N", [self.max_force_n; 3], 0.0, 100.0, "0 to 100")?;
+        // Otherwise a counter of 16 bits is ambiguous within one turn of the body.
         within(
             "counts for a whole turn of a board's body",
             self.angle_per_count().map(|angle| TAU / angle.abs()),
             1.0,
             65_536.0,
-            "at most 65536, or its counters could not be told apart",
+            "at most 65536, because its counters have 16 bits",
         )?;
         if self.reach(self.home_rad()).is_closed {
             return Ok(());
         }
         let [a, b, c, ..] = self.home_counts;
-        let allowed = "counts with which the bars of its linkage meet";
-        Err(HidError::Option { what: "home of a board", found: format!("{a}, {b}, {c}"), allowed })
+        let allowed = "counts with which the bars of its linkage close";
+        Err(HidError::Option { what: "home counters of a board", found: format!("{a}, {b}, {c}"), allowed })
     }
 
-    /// Angle of each body for one count, with its sign, rad.
+    /// Angle of each body per count, signed, rad.
     fn angle_per_count(&self) -> [f64; 3] {
         let [a, b, c] = self.transmission();
         let [m, n, o] = self.counts_per_turn;
         [a * TAU / m, b * TAU / n, c * TAU / o]
     }
 
-    /// s d / D: turns of each body for one of its motor.
+    /// Turns of each body per turn of its motor, s d / D.
     fn transmission(&self) -> [f64; 3] {
         let of = |capstan: f64, body: f64, is_reversed: bool| {
             if is_reversed { -capstan / body } else { capstan / body }
@@ -137,11 +110,11 @@ impl BoardKinematics {
         [of(d, k, r), of(e, l, s), of(f, m, t)]
     }
 
-    /// Counts of encoders a, b, c from counters of 16 bits.
+    /// Counts of encoders a, b, c from 16-bit counters.
     ///
-    /// The counters wrap around, those of a WoodenHaptics after two turns of a body (A has 32,000 counts for one, B and C have
-    /// 24,000). As no body can turn that far, the counts are the ones nearest to home, within 32,768 of it: a turn of A to either
-    /// side. That holds at the first report as well, and over any silence.
+    /// The counters wrap around; those of a WoodenHaptics after two turns of a body (A has 32,000 counts per turn, B and C have 24,000).
+    /// No body can turn that far, so the counts nearest to home are used, within 32,768 of it: a turn of A to either side. This also
+    /// holds at the first report and after any silence.
     #[must_use]
     pub fn counts(&self, counters: [i16; 3]) -> [i32; 3] {
         let of = |counter: i16, home: i16| i32::from(home) + i32::from(counter.wrapping_sub(home));
@@ -162,8 +135,8 @@ impl BoardKinematics {
         self.angles_rad([a, b, c].map(i32::from))
     }
 
-    /// Place of the tip, m. Always finite: where the bars of a Polhem do not meet, as long as nobody has said where home is, its outer
-    /// link points as if they were stretched, or folded, towards each other.
+    /// Position of the tip, m; always finite. Before calibration the bars of a Polhem may not close; then its outer link points as if
+    /// they were stretched, or folded, towards each other.
     #[must_use]
     pub fn position_m(&self, angles_rad: DVec3) -> DVec3 {
         let Reach { tip, .. } = self.reach(angles_rad);
@@ -171,8 +144,8 @@ impl BoardKinematics {
         (DVec3::new(cos_a * tip.x, sin_a * tip.x, tip.y) - self.origin_m).yzx()
     }
 
-    /// J: how the tip moves when A, B, C turn, m/rad; a column for each. Always finite: where the bars of a Polhem do not meet, or lie in
-    /// one line, its outer link counts as fixed to B.
+    /// Jacobian J of the tip position, m/rad, one column for each of A, B, C; always finite. Where the bars of a Polhem do not close, or
+    /// lie in one line, the outer link is treated as fixed to B.
     #[must_use]
     pub fn jacobian(&self, angles_rad: DVec3) -> DMat3 {
         let Reach { tip, by_b, by_c, .. } = self.reach(angles_rad);
@@ -184,14 +157,14 @@ impl BoardKinematics {
         )
     }
 
-    /// Currents of the motors, A, that show `force_n` there.
+    /// Motor currents that display `force_n` in the pose `angles_rad`, A.
     #[must_use]
     pub fn currents_a(&self, angles_rad: DVec3, force_n: DVec3) -> DVec3 {
         let torques_nm = self.jacobian(angles_rad).transpose() * force_n;
         torques_nm * DVec3::from(self.transmission()) / DVec3::from(self.torque_nm_per_a)
     }
 
-    /// The force, N, that these currents show there, A; `None` where the arm is singular.
+    /// Force of the motor currents `currents_a`, A, in the pose `angles_rad`, N; `None` in a singular pose.
     #[must_use]
     pub fn force_n(&self, angles_rad: DVec3, currents_a: DVec3) -> Option<DVec3> {
         if self.leverage(angles_rad) <= f64::EPSILON {
@@ -201,8 +174,8 @@ impl BoardKinematics {
         Some(self.jacobian(angles_rad).transpose().inverse() * torques_nm).filter(|force| force.is_finite())
     }
 
-    /// How far the arm is from where it is singular: 0 there, and where the bars of its linkage do not meet; 1 at most. It is ρ by its
-    /// greatest value, times the sines of the angles between the links that must not lie in one line; see [`BoardLinkage`].
+    /// Distance from singularity, 0 to 1: 0 in a singular pose, and where the bars of the linkage do not close. It is ρ relative to its
+    /// maximum, times the sines of the angles between the links that must not be collinear; see [`BoardLinkage`].
     #[must_use]
     pub fn leverage(&self, angles_rad: DVec3) -> f64 {
         self.reach(angles_rad).leverage

@@ -1,16 +1,16 @@
-//! What lies between the bodies of a board and its tip.
+//! Linkages between the driven bodies of a board and its tip.
 
-use super::{polhem, woodenhaptics};
+use super::reach::Reach;
+use super::{polhem_linkage, woodenhaptics_linkage};
 use crate::HidError;
-use glam::DVec2;
 
-/// Which linkage an arm has, and how long its links are.
+/// Linkage of an arm, with the lengths of its links.
 ///
-/// A board cannot tell: a Polhem 2 or 3 has the same numbers on USB as a WoodenHaptics and the same reports, so that whoever has one
-/// must say so. Taken for the other its positions and the directions of its forces would be wrong.
+/// A Polhem 2 or 3 has the same USB IDs and reports as a WoodenHaptics, so the linkage cannot be detected and has to be set. With the
+/// wrong linkage, positions and directions of forces are wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BoardLinkage {
-    /// Two links, each turned from the base: WoodenHaptics, AluHaptics, Polhem 1.
+    /// Two links, each driven from the base: WoodenHaptics, AluHaptics, Polhem 1.
     ///
     /// Body B turns link B from the vertical by θ_B, body C turns link C from straight down by θ_C:
     ///
@@ -22,7 +22,7 @@ pub enum BoardLinkage {
         /// L_n, L_b, L_c: height of the shoulder, 0 to 10 m; lengths of the two links, 0.001 to 10 m.
         length_m: [f64; 3],
     },
-    /// Five bars: Polhem 2 and 3, variant 3 of the interface.
+    /// Five-bar linkage: Polhem 2 and 3, variant 3 of the interface.
     ///
     /// ```text
     ///            c
@@ -48,10 +48,9 @@ pub enum BoardLinkage {
     ///   |sin(φ − θ_C)|, where it is 0 the crank is at a dead centre, and |sin(φ − λ)|, where it is 0 the rod cannot hold the outer
     ///   link.
     ///
-    /// Source: forsslund/hfabapi at aadabaa, `hfab_polhem.h`, which has λ as θ_B less three angles at b: from the axis of B to that of
-    /// C, on to d, and on to c. They are taken without signs there, so that its positions are those of this linkage as long as b is above
-    /// the axes and d clockwise from the axis of C. They are not where the tip is far out and b below the axes, and near the upper end,
-    /// where the leverage is below a tenth.
+    /// Source: forsslund/hfabapi at aadabaa, `hfab_polhem.h`. It computes λ as θ_B minus three unsigned angles at b: from the axis of B
+    /// to that of C, on to d, and on to c. Its positions agree with this linkage while b is above the axes and d clockwise from the axis
+    /// of C. They differ where the tip is far out and b below the axes, and near the upper end, where the leverage is below 0.1.
     Polhem {
         /// L0 to L5, m: L0 is 0 to 10, the others are 0.001 to 10.
         length_m: [f64; 6],
@@ -59,45 +58,32 @@ pub enum BoardLinkage {
 }
 
 impl Default for BoardLinkage {
-    /// That of the WoodenHaptics of 2015.
+    /// Linkage of the WoodenHaptics of 2015.
     fn default() -> Self {
-        super::BoardKinematics::woodenhaptics_v2015().linkage
+        Self::WoodenHaptics { length_m: woodenhaptics_linkage::LENGTH_2015_M }
     }
 }
 
-/// Where a linkage has the tip, in the plane of B and C: x is ρ, the distance from A's axis, and y the height, m.
-pub(super) struct Reach {
-    pub(super) tip: DVec2,
-    /// How the tip moves with θ_B and θ_C, m/rad.
-    pub(super) by_b: DVec2,
-    pub(super) by_c: DVec2,
-    /// 0 where it is singular, 1 at most.
-    pub(super) leverage: f64,
-    /// Whether its bars meet.
-    pub(super) is_closed: bool,
-}
-
 impl BoardLinkage {
-    /// Refuses links that cannot be.
+    /// Validates the lengths.
     pub(super) fn validate(&self) -> Result<(), HidError> {
         let (bases, links): (f64, &[f64]) = match self {
             Self::WoodenHaptics { length_m: [base, links @ ..] } => (*base, links),
             Self::Polhem { length_m: [base, links @ ..] } => (*base, links),
         };
-        let refused =
-            |what, found: f64, allowed| HidError::Option { what, found: found.to_string(), allowed };
+        let error = |what, found: f64, allowed| HidError::Option { what, found: found.to_string(), allowed };
         if !(0.0..=10.0).contains(&bases) {
-            return Err(refused("first length of a board's linkage, m", bases, "0 to 10"));
+            return Err(error("first length of a board's linkage, m", bases, "0 to 10"));
         }
         let bad = links.iter().find(|length| !(1e-3..=10.0).contains(*length));
-        bad.map_or(Ok(()), |&bad| Err(refused("length of a board's links, m", bad, "0.001 to 10")))
+        bad.map_or(Ok(()), |&bad| Err(error("length of a board's links, m", bad, "0.001 to 10")))
     }
 
-    /// Where the tip is with bodies B and C at these angles, rad.
+    /// Tip position and its derivatives for the angles of bodies B and C, rad.
     pub(super) fn reach(&self, b_rad: f64, c_rad: f64) -> Reach {
         match self {
-            Self::WoodenHaptics { length_m } => woodenhaptics::reach(length_m, b_rad, c_rad),
-            Self::Polhem { length_m } => polhem::reach(length_m, b_rad, c_rad),
+            Self::WoodenHaptics { length_m } => woodenhaptics_linkage::reach(length_m, b_rad, c_rad),
+            Self::Polhem { length_m } => polhem_linkage::reach(length_m, b_rad, c_rad),
         }
     }
 }

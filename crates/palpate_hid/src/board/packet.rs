@@ -1,15 +1,15 @@
-//! What is sent to a board and what comes from it, in three forms.
+//! Reports of a board in three forms.
 //!
-//! All numbers are little-endian and of 16 bits; no report has a number.
+//! All numbers are little-endian with 16 bits; reports have no IDs.
 //!
 //! | form | from the board | to the board |
 //! | --- | --- | --- |
-//! | 8 bytes (WoodenHaptics, circuit board 0.4) | encoders a, b, c, a running number | currents a, b, c, unused |
+//! | 8 bytes (WoodenHaptics, circuit board 0.4) | encoders a, b, c, sequence number | currents a, b, c, unused |
 //! | 14 bytes (mbed) | encoders a to f, info | currents a, b, c, command, three attributes |
 //! | 64 bytes (Teensy) | the 14 bytes, the rest unused | the 14 bytes, the rest zero |
 //!
-//! Info 1: the board asks to be calibrated. Command 0: currents, mA. Command 1: the counters of a, b, c become the attributes, those
-//! of d, e, f what stands in the places of the currents. A pressed button adds 10,000 to encoder d.
+//! Info 1: the board requests calibration. Command 0: currents, mA. Command 1: the attributes become the counters of a, b, c, and the
+//! values in place of the currents those of d, e, f. A pressed button adds 10,000 to encoder d.
 //!
 //! Sources: forsslund/haptikfabrikenapi at b8d6c94, `src/fsusbhapticdevicethread.h` and `.cpp`, `firmware/main.cpp`;
 //! WoodenHaptics/woody-experimental at 04fc932, `mbed-code/WoodenHapticsHID/main.cpp` (8 bytes).
@@ -17,35 +17,35 @@
 use crate::{ReportDescriptor, ReportKind};
 use thiserror::Error;
 
-/// The longest report of a board, bytes, with the zero that leads it where reports have no number.
-pub(super) const LONGEST: usize = 65;
-/// Encoder d beyond this says that the button is pressed.
+/// Maximum length of a board's report, bytes, with the leading zero of a report without ID.
+pub(super) const MAX_REPORT_BYTES: usize = 65;
+/// Value of encoder d above which the button is pressed.
 const PRESSED_ABOVE: i16 = 5_000;
-/// What a pressed button adds to encoder d.
+/// Offset of encoder d while the button is pressed.
 const PRESSED: i16 = 10_000;
-/// Info: the board asks to be calibrated.
-const ASKS: i16 = 1;
-/// Command: show currents.
-const SHOW: i16 = 0;
+/// Info: the board requests calibration.
+const CALIBRATION_REQUEST: i16 = 1;
+/// Command: display currents.
+const SET_CURRENTS: i16 = 0;
 /// Command: set the counters.
 const SET_COUNTERS: i16 = 1;
 
-/// Which reports a board has.
+/// Form of a board's reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BoardForm {
     /// Three encoders, no commands.
     Bytes8,
     /// Six encoders and commands.
     Bytes14,
-    /// The same, in longer reports.
+    /// Six encoders and commands, in longer reports.
     Bytes64,
 }
 
 impl BoardForm {
-    /// All of them.
+    /// All forms.
     pub const ALL: [Self; 3] = [Self::Bytes8, Self::Bytes14, Self::Bytes64];
 
-    /// The form whose sizes are those of the input and the output report; `None` where there is none, or where reports have numbers.
+    /// Form with the sizes of the input and output reports; `None` without a match, or for a device with report IDs.
     #[must_use]
     pub fn of(descriptor: &ReportDescriptor) -> Option<Self> {
         let bytes = |kind| descriptor.report(kind, 0).map(crate::Report::bytes);
@@ -56,7 +56,7 @@ impl BoardForm {
         Self::ALL.into_iter().find(of).filter(|_| !descriptor.is_numbered())
     }
 
-    /// Length of its reports, bytes, both ways; the zero before an output report does not count.
+    /// Length of the reports in both directions, bytes, without the leading zero of an output report.
     #[must_use]
     pub fn bytes(self) -> usize {
         match self {
@@ -66,89 +66,89 @@ impl BoardForm {
         }
     }
 
-    /// Whether its counters can be set, and whether the board can ask for it.
+    /// Whether the counters can be set, and whether the board can request it.
     #[must_use]
     pub fn has_commands(self) -> bool {
         self != Self::Bytes8
     }
 }
 
-/// Why bytes are no report of a board, or a report has no bytes.
+/// Error while parsing or encoding a board's report.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum BoardPacketError {
-    /// It is longer or shorter than its form has it.
-    #[error("a report of a board has {found} bytes; its form has {expected}")]
+    /// The report has the wrong length.
+    #[error("a report of a board has {found} bytes; it must have {expected}")]
     Length {
-        /// What it has, bytes.
+        /// Actual length, bytes.
         found: usize,
-        /// What it has to have, bytes.
+        /// Expected length, bytes.
         expected: usize,
     },
-    /// An output report begins with the number that boards do not have: there a zero is due.
+    /// An output report does not begin with zero.
     #[error(
-        "an output report of a board begins with {0}; boards have no report numbers, so that it must be 0"
+        "the first byte of a board's output report is {0}; it must be 0, because boards have no report IDs"
     )]
     Number(u8),
-    /// The command is neither of the two.
-    #[error("a board is sent command {0}; 0 and 1 are known")]
+    /// The command is unknown.
+    #[error("the command of a board's output report is {0}; it must be 0 or 1")]
     Command(i16),
-    /// The form of 8 bytes has no room for commands.
-    #[error("a board with reports of 8 bytes has no commands; its counters are set aside by its driver")]
+    /// Reports of 8 bytes cannot set counters.
+    #[error("the counters of a board with reports of 8 bytes cannot be set; its driver stores an offset")]
     NoCommands,
 }
 
-/// What comes from a board.
+/// Input report of a board.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BoardInput {
-    /// Counters of encoders a to f as the board has them; they wrap around. Those of d to f are zero in the form of 8 bytes.
+    /// Counters of encoders a to f, which wrap around; zero for d to f in the form of 8 bytes.
     pub encoders: [i16; 6],
     /// Whether the button is pressed.
     pub is_pressed: bool,
-    /// Whether it asks to be calibrated: the arm is at home and its button was pushed.
-    pub asks: bool,
-    /// Its running number in the form of 8 bytes; zero in the others.
-    pub running: u16,
+    /// Whether the board requests calibration: the arm is at home and its button was pressed.
+    pub requests_calibration: bool,
+    /// Sequence number in the form of 8 bytes; zero in the others.
+    pub sequence: u16,
 }
 
-/// What is sent to a board.
+/// Output report of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BoardOutput {
     /// Currents of motors a, b, c, mA.
     Currents([i16; 3]),
-    /// What the counters of encoders a to f are from now on. No currents meanwhile.
+    /// New counters of encoders a to f; the currents become zero.
     Counters([i16; 6]),
 }
 
-/// A report with its length, without a heap.
+/// Bytes of a report, stored without heap allocation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BoardBytes {
-    bytes: [u8; LONGEST],
+    bytes: [u8; MAX_REPORT_BYTES],
     length: usize,
 }
 
 impl BoardBytes {
     /// `length` zeros.
     fn zeros(length: usize) -> Self {
-        Self { bytes: [0; LONGEST], length: length.min(LONGEST) }
+        Self { bytes: [0; MAX_REPORT_BYTES], length: length.min(MAX_REPORT_BYTES) }
     }
 
-    /// Its bytes.
+    /// Bytes of the report.
     #[must_use]
     pub fn as_slice(&self) -> &[u8] {
         self.bytes.get(..self.length).unwrap_or_default()
     }
 
-    /// Puts `words` from byte `first` on; what has no room is left out.
+    /// Writes `words` from byte `first` on, up to the end of the report.
     fn put(&mut self, first: usize, words: impl IntoIterator<Item = i16>) {
-        let room = self.bytes.get_mut(first..self.length).unwrap_or_default();
-        for (place, word) in room.chunks_exact_mut(2).zip(words) {
+        let space = self.bytes.get_mut(first..self.length).unwrap_or_default();
+        for (place, word) in space.chunks_exact_mut(2).zip(words) {
             place.copy_from_slice(&word.to_le_bytes());
         }
     }
 }
 
-/// The first seven words, or as many as there are, the rest zero.
+/// First seven 16-bit words, zero beyond the end.
 fn words(bytes: &[u8]) -> [i16; 7] {
     let mut words = [0; 7];
     for (word, place) in words.iter_mut().zip(bytes.chunks_exact(2)) {
@@ -164,7 +164,7 @@ fn check_length(found: usize, expected: usize) -> Result<(), BoardPacketError> {
 }
 
 impl BoardInput {
-    /// Reads an input report.
+    /// Parses an input report.
     ///
     /// # Errors
     /// [`BoardPacketError::Length`].
@@ -173,33 +173,39 @@ impl BoardInput {
         let [a, b, c, d, e, f, info] = words(report);
         if form == BoardForm::Bytes8 {
             let encoders = [a, b, c, 0, 0, 0];
-            return Ok(Self { encoders, running: d.cast_unsigned(), ..Self::default() });
+            return Ok(Self { encoders, sequence: d.cast_unsigned(), ..Self::default() });
         }
         let is_pressed = d > PRESSED_ABOVE;
         let d = if is_pressed { d.wrapping_sub(PRESSED) } else { d };
-        Ok(Self { encoders: [a, b, c, d, e, f], is_pressed, asks: info == ASKS, running: 0 })
+        Ok(Self {
+            encoders: [a, b, c, d, e, f],
+            is_pressed,
+            requests_calibration: info == CALIBRATION_REQUEST,
+            sequence: 0,
+        })
     }
 
-    /// The report as a board sends it. What the form has no room for is left out.
+    /// Encodes the report as a board sends it. Fields that the form lacks are omitted.
     #[must_use]
     pub fn encode(&self, form: BoardForm) -> BoardBytes {
         let [a, b, c, d, e, f] = self.encoders;
         let mut report = BoardBytes::zeros(form.bytes());
         if form == BoardForm::Bytes8 {
-            report.put(0, [a, b, c, self.running.cast_signed()]);
+            report.put(0, [a, b, c, self.sequence.cast_signed()]);
         } else {
             let d = if self.is_pressed { d.wrapping_add(PRESSED) } else { d };
-            report.put(0, [a, b, c, d, e, f, if self.asks { ASKS } else { 0 }]);
+            report
+                .put(0, [a, b, c, d, e, f, if self.requests_calibration { CALIBRATION_REQUEST } else { 0 }]);
         }
         report
     }
 }
 
 impl BoardOutput {
-    /// No force.
+    /// Zero currents.
     pub const ZERO: Self = Self::Currents([0; 3]);
 
-    /// The report as it is sent, led by a zero.
+    /// Encodes the report for sending, with the leading zero.
     ///
     /// # Errors
     /// [`BoardPacketError::NoCommands`] for counters in the form of 8 bytes.
@@ -213,7 +219,7 @@ impl BoardOutput {
         Ok(report)
     }
 
-    /// Reads an output report, as a board does, with the zero that leads it.
+    /// Parses an output report with its leading zero, as a board does.
     ///
     /// # Errors
     /// [`BoardPacketError`].
@@ -228,7 +234,7 @@ impl BoardOutput {
             return Ok(Self::Currents([x, y, z]));
         }
         match command {
-            SHOW => Ok(Self::Currents([x, y, z])),
+            SET_CURRENTS => Ok(Self::Currents([x, y, z])),
             SET_COUNTERS => Ok(Self::Counters([a, b, c, x, y, z])),
             other => Err(BoardPacketError::Command(other)),
         }

@@ -1,14 +1,14 @@
-//! One field of a report: what it means, and its bits.
+//! A field of a report: its usages and its bits.
 
 use std::fmt;
 use std::sync::Arc;
 
-/// What a field or a collection means: a page of the usage tables and a number on it.
+/// Usage of a field or a collection: a page of the usage tables and an ID on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Usage {
-    /// The page.
+    /// Usage page.
     pub page: u16,
-    /// The number on it.
+    /// Usage ID on the page.
     pub id: u16,
 }
 
@@ -26,23 +26,23 @@ impl fmt::Display for Usage {
     }
 }
 
-/// Usages of one page, both ends among them.
+/// Inclusive range of usages of one page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UsageRange {
-    /// The first.
+    /// First usage.
     pub first: Usage,
-    /// The number of the last.
+    /// ID of the last usage.
     pub last: u16,
 }
 
 impl UsageRange {
-    /// How many there are.
+    /// Number of usages.
     #[must_use]
     pub fn count(self) -> usize {
         (usize::from(self.last) + 1).saturating_sub(usize::from(self.first.id))
     }
 
-    /// The usage at `index`, from 0.
+    /// Usage at `index`, from 0.
     #[must_use]
     pub fn at(self, index: usize) -> Option<Usage> {
         let id = u16::try_from(usize::from(self.first.id).checked_add(index)?).ok()?;
@@ -50,35 +50,35 @@ impl UsageRange {
     }
 }
 
-/// One field of a report.
+/// A field of a report.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// What it means. A variable has one usage; an array, which names one of several by its number, has all of them.
+    /// Usages: one for a variable; for an array, which contains the number of one of several usages, all of them.
     pub usages: Arc<[UsageRange]>,
-    /// Its first bit in the report's data, which begin after the report's number.
+    /// Position of the first bit in the report's data, which exclude the report ID.
     pub bit: usize,
-    /// How many bits it has.
+    /// Number of bits.
     pub bits: usize,
-    /// The least and the greatest value that mean something.
+    /// Minimum and maximum logical value.
     pub logical: [i64; 2],
-    /// What these stand for, in its unit; equal where nothing is said.
+    /// Minimum and maximum physical value, in `unit`; equal if not declared.
     pub physical: [i64; 2],
-    /// Their unit, as the standard codes it; 0 for none.
+    /// Code of the physical unit in the HID standard; 0 for none.
     pub unit: u32,
-    /// The power of ten by which that unit is multiplied, -8 to 7.
+    /// Decimal exponent of the unit, -8 to 7.
     pub unit_exponent: i8,
-    /// Whether it names one of several usages by its number.
+    /// Whether the field is an array.
     pub is_array: bool,
-    /// Whether it is only there to fill the report.
+    /// Whether the field is constant, as for padding.
     pub is_constant: bool,
-    /// Whether it tells a change and not a value.
+    /// Whether the value is relative to the last one.
     pub is_relative: bool,
-    /// The innermost collection in which it lies, an index.
+    /// Index of the innermost enclosing collection.
     pub(super) collection: Option<usize>,
 }
 
 impl Field {
-    /// Whether it means `usage`, or can.
+    /// Whether `usage` is one of the field's usages.
     #[must_use]
     pub fn has(&self, usage: Usage) -> bool {
         self.usages
@@ -86,7 +86,7 @@ impl Field {
             .any(|range| range.first.page == usage.page && (range.first.id..=range.last).contains(&usage.id))
     }
 
-    /// The value by which an array names `usage`.
+    /// Value of `usage` in an array.
     #[must_use]
     pub fn value_of(&self, usage: Usage) -> Option<i64> {
         let mut before = 0_i64;
@@ -100,7 +100,7 @@ impl Field {
         None
     }
 
-    /// The usage that an array names by `value`.
+    /// Usage of `value` in an array.
     #[must_use]
     pub fn usage_of(&self, value: i64) -> Option<Usage> {
         let mut index = usize::try_from(value.checked_sub(self.logical[0])?).ok()?;
@@ -113,8 +113,8 @@ impl Field {
         None
     }
 
-    /// Its value in a report's `data`, without the report's number; `None` where the data are too short or it has more than 32
-    /// bits. Negative values are known by a negative least value.
+    /// Reads the field from a report's `data`, without the report ID; `None` for data that are too short or a field above 32 bits. The
+    /// value is signed if the logical minimum is negative.
     #[must_use]
     pub fn get(&self, data: &[u8]) -> Option<i64> {
         if self.bits == 0 || self.bits > 32 {
@@ -131,20 +131,20 @@ impl Field {
         Some(if is_negative { value - (1 << self.bits) } else { value })
     }
 
-    /// Puts the nearest allowed to `value` into a report's `data`, without the report's number, and says what that is; `None` where
-    /// [`Field::get`] has none.
+    /// Writes `value`, clamped to the range of the field, to a report's `data`, without the report ID. Returns the written value; `None`
+    /// where [`Field::get`] returns it.
     pub fn set(&self, data: &mut [u8], value: i64) -> Option<i64> {
         if self.bits == 0 || self.bits > 32 {
             return None;
         }
         let [low, high] = self.logical;
-        // What a field can hold, whatever is said of it.
-        let (least, most) = if low < 0 {
+        // Range of the bits, which the declared range may exceed.
+        let (min, max) = if low < 0 {
             (-(1_i64 << (self.bits - 1)), (1_i64 << (self.bits - 1)) - 1)
         } else {
             (0, (1_i64 << self.bits) - 1)
         };
-        let value = value.max(low.max(least)).min(high.min(most)).clamp(least, most);
+        let value = value.max(low.max(min)).min(high.min(max)).clamp(min, max);
         let (first, shift) = (self.bit / 8, self.bit % 8);
         let last = (self.bit + self.bits).div_ceil(8);
         let mask = ((1_u64 << self.bits) - 1) << shift;

@@ -1,22 +1,22 @@
-//! The items of which a report descriptor is made.
+//! Items of a report descriptor.
 
 use super::DescriptorError;
 
-/// One item: what it is, and its data.
+/// A short item.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Item {
-    /// Where it begins.
+    /// Offset of the item, bytes.
     pub(super) at: usize,
-    /// Its tag and type, the first byte without its two bits of length.
+    /// Tag and type: the first byte without its two bits of length.
     pub(super) tag: u8,
-    /// Its data, little-endian.
+    /// Data, little-endian.
     pub(super) data: u32,
-    /// How many bytes these are.
+    /// Number of data bytes.
     pub(super) bytes: usize,
 }
 
 impl Item {
-    /// Its data as a number that may be negative.
+    /// Data as a signed number.
     pub(super) fn signed(self) -> i64 {
         match self.bytes {
             1 => i64::from(self.data as u8 as i8),
@@ -26,7 +26,7 @@ impl Item {
     }
 }
 
-/// The short items of a descriptor. Long items, which no table names, are passed over.
+/// Iterator over the short items of a descriptor. Long items, which have no defined tags, are skipped.
 pub(super) struct Items<'a> {
     bytes: &'a [u8],
     at: usize,

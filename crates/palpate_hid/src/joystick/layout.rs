@@ -1,102 +1,102 @@
-//! What a force-feedback joystick's reports are, found by what its descriptor says they mean and never by their numbers, widths or
-//! places, which differ from device to device.
+//! Report layout of a force-feedback joystick, found by the usages in its descriptor. Report IDs, widths and positions of fields differ
+//! from device to device.
 
-use super::force::Scale;
-use super::form::{Template, Word, blank, highest, put, put_raw};
-use super::input::Input;
-use super::lasting;
+use super::effect_duration;
+use super::force_scale::ForceScale;
+use super::input::InputLayout;
+use super::report_encoding::{ReportTemplate, UsageValue, blank, max_value, put, put_raw};
 use super::usages::*;
 use crate::{Field, HidError, JoystickOptions, Report, ReportDescriptor, ReportKind};
 
-/// The axes that have a motor: x alone, or x and y.
+/// Axes with a motor: x alone, or x and y.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Axes {
     X,
     Xy,
 }
 
-/// All that the driver says and hears.
+/// Layout of all reports of the driver.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    pub(super) input: Input,
+    pub(super) input: InputLayout,
     pub(super) axes: Axes,
     pub(super) control: Control,
-    /// The greatest gain of the device.
+    /// Report that sets the maximum gain.
     pub(super) gain: Option<Vec<u8>>,
     pub(super) pool: Option<Pool>,
-    /// Asks for a new constant force, a feature report.
+    /// Feature report that creates a constant force.
     pub(super) create: Vec<u8>,
     pub(super) block_load: BlockLoad,
-    /// Whether its effects end by themselves and have to be started again in time.
-    pub(super) ends: bool,
-    /// What a constant force along x is, and one along y.
-    pub(super) set_effect: [Template; 2],
-    pub(super) constant_force: Template,
+    /// Whether effects have a finite duration and must be started again in time.
+    pub(super) has_finite_effects: bool,
+    /// Parameters of a constant force along x, and of one along y.
+    pub(super) set_effect: [ReportTemplate; 2],
+    pub(super) constant_force: ReportTemplate,
     pub(super) magnitude: Field,
-    pub(super) scale: Scale,
-    pub(super) start: Template,
-    pub(super) stop: Template,
-    pub(super) free: Option<Template>,
+    pub(super) scale: ForceScale,
+    pub(super) start: ReportTemplate,
+    pub(super) stop: ReportTemplate,
+    pub(super) free: Option<ReportTemplate>,
 }
 
-/// The device control report, once for each command.
+/// Device control report for each command.
 #[derive(Clone, Debug)]
 pub(super) struct Control {
     pub(super) reset: Vec<u8>,
-    /// Ends a pause, where there is such a command.
+    /// Ends a pause; `None` without the command.
     pub(super) resume: Option<Vec<u8>>,
     pub(super) enable: Vec<u8>,
     pub(super) disable: Vec<u8>,
     pub(super) stop_all: Vec<u8>,
 }
 
-/// The feature report that says what has become of a new effect.
+/// Feature report with the status of a new effect.
 #[derive(Clone, Debug)]
 pub(super) struct BlockLoad {
     pub(super) blank: Vec<u8>,
     pub(super) index: Field,
-    pub(super) success: Word,
-    pub(super) full: Option<Word>,
-    pub(super) error: Option<Word>,
+    pub(super) success: UsageValue,
+    pub(super) full: Option<UsageValue>,
+    pub(super) error: Option<UsageValue>,
 }
 
-/// The feature report that says what room there is.
+/// Feature report with the capacity for effects.
 #[derive(Clone, Debug)]
 pub(super) struct Pool {
     pub(super) blank: Vec<u8>,
-    pub(super) most: Option<Field>,
+    pub(super) max_effects: Option<Field>,
     pub(super) is_managed: Option<Field>,
 }
 
 impl Layout {
-    /// That of the device `device` with `descriptor`.
+    /// Finds the layout in `descriptor`; errors name the device `device`.
     ///
     /// # Errors
-    /// [`HidError::Unsupported`], with the usage that is missing.
+    /// [`HidError::Unsupported`], which names the missing usage.
     pub(super) fn of(
         device: &str,
         descriptor: &ReportDescriptor,
         options: &JoystickOptions,
     ) -> Result<Self, HidError> {
-        let find = Finder { device, descriptor };
+        let find = UsageFinder { device, descriptor };
         if !descriptor.is_numbered() {
-            return Err(find.lacks("report numbers"));
+            return Err(find.lacks("report IDs"));
         }
-        let input = Input::of(descriptor, options.use_y)
+        let input = InputLayout::of(descriptor, options.use_y)
             .ok_or_else(|| find.missing(ReportKind::Input, X, &[JOYSTICK, GAME_PAD]))?;
-        let (effect, kind) = find.word(ReportKind::Output, SET_EFFECT, ET_CONSTANT)?;
+        let (effect, kind) = find.usage_value(ReportKind::Output, SET_EFFECT, ET_CONSTANT)?;
         let set_effect =
             SetEffect { find, report: effect, kind, index: find.field_of(effect, SET_EFFECT, INDEX)? };
-        let lasts = set_effect.lasts();
+        let duration = set_effect.finite_duration();
         let axes = if input.has_y() && set_effect.has_y() { Axes::Xy } else { Axes::X };
 
         let (report, magnitude) = find.field(ReportKind::Output, SET_CONSTANT_FORCE, MAGNITUDE)?;
-        let scale = Scale::of(magnitude, options.full_scale_n)
+        let scale = ForceScale::of(magnitude, options.full_scale_n)
             .ok_or_else(|| find.lacks("Magnitude (000F:0070) of a constant force that can be negative"))?;
         let index = find.field_of(report, SET_CONSTANT_FORCE, INDEX)?.clone();
-        let constant_force = Template { bytes: blank(report), index };
+        let constant_force = ReportTemplate { bytes: blank(report), index };
 
-        let (_, create) = find.said(ReportKind::Feature, CREATE_EFFECT, ET_CONSTANT)?;
+        let (_, create) = find.command_report(ReportKind::Feature, CREATE_EFFECT, ET_CONSTANT)?;
         Ok(Self {
             axes,
             control: find.control()?,
@@ -104,26 +104,26 @@ impl Layout {
             pool: find.pool(),
             create,
             block_load: find.block_load()?,
-            ends: lasts.is_some(),
-            // Directions are where the force comes from, clockwise from the far end of y: its parts are -sin and +cos. So force
-            // comes from the left, 270°, to push to the right, and from the far end, 0°, to push along y. OpenFFBoard's
-            // EffectsCalculator.cpp at b5282dc and HidFFB.cpp at 3a4cc0e: -(sin, -cos); ArduinoJoystickWithFFBLibrary's
-            // Joystick.cpp at 04fdc39: (-sin, cos); Linux, ff.rst: 0 is down, 90° left.
+            has_finite_effects: duration.is_some(),
+            // A direction is that from which the force comes, clockwise from the far end of y; its components are -sin and +cos. A
+            // force to the right comes from the left, 270°, and a force along y from the far end, 0°. OpenFFBoard's
+            // EffectsCalculator.cpp at b5282dc and HidFFB.cpp at 3a4cc0e: -(sin, -cos); ArduinoJoystickWithFFBLibrary's Joystick.cpp at
+            // 04fdc39: (-sin, cos); Linux, ff.rst: 0 is down, 90° left.
             set_effect: [set_effect.template(X, 0.75), set_effect.template(Y, 0.0)],
             constant_force,
             magnitude: magnitude.clone(),
             scale,
-            start: find.operation(OP_START, lasts.is_some())?,
+            start: find.operation(OP_START, duration.is_some())?,
             stop: find.operation(OP_STOP, false)?,
             free: find
                 .field(ReportKind::Output, BLOCK_FREE, INDEX)
                 .ok()
-                .map(|(report, index)| Template { bytes: blank(report), index: index.clone() }),
+                .map(|(report, index)| ReportTemplate { bytes: blank(report), index: index.clone() }),
             input,
         })
     }
 
-    /// Whether every report about an effect can be about the effect `index`. Index 0 means none.
+    /// Whether all reports can hold the effect index `index`. Index 0 means none.
     pub(super) fn has_index(&self, index: i64) -> bool {
         let [x, y] = &self.set_effect;
         let templates = [x, y, &self.constant_force, &self.start, &self.stop].into_iter().chain(&self.free);
@@ -132,31 +132,31 @@ impl Layout {
     }
 }
 
-/// Looks for usages in a descriptor, and says which are missing.
+/// Finds usages in a descriptor; errors name the missing ones.
 #[derive(Clone, Copy)]
-struct Finder<'a> {
+struct UsageFinder<'a> {
     device: &'a str,
     descriptor: &'a ReportDescriptor,
 }
 
-impl<'a> Finder<'a> {
+impl<'a> UsageFinder<'a> {
     fn lacks(self, what: &str) -> HidError {
         let lacks = format!("its report descriptor has no {what}");
         HidError::Unsupported { device: self.device.to_owned(), lacks }
     }
 
     fn missing(self, kind: ReportKind, wanted: Named, within: &[Named]) -> HidError {
-        let told = |named: &Named| format!("{} ({})", named.name, named.usage);
+        let label = |named: &Named| format!("{} ({})", named.name, named.usage);
         let kind = match kind {
             ReportKind::Input => "an input",
             ReportKind::Output => "an output",
             ReportKind::Feature => "a feature",
         };
-        let within = within.iter().map(told).collect::<Vec<_>>().join(" or ");
-        self.lacks(&format!("{} in {kind} report of {within}", told(&wanted)))
+        let within = within.iter().map(label).collect::<Vec<_>>().join(" or ");
+        self.lacks(&format!("{} in {kind} report of {within}", label(&wanted)))
     }
 
-    /// The field with `wanted` in a collection with `within`.
+    /// Field with the usage `wanted` in a collection `within`.
     fn field(
         self,
         kind: ReportKind,
@@ -169,27 +169,39 @@ impl<'a> Finder<'a> {
             .ok_or_else(|| self.missing(kind, wanted, &[within]))
     }
 
-    /// The field with `wanted` in `report`, which is that of `within`.
+    /// Field with the usage `wanted` in `report`, the report of `within`.
     fn field_of(self, report: &'a Report, within: Named, wanted: Named) -> Result<&'a Field, HidError> {
         report.field(wanted.usage).ok_or_else(|| self.missing(report.kind, wanted, &[within]))
     }
 
-    fn word(self, kind: ReportKind, within: Named, wanted: Named) -> Result<(&'a Report, Word), HidError> {
+    fn usage_value(
+        self,
+        kind: ReportKind,
+        within: Named,
+        wanted: Named,
+    ) -> Result<(&'a Report, UsageValue), HidError> {
         let (report, field) = self.field(kind, within, wanted)?;
-        let word = Word::of(field, wanted.usage).ok_or_else(|| self.missing(kind, wanted, &[within]))?;
-        Ok((report, word))
+        let value =
+            UsageValue::of(field, wanted.usage).ok_or_else(|| self.missing(kind, wanted, &[within]))?;
+        Ok((report, value))
     }
 
-    /// A report that says `wanted` and nothing else.
-    fn said(self, kind: ReportKind, within: Named, wanted: Named) -> Result<(&'a Report, Vec<u8>), HidError> {
-        let (report, word) = self.word(kind, within, wanted)?;
+    /// Report that sets the usage `wanted` and nothing else.
+    fn command_report(
+        self,
+        kind: ReportKind,
+        within: Named,
+        wanted: Named,
+    ) -> Result<(&'a Report, Vec<u8>), HidError> {
+        let (report, value) = self.usage_value(kind, within, wanted)?;
         let mut bytes = blank(report);
-        word.say(&mut bytes);
+        value.write(&mut bytes);
         Ok((report, bytes))
     }
 
     fn control(self) -> Result<Control, HidError> {
-        let command = |command| self.said(ReportKind::Output, CONTROL, command).map(|(_, bytes)| bytes);
+        let command =
+            |command| self.command_report(ReportKind::Output, CONTROL, command).map(|(_, bytes)| bytes);
         Ok(Control {
             reset: command(RESET)?,
             resume: command(CONTINUE).ok(),
@@ -208,17 +220,21 @@ impl<'a> Finder<'a> {
 
     fn pool(self) -> Option<Pool> {
         let of = |wanted| self.field(ReportKind::Feature, POOL_REPORT, wanted).ok();
-        let (most, is_managed) = (of(MOST_EFFECTS), of(DEVICE_MANAGED));
-        let (report, _) = most.or(is_managed)?;
+        let (max_effects, is_managed) = (of(MAX_EFFECTS), of(DEVICE_MANAGED));
+        let (report, _) = max_effects.or(is_managed)?;
         let of_this = |found: Option<(&'a Report, &Field)>| {
             found.filter(|(other, _)| other.id == report.id).map(|(_, field)| field.clone())
         };
-        Some(Pool { blank: blank(report), most: of_this(most), is_managed: of_this(is_managed) })
+        Some(Pool {
+            blank: blank(report),
+            max_effects: of_this(max_effects),
+            is_managed: of_this(is_managed),
+        })
     }
 
     fn block_load(self) -> Result<BlockLoad, HidError> {
-        let (report, success) = self.word(ReportKind::Feature, BLOCK_LOAD, LOAD_SUCCESS)?;
-        let other = |status: Named| Word::of(report.field(status.usage)?, status.usage);
+        let (report, success) = self.usage_value(ReportKind::Feature, BLOCK_LOAD, LOAD_SUCCESS)?;
+        let other = |status: Named| UsageValue::of(report.field(status.usage)?, status.usage);
         Ok(BlockLoad {
             blank: blank(report),
             index: self.field_of(report, BLOCK_LOAD, INDEX)?.clone(),
@@ -228,24 +244,24 @@ impl<'a> Finder<'a> {
         })
     }
 
-    /// A start is once, the whole duration, where effects end, and else as often as can be: some devices take a duration times that
-    /// number.
-    fn operation(self, operation: Named, ends: bool) -> Result<Template, HidError> {
-        let (report, mut bytes) = self.said(ReportKind::Output, OPERATION_REPORT, operation)?;
+    /// Report of an effect operation. The loop count of a start is 1 for finite effects and the maximum for endless ones: some devices
+    /// multiply the duration by it.
+    fn operation(self, operation: Named, has_finite_effects: bool) -> Result<ReportTemplate, HidError> {
+        let (report, mut bytes) = self.command_report(ReportKind::Output, OPERATION_REPORT, operation)?;
         let index = self.field_of(report, OPERATION_REPORT, INDEX)?.clone();
         if operation.usage == OP_START.usage {
-            let times = |count: &Field| if ends { 1 } else { highest(count) };
+            let times = |count: &Field| if has_finite_effects { 1 } else { max_value(count) };
             report.field(LOOP_COUNT.usage).inspect(|count| put_raw(&mut bytes, count, times(count)));
         }
-        Ok(Template { bytes, index })
+        Ok(ReportTemplate { bytes, index })
     }
 }
 
-/// The report that says what an effect is.
+/// Set Effect report.
 struct SetEffect<'a> {
-    find: Finder<'a>,
+    find: UsageFinder<'a>,
     report: &'a Report,
-    kind: Word,
+    kind: UsageValue,
     index: &'a Field,
 }
 
@@ -260,45 +276,44 @@ impl SetEffect<'_> {
         self.fields_in(AXES_ENABLE).find(|field| field.has(axis.usage))
     }
 
-    /// Whether effects can be along y: one of the axes that can be enabled, or any direction.
+    /// Whether effects can act along y: y can be enabled, or without enabled axes a direction can be set.
     fn has_y(&self) -> bool {
         let has_axes = self.fields_in(AXES_ENABLE).next().is_some();
         if has_axes { self.axis(Y).is_some() } else { self.direction().is_some() }
     }
 
-    /// The field of a direction in the plane; others are angles out of it.
+    /// Field of the direction in the plane; further direction fields are angles out of it.
     fn direction(&self) -> Option<&Field> {
         let settable = || self.fields_in(DIRECTION).filter(|field| !field.is_constant);
         let first = settable().find(|field| field.has(FIRST_INSTANCE));
         first.or_else(|| settable().next()).or_else(|| self.report.field(DIRECTION.usage))
     }
 
-    /// What to write as a duration of half a second, where that can be written.
-    fn lasts(&self) -> Option<i64> {
-        self.report.field(DURATION.usage).and_then(lasting::counts)
+    /// Value for a duration of 0.5 s, where it can be represented.
+    fn finite_duration(&self) -> Option<i64> {
+        self.report.field(DURATION.usage).and_then(effect_duration::duration_counts)
     }
 
-    /// A constant force that only its magnitude changes, on `axis`, from `turn` parts of a full turn.
+    /// Parameters of a constant force on `axis`, from the direction `turn` (fraction of a full turn), without envelope or trigger.
     ///
-    /// It ends by itself where the duration can say so. Where it cannot, all bits of the duration mean without end: 0xFFFF for
-    /// OpenFFBoard (`FFB_EFFECT_DURATION_INFINITE` in ffb_defs.h at 160af91), and for Linux the greatest that the bits can hold;
-    /// ArduinoJoystickWithFFBLibrary goes by the number of loops, 0xFF. That no button triggers it is said by a number that no
-    /// button has.
+    /// The duration is finite where the field can hold it. Otherwise all bits of the duration are set, which means endless: 0xFFFF for
+    /// OpenFFBoard (`FFB_EFFECT_DURATION_INFINITE` in ffb_defs.h at 160af91), and for Linux the maximum of the bits.
+    /// ArduinoJoystickWithFFBLibrary uses the loop count 0xFF instead. The trigger button is a number that no button has.
     ///
-    /// Direction and axis are both enabled: OpenFFBoard goes by the direction where it is enabled, the Arduino library takes the
-    /// direction's part along each axis that is enabled.
-    fn template(&self, axis: Named, turn: f64) -> Template {
+    /// Direction and axis are both enabled: OpenFFBoard uses the direction where it is enabled, the Arduino library the component of the
+    /// direction along each enabled axis.
+    fn template(&self, axis: Named, turn: f64) -> ReportTemplate {
         let mut bytes = blank(self.report);
         let field = |named: Named| self.report.field(named.usage);
-        self.kind.say(&mut bytes);
+        self.kind.write(&mut bytes);
         if let Some(duration) = field(DURATION) {
-            put_raw(&mut bytes, duration, self.lasts().unwrap_or_else(|| highest(duration)));
+            put_raw(&mut bytes, duration, self.finite_duration().unwrap_or_else(|| max_value(duration)));
         }
         if let Some(gain) = field(GAIN) {
             put(&mut bytes, gain, gain.logical[1]);
         }
         if let Some(button) = field(TRIGGER_BUTTON) {
-            let none = if button.logical[0] > 0 { 0 } else { highest(button) };
+            let none = if button.logical[0] > 0 { 0 } else { max_value(button) };
             put_raw(&mut bytes, button, none);
         }
         for enabled in [self.axis(axis), field(DIRECTION_ENABLE)].into_iter().flatten() {
@@ -310,6 +325,6 @@ impl SetEffect<'_> {
             let [low, high] = direction.logical.map(|limit| limit as f64);
             put(&mut bytes, direction, (low + turn * (high - low)).round() as i64);
         }
-        Template { bytes, index: self.index.clone() }
+        ReportTemplate { bytes, index: self.index.clone() }
     }
 }

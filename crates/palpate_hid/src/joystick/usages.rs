@@ -1,11 +1,11 @@
-//! The usages that a force-feedback joystick is known by.
+//! HID usages of a force-feedback joystick.
 //!
 //! Source: *Device Class Definition for Physical Interface Devices (PID)*, version 1.0, USB Implementers' Forum, chapter 4, and
 //! *HID Usage Tables*, pages 1, 9, 0x0A and 0x0F.
 
 use crate::Usage;
 
-/// A usage with its name in the tables.
+/// A usage with its name in the usage tables.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Named {
     pub(crate) usage: Usage,
@@ -44,6 +44,7 @@ pub(crate) const MAGNITUDE: Named = pid(0x70, "Magnitude");
 
 pub(crate) const OPERATION_REPORT: Named = pid(0x77, "Effect Operation Report");
 pub(crate) const OP_START: Named = pid(0x79, "Op Effect Start");
+#[cfg(feature = "simulated")]
 pub(crate) const OP_START_SOLO: Named = pid(0x7A, "Op Effect Start Solo");
 pub(crate) const OP_STOP: Named = pid(0x7B, "Op Effect Stop");
 pub(crate) const LOOP_COUNT: Named = pid(0x7C, "Loop Count");
@@ -52,7 +53,7 @@ pub(crate) const GAIN_REPORT: Named = pid(0x7D, "Device Gain Report");
 pub(crate) const DEVICE_GAIN: Named = pid(0x7E, "Device Gain");
 
 pub(crate) const POOL_REPORT: Named = pid(0x7F, "PID Pool Report");
-pub(crate) const MOST_EFFECTS: Named = pid(0x83, "Simultaneous Effects Max");
+pub(crate) const MAX_EFFECTS: Named = pid(0x83, "Simultaneous Effects Max");
 pub(crate) const DEVICE_MANAGED: Named = pid(0xA9, "Device Managed Pool");
 
 pub(crate) const CREATE_EFFECT: Named = pid(0xAB, "Create New Effect Report");
@@ -67,5 +68,6 @@ pub(crate) const ENABLE_ACTUATORS: Named = pid(0x97, "DC Enable Actuators");
 pub(crate) const DISABLE_ACTUATORS: Named = pid(0x98, "DC Disable Actuators");
 pub(crate) const STOP_ALL: Named = pid(0x99, "DC Stop All Effects");
 pub(crate) const RESET: Named = pid(0x9A, "DC Device Reset");
+#[cfg(feature = "simulated")]
 pub(crate) const PAUSE: Named = pid(0x9B, "DC Device Pause");
 pub(crate) const CONTINUE: Named = pid(0x9C, "DC Device Continue");

@@ -1,48 +1,48 @@
-//! What a cap says.
+//! Reports of a SpaceMouse.
 
 use thiserror::Error;
 
-/// Output report that turns its light on.
+/// Output report that switches the light on.
 pub(super) const LIGHT_ON: [u8; 2] = [4, 1];
-/// Output report that turns its light off.
+/// Output report that switches the light off.
 pub(super) const LIGHT_OFF: [u8; 2] = [4, 0];
 
-/// One input report of a cap. Numbers are counts, about ±350 at the stop, in its own axes: x to the right, y towards the hand's
-/// owner, z down.
+/// Input report of a SpaceMouse. Deflections are in counts, about ±350 at the stop, in the axes of the cap: x to the right, y towards
+/// the user, z down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CapReport {
-    /// How far it is pushed. Report 1, 7 bytes: x, y, z.
+pub enum SpaceMouseReport {
+    /// Linear deflection x, y, z. Report 1, 7 bytes.
     Push([i16; 3]),
-    /// How far it is turned. Report 2, 7 bytes: about x, y, z.
+    /// Angular deflection about x, y, z. Report 2, 7 bytes.
     Turn([i16; 3]),
-    /// Both. Report 1, 13 bytes, of wireless models.
+    /// Linear and angular deflection. Report 1, 13 bytes, of wireless models.
     PushAndTurn([i16; 3], [i16; 3]),
-    /// Which buttons are pressed, bit i for button i. Report 3.
+    /// Pressed buttons, bit i for button i. Report 3.
     Buttons(u32),
-    /// Another report, such as that of a battery: its number.
+    /// Another report, such as the battery state, with its ID.
     Other(u8),
 }
 
-/// A report that is too short for what its number says.
+/// Error for a report that is too short for its ID.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-#[error("report {id} of a cap has {found} bytes; it has {least} at least")]
-pub struct NotACapReport {
-    /// Its number; 0 where there is not even that.
+#[error("report {id} of a SpaceMouse has {found} bytes; it must have at least {required}")]
+pub struct ParseReportError {
+    /// ID of the report; 0 for an empty report.
     pub id: u8,
-    /// Its length, bytes.
+    /// Actual length, bytes.
     pub found: usize,
-    /// The least, bytes.
-    pub least: usize,
+    /// Minimum length, bytes.
+    pub required: usize,
 }
 
-impl CapReport {
-    /// Reads an input report, its number first. Reports 1 to 3 have a number and two bytes for each axis, little-endian; whether
-    /// report 1 has three axes or six its length says.
+impl SpaceMouseReport {
+    /// Parses an input report with its ID. Reports 1 to 3 have two bytes for each axis, little-endian; the length of report 1
+    /// distinguishes three axes from six.
     ///
     /// # Errors
-    /// [`NotACapReport`].
-    pub fn parse(report: &[u8]) -> Result<Self, NotACapReport> {
-        let short = |id, least| NotACapReport { id, found: report.len(), least };
+    /// [`ParseReportError`].
+    pub fn parse(report: &[u8]) -> Result<Self, ParseReportError> {
+        let short = |id, required| ParseReportError { id, found: report.len(), required };
         match report {
             [1, ..] if report.len() >= 13 => match (axes(report, 1), axes(report, 7)) {
                 (Some(push), Some(turn)) => Ok(Self::PushAndTurn(push, turn)),
@@ -61,7 +61,7 @@ impl CapReport {
     }
 }
 
-/// Three numbers from byte `at`.
+/// Three 16-bit numbers from byte `at`.
 fn axes(report: &[u8], at: usize) -> Option<[i16; 3]> {
     let &[a, b, c, d, e, f] = report.get(at..at + 6)?.first_chunk::<6>()?;
     Some([i16::from_le_bytes([a, b]), i16::from_le_bytes([c, d]), i16::from_le_bytes([e, f])])

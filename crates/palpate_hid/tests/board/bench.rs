@@ -1,19 +1,20 @@
-//! A board on a bus, the driver's device, and their time.
+//! Test bench: a simulated board on a bus, its device, and a manual clock.
 
 use glam::DVec3;
 use palpate_haptics::*;
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 pub const PATH: &str = "board";
-/// Half a milliampere for each motor, and half a count for each encoder at 5 N: what a force can be off by, N.
+/// Maximum error of a force, N, by half a milliampere for each motor and half a count for each encoder at 5 N.
 pub const ROUNDING_N: f64 = 3e-3;
 
-/// A board that is plugged in, the driver's device, and its time.
+/// A simulated board that is plugged in, its device, and a manual clock.
 pub struct Bench {
-    pub bus: Arc<StandInBus>,
+    pub bus: Arc<SimulatedBus>,
     pub firmware: Arc<Mutex<BoardFirmware>>,
     pub device: Option<HidDevice>,
     pub ms: Arc<AtomicU64>,
@@ -31,14 +32,14 @@ pub fn homed() -> BoardOptions {
     BoardOptions { homing: BoardHoming::AtOpen, ..BoardOptions::default() }
 }
 
-pub fn find(bus: Arc<StandInBus>, options: BoardOptions) -> Result<HidDevice, HidError> {
-    let selector = HidSelector { teensy_is_board: true, ..HidSelector::first(HidKind::Board) };
+pub fn find(bus: Arc<SimulatedBus>, options: BoardOptions) -> Result<HidDevice, HidError> {
+    let selector = HidSelector { treat_teensy_as_board: true, ..HidSelector::first(HidKind::Board) };
     HidDevice::find(bus, &selector, &HidOptions { board: options, ..HidOptions::default() })
 }
 
 impl Bench {
     pub fn new(firmware: BoardFirmware, options: BoardOptions) -> Self {
-        let bus = Arc::new(StandInBus::default());
+        let bus = Arc::new(SimulatedBus::default());
         let firmware = Arc::new(Mutex::new(firmware));
         let mut bench = Self { bus, firmware, device: None, ms: Arc::default() };
         bench.plug();
@@ -59,21 +60,21 @@ impl Bench {
         self.bus.plug(info, descriptor, self.firmware.clone());
     }
 
-    pub fn board<T>(&self, ask: impl FnOnce(&mut BoardFirmware) -> T) -> T {
-        ask(&mut self.firmware.lock().unwrap())
+    pub fn board<T>(&self, operation: impl FnOnce(&mut BoardFirmware) -> T) -> T {
+        operation(&mut self.firmware.lock().unwrap())
     }
 
     pub fn device(&mut self) -> &mut HidDevice {
         self.device.as_mut().unwrap()
     }
 
-    pub fn pass_ms(&self, ms: u64) {
+    pub fn advance_ms(&self, ms: u64) {
         self.ms.fetch_add(ms, Ordering::Relaxed);
     }
 
-    /// One tick of 1 ms: what was read.
+    /// Runs one tick of 1 ms and returns the reading.
     pub fn tick(&mut self, force_n: DVec3) -> Reading {
-        self.pass_ms(1);
+        self.advance_ms(1);
         let reading = self.device().read(Duration::ZERO).unwrap();
         self.device().write(force_n).unwrap();
         reading
@@ -83,8 +84,8 @@ impl Bench {
         (0..ticks).map(|_| self.tick(force_n)).last().unwrap()
     }
 
-    pub fn felt_n(&self) -> DVec3 {
-        self.board(|it| it.felt_n())
+    pub fn applied_force_n(&self) -> DVec3 {
+        self.board(|it| it.applied_force_n())
     }
 }
 
@@ -92,7 +93,7 @@ pub fn at_home(form: BoardForm) -> BoardFirmware {
     BoardFirmware::at_home(form, &kinematics())
 }
 
-/// A hand that goes from home to the middle of the workspace within 400 reports, and then in circles.
+/// A hand that moves from home to the workspace centre within 400 reports, and then in circles.
 pub fn moving(form: BoardForm) -> BoardFirmware {
     let board = at_home(form);
     let from_m = board.tip_m();

@@ -1,45 +1,46 @@
-//! Whether the counters are right: calibration, and boards that were gone.
+//! Calibration of the counters, also after the board was unplugged.
 
 use crate::bench::*;
 use glam::DVec3;
 use palpate_haptics::*;
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use palpate_local::{Contact, Scheme};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 #[test]
-fn nothing_is_shown_before_somebody_has_put_it_home() {
+fn force_is_zero_until_calibrated() {
     for form in BoardForm::ALL {
         let mut bench = Bench::open(at_home(form), BoardOptions::default());
         let calibration = bench.device().board_calibration().unwrap();
         for _ in 0..50 {
             bench.tick(DVec3::Y);
-            assert_eq!(bench.felt_n(), DVec3::ZERO);
+            assert_eq!(bench.applied_force_n(), DVec3::ZERO);
         }
         assert!(!calibration.is_done());
-        // The arm is at home, and the app says so.
+        // The app requests calibration with the arm at home.
         calibration.request();
         let reading = bench.ticks(4, DVec3::ZERO);
         assert!(calibration.is_done(), "{form:?}");
         assert!((reading.position_m - DVec3::new(0.0, 0.205, 0.025)).length() < 1e-12, "{form:?}");
         bench.ticks(30, DVec3::Y);
-        assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N, "{form:?}");
+        assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N, "{form:?}");
     }
 }
 
 #[test]
-fn the_board_s_own_button_calibrates_it_also_in_use() {
+fn board_button_calibrates_in_use() {
     let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), kept());
     bench.ticks(40, DVec3::Y);
     bench.ticks(500, DVec3::ZERO);
-    // Something has slipped: the counters are wrong.
-    bench.board(|it| it.lose_power());
+    // The counters become invalid.
+    bench.board(|it| it.cut_power());
     let wrong_m = bench.ticks(3, DVec3::ZERO).position_m;
     assert!((wrong_m - bench.board(|it| it.tip_m())).length() > 0.1);
-    bench.board(|it| it.ask_for_calibration());
+    bench.board(|it| it.request_calibration());
     bench.tick(DVec3::Y);
-    assert_eq!(bench.felt_n(), DVec3::ZERO);
+    assert_eq!(bench.applied_force_n(), DVec3::ZERO);
     let calibration = bench.device().board_calibration().unwrap();
     assert!(!calibration.is_done());
     let right_m = bench.ticks(3, DVec3::ZERO).position_m;
@@ -48,78 +49,78 @@ fn the_board_s_own_button_calibrates_it_also_in_use() {
 }
 
 #[test]
-fn force_begins_from_nothing_after_a_calibration_in_use() {
+fn force_grows_from_zero_after_calibration_in_use() {
     for form in BoardForm::ALL {
         let mut bench = Bench::open(at_home(form), homed());
         bench.ticks(40, DVec3::Y);
-        assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+        assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N);
         let home_m = kinematics().position_m(kinematics().home_rad());
         bench.board(|it| it.hold_at(home_m - DVec3::Y / 400.0));
         bench.device().board_calibration().unwrap().request();
-        // By a twentieth of 5 N with each force, once the board has been told.
+        // By at most a twentieth of 5 N per force, once the counters were sent.
         let mut last_n = 0.0;
         for tick in 0..20 {
             bench.tick(DVec3::Y);
-            let now_n = bench.felt_n().length();
+            let now_n = bench.applied_force_n().length();
             assert!(now_n - last_n < 0.25 + ROUNDING_N, "{form:?} {tick}: {last_n} {now_n}");
             last_n = now_n;
         }
-        assert!((bench.felt_n() - DVec3::Y).length() < 0.1, "{form:?}: {}", bench.felt_n());
+        assert!((bench.applied_force_n() - DVec3::Y).length() < 0.1, "{form:?}: {}", bench.applied_force_n());
     }
 }
 
 #[test]
-fn unplugged_in_a_touch_and_plugged_in_again() {
+fn reconnected_board_needs_calibration() {
     let mut bench = Bench::open(moving(BoardForm::Bytes14), homed());
     bench.ticks(500, DVec3::Y);
-    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+    assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N);
     bench.bus.unplug(PATH);
     assert_eq!(bench.device().read(Duration::ZERO), Err(DeviceError::Disconnected));
-    assert_eq!(bench.device().write(DVec3::Y), Err(DeviceError::Disconnected), "it has not taken it");
-    bench.board(|it| it.pass(0.6));
-    assert!(!bench.board(|it| it.are_motors_on()), "its own watchdog");
+    assert_eq!(bench.device().write(DVec3::Y), Err(DeviceError::Disconnected), "not sent");
+    bench.board(|it| it.advance(0.6));
+    assert!(!bench.board(|it| it.are_motors_on()), "switched off by its watchdog");
     assert_eq!(bench.device().close(), Err(DeviceError::Disconnected));
     assert_eq!(bench.device().open(), Err(DeviceError::Disconnected));
-    // It had no power meanwhile, so that its counters mean nothing: no force, wherever the arm is.
-    bench.board(|it| it.lose_power());
+    // The board had no power, so its counters are invalid and the force is zero in any pose.
+    bench.board(|it| it.cut_power());
     bench.plug();
     bench.device().open().unwrap();
     bench.ticks(50, DVec3::Y);
-    assert_eq!(bench.felt_n(), DVec3::ZERO);
+    assert_eq!(bench.applied_force_n(), DVec3::ZERO);
     let home_m = kinematics().position_m(kinematics().home_rad());
     bench.board(|it| it.hold_at(home_m));
     bench.ticks(2000, DVec3::ZERO);
     bench.device().board_calibration().unwrap().request();
     bench.ticks(4, DVec3::ZERO);
     bench.ticks(40, DVec3::Y);
-    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N, "{}", bench.felt_n());
+    assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N, "{}", bench.applied_force_n());
 }
 
 #[test]
-fn a_request_from_while_it_was_unplugged_is_forgotten() {
+fn requests_while_unplugged_are_discarded() {
     for form in BoardForm::ALL {
         let mut bench = Bench::open(at_home(form), homed());
         bench.ticks(40, DVec3::ZERO);
         let calibration = bench.device().board_calibration().unwrap();
-        // Before the loop has noticed, and when the device is closed.
+        // Before the driver has detected it, and while the device is closed.
         bench.bus.unplug(PATH);
         calibration.request();
         assert_eq!(bench.device().close(), Err(DeviceError::Disconnected));
         calibration.request();
-        // It comes back with its arm somewhere else.
+        // The board returns with its arm in another pose.
         bench.board(|it| {
             it.hold_at(0.5 * it.tip_m());
-            it.pass(2.0);
-            it.lose_power();
+            it.advance(2.0);
+            it.cut_power();
         });
         bench.plug();
         bench.device().open().unwrap();
         for _ in 0..50 {
             bench.tick(DVec3::Y);
-            assert_eq!(bench.felt_n(), DVec3::ZERO, "{form:?}");
+            assert_eq!(bench.applied_force_n(), DVec3::ZERO, "{form:?}");
         }
         assert!(!calibration.is_done(), "{form:?}");
-        // One that is made now is heard.
+        // A request in this opening takes effect.
         let home_m = kinematics().position_m(kinematics().home_rad());
         bench.board(|it| it.hold_at(home_m));
         bench.ticks(2000, DVec3::ZERO);
@@ -129,50 +130,50 @@ fn a_request_from_while_it_was_unplugged_is_forgotten() {
     }
 }
 
-/// Opens it again, its arm somewhere else, and counts on no force.
+/// Opens the board with its arm in another pose and asserts zero force.
 fn opens_without_force(bench: &mut Bench) {
     let calibration = bench.device().board_calibration().unwrap();
-    assert!(!calibration.is_done(), "it is known before");
+    assert!(!calibration.is_done(), "calibration is invalid before the opening");
     bench.board(|it| {
         it.hold_at(0.5 * it.tip_m());
-        it.pass(2.0);
-        it.lose_power();
+        it.advance(2.0);
+        it.cut_power();
     });
     bench.device().open().unwrap();
     for _ in 0..50 {
         bench.tick(DVec3::Y);
-        assert_eq!(bench.felt_n(), DVec3::ZERO);
+        assert_eq!(bench.applied_force_n(), DVec3::ZERO);
     }
     assert!(!calibration.is_done());
 }
 
 #[test]
-fn what_was_kept_is_believed_until_the_board_is_gone() {
+fn kept_counters_are_valid_until_the_board_is_unplugged() {
     let begin = || {
         let mut bench = Bench::open(at_home(BoardForm::Bytes14).calibrated(), kept());
         bench.ticks(40, DVec3::Y);
-        assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+        assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N);
         bench
     };
-    // Gone while it is read.
+    // Unplugged while reading.
     let mut bench = begin();
     bench.bus.unplug(PATH);
     assert_eq!(bench.device().read(Duration::ZERO), Err(DeviceError::Disconnected));
     let _ = bench.device().close();
     bench.plug();
     opens_without_force(&mut bench);
-    // Closed, and opened again as nothing has happened; then gone while it is closed.
+    // Closed and opened again, then unplugged while closed.
     let mut bench = begin();
     bench.device().close().unwrap();
     bench.device().open().unwrap();
     bench.ticks(40, DVec3::Y);
-    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N);
+    assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N);
     bench.device().close().unwrap();
     bench.bus.unplug(PATH);
     assert_eq!(bench.device().open(), Err(DeviceError::Disconnected));
     bench.plug();
     opens_without_force(&mut bench);
-    // Gone while it is closed, and somewhere else when it is opened again.
+    // Unplugged while closed, and at another path when opened again.
     let mut bench = begin();
     bench.device().close().unwrap();
     bench.bus.unplug(PATH);
@@ -185,18 +186,18 @@ fn what_was_kept_is_believed_until_the_board_is_gone() {
     bench.device().open().unwrap();
     bench.ticks(40, DVec3::Y);
     assert!(!calibration.is_done());
-    assert_eq!(bench.felt_n(), DVec3::ZERO);
-    // Once it is calibrated there is force again.
+    assert_eq!(bench.applied_force_n(), DVec3::ZERO);
+    // Force after calibration.
     calibration.request();
     bench.ticks(4, DVec3::ZERO);
     bench.ticks(40, DVec3::Y);
-    assert!((bench.felt_n() - DVec3::Y).length() < ROUNDING_N, "{}", bench.felt_n());
+    assert!((bench.applied_force_n() - DVec3::Y).length() < ROUNDING_N, "{}", bench.applied_force_n());
 }
 
-/// The loop's own thread, with a bus that was loose for a moment while the board had power from elsewhere.
+/// Loop on its own thread; the connection breaks for a moment while the board keeps its power.
 #[test]
-fn a_loop_finds_its_board_again() {
-    #[expect(clippy::disallowed_methods, reason = "the other thread has to do something")]
+fn loop_thread_reconnects_a_board() {
+    #[expect(clippy::disallowed_methods, reason = "the test waits for another thread")]
     fn wait_for(mut what: impl FnMut() -> bool) {
         for _ in 0..20_000 {
             if what() {
@@ -204,9 +205,9 @@ fn a_loop_finds_its_board_again() {
             }
             std::thread::sleep(Duration::from_millis(1));
         }
-        panic!("it has not happened within 20 s");
+        panic!("timeout after 20 s");
     }
-    let bus = Arc::new(StandInBus::default());
+    let bus = Arc::new(SimulatedBus::default());
     let firmware = Arc::new(Mutex::new(at_home(BoardForm::Bytes14).calibrated()));
     let plug = || {
         let (info, descriptor) = {
@@ -218,7 +219,7 @@ fn a_loop_finds_its_board_again() {
     plug();
     let device = find(bus.clone(), kept()).unwrap();
     let calibration = device.board_calibration().unwrap();
-    // A hold without an age limit, so that the other thread may be late.
+    // No age limit for the held model, as the other thread may be late.
     let safety = SafetySettings {
         arm_below_n: f64::MAX,
         ramp_s: 0.0,
@@ -232,43 +233,43 @@ fn a_loop_finds_its_board_again() {
     let model = handle.model_slot();
     (model.scheme, model.contact, model.force_n) = (Scheme::Hold, Contact::Held, DVec3::Y);
     handle.publish_model();
-    let is_felt = || (firmware.lock().unwrap().felt_n() - DVec3::Y).length() < ROUNDING_N;
-    wait_for(is_felt);
+    let is_applied = || (firmware.lock().unwrap().applied_force_n() - DVec3::Y).length() < ROUNDING_N;
+    wait_for(is_applied);
     bus.unplug(PATH);
     let events = |handle: &mut HapticHandle| -> Vec<LoopEventKind> {
         std::iter::from_fn(|| handle.next_event()).map(|event| event.kind).collect()
     };
     let lost = LoopEventKind::DeviceFailed(DeviceError::Disconnected);
     wait_for(|| events(&mut handle).contains(&lost));
-    firmware.lock().unwrap().pass(0.6);
+    firmware.lock().unwrap().advance(0.6);
     assert!(!firmware.lock().unwrap().are_motors_on());
     plug();
-    // What was kept is believed no longer: the loop goes on without force until somebody says that the arm is at home.
+    // The counters are no longer valid: the loop runs without force until calibration is requested.
     wait_for(|| events(&mut handle).contains(&LoopEventKind::Reconnected));
-    let taken = firmware.lock().unwrap().exchanged();
-    wait_for(|| firmware.lock().unwrap().exchanged() > taken + 100);
+    let processed = firmware.lock().unwrap().exchanged();
+    wait_for(|| firmware.lock().unwrap().exchanged() > processed + 100);
     assert!(!calibration.is_done());
     assert_eq!(firmware.lock().unwrap().currents_ma(), [0; 3]);
     calibration.request();
-    wait_for(|| calibration.is_done() && is_felt());
+    wait_for(|| calibration.is_done() && is_applied());
     assert!(matches!(thread.stop(), StopOutcome::Joined));
     assert_eq!(firmware.lock().unwrap().currents_ma(), [0; 3]);
 }
 
-/// A board of which two reports from before it was opened come first, one after the other.
-struct Stale {
+/// A board that first sends two stale reports, one for each report that it receives.
+struct StaleReports {
     board: BoardFirmware,
-    kept: Vec<Vec<u8>>,
+    queued: Vec<Vec<u8>>,
     is_due: bool,
 }
 
-impl Firmware for Stale {
+impl Firmware for StaleReports {
     fn input(&mut self, report: &mut [u8]) -> usize {
-        // One for each report that it gets.
+        // One for each received report.
         if !std::mem::take(&mut self.is_due) {
             return 0;
         }
-        let Some(old) = self.kept.pop() else { return self.board.input(report) };
+        let Some(old) = self.queued.pop() else { return self.board.input(report) };
         report[..old.len()].copy_from_slice(&old);
         old.len()
     }
@@ -279,11 +280,12 @@ impl Firmware for Stale {
 }
 
 #[test]
-fn old_reports_do_not_say_where_home_is() {
+fn stale_reports_do_not_affect_calibration() {
     for form in BoardForm::ALL {
         let mut bench = Bench::new(at_home(form), homed());
         let old = BoardInput { encoders: [500, -500, 3000, 0, 0, 0], ..BoardInput::default() }.encode(form);
-        let stale = Stale { board: at_home(form), kept: vec![old.as_slice().to_vec(); 2], is_due: false };
+        let stale =
+            StaleReports { board: at_home(form), queued: vec![old.as_slice().to_vec(); 2], is_due: false };
         bench.bus.plug(bench.board(|it| it.info(PATH)), bench.board(|it| it.descriptor()), stale);
         bench.device().open().unwrap();
         let reading = bench.ticks(4, DVec3::ZERO);

@@ -1,7 +1,8 @@
-//! The driver with the arm of a Polhem. Its stand-in closes the bars by other means.
+//! Driver with the arm of a Polhem; the simulated arm solves the linkage by other means.
 
 use super::bench::*;
 use glam::DVec3;
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 
 fn kinematics() -> BoardKinematics {
@@ -16,11 +17,11 @@ fn folded(form: BoardForm) -> BoardFirmware {
     BoardFirmware::at_home(form, &kinematics())
 }
 
-/// A board whose arm is drawn out to the middle of its workspace.
-fn drawn_out(form: BoardForm, options: BoardOptions) -> Bench {
+/// A board whose arm is pulled out to the workspace centre.
+fn pulled_out(form: BoardForm, options: BoardOptions) -> Bench {
     let mut bench = Bench::open(folded(form), options);
     bench.ticks(3, DVec3::ZERO);
-    // Not through A's axis.
+    // On a path that avoids A's axis.
     for at_m in [DVec3::new(0.15, 0.02, -0.15), DVec3::ZERO] {
         bench.board(|it| it.hold_at(at_m));
         bench.ticks(500, DVec3::ZERO);
@@ -29,14 +30,18 @@ fn drawn_out(form: BoardForm, options: BoardOptions) -> Bench {
 }
 
 #[test]
-fn the_force_felt_is_the_force_sent_in_every_form() {
+fn applied_force_is_the_sent_force_in_every_form() {
     for form in BoardForm::ALL {
-        let mut bench = drawn_out(form, polhem(BoardHoming::AtOpen));
+        let mut bench = pulled_out(form, polhem(BoardHoming::AtOpen));
         let reading = bench.tick(DVec3::ZERO);
         assert!(reading.position_m.length() < 1e-3, "{}", reading.position_m);
         for force_n in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(-1.0, 0.5, -0.7)] {
             bench.ticks(600, force_n);
-            assert!((bench.felt_n() - force_n).length() < 2.0 * ROUNDING_N, "{form:?}: {}", bench.felt_n());
+            assert!(
+                (bench.applied_force_n() - force_n).length() < 2.0 * ROUNDING_N,
+                "{form:?}: {}",
+                bench.applied_force_n()
+            );
             let off_m = bench.tick(force_n).position_m - bench.board(|it| it.tip_m());
             assert!(off_m.length() < 3e-4, "{off_m}");
         }
@@ -44,7 +49,7 @@ fn the_force_felt_is_the_force_sent_in_every_form() {
 }
 
 #[test]
-fn there_is_no_force_while_it_is_folded_and_it_begins_with_little_when_it_is_drawn_out() {
+fn folded_arm_has_zero_force_that_grows_when_pulled_out() {
     let mut bench = Bench::open(folded(BoardForm::Bytes14), polhem(BoardHoming::AtOpen));
     bench.ticks(50, DVec3::Y);
     assert_eq!(bench.board(|it| it.currents_ma()), [0; 3]);
@@ -52,52 +57,56 @@ fn there_is_no_force_while_it_is_folded_and_it_begins_with_little_when_it_is_dra
     let mut last_n = 0.0;
     for _ in 0..500 {
         bench.tick(DVec3::Y);
-        let now_n = bench.felt_n().length();
-        // A twentieth of 5 N, and what the arm turns from one report to the next.
+        let now_n = bench.applied_force_n().length();
+        // A twentieth of 5 N, and the change of the pose between two reports.
         assert!(now_n.is_finite() && now_n - last_n < 0.27, "{last_n} {now_n}");
         last_n = now_n;
     }
-    assert!((bench.felt_n() - DVec3::Y).length() < 2.0 * ROUNDING_N, "{}", bench.felt_n());
+    assert!((bench.applied_force_n() - DVec3::Y).length() < 2.0 * ROUNDING_N, "{}", bench.applied_force_n());
 }
 
 #[test]
-fn a_force_that_takes_too_much_current_is_made_smaller_and_keeps_its_direction() {
-    // In the middle a newton to the side takes ρ d_a / (D_a k_a) = 0.559 A of motor A, so that 2 A are 3.58 N.
-    let mut bench = drawn_out(BoardForm::Bytes14, polhem(BoardHoming::AtOpen));
+fn force_above_the_current_limit_is_scaled_and_keeps_its_direction() {
+    // At the centre a lateral force of 1 N takes ρ d_a / (D_a k_a) = 0.559 A of motor A, so 2 A are 3.58 N.
+    let mut bench = pulled_out(BoardForm::Bytes14, polhem(BoardHoming::AtOpen));
     bench.ticks(40, 100.0 * DVec3::X);
     assert_eq!(bench.board(|it| it.currents_ma())[0], 2000);
     let expected_n = 2.0 * 0.0603 * 0.175 / (0.028_853_4 * 0.2045);
-    assert!((bench.felt_n() - expected_n * DVec3::X).length() < 0.03, "{}", bench.felt_n());
+    assert!((bench.applied_force_n() - expected_n * DVec3::X).length() < 0.03, "{}", bench.applied_force_n());
     for direction in [DVec3::Y, DVec3::Z, DVec3::new(1.0, -2.0, 1.0).normalize()] {
         let options = BoardOptions { max_current_a: 0.3, ..polhem(BoardHoming::AtOpen) };
-        let mut bench = drawn_out(BoardForm::Bytes14, options);
+        let mut bench = pulled_out(BoardForm::Bytes14, options);
         bench.ticks(40, 100.0 * direction);
-        let most_ma = bench.board(|it| it.currents_ma()).map(i16::abs).into_iter().max();
-        assert_eq!(most_ma, Some(300));
-        let felt_n = bench.felt_n();
+        let max_ma = bench.board(|it| it.currents_ma()).map(i16::abs).into_iter().max();
+        assert_eq!(max_ma, Some(300));
+        let felt_n = bench.applied_force_n();
         assert!(felt_n.length() < 3.0 && felt_n.normalize().dot(direction) > 1.0 - 1e-4, "{felt_n}");
     }
-    // Where the motors can, the largest force of the device is the bound.
+    // With sufficient current the maximum force of the device is the limit.
     let weak = BoardKinematics { max_force_n: 1.5, ..kinematics() };
     let options = BoardOptions { kinematics: weak, max_current_a: 3.0, ..polhem(BoardHoming::AtOpen) };
-    let mut bench = drawn_out(BoardForm::Bytes14, options);
+    let mut bench = pulled_out(BoardForm::Bytes14, options);
     bench.ticks(40, 100.0 * DVec3::X);
-    assert!((bench.felt_n() - 1.5 * DVec3::X).length() < 2.0 * ROUNDING_N, "{}", bench.felt_n());
+    assert!(
+        (bench.applied_force_n() - 1.5 * DVec3::X).length() < 2.0 * ROUNDING_N,
+        "{}",
+        bench.applied_force_n()
+    );
 }
 
 #[test]
-fn no_force_out_of_reach() {
+fn force_is_zero_out_of_reach() {
     let options = BoardOptions { reach_m: 0.05, ..polhem(BoardHoming::AtOpen) };
-    let mut bench = drawn_out(BoardForm::Bytes14, options);
+    let mut bench = pulled_out(BoardForm::Bytes14, options);
     bench.ticks(40, DVec3::X);
-    assert!((bench.felt_n() - DVec3::X).length() < 2.0 * ROUNDING_N);
+    assert!((bench.applied_force_n() - DVec3::X).length() < 2.0 * ROUNDING_N);
     bench.board(|it| it.hold_at(DVec3::new(0.0, 0.0, 0.07)));
     bench.ticks(500, DVec3::X);
     assert_eq!(bench.board(|it| it.currents_ma()), [0; 3]);
 }
 
 #[test]
-fn until_somebody_says_where_home_is_positions_are_finite_and_there_is_no_force() {
+fn uncalibrated_arm_has_finite_positions_and_zero_force() {
     let mut bench = Bench::open(folded(BoardForm::Bytes14), polhem(BoardHoming::Awaited));
     for _ in 0..50 {
         assert!(bench.tick(DVec3::ONE).is_usable());

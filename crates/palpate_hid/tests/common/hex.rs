@@ -1,11 +1,11 @@
-//! Bytes in text files: hexadecimal numbers, comments after `#`, parts that begin with a name in brackets.
+//! Parsing of data files: hexadecimal bytes, comments after `#`, parts that begin with a name in brackets.
 
 #[path = "../shared/bytes.rs"]
 mod shared;
 
 pub use shared::bytes;
 
-/// The lines of the part `name`.
+/// Lines of the part `name`.
 pub fn part(text: &str, name: &str) -> Vec<String> {
     let head = format!("[{name}]");
     let after = text.lines().skip_while(|line| *line != head).skip(1);
@@ -19,7 +19,7 @@ fn without_comment(line: &str) -> &str {
     line.split('#').next().unwrap_or_default()
 }
 
-/// A line of the same form.
+/// Formats a report as a line of the same form.
 pub fn line(verb: &str, bytes: &[u8]) -> String {
     bytes.iter().fold(verb.to_owned(), |line, byte| format!("{line} {byte:02x}"))
 }

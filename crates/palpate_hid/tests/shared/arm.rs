@@ -1,4 +1,4 @@
-//! What holds for every arm of a board, whatever its linkage.
+//! Checks for the arms of boards, for any linkage.
 
 use glam::{DMat3, DVec3};
 use palpate_hid::*;
@@ -9,7 +9,7 @@ pub fn forces() -> impl Strategy<Value = DVec3> {
     (-3.0..3.0, -3.0..3.0, -3.0..3.0).prop_map(|(x, y, z)| DVec3::new(x, y, z))
 }
 
-/// J by central differences with Richardson's extrapolation, of steps of `h` and `2 h`, rad: an error of the fifth order.
+/// Jacobian by central differences with Richardson extrapolation, steps `h` and `2 h`, rad: an error of fifth order.
 pub fn differences(arm: &BoardKinematics, angles: DVec3, h: f64) -> DMat3 {
     let along = |axis: DVec3| {
         let slope =
@@ -19,23 +19,23 @@ pub fn differences(arm: &BoardKinematics, angles: DVec3, h: f64) -> DMat3 {
     DMat3::from_cols(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
 }
 
-pub fn jacobian_is_that_of_differences(
+pub fn check_jacobian(
     arm: &BoardKinematics,
     angles: DVec3,
     h: f64,
     allowed: f64,
 ) -> Result<(), TestCaseError> {
     let off = arm.jacobian(angles) - differences(arm, angles, h);
-    let worst = off.to_cols_array().into_iter().fold(0.0_f64, |most, entry| most.max(entry.abs()));
+    let worst = off.to_cols_array().into_iter().fold(0.0_f64, |max, entry| max.max(entry.abs()));
     prop_assert!(worst < allowed, "{worst}");
     Ok(())
 }
 
-pub fn force_comes_back(arm: &BoardKinematics, angles: DVec3, force: DVec3) -> Result<(), TestCaseError> {
+pub fn check_force_inverse(arm: &BoardKinematics, angles: DVec3, force: DVec3) -> Result<(), TestCaseError> {
     let currents = arm.currents_a(angles, force);
     let back = arm.force_n(angles, currents).unwrap();
     prop_assert!((back - force).length() < 1e-12, "{}", (back - force).length());
-    // And after rounding to milliamperes: half of one for each motor, and no more.
+    // After rounding to milliamperes the error is at most half of one for each motor.
     let rounded = (1e3 * currents).round() * 1e-3;
     let again = arm.currents_a(angles, arm.force_n(angles, rounded).unwrap());
     prop_assert!((1e3 * (again - rounded)).abs().max_element() < 1e-9);
@@ -43,8 +43,8 @@ pub fn force_comes_back(arm: &BoardKinematics, angles: DVec3, force: DVec3) -> R
     Ok(())
 }
 
-/// FᵀẊ = τᵀθ̇: what the motors put in comes out at the tip. The motors turn as their encoders do.
-pub fn no_power_is_lost(
+/// Power balance FᵀẊ = τᵀθ̇ of motors and tip. The motors turn as their encoders do.
+pub fn check_power_balance(
     arm: &BoardKinematics,
     angles: DVec3,
     force: DVec3,
@@ -54,7 +54,7 @@ pub fn no_power_is_lost(
     let place = |at: f64| arm.position_m(angles + at * speed);
     let velocity = (8.0 * (place(h) - place(-h)) - (place(2.0 * h) - place(-2.0 * h))) / (12.0 * h);
     let out_w = force.dot(velocity);
-    // Angles of the motors from what their encoders count, without a look at how the driver does it.
+    // Angles of the motors from their encoder counts, independent of the driver's transmission.
     let count = arm.angles_rad([1, 1, 1]);
     let motor_rad_per_s = speed / count * TAU / DVec3::from(arm.counts_per_turn);
     let torque_nm = arm.currents_a(angles, force) * DVec3::from(arm.torque_nm_per_a);

@@ -3,7 +3,8 @@
 use super::trial::Trial;
 use super::*;
 use palpate_haptics::HapticDevice;
-use palpate_hid::{Firmware, HidDevice, HidKind, HidOptions, StandInBus, Usage};
+use palpate_hid::simulated::{Firmware, SimulatedBus};
+use palpate_hid::{HidDevice, HidKind, HidOptions, Usage};
 
 /// A cap that is pushed down all the time.
 struct Pushed(bool);
@@ -35,8 +36,8 @@ fn info(path: &str, product: u16) -> HidInfo {
     }
 }
 
-fn bus() -> Arc<StandInBus> {
-    let bus = Arc::new(StandInBus::default());
+fn bus() -> Arc<SimulatedBus> {
+    let bus = Arc::new(SimulatedBus::default());
     bus.plug(info("/dev/cap", 0xC635), Vec::new(), Pushed(false));
     bus.plug(info("/dev/mouse", 0xC650), Vec::new(), Pushed(false));
     bus
@@ -56,7 +57,7 @@ fn what_is_plugged_in_is_listed_with_what_keeps_it_from_being_opened() {
     );
     assert_eq!(of("/dev/mouse").kind, None);
     let held = bus.open(&info("/dev/cap", 0xC635)).unwrap();
-    assert!(of("/dev/cap").refused.contains("another program or tool uses it"));
+    assert!(of("/dev/cap").refused.contains("already in use by another program or HapticTool"));
     drop(held);
     let mut text = Vec::new();
     let mut listed = Listed { devices: vec![cap], others: 1, may_be_boards: Vec::new() };
@@ -95,7 +96,7 @@ fn a_device_is_named_by_path_serial_or_numbers() {
     }
 }
 
-fn trial(bus: &StandInBus, seconds: f64) -> Trial {
+fn trial(bus: &SimulatedBus, seconds: f64) -> Trial {
     Trial {
         selector: selector("7", false, bus).unwrap(),
         force_n: 0.3,
@@ -122,10 +123,11 @@ fn a_test_reads_the_device_and_says_what_it_saw() {
 
 #[test]
 fn a_board_is_pushed_gently_and_feels_what_is_told() {
-    use palpate_hid::{BoardFirmware, BoardForm, BoardHoming, BoardKinematics, BoardOptions};
+    use palpate_hid::simulated::BoardFirmware;
+    use palpate_hid::{BoardForm, BoardHoming, BoardKinematics, BoardOptions};
     use std::sync::Mutex;
 
-    let bus = Arc::new(StandInBus::default());
+    let bus = Arc::new(SimulatedBus::default());
     let board = BoardFirmware::at_home(BoardForm::Bytes64, &BoardKinematics::default());
     let (info, descriptor) = (board.info("/dev/board"), board.descriptor());
     let board = Arc::new(Mutex::new(board));
@@ -174,9 +176,10 @@ fn it_asks_first_and_takes_only_a_yes() {
 
 #[test]
 fn a_board_is_taken_for_the_arm_that_is_named() {
-    use palpate_hid::{BoardFirmware, BoardForm};
+    use palpate_hid::BoardForm;
+    use palpate_hid::simulated::BoardFirmware;
 
-    let bus = StandInBus::default();
+    let bus = SimulatedBus::default();
     let arms = [(Arm::WoodenHaptics, "link B up"), (Arm::PolhemV2, "Polhem 2"), (Arm::PolhemV3, "Polhem 3")];
     for (arm, word) in arms {
         let board = BoardFirmware::at_home(BoardForm::Bytes14, &arm.kinematics());
@@ -200,12 +203,13 @@ fn a_board_is_taken_for_the_arm_that_is_named() {
 /// Only where nothing is known to end the force of a program that is killed.
 #[test]
 fn who_is_asked_is_told_that_a_force_may_stay() {
-    use palpate_hid::{BoardFirmware, BoardForm, BoardKinematics};
+    use palpate_hid::simulated::BoardFirmware;
+    use palpate_hid::{BoardForm, BoardKinematics};
 
     for (form, may_stay) in
         [(BoardForm::Bytes8, false), (BoardForm::Bytes14, false), (BoardForm::Bytes64, true)]
     {
-        let bus = Arc::new(StandInBus::default());
+        let bus = Arc::new(SimulatedBus::default());
         let board = BoardFirmware::at_home(form, &BoardKinematics::default());
         bus.plug(board.info("/dev/board"), board.descriptor(), board);
         let selector = selector("/dev/board", true, &*bus).unwrap();
@@ -222,9 +226,10 @@ fn who_is_asked_is_told_that_a_force_may_stay() {
 /// With the sizes of another arm a force may be several times as large.
 #[test]
 fn a_board_whose_arm_is_not_named_is_only_read() {
-    use palpate_hid::{BoardFirmware, BoardForm, BoardHoming, BoardKinematics, BoardOptions};
+    use palpate_hid::simulated::BoardFirmware;
+    use palpate_hid::{BoardForm, BoardHoming, BoardKinematics, BoardOptions};
 
-    let bus = Arc::new(StandInBus::default());
+    let bus = Arc::new(SimulatedBus::default());
     let board = BoardFirmware::at_home(BoardForm::Bytes14, &BoardKinematics::default());
     bus.plug(board.info("/dev/board"), board.descriptor(), board);
     let selector = selector("/dev/board", true, &*bus).unwrap();

@@ -1,4 +1,4 @@
-//! A 3-DOF board in lock step: what the hand on its arm feels is what was sent, to one count of its currents.
+//! A 3-DOF board in lockstep: the force on the hand is the sent force, to one count of the currents.
 
 use super::check::{Outcome, ensure, wait_until};
 use super::touch;
@@ -6,26 +6,27 @@ use super::uhid::Identity;
 use super::virtual_device::{Pace, VirtualDevice};
 use glam::DVec3;
 use palpate_haptics::{HapticHandle, Lockstep, haptic_loop};
+use palpate_hid::simulated::BoardFirmware;
 use palpate_hid::{
-    BoardFirmware, BoardForm, BoardHoming, BoardKinematics, BoardOptions, HidDevice, HidKind, HidOptions,
-    HidSelector, SystemBus,
+    BoardForm, BoardHoming, BoardKinematics, BoardOptions, HidDevice, HidKind, HidOptions, HidSelector,
+    SystemBus,
 };
 use std::error::Error;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// A board, and the hand that holds it.
+/// A simulated board with its hand.
 pub type Board = Arc<Mutex<BoardFirmware>>;
 
-/// Ticks that are compared.
+/// Number of compared ticks.
 const TICKS: usize = 1000;
-/// What is touched: a spring that draws the tip home, N/m.
+/// Stiffness of the virtual spring to the home position, N/m.
 const STIFFNESS_N_PER_M: f64 = 300.0;
-/// Reports after which the hand begins to move: the board is calibrated by then.
+/// Number of reports before the hand starts to move; the board is calibrated by then.
 const AT_REST: u64 = 200;
 
-/// Plugs one in.
+/// Plugs a board in.
 pub fn plug(serial: &str, board: BoardFirmware) -> Result<(VirtualDevice, Board), Box<dyn Error>> {
     let (info, descriptor) = (board.info(""), board.descriptor());
     let identity =
@@ -34,12 +35,12 @@ pub fn plug(serial: &str, board: BoardFirmware) -> Result<(VirtualDevice, Board)
     Ok((VirtualDevice::plug(&identity, &descriptor, board.clone(), Pace::InTurn)?, board))
 }
 
-/// Finds the one with this serial number.
+/// Finds the board with this serial number.
 pub fn find(serial: &str, homing: BoardHoming) -> Result<HidDevice, Box<dyn Error>> {
     let selector = HidSelector {
         kind: Some(HidKind::Board),
         serial: Some(serial.into()),
-        teensy_is_board: true,
+        treat_teensy_as_board: true,
         ..HidSelector::default()
     };
     let options =
@@ -47,52 +48,52 @@ pub fn find(serial: &str, homing: BoardHoming) -> Result<HidDevice, Box<dyn Erro
     Ok(HidDevice::find(Arc::new(SystemBus::new()?), &selector, &options)?)
 }
 
-/// What is inside it.
-pub fn of<T>(board: &Board, ask: impl FnOnce(&mut BoardFirmware) -> T) -> T {
-    ask(&mut board.lock().unwrap_or_else(PoisonError::into_inner))
+/// Accesses the firmware.
+pub fn of<T>(board: &Board, operation: impl FnOnce(&mut BoardFirmware) -> T) -> T {
+    operation(&mut board.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Reports of 14 bytes; the board asks to be calibrated.
+/// Reports of 14 bytes; the board requests calibration.
 pub fn bytes_14() -> Outcome {
     run("board-14", BoardForm::Bytes14, BoardHoming::Awaited)
 }
 
-/// Reports of 64 bytes, which are those of a Teensy; the board asks to be calibrated.
+/// Reports of 64 bytes, those of a Teensy; the board requests calibration.
 pub fn bytes_64() -> Outcome {
     run("board-64", BoardForm::Bytes64, BoardHoming::Awaited)
 }
 
-/// Reports of 8 bytes: such a board cannot ask, its arm is at home when it is opened.
+/// Reports of 8 bytes: the board cannot request calibration, and its arm is at home when it is opened.
 pub fn bytes_8() -> Outcome {
     run("board-8", BoardForm::Bytes8, BoardHoming::AtOpen)
 }
 
-/// One tick for each report of the board, which answers each of the driver's.
-struct Turns {
+/// Runs one tick for each report of the board, which processes each report of the driver.
+struct Exchange {
     plugged: VirtualDevice,
     board: Board,
     handle: HapticHandle,
     lockstep: Lockstep<HidDevice>,
-    heard: u64,
-    /// The driver's clock: a tick is a millisecond, however long it takes here.
+    reports: u64,
+    /// Clock of the driver: a tick counts as 1 ms, whatever its real time.
     ms: Arc<AtomicU64>,
 }
 
-impl Turns {
+impl Exchange {
     fn tick(&mut self) -> Result<(), Box<dyn Error>> {
-        wait_until("the board speaks", || self.plugged.said() > self.heard)?;
-        self.heard = self.plugged.said();
+        wait_until("the board sends a report", || self.plugged.sent_reports() > self.reports)?;
+        self.reports = self.plugged.sent_reports();
         self.ms.fetch_add(1, Ordering::Relaxed);
-        let taken = of(&self.board, |board| board.exchanged());
+        let processed = of(&self.board, |board| board.exchanged());
         self.lockstep.run(1);
-        wait_until("the board takes a report", || of(&self.board, |board| board.exchanged() > taken))
+        wait_until("the board processes a report", || of(&self.board, |board| board.exchanged() > processed))
     }
 }
 
 fn run(serial: &str, form: BoardForm, homing: BoardHoming) -> Outcome {
     let kinematics = BoardKinematics::default();
     let home_m = kinematics.position_m(kinematics.home_rad());
-    // Once around in a second, 6 mm to each side.
+    // One circle per second, radius 6 mm.
     let board = BoardFirmware::at_home(form, &kinematics).with_hand(move |exchanged| {
         let turn = exchanged.saturating_sub(AT_REST) as f64 * 1e-3 * std::f64::consts::TAU;
         home_m + 0.006 * DVec3::new(turn.sin(), 1.0 - turn.cos(), -turn.sin())
@@ -107,23 +108,24 @@ fn run(serial: &str, form: BoardForm, homing: BoardHoming) -> Outcome {
     let (config, settings) = touch::settings(&device);
     let (handle, haptic_loop) = haptic_loop(config, settings)?;
     let lockstep = Lockstep::new(haptic_loop, Box::new(device))?;
-    let mut turns = Turns { plugged, board, handle, lockstep, heard: 0, ms };
+    let mut exchange = Exchange { plugged, board, handle, lockstep, reports: 0, ms };
 
-    of(&turns.board, |board| board.ask_for_calibration());
+    of(&exchange.board, |board| board.request_calibration());
     for tick in 0..AT_REST {
-        ensure(tick < AT_REST / 2 || calibration.is_done(), || "it was not calibrated".into())?;
-        turns.tick()?;
+        ensure(tick < AT_REST / 2 || calibration.is_done(), || "the board was not calibrated".into())?;
+        exchange.tick()?;
     }
-    let (mut angles_rad, mut most_n, mut worst_n, mut worst_ma) =
+    let (mut angles_rad, mut max_n, mut max_error_n, mut max_error_ma) =
         (kinematics.home_rad(), 0.0_f64, 0.0_f64, 0.0_f64);
     for tick in 0..TICKS {
         if tick % 50 == 0 {
-            touch::draw(&mut turns.handle, home_m, STIFFNESS_N_PER_M);
+            touch::attach_spring(&mut exchange.handle, home_m, STIFFNESS_N_PER_M);
         }
-        turns.tick()?;
-        let record = turns.handle.latest_tick().ok_or("no tick")?;
+        exchange.tick()?;
+        let record = exchange.handle.latest_tick().ok_or("no tick")?;
         let (reading, sent_n) = (record.reading?, record.force_n);
-        let (felt_n, currents_ma) = of(&turns.board, |board| (board.felt_n(), board.currents_ma()));
+        let (felt_n, currents_ma) =
+            of(&exchange.board, |board| (board.applied_force_n(), board.currents_ma()));
         angles_rad = angles_at(&kinematics, reading.position_m, angles_rad);
         let wanted_ma = 1e3 * kinematics.currents_a(angles_rad, sent_n);
         let off_ma = (wanted_ma - DVec3::from(currents_ma.map(f64::from))).abs().max_element();
@@ -134,26 +136,27 @@ fn run(serial: &str, form: BoardForm, homing: BoardHoming) -> Outcome {
         let count_n = one_count_n(&kinematics, angles_rad)?;
         ensure(off_n <= count_n, || {
             format!(
-                "at tick {tick} {felt_n} N was felt of {sent_n} N; a count of each current is {count_n} N"
+                "at tick {tick} {felt_n} N was applied for {sent_n} N; a count of each current is {count_n} N"
             )
         })?;
-        (most_n, worst_n, worst_ma) = (most_n.max(felt_n.length()), worst_n.max(off_n), worst_ma.max(off_ma));
+        (max_n, max_error_n, max_error_ma) =
+            (max_n.max(felt_n.length()), max_error_n.max(off_n), max_error_ma.max(off_ma));
     }
-    ensure(most_n > 0.5, || format!("the most that was felt is {most_n} N"))?;
+    ensure(max_n > 0.5, || format!("the maximum applied force is {max_n} N"))?;
     let report = (counters.skipped(), counters.malformed());
     ensure(report == (0, 0), || format!("reports skipped and malformed: {report:?}"))?;
 
-    let Turns { plugged, board, lockstep, .. } = turns;
+    let Exchange { plugged, board, lockstep, .. } = exchange;
     drop(lockstep);
     wait_until("no current is left", || of(&board, |board| board.currents_ma() == [0; 3]))?;
     plugged.unplug();
     Ok(format!(
-        "{TICKS} ticks, up to {most_n:.2} N felt, off by {:.2} mN and {worst_ma:.2} mA at most",
-        worst_n * 1e3
+        "{TICKS} ticks, up to {max_n:.2} N, errors up to {:.2} mN and {max_error_ma:.2} mA",
+        max_error_n * 1e3
     ))
 }
 
-/// The angles at which the tip is at `tip_m`, by Newton's method from angles nearby.
+/// Angles for the tip position `tip_m`, by Newton's method from nearby angles.
 fn angles_at(kinematics: &BoardKinematics, tip_m: DVec3, near_rad: DVec3) -> DVec3 {
     (0..20).fold(near_rad, |angles_rad, _| {
         let off_m = tip_m - kinematics.position_m(angles_rad);
@@ -161,7 +164,7 @@ fn angles_at(kinematics: &BoardKinematics, tip_m: DVec3, near_rad: DVec3) -> DVe
     })
 }
 
-/// What a milliampere in each of the three motors comes to at most, N.
+/// Upper bound of the force of one milliampere in each motor, N.
 fn one_count_n(kinematics: &BoardKinematics, angles_rad: DVec3) -> Result<f64, Box<dyn Error>> {
     let mut sum_n = 0.0;
     for motor in [DVec3::X, DVec3::Y, DVec3::Z] {

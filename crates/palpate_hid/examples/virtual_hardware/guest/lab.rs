@@ -1,6 +1,6 @@
-//! The real program lists what is plugged in and tests a joystick, where the guest has it.
+//! `palpate-lab` lists the devices and tests a joystick, where the guest contains it.
 
-use super::check::{NotHere, Outcome, ensure};
+use super::check::{Outcome, Unavailable, ensure};
 use super::enumeration::plug_all;
 use super::joystick;
 use super::virtual_device::Pace;
@@ -9,40 +9,42 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// Where `.ci/virtual-hardware` puts it.
+/// Path at which `.ci/virtual-hardware` installs the program.
 const PROGRAM: &str = "/bin/palpate-lab";
 
 pub fn run() -> Outcome {
     if !Path::new(PROGRAM).exists() {
-        return Err(NotHere("the guest has no palpate-lab").into());
+        return Err(Unavailable("the guest does not contain palpate-lab").into());
     }
     let plugged = plug_all()?;
     let listed = Command::new(PROGRAM).args(["devices", "--all"]).output()?;
-    let says = String::from_utf8_lossy(&listed.stdout);
+    let output = String::from_utf8_lossy(&listed.stdout);
     ensure(listed.status.success(), || {
         format!("{}: {}", listed.status, String::from_utf8_lossy(&listed.stderr))
     })?;
     for (device, serial, _) in &plugged {
-        ensure(says.contains(serial), || format!("{serial} at {} is not in its list: {says}", device.node))?;
+        ensure(output.contains(serial), || format!("{serial} at {} is not listed: {output}", device.node))?;
     }
     let watched = Command::new(PROGRAM).args(["devices", "--watch", "--seconds", "0.5"]).output()?;
-    let says = String::from_utf8_lossy(&watched.stdout);
-    let come = says.lines().filter(|line| line.starts_with("in ")).count();
-    ensure(watched.status.success() && come >= plugged.len(), || format!("{come} have come: {says}"))?;
+    let output = String::from_utf8_lossy(&watched.stdout);
+    let listed = output.lines().filter(|line| line.starts_with("in ")).count();
+    ensure(watched.status.success() && listed >= plugged.len(), || {
+        format!("{listed} devices appeared: {output}")
+    })?;
     let count = plugged.len();
     drop(plugged);
-    let (forces, most_n) = test_joystick()?;
+    let (forces, max_n) = test_joystick()?;
     Ok(format!(
-        "it lists all {count} devices by their serial numbers; a joystick took {forces} forces up to {most_n:.2} N"
+        "all {count} devices are listed by serial number; a joystick took {forces} forces up to {max_n:.2} N"
     ))
 }
 
-/// The force that the test is asked for, N.
+/// Force of the test, N.
 const FORCE_N: f64 = 0.2;
 
-/// A joystick that is tested: forces as many and as large as the program says, none without a yes, and none afterwards. How many,
-/// and the largest, N.
-#[expect(clippy::disallowed_methods, reason = "the program runs in the time of the guest")]
+/// Tests a joystick: the forces match the output of the program, none without confirmation, none afterwards. Returns their number and
+/// the maximum, N.
+#[expect(clippy::disallowed_methods, reason = "the program runs in real time")]
 fn test_joystick() -> Result<(f64, f64), Box<dyn Error>> {
     let pace = Pace::Every(Duration::from_millis(2));
     let (_plugged, stick) = joystick::plug("tested", &joystick::OPENFFBOARD, pace)?;
@@ -57,29 +59,30 @@ fn test_joystick() -> Result<(f64, f64), Box<dyn Error>> {
         "--seconds",
         "2",
     ];
-    let unasked = Command::new(PROGRAM).args(of_test).stdin(Stdio::null()).output()?;
-    ensure(!unasked.status.success() && joystick::of(&stick, |stick| stick.effects()) == 0, || {
-        format!("it was tested without a yes: {}", String::from_utf8_lossy(&unasked.stdout))
+    let unconfirmed = Command::new(PROGRAM).args(of_test).stdin(Stdio::null()).output()?;
+    ensure(!unconfirmed.status.success() && joystick::of(&stick, |stick| stick.effects()) == 0, || {
+        format!("tested without confirmation: {}", String::from_utf8_lossy(&unconfirmed.stdout))
     })?;
     let mut testing =
         Command::new(PROGRAM).args(of_test).args(["--yes", "--json"]).stdout(Stdio::piped()).spawn()?;
-    let mut felt_n = 0.0_f64;
+    let mut applied_n = 0.0_f64;
     while testing.try_wait()?.is_none() {
-        felt_n = felt_n.max(joystick::felt_n(&stick).length());
+        applied_n = applied_n.max(joystick::applied_force_n(&stick).length());
         std::thread::sleep(Duration::from_millis(5));
     }
     let tested = testing.wait_with_output()?;
-    let says = String::from_utf8_lossy(&tested.stdout);
+    let output = String::from_utf8_lossy(&tested.stdout);
     let number = |name: &str| {
-        let (_, rest) = says.split_once(&format!("\"{name}\":"))?;
+        let (_, rest) = output.split_once(&format!("\"{name}\":"))?;
         rest.split([',', '}']).next()?.trim().parse::<f64>().ok()
     };
-    let (forces, most_n) =
-        number("forces").zip(number("max_force_n")).ok_or_else(|| format!("it says {says}"))?;
-    ensure(tested.status.success() && forces > 20.0, || format!("{}: {says}", tested.status))?;
-    ensure(most_n > 0.5 * FORCE_N && most_n <= FORCE_N && felt_n <= FORCE_N * 1.01 && felt_n > 0.0, || {
-        format!("up to {felt_n} N were felt: {says}")
-    })?;
+    let (forces, max_n) =
+        number("forces").zip(number("max_force_n")).ok_or_else(|| format!("the output is {output}"))?;
+    ensure(tested.status.success() && forces > 20.0, || format!("{}: {output}", tested.status))?;
+    ensure(
+        max_n > 0.5 * FORCE_N && max_n <= FORCE_N && applied_n <= FORCE_N * 1.01 && applied_n > 0.0,
+        || format!("up to {applied_n} N were applied: {output}"),
+    )?;
     ensure(!joystick::of(&stick, |stick| stick.is_on()), || "its actuators are on afterwards".into())?;
-    Ok((forces, most_n))
+    Ok((forces, max_n))
 }

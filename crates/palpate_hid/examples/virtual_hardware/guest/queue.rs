@@ -1,20 +1,20 @@
-//! Reports that nobody reads: hidraw keeps the oldest 63, the driver reads them all at its next tick and goes by the newest.
+//! Unread reports: hidraw keeps the oldest 63; the driver reads all of them at its next tick and uses the latest.
 
-use super::cap;
 use super::check::{Outcome, ensure};
+use super::space_mouse;
 use super::virtual_device::Pace;
 use palpate_haptics::HapticDevice;
-use palpate_hid::CapForm;
+use palpate_hid::simulated::SpaceMouseLayout;
 use std::time::Duration;
 
-/// Reports that are sent while nobody reads.
+/// Number of reports sent without reading.
 const SENT: i16 = 200;
-/// How many of them are kept: one place in its ring of `HIDRAW_BUFFER_SIZE` 64 stays free.
+/// Number of reports kept: one place in the ring of `HIDRAW_BUFFER_SIZE` 64 stays free.
 const KEPT: i16 = 63;
 
 pub fn run() -> Outcome {
-    let (plugged, cap) = cap::plug("queue", CapForm::Together, Pace::WhenTold)?;
-    let device = cap::find("queue")?;
+    let (plugged, cap) = space_mouse::plug("queue", SpaceMouseLayout::Combined, Pace::Manual)?;
+    let device = space_mouse::find("queue")?;
     let counters = device.counters();
     let mut ms = 0;
     let mut device = device.with_clock(move || {
@@ -23,28 +23,28 @@ pub fn run() -> Outcome {
     });
     device.open()?;
     device.read(Duration::ZERO)?;
-    // Of the full push, and what comes of it, m/s.
+    // Speed for a deflection, m/s.
     let speed = |count: i16| 0.1 * (f64::from(count) / 350.0 - 0.02) / (1.0 - 0.02);
-    let mut read = |told: i16| -> Outcome {
+    let mut read = |expected: i16| -> Outcome {
         let reading = device.read(Duration::ZERO)?;
         let found = reading.velocity_m_per_s.ok_or("the driver gives no velocity")?.x;
-        let wanted = speed(told);
-        ensure((found - wanted).abs() < 1e-12, || format!("the point moves at {found} m/s, not {wanted}"))?;
+        let target = speed(expected);
+        ensure((found - target).abs() < 1e-12, || format!("the point moves at {found} m/s, not {target}"))?;
         Ok(String::new())
     };
 
     for count in 1..=SENT {
-        cap::of(&cap, |cap| cap.push([count, 0, 0], [0; 3]));
-        plugged.speak()?;
+        space_mouse::of(&cap, |cap| cap.push([count, 0, 0], [0; 3]));
+        plugged.send_report()?;
     }
     read(KEPT)?;
     let counted = (counters.read(), counters.skipped(), counters.malformed());
     ensure(counted == (KEPT as u64, KEPT as u64 - 1, 0), || {
         format!("read, skipped and malformed are {counted:?}")
     })?;
-    // None of them is left: the next report is the newest.
-    cap::of(&cap, |cap| cap.push([300, 0, 0], [0; 3]));
-    plugged.speak()?;
+    // The queue is empty: the next report is the latest.
+    space_mouse::of(&cap, |cap| cap.push([300, 0, 0], [0; 3]));
+    plugged.send_report()?;
     read(300)?;
     let counted = (counters.read(), counters.skipped());
     ensure(counted == (KEPT as u64 + 1, KEPT as u64 - 1), || format!("then they are {counted:?}"))?;

@@ -1,4 +1,4 @@
-//! A haptic loop with a device, on a thread of its own, that touches something.
+//! A haptic loop with a device on its own thread, and models for it.
 
 use super::check::wait_until;
 use glam::{DMat3, DVec3};
@@ -15,12 +15,12 @@ pub struct Touch {
     handle: HapticHandle,
     thread: LoopThread,
     force_n: DVec3,
-    /// What it told that matters here, oldest first.
-    pub told: Vec<LoopEventKind>,
+    /// Relevant events of the loop, oldest first.
+    pub events: Vec<LoopEventKind>,
 }
 
-/// How a loop is made here: as for any device, but that the first touch comes at once. No priority is asked for: the one processor
-/// that there is must go round.
+/// Settings of the loop: those of any device, without a limit on the first force, and without real-time priority, as the guest has
+/// only one processor.
 pub fn settings(device: &dyn HapticDevice) -> (LoopConfig, LoopSettings) {
     let description = device.describe();
     let hand_over = HandOverSettings { capacity: Capacity::of_order(0), ..HandOverSettings::default() };
@@ -35,7 +35,7 @@ pub fn settings(device: &dyn HapticDevice) -> (LoopConfig, LoopSettings) {
     (config, LoopSettings { safety, ..LoopSettings::default() })
 }
 
-/// Publishes a model that presses with `force_n`, N, wherever the hand is.
+/// Publishes a model with the constant force `force_n`, N.
 pub fn press(handle: &mut HapticHandle, force_n: DVec3) {
     let sequence = handle.samples().newest().map_or(0, |sample| sample.sequence);
     let model = handle.model_slot();
@@ -44,8 +44,8 @@ pub fn press(handle: &mut HapticHandle, force_n: DVec3) {
     handle.publish_model();
 }
 
-/// Publishes a model that draws the hand to `to_m`, N/m.
-pub fn draw(handle: &mut HapticHandle, to_m: DVec3, stiffness_n_per_m: f64) {
+/// Publishes a model of a spring to `to_m` with the stiffness `stiffness_n_per_m`, N/m.
+pub fn attach_spring(handle: &mut HapticHandle, to_m: DVec3, stiffness_n_per_m: f64) {
     let sequence = handle.samples().newest().map_or(0, |sample| sample.sequence);
     let model = handle.model_slot();
     (model.scheme, model.contact) = (Scheme::Tangent, Contact::Held);
@@ -56,15 +56,15 @@ pub fn draw(handle: &mut HapticHandle, to_m: DVec3, stiffness_n_per_m: f64) {
 }
 
 impl Touch {
-    /// Begins a loop with `device` that is pressed with `force_n`, N.
+    /// Starts a loop with `device` and the constant force `force_n`, N.
     pub fn begin(device: HidDevice, force_n: DVec3) -> Result<Self, Box<dyn Error>> {
         let (config, settings) = settings(&device);
         let (handle, haptic_loop) = haptic_loop(config, settings)?;
         let thread = haptic_loop.spawn(Box::new(device))?;
-        Ok(Self { handle, thread, force_n, told: Vec::new() })
+        Ok(Self { handle, thread, force_n, events: Vec::new() })
     }
 
-    /// Goes on pressing until `holds`.
+    /// Publishes the force until `holds`.
     pub fn until(
         &mut self,
         what: &str,
@@ -72,52 +72,51 @@ impl Touch {
     ) -> Result<(), Box<dyn Error>> {
         let waited = wait_until(what, || {
             press(&mut self.handle, self.force_n);
-            let told = std::iter::from_fn(|| self.handle.next_event()).map(|event| event.kind);
-            // A model is adopted and a deadline missed all the time.
-            self.told.extend(told.filter(|kind| {
+            let new = std::iter::from_fn(|| self.handle.next_event()).map(|event| event.kind);
+            // Models are adopted and deadlines missed all the time.
+            self.events.extend(new.filter(|kind| {
                 !matches!(kind, LoopEventKind::ModelAdopted(_) | LoopEventKind::DeadlinesMissed(_))
             }));
             holds(self)
         });
-        let lasts = self.told.len().saturating_sub(6);
+        let first = self.events.len().saturating_sub(6);
         waited.map_err(|why| {
             let tick = self.handle.latest_tick().map(|tick| (tick.reading, tick.written));
-            format!("{why}; the loop's last words were {:?}, its last tick {tick:?}", &self.told[lasts..])
-                .into()
+            format!("{why}; the last events were {:?}, the last tick {tick:?}", &self.events[first..]).into()
         })
     }
 
-    /// Where the hand was at the newest tick, m.
+    /// Position of the hand at the latest tick, m.
     pub fn position_m(&mut self) -> Option<DVec3> {
         self.handle.samples().newest().map(|sample| sample.position_m)
     }
 
-    /// Which buttons were pressed then.
+    /// Buttons pressed at the latest tick.
     pub fn buttons(&mut self) -> u32 {
         self.handle.samples().newest().map_or(0, |sample| sample.buttons)
     }
 
-    /// The force that was written then, N.
+    /// Force written at the latest tick, N.
     pub fn force_n(&mut self) -> DVec3 {
         self.handle.latest_tick().map_or(DVec3::ZERO, |tick| tick.force_n)
     }
 
-    /// Ticks so far, to the last 64.
+    /// Number of ticks, to the last 64.
     pub fn ticks(&mut self) -> u64 {
         self.handle.report().ticks
     }
 
-    /// Whether it has said that the device is disconnected, and the device is not back since.
+    /// Whether the device was reported as disconnected and has not returned.
     pub fn is_disconnected(&mut self) -> bool {
-        let is_said = self.told.contains(&LoopEventKind::DeviceFailed(DeviceError::Disconnected));
-        is_said && self.handle.latest_tick().is_some_and(|tick| tick.reading.is_err())
+        let was_reported = self.events.contains(&LoopEventKind::DeviceFailed(DeviceError::Disconnected));
+        was_reported && self.handle.latest_tick().is_some_and(|tick| tick.reading.is_err())
     }
 
-    /// Ends it: zero force, the device closed.
+    /// Stops the loop: zero force, device closed.
     pub fn end(mut self) -> Result<(), Box<dyn Error>> {
         match self.thread.stop() {
             StopOutcome::Joined => Ok(()),
-            stop => Err(format!("the loop did not stop as it should: {stop:?}").into()),
+            stop => Err(format!("the loop did not stop properly: {stop:?}").into()),
         }
     }
 }

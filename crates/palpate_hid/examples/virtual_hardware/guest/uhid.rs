@@ -1,10 +1,9 @@
-//! The kernel's virtual HID devices: what is written to and read from `/dev/uhid`, one event at a time.
+//! Events of the kernel's virtual HID devices, which are written to and read from `/dev/uhid` one at a time.
 //!
 //! Source: Linux, `include/uapi/linux/uhid.h` and `Documentation/hid/uhid.rst`. Structures are packed; an event is its type, 32
-//! bits, and the structure that goes with it. Events that are written may be shorter than the longest: the rest counts as zero.
 
-/// Room for the longest event, bytes: type and `struct uhid_create2_req`.
-pub const LONGEST_EVENT: usize = 4 + CREATE2;
+/// Maximum length of an event, bytes: type and `struct uhid_create2_req`.
+pub const MAX_EVENT_BYTES: usize = 4 + CREATE2;
 /// `UHID_DATA_MAX` and `HID_MAX_DESCRIPTOR_SIZE`.
 const DATA_MAX: usize = 4096;
 /// `struct uhid_create2_req`: name, phys, uniq, rd_size, bus, vendor, product, version, country, rd_data.
@@ -14,8 +13,8 @@ const CREATE2: usize = 128 + 64 + 64 + 2 + 2 + 4 * 4 + DATA_MAX;
 const BUS_USB: u16 = 3;
 /// `UHID_FEATURE_REPORT` of `enum uhid_report_type`.
 const FEATURE: u8 = 0;
-/// `EIO`: what a device that refuses a report answers.
-const REFUSED: u16 = 5;
+/// `EIO`, the reply of a device that rejects a report.
+const REJECTED: u16 = 5;
 
 // `enum uhid_event_type`.
 const DESTROY: u32 = 1;
@@ -31,7 +30,7 @@ const INPUT_2: u32 = 12;
 const SET_REPORT: u32 = 13;
 const SET_REPORT_REPLY: u32 = 14;
 
-/// What a virtual device is.
+/// Identity of a virtual device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
     pub name: &'static str,
@@ -40,16 +39,16 @@ pub struct Identity {
     pub product: u16,
 }
 
-/// An event that is written, ready for one write.
-pub type Written = Vec<u8>;
+/// Bytes of an event for one write.
+pub type EventBytes = Vec<u8>;
 
-/// Plugs a device in.
-pub fn create(identity: &Identity, descriptor: &[u8]) -> Written {
+/// Event that plugs a device in.
+pub fn create(identity: &Identity, descriptor: &[u8]) -> EventBytes {
     let mut event = event(CREATE_2);
-    // Text ends with a zero.
-    let mut text = |text: &str, room: usize| {
-        let end = event.len() + room;
-        event.extend(text.bytes().take(room - 1));
+    // Texts are zero-terminated.
+    let mut text = |text: &str, capacity: usize| {
+        let end = event.len() + capacity;
+        event.extend(text.bytes().take(capacity - 1));
         event.resize(end, 0);
     };
     text(identity.name, 128);
@@ -66,66 +65,66 @@ pub fn create(identity: &Identity, descriptor: &[u8]) -> Written {
     event
 }
 
-/// Unplugs it.
-pub fn destroy() -> Written {
+/// Event that unplugs the device.
+pub fn destroy() -> EventBytes {
     event(DESTROY)
 }
 
-/// It sends an input report.
-pub fn input(report: &[u8]) -> Written {
+/// Event with an input report of the device.
+pub fn input(report: &[u8]) -> EventBytes {
     let mut event = event(INPUT_2);
     event.extend((report.len() as u16).to_le_bytes());
     event.extend(report);
     event
 }
 
-/// Its answer to [`Event::GetFeature`]; `None` refuses.
-pub fn feature_reply(id: u32, report: Option<&[u8]>) -> Written {
+/// Reply to [`Event::GetFeature`]; `None` rejects the request.
+pub fn feature_reply(id: u32, report: Option<&[u8]>) -> EventBytes {
     let mut event = event(GET_REPORT_REPLY);
     event.extend(id.to_le_bytes());
-    event.extend(report.map_or(REFUSED, |_| 0).to_le_bytes());
+    event.extend(report.map_or(REJECTED, |_| 0).to_le_bytes());
     let report = report.unwrap_or_default();
     event.extend((report.len() as u16).to_le_bytes());
     event.extend(report);
     event
 }
 
-/// Its answer to [`Event::SetFeature`].
-pub fn set_feature_reply(id: u32, is_taken: bool) -> Written {
+/// Reply to [`Event::SetFeature`].
+pub fn set_feature_reply(id: u32, is_accepted: bool) -> EventBytes {
     let mut event = event(SET_REPORT_REPLY);
     event.extend(id.to_le_bytes());
-    event.extend(if is_taken { 0 } else { REFUSED }.to_le_bytes());
+    event.extend(if is_accepted { 0 } else { REJECTED }.to_le_bytes());
     event
 }
 
-fn event(number: u32) -> Written {
+fn event(number: u32) -> EventBytes {
     number.to_le_bytes().to_vec()
 }
 
-/// An event that is read.
+/// An event from the kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// A driver has taken the device.
+    /// A driver was bound to the device.
     Start,
-    /// The driver has let go of it: the last event of a device that was unplugged.
+    /// The driver was unbound: the last event of an unplugged device.
     Stop,
-    /// Somebody has opened it who was the first.
+    /// The first program has opened the device.
     Open,
-    /// The last has closed it.
+    /// The last program has closed the device.
     Close,
-    /// An output report, its number first, 0 where it has none.
+    /// An output report with its ID; 0 without one.
     Output(Vec<u8>),
-    /// A feature report is asked for.
+    /// Request for a feature report.
     GetFeature {
         id: u32,
         number: u8,
     },
-    /// A feature report, its number first.
+    /// A feature report with its ID.
     SetFeature {
         id: u32,
         report: Vec<u8>,
     },
-    /// A report of another kind is asked for, or sent, which the devices here have not: refuse it.
+    /// A report of an unsupported type is requested or sent: reject it.
     GetOther {
         id: u32,
     },
@@ -137,7 +136,7 @@ pub enum Event {
 }
 
 impl Event {
-    /// Reads what one read gave; `None` where it is shorter than its type says.
+    /// Parses the result of one read; `None` where it is shorter than its type requires.
     pub fn parse(bytes: &[u8]) -> Option<Self> {
         let number = u32_at(bytes, 0)?;
         let payload = bytes.get(4..)?;
@@ -146,7 +145,7 @@ impl Event {
             STOP => Self::Stop,
             OPEN => Self::Open,
             CLOSE => Self::Close,
-            // Data come before their size here.
+            // The data precede their size.
             OUTPUT => {
                 let size = usize::from(u16_at(payload, DATA_MAX)?);
                 Self::Output(payload.get(..DATA_MAX)?.get(..size)?.to_vec())
@@ -179,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_device_is_created_by_a_structure_of_4372_bytes_at_most() {
+    fn create_event_has_the_layout_of_the_structure() {
         let identity = Identity { name: "Cap", serial: "A1".into(), vendor: 0x256F, product: 0xC635 };
         let event = create(&identity, &[0xAA, 0xBB, 0xCC]);
         assert_eq!(event[..8], [11, 0, 0, 0, b'C', b'a', b'p', 0]);
@@ -190,12 +189,12 @@ mod tests {
             [3, 0, 3, 0, 0x6F, 0x25, 0, 0, 0x35, 0xC6, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0xAA, 0xBB, 0xCC];
         assert_eq!(event[4 + 256..], numbers);
         let longest = create(&Identity { serial: "x".repeat(500), ..identity }, &[0; 5000]);
-        assert_eq!(longest.len(), LONGEST_EVENT);
+        assert_eq!(longest.len(), MAX_EVENT_BYTES);
         assert_eq!(longest[4 + 192 + 62..][..2], [b'x', 0]);
     }
 
     #[test]
-    fn what_a_device_says_has_its_size_before_its_data() {
+    fn device_events_have_the_size_before_the_data() {
         assert_eq!(input(&[1, 2, 3]), [12, 0, 0, 0, 3, 0, 1, 2, 3]);
         assert_eq!(destroy(), [1, 0, 0, 0]);
         let reply = feature_reply(0x0102_0304, Some(&[6, 1]));
@@ -205,15 +204,15 @@ mod tests {
         assert_eq!(set_feature_reply(7, false), [14, 0, 0, 0, 7, 0, 0, 0, 5, 0]);
     }
 
-    /// An event as the kernel gives it: all of its length.
+    /// An event with the full length, as from the kernel.
     fn given(begins: &[u8]) -> Vec<u8> {
         let mut bytes = begins.to_vec();
-        bytes.resize(LONGEST_EVENT, 0);
+        bytes.resize(MAX_EVENT_BYTES, 0);
         bytes
     }
 
     #[test]
-    fn what_a_driver_sends_is_read() {
+    fn parses_the_events_of_a_driver() {
         let mut output = given(&[6, 0, 0, 0, 4, 1]);
         output[4 + 4096] = 2;
         output[4 + 4098] = 1;
@@ -232,10 +231,10 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_short_is_none() {
+    fn truncated_events_are_none() {
         let mut output = given(&[6, 0, 0, 0]);
         output[4 + 4096..][..2].copy_from_slice(&4097_u16.to_le_bytes());
-        assert_eq!(Event::parse(&output), None, "its size would be part of its data");
+        assert_eq!(Event::parse(&output), None, "size beyond the data");
         for bytes in [&[][..], &[6, 0, 0], &[6, 0, 0, 0, 1], &[9, 0, 0, 0, 1, 0, 0, 0, 6], &[13, 0, 0, 0]] {
             assert_eq!(Event::parse(bytes), None, "{bytes:?}");
         }

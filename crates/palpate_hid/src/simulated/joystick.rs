@@ -1,35 +1,35 @@
-//! A force-feedback joystick without hardware: a stick with a mass in a hand, and motors that do what constant forces say.
+//! Simulated force-feedback joystick: a stick with a mass, held by a hand, and motors driven by constant-force effects.
 
-mod heard;
+mod parsed_report;
 
 use super::Firmware;
 use crate::joystick::usages::*;
 use crate::{DescriptorError, ReportDescriptor, ReportKind};
-use heard::{Effect, Heard};
+use parsed_report::{Effect, ParsedReport};
 use std::sync::Arc;
 
-/// A stick in a hand. Each axis is for itself: `m ẍ = F + k (x_hand - x) - c ẋ`, with `F` of the motor, advanced by a step of
-/// semi-implicit Euler with every input report.
+/// A stick held by a hand. The axes are independent: `m ẍ = F + k (x_hand - x) - c ẋ`, with the motor force `F`, integrated by
+/// semi-implicit Euler with one step for each input report.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HeldStick {
+pub struct SimulatedStick {
     /// Mass at the grip, kg.
     pub mass_kg: f64,
-    /// Stiffness of the hand, N/m; 0 for a stick that nobody holds.
+    /// Stiffness of the hand, N/m; 0 for a free stick.
     pub hand_n_per_m: f64,
-    /// Its damping, N s/m.
+    /// Damping of the hand, N s/m.
     pub hand_ns_per_m: f64,
-    /// From the middle to either end of x and of y, m.
+    /// Travel from the centre to either end of x and of y, m.
     pub travel_m: [f64; 2],
-    /// What the greatest magnitude of a constant force is, N.
+    /// Force of the maximum magnitude of a constant force, N.
     pub full_scale_n: f64,
     /// Time between two input reports, s.
     pub step_s: f64,
-    /// How many effects it has room for.
-    pub room: usize,
+    /// Maximum number of effects.
+    pub max_effects: usize,
 }
 
-impl Default for HeldStick {
-    /// 0.2 kg in a hand of 150 N/m and 5 N s/m, ±60 mm, 50 N, a thousand reports a second, room for four effects.
+impl Default for SimulatedStick {
+    /// 0.2 kg in a hand of 150 N/m and 5 N s/m, ±60 mm, 50 N, 1000 reports per second, four effects.
     fn default() -> Self {
         Self {
             mass_kg: 0.2,
@@ -38,49 +38,49 @@ impl Default for HeldStick {
             travel_m: [0.06; 2],
             full_scale_n: 50.0,
             step_s: 1e-3,
-            room: 4,
+            max_effects: 4,
         }
     }
 }
 
-/// The firmware of a force-feedback joystick with any report descriptor. It knows constant forces and nothing else, refuses what it
-/// does not know and what its descriptor does not allow, and has no watchdog: a magnitude stays for as long as its effect lasts. Its
-/// time passes with its input reports, a step with each.
+/// Simulated firmware of a force-feedback joystick with any report descriptor. It supports only constant forces, rejects everything else
+/// and everything that its descriptor does not allow, and has no watchdog: a magnitude stays for the duration of its effect. Each input
+/// report advances the time by one step.
 ///
-/// After every input report it says once that there is none, so that one who reads until there are no more gets one at a time.
+/// After each input report it returns none once, so a driver that reads all pending reports gets one at a time.
 #[derive(Clone, Debug)]
 pub struct JoystickFirmware {
     descriptor: Arc<ReportDescriptor>,
-    stick: HeldStick,
+    stick: SimulatedStick,
     position_m: [f64; 2],
     velocity_m_per_s: [f64; 2],
     hand_m: [f64; 2],
     buttons: u32,
-    has_just_said: bool,
+    has_just_reported: bool,
     /// Effect i has the index i + 1.
     effects: Vec<Option<Effect>>,
-    loaded: Loaded,
-    is_broken: bool,
+    creation_status: CreationStatus,
+    fails_creation: bool,
     is_on: bool,
     is_paused: bool,
     gain: f64,
 }
 
-/// What became of the effect that was asked for last.
+/// Result of the last effect creation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Loaded {
-    Nothing,
-    Made(usize),
+enum CreationStatus {
+    None,
+    Created(usize),
     Full,
     Failed,
 }
 
 impl JoystickFirmware {
-    /// With the report descriptor `descriptor`, actuators off, at rest in the middle.
+    /// Creates the firmware with the report descriptor `descriptor`, actuators off, at rest in the centre.
     ///
     /// # Errors
     /// [`DescriptorError`].
-    pub fn new(descriptor: &[u8], stick: HeldStick) -> Result<Self, DescriptorError> {
+    pub fn new(descriptor: &[u8], stick: SimulatedStick) -> Result<Self, DescriptorError> {
         Ok(Self {
             descriptor: Arc::new(ReportDescriptor::parse(descriptor)?),
             stick,
@@ -88,17 +88,17 @@ impl JoystickFirmware {
             velocity_m_per_s: [0.0; 2],
             hand_m: [0.0; 2],
             buttons: 0,
-            has_just_said: false,
-            effects: vec![None; stick.room],
-            loaded: Loaded::Nothing,
-            is_broken: false,
+            has_just_reported: false,
+            effects: vec![None; stick.max_effects],
+            creation_status: CreationStatus::None,
+            fails_creation: false,
             is_on: false,
             is_paused: false,
             gain: 1.0,
         })
     }
 
-    /// What its motors do to the stick, N, along x and y.
+    /// Force of the motors on the stick along x and y, N.
     #[must_use]
     pub fn force_n(&self) -> [f64; 2] {
         if !self.is_on || self.is_paused {
@@ -111,19 +111,19 @@ impl JoystickFirmware {
         })
     }
 
-    /// Where the stick is, m.
+    /// Position of the stick, m.
     #[must_use]
     pub fn position_m(&self) -> [f64; 2] {
         self.position_m
     }
 
-    /// How many effects it has.
+    /// Number of effects.
     #[must_use]
     pub fn effects(&self) -> usize {
         self.effects.iter().flatten().count()
     }
 
-    /// Whether its actuators are on.
+    /// Whether the actuators are on.
     #[must_use]
     pub fn is_on(&self) -> bool {
         self.is_on
@@ -139,9 +139,9 @@ impl JoystickFirmware {
         self.buttons = buttons;
     }
 
-    /// Has every new effect fail.
+    /// Makes the creation of effects fail.
     pub fn break_effects(&mut self) {
-        self.is_broken = true;
+        self.fails_creation = true;
     }
 
     fn step(&mut self) {
@@ -161,70 +161,74 @@ impl JoystickFirmware {
         }
     }
 
-    fn effect(&mut self, heard: &Heard<'_>) -> Option<&mut Effect> {
-        let index = usize::try_from(heard.value(INDEX)?).ok()?;
+    fn effect(&mut self, report: &ParsedReport<'_>) -> Option<&mut Effect> {
+        let index = usize::try_from(report.value(INDEX)?).ok()?;
         self.effects.get_mut(index.checked_sub(1)?)?.as_mut()
     }
 
-    /// Takes an output report; `None` where it makes no sense.
-    fn take(&mut self, heard: &Heard<'_>) -> Option<()> {
-        if heard.is(SET_CONSTANT_FORCE) {
-            let field = heard.field(MAGNITUDE)?;
-            let magnitude = heard.value(MAGNITUDE)? as f64 / field.logical[1] as f64;
-            self.effect(heard)?.magnitude = magnitude.max(-1.0);
-        } else if heard.is(SET_EFFECT) {
-            let told = heard.effect()?;
-            let effect = self.effect(heard)?;
-            *effect = Effect { magnitude: effect.magnitude, left_s: effect.left_s.min(told.lasts_s), ..told };
-        } else if heard.is(OPERATION_REPORT) {
-            self.operate(heard)?;
-        } else if heard.is(BLOCK_FREE) {
-            self.effect(heard)?;
-            let index = usize::try_from(heard.value(INDEX)?).ok()?;
+    /// Processes an output report; `None` for an invalid one.
+    fn process(&mut self, report: &ParsedReport<'_>) -> Option<()> {
+        if report.belongs_to(SET_CONSTANT_FORCE) {
+            let field = report.field(MAGNITUDE)?;
+            let magnitude = report.value(MAGNITUDE)? as f64 / field.logical[1] as f64;
+            self.effect(report)?.magnitude = magnitude.max(-1.0);
+        } else if report.belongs_to(SET_EFFECT) {
+            let parameters = report.effect()?;
+            let effect = self.effect(report)?;
+            *effect = Effect {
+                magnitude: effect.magnitude,
+                left_s: effect.left_s.min(parameters.duration_s),
+                ..parameters
+            };
+        } else if report.belongs_to(OPERATION_REPORT) {
+            self.operate(report)?;
+        } else if report.belongs_to(BLOCK_FREE) {
+            self.effect(report)?;
+            let index = usize::try_from(report.value(INDEX)?).ok()?;
             *self.effects.get_mut(index.checked_sub(1)?)? = None;
-        } else if heard.is(CONTROL) {
-            self.control(heard)?;
-        } else if heard.is(GAIN_REPORT) {
-            self.gain = heard.value(DEVICE_GAIN)? as f64 / heard.field(DEVICE_GAIN)?.logical[1] as f64;
+        } else if report.belongs_to(CONTROL) {
+            self.control(report)?;
+        } else if report.belongs_to(GAIN_REPORT) {
+            self.gain = report.value(DEVICE_GAIN)? as f64 / report.field(DEVICE_GAIN)?.logical[1] as f64;
         } else {
             return None;
         }
         Some(())
     }
 
-    fn operate(&mut self, heard: &Heard<'_>) -> Option<()> {
-        let is_solo = heard.says(OP_START_SOLO);
-        let is_start = is_solo || heard.says(OP_START);
-        if is_start == heard.says(OP_STOP) {
+    fn operate(&mut self, report: &ParsedReport<'_>) -> Option<()> {
+        let is_solo = report.is_set(OP_START_SOLO);
+        let is_start = is_solo || report.is_set(OP_START);
+        if is_start == report.is_set(OP_STOP) {
             return None;
         }
-        let is_endless = heard.field(LOOP_COUNT).is_none_or(|count| heard.is_full(count));
-        let loops = heard.value(LOOP_COUNT).unwrap_or(1) as f64;
-        self.effect(heard)?;
+        let is_endless = report.field(LOOP_COUNT).is_none_or(|count| report.is_full(count));
+        let loops = report.value(LOOP_COUNT).unwrap_or(1) as f64;
+        self.effect(report)?;
         if is_solo {
             self.effects.iter_mut().flatten().for_each(|effect| effect.left_s = 0.0);
         }
-        let effect = self.effect(heard)?;
+        let effect = self.effect(report)?;
         effect.left_s = match (is_start, is_endless) {
             (false, _) => 0.0,
-            (true, true) => effect.lasts_s,
-            (true, false) => effect.lasts_s * loops,
+            (true, true) => effect.duration_s,
+            (true, false) => effect.duration_s * loops,
         };
         Some(())
     }
 
-    fn control(&mut self, heard: &Heard<'_>) -> Option<()> {
-        // One after the other where there is a bit for each.
+    fn control(&mut self, report: &ParsedReport<'_>) -> Option<()> {
+        // In this order, where each command has a bit of its own.
         let mut is_any = false;
         for command in [RESET, STOP_ALL, DISABLE_ACTUATORS, ENABLE_ACTUATORS, PAUSE, CONTINUE] {
-            if !heard.says(command) {
+            if !report.is_set(command) {
                 continue;
             }
             is_any = true;
             match command.usage {
                 usage if usage == RESET.usage => {
                     self.effects.fill(None);
-                    // It stays paused, as one with ArduinoJoystickWithFFBLibrary does (PIDReportHandler.cpp at 04fdc39).
+                    // It stays paused, as ArduinoJoystickWithFFBLibrary does (PIDReportHandler.cpp at 04fdc39).
                     (self.is_on, self.gain) = (false, 1.0);
                 }
                 usage if usage == STOP_ALL.usage => {
@@ -241,8 +245,8 @@ impl JoystickFirmware {
 
 impl Firmware for JoystickFirmware {
     fn input(&mut self, report: &mut [u8]) -> usize {
-        self.has_just_said = !self.has_just_said;
-        if !self.has_just_said {
+        self.has_just_reported = !self.has_just_reported;
+        if !self.has_just_reported {
             return 0;
         }
         self.step();
@@ -269,56 +273,57 @@ impl Firmware for JoystickFirmware {
 
     fn output(&mut self, report: &[u8]) -> bool {
         let descriptor = Arc::clone(&self.descriptor);
-        let heard = Heard::of(&descriptor, ReportKind::Output, report);
-        heard.is_some_and(|heard| self.take(&heard).is_some())
+        let report = ParsedReport::of(&descriptor, ReportKind::Output, report);
+        report.is_some_and(|report| self.process(&report).is_some())
     }
 
     fn feature(&mut self, report: &mut [u8]) -> usize {
         let descriptor = Arc::clone(&self.descriptor);
         let Some((&mut id, data)) = report.split_first_mut() else { return 0 };
-        let Some(asked) = descriptor.report(ReportKind::Feature, id) else { return 0 };
-        let Some(data) = data.get_mut(..asked.bytes()) else { return 0 };
+        let Some(requested) = descriptor.report(ReportKind::Feature, id) else { return 0 };
+        let Some(data) = data.get_mut(..requested.bytes()) else { return 0 };
         data.fill(0);
-        let is = |named: Named| asked.fields.iter().any(|it| descriptor.around(it).any(|a| a == named.usage));
+        let is =
+            |named: Named| requested.fields.iter().any(|it| descriptor.around(it).any(|a| a == named.usage));
         let mut put = |named: Named, value: i64| {
-            if let Some(field) = asked.field(named.usage) {
+            if let Some(field) = requested.field(named.usage) {
                 let value = if field.is_array { field.value_of(named.usage) } else { Some(value) };
                 value.and_then(|value| field.set(data, value));
             }
         };
         if is(BLOCK_LOAD) {
-            match self.loaded {
-                Loaded::Nothing => {}
-                Loaded::Made(index) => {
+            match self.creation_status {
+                CreationStatus::None => {}
+                CreationStatus::Created(index) => {
                     put(INDEX, i64::try_from(index).unwrap_or(0));
                     put(LOAD_SUCCESS, 1);
                 }
-                Loaded::Full => put(LOAD_FULL, 1),
-                Loaded::Failed => put(LOAD_ERROR, 1),
+                CreationStatus::Full => put(LOAD_FULL, 1),
+                CreationStatus::Failed => put(LOAD_ERROR, 1),
             }
         } else if is(POOL_REPORT) {
-            put(MOST_EFFECTS, i64::try_from(self.stick.room).unwrap_or(0));
+            put(MAX_EFFECTS, i64::try_from(self.stick.max_effects).unwrap_or(0));
             put(DEVICE_MANAGED, 1);
         } else {
             return 0;
         }
-        1 + asked.bytes()
+        1 + requested.bytes()
     }
 
     fn set_feature(&mut self, report: &[u8]) -> bool {
         let descriptor = Arc::clone(&self.descriptor);
-        let heard = Heard::of(&descriptor, ReportKind::Feature, report);
-        if !heard.is_some_and(|heard| heard.is(CREATE_EFFECT) && heard.says(ET_CONSTANT)) {
+        let report = ParsedReport::of(&descriptor, ReportKind::Feature, report);
+        if !report.is_some_and(|report| report.belongs_to(CREATE_EFFECT) && report.is_set(ET_CONSTANT)) {
             return false;
         }
         let free = self.effects.iter().position(Option::is_none);
-        self.loaded = match free.and_then(|index| Some((index, self.effects.get_mut(index)?))) {
-            _ if self.is_broken => Loaded::Failed,
+        self.creation_status = match free.and_then(|index| Some((index, self.effects.get_mut(index)?))) {
+            _ if self.fails_creation => CreationStatus::Failed,
             Some((index, place)) => {
                 *place = Some(Effect::default());
-                Loaded::Made(index + 1)
+                CreationStatus::Created(index + 1)
             }
-            None => Loaded::Full,
+            None => CreationStatus::Full,
         };
         true
     }

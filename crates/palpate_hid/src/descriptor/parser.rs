@@ -1,21 +1,21 @@
-//! From items to reports.
+//! Parser of report descriptors.
 
 use super::items::{Item, Items};
 use super::{
-    Collection, DescriptorError, Field, LONGEST_DESCRIPTOR, LONGEST_REPORT, MOST_FIELDS, Report,
+    Collection, DescriptorError, Field, MAX_DESCRIPTOR_BYTES, MAX_FIELDS, MAX_REPORT_BYTES, Report,
     ReportDescriptor, ReportKind, Usage, UsageRange,
 };
 use std::sync::Arc;
 
-/// How many states may be pushed, and how deep collections may lie.
-const DEEPEST: usize = 64;
+/// Maximum depth of the push stack and of collections.
+const MAX_DEPTH: usize = 64;
 
-/// What holds until it is said otherwise.
+/// Global items, valid until replaced.
 #[derive(Clone, Copy, Default)]
 struct Globals {
     page: u16,
     logical_min: i64,
-    /// Read when a field needs it: whether it is negative depends on the least value.
+    /// Evaluated at the next field, as the sign depends on the minimum.
     logical_max: Option<Item>,
     physical_min: i64,
     physical_max: Option<Item>,
@@ -26,13 +26,13 @@ struct Globals {
     id: u8,
 }
 
-/// What holds for the next main item.
+/// Local items, valid for the next main item.
 #[derive(Clone, Default)]
 struct Locals {
-    /// Usages; a page where the item has one of its own.
+    /// Usages, with a page if the item has one of its own.
     usages: Vec<(Option<u16>, u16, u16)>,
     first: Option<(Option<u16>, u16)>,
-    /// Within a set of alternatives, of which the first counts.
+    /// Whether the parser is within a delimited set of alternatives, of which the first is used.
     is_alternative: bool,
     has_alternative: bool,
 }
@@ -43,28 +43,33 @@ struct Parser {
     globals: Globals,
     pushed: Vec<Globals>,
     locals: Locals,
-    /// The collections that have begun, outermost first.
+    /// Indices of the open collections, outermost first.
     open: Vec<usize>,
     fields: usize,
-    /// Where the first field without a report number lies.
+    /// Offset of the first field without a report ID.
     unnumbered: Option<usize>,
 }
 
-/// Reads a descriptor.
-pub(super) fn parse(bytes: &[u8]) -> Result<ReportDescriptor, DescriptorError> {
-    if bytes.len() > LONGEST_DESCRIPTOR {
-        return Err(DescriptorError::TooLong(bytes.len()));
-    }
-    let mut parser = Parser::default();
-    for item in Items::of(bytes) {
-        parser.take(item?)?;
-    }
-    if !parser.open.is_empty() {
-        return Err(DescriptorError::UnpairedCollection { at: bytes.len() });
-    }
-    match parser.unnumbered {
-        Some(at) if parser.descriptor.is_numbered() => Err(DescriptorError::Unnumbered { at }),
-        _ => Ok(parser.descriptor),
+impl ReportDescriptor {
+    /// Parses the bytes of a report descriptor.
+    ///
+    /// # Errors
+    /// [`DescriptorError`]. For any bytes the parser neither panics nor allocates more than a few MB.
+    pub fn parse(bytes: &[u8]) -> Result<Self, DescriptorError> {
+        if bytes.len() > MAX_DESCRIPTOR_BYTES {
+            return Err(DescriptorError::TooLong(bytes.len()));
+        }
+        let mut parser = Parser::default();
+        for item in Items::of(bytes) {
+            parser.take(item?)?;
+        }
+        if !parser.open.is_empty() {
+            return Err(DescriptorError::UnpairedCollection { at: bytes.len() });
+        }
+        match parser.unnumbered {
+            Some(at) if parser.descriptor.is_numbered() => Err(DescriptorError::Unnumbered { at }),
+            _ => Ok(parser.descriptor),
+        }
     }
 }
 
@@ -96,12 +101,12 @@ impl Parser {
                 _ => return Err(DescriptorError::ReportNumber { at, id: data }),
             },
             0x94 => globals.count = data,
-            0xA4 if self.pushed.len() == DEEPEST => {
-                return Err(DescriptorError::TooDeep { at, allowed: DEEPEST });
+            0xA4 if self.pushed.len() == MAX_DEPTH => {
+                return Err(DescriptorError::TooDeep { at, allowed: MAX_DEPTH });
             }
             0xA4 => self.pushed.push(self.globals),
             0xB4 => self.globals = self.pushed.pop().ok_or(DescriptorError::UnpairedPop { at })?,
-            // Local items; designators and strings say nothing that a driver here needs.
+            // Local items; designators and strings are ignored.
             0x08 => {
                 let (page, id) = paged(item);
                 self.locals.push(page, id, id);
@@ -123,8 +128,8 @@ impl Parser {
     }
 
     fn begin_collection(&mut self, at: usize) -> Result<(), DescriptorError> {
-        if self.open.len() == DEEPEST {
-            return Err(DescriptorError::TooDeep { at, allowed: DEEPEST });
+        if self.open.len() == MAX_DEPTH {
+            return Err(DescriptorError::TooDeep { at, allowed: MAX_DEPTH });
         }
         let page = self.globals.page;
         let usage = self
@@ -140,13 +145,13 @@ impl Parser {
     }
 
     fn main(&mut self, kind: ReportKind, item: Item) -> Result<(), DescriptorError> {
-        const LONGEST: usize = 8 * LONGEST_REPORT;
+        const MAX_REPORT_BITS: usize = 8 * MAX_REPORT_BYTES;
         let Item { at, data: flags, .. } = item;
         let locals = std::mem::take(&mut self.locals);
         let Globals { page, bits, count, id, unit, unit_exponent, .. } = self.globals;
         let too_long = DescriptorError::ReportTooLong { at };
         let (bits, count) = (bits as usize, count as usize);
-        let all = bits.checked_mul(count).filter(|&all| all <= LONGEST).ok_or(too_long)?;
+        let all = bits.checked_mul(count).filter(|&all| all <= MAX_REPORT_BITS).ok_or(too_long)?;
         if all == 0 {
             return Ok(());
         }
@@ -162,7 +167,7 @@ impl Parser {
         let Some(report) = reports.get_mut(index) else { return Ok(()) };
         let begin = report.bits;
         report.bits += all;
-        if report.bits > LONGEST {
+        if report.bits > MAX_REPORT_BITS {
             return Err(too_long);
         }
         let range = |&(own, first, last): &(Option<u16>, u16, u16)| UsageRange {
@@ -180,13 +185,13 @@ impl Parser {
         let mut newest = Usage::new(page, 0);
         for element in 0..count {
             self.fields += 1;
-            if self.fields > MOST_FIELDS {
+            if self.fields > MAX_FIELDS {
                 return Err(DescriptorError::TooManyFields { at });
             }
             let of_this = if is_array {
                 Arc::clone(&usages)
             } else {
-                // Where there are fewer usages than fields the last one stands for the rest.
+                // The last usage applies to all remaining fields.
                 newest = named.next().unwrap_or(newest);
                 Arc::from([UsageRange { first: newest, last: newest.id }])
             };
@@ -218,26 +223,26 @@ impl Locals {
 }
 
 impl Globals {
-    /// Least and greatest value, logical and physical. A greatest value is below 0 only if the least is: many devices say
-    /// 255 in one byte.
+    /// Minimum and maximum, logical and physical. A maximum is signed only if the minimum is negative: many devices declare 255 in one
+    /// byte.
     fn limits(&self) -> [[i64; 2]; 2] {
         let highest = |low: i64, item: Option<Item>| match item {
             Some(item) if low < 0 => item.signed(),
             Some(item) => i64::from(item.data),
             None => 0,
         };
-        let most = |low, item| [low, highest(low, item)];
-        [most(self.logical_min, self.logical_max), most(self.physical_min, self.physical_max)]
+        let range = |low, item| [low, highest(low, item)];
+        [range(self.logical_min, self.logical_max), range(self.physical_min, self.physical_max)]
     }
 }
 
-/// The number that a unit's exponent is: its lowest four bits, of which 8 to 15 stand for -8 to -1. Many devices write all eight.
+/// Value of a unit exponent: its lowest four bits, where 8 to 15 stand for -8 to -1. Many devices write all eight bits.
 fn exponent(data: u32) -> i8 {
     let low = (data & 0xF) as i8;
     if low > 7 { low - 16 } else { low }
 }
 
-/// Number of a usage item, and its page if it has one of its own.
+/// Page, if the item has one of its own, and ID of a usage item.
 fn paged(item: Item) -> (Option<u16>, u16) {
     let page = (item.bytes == 4).then_some((item.data >> 16) as u16);
     (page, item.data as u16)

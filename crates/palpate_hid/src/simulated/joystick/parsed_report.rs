@@ -1,5 +1,5 @@
-//! What a report that came to a stand-in joystick says, by its descriptor. It is read here anew, and not by what the driver finds, so
-//! that the two check each other.
+//! Reports received by the simulated joystick, parsed by the descriptor independently of the driver's code, so that each checks the
+//! other.
 
 use crate::joystick::usages::*;
 use crate::{Field, Report, ReportDescriptor, ReportKind, Usage};
@@ -7,31 +7,31 @@ use crate::{Field, Report, ReportDescriptor, ReportKind, Usage};
 /// A constant force.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Effect {
-    /// What of it goes along x and along y.
+    /// Components of the unit force along x and y.
     pub(super) along: [f64; 2],
     pub(super) gain: f64,
-    /// A part of the greatest, -1 to 1.
+    /// Magnitude as a fraction of the maximum, -1 to 1.
     pub(super) magnitude: f64,
-    pub(super) lasts_s: f64,
-    /// The rest of its time.
+    pub(super) duration_s: f64,
+    /// Remaining time, s.
     pub(super) left_s: f64,
 }
 
-/// The unit of a duration, s: powers of ten of a second where it is of time, else milliseconds.
+/// Unit of a duration, s: powers of ten of a second for a unit of time, else milliseconds.
 fn unit_s(duration: &Field) -> f64 {
     let is_time = (duration.unit >> 4) == 0x100;
     if is_time { 10_f64.powi(i32::from(duration.unit_exponent)) } else { 1e-3 }
 }
 
-/// A report that came, and what it says.
-pub(super) struct Heard<'a> {
+/// A received report.
+pub(super) struct ParsedReport<'a> {
     descriptor: &'a ReportDescriptor,
     report: &'a Report,
     data: &'a [u8],
 }
 
-impl<'a> Heard<'a> {
-    /// The report in `bytes`, if there is one of that number and length.
+impl<'a> ParsedReport<'a> {
+    /// Parses `bytes`; `None` without a report of that ID and length.
     pub(super) fn of(descriptor: &'a ReportDescriptor, kind: ReportKind, bytes: &'a [u8]) -> Option<Self> {
         let (&id, data) = bytes.split_first()?;
         let report = descriptor.report(kind, id).filter(|report| report.bytes() == data.len())?;
@@ -42,7 +42,7 @@ impl<'a> Heard<'a> {
         self.descriptor.around(field).any(|around| around == usage)
     }
 
-    pub(super) fn is(&self, named: Named) -> bool {
+    pub(super) fn belongs_to(&self, named: Named) -> bool {
         self.report.fields.iter().any(|field| self.around(field, named.usage))
     }
 
@@ -50,14 +50,14 @@ impl<'a> Heard<'a> {
         self.report.field(named.usage)
     }
 
-    /// The value of a field, if its descriptor allows it.
+    /// Value of a field; `None` outside its declared range.
     pub(super) fn value(&self, named: Named) -> Option<i64> {
         let field = self.field(named)?;
         let value = field.get(self.data)?;
         (field.logical[0]..=field.logical[1]).contains(&value).then_some(value)
     }
 
-    pub(super) fn says(&self, named: Named) -> bool {
+    pub(super) fn is_set(&self, named: Named) -> bool {
         self.field(named).is_some_and(|field| match field.get(self.data) {
             Some(value) if field.is_array => field.usage_of(value) == Some(named.usage),
             Some(value) => value != 0,
@@ -78,13 +78,13 @@ impl<'a> Heard<'a> {
         fields.find(|field| self.around(field, collection.usage) && wanted(field))
     }
 
-    /// What a report says that an effect is.
+    /// Parameters of an effect.
     pub(super) fn effect(&self) -> Option<Effect> {
-        if !self.says(ET_CONSTANT) {
+        if !self.is_set(ET_CONSTANT) {
             return None;
         }
         let duration = self.field(DURATION)?;
-        let lasts_s = if self.is_full(duration) {
+        let duration_s = if self.is_full(duration) {
             f64::INFINITY
         } else {
             self.value(DURATION)? as f64 * unit_s(duration)
@@ -94,9 +94,9 @@ impl<'a> Heard<'a> {
         let [low, high] = direction.logical;
         let turned = direction.get(self.data).filter(|at| (low..=high).contains(at))?;
         let angle = std::f64::consts::TAU * (turned - low) as f64 / (high - low) as f64;
-        // Where the force comes from, clockwise from the far end of y.
+        // Direction from which the force comes, clockwise from the far end of y.
         let mut along = [-angle.sin(), angle.cos()];
-        let is_directed = self.says(DIRECTION_ENABLE);
+        let is_directed = self.is_set(DIRECTION_ENABLE);
         if !is_directed {
             for (part, axis) in along.iter_mut().zip([X, Y]) {
                 let enabled = self.first_in(AXES_ENABLE, |field| field.has(axis.usage));
@@ -105,6 +105,6 @@ impl<'a> Heard<'a> {
                 }
             }
         }
-        Some(Effect { along, gain, lasts_s, left_s: f64::INFINITY, magnitude: 0.0 })
+        Some(Effect { along, gain, duration_s, left_s: f64::INFINITY, magnitude: 0.0 })
     }
 }

@@ -1,4 +1,4 @@
-//! A 3-DOF board that is only there in memory, with its arm and a hand that holds it.
+//! Simulated 3-DOF board, with its arm and a hand that holds it.
 
 mod arm;
 
@@ -9,63 +9,63 @@ use glam::DVec3;
 use std::collections::VecDeque;
 use std::fmt;
 
-/// Silence after which the motors are switched off, s.
+/// Timeout of the watchdog, s: the motors are switched off after this time without a report.
 const WATCHDOG_S: f64 = 0.5;
-/// The most that its amplifiers give, mA.
-const SATURATES_MA: i16 = 3_000;
+/// Maximum current of the amplifiers, mA.
+const MAX_CURRENT_MA: i16 = 3_000;
 
-/// What a hand does: where it is, m, in the device's frame, when so many reports have been exchanged.
+/// Position of the hand, m, in the device frame, as a function of the number of exchanged reports.
 type Hand = dyn FnMut(u64) -> DVec3 + Send;
 
-/// The firmware of a board with an arm, of a WoodenHaptics or of a Polhem, and a hand that holds the arm's tip by a spring.
+/// Simulated firmware of a board, with the arm of a WoodenHaptics or a Polhem, and a hand that holds the tip by a spring.
 ///
-/// It sends one report and then waits for one, as the firmware for 14 bytes does; that for 8 bytes sends whenever it is asked, which
-/// here, where nothing has a clock, is once for each report as well. How the firmware of a Teensy takes turns has not been published;
-/// it does the same here. Each report that it takes advances its time by one step. Where no reports go, [`BoardFirmware::pass`] does.
+/// It sends one report and then waits for one, as the firmware for 14 bytes. The firmware for 8 bytes sends whenever it is polled, which
+/// is once for each report here, as nothing has a clock. The exchange of the Teensy firmware is unpublished; this one uses the same. Each
+/// received report advances the time by one step. [`BoardFirmware::advance`] advances it without reports.
 ///
-/// The hand holds the tip, which has 0.2 kg, with 400 N/m and 10 N s/m. The arm's kinematics are its own: turned links for the place
-/// of the tip, half angles where bars close, finite differences for its motion, Newton's method for the angles. Places and forces are
-/// in the device's frame, SI.
+/// The hand holds the tip, with a mass of 0.2 kg, with 400 N/m and 10 N s/m. The kinematics are independent of the driver's: rotated links
+/// for the position of the tip, half-angle formulas where bars close, finite differences for the Jacobian, Newton's method for the
+/// angles. Positions and forces are in the device frame, SI.
 pub struct BoardFirmware {
     form: BoardForm,
     arm: Arm,
     hand: Box<Hand>,
     step_s: f64,
-    /// What the counters were when their bodies were at zero, with the sign with which the board counts.
+    /// Counts of the bodies where the counters are zero, with the sign with which the board counts.
     base: [i32; 6],
     is_pressed: bool,
-    asks: bool,
-    running: u16,
+    requests_calibration: bool,
+    sequence: u16,
     currents_ma: [i16; 3],
     are_motors_on: bool,
     silent_s: f64,
-    turn: Turn,
-    /// Reports that came before its own was fetched, oldest first.
+    phase: Phase,
+    /// Reports received before the board's own report was fetched, oldest first.
     early: VecDeque<BoardOutput>,
     exchanged: u64,
-    felt_n: DVec3,
+    applied_force_n: DVec3,
     noise: u32,
-    dice: u32,
+    random_state: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Turn {
-    Speaks,
-    Listens,
+enum Phase {
+    Sending,
+    Receiving,
 }
 
 impl fmt::Debug for BoardFirmware {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("BoardFirmware")
             .field("form", &self.form)
-            .field("turn", &self.turn)
+            .field("phase", &self.phase)
             .field("exchanged", &self.exchanged)
             .finish_non_exhaustive()
     }
 }
 
 impl BoardFirmware {
-    /// A board that has just got its power, its counters at zero, its arm held at home, with a step of 1 ms.
+    /// Board after power-on: counters zero, arm held at home, steps of 1 ms.
     #[must_use]
     pub fn at_home(form: BoardForm, kinematics: &BoardKinematics) -> Self {
         let arm = Arm::at_home(kinematics);
@@ -77,52 +77,52 @@ impl BoardFirmware {
             step_s: 1e-3,
             base: [0; 6],
             is_pressed: false,
-            asks: false,
-            running: 0,
+            requests_calibration: false,
+            sequence: 0,
             currents_ma: [0; 3],
             are_motors_on: false,
             silent_s: 0.0,
-            turn: Turn::Speaks,
-            // Room, so that nothing is allocated while it runs.
+            phase: Phase::Sending,
+            // Capacity that avoids allocations later.
             early: VecDeque::with_capacity(64),
             exchanged: 0,
-            felt_n: DVec3::ZERO,
+            applied_force_n: DVec3::ZERO,
             noise: 0,
-            dice: 1,
+            random_state: 1,
         };
-        board.lose_power();
+        board.cut_power();
         board
     }
 
-    /// The same, advancing by `step_s` with each report that it takes.
+    /// Sets the time step for each received report, s.
     #[must_use]
     pub fn with_step_s(mut self, step_s: f64) -> Self {
         self.step_s = step_s;
         self
     }
 
-    /// The same, its counters set before.
+    /// Sets the counters as after a calibration.
     #[must_use]
     pub fn calibrated(mut self) -> Self {
         self.base = [0; 6];
         self
     }
 
-    /// The same with a hand that goes where `hand` says.
+    /// Sets the path of the hand: its position, m, as a function of the number of exchanged reports.
     #[must_use]
     pub fn with_hand(mut self, hand: impl FnMut(u64) -> DVec3 + Send + 'static) -> Self {
         self.hand = Box::new(hand);
         self
     }
 
-    /// The same with encoders that are off by up to `counts`, at random and the same in each run.
+    /// Adds reproducible pseudo-random noise of up to ±`counts` to the encoders.
     #[must_use]
     pub fn with_noise(mut self, counts: u16) -> Self {
         self.noise = u32::from(counts);
         self
     }
 
-    /// What the operating system would know of it.
+    /// Device description for the path `path`.
     #[must_use]
     pub fn info(&self, path: &str) -> HidInfo {
         let (vendor, product) =
@@ -138,10 +138,10 @@ impl BoardFirmware {
         }
     }
 
-    /// Its report descriptor: that of `USBHID::reportDesc` of mbed, which is also that of a Teensy's raw HID.
+    /// Report descriptor: that of `USBHID::reportDesc` of mbed, which is also that of a Teensy's raw HID.
     #[must_use]
     pub fn descriptor(&self) -> Vec<u8> {
-        // Every form is shorter than 256 bytes.
+        // All forms are shorter than 256 bytes.
         let bytes = self.form.bytes() as u8;
         let mut descriptor = vec![0x06, 0xAB, 0xFF, 0x0A, 0x00, 0x02, 0xA1, 0x01];
         descriptor.extend([0x75, 0x08, 0x15, 0x00, 0x26, 0xFF, 0x00]);
@@ -150,77 +150,77 @@ impl BoardFirmware {
         descriptor
     }
 
-    /// From now on the hand is at `at_m`.
+    /// Holds the hand at `at_m` from now on, m.
     pub fn hold_at(&mut self, at_m: DVec3) {
         self.hand = Box::new(move |_| at_m);
     }
 
-    /// The button on the grip.
+    /// Presses or releases the button on the grip.
     pub fn press(&mut self, is_pressed: bool) {
         self.is_pressed = is_pressed;
     }
 
-    /// Somebody pushes the button on the board: the arm is at home.
-    pub fn ask_for_calibration(&mut self) {
-        self.asks = self.form.has_commands();
+    /// Presses the calibration button on the board: the arm is at home.
+    pub fn request_calibration(&mut self) {
+        self.requests_calibration = self.form.has_commands();
     }
 
-    /// The power was gone for a moment: the counters begin with zero where the arm is.
-    pub fn lose_power(&mut self) {
+    /// Interrupts the power: the counters restart from zero in the current pose.
+    pub fn cut_power(&mut self) {
         let here = self.signed_counts();
         self.base = [here[0], here[1], here[2], 0, 0, 0];
-        (self.currents_ma, self.are_motors_on, self.asks) = ([0; 3], false, false);
-        (self.turn, self.silent_s) = (Turn::Speaks, 0.0);
+        (self.currents_ma, self.are_motors_on, self.requests_calibration) = ([0; 3], false, false);
+        (self.phase, self.silent_s) = (Phase::Sending, 0.0);
         self.early.clear();
     }
 
-    /// Time goes by, s, and nobody sends a report.
-    pub fn pass(&mut self, time_s: f64) {
+    /// Advances the time by `time_s`, s, without reports.
+    pub fn advance(&mut self, time_s: f64) {
         let steps = (time_s / self.step_s).round() as u64;
         for _ in 0..steps {
             self.silent_s += self.step_s;
             self.are_motors_on &= self.silent_s < WATCHDOG_S;
-            self.advance();
+            self.step();
         }
     }
 
-    /// Reports that it has taken.
+    /// Number of processed output reports.
     #[must_use]
     pub fn exchanged(&self) -> u64 {
         self.exchanged
     }
 
-    /// Reports that have come and that it has not taken yet.
+    /// Number of received output reports that are not processed yet.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.early.len()
     }
 
-    /// Force of the motors on the hand when the last report was taken, N.
+    /// Force of the motors on the hand at the last processed report, N.
     #[must_use]
-    pub fn felt_n(&self) -> DVec3 {
-        self.felt_n
+    pub fn applied_force_n(&self) -> DVec3 {
+        self.applied_force_n
     }
 
-    /// Currents of the motors, mA; what was sent last.
+    /// Currents of the motors, mA.
     #[must_use]
     pub fn currents_ma(&self) -> [i16; 3] {
         if self.are_motors_on { self.currents_ma } else { [0; 3] }
     }
 
-    /// Whether the amplifiers are switched on.
+    /// Whether the amplifiers are on.
     #[must_use]
     pub fn are_motors_on(&self) -> bool {
         self.are_motors_on
     }
 
-    /// Place of the tip, m.
+    /// Position of the tip, m.
     #[must_use]
     pub fn tip_m(&self) -> DVec3 {
         self.arm.tip_m()
     }
 
-    /// Counts of the bodies, with the sign with which this board counts.
+    /// Counts of the bodies, with the sign with which the board counts.
     fn signed_counts(&self) -> [i32; 3] {
         let counts = self.arm.counts();
         if self.form.has_commands() { counts } else { counts.map(|count| -count) }
@@ -232,38 +232,38 @@ impl BoardFirmware {
         for (i, counter) in counters.iter_mut().enumerate() {
             *counter -= self.base[i];
             if i < 3 && self.noise > 0 {
-                // Marsaglia's generator.
-                self.dice ^= self.dice << 13;
-                self.dice ^= self.dice >> 17;
-                self.dice ^= self.dice << 5;
-                *counter += (self.dice % (2 * self.noise + 1)) as i32 - self.noise as i32;
+                // Marsaglia's xorshift generator.
+                self.random_state ^= self.random_state << 13;
+                self.random_state ^= self.random_state >> 17;
+                self.random_state ^= self.random_state << 5;
+                *counter += (self.random_state % (2 * self.noise + 1)) as i32 - self.noise as i32;
             }
         }
         // The firmware counts in 32 bits and sends 16.
         counters.map(|counter| counter as i16)
     }
 
-    fn take(&mut self, output: BoardOutput) {
+    fn process(&mut self, output: BoardOutput) {
         (self.silent_s, self.are_motors_on) = (0.0, true);
         match output {
             BoardOutput::Currents(currents) => {
-                self.currents_ma = currents.map(|ma| ma.clamp(-SATURATES_MA, SATURATES_MA));
+                self.currents_ma = currents.map(|ma| ma.clamp(-MAX_CURRENT_MA, MAX_CURRENT_MA));
             }
             BoardOutput::Counters(values) => {
                 let here = self.signed_counts();
                 for (i, value) in values.into_iter().enumerate() {
                     self.base[i] = here.get(i).copied().unwrap_or(0) - i32::from(value);
                 }
-                (self.asks, self.currents_ma) = (false, [0; 3]);
+                (self.requests_calibration, self.currents_ma) = (false, [0; 3]);
             }
         }
-        self.felt_n = self.arm.force_n(self.currents_ma);
+        self.applied_force_n = self.arm.force_n(self.currents_ma);
         self.exchanged += 1;
-        self.advance();
-        self.turn = Turn::Speaks;
+        self.step();
+        self.phase = Phase::Sending;
     }
 
-    fn advance(&mut self) {
+    fn step(&mut self) {
         let hand_m = (self.hand)(self.exchanged);
         let force_n = self.arm.force_n(self.currents_ma());
         self.arm.advance(hand_m, force_n, self.step_s);
@@ -272,29 +272,30 @@ impl BoardFirmware {
 
 impl Firmware for BoardFirmware {
     fn input(&mut self, report: &mut [u8]) -> usize {
-        if self.turn == Turn::Listens {
+        if self.phase == Phase::Receiving {
             return 0;
         }
-        self.running = self.running.wrapping_add(1);
+        self.sequence = self.sequence.wrapping_add(1);
         let encoders = self.counters();
-        let (is_pressed, asks, running) = (self.is_pressed, self.asks, self.running);
-        let input = BoardInput { encoders, is_pressed, asks, running }.encode(self.form);
-        let Some(room) = report.get_mut(..input.as_slice().len()) else { return 0 };
-        room.copy_from_slice(input.as_slice());
-        let length = room.len();
-        self.turn = Turn::Listens;
+        let (is_pressed, requests_calibration, sequence) =
+            (self.is_pressed, self.requests_calibration, self.sequence);
+        let input = BoardInput { encoders, is_pressed, requests_calibration, sequence }.encode(self.form);
+        let Some(space) = report.get_mut(..input.as_slice().len()) else { return 0 };
+        space.copy_from_slice(input.as_slice());
+        let length = space.len();
+        self.phase = Phase::Receiving;
         if let Some(early) = self.early.pop_front() {
-            self.take(early);
+            self.process(early);
         }
         length
     }
 
     fn output(&mut self, report: &[u8]) -> bool {
         let Ok(output) = BoardOutput::parse(self.form, report) else { return false };
-        match self.turn {
-            Turn::Listens => self.take(output),
-            // It takes one for each that it sends; the rest waits.
-            Turn::Speaks => self.early.push_back(output),
+        match self.phase {
+            Phase::Receiving => self.process(output),
+            // It processes one report for each that it sends and queues the rest.
+            Phase::Sending => self.early.push_back(output),
         }
         true
     }

@@ -1,20 +1,20 @@
-//! The arm of a stand-in: its kinematics by other means than the driver's.
+//! Simulated arm, with kinematics independent of the driver's.
 
 use crate::{BoardKinematics, BoardLinkage};
 use glam::{DMat3, DQuat, DVec3, Vec3Swizzles};
 use std::f64::consts::TAU;
 
-/// Angle over which motions are taken, rad: with the third power of it an error of about 1e-11 of a link's length.
+/// Step of the finite differences, rad; their error, of third order, is about 1e-11 of a link's length.
 const DIFFERENCE_RAD: f64 = 1e-5;
-/// What the tip weighs, kg.
+/// Mass of the tip, kg.
 const MASS_KG: f64 = 0.2;
-/// How stiffly the hand holds it, N/m.
+/// Stiffness of the hand, N/m.
 const STIFFNESS_N_PER_M: f64 = 400.0;
-/// How much the hand damps it, N s/m.
+/// Damping of the hand, N s/m.
 const DAMPING_NS_PER_M: f64 = 10.0;
 
-/// Links, motors and encoders, and the hand's hold. Inside x is towards the hand's owner, y to the right, z up, from the foot of the
-/// first axis; what is given and taken is in the device's frame.
+/// Links, motors and encoders, and the hand's hold. Internally x points towards the user, y to the right, z up, from the foot of the
+/// first axis; arguments and results are in the device frame.
 pub(super) struct Arm {
     sizes: BoardKinematics,
     angles_rad: DVec3,
@@ -36,12 +36,12 @@ impl Arm {
         arm
     }
 
-    /// Place of the tip, m.
+    /// Position of the tip, m.
     pub(super) fn tip_m(&self) -> DVec3 {
         (self.tip_m - self.sizes.origin_m).yzx()
     }
 
-    /// What the encoders have counted since the angles were zero.
+    /// Encoder counts since the angles were zero.
     pub(super) fn counts(&self) -> [i32; 3] {
         [0, 1, 2].map(|i| (self.angles_rad[i] * self.counts_per_rad(i)).round() as i32)
     }
@@ -52,11 +52,11 @@ impl Arm {
             let motor_nm = 1e-3 * f64::from(currents_ma[i]) * self.sizes.torque_nm_per_a[i];
             motor_nm * self.turns(i)
         });
-        // The work that the motors do is the work that the hand gets: τ · dθ = F · dx for every dθ.
-        (self.motions(self.angles_rad).transpose().inverse() * DVec3::from(torques_nm)).yzx()
+        // Virtual work: τ · dθ = F · dx for every dθ.
+        (self.jacobian(self.angles_rad).transpose().inverse() * DVec3::from(torques_nm)).yzx()
     }
 
-    /// The hand is at `hand_m`, and the motors push with `force_n`: an implicit step for the tip, then the angles that belong to it.
+    /// Advances the tip by an implicit step with the hand at `hand_m` and the motor force `force_n`, then solves for the angles.
     pub(super) fn advance(&mut self, hand_m: DVec3, force_n: DVec3, step_s: f64) {
         let hand_m = hand_m.zxy() + self.sizes.origin_m;
         let pull_n = force_n.zxy() + STIFFNESS_N_PER_M * (hand_m - self.tip_m);
@@ -65,11 +65,11 @@ impl Arm {
         self.tip_m += step_s * self.velocity_m_per_s;
         for _ in 0..8 {
             let off_m = self.tip_m - self.tip(self.angles_rad);
-            self.angles_rad += self.motions(self.angles_rad).inverse() * off_m;
+            self.angles_rad += self.jacobian(self.angles_rad).inverse() * off_m;
         }
     }
 
-    /// Turns of a motor for one of its body, with their sign.
+    /// Turns of a motor for one of its body, signed.
     fn turns(&self, i: usize) -> f64 {
         let turns = self.sizes.body_m[i] / self.sizes.capstan_m[i];
         if self.sizes.is_reversed[i] { -turns } else { turns }
@@ -79,7 +79,7 @@ impl Arm {
         self.turns(i) * self.sizes.counts_per_turn[i] / TAU
     }
 
-    /// Its plane, turned about the upright by A.
+    /// Position of the tip: that in the plane of the linkage, rotated by A.
     fn tip(&self, angles_rad: DVec3) -> DVec3 {
         let in_plane = match self.sizes.linkage {
             BoardLinkage::WoodenHaptics { length_m } => two_links(length_m, angles_rad),
@@ -88,8 +88,8 @@ impl Arm {
         DQuat::from_rotation_z(angles_rad.x) * in_plane
     }
 
-    /// How the tip moves with each angle, m/rad.
-    fn motions(&self, angles_rad: DVec3) -> DMat3 {
+    /// Derivatives of the tip with respect to the angles, m/rad.
+    fn jacobian(&self, angles_rad: DVec3) -> DMat3 {
         let along = |axis: DVec3| {
             let (after, before) = (angles_rad + DIFFERENCE_RAD * axis, angles_rad - DIFFERENCE_RAD * axis);
             (self.tip(after) - self.tip(before)) / (2.0 * DIFFERENCE_RAD)
@@ -98,15 +98,15 @@ impl Arm {
     }
 }
 
-/// The links one after the other: B from upright, C from hanging down, both turned to the front.
+/// Two links in series: B from upright, C from hanging down, both rotated to the front.
 fn two_links([l_n, l_b, l_c]: [f64; 3], angles_rad: DVec3) -> DVec3 {
     let b = DQuat::from_rotation_y(angles_rad.y) * (l_b * DVec3::Z);
     let c = DQuat::from_rotation_y(-angles_rad.z) * (-l_c * DVec3::Z);
     l_n * DVec3::Z + b + c
 }
 
-/// Upper arm and crank from their axes; then the outer link so that the rod has its length. With t = tan(λ/2) that is a quadratic
-/// equation (Freudenstein's), of which one root is how the arm is put together. Bars that do not meet are as if they just touched.
+/// Upper arm and crank from their axes, then the outer link by the length of the rod. With t = tan(λ/2) this is a quadratic equation
+/// (Freudenstein's); one of its roots is the assembled arm. Bars that cannot close are treated as just touching.
 fn five_bars([l0, l1, l2, l3, l4, l5]: [f64; 6], angles_rad: DVec3) -> DVec3 {
     let turned = |angle: f64| DQuat::from_rotation_y(-angle) * DVec3::X;
     let elbow = 0.5 * l0 * DVec3::X + l1 * turned(angles_rad.y);

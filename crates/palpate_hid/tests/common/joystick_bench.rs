@@ -1,22 +1,23 @@
-//! Joysticks to be tested with: three layouts, plugged in, on a clock that stands until it is moved.
+//! Test bench for joysticks: three published layouts, plugged in, with a manual clock.
 
 use crate::hex;
-use crate::recorded::{Ear, Recorded};
+use crate::report_log::{RecordedFirmware, ReportLog};
+use palpate_hid::simulated::*;
 use palpate_hid::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// A kind of joystick.
+/// A joystick with a published layout.
 #[derive(Clone, Debug)]
 pub struct Kind {
     pub name: &'static str,
     pub descriptor: Vec<u8>,
-    /// What passes between it and the driver.
+    /// Expected reports between driver and device.
     pub reports: &'static str,
-    /// The greatest magnitude of its constant forces.
+    /// Maximum magnitude of a constant force.
     pub full: f64,
-    /// What of a force along x it shows along y, as its directions are coarse.
+    /// Fraction of a force along x that acts along y, by the resolution of directions.
     pub crossed: f64,
 }
 
@@ -30,7 +31,7 @@ pub fn openffboard() -> Kind {
     }
 }
 
-/// All three.
+/// All three layouts.
 pub fn kinds() -> [Kind; 3] {
     let arduino = Kind {
         name: "Arduino",
@@ -50,7 +51,7 @@ pub fn kinds() -> [Kind; 3] {
     [openffboard(), arduino, rhino]
 }
 
-/// A descriptor with other report numbers: `number` of each.
+/// The descriptor with the report IDs mapped by `number`.
 pub fn renumbered(descriptor: &[u8], number: impl Fn(u8) -> u8) -> Vec<u8> {
     const REPORT_ID: u8 = 0x85;
     let (mut descriptor, mut at) = (descriptor.to_vec(), 0);
@@ -63,16 +64,16 @@ pub fn renumbered(descriptor: &[u8], number: impl Fn(u8) -> u8) -> Vec<u8> {
     descriptor
 }
 
-/// A joystick that is plugged in.
+/// A simulated joystick that is plugged in, and its log and clock.
 pub struct Bench {
-    pub bus: Arc<StandInBus>,
+    pub bus: Arc<SimulatedBus>,
     pub firmware: Arc<Mutex<JoystickFirmware>>,
-    pub ear: Ear,
+    pub log: ReportLog,
     pub now_us: Arc<AtomicU64>,
     descriptor: Vec<u8>,
 }
 
-pub const PATH: &str = "stand-in/joystick";
+pub const PATH: &str = "simulated/joystick";
 
 pub fn info() -> HidInfo {
     HidInfo {
@@ -86,12 +87,12 @@ pub fn info() -> HidInfo {
 }
 
 impl Bench {
-    pub fn new(descriptor: &[u8], stick: HeldStick) -> Self {
+    pub fn new(descriptor: &[u8], stick: SimulatedStick) -> Self {
         let firmware = Arc::new(Mutex::new(JoystickFirmware::new(descriptor, stick).unwrap()));
         let bench = Self {
             bus: Arc::default(),
             firmware,
-            ear: Ear::default(),
+            log: ReportLog::default(),
             now_us: Arc::default(),
             descriptor: descriptor.to_vec(),
         };
@@ -100,7 +101,7 @@ impl Bench {
     }
 
     pub fn plug(&self) {
-        let recorded = Recorded { firmware: Arc::clone(&self.firmware), ear: self.ear.clone() };
+        let recorded = RecordedFirmware { firmware: Arc::clone(&self.firmware), log: self.log.clone() };
         self.bus.plug(info(), self.descriptor.clone(), recorded);
     }
 
@@ -110,14 +111,14 @@ impl Bench {
         HidDevice::find(bus, &HidSelector::first(HidKind::Joystick), &options)
     }
 
-    /// The driver for it, on this bench's clock.
+    /// The joystick's device, on the clock of this bench.
     pub fn device(&self, options: JoystickOptions) -> HidDevice {
         let now_us = Arc::clone(&self.now_us);
         let device = self.try_find(options).unwrap();
         device.with_clock(move || Duration::from_micros(now_us.load(Ordering::SeqCst)))
     }
 
-    pub fn wait_ms(&self, ms: u64) {
+    pub fn advance_ms(&self, ms: u64) {
         self.now_us.fetch_add(1000 * ms, Ordering::SeqCst);
     }
 
@@ -126,13 +127,13 @@ impl Bench {
     }
 }
 
-/// The defaults, with the stand-in's own full scale.
-pub fn known_scale() -> JoystickOptions {
-    let full_scale_n = HeldStick::default().full_scale_n;
+/// Default options with the full scale of the simulated stick.
+pub fn calibrated() -> JoystickOptions {
+    let full_scale_n = SimulatedStick::default().full_scale_n;
     JoystickOptions { full_scale_n, ..JoystickOptions::default() }
 }
 
-/// All that the joystick has.
-pub fn whole_force() -> JoystickOptions {
-    JoystickOptions { max_force_n: 50.0, ..known_scale() }
+/// Options with the full force of the simulated stick.
+pub fn full_force() -> JoystickOptions {
+    JoystickOptions { max_force_n: 50.0, ..calibrated() }
 }

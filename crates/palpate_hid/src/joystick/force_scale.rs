@@ -1,30 +1,29 @@
-//! Newtons to what a constant force's magnitude is written as, and back.
+//! Conversion of forces to magnitudes of a constant-force effect.
 
 use crate::Field;
 
-/// The magnitude of a constant force: `F = F_full · n / n_full`, where `n_full` is the greatest number that the field can have with
-/// either sign. So zero is zero, and a force and its opposite are numbers and their opposites, also where the field goes one
-/// further below than above.
+/// Scale of a constant force, `F = F_full · n / n_full`, where `n_full` is the largest number that the field holds with either sign.
+/// Zero maps to zero and opposite forces to opposite numbers, also for a field whose negative range is one larger.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Scale {
+pub(super) struct ForceScale {
     full_scale_n: f64,
     full: i64,
 }
 
-impl Scale {
-    /// That of `magnitude`; `None` where it has no negative values or none at all.
+impl ForceScale {
+    /// Creates the scale of `magnitude`; `None` for a field without negative values or with an unsupported width.
     pub(super) fn of(magnitude: &Field, full_scale_n: f64) -> Option<Self> {
         let [low, high] = magnitude.logical;
-        // What is said of it may be more than it can hold.
-        let held = match magnitude.bits {
+        // The declared range may exceed the bits of the field.
+        let max_of_bits = match magnitude.bits {
             bits @ 2..=32 => (1_i64 << (bits - 1)) - 1,
             _ => return None,
         };
-        let full = high.min(low.saturating_neg()).min(held);
+        let full = high.min(low.saturating_neg()).min(max_of_bits);
         (full > 0).then_some(Self { full_scale_n, full })
     }
 
-    /// The nearest number to `force_n`, N; 0 for what is not a number.
+    /// Nearest magnitude to `force_n`, N; 0 for NaN.
     pub(super) fn counts(self, force_n: f64) -> i64 {
         let full = self.full as f64;
         (force_n / self.full_scale_n * full).round().clamp(-full, full) as i64
@@ -37,20 +36,20 @@ mod test {
     use crate::{ReportDescriptor, ReportKind};
     use proptest::prelude::*;
 
-    fn scale(logical: [i32; 2], bits: u8) -> Option<Scale> {
+    fn scale(logical: [i32; 2], bits: u8) -> Option<ForceScale> {
         let [[a, b, c, d], [e, f, g, h]] = logical.map(i32::to_le_bytes);
         let items =
             [0x05, 0x0F, 0x09, 0x70, 0x17, a, b, c, d, 0x27, e, f, g, h, 0x75, bits, 0x95, 1, 0x91, 2];
         let descriptor = ReportDescriptor::parse(&items).unwrap();
-        Scale::of(&descriptor.report(ReportKind::Output, 0).unwrap().fields[0], 40.0)
+        ForceScale::of(&descriptor.report(ReportKind::Output, 0).unwrap().fields[0], 40.0)
     }
 
-    fn newtons(scale: Scale, counts: i64) -> f64 {
+    fn newtons(scale: ForceScale, counts: i64) -> f64 {
         scale.full_scale_n * counts as f64 / scale.full as f64
     }
 
     #[test]
-    fn zero_is_zero_and_the_ends_are_the_ends() {
+    fn zero_and_full_scale_are_exact() {
         let scale = scale([-32768, 32767], 16).unwrap();
         for (force_n, counts) in [
             (0.0, 0),
@@ -69,18 +68,18 @@ mod test {
     }
 
     #[test]
-    fn a_magnitude_without_a_sign_or_room_has_no_scale() {
+    fn unsigned_or_oversized_field_has_no_scale() {
         assert!(scale([0, 255], 8).is_none());
         assert!(scale([-1, 1], 1).is_none());
         assert!(scale([-100, 100], 33).is_none());
         assert!(scale([5, -5], 8).is_none());
-        // Eight bits of which sixteen are said.
+        // 8 bits with the declared range of 14.
         assert_eq!(scale([-4096, 4096], 8).unwrap().counts(40.0), 127);
     }
 
     proptest! {
         #[test]
-        fn there_and_back_is_within_half_a_count(force_n in -40.0..40.0, full in 1_i32..100_000) {
+        fn round_trip_error_is_at_most_half_a_count(force_n in -40.0..40.0, full in 1_i32..100_000) {
             let scale = scale([-full, full], 32).unwrap();
             let counts = scale.counts(force_n);
             prop_assert!((newtons(scale, counts) - force_n).abs() <= 0.5 * 40.0 / f64::from(full) * (1.0 + 1e-12));
