@@ -2,7 +2,8 @@
 //! a Krylov model of 20 states. Run with `cargo bench -p palpate_benches --bench reduce`.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use palpate_reduce::{Balancing, HInf, SecondOrderSystem, Specimen};
+use palpate_paper::Specimen;
+use palpate_reduce::{Balancing, HInf, SecondOrderSystem};
 use std::f64::consts::TAU;
 use std::hint::black_box;
 

@@ -3,13 +3,13 @@
 mod cost;
 mod plot;
 
+use crate::block_scene::{BlockScene, builtin_offset_m, period_ticks};
 use crate::error::{LabError, check, number, whole};
-use crate::manipulate::{builtin, period_ticks};
 use crate::output::{Output, csv, write_files};
 use crate::progress;
 use clap::Args;
 use glam::DVec3;
-use palpate_body::{Block, Body, Face, SemiImplicitEuler, ToolContact, UniformLattice};
+use palpate_body::{Body, SemiImplicitEuler, ToolContact};
 use palpate_haptics::{Trajectory, VelocityEstimator, VelocityState};
 use palpate_local::{Sample, Scheme};
 use palpate_reduce::{BuilderOptions, Comparison, ComparisonOptions, LocalIntegrator, relative_rms_error};
@@ -249,24 +249,16 @@ impl Fidelity {
 
     /// The block at rest, and the tool that holds the middle of its top, and where.
     fn scene(&self) -> Result<(Body, ToolContact, DVec3), LabError> {
-        let lattice = UniformLattice {
-            stiffness_n_per_m: self.stiffness,
-            damping_ratio: self.damping_ratio,
-            mass_kg: self.mass_kg,
-        };
-        let [x, y, z] = self.nodes.0;
-        let block = Block::new([x, y, z], DVec3::splat(self.edge_m))?.fix(Face::NegZ);
-        let node = block.node([x / 2, y / 2, z - 1]);
-        let made = block.uniform(&lattice)?;
-        let body = Body::new(made.network, made.surface)?;
-        let start = body.positions_m()[node];
-        let contact = ToolContact::hold(&body, node, start)?;
-        Ok((body, contact, start))
+        let Self { edge_m, mass_kg, damping_ratio, .. } = *self;
+        let (nodes, stiffness_n_per_m) = (self.nodes.0, self.stiffness);
+        let block =
+            BlockScene { nodes, edge_m, mass_kg, stiffness_n_per_m, damping_ratio, ..BlockScene::default() };
+        block.build()
     }
 
     fn offsets(&self) -> Result<Vec<DVec3>, LabError> {
         let offsets = if self.trajectory.as_os_str() == "builtin" {
-            (0..1500).map(|i| builtin(f64::from(i) * 1e-3)).collect()
+            (0..1500).map(|i| builtin_offset_m(f64::from(i) * 1e-3)).collect()
         } else {
             Trajectory::from_csv_file(&self.trajectory)?.positions_m().to_vec()
         };

@@ -8,10 +8,10 @@ mod memory;
 mod model_side;
 mod report;
 
+use crate::block_scene::{BlockScene, ContactKind};
 use crate::error::{LabError, check, number, whole};
-use crate::manipulate::{ContactName, Manipulate};
 use crate::output::Output;
-use crate::{defaults, progress};
+use crate::progress;
 use account::Account;
 use clap::Args;
 use hand::{Felt, Hand};
@@ -112,9 +112,14 @@ impl Soak {
     }
 
     fn experiment(&self) -> Result<Outcome, LabError> {
-        let Self { nodes, stiffness, damping_ratio, .. } = *self;
-        let block = Manipulate { nodes, stiffness, damping_ratio, contact: ContactName::Touch, ..defaults() };
-        let (body, contact, start_m) = block.scene()?;
+        let block = BlockScene {
+            nodes: [self.nodes; 3],
+            stiffness_n_per_m: self.stiffness,
+            damping_ratio: self.damping_ratio,
+            contact: ContactKind::Touch,
+            ..BlockScene::default()
+        };
+        let (body, contact, start_m) = block.build()?;
         let builder = LocalModelBuilder::new(&body, BuilderOptions::default())?;
         let config = LoopConfig {
             hand_over: HandOverSettings {

@@ -160,7 +160,7 @@ fn it_asks_first_and_takes_only_a_yes() {
     };
     assert!(ask("y\n").is_ok() && ask("yes\n").is_ok());
     for no in ["", "\n", "n\n", "yellow\n"] {
-        assert!(matches!(ask(no), Err(LabError::NotAgreed)), "{no:?}");
+        assert!(matches!(ask(no), Err(LabError::Declined)), "{no:?}");
     }
     assert!(
         String::from_utf8(asked)
@@ -169,7 +169,7 @@ fn it_asks_first_and_takes_only_a_yes() {
     );
     let of_device = (&device.describe(), HidKind::SpaceMouse, true);
     let nobody = trial.ask(of_device, &mut Vec::new(), &mut "y\n".as_bytes(), false);
-    assert!(matches!(nobody, Err(LabError::NobodyToAsk)));
+    assert!(matches!(nobody, Err(LabError::NoTerminal)));
 }
 
 #[test]

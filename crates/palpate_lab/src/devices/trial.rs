@@ -114,7 +114,7 @@ impl Trial {
         is_terminal: bool,
     ) -> Result<(), LabError> {
         if !is_terminal {
-            return Err(LabError::NobodyToAsk);
+            return Err(LabError::NoTerminal);
         }
         let most_n = self.most_n(device, kind);
         let name = &device.name;
@@ -162,7 +162,7 @@ impl Trial {
         answer.read_line(&mut line)?;
         match line.trim() {
             "y" | "Y" | "yes" => Ok(()),
-            _ => Err(LabError::NotAgreed),
+            _ => Err(LabError::Declined),
         }
     }
 

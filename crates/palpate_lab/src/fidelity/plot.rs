@@ -1,9 +1,9 @@
 //! Figures of fidelity: force over time, and error over model rate and delay.
 
 use super::{FROM, Fidelity, Run};
+use crate::block_scene::period_ticks;
 use crate::error::LabError;
 use crate::figure::{Curve, Panel, Scale, svg};
-use crate::manipulate::period_ticks;
 use crate::output::csv;
 use crate::progress;
 use palpate_body::{Body, ToolContact};

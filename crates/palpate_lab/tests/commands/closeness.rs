@@ -32,52 +32,6 @@ fn fidelity_says_of_every_scheme_how_close_it_is() {
 }
 
 #[test]
-fn a_recorded_hand_is_followed() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("hand.csv");
-    let rows = (0..600).map(|i| {
-        let t = f64::from(i) * 1e-3;
-        format!("{t},0,0,{}\n", -0.004 * (10.0 * t).sin().abs())
-    });
-    std::fs::write(&path, String::from("t_s,x_m,y_m,z_m\n") + &rows.collect::<String>()).unwrap();
-    let path = path.to_str().unwrap();
-    let run = |more: &[&str]| json(&[&["manipulate", "--nodes", "4", "--trajectory", path], more].concat());
-    let (slow, fast) = (run(&["--model-rate-hz", "20"]), run(&["--model-rate-hz", "200"]));
-    assert!(number(&fast["relative_rms_error"]) < 0.5 * number(&slow["relative_rms_error"]));
-    // At the haptic rate the full model speaks at every tick.
-    let every = run(&["--model-rate-hz", "1000", "--scheme", "hold"]);
-    assert!(number(&every["relative_rms_error"]) < 1e-12, "{every}");
-    let touch = run(&["--contact", "touch"]);
-    assert!(number(&touch["peak_force_n"]) > 0.0);
-    for (text, said) in [
-        ("t,x\n", "error: the trajectory cannot be read"),
-        (
-            "t_s,x_m,y_m,z_m\n0,0,0,0\n0.001,0,0,0\n",
-            "error: number of rows of the trajectory is 2; it must be at least 202",
-        ),
-    ] {
-        std::fs::write(path, text).unwrap();
-        let text = refused(&["manipulate", "--trajectory", path]);
-        assert!(text.starts_with(said), "{text}");
-    }
-}
-
-#[test]
-fn a_loosened_grip_needs_the_local_model() {
-    let schemes = &json(&["grip"])["schemes"];
-    for (scheme, outcome) in
-        [("full", "settles"), ("neighbourhood", "settles"), ("hold", "diverges"), ("tangent", "diverges")]
-    {
-        assert_eq!(schemes[scheme]["outcome"], outcome, "{scheme}");
-    }
-    // A firm grip holds everything.
-    let firm = &json(&["grip", "--damping", "200", "--duration-s", "1"])["schemes"];
-    assert!(firm.as_object().unwrap().values().all(|scheme| scheme["outcome"] == "settles"), "{firm}");
-    // Once the full model is fast enough, even a held force will do.
-    assert_eq!(json(&["grip", "--model-rate-hz", "500"])["schemes"]["hold"]["outcome"], "settles");
-}
-
-#[test]
 fn every_fault_is_survived() {
     let report = json(&["faults"]);
     let faults = report["faults"].as_array().unwrap();

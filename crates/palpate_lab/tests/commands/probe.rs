@@ -122,7 +122,7 @@ fn scan_has_a_ripple_and_files() {
 
 #[test]
 fn table_names_units_and_unsettled_presses() {
-    let output = lab(&[&SHORT[..], &["--at", "3,2"]].concat());
+    let output = run(&[&SHORT[..], &["--at", "3,2"]].concat());
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(output.status.success() && text.contains("Hertz, elastic half-space: 0.1"), "{text}");
     assert!(text.contains("x, mm") && text.contains("forces at the end, N") && text.contains("not settled"));
@@ -219,7 +219,7 @@ fn flags_that_make_no_sense_are_named() {
         (&["--integrator", "exact"], "invalid value 'exact' for '--integrator <INTEGRATOR>'"),
         (&["--lump", "0,0:1:1"], "invalid value '0,0:1:1' for '--lump "),
         (&["--lump", "0,-10,0:0:1e5"], "radius of --lump, mm is 0; it must be finite and above 0"),
-        (&["--lump", "0,90,0:5:1e5"], "--lump holds no part of the body: its radius is 5 mm and a cell"),
+        (&["--lump", "0,90,0:5:1e5"], "--lump contains no part of the body: its radius is 5 mm and a cell"),
     ] {
         let text = refused(&[&["probe"], arguments].concat());
         assert!(text.starts_with(&format!("error: {said}")), "{arguments:?}: {text}");

@@ -1,13 +1,13 @@
 //! Sections 2 to 4: the problem, and what balanced reduction shows.
 
 use super::{Row, percent};
-use crate::defaults;
-use crate::error::LabError;
-use crate::figure::svg;
 use crate::lattice::{Analysis, Lattice, Method, mesh, response_panels, states};
 use crate::schemes::{Quality, Schemes};
 use glam::DVec3;
 use palpate_body::{Block, UniformLattice};
+use palpate_lab::error::LabError;
+use palpate_lab::figure::svg;
+use palpate_lab::program::defaults;
 use palpate_laws::SkinLaw;
 
 /// Section 2.

@@ -1,11 +1,12 @@
 //! What a reduced model of a mesh is worth.
 
 use super::{LARGEST_DENSE, Lattice, Method};
-use crate::error::LabError;
-use crate::progress;
+use crate::specimen::Specimen;
 use faer::{Mat, c64};
 use palpate_body::Network;
-use palpate_reduce::{Balancing, DenseSystem, HInf, SecondOrderSystem, Specimen, StateSpace};
+use palpate_lab::error::LabError;
+use palpate_lab::progress;
+use palpate_reduce::{Balancing, DenseSystem, HInf, SecondOrderSystem, StateSpace};
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::time::Instant;

@@ -1,10 +1,10 @@
 //! `palpate-lab soak` as a user runs it: what must hold whatever the machine does meanwhile. No times are judged here.
 
 use serde_json::Value;
-use std::process::{Command, Output};
+use std::process::Output;
 
 fn soak(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_palpate-lab")).arg("soak").args(arguments).output().unwrap()
+    super::run(&[&["soak"], arguments].concat())
 }
 
 fn json(arguments: &[&str]) -> Value {

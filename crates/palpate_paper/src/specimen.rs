@@ -1,8 +1,9 @@
 //! The seed paper's specimen (its sections 4 and 5) and the local models that are made for it.
 
-use crate::{ReduceError, SecondOrderSystem, block_scaling};
+use crate::block_scaling::block_scaling;
 use palpate_body::{Body, BodyError, Lattice, Link, Network, Surface};
 use palpate_laws::Spring;
+use palpate_reduce::{ReduceError, SecondOrderSystem};
 use std::collections::HashMap;
 
 /// A regular lattice of `cells` cells along each of 1 to 3 dimensions, held on all sides but its top, and driven at the

@@ -1,30 +1,24 @@
 //! `palpate-lab devices` as a user runs it, whatever is plugged in here.
 
-use std::process::{Command, Output, Stdio};
+use std::process::Output;
 
-fn lab(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate-lab"));
-    command.arg("devices").args(arguments).stdin(Stdio::null()).output().unwrap()
+fn devices(arguments: &[&str]) -> Output {
+    super::run(&[&["devices"], arguments].concat())
 }
 
 fn refused(arguments: &[&str]) -> String {
-    let output = lab(arguments);
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}");
-    assert!(output.stdout.is_empty());
-    let text = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(text.lines().count(), 1, "{text}");
-    text
+    super::refused(&[&["devices"], arguments].concat())
 }
 
 #[test]
 fn devices_are_listed_as_a_table_or_as_json() {
-    let output = lab(&["--json", "--all"]);
+    let output = devices(&["--json", "--all"]);
     assert!(output.status.success());
     let listed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     for device in listed["devices"].as_array().unwrap() {
         assert!(["kind", "name", "vendor", "path", "refused"].iter().all(|key| device.get(key).is_some()));
     }
-    let output = lab(&[]);
+    let output = devices(&[]);
     assert!(output.status.success());
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(
@@ -35,7 +29,7 @@ fn devices_are_listed_as_a_table_or_as_json() {
 
 #[test]
 fn watching_ends_when_its_time_has_passed_and_tells_a_line_for_each() {
-    let output = lab(&["--watch", "--seconds", "0.2", "--json"]);
+    let output = devices(&["--watch", "--seconds", "0.2", "--json"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     for line in String::from_utf8(output.stdout).unwrap().lines() {
         let change: serde_json::Value = serde_json::from_str(line).unwrap();

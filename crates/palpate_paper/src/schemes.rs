@@ -1,10 +1,10 @@
 //! Section 2: force between model steps on a nonlinear spring in one dimension.
 
-use crate::error::{LabError, check, number};
-use crate::figure::{Curve, Panel, Scale, svg};
-use crate::output::{Output, csv, write_files};
 use clap::Args;
 use glam::DVec3;
+use palpate_lab::error::{LabError, check, number};
+use palpate_lab::figure::{Curve, Panel, Scale, svg};
+use palpate_lab::output::{Output, csv, write_files};
 use palpate_laws::{SkinLaw, Tension};
 use palpate_local::LowPass;
 use serde::Serialize;

@@ -1,13 +1,13 @@
 //! Section 6, stability: what a device does that the hand barely holds.
 
-use crate::error::{LabError, check, number};
-use crate::figure::{Curve, Panel, Scale, svg};
-use crate::manipulate::{Manipulate, period_ticks};
-use crate::output::{Output, csv, write_files};
-use crate::{defaults, progress};
 use clap::Args;
 use glam::DVec3;
 use palpate_body::{Body, BodyError, SemiImplicitEuler, ToolContact, ToolPoint};
+use palpate_lab::block_scene::{BlockScene, period_ticks};
+use palpate_lab::error::{LabError, check, number};
+use palpate_lab::figure::{Curve, Panel, Scale, svg};
+use palpate_lab::output::{Output, csv, write_files};
+use palpate_lab::progress;
 use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Sample, Scheme, SubmitResult};
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use serde::Serialize;
@@ -127,8 +127,8 @@ impl Grip {
 
     /// The device's height, until it has left or the time is over. `None` is the full model at every tick.
     fn simulate(&self, scheme: Option<Scheme>) -> Result<Vec<f64>, LabError> {
-        let block: Manipulate = defaults();
-        let (body, contact, start) = block.scene()?;
+        let block = BlockScene::default();
+        let (body, contact, start) = block.build()?;
         let mut model_side = ModelSide::new(body, contact, start)?;
         let mut hand_over = HandOver::new(HandOverSettings {
             capacity: model_side.builder.capacity(),

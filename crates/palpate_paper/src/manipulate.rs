@@ -1,17 +1,17 @@
 //! Section 6: a block is manipulated, its full model at a low rate, the force at the haptic rate.
 
-use crate::error::{LabError, check, number, whole};
-use crate::figure::{Curve, Panel, Scale, svg};
-use crate::output::{Output, csv, write_files};
-use crate::progress;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use glam::DVec3;
-use palpate_body::{Block, Body, Face, ToolContact, ToolShape, UniformLattice};
+use palpate_body::{Body, ToolContact};
 use palpate_haptics::Trajectory;
+use palpate_lab::block_scene::{BlockScene, ContactKind, builtin_offset_m, period_ticks};
+use palpate_lab::error::{LabError, check, number, whole};
+use palpate_lab::figure::{Curve, Panel, Scale, svg};
+use palpate_lab::output::{Output, csv, write_files};
+use palpate_lab::progress;
 use palpate_local::{Sample, Scheme};
 use palpate_reduce::{Comparison, ComparisonOptions};
 use serde::Serialize;
-use std::f64::consts::TAU;
 use std::path::PathBuf;
 
 /// Section 6: force during manipulation of a block (Fig. 17)
@@ -44,8 +44,8 @@ pub(crate) struct Manipulate {
     #[arg(long, value_name = "FILE")]
     pub(crate) trajectory: Option<PathBuf>,
     /// Whether the tool holds the node, or touches the surface and can only push
-    #[arg(long, value_enum, default_value_t = ContactName::Held)]
-    pub(crate) contact: ContactName,
+    #[arg(long, value_enum, default_value_t = ContactKind::Held)]
+    pub(crate) contact: ContactKind,
     /// Time from a model step to the arrival of its local model, ms; a scheme with a state then catches up, 8 samples a tick
     #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 0)]
     pub(crate) delay_ms: usize,
@@ -61,15 +61,6 @@ pub(crate) struct Manipulate {
     /// Damping of each damper over the root of stiffness times mass of a node
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.7)]
     pub(crate) damping_ratio: f64,
-}
-
-/// How the tool has hold of the body.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ContactName {
-    /// It holds the node, pushes and pulls
-    Held,
-    /// It touches the surface, as a sphere of a tenth of the edge, and pushes only
-    Touch,
 }
 
 #[derive(Serialize)]
@@ -93,8 +84,6 @@ pub(crate) struct Figures {
 
 /// Samples before that do not count: there is no local model before the first model step.
 const FROM: usize = 200;
-/// Coefficient of friction of a tool that touches.
-const FRICTION: f64 = 0.3;
 
 impl Manipulate {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
@@ -178,34 +167,16 @@ impl Manipulate {
 
     /// The block at rest, the tool on it, and where its movement begins.
     pub(crate) fn scene(&self) -> Result<(Body, ToolContact, DVec3), LabError> {
-        let lattice = UniformLattice {
-            stiffness_n_per_m: self.stiffness,
-            damping_ratio: self.damping_ratio,
-            mass_kg: self.mass_kg,
-        };
-        let n = self.nodes;
-        let block = Block::new([n; 3], DVec3::splat(self.edge_m))?.fix(Face::NegZ).uniform(&lattice)?;
-        let body = Body::new(block.network, block.surface)?;
-        let node = n / 2 + n * (n / 2 + n * (n - 1));
-        let at = body.positions_m()[node];
-        let (contact, start) = match self.contact {
-            ContactName::Held => (ToolContact::hold(&body, node, at)?, at),
-            ContactName::Touch => {
-                let radius = 0.1 * self.edge_m;
-                (
-                    ToolContact::touch(ToolShape::Sphere { radius_m: radius }, FRICTION)?,
-                    at + radius * DVec3::Z,
-                )
-            }
-        };
-        Ok((body, contact, start))
+        let Self { edge_m, mass_kg, damping_ratio, contact, .. } = *self;
+        let (nodes, stiffness_n_per_m) = ([self.nodes; 3], self.stiffness);
+        BlockScene { nodes, edge_m, mass_kg, stiffness_n_per_m, damping_ratio, contact }.build()
     }
 
     /// The movement from `start` on, with backward differences as velocities.
     fn samples(&self, start: DVec3) -> Result<Vec<Sample>, LabError> {
         let offsets = match &self.trajectory {
             Some(path) => Trajectory::from_csv_file(path)?.positions_m().to_vec(),
-            None => (0..1500).map(|i| builtin(f64::from(i) * 1e-3)).collect(),
+            None => (0..1500).map(|i| builtin_offset_m(f64::from(i) * 1e-3)).collect(),
         };
         let least = FROM.max(self.period_ticks() + self.delay_ms) + 2;
         let rows = offsets.len();
@@ -263,17 +234,4 @@ impl Manipulate {
         };
         svg(&[panel], 1)
     }
-}
-
-/// Whole milliseconds in a period of the full model, at `rate_hz` of at most 1000.
-pub(crate) fn period_ticks(rate_hz: f64) -> usize {
-    // A thousandth more than the quotient, lest rounding cut 1000/1000 to nothing.
-    (1e3 / rate_hz + 1e-3) as usize
-}
-
-/// Pressing 10 mm deep and shearing 3 mm, with faster movements on top, m at `t` (s).
-pub(crate) fn builtin(t: f64) -> DVec3 {
-    let slow = 0.010 * (1.0 - (TAU * t).cos()) / 2.0;
-    let late = if t > 0.3 { 0.002 * (TAU * 3.3 * t).sin() } else { 0.0 };
-    DVec3::new(0.003 * (TAU * 1.7 * t).sin(), 0.0, -(slow + 0.0008 * (TAU * 9.0 * t).sin() + late))
 }

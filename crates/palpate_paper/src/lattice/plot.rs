@@ -1,8 +1,8 @@
 //! Pictures of a mesh: its responses, its states, and the mesh itself.
 
 use super::{Analysis, Method};
-use crate::error::LabError;
-use crate::figure::{Area, Curve, Panel, Scale, canvas, failed, svg};
+use palpate_lab::error::LabError;
+use palpate_lab::figure::{Area, Curve, Panel, Scale, canvas, failed, svg};
 use plotters::prelude::*;
 use std::collections::HashSet;
 

@@ -1,7 +1,8 @@
 //! The seed paper's specimen and the local models that are made for it.
 
 use faer::{Mat, c64};
-use palpate_reduce::*;
+use palpate_paper::{Specimen, block_scaling};
+use palpate_reduce::{Balancing, HInf, ReduceError, SecondOrderSystem};
 use std::f64::consts::TAU;
 
 fn specimen(dimension: usize, cells: usize) -> Specimen {

@@ -2,14 +2,15 @@
 
 use super::{Row, percent};
 use crate::chain::{self, Chain, Figures};
-use crate::defaults;
 use crate::density::{self, Density};
-use crate::error::LabError;
-use crate::figure::svg;
 use crate::grip::{self, Grip};
 use crate::lattice::{Analysis, Lattice, Method, mesh, response_panels};
-use crate::manipulate::{ContactName, Manipulate};
+use crate::manipulate::Manipulate;
 use faer::c64;
+use palpate_lab::block_scene::ContactKind;
+use palpate_lab::error::LabError;
+use palpate_lab::figure::svg;
+use palpate_lab::program::defaults;
 use palpate_local::Scheme;
 use std::f64::consts::TAU;
 
@@ -174,7 +175,7 @@ pub(super) fn scaling() -> Result<Vec<Row>, LabError> {
 pub(super) fn implementation() -> Result<Vec<Row>, LabError> {
     let held = Manipulate { scheme: Scheme::Neighbourhood, ..defaults() };
     let (comparison, report) = held.experiment()?;
-    let (touching, _) = Manipulate { contact: ContactName::Touch, ..held.clone() }.experiment()?;
+    let (touching, _) = Manipulate { contact: ContactKind::Touch, ..held.clone() }.experiment()?;
     let forces = touching.displayed(Scheme::Neighbourhood).unwrap_or_default();
     let least = forces.iter().map(|f| f.z).fold(f64::INFINITY, f64::min);
     let (paths, outcomes) = defaults::<Grip>().experiment()?;

@@ -7,11 +7,11 @@ mod table;
 pub(crate) use analysis::Analysis;
 pub(crate) use plot::{mesh, response_panels, states};
 
-use crate::error::{LabError, check, number, whole};
-use crate::figure::svg;
-use crate::output::{Output, write_files};
+use crate::specimen::Specimen;
 use clap::{Args, ValueEnum};
-use palpate_reduce::Specimen;
+use palpate_lab::error::{LabError, check, number, whole};
+use palpate_lab::figure::svg;
+use palpate_lab::output::{Output, write_files};
 use serde::Serialize;
 
 /// Sections 4 and 5: a mesh and its reduced models (Figs. 4-11)

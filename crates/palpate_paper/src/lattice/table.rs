@@ -2,7 +2,7 @@
 
 use super::Analysis;
 use super::analysis::Response;
-use crate::output::csv;
+use palpate_lab::output::csv;
 
 type Column = (String, Vec<f64>);
 

@@ -1,11 +1,12 @@
 //! Section 5.1: a chain of four layers and the two local models that stand for it.
 
-use crate::error::{LabError, check, number};
-use crate::figure::{Curve, Panel, Scale, svg};
-use crate::output::{Output, csv, write_files};
+use crate::specimen::Specimen;
 use clap::Args;
 use faer::c64;
-use palpate_reduce::{SecondOrderSystem, Specimen};
+use palpate_lab::error::{LabError, check, number};
+use palpate_lab::figure::{Curve, Panel, Scale, svg};
+use palpate_lab::output::{Output, csv, write_files};
+use palpate_reduce::SecondOrderSystem;
 use serde::Serialize;
 
 /// Section 5.1: a chain of four layers and its two local models (eqs. 6-13, Figs. 12-15)

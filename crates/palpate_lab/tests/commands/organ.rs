@@ -4,7 +4,6 @@ use glam::{DVec3, Vec3};
 use palpate_body::{ClosedMesh, MeshRepairs};
 use serde_json::Value;
 use std::path::Path;
-use std::process::Command;
 
 struct Glb {
     positions: Vec<DVec3>,
@@ -62,7 +61,7 @@ fn read(path: &Path) -> Glb {
 fn made(vertices: &str) -> (Glb, Value) {
     let folder = tempfile::tempdir().unwrap();
     let arguments = ["organ", "--vertices", vertices, "--json", "--out", folder.path().to_str().unwrap()];
-    let output = Command::new(env!("CARGO_BIN_EXE_palpate-lab")).args(arguments).output().unwrap();
+    let output = super::run(&arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     (read(&folder.path().join("organ.glb")), serde_json::from_slice(&output.stdout).unwrap())
 }

@@ -1,13 +1,13 @@
 //! All of the seed paper: one row for every figure and every number.
 
-mod answer;
 mod page;
-mod problem;
+mod sections_2_4;
+mod sections_5_6;
 
-use crate::error::LabError;
-use crate::output::{Output, write_files};
-use crate::progress;
 use clap::Args;
+use palpate_lab::error::LabError;
+use palpate_lab::output::{Output, write_files};
+use palpate_lab::progress;
 use serde::Serialize;
 use std::path::Path;
 
@@ -47,13 +47,13 @@ type Section = fn() -> Result<Vec<Row>, LabError>;
 
 /// The sections of the paper that have figures or numbers.
 const SECTIONS: [(&str, Section); 7] = [
-    ("section 2", problem::demonstration),
-    ("section 3", problem::linear_approximation),
-    ("section 4", problem::order_reduction),
-    ("section 5", answer::local_models),
-    ("section 5.1", answer::one_dimension),
-    ("section 5.2", answer::scaling),
-    ("section 6", answer::implementation),
+    ("section 2", sections_2_4::demonstration),
+    ("section 3", sections_2_4::linear_approximation),
+    ("section 4", sections_2_4::order_reduction),
+    ("section 5", sections_5_6::local_models),
+    ("section 5.1", sections_5_6::one_dimension),
+    ("section 5.2", sections_5_6::scaling),
+    ("section 6", sections_5_6::implementation),
 ];
 
 fn percent(share: f64) -> String {

@@ -5,26 +5,19 @@ use palpate_haptics::*;
 use palpate_local::{Contact, ModelId, Scheme};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
-fn lab(file: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate-lab"));
-    command.arg("blackbox").arg(file).args(arguments).output().unwrap()
+fn with_file<'a>(file: &'a Path, arguments: &[&'a str]) -> Vec<&'a str> {
+    [&["blackbox", file.to_str().unwrap()], arguments].concat()
 }
 
 fn printed(file: &Path, arguments: &[&str]) -> String {
-    let output = lab(file, arguments);
+    let output = super::run(&with_file(file, arguments));
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
 
 fn refused(file: &Path, arguments: &[&str]) -> String {
-    let output = lab(file, arguments);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(output.stdout.is_empty());
-    let text = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(text.lines().count(), 1, "{text}");
-    text
+    super::refused(&with_file(file, arguments))
 }
 
 /// A box of a hand that presses on something, whose device fails from tick 1300 on for 100 ticks, with a tick that comes 5
@@ -144,7 +137,7 @@ fn a_box_of_one_tick_is_printed_and_drawn() {
     let (mut handle, mut haptic_loop) = haptic_loop(LoopConfig::default(), LoopSettings::default()).unwrap();
     let file = folder.path().join("one.csv");
     handle.black_box().write_csv(&file).unwrap();
-    assert!(refused(&file, &[]).contains("one.csv: there is no tick in it"), "a header and no more");
+    assert!(refused(&file, &[]).contains("one.csv: the black box has no ticks"), "a header and no more");
     let ticked = haptic_loop.tick(1, Err(DeviceError::TimedOut));
     haptic_loop.finish_tick(&ticked, None, Err(DeviceError::Disconnected));
     handle.black_box().write_csv(&file).unwrap();

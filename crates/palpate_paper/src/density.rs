@@ -1,11 +1,11 @@
 //! Section 5.2: how the stiffness of a block changes with the density of its mesh.
 
-use crate::error::{LabError, check, whole};
-use crate::figure::{Curve, Panel, Scale, svg};
-use crate::output::{Output, csv, write_files};
-use crate::progress;
+use crate::block_scaling::block_scaling;
 use clap::Args;
-use palpate_reduce::block_scaling;
+use palpate_lab::error::{LabError, check, whole};
+use palpate_lab::figure::{Curve, Panel, Scale, svg};
+use palpate_lab::output::{Output, csv, write_files};
+use palpate_lab::progress;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
