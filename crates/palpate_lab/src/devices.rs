@@ -1,16 +1,16 @@
 //! Devices over HID: which are there, and whether one can be read and takes forces.
 
-mod trial;
+mod arm;
+mod device_test;
+mod listing;
 mod watch;
 
 use crate::error::{LabError, check};
 use crate::output::Output;
-use clap::{Args, ValueEnum};
-use palpate_hid::{
-    BoardKinematics, FoundDevice, HidBus, HidError, HidInfo, HidSelector, JoystickOptions, SystemBus,
-};
-use serde::Serialize;
-use std::io::Write;
+use arm::Arm;
+use clap::Args;
+use listing::{Line, Listed, line, print};
+use palpate_hid::{FoundDevice, HidBus, HidError, HidInfo, HidSelector, JoystickOptions, SystemBus};
 use std::sync::Arc;
 
 /// Devices over HID: which are plugged in, and whether one can be read and takes forces
@@ -53,65 +53,6 @@ pub(crate) struct Devices {
     all: bool,
 }
 
-/// The arms of boards whose sizes are published.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Arm {
-    /// The WoodenHaptics of 2015
-    #[value(name = "woodenhaptics")]
-    WoodenHaptics,
-    /// Polhem 2
-    PolhemV2,
-    /// Polhem 3
-    PolhemV3,
-}
-
-impl Arm {
-    fn kinematics(self) -> BoardKinematics {
-        match self {
-            Self::WoodenHaptics => BoardKinematics::woodenhaptics_v2015(),
-            Self::PolhemV2 => BoardKinematics::polhem_v2(),
-            Self::PolhemV3 => BoardKinematics::polhem_v3(),
-        }
-    }
-
-    /// Where somebody has to put it, and what it is taken for.
-    fn home(self) -> &'static str {
-        match self {
-            Self::WoodenHaptics => {
-                "link B up, link C to the front. Its motors and sizes are taken for those of a WoodenHaptics of 2015 (--board)"
-            }
-            Self::PolhemV2 => {
-                "folded, as its maker has it. Its motors and sizes are taken for those of a Polhem 2; draw it out of there for any force"
-            }
-            Self::PolhemV3 => {
-                "folded, as its maker has it. Its motors and sizes are taken for those of a Polhem 3; draw it out of there for any force"
-            }
-        }
-    }
-}
-
-#[derive(Serialize)]
-struct Listed {
-    devices: Vec<Line>,
-    /// Devices of kinds that are not known here.
-    others: usize,
-    /// Paths of those among them that are boards if somebody says so.
-    may_be_boards: Vec<String>,
-}
-
-/// A device as it is listed.
-#[derive(Clone, Debug, Serialize, PartialEq)]
-struct Line {
-    kind: Option<String>,
-    name: String,
-    vendor: String,
-    product: String,
-    serial: String,
-    path: String,
-    /// Why it cannot be opened; empty where it can, or where its kind is not known.
-    refused: String,
-}
-
 /// The longest that is watched or tested, s.
 const LONGEST_S: f64 = 86_400.0;
 
@@ -127,7 +68,7 @@ impl Devices {
         check("--full-scale-n", self.full_scale_n, ok, "at least --force-n and at most 1000")?;
         let bus: Arc<dyn HidBus> = Arc::new(SystemBus::new()?);
         match &self.test {
-            Some(id) => trial::Trial {
+            Some(id) => device_test::DeviceTest {
                 selector: selector(id, self.teensy_is_board, &*bus)?,
                 force_n: self.force_n,
                 full_scale_n: self.full_scale_n,
@@ -159,57 +100,6 @@ impl Devices {
         let listed = Listed { devices: known, others: count, may_be_boards };
         output.print(&listed, |out| print(&listed, self.all, out))
     }
-}
-
-/// What is known of `info`.
-fn line(bus: &dyn HidBus, info: &HidInfo, teensy_is_board: bool) -> Line {
-    let found = FoundDevice::known(bus, info, teensy_is_board);
-    let refused = match &found {
-        Some(_) => bus.open(info).err().map(|error| error.to_string()).unwrap_or_default(),
-        None => String::new(),
-    };
-    Line {
-        kind: found.map(|found| found.kind.to_string()),
-        name: info.name.clone(),
-        vendor: format!("{:04x}", info.vendor),
-        product: format!("{:04x}", info.product),
-        serial: info.serial.clone(),
-        path: info.path.clone(),
-        refused,
-    }
-}
-
-fn print(listed: &Listed, all: bool, out: &mut dyn Write) -> std::io::Result<()> {
-    if listed.devices.is_empty() {
-        writeln!(out, "no device of a known kind is plugged in")?;
-    } else {
-        head(out)?;
-        for line in &listed.devices {
-            row(line, out)?;
-        }
-    }
-    for path in &listed.may_be_boards {
-        writeln!(out, "{path} is a Teensy that may be a 3-DOF board; if it is, say so: --teensy-is-board")?;
-    }
-    match listed.others {
-        0 => Ok(()),
-        _ if all => Ok(()),
-        1 => writeln!(out, "1 other HID device; --all lists it"),
-        others => writeln!(out, "{others} other HID devices; --all lists them"),
-    }
-}
-
-fn head(out: &mut dyn Write) -> std::io::Result<()> {
-    writeln!(out, "{:<24}{:<11}{:<16}{:<16}name", "kind", "numbers", "serial", "path")
-}
-
-fn row(line: &Line, out: &mut dyn Write) -> std::io::Result<()> {
-    let Line { kind, name, vendor, product, serial, path, refused } = line;
-    let kind = kind.as_deref().unwrap_or("not known");
-    let numbers = format!("{vendor}:{product}");
-    let or = |text: &str| if text.is_empty() { "-".to_owned() } else { text.to_owned() };
-    writeln!(out, "{kind:<24}{numbers:<11}{:<16}{path:<16}{}", or(serial), or(name))?;
-    if refused.is_empty() { Ok(()) } else { writeln!(out, "    {refused}") }
 }
 
 /// The device that a user means by `id`: where it is, its serial number, or its vendor's and product's numbers.

@@ -1,6 +1,6 @@
 //! `palpate-lab soak`: the real loop under load, what it holds to, and how late it is beside a thread that does nothing.
 
-mod account;
+mod deadline_audit;
 mod hand;
 mod limits;
 mod load;
@@ -12,20 +12,20 @@ use crate::block_scene::{BlockScene, ContactKind};
 use crate::error::{LabError, check, number, whole};
 use crate::output::Output;
 use crate::progress;
-use account::Account;
 use clap::Args;
-use hand::{Felt, Hand};
+use deadline_audit::DeadlineAudit;
+use hand::Hand;
 use limits::Limits;
 use load::{Load, LoadKind};
 use memory::Memory;
 use model_side::{Done, ModelSide, PERIOD};
 use palpate_haptics::{
-    BaselineReport, BaselineThread, HapticDevice, HapticLoop, LoopConfig, LoopSettings, RealTimeRequest,
-    SafetySettings, StoppedLoop, haptic_loop, run_with_baseline,
+    BaselineThread, HapticDevice, HapticLoop, LoopConfig, LoopSettings, RealTimeRequest, SafetySettings,
+    StoppedLoop, haptic_loop, run_with_baseline,
 };
 use palpate_local::HandOverSettings;
 use palpate_reduce::{BuilderOptions, LocalModelBuilder};
-use report::Report;
+use report::{Outcome, Report};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -84,20 +84,10 @@ fn priority(text: &str) -> Result<Priority, &'static str> {
     number.map(|number| Priority(Some(number))).ok_or("it must be 1 to 99, or none")
 }
 
-/// What came of a run.
-struct Outcome {
-    model_side: ModelSide,
-    felt: Felt,
-    allocations: u64,
-    bare: BaselineReport,
-    memory: Memory,
-    load_rounds: u64,
-}
-
 impl Soak {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
         self.validate()?;
-        let report = Report::of(self, self.experiment()?);
+        let report = Report::of(self.seconds, self.load, self.experiment()?);
         output.print(&report, |out| report.table(out))?;
         report.judge()
     }
@@ -147,9 +137,9 @@ impl Soak {
         };
         let period_ns = Duration::from_secs_f64(config.hand_over.tick_s).as_nanos() as u64;
         let (handle, haptic_loop) = haptic_loop(config, settings)?;
-        let account = Account::new(period_ns, limits);
+        let audit = DeadlineAudit::new(period_ns, limits);
         let (done, consumed, path) = (Done::default(), None, Vec::with_capacity(256));
-        let model_side = ModelSide { body, contact, builder, handle, account, done, consumed, path };
+        let model_side = ModelSide { body, contact, builder, handle, audit, done, consumed, path };
         self.beside_load(model_side, haptic_loop, Hand::new(start_m, limits), config)
     }
 

@@ -1,6 +1,7 @@
 //! All of the seed paper: one row for every figure and every number.
 
 mod page;
+mod row;
 mod sections_2_4;
 mod sections_5_6;
 
@@ -8,6 +9,7 @@ use clap::Args;
 use palpate_lab::error::LabError;
 use palpate_lab::output::{Output, write_files};
 use palpate_lab::progress;
+use row::Row;
 use serde::Serialize;
 use std::path::Path;
 
@@ -21,21 +23,6 @@ use std::path::Path;
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  palpate-lab paper\n  palpate-lab paper --out report --json")]
 pub(crate) struct Paper {}
-
-/// A figure or a number of the paper.
-#[derive(Serialize)]
-pub(crate) struct Row {
-    /// Where it stands in the paper.
-    pub(crate) place: &'static str,
-    pub(crate) what: &'static str,
-    pub(crate) paper: String,
-    pub(crate) here: String,
-    /// Why they differ, or what is to be known about it; empty where there is nothing.
-    pub(crate) why: &'static str,
-    /// The text of an SVG.
-    #[serde(skip)]
-    pub(crate) figure: Option<String>,
-}
 
 #[derive(Serialize)]
 struct Report {
@@ -56,10 +43,6 @@ const SECTIONS: [(&str, Section); 7] = [
     ("section 6", sections_5_6::implementation),
 ];
 
-fn percent(share: f64) -> String {
-    format!("{:.2} %", 100.0 * share)
-}
-
 impl Paper {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
         let bar = progress::bar(SECTIONS.len());
@@ -79,24 +62,5 @@ impl Paper {
             }
             writeln!(out, "\n{} rows, with figures and reasons in {}", report.rows.len(), report.page)
         })
-    }
-}
-
-impl Row {
-    fn new(
-        place: &'static str,
-        what: &'static str,
-        paper: impl Into<String>,
-        here: impl Into<String>,
-    ) -> Self {
-        Self { place, what, paper: paper.into(), here: here.into(), why: "", figure: None }
-    }
-
-    fn why(self, why: &'static str) -> Self {
-        Self { why, ..self }
-    }
-
-    fn figure(self, svg: String) -> Self {
-        Self { figure: Some(svg), ..self }
     }
 }

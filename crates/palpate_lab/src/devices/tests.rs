@@ -1,6 +1,6 @@
 //! The command with devices that are only there in memory.
 
-use super::trial::Trial;
+use super::device_test::DeviceTest;
 use super::*;
 use palpate_haptics::HapticDevice;
 use palpate_hid::{Firmware, HidDevice, HidKind, HidOptions, StandInBus, Usage};
@@ -95,8 +95,8 @@ fn a_device_is_named_by_path_serial_or_numbers() {
     }
 }
 
-fn trial(bus: &StandInBus, seconds: f64) -> Trial {
-    Trial {
+fn trial(bus: &StandInBus, seconds: f64) -> DeviceTest {
+    DeviceTest {
         selector: selector("7", false, bus).unwrap(),
         force_n: 0.3,
         full_scale_n: JoystickOptions::CAREFUL_FULL_SCALE_N,
@@ -131,7 +131,7 @@ fn a_board_is_pushed_gently_and_feels_what_is_told() {
     let board = Arc::new(Mutex::new(board));
     bus.plug(info, descriptor, Arc::clone(&board));
     let selector = selector("/dev/board", true, &*bus).unwrap();
-    let trial = Trial {
+    let trial = DeviceTest {
         selector,
         force_n: 0.3,
         full_scale_n: JoystickOptions::CAREFUL_FULL_SCALE_N,
@@ -182,8 +182,14 @@ fn a_board_is_taken_for_the_arm_that_is_named() {
         let board = BoardFirmware::at_home(BoardForm::Bytes14, &arm.kinematics());
         bus.plug(board.info("/dev/board"), board.descriptor(), board);
         let selector = selector("/dev/board", false, &bus).unwrap();
-        let trial =
-            Trial { selector, force_n: 0.3, full_scale_n: 500.0, arm: Some(arm), seconds: 1.0, asks: true };
+        let trial = DeviceTest {
+            selector,
+            force_n: 0.3,
+            full_scale_n: 500.0,
+            arm: Some(arm),
+            seconds: 1.0,
+            asks: true,
+        };
         let description = palpate_haptics::DeviceDescription {
             name: "a board".into(),
             workspace_m: [glam::DVec3::NEG_ONE, glam::DVec3::ONE],
@@ -210,7 +216,7 @@ fn who_is_asked_is_told_that_a_force_may_stay() {
         bus.plug(board.info("/dev/board"), board.descriptor(), board);
         let selector = selector("/dev/board", true, &*bus).unwrap();
         let device = HidDevice::find(bus.clone(), &selector, &HidOptions::default()).unwrap();
-        let trial = Trial { selector, ..trial(&bus, 1.0) };
+        let trial = DeviceTest { selector, ..trial(&bus, 1.0) };
         let mut asked = Vec::new();
         let of_device = (&device.describe(), HidKind::Board, device.ends_by_itself());
         trial.ask(of_device, &mut asked, &mut "y\n".as_bytes(), true).unwrap();
@@ -228,7 +234,7 @@ fn a_board_whose_arm_is_not_named_is_only_read() {
     let board = BoardFirmware::at_home(BoardForm::Bytes14, &BoardKinematics::default());
     bus.plug(board.info("/dev/board"), board.descriptor(), board);
     let selector = selector("/dev/board", true, &*bus).unwrap();
-    let trial = Trial { selector, arm: None, ..trial(&bus, 1.2) };
+    let trial = DeviceTest { selector, arm: None, ..trial(&bus, 1.2) };
     let options = BoardOptions { homing: BoardHoming::AtOpen, ..BoardOptions::default() };
     let options = HidOptions { board: options, ..HidOptions::default() };
     let device = HidDevice::find(bus, &trial.selector, &options).unwrap();

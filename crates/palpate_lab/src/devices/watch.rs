@@ -1,6 +1,6 @@
 //! What is plugged in and out.
 
-use super::Line;
+use super::listing::{Line, row};
 use crate::error::LabError;
 use crate::output::Output;
 use palpate_hid::{HidBus, HidInfo};
@@ -58,6 +58,6 @@ pub(super) fn watch(
 fn tell(output: &Output, change: &'static str, device: &Line) -> Result<(), LabError> {
     output.print_line(&Change { change, device }, |out| {
         write!(out, "{change:<4}")?;
-        super::row(device, out)
+        row(device, out)
     })
 }

@@ -1,6 +1,6 @@
 //! The faults that can be injected in lock step.
 
-use super::Expected;
+use super::outcome::Expected;
 use super::scene::{BREAKS_AT, PERIOD, Scene, hand, settings};
 use glam::DVec3;
 use palpate_haptics::{DeviceError, LoopSettings, Reading};

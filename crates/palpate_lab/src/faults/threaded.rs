@@ -1,6 +1,6 @@
 //! The faults that need the loop's own thread.
 
-use super::Expected;
+use super::outcome::Expected;
 use super::scene::{BREAKS_AT, LIMITS, TICKS, Turned, config, hand, settings, write_model};
 use crate::error::LabError;
 use glam::DVec3;

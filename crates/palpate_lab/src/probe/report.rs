@@ -1,6 +1,6 @@
 //! Results of `palpate-lab probe`: JSON, table and CSV.
 
-use super::Probe;
+use super::arguments::Probe;
 use super::hertz;
 use super::options::{CouplingKind, Tool};
 use super::press::{PressAt, TICK_S};

@@ -1,10 +1,10 @@
 //! The body and the tool of `palpate-lab probe`.
 
-use super::Probe;
+use super::arguments::Probe;
 use super::mesh_file;
 use super::options::{CouplingKind, Lump, Tool};
 use super::top::Top;
-use crate::error::{LabError, check};
+use crate::error::LabError;
 use glam::{DQuat, DVec3};
 use palpate_body::{
     Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Face, MeshError, Network, Region, Surface,
@@ -139,20 +139,5 @@ impl Lump {
 
     fn empty(self, cell_m: f64) -> LabError {
         LabError::EmptyLump { radius_mm: self.radius_mm, cell_mm: 1e3 * cell_m }
-    }
-
-    pub(super) fn validate(self) -> Result<(), LabError> {
-        let far = self
-            .center_mm
-            .into_iter()
-            .fold(0.0, |far: f64, x| if x.is_finite() { far.max(x.abs()) } else { x });
-        check("coordinate of --lump, mm", far, far.abs() <= 1e4, "-10000 to 10000")?;
-        check("radius of --lump, mm", self.radius_mm, self.radius_mm > 0.0, "finite and above 0")?;
-        check(
-            "Young's modulus of --lump, Pa",
-            self.youngs_pa,
-            (1.0..=1e9).contains(&self.youngs_pa),
-            "1 to 1e9",
-        )
     }
 }

@@ -1,6 +1,6 @@
 //! The model side, on a thread of its own: the body is stepped along the samples at 20 Hz and local models are built of it.
 
-use super::account::Account;
+use super::deadline_audit::DeadlineAudit;
 use super::memory::{SETTLED_AFTER_S, settle};
 use crate::error::LabError;
 use palpate_body::{Body, SemiImplicitEuler, ToolContact, ToolPoint};
@@ -24,7 +24,7 @@ pub(super) struct ModelSide {
     pub(super) contact: ToolContact,
     pub(super) builder: LocalModelBuilder,
     pub(super) handle: HapticHandle,
-    pub(super) account: Account,
+    pub(super) audit: DeadlineAudit,
     pub(super) done: Done,
     /// The sample that the body has been stepped to.
     pub(super) consumed: Option<u64>,
@@ -92,10 +92,10 @@ impl ModelSide {
     /// Empties the queues of events and records.
     fn take_words(&mut self) {
         while let Some(event) = self.handle.next_event() {
-            self.account.event(&event);
+            self.audit.event(&event);
         }
         while let Some(record) = self.handle.next_record() {
-            self.account.tick(&record);
+            self.audit.tick(&record);
         }
     }
 

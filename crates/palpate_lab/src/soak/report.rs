@@ -1,13 +1,25 @@
 //! What is told of a run, and what is held against it.
 
+use super::hand::Felt;
+use super::load::LoadKind;
 use super::memory::Memory;
-use super::{Outcome, Soak};
+use super::model_side::ModelSide;
 use crate::error::LabError;
-use palpate_haptics::{RealTimeReport, TimeHistogram};
+use palpate_haptics::{BaselineReport, RealTimeReport, TimeHistogram};
 use serde::Serialize;
 use std::io::Write;
 
-/// The result of `palpate-lab soak`.
+/// Result of a run.
+pub(super) struct Outcome {
+    pub(super) model_side: ModelSide,
+    pub(super) felt: Felt,
+    pub(super) allocations: u64,
+    pub(super) bare: BaselineReport,
+    pub(super) memory: Memory,
+    pub(super) load_rounds: u64,
+}
+
+/// Report of `palpate-lab soak`.
 #[derive(Default, Serialize)]
 pub(super) struct Report {
     seconds: usize,
@@ -98,24 +110,24 @@ impl From<RealTimeReport> for RealTimeText {
 }
 
 impl Report {
-    pub(super) fn of(soak: &Soak, outcome: Outcome) -> Self {
+    pub(super) fn of(seconds: usize, load: LoadKind, outcome: Outcome) -> Self {
         let Outcome { mut model_side, felt, allocations, bare, memory, load_rounds } = outcome;
         let newest = model_side.handle.samples().newest().map_or(0, |sample| sample.sequence);
-        let (done, account) = (model_side.done, model_side.account);
+        let (done, audit) = (model_side.done, model_side.audit);
         let tick_ms = 1e3 * model_side.handle.config().hand_over.tick_s;
         let told = model_side.handle.report();
         let (lateness_us, bare_lateness_us) =
             (Percentiles::of(&told.lateness), Percentiles::of(&bare.lateness));
         let ratio = lateness_us.p99 / bare_lateness_us.p99;
         Self {
-            seconds: soak.seconds,
-            load: soak.load.name(),
+            seconds,
+            load: load.name(),
             load_rounds,
             ticks: told.ticks,
             missed: told.missed_deadlines,
             gaps: told.gaps,
             overruns: told.overruns,
-            accounted: account.is_complete(told, newest),
+            accounted: audit.is_complete(told, newest),
             dropped_records: told.dropped_records,
             dropped_events: told.dropped_events,
             lateness_us,
@@ -128,7 +140,7 @@ impl Report {
             cost_us: Percentiles::of(&told.cost),
             allocations_on_loop: allocations,
             memory_bytes: Memory { kept_by_model_side: done.kept_bytes(), ..memory },
-            forces_out_of_limits: felt.out_of_limits + account.grown_too_fast,
+            forces_out_of_limits: felt.out_of_limits + audit.grown_too_fast,
             peak_force_n: felt.peak_n,
             ticks_with_force: felt.not_zero,
             model_steps: done.steps,
@@ -138,7 +150,7 @@ impl Report {
             },
             models_adopted: told.models_adopted,
             models_refused: told.models_rejected,
-            oldest_model_ms: account.oldest_model_ticks as f64 * tick_ms,
+            oldest_model_ms: audit.oldest_model_ticks as f64 * tick_ms,
             samples_lost: done.samples_lost,
             real_time: told.real_time.into(),
             bare_real_time: bare.real_time.into(),

@@ -1,6 +1,6 @@
 //! What a reduced model of a mesh is worth.
 
-use super::{LARGEST_DENSE, Lattice, Method};
+use super::options::{LARGEST_DENSE, Lattice, Method};
 use crate::specimen::Specimen;
 use faer::{Mat, c64};
 use palpate_body::Network;

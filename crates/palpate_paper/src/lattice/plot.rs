@@ -1,6 +1,7 @@
 //! Pictures of a mesh: its responses, its states, and the mesh itself.
 
-use super::{Analysis, Method};
+use super::analysis::{Analysis, Response};
+use super::options::Method;
 use palpate_lab::error::LabError;
 use palpate_lab::figure::{Area, Curve, Panel, Scale, canvas, failed, svg};
 use plotters::prelude::*;
@@ -16,7 +17,7 @@ pub(crate) fn response_panels(analysis: &Analysis) -> Vec<Panel> {
         (reduced.as_str(), (report.method != Method::Full).then_some(&report.reduced_response)),
         ("balanced, as many states", analysis.balanced.as_ref()),
     ];
-    let panel = |title: &str, y, scale, pick: &dyn Fn(&super::analysis::Response) -> Option<Vec<f64>>| {
+    let panel = |title: &str, y, scale, pick: &dyn Fn(&Response) -> Option<Vec<f64>>| {
         let curves = responses.iter().filter_map(|(name, response)| {
             let values = pick((*response)?)?;
             let curve = Curve::new(*name, hz.iter().copied().zip(values));

@@ -1,7 +1,6 @@
 //! A mesh's responses, Hankel singular values and states as CSV.
 
-use super::Analysis;
-use super::analysis::Response;
+use super::analysis::{Analysis, Response};
 use palpate_lab::output::csv;
 
 type Column = (String, Vec<f64>);

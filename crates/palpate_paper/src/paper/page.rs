@@ -1,6 +1,6 @@
 //! The page: a table, figures inline, light and dark.
 
-use super::Row;
+use super::row::Row;
 use std::fmt::Write;
 
 const HEAD: &str = r##"<!DOCTYPE html>

@@ -1,6 +1,6 @@
 //! Sections 2 to 4: the problem, and what balanced reduction shows.
 
-use super::{Row, percent};
+use super::row::{Row, percent};
 use crate::lattice::{Analysis, Lattice, Method, mesh, response_panels, states};
 use crate::schemes::{Quality, Schemes};
 use glam::DVec3;

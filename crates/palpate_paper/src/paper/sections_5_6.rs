@@ -1,6 +1,6 @@
 //! Sections 5 and 6: local models, and how they do.
 
-use super::{Row, percent};
+use super::row::{Row, percent};
 use crate::chain::{self, Chain, Figures};
 use crate::density::{self, Density};
 use crate::grip::{self, Grip};

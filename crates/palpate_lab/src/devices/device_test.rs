@@ -1,6 +1,6 @@
 //! A gentle test of one device, by the loop and the safety chain that an app has.
 
-use super::Arm;
+use super::arm::Arm;
 use crate::error::LabError;
 use crate::output::Output;
 use glam::DVec3;
@@ -31,7 +31,7 @@ const WAIT_S: f64 = 0.5;
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// What is tested, and how.
-pub(super) struct Trial {
+pub(super) struct DeviceTest {
     pub(super) selector: HidSelector,
     /// N.
     pub(super) force_n: f64,
@@ -46,7 +46,7 @@ pub(super) struct Trial {
 
 /// What came of it.
 #[derive(Debug, Serialize)]
-pub(super) struct Tested {
+pub(super) struct TestReport {
     pub(super) device: String,
     pub(super) kind: String,
     pub(super) seconds: f64,
@@ -68,7 +68,7 @@ pub(super) struct Tested {
     pub(super) faults: Vec<String>,
 }
 
-impl Trial {
+impl DeviceTest {
     pub(super) fn run(&self, bus: Arc<dyn HidBus>, output: &Output) -> Result<(), LabError> {
         // Whoever is asked puts the arm to its home.
         let homing = if self.asks { BoardHoming::AtOpen } else { BoardHoming::Awaited };
@@ -168,7 +168,7 @@ impl Trial {
 
     /// Runs the loop on a thread, with a force that a person hardly needs to hold against.
     #[expect(clippy::disallowed_methods, reason = "forces are given in the time of the hand")]
-    pub(super) fn test(&self, device: HidDevice) -> Result<Tested, LabError> {
+    pub(super) fn test(&self, device: HidDevice) -> Result<TestReport, LabError> {
         let (found, counters) = (device.found().clone(), device.counters());
         let description = device.describe();
         let config = LoopConfig { device: description.limits(), ..LoopConfig::default() };
@@ -214,7 +214,7 @@ impl Trial {
         }
         let rounded = |v: DVec3| v.to_array().map(|m| (1e6 * m).round() / 1e6);
         let [lowest_m, highest_m] = seen.bounds_m.unwrap_or_default().map(rounded);
-        Ok(Tested {
+        Ok(TestReport {
             device: found.info.label(),
             kind: found.kind.to_string(),
             seconds,
@@ -281,8 +281,8 @@ impl Seen {
     }
 }
 
-fn print(tested: &Tested, out: &mut dyn Write) -> std::io::Result<()> {
-    let Tested { device, kind, seconds, ticks, reports, skipped, malformed, .. } = tested;
+fn print(tested: &TestReport, out: &mut dyn Write) -> std::io::Result<()> {
+    let TestReport { device, kind, seconds, ticks, reports, skipped, malformed, .. } = tested;
     writeln!(out, "{device}, a {kind}")?;
     let rate = *reports as f64 / seconds;
     writeln!(out, "ticks          {ticks} in {seconds:.1} s")?;

@@ -6,7 +6,7 @@ use palpate_haptics::{LoopEvent, LoopEventKind, LoopReport, TickRecord};
 
 /// What the records and events of a run add up to.
 #[derive(Clone, Debug)]
-pub(super) struct Account {
+pub(super) struct DeadlineAudit {
     period_ns: u64,
     limits: Limits,
     /// Ticks recorded.
@@ -29,7 +29,7 @@ pub(super) struct Account {
     pub(super) oldest_model_ticks: u64,
 }
 
-impl Account {
+impl DeadlineAudit {
     pub(super) fn new(period_ns: u64, limits: Limits) -> Self {
         Self {
             period_ns,
@@ -93,44 +93,44 @@ mod tests {
     const LIMITS: Limits = Limits { magnitude_n: 20.0, growth_n: 0.5 };
 
     /// Records of ticks in lock step, as if they had begun after `lateness_us` with `elapsed` periods each.
-    fn account(late: &[(u64, u64)], forces_n: &[f64]) -> Account {
+    fn audit(late: &[(u64, u64)], forces_n: &[f64]) -> DeadlineAudit {
         let (mut handle, haptic_loop) =
             haptic_loop(LoopConfig::default(), LoopSettings { record: true, ..LoopSettings::default() })
                 .unwrap();
         let device = ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::ZERO)));
         Lockstep::new(haptic_loop, Box::new(device)).unwrap().run(1);
         let record = handle.next_record().unwrap();
-        let mut account = Account::new(1_000_000, LIMITS);
+        let mut audit = DeadlineAudit::new(1_000_000, LIMITS);
         let (mut deadline_us, mut last_us) = (1000, None);
         for (i, &(lateness_us, elapsed)) in late.iter().enumerate() {
             let begun_us = deadline_us + lateness_us;
             let period_ns = last_us.map_or(0, |last| 1000 * (begun_us - last));
             let timing = TickTiming { lateness_ns: 1000 * lateness_us, period_ns, ..TickTiming::default() };
             let force_n = DVec3::X * forces_n.get(i).copied().unwrap_or(0.0);
-            account.tick(&TickRecord { elapsed, timing, force_n, ..record });
+            audit.tick(&TickRecord { elapsed, timing, force_n, ..record });
             last_us = Some(begun_us);
             deadline_us += 1000 * (1 + lateness_us / 1000);
         }
-        account
+        audit
     }
 
     #[test]
     fn ticks_are_where_their_periods_put_them_on_the_clock() {
-        let good = account(&[(100, 1), (50, 1), (3200, 4), (0, 1), (999, 1)], &[]);
+        let good = audit(&[(100, 1), (50, 1), (3200, 4), (0, 1), (999, 1)], &[]);
         assert_eq!((good.off_the_clock, good.ticks, good.periods), (0, 5, 8));
-        let first_late = account(&[(2100, 3), (10, 1)], &[]);
+        let first_late = audit(&[(2100, 3), (10, 1)], &[]);
         assert_eq!((first_late.off_the_clock, first_late.periods), (0, 4));
         // A missed deadline that was not counted, and one too many.
-        assert_eq!(account(&[(100, 1), (3200, 3), (0, 1)], &[]).off_the_clock, 2);
-        assert_eq!(account(&[(100, 1), (200, 2)], &[]).off_the_clock, 1);
+        assert_eq!(audit(&[(100, 1), (3200, 3), (0, 1)], &[]).off_the_clock, 2);
+        assert_eq!(audit(&[(100, 1), (200, 2)], &[]).off_the_clock, 1);
     }
 
     #[test]
     fn growth_is_judged_by_the_ticks_that_passed() {
         let late = [(0, 1), (1000, 2), (0, 1), (0, 1)];
-        assert_eq!(account(&late, &[0.5, 1.5, 2.0, 1.0]).grown_too_fast, 0);
-        assert_eq!(account(&late, &[0.5, 1.5, 2.6, 1.0]).grown_too_fast, 1);
+        assert_eq!(audit(&late, &[0.5, 1.5, 2.0, 1.0]).grown_too_fast, 0);
+        assert_eq!(audit(&late, &[0.5, 1.5, 2.6, 1.0]).grown_too_fast, 1);
         // That the device sees by itself.
-        assert_eq!(account(&late, &[0.5, 1.5, 9.0, 1.0]).grown_too_fast, 0);
+        assert_eq!(audit(&late, &[0.5, 1.5, 9.0, 1.0]).grown_too_fast, 0);
     }
 }
