@@ -1,4 +1,4 @@
-//! Devices over HID: which are there, and whether one can be read and takes forces.
+//! `palpate-lab devices`: lists HID devices and tests one gently.
 
 mod arm;
 mod device_test;
@@ -13,39 +13,39 @@ use listing::{Line, Listed, line, print};
 use palpate_hid::{FoundDevice, HidBus, HidError, HidInfo, HidSelector, JoystickOptions, SystemBus};
 use std::sync::Arc;
 
-/// Devices over HID: which are plugged in, and whether one can be read and takes forces
+/// HID devices: list, watch, or test one gently
 ///
-/// Without an option they are listed. A test reads the device for some seconds and lets it push and pull gently along each of its
-/// axes, below 0.5 N, by the same loop and safety chain that an app has. It asks before it does.
+/// Without an option the devices are listed. A test reads the device for some seconds and lets it push and pull gently along each of
+/// its axes, below 0.5 N, with the loop and safety chain of an app. It requires a confirmation.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab devices\n  palpate-lab devices --watch\n  palpate-lab devices --test 256f:c635\n  palpate-lab devices --test /dev/hidraw3 --force-n 0.2\n  palpate-lab devices --test 1234:0006 --board polhem-v3"
 )]
 pub(crate) struct Devices {
-    /// List what is plugged in and out, until it is interrupted or --seconds have passed
+    /// List devices as they are plugged in and out, until interrupted or for --seconds
     #[arg(long)]
     watch: bool,
     /// Test the device with this path, serial number, or VENDOR:PRODUCT
     #[arg(long, value_name = "ID", conflicts_with = "watch")]
     test: Option<String>,
-    /// The largest force of the test, N: below 0.5
+    /// Maximum force of the test, N: below 0.5
     #[arg(long, default_value_t = 0.3, allow_hyphen_values = true, requires = "test")]
     force_n: f64,
-    /// What the greatest force of a joystick is taken for, N: no protocol tells it, and where it is more the test is as much
-    /// stronger
+    /// Assumed maximum force of a joystick, N. No protocol reports it; if the real one is larger, the test is stronger in
+    /// proportion
     #[arg(long, default_value_t = JoystickOptions::CAREFUL_FULL_SCALE_N, allow_hyphen_values = true, requires = "test")]
     full_scale_n: f64,
-    /// Which arm a board has: no board tells it, and with the sizes of another one a force may be several times as large. A board
-    /// whose arm is not named is read and not pushed
+    /// Arm of a board. No board reports it, and with the dimensions of another arm a force may be several times as large. A board
+    /// without this flag is read and exerts no force
     #[arg(long, value_enum, requires = "test")]
     board: Option<Arm>,
-    /// How long to test or to watch, s [default: 6 for a test]
+    /// Duration of a test or watch, s [default: 6 for a test]
     #[arg(long, allow_hyphen_values = true)]
     seconds: Option<f64>,
-    /// Test without asking
+    /// Test without confirmation
     #[arg(long, requires = "test")]
     yes: bool,
-    /// Take 16C0:0486, which every Teensy with raw HID has, for a 3-DOF board
+    /// Treat 16C0:0486, the numbers of every Teensy with raw HID, as a 3-DOF board
     #[arg(long)]
     teensy_is_board: bool,
     /// List devices of unknown kinds too
@@ -53,14 +53,14 @@ pub(crate) struct Devices {
     all: bool,
 }
 
-/// The longest that is watched or tested, s.
-const LONGEST_S: f64 = 86_400.0;
+/// Maximum duration of a test or watch, s.
+const MAX_S: f64 = 86_400.0;
 
 impl Devices {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
         if let Some(seconds) = self.seconds {
-            let ok = seconds > 0.0 && seconds <= LONGEST_S;
-            check("--seconds", seconds, ok, format!("above 0 and at most {LONGEST_S}"))?;
+            let ok = seconds > 0.0 && seconds <= MAX_S;
+            check("--seconds", seconds, ok, format!("above 0 and at most {MAX_S}"))?;
         }
         let ok = self.force_n > 0.0 && self.force_n < 0.5;
         check("--force-n", self.force_n, ok, "above 0 and below 0.5")?;
@@ -74,7 +74,7 @@ impl Devices {
                 full_scale_n: self.full_scale_n,
                 arm: self.board,
                 seconds: self.seconds.unwrap_or(6.0),
-                asks: !self.yes,
+                needs_confirmation: !self.yes,
             }
             .run(bus, output),
             None if self.watch => {
@@ -102,18 +102,18 @@ impl Devices {
     }
 }
 
-/// The device that a user means by `id`: where it is, its serial number, or its vendor's and product's numbers.
+/// Selector for `id`: a path, a serial number, or VENDOR:PRODUCT.
 fn selector(id: &str, teensy_is_board: bool, bus: &dyn HidBus) -> Result<HidSelector, HidError> {
-    let asked = HidSelector { teensy_is_board, ..HidSelector::default() };
+    let base = HidSelector { teensy_is_board, ..HidSelector::default() };
     let present = bus.list()?;
     if present.iter().any(|info| info.path == id) || id.starts_with('/') {
-        return Ok(HidSelector { path: Some(id.into()), ..asked });
+        return Ok(HidSelector { path: Some(id.into()), ..base });
     }
     let number = |text: &str| u16::from_str_radix(text, 16).ok();
     let numbers = id.split_once(':').and_then(|(vendor, product)| Some((number(vendor)?, number(product)?)));
     Ok(match numbers {
-        Some((vendor, product)) => HidSelector { vendor: Some(vendor), product: Some(product), ..asked },
-        None => HidSelector { serial: Some(id.into()), ..asked },
+        Some((vendor, product)) => HidSelector { vendor: Some(vendor), product: Some(product), ..base },
+        None => HidSelector { serial: Some(id.into()), ..base },
     })
 }
 

@@ -1,4 +1,4 @@
-//! Every fault that a loop must survive, injected, and what the hand felt of it.
+//! `palpate-lab faults`: injects every fault that the loop must survive and checks the forces on the hand.
 
 mod injected;
 mod outcome;
@@ -8,15 +8,15 @@ mod threaded;
 use crate::error::LabError;
 use crate::output::Output;
 use clap::Args;
-use outcome::{Outcome, judge};
+use outcome::Outcome;
 use serde::Serialize;
 use std::io::Write;
 
-/// Every fault that the 1 kHz loop must survive: what the hand felt of it, and whether force came back
+/// Every fault that the 1 kHz loop must survive: forces on the hand and recovery
 ///
-/// A hand presses an elastic surface with 2 N, lifts and presses again, for 4 s and more. In the first touch something breaks: the
-/// device, its driver, the model side, a local model, the settings, the app. Most faults run in lock step, those of threads on
-/// a thread. Forces are compared with those of the same hand without a fault.
+/// A simulated hand presses an elastic surface with 2 N, lifts and presses again, for at least 4 s. A fault occurs in the first touch:
+/// in the device, its driver, the model side, a local model, the settings or the app. Most faults run in lock step, faults of threads
+/// on real threads. Forces are compared with those of the same movement without a fault.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "It exits with 1 if a fault was not survived.\n\nExamples:\n  palpate-lab faults\n  palpate-lab faults --only jump --json"
@@ -32,24 +32,24 @@ struct Report {
     faults: Vec<Outcome>,
 }
 
-/// Growth in a tick that a thread may have after missed deadlines, as a multiple of that of a tick.
-const AFTER_MISSED: f64 = 4.0;
+/// Allowed growth of a force on a thread after missed deadlines, as a multiple of the growth in a tick.
+const THREAD_GROWTH: f64 = 4.0;
 
 impl Faults {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
         let mut faults = Vec::new();
         for (name, expected, scene) in injected::all() {
             if name.contains(&self.only) {
-                faults.push(judge(name, expected, &scene.turn()?, 1.0));
+                faults.push(Outcome::of(name, expected, &scene.run()?, 1.0));
             }
         }
-        // What panics on purpose need not say so.
+        // The panics are intended; their messages are not printed.
         let hook = std::panic::take_hook();
         std::panic::set_hook(Box::new(|_| ()));
         let threaded: Result<Vec<Outcome>, LabError> = threaded::all()
             .into_iter()
             .filter(|(name, ..)| name.contains(&self.only))
-            .map(|(name, expected, run)| Ok(judge(name, expected, &run()?, AFTER_MISSED)))
+            .map(|(name, expected, run)| Ok(Outcome::of(name, expected, &run()?, THREAD_GROWTH)))
             .collect();
         std::panic::set_hook(hook);
         faults.extend(threaded?);
@@ -64,19 +64,22 @@ impl Faults {
     }
 }
 
-/// A line for each fault.
+/// Prints a line for each fault.
 fn print(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     let head = ["fault", "survived", "max, N", "slew, N/ms", "ticks to zero", "recovered"];
     let [fault, survived, force, slew, ticks, recovered] = head;
-    writeln!(out, "{fault:<36}{survived:>9}{force:>8}{slew:>12}{ticks:>15}{recovered:>11}  told")?;
+    writeln!(out, "{fault:<36}{survived:>9}{force:>8}{slew:>12}{ticks:>15}{recovered:>11}  report")?;
     for f in &report.faults {
-        let yes = |is_so: bool| if is_so { "yes" } else { "no" };
+        let yes_no = |value: bool| if value { "yes" } else { "no" };
         let ticks = if f.is_bridged { "bridged".to_owned() } else { f.ticks_to_safe.to_string() };
-        let (survived, recovered) = (yes(f.survived), yes(f.recovered));
+        let (survived, recovered) = (yes_no(f.survived), yes_no(f.recovered));
         let (force, slew) = (f.max_force_n, f.max_slew_n_per_ms);
         let name = f.name;
-        let told = &f.told;
-        writeln!(out, "{name:<36}{survived:>9}{force:>8.2}{slew:>12.3}{ticks:>15}{recovered:>11}  {told}")?;
+        let reported = &f.reported;
+        writeln!(
+            out,
+            "{name:<36}{survived:>9}{force:>8.2}{slew:>12.3}{ticks:>15}{recovered:>11}  {reported}"
+        )?;
         if let Some(why) = &f.why {
             writeln!(out, "    {why}")?;
         }

@@ -1,4 +1,4 @@
-//! `palpate-lab fidelity`: every scheme against the full body at 1 kHz.
+//! `palpate-lab fidelity`: error of every scheme relative to the full body at 1 kHz.
 
 mod comparison;
 mod cost;

@@ -1,12 +1,12 @@
-//! Arms of boards.
+//! Arms of 3-DOF boards.
 
 use clap::ValueEnum;
 use palpate_hid::BoardKinematics;
 
-/// The arms of boards whose sizes are published.
+/// Arms with published dimensions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Arm {
-    /// The WoodenHaptics of 2015
+    /// WoodenHaptics of 2015
     #[value(name = "woodenhaptics")]
     WoodenHaptics,
     /// Polhem 2
@@ -24,17 +24,17 @@ impl Arm {
         }
     }
 
-    /// Where somebody has to put it, and what it is taken for.
+    /// Home position of the arm and the assumption about its dimensions, for a person.
     pub(super) fn home(self) -> &'static str {
         match self {
             Self::WoodenHaptics => {
-                "link B up, link C to the front. Its motors and sizes are taken for those of a WoodenHaptics of 2015 (--board)"
+                "link B up, link C to the front. Motors and dimensions of a WoodenHaptics of 2015 are assumed (--board)"
             }
             Self::PolhemV2 => {
-                "folded, as its maker has it. Its motors and sizes are taken for those of a Polhem 2; draw it out of there for any force"
+                "folded, as its maker documents. Motors and dimensions of a Polhem 2 are assumed; pull it out of the home position to get a force"
             }
             Self::PolhemV3 => {
-                "folded, as its maker has it. Its motors and sizes are taken for those of a Polhem 3; draw it out of there for any force"
+                "folded, as its maker documents. Motors and dimensions of a Polhem 3 are assumed; pull it out of the home position to get a force"
             }
         }
     }

@@ -4,16 +4,17 @@ use palpate_hid::{FoundDevice, HidBus, HidInfo};
 use serde::Serialize;
 use std::io::Write;
 
+/// Devices that are plugged in.
 #[derive(Serialize)]
 pub(super) struct Listed {
     pub(super) devices: Vec<Line>,
-    /// Devices of kinds that are not known here.
+    /// Number of devices of unsupported kinds.
     pub(super) others: usize,
-    /// Paths of those among them that are boards if somebody says so.
+    /// Paths of devices that are boards with `--teensy-is-board`.
     pub(super) may_be_boards: Vec<String>,
 }
 
-/// A device as it is listed.
+/// Device in a list.
 #[derive(Clone, Debug, Serialize, PartialEq)]
 pub(super) struct Line {
     pub(super) kind: Option<String>,
@@ -22,11 +23,11 @@ pub(super) struct Line {
     pub(super) product: String,
     pub(super) serial: String,
     pub(super) path: String,
-    /// Why it cannot be opened; empty where it can, or where its kind is not known.
+    /// Error when opening the device; empty without error and for unsupported kinds.
     pub(super) refused: String,
 }
 
-/// What is known of `info`.
+/// Entry of the device `info`.
 pub(super) fn line(bus: &dyn HidBus, info: &HidInfo, teensy_is_board: bool) -> Line {
     let found = FoundDevice::known(bus, info, teensy_is_board);
     let refused = match &found {
@@ -44,9 +45,10 @@ pub(super) fn line(bus: &dyn HidBus, info: &HidInfo, teensy_is_board: bool) -> L
     }
 }
 
+/// Prints the table.
 pub(super) fn print(listed: &Listed, all: bool, out: &mut dyn Write) -> std::io::Result<()> {
     if listed.devices.is_empty() {
-        writeln!(out, "no device of a known kind is plugged in")?;
+        writeln!(out, "no device of a supported kind is plugged in")?;
     } else {
         head(out)?;
         for line in &listed.devices {
@@ -54,7 +56,7 @@ pub(super) fn print(listed: &Listed, all: bool, out: &mut dyn Write) -> std::io:
         }
     }
     for path in &listed.may_be_boards {
-        writeln!(out, "{path} is a Teensy that may be a 3-DOF board; if it is, say so: --teensy-is-board")?;
+        writeln!(out, "{path} is a Teensy that may be a 3-DOF board; if it is one, pass --teensy-is-board")?;
     }
     match listed.others {
         0 => Ok(()),
@@ -68,9 +70,10 @@ fn head(out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out, "{:<24}{:<11}{:<16}{:<16}name", "kind", "numbers", "serial", "path")
 }
 
+/// Prints a device.
 pub(super) fn row(line: &Line, out: &mut dyn Write) -> std::io::Result<()> {
     let Line { kind, name, vendor, product, serial, path, refused } = line;
-    let kind = kind.as_deref().unwrap_or("not known");
+    let kind = kind.as_deref().unwrap_or("unsupported");
     let numbers = format!("{vendor}:{product}");
     let or = |text: &str| if text.is_empty() { "-".to_owned() } else { text.to_owned() };
     writeln!(out, "{kind:<24}{numbers:<11}{:<16}{path:<16}{}", or(serial), or(name))?;

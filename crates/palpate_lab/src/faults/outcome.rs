@@ -1,170 +1,170 @@
 //! Expected and actual outcome of a fault.
 
-use super::scene::{self, BREAKS_AT, LIMITS, Turned};
+use super::scene::{FAULT_TICK, LIMITS, SceneRun, chain, intact_force_n};
+use glam::DVec3;
+use palpate_haptics::LoopEventKind;
 use serde::Serialize;
 
-/// What came of one fault.
+/// Outcome of a fault.
 #[derive(Debug, Serialize)]
-pub(crate) struct Outcome {
+pub(super) struct Outcome {
     pub(super) name: &'static str,
-    /// Every force was finite and within the limits of magnitude and growth; it was safe in time; the fault was told; force came
-    /// back if it should.
+    /// Whether every force was finite and within the limits of magnitude and growth, the force became zero in time, the fault was
+    /// reported, and the force came back where it should.
     pub(super) survived: bool,
-    /// The largest force that was written, N.
+    /// Maximum force written, N.
     pub(super) max_force_n: f64,
-    /// The largest growth of the force within a tick, N.
+    /// Maximum growth of the force in a tick, N.
     pub(super) max_slew_n_per_ms: f64,
     /// Ticks from the fault to zero force; 0 where the fault is bridged.
     pub(super) ticks_to_safe: u64,
     #[serde(skip)]
     pub(super) is_bridged: bool,
-    /// Whether the force at the end was that without a fault.
+    /// Whether the force at the end equals the force without a fault.
     pub(super) recovered: bool,
-    /// What the app was told first: cause and remedy.
-    pub(super) told: String,
-    /// Why it was not survived.
+    /// First report to the app about the fault: cause and remedy.
+    #[serde(rename = "told")]
+    pub(super) reported: String,
+    /// Reason why the fault was not survived.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) why: Option<String>,
 }
 
-/// What must come of a fault.
+/// Expected outcome of a fault.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Expected {
-    /// Zero force within so many ticks of the fault; `None`: the fault is bridged, and the force goes on.
+    /// Maximum number of ticks from the fault to zero force; `None` where the fault is bridged without zero force.
     pub(crate) zero_within: Option<u64>,
-    /// Whether the force comes back to that without a fault before the end.
+    /// Whether the force returns to that without a fault before the end.
     pub(crate) recovers: bool,
-    /// A part of what the app must be told; empty where nothing is wrong.
-    pub(crate) told: &'static str,
+    /// Test for the event that reports the fault; `None` where nothing must be reported.
+    pub(crate) reports: Option<fn(&LoopEventKind) -> bool>,
 }
 
-/// Ticks for which the force must stay zero to be safe, and at least as many at the end be right to have recovered.
+/// Number of ticks for which the force must stay zero to be safe, and minimum number of correct ticks at the end to have recovered.
 const STAYS: usize = 50;
 
-/// Whether what was felt is what must come of a fault.
-pub(super) fn judge(name: &'static str, expected: Expected, turned: &Turned, growth: f64) -> Outcome {
-    let lengths: Vec<f64> = turned.forces.iter().map(|(_, force)| force.length()).collect();
-    let max_force_n = lengths.iter().copied().fold(0.0, f64::max);
-    let grown = |pair: &[(u64, glam::DVec3)]| {
-        let ((_, before), (_, now)) = (pair[0], pair[1]);
-        now.length() - now.try_normalize().map_or(0.0, |along| before.dot(along).max(0.0))
-    };
-    let max_slew_n_per_ms = turned.forces.windows(2).map(grown).fold(0.0, f64::max);
-    let broken = turned.forces.iter().position(|(tick, _)| *tick >= BREAKS_AT).unwrap_or(lengths.len());
-    let is_zero = |from: usize| lengths[from..].iter().take(STAYS).all(|f| *f == 0.0);
-    let safe = (broken..lengths.len()).find(|&i| is_zero(i)).map(|i| turned.forces[i].0 - BREAKS_AT);
-    let right = |(tick, force): &(u64, glam::DVec3)| (force.z - scene::sound_n(*tick)).abs() < 0.15;
-    // Shortly before the loop is stopped, with zero force.
-    let last: Vec<_> = turned
-        .forces
-        .iter()
-        .filter(|(tick, _)| (turned.ticks - 150..turned.ticks - 50).contains(tick))
-        .collect();
-    let recovered = last.len() >= STAYS && last.into_iter().all(right);
-    let told = if expected.told.is_empty() {
-        turned.told.first()
-    } else {
-        turned.told.iter().find(|told| told.contains(expected.told))
-    };
-    let slew_n = LIMITS.slew_n_per_s * 1e-3 * growth;
-    // While a fault is bridged the force may be off by what the hand did meanwhile.
-    let bridged = turned.forces[broken..]
-        .iter()
-        .take(200)
-        .all(|(tick, force)| (force.z - scene::sound_n(*tick)).abs() < 0.5);
-    let complaints = [
-        (!lengths.iter().all(|f| f.is_finite()), "a force was not finite".to_owned()),
-        (max_force_n > LIMITS.force_n * (1.0 + 1e-9), format!("the force came to {max_force_n} N")),
-        (
-            max_slew_n_per_ms > slew_n * (1.0 + 1e-9),
-            format!("the force grew by {max_slew_n_per_ms} N in a tick"),
-        ),
-        (
-            expected.zero_within.is_some_and(|within| safe.is_none_or(|ticks| ticks > within)),
-            format!("the force was zero after {safe:?} ticks, not within {:?}", expected.zero_within),
-        ),
-        (expected.zero_within.is_none() && !bridged, "the force did not go on".to_owned()),
-        (
-            recovered != expected.recovers,
-            "the force came back when it should not, or did not when it should".to_owned(),
-        ),
-        (
-            !expected.told.is_empty() && told.is_none(),
-            format!("nothing was told of it; told was: {:?}", turned.told),
-        ),
-        (
-            expected.told.is_empty() && told.is_some(),
-            format!("something was told that is no fault: {told:?}"),
-        ),
-    ];
-    let why = complaints.into_iter().find(|(is_so, _)| *is_so).map(|(_, why)| why);
-    Outcome {
-        name,
-        survived: why.is_none(),
-        max_force_n,
-        max_slew_n_per_ms,
-        ticks_to_safe: expected.zero_within.and(safe).unwrap_or(0),
-        is_bridged: expected.zero_within.is_none(),
-        recovered,
-        told: told.cloned().unwrap_or_default(),
-        why,
+impl Outcome {
+    /// Compares a run with the expected outcome. A force may grow in a tick by `growth` times the limit.
+    pub(super) fn of(name: &'static str, expected: Expected, run: &SceneRun, growth: f64) -> Self {
+        let lengths: Vec<f64> = run.forces.iter().map(|(_, force)| force.length()).collect();
+        let max_force_n = lengths.iter().copied().fold(0.0, f64::max);
+        let grown = |pair: &[(u64, DVec3)]| {
+            let ((_, before), (_, now)) = (pair[0], pair[1]);
+            now.length() - now.try_normalize().map_or(0.0, |along| before.dot(along).max(0.0))
+        };
+        let max_slew_n_per_ms = run.forces.windows(2).map(grown).fold(0.0, f64::max);
+        let fault = run.forces.iter().position(|(tick, _)| *tick >= FAULT_TICK).unwrap_or(lengths.len());
+        let is_zero = |from: usize| lengths[from..].iter().take(STAYS).all(|f| *f == 0.0);
+        let zero_after = (fault..lengths.len()).find(|&i| is_zero(i)).map(|i| run.forces[i].0 - FAULT_TICK);
+        let differs_by_n = |(tick, force): &(u64, DVec3)| (force.z - intact_force_n(*tick)).abs();
+        // Shortly before the loop is stopped, with zero force.
+        let end = run.ticks - 150..run.ticks - 50;
+        let last: Vec<_> = run.forces.iter().filter(|(tick, _)| end.contains(tick)).collect();
+        let recovered = last.len() >= STAYS && last.into_iter().all(|at| differs_by_n(at) < 0.15);
+        let event = match expected.reports {
+            Some(is_expected) => run.events.iter().find(|event| is_expected(event)),
+            None => run.events.first(),
+        };
+        let max_growth_n = LIMITS.slew_n_per_s * 1e-3 * growth;
+        // While a fault is bridged, the force may be off by the movement of the hand during the fault.
+        let is_bridged = run.forces[fault..].iter().take(200).all(|at| differs_by_n(at) < 0.5);
+        let within = expected.zero_within;
+        let problems = [
+            (!lengths.iter().all(|f| f.is_finite()), "a force was not finite".to_owned()),
+            (max_force_n > LIMITS.force_n * (1.0 + 1e-9), format!("the force reached {max_force_n} N")),
+            (
+                max_slew_n_per_ms > max_growth_n * (1.0 + 1e-9),
+                format!("the force grew by {max_slew_n_per_ms} N in a tick"),
+            ),
+            (
+                within.is_some_and(|within| zero_after.is_none_or(|ticks| ticks > within)),
+                format!("the force was zero after {zero_after:?} ticks, not within {within:?}"),
+            ),
+            (within.is_none() && !is_bridged, "the force did not continue".to_owned()),
+            (recovered && !expected.recovers, "the force came back and should not".to_owned()),
+            (!recovered && expected.recovers, "the force did not come back".to_owned()),
+            (
+                expected.reports.is_some() && event.is_none(),
+                format!("the fault was not reported; events: {:?}", run.events),
+            ),
+            (
+                expected.reports.is_none() && event.is_some(),
+                format!("{event:?} was reported without a fault"),
+            ),
+        ];
+        let why = problems.into_iter().find(|(is_so, _)| *is_so).map(|(_, why)| why);
+        Self {
+            name,
+            survived: why.is_none(),
+            max_force_n,
+            max_slew_n_per_ms,
+            ticks_to_safe: within.and(zero_after).unwrap_or(0),
+            is_bridged: within.is_none(),
+            recovered,
+            reported: event.map(chain).unwrap_or_default(),
+            why,
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::scene::TICKS;
     use super::*;
-    use glam::DVec3;
 
-    const FADES: Expected = Expected { zero_within: Some(100), recovers: true, told: "it broke" };
+    const FADES: Expected = Expected {
+        zero_within: Some(100),
+        recovers: true,
+        reports: Some(|event| matches!(event, LoopEventKind::ForceNotFinite)),
+    };
 
-    /// What is felt where nothing is wrong, but for 50 ticks of zero from 80 ticks after the fault on and a ramp after them.
-    fn faded() -> Turned {
-        let gain = |tick: u64| match tick.saturating_sub(BREAKS_AT) {
+    /// Forces without a fault, except for 50 ticks of zero from 80 ticks after the fault and a ramp after them.
+    fn faded() -> SceneRun {
+        let gain = |tick: u64| match tick.saturating_sub(FAULT_TICK) {
             0..80 => 1.0,
             since => (since.saturating_sub(130) as f64 / 20.0).min(1.0),
         };
-        let force = |tick| gain(tick) * scene::sound_n(tick);
-        let forces = (1..=scene::TICKS).map(|tick| (tick, DVec3::Z * force(tick))).collect();
-        Turned { forces, told: vec!["it broke: mend it".into()], ticks: scene::TICKS }
+        let force = |tick| gain(tick) * intact_force_n(tick);
+        let forces = (1..=TICKS).map(|tick| (tick, DVec3::Z * force(tick))).collect();
+        SceneRun { forces, events: vec![LoopEventKind::ForceNotFinite], ticks: TICKS }
     }
 
-    /// What is held against `turned`.
-    fn why(expected: Expected, turned: &Turned) -> String {
-        judge("a fault", expected, turned, 1.0).why.unwrap_or_default()
+    fn why(expected: Expected, run: &SceneRun) -> String {
+        Outcome::of("a fault", expected, run, 1.0).why.unwrap_or_default()
     }
 
     #[test]
-    fn what_is_as_it_must_be_is_survived() {
-        let outcome = judge("a fault", FADES, &faded(), 1.0);
+    fn expected_outcome_is_survived() {
+        let outcome = Outcome::of("a fault", FADES, &faded(), 1.0);
         assert_eq!((outcome.survived, outcome.why, outcome.ticks_to_safe), (true, None, 80));
-        assert!(outcome.recovered && outcome.told == "it broke: mend it");
+        assert!(outcome.recovered && outcome.reported == LoopEventKind::ForceNotFinite.to_string());
     }
 
     #[test]
-    fn everything_that_must_not_be_is_found() {
-        let tick = BREAKS_AT as usize;
-        let spoilt = |spoil: fn(&mut Vec<(u64, DVec3)>, usize)| {
-            let mut turned = faded();
-            spoil(&mut turned.forces, tick);
-            turned
+    fn detects_every_deviation_from_the_expected_outcome() {
+        let tick = FAULT_TICK as usize;
+        let changed = |change: fn(&mut Vec<(u64, DVec3)>, usize)| {
+            let mut run = faded();
+            change(&mut run.forces, tick);
+            run
         };
-        let untold = Turned { told: vec!["something else".into()], ..faded() };
+        let other_event = SceneRun { events: vec![LoopEventKind::EmergencyStopped], ..faded() };
         let bridged = Expected { zero_within: None, ..FADES };
-        for (expected, turned, says) in [
-            (FADES, spoilt(|forces, at| forces[at].1.x = f64::NAN), "not finite"),
-            (FADES, spoilt(|forces, _| forces[9].1.z = 10.1), "came to 10.1 N"),
-            (FADES, spoilt(|forces, at| forces[at + 100].1.z = 2.1), "grew by 2.1 N"),
+        for (expected, run, problem) in [
+            (FADES, changed(|forces, at| forces[at].1.x = f64::NAN), "not finite"),
+            (FADES, changed(|forces, _| forces[9].1.z = 10.1), "reached 10.1 N"),
+            (FADES, changed(|forces, at| forces[at + 100].1.z = 2.1), "grew by 2.1 N"),
             (Expected { zero_within: Some(79), ..FADES }, faded(), "zero after Some(80) ticks"),
-            (FADES, spoilt(|forces, at| forces[at + 100].1.z = 1e-9), "ticks, not within Some(100)"),
-            (bridged, faded(), "did not go on"),
-            (Expected { recovers: false, ..FADES }, faded(), "came back when it should not"),
-            (FADES, spoilt(|forces, _| forces[3899].1.z += 0.2), "did not when it should"),
-            (FADES, spoilt(|forces, _| forces.truncate(3860)), "did not when it should"),
-            (FADES, untold, "nothing was told of it"),
-            (Expected { told: "", ..FADES }, faded(), "told that is no fault"),
+            (FADES, changed(|forces, at| forces[at + 100].1.z = 1e-9), "ticks, not within Some(100)"),
+            (bridged, faded(), "did not continue"),
+            (Expected { recovers: false, ..FADES }, faded(), "came back and should not"),
+            (FADES, changed(|forces, _| forces[3899].1.z += 0.2), "did not come back"),
+            (FADES, changed(|forces, _| forces.truncate(3860)), "did not come back"),
+            (FADES, other_event, "was not reported"),
+            (Expected { reports: None, ..FADES }, faded(), "was reported without a fault"),
         ] {
-            assert!(why(expected, &turned).contains(says), "{says}: {}", why(expected, &turned));
+            assert!(why(expected, &run).contains(problem), "{problem}: {}", why(expected, &run));
         }
     }
 }

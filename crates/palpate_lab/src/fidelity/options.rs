@@ -11,7 +11,7 @@ use palpate_local::Scheme;
 use palpate_reduce::{BuilderOptions, ComparisonOptions, LocalIntegrator};
 use std::path::PathBuf;
 
-/// How far every scheme's force is from that of the full body at 1 kHz, on a block whose top is held
+/// Error of every scheme's force relative to the full body at 1 kHz, on a block whose top is held
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab fidelity --json\n  palpate-lab fidelity --nodes 10,10,10 --delay-ms 40 --out results\n  \
@@ -45,18 +45,18 @@ pub(crate) struct Fidelity {
     /// all, or names with commas: hold, low_pass, tangent, neighbourhood, krylov_linear, near_field_exact
     #[arg(long, default_value = "all", value_parser = schemes)]
     pub(super) scheme: Schemes,
-    /// Where the samples' velocity comes from: backward-difference, or two-pole:HZ
+    /// Velocity estimator of the samples: backward-difference, or two-pole:HZ
     #[arg(long, default_value = "backward-difference", value_parser = velocity)]
     pub(super) velocity: VelocityEstimator,
-    /// Positions are rounded to multiples of that, mm; the oracle has the exact ones
+    /// Resolution of the measured positions, mm; the oracle uses exact positions
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.0)]
     pub(super) position_step_mm: f64,
-    /// Ticks of near_field_exact: oracle, with the full body's substeps, or implicit:SUBSTEPS
+    /// Integrator of near_field_exact: oracle, with the substeps of the full body, or implicit:SUBSTEPS
     #[arg(long, default_value = "oracle", value_parser = integrator)]
     pub(super) integrator: LocalIntegrator,
 }
 
-/// Nodes along three axes.
+/// Number of nodes along x, y and z.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nodes([usize; 3]);
 
@@ -65,7 +65,7 @@ fn three(text: &str) -> Result<Nodes, &'static str> {
     list.try_into().map(Nodes).map_err(|_| "it must be three numbers, as in 6,6,6")
 }
 
-/// The schemes to be run.
+/// Schemes to compare.
 #[derive(Clone, Debug)]
 pub(super) struct Schemes(pub(super) Vec<Scheme>);
 
@@ -131,7 +131,7 @@ impl Fidelity {
         BuilderOptions { integrator: self.integrator, ..BuilderOptions::default() }
     }
 
-    /// The block at rest, and the tool that holds the middle of its top, and where.
+    /// Block at rest, tool that holds the middle of its top, and position of the tool, m.
     pub(super) fn scene(&self) -> Result<(Body, ToolContact, DVec3), LabError> {
         let Self { edge_m, mass_kg, damping_ratio, .. } = *self;
         let (nodes, stiffness_n_per_m) = (self.nodes.0, self.stiffness);

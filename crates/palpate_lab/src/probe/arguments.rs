@@ -19,7 +19,7 @@ use std::path::PathBuf;
                   palpate-lab probe --mesh liver.glb --cells 12 --lump 0,-12,0:6:200000 --scan -20:20:2 --json"
 )]
 pub(crate) struct Probe {
-    /// Body that needs no file
+    /// Built-in body
     #[arg(long, value_enum, default_value = "block", conflicts_with = "mesh", help_heading = "Body")]
     pub(super) body: BuiltinBody,
     /// Nodes of the block along x, y and z

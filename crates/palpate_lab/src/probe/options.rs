@@ -7,7 +7,7 @@ use clap::ValueEnum;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nodes(pub(super) [usize; 3]);
 
-/// A body that needs no file.
+/// Built-in body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum BuiltinBody {
     /// A box of cubic cells
@@ -24,7 +24,7 @@ pub(super) enum Tool {
 /// Connection between the hand and the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum CouplingKind {
-    /// The tool is where the hand is
+    /// The tool is at the position of the hand
     Rigid,
     /// A spring of 20 kN/m whose force saturates at 10 N, the plugin's default
     Virtual,

@@ -11,14 +11,22 @@ mod soak;
 
 use program::*;
 use serde_json::Value;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Serialises the tests that measure wall-clock time: a busy machine of one would delay the threads of another.
+static TIMED: Mutex<()> = Mutex::new(());
+
+fn timed() -> MutexGuard<'static, ()> {
+    TIMED.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_palpate-lab");
 
 #[test]
-fn what_makes_no_sense_is_refused_in_one_line_and_leaves_nothing() {
+fn rejects_invalid_arguments_in_one_line_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("results");
-    for (arguments, said) in [
+    for (arguments, expected) in [
         (
             &["fidelity", "--nodes", "6,6"][..],
             "error: invalid value '6,6' for '--nodes <X,Y,Z>': it must be three numbers",
@@ -39,8 +47,8 @@ fn what_makes_no_sense_is_refused_in_one_line_and_leaves_nothing() {
         (&["fidelity", "--position-step-mm", "-1"], "error: --position-step-mm is -1; it must be 0 to 10"),
         (&["nonsense"], "error: unrecognized subcommand 'nonsense'"),
     ] {
-        let text = refused(&[arguments, &["--out", out.to_str().unwrap()]].concat());
-        assert!(text.starts_with(said), "{text}");
+        let text = rejected(&[arguments, &["--out", out.to_str().unwrap()]].concat());
+        assert!(text.starts_with(expected), "{text}");
     }
     assert!(!out.exists());
 }

@@ -1,4 +1,4 @@
-//! The organ that the project brings along: what the command writes, and the file beside the examples.
+//! `palpate-lab organ` and the organ of the examples.
 
 use glam::{DVec3, Vec3};
 use palpate_body::{ClosedMesh, MeshRepairs};
@@ -12,7 +12,7 @@ struct Glb {
     bytes: usize,
 }
 
-/// Reads a file as the format says, not as the command writes.
+/// Reads a file according to the format, independently of the writer.
 fn read(path: &Path) -> Glb {
     let file = std::fs::read(path).unwrap();
     let number = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) as usize;
@@ -58,7 +58,7 @@ fn read(path: &Path) -> Glb {
     }
 }
 
-fn made(vertices: &str) -> (Glb, Value) {
+fn organ(vertices: &str) -> (Glb, Value) {
     let folder = tempfile::tempdir().unwrap();
     let arguments = ["organ", "--vertices", vertices, "--json", "--out", folder.path().to_str().unwrap()];
     let output = super::run(&arguments);
@@ -67,14 +67,14 @@ fn made(vertices: &str) -> (Glb, Value) {
 }
 
 #[test]
-fn it_is_a_closed_mesh_of_the_size_asked_for_that_needs_no_repair() {
-    for (asked, vertices) in [("100", 98), ("10000", 10_088), ("80000", 79_352)] {
-        let (glb, said) = made(asked);
-        assert_eq!((glb.positions.len(), said["vertices"].as_u64()), (vertices, Some(vertices as u64)));
+fn organ_is_a_closed_mesh_of_the_requested_size_without_repairs() {
+    for (requested, vertices) in [("100", 98), ("10000", 10_088), ("80000", 79_352)] {
+        let (glb, report) = organ(requested);
+        assert_eq!((glb.positions.len(), report["vertices"].as_u64()), (vertices, Some(vertices as u64)));
         let mesh = ClosedMesh::new(glb.positions, glb.triangles.clone()).unwrap();
         assert_eq!((mesh.repairs(), mesh.parts()), (MeshRepairs::default(), 1));
-        assert_eq!(glb.triangles.len(), 2 * vertices - 4, "without a hole through it");
-        let volume = said["volume_m3"].as_f64().unwrap();
+        assert_eq!(glb.triangles.len(), 2 * vertices - 4, "topology of a sphere");
+        let volume = report["volume_m3"].as_f64().unwrap();
         assert!((mesh.volume_m3() / volume - 1.0).abs() < 1e-5);
         for (vertex, normal) in glb.normals.iter().enumerate() {
             assert!((normal.length() - 1.0).abs() < 1e-6, "{vertex}");
@@ -83,13 +83,13 @@ fn it_is_a_closed_mesh_of_the_size_asked_for_that_needs_no_repair() {
 }
 
 #[test]
-fn the_file_beside_the_examples_is_what_the_command_writes() {
+fn organ_of_the_examples_equals_the_output_of_the_command() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/meshes/organ.glb");
-    let (here, kept) = (made("10000").0, read(Path::new(path)));
-    assert!(kept.bytes < 1_000_000);
-    assert_eq!(here.triangles, kept.triangles);
-    // Another machine's tangent may differ in its last bit.
-    for (here, kept) in here.positions.iter().zip(&kept.positions) {
-        assert!(here.distance(*kept) < 1e-8);
+    let (here, file) = (organ("10000").0, read(Path::new(path)));
+    assert!(file.bytes < 1_000_000);
+    assert_eq!(here.triangles, file.triangles);
+    // The tangent of another platform may differ in its last bit.
+    for (here, file) in here.positions.iter().zip(&file.positions) {
+        assert!(here.distance(*file) < 1e-8);
     }
 }

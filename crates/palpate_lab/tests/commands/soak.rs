@@ -1,9 +1,11 @@
-//! `palpate-lab soak` as a user runs it: what must hold whatever the machine does meanwhile. No times are judged here.
+//! `palpate-lab soak`: guarantees that hold on any machine. Times are not checked.
 
+use palpate_haptics::{DenialReason, Outcome};
 use serde_json::Value;
 use std::process::Output;
 
 fn soak(arguments: &[&str]) -> Output {
+    let _timed = super::timed();
     super::run(&[&["soak"], arguments].concat())
 }
 
@@ -14,11 +16,18 @@ fn json(arguments: &[&str]) -> Value {
 }
 
 fn count(value: &Value, key: &str) -> u64 {
-    value[key].as_u64().unwrap_or_else(|| panic!("{key}: {} is no count", value[key]))
+    value[key].as_u64().unwrap_or_else(|| panic!("{key}: {} is not a count", value[key]))
+}
+
+/// Starts of the texts of a real-time request's outcome: not requested, granted, denied with a reason.
+fn outcomes() -> [String; 3] {
+    let denied = Outcome::Denied(DenialReason::NotPermitted).to_string();
+    let denied = denied.split(':').next().unwrap().to_owned();
+    [Outcome::NotRequested.to_string(), Outcome::Granted.to_string(), denied]
 }
 
 #[track_caller]
-fn holds(report: &Value, load: &str, seconds: u64) {
+fn assert_guarantees(report: &Value, load: &str, seconds: u64) {
     assert_eq!((report["load"].as_str(), count(report, "seconds")), (Some(load), seconds));
     assert_eq!(report["accounted"], Value::Bool(true), "{report}");
     for key in ["allocations_on_loop", "forces_out_of_limits", "dropped_records", "dropped_events"] {
@@ -35,70 +44,67 @@ fn holds(report: &Value, load: &str, seconds: u64) {
         assert!(at("p50") <= at("p99") && at("p99") <= at("p999") && at("p999") <= at("max"), "{key}");
     }
     let ratio = report["lateness_ratio_p99"].as_f64().unwrap();
-    let told = |key: &str| report[key]["p99"].as_f64().unwrap();
-    assert!((ratio - told("lateness_us") / told("bare_lateness_us")).abs() < 1e-9);
+    let p99 = |key: &str| report[key]["p99"].as_f64().unwrap();
+    assert!((ratio - p99("lateness_us") / p99("bare_lateness_us")).abs() < 1e-9);
     assert!(report["oldest_model_ms"].as_f64().unwrap() >= 0.0);
     assert!(report["model_step_ms"]["mean"].as_f64() <= report["model_step_ms"]["max"].as_f64());
-    for whose in ["real_time", "bare_real_time"] {
-        for what in ["priority", "memory", "core"] {
-            let said = report[whose][what].as_str().unwrap();
-            assert!(
-                ["not asked for", "granted", "refused"].iter().any(|word| said.starts_with(word)),
-                "{said}"
-            );
+    for thread in ["real_time", "bare_real_time"] {
+        for setting in ["priority", "memory", "core"] {
+            let text = report[thread][setting].as_str().unwrap();
+            assert!(outcomes().iter().any(|outcome| text.starts_with(outcome)), "{text}");
         }
     }
     let memory = &report["memory_bytes"];
     if cfg!(target_os = "linux") {
         assert!(memory["start"].as_u64() > Some(0) && memory["end"].as_u64() > Some(0), "{memory}");
     }
-    // These are of longer runs.
+    // Only longer runs have these.
     for key in ["after_10_s", "growth", "kept_by_model_side"] {
         assert!(memory[key].is_null(), "{memory}");
     }
 }
 
 #[test]
-fn a_loop_without_load_accounts_for_every_deadline_and_allocates_nothing() {
+fn soak_without_load_accounts_for_every_deadline_and_allocates_nothing() {
     let report = json(&["--seconds", "3", "--load", "none", "--nodes", "6"]);
-    holds(&report, "none", 3);
+    assert_guarantees(&report, "none", 3);
     assert_eq!(count(&report, "load_rounds"), 0);
     assert!(count(&report, "models_adopted") > 0 && count(&report, "ticks_with_force") > 0, "{report}");
 }
 
 #[test]
-fn nor_does_one_on_a_busy_machine() {
+fn soak_under_cpu_load_accounts_for_every_deadline_and_allocates_nothing() {
     let report = json(&["--seconds", "3", "--load", "cpu"]);
-    holds(&report, "cpu", 3);
+    assert_guarantees(&report, "cpu", 3);
     assert!(count(&report, "load_rounds") > 0);
 }
 
-/// Without a priority, on a core of its choice, the disk busy.
+/// Without a priority, on core 0, with a busy disk.
 #[test]
-fn what_is_asked_for_is_asked_for() {
+fn requests_only_the_given_real_time_settings() {
     let arguments = ["--seconds", "1", "--load", "io", "--nodes", "4", "--core", "0", "--priority", "none"];
     let report = json(&arguments);
-    holds(&report, "io", 1);
-    assert_eq!(report["real_time"]["priority"], "not asked for");
-    assert_ne!(report["real_time"]["core"], "not asked for");
+    assert_guarantees(&report, "io", 1);
+    let not_requested = Outcome::NotRequested.to_string();
+    assert_eq!(report["real_time"]["priority"], not_requested);
+    assert_ne!(report["real_time"]["core"], not_requested);
     assert_eq!(report["real_time"]["core"], report["bare_real_time"]["core"]);
 }
 
 #[test]
-fn the_table_says_what_the_json_says() {
+fn table_has_the_rows_of_the_report() {
     let output = soak(&["--seconds", "1", "--load", "none", "--nodes", "4"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let text = String::from_utf8(output.stdout).unwrap();
-    for row in
-        ["missed deadlines", "lateness, us", "a bare thread's, us", "ratio at p99", "forces out of limits"]
+    for row in ["missed deadlines", "lateness, us", "bare thread, us", "ratio at p99", "forces out of limits"]
     {
         assert!(text.lines().any(|line| line.starts_with(row)), "{row} in\n{text}");
     }
 }
 
 #[test]
-fn what_makes_no_sense_is_refused_in_one_line() {
-    for (arguments, says) in [
+fn rejects_invalid_arguments_in_one_line() {
+    for (arguments, expected) in [
         (["--seconds", "0"], "1 to 86400"),
         (["--seconds", "86401"], "1 to 86400"),
         (["--seconds", "1.5"], "whole number"),
@@ -113,6 +119,6 @@ fn what_makes_no_sense_is_refused_in_one_line() {
         let output = soak(&arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
         let text = String::from_utf8(output.stderr).unwrap();
-        assert!(text.contains(says) && text.lines().count() == 1, "{arguments:?}: {text}");
+        assert!(text.contains(expected) && text.lines().count() == 1, "{arguments:?}: {text}");
     }
 }

@@ -294,7 +294,7 @@ fn a_recorded_hand_is_followed() {
         ),
     ] {
         std::fs::write(path, text).unwrap();
-        let text = refused(&["manipulate", "--trajectory", path]);
+        let text = rejected(&["manipulate", "--trajectory", path]);
         assert!(text.starts_with(said), "{text}");
     }
 }

@@ -50,17 +50,18 @@ fn files_are_written_whole() {
 #[test]
 fn a_folder_that_cannot_be_written_is_named() {
     let file = tempfile::NamedTempFile::new().unwrap();
-    let text = refused(&["chain", "--out", file.path().to_str().unwrap()]);
+    let text = rejected(&["chain", "--out", file.path().to_str().unwrap()]);
     assert!(text.contains("cannot be written") && text.contains(file.path().to_str().unwrap()), "{text}");
     // What stands in the way of the second file keeps the first from being written.
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("chain.svg")).unwrap();
     assert!(
-        refused(&["chain", "--out", folder.path().to_str().unwrap()]).contains("chain.svg cannot be written")
+        rejected(&["chain", "--out", folder.path().to_str().unwrap()])
+            .contains("chain.svg cannot be written")
     );
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     let inside = file.path().join("deeper");
-    assert!(refused(&["chain", "--out", inside.to_str().unwrap()]).contains("cannot be written"));
+    assert!(rejected(&["chain", "--out", inside.to_str().unwrap()]).contains("cannot be written"));
 }
 
 #[test]
@@ -128,7 +129,7 @@ fn what_makes_no_sense_is_refused_in_one_line_and_leaves_nothing() {
         (&["grip", "--device-mass-kg", "0"], "error: --device-mass-kg is 0; it must be 0.001 to 100"),
         (&["paper", "--nonsense"], "error: unexpected argument '--nonsense' found"),
     ] {
-        let text = refused(&[arguments, &["--out", out.to_str().unwrap()]].concat());
+        let text = rejected(&[arguments, &["--out", out.to_str().unwrap()]].concat());
         assert!(text.starts_with(said), "{text}");
     }
     assert!(!out.exists());

@@ -1,45 +1,45 @@
-//! The stand-in device: a hand that probes the block, and a check of every force it is given.
+//! A simulated device: a hand that probes the block and checks every force that it receives.
 
-use super::limits::{Limits, MOST_TICKS};
+use super::limits::{Limits, MAX_GROWTH_TICKS};
 use glam::DVec3;
 use palpate_haptics::{DeviceDescription, DeviceError, HapticDevice, Reading};
 use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
 
-/// A hand that moves with the time that has really passed, so that it is elsewhere after missed deadlines as a person's
-/// is. It allocates nothing but in `describe`.
+/// ProbingHand that moves with wall-clock time: after missed deadlines it is elsewhere, as a person's hand is. It allocates only in
+/// `describe`.
 #[derive(Debug)]
-pub(super) struct Hand {
-    /// Where the tool just touches the block, m.
+pub(super) struct ProbingHand {
+    /// Position at which the tool just touches the block, m.
     start_m: DVec3,
     limits: Limits,
-    begun: Option<Instant>,
+    opened: Option<Instant>,
     last_n: DVec3,
-    /// What it was given.
-    pub(super) felt: Felt,
+    /// Forces received.
+    pub(super) felt: ReceivedForces,
 }
 
-/// What a device was given.
+/// Forces that a device received.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Felt {
-    /// Forces.
+pub(super) struct ReceivedForces {
+    /// Number of forces.
     pub(super) forces: u64,
-    /// Of them, those that were not zero.
+    /// Number of nonzero forces.
     pub(super) not_zero: u64,
-    /// Those that were not finite, too large, or grew by more than four ticks allow. The device does not know how many
-    /// have passed; the records do, and are judged more strictly.
+    /// Number of forces that were not finite, too large, or grew by more than four ticks allow. The device cannot count the ticks that
+    /// have passed; the records can, and are checked more strictly.
     pub(super) out_of_limits: u64,
-    /// The largest, N.
+    /// Maximum force, N.
     pub(super) peak_n: f64,
 }
 
-impl Hand {
+impl ProbingHand {
     pub(super) fn new(start_m: DVec3, limits: Limits) -> Self {
-        Self { start_m, limits, begun: None, last_n: DVec3::ZERO, felt: Felt::default() }
+        Self { start_m, limits, opened: None, last_n: DVec3::ZERO, felt: ReceivedForces::default() }
     }
 }
 
-impl HapticDevice for Hand {
+impl HapticDevice for ProbingHand {
     fn describe(&self) -> DeviceDescription {
         DeviceDescription {
             name: "probing hand".into(),
@@ -49,34 +49,34 @@ impl HapticDevice for Hand {
         }
     }
 
-    #[expect(clippy::disallowed_methods, reason = "a hand moves on whether it is read or not")]
+    #[expect(clippy::disallowed_methods, reason = "a hand moves whether it is read or not")]
     fn open(&mut self) -> Result<(), DeviceError> {
-        self.begun = Some(Instant::now());
+        self.opened = Some(Instant::now());
         Ok(())
     }
 
     fn read(&mut self, _within: Duration) -> Result<Reading, DeviceError> {
-        let begun = self.begun.ok_or(DeviceError::NotOpen)?;
-        Ok(Reading::at(self.start_m + offset_m(begun.elapsed().as_secs_f64())))
+        let opened = self.opened.ok_or(DeviceError::NotOpen)?;
+        Ok(Reading::at(self.start_m + offset_m(opened.elapsed().as_secs_f64())))
     }
 
     fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError> {
         self.felt.forces += 1;
         self.felt.not_zero += u64::from(force_n != DVec3::ZERO);
-        self.felt.out_of_limits += u64::from(!self.limits.allow(self.last_n, force_n, MOST_TICKS));
+        self.felt.out_of_limits += u64::from(!self.limits.allow(self.last_n, force_n, MAX_GROWTH_TICKS));
         self.felt.peak_n = self.felt.peak_n.max(force_n.length());
         self.last_n = force_n;
         Ok(())
     }
 
     fn close(&mut self) -> Result<(), DeviceError> {
-        self.begun = None;
+        self.opened = None;
         Ok(())
     }
 }
 
-/// Where the hand is `t` seconds after its beginning, m from where it just touches: 4 mm above the block to 8 mm deep
-/// and back in 1.25 s, with some shearing and a tremor.
+/// Offset of the hand from the touching position at `t`, m: from 4 mm above the block to 8 mm deep and back in 1.25 s, with some
+/// shearing and a tremor.
 fn offset_m(t: f64) -> DVec3 {
     let pressed = 0.012 * (1.0 - (TAU * 0.8 * t).cos()) / 2.0;
     DVec3::new(0.003 * (TAU * 0.37 * t).sin(), 0.002 * (TAU * 0.23 * t).sin(), 0.004 - pressed)
@@ -88,8 +88,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_force_out_of_limits_is_counted() {
-        let mut hand = Hand::new(DVec3::ZERO, Limits { magnitude_n: 20.0, growth_n: 0.5 });
+    fn counts_forces_out_of_limits() {
+        let mut hand = ProbingHand::new(DVec3::ZERO, Limits { magnitude_n: 20.0, growth_n: 0.5 });
         for (newtons, counted) in [(1.0, 0), (2.5, 0), (30.0, 1), (20.0, 1), (f64::NAN, 2), (0.0, 2)] {
             hand.write(DVec3::X * newtons).unwrap();
             assert_eq!(hand.felt.out_of_limits, counted, "{newtons} N");
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn the_hand_is_in_and_out_of_contact_and_never_jumps() {
+    fn movement_enters_and_leaves_contact_without_jumps() {
         let heights: Vec<f64> = (0..2500).map(|i| offset_m(f64::from(i) * 1e-3).z).collect();
         assert!(heights.iter().any(|z| *z > 0.003) && heights.iter().any(|z| *z < -0.007));
         assert!(heights.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 1e-4));
