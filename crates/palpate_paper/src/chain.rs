@@ -1,4 +1,4 @@
-//! Section 5.1: a chain of four layers and the two local models that stand for it.
+//! Section 5.1: a chain of four layers and its two local models.
 
 use crate::specimen::Specimen;
 use clap::Args;
@@ -11,9 +11,9 @@ use serde::Serialize;
 
 /// Section 5.1: a chain of four layers and its two local models (eqs. 6-13, Figs. 12-15)
 ///
-/// A chain of four springs and three masses between the tool and a wall (`full`, eqs. 6-9); its first mass alone, the
-/// others standing (`near`, eqs. 10-11); and two levels, the three inner layers joined to one and the masses to one
-/// (`two_level`, eqs. 12-13). Each from the assembled system, with the paper's closed form beside it.
+/// A chain of four springs and three masses between the tool and a wall (`full`, eqs. 6-9); its first mass alone, with the others
+/// fixed (`near`, eqs. 10-11); and two levels, with the three inner layers and their masses lumped into one (`two_level`,
+/// eqs. 12-13). Each is computed from the assembled system and from the closed form of the paper.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab chain --json\n  palpate-lab chain --damping 0.2 --out results"
@@ -53,13 +53,13 @@ pub(crate) struct Model {
 
 #[derive(Serialize)]
 pub(crate) struct Figures {
-    /// 1/s, by ascending absolute value.
+    /// Poles, 1/s, by ascending absolute value.
     pub(crate) poles: Vec<Complex>,
-    /// N/m.
+    /// Static stiffness, N/m.
     pub(crate) dc_gain: f64,
-    /// k of the asymptote k + b s, N/m.
+    /// k of the high-frequency asymptote k + b s, N/m.
     pub(crate) asymptote_stiffness: f64,
-    /// b of the asymptote, N s/m.
+    /// b of the high-frequency asymptote k + b s, N s/m.
     pub(crate) asymptote_damping: f64,
 }
 
@@ -101,7 +101,7 @@ impl Chain {
         })
     }
 
-    /// The chain and its two local models.
+    /// Chain and its two local models.
     pub(crate) fn models(&self) -> Result<Models, LabError> {
         for (flag, value) in
             [("--stiffness", self.stiffness), ("--damping", self.damping), ("--mass", self.mass)]
@@ -123,8 +123,7 @@ impl Chain {
         })
     }
 
-    /// What `system` shows, and its closed form: each of `modes` c gives the poles of μ m s² + c (b s + k), with masses
-    /// μ m.
+    /// Figures of `system` and its closed form. Each c of `modes` gives the poles of μ m s² + c (b s + k), with masses μ m.
     fn model(&self, system: SecondOrderSystem, modes: &[f64], mu: f64, dc: f64) -> Result<Model, LabError> {
         let (k, b, m) = (self.stiffness, self.damping, self.mass);
         let assembled = Figures {
@@ -134,7 +133,7 @@ impl Chain {
             asymptote_damping: system.damping_cc[(0, 0)],
         };
         let poles = modes.iter().flat_map(|c| {
-            // The pole of larger size, where nothing cancels; the other by Vieta: their product is c k/(mu m).
+            // The larger pole has no cancellation; the other follows from their product c k/(mu m) (Vieta).
             let half = 0.5 * c * b / (mu * m);
             let product = c * k / (mu * m);
             let fast = -half - c64::new(half * half - product, 0.0).sqrt();
@@ -149,7 +148,7 @@ impl Chain {
         Ok(Model { assembled, closed_form, system })
     }
 
-    /// The responses from a hundredth of the slowest mode to a hundred times the fastest.
+    /// Responses from a hundredth of the slowest mode to a hundred times the fastest.
     pub(crate) fn responses(&self, models: &Models) -> Result<Vec<Response>, LabError> {
         let natural_hz = (self.stiffness / self.mass).sqrt() / std::f64::consts::TAU;
         let hz: Vec<f64> = (0..=400).map(|i| natural_hz * 10f64.powf(f64::from(i) / 100.0 - 2.0)).collect();
@@ -163,7 +162,7 @@ impl Chain {
 }
 
 fn sorted(mut poles: Vec<c64>) -> Vec<Complex> {
-    // Conjugates are so to rounding only, so that is taken off before they are compared.
+    // Conjugates are equal only up to rounding, which the comparison removes.
     let size = |p: &c64| (p.norm().ln() * 1e11).round();
     let along = |p: &c64| (p.re / p.norm() * 1e9).round();
     poles.sort_by(|a, b| {
@@ -183,7 +182,7 @@ fn table(responses: &[Response]) -> String {
     ])
 }
 
-/// Fig. 15.
+/// Fig. 15: responses of the chain and its local models.
 pub(crate) fn figure(responses: &[Response]) -> Result<String, LabError> {
     let curves = ["full", "near", "two_level"].into_iter().enumerate();
     let panel = Panel {

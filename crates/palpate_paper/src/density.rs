@@ -14,10 +14,10 @@ use std::collections::BTreeMap;
 /// A block of fixed size is meshed more and more finely, with the same springs; `scaling` is its stiffness relative to
 /// that with one cell along each edge (Fig. 16).
 ///
-/// Definition: the block is joined to what is around it by its corners, 2^dimension of them. Its stiffness matrix is
-/// that of all springs condensed on the corners (forces on them over their displacements, the other nodes at rest
-/// without force), and what is compared is its largest singular value. In one dimension, springs in a row, that is
-/// 1/density, the rule of section 5.1. The paper states no definition; this one contains that case.
+/// Definition: the block is attached to its surroundings by its 2^dimension corners. Its stiffness matrix is that of all springs
+/// condensed on the corners (forces over displacements of the corners, without forces on the other nodes), and the ratio compares
+/// its largest singular value. In one dimension, springs in series, it is 1/density, the rule of section 5.1. The paper states no
+/// definition; this one contains that case.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab density --json\n  palpate-lab density --dimension 1,2,3 --to 6 --out results"
@@ -26,23 +26,23 @@ pub(crate) struct Density {
     /// Dimensions of the block: 1, 2, 3 or several of them
     #[arg(value_parser = whole, allow_hyphen_values = true, long, value_delimiter = ',', value_name = "N,...", default_value = "2,3")]
     dimension: Vec<usize>,
-    /// Least density: cells along each edge
+    /// Minimum density: cells along each edge
     #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 1)]
     from: usize,
-    /// Largest density
+    /// Maximum density
     #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 10)]
     to: usize,
 }
 
-/// Stiffness over density in one dimension.
+/// Stiffness over density for a number of dimensions.
 #[derive(Serialize)]
 pub(crate) struct Scaling {
     pub(crate) density: Vec<usize>,
     pub(crate) scaling: Vec<f64>,
 }
 
-/// Largest density in 1, 2 and 3 dimensions, for which memory and patience last.
-const LARGEST: [usize; 3] = [10_000, 200, 20];
+/// Maximum density in 1, 2 and 3 dimensions, limited by memory and time.
+const MAX_DENSITY: [usize; 3] = [10_000, 200, 20];
 
 impl Density {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
@@ -71,7 +71,7 @@ impl Density {
         })
     }
 
-    /// By dimension.
+    /// Scaling by number of dimensions.
     pub(crate) fn scalings(&self) -> Result<BTreeMap<usize, Scaling>, LabError> {
         if self.dimension.is_empty() {
             check("number of --dimension", 0.0, false, "at least 1")?;
@@ -81,13 +81,8 @@ impl Density {
         check("--to", self.to as f64, self.to >= self.from, allowed)?;
         for &dimension in &self.dimension {
             check("--dimension", dimension as f64, (1..=3).contains(&dimension), "1, 2 or 3")?;
-            let most = LARGEST[dimension - 1];
-            check(
-                "--to",
-                self.to as f64,
-                self.to <= most,
-                format!("at most {most} in dimension {dimension}"),
-            )?;
+            let max = MAX_DENSITY[dimension - 1];
+            check("--to", self.to as f64, self.to <= max, format!("at most {max} in dimension {dimension}"))?;
         }
         let bar = progress::bar(self.dimension.len() * (self.to - self.from + 1));
         let mut scalings = BTreeMap::new();
@@ -105,7 +100,7 @@ impl Density {
     }
 }
 
-/// Fig. 16.
+/// Fig. 16: stiffness over density.
 pub(crate) fn figure(scalings: &BTreeMap<usize, Scaling>) -> Result<String, LabError> {
     let curves = scalings.iter().map(|(dimension, s)| {
         let points = s.density.iter().map(|&n| n as f64).zip(s.scaling.iter().copied());

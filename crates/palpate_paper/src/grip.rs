@@ -1,4 +1,4 @@
-//! Section 6, stability: what a device does that the hand barely holds.
+//! Section 6, stability: motion of a device in a loose grip.
 
 use clap::Args;
 use glam::DVec3;
@@ -13,14 +13,13 @@ use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Section 6, stability: a device that the hand barely holds (Fig. 18)
+/// Section 6, stability: a device in a loose grip (Fig. 18)
 ///
-/// A device of some mass holds the node in the middle of the top of the block of `palpate-lab manipulate` and rests on
-/// it with a load; a loosened grip is a little damping. Each scheme makes the force that the device feels; `full` is the
-/// full model at 1 kHz.
+/// A device with a mass holds the node in the middle of the top of the block of `palpate-lab manipulate` and rests on it with a load. A
+/// loose grip is a small damping. Each scheme computes the force on the device; `full` is the full model at 1 kHz.
 ///
-/// `outcome` is `settles` when the device's movement in the last half second is below 0.1 mm from peak to peak or never
-/// turns, `diverges` when it left the start by more than the block's edge, and else `oscillates`.
+/// `outcome` is `settles` when the movement of the device in the last half second is below 0.1 mm from peak to peak or monotonic,
+/// `diverges` when the device moved more than the edge of the block from its start, and `oscillates` otherwise.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab grip --json\n  palpate-lab grip --damping 2 --model-rate-hz 50 --out results"
@@ -29,7 +28,7 @@ pub(crate) struct Grip {
     /// Mass of the device, kg
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.075)]
     device_mass_kg: f64,
-    /// Load that presses it into the block, N
+    /// Load that presses the device into the block, N
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 1.0)]
     load_n: f64,
     /// Damping of the grip, N s/m
@@ -51,15 +50,15 @@ pub(crate) struct Report {
 #[derive(Serialize)]
 pub(crate) struct Outcome {
     pub(crate) outcome: &'static str,
-    /// In the last half second, m.
+    /// Movement from peak to peak in the last half second, m.
     pub(crate) peak_to_peak_m: f64,
 }
 
-/// Height of the device over its start at every tick, m, by scheme.
+/// Height of the device over its start at every tick, m, for each scheme.
 pub(crate) type Paths = Vec<(&'static str, Vec<f64>)>;
 
-/// Ticks at the end in which the movement is judged.
-const JUDGED: usize = 500;
+/// Number of ticks at the end that decide the outcome.
+const FINAL_TICKS: usize = 500;
 
 impl Grip {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
@@ -67,7 +66,7 @@ impl Grip {
         if let Some(folder) = output.folder() {
             let longest = paths.iter().map(|(_, path)| path.len()).max().unwrap_or(0);
             let mut columns = vec![("t_s".to_owned(), (0..longest).map(|i| i as f64 * 1e-3).collect())];
-            // A device that has left stays nowhere.
+            // A device that has left has no further positions.
             let padded =
                 |path: &Vec<f64>| (0..longest).map(|i| path.get(i).copied().unwrap_or(f64::NAN)).collect();
             columns.extend(paths.iter().map(|(name, path)| (format!("{name}_m"), padded(path))));
@@ -83,10 +82,10 @@ impl Grip {
     }
 
     pub(crate) fn experiment(&self) -> Result<(Paths, Report), LabError> {
-        for (flag, value, most, allowed) in
+        for (flag, value, max, allowed) in
             [("--load-n", self.load_n, 100.0, "0 to 100"), ("--damping", self.damping, 1e4, "0 to 10000")]
         {
-            check(flag, value, (0.0..=most).contains(&value), allowed)?;
+            check(flag, value, (0.0..=max).contains(&value), allowed)?;
         }
         let mass = self.device_mass_kg;
         check("--device-mass-kg", mass, (1e-3..=100.0).contains(&mass), "0.001 to 100")?;
@@ -102,7 +101,7 @@ impl Grip {
             paths.push((name, self.simulate(scheme)?));
             bar.inc(1);
         }
-        let schemes = paths.iter().map(|(name, path)| (*name, self.judge(path))).collect();
+        let schemes = paths.iter().map(|(name, path)| (*name, self.outcome(path))).collect();
         Ok((paths, Report { schemes }))
     }
 
@@ -110,12 +109,13 @@ impl Grip {
         (self.duration_s * 1e3) as usize
     }
 
-    fn judge(&self, path: &[f64]) -> Outcome {
-        let last = &path[path.len().saturating_sub(JUDGED)..];
+    /// Outcome of a path.
+    fn outcome(&self, path: &[f64]) -> Outcome {
+        let last = &path[path.len().saturating_sub(FINAL_TICKS)..];
         let (low, high) =
             last.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), z| (l.min(*z), h.max(*z)));
         let peak_to_peak_m = high - low;
-        // What only creeps one way is on its way to rest.
+        // A monotonic movement is creep towards rest.
         let turns = last.windows(3).any(|z| (z[1] - z[0]) * (z[2] - z[1]) < 0.0);
         let outcome = match () {
             () if path.len() < self.ticks() => "diverges",
@@ -125,7 +125,7 @@ impl Grip {
         Outcome { outcome, peak_to_peak_m }
     }
 
-    /// The device's height, until it has left or the time is over. `None` is the full model at every tick.
+    /// Height of the device at every tick until it leaves or the time ends, m. `None` is the full model at every tick.
     fn simulate(&self, scheme: Option<Scheme>) -> Result<Vec<f64>, LabError> {
         let block = BlockScene::default();
         let (body, contact, start) = block.build()?;
@@ -149,7 +149,7 @@ impl Grip {
             let tool = ToolPoint { position_m, velocity_m_per_s };
             let stepped = if i % period == 0 { model_side.step(tool) } else { model_side.follow(tool) };
             match stepped {
-                // A tool that flies off tears the body apart.
+                // A tool that moves away fast makes the body diverge.
                 Err(LabError::Body(BodyError::Diverged { .. })) => break,
                 other => other?,
             }
@@ -170,7 +170,7 @@ impl Grip {
             if (position_m - start).length() > block.edge_m {
                 break;
             }
-            // The grip's damping at the end of the tick, so that a firm one is stable.
+            // Implicit damping keeps a firm grip stable.
             let per_mass = dt / self.device_mass_kg;
             velocity_m_per_s += per_mass * (force_n - self.load_n * DVec3::Z);
             velocity_m_per_s /= 1.0 + per_mass * self.damping;
@@ -180,7 +180,7 @@ impl Grip {
     }
 }
 
-/// The full body, and the path of the tool since its last step.
+/// Full body and the path of the tool since its last step.
 struct ModelSide {
     body: Body,
     contact: ToolContact,
@@ -201,7 +201,7 @@ impl ModelSide {
         Ok(())
     }
 
-    /// Brings the body up to `tool`.
+    /// Steps the body up to `tool`.
     fn step(&mut self, tool: ToolPoint) -> Result<(), LabError> {
         self.path.push(tool);
         let ticks = self.path.len() - 1;
@@ -217,10 +217,10 @@ impl ModelSide {
     }
 }
 
-/// How far and how long the figure shows them, mm and s.
+/// Maximum height, mm, and time, s, in the figure.
 const SHOWN: (f64, f64) = (20.0, 1.0);
 
-/// Fig. 18: the beginning, as long as a device stays near.
+/// Fig. 18: the first second, as long as the device stays near.
 pub(crate) fn figure(paths: &Paths) -> Result<String, LabError> {
     let curves = paths.iter().map(|(name, path)| {
         let points = path.iter().enumerate().map(|(i, z)| (i as f64 * 1e-3, 1e3 * z));
@@ -228,7 +228,7 @@ pub(crate) fn figure(paths: &Paths) -> Result<String, LabError> {
         if *name == "full" { curve.broad() } else { curve }
     });
     let panel = Panel {
-        title: "A device on a block, its grip loosened".into(),
+        title: "A device on a block in a loose grip".into(),
         x: "time, s",
         y: "height over the start, mm",
         scale: Scale::Linear,

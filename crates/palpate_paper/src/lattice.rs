@@ -1,4 +1,4 @@
-//! Sections 4 and 5: a mesh indented in the middle of its top, and reduced models of it.
+//! Sections 4 and 5: a mesh driven in the middle of its top, and its reduced models.
 
 mod analysis;
 mod options;
@@ -46,11 +46,11 @@ impl Lattice {
                 "H-infinity error, N/m     {:.6} ({relative:.4} % of the peak, {:.4} N/m){}",
                 report.hinf_error_n_per_m,
                 report.proper_peak_n_per_m,
-                if report.hinf_method == "grid" { ", at least: the worst on a grid" } else { "" }
+                if report.hinf_method == "grid" { ", a lower bound: the maximum on a grid" } else { "" }
             )?;
             if report.method == Method::Balanced && report.reduced_order < self.order {
-                let (asked, rank) = (self.order, report.reduced_order);
-                writeln!(out, "  {asked} states were asked for; the rank of the Gramians is {rank}")?;
+                let (requested, rank) = (self.order, report.reduced_order);
+                writeln!(out, "  {requested} states were requested; the rank of the Gramians is {rank}")?;
             }
             if let Some(bound) = report.error_bound_n_per_m {
                 writeln!(out, "  its bound, N/m          {bound:.6}")?;

@@ -1,4 +1,4 @@
-//! Section 6: a block is manipulated, its full model at a low rate, the force at the haptic rate.
+//! Section 6: manipulation of a block, with its full model at a low rate and the force at the haptic rate.
 
 use clap::Args;
 use glam::DVec3;
@@ -16,14 +16,13 @@ use std::path::PathBuf;
 
 /// Section 6: force during manipulation of a block (Fig. 17)
 ///
-/// A block of NODES x NODES x NODES nodes, its bottom held, is moved by the node in the middle of its top. The full
-/// nonlinear model runs at the model rate, the local model of SCHEME between its steps at 1 kHz; what it displays is
-/// compared with the full model at 1 kHz on the same movement.
+/// A tool moves the node in the middle of the top of a block of NODES x NODES x NODES nodes with a fixed bottom. The full nonlinear
+/// model runs at the model rate, and between its steps the local model of SCHEME at 1 kHz. Its force is compared with that of the
+/// full model at 1 kHz on the same movement.
 ///
-/// All figures are of the time from 0.2 s on, when every scheme has a local model: `peak_force_n` is the largest force
-/// displayed, `largest_jump_n` its largest change from one millisecond to the next, and `relative_rms_error` the RMS over
-/// all components of displayed minus exact force, divided by that of the exact one. `low_rate` is the force of the last
-/// model step, held.
+/// All figures start at 0.2 s, when every scheme has a local model. `peak_force_n` is the maximum displayed force, `largest_jump_n` its
+/// maximum change from one millisecond to the next, and `relative_rms_error` the RMS over all components of displayed minus exact
+/// force, divided by that of the exact force. `low_rate` is the held force of the last model step.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab manipulate --json\n  palpate-lab manipulate --scheme tangent --model-rate-hz 50\n  \
@@ -36,17 +35,17 @@ pub(crate) struct Manipulate {
     /// Rate of the full model, Hz; its period is cut to whole milliseconds
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 20.0)]
     pub(crate) model_rate_hz: f64,
-    /// How force is made between model steps
+    /// Scheme of the force between model steps
     #[arg(long, default_value_t = Scheme::Neighbourhood)]
     pub(crate) scheme: Scheme,
     /// Movement of the node: CSV with the header t_s,x_m,y_m,z_m, offsets each millisecond [default: 1.5 s of pressing
     /// and shearing]
     #[arg(long, value_name = "FILE")]
     pub(crate) trajectory: Option<PathBuf>,
-    /// Whether the tool holds the node, or touches the surface and can only push
+    /// Contact of the tool: it holds the node, or touches the surface and only pushes
     #[arg(long, value_enum, default_value_t = ContactKind::Held)]
     pub(crate) contact: ContactKind,
-    /// Time from a model step to the arrival of its local model, ms; a scheme with a state then catches up, 8 samples a tick
+    /// Time from a model step to the arrival of its local model, ms; a scheme with a state then catches up by 8 samples per tick
     #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 0)]
     pub(crate) delay_ms: usize,
     /// Edge of the block, m
@@ -69,9 +68,9 @@ pub(crate) struct Report {
     pub(crate) model_rate_hz: f64,
     #[serde(flatten)]
     pub(crate) displayed: Figures,
-    /// The force of the last model step, held.
+    /// Held force of the last model step.
     pub(crate) low_rate: Figures,
-    /// The full model at 1 kHz.
+    /// Force of the full model at 1 kHz.
     pub(crate) exact: Figures,
 }
 
@@ -82,7 +81,7 @@ pub(crate) struct Figures {
     pub(crate) largest_jump_n: f64,
 }
 
-/// Samples before that do not count: there is no local model before the first model step.
+/// First sample that counts: before the first model step there is no local model.
 const FROM: usize = 200;
 
 impl Manipulate {
@@ -109,7 +108,7 @@ impl Manipulate {
         })
     }
 
-    /// The forces, and what they are like.
+    /// Forces of the comparison and their figures.
     pub(crate) fn experiment(&self) -> Result<(Comparison, Report), LabError> {
         self.validate()?;
         let _bar = progress::bar(1).with_message("stepping the body");
@@ -135,7 +134,7 @@ impl Manipulate {
         };
         let of = |scheme| {
             let error = comparison.relative_rms_error(scheme, FROM);
-            // Where the full body is not touched there is nothing to be compared with.
+            // An untouched body has no force to compare with.
             let error = error.ok_or(LabError::NoForce { from_s: FROM as f64 * 1e-3 })?;
             Ok::<_, LabError>(figures(comparison.displayed(scheme).unwrap_or_default(), error))
         };
@@ -165,22 +164,27 @@ impl Manipulate {
         period_ticks(self.model_rate_hz)
     }
 
-    /// The block at rest, the tool on it, and where its movement begins.
+    /// Block at rest, tool, and start of its movement, m.
     pub(crate) fn scene(&self) -> Result<(Body, ToolContact, DVec3), LabError> {
         let Self { edge_m, mass_kg, damping_ratio, contact, .. } = *self;
         let (nodes, stiffness_n_per_m) = ([self.nodes; 3], self.stiffness);
         BlockScene { nodes, edge_m, mass_kg, stiffness_n_per_m, damping_ratio, contact }.build()
     }
 
-    /// The movement from `start` on, with backward differences as velocities.
+    /// Samples of the movement from `start`, with backward differences as velocities.
     fn samples(&self, start: DVec3) -> Result<Vec<Sample>, LabError> {
         let offsets = match &self.trajectory {
             Some(path) => Trajectory::from_csv_file(path)?.positions_m().to_vec(),
             None => (0..1500).map(|i| builtin_offset_m(f64::from(i) * 1e-3)).collect(),
         };
-        let least = FROM.max(self.period_ticks() + self.delay_ms) + 2;
+        let min_rows = FROM.max(self.period_ticks() + self.delay_ms) + 2;
         let rows = offsets.len();
-        check("number of rows of the trajectory", rows as f64, rows >= least, format!("at least {least}"))?;
+        check(
+            "number of rows of the trajectory",
+            rows as f64,
+            rows >= min_rows,
+            format!("at least {min_rows}"),
+        )?;
         Ok(offsets
             .iter()
             .enumerate()
@@ -211,7 +215,7 @@ impl Manipulate {
         csv(&columns)
     }
 
-    /// Fig. 17: the force along z.
+    /// Fig. 17: force along z.
     pub(crate) fn figure(&self, comparison: &Comparison) -> Result<String, LabError> {
         let along_z = |forces: &[DVec3]| -> Vec<(f64, f64)> {
             forces.iter().enumerate().map(|(i, f)| (i as f64 * 1e-3, f.z)).collect()

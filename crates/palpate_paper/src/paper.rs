@@ -1,4 +1,4 @@
-//! All of the seed paper: one row for every figure and every number.
+//! All of the seed paper: a row for every figure and every number.
 
 mod page;
 mod row;
@@ -13,13 +13,13 @@ use row::Row;
 use serde::Serialize;
 use std::path::Path;
 
-/// All of it: a page with every figure and number of the paper beside ours
+/// All of the paper: a page with every figure and number and the result here
 ///
-/// Runs all experiments with the parameters of the paper (where it states none, with the defaults of each command) and
-/// writes a page, index.html, with one row for every figure and every number of the paper: what it says, what comes out
-/// here, and where they differ why. The page needs no other file; it is light or dark as its reader's system is.
+/// Runs all experiments with the parameters of the paper, or with the defaults of each command where the paper states none. Writes a
+/// page, index.html, with a row for every figure and every number of the paper: its value, the result here, and the reason for a
+/// difference. The page is a single file and follows the light or dark setting of the reader's system.
 ///
-/// It goes to target/palpate/paper unless `--out` names another folder.
+/// The folder is target/palpate/paper unless `--out` names another.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  palpate-lab paper\n  palpate-lab paper --out report --json")]
 pub(crate) struct Paper {}
@@ -32,7 +32,7 @@ struct Report {
 
 type Section = fn() -> Result<Vec<Row>, LabError>;
 
-/// The sections of the paper that have figures or numbers.
+/// Sections of the paper with figures or numbers.
 const SECTIONS: [(&str, Section); 7] = [
     ("section 2", sections_2_4::demonstration),
     ("section 3", sections_2_4::linear_approximation),

@@ -9,15 +9,15 @@ use palpate_laws::{SkinLaw, Tension};
 use palpate_local::LowPass;
 use serde::Serialize;
 
-/// Section 2: four ways of making force on a nonlinear spring in one dimension (Fig. 2)
+/// Section 2: four schemes of force on a nonlinear spring in one dimension (Fig. 2)
 ///
-/// A hand presses a spring of skin (eq. 5) up and down, x(t) = offset + amplitude · sin(2π · frequency · t). Position and
-/// force are quantised by rounding. `full` is the spring at the haptic rate; `hold`, `low_pass` and `tangent` know it at
-/// the model rate only (eqs. 1-4).
+/// A hand moves a spring of skin (eq. 5) up and down, x(t) = offset + amplitude · sin(2π · frequency · t). Position and
+/// force are quantised by rounding. `full` is the spring at the haptic rate; `hold`, `low_pass` and `tangent` evaluate it
+/// at the model rate only (eqs. 1-4).
 ///
-/// Against the spring without quantisation: the lag is the shift, up to 0.2 s, with the highest correlation; the SNR is
-/// that after removing the lag, in decibels. The paper's four figures (89, 43, 53, 72 "dB") are met by ten times the
-/// natural logarithm of the power ratio, so it seems to have taken that; this is an inference.
+/// The reference is the spring without quantisation. The lag is the shift, up to 0.2 s, with the highest correlation; the SNR is taken
+/// after removing the lag, in decibels. The paper's four figures (89, 43, 53, 72 "dB") equal ten times the natural logarithm of the
+/// power ratio, which the paper probably used; this is an inference.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab schemes --json\n  palpate-lab schemes --model-rate-hz 20 --out results"
@@ -35,10 +35,10 @@ pub(crate) struct Schemes {
     /// Length of the movement, s
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 10.0)]
     duration_s: f64,
-    /// Rate at which the spring is known, Hz; its period is rounded to whole haptic samples
+    /// Rate at which the spring is evaluated, Hz; its period is rounded to whole haptic samples
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 10.0)]
     pub(crate) model_rate_hz: f64,
-    /// Rate at which force is made, Hz
+    /// Rate of the force, Hz
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 1000.0)]
     pub(crate) haptic_rate_hz: f64,
     /// Cut-off of the low-pass, Hz
@@ -54,11 +54,12 @@ pub(crate) struct Schemes {
 
 #[derive(Serialize)]
 struct Report {
-    /// In effect: its period is whole haptic samples.
+    /// Effective model rate, Hz; its period is whole haptic samples.
     model_rate_hz: f64,
     schemes: PerScheme<Quality>,
 }
 
+/// A value for each scheme.
 #[derive(Serialize)]
 pub(crate) struct PerScheme<T> {
     pub(crate) full: T,
@@ -67,7 +68,7 @@ pub(crate) struct PerScheme<T> {
     pub(crate) tangent: T,
 }
 
-/// How close a scheme comes.
+/// Quality of a scheme.
 #[derive(Clone, Copy, Serialize)]
 pub(crate) struct Quality {
     pub(crate) lag_ms: f64,
@@ -75,12 +76,12 @@ pub(crate) struct Quality {
     pub(crate) ten_ln_power_ratio: f64,
 }
 
-/// The paper's figures: lag and "SNR".
+/// Figures of the paper: scheme, lag in ms, "SNR".
 const PAPER: [(&str, &str, f64); 4] =
     [("full", "<1", 89.0), ("hold", "49", 43.0), ("low_pass", "65", 53.0), ("tangent", "<1", 72.0)];
 
-/// Longest lag that is looked for, s.
-const LONGEST_LAG_S: f64 = 0.2;
+/// Maximum lag, s.
+const MAX_LAG_S: f64 = 0.2;
 
 impl Schemes {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
@@ -103,25 +104,22 @@ impl Schemes {
                     "{name:10}{lag_ms:>10}{snr_db:>10.2}{ten_ln_power_ratio:>18.2}{lag:>16}{snr:>12}"
                 )?;
             }
-            writeln!(
-                out,
-                "\nThe paper's SNRs are met by 10 ln of the power ratio, not by decibels: an inference."
-            )
+            writeln!(out, "\nThe paper's SNRs equal 10 ln of the power ratio, not decibels: an inference.")
         })
     }
 
-    /// The forces, and how close each scheme comes.
+    /// Forces and quality of each scheme.
     pub(crate) fn experiment(&self) -> Result<(Run, PerScheme<Quality>), LabError> {
         self.validate()?;
         let run = self.simulate()?;
-        let longest = (LONGEST_LAG_S * self.haptic_rate_hz).round() as usize;
-        let judge = |forces: &Vec<f64>| quality(&run.ideal, forces, longest, self.haptic_rate_hz);
+        let max_lag = (MAX_LAG_S * self.haptic_rate_hz).round() as usize;
+        let quality_of = |forces: &Vec<f64>| quality(&run.ideal, forces, max_lag, self.haptic_rate_hz);
         let PerScheme { full, hold, low_pass, tangent } = &run.schemes;
         let schemes = PerScheme {
-            full: judge(full),
-            hold: judge(hold),
-            low_pass: judge(low_pass),
-            tangent: judge(tangent),
+            full: quality_of(full),
+            hold: quality_of(hold),
+            low_pass: quality_of(low_pass),
+            tangent: quality_of(tangent),
         };
         Ok((run, schemes))
     }
@@ -132,13 +130,13 @@ impl Schemes {
             check(flag, value, value > 0.0, positive)?;
         }
         let limit = SkinLaw::THIGH.limit_m() * 1e3;
-        for (flag, value, least) in [
+        for (flag, value, min) in [
             ("--position-step-mm", self.position_step_mm, 1e-6),
             ("--force-step-n", self.force_step_n, 1e-6),
             ("--amplitude-mm", self.amplitude_mm, 1e-3),
         ] {
-            let allowed = format!("{least} to {limit:.2}");
-            check(flag, value, (least..=limit).contains(&value), allowed)?;
+            let allowed = format!("{min} to {limit:.2}");
+            check(flag, value, (min..=limit).contains(&value), allowed)?;
         }
         let rate = self.haptic_rate_hz;
         check("--haptic-rate-hz", rate, (50.0..=100_000.0).contains(&rate), "50 to 100000")?;
@@ -146,17 +144,22 @@ impl Schemes {
         check("--model-rate-hz", model, model <= rate, format!("at most the haptic rate, {rate}"))?;
         let duration = self.duration_s;
         check("--duration-s", duration, (1.0..=600.0).contains(&duration), "1 to 600")?;
-        let (frequency, most) = (self.frequency_hz, 0.5 * rate);
-        let allowed = format!("above 0 and at most half the haptic rate, {most}");
-        check("--frequency-hz", frequency, frequency > 0.0 && frequency <= most, allowed)?;
-        let (offset, room) = (self.offset_mm, limit - self.amplitude_mm - self.position_step_mm);
+        let (frequency, max) = (self.frequency_hz, 0.5 * rate);
+        let allowed = format!("above 0 and at most half the haptic rate, {max}");
+        check("--frequency-hz", frequency, frequency > 0.0 && frequency <= max, allowed)?;
+        let (offset, max_offset) = (self.offset_mm, limit - self.amplitude_mm - self.position_step_mm);
         let allowed = format!(
-            "such that offset + amplitude + step stay below {limit:.2} mm, where the skin's force is infinite"
+            "such that offset + amplitude + step are below {limit:.2} mm, where the force of the skin is infinite"
         );
-        check("--offset-mm", offset, offset < room && offset >= 0.0, format!("at least 0 and {allowed}"))
+        check(
+            "--offset-mm",
+            offset,
+            offset < max_offset && offset >= 0.0,
+            format!("at least 0 and {allowed}"),
+        )
     }
 
-    /// Haptic samples in a model period.
+    /// Number of haptic samples in a model period.
     fn stride(&self) -> usize {
         ((self.haptic_rate_hz / self.model_rate_hz).round_ties_even() as usize).max(1)
     }
@@ -167,26 +170,26 @@ impl Schemes {
         let stride = self.stride();
         let skin = |x_mm: f64| -> Result<Tension, LabError> {
             let limit = SkinLaw::THIGH.limit_m() * 1e3;
-            let refused = || LabError::Parameter {
+            let out_of_range = || LabError::Parameter {
                 flag: "--offset-mm",
                 value: x_mm,
-                allowed: format!("such that the indentation stays below {limit:.2} mm"),
+                allowed: format!("such that the indentation is below {limit:.2} mm"),
             };
-            SkinLaw::THIGH.at(x_mm * 1e-3).ok_or_else(refused)
+            SkinLaw::THIGH.at(x_mm * 1e-3).ok_or_else(out_of_range)
         };
         let quantise = |value: f64, step: f64| (value / step).round_ties_even() * step;
         let mut run = Run::default();
         let mut filter = LowPass::new(self.cutoff_hz, 1.0 / fs)?;
-        let mut known = (0.0, Tension { force_n: 0.0, stiffness_n_per_m: 0.0 });
+        let mut model = (0.0, Tension { force_n: 0.0, stiffness_n_per_m: 0.0 });
         for n in 0..samples {
             let t = n as f64 / fs;
             let x =
                 self.offset_mm + self.amplitude_mm * (std::f64::consts::TAU * self.frequency_hz * t).sin();
             let measured = quantise(x, self.position_step_mm);
             if n % stride == 0 {
-                known = (measured, skin(measured)?);
+                model = (measured, skin(measured)?);
             }
-            let (at, Tension { force_n, stiffness_n_per_m }) = known;
+            let (at, Tension { force_n, stiffness_n_per_m }) = model;
             if n == 0 {
                 filter.reset(DVec3::X * force_n);
             }
@@ -255,12 +258,12 @@ impl Run {
     }
 }
 
-fn quality(ideal: &[f64], forces: &[f64], longest: usize, rate_hz: f64) -> Quality {
-    let middle = &ideal[longest..ideal.len() - longest];
-    let shifted = |lag: usize| &forces[longest + lag..longest + lag + middle.len()];
-    // The first of equal correlations, as the shortest lag.
+fn quality(ideal: &[f64], forces: &[f64], max_lag: usize, rate_hz: f64) -> Quality {
+    let middle = &ideal[max_lag..ideal.len() - max_lag];
+    let shifted = |lag: usize| &forces[max_lag + lag..max_lag + lag + middle.len()];
+    // Of equal correlations, the shortest lag counts.
     let mut best = (0, f64::NEG_INFINITY);
-    for lag in 0..longest {
+    for lag in 0..max_lag {
         let r = correlation(middle, shifted(lag));
         if r > best.1 {
             best = (lag, r);
@@ -278,7 +281,7 @@ fn quality(ideal: &[f64], forces: &[f64], longest: usize, rate_hz: f64) -> Quali
     }
 }
 
-/// Pearson's coefficient; zero where one of the two is constant.
+/// Pearson correlation coefficient; zero where one of the series is constant.
 fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let n = a.len() as f64;
     let (mean_a, mean_b) = (a.iter().sum::<f64>() / n, b.iter().sum::<f64>() / n);

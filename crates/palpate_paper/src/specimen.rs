@@ -1,4 +1,4 @@
-//! The seed paper's specimen (its sections 4 and 5) and the local models that are made for it.
+//! The mesh of the seed paper's sections 4 and 5 and its local models.
 
 use crate::block_scaling::block_scaling;
 use palpate_body::{Body, BodyError, Lattice, Link, Network, Surface};
@@ -6,17 +6,16 @@ use palpate_laws::Spring;
 use palpate_reduce::{ReduceError, SecondOrderSystem};
 use std::collections::HashMap;
 
-/// A regular lattice of `cells` cells along each of 1 to 3 dimensions, held on all sides but its top, and driven at the
-/// node in the middle of the top (for an odd number of cells the one before it).
+/// Regular lattice of `cells` cells along each of 1 to 3 dimensions, fixed on all sides except its top, and driven at the node in the
+/// middle of the top (for an odd number of cells, the node before the middle).
 ///
-/// In one dimension that is a chain of `cells` springs between the tool and a wall (section 5.1); in two the mesh
-/// of section 4. The last of its axes is the normal of the top, the others are tangential; all springs are alike,
-/// and so are all dampers and masses.
+/// In one dimension it is a chain of `cells` springs between the tool and a wall (section 5.1), in two the mesh of section 4. The last
+/// axis is the normal of the top, the others are tangential. All springs are equal, all dampers and all masses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Specimen {
-    /// 1, 2 or 3.
+    /// Number of dimensions: 1, 2 or 3.
     pub dimension: usize,
-    /// Cells along each dimension, at least 2.
+    /// Number of cells along each dimension, at least 2.
     pub cells: usize,
     /// Stiffness of each spring, N/m.
     pub stiffness_n_per_m: f64,
@@ -26,24 +25,24 @@ pub struct Specimen {
     pub mass_kg: f64,
 }
 
-/// Width of every specimen, m. Nothing depends on it: at rest a lattice's stiffness does not know its size.
+/// Width of every specimen, m. At rest, the stiffness of a lattice does not depend on its size.
 const WIDTH_M: f64 = 0.1;
 
 impl Specimen {
-    /// Its lattice.
+    /// Lattice of the specimen.
     ///
     /// # Errors
     /// [`ReduceError::Option`] when the dimension is not 1 to 3 or there are fewer than 2 cells; [`ReduceError::Body`]
     /// when there are too many.
     pub fn lattice(&self) -> Result<Lattice, ReduceError> {
         let Self { dimension, cells, .. } = *self;
-        let refuse =
+        let reject =
             |what, value: usize, allowed| Err(ReduceError::Option { what, value: value as f64, allowed });
         if !(1..=3).contains(&dimension) {
-            return refuse("dimension of the specimen", dimension, "1, 2 or 3");
+            return reject("dimension of the specimen", dimension, "1, 2 or 3");
         }
         if cells < 2 {
-            return refuse("cells of the specimen", cells, "at least 2");
+            return reject("cells of the specimen", cells, "at least 2");
         }
         let mut nodes = [1; 3];
         nodes[..dimension].fill(cells.saturating_add(1));
@@ -62,7 +61,7 @@ impl Specimen {
         Ok(driven)
     }
 
-    /// Its network.
+    /// Network of the specimen.
     ///
     /// # Errors
     /// As [`Specimen::lattice`]; [`ReduceError::Body`] when a parameter is out of range.
@@ -71,7 +70,7 @@ impl Specimen {
         Ok(self.lattice()?.uniform(k, b, m, |ijk| self.is_held(ijk))?)
     }
 
-    /// Its small motions.
+    /// Linear system of small motions of the specimen.
     ///
     /// # Errors
     /// As [`Specimen::network`].
@@ -79,7 +78,7 @@ impl Specimen {
         self.system_of(self.network()?)
     }
 
-    /// The local model of the seed's Fig. 8 (Fig. 13 in one dimension): see [`SecondOrderSystem::neighbourhood`].
+    /// Local model of the paper's Fig. 8 (Fig. 13 in one dimension): [`SecondOrderSystem::neighbourhood`].
     ///
     /// # Errors
     /// As [`Specimen::network`]; [`ReduceError::Option`] when `rings` is zero.
@@ -88,18 +87,18 @@ impl Specimen {
         self.system_of(network.clone())?.neighbourhood(&network, rings)
     }
 
-    /// The local model of the seed's Fig. 10 (Fig. 14 in one dimension): the nodes within `rings` of the driven one, and
-    /// outer springs that stand for all that lies between them and the end of the specimen.
+    /// Local model of the paper's Fig. 10 (Fig. 14 in one dimension): the nodes within `rings` of the driven node, and outer springs that
+    /// represent everything between them and the end of the specimen.
     ///
-    /// * Springs and dampers among the nodes that are kept are the specimen's.
-    /// * An outer spring, from a node that is kept towards an end n cells away (for a diagonal the nearest of the ends
-    ///   that it points to), has the specimen's stiffness and damping times [`block_scaling`]`(dimension, n)`, and
-    ///   times the square root of that where it lies in the top.
-    /// * The mass of a node with outer springs is the specimen's times (1 + n̄)/2, n̄ the mean of theirs: in one dimension
-    ///   half of the n − 1 masses that are left out goes to either neighbour.
+    /// * Springs and dampers between retained nodes are those of the specimen.
+    /// * An outer spring leads from a retained node towards an end n cells away (for a diagonal, the nearest end in its direction).
+    ///   Its stiffness and damping are those of the specimen times [`block_scaling`]`(dimension, n)`, or times the square root of that
+    ///   for a spring in the top.
+    /// * The mass of a node with outer springs is that of the specimen times (1 + n̄)/2, with n̄ the mean n of these springs. In one
+    ///   dimension, half of the n − 1 omitted masses goes to either neighbour.
     ///
-    /// The paper states the third rule in one dimension only (section 5.1) and otherwise says "scaled according
-    /// to their distance to the end of the specimen"; the mean over a node's outer springs is our reading.
+    /// The paper states the third rule in one dimension only (section 5.1) and otherwise "scaled according to their distance to the
+    /// end of the specimen"; the mean over the outer springs of a node is an interpretation.
     ///
     /// # Errors
     /// As [`Specimen::neighbourhood`] and [`block_scaling`].
@@ -111,13 +110,13 @@ impl Specimen {
         let grid: Vec<[usize; 3]> = lattice.grid().collect();
         let driven = self.driven()?;
         let ring = |ijk: [usize; 3]| (0..3).map(|axis| ijk[axis].abs_diff(driven[axis])).max().unwrap_or(0);
-        let moves: Vec<bool> = grid.iter().map(|&ijk| ring(ijk) <= rings && !self.is_held(ijk)).collect();
+        let is_free: Vec<bool> = grid.iter().map(|&ijk| ring(ijk) <= rings && !self.is_held(ijk)).collect();
         let mut scaling = HashMap::new();
-        // Number of outer springs of each node, and the sum of their n.
+        // Number of outer springs of each node and the sum of their n.
         let mut ends = vec![(0usize, 0usize); grid.len()];
         let mut links = Vec::new();
         for link in network.links() {
-            let (from, to) = match (moves[link.a], moves[link.b]) {
+            let (from, to) = match (is_free[link.a], is_free[link.b]) {
                 (false, false) => continue,
                 (true, true) => {
                     links.push(*link);
@@ -126,15 +125,15 @@ impl Specimen {
                 (true, false) => (link.a, link.b),
                 (false, true) => (link.b, link.a),
             };
-            let n = self.cells_to_the_end(grid[from], grid[to]);
+            let n = self.cells_to_end(grid[from], grid[to]);
             ends[from] = (ends[from].0 + 1, ends[from].1 + n);
             let factor = match scaling.get(&n) {
-                Some(&known) => known,
+                Some(&factor) => factor,
                 None => *scaling.entry(n).or_insert(block_scaling(self.dimension, n)?),
             };
             let normal = self.dimension - 1;
-            let in_the_top = self.dimension > 1 && [from, to].iter().all(|&i| grid[i][normal] == self.cells);
-            let factor = if in_the_top { f64::sqrt(factor) } else { factor };
+            let is_in_top = self.dimension > 1 && [from, to].iter().all(|&i| grid[i][normal] == self.cells);
+            let factor = if is_in_top { f64::sqrt(factor) } else { factor };
             let rest_m = network.rest_m()[link.a].distance(network.rest_m()[link.b]);
             let spring =
                 Spring::linear(factor * self.stiffness_n_per_m, rest_m, factor * self.damping_ns_per_m)
@@ -145,7 +144,7 @@ impl Specimen {
             let mean = if springs > 0 { sum as f64 / springs as f64 } else { 1.0 };
             self.mass_kg * 0.5 * (1.0 + mean)
         });
-        let held = moves.iter().map(|moves| !moves).collect();
+        let held = is_free.iter().map(|is_free| !is_free).collect();
         self.system_of(Network::new(network.rest_m().to_vec(), masses.collect(), held, links)?)
     }
 
@@ -154,8 +153,8 @@ impl Specimen {
         (0..self.dimension).any(|axis| ijk[axis] == 0 || (axis != normal && ijk[axis] == self.cells))
     }
 
-    /// The least number of cells from `from` to one of the ends towards which a spring to `to` points.
-    fn cells_to_the_end(&self, from: [usize; 3], to: [usize; 3]) -> usize {
+    /// Minimum number of cells from `from` to an end in the direction of a spring to `to`.
+    fn cells_to_end(&self, from: [usize; 3], to: [usize; 3]) -> usize {
         let normal = self.dimension - 1;
         let along = |axis: usize| match to[axis].cmp(&from[axis]) {
             std::cmp::Ordering::Less => Some(from[axis]),

@@ -1,6 +1,6 @@
-//! What a reduced model of a mesh is worth.
+//! Accuracy of a reduced model of a mesh.
 
-use super::options::{LARGEST_DENSE, Lattice, Method};
+use super::options::{Lattice, MAX_DENSE_ORDER, Method};
 use crate::specimen::Specimen;
 use faer::{Mat, c64};
 use palpate_body::Network;
@@ -11,22 +11,21 @@ use serde::Serialize;
 use std::f64::consts::TAU;
 use std::time::Instant;
 
-/// Largest order of an error system whose norm is found by Hamiltonian bisection; that of larger ones is the largest
-/// error on a grid.
-const LARGEST_HAMILTONIAN: usize = 1_200;
-/// Frequencies at which the error is looked at in the band; a quarter of them for large systems.
+/// Maximum order of an error system whose norm is computed by Hamiltonian bisection; larger ones use the maximum on a grid.
+const MAX_HAMILTONIAN_ORDER: usize = 1_200;
+/// Number of frequencies in the band; a quarter of them for large systems.
 const BAND_POINTS: usize = 200;
 
-/// A mesh, its reduced model, and what that is worth.
+/// A mesh, its reduced model and the accuracy of that model.
 pub(crate) struct Analysis {
     pub(crate) report: Report,
     pub(crate) specimen: Specimen,
     pub(crate) full: SecondOrderSystem,
-    /// Node and axis of each unknown that moves in the reduced model by itself.
+    /// Node and axis of each unknown that is free in the reduced model.
     pub(crate) moving: Vec<(usize, usize)>,
-    /// Displacements of the full system's unknowns that belong to each reduced state, where those are not a node's.
+    /// Displacements of the full system's unknowns for each reduced state; `None` where the states are those of nodes.
     pub(crate) states: Option<Mat<f64>>,
-    /// |G| of a balanced truncation with as many states, for comparison: tangential and normal.
+    /// Response of a balanced truncation with as many states, for comparison.
     pub(crate) balanced: Option<Response>,
 }
 
@@ -37,27 +36,27 @@ pub(crate) struct Report {
     pub(crate) method: Method,
     pub(crate) order: usize,
     pub(crate) reduced_order: usize,
-    /// N/m; null where the system is too large or too lightly damped for its Gramians.
+    /// Hankel singular values, N/m; null where the system is too large or too lightly damped for its Gramians.
     pub(crate) hankel_singular_values: Option<Vec<f64>>,
     pub(crate) static_stiffness_n_per_m: Vec<f64>,
     pub(crate) reduced_static_stiffness_n_per_m: Vec<f64>,
     pub(crate) hinf_error_n_per_m: f64,
-    /// How that was found: `hamiltonian` or `grid`.
+    /// Method of the norm: `hamiltonian` or `grid`.
     pub(crate) hinf_method: &'static str,
-    /// Twice the sum of the Hankel singular values left out; of balanced truncations only.
+    /// Twice the sum of the omitted Hankel singular values; balanced truncation only.
     pub(crate) error_bound_n_per_m: Option<f64>,
     pub(crate) proper_peak_n_per_m: f64,
     pub(crate) relative_to_proper_peak: f64,
     pub(crate) band_relative_error: f64,
     pub(crate) dc_relative_error: f64,
-    /// Null in one dimension.
+    /// Off-diagonal response relative to the normal one, dB; null in one dimension.
     pub(crate) off_diagonal_db: Option<f64>,
     pub(crate) build_ms: f64,
     pub(crate) response: Response,
     pub(crate) reduced_response: Response,
 }
 
-/// G along the normal and along the first tangential axis; the latter null in one dimension.
+/// Response along the normal and along the first tangential axis, which is null in one dimension.
 #[derive(Serialize)]
 pub(crate) struct Response {
     pub(crate) frequency_hz: Vec<f64>,
@@ -67,7 +66,7 @@ pub(crate) struct Response {
     pub(crate) tangential_phase_rad: Option<Vec<f64>>,
 }
 
-/// A reduced model in the form in which it was made.
+/// Reduced model in the form of its method.
 enum Model {
     Nodes(SecondOrderSystem),
     Projected(DenseSystem),
@@ -101,7 +100,7 @@ impl Model {
 }
 
 impl Lattice {
-    /// The reduced model and what it is worth; `compare` it with a balanced truncation of as many states, too.
+    /// Reduced model and its accuracy; with `compare` also a balanced truncation with as many states.
     pub(crate) fn analyse(&self, compare: bool) -> Result<Analysis, LabError> {
         self.validate()?;
         let bar = progress::bar(6);
@@ -115,8 +114,8 @@ impl Lattice {
         let order = 2 * full.unknowns();
         step("balancing the whole system");
         let balance = || -> Result<_, LabError> { Ok(Balancing::new(full.state_space()?)?) };
-        let (balancing, balancing_ms) = timed(|| (order <= LARGEST_DENSE).then(balance).transpose());
-        // Where damping is so light that there are no Gramians, the other methods do without.
+        let (balancing, balancing_ms) = timed(|| (order <= MAX_DENSE_ORDER).then(balance).transpose());
+        // With very light damping there are no Gramians; only the balanced method needs them.
         let balancing = match balancing {
             Err(error) if self.method == Method::Balanced => return Err(error),
             balancing => balancing.unwrap_or(None),
@@ -130,7 +129,7 @@ impl Lattice {
             build_ms += balancing_ms;
             error_bound_n_per_m = Some(balancing.error_bound(model.order()));
         }
-        step("looking at responses");
+        step("computing responses");
         let frequency_hz = self.frequencies();
         let s: Vec<c64> = frequency_hz.iter().map(|hz| c64::new(0.0, TAU * hz)).collect();
         let (exact, reduced) = (full.response(&s)?, model.response(&s)?);
@@ -138,14 +137,14 @@ impl Lattice {
             let ratio = exact.iter().chain(&reduced).map(off_diagonal).fold(f64::MIN_POSITIVE, f64::max);
             20.0 * ratio.log10()
         });
-        step("looking at the error in the band");
+        step("computing the error in the band");
         let band = self.band_frequencies();
         let band_relative_error = relative_errors(&full.response(&band)?, &model.response(&band)?);
         let (gain, reduced_gain) =
             (full.static_stiffness()?, real(&model.response(&[c64::new(0.0, 0.0)])?[0]));
         let complex = |m: &Mat<f64>| Mat::from_fn(m.nrows(), m.ncols(), |i, j| c64::new(m[(i, j)], 0.0));
         let dc_relative_error = norm(&complex(&(&gain - &reduced_gain))) / norm(&complex(&gain));
-        step("finding the worst of all frequencies");
+        step("computing the norm of the error");
         let worst = self.worst(&full, &model, balancing.as_ref())?;
         let compare = compare && !matches!(self.method, Method::Balanced | Method::Full);
         let balanced = match &balancing {
@@ -182,7 +181,7 @@ impl Lattice {
         Ok(Analysis { report, specimen, full, moving, states, balanced })
     }
 
-    /// The reduced model, and the displacements that belong to its states.
+    /// Reduced model and the displacements of its states.
     fn reduce(
         &self,
         specimen: &Specimen,
@@ -195,12 +194,12 @@ impl Lattice {
         };
         Ok(match (self.method, balancing) {
             (Method::Balanced, Some(balancing)) => {
-                // States beyond the rank would be rounding.
+                // States beyond the rank are rounding.
                 let truncated = balancing.truncate(self.order.min(balancing.rank()))?;
                 let positions = truncated.states.subrows(0, full.unknowns()).to_owned();
                 (Model::Truncated(truncated.system), Some(positions))
             }
-            // The method is refused where there is no balancing.
+            // Without a balancing the balanced method has returned its error before.
             (Method::Full | Method::Balanced, _) => (Model::Nodes(full.clone()), None),
             (Method::Neighbourhood, _) => (Model::Nodes(full.neighbourhood(network, self.rings)?), None),
             (Method::Scaled, _) => (Model::Nodes(specimen.scaled(self.rings)?), None),
@@ -212,38 +211,38 @@ impl Lattice {
         })
     }
 
-    /// The largest error and the largest gain at any frequency.
+    /// Maximum error and maximum gain over all frequencies.
     fn worst(
         &self,
         full: &SecondOrderSystem,
         model: &Model,
         balancing: Option<&Balancing>,
     ) -> Result<Worst, LabError> {
-        let whole = balancing.filter(|b| b.system().order() + model.order() <= LARGEST_HAMILTONIAN);
+        let whole = balancing.filter(|b| b.system().order() + model.order() <= MAX_HAMILTONIAN_ORDER);
         let Some(whole) = whole.map(Balancing::system) else {
-            return self.worst_on_a_grid(full, model);
+            return self.worst_on_grid(full, model);
         };
         let norms = || -> Result<Worst, LabError> {
             let peak = HInf::new(whole, 1e-6)?.norm;
             let error = match self.method {
-                // The same system: the norm of a difference of equals is rounding.
+                // The systems are equal; the norm of their difference would be rounding.
                 Method::Full => 0.0,
                 _ => HInf::new(&whole.minus(&model.state_space()?)?, 1e-6)?.norm,
             };
             Ok(Worst { error, peak, method: "hamiltonian" })
         };
-        // Where eigenvalues are too ill-conditioned a grid still says something.
-        norms().or_else(|_| self.worst_on_a_grid(full, model))
+        // Ill-conditioned eigenvalues leave a grid as the fallback.
+        norms().or_else(|_| self.worst_on_grid(full, model))
     }
 
-    /// Lower bounds: on a grid that has the natural frequencies of the mesh, unless it is too large for them, refined
-    /// round the worst.
-    fn worst_on_a_grid(&self, full: &SecondOrderSystem, model: &Model) -> Result<Worst, LabError> {
+    /// Lower bounds of both: the maximum on a grid, refined around it. The grid contains the natural frequencies of a mesh that is small
+    /// enough to compute them.
+    fn worst_on_grid(&self, full: &SecondOrderSystem, model: &Model) -> Result<Worst, LabError> {
         let proper = |g: &Mat<c64>, s: c64| {
             Mat::from_fn(g.nrows(), g.ncols(), |i, j| g[(i, j)] - s * full.damping_cc[(i, j)])
         };
         // Error and gain at each of `omegas`, 1/s.
-        let look = |omegas: &[f64]| -> Result<Vec<[f64; 2]>, LabError> {
+        let evaluate = |omegas: &[f64]| -> Result<Vec<[f64; 2]>, LabError> {
             let s: Vec<c64> = omegas.iter().map(|&omega| c64::new(0.0, omega)).collect();
             let both = full.response(&s)?.into_iter().zip(model.response(&s)?);
             Ok(both.zip(&s).map(|((g, r), &s)| [norm(&(&g - r)), norm(&proper(&g, s))]).collect())
@@ -252,11 +251,11 @@ impl Lattice {
         let mut omegas: Vec<f64> =
             (0..=120).map(|i| fastest * 10f64.powf(f64::from(i) / 24.0 - 4.0)).collect();
         omegas.push(0.0);
-        if 2 * full.unknowns() <= LARGEST_DENSE {
+        if 2 * full.unknowns() <= MAX_DENSE_ORDER {
             omegas.extend(full.natural_frequencies_rad_per_s()?);
         }
         omegas.sort_by(f64::total_cmp);
-        let found = look(&omegas)?;
+        let found = evaluate(&omegas)?;
         let mut worst = [0.0; 2];
         for (which, worst) in worst.iter_mut().enumerate() {
             let at =
@@ -266,7 +265,7 @@ impl Lattice {
             for _ in 0..4 {
                 let step = (high - low) / 8.0;
                 let inner: Vec<f64> = (0..=8).map(|i| low + step * f64::from(i)).collect();
-                let found = look(&inner)?;
+                let found = evaluate(&inner)?;
                 let at = (0..=8).max_by(|&a, &b| found[a][which].total_cmp(&found[b][which])).unwrap_or(0);
                 *worst = worst.max(found[at][which]);
                 (low, high) = (inner[at.saturating_sub(1)], inner[(at + 1).min(8)]);
@@ -276,11 +275,11 @@ impl Lattice {
         Ok(Worst { error, peak, method: "grid" })
     }
 
-    /// From a tenth of the band's low end to its high end: 1, 2 and 5 of every decade, and 20 others.
+    /// Frequencies from a tenth of the band's low end to its high end, Hz: 1, 2 and 5 of every decade, and 20 more per decade.
     fn frequencies(&self) -> Vec<f64> {
         let (low, high) = (0.1 * self.band().0, self.band().1);
         let round = |decade: i32| {
-            // A positive power of ten is exact, a negative one is best divided by.
+            // Positive powers of ten are exact; dividing by them rounds once.
             let ten = 10f64.powi(decade.abs());
             [1.0, 2.0, 5.0].map(|n| if decade < 0 { n / ten } else { n * ten })
         };
@@ -299,12 +298,13 @@ impl Lattice {
 
     fn band_frequencies(&self) -> Vec<c64> {
         let (low, high) = self.band();
-        let points = if self.full_order() <= LARGEST_DENSE { BAND_POINTS } else { BAND_POINTS / 4 };
+        let points = if self.full_order() <= MAX_DENSE_ORDER { BAND_POINTS } else { BAND_POINTS / 4 };
         let at = |i: usize| low * (high / low).powf(i as f64 / (points - 1) as f64);
         (0..points).map(|i| c64::new(0.0, TAU * at(i))).collect()
     }
 }
 
+/// Maximum error and gain over frequency, N/m.
 struct Worst {
     error: f64,
     peak: f64,
@@ -328,12 +328,12 @@ impl Response {
     }
 }
 
-/// What `work` returns, and how long it took, ms.
-#[expect(clippy::disallowed_methods, reason = "how long a reduction takes is one of the figures asked for")]
+/// Result of `work` and its time, ms.
+#[expect(clippy::disallowed_methods, reason = "the time of a reduction is a result")]
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
-    let done = work();
-    (done, start.elapsed().as_secs_f64() * 1e3)
+    let result = work();
+    (result, start.elapsed().as_secs_f64() * 1e3)
 }
 
 fn real(m: &Mat<c64>) -> Mat<f64> {
@@ -344,17 +344,17 @@ fn diagonal(m: &Mat<f64>) -> Vec<f64> {
     (0..m.nrows()).map(|i| m[(i, i)]).collect()
 }
 
-/// The largest singular value; infinite where it is not found.
+/// Largest singular value; infinite where the decomposition fails.
 fn norm(m: &Mat<c64>) -> f64 {
     m.singular_values().ok().and_then(|s| s.first().copied()).unwrap_or(f64::INFINITY)
 }
 
-/// The largest of ‖full − reduced‖ / ‖full‖ over all frequencies.
+/// Maximum of ‖full − reduced‖ / ‖full‖ over all frequencies.
 fn relative_errors(full: &[Mat<c64>], reduced: &[Mat<c64>]) -> f64 {
     full.iter().zip(reduced).map(|(f, r)| norm(&(f - r)) / norm(f)).fold(0.0, f64::max)
 }
 
-/// The largest entry off the diagonal over the last, which is the normal response.
+/// Maximum off-diagonal entry over the last diagonal entry, the normal response.
 fn off_diagonal(g: &Mat<c64>) -> f64 {
     let last = g.nrows() - 1;
     let off = (0..=last).flat_map(|i| (0..=last).map(move |j| (i, j))).filter(|(i, j)| i != j);

@@ -7,17 +7,17 @@ use serde::Serialize;
 
 /// Sections 4 and 5: a mesh and its reduced models (Figs. 4-11)
 ///
-/// A mesh of CELLS cells along each of DIMENSION dimensions, held at all sides but its top, is driven at the node in the
-/// middle of its top. That is a linear system from displacement to force; a reduced model stands for it.
+/// A mesh of CELLS cells along each of DIMENSION dimensions, fixed at all sides except its top, is driven at the node in the middle of
+/// its top. It is a linear system from displacement to force, which a reduced model approximates.
 ///
-/// `hinf_error_n_per_m` is the largest singular value, at the worst of all frequencies, of the response minus that of the
-/// reduced model; where both together have more than 1200 states only the worst of many frequencies is known, a lower
-/// bound, and `hinf_method` is `grid` instead of `hamiltonian`. `relative_to_proper_peak` divides it by the same norm of the proper part of the response, all but
-/// the damper term E s. `band_relative_error` is the largest over the band of that singular value divided by the
-/// response's at the same frequency, and `dc_relative_error` the same at zero. `off_diagonal_db` compares the
-/// largest force along one axis from displacement along another with the normal response, the worse of the full system and
-/// the reduced model. `response` is the full
-/// system's, `reduced_response` the reduced model's; lists over axes have the tangential ones first.
+/// `hinf_error_n_per_m` is the H-infinity norm of the error: the maximum over all frequencies of the largest singular value of the
+/// response minus the reduced response. With more than 1200 states of both together it is the maximum over a grid of frequencies, a
+/// lower bound, and `hinf_method` is `grid` instead of `hamiltonian`. `relative_to_proper_peak` divides it by the same norm of the
+/// proper part of the response, without the damper term E s. `band_relative_error` is the maximum over the band of that singular
+/// value divided by that of the response at the same frequency, and `dc_relative_error` the same ratio at zero. `off_diagonal_db`
+/// compares the maximum force along one axis from displacement along another with the normal response, for the worse of the full
+/// system and the reduced model. `response` is that of the full system, `reduced_response` that of the reduced model. Lists over axes
+/// have the tangential axes first.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab lattice --json\n  palpate-lab lattice --method neighbourhood --rings 2 --out \
@@ -39,14 +39,14 @@ pub(crate) struct Lattice {
     /// Mass of each node, kg
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.01)]
     pub(crate) mass: f64,
-    /// How the reduced model is made
+    /// Method of reduction
     #[arg(long, value_enum, default_value_t = Method::Balanced)]
     pub(crate) method: Method,
-    /// States of the reduced model (methods balanced and modal; a mode is two states, and of a balanced model those beyond
-    /// the rank of the Gramians are left out)
+    /// States of the reduced model (methods balanced and modal; a mode is two states, and a balanced model has at most as many states
+    /// as the rank of the Gramians)
     #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 10)]
     pub(crate) order: usize,
-    /// Rings of nodes that move (methods neighbourhood and scaled)
+    /// Rings of free nodes (methods neighbourhood and scaled)
     #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 1)]
     pub(crate) rings: usize,
     /// Real shifts over 2 pi, Hz (method krylov)
@@ -58,7 +58,7 @@ pub(crate) struct Lattice {
         default_value = "5,20,80"
     )]
     pub(crate) shifts_hz: Vec<f64>,
-    /// Band in which the reduced model is to be good, Hz
+    /// Band of the relative error, Hz
     #[arg(
         value_parser = number, allow_hyphen_values = true,
         long,
@@ -69,7 +69,7 @@ pub(crate) struct Lattice {
     pub(crate) band_hz: Vec<f64>,
 }
 
-/// How a reduced model is made.
+/// Method of reduction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Method {
@@ -77,9 +77,9 @@ pub(crate) enum Method {
     Full,
     /// Balanced truncation to `--order` states (section 4)
     Balanced,
-    /// The nodes within `--rings` of the tool move, all others stand (Fig. 8)
+    /// Nodes within `--rings` of the tool are free, all others fixed (Fig. 8)
     Neighbourhood,
-    /// The same with outer springs and masses that stand for the rest (Fig. 10)
+    /// Free nodes within `--rings`, with outer springs and masses scaled to represent the rest (Fig. 10)
     Scaled,
     /// Static response, high-frequency end and response at `--shifts-hz` (rational Krylov)
     Krylov,
@@ -87,12 +87,13 @@ pub(crate) enum Method {
     Modal,
 }
 
-/// Largest order that is analysed at all in 1, 2 and 3 dimensions: about a minute.
-const LARGEST_ORDER: [usize; 3] = [60_000, 40_000, 9_000];
-/// Largest order of what takes dense matrices: balanced and modal truncation.
-pub(super) const LARGEST_DENSE: usize = 2_500;
+/// Maximum order in 1, 2 and 3 dimensions: about a minute.
+const MAX_ORDER: [usize; 3] = [60_000, 40_000, 9_000];
+/// Maximum order of methods with dense matrices: balanced and modal truncation.
+pub(super) const MAX_DENSE_ORDER: usize = 2_500;
 
 impl Lattice {
+    /// Specimen of the options.
     pub(crate) fn specimen(&self) -> Specimen {
         Specimen {
             dimension: self.dimension,
@@ -111,7 +112,7 @@ impl Lattice {
         }
     }
 
-    /// The order of the full system: that of all free nodes but the driven one.
+    /// Order of the full system: all free nodes except the driven one.
     pub(super) fn full_order(&self) -> usize {
         let free = (0..self.dimension - 1).fold(self.cells, |free, _| free.saturating_mul(self.cells - 1));
         (2 * self.dimension).saturating_mul(free - 1)
@@ -128,9 +129,9 @@ impl Lattice {
             check(flag, value, (1e-9..=1e9).contains(&value), "1e-9 to 1e9")?;
         }
         let full = self.full_order();
-        let most = LARGEST_ORDER[dimension - 1];
-        let allowed = format!("so few that the system's order, here {full}, is at most {most}");
-        whole("--cells", cells, full <= most, allowed)?;
+        let max = MAX_ORDER[dimension - 1];
+        let allowed = format!("so few that the system's order, here {full}, is at most {max}");
+        whole("--cells", cells, full <= max, allowed)?;
         if matches!(method, Method::Balanced | Method::Modal) {
             let allowed = format!("1 to {full}, the order of the system");
             whole("--order", order, (1..=full).contains(&order), allowed)?;
@@ -157,10 +158,10 @@ impl Lattice {
         check("high end of --band-hz", high, high > low && high <= 1e9, allowed)?;
         if matches!(method, Method::Balanced | Method::Modal) {
             let allowed = format!(
-                "so few that the system's order, here {full}, is at most {LARGEST_DENSE} for this method; krylov, \
-                 neighbourhood and scaled take more"
+                "so few that the system's order, here {full}, is at most {MAX_DENSE_ORDER} for this method; krylov, \
+                 neighbourhood and scaled allow more"
             );
-            whole("--cells", cells, full <= LARGEST_DENSE, allowed)?;
+            whole("--cells", cells, full <= MAX_DENSE_ORDER, allowed)?;
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! Pictures of a mesh: its responses, its states, and the mesh itself.
+//! Figures of a mesh: responses, states and the mesh itself.
 
 use super::analysis::{Analysis, Response};
 use super::options::Method;
@@ -7,7 +7,7 @@ use palpate_lab::figure::{Area, Curve, Panel, Scale, canvas, failed, svg};
 use plotters::prelude::*;
 use std::collections::HashSet;
 
-/// Figs. 5, 9 and 11: magnitude and phase, along the normal and along a tangent.
+/// Figs. 5, 9 and 11: magnitude and phase along the normal and along a tangent.
 pub(crate) fn response_panels(analysis: &Analysis) -> Vec<Panel> {
     let report = &analysis.report;
     let hz = &report.response.frequency_hz;
@@ -37,7 +37,7 @@ pub(crate) fn response_panels(analysis: &Analysis) -> Vec<Panel> {
     panels
 }
 
-/// The Hankel singular values, as far as they are more than rounding.
+/// Hankel singular values above rounding.
 pub(super) fn hankel_panel(analysis: &Analysis) -> Panel {
     let values = analysis.report.hankel_singular_values.as_deref().unwrap_or_default();
     let largest = values.first().copied().unwrap_or(0.0);
@@ -57,20 +57,20 @@ fn method_name(method: Method) -> String {
     method.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
-/// Most states that are pictured.
-const MOST_STATES: usize = 12;
+/// Maximum number of states in the figure.
+const MAX_STATES: usize = 12;
 
-/// Fig. 6: how much each node moves in each reduced state. In three dimensions, the plane through the tool.
+/// Fig. 6: displacement of each node in each reduced state. In three dimensions, in the plane through the tool.
 pub(crate) fn states(analysis: &Analysis) -> Result<String, LabError> {
     let magnitudes = analysis.state_magnitudes().unwrap_or_default();
-    let shown = &magnitudes[..magnitudes.len().min(MOST_STATES)];
+    let shown = &magnitudes[..magnitudes.len().min(MAX_STATES)];
     let lattice = analysis.specimen.lattice()?;
     if analysis.specimen.dimension == 1 {
         let curves = shown.iter().enumerate().map(|(i, state)| {
             let points = state.iter().enumerate().map(|(node, &value)| (node as f64, value));
             Curve::new(format!("state {}", i + 1), points)
         });
-        let title = "Displacement that each state means".into();
+        let title = "Displacement of each state".into();
         let (x, y, scale) = ("node; the tool is at the last", "relative to the largest", Scale::Linear);
         return svg(&[Panel { title, x, y, scale, curves: curves.collect() }], 1);
     }
@@ -86,9 +86,9 @@ pub(crate) fn states(analysis: &Analysis) -> Result<String, LabError> {
             below.draw(&Rectangle::new(box_at, shade(0.1 * f64::from(i)).filled())).map_err(failed)?;
         }
         let scale = "displacement, 0 to the largest of the state";
-        written(&below, (160, 8), scale)?;
+        write_text(&below, (160, 8), scale)?;
         below.draw(&Rectangle::new([(440, 8), (452, 20)], TOOL.filled())).map_err(failed)?;
-        written(&below, (458, 8), "tool; x to the right, depth downward")?;
+        write_text(&below, (458, 8), "tool; x to the right, depth downward")?;
         for ((i, state), place) in shown.iter().enumerate().zip(maps.split_evenly((rows, columns))) {
             let inner = titled(&place, &format!("state {}", i + 1))?;
             let n = analysis.specimen.cells + 1;
@@ -102,7 +102,7 @@ pub(crate) fn states(analysis: &Analysis) -> Result<String, LabError> {
                     (edge(column, width), edge(depth, height)),
                     (edge(column + 1, width), edge(depth + 1, height)),
                 ];
-                // The tool's own node is an input, no state.
+                // The node of the tool is an input and no state.
                 let tool = (ijk == driven).then_some(TOOL);
                 let color = tool.unwrap_or_else(|| shade(state[lattice.node(ijk)]));
                 inner.draw(&Rectangle::new(corners, color.filled())).map_err(failed)?;
@@ -117,25 +117,24 @@ const LEGEND: u32 = 30;
 /// Colour of the tool.
 const TOOL: RGBColor = RGBColor(213, 94, 0);
 
-fn written(area: &Area<'_>, at: (i32, i32), text: &str) -> Result<(), LabError> {
+fn write_text(area: &Area<'_>, at: (i32, i32), text: &str) -> Result<(), LabError> {
     area.draw(&Text::new(text.to_owned(), at, ("sans-serif", 12))).map_err(failed)
 }
 
-/// The part of `area` that a title above it leaves.
+/// Part of `area` below its title.
 fn titled<'a>(area: &Area<'a>, title: &str) -> Result<Area<'a>, LabError> {
     let inner = area.margin(6, 6, 6, 6);
     inner.titled(title, ("sans-serif", 12)).map_err(failed)
 }
 
-/// From pale to dark blue.
+/// Colour from pale to dark blue for 0 to 1.
 fn shade(value: f64) -> RGBColor {
     let between = |low: f64, high: f64| (low + value.clamp(0.0, 1.0) * (high - low)).round() as u8;
     RGBColor(between(238.0, 8.0), between(243.0, 48.0), between(248.0, 107.0))
 }
 
-/// Figs. 4, 8 and 10, and in one dimension 12 to 14: the mesh, or in three dimensions its plane through the tool. Nodes
-/// that move are filled, the driven one larger; springs that the reduced model has are dark, those that it scales
-/// are in the colour of the tool.
+/// Figs. 4, 8 and 10, and in one dimension 12 to 14: the mesh, or in three dimensions its plane through the tool. The driven node is
+/// large, free nodes are dark. Springs of the reduced model are dark, scaled springs have the colour of the tool.
 pub(crate) fn mesh(analysis: &Analysis) -> Result<String, LabError> {
     let specimen = analysis.specimen;
     let (network, lattice) = (specimen.network()?, specimen.lattice()?);
@@ -149,11 +148,11 @@ pub(crate) fn mesh(analysis: &Analysis) -> Result<String, LabError> {
     let pixel = |node: usize| {
         let at = |cells: usize| (margin + step * cells as f64) as i32;
         let deep = at(specimen.cells - grid[node][normal]);
-        // A chain lies on its side.
+        // A chain is drawn horizontally.
         if normal == 0 { (deep, margin as i32) } else { (at(grid[node][0]), deep) }
     };
     let (tint, dark, faint) = (TOOL, RGBColor(0, 114, 178), RGBColor(190, 190, 190));
-    let kept = |node: usize| node == tool || moving.contains(&node);
+    let is_retained = |node: usize| node == tool || moving.contains(&node);
     let style = |ends: usize| match ends {
         0 => faint.stroke_width(1),
         1 if analysis.report.method == Method::Scaled => tint.stroke_width(2),
@@ -161,7 +160,7 @@ pub(crate) fn mesh(analysis: &Analysis) -> Result<String, LabError> {
     };
     let height = if normal == 0 { 2 * margin as u32 } else { side };
     let is_scaled = analysis.report.method == Method::Scaled;
-    let legend = [("tool", tint), ("moves", dark), ("stands", faint), ("scaled springs", tint)];
+    let legend = [("tool", tint), ("free", dark), ("fixed", faint), ("scaled springs", tint)];
     let entries = if is_scaled { &legend[..] } else { &legend[..3] };
     canvas((side, height + LEGEND), |area| {
         for (i, &(name, color)) in entries.iter().enumerate() {
@@ -173,13 +172,14 @@ pub(crate) fn mesh(analysis: &Analysis) -> Result<String, LabError> {
                 area.draw(&Circle::new((x, y), if i == 0 { 8 } else { 4 }, color.filled()))
                     .map_err(failed)?;
             }
-            written(area, (x + 14, y - 6), name)?;
+            write_text(area, (x + 14, y - 6), name)?;
         }
         let links = || network.links().iter().filter(|link| in_plane(link.a) && in_plane(link.b));
-        // Those of the reduced model last, so that they lie on top.
+        // Springs of the reduced model are drawn last, on top.
         for ends in 0..=2 {
-            let kept_ends = |a: usize, b: usize| usize::from(kept(a)) + usize::from(kept(b));
-            for link in links().filter(|link| kept_ends(link.a, link.b) == ends) {
+            let retained_ends =
+                |a: usize, b: usize| usize::from(is_retained(a)) + usize::from(is_retained(b));
+            for link in links().filter(|link| retained_ends(link.a, link.b) == ends) {
                 let line = PathElement::new([pixel(link.a), pixel(link.b)], style(ends));
                 area.draw(&line).map_err(failed)?;
             }

@@ -1,4 +1,4 @@
-//! A mesh's responses, Hankel singular values and states as CSV.
+//! Responses, Hankel singular values and states of a mesh as CSV.
 
 use super::analysis::{Analysis, Response};
 use palpate_lab::output::csv;
@@ -30,7 +30,7 @@ impl Analysis {
         Some(csv(&[("index".to_owned(), index), ("hankel_singular_value_n_per_m".to_owned(), values)]))
     }
 
-    /// The displacement that each state means at each node (Fig. 6), relative to the largest of that state.
+    /// Displacement of each node in each state (Fig. 6), relative to the maximum of that state.
     pub(crate) fn state_magnitudes(&self) -> Option<Vec<Vec<f64>>> {
         let states = self.states.as_ref()?;
         let nodes = (self.specimen.cells + 1).pow(self.specimen.dimension as u32);

@@ -1,4 +1,4 @@
-//! The page: a table, figures inline, light and dark.
+//! The page: a table with inline figures, light and dark.
 
 use super::row::Row;
 use std::fmt::Write;
@@ -30,7 +30,7 @@ tr.figure svg { display: block; margin: 0 auto; max-width: 100%; height: auto; c
 <body>
 "##;
 
-/// The page with these rows.
+/// HTML page with `rows`.
 pub(super) fn html(rows: &[Row]) -> String {
     let mut page = String::from(HEAD);
     let figures = rows.iter().filter(|row| row.figure.is_some()).count();
@@ -39,8 +39,8 @@ pub(super) fn html(rows: &[Row]) -> String {
         page,
         "<h1>The seed paper, reproduced</h1>\n<p class=\"lead\">M. C. Çavuşoğlu, <cite>Multirate Simulation for High \
          Fidelity Haptic Interaction with Deformable Objects in Virtual Environments</cite>, UCB/ERL M00/5, 2000. Every \
-         figure and number of it, what it says and what comes out here. {} rows, {figures} of them drawn; made by \
-         palpate-lab {}.</p>\n<table>\n<thead><tr><th>Where</th><th>What</th><th>Paper</th><th>Here</th></tr></thead>\n\
+         figure and number of the paper with the result here. {} rows, {figures} with a figure; created by \
+         palpate-paper {}.</p>\n<table>\n<thead><tr><th>Where</th><th>What</th><th>Paper</th><th>Here</th></tr></thead>\n\
          <tbody>\n",
         rows.len(),
         env!("CARGO_PKG_VERSION"),
@@ -68,7 +68,7 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// The figure with what is black in the colour of the page's letters, and without its white ground.
+/// Figure with the text colour of the page instead of black, and without its white background.
 fn inline(svg: &str, label: &str) -> String {
     svg.replacen("fill=\"#FFFFFF\"", "fill=\"none\"", 1).replace("#000000", "currentColor").replacen(
         "<svg ",

@@ -2,22 +2,26 @@
 
 use serde::Serialize;
 
-/// A figure or a number of the paper.
+/// Figure or number of the paper.
 #[derive(Serialize)]
 pub(crate) struct Row {
-    /// Where it stands in the paper.
+    /// Place in the paper.
     pub(crate) place: &'static str,
+    /// Subject.
     pub(crate) what: &'static str,
+    /// Value of the paper.
     pub(crate) paper: String,
+    /// Result here.
     pub(crate) here: String,
-    /// Why they differ, or what is to be known about it; empty where there is nothing.
+    /// Reason for a difference, or a remark; may be empty.
     pub(crate) why: &'static str,
-    /// The text of an SVG.
+    /// Text of an SVG figure.
     #[serde(skip)]
     pub(crate) figure: Option<String>,
 }
 
 impl Row {
+    /// Row without a remark and a figure.
     pub(super) fn new(
         place: &'static str,
         what: &'static str,
@@ -27,16 +31,18 @@ impl Row {
         Self { place, what, paper: paper.into(), here: here.into(), why: "", figure: None }
     }
 
+    /// Adds a remark.
     pub(super) fn why(self, why: &'static str) -> Self {
         Self { why, ..self }
     }
 
+    /// Adds a figure.
     pub(super) fn figure(self, svg: String) -> Self {
         Self { figure: Some(svg), ..self }
     }
 }
 
-/// A share as a percentage with two decimals.
+/// Formats a share as a percentage with two decimals.
 pub(super) fn percent(share: f64) -> String {
     format!("{:.2} %", 100.0 * share)
 }

@@ -1,4 +1,4 @@
-//! Sections 2 to 4: the problem, and what balanced reduction shows.
+//! Rows of sections 2 to 4: the problem and balanced reduction.
 
 use super::row::{Row, percent};
 use crate::lattice::{Analysis, Lattice, Method, mesh, response_panels, states};
@@ -10,7 +10,7 @@ use palpate_lab::figure::svg;
 use palpate_lab::program::defaults;
 use palpate_laws::SkinLaw;
 
-/// Section 2.
+/// Rows of section 2.
 pub(super) fn demonstration() -> Result<Vec<Row>, LabError> {
     let e: Schemes = defaults();
     let (run, q) = e.experiment()?;
@@ -18,7 +18,7 @@ pub(super) fn demonstration() -> Result<Vec<Row>, LabError> {
     let forces = "f(x[n]), f(x[N]), f(x[N]) * lpf[n], f(x[N]) + f'(x[N]) (x[n] - x[N])";
     let paradigms = "Simulation paradigms: full, held, filtered, local tangent";
     let diagram = Row::new("Fig. 1", paradigms, "a diagram", "four schemes: palpate-lab schemes")
-        .why("The held, filtered and tangent ones are schemes of the loop, too: Hold, LowPass, Tangent.");
+        .why("Held, filtered and tangent forces are also schemes of the loop: Hold, LowPass, Tangent.");
     let rates = format!("{} Hz, {} Hz, {} Hz", e.haptic_rate_hz, e.model_rate_hz, e.cutoff_hz);
     let steps = format!("{} mm, {} N", e.position_step_mm, e.force_step_n);
     let ratio = |what, paper: &str, q: &Quality| {
@@ -30,7 +30,7 @@ pub(super) fn demonstration() -> Result<Vec<Row>, LabError> {
     Ok(vec![
         diagram,
         Row::new("Eqs. 1-4", "The four forces", forces, "the same")
-            .why("The low-pass is of first order, which the paper does not say."),
+            .why("The low-pass is of first order; the paper states no order."),
         Row::new(
             "Eq. 5",
             "Force of the skin of the thigh, x/(5.4398 - 0.1418 x), at x = 10 mm",
@@ -39,23 +39,23 @@ pub(super) fn demonstration() -> Result<Vec<Row>, LabError> {
         ),
         Row::new("Section 2", "Rates: haptic, model, bandwidth of the filter", "1 kHz, 10 Hz, 10 Hz", rates),
         Row::new("Section 2", "Quantisation of position and of force", "0.3 mm, 0.07 N", steps)
-            .why("By rounding to the nearest step, which the paper does not say."),
+            .why("By rounding to the nearest step; the paper states no rule."),
         ratio("SNR and lag at 1 kHz, the ideal case", "89 dB, less than 1 ms", &q.full).why(
-            "Ten times the natural logarithm of the power ratio meets the paper's figures, ten times the decimal \
-             one does not: it seems to have taken the former. An inference. The movement is not stated; here it is \
+            "The paper's figures equal ten times the natural logarithm of the power ratio and not ten times the decimal \
+             one, so the paper probably used the former. An inference. The movement is not stated; here it is \
              10 + 6.5 sin(2 pi 1.2 t) mm.",
         ),
         ratio("SNR and lag of the held force", "43 dB, 49 ms", &q.hold).why("As above."),
         ratio("SNR and lag of the filtered force", "53 dB, 65 ms", &q.low_pass).why("As above."),
         ratio("SNR and lag of the local tangent", "72 dB, less than 1 ms", &q.tangent).why("As above."),
         Row::new("Section 2", "Bandwidth of voluntary movements of a hand", "5-10 Hz", "no experiment")
-            .why("The paper quotes it, it does not measure it."),
+            .why("The paper quotes it without a measurement."),
         Row::new("Fig. 2", "Interaction with a nonlinear spring in one dimension", "four curves", "drawn below")
             .figure(run.figure(e.haptic_rate_hz)?),
     ])
 }
 
-/// Section 3.
+/// Rows of section 3.
 pub(super) fn linear_approximation() -> Result<Vec<Row>, LabError> {
     let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
     let cube = Block::new([10; 3], DVec3::splat(0.1))?.allow_unconstrained().uniform(&lattice)?;
@@ -64,11 +64,11 @@ pub(super) fn linear_approximation() -> Result<Vec<Row>, LabError> {
     Ok(vec![
         Row::new("Fig. 3", "Construction of the low order model", "a diagram", built),
         Row::new("Section 3", "Order of the dynamics of a 10 x 10 x 10 cube, 1000 x 3 x 2", "6000", order)
-            .why("Counted on the network that is built, nothing of it held."),
+            .why("Counted on the network without fixed nodes."),
     ])
 }
 
-/// Section 4.
+/// Rows of section 4.
 pub(super) fn order_reduction() -> Result<Vec<Row>, LabError> {
     let of = |method| Lattice { method, ..defaults() }.analyse(false);
     let analysis = of(Method::Balanced)?;
@@ -78,13 +78,12 @@ pub(super) fn order_reduction() -> Result<Vec<Row>, LabError> {
     let bound = r.error_bound_n_per_m.unwrap_or(f64::NAN);
     let error = r.hinf_error_n_per_m;
     let near = percent(near_the_tool(&analysis)?);
-    let apart = format!("{} apart at most, 10 to 1000 Hz", percent(r.band_relative_error));
+    let apart = format!("at most {} apart, 10 to 1000 Hz", percent(r.band_relative_error));
     let decibels = format!("{:.0} dB", r.off_diagonal_db.unwrap_or(f64::NAN));
     Ok(vec![
-        Row::new("Fig. 4", "Mesh of two dimensions, three edges held", "12 x 12", format!("{cells} x {cells} cells"))
+        Row::new("Fig. 4", "Mesh of two dimensions, three edges fixed", "12 x 12", format!("{cells} x {cells} cells"))
             .why(
-                "Twelve cells, so thirteen nodes, along each edge: so counted, the order is the paper's, and there is \
-                 a node in the middle.",
+                "Twelve cells and thirteen nodes along each edge give the order of the paper and a node in the middle.",
             )
             .figure(mesh(&of(Method::Full)?)?),
         Row::new(
@@ -106,20 +105,20 @@ pub(super) fn order_reduction() -> Result<Vec<Row>, LabError> {
         ),
         Row::new(
             "Section 4",
-            "The same over the norm of the full model",
+            "Infinity norm of the error over that of the full model",
             "less than 1 %",
             percent(r.relative_to_proper_peak),
         )
-        .why("Of the proper part of the response: the whole, with a damper at the tool, grows without bound."),
+        .why("Of the proper part of the response. The whole response, with a damper at the tool, is unbounded."),
         Row::new("Section 4", "Normal force from tangential displacement", "less than -200 dB", decibels).why(
-            "Relative to the normal response, the worst of the full and the reduced model: zero but for rounding, \
-             as the mesh is symmetric.",
+            "Relative to the normal response, for the worse of the full and the reduced model: zero except for rounding, \
+             because the mesh is symmetric.",
         ),
         Row::new("Fig. 5", "Responses of the original and the reduced system", "indistinguishable", apart)
             .figure(svg(&response_panels(&analysis), 2)?),
         Row::new(
             "Fig. 6",
-            "Where the states of the reduced model live; coordinate of the input",
+            "Location of the states of the reduced model; coordinate of the input",
             "near the tool, at (50, 0)",
             format!(
                 "{near} of the squared displacement in the first two states within a quarter of the width of the \
@@ -127,12 +126,12 @@ pub(super) fn order_reduction() -> Result<Vec<Row>, LabError> {
                 100.0 - j
             ),
         )
-        .why("Displacements only. The slowest states, third and fourth by size, reach deeper.")
+        .why("Displacements only. The slowest states, third and fourth in size, reach deeper.")
         .figure(states(&analysis)?),
     ])
 }
 
-/// The share of the squared displacement of the first two states that is within a quarter of the width of the tool.
+/// Share of the squared displacement of the first two states within a quarter of the width from the tool.
 fn near_the_tool(analysis: &Analysis) -> Result<f64, LabError> {
     let lattice = analysis.specimen.lattice()?;
     let tool = lattice.position_m(analysis.specimen.driven()?);

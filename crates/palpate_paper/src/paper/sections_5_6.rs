@@ -1,4 +1,4 @@
-//! Sections 5 and 6: local models, and how they do.
+//! Rows of sections 5 and 6: local models and their results.
 
 use super::row::{Row, percent};
 use crate::chain::{self, Chain, Figures};
@@ -14,7 +14,7 @@ use palpate_lab::program::defaults;
 use palpate_local::Scheme;
 use std::f64::consts::TAU;
 
-/// Section 5.
+/// Rows of section 5.
 pub(super) fn local_models() -> Result<Vec<Row>, LabError> {
     let of = |method, rings, low| {
         let lattice = Lattice { method, rings, band_hz: vec![low, 1000.0], ..defaults() };
@@ -37,7 +37,7 @@ pub(super) fn local_models() -> Result<Vec<Row>, LabError> {
         Row::new(
             "Fig. 8",
             "Local low order approximation",
-            "nodes round the instrument",
+            "nodes around the instrument",
             format!("{} nodes, {states} states", states / 4),
         )
         .figure(mesh(&near)?),
@@ -48,15 +48,15 @@ pub(super) fn local_models() -> Result<Vec<Row>, LabError> {
             format!("{} off from 30 Hz, {} from 10 Hz; {} at zero", band(&above), band(&near), dc(&near)),
         )
         .why(
-            "How far down the band it is close depends on the specimen's slowest resonances, here at 7 and 11 Hz, and \
-             the paper states no parameters.",
+            "The lower limit of the band in which it is close depends on the slowest resonances of the specimen, here \
+             7 and 11 Hz; the paper states no parameters.",
         )
         .figure(svg(&response_panels(&near), 2)?),
         Row::new(
             "Section 5",
             "More layers of nodes improve the low frequencies",
             "possible",
-            format!("off at zero by {}, {} and {} with 1, 2 and 3 rings", dc(&near), dc(&wider[0]), dc(&wider[1])),
+            format!("{}, {} and {} off at zero with 1, 2 and 3 rings", dc(&near), dc(&wider[0]), dc(&wider[1])),
         ),
         Row::new(
             "Fig. 10",
@@ -65,8 +65,8 @@ pub(super) fn local_models() -> Result<Vec<Row>, LabError> {
             "the same rules; scaled springs in the colour of the tool",
         )
         .why(
-            "The paper leaves open which distance counts for a mass: here it is the mean of that along the node's \
-             outer springs.",
+            "The paper does not define the distance for a mass: here it is the mean along the outer springs of the \
+             node.",
         )
         .figure(mesh(&scaled)?),
         Row::new(
@@ -74,7 +74,7 @@ pub(super) fn local_models() -> Result<Vec<Row>, LabError> {
             "Its response: captures the first cut-off and the overall shape",
             "qualitatively",
             format!(
-                "{} off at zero, where that of Fig. 8 is {} off; {} at most in 10-1000 Hz",
+                "{} off at zero, compared with {} in Fig. 8; at most {} in 10-1000 Hz",
                 dc(&scaled),
                 dc(&near),
                 band(&scaled)
@@ -84,7 +84,7 @@ pub(super) fn local_models() -> Result<Vec<Row>, LabError> {
     ])
 }
 
-/// Section 5.1.
+/// Rows of section 5.1.
 pub(super) fn one_dimension() -> Result<Vec<Row>, LabError> {
     let chain: Chain = defaults();
     let models = chain.models()?;
@@ -101,12 +101,12 @@ pub(super) fn one_dimension() -> Result<Vec<Row>, LabError> {
     let apart = |model: &chain::Model, formula: &dyn Fn(c64) -> c64| -> Result<String, LabError> {
         let responses = model.system.response(&s)?;
         let off = responses.iter().zip(&s).map(|(g, &s)| (g[(0, 0)] - formula(s)).norm() / formula(s).norm());
-        Ok(format!("assembled, {:.0e} apart at most, 0.1 Hz to 1 kHz", off.fold(0.0, f64::max)))
+        Ok(format!("assembled, at most {:.0e} apart, 0.1 Hz to 1 kHz", off.fold(0.0, f64::max)))
     };
     let poles = |model: &chain::Model| {
         let pairs = model.assembled.poles.iter().zip(&model.closed_form.poles);
         let off = pairs.map(|(a, c)| (a.re - c.re).hypot(a.im - c.im) / c.re.hypot(c.im)).fold(0.0, f64::max);
-        format!("assembled, {off:.0e} apart at most")
+        format!("assembled, at most {off:.0e} apart")
     };
     let ends = |model: &chain::Model| {
         let Figures { dc_gain, asymptote_stiffness, asymptote_damping, .. } = &model.assembled;
@@ -117,11 +117,11 @@ pub(super) fn one_dimension() -> Result<Vec<Row>, LabError> {
         mesh(&lattice.analyse(false)?)
     };
     let limits = "High-frequency asymptote; DC gain";
-    let leading = "The asymptote of the spring and damper at the tool. The constant that a transfer function tends to \
+    let leading = "The asymptote of the spring and damper at the tool. The constant of a transfer function at high frequency \
                    is smaller by the square of b over the mass behind them.";
     let (first, second) = (
-        "First local model: the nearest mass, the others stand",
-        "Second local model: three layers as one, half their masses on the first",
+        "First local model: the nearest mass, the others fixed",
+        "Second local model: three layers lumped into one, half their masses on the first",
     );
     Ok(vec![
         Row::new("Fig. 12", "Four layer lumped element chain", "a diagram", "a specimen of one dimension")
@@ -150,7 +150,7 @@ pub(super) fn one_dimension() -> Result<Vec<Row>, LabError> {
     ])
 }
 
-/// Section 5.2.
+/// Rows of section 5.2.
 pub(super) fn scaling() -> Result<Vec<Row>, LabError> {
     let scalings = defaults::<Density>().scalings()?;
     let ends = scalings.iter().filter_map(|(dimension, s)| {
@@ -164,14 +164,14 @@ pub(super) fn scaling() -> Result<Vec<Row>, LabError> {
     let what = "Stiffness of a block over the density of its mesh, 3-D and 2-D";
     let row = Row::new("Fig. 16", what, "two curves", ends)
         .why(
-            "The paper does not say which stiffness matrix. Here it is that of the block on its corners, condensed, which in \
+            "The paper does not define the stiffness matrix. Here it is that of the block condensed on its corners, which in \
              one dimension gives the rule of section 5.1.",
         )
         .figure(density::figure(&scalings)?);
     Ok(vec![row])
 }
 
-/// Section 6.
+/// Rows of section 6.
 pub(super) fn implementation() -> Result<Vec<Row>, LabError> {
     let held = Manipulate { scheme: Scheme::Neighbourhood, ..defaults() };
     let (comparison, report) = held.experiment()?;
@@ -192,17 +192,17 @@ pub(super) fn implementation() -> Result<Vec<Row>, LabError> {
         ),
         Row::new(
             "Section 6",
-            "Contact surface: the force only pushes, and is zero else",
+            "Contact surface: the force only pushes, and is zero otherwise",
             "along the normal, never pulling",
-            format!("least normal force while touching and leaving {:.4} N", least + 0.0),
+            format!("minimum normal force while touching and leaving {:.4} N", least + 0.0),
         )
-        .why("Fig. 17 is made with the node held, as in the paper's manipulation, so that it is pulled, too."),
+        .why("Fig. 17 holds the node, as in the manipulation of the paper, and therefore also pulls it."),
         Row::new(
             "Fig. 17",
             "Force during manipulation: low rate and local model",
             "two curves",
             format!(
-                "local model {} off the full one at 1 kHz, largest jump {:.2} N; low rate, held, {} off, largest jump \
+                "local model {} off the full one at 1 kHz, maximum jump {:.2} N; low rate, held, {} off, maximum jump \
                  {:.2} N",
                 percent(local.relative_rms_error),
                 local.largest_jump_n,
@@ -212,12 +212,12 @@ pub(super) fn implementation() -> Result<Vec<Row>, LabError> {
         )
         .why(
             "The paper does not compare with the full model at 1 kHz, and states neither parameters nor movement. \
-             What is left of the local model's error is that of its static stiffness.",
+             The remaining error of the local model is that of its static stiffness.",
         )
         .figure(held.figure(&comparison)?),
         Row::new(
             "Fig. 18",
-            "A loosened grip: oscillation without the local approximation, none with it",
+            "A loose grip: oscillation without the local approximation, none with it",
             "oscillates; does not",
             format!(
                 "held force {}; local approximation {}; full model at 1 kHz {}",
@@ -227,8 +227,8 @@ pub(super) fn implementation() -> Result<Vec<Row>, LabError> {
             ),
         )
         .why(
-            "A simulated device of 75 g under 1 N with 0.3 N s/m of grip, not a real one; nothing bounds its movement, \
-             so that what oscillates in a hand diverges here.",
+            "A simulated device of 75 g under 1 N with a grip of 0.3 N s/m. Its movement is unbounded: an oscillation in a \
+             hand is a divergence here.",
         )
         .figure(grip::figure(&paths)?),
     ])

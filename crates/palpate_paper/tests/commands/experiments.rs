@@ -1,9 +1,9 @@
-//! The seed paper's experiments.
+//! Experiments of the seed paper against reference data and closed forms.
 
 use super::*;
 
 #[test]
-fn schemes_have_the_reference_s_lags_and_ratios() {
+fn schemes_have_the_lags_and_ratios_of_the_reference() {
     let reference = reference("spring_1d_schemes.json");
     let here = json(&["schemes"]);
     for scheme in ["full", "hold", "low_pass", "tangent"] {
@@ -21,7 +21,7 @@ fn chains_of_any_parameters_equal_their_closed_form() {
     for arguments in [
         &["chain"][..],
         &["chain", "--stiffness", "3000", "--damping", "0.2", "--mass", "0.5"],
-        // Overdamped: real poles, a little apart and very far.
+        // Overdamped: real poles, slightly and far apart.
         &["chain", "--damping", "10000"],
         &["chain", "--stiffness", "1e-6"],
         &["chain", "--stiffness", "50", "--damping", "9", "--mass", "0.02"],
@@ -47,7 +47,7 @@ fn chains_of_any_parameters_equal_their_closed_form() {
 }
 
 #[test]
-fn the_lattice_s_defaults_are_the_reference_s_system() {
+fn default_lattice_is_the_reference_system() {
     let (reference, here) = (reference("lattice_2d_12.json"), json(&["lattice"]));
     assert_eq!((&here["order"], &here["reduced_order"]), (&Value::from(524), &Value::from(10)));
     let hankel = numbers(&here["hankel_singular_values"]);
@@ -73,7 +73,7 @@ fn the_lattice_s_defaults_are_the_reference_s_system() {
 }
 
 #[test]
-fn balanced_truncations_have_the_reference_s_errors() {
+fn balanced_truncations_have_the_errors_of_the_reference() {
     for (order, expected) in reference("lattice_2d_12.json")["balanced"].as_object().unwrap() {
         let here = json(&["lattice", "--order", order]);
         assert_eq!(here["reduced_order"].to_string(), *order);
@@ -125,7 +125,7 @@ fn every_method_reduces_in_every_dimension() {
     }
 }
 
-/// What the report says of errors against what its own responses say, where those are numbers and not matrices.
+/// Errors of the report against the responses of the report, which are scalar for a chain.
 #[test]
 fn errors_of_a_chain_are_those_of_its_responses() {
     for method in ["neighbourhood", "scaled", "krylov", "modal", "balanced"] {
@@ -144,7 +144,7 @@ fn errors_of_a_chain_are_those_of_its_responses() {
                 band = band.max(error / f.0.hypot(f.1));
             }
         }
-        // The report looks at more frequencies.
+        // The report evaluates more frequencies.
         let (reported, worst) = (number(&here["band_relative_error"]), number(&here["hinf_error_n_per_m"]));
         assert!(reported > 0.9 * band && reported < 1.3 * band + 1e-9, "{method}: {reported}, {band}");
         assert!(worst >= all * (1.0 - 1e-6), "{method}: {worst}, {all}");
@@ -155,15 +155,15 @@ fn errors_of_a_chain_are_those_of_its_responses() {
     }
 }
 
-/// Poles come in equal pairs in a symmetric mesh of three dimensions.
+/// A symmetric mesh of three dimensions has equal pairs of poles.
 #[test]
-fn errors_of_symmetric_meshes_keep_their_bounds() {
+fn errors_of_symmetric_meshes_are_within_their_bounds() {
     for damping in ["0.7", "1", "1.4"] {
         let size = ["--dimension", "3", "--cells", "4", "--order", "16", "--damping", damping];
         let here = json(&[&["lattice"], &size[..]].concat());
         let (error, bound) = (number(&here["hinf_error_n_per_m"]), number(&here["error_bound_n_per_m"]));
         assert!(error <= bound && error > 0.01 * bound, "damping {damping}: {error}, bound {bound}");
-        // The norm of a matrix is at least its largest entry, and with little off the diagonal not much more.
+        // The norm of a matrix is at least its largest entry, and close to it for a nearly diagonal matrix.
         let list = |key: &str| numbers(&here[key]);
         let pairs =
             list("static_stiffness_n_per_m").into_iter().zip(list("reduced_static_stiffness_n_per_m"));
@@ -175,19 +175,19 @@ fn errors_of_symmetric_meshes_keep_their_bounds() {
 }
 
 #[test]
-fn a_mesh_too_large_for_the_hamiltonian_is_looked_at_where_it_resonates() {
-    // Beside the response's own grid, which misses the sharp peaks of light damping.
+fn mesh_too_large_for_the_hamiltonian_uses_a_grid_with_its_resonances() {
+    // The grid of the response misses the sharp peaks of light damping.
     let here = json(&["lattice", "--cells", "19", "--method", "neighbourhood", "--damping", "0.05"]);
     assert_eq!(here["hinf_method"], "grid");
-    let seen = numbers(&here["response"]["normal_abs_n_per_m"]).into_iter().fold(0.0, f64::max);
-    assert!(number(&here["proper_peak_n_per_m"]) > 1000.0 && seen > 0.0);
+    let response_peak = numbers(&here["response"]["normal_abs_n_per_m"]).into_iter().fold(0.0, f64::max);
+    assert!(number(&here["proper_peak_n_per_m"]) > 1000.0 && response_peak > 0.0);
 }
 
 #[test]
-fn methods_that_need_no_gramians_do_without() {
+fn methods_without_gramians_work_where_there_are_none() {
     let here = json(&["lattice", "--cells", "6", "--method", "krylov", "--damping", "1e-7"]);
     assert!(number(&here["dc_relative_error"]) < 1e-9);
-    // Nor do they look at flags that are others'.
+    // They ignore the flags of other methods.
     let chain = ["lattice", "--dimension", "1", "--cells", "4", "--method"];
     for method in ["full", "neighbourhood", "scaled", "krylov"] {
         assert_eq!(json(&[&chain[..], &[method]].concat())["order"], 6);
@@ -195,13 +195,13 @@ fn methods_that_need_no_gramians_do_without() {
 }
 
 #[test]
-fn densities_are_listed_by_dimension() {
+fn density_lists_scalings_by_dimension() {
     let here = json(&["density", "--dimension", "1,2,3", "--from", "2", "--to", "4"]);
     assert_eq!(here.as_object().unwrap().len(), 3);
     for dimension in ["1", "2", "3"] {
         assert_eq!(numbers(&here[dimension]["density"]), [2.0, 3.0, 4.0]);
         let scaling = numbers(&here[dimension]["scaling"]);
-        // Two cells in a row are half as stiff, and so it is in every dimension on the corners.
+        // Two cells in series are half as stiff, and so is a block on its corners in every dimension.
         close(scaling[0], 0.5, 1e-9);
         assert!(scaling.windows(2).all(|pair| pair[1] < pair[0]));
     }
@@ -210,13 +210,13 @@ fn densities_are_listed_by_dimension() {
 }
 
 #[test]
-fn manipulation_has_the_reference_s_errors() {
+fn manipulation_has_the_errors_of_the_reference() {
     let reference = reference("fidelity_6x6x6.json");
     for scheme in ["hold", "low_pass", "tangent", "neighbourhood"] {
         let here = json(&["manipulate", "--scheme", scheme]);
         let expected = number(&reference["relative_rms_error"]["delay_0_ms"][scheme]);
         close(number(&here["relative_rms_error"]), expected, 0.005);
-        // At no tick but a model step's does a held force jump, and not when the first model comes either.
+        // A held force jumps only at model steps, the first of which does not count.
         let (jump, held) = (number(&here["largest_jump_n"]), number(&here["low_rate"]["largest_jump_n"]));
         assert!(
             if scheme == "hold" { jump == held } else { jump < held },
@@ -231,12 +231,12 @@ fn manipulation_has_the_reference_s_errors() {
     assert_eq!(here["scheme"], "neighbourhood");
     let peak: f64 = numbers(&reference["oracle_peak_abs_n"]).iter().map(|f| f * f).sum();
     let exact = number(&here["exact"]["peak_force_n"]);
-    // The peaks along the axes come at different times.
+    // The peaks along the axes occur at different times.
     assert!(exact <= peak.sqrt() + 1e-3 && exact >= number(&reference["oracle_peak_abs_n"][2]) - 1e-3);
 }
 
 #[test]
-fn the_report_has_a_row_for_every_figure_and_equation() {
+fn page_has_a_row_for_every_figure_and_equation() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("paper");
     let here = json(&["paper", "--out", out.to_str().unwrap()]);
@@ -257,7 +257,7 @@ fn the_report_has_a_row_for_every_figure_and_equation() {
     assert!(here("Section 4", "order of the linear system").contains("524"));
     assert_eq!(here("Section 3", "cube"), "6000");
     assert!(here("Section 2", "held force").contains(", 49 ms"));
-    // It needs nothing but itself, and knows the dark.
+    // The page is a single file with a dark mode.
     assert!(page.trim_end().ends_with("</html>") && page.contains("prefers-color-scheme: dark"));
     assert_eq!(page.matches("<tr><th class=\"place\"").count(), rows.len());
     let drawn = page.matches("<svg ").count();
@@ -269,7 +269,7 @@ fn the_report_has_a_row_for_every_figure_and_equation() {
 }
 
 #[test]
-fn a_recorded_hand_is_followed() {
+fn manipulation_follows_a_recorded_trajectory() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hand.csv");
     let rows = (0..600).map(|i| {
@@ -281,12 +281,12 @@ fn a_recorded_hand_is_followed() {
     let run = |more: &[&str]| json(&[&["manipulate", "--nodes", "4", "--trajectory", path], more].concat());
     let (slow, fast) = (run(&["--model-rate-hz", "20"]), run(&["--model-rate-hz", "200"]));
     assert!(number(&fast["relative_rms_error"]) < 0.5 * number(&slow["relative_rms_error"]));
-    // At the haptic rate the full model speaks at every tick.
+    // At the haptic rate every tick has a model step.
     let every = run(&["--model-rate-hz", "1000", "--scheme", "hold"]);
     assert!(number(&every["relative_rms_error"]) < 1e-12, "{every}");
     let touch = run(&["--contact", "touch"]);
     assert!(number(&touch["peak_force_n"]) > 0.0);
-    for (text, said) in [
+    for (text, expected) in [
         ("t,x\n", "error: the trajectory cannot be read"),
         (
             "t_s,x_m,y_m,z_m\n0,0,0,0\n0.001,0,0,0\n",
@@ -295,21 +295,21 @@ fn a_recorded_hand_is_followed() {
     ] {
         std::fs::write(path, text).unwrap();
         let text = rejected(&["manipulate", "--trajectory", path]);
-        assert!(text.starts_with(said), "{text}");
+        assert!(text.starts_with(expected), "{text}");
     }
 }
 
 #[test]
-fn a_loosened_grip_needs_the_local_model() {
+fn loose_grip_is_stable_only_with_the_local_model() {
     let schemes = &json(&["grip"])["schemes"];
     for (scheme, outcome) in
         [("full", "settles"), ("neighbourhood", "settles"), ("hold", "diverges"), ("tangent", "diverges")]
     {
         assert_eq!(schemes[scheme]["outcome"], outcome, "{scheme}");
     }
-    // A firm grip holds everything.
+    // A firm grip stabilises every scheme.
     let firm = &json(&["grip", "--damping", "200", "--duration-s", "1"])["schemes"];
     assert!(firm.as_object().unwrap().values().all(|scheme| scheme["outcome"] == "settles"), "{firm}");
-    // Once the full model is fast enough, even a held force will do.
+    // With a fast full model even a held force is stable.
     assert_eq!(json(&["grip", "--model-rate-hz", "500"])["schemes"]["hold"]["outcome"], "settles");
 }

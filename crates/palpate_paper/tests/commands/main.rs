@@ -11,7 +11,7 @@ use serde_json::Value;
 const PROGRAM: &str = env!("CARGO_BIN_EXE_palpate-paper");
 
 #[test]
-fn files_are_written_whole() {
+fn commands_write_complete_files_only() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("new").join("results");
     let mut expected = 0;
@@ -28,7 +28,7 @@ fn files_are_written_whole() {
     ] {
         let output = run(&[arguments, &["--out", out.to_str().unwrap()]].concat());
         assert!(output.status.success() && !output.stdout.is_empty(), "{arguments:?}");
-        assert!(output.stderr.is_empty(), "no bar where there is no terminal");
+        assert!(output.stderr.is_empty(), "no progress bar without a terminal");
         for name in names {
             let svg = std::fs::read_to_string(out.join(format!("{name}.svg"))).unwrap();
             assert!(svg.starts_with("<svg ") && svg.trim_end().ends_with("</svg>"));
@@ -44,15 +44,15 @@ fn files_are_written_whole() {
             }
         }
     }
-    assert_eq!(std::fs::read_dir(&out).unwrap().count(), expected, "nothing else is left");
+    assert_eq!(std::fs::read_dir(&out).unwrap().count(), expected, "no temporary files remain");
 }
 
 #[test]
-fn a_folder_that_cannot_be_written_is_named() {
+fn error_names_a_folder_that_cannot_be_written() {
     let file = tempfile::NamedTempFile::new().unwrap();
     let text = rejected(&["chain", "--out", file.path().to_str().unwrap()]);
     assert!(text.contains("cannot be written") && text.contains(file.path().to_str().unwrap()), "{text}");
-    // What stands in the way of the second file keeps the first from being written.
+    // An obstacle for the second file prevents the first.
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("chain.svg")).unwrap();
     assert!(
@@ -65,10 +65,10 @@ fn a_folder_that_cannot_be_written_is_named() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused_in_one_line_and_leaves_nothing() {
+fn rejects_invalid_arguments_in_one_line_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("results");
-    for (arguments, said) in [
+    for (arguments, expected) in [
         (
             &["schemes", "--model-rate-hz", "0"][..],
             "error: --model-rate-hz is 0; it must be finite and above 0",
@@ -130,7 +130,7 @@ fn what_makes_no_sense_is_refused_in_one_line_and_leaves_nothing() {
         (&["paper", "--nonsense"], "error: unexpected argument '--nonsense' found"),
     ] {
         let text = rejected(&[arguments, &["--out", out.to_str().unwrap()]].concat());
-        assert!(text.starts_with(said), "{text}");
+        assert!(text.starts_with(expected), "{text}");
     }
     assert!(!out.exists());
 }

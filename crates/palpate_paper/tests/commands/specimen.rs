@@ -1,4 +1,4 @@
-//! The seed paper's specimen and the local models that are made for it.
+//! The mesh of the seed paper and its local models.
 
 use faer::{Mat, c64};
 use palpate_paper::{Specimen, block_scaling};
@@ -15,8 +15,8 @@ fn relative_error(full: &Mat<f64>, reduced: &Mat<f64>) -> f64 {
 }
 
 #[test]
-fn it_has_the_order_that_counting_gives() {
-    // Free nodes: in the inside, and in the top; each but the driven one is a position and a velocity for each axis.
+fn specimen_has_the_order_of_its_free_nodes() {
+    // Free nodes: inside and in the top. Each except the driven one has a position and a velocity for each axis.
     for (dimension, cells, free) in
         [(1, 4, 4), (1, 12, 12), (2, 2, 2), (2, 12, 11 * 12), (3, 4, 9 * 4), (3, 5, 16 * 5)]
     {
@@ -28,14 +28,14 @@ fn it_has_the_order_that_counting_gives() {
 
 #[test]
 fn neighbourhoods_have_the_nodes_of_their_rings() {
-    // Half a square or cube of nodes round the one in the middle of the top.
+    // Half a square or cube of nodes around the node in the middle of the top.
     for (dimension, rings, nodes) in [(1, 1, 1), (1, 3, 3), (2, 1, 5), (2, 2, 14), (3, 1, 17), (3, 2, 74)] {
         let specimen = specimen(dimension, 8);
         for system in [specimen.neighbourhood(rings).unwrap(), specimen.scaled(rings).unwrap()] {
             assert_eq!(system.unknowns(), dimension * nodes, "{dimension}-D, {rings} rings");
         }
     }
-    // Enough rings are the whole body.
+    // Enough rings contain the whole body.
     for dimension in 1..=3 {
         let specimen = specimen(dimension, 4);
         let (full, all) = (specimen.system().unwrap(), specimen.neighbourhood(9).unwrap());
@@ -46,7 +46,7 @@ fn neighbourhoods_have_the_nodes_of_their_rings() {
 
 #[test]
 fn scaled_chains_have_the_static_stiffness_of_all_their_springs() {
-    // Springs in a row: the scaled last one stands for all that are left out, and half their masses hang on it.
+    // Springs in series: the scaled last one represents all omitted springs and carries half their masses.
     for (cells, rings) in [(4, 1), (4, 2), (9, 1), (9, 5)] {
         let scaled = specimen(1, cells).scaled(rings).unwrap();
         let expected = 200.0 / cells as f64;
@@ -57,7 +57,7 @@ fn scaled_chains_have_the_static_stiffness_of_all_their_springs() {
 }
 
 #[test]
-fn more_rings_come_closer_and_scaling_mends_the_static_stiffness() {
+fn more_rings_and_scaling_reduce_the_error_of_the_static_stiffness() {
     for (dimension, cells) in [(2, 12), (3, 8)] {
         let specimen = specimen(dimension, cells);
         let full = specimen.system().unwrap().static_stiffness().unwrap();
@@ -76,7 +76,7 @@ fn more_rings_come_closer_and_scaling_mends_the_static_stiffness() {
 }
 
 #[test]
-fn a_neighbourhood_is_close_in_the_band_and_off_at_zero() {
+fn neighbourhood_is_close_in_the_band_and_off_at_zero() {
     // Section 5: "its DC gain is significantly off", but close to the full model in 10-1000 Hz.
     let specimen = specimen(2, 12);
     let (full, near) = (specimen.system().unwrap(), specimen.neighbourhood(1).unwrap());
@@ -87,8 +87,8 @@ fn a_neighbourhood_is_close_in_the_band_and_off_at_zero() {
     assert!(off[3..].iter().all(|off| *off < 0.05), "{off:?}");
 }
 
-/// The stiffness matrix of a block of unit springs on its corners, from nothing but its springs, and its largest
-/// eigenvalue by power iteration.
+/// Largest eigenvalue, by power iteration, of the stiffness matrix of a block of unit springs on its corners, assembled here from its
+/// springs.
 fn corner_stiffness(dimension: usize, density: usize) -> f64 {
     let n = density + 1;
     let count = n.pow(dimension as u32);
@@ -107,7 +107,7 @@ fn corner_stiffness(dimension: usize, density: usize) -> f64 {
         }
     }
     let is_corner = |node: usize| (0..dimension).all(|axis| [0.0, density as f64].contains(&at(node, axis)));
-    // Gauss: what is not a corner is eliminated, row by row.
+    // Gaussian elimination of all nodes except the corners.
     for pivot in (0..dimension * count).filter(|dof| !is_corner(dof / dimension)) {
         let row = k[pivot].clone();
         for (_, other) in k.iter_mut().enumerate().filter(|(i, _)| *i != pivot) {
@@ -128,7 +128,7 @@ fn corner_stiffness(dimension: usize, density: usize) -> f64 {
 }
 
 #[test]
-fn block_scaling_is_that_of_the_condensed_block() {
+fn block_scaling_equals_that_of_the_condensed_block() {
     for density in 1..=40 {
         assert!((block_scaling(1, density).unwrap() * density as f64 - 1.0).abs() < 1e-12);
     }
@@ -141,9 +141,9 @@ fn block_scaling_is_that_of_the_condensed_block() {
     }
 }
 
-/// In a symmetric specimen of three dimensions poles come in equal pairs.
+/// A symmetric specimen of three dimensions has equal pairs of poles.
 #[test]
-fn symmetric_specimens_have_the_norms_of_a_grid_and_keep_their_bounds() {
+fn symmetric_specimens_have_the_norms_of_a_grid_within_their_bounds() {
     for (dimension, cells, ratio) in [(2, 6, 0.3), (3, 2, 0.5), (3, 4, 0.5), (3, 4, 1.0), (3, 4, 2.0)] {
         let (k, m) = (120.0_f64, 0.02);
         let damping_ns_per_m = ratio * (k * m).sqrt();
@@ -166,11 +166,11 @@ fn symmetric_specimens_have_the_norms_of_a_grid_and_keep_their_bounds() {
             let grid =
                 error.proper_response(&omegas).iter().map(gain).fold(error.d.norm_l2() * 1e-9, f64::max);
             let label = format!("{dimension}-D, {cells} cells, ratio {ratio}: norm {norm}, grid {grid}");
-            // Of a model that is exact the error is rounding.
+            // The error of an exact model is rounding.
             let rounding = 1e-9 * full.d.norm_l2();
             let low = grid * (1.0 - 1e-6) - rounding;
             assert!(norm >= low && norm <= bound * (1.0 + 1e-6) + 1e-9, "{label}, bound {bound}");
-            // The norm may also be reached at infinity.
+            // The maximum may be at infinite frequency.
             let at_infinity = error.d.norm_l2();
             assert!(
                 norm <= (grid * 1.01).max(at_infinity * (1.0 + 1e-9)) + rounding,
@@ -181,8 +181,8 @@ fn symmetric_specimens_have_the_norms_of_a_grid_and_keep_their_bounds() {
 }
 
 #[test]
-fn modes_are_the_slowest_and_poles_are_exact_however_far_apart() {
-    // A chain with both ends held, all springs alike: w_n = 2 sqrt(k/m) sin(n pi/(2 (N + 1))), N masses.
+fn modes_are_the_slowest_and_poles_are_exact_at_any_distance() {
+    // A chain with both ends fixed and equal springs: w_n = 2 sqrt(k/m) sin(n pi/(2 (N + 1))), N masses.
     let chain = specimen(1, 9);
     let system = chain.system().unwrap();
     let reduced = system.project(system.modal_basis(3).unwrap().as_ref()).unwrap();
@@ -192,7 +192,7 @@ fn modes_are_the_slowest_and_poles_are_exact_however_far_apart() {
         assert!((reduced.stiffness[(n - 1, n - 1)] / (omega * omega) - 1.0).abs() < 1e-10);
         assert!((reduced.mass[(n - 1, n - 1)] - 1.0).abs() < 1e-12);
     }
-    // So overdamped that the fast poles are a billion times the slow ones.
+    // Overdamped until the fast poles are a billion times the slow ones.
     for damping in [0.1, 30.0, 1e4, 1e6] {
         let system = Specimen { damping_ns_per_m: damping, ..chain }.system().unwrap().to_dense();
         let poles = system.poles().unwrap();
@@ -211,7 +211,7 @@ fn modes_are_the_slowest_and_poles_are_exact_however_far_apart() {
 }
 
 #[test]
-fn the_springs_and_masses_of_a_scaled_specimen_are_those_of_the_rule() {
+fn scaled_specimen_has_the_springs_and_masses_of_the_rule() {
     // 6 cells, 1 ring: columns 2 to 4 and rows 5 and 6 move; 2 cells to either side, 5 to the bottom.
     let specimen = specimen(2, 6);
     let (scaled, lattice) = (specimen.scaled(1).unwrap(), specimen.lattice().unwrap());
@@ -235,7 +235,7 @@ fn the_springs_and_masses_of_a_scaled_specimen_are_those_of_the_rule() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused() {
+fn rejects_invalid_specimens_rings_densities_and_shifts() {
     let good = specimen(2, 4);
     for bad in [
         Specimen { dimension: 0, ..good },
@@ -247,12 +247,12 @@ fn what_makes_no_sense_is_refused() {
         Specimen { mass_kg: 0.0, ..good },
     ] {
         assert!(bad.system().is_err(), "{bad:?}");
-        // What does not depend on the material may be known.
+        // The driven node does not depend on the material.
         assert!(bad.driven().is_ok() == bad.lattice().is_ok(), "{bad:?}");
     }
-    let refused =
+    let is_rejected =
         |result: Result<SecondOrderSystem, ReduceError>| matches!(result, Err(ReduceError::Option { .. }));
-    assert!(refused(good.neighbourhood(0)) && refused(good.scaled(0)));
+    assert!(is_rejected(good.neighbourhood(0)) && is_rejected(good.scaled(0)));
     for (dimension, density) in [(0, 1), (4, 1), (2, 0)] {
         assert!(matches!(block_scaling(dimension, density), Err(ReduceError::Option { .. })));
     }
