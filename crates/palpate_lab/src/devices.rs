@@ -87,17 +87,17 @@ impl Devices {
     fn list(&self, bus: &dyn HidBus, output: &Output) -> Result<(), LabError> {
         let infos = bus.list()?;
         let lines: Vec<Line> = infos.iter().map(|info| line(bus, info, self.teensy_is_board)).collect();
-        let is_known = |info: &&HidInfo, is_board| FoundDevice::known(bus, info, is_board).is_some();
-        let may_be = infos.iter().filter(|info| !self.teensy_is_board && !is_known(info, false));
+        let is_supported = |info: &&HidInfo, is_board| FoundDevice::known(bus, info, is_board).is_some();
+        let may_be = infos.iter().filter(|info| !self.teensy_is_board && !is_supported(info, false));
         let may_be_boards =
-            may_be.filter(|info| is_known(info, true)).map(|info| info.path.clone()).collect();
-        let (mut known, others): (Vec<Line>, Vec<Line>) =
+            may_be.filter(|info| is_supported(info, true)).map(|info| info.path.clone()).collect();
+        let (mut supported, others): (Vec<Line>, Vec<Line>) =
             lines.into_iter().partition(|line| line.kind.is_some());
         let count = others.len();
         if self.all {
-            known.extend(others);
+            supported.extend(others);
         }
-        let listed = Listed { devices: known, others: count, may_be_boards };
+        let listed = Listed { devices: supported, others: count, may_be_boards };
         output.print(&listed, |out| print(&listed, self.all, out))
     }
 }

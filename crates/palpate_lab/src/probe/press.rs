@@ -13,8 +13,8 @@ use std::time::Instant;
 pub(super) const TICK_S: f64 = 1e-3;
 /// Ticks between two model steps: 20 Hz.
 const PERIOD_TICKS: usize = 50;
-/// Ticks of rest before the hand moves: two model steps, so that the loop has a local model and the hand moves right after
-/// one.
+/// Ticks of rest before the hand moves: two model steps. The loop then has a local model, and the hand moves right after a
+/// model step.
 const REST_TICKS: usize = 2 * PERIOD_TICKS;
 /// Minimum number of ticks down to the surface.
 const APPROACH_TICKS: usize = 10;

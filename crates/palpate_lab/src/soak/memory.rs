@@ -3,7 +3,7 @@
 //! Memory that is used for the first time must not look like growth, nor hide it. The loop writes to its pages when it is created.
 //! A model step allocates and frees memory, most of it where the contact is widest, which may happen in the first second of a run or
 //! in the last. [`reserve`] therefore extends the heap of its thread before the run. The bytes that the model side keeps are counted
-//! exactly ([`super::model_side::ModelSideStats`]), which shows a leak long before it exceeds the reserve.
+//! exactly (`ModelSideStats`), which shows a leak long before it exceeds the reserve.
 
 use serde::Serialize;
 

@@ -32,10 +32,7 @@ fn rejects_invalid_arguments_in_one_line_and_writes_nothing() {
             "error: invalid value '6,6' for '--nodes <X,Y,Z>': it must be three numbers",
         ),
         (&["fidelity", "--nodes", "1,6,6"], "error: --nodes is 1; it must be 2 to 24 along each axis"),
-        (
-            &["fidelity", "--scheme", "best"],
-            "error: invalid value 'best' for '--scheme <SCHEME>': there is no such scheme",
-        ),
+        (&["fidelity", "--scheme", "best"], "error: invalid value 'best' for '--scheme <SCHEME>': "),
         (
             &["fidelity", "--velocity", "two-pole:-1"],
             "error: invalid value 'two-pole:-1' for '--velocity <VELOCITY>': ",

@@ -166,7 +166,7 @@ fn mesh_of_whole_cells_has_about_the_force_of_the_block() {
     assert!(beyond.starts_with("error: --at has the place 21,0 mm, where no surface lies below"), "{beyond}");
     assert!(beyond.contains("-20.0 to 20.0 mm along x and -15.0 to 15.0 mm along z"), "{beyond}");
     let units = rejected(&["probe", "--mesh", &path]);
-    assert!(units.contains("40 m across") && units.contains("change --metres-per-unit"), "{units}");
+    assert!(units.contains("40 m") && units.contains("change --metres-per-unit"), "{units}");
     std::fs::remove_file(folder.path().join("box.bin")).unwrap();
     assert!(rejected(&["probe", "--mesh", &path]).contains("box.bin cannot be read"));
     std::fs::write(&path, "{").unwrap();
