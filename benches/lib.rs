@@ -1,8 +1,8 @@
-//! Benchmarks of palpate, a file each, and the mesh that they share.
+//! Benchmarks of palpate, one in each file, and their common mesh.
 
 use glam::DVec3;
 
-/// A lump 0.12 m long with about `vertices` vertices, on circles of latitude from pole to pole: places in m, triangles.
+/// Positions, m, and triangles of a lump 0.12 m long with about `vertices` vertices, on circles of latitude from pole to pole.
 #[must_use]
 pub fn lump(vertices: usize) -> (Vec<DVec3>, Vec<[usize; 3]>) {
     let rings = (vertices as f64 / 2.0).sqrt() as usize;

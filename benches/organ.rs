@@ -1,6 +1,5 @@
-//! What the user of an organ of 10,000 vertices waits for and pays: the time from its GLB file to the first touch, the time of
-//! palpate's own systems in every frame on the main thread, and the deadlines that the loop misses meanwhile, beside those that it
-//! misses when there is no body.
+//! Cost of an organ of 10,000 vertices in an app: time from its GLB file to the first touch, time of palpate's systems in every frame on
+//! the main thread, and missed deadlines of the loop with and without the body.
 //!
 //! `cargo bench -p palpate_benches --bench organ`: one run of ten seconds after the first touch, and ten more without the organ.
 
@@ -16,11 +15,11 @@ use bevy_palpate::prelude::*;
 use bevy_palpate::{HapticDiagnosticsPlugin, SimulatedBody};
 use std::time::Duration;
 
-/// Frames a second.
+/// Frames per second.
 const FRAMES: f64 = 60.0;
-/// How long it is touched, and how long the loop then runs without it, s.
+/// Duration of the touch, and of the run without the organ, s.
 const SECONDS: f64 = 10.0;
-/// The force at which the hand stops going down, N.
+/// Force at which the hand stops moving down, N.
 const ENOUGH_N: f64 = 1.0;
 
 fn main() -> AppExit {
@@ -45,7 +44,7 @@ fn main() -> AppExit {
         .run()
 }
 
-/// What has been seen.
+/// Measurements of the run.
 #[derive(Resource, Default)]
 struct Run {
     built_s: Option<f64>,
@@ -53,7 +52,7 @@ struct Run {
     frame_ms: Vec<f64>,
     step_ms: Vec<f64>,
     steps: u64,
-    /// Ticks and missed deadlines when the organ was taken away, and when that was, s.
+    /// Ticks and missed deadlines at the removal of the organ, and its time, s.
     alone: Option<(u64, u64, f64)>,
 }
 
@@ -102,8 +101,8 @@ fn note(
     }
 }
 
-/// After so many seconds says what they were like, and takes the organ away.
-#[expect(clippy::print_stdout, reason = "what a bench is for")]
+/// Prints the measurements after the touch and removes the organ.
+#[expect(clippy::print_stdout, reason = "a benchmark prints its results")]
 fn take_away(
     mut commands: Commands,
     mut run: ResMut<Run>,
@@ -141,7 +140,7 @@ fn take_away(
     println!("error of the last step   {:.3} %", 100.0 * error.relative.unwrap_or(f64::NAN));
 }
 
-#[expect(clippy::print_stdout, reason = "what a bench is for")]
+#[expect(clippy::print_stdout, reason = "a benchmark prints its results")]
 fn end(run: Res<Run>, timing: Single<&LoopTiming>, time: Res<Time<Real>>, mut exit: MessageWriter<AppExit>) {
     let now = time.elapsed_secs_f64();
     if run.touched_s.is_none() && now > 60.0 {

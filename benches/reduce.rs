@@ -1,8 +1,9 @@
-//! What a reduction costs on the seed's specimen, a system of order 524: balanced truncation with its Gramians against
-//! a Krylov model of 20 states. Run with `cargo bench -p palpate_benches --bench reduce`.
+//! Cost of reductions of the seed paper's mesh, a system of order 524: balanced truncation with its Gramians, and a Krylov model of 20
+//! states. Run with `cargo bench -p palpate_benches --bench reduce`.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use palpate_reduce::{Balancing, HInf, SecondOrderSystem, Specimen};
+use palpate_paper::Specimen;
+use palpate_reduce::{Balancing, HInf, SecondOrderSystem};
 use std::f64::consts::TAU;
 use std::hint::black_box;
 
@@ -10,7 +11,7 @@ fn specimen() -> SecondOrderSystem {
     let (stiffness_n_per_m, mass_kg) = (200.0_f64, 0.01);
     let damping_ns_per_m = 1.5 * (stiffness_n_per_m * mass_kg).sqrt();
     let specimen = Specimen { dimension: 2, cells: 12, stiffness_n_per_m, damping_ns_per_m, mass_kg };
-    specimen.system().expect("the specimen is a good one")
+    specimen.system().expect("the specimen is valid")
 }
 
 fn reductions(c: &mut Criterion) {

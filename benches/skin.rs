@@ -1,5 +1,4 @@
-//! What the drawn mesh of a body costs: 50,000 vertices moved with the nodes, with their normals, and the making of such a
-//! body. Run with `cargo bench -p palpate_benches --bench skin`.
+//! Cost of the rendered mesh of a body: moving 50,000 vertices and their normals with the nodes, and building the body. Run with `cargo bench -p palpate_benches --bench skin`.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::{DAffine3, DVec3};
@@ -9,7 +8,7 @@ use std::hint::black_box;
 
 fn body(mesh: &ClosedMesh) -> MeshBody {
     let lattice = CellLattice::fit(mesh, CellSize::Along(16)).expect("16 cells fit");
-    lattice.allow_unconstrained().tissue(&Tissue::default()).expect("the lump is a good one")
+    lattice.allow_unconstrained().tissue(&Tissue::default()).expect("the lump is valid")
 }
 
 fn deform(c: &mut Criterion) {

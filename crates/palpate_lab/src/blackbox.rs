@@ -1,4 +1,4 @@
-//! What a black box tells of the loop's last ticks, or a recording of a whole run.
+//! `palpate-lab blackbox`: a black box, or a recording of a whole run, in numbers and as a figure.
 
 mod plot;
 mod summary;
@@ -11,22 +11,22 @@ use std::io::{Result as IoResult, Write};
 use std::path::{Path, PathBuf};
 use summary::{Summary, Times};
 
-/// What a black box holds: the loop's last ticks, or a recording of a whole run
+/// Contents of a black box, the loop's last ticks, or of a recording of a whole run
 ///
-/// Prints a summary and the last ticks: where the tool was, the force before and after the safety chain, what acted in it, how
-/// late each tick began and how long it took, which local model spoke, what the device failed with. With `--plot` position,
-/// force and times over time; what goes wrong is shaded.
+/// Prints a summary and the last ticks: position of the tool, force before and after the safety chain, active stages of the chain,
+/// lateness and cost, active local model, device errors. With `--plot` it draws position, force and times over time, with missed
+/// deadlines and device errors shaded.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab blackbox blackbox-1-the-device-failed.csv\n  palpate-lab blackbox run.csv --json\n  palpate-lab blackbox run.csv --plot run.svg --last 40"
 )]
 pub(crate) struct Blackbox {
-    /// The file that a black box or a recorder wrote
+    /// File written by a black box or a recorder
     file: PathBuf,
     /// Write the figure to this file
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-    /// How many of the last ticks are printed
+    /// Number of last ticks to print
     #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 12)]
     last: usize,
 }
@@ -52,14 +52,14 @@ impl Blackbox {
     }
 }
 
-/// Writes `contents` to `path`, whole or not at all.
+/// Writes `contents` to `path` atomically.
 fn write_file(path: &Path, contents: String) -> Result<(), LabError> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     match path.file_name().and_then(|name| name.to_str()) {
         Some(name) => write_files(folder, &[(name, contents)]),
         None => Err(LabError::Write {
             path: path.to_owned(),
-            source: std::io::Error::new(std::io::ErrorKind::InvalidInput, "it is no name of a file"),
+            source: std::io::Error::new(std::io::ErrorKind::InvalidInput, "it has no file name"),
         }),
     }
 }
@@ -76,24 +76,24 @@ fn summarise(out: &mut dyn Write, summary: &Summary) -> IoResult<()> {
     let named = [("measured", samples.measured), ("repeated", samples.repeated), ("none", samples.none)];
     line("samples", counts(named.into_iter()))?;
     let (before, written) = (summary.peak_force_before_n, summary.peak_force_written_n);
-    line("largest force", format!("{before:.3} N before the safety chain, {written:.3} N written"))?;
+    line("maximum force", format!("{before:.3} N before the safety chain, {written:.3} N written"))?;
     line("safety chain", counts(summary.acted.iter().map(|acted| (acted.stage, acted.ticks))))?;
     for (name, times) in [("lateness", &summary.lateness_us), ("cost", &summary.cost_us)] {
         let Times { p50, p99, max } = times;
-        line(name, format!("{p50:.1} µs in the middle, {p99:.1} µs for 99 %, {max:.1} µs at most"))?;
+        line(name, format!("{p50:.1} µs median, {p99:.1} µs at p99, {max:.1} µs maximum"))?;
     }
-    let heard = summary.models.iter();
-    let heard = heard.map(|body| {
+    let models = summary.models.iter();
+    let models = models.map(|body| {
         let (models, body, epoch) = (body.models, body.body, body.epoch);
         format!("{models} of body {body}, epoch {epoch}")
     });
-    line("local models", or_none(heard.collect()))?;
+    line("local models", or_none(models.collect()))?;
     let errors = summary.device_errors.iter();
     let errors = errors.map(|(name, ticks)| format!("{name} ({ticks})"));
     line("device errors", or_none(errors.collect()))
 }
 
-/// `measured 3, repeated 1`: those that are not 0.
+/// Nonzero counts with their names: `measured 3, repeated 1`.
 fn counts<'a>(named: impl Iterator<Item = (&'a str, u64)>) -> String {
     or_none(named.filter(|(_, n)| *n > 0).map(|(name, n)| format!("{name} {n}")).collect())
 }
@@ -109,7 +109,7 @@ fn list(out: &mut dyn Write, ticks: &[BlackBoxTick]) -> IoResult<()> {
     }
     writeln!(
         out,
-        "\n{:>8} {:>9} {:>26} {:>9} {:>9} {:>6} {:>9} {:>9} {:>8}  what happened",
+        "\n{:>8} {:>9} {:>26} {:>9} {:>9} {:>6} {:>9} {:>9} {:>8}  events",
         "tick", "time, s", "position, mm", "before, N", "after, N", "gain", "late, µs", "cost, µs", "model"
     )?;
     for tick in ticks {
@@ -125,15 +125,15 @@ fn list(out: &mut dyn Write, ticks: &[BlackBoxTick]) -> IoResult<()> {
             tick.sequence,
             tick.time_s,
             tick.gain,
-            happened(tick)
+            unusual(tick)
         );
         writeln!(out, "{}", row.trim_end())?;
     }
     Ok(())
 }
 
-/// Everything about `tick` that is not as it is when all is well.
-fn happened(tick: &BlackBoxTick) -> String {
+/// Everything unusual about `tick`.
+fn unusual(tick: &BlackBoxTick) -> String {
     let mut words = Vec::new();
     if tick.elapsed > 1 {
         words.push(format!("{} missed", tick.elapsed - 1));

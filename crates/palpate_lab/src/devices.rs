@@ -1,51 +1,51 @@
-//! Devices over HID: which are there, and whether one can be read and takes forces.
+//! `palpate-lab devices`: lists HID devices and tests one gently.
 
-mod trial;
+mod arm;
+mod device_test;
+mod listing;
 mod watch;
 
 use crate::error::{LabError, check};
 use crate::output::Output;
-use clap::{Args, ValueEnum};
-use palpate_hid::{
-    BoardKinematics, FoundDevice, HidBus, HidError, HidInfo, HidSelector, JoystickOptions, SystemBus,
-};
-use serde::Serialize;
-use std::io::Write;
+use arm::Arm;
+use clap::Args;
+use listing::{Line, Listed, line, print};
+use palpate_hid::{FoundDevice, HidBus, HidError, HidInfo, HidSelector, JoystickOptions, SystemBus};
 use std::sync::Arc;
 
-/// Devices over HID: which are plugged in, and whether one can be read and takes forces
+/// HID devices: list, watch, or test one gently
 ///
-/// Without an option they are listed. A test reads the device for some seconds and lets it push and pull gently along each of its
-/// axes, below 0.5 N, by the same loop and safety chain that an app has. It asks before it does.
+/// Without an option the devices are listed. A test reads the device for some seconds and lets it push and pull gently along each of
+/// its axes, below 0.5 N, with the loop and safety chain of an app. It requires a confirmation.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab devices\n  palpate-lab devices --watch\n  palpate-lab devices --test 256f:c635\n  palpate-lab devices --test /dev/hidraw3 --force-n 0.2\n  palpate-lab devices --test 1234:0006 --board polhem-v3"
 )]
 pub(crate) struct Devices {
-    /// List what is plugged in and out, until it is interrupted or --seconds have passed
+    /// List devices as they are plugged in and out, until interrupted or for --seconds
     #[arg(long)]
     watch: bool,
     /// Test the device with this path, serial number, or VENDOR:PRODUCT
     #[arg(long, value_name = "ID", conflicts_with = "watch")]
     test: Option<String>,
-    /// The largest force of the test, N: below 0.5
+    /// Maximum force of the test, N: below 0.5
     #[arg(long, default_value_t = 0.3, allow_hyphen_values = true, requires = "test")]
     force_n: f64,
-    /// What the greatest force of a joystick is taken for, N: no protocol tells it, and where it is more the test is as much
-    /// stronger
+    /// Assumed maximum force of a joystick, N. No protocol reports it; if the real one is larger, the test is stronger in
+    /// proportion
     #[arg(long, default_value_t = JoystickOptions::CAREFUL_FULL_SCALE_N, allow_hyphen_values = true, requires = "test")]
     full_scale_n: f64,
-    /// Which arm a board has: no board tells it, and with the sizes of another one a force may be several times as large. A board
-    /// whose arm is not named is read and not pushed
+    /// Arm of a board. No board reports it, and with the dimensions of another arm a force may be several times as large. A board
+    /// without this flag is read and exerts no force
     #[arg(long, value_enum, requires = "test")]
     board: Option<Arm>,
-    /// How long to test or to watch, s [default: 6 for a test]
+    /// Duration of a test or watch, s [default: 6 for a test]
     #[arg(long, allow_hyphen_values = true)]
     seconds: Option<f64>,
-    /// Test without asking
+    /// Test without confirmation
     #[arg(long, requires = "test")]
     yes: bool,
-    /// Take 16C0:0486, which every Teensy with raw HID has, for a 3-DOF board
+    /// Treat 16C0:0486, the numbers of every Teensy with raw HID, as a 3-DOF board
     #[arg(long)]
     teensy_is_board: bool,
     /// List devices of unknown kinds too
@@ -53,73 +53,14 @@ pub(crate) struct Devices {
     all: bool,
 }
 
-/// The arms of boards whose sizes are published.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Arm {
-    /// The WoodenHaptics of 2015
-    #[value(name = "woodenhaptics")]
-    WoodenHaptics,
-    /// Polhem 2
-    PolhemV2,
-    /// Polhem 3
-    PolhemV3,
-}
-
-impl Arm {
-    fn kinematics(self) -> BoardKinematics {
-        match self {
-            Self::WoodenHaptics => BoardKinematics::woodenhaptics_v2015(),
-            Self::PolhemV2 => BoardKinematics::polhem_v2(),
-            Self::PolhemV3 => BoardKinematics::polhem_v3(),
-        }
-    }
-
-    /// Where somebody has to put it, and what it is taken for.
-    fn home(self) -> &'static str {
-        match self {
-            Self::WoodenHaptics => {
-                "link B up, link C to the front. Its motors and sizes are taken for those of a WoodenHaptics of 2015 (--board)"
-            }
-            Self::PolhemV2 => {
-                "folded, as its maker has it. Its motors and sizes are taken for those of a Polhem 2; draw it out of there for any force"
-            }
-            Self::PolhemV3 => {
-                "folded, as its maker has it. Its motors and sizes are taken for those of a Polhem 3; draw it out of there for any force"
-            }
-        }
-    }
-}
-
-#[derive(Serialize)]
-struct Listed {
-    devices: Vec<Line>,
-    /// Devices of kinds that are not known here.
-    others: usize,
-    /// Paths of those among them that are boards if somebody says so.
-    may_be_boards: Vec<String>,
-}
-
-/// A device as it is listed.
-#[derive(Clone, Debug, Serialize, PartialEq)]
-struct Line {
-    kind: Option<String>,
-    name: String,
-    vendor: String,
-    product: String,
-    serial: String,
-    path: String,
-    /// Why it cannot be opened; empty where it can, or where its kind is not known.
-    refused: String,
-}
-
-/// The longest that is watched or tested, s.
-const LONGEST_S: f64 = 86_400.0;
+/// Maximum duration of a test or watch, s.
+const MAX_S: f64 = 86_400.0;
 
 impl Devices {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
         if let Some(seconds) = self.seconds {
-            let ok = seconds > 0.0 && seconds <= LONGEST_S;
-            check("--seconds", seconds, ok, format!("above 0 and at most {LONGEST_S}"))?;
+            let ok = seconds > 0.0 && seconds <= MAX_S;
+            check("--seconds", seconds, ok, format!("above 0 and at most {MAX_S}"))?;
         }
         let ok = self.force_n > 0.0 && self.force_n < 0.5;
         check("--force-n", self.force_n, ok, "above 0 and below 0.5")?;
@@ -127,13 +68,13 @@ impl Devices {
         check("--full-scale-n", self.full_scale_n, ok, "at least --force-n and at most 1000")?;
         let bus: Arc<dyn HidBus> = Arc::new(SystemBus::new()?);
         match &self.test {
-            Some(id) => trial::Trial {
+            Some(id) => device_test::DeviceTest {
                 selector: selector(id, self.teensy_is_board, &*bus)?,
                 force_n: self.force_n,
                 full_scale_n: self.full_scale_n,
                 arm: self.board,
                 seconds: self.seconds.unwrap_or(6.0),
-                asks: !self.yes,
+                needs_confirmation: !self.yes,
             }
             .run(bus, output),
             None if self.watch => {
@@ -146,84 +87,33 @@ impl Devices {
     fn list(&self, bus: &dyn HidBus, output: &Output) -> Result<(), LabError> {
         let infos = bus.list()?;
         let lines: Vec<Line> = infos.iter().map(|info| line(bus, info, self.teensy_is_board)).collect();
-        let is_known = |info: &&HidInfo, is_board| FoundDevice::known(bus, info, is_board).is_some();
-        let may_be = infos.iter().filter(|info| !self.teensy_is_board && !is_known(info, false));
+        let is_supported = |info: &&HidInfo, is_board| FoundDevice::known(bus, info, is_board).is_some();
+        let may_be = infos.iter().filter(|info| !self.teensy_is_board && !is_supported(info, false));
         let may_be_boards =
-            may_be.filter(|info| is_known(info, true)).map(|info| info.path.clone()).collect();
-        let (mut known, others): (Vec<Line>, Vec<Line>) =
+            may_be.filter(|info| is_supported(info, true)).map(|info| info.path.clone()).collect();
+        let (mut supported, others): (Vec<Line>, Vec<Line>) =
             lines.into_iter().partition(|line| line.kind.is_some());
         let count = others.len();
         if self.all {
-            known.extend(others);
+            supported.extend(others);
         }
-        let listed = Listed { devices: known, others: count, may_be_boards };
+        let listed = Listed { devices: supported, others: count, may_be_boards };
         output.print(&listed, |out| print(&listed, self.all, out))
     }
 }
 
-/// What is known of `info`.
-fn line(bus: &dyn HidBus, info: &HidInfo, teensy_is_board: bool) -> Line {
-    let found = FoundDevice::known(bus, info, teensy_is_board);
-    let refused = match &found {
-        Some(_) => bus.open(info).err().map(|error| error.to_string()).unwrap_or_default(),
-        None => String::new(),
-    };
-    Line {
-        kind: found.map(|found| found.kind.to_string()),
-        name: info.name.clone(),
-        vendor: format!("{:04x}", info.vendor),
-        product: format!("{:04x}", info.product),
-        serial: info.serial.clone(),
-        path: info.path.clone(),
-        refused,
-    }
-}
-
-fn print(listed: &Listed, all: bool, out: &mut dyn Write) -> std::io::Result<()> {
-    if listed.devices.is_empty() {
-        writeln!(out, "no device of a known kind is plugged in")?;
-    } else {
-        head(out)?;
-        for line in &listed.devices {
-            row(line, out)?;
-        }
-    }
-    for path in &listed.may_be_boards {
-        writeln!(out, "{path} is a Teensy that may be a 3-DOF board; if it is, say so: --teensy-is-board")?;
-    }
-    match listed.others {
-        0 => Ok(()),
-        _ if all => Ok(()),
-        1 => writeln!(out, "1 other HID device; --all lists it"),
-        others => writeln!(out, "{others} other HID devices; --all lists them"),
-    }
-}
-
-fn head(out: &mut dyn Write) -> std::io::Result<()> {
-    writeln!(out, "{:<24}{:<11}{:<16}{:<16}name", "kind", "numbers", "serial", "path")
-}
-
-fn row(line: &Line, out: &mut dyn Write) -> std::io::Result<()> {
-    let Line { kind, name, vendor, product, serial, path, refused } = line;
-    let kind = kind.as_deref().unwrap_or("not known");
-    let numbers = format!("{vendor}:{product}");
-    let or = |text: &str| if text.is_empty() { "-".to_owned() } else { text.to_owned() };
-    writeln!(out, "{kind:<24}{numbers:<11}{:<16}{path:<16}{}", or(serial), or(name))?;
-    if refused.is_empty() { Ok(()) } else { writeln!(out, "    {refused}") }
-}
-
-/// The device that a user means by `id`: where it is, its serial number, or its vendor's and product's numbers.
+/// Selector for `id`: a path, a serial number, or VENDOR:PRODUCT.
 fn selector(id: &str, teensy_is_board: bool, bus: &dyn HidBus) -> Result<HidSelector, HidError> {
-    let asked = HidSelector { treat_teensy_as_board: teensy_is_board, ..HidSelector::default() };
+    let base = HidSelector { treat_teensy_as_board: teensy_is_board, ..HidSelector::default() };
     let present = bus.list()?;
     if present.iter().any(|info| info.path == id) || id.starts_with('/') {
-        return Ok(HidSelector { path: Some(id.into()), ..asked });
+        return Ok(HidSelector { path: Some(id.into()), ..base });
     }
     let number = |text: &str| u16::from_str_radix(text, 16).ok();
     let numbers = id.split_once(':').and_then(|(vendor, product)| Some((number(vendor)?, number(product)?)));
     Ok(match numbers {
-        Some((vendor, product)) => HidSelector { vendor: Some(vendor), product: Some(product), ..asked },
-        None => HidSelector { serial: Some(id.into()), ..asked },
+        Some((vendor, product)) => HidSelector { vendor: Some(vendor), product: Some(product), ..base },
+        None => HidSelector { serial: Some(id.into()), ..base },
     })
 }
 

@@ -1,109 +1,153 @@
-//! Why an experiment is not run.
+//! Errors of the commands.
 
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// What went wrong.
+/// Error of a command.
 #[derive(Debug, Error)]
-pub(crate) enum LabError {
-    /// A parameter is outside what is allowed.
+pub enum LabError {
+    /// A parameter is outside its range.
     #[error("{flag} is {value}; it must be {allowed}")]
-    Parameter { flag: &'static str, value: f64, allowed: String },
+    Parameter {
+        /// Flag of the parameter.
+        flag: &'static str,
+        /// Value given.
+        value: f64,
+        /// Allowed range.
+        allowed: String,
+    },
     /// A body could not be built.
     #[error("the body cannot be built")]
     Body(#[from] palpate_body::BodyError),
     /// A system could not be analysed.
     #[error("the system cannot be analysed")]
     Reduce(#[from] palpate_reduce::ReduceError),
-    /// A filter could not be made.
-    #[error("the filter cannot be made")]
+    /// A filter could not be created.
+    #[error("the filter cannot be created")]
     Filter(#[from] palpate_local::LocalModelError),
     /// A trajectory could not be read.
     #[error("the trajectory cannot be read")]
     Trajectory(#[from] palpate_haptics::TrajectoryError),
     /// A mesh could not be read from a file.
     #[error("--mesh {}: {why}", .path.display())]
-    Mesh { path: PathBuf, why: String },
-    /// A place without surface below it.
+    Mesh {
+        /// File of the mesh.
+        path: PathBuf,
+        /// Problem and remedy.
+        why: String,
+    },
+    /// No surface lies below the tool at a place.
     #[error(
         "{flag} has the place {},{} mm, where no surface lies below the tool; it must be over the body, which spans {:.1} to {:.1} mm along x and {:.1} to {:.1} mm along z; change {flag}",
         .place[0], .place[1], .low[0], .high[0], .low[1], .high[1]
     )]
     NoSurface {
+        /// Flag of the place.
         flag: &'static str,
         /// x and z, mm.
         place: [f64; 2],
-        /// Bounds of the body along x and z, mm.
+        /// Lower bounds of the body along x and z, mm.
         low: [f64; 2],
+        /// Upper bounds of the body along x and z, mm.
         high: [f64; 2],
     },
     /// A press failed.
     #[error("the press at {x_mm},{z_mm} mm cannot be computed")]
     Press {
+        /// x of the press, mm.
         x_mm: f64,
+        /// z of the press, mm.
         z_mm: f64,
+        /// Cause.
         #[source]
         source: palpate_reduce::ReduceError,
     },
-    /// A region of other tissue that holds no part of the body.
+    /// A region of other tissue contains no part of the body.
     #[error(
-        "--lump holds no part of the body: its radius is {radius_mm} mm and a cell of the body is {cell_mm:.1} mm; move it, enlarge it, or use smaller cells (--nodes, --cells)"
+        "--lump contains no part of the body: its radius is {radius_mm} mm and a cell of the body is {cell_mm:.1} mm; move it, enlarge it, or use smaller cells (--nodes, --cells)"
     )]
-    EmptyLump { radius_mm: f64, cell_mm: f64 },
+    EmptyLump {
+        /// Radius of the region, mm.
+        radius_mm: f64,
+        /// Edge of a cell, mm.
+        cell_mm: f64,
+    },
     /// A black box could not be read.
     #[error("the black box cannot be read")]
     BlackBox(#[from] palpate_haptics::BlackBoxError),
-    /// A black box has a header and no more.
-    #[error("{}: there is no tick in it; it was written before the loop's first", .path.display())]
-    NoTicks { path: PathBuf },
-    /// The machine could not be kept busy.
-    #[error("the load cannot be made")]
+    /// A black box has a header and no ticks.
+    #[error("{}: the black box has no ticks; it was written before the loop's first tick", .path.display())]
+    NoTicks {
+        /// File of the black box.
+        path: PathBuf,
+    },
+    /// The load of the machine could not be created.
+    #[error("the load cannot be created")]
     Load(#[source] std::io::Error),
-    /// A thread of the run ended before its time.
-    #[error("the {0} ended before its time")]
+    /// A thread of the run ended too early.
+    #[error("the {0} ended before the run")]
     Ended(&'static str),
-    /// A run of the loop broke what must hold under any load.
+    /// A run of the loop broke a guarantee.
     #[error("{0}")]
     Broken(String),
-    /// There is nothing to compare with.
+    /// The full body exerts no force to compare with.
     #[error(
-        "the movement never presses the body after {from_s} s, so there is no force to compare; lead it into the body"
+        "the movement never presses the body after {from_s} s, so there is no force to compare; move it into the body"
     )]
-    NoForce { from_s: f64 },
+    NoForce {
+        /// Start of the comparison, s.
+        from_s: f64,
+    },
     /// The loop could not be set up.
     #[error("the loop cannot be set up")]
     Haptics(#[from] palpate_haptics::HapticsError),
-    /// A device over HID is not there, or cannot be used.
+    /// A HID device was not found or cannot be used.
     #[error(transparent)]
     Hid(#[from] palpate_hid::HidError),
-    /// Nobody is there to agree to a force.
+    /// A confirmation is required and standard input is no terminal.
     #[error(
-        "a test pushes a hand, so it asks before it begins, and standard input is no terminal; say --yes if nobody is at the device or whoever is knows"
+        "the test moves the device and standard input is no terminal to confirm it; pass --yes to run without confirmation"
     )]
-    NobodyToAsk,
-    /// An interruption would not end it in order.
-    #[error("interruptions cannot be waited for, and a test that is cut off leaves its force")]
+    NoTerminal,
+    /// The handler that ends a test in order could not be installed.
+    #[error("interruptions cannot be handled, and a test that is cut off leaves its force on the device")]
     Interrupt(#[source] ctrlc::Error),
-    /// Whoever was asked did not agree.
-    #[error("not begun")]
-    NotAgreed,
-    /// There is no such fault.
+    /// The confirmation was declined.
+    #[error("the test was not confirmed and has not started")]
+    Declined,
+    /// No fault has this text in its name.
     #[error("no fault has \"{name}\" in its name; `palpate-lab faults` lists them all")]
-    NoFault { name: String },
-    /// What must hold did not.
+    NoFault {
+        /// Text to search for.
+        name: String,
+    },
+    /// Some faults were not survived.
     #[error("not survived: {names}")]
-    NotSurvived { names: String },
+    NotSurvived {
+        /// Names of the faults.
+        names: String,
+    },
+    /// A command is part of the repository only.
+    #[error(
+        "the experiments of the seed paper are part of palpate's repository only; clone it and run `cargo run --release -p palpate_lab -- COMMAND` there"
+    )]
+    NoClone,
+    /// Cargo could not be run.
+    #[error("cargo cannot be run")]
+    Cargo(#[source] std::io::Error),
     /// A file could not be written.
     #[error("{} cannot be written", .path.display())]
     Write {
+        /// File to be written.
         path: PathBuf,
+        /// Cause.
         #[source]
         source: std::io::Error,
     },
     /// A figure could not be drawn.
     #[error("the figure cannot be drawn: {0}")]
     Figure(String),
-    /// Standard output is closed.
+    /// Standard output cannot be written.
     #[error("the result cannot be printed")]
     Print(#[from] std::io::Error),
     /// The result has no JSON form.
@@ -111,13 +155,11 @@ pub(crate) enum LabError {
     Json(#[from] serde_json::Error),
 }
 
-/// An error naming `flag` unless `value` is finite and `ok`.
-pub(crate) fn check(
-    flag: &'static str,
-    value: f64,
-    ok: bool,
-    allowed: impl Into<String>,
-) -> Result<(), LabError> {
+/// Checks that `value` is finite and `ok`.
+///
+/// # Errors
+/// [`LabError::Parameter`] naming `flag` otherwise.
+pub fn check(flag: &'static str, value: f64, ok: bool, allowed: impl Into<String>) -> Result<(), LabError> {
     if value.is_finite() && ok {
         Ok(())
     } else {
@@ -125,12 +167,18 @@ pub(crate) fn check(
     }
 }
 
-/// Reads a count from the command line.
-pub(crate) fn whole(text: &str) -> Result<usize, &'static str> {
+/// Parses a count of the command line.
+///
+/// # Errors
+/// The allowed form, where `text` is no whole number of at least 0.
+pub fn whole(text: &str) -> Result<usize, &'static str> {
     text.trim().parse().map_err(|_| "it must be a whole number, not below 0")
 }
 
-/// Reads a quantity from the command line.
-pub(crate) fn number(text: &str) -> Result<f64, &'static str> {
+/// Parses a quantity of the command line.
+///
+/// # Errors
+/// The allowed form, where `text` is no number.
+pub fn number(text: &str) -> Result<f64, &'static str> {
     text.trim().parse().map_err(|_| "it must be a number")
 }

@@ -5,50 +5,60 @@ use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 
-pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+/// Drawing area of an SVG file.
+pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// One curve.
+/// Curve of a panel.
 #[derive(Clone)]
-pub(crate) struct Curve {
-    pub(crate) name: String,
-    pub(crate) points: Vec<(f64, f64)>,
-    /// Width of its line, pixels.
-    pub(crate) width: u32,
+pub struct Curve {
+    /// Name in the legend.
+    pub name: String,
+    /// Points (x, y).
+    pub points: Vec<(f64, f64)>,
+    /// Line width, pixels.
+    pub width: u32,
 }
 
-/// What a panel's axes show.
+/// Scale of a panel's axes.
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) enum Scale {
+pub enum Scale {
+    /// Both axes linear.
     Linear,
     /// Both axes logarithmic.
     Log,
-    /// The horizontal axis logarithmic.
+    /// Horizontal axis logarithmic.
     LogX,
-    /// The vertical axis logarithmic.
+    /// Vertical axis logarithmic.
     LogY,
 }
 
-/// Curves over one axis.
-pub(crate) struct Panel {
-    pub(crate) title: String,
-    pub(crate) x: &'static str,
-    pub(crate) y: &'static str,
-    pub(crate) scale: Scale,
-    pub(crate) curves: Vec<Curve>,
+/// Curves over one horizontal axis.
+pub struct Panel {
+    /// Title above the chart.
+    pub title: String,
+    /// Label of the horizontal axis, with its unit.
+    pub x: &'static str,
+    /// Label of the vertical axis, with its unit.
+    pub y: &'static str,
+    /// Scale of both axes.
+    pub scale: Scale,
+    /// Curves; later ones are drawn on top.
+    pub curves: Vec<Curve>,
 }
 
 impl Curve {
-    pub(crate) fn new(name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+    /// Curve with a narrow line.
+    pub fn new(name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         Self { name: name.into(), points: points.into_iter().collect(), width: 1 }
     }
 
-    /// The same curve as a broad line, for what others are to be compared with.
-    pub(crate) fn broad(self) -> Self {
+    /// Curve with a broad, pale line: the reference that other curves are compared with.
+    pub fn broad(self) -> Self {
         Self { width: 4, ..self }
     }
 }
 
-/// Colours that are told apart with any kind of sight (Okabe and Ito).
+/// Colours that are distinguishable with colour vision deficiency (Okabe and Ito).
 const COLORS: [RGBColor; 6] = [
     RGBColor(0, 0, 0),
     RGBColor(213, 94, 0),
@@ -58,11 +68,14 @@ const COLORS: [RGBColor; 6] = [
     RGBColor(230, 159, 0),
 ];
 
-/// Broad lines are pale, so that the narrow ones on them are seen.
+/// Colour of broad lines: pale, to leave the narrow lines on them visible.
 const PALE: RGBColor = RGBColor(110, 190, 235);
 
-/// The panels, in `columns`, as the text of an SVG file. The legend is that of the first panel.
-pub(crate) fn svg(panels: &[Panel], columns: usize) -> Result<String, LabError> {
+/// Panels in `columns` as the text of an SVG file. The legend is that of the first panel.
+///
+/// # Errors
+/// [`LabError::Figure`] when a panel cannot be drawn.
+pub fn svg(panels: &[Panel], columns: usize) -> Result<String, LabError> {
     let rows = panels.len().div_ceil(columns);
     let (width, height) =
         if panels.len() == 1 { (760, 400) } else { (500 * columns as u32, 290 * rows as u32) };
@@ -76,16 +89,21 @@ pub(crate) fn svg(panels: &[Panel], columns: usize) -> Result<String, LabError> 
     })
 }
 
-/// Times in which something held.
-pub(crate) struct Bands {
-    pub(crate) name: &'static str,
-    /// Beginnings and ends on the horizontal axis.
-    pub(crate) spans: Vec<(f64, f64)>,
-    pub(crate) color: RGBColor,
+/// Coloured bands behind the curves: the time spans in which a condition holds.
+pub struct Bands {
+    /// Name in the legend.
+    pub name: &'static str,
+    /// Start and end of each span on the horizontal axis.
+    pub spans: Vec<(f64, f64)>,
+    /// Fill colour.
+    pub color: RGBColor,
 }
 
-/// The panels one below the other over one horizontal axis, each with its legend, and `bands` behind all of them.
-pub(crate) fn stacked(panels: &[Panel], bands: &[Bands]) -> Result<String, LabError> {
+/// Panels one below the other over one horizontal axis, each with its legend, and `bands` behind all of them.
+///
+/// # Errors
+/// [`LabError::Figure`] when a panel cannot be drawn.
+pub fn stacked(panels: &[Panel], bands: &[Bands]) -> Result<String, LabError> {
     const SIZE: (u32, u32) = (960, 250);
     let all = panels.iter().flat_map(|panel| &panel.curves).flat_map(|curve| &curve.points);
     let x = range(all.map(|point| point.0), false);
@@ -107,7 +125,7 @@ pub(crate) fn stacked(panels: &[Panel], bands: &[Bands]) -> Result<String, LabEr
     })
 }
 
-/// Names beside strokes, in lines that fit.
+/// Legend: names next to strokes, broken into lines of the figure's width.
 struct Legend {
     entries: Vec<(String, RGBColor, u32)>,
     /// Lengths of the entries, pixels, line by line.
@@ -115,7 +133,7 @@ struct Legend {
     width: u32,
 }
 
-/// Names, colours and widths of `curves`.
+/// Legend entries of `curves`: name, colour and line width.
 fn entries(curves: &[Curve]) -> Vec<(String, RGBColor, u32)> {
     let each = curves.iter().zip(colors(curves));
     each.map(|(curve, color)| (curve.name.clone(), color, curve.width.max(2))).collect()
@@ -161,8 +179,11 @@ impl Legend {
     }
 }
 
-/// An SVG of this size with what `draw` draws on white.
-pub(crate) fn canvas(
+/// SVG text of `size` pixels with the result of `draw` on white.
+///
+/// # Errors
+/// The error of `draw`; [`LabError::Figure`] when the figure cannot be completed.
+pub fn canvas(
     size: (u32, u32),
     draw: impl FnOnce(&Area<'_>) -> Result<(), LabError>,
 ) -> Result<String, LabError> {
@@ -176,11 +197,12 @@ pub(crate) fn canvas(
     Ok(text)
 }
 
-pub(crate) fn failed(error: impl std::fmt::Display) -> LabError {
+/// Error of a drawing operation.
+pub fn failed(error: impl std::fmt::Display) -> LabError {
     LabError::Figure(error.to_string())
 }
 
-/// A number at an axis, without what rounding adds.
+/// Axis label of `value`, without trailing zeros.
 fn label(value: f64) -> String {
     if value != 0.0 && !(1e-3..1e6).contains(&value.abs()) {
         return format!("{value:.0e}");
@@ -194,7 +216,7 @@ fn colors(curves: &[Curve]) -> impl Iterator<Item = RGBColor> {
     curves.iter().map(move |curve| if curve.width > 1 { PALE } else { *narrow.next().unwrap_or(&BLACK) })
 }
 
-/// From below the least of `values` to above the greatest; what is not above 0 does not count where `log`.
+/// Axis range of `values` with a margin. A logarithmic range ignores values that are not positive.
 fn range(values: impl Iterator<Item = f64>, log: bool) -> (f64, f64) {
     let values = values.filter(|v| v.is_finite() && (!log || *v > 0.0));
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -209,7 +231,7 @@ fn range(values: impl Iterator<Item = f64>, log: bool) -> (f64, f64) {
 }
 
 impl Panel {
-    /// Draws it, over the horizontal axis `x` if it is given.
+    /// Draws the panel, over the horizontal range `x` if it is given.
     fn draw(&self, area: &Area<'_>, x: Option<(f64, f64)>, bands: &[Bands]) -> Result<(), LabError> {
         let (log_x, log_y) = match self.scale {
             Scale::Linear => (false, false),
@@ -254,7 +276,7 @@ impl Panel {
         mesh.x_label_formatter(&|v| label(*v)).y_label_formatter(&|v| label(*v));
         mesh.label_style(("sans-serif", 11)).axis_desc_style(("sans-serif", 12)).draw().map_err(failed)?;
         for band in bands {
-            // With a line on the left, so that a single tick is seen.
+            // A line on the left keeps a single tick visible.
             let span =
                 |&(from, to): &(f64, f64)| Rectangle::new([(from, low), (to, high)], band.color.filled());
             chart.draw_series(band.spans.iter().map(span)).map_err(failed)?;

@@ -1,4 +1,4 @@
-//! The project's own organ: a closed mesh for examples and benchmarks.
+//! `palpate-lab organ`: the project's own organ, a closed mesh for examples, benchmarks and `palpate-lab probe --mesh`.
 
 mod glb;
 mod shape;
@@ -12,21 +12,21 @@ use serde::Serialize;
 /// A closed mesh like a small liver, as a GLB file
 ///
 /// Two lobes, a groove between them and a hollow below: ellipsoids blended into each other, 126 mm wide (x), 67 mm high (y,
-/// up) and 76 mm deep. It belongs to this project and has its licence. With `--out` it is written as organ.glb:
-/// positions in metres, normals, triangles.
+/// up) and 76 mm deep. It has the licence of this project. With `--out` it is written as organ.glb: positions in metres, normals,
+/// triangles.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab organ --out assets/meshes\n  palpate-lab organ --vertices 50000 --out results"
 )]
 pub(crate) struct Organ {
-    /// About how many vertices: 6 n² + 2 of a cube with n fields along each edge, blown up
+    /// Approximate number of vertices: 6 n² + 2, of an inflated cube with n fields along each edge
     #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 10_000)]
     vertices: usize,
 }
 
-/// What has been made.
+/// Properties of the mesh.
 #[derive(Serialize)]
-struct Made {
+struct OrganReport {
     vertices: usize,
     triangles: usize,
     size_m: [f64; 3],
@@ -42,7 +42,7 @@ impl Organ {
         let mesh = ClosedMesh::new(shape.positions_m.clone(), shape.triangles.clone());
         let mesh = mesh.map_err(palpate_body::BodyError::from)?;
         let [low, high] = mesh.bounds_m();
-        let made = Made {
+        let made = OrganReport {
             vertices: shape.positions_m.len(),
             triangles: shape.triangles.len(),
             size_m: (high - low).to_array(),

@@ -1,4 +1,4 @@
-//! Where results go: a table or JSON on standard output, CSV and SVG in a folder.
+//! Output of results: a table or JSON on standard output, CSV and SVG in a folder.
 
 use crate::error::LabError;
 use clap::Args;
@@ -6,9 +6,9 @@ use serde::Serialize;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Options that every command has.
+/// Output options of every command.
 #[derive(Clone, Debug, Args)]
-pub(crate) struct Output {
+pub struct Output {
     /// Print one JSON object and nothing else
     #[arg(long, global = true, help_heading = "Output")]
     json: bool,
@@ -18,13 +18,16 @@ pub(crate) struct Output {
 }
 
 impl Output {
-    /// The folder for files, if there is one.
-    pub(crate) fn folder(&self) -> Option<&Path> {
+    /// Folder for files, if `--out` is given.
+    pub fn folder(&self) -> Option<&Path> {
         self.out.as_deref()
     }
 
-    /// Prints `result` as JSON if that is asked for, else the text that `table` writes.
-    pub(crate) fn print<T: Serialize>(
+    /// Prints `result` as JSON with `--json`, and otherwise the text that `table` writes.
+    ///
+    /// # Errors
+    /// [`LabError::Json`] when `result` has no JSON form; [`LabError::Print`] when standard output cannot be written.
+    pub fn print<T: Serialize>(
         &self,
         result: &T,
         table: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
@@ -33,8 +36,11 @@ impl Output {
         self.write(&text, table)
     }
 
-    /// The same for one of many results: JSON in one line.
-    pub(crate) fn print_line<T: Serialize>(
+    /// Prints one of many results, its JSON in one line.
+    ///
+    /// # Errors
+    /// As [`Output::print`].
+    pub fn print_line<T: Serialize>(
         &self,
         result: &T,
         table: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
@@ -51,15 +57,15 @@ impl Output {
         let mut out = std::io::stdout().lock();
         let printed = if self.json { out.write_all(text.as_bytes()) } else { table(&mut out) };
         match printed.and_then(|()| out.flush()) {
-            // Whoever reads has read enough.
+            // The reader has closed the pipe.
             Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
             printed => Ok(printed?),
         }
     }
 }
 
-/// Columns of equal length as CSV: a row of names, then one for each index; empty where a value is not finite.
-pub(crate) fn csv(columns: &[(String, Vec<f64>)]) -> String {
+/// Columns as CSV: a row of names, then a row for each index. A value that is not finite is an empty field.
+pub fn csv(columns: &[(String, Vec<f64>)]) -> String {
     let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
     let rows = columns.iter().map(|(_, values)| values.len()).min().unwrap_or(0);
     let row = |i: usize| {
@@ -70,14 +76,16 @@ pub(crate) fn csv(columns: &[(String, Vec<f64>)]) -> String {
     lines.map(|line| line + "\n").collect()
 }
 
-/// Writes all `files` (name and contents) to `folder`, each whole or not at all, and none before all could be written
-/// beside their places.
-pub(crate) fn write_files(folder: &Path, files: &[(&str, impl AsRef<[u8]>)]) -> Result<(), LabError> {
+/// Writes all `files` (name and contents) to `folder` atomically: each first to a temporary file, renamed when all are complete.
+///
+/// # Errors
+/// [`LabError::Write`] with the first file that cannot be written.
+pub fn write_files(folder: &Path, files: &[(&str, impl AsRef<[u8]>)]) -> Result<(), LabError> {
     let failed = |name: &str| {
         let path = folder.join(name);
         move |source| LabError::Write { path, source }
     };
-    // What stands in the way is found before anything is written.
+    // Obstacles are detected before anything is written.
     if let Some((name, _)) = files.iter().find(|(name, _)| folder.join(name).is_dir()) {
         return Err(failed(name)(std::io::ErrorKind::IsADirectory.into()));
     }
@@ -87,7 +95,7 @@ pub(crate) fn write_files(folder: &Path, files: &[(&str, impl AsRef<[u8]>)]) -> 
         let write = || -> std::io::Result<_> {
             let mut file = tempfile::NamedTempFile::new_in(folder)?;
             file.write_all(contents.as_ref())?;
-            // A temporary file is its owner's alone; a result is anybody's.
+            // A temporary file is readable by its owner only; a result by everyone.
             set_readable(file.as_file())?;
             Ok(file)
         };

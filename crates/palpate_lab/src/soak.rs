@@ -1,58 +1,58 @@
-//! `palpate-lab soak`: the real loop under load, what it holds to, and how late it is beside a thread that does nothing.
+//! `palpate-lab soak`: the real loop under load, its guarantees, and its lateness compared with a thread without work.
 
-mod account;
-mod hand;
+mod deadline_audit;
 mod limits;
 mod load;
 mod memory;
 mod model_side;
+mod probing_hand;
 mod report;
 
+use crate::block_scene::{BlockScene, ContactKind};
 use crate::error::{LabError, check, number, whole};
-use crate::manipulate::{ContactName, Manipulate};
 use crate::output::Output;
-use crate::{defaults, progress};
-use account::Account;
+use crate::progress;
 use clap::Args;
-use hand::{Felt, Hand};
+use deadline_audit::DeadlineAudit;
 use limits::Limits;
 use load::{Load, LoadKind};
 use memory::Memory;
-use model_side::{Done, ModelSide, PERIOD};
+use model_side::{ModelSide, ModelSideStats, PERIOD};
 use palpate_haptics::{
-    BaselineReport, BaselineThread, HapticDevice, HapticLoop, LoopConfig, LoopSettings, RealTimeRequest,
-    SafetySettings, StoppedLoop, haptic_loop, run_with_baseline,
+    BaselineThread, HapticDevice, HapticLoop, LoopConfig, LoopSettings, RealTimeRequest, SafetySettings,
+    StoppedLoop, haptic_loop, run_with_baseline,
 };
 use palpate_local::HandOverSettings;
 use palpate_reduce::{BuilderOptions, LocalModelBuilder};
-use report::Report;
+use probing_hand::ProbingHand;
+use report::{Outcome, Report};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Model periods after which a local model fades: three seconds.
+/// Model periods after which the force of a local model fades: three seconds.
 const STALE_AFTER: f64 = 60.0;
-/// Samples kept, so that a model that took that long can still catch up.
+/// Samples kept for a local model that arrives late: four seconds.
 const HISTORY: usize = 4096;
 
-/// The loop on its thread for a while, the machine busy: what it holds to, and how late it is
+/// The loop on its own thread while the machine is busy: guarantees and lateness
 ///
-/// A hand probes a block of NODES x NODES x NODES nodes at 1 kHz on the loop's own thread; the body is stepped at 20 Hz on
-/// another. Beside them runs a bare thread: the same priority, the same absolute deadlines half a period later, and
-/// nothing to do. What it is late is the machine's; `lateness_ratio_p99` is the loop's to that. Both run at the same time,
-/// so that they meet the same load, and half a period apart, so that neither waits for the other where both are on one core.
+/// A simulated hand probes a block of NODES x NODES x NODES nodes at 1 kHz on the loop's own thread; another thread steps the body at
+/// 20 Hz. A bare thread without work runs at the same time, under the same load: same priority, same absolute deadlines half a
+/// period later, so neither thread waits for the other on a shared core. Its lateness is that of the machine;
+/// `lateness_ratio_p99` is the lateness of the loop divided by it.
 ///
-/// The exit code is 1 if a deadline is unaccounted for, a force at the device out of its limits, or anything is allocated
-/// or freed on the loop's thread. Lateness and memory are told, not judged.
+/// The exit code is 1 if a deadline is unaccounted for, a force at the device exceeds its limits, or memory is allocated or freed on
+/// the loop's thread. Lateness and memory are reported and do not change the exit code.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab soak --seconds 600 --load cpu --json\n  palpate-lab soak --load io --core 1\n  \
                   palpate-lab soak --load none --priority none"
 )]
 pub(crate) struct Soak {
-    /// How long, s
+    /// Duration, s
     #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 60)]
     seconds: usize,
-    /// What keeps the machine busy
+    /// Load of the machine
     #[arg(long, value_enum, default_value_t = LoadKind::Cpu)]
     load: LoadKind,
     /// Nodes along each edge of the block
@@ -64,15 +64,15 @@ pub(crate) struct Soak {
     /// Damping of each damper over the root of stiffness times mass of a node; more takes more substeps of the body
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.2)]
     damping_ratio: f64,
-    /// The core that the loop's and the bare thread run on [default: any]
+    /// Core of the loop's thread and of the bare thread [default: any]
     #[arg(value_parser = whole, allow_hyphen_values = true, long)]
     core: Option<usize>,
-    /// Real-time priority that both ask for, 1 to 99 on Linux, or none
+    /// Real-time priority to request for both threads, 1 to 99 on Linux, or none
     #[arg(long, value_parser = priority, allow_hyphen_values = true, default_value = "80")]
     priority: Priority,
 }
 
-/// A priority to ask for, or none.
+/// Priority to request.
 #[derive(Clone, Copy, Debug)]
 struct Priority(Option<u8>);
 
@@ -84,22 +84,12 @@ fn priority(text: &str) -> Result<Priority, &'static str> {
     number.map(|number| Priority(Some(number))).ok_or("it must be 1 to 99, or none")
 }
 
-/// What came of a run.
-struct Outcome {
-    model_side: ModelSide,
-    felt: Felt,
-    allocations: u64,
-    bare: BaselineReport,
-    memory: Memory,
-    load_rounds: u64,
-}
-
 impl Soak {
     pub(crate) fn run(&self, output: &Output) -> Result<(), LabError> {
         self.validate()?;
-        let report = Report::of(self, self.experiment()?);
+        let report = Report::of(self.seconds, self.load, self.experiment()?);
         output.print(&report, |out| report.table(out))?;
-        report.judge()
+        report.check_guarantees()
     }
 
     fn validate(&self) -> Result<(), LabError> {
@@ -112,9 +102,14 @@ impl Soak {
     }
 
     fn experiment(&self) -> Result<Outcome, LabError> {
-        let Self { nodes, stiffness, damping_ratio, .. } = *self;
-        let block = Manipulate { nodes, stiffness, damping_ratio, contact: ContactName::Touch, ..defaults() };
-        let (body, contact, start_m) = block.scene()?;
+        let block = BlockScene {
+            nodes: [self.nodes; 3],
+            stiffness_n_per_m: self.stiffness,
+            damping_ratio: self.damping_ratio,
+            contact: ContactKind::Touch,
+            ..BlockScene::default()
+        };
+        let (body, contact, start_m) = block.build()?;
         let builder = LocalModelBuilder::new(&body, BuilderOptions::default())?;
         let config = LoopConfig {
             hand_over: HandOverSettings {
@@ -127,12 +122,12 @@ impl Soak {
                 core: self.core,
                 ..RealTimeRequest::default()
             },
-            // Room for eight seconds in which the model side takes nothing.
+            // Capacity for eight seconds in which the model side reads nothing.
             event_capacity: 8192,
             record_capacity: 8192,
             ..LoopConfig::default()
         };
-        // Where the machine is too busy for 20 model steps a second, old models speak on: there must be forces to judge.
+        // On a machine too busy for 20 model steps a second, old models stay active: the run must produce forces to check.
         let safety = SafetySettings { stale_after_periods: STALE_AFTER, ..SafetySettings::default() };
         let model_period_s = PERIOD.as_secs_f64();
         let settings = LoopSettings { record: true, model_period_s, safety, ..LoopSettings::default() };
@@ -142,34 +137,34 @@ impl Soak {
         };
         let period_ns = Duration::from_secs_f64(config.hand_over.tick_s).as_nanos() as u64;
         let (handle, haptic_loop) = haptic_loop(config, settings)?;
-        let account = Account::new(period_ns, limits);
-        let (done, consumed, path) = (Done::default(), None, Vec::with_capacity(256));
-        let model_side = ModelSide { body, contact, builder, handle, account, done, consumed, path };
-        self.beside_load(model_side, haptic_loop, Hand::new(start_m, limits), config)
+        let audit = DeadlineAudit::new(period_ns, limits);
+        let (stats, consumed, path) = (ModelSideStats::default(), None, Vec::with_capacity(256));
+        let model_side = ModelSide { body, contact, builder, handle, audit, stats, consumed, path };
+        self.run_under_load(model_side, haptic_loop, ProbingHand::new(start_m, limits), config)
     }
 
-    /// Runs everything for as long as is asked for and ends it: the loop first, and when it has had its last word the model
-    /// side, then the load.
-    fn beside_load(
+    /// Runs all threads for the duration and stops them in order: the loop, then the model side, which reads the loop's last
+    /// events, then the load.
+    fn run_under_load(
         &self,
         model_side: ModelSide,
         haptic_loop: HapticLoop,
-        mut hand: Hand,
+        mut hand: ProbingHand,
         config: LoopConfig,
     ) -> Result<Outcome, LabError> {
         let bare = BaselineThread::spawn(&config)?;
         let load = Load::start(self.load)?;
         let (stop, ended) = (AtomicBool::new(false), AtomicBool::new(false));
-        let (memory, turned, model_side) = std::thread::scope(|scope| {
-            let looping = scope.spawn(|| turn(haptic_loop, &mut hand, &stop, &bare, config.real_time));
+        let (memory, loop_result, model_side) = std::thread::scope(|scope| {
+            let looping = scope.spawn(|| run_loop(haptic_loop, &mut hand, &stop, &bare, config.real_time));
             let modelling = scope.spawn(|| model_side.run(&ended));
             let memory = watch(self.seconds, || looping.is_finished() || modelling.is_finished());
             stop.store(true, Ordering::Release);
-            let turned = looping.join();
+            let loop_result = looping.join();
             ended.store(true, Ordering::Release);
-            (memory, turned, modelling.join())
+            (memory, loop_result, modelling.join())
         });
-        let (_, allocations) = turned.map_err(|_| LabError::Ended("loop's thread"))?;
+        let (_, allocations) = loop_result.map_err(|_| LabError::Ended("loop's thread"))?;
         let model_side = model_side.map_err(|_| LabError::Ended("model side"))??;
         let bare = bare.stop().ok_or(LabError::Ended("bare thread"))?;
         let load_rounds = load.stop()?;
@@ -177,36 +172,40 @@ impl Soak {
     }
 }
 
-/// Turns the loop on this thread until `stop`. Returns with it how often memory was allocated, or freed that was not allocated
-/// there, from the device's opening to the loop's last word.
-fn turn(
+/// Runs the loop on this thread until `stop`. Also returns the number of allocations on this thread, and of frees of memory that was
+/// allocated elsewhere, from opening the device to the end of the loop.
+fn run_loop(
     haptic_loop: HapticLoop,
     hand: &mut dyn HapticDevice,
     stop: &AtomicBool,
     bare: &BaselineThread,
     real_time: RealTimeRequest,
 ) -> (Option<StoppedLoop>, u64) {
-    // The loop asks the operating system for what its thread needs before it begins; naming a core allocates. That is
-    // measured by asking twice, and does not count.
+    // The loop requests its real-time settings before it starts, and pinning to a core allocates. The same request is measured here
+    // and subtracted.
     let set_up = allocation_counter::measure(|| {
         let _ = real_time.apply_to_current_thread();
     });
-    let mut ended = None;
-    let all = allocation_counter::measure(|| ended = Some(run_with_baseline(haptic_loop, hand, stop, bare)));
+    let mut stopped = None;
+    let all =
+        allocation_counter::measure(|| stopped = Some(run_with_baseline(haptic_loop, hand, stop, bare)));
     let freed = (all.count_current - set_up.count_current).min(0).unsigned_abs();
-    (ended, all.count_total.saturating_sub(set_up.count_total) + freed)
+    (stopped, all.count_total.saturating_sub(set_up.count_total) + freed)
 }
 
-/// Notes once a second how much memory is in use, for `seconds`, or until all is over before.
-#[expect(clippy::disallowed_methods, reason = "a run has its length by the clock, and nothing hangs on it")]
+/// Records once a second the memory in use, for `seconds` or until `is_over`.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "the duration of a run is wall-clock time and affects no result"
+)]
 fn watch(seconds: usize, is_over: impl Fn() -> bool) -> Memory {
-    let mut memory = Memory::begin();
+    let mut memory = Memory::at_start();
     let bar = progress::bar(seconds);
     bar.set_message("the loop under load");
-    let begun = Instant::now();
+    let start = Instant::now();
     for second in 1..=seconds as u64 {
-        std::thread::sleep(Duration::from_secs(second).saturating_sub(begun.elapsed()));
-        memory.note(second);
+        std::thread::sleep(Duration::from_secs(second).saturating_sub(start.elapsed()));
+        memory.record(second);
         bar.inc(1);
         if is_over() {
             break;
@@ -222,7 +221,7 @@ mod tests {
     use palpate_haptics::{Reading, ScriptedDevice};
     use std::sync::Arc;
 
-    /// Allocations counted while a device is read thirty times that allocates so many times at each.
+    /// Allocations counted during thirty reads of a device that allocates `at_each` times per read.
     fn counted(at_each: usize, real_time: RealTimeRequest) -> u64 {
         let config = LoopConfig { real_time, ..LoopConfig::default() };
         let (_handle, haptic_loop) = haptic_loop(config, LoopSettings::default()).unwrap();
@@ -235,13 +234,13 @@ mod tests {
             Ok(Reading::at(DVec3::ZERO))
         });
         std::thread::scope(|scope| {
-            scope.spawn(|| turn(haptic_loop, &mut device, &stop, &bare, real_time).1).join()
+            scope.spawn(|| run_loop(haptic_loop, &mut device, &stop, &bare, real_time).1).join()
         })
         .unwrap()
     }
 
     #[test]
-    fn what_is_allocated_at_a_tick_is_counted_and_what_setting_up_takes_is_not() {
+    fn allocations_of_ticks_count_and_those_of_set_up_do_not() {
         for real_time in [RealTimeRequest::NONE, RealTimeRequest { core: Some(0), ..RealTimeRequest::NONE }] {
             assert_eq!(counted(0, real_time), 0);
             assert_eq!(counted(2, real_time), 60);

@@ -6,8 +6,7 @@
 //! * [`Bode`]: how a local model answers over frequency, beside the body.
 //! * [`SecondOrderSystem`], [`StateSpace`]: a body driven at some nodes, its response, poles and asymptotes;
 //!   [`PoleResidue`] for many frequencies.
-//! * [`DenseSystem`]: its projections by congruence, on Krylov bases and modes; [`Specimen`]: the seed's mesh and the
-//!   local models of its figures 8 and 10.
+//! * [`DenseSystem`]: its projections by congruence, on Krylov bases and modes.
 //! * [`Gramians`], [`Balancing`], [`HInf`]: what is needed of a system's states, balanced truncation, and the norm of
 //!   what it leaves out.
 //!
@@ -64,7 +63,6 @@ mod bode;
 mod builder;
 mod compare;
 mod dense;
-mod density;
 mod dynamic;
 mod error;
 mod gramian;
@@ -74,7 +72,6 @@ mod local_response;
 mod near_field;
 mod neighbourhood;
 mod pole_residue;
-mod specimen;
 mod state_space;
 mod static_stiffness;
 mod system;
@@ -84,13 +81,11 @@ pub use bode::{Bode, BodePoint};
 pub use builder::{BuildReport, BuilderOptions, LocalModelBuilder};
 pub use compare::{Comparison, ComparisonOptions, relative_rms_error};
 pub use dense::DenseSystem;
-pub use density::block_scaling;
 pub use error::ReduceError;
 pub use gramian::Gramians;
 pub use hinf::HInf;
 pub use near_field::LocalIntegrator;
 pub use pole_residue::PoleResidue;
-pub use specimen::Specimen;
 pub use state_space::StateSpace;
 pub use system::SecondOrderSystem;
 

@@ -1,7 +1,7 @@
 //! The specimen of the seed paper's section 4, balanced, against figures that were made by scipy and SLICOT.
 
 use faer::{Mat, c64};
-use palpate_body::Lattice;
+use palpate_body::{Body, Lattice, Surface};
 use palpate_reduce::*;
 use serde_json::Value;
 use std::f64::consts::TAU;
@@ -14,10 +14,12 @@ fn reference() -> Value {
 /// 12 × 12 cells, left, right and bottom edges fixed, driven at the top middle node; x is tangential, y normal.
 fn specimen() -> SecondOrderSystem {
     let (damping_ns_per_m, mass_kg) = (2.1213203435596424, 0.01);
-    let specimen = Specimen { dimension: 2, cells: 12, stiffness_n_per_m: 200.0, damping_ns_per_m, mass_kg };
-    let network = specimen.network().unwrap();
+    let lattice = Lattice::new([13, 13, 1], 0.1 / 12.0).unwrap();
+    let is_fixed = |[i, j, _]: [usize; 3]| i == 0 || i == 12 || j == 0;
+    let network = lattice.uniform(200.0, damping_ns_per_m, mass_kg, is_fixed).unwrap();
     assert_eq!((network.node_count(), network.links().len(), network.free().len()), (169, 600, 132));
-    specimen.system().unwrap()
+    let body = Body::new(network, Surface::default()).unwrap();
+    SecondOrderSystem::of_body(&body, &[lattice.node([6, 12, 0])], 2).unwrap()
 }
 
 fn balancing() -> &'static Balancing {

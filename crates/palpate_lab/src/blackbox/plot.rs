@@ -1,15 +1,15 @@
-//! A black box over time: position, force, times.
+//! Figure of a black box: position, force and times over time.
 
 use crate::error::LabError;
 use crate::figure::{Bands, Curve, Panel, Scale, stacked};
 use palpate_haptics::BlackBoxTick;
 use plotters::style::RGBColor;
 
-/// Beyond so many points a curve is thinned: more than two for each pixel.
-const POINTS: usize = 4096;
+/// Maximum number of points of a curve, more than two for each pixel; longer curves are thinned.
+const MAX_POINTS: usize = 4096;
 
-/// Times below this have no place on a logarithmic axis, µs.
-const SHORTEST_US: f64 = 0.1;
+/// Minimum time on the logarithmic axis, µs.
+const MIN_US: f64 = 0.1;
 
 /// The figure of `ticks`.
 pub(super) fn figure(ticks: &[BlackBoxTick]) -> Result<String, LabError> {
@@ -21,7 +21,7 @@ pub(super) fn figure(ticks: &[BlackBoxTick]) -> Result<String, LabError> {
     let along = |axis: usize| {
         move |tick: &BlackBoxTick| tick.sample.map(|sample| 1e3 * (sample.position_m - origin)[axis])
     };
-    let us = |ns: u64| Some((ns as f64 * 1e-3).max(SHORTEST_US));
+    let us = |ns: u64| Some((ns as f64 * 1e-3).max(MIN_US));
     let position = Panel {
         title: "Position of the tool, from its first sample".into(),
         x: "",
@@ -30,7 +30,7 @@ pub(super) fn figure(ticks: &[BlackBoxTick]) -> Result<String, LabError> {
         curves: vec![curve("x", &along(0)), curve("y", &along(1)), curve("z", &along(2))],
     };
     let force = Panel {
-        title: "Size of the force on the hand".into(),
+        title: "Magnitude of the force on the hand".into(),
         x: "",
         y: "force, N",
         scale: Scale::Linear,
@@ -56,7 +56,7 @@ pub(super) fn figure(ticks: &[BlackBoxTick]) -> Result<String, LabError> {
             color: RGBColor(252, 226, 160),
         },
         Bands {
-            name: "the device failed",
+            name: "device error",
             spans: spans(ticks, |tick| tick.read_failed.is_some() || tick.write_failed.is_some()),
             color: RGBColor(250, 190, 190),
         },
@@ -64,12 +64,12 @@ pub(super) fn figure(ticks: &[BlackBoxTick]) -> Result<String, LabError> {
     stacked(&[position, force, times], &bands)
 }
 
-/// Of points along a line, the lowest and the highest of every few, so that no peak is lost.
+/// Thins a curve to the lowest and highest point of each group, which keeps every peak.
 fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    if points.len() <= POINTS {
+    if points.len() <= MAX_POINTS {
         return points;
     }
-    let few = (2 * points.len()).div_ceil(POINTS);
+    let few = (2 * points.len()).div_ceil(MAX_POINTS);
     let ends = |chunk: &[(f64, f64)]| {
         let by_value = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
         let (low, high) = (chunk.iter().min_by(by_value), chunk.iter().max_by(by_value));
@@ -80,7 +80,7 @@ fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     points.chunks(few).flat_map(ends).collect()
 }
 
-/// Times in which `test` held, each tick from the one before it; what is nearer than a pixel is one.
+/// Time spans in which `test` holds, each from the tick before. Spans closer than a pixel are merged.
 fn spans(ticks: &[BlackBoxTick], test: impl Fn(&BlackBoxTick) -> bool) -> Vec<(f64, f64)> {
     let (Some(first), Some(last)) = (ticks.first(), ticks.last()) else { return Vec::new() };
     let pixel_s = (last.time_s - first.time_s) * 1e-3;
@@ -99,17 +99,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_peak_is_lost_where_points_are_thinned() {
+    fn thinning_keeps_every_peak() {
         let mut points: Vec<(f64, f64)> = (0..100_000).map(|i| (f64::from(i), 1.0)).collect();
         (points[777].1, points[60_001].1) = (9.0, -5.0);
         let thin = thinned(points);
-        assert!(thin.len() <= POINTS && thin.is_sorted_by(|a, b| a.0 <= b.0));
+        assert!(thin.len() <= MAX_POINTS && thin.is_sorted_by(|a, b| a.0 <= b.0));
         assert!(thin.contains(&(777.0, 9.0)) && thin.contains(&(60_001.0, -5.0)));
         assert_eq!(thinned(vec![(0.0, 1.0); 10]).len(), 10);
     }
 
     #[test]
-    fn what_lasts_is_one_span() {
+    fn consecutive_ticks_form_one_span() {
         let ticks: Vec<BlackBoxTick> = (0..1000)
             .map(|i| BlackBoxTick { sequence: i, time_s: i as f64, elapsed: 1, ..BlackBoxTick::default() })
             .collect();

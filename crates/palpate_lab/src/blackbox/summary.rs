@@ -1,4 +1,4 @@
-//! A black box in a few numbers.
+//! Summary of a black box.
 
 use palpate_haptics::{BlackBoxTick, SafetyAction};
 use palpate_local::SampleOrigin;
@@ -13,22 +13,22 @@ pub(super) struct Summary {
     /// From the first tick to the last, s.
     pub(super) span_s: f64,
     pub(super) missed_deadlines: u64,
-    /// Periods between two rows that were not missed either: their ticks found the recorder's queue full.
+    /// Number of periods without a row and without a missed deadline: their ticks found the recorder's queue full.
     pub(super) periods_not_in_file: u64,
     pub(super) samples: Samples,
-    /// The largest finite one, N.
+    /// Maximum finite force before the safety chain, N.
     pub(super) peak_force_before_n: f64,
     pub(super) peak_force_written_n: f64,
-    /// In the chain's order, those that acted.
+    /// Stages that acted, in the order of the chain.
     pub(super) acted: Vec<Acted>,
     pub(super) lateness_us: Times,
     pub(super) cost_us: Times,
     pub(super) models: Vec<Models>,
-    /// Ticks by what failed, `read: timed_out`.
+    /// Number of ticks by device error, for example `read: timed_out`.
     pub(super) device_errors: BTreeMap<String, u64>,
 }
 
-/// Ticks by where their sample came from.
+/// Number of ticks by origin of their sample.
 #[derive(Default, Serialize)]
 pub(super) struct Samples {
     pub(super) measured: u64,
@@ -49,7 +49,7 @@ pub(super) struct Times {
     pub(super) max: f64,
 }
 
-/// How many local models of a body spoke.
+/// Number of active local models of a body.
 #[derive(Serialize)]
 pub(super) struct Models {
     pub(super) body: u64,
@@ -58,7 +58,7 @@ pub(super) struct Models {
 }
 
 impl Summary {
-    /// That of `ticks`; `None` where there is none.
+    /// Summary of `ticks`; `None` without ticks.
     pub(super) fn of(ticks: &[BlackBoxTick]) -> Option<Self> {
         let (first, last) = (ticks.first()?, ticks.last()?);
         let count = |test: &dyn Fn(&BlackBoxTick) -> bool| ticks.iter().filter(|t| test(t)).count() as u64;
@@ -103,7 +103,7 @@ impl Summary {
 }
 
 impl Times {
-    /// The shares of `ns` by rank, µs.
+    /// Percentiles of `ns`, µs.
     fn of(mut ns: Vec<u64>) -> Self {
         ns.sort_unstable();
         let share = |share: f64| {
@@ -114,15 +114,15 @@ impl Times {
     }
 }
 
-/// By body and epoch, how many different models spoke; one that spoke, fell silent and spoke again counts twice.
+/// Number of active models by body and epoch. A model that was active, inactive and active again counts twice.
 fn models(ticks: &[BlackBoxTick]) -> Vec<Models> {
-    let mut heard = BTreeMap::new();
+    let mut counts = BTreeMap::new();
     let mut last = None;
     for model in ticks.iter().map(|tick| tick.model) {
         if let Some(model) = model.filter(|_| model != last) {
-            *heard.entry((model.body, model.epoch)).or_insert(0) += 1;
+            *counts.entry((model.body, model.epoch)).or_insert(0) += 1;
         }
         last = model;
     }
-    heard.into_iter().map(|((body, epoch), models)| Models { body, epoch, models }).collect()
+    counts.into_iter().map(|((body, epoch), models)| Models { body, epoch, models }).collect()
 }

@@ -1,12 +1,12 @@
-//! The command with devices that are only there in memory.
+//! The command with simulated devices.
 
-use super::trial::Trial;
+use super::device_test::DeviceTest;
 use super::*;
 use palpate_haptics::HapticDevice;
 use palpate_hid::simulated::{Firmware, SimulatedBus};
 use palpate_hid::{HidDevice, HidKind, HidOptions, Usage};
 
-/// A cap that is pushed down all the time.
+/// SpaceMouse whose cap is always pushed down.
 struct Pushed(bool);
 
 impl Firmware for Pushed {
@@ -44,7 +44,7 @@ fn bus() -> Arc<SimulatedBus> {
 }
 
 #[test]
-fn what_is_plugged_in_is_listed_with_what_keeps_it_from_being_opened() {
+fn list_has_kinds_and_open_errors() {
     let bus = bus();
     let of = |path: &str| {
         let infos = bus.list().unwrap();
@@ -57,7 +57,9 @@ fn what_is_plugged_in_is_listed_with_what_keeps_it_from_being_opened() {
     );
     assert_eq!(of("/dev/mouse").kind, None);
     let held = bus.open(&info("/dev/cap", 0xC635)).unwrap();
-    assert!(of("/dev/cap").refused.contains("already in use by another program or HapticTool"));
+    let error = bus.open(&info("/dev/cap", 0xC635)).err().unwrap();
+    assert!(matches!(error, HidError::Busy { .. }), "{error}");
+    assert_eq!(of("/dev/cap").refused, error.to_string());
     drop(held);
     let mut text = Vec::new();
     let mut listed = Listed { devices: vec![cap], others: 1, may_be_boards: Vec::new() };
@@ -69,11 +71,11 @@ fn what_is_plugged_in_is_listed_with_what_keeps_it_from_being_opened() {
         "{text}"
     );
     listed.may_be_boards.push("/dev/hidraw3".into());
-    let mut hinted = Vec::new();
-    print(&listed, false, &mut hinted).unwrap();
-    let hinted = String::from_utf8(hinted).unwrap();
-    assert!(hinted.contains("\n/dev/hidraw3 is a Teensy that may be a 3-DOF board"), "{hinted}");
-    // Columns begin where their heads do.
+    let mut with_hint = Vec::new();
+    print(&listed, false, &mut with_hint).unwrap();
+    let with_hint = String::from_utf8(with_hint).unwrap();
+    assert!(with_hint.contains("\n/dev/hidraw3 ") && with_hint.contains("--teensy-is-board"), "{with_hint}");
+    // Columns start below their headings.
     for head in ["numbers", "path", "name"] {
         let at = lines[0].find(head).unwrap();
         assert!(lines[1].as_bytes()[at - 1] == b' ' && lines[1].as_bytes()[at] != b' ', "{text}");
@@ -81,48 +83,46 @@ fn what_is_plugged_in_is_listed_with_what_keeps_it_from_being_opened() {
 }
 
 #[test]
-fn a_device_is_named_by_path_serial_or_numbers() {
+fn selects_by_path_serial_number_or_vendor_and_product() {
     let bus = bus();
     for id in ["/dev/cap", "7", "256f:c635", "256F:C635"] {
         let found = selector(id, false, &*bus).unwrap().find(&*bus).unwrap();
         assert_eq!((found.kind, found.info.path.as_str()), (HidKind::SpaceMouse, "/dev/cap"), "{id}");
     }
     for id in ["/dev/mouse", "8", "256f:c636", "/dev/nothing", "x:y", ""] {
-        let error = selector(id, false, &*bus).unwrap().find(&*bus).unwrap_err().to_string();
-        assert!(
-            error.starts_with("no device of a known kind") && error.contains("serial 7"),
-            "{id}: {error}"
-        );
+        let error = selector(id, false, &*bus).unwrap().find(&*bus).unwrap_err();
+        let HidError::NotFound { present, .. } = &error else { panic!("{id}: {error}") };
+        assert!(present.len() == 2 && present.iter().all(|device| device.contains('7')), "{id}: {error}");
     }
 }
 
-fn trial(bus: &SimulatedBus, seconds: f64) -> Trial {
-    Trial {
+fn test(bus: &SimulatedBus, seconds: f64) -> DeviceTest {
+    DeviceTest {
         selector: selector("7", false, bus).unwrap(),
         force_n: 0.3,
         full_scale_n: JoystickOptions::CAREFUL_FULL_SCALE_N,
         arm: Some(Arm::WoodenHaptics),
         seconds,
-        asks: false,
+        needs_confirmation: false,
     }
 }
 
 #[test]
-fn a_test_reads_the_device_and_says_what_it_saw() {
+fn test_reports_reads_and_positions() {
     let bus = bus();
-    let trial = trial(&bus, 0.4);
-    let device = HidDevice::find(bus, &trial.selector, &HidOptions::default()).unwrap();
-    let tested = trial.test(device).unwrap();
-    assert!(tested.ticks > 50 && tested.reports > 20, "{tested:?}");
-    assert_eq!((tested.max_force_n, tested.force_rate_hz, tested.device_errors), (0.0, None, 0));
-    // Pushed along its own z, which is down.
-    assert!(tested.lowest_m[1] < -1e-3 && tested.highest_m[1] <= 0.0, "{tested:?}");
-    assert_eq!([tested.lowest_m[0], tested.highest_m[0], tested.lowest_m[2], tested.highest_m[2]], [0.0; 4]);
-    assert!(tested.faults.is_empty(), "{tested:?}");
+    let test = test(&bus, 0.4);
+    let device = HidDevice::find(bus, &test.selector, &HidOptions::default()).unwrap();
+    let report = test.test(device).unwrap();
+    assert!(report.ticks > 50 && report.reports > 20, "{report:?}");
+    assert_eq!((report.max_force_n, report.force_rate_hz, report.device_errors), (0.0, None, 0));
+    // The cap is pushed along its own z, which points down.
+    assert!(report.lowest_m[1] < -1e-3 && report.highest_m[1] <= 0.0, "{report:?}");
+    assert_eq!([report.lowest_m[0], report.highest_m[0], report.lowest_m[2], report.highest_m[2]], [0.0; 4]);
+    assert!(report.faults.is_empty(), "{report:?}");
 }
 
 #[test]
-fn a_board_is_pushed_gently_and_feels_what_is_told() {
+fn test_of_a_board_stays_below_its_force_and_ends_at_zero() {
     use palpate_hid::simulated::BoardFirmware;
     use palpate_hid::{BoardForm, BoardHoming, BoardKinematics, BoardOptions};
     use std::sync::Mutex;
@@ -133,49 +133,49 @@ fn a_board_is_pushed_gently_and_feels_what_is_told() {
     let board = Arc::new(Mutex::new(board));
     bus.plug(info, descriptor, Arc::clone(&board));
     let selector = selector("/dev/board", true, &*bus).unwrap();
-    let trial = Trial {
+    let test = DeviceTest {
         selector,
         force_n: 0.3,
         full_scale_n: JoystickOptions::CAREFUL_FULL_SCALE_N,
         arm: Some(Arm::WoodenHaptics),
         seconds: 1.2,
-        asks: false,
+        needs_confirmation: false,
     };
     let options = BoardOptions { homing: BoardHoming::AtOpen, ..BoardOptions::default() };
     let device =
-        HidDevice::find(bus, &trial.selector, &HidOptions { board: options, ..HidOptions::default() });
-    let tested = trial.test(device.unwrap()).unwrap();
-    assert!(tested.max_force_n > 0.1 && tested.max_force_n < 0.3 + 1e-9, "{tested:?}");
-    assert!(tested.forces > 100 && tested.force_rate_hz.is_some_and(|hz| hz > 50.0), "{tested:?}");
+        HidDevice::find(bus, &test.selector, &HidOptions { board: options, ..HidOptions::default() });
+    let report = test.test(device.unwrap()).unwrap();
+    assert!(report.max_force_n > 0.1 && report.max_force_n < 0.3 + 1e-9, "{report:?}");
+    assert!(report.forces > 100 && report.force_rate_hz.is_some_and(|hz| hz > 50.0), "{report:?}");
     assert_eq!(board.lock().unwrap().currents_ma(), [0; 3]);
 }
 
 #[test]
-fn it_asks_first_and_takes_only_a_yes() {
+fn only_yes_confirms_a_test() {
     let bus = bus();
-    let trial = trial(&bus, 1.0);
-    let device = HidDevice::find(bus, &trial.selector, &HidOptions::default()).unwrap();
-    let mut asked = Vec::new();
-    let mut ask = |answer: &str| {
-        let of_device = (&device.describe(), HidKind::SpaceMouse, device.ends_by_itself());
-        trial.ask(of_device, &mut asked, &mut answer.as_bytes(), true)
+    let test = test(&bus, 1.0);
+    let device = HidDevice::find(bus, &test.selector, &HidOptions::default()).unwrap();
+    let mut question = Vec::new();
+    let mut confirm = |reply: &str| {
+        let described = (&device.describe(), HidKind::SpaceMouse, device.ends_by_itself());
+        test.confirm(described, &mut question, &mut reply.as_bytes(), true)
     };
-    assert!(ask("y\n").is_ok() && ask("yes\n").is_ok());
+    assert!(confirm("y\n").is_ok() && confirm("yes\n").is_ok());
     for no in ["", "\n", "n\n", "yellow\n"] {
-        assert!(matches!(ask(no), Err(LabError::NotAgreed)), "{no:?}");
+        assert!(matches!(confirm(no), Err(LabError::Declined)), "{no:?}");
     }
     assert!(
-        String::from_utf8(asked)
+        String::from_utf8(question)
             .unwrap()
             .ends_with("has no motors; it will be read for 1 s. Move it.\nBegin? [y/N] ")
     );
     let of_device = (&device.describe(), HidKind::SpaceMouse, true);
-    let nobody = trial.ask(of_device, &mut Vec::new(), &mut "y\n".as_bytes(), false);
-    assert!(matches!(nobody, Err(LabError::NobodyToAsk)));
+    let unattended = test.confirm(of_device, &mut Vec::new(), &mut "y\n".as_bytes(), false);
+    assert!(matches!(unattended, Err(LabError::NoTerminal)));
 }
 
 #[test]
-fn a_board_is_taken_for_the_arm_that_is_named() {
+fn question_names_the_arm_of_a_board() {
     use palpate_hid::BoardForm;
     use palpate_hid::simulated::BoardFirmware;
 
@@ -185,24 +185,31 @@ fn a_board_is_taken_for_the_arm_that_is_named() {
         let board = BoardFirmware::at_home(BoardForm::Bytes14, &arm.kinematics());
         bus.plug(board.info("/dev/board"), board.descriptor(), board);
         let selector = selector("/dev/board", false, &bus).unwrap();
-        let trial =
-            Trial { selector, force_n: 0.3, full_scale_n: 500.0, arm: Some(arm), seconds: 1.0, asks: true };
+        let test = DeviceTest {
+            selector,
+            force_n: 0.3,
+            full_scale_n: 500.0,
+            arm: Some(arm),
+            seconds: 1.0,
+            needs_confirmation: true,
+        };
         let description = palpate_haptics::DeviceDescription {
             name: "a board".into(),
             workspace_m: [glam::DVec3::NEG_ONE, glam::DVec3::ONE],
             max_force_n: 5.0,
             rate_hz: 1000.0,
         };
-        let mut asked = Vec::new();
-        trial.ask((&description, HidKind::Board, true), &mut asked, &mut "y\n".as_bytes(), true).unwrap();
-        let asked = String::from_utf8(asked).unwrap();
-        assert!(asked.contains(word), "{asked}");
+        let mut question = Vec::new();
+        test.confirm((&description, HidKind::Board, true), &mut question, &mut "y\n".as_bytes(), true)
+            .unwrap();
+        let question = String::from_utf8(question).unwrap();
+        assert!(question.contains(word), "{question}");
     }
 }
 
-/// Only where nothing is known to end the force of a program that is killed.
+/// Only where nothing ends the force of a killed program.
 #[test]
-fn who_is_asked_is_told_that_a_force_may_stay() {
+fn question_warns_of_a_force_that_may_stay() {
     use palpate_hid::simulated::BoardFirmware;
     use palpate_hid::{BoardForm, BoardKinematics};
 
@@ -214,18 +221,22 @@ fn who_is_asked_is_told_that_a_force_may_stay() {
         bus.plug(board.info("/dev/board"), board.descriptor(), board);
         let selector = selector("/dev/board", true, &*bus).unwrap();
         let device = HidDevice::find(bus.clone(), &selector, &HidOptions::default()).unwrap();
-        let trial = Trial { selector, ..trial(&bus, 1.0) };
-        let mut asked = Vec::new();
+        let test = DeviceTest { selector, ..test(&bus, 1.0) };
+        let mut question = Vec::new();
         let of_device = (&device.describe(), HidKind::Board, device.ends_by_itself());
-        trial.ask(of_device, &mut asked, &mut "y\n".as_bytes(), true).unwrap();
-        let asked = String::from_utf8(asked).unwrap();
-        assert_eq!(asked.contains("if this program is killed its last force may stay"), may_stay, "{asked}");
+        test.confirm(of_device, &mut question, &mut "y\n".as_bytes(), true).unwrap();
+        let question = String::from_utf8(question).unwrap();
+        assert_eq!(
+            question.contains("if this program is killed its last force may stay"),
+            may_stay,
+            "{question}"
+        );
     }
 }
 
-/// With the sizes of another arm a force may be several times as large.
+/// With the dimensions of another arm a force may be several times as large.
 #[test]
-fn a_board_whose_arm_is_not_named_is_only_read() {
+fn board_without_an_arm_is_only_read() {
     use palpate_hid::simulated::BoardFirmware;
     use palpate_hid::{BoardForm, BoardHoming, BoardKinematics, BoardOptions};
 
@@ -233,15 +244,15 @@ fn a_board_whose_arm_is_not_named_is_only_read() {
     let board = BoardFirmware::at_home(BoardForm::Bytes14, &BoardKinematics::default());
     bus.plug(board.info("/dev/board"), board.descriptor(), board);
     let selector = selector("/dev/board", true, &*bus).unwrap();
-    let trial = Trial { selector, arm: None, ..trial(&bus, 1.2) };
+    let test = DeviceTest { selector, arm: None, ..test(&bus, 1.2) };
     let options = BoardOptions { homing: BoardHoming::AtOpen, ..BoardOptions::default() };
     let options = HidOptions { board: options, ..HidOptions::default() };
-    let device = HidDevice::find(bus, &trial.selector, &options).unwrap();
-    let mut asked = Vec::new();
+    let device = HidDevice::find(bus, &test.selector, &options).unwrap();
+    let mut question = Vec::new();
     let of_device = (&device.describe(), HidKind::Board, device.ends_by_itself());
-    trial.ask(of_device, &mut asked, &mut "y\n".as_bytes(), true).unwrap();
-    let asked = String::from_utf8(asked).unwrap();
-    assert!(asked.contains("name its arm (--board)") && !asked.contains("push and pull"), "{asked}");
-    let tested = trial.test(device).unwrap();
-    assert!(tested.ticks > 500 && tested.max_force_n == 0.0, "{tested:?}");
+    test.confirm(of_device, &mut question, &mut "y\n".as_bytes(), true).unwrap();
+    let question = String::from_utf8(question).unwrap();
+    assert!(question.contains("name its arm (--board)") && !question.contains("push and pull"), "{question}");
+    let report = test.test(device).unwrap();
+    assert!(report.ticks > 500 && report.max_force_n == 0.0, "{report:?}");
 }

@@ -1,4 +1,4 @@
-//! A hand that presses a surface, with what may break.
+//! Scene of a fault: a hand that presses an elastic surface.
 
 use crate::error::LabError;
 use glam::{DMat3, DVec3};
@@ -8,20 +8,21 @@ use palpate_haptics::{
 };
 use palpate_local::{Contact, LocalModel, ModelId, Scheme};
 
-/// Ticks of a scene, unless it needs more, and the one at which something breaks.
+/// Default number of ticks of a scene.
 pub(crate) const TICKS: u64 = 4000;
-pub(crate) const BREAKS_AT: u64 = 1500;
-/// The device's limits: 10 N, and 0.5 N a tick.
+/// Tick of the fault.
+pub(crate) const FAULT_TICK: u64 = 1500;
+/// Limits of the device: 10 N, and 0.5 N per tick.
 pub(crate) const LIMITS: DeviceLimits = DeviceLimits { force_n: 10.0, slew_n_per_s: 500.0 };
 /// Ticks between two model steps.
 pub(crate) const PERIOD: u64 = 50;
-/// Of the surface, N/m.
+/// Stiffness of the surface, N/m.
 const STIFFNESS: f64 = 300.0;
-/// The body that is touched.
+/// Id of the touched body.
 pub(crate) const BODY: u64 = 1;
 
-/// What the hand does: nothing for 0.7 s, a touch of 6 to 7 mm until 2.5 s, and another from 2.9 s on.
-pub(crate) fn hand(tick: u64) -> DVec3 {
+/// Position of the hand, m: above the surface for 0.7 s, a touch of 6 to 7 mm until 2.5 s, and another from 2.9 s on.
+pub(crate) fn hand_m(tick: u64) -> DVec3 {
     let t = tick as f64 * 1e-3;
     let ease = |from: f64, to: f64| {
         let share = ((t - from) / (to - from)).clamp(0.0, 1.0);
@@ -36,10 +37,10 @@ pub(crate) fn write_model(model: &mut LocalModel, at: DVec3, sequence: u64) {
     model.id = ModelId { body: BODY, epoch: 0, sequence };
     (model.scheme, model.position_m, model.velocity_m_per_s) = (Scheme::Tangent, at, DVec3::ZERO);
     (model.reduced.order, model.clamped) = (0, false);
-    let is_in = at.z < 0.0;
-    model.contact = if is_in { Contact::Touching { normal: DVec3::Z } } else { Contact::Apart };
-    model.force_n = if is_in { DVec3::Z * (-STIFFNESS * at.z) } else { DVec3::ZERO };
-    let k = if is_in { STIFFNESS } else { 0.0 };
+    let is_touching = at.z < 0.0;
+    model.contact = if is_touching { Contact::Touching { normal: DVec3::Z } } else { Contact::Apart };
+    model.force_n = if is_touching { DVec3::Z * (-STIFFNESS * at.z) } else { DVec3::ZERO };
+    let k = if is_touching { STIFFNESS } else { 0.0 };
     model.stiffness_n_per_m = DMat3::from_diagonal(DVec3::new(0.0, 0.0, k));
     model.damping_ns_per_m = DMat3::ZERO;
 }
@@ -52,24 +53,24 @@ pub(crate) fn settings() -> LoopSettings {
     LoopSettings { body: Some(BODY), ..LoopSettings::default() }
 }
 
-/// What a scene does beside pressing: each is asked at every tick.
+/// A scene with its faults; each function is called at every tick.
 pub(crate) struct Scene {
-    /// How many ticks it lasts.
+    /// Number of ticks.
     pub(crate) ticks: u64,
-    /// How many periods pass from the tick before to this one.
+    /// Number of periods since the tick before.
     pub(crate) elapsed: Box<dyn FnMut(u64) -> u64>,
-    /// What the device gives instead of a reading.
+    /// Result of reading the device, from the intact reading.
     pub(crate) read: Box<dyn FnMut(u64, Reading) -> Result<Reading, DeviceError>>,
-    /// What writing a force gives.
+    /// Result of writing a force.
     pub(crate) write: Box<dyn FnMut(u64) -> Result<(), DeviceError>>,
-    /// What the model side does with a local model before it is published; `false` publishes nothing.
+    /// Change of a local model before it is published; `false` publishes nothing.
     pub(crate) model: Box<dyn FnMut(u64, &mut LocalModel) -> bool>,
-    /// What the app does beside.
+    /// Action of the app.
     pub(crate) app: Box<dyn FnMut(u64, &mut HapticHandle)>,
 }
 
 impl Default for Scene {
-    /// Nothing breaks.
+    /// A scene without a fault.
     fn default() -> Self {
         Self {
             ticks: TICKS,
@@ -82,35 +83,35 @@ impl Default for Scene {
     }
 }
 
-/// What came of a scene.
+/// Forces and events of a scene.
 #[derive(Debug, Default)]
-pub(crate) struct Turned {
-    /// Tick and force written, N.
+pub(crate) struct SceneRun {
+    /// Tick and force on the device, N.
     pub(crate) forces: Vec<(u64, DVec3)>,
-    /// What the app was told that went wrong, with its causes.
-    pub(crate) told: Vec<String>,
-    /// How many ticks it should have lasted.
+    /// Events that report a fault.
+    pub(crate) events: Vec<LoopEventKind>,
+    /// Planned number of ticks.
     pub(crate) ticks: u64,
 }
 
 impl Scene {
-    /// Turns the loop in lock step, from the first tick to the last.
-    pub(crate) fn turn(mut self) -> Result<Turned, LabError> {
+    /// Runs all ticks in lock step.
+    pub(crate) fn run(mut self) -> Result<SceneRun, LabError> {
         let (mut handle, mut haptic_loop) = haptic_loop(config(), settings())?;
-        let mut turned = Turned { ticks: self.ticks, ..Turned::default() };
+        let mut run = SceneRun { ticks: self.ticks, ..SceneRun::default() };
         for tick in 1..=self.ticks {
             (self.app)(tick, &mut handle);
-            let whole = Reading { sequence: Some(tick), ..Reading::at(hand(tick)) };
-            let reading = (self.read)(tick, whole);
-            let ticked = haptic_loop.tick((self.elapsed)(tick), reading);
+            let intact = Reading { sequence: Some(tick), ..Reading::at(hand_m(tick)) };
+            let reading = (self.read)(tick, intact);
+            let output = haptic_loop.tick((self.elapsed)(tick), reading);
             let written = (self.write)(tick);
-            // What is not written is not felt: the device goes on with what it had.
-            let held = turned.forces.last().map_or(DVec3::ZERO, |(_, force)| *force);
-            let felt = if written.is_ok() { ticked.device_force_n } else { held };
-            haptic_loop.finish_tick(ticked, None, written);
-            turned.forces.push((tick, felt));
+            // Without a write the device keeps its last force.
+            let kept = run.forces.last().map_or(DVec3::ZERO, |(_, force)| *force);
+            let shown = if written.is_ok() { output.device_force_n } else { kept };
+            haptic_loop.finish_tick(&output, None, written);
+            run.forces.push((tick, shown));
             if tick % PERIOD == 0 {
-                // The model side knows the hand by the loop's samples alone.
+                // The model side receives only the loop's samples.
                 let newest = handle.samples().newest().copied();
                 let model = handle.model_slot();
                 if let Some(sample) = newest {
@@ -120,35 +121,30 @@ impl Scene {
                     }
                 }
             }
-            turned.listen(&mut handle);
+            run.read_events(&mut handle);
         }
-        Ok(turned)
+        Ok(run)
     }
 }
 
-impl Turned {
-    /// Takes what the loop has told.
-    pub(crate) fn listen(&mut self, handle: &mut HapticHandle) {
+impl SceneRun {
+    /// Reads the queued events and keeps those that report a fault.
+    pub(crate) fn read_events(&mut self, handle: &mut HapticHandle) {
         while let Some(event) = handle.next_event() {
             if event.kind.is_fault() {
-                self.tell(&event.kind);
+                self.events.push(event.kind);
             }
         }
     }
-
-    /// Notes what was told, with its causes.
-    pub(crate) fn tell(&mut self, kind: &LoopEventKind) {
-        self.told.push(chain(kind));
-    }
 }
 
-/// The force that the surface gives at that tick if nothing is broken, N.
-pub(crate) fn sound_n(tick: u64) -> f64 {
-    (-STIFFNESS * hand(tick).z).max(0.0)
+/// Force of the surface at `tick` without a fault, N.
+pub(crate) fn intact_force_n(tick: u64) -> f64 {
+    (-STIFFNESS * hand_m(tick).z).max(0.0)
 }
 
-/// An event's message and those of its causes.
-fn chain(kind: &LoopEventKind) -> String {
+/// Message of an event and of its causes.
+pub(crate) fn chain(kind: &LoopEventKind) -> String {
     let mut text = kind.to_string();
     let mut cause = std::error::Error::source(kind);
     while let Some(error) = cause {

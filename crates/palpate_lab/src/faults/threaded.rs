@@ -1,7 +1,7 @@
-//! The faults that need the loop's own thread.
+//! Faults that need the loop's own thread.
 
-use super::Expected;
-use super::scene::{BREAKS_AT, LIMITS, TICKS, Turned, config, hand, settings, write_model};
+use super::outcome::Expected;
+use super::scene::{FAULT_TICK, LIMITS, SceneRun, TICKS, config, hand_m, settings, write_model};
 use crate::error::LabError;
 use glam::DVec3;
 use palpate_haptics::{
@@ -11,111 +11,125 @@ use palpate_haptics::{
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// What a device does when it breaks.
+/// Fault of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Break {
-    /// Nothing.
-    Nothing,
-    /// Its read does not come back for so many milliseconds.
-    Blocks(u64),
-    /// It takes no force for so many milliseconds, and goes on with what it has.
-    TakesNone(u64),
-    /// It is unplugged for so many milliseconds.
+enum DeviceFault {
+    /// No fault.
+    None,
+    /// A read blocks for this time, ms.
+    ReadBlocks(u64),
+    /// Writes fail for this time, ms; the device keeps its force.
+    WriteFails(u64),
+    /// The device is unplugged for this time, ms.
     Unplugged(u64),
-    /// Its driver panics.
-    Panics,
+    /// The driver panics.
+    DriverPanics,
 }
 
-/// What the app does then.
+/// Fault of the app.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum App {
-    /// It goes on.
-    GoesOn,
-    /// Its model side panics in the middle of a local model; another begins in its place after 0.8 s.
-    Panics,
-    /// It goes away without stopping the loop.
-    GoesAway,
+enum AppFault {
+    /// No fault.
+    None,
+    /// The model side panics while it writes a local model; another replaces it after 0.8 s.
+    ModelSidePanics,
+    /// The app drops the loop without stopping it.
+    Drops,
 }
 
-/// A name, what must come of it, and its run.
-pub(crate) type Threaded = (&'static str, Expected, Box<dyn Fn() -> Result<Turned, LabError>>);
+/// Name, expected outcome and run of a fault.
+pub(crate) type ThreadedFault = (&'static str, Expected, Box<dyn Fn() -> Result<SceneRun, LabError>>);
 
-/// What a busy machine may take besides, ms: threads are judged by the clock.
+/// Additional time allowed on a busy machine, ms: threads run in wall-clock time.
 const BUSY: u64 = 150;
 
-/// Every fault.
-pub(crate) fn all() -> Vec<Threaded> {
-    let scene =
-        |breaks: Break, can_be_stopped: bool, app: App| -> Box<dyn Fn() -> Result<Turned, LabError>> {
-            Box::new(move || run(breaks, can_be_stopped, app))
-        };
-    let expected = |zero_within, recovers, told| Expected { zero_within: Some(zero_within), recovers, told };
+/// All faults on a thread.
+pub(crate) fn all() -> Vec<ThreadedFault> {
+    let scene = |fault: DeviceFault,
+                 can_be_stopped: bool,
+                 app: AppFault|
+     -> Box<dyn Fn() -> Result<SceneRun, LabError>> {
+        Box::new(move || run(fault, can_be_stopped, app))
+    };
+    let expected = |zero_within, recovers, reports: Option<fn(&LoopEventKind) -> bool>| Expected {
+        zero_within: Some(zero_within),
+        recovers,
+        reports,
+    };
     vec![
         (
             "read_blocks_with_emergency_stop",
-            expected(50 + BUSY, true, "the device was stopped"),
-            scene(Break::Blocks(400), true, App::GoesOn),
+            expected(50 + BUSY, true, Some(|event| *event == LoopEventKind::EmergencyStopped)),
+            scene(DeviceFault::ReadBlocks(400), true, AppFault::None),
         ),
         (
             "read_blocks_without_emergency_stop",
-            // Until then the device's firmware has to end the force.
-            expected(400 + BUSY, true, "offers no emergency stop"),
-            scene(Break::Blocks(400), false, App::GoesOn),
+            // Until then only the device's firmware can end the force.
+            expected(400 + BUSY, true, Some(|event| *event == LoopEventKind::NoEmergencyStop)),
+            scene(DeviceFault::ReadBlocks(400), false, AppFault::None),
         ),
         (
             "write_error_for_good",
-            expected(50 + BUSY, true, "the device was stopped"),
-            scene(Break::TakesNone(800), true, App::GoesOn),
+            expected(50 + BUSY, true, Some(|event| *event == LoopEventKind::EmergencyStopped)),
+            scene(DeviceFault::WriteFails(800), true, AppFault::None),
         ),
         (
             "unplug_and_replug",
-            expected(120 + BUSY, true, "the device is disconnected"),
-            scene(Break::Unplugged(600), true, App::GoesOn),
+            expected(
+                120 + BUSY,
+                true,
+                Some(|event| *event == LoopEventKind::DeviceFailed(DeviceError::Disconnected)),
+            ),
+            scene(DeviceFault::Unplugged(600), true, AppFault::None),
         ),
         (
             "driver_panics",
-            expected(BUSY, false, "the driver panicked"),
-            scene(Break::Panics, true, App::GoesOn),
+            expected(BUSY, false, Some(|event| *event == LoopEventKind::Panicked)),
+            scene(DeviceFault::DriverPanics, true, AppFault::None),
         ),
         (
             "model_side_panics",
-            expected(300 + BUSY, true, "no new local model has come"),
-            scene(Break::Nothing, true, App::Panics),
+            expected(300 + BUSY, true, Some(|event| matches!(event, LoopEventKind::ModelStale(_)))),
+            scene(DeviceFault::None, true, AppFault::ModelSidePanics),
         ),
-        ("app_dropped_without_stop", expected(BUSY, false, ""), scene(Break::Nothing, true, App::GoesAway)),
+        (
+            "app_dropped_without_stop",
+            expected(BUSY, false, None),
+            scene(DeviceFault::None, true, AppFault::Drops),
+        ),
     ]
 }
 
-/// What a device's hand felt: ms since it was opened, and force, N.
-type Felt = Arc<Mutex<Vec<(u64, DVec3)>>>;
+/// Forces of a device: ms since the start, and force, N.
+type Forces = Arc<Mutex<Vec<(u64, DVec3)>>>;
 
-/// A stand-in that plays the scene's hand by the clock and breaks.
-struct Stand {
-    began: Instant,
-    breaks: Break,
+/// Simulated device that moves with the scene's hand in wall-clock time and has a fault.
+struct FaultyDevice {
+    start: Instant,
+    fault: DeviceFault,
     can_be_stopped: bool,
     is_plugged: bool,
-    felt: Felt,
+    forces: Forces,
 }
 
-impl Stand {
+impl FaultyDevice {
     fn ms(&self) -> u64 {
-        self.began.elapsed().as_millis() as u64
+        self.start.elapsed().as_millis() as u64
     }
 
-    /// Whether the unplugged time is over, or has not begun.
-    fn is_there(&self) -> bool {
-        match self.breaks {
-            Break::Unplugged(ms) => !(BREAKS_AT..BREAKS_AT + ms).contains(&self.ms()),
+    /// Whether the device is plugged in now.
+    fn is_present(&self) -> bool {
+        match self.fault {
+            DeviceFault::Unplugged(ms) => !(FAULT_TICK..FAULT_TICK + ms).contains(&self.ms()),
             _ => true,
         }
     }
 }
 
-impl HapticDevice for Stand {
+impl HapticDevice for FaultyDevice {
     fn describe(&self) -> DeviceDescription {
         DeviceDescription {
-            name: "a stand-in that breaks".into(),
+            name: "a faulty device".into(),
             workspace_m: [DVec3::splat(-0.1), DVec3::splat(0.1)],
             max_force_n: LIMITS.force_n,
             rate_hz: 1000.0,
@@ -123,7 +137,7 @@ impl HapticDevice for Stand {
     }
 
     fn open(&mut self) -> Result<(), DeviceError> {
-        if !self.is_there() {
+        if !self.is_present() {
             return Err(DeviceError::Disconnected);
         }
         self.is_plugged = true;
@@ -132,33 +146,34 @@ impl HapticDevice for Stand {
 
     fn read(&mut self, _: Duration) -> Result<Reading, DeviceError> {
         let ms = self.ms();
-        self.is_plugged &= self.is_there();
+        self.is_plugged &= self.is_present();
         if !self.is_plugged {
             return Err(DeviceError::Disconnected);
         }
-        match self.breaks {
-            Break::Blocks(blocked) if (BREAKS_AT..BREAKS_AT + 20).contains(&ms) => {
+        match self.fault {
+            DeviceFault::ReadBlocks(blocked) if (FAULT_TICK..FAULT_TICK + 20).contains(&ms) => {
                 wait(blocked);
             }
-            Break::Panics if ms >= BREAKS_AT => panic!("the driver panics"),
+            DeviceFault::DriverPanics if ms >= FAULT_TICK => panic!("injected panic of the driver"),
             _ => {}
         }
-        Ok(Reading::at(hand(self.ms())))
+        Ok(Reading::at(hand_m(self.ms())))
     }
 
     fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError> {
-        if matches!(self.breaks, Break::TakesNone(ms) if (BREAKS_AT..BREAKS_AT + ms).contains(&self.ms())) {
+        if matches!(self.fault, DeviceFault::WriteFails(ms) if (FAULT_TICK..FAULT_TICK + ms).contains(&self.ms()))
+        {
             return Err(DeviceError::TimedOut);
         }
-        // An unplugged device shows nothing.
+        // An unplugged device exerts no force.
         let shown = if self.is_plugged { force_n } else { DVec3::ZERO };
-        self.felt.lock().unwrap_or_else(PoisonError::into_inner).push((self.ms(), shown));
+        self.forces.lock().unwrap_or_else(PoisonError::into_inner).push((self.ms(), shown));
         if self.is_plugged { Ok(()) } else { Err(DeviceError::Disconnected) }
     }
 
     fn emergency_stop(&mut self) -> Option<Box<dyn EmergencyStop>> {
-        let (began, felt) = (self.began, Arc::clone(&self.felt));
-        self.can_be_stopped.then(|| Box::new(Brake { began, felt }) as Box<dyn EmergencyStop>)
+        let (start, forces) = (self.start, Arc::clone(&self.forces));
+        self.can_be_stopped.then(|| Box::new(DirectStop { start, forces }) as Box<dyn EmergencyStop>)
     }
 
     fn close(&mut self) -> Result<(), DeviceError> {
@@ -166,81 +181,82 @@ impl HapticDevice for Stand {
     }
 }
 
-/// The stand-in's way to zero force beside its driver.
-struct Brake {
-    began: Instant,
-    felt: Felt,
+/// Emergency stop of the simulated device.
+struct DirectStop {
+    start: Instant,
+    forces: Forces,
 }
 
-impl EmergencyStop for Brake {
+impl EmergencyStop for DirectStop {
     fn stop(&mut self) -> Result<(), DeviceError> {
-        let ms = self.began.elapsed().as_millis() as u64;
-        self.felt.lock().unwrap_or_else(PoisonError::into_inner).push((ms, DVec3::ZERO));
+        let ms = self.start.elapsed().as_millis() as u64;
+        self.forces.lock().unwrap_or_else(PoisonError::into_inner).push((ms, DVec3::ZERO));
         Ok(())
     }
 }
 
-#[expect(clippy::disallowed_methods, reason = "what a thread does is judged by the clock")]
+#[expect(clippy::disallowed_methods, reason = "threads run in wall-clock time")]
 fn now() -> Instant {
     Instant::now()
 }
 
-#[expect(clippy::disallowed_methods, reason = "a device hangs, and a model side takes its time")]
+#[expect(clippy::disallowed_methods, reason = "a device hangs, and the model side has a period")]
 fn wait(ms: u64) {
     std::thread::sleep(Duration::from_millis(ms));
 }
 
-fn run(breaks: Break, can_be_stopped: bool, app: App) -> Result<Turned, LabError> {
-    let felt = Felt::default();
+fn run(fault: DeviceFault, can_be_stopped: bool, app: AppFault) -> Result<SceneRun, LabError> {
+    let forces = Forces::default();
     let (handle, haptic_loop) = haptic_loop(config(), settings())?;
     let handle = Mutex::new(handle);
-    let began = now();
-    let device = Stand { began, breaks, can_be_stopped, is_plugged: false, felt: Arc::clone(&felt) };
+    let start = now();
+    let device =
+        FaultyDevice { start, fault, can_be_stopped, is_plugged: false, forces: Arc::clone(&forces) };
     let mut thread = haptic_loop.spawn(Box::new(device))?;
-    let mut turned = Turned { ticks: TICKS, ..Turned::default() };
-    let ms = || began.elapsed().as_millis() as u64;
+    let mut scene_run = SceneRun { ticks: TICKS, ..SceneRun::default() };
+    let ms = || start.elapsed().as_millis() as u64;
     while ms() < TICKS && thread.is_running() {
         wait(50);
         match app {
-            App::GoesAway if ms() >= BREAKS_AT => break,
-            App::Panics if (BREAKS_AT..BREAKS_AT + 800).contains(&ms()) => {
+            AppFault::Drops if ms() >= FAULT_TICK => break,
+            AppFault::ModelSidePanics if (FAULT_TICK..FAULT_TICK + 800).contains(&ms()) => {
                 if !handle.is_poisoned() {
                     panic_in_model_step(&handle);
                 }
             }
-            App::GoesOn | App::Panics | App::GoesAway => model_step(&mut handle_of(&handle)),
+            AppFault::None | AppFault::ModelSidePanics | AppFault::Drops => model_step(&mut lock(&handle)),
         }
-        listen(&mut turned, &mut handle_of(&handle));
+        read_events(&mut scene_run, &mut lock(&handle));
     }
-    if app == App::GoesAway {
+    if app == AppFault::Drops {
         drop((handle, thread));
     } else {
         thread.stop();
-        listen(&mut turned, &mut handle_of(&handle));
+        read_events(&mut scene_run, &mut lock(&handle));
     }
-    turned.forces = std::mem::take(&mut felt.lock().unwrap_or_else(PoisonError::into_inner));
-    Ok(turned)
+    scene_run.forces = std::mem::take(&mut forces.lock().unwrap_or_else(PoisonError::into_inner));
+    Ok(scene_run)
 }
 
-/// The app's half of the loop, whatever became of who had it before.
-fn handle_of(handle: &Mutex<HapticHandle>) -> MutexGuard<'_, HapticHandle> {
+/// The app's side of the loop, even after a thread that held it has panicked.
+fn lock(handle: &Mutex<HapticHandle>) -> MutexGuard<'_, HapticHandle> {
     handle.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The model side's thread panics while it writes a local model.
+/// Lets a thread of the model side panic while it writes a local model.
 fn panic_in_model_step(handle: &Mutex<HapticHandle>) {
-    let ended = std::thread::scope(|scope| {
+    let result = std::thread::scope(|scope| {
         let side = scope.spawn(|| {
-            let mut handle = handle_of(handle);
+            let mut handle = lock(handle);
             handle.model_slot().force_n = DVec3::NAN;
-            panic!("the model side panics");
+            panic!("injected panic of the model side");
         });
         side.join()
     });
-    debug_assert!(ended.is_err());
+    debug_assert!(result.is_err());
 }
 
-/// A model step: a local model of the surface from the newest sample.
+/// Model step: publishes a local model of the surface at the newest sample.
 fn model_step(handle: &mut HapticHandle) {
     if let Some(sample) = handle.samples().newest().copied() {
         write_model(handle.model_slot(), sample.position_m, sample.sequence);
@@ -248,12 +264,12 @@ fn model_step(handle: &mut HapticHandle) {
     }
 }
 
-/// Takes what the loop has told, and whether it has no emergency stop; a busy machine's missed deadlines are not the fault.
-fn listen(turned: &mut Turned, handle: &mut HapticHandle) {
+/// Reads the queued events: faults and the lack of an emergency stop. Missed deadlines are left out; they are faults of the machine.
+fn read_events(run: &mut SceneRun, handle: &mut HapticHandle) {
     while let Some(event) = handle.next_event() {
         match event.kind {
             LoopEventKind::DeadlinesMissed(_) | LoopEventKind::Gap(_) => {}
-            kind if kind.is_fault() || kind == LoopEventKind::NoEmergencyStop => turned.tell(&kind),
+            kind if kind.is_fault() || kind == LoopEventKind::NoEmergencyStop => run.events.push(kind),
             _ => {}
         }
     }

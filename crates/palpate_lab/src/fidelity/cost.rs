@@ -1,4 +1,4 @@
-//! What a scheme costs: the time of building its local model and of a tick with it.
+//! Cost of a scheme: the time of building its local model and of a tick.
 
 use crate::error::LabError;
 use palpate_body::{Body, SemiImplicitEuler, ToolContact, ToolPoint};
@@ -6,20 +6,21 @@ use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Sample, Sch
 use palpate_reduce::{BuilderOptions, LocalModelBuilder};
 use std::time::Instant;
 
-/// Medians.
+/// Cost of a scheme; times are medians.
 pub(super) struct Cost {
+    /// Number of state variables of the local model.
     pub(super) states: usize,
     pub(super) tick_us: f64,
     pub(super) build_ms: f64,
 }
 
-/// Ticks from the beginning to where a local model is built.
+/// Tick at which the local model is built.
 const AT: usize = 150;
-/// Models that are built.
+/// Number of local models that are built.
 const BUILDS: usize = 11;
 
-/// Measures `scheme` on `body`, led along the first of `samples`.
-#[expect(clippy::disallowed_methods, reason = "times are what is asked for")]
+/// Measures `scheme` on `body`, which moves along the first of `samples`.
+#[expect(clippy::disallowed_methods, reason = "the times are the result")]
 pub(super) fn measure(
     scheme: Scheme,
     body: &Body,
@@ -44,7 +45,7 @@ pub(super) fn measure(
         Scheme::Hold | Scheme::Tangent => 0,
         Scheme::LowPass => 3,
         Scheme::Neighbourhood | Scheme::KrylovLinear => 2 * model.reduced.order,
-        // What is driven has no state of its own.
+        // The driven nodes have no state of their own.
         Scheme::NearFieldExact => 2 * model.near.order,
     };
     let settings = HandOverSettings { capacity: builder.capacity(), ..HandOverSettings::default() };

@@ -1,18 +1,20 @@
 //! Figures of fidelity: force over time, and error over model rate and delay.
 
-use super::{FROM, Fidelity, Run};
+use super::comparison::{FROM, Run, Samples};
+use super::options::Fidelity;
+use crate::block_scene::period_ticks;
 use crate::error::LabError;
 use crate::figure::{Curve, Panel, Scale, svg};
-use crate::manipulate::period_ticks;
 use crate::output::csv;
 use crate::progress;
 use palpate_body::{Body, ToolContact};
-use palpate_local::{Sample, Scheme};
+use palpate_local::Scheme;
 
 /// Model rates and delays of the sweeps, Hz and ms.
 const RATES_HZ: [f64; 8] = [2.0, 4.0, 5.0, 10.0, 20.0, 25.0, 50.0, 100.0];
 const DELAYS_MS: [usize; 6] = [0, 10, 20, 40, 60, 80];
 
+/// Normal force of the full body and of every scheme over time.
 pub(super) fn force(run: &Run) -> Result<String, LabError> {
     let along_z = |forces: &[glam::DVec3]| -> Vec<(f64, f64)> {
         forces.iter().enumerate().map(|(i, f)| (i as f64 * 1e-3, f.z)).collect()
@@ -32,37 +34,38 @@ pub(super) fn force(run: &Run) -> Result<String, LabError> {
 /// Errors over model rates and over delays.
 pub(super) struct Sweeps {
     schemes: Vec<Scheme>,
-    /// By rate and by delay: one error for each scheme.
+    /// Model rate, Hz, and the error of each scheme.
     over_rate: Vec<(f64, Vec<f64>)>,
+    /// Delay, ms, and the error of each scheme.
     over_delay: Vec<(f64, Vec<f64>)>,
 }
 
+/// Repeats the comparison over model rates and delays.
 pub(super) fn sweeps(
-    asked: &Fidelity,
+    fidelity: &Fidelity,
     body: &Body,
     contact: &ToolContact,
-    exact: &[Sample],
-    felt: &[Sample],
+    samples: &Samples,
 ) -> Result<Sweeps, LabError> {
     let bar = progress::bar(RATES_HZ.len() + DELAYS_MS.len());
     bar.set_message("over model rate and delay");
     let errors = |period: usize, delay: usize| -> Result<Vec<f64>, LabError> {
-        let run = asked.compare(body, contact, exact, felt, period, delay)?;
+        let run = fidelity.compare((body, contact), samples, period, delay)?;
         bar.inc(1);
-        // Not before the first local model.
+        // The first local model arrives then.
         let from = FROM.max(period + delay);
         let error = |(_, forces): &(Scheme, Vec<_>)| run.relative_rms_error(forces, from);
         Ok(run.displayed_n.iter().map(|one| error(one).unwrap_or(f64::NAN)).collect())
     };
     let mut over_rate = Vec::new();
     for rate in RATES_HZ {
-        over_rate.push((rate, errors(period_ticks(rate), asked.delay_ms)?));
+        over_rate.push((rate, errors(period_ticks(rate), fidelity.delay_ms)?));
     }
     let mut over_delay = Vec::new();
     for delay in DELAYS_MS {
-        over_delay.push((delay as f64, errors(asked.period_ticks(), delay)?));
+        over_delay.push((delay as f64, errors(fidelity.period_ticks(), delay)?));
     }
-    Ok(Sweeps { schemes: asked.scheme.0.clone(), over_rate, over_delay })
+    Ok(Sweeps { schemes: fidelity.scheme.0.clone(), over_rate, over_delay })
 }
 
 impl Sweeps {

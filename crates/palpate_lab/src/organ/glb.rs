@@ -1,32 +1,32 @@
-//! One mesh as a GLB file (glTF 2.0, Khronos Group, section 4.4).
+//! A mesh as a GLB file (glTF 2.0, Khronos Group, section 4.4).
 
 use super::shape::Shape;
 use crate::error::LabError;
 use glam::{DVec3, Vec3};
 use serde_json::json;
 
-/// What glTF calls the types of numbers and the uses of buffers.
+// Component types and buffer targets of glTF.
 const FLOAT: u32 = 5126;
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// The file: a header and two chunks, JSON and binary.
+/// GLB file with one mesh: a header, a JSON chunk and a binary chunk.
 pub(super) fn glb(name: &str, shape: &Shape) -> Result<Vec<u8>, LabError> {
     let vertices = shape.positions_m.len();
     let vectors = |list: &[DVec3]| -> Vec<u8> {
         list.iter().flat_map(|x| x.as_vec3().to_array()).flat_map(f32::to_le_bytes).collect()
     };
     let all = shape.triangles.iter().flatten();
-    // 65535 would mean that a strip begins anew.
+    // 65535 is the index that restarts a strip.
     let (component, indices): (u32, Vec<u8>) = if vertices < usize::from(u16::MAX) {
         (UNSIGNED_SHORT, all.flat_map(|&vertex| (vertex as u16).to_le_bytes()).collect())
     } else {
         (UNSIGNED_INT, all.flat_map(|&vertex| (vertex as u32).to_le_bytes()).collect())
     };
     let (positions, normals) = (vectors(&shape.positions_m), vectors(&shape.normals));
-    // Bounds of the numbers as they are written.
+    // Bounds of the rounded positions.
     let single = || shape.positions_m.iter().map(|x| x.as_vec3());
     let low = single().fold(Vec3::INFINITY, Vec3::min).to_array();
     let high = single().fold(Vec3::NEG_INFINITY, Vec3::max).to_array();
@@ -52,7 +52,7 @@ pub(super) fn glb(name: &str, shape: &Shape) -> Result<Vec<u8>, LabError> {
         "buffers": [{ "byteLength": binary.len() }],
     });
     let mut text = serde_json::to_vec(&described)?;
-    // Chunks end at multiples of four bytes.
+    // Chunks are padded to multiples of four bytes.
     text.resize(text.len().next_multiple_of(4), b' ');
     binary.resize(binary.len().next_multiple_of(4), 0);
     let mut file = b"glTF".to_vec();

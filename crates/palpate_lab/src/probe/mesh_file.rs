@@ -35,7 +35,7 @@ pub(super) fn read(path: &Path) -> Result<Triangles, LabError> {
     Ok(all)
 }
 
-/// The contents of every buffer: inside a .glb file, or in files beside a .gltf file.
+/// The contents of every buffer: inside a .glb file, or in files next to a .gltf file.
 fn buffers(file: &gltf::Gltf, path: &Path) -> Result<Vec<Vec<u8>>, LabError> {
     let failed = |why: String| LabError::Mesh { path: path.to_owned(), why };
     let read = |buffer: gltf::Buffer<'_>| match buffer.source() {
@@ -46,9 +46,9 @@ fn buffers(file: &gltf::Gltf, path: &Path) -> Result<Vec<Vec<u8>>, LabError> {
             Err(failed("a buffer is embedded as text; export the mesh as .glb".into()))
         }
         gltf::buffer::Source::Uri(uri) => {
-            let beside = path.with_file_name(uri);
-            std::fs::read(&beside)
-                .map_err(|error| failed(format!("{} cannot be read: {error}", beside.display())))
+            let external = path.with_file_name(uri);
+            std::fs::read(&external)
+                .map_err(|error| failed(format!("{} cannot be read: {error}", external.display())))
         }
     };
     file.buffers().map(read).collect()
@@ -92,13 +92,13 @@ impl Triangles {
     }
 }
 
-/// Why a file cannot be read, in one line.
+/// Reason why a file cannot be read, in one line.
 fn invalid(error: &gltf::Error) -> String {
     let text = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
     let text = text.trim_end_matches([';', ' ']);
     if text.contains("extensionsRequired") {
         format!(
-            "the file needs an extension that is not read ({text}); export it uncompressed, in single precision"
+            "the file requires an unsupported extension ({text}); export it uncompressed, in single precision"
         )
     } else {
         format!("the file is not valid glTF ({text})")

@@ -1,13 +1,13 @@
 //! Values of the flags of `palpate-lab probe`, read from text.
 
-use crate::error::{number, whole};
+use crate::error::{LabError, check, number, whole};
 use clap::ValueEnum;
 
 /// Number of nodes along x, y and z.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nodes(pub(super) [usize; 3]);
 
-/// A body that needs no file.
+/// Built-in body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum BuiltinBody {
     /// A box of cubic cells
@@ -24,7 +24,7 @@ pub(super) enum Tool {
 /// Connection between the hand and the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum CouplingKind {
-    /// The tool is where the hand is
+    /// The tool is at the position of the hand
     Rigid,
     /// A spring of 20 kN/m whose force saturates at 10 N, the plugin's default
     Virtual,
@@ -82,6 +82,23 @@ impl Scan {
     /// Places at `z_mm`.
     pub(super) fn places(self, z_mm: f64) -> impl Iterator<Item = Place> {
         (0..self.count()).map(move |i| Place { x_mm: self.from_mm + self.step_mm * i as f64, z_mm })
+    }
+}
+
+impl Lump {
+    pub(super) fn validate(self) -> Result<(), LabError> {
+        let far = self
+            .center_mm
+            .into_iter()
+            .fold(0.0, |far: f64, x| if x.is_finite() { far.max(x.abs()) } else { x });
+        check("coordinate of --lump, mm", far, far.abs() <= 1e4, "-10000 to 10000")?;
+        check("radius of --lump, mm", self.radius_mm, self.radius_mm > 0.0, "finite and above 0")?;
+        check(
+            "Young's modulus of --lump, Pa",
+            self.youngs_pa,
+            (1.0..=1e9).contains(&self.youngs_pa),
+            "1 to 1e9",
+        )
     }
 }
 

@@ -13,37 +13,40 @@ use std::time::Instant;
 pub(super) const TICK_S: f64 = 1e-3;
 /// Ticks between two model steps: 20 Hz.
 const PERIOD_TICKS: usize = 50;
-/// Ticks of rest before the hand moves: two model steps, so that the loop has a local model and the hand moves right after
-/// one.
+/// Ticks of rest before the hand moves: two model steps. The loop then has a local model, and the hand moves right after a
+/// model step.
 const REST_TICKS: usize = 2 * PERIOD_TICKS;
-/// The hand takes at least so many ticks down to the surface, and starts at least so high, m.
+/// Minimum number of ticks down to the surface.
 const APPROACH_TICKS: usize = 10;
+/// Minimum height of the start, m.
 const MIN_APPROACH_M: f64 = 2e-3;
-/// Shortest time at depth, ticks: a body under a hand as slow as a settled body is not at rest on arrival.
+/// Minimum time at depth, ticks: under a very slow hand the body counts as settled before it is at rest.
 const MIN_HOLD_TICKS: usize = 2 * PERIOD_TICKS;
-/// What the hand does.
+
+/// Movement of the hand.
 #[derive(Clone, Copy)]
 pub(super) struct Motion {
     pub(super) depth_m: f64,
     pub(super) speed_m_per_s: f64,
-    /// Longest time at depth, s.
+    /// Maximum time at depth, s.
     pub(super) hold_s: f64,
     pub(super) integrator: IntegratorKind,
 }
 
 /// A press, tick by tick and in numbers. Forces are in the frame of the unturned body, N.
 pub(super) struct Press {
-    /// How deep the hand was below the place where the tool touches first, m; negative above.
+    /// Depth of the hand below the position of first touch, m; negative above.
     pub(super) depth_m: Vec<f64>,
     pub(super) body_n: Vec<DVec3>,
     pub(super) loop_n: Vec<DVec3>,
-    /// Steps of the body whose contact was not solved, and ticks of the loop.
+    /// Number of steps of the body, and of ticks of the loop, whose contact solver did not converge.
     pub(super) unconverged_steps: usize,
     pub(super) unconverged_ticks: usize,
-    /// Most inverted cells after a model step: see [`palpate_body::StepReport::inverted_cells`].
+    /// Maximum number of inverted cells after a model step: see [`palpate_body::StepReport::inverted_cells`].
     pub(super) inverted_cells: usize,
-    /// Time of each model step of the body, ms, without its local model, and the longest that took, ms.
+    /// Time of each model step of the body without its local model, ms.
     pub(super) step_ms: Vec<f64>,
+    /// Maximum time of building a local model, ms.
     pub(super) build_ms_max: f64,
     /// Whether the body had come to rest at the end.
     pub(super) is_settled: bool,
@@ -56,7 +59,7 @@ impl Motion {
         (self.speed_m_per_s * moving_s - self.approach_m()).min(self.depth_m)
     }
 
-    /// Height of the start, m: the hand crosses the surface in the middle of a tick, so that rounding does not decide which.
+    /// Height of the start, m. The hand crosses the surface in the middle of a tick; rounding cannot change the tick.
     fn approach_m(&self) -> f64 {
         let in_tick_m = self.speed_m_per_s * TICK_S;
         ((MIN_APPROACH_M / in_tick_m).ceil().max(APPROACH_TICKS as f64) + 0.5) * in_tick_m
@@ -79,8 +82,8 @@ impl Motion {
 }
 
 impl Press {
-    /// Presses at the place whose first touch is with the tool at `touching_m` (unturned frame). The loop runs in lock step:
-    /// the local model built at a model step is used from the next tick on.
+    /// Presses at the place where the tool first touches at `touching_m` (unturned frame). The loop runs in lock step and uses a
+    /// local model from the tick after its model step.
     pub(super) fn run(scene: &Scene, touching_m: DVec3, motion: &Motion) -> Result<Self, ReduceError> {
         let (integrator, local) = motion.integrators();
         let (mut body, mut contact) = (scene.body.clone(), scene.contact.clone());
@@ -141,21 +144,21 @@ impl Press {
                         SubmitResult::Rejected(error) => return Err(error.into()),
                     }
                 }
-                let spoken = hand_over.render();
-                press.unconverged_ticks += usize::from(spoken.unconverged);
-                press.loop_n.push(unturn * spoken.force_n);
+                let rendered = hand_over.render();
+                press.unconverged_ticks += usize::from(rendered.unconverged);
+                press.loop_n.push(unturn * rendered.force_n);
                 press.depth_m.push(motion.depth_at_m(tick));
             }
             let observe = |_: usize, force_n: DVec3| press.body_n.push(unturn * force_n);
             #[expect(
                 clippy::disallowed_methods,
-                reason = "the time of a step is reported and decides nothing"
+                reason = "the time of a step is reported and affects no result"
             )]
             let now = || Instant::now();
-            let began = now();
+            let start = now();
             let report =
                 body.advance_observed(Some((&mut contact, &path)), PERIOD_TICKS, integrator, observe)?;
-            press.step_ms.push(1e3 * (now() - began).as_secs_f64());
+            press.step_ms.push(1e3 * (now() - start).as_secs_f64());
             press.unconverged_steps += report.unconverged;
             press.inverted_cells = press.inverted_cells.max(report.inverted_cells);
             press.is_settled = tick >= arrival + MIN_HOLD_TICKS && body.is_settled();
@@ -183,7 +186,7 @@ fn tool_point(sample: &Sample) -> ToolPoint {
     ToolPoint { position_m: sample.position_m, velocity_m_per_s: sample.velocity_m_per_s }
 }
 
-/// A press and where it was.
+/// A press and its place.
 pub(super) struct PressAt {
     pub(super) place: Place,
     pub(super) press: Press,

@@ -1,6 +1,6 @@
 //! Results of `palpate-lab probe`: JSON, table and CSV.
 
-use super::Probe;
+use super::arguments::Probe;
 use super::hertz;
 use super::options::{CouplingKind, Tool};
 use super::press::{PressAt, TICK_S};
@@ -14,7 +14,7 @@ pub(super) struct Report {
     pub(super) presses: Vec<PressReport>,
     /// (max − min) / mean of the normal force over the scan, of the full body; `None` without a scan or a force.
     ripple: Option<f64>,
-    /// The same of the loop.
+    /// (max − min) / mean of the normal force over the scan, of the loop.
     loop_ripple: Option<f64>,
     /// Closed form of the half-space: Hertz's for a sphere, the flat punch's for a punch, N.
     hertz_n: f64,
@@ -28,22 +28,25 @@ pub(super) struct PressReport {
     /// Forces at the end of the press.
     pub(super) body_force_n: [f64; 3],
     pub(super) loop_force_n: [f64; 3],
-    /// First tick with a force in the loop, and in the body.
+    /// First tick with a force in the loop.
     first_force_tick: Option<usize>,
+    /// First tick with a force of the body.
     body_first_force_tick: Option<usize>,
     /// First tick in which the tool overlaps the undeformed surface.
     crossing_tick: Option<usize>,
     unconverged_steps: usize,
     unconverged_ticks: usize,
-    /// Most inverted cells after a model step.
+    /// Maximum number of inverted cells after a model step.
     inverted_cells: usize,
-    /// Longest and median time of a model step of the body, without its local model.
+    /// Maximum time of a model step of the body without its local model, ms.
     step_ms_max: f64,
+    /// Median time of a model step of the body without its local model, ms.
     step_ms_p50: f64,
-    /// Longest time of building a local model.
+    /// Maximum time of building a local model, ms.
     build_ms_max: f64,
-    /// Last tick, and whether the body had settled by then.
+    /// Last tick.
     last_tick: usize,
+    /// Whether the body had settled by the last tick.
     settled: bool,
 }
 
@@ -76,7 +79,7 @@ impl Report {
         writeln!(
             out,
             "{:>8}{:>8}{:>27}{:>27}{:>9}{:>8}{:>20}{:>10}{:>10}",
-            "", "", "full body", "loop", "crossed", "felt", "unconverged", "inverted", "longest"
+            "", "", "full body", "loop", "crossed", "force", "unconverged", "inverted", "maximum"
         )?;
         writeln!(
             out,

@@ -1,10 +1,10 @@
 //! The body and the tool of `palpate-lab probe`.
 
-use super::Probe;
+use super::arguments::Probe;
 use super::mesh_file;
 use super::options::{CouplingKind, Lump, Tool};
 use super::top::Top;
-use crate::error::{LabError, check};
+use crate::error::LabError;
 use glam::{DQuat, DVec3};
 use palpate_body::{
     Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Face, MeshError, Network, Region, Surface,
@@ -23,7 +23,7 @@ pub(super) struct Scene {
     pub(super) top: Top,
 }
 
-/// The plugin's default coupling.
+/// Default virtual coupling of the plugin.
 const COUPLING: VirtualCoupling = VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 10.0 };
 
 impl Scene {
@@ -56,7 +56,7 @@ fn contact(probe: &Probe) -> Result<ToolContact, LabError> {
     })
 }
 
-/// The network and surface, before they are turned, of cubic cells with their lowest face fixed, the centre of the top at (0, edge / 2, 0).
+/// Unturned network and surface of a block of cubic cells, its lowest face fixed, the centre of its top at (0, edge / 2, 0).
 fn block(probe: &Probe, tissue: Tissue) -> Result<(Network, Surface), LabError> {
     let nodes = probe.nodes.0;
     let cell_m = probe.edge_m / (nodes[0] - 1) as f64;
@@ -76,7 +76,7 @@ fn block(probe: &Probe, tissue: Tissue) -> Result<(Network, Surface), LabError> 
     Ok((network, made.surface))
 }
 
-/// The same of cells fitted to the mesh of a file, the lowest layer of nodes fixed.
+/// Unturned network and surface of cells fitted to the mesh of a file, the lowest layer of nodes fixed.
 fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<(Network, Surface), LabError> {
     let failed = |error| rejected(path, &error);
     let read = mesh_file::read(path)?;
@@ -94,8 +94,8 @@ fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<(Network, Surface)
         }
         None => (lattice, 0),
     };
-    // The lowest layer of nodes lies up to half a cell beside the lowest place of the mesh; where its cells hold next to
-    // nothing they are left out, and the layer above is the lowest.
+    // The lowest layer of nodes lies up to half a cell from the lowest point of the mesh. Nearly empty cells are left out, and then
+    // the layer above is the lowest.
     let fixed = |layers: f64| {
         let plane = Region::HalfSpace { point_m: low + layers * cell_m * DVec3::Y, outward: DVec3::Y };
         lattice.clone().fix(plane).tissue(&tissue)
@@ -116,7 +116,7 @@ fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<(Network, Surface)
     }
 }
 
-/// Why the mesh of a file cannot become a body, with the flag that changes it where there is one.
+/// Error for a mesh that cannot become a body, with the flag to change where there is one.
 fn rejected(path: &Path, error: &BodyError) -> LabError {
     let flag = match error {
         BodyError::Mesh(MeshError::Size { .. }) => "; change --metres-per-unit",
@@ -129,7 +129,7 @@ fn rejected(path: &Path, error: &BodyError) -> LabError {
 }
 
 impl Lump {
-    /// Its place, with the centre of the top at `top_m`.
+    /// Region of the lump in a body with the centre of its top at `top_m`.
     fn region(self, top_m: DVec3) -> Region {
         Region::Sphere {
             center_m: top_m + 1e-3 * DVec3::from_array(self.center_mm),
@@ -139,20 +139,5 @@ impl Lump {
 
     fn empty(self, cell_m: f64) -> LabError {
         LabError::EmptyLump { radius_mm: self.radius_mm, cell_mm: 1e3 * cell_m }
-    }
-
-    pub(super) fn validate(self) -> Result<(), LabError> {
-        let far = self
-            .center_mm
-            .into_iter()
-            .fold(0.0, |far: f64, x| if x.is_finite() { far.max(x.abs()) } else { x });
-        check("coordinate of --lump, mm", far, far.abs() <= 1e4, "-10000 to 10000")?;
-        check("radius of --lump, mm", self.radius_mm, self.radius_mm > 0.0, "finite and above 0")?;
-        check(
-            "Young's modulus of --lump, Pa",
-            self.youngs_pa,
-            (1.0..=1e9).contains(&self.youngs_pa),
-            "1 to 1e9",
-        )
     }
 }

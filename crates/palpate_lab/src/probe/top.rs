@@ -1,10 +1,10 @@
-//! The undeformed surface under a tool that comes from above: where it is touched first.
+//! The undeformed surface and the position at which a tool from above first touches it.
 
 use super::options::{Place, Tool};
 use glam::{DVec2, DVec3, Vec3Swizzles};
 use palpate_body::{Body, SurfaceTree};
 
-/// The surface of a body at rest, before it is turned.
+/// Surface of the unturned body at rest.
 pub(super) struct Top {
     triangles: Vec<[DVec3; 3]>,
     tree: SurfaceTree,
@@ -46,8 +46,7 @@ impl Top {
         (self.high_m - self.low_m).max_element()
     }
 
-    /// Centre of `tool` where it comes down at `place` and just touches the surface, m; `None` where no surface lies below
-    /// its centre.
+    /// Centre of `tool` where it just touches the surface at `place`, m; `None` where no surface lies below the centre.
     pub(super) fn touching_m(&self, tool: Tool, place: Place) -> Option<DVec3> {
         let center = self.center_m();
         let at = DVec2::new(center.x + 1e-3 * place.x_mm, center.z + 1e-3 * place.z_mm);
@@ -62,7 +61,7 @@ impl Top {
         Some(DVec3::new(at.x, y, at.y))
     }
 
-    /// Height at which a sphere that comes down meets the surface: it moves by its gap until none is left.
+    /// Height at which a sphere from above meets the surface: it moves down by its gap until the gap closes.
     fn sphere_height_m(&self, radius_m: f64, at: DVec2) -> f64 {
         let mut y = self.high_m.y + radius_m + self.size_m();
         for _ in 0..MAX_STEPS {
@@ -77,7 +76,7 @@ impl Top {
     }
 }
 
-/// Height of `triangle` at `at` (x, z), m; `None` beside it, and where it stands upright.
+/// Height of `triangle` at `at` (x, z), m; `None` outside it and for an upright triangle.
 fn height_m([a, b, c]: &[DVec3; 3], at: DVec2) -> Option<f64> {
     let (to_b, to_c, to_at) = (b.xz() - a.xz(), c.xz() - a.xz(), at - a.xz());
     let area = to_b.perp_dot(to_c);
@@ -86,7 +85,7 @@ fn height_m([a, b, c]: &[DVec3; 3], at: DVec2) -> Option<f64> {
     is_inside.then(|| a.y + weights[0] * (b.y - a.y) + weights[1] * (c.y - a.y))
 }
 
-/// Greatest height of `triangle` over the disc of `radius_m` round `at` (x, z), m; `None` beside the disc.
+/// Greatest height of `triangle` over the disc of `radius_m` round `at` (x, z), m; `None` outside the disc.
 fn highest_m(triangle: &[DVec3; 3], at: DVec2, radius_m: f64) -> Option<f64> {
     let [a, b, c] = *triangle;
     let on_edges = [(a, b), (b, c), (c, a)].into_iter().flat_map(|(from, to)| {
@@ -118,9 +117,9 @@ mod tests {
     }
 
     #[test]
-    fn disc_meets_the_highest_place_below_it() {
+    fn disc_meets_the_highest_point_below_it() {
         let highest = |x, z, r| highest_m(&SLOPE, DVec2::new(x, z), r);
-        // Uphill within the triangle, at an edge, at a corner, beside it.
+        // Uphill within the triangle, at an edge, at a corner, outside it.
         assert!((highest(2.5, 0.0, 0.5).unwrap() - 1.5).abs() < 1e-12);
         assert!((highest(3.9, 0.0, 1.0).unwrap() - 2.0).abs() < 1e-12);
         assert!((highest(-0.5, 0.0, 0.5).unwrap()).abs() < 1e-9);

@@ -1,4 +1,4 @@
-//! What keeps the machine busy meanwhile.
+//! Load that keeps the machine busy during a run.
 
 use crate::error::LabError;
 use clap::ValueEnum;
@@ -7,14 +7,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
-/// The kind of load.
+/// Kind of load.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum LoadKind {
     /// As many busy threads as cores, of normal priority
     Cpu,
-    /// Two threads that write files, wait until they are on the disk, and read them again
+    /// Two threads that write files, synchronise them with the disk, and read them again
     Io,
-    /// Nothing beside the body itself
+    /// No load except the body itself
     None,
 }
 
@@ -28,17 +28,18 @@ impl LoadKind {
     }
 }
 
-/// Threads that write files.
+/// Number of threads that write files.
 const WRITERS: usize = 2;
 /// Size of a file, in chunks.
 const CHUNKS: usize = 128;
+/// Size of a chunk, bytes.
 const CHUNK_BYTES: usize = 64 << 10;
 
-/// A running load; dropping it ends it.
+/// Running load; dropping it stops its threads.
 #[derive(Debug)]
 pub(super) struct Load {
     stop: Arc<AtomicBool>,
-    /// Rounds that the threads have done.
+    /// Number of completed rounds of work.
     rounds: Arc<AtomicU64>,
     threads: Vec<JoinHandle<io::Result<()>>>,
 }
@@ -55,7 +56,7 @@ impl Load {
             }
             LoadKind::Io => {
                 for _ in 0..WRITERS {
-                    // It has no name, so that nothing of it is left however this ends.
+                    // An unnamed file leaves nothing behind.
                     let mut file = tempfile::tempfile().map_err(LabError::Load)?;
                     let mut chunk = vec![0x5a; CHUNK_BYTES];
                     load.spawn(move || write_and_read(&mut file, &mut chunk))?;
@@ -65,31 +66,31 @@ impl Load {
         Ok(load)
     }
 
-    /// A thread that does one round after another.
+    /// Starts a thread that repeats `round` until the load stops.
     fn spawn(&mut self, mut round: impl FnMut() -> io::Result<()> + Send + 'static) -> Result<(), LabError> {
         let (stop, rounds) = (Arc::clone(&self.stop), Arc::clone(&self.rounds));
-        let turn = move || {
+        let repeat = move || {
             while !stop.load(Ordering::Acquire) {
                 round()?;
                 rounds.fetch_add(1, Ordering::Relaxed);
             }
             Ok(())
         };
-        let thread = std::thread::Builder::new().name("load".into()).spawn(turn).map_err(LabError::Load)?;
+        let thread = std::thread::Builder::new().name("load".into()).spawn(repeat).map_err(LabError::Load)?;
         self.threads.push(thread);
         Ok(())
     }
 
-    /// Ends it and returns the rounds that were done.
+    /// Stops the load and returns the number of completed rounds.
     pub(super) fn stop(mut self) -> Result<u64, LabError> {
-        self.end().map_err(LabError::Load)?;
+        self.stop_threads().map_err(LabError::Load)?;
         Ok(self.rounds.load(Ordering::Relaxed))
     }
 
-    fn end(&mut self) -> io::Result<()> {
+    fn stop_threads(&mut self) -> io::Result<()> {
         self.stop.store(true, Ordering::Release);
         let ended = self.threads.drain(..).map(JoinHandle::join);
-        // Every one is waited for, then the first fault counts. No round panics.
+        // All threads are joined before the first error is returned. No round panics.
         let ended: Vec<_> = ended.map(|joined| joined.unwrap_or(Ok(()))).collect();
         ended.into_iter().collect()
     }
@@ -97,8 +98,8 @@ impl Load {
 
 impl Drop for Load {
     fn drop(&mut self) {
-        // Whoever wants to know calls `stop`.
-        let _ = self.end();
+        // `stop` reports errors.
+        let _ = self.stop_threads();
     }
 }
 
@@ -129,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_load_works_and_ends() {
+    fn every_load_does_work_and_stops() {
         for kind in [LoadKind::None, LoadKind::Cpu, LoadKind::Io] {
             let load = Load::start(kind).unwrap();
             while kind != LoadKind::None && load.rounds.load(Ordering::Relaxed) < 2 {

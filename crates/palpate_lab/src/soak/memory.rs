@@ -1,45 +1,43 @@
-//! How much memory the process has in use.
+//! Memory in use by the process.
 //!
-//! What grows must not hide behind what only has not been used yet, nor be hidden by it. Pages of the loop are written to when it is
-//! made. The model side's memory comes and goes with every step, most of it where the tool touches most, and where that is the
-//! run finds out by chance, in its first second or its last; so its heap gets room for that before it begins
-//! ([`settle`]). What it keeps is counted besides, to the byte ([`super::model_side::Done`]): a leak shows there long before
-//! it has used up that room.
+//! Memory that is used for the first time must not look like growth, nor hide it. The loop writes to its pages when it is created.
+//! A model step allocates and frees memory, most of it where the contact is widest, which may happen in the first second of a run or
+//! in the last. [`reserve`] therefore extends the heap of its thread before the run. The bytes that the model side keeps are counted
+//! exactly (`ModelSideStats`), which shows a leak long before it exceeds the reserve.
 
 use serde::Serialize;
 
-/// Seconds after which nothing should grow any more.
+/// Time after which memory should not grow, s.
 pub(super) const SETTLED_AFTER_S: u64 = 10;
 
-/// Room for what a model step needs besides the body: twice what has been seen at the largest support sets.
+/// Heap reserve of a model step, bytes: twice the maximum measured with the largest support sets.
 const HEAP_BYTES: usize = 24 << 20;
-/// And on its stack.
+/// Stack reserve, bytes.
 const STACK_BYTES: usize = 256 << 10;
 
-/// The process's own memory, bytes: heaps, stacks and data, resident or swapped out, without pages of files such as the program
-/// itself; counted page by page. `None` where the system does not tell.
+/// Anonymous memory of the process, bytes: heaps, stacks and data, resident or swapped out, counted page by page. Pages of files,
+/// for example the program itself, do not count. `None` where the system does not report it.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub(super) struct Memory {
-    /// Before the loop begins.
+    /// Memory before the loop starts.
     pub(super) start: Option<u64>,
-    /// After ten seconds.
+    /// Memory after ten seconds.
     pub(super) after_10_s: Option<u64>,
-    /// At the end, everything still running.
+    /// Memory at the end, with all threads still running.
     pub(super) end: Option<u64>,
-    /// From ten seconds to the end; negative where memory was given back. `None` in shorter runs.
+    /// Growth from ten seconds to the end; negative where memory was returned. `None` in shorter runs.
     pub(super) growth: Option<i64>,
-    /// What the model side has allocated from ten seconds to the end and not freed, bytes, as it was asked for. The loop's thread
-    /// allocates nothing at all.
+    /// Bytes that the model side has requested since ten seconds and not freed. The loop's thread allocates nothing.
     pub(super) kept_by_model_side: Option<i64>,
 }
 
 impl Memory {
-    pub(super) fn begin() -> Self {
+    pub(super) fn at_start() -> Self {
         Self { start: own_bytes(), ..Self::default() }
     }
 
-    /// Notes what is in use after `passed_s` whole seconds.
-    pub(super) fn note(&mut self, passed_s: u64) {
+    /// Records the memory in use after `passed_s` whole seconds.
+    pub(super) fn record(&mut self, passed_s: u64) {
         self.end = own_bytes();
         if passed_s == SETTLED_AFTER_S {
             self.after_10_s = self.end;
@@ -49,10 +47,9 @@ impl Memory {
     }
 }
 
-/// Makes room in this thread's heap and on its stack, and writes to all of it.
-pub(super) fn settle() {
-    // The first block comes from the operating system and goes back to it, by which the allocator learns to keep blocks of that
-    // size; the second is kept.
+/// Extends this thread's heap and stack by the reserves and writes to all of it.
+pub(super) fn reserve() {
+    // The allocator returns the first block to the operating system and raises its threshold to that size; it keeps the second.
     for bytes in [HEAP_BYTES, HEAP_BYTES - (64 << 10)] {
         drop(std::hint::black_box(vec![1_u8; bytes]));
     }
@@ -66,10 +63,10 @@ fn touch_stack() {
 
 #[cfg(target_os = "linux")]
 fn own_bytes() -> Option<u64> {
-    // Unlike `status`, whose books are exact to some pages for each thread.
-    let told = std::fs::read_to_string("/proc/self/smaps_rollup").ok()?;
+    // `status` is only exact to some pages for each thread.
+    let rollup = std::fs::read_to_string("/proc/self/smaps_rollup").ok()?;
     let kilobytes = |name: &str| {
-        let line = told.lines().find_map(|line| line.strip_prefix(name))?;
+        let line = rollup.lines().find_map(|line| line.strip_prefix(name))?;
         line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()
     };
     Some(1024 * (kilobytes("Anonymous:")? + kilobytes("Swap:")?))
@@ -85,12 +82,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn growth_is_that_after_ten_seconds() {
-        let mut memory = Memory::begin();
-        (1..=SETTLED_AFTER_S).for_each(|second| memory.note(second));
+    fn growth_starts_at_ten_seconds() {
+        let mut memory = Memory::at_start();
+        (1..=SETTLED_AFTER_S).for_each(|second| memory.record(second));
         assert!(memory.start.is_some() && memory.after_10_s.is_some() && memory.growth.is_none());
         let block = vec![1_u8; 64 << 20];
-        memory.note(SETTLED_AFTER_S + 1);
+        memory.record(SETTLED_AFTER_S + 1);
         assert!(memory.growth.unwrap() > 32 << 20, "{}", std::hint::black_box(block).len());
     }
 }

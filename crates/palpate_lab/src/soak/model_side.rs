@@ -1,7 +1,7 @@
-//! The model side, on a thread of its own: the body is stepped along the samples at 20 Hz and local models are built of it.
+//! The model side on its own thread: it steps the body along the samples at 20 Hz and builds local models.
 
-use super::account::Account;
-use super::memory::{SETTLED_AFTER_S, settle};
+use super::deadline_audit::DeadlineAudit;
+use super::memory::{SETTLED_AFTER_S, reserve};
 use crate::error::LabError;
 use palpate_body::{Body, SemiImplicitEuler, ToolContact, ToolPoint};
 use palpate_haptics::HapticHandle;
@@ -10,113 +10,114 @@ use palpate_reduce::LocalModelBuilder;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Time between two model steps, where the machine can do so many.
+/// Time between two model steps, where the machine is fast enough.
 pub(super) const PERIOD: Duration = Duration::from_millis(50);
-/// As few substeps as are stable: a body that keeps up has more to say than one that is exact.
+/// Minimum number of stable substeps: keeping up matters more here than accuracy.
 const INTEGRATOR: SemiImplicitEuler =
     SemiImplicitEuler { tick_s: 1e-3, min_substeps: 1, max_substeps: 1000, stability_margin: 0.9 };
-/// Samples that one step takes at most; older ones are lost to the body. More would make a model that is late still later.
-const MOST_SAMPLES: u64 = 100;
+/// Maximum number of samples of a step; older ones are skipped. More would delay a late model further.
+const MAX_SAMPLES: u64 = 100;
 
-/// A body, its tool, and the app's half of the loop.
+/// Body, tool, and the application's side of the loop.
 pub(super) struct ModelSide {
     pub(super) body: Body,
     pub(super) contact: ToolContact,
     pub(super) builder: LocalModelBuilder,
     pub(super) handle: HapticHandle,
-    pub(super) account: Account,
-    pub(super) done: Done,
-    /// The sample that the body has been stepped to.
+    pub(super) audit: DeadlineAudit,
+    pub(super) stats: ModelSideStats,
+    /// Sample up to which the body has been stepped.
     pub(super) consumed: Option<u64>,
     pub(super) path: Vec<ToolPoint>,
 }
 
-/// What the model side has done.
+/// Statistics of the model side.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Done {
-    /// Model steps.
+pub(super) struct ModelSideStats {
+    /// Number of model steps.
     pub(super) steps: u64,
-    /// Time in them.
+    /// Total time of the model steps.
     pub(super) time: Duration,
-    /// The longest.
-    pub(super) longest: Duration,
-    /// Samples that came faster than the body could be stepped, and were left out.
+    /// Maximum time of a model step.
+    pub(super) max_time: Duration,
+    /// Number of samples skipped because they arrived faster than the body could be stepped.
     pub(super) samples_lost: u64,
-    /// Bytes that it has allocated and not freed; and those at the first step after ten seconds.
+    /// Bytes allocated and not freed.
     pub(super) live_bytes: i64,
+    /// Bytes allocated and not freed at the first step after ten seconds.
     pub(super) live_bytes_settled: Option<i64>,
 }
 
-impl Done {
-    /// What it has kept since the tenth second, bytes.
+impl ModelSideStats {
+    /// Bytes allocated since ten seconds and not freed.
     pub(super) fn kept_bytes(&self) -> Option<i64> {
         self.live_bytes_settled.map(|settled| self.live_bytes - settled)
     }
 }
 
 impl ModelSide {
-    /// Steps until `ended`, then takes the loop's last words.
+    /// Steps until `ended`, then reads the loop's last events and records.
     #[expect(
         clippy::disallowed_methods,
-        reason = "the model side keeps its own rate, and nothing hangs on it"
+        reason = "the model side keeps its own rate, which affects no result"
     )]
     pub(super) fn run(mut self, ended: &AtomicBool) -> Result<Self, LabError> {
-        settle();
+        reserve();
         let start = Instant::now();
         let mut next = start + PERIOD;
         while !ended.load(Ordering::Acquire) {
             std::thread::sleep(next.saturating_duration_since(Instant::now()));
-            let begun = Instant::now();
+            let step_start = Instant::now();
             let mut stepped = Ok(false);
             let allocated = allocation_counter::measure(|| {
-                self.take_words();
+                self.read_queues();
                 stepped = self.step();
             });
-            self.done.live_bytes += allocated.bytes_current;
+            self.stats.live_bytes += allocated.bytes_current;
             if start.elapsed().as_secs() >= SETTLED_AFTER_S {
-                self.done.live_bytes_settled.get_or_insert(self.done.live_bytes);
+                self.stats.live_bytes_settled.get_or_insert(self.stats.live_bytes);
             }
             if stepped? {
-                let took = begun.elapsed();
-                self.done.steps += 1;
-                self.done.time += took;
-                self.done.longest = self.done.longest.max(took);
+                let step_time = step_start.elapsed();
+                self.stats.steps += 1;
+                self.stats.time += step_time;
+                self.stats.max_time = self.stats.max_time.max(step_time);
             }
-            // Late steps are not made up for.
+            // Late steps are skipped.
             next = (next + PERIOD).max(Instant::now());
         }
-        self.take_words();
+        self.read_queues();
         Ok(self)
     }
 
-    /// Empties the queues of events and records.
-    fn take_words(&mut self) {
+    /// Reads all queued events and records.
+    fn read_queues(&mut self) {
         while let Some(event) = self.handle.next_event() {
-            self.account.event(&event);
+            self.audit.event(&event);
         }
         while let Some(record) = self.handle.next_record() {
-            self.account.tick(&record);
+            self.audit.tick(&record);
         }
     }
 
-    /// Moves the body along the new samples and publishes a local model of it; returns whether there were any.
+    /// Moves the body along the new samples and publishes a local model. Returns whether there were new samples.
     fn step(&mut self) -> Result<bool, LabError> {
         let samples = self.handle.samples();
         let (Some(newest), Some(oldest)) = (samples.newest(), samples.oldest_sequence()) else {
             return Ok(false);
         };
         let sequence = newest.sequence;
-        let reach = oldest.max(sequence.saturating_sub(MOST_SAMPLES));
+        let reach = oldest.max(sequence.saturating_sub(MAX_SAMPLES));
         let from = self.consumed.map_or(reach, |consumed| consumed.max(reach));
-        let lost = self.consumed.map_or(0, |consumed| from.saturating_sub(consumed));
+        let skipped = self.consumed.map_or(0, |consumed| from.saturating_sub(consumed));
         self.path.clear();
         self.path.extend((from..=sequence).filter_map(|s| samples.get(s)).map(tool_point));
         self.consumed = Some(sequence);
         let Some(&last) = self.path.last().filter(|_| self.path.len() > 1) else { return Ok(false) };
-        if lost > 0 {
-            // The tool is elsewhere without having moved there: what it touched must not be thrown.
+        if skipped > 0 {
+            // The tool has jumped: releasing the contact keeps the touched body from being thrown.
             self.contact.release();
-            self.done.samples_lost += lost;
+            self.stats.samples_lost += skipped;
         }
         let along = Some((&mut self.contact, self.path.as_slice()));
         self.body.advance(along, self.path.len() - 1, INTEGRATOR)?;

@@ -1,57 +1,69 @@
-//! What is told of a run, and what is held against it.
+//! Report of a run and check of its guarantees.
 
+use super::load::LoadKind;
 use super::memory::Memory;
-use super::{Outcome, Soak};
+use super::model_side::ModelSide;
+use super::probing_hand::ReceivedForces;
 use crate::error::LabError;
-use palpate_haptics::{RealTimeReport, TimeHistogram};
+use palpate_haptics::{BaselineReport, RealTimeReport, TimeHistogram};
 use serde::Serialize;
 use std::io::Write;
 
-/// The result of `palpate-lab soak`.
+/// Result of a run.
+pub(super) struct Outcome {
+    pub(super) model_side: ModelSide,
+    pub(super) felt: ReceivedForces,
+    pub(super) allocations: u64,
+    pub(super) bare: BaselineReport,
+    pub(super) memory: Memory,
+    pub(super) load_rounds: u64,
+}
+
+/// Report of `palpate-lab soak`.
 #[derive(Default, Serialize)]
 pub(super) struct Report {
     seconds: usize,
     load: &'static str,
-    /// Rounds of work that the load did: nonzero if there was one.
+    /// Completed rounds of the load; 0 without load.
     load_rounds: u64,
     ticks: u64,
     missed: u64,
-    /// Times that so many deadlines were missed in a row that the samples began anew.
+    /// Number of gaps: so many missed deadlines in a row that sampling restarted.
     gaps: u64,
-    /// Ticks that took longer than a period.
+    /// Number of ticks that took longer than a period.
     overruns: u64,
-    /// Every period was a tick or a missed deadline, by report, records, events and clock alike.
+    /// Whether report, records, events and clock agree that every period was a tick or a missed deadline.
     accounted: bool,
     dropped_records: u64,
     dropped_events: u64,
-    /// From a deadline to the beginning of its tick.
+    /// Time from a deadline to the start of its tick.
     lateness_us: Percentiles,
     bare_lateness_us: Percentiles,
     bare_ticks: u64,
     bare_missed: u64,
-    /// Deadlines of the bare thread that passed during a tick of the loop; not part of its lateness.
+    /// Number of deadlines of the bare thread during a tick of the loop; excluded from its lateness.
     bare_during_ticks: u64,
-    /// Of the two at p99; `null` if the bare thread was never late.
+    /// Ratio of the two at p99; `null` if the bare thread was never late.
     lateness_ratio_p99: Option<f64>,
-    /// From the beginning of a tick to that of the next.
+    /// Time from the start of a tick to the start of the next.
     period_us: Percentiles,
-    /// From the beginning of a tick to the end of the device's write.
+    /// Time from the start of a tick to the end of the device's write.
     cost_us: Percentiles,
-    /// Allocations on the loop's thread, and frees of what was not allocated there.
+    /// Number of allocations on the loop's thread, and of frees of memory allocated elsewhere.
     allocations_on_loop: u64,
     memory_bytes: Memory,
     forces_out_of_limits: u64,
-    /// The largest force at the device, N.
+    /// Maximum force at the device, N.
     peak_force_n: f64,
-    /// Ticks at which the device got one.
+    /// Number of ticks with a nonzero force at the device.
     ticks_with_force: u64,
     model_steps: u64,
     model_step_ms: ModelStep,
     models_adopted: u64,
     models_refused: u64,
-    /// The age of the oldest local model that spoke.
+    /// Maximum age of an active local model, ms.
     oldest_model_ms: f64,
-    /// Samples that came faster than the body could be stepped.
+    /// Number of samples that arrived faster than the body could be stepped.
     samples_lost: u64,
     real_time: RealTimeText,
     bare_real_time: RealTimeText,
@@ -98,49 +110,49 @@ impl From<RealTimeReport> for RealTimeText {
 }
 
 impl Report {
-    pub(super) fn of(soak: &Soak, outcome: Outcome) -> Self {
+    pub(super) fn of(seconds: usize, load: LoadKind, outcome: Outcome) -> Self {
         let Outcome { mut model_side, felt, allocations, bare, memory, load_rounds } = outcome;
         let newest = model_side.handle.samples().newest().map_or(0, |sample| sample.sequence);
-        let (done, account) = (model_side.done, model_side.account);
+        let (stats, audit) = (model_side.stats, model_side.audit);
         let tick_ms = 1e3 * model_side.handle.config().hand_over.tick_s;
-        let told = model_side.handle.report();
+        let report = model_side.handle.report();
         let (lateness_us, bare_lateness_us) =
-            (Percentiles::of(&told.lateness), Percentiles::of(&bare.lateness));
+            (Percentiles::of(&report.lateness), Percentiles::of(&bare.lateness));
         let ratio = lateness_us.p99 / bare_lateness_us.p99;
         Self {
-            seconds: soak.seconds,
-            load: soak.load.name(),
+            seconds,
+            load: load.name(),
             load_rounds,
-            ticks: told.ticks,
-            missed: told.missed_deadlines,
-            gaps: told.gaps,
-            overruns: told.overruns,
-            accounted: account.is_complete(told, newest),
-            dropped_records: told.dropped_records,
-            dropped_events: told.dropped_events,
+            ticks: report.ticks,
+            missed: report.missed_deadlines,
+            gaps: report.gaps,
+            overruns: report.overruns,
+            accounted: audit.is_complete(report, newest),
+            dropped_records: report.dropped_records,
+            dropped_events: report.dropped_events,
             lateness_us,
             bare_lateness_us,
             bare_ticks: bare.ticks,
             bare_missed: bare.missed_deadlines,
             bare_during_ticks: bare.during_ticks,
             lateness_ratio_p99: Some(ratio).filter(|ratio| ratio.is_finite()),
-            period_us: Percentiles::of(&told.period),
-            cost_us: Percentiles::of(&told.cost),
+            period_us: Percentiles::of(&report.period),
+            cost_us: Percentiles::of(&report.cost),
             allocations_on_loop: allocations,
-            memory_bytes: Memory { kept_by_model_side: done.kept_bytes(), ..memory },
-            forces_out_of_limits: felt.out_of_limits + account.grown_too_fast,
+            memory_bytes: Memory { kept_by_model_side: stats.kept_bytes(), ..memory },
+            forces_out_of_limits: felt.out_of_limits + audit.grown_too_fast,
             peak_force_n: felt.peak_n,
             ticks_with_force: felt.not_zero,
-            model_steps: done.steps,
+            model_steps: stats.steps,
             model_step_ms: ModelStep {
-                mean: 1e3 * done.time.as_secs_f64() / done.steps.max(1) as f64,
-                max: 1e3 * done.longest.as_secs_f64(),
+                mean: 1e3 * stats.time.as_secs_f64() / stats.steps.max(1) as f64,
+                max: 1e3 * stats.max_time.as_secs_f64(),
             },
-            models_adopted: told.models_adopted,
-            models_refused: told.models_rejected,
-            oldest_model_ms: account.oldest_model_ticks as f64 * tick_ms,
-            samples_lost: done.samples_lost,
-            real_time: told.real_time.into(),
+            models_adopted: report.models_adopted,
+            models_refused: report.models_rejected,
+            oldest_model_ms: audit.oldest_model_ticks as f64 * tick_ms,
+            samples_lost: stats.samples_lost,
+            real_time: report.real_time.into(),
             bare_real_time: bare.real_time.into(),
         }
     }
@@ -163,12 +175,12 @@ impl Report {
             ),
             ("records, events dropped", dropped.to_string()),
             ("lateness, us", self.lateness_us.text()),
-            ("a bare thread's, us", self.bare_lateness_us.text()),
+            ("bare thread, us", self.bare_lateness_us.text()),
             ("ratio at p99", ratio),
-            ("a bare thread missed", format!("{}, left out {}", self.bare_missed, self.bare_during_ticks)),
+            ("missed by bare thread", format!("{}, excluded {}", self.bare_missed, self.bare_during_ticks)),
             ("period, us", self.period_us.text()),
             ("tick cost, us", self.cost_us.text()),
-            ("ticks beyond a period", self.overruns.to_string()),
+            ("ticks over a period", self.overruns.to_string()),
             ("allocations on the loop", self.allocations_on_loop.to_string()),
             (
                 "memory, MiB",
@@ -178,19 +190,19 @@ impl Report {
             ("kept by the model side", bytes(kept_by_model_side)),
             (
                 "forces out of limits",
-                format!("{}, largest {:.2} N", self.forces_out_of_limits, self.peak_force_n),
+                format!("{}, maximum {:.2} N", self.forces_out_of_limits, self.peak_force_n),
             ),
             (
                 "model steps",
                 format!(
-                    "{}, mean {:.1} ms, longest {:.1} ms, samples lost {}",
+                    "{}, mean {:.1} ms, maximum {:.1} ms, samples skipped {}",
                     self.model_steps, self.model_step_ms.mean, self.model_step_ms.max, self.samples_lost
                 ),
             ),
             (
                 "local models",
                 format!(
-                    "{} adopted, {} refused, oldest {:.0} ms",
+                    "{} adopted, {} rejected, maximum age {:.0} ms",
                     self.models_adopted, self.models_refused, self.oldest_model_ms
                 ),
             ),
@@ -201,22 +213,23 @@ impl Report {
         rows.iter().try_for_each(|(name, value)| writeln!(out, "{name:26}{value}"))
     }
 
-    /// What must hold under any load.
-    pub(super) fn judge(&self) -> Result<(), LabError> {
-        let mut broken = Vec::new();
+    /// Checks the guarantees that hold under any load.
+    pub(super) fn check_guarantees(&self) -> Result<(), LabError> {
+        let mut violations = Vec::new();
         if !self.accounted {
-            broken.push(format!(
+            violations.push(format!(
                 "not every deadline is accounted for ({} ticks, {} missed, {} records and {} events dropped)",
                 self.ticks, self.missed, self.dropped_records, self.dropped_events
             ));
         }
         if self.forces_out_of_limits > 0 {
-            broken.push(format!("{} forces were out of their limits", self.forces_out_of_limits));
+            violations.push(format!("{} forces exceeded their limits", self.forces_out_of_limits));
         }
         if self.allocations_on_loop > 0 {
-            broken.push(format!("{} allocations were made on the loop's thread", self.allocations_on_loop));
+            violations
+                .push(format!("{} allocations happened on the loop's thread", self.allocations_on_loop));
         }
-        if broken.is_empty() { Ok(()) } else { Err(LabError::Broken(broken.join("; "))) }
+        if violations.is_empty() { Ok(()) } else { Err(LabError::Broken(violations.join("; "))) }
     }
 }
 
@@ -225,17 +238,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn everything_that_is_broken_is_named() {
+    fn reports_every_broken_guarantee() {
         let good = || Report { accounted: true, missed: 7, ..Report::default() };
-        assert!(good().judge().is_ok());
-        for (bad, says) in [
+        assert!(good().check_guarantees().is_ok());
+        for (bad, expected) in [
             (Report { accounted: false, ..good() }, "not every deadline is accounted for (0 ticks, 7 missed"),
-            (Report { forces_out_of_limits: 3, ..good() }, "3 forces were out of their limits"),
-            (Report { allocations_on_loop: 2, ..good() }, "2 allocations were made"),
+            (Report { forces_out_of_limits: 3, ..good() }, "3 forces exceeded their limits"),
+            (Report { allocations_on_loop: 2, ..good() }, "2 allocations happened"),
             (Report { allocations_on_loop: 2, forces_out_of_limits: 1, ..good() }, "limits; 2 allocations"),
         ] {
-            let said = bad.judge().unwrap_err().to_string();
-            assert!(said.contains(says), "{said}");
+            let message = bad.check_guarantees().unwrap_err().to_string();
+            assert!(message.contains(expected), "{message}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! A tool pressed into a body. Places lie off the nodes, edges and diagonals of the grid.
+//! `palpate-lab probe`. Places lie off the nodes, edges and diagonals of the grid.
 
 use super::*;
 use std::path::Path;
@@ -31,14 +31,14 @@ fn report_has_every_field() {
         for whole in ticks.iter().chain(&["inverted_cells"]) {
             assert!(press[whole].is_u64(), "{whole}: {press}");
         }
-        // Slow enough for the local model to know the surface.
+        // The approach is slow enough for the local model to contain the surface.
         assert_eq!(press["first_force_tick"], press["crossing_tick"]);
         assert_eq!(number(&press["inverted_cells"]), 0.0);
         assert!(number(&press["step_ms_max"]) >= number(&press["step_ms_p50"]));
         assert!(number(&press["step_ms_p50"]) > 0.0);
     }
     assert!(here["ripple"].is_null() && here["loop_ripple"].is_null());
-    // Without a place it is the centre of the top.
+    // The default place is the centre of the top.
     let center = probe(&["--depth-mm", "0.5"]);
     assert_eq!(number(&center["presses"][0]["x_mm"]), 0.0);
 }
@@ -55,7 +55,7 @@ fn closed_form_is_that_of_the_half_space() {
 }
 
 #[test]
-fn places_opposite_each_other_feel_alike() {
+fn opposite_places_have_equal_forces() {
     let here = probe(&["--at", "3,2", "--at", "-3,-2", "--at", "-3,2"]);
     for of in ["body_force_n", "loop_force_n"] {
         let [one, turned, mirrored] = [0, 1, 2].map(|press| force(&here, press, of));
@@ -69,7 +69,7 @@ fn places_opposite_each_other_feel_alike() {
 }
 
 #[test]
-fn turned_body_and_hand_feel_the_same() {
+fn turned_body_and_hand_have_equal_forces() {
     let at = ["--at", "3,2", "--friction", "0.3", "--coupling", "virtual"];
     let still = probe(&at);
     let turned = probe(&[&at[..], &["--turn-deg", "35"]].concat());
@@ -82,7 +82,7 @@ fn turned_body_and_hand_feel_the_same() {
 }
 
 #[test]
-fn lump_and_integrator_are_felt() {
+fn lump_integrator_and_coupling_change_the_force() {
     let normal = |more: &[&str]| force(&probe(&[&["--at", "3,2"], more].concat()), 0, "body_force_n")[1];
     let plain = normal(&[]);
     let lump = normal(&["--lump", "3,-8,2:8:200000"]);
@@ -122,13 +122,13 @@ fn scan_has_a_ripple_and_files() {
 
 #[test]
 fn table_names_units_and_unsettled_presses() {
-    let output = lab(&[&SHORT[..], &["--at", "3,2"]].concat());
+    let output = run(&[&SHORT[..], &["--at", "3,2"]].concat());
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(output.status.success() && text.contains("Hertz, elastic half-space: 0.1"), "{text}");
     assert!(text.contains("x, mm") && text.contains("forces at the end, N") && text.contains("not settled"));
 }
 
-/// A box of 40 x 20 x 30 mm as a .gltf file in millimetres, its vertices in a file beside it, half a metre up by a node.
+/// A box of 40 x 20 x 30 mm as a .gltf file in millimetres, its vertices in a separate file, moved up by half a metre by a node.
 fn box_file(folder: &Path) -> String {
     let corners = (0..8).map(|i| [1, 2, 4].map(|bit| if i & bit == 0 { -0.5_f32 } else { 0.5 }));
     let sides: [[u16; 4]; 6] =
@@ -151,7 +151,7 @@ fn box_file(folder: &Path) -> String {
 }
 
 #[test]
-fn mesh_of_whole_cells_is_about_the_block() {
+fn mesh_of_whole_cells_has_about_the_force_of_the_block() {
     let folder = tempfile::tempdir().unwrap();
     let path = box_file(folder.path());
     let press = ["--hold-s", "0.3", "--at", "3,2", "--depth-mm", "1.5"];
@@ -161,21 +161,21 @@ fn mesh_of_whole_cells_is_about_the_block() {
     for of in ["body_force_n", "loop_force_n"] {
         close(force(&here, 0, of)[1], force(&block, 0, of)[1], 0.02);
     }
-    // Off the body, and units that are not metres.
-    let beyond = refused(&[&mesh[..], &["--at", "21,0"]].concat());
+    // A place off the body, and units other than metres.
+    let beyond = rejected(&[&mesh[..], &["--at", "21,0"]].concat());
     assert!(beyond.starts_with("error: --at has the place 21,0 mm, where no surface lies below"), "{beyond}");
     assert!(beyond.contains("-20.0 to 20.0 mm along x and -15.0 to 15.0 mm along z"), "{beyond}");
-    let units = refused(&["probe", "--mesh", &path]);
-    assert!(units.contains("40 m across") && units.contains("change --metres-per-unit"), "{units}");
+    let units = rejected(&["probe", "--mesh", &path]);
+    assert!(units.contains("40 m") && units.contains("change --metres-per-unit"), "{units}");
     std::fs::remove_file(folder.path().join("box.bin")).unwrap();
-    assert!(refused(&["probe", "--mesh", &path]).contains("box.bin cannot be read"));
+    assert!(rejected(&["probe", "--mesh", &path]).contains("box.bin cannot be read"));
     std::fs::write(&path, "{").unwrap();
-    assert!(refused(&["probe", "--mesh", &path]).contains("box.gltf: the file is not valid glTF"));
+    assert!(rejected(&["probe", "--mesh", &path]).contains("box.gltf: the file is not valid glTF"));
 }
 
 #[test]
-fn flags_that_make_no_sense_are_named() {
-    for (arguments, said) in [
+fn rejects_invalid_flags_by_name() {
+    for (arguments, expected) in [
         (&["--body", "ball"][..], "invalid value 'ball' for '--body <BODY>' [possible values: block]"),
         (&["--nodes", "6,6"], "invalid value '6,6' for '--nodes <X,Y,Z>': it must be three numbers"),
         (&["--nodes", "1,6,6"], "--nodes is 1; it must be 2 to 24 along each axis"),
@@ -219,9 +219,9 @@ fn flags_that_make_no_sense_are_named() {
         (&["--integrator", "exact"], "invalid value 'exact' for '--integrator <INTEGRATOR>'"),
         (&["--lump", "0,0:1:1"], "invalid value '0,0:1:1' for '--lump "),
         (&["--lump", "0,-10,0:0:1e5"], "radius of --lump, mm is 0; it must be finite and above 0"),
-        (&["--lump", "0,90,0:5:1e5"], "--lump holds no part of the body: its radius is 5 mm and a cell"),
+        (&["--lump", "0,90,0:5:1e5"], "--lump contains no part of the body: its radius is 5 mm and a cell"),
     ] {
-        let text = refused(&[&["probe"], arguments].concat());
-        assert!(text.starts_with(&format!("error: {said}")), "{arguments:?}: {text}");
+        let text = rejected(&[&["probe"], arguments].concat());
+        assert!(text.starts_with(&format!("error: {expected}")), "{arguments:?}: {text}");
     }
 }

@@ -1,0 +1,9 @@
+//! The program `palpate-paper`; its commands are in the library.
+
+#![forbid(unsafe_code)]
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    palpate_paper::run()
+}
