@@ -1,17 +1,16 @@
-//! How the stiffness of a block of fixed size changes with the density of its mesh.
+//! The stiffness of a block of fixed size as a function of its mesh density.
 
 use crate::hinf::{largest_singular_value, real};
 use crate::{ReduceError, SecondOrderSystem};
 use palpate_body::{Body, Lattice, Surface};
 
-/// How stiff a block of fixed size is when it is meshed with `density` cells along each edge, relative to a single cell,
-/// if all springs have the same stiffness: the seed's Fig. 16.
+/// Stiffness of a block of fixed size with `density` cells along each edge, relative to a single cell with springs of the same stiffness:
+/// the seed paper's Fig. 16.
 ///
-/// A block of `dimension` dimensions is joined to what is around it by its corners, 2^dimension of them; all other nodes
-/// are at rest where they have no force. Its stiffness matrix, the forces on the corners over their displacements, is
-/// the whole block's condensed on them, and what is compared is its largest singular value. So a single cell whose
-/// springs are scaled by this factor is as stiff as `density`^dimension cells. In one dimension, springs in a row, the
-/// factor is 1/density: that is what section 5.1 rests on. The paper states no definition; this one contains that case.
+/// A block of `dimension` dimensions is attached by its 2^dimension corners; all other nodes are in equilibrium. Its stiffness matrix is
+/// that of the whole block condensed onto the corners, and the result compares its largest singular value. A single cell whose springs
+/// are scaled by the result is as stiff as `density`^dimension cells. In one dimension, springs in series, the result is 1/density as
+/// section 5.1 requires. The paper states no definition; this one includes that case.
 ///
 /// # Errors
 /// [`ReduceError::Option`] when `dimension` is not 1 to 3 or `density` is zero; [`ReduceError::Body`] when there are too

@@ -1,21 +1,20 @@
-//! The seed paper's specimen (its sections 4 and 5) and the local models that are made for it.
+//! The specimen of the seed paper (its sections 4 and 5) and its local models.
 
 use crate::{ReduceError, SecondOrderSystem, block_scaling};
 use palpate_body::{Body, BodyError, Lattice, Link, Network, Surface};
 use palpate_laws::Spring;
 use std::collections::HashMap;
 
-/// A regular lattice of `cells` cells along each of 1 to 3 dimensions, held on all sides but its top, and driven at the
-/// node in the middle of the top (for an odd number of cells the one before it).
+/// A regular lattice of `cells` cells along each of 1 to 3 dimensions, fixed on all sides but the top. It is driven at the node in the
+/// middle of the top, or for an odd number of cells the node before the middle.
 ///
-/// In one dimension that is a chain of `cells` springs between the tool and a wall (section 5.1); in two the mesh
-/// of section 4. The last of its axes is the normal of the top, the others are tangential; all springs are alike,
-/// and so are all dampers and masses.
+/// In one dimension it is a chain of `cells` springs between the tool and a wall (section 5.1), in two the mesh of section 4. The last
+/// axis is normal to the top and the others are tangential. All springs are equal, and so are all dampers and masses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Specimen {
-    /// 1, 2 or 3.
+    /// Number of dimensions, 1, 2 or 3.
     pub dimension: usize,
-    /// Cells along each dimension, at least 2.
+    /// Number of cells along each dimension, at least 2.
     pub cells: usize,
     /// Stiffness of each spring, N/m.
     pub stiffness_n_per_m: f64,
@@ -25,31 +24,31 @@ pub struct Specimen {
     pub mass_kg: f64,
 }
 
-/// Width of every specimen, m. Nothing depends on it: at rest a lattice's stiffness does not know its size.
+/// Width of every specimen, m. The stiffness of a lattice at rest does not depend on it.
 const WIDTH_M: f64 = 0.1;
 
 impl Specimen {
-    /// Its lattice.
+    /// The lattice of the specimen.
     ///
     /// # Errors
     /// [`ReduceError::Option`] when the dimension is not 1 to 3 or there are fewer than 2 cells; [`ReduceError::Body`]
     /// when there are too many.
     pub fn lattice(&self) -> Result<Lattice, ReduceError> {
         let Self { dimension, cells, .. } = *self;
-        let refuse =
+        let reject =
             |what, value: usize, allowed| Err(ReduceError::Option { what, value: value as f64, allowed });
         if !(1..=3).contains(&dimension) {
-            return refuse("dimension of the specimen", dimension, "1, 2 or 3");
+            return reject("dimension of the specimen", dimension, "1, 2 or 3");
         }
         if cells < 2 {
-            return refuse("cells of the specimen", cells, "at least 2");
+            return reject("cells of the specimen", cells, "at least 2");
         }
         let mut nodes = [1; 3];
         nodes[..dimension].fill(cells.saturating_add(1));
         Ok(Lattice::new(nodes, WIDTH_M / cells as f64)?)
     }
 
-    /// (i, j, k) of the driven node.
+    /// Indices (i, j, k) of the driven node.
     ///
     /// # Errors
     /// As [`Specimen::lattice`].
@@ -61,7 +60,7 @@ impl Specimen {
         Ok(driven)
     }
 
-    /// Its network.
+    /// The network of the specimen.
     ///
     /// # Errors
     /// As [`Specimen::lattice`]; [`ReduceError::Body`] when a parameter is out of range.
@@ -70,7 +69,7 @@ impl Specimen {
         Ok(self.lattice()?.uniform(k, b, m, |ijk| self.is_held(ijk))?)
     }
 
-    /// Its small motions.
+    /// The small motions of the specimen as a linear system.
     ///
     /// # Errors
     /// As [`Specimen::network`].
@@ -78,7 +77,7 @@ impl Specimen {
         self.system_of(self.network()?)
     }
 
-    /// The local model of the seed's Fig. 8 (Fig. 13 in one dimension): see [`SecondOrderSystem::neighbourhood`].
+    /// The local model of the seed paper's Fig. 8 (Fig. 13 in one dimension): see [`SecondOrderSystem::neighbourhood`].
     ///
     /// # Errors
     /// As [`Specimen::network`]; [`ReduceError::Option`] when `rings` is zero.
@@ -87,18 +86,17 @@ impl Specimen {
         self.system_of(network.clone())?.neighbourhood(&network, rings)
     }
 
-    /// The local model of the seed's Fig. 10 (Fig. 14 in one dimension): the nodes within `rings` of the driven one, and
-    /// outer springs that stand for all that lies between them and the end of the specimen.
+    /// The scaled local model of the seed paper's Fig. 10 (Fig. 14 in one dimension): the nodes within `rings` of the driven one, and outer
+    /// springs that represent the part of the specimen beyond them.
     ///
-    /// * Springs and dampers among the nodes that are kept are the specimen's.
-    /// * An outer spring, from a node that is kept towards an end n cells away (for a diagonal the nearest of the ends
-    ///   that it points to), has the specimen's stiffness and damping times [`block_scaling`]`(dimension, n)`, and
-    ///   times the square root of that where it lies in the top.
-    /// * The mass of a node with outer springs is the specimen's times (1 + n̄)/2, n̄ the mean of theirs: in one dimension
-    ///   half of the n − 1 masses that are left out goes to either neighbour.
+    /// * Springs and dampers between the nodes of the model are those of the specimen.
+    /// * An outer spring leads towards an end of the specimen n cells away; for a diagonal it is the nearer end. Its stiffness and damping
+    ///   are scaled by [`block_scaling`]`(dimension, n)`, or by the square root of that in the top.
+    /// * The mass of a node with outer springs is scaled by (1 + n̄)/2, n̄ the mean over these springs. In one dimension, either
+    ///   neighbour gets half of the n − 1 omitted masses.
     ///
-    /// The paper states the third rule in one dimension only (section 5.1) and otherwise says "scaled according
-    /// to their distance to the end of the specimen"; the mean over a node's outer springs is our reading.
+    /// The paper states the third rule in one dimension only (section 5.1), and otherwise "scaled according to their distance to the end
+    /// of the specimen". The mean over the outer springs of a node is an interpretation.
     ///
     /// # Errors
     /// As [`Specimen::neighbourhood`] and [`block_scaling`].
@@ -128,12 +126,12 @@ impl Specimen {
             let n = self.cells_to_the_end(grid[from], grid[to]);
             ends[from] = (ends[from].0 + 1, ends[from].1 + n);
             let factor = match scaling.get(&n) {
-                Some(&known) => known,
+                Some(&factor) => factor,
                 None => *scaling.entry(n).or_insert(block_scaling(self.dimension, n)?),
             };
             let normal = self.dimension - 1;
-            let in_the_top = self.dimension > 1 && [from, to].iter().all(|&i| grid[i][normal] == self.cells);
-            let factor = if in_the_top { f64::sqrt(factor) } else { factor };
+            let is_in_top = self.dimension > 1 && [from, to].iter().all(|&i| grid[i][normal] == self.cells);
+            let factor = if is_in_top { f64::sqrt(factor) } else { factor };
             let rest_m = network.rest_m()[link.a].distance(network.rest_m()[link.b]);
             let spring =
                 Spring::linear(factor * self.stiffness_n_per_m, rest_m, factor * self.damping_ns_per_m)
@@ -153,7 +151,7 @@ impl Specimen {
         (0..self.dimension).any(|axis| ijk[axis] == 0 || (axis != normal && ijk[axis] == self.cells))
     }
 
-    /// The least number of cells from `from` to one of the ends towards which a spring to `to` points.
+    /// Number of cells from `from` to the nearest end towards which a spring to `to` points.
     fn cells_to_the_end(&self, from: [usize; 3], to: [usize; 3]) -> usize {
         let normal = self.dimension - 1;
         let along = |axis: usize| match to[axis].cmp(&from[axis]) {

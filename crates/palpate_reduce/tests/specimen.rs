@@ -1,4 +1,4 @@
-//! The seed paper's specimen and the local models that are made for it.
+//! The specimen of the seed paper and its local models.
 
 use faer::{Mat, c64};
 use palpate_reduce::*;
@@ -14,8 +14,8 @@ fn relative_error(full: &Mat<f64>, reduced: &Mat<f64>) -> f64 {
 }
 
 #[test]
-fn it_has_the_order_that_counting_gives() {
-    // Free nodes: in the inside, and in the top; each but the driven one is a position and a velocity for each axis.
+fn order_matches_the_count_of_free_nodes() {
+    // Free nodes are inside and in the top; all but the driven one are unknowns, one for each axis.
     for (dimension, cells, free) in
         [(1, 4, 4), (1, 12, 12), (2, 2, 2), (2, 12, 11 * 12), (3, 4, 9 * 4), (3, 5, 16 * 5)]
     {
@@ -26,15 +26,15 @@ fn it_has_the_order_that_counting_gives() {
 }
 
 #[test]
-fn neighbourhoods_have_the_nodes_of_their_rings() {
-    // Half a square or cube of nodes round the one in the middle of the top.
+fn neighbourhoods_contain_the_nodes_of_their_rings() {
+    // Half a square or cube of nodes around the middle of the top.
     for (dimension, rings, nodes) in [(1, 1, 1), (1, 3, 3), (2, 1, 5), (2, 2, 14), (3, 1, 17), (3, 2, 74)] {
         let specimen = specimen(dimension, 8);
         for system in [specimen.neighbourhood(rings).unwrap(), specimen.scaled(rings).unwrap()] {
             assert_eq!(system.unknowns(), dimension * nodes, "{dimension}-D, {rings} rings");
         }
     }
-    // Enough rings are the whole body.
+    // With enough rings, a neighbourhood is the whole body.
     for dimension in 1..=3 {
         let specimen = specimen(dimension, 4);
         let (full, all) = (specimen.system().unwrap(), specimen.neighbourhood(9).unwrap());
@@ -45,7 +45,7 @@ fn neighbourhoods_have_the_nodes_of_their_rings() {
 
 #[test]
 fn scaled_chains_have_the_static_stiffness_of_all_their_springs() {
-    // Springs in a row: the scaled last one stands for all that are left out, and half their masses hang on it.
+    // Springs in series: the scaled last one represents all omitted ones, with half of their masses.
     for (cells, rings) in [(4, 1), (4, 2), (9, 1), (9, 5)] {
         let scaled = specimen(1, cells).scaled(rings).unwrap();
         let expected = 200.0 / cells as f64;
@@ -56,7 +56,7 @@ fn scaled_chains_have_the_static_stiffness_of_all_their_springs() {
 }
 
 #[test]
-fn more_rings_come_closer_and_scaling_mends_the_static_stiffness() {
+fn more_rings_and_scaling_reduce_the_error_of_static_stiffness() {
     for (dimension, cells) in [(2, 12), (3, 8)] {
         let specimen = specimen(dimension, cells);
         let full = specimen.system().unwrap().static_stiffness().unwrap();
@@ -75,19 +75,19 @@ fn more_rings_come_closer_and_scaling_mends_the_static_stiffness() {
 }
 
 #[test]
-fn a_neighbourhood_is_close_in_the_band_and_off_at_zero() {
+fn neighbourhood_is_accurate_in_the_band_and_inaccurate_at_zero() {
     // Section 5: "its DC gain is significantly off", but close to the full model in 10-1000 Hz.
     let specimen = specimen(2, 12);
     let (full, near) = (specimen.system().unwrap(), specimen.neighbourhood(1).unwrap());
     let s: Vec<c64> = [0.0, 10.0, 30.0, 100.0, 300.0, 1000.0].map(|hz| c64::new(0.0, TAU * hz)).to_vec();
     let (full, near) = (full.response(&s).unwrap(), near.response(&s).unwrap());
-    let off: Vec<f64> = (0..s.len()).map(|i| (&full[i] - &near[i]).norm_l2() / full[i].norm_l2()).collect();
-    assert!(off[0] > 0.5, "{off:?}");
-    assert!(off[3..].iter().all(|off| *off < 0.05), "{off:?}");
+    let error: Vec<f64> = (0..s.len()).map(|i| (&full[i] - &near[i]).norm_l2() / full[i].norm_l2()).collect();
+    assert!(error[0] > 0.5, "{error:?}");
+    assert!(error[3..].iter().all(|error| *error < 0.05), "{error:?}");
 }
 
-/// The stiffness matrix of a block of unit springs on its corners, from nothing but its springs, and its largest
-/// eigenvalue by power iteration.
+/// The largest eigenvalue, by power iteration, of the stiffness matrix of a block of unit springs condensed onto its corners. It uses no
+/// code of the crate.
 fn corner_stiffness(dimension: usize, density: usize) -> f64 {
     let n = density + 1;
     let count = n.pow(dimension as u32);
@@ -106,7 +106,7 @@ fn corner_stiffness(dimension: usize, density: usize) -> f64 {
         }
     }
     let is_corner = |node: usize| (0..dimension).all(|axis| [0.0, density as f64].contains(&at(node, axis)));
-    // Gauss: what is not a corner is eliminated, row by row.
+    // Gaussian elimination of all nodes that are not corners.
     for pivot in (0..dimension * count).filter(|dof| !is_corner(dof / dimension)) {
         let row = k[pivot].clone();
         for (_, other) in k.iter_mut().enumerate().filter(|(i, _)| *i != pivot) {
@@ -127,12 +127,12 @@ fn corner_stiffness(dimension: usize, density: usize) -> f64 {
 }
 
 #[test]
-fn block_scaling_is_that_of_the_condensed_block() {
+fn block_scaling_equals_that_of_the_condensed_block() {
     for density in 1..=40 {
         assert!((block_scaling(1, density).unwrap() * density as f64 - 1.0).abs() < 1e-12);
     }
-    for (dimension, most) in [(2, 6), (3, 3)] {
-        for density in 1..=most {
+    for (dimension, max_density) in [(2, 6), (3, 3)] {
+        for density in 1..=max_density {
             let expected = corner_stiffness(dimension, density) / corner_stiffness(dimension, 1);
             let here = block_scaling(dimension, density).unwrap();
             assert!((here / expected - 1.0).abs() < 1e-9, "{dimension}-D, {density}: {here}, {expected}");
@@ -140,9 +140,9 @@ fn block_scaling_is_that_of_the_condensed_block() {
     }
 }
 
-/// In a symmetric specimen of three dimensions poles come in equal pairs.
+/// The poles of a symmetric specimen of three dimensions occur in equal pairs.
 #[test]
-fn symmetric_specimens_have_the_norms_of_a_grid_and_keep_their_bounds() {
+fn norms_of_symmetric_specimens_agree_with_a_grid_and_stay_below_their_bounds() {
     for (dimension, cells, ratio) in [(2, 6, 0.3), (3, 2, 0.5), (3, 4, 0.5), (3, 4, 1.0), (3, 4, 2.0)] {
         let (k, m) = (120.0_f64, 0.02);
         let damping_ns_per_m = ratio * (k * m).sqrt();
@@ -165,11 +165,11 @@ fn symmetric_specimens_have_the_norms_of_a_grid_and_keep_their_bounds() {
             let grid =
                 error.proper_response(&omegas).iter().map(gain).fold(error.d.norm_l2() * 1e-9, f64::max);
             let label = format!("{dimension}-D, {cells} cells, ratio {ratio}: norm {norm}, grid {grid}");
-            // Of a model that is exact the error is rounding.
+            // The error of an exact model is rounding.
             let rounding = 1e-9 * full.d.norm_l2();
             let low = grid * (1.0 - 1e-6) - rounding;
             assert!(norm >= low && norm <= bound * (1.0 + 1e-6) + 1e-9, "{label}, bound {bound}");
-            // The norm may also be reached at infinity.
+            // The norm may be reached at infinity.
             let at_infinity = error.d.norm_l2();
             assert!(
                 norm <= (grid * 1.01).max(at_infinity * (1.0 + 1e-9)) + rounding,
@@ -180,8 +180,8 @@ fn symmetric_specimens_have_the_norms_of_a_grid_and_keep_their_bounds() {
 }
 
 #[test]
-fn modes_are_the_slowest_and_poles_are_exact_however_far_apart() {
-    // A chain with both ends held, all springs alike: w_n = 2 sqrt(k/m) sin(n pi/(2 (N + 1))), N masses.
+fn modes_and_poles_match_closed_forms_for_any_damping() {
+    // A chain with both ends fixed and equal springs: w_n = 2 sqrt(k/m) sin(n pi/(2 (N + 1))), N masses.
     let chain = specimen(1, 9);
     let system = chain.system().unwrap();
     let reduced = system.project(system.modal_basis(3).unwrap().as_ref()).unwrap();
@@ -191,7 +191,7 @@ fn modes_are_the_slowest_and_poles_are_exact_however_far_apart() {
         assert!((reduced.stiffness[(n - 1, n - 1)] / (omega * omega) - 1.0).abs() < 1e-10);
         assert!((reduced.mass[(n - 1, n - 1)] - 1.0).abs() < 1e-12);
     }
-    // So overdamped that the fast poles are a billion times the slow ones.
+    // Up to an overdamped chain whose fast poles are a billion times the slow ones.
     for damping in [0.1, 30.0, 1e4, 1e6] {
         let system = Specimen { damping_ns_per_m: damping, ..chain }.system().unwrap().to_dense();
         let poles = system.poles().unwrap();
@@ -201,16 +201,16 @@ fn modes_are_the_slowest_and_poles_are_exact_however_far_apart() {
             let (half, k) = (c64::new(0.5 * c * damping / 0.01, 0.0), c * 200.0 / 0.01);
             let fast = -half - (half * half - k).sqrt();
             for expected in [fast, k / fast] {
-                let off = poles.iter().map(|p| (p - expected).norm()).fold(f64::INFINITY, f64::min)
+                let error = poles.iter().map(|p| (p - expected).norm()).fold(f64::INFINITY, f64::min)
                     / expected.norm();
-                assert!(off < 1e-9, "mode {n}, damping {damping}: off by {off}");
+                assert!(error < 1e-9, "mode {n}, damping {damping}: relative error {error}");
             }
         }
     }
 }
 
 #[test]
-fn the_springs_and_masses_of_a_scaled_specimen_are_those_of_the_rule() {
+fn scaled_specimen_has_the_springs_and_masses_of_its_rules() {
     // 6 cells, 1 ring: columns 2 to 4 and rows 5 and 6 move; 2 cells to either side, 5 to the bottom.
     let specimen = specimen(2, 6);
     let (scaled, lattice) = (specimen.scaled(1).unwrap(), specimen.lattice().unwrap());
@@ -219,14 +219,14 @@ fn the_springs_and_masses_of_a_scaled_specimen_are_those_of_the_rule() {
         scaled.place.iter().position(|&at| at == (node, axis)).unwrap()
     };
     let [side, below] = [2, 5].map(|n| block_scaling(2, n).unwrap());
-    // (2, 6) in the top: a lateral spring in the top to the side, a diagonal one to the side; to the right and below the
-    // specimen's own: lateral, diagonal, vertical.
+    // (2, 6) in the top has two outer springs to the side, one lateral in the top and one diagonal. To the right and below it are the
+    // springs of the specimen: lateral, diagonal, vertical.
     let (x, y) = (row([2, 6, 0], 0), row([2, 6, 0], 1));
     let k = |i, j| scaled.stiffness.as_ref().get(i, j).copied().unwrap_or(0.0);
     assert!((k(x, x) - 200.0 * (side.sqrt() + 0.5 * side + 1.0 + 0.5)).abs() < 1e-10);
     assert!((k(y, y) - 200.0 * (0.5 * side + 0.5 + 1.0)).abs() < 1e-10);
     assert!((scaled.mass[x] - 0.01 * 0.5 * (1.0 + 2.0)).abs() < 1e-15);
-    // (3, 5) under the tool: three springs down, to an end 5 cells away; the diagonals' nearest end is at the side, 3.
+    // (3, 5) under the tool has three outer springs down to an end 5 cells away; the nearer end of the diagonals is the side, 3 cells away.
     let y = row([3, 5, 0], 1);
     let diagonal = block_scaling(2, 3).unwrap();
     assert!((k(y, y) - 200.0 * (below + diagonal + 1.0 + 0.5 + 0.5)).abs() < 1e-10);
@@ -234,7 +234,7 @@ fn the_springs_and_masses_of_a_scaled_specimen_are_those_of_the_rule() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused() {
+fn rejects_invalid_specimens_rings_shifts_modes_and_bases() {
     let good = specimen(2, 4);
     for bad in [
         Specimen { dimension: 0, ..good },
@@ -246,12 +246,12 @@ fn what_makes_no_sense_is_refused() {
         Specimen { mass_kg: 0.0, ..good },
     ] {
         assert!(bad.system().is_err(), "{bad:?}");
-        // What does not depend on the material may be known.
+        // The driven node does not depend on the material.
         assert!(bad.driven().is_ok() == bad.lattice().is_ok(), "{bad:?}");
     }
-    let refused =
+    let is_rejected =
         |result: Result<SecondOrderSystem, ReduceError>| matches!(result, Err(ReduceError::Option { .. }));
-    assert!(refused(good.neighbourhood(0)) && refused(good.scaled(0)));
+    assert!(is_rejected(good.neighbourhood(0)) && is_rejected(good.scaled(0)));
     for (dimension, density) in [(0, 1), (4, 1), (2, 0)] {
         assert!(matches!(block_scaling(dimension, density), Err(ReduceError::Option { .. })));
     }
@@ -259,7 +259,7 @@ fn what_makes_no_sense_is_refused() {
     for shifts in [[0.0], [-1.0], [f64::NAN], [f64::INFINITY]] {
         assert!(matches!(system.krylov_basis(&shifts), Err(ReduceError::Option { .. })));
     }
-    // Its square is beyond the numbers.
+    // The square of the shift overflows.
     assert!(system.krylov_basis(&[1e200]).is_err());
     for modes in [0, system.unknowns() + 1] {
         assert!(matches!(system.modal_basis(modes), Err(ReduceError::Option { .. })));
