@@ -1,4 +1,4 @@
-//! A surface that cells carry: the loop touches it as the body does.
+//! Contact on a surface that is embedded in cells, in the loop against the oracle.
 
 use glam::DVec3;
 use palpate_body::*;
@@ -18,7 +18,7 @@ fn height(x: f64, y: f64) -> f64 {
     0.046 - 12.0 * (x * x + y * y)
 }
 
-/// Where (x, y, z) lies in a lattice of 6 × 6 × 6 nodes round the origin: the nodes of its cell and their weights.
+/// The point (x, y, z) in a lattice of 6 × 6 × 6 nodes around the origin: the nodes of its cell with their weights.
 fn embedded(at: DVec3) -> BodyPoint {
     let grid = (at + 0.05) / CELL;
     let cell = grid.floor().min(DVec3::splat(4.0));
@@ -30,7 +30,7 @@ fn embedded(at: DVec3) -> BodyPoint {
     BodyPoint::new(carriers.collect()).unwrap()
 }
 
-/// The block of the fidelity reference under a hill of points `spacing` apart.
+/// The block of the fidelity reference with a hill as its surface, whose points are `spacing` apart, m.
 fn hill(spacing: f64) -> Body {
     let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
     let made = Block::new([6; 3], DVec3::splat(0.1)).unwrap().fix(Face::NegZ).uniform(&lattice).unwrap();
@@ -58,7 +58,7 @@ fn compare(body: &Body, path: &[Sample], integrator: LocalIntegrator) -> (f64, C
     (comparison.relative_rms_error(NEAR, 100).unwrap(), comparison)
 }
 
-/// Pressed 4 mm deep at (x, y), and stirred.
+/// A press 4 mm deep at (x, y), with lateral motion.
 fn press(x: f64, y: f64) -> Vec<Sample> {
     let top = height(x, y) + RADIUS;
     samples(800, |t| {
@@ -69,15 +69,15 @@ fn press(x: f64, y: f64) -> Vec<Sample> {
 }
 
 #[test]
-fn what_cells_carry_is_felt_within_a_tenth_of_a_per_cent() {
+fn embedded_surface_matches_the_oracle_within_a_tenth_of_a_per_cent() {
     for spacing in [0.007, 0.004] {
         let body = hill(spacing);
         for (x, y) in [(0.001, 0.002), (0.011, -0.008), (0.02, 0.01)] {
             for integrator in [EXPLICIT, IMPLICIT] {
                 let (error, comparison) = compare(&body, &press(x, y), integrator);
-                let (shown, full) = (peak(comparison.displayed(NEAR).unwrap()), peak(&comparison.oracle_n));
+                let (local, full) = (peak(comparison.displayed(NEAR).unwrap()), peak(&comparison.oracle_n));
                 let case = format!("{spacing} m at ({x}, {y}), {integrator:?}");
-                assert!(full > 2.0 && (shown / full - 1.0).abs() < 1e-3, "{shown} N, {full} N, {case}");
+                assert!(full > 2.0 && (local / full - 1.0).abs() < 1e-3, "{local} N, {full} N, {case}");
                 assert!(error < 1e-3, "{error}, {case}");
             }
         }
@@ -85,7 +85,7 @@ fn what_cells_carry_is_felt_within_a_tenth_of_a_per_cent() {
 }
 
 #[test]
-fn a_tool_slides_from_cell_to_cell_and_taps_between_two_model_steps() {
+fn sliding_across_cells_and_taps_between_model_steps_match_the_oracle() {
     let body = hill(0.005);
     // 60 mm in half a second, over three cells.
     let slide = samples(700, |t| {
@@ -105,9 +105,9 @@ fn a_tool_slides_from_cell_to_cell_and_taps_between_two_model_steps() {
     }
 }
 
-/// The force of a row over n nodes is theirs: on a surface that stands still, what is displayed is what holds the tool.
+/// On a surface at rest, the displayed force balances the contact impulses over the length of a step.
 #[test]
-fn at_rest_the_displayed_force_is_the_impulse_over_the_step() {
+fn displayed_force_at_rest_equals_impulse_over_step() {
     let mut body = hill(0.007);
     let mut contact = ToolContact::touch(ToolShape::Sphere { radius_m: RADIUS }, 0.0).unwrap();
     let at = DVec3::new(0.011, -0.008, height(0.011, -0.008) + RADIUS - 0.003);
@@ -125,7 +125,7 @@ fn at_rest_the_displayed_force_is_the_impulse_over_the_step() {
         "{shown} {}",
         impulse / h
     );
-    // What holds the body from below bears it.
+    // The fixed nodes at the bottom carry the force.
     let held: DVec3 = (0..36).map(|node| body.internal_force_on_n(node)).sum();
     assert!((held + shown).length() < 1e-3 * shown.length(), "{held} {shown}");
 }

@@ -1,7 +1,7 @@
-//! Every scheme against the full body, and the baselines against an implementation independent of this project.
+//! Every scheme against the oracle, and the errors of the baseline schemes against an independent implementation.
 //!
-//! `data/fidelity_6x6x6.json` was made by a numpy prototype of the full body and of each scheme; it states
-//! body, trajectory, equations and the definition of the error.
+//! `data/fidelity_6x6x6.json` is the output of a numpy prototype of the full body and of each scheme. It states body, trajectory, equations
+//! and the definition of the error.
 
 use palpate_body::ToolContact;
 use palpate_local::Scheme;
@@ -9,7 +9,7 @@ use palpate_reduce::{Comparison, ComparisonOptions};
 use palpate_tests::{DRIVEN_NODE, reference_body, reference_samples};
 use serde_json::Value;
 
-/// Samples before 0.2 s do not count.
+/// First sample of the error, at 0.2 s.
 const FROM: usize = 200;
 
 fn reference() -> Value {
@@ -24,11 +24,10 @@ fn compare(delay_ticks: usize, replay_per_tick: usize) -> Comparison {
     Comparison::run(&body, &contact, &reference_samples(start), &Scheme::ALL, &options).unwrap()
 }
 
-/// The figures agree to the four digits of the file.
-/// The prototype replays all missed samples within one tick, so the comparison does too.
+/// The errors agree to the four digits of the file. The prototype replays all missed samples within one tick, and so does the comparison.
 #[test]
-#[expect(clippy::print_stdout, reason = "the table is what a reader of the test wants to see")]
-fn the_baselines_have_the_reference_s_errors() {
+#[expect(clippy::print_stdout, reason = "the table of errors is the result of the test")]
+fn baseline_errors_match_the_reference() {
     let expected = reference();
     println!("{:16}{:>10}{:>12}{:>12}", "scheme", "delay ms", "reference", "here");
     for (delay, key) in [(0, "delay_0_ms"), (40, "delay_40_ms")] {
@@ -37,15 +36,15 @@ fn the_baselines_have_the_reference_s_errors() {
             let reference = expected["relative_rms_error"][key][scheme.name()].as_f64().unwrap();
             let here = comparison.relative_rms_error(scheme, FROM).unwrap();
             println!("{:16}{delay:>10}{reference:>12.4}{here:>12.4}", scheme.name());
-            let off = (here / reference - 1.0).abs();
-            assert!(off < 0.005, "{} at {delay} ms: {here}, reference {reference}", scheme.name());
+            let difference = (here / reference - 1.0).abs();
+            assert!(difference < 0.005, "{} at {delay} ms: {here}, reference {reference}", scheme.name());
         }
         assert!(comparison.clamped.iter().all(|(_, models)| *models == 0));
     }
 }
 
 #[test]
-fn the_oracle_has_the_reference_s_peaks() {
+fn oracle_peaks_match_the_reference() {
     let expected = reference();
     let peak = compare(0, 8).oracle_peak_n;
     for axis in 0..3 {
@@ -58,11 +57,11 @@ fn the_oracle_has_the_reference_s_peaks() {
     }
 }
 
-/// With the slices of 8 that the loop uses, a model 40 ms late changes over 4 ticks later; a scheme without a
-/// state has nothing to replay.
+/// With 8 samples replayed a tick, as in the loop, a model 40 ms late is swapped 4 ticks later. A scheme without a state has nothing to
+/// replay.
 #[test]
-#[expect(clippy::print_stdout, reason = "the table is what a reader of the test wants to see")]
-fn replay_in_slices_costs_the_dynamic_scheme_a_few_ticks() {
+#[expect(clippy::print_stdout, reason = "the table of errors is the result of the test")]
+fn replay_in_slices_raises_the_error_of_dynamic_schemes_slightly() {
     let (whole, slices) = (compare(40, 64), compare(40, 8));
     for scheme in Scheme::ALL {
         let [whole, slices] = [&whole, &slices].map(|c| c.relative_rms_error(scheme, FROM).unwrap());

@@ -1,5 +1,4 @@
-//! The scheme that ships, near field exact and far field reduced, against the full body at 1 kHz: held, quantised, at random,
-//! tapping, sliding, buckling.
+//! The default scheme, `NearFieldExact`, against the oracle: held points, quantised positions, random paths, taps, sliding and buckling.
 
 use glam::DVec3;
 use palpate_body::*;
@@ -9,7 +8,7 @@ use palpate_reduce::*;
 use palpate_tests::{DRIVEN_NODE, reference_body, reference_samples, samples};
 use std::f64::consts::TAU;
 
-/// Samples before 0.2 s do not count.
+/// First sample of the error, at 0.2 s.
 const FROM: usize = 200;
 const NEAR: Scheme = Scheme::NearFieldExact;
 
@@ -28,7 +27,7 @@ fn errors(body: &Body, contact: &ToolContact, samples: &[Sample], options: &Comp
 }
 
 #[test]
-fn a_held_node_and_a_held_triangle_are_felt_within_half_a_per_cent() {
+fn held_node_and_triangle_match_the_oracle_within_one_per_cent() {
     let body = reference_body().unwrap();
     let start = body.positions_m()[DRIVEN_NODE];
     let node = ToolContact::hold(&body, DRIVEN_NODE, start).unwrap();
@@ -36,18 +35,18 @@ fn a_held_node_and_a_held_triangle_are_felt_within_half_a_per_cent() {
     let triangle = ToolContact::hold_point(&body, BodyPoint::new(weights).unwrap(), start).unwrap();
     let samples = reference_samples(start);
     // Measured: 0.10 %, 0.35 %; 0.19 %, 0.63 %.
-    for (contact, delay, most) in
+    for (contact, delay, max_error) in
         [(&node, 0, 0.003), (&node, 40, 0.006), (&triangle, 0, 0.004), (&triangle, 40, 0.008)]
     {
         let [hold, near] = errors(&body, contact, &samples, &options(delay));
-        assert!(near < most, "{near} at {delay} ms");
+        assert!(near < max_error, "{near} at {delay} ms");
         assert!(hold > 0.17 && near < hold / 50.0, "{hold}, {near}");
     }
 }
 
-/// Where the seed says that its own method fails: the lower half twenty times softer.
+/// The lower half is twenty times softer, a case for which the seed paper reports that its method fails.
 #[test]
-fn a_soft_lower_half_is_no_obstacle() {
+fn body_with_soft_lower_half_matches_the_oracle() {
     let made = block(6, 0.7);
     let network = made.network;
     let (rest, soft) = (network.rest_m().to_vec(), 0.05);
@@ -65,39 +64,39 @@ fn a_soft_lower_half_is_no_obstacle() {
     assert!(hold > 0.35 && near < 0.015, "hold {hold}, near field exact {near}");
 }
 
-/// Three sines along each axis, of frequencies from 0.5 to 5 Hz and random phases, scaled so that none of the offsets exceeds
-/// a random part of 5 to 15 mm, and faded in over 0.2 s. The same generator of numbers as in the body's tests.
-fn random_hand(mut seed: u64) -> (impl Fn(f64) -> DVec3, f64) {
+/// A random path and a random damping ratio. The path is the sum of three sines along each axis, of 0.5 to 5 Hz and random phases. It is
+/// scaled to a maximum offset of 5 to 15 mm and faded in over 0.2 s.
+fn random_path(mut seed: u64) -> (impl Fn(f64) -> DVec3, f64) {
     let mut next = move || {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (seed >> 33) as f64 / (1_u64 << 31) as f64
     };
     next();
     let sines: Vec<[f64; 9]> = (0..3).map(|_| std::array::from_fn(|_| next())).collect();
-    let (largest, ratio) = (0.005 + 0.01 * next(), 0.1 + 0.9 * next());
+    let (max_offset_m, ratio) = (0.005 + 0.01 * next(), 0.1 + 0.9 * next());
     let wave = move |t: f64| {
         let axis = |a: &[f64; 9]| -> f64 {
             (0..3).map(|i| a[i] * (TAU * (0.5 + 4.5 * a[3 + i]) * t + TAU * a[6 + i]).sin()).sum()
         };
         DVec3::new(axis(&sines[0]), axis(&sines[1]), axis(&sines[2]))
     };
-    let most = (0..1500).map(|i| wave(f64::from(i) * 1e-3).length()).fold(0.0, f64::max);
-    (move |t: f64| wave(t) * (largest / most) * (t / 0.2).min(1.0), ratio)
+    let max = (0..1500).map(|i| wave(f64::from(i) * 1e-3).length()).fold(0.0, f64::max);
+    (move |t: f64| wave(t) * (max_offset_m / max) * (t / 0.2).min(1.0), ratio)
 }
 
 #[test]
-#[expect(clippy::print_stdout, reason = "the distribution is what a reader of the test wants to see")]
-fn sixty_four_random_hands_are_felt_within_half_a_per_cent_in_the_median() {
+#[expect(clippy::print_stdout, reason = "the distribution of errors is the result of the test")]
+fn sixty_four_random_paths_have_a_median_error_below_half_a_per_cent() {
     let mut all: Vec<[f64; 2]> = Vec::new();
     for seed in 0..64 {
         let nodes = 5 + (seed % 4) as usize;
-        let (hand, ratio) = random_hand(seed);
+        let (path, ratio) = random_path(seed);
         let made = block(nodes, ratio);
         let body = Body::new(made.network, made.surface).unwrap();
         let node = nodes / 2 + nodes * (nodes / 2 + nodes * (nodes - 1));
         let start = body.positions_m()[node];
         let contact = ToolContact::hold(&body, node, start).unwrap();
-        all.push(errors(&body, &contact, &samples(1500, |t| start + hand(t)), &options(0)));
+        all.push(errors(&body, &contact, &samples(1500, |t| start + path(t)), &options(0)));
     }
     let sorted = |i: usize| {
         let mut list: Vec<f64> = all.iter().map(|pair| pair[i]).collect();
@@ -113,17 +112,17 @@ fn sixty_four_random_hands_are_felt_within_half_a_per_cent_in_the_median() {
     assert!(hold[0] > 0.1);
 }
 
-/// Against the unquantised path: the local model is fed what the device would give.
+/// The local model gets the quantised positions of a device; the oracle follows the exact path.
 #[test]
-fn quantised_positions_are_felt_through_the_estimator() {
+fn quantised_positions_with_estimated_velocities_match_the_exact_path() {
     let body = reference_body().unwrap();
     let start = body.positions_m()[DRIVEN_NODE];
     let contact = ToolContact::hold(&body, DRIVEN_NODE, start).unwrap();
     let exact = reference_samples(start);
     let oracle = Comparison::run(&body, &contact, &exact, &[], &options(0)).unwrap().oracle_n;
-    // Measured: 0.8 % and 5.8 %. Nearly all of it is the full body's own, driven along the same samples: a node that is
-    // driven by steps of 0.3 mm is thrown by them.
-    for (step_m, most) in [(3e-5, 0.03), (3e-4, 0.06)] {
+    // Measured: 0.8 % and 5.8 %. The full body driven along the same samples has nearly the same error: steps of 0.3 mm excite the
+    // driven node.
+    for (step_m, max_error) in [(3e-5, 0.03), (3e-4, 0.06)] {
         let mut state = VelocityState::default();
         let samples: Vec<Sample> = exact
             .iter()
@@ -141,11 +140,11 @@ fn quantised_positions_are_felt_through_the_estimator() {
             .zip(&oracle[FROM..])
             .fold((0.0, 0.0), |(e, r), (s, o)| (e + (*s - *o).length_squared(), r + o.length_squared()));
         let relative = (error / reference).sqrt();
-        assert!(relative < most, "{relative} at steps of {step_m} m");
+        assert!(relative < max_error, "{relative} at steps of {step_m} m");
     }
 }
 
-/// Onto a block at rest at 0.2 m/s, 6 mm deep and out again, every 197 ms.
+/// Taps at 0.2 m/s, 6 mm deep, every 197 ms.
 fn taps(start: DVec3) -> Vec<Sample> {
     samples(2000, move |t| {
         let phase = t % 0.197;
@@ -159,7 +158,7 @@ fn taps(start: DVec3) -> Vec<Sample> {
 }
 
 #[test]
-fn ten_taps_are_felt_when_they_come_and_as_hard_as_they_are() {
+fn ten_taps_match_the_oracle_in_time_and_peak_force() {
     let body = reference_body().unwrap();
     let contact = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).unwrap();
     // On a node, and on two faces.
@@ -168,26 +167,26 @@ fn ten_taps_are_felt_when_they_come_and_as_hard_as_they_are() {
             let samples = taps(DVec3::new(x, y, 0.055));
             let comparison = Comparison::run(&body, &contact, &samples, &[NEAR], &options(delay)).unwrap();
             let shown = comparison.displayed(NEAR).unwrap();
-            // Before the first local model nothing is felt.
+            // The first tap is before the first local model.
             for tap in 1..10 {
                 let range = 197 * tap..(197 * (tap + 1)).min(2000);
-                let [ours, oracle] = [shown, &comparison.oracle_n].map(|forces| {
+                let [local, oracle] = [shown, &comparison.oracle_n].map(|forces| {
                     let tap = &forces[range.clone()];
                     let peak = tap.iter().map(|f| f.z).fold(0.0, f64::max);
                     (peak, tap.iter().position(|f| f.z > 0.02).unwrap())
                 });
                 assert!(
-                    (ours.0 / oracle.0 - 1.0).abs() < 0.02,
-                    "({x}, {y}), tap {tap}: {ours:?}, {oracle:?}"
+                    (local.0 / oracle.0 - 1.0).abs() < 0.02,
+                    "({x}, {y}), tap {tap}: {local:?}, {oracle:?}"
                 );
-                assert!(ours.1.abs_diff(oracle.1) <= 1, "({x}, {y}), tap {tap}: {ours:?}, {oracle:?}");
+                assert!(local.1.abs_diff(oracle.1) <= 1, "({x}, {y}), tap {tap}: {local:?}, {oracle:?}");
             }
         }
     }
 }
 
 #[test]
-fn sliding_across_the_surface_makes_no_steps_that_the_body_does_not_make() {
+fn sliding_makes_no_force_steps_beyond_those_of_the_body() {
     let body = reference_body().unwrap();
     let contact = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).unwrap();
     for (y, speed) in [(0.001, 0.03), (0.01, 0.1), (0.007, 0.1)] {
@@ -196,19 +195,19 @@ fn sliding_across_the_surface_makes_no_steps_that_the_body_does_not_make() {
             DVec3::new(x, y, 0.0555 - 0.0045 * (t / 0.2).min(1.0))
         });
         let comparison = Comparison::run(&body, &contact, &samples, &[NEAR], &options(0)).unwrap();
-        let largest = |forces: &[DVec3]| {
+        let max_step = |forces: &[DVec3]| {
             forces[100..].windows(2).map(|pair| (pair[1] - pair[0]).length()).fold(0.0, f64::max)
         };
-        let (ours, oracle) = (largest(comparison.displayed(NEAR).unwrap()), largest(&comparison.oracle_n));
-        assert!(ours <= 2.0 * oracle, "{ours} N, the oracle {oracle} N");
+        let (local, oracle) = (max_step(comparison.displayed(NEAR).unwrap()), max_step(&comparison.oracle_n));
+        assert!(local <= 2.0 * oracle, "{local} N, the oracle {oracle} N");
         let error = comparison.relative_rms_error(NEAR, FROM).unwrap();
         assert!(error < 0.005, "{error}");
     }
 }
 
-/// A chain that moves along its axis is linear; with as many columns as unknowns nothing is lost.
+/// A chain that moves along its axis is linear, and a basis with as many columns as unknowns is complete.
 #[test]
-fn with_the_whole_body_as_its_basis_a_linear_body_is_felt_exactly() {
+fn complete_basis_is_exact_for_a_linear_body() {
     let mut builder = NetworkBuilder::new();
     let nodes: Vec<usize> = (0..9).map(|i| builder.node(DVec3::Z * 0.01 * f64::from(i), 0.004)).collect();
     for pair in nodes.windows(2) {
@@ -218,7 +217,7 @@ fn with_the_whole_body_as_its_basis_a_linear_body_is_felt_exactly() {
     let start = body.positions_m()[8];
     let contact = ToolContact::hold(&body, 8, start).unwrap();
     let samples = samples(1000, |t| start - DVec3::Z * 0.004 * (1.0 - (TAU * 0.5 * t).cos()));
-    // More shifts than there are nodes: V spans all.
+    // These shifts span the whole space.
     let shifts_hz = [Some(1.0), Some(20.0), Some(80.0), Some(300.0)];
     let run = |integrator, min_substeps| {
         let body_s = SemiImplicitEuler { min_substeps, ..SemiImplicitEuler::default() };
@@ -229,14 +228,14 @@ fn with_the_whole_body_as_its_basis_a_linear_body_is_felt_exactly() {
     };
     let exact = run(LocalIntegrator::Explicit, 4);
     assert!(exact < 1e-6, "{exact}");
-    // The oracle's own four substeps are 0.3 % from the limit of short steps, so that it is taken finer here.
+    // Four substeps of the oracle differ by 0.3 % from the limit of short steps; it takes sixteen here.
     let implicit = run(LocalIntegrator::Implicit { substeps: 2 }, 16);
-    assert!((1e-6..2e-3).contains(&implicit), "the floor of the implicit tick is {implicit}");
+    assert!((1e-6..2e-3).contains(&implicit), "the error of the implicit tick is {implicit}");
 }
 
 #[test]
-fn a_body_pressed_until_it_buckles_keeps_its_force_bounded_and_says_that_it_fell_back() {
-    // A column of 2 x 2 x 10 nodes, pressed at its head.
+fn buckling_body_has_bounded_force_and_reports_the_clamped_tangent() {
+    // A column of 2 x 2 x 10 nodes, pressed at the top.
     let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 0.1 };
     let column = Block::new([2, 2, 10], DVec3::new(0.01, 0.01, 0.09)).unwrap().fix(Face::NegZ);
     let made = column.uniform(&lattice).unwrap();
@@ -248,6 +247,6 @@ fn a_body_pressed_until_it_buckles_keeps_its_force_bounded_and_says_that_it_fell
     let clamped = comparison.clamped.iter().find(|(scheme, _)| *scheme == NEAR).unwrap().1;
     let peak = comparison.oracle_n.iter().map(|f| f.length()).fold(0.0, f64::max);
     let shown = comparison.displayed(NEAR).unwrap();
-    assert!(clamped > 0, "it never fell back");
+    assert!(clamped > 0, "no local model has the clamped tangent");
     assert!(shown.iter().all(|f| f.is_finite() && f.length() < 1.5 * peak));
 }

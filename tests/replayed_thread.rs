@@ -1,4 +1,4 @@
-//! A run on a thread, replayed in lock step from what was recorded, gives the same bits.
+//! A threaded run, replayed in lockstep from its records, is reproduced bit by bit.
 
 use palpate_body::{Body, SemiImplicitEuler, ToolContact, ToolPoint};
 use palpate_haptics::*;
@@ -6,7 +6,7 @@ use palpate_local::{ModelId, Sample, Scheme};
 use palpate_reduce::{BuilderOptions, LocalModelBuilder};
 use palpate_tests::{DRIVEN_NODE, reference_body, reference_offset};
 
-/// The model side of a run: the body, moved along the samples, and local models built of it.
+/// The model side of a run: the body, stepped along the samples, and the local models built from it.
 struct ModelSide {
     body: Body,
     contact: ToolContact,
@@ -23,7 +23,7 @@ impl ModelSide {
         Self { body, contact, builder, at: None }
     }
 
-    /// Moves the body along the samples up to `sequence` and publishes a local model of it.
+    /// Steps the body along the samples up to `sequence`, and publishes a local model.
     fn step(&mut self, sequence: u64, sample: impl Fn(u64) -> Sample, handle: &mut HapticHandle) {
         let point = |s: &Sample| ToolPoint { position_m: s.position_m, velocity_m_per_s: s.velocity_m_per_s };
         let (from, first) = self.at.unwrap_or_else(|| (sequence, point(&sample(sequence))));
@@ -43,7 +43,7 @@ impl ModelSide {
 fn device() -> ScriptedDevice {
     let start = reference_body().unwrap().positions_m()[DRIVEN_NODE];
     ScriptedDevice::new(move |n, _| match n {
-        // A few faults, so that their consequences are replayed too.
+        // Device errors, whose consequences are replayed too.
         300..303 => Err(DeviceError::TimedOut),
         _ => Ok(Reading::at(start + reference_offset(n as f64 * 1e-3))),
     })
@@ -53,8 +53,7 @@ fn settings() -> LoopSettings {
     LoopSettings { record: true, ..LoopSettings::default() }
 }
 
-/// Runs on a thread for at least `ticks` ticks, with model steps as they come; returns the records and the
-/// sequence numbers of the model steps.
+/// Runs the loop on a thread for at least `ticks` ticks. Returns the records, and the sequence numbers of the model steps.
 #[expect(clippy::disallowed_methods, reason = "the model side waits for samples of a real thread")]
 fn record(ticks: usize) -> (Vec<TickRecord>, Vec<u64>) {
     let (mut handle, haptic_loop) = haptic_loop(LoopConfig::default(), settings()).unwrap();
@@ -69,7 +68,7 @@ fn record(ticks: usize) -> (Vec<TickRecord>, Vec<u64>) {
             model_side.step(sequence, |s| *samples.get(s).unwrap(), &mut handle);
         }
         records.extend(std::iter::from_fn(|| handle.next_record()));
-        // Another frame in mid-run.
+        // Changes the device frame during the run.
         if records.len() > 600 && handle.settings().frame == DeviceFrame::default() {
             let frame = DeviceFrame { offset_m: glam::DVec3::X * 1e-3, ..DeviceFrame::default() };
             handle.set_settings(LoopSettings { frame, ..settings() }).unwrap();
@@ -82,16 +81,16 @@ fn record(ticks: usize) -> (Vec<TickRecord>, Vec<u64>) {
 }
 
 #[test]
-fn a_thread_run_is_replayed_to_the_bit() {
+fn threaded_run_is_reproduced_bit_by_bit() {
     let (records, steps) = record(1200);
     let (mut handle, mut haptic_loop) = haptic_loop(LoopConfig::default(), settings()).unwrap();
     let (mut model_side, mut samples) = (ModelSide::new(), std::collections::HashMap::new());
     let mut steps = steps.into_iter().peekable();
-    assert!(records.iter().any(|r| r.settings.is_some()), "the settings changed on the way");
-    let (mut adopted, mut loudest) = (0, 0.0_f64);
+    assert!(records.iter().any(|r| r.settings.is_some()), "the settings change during the run");
+    let (mut swaps, mut max_force_n) = (0, 0.0_f64);
     for recorded in &records {
         if let Some(taken) = recorded.taken {
-            // Every model step up to the one that was taken; those between were never seen by the loop.
+            // All model steps up to the accepted one; the loop has not read those in between.
             while let Some(sequence) = steps.next_if(|&s| s <= taken.sequence) {
                 model_side.step(sequence, |s| samples[&s], &mut handle);
             }
@@ -109,13 +108,13 @@ fn a_thread_run_is_replayed_to_the_bit() {
         for (_, sample) in samples_of(&mut handle) {
             samples.insert(sample.sequence, sample);
         }
-        adopted += usize::from(recorded.rendered.swap.is_some());
-        loudest = loudest.max(recorded.force_n.length());
+        swaps += usize::from(recorded.rendered.swap.is_some());
+        max_force_n = max_force_n.max(recorded.force_n.length());
     }
-    assert!(adopted > 10 && loudest > 1.0, "{adopted} models, {loudest} N");
+    assert!(swaps > 10 && max_force_n > 1.0, "{swaps} models, {max_force_n} N");
 }
 
-/// The samples of the newest tick, the bridged ones before it included.
+/// The samples of the newest tick, including those that bridge missed ticks before it.
 fn samples_of(handle: &mut HapticHandle) -> Vec<(u64, Sample)> {
     let elapsed = handle.latest_tick().map_or(1, |record| record.elapsed);
     let samples = handle.samples();

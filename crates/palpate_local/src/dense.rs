@@ -1,32 +1,32 @@
-//! A small dense Cholesky factorisation in place, for systems of a few dozen unknowns inside a tick.
+//! Small dense linear algebra inside a tick: in-place Cholesky factorisation, products, and vectors in flat lists.
 
 use crate::LocalModelError;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
-/// A = L Lᵀ of a symmetric positive definite matrix, row by row in a buffer that is made once.
+/// Cholesky factorisation A = L Lᵀ of a symmetric positive definite matrix, stored by rows in a buffer allocated at construction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cholesky {
     n: usize,
-    /// Row i of L at `i * n`, its diagonal entry inverted.
+    /// Row i of L begins at `i * n`; its diagonal entry is inverted.
     l: Vec<f64>,
 }
 
 impl Cholesky {
-    /// Room for up to `capacity` unknowns.
+    /// An empty factor with capacity for `capacity` unknowns.
     #[must_use]
     pub fn with_capacity(capacity: usize) -> Self {
         Self { n: 0, l: zeros(capacity * capacity) }
     }
 
-    /// Factorises the symmetric matrix `a` (n × n, row by row; its lower triangle is read).
+    /// Factorises the symmetric matrix `a`, n × n by rows. Only the lower triangle is read.
     ///
     /// # Errors
-    /// [`LocalModelError::Pivot`] when `a` is not positive definite, [`LocalModelError::Size`] when `a` or the
-    /// room for the factor is too small. There is no factor then, as if of order zero.
+    /// [`LocalModelError::Pivot`] when `a` is not positive definite, [`LocalModelError::Size`] when `a` or the capacity of the factor
+    /// is too small. The factor then has order zero.
     pub fn factorise(&mut self, n: usize, a: &[f64]) -> Result<(), LocalModelError> {
         self.n = 0;
         let needed = n * n;
-        for (what, found) in [("matrix to factorise", a.len()), ("room for a factor", self.l.len())] {
+        for (what, found) in [("matrix to factorise", a.len()), ("capacity of the factor", self.l.len())] {
             if found < needed {
                 return Err(LocalModelError::Size { what, found, needed, order: n });
             }
@@ -58,16 +58,16 @@ impl Cholesky {
         self.l.iter().take(self.n * self.n).all(|v| v.is_finite())
     }
 
-    /// Room, in unknowns.
+    /// Maximum number of unknowns.
     #[must_use]
     pub fn capacity(&self) -> usize {
         self.l.len().isqrt()
     }
 
-    /// Becomes `other`, without allocating when there is room.
+    /// Copies `other` without allocation.
     ///
     /// # Errors
-    /// [`LocalModelError::Order`] when there is no room; `self` is unchanged then.
+    /// [`LocalModelError::Order`] when the order of `other` exceeds the capacity; `self` is then unchanged.
     pub fn copy_from(&mut self, other: &Self) -> Result<(), LocalModelError> {
         let used = other.n * other.n;
         let (Some(to), Some(from)) = (self.l.get_mut(..used), other.l.get(..used)) else {
@@ -80,7 +80,7 @@ impl Cholesky {
 
     /// Solves A x = b in place.
     ///
-    /// Unknowns beyond the shorter of the factor and `b` are left alone.
+    /// Solves for the first n unknowns, n the smaller of the order of the factor and the length of `b`; the rest of `b` is unchanged.
     pub fn solve_in_place(&self, b: &mut [f64]) {
         let n = self.n.min(b.len());
         for (i, row) in self.l.chunks_exact(self.n.max(1)).take(n).enumerate() {
@@ -96,7 +96,7 @@ impl Cholesky {
     }
 }
 
-/// Σ a_i b_i in eight running sums, two to a register, so that no sum waits for the one before.
+/// Σ a_i b_i in eight independent partial sums, two to a register, to hide the latency of additions.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let n = a.len().min(b.len());
     let ((a8, a_rest), (b8, b_rest)) = (a[..n].as_chunks::<8>(), b[..n].as_chunks::<8>());
@@ -111,11 +111,12 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     ((a + b) + (c + d)).element_sum() + rest
 }
 
-/// Rows of a product that are summed at once.
+/// Rows of a product that are summed in one pass.
 const ROWS: usize = 16;
 
-/// y += factor · Σ_j a_j x_j over the columns a_j of A, which lie one after the other: as a symmetric matrix's rows do. Faster
-/// than by rows, for no sums are left at the end of each; some rows at a time, so that y is written once.
+/// y += factor · A x for a matrix stored by columns, or a symmetric one stored by rows.
+///
+/// It is faster than dot products by rows, which end in a horizontal sum each. Blocks of [`ROWS`] rows write y once.
 pub(crate) fn add_columns(y: &mut [f64], a: &[f64], x: &[f64], factor: f64) {
     let m = y.len();
     let columns = || a.chunks_exact(m.max(1)).zip(x);
@@ -139,33 +140,49 @@ pub(crate) fn add_columns(y: &mut [f64], a: &[f64], x: &[f64], factor: f64) {
     rest.iter_mut().zip(sums).for_each(|(y, sum)| *y += factor * sum);
 }
 
-/// y −= A x for a row-by-row matrix A.
+/// y −= A x for a matrix A stored by rows.
 pub(crate) fn subtract_product(y: &mut [f64], a: &[f64], x: &[f64]) {
     for (y, row) in y.iter_mut().zip(a.chunks_exact(x.len().max(1))) {
         *y -= dot(row, x);
     }
 }
 
-/// So many zeros in memory that has been written to: the operating system finds pages for what is only promised to be zero when
-/// it is first used, which would be within a tick.
+/// `n` zeros in memory that has been written to.
+///
+/// Zeroed memory from the allocator has no pages until its first use, which would be inside a tick.
 pub(crate) fn zeros(n: usize) -> Vec<f64> {
     let mut zeros = std::hint::black_box(vec![1.0; n]);
     zeros.fill(0.0);
     zeros
 }
 
-/// Room for so many like `one`, in memory that has been written to.
-pub(crate) fn room<T: Clone>(n: usize, one: T) -> Vec<T> {
-    let mut room = std::hint::black_box(vec![one; n]);
-    room.clear();
-    room
+/// An empty vector with capacity for `n` elements, in memory that has been written to: see [`zeros`].
+pub(crate) fn touched_capacity<T: Clone>(n: usize, fill: T) -> Vec<T> {
+    let mut list = std::hint::black_box(vec![fill; n]);
+    list.clear();
+    list
+}
+
+/// The `i`-th vector of a list of three numbers each; zero beyond its end.
+pub(crate) fn vec3_at(list: &[f64], i: usize) -> DVec3 {
+    match list.get(3 * i..3 * i + 3) {
+        Some(&[x, y, z]) => DVec3::new(x, y, z),
+        _ => DVec3::ZERO,
+    }
+}
+
+/// Sets the `i`-th vector of a list of three numbers each.
+pub(crate) fn set_vec3(list: &mut [f64], i: usize, value: DVec3) {
+    if let Some(to) = list.get_mut(3 * i..3 * i + 3) {
+        to.copy_from_slice(&value.to_array());
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// A random-looking symmetric positive definite matrix.
+    /// A pseudo-random symmetric positive definite matrix.
     fn spd(n: usize) -> Vec<f64> {
         let g: Vec<f64> = (0..n * n).map(|i| ((i * i + 3 * i) as f64 * 0.7).sin()).collect();
         (0..n * n)
@@ -177,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn the_solution_satisfies_the_system() {
+    fn cholesky_solves_the_system() {
         for n in [1, 2, 5, 8, 51] {
             let a = spd(n);
             let mut factor = Cholesky::with_capacity(51);
@@ -191,12 +208,12 @@ mod tests {
     }
 
     #[test]
-    fn columns_are_added_as_rows_are() {
+    fn add_columns_equals_product_by_rows() {
         for (m, n) in [(1, 1), (3, 4), (7, 5), (12, 11), (90, 29)] {
             let a: Vec<f64> = (0..m * n).map(|i| (i as f64 * 0.7).sin()).collect();
             let x: Vec<f64> = (0..n).map(|i| (i as f64).cos()).collect();
             let mut y = vec![1.0; m];
-            // What lies behind is not looked at.
+            // Entries beyond the last column are not read.
             add_columns(&mut y, &[a.clone(), vec![f64::NAN; 5 * m]].concat(), &x, -2.0);
             for (i, y) in y.iter().enumerate() {
                 let sum: f64 = (0..n).map(|j| a[j * m + i] * x[j]).sum();
@@ -207,17 +224,17 @@ mod tests {
     }
 
     #[test]
-    fn an_indefinite_matrix_is_refused_with_its_pivot() {
+    fn factorise_rejects_indefinite_matrix_with_its_pivot() {
         let mut factor = Cholesky::with_capacity(2);
-        let refused = factor.factorise(2, &[1.0, 2.0, 2.0, 1.0]).unwrap_err();
-        assert_eq!(refused, LocalModelError::Pivot { index: 1, pivot: -3.0 });
+        let error = factor.factorise(2, &[1.0, 2.0, 2.0, 1.0]).unwrap_err();
+        assert_eq!(error, LocalModelError::Pivot { index: 1, pivot: -3.0 });
         assert_eq!(factor.order(), 0);
         assert!(matches!(factor.factorise(3, &spd(3)), Err(LocalModelError::Size { .. })));
         assert!(matches!(factor.factorise(2, &[1.0]), Err(LocalModelError::Size { .. })));
     }
 
     #[test]
-    fn a_copy_needs_room() {
+    fn copy_rejects_order_above_capacity() {
         let mut large = Cholesky::with_capacity(4);
         large.factorise(4, &spd(4)).unwrap();
         let mut small = Cholesky::with_capacity(3);

@@ -1,116 +1,117 @@
-//! Why a local model is not taken.
+//! Errors of local models, sample histories and their settings.
 
 use thiserror::Error;
 
-/// What is wrong with a local model, a sample history or their settings.
+/// Error of a local model, a sample history or their settings.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum LocalModelError {
-    /// A number in the model is not finite. The model in use goes on speaking.
+    /// A part of the model has a number that is not finite.
     #[error("the local model's {what} is not finite")]
     NotFinite {
-        /// Which part.
+        /// Name of the part.
         what: &'static str,
     },
-    /// The reduced order is larger than the loop has room for.
-    #[error("the local model has order {order}; there is room for {capacity}")]
+    /// The reduced order exceeds the capacity of the loop.
+    #[error("the local model has order {order}; it must be at most {capacity}")]
     Order {
-        /// The model's order.
+        /// Order of the model.
         order: usize,
-        /// The order for which buffers were made.
+        /// Order for which the buffers were allocated.
         capacity: usize,
     },
-    /// A near field has more of something than the loop has room for.
-    #[error("the local model has {found} {what}; there is room for {room}")]
+    /// A size of the near field exceeds the capacity of the loop.
+    #[error("the local model has {found} {what}; it must have at most {room}")]
     Room {
-        /// Of what.
+        /// Name of the elements.
         what: &'static str,
-        /// How many it has.
+        /// Number of elements in the model.
         found: usize,
-        /// How many there is room for.
+        /// Number of elements for which the buffers were allocated.
         room: usize,
     },
-    /// A near field names a node that it does not have.
-    #[error("{what} of the local model names a node that it does not have")]
+    /// An index in the near field is out of range.
+    #[error("{what} of the local model has an index that is out of range")]
     Index {
-        /// What names it.
+        /// Name of the element with the index.
         what: &'static str,
     },
-    /// A part of the model has not the size that its order asks for.
-    #[error("the local model's {what} has {found} entries; order {order} needs at least {needed}")]
+    /// A part of the model is smaller than its order requires.
+    #[error("the local model's {what} has {found} entries; order {order} requires at least {needed}")]
     Size {
-        /// Which part.
+        /// Name of the part.
         what: &'static str,
-        /// Entries found.
+        /// Number of entries.
         found: usize,
-        /// Entries needed.
+        /// Number of entries required.
         needed: usize,
-        /// The model's order.
+        /// Order of the model.
         order: usize,
     },
-    /// A factor of the implicit step has a pivot that is not positive.
+    /// A pivot of the factor of the implicit step is not positive.
     #[error("pivot {index} of the local model's implicit step is {pivot}; it must be above 0")]
     Pivot {
-        /// Its index.
+        /// Index of the pivot.
         index: usize,
-        /// Its value.
+        /// Value of the pivot.
         pivot: f64,
     },
-    /// The model was built at a sample that lies after the newest one: it belongs to another run.
+    /// The model was built at a sample after the newest one: it belongs to another run.
     #[error("the local model is of sample {model}, but the newest sample is {newest}")]
     FromTheFuture {
-        /// Sample of the model.
+        /// Sequence number of the model's sample.
         model: u64,
-        /// The newest sample.
+        /// Sequence number of the newest sample.
         newest: u64,
     },
-    /// The samples since the model was built are no longer all there to be replayed.
+    /// Samples that must be replayed into the model are no longer in the history.
     #[error(
-        "the local model is of sample {model}; the oldest sample kept is {oldest}, so it cannot catch up"
+        "the local model is of sample {model} and the oldest sample kept is {oldest}; \
+         build models faster or increase `HandOverSettings::history`"
     )]
     TooOld {
-        /// Sample of the model.
+        /// Sequence number of the model's sample.
         model: u64,
-        /// The oldest sample that is kept.
+        /// Sequence number of the oldest sample in the history.
         oldest: u64,
     },
-    /// The model is not newer than the one that speaks.
-    #[error("the local model is of sample {model}, no newer than the one in use, of sample {active}")]
+    /// The model is not newer than the active one.
+    #[error("the local model is of sample {model}; it must be newer than the active one, of sample {active}")]
     NotNewer {
-        /// Sample of the model.
+        /// Sequence number of the model's sample.
         model: u64,
-        /// Sample of the model in use.
+        /// Sequence number of the active model's sample.
         active: u64,
     },
-    /// The model is of an earlier build of the body than the one that speaks.
-    #[error("the local model is of epoch {model} of its body, the one in use of epoch {active}")]
+    /// The model belongs to an earlier build of the body than the active one.
+    #[error("the local model is of epoch {model} of its body; the active one is of epoch {active}")]
     OldEpoch {
         /// Epoch of the model.
         model: u64,
-        /// Epoch of the model in use.
+        /// Epoch of the active model.
         active: u64,
     },
-    /// The model's implicit step was made for another tick.
-    #[error("the local model steps by {found} s; the loop ticks every {needed} s")]
+    /// The model was built for a tick of another length.
+    #[error("the local model has a tick of {found} s; it must be that of the loop, {needed} s")]
     Step {
-        /// The model's step, s.
+        /// Tick of the model, s.
         found: f64,
-        /// The loop's tick, s.
+        /// Tick of the loop, s.
         needed: f64,
     },
-    /// No scheme has this name.
+    /// The name is not that of a scheme.
     #[error(
-        "there is no such scheme; there are hold, low_pass, tangent, neighbourhood, krylov_linear, near_field_exact"
+        "there is no such scheme; it must be one of hold, low_pass, tangent, neighbourhood, krylov_linear, near_field_exact"
     )]
     UnknownScheme,
-    /// A setting is outside what is allowed.
+    /// A setting is outside its allowed range.
     #[error("{what} is {value}; it must be {allowed}")]
     Setting {
-        /// The setting with its unit.
+        /// Name of the setting with its unit.
         what: &'static str,
-        /// The value given.
+        /// Value of the setting.
         value: f64,
-        /// What is allowed.
+        /// Allowed range.
         allowed: &'static str,
     },
 }

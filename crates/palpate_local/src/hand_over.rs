@@ -1,4 +1,4 @@
-//! Hand-over: a new local model is brought up to now before it speaks.
+//! Hand-over: replaces the active local model by a newer one, after replay of the samples that the newer one has missed.
 
 #![cfg_attr(
     not(test),
@@ -12,7 +12,7 @@ use crate::{
 use glam::DVec3;
 use palpate_laws::unilateral_force;
 
-/// When a slice of the replay has taken that many multiplications it is over: that is about a quarter of a millisecond.
+/// Work after which replay stops for a tick, in multiplications: about a quarter of a millisecond.
 const MAX_REPLAY_WORK: usize = 1_500_000;
 
 /// Sizes and rates of a hand-over, fixed at construction.
@@ -20,19 +20,19 @@ const MAX_REPLAY_WORK: usize = 1_500_000;
 pub struct HandOverSettings {
     /// Length of a tick, s.
     pub tick_s: f64,
-    /// What a model can hold at most.
+    /// Maximum sizes of a local model.
     pub capacity: Capacity,
-    /// Samples kept for replay.
+    /// Number of samples kept for replay.
     pub history: usize,
-    /// Missed samples replayed into a new model in one tick, at most, and fewer where they take more than about a quarter of a
-    /// millisecond; the samples of the tick itself come on top, so that a model always catches up.
+    /// Maximum number of missed samples that are replayed in one tick. Replay stops earlier after about a quarter of a millisecond of
+    /// computation. The samples of the tick itself are replayed in addition, which guarantees that a model catches up.
     pub replay_per_tick: usize,
-    /// Cut-off of the low-pass of [`Scheme::LowPass`], Hz.
+    /// Cut-off frequency of the low-pass filter of [`Scheme::LowPass`], Hz.
     pub cutoff_hz: f64,
 }
 
 impl Default for HandOverSettings {
-    /// 1 ms, room for a support set of sixteen nodes, 512 samples, 8 a tick, 10 Hz.
+    /// Ticks of 1 ms, the default capacity, 512 samples, 8 of them replayed a tick, 10 Hz.
     fn default() -> Self {
         let capacity = Capacity::default();
         Self { tick_s: 1e-3, capacity, history: 512, replay_per_tick: 8, cutoff_hz: 10.0 }
@@ -40,21 +40,20 @@ impl Default for HandOverSettings {
 }
 
 impl HandOverSettings {
-    /// Refuses sizes and rates that make no sense.
+    /// Checks the ranges of all settings.
     ///
     /// # Errors
-    /// [`LocalModelError::Setting`] for a tick that is not 10 µs to 0.1 s, a cut-off that is not finite and above
-    /// zero, a size above 4096, a replay that is not 1 to 10000 samples a tick, or a history that is not 1 to
-    /// 1000000 samples.
+    /// [`LocalModelError::Setting`] for a tick outside 10 µs to 0.1 s, a cut-off that is not finite and above zero, a size above 4096, a
+    /// replay outside 1 to 10000 samples a tick, or a history outside 1 to 1000000 samples.
     pub fn validate(&self) -> Result<(), LocalModelError> {
         let Self { tick_s, capacity, history, replay_per_tick, cutoff_hz } = *self;
         let near = capacity.near;
-        let largest =
+        let sizes =
             [capacity.order, near.nodes, near.order, near.ring, near.springs, near.points, near.triangles];
-        let largest = largest.into_iter().max().unwrap_or(0);
+        let max_size = sizes.into_iter().max().unwrap_or(0);
         for (what, value, ok, allowed) in [
             ("tick, s", tick_s, (1e-5..=0.1).contains(&tick_s), "1e-5 to 0.1"),
-            ("largest size of a local model", largest as f64, largest <= 4096, "at most 4096"),
+            ("maximum size of a local model", max_size as f64, max_size <= 4096, "at most 4096"),
             ("samples kept", history as f64, (1..=1_000_000).contains(&history), "1 to 1000000"),
             (
                 "samples replayed in a tick",
@@ -77,106 +76,114 @@ impl HandOverSettings {
     }
 }
 
-/// A model with its state.
+/// A local model with its state.
 #[derive(Clone, Debug)]
 struct ModelInstance {
     model: LocalModel,
     state: LocalState,
 }
 
-/// The speaking local model, the one that catches up, and the samples to catch up with.
+/// Progress of the replay into the candidate model.
+#[derive(Clone, Copy, Debug)]
+struct Replay {
+    /// Sequence number of the next sample.
+    next: u64,
+    /// Number of samples replayed.
+    replayed: u64,
+}
+
+/// Renders force from the active local model, and replaces it by newer ones.
 ///
-/// At every tick: [`HandOver::push`] the sample, [`HandOver::offer`] a model if one has arrived and
-/// [`HandOver::is_catching_up`] is false, then [`HandOver::speak`].
+/// Every tick has three calls: [`HandOver::push`] with the sample, [`HandOver::submit`] if a model has arrived and
+/// [`HandOver::is_ready`], then [`HandOver::render`].
 ///
-/// A model built at sample N and offered at sample n > N has missed n − N samples. They are replayed into it,
-/// at most [`HandOverSettings::replay_per_tick`] a tick, while the old model goes on speaking; when it has
-/// caught up the two change places. So a model that took 40 ms to compute is not 40 ms late. Models without a
-/// state have nothing to catch up and speak at once.
-///
-/// Where ticks were missed, the speaking model is stepped along the bridging samples too, the last `replay_per_tick`
-/// of them; it skips those before.
+/// * **Submit.** A submitted model is validated and copied. It becomes the candidate, and the active model stays.
+/// * **Replay.** A model built at sample N and submitted at sample n has missed n − N samples. [`HandOver::render`] advances the candidate
+///   over them, at most [`HandOverSettings::replay_per_tick`] a tick, while the active model renders the force. A model that took
+///   40 ms to compute is thus not 40 ms late. A model without a state has nothing to replay.
+/// * **Swap.** In the tick in which the candidate reaches the newest sample, it becomes the active model. [`ModelSwap`] reports the jumps
+///   of force and energy. The candidate is dropped if the samples it needs are no longer in the history.
+/// * **Render.** The active model advances by one tick and displays its force. After missed ticks it also advances over the
+///   samples that bridge them, the last `replay_per_tick` at most, and skips older ones.
 #[derive(Clone, Debug)]
 pub struct HandOver {
     settings: HandOverSettings,
     history: SampleHistory,
     active: ModelInstance,
-    /// Sample at which `speaking` spoke last; `None` before the first model.
+    /// Sample at which `active` last rendered a force; `None` before the first model.
     rendered_at: Option<u64>,
-    incoming: ModelInstance,
-    /// Next sample to be replayed into `incoming`, and how many have been; `None` when it holds no model.
-    replay: Option<(u64, u64)>,
-    /// Samples pushed since the last word.
-    fresh: u64,
+    candidate: ModelInstance,
+    /// Progress of the replay; `None` when there is no candidate.
+    replay: Option<Replay>,
+    /// Number of samples pushed since the last force was rendered.
+    pushed: u64,
     low_pass: LowPass,
 }
 
-/// What came of an offered model.
+/// The result of submitting a local model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SubmitResult {
-    /// It has been copied and will speak when it has caught up.
+    /// The model has been copied. It becomes active when the missed samples have been replayed into it.
     Accepted,
-    /// Another one is catching up, or there is no sample yet; offer again later.
+    /// Another model is being replayed, or there is no sample yet. Submit the model again in a later tick.
     Busy,
-    /// It is refused, and the one in use goes on speaking.
+    /// The model cannot be used; the active one stays.
     Rejected(LocalModelError),
 }
 
-/// What the hand-over has to say at a tick.
+/// The force of a tick, and what happened to the local models in it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RenderedForce {
     /// Force on the hand, N, scene frame, before the safety chain.
     pub force_n: DVec3,
-    /// The model that spoke; `None` before the first.
+    /// The active model; `None` before the first.
     pub model: Option<ModelId>,
-    /// The change of model at this tick, if there was one.
+    /// The swap of models in this tick; `None` in a tick without one.
     pub swap: Option<ModelSwap>,
-    /// Whether the impulses of the tool's contacts were not found as well as they should be; see
-    /// [`LocalState::is_unsolved`].
+    /// Whether the contact solver of the active model failed to converge: see [`LocalState::is_unconverged`].
     pub unconverged: bool,
-    /// Why a model that was catching up had to be given up at this tick.
+    /// Why the candidate model was dropped in this tick; `None` if none was.
     pub abandoned: Option<LocalModelError>,
 }
 
-/// A change of model.
+/// A swap of the active local model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelSwap {
-    /// The model that speaks from this tick on.
+    /// The model that is active from this tick on.
     pub to: ModelId,
-    /// Samples that were replayed into it.
+    /// Number of samples that were replayed into it.
     pub replayed_samples: u64,
-    /// Its force minus what the old model would have displayed at this tick, N, both before the filter of
-    /// [`Scheme::LowPass`].
+    /// Force of the new model minus the force of the old one at this tick, N, both before the filter of [`Scheme::LowPass`].
     pub force_jump_n: DVec3,
-    /// The body's energy as it has it minus that as the old model has it, J: what the hand-over brings in, or takes where it
-    /// is negative. `None` where one of them knows none.
+    /// Energy of the body in the new model minus its energy in the old one, J. Positive: the swap adds energy. `None` where
+    /// one of the models has no energy, or belongs to another body or epoch.
     pub energy_jump_j: Option<f64>,
 }
 
 impl HandOver {
-    /// A silent hand-over.
+    /// A hand-over without a model; it renders zero force.
     ///
     /// # Errors
     /// As [`HandOverSettings::validate`].
     pub fn new(settings: HandOverSettings) -> Result<Self, LocalModelError> {
         settings.validate()?;
-        let speaker = ModelInstance {
+        let empty = ModelInstance {
             model: LocalModel::empty(settings.capacity),
             state: LocalState::with_capacity(settings.capacity),
         };
         Ok(Self {
             settings,
             history: SampleHistory::with_capacity(settings.history)?,
-            active: speaker.clone(),
+            active: empty.clone(),
             rendered_at: None,
-            incoming: speaker,
+            candidate: empty,
             replay: None,
-            fresh: 0,
+            pushed: 0,
             low_pass: LowPass::new(settings.cutoff_hz, settings.tick_s)?,
         })
     }
 
-    /// The samples pushed so far.
+    /// The samples pushed so far, as many as the history holds.
     #[must_use]
     pub fn history(&self) -> &SampleHistory {
         &self.history
@@ -185,38 +192,38 @@ impl HandOver {
     /// Adds the newest sample.
     pub fn push(&mut self, sample: Sample) {
         self.history.push(sample);
-        self.fresh = self.fresh.saturating_add(1);
+        self.pushed = self.pushed.saturating_add(1);
     }
 
-    /// Whether a model is being brought up to now.
+    /// Whether missed samples are being replayed into a candidate model.
     #[must_use]
     pub fn is_catching_up(&self) -> bool {
         self.replay.is_some()
     }
 
-    /// Whether a model can be offered: there is a sample, and no other model is catching up.
+    /// Whether a model can be submitted: there is a sample, and no candidate model.
     #[must_use]
     pub fn is_ready(&self) -> bool {
         !self.is_catching_up() && !self.history.is_empty()
     }
 
-    /// Forgets the models of all bodies but `body`: from the next word on they are not heard.
+    /// Drops the models of all bodies but `body`. Without an active model the force is zero.
     pub fn retain_body(&mut self, body: u64) {
         if self.rendered_at.is_some() && self.active.model.id.body != body {
             self.rendered_at = None;
         }
-        if self.incoming.model.id.body != body {
+        if self.candidate.model.id.body != body {
             self.replay = None;
         }
     }
 
-    /// The model that speaks; `None` before the first.
+    /// The active model; `None` before the first.
     #[must_use]
     pub fn active(&self) -> Option<&LocalModel> {
         self.rendered_at.map(|_| &self.active.model)
     }
 
-    /// Offers a new model, which is checked and copied.
+    /// Submits a new model: validates it and copies it as the candidate.
     pub fn submit(&mut self, model: &LocalModel) -> SubmitResult {
         if !self.is_ready() {
             return SubmitResult::Busy;
@@ -227,6 +234,7 @@ impl HandOver {
         }
     }
 
+    /// Makes `model` the candidate.
     fn accept(&mut self, model: &LocalModel) -> Result<(), LocalModelError> {
         model.validate()?;
         let sequence = model.id.sequence;
@@ -240,99 +248,102 @@ impl HandOver {
             if same_body && model.id.epoch < active.epoch {
                 return Err(LocalModelError::OldEpoch { model: model.id.epoch, active: active.epoch });
             }
-            // That there is nothing to be felt may be said twice.
+            // A model of no body may be repeated for the same sample.
             let newer =
                 sequence > active.sequence || sequence == active.sequence && active.body == ModelId::NO_BODY;
             if same_body && model.id.epoch == active.epoch && !newer {
                 return Err(LocalModelError::NotNewer { model: sequence, active: active.sequence });
             }
         }
-        // A model without a state has nothing to catch up: it begins behind the newest sample.
-        let mut first = newest.saturating_add(1);
+        // Without a state there is nothing to replay: the next sample to replay is the one after the newest.
+        let mut next = newest.saturating_add(1);
         if model.has_state() {
             let (found, needed) = (model.step_s(), self.settings.tick_s);
             if (found / needed - 1.0).abs() > 1e-9 {
                 return Err(LocalModelError::Step { found, needed });
             }
-            first = sequence.saturating_add(1);
+            next = sequence.saturating_add(1);
             let oldest = self.history.oldest_sequence().unwrap_or(0);
-            if first < oldest {
+            if next < oldest {
                 return Err(LocalModelError::TooOld { model: sequence, oldest });
             }
         }
-        self.incoming.model.copy_from(model)?;
-        self.incoming.state.start(&self.incoming.model);
-        self.replay = Some((first, 0));
+        self.candidate.model.copy_from(model)?;
+        self.candidate.state.start(&self.candidate.model);
+        self.replay = Some(Replay { next, replayed: 0 });
         Ok(())
     }
 
-    /// The force at the newest sample: steps the speaking model, catches up the incoming one, and changes
-    /// over when it has caught up.
+    /// Renders the force at the newest sample: advances the active model, replays samples into the candidate, and swaps the two when
+    /// the candidate has caught up.
     pub fn render(&mut self) -> RenderedForce {
         let Some(&newest) = self.history.newest() else {
             return RenderedForce::default();
         };
-        let mut force = self.step_active(&newest);
-        let mut out = RenderedForce::default();
-        match self.catch_up(newest.sequence) {
+        let mut force_n = self.advance_active(&newest);
+        let (mut swap, mut abandoned) = (None, None);
+        match self.advance_candidate(newest.sequence) {
             Ok(None) => {}
             Ok(Some(replayed)) => {
-                let energy = |speaker: &ModelInstance| speaker.state.energy_j(&speaker.model);
-                let (from, to) = (self.active.model.id, self.incoming.model.id);
-                let is_same = self.rendered_at.is_some() && (from.body, from.epoch) == (to.body, to.epoch);
-                let old = energy(&self.active).filter(|_| is_same);
-                let energy_step_j = energy(&self.incoming).zip(old).map(|(new, old)| new - old);
-                std::mem::swap(&mut self.active, &mut self.incoming);
-                self.replay = None;
-                self.rendered_at = Some(newest.sequence);
-                let new = self.active.state.force_n(&self.active.model, &newest);
-                let to = self.active.model.id;
-                out.swap = Some(ModelSwap {
-                    to,
-                    replayed_samples: replayed,
-                    force_jump_n: new - force,
-                    energy_jump_j: energy_step_j,
-                });
-                force = new;
+                let (new_force_n, model_swap) = self.swap_models(&newest, force_n, replayed);
+                (force_n, swap) = (new_force_n, Some(model_swap));
             }
             Err(error) => {
                 self.replay = None;
-                out.abandoned = Some(error);
+                abandoned = Some(error);
             }
         }
-        let fresh = std::mem::take(&mut self.fresh);
-        force = self.filter(force, fresh);
-        out.force_n = force;
-        out.model = self.rendered_at.map(|_| self.active.model.id);
-        out.unconverged = out.model.is_some() && self.active.state.is_unconverged(&self.active.model);
-        out
+        let pushed = std::mem::take(&mut self.pushed);
+        let force_n = self.apply_low_pass(force_n, pushed);
+        let model = self.rendered_at.map(|_| self.active.model.id);
+        let unconverged = model.is_some() && self.active.state.is_unconverged(&self.active.model);
+        RenderedForce { force_n, model, swap, unconverged, abandoned }
     }
 
-    /// The low-pass of [`Scheme::LowPass`], with `fresh` samples since the last word. What touches nothing is
-    /// silent at once, and a surface does not pull, whatever the filter remembers.
-    fn filter(&mut self, force: DVec3, fresh: u64) -> DVec3 {
+    /// Makes the candidate the active model, after the old one has displayed `old_force_n`. Returns the force of the new one, N.
+    fn swap_models(
+        &mut self,
+        newest: &Sample,
+        old_force_n: DVec3,
+        replayed_samples: u64,
+    ) -> (DVec3, ModelSwap) {
+        let energy_j = |instance: &ModelInstance| instance.state.energy_j(&instance.model);
+        let (from, to) = (self.active.model.id, self.candidate.model.id);
+        let is_same_body = self.rendered_at.is_some() && (from.body, from.epoch) == (to.body, to.epoch);
+        let old_energy_j = energy_j(&self.active).filter(|_| is_same_body);
+        let energy_jump_j = energy_j(&self.candidate).zip(old_energy_j).map(|(new, old)| new - old);
+        std::mem::swap(&mut self.active, &mut self.candidate);
+        self.replay = None;
+        self.rendered_at = Some(newest.sequence);
+        let force_n = self.active.state.force_n(&self.active.model, newest);
+        (force_n, ModelSwap { to, replayed_samples, force_jump_n: force_n - old_force_n, energy_jump_j })
+    }
+
+    /// Applies the low-pass filter of [`Scheme::LowPass`], with `pushed` samples since the last force. Without contact the force is zero at
+    /// once, and the force of a surface never pulls, whatever the state of the filter.
+    fn apply_low_pass(&mut self, force_n: DVec3, pushed: u64) -> DVec3 {
         let model = &self.active.model;
-        let filtered = self.rendered_at.is_some() && model.scheme == Scheme::LowPass;
+        let is_filtered = self.rendered_at.is_some() && model.scheme == Scheme::LowPass;
         match model.contact {
-            Contact::Held if filtered => self.low_pass.advance(force, fresh),
-            Contact::Touching { normal } if filtered => {
-                unilateral_force(self.low_pass.advance(force, fresh), normal)
+            Contact::Held if is_filtered => self.low_pass.advance(force_n, pushed),
+            Contact::Touching { normal } if is_filtered => {
+                unilateral_force(self.low_pass.advance(force_n, pushed), normal)
             }
             _ => {
-                self.low_pass.reset(force);
-                force
+                self.low_pass.reset(force_n);
+                force_n
             }
         }
     }
 
-    /// Steps the speaking model over the samples since it spoke last: one, or a few where ticks were missed,
-    /// and never more than a slice.
-    fn step_active(&mut self, newest: &Sample) -> DVec3 {
-        let Some(spoken) = self.rendered_at else {
+    /// Advances the active model over the samples since it last rendered, at most `replay_per_tick` of them, and returns its force, N.
+    fn advance_active(&mut self, newest: &Sample) -> DVec3 {
+        let Some(rendered_at) = self.rendered_at else {
             return DVec3::ZERO;
         };
-        let slice = self.settings.replay_per_tick as u64;
-        let first = spoken.saturating_add(1).max(newest.sequence.saturating_add(1).saturating_sub(slice));
+        let limit = self.settings.replay_per_tick as u64;
+        let first =
+            rendered_at.saturating_add(1).max(newest.sequence.saturating_add(1).saturating_sub(limit));
         let ModelInstance { model, state } = &mut self.active;
         for sequence in first..=newest.sequence {
             if let Some(sample) = self.history.get(sequence) {
@@ -343,22 +354,23 @@ impl HandOver {
         state.force_n(model, newest)
     }
 
-    /// Replays a slice. `Ok(Some(n))` when the incoming model has caught up after n samples in all.
-    fn catch_up(&mut self, newest: u64) -> Result<Option<u64>, LocalModelError> {
-        let Some((mut next, mut replayed)) = self.replay else {
+    /// Replays one tick's share of the missed samples into the candidate. Returns the number of samples replayed in all if it has now
+    /// caught up.
+    fn advance_candidate(&mut self, newest: u64) -> Result<Option<u64>, LocalModelError> {
+        let Some(Replay { mut next, mut replayed }) = self.replay else {
             return Ok(None);
         };
-        let ModelInstance { model, state } = &mut self.incoming;
-        let budget = (self.settings.replay_per_tick as u64).saturating_add(self.fresh);
+        let ModelInstance { model, state } = &mut self.candidate;
+        let budget = (self.settings.replay_per_tick as u64).saturating_add(self.pushed);
         if !model.has_state() {
             return Ok(Some(0));
         }
         let mut work: usize = 0;
         for i in 0..budget {
-            // Where a tick is dear, or contacts are hard to solve, a slice is shorter; but one more than came, or it would never
+            // Costly ticks end the replay early. At least one sample more than were pushed is replayed, or the candidate would never
             // catch up.
-            let is_enough = work > MAX_REPLAY_WORK && i > self.fresh;
-            if next > newest || is_enough {
+            let is_over_budget = work > MAX_REPLAY_WORK && i > self.pushed;
+            if next > newest || is_over_budget {
                 break;
             }
             let Some(sample) = self.history.get(next) else {
@@ -370,7 +382,7 @@ impl HandOver {
             next = next.saturating_add(1);
             replayed += 1;
         }
-        self.replay = Some((next, replayed));
+        self.replay = Some(Replay { next, replayed });
         Ok((next > newest).then_some(replayed))
     }
 }

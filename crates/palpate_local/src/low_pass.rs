@@ -1,4 +1,4 @@
-//! A first-order low-pass filter on the force.
+//! First-order low-pass filter on the force.
 
 #![cfg_attr(
     not(test),
@@ -8,7 +8,7 @@
 use crate::LocalModelError;
 use glam::DVec3;
 
-/// y ← y + a (u − y) with a = 1 − e^(−2π f_c h): first order, exact for inputs held over the step h.
+/// First-order low-pass filter, y ← y + a (u − y) with a = 1 − e^(−2π f_c h): exact for inputs that are constant over the step h.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LowPass {
     a: f64,
@@ -16,7 +16,7 @@ pub struct LowPass {
 }
 
 impl LowPass {
-    /// A filter of cut-off `cutoff_hz` (f_c) stepped every `step_s` (h), at zero.
+    /// A filter with cut-off frequency `cutoff_hz` (f_c) and step `step_s` (h), at y = 0.
     ///
     /// # Errors
     /// [`LocalModelError::Setting`] when either is not finite and above zero.
@@ -29,7 +29,7 @@ impl LowPass {
         Ok(Self { a: -(-std::f64::consts::TAU * cutoff_hz * step_s).exp_m1(), y: DVec3::ZERO })
     }
 
-    /// `steps` steps with input `u`; returns y. An input that is not finite counts as zero.
+    /// Advances by `steps` steps with input `u` and returns y. A non-finite input counts as zero.
     pub fn advance(&mut self, u: DVec3, steps: u64) -> DVec3 {
         let u = if u.is_finite() { u } else { DVec3::ZERO };
         let left = (1.0 - self.a).powi(i32::try_from(steps).unwrap_or(i32::MAX));
@@ -37,7 +37,7 @@ impl LowPass {
         self.y
     }
 
-    /// Sets y; to zero if `y` is not finite.
+    /// Sets y; a non-finite `y` counts as zero.
     pub fn reset(&mut self, y: DVec3) {
         self.y = if y.is_finite() { y } else { DVec3::ZERO };
     }
@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_step_is_followed_exponentially() {
+    fn step_response_is_exponential() {
         let mut filter = LowPass::new(10.0, 1e-3).unwrap();
         let y = (0..100).map(|_| filter.advance(DVec3::X, 1)).last().unwrap();
         let expected = 1.0 - (-std::f64::consts::TAU * 10.0 * 0.1).exp();
@@ -58,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_leaves_no_trace() {
+    fn non_finite_input_counts_as_zero() {
         let mut filter = LowPass::new(10.0, 1e-3).unwrap();
         filter.reset(DVec3::INFINITY);
         assert_eq!(filter.advance(DVec3::NAN, 1), DVec3::ZERO);
@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn a_senseless_filter_is_refused() {
+    fn rejects_non_positive_or_non_finite_settings() {
         for (cutoff, step) in [(0.0, 1e-3), (f64::NAN, 1e-3), (10.0, -1.0), (10.0, f64::INFINITY)] {
             assert!(LowPass::new(cutoff, step).is_err());
         }

@@ -1,4 +1,4 @@
-//! The local model as data.
+//! The local model as plain data, and the schemes.
 
 #![cfg_attr(
     not(test),
@@ -9,26 +9,26 @@ use crate::dense::{Cholesky, zeros};
 use crate::{LocalModelError, NearField, NearFieldCapacity};
 use glam::{DMat3, DVec3};
 
-/// How the loop makes force between two model steps.
+/// How the loop computes the force between two model steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Scheme {
-    /// The force of the last model step.
+    /// The force of the last model step, constant.
     Hold,
     /// The force of the last model step through a first-order low-pass at 10 Hz.
     LowPass,
-    /// Force and static stiffness of the last model step, the whole body at rest in between.
+    /// Force and static stiffness of the last model step: the whole body follows the tool quasi-statically.
     Tangent,
-    /// The nodes near the tool move, all others stand still: the seed paper's local linear approximation.
+    /// The nodes near the tool move linearly and all others are fixed: the local linear approximation of the seed paper.
     Neighbourhood,
-    /// The whole body, linear about the model step and reduced to what the tool can stir up.
+    /// The whole body, linearised about the model step and projected onto a rational Krylov basis of its response to the tool.
     KrylovLinear,
-    /// The springs at the tool exact, all others linear and reduced: see [`crate::NearField`].
+    /// The springs near the tool exact, all others linearised and reduced: see [`crate::NearField`].
     #[default]
     NearFieldExact,
 }
 
 impl Scheme {
-    /// All of them.
+    /// All schemes.
     pub const ALL: [Self; 6] = [
         Self::Hold,
         Self::LowPass,
@@ -38,7 +38,7 @@ impl Scheme {
         Self::NearFieldExact,
     ];
 
-    /// Its name in files and tables.
+    /// The name of the scheme in files and tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -51,7 +51,7 @@ impl Scheme {
         }
     }
 
-    /// Whether it has a state of its own, which must be brought up to now at a hand-over.
+    /// Whether the scheme has a dynamic state, into which missed samples are replayed at a hand-over.
     #[must_use]
     pub fn has_state(self) -> bool {
         matches!(self, Self::Neighbourhood | Self::KrylovLinear | Self::NearFieldExact)
@@ -67,55 +67,55 @@ impl std::fmt::Display for Scheme {
 impl std::str::FromStr for Scheme {
     type Err = LocalModelError;
 
-    /// By [`Scheme::name`], with hyphens or underscores.
+    /// Parses [`Scheme::name`], with hyphens or underscores.
     fn from_str(name: &str) -> Result<Self, LocalModelError> {
         let name = name.trim().replace('-', "_");
         Self::ALL.into_iter().find(|scheme| scheme.name() == name).ok_or(LocalModelError::UnknownScheme)
     }
 }
 
-/// Which body, which build of it, and which sample a local model is of.
+/// Identity of a local model: the body, its epoch, and the sample of the model step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ModelId {
-    /// Identity of the body; [`ModelId::NO_BODY`] for a model of nothing.
+    /// Identity of the body; [`ModelId::NO_BODY`] for a model without a body.
     pub body: u64,
-    /// Counts rebuilds of that body: a model of another epoch is of another network.
+    /// Number of rebuilds of the body: models of different epochs have different networks.
     pub epoch: u64,
-    /// Sequence number of the sample up to which the body had been stepped.
+    /// Sequence number of the sample to which the body had been stepped.
     pub sequence: u64,
 }
 
 impl ModelId {
-    /// The body of a model that says that there is nothing to be felt.
+    /// The body of a model that displays zero force because there is no body.
     pub const NO_BODY: u64 = 0;
 }
 
-/// The contact at the model step.
+/// State of the contact at the model step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Contact {
-    /// The tool touches nothing: the force is zero.
+    /// The tool touches nothing; the force is zero.
     #[default]
     Apart,
-    /// The tool holds a node: pushed and pulled.
+    /// The tool holds a point: a bilateral constraint.
     Held,
-    /// The tool touches the surface: pushed only.
+    /// The tool touches the surface: a unilateral constraint.
     Touching {
         /// Outward unit normal of the surface.
         normal: DVec3,
     },
 }
 
-/// A local model, as it crosses from the model side to the loop. Its vectors have the length of the largest
-/// order it was made for and are written in place; nothing in it is allocated or freed on the way.
+/// A local model: plain data that the model step writes and the loop reads.
 ///
-/// What cannot be trusted is checked by [`LocalModel::validate`] before it speaks.
+/// The vectors have the lengths of their capacity and are written in place, so a hand-over neither allocates nor frees memory.
+/// [`LocalModel::validate`] checks a model before it is used.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LocalModel {
-    /// What it is of.
+    /// Body, epoch and sample of the model.
     pub id: ModelId,
-    /// How it makes force.
+    /// Scheme by which it computes force.
     pub scheme: Scheme,
-    /// The contact at the model step.
+    /// State of the contact at the model step.
     pub contact: Contact,
     /// f_N, the displayed force at the model step, N.
     pub force_n: DVec3,
@@ -127,32 +127,32 @@ pub struct LocalModel {
     pub stiffness_n_per_m: DMat3,
     /// B_cc (`Neighbourhood`, `KrylovLinear`), N s/m.
     pub damping_ns_per_m: DMat3,
-    /// Whether the exact tangent could not be factorised and the clamped one took its place.
+    /// Whether the clamped tangent was used, because the exact one could not be factorised.
     pub clamped: bool,
-    /// The linear reduced dynamics (`Neighbourhood`, `KrylovLinear`); of order zero for the others.
+    /// The linear reduced dynamics (`Neighbourhood`, `KrylovLinear`); of order zero for other schemes.
     pub reduced: Reduced,
-    /// The near field and what it hangs on (`NearFieldExact`); empty for the others.
+    /// The near field and the reduced far field (`NearFieldExact`); empty for other schemes.
     pub near: NearField,
 }
 
-/// How much a local model can hold; fixed at construction, and refused beyond.
+/// Maximum sizes of a local model, fixed at construction. Larger models are rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Capacity {
-    /// Order of a linear reduced system.
+    /// Maximum order of the linear reduced dynamics.
     pub order: usize,
-    /// Sizes of a near field.
+    /// Maximum sizes of the near field.
     pub near: NearFieldCapacity,
 }
 
 impl Default for Capacity {
-    /// Order 96; near fields of sixteen nodes.
+    /// Order 96, and near fields of sixteen nodes.
     fn default() -> Self {
         Self { order: 96, near: NearFieldCapacity::default() }
     }
 }
 
 impl Capacity {
-    /// Room for a linear reduced system of order `order` and no near field.
+    /// Capacity for linear reduced dynamics of order `order` and no near field.
     #[must_use]
     pub fn of_order(order: usize) -> Self {
         Self {
@@ -162,7 +162,7 @@ impl Capacity {
     }
 }
 
-/// The reduced dynamics of a local model, with p its order. Matrices row by row, the first p·p (p·3) entries.
+/// The linear reduced dynamics of a local model of order p. Matrices are stored by rows in the first p·p (or p·3) entries.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reduced {
     /// p.
@@ -181,12 +181,12 @@ pub struct Reduced {
     pub velocity: Vec<f64>,
     /// Factor of M̃/h + B̃ + h K̃.
     pub implicit: Cholesky,
-    /// h, s: the tick for which the factor was made.
+    /// h, s: the tick for which the factor was computed.
     pub step_s: f64,
 }
 
 impl LocalModel {
-    /// A model that displays no force, with room for `capacity`.
+    /// A model that displays zero force, with buffers for `capacity`.
     #[must_use]
     pub fn empty(capacity: Capacity) -> Self {
         Self {
@@ -204,7 +204,7 @@ impl LocalModel {
         }
     }
 
-    /// Becomes the model that says, as of sample `sequence`, that there is nothing to be felt.
+    /// Becomes a model without a body, which displays zero force, for sample `sequence`.
     pub fn clear(&mut self, sequence: u64) {
         self.id = ModelId { body: ModelId::NO_BODY, epoch: 0, sequence };
         (self.scheme, self.contact, self.force_n) = (Scheme::Hold, Contact::Apart, DVec3::ZERO);
@@ -212,7 +212,7 @@ impl LocalModel {
         self.near.clear();
     }
 
-    /// Whether it has a state to be stepped: a linear dynamic scheme that is in contact, or a near field.
+    /// Whether the model has a dynamic state: a near field, or a linear dynamic scheme in contact.
     #[must_use]
     pub fn has_state(&self) -> bool {
         match self.scheme {
@@ -222,13 +222,13 @@ impl LocalModel {
         }
     }
 
-    /// The tick for which its state is stepped, s.
+    /// The tick for which the model was built, s.
     #[must_use]
     pub fn step_s(&self) -> f64 {
         if self.scheme == Scheme::NearFieldExact { self.near.tick_s } else { self.reduced.step_s }
     }
 
-    /// Checks that every number is finite and every part as large as the order asks for.
+    /// Checks sizes and indices, and that every number in use is finite.
     ///
     /// # Errors
     /// [`LocalModelError::NotFinite`], [`LocalModelError::Size`], [`LocalModelError::Order`], [`LocalModelError::Room`],
@@ -254,10 +254,10 @@ impl LocalModel {
         self.near.validate()
     }
 
-    /// Becomes `other` without allocating.
+    /// Copies `other` without allocation.
     ///
     /// # Errors
-    /// [`LocalModelError::Order`], [`LocalModelError::Room`] when `other` exceeds the room; `self` is unchanged then.
+    /// [`LocalModelError::Order`], [`LocalModelError::Room`] when `other` exceeds the capacity; `self` is then unchanged.
     pub fn copy_from(&mut self, other: &Self) -> Result<(), LocalModelError> {
         other.near.fits(self.near.capacity())?;
         self.reduced.copy_from(&other.reduced)?;
@@ -290,13 +290,13 @@ impl Reduced {
         }
     }
 
-    /// The largest order there is room for.
+    /// Maximum order.
     #[must_use]
     pub fn capacity(&self) -> usize {
         self.force.len()
     }
 
-    /// The vectors by name, with the number of entries that order p needs.
+    /// The vectors with their names and the number of entries that order p requires.
     fn parts(&self) -> [(&'static str, &Vec<f64>, usize); 6] {
         let p = self.order;
         [
@@ -311,7 +311,7 @@ impl Reduced {
 
     fn validate(&self) -> Result<(), LocalModelError> {
         let (order, capacity) = (self.order, self.capacity());
-        // First, so that the products below cannot overflow.
+        // Checked first: the products below then cannot overflow.
         if order > capacity {
             return Err(LocalModelError::Order { order, capacity });
         }
@@ -387,11 +387,11 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_is_not_finite_is_found_wherever_it_is() {
+    fn validate_rejects_non_finite_numbers() {
         let good = model(3);
         assert_eq!(good.validate(), Ok(()));
-        type Spoil = fn(&mut LocalModel);
-        let poison: [(&str, Spoil); 8] = [
+        type Corrupt = fn(&mut LocalModel);
+        let cases: [(&str, Corrupt); 8] = [
             ("force", |m| m.force_n.y = f64::NAN),
             ("position", |m| m.position_m.x = f64::INFINITY),
             ("velocity", |m| m.velocity_m_per_s.z = f64::NAN),
@@ -401,15 +401,15 @@ mod tests {
             ("reduced stiffness", |m| m.reduced.stiffness[8] = f64::NAN),
             ("reduced velocity", |m| m.reduced.velocity[0] = f64::NEG_INFINITY),
         ];
-        for (what, spoil) in poison {
+        for (what, corrupt) in cases {
             let mut bad = good.clone();
-            spoil(&mut bad);
+            corrupt(&mut bad);
             assert_eq!(bad.validate(), Err(LocalModelError::NotFinite { what }));
         }
     }
 
     #[test]
-    fn schemes_are_known_by_name() {
+    fn scheme_names_parse_to_the_scheme() {
         for scheme in Scheme::ALL {
             assert_eq!(scheme.to_string().parse(), Ok(scheme));
         }
@@ -418,7 +418,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_of_the_wrong_size_is_found() {
+    fn validate_rejects_parts_of_wrong_size() {
         let mut short = model(3);
         short.reduced.damping_rc.truncate(8);
         let (what, found) = ("coupling damping", 8);
@@ -429,7 +429,7 @@ mod tests {
     }
 
     #[test]
-    fn an_order_beyond_all_bounds_is_found_without_overflow() {
+    fn validate_rejects_excessive_order_without_overflow() {
         for order in [4, usize::MAX] {
             let mut vast = model(3);
             vast.reduced.order = order;
@@ -438,7 +438,7 @@ mod tests {
     }
 
     #[test]
-    fn a_copy_is_whole_and_needs_room() {
+    fn copy_is_complete_and_rejects_order_above_capacity() {
         let from = model(3);
         let mut to = model(5);
         to.copy_from(&from).unwrap();

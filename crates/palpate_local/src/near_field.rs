@@ -1,4 +1,4 @@
-//! The near field exact, the far field reduced: as data.
+//! The near field with the reduced far field, as plain data.
 
 #![cfg_attr(
     not(test),
@@ -16,64 +16,64 @@ use crate::dense::{Cholesky, zeros};
 use glam::DVec3;
 use palpate_laws::{MAX_PATCHES, Spring, ToolShape, VirtualCoupling};
 
-/// How much a near field can hold; fixed at construction, and refused beyond.
+/// Maximum sizes of a near field, fixed at construction. Larger near fields are rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NearFieldCapacity {
-    /// Nodes of the support set S.
+    /// Maximum number of nodes of the support set S.
     pub nodes: usize,
-    /// p, columns of the far field's basis V.
+    /// Maximum number p of columns of the far field's basis V.
     pub order: usize,
-    /// Nodes at the other ends of the near springs.
+    /// Maximum number of ring nodes: nodes outside S that share a near spring or tetrahedron with S.
     pub ring: usize,
-    /// Near springs.
+    /// Maximum number of near springs. The maximum number of near tetrahedra is twice that.
     pub springs: usize,
-    /// Points of the surface that nodes of S and of the ring carry.
+    /// Maximum number of surface points.
     pub points: usize,
-    /// Triangles of the surface between those.
+    /// Maximum number of surface triangles.
     pub triangles: usize,
 }
 
 impl Default for NearFieldCapacity {
-    /// For sixteen nodes in a lattice of 26 neighbours.
+    /// Sizes for sixteen nodes of a lattice in which each node has 26 neighbours.
     fn default() -> Self {
         Self { nodes: 16, order: 64, ring: 112, springs: 400, points: 96, triangles: 192 }
     }
 }
 
-/// How the tool acts on S.
+/// How the tool acts on the support set S.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Support {
-    /// The tool drives the only node of S: it is where the tool is, plus what was between them at the model step.
+    /// The tool prescribes the position of the only node of S, at the offset of the model step.
     #[default]
     Driven,
-    /// The tool holds Σ w_i x_i over S, two-sided.
+    /// The tool holds the point Σ w_i x_i over S, bilaterally.
     Held,
-    /// The tool touches the triangles of S, one-sided and with friction.
+    /// The tool touches the surface of S, unilaterally and with friction.
     Touched {
-        /// Its shape.
+        /// Shape of the tool.
         shape: ToolShape,
-        /// μ.
+        /// Friction coefficient μ.
         friction: f64,
     },
 }
 
-/// How a tick is integrated.
+/// Integrator of a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TickIntegrator {
-    /// Semi-implicit Euler as the body's, that many substeps a tick.
+    /// Semi-implicit Euler with the force laws at the current state, as in the body's step.
     Explicit {
-        /// Substeps in a tick.
+        /// Substeps in a tick, 1 to 64.
         substeps: u32,
     },
     /// Linearly implicit Euler with the tangent of the model step.
     Implicit {
-        /// Steps in a tick.
+        /// Substeps in a tick, 1 to 64.
         substeps: u32,
     },
 }
 
 impl TickIntegrator {
-    /// Steps in a tick.
+    /// Substeps in a tick.
     #[must_use]
     pub fn substeps(self) -> u32 {
         match self {
@@ -81,91 +81,91 @@ impl TickIntegrator {
         }
     }
 
-    /// Whether it is implicit.
+    /// Whether the integrator is implicit.
     #[must_use]
     pub fn is_implicit(self) -> bool {
         matches!(self, Self::Implicit { .. })
     }
 }
 
-/// S dynamic, the springs and compressed cells incident to S exact, all others linear about the model step and reduced to δx_r = V q, with V
-/// orthonormal in the masses: Vᵀ M V = 1.
+/// The support set S with exact springs, and the rest of the body linearised about the model step and reduced to δx_r = V q.
 ///
-/// The state is z = (δx_S, q) of 3s + p numbers. Matrices row by row, the first entries of their buffers; buffers have the
-/// length of what they can hold at most.
+/// The springs and the strongly compressed cells incident to S keep their nonlinear laws. V is orthonormal with respect to the mass
+/// matrix: Vᵀ M V = 1. The state is z = (δx_S, q) of 3s + p numbers. Buffers have the length of their capacity; matrices are
+/// stored by rows in the first entries.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NearField {
-    /// s; 0 where there is nothing within reach.
+    /// Number s of nodes of S; 0 where the tool reaches no node.
     pub nodes: usize,
-    /// p.
+    /// Number p of columns of V.
     pub order: usize,
-    /// Nodes of the ring.
+    /// Number of ring nodes.
     pub ring: usize,
-    /// Near springs.
+    /// Number of near springs.
     pub springs: usize,
-    /// Near tetrahedra.
+    /// Number of near tetrahedra.
     pub tetrahedra: usize,
-    /// Points of the surface.
+    /// Number of surface points.
     pub points: usize,
-    /// Triangles.
+    /// Number of surface triangles.
     pub triangles: usize,
-    /// How the tool acts.
+    /// How the tool acts on S.
     pub support: Support,
-    /// w of `Held`.
+    /// Weights w over S of the held point of [`Support::Held`].
     pub weight: Vec<f64>,
-    /// x_S at the model step, m.
+    /// Positions of S at the model step, m.
     pub node_m: Vec<DVec3>,
-    /// 1/m of S, 1/kg; 0 for a fixed node.
+    /// Inverse masses of S, 1/kg; 0 for a fixed node.
     pub node_per_kg: Vec<f64>,
-    /// x of the ring at the model step, m.
+    /// Positions of the ring at the model step, m.
     pub ring_m: Vec<DVec3>,
-    /// The ring nodes' rows of V, 3 × `ring` in all, column after column: p of them.
+    /// The 3 × `ring` rows of V of the ring nodes, stored by columns.
     pub basis: Vec<f64>,
-    /// The springs incident to S.
+    /// Near springs: the springs incident to S.
     pub near: Vec<NearSpring>,
-    /// The tetrahedra of strongly compressed cells that have a node in S; room for twice as many as springs.
+    /// Near tetrahedra: those of strongly compressed cells that have a node in S.
     pub tetrahedron: Vec<NearTetrahedron>,
-    /// The points of the surface that nodes of S and of the ring carry.
+    /// Surface points.
     pub point: Vec<NearPoint>,
-    /// The triangles between them.
+    /// Surface triangles.
     pub triangle: Vec<NearTriangle>,
-    /// What else contact needs to know.
+    /// Contact parameters of the body, and the patches at the model step.
     pub contact: NearContact,
-    /// Where contact gets the compliance that the grid lacks: what a unit force on a node of S, along the normal, does to each by the grid
-    /// below it, times Young's modulus, s × s, 1/m.
+    /// Compliance of the grid below S, for the contact compliance that the grid lacks: the displacement of node i along the normal by a
+    /// unit force on node j, times Young's modulus, s × s, 1/m. Used where [`NearContact::adds_compliance`] is set.
     pub compliance: Vec<f64>,
     /// K̃ = Vᵀ K_far V, 1/s².
     pub stiffness: Vec<f64>,
     /// B̃ = Vᵀ B_far V, 1/s.
     pub damping: Vec<f64>,
-    /// What acts from outside on S, N, then Vᵀ F_far,N.
+    /// External force on S, N, then Vᵀ F_far,N.
     pub force: Vec<f64>,
     /// v_S, then q̇_N = Vᵀ M v_N.
     pub velocity: Vec<f64>,
-    /// h, s: the tick.
+    /// Length of a tick, s.
     pub tick_s: f64,
-    /// How it is integrated.
+    /// Integrator of the tick.
     pub integrator: TickIntegrator,
-    /// `Implicit`: the tangent of all of z at the model step.
+    /// For implicit ticks: the stiffness over z at the model step, n × n, n = 3s + p.
     pub tangent: Vec<f64>,
-    /// `Implicit`: the factor of M/h + B + h K of all of z, h the length of a substep.
+    /// For implicit ticks: the factor of M/h + B + h K over z, h the length of a substep.
     pub factor: Cholesky,
-    /// `Implicit`: A⁻¹ of an impulse on S over h, n for each of 3s.
+    /// For implicit ticks: the change of ż by a unit impulse on each degree of freedom of S, n numbers for each of 3s.
     pub impulse_response: Vec<f64>,
     /// Energy of the whole body at the model step, J.
     pub energy_j: f64,
-    /// Where the device was at the model step, m.
+    /// Position of the device at the model step, m.
     pub start_m: DVec3,
-    /// What draws the tool to the device, unless it is the device.
+    /// Virtual coupling between tool and device; `None` where the tool is at the device.
     pub coupling: Option<VirtualCoupling>,
-    /// Where the tool was at the model step, m: behind its coupling, or where the device was.
+    /// Position of the tool (the proxy of the coupling) at the model step, m.
     pub proxy_m: DVec3,
-    /// Whether nodes within reach had to be left out of S.
+    /// Whether S is truncated: nodes within reach were left out because of its maximum size.
     pub is_cut: bool,
 }
 
 impl NearField {
-    /// An empty one with room for `capacity`.
+    /// An empty near field with buffers for `capacity`.
     #[must_use]
     pub fn with_capacity(capacity: NearFieldCapacity) -> Self {
         let NearFieldCapacity { nodes, order, ring, springs, points, triangles } = capacity;
@@ -210,7 +210,7 @@ impl NearField {
         }
     }
 
-    /// What it has room for.
+    /// Maximum sizes.
     #[must_use]
     pub fn capacity(&self) -> NearFieldCapacity {
         NearFieldCapacity {
@@ -223,31 +223,31 @@ impl NearField {
         }
     }
 
-    /// Length of its state, 3s + p.
+    /// Length of the state z, 3s + p.
     #[must_use]
     pub fn unknowns(&self) -> usize {
         3 * self.nodes + self.order
     }
 
-    /// About how many multiplications a tick of its takes, without its contacts.
+    /// Approximate cost of a tick without contacts, in multiplications.
     pub(crate) fn multiplications(&self) -> usize {
         let (p, n) = (self.order, self.unknowns());
         let on_z = match self.integrator {
             TickIntegrator::Explicit { .. } => 2 * p * p,
             TickIntegrator::Implicit { .. } => 2 * p * p + 2 * n * n,
         };
-        let step = on_z.saturating_add(6 * self.ring * p).saturating_add(SPRING * self.springs);
-        let step = step.saturating_add(TETRAHEDRON.saturating_mul(self.tetrahedra));
+        let step = on_z.saturating_add(6 * self.ring * p).saturating_add(SPRING_WORK * self.springs);
+        let step = step.saturating_add(TETRAHEDRON_WORK.saturating_mul(self.tetrahedra));
         step.saturating_mul(self.integrator.substeps() as usize)
     }
 
-    /// Whether there is nothing within reach: no node, and no triangle of a surface that stands still.
+    /// Whether the tool reaches nothing: there is neither a node nor a triangle.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.nodes == 0 && self.triangles == 0
     }
 
-    /// Empties it.
+    /// Removes all nodes, springs, triangles and patches.
     pub fn clear(&mut self) {
         (self.nodes, self.order, self.ring) = (0, 0, 0);
         (self.springs, self.points, self.triangles) = (0, 0, 0);
@@ -256,7 +256,7 @@ impl NearField {
         self.contact.count = 0;
     }
 
-    /// Refuses what is larger than `capacity`.
+    /// Checks that the sizes are at most `capacity`.
     ///
     /// # Errors
     /// [`LocalModelError::Room`].
@@ -277,10 +277,10 @@ impl NearField {
         Ok(())
     }
 
-    /// The numbers by name, with how many of them are in use.
+    /// The lists of numbers with their names and the number of entries in use.
     fn parts(&self) -> [(&'static str, &Vec<f64>, usize); 10] {
         let (s, p, n) = (self.nodes, self.order, self.unknowns());
-        // What explicit ticks do not need is not looked at.
+        // Explicit ticks do not use the matrices of implicit ones.
         let implicit = if self.integrator.is_implicit() { n } else { 0 };
         [
             ("weights", &self.weight, s),
@@ -291,18 +291,18 @@ impl NearField {
             ("far force", &self.force, n),
             ("near-field velocity", &self.velocity, n),
             ("near-field tangent", &self.tangent, implicit * implicit),
-            ("near-field answer", &self.impulse_response, implicit * 3 * s),
+            ("near-field impulse response", &self.impulse_response, implicit * 3 * s),
             ("grid compliance", &self.compliance, if self.contact.adds_compliance { s * s } else { 0 }),
         ]
     }
 
-    /// Checks sizes, indices and numbers.
+    /// Checks sizes and indices, and that every number in use is finite.
     ///
     /// # Errors
     /// [`LocalModelError::Room`], [`LocalModelError::Size`], [`LocalModelError::NotFinite`], [`LocalModelError::Index`],
     /// [`LocalModelError::Setting`].
     pub fn validate(&self) -> Result<(), LocalModelError> {
-        // First, so that no product below can overflow.
+        // Checked first: the products below then cannot overflow.
         self.fits(self.capacity())?;
         if self.is_empty() {
             return Ok(());
@@ -326,8 +326,8 @@ impl NearField {
         let points = self.point.get(..self.points).unwrap_or_default();
         let triangles = self.triangle.get(..self.triangles).unwrap_or_default();
         for (what, ok) in [
-            ("places of S", self.node_m.get(..self.nodes).is_some_and(finite)),
-            ("places of the ring", self.ring_m.get(..self.ring).is_some_and(finite)),
+            ("positions of S", self.node_m.get(..self.nodes).is_some_and(finite)),
+            ("positions of the ring", self.ring_m.get(..self.ring).is_some_and(finite)),
             ("ends of near springs", springs.iter().all(|spring| end_is_finite(&spring.b))),
             (
                 "weights of the surface",
@@ -339,7 +339,7 @@ impl NearField {
             ),
             ("normals of triangles", triangles.iter().all(|triangle| triangle.rest_normal.is_finite())),
             ("contact", self.contact.is_finite()),
-            ("step", self.tick_s.is_finite() && self.tick_s > 0.0),
+            ("tick", self.tick_s.is_finite() && self.tick_s > 0.0),
             ("start of the tool", self.start_m.is_finite() && self.proxy_m.is_finite()),
             ("coupling of the tool", self.coupling.is_none_or(|coupling| coupling.validate().is_ok())),
             ("energy", self.energy_j.is_finite()),
@@ -394,7 +394,7 @@ impl NearField {
             return Err(LocalModelError::Size { what, found: found * found, needed: needed * needed, order });
         }
         let substeps = self.integrator.substeps();
-        if !(1..=MOST_SUBSTEPS).contains(&substeps) {
+        if !(1..=MAX_SUBSTEPS).contains(&substeps) {
             return Err(LocalModelError::Setting {
                 what: "substeps of a local tick",
                 value: f64::from(substeps),
@@ -402,18 +402,18 @@ impl NearField {
             });
         }
         let mass = self.node_per_kg.iter().take(self.nodes);
-        let lightest = mass.clone().fold(f64::INFINITY, |a, b| a.min(*b));
+        let min_per_kg = mass.clone().fold(f64::INFINITY, |a, b| a.min(*b));
         let free = self.weight.iter().zip(mass).filter(|(_, per_kg)| **per_kg > 0.0);
         let squares: f64 = free.map(|(w, _)| w * w).sum();
         let (value, allowed, what, ok) = match self.support {
-            _ if lightest < 0.0 => (lightest, "at least 0", "inverse mass, 1/kg", false),
-            Support::Driven => (self.nodes as f64, "1", "nodes that are driven", self.nodes == 1),
+            _ if min_per_kg < 0.0 => (min_per_kg, "at least 0", "inverse mass, 1/kg", false),
+            Support::Driven => (self.nodes as f64, "1", "number of driven nodes", self.nodes == 1),
             Support::Held => {
                 let ok = squares.is_finite() && squares > 0.0;
-                (squares, "finite and above 0", "squares of the weights of what is held", ok)
+                (squares, "finite and above 0", "sum of squared weights of the held point", ok)
             }
             Support::Touched { shape, .. }
-                if shape.validate().is_err() || shape.radius_m() < LEAST_RADIUS_M =>
+                if shape.validate().is_err() || shape.radius_m() < MIN_RADIUS_M =>
             {
                 (shape.radius_m(), "a radius of at least 1e-6 and an axis of length 1", "tool, m", false)
             }
@@ -424,10 +424,10 @@ impl NearField {
         if ok { Ok(()) } else { Err(LocalModelError::Setting { what, value, allowed }) }
     }
 
-    /// Becomes `other`, without allocating.
+    /// Copies `other` without allocation.
     ///
     /// # Errors
-    /// [`LocalModelError::Room`] when there is no room; `self` is unchanged then.
+    /// [`LocalModelError::Room`] when `other` exceeds the capacity; `self` is then unchanged.
     pub(crate) fn copy_from(&mut self, other: &Self) -> Result<(), LocalModelError> {
         other.fits(self.capacity())?;
         if other.integrator.is_implicit() {
@@ -466,14 +466,14 @@ impl NearField {
     }
 }
 
-/// The smallest tool, m: below that of a cell.
-const LEAST_RADIUS_M: f64 = 1e-6;
-/// A spring is worth so many multiplications.
-const SPRING: usize = 60;
-/// A volume barrier is worth so many multiplications.
-const TETRAHEDRON: usize = 60;
-/// Most substeps of a tick.
-pub(crate) const MOST_SUBSTEPS: u32 = 64;
+/// Minimum radius of a tool, m.
+const MIN_RADIUS_M: f64 = 1e-6;
+/// Cost of a spring, in multiplications.
+const SPRING_WORK: usize = 60;
+/// Cost of a volume barrier, in multiplications.
+const TETRAHEDRON_WORK: usize = 60;
+/// Maximum number of substeps of a tick.
+pub(crate) const MAX_SUBSTEPS: u32 = 64;
 
 fn copy<T: Copy>(to: &mut [T], from: &[T], used: usize) {
     to.iter_mut().zip(from).take(used).for_each(|(to, from)| *to = *from);

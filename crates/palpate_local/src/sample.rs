@@ -1,4 +1,4 @@
-//! Samples of the device and their history.
+//! Samples of the device, and their history for replay.
 
 #![cfg_attr(
     not(test),
@@ -8,35 +8,35 @@
 use crate::LocalModelError;
 use glam::{DQuat, DVec3};
 
-/// One reading of the device in the scene's frame.
+/// A reading of the device in the frame of the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Number of the tick since the loop's start: one more for each period of the loop.
+    /// Number of the tick since the start of the loop, one per period.
     pub sequence: u64,
-    /// Time of that tick since the loop's start, s: `sequence` times the period, on the loop's own clock.
+    /// Time of the tick since the start of the loop, s: `sequence` times the period.
     pub time_s: f64,
     /// Position of the tool, m.
     pub position_m: DVec3,
-    /// Velocity of the tool by the loop's estimator, m/s.
+    /// Velocity of the tool from the loop's estimator, m/s.
     pub velocity_m_per_s: DVec3,
     /// Orientation of the tool.
     pub orientation: DQuat,
-    /// Bit i is set while button i is pressed.
+    /// Pressed buttons: bit i for button i.
     pub buttons: u32,
-    /// How it came about.
+    /// Origin of the sample.
     pub origin: SampleOrigin,
 }
 
-/// How a sample came about.
+/// Origin of a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleOrigin {
     /// The device was read at this tick.
     #[default]
     Measured,
-    /// The tick's deadline was missed; the sample lies on the line between its neighbours.
+    /// The deadline of the tick was missed; the sample is interpolated linearly between its neighbours.
     Interpolated,
-    /// The device gave nothing usable at this tick, or the tool has been put elsewhere since; the sample repeats
-    /// the one before, at rest.
+    /// There is no valid reading for this tick, or the deadline was missed and the tool's position has jumped. The sample repeats the
+    /// previous position with zero velocity.
     Repeated,
 }
 
@@ -54,94 +54,95 @@ impl Default for Sample {
     }
 }
 
-/// The newest samples, without holes: sequence numbers ascend by one.
+/// The newest samples, with consecutive sequence numbers.
 #[derive(Clone, Debug)]
 pub struct SampleHistory {
-    /// The sample of sequence s is at s modulo the capacity.
-    ring: Vec<Sample>,
+    /// Ring buffer: the sample with sequence number s is at s modulo the capacity.
+    buffer: Vec<Sample>,
     len: usize,
     newest: u64,
 }
 
 impl SampleHistory {
-    /// Room for `capacity` samples.
+    /// An empty history with capacity for `capacity` samples.
     ///
     /// # Errors
-    /// [`LocalModelError::Setting`] unless 1 to a million.
+    /// [`LocalModelError::Setting`] for a capacity outside 1 to 1000000.
     pub fn with_capacity(capacity: usize) -> Result<Self, LocalModelError> {
         if !(1..=1_000_000).contains(&capacity) {
             let (what, allowed) = ("samples kept", "1 to 1000000");
             return Err(LocalModelError::Setting { what, value: capacity as f64, allowed });
         }
-        Ok(Self { ring: vec![Sample::default(); capacity], len: 0, newest: 0 })
+        Ok(Self { buffer: vec![Sample::default(); capacity], len: 0, newest: 0 })
     }
 
-    /// Adds the newest sample. One that does not follow the newest by exactly one starts the history anew.
+    /// Adds the newest sample. The history is cleared first if the sequence number does not follow the newest one.
     pub fn push(&mut self, sample: Sample) {
         if self.len > 0 && self.newest.checked_add(1) != Some(sample.sequence) {
             self.len = 0;
         }
         let slot = self.slot(sample.sequence);
-        if let Some(place) = self.ring.get_mut(slot) {
+        if let Some(place) = self.buffer.get_mut(slot) {
             *place = sample;
         }
         self.newest = sample.sequence;
-        self.len = (self.len + 1).min(self.ring.len());
+        self.len = (self.len + 1).min(self.buffer.len());
     }
 
-    /// The sample of `sequence`, if it is still there.
+    /// The sample with number `sequence`; `None` if it is not in the history.
     #[must_use]
     pub fn get(&self, sequence: u64) -> Option<&Sample> {
         let kept = self.oldest_sequence().is_some_and(|oldest| (oldest..=self.newest).contains(&sequence));
-        if kept { self.ring.get(self.slot(sequence)) } else { None }
+        if kept { self.buffer.get(self.slot(sequence)) } else { None }
     }
 
-    /// The newest sample.
+    /// The newest sample; `None` if the history is empty.
     #[must_use]
     pub fn newest(&self) -> Option<&Sample> {
         self.get(self.newest)
     }
 
-    /// Sequence number of the oldest sample kept.
+    /// Sequence number of the oldest sample; `None` if the history is empty.
     #[must_use]
     pub fn oldest_sequence(&self) -> Option<u64> {
         (self.len > 0).then(|| self.newest.saturating_sub(self.len as u64 - 1))
     }
 
-    /// How many samples are kept.
+    /// Number of samples in the history.
     #[must_use]
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Whether there is none.
+    /// Whether the history is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// Brings `self` up to `source` by copying only what is new. Both must have the same capacity.
+    /// Makes `self` equal to `source`, and copies only the samples that `self` lacks. Both must have the same capacity.
     pub fn catch_up_with(&mut self, source: &Self) {
         let Some(oldest) = source.oldest_sequence() else {
             self.len = 0;
             return;
         };
-        let joined = self.len > 0 && self.newest <= source.newest && self.newest.saturating_add(1) >= oldest;
-        if !joined {
+        let is_continued =
+            self.len > 0 && self.newest <= source.newest && self.newest.saturating_add(1) >= oldest;
+        if !is_continued {
             self.len = 0;
         }
-        let first = if joined { self.newest.saturating_add(1) } else { oldest };
+        let first = if is_continued { self.newest.saturating_add(1) } else { oldest };
         for sequence in first..=source.newest {
             if let Some(&sample) = source.get(sequence) {
                 self.push(sample);
             }
         }
-        // A source that was started anew within reach of the old one holds fewer samples than we would keep.
+        // A source that was cleared since the last copy holds fewer samples.
         self.len = self.len.min(source.len);
     }
 
     fn slot(&self, sequence: u64) -> usize {
-        (sequence % self.ring.len() as u64) as usize
+        (sequence % self.buffer.len() as u64) as usize
     }
 }
 
@@ -150,7 +151,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_last_sequence_number_there_is_does_no_harm() {
+    fn accepts_the_maximum_sequence_number() {
         let mut history = filled([u64::MAX - 1, u64::MAX]);
         assert_eq!((history.len(), history.oldest_sequence()), (2, Some(u64::MAX - 1)));
         history.push(sample(u64::MAX));
@@ -170,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_samples_are_kept_and_older_ones_forgotten() {
+    fn keeps_the_newest_samples_only() {
         let history = filled(3..20);
         assert_eq!((history.len(), history.oldest_sequence()), (8, Some(12)));
         assert_eq!(history.get(11), None);
@@ -180,14 +181,14 @@ mod tests {
     }
 
     #[test]
-    fn a_hole_starts_the_history_anew() {
+    fn gap_in_sequence_numbers_clears_the_history() {
         let history = filled([1, 2, 3, 5, 6]);
         assert_eq!((history.len(), history.oldest_sequence()), (2, Some(5)));
         assert_eq!(history.get(3), None);
     }
 
     #[test]
-    fn catching_up_gives_the_source_whatever_came_before() {
+    fn catch_up_equals_source_for_any_previous_content() {
         for behind in [0..0, 0..1, 0..5, 0..12, 0..40, 30..40, 100..120] {
             for source in [filled(10..13), filled(5..40), filled([1, 2, 9]), filled([])] {
                 let mut copy = filled(behind.clone());
@@ -201,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn a_history_without_room_is_refused() {
+    fn rejects_capacity_zero_and_above_a_million() {
         assert!(SampleHistory::with_capacity(0).is_err());
         assert!(SampleHistory::with_capacity(usize::MAX).is_err());
     }

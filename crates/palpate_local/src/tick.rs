@@ -1,4 +1,4 @@
-//! One tick of a local model: sample in, force out.
+//! The state of a local model and its tick: advances to a sample, then displays a force.
 
 #![cfg_attr(
     not(test),
@@ -6,34 +6,34 @@
 )]
 
 use crate::dense::{dot, subtract_product, zeros};
-use crate::near_tick::NearState;
+use crate::near_field_state::NearFieldState;
 use crate::{Capacity, Contact, LocalModel, Sample, Scheme};
 use glam::DVec3;
 use palpate_laws::unilateral_force;
 
-/// The state of a local model's own dynamics: q, q̇ and room to compute in.
+/// The state of a local model: (q, q̇) of the reduced dynamics or the state of the near field, and the buffers of a tick.
 #[derive(Clone, Debug)]
 pub struct LocalState {
     q: Vec<f64>,
     q_dot: Vec<f64>,
     rhs: Vec<f64>,
     scratch: Vec<f64>,
-    near: NearState,
+    near: NearFieldState,
 }
 
-/// What a contact answers to is worth so many multiplications.
-const ANSWER: usize = 3000;
+/// Cost of a row update of the contact solver, in multiplications.
+const ROW_UPDATE_WORK: usize = 3000;
 
 impl LocalState {
-    /// Room for `capacity`.
+    /// A state for models up to `capacity`.
     #[must_use]
     pub fn with_capacity(capacity: Capacity) -> Self {
         let zero = zeros(capacity.order);
-        let near = NearState::with_capacity(capacity.near);
+        let near = NearFieldState::with_capacity(capacity.near);
         Self { q: zero.clone(), q_dot: zero.clone(), rhs: zero.clone(), scratch: zero, near }
     }
 
-    /// The state at the model step: q = 0, q̇ = q̇_N.
+    /// Resets to the model step of `model`: q = 0, q̇ = q̇_N.
     pub fn start(&mut self, model: &LocalModel) {
         self.near.start(&model.near, model.force_n);
         self.q.fill(0.0);
@@ -43,9 +43,9 @@ impl LocalState {
         }
     }
 
-    /// Steps the state by `step_s` to `sample`; `step_s` is the h of the model's implicit factor.
+    /// Advances the state by one tick to `sample`; `step_s` is the step h of the model's implicit factor, s.
     ///
-    /// Linearly implicit Euler in increments, with dx, dv of the new sample:
+    /// For the reduced dynamics: linearly implicit Euler in increments, with dx, dv of the new sample,
     /// (M̃/h + B̃ + hK̃) Δq̇ = Vᵀ(F_N − K_rc dx − B_rc dv) − B̃ (q̇ − q̇_N) − K̃ (q + h q̇).
     pub fn advance(&mut self, model: &LocalModel, sample: &Sample, step_s: f64) {
         if !model.has_state() {
@@ -84,7 +84,7 @@ impl LocalState {
         }
     }
 
-    /// The force that `model` displays at `sample` in this state, N, before any filter.
+    /// The force on the hand that `model` displays at `sample` in this state, N, before any filter.
     #[must_use]
     pub fn force_n(&self, model: &LocalModel, sample: &Sample) -> DVec3 {
         let dx = sample.position_m - model.position_m;
@@ -109,27 +109,28 @@ impl LocalState {
         }
     }
 
-    /// Whether the impulses of the tool's contacts were not found as well as they should be at the last sample: there were too
-    /// many of them for the time of a tick, or they contradict each other.
+    /// Whether the contact solver failed to converge in the last tick: a limit of rows or row updates was reached, or the constraints
+    /// contradict each other. Always false for schemes that solve no contacts in a tick.
     #[must_use]
     pub fn is_unconverged(&self, model: &LocalModel) -> bool {
         model.scheme == Scheme::NearFieldExact && !model.near.is_empty() && self.near.is_unconverged()
     }
 
-    /// About how many multiplications the last tick took.
+    /// Approximate cost of the last tick, in multiplications.
     pub(crate) fn work(&self, model: &LocalModel) -> usize {
         if model.scheme != Scheme::NearFieldExact {
             return 3 * model.reduced.order * model.reduced.order;
         }
-        let contacts = ANSWER * self.near.row_updates();
+        let contacts = ROW_UPDATE_WORK * self.near.row_updates();
         if !model.near.is_empty() { model.near.multiplications().saturating_add(contacts) } else { 0 }
     }
 
-    /// Energy of the whole body as `model` has it in this state, J; `None` for schemes that know none.
+    /// Energy of the whole body in this state of `model`, J; `None` for schemes other than [`Scheme::NearFieldExact`] and where the tool
+    /// reaches nothing.
     #[must_use]
     pub fn energy_j(&self, model: &LocalModel) -> Option<f64> {
-        let knows = model.scheme == Scheme::NearFieldExact && !model.near.is_empty();
-        knows.then(|| self.near.energy_j(&model.near))
+        let has_energy = model.scheme == Scheme::NearFieldExact && !model.near.is_empty();
+        has_energy.then(|| self.near.energy_j(&model.near))
     }
 
     /// K_cr V q + B_cr V (q̇ − q̇_N).

@@ -1,4 +1,4 @@
-//! The answer of a local model beside that of the body that it stands for, over frequency.
+//! Frequency responses of a local model and of its body.
 
 use crate::{BuilderOptions, DenseSystem, LocalModelBuilder, ReduceError, SecondOrderSystem};
 use faer::{Mat, c64};
@@ -7,19 +7,20 @@ use palpate_body::{Body, ToolContact, ToolPoint};
 use palpate_local::{LocalModel, ModelId, Scheme};
 use std::f64::consts::TAU;
 
-/// How force answers to a small displacement of the node that a tool touches, in the full body and in a local model, both
-/// linear about the body's present state: g(s) = nᵀ G(s) n, N/m, with G of [`SecondOrderSystem`].
+/// Bode plot of the dynamic stiffness g(s) = nᵀ G(s) n, N/m, at the node that a tool touches, with G of [`SecondOrderSystem`].
+///
+/// It compares the full body with a local model, both linearised about the current state of the body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bode {
     /// The scheme of the local model.
     pub scheme: Scheme,
-    /// The node that is driven: of those that the tool touches or holds the one with the greatest weight.
+    /// Driven node: the one of maximum weight among those that the tool touches or holds.
     pub node: usize,
-    /// n: the normal of the surface there, or the force's direction.
+    /// Direction n: the contact normal, or the direction of the force.
     pub along: DVec3,
-    /// Of the full body.
+    /// Response of the full body.
     pub full: Vec<BodePoint>,
-    /// Of the local model; empty for one that answers nothing between two model steps.
+    /// Response of the local model; empty where its force does not depend on the tool's motion.
     pub local: Vec<BodePoint>,
 }
 
@@ -28,30 +29,30 @@ pub struct Bode {
 pub struct BodePoint {
     /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// |g| over 1 N/m, dB.
+    /// Gain |g| relative to 1 N/m, dB.
     pub gain_db: f64,
-    /// arg g, degrees, −180 to 180.
+    /// Phase arg g, degrees, −180 to 180.
     pub phase_deg: f64,
 }
 
 impl Bode {
-    /// Eight frequencies in a decade, from 0.1 Hz to 1 kHz, Hz.
+    /// Frequencies from 0.1 Hz to 1 kHz, eight a decade, Hz.
     #[must_use]
     pub fn frequencies_hz() -> Vec<f64> {
         (0..=32).map(|i| 10f64.powf(f64::from(i) / 8.0 - 1.0)).collect()
     }
 
-    /// The node that a tool in `contact` drives: the free one with the greatest weight of what it touches or holds; `None` where
-    /// that is nothing.
+    /// The driven node of a tool in `contact`: the free node of maximum weight among those that it touches or holds. `None` without
+    /// contact.
     #[must_use]
     pub fn driven_node(body: &Body, contact: &ToolContact) -> Option<usize> {
-        crate::builder::heaviest(&contact.points(), body)
+        crate::builder::max_weight_node(&contact.points(), body)
     }
 
-    /// At `frequencies_hz`, with the local model of `scheme` that a builder with `options` makes of `body` with the tool at
-    /// `tool` in `contact`. `None` where the tool touches nothing.
+    /// Computes both responses at `frequencies_hz`. The local model is built by `scheme` and `options` from `body` with the tool at `tool`
+    /// in `contact`. `None` where the tool touches nothing.
     ///
-    /// It takes a sparse factorisation for each frequency: 0.1 s in all for a few hundred nodes, many seconds for thousands.
+    /// Each frequency requires a sparse factorisation: 0.1 s in all for a few hundred nodes, many seconds for thousands.
     ///
     /// # Errors
     /// As [`LocalModelBuilder::new`], [`LocalModelBuilder::build`] and [`SecondOrderSystem::response`].
@@ -73,14 +74,14 @@ impl Bode {
             Scheme::Hold | Scheme::LowPass => None,
             Scheme::Neighbourhood => Some(system.neighbourhood(body.network(), options.rings)?.response(&s)?),
             Scheme::Tangent | Scheme::KrylovLinear | Scheme::NearFieldExact => {
-                // A tangent is that of all that the tool touches, or of the one node if it holds no more.
+                // For the tangent, the tool holds the driven node alone: otherwise it would be that of all touched nodes.
                 let held = ToolContact::hold(body, node, tool.position_m)?;
                 let contact = if scheme == Scheme::Tangent { &held } else { contact };
                 let mut builder = LocalModelBuilder::new(body, options)?;
                 let mut model = LocalModel::empty(builder.capacity());
                 builder.build(scheme, body, contact, tool, ModelId::default(), &mut model)?;
-                let place = builder.support().iter().position(|&of_support| of_support == node);
-                DenseSystem::of_local_model(&model, place).map(|local| local.response(&s))
+                let index = builder.support().iter().position(|&of_support| of_support == node);
+                DenseSystem::of_local_model(&model, index).map(|local| local.response(&s))
             }
         };
         let local = local.map(|response| points(frequencies_hz, &response, along)).unwrap_or_default();

@@ -1,40 +1,42 @@
-//! Why a local model could not be built or judged, or a linear system not analysed.
+//! Errors of building and comparing local models, and of the analysis of linear systems.
 
 use palpate_body::BodyError;
 use palpate_local::LocalModelError;
 use thiserror::Error;
 
-/// What went wrong on the way from a body to a local model, or in the analysis of its small motions.
+/// Error of building or comparing local models, or of the analysis of a linear system.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum ReduceError {
-    /// The body could not be built or stepped.
+    /// Error of the body.
     #[error("the full body failed")]
     Body(#[from] BodyError),
-    /// The local model does not fit or cannot be stepped.
+    /// Error of the local model.
     #[error("the local model failed")]
     LocalModel(#[from] LocalModelError),
-    /// The pattern of the tangent could not be factorised: too large for memory.
-    #[error("the symbolic factorisation of {unknowns} unknowns failed")]
+    /// The symbolic factorisation of the tangent failed: it is too large for memory.
+    #[error("the symbolic factorisation of {unknowns} unknowns failed; use a body of fewer nodes")]
     Symbolic {
         /// Number of unknowns.
         unknowns: usize,
     },
-    /// K, and where a local model is built its clamped form too, is not positive definite: a part of the body hangs on
-    /// nothing.
-    #[error("the stiffness is not positive definite at pivot {pivot}; is every part of the body held?")]
+    /// The stiffness K is not positive definite: a part of the body is not attached to a fixed node. For local models, this holds for the
+    /// clamped K too.
+    #[error(
+        "the stiffness is not positive definite at pivot {pivot}; attach every part of the body to fixed nodes"
+    )]
     Singular {
-        /// The pivot that failed.
+        /// Index of the pivot that failed.
         pivot: usize,
     },
-    /// M is not positive definite: a reduced system's basis is not of full rank.
-    #[error("the mass matrix is not positive definite at pivot {pivot}; is the basis of full rank?")]
+    /// M is not positive definite: the basis of the reduced system does not have full rank.
+    #[error("the mass matrix is not positive definite at pivot {pivot}; use a basis of full rank")]
     Mass {
-        /// The pivot that failed.
+        /// Index of the pivot that failed.
         pivot: usize,
     },
-    /// A frequency at which the response is asked for is a pole.
-    #[error("{re} + {im}i 1/s is a pole of the system; ask for the response elsewhere")]
+    /// A complex frequency is a pole of the system.
+    #[error("the frequency {re} + {im}i 1/s is a pole of the system; use another frequency")]
     Pole {
         /// Real part, 1/s.
         re: f64,
@@ -42,45 +44,45 @@ pub enum ReduceError {
         im: f64,
     },
     /// An eigenvalue or singular value iteration did not converge.
-    #[error("the eigenvalue iteration of order {order} did not converge; are all numbers finite?")]
+    #[error("the eigenvalue iteration of order {order} did not converge; check that all numbers are finite")]
     Eigenvalues {
         /// Order of the matrix.
         order: usize,
     },
-    /// Gramians exist for stable systems only.
+    /// The system is unstable, to within rounding: it has no Gramians and no H∞ norm.
     #[error(
-        "the system is not stable: it has a pole right of the imaginary axis, on it, or so near that rounding cannot \
-         tell; give it more damping, and hold it"
+        "the system has a pole on or right of the imaginary axis, to within rounding; \
+         add damping, and attach every part to fixed nodes"
     )]
     Unstable,
-    /// A Lyapunov equation could not be solved as exactly as is promised.
+    /// The residual of a Lyapunov equation is above its tolerance.
     #[error(
-        "the residual of a Lyapunov equation is {found:.1e}, and at most {allowed:.0e} is promised; give the system more damping"
+        "the residual of a Lyapunov equation is {found:.1e}; it must be at most {allowed:.0e}; add damping"
     )]
     Residual {
-        /// The relative residual found.
+        /// Relative residual.
         found: f64,
-        /// The one promised.
+        /// Maximum relative residual.
         allowed: f64,
     },
-    /// An option is outside what is allowed.
+    /// An option is outside its allowed range.
     #[error("{what} is {value}; it must be {allowed}")]
     Option {
-        /// The option with its unit.
+        /// Name of the option with its unit.
         what: &'static str,
-        /// The value given.
+        /// Value of the option.
         value: f64,
-        /// What is allowed.
+        /// Allowed range.
         allowed: &'static str,
     },
-    /// The samples to be compared do not follow one another.
-    #[error("sample {index} has sequence number {found}, not {expected}")]
+    /// The sequence numbers of samples are not consecutive.
+    #[error("the sequence number of sample {index} is {found}; it must be {expected}")]
     Samples {
-        /// Index in the list.
+        /// Index of the sample in the list.
         index: usize,
-        /// Its sequence number.
+        /// Sequence number of the sample.
         found: u64,
-        /// The one that follows its predecessor's.
+        /// The number that follows that of the previous sample.
         expected: u64,
     },
 }

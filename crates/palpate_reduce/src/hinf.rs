@@ -1,27 +1,27 @@
-//! The H∞ norm: the largest gain at any frequency.
+//! The H∞ norm of a linear system: its maximum gain over all frequencies.
 
 use crate::{PoleResidue, ReduceError, StateSpace};
 use faer::linalg::solvers::Solve;
 use faer::{Mat, MatRef, c64};
 
-/// The H∞ norm of a system, and where it is reached.
+/// The H∞ norm of a system, and the frequency at which it is reached.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HInf {
     /// sup over ω of the largest singular value of D + C (jω − A)⁻¹ B, N/m. The true value lies between this and
     /// (1 + 2 tolerance) times this.
     pub norm: f64,
-    /// A frequency at which the norm is reached, rad/s.
+    /// Frequency at which the norm is reached, rad/s; may be infinite.
     pub omega: f64,
-    /// Hamiltonian matrices whose eigenvalues were computed.
+    /// Number of Hamiltonian matrices whose eigenvalues were computed.
     pub iterations: usize,
 }
 
-/// More rounds than that mean that rounding hides which eigenvalues are imaginary.
-const MOST_ITERATIONS: usize = 30;
+/// Maximum number of iterations. Beyond it, rounding prevents the detection of imaginary eigenvalues.
+const MAX_ITERATIONS: usize = 30;
 
 impl HInf {
-    /// The H∞ norm of the proper part D + C (s − A)⁻¹ B of `system` (with E ≠ 0 the whole has none) to a relative
-    /// `tolerance`.
+    /// Computes the H∞ norm of the proper part D + C (s − A)⁻¹ B of `system` to a relative `tolerance`. With E ≠ 0 the norm of the whole
+    /// system is infinite.
     ///
     /// # Method
     ///
@@ -32,12 +32,12 @@ impl HInf {
     /// ```
     ///
     /// has no eigenvalue on the imaginary axis (Boyd, Balakrishnan and Kabamba, Math. Control Signals Systems 2 (1989)
-    /// 207). A lower bound comes from a grid of frequencies round the poles, refined at its peak. Then H is asked just
-    /// above the bound; if it has imaginary eigenvalues, the gain midway between them raises the bound (Bruinsma and
-    /// Steinbuch, Systems & Control Letters 14 (1990) 287), until it has none.
+    /// 207). A grid of frequencies around the poles, refined at its peak, gives a lower bound. If H just above the bound
+    /// has imaginary eigenvalues, the gain midway between them raises the bound, and so on until it has none (Bruinsma and
+    /// Steinbuch, Systems & Control Letters 14 (1990) 287).
     ///
     /// # Errors
-    /// [`ReduceError::Option`] for a tolerance that is not 1e-9 to 0.1; [`ReduceError::Unstable`] for a system with a
+    /// [`ReduceError::Option`] for a tolerance outside 1e-9 to 0.1; [`ReduceError::Unstable`] for a system with a
     /// pole that is not in the open left half-plane; [`ReduceError::Eigenvalues`] when an iteration does not converge.
     pub fn new(system: &StateSpace, tolerance: f64) -> Result<Self, ReduceError> {
         if !(1e-9..=0.1).contains(&tolerance) {
@@ -57,7 +57,7 @@ impl HInf {
         if at_infinity > norm {
             (omega, norm) = (f64::INFINITY, at_infinity);
         }
-        for iterations in 1..=MOST_ITERATIONS {
+        for iterations in 1..=MAX_ITERATIONS {
             if norm == 0.0 {
                 return Ok(Self { norm, omega: 0.0, iterations: 0 });
             }
@@ -66,7 +66,7 @@ impl HInf {
             let best = between.map(|omega| (gain(omega), omega)).max_by(|a, b| a.0.total_cmp(&b.0));
             match best {
                 Some((higher, at)) if higher > norm => (omega, norm) = (at, higher),
-                // None, or none that is more than rounding.
+                // No crossing raises the bound by more than rounding.
                 _ => return Self { norm, omega, iterations }.confirmed(system, &fast, tolerance),
             }
         }
@@ -75,16 +75,15 @@ impl HInf {
 }
 
 impl HInf {
-    /// The same, if a dense factorisation at its frequency finds the same gain: poles and residues lose digits where a
-    /// mode is damped critically.
+    /// Checks the norm against a dense factorisation at its frequency: the pole-residue form loses accuracy for critically damped modes.
     fn confirmed(self, system: &StateSpace, fast: &PoleResidue, tolerance: f64) -> Result<Self, ReduceError> {
         if self.omega.is_infinite() {
             return Ok(self);
         }
         let s = c64::new(0.0, self.omega);
         let exact = largest_singular_value(&(&system.proper_response(&[s])[0] + real(&system.d)));
-        // Where a system is a difference of equals its gain is rounding of what cancels.
-        let rounding = 1e-10 * (fast.terms(s) + largest_singular_value(&real(&system.d)));
+        // The gain of a difference of nearly equal systems is dominated by rounding of the terms that cancel.
+        let rounding = 1e-10 * (fast.sum_of_norms(s) + largest_singular_value(&real(&system.d)));
         if (exact - self.norm).abs() <= tolerance * self.norm + rounding {
             Ok(Self { norm: exact, ..self })
         } else {
@@ -94,7 +93,7 @@ impl HInf {
 }
 
 impl StateSpace {
-    /// `self` − `other`: the error system of a reduction. Both must have the same inputs.
+    /// The difference `self` − `other`, the error system of a reduction. Both must have the same inputs.
     ///
     /// # Errors
     /// [`ReduceError::Option`] when the numbers of inputs differ.
@@ -123,13 +122,13 @@ pub(crate) fn real(m: &Mat<f64>) -> Mat<c64> {
     Mat::from_fn(m.nrows(), m.ncols(), |i, j| c64::new(m[(i, j)], 0.0))
 }
 
-/// Of a small matrix; zero where it is not found, which happens for numbers that are not finite only.
+/// The largest singular value of a small matrix; zero for one that is not finite.
 pub(crate) fn largest_singular_value(m: &Mat<c64>) -> f64 {
     m.singular_values().ok().and_then(|s| s.first().copied()).unwrap_or(0.0)
 }
 
-/// The largest gain on a grid, refined: (ω, gain). The grid has zero, the absolute value and the imaginary part of every
-/// pole, and a decade more on either side.
+/// The peak of the gain on a grid of frequencies, refined by golden-section search: (ω, gain). The grid has zero, the absolute value and the
+/// imaginary part of every pole, and a decade beyond them on either side.
 fn grid_peak(poles: &[c64], gain: &impl Fn(f64) -> f64) -> (f64, f64) {
     let mut grid: Vec<f64> = poles.iter().flat_map(|p| [p.norm(), p.im.abs()]).collect();
     let fastest = grid.iter().copied().fold(0.0, f64::max);
@@ -142,7 +141,6 @@ fn grid_peak(poles: &[c64], gain: &impl Fn(f64) -> f64) -> (f64, f64) {
     let peak = (0..grid.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b])).unwrap_or(0);
     let (mut low, mut high) = (grid[peak.saturating_sub(1)], grid[(peak + 1).min(grid.len() - 1)]);
     let mut best = (grid[peak], gains[peak]);
-    // Golden section.
     let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
     for _ in 0..60 {
         let (a, b) = (high - ratio * (high - low), low + ratio * (high - low));
@@ -157,7 +155,7 @@ fn grid_peak(poles: &[c64], gain: &impl Fn(f64) -> f64) -> (f64, f64) {
     best
 }
 
-/// The nonnegative frequencies at which H(γ) has an imaginary eigenvalue, ascending; zero stands for both its sides.
+/// The nonnegative frequencies at which H(γ) has an imaginary eigenvalue, ascending, preceded by the mirror image of the first.
 fn imaginary_eigenvalues(system: &StateSpace, gamma: f64) -> Result<Vec<f64>, ReduceError> {
     let h = hamiltonian(system, gamma);
     let order = h.nrows();
@@ -170,7 +168,7 @@ fn imaginary_eigenvalues(system: &StateSpace, gamma: f64) -> Result<Vec<f64>, Re
         .filter(|&omega| omega >= 0.0)
         .collect();
     crossings.sort_by(f64::total_cmp);
-    // The gain is even in ω: below the first crossing lies zero.
+    // The gain is even in ω: the interval around zero is bounded by the first crossing and its mirror image.
     if !crossings.is_empty() {
         crossings.insert(0, -crossings[0]);
     }

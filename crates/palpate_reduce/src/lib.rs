@@ -1,14 +1,29 @@
-//! Builds a local model from a full body, judges local models against the full body, and analyses a body's small
-//! motions as a linear system.
+//! Builds local models of a full body, compares them with it, and analyses the small motions of a body as a linear system.
 //!
-//! * [`LocalModelBuilder`]: from the state of a body to a [`palpate_local::LocalModel`].
-//! * [`Comparison`]: every scheme against the oracle on the same samples.
-//! * [`Bode`]: how a local model answers over frequency, beside the body.
-//! * [`SecondOrderSystem`], [`StateSpace`]: a body driven at some nodes, its response, poles and asymptotes;
-//!   [`PoleResidue`] for many frequencies.
-//! * [`DenseSystem`]: its projections by congruence, on Krylov bases and modes.
-//! * [`Gramians`], [`Balancing`], [`HInf`]: what is needed of a system's states, balanced truncation, and the norm of
-//!   what it leaves out.
+//! # Local models
+//!
+//! * [`LocalModelBuilder`]: builds a [`palpate_local::LocalModel`] from the state of a body and a tool.
+//! * [`Comparison`]: the force of every scheme against the oracle, the full body stepped every tick, on the same samples.
+//! * [`Bode`]: the frequency response of a local model and of its body.
+//!
+//! # Linear systems
+//!
+//! * [`SecondOrderSystem`], [`DenseSystem`]: M q̈ + B q̇ + K q = input, sparse or dense, with projections by congruence.
+//! * [`StateSpace`], [`PoleResidue`]: the equivalent first-order system; its transfer function at many frequencies.
+//! * [`SecondOrderSystem::krylov_basis`], [`SecondOrderSystem::modal_basis`]: bases for projection.
+//! * [`Gramians`], [`Balancing`], [`HInf`]: balanced truncation, and the H∞ norm of its error.
+//!
+//! # Sources
+//!
+//! * The seed paper, with the multirate method and the local linear approximation: M. C. Çavuşoğlu, *Multirate Simulation for High Fidelity
+//!   Haptic Interaction with Deformable Objects in Virtual Environments*, UCB/ERL M00/5, 2000.
+//! * Rational Krylov projection of second-order systems: Z. Bai and Y. Su, SIAM J. Sci. Comput. 26 (2005) 1692; C. Beattie and S. Gugercin,
+//!   Syst. Control Lett. 58 (2009) 225.
+//! * Gramians by the squared Smith method: R. A. Smith, SIAM J. Appl. Math. 16 (1968) 198; T. Penzl, SIAM J. Sci. Comput. 21 (1999) 1401.
+//! * Balanced truncation by the square-root method: M. S. Tombs and I. Postlethwaite, Int. J. Control 46 (1987) 1319. Its error bound:
+//!   K. Glover, Int. J. Control 39 (1984) 1115.
+//! * H∞ norm: S. Boyd, V. Balakrishnan and P. Kabamba, Math. Control Signals Systems 2 (1989) 207; N. A. Bruinsma and M. Steinbuch, Systems &
+//!   Control Letters 14 (1990) 287.
 //!
 //! # Getting started
 //!
@@ -45,49 +60,52 @@
 //!
 //! # Units, frames, signs
 //!
-//! SI, `f64`; samples, models and bodies in one frame. Force is what the body does to the hand.
+//! SI, `f64`; samples, models and bodies in one frame. The force is that of the body on the hand.
 //!
 //! # Accuracy and limits
 //!
-//! K is exact with its geometric stiffness. Where it cannot be factorised (a body that buckles) the clamped
-//! positive semidefinite tangent takes its place, and [`palpate_local::LocalModel::clamped`] says so.
+//! K is exact and includes the geometric stiffness. If it cannot be factorised, for example in a buckling body, the clamped positive
+//! semidefinite tangent is used, and [`palpate_local::LocalModel::clamped`] is set.
 //!
-//! A near field has the contact patches of the body, the surface that the support set carries, and the nearest triangles beside that, up to
-//! its room and 1.5 m from the tool, where they are at the model step. The linear schemes, the static stiffness and [`Bode`] leave out the
-//! compliance that a contact has below the size of a cell.
+//! A near field has the contact patches of the body, the surface of the support set, and the nearest other triangles. The latter are limited
+//! by its capacity and to 1.5 m from the tool, and are static until the next hand-over. The linear schemes, the static stiffness and [`Bode`]
+//! leave out the compliance of contacts smaller than a cell.
 
 #![forbid(unsafe_code)]
 
-mod balance;
+mod balancing;
 mod bode;
 mod builder;
-mod compare;
-mod dense;
-mod dynamic;
+mod comparison;
+mod dense_system;
+mod dynamic_stiffness;
 mod error;
-mod gramian;
+mod far_field;
+mod gramians;
 mod hinf;
-mod krylov;
-mod local_response;
+mod krylov_linear;
+mod local_model_system;
 mod near_field;
 mod neighbourhood;
+mod options;
 mod pole_residue;
+mod reduction_bases;
+mod second_order_system;
 mod state_space;
 mod static_stiffness;
-mod system;
 
-pub use balance::{Balancing, Truncated};
+pub use balancing::{Balancing, Truncated};
 pub use bode::{Bode, BodePoint};
-pub use builder::{BuildReport, BuilderOptions, LocalModelBuilder};
-pub use compare::{Comparison, ComparisonOptions, relative_rms_error};
-pub use dense::DenseSystem;
+pub use builder::{BuildReport, LocalModelBuilder};
+pub use comparison::{Comparison, ComparisonOptions, relative_rms_error};
+pub use dense_system::DenseSystem;
 pub use error::ReduceError;
-pub use gramian::Gramians;
+pub use gramians::Gramians;
 pub use hinf::HInf;
-pub use near_field::LocalIntegrator;
+pub use options::{BuilderOptions, LocalIntegrator};
 pub use pole_residue::PoleResidue;
+pub use second_order_system::SecondOrderSystem;
 pub use state_space::StateSpace;
-pub use system::SecondOrderSystem;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

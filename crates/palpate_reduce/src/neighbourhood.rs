@@ -1,4 +1,4 @@
-//! The seed paper's local linear approximation (its Fig. 8): the nodes near the tool move, all others stand.
+//! The local linear approximation of the seed paper (its Fig. 8): the nodes near the tool move, and all others are fixed.
 
 use crate::ReduceError;
 use faer::sparse::SparseColMatRef;
@@ -7,12 +7,12 @@ use palpate_body::{Body, Network, Tangent};
 use palpate_local::LocalModel;
 use std::collections::HashSet;
 
-/// Room to select a neighbourhood and to cut its matrices out of the whole ones.
+/// Buffers for a neighbourhood and its matrices.
 #[derive(Debug)]
 pub(crate) struct Workspace {
-    /// The nodes within the rings, the driven one not among them.
+    /// The nodes within the rings, without the driven one.
     nodes: Vec<usize>,
-    /// Where a degree of freedom stands among the selected ones.
+    /// Index of each degree of freedom among the selected ones.
     local: Vec<Option<usize>>,
     implicit: Vec<f64>,
     force: Vec<DVec3>,
@@ -29,14 +29,14 @@ impl Workspace {
         }
     }
 
-    /// Three times the largest number of free nodes within `rings` of a free node.
-    pub(crate) fn largest_order(body: &Body, rings: usize) -> usize {
+    /// Maximum order: three times the maximum number of free nodes within `rings` of a free node.
+    pub(crate) fn max_order(body: &Body, rings: usize) -> usize {
         let network = body.network();
         let orders = network.free().iter().map(|&node| 3 * nodes_within(network, node, rings).len());
         orders.max().unwrap_or(0)
     }
 
-    /// Writes the reduced system of the nodes round `node` into `model`, with V the selection of its nodes.
+    /// Writes the reduced system of the nodes around `node` into `model`.
     pub(crate) fn build(
         &mut self,
         body: &Body,
@@ -87,10 +87,10 @@ impl Workspace {
         }
         model.stiffness_n_per_m = own_block(k, dof(node, 0));
         model.damping_ns_per_m = own_block(b, dof(node, 0));
-        for (place, value) in self.implicit[..p * p].iter_mut().enumerate() {
-            let (row, column) = (place / p, place % p);
+        for (entry, value) in self.implicit[..p * p].iter_mut().enumerate() {
+            let (row, column) = (entry / p, entry % p);
             let inertia = if row == column { network.mass_kg()[self.nodes[row / 3]] / tick_s } else { 0.0 };
-            *value = inertia + r.damping[place] + tick_s * r.stiffness[place];
+            *value = inertia + r.damping[entry] + tick_s * r.stiffness[entry];
         }
         Ok(r.implicit.factorise(p, &self.implicit)?)
     }
@@ -106,8 +106,7 @@ impl Workspace {
     }
 }
 
-/// The free nodes within `rings` links of `node`, itself not among them, nearest first. A path through a fixed node does
-/// not count.
+/// The free nodes within `rings` links of `node` without itself, nearest first. Paths through fixed nodes do not count.
 pub(crate) fn nodes_within(network: &Network, node: usize, rings: usize) -> Vec<usize> {
     let mut seen = HashSet::from([node]);
     let mut within = Vec::new();

@@ -1,15 +1,14 @@
-//! A transfer function as a sum over its poles: fast at many frequencies.
+//! Transfer functions in pole-residue form, for evaluation at many frequencies.
 
 use crate::{ReduceError, StateSpace};
 use faer::linalg::solvers::Solve;
 use faer::{Mat, c64};
 
-/// C (s − A)⁻¹ B = Σ_i c_i b_iᵀ / (s − λ_i), from the eigenvectors of A: with A = V Λ V⁻¹, c_i is column i of C V and
-/// b_iᵀ row i of V⁻¹B.
+/// The strictly proper part of a transfer function in pole-residue form, C (s − A)⁻¹ B = Σ_i c_i b_iᵀ / (s − λ_i).
 ///
-/// One eigendecomposition, then a few operations for each pole and frequency. Where A is nearly defective (a mode
-/// damped exactly critically) the eigenvectors are ill-conditioned and digits are lost; [`PoleResidue::check`] tells
-/// how many, by a dense factorisation.
+/// With the eigendecomposition A = V Λ V⁻¹, c_i is column i of C V and b_iᵀ is row i of V⁻¹B. It is computed once; an evaluation
+/// then takes a few operations for each pole. Where A is nearly defective, as with a critically damped mode, the eigenvectors are
+/// ill-conditioned. [`PoleResidue::check`] measures the loss of accuracy against a dense factorisation.
 #[derive(Clone, Debug)]
 pub struct PoleResidue {
     poles: Vec<c64>,
@@ -20,15 +19,15 @@ pub struct PoleResidue {
 }
 
 impl PoleResidue {
-    /// The poles and residues of the strictly proper part of `system`.
+    /// Computes the poles and residues of the strictly proper part of `system`.
     ///
     /// # Errors
-    /// [`ReduceError::Eigenvalues`] when they are not found.
+    /// [`ReduceError::Eigenvalues`] when the eigenvalue iteration does not converge, or its residual is too large.
     pub fn new(system: &StateSpace) -> Result<Self, ReduceError> {
         let order = system.order();
         let complex = |m: &Mat<f64>| Mat::from_fn(m.nrows(), m.ncols(), |i, j| c64::new(m[(i, j)], 0.0));
-        // As a complex matrix: of a real one with repeated pairs, as symmetric lattices have, faer 0.24 gives vectors
-        // that are no eigenvectors.
+        // A is passed as a complex matrix: for real ones with repeated pairs, as in symmetric lattices, faer 0.24 returns vectors that are
+        // not eigenvectors.
         let a = complex(&system.a);
         let eigen = a.eigen().map_err(|_| ReduceError::Eigenvalues { order })?;
         let v = eigen.U().to_owned();
@@ -48,7 +47,7 @@ impl PoleResidue {
         &self.poles
     }
 
-    /// The strictly proper part at `s` (1/s).
+    /// The strictly proper part at the complex frequency `s`, 1/s.
     #[must_use]
     pub fn at(&self, s: c64) -> Mat<c64> {
         let m = self.input.ncols();
@@ -65,8 +64,8 @@ impl PoleResidue {
         sum
     }
 
-    /// The sum of the norms of the terms of [`PoleResidue::at`]: what rounding is relative to where they cancel.
-    pub(crate) fn terms(&self, s: c64) -> f64 {
+    /// Sum of the norms of the terms of [`PoleResidue::at`]: the scale of rounding errors where the terms cancel.
+    pub(crate) fn sum_of_norms(&self, s: c64) -> f64 {
         let term = |(i, &pole): (usize, &c64)| {
             let (output, input) = (self.output.as_ref().subcols(i, 1), self.input.as_ref().subrows(i, 1));
             output.norm_l2() * input.norm_l2() / (s - pole).norm()
@@ -74,7 +73,7 @@ impl PoleResidue {
         self.poles.iter().enumerate().map(term).sum()
     }
 
-    /// How far [`PoleResidue::at`] is from a dense factorisation at `s`, relative to the latter's norm.
+    /// Relative difference between [`PoleResidue::at`] and a dense factorisation of `system` at `s`.
     #[must_use]
     pub fn check(&self, system: &StateSpace, s: c64) -> f64 {
         let exact = &system.proper_response(&[s])[0];

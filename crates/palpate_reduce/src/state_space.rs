@@ -1,13 +1,13 @@
-//! State space, with the improper part kept apart.
+//! State-space systems with a separate improper part.
 
 use crate::ReduceError;
 use faer::linalg::solvers::Solve;
-use faer::{Mat, c64};
+use faer::{Mat, MatRef, c64};
 
-/// G(s) = E s + D + C (s − A)⁻¹ B.
+/// A linear system with transfer function G(s) = E s + D + C (s − A)⁻¹ B from displacement, m, to force, N.
 ///
-/// Dampers at the driven node make the transfer function improper: E is their damping. What is reduced is the
-/// strictly proper part C (s − A)⁻¹ B; D and E are kept. E s + D is the high-frequency asymptote of G.
+/// Dampers at the driven node make G improper: E is their damping. Reductions approximate the strictly proper part
+/// C (s − A)⁻¹ B and keep D and E. E s + D is the high-frequency asymptote of G.
 #[derive(Clone, Debug)]
 pub struct StateSpace {
     /// A, n × n.
@@ -23,13 +23,14 @@ pub struct StateSpace {
 }
 
 impl StateSpace {
-    /// n.
+    /// Number n of states.
     #[must_use]
     pub fn order(&self) -> usize {
         self.a.nrows()
     }
 
-    /// The strictly proper part C (s − A)⁻¹ B at each of `s` (1/s), by a dense factorisation at each; not finite at a pole.
+    /// The strictly proper part C (s − A)⁻¹ B at each of the complex frequencies `s`, 1/s, by a dense factorisation each. Not finite at
+    /// a pole.
     #[must_use]
     pub fn proper_response(&self, s: &[c64]) -> Vec<Mat<c64>> {
         let complex = |matrix: &Mat<f64>| {
@@ -46,10 +47,10 @@ impl StateSpace {
             .collect()
     }
 
-    /// G at each of `s` (1/s); not finite at a pole.
+    /// G at each of the complex frequencies `s`, 1/s. Not finite at a pole.
     #[must_use]
     pub fn response(&self, s: &[c64]) -> Vec<Mat<c64>> {
-        let improper = s.iter().map(|&s| crate::system::combine(self.d.as_ref(), self.e.as_ref(), s));
+        let improper = s.iter().map(|&s| dynamic_block(self.d.as_ref(), self.e.as_ref(), s));
         self.proper_response(s)
             .into_iter()
             .zip(improper)
@@ -57,7 +58,7 @@ impl StateSpace {
             .collect()
     }
 
-    /// G(0).
+    /// The static gain G(0), N/m.
     ///
     /// # Errors
     /// [`ReduceError::Pole`] when zero is a pole.
@@ -67,13 +68,18 @@ impl StateSpace {
         if finite { Ok(gain) } else { Err(ReduceError::Pole { re: 0.0, im: 0.0 }) }
     }
 
-    /// The poles, the eigenvalues of A, 1/s, by ascending absolute value.
+    /// The poles (eigenvalues of A), 1/s, in ascending order of absolute value.
     ///
     /// # Errors
-    /// [`ReduceError::Eigenvalues`] when they are not found.
+    /// [`ReduceError::Eigenvalues`] when the eigenvalue iteration does not converge.
     pub fn poles(&self) -> Result<Vec<c64>, ReduceError> {
         let mut poles = self.a.eigenvalues().map_err(|_| ReduceError::Eigenvalues { order: self.order() })?;
         poles.sort_by(|a, b| a.norm().total_cmp(&b.norm()).then(a.im.total_cmp(&b.im)));
         Ok(poles)
     }
+}
+
+/// K + s B at the complex frequency `s`.
+pub(crate) fn dynamic_block(k: MatRef<'_, f64>, b: MatRef<'_, f64>, s: c64) -> Mat<c64> {
+    Mat::from_fn(k.nrows(), k.ncols(), |i, j| c64::new(k[(i, j)], 0.0) + s * b[(i, j)])
 }

@@ -1,4 +1,4 @@
-//! The static stiffness that a body shows to a tool: K condensed on the points through which the tool acts.
+//! The static stiffness of a body against a tool: K condensed onto the points on which the tool acts.
 
 use crate::ReduceError;
 use faer::linalg::solvers::Solve;
@@ -8,23 +8,22 @@ use faer::{Mat, Side};
 use glam::{DMat3, DVec3};
 use palpate_body::{Body, BodyPoint, Tangent, TangentPattern, TouchedPoint};
 
-/// D = K_cc − K_cr K_rr⁻¹ K_rc on the nodes c of the points, with one symbolic factorisation for all c; and from it the
-/// stiffness against a motion of the tool that the points follow.
+/// Computes D = K_cc − K_cr K_rr⁻¹ K_rc on the nodes c of the points, and from it the stiffness against a motion of the tool.
 ///
-/// With K̂ = K + P on the degrees of freedom of c, (K̂⁻¹)_cc = (D + P)⁻¹. So one factorisation of K̂, whose pattern does not
-/// depend on c, and three solutions for each node give D; and K̂ is positive definite whenever K_rr and D + P are, so a body
-/// that only the tool keeps from buckling is no obstacle.
+/// With K̂ = K + P on the degrees of freedom of c, (K̂⁻¹)_cc = (D + P)⁻¹. One factorisation of K̂, whose pattern does not depend on c, and
+/// three solves for each node therefore give D. K̂ is positive definite whenever K_rr and D + P are, which includes a body that would
+/// buckle without the tool.
 #[derive(Debug)]
 pub(crate) struct StaticStiffness {
     symbolic: SymbolicLlt<usize>,
-    /// σ₀² m of every degree of freedom, N/m.
+    /// Regularisation σ₀² m of every degree of freedom, N/m.
     regularisation: Vec<f64>,
     shift: Vec<f64>,
 }
 
-/// P as a multiple of the stiffness of the springs at the node: large enough to hold it against a
-/// buckling body, small enough to lose no more than two digits when it is taken away again.
-const HOLD: f64 = 4.0;
+/// P as a multiple of the maximum diagonal stiffness at the nodes: large enough for a buckling body, and small enough to lose at most two
+/// digits when it is subtracted again.
+const PENALTY: f64 = 4.0;
 
 impl StaticStiffness {
     pub(crate) fn new(pattern: &TangentPattern, body: &Body, sigma_per_s: f64) -> Result<Self, ReduceError> {
@@ -40,8 +39,10 @@ impl StaticStiffness {
         Ok(Self { symbolic, regularisation, shift: vec![0.0; unknowns] })
     }
 
-    /// The stiffness against a motion of the tool, N/m, where `points` follow it: in all directions, or where `normals` are
-    /// given, one for each, along those only; where they are those that are `touched`, in series with the compliance of each contact. Adds the regularisation and P to `tangent`'s K.
+    /// The stiffness against a motion of the tool that `points` follow, N/m.
+    ///
+    /// The points follow in all directions, or only along `normals`, one a point, where these are given. If `touched` has the contacts of the
+    /// points, the compliance of each contact is in series. Adds the regularisation and P to K of `tangent`.
     pub(crate) fn at(
         &mut self,
         tangent: &mut Tangent,
@@ -57,9 +58,9 @@ impl StaticStiffness {
         nodes.dedup();
         let dofs: Vec<usize> =
             nodes.iter().flat_map(|index| [0, 1, 2].map(|axis| 3 * index + axis)).collect();
-        let hold = HOLD * dofs.iter().map(|&dof| diagonal(tangent, dof)).fold(0.0, f64::max);
+        let penalty = PENALTY * dofs.iter().map(|&dof| diagonal(tangent, dof)).fold(0.0, f64::max);
         self.shift.copy_from_slice(&self.regularisation);
-        dofs.iter().for_each(|&dof| self.shift[dof] += hold);
+        dofs.iter().for_each(|&dof| self.shift[dof] += penalty);
         tangent.add_to_stiffness_diagonal(&self.shift);
         let factor = Llt::try_new_with_symbolic(self.symbolic.clone(), tangent.stiffness(), Side::Lower)
             .map_err(|error| match error {
@@ -73,18 +74,18 @@ impl StaticStiffness {
         dofs.iter().enumerate().for_each(|(column, &dof)| solution[(dof, column)] = 1.0);
         factor.solve_in_place(&mut solution);
         let compliance = Mat::from_fn(n, n, |i, j| solution[(dofs[i], j)]);
-        let held = compliance.partial_piv_lu().solve(Mat::<f64>::identity(n, n));
-        // D x = Hᵀ λ, H x = E: the force λ on the rows when the tool moves by one along each axis.
+        let stiffness = compliance.partial_piv_lu().solve(Mat::<f64>::identity(n, n));
+        // D x = Hᵀ λ, H x = E: the forces λ on the rows for a unit motion of the tool along each axis.
         let rows = rows(points, (normals, touched), |node| {
             body.network().free_index(node).and_then(|index| nodes.binary_search(&index).ok())
         });
         let m = rows.len();
         let saddle = Mat::from_fn(n + m, n + m, |i, j| match (i < n, j < n) {
-            (true, true) => held[(i, j)] - if i == j { hold } else { 0.0 },
+            (true, true) => stiffness[(i, j)] - if i == j { penalty } else { 0.0 },
             (true, false) => -rows[j - n].weight(i),
             (false, true) => rows[i - n].weight(j),
-            // Redundant rows share their force.
-            (false, false) if i == j => REDUNDANT / hold + rows[i - n].compliance_m_per_n,
+            // Regularises redundant rows, which then share their force.
+            (false, false) if i == j => REDUNDANT_ROW_COMPLIANCE / penalty + rows[i - n].compliance_m_per_n,
             (false, false) => 0.0,
         });
         let along = |row: usize, axis: usize| if row < n { 0.0 } else { rows[row - n].along[axis] };
@@ -95,15 +96,15 @@ impl StaticStiffness {
     }
 }
 
-/// Compliance of a row beside that of the body.
-const REDUNDANT: f64 = 1e-10;
+/// Relative compliance of a row that regularises redundant rows.
+const REDUNDANT_ROW_COMPLIANCE: f64 = 1e-10;
 
-/// A row of H: it follows the tool along a direction.
+/// A row of H: a point that follows the tool along a direction.
 struct AlongRow {
-    /// Place among the nodes, and weight.
+    /// Index among the nodes c, and weight.
     nodes: Vec<(usize, f64)>,
     along: DVec3,
-    /// What is in series with the nodes along it, m/N.
+    /// Compliance in series with the nodes along the direction, m/N.
     compliance_m_per_n: f64,
 }
 
@@ -133,7 +134,7 @@ fn rows(
     rows
 }
 
-/// What a contact gives way by in series with its nodes along a unit vector, m/N.
+/// Compliance of a contact in series with its nodes along a unit vector, m/N.
 fn compliance(touched: &TouchedPoint, along: DVec3) -> f64 {
     let Some(series) = touched.series else { return 0.0 };
     let (force_n, cos) = (touched.pressing_n(), along.dot(touched.normal));

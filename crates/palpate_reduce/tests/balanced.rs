@@ -1,4 +1,4 @@
-//! The specimen of the seed paper's section 4, balanced, against figures that were made by scipy and SLICOT.
+//! Balanced truncation of the specimen of the seed paper's section 4, against reference values from scipy and SLICOT.
 
 use faer::{Mat, c64};
 use palpate_body::{Body, Lattice, Surface};
@@ -37,7 +37,7 @@ fn rad_per_s(hz: f64) -> c64 {
 }
 
 #[test]
-fn the_order_and_the_hankel_singular_values_are_the_reference_s() {
+fn order_and_hankel_singular_values_match_the_reference() {
     assert_eq!(balancing().system().order(), 524);
     for (i, expected) in reference()["hankel_singular_values"].as_array().unwrap().iter().take(20).enumerate()
     {
@@ -48,7 +48,7 @@ fn the_order_and_the_hankel_singular_values_are_the_reference_s() {
 }
 
 #[test]
-fn static_stiffness_and_asymptotes_are_the_reference_s() {
+fn static_stiffness_and_asymptotes_match_the_reference() {
     let (system, expected) = (balancing().system(), reference());
     let dc = system.dc_gain().unwrap();
     for axis in 0..2 {
@@ -59,7 +59,7 @@ fn static_stiffness_and_asymptotes_are_the_reference_s() {
 }
 
 #[test]
-fn the_response_is_the_reference_s_by_three_methods() {
+fn response_by_three_methods_matches_the_reference() {
     let expected = reference();
     let hz: Vec<f64> =
         expected["frequency_hz"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
@@ -82,10 +82,10 @@ fn the_response_is_the_reference_s_by_three_methods() {
 }
 
 #[test]
-fn truncations_have_the_reference_s_errors_and_keep_their_bound() {
+fn truncation_errors_match_the_reference_and_stay_below_their_bound() {
     let expected = reference();
     let full = balancing().system();
-    // The reference took the peak over a grid that ends before infinity, where it is reached.
+    // The peak is at infinity; the peak of the reference is the maximum over a finite grid.
     let peak = HInf::new(full, 1e-6).unwrap();
     assert_eq!(peak.omega, f64::INFINITY);
     close(peak.norm, &expected["proper_norm_peak_n_per_m"], 1e-3);
@@ -104,7 +104,7 @@ fn truncations_have_the_reference_s_errors_and_keep_their_bound() {
 }
 
 #[test]
-fn a_bound_is_kept_with_as_few_states_as_can_be() {
+fn truncation_to_bound_has_minimum_order() {
     for bound in [100.0, 9.0, 1.0, 1e-3] {
         let truncated = balancing().truncate_to_bound(bound).unwrap();
         let order = truncated.system.order();
@@ -118,8 +118,8 @@ fn a_bound_is_kept_with_as_few_states_as_can_be() {
 }
 
 #[test]
-fn reduced_states_live_near_the_tool() {
-    // Fig. 6: the magnitude of the first state falls with the distance from the driven node.
+fn reduced_states_are_concentrated_near_the_tool() {
+    // Fig. 6: the magnitude of the first state decreases with the distance from the driven node.
     let (system, states) = (specimen(), balancing().truncate(2).unwrap().states);
     let lattice = Lattice::new([13, 13, 1], 100.0 / 12.0).unwrap();
     let tool = lattice.position_m([6, 12, 0]);

@@ -1,4 +1,4 @@
-//! What a local model must know of its body.
+//! Local models built from a body: stiffness, neighbourhood, energy, options and errors.
 
 use faer::linalg::solvers::Solve;
 use glam::DVec3;
@@ -22,7 +22,7 @@ fn build(scheme: Scheme, body: &Body, contact: &ToolContact) -> LocalModel {
     model
 }
 
-/// Presses the middle of the top down by `depth` over 200 ticks and waits.
+/// A block whose top middle node is pressed down by `depth` over 200 ticks, and then held until it is at rest.
 fn pressed(nodes: [usize; 3], depth: f64) -> (Body, ToolContact, usize) {
     let mut body = block(nodes);
     let node = nodes[0] / 2 + nodes[0] * (nodes[1] / 2 + nodes[1] * (nodes[2] - 1));
@@ -36,7 +36,7 @@ fn pressed(nodes: [usize; 3], depth: f64) -> (Body, ToolContact, usize) {
 }
 
 #[test]
-fn the_static_stiffness_is_the_dense_schur_complement() {
+fn static_stiffness_equals_dense_schur_complement() {
     let (body, contact, node) = pressed([4, 4, 4], 0.02);
     let model = build(Scheme::Tangent, &body, &contact);
     let pattern = TangentPattern::new(&body);
@@ -61,7 +61,7 @@ fn the_static_stiffness_is_the_dense_schur_complement() {
 }
 
 #[test]
-fn the_static_stiffness_is_the_slope_of_the_force_at_rest() {
+fn static_stiffness_equals_slope_of_force_at_rest() {
     let (lower, ..) = pressed([4, 4, 4], 0.0100);
     let (body, contact, _) = pressed([4, 4, 4], 0.0101);
     let (upper, ..) = pressed([4, 4, 4], 0.0102);
@@ -71,7 +71,7 @@ fn the_static_stiffness_is_the_slope_of_the_force_at_rest() {
 }
 
 #[test]
-fn the_static_stiffness_of_what_is_held_or_touched_is_the_slope_of_its_force_at_rest() {
+fn static_stiffness_of_held_and_touched_points_equals_slope_of_force_at_rest() {
     // A held triangle; a ball that sticks; one without friction.
     let node = |i: usize, j: usize| i + 4 * (j + 4 * 3);
     let ball = |friction| ToolContact::touch(ToolShape::Sphere { radius_m: 0.02 }, friction).unwrap();
@@ -101,7 +101,7 @@ fn the_static_stiffness_of_what_is_held_or_touched_is_the_slope_of_its_force_at_
         let (body, contact) = at(0.0);
         let k = build(Scheme::Tangent, &body, &contact).stiffness_n_per_m;
         let predicted = along.dot(k * along);
-        // A ball rolls on a face that tilts, and its contact widens, which the stiffness of its rows does not know. Measured: 8 and 9 %.
+        // The stiffness of the rows does not include that a ball rolls on a tilting face and that its contact widens. Measured: 8 and 9 %.
         let tolerance = if friction.is_some() { 0.1 } else { 1e-3 };
         assert!(
             (slope / predicted - 1.0).abs() < tolerance,
@@ -111,15 +111,14 @@ fn the_static_stiffness_of_what_is_held_or_touched_is_the_slope_of_its_force_at_
 }
 
 #[test]
-fn the_neighbourhood_is_the_ring_of_nodes_round_the_tool() {
+fn neighbourhood_is_the_ring_of_nodes_around_the_tool() {
     let body = block([6, 6, 6]);
     let node = 3 + 6 * (3 + 6 * 5);
     let contact = ToolContact::hold(&body, node, DVec3::ZERO).unwrap();
     let model = build(Scheme::Neighbourhood, &body, &contact);
     assert_eq!(model.reduced.order, 3 * 17);
-    // A rigid shift of ring and tool stretches only the springs to the nodes that stand; by Newton's third
-    // law K (V; I) of a shift is what those springs add, so the tool's own row of it is zero here: every
-    // neighbour of the tool is in the ring.
+    // A rigid shift of ring and tool stretches only the springs to fixed nodes. Every neighbour of the tool is in the ring, so the tool's row
+    // of K times the shift is zero.
     let mut row = model.stiffness_n_per_m.z_axis;
     for i in 0..17 {
         for c in 0..3 {
@@ -131,7 +130,7 @@ fn the_neighbourhood_is_the_ring_of_nodes_round_the_tool() {
 }
 
 #[test]
-fn a_tool_that_touches_nothing_gives_a_silent_model() {
+fn tool_without_contact_gives_zero_force() {
     let body = block([3, 3, 3]);
     let contact = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).unwrap();
     for scheme in Scheme::ALL {
@@ -142,7 +141,7 @@ fn a_tool_that_touches_nothing_gives_a_silent_model() {
 }
 
 #[test]
-fn a_buckled_body_falls_back_to_the_clamped_tangent_and_says_so() {
+fn buckled_body_uses_the_clamped_tangent() {
     let mut body = block([3, 3, 3]);
     let squeezed: Vec<DVec3> =
         body.network().rest_m().iter().map(|x| DVec3::new(x.x, x.y, 0.3 * (x.z + 0.05) - 0.05)).collect();
@@ -155,14 +154,14 @@ fn a_buckled_body_falls_back_to_the_clamped_tangent_and_says_so() {
 }
 
 #[test]
-fn the_energy_of_a_near_field_is_that_of_the_body() {
+fn near_field_energy_matches_the_body() {
     let weights = vec![(60, 0.5), (59, 0.2), (56, 0.3)];
     let hold = |body: &Body, point: bool| {
-        let place = DVec3::new(0.01, 0.02, 0.05);
+        let at_m = DVec3::new(0.01, 0.02, 0.05);
         if point {
-            ToolContact::hold_point(body, BodyPoint::new(weights.clone()).unwrap(), place).unwrap()
+            ToolContact::hold_point(body, BodyPoint::new(weights.clone()).unwrap(), at_m).unwrap()
         } else {
-            ToolContact::hold(body, 60, place).unwrap()
+            ToolContact::hold(body, 60, at_m).unwrap()
         }
     };
     for (is_point, integrator) in [
@@ -202,16 +201,16 @@ fn the_energy_of_a_near_field_is_that_of_the_body() {
             state.advance(&model, &sample(i), 1e-3);
         }
         body.advance(Some((&mut contact, &path[100..])), 50, SemiImplicitEuler::default()).unwrap();
-        let (ours, full) = (state.energy_j(&model).unwrap() - before, body.energy().total_j() - before);
+        let (local, full) = (state.energy_j(&model).unwrap() - before, body.energy().total_j() - before);
         assert!(
-            full.abs() > 1e-3 && (ours / full - 1.0).abs() < 0.03,
-            "{ours} J, {full} J, {is_point} {integrator:?}"
+            full.abs() > 1e-3 && (local / full - 1.0).abs() < 0.03,
+            "{local} J, {full} J, {is_point} {integrator:?}"
         );
     }
 }
 
 #[test]
-fn options_that_make_no_sense_are_refused() {
+fn rejects_options_out_of_range_and_gaps_in_samples() {
     let body = block([3, 3, 3]);
     let good = BuilderOptions::default();
     for bad in [
@@ -226,8 +225,8 @@ fn options_that_make_no_sense_are_refused() {
     let contact = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).unwrap();
     let samples = [Sample::default(), Sample { sequence: 2, ..Sample::default() }];
     let run = |options| Comparison::run(&body, &contact, &samples, &[], &options).unwrap_err();
-    let hole = ReduceError::Samples { index: 1, found: 2, expected: 1 };
-    assert_eq!(run(ComparisonOptions::default()), hole);
+    let gap = ReduceError::Samples { index: 1, found: 2, expected: 1 };
+    assert_eq!(run(ComparisonOptions::default()), gap);
     let good = ComparisonOptions::default();
     for bad in [
         ComparisonOptions { period_ticks: 0, ..good },
@@ -240,7 +239,7 @@ fn options_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn a_longer_horizon_reaches_farther() {
+fn longer_horizon_enlarges_the_support_set() {
     let body = block([8, 8, 8]);
     let contact = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).unwrap();
     let options = BuilderOptions { horizon_s: 0.01, support_nodes: 32, ..BuilderOptions::default() };
@@ -248,19 +247,19 @@ fn a_longer_horizon_reaches_farther() {
     let mut model = LocalModel::empty(builder.capacity());
     let top = body.positions_m().iter().copied().max_by(|a, b| a.z.total_cmp(&b.z)).unwrap();
     let tool = ToolPoint::at_rest(DVec3::new(0.0, 0.0, top.z + 0.006));
-    let mut reached = |builder: &mut LocalModelBuilder| {
+    let mut support_nodes = |builder: &mut LocalModelBuilder| {
         let id = ModelId::default();
         builder.build(Scheme::NearFieldExact, &body, &contact, tool, id, &mut model).unwrap().support_nodes
     };
-    let near = reached(&mut builder);
+    let short = support_nodes(&mut builder);
     builder.set_horizon_s(0.2).unwrap();
-    assert!(reached(&mut builder) > near, "{near}");
-    let refused = builder.set_horizon_s(f64::NAN).unwrap_err().to_string();
-    assert_eq!(refused, "horizon of a local model, s is NaN; it must be 0.001 to 10");
+    assert!(support_nodes(&mut builder) > short, "{short}");
+    let text = builder.set_horizon_s(f64::NAN).unwrap_err().to_string();
+    assert_eq!(text, "horizon of a local model, s is NaN; it must be 0.001 to 10");
 }
 
 #[test]
-fn a_model_without_room_is_refused() {
+fn build_rejects_model_of_too_small_capacity() {
     let body = block([4, 4, 4]);
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
     let contact = ToolContact::hold(&body, 60, DVec3::ZERO).unwrap();
@@ -271,7 +270,7 @@ fn a_model_without_room_is_refused() {
 }
 
 #[test]
-fn a_contact_with_another_body_is_refused() {
+fn build_rejects_contact_with_another_body() {
     let body = block([3, 3, 3]);
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
     let mut model = LocalModel::empty(builder.capacity());
@@ -279,14 +278,14 @@ fn a_contact_with_another_body_is_refused() {
     let big = Body::new(big.network, big.surface).unwrap();
     for node in [0, 400] {
         let foreign = ToolContact::hold(&big, node, DVec3::ZERO).unwrap();
-        let refused = builder.build(Scheme::Tangent, &body, &foreign, ToolPoint::default(), ID, &mut model);
-        assert!(matches!(refused, Err(ReduceError::Body(BodyError::CannotHold { .. }))));
+        let result = builder.build(Scheme::Tangent, &body, &foreign, ToolPoint::default(), ID, &mut model);
+        assert!(matches!(result, Err(ReduceError::Body(BodyError::CannotHold { .. }))));
         assert_eq!(model.contact, Contact::Apart);
     }
 }
 
 #[test]
-fn short_periods_and_long_delays_are_compared_as_the_loop_would_run_them() {
+fn comparison_runs_with_short_periods_and_long_delays() {
     let body = block([4, 4, 4]);
     let node = 2 + 4 * (2 + 4 * 3);
     let start = body.positions_m()[node];

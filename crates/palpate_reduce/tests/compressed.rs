@@ -1,4 +1,4 @@
-//! Local models of a body with cells so strongly compressed that their volume barriers act.
+//! Local models of a body with strongly compressed cells, whose volume barriers are active.
 
 use faer::c64;
 use glam::DVec3;
@@ -19,7 +19,7 @@ fn start() -> (Body, ToolContact, DVec3) {
     (body, contact, at)
 }
 
-/// Pressed 19 mm deep, and at rest.
+/// The block pressed 19 mm deep and at rest.
 fn pressed() -> (Body, ToolContact, ToolPoint) {
     let (mut body, mut contact, at) = start();
     let path: Vec<ToolPoint> = (0..=4000)
@@ -44,7 +44,7 @@ fn build(scheme: Scheme, options: BuilderOptions) -> (Body, ToolContact, LocalMo
 }
 
 #[test]
-fn a_local_model_has_the_static_stiffness_of_the_compressed_body() {
+fn local_model_matches_the_dynamic_stiffness_of_the_compressed_body() {
     for scheme in [Scheme::KrylovLinear, Scheme::NearFieldExact] {
         let options = BuilderOptions { regularisation_per_s: 0.0, ..BuilderOptions::default() };
         let (body, _, model, _) = build(scheme, options);
@@ -53,14 +53,14 @@ fn a_local_model_has_the_static_stiffness_of_the_compressed_body() {
         for (sigma, bound) in [(1e-6, 1e-7), (TAU * 20.0, 0.02)] {
             let s = [c64::new(sigma, 0.0)];
             let full = &SecondOrderSystem::of_body(&body, &[NODE], 3).unwrap().response(&s).unwrap()[0];
-            let off = (&system.response(&s)[0] - full).norm_l2() / full.norm_l2();
-            assert!(off < bound, "{scheme} at {sigma}: {off}");
+            let error = (&system.response(&s)[0] - full).norm_l2() / full.norm_l2();
+            assert!(error < bound, "{scheme} at {sigma}: {error}");
         }
     }
 }
 
 #[test]
-fn the_force_on_the_hand_begins_with_that_of_the_body() {
+fn displayed_force_starts_at_the_force_of_the_body() {
     for integrator in [LocalIntegrator::Explicit, LocalIntegrator::Implicit { substeps: 2 }] {
         let options = BuilderOptions { integrator, ..BuilderOptions::default() };
         let (body, contact, model, mut state) = build(Scheme::NearFieldExact, options);
@@ -77,12 +77,12 @@ fn the_force_on_the_hand_begins_with_that_of_the_body() {
 }
 
 #[test]
-fn a_hand_that_presses_into_compressed_cells_feels_what_the_body_does() {
+fn press_into_compressed_cells_matches_the_oracle() {
     let (body, contact, at) = start();
     let samples: Vec<Sample> = (0..=1200)
         .map(|i| {
             let t = f64::from(i) * 1e-3;
-            // 17 mm deep in 0.3 s, then 4 mm to and fro at 2 Hz.
+            // 17 mm deep in 0.3 s, then an oscillation by 4 mm at 2 Hz.
             let to = |t: f64| {
                 let swing = if t > 0.3 { 0.002 * (1.0 - (TAU * 2.0 * (t - 0.3)).cos()) } else { 0.0 };
                 at + DVec3::NEG_Y * (0.0085 * (1.0 - (TAU * t.min(0.3) / 0.6).cos()) - swing)

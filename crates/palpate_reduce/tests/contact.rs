@@ -1,4 +1,4 @@
-//! Contact in the loop as in the body: at symmetric places, turned, fast from far away, on tissue as an app has it.
+//! Contact in the loop against the oracle: at symmetric places, with a rotated body, and with a fast tool from far away.
 
 use glam::{DQuat, DVec3};
 use palpate_body::*;
@@ -17,14 +17,14 @@ fn ball(radius_m: f64, friction: f64) -> ToolContact {
     ToolContact::touch(ToolShape::Sphere { radius_m }, friction).unwrap()
 }
 
-/// Samples of a hand at `at` (s), a tick apart, their velocity the difference.
+/// Samples of the path `at` (argument in s), one a tick, with velocities by differences.
 fn samples(ticks: u64, at: impl Fn(f64) -> DVec3) -> Vec<Sample> {
-    let place = |i: u64| at(i as f64 * 1e-3);
+    let position = |i: u64| at(i as f64 * 1e-3);
     (0..ticks)
         .map(|i| Sample {
             sequence: i,
-            position_m: place(i),
-            velocity_m_per_s: (place(i) - place(i.saturating_sub(1))) / 1e-3,
+            position_m: position(i),
+            velocity_m_per_s: (position(i) - position(i.saturating_sub(1))) / 1e-3,
             ..Sample::default()
         })
         .collect()
@@ -42,8 +42,8 @@ fn compare(
 }
 
 #[test]
-fn tissue_is_felt_within_a_thousandth_wherever_it_is_pressed() {
-    // The middle, where triangles meet, a node, an edge of a cell, near the side, with small and large tools.
+fn pressed_tissue_matches_the_oracle_at_any_place() {
+    // At the middle of a cell, a node, an edge of a cell, and near the side, with small and large tools.
     for (nodes, radius, x, y) in [
         (6, 0.005, 0.0, 0.0),
         (6, 0.005, 0.01, 0.01),
@@ -60,16 +60,16 @@ fn tissue_is_felt_within_a_thousandth_wherever_it_is_pressed() {
         for integrator in [LocalIntegrator::Explicit, LocalIntegrator::Implicit { substeps: 2 }] {
             let error =
                 compare(&body, &ball(radius, 0.3), &path, integrator).relative_rms_error(NEAR, 100).unwrap();
-            // The implicit tick has the tangent of the model step.
+            // The implicit tick uses the tangent of the model step.
             let is_implicit = integrator != LocalIntegrator::Explicit;
-            let most = if radius > 0.01 || is_implicit { 0.01 } else { 0.002 };
-            assert!(error < most, "{error} on {nodes} nodes, {radius} m at ({x}, {y}), {integrator:?}");
+            let max_error = if radius > 0.01 || is_implicit { 0.01 } else { 0.002 };
+            assert!(error < max_error, "{error} on {nodes} nodes, {radius} m at ({x}, {y}), {integrator:?}");
         }
     }
 }
 
 #[test]
-fn a_turned_body_and_hand_are_felt_turned() {
+fn rotated_body_and_path_give_rotated_force() {
     let forces = |rotation: DQuat| {
         let body = block(6, rotation);
         let path = samples(400, |t| {
@@ -77,19 +77,19 @@ fn a_turned_body_and_hand_are_felt_turned() {
                 * DVec3::new(0.004 + 0.05 * (t - 0.2).max(0.0), 0.003, 0.0555 - 0.0045 * (t / 0.2).min(1.0))
         });
         let comparison = compare(&body, &ball(0.005, 0.3), &path, LocalIntegrator::Explicit);
-        let shown = comparison.displayed(NEAR).unwrap();
-        shown.iter().map(|f| rotation.inverse() * *f).collect::<Vec<_>>()
+        let displayed = comparison.displayed(NEAR).unwrap();
+        displayed.iter().map(|f| rotation.inverse() * *f).collect::<Vec<_>>()
     };
-    let straight = forces(DQuat::IDENTITY);
-    let largest = straight.iter().map(|f| f.length()).fold(0.0, f64::max);
+    let upright = forces(DQuat::IDENTITY);
+    let largest = upright.iter().map(|f| f.length()).fold(0.0, f64::max);
     for rotation in [DQuat::from_rotation_z(0.4), DQuat::from_rotation_x(1.0), DQuat::from_rotation_y(2.0)] {
-        let worst = straight.iter().zip(forces(rotation)).map(|(a, b)| (*a - b).length()).fold(0.0, f64::max);
+        let worst = upright.iter().zip(forces(rotation)).map(|(a, b)| (*a - b).length()).fold(0.0, f64::max);
         assert!(worst < 1e-9 * largest, "{rotation}: {worst} N of {largest} N");
     }
 }
 
 #[test]
-fn a_hand_that_comes_fast_from_far_away_is_felt_in_the_tick_in_which_it_crosses_the_surface() {
+fn fast_tool_from_far_away_is_displayed_in_the_tick_of_first_contact() {
     let cube = block(6, DQuat::IDENTITY);
     let slab = {
         let made = Block::new([6, 6, 2], DVec3::new(0.1, 0.1, 0.02)).unwrap().fix(Face::NegZ);
@@ -101,19 +101,19 @@ fn a_hand_that_comes_fast_from_far_away_is_felt_in_the_tick_in_which_it_crosses_
             // At rest 60 mm away, just after a model step; then to 10 mm depth.
             let start = top + 0.005 + 0.06;
             let path = samples(400, |t| {
-                let gone = (speed * (t - 0.2014).max(0.0)).min(0.07);
-                DVec3::new(0.004 + aside * gone / 0.07, 0.003, start - gone)
+                let travelled = (speed * (t - 0.2014).max(0.0)).min(0.07);
+                DVec3::new(0.004 + aside * travelled / 0.07, 0.003, start - travelled)
             });
             let comparison = compare(body, &ball(0.005, 0.3), &path, LocalIntegrator::Auto);
             let crossing = path.iter().position(|s| s.position_m.z < top + 0.005).unwrap();
             let first = |forces: &[DVec3]| forces.iter().position(|f| f.length() > 0.0);
-            let (full, shown) = (first(&comparison.oracle_n), first(comparison.displayed(NEAR).unwrap()));
+            let (full, local) = (first(&comparison.oracle_n), first(comparison.displayed(NEAR).unwrap()));
             assert_eq!(
-                (full, shown),
+                (full, local),
                 (Some(crossing), Some(crossing)),
                 "{name} at {speed} m/s, aside {aside} m"
             );
-            // Until the next model step the surface gives way as a half-space does: felt by and large as by the body.
+            // Until the next model step the surface yields like a half-space, which matches the body roughly.
             let last = crossing + 40;
             let (a, b) = (comparison.oracle_n[last].z, comparison.displayed(NEAR).unwrap()[last].z);
             assert!(b > 0.3 * a && b < 3.0 * a, "{name} at {speed} m/s: {a} N, {b} N in the loop");

@@ -1,10 +1,10 @@
-//! Linear systems with closed forms.
+//! Gramians, norms and truncations of linear systems with closed forms.
 
 use faer::{Mat, c64};
 use palpate_body::{Body, Lattice, Surface};
 use palpate_reduce::*;
 
-/// Masses in a row, the last fixed, driven at the first.
+/// A chain of masses, the last fixed, driven at the first.
 fn chain(nodes: usize, k: f64, b: f64, m: f64) -> StateSpace {
     let lattice = Lattice::new([nodes, 1, 1], 1.0).unwrap();
     let body =
@@ -12,14 +12,14 @@ fn chain(nodes: usize, k: f64, b: f64, m: f64) -> StateSpace {
     SecondOrderSystem::of_body(&body, &[0], 1).unwrap().state_space().unwrap()
 }
 
-/// One state: 1/(s + a).
+/// A first-order lag, 1/(s + a).
 fn lag(a: f64) -> StateSpace {
     let one = |v: f64| Mat::from_fn(1, 1, |_, _| v);
     StateSpace { a: one(-a), b: one(1.0), c: one(1.0), d: one(0.0), e: one(0.0) }
 }
 
 #[test]
-fn the_gramians_of_a_lag_are_one_over_twice_its_rate() {
+fn gramians_and_norm_of_first_order_lag_match_closed_form() {
     for a in [1e-3, 1.0, 250.0] {
         let gramians = Gramians::new(&lag(a)).unwrap();
         let square = |z: &Mat<f64>| (0..z.ncols()).map(|j| z[(0, j)].powi(2)).sum::<f64>();
@@ -32,7 +32,7 @@ fn the_gramians_of_a_lag_are_one_over_twice_its_rate() {
 }
 
 #[test]
-fn the_norm_of_a_resonance_is_its_closed_form() {
+fn norm_of_resonance_matches_closed_form() {
     // w^2/(s^2 + 2 z w s + w^2): the peak is 1/(2 z sqrt(1 - z^2)) at w sqrt(1 - 2 z^2).
     let (w, z): (f64, f64) = (30.0, 0.05);
     let row = |values: [f64; 4]| Mat::from_fn(2, 2, |i, j| values[2 * i + j]);
@@ -49,7 +49,7 @@ fn the_norm_of_a_resonance_is_its_closed_form() {
 }
 
 #[test]
-fn the_norm_agrees_with_a_refined_grid() {
+fn norm_agrees_with_refined_frequency_grid() {
     for (nodes, b) in [(5, 0.02), (9, 0.3), (14, 2.0)] {
         let system = chain(nodes, 100.0, b, 0.01);
         let norm = HInf::new(&system, 1e-8).unwrap();
@@ -68,7 +68,7 @@ fn the_norm_agrees_with_a_refined_grid() {
 }
 
 #[test]
-fn a_truncation_to_full_order_is_the_same_system() {
+fn truncation_to_full_order_preserves_the_response() {
     let system = chain(5, 100.0, 0.5, 0.01);
     let balancing = Balancing::new(system.clone()).unwrap();
     let full = balancing.truncate(system.order()).unwrap();
@@ -80,18 +80,18 @@ fn a_truncation_to_full_order_is_the_same_system() {
 }
 
 #[test]
-fn what_has_no_gramian_or_norm_is_refused() {
+fn unstable_system_has_neither_gramians_nor_norm() {
     assert!(matches!(Gramians::new(&lag(-1.0)), Err(ReduceError::Unstable)));
     assert!(matches!(HInf::new(&lag(-1.0), 1e-6), Err(ReduceError::Unstable)));
     for tolerance in [0.0, f64::NAN, 1.0] {
         assert!(matches!(HInf::new(&lag(1.0), tolerance), Err(ReduceError::Option { .. })));
     }
-    // A chain without dampers swings for ever.
+    // An undamped chain is not asymptotically stable.
     assert!(Gramians::new(&chain(4, 100.0, 0.0, 0.01)).is_err());
 }
 
 #[test]
-fn systems_of_nodes_that_cannot_be_driven_are_refused() {
+fn rejects_fixed_or_missing_driven_nodes_and_invalid_axes() {
     let lattice = Lattice::new([4, 1, 1], 1.0).unwrap();
     let network = lattice.uniform(1.0, 0.1, 1.0, |[i, ..]| i == 3).unwrap();
     let body = Body::new(network, Surface::default()).unwrap();

@@ -1,10 +1,10 @@
-//! Random presses on blocks and meshes: the body's steps and the loop's ticks converge wherever, however deep and with whatever tool.
+//! Random presses on blocks and meshes: the contact solvers of the body's step and of the loop's tick converge for any place, depth and tool.
 //!
 //! ```sh
 //! PRESSES=1000 cargo test --release -p palpate_reduce --test presses -- --ignored --nocapture
 //! ```
 //!
-//! Without `PRESSES` there are ten thousand, which take hours. `SEED` chooses other ones.
+//! The default number of presses is ten thousand, which take hours. `SEED` selects the random sequence.
 
 use cpu_time::ThreadTime;
 use glam::{DQuat, DVec3};
@@ -16,12 +16,12 @@ const TICK_S: f64 = 1e-3;
 /// Ticks between two model steps.
 const PERIOD: usize = 50;
 
-/// Marsaglia's xorshift: the same presses every time.
+/// Marsaglia's xorshift generator, for reproducible presses.
 struct Random(u64);
 
 impl Random {
-    /// From 0 to 1.
-    fn share(&mut self) -> f64 {
+    /// A number from 0 to 1.
+    fn unit(&mut self) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
@@ -29,23 +29,23 @@ impl Random {
     }
 
     fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.share()
+        low + (high - low) * self.unit()
     }
 
     fn below(&mut self, count: usize) -> usize {
-        (self.share() * count as f64) as usize % count
+        (self.unit() * count as f64) as usize % count
     }
 }
 
-/// An octahedron divided three times, stretched.
+/// An octahedron subdivided three times, projected onto an ellipsoid.
 fn ellipsoid(half_axes: DVec3) -> ClosedMesh {
     let mut points = vec![DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
     let mut triangles =
         vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
     for _ in 0..3 {
-        let mut middles = std::collections::HashMap::new();
-        let mut middle = |a: usize, b: usize| {
-            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+        let mut midpoints = std::collections::HashMap::new();
+        let mut midpoint = |a: usize, b: usize| {
+            *midpoints.entry((a.min(b), a.max(b))).or_insert_with(|| {
                 points.push((points[a] + points[b]).normalize());
                 points.len() - 1
             })
@@ -53,7 +53,7 @@ fn ellipsoid(half_axes: DVec3) -> ClosedMesh {
         triangles = triangles
             .into_iter()
             .flat_map(|[a, b, c]: [usize; 3]| {
-                let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+                let (ab, bc, ca) = (midpoint(a, b), midpoint(b, c), midpoint(c, a));
                 [[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]
             })
             .collect();
@@ -71,8 +71,8 @@ fn cuboid(size: DVec3) -> ClosedMesh {
 fn of_mesh(mesh: &ClosedMesh, along: usize) -> Body {
     let lattice = CellLattice::fit(mesh, CellSize::Along(along)).unwrap();
     let lowest = mesh.bounds_m()[0] + DVec3::Z * lattice.cell_m();
-    let held = Region::HalfSpace { point_m: lowest, outward: DVec3::Z };
-    let made = lattice.fix(held).tissue(&Tissue::default()).unwrap();
+    let fixed = Region::HalfSpace { point_m: lowest, outward: DVec3::Z };
+    let made = lattice.fix(fixed).tissue(&Tissue::default()).unwrap();
     Body::new(made.network, made.surface).unwrap()
 }
 
@@ -82,42 +82,42 @@ fn block(nodes: usize) -> Body {
     Body::new(made.network, made.surface).unwrap()
 }
 
-/// A body of fewer nodes comes more often, so that the large ones do not take nearly all of the time: of one of 1,331 nodes there are
-/// a fifth as many presses as of one of 216.
-fn drawn<'a>(random: &mut Random, bodies: &'a [Body]) -> &'a Body {
+/// Selects a body at random. Smaller bodies have a larger weight, which limits the time that large ones take: a body of 1,331 nodes is
+/// selected a fifth as often as one of 216.
+fn select_body<'a>(random: &mut Random, bodies: &'a [Body]) -> &'a Body {
     let weight = |body: &Body| 1.0 / (100.0 + body.network().node_count() as f64);
-    let mut left = random.share() * bodies.iter().map(weight).sum::<f64>();
+    let mut remaining = random.unit() * bodies.iter().map(weight).sum::<f64>();
     let found = bodies.iter().find(|body| {
-        left -= weight(body);
-        left <= 0.0
+        remaining -= weight(body);
+        remaining <= 0.0
     });
     found.unwrap_or(&bodies[0])
 }
 
-/// A hand that comes down on a place, stops, and may slide.
+/// A tool that approaches a place, presses to a depth, stops, and may slide.
 struct Press {
     body: Body,
     contact: ToolContact,
-    /// Where the tool touches, and the direction out of the body along which it comes.
+    /// Place of first contact, and the outward direction of approach.
     at_m: DVec3,
-    out: DVec3,
-    /// From there to the tool's position, m.
-    up_m: f64,
+    outward: DVec3,
+    /// Distance from the point of contact to the tool's position, m.
+    tip_offset_m: f64,
     depth_m: f64,
-    m_per_s: f64,
+    speed_m_per_s: f64,
     slide_m: DVec3,
     is_implicit: bool,
 }
 
-/// The tick in which the hand begins to move, and how high it starts, m.
-const BEGINS: f64 = 60.0;
-const HIGH_M: f64 = 0.002;
+/// Tick in which the tool begins to move, and its initial height above the surface, m.
+const FIRST_MOVING_TICK: f64 = 60.0;
+const START_HEIGHT_M: f64 = 0.002;
 
 impl Press {
     fn random(random: &mut Random, bodies: &[Body]) -> Self {
-        let body = drawn(random, bodies).clone();
+        let body = select_body(random, bodies).clone();
         let surface = body.contact_surface();
-        // Corners, edges and their middles among the places.
+        // Corners, edges and midpoints of edges are among the places.
         let (at_m, normal) = loop {
             let triangle = random.below(surface.triangles().len());
             let corners =
@@ -126,7 +126,7 @@ impl Press {
             if normal.z < -0.3 {
                 continue;
             }
-            let (u, v) = (random.share(), random.share());
+            let (u, v) = (random.unit(), random.unit());
             let weights = match random.below(4) {
                 0 => [1.0, 0.0, 0.0],
                 1 => [u, 1.0 - u, 0.0],
@@ -135,51 +135,52 @@ impl Press {
             };
             break (corners.into_iter().zip(weights).map(|(x, w)| w * x).sum(), normal);
         };
-        let aside =
+        let lateral =
             DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-1.0, 1.0));
-        let out = if random.share() < 0.6 {
+        let outward = if random.unit() < 0.6 {
             normal
         } else {
-            (normal + 0.5 * aside).try_normalize().unwrap_or(normal)
+            (normal + 0.5 * lateral).try_normalize().unwrap_or(normal)
         };
-        let radius_m = 2e-4 * 100_f64.powf(random.share());
-        let (shape, up_m) = if random.share() < 0.25 {
-            (ToolShape::FlatPunch { radius_m, axis: -out }, 0.0)
+        let radius_m = 2e-4 * 100_f64.powf(random.unit());
+        let (shape, tip_offset_m) = if random.unit() < 0.25 {
+            (ToolShape::FlatPunch { radius_m, axis: -outward }, 0.0)
         } else {
             (ToolShape::Sphere { radius_m }, radius_m)
         };
-        let friction = if random.share() < 0.3 { 0.0 } else { random.share() };
+        let friction = if random.unit() < 0.3 { 0.0 } else { random.unit() };
         let mut contact = ToolContact::touch(shape, friction).unwrap();
-        if random.share() < 0.5 {
+        if random.unit() < 0.5 {
             contact = contact
                 .with_coupling(VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 10.0 })
                 .unwrap();
         }
         let across = DVec3::new(random.between(-0.01, 0.01), random.between(-0.01, 0.01), 0.0);
-        let slides = f64::from(u8::from(random.share() < 0.5));
+        let is_sliding = f64::from(u8::from(random.unit() < 0.5));
         Self {
             contact,
             at_m,
-            out,
-            up_m,
+            outward,
+            tip_offset_m,
             depth_m: random.between(3e-4, 0.015),
-            m_per_s: 10_f64.powf(random.between(-2.0, 0.3)),
-            slide_m: slides * (DQuat::from_rotation_arc(DVec3::Z, out) * across),
-            is_implicit: random.share() < 0.5,
+            speed_m_per_s: 10_f64.powf(random.between(-2.0, 0.3)),
+            slide_m: is_sliding * (DQuat::from_rotation_arc(DVec3::Z, outward) * across),
+            is_implicit: random.unit() < 0.5,
             body,
         }
     }
 
-    /// The tick in which it is as deep as it goes.
-    fn arrives(&self) -> f64 {
-        BEGINS + (HIGH_M + self.depth_m) / (self.m_per_s * TICK_S)
+    /// Tick in which the tool reaches its depth.
+    fn deepest_tick(&self) -> f64 {
+        FIRST_MOVING_TICK + (START_HEIGHT_M + self.depth_m) / (self.speed_m_per_s * TICK_S)
     }
 
     fn sample(&self, tick: usize) -> Sample {
         let at = |tick: f64| {
-            let gone = (self.m_per_s * TICK_S * (tick - BEGINS).max(0.0) - HIGH_M).min(self.depth_m);
-            let slid = ((tick - self.arrives()) / 100.0).clamp(0.0, 1.0);
-            self.at_m + self.out * (self.up_m - gone) + self.slide_m * slid
+            let depth = (self.speed_m_per_s * TICK_S * (tick - FIRST_MOVING_TICK).max(0.0) - START_HEIGHT_M)
+                .min(self.depth_m);
+            let slide = ((tick - self.deepest_tick()) / 100.0).clamp(0.0, 1.0);
+            self.at_m + self.outward * (self.tip_offset_m - depth) + self.slide_m * slide
         };
         let now = tick as f64;
         Sample {
@@ -192,19 +193,19 @@ impl Press {
     }
 }
 
-/// What was seen of presses.
+/// Counts over all presses.
 #[derive(Debug, Default)]
-struct Seen {
-    unsolved_steps: usize,
-    unsolved_ticks: usize,
+struct Statistics {
+    unconverged_steps: usize,
+    unconverged_ticks: usize,
     touching_ticks: usize,
-    sweeps: usize,
-    /// The longest model step of the body that touches over the median of those of its press, by the time of its thread.
-    longest: f64,
+    max_sweeps: usize,
+    /// Maximum over all presses of the longest step with contact divided by the median, in thread time.
+    max_step_time_ratio: f64,
 }
 
-fn run(press: Press, seen: &mut Seen) {
-    let ticks = ((press.arrives() as usize).min(600) + 150).next_multiple_of(PERIOD);
+fn run(press: Press, statistics: &mut Statistics) {
+    let ticks = ((press.deepest_tick() as usize).min(600) + 150).next_multiple_of(PERIOD);
     let samples: Vec<Sample> = (0..=ticks).map(|tick| press.sample(tick)).collect();
     let Press { mut body, mut contact, is_implicit, .. } = press;
     let (integrator, local): (Integrator, _) = if is_implicit {
@@ -233,59 +234,59 @@ fn run(press: Press, seen: &mut Seen) {
             if is_waiting && hand_over.is_ready() {
                 is_waiting = !matches!(hand_over.submit(&model), SubmitResult::Accepted);
             }
-            let spoken = hand_over.render();
-            assert!(spoken.force_n.is_finite());
-            seen.unsolved_ticks += usize::from(spoken.unconverged);
-            seen.touching_ticks += usize::from(spoken.force_n != DVec3::ZERO);
+            let rendered = hand_over.render();
+            assert!(rendered.force_n.is_finite());
+            statistics.unconverged_ticks += usize::from(rendered.unconverged);
+            statistics.touching_ticks += usize::from(rendered.force_n != DVec3::ZERO);
         }
         let path: Vec<ToolPoint> = std::iter::once(&before).chain(period).map(point).collect();
-        // What else runs on the machine does not count.
-        let began = ThreadTime::now();
+        // Thread time excludes other load on the machine.
+        let start = ThreadTime::now();
         let report = body.advance(Some((&mut contact, &path)), period.len(), integrator).unwrap();
         if report.touched > 0 {
-            times.push(began.elapsed().as_secs_f64());
+            times.push(start.elapsed().as_secs_f64());
         }
         assert!(contact.displayed_force_n(&body).is_finite());
-        seen.unsolved_steps += report.unconverged;
-        seen.sweeps = seen.sweeps.max(report.sweeps);
+        statistics.unconverged_steps += report.unconverged;
+        statistics.max_sweeps = statistics.max_sweeps.max(report.sweeps);
     }
     times.sort_by(f64::total_cmp);
     if let (Some(longest), Some(median)) = (times.last(), times.get(times.len() / 2)) {
-        seen.longest = seen.longest.max(longest / median);
+        statistics.max_step_time_ratio = statistics.max_step_time_ratio.max(longest / median);
     }
 }
 
-fn presses(count: usize, sizes: &[usize], seed: u64) -> Seen {
+fn presses(count: usize, sizes: &[usize], seed: u64) -> Statistics {
     let mut bodies: Vec<Body> = sizes.iter().map(|&nodes| block(nodes)).collect();
     bodies.push(of_mesh(&ellipsoid(DVec3::splat(0.05)), 7));
     bodies.push(of_mesh(&ellipsoid(DVec3::new(0.06, 0.04, 0.025)), 9));
     bodies.push(of_mesh(&cuboid(DVec3::new(0.1, 0.07, 0.053)), 8));
-    let (mut random, mut seen) = (Random(seed), Seen::default());
-    (0..count).for_each(|_| run(Press::random(&mut random, &bodies), &mut seen));
-    #[expect(clippy::print_stdout, reason = "the figures of the run")]
+    let (mut random, mut statistics) = (Random(seed), Statistics::default());
+    (0..count).for_each(|_| run(Press::random(&mut random, &bodies), &mut statistics));
+    #[expect(clippy::print_stdout, reason = "the statistics are the result of the run")]
     {
-        println!("{count} presses: {seen:?}");
+        println!("{count} presses: {statistics:?}");
     }
-    assert_eq!(seen.unsolved_steps, 0, "{seen:?}");
-    assert!(100_000 * seen.unsolved_ticks <= seen.touching_ticks, "{seen:?}");
-    assert!(seen.sweeps <= 60, "{seen:?}");
-    seen
+    assert_eq!(statistics.unconverged_steps, 0, "{statistics:?}");
+    assert!(100_000 * statistics.unconverged_ticks <= statistics.touching_ticks, "{statistics:?}");
+    assert!(statistics.max_sweeps <= 60, "{statistics:?}");
+    statistics
 }
 
 #[test]
-fn some_presses_converge() {
-    let seen = presses(24, &[5, 6], 0x9E37_79B9_7F4A_7C15);
-    assert!(seen.touching_ticks > 1000, "{seen:?}");
+fn twenty_four_presses_converge() {
+    let statistics = presses(24, &[5, 6], 0x9E37_79B9_7F4A_7C15);
+    assert!(statistics.touching_ticks > 1000, "{statistics:?}");
 }
 
 #[test]
-#[ignore = "hours; the same with more presses and larger blocks"]
+#[ignore = "takes hours"]
 fn ten_thousand_presses_converge() {
     let count = std::env::var("PRESSES").map_or(10_000, |count| count.parse().unwrap());
     let seed = std::env::var("SEED").map_or(0, |seed| seed.parse::<u64>().unwrap());
-    // In parts, each of which prints what was seen.
+    // In parts, each of which prints its statistics.
     for (part, begin) in (0..count).step_by(500).enumerate() {
-        let seed = 0xD1B5_4A32_D192_ED03 ^ (seed << 32 | part as u64 + 1);
+        let seed = 0xD1B5_4A32_D192_ED03 ^ ((seed << 32) | (part as u64 + 1));
         let _ = presses((count - begin).min(500), &[5, 6, 7, 8, 9, 10, 11], seed);
     }
 }

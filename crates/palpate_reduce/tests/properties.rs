@@ -1,4 +1,4 @@
-//! What every reduction promises, over random lattices: random size, springs, dampers, masses, held and driven nodes.
+//! Properties of the reductions over random lattices: random sizes, springs, dampers, masses, fixed and driven nodes.
 
 use faer::{Mat, MatRef, Side, c64};
 use palpate_body::{Body, Lattice, Link, Network, Surface};
@@ -6,7 +6,7 @@ use palpate_laws::Spring;
 use palpate_reduce::*;
 use proptest::prelude::*;
 
-/// A lattice held at one face, with springs, dampers and masses that vary tenfold, and up to two driven nodes.
+/// A lattice fixed at one face, with springs, dampers and masses that vary tenfold, and up to two driven nodes.
 #[derive(Clone, Debug)]
 struct Case {
     network: Network,
@@ -24,7 +24,7 @@ impl Case {
 prop_compose! {
     fn nodes()(axes in 1usize..=3)(
         axes in Just(axes),
-        // Two along every axis make a lattice rigid, three along the last leave something to be driven.
+        // Two nodes along every axis make a lattice rigid; three along the last leave free nodes to drive.
         n in [2usize..=4, 2usize..=3, 2usize..=3],
     ) -> (usize, [usize; 3]) {
         let mut nodes = [1; 3];
@@ -59,7 +59,7 @@ fn case() -> impl Strategy<Value = Case> {
                 let mut driven: Vec<usize> =
                     driven.iter().map(|i| network.free()[i.index(network.free().len())]).collect();
                 driven.dedup();
-                // Something has to be left to move by itself.
+                // At least one free node is not driven.
                 driven.truncate(network.free().len() - 1);
                 let network =
                     Network::new(network.rest_m().to_vec(), masses, fixed, links.collect()).unwrap();
@@ -73,12 +73,12 @@ fn is_symmetric_positive_definite(m: &Mat<f64>) -> bool {
     symmetric && m.llt(Side::Lower).is_ok()
 }
 
-/// A frequency that the system has a response worth looking at.
+/// Frequencies in the range of the system's poles.
 fn frequencies() -> Vec<c64> {
     [0.0, 3.0, 40.0, 100.0, 300.0, 2e3].map(|omega| c64::new(0.0, omega)).to_vec()
 }
 
-fn far(a: &Mat<c64>, b: &Mat<c64>) -> f64 {
+fn relative_distance(a: &Mat<c64>, b: &Mat<c64>) -> f64 {
     (a - b).norm_l2() / a.norm_l2()
 }
 
@@ -86,22 +86,22 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn balanced_truncations_are_stable_and_keep_their_bound(case in case(), share in 0.0..1.0f64) {
+    fn balanced_truncations_are_stable_and_stay_below_their_bound(case in case(), share in 0.0..1.0f64) {
         let full = case.system().state_space().unwrap();
         let balancing = Balancing::new(full.clone()).unwrap();
         let hankel = balancing.hankel_singular_values();
         prop_assert!(hankel.windows(2).all(|pair| pair[0] >= pair[1]));
-        // What is left of smaller ones is rounding.
-        let most = hankel.iter().take_while(|s| **s > 1e-11 * hankel[0]).count();
-        let order = 1 + (share * most as f64) as usize;
-        prop_assume!(order <= most);
+        // Smaller values are rounding.
+        let max_order = hankel.iter().take_while(|s| **s > 1e-11 * hankel[0]).count();
+        let order = 1 + (share * max_order as f64) as usize;
+        prop_assume!(order <= max_order);
         let truncated = balancing.truncate(order).unwrap();
         prop_assert!(truncated.system.poles().unwrap().iter().all(|pole| pole.re < 0.0));
         let twice_tail = 2.0 * hankel[order..].iter().sum::<f64>();
         prop_assert_eq!(truncated.error_bound, twice_tail);
         let error = HInf::new(&full.minus(&truncated.system).unwrap(), 1e-6).unwrap().norm;
         prop_assert!(error <= twice_tail + 1e-9 * hankel[0], "error {error}, bound {twice_tail}");
-        // And no reduction to that order has a smaller error than the first value left out.
+        // No reduction to that order has an error below the first omitted Hankel singular value.
         if let Some(next) = hankel.get(order) {
             prop_assert!(error >= next * (1.0 - 1e-5) - 1e-9 * hankel[0], "error {error}, at least {next}");
         }
@@ -123,14 +123,14 @@ proptest! {
         let system = case.system();
         let n = system.unknowns();
         let columns = columns.min(n);
-        let any = Mat::from_fn(n, columns, |i, j| entries[(6 * i + j) % entries.len()]);
+        let random = Mat::from_fn(n, columns, |i, j| entries[(6 * i + j) % entries.len()]);
         let near = system.neighbourhood(&case.network, rings).unwrap().to_dense();
         let projected = |v: MatRef<'_, f64>| system.project(v).unwrap();
         let models = [
             near,
             projected(system.krylov_basis(&[30.0, 200.0]).unwrap().as_ref()),
             projected(system.modal_basis(columns).unwrap().as_ref()),
-            projected(any.as_ref()),
+            projected(random.as_ref()),
         ];
         for (i, model) in models.iter().enumerate() {
             for (name, m) in [("M", &model.mass), ("B", &model.damping), ("K", &model.stiffness)] {
@@ -144,15 +144,15 @@ proptest! {
     }
 
     #[test]
-    fn a_reduction_to_full_order_is_the_same_system(case in case()) {
+    fn reduction_to_full_order_preserves_the_response(case in case()) {
         let system = case.system();
         let all = system.project(system.modal_basis(system.unknowns()).unwrap().as_ref()).unwrap();
         let everywhere = system.neighbourhood(&case.network, case.network.node_count()).unwrap();
         let full = system.state_space().unwrap();
         let balancing = Balancing::new(full.clone()).unwrap();
         let hankel = balancing.hankel_singular_values();
-        let most = hankel.iter().take_while(|s| **s > 1e-13 * hankel[0]).count();
-        let balanced = balancing.truncate(most).unwrap().system;
+        let max_order = hankel.iter().take_while(|s| **s > 1e-13 * hankel[0]).count();
+        let balanced = balancing.truncate(max_order).unwrap().system;
         let s = frequencies();
         let exact = system.response(&s).unwrap();
         for (name, response, tolerance) in [
@@ -164,14 +164,14 @@ proptest! {
             ("balanced", balanced.response(&s), 1e-8),
         ] {
             for (i, s) in s.iter().enumerate() {
-                let off = far(&exact[i], &response[i]);
-                prop_assert!(off < tolerance, "{name} is off by {off} at {s}");
+                let error = relative_distance(&exact[i], &response[i]);
+                prop_assert!(error < tolerance, "{name}: relative error {error} at {s}");
             }
         }
     }
 
     #[test]
-    fn krylov_models_are_exact_where_they_promise(case in case(), shift in 5.0..500.0f64) {
+    fn krylov_models_are_exact_at_zero_shift_and_infinity(case in case(), shift in 5.0..500.0f64) {
         let system = case.system();
         let v = system.krylov_basis(&[shift]).unwrap();
         let gram = v.transpose() * &v;
@@ -179,7 +179,7 @@ proptest! {
         let reduced = system.project(v.as_ref()).unwrap();
         let s = [c64::new(0.0, 0.0), c64::new(shift, 0.0)];
         for (full, reduced) in system.response(&s).unwrap().iter().zip(reduced.response(&s)) {
-            prop_assert!(far(full, &reduced) < 1e-8);
+            prop_assert!(relative_distance(full, &reduced) < 1e-8);
         }
         let (full, reduced) = (system.state_space().unwrap(), reduced.state_space().unwrap());
         prop_assert!((&full.d - &reduced.d).norm_l2() < 1e-8 * full.d.norm_l2());
@@ -189,7 +189,7 @@ proptest! {
     }
 
     #[test]
-    fn nodes_driven_as_one_feel_the_sum_of_their_forces(case in case()) {
+    fn driven_as_one_gives_the_sum_of_forces(case in case()) {
         let system = case.system();
         let together = system.driven_as_one();
         let s = frequencies();

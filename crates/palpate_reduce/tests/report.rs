@@ -1,4 +1,4 @@
-//! What a builder says of what it has built.
+//! The build report: sizes, integrator, and the error bound.
 
 use faer::Mat;
 use faer::linalg::solvers::Solve;
@@ -30,7 +30,7 @@ fn build(
     (report, model)
 }
 
-/// Stiffness against a motion of the driven node along z at σ, from the whole matrices and from a local model.
+/// Dynamic stiffness at σ against a motion of the driven node along z, from the full matrices and from a local model.
 fn stiffnesses(body: &Body, node: usize, model: &LocalModel) -> (f64, f64) {
     let pattern = TangentPattern::new(body);
     let mut tangent = pattern.zero();
@@ -68,7 +68,7 @@ fn stiffnesses(body: &Body, node: usize, model: &LocalModel) -> (f64, f64) {
 }
 
 #[test]
-fn the_error_of_the_stiffness_is_no_greater_than_its_bound() {
+fn stiffness_error_is_at_most_its_bound() {
     let node = 3 + 6 * (3 + 6 * 5);
     for (shifts_hz, order_limit) in [
         ([Some(20.0), None, None, None], 48),
@@ -87,14 +87,14 @@ fn the_error_of_the_stiffness_is_no_greater_than_its_bound() {
         let (report, model) = build(&body, &contact, path[100], options);
         let (exact, reduced) = stiffnesses(&body, node, &model);
         let (error, bound) = (reduced / exact - 1.0, report.error_bound.unwrap());
-        // A bound that is a bound, and says something.
+        // The bound holds, and is not much larger than the error.
         assert!((-1e-12..=1.01 * bound + 1e-12).contains(&error), "{error}, {bound}");
         assert!(bound < 20.0 * error.max(1e-6), "{error}, {bound}, {shifts_hz:?}, {order_limit}");
     }
 }
 
 #[test]
-fn a_report_tells_what_was_built() {
+fn report_matches_the_built_model() {
     let body = block(100.0);
     let ball = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).unwrap();
     let above = |z: f64| ToolPoint::at_rest(DVec3::new(0.004, 0.003, z));
@@ -104,15 +104,14 @@ fn a_report_tells_what_was_built() {
     assert_eq!(report.states, 3 * report.support_nodes + report.order);
     assert_eq!(report.integrator, Some(TickIntegrator::Explicit { substeps: 4 }));
     assert!(report.time_s > 0.0 && report.error_bound.is_some_and(|bound| bound < 0.05), "{report:?}");
-    // 25 mm are within reach, on a surface with a node every 20 mm: nine do not hold all of it, thirty-two do.
+    // The reach is 25 mm on a surface with a node every 20 mm: nine nodes do not cover it, thirty-two do.
     assert!(report.support_truncated);
-    let roomy = BuilderOptions { support_nodes: 32, ..BuilderOptions::default() };
-    assert!(!build(&body, &ball, above(0.056), roomy).0.support_truncated);
-    // Stiff bodies are stepped implicitly; from afar there is nothing to step.
+    let large = BuilderOptions { support_nodes: 32, ..BuilderOptions::default() };
+    assert!(!build(&body, &ball, above(0.056), large).0.support_truncated);
+    // A stiff body has implicit ticks; a tool out of reach has no support set.
     let (stiff, _) = build(&block(50e3), &ball, above(0.056), BuilderOptions::default());
     assert_eq!(stiff.integrator, Some(TickIntegrator::Implicit { substeps: 2 }));
     let (far, _) = build(&body, &ball, above(0.2), BuilderOptions::default());
-    let nothing =
-        BuildReport { scheme: Scheme::NearFieldExact, time_s: far.time_s, ..BuildReport::default() };
-    assert_eq!(far, nothing);
+    let empty = BuildReport { scheme: Scheme::NearFieldExact, time_s: far.time_s, ..BuildReport::default() };
+    assert_eq!(far, empty);
 }

@@ -1,4 +1,4 @@
-//! Local models as linear systems, against the body that they stand for.
+//! Frequency responses of local models as linear systems, against the body.
 
 use faer::{Mat, c64};
 use glam::DVec3;
@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 
 const NODE: usize = 1 + 4 * (1 + 4 * 3);
 
-/// A block pressed 4 mm in, in motion.
+/// A block pressed 4 mm deep, in motion.
 fn pressed() -> (Body, ToolContact, ToolPoint) {
     let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
     let block = Block::new([4, 4, 4], DVec3::splat(0.1)).unwrap().fix(Face::NegZ).uniform(&lattice).unwrap();
@@ -33,35 +33,35 @@ fn built(scheme: Scheme) -> (Body, DenseSystem) {
     let id = ModelId { body: 1, epoch: 1, sequence: 100 };
     builder.build(scheme, &body, &contact, tool, id, &mut model).unwrap();
     assert!(!model.clamped);
-    let place = builder.support().iter().position(|&node| node == NODE);
-    let system = DenseSystem::of_local_model(&model, place).unwrap();
+    let index = builder.support().iter().position(|&node| node == NODE);
+    let system = DenseSystem::of_local_model(&model, index).unwrap();
     (body, system)
 }
 
-fn error(body: &Body, system: &DenseSystem, s: c64) -> f64 {
+fn relative_error(body: &Body, system: &DenseSystem, s: c64) -> f64 {
     let full = &SecondOrderSystem::of_body(body, &[NODE], 3).unwrap().response(&[s]).unwrap()[0];
     let local = &system.response(&[s])[0];
     (local - full).norm_l2() / full.norm_l2()
 }
 
 #[test]
-fn reduced_models_answer_like_the_body_where_their_basis_makes_them() {
+fn reduced_models_match_the_body_at_the_frequencies_of_their_basis() {
     for scheme in [Scheme::KrylovLinear, Scheme::NearFieldExact] {
         let (body, system) = built(scheme);
-        // Exact at rest, and at the shift but for what the dampers at the tool do.
+        // Exact at rest; at the shift, except for the dampers at the tool.
         for (sigma, bound) in [(1e-6, 1e-8), (TAU * 20.0, 3e-4)] {
-            let off = error(&body, &system, c64::new(sigma, 0.0));
-            assert!(off < bound, "{scheme} at {sigma}: {off}");
+            let error = relative_error(&body, &system, c64::new(sigma, 0.0));
+            assert!(error < bound, "{scheme} at {sigma}: {error}");
         }
         for (hz, bound) in [(0.1, 1e-3), (1.0, 0.05), (5.0, 0.15), (20.0, 0.05), (100.0, 0.01)] {
-            let off = error(&body, &system, c64::new(0.0, TAU * hz));
-            assert!(off < bound, "{scheme} at {hz} Hz: {off}");
+            let error = relative_error(&body, &system, c64::new(0.0, TAU * hz));
+            assert!(error < bound, "{scheme} at {hz} Hz: {error}");
         }
     }
 }
 
 #[test]
-fn the_tangent_is_the_static_stiffness_at_every_frequency() {
+fn tangent_equals_static_stiffness_at_every_frequency() {
     let (body, system) = built(Scheme::Tangent);
     let full = SecondOrderSystem::of_body(&body, &[NODE], 3).unwrap().static_stiffness().unwrap();
     for hz in [0.1, 1000.0] {
@@ -73,7 +73,7 @@ fn the_tangent_is_the_static_stiffness_at_every_frequency() {
 }
 
 #[test]
-fn what_answers_nothing_has_no_response() {
+fn schemes_without_a_linear_system_have_no_response() {
     let (body, contact, tool) = pressed();
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
     let mut model = LocalModel::empty(builder.capacity());
@@ -87,7 +87,7 @@ fn what_answers_nothing_has_no_response() {
 }
 
 #[test]
-fn the_columns_of_a_basis_are_orthonormal_in_the_masses_and_still_in_the_support_set() {
+fn basis_columns_are_mass_orthonormal_and_zero_on_the_support_set() {
     let (body, contact, tool) = pressed();
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).unwrap();
     let mut model = LocalModel::empty(builder.capacity());

@@ -1,5 +1,6 @@
+//! Tests of submit, replay, swap and render.
+
 use super::*;
-use crate::{Contact, LocalModelError};
 use glam::DMat3;
 
 fn sample(sequence: u64) -> Sample {
@@ -13,7 +14,7 @@ fn sample(sequence: u64) -> Sample {
     }
 }
 
-/// One mass on a spring and a damper, moved by the tool through another spring and damper.
+/// A mass on a spring and a damper, driven by the tool through another spring and damper.
 fn model(sequence: u64) -> LocalModel {
     let at = sample(sequence);
     let mut m = LocalModel::empty(Capacity::of_order(3));
@@ -49,7 +50,7 @@ fn hand_over(replay_per_tick: usize) -> HandOver {
     .unwrap()
 }
 
-/// Speaks at samples `range`, offering `model(built)` once, when sample `at` has been pushed.
+/// Renders at the samples of `range`, and submits `model(built)` when sample `at` has been pushed.
 fn run(hand_over: &mut HandOver, range: std::ops::Range<u64>, built: u64, at: u64) -> Vec<RenderedForce> {
     range
         .map(|s| {
@@ -63,17 +64,17 @@ fn run(hand_over: &mut HandOver, range: std::ops::Range<u64>, built: u64, at: u6
 }
 
 #[test]
-fn a_hand_over_can_be_shared_between_threads() {
+fn hand_over_is_send_and_sync() {
     fn is_shared<T: Send + Sync>() {}
     is_shared::<HandOver>();
 }
 
 #[test]
-fn a_model_that_is_handed_over_late_says_what_it_would_have_said_in_time() {
+fn late_model_renders_the_force_of_a_punctual_one_after_replay() {
     let in_time = run(&mut hand_over(8), 0..60, 10, 10);
     let late = run(&mut hand_over(8), 0..60, 10, 30);
     let swap = late.iter().position(|s| s.swap.is_some()).unwrap();
-    // 20 samples behind at tick 30, its own among them; 8 a tick and the tick's own: 9 (k + 1) >= 20 + k at k = 2.
+    // It lacks 20 samples at tick 30, including that of the tick. Replay adds 8 a tick and the tick's own: 9 (k + 1) >= 20 + k at k = 2.
     assert_eq!(swap, 32);
     assert_eq!(late[swap].swap.unwrap().replayed_samples, 22);
     for tick in swap..60 {
@@ -84,30 +85,30 @@ fn a_model_that_is_handed_over_late_says_what_it_would_have_said_in_time() {
 }
 
 #[test]
-fn at_the_tick_of_the_model_step_the_force_is_that_of_the_body() {
-    let spoken = run(&mut hand_over(8), 0..20, 10, 10);
-    assert_eq!(spoken[10].force_n, DVec3::Z * 0.5);
-    assert_eq!(spoken[10].swap.unwrap().replayed_samples, 0);
+fn punctual_model_renders_the_force_of_the_model_step() {
+    let forces = run(&mut hand_over(8), 0..20, 10, 10);
+    assert_eq!(forces[10].force_n, DVec3::Z * 0.5);
+    assert_eq!(forces[10].swap.unwrap().replayed_samples, 0);
 }
 
 #[test]
-fn the_old_model_speaks_while_the_new_one_catches_up() {
+fn active_model_renders_until_the_candidate_has_caught_up() {
     let alone = run(&mut hand_over(8), 0..40, 5, 5);
     let mut both = hand_over(2);
     run(&mut both, 0..30, 5, 5);
-    let spoken = run(&mut both, 30..60, 20, 30);
-    let swap = spoken.iter().position(|s| s.swap.is_some()).unwrap();
-    // 10 behind, two a tick and the tick's own: 3 (k + 1) >= 10 + k at k = 4.
+    let forces = run(&mut both, 30..60, 20, 30);
+    let swap = forces.iter().position(|s| s.swap.is_some()).unwrap();
+    // It lacks 10 samples. Replay adds two a tick and the tick's own: 3 (k + 1) >= 10 + k at k = 4.
     assert_eq!(swap, 4);
-    for (k, spoken) in spoken.iter().take(swap).enumerate() {
-        assert_eq!(spoken.force_n, alone[30 + k].force_n);
+    for (k, rendered) in forces.iter().take(swap).enumerate() {
+        assert_eq!(rendered.force_n, alone[30 + k].force_n);
     }
-    let at_swap = spoken[swap].swap.unwrap();
-    assert_eq!(spoken[swap].force_n, alone[34].force_n + at_swap.force_jump_n);
+    let at_swap = forces[swap].swap.unwrap();
+    assert_eq!(forces[swap].force_n, alone[34].force_n + at_swap.force_jump_n);
 }
 
 #[test]
-fn a_model_offered_while_another_catches_up_has_to_wait() {
+fn submit_during_replay_returns_busy() {
     let mut h = hand_over(1);
     run(&mut h, 0..30, 5, 20);
     assert!(h.is_catching_up());
@@ -115,20 +116,20 @@ fn a_model_offered_while_another_catches_up_has_to_wait() {
 }
 
 #[test]
-fn models_without_a_state_speak_at_once() {
+fn model_without_state_becomes_active_at_once() {
     let mut h = hand_over(8);
     (0..60).for_each(|s| h.push(sample(s)));
     let mut tangent = model(0);
     tangent.scheme = Scheme::Tangent;
     assert_eq!(h.submit(&tangent), SubmitResult::Accepted);
-    let spoken = h.render();
+    let rendered = h.render();
     let dx = sample(59).position_m - sample(0).position_m;
-    assert_eq!(spoken.force_n, DVec3::Z * 0.5 - 100.0 * dx);
-    assert_eq!(spoken.swap.unwrap().replayed_samples, 0);
+    assert_eq!(rendered.force_n, DVec3::Z * 0.5 - 100.0 * dx);
+    assert_eq!(rendered.swap.unwrap().replayed_samples, 0);
 }
 
 #[test]
-fn apart_means_silent_whatever_the_rest_says() {
+fn model_without_contact_renders_zero_force_in_every_scheme() {
     for scheme in Scheme::ALL {
         let mut h = hand_over(8);
         h.push(sample(0));
@@ -140,7 +141,7 @@ fn apart_means_silent_whatever_the_rest_says() {
 }
 
 #[test]
-fn a_surface_never_pulls_between_model_steps() {
+fn touched_surface_never_pulls() {
     let mut h = hand_over(8);
     h.push(sample(0));
     let mut touching = model(0);
@@ -155,7 +156,7 @@ fn a_surface_never_pulls_between_model_steps() {
 }
 
 #[test]
-fn models_that_cannot_be_used_are_refused_and_the_old_one_stays() {
+fn rejected_models_leave_the_active_one_in_place() {
     let mut h = hand_over(8);
     run(&mut h, 0..10, 5, 5);
     let before = h.clone().render().force_n;
@@ -179,7 +180,7 @@ fn models_that_cannot_be_used_are_refused_and_the_old_one_stays() {
 }
 
 #[test]
-fn a_model_older_than_the_history_is_refused_or_given_up() {
+fn model_older_than_the_history_is_rejected_or_abandoned() {
     let mut h = hand_over(8);
     (0..100).for_each(|s| h.push(sample(s)));
     assert_eq!(
@@ -187,15 +188,15 @@ fn a_model_older_than_the_history_is_refused_or_given_up() {
         SubmitResult::Rejected(LocalModelError::TooOld { model: 20, oldest: 36 })
     );
     assert_eq!(h.submit(&model(40)), SubmitResult::Accepted);
-    // The samples jump: what was to be replayed is gone.
+    // A jump of the sequence number clears the history that replay requires.
     h.push(sample(500));
-    let spoken = h.render();
-    assert_eq!(spoken.abandoned, Some(LocalModelError::TooOld { model: 40, oldest: 500 }));
+    let rendered = h.render();
+    assert_eq!(rendered.abandoned, Some(LocalModelError::TooOld { model: 40, oldest: 500 }));
     assert!(!h.is_catching_up());
 }
 
 #[test]
-fn a_low_pass_starts_from_what_was_felt_before() {
+fn low_pass_starts_from_the_previous_force() {
     let mut h = hand_over(8);
     h.push(sample(0));
     let mut held = model(0);
@@ -209,31 +210,31 @@ fn a_low_pass_starts_from_what_was_felt_before() {
     let a = 1.0 - (-std::f64::consts::TAU * 10.0 * 1e-3).exp();
     let expected = DVec3::X * 3.0 * (1.0 - a) + DVec3::Z * 0.5 * a;
     assert!((h.render().force_n - expected).length() < 1e-14);
-    // Missed ticks count.
+    // Missed ticks count as filter steps.
     (2..12).for_each(|s| h.push(sample(s)));
     let expected = DVec3::X * 3.0 * (1.0 - a).powi(11) + DVec3::Z * 0.5 * (1.0 - (1.0 - a).powi(11));
     assert!((h.render().force_n - expected).length() < 1e-14);
 }
 
 #[test]
-fn a_low_pass_neither_speaks_when_apart_nor_pulls_nor_keeps_infinity() {
+fn low_pass_is_zero_without_contact_and_never_pulls() {
     let mut h = hand_over(8);
     let mut low = model(0);
     (low.scheme, low.force_n) = (Scheme::LowPass, DVec3::Z * 5.0);
-    let mut say = |sequence, contact, force_n| {
+    let mut render = |sequence, contact, force_n| {
         h.push(sample(sequence));
         (low.id.sequence, low.contact, low.force_n) = (sequence, contact, force_n);
         assert_eq!(h.submit(&low), SubmitResult::Accepted);
         h.render().force_n
     };
-    assert!(say(1, Contact::Held, DVec3::Z * 5.0).z > 0.0);
-    assert_eq!(say(2, Contact::Touching { normal: -DVec3::Z }, DVec3::Z * -0.001), DVec3::ZERO);
-    assert_eq!(say(3, Contact::Apart, DVec3::ZERO), DVec3::ZERO);
-    assert!(say(4, Contact::Held, DVec3::Z).z < 0.1, "and what was felt long before is forgotten");
+    assert!(render(1, Contact::Held, DVec3::Z * 5.0).z > 0.0);
+    assert_eq!(render(2, Contact::Touching { normal: -DVec3::Z }, DVec3::Z * -0.001), DVec3::ZERO);
+    assert_eq!(render(3, Contact::Apart, DVec3::ZERO), DVec3::ZERO);
+    assert!(render(4, Contact::Held, DVec3::Z).z < 0.1, "the filter was reset while there was no contact");
 }
 
 #[test]
-fn a_model_always_catches_up_even_when_ticks_are_missed() {
+fn candidate_catches_up_although_ticks_are_missed() {
     for (replay_per_tick, missed) in [(1, 1), (8, 8), (8, 9), (1, 20)] {
         let mut h = HandOver::new(HandOverSettings {
             capacity: Capacity::of_order(3),
@@ -252,7 +253,7 @@ fn a_model_always_catches_up_even_when_ticks_are_missed() {
 }
 
 #[test]
-fn a_model_without_a_state_speaks_even_if_the_samples_begin_anew() {
+fn model_without_state_becomes_active_after_a_jump_of_samples() {
     let mut h = hand_over(8);
     assert_eq!(h.submit(&model(0)), SubmitResult::Busy, "there is no sample yet");
     h.push(sample(4));
@@ -264,7 +265,7 @@ fn a_model_without_a_state_speaks_even_if_the_samples_begin_anew() {
 }
 
 #[test]
-fn models_of_other_bodies_are_forgotten_on_demand() {
+fn retain_body_drops_models_of_other_bodies() {
     let mut h = hand_over(1);
     run(&mut h, 0..20, 5, 5);
     h.submit(&model(6));
@@ -276,21 +277,21 @@ fn models_of_other_bodies_are_forgotten_on_demand() {
 }
 
 #[test]
-fn that_there_is_nothing_to_be_felt_may_be_said_twice() {
+fn model_without_body_may_be_repeated_for_the_same_sample() {
     let mut h = hand_over(8);
     h.push(sample(7));
-    let mut nothing = LocalModel::empty(Capacity::of_order(3));
+    let mut empty = LocalModel::empty(Capacity::of_order(3));
     for sequence in [7, 7] {
-        nothing.clear(sequence);
-        assert_eq!(h.submit(&nothing), SubmitResult::Accepted);
+        empty.clear(sequence);
+        assert_eq!(h.submit(&empty), SubmitResult::Accepted);
         assert_eq!(h.render().force_n, DVec3::ZERO);
     }
-    nothing.clear(6);
-    assert!(matches!(h.submit(&nothing), SubmitResult::Rejected(LocalModelError::NotNewer { .. })));
+    empty.clear(6);
+    assert!(matches!(h.submit(&empty), SubmitResult::Rejected(LocalModelError::NotNewer { .. })));
 }
 
 #[test]
-fn an_older_build_or_another_step_is_refused() {
+fn rejects_older_epoch_and_other_tick() {
     let mut h = hand_over(8);
     run(&mut h, 0..10, 5, 5);
     let mut newer = model(9);
@@ -308,7 +309,7 @@ fn an_older_build_or_another_step_is_refused() {
 }
 
 #[test]
-fn senseless_settings_are_refused() {
+fn rejects_settings_out_of_range() {
     let good = HandOverSettings::default();
     for bad in [
         HandOverSettings { replay_per_tick: 0, ..good },

@@ -1,35 +1,35 @@
-//! The springs and volume barriers of a near field, as data.
+//! The springs and volume barriers of a near field, as plain data.
 
 use glam::DVec3;
 use palpate_laws::{Spring, VolumeBarrier};
 
-/// The other end of a near spring.
+/// The end b of a near spring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NearEnd {
     /// A node of S.
     Support(usize),
     /// A node of the ring.
     Ring(usize),
-    /// What does not move, m.
+    /// A fixed position, m.
     Fixed(DVec3),
 }
 
-/// A spring with an end in S.
+/// A spring incident to S.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearSpring {
-    /// Its node a, in S.
+    /// Node of S at the end a.
     pub a: usize,
-    /// Its node b.
+    /// The end b.
     pub b: NearEnd,
-    /// Its law, rest length and damper.
+    /// Force law, rest length and damper.
     pub spring: Spring,
 }
 
-/// A tetrahedron of a cell with a node in S, and its volume barrier.
+/// A tetrahedron of a strongly compressed cell that has a node in S, with its volume barrier.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NearTetrahedron {
-    /// Its nodes; the edges lead from the first to the others: i < s is node i of S, s + i node i of the ring.
+    /// Nodes; the three edges start at the first. An index i < s is node i of S, s + i is node i of the ring.
     pub nodes: [usize; 4],
-    /// Its barrier.
+    /// Volume barrier.
     pub barrier: VolumeBarrier,
 }

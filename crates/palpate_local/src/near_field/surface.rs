@@ -1,4 +1,4 @@
-//! The surface of a near field, and where the tool touches it, as data.
+//! The surface of a near field and its contact patches, as plain data.
 
 #![cfg_attr(
     not(test),
@@ -8,20 +8,20 @@
 use glam::DVec3;
 use palpate_laws::{MAX_PATCHES, Neighbour, PATCH_ROWS, POINT_NODES, Patch, PatchScale};
 
-/// A point of the surface: Σ w_i x_i over nodes of S and of the ring, and over what does not move.
+/// A point of the surface, Σ w_i x_i over nodes of S, nodes of the ring, and fixed nodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NearPoint {
-    /// The nodes that carry it, each once, and their weights; 0 where there are fewer. An index below s is that of a node of S, s + i that of
+    /// Nodes that carry the point, each once, with their weights; unused entries have weight 0. An index i < s is node i of S, s + i is
     /// node i of the ring.
     pub nodes: [(usize, f64); POINT_NODES],
-    /// Σ w_i x_i over the nodes that carry it and do not move, m.
+    /// Part of the sum over nodes that neither S nor the ring contains, at their positions of the model step, m.
     pub fixed_m: DVec3,
-    /// Young's modulus there, Pa; 0 where the body has none.
+    /// Young's modulus at the point, Pa; 0 where the body has none.
     pub modulus_pa: f64,
 }
 
 impl NearPoint {
-    /// The node `node` of S itself.
+    /// A point at node `node` of S.
     #[must_use]
     pub fn node(node: usize) -> Self {
         let mut point = Self::default();
@@ -31,51 +31,51 @@ impl NearPoint {
         point
     }
 
-    /// The nodes of S and of the ring that carry it, and their weights.
+    /// Nodes of S and of the ring that carry the point, with their weights.
     pub fn carriers(&self) -> impl Iterator<Item = (usize, f64)> + use<> {
         self.nodes.into_iter().filter(|(_, w)| *w != 0.0)
     }
 }
 
-/// A triangle of the surface on which contact patches are found.
+/// A triangle of the contact surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NearTriangle {
-    /// Its corners, points of the surface, counter-clockwise seen from outside.
+    /// Corners as indices of surface points, counter-clockwise seen from outside.
     pub points: [usize; 3],
-    /// What is across its edges, of the triangles that are known.
+    /// Neighbours across the edges, as far as the near field contains them.
     pub neighbours: [Neighbour; 3],
-    /// Its outward unit normal at rest.
+    /// Outward unit normal at rest.
     pub rest_normal: DVec3,
-    /// Whether nodes of S alone carry it, so that it moves under a tool that touches it, or fixed ones alone. What else is touched stands still and
-    /// gives way as the smooth surface of a half-space does.
+    /// Whether nodes of S alone carry the triangle, or fixed nodes alone: it then moves under a touching tool as in the body. Other
+    /// triangles are static until the next hand-over and yield like the surface of a half-space.
     pub is_reachable: bool,
 }
 
 /// A contact patch at the model step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NearPatch {
-    /// Where it is: its triangle is one of the near field's.
+    /// The patch; its triangle is an index into [`crate::NearField::triangle`].
     pub patch: Patch,
-    /// The normal at rest of the triangle on which it began.
+    /// Normal at rest of the triangle on which the patch began.
     pub rest_normal: DVec3,
-    /// The force along the normal on each of its rows, N, and the whole force on the body.
+    /// Force along the normal on each row, N.
     pub row_n: [f64; PATCH_ROWS],
-    /// See `row_n`.
+    /// Force on the body by each row, N.
     pub force_n: [DVec3; PATCH_ROWS],
 }
 
-/// What contact needs to know of the body beside its surface.
+/// Contact parameters of the body, and the contact patches at the model step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearContact {
-    /// Size of a cell, and directions that turn with the body.
+    /// Cell size, spread of small contacts, and axes that rotate with the body.
     pub scale: PatchScale,
     /// Poisson's ratio.
     pub poissons_ratio: f64,
-    /// Whether contact gets the compliance that the grid lacks.
+    /// Whether rows are in series with the contact compliance that the grid lacks.
     pub adds_compliance: bool,
-    /// The patches that the tool touched in the last step of the body, the first `count` of these.
+    /// Patches of the last step of the body, in the first `count` entries.
     pub patches: [NearPatch; MAX_PATCHES],
-    /// How many patches it touched.
+    /// Number of patches.
     pub count: usize,
 }
 
@@ -103,7 +103,7 @@ impl NearContact {
         numbers && axes.iter().all(|axis| axis.is_finite()) && self.patches().iter().all(patch)
     }
 
-    /// The patches that the tool touched.
+    /// The patches in use.
     #[must_use]
     pub fn patches(&self) -> &[NearPatch] {
         self.patches.get(..self.count).unwrap_or_default()

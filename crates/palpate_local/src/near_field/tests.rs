@@ -1,11 +1,11 @@
-//! What is refused.
+//! Validation and copies of near fields.
 
 use super::*;
 
 const CAPACITY: NearFieldCapacity =
     NearFieldCapacity { nodes: 3, order: 2, ring: 2, springs: 3, points: 3, triangles: 1 };
 
-/// A triangle held by three springs.
+/// A near field with one triangle and three springs.
 fn triangle() -> NearField {
     let mut field = NearField::with_capacity(CAPACITY);
     (field.nodes, field.order, field.ring) = (3, 2, 1);
@@ -20,19 +20,19 @@ fn triangle() -> NearField {
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
-    type Spoil = fn(&mut NearField);
+fn validate_rejects_invalid_masses_supports_tools_and_friction() {
+    type Corrupt = fn(&mut NearField);
     let touched = |radius_m, friction| Support::Touched { shape: ToolShape::Sphere { radius_m }, friction };
-    let poison: [(&str, Spoil); 4] = [
+    let cases: [(&str, Corrupt); 4] = [
         ("inverse mass, 1/kg", |f| f.node_per_kg[1] = -1.0),
-        ("nodes that are driven", |f| f.support = Support::Driven),
-        ("squares of the weights of what is held", |f| f.support = Support::Held),
-        // The only weight is on what is fixed.
-        ("squares of the weights of what is held", |f| (f.support, f.weight[0]) = (Support::Held, 1.0)),
+        ("number of driven nodes", |f| f.support = Support::Driven),
+        ("sum of squared weights of the held point", |f| f.support = Support::Held),
+        // The only weight is on a fixed node.
+        ("sum of squared weights of the held point", |f| (f.support, f.weight[0]) = (Support::Held, 1.0)),
     ];
-    for (name, spoil) in poison {
+    for (name, corrupt) in cases {
         let mut bad = triangle();
-        spoil(&mut bad);
+        corrupt(&mut bad);
         let error = bad.validate().unwrap_err();
         assert!(matches!(error, LocalModelError::Setting { what, .. } if what == name), "{error}");
     }
@@ -45,10 +45,10 @@ fn what_cannot_be_is_refused() {
 }
 
 #[test]
-fn what_is_not_finite_is_found_wherever_it_is() {
+fn validate_rejects_non_finite_numbers_in_use() {
     assert_eq!(triangle().validate(), Ok(()));
-    type Spoil = fn(&mut NearField);
-    let poison: [(&str, Spoil); 12] = [
+    type Corrupt = fn(&mut NearField);
+    let cases: [(&str, Corrupt); 12] = [
         ("weights", |f| f.weight[2] = f64::NAN),
         ("inverse masses", |f| f.node_per_kg[0] = f64::INFINITY),
         ("basis", |f| f.basis[5] = f64::NAN),
@@ -56,18 +56,18 @@ fn what_is_not_finite_is_found_wherever_it_is() {
         ("far damping", |f| f.damping[0] = f64::NAN),
         ("far force", |f| f.force[10] = f64::NAN),
         ("near-field velocity", |f| f.velocity[0] = f64::NAN),
-        ("places of S", |f| f.node_m[1].x = f64::NAN),
-        ("places of the ring", |f| f.ring_m[0].y = f64::NAN),
+        ("positions of S", |f| f.node_m[1].x = f64::NAN),
+        ("positions of the ring", |f| f.ring_m[0].y = f64::NAN),
         ("ends of near springs", |f| f.near[2].b = NearEnd::Fixed(DVec3::NAN)),
         ("weights of the surface", |f| f.point[1].nodes[0].1 = f64::NAN),
-        ("step", |f| f.tick_s = 0.0),
+        ("tick", |f| f.tick_s = 0.0),
     ];
-    for (what, spoil) in poison {
+    for (what, corrupt) in cases {
         let mut bad = triangle();
-        spoil(&mut bad);
+        corrupt(&mut bad);
         assert_eq!(bad.validate(), Err(LocalModelError::NotFinite { what }));
     }
-    // What is not in use may be anything.
+    // Entries that are not in use are not checked.
     let mut unused = triangle();
     unused.basis[6] = f64::NAN;
     unused.tangent[0] = f64::NAN;
@@ -75,9 +75,9 @@ fn what_is_not_finite_is_found_wherever_it_is() {
 }
 
 #[test]
-fn wrong_sizes_and_indices_are_found() {
-    type Spoil = fn(&mut NearField);
-    let poison: [Spoil; 13] = [
+fn validate_rejects_wrong_sizes_and_indices() {
+    type Corrupt = fn(&mut NearField);
+    let cases: [Corrupt; 13] = [
         |f| f.nodes = usize::MAX,
         |f| f.order = 3,
         |f| f.ring = 3,
@@ -92,9 +92,9 @@ fn wrong_sizes_and_indices_are_found() {
         |f| (f.tetrahedra, f.tetrahedron[0].nodes) = (1, [0, 1, 2, 4]),
         |f| f.integrator = TickIntegrator::Explicit { substeps: 65 },
     ];
-    for (i, spoil) in poison.into_iter().enumerate() {
+    for (i, corrupt) in cases.into_iter().enumerate() {
         let mut bad = triangle();
-        spoil(&mut bad);
+        corrupt(&mut bad);
         let error = bad.validate().unwrap_err();
         match i {
             0..7 => assert!(matches!(error, LocalModelError::Room { .. }), "{error}"),
@@ -102,14 +102,14 @@ fn wrong_sizes_and_indices_are_found() {
             _ => assert!(matches!(error, LocalModelError::Setting { .. }), "{error}"),
         }
     }
-    // Without a factor there is no implicit tick.
+    // An implicit tick requires a factor.
     let mut unfactored = triangle();
     unfactored.integrator = TickIntegrator::Implicit { substeps: 1 };
     assert!(matches!(unfactored.validate(), Err(LocalModelError::Size { what: "implicit factor", .. })));
 }
 
 #[test]
-fn a_copy_is_whole_and_needs_room() {
+fn copy_is_complete_and_rejects_sizes_above_capacity() {
     let mut to = NearField::with_capacity(NearFieldCapacity { nodes: 5, order: 4, ..CAPACITY });
     let mut field = triangle();
     (field.tetrahedra, field.tetrahedron[0].nodes) = (1, [2, 1, 0, 3]);
@@ -118,7 +118,7 @@ fn a_copy_is_whole_and_needs_room() {
     assert_eq!((to.tetrahedra, to.tetrahedron[0].nodes), (1, [2, 1, 0, 3]));
     assert_eq!(to.validate(), Ok(()));
     let mut small = NearField::with_capacity(NearFieldCapacity { ring: 0, ..CAPACITY });
-    let refused = LocalModelError::Room { what: "nodes of the ring", found: 1, room: 0 };
-    assert_eq!(small.copy_from(&triangle()), Err(refused));
+    let error = LocalModelError::Room { what: "nodes of the ring", found: 1, room: 0 };
+    assert_eq!(small.copy_from(&triangle()), Err(error));
     assert_eq!(small.nodes, 0);
 }

@@ -1,7 +1,7 @@
 use super::*;
 use palpate_body::{Block, Face, SemiImplicitEuler, Tissue, ToolShape};
 
-/// A block of tissue under a sphere that has pressed 4 mm in and rests.
+/// A block of tissue with a sphere at rest 4 mm deep.
 fn pressed() -> (Body, ToolContact, ToolPoint) {
     let block = Block::new([5, 5, 5], DVec3::splat(0.1)).unwrap().fix(Face::NegY);
     let block = block.tissue(&Tissue::default()).unwrap();
@@ -19,15 +19,15 @@ fn pressed() -> (Body, ToolContact, ToolPoint) {
     (body, contact, path[400])
 }
 
-fn answer(scheme: Scheme) -> Bode {
+fn bode(scheme: Scheme) -> Bode {
     let (body, contact, tool) = pressed();
     let hz = Bode::frequencies_hz();
     Bode::compare(&body, &contact, tool, scheme, BuilderOptions::default(), &hz).unwrap().unwrap()
 }
 
 #[test]
-fn the_local_model_answers_like_the_body_and_the_neighbourhood_is_too_stiff() {
-    let near = answer(Scheme::NearFieldExact);
+fn near_field_matches_the_body_and_the_neighbourhood_is_too_stiff() {
+    let near = bode(Scheme::NearFieldExact);
     assert_eq!((near.full.len(), near.local.len()), (33, 33));
     assert!(
         (near.full[0].frequency_hz - 0.1).abs() < 1e-9 && (near.full[32].frequency_hz - 1e3).abs() < 1e-9
@@ -36,24 +36,24 @@ fn the_local_model_answers_like_the_body_and_the_neighbourhood_is_too_stiff() {
     for (full, local) in near.full.iter().zip(&near.local) {
         assert!((full.gain_db - local.gain_db).abs() < 0.5, "{full:?} {local:?}");
         assert!((full.phase_deg - local.phase_deg).abs() < 5.0, "{full:?} {local:?}");
-        // What is passive does not lead by more than half a turn, and dampers make it lead.
+        // The phase of a passive body is between 0° and 180°; dampers make it positive.
         assert!((0.0..180.0).contains(&full.phase_deg), "{full:?}");
     }
-    let seed = answer(Scheme::Neighbourhood);
+    let seed = bode(Scheme::Neighbourhood);
     assert_eq!(seed.full, near.full);
     assert!(seed.local[0].gain_db > seed.full[0].gain_db + 1.0, "{:?} {:?}", seed.local[0], seed.full[0]);
 }
 
 #[test]
-fn the_tangent_is_flat_and_right_at_rest() {
-    let bode = answer(Scheme::Tangent);
+fn tangent_is_flat_and_exact_at_rest() {
+    let bode = bode(Scheme::Tangent);
     let flat = bode.local.iter().all(|p| (p.gain_db - bode.local[0].gain_db).abs() < 1e-9);
     assert!(flat && (bode.local[0].gain_db - bode.full[0].gain_db).abs() < 0.01, "{:?}", bode.local[0]);
 }
 
 #[test]
-fn what_is_not_touched_has_no_answer_and_what_holds_still_none_of_its_own() {
-    let hold = answer(Scheme::Hold);
+fn no_contact_has_no_response_and_hold_has_no_local_one() {
+    let hold = bode(Scheme::Hold);
     assert!(hold.local.is_empty() && hold.full.len() == 33);
     let (body, _, tool) = pressed();
     let apart = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).unwrap();

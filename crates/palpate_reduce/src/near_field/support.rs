@@ -1,42 +1,67 @@
-//! The support set S: the nodes that carry every point which the tool can reach before the next hand-over.
+//! The support set S: the nodes of the surface that the tool can reach within the horizon of a local model.
 
+use crate::options::BuilderOptions;
 use glam::DVec3;
 use palpate_body::{Body, SurfaceTree, ToolContact, ToolPoint};
 use palpate_laws::ToolShape;
 use palpate_local::{NearFieldCapacity, Support};
+use std::collections::BTreeSet;
 
-/// S with what the tool does to it.
+/// Maximum sizes of a support set and its basis.
+pub(super) struct SupportLimits {
+    /// Maximum number of nodes.
+    pub(super) nodes: usize,
+    /// Maximum number of columns of the basis.
+    pub(super) order: usize,
+    /// Maximum number of triangles.
+    pub(super) triangles: usize,
+}
+
+impl SupportLimits {
+    /// The limits of `options`, raised where the tool touches more nodes: the surface around a large tool needs nodes too. `capacity` bounds
+    /// them.
+    pub(super) fn new(contact: &ToolContact, options: &BuilderOptions, capacity: NearFieldCapacity) -> Self {
+        let touched: BTreeSet<usize> =
+            contact.touched().iter().flat_map(|t| t.nodes.iter().map(|n| n.0)).collect();
+        let nodes = options.support_nodes.max(touched.len() + touched.len() / 3).min(capacity.nodes);
+        let order = if nodes > options.support_nodes { 4 * nodes } else { 0 };
+        let order = options.order_limit.max(order).min(capacity.order);
+        Self { nodes, order, triangles: capacity.triangles }
+    }
+}
+
+/// A support set S, and how the tool acts on it.
 pub(super) struct SupportSet {
     pub(super) support: Support,
     pub(super) nodes: Vec<usize>,
-    /// w of a held point; zero otherwise.
+    /// Weights of a held point over S; zero for a touching tool.
     pub(super) weights: Vec<f64>,
-    /// Triangles of the contact surface that nodes of S carry alone.
+    /// Triangles of the contact surface that nodes of S alone carry.
     pub(super) triangles: Vec<usize>,
-    /// Whether what is within reach did not find room.
-    pub(super) is_cut: bool,
+    /// Whether triangles within reach were left out because of the limits.
+    pub(super) is_truncated: bool,
 }
 
-/// What a hand that is at rest may be up to before the next hand-over, m/s.
-const START_M_PER_S: f64 = 0.2;
+/// Speed that a tool at rest may reach within the horizon, m/s.
+const REACH_SPEED_M_PER_S: f64 = 0.2;
 
 impl SupportSet {
-    /// S of `body` with `contact` and the tool at `tool`, of at most `most` nodes and what there is `room` for; for `horizon_s`
-    /// to come. `None` where the tool can reach nothing.
+    /// The support set of `body` under `contact` with the tool at `tool`, for the horizon `horizon_s`. `None` where the tool reaches
+    /// nothing.
     pub(super) fn of(
         body: &Body,
         contact: &ToolContact,
         tree: Option<&SurfaceTree>,
         tool: ToolPoint,
         horizon_s: f64,
-        (most, room): (usize, NearFieldCapacity),
+        limits: &SupportLimits,
     ) -> Option<Self> {
         if let Some(node) = contact.driven_node() {
             return Some(Self::driven(node));
         }
         if let Some(point) = contact.held_point() {
             let (nodes, weights) = point.nodes().iter().copied().unzip();
-            return Some(Self::held(Support::Held, nodes, weights));
+            return Some(Self::with_weights(Support::Held, nodes, weights));
         }
         let ((shape, friction), tree) = contact.shape().zip(tree)?;
         if !contact.is_clear() {
@@ -44,13 +69,13 @@ impl SupportSet {
         }
         let surface = body.contact_surface();
         let points = surface.points();
-        let place = |point: usize| points[point].of(body.positions_m());
+        let position = |point: usize| points[point].of(body.positions_m());
         let is_free =
             |point: usize| points[point].nodes().iter().any(|(node, _)| !body.network().is_fixed(*node));
         let at = contact.proxy_m(tool.position_m);
-        let reach = horizon_s * (tool.velocity_m_per_s.length() + START_M_PER_S);
-        // What it comes to first, if it goes on like that, matters most; what it cannot see yet, least.
-        let way = horizon_s * tool.velocity_m_per_s;
+        let reach = horizon_s * (tool.velocity_m_per_s.length() + REACH_SPEED_M_PER_S);
+        // Triangles are sorted by the order in which a tool of constant velocity reaches them; those that it is behind come last.
+        let path = horizon_s * tool.velocity_m_per_s;
         let around = shape.radius_m() + reach;
         let touched: Vec<usize> =
             contact.touched().iter().flat_map(|t| t.nodes.iter().map(|(node, _)| *node)).collect();
@@ -60,66 +85,66 @@ impl SupportSet {
             .filter(|&triangle| surface.triangles()[triangle].iter().any(|&point| is_free(point)))
             .map(|triangle| {
                 let corners = surface.triangles()[triangle];
-                let (is_behind, off) = lateness(at, way, corners.map(place));
-                // What is pressed on comes first, though the tool may be behind it.
+                let (is_behind, distance) = path_distance(at, path, corners.map(position));
+                // Touched triangles come first, even where the tool is behind them.
                 let mut nodes = corners.iter().flat_map(|&point| points[point].nodes());
                 let is_touched = !touched.is_empty() && nodes.all(|(node, _)| touched.contains(node));
-                ((!is_touched, is_behind && !is_touched, off), triangle)
+                ((!is_touched, is_behind && !is_touched, distance), triangle)
             })
             .collect();
         near.sort_by(|(a, _), (b, _)| a.0.cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.total_cmp(&b.2)));
-        let (mut nodes, mut triangles, mut is_cut) = (Vec::new(), Vec::new(), false);
+        let (mut nodes, mut triangles, mut is_truncated) = (Vec::new(), Vec::new(), false);
         for (_, triangle) in near {
             let corners = surface.triangles()[triangle];
-            let mut more: Vec<usize> = Vec::new();
+            let mut new: Vec<usize> = Vec::new();
             for &(node, _) in corners.iter().flat_map(|&point| points[point].nodes()) {
-                if !(nodes.contains(&node) || more.contains(&node)) {
-                    more.push(node);
+                if !(nodes.contains(&node) || new.contains(&node)) {
+                    new.push(node);
                 }
             }
-            if nodes.len() + more.len() <= most && triangles.len() < room.triangles {
-                nodes.extend(more);
+            if nodes.len() + new.len() <= limits.nodes && triangles.len() < limits.triangles {
+                nodes.extend(new);
                 triangles.push(triangle);
             } else {
-                is_cut = true;
+                is_truncated = true;
             }
         }
         let weights = vec![0.0; nodes.len()];
         let support = Support::Touched { shape, friction };
-        (!nodes.is_empty()).then_some(Self { support, nodes, weights, triangles, is_cut })
+        (!nodes.is_empty()).then_some(Self { support, nodes, weights, triangles, is_truncated })
     }
 
-    /// None, for a tool that is too far away.
-    pub(super) fn out_of_reach(shape: ToolShape, friction: f64) -> Self {
-        Self::held(Support::Touched { shape, friction }, Vec::new(), Vec::new())
+    /// An empty support set, for a touching tool that reaches no node.
+    pub(super) fn empty(shape: ToolShape, friction: f64) -> Self {
+        Self::with_weights(Support::Touched { shape, friction }, Vec::new(), Vec::new())
     }
 
-    /// A node that the tool drives.
-    pub(super) fn driven(node: usize) -> Self {
-        Self::held(Support::Driven, vec![node], vec![1.0])
+    /// The support set of a driven node.
+    fn driven(node: usize) -> Self {
+        Self::with_weights(Support::Driven, vec![node], vec![1.0])
     }
 
-    fn held(support: Support, nodes: Vec<usize>, weights: Vec<f64>) -> Self {
-        Self { support, nodes, weights, triangles: Vec::new(), is_cut: false }
+    fn with_weights(support: Support, nodes: Vec<usize>, weights: Vec<f64>) -> Self {
+        Self { support, nodes, weights, triangles: Vec::new(), is_truncated: false }
     }
 }
 
-/// How far along its way a place is looked at, in so many parts; a way to a place counts as a part of its distance.
-const PARTS: u32 = 8;
-const WAY_SHARE: f64 = 0.3;
+/// Number of intervals into which the tool's path is divided, and weight of the distance along the path.
+const PATH_INTERVALS: u32 = 8;
+const PATH_WEIGHT: f64 = 0.3;
 
-/// How late a tool at `at`, with `way` before it, comes to a triangle: whether it is behind it now, and how far it is off its
-/// way, m.
-fn lateness(at: DVec3, way: DVec3, corners: [DVec3; 3]) -> (bool, f64) {
+/// Whether a tool at `at` is behind a triangle, and the distance of the triangle from the tool's path, m, plus a share of the distance
+/// along the path.
+fn path_distance(at: DVec3, path: DVec3, corners: [DVec3; 3]) -> (bool, f64) {
     let [a, b, c] = corners;
     let is_behind = (at - a).dot((b - a).cross(c - a)) < 0.0;
-    let off = (0..=PARTS).map(|i| {
-        let gone = way * (f64::from(i) / f64::from(PARTS));
-        let weights = palpate_laws::nearest_weights(at + gone, corners);
+    let distances = (0..=PATH_INTERVALS).map(|i| {
+        let travelled = path * (f64::from(i) / f64::from(PATH_INTERVALS));
+        let weights = palpate_laws::nearest_weights(at + travelled, corners);
         let point: DVec3 = corners.iter().zip(weights).map(|(x, w)| w * *x).sum();
-        let distance = point.distance(at + gone) + WAY_SHARE * gone.length();
-        // A triangle that is none is touched by its neighbours.
+        let distance = point.distance(at + travelled) + PATH_WEIGHT * travelled.length();
+        // A degenerate triangle has no nearest point; its neighbours cover it.
         if distance.is_nan() { f64::INFINITY } else { distance }
     });
-    (is_behind, off.fold(f64::INFINITY, f64::min))
+    (is_behind, distances.fold(f64::INFINITY, f64::min))
 }

@@ -1,4 +1,4 @@
-//! The surface of a near field: the triangles on which the tool may touch, and those beside them.
+//! The surface of a near field: the triangles of S, the nearest others, and the contact patches.
 
 use super::support::SupportSet;
 use crate::ReduceError;
@@ -8,11 +8,10 @@ use palpate_laws::{MAX_PATCHES, Neighbour, PATCH_ROWS, Patch, SurfacePlace};
 use palpate_local::{LocalModelError, NearField, NearPatch, NearPoint, NearTriangle};
 use std::collections::HashMap;
 
-/// How far a hand at 15 m/s comes in a tenth of a second, m: triangles farther away are not known to the loop.
-const MAX_WAY_M: f64 = 1.5;
+/// Maximum distance of a triangle from the tool, m: a tool at 15 m/s travels it in 0.1 s.
+const MAX_DISTANCE_M: f64 = 1.5;
 
-/// Writes the surface of S and about it, and the patches that the tool touches, into `field`, whose nodes and ring are written; the tool is
-/// at `at_m`.
+/// Writes the surface and the contact patches into `field`, whose nodes and ring have been written. The tool is at `at_m`.
 pub(super) fn write(
     body: &Body,
     contact: &ToolContact,
@@ -36,49 +35,51 @@ pub(super) fn write(
         }
     }
     let x = body.positions_m();
-    let places: HashMap<usize, usize> =
-        support.nodes.iter().chain(ring).enumerate().map(|(place, &node)| (node, place)).collect();
+    let local_node: HashMap<usize, usize> =
+        support.nodes.iter().chain(ring).enumerate().map(|(index, &node)| (node, index)).collect();
     let surface = body.contact_surface();
-    let room = field.capacity();
-    // Those of S first: they must find room. Then the nearest to the tool, which it may come to before the next hand-over.
+    let capacity = field.capacity();
+    // The triangles of S come first: they must fit. Then those nearest to the tool, which it may reach before the next hand-over.
     let mut triangles = support.triangles.clone();
-    let places_m: Vec<DVec3> = surface.points().iter().map(|point| point.of(x)).collect();
-    let middle = |triangle: usize| -> DVec3 {
-        surface.triangles()[triangle].iter().map(|&point| places_m[point]).sum::<DVec3>() / 3.0
+    let points_m: Vec<DVec3> = surface.points().iter().map(|point| point.of(x)).collect();
+    let centroid = |triangle: usize| -> DVec3 {
+        surface.triangles()[triangle].iter().map(|&point| points_m[point]).sum::<DVec3>() / 3.0
     };
     let mut near: Vec<(f64, usize)> = (0..surface.triangles().len())
-        .map(|triangle| (middle(triangle).distance(at_m), triangle))
-        .filter(|(distance_m, triangle)| *distance_m < MAX_WAY_M && !support.triangles.contains(triangle))
+        .map(|triangle| (centroid(triangle).distance(at_m), triangle))
+        .filter(|(distance_m, triangle)| {
+            *distance_m < MAX_DISTANCE_M && !support.triangles.contains(triangle)
+        })
         .collect();
     near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    triangles.extend(near.into_iter().map(|(_, triangle)| triangle).take(room.triangles));
-    let mut place_of_point: HashMap<usize, usize> = HashMap::new();
-    let mut place_of_triangle: HashMap<usize, u32> = HashMap::new();
+    triangles.extend(near.into_iter().map(|(_, triangle)| triangle).take(capacity.triangles));
+    let mut local_point: HashMap<usize, usize> = HashMap::new();
+    let mut local_triangle: HashMap<usize, u32> = HashMap::new();
     for triangle in triangles {
         let corners = surface.triangles()[triangle];
-        let new = corners.iter().filter(|point| !place_of_point.contains_key(point)).count();
+        let new = corners.iter().filter(|point| !local_point.contains_key(point)).count();
         let is_of_support = field.triangles < support.triangles.len();
         let mut nodes = corners.iter().flat_map(|&point| surface.points()[point].nodes());
         let is_reachable = is_of_support || nodes.all(|(node, _)| body.network().is_fixed(*node));
-        if field.triangles == room.triangles || field.points + new > room.points {
+        if field.triangles == capacity.triangles || field.points + new > capacity.points {
             if is_of_support {
-                let (found, room) = (field.points + new, room.points);
+                let (found, room) = (field.points + new, capacity.points);
                 return Err(LocalModelError::Room { what: "points of the surface", found, room }.into());
             }
             continue;
         }
         let points = corners.map(|point| {
-            *place_of_point.entry(point).or_insert_with(|| {
+            *local_point.entry(point).or_insert_with(|| {
                 let mut to = NearPoint {
                     modulus_pa: body.contact_modulus_pa(point).unwrap_or(0.0),
                     ..NearPoint::default()
                 };
                 let mut free = to.nodes.iter_mut();
                 for &(node, w) in surface.points()[point].nodes() {
-                    match places.get(&node) {
-                        Some(&place) => {
+                    match local_node.get(&node) {
+                        Some(&index) => {
                             if let Some(to) = free.next() {
-                                *to = (place, w);
+                                *to = (index, w);
                             }
                         }
                         None => to.fixed_m += w * x[node],
@@ -89,29 +90,29 @@ pub(super) fn write(
                 field.points - 1
             })
         });
-        place_of_triangle.insert(triangle, field.triangles as u32);
+        local_triangle.insert(triangle, field.triangles as u32);
         let rest_normal = surface.rest_normal(triangle);
         field.triangle[field.triangles] =
             NearTriangle { points, neighbours: Default::default(), rest_normal, is_reachable };
         field.triangles += 1;
     }
-    for (&triangle, &place) in &place_of_triangle {
+    for (&triangle, &index) in &local_triangle {
         let local = |Neighbour { triangle, is_crease }: Neighbour| {
-            let triangle = triangle.and_then(|triangle| place_of_triangle.get(&(triangle as usize)).copied());
+            let triangle = triangle.and_then(|triangle| local_triangle.get(&(triangle as usize)).copied());
             Neighbour { triangle, is_crease }
         };
-        field.triangle[place as usize].neighbours = surface.neighbours(triangle).map(local);
+        field.triangle[index as usize].neighbours = surface.neighbours(triangle).map(local);
     }
     for touched in contact.touched().chunk_by(|a, b| a.patch == b.patch).take(MAX_PATCHES) {
         let Some(first) = touched.first() else { continue };
         let SurfacePlace { triangle, weights } = first.patch.foot;
-        let Some(&place) = place_of_triangle.get(&triangle) else { continue };
+        let Some(&index) = local_triangle.get(&triangle) else { continue };
         let mut row_n = [0.0; PATCH_ROWS];
         let mut force_n = [DVec3::ZERO; PATCH_ROWS];
         for row in touched {
             (row_n[row.row], force_n[row.row]) = (row.pressing_n(), row.force_n());
         }
-        let foot = SurfacePlace { triangle: place as usize, weights };
+        let foot = SurfacePlace { triangle: index as usize, weights };
         field.contact.patches[field.contact.count] = NearPatch {
             patch: Patch { foot, ..first.patch },
             rest_normal: first.rest_normal,

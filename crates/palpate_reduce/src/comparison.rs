@@ -1,4 +1,4 @@
-//! Every scheme against the oracle on the same samples.
+//! Comparison of schemes with the full body on the same samples.
 
 use crate::{BuilderOptions, LocalModelBuilder, ReduceError};
 use glam::DVec3;
@@ -6,23 +6,23 @@ use palpate_body::{Body, Integrator, ToolContact, ToolPoint};
 use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Sample, Scheme, SubmitResult};
 use std::collections::VecDeque;
 
-/// How a comparison is run.
+/// Options of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ComparisonOptions {
-    /// Ticks between two model steps.
+    /// Number of ticks between two model steps, 1 to 100000.
     pub period_ticks: usize,
-    /// Ticks that a local model takes from its model step to the loop.
+    /// Delay of a local model from its model step to the loop, in ticks, at most 100000.
     pub delay_ticks: usize,
-    /// Samples replayed at a hand-over in one tick, at most.
+    /// Maximum number of samples replayed in one tick: see [`HandOverSettings::replay_per_tick`].
     pub replay_per_tick: usize,
-    /// Integrator of the full body, for the model steps and the oracle.
+    /// Integrator of the full body. A step must take one tick.
     pub integrator: Integrator,
-    /// How local models are built.
+    /// Options of the local models.
     pub builder: BuilderOptions,
 }
 
 impl Default for ComparisonOptions {
-    /// Model steps at 20 Hz, no delay, 8 samples replayed a tick.
+    /// Model steps at 20 Hz for a tick of 1 ms, no delay, and 8 samples replayed a tick.
     fn default() -> Self {
         Self {
             period_ticks: 50,
@@ -34,37 +34,39 @@ impl Default for ComparisonOptions {
     }
 }
 
-/// The oracle's force and what each scheme displayed, tick by tick.
+/// The force of the oracle and the force that each scheme displays, tick by tick.
 ///
-/// The oracle is the full body stepped at every tick with the same samples. Because the tool's path is given,
-/// it is the same run of the body from which the local models are built.
+/// The oracle is the full body, stepped every tick with the same samples. The path of the tool is prescribed, so the local models are
+/// built from the same run of the body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
     /// Force of the oracle at every sample, N.
     pub oracle_n: Vec<DVec3>,
-    /// Force displayed by each scheme at every sample, before any safety chain, N.
+    /// Force displayed by each scheme at every sample, before the safety chain, N.
     pub displayed_n: Vec<(Scheme, Vec<DVec3>)>,
-    /// Largest absolute force of the oracle along x, y and z, N.
+    /// Maximum absolute force of the oracle along x, y and z, N.
     pub oracle_peak_n: DVec3,
-    /// How many local models needed the clamped tangent, by scheme.
+    /// Number of local models with the clamped tangent, by scheme.
     pub clamped: Vec<(Scheme, usize)>,
 }
 
+/// A scheme with its hand-over.
 struct Runner {
     scheme: Scheme,
     hand_over: HandOver,
-    /// Models on their way: the tick at which they arrive.
+    /// Delayed models with the tick at which they arrive.
     pending: VecDeque<(usize, LocalModel)>,
     displayed: Vec<DVec3>,
     clamped: usize,
 }
 
 impl Comparison {
-    /// Runs `body` from its present state with a tool in `contact` along `samples` (the first is where the tool
-    /// starts; the others follow at one a tick), and every scheme of `schemes` beside it.
+    /// Runs `body` from its current state along `samples`, one a tick, with the tool in `contact`, and all `schemes` with it. The first
+    /// sample is the start of the tool.
     ///
     /// # Errors
-    /// [`ReduceError`] when an option makes no sense, the samples have holes, or the body fails.
+    /// [`ReduceError::Option`] for an option out of range, [`ReduceError::Samples`] for samples that are not consecutive,
+    /// [`ReduceError::Body`] and [`ReduceError::LocalModel`] when the body or a local model fails.
     pub fn run(
         body: &Body,
         contact: &ToolContact,
@@ -128,22 +130,21 @@ impl Comparison {
         Ok(Self { oracle_n: oracle, displayed_n, oracle_peak_n, clamped })
     }
 
-    /// What `scheme` displayed; `None` if it was not run.
+    /// Force displayed by `scheme` at every sample, N; `None` if the scheme was not run.
     #[must_use]
     pub fn displayed(&self, scheme: Scheme) -> Option<&[DVec3]> {
         self.displayed_n.iter().find(|(s, _)| *s == scheme).map(|(_, forces)| forces.as_slice())
     }
 
-    /// RMS over the samples from index `from` on, and all three components, of the scheme's force minus the
-    /// oracle's, divided by the RMS of the oracle. `None` when the scheme was not run, nothing is left after
-    /// `from`, or the oracle's force is zero throughout.
+    /// Relative RMS error of `scheme` over the samples from index `from`: see [`relative_rms_error`]. `None` if the scheme was not run, there
+    /// is no sample from `from`, or the force of the oracle is zero throughout.
     #[must_use]
     pub fn relative_rms_error(&self, scheme: Scheme, from: usize) -> Option<f64> {
         relative_rms_error(self.displayed(scheme)?.get(from..)?, self.oracle_n.get(from..)?)
     }
 }
 
-/// RMS of `displayed` − `oracle` over RMS of `oracle`, all components; `None` when the latter is zero.
+/// RMS of `displayed` − `oracle` divided by the RMS of `oracle`, over all components; `None` when the latter is zero.
 #[must_use]
 pub fn relative_rms_error(displayed: &[DVec3], oracle: &[DVec3]) -> Option<f64> {
     let error: f64 = displayed.iter().zip(oracle).map(|(d, o)| (*d - *o).length_squared()).sum();
@@ -155,7 +156,7 @@ impl Runner {
     fn tick(&mut self, i: usize, sample: Sample) -> Result<(), ReduceError> {
         self.hand_over.push(sample);
         if self.hand_over.is_ready() {
-            // The newest that has arrived counts, as in the loop's triple buffer.
+            // Only the newest model that has arrived is submitted, as in the loop's triple buffer.
             let arrived = self.pending.iter().take_while(|(at, _)| *at <= i).count();
             if let Some((_, model)) = self.pending.drain(..arrived).next_back()
                 && let SubmitResult::Rejected(error) = self.hand_over.submit(&model)
@@ -184,12 +185,7 @@ fn validate(samples: &[Sample], options: &ComparisonOptions) -> Result<(), Reduc
             "1 to 100000",
         ),
         ("ticks of delay", delay_ticks as f64, delay_ticks <= 100_000, "at most 100000"),
-        (
-            "ticks that a step of the integrator spans",
-            spanned as f64,
-            spanned == 1,
-            "1: the oracle speaks at every tick",
-        ),
+        ("ticks that a step of the integrator spans", spanned as f64, spanned == 1, "1"),
         ("the builder's tick as a multiple of the integrator's", step, (step - 1.0).abs() < 1e-9, "1"),
     ] {
         if !ok {

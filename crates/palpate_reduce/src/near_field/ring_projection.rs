@@ -1,4 +1,4 @@
-//! What the near springs do to the far field at the nodes of the ring.
+//! The projection of near springs onto the far field's basis at the nodes of the ring.
 
 use faer::linalg::matmul::triangular::{
     self,
@@ -8,8 +8,8 @@ use faer::{Accum, Mat, MatRef, Par};
 use glam::{DMat3, DVec3};
 use palpate_local::{NearEnd, NearField, NearSpring};
 
-/// The lower half of Σ V_iᵀ S V_i over the near springs that end at a node i of the ring, with S the `block` of a spring and its
-/// stretch from its end in S, m.
+/// The lower half of Σ V_iᵀ S V_i over the near springs that end at a node i of the ring. S is the `block` of a spring and of the vector
+/// from its end in S to the other, m.
 pub(super) fn project(field: &NearField, block: impl Fn(&NearSpring, DVec3) -> DMat3) -> Mat<f64> {
     let (p, rows) = (field.order, 3 * field.ring);
     let mut at_node = vec![DMat3::ZERO; field.ring];

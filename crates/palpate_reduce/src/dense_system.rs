@@ -1,11 +1,12 @@
-//! A second-order system with full matrices: what a projection makes of a body.
+//! Second-order systems with full matrices, in particular the projections of a body.
 
-use crate::system::combine;
-use crate::{ReduceError, SecondOrderSystem, StateSpace};
+use crate::ReduceError;
+use crate::state_space::{StateSpace, dynamic_block};
 use faer::linalg::solvers::Solve;
-use faer::{Mat, MatRef, Side, c64};
+use faer::{Mat, Side, c64};
 
-/// [`SecondOrderSystem`] with full matrices, M among them, in coordinates that may be no single node's.
+/// A second-order system with full matrices M, B and K, in generalised coordinates. The equations are those of
+/// [`SecondOrderSystem`](crate::SecondOrderSystem).
 #[derive(Clone, Debug)]
 pub struct DenseSystem {
     /// M, kg.
@@ -24,54 +25,21 @@ pub struct DenseSystem {
     pub stiffness_cc: Mat<f64>,
 }
 
-impl SecondOrderSystem {
-    /// The projection by congruence on the columns of `v` (unknowns × p): q = V q̃, M̃ = VᵀMV, B̃ = VᵀBV, K̃ = VᵀKV,
-    /// B̃_rc = VᵀB_rc, K̃_rc = VᵀK_rc. Whatever V of full rank, M̃, B̃ and K̃ are symmetric and as definite as M, B and
-    /// K: what is passive stays passive.
-    ///
-    /// # Errors
-    /// [`ReduceError::Option`] when `v` has another number of rows than this system unknowns, or no columns.
-    pub fn project(&self, v: MatRef<'_, f64>) -> Result<DenseSystem, ReduceError> {
-        for (what, value, ok, allowed) in [
-            ("rows of the basis", v.nrows(), v.nrows() == self.unknowns(), "the number of unknowns"),
-            ("columns of the basis", v.ncols(), v.ncols() > 0, "at least 1"),
-        ] {
-            if !ok {
-                return Err(ReduceError::Option { what, value: value as f64, allowed });
-            }
-        }
-        let p = v.ncols();
-        let weighted = Mat::from_fn(v.nrows(), p, |i, j| self.mass[i] * v[(i, j)]);
-        // Exactly symmetric, whatever the rounding.
-        let symmetric = |m: Mat<f64>| Mat::from_fn(p, p, |i, j| 0.5 * (m[(i, j)] + m[(j, i)]));
-        Ok(DenseSystem {
-            mass: symmetric(v.transpose() * weighted),
-            damping: symmetric(v.transpose() * (self.damping.as_ref() * v)),
-            stiffness: symmetric(v.transpose() * (self.stiffness.as_ref() * v)),
-            damping_rc: v.transpose() * &self.damping_rc,
-            stiffness_rc: v.transpose() * &self.stiffness_rc,
-            damping_cc: self.damping_cc.clone(),
-            stiffness_cc: self.stiffness_cc.clone(),
-        })
-    }
-}
-
 impl DenseSystem {
-    /// Number of second-order unknowns; the order of the system in state space is twice that.
+    /// Number of second-order unknowns, half the order in state space.
     #[must_use]
     pub fn unknowns(&self) -> usize {
         self.mass.nrows()
     }
 
-    /// The exact state space: q' = M⁻¹(y − B q − B_rc u), y' = −K q − K_rc u, so that
+    /// The equivalent state-space system, with q' = M⁻¹(y − B q − B_rc u), y' = −K q − K_rc u:
     ///
     /// ```text
     /// A = [−M⁻¹B  M⁻¹; −K  0],  B = [−M⁻¹B_rc; −K_rc],  C = [K_cr − B_cr M⁻¹ B,  B_cr M⁻¹],
     /// D = K_cc − B_cr M⁻¹ B_rc,  E = B_cc
     /// ```
     ///
-    /// with the second half of the state divided by a typical momentum per metre, so that both halves are of like
-    /// size.
+    /// The second half of the state is divided by a typical momentum per metre, which balances the two halves.
     ///
     /// # Errors
     /// [`ReduceError::Mass`] when M is not positive definite; [`ReduceError::Option`] when there are no unknowns.
@@ -110,16 +78,16 @@ impl DenseSystem {
         Ok(StateSpace { a, b: input, c: output, d, e: self.damping_cc.clone() })
     }
 
-    /// The poles, 1/s, by ascending absolute value: the eigenvalues λ of λ²M + λB + K.
+    /// The poles, 1/s, in ascending order of absolute value: the eigenvalues λ of λ²M + λB + K.
     ///
-    /// Fast ones are the large eigenvalues of A of [`DenseSystem::state_space`], slow ones those of its inverse, so that
-    /// both have full relative accuracy when they are far apart, as in an overdamped body.
+    /// Fast poles are computed as eigenvalues of A of [`DenseSystem::state_space`], slow ones from those of A⁻¹. Both then have full
+    /// relative accuracy even if they are far apart, as in an overdamped body.
     ///
     /// # Errors
-    /// As [`DenseSystem::state_space`]; [`ReduceError::Eigenvalues`] when they are not found.
+    /// As [`DenseSystem::state_space`]; [`ReduceError::Eigenvalues`] when the eigenvalue iteration does not converge.
     pub fn poles(&self) -> Result<Vec<c64>, ReduceError> {
         let mut poles = self.state_space()?.poles()?;
-        // The widest gap is where slow ends and fast begins.
+        // The widest gap separates slow poles from fast ones.
         let gap = |i: &usize| poles[i + 1].norm() / poles[*i].norm();
         let widest = (0..poles.len() - 1).max_by(|a, b| gap(a).total_cmp(&gap(b)));
         if let Some(last) = widest.filter(|last| gap(last) > 10.0) {
@@ -133,7 +101,7 @@ impl DenseSystem {
         Ok(poles)
     }
 
-    /// A⁻¹ = [0  −K⁻¹; M  −BK⁻¹], its halves scaled like those of A; from K⁻¹, which knows nothing of fast poles.
+    /// A⁻¹ = [0  −K⁻¹; M  −BK⁻¹], scaled like A. Computed from K⁻¹, whose accuracy does not depend on the fast poles.
     fn inverse_of_a(&self) -> Mat<f64> {
         let (n, scale) = (self.unknowns(), self.momentum_scale());
         let compliance = self.stiffness.partial_piv_lu().solve(Mat::<f64>::identity(n, n));
@@ -146,7 +114,7 @@ impl DenseSystem {
         })
     }
 
-    /// G at each of the complex frequencies `s` (1/s), by a dense factorisation at each; not finite at a pole.
+    /// G at each of the complex frequencies `s`, 1/s, by a dense factorisation each. Not finite at a pole.
     #[must_use]
     pub fn response(&self, s: &[c64]) -> Vec<Mat<c64>> {
         let n = self.unknowns();
@@ -155,8 +123,8 @@ impl DenseSystem {
                 let dynamic = Mat::from_fn(n, n, |i, j| {
                     s * s * self.mass[(i, j)] + s * self.damping[(i, j)] + self.stiffness[(i, j)]
                 });
-                let coupling = combine(self.stiffness_rc.as_ref(), self.damping_rc.as_ref(), s);
-                let direct = combine(self.stiffness_cc.as_ref(), self.damping_cc.as_ref(), s);
+                let coupling = dynamic_block(self.stiffness_rc.as_ref(), self.damping_rc.as_ref(), s);
+                let direct = dynamic_block(self.stiffness_cc.as_ref(), self.damping_cc.as_ref(), s);
                 direct - coupling.transpose() * dynamic.partial_piv_lu().solve(&coupling)
             })
             .collect()

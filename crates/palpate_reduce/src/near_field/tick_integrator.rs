@@ -1,18 +1,44 @@
-//! The matrices of ticks that are integrated implicitly.
+//! The integrator of a near field's ticks, and the matrices of implicit ones.
 
-use super::{ring, tetrahedra};
+use super::{barrier_stiffness, ring_projection};
 use crate::ReduceError;
+use crate::options::{BuilderOptions, LocalIntegrator};
 use glam::DMat3;
-use palpate_local::{NearEnd, NearField, NearSpring, Support};
+use palpate_body::{Body, SemiImplicitEuler};
+use palpate_local::{NearEnd, NearField, NearSpring, Support, TickIntegrator};
 
-/// Writes the tangent of all of z, the factor of M/h + B + h K for steps of `h`, and what impulses on S do, into `field`.
-pub(super) fn make_implicit(field: &mut NearField, h: f64) -> Result<(), ReduceError> {
+/// Maximum number of explicit substeps of [`LocalIntegrator::Auto`], and its number of implicit ones.
+const MAX_AUTO_SUBSTEPS: usize = 4;
+const IMPLICIT_SUBSTEPS: u32 = 2;
+/// Maximum number of explicit substeps in a tick.
+const MAX_SUBSTEPS: usize = 64;
+
+/// Selects the integrator of the ticks of local models of `body`.
+pub(super) fn select(body: &Body, options: &BuilderOptions) -> TickIntegrator {
+    let substeps =
+        SemiImplicitEuler { tick_s: options.tick_s, ..SemiImplicitEuler::default() }.substeps(body);
+    let explicit = |max: usize| {
+        let substeps = substeps.as_ref().ok().filter(|&&substeps| substeps <= max)?;
+        Some(TickIntegrator::Explicit { substeps: *substeps as u32 })
+    };
+    match options.integrator {
+        LocalIntegrator::Auto => explicit(MAX_AUTO_SUBSTEPS),
+        LocalIntegrator::Explicit => explicit(MAX_SUBSTEPS),
+        LocalIntegrator::Implicit { substeps } => Some(TickIntegrator::Implicit { substeps }),
+    }
+    .unwrap_or(TickIntegrator::Implicit { substeps: IMPLICIT_SUBSTEPS })
+}
+
+/// Writes the matrices of implicit ticks into `field`: the stiffness over z, the factor of M/h + B + h K, and the impulse response of S.
+pub(super) fn write_matrices(field: &mut NearField) -> Result<(), ReduceError> {
+    let TickIntegrator::Implicit { substeps } = field.integrator else { return Ok(()) };
+    let h = field.tick_s / f64::from(substeps);
     let (s, p, n) = (3 * field.nodes, field.order, field.unknowns());
     let (mut k, mut b) = (vec![0.0; n * n], vec![0.0; n * n]);
-    // Made positive semidefinite, for the tick has no other to fall back on.
+    // Clamped to positive semidefinite: a tick has no alternative if the factorisation fails.
     let tangent = |near: &NearSpring, stretch| near.spring.tangent(stretch, true);
-    let ring_k = ring::project(field, |near, stretch| tangent(near, stretch).stiffness);
-    let ring_b = ring::project(field, |near, stretch| tangent(near, stretch).damping);
+    let ring_k = ring_projection::project(field, |near, stretch| tangent(near, stretch).stiffness);
+    let ring_b = ring_projection::project(field, |near, stretch| tangent(near, stretch).damping);
     for i in 0..p {
         for j in 0..p {
             let lower = (i.max(j), i.min(j));
@@ -28,10 +54,10 @@ pub(super) fn make_implicit(field: &mut NearField, h: f64) -> Result<(), ReduceE
         };
         let tangent = tangent(near, at - field.node_m[near.a]);
         for (matrix, block) in [(&mut k, tangent.stiffness), (&mut b, tangent.damping)] {
-            add_near(field, near, block, matrix);
+            add_near_spring(field, near, block, matrix);
         }
     }
-    if let Some(barriers) = tetrahedra::stiffness(field, true) {
+    if let Some(barriers) = barrier_stiffness::over_state(field, true) {
         for (i, row) in k.chunks_exact_mut(n).enumerate() {
             row.iter_mut().enumerate().for_each(|(j, to)| *to += barriers[(i, j)]);
         }
@@ -40,9 +66,9 @@ pub(super) fn make_implicit(field: &mut NearField, h: f64) -> Result<(), ReduceE
     let mut a = vec![0.0; n * n];
     for i in 0..n {
         for j in 0..n {
-            // What is driven, or fixed, answers to nothing.
-            let stands = |dof: usize| dof < s && (is_driven || field.node_per_kg[dof / 3] == 0.0);
-            a[i * n + j] = match (i == j, stands(i) || stands(j)) {
+            // Driven and fixed degrees of freedom do not respond.
+            let is_rigid = |dof: usize| dof < s && (is_driven || field.node_per_kg[dof / 3] == 0.0);
+            a[i * n + j] = match (i == j, is_rigid(i) || is_rigid(j)) {
                 (true, true) => 1.0,
                 (false, true) => 0.0,
                 (diagonal, false) => {
@@ -55,22 +81,22 @@ pub(super) fn make_implicit(field: &mut NearField, h: f64) -> Result<(), ReduceE
     field.factor.factorise(n, &a)?;
     field.tangent[..n * n].copy_from_slice(&k);
     for column in 0..s {
-        let answer = &mut field.impulse_response[column * n..(column + 1) * n];
-        answer.fill(0.0);
+        let response = &mut field.impulse_response[column * n..(column + 1) * n];
+        response.fill(0.0);
         if field.node_per_kg[column / 3] > 0.0 && !is_driven {
-            answer[column] = 1.0 / h;
-            field.factor.solve_in_place(answer);
+            response[column] = 1.0 / h;
+            field.factor.solve_in_place(response);
         }
     }
-    // What is fixed feels no force.
+    // Fixed nodes have no velocity.
     for i in (0..field.nodes).filter(|&i| field.node_per_kg[i] == 0.0) {
         field.velocity[3 * i..3 * i + 3].fill(0.0);
     }
     Ok(())
 }
 
-/// Adds the tangent `block` of a near spring to a matrix over z, but for what is between the columns of V.
-fn add_near(field: &NearField, near: &NearSpring, block: DMat3, matrix: &mut [f64]) {
+/// Adds the tangent `block` of a near spring to a matrix over z, except for the block of q.
+fn add_near_spring(field: &NearField, near: &NearSpring, block: DMat3, matrix: &mut [f64]) {
     let (s, p, n) = (3 * field.nodes, field.order, field.unknowns());
     let mut add = |i: usize, j: usize, value: f64| matrix[i * n + j] += value;
     let entry = |r: usize, c: usize| block.col(c)[r];

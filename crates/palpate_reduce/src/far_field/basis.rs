@@ -1,4 +1,4 @@
-//! The basis V of the far field, orthonormal in the masses.
+//! The basis V of the far field, orthonormal with respect to the mass matrix.
 
 use faer::linalg::matmul::{matmul, triangular};
 use faer::{Accum, Mat, MatRef, Par, Side};
@@ -7,26 +7,26 @@ use palpate_body::{BarrierTetrahedron, Body, Network};
 use std::ops::Range;
 use triangular::BlockStructure::{Rectangular, TriangularLower};
 
-/// Columns over the free nodes that are not in S.
+/// The columns of V over the far nodes: the free nodes that are not in S.
 #[derive(Debug)]
-pub(super) struct Basis {
-    /// Free nodes that are not in S, and their √m.
+pub(crate) struct Basis {
+    /// Far nodes, and their √m.
     nodes: Vec<(usize, f64)>,
-    /// Where each free node's rows begin; `None` in S.
+    /// First row of each free node; `None` in S.
     row: Vec<Option<usize>>,
-    /// Of each node: its place among the free.
+    /// Index of each node among the free nodes; `None` for a fixed one.
     free_index: Vec<Option<usize>>,
-    /// p.
+    /// Number p of columns.
     order: usize,
-    /// M^½ V in its first p columns, 3 × `nodes` numbers each; there is room for no more than these.
+    /// M^½ V in the first p columns, 3 × `nodes` numbers each. The number of columns is the capacity.
     columns: Mat<f64>,
-    /// V by rows, once it is finished: 3 × `nodes` of p.
+    /// V by rows, 3 × `nodes` of p, written by [`Basis::finish`].
     rows: Vec<f64>,
 }
 
 impl Basis {
-    /// An empty one with room for `most` columns.
-    pub(super) fn new(network: &Network, is_support: &[bool], most: usize) -> Self {
+    /// An empty basis of at most `max_columns` columns.
+    pub(crate) fn new(network: &Network, is_support: &[bool], max_columns: usize) -> Self {
         let mut row = vec![None; is_support.len()];
         let mut nodes = Vec::new();
         for (index, &node) in network.free().iter().enumerate().filter(|(index, _)| !is_support[*index]) {
@@ -34,27 +34,27 @@ impl Basis {
             nodes.push((node, network.mass_kg()[node].sqrt()));
         }
         let free_index = (0..network.node_count()).map(|node| network.free_index(node)).collect();
-        let columns = Mat::zeros(3 * nodes.len(), most.min(3 * nodes.len()));
+        let columns = Mat::zeros(3 * nodes.len(), max_columns.min(3 * nodes.len()));
         Self { nodes, row, free_index, order: 0, columns, rows: Vec::new() }
     }
 
-    /// p.
-    pub(super) fn order(&self) -> usize {
+    /// Number p of columns.
+    pub(crate) fn order(&self) -> usize {
         self.order
     }
 
-    /// How many more columns there is room for.
-    pub(super) fn room(&self) -> usize {
+    /// Number of columns that can still be added.
+    pub(crate) fn columns_left(&self) -> usize {
         self.columns.ncols() - self.order
     }
 
-    /// Whether the free node of this index is not in S.
-    pub(super) fn is_far(&self, index: usize) -> bool {
+    /// Whether the free node of this index is a far node.
+    pub(crate) fn is_far(&self, index: usize) -> bool {
         self.row[index].is_some()
     }
 
-    /// M^½ times the columns of `matrix`, over all free degrees of freedom, without S.
-    pub(super) fn weighted(&self, matrix: MatRef<'_, f64>) -> Mat<f64> {
+    /// M^½ times the columns of `matrix`, from all free degrees of freedom to those of the far nodes.
+    pub(crate) fn weighted(&self, matrix: MatRef<'_, f64>) -> Mat<f64> {
         let mut weighted = Mat::zeros(3 * self.nodes.len(), matrix.ncols());
         for (to, from) in weighted.col_iter_mut().zip(matrix.col_iter()) {
             let (mut to, far) =
@@ -66,41 +66,41 @@ impl Basis {
         weighted
     }
 
-    /// Takes the columns of `matrix` in, over all free degrees of freedom: the most independent first, orthonormal to each other and to
-    /// those before. Leaves out those that add less than `tolerance` of their length, or find no room.
-    pub(super) fn take(&mut self, matrix: MatRef<'_, f64>, tolerance: f64) {
-        if self.room() == 0 {
+    /// Adds the columns of `matrix`, given over all free degrees of freedom, orthonormalised by QR with column pivoting: the most
+    /// independent first. Drops columns whose independent part is below `tolerance` of their length, or that exceed the capacity.
+    pub(crate) fn extend(&mut self, matrix: MatRef<'_, f64>, tolerance: f64) {
+        if self.columns_left() == 0 {
             return;
         }
         let weighted = self.weighted(matrix);
         let lengths: Vec<f64> = weighted.col_iter().map(|column| column.norm_l2()).collect();
-        let sensible: Vec<usize> =
+        let nonzero: Vec<usize> =
             (0..lengths.len()).filter(|&j| lengths[j].is_finite() && lengths[j] > 0.0).collect();
-        let mut new = Mat::from_fn(weighted.nrows(), sensible.len(), |i, j| {
-            weighted[(i, sensible[j])] / lengths[sensible[j]]
+        let mut new = Mat::from_fn(weighted.nrows(), nonzero.len(), |i, j| {
+            weighted[(i, nonzero[j])] / lengths[nonzero[j]]
         });
-        self.leave_out_known(&mut new);
+        self.project_out(&mut new);
         let factors = new.col_piv_qr();
         let r = factors.thin_R();
         let independent = (0..r.nrows()).take_while(|&i| r[(i, i)].abs() >= tolerance).count();
-        let taken = independent.min(self.room());
-        let mut q = factors.compute_thin_Q().subcols(0, taken).to_owned();
-        // A column of which little was left has in it what rounding left of those before: twice is enough.
-        self.leave_out_known(&mut q);
-        self.columns.subcols_mut(self.order, taken).copy_from(&q);
-        self.order += taken;
+        let added = independent.min(self.columns_left());
+        let mut q = factors.compute_thin_Q().subcols(0, added).to_owned();
+        // A second projection removes the rounding of the first from columns of which little was left.
+        self.project_out(&mut q);
+        self.columns.subcols_mut(self.order, added).copy_from(&q);
+        self.order += added;
     }
 
-    /// What is not along the columns that have been taken.
-    fn leave_out_known(&self, new: &mut Mat<f64>) {
-        let known = self.columns.subcols(0, self.order);
+    /// Subtracts from `new` its projection onto the columns of the basis.
+    fn project_out(&self, new: &mut Mat<f64>) {
+        let own = self.columns.subcols(0, self.order);
         let mut along = Mat::zeros(self.order, new.ncols());
-        matmul(&mut along, Accum::Replace, known.transpose(), &*new, 1.0, Par::Seq);
-        matmul(new, Accum::Add, known, &along, -1.0, Par::Seq);
+        matmul(&mut along, Accum::Replace, own.transpose(), &*new, 1.0, Par::Seq);
+        matmul(new, Accum::Add, own, &along, -1.0, Par::Seq);
     }
 
-    /// Writes V, when all that is wanted has been taken.
-    pub(super) fn finish(&mut self) {
+    /// Writes the rows of V, after the last column has been added.
+    pub(crate) fn finish(&mut self) {
         let p = self.order;
         self.rows = vec![0.0; 3 * self.nodes.len() * p];
         for (j, column) in self.columns.subcols(0, p).col_iter().enumerate() {
@@ -110,27 +110,27 @@ impl Basis {
         }
     }
 
-    /// Where the rows of V of `node` are, 3 × p; none for a node of S or a fixed one.
+    /// Range of the 3 × p entries of `node` in `rows`; `None` for a node of S or a fixed one.
     fn rows_of(&self, node: usize) -> Option<Range<usize>> {
         let first = self.row[self.free_index[node]?]?;
         let p = self.order();
         Some(first * p..(first + 3) * p)
     }
 
-    /// Tells `found` the rows of V of `node`: axis, column, entry; zero for a node of S or a fixed one.
-    pub(super) fn write_rows(&self, node: usize, mut found: impl FnMut(usize, usize, f64)) {
+    /// Calls `visit` with axis, column and entry of the rows of V of `node`; the entries of a node of S or a fixed one are zero.
+    pub(crate) fn for_each_entry(&self, node: usize, mut visit: impl FnMut(usize, usize, f64)) {
         let (p, rows) = (self.order(), self.rows_of(node).map(|rows| &self.rows[rows]));
         for axis in 0..3 {
-            (0..p).for_each(|j| found(axis, j, rows.map_or(0.0, |rows| rows[axis * p + j])));
+            (0..p).for_each(|j| visit(axis, j, rows.map_or(0.0, |rows| rows[axis * p + j])));
         }
     }
 
-    /// Tells `found` Vᵀ f and Vᵀ g, entry by entry, of two fields of vectors over the nodes.
-    pub(super) fn project(
+    /// Calls `visit` with column and entries of Vᵀ f and Vᵀ g, for two fields of vectors over the nodes.
+    pub(crate) fn project(
         &self,
         f: impl Fn(usize) -> DVec3,
         g: impl Fn(usize) -> DVec3,
-        mut found: impl FnMut(usize, f64, f64),
+        mut visit: impl FnMut(usize, f64, f64),
     ) {
         let p = self.order();
         let (mut f_q, mut g_q) = (vec![0.0; p], vec![0.0; p]);
@@ -144,11 +144,11 @@ impl Basis {
                 }
             }
         }
-        f_q.iter().zip(&g_q).enumerate().for_each(|(j, (f, g))| found(j, *f, *g));
+        f_q.iter().zip(&g_q).enumerate().for_each(|(j, (f, g))| visit(j, *f, *g));
     }
 
     /// Vᵀ f of a vector over all free degrees of freedom.
-    pub(super) fn transposed(&self, network: &Network, f: &[f64]) -> Vec<f64> {
+    pub(crate) fn transposed(&self, network: &Network, f: &[f64]) -> Vec<f64> {
         let force = |node: usize| {
             network.free_index(node).map_or(DVec3::ZERO, |i| DVec3::from_slice(&f[3 * i..3 * i + 3]))
         };
@@ -158,7 +158,7 @@ impl Basis {
     }
 
     /// V q over all free degrees of freedom; zero in S.
-    pub(super) fn columns(&self, network: &Network, q: &[f64]) -> Vec<f64> {
+    pub(crate) fn expand(&self, network: &Network, q: &[f64]) -> Vec<f64> {
         let mut all = vec![0.0; 3 * network.free().len()];
         for (index, row) in self.row.iter().enumerate() {
             let Some(first) = row else { continue };
@@ -170,8 +170,8 @@ impl Basis {
         all
     }
 
-    /// Takes V_iᵀ `block` of the node `node` away from `coupling`, p × 3.
-    pub(super) fn subtract_coupling(&self, node: usize, block: DMat3, coupling: &mut [f64]) {
+    /// Subtracts V_iᵀ `block` of the node `node` from `coupling`, p × 3.
+    pub(crate) fn subtract_coupling(&self, node: usize, block: DMat3, coupling: &mut [f64]) {
         let p = self.order();
         let Some(rows) = self.rows_of(node).map(|rows| &self.rows[rows]) else { return };
         for j in 0..p {
@@ -180,9 +180,9 @@ impl Basis {
         }
     }
 
-    /// Vᵀ K V and Vᵀ B V of the springs that are not `is_near` and of the volume barriers of `tetrahedra`, row by row, into
-    /// `stiffness` and `damping`.
-    pub(super) fn congruence(
+    /// Writes Vᵀ K V and Vᵀ B V into `stiffness` and `damping`, by rows. K and B are those of the springs that are not `is_near`, plus the
+    /// volume barriers of `tetrahedra`.
+    pub(crate) fn congruence(
         &self,
         body: &Body,
         (is_near, tetrahedra): (&[bool], &[BarrierTetrahedron]),
@@ -191,7 +191,7 @@ impl Basis {
         damping: &mut [f64],
     ) {
         let (p, x) = (self.order(), body.positions_m());
-        // K V and B V by rows, as V.
+        // K V and B V by rows.
         let mut products = [vec![0.0; self.rows.len()], vec![0.0; self.rows.len()]];
         let (mut stretch, mut force) = (vec![0.0; 3 * p], vec![0.0; 3 * p]);
         for (link, _) in body.network().links().iter().zip(is_near).filter(|(_, is_near)| !**is_near) {
@@ -250,8 +250,8 @@ impl Basis {
     }
 }
 
-/// The leading `most` right singular vectors of `matrix`, as columns: what it makes most of.
-pub(super) fn leading_inputs(matrix: MatRef<'_, f64>, most: usize) -> Option<Mat<f64>> {
+/// The `count` leading right singular vectors of `matrix`, as columns: the inputs of the largest gain.
+pub(super) fn leading_inputs(matrix: MatRef<'_, f64>, count: usize) -> Option<Mat<f64>> {
     let n = matrix.ncols();
     let mut gram = Mat::zeros(n, n);
     triangular::matmul(
@@ -266,11 +266,11 @@ pub(super) fn leading_inputs(matrix: MatRef<'_, f64>, most: usize) -> Option<Mat
         Par::Seq,
     );
     let eigen = gram.self_adjoint_eigen(Side::Lower).ok()?;
-    // Ascending.
-    Some(eigen.U().subcols(n - most.min(n), most.min(n)).to_owned())
+    // Eigenvalues are ascending.
+    Some(eigen.U().subcols(n - count.min(n), count.min(n)).to_owned())
 }
 
-/// F = S G, of 3 × p row by row.
+/// F = S G for matrices G and F of 3 × p, by rows.
 fn multiply(s: DMat3, g: &[f64], f: &mut [f64]) {
     let p = g.len() / 3;
     let (x, rest) = g.split_at(p);

@@ -1,19 +1,21 @@
-//! A linear second-order system: a body's small motions about a state, moved by the displacement of some nodes.
+//! Linear second-order systems: the small motions of a body about a state, driven by the displacement of some nodes.
 
-use crate::dynamic::DynamicStiffness;
-use crate::{DenseSystem, ReduceError, StateSpace};
+use crate::dense_system::DenseSystem;
+use crate::dynamic_stiffness::DynamicStiffness;
+use crate::state_space::{StateSpace, dynamic_block};
+use crate::{ReduceError, neighbourhood};
 use faer::sparse::{SparseColMat, SparseColMatRef, Triplet};
 use faer::{Mat, MatRef, c64};
 use palpate_body::{Body, Network, TangentPattern};
 
-/// M q̈ + B q̇ + K q = −B_rc u̇ − K_rc u, with the force that moves the tool
+/// A linear second-order system M q̈ + B q̇ + K q = −B_rc u̇ − K_rc u, with the force that moves the tool
 ///
 /// ```text
 /// f = K_cc u + B_cc u̇ + K_cr q + B_cr q̇,    G(s) = f/u = K_cc + s B_cc − (K_cr + s B_cr)(s²M + sB + K)⁻¹(K_rc + s B_rc)
 /// ```
 ///
-/// u is the displacement of the driven nodes c (m; node by node, one input for each axis), q that of the other free
-/// nodes r, and M diagonal. G(0) is the static stiffness, positive; the force on the hand is −f.
+/// u, m, is the displacement of the driven nodes c, node by node with one input for each axis. q is that of the other free nodes r, and
+/// M is diagonal. G(0) is the static stiffness and positive; the force on the hand is −f.
 #[derive(Clone, Debug)]
 pub struct SecondOrderSystem {
     /// Diagonal of M, kg.
@@ -37,12 +39,11 @@ pub struct SecondOrderSystem {
 }
 
 impl SecondOrderSystem {
-    /// The small motions of `body` about its present state when the nodes `driven` are, along the first `axes` axes
-    /// (1 to 3) of space; along the others nothing moves.
+    /// The small motions of `body` about its current state when the nodes `driven` are displaced. Nodes move along the first `axes` axes of
+    /// space, 1 to 3.
     ///
     /// # Errors
-    /// [`ReduceError::Option`] when `axes` is not 1 to 3, or `driven` is empty, names a node twice or one that is not
-    /// free.
+    /// [`ReduceError::Option`] when `axes` is not 1 to 3, or `driven` is empty, has a node twice, or has a node that is not free.
     pub fn of_body(body: &Body, driven: &[usize], axes: usize) -> Result<Self, ReduceError> {
         let network = body.network();
         validate_drive(network, driven, axes)?;
@@ -93,21 +94,21 @@ impl SecondOrderSystem {
         })
     }
 
-    /// Number of second-order unknowns; the order of the system in state space is twice that.
+    /// Number of second-order unknowns, half the order in state space.
     #[must_use]
     pub fn unknowns(&self) -> usize {
         self.mass.len()
     }
 
-    /// Number of inputs, which is that of outputs.
+    /// Number of inputs, equal to the number of outputs.
     #[must_use]
     pub fn inputs(&self) -> usize {
         self.stiffness_cc.nrows()
     }
 
-    /// The seed paper's local linear approximation (its Fig. 8): the nodes within `rings` links of a driven node move,
-    /// all others stand. `network` is that of the body. A projection with V a selection of nodes, so M, B and K stay
-    /// symmetric positive definite.
+    /// The local linear approximation of the seed paper (its Fig. 8): the nodes within `rings` links of a driven node move, and all others
+    /// are fixed. `network` is that of the body. It is a projection with V a selection of nodes: M, B and K stay symmetric positive
+    /// definite.
     ///
     /// # Errors
     /// [`ReduceError::Option`] when `rings` is zero.
@@ -118,7 +119,7 @@ impl SecondOrderSystem {
         }
         let mut near = vec![false; network.node_count()];
         for &driven in &self.driven {
-            crate::neighbourhood::nodes_within(network, driven, rings).iter().for_each(|&n| near[n] = true);
+            neighbourhood::nodes_within(network, driven, rings).iter().for_each(|&n| near[n] = true);
         }
         let kept: Vec<usize> = (0..self.unknowns()).filter(|&row| near[self.place[row].0]).collect();
         let mut new_row = vec![None; self.unknowns()];
@@ -144,8 +145,7 @@ impl SecondOrderSystem {
         })
     }
 
-    /// The same system with all driven nodes moved together, as by a rigid plate: one input for each axis, and the
-    /// sum of the forces.
+    /// The system with all driven nodes displaced together, as by a rigid plate: one input for each axis, with the sum of the forces.
     #[must_use]
     pub fn driven_as_one(&self) -> Self {
         let axes = self.inputs() / self.driven.len();
@@ -164,7 +164,38 @@ impl SecondOrderSystem {
         }
     }
 
-    /// The same system with full matrices.
+    /// The projection by congruence onto the columns of `v`, unknowns × p: q = V q̃, M̃ = VᵀMV, B̃ = VᵀBV, K̃ = VᵀKV, B̃_rc = VᵀB_rc,
+    /// K̃_rc = VᵀK_rc.
+    ///
+    /// For every V of full rank, M̃, B̃ and K̃ are symmetric and as definite as M, B and K: a passive system stays passive.
+    ///
+    /// # Errors
+    /// [`ReduceError::Option`] when the number of rows of `v` is not that of unknowns, or `v` has no columns.
+    pub fn project(&self, v: MatRef<'_, f64>) -> Result<DenseSystem, ReduceError> {
+        for (what, value, ok, allowed) in [
+            ("rows of the basis", v.nrows(), v.nrows() == self.unknowns(), "the number of unknowns"),
+            ("columns of the basis", v.ncols(), v.ncols() > 0, "at least 1"),
+        ] {
+            if !ok {
+                return Err(ReduceError::Option { what, value: value as f64, allowed });
+            }
+        }
+        let p = v.ncols();
+        let weighted = Mat::from_fn(v.nrows(), p, |i, j| self.mass[i] * v[(i, j)]);
+        // Exactly symmetric in spite of rounding.
+        let symmetric = |m: Mat<f64>| Mat::from_fn(p, p, |i, j| 0.5 * (m[(i, j)] + m[(j, i)]));
+        Ok(DenseSystem {
+            mass: symmetric(v.transpose() * weighted),
+            damping: symmetric(v.transpose() * (self.damping.as_ref() * v)),
+            stiffness: symmetric(v.transpose() * (self.stiffness.as_ref() * v)),
+            damping_rc: v.transpose() * &self.damping_rc,
+            stiffness_rc: v.transpose() * &self.stiffness_rc,
+            damping_cc: self.damping_cc.clone(),
+            stiffness_cc: self.stiffness_cc.clone(),
+        })
+    }
+
+    /// The system with full matrices.
     #[must_use]
     pub fn to_dense(&self) -> DenseSystem {
         let n = self.unknowns();
@@ -179,7 +210,7 @@ impl SecondOrderSystem {
         }
     }
 
-    /// The same system in state space: see [`DenseSystem::state_space`].
+    /// The system in state space: see [`DenseSystem::state_space`].
     ///
     /// # Errors
     /// As there.
@@ -195,43 +226,48 @@ impl SecondOrderSystem {
         if self.unknowns() == 0 {
             return Ok(self.stiffness_cc.clone());
         }
-        let follow = DynamicStiffness::new(self).solve_real(0.0, self.stiffness_rc.as_ref())?;
-        Ok(&self.stiffness_cc - self.stiffness_rc.transpose() * follow)
+        let response = self.dynamic_stiffness().solve_real(0.0, self.stiffness_rc.as_ref())?;
+        Ok(&self.stiffness_cc - self.stiffness_rc.transpose() * response)
     }
 
-    /// G at each of the complex frequencies `s` (1/s), by a sparse factorisation at each.
+    /// G at each of the complex frequencies `s`, 1/s, by a sparse factorisation each.
     ///
     /// # Errors
-    /// [`ReduceError::Symbolic`] when the pattern cannot be factorised; [`ReduceError::Pole`] when one of the
-    /// frequencies is a pole.
+    /// [`ReduceError::Symbolic`] when the pattern cannot be factorised; [`ReduceError::Pole`] when a frequency is a
+    /// pole.
     pub fn response(&self, s: &[c64]) -> Result<Vec<Mat<c64>>, ReduceError> {
-        let mut dynamic = DynamicStiffness::new(self);
+        let mut dynamic = self.dynamic_stiffness();
         s.iter().map(|&s| self.response_with(&mut dynamic, s)).collect()
+    }
+
+    /// M, B and K, prepared for solves with s²M + sB + K.
+    pub(crate) fn dynamic_stiffness(&self) -> DynamicStiffness<'_> {
+        DynamicStiffness::new(&self.mass, self.damping.as_ref(), self.stiffness.as_ref())
     }
 
     /// G at `s`.
     fn response_with(&self, dynamic: &mut DynamicStiffness<'_>, s: c64) -> Result<Mat<c64>, ReduceError> {
-        let direct = combine(self.stiffness_cc.as_ref(), self.damping_cc.as_ref(), s);
+        let direct = dynamic_block(self.stiffness_cc.as_ref(), self.damping_cc.as_ref(), s);
         if self.unknowns() == 0 {
             return Ok(direct);
         }
-        let coupling = combine(self.stiffness_rc.as_ref(), self.damping_rc.as_ref(), s);
+        let coupling = dynamic_block(self.stiffness_rc.as_ref(), self.damping_rc.as_ref(), s);
         Ok(direct - coupling.transpose() * dynamic.solve_complex(s, coupling.as_ref())?)
     }
 }
 
 fn validate_drive(network: &Network, driven: &[usize], axes: usize) -> Result<(), ReduceError> {
-    let refuse =
+    let reject =
         |what, value: usize, allowed| Err(ReduceError::Option { what, value: value as f64, allowed });
     if !(1..=3).contains(&axes) {
-        return refuse("number of axes", axes, "1 to 3");
+        return reject("number of axes", axes, "1 to 3");
     }
     if driven.is_empty() {
-        return refuse("number of driven nodes", 0, "at least 1");
+        return reject("number of driven nodes", 0, "at least 1");
     }
     for (i, &node) in driven.iter().enumerate() {
         if node >= network.node_count() || network.is_fixed(node) || driven[..i].contains(&node) {
-            return refuse("driven node", node, "a free node of the body, named once");
+            return reject("driven node", node, "a free node of the body, listed once");
         }
     }
     Ok(())
@@ -239,9 +275,4 @@ fn validate_drive(network: &Network, driven: &[usize], axes: usize) -> Result<()
 
 fn square(n: usize, entries: &[Triplet<usize, usize, f64>]) -> SparseColMat<usize, f64> {
     SparseColMat::try_new_from_triplets(n, n, entries).expect("indices are below n")
-}
-
-/// K + s B.
-pub(crate) fn combine(k: MatRef<'_, f64>, b: MatRef<'_, f64>, s: c64) -> Mat<c64> {
-    Mat::from_fn(k.nrows(), k.ncols(), |i, j| c64::new(k[(i, j)], 0.0) + s * b[(i, j)])
 }

@@ -1,18 +1,18 @@
-//! What the near tetrahedra of a field do to its tangent.
+//! The stiffness of the volume barriers of the near tetrahedra.
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 use palpate_body::{BarrierTetrahedron, VolumeBarrier};
 use palpate_local::{NearField, NearTetrahedron};
 
-/// The stiffness of the near tetrahedra over z = (δx_S, q), n × n; `None` where none of their barriers acts. With `clamped`, it
-/// is positive semidefinite.
-pub(crate) fn stiffness(field: &NearField, clamped: bool) -> Option<Mat<f64>> {
-    let place = |node: usize| match node.checked_sub(field.nodes) {
+/// The stiffness of the near tetrahedra over z = (δx_S, q), n × n; `None` where no barrier is active. With `clamped` it is positive
+/// semidefinite.
+pub(crate) fn over_state(field: &NearField, clamped: bool) -> Option<Mat<f64>> {
+    let position = |node: usize| match node.checked_sub(field.nodes) {
         None => field.node_m[node],
         Some(i) => field.ring_m[i],
     };
-    let x: Vec<_> = (0..field.nodes + field.ring).map(place).collect();
+    let x: Vec<_> = (0..field.nodes + field.ring).map(position).collect();
     let tetrahedra = field.tetrahedron[..field.tetrahedra].iter();
     let tetrahedra =
         tetrahedra.map(|&NearTetrahedron { nodes, barrier }| BarrierTetrahedron { nodes, barrier });
@@ -35,7 +35,7 @@ pub(crate) fn stiffness(field: &NearField, clamped: bool) -> Option<Mat<f64>> {
     }
     let v = MatRef::from_column_major_slice(&field.basis[..rows * p], rows, p);
     let ring = k.subcols(s, rows);
-    // The columns of the ring times V, then its rows.
+    // The ring's columns are multiplied by V, then its rows by Vᵀ.
     let mut product = Mat::<f64>::zeros(s + rows, p);
     matmul(&mut product, Accum::Replace, ring, v, 1.0, Par::Seq);
     let far = v.transpose() * product.subrows(s, rows);

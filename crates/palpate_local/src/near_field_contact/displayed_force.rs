@@ -1,54 +1,69 @@
-//! The force that the rows of the contact patches, or of a point that is held, display.
+//! The force on the hand from the internal forces on S and the impulses of the rows.
 
 #![cfg_attr(
     not(test),
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use super::ContactSolver;
-use super::row::ContactRow;
+use super::contact_row::{ContactRow, row_weights};
 use crate::NearField;
+use crate::dense::{Cholesky, zeros};
 use glam::DVec3;
 use palpate_laws::Coulomb;
 
-/// What several rows can hardly tell apart, by less than that share of them, is taken from their impulses.
-const SHARE: f64 = 1e-2;
+/// Relative regularisation of the Gram matrix. Forces of nearly equal rows, which H Hᵀ cannot separate, are then taken from their impulses.
+const GRAM_REGULARISATION: f64 = 1e-2;
 
-impl ContactSolver {
-    /// The force on the hand, N, from the internal forces on S: the sum over the rows that pushed in the last step, of
-    /// length `h`, of (H Hᵀ)⁻¹ H F, each as far as it lies in its friction cone.
-    pub(crate) fn displayed_n(
+/// Buffers for the displayed force: the Gram matrix of the rows, its factor, and the forces by axis.
+#[derive(Debug)]
+pub(super) struct DisplayedForce {
+    gram: Vec<f64>,
+    factor: Cholesky,
+    shares: [Vec<f64>; 3],
+}
+
+impl DisplayedForce {
+    /// Buffers for up to `rows` rows.
+    pub(super) fn with_capacity(rows: usize) -> Self {
+        let shares = zeros(rows);
+        Self {
+            gram: zeros(rows * rows),
+            factor: Cholesky::with_capacity(rows),
+            shares: [shares.clone(), shares.clone(), shares],
+        }
+    }
+
+    /// The force on the hand, N: the sum of (H Hᵀ)⁻¹ H F over the `active` rows, the force of each row projected onto its friction
+    /// cone. F are the internal forces on S, N, and `h` is the length of the last step, s. Fixed nodes do not contribute.
+    pub(super) fn compute(
         &mut self,
         field: &NearField,
+        (active, rows, weights): (&[usize], &[ContactRow], &[f64]),
         internal_n: &[DVec3],
         friction: f64,
         h: f64,
     ) -> DVec3 {
-        let s = field.nodes;
-        // What is fixed bears what it bears.
         let is_free = |node: usize| field.node_per_kg.get(node).is_some_and(|per_kg| *per_kg > 0.0);
         let force = |node: usize| internal_n.get(node).copied().unwrap_or_default();
-        let (rows, all) = (&self.rows, &self.weights);
-        self.active.retain(|index| rows.get(*index).is_some_and(|row| row.impulse_ns != DVec3::ZERO));
-        let m = self.active.len();
-        let weights = |index: usize| all.get(index * s..(index + 1) * s).unwrap_or_default();
+        let m = active.len();
+        let weights = |index: usize| row_weights(weights, field.nodes, index);
         let impulse = |index: usize| rows.get(index).map_or(DVec3::ZERO, |row| row.impulse_ns);
         let product = |a: usize, b: usize| -> f64 {
             let pairs = weights(a).iter().zip(weights(b)).enumerate();
             pairs.filter(|(node, _)| is_free(*node)).map(|(_, (a, b))| a * b).sum()
         };
-        // H (F − Hᵀ guess), the guess being −λ/h.
-        for (r, &row) in self.active.iter().enumerate() {
+        // H (F − Hᵀ g) with the guess g = −λ/h, λ the impulses of the rows.
+        for (r, &row) in active.iter().enumerate() {
             let free = weights(row).iter().enumerate().filter(|(node, _)| is_free(*node));
             let mut rest: DVec3 = free.map(|(node, w)| *w * force(node)).sum();
-            for (c, &other) in self.active.iter().enumerate() {
+            for (c, &other) in active.iter().enumerate() {
                 let gram = product(row, other);
                 rest += gram * impulse(other) / h;
                 if let Some(entry) = self.gram.get_mut(r * m + c) {
-                    // A row that no free node carries has its impulse.
+                    // The force of a row without free nodes is its impulse over h.
                     *entry = match r == c {
                         true if gram <= 0.0 => 1.0,
-                        true if m > 1 => gram * (1.0 + SHARE),
+                        true if m > 1 => gram * (1.0 + GRAM_REGULARISATION),
                         _ => gram,
                     };
                 }
@@ -70,9 +85,9 @@ impl ContactSolver {
         let in_cone = |row: &ContactRow, f: DVec3| {
             Coulomb::new(-row.inward, friction).map_or(DVec3::ZERO, |cone| cone.in_cone(f))
         };
-        let force = |(index, more): (&usize, DVec3)| {
-            self.rows.get(*index).map_or(DVec3::ZERO, |row| in_cone(row, more - row.impulse_ns / h))
+        let force = |(index, correction): (&usize, DVec3)| {
+            rows.get(*index).map_or(DVec3::ZERO, |row| in_cone(row, correction - row.impulse_ns / h))
         };
-        self.active.iter().zip(shares).map(force).sum()
+        active.iter().zip(shares).map(force).sum()
     }
 }

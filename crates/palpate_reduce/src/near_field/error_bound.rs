@@ -1,20 +1,20 @@
-//! How far a near field is from the body whose far field it reduces.
+//! A bound of the error of the reduced far field.
 
-use super::basis::Basis;
-use super::{ring, tetrahedra};
+use super::{barrier_stiffness, ring_projection};
+use crate::far_field::basis::Basis;
 use faer::sparse::SparseColMatRef;
 use glam::DVec3;
 use palpate_body::{Network, Tangent};
 use palpate_local::{Cholesky, NearField};
 
-/// The real frequency at which it is estimated, 1/s: 80 Hz, the fastest that a hand moves.
+/// Real frequency of the bound, 1/s: 80 Hz, above the fastest motion of a hand.
 const SIGMA: f64 = 80.0 * std::f64::consts::TAU;
 
-/// A bound of the relative error of the stiffness against S at σ = 2π · 80 s⁻¹, where S goes along `direction` as one.
+/// A bound of the relative error of the dynamic stiffness at σ = 2π · 80 s⁻¹ against a rigid motion of S along `direction`.
 ///
-/// With A = σ²M + σB + K of what is not in S and b what a motion of S does to it, the exact answer is A⁻¹ b, the reduced one
-/// w = V (VᵀAV)⁻¹ Vᵀ b, and r = b − A w what w leaves. The stiffness is too great by rᵀ A⁻¹ r, and that is at most
-/// rᵀ M⁻¹ r/σ², because B and K are positive semidefinite. `None` where there is no far field, or no stiffness.
+/// With A = σ²M + σB + K of the nodes beyond S and b the force on them by the motion of S, the exact response is A⁻¹ b and the reduced
+/// one w = V (VᵀAV)⁻¹ Vᵀ b. With the residual r = b − A w, the reduced stiffness is too large by rᵀ A⁻¹ r ≤ rᵀ M⁻¹ r/σ²,
+/// because B and K are positive semidefinite. `None` where there is no far field or no stiffness.
 pub(super) fn error_bound(
     field: &NearField,
     (network, tangent): (&Network, &Tangent),
@@ -34,38 +34,38 @@ pub(super) fn error_bound(
         add(k, x, to);
         add(b, SIGMA * x, to);
     };
-    let mut pushed = vec![0.0; unknowns];
+    let mut column = vec![0.0; unknowns];
     for &index in &free {
-        (0..3).for_each(|axis| multiply(3 * index + axis, direction[axis], &mut pushed));
+        (0..3).for_each(|axis| multiply(3 * index + axis, direction[axis], &mut column));
     }
     let own: f64 =
-        free.iter().map(|&i| (0..3).map(|axis| direction[axis] * pushed[3 * i + axis]).sum::<f64>()).sum();
+        free.iter().map(|&i| (0..3).map(|axis| direction[axis] * column[3 * i + axis]).sum::<f64>()).sum();
     // b, and Vᵀ b.
-    let rest = |dof: usize| basis.is_far(dof / 3);
-    let b_r: Vec<f64> = (0..unknowns).map(|dof| if rest(dof) { -pushed[dof] } else { 0.0 }).collect();
+    let is_far = |dof: usize| basis.is_far(dof / 3);
+    let b_r: Vec<f64> = (0..unknowns).map(|dof| if is_far(dof) { -column[dof] } else { 0.0 }).collect();
     let y = basis.transposed(network, &b_r);
-    let w = basis.columns(network, &reduced(field, y)?);
-    let mut left = vec![0.0; unknowns];
-    for dof in (0..unknowns).filter(|&dof| rest(dof)) {
-        multiply(dof, w[dof], &mut left);
+    let w = basis.expand(network, &reduced(field, y)?);
+    let mut a_w = vec![0.0; unknowns];
+    for dof in (0..unknowns).filter(|&dof| is_far(dof)) {
+        multiply(dof, w[dof], &mut a_w);
     }
     let mass = |dof: usize| network.mass_kg()[network.free()[dof / 3]];
-    let beyond: f64 = (0..unknowns)
-        .filter(|&dof| rest(dof))
+    let excess: f64 = (0..unknowns)
+        .filter(|&dof| is_far(dof))
         .map(|dof| {
-            let r = b_r[dof] - left[dof] - SIGMA * SIGMA * mass(dof) * w[dof];
+            let r = b_r[dof] - a_w[dof] - SIGMA * SIGMA * mass(dof) * w[dof];
             r * r / (mass(dof) * SIGMA * SIGMA)
         })
         .sum();
     let stiffness = own - b_r.iter().zip(&w).map(|(b, w)| b * w).sum::<f64>();
-    let bound = beyond / stiffness;
+    let bound = excess / stiffness;
     (bound.is_finite() && stiffness > 0.0).then_some(bound)
 }
 
 /// (VᵀAV)⁻¹ y.
 fn reduced(field: &NearField, mut y: Vec<f64>) -> Option<Vec<f64>> {
     let p = field.order;
-    let ring = ring::project(field, |near, stretch| {
+    let ring = ring_projection::project(field, |near, stretch| {
         let tangent = near.spring.tangent(stretch, false);
         tangent.stiffness + SIGMA * tangent.damping
     });
@@ -74,7 +74,7 @@ fn reduced(field: &NearField, mut y: Vec<f64>) -> Option<Vec<f64>> {
         (0..=i).for_each(|j| a[i * p + j] += ring[(i, j)]);
         a[i * p + i] += SIGMA * SIGMA;
     }
-    if let Some(barriers) = tetrahedra::stiffness(field, false) {
+    if let Some(barriers) = barrier_stiffness::over_state(field, false) {
         let s = 3 * field.nodes;
         (0..p * p).for_each(|at| a[at] += barriers[(s + at / p, s + at % p)]);
     }

@@ -1,9 +1,10 @@
-//! Balanced truncation.
+//! Balanced truncation of linear systems.
 
 use crate::{Gramians, ReduceError, StateSpace};
 use faer::Mat;
 
-/// A system with its Gramians factored and its Hankel singular values, ready to be truncated to any order.
+/// Balanced truncation of a system (square-root method: M. S. Tombs and I. Postlethwaite, Int. J. Control 46 (1987) 1319): the Gramians and
+/// the Hankel singular values, from which it is truncated to any order.
 #[derive(Clone, Debug)]
 pub struct Balancing {
     system: StateSpace,
@@ -14,19 +15,19 @@ pub struct Balancing {
     hankel: Vec<f64>,
 }
 
-/// A balanced truncation.
+/// A system reduced by balanced truncation.
 #[derive(Clone, Debug)]
 pub struct Truncated {
-    /// The reduced system; D and E are the original's.
+    /// Reduced system; D and E are those of the original.
     pub system: StateSpace,
-    /// T, n × r: the reduced state x_r stands for the state T x_r.
+    /// T, n × r: the reduced state x_r represents the state T x_r.
     pub states: Mat<f64>,
-    /// See [`Balancing::error_bound`], N/m.
+    /// Bound of the H∞ error, N/m: see [`Balancing::error_bound`].
     pub error_bound: f64,
 }
 
 impl Balancing {
-    /// Balances `system` (square-root method: Tombs and Postlethwaite, Int. J. Control 46 (1987) 1319).
+    /// Computes the Gramians and the Hankel singular values of `system`.
     ///
     /// # Errors
     /// As [`Gramians::new`].
@@ -38,7 +39,7 @@ impl Balancing {
         Ok(Self { u: svd.U().to_owned(), v: svd.V().to_owned(), system, gramians, hankel })
     }
 
-    /// Hankel singular values, descending, N/m. Those beyond the list are zero to rounding.
+    /// Hankel singular values, N/m, descending. Values beyond the list are zero to within rounding.
     #[must_use]
     pub fn hankel_singular_values(&self) -> &[f64] {
         &self.hankel
@@ -50,27 +51,26 @@ impl Balancing {
         &self.gramians
     }
 
-    /// The system that is balanced.
+    /// The full system.
     #[must_use]
     pub fn system(&self) -> &StateSpace {
         &self.system
     }
 
-    /// How many Hankel singular values are more than rounding, to 1e-14 of the largest: the states that are needed, and
-    /// the largest order of a truncation.
+    /// Number of Hankel singular values above 1e-14 of the largest, which is about rounding: the maximum order of a truncation.
     #[must_use]
     pub fn rank(&self) -> usize {
         self.hankel.iter().take_while(|&&s| s > 1e-14 * self.hankel[0]).count()
     }
 
-    /// Twice the sum of the Hankel singular values beyond the first `order`: a bound of the H∞ error of the truncation to
-    /// that order, N/m.
+    /// Bound of the H∞ error of the truncation to `order`, N/m: twice the sum of the remaining Hankel singular values (K. Glover,
+    /// Int. J. Control 39 (1984) 1115).
     #[must_use]
     pub fn error_bound(&self, order: usize) -> f64 {
         2.0 * self.hankel.iter().skip(order).fold(0.0, |sum, value| sum + value)
     }
 
-    /// The truncation to `order`.
+    /// Truncates the system to `order` states.
     ///
     /// # Errors
     /// [`ReduceError::Option`] when `order` is zero or above [`Balancing::rank`].
@@ -97,8 +97,8 @@ impl Balancing {
         Ok(Truncated { system, states: t, error_bound: self.error_bound(order) })
     }
 
-    /// The truncation of least order whose error bound is at most `bound`, N/m; that of order [`Balancing::rank`] where
-    /// rounding is more than the bound.
+    /// Truncates the system to the minimum order whose error bound is at most `bound`, N/m. The order is at most [`Balancing::rank`], even if
+    /// the error then exceeds the bound by rounding.
     ///
     /// # Errors
     /// [`ReduceError::Option`] when `bound` is not above zero.

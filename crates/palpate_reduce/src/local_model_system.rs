@@ -1,4 +1,4 @@
-//! A local model as a linear system, to be compared with the body that it stands for.
+//! A local model as a linear system, for comparison with the body.
 
 use crate::DenseSystem;
 use faer::Mat;
@@ -6,12 +6,12 @@ use glam::DMat3;
 use palpate_local::{LocalModel, NearEnd, NearField, Scheme};
 
 impl DenseSystem {
-    /// The small motions of `model` about its model step when the tool drives one node: that of the model itself
-    /// ([`Scheme::Tangent`], [`Scheme::KrylovLinear`]), or node `place` of its support set
-    /// ([`Scheme::NearFieldExact`]). One input for each axis.
+    /// The small motions of `model` about its model step when the tool drives one node, with one input for each axis. The node is that of
+    /// the model ([`Scheme::Tangent`], [`Scheme::KrylovLinear`]), or node `place` of its support set ([`Scheme::NearFieldExact`]).
     ///
-    /// `None` where the model answers nothing between two model steps, its support set has no such node that can move, or
-    /// its M is not kept ([`Scheme::Neighbourhood`]: take [`crate::SecondOrderSystem::neighbourhood`]).
+    /// `None` where the force does not depend on the tool's motion ([`Scheme::Hold`], [`Scheme::LowPass`]), or the support set has no free
+    /// node `place`. Also `None` for [`Scheme::Neighbourhood`], whose local model has no M: use
+    /// [`SecondOrderSystem::neighbourhood`](crate::SecondOrderSystem::neighbourhood).
     #[must_use]
     pub fn of_local_model(model: &LocalModel, place: Option<usize>) -> Option<Self> {
         match model.scheme {
@@ -22,7 +22,7 @@ impl DenseSystem {
         }
     }
 
-    /// With the first `p` columns of its basis, in whose coordinates M is 1.
+    /// The system of the first `p` columns of the basis, in whose coordinates M is the identity.
     fn of_reduced(model: &LocalModel, p: usize) -> Self {
         let r = &model.reduced;
         let square = |m: &[f64]| Mat::from_fn(p, p, |i, j| m[i * p + j]);
@@ -38,7 +38,7 @@ impl DenseSystem {
         }
     }
 
-    /// Of z = (δx_S, q), with node `driven` of S the input.
+    /// The system of z = (δx_S, q), with node `driven` of S as the input.
     fn of_near_field(field: &NearField, driven: usize) -> Option<Self> {
         let (s, n) = (3 * field.nodes, field.unknowns());
         let free = |node: usize| field.node_per_kg.get(node).is_some_and(|per_kg| *per_kg > 0.0);
@@ -66,14 +66,14 @@ impl DenseSystem {
     }
 }
 
-/// K and B of all of z.
+/// K and B over z.
 fn matrices(field: &NearField) -> (Mat<f64>, Mat<f64>) {
     let (s, p, n) = (3 * field.nodes, field.order, field.unknowns());
     let far =
         |m: &[f64]| Mat::from_fn(n, n, |i, j| if i < s || j < s { 0.0 } else { m[(i - s) * p + j - s] });
     let (mut k, mut b) = (far(&field.stiffness), far(&field.damping));
     for near in &field.near[..field.springs] {
-        // The spring's stretch is G z.
+        // The change of the vector from a to b is G z.
         let mut g = Mat::<f64>::zeros(3, n);
         let at = match near.b {
             NearEnd::Support(i) => field.node_m[i],
@@ -94,7 +94,7 @@ fn matrices(field: &NearField) -> (Mat<f64>, Mat<f64>) {
         k += g.transpose() * block(tangent.stiffness) * &g;
         b += g.transpose() * block(tangent.damping) * &g;
     }
-    if let Some(barriers) = crate::near_field::barrier_stiffness(field) {
+    if let Some(barriers) = crate::near_field::barrier_stiffness::over_state(field, false) {
         k += barriers;
     }
     (k, b)

@@ -1,46 +1,46 @@
-//! The tick of a near field: its nodes and the reduced far field step, and the tool is met.
+//! The state of a near field and its tick: integrates the nodes of S and the reduced far field under the tool's constraints.
 
 #![cfg_attr(
     not(test),
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
-use crate::dense::{add_columns, dot, subtract_product, zeros};
-use crate::near_touch::{ContactSolver, Placed};
+use crate::dense::{add_columns, dot, set_vec3, subtract_product, vec3_at, zeros};
+use crate::near_field_contact::{ContactSolver, NodeMotion};
 use crate::{NearEnd, NearField, NearFieldCapacity, Sample, Support, TickIntegrator};
 use glam::DVec3;
 use palpate_laws::{ToolMove, VolumeBarrier};
 
-/// The state z = (δx_S, q) of a near field, and room to compute in.
+/// The state z = (δx_S, q) of a near field, and the buffers of its tick.
 #[derive(Clone, Debug)]
-pub(crate) struct NearState {
+pub(crate) struct NearFieldState {
     /// δx_S, then q.
-    pub(crate) z: Vec<f64>,
+    z: Vec<f64>,
     /// v_S, then q̇.
-    pub(crate) z_dot: Vec<f64>,
-    /// What acts on z: forces on S, N, then on q.
+    z_dot: Vec<f64>,
+    /// Forces on S, N, then the generalised forces on q.
     force: Vec<f64>,
-    /// The internal force on each node of S, N: springs, dampers and volume barriers.
-    pub(crate) internal_n: Vec<DVec3>,
-    /// Of the ring: displacements, velocities, and forces of the near springs, three numbers a node.
+    /// Internal force on each node of S, N: springs, dampers and volume barriers.
+    internal_n: Vec<DVec3>,
+    /// Displacements and velocities of the ring, and the forces of near springs and tetrahedra on it, three numbers a node.
     ring_dx: Vec<f64>,
     ring_v: Vec<f64>,
     ring_n: Vec<f64>,
-    /// The nodes of S and of the ring as ends of springs.
+    /// The nodes of S, then those of the ring, as ends of springs.
     ends: Vec<SpringEnd>,
-    /// Whether the forces of the near springs are those of the present state.
-    is_stretched: bool,
+    /// Whether `internal_n` and `ring_n` belong to the current state.
+    are_forces_current: bool,
     scratch: Vec<f64>,
-    meeting: ContactSolver,
-    /// Where the device was at the last sample, m.
+    contacts: ContactSolver,
+    /// Position of the device at the last sample, m.
     device_m: DVec3,
-    /// Where the tool is behind its coupling, m.
+    /// Position of the tool behind its coupling, m.
     proxy_m: DVec3,
-    /// What is displayed, N.
+    /// Force on the hand, N.
     displayed_n: DVec3,
 }
 
-/// Where an end of springs is, m, how fast it goes, m/s, and what they pull at it with, N.
+/// An end of springs: position, m, velocity, m/s, and the sum of the spring forces on it, N.
 #[derive(Clone, Copy, Debug, Default)]
 struct SpringEnd {
     x: DVec3,
@@ -48,7 +48,7 @@ struct SpringEnd {
     force_n: DVec3,
 }
 
-impl NearState {
+impl NearFieldState {
     pub(crate) fn with_capacity(capacity: NearFieldCapacity) -> Self {
         let n = 3 * capacity.nodes + capacity.order;
         let (zero, still) = (zeros(n), zeros(3 * capacity.ring));
@@ -61,46 +61,45 @@ impl NearState {
             ring_v: still.clone(),
             ring_n: still,
             ends: vec![SpringEnd::default(); capacity.nodes + capacity.ring],
-            is_stretched: false,
+            are_forces_current: false,
             scratch: zero,
-            meeting: ContactSolver::with_capacity(capacity),
+            contacts: ContactSolver::with_capacity(capacity),
             device_m: DVec3::ZERO,
             proxy_m: DVec3::ZERO,
             displayed_n: DVec3::ZERO,
         }
     }
 
-    /// The state at the model step: z = 0, ż = ż_N, and `force_n` displayed.
+    /// Resets to the model step: z = 0, ż = ż_N, and `force_n` as the displayed force.
     pub(crate) fn start(&mut self, field: &NearField, force_n: DVec3) {
         self.z.fill(0.0);
         self.z_dot.fill(0.0);
         self.z_dot.iter_mut().zip(&field.velocity).take(field.unknowns()).for_each(|(to, from)| *to = *from);
         self.ring_dx.fill(0.0);
         self.ring_v.fill(0.0);
-        self.is_stretched = false;
+        self.are_forces_current = false;
         let s = 3 * field.nodes;
-        multiply(field, self.z_dot.get(s..field.unknowns()).unwrap_or_default(), &mut self.ring_v);
-        self.meeting.restart(field);
+        multiply_ring_basis(field, self.z_dot.get(s..field.unknowns()).unwrap_or_default(), &mut self.ring_v);
+        self.contacts.restart(field);
         (self.device_m, self.proxy_m, self.displayed_n) = (field.start_m, field.proxy_m, force_n);
     }
 
-    /// Whether the impulses of contacts were not found as well as they should be at the last sample: they are too many, or
-    /// contradict each other.
+    /// Whether the contact solver failed to converge in the last tick, or dropped contacts because a buffer was full.
     pub(crate) fn is_unconverged(&self) -> bool {
-        self.meeting.is_unconverged()
+        self.contacts.is_unconverged()
     }
 
-    /// How often contacts were asked for an impulse at the last sample.
+    /// Number of row updates of the contact solver in the last tick.
     pub(crate) fn row_updates(&self) -> usize {
-        self.meeting.row_updates()
+        self.contacts.row_updates()
     }
 
-    /// What is displayed now, N.
+    /// Force on the hand, N.
     pub(crate) fn displayed_n(&self) -> DVec3 {
         self.displayed_n
     }
 
-    /// Steps to `sample`.
+    /// Advances the state by one tick to `sample`.
     pub(crate) fn advance(&mut self, field: &NearField, sample: &Sample) {
         if field.is_empty() {
             (self.device_m, self.proxy_m) = (sample.position_m, sample.position_m);
@@ -110,40 +109,40 @@ impl NearState {
         let substeps = field.integrator.substeps();
         let h = field.tick_s / f64::from(substeps);
         let tool = ToolMove::new(field.coupling, (from, to), self.proxy_m, tool_radius_m(field));
-        let place = Placed { z: &self.z, z_dot: &self.z_dot, ring_dx: &self.ring_dx };
-        self.meeting.begin(field, &tool, &place);
+        let motion = NodeMotion { z: &self.z, z_dot: &self.z_dot, ring_dx: &self.ring_dx };
+        self.contacts.begin_tick(field, &tool, &motion);
         for i in 1..=substeps {
             let at = |i: u32| from + (to - from) * (f64::from(i) / f64::from(substeps));
             let device = (at(i - 1), at(i));
             if field.support == Support::Driven {
                 set_vec3(&mut self.z, 0, device.1 - field.start_m);
                 set_vec3(&mut self.z_dot, 0, sample.velocity_m_per_s);
-                self.is_stretched = false;
+                self.are_forces_current = false;
             }
-            self.stretch_near_springs(field);
+            self.update_internal_forces(field);
             self.collect_forces(field);
             self.step(field, device, h);
         }
-        self.stretch_near_springs(field);
+        self.update_internal_forces(field);
         self.device_m = to;
         let force_n = match field.support {
             Support::Driven => self.internal_n.first().copied().unwrap_or_default(),
             Support::Held => {
-                // What is fixed bears what it bears.
+                // Fixed nodes do not contribute.
                 let free = |(w, per_kg): (&f64, &f64)| if *per_kg > 0.0 { *w } else { 0.0 };
                 let weights = || field.weight.iter().zip(&field.node_per_kg).map(free).take(field.nodes);
                 let sum: DVec3 = weights().zip(&self.internal_n).map(|(w, f)| w * *f).sum();
                 sum / weights().map(|w| w * w).sum::<f64>()
             }
             Support::Touched { friction, .. } => {
-                self.meeting.displayed_n(field, &self.internal_n, friction, h)
+                self.contacts.displayed_n(field, &self.internal_n, friction, h)
             }
         };
         self.displayed_n = field.coupling.map_or(force_n, |coupling| coupling.limit(force_n));
     }
 
-    /// Energy of the whole body in this state, J: that at the model step, and what z has changed of it. What acts from
-    /// outside counts as a potential.
+    /// Energy of the whole body in this state, J: the energy at the model step plus the change by z. External forces count as a
+    /// potential.
     pub(crate) fn energy_j(&self, field: &NearField) -> f64 {
         let (n, s) = (field.unknowns(), 3 * field.nodes);
         let (z, v) = (self.z.get(..n).unwrap_or_default(), self.z_dot.get(..n).unwrap_or_default());
@@ -179,7 +178,7 @@ impl NearState {
             };
             elastic += energy([o.1, a.1, b.1, c.1]) - energy([o.0, a.0, b.0, c.0]);
         }
-        // −(F_far,N + B̃ q̇_N)ᵀ q + ½ qᵀ K̃ q: without what the dampers gave at the model step.
+        // −(F_far,N + B̃ q̇_N)ᵀ q + ½ qᵀ K̃ q: the damper forces at the model step are excluded.
         let (q, p) = (z.get(s..).unwrap_or_default(), field.order.max(1));
         let q_dot_n = field.velocity.get(s..n).unwrap_or_default();
         let matrices = field.stiffness.chunks_exact(p).zip(field.damping.chunks_exact(p));
@@ -193,10 +192,10 @@ impl NearState {
         field.energy_j + kinetic + elastic + far + outer
     }
 
-    /// One step of length `h` with the forces of its beginning, the device moving between two places.
+    /// Advances by a substep of length `h` with the forces at its start, while the device moves between the two positions `device`.
     fn step(&mut self, field: &NearField, device: (DVec3, DVec3), h: f64) {
         let (n, s) = (field.unknowns(), 3 * field.nodes);
-        // What the tool drives has its velocity already.
+        // The velocity of a driven node is prescribed.
         let first = if field.support == Support::Driven { s } else { 0 };
         let (Some(z), Some(z_dot), Some(force), Some(scratch)) = (
             self.z.get_mut(..n),
@@ -219,14 +218,14 @@ impl NearState {
                 q_dot.iter_mut().zip(on_q).for_each(|(v, f)| *v += h * f);
             }
             TickIntegrator::Implicit { .. } => {
-                // (M/h + B + hK) Δż = f − hK ż, driven velocities being given.
+                // (M/h + B + hK) Δż = f − hK ż; driven velocities are prescribed.
                 for (i, (to, v)) in scratch.iter_mut().zip(&*z_dot).enumerate() {
                     *to = if i < first { 0.0 } else { h * v };
                 }
                 subtract_product(force, &field.tangent, scratch);
-                // What is driven or fixed answers to no force.
-                if let Some(given) = force.get_mut(..first) {
-                    given.fill(0.0);
+                // Forces do not accelerate driven or fixed nodes.
+                if let Some(driven) = force.get_mut(..first) {
+                    driven.fill(0.0);
                 }
                 for (on_node, per_kg) in force.chunks_exact_mut(3).zip(&field.node_per_kg).take(field.nodes) {
                     if *per_kg == 0.0 {
@@ -238,30 +237,30 @@ impl NearState {
             }
         }
         let tool = ToolMove::new(field.coupling, device, self.proxy_m, tool_radius_m(field));
-        let (closing, proxy_m) = self.meeting.resolve(field, &tool, h, z, z_dot);
+        let (correction, proxy_m) = self.contacts.resolve(field, &tool, h, z, z_dot);
         self.proxy_m = proxy_m;
-        let is_closing = closing.is_some();
-        let v = closing.unwrap_or(z_dot);
+        let is_corrected = correction.is_some();
+        let v = correction.unwrap_or(z_dot);
         let moving = z.get_mut(first..).into_iter().flatten().zip(v.get(first..).into_iter().flatten());
         moving.for_each(|(z, v)| *z += h * v);
-        // The ring goes with q: by its velocities, or where positions went otherwise, anew.
-        multiply(field, z_dot.get(s..).unwrap_or_default(), &mut self.ring_v);
-        self.is_stretched = false;
-        if is_closing {
-            multiply(field, z.get(s..).unwrap_or_default(), &mut self.ring_dx);
+        // The ring follows q: integrated from its velocities, or recomputed where a correction moved the positions.
+        multiply_ring_basis(field, z_dot.get(s..).unwrap_or_default(), &mut self.ring_v);
+        self.are_forces_current = false;
+        if is_corrected {
+            multiply_ring_basis(field, z.get(s..).unwrap_or_default(), &mut self.ring_dx);
         } else {
             let moved = self.ring_dx.iter_mut().zip(&self.ring_v).take(3 * field.ring);
             moved.for_each(|(dx, v)| *dx += h * v);
         }
     }
 
-    /// The forces of the near springs and tetrahedra, on S and on the ring, at the present state.
-    fn stretch_near_springs(&mut self, field: &NearField) {
-        if std::mem::replace(&mut self.is_stretched, true) {
+    /// Computes the forces of the near springs and tetrahedra on S and on the ring, unless they are current.
+    fn update_internal_forces(&mut self, field: &NearField) {
+        if std::mem::replace(&mut self.are_forces_current, true) {
             return;
         }
         let Self { z, z_dot, ring_dx, ring_v, ends, internal_n, ring_n, .. } = self;
-        // Where the nodes are is computed once for all springs that end on them.
+        // Positions and velocities are computed once a node, not once a spring.
         let of_s = field.node_m.iter().zip(vectors(z)).zip(vectors(z_dot)).take(field.nodes);
         let of_ring = field.ring_m.iter().zip(vectors(ring_dx)).zip(vectors(ring_v)).take(field.ring);
         for (to, ((rest, dx), v)) in ends.iter_mut().zip(of_s.chain(of_ring)) {
@@ -289,11 +288,11 @@ impl NearState {
         internal_n.iter_mut().zip(of_s).for_each(|(to, end)| *to = end.force_n);
         let of_ring = ring_n.as_chunks_mut::<3>().0.iter_mut().zip(of_ring).take(field.ring);
         of_ring.for_each(|(to, end)| *to = end.force_n.to_array());
-        self.push_near_tetrahedra(field);
+        self.add_barrier_forces(field);
     }
 
-    /// Adds the forces of the near tetrahedra.
-    fn push_near_tetrahedra(&mut self, field: &NearField) {
+    /// Adds the forces of the volume barriers of the near tetrahedra.
+    fn add_barrier_forces(&mut self, field: &NearField) {
         for tetrahedron in field.tetrahedron.iter().take(field.tetrahedra) {
             let place = |node: usize| match node.checked_sub(field.nodes) {
                 None => field.node_m.get(node).map(|x| *x + vec3_at(&self.z, node)),
@@ -321,7 +320,7 @@ impl NearState {
         }
     }
 
-    /// What acts on z: the near springs, the far field, and what acts from outside.
+    /// Sums the forces on z: near springs and tetrahedra, far field, and external forces.
     fn collect_forces(&mut self, field: &NearField) {
         let (n, s, p) = (field.unknowns(), 3 * field.nodes, field.order);
         let (Some(force), Some(z), Some(z_dot)) =
@@ -351,7 +350,7 @@ impl NearState {
     }
 }
 
-/// Radius of a tool that touches, m.
+/// Radius of a touching tool, m; `None` for a tool that drives or holds.
 fn tool_radius_m(field: &NearField) -> Option<f64> {
     match field.support {
         Support::Touched { shape, .. } => Some(shape.radius_m()),
@@ -359,29 +358,15 @@ fn tool_radius_m(field: &NearField) -> Option<f64> {
     }
 }
 
-/// V q of the ring.
-fn multiply(field: &NearField, q: &[f64], to: &mut [f64]) {
+/// Writes the ring's rows of V q into `to`.
+fn multiply_ring_basis(field: &NearField, q: &[f64], to: &mut [f64]) {
     if let Some(to) = to.get_mut(..3 * field.ring) {
         to.fill(0.0);
         add_columns(to, &field.basis, q, 1.0);
     }
 }
 
-/// The vectors of a list of numbers.
+/// The vectors of a list of three numbers each.
 fn vectors(list: &[f64]) -> impl Iterator<Item = DVec3> {
     list.as_chunks::<3>().0.iter().map(|v| DVec3::from_array(*v))
-}
-
-/// The `i`-th vector of a list of numbers.
-pub(crate) fn vec3_at(list: &[f64], i: usize) -> DVec3 {
-    match list.get(3 * i..3 * i + 3) {
-        Some(&[x, y, z]) => DVec3::new(x, y, z),
-        _ => DVec3::ZERO,
-    }
-}
-
-pub(crate) fn set_vec3(list: &mut [f64], i: usize, value: DVec3) {
-    if let Some(to) = list.get_mut(3 * i..3 * i + 3) {
-        to.copy_from_slice(&value.to_array());
-    }
 }

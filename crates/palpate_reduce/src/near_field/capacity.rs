@@ -1,0 +1,26 @@
+//! The maximum sizes of the near fields of a body.
+
+use palpate_body::Body;
+use palpate_local::NearFieldCapacity;
+
+/// Surface points for which there is capacity, for each node of S and in addition for the surface beyond S.
+const POINTS_PER_NODE: usize = 8;
+const POINTS_BEYOND_SUPPORT: usize = 128;
+
+/// The capacity that near fields of `body` with support sets of up to `nodes` nodes and bases of up to `order` columns require.
+pub(crate) fn capacity(body: &Body, nodes: usize, order: usize) -> NearFieldCapacity {
+    let network = body.network();
+    let degree = network.free().iter().map(|&node| network.incident_links(node).len()).max().unwrap_or(0);
+    let springs = (nodes * degree).min(network.links().len());
+    let surface = body.contact_surface();
+    let points = surface.points().len().min(POINTS_PER_NODE * nodes + POINTS_BEYOND_SUPPORT);
+    NearFieldCapacity {
+        nodes,
+        order: order.min(3 * network.free().len()),
+        ring: springs.min(network.node_count()),
+        springs,
+        points,
+        // A closed surface has twice as many triangles as points.
+        triangles: surface.triangles().len().min(2 * points),
+    }
+}
