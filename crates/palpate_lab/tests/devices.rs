@@ -47,7 +47,7 @@ fn watching_ends_when_its_time_has_passed_and_tells_a_line_for_each() {
 fn what_makes_no_sense_is_refused_in_one_line() {
     let text = refused(&["--test", "no such serial number"]);
     assert!(
-        text.contains("no device of a known kind with serial number no such serial number is plugged in"),
+        text.contains("no supported device with serial number no such serial number is plugged in"),
         "{text}"
     );
     for force in ["0", "0.5", "-0.1", "nan"] {
