@@ -78,7 +78,7 @@ fn a_cap_touches_is_lost_and_found_again() {
     let (mut app, bus, tool) = scene(HidSelector { serial: Some("1".into()), ..default() });
     // Nothing is plugged in.
     app.update();
-    assert!(fault(&mut app, "no device of a known kind with serial number 1 is plugged in"));
+    assert!(fault(&mut app, "no supported device with serial number 1 is plugged in"));
     let (cap, other) = (Cap::default(), Cap::default());
     bus.plug(info("1"), Vec::new(), cap.clone());
     bus.plug(info("2"), Vec::new(), other);
@@ -155,7 +155,7 @@ fn what_is_plugged_in_is_listed_and_two_alike_are_a_fault() {
     bus.plug(info("1"), Vec::new(), Cap::default());
     bus.plug(info("2"), Vec::new(), Cap::default());
     app.update();
-    assert!(fault(&mut app, "2 devices are SpaceMouse: SpaceMouse Compact (256f:c635, serial 1) at "));
+    assert!(fault(&mut app, "2 devices match SpaceMouse: SpaceMouse Compact (256f:c635, serial 1) at "));
     let present = app.world().resource::<HapticDevices>().hid_present().unwrap();
     let [_, (second, label)] = &present[..] else { panic!("{present:?}") };
     assert_eq!((second.serial.as_deref(), label.ends_with("serial 2)")), (Some("2"), true));

@@ -92,7 +92,7 @@ fn selects_by_path_serial_number_or_vendor_and_product() {
     for id in ["/dev/mouse", "8", "256f:c636", "/dev/nothing", "x:y", ""] {
         let error = selector(id, false, &*bus).unwrap().find(&*bus).unwrap_err();
         let HidError::NotFound { present, .. } = &error else { panic!("{id}: {error}") };
-        assert!(present.len() == 2 && present.iter().all(|device| device.contains('7')), "{id}: {error}");
+        assert!(present.iter().all(|label| label.contains("serial 7")), "{id}: {error}");
     }
 }
 

@@ -108,7 +108,7 @@ impl Scene {
             // Without a write the device keeps its last force.
             let kept = run.forces.last().map_or(DVec3::ZERO, |(_, force)| *force);
             let shown = if written.is_ok() { output.device_force_n } else { kept };
-            haptic_loop.finish_tick(&output, None, written);
+            haptic_loop.finish_tick(output, None, written);
             run.forces.push((tick, shown));
             if tick % PERIOD == 0 {
                 // The model side receives only the loop's samples.
