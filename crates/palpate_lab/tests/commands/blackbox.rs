@@ -58,7 +58,7 @@ fn write_black_box(folder: &Path) -> PathBuf {
             write_ns: 3_000,
             cost_ns: 21_000 + jitter / 2 + if n % 50 == 0 { 60_000 } else { 0 },
         };
-        haptic_loop.finish_tick(&output, Some(timing), Ok(()));
+        haptic_loop.finish_tick(output, Some(timing), Ok(()));
     }
     let path = folder.join("blackbox-1-the-device-failed.csv");
     handle.black_box().write_csv(&path).unwrap();
@@ -139,7 +139,7 @@ fn prints_and_draws_a_black_box_of_one_tick() {
     handle.black_box().write_csv(&file).unwrap();
     assert!(rejected(&file, &[]).contains("one.csv: the black box has no ticks"), "only a header");
     let output = haptic_loop.tick(1, Err(DeviceError::TimedOut));
-    haptic_loop.finish_tick(&output, None, Err(DeviceError::Disconnected));
+    haptic_loop.finish_tick(output, None, Err(DeviceError::Disconnected));
     handle.black_box().write_csv(&file).unwrap();
     let plot = folder.path().join("one.svg");
     let text = printed(&file, &["--plot", plot.to_str().unwrap()]);
