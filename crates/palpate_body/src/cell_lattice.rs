@@ -60,7 +60,7 @@ pub enum CellSize {
 /// use palpate_body::{Body, CellLattice, CellSize, ClosedMesh, Region, Tissue};
 ///
 /// # fn main() -> Result<(), palpate_body::BodyError> {
-/// An octahedron, 10 cm from corner to corner, with its lower tip fixed.
+/// // An octahedron, 10 cm from corner to corner, with its lower tip fixed.
 /// let corners = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z].map(|x| 0.05 * x);
 /// let triangles = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
 /// let mesh = ClosedMesh::new(corners.to_vec(), triangles.to_vec())?;

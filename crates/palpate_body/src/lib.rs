@@ -18,7 +18,7 @@
 //!     .uniform(&UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 })?;
 //! let mut body = Body::new(block.network, block.surface)?;
 //!
-//! A tool holds one node and pushes it down by 1 mm within one tick of 1 ms.
+//! // A tool holds one node and pushes it down by 1 mm within one tick of 1 ms.
 //! let node = 3 + 6 * (3 + 6 * 5);
 //! let from = ToolPoint::at_rest(body.positions_m()[node]);
 //! let to = ToolPoint { position_m: from.position_m - 1e-3 * DVec3::Z, velocity_m_per_s: -DVec3::Z };

@@ -16,7 +16,7 @@ use palpate_laws::{ForceLaw, Spring};
 /// use palpate_laws::ForceLaw;
 ///
 /// # fn main() -> Result<(), palpate_body::BodyError> {
-/// Two masses on a hook; the lower spring is twice as stiff.
+/// // Two masses on a hook; the lower spring is twice as stiff.
 /// let mut network = NetworkBuilder::new();
 /// let nodes = [0.0, -0.1, -0.2].map(|z| network.node(DVec3::Z * z, 0.01));
 /// network.spring(nodes[0], nodes[1], ForceLaw::Linear { stiffness_n_per_m: 50.0 }, 0.1);
