@@ -61,8 +61,8 @@ pub enum LoopEventKind {
     /// The watchdog stopped the device, because the loop was blocked in it or could not write to it for too long. The start stage
     /// of the safety chain is armed again.
     #[error(
-        "the loop was blocked in its device or could not write to it, and the watchdog stopped the device; force returns once it \
-         is small; check driver and cable"
+        "the loop was blocked in its device or could not write to it, and the device was stopped; force returns once it is small; \
+         check driver and cable"
     )]
     EmergencyStopped,
     /// The hand was accepted at a place this far from the last, m. The start stage of the safety chain is armed again.

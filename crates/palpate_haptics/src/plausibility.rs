@@ -64,7 +64,7 @@ impl Plausibility {
     ) -> Result<AcceptedReading, DeviceError> {
         let position_m = reading.position_m;
         let distance_m = self.accepted_m.map_or(0.0, |last| last.distance(position_m));
-        // Ticks without a reading allow a longer path; rejected readings do not.
+        // Ticks without a valid reading allow a longer path; readings rejected as jumps do not.
         let reach_m = within_m * (1.0 + self.unread_ticks as f64 / elapsed as f64);
         if distance_m > reach_m {
             let suspect = self.suspect.take().filter(|(there, _)| there.distance(position_m) <= within_m);

@@ -205,7 +205,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
 }
 
 #[test]
-fn local_models_cross_without_tearing() {
+fn every_field_of_a_local_model_crosses_without_tearing() {
     let hand_over = HandOverSettings { capacity: CAPACITY, ..HandOverSettings::default() };
     let config = LoopConfig { hand_over, ..LoopConfig::default() };
     let (mut handle, haptic_loop) = haptic_loop(config, LoopSettings::default()).unwrap();
