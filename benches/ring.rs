@@ -76,8 +76,9 @@ fn tick_of(
     let id = ModelId { body: 1, epoch: 0, sequence: 1 };
     // On another thread, as in an app: a factorisation leaves wide registers in use, which slows ticks on its own thread.
     std::thread::scope(|scope| {
-        let build =
-            || builder.build(scheme, body, contact, at, id, handle.model_slot()).expect("the capacity suffices");
+        let build = || {
+            builder.build(scheme, body, contact, at, id, handle.model_slot()).expect("the capacity suffices")
+        };
         scope.spawn(build);
     });
     handle.publish_model();
@@ -95,7 +96,8 @@ fn ticks(c: &mut Criterion) {
             group.bench_function(format!("{}, {nodes}^3", scheme.name()), |b| b.iter(&mut tick));
         }
         // A touch, with the surrounding nodes as support set.
-        let touch = ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).expect("the tool is valid");
+        let touch =
+            ToolContact::touch(ToolShape::Sphere { radius_m: 0.005 }, 0.3).expect("the tool is valid");
         let above = ToolPoint::at_rest(at.position_m + DVec3::new(0.003, 0.002, 0.0045));
         for support_nodes in [3, 9, 12] {
             for integrator in [LocalIntegrator::Explicit, LocalIntegrator::Implicit { substeps: 1 }] {
@@ -125,7 +127,8 @@ fn model_steps(c: &mut Criterion) {
         group.bench_function(format!("step of 50 ticks, {nodes}^3"), |b| {
             b.iter(|| body.advance(Some((&mut contact, &path)), 50, SemiImplicitEuler::default()));
         });
-        let mut builder = LocalModelBuilder::new(&body, BuilderOptions::default()).expect("the options are valid");
+        let mut builder =
+            LocalModelBuilder::new(&body, BuilderOptions::default()).expect("the options are valid");
         let mut model = LocalModel::empty(builder.capacity());
         for scheme in [Scheme::Tangent, Scheme::Neighbourhood, Scheme::KrylovLinear, Scheme::NearFieldExact] {
             group.bench_function(format!("build {}, {nodes}^3", scheme.name()), |b| {
@@ -136,7 +139,8 @@ fn model_steps(c: &mut Criterion) {
         }
     }
     let (body, contact, at) = touched_lump();
-    let mut builder = LocalModelBuilder::new(&body, BuilderOptions::of(&body)).expect("the options are valid");
+    let mut builder =
+        LocalModelBuilder::new(&body, BuilderOptions::of(&body)).expect("the options are valid");
     let mut model = LocalModel::empty(builder.capacity());
     let mut build = || {
         let scheme = Scheme::NearFieldExact;
