@@ -41,9 +41,9 @@ pub(crate) enum PaperCommand {
 /// Arguments that `palpate-paper` parses.
 #[derive(Debug, Args)]
 pub(crate) struct Forwarded {
-    /// Options of the command; --help lists them
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-    options: Vec<OsString>,
+    /// Arguments of the command; --help lists them
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARGS")]
+    arguments: Vec<OsString>,
 }
 
 /// Manifest of `palpate_paper` in a clone.

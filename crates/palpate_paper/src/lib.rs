@@ -4,7 +4,7 @@
 //! Options, output and exit codes are those of `palpate-lab`, which forwards these commands from a clone of the repository.
 //!
 //! * [`Specimen`]: the mesh of the paper's sections 4 and 5 and its local models.
-//! * [`block_scaling`]: stiffness of a block over the density of its mesh, Fig. 16.
+//! * [`block_scaling()`]: stiffness of a block over the density of its mesh, Fig. 16.
 
 #![forbid(unsafe_code)]
 
