@@ -1,4 +1,4 @@
-//! Deformable bodies: the components that describe them, their builds, and what is simulated.
+//! Deformable bodies: the components that describe them, their builds, and the simulated bodies.
 
 mod build;
 mod compliance;
@@ -30,8 +30,8 @@ use crate::schedule::HapticUpdateSystems;
 use bevy::asset::AssetEventSystems;
 use bevy::prelude::*;
 
-/// Builds the bodies, carries them along and draws them. Their steps are the tools' affair
-/// ([`ToolPlugin`](crate::ToolPlugin)), because a body is moved along its tool's path.
+/// Builds the bodies, moves them with their transforms and updates their meshes. [`ToolPlugin`](crate::ToolPlugin) steps them, along the
+/// paths of the tools.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BodyPlugin;
 
@@ -48,6 +48,7 @@ impl Plugin for BodyPlugin {
             .register_type::<BodyState>()
             .register_type::<BodyReady>()
             .add_message::<HapticFault>()
+            .add_message::<BodyReady>()
             .add_systems(
                 PreUpdate,
                 (
@@ -70,7 +71,7 @@ impl Plugin for BodyPlugin {
     }
 }
 
-/// A body that is a body no longer is not simulated, and loses the mesh that it was given; what that replaced comes back.
+/// Removes the simulated body and its mesh together with [`DeformableBody`], and restores the mesh that was replaced.
 fn remove_simulation(
     removed: On<Remove, DeformableBody>,
     bodies: Query<(&SimulatedBody, Option<&Mesh3d>)>,

@@ -1,4 +1,4 @@
-//! How long systems take.
+//! Measures the durations of systems.
 
 use bevy::ecs::system::{Adapt, IntoAdapterSystem, RunSystemError, System, SystemIn, SystemInput};
 use bevy::prelude::*;
@@ -6,17 +6,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// Time that has been spent in the systems of palpate since it was last asked for.
+/// Sum of the durations of wrapped systems since the last call of [`Self::take_ms`].
 #[derive(Resource, Clone, Debug, Default)]
 pub(crate) struct FrameCost(Arc<AtomicU64>);
 
 impl FrameCost {
-    /// The sum of `app`, which has one from now on.
+    /// Returns the sum of `app`; adds the resource if it is missing.
     pub(crate) fn of(app: &mut App) -> Self {
         app.world_mut().get_resource_or_init::<Self>().clone()
     }
 
-    /// `system`, its time counted.
+    /// Wraps `system` to add its duration to the sum.
     pub(crate) fn timed<M, S>(&self, system: S) -> IntoAdapterSystem<Timed, S>
     where
         S: IntoSystem<(), (), M>,
@@ -24,13 +24,13 @@ impl FrameCost {
         IntoAdapterSystem::new(Timed(self.0.clone()), system)
     }
 
-    /// The time since the last call, ms.
+    /// Returns the sum since the last call, ms, and resets it.
     pub(crate) fn take_ms(&self) -> f64 {
         self.0.swap(0, Ordering::Relaxed) as f64 * 1e-6
     }
 }
 
-/// Runs a system and adds the time to a sum, ns.
+/// Adapter that runs a system and adds its duration to a sum, ns.
 pub(crate) struct Timed(Arc<AtomicU64>);
 
 impl<S: System> Adapt<S> for Timed {
@@ -48,15 +48,15 @@ impl<S: System> Adapt<S> for Timed {
     }
 }
 
-/// What `run` gives, and how long it takes.
+/// Runs `run`; returns its result and its duration.
 pub(crate) fn timed<T>(run: impl FnOnce() -> T) -> (T, Duration) {
-    let began = now();
+    let start = now();
     let out = run();
-    (out, now() - began)
+    (out, now() - start)
 }
 
-/// The time of a measurement.
-#[expect(clippy::disallowed_methods, reason = "what a system costs is reported, and decides nothing")]
+/// The present time, for measurements.
+#[expect(clippy::disallowed_methods, reason = "durations of systems are reported and influence no result")]
 pub(crate) fn now() -> Instant {
     Instant::now()
 }

@@ -1,4 +1,4 @@
-//! Which device a tool has, and where devices come from.
+//! Selection of devices, and the registry that creates them.
 
 #[cfg(feature = "hid")]
 mod hid;
@@ -12,43 +12,39 @@ use bevy::prelude::*;
 use palpate_haptics::{HapticDevice, ReplayDevice, ReplayEnd, Trajectory};
 use std::path::PathBuf;
 
-/// Which device a tool has. A selector is plain data; the device itself comes from [`HapticDevices`] when the
-/// tool's loop starts.
+/// Selects the device of a tool. A selector is plain data; [`HapticDevices`] creates the device when the tool's loop starts.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Debug, Default, PartialEq, Hash, Clone)]
 pub enum DeviceSelector {
-    /// A recorded hand: a CSV file with the header `t_s,x_m,y_m,z_m`, after which buttons and an orientation may follow, and a row each
-    /// millisecond; see [`Trajectory`].
+    /// Replays a recorded trajectory: a CSV file with the header `t_s,x_m,y_m,z_m`, optional buttons and orientation, and one row per
+    /// millisecond ([`Trajectory`]).
     Replay {
-        /// The file, from the working directory or, if it is not there, from the folder `assets` below the first of
-        /// these that has it: the working directory, `BEVY_ASSET_ROOT`, `CARGO_MANIFEST_DIR`, the program's folder.
+        /// Path of the file, relative to the working directory. If there is none, the folder `assets` below the first of these that has the
+        /// file: the working directory, `BEVY_ASSET_ROOT`, `CARGO_MANIFEST_DIR`, the program's folder.
         path: String,
-        /// Whether it begins anew at its end.
+        /// Whether the trajectory starts again at its end.
         repeat: bool,
     },
     /// The device registered under this name in [`HapticDevices`].
     Named(String),
-    /// A device over HID that is plugged in. Needs the feature `hid`; without it, and where there is no such device, the tool has a
-    /// fault that says so.
+    /// A connected HID device. Needs the feature `hid`. Without the feature, or without a matching device, the tool reports a fault.
     Hid(HidSelector),
 }
 
 impl DeviceSelector {
-    /// A recorded hand that is repeated for ever.
+    /// Selects a recorded trajectory that repeats.
     #[must_use]
     pub fn replay(path: impl Into<String>) -> Self {
         Self::Replay { path: path.into(), repeat: true }
     }
 
-    /// The device registered as `name`.
+    /// Selects the device registered as `name`.
     #[must_use]
     pub fn named(name: impl Into<String>) -> Self {
         Self::Named(name.into())
     }
-}
 
-impl DeviceSelector {
-    /// The first device over HID that is not in use: boards before joysticks before SpaceMice.
+    /// Selects the first HID device that is not in use: boards before joysticks before SpaceMice.
     #[must_use]
     pub fn first_hid() -> Self {
         Self::Hid(HidSelector::first())
@@ -56,14 +52,14 @@ impl DeviceSelector {
 }
 
 impl From<&str> for DeviceSelector {
-    /// The device registered under that name.
+    /// Selects the device registered under that name.
     fn from(name: &str) -> Self {
         Self::named(name)
     }
 }
 
 impl From<String> for DeviceSelector {
-    /// The device registered under that name.
+    /// Selects the device registered under that name.
     fn from(name: String) -> Self {
         Self::Named(name)
     }
@@ -82,7 +78,7 @@ impl Default for DeviceSelector {
     }
 }
 
-/// What a registered function may fail with.
+/// Error of a registered function.
 type MakeError = Box<dyn std::error::Error + Send + Sync>;
 type Make = dyn Fn() -> Result<Box<dyn HapticDevice>, MakeError> + Send + Sync;
 
@@ -95,8 +91,8 @@ pub struct HapticDevices {
 }
 
 impl HapticDevices {
-    /// Registers `make` under `name`; it is called whenever a tool with that name starts. A later
-    /// registration of the same name takes the place of the earlier one.
+    /// Registers `make` under `name`; it is called whenever a tool that selects the name starts. A later registration of the same name
+    /// replaces the earlier one.
     pub fn register<D: HapticDevice + 'static>(
         &mut self,
         name: impl Into<String>,
@@ -105,7 +101,7 @@ impl HapticDevices {
         self.named.insert(name.into(), Box::new(move || Ok(Box::new(make()?))));
     }
 
-    /// The registered names, sorted.
+    /// Returns the registered names, sorted.
     #[must_use]
     pub fn names(&self) -> Vec<&str> {
         let mut names: Vec<&str> = self.named.keys().map(String::as_str).collect();
@@ -113,10 +109,10 @@ impl HapticDevices {
         names
     }
 
-    /// Makes the device that `selector` selects. It is not open yet.
+    /// Creates the device that `selector` selects, without opening it.
     ///
     /// # Errors
-    /// [`DeviceFault`] when there is no such name or file, or the device cannot be made.
+    /// [`DeviceFault`] if the name is not registered, the file cannot be read, or the device cannot be created.
     pub fn make(&self, selector: &DeviceSelector) -> Result<Box<dyn HapticDevice>, DeviceFault> {
         match selector {
             DeviceSelector::Replay { path, repeat } => {
@@ -134,54 +130,54 @@ impl HapticDevices {
                 }
             },
             #[cfg(feature = "hid")]
-            DeviceSelector::Hid(choice) => Ok(Box::new(self.hid.make(choice)?)),
+            DeviceSelector::Hid(selector) => Ok(Box::new(self.hid.make(selector)?)),
             #[cfg(not(feature = "hid"))]
             DeviceSelector::Hid(_) => Err(DeviceFault::FeatureDisabled { feature: "hid" }),
         }
     }
 }
 
-/// Devices over HID.
+/// HID devices.
 #[cfg(feature = "hid")]
 impl HapticDevices {
-    /// Where they come from, in place of the operating system: a `SimulatedBus` of `palpate_hid` (feature `simulated`) in a test.
+    /// Sets the bus of the HID devices, instead of the operating system's; for example a `SimulatedBus` of
+    /// `palpate_hid` (feature `simulated`) in a test.
     pub fn set_hid_bus(&mut self, bus: impl palpate_hid::HidBus + 'static) {
         self.hid.set_bus(std::sync::Arc::new(bus));
     }
 
-    /// What is set for those that are made from now on: speeds, limits, kinematics of each kind. It is looked at when one is made;
-    /// an option out of bounds is a fault of its tool.
+    /// Sets the options of HID devices that are created afterwards: speeds, limits, kinematics of each kind. An option out of range is
+    /// reported as a fault of the tool.
     pub fn set_hid_options(&mut self, options: palpate_hid::HidOptions) {
         self.hid.options = options;
     }
 
-    /// Those that are plugged in and known: a choice that means just that one, and what people call it. It may take a tenth of a
-    /// second.
+    /// Returns the supported HID devices that are connected: a selector for each one alone, and its label. May take a tenth of a second.
     ///
     /// # Errors
-    /// [`HidError`](palpate_hid::HidError) where the operating system does not list them.
+    /// [`HidError`](palpate_hid::HidError) if the operating system cannot list the devices.
     pub fn hid_present(&self) -> Result<Vec<(HidSelector, String)>, palpate_hid::HidError> {
         self.hid.present()
     }
 
-    /// What the device that was made last by `choice` has seen: reports skipped, the rate at which it takes forces.
+    /// Returns the counters of the newest device created for `choice`: skipped reports, and the rate of written forces.
     #[must_use]
     pub fn hid_counters(&self, choice: &HidSelector) -> Option<palpate_hid::HidCounters> {
-        self.hid.opened(choice).map(|made| made.counters)
+        self.hid.newest(choice).map(|created| created.counters)
     }
 
-    /// A way to calibrate the 3-DOF board that was made last by `choice`, while its loop has it; `None` for other kinds.
+    /// Returns the calibration of the newest 3-DOF board created for `choice`, usable while its loop runs; `None` for other kinds.
     #[must_use]
     pub fn hid_calibration(&self, choice: &HidSelector) -> Option<palpate_hid::BoardCalibration> {
-        self.hid.opened(choice).and_then(|made| made.calibration)
+        self.hid.newest(choice).and_then(|created| created.calibration)
     }
 }
 
-/// The file `path` as it stands or below an `assets` folder; as it stands if there is none.
+/// Returns the existing file `path`, or the file below an `assets` folder; `path` if there is none.
 fn find(path: &str) -> PathBuf {
     let of = |variable| std::env::var_os(variable).map(PathBuf::from);
-    let beside = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.to_owned()));
-    let roots = [Some(PathBuf::new()), of("BEVY_ASSET_ROOT"), of("CARGO_MANIFEST_DIR"), beside];
+    let program = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.to_owned()));
+    let roots = [Some(PathBuf::new()), of("BEVY_ASSET_ROOT"), of("CARGO_MANIFEST_DIR"), program];
     let below_assets = roots.into_iter().flatten().map(|root| root.join("assets").join(path));
     let mut candidates = std::iter::once(PathBuf::from(path)).chain(below_assets);
     candidates.find(|file| file.exists()).unwrap_or_else(|| path.into())

@@ -1,4 +1,4 @@
-//! What palpate costs and how well it does, in Bevy's [`DiagnosticsStore`].
+//! Durations, deadlines, forces and errors in Bevy's [`DiagnosticsStore`].
 
 use crate::cost::FrameCost;
 use crate::schedule::{HapticSystems, ModelSchedule};
@@ -11,41 +11,41 @@ use bevy::prelude::*;
 
 /// Registers the diagnostics of the table and measures them.
 ///
-/// | path | unit | measured | what it is |
+/// | path | unit | measured | quantity |
 /// | --- | --- | --- | --- |
-/// | [`FRAME_COST`](Self::FRAME_COST) | ms | every frame | time in palpate's own systems, model steps included |
-/// | [`MODEL_STEP_COST`](Self::MODEL_STEP_COST) | ms | every model step | time of the schedule [`ModelSchedule`] |
+/// | [`FRAME_COST`](Self::FRAME_COST) | ms | every frame | time in palpate's systems, model steps included |
+/// | [`MODEL_STEP_COST`](Self::MODEL_STEP_COST) | ms | every model step | duration of the schedule [`ModelSchedule`] |
 /// | [`LOCAL_MODEL_BUILD`](Self::LOCAL_MODEL_BUILD) | ms | every model step | time to build a local model |
-/// | [`MISSED_DEADLINES`](Self::MISSED_DEADLINES) | | every model step | since the loops' starts, of all loops |
-/// | [`LATENESS_P99`](Self::LATENESS_P99) | µs | every model step | 99th percentile from deadline to tick |
-/// | [`TICK_COST_P99`](Self::TICK_COST_P99) | µs | every model step | 99th percentile of the time that a tick takes |
-/// | [`FORCE`](Self::FORCE) | N | every model step | written to the device |
-/// | [`LOCAL_MODEL_ERROR`](Self::LOCAL_MODEL_ERROR) | N | every model step | RMS against the full body |
-/// | [`LOCAL_MODEL_ERROR_NOTICEABLE`](Self::LOCAL_MODEL_ERROR_NOTICEABLE) | % | every model step | the same as a share of what a person just notices |
+/// | [`MISSED_DEADLINES`](Self::MISSED_DEADLINES) | | every model step | missed deadlines of all loops since their starts |
+/// | [`LATENESS_P99`](Self::LATENESS_P99) | µs | every model step | time from deadline to tick, 99th percentile |
+/// | [`TICK_COST_P99`](Self::TICK_COST_P99) | µs | every model step | duration of a tick, 99th percentile |
+/// | [`FORCE`](Self::FORCE) | N | every model step | force written to the device |
+/// | [`LOCAL_MODEL_ERROR`](Self::LOCAL_MODEL_ERROR) | N | every model step | RMS error of the force against the full body |
+/// | [`LOCAL_MODEL_ERROR_NOTICEABLE`](Self::LOCAL_MODEL_ERROR_NOTICEABLE) | % | every model step | relative error divided by the just noticeable difference |
 ///
-/// Of several tools the largest counts. Panel and gizmos are not in the frame's cost: see `HapticPanelPlugin::COST` and
-/// `HapticGizmosPlugin::COST`.
+/// With several tools each value is the maximum, except the missed deadlines. `HapticPanelPlugin::COST` and `HapticGizmosPlugin::COST`
+/// measure panel and gizmos, which are not part of the frame's cost.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HapticDiagnosticsPlugin;
 
 impl HapticDiagnosticsPlugin {
-    /// Time that palpate's own systems took in a frame, model steps included, ms. On several threads it is the sum.
+    /// Time in palpate's systems in a frame, model steps included, ms; the sum over all threads.
     pub const FRAME_COST: DiagnosticPath = DiagnosticPath::const_new("palpate/frame_cost");
-    /// Time that a model step took on the main thread, users' systems in it included, ms.
+    /// Duration of a model step on the main thread, the app's own systems in it included, ms.
     pub const MODEL_STEP_COST: DiagnosticPath = DiagnosticPath::const_new("palpate/model_step_cost");
-    /// Time that building a local model took, a part of the model step, ms.
+    /// Time to build a local model, a part of the model step, ms.
     pub const LOCAL_MODEL_BUILD: DiagnosticPath = DiagnosticPath::const_new("palpate/local_model_build");
-    /// Deadlines that passed without a tick.
+    /// Number of deadlines that passed without a tick.
     pub const MISSED_DEADLINES: DiagnosticPath = DiagnosticPath::const_new("palpate/missed_deadlines");
-    /// 99th percentile of the time from a deadline to its tick, µs.
+    /// Time from a deadline to its tick, 99th percentile, µs.
     pub const LATENESS_P99: DiagnosticPath = DiagnosticPath::const_new("palpate/lateness_p99");
-    /// 99th percentile of the time that a tick takes, device included, µs.
+    /// Duration of a tick, device included, 99th percentile, µs.
     pub const TICK_COST_P99: DiagnosticPath = DiagnosticPath::const_new("palpate/tick_cost_p99");
     /// Force written to the device, N.
     pub const FORCE: DiagnosticPath = DiagnosticPath::const_new("palpate/force");
-    /// Error of the local models over the last model step, N.
+    /// RMS error of the local model's force over the last model step, N.
     pub const LOCAL_MODEL_ERROR: DiagnosticPath = DiagnosticPath::const_new("palpate/local_model_error");
-    /// The same as a share of what a person just notices, %.
+    /// Relative error of the local model's force divided by [`ForceError::FORCE_JND`], %.
     pub const LOCAL_MODEL_ERROR_NOTICEABLE: DiagnosticPath =
         DiagnosticPath::const_new("palpate/local_model_error_noticeable");
 }
@@ -74,41 +74,41 @@ impl Plugin for HapticDiagnosticsPlugin {
     }
 }
 
-/// Measures what is new after a model step.
+/// Adds the results of a model step.
 fn measure_step(
     tools: Query<(Ref<LocalModelStats>, &ForceError, &LoopTiming, &ToolForce)>,
     mut diagnostics: Diagnostics,
 ) {
     type Plugin = HapticDiagnosticsPlugin;
     let largest = |values: &mut dyn Iterator<Item = f64>| values.reduce(f64::max);
-    let mut tell = |path: DiagnosticPath, value: Option<f64>| {
+    let mut add = |path: DiagnosticPath, value: Option<f64>| {
         if let Some(value) = value {
             diagnostics.add_measurement(&path, || value);
         }
     };
     let built = tools.iter().filter(|(build, ..)| build.is_changed()).map(|(build, ..)| 1e3 * build.time_s);
-    tell(Plugin::LOCAL_MODEL_BUILD, largest(&mut built.filter(|ms| *ms > 0.0)));
+    add(Plugin::LOCAL_MODEL_BUILD, largest(&mut built.filter(|ms| *ms > 0.0)));
     let running = || tools.iter().filter(|(_, _, timing, _)| timing.ticks > 0);
     if running().next().is_some() {
         let missed: u64 = running().map(|(_, _, timing, _)| timing.missed_deadlines).sum();
-        tell(Plugin::MISSED_DEADLINES, Some(missed as f64));
+        add(Plugin::MISSED_DEADLINES, Some(missed as f64));
     }
-    tell(Plugin::LATENESS_P99, largest(&mut running().map(|(_, _, timing, _)| timing.lateness_p99_us)));
-    tell(Plugin::TICK_COST_P99, largest(&mut running().map(|(_, _, timing, _)| timing.cost_p99_us)));
-    tell(Plugin::FORCE, largest(&mut tools.iter().map(|(.., force)| force.force_n.length())));
-    let judged = tools.iter().map(|(_, error, ..)| error).filter(|error| error.ticks > 0);
-    if let Some(worst) = judged.max_by(|a, b| a.rms_n.total_cmp(&b.rms_n)) {
-        tell(Plugin::LOCAL_MODEL_ERROR, Some(worst.rms_n));
-        tell(Plugin::LOCAL_MODEL_ERROR_NOTICEABLE, worst.jnd_ratio.map(|share| 100.0 * share));
+    add(Plugin::LATENESS_P99, largest(&mut running().map(|(_, _, timing, _)| timing.lateness_p99_us)));
+    add(Plugin::TICK_COST_P99, largest(&mut running().map(|(_, _, timing, _)| timing.cost_p99_us)));
+    add(Plugin::FORCE, largest(&mut tools.iter().map(|(.., force)| force.force_n.length())));
+    let errors = tools.iter().map(|(_, error, ..)| error).filter(|error| error.ticks > 0);
+    if let Some(worst) = errors.max_by(|a, b| a.rms_n.total_cmp(&b.rms_n)) {
+        add(Plugin::LOCAL_MODEL_ERROR, Some(worst.rms_n));
+        add(Plugin::LOCAL_MODEL_ERROR_NOTICEABLE, worst.jnd_ratio.map(|share| 100.0 * share));
     }
 }
 
-/// Measures what the frame has cost.
+/// Adds the cost of the frame.
 fn measure_frame(cost: Res<FrameCost>, mut diagnostics: Diagnostics) {
     diagnostics.add_measurement(&HapticDiagnosticsPlugin::FRAME_COST, || cost.take_ms());
 }
 
-/// Records what every model step since the last frame has cost.
+/// Adds the durations of the model steps since the last frame.
 fn measure_model_steps(times: Option<ResMut<StepTimes>>, store: Option<ResMut<DiagnosticsStore>>) {
     let (Some(mut times), Some(mut store)) = (times, store) else { return };
     let steps = times.take_steps();

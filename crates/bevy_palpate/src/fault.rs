@@ -1,4 +1,4 @@
-//! What went wrong, as a message.
+//! Faults of bodies, tools, sutures and loops, as messages.
 
 mod no_force;
 mod slow_step;
@@ -14,10 +14,10 @@ use palpate_reduce::ReduceError;
 use std::sync::Arc;
 use thiserror::Error;
 
-/// A fault of a body, a tool or its loop. Everything that is not affected continues.
+/// Fault of a body, a tool, a suture or a loop. Whatever the fault does not affect continues.
 ///
-/// It is a message, and an event for observers, which run in [`Last`]. [`FaultLogPlugin`](crate::FaultLogPlugin) writes faults to the log;
-/// with `MinimalPlugins` add Bevy's `LogPlugin` to see them.
+/// A fault is a message, and an event for observers, which run in [`Last`]. [`FaultLogPlugin`](crate::FaultLogPlugin) writes faults to the
+/// log; with `MinimalPlugins` add Bevy's `LogPlugin` to see them.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -35,7 +35,7 @@ use thiserror::Error;
 #[reflect(opaque)]
 #[reflect(Message, Debug, Clone)]
 pub struct HapticFault {
-    /// The body or tool; `None` if the fault concerns the whole app.
+    /// The body, tool or suture; `None` if the fault concerns the whole app.
     pub entity: Option<Entity>,
     /// The fault, with its cause.
     pub kind: HapticFaultKind,
@@ -53,152 +53,152 @@ impl HapticFault {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Reflect)]
 #[reflect(Debug, PartialEq, Hash, Clone)]
 pub enum FaultSeverity {
-    /// A loaded machine produces it now and then; the force is hardly affected: missed deadlines, lost samples, a late local model.
+    /// Expected now and then on a loaded machine, with little effect on the force: missed deadlines, lost samples, a late local model.
     Load,
-    /// The force or the simulation is less accurate than it should be, or a setting does not suit the scene.
+    /// The force or the simulation is less accurate than intended, or a setting does not suit the scene.
     Warning,
-    /// A body, a tool, a suture or a device does not work until something is changed.
+    /// A body, tool, suture or device does not work until the app or the user changes something.
     Error,
 }
 
-/// The kind of a fault, with its cause.
+/// Kind of a fault, with its cause.
 #[derive(Clone, Debug, Error)]
 #[non_exhaustive]
 pub enum HapticFaultKind {
-    /// A body could not be built. Correct its components; until then it is not simulated, or as it was.
+    /// A body cannot be built from its components. Until they are corrected, its previous version stays simulated, if there was one.
     #[error("the body cannot be built")]
     BuildBody(#[source] BodyError),
-    /// A mesh could not be read, so no body was made of it.
-    #[error("no body can be made of the mesh")]
+    /// The mesh of a body cannot be read.
+    #[error("no body can be built from the mesh")]
     Mesh(#[source] MeshFault),
-    /// A body of a mesh weighs more than the mesh does, by `share` of it: cells that hold next to nothing count as filled to a
-    /// hundredth. It is simulated all the same.
+    /// A body is heavier than its mesh by more than 1 %, because nearly empty cells count as filled to a hundredth. It is simulated.
     #[error(
-        "the body is {percent:.1} % heavier than its mesh, because {cells} of its cells hold next to nothing: take smaller cells \
-         (more cells_along), or thicken what is thin",
+        "the body is {percent:.1} % heavier than its mesh, because {cells} of its cells are nearly empty; use smaller cells (raise \
+         MeshShape::cells_along_longest_axis), or thicken the thin parts of the mesh",
         percent = .share * 100.0
     )]
     MassExcess {
-        /// By which share of the mesh's volume.
+        /// Excess of the body's mass, as a share of the mesh's.
         share: f64,
-        /// How many such cells there are.
+        /// Number of nearly empty cells.
         cells: usize,
     },
-    /// A body's entity is scaled. Give the size to [`crate::DeformableBody`] and leave the scale at 1; a body that was there
-    /// before stays where and as it was, and a new one is built once the scale is 1.
+    /// The transform of a body is scaled, mirrored or sheared. Set the size in [`crate::DeformableBody`]. An existing body stays as and
+    /// where it was; a new one is built once the scale is 1.
     #[error(
-        "the body's transform has scale {scale}, is mirrored or is sheared by its parents; its scale must be 1: give the size to \
-         the body itself"
+        "the body's transform has scale {scale}, or is mirrored or sheared by its parents; its scale must be 1: set the size in \
+         DeformableBody"
     )]
     NonUnitScale {
-        /// The scale found.
+        /// Scale of the transform along its axes.
         scale: Vec3,
     },
-    /// A body's transform, or that of a parent, is not finite.
-    #[error("the body's transform, or that of a parent, is not finite: place it again")]
+    /// The transform of a body, or of a parent, is not finite.
+    #[error("the body's transform, or that of a parent, is not finite; set it to a finite pose")]
     NonFiniteTransform,
-    /// A body could not be stepped. It is as it was before the step, at rest, and has let go of the tool.
+    /// A body cannot be stepped. It keeps the positions before the step, is brought to rest, and its contacts end.
     #[error("the body cannot be stepped")]
     StepBody(#[source] BodyError),
-    /// No local model could be built; the loop goes on with the last one, which fades when it gets old.
+    /// No local model can be built. The loop keeps the previous one, whose force fades once it is stale.
     #[error("no local model can be built")]
     LocalModel(#[source] ReduceError),
     /// A tool has no device. Correct [`crate::HapticTool::device`].
     #[error("the tool has no device")]
     Device(#[source] Arc<DeviceFault>),
-    /// A tool's settings make no sense; the old ones stay in force.
-    #[error("the tool's settings are refused")]
+    /// A value of [`ToolSettings`](crate::ToolSettings) is out of range. The previous settings stay in effect.
+    #[error("the tool's settings are rejected")]
     Settings(#[source] Arc<HapticsError>),
-    /// A tool's radius, friction or coupling makes no sense; a new tool does not start, a running one keeps the old ones.
-    #[error("the tool is refused")]
+    /// Shape, friction or coupling of a tool are out of range. A new tool does not start; a running one keeps its previous values.
+    #[error("the tool is rejected")]
     Tool(#[source] BodyError),
-    /// A tool cannot hold what its grasp has closed on: it is fixed. It goes on touching.
-    #[error("the tool cannot hold what it has grasped")]
+    /// A tool cannot grasp the point under it, for example because that point is fixed. It continues to touch.
+    #[error("the tool cannot hold the point that it grasps")]
     Grasp(#[source] BodyError),
-    /// A suture cannot be sewn; it does nothing until it, or the shape of its body, is changed.
+    /// A suture cannot be sewn. It has no effect until it, or the shape of its body, changes.
     #[error("the suture cannot be sewn")]
     Suture(#[source] SutureFault),
     /// The loop reports a fault.
     #[error("the haptic loop reports a fault")]
     Loop(#[source] LoopEventKind),
-    /// The loop's thread has ended without being asked to: its device could not be opened, or panicked. The tool is
-    /// without a loop; change its [`crate::HapticTool`] (`set_changed` will do) to start another one.
+    /// The loop's thread ended by itself: its device could not be opened, or panicked. The tool has no loop; change its
+    /// [`crate::HapticTool`] (`set_changed` is enough) to start another one.
     #[error("the haptic loop's thread has ended")]
     LoopEnded,
-    /// The loop's thread did not end within 200 ms of being asked to, because its device blocks; it is left to
-    /// itself and stops with zero force when the device lets it.
-    #[error("the haptic loop's thread does not end: its device blocks; it is left to itself")]
+    /// The loop's thread did not end within 200 ms of its stop request, because its device blocks. The thread is detached and stops with
+    /// zero force once the device returns.
+    #[error("the haptic loop's thread does not stop, because its device blocks; the thread is detached")]
     LoopDetached,
-    /// The last ticks of a loop could not be written to a file.
+    /// The last ticks of a loop cannot be written to a file.
     #[error("the black box cannot be written")]
     BlackBox(#[source] Arc<BlackBoxError>),
-    /// The loop hangs in its device, and the watchdog has stopped the device. When the device lets the loop go on, force comes
-    /// back once it is small.
-    #[error("the haptic loop hangs in its device, which has been stopped: check its cable and driver")]
+    /// The loop hangs in its device, and the watchdog has stopped the device. Once the device returns, the force resumes when it is
+    /// small.
+    #[error(
+        "the haptic loop hangs in its device, which has been stopped; check the device's cable and driver"
+    )]
     EmergencyStopped,
-    /// The model side was so late that samples are lost; the body goes on from the oldest that is left.
-    #[error("{lost} samples were lost before the body could be moved along them")]
+    /// Samples were overwritten before the model step read them. The body continues from the oldest sample that is left.
+    #[error("{lost} samples were lost before the body could be stepped along them")]
     SamplesLost {
-        /// How many.
+        /// Number of lost samples.
         lost: u64,
     },
-    /// The tool came to touch nodes that its local model did not hold: it moved farther between two model steps than was foreseen. Until the
-    /// next local model the surface there stood still, without friction, or was not felt where the loop had no room for it. Move slower,
-    /// raise the model rate, or make the mesh coarser.
+    /// The tool touched nodes outside the support set of its local model: it moved farther between two model steps than predicted. Until
+    /// the next local model the surface there was rigid and frictionless, or was missing where the loop had no capacity for it.
     #[error(
-        "the tool touched beyond the {nodes} nodes of its local model, and the surface there stood still until the next: move slower, raise \
-         ModelRate, or make the mesh coarser"
+        "the tool touched nodes beyond the {nodes} of its local model, where the surface was rigid until the next one; move slower, \
+         raise ModelRate, or use a coarser mesh"
     )]
     BeyondSupport {
-        /// How many nodes the local model held.
+        /// Number of nodes of the local model.
         nodes: usize,
     },
-    /// The entity that a tool should touch is no simulated body; it touches nothing.
-    #[error("the tool should touch {body}, which is no body")]
+    /// [`HapticTool::body`](crate::HapticTool::body) is an entity without a body. The tool touches nothing.
+    #[error("HapticTool::body is {body}, which has no DeformableBody")]
     NotABody {
         /// The entity.
         body: Entity,
     },
-    /// The loop had more to tell than its queue holds, because the app did not listen for so long.
-    #[error("{dropped} events of the haptic loop were dropped: the app did not listen")]
+    /// The event queue of a loop was full, because the app did not read it for too long.
+    #[error("{dropped} loop events were dropped: the event queue was full")]
     EventsDropped {
-        /// How many.
+        /// Number of events dropped since the loop's start.
         dropped: u64,
     },
-    /// The app's clock runs at another speed than real time, which a loop on a thread cannot; the force fades.
+    /// The app's clock does not run at real time, which a loop on a thread requires. The force fades.
     #[error(
-        "the app's clock runs at {speed} times real time; a loop on a thread cannot: use the lock step clock"
+        "the relative speed of Time<Virtual> is {speed}; it must be 1 for loops on threads: use LoopMode::Lockstep for other speeds"
     )]
     UnsupportedTimeScale {
-        /// The relative speed.
+        /// Relative speed of the app's clock.
         speed: f64,
     },
-    /// A tool overlaps a body or has no body to touch, and no force is rendered: for half a second, or for 5 s where a body is
-    /// still to be built. Reported once until the force is there again, a body is within reach again or the cause changes.
+    /// A tool overlaps a body or has no body to touch, and renders no force: for half a second, or for 5 s while a body is being built.
+    /// Reported once, and again after the force or a body in reach has returned or the cause has changed.
     #[error("the tool renders no force")]
     NoForce(#[source] NoForceCause),
-    /// A model step took longer than its period, with loops on threads. Reported once until all steps of a second were in time;
-    /// the entity is the largest body.
+    /// A model step took longer than its period, with loops on threads. Reported once, and again after a second without slow steps.
+    /// The entity is the largest body.
     #[error("{0}")]
     SlowStep(SlowStep),
-    /// The loop's contact solver stopped at its limit in more than 1 % of a second's touching ticks: those forces are less
-    /// accurate. Reported once until a second is better.
+    /// The loop's contact solver reached its iteration limit in more than 1 % of the ticks in contact within a second; these forces are
+    /// less accurate. Reported once, and again after a better second.
     #[error(
-        "the contact solver of the haptic loop did not converge in {ticks} of {touching} touching ticks; use fewer nodes under \
-         the tool, a smaller tool or less friction"
+        "the contact solver of the haptic loop did not converge in {ticks} of {touching} ticks in contact; use fewer nodes under the \
+         tool, a smaller tool or less friction"
     )]
     Unconverged {
         /// Ticks without convergence.
         ticks: u64,
-        /// Touching ticks in the same time.
+        /// Ticks in contact in the same time.
         touching: u64,
     },
-    /// The contact solver of the full body stopped at its limit in more than 1 % of the steps that it made in a second while tools,
-    /// obstacles or sutures acted: their forces, and the local models, are less accurate. Reported once until a second is better;
-    /// the entity is the body.
+    /// The contact solver of the full body reached its iteration limit in more than 1 % of the steps within a second in which tools,
+    /// obstacles or sutures acted. Their forces, and the local models, are less accurate. Reported once, and again after a better second.
+    /// The entity is the body.
     #[error(
         "the contact solver of the body did not converge in {steps} of {of} steps; use less friction, a smaller tool, a softer \
-         coupling (HapticTool::coupling) or threads that stretch"
+         coupling (HapticTool::coupling) or threads that stretch (Suture::stiffness_n_per_m)"
     )]
     UnconvergedSteps {
         /// Steps without convergence; a tick is at least one step.
@@ -206,28 +206,28 @@ pub enum HapticFaultKind {
         /// Steps with contact in the same time.
         of: u64,
     },
-    /// Cells of a body have been inverted for half a second: at that place its force is no longer that of the tissue. Reported once
-    /// until there have been none for a second; the entity is the body.
+    /// Cells of a body have been inverted for half a second; the force there is not that of the tissue. Reported once, and again after
+    /// a second without inverted cells. The entity is the body.
     #[error(
-        "{cells} cells of the body have been inverted for half a second or longer: press less deep, take finer cells, or give \
-         the tool a softer coupling (HapticTool::coupling)"
+        "{cells} cells of the body have been inverted for half a second or longer; press less deep, use smaller cells, or a softer \
+         coupling (HapticTool::coupling)"
     )]
     InvertedCells {
-        /// How many are inverted now.
+        /// Number of cells that are inverted now.
         cells: usize,
     },
-    /// A tool touches a body whose cells or size do not suit it; its force is computed all the same. Reported once for each body
-    /// and shape of the tool.
-    #[error("the tool does not suit the body it touches")]
+    /// The size of a tool does not suit the cells or the size of the body that it touches. The force is computed nevertheless. Reported
+    /// once for each body and shape of the tool.
+    #[error("the size of the tool does not suit the body that it touches")]
     ToolSize(#[source] ToolSizeFault),
 }
 
-/// A tool and a body of sizes that do not suit each other.
+/// Sizes of a tool and a body that do not suit each other.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum ToolSizeFault {
-    /// The tool's radius is less than a tenth of a cell: nearly all that gives way under it is the added compliance of a smooth surface, and
-    /// what the cells do is hardly felt; where none is added ([`ContactCompliance`](crate::ContactCompliance)), the force depends on the place in the cell.
+    /// The tool's radius is less than a tenth of a cell. Nearly all of the indentation is then the added compliance of a smooth surface
+    /// ([`ContactCompliance`](crate::ContactCompliance)); without it the force depends on the place within the cell.
     #[error(
         "the radius of HapticTool::shape is {radius_m} m; it must be at least a tenth of the {cell_m} m of a cell of body {body}: \
          use a larger tool, or more nodes or cells along the body (DeformableBody)"
@@ -240,7 +240,7 @@ pub enum ToolSizeFault {
         /// The body.
         body: Entity,
     },
-    /// The tool is wider than the body is long.
+    /// The tool's diameter exceeds the longest side of the body.
     #[error(
         "the radius of HapticTool::shape is {radius_m} m; it must be at most half of the longest side of body {body}, {side_m} m"
     )]
@@ -254,97 +254,99 @@ pub enum ToolSizeFault {
     },
 }
 
-/// Why a mesh cannot be read. What is wrong with its surface is a [`palpate_body::MeshError`].
+/// Reason why a mesh cannot be read. Errors of its surface are [`palpate_body::MeshError`].
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum MeshFault {
-    /// The app has no meshes at all.
-    #[error("the app has no meshes: add Bevy's AssetPlugin and MeshPlugin")]
+    /// The app has no mesh assets.
+    #[error("the app has no mesh assets; add Bevy's AssetPlugin and MeshPlugin")]
     NoMeshes,
-    /// The asset could not be loaded.
+    /// The mesh asset cannot be loaded.
     #[error("the mesh cannot be loaded: {0}")]
     NotLoaded(String),
-    /// Lines, points or strips.
-    #[error("the mesh is a {0:?}; a body is made of a TriangleList")]
+    /// The mesh consists of lines, points or strips.
+    #[error("the topology of the mesh is {0:?}; it must be TriangleList")]
     Topology(PrimitiveTopology),
-    /// No positions, or not three numbers each.
+    /// The mesh has no positions, or positions that are not three numbers each.
     #[error("the mesh has no positions of three numbers each")]
     NoPositions,
-    /// Corners that make no whole number of triangles.
-    #[error("the mesh has {0} corners, which is no whole number of triangles; export it again, triangulated")]
+    /// The number of corners is not a multiple of three.
+    #[error(
+        "the mesh has {0} corners; their number must be a multiple of three: export the mesh triangulated"
+    )]
     Incomplete(usize),
-    /// It lives on the graphics card only.
-    #[error("the mesh is not in main memory any more: load it with RenderAssetUsages::MAIN_WORLD")]
+    /// The mesh is in the memory of the graphics card only.
+    #[error("the mesh is no longer in main memory; load it with RenderAssetUsages::MAIN_WORLD")]
     NotInMemory,
-    /// A factor that makes no sense.
-    #[error("the mesh is scaled by {0}; it must be finite and above 0")]
+    /// [`MeshShape::metres_per_unit`](crate::MeshShape::metres_per_unit) is out of range.
+    #[error("MeshShape::metres_per_unit is {0}; it must be finite and above 0")]
     Scale(f64),
 }
 
-/// Why a suture cannot be sewn.
+/// Reason why a suture cannot be sewn.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum SutureFault {
-    /// Its entity is no body.
-    #[error("{body} is no body")]
+    /// [`Suture::body`](crate::Suture::body) is an entity without a body.
+    #[error("Suture::body is {body}, which has no DeformableBody")]
     NotABody {
         /// The entity.
         body: Entity,
     },
-    /// No surface is near one of its ends.
-    #[error("the body's surface is not within {within_m} m of the end at {end_m}")]
+    /// An end of the suture is too far from the body's surface.
+    #[error("an end of Suture::ends_m is {end_m}; it must be within {within_m} m of the body's surface")]
     TooFar {
-        /// The place asked for, m, world.
+        /// The end, m, world frame.
         end_m: glam::DVec3,
-        /// How near the surface must be, m.
+        /// Maximum distance from the surface, m.
         within_m: f64,
     },
     /// Both ends pierce the body at the same point.
     #[error("both ends of Suture::ends_m pierce the surface at {at_m}; they must be apart")]
     SamePoint {
-        /// The point, m, world.
+        /// The point, m, world frame.
         at_m: glam::DVec3,
     },
-    /// Both ends pierce the body where it is fixed, so the thread moves nothing.
+    /// Both ends pierce the body where it is fixed, so the thread has no effect.
     #[error(
         "the body is fixed at both ends of Suture::ends_m, {} and {}; at least one must be free to move (FixedRegion)",
         .ends_m[0],
         .ends_m[1]
     )]
     FixedEnds {
-        /// The pierced points, m, world.
+        /// The pierced points, m, world frame.
         ends_m: [glam::DVec3; 2],
     },
-    /// Its length or its limit makes no sense.
+    /// Length, stiffness or tear limit of the thread is out of range.
     #[error(transparent)]
     Thread(#[from] BodyError),
 }
 
-/// Why a tool has no device.
+/// Reason why a tool has no device.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum DeviceFault {
     /// No device of this name is registered.
-    #[error("there is no device named \"{name}\"; registered are: {known}")]
+    #[error("no device is registered as \"{name}\" in HapticDevices; registered are: {known}")]
     UnknownName {
-        /// The name asked for.
+        /// The selected name.
         name: String,
-        /// The names there are.
+        /// The registered names, separated by commas.
         known: String,
     },
-    /// The recorded hand cannot be read.
-    #[error("the recorded hand cannot be read")]
+    /// The file of a recorded trajectory cannot be read.
+    #[error("the recorded trajectory cannot be read")]
     Trajectory(#[from] TrajectoryError),
     /// The registered function failed.
-    #[error("the device could not be made")]
+    #[error("the device could not be created")]
     Make(#[source] Box<dyn std::error::Error + Send + Sync>),
-    /// The device needs a feature with which this was not built.
-    #[error("such a device needs the feature `{feature}` of bevy_palpate, with which this was not built")]
+    /// The device needs a cargo feature that is not enabled.
+    #[error("this kind of device needs the feature `{feature}` of bevy_palpate, which is not enabled")]
     FeatureDisabled {
-        /// Which.
+        /// Name of the feature.
         feature: &'static str,
     },
-    /// The device over HID is not there, or cannot be used.
+    /// The HID device is not connected, or cannot be used.
     #[cfg(feature = "hid")]
     #[error(transparent)]
     Hid(#[from] palpate_hid::HidError),
@@ -357,8 +359,8 @@ pub enum DeviceFault {
 }
 
 impl DeviceFault {
-    /// Whether plugging something in, or out, may end it.
-    pub(crate) fn is_about_what_is_plugged_in(&self) -> bool {
+    /// Whether connecting or disconnecting a device may remove the fault.
+    pub(crate) fn depends_on_connected_devices(&self) -> bool {
         #[cfg(feature = "hid")]
         return matches!(self, Self::Hid(_));
         #[cfg(not(feature = "hid"))]
@@ -407,7 +409,7 @@ impl HapticFaultKind {
         }
     }
 
-    /// The message and those of its causes, in one line.
+    /// The fault's message and those of its causes, as one line.
     #[must_use]
     pub fn report(&self) -> String {
         let mut text = self.to_string();
@@ -421,7 +423,7 @@ impl HapticFaultKind {
     }
 }
 
-/// Writes every fault to the log: errors and warnings as warnings, load as debug where the machine is the cause and may be busy.
+/// Writes every fault to the log as a warning; missed deadlines, which a busy machine produces, at debug level.
 pub(crate) fn log_faults(mut faults: MessageReader<HapticFault>) {
     for HapticFault { entity, kind } in faults.read() {
         match entity {

@@ -1,4 +1,4 @@
-//! Lattice, contact, near field, basis and force, drawn over the scene.
+//! Gizmos: lattice, contact, near field, basis and force, drawn over the scene.
 
 mod colors;
 
@@ -12,7 +12,7 @@ use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::ToolShape;
 
-/// Draws what [`HapticGizmos`] asks for.
+/// Draws the parts of bodies and tools that [`HapticGizmos`] selects.
 ///
 /// ```no_run
 /// use bevy::prelude::*;
@@ -32,36 +32,36 @@ use palpate_body::ToolShape;
 pub struct HapticGizmosPlugin;
 
 impl HapticGizmosPlugin {
-    /// Time that drawing took in a frame, on the main thread, ms.
+    /// Time to draw a frame's gizmos, on the main thread, ms.
     pub const COST: DiagnosticPath = DiagnosticPath::const_new("palpate/gizmos_cost");
 }
 
-/// Which parts are drawn: a gizmo group. Line width, depth bias and whether anything is drawn at all are in its
-/// [`GizmoConfig`]; it is drawn in front of everything unless that says otherwise.
+/// Gizmo group that selects the drawn parts. Its [`GizmoConfig`] has line width, depth bias and visibility; the default draws in front of
+/// the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, GizmoConfigGroup)]
 #[reflect(Debug, Default, PartialEq, Clone)]
 pub struct HapticGizmos {
-    /// Springs, blue where they are compressed and red where they are stretched, and the fainter the less they are.
+    /// Draws springs: blue under compression, red under tension, fading with the strain.
     pub lattice: bool,
     /// Strain at which a spring has its full colour.
     pub strain: f32,
-    /// Nodes that are fixed.
+    /// Draws fixed nodes.
     pub fixed: bool,
-    /// Rows of contact patches with their normals, and the nodes that carry them.
+    /// Draws rows of contact patches with their normals, and the nodes to which they are attached.
     pub contact: bool,
-    /// The support set of the newest local model, the nodes round it, and the springs that are kept exact.
+    /// Draws the support set of the newest local model, its neighbouring nodes, and the springs with their exact law.
     pub near_field: bool,
-    /// This column of the newest local model's basis, as colours from dark (still) to bright (moves most) on nodes and
-    /// springs, in the place of strain: the seed paper's Fig. 6, live. Columns come in order of importance.
+    /// Draws this column of the newest local model's basis instead of the strain: colours from dark (unmoved) to bright (largest
+    /// displacement) on nodes and springs, as in Fig. 6 of the seed paper. Columns are in order of importance.
     pub basis: Option<usize>,
-    /// Device, tool behind its coupling, and the force on the hand.
+    /// Draws the device, the proxy, and the force on the hand.
     pub force: bool,
     /// Length of the force's arrow, m/N.
     pub force_m_per_n: f32,
 }
 
 impl Default for HapticGizmos {
-    /// Contact and force, 2 cm/N; full colours at a strain of 5 %.
+    /// Contact and force, 2 cm/N; full colours at 5 % strain.
     fn default() -> Self {
         Self {
             lattice: false,
@@ -76,7 +76,7 @@ impl Default for HapticGizmos {
     }
 }
 
-/// The parts that are drawn of one body or tool, in place of those of the group's configuration: with all parts off, nothing of it is drawn.
+/// Parts drawn of one body or tool, which override the group's configuration. With all parts off, the entity has no gizmos.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -90,7 +90,7 @@ impl Default for HapticGizmos {
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct HapticGizmosOverride(pub HapticGizmos);
 
-/// Time that drawing took in this frame.
+/// Time to draw this frame's gizmos.
 #[derive(Resource, Default)]
 struct GizmosCost(FrameCost);
 
@@ -104,7 +104,7 @@ impl Plugin for HapticGizmosPlugin {
             .insert_gizmo_config(HapticGizmos::default(), in_front)
             .insert_resource(GizmosCost(cost.clone()))
             .register_diagnostic(Diagnostic::new(Self::COST).with_suffix(" ms"))
-            // Of lines at the same place the first is seen: the near field's, not the lattice's.
+            // Of coincident lines the first one is visible: that of the near field, not that of the lattice.
             .add_systems(
                 PostUpdate,
                 (cost.timed(draw_tools), cost.timed(draw_bodies)).chain().before(TransformSystems::Propagate),
@@ -117,8 +117,7 @@ fn record_cost(cost: Res<GizmosCost>, mut diagnostics: Diagnostics) {
     diagnostics.add_measurement(&HapticGizmosPlugin::COST, || cost.0.take_ms());
 }
 
-/// A body's basis vector: of which build, model step and column, and how far each node moves, 1 the farthest; `None` where
-/// there is no such column.
+/// A body's basis vector: epoch, model step and column, and the relative displacement of each node, 0 to 1; `None` without such a column.
 type BasisShown = ((u64, u64, usize), Option<Vec<f32>>);
 
 fn draw_bodies(
@@ -142,7 +141,7 @@ fn draw_bodies(
         let size = cross_size(simulated);
         if let Some(column) = parts.basis {
             let of = (simulated.epoch(), steps.0, column);
-            if shown.get(&entity).is_none_or(|(known, _)| *known != of) {
+            if shown.get(&entity).is_none_or(|(cached, _)| *cached != of) {
                 let shares = simulated.basis_column(column).map(|moves| colors::shares(&moves));
                 shown.insert(entity, (of, shares));
             }
@@ -217,7 +216,7 @@ fn radius_m(shape: ToolShape) -> f32 {
     }
 }
 
-/// A sphere, or the end of a punch and a piece of its shaft.
+/// Draws a sphere, or the end of a punch and a part of its shaft.
 fn draw_shape(gizmos: &mut Gizmos<HapticGizmos>, shape: ToolShape, at: Vec3, color: Color) {
     let radius = radius_m(shape);
     match shape {
@@ -239,7 +238,7 @@ fn draw_near_field(gizmos: &mut Gizmos<HapticGizmos>, simulated: &SimulatedBody,
     let (network, x) = (body.network(), simulated.drawn_m());
     let at = |node: usize| x.get(node).copied().unwrap_or(DVec3::ZERO).as_vec3();
     let size = cross_size(simulated);
-    // Its nodes are those of the body of then; another body's would be drawn anywhere.
+    // The node numbers are those of the body at the last model step; out of range, they belong to another body.
     let support = if support.iter().all(|&node| node < x.len()) { support } else { &[] };
     for &node in support {
         gizmos.cross(at(node), 1.6 * size, colors::SUPPORT);
@@ -286,7 +285,7 @@ mod tests {
         let mut app = App::new();
         app.add_plugins((MinimalPlugins, AssetPlugin::default()))
             .init_asset::<GizmoAsset>()
-            .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { mode: LoopMode::Lockstep, ..default() }))
+            .add_plugins(PalpatePlugins.set(HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep)))
             .add_plugins(HapticGizmosPlugin)
             .insert_resource(Time::<Fixed>::from_hz(20.0))
             .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
@@ -305,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn a_body_that_is_made_finer_during_a_pause_is_drawn() {
+    fn draws_a_body_refined_during_a_pause() {
         let (mut app, bodies) = app(4);
         (0..5).for_each(|_| app.update());
         assert!(app.world().get::<SimulatedBody>(bodies[0]).unwrap().basis_column(0).is_some());

@@ -1,4 +1,4 @@
-//! A panel for every tool: what it feels, how well, how late, and what can be set of it.
+//! The panel: force, error, timing and settings of a tool.
 
 mod devices;
 mod fault_log;
@@ -24,8 +24,8 @@ use bevy_egui::input::EguiWantsInput;
 use bevy_egui::{EguiContexts, EguiPlugin, EguiPrimaryContextPass, egui};
 use std::path::PathBuf;
 
-/// A panel at the right edge of the window: forces of all schemes, error against the full body, lateness, Bode plot, safety
-/// chain, settings, recording. Adds bevy_egui's [`EguiPlugin`] if it is not there.
+/// Adds a panel at the right edge of the window: forces of all schemes, error against the full body, lateness, Bode plot, safety chain,
+/// settings, recording. Adds bevy_egui's [`EguiPlugin`] if the app does not have it.
 ///
 /// ```no_run
 /// use bevy::prelude::*;
@@ -35,16 +35,16 @@ use std::path::PathBuf;
 /// app.add_plugins((DefaultPlugins, PalpatePlugins, HapticPanelPlugin::default()));
 /// ```
 ///
-/// What it shows costs only while it is looked at: a closed panel or section collects and computes nothing.
+/// A closed panel or section collects and computes nothing.
 #[derive(Clone, Debug)]
 pub struct HapticPanelPlugin {
-    /// Whether there is a side panel. Without it, put the parts of [`HapticWidgets`] into windows of your own.
+    /// Whether to draw the side panel. Without it, the app draws the parts of [`HapticWidgets`] in its own windows.
     pub side: bool,
-    /// Whether it is open at the start.
+    /// Whether the side panel is open at the start.
     pub open: bool,
-    /// What opens and closes it.
+    /// Key that opens and closes the side panel.
     pub key: Option<KeyCode>,
-    /// Where recordings go; made when the first is written.
+    /// Folder of recordings, created with the first one.
     pub folder: PathBuf,
 }
 
@@ -56,11 +56,11 @@ impl Default for HapticPanelPlugin {
 }
 
 impl HapticPanelPlugin {
-    /// Time that the panel took in a frame, on the main thread, ms; zero while it is closed.
+    /// Time of the panel in a frame, on the main thread, ms; zero while it is closed.
     pub const COST: DiagnosticPath = DiagnosticPath::const_new("palpate/panel_cost");
 }
 
-/// What the panel has cost in this frame.
+/// Time of the panel in this frame.
 #[derive(Resource, Default)]
 struct PanelCost(FrameCost);
 
@@ -76,7 +76,7 @@ impl Plugin for HapticPanelPlugin {
             .init_resource::<tool_history::ToolHistory>()
             .init_resource::<fault_log::FaultLog>()
             .register_diagnostic(Diagnostic::new(Self::COST).with_suffix(" ms"))
-            .add_systems(First, cost.timed(tool_history::begin_frame))
+            .add_systems(First, cost.timed(tool_history::start_frame))
             .add_systems(
                 PreUpdate,
                 (toggle, cost.timed(fault_log::collect_faults)).chain().after(HapticUpdateSystems::Tools),
@@ -94,7 +94,7 @@ impl Plugin for HapticPanelPlugin {
     }
 }
 
-/// Opens and closes the side panel, unless its key is typed into a field.
+/// Opens and closes the side panel, unless a text field has the keyboard.
 fn toggle(
     mut panel: ResMut<HapticPanel>,
     wants: Res<EguiWantsInput>,
@@ -113,7 +113,7 @@ fn draw_side(mut contexts: EguiContexts, mut widgets: HapticWidgets) {
     if !widgets.is_open() {
         return;
     }
-    // There is no context before there is a camera.
+    // Without a camera there is no context.
     let Ok(context) = contexts.ctx_mut() else { return };
     let screen =
         egui::UiBuilder::new().layer_id(egui::LayerId::background()).max_rect(context.viewport_rect());
@@ -137,11 +137,11 @@ mod tests {
     use bevy_egui::input::write_egui_wants_input_system;
 
     #[test]
-    fn what_is_typed_into_a_field_does_not_close_the_panel() {
+    fn typing_into_a_field_does_not_close_the_panel() {
         let mut app = App::new();
         app.init_resource::<EguiWantsInput>()
             .init_resource::<ButtonInput<KeyCode>>()
-            .insert_resource(HapticPanel::new(&HapticPanelPlugin::default()))
+            .insert_resource(HapticPanel::new(true, Some(KeyCode::F1), "recordings".into()))
             .add_systems(PreUpdate, toggle)
             .add_systems(PostUpdate, write_egui_wants_input_system);
         let context = EguiContext::default();

@@ -1,4 +1,4 @@
-//! The plugins, as one group.
+//! The plugin group and the log of faults.
 
 use crate::body::BodyPlugin;
 use crate::diagnostics::HapticDiagnosticsPlugin;
@@ -9,18 +9,18 @@ use crate::tool::ToolPlugin;
 use bevy::app::PluginGroupBuilder;
 use bevy::prelude::*;
 
-/// Everything that palpate needs, in one group.
+/// All plugins of palpate that need no window, as one group.
 ///
-/// | plugin | what it does |
+/// | plugin | adds |
 /// | --- | --- |
-/// | [`HapticSchedulePlugin`] | the schedule [`ModelSchedule`](crate::ModelSchedule), its rate and clock |
-/// | [`BodyPlugin`] | builds bodies, writes their meshes |
+/// | [`HapticSchedulePlugin`] | the schedule [`ModelSchedule`](crate::ModelSchedule), its rate and the mode of the loops |
+/// | [`BodyPlugin`] | deformable bodies and their meshes |
 /// | [`ToolPlugin`] | devices, loops, model steps, local models, results |
 /// | [`SuturePlugin`] | threads through bodies |
-/// | [`HapticDiagnosticsPlugin`] | costs and errors in Bevy's diagnostics |
-/// | [`FaultLogPlugin`] | writes faults to the log |
+/// | [`HapticDiagnosticsPlugin`] | durations and errors in Bevy's diagnostics |
+/// | [`FaultLogPlugin`] | faults in the log |
 ///
-/// Each can be set, disabled or replaced as in any group:
+/// Each plugin can be set, disabled or replaced as in any group:
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -28,7 +28,7 @@ use bevy::prelude::*;
 /// # let mut app = App::new();
 /// app.add_plugins(MinimalPlugins).add_plugins(
 ///     PalpatePlugins
-///         .set(HapticSchedulePlugin { mode: LoopMode::Lockstep, ..default() })
+///         .set(HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep))
 ///         .disable::<FaultLogPlugin>(),
 /// );
 /// ```
@@ -47,7 +47,7 @@ impl PluginGroup for PalpatePlugins {
     }
 }
 
-/// Writes every [`HapticFault`](crate::HapticFault) to the log, as a warning.
+/// Writes every [`HapticFault`](crate::HapticFault) to the log as a warning; missed deadlines at debug level.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FaultLogPlugin;
 

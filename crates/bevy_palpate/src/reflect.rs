@@ -1,8 +1,8 @@
-//! Reflection for the settings of the other crates, which do not know Bevy.
+//! Reflection for the settings of the other crates, which do not depend on Bevy.
 
 use glam::{DQuat, DVec3};
 
-/// [`palpate_local::Scheme`].
+/// Reflection of [`palpate_local::Scheme`].
 #[bevy::reflect::reflect_remote(palpate_local::Scheme)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) enum ReflectedScheme {
@@ -15,7 +15,7 @@ pub(crate) enum ReflectedScheme {
     NearFieldExact,
 }
 
-/// [`palpate_haptics::VelocityEstimator`].
+/// Reflection of [`palpate_haptics::VelocityEstimator`].
 #[bevy::reflect::reflect_remote(palpate_haptics::VelocityEstimator)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum ReflectedVelocityEstimator {
@@ -24,7 +24,7 @@ pub(crate) enum ReflectedVelocityEstimator {
     Device,
 }
 
-/// [`palpate_haptics::SafetySettings`].
+/// Reflection of [`palpate_haptics::SafetySettings`].
 #[bevy::reflect::reflect_remote(palpate_haptics::SafetySettings)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ReflectedSafetySettings {
@@ -40,7 +40,7 @@ pub(crate) struct ReflectedSafetySettings {
     pub max_slew_n_per_s: f64,
 }
 
-/// [`palpate_haptics::DeviceFrame`].
+/// Reflection of [`palpate_haptics::DeviceFrame`].
 #[bevy::reflect::reflect_remote(palpate_haptics::DeviceFrame)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ReflectedDeviceFrame {
@@ -49,7 +49,7 @@ pub(crate) struct ReflectedDeviceFrame {
     pub offset_m: DVec3,
 }
 
-/// [`palpate_body::ToolShape`].
+/// Reflection of [`palpate_body::ToolShape`].
 #[bevy::reflect::reflect_remote(palpate_body::ToolShape)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum ReflectedToolShape {

@@ -1,4 +1,4 @@
-//! The model's own schedule, its rate and its loop mode.
+//! The schedule of the model steps, its rate and the mode of the loops.
 
 use crate::cost::{FrameCost, timed};
 use crate::fault::{HapticFault, HapticFaultKind};
@@ -10,53 +10,53 @@ use bevy::prelude::*;
 use palpate_haptics::HapticsError;
 use std::time::Duration;
 
-/// The schedule of a model step: one turn of the ring, at the rate of [`ModelRate`], inside Bevy's fixed main
-/// loop (in [`FixedUpdate`]). The app's own `Time<Fixed>` is left as it is.
+/// The schedule of a model step: reads samples, steps the bodies, builds and publishes the local models. Runs at [`ModelRate`] within
+/// Bevy's fixed main loop, by default in [`FixedUpdate`] ([`HapticSchedulePlugin::in_schedule`]). The app's `Time<Fixed>` is not changed.
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash, Default)]
 pub struct ModelSchedule;
 
-/// The sets of [`ModelSchedule`], in the order of the ring: each runs after the one before.
+/// The system sets of [`ModelSchedule`], in order of execution.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum HapticSystems {
-    /// For users: before anything else in a model step.
+    /// For apps: before all other systems of a model step.
     First,
-    /// Takes the samples of every tool's loop; in lock step, turns the loops first.
+    /// Reads the samples of every tool's loop; in lock step, runs the loops first.
     ReceiveSamples,
-    /// Steps every body along the samples of the tool that touches it.
+    /// Steps every body along the samples of its tools.
     StepBodies,
     /// Builds a local model for every tool.
     BuildLocalModels,
-    /// Hands the local models over to the loops.
+    /// Publishes the local models to the loops.
     PublishLocalModels,
-    /// Writes meshes, results and messages.
+    /// Writes results and messages.
     Writeback,
-    /// For users: after everything else in a model step.
+    /// For apps: after all other systems of a model step.
     Last,
 }
 
-/// The sets of the systems that handle new or changed components, in [`PreUpdate`], in this order.
+/// The sets of the systems in [`PreUpdate`] that handle new or changed components, in order of execution.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum HapticUpdateSystems {
     /// Builds bodies.
     Bodies,
-    /// Starts and sets loops.
+    /// Starts loops and applies their settings.
     Tools,
 }
 
-/// What makes the loops tick. A loop has the clock that is set when it starts: choose it with the plugin and leave it.
+/// Mode of the loops: on threads or in lock step. A loop keeps the mode in which it was started; set it with [`HapticSchedulePlugin`].
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Debug, Default, PartialEq, Clone)]
 pub enum LoopMode {
-    /// Each loop on a thread of its own, at 1 kHz of real time: for use.
+    /// Each loop runs on a thread of its own, at 1 kHz of real time.
     #[default]
     Threaded,
-    /// No threads: each model step turns every loop by as many ticks as it is long. The same scene gives the
-    /// same bits: for tests, and for other speeds than that of real time.
+    /// Each model step runs every loop by its own number of ticks, without threads. The same scene gives the same bits. For tests, and for
+    /// speeds other than real time.
     Lockstep,
 }
 
-/// How often the bodies are stepped. With loops on threads not more often than Bevy's fixed main loop runs, 64 times a second unless
-/// it is set (`Time::<Fixed>::from_hz`), and once a frame at most; in lock step always as often as this says.
+/// Rate of the model steps. With loops on threads, steps run at most once in a frame and at most as often as Bevy's fixed main loop, 64 Hz
+/// unless set (`Time::<Fixed>::from_hz`). In lock step every due step runs.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[reflect(opaque)]
 #[reflect(Resource, Debug, Default, PartialEq, Clone)]
@@ -72,10 +72,10 @@ impl Default for ModelRate {
 }
 
 impl ModelRate {
-    /// A model step every `ticks` ticks of 1 ms.
+    /// Returns the rate of a model step every `ticks` ticks of 1 ms.
     ///
     /// # Errors
-    /// [`HapticsError::Setting`] unless 1 to 200.
+    /// [`HapticsError::Setting`] unless `ticks` is 1 to 200.
     pub fn every_ticks(ticks: u32) -> Result<Self, HapticsError> {
         if (1..=MAX_TICKS).contains(&ticks) {
             Ok(Self { ticks })
@@ -85,20 +85,19 @@ impl ModelRate {
         }
     }
 
-    /// A model step `hz` times a second.
+    /// Returns the rate of `hz` model steps per second.
     ///
     /// # Panics
-    /// Where [`Self::try_from_hz`] returns an error.
+    /// If [`Self::try_from_hz`] returns an error.
     #[must_use]
     pub fn from_hz(hz: f64) -> Self {
         Self::try_from_hz(hz).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// A model step `hz` times a second.
+    /// Returns the rate of `hz` model steps per second.
     ///
     /// # Errors
-    /// [`HapticsError::Setting`] unless 1000/hz is a whole number of ticks from 1 to 200: 20, 25, 50, 100 Hz
-    /// are such rates.
+    /// [`HapticsError::Setting`] unless 1000 / `hz` is a whole number of ticks from 1 to 200, for example at 20, 25, 50 or 100 Hz.
     pub fn try_from_hz(hz: f64) -> Result<Self, HapticsError> {
         let ticks = 1000.0 / hz;
         let whole = (ticks - ticks.round()).abs() < 1e-9 * ticks;
@@ -110,13 +109,13 @@ impl ModelRate {
         }
     }
 
-    /// Ticks of 1 ms between two model steps.
+    /// Returns the number of ticks of 1 ms between two model steps.
     #[must_use]
     pub fn ticks(self) -> u32 {
         self.ticks
     }
 
-    /// Time between two model steps, s.
+    /// Returns the time between two model steps, s.
     #[must_use]
     pub fn period_s(self) -> f64 {
         f64::from(self.ticks) * 1e-3
@@ -127,25 +126,25 @@ impl ModelRate {
     }
 }
 
-/// Longest time between two model steps, ticks.
+/// Maximum time between two model steps, ticks.
 pub(crate) const MAX_TICKS: u32 = 200;
 
-/// How many model steps have been run.
+/// Number of model steps that have run.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Debug, Default, PartialEq, Clone)]
 pub struct ModelStepCount(pub u64);
 
-/// Time that has passed in the fixed main loop since the last model step.
+/// Time of the fixed main loop since the last model step.
 #[derive(Resource, Clone, Copy, Debug, Default)]
 pub(crate) struct ModelClock {
     time: Duration,
-    /// A model step has been run in this frame.
+    /// Whether a model step has run in this frame.
     has_stepped: bool,
 }
 
 impl ModelClock {
-    /// Adds `delta` on a thread; whether a model step is due. It is the only one of its frame: what would follow at once has no samples
-    /// to work on, and makes a slow frame slower. Whole periods beyond the first are dropped.
+    /// Adds `delta` with loops on threads; returns whether a model step is due, at most once in a frame. A second step in a frame would
+    /// have no samples and would make a slow frame slower. Whole periods beyond the first are dropped.
     fn is_due(&mut self, delta: Duration, period: Duration) -> bool {
         self.time += delta;
         let is_due = self.time >= period && !self.has_stepped;
@@ -158,7 +157,7 @@ impl ModelClock {
     }
 }
 
-/// Adds the schedule [`ModelSchedule`], its rate and its mode.
+/// Adds the schedule [`ModelSchedule`] and the resources [`ModelRate`], [`LoopMode`] and [`ModelStepCount`].
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -169,11 +168,11 @@ impl ModelClock {
 /// ```
 #[derive(Clone, Debug)]
 pub struct HapticSchedulePlugin {
-    /// Number of model steps per second.
+    /// Rate of the model steps.
     pub rate: ModelRate,
-    /// Where the loops run. A loop keeps the mode in which it was started.
+    /// Mode of the loops.
     pub mode: LoopMode,
-    /// The schedule that runs the model steps, within Bevy's fixed main loop.
+    /// Schedule of Bevy's fixed main loop in which the model steps run.
     pub schedule: InternedScheduleLabel,
 }
 
@@ -185,27 +184,27 @@ impl Default for HapticSchedulePlugin {
 }
 
 impl HapticSchedulePlugin {
-    /// The same plugin with another rate.
+    /// Returns the plugin with another rate.
     #[must_use]
     pub fn with_rate(self, rate: ModelRate) -> Self {
         Self { rate, ..self }
     }
 
-    /// The same plugin with another mode.
+    /// Returns the plugin with another mode.
     #[must_use]
     pub fn with_mode(self, mode: LoopMode) -> Self {
         Self { mode, ..self }
     }
 
-    /// The same plugin with its model steps in another schedule of the fixed main loop: [`FixedPreUpdate`], [`FixedUpdate`] or
-    /// [`FixedPostUpdate`], so that they run before or after the app's own fixed systems.
+    /// Returns the plugin with its model steps in another schedule of the fixed main loop: [`FixedPreUpdate`], [`FixedUpdate`] or
+    /// [`FixedPostUpdate`]. This orders them before or after the app's own fixed systems.
     #[must_use]
     pub fn in_schedule(self, schedule: impl ScheduleLabel) -> Self {
         Self { schedule: schedule.intern(), ..self }
     }
 }
 
-/// The time that really passes between two model steps.
+/// Actual time between two model steps.
 #[derive(SystemParam)]
 pub(crate) struct ModelPeriod<'w> {
     rate: Res<'w, ModelRate>,
@@ -214,7 +213,7 @@ pub(crate) struct ModelPeriod<'w> {
 }
 
 impl ModelPeriod<'_> {
-    /// s.
+    /// The time, s.
     pub(crate) fn s(&self) -> f64 {
         let fixed_s = self.fixed.as_ref().map_or(0.0, |fixed| fixed.timestep().as_secs_f64());
         match *self.mode {
@@ -224,7 +223,7 @@ impl ModelPeriod<'_> {
     }
 }
 
-/// How many ticks a body may be stepped in a model step.
+/// Number of ticks in a model step.
 #[derive(SystemParam)]
 pub(crate) struct ModelSpan<'w> {
     rate: Res<'w, ModelRate>,
@@ -233,13 +232,13 @@ pub(crate) struct ModelSpan<'w> {
 }
 
 impl ModelSpan<'_> {
-    /// Ticks of a step that is in time.
+    /// Ticks of a step without delay.
     pub(crate) fn ticks(&self) -> usize {
         self.rate.ticks() as usize
     }
 
-    /// Most ticks of a step: on threads two periods, so that a late step catches up one, and a single period after a step that took
-    /// longer than that, so that a slow step does not slow the next; in lock step as many as are due.
+    /// Maximum number of ticks of a step. With loops on threads it is two periods, to catch up one period after a delay, but one period
+    /// after a slow step, which would otherwise slow the next one. Unlimited in lock step.
     pub(crate) fn max_ticks(&self) -> usize {
         let was_slow = self.times.as_ref().is_some_and(|times| times.last > self.rate.period());
         match (*self.mode, was_slow) {
@@ -250,7 +249,7 @@ impl ModelSpan<'_> {
     }
 }
 
-/// How far the app's clock is past the last model step.
+/// Time of the app since the last model step.
 #[derive(SystemParam)]
 pub(crate) struct ModelOverstep<'w> {
     rate: Option<Res<'w, ModelRate>>,
@@ -259,7 +258,7 @@ pub(crate) struct ModelOverstep<'w> {
 }
 
 impl ModelOverstep<'_> {
-    /// As a share of the time between two model steps, 0 to 1.
+    /// The time as a share of the time between two model steps, 0 to 1.
     pub(crate) fn share(&self) -> f64 {
         let (Some(rate), Some(accumulated)) = (&self.rate, &self.accumulated) else { return 1.0 };
         let since = accumulated.time + self.fixed.as_ref().map_or(Duration::ZERO, |fixed| fixed.overstep());
@@ -269,7 +268,7 @@ impl ModelOverstep<'_> {
 
 impl Plugin for HapticSchedulePlugin {
     fn build(&self, app: &mut App) {
-        // A schedule to which systems have already been added keeps them.
+        // Keeps systems that have already been added to the schedule.
         app.edit_schedule(ModelSchedule, |schedule| {
             schedule.set_build_settings(ScheduleBuildSettings {
                 ambiguity_detection: LogLevel::Error,
@@ -298,19 +297,19 @@ impl Plugin for HapticSchedulePlugin {
             .register_type::<LoopMode>()
             .register_type::<ModelStepCount>()
             .add_message::<HapticFault>()
-            .add_systems(RunFixedMainLoop, begin_frame.in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop))
+            .add_systems(RunFixedMainLoop, start_frame.in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop))
             .add_systems(self.schedule, cost.timed(run_model_steps))
             .configure_sets(PreUpdate, (HapticUpdateSystems::Bodies, HapticUpdateSystems::Tools).chain())
             .add_systems(PreUpdate, report_time_scale.before(HapticUpdateSystems::Bodies));
     }
 }
 
-fn begin_frame(mut accumulated: ResMut<ModelClock>) {
+fn start_frame(mut accumulated: ResMut<ModelClock>) {
     accumulated.has_stepped = false;
 }
 
-/// Runs [`ModelSchedule`] when it is due. In lock step every due step is run; on threads one a frame at most, which consumes all samples
-/// there are.
+/// Runs [`ModelSchedule`] when it is due. In lock step every due step runs; with loops on threads at most one in a frame, which reads all
+/// samples.
 fn run_model_steps(world: &mut World) {
     let (rate, mode) = (*world.resource::<ModelRate>(), *world.resource::<LoopMode>());
     let delta = world.resource::<Time<Fixed>>().delta();
@@ -333,8 +332,8 @@ fn run_model_step(world: &mut World) {
     world.resource_mut::<StepTimes>().record(cost);
 }
 
-/// A loop on a thread runs in real time, whatever the speed of the app's clock. At another speed its force is faded
-/// as in a pause (`set_loops`).
+/// Reports a relative speed of the app's clock other than 1 with loops on threads, which run in real time. Their force fades as in a pause
+/// (`tool::settings::apply_settings`).
 fn report_time_scale(
     time: Res<Time<Virtual>>,
     mode: Res<LoopMode>,
@@ -353,7 +352,7 @@ mod tests {
     use bevy::ecs::system::RunSystemOnce;
 
     #[test]
-    fn on_threads_a_late_frame_has_one_step_and_catches_up_no_more() {
+    fn threaded_frame_runs_at_most_one_step() {
         let (mut accumulated, period) = (ModelClock::default(), Duration::from_millis(50));
         let mut frame = |fixed_steps: usize| {
             accumulated.has_stepped = false;
@@ -361,27 +360,27 @@ mod tests {
             (0..fixed_steps).filter(due).count()
         };
         assert_eq!([1, 1, 1, 1, 1, 1, 1].map(&mut frame), [0, 0, 0, 1, 0, 0, 1]);
-        // A frame of a quarter of a second: one step, and another at the beginning of the next frame.
+        // A frame of a quarter of a second: one step, and another in the next frame.
         assert_eq!([16, 1, 1, 1, 1].map(&mut frame), [1, 1, 1, 0, 0]);
     }
 
     #[test]
-    fn on_threads_a_step_catches_up_one_period_and_after_a_slow_one_none() {
+    fn threaded_step_catches_up_one_period_but_none_after_a_slow_step() {
         let mut world = World::new();
         world.insert_resource(ModelRate::default());
-        let mut most = |mode: LoopMode, last_ms: u64| {
+        let mut max_ticks = |mode: LoopMode, last_ms: u64| {
             world.insert_resource(mode);
             world.init_resource::<StepTimes>();
             world.resource_mut::<StepTimes>().record(Duration::from_millis(last_ms));
             world.run_system_once(|span: ModelSpan| span.max_ticks()).unwrap()
         };
-        assert_eq!(most(LoopMode::Threaded, 10), 100);
-        assert_eq!(most(LoopMode::Threaded, 60), 50);
-        assert_eq!([10, 60].map(|ms| most(LoopMode::Lockstep, ms)), [usize::MAX; 2]);
+        assert_eq!(max_ticks(LoopMode::Threaded, 10), 100);
+        assert_eq!(max_ticks(LoopMode::Threaded, 60), 50);
+        assert_eq!([10, 60].map(|ms| max_ticks(LoopMode::Lockstep, ms)), [usize::MAX; 2]);
     }
 
     #[test]
-    fn on_threads_models_come_no_more_often_than_the_fixed_main_loop() {
+    fn threaded_period_is_at_least_that_of_the_fixed_main_loop() {
         let mut world = World::new();
         world.insert_resource(Time::<Fixed>::from_hz(50.0));
         for (ticks, mode, expected_s) in

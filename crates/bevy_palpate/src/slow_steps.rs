@@ -6,10 +6,10 @@ use crate::schedule::{LoopMode, ModelPeriod};
 use crate::step_times::StepTimes;
 use bevy::prelude::*;
 
-/// Model steps in time after which a slow one is reported again, s.
+/// Time without a slow model step after which one is reported again, s.
 const IN_TIME_S: f64 = 1.0;
 
-/// Reports the first of several model steps that take longer than their period. In lock step there is no period to be met.
+/// Reports the first of several model steps that take longer than their period. Lock step has no real-time period.
 pub(crate) fn report_slow_step(
     mut times: ResMut<StepTimes>,
     bodies: Query<(Entity, &SimulatedBody)>,
@@ -30,7 +30,7 @@ pub(crate) fn report_slow_step(
         *in_time_s = in_time_s.map(|in_time_s| in_time_s + period_s).filter(|s| *s < IN_TIME_S - 1e-9);
         return;
     }
-    // `None`: no slow step is reported now.
+    // `None` means that no slow step has been reported recently.
     if in_time_s.replace(0.0).is_some() {
         return;
     }
@@ -62,15 +62,15 @@ mod tests {
             for _ in 0..*times {
                 world.resource_mut::<StepTimes>().record(Duration::from_millis(*ms));
                 world.run_system_cached(report_slow_step).unwrap();
-                // Between two model steps nothing is new.
+                // A frame without a model step reports nothing.
                 world.run_system_cached(report_slow_step).unwrap();
             }
         }
-        let figure = |fault: HapticFault| match fault.kind {
+        let duration_ms = |fault: HapticFault| match fault.kind {
             HapticFaultKind::SlowStep(step) => step.step_ms,
             other => panic!("{other}"),
         };
-        world.resource_mut::<Messages<HapticFault>>().drain().map(figure).collect()
+        world.resource_mut::<Messages<HapticFault>>().drain().map(duration_ms).collect()
     }
 
     fn world(mode: LoopMode) -> World {
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_step_is_reported_once_until_a_second_was_in_time() {
+    fn reports_a_slow_step_once_until_a_second_without_one() {
         let mut world = world(LoopMode::Threaded);
         assert_eq!(reported(&mut world, &[(20, 5), (60, 1)]), [60.0]);
         assert_eq!(reported(&mut world, &[(180, 20), (20, 19), (70, 1), (20, 19)]), [0.0; 0]);
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn in_lock_step_no_step_is_slow() {
+    fn reports_no_slow_step_in_lock_step() {
         assert_eq!(reported(&mut world(LoopMode::Lockstep), &[(500, 5)]), [0.0; 0]);
     }
 }

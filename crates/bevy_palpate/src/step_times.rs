@@ -1,4 +1,4 @@
-//! How long model steps take, by part.
+//! Durations of model steps and their parts.
 
 use crate::cost::{FrameCost, now};
 use bevy::prelude::*;
@@ -7,20 +7,20 @@ use std::time::{Duration, Instant};
 /// Durations of the newest model step.
 #[derive(Resource, Clone, Debug, Default)]
 pub(crate) struct StepTimes {
-    /// The whole step.
+    /// Duration of the whole step.
     pub(crate) last: Duration,
-    /// Whether the newest step has not been checked yet.
+    /// Whether the newest step has not been read by [`Self::take_is_new`].
     is_new: bool,
-    /// The steps since the last [`Self::take_steps`]: when each ended, and how long it took.
+    /// End and duration of the steps since the last [`Self::take_steps`].
     steps: Vec<(Instant, Duration)>,
-    /// Time in the steps of the bodies.
+    /// Time spent in stepping bodies.
     pub(crate) bodies: FrameCost,
-    /// Time in building local models.
+    /// Time spent in building local models.
     pub(crate) local_models: FrameCost,
 }
 
 impl StepTimes {
-    /// The durations of `app`, which has some from now on.
+    /// Returns the durations of `app`; adds the resource if it is missing.
     pub(crate) fn of(app: &mut App) -> Self {
         app.world_mut().get_resource_or_init::<Self>().clone()
     }
@@ -33,16 +33,16 @@ impl StepTimes {
         }
     }
 
-    /// Whether a step has been recorded since the last call.
+    /// Returns whether a step has been recorded since the last call.
     pub(crate) fn take_is_new(&mut self) -> bool {
         std::mem::take(&mut self.is_new)
     }
 
-    /// The steps recorded since the last call: when each ended, and how long it took.
+    /// Returns end and duration of the steps recorded since the last call.
     pub(crate) fn take_steps(&mut self) -> Vec<(Instant, Duration)> {
         std::mem::take(&mut self.steps)
     }
 }
 
-/// Maximum number of steps that are kept for the diagnostics; without them they are not read.
+/// Maximum number of recorded steps, for apps without the diagnostics that read them.
 const MAX_STEPS: usize = 256;

@@ -1,4 +1,4 @@
-//! Threads sewn through bodies.
+//! Sutures: threads through bodies.
 
 use crate::body::{DeformableBody, SimulatedBody};
 use crate::fault::{HapticFault, HapticFaultKind, SutureFault};
@@ -7,15 +7,15 @@ use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{Body, BodyError, BodyPoint, SurfaceTree, Tie};
 
-/// A thread between two points of a body's surface: it pulls them together and never apart. An entity of its own; despawning it
-/// takes the thread out. Its results are in [`SutureForce`].
+/// A thread between two points of a body's surface, on an entity of its own. Despawning the entity removes the thread. Requires
+/// [`SutureForce`].
 ///
-/// It is a spring that pulls only: its tension is its stiffness times what its ends are farther apart than its length, and zero
-/// where they are nearer. With an infinite stiffness its length is a limit that its ends never pass.
+/// The thread is a unilateral spring: its tension is the stiffness times the distance of its ends beyond the thread's length, and zero
+/// below that length. With an infinite stiffness the length is a unilateral constraint of the distance.
 ///
-/// Where it goes through the surface is found when it is made, or when its ends or its body change, in the shape that the body
-/// has then. A change of length, stiffness or limit acts at the next model step: a shorter thread that does not stretch draws its
-/// ends together at 1 m/s. A thread whose ends are one point, or are both fixed, is rejected ([`SutureFault`]).
+/// The pierced points are computed when the suture is inserted, and when its ends or its body change, on the body's present shape. A change
+/// of length, stiffness or limit takes effect at the next model step: a shorter inextensible thread pulls its ends together at 1 m/s. A
+/// thread whose ends are one point, or are both fixed, is rejected ([`SutureFault`]).
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[require(SutureForce, Sewn)]
 #[reflect(Component, Debug, PartialEq, Clone)]
@@ -23,36 +23,36 @@ pub struct Suture {
     /// The body.
     #[entities]
     pub body: Entity,
-    /// Its ends, m, world; the nearest points of the surface are pierced, within [`Suture::WITHIN_M`].
+    /// Ends of the thread, m, world frame. The nearest points of the surface within [`Suture::WITHIN_M`] are pierced.
     pub ends_m: [DVec3; 2],
-    /// Length of the thread between them while nothing pulls it, m.
+    /// Length of the unloaded thread, m.
     pub length_m: f64,
-    /// How much tension stretches it by a metre, N/m; infinite if it does not stretch.
+    /// Stiffness of the thread, N/m; infinite for an inextensible thread.
     pub stiffness_n_per_m: f64,
-    /// Tension at which it tears, N; may be infinite.
+    /// Tension at which the thread tears, N; may be infinite.
     pub tear_limit_n: f64,
 }
 
 impl Suture {
-    /// So near to its ends there must be a surface, m.
+    /// Maximum distance of [`Self::ends_m`] from the surface, m.
     pub const WITHIN_M: f64 = 0.02;
 }
 
-/// What a suture does, after every model step.
+/// Force and ends of a suture, updated at every model step.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct SutureForce {
-    /// Tension of the thread in the last step, N: of one that stretches, its stiffness times what it was longer then.
+    /// Tension of the thread in the last step, N.
     pub tension_n: f64,
-    /// What the body's springs pull each end with, N, world. At rest they are equal and opposite, and as large as the tension.
+    /// Force of the body's springs on each end, N, world frame. At rest the two are opposite, with the tension as their magnitude.
     pub pull_n: [DVec3; 2],
-    /// Where its ends are, m, world.
+    /// Positions of the pierced points, m, world frame.
     pub ends_m: [DVec3; 2],
-    /// It has torn and does nothing any more.
+    /// Whether the thread has torn. A torn thread has no effect.
     pub is_torn: bool,
 }
 
-/// A suture has torn: a message, and an event for observers of the suture.
+/// A suture has torn: a message, and an event for observers of the suture, which run in the model step.
 #[derive(EntityEvent, Message, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Message, Debug, PartialEq, Clone)]
 pub struct SutureTorn {
@@ -61,15 +61,15 @@ pub struct SutureTorn {
     pub suture: Entity,
     /// The body.
     pub body: Entity,
-    /// The tension at which it tore, N.
+    /// Tension at which the thread tore, N.
     pub tension_n: f64,
 }
 
-/// Where a suture goes through its body.
+/// Points at which a suture pierces its body.
 #[derive(Component, Clone, Debug, Default)]
 struct Sewn {
     stitch: Option<Stitch>,
-    /// The body's shape at the last rejection, which is reported once for each.
+    /// Number of the body's shape at the last rejection, which is reported once for each shape.
     rejected_shape: Option<u64>,
 }
 
@@ -77,16 +77,16 @@ struct Sewn {
 struct Stitch {
     body: Entity,
     ends_m: [DVec3; 2],
-    /// The body's shape to whose nodes the points belong.
+    /// Number of the body's shape to whose nodes the points belong.
     shape: u64,
     points: [BodyPoint; 2],
 }
 
-/// Sews sutures and writes their results.
+/// Adds the sutures to the bodies and writes their results.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SuturePlugin;
 
-/// The places of [`SuturePlugin`]'s systems round the step of the bodies.
+/// The sets of [`SuturePlugin`]'s systems, before and after the step of the bodies.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum SutureSystems {
     /// Before the bodies are stepped.
@@ -113,11 +113,11 @@ impl Plugin for SuturePlugin {
     }
 }
 
-/// Gives every body the ties of its sutures, when something about them has changed.
+/// Sets the ties of every body whose sutures have changed.
 fn sew(
     mut sutures: Query<(Entity, Ref<Suture>, &mut Sewn, &mut SutureForce)>,
     mut bodies: Query<(Entity, &mut SimulatedBody)>,
-    asked: Query<(), With<DeformableBody>>,
+    described_bodies: Query<(), With<DeformableBody>>,
     mut changed: Local<Vec<Entity>>,
     mut faults: MessageWriter<HapticFault>,
 ) {
@@ -134,10 +134,10 @@ fn sew(
             }
             continue;
         }
-        // A body of another shape may have a surface there, or nodes that move.
+        // A body of another shape may have a surface near the ends, or nodes that are free to move.
         let is_reshaped = shape.is_some() && sewn.rejected_shape.is_some() && shape != sewn.rejected_shape;
-        // A body that is still to be built is waited for.
-        if shape.is_none() && asked.contains(suture.body)
+        // A body that is not built yet is no fault.
+        if shape.is_none() && described_bodies.contains(suture.body)
             || !(suture.is_changed() || was_sewn || is_reshaped || force.is_added())
         {
             continue;
@@ -161,7 +161,7 @@ fn sew(
         }
     }
     for (body, mut simulated) in &mut bodies {
-        let mut here: Vec<(Entity, &Suture, &[BodyPoint; 2])> = sutures
+        let mut sewn_here: Vec<(Entity, &Suture, &[BodyPoint; 2])> = sutures
             .iter()
             .filter(|(.., force)| !force.is_torn)
             .filter_map(|(entity, suture, sewn, _)| {
@@ -169,19 +169,19 @@ fn sew(
                 Some((entity, suture.into_inner(), &stitch.points))
             })
             .collect();
-        here.sort_by_key(|(entity, ..)| *entity);
-        let same = here.iter().map(|(entity, ..)| entity).eq(&simulated.sutures);
+        sewn_here.sort_by_key(|(entity, ..)| *entity);
+        let same = sewn_here.iter().map(|(entity, ..)| entity).eq(&simulated.sutures);
         if same && !changed.contains(&body) {
             continue;
         }
-        let ties: Result<Vec<Tie>, (Entity, BodyError)> = here
+        let ties: Result<Vec<Tie>, (Entity, BodyError)> = sewn_here
             .iter()
             .map(|&(entity, suture, points)| tie(suture, points).map_err(|e| (entity, e)))
             .collect();
-        let sewn_here: Vec<Entity> = here.iter().map(|(entity, ..)| *entity).collect();
+        let entities: Vec<Entity> = sewn_here.iter().map(|(entity, ..)| *entity).collect();
         let set = ties.and_then(|ties| simulated.body.set_ties(ties).map_err(|e| (body, e)));
         if set.is_ok() {
-            simulated.sutures = sewn_here;
+            simulated.sutures = entities;
         }
         if let Err((entity, error)) = set {
             let kind = HapticFaultKind::Suture(SutureFault::Thread(error));
@@ -196,7 +196,7 @@ fn tie(suture: &Suture, [a, b]: &[BodyPoint; 2]) -> Result<Tie, BodyError> {
         .with_tear_limit(suture.tear_limit_n)
 }
 
-/// Finds where the suture goes through the surface.
+/// Computes the points at which the suture pierces the surface.
 fn pierce(suture: &Suture, simulated: &SimulatedBody) -> Result<Stitch, SutureFault> {
     let tree = SurfaceTree::new(&simulated.body);
     let pierced = |end_m: DVec3| {
@@ -211,13 +211,13 @@ fn pierce(suture: &Suture, simulated: &SimulatedBody) -> Result<Stitch, SutureFa
     Ok(Stitch { body: suture.body, ends_m: suture.ends_m, shape: simulated.shape, points })
 }
 
-/// Weights that differ by less are equal.
+/// Maximum difference of equal weights.
 const SAME_WEIGHT: f64 = 1e-9;
 
 /// Rejects a thread whose ends cannot move relative to each other.
 fn has_effect([a, b]: &[BodyPoint; 2], body: &Body) -> Result<(), SutureFault> {
     let weight = |point: &BodyPoint, node: usize| {
-        point.nodes().iter().find(|(known, _)| *known == node).map_or(0.0, |(_, weight)| *weight)
+        point.nodes().iter().find(|(other, _)| *other == node).map_or(0.0, |(_, weight)| *weight)
     };
     let mut apart = a.nodes().iter().chain(b.nodes()).map(|(node, _)| *node);
     let mut apart_free = apart.clone().filter(|node| !body.network().is_fixed(*node));

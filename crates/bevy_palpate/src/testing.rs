@@ -27,7 +27,7 @@ use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use std::time::Duration;
 
-/// Time that passes in an update, ms: two updates to a tick of Bevy's fixed main loop, so that no more than one model step falls into an update.
+/// Simulated time of an update, ms: below the 15.6 ms of Bevy's fixed main loop, so at most one model step falls into an update.
 const UPDATE_MS: u64 = 10;
 
 /// Maximum number of updates to the next model step.
@@ -36,8 +36,8 @@ const MAX_UPDATES: usize = 1000;
 /// Maximum number of updates until a body is built.
 const MAX_BUILD_UPDATES: usize = 100_000;
 
-/// An app for tests: Bevy's `MinimalPlugins`, assets and meshes, and [`PalpatePlugins`] in [`LoopMode::Lockstep`] with simulated time. It has no
-/// window, no threads for loops, and gives the same bits in every run.
+/// Returns an app for tests: Bevy's `MinimalPlugins`, assets and meshes, and [`PalpatePlugins`] in [`LoopMode::Lockstep`] with simulated
+/// time. It has no window and no threads for loops, and gives the same bits in every run.
 ///
 /// Bodies of GLB files also need `ImagePlugin`, `WorldSerializationPlugin` and `GltfPlugin` (feature `gltf`).
 #[must_use]
@@ -49,10 +49,10 @@ pub fn headless_app() -> App {
     app
 }
 
-/// Updates `app` until `steps` more model steps have run. Finishes its plugins first if that has not been done.
+/// Updates `app` until `steps` more model steps have run. Finishes its plugins first if necessary.
 ///
 /// # Panics
-/// If model steps do not run: time is paused, or the app has no [`PalpatePlugins`].
+/// If no model step runs within 1000 updates: time is paused, or the app has no [`PalpatePlugins`].
 pub fn advance_model_steps(app: &mut App, steps: u64) {
     finish_plugins(app);
     let count = |app: &App| app.world().get_resource::<ModelStepCount>().map_or(0, |count| count.0);
@@ -69,7 +69,7 @@ pub fn advance_model_steps(app: &mut App, steps: u64) {
     }
 }
 
-/// Updates `app` until the body of `entity` is simulated. Finishes the app's plugins first if that has not been done.
+/// Updates `app` until the body of `entity` is simulated. Finishes the app's plugins first if necessary.
 ///
 /// # Panics
 /// If the entity has no [`DeformableBody`], if the body is rejected, or if it is not built within 100,000 updates.
@@ -90,7 +90,7 @@ pub fn wait_for_body(app: &mut App, entity: Entity) {
     assert!(is_ready, "the body of {entity} is not built after {MAX_BUILD_UPDATES} updates");
 }
 
-/// Finishes the plugins of an app that has not run, as its runner would.
+/// Finishes the plugins of an app that has not run, like its runner.
 fn finish_plugins(app: &mut App) {
     if app.plugins_state() == PluginsState::Cleaned {
         return;

@@ -1,4 +1,4 @@
-//! Tools: what the user asks for, and what is computed.
+//! Tools: the components that describe them, their loops, and their results.
 
 mod black_box;
 mod body_selection;
@@ -42,7 +42,9 @@ use crate::step_times::StepTimes;
 use crate::suture::SutureSystems;
 use bevy::prelude::*;
 
-/// Runs the tools: devices, loops, the bodies' steps along their samples, local models, results.
+/// Runs the tools: devices, loops, steps of the bodies along the tools' samples, local models, results.
+///
+/// Adds [`HapticSchedulePlugin`] with its defaults if the app does not have it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ToolPlugin;
 
@@ -123,7 +125,7 @@ impl Plugin for ToolPlugin {
     }
 
     fn finish(&self, app: &mut App) {
-        // Without the plugin the schedule, its rate and its mode have their defaults.
+        // Without the plugin the schedule, its rate and its mode take their defaults.
         if !app.world().contains_resource::<ModelRate>() || !app.world().contains_resource::<LoopMode>() {
             app.add_plugins(HapticSchedulePlugin::default());
         }

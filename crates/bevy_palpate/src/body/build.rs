@@ -1,4 +1,4 @@
-//! Builds bodies from their components, and builds them again when these change: blocks at once, meshes in a background task.
+//! Builds new and changed bodies from their components: blocks at once, meshes in a background task.
 
 use super::construct::{BuildError, BuildInput, checked_pose};
 use super::install::{FinishedBuild, clear_build, install};
@@ -17,7 +17,7 @@ use bevy::tasks::AsyncComputeTaskPool;
 use bevy::tasks::futures::check_ready;
 use glam::{DQuat, DVec3};
 
-/// The components that describe a body, and its build.
+/// The components that describe a body, with its simulated body and its pending build.
 #[derive(QueryData)]
 #[query_data(mutable)]
 pub(super) struct BodyQuery {
@@ -31,9 +31,9 @@ pub(super) struct BodyQuery {
     build: Option<&'static mut BodyBuild>,
 }
 
-/// Why a body cannot be built now.
+/// Reason why a body cannot be built now.
 enum NotReady {
-    /// Its mesh asset is being loaded.
+    /// The mesh asset is being loaded.
     MeshLoading,
     Rejected(HapticFaultKind),
 }
@@ -63,7 +63,7 @@ impl BodyQueryItem<'_, '_> {
         old.unwrap_or_else(|| transforms.compute_global_transform(self.entity).unwrap_or_default())
     }
 
-    /// The mesh to build from, and how it compares with the asset as it is now: the closed mesh of the simulated body, if the asset has
+    /// The mesh to build from, and its comparison with the current asset. Reuses the closed mesh of the simulated body if the asset has
     /// not changed or was rejected.
     fn source(&self, meshes: &Meshes) -> Result<(Option<Source>, SourceMesh), NotReady> {
         let Some(shape) = self.shape.mesh() else { return Ok((None, SourceMesh::Same)) };
@@ -133,7 +133,7 @@ pub(super) fn build_bodies(
         let pose = match checked_pose(&at) {
             Ok(pose) => pose,
             Err(kind) => {
-                // Reported once, wherever else it moves.
+                // Reported once, even if the entity moves to other rejected poses.
                 if is_changed || !matches!(body.build.as_deref(), Some(BodyBuild::TransformRejected(_))) {
                     reject(&mut commands, &mut faults, entity, kind);
                 }
@@ -144,7 +144,9 @@ pub(super) fn build_bodies(
         let (source, compared) = match body.source(&meshes) {
             Ok(source) => source,
             Err(NotReady::MeshLoading) => {
-                commands.entity(entity).try_insert((BodyBuild::MeshLoading, BodyState::Loading));
+                if !matches!(body.build.as_deref(), Some(BodyBuild::MeshLoading)) {
+                    commands.entity(entity).try_insert((BodyBuild::MeshLoading, BodyState::Loading));
+                }
                 continue;
             }
             Err(NotReady::Rejected(HapticFaultKind::Mesh(MeshFault::NotLoaded(why)))) => {
@@ -163,7 +165,7 @@ pub(super) fn build_bodies(
             }
         };
         let input = body.input(pose);
-        // In lock step nothing may depend on when another thread finishes.
+        // In lock step no result may depend on the time at which another thread finishes.
         let is_background = source.is_some() && mode.as_deref() != Some(&LoopMode::Lockstep);
         if let Some(pool) = AsyncComputeTaskPool::try_get().filter(|_| is_background) {
             let task = pool.spawn(async move {
@@ -219,7 +221,7 @@ pub(super) fn poll_builds(
             }
             Err(BuildError { kind, is_mesh_error }) => {
                 reject(&mut commands, &mut faults, entity, kind);
-                // A mesh that has changed since, or has another size, has not been rejected.
+                // A mesh that has changed since the start of the build, or has another size, has not been rejected.
                 if is_mesh_error
                     && source != SourceMesh::Changed
                     && let Some(old) = simulated.filter(|old| old.built_shape == input.shape)
@@ -231,7 +233,7 @@ pub(super) fn poll_builds(
     }
 }
 
-/// Reports why the body of `entity` is not built.
+/// Sets the state of the body of `entity` to rejected, and reports the fault.
 fn reject(
     commands: &mut Commands,
     faults: &mut MessageWriter<HapticFault>,

@@ -1,33 +1,32 @@
-//! Whether contact gets the compliance that the grid lacks.
+//! Added compliance of contacts.
 
 use super::shape::DeformableBody;
 use super::simulated::SimulatedBody;
 use bevy::prelude::*;
 
-/// What gives way where a tool touches a body: put it beside [`DeformableBody`] to compare with the paper's
-/// scheme. A body without this component is as with the default.
+/// Compliance of the contact between a tool and a body.
 ///
-/// It may be changed while the body is touched, and acts from the next frame on. The force then jumps, within the limits of the
-/// safety chain.
+/// Insert the component on the entity with [`DeformableBody`]; without it the default applies. A change during contact takes effect in the
+/// next frame and makes the force jump, within the limits of the safety chain.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone, Hash)]
 pub enum ContactCompliance {
-    /// The grid, and the compliance that it lacks below the size of a cell: a small tool feels the tissue, wherever in a cell it
-    /// touches. The default.
+    /// The lattice's compliance plus the compliance that it lacks below the size of a cell. The force on a small tool is that of the
+    /// tissue, independent of the place within the cell. The default.
     #[default]
     Added,
-    /// The grid alone, as in the paper: a tool smaller than a cell feels a force that is too large and depends on where in the
-    /// cell it touches.
+    /// The lattice's compliance alone, as in the seed paper. The force on a tool smaller than a cell is too large and depends on the place
+    /// within the cell.
     GridOnly,
 }
 
-/// Sets the compliance of every body: also of one that is new, and of one whose component was removed.
+/// Sets the compliance of every body, including new ones and those whose component was removed.
 pub(super) fn set_compliance(
     mut bodies: Query<(&mut SimulatedBody, Option<&ContactCompliance>), With<DeformableBody>>,
 ) {
-    for (mut simulated, asked) in &mut bodies {
-        let adds = asked.copied().unwrap_or_default() == ContactCompliance::Added;
-        // A flag, and nothing else of the body.
+    for (mut simulated, compliance) in &mut bodies {
+        let adds = compliance.copied().unwrap_or_default() == ContactCompliance::Added;
+        // Sets a flag that does not count as a change of the body.
         simulated.bypass_change_detection().body.add_compliance(adds);
     }
 }

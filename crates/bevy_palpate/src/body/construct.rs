@@ -29,16 +29,16 @@ pub(super) struct BuildInput {
 pub(super) struct BuildOutput {
     pub(super) body: Body,
     pub(super) builder: LocalModelBuilder,
-    /// Of a mesh: the skin that moves its vertices, and the closed mesh.
+    /// Of a body from a mesh: the skin that moves its vertices, and the closed mesh.
     pub(super) skin: Option<Skin>,
     pub(super) closed: Option<Arc<ClosedMesh>>,
     pub(super) report: Option<MeshReport>,
 }
 
-/// Why a build failed.
+/// Reason why a build failed.
 pub(super) struct BuildError {
     pub(super) kind: HapticFaultKind,
-    /// Whether the mesh itself was rejected, whatever the other components are.
+    /// Whether the mesh itself was rejected, independently of the other components.
     pub(super) is_mesh_error: bool,
 }
 
@@ -59,7 +59,7 @@ pub(super) fn checked_pose(transform: &GlobalTransform) -> Result<(DQuat, DVec3)
 }
 
 impl BuildInput {
-    /// Builds the body, from `source` if it is one of a mesh.
+    /// Builds the body; a body from a mesh from `source`.
     pub(super) fn build(&self, source: Option<Source>) -> Result<BuildOutput, BuildError> {
         let kind = |error| match error {
             ReduceError::Body(error) => HapticFaultKind::BuildBody(error),
@@ -76,10 +76,10 @@ impl BuildInput {
                     (body, Some(skin), Some(report))
                 }
                 (DeformableBody::Block { nodes, size_m }, _) => (self.block(*nodes, *size_m)?, None, None),
-                // The source of a mesh is a mesh.
+                // A mesh shape always comes with a source.
                 (DeformableBody::Mesh(_), None) => return Err(BodyError::NoNodes.into()),
             };
-            // A body that cannot be stepped is rejected here, and not at its first step.
+            // Rejects a body that cannot be stepped here instead of at its first step.
             SemiImplicitEuler::default().substeps(&body)?;
             let builder = LocalModelBuilder::new(&body, BuilderOptions::of(&body))?;
             Ok(BuildOutput { body, builder, skin, closed, report })
@@ -92,24 +92,29 @@ impl BuildInput {
             FixedRegion::Vertices(vertices) => vertices.iter().filter(|is_fixed| **is_fixed).count().max(1),
             _ => 0,
         };
-        let in_all = nodes.iter().fold(1_usize, |product, n| product.saturating_mul(*n));
-        for (what, value, most, allowed) in [
+        let node_count = nodes.iter().fold(1_usize, |product, n| product.saturating_mul(*n));
+        for (what, value, max, allowed) in [
             (
-                "inclusions of a block",
+                "number of inclusions of a block",
                 self.inclusions.len(),
                 0,
-                "0: a body of several tissues is made of a mesh",
+                "0: use a mesh for several tissues",
             ),
-            ("fixed vertices of a block", fixed_vertices, 0, "0: fix its faces, or what is within regions"),
             (
-                "nodes of a block in all",
-                in_all,
+                "number of fixed vertices of a block",
+                fixed_vertices,
+                0,
+                "0: use FixedRegion::Faces or FixedRegion::Regions",
+            ),
+            (
+                "number of nodes of a block",
+                node_count,
                 CellLattice::MAX_NODES,
-                "at most 10000: no more could be stepped in time",
+                "at most 10000, the most that can be stepped in time",
             ),
         ] {
-            // What has too many along one side has an error that says so.
-            if value > most && nodes.iter().all(|n| (2..=Block::MAX_NODES_PER_SIDE).contains(n)) {
+            // `Block::new` rejects too few or too many nodes along one side, with an error of its own.
+            if value > max && nodes.iter().all(|n| (2..=Block::MAX_NODES_PER_SIDE).contains(n)) {
                 return Err(BodyError::Parameter { what, value: value as f64, allowed });
             }
         }
@@ -126,13 +131,13 @@ impl BuildInput {
         if let Some(Slit { length_m, depth_m, opening_m: gape_m }) = self.slit {
             block = block.slit(palpate_body::Slit { length_m, depth_m, gape_m });
         }
-        let made = block.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
-        Body::new(made.network, made.surface)
+        let built = block.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
+        Body::new(built.network, built.surface)
     }
 
     fn mesh(&self, closed: &ClosedMesh, cells_along: usize) -> Result<(Body, Skin, MeshReport), BodyError> {
         if let Some(slit) = self.slit {
-            let (what, allowed) = ("length of a slit in a mesh, m", "none: a slit is cut into a block");
+            let (what, allowed) = ("length of a slit in a mesh, m", "absent: only a block can have a Slit");
             return Err(BodyError::Parameter { what, value: slit.length_m, allowed });
         }
         let mut lattice = CellLattice::fit(closed, CellSize::Along(cells_along))?;
@@ -152,14 +157,14 @@ impl BuildInput {
         for &Inclusion { region, tissue } in &self.inclusions {
             lattice = lattice.region(region.into(), tissue.into());
         }
-        let made = lattice.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
-        let MeshBody { cells, deviation_m, .. } = made;
+        let built = lattice.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
+        let MeshBody { cells, deviation_m, .. } = built;
         let report = MeshReport { repairs: closed.repairs(), cells, deviation_m };
-        Ok((Body::new(made.network, made.surface)?, made.skin, report))
+        Ok((Body::new(built.network, built.surface)?, built.skin, report))
     }
 }
 
-/// The outermost layer of nodes on one side of a mesh in cells of `cell_m`: they lie outside its bounds, the next ones inside.
+/// Region of the outermost layer of nodes on one side of a mesh with cells of `cell_m`: they lie outside its bounds, the next ones inside.
 fn outermost(closed: &ClosedMesh, cell_m: f64, face: BoxFace) -> Region {
     let [low, high] = closed.bounds_m();
     let (axis, is_high) = match face {

@@ -1,4 +1,4 @@
-//! A body goes where the transform of its entity goes.
+//! Moves a body with the transform of its entity.
 
 use super::construct::checked_pose;
 use super::pending::BodyBuilds;
@@ -7,8 +7,7 @@ use crate::fault::HapticFault;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 
-/// Carries along the bodies whose entities have been moved. What touches them lets go: their nodes are elsewhere without
-/// having moved there.
+/// Moves the bodies whose entities have been moved. Contacts with them end, because the nodes are displaced without a motion.
 pub(super) fn follow_transforms(
     mut bodies: Query<(Entity, &mut SimulatedBody)>,
     transforms: TransformHelper,
@@ -26,10 +25,10 @@ pub(super) fn follow_transforms(
                 simulated.move_to(now);
                 simulated.reported_pose = false;
                 simulated.epoch = builds.next();
-                simulated.carried = simulated.epoch;
+                simulated.last_move = simulated.epoch;
             }
             Err(kind) => {
-                // Said once; the body stays where it was.
+                // Reported once; the body stays where it was.
                 if !std::mem::replace(&mut simulated.reported_pose, true) {
                     faults.write(HapticFault { entity: Some(entity), kind });
                 }
@@ -39,20 +38,20 @@ pub(super) fn follow_transforms(
 }
 
 impl SimulatedBody {
-    /// Moves all nodes from where the entity was to where it is `now`, with their shape and motion; nowhere, if that is no
-    /// place for a body.
+    /// Moves all nodes rigidly from the previous pose of the entity to the pose `now`, with their velocities. Does nothing if the pose is
+    /// rejected.
     pub(super) fn move_to(&mut self, now: GlobalTransform) {
         let (Ok((r0, t0)), Ok((r1, t1))) = (checked_pose(&self.pose), checked_pose(&now)) else { return };
         self.pose = now;
-        let turn: DQuat = (r1 * r0.inverse()).normalize();
-        let shift: DVec3 = t1 - turn * t0;
-        if turn.is_near_identity() && shift == DVec3::ZERO {
+        let rotation: DQuat = (r1 * r0.inverse()).normalize();
+        let shift: DVec3 = t1 - rotation * t0;
+        if rotation.is_near_identity() && shift == DVec3::ZERO {
             return;
         }
-        let x: Vec<DVec3> = self.body.positions_m().iter().map(|x| turn * *x + shift).collect();
-        let v: Vec<DVec3> = self.body.velocities_m_per_s().iter().map(|v| turn * *v).collect();
-        // The lists are as long as they were, and finite as places of bodies are.
+        let x: Vec<DVec3> = self.body.positions_m().iter().map(|x| rotation * *x + shift).collect();
+        let v: Vec<DVec3> = self.body.velocities_m_per_s().iter().map(|v| rotation * *v).collect();
+        // Cannot fail: the lengths are unchanged and the values are finite.
         let _ = self.body.set_state(&x, &v);
-        self.drawn.forget_step();
+        self.drawn.discard_step();
     }
 }

@@ -15,12 +15,12 @@ use std::sync::Arc;
 pub(super) struct FinishedBuild {
     pub(super) input: BuildInput,
     pub(super) output: BuildOutput,
-    /// How its mesh compares with the asset as it is now.
+    /// Comparison of the build's mesh with the current asset.
     pub(super) source: SourceMesh,
 }
 
-/// Replaces the simulated body of `entity`: with the shape and motion of the `old` one if the new one has the same nodes, at rest if not.
-/// The build has the pose that the entity had then, and is moved to the pose `at` that it has now.
+/// Replaces the simulated body of `entity`: in the state of the `old` one if the new one has the same nodes, otherwise at rest.
+/// Moves the new body from the pose of its build to the present pose `at`.
 pub(super) fn install(
     commands: &mut Commands,
     faults: &mut MessageWriter<HapticFault>,
@@ -29,7 +29,7 @@ pub(super) fn install(
     epoch: u64,
 ) {
     let FinishedBuild { input, output, source } = build;
-    let planned = GlobalTransform::from(
+    let build_pose = GlobalTransform::from(
         Transform::from_translation(input.translation_m.as_vec3()).with_rotation(input.rotation.as_quat()),
     );
     let mut new = SimulatedBody {
@@ -39,10 +39,10 @@ pub(super) fn install(
         last_step: StepReport::default(),
         watch: StepWatch::default(),
         shape: epoch,
-        carried: 0,
+        last_move: 0,
         failed: None,
-        pose: planned,
-        rest_pose: planned,
+        pose: build_pose,
+        rest_pose: build_pose,
         reported_pose: false,
         built_shape: input.shape,
         built_fixed: input.fixed,
@@ -55,14 +55,15 @@ pub(super) fn install(
         drawn: RenderMesh::default(),
         sutures: Vec::new(),
     };
-    commands.entity(entity).try_insert(BodyState::Ready);
-    commands.trigger(BodyReady { body: entity });
     let Some(old) = old else {
         report_mesh(faults, entity, &new);
         new.move_to(at);
-        commands.entity(entity).try_insert(new);
+        commands.entity(entity).try_insert((new, BodyState::Ready));
+        send_ready(commands, entity);
         return;
     };
+    commands.entity(entity).try_insert(BodyState::Ready);
+    send_ready(commands, entity);
     let is_same_mesh = match (&old.closed, &new.closed) {
         (Some(old), Some(new)) => Arc::ptr_eq(old, new),
         (None, None) => true,
@@ -76,37 +77,44 @@ pub(super) fn install(
         && (&old.built_fixed, old.built_slit) == (&new.built_fixed, new.built_slit)
         && old.body.positions_m().len() == new.body.positions_m().len();
     if is_same {
-        // It fits, since the nodes are the same.
+        // Cannot fail: both bodies have the same nodes.
         let _ = new.body.set_state(old.body.positions_m(), old.body.velocities_m_per_s());
-        (new.shape, new.carried, new.pose) = (old.shape, old.carried, old.pose);
+        (new.shape, new.last_move, new.pose) = (old.shape, old.last_move, old.pose);
         new.watch = old.watch;
         new.drawn = std::mem::take(&mut old.drawn);
     } else {
-        new.drawn = std::mem::take(&mut old.drawn).of_another_shape();
+        new.drawn = std::mem::take(&mut old.drawn).for_new_shape();
         new.move_to(at);
     }
     new.reported_pose = old.reported_pose;
     *old = new;
 }
 
-/// Forgets that a body is awaited or being output.
+/// Writes the message and triggers the observers, once the commands before it have been applied.
+fn send_ready(commands: &mut Commands, body: Entity) {
+    let ready = BodyReady { body };
+    commands.write_message(ready);
+    commands.trigger(ready);
+}
+
+/// Removes the pending build of a body.
 pub(super) fn clear_build(commands: &mut Commands, entity: Entity) {
     commands.entity(entity).try_remove::<BodyBuild>();
 }
 
-/// Maximum relative excess of a body's mass over that of its mesh.
+/// Maximum relative excess of a body's mass over that of its mesh that is not reported.
 const MAX_MASS_EXCESS: f64 = 0.01;
 
 /// Logs the repairs of a new mesh, and reports a body that is too heavy.
 fn report_mesh(faults: &mut MessageWriter<HapticFault>, entity: Entity, body: &SimulatedBody) {
     let Some(MeshReport { repairs, cells, .. }) = body.report else { return };
     let MeshRepairs { welded, collapsed, duplicates, back_to_back, turned, pinched_edges } = repairs;
-    // Every mesh with seams has vertices at the same place: that alone is not logged.
+    // Every mesh with seams has coincident vertices: these alone are not logged.
     if (MeshRepairs { welded: 0, ..repairs }) != MeshRepairs::default() {
         info!(
-            "{entity}: the mesh was repaired: {welded} vertices welded; {collapsed} triangles without an area, {duplicates} \
-             given twice and {back_to_back} back to back left out; {turned} turned; {pinched_edges} edges with four triangles \
-             or more"
+            "{entity}: the mesh was repaired: {welded} vertices welded; {collapsed} triangles without area, {duplicates} \
+             duplicates and {back_to_back} back-to-back triangles removed; {turned} triangles reversed; {pinched_edges} edges with \
+             four or more triangles"
         );
     }
     if cells.raised_share > MAX_MASS_EXCESS {

@@ -1,4 +1,4 @@
-//! The meshes of the app, as bodies see them.
+//! The mesh assets of bodies.
 
 use super::mesh_source::Source;
 use super::shape::{DeformableBody, MeshShape};
@@ -8,7 +8,7 @@ use bevy::ecs::message::MessageCursor;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 
-/// The meshes of the app, and which of them have changed.
+/// The mesh assets of the app, and those that have changed.
 #[derive(SystemParam)]
 pub(super) struct Meshes<'w, 's> {
     assets: Option<Res<'w, Assets<Mesh>>>,
@@ -19,24 +19,24 @@ pub(super) struct Meshes<'w, 's> {
 }
 
 impl Meshes<'_, '_> {
-    /// Notes which have changed since the last call, of those that `is_wanted`; not what bodies are drawn by, which changes
-    /// whenever they move. What is new is waited for where it is wanted.
-    pub(super) fn update(&mut self, is_wanted: impl Fn(AssetId<Mesh>) -> bool) {
+    /// Collects the assets for which `is_source` is true and that have changed since the last call. Meshes that show bodies change in
+    /// every frame and are left out. Added assets are detected by [`Self::source`].
+    pub(super) fn update(&mut self, is_source: impl Fn(AssetId<Mesh>) -> bool) {
         self.changed.clear();
         let Some(events) = &self.events else { return };
         let id = |event: &AssetEvent<Mesh>| match event {
             AssetEvent::Modified { id } => Some(*id),
             _ => None,
         };
-        self.changed.extend(self.cursor.read(events).filter_map(id).filter(|id| is_wanted(*id)));
+        self.changed.extend(self.cursor.read(events).filter_map(id).filter(|id| is_source(*id)));
     }
 
-    /// Whether the mesh of `shape` was found changed when it was last looked for.
+    /// Whether the mesh of `shape` had changed at the last call of [`Self::update`].
     pub(super) fn has_changed(&self, shape: &DeformableBody) -> bool {
         shape.mesh().is_some_and(|shape| self.changed.contains(&shape.mesh.id()))
     }
 
-    /// What is to be filled; `None` while it is being loaded.
+    /// The mesh of `shape`; `None` while it is being loaded.
     pub(super) fn source(&self, shape: &MeshShape) -> Result<Option<Source>, MeshFault> {
         let assets = self.assets.as_ref().ok_or(MeshFault::NoMeshes)?;
         if let Some(mesh) = assets.get(&shape.mesh) {

@@ -1,4 +1,4 @@
-//! From a mesh of Bevy to a closed one.
+//! Conversion of Bevy's meshes to closed meshes.
 
 use super::shape::MeshShape;
 use crate::fault::MeshFault;
@@ -7,16 +7,16 @@ use glam::DVec3;
 use palpate_body::{BodyError, ClosedMesh};
 use std::sync::Arc;
 
-/// What a body is to be made of.
+/// The mesh from which a body is built.
 pub(super) enum Source {
-    /// As it was given: vertices, a unit of which is so many metres, triangles, and normals if there are any.
-    Given { vertices: Vec<[f32; 3]>, scale_m: f64, triangles: Vec<[usize; 3]>, normals: Option<Vec<DVec3>> },
-    /// As it was closed before.
+    /// Data of a mesh asset: vertices, metres per unit, triangles, and normals if there are any.
+    Raw { vertices: Vec<[f32; 3]>, scale_m: f64, triangles: Vec<[usize; 3]>, normals: Option<Vec<DVec3>> },
+    /// A mesh that has been closed before.
     Closed(Arc<ClosedMesh>),
 }
 
 impl Source {
-    /// What is in `mesh`.
+    /// Reads the data of `mesh`.
     pub(super) fn read(mesh: &Mesh, shape: &MeshShape) -> Result<Self, MeshFault> {
         let scale_m = shape.metres_per_unit;
         if !(scale_m.is_finite() && scale_m > 0.0) {
@@ -30,9 +30,10 @@ impl Source {
             Err(MeshAccessError::ExtractedToRenderWorld) => Err(MeshFault::NotInMemory),
             Ok(_) | Err(MeshAccessError::NotFound) => Err(MeshFault::NoPositions),
         };
-        let wide = |v: &[f32; 3]| DVec3::from_array(v.map(f64::from));
+        let to_f64 = |v: &[f32; 3]| DVec3::from_array(v.map(f64::from));
         let vertices = vectors(Mesh::ATTRIBUTE_POSITION)?.clone();
-        let normals = vectors(Mesh::ATTRIBUTE_NORMAL).ok().map(|normals| normals.iter().map(wide).collect());
+        let normals =
+            vectors(Mesh::ATTRIBUTE_NORMAL).ok().map(|normals| normals.iter().map(to_f64).collect());
         let corners: Vec<usize> = match mesh.try_indices() {
             Ok(Indices::U16(indices)) => indices.iter().map(|&i| i.into()).collect(),
             Ok(Indices::U32(indices)) => indices.iter().map(|&i| i as usize).collect(),
@@ -42,14 +43,14 @@ impl Source {
             return Err(MeshFault::Incomplete(corners.len()));
         }
         let triangles = corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
-        Ok(Self::Given { vertices, scale_m, triangles, normals })
+        Ok(Self::Raw { vertices, scale_m, triangles, normals })
     }
 
-    /// The closed mesh.
+    /// Converts the data to a closed mesh.
     pub(super) fn close(self) -> Result<Arc<ClosedMesh>, BodyError> {
         match self {
             Self::Closed(mesh) => Ok(mesh),
-            Self::Given { vertices, scale_m, triangles, normals } => {
+            Self::Raw { vertices, scale_m, triangles, normals } => {
                 let mesh = ClosedMesh::from_single(&vertices, scale_m, triangles)?;
                 Ok(Arc::new(match normals {
                     Some(normals) => mesh.with_normals(normals)?,

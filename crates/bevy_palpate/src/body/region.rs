@@ -25,34 +25,34 @@ pub enum BoxFace {
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Debug, PartialEq, Clone)]
 pub enum BodyRegion {
-    /// A ball.
+    /// A solid sphere.
     Sphere {
-        /// Its centre, m.
+        /// Centre of the sphere, m.
         center_m: DVec3,
-        /// Its radius, m.
+        /// Radius of the sphere, m.
         radius_m: f64,
     },
     /// A box along the axes.
     Cuboid {
-        /// Its centre, m.
+        /// Centre of the box, m.
         center_m: DVec3,
-        /// Half its sides, m.
+        /// Half of the side lengths, m.
         half_m: DVec3,
     },
-    /// What is within a radius of a line.
+    /// The points within a radius of a line segment.
     Capsule {
-        /// One end of the line, m.
+        /// One end of the segment, m.
         from_m: DVec3,
-        /// The other, m.
+        /// The other end, m.
         to_m: DVec3,
-        /// The radius, m.
+        /// Radius of the capsule, m.
         radius_m: f64,
     },
-    /// Everything on one side of a plane.
+    /// The points on one side of a plane.
     HalfSpace {
         /// A point of the plane, m.
         point_m: DVec3,
-        /// Away from the region; of any length.
+        /// Normal of the plane, out of the region, of any length.
         outward: DVec3,
     },
 }

@@ -1,12 +1,12 @@
-//! Assigns a mesh to every body, and moves its vertices every frame.
+//! Assigns a mesh to every body, and updates its vertices in every frame.
 
 use super::shape::DeformableBody;
 use super::simulated::{SimulatedBody, SourceMesh};
 use crate::schedule::ModelOverstep;
 use bevy::prelude::*;
 
-/// Gives every new body a mesh, if the app has meshes. A body that brings a [`Mesh3d`] of its own keeps it, unless that is the
-/// mesh which it is made of.
+/// Assigns a mesh to every new body, if the app has mesh assets. A body with a [`Mesh3d`] of its own keeps it, unless it is the mesh from
+/// which the body was built.
 pub(super) fn assign_meshes(
     mut commands: Commands,
     meshes: Option<ResMut<Assets<Mesh>>>,
@@ -23,8 +23,8 @@ pub(super) fn assign_meshes(
         }
         let simulated = simulated.bypass_change_detection();
         if !meshes.contains(&simulated.drawn.mesh) {
-            let place = simulated.pose;
-            simulated.drawn.move_nodes(&simulated.body, 1.0, &place);
+            let pose = simulated.pose;
+            simulated.drawn.move_nodes(&simulated.body, 1.0, &pose);
             simulated.drawn.write(&simulated.body, simulated.skin.as_mut());
             let mesh = simulated.make_mesh(&meshes);
             (simulated.drawn.mesh, simulated.drawn.is_current) = (meshes.add(mesh), true);
@@ -34,8 +34,8 @@ pub(super) fn assign_meshes(
     }
 }
 
-/// Moves the vertices of every body's mesh to where its nodes are between the last two model steps. A mesh whose body has not
-/// moved is not touched, so nothing is uploaded for it; nothing is allocated for one that has.
+/// Moves the vertices of every body's mesh to the nodes as interpolated between the last two model steps. The mesh of an unmoved body is
+/// not changed, so it is not uploaded. Does not allocate.
 pub(super) fn update_meshes(
     meshes: Option<ResMut<Assets<Mesh>>>,
     mut bodies: Query<(Entity, &mut SimulatedBody)>,
@@ -46,17 +46,18 @@ pub(super) fn update_meshes(
     let share = overstep.share();
     for (entity, mut simulated) in &mut bodies {
         let simulated = simulated.bypass_change_detection();
-        let place = transforms.compute_global_transform(entity).unwrap_or_default();
-        let has_moved = simulated.drawn.move_nodes(&simulated.body, share, &place);
+        let pose = transforms.compute_global_transform(entity).unwrap_or_default();
+        let has_moved = simulated.drawn.move_nodes(&simulated.body, share, &pose);
         if (has_moved || !simulated.drawn.is_current) && meshes.contains(&simulated.drawn.mesh) {
             simulated.drawn.write(&simulated.body, simulated.skin.as_mut());
-            simulated.put_into(&mut meshes);
+            simulated.update_asset(&mut meshes);
         }
     }
 }
 
 impl SimulatedBody {
-    fn put_into(&mut self, meshes: &mut Assets<Mesh>) {
+    /// Writes the buffers into the mesh asset, or replaces the asset if it has other vertices.
+    fn update_asset(&mut self, meshes: &mut Assets<Mesh>) {
         let is_written = self.drawn.is_current
             && meshes.get_mut(&self.drawn.mesh).is_some_and(|mut mesh| self.drawn.copy_to(&mut mesh));
         if !is_written {
@@ -68,7 +69,7 @@ impl SimulatedBody {
         self.drawn.is_current = true;
     }
 
-    /// With the colours of the mesh that it is made of; if that is another one by now, with those it is drawn with.
+    /// Returns a mesh of the body with the attributes of its source mesh; if the source has changed, with those of the drawn mesh.
     fn make_mesh(&self, meshes: &Assets<Mesh>) -> Mesh {
         let of_source = self.built_shape.mesh().filter(|_| self.source == SourceMesh::Same);
         let candidates = [of_source.map(|shape| &shape.mesh), Some(&self.drawn.mesh)];

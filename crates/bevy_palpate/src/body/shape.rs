@@ -13,8 +13,8 @@ use glam::DVec3;
 /// ([`HapticFaultKind::NonUnitScale`](crate::HapticFaultKind::NonUnitScale)), and the body is built once the scale is 1. Moving the
 /// transform of the entity or of a parent later moves the whole body at once, its fixed region included; tools in contact release it.
 ///
-/// A body can appear where a tool is: it is spawned, replaced, moved, or selected by [`HapticTool::body`](crate::HapticTool::body). A tool whose
-/// centre is outside of it is in contact at once; one whose centre is inside is in contact after it has left. See
+/// A body can appear where a tool is: it is spawned, replaced, moved, or selected by [`HapticTool::body`](crate::HapticTool::body). A tool
+/// whose centre is outside of it is in contact at once; one whose centre is inside is in contact after it has left. See
 /// [`TouchedBody`](crate::TouchedBody).
 ///
 /// The entity receives a [`Mesh3d`] that shows it deformed. If the entity shows the mesh of which the body is made, that
@@ -38,12 +38,12 @@ pub enum DeformableBody {
 
 /// A closed mesh as the shape of a body.
 ///
-/// The mesh is filled with cubic cells ([`palpate_body::CellLattice`]), which carry its surface. Its own vertices follow, with their colours and
-/// textures. A background task builds the body once the mesh is loaded, and again whenever the mesh changes. A mesh that cannot be used (holes,
-/// intersections, wrong units) is reported as a [`HapticFault`](crate::HapticFault) with the remedy.
+/// The mesh is filled with cubic cells ([`palpate_body::CellLattice`]), which carry its surface. Its own vertices follow, with their
+/// colours and textures. A background task builds the body once the mesh is loaded, and again whenever the mesh changes. A mesh that cannot
+/// be used (holes, intersections, wrong units) is reported as a [`HapticFault`](crate::HapticFault) with the remedy.
 ///
-/// A glTF handle names one primitive as it is stored, without the transforms of the file's nodes. Join a file of several or transformed parts
-/// first; `examples/stage/mesh_file.rs` shows how.
+/// A glTF handle names one primitive as it is stored, without the transforms of the file's nodes. Join a file of several or transformed
+/// parts first; `examples/stage/mesh_file.rs` shows how.
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[reflect(Debug, PartialEq, Clone)]
 pub struct MeshShape {

@@ -1,4 +1,4 @@
-//! The simulated body of an entity, and what became of the mesh that it was built of.
+//! The simulated body of an entity, and the report about its mesh.
 
 use super::render_mesh::RenderMesh;
 use super::shape::{DeformableBody, FixedRegion, Slit};
@@ -10,75 +10,79 @@ use palpate_body::{Body, BodyError, BodyPoint, ClosedMesh, MeshCells, MeshRepair
 use palpate_reduce::LocalModelBuilder;
 use std::sync::Arc;
 
-/// The simulated body, in the world's frame: made from [`DeformableBody`] and its partners, stepped at the
-/// model rate. Read it to look inside.
+/// The simulated body of an entity with [`DeformableBody`], in the world frame.
+///
+/// Inserted when the body has been built, replaced when it is built again, and stepped at the model rate. Read-only for apps.
 #[derive(Component, Debug)]
 pub struct SimulatedBody {
     pub(crate) body: Body,
     pub(crate) builder: LocalModelBuilder,
     pub(crate) epoch: u64,
     pub(crate) last_step: StepReport,
-    /// What has been wrong with its steps for some time.
+    /// Persistent problems of the steps.
     pub(crate) watch: StepWatch,
-    /// The first build with these nodes, and these fixed.
+    /// Number of the first build with the same nodes and the same fixed nodes.
     pub(crate) shape: u64,
-    /// The last carrying along.
-    pub(super) carried: u64,
-    /// Why the last step failed, so that it is said once.
+    /// Number of the last move by the transform.
+    pub(super) last_move: u64,
+    /// Kind of the error of the last step, which is reported once.
     pub(crate) failed: Option<std::mem::Discriminant<BodyError>>,
-    /// Where the entity was when the body was built or last carried along.
+    /// Pose of the entity when the body was built or last moved by the transform.
     pub(super) pose: GlobalTransform,
-    /// The pose at which its nodes are at rest.
+    /// Pose of the body's rest shape.
     pub(super) rest_pose: GlobalTransform,
-    /// The entity is at a place that was refused, and that has been said.
+    /// Whether the present pose of the entity was rejected and reported.
     pub(super) reported_pose: bool,
-    /// What it was built of.
+    /// The components from which the body was built.
     pub(super) built_shape: DeformableBody,
     pub(super) built_fixed: FixedRegion,
     pub(super) built_slit: Option<Slit>,
     pub(super) built_tissue: Tissue,
-    /// Of a mesh: how it is drawn, itself, what became of it, and how it compares with the mesh that there is now.
+    /// Of a body from a mesh: the skin that moves the vertices.
     pub(super) skin: Option<Skin>,
+    /// Of a body from a mesh: the closed mesh.
     pub(super) closed: Option<Arc<ClosedMesh>>,
+    /// Of a body from a mesh: repairs and cells.
     pub(super) report: Option<MeshReport>,
+    /// Comparison of the closed mesh with the current asset.
     pub(super) source: SourceMesh,
     pub(crate) drawn: RenderMesh,
-    /// The sutures in it, in the order of the body's ties.
+    /// The sutures of the body, in the order of its ties.
     pub(crate) sutures: Vec<Entity>,
 }
 
 impl SimulatedBody {
-    /// The full body: network, surface, positions, velocities, forces.
+    /// Returns the full body: network, surface, positions, velocities and forces, in the world frame.
     #[must_use]
     pub fn body(&self) -> &Body {
         &self.body
     }
 
-    /// Which build it is: every build of a body in an app, and every carrying along, has a higher number than those before.
+    /// Returns the number of the build or of the last move by the transform, greater than all previous ones in the app.
     #[must_use]
     pub fn epoch(&self) -> u64 {
         self.epoch
     }
 
-    /// What a contact belongs to: nodes of another shape have other numbers, and those of a body that was carried along are
-    /// elsewhere without having moved there.
+    /// Identifies the nodes and their placement, to which a contact belongs. A new shape numbers its nodes differently, and a move by the
+    /// transform displaces them without a motion.
     pub(crate) fn contact_key(&self) -> (u64, u64) {
-        (self.shape, self.carried)
+        (self.shape, self.last_move)
     }
 
-    /// The closed mesh that it fills; `None` for a block.
+    /// Returns the closed mesh from which the body was built; `None` for a block.
     #[must_use]
     pub fn closed_mesh(&self) -> Option<&ClosedMesh> {
         self.closed.as_deref()
     }
 
-    /// What it is made of now; while it is being made of another tissue, the one before.
+    /// Returns the tissue of the simulated body. It lags behind the [`Tissue`] component while a build is running.
     #[must_use]
     pub fn tissue(&self) -> Tissue {
         self.built_tissue
     }
 
-    /// Edge of a cell at rest, m; of a block's cells the shortest edge.
+    /// Returns the edge of a cell at rest, m; of a block the shortest edge.
     #[must_use]
     pub fn cell_m(&self) -> f64 {
         match (&self.built_shape, self.report) {
@@ -91,16 +95,16 @@ impl SimulatedBody {
         }
     }
 
-    /// Place of a point of the body if it were not deformed, m, world frame.
+    /// Position of a point of the undeformed body at the entity's pose, m, world frame.
     pub(crate) fn undeformed_m(&self, point: &BodyPoint) -> DVec3 {
         let rest_m = point.of(self.body.network().rest_m());
         let (from, to) = (&self.rest_pose, &self.pose);
-        let turn = |pose: &GlobalTransform| pose.rotation().as_dquat();
-        let local_m = turn(from).inverse() * (rest_m - from.translation().as_dvec3());
-        to.translation().as_dvec3() + turn(to) * local_m
+        let rotation = |pose: &GlobalTransform| pose.rotation().as_dquat();
+        let local_m = rotation(from).inverse() * (rest_m - from.translation().as_dvec3());
+        to.translation().as_dvec3() + rotation(to) * local_m
     }
 
-    /// Longest side of the box round all nodes at rest, m, along the world's axes as the body stood when it was built.
+    /// Returns the longest side of the bounding box of all nodes at rest, m, along the world's axes at the pose of the build.
     #[must_use]
     pub fn longest_side_m(&self) -> f64 {
         let rest = self.body.network().rest_m().iter().copied();
@@ -108,56 +112,56 @@ impl SimulatedBody {
         bounds.map_or(0.0, |(low, high)| (high - low).max_element())
     }
 
-    /// Value of [`MeshShape::cells_along_longest_axis`] of which the body was made; `None` for a block.
+    /// Value of [`MeshShape::cells_along_longest_axis`] with which the body was built; `None` for a block.
     pub(crate) fn cells_along(&self) -> Option<usize> {
         self.built_shape.mesh().map(|shape| shape.cells_along_longest_axis)
     }
 
-    /// What became of that mesh: repairs, cells, and how far from it the body is touched; `None` for a block.
+    /// Returns the report about the body's mesh: repairs, cells and deviation of the touched surface; `None` for a block.
     #[must_use]
     pub fn mesh_report(&self) -> Option<MeshReport> {
         self.report
     }
 
-    /// Where the nodes are drawn now, m, in the world's frame: on their way between the last two model steps.
+    /// Returns the positions at which the nodes are drawn, m, world frame: interpolated between the last two model steps.
     #[must_use]
     pub fn drawn_m(&self) -> &[DVec3] {
         self.drawn.nodes_m(&self.body)
     }
 
-    /// How every node moves with column `column` of the newest local model's basis; `None` where there is no such column. See
-    /// [`LocalModelBuilder::basis_column`].
+    /// Returns the displacement of every node in column `column` of the newest local model's basis ([`LocalModelBuilder::basis_column`]);
+    /// `None` if the basis has fewer columns.
     #[must_use]
     pub fn basis_column(&self, column: usize) -> Option<Vec<DVec3>> {
         self.builder.basis_column(&self.body, column)
     }
 
-    /// What the last model step did.
+    /// Returns the report about the last model step.
     #[must_use]
     pub fn last_step(&self) -> StepReport {
         self.last_step
     }
 }
 
-/// What became of the mesh that a body was made of.
+/// Report about the mesh from which a body was built.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MeshReport {
-    /// What was put right in the mesh.
+    /// Repairs of the mesh.
     pub repairs: MeshRepairs,
-    /// The cells that fill it: how many, how wide, and how much heavier than the mesh they are.
+    /// Cells that fill the mesh: number, size and excess mass.
     pub cells: MeshCells,
-    /// The greatest distance of a vertex of the mesh from the surface that tools touch, m.
+    /// Maximum distance of a vertex of the mesh from the surface that tools touch, m.
     pub deviation_m: f64,
 }
 
-/// How the mesh that a body was made of compares with what its handle names now.
+/// Comparison of the mesh from which a body was built with the current asset of its handle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum SourceMesh {
-    /// It is that.
+    /// The asset has not changed.
     #[default]
     Same,
-    /// It has changed since, and is to be made a body of.
+    /// The asset has changed, and the body is to be built from it.
     Changed,
-    /// It has changed since, and no body can be made of it; the body is of the one before.
+    /// The asset has changed and was rejected; the body was built from the previous one.
     Rejected,
 }

@@ -1,4 +1,4 @@
-//! The state of a body's build, for apps.
+//! State of a body's build.
 
 use bevy::prelude::*;
 
@@ -21,19 +21,19 @@ use bevy::prelude::*;
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 #[component(immutable)]
 pub enum BodyState {
-    /// Its mesh asset is being loaded, or it has just been spawned.
+    /// The mesh asset of the body is being loaded, or the body has just been spawned.
     #[default]
     Loading,
-    /// A background task builds it from its mesh.
+    /// A background task builds the body from its mesh.
     Building,
-    /// It is simulated.
+    /// The body is simulated.
     Ready,
-    /// Its components were rejected, with the reason as one line; the fault is also written as
-    /// [`HapticFault`](crate::HapticFault). It is built once the components, the mesh or the transform change.
+    /// The components, the mesh or the transform were rejected, with the reason as one line; the same reason is written as a
+    /// [`HapticFault`](crate::HapticFault). The body is built once they change.
     Rejected(String),
 }
 
-/// A body has been built, or built again, and is simulated.
+/// A body has been built, or built again, and is simulated: a message, and an event for observers of the body, which run at once.
 #[derive(EntityEvent, Message, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[reflect(Message, Debug, PartialEq, Clone)]
 pub struct BodyReady {

@@ -1,18 +1,19 @@
-//! What the user asks a body to be made of.
+//! The tissue of a body, and inclusions of other tissue.
 
 use super::region::BodyRegion;
 use bevy::prelude::*;
 
-/// What a body is made of: see [`palpate_body::Tissue`] for how it becomes springs. It may be changed while the
-/// body is touched; the body keeps its shape and motion then.
+/// Elastic tissue of a body. [`palpate_body::Tissue`] derives the springs from it.
+///
+/// A change during contact keeps the shape and the motion of the body.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct Tissue {
-    /// Young's modulus, Pa. Soft organs: 1 kPa to 100 kPa. Poisson's ratio is 1/4.
+    /// Young's modulus, Pa: 1 kPa to 100 kPa for soft organs. Poisson's ratio is 1/4.
     pub youngs_modulus_pa: f64,
     /// Density, kg/m³.
     pub density_kg_per_m3: f64,
-    /// Damping of the springs; 0.5 is a tissue that hardly rings.
+    /// Damping ratio of the springs; 0.5 is a tissue that hardly oscillates.
     pub damping_ratio: f64,
 }
 
@@ -32,19 +33,20 @@ impl From<Tissue> for palpate_body::Tissue {
     }
 }
 
-/// Parts of a mesh body that are made of something else, a lump in an organ for instance; where they overlap the last counts.
-/// Put it beside [`DeformableBody`](crate::DeformableBody); it may be changed while the body is touched. A block is one tissue
-/// throughout.
+/// Regions of a mesh body with other tissue, for example a lump in an organ. Where regions overlap the last one applies.
+///
+/// Insert the component on the entity with [`DeformableBody`](crate::DeformableBody); it may change during contact. On a block inclusions
+/// are rejected.
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct Inclusions(pub Vec<Inclusion>);
 
-/// A part of a body that is made of something else.
+/// A region of a body with other tissue.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Debug, PartialEq, Clone)]
 pub struct Inclusion {
-    /// Where, in the body's own frame.
+    /// Region of the inclusion, in the body's own frame.
     pub region: BodyRegion,
-    /// What it is made of.
+    /// Tissue of the inclusion.
     pub tissue: Tissue,
 }

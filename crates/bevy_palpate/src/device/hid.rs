@@ -1,4 +1,4 @@
-//! Devices over HID for the registry.
+//! HID devices of the registry.
 
 use super::{HidDeviceKind, HidSelector};
 use palpate_hid::{
@@ -6,22 +6,22 @@ use palpate_hid::{
 };
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Vendor of the Teensy.
+/// USB vendor number of the Teensy.
 const TEENSY: u16 = 0x16C0;
 
-/// The bus, its options, and what the devices have seen.
+/// The bus, the options, and handles of the created devices.
 #[derive(Default)]
 pub(super) struct Hid {
-    /// The operating system's, from when it is first asked for, or one that was set.
+    /// The bus that was set, or that of the operating system from its first use on.
     bus: Mutex<Option<Arc<dyn HidBus>>>,
     pub(super) options: HidOptions,
-    /// The newest device that was made by each choice.
-    made: Mutex<Vec<(HidSelector, OpenedDevice)>>,
+    /// The newest device created for each selector.
+    created: Mutex<Vec<(HidSelector, CreatedDevice)>>,
 }
 
-/// What is kept of a device that a loop has.
+/// Handles of a device that a loop owns.
 #[derive(Clone)]
-pub(super) struct OpenedDevice {
+pub(super) struct CreatedDevice {
     pub(super) counters: HidCounters,
     pub(super) calibration: Option<BoardCalibration>,
 }
@@ -42,45 +42,46 @@ impl Hid {
 
     pub(super) fn present(&self) -> Result<Vec<(HidSelector, String)>, HidError> {
         let bus = self.bus()?;
-        let known = |info| FoundDevice::known(&*bus, info, true);
-        // Every sketch for a Teensy with raw HID looks like a board.
+        let supported = |info| FoundDevice::known(&*bus, info, true);
+        // Every Teensy program with raw HID has the numbers of a board.
         let label = |found: &FoundDevice| match (found.kind, found.info.vendor) {
             (HidKind::Board, TEENSY) => {
-                format!("Teensy, a 3-DOF board if you say so: {}", found.info.label())
+                format!("Teensy, possibly a 3-DOF board: {}", found.info.label())
             }
             (kind, _) => format!("{kind}: {}", found.info.label()),
         };
         let present = bus.list()?;
-        let found: Vec<FoundDevice> = present.iter().filter_map(known).collect();
+        let found: Vec<FoundDevice> = present.iter().filter_map(supported).collect();
         let numbers = |found: &FoundDevice| (found.info.vendor, found.info.product);
         let is_alike =
             |a: &FoundDevice, b: &FoundDevice| numbers(a) == numbers(b) && a.info.serial == b.info.serial;
-        let told = |one: &FoundDevice| {
-            let is_alone = found.iter().filter(|other| is_alike(one, other)).count() == 1;
+        let entry = |one: &FoundDevice| {
+            let is_unique = found.iter().filter(|other| is_alike(one, other)).count() == 1;
             let (label, path) = (label(one), &one.info.path);
-            (HidSelector::of(one, is_alone), if is_alone { label } else { format!("{label} at {path}") })
+            (HidSelector::of(one, is_unique), if is_unique { label } else { format!("{label} at {path}") })
         };
-        Ok(found.iter().map(told).collect())
+        Ok(found.iter().map(entry).collect())
     }
 
-    pub(super) fn make(&self, choice: &HidSelector) -> Result<HidDevice, HidError> {
-        let device = HidDevice::find(self.bus()?, &choice.selector(), &self.options)?;
-        let kept = OpenedDevice { counters: device.counters(), calibration: device.board_calibration() };
-        let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
-        made.retain(|(known, _)| known != choice);
-        made.push((choice.clone(), kept));
+    pub(super) fn make(&self, selector: &HidSelector) -> Result<HidDevice, HidError> {
+        let device = HidDevice::find(self.bus()?, &selector.selector(), &self.options)?;
+        let newest = CreatedDevice { counters: device.counters(), calibration: device.board_calibration() };
+        let mut created = self.created.lock().unwrap_or_else(PoisonError::into_inner);
+        created.retain(|(other, _)| other != selector);
+        created.push((selector.clone(), newest));
         Ok(device)
     }
 
-    pub(super) fn opened(&self, choice: &HidSelector) -> Option<OpenedDevice> {
-        let made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
-        made.iter().find(|(known, _)| known == choice).map(|(_, made)| made.clone())
+    /// The newest device created for `selector`.
+    pub(super) fn newest(&self, selector: &HidSelector) -> Option<CreatedDevice> {
+        let created = self.created.lock().unwrap_or_else(PoisonError::into_inner);
+        created.iter().find(|(other, _)| other == selector).map(|(_, newest)| newest.clone())
     }
 }
 
 impl HidSelector {
-    /// Exactly `found`: by its serial number where it has one of its own, otherwise by where it is.
-    fn of(found: &FoundDevice, is_alone: bool) -> Self {
+    /// Selects exactly `found`: by its serial number if it is unique, otherwise by its path.
+    fn of(found: &FoundDevice, is_unique: bool) -> Self {
         let info = &found.info;
         Self {
             kind: Some(match found.kind {
@@ -91,7 +92,7 @@ impl HidSelector {
             vendor: Some(info.vendor),
             product: Some(info.product),
             serial: (!info.serial.is_empty()).then(|| info.serial.clone()),
-            path: (info.serial.is_empty() || !is_alone).then(|| info.path.clone()),
+            path: (info.serial.is_empty() || !is_unique).then(|| info.path.clone()),
             match_first: false,
             treat_teensy_as_board: found.kind == HidKind::Board,
         }

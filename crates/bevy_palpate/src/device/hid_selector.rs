@@ -1,26 +1,26 @@
-//! Which of the devices that are plugged in, as plain data.
+//! Selector of HID devices, as plain data.
 
 use bevy::prelude::*;
 
-/// A kind of device over HID.
+/// Kind of a HID device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Debug, PartialEq, Hash, Clone)]
 pub enum HidDeviceKind {
-    /// An open board with three motors: WoodenHaptics, AluHaptics, Polhem. All have the same numbers on USB; which one it is has to be
-    /// said, in the options that `HapticDevices::set_hid_options` takes.
+    /// An open 3-DOF board: WoodenHaptics, AluHaptics, Polhem. All have the same USB numbers; the options of
+    /// `HapticDevices::set_hid_options` select the kinematics.
     Board,
-    /// A force-feedback joystick with USB's physical interface device class.
+    /// A force-feedback joystick of USB's physical interface device class (PID).
     Joystick,
-    /// A cap of 3Dconnexion, without motors.
+    /// A 3Dconnexion SpaceMouse, without motors.
     SpaceMouse,
 }
 
-/// Which device over HID. What is not named may be anything.
+/// Selects a connected HID device. A field of `None` matches any device.
 ///
 /// ```
 /// use bevy_palpate::{DeviceSelector, HidSelector, HidDeviceKind};
 ///
-/// // Any, one with motors before one without.
+/// // The first of any kind, with motors before without.
 /// let any = DeviceSelector::Hid(HidSelector::first());
 /// let joystick = HidSelector { kind: Some(HidDeviceKind::Joystick), ..HidSelector::first() };
 /// let mine = HidSelector { serial: Some("A1B2".into()), ..HidSelector::default() };
@@ -29,25 +29,24 @@ pub enum HidDeviceKind {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Debug, Default, PartialEq, Hash, Clone)]
 pub struct HidSelector {
-    /// Its kind.
+    /// Kind of the device.
     pub kind: Option<HidDeviceKind>,
-    /// Number of its vendor.
+    /// USB vendor number.
     pub vendor: Option<u16>,
-    /// Number of its product.
+    /// USB product number.
     pub product: Option<u16>,
-    /// Its serial number.
+    /// Serial number.
     pub serial: Option<String>,
-    /// Where it is, in the operating system's words, for devices without a serial number. It changes when the device is plugged in
-    /// anew.
+    /// Path given by the operating system, for devices without a serial number. It changes when the device is connected again.
     pub path: Option<String>,
-    /// Where several are like that, whether the first that nobody has is meant; without it that is a fault, which lists them.
+    /// Whether to take the first unused device if several match. Otherwise several matches are a fault that lists them.
     pub match_first: bool,
-    /// Whether 16C0:0486 is a 3-DOF board. Every sketch for a Teensy with raw HID has these numbers, so that somebody has to say it.
+    /// Whether a device 16C0:0486 is a 3-DOF board. Every Teensy program with raw HID has these numbers, so this must be set explicitly.
     pub treat_teensy_as_board: bool,
 }
 
 impl HidSelector {
-    /// The first of any kind: boards before joysticks before caps.
+    /// Selects the first device of any kind: boards before joysticks before SpaceMice.
     #[must_use]
     pub fn first() -> Self {
         Self { match_first: true, ..Self::default() }

@@ -1,33 +1,33 @@
-//! A model step that takes longer than its period, with what cost the time.
+//! A model step that takes longer than its period, and the times of its parts.
 
 use std::fmt::{Display, Formatter};
 
-/// Figures of a model step that took longer than its period.
+/// Durations of a model step that took longer than its period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlowStep {
     /// Duration of the step, ms.
     pub step_ms: f64,
     /// Time between two model steps, ms.
     pub period_ms: f64,
-    /// Part of the step in which the bodies moved, ms.
+    /// Time spent in stepping bodies, ms.
     pub bodies_ms: f64,
-    /// Part of the step in which local models were built, ms.
+    /// Time spent in building local models, ms.
     pub local_models_ms: f64,
-    /// Nodes of the largest body; the fault's entity is that body.
+    /// Number of nodes of the largest body, which is the fault's entity.
     pub nodes: usize,
-    /// Value of [`MeshShape::cells_along_longest_axis`](crate::MeshShape::cells_along_longest_axis) with which that body would be fast enough, if it is of a
-    /// mesh. An estimate: the time is taken to grow with the number of cells.
+    /// Suggested [`MeshShape::cells_along_longest_axis`](crate::MeshShape::cells_along_longest_axis) of that body; `None` for a block. An
+    /// estimate, with a time proportional to the number of cells.
     pub cells_along: Option<usize>,
 }
 
-/// A part of a model step.
+/// Part of a model step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StepPart {
-    /// The steps of the bodies.
+    /// Stepping the bodies.
     Bodies,
-    /// The building of local models.
+    /// Building the local models.
     LocalModels,
-    /// Everything else, systems of the app in [`ModelSchedule`](crate::ModelSchedule) included.
+    /// Everything else, including the app's own systems in [`ModelSchedule`](crate::ModelSchedule).
     Other,
 }
 
@@ -62,8 +62,10 @@ impl Display for SlowStep {
             self.other_ms()
         )?;
         match (self.largest(), cells_along) {
-            (StepPart::Other, _) => f.write_str("shorten the app's own systems in ModelStep"),
-            (_, Some(cells)) => write!(f, "set cells_along of its mesh to {cells}, or lower ModelRate"),
+            (StepPart::Other, _) => f.write_str("shorten the app's own systems in ModelSchedule"),
+            (_, Some(cells)) => {
+                write!(f, "set MeshShape::cells_along_longest_axis to {cells}, or lower ModelRate")
+            }
             (_, None) => f.write_str("use fewer nodes, or lower ModelRate"),
         }
     }
@@ -74,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_largest_part_is_named() {
+    fn remedy_follows_the_largest_part() {
         let step = SlowStep {
             step_ms: 100.0,
             period_ms: 50.0,
@@ -84,7 +86,8 @@ mod tests {
             cells_along: Some(6),
         };
         assert_eq!((step.largest(), step.other_ms()), (StepPart::Bodies, 10.0));
-        assert!(step.to_string().ends_with("set cells_along of its mesh to 6, or lower ModelRate"), "{step}");
+        let text = step.to_string();
+        assert!(text.ends_with("set MeshShape::cells_along_longest_axis to 6, or lower ModelRate"), "{text}");
         let local = SlowStep { bodies_ms: 20.0, local_models_ms: 70.0, cells_along: None, ..step };
         assert_eq!(local.largest(), StepPart::LocalModels);
         assert!(local.to_string().ends_with("use fewer nodes, or lower ModelRate"), "{local}");

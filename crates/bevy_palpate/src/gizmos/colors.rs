@@ -11,16 +11,16 @@ pub(super) const CONTACT: Color = Color::srgb(1.0, 0.35, 0.35);
 pub(super) const SUPPORT: Color = Color::srgb(0.2, 0.95, 0.6);
 pub(super) const RING: Color = Color::srgba(0.2, 0.7, 0.85, 0.8);
 
-/// Blue for compressed, a faint grey for neither, red for stretched; full at −1 and 1.
+/// Colour of a relative strain: blue for compression, faint grey for zero, red for tension; full at −1 and 1.
 pub(super) fn strained(strain: f32) -> Color {
     let rest = LinearRgba::new(0.35, 0.37, 0.40, 0.12);
     let full = if strain < 0.0 { LinearRgba::rgb(0.05, 0.25, 1.0) } else { LinearRgba::rgb(1.0, 0.08, 0.05) };
-    // What is not finite is at its worst.
+    // A strain that is not finite has the full colour.
     let share = if strain.is_finite() { strain.abs().min(1.0) } else { 1.0 };
     rest.mix(&full, share).into()
 }
 
-/// From dark violet over green to yellow.
+/// Colour of a share, 0 to 1: dark violet, green, yellow.
 pub(super) fn bright(share: f32) -> Color {
     const STOPS: [[f32; 3]; 5] =
         [[0.27, 0.0, 0.33], [0.23, 0.32, 0.55], [0.13, 0.57, 0.55], [0.37, 0.79, 0.38], [0.99, 0.91, 0.14]];
@@ -31,10 +31,10 @@ pub(super) fn bright(share: f32) -> Color {
     Color::srgb(r, g, b)
 }
 
-/// How far each node moves, the farthest 1.
+/// Displacements of the nodes relative to the largest, 0 to 1.
 pub(super) fn shares(moves: &[DVec3]) -> Vec<f32> {
-    let most = moves.iter().map(|v| v.length()).fold(0.0, f64::max);
-    moves.iter().map(|v| if most > 0.0 { (v.length() / most) as f32 } else { 0.0 }).collect()
+    let max = moves.iter().map(|v| v.length()).fold(0.0, f64::max);
+    moves.iter().map(|v| if max > 0.0 { (v.length() / max) as f32 } else { 0.0 }).collect()
 }
 
 #[cfg(test)]
@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_farthest_node_is_the_brightest_and_nothing_is_still_nothing() {
+    fn largest_displacement_is_brightest_and_zero_stays_zero() {
         let moves = [DVec3::ZERO, DVec3::X * 0.5, DVec3::new(0.0, -2.0, 0.0)];
         assert_eq!(shares(&moves), [0.0, 0.25, 1.0]);
         assert_eq!(shares(&[DVec3::ZERO; 2]), [0.0; 2]);
@@ -51,7 +51,7 @@ mod tests {
     }
 
     #[test]
-    fn stretched_is_red_compressed_blue_and_beyond_the_scale_no_other_colour() {
+    fn tension_is_red_compression_blue_and_colours_saturate() {
         let [red, blue, rest] = [1.0, -1.0, 0.0].map(|strain| strained(strain).to_linear());
         assert!(red.red > rest.red && red.blue < rest.blue && blue.blue > rest.blue && blue.red < rest.red);
         assert_eq!((strained(7.0), strained(f32::NAN).to_linear().red), (strained(1.0), red.red));

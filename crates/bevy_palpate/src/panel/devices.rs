@@ -1,25 +1,25 @@
-//! The device of a tool, chosen.
+//! Selection of a tool's device.
 
 use super::recording::name_of;
 use super::theme;
 use crate::device::{DeviceSelector, HapticDevices, HidDeviceKind, HidSelector};
 use bevy_egui::egui;
 
-/// What may be asked for before it is plugged in.
+/// Kinds of HID devices that can be selected before they are connected.
 const FIRST: [Option<HidDeviceKind>; 4] =
     [None, Some(HidDeviceKind::Board), Some(HidDeviceKind::Joystick), Some(HidDeviceKind::SpaceMouse)];
 
-/// The devices that were found when they were last looked for.
+/// Connected devices of the last search.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct DeviceList {
     found: Vec<(DeviceSelector, String)>,
-    /// What looking for them gave.
-    told: Option<Result<String, String>>,
+    /// Message about the last search.
+    message: Option<Result<String, String>>,
 }
 
 impl DeviceList {
-    /// A list of all devices that have a name here and of those that are plugged in; whether `device` is another one now.
-    pub(super) fn choose(
+    /// Shows the registered and the connected devices; returns whether another one than `device` was selected.
+    pub(super) fn select(
         &mut self,
         ui: &mut egui::Ui,
         device: &mut DeviceSelector,
@@ -33,48 +33,48 @@ impl DeviceList {
                     for name in devices.names() {
                         ui.selectable_value(device, DeviceSelector::named(name), name);
                     }
-                    for choice in FIRST.iter().filter(|_| cfg!(feature = "hid")) {
-                        let choice = HidSelector { kind: *choice, ..HidSelector::first() };
-                        let label = choice.to_string();
-                        ui.selectable_value(device, DeviceSelector::Hid(choice), label);
+                    for kind in FIRST.iter().filter(|_| cfg!(feature = "hid")) {
+                        let selector = HidSelector { kind: *kind, ..HidSelector::first() };
+                        let label = selector.to_string();
+                        ui.selectable_value(device, DeviceSelector::Hid(selector), label);
                     }
                     for (found, label) in &self.found {
                         ui.selectable_value(device, found.clone(), label);
                     }
                 },
             );
-            if ui.small_button("look").on_hover_text("looks for devices that are plugged in").clicked() {
+            if ui.small_button("search").on_hover_text("searches for connected devices").clicked() {
                 self.refresh(devices);
             }
         });
-        match &self.told {
+        match &self.message {
             Some(Ok(text)) => {
                 theme::small(ui, text.as_str());
             }
-            Some(Err(why)) => {
-                theme::refusal(ui, why);
+            Some(Err(reason)) => {
+                theme::error(ui, reason);
             }
             None => {}
         }
         *device != before
     }
 
-    /// Looks for what is plugged in.
+    /// Searches for connected devices.
     pub(super) fn refresh(&mut self, devices: &HapticDevices) {
-        match present(devices) {
+        match connected(devices) {
             Ok(found) => {
-                self.told = Some(Ok(match found.len() {
-                    0 => "No known device is plugged in.".into(),
-                    1 => "One is plugged in.".into(),
-                    several => format!("{several} are plugged in."),
+                self.message = Some(Ok(match found.len() {
+                    0 => "No supported device is connected.".into(),
+                    1 => "One device is connected.".into(),
+                    several => format!("{several} devices are connected."),
                 }));
                 self.found = found;
             }
-            Err(why) => self.told = Some(Err(why)),
+            Err(reason) => self.message = Some(Err(reason)),
         }
     }
 
-    /// What was found.
+    /// The devices of the last search.
     #[cfg(test)]
     pub(super) fn found(&self) -> &[(DeviceSelector, String)] {
         &self.found
@@ -82,26 +82,26 @@ impl DeviceList {
 }
 
 #[cfg(feature = "hid")]
-fn present(devices: &HapticDevices) -> Result<Vec<(DeviceSelector, String)>, String> {
+fn connected(devices: &HapticDevices) -> Result<Vec<(DeviceSelector, String)>, String> {
     let found = devices.hid_present().map_err(|error| error.to_string())?;
-    Ok(found.into_iter().map(|(choice, label)| (DeviceSelector::Hid(choice), label)).collect())
+    Ok(found.into_iter().map(|(selector, label)| (DeviceSelector::Hid(selector), label)).collect())
 }
 
 #[cfg(not(feature = "hid"))]
-fn present(_: &HapticDevices) -> Result<Vec<(DeviceSelector, String)>, String> {
-    Err("Devices that are plugged in need the feature hid of bevy_palpate.".into())
+fn connected(_: &HapticDevices) -> Result<Vec<(DeviceSelector, String)>, String> {
+    Err("HID devices need the feature `hid` of bevy_palpate, which is not enabled.".into())
 }
 
 /// Of a board that does not know where its arm is: what to do about that, and a button that says that it has been done.
 #[cfg(feature = "hid")]
 pub(super) fn calibrate(ui: &mut egui::Ui, devices: &HapticDevices, device: &DeviceSelector) {
-    let DeviceSelector::Hid(choice) = device else { return };
-    let Some(calibration) = devices.hid_calibration(choice).filter(|calibration| !calibration.is_done())
+    let DeviceSelector::Hid(selector) = device else { return };
+    let Some(calibration) = devices.hid_calibration(selector).filter(|calibration| !calibration.is_done())
     else {
         return;
     };
-    ui.colored_label(theme::AMBER, "No force until the arm has been at its home.");
-    if ui.small_button("It is there").on_hover_text("Hold the arm at its home, and press this.").clicked() {
+    ui.colored_label(theme::AMBER, "Not calibrated: no force until the arm has been in its home position.");
+    if ui.small_button("Calibrate").on_hover_text("Hold the arm in its home position and click.").clicked() {
         calibration.request();
     }
 }
@@ -109,18 +109,18 @@ pub(super) fn calibrate(ui: &mut egui::Ui, devices: &HapticDevices, device: &Dev
 #[cfg(not(feature = "hid"))]
 pub(super) fn calibrate(_: &mut egui::Ui, _: &HapticDevices, _: &DeviceSelector) {}
 
-/// How often a device over HID takes a force, and what has come of its reports; `None` for other devices, and before one is made.
+/// Rate of forces and counters of reports of a HID device; `None` for other devices, and before one is created.
 #[cfg(feature = "hid")]
-pub(super) fn counted(devices: &HapticDevices, device: &DeviceSelector) -> Option<[String; 2]> {
-    let DeviceSelector::Hid(choice) = device else { return None };
-    let counters = devices.hid_counters(choice)?;
-    let forces = counters.force_rate_hz().map_or_else(|| "none".into(), |hz| format!("{hz:.0} a second"));
+pub(super) fn counters(devices: &HapticDevices, device: &DeviceSelector) -> Option<[String; 2]> {
+    let DeviceSelector::Hid(selector) = device else { return None };
+    let counters = devices.hid_counters(selector)?;
+    let forces = counters.force_rate_hz().map_or_else(|| "none".into(), |hz| format!("{hz:.0} per second"));
     let (read, skipped, malformed) = (counters.read(), counters.skipped(), counters.malformed());
-    Some([forces, format!("{read} read · {skipped} passed over for newer ones · {malformed} malformed")])
+    Some([forces, format!("{read} read · {skipped} skipped for newer ones · {malformed} malformed")])
 }
 
 #[cfg(not(feature = "hid"))]
-pub(super) fn counted(_: &HapticDevices, _: &DeviceSelector) -> Option<[String; 2]> {
+pub(super) fn counters(_: &HapticDevices, _: &DeviceSelector) -> Option<[String; 2]> {
     None
 }
 
@@ -130,7 +130,7 @@ mod tests {
 
     #[cfg(feature = "hid")]
     #[test]
-    fn what_is_plugged_in_is_found_when_it_is_looked_for() {
+    fn search_finds_a_connected_device() {
         use palpate_hid::simulated::{Firmware, SimulatedBus};
         use palpate_hid::{HidInfo, Usage};
 
@@ -155,25 +155,25 @@ mod tests {
             applications: vec![Usage::new(1, 8)],
         };
         bus.plug(info, Vec::new(), Silent);
-        let (mut present, mut devices) = (DeviceList::default(), HapticDevices::default());
+        let (mut list, mut devices) = (DeviceList::default(), HapticDevices::default());
         devices.set_hid_bus(bus);
-        present.refresh(&devices);
-        assert_eq!(present.told, Some(Ok("One is plugged in.".into())));
-        let [(selector, label)] = present.found() else { panic!("one device") };
+        list.refresh(&devices);
+        assert_eq!(list.message, Some(Ok("One device is connected.".into())));
+        let [(selector, label)] = list.found() else { panic!("one device") };
         assert_eq!(label, "SpaceMouse: SpaceMouse (256f:c635, serial 7)");
         assert_eq!(name_of(selector), "SpaceMouse 256f:c635 7");
-        assert_eq!(counted(&devices, selector), None);
+        assert_eq!(counters(&devices, selector), None);
         assert!(devices.make(selector).is_ok());
-        let [forces, reports] = counted(&devices, selector).expect("one was made");
+        let [forces, reports] = counters(&devices, selector).expect("one was created");
         assert_eq!(forces, "none");
-        assert_eq!(reports, "0 read · 0 passed over for newer ones · 0 malformed");
+        assert_eq!(reports, "0 read · 0 skipped for newer ones · 0 malformed");
     }
 
     #[cfg(not(feature = "hid"))]
     #[test]
-    fn without_the_feature_it_says_so() {
-        let mut present = DeviceList::default();
-        present.look(&HapticDevices::default());
-        assert!(present.told.as_ref().is_some_and(|told| told.is_err()) && present.found().is_empty());
+    fn search_without_the_feature_is_an_error() {
+        let mut list = DeviceList::default();
+        list.refresh(&HapticDevices::default());
+        assert!(list.message.as_ref().is_some_and(Result::is_err) && list.found().is_empty());
     }
 }

@@ -1,4 +1,4 @@
-//! What went wrong lately, and what the panel takes back because of it.
+//! The last faults, and the reversal of a rejected tissue.
 
 use super::state::HapticPanel;
 use crate::body::{BodyBuild, SimulatedBody, Tissue};
@@ -9,20 +9,20 @@ use bevy::prelude::*;
 use palpate_haptics::LoopEventKind;
 use std::collections::VecDeque;
 
-/// The faults that were told last.
+/// The last faults.
 #[derive(Resource, Default)]
 pub(crate) struct FaultLog {
-    /// Text, how often in a row, and when last, s.
+    /// Text, number of repetitions, and time of the last one, s.
     pub(super) faults: VecDeque<(String, u32, f64)>,
-    /// When each tool last touched beyond its support set, s.
+    /// Time of each tool's last contact beyond its support set, s.
     beyond_support: EntityHashMap<f64>,
 }
 
-/// Faults that are kept.
-const KEPT: usize = 5;
+/// Maximum number of faults in the log.
+const MAX_FAULTS: usize = 5;
 
 impl FaultLog {
-    /// How long ago `tool` last touched beyond its support set, s, if it did.
+    /// Time since the last contact of `tool` beyond its support set, s, if there was one.
     pub(super) fn beyond_support_s(&self, tool: Entity, now_s: f64) -> Option<f64> {
         self.beyond_support.get(&tool).map(|at_s| now_s - at_s)
     }
@@ -35,107 +35,107 @@ impl FaultLog {
             }
             _ => self.faults.push_back((text, 1, now_s)),
         }
-        if self.faults.len() > KEPT {
+        if self.faults.len() > MAX_FAULTS {
             self.faults.pop_front();
         }
     }
 }
 
-/// Hears faults. A material with which a body cannot be built gives way to the one before, if the panel has set it.
+/// Collects faults. Reverts a tissue with which a body cannot be built, if the panel has set it.
 pub(super) fn collect_faults(
     mut faults: MessageReader<HapticFault>,
-    mut heard: ResMut<FaultLog>,
+    mut log: ResMut<FaultLog>,
     mut panel: ResMut<HapticPanel>,
     mut bodies: Query<(&mut Tissue, Option<&SimulatedBody>, Has<BodyBuild>)>,
     tools: Query<(), With<HapticTool>>,
     time: Res<Time<Real>>,
 ) {
-    let made_of = |body| bodies.get(body).ok()?.1.map(SimulatedBody::tissue);
-    panel.bypass_change_detection().view.confirm_tissue(made_of);
-    heard.bypass_change_detection().beyond_support.retain(|tool, _| tools.contains(*tool));
+    let built_tissue = |body| bodies.get(body).ok()?.1.map(SimulatedBody::tissue);
+    panel.bypass_change_detection().view.confirm_tissue(built_tissue);
+    log.bypass_change_detection().beyond_support.retain(|tool, _| tools.contains(*tool));
     for fault in faults.read() {
         if matches!(fault.kind, HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(_))) {
             continue;
         }
         if let (HapticFaultKind::BeyondSupport { .. }, Some(tool)) = (&fault.kind, fault.entity) {
-            heard.beyond_support.insert(tool, time.elapsed_secs_f64());
+            log.beyond_support.insert(tool, time.elapsed_secs_f64());
         }
         let text = fault.kind.report();
         let view = &mut panel.bypass_change_detection().view;
         if let (HapticFaultKind::BuildBody(_) | HapticFaultKind::LocalModel(_), Some(body)) =
             (&fault.kind, fault.entity)
-            // While it is being made anew, what has been refused is not what is set now.
+            // During a build, the rejected tissue is an earlier one than that which is set now.
             && let Ok((mut tissue, _, false)) = bodies.get_mut(body)
             && let Some(before) = view.revert_tissue(body, *tissue, &text)
         {
             *tissue = before;
         }
-        heard.add(text, time.elapsed_secs_f64());
+        log.add(text, time.elapsed_secs_f64());
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::panel::HapticPanelPlugin;
 
-    /// A body that takes long to make refuses what was set many frames ago.
+    fn panel() -> HapticPanel {
+        HapticPanel::new(true, None, "recordings".into())
+    }
+
+    /// A slow build rejects a tissue that was set many frames ago.
     #[test]
-    fn a_refusal_that_comes_late_takes_the_material_back_all_the_same() {
+    fn late_rejection_reverts_the_tissue() {
         let mut world = World::new();
         world.init_resource::<Messages<HapticFault>>();
         world.init_resource::<FaultLog>();
         world.init_resource::<Time<Real>>();
-        world.insert_resource(HapticPanel::new(&HapticPanelPlugin::default()));
+        world.insert_resource(panel());
         let good = Tissue::default();
         let set = Tissue { youngs_modulus_pa: 1e12, ..good };
         let body = world.spawn((set, BodyBuild::Outdated)).id();
-        world.resource_mut::<HapticPanel>().view.try_tissue(body, good, set);
-        let refuse = |world: &mut World| {
+        world.resource_mut::<HapticPanel>().view.start_change(body, good, set);
+        let reject = |world: &mut World| {
             let kind = HapticFaultKind::BuildBody(palpate_body::BodyError::NoNodes);
             world.write_message(HapticFault { entity: Some(body), kind });
         };
         for _ in 0..200 {
             world.run_system_cached(collect_faults).unwrap();
         }
-        // Of an earlier material, while this one is being made.
-        refuse(&mut world);
+        // A rejection of an earlier tissue while the body is built with this one.
+        reject(&mut world);
         world.run_system_cached(collect_faults).unwrap();
         assert_eq!(world.get::<Tissue>(body), Some(&set));
         world.entity_mut(body).remove::<BodyBuild>();
-        refuse(&mut world);
+        reject(&mut world);
         world.run_system_cached(collect_faults).unwrap();
         assert_eq!(world.get::<Tissue>(body), Some(&good));
         assert_eq!(world.resource::<FaultLog>().faults.len(), 1);
     }
 
     #[test]
-    fn a_touch_beyond_the_support_set_is_known_of_its_tool() {
+    fn contact_beyond_the_support_set_is_recorded_for_its_tool() {
         let mut world = World::new();
         world.init_resource::<Messages<HapticFault>>();
         world.init_resource::<FaultLog>();
         world.init_resource::<Time<Real>>();
-        world.insert_resource(HapticPanel::new(&HapticPanelPlugin::default()));
+        world.insert_resource(panel());
         let [tool, other] = [0; 2].map(|_| world.spawn(HapticTool::default()).id());
         let kind = HapticFaultKind::BeyondSupport { nodes: 18 };
         world.write_message(HapticFault { entity: Some(tool), kind });
         world.run_system_cached(collect_faults).unwrap();
-        let heard = world.resource::<FaultLog>();
-        assert_eq!(
-            (heard.beyond_support_s(tool, 3.0), heard.beyond_support_s(other, 3.0)),
-            (Some(3.0), None)
-        );
+        let log = world.resource::<FaultLog>();
+        assert_eq!((log.beyond_support_s(tool, 3.0), log.beyond_support_s(other, 3.0)), (Some(3.0), None));
         world.despawn(tool);
         world.run_system_cached(collect_faults).unwrap();
         assert!(world.resource::<FaultLog>().beyond_support.is_empty());
     }
 
     #[test]
-    fn what_is_said_again_is_counted_and_only_the_last_few_are_kept() {
-        let mut heard = FaultLog::default();
-        ["a", "a", "b", "a"].iter().zip(0..).for_each(|(text, t)| heard.add((*text).into(), f64::from(t)));
-        assert_eq!(heard.faults, [("a".into(), 2, 1.0), ("b".into(), 1, 2.0), ("a".into(), 1, 3.0)]);
-        (0..20).for_each(|i| heard.add(i.to_string(), 4.0));
-        assert_eq!(heard.faults.len(), KEPT);
+    fn repeated_faults_are_counted_and_old_ones_discarded() {
+        let mut log = FaultLog::default();
+        ["a", "a", "b", "a"].iter().zip(0..).for_each(|(text, t)| log.add((*text).into(), f64::from(t)));
+        assert_eq!(log.faults, [("a".into(), 2, 1.0), ("b".into(), 1, 2.0), ("a".into(), 1, 3.0)]);
+        (0..20).for_each(|i| log.add(i.to_string(), 4.0));
+        assert_eq!(log.faults.len(), MAX_FAULTS);
     }
 }

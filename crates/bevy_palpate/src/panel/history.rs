@@ -1,15 +1,15 @@
-//! What has been felt over the last seconds, and how far schemes were from the full body.
+//! Forces of the last seconds, and errors of the schemes against the full body.
 
 use crate::tool::ForceError;
 use glam::DVec3;
 use palpate_local::Scheme;
 use std::collections::VecDeque;
 
-/// Ticks that a history holds at most.
-pub(super) const MOST_TICKS: usize = 20_000;
+/// Maximum number of ticks in a history.
+pub(super) const MAX_TICKS: usize = 20_000;
 
-/// Ticks that may be missing in a curve that is drawn without a break.
-pub(super) const HOLE: u64 = 60;
+/// Maximum number of missing ticks in a curve that is drawn without a break.
+pub(super) const MAX_GAP: u64 = 60;
 
 /// Forces by the sequence number of their sample, ascending.
 #[derive(Clone, Debug, Default)]
@@ -17,7 +17,7 @@ pub(super) struct Curve {
     points: VecDeque<(u64, DVec3)>,
 }
 
-/// What of a force is drawn.
+/// The drawn component of a force.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum ForceComponent {
     #[default]
@@ -42,12 +42,12 @@ impl ForceComponent {
 }
 
 impl Curve {
-    /// Adds the newest force; one that is not newer than the last begins the curve anew.
+    /// Adds the newest force; one that is not newer than the last restarts the curve.
     pub(super) fn push(&mut self, sequence: u64, force_n: DVec3) {
         if self.newest().is_some_and(|newest| sequence <= newest) {
             self.points.clear();
         }
-        if self.points.len() == MOST_TICKS {
+        if self.points.len() == MAX_TICKS {
             self.points.pop_front();
         }
         self.points.push_back((sequence, force_n));
@@ -61,33 +61,33 @@ impl Curve {
         self.points.back().map(|(sequence, _)| *sequence)
     }
 
-    /// Those after `sequence`, oldest first.
+    /// The points after `sequence`, oldest first.
     fn after(&self, sequence: u64) -> impl Iterator<Item = &(u64, DVec3)> {
         self.points.range(self.points.partition_point(|(s, _)| *s <= sequence)..)
     }
 
-    /// The least and the greatest of every `stride` ticks after `from`, in the order in which they came, as (sequence,
-    /// force): a peak of one tick stays to be seen. Where ticks are missing for longer than [`HOLE`] a NaN stands.
+    /// Emits the minimum and the maximum of every `stride` ticks after `from` in order of time, as (sequence, force), which preserves peaks
+    /// of one tick. Emits a NaN where more than [`MAX_GAP`] ticks are missing.
     pub(super) fn decimate(
         &self,
         along: ForceComponent,
         from: u64,
         stride: u64,
-        mut found: impl FnMut(u64, f64),
+        mut emit: impl FnMut(u64, f64),
     ) {
         let mut bucket: Option<(u64, [(u64, f64); 2])> = None;
-        let mut tell = |[low, high]: [(u64, f64); 2]| {
+        let mut emit_extremes = |[low, high]: [(u64, f64); 2]| {
             let (first, second) = if low.0 <= high.0 { (low, high) } else { (high, low) };
-            found(first.0, first.1);
+            emit(first.0, first.1);
             if second.0 != first.0 {
-                found(second.0, second.1);
+                emit(second.0, second.1);
             }
         };
         let mut last = None;
         for &(sequence, force_n) in self.after(from) {
-            if last.replace(sequence).is_some_and(|last| sequence - last > HOLE) {
-                bucket.take().into_iter().for_each(|(_, extremes)| tell(extremes));
-                tell([(sequence - 1, f64::NAN); 2]);
+            if last.replace(sequence).is_some_and(|last| sequence - last > MAX_GAP) {
+                bucket.take().into_iter().for_each(|(_, extremes)| emit_extremes(extremes));
+                emit_extremes([(sequence - 1, f64::NAN); 2]);
             }
             let (index, point) = (sequence / stride.max(1), (sequence, along.of(force_n)));
             match &mut bucket {
@@ -101,40 +101,40 @@ impl Curve {
                 }
                 other => {
                     if let Some((_, extremes)) = other.replace((index, [point; 2])) {
-                        tell(extremes);
+                        emit_extremes(extremes);
                     }
                 }
             }
         }
         if let Some((_, extremes)) = bucket {
-            tell(extremes);
+            emit_extremes(extremes);
         }
     }
 
-    /// How far it was from `full` at the ticks after `from` that both have.
+    /// Error against `full` at the common ticks after `from`.
     pub(super) fn error_against(&self, full: &Self, from: u64) -> ForceError {
         let mut reference = full.after(from).peekable();
-        let pairs = self.after(from).filter_map(|&(sequence, displayed)| {
+        let pairs = self.after(from).filter_map(|&(sequence, rendered)| {
             while reference.next_if(|(s, _)| *s < sequence).is_some() {}
-            reference.next_if(|(s, _)| *s == sequence).map(|(_, full)| (displayed, *full))
+            reference.next_if(|(s, _)| *s == sequence).map(|(_, full)| (rendered, *full))
         });
         ForceError::of(pairs)
     }
 }
 
-/// Values by sequence number, for curves that have one at every model step.
+/// Values by sequence number, one for every model step.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Trace {
     pub(super) points: VecDeque<(u64, f64)>,
 }
 
 impl Trace {
-    /// Adds the newest value; one that is not newer than the last begins the trace anew.
+    /// Adds the newest value; one that is not newer than the last restarts the trace.
     pub(super) fn push(&mut self, sequence: u64, value: f64) {
         if self.points.back().is_some_and(|(newest, _)| sequence <= *newest) {
             self.points.clear();
         }
-        if self.points.len() == MOST_TICKS / 10 {
+        if self.points.len() == MAX_TICKS / 10 {
             self.points.pop_front();
         }
         self.points.push_back((sequence, value));
@@ -157,34 +157,34 @@ mod tests {
     }
 
     fn decimated(curve: &Curve, from: u64, stride: u64) -> Vec<(u64, f64)> {
-        let mut found = Vec::new();
-        curve.decimate(ForceComponent::Y, from, stride, |sequence, y| found.push((sequence, y)));
-        found
+        let mut points = Vec::new();
+        curve.decimate(ForceComponent::Y, from, stride, |sequence, y| points.push((sequence, y)));
+        points
     }
 
     #[test]
-    fn a_peak_of_one_tick_is_seen_whatever_the_stride() {
+    fn decimation_preserves_a_peak_of_one_tick_for_every_stride() {
         let spike = curve((1..=1000).map(|s| (s, if s == 537 { 9.0 } else { 0.001 * s as f64 })));
         for stride in [1, 7, 10, 50, 1000] {
-            let found = decimated(&spike, 0, stride);
-            assert!(found.contains(&(537, 9.0)), "{stride}");
-            assert!(found.len() as u64 <= 2 * (1000 / stride + 1));
-            assert!(found.windows(2).all(|pair| pair[0].0 < pair[1].0), "{stride}");
+            let points = decimated(&spike, 0, stride);
+            assert!(points.contains(&(537, 9.0)), "{stride}");
+            assert!(points.len() as u64 <= 2 * (1000 / stride + 1));
+            assert!(points.windows(2).all(|pair| pair[0].0 < pair[1].0), "{stride}");
         }
         assert_eq!(decimated(&spike, 997, 1), [(998, 0.998), (999, 0.999), (1000, 1.0)]);
     }
 
     #[test]
-    fn a_hole_breaks_the_curve() {
+    fn gap_breaks_the_curve() {
         let broken = curve((1..=10).chain(200..=210).map(|s| (s, 1.0)));
-        let found = decimated(&broken, 0, 5);
-        let breaks: Vec<usize> = (0..found.len()).filter(|&i| found[i].1.is_nan()).collect();
+        let points = decimated(&broken, 0, 5);
+        let breaks: Vec<usize> = (0..points.len()).filter(|&i| points[i].1.is_nan()).collect();
         assert_eq!(breaks.len(), 1);
-        assert!(found[breaks[0] - 1].0 <= 10 && found[breaks[0] + 1].0 >= 200, "{found:?}");
+        assert!(points[breaks[0] - 1].0 <= 10 && points[breaks[0] + 1].0 >= 200, "{points:?}");
     }
 
     #[test]
-    fn the_error_is_that_of_the_ticks_which_both_have() {
+    fn error_is_that_of_the_common_ticks() {
         let full = curve((10..20).map(|s| (s, 2.0)));
         let scheme = curve([(8, 5.0), (11, 2.2), (12, 1.8), (25, 7.0)]);
         let error = scheme.error_against(&full, 0);
@@ -195,11 +195,11 @@ mod tests {
     }
 
     #[test]
-    fn samples_that_begin_anew_begin_the_curve_anew_and_it_stays_bounded() {
-        let mut anew = curve((100..200).map(|s| (s, 1.0)));
-        anew.push(3, DVec3::Y);
-        assert_eq!(decimated(&anew, 0, 1), [(3, 1.0)]);
-        let long = curve((0..3 * MOST_TICKS as u64).map(|s| (s, 0.0)));
-        assert_eq!(long.points.len(), MOST_TICKS);
+    fn restarted_samples_restart_the_curve_and_its_length_is_bounded() {
+        let mut restarted = curve((100..200).map(|s| (s, 1.0)));
+        restarted.push(3, DVec3::Y);
+        assert_eq!(decimated(&restarted, 0, 1), [(3, 1.0)]);
+        let long = curve((0..3 * MAX_TICKS as u64).map(|s| (s, 0.0)));
+        assert_eq!(long.points.len(), MAX_TICKS);
     }
 }

@@ -14,47 +14,48 @@ use std::ops::RangeInclusive;
 
 /// Length of a tick, s.
 const TICK_S: f64 = 1e-3;
-/// Buckets of a curve: two points each.
+/// Number of buckets in a curve, with two points each.
 const BUCKETS: u64 = 250;
 const HEIGHT: f32 = 118.0;
 /// Width of the y axis.
 const WIDTH: f32 = 44.0;
 
-/// Points to be drawn, kept from frame to frame so that their room is.
+/// Points of the drawn curves. Reused in every frame, to reuse their memory.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct PlotPoints {
+pub(crate) struct CurvePoints {
     of: Option<(u64, u64, ForceComponent)>,
     full: Vec<PlotPoint>,
     schemes: [Vec<PlotPoint>; 6],
     errors: [Vec<PlotPoint>; 6],
 }
 
-impl PlotPoints {
-    /// Makes the points of the last `seconds` where there is anything new.
-    pub(super) fn refresh(&mut self, watched: &ToolHistory, seconds: f64, along: ForceComponent) {
-        let newest = watched.newest.unwrap_or(0);
+impl CurvePoints {
+    /// Computes the points of the last `seconds`, if a curve has changed.
+    pub(super) fn refresh(&mut self, history: &ToolHistory, seconds: f64, along: ForceComponent) {
+        let newest = history.newest.unwrap_or(0);
         let ticks = (seconds / TICK_S) as u64;
-        // Curves that are computed in the background come a little later than their samples.
-        let told: u64 = watched.schemes.iter().filter_map(super::history::Curve::newest).sum();
-        if self.of.replace((newest + told, ticks, along)) == Some((newest + told, ticks, along)) {
+        // Curves that are computed in the background lag behind their samples.
+        let progress: u64 = history.schemes.iter().filter_map(super::history::Curve::newest).sum();
+        let now = (newest + progress, ticks, along);
+        if self.of.replace(now) == Some(now) {
             return;
         }
         let from = newest.saturating_sub(ticks);
         let at = |sequence: u64| (sequence as f64 - newest as f64) * TICK_S;
-        let curves = std::iter::once((&watched.full, &mut self.full));
-        for (curve, points) in curves.chain(watched.schemes.iter().zip(&mut self.schemes)) {
+        let curves = std::iter::once((&history.full, &mut self.full));
+        for (curve, points) in curves.chain(history.schemes.iter().zip(&mut self.schemes)) {
             points.clear();
-            let found = |sequence, y| points.push(PlotPoint::new(at(sequence), y));
-            curve.decimate(along, from, (ticks / BUCKETS).max(1), found);
+            let emit = |sequence, y| points.push(PlotPoint::new(at(sequence), y));
+            curve.decimate(along, from, (ticks / BUCKETS).max(1), emit);
         }
-        for (trace, points) in watched.errors.iter().zip(&mut self.errors) {
+        for (trace, points) in history.errors.iter().zip(&mut self.errors) {
             points.clear();
-            let late = trace.points.iter().filter(|(sequence, _)| *sequence > from);
-            points.extend(late.map(|(sequence, share)| PlotPoint::new(at(*sequence), log(100.0 * share))));
+            let recent = trace.points.iter().filter(|(sequence, _)| *sequence > from);
+            points.extend(recent.map(|(sequence, share)| PlotPoint::new(at(*sequence), log(100.0 * share))));
         }
     }
 
-    /// The force of the full body and of the schemes that `draws`, the running one on top.
+    /// Draws the force of the full body and of the schemes for which `draws` is true, the running one on top.
     pub(super) fn force(
         &self,
         ui: &mut egui::Ui,
@@ -78,7 +79,7 @@ impl PlotPoints {
             });
     }
 
-    /// The errors as shares of the full body's force, on a logarithmic scale, with what a person just notices.
+    /// Draws the errors relative to the full body's force on a logarithmic scale, with the just noticeable difference.
     pub(super) fn error(
         &self,
         ui: &mut egui::Ui,
@@ -86,7 +87,7 @@ impl PlotPoints {
         running: Scheme,
         draws: impl Fn(Scheme) -> bool,
     ) {
-        let noticeable = log(100.0 * crate::tool::ForceError::FORCE_JND);
+        let jnd = log(100.0 * crate::tool::ForceError::FORCE_JND);
         plain("palpate_error")
             .height(HEIGHT)
             .include_x(-seconds)
@@ -97,8 +98,8 @@ impl PlotPoints {
             .custom_x_axes(vec![seconds_axis()])
             .custom_y_axes(vec![y_axis(|mark| of_decade(mark, |percent| format!("{percent} %")))])
             .show(ui, |plot| {
-                let jnd = HLine::new("just noticeable, 7 %", noticeable).color(theme::RED);
-                plot.hline(jnd.style(LineStyle::dashed_dense()).width(1.2));
+                let line = HLine::new("just noticeable, 7 %", jnd).color(theme::RED);
+                plot.hline(line.style(LineStyle::dashed_dense()).width(1.2));
                 for (scheme, points) in in_order(&self.errors, running).filter(|(s, _)| draws(*s)) {
                     draw(plot, points, theme::color(scheme), if scheme == running { 2.0 } else { 1.2 });
                 }
@@ -106,36 +107,36 @@ impl PlotPoints {
     }
 }
 
-/// The schemes with what belongs to them, the running one last.
+/// The schemes with their elements of `of`, the running one last.
 fn in_order<T>(of: &[T; 6], running: Scheme) -> impl Iterator<Item = (Scheme, &T)> {
     let all = || Scheme::ALL.into_iter().zip(of);
     all().filter(move |(s, _)| *s != running).chain(all().filter(move |(s, _)| *s == running))
 }
 
-/// A line through `points`, broken at each NaN.
+/// Draws a line through `points`, broken at each NaN.
 fn draw<'a>(plot: &mut PlotUi<'a>, points: &'a [PlotPoint], color: Color32, width: f32) {
     for part in points.split(|point| point.y.is_nan()).filter(|part| !part.is_empty()) {
         plot.line(Line::new("", PlotPoints::Borrowed(part)).color(color).width(width).allow_hover(false));
     }
 }
 
-/// An axis whose marks are all named, as long as there is room for them.
-fn named<'a>(axis: AxisHints<'a>, words: impl Fn(GridMark) -> String + 'a) -> AxisHints<'a> {
-    let formatter = move |mark: GridMark, _: &RangeInclusive<f64>| words(mark);
+/// An axis with a label at every mark, as far as the space allows.
+fn labelled<'a>(axis: AxisHints<'a>, label: impl Fn(GridMark) -> String + 'a) -> AxisHints<'a> {
+    let formatter = move |mark: GridMark, _: &RangeInclusive<f64>| label(mark);
     axis.formatter(formatter).label_spacing(egui::Rangef::new(9.0, 18.0)).min_thickness(14.0)
 }
 
-/// Seconds before now.
+/// The time axis, in seconds before now.
 fn seconds_axis() -> AxisHints<'static> {
-    named(AxisHints::new_x(), |mark| format!("{} s", mark.value))
+    labelled(AxisHints::new_x(), |mark| format!("{} s", mark.value))
 }
 
-/// The y axis, as wide in all plots so that they stand under each other.
-fn y_axis<'a>(words: impl Fn(GridMark) -> String + 'a) -> AxisHints<'a> {
-    named(AxisHints::new_y(), words).min_thickness(WIDTH)
+/// The y axis, with the same width in all plots, to align them.
+fn y_axis<'a>(label: impl Fn(GridMark) -> String + 'a) -> AxisHints<'a> {
+    labelled(AxisHints::new_y(), label).min_thickness(WIDTH)
 }
 
-/// A plot that is looked at: it follows its data, and what turns the wheel over it scrolls the panel.
+/// A plot without interaction: it follows its data, and the wheel scrolls the panel.
 fn plain(id: &str) -> Plot<'_> {
     Plot::new(id)
         .allow_drag(false)
@@ -148,7 +149,7 @@ fn plain(id: &str) -> Plot<'_> {
         .label_formatter(|_| None)
 }
 
-/// log₁₀, with a floor for what is nothing.
+/// log₁₀, with a lower bound for zero.
 fn log(value: f64) -> f64 {
     value.max(1e-3).log10()
 }
@@ -162,40 +163,40 @@ fn decades(input: GridInput) -> Vec<GridMark> {
     let marks = (low..=high).flat_map(|decade| {
         std::iter::once(GridMark { value: f64::from(decade), step_size: 1.0 }).chain(fine(decade))
     });
-    // The names of what is outside would be drawn outside.
+    // Labels of marks outside the bounds would be drawn outside the plot.
     marks.filter(|mark| (input.bounds.0..=input.bounds.1).contains(&mark.value)).collect()
 }
 
-/// The words of a whole decade; nothing for what lies between.
-fn of_decade(mark: GridMark, words: impl Fn(f64) -> String) -> String {
+/// The label of a whole decade; empty for marks in between.
+fn of_decade(mark: GridMark, label: impl Fn(f64) -> String) -> String {
     let is_whole = (mark.value - mark.value.round()).abs() < 1e-9;
-    if is_whole { words(10f64.powi(mark.value.round() as i32)) } else { String::new() }
+    if is_whole { label(10f64.powi(mark.value.round() as i32)) } else { String::new() }
 }
 
-/// Bars of a histogram in a decade.
-const IN_A_DECADE: f64 = 6.0;
-/// From 100 ns to 100 ms, as log₁₀ of µs.
+/// Number of bars of a histogram in a decade.
+const BARS_PER_DECADE: f64 = 6.0;
+/// Lower end of the histogram, 100 ns, as log₁₀ of µs; the upper end is 100 ms.
 const FROM: f64 = -1.0;
 const BARS: usize = 36;
 
-/// How late ticks were, on a logarithmic scale; the height is log₁₀ of how often too, so that the one late tick is seen.
+/// Draws the histogram of lateness with two logarithmic axes, which keep a single late tick visible.
 pub(super) fn lateness(ui: &mut egui::Ui, histogram: &TimeHistogram) {
     let counts = bars(histogram.recorded_us());
-    let most = counts.iter().copied().max().unwrap_or(0).max(9) as f64;
+    let max = counts.iter().copied().max().unwrap_or(0).max(9) as f64;
     plain("palpate_lateness")
         .height(100.0)
         .include_x(FROM)
-        .include_x(FROM + BARS as f64 / IN_A_DECADE)
+        .include_x(FROM + BARS as f64 / BARS_PER_DECADE)
         .include_y(0.0)
-        .include_y((1.0 + most).log10())
+        .include_y((1.0 + max).log10())
         .x_grid_spacer(decades)
         .y_grid_spacer(decades)
-        .custom_x_axes(vec![named(AxisHints::new_x(), |mark| of_decade(mark, microseconds))])
+        .custom_x_axes(vec![labelled(AxisHints::new_x(), |mark| of_decade(mark, microseconds))])
         .custom_y_axes(vec![y_axis(|mark| of_decade(mark, |count| format!("{count}×")))])
         .show(ui, |plot| {
             for (i, count) in counts.into_iter().enumerate().filter(|(_, count)| *count > 0) {
-                let left = FROM + i as f64 / IN_A_DECADE;
-                let right = left + 0.92 / IN_A_DECADE;
+                let left = FROM + i as f64 / BARS_PER_DECADE;
+                let right = left + 0.92 / BARS_PER_DECADE;
                 let color = if right > 3.0 { theme::RED } else { theme::color(Scheme::KrylovLinear) };
                 let height = (1.0 + count as f64).log10();
                 let corners = vec![[left, 0.0], [left, height], [right, height], [right, 0.0]];
@@ -206,11 +207,11 @@ pub(super) fn lateness(ui: &mut egui::Ui, histogram: &TimeHistogram) {
         });
 }
 
-/// How often times (µs, count) fall into each bar; what is outside counts in the first or last.
+/// Number of times (µs, count) in each bar; values out of range count in the first or last one.
 fn bars(times: impl Iterator<Item = (f64, u64)>) -> [u64; BARS] {
     let mut counts = [0; BARS];
     for (us, count) in times {
-        let bar = ((us.max(1e-3).log10() - FROM) * IN_A_DECADE).clamp(0.0, BARS as f64 - 1.0);
+        let bar = ((us.max(1e-3).log10() - FROM) * BARS_PER_DECADE).clamp(0.0, BARS as f64 - 1.0);
         counts[bar as usize] += count;
     }
     counts
@@ -224,7 +225,7 @@ fn hertz(hz: f64) -> String {
     if hz >= 1000.0 { format!("{} kHz", hz / 1000.0) } else { format!("{hz} Hz") }
 }
 
-/// Gain and phase of full body and local model.
+/// Draws gain and phase of full body and local model.
 pub(super) fn bode(ui: &mut egui::Ui, bode: &Bode) {
     let color = theme::color(bode.scheme);
     let gain = |p: &BodePoint| p.gain_db;
@@ -249,7 +250,7 @@ fn half(
         .include_x(-1.05)
         .include_x(3.2)
         .x_grid_spacer(decades)
-        .custom_x_axes(vec![named(AxisHints::new_x(), |mark| of_decade(mark, hertz))])
+        .custom_x_axes(vec![labelled(AxisHints::new_x(), |mark| of_decade(mark, hertz))])
         .custom_y_axes(vec![y_axis(move |mark| format!("{}{unit}", mark.value))]);
     if is_phase {
         let marks = |i: i32| GridMark { value: 90.0 * f64::from(i), step_size: 90.0 };
@@ -266,7 +267,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_time_falls_into_one_bar() {
+    fn every_time_counts_in_one_bar() {
         let times = [(0.01, 1), (0.1, 2), (0.99, 3), (1.0, 4), (999.0, 5), (1000.0, 6), (1e9, 7)];
         let counts = bars(times.into_iter());
         assert_eq!(counts.iter().sum::<u64>(), 28);
@@ -274,17 +275,17 @@ mod tests {
     }
 
     #[test]
-    fn decades_are_named_and_what_lies_between_is_not() {
-        let name = |value| of_decade(GridMark { value, step_size: 1.0 }, microseconds);
-        assert_eq!((name(0.0), name(3.0), name(-1.0)), ("1 µs".into(), "1 ms".into(), "0.1 µs".into()));
-        assert_eq!(name(2f64.log10()), "");
+    fn only_whole_decades_have_labels() {
+        let label = |value| of_decade(GridMark { value, step_size: 1.0 }, microseconds);
+        assert_eq!((label(0.0), label(3.0), label(-1.0)), ("1 µs".into(), "1 ms".into(), "0.1 µs".into()));
+        assert_eq!(label(2f64.log10()), "");
         let marks = decades(GridInput { bounds: (-0.5, 1.2), base_step_size: 0.1 });
         let whole: Vec<f64> = marks.iter().filter(|m| m.step_size == 1.0).map(|m| m.value).collect();
         assert_eq!(whole, [0.0, 1.0]);
     }
 
     #[test]
-    fn the_running_scheme_is_drawn_on_top() {
+    fn running_scheme_is_drawn_on_top() {
         let of = [0, 1, 2, 3, 4, 5];
         let order: Vec<i32> = in_order(&of, Scheme::Tangent).map(|(_, i)| *i).collect();
         assert_eq!(order, [0, 1, 3, 4, 5, 2]);

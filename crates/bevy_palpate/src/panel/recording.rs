@@ -1,4 +1,4 @@
-//! Recording a hand to a file that the replay device reads, and replaying one.
+//! Records the motion of a device to a file for the replay device, and replays a file.
 
 use crate::device::{DeviceSelector, HapticDevices};
 use crate::fault::HapticFaultKind;
@@ -13,50 +13,51 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// The hand of one tool at a time.
+/// Recorder of one tool at a time.
 #[derive(Default)]
 pub(crate) struct Recorder {
-    running: Option<Running>,
+    running: Option<Recording>,
     writing: Option<Task<(Result<PathBuf, WriteError>, Vec<Reading>)>>,
-    /// What could not be written, until it is or is thrown away.
+    /// A recording that could not be written, until it is written or discarded.
     unwritten: Vec<Reading>,
-    /// The file that was written last, until the panel has taken note.
+    /// The newest file, until the panel has read it.
     pub(super) written: Option<PathBuf>,
-    /// What came of the last recording or replay, in words.
-    pub(super) told: Option<Result<String, String>>,
-    /// The devices that replays have taken the place of.
+    /// Message about the last recording or replay.
+    pub(super) message: Option<Result<String, String>>,
+    /// The devices that were replaced by a replay.
     before: HashMap<Entity, DeviceSelector>,
 }
 
-struct Running {
+/// A running recording.
+struct Recording {
     tool: Entity,
-    /// The newest sample that has been taken.
+    /// The newest recorded sample.
     newest: Option<u64>,
-    /// In the device's frame, one each millisecond: positions, buttons and orientations.
+    /// Position, buttons and orientation of each millisecond, device frame.
     readings: Vec<Reading>,
 }
 
-/// Why a recording is not in a file.
+/// Reason why a recording is not in a file.
 #[derive(Debug, Error)]
 enum WriteError {
-    /// It makes no trajectory, wherever it is written to.
+    /// The readings are no valid trajectory.
     #[error(transparent)]
     Trajectory(#[from] HapticsError),
-    /// Another name may do.
+    /// The file cannot be written; another path may be valid.
     #[error("{}: {error}", path.display())]
     File { path: PathBuf, error: std::io::Error },
 }
 
-/// The longest recording, ms.
-const LONGEST: usize = 600_000;
+/// Maximum length of a recording, ms.
+const MAX_READINGS: usize = 600_000;
 
 impl Recorder {
-    /// The tool whose hand is being recorded.
+    /// The tool that is being recorded.
     pub(super) fn tool(&self) -> Option<Entity> {
         self.running.as_ref().map(|running| running.tool)
     }
 
-    /// How long it has been, s.
+    /// Duration of the running recording, s.
     pub(super) fn duration_s(&self) -> f64 {
         self.running.as_ref().map_or(0.0, |running| running.readings.len() as f64 * Trajectory::PERIOD_S)
     }
@@ -65,25 +66,25 @@ impl Recorder {
         self.writing.is_some()
     }
 
-    /// How long what could not be written is, s.
+    /// Duration of the recording that could not be written, s.
     pub(super) fn unwritten_s(&self) -> Option<f64> {
         (!self.unwritten.is_empty()).then_some(self.unwritten.len() as f64 * Trajectory::PERIOD_S)
     }
 
     pub(super) fn start(&mut self, tool: Entity) {
-        self.running = Some(Running { tool, newest: None, readings: Vec::new() });
-        self.told = None;
+        self.running = Some(Recording { tool, newest: None, readings: Vec::new() });
+        self.message = None;
     }
 
-    /// Takes the new samples of the tool, seen through `frame`.
+    /// Adds the new samples of the tool, mapped to the device by `frame`.
     pub(super) fn record(&mut self, samples: &SampleHistory, frame: &DeviceFrame) {
-        let Some(Running { newest, readings, .. }) = &mut self.running else { return };
+        let Some(Recording { newest, readings, .. }) = &mut self.running else { return };
         let (Some(last), Some(oldest)) = (samples.newest(), samples.oldest_sequence()) else { return };
         let first = newest.map_or(last.sequence, |newest| newest + 1);
-        // A hole, because the loop began anew or the app stood still, becomes time in which the hand stays.
-        if let (Some(&stays), Some(hole)) = (readings.last(), oldest.checked_sub(first)) {
-            let hole = (hole as usize).min(LONGEST.saturating_sub(readings.len()));
-            readings.extend(std::iter::repeat_n(stays, hole));
+        // A gap, because the loop restarted or the app did not run, repeats the last reading.
+        if let (Some(&repeated), Some(gap)) = (readings.last(), oldest.checked_sub(first)) {
+            let gap = (gap as usize).min(MAX_READINGS.saturating_sub(readings.len()));
+            readings.extend(std::iter::repeat_n(repeated, gap));
         }
         let new = (first.max(oldest)..=last.sequence).filter_map(|sequence| samples.get(sequence));
         readings.extend(new.map(|sample| Reading {
@@ -91,39 +92,39 @@ impl Recorder {
             orientation: frame.orientation_to_device(sample.orientation),
             ..Reading::at(frame.position_to_device_m(sample.position_m))
         }));
-        readings.truncate(LONGEST);
-        // A loop that began anew counts from the start again.
+        readings.truncate(MAX_READINGS);
+        // A restarted loop counts from zero.
         *newest = Some(last.sequence);
     }
 
-    /// Whether it is as long as a recording can be.
+    /// Whether the recording has its maximum length.
     pub(super) fn is_full(&self) -> bool {
-        self.running.as_ref().is_some_and(|running| running.readings.len() >= LONGEST)
+        self.running.as_ref().is_some_and(|running| running.readings.len() >= MAX_READINGS)
     }
 
-    /// Ends the recording and writes it to `path`, or to the next free name beside it if there is such a file.
+    /// Ends the recording and writes it to `path`, or to the next free name in the same folder if the file exists.
     pub(super) fn stop(&mut self, path: PathBuf) {
-        let Some(Running { readings, .. }) = self.running.take() else { return };
+        let Some(Recording { readings, .. }) = self.running.take() else { return };
         self.write(readings, path);
     }
 
-    /// Tries again to write what could not be written.
+    /// Retries to write the recording that could not be written.
     pub(super) fn write_again(&mut self, path: PathBuf) {
         let readings = std::mem::take(&mut self.unwritten);
         self.write(readings, path);
     }
 
-    /// Throws away what could not be written.
+    /// Discards the recording that could not be written.
     pub(super) fn discard(&mut self) {
-        (self.unwritten, self.told) = (Vec::new(), None);
+        (self.unwritten, self.message) = (Vec::new(), None);
     }
 
     fn write(&mut self, readings: Vec<Reading>, path: PathBuf) {
-        self.told = None;
+        self.message = None;
         self.writing = Some(IoTaskPool::get().spawn(async move { (write(&readings, path), readings) }));
     }
 
-    /// Notices that a file has been written, or why not.
+    /// Reads the result of the write task.
     pub(super) fn poll(&mut self) {
         let Some((done, readings)) = self.writing.as_mut().and_then(check_ready) else { return };
         self.writing = None;
@@ -131,12 +132,12 @@ impl Recorder {
         if matches!(done, Err(WriteError::File { .. })) {
             self.unwritten = readings;
         }
-        let told = done.as_ref().map(|path| format!("{seconds:.1} s written to {}", path.display()));
-        self.told = Some(told.map_err(ToString::to_string));
+        let message = done.as_ref().map(|path| format!("{seconds:.1} s written to {}", path.display()));
+        self.message = Some(message.map_err(ToString::to_string));
         self.written = done.ok();
     }
 
-    /// Puts the recorded hand at `path` in the place of `tool`'s device, if it can be read.
+    /// Replaces the device of `tool` by the recording at `path`, if it can be read.
     pub(super) fn replay(
         &mut self,
         (entity, tool): (Entity, &mut HapticTool),
@@ -144,59 +145,59 @@ impl Recorder {
         devices: &HapticDevices,
     ) {
         let selector = DeviceSelector::replay(path);
-        self.told = Some(match devices.make(&selector) {
+        self.message = Some(match devices.make(&selector) {
             Ok(device) => {
                 self.before.entry(entity).or_insert_with(|| tool.device.clone());
                 tool.device = selector;
-                Ok(format!("Replays {}, again and again.", device.describe().name))
+                Ok(format!("Replays {} repeatedly.", device.describe().name))
             }
             Err(error) => Err(HapticFaultKind::Device(error.into()).report()),
         });
     }
 
-    /// The device that a replay has taken the place of.
+    /// The device that was replaced by a replay.
     pub(super) fn device_before(&self, tool: Entity) -> Option<&DeviceSelector> {
         self.before.get(&tool)
     }
 
-    /// Gives `tool` back the device that it had before a replay.
+    /// Restores the device of `tool` that was replaced by a replay.
     pub(super) fn restore_device(&mut self, (entity, tool): (Entity, &mut HapticTool)) {
         if let Some(before) = self.before.remove(&entity) {
-            (tool.device, self.told) = (before, None);
+            (tool.device, self.message) = (before, None);
         }
     }
 }
 
-/// Writes a new file, `path` or the next free name beside it; what is there is left as it is.
+/// Writes a new file, `path` or the next free name in the same folder; never overwrites a file.
 fn write(readings: &[Reading], path: PathBuf) -> Result<PathBuf, WriteError> {
     let trajectory = Trajectory::from_readings(readings)?;
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
     let path = if path.exists() { next_free(&folder) } else { path };
-    let refused = |error| WriteError::File { path: path.clone(), error };
-    std::fs::create_dir_all(&folder).map_err(refused)?;
-    let file = std::fs::File::create_new(&path).map_err(refused)?;
+    let file_error = |error| WriteError::File { path: path.clone(), error };
+    std::fs::create_dir_all(&folder).map_err(file_error)?;
+    let file = std::fs::File::create_new(&path).map_err(file_error)?;
     let mut file = BufWriter::new(file);
     let written = trajectory.to_csv(&mut file).and_then(|()| file.flush());
     if let Err(error) = written {
-        // Half a recording is none.
+        // Removes the incomplete file.
         let _ = std::fs::remove_file(&path);
         return Err(WriteError::File { path, error });
     }
     Ok(path)
 }
 
-/// The first of `hand-1.csv`, `hand-2.csv` and so on that is not in `folder` yet.
+/// The first of `hand-1.csv`, `hand-2.csv` and so on that does not exist in `folder`.
 pub(super) fn next_free(folder: &Path) -> PathBuf {
     let path = |number: u32| folder.join(format!("hand-{number}.csv"));
     (1..).map(path).find(|path| !path.exists()).unwrap_or_else(|| path(0))
 }
 
-/// A device as people call it.
+/// Label of a device.
 pub(super) fn name_of(device: &DeviceSelector) -> String {
     match device {
         DeviceSelector::Replay { path, .. } => format!("replay of {path}"),
         DeviceSelector::Named(name) => name.clone(),
-        DeviceSelector::Hid(choice) => choice.to_string(),
+        DeviceSelector::Hid(selector) => selector.to_string(),
     }
 }
 

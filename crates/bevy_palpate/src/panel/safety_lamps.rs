@@ -1,32 +1,32 @@
-//! The stages of the safety chain, lit when they act.
+//! Lamps of the stages of the safety chain.
 
 use super::theme;
 use bevy_egui::egui;
 use palpate_haptics::{BlackBox, SafetyAction, SafetyActions};
 
-/// Which stages have acted lately.
+/// Stages that have acted recently.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct SafetyLamps {
-    /// Number of the newest tick that has been looked at.
-    seen: u64,
-    /// When each went on last, s; by [`SafetyAction::ALL`].
+    /// Number of the newest tick that has been read.
+    read: u64,
+    /// Time of each stage's last action, s, in the order of [`SafetyAction::ALL`].
     lit_s: [Option<f64>; SafetyAction::ALL.len()],
 }
 
-/// How long a lamp stays lit, s: a stage that acts at a single tick must be seen.
+/// Time for which a lamp stays lit, s. It makes an action of a single tick visible.
 const LATCH_S: f64 = 0.5;
 
 impl SafetyLamps {
-    /// Takes what has acted since the last look.
+    /// Reads the actions since the last call.
     pub(super) fn update(&mut self, black_box: &BlackBox, now_s: f64) {
         let ticks = black_box.ticks().rev();
         let newest = black_box.newest().map_or(0, |tick| tick.sequence);
-        // A loop that began anew counts from the start again.
-        let seen = if newest < self.seen { 0 } else { self.seen };
-        let fresh = ticks.take_while(|tick| tick.sequence > seen);
-        // After a long absence what happened then is over.
+        // A restarted loop counts from zero.
+        let read = if newest < self.read { 0 } else { self.read };
+        let fresh = ticks.take_while(|tick| tick.sequence > read);
+        // Older actions are not recent any more.
         fresh.take(RECENT).for_each(|tick| self.light(tick.acted, now_s));
-        self.seen = newest;
+        self.read = newest;
     }
 
     fn light(&mut self, acted: SafetyActions, now_s: f64) {
@@ -37,7 +37,7 @@ impl SafetyLamps {
         }
     }
 
-    /// How bright the lamp of each action is, 0 to 1.
+    /// Brightness of each action's lamp, 0 to 1.
     fn brightness(&self, now_s: f64) -> [f32; SafetyAction::ALL.len()] {
         self.lit_s.map(|lit| match lit {
             Some(lit) if now_s - lit <= LATCH_S => 1.0,
@@ -51,7 +51,7 @@ impl SafetyLamps {
             ui,
             |ui| {
                 for (i, (action, lit)) in SafetyAction::ALL.into_iter().zip(lit).enumerate() {
-                    let (label, hint) = words(action);
+                    let (label, hint) = label_and_hint(action);
                     lamp(ui, label, lit > 0.0).on_hover_text(hint);
                     if i % 3 == 2 {
                         ui.end_row();
@@ -62,7 +62,7 @@ impl SafetyLamps {
     }
 }
 
-/// Ticks of one look at most.
+/// Maximum number of ticks that are read at once.
 const RECENT: usize = 512;
 
 fn lamp(ui: &mut egui::Ui, label: &str, lit: bool) -> egui::Response {
@@ -79,17 +79,21 @@ fn lamp(ui: &mut egui::Ui, label: &str, lit: bool) -> egui::Response {
     .response
 }
 
-fn words(action: SafetyAction) -> (&'static str, &'static str) {
+fn label_and_hint(action: SafetyAction) -> (&'static str, &'static str) {
     match action {
-        SafetyAction::NotFinite => ("finite", "a force that was not finite became zero"),
-        SafetyAction::Waiting => ("start", "waits for a small force before any is written"),
-        SafetyAction::Gains => ("gains", "start-up ramp or a fade makes the force smaller"),
-        SafetyAction::Stale => ("stale model", "no new local model has come for too long"),
-        SafetyAction::Silent => ("silent device", "the device has given no reading for too long"),
-        SafetyAction::VelocityGuard => ("velocity", "what pushes a hand along that is too fast fades"),
-        SafetyAction::Passivity => ("passivity", "damps, because the hand got more energy than it gave"),
-        SafetyAction::Magnitude => ("magnitude", "the force was longer than the limit"),
-        SafetyAction::Slew => ("growth", "the force grew faster than the limit"),
+        SafetyAction::NotFinite => ("finite", "a force that was not finite was set to zero"),
+        SafetyAction::Waiting => ("start", "the force starts once it is below the threshold"),
+        SafetyAction::Gains => ("gains", "the start-up ramp or a fade reduces the force"),
+        SafetyAction::Stale => ("stale model", "the local model is too old"),
+        SafetyAction::Silent => ("silent device", "the device has sent no reading for too long"),
+        SafetyAction::VelocityGuard => {
+            ("velocity", "suppresses force that would accelerate a hand already above the speed limit")
+        }
+        SafetyAction::Passivity => {
+            ("passivity", "damps, because the tool returned more energy than it received")
+        }
+        SafetyAction::Magnitude => ("magnitude", "the force exceeded the maximum force"),
+        SafetyAction::Slew => ("slew rate", "the force grew faster than the limit"),
         _ => (action.name(), "another stage"),
     }
 }
@@ -99,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stage_that_acted_at_one_tick_stays_lit_for_half_a_second() {
+    fn action_of_one_tick_stays_lit_for_half_a_second() {
         let mut lamps = SafetyLamps::default();
         let at = |lamps: &SafetyLamps, now_s| lamps.brightness(now_s);
         assert_eq!(at(&lamps, 0.0), [0.0; 9]);
@@ -111,9 +115,9 @@ mod tests {
     }
 
     #[test]
-    fn every_action_has_words_of_its_own() {
+    fn every_action_has_its_own_label() {
         let labels: std::collections::BTreeSet<&str> =
-            SafetyAction::ALL.into_iter().map(|action| words(action).0).collect();
+            SafetyAction::ALL.into_iter().map(|action| label_and_hint(action).0).collect();
         assert_eq!(labels.len(), SafetyAction::ALL.len());
     }
 }

@@ -1,4 +1,5 @@
-//! What can be set in the panel. It acts at once; nonsense is refused in the words of its own type, and what was stays.
+//! Settings in the panel. They take effect at once; values out of range are rejected with the error of their type, and the previous
+//! value stays.
 
 mod number_field;
 
@@ -14,27 +15,26 @@ use number_field::{NumberField, check_tissue};
 use palpate_haptics::{DeviceFrame, SafetySettings};
 use palpate_local::Scheme;
 
-/// What the panel itself remembers.
+/// State of the panel's inputs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct View {
     pub(super) along: super::history::ForceComponent,
     /// File of the next recording or replay.
     pub(super) file: String,
     pub(super) lamps: super::safety_lamps::SafetyLamps,
-    /// Why the last change was refused, by part.
-    refused: [Option<String>; 4],
-    /// The turn of the device frame in degrees, and the rotation that it is.
+    /// Reason of the last rejected change, by part.
+    rejected: [Option<String>; 4],
+    /// Angles of the device frame, degrees, and the rotation computed from them.
     angles: Option<(DVec3, DQuat)>,
-    trial: Option<PendingChange>,
+    pending: Option<PendingChange>,
 }
 
-/// A material that the panel has set and that the body has not been made of yet: it may still be refused, however long the body
-/// takes to make.
+/// A tissue that the panel has set and with which the body has not been built yet. The build may still reject it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct PendingChange {
     body: Entity,
-    /// What the body is made of.
-    good: Tissue,
+    /// The tissue of the simulated body.
+    valid: Tissue,
     set: Tissue,
 }
 
@@ -48,23 +48,24 @@ enum Part {
 }
 
 impl View {
-    /// What a body that refuses its material was made of before, if the panel has set that material.
-    pub(super) fn revert_tissue(&mut self, body: Entity, now: Tissue, why: &str) -> Option<Tissue> {
-        let trial = self.trial.take_if(|trial| trial.body == body)?;
-        // Somebody else has set another since.
-        if trial.set != now {
+    /// Returns the tissue to restore after the build of `body` with the tissue `now` was rejected, if the panel has set that tissue.
+    pub(super) fn revert_tissue(&mut self, body: Entity, now: Tissue, reason: &str) -> Option<Tissue> {
+        let pending = self.pending.take_if(|pending| pending.body == body)?;
+        // The app has set another tissue since.
+        if pending.set != now {
             return None;
         }
-        self.refused[Part::Material as usize] = Some(format!("{why}. The material before is back."));
-        Some(trial.good)
+        self.rejected[Part::Material as usize] =
+            Some(format!("{reason}. The previous material is restored."));
+        Some(pending.valid)
     }
 
-    /// Ends a trial once the body is made of what was set.
-    pub(super) fn confirm_tissue(&mut self, made_of: impl FnOnce(Entity) -> Option<Tissue>) {
-        self.trial.take_if(|trial| made_of(trial.body) == Some(trial.set));
+    /// Ends a pending change once the body has been built with it.
+    pub(super) fn confirm_tissue(&mut self, built_tissue: impl FnOnce(Entity) -> Option<Tissue>) {
+        self.pending.take_if(|pending| built_tissue(pending.body) == Some(pending.set));
     }
 
-    /// Takes `draft` for `value` if it differs and makes sense; if not, notes why.
+    /// Returns `draft` if it differs from `value` and is valid; stores the reason if it is not.
     fn accept<T: PartialEq, E: std::fmt::Display>(
         &mut self,
         part: Part,
@@ -76,50 +77,51 @@ impl View {
             return None;
         }
         let checked = check(&draft);
-        self.refused[part as usize] = checked.as_ref().err().map(|why| format!("{why}. It stays as it was."));
+        self.rejected[part as usize] =
+            checked.as_ref().err().map(|error| format!("{error}. The previous value is kept."));
         checked.is_ok().then_some(draft)
     }
 
-    fn show_refusal(&self, ui: &mut egui::Ui, part: Part) {
-        if let Some(why) = &self.refused[part as usize] {
-            theme::refusal(ui, why);
+    fn show_rejection(&self, ui: &mut egui::Ui, part: Part) {
+        if let Some(reason) = &self.rejected[part as usize] {
+            theme::error(ui, reason);
         }
     }
 
-    /// A chooser of the scheme; the new one if it was changed.
+    /// Shows a list of the schemes; returns the selected one if it changed.
     pub(super) fn scheme(ui: &mut egui::Ui, scheme: Scheme) -> Option<Scheme> {
-        let mut chosen = scheme;
+        let mut selected = scheme;
         egui::ComboBox::from_id_salt("palpate_scheme")
             .selected_text(theme::name(scheme))
             .width(150.0)
             .show_ui(ui, |ui| {
                 for other in Scheme::ALL {
-                    ui.selectable_value(&mut chosen, other, theme::name(other));
+                    ui.selectable_value(&mut selected, other, theme::name(other));
                 }
             });
-        (chosen != scheme).then_some(chosen)
+        (selected != scheme).then_some(selected)
     }
 
-    /// Ticks between two model steps; the new rate if it was changed and makes sense.
+    /// Shows the ticks between two model steps; returns the new rate if it changed and is valid.
     pub(super) fn rate(&mut self, ui: &mut egui::Ui, rate: ModelRate) -> Option<ModelRate> {
         let mut ticks = f64::from(rate.ticks());
         NumberField::new("model step", "ms", 1.0, 5.0..=200.0).whole().show(ui, &mut ticks);
         ui.label(format!("{:.1} Hz", 1e3 / ticks));
         ui.end_row();
-        let mut made = Ok(rate);
+        let mut new_rate = Ok(rate);
         let accepted = self.accept(Part::Rate, &f64::from(rate.ticks()), ticks, |ticks| {
             let whole = if (0.0..=1e6).contains(ticks) { ticks.round() as u32 } else { 0 };
-            made = ModelRate::every_ticks(whole);
-            made.as_ref().map(|_| ())
+            new_rate = ModelRate::every_ticks(whole);
+            new_rate.as_ref().map(|_| ())
         });
-        accepted.and(made.ok())
+        accepted.and(new_rate.ok())
     }
 
-    pub(super) fn rate_refusal(&self, ui: &mut egui::Ui) {
-        self.show_refusal(ui, Part::Rate);
+    pub(super) fn show_rate_rejection(&self, ui: &mut egui::Ui) {
+        self.show_rejection(ui, Part::Rate);
     }
 
-    /// What a body is made of.
+    /// Shows the tissue of a body and applies changes.
     pub(super) fn tissue(&mut self, ui: &mut egui::Ui, body: Entity, tissue: &mut Mut<Tissue>) {
         let before = **tissue;
         let mut draft = before;
@@ -136,20 +138,21 @@ impl View {
             ui.end_row();
         });
         if let Some(tissue_now) = self.accept(Part::Material, &before, draft, check_tissue) {
-            self.try_tissue(body, before, tissue_now);
+            self.start_change(body, before, tissue_now);
             **tissue = tissue_now;
         }
-        self.show_refusal(ui, Part::Material);
+        self.show_rejection(ui, Part::Material);
     }
 
-    /// Notes that the panel sets the material of a body.
-    pub(super) fn try_tissue(&mut self, body: Entity, before: Tissue, set: Tissue) {
-        // What was before the first of several changes in a row is known to be good.
-        let good = self.trial.filter(|trial| trial.body == body).map_or(before, |trial| trial.good);
-        self.trial = Some(PendingChange { body, good, set });
+    /// Records that the panel sets the tissue of a body.
+    pub(super) fn start_change(&mut self, body: Entity, before: Tissue, set: Tissue) {
+        // Of several pending changes the first one started from a valid tissue.
+        let valid =
+            self.pending.filter(|pending| pending.body == body).map_or(before, |pending| pending.valid);
+        self.pending = Some(PendingChange { body, valid, set });
     }
 
-    /// Limits of the safety chain. As long as nothing was set those of the device are in force; the first change sets them all.
+    /// Shows the limits of the safety chain and applies changes. The default stands for the device's limits; the first change sets all.
     pub(super) fn limits(
         &mut self,
         ui: &mut egui::Ui,
@@ -158,24 +161,23 @@ impl View {
     ) {
         let is_unset = settings.safety == SafetySettings::default();
         if is_unset {
-            theme::small(ui, "as the device asks for; a change sets them all");
-        } else if ui.button("as the device asks for").clicked() {
+            theme::small(ui, "the device's limits; a change sets all of them");
+        } else if ui.button("use the device's limits").clicked() {
             settings.safety = SafetySettings::default();
         }
-        let in_force = if settings.safety == SafetySettings::default() { of_device } else { settings.safety };
-        let mut draft = in_force;
+        let active = if settings.safety == SafetySettings::default() { of_device } else { settings.safety };
+        let mut draft = active;
         grid(ui, "palpate_limits", |ui| {
-            let of_device = "the device's own limit";
-            NumberField::new("force", "N", 1.0, 0.5..=20.0)
-                .unlimited(of_device)
+            NumberField::new("maximum force", "N", 1.0, 0.5..=20.0)
+                .unlimited("the device's own limit")
                 .show(ui, &mut draft.max_force_n);
             ui.end_row();
-            NumberField::new("growth of force", "N/s", 1.0, 10.0..=5000.0)
+            NumberField::new("slew rate", "N/s", 1.0, 10.0..=5000.0)
                 .log()
                 .show(ui, &mut draft.max_slew_n_per_s);
             ui.end_row();
-            NumberField::new("speed of the hand", "m/s", 1.0, 0.2..=5.0)
-                .unlimited("never fades")
+            NumberField::new("maximum speed", "m/s", 1.0, 0.2..=5.0)
+                .unlimited("no limit")
                 .show(ui, &mut draft.max_speed_m_per_s);
             ui.end_row();
             NumberField::new("start below", "N", 1.0, 0.0..=5.0)
@@ -190,44 +192,51 @@ impl View {
                 .show(ui, &mut draft.stale_after_periods);
             ui.end_row();
             let damping = &mut draft.passivity_damping_ns_per_m;
-            NumberField::new("passivity", "N s/m", 1.0, 0.0..=20.0).show(ui, damping);
+            NumberField::new("passivity damping", "N s/m", 1.0, 0.0..=20.0).show(ui, damping);
             ui.end_row();
-            NumberField::new("its tolerance", "mJ", 1e-3, 0.0..=20.0)
+            NumberField::new("passivity tolerance", "mJ", 1e-3, 0.0..=20.0)
                 .show(ui, &mut draft.passivity_tolerance_j);
             ui.end_row();
         });
-        if let Some(safety) = self.accept(Part::Limits, &in_force, draft, SafetySettings::validate) {
+        if let Some(safety) = self.accept(Part::Limits, &active, draft, SafetySettings::validate) {
             settings.safety = safety;
         }
-        self.show_refusal(ui, Part::Limits);
+        self.show_rejection(ui, Part::Limits);
     }
 
-    /// How the device lies in the scene.
+    /// Shows the device frame and applies changes.
     pub(super) fn frame(&mut self, ui: &mut egui::Ui, settings: &mut Mut<ToolSettings>) {
         let before = settings.frame;
         let mut draft = before;
-        // Angles are kept as they were set: those of a rotation are not unique.
-        let known = self.angles.filter(|(_, rotation)| *rotation == before.rotation);
-        let degrees = known.map_or_else(|| degrees_of(before.rotation), |(degrees, _)| degrees);
-        let mut turned = degrees;
+        // Angles are kept as set, because those of a rotation are not unique.
+        let kept = self.angles.filter(|(_, rotation)| *rotation == before.rotation);
+        let degrees = kept.map_or_else(|| degrees_of(before.rotation), |(degrees, _)| degrees);
+        let mut new_degrees = degrees;
         grid(ui, "palpate_frame", |ui| {
-            three(ui, "offset", " mm", 0.5, 1e3, draft.offset_m.as_mut());
-            three(ui, "turn about x y z", "°", 1.0, 1.0, turned.as_mut());
+            vector_row(ui, "offset", " mm", 0.5, 1e3, draft.offset_m.as_mut());
+            vector_row(ui, "rotation about x y z", "°", 1.0, 1.0, new_degrees.as_mut());
             NumberField::new("scale", "×", 1.0, 0.1..=10.0).log().show(ui, &mut draft.scale);
             ui.end_row();
         });
-        if turned != degrees {
-            draft.rotation = rotation_of(turned);
+        if new_degrees != degrees {
+            draft.rotation = rotation_of(new_degrees);
         }
         if let Some(frame) = self.accept(Part::Frame, &before, draft, DeviceFrame::validate) {
-            (settings.frame, self.angles) = (frame, Some((turned, frame.rotation)));
+            (settings.frame, self.angles) = (frame, Some((new_degrees, frame.rotation)));
         }
-        self.show_refusal(ui, Part::Frame);
+        self.show_rejection(ui, Part::Frame);
     }
 }
 
-/// Three numbers in a row.
-fn three(ui: &mut egui::Ui, label: &str, suffix: &str, speed: f64, per_unit: f64, values: &mut [f64; 3]) {
+/// A row of three numbers.
+fn vector_row(
+    ui: &mut egui::Ui,
+    label: &str,
+    suffix: &str,
+    speed: f64,
+    per_unit: f64,
+    values: &mut [f64; 3],
+) {
     ui.label(label);
     ui.horizontal(|ui| {
         for value in values {
@@ -249,10 +258,10 @@ pub(super) fn grid(ui: &mut egui::Ui, id: &str, rows: impl FnOnce(&mut egui::Ui)
     egui::Grid::new(id).num_columns(2).min_col_width(100.0).spacing([8.0, 3.0]).show(ui, rows);
 }
 
-/// Turns about x, y and z, degrees: about z first, then x, then y.
+/// Rotations about x, y and z, degrees: about z first, then x, then y.
 fn degrees_of(rotation: DQuat) -> DVec3 {
     let (y, x, z) = rotation.to_euler(EulerRot::YXZ);
-    // Adding zero turns −0 into 0.
+    // Adding zero converts −0 to 0.
     DVec3::new(x, y, z).map(|angle| angle.to_degrees() + 0.0)
 }
 

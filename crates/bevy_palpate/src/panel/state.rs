@@ -7,28 +7,28 @@ use bevy::prelude::*;
 use palpate_local::Scheme;
 use std::path::PathBuf;
 
-/// What the panel shows. Change it to open, close or direct it.
+/// State of the panel: visibility, the shown tool and curves.
 #[derive(Resource, Clone, Debug, Reflect)]
 #[reflect(Resource, Debug, Clone)]
 pub struct HapticPanel {
     /// Whether the side panel is open.
     pub open: bool,
-    /// What opens and closes it.
+    /// Key that opens and closes the side panel.
     pub key: Option<KeyCode>,
-    /// The tool that is shown; `None`, or one that is gone: the first.
+    /// The shown tool; the first one if `None` or if the entity is no tool.
     pub tool: Option<Entity>,
-    /// Seconds of force and error that are shown, 1 to 15.
+    /// Duration of the shown force and error, s, 1 to 15.
     pub seconds: f64,
-    /// Whether the schemes that do not run are computed on the same samples while force or error is looked at.
+    /// Whether the inactive schemes are computed on the same samples while force or error is visible.
     pub compare: bool,
-    /// Schemes whose curves are drawn, by [`Scheme::ALL`].
+    /// Whether each scheme's curve is drawn, in the order of [`Scheme::ALL`].
     pub curves: [bool; 6],
-    /// Where recordings go.
+    /// Folder of recordings.
     pub folder: PathBuf,
     #[reflect(ignore)]
     pub(crate) view: View,
     #[reflect(ignore)]
-    pub(super) present: DeviceList,
+    pub(super) devices: DeviceList,
 }
 
 impl HapticPanel {
@@ -43,11 +43,11 @@ impl HapticPanel {
             curves,
             folder,
             view: View::default(),
-            present: DeviceList::default(),
+            devices: DeviceList::default(),
         }
     }
 
-    /// The tool that is shown, of those there are.
+    /// The shown one of `tools`.
     pub(super) fn shown(&self, tools: impl Iterator<Item = Entity>) -> Option<Entity> {
         let mut first: Option<Entity> = None;
         for tool in tools {
@@ -59,7 +59,7 @@ impl HapticPanel {
         first
     }
 
-    /// Whether the curve of `scheme` is drawn.
+    /// Returns whether the curve of `scheme` is drawn.
     #[must_use]
     pub fn draws(&self, scheme: Scheme) -> bool {
         self.curves[index_of(scheme)]

@@ -11,7 +11,7 @@ pub(super) const DARK: Color32 = Color32::from_rgb(48, 51, 58);
 pub(super) const RIM: Color32 = Color32::from_rgb(90, 95, 105);
 pub(super) const FULL: Color32 = Color32::from_rgb(240, 242, 246);
 
-/// The colour of a scheme's curve: told apart by the colour-blind too.
+/// Colour of a scheme's curve, from a palette for colour-blind readers.
 pub(super) fn color(scheme: Scheme) -> Color32 {
     match scheme {
         Scheme::Hold => Color32::from_rgb(150, 150, 158),
@@ -23,7 +23,7 @@ pub(super) fn color(scheme: Scheme) -> Color32 {
     }
 }
 
-/// A scheme as people call it.
+/// Name of a scheme.
 pub(super) fn name(scheme: Scheme) -> &'static str {
     match scheme {
         Scheme::Hold => "hold",
@@ -35,7 +35,7 @@ pub(super) fn name(scheme: Scheme) -> &'static str {
     }
 }
 
-/// Sizes of texts and spaces, and dark colours, for what `ui` shows; the app's own style stays as it is.
+/// Sets sizes of texts and spaces, and dark colours, in `ui` only; the app's own style is not changed.
 pub(super) fn apply(ui: &mut egui::Ui) {
     let style = ui.style_mut();
     style.visuals = egui::Visuals::dark();
@@ -54,22 +54,22 @@ pub(super) fn apply(ui: &mut egui::Ui) {
     style.spacing.interact_size.y = 18.0;
 }
 
-/// A line of small print.
+/// A line of small text.
 pub(super) fn small(ui: &mut egui::Ui, text: impl Into<String>) -> egui::Response {
     ui.add(egui::Label::new(egui::RichText::new(text).small().color(FAINT)).wrap())
 }
 
-/// A figure, in green where it is healthy and in amber where not.
+/// A value, in green if it is healthy and in amber if not.
 pub(super) fn healthy(ui: &mut egui::Ui, is_healthy: bool, text: String) -> egui::Response {
     ui.colored_label(if is_healthy { GREEN } else { AMBER }, text)
 }
 
-/// A line that says what is wrong.
-pub(super) fn refusal(ui: &mut egui::Ui, text: &str) -> egui::Response {
+/// An error message.
+pub(super) fn error(ui: &mut egui::Ui, text: &str) -> egui::Response {
     ui.add(egui::Label::new(egui::RichText::new(text).color(RED)).wrap())
 }
 
-/// A name in the colour of its curve, with a piece of it: what can be clicked. `thick` for the one that matters most.
+/// A clickable name in the colour of its curve, with a piece of the curve, `thick` for the running scheme.
 pub(super) fn chip(ui: &mut egui::Ui, text: &str, color: Color32, thick: bool) -> egui::Response {
     let font = TextStyle::Body.resolve(ui.style());
     let galley = ui.painter().layout_no_wrap(text.to_owned(), font, color);

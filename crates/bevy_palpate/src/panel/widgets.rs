@@ -1,11 +1,11 @@
-//! The panel's parts, to be put into any window.
+//! The parts of the panel, for any window.
 
 mod running;
 
 use super::devices;
 use super::fault_log::FaultLog;
 use super::history::{ForceComponent, index_of};
-use super::plots::PlotPoints;
+use super::plots::CurvePoints;
 use super::recording::{name_of, next_free};
 use super::settings::{View, grid};
 use super::state::HapticPanel;
@@ -22,7 +22,7 @@ use bevy_egui::egui;
 use palpate_haptics::SafetySettings;
 use palpate_local::Scheme;
 
-/// The parts of the panel, for a system in `EguiPrimaryContextPass` (or any other pass of bevy_egui):
+/// System parameter that draws the parts of the panel, for a system in `EguiPrimaryContextPass` or another pass of bevy_egui.
 ///
 /// ```
 /// use bevy::prelude::*;
@@ -39,18 +39,18 @@ use palpate_local::Scheme;
 /// # bevy::ecs::system::assert_is_system::<(), (), _>(my_window);
 /// ```
 ///
-/// All parts are of the tool that [`HapticPanel::tool`] names. What is not drawn is not computed.
+/// All parts show the tool [`HapticPanel::tool`]. A part that is not drawn computes nothing.
 #[derive(SystemParam)]
 pub struct HapticWidgets<'w, 's> {
     panel: ResMut<'w, HapticPanel>,
-    watched: ResMut<'w, ToolHistory>,
-    heard: Res<'w, FaultLog>,
+    history: ResMut<'w, ToolHistory>,
+    log: Res<'w, FaultLog>,
     tools: Query<'w, 's, Shown>,
     bodies: Query<'w, 's, (&'static SimulatedBody, &'static mut Tissue, Option<&'static Name>)>,
     devices: Res<'w, HapticDevices>,
     rate: ResMut<'w, ModelRate>,
     time: Res<'w, Time<Real>>,
-    drawn: Local<'s, PlotPoints>,
+    points: Local<'s, CurvePoints>,
 }
 
 #[derive(QueryData)]
@@ -68,13 +68,13 @@ struct Shown {
 }
 
 impl HapticWidgets<'_, '_> {
-    /// Whether the side panel is open.
+    /// Returns whether the side panel is open.
     #[must_use]
     pub fn is_open(&self) -> bool {
         self.panel.open
     }
 
-    /// All parts under headings that open and close.
+    /// Draws all parts under collapsible headings.
     pub fn all(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
         ui.add_space(4.0);
@@ -112,35 +112,35 @@ impl HapticWidgets<'_, '_> {
         self.panel.shown(self.tools.iter().map(|shown| shown.entity))
     }
 
-    /// Which tool is shown, with a chooser if there are several, and what it does now.
+    /// Draws device, force and local model of the tool, with a selection if there are several tools.
     pub fn header(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
         let Some(entity) = self.entity() else {
-            theme::small(ui, "There is no tool. Spawn a HapticTool.");
+            theme::small(ui, "There is no tool; spawn an entity with HapticTool.");
             return;
         };
         let label = |entity: Entity, name: Option<&Name>| {
             name.map_or_else(|| format!("tool {entity}"), |name| name.to_string())
         };
         if self.tools.iter().count() > 1 {
-            let mut chosen = entity;
+            let mut selected = entity;
             let shown = self.tools.get(entity).map(|shown| label(entity, shown.name)).unwrap_or_default();
             egui::ComboBox::from_id_salt("palpate_tool").selected_text(shown).show_ui(ui, |ui| {
                 for other in &self.tools {
-                    ui.selectable_value(&mut chosen, other.entity, label(other.entity, other.name));
+                    ui.selectable_value(&mut selected, other.entity, label(other.entity, other.name));
                 }
             });
-            if chosen != entity {
-                self.panel.tool = Some(chosen);
+            if selected != entity {
+                self.panel.tool = Some(selected);
             }
         }
         let Ok(mut shown) = self.tools.get_mut(entity) else { return };
         grid(ui, "palpate_header", |ui| {
             ui.label("device");
             ui.vertical(|ui| {
-                let present = &mut self.panel.bypass_change_detection().present;
+                let list = &mut self.panel.bypass_change_detection().devices;
                 let mut device = shown.tool.device.clone();
-                if present.choose(ui, &mut device, &self.devices) {
+                if list.select(ui, &mut device, &self.devices) {
                     shown.tool.device = device;
                 }
                 devices::calibrate(ui, &self.devices, &shown.tool.device);
@@ -159,7 +159,7 @@ impl HapticWidgets<'_, '_> {
             let age_ms = 1e3 * shown.force.model_age_s;
             ui.label(format!("{states} states, built in {:.1} ms, {age_ms:.0} ms old", 1e3 * time_s));
             ui.end_row();
-            let beyond_s = self.heard.beyond_support_s(entity, self.time.elapsed_secs_f64());
+            let beyond_s = self.log.beyond_support_s(entity, self.time.elapsed_secs_f64());
             if let Some((text, is_amber)) = note_on_model(shown.build, beyond_s) {
                 ui.label("");
                 if is_amber {
@@ -172,12 +172,12 @@ impl HapticWidgets<'_, '_> {
         });
     }
 
-    /// Force over the last seconds: the full body's, and every scheme's on the same samples.
+    /// Draws the force of the last seconds: that of the full body, and that of every scheme on the same samples.
     pub fn force(&mut self, ui: &mut egui::Ui) {
         let Some(running) = self.prepare(ui) else { return };
         self.chips(ui, running);
-        let Self { panel, drawn, .. } = self;
-        drawn.force(ui, panel.seconds, running, |scheme| panel.draws(scheme));
+        let Self { panel, points, .. } = self;
+        points.force(ui, panel.seconds, running, |scheme| panel.draws(scheme));
         let panel = panel.bypass_change_detection();
         ui.horizontal(|ui| {
             for (along, name) in ForceComponent::ALL {
@@ -187,27 +187,27 @@ impl HapticWidgets<'_, '_> {
             let seconds = egui::DragValue::new(&mut panel.seconds).range(1.0..=15.0).speed(0.1).suffix(" s");
             ui.add(seconds.max_decimals(1));
             ui.checkbox(&mut panel.compare, "all schemes")
-                .on_hover_text("computes the schemes that do not run on the same samples, beside the app");
+                .on_hover_text("computes the other schemes on the same samples, in the background");
         });
-        let (cost_ms, skipped) = self.watched.comparing_cost();
+        let (cost_ms, skipped) = self.history.comparison_cost();
         if self.panel.compare {
-            let mut text = format!("the schemes beside take {cost_ms:.1} ms a model step on another thread");
+            let mut text = format!("the schemes take {cost_ms:.1} ms per model step on another thread");
             if skipped > 0 {
-                text += &format!("; {skipped} steps left out, for it was too much");
+                text += &format!("; {skipped} steps were skipped because of that time");
             }
             theme::small(ui, text);
         }
     }
 
-    /// Error of every scheme against the full body over the last second, and what a person just notices.
+    /// Draws the error of every scheme against the full body over the last second, with the just noticeable difference.
     pub fn error(&mut self, ui: &mut egui::Ui) {
         let Some(running) = self.prepare(ui) else { return };
-        let newest = self.watched.errors[index_of(running)].points.back().copied();
-        let now = newest.filter(|(at, _)| self.watched.newest.is_some_and(|newest| newest - at < 1000));
+        let newest = self.history.errors[index_of(running)].points.back().copied();
+        let now = newest.filter(|(at, _)| self.history.newest.is_some_and(|newest| newest - at < 1000));
         ui.horizontal(|ui| match now {
             Some((_, share)) => {
-                let noticeable = ForceError::FORCE_JND;
-                let color = match share / noticeable {
+                let jnd = ForceError::FORCE_JND;
+                let color = match share / jnd {
                     part if part < 1.0 => theme::GREEN,
                     part if part < 2.0 => theme::AMBER,
                     _ => theme::RED,
@@ -215,28 +215,28 @@ impl HapticWidgets<'_, '_> {
                 let text =
                     egui::RichText::new(format!("{:.2} %", 100.0 * share)).color(color).strong().size(15.0);
                 ui.label(text);
-                let words = if share < noticeable { "not to be felt" } else { "to be felt" };
-                ui.label(format!("{}: {words} (7 % is just noticeable)", theme::name(running)));
+                let verdict = if share < jnd { "not noticeable" } else { "noticeable" };
+                ui.label(format!("{}: {verdict} (7 % is just noticeable)", theme::name(running)));
             }
             None => {
-                theme::small(ui, "Touch the body: there is no force to speak of.");
+                theme::small(ui, "Touch the body: there is no force to compare.");
             }
         });
-        let Self { panel, drawn, .. } = self;
-        drawn.error(ui, panel.seconds, running, |scheme| panel.draws(scheme));
+        let Self { panel, points, .. } = self;
+        points.error(ui, panel.seconds, running, |scheme| panel.draws(scheme));
     }
 
-    /// What every curve needs; the running scheme.
+    /// Requests and updates the curves; returns the running scheme.
     fn prepare(&mut self, ui: &mut egui::Ui) -> Option<Scheme> {
         theme::apply(ui);
         let scheme = self.tools.get(self.entity()?).ok()?.tool.scheme;
-        let watched = self.watched.bypass_change_detection();
-        watched.drawn.forces = true;
-        self.drawn.refresh(watched, self.panel.seconds, self.panel.view.along);
+        let history = self.history.bypass_change_detection();
+        history.drawn.forces = true;
+        self.points.refresh(history, self.panel.seconds, self.panel.view.along);
         Some(scheme)
     }
 
-    /// The names of the curves in their colours; a click draws one or not.
+    /// Draws the names of the curves in their colours; a click shows or hides a curve.
     fn chips(&mut self, ui: &mut egui::Ui, running: Scheme) {
         let curves = &mut self.panel.bypass_change_detection().curves;
         ui.horizontal_wrapped(|ui| {
@@ -245,11 +245,11 @@ impl HapticWidgets<'_, '_> {
             for (i, scheme) in Scheme::ALL.into_iter().enumerate() {
                 let color = if curves[i] { theme::color(scheme) } else { theme::RIM };
                 let chip = theme::chip(ui, theme::name(scheme), color, scheme == running);
-                let note = self.watched.notes[i].as_deref();
+                let note = self.history.notes[i].as_deref();
                 let hint = match note {
-                    Some(why) => format!("has no curve: {why}"),
+                    Some(reason) => format!("has no curve: {reason}"),
                     None if scheme == running => "runs in the loop".into(),
-                    None => "beside, on the same samples".into(),
+                    None => "computed in the background on the same samples".into(),
                 };
                 if chip.on_hover_text(hint).clicked() {
                     curves[i] = !curves[i];
@@ -258,7 +258,7 @@ impl HapticWidgets<'_, '_> {
         });
     }
 
-    /// Scheme, model rate, the body's nodes and inverted cells, and its material.
+    /// Draws scheme, model rate, and the body's nodes, inverted cells and material.
     pub fn material(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
         let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
@@ -278,13 +278,13 @@ impl HapticWidgets<'_, '_> {
         if let Some(rate) = rate {
             *self.rate = rate;
         }
-        view.rate_refusal(ui);
+        view.show_rate_rejection(ui);
         let body = shown.running.as_ref().and_then(|running| running.body());
         match body.and_then(|body| Some((body, self.bodies.get_mut(body).ok()?))) {
             Some((body, (simulated, mut tissue, name))) => {
                 let nodes = simulated.body().network().node_count();
-                let what = name.map_or_else(|| format!("body {body}"), |name| name.to_string());
-                theme::small(ui, format!("{what}: {nodes} nodes"));
+                let label = name.map_or_else(|| format!("body {body}"), |name| name.to_string());
+                theme::small(ui, format!("{label}: {nodes} nodes"));
                 let cells = simulated.body().network().cells().len();
                 if let Some((text, is_warning)) = note_on_cells(cells, simulated.last_step().inverted_cells) {
                     if is_warning {
@@ -301,7 +301,7 @@ impl HapticWidgets<'_, '_> {
         }
     }
 
-    /// Limits of the safety chain.
+    /// Draws the limits of the safety chain.
     pub fn limits(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
         let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
@@ -310,19 +310,19 @@ impl HapticWidgets<'_, '_> {
         self.panel.bypass_change_detection().view.limits(ui, &mut shown.settings, of_device);
     }
 
-    /// How the device lies in the scene.
+    /// Draws rotation, scale and offset of the device frame.
     pub fn frame(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
         let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
         self.panel.bypass_change_detection().view.frame(ui, &mut shown.settings);
     }
 
-    /// Records the hand to a file, and replays one.
+    /// Draws the controls to record the device's motion to a file, and to replay a file.
     pub fn recording(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
         let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
         let HapticPanel { folder, view, .. } = self.panel.bypass_change_detection();
-        let recorder = &mut self.watched.bypass_change_detection().recorder;
+        let recorder = &mut self.history.bypass_change_detection().recorder;
         if let Some(written) = recorder.written.take() {
             view.file = written.display().to_string();
         } else if view.file.is_empty() {
@@ -341,18 +341,18 @@ impl HapticWidgets<'_, '_> {
                     recorder.stop(view.file.clone().into());
                 }
             } else if let Some(seconds) = recorder.unwritten_s() {
-                let again = ui.button(format!("write {seconds:.1} s again")).clicked();
-                let hint = "gives up what could not be written";
-                let away = ui.button("throw away").on_hover_text(hint).clicked();
-                if again {
+                let retry = ui.button(format!("retry to write {seconds:.1} s")).clicked();
+                let hint = "discards the recording that could not be written";
+                let discard = ui.button("discard").on_hover_text(hint).clicked();
+                if retry {
                     recorder.write_again(view.file.clone().into());
-                } else if away {
+                } else if discard {
                     recorder.discard();
                 }
             } else {
                 let idle = shown.running.is_some() && !recorder.is_writing();
                 if ui.add_enabled(idle, egui::Button::new("⏺ record")).clicked() {
-                    // What is there is never written over.
+                    // An existing file is never overwritten.
                     if std::path::Path::new(&view.file).exists() {
                         view.file = next_free(folder).display().to_string();
                     }
@@ -377,53 +377,55 @@ impl HapticWidgets<'_, '_> {
                 shown.tool.set_changed();
             }
         });
-        match &recorder.told {
+        match &recorder.message {
             Some(Ok(text)) => {
                 theme::small(ui, text.as_str());
             }
-            Some(Err(why)) => {
-                theme::refusal(ui, why);
+            Some(Err(reason)) => {
+                theme::error(ui, reason);
             }
             None => {}
         }
     }
 
-    /// The faults that were told last; nothing where there were none.
+    /// Draws the last faults, if any.
     pub fn faults(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
-        if self.heard.faults.is_empty() {
+        if self.log.faults.is_empty() {
             return;
         }
         ui.separator();
         let now_s = self.time.elapsed_secs_f64();
-        for (text, times, at_s) in self.heard.faults.iter().rev() {
-            let often = if *times > 1 { format!(" (×{times})") } else { String::new() };
+        for (text, times, at_s) in self.log.faults.iter().rev() {
+            let count = if *times > 1 { format!(" (×{times})") } else { String::new() };
             let ago = now_s - at_s;
             let color = if ago < 5.0 { theme::AMBER } else { theme::FAINT };
-            let text = egui::RichText::new(format!("{ago:.0} s ago{often}: {text}")).small().color(color);
+            let text = egui::RichText::new(format!("{ago:.0} s ago{count}: {text}")).small().color(color);
             ui.add(egui::Label::new(text).wrap());
         }
     }
 }
 
-/// How many of a body's `cells` cells are inverted, and whether that is a warning; `None` for a body without cells.
+/// Text about the inverted ones of a body's `cells` cells, and whether it is a warning; `None` for a body without cells.
 fn note_on_cells(cells: usize, inverted: usize) -> Option<(String, bool)> {
     (cells > 0).then(|| (format!("{inverted} of {cells} cells inverted"), inverted > 0))
 }
 
-/// Time for which a touch beyond the support set is worth a warning, s.
+/// Time after a contact beyond the support set for which a warning is shown, s.
 const RECENT_S: f64 = 5.0;
 
-/// What is to be said of a local model, and whether it is a warning: that the body buckles, or that the tool touched beyond the
-/// support set `beyond_s` ago. A support set that is cut, as most are, does no harm by itself.
+/// Text about a local model, and whether it is a warning: that the body buckles, or that the tool touched beyond the support set `beyond_s`
+/// ago. A truncated support set alone, as most are, is no warning.
 fn note_on_model(build: &LocalModelStats, beyond_s: Option<f64>) -> Option<(String, bool)> {
     if build.tangent_clamped {
         Some(("the body buckles: clamped tangent".into(), true))
     } else if beyond_s.is_some_and(|ago_s| ago_s < RECENT_S) {
-        Some(("the tool touched beyond the nodes of S".into(), true))
+        Some(("the tool touched beyond the support set".into(), true))
     } else {
         let nodes = build.support_nodes;
-        build.support_truncated.then(|| (format!("S is cut to its {nodes} most likely nodes"), false))
+        build
+            .support_truncated
+            .then(|| (format!("support set truncated to its {nodes} most likely nodes"), false))
     }
 }
 
@@ -432,16 +434,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_support_set_that_is_cut_is_a_warning_only_where_the_tool_touched_beyond_it() {
+    fn truncated_support_set_is_a_warning_only_after_contact_beyond_it() {
         let whole = LocalModelStats { support_nodes: 18, ..default() };
-        let cut = LocalModelStats { support_truncated: true, ..whole };
+        let truncated = LocalModelStats { support_truncated: true, ..whole };
         assert_eq!(note_on_model(&whole, None), None);
-        assert_eq!(note_on_model(&cut, None), Some(("S is cut to its 18 most likely nodes".into(), false)));
-        for build in [&whole, &cut] {
+        let text = "support set truncated to its 18 most likely nodes";
+        assert_eq!(note_on_model(&truncated, None), Some((text.into(), false)));
+        for build in [&whole, &truncated] {
             assert!(note_on_model(build, Some(1.0)).unwrap().1);
         }
-        assert!(!note_on_model(&cut, Some(60.0)).unwrap().1);
-        let clamped = LocalModelStats { tangent_clamped: true, ..cut };
+        assert!(!note_on_model(&truncated, Some(60.0)).unwrap().1);
+        let clamped = LocalModelStats { tangent_clamped: true, ..truncated };
         assert!(note_on_model(&clamped, None).unwrap().1);
     }
 

@@ -1,12 +1,12 @@
-//! The last ticks of a tool's loop, as a file.
+//! Black box of a tool: the last ticks of its loop, written to files.
 
 use crate::fault::HapticFaultKind;
 use bevy::prelude::*;
 use palpate_haptics::{BlackBoxWriter, HapticHandle};
 use std::path::PathBuf;
 
-/// Put it on a tool to have the last 4,096 ticks of its loop written to a folder when something goes wrong in it, a missed
-/// deadline excepted, and whenever it is asked to. `palpate-lab blackbox FILE` reads them.
+/// Black box of a tool: writes the last 4,096 ticks of its loop to a file at every fault of the loop except missed deadlines, and on
+/// request. `palpate-lab blackbox FILE` reads the files.
 #[derive(Component, Debug)]
 pub struct BlackBoxDump {
     writer: BlackBoxWriter,
@@ -15,24 +15,24 @@ pub struct BlackBoxDump {
 }
 
 impl BlackBoxDump {
-    /// In `folder`, which is made when the first file is written; 16 files at most.
+    /// Returns a black box that writes to `folder`, at most 16 files. The folder is created with the first file.
     #[must_use]
     pub fn in_folder(folder: impl Into<PathBuf>) -> Self {
         Self { writer: BlackBoxWriter::new(folder), files: Vec::new(), requested: None }
     }
 
-    /// Asks for a file in the next frame; `reason` becomes a part of its name.
+    /// Requests a file in the next frame; `reason` becomes a part of its name.
     pub fn request(&mut self, reason: impl Into<String>) {
         self.requested = Some(reason.into());
     }
 
-    /// The files that have been written.
+    /// Returns the files that have been written.
     #[must_use]
     pub fn files(&self) -> &[PathBuf] {
         &self.files
     }
 
-    /// Writes what has been asked for, or for `fault`.
+    /// Writes a file if one was requested, or for `fault`.
     pub(super) fn write(
         &mut self,
         handle: &mut HapticHandle,

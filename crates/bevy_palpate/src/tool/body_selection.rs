@@ -7,29 +7,29 @@ use crate::fault::{HapticFault, HapticFaultKind};
 use bevy::prelude::*;
 use glam::DVec3;
 
-/// Gives every tool that has samples the body it asks for, or the nearest.
+/// Selects for every tool with samples the body of [`HapticTool::body`], or the nearest one.
 pub(super) fn select_bodies(
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop)>,
     bodies: Query<(Entity, &SimulatedBody)>,
-    to_come: Query<(), With<DeformableBody>>,
-    mut ended: MessageWriter<ContactEnd>,
+    described_bodies: Query<(), With<DeformableBody>>,
+    mut ends: MessageWriter<ContactEnd>,
     mut faults: MessageWriter<HapticFault>,
 ) {
-    for (entity, asked, mut tool) in &mut tools {
+    for (entity, described, mut tool) in &mut tools {
         let Some(at) = tool.path.last().map(|point| point.position_m) else { continue };
-        let wanted = match (asked.body, tool.body) {
+        let candidate = match (described.body, tool.body) {
             (Some(body), _) => Some(body),
-            // What it touches or holds it keeps.
+            // A contact keeps its body.
             (None, Some(body)) if bodies.contains(body) && tool.is_in_contact() => Some(body),
             (None, last) => nearest(&bodies, at, last),
         };
-        let chosen = wanted.filter(|body| bodies.contains(*body));
-        // A body that is still to be built is waited for.
-        let refused = wanted.filter(|body| !bodies.contains(*body) && !to_come.contains(*body));
-        match refused {
-            None => tool.refused_body = None,
+        let selected = candidate.filter(|body| bodies.contains(*body));
+        // A body that is not built yet is no fault.
+        let rejected = candidate.filter(|body| !bodies.contains(*body) && !described_bodies.contains(*body));
+        match rejected {
+            None => tool.rejected_body = None,
             Some(body) => {
-                if tool.refused_body.replace(body) != Some(body) {
+                if tool.rejected_body.replace(body) != Some(body) {
                     faults.write(HapticFault {
                         entity: Some(entity),
                         kind: HapticFaultKind::NotABody { body },
@@ -37,18 +37,18 @@ pub(super) fn select_bodies(
                 }
             }
         }
-        if chosen != tool.body {
-            tool.reset_contact(entity).map(|message| ended.write(message));
-            tool.body = chosen;
+        if selected != tool.body {
+            tool.reset_contact(entity).map(|message| ends.write(message));
+            tool.body = selected;
         }
     }
 }
 
-/// A tool goes over to another body that is nearer than the one it had by so much, m.
-const NEARER_M: f64 = 0.005;
+/// Minimum difference of the distances at which a tool changes to a nearer body, m.
+const SWITCH_DISTANCE_M: f64 = 0.005;
 
-/// The body with the surface point nearest to `at`, or the `last` one, if that is hardly farther; of several equally near, always
-/// the same one.
+/// Returns the body with the surface point nearest to `at`, or the `last` one if it is hardly farther. Of equally near bodies it is always
+/// the one with the lowest entity.
 fn nearest(bodies: &Query<(Entity, &SimulatedBody)>, at: DVec3, last: Option<Entity>) -> Option<Entity> {
     let mut all = bodies.iter();
     if let (Some((only, _)), None) = (all.next(), all.next()) {
@@ -59,10 +59,10 @@ fn nearest(bodies: &Query<(Entity, &SimulatedBody)>, at: DVec3, last: Option<Ent
         let points = body.surface().points.iter();
         points.map(|point| point.of(body.positions_m()).distance(at)).fold(f64::INFINITY, f64::min)
     };
-    let farther = |entity: Entity| if last == Some(entity) { 0.0 } else { NEARER_M };
+    let penalty = |entity: Entity| if last == Some(entity) { 0.0 } else { SWITCH_DISTANCE_M };
     bodies
         .iter()
-        .map(|(entity, simulated)| (distance(simulated) + farther(entity), entity))
+        .map(|(entity, simulated)| (distance(simulated) + penalty(entity), entity))
         .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
         .map(|(_, entity)| entity)
 }

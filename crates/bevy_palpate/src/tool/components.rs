@@ -1,4 +1,4 @@
-//! The components that describe a tool, and the messages about its contacts.
+//! The components that describe a tool, and the messages about its contacts and grasps.
 
 use super::results::{ForceError, LocalModelStats, LoopTiming, ToolForce, TouchedBody};
 use crate::device::DeviceSelector;
@@ -8,36 +8,35 @@ use palpate_body::{BodyError, ToolContact, ToolShape, VirtualCoupling};
 use palpate_haptics::{DeviceFrame, SafetySettings, VelocityEstimator};
 use palpate_local::Scheme;
 
-/// A haptic interface point: a sphere, or the end of a punch, at the place of its device. Its partners come by themselves; among them
-/// the results [`ToolForce`], [`LocalModelStats`], [`ForceError`], [`LoopTiming`] and [`TouchedBody`].
+/// A haptic tool: a sphere, or the end of a flat punch, at the position of its device. Requires [`ToolSettings`] and the results
+/// [`ToolForce`], [`LocalModelStats`], [`ForceError`], [`LoopTiming`] and [`TouchedBody`].
 ///
-/// Spawning it starts a loop, removing it stops the loop with zero force and joins its thread. Its
-/// [`Transform`] is where it is in the picture: between the last two model steps, as the bodies are drawn, and behind its
-/// coupling. Spawn it without a parent.
+/// Inserting it starts a loop; removing it stops the loop with zero force and joins its thread. The [`Transform`] is that of the proxy,
+/// interpolated between the last two model steps like the bodies. With a parent it is relative to the parent; parents do not move the tool.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[require(ToolSettings, ToolForce, LocalModelStats, ForceError, LoopTiming, TouchedBody, Transform)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct HapticTool {
-    /// Which device moves it. A change starts another loop.
+    /// Device that moves the tool. A change starts another loop.
     pub device: DeviceSelector,
-    /// How the loop makes force between two model steps. A change acts at the next model step.
+    /// Scheme by which the loop renders force between two model steps. A change takes effect at the next model step.
     #[reflect(remote = crate::reflect::ReflectedScheme)]
     pub scheme: Scheme,
-    /// What touches, in the world's frame: it does not turn with the device. A change ends a touch.
+    /// Shape of the tool, in the world frame: it does not rotate with the device. A change ends a contact.
     #[reflect(remote = crate::reflect::ReflectedToolShape)]
     pub shape: ToolShape,
-    /// Coefficient of friction between the tool and what it touches. A change ends a touch.
+    /// Coefficient of friction between the tool and the body. A change ends a contact.
     pub friction: f64,
-    /// What holds the tool to the device. A change ends a touch.
+    /// Coupling of the tool to the device. A change ends a contact.
     pub coupling: ToolCoupling,
-    /// The body that it can touch; `None`: the one that is nearest while it touches nothing. A change ends a touch; how the next
-    /// one begins is at [`TouchedBody`].
+    /// Body that the tool can touch; `None` for the nearest one, which changes only without contact. A change ends a contact;
+    /// [`TouchedBody`] describes how the next one starts.
     #[entities]
     pub body: Option<Entity>,
 }
 
 impl Default for HapticTool {
-    /// The device `"default"`, [`Scheme::NearFieldExact`], a sphere of 5 mm, friction 0.3, a coupling that gives way, the nearest body.
+    /// The device `"default"`, [`Scheme::NearFieldExact`], a sphere of radius 5 mm, friction 0.3, a virtual coupling, the nearest body.
     fn default() -> Self {
         Self {
             device: DeviceSelector::default(),
@@ -51,8 +50,8 @@ impl Default for HapticTool {
 }
 
 impl HapticTool {
-    /// A tool that `device` moves, with the other values of [`HapticTool::default`]. A string selects the device that is registered under
-    /// that name.
+    /// Returns a tool moved by `device`, with the other values of [`HapticTool::default`]. A string selects the device registered under
+    /// that name in [`HapticDevices`](crate::HapticDevices).
     ///
     /// ```
     /// use bevy_palpate::prelude::*;
@@ -65,101 +64,101 @@ impl HapticTool {
         Self { device: device.into(), ..Self::default() }
     }
 
-    /// The same tool with another scheme.
+    /// Returns the tool with another scheme.
     #[must_use]
     pub fn with_scheme(self, scheme: Scheme) -> Self {
         Self { scheme, ..self }
     }
 
-    /// The same tool with another shape.
+    /// Returns the tool with another shape.
     #[must_use]
     pub fn with_shape(self, shape: ToolShape) -> Self {
         Self { shape, ..self }
     }
 
-    /// The same tool with another coefficient of friction.
+    /// Returns the tool with another coefficient of friction.
     #[must_use]
     pub fn with_friction(self, friction: f64) -> Self {
         Self { friction, ..self }
     }
 
-    /// The same tool with another coupling.
+    /// Returns the tool with another coupling.
     #[must_use]
     pub fn with_coupling(self, coupling: ToolCoupling) -> Self {
         Self { coupling, ..self }
     }
 
-    /// The same tool for one body only.
+    /// Returns the tool for one body only.
     #[must_use]
     pub fn with_body(self, body: Entity) -> Self {
         Self { body: Some(body), ..self }
     }
 
-    /// A contact of its shape, which touches nothing yet.
+    /// Returns a contact of the tool's shape, friction and coupling that touches nothing yet.
     ///
     /// # Errors
-    /// [`BodyError`] when shape, friction or coupling make no sense.
+    /// [`BodyError`] if shape, friction or coupling are out of range.
     pub fn contact(&self) -> Result<ToolContact, BodyError> {
         self.coupling.apply_to(ToolContact::touch(self.shape, self.friction)?)
     }
 }
 
-/// What holds a tool to its device.
+/// Coupling of a tool to its device: rigid, or a virtual coupling as in [`VirtualCoupling`].
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Debug, Default, PartialEq, Clone)]
 pub enum ToolCoupling {
-    /// It is where the device is, whatever that takes: a hand can drag a body through itself. For measuring fidelity.
+    /// The tool is at the device's position, without a limit of the force: it can pull a body through itself. For measuring fidelity.
     Rigid,
-    /// A stiff spring whose force saturates: a hand that goes deeper than the body can leaves the tool on its surface.
+    /// A stiff spring with a maximum force. When the device penetrates deeper than the body can yield, the tool stays on the surface.
     Virtual {
-        /// Stiffness, N/m: below the largest force the tool is F/k behind the device.
+        /// Stiffness, N/m. Below the maximum force F the distance between tool and device is F / stiffness.
         stiffness_n_per_m: f64,
-        /// The largest force, N: more is neither felt nor done to the body.
+        /// Maximum force on the hand and on the body, N.
         max_force_n: f64,
     },
 }
 
 impl ToolCoupling {
-    /// `contact` behind this coupling.
+    /// Returns `contact` with this coupling.
     pub(crate) fn apply_to(self, contact: ToolContact) -> Result<ToolContact, BodyError> {
         match self {
             Self::Rigid => Ok(contact),
-            Self::Virtual { stiffness_n_per_m, max_force_n: most_n } => {
-                contact.with_coupling(VirtualCoupling { stiffness_n_per_m, max_force_n: most_n })
+            Self::Virtual { stiffness_n_per_m, max_force_n } => {
+                contact.with_coupling(VirtualCoupling { stiffness_n_per_m, max_force_n })
             }
         }
     }
 }
 
 impl Default for ToolCoupling {
-    /// 20 kN/m, so a quarter of a millimetre at 5 N; 10 N.
+    /// A virtual coupling of 20 kN/m, which is 0.25 mm at 5 N, and at most 10 N.
     fn default() -> Self {
         Self::Virtual { stiffness_n_per_m: 20e3, max_force_n: 10.0 }
     }
 }
 
-/// What can be set of a tool's loop while it runs.
+/// Settings of a tool's loop that can change while it runs.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct ToolSettings {
-    /// How the device lies in the scene.
+    /// Mapping from the device frame to the world frame: rotation, scale and offset.
     #[reflect(remote = crate::reflect::ReflectedDeviceFrame)]
     pub frame: DeviceFrame,
-    /// Limits of the safety chain. As long as nothing of them is set they follow from the device's description
+    /// Limits of the safety chain. The default value stands for the limits that follow from the device's description
     /// ([`palpate_haptics::DeviceDescription::safety`]).
     #[reflect(remote = crate::reflect::ReflectedSafetySettings)]
     pub safety: SafetySettings,
-    /// Where the samples' velocity comes from.
+    /// Source of the samples' velocity.
     #[reflect(remote = crate::reflect::ReflectedVelocityEstimator)]
     pub velocity: VelocityEstimator,
 }
 
-/// A tool has come into contact with a body. Each is followed by one [`ContactEnd`], whatever ends the contact.
+/// A contact of a tool with a body has started. Exactly one [`ContactEnd`] follows each, for any cause of the end.
 ///
 /// Like [`ContactEnd`], [`GraspStart`] and [`GraspEnd`] it is a message, readable in the same model step after
-/// [`HapticSystems::StepBodies`](crate::HapticSystems::StepBodies), and an event for observers of the tool, which run in [`Last`]. In a model step a
-/// tool ends at most one contact and then starts at most one; observers run in that order, ends before starts. A pause of the app ends a
-/// contact of a loop on a thread, because the hand may have moved; it starts again after the pause.
+/// [`HapticSystems::StepBodies`](crate::HapticSystems::StepBodies), and an event for observers of the tool, which run in [`Last`]. In a
+/// model step a tool ends at most one contact and then starts at most one; observers run in that order, ends before starts. A pause of the
+/// app ends a contact of a loop on a thread, because the device may have moved; it starts again after the pause.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -175,13 +174,13 @@ pub struct ContactStart {
     pub tool: Entity,
     /// The body.
     pub body: Entity,
-    /// Where, m, world.
+    /// Point of the body's surface, m, world frame.
     pub point_m: DVec3,
-    /// Unit normal of the body there, out of it.
+    /// Unit normal of the surface there, out of the body, world frame.
     pub normal: DVec3,
 }
 
-/// A contact of a tool with a body has ended.
+/// A contact of a tool with a body has ended. If the tool was despawned, observers of that entity do not run, but global observers do.
 #[derive(EntityEvent, Message, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[reflect(Message, Debug, PartialEq, Clone)]
 pub struct ContactEnd {
@@ -192,19 +191,19 @@ pub struct ContactEnd {
     pub body: Entity,
 }
 
-/// Put it on a tool that can grasp. While its button is pressed the tool holds the point of the surface that was nearest to it
-/// when it closed, pushing and pulling; it touches again when the button is released.
+/// Ability of a tool to grasp. While the button is pressed the tool holds the point of the surface that was nearest when the grasp
+/// closed, against pushing and pulling. When the button is released the tool touches again.
 ///
-/// The button is looked at once in a model step, at the newest sample that the body was moved along: a press shorter than that may
-/// not be noticed. On the hand a grasp begins and ends with the hand-over after it. What ends a grasp from outside, a body
-/// that is rebuilt with other nodes for instance, needs another press to begin it again.
+/// The button is read once in a model step, at the newest sample along which the body was stepped: a shorter press may be missed. The
+/// rendered force follows with the next local model. When something else ends a grasp, for example a body that is built again with
+/// other nodes, the button must be pressed again.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[require(GraspedPoint)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct ToolGrasp {
-    /// The button that closes it: bit i of a reading's buttons.
+    /// Button that closes the grasp: its bit number in the buttons of a reading.
     pub button: u32,
-    /// How far from the tool's position the surface may be to be grasped, m.
+    /// Maximum distance between the device's position and the grasped surface, m.
     pub reach_m: f64,
 }
 
@@ -215,17 +214,17 @@ impl Default for ToolGrasp {
     }
 }
 
-/// What a tool with [`ToolGrasp`] holds.
+/// Point of a body that a tool with [`ToolGrasp`] holds, updated at every model step.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct GraspedPoint {
-    /// The body; `None` while it holds nothing.
+    /// The held body; `None` while the tool holds nothing.
     pub body: Option<Entity>,
-    /// Where the held point is, m, world.
+    /// Position of the held point, m, world frame.
     pub point_m: DVec3,
 }
 
-/// A tool with [`ToolGrasp`] has grasped a point of a body. Each is followed by one [`GraspEnd`].
+/// A tool with [`ToolGrasp`] has grasped a point of a body. Exactly one [`GraspEnd`] follows each.
 #[derive(EntityEvent, Message, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Message, Debug, PartialEq, Clone)]
 pub struct GraspStart {
@@ -234,7 +233,7 @@ pub struct GraspStart {
     pub tool: Entity,
     /// The body.
     pub body: Entity,
-    /// The grasped point, m, world frame.
+    /// Position of the grasped point, m, world frame.
     pub point_m: DVec3,
 }
 

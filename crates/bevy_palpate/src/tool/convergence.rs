@@ -1,11 +1,11 @@
-//! Reports a contact solver in the loop that does not converge.
+//! Reports loops whose contact solver does not converge.
 
 use super::tool_loop::ToolLoop;
 use crate::fault::{HapticFault, HapticFaultKind};
 use bevy::prelude::*;
 use glam::DVec3;
 
-/// Reports every tool whose loop did not converge in more than 1 % of the touching ticks of a second.
+/// Reports every tool whose loop did not converge in more than 1 % of a second's ticks in contact.
 pub(super) fn report_unconverged(
     mut tools: Query<(Entity, &mut ToolLoop)>,
     mut faults: MessageWriter<HapticFault>,
@@ -13,10 +13,11 @@ pub(super) fn report_unconverged(
     for (entity, mut tool) in &mut tools {
         let ToolLoop { handle, path, consumed, convergence, .. } = &mut *tool;
         let (Some(newest), ticks) = (*consumed, path.len().saturating_sub(1) as u64) else { continue };
-        let displayed = handle.displayed();
+        let rendered = handle.displayed();
         let first = (newest + 1).saturating_sub(ticks);
-        let felt = |sequence: &u64| displayed.get(*sequence).is_some_and(|force_n| force_n != DVec3::ZERO);
-        let touching = (first..=newest).filter(felt).count() as u64;
+        let has_force =
+            |sequence: &u64| rendered.get(*sequence).is_some_and(|force_n| force_n != DVec3::ZERO);
+        let touching = (first..=newest).filter(has_force).count() as u64;
         let counter = handle.report().unconverged_ticks;
         if let Some((ticks, touching)) = convergence.record(ticks, touching, counter) {
             let kind = HapticFaultKind::Unconverged { ticks, touching };

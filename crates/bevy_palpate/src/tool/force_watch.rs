@@ -1,4 +1,4 @@
-//! How long a tool has rendered no force where there should be one.
+//! Time for which a tool has lacked force.
 
 use crate::fault::NoForceCause;
 use bevy::prelude::*;
@@ -7,24 +7,24 @@ use glam::DVec3;
 /// Ticks without force after which the cause is reported.
 const REPORTED_AFTER_TICKS: u64 = 500;
 
-/// The same where the body is still to be built, which takes its time.
+/// The same while the body is being built.
 const BUILT_WITHIN_TICKS: u64 = 5000;
 
-/// How long a tool has been without force, and what has been reported.
+/// Time for which a tool has lacked force, and the reported cause.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct ForceWatch {
     /// The present cause and its ticks.
     present: Option<(NoForceCause, u64)>,
     reported: Option<NoForceCause>,
-    /// The body, and its shape and place, of which the tool was clear at the last model step.
+    /// The body, with its contact key, that the tool was outside of at the last model step.
     pub(super) clear_of: Option<(Entity, (u64, u64))>,
-    /// The tool went into that body through a fixed surface, there, m.
+    /// The body, with its contact key, that the tool entered through a fixed surface, and the point of entry, m.
     pub(super) entered: Option<(Entity, (u64, u64), DVec3)>,
-    /// The device has been where its description says that it cannot be.
+    /// Whether the device has been outside the workspace of its description.
     pub(super) left_workspace: bool,
 }
 
-/// What a model step shows.
+/// Classification of a model step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum ForceStep {
     /// A force is missing.
@@ -33,12 +33,12 @@ pub(super) enum ForceStep {
     Rendered,
     /// No force is expected.
     Quiet,
-    /// Neither: what is missing is another fault's affair.
+    /// Undetermined: another fault reports the cause.
     Unknown,
 }
 
 impl ForceWatch {
-    /// Adds a step of `ticks` ticks; returns the cause that has to be reported.
+    /// Adds a step of `ticks` ticks; returns a cause to be reported.
     pub(super) fn record(&mut self, step: ForceStep, ticks: u64) -> Option<NoForceCause> {
         let ForceStep::Missing(cause) = step else {
             self.present = None;
@@ -68,7 +68,7 @@ mod tests {
     const RAMP: ForceStep = ForceStep::Missing(NoForceCause::StartRamp { ramp_s: 1e9 });
     const NO_BODY: ForceStep = ForceStep::Missing(NoForceCause::NoBody);
 
-    /// Numbers of those of `steps`, of 50 ticks each, after which a cause is reported.
+    /// Numbers of the steps, of 50 ticks each, after which a cause is reported.
     fn reported(steps: &[(ForceStep, usize)]) -> Vec<usize> {
         let mut watch = ForceWatch::default();
         let all = steps.iter().flat_map(|(step, times)| std::iter::repeat_n(*step, *times));
@@ -76,35 +76,35 @@ mod tests {
     }
 
     #[test]
-    fn a_cause_is_reported_once_after_half_a_second_without_a_break() {
+    fn reports_a_cause_once_after_half_a_second_without_a_break() {
         assert_eq!(reported(&[(LIMIT, 40)]), [10]);
         assert_eq!(reported(&[(LIMIT, 9), (ForceStep::Quiet, 1), (LIMIT, 9)]), [0; 0]);
         assert_eq!(reported(&[(LIMIT, 9), (RAMP, 9)]), [0; 0]);
     }
 
     #[test]
-    fn another_cause_is_reported_too() {
+    fn reports_another_cause_too() {
         assert_eq!(reported(&[(LIMIT, 20), (RAMP, 20)]), [10, 30]);
     }
 
     #[test]
-    fn a_missing_force_is_reported_again_once_there_was_force() {
+    fn reports_a_missing_force_again_after_a_rendered_force() {
         assert_eq!(reported(&[(LIMIT, 20), (ForceStep::Quiet, 20), (LIMIT, 20)]), [10]);
         assert_eq!(reported(&[(LIMIT, 20), (ForceStep::Rendered, 1), (LIMIT, 20)]), [10, 31]);
         assert_eq!(reported(&[(LIMIT, 20), (ForceStep::Unknown, 20), (LIMIT, 20)]), [10]);
     }
 
     #[test]
-    fn a_missing_body_is_reported_again_once_there_was_one() {
+    fn reports_a_missing_body_again_after_a_body_in_reach() {
         assert_eq!(reported(&[(NO_BODY, 20), (ForceStep::Quiet, 1), (NO_BODY, 20)]), [10, 31]);
         assert_eq!(reported(&[(NO_BODY, 20), (ForceStep::Unknown, 1), (NO_BODY, 20)]), [10]);
     }
 
     #[test]
-    fn a_body_that_is_being_built_has_five_seconds() {
+    fn reports_a_running_build_after_five_seconds() {
         let body = Entity::PLACEHOLDER;
-        let waits = ForceStep::Missing(NoForceCause::BodyNotReady { body, waited_s: 0.0 });
-        assert_eq!(reported(&[(waits, 99)]), [0; 0]);
-        assert_eq!(reported(&[(waits, 200)]), [100]);
+        let building = ForceStep::Missing(NoForceCause::BodyNotReady { body, waited_s: 0.0 });
+        assert_eq!(reported(&[(building, 99)]), [0; 0]);
+        assert_eq!(reported(&[(building, 200)]), [100]);
     }
 }

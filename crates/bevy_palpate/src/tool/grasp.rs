@@ -1,4 +1,4 @@
-//! Tools that take hold of a body.
+//! Grasps of tools.
 
 use super::components::{
     ContactEnd, ContactStart, GraspEnd, GraspStart, GraspedPoint, HapticTool, ToolCoupling, ToolGrasp,
@@ -10,32 +10,32 @@ use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{Body, BodyError, ClosestPoint, SurfaceTree, ToolContact};
 
-/// Takes hold and lets go as the buttons say.
+/// Closes and opens grasps according to the buttons.
 pub(super) fn grasp(
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, Option<&ToolGrasp>, Option<&mut GraspedPoint>)>,
     bodies: Query<&SimulatedBody>,
-    mut began: MessageWriter<ContactStart>,
-    mut ended: MessageWriter<ContactEnd>,
-    (mut grasp_started, mut grasp_ended): (MessageWriter<GraspStart>, MessageWriter<GraspEnd>),
+    mut starts: MessageWriter<ContactStart>,
+    mut ends: MessageWriter<ContactEnd>,
+    (mut grasp_starts, mut grasp_ends): (MessageWriter<GraspStart>, MessageWriter<GraspEnd>),
     mut faults: MessageWriter<HapticFault>,
 ) {
-    for (entity, asked, mut tool, grasp, grasped) in &mut tools {
+    for (entity, described, mut tool, grasp, grasped) in &mut tools {
         let tool = &mut *tool;
         let pressed = grasp
             .is_some_and(|grasp| tool.buttons().checked_shr(grasp.button).is_some_and(|rest| rest & 1 == 1));
         let was_pressed = std::mem::replace(&mut tool.was_pressed, pressed);
         let closes = pressed && !was_pressed;
         if !pressed && tool.contact.held_point().is_some() {
-            tool.release(entity).map(|message| ended.write(message));
+            tool.release(entity).map(|message| ends.write(message));
         }
         let body = tool.body.and_then(|body| Some((body, bodies.get(body).ok()?.body())));
         let place = tool.path.last().map(|point| point.position_m);
         if let (true, Some(grasp), Some((on, body)), Some(at)) = (closes, grasp, body, place) {
-            match hold(body, asked.coupling, at, grasp.reach_m) {
+            match hold(body, described.coupling, at, grasp.reach_m) {
                 Ok(Some((contact, closest))) => {
                     if !tool.is_in_contact() {
                         let (point_m, normal) = (closest.point_m, closest.normal);
-                        began.write(ContactStart { tool: entity, body: on, point_m, normal });
+                        starts.write(ContactStart { tool: entity, body: on, point_m, normal });
                     }
                     (tool.contact, tool.has_support) = (contact, false);
                 }
@@ -54,17 +54,17 @@ pub(super) fn grasp(
         });
         if grasped.body != now.body || closes && now.body.is_some() {
             if let Some(body) = grasped.body {
-                grasp_ended.write(GraspEnd { tool: entity, body });
+                grasp_ends.write(GraspEnd { tool: entity, body });
             }
             if let Some(body) = now.body {
-                grasp_started.write(GraspStart { tool: entity, body, point_m: now.point_m });
+                grasp_starts.write(GraspStart { tool: entity, body, point_m: now.point_m });
             }
         }
         grasped.set_if_neq(now);
     }
 }
 
-/// The point of `body` nearest to `at_m`, held by a tool there.
+/// Returns a contact that holds the point of `body` nearest to `at_m`; `None` if the surface is farther than `reach_m`.
 fn hold(
     body: &Body,
     coupling: ToolCoupling,
@@ -77,7 +77,7 @@ fn hold(
 }
 
 impl ToolLoop {
-    /// The buttons at the newest sample that the body has been moved along.
+    /// The buttons at the newest sample along which the body has been stepped.
     fn buttons(&mut self) -> u32 {
         let consumed = self.consumed;
         let samples = self.handle.samples();

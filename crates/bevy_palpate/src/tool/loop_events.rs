@@ -1,4 +1,4 @@
-//! Collects the events and records of the loops, and detects loops that have ended.
+//! Reads the events and records of the loops, and detects loops that have ended.
 
 use super::black_box::BlackBoxDump;
 use super::results::TickRecording;
@@ -7,7 +7,7 @@ use crate::fault::{HapticFault, HapticFaultKind};
 use bevy::prelude::*;
 use palpate_haptics::LoopEventKind;
 
-/// Takes every loop's events and records, and notices loops that have ended by themselves.
+/// Reads the events and records of every loop, and detects loops that have ended by themselves.
 pub(super) fn poll_loops(
     mut commands: Commands,
     mut tools: Query<(Entity, &mut ToolLoop, Option<&mut TickRecording>, Option<&mut BlackBoxDump>)>,
@@ -18,22 +18,22 @@ pub(super) fn poll_loops(
         let mut fault = |kind| {
             faults.write(HapticFault { entity: Some(entity), kind });
         };
-        // Asked before the queues are emptied, so that its last words are among what is taken.
-        let ended = matches!(&tool.driver, Driver::Thread(thread) if !thread.is_running());
-        let mut worth_keeping = None;
+        // Checked before the queues are read, which then contain the last events of an ended loop.
+        let has_ended = matches!(&tool.driver, Driver::Thread(thread) if !thread.is_running());
+        let mut dump_reason = None;
         tool.take_faults(&mut |kind| {
             if !matches!(kind, HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(_))) {
-                worth_keeping.get_or_insert_with(|| kind.report());
+                dump_reason.get_or_insert_with(|| kind.report());
             }
             fault(kind);
         });
         if let Some(mut black_box) = black_box {
-            black_box.write(&mut tool.handle, worth_keeping).map(&mut fault);
+            black_box.write(&mut tool.handle, dump_reason).map(&mut fault);
         }
         if let Some(mut recording) = recording {
             tool.record(&mut recording);
         }
-        if ended {
+        if has_ended {
             fault(tool.driver.stop().unwrap_or(HapticFaultKind::LoopEnded));
             commands.entity(entity).remove::<ToolLoop>();
         }

@@ -1,4 +1,4 @@
-//! The model side of a step: bodies, local models, hand-over.
+//! The model side of a step: steps the bodies, builds and publishes the local models.
 
 use super::components::{ContactEnd, ContactStart, HapticTool};
 use super::results::{ForceError, LocalModelStats, ToolContactPoint};
@@ -12,17 +12,17 @@ use palpate_body::{Body, BodyError, SemiImplicitEuler, StepReport, ToolContact, 
 use palpate_local::{ModelId, Scheme};
 use palpate_reduce::BuilderOptions;
 
-/// Steps every body: along the samples of the tools that can touch it, or by the model period if there are none.
+/// Steps every body: along the samples of the tools that can touch it, or by the model period without samples.
 ///
-/// The first of several tools is the clock. Another one's loop, on a thread of its own, may have ticked a little more or less
-/// often in that time: its path is stretched to the same time. A path of more ticks than a step may have ([`ModelSpan`]) is walked in that
-/// many: the newer half at its own pace, what is older faster.
+/// The first of several tools determines the number of ticks. The loops of the others run on threads of their own and may differ by a few
+/// ticks: their paths are resampled to the same number. A path longer than the limit of a step ([`ModelSpan`]) is resampled to the limit:
+/// its newer half tick by tick, its older half faster.
 pub(super) fn step_bodies(
     mut bodies: Query<(Entity, &mut SimulatedBody)>,
     mut tools: Query<(Entity, &mut ToolLoop)>,
     span: ModelSpan,
-    mut began: MessageWriter<ContactStart>,
-    mut ended: MessageWriter<ContactEnd>,
+    mut starts: MessageWriter<ContactStart>,
+    mut ends: MessageWriter<ContactEnd>,
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (_, mut tool) in &mut tools {
@@ -30,18 +30,18 @@ pub(super) fn step_bodies(
     }
     for (entity, mut simulated) in &mut bodies {
         let simulated = &mut *simulated;
-        let mut at_it: Vec<(Entity, Mut<ToolLoop>)> =
+        let mut own_tools: Vec<(Entity, Mut<ToolLoop>)> =
             tools.iter_mut().filter(|(_, tool)| tool.body == Some(entity) && !tool.path.is_empty()).collect();
-        at_it.sort_unstable_by_key(|(tool, _)| *tool);
-        for (tool_entity, tool) in &mut at_it {
+        own_tools.sort_unstable_by_key(|(tool, _)| *tool);
+        for (tool_entity, tool) in &mut own_tools {
             if std::mem::replace(&mut tool.contact_key, simulated.contact_key()) != simulated.contact_key() {
-                tool.reset_contact(*tool_entity).map(|message| ended.write(message));
+                tool.reset_contact(*tool_entity).map(|message| ends.write(message));
             }
         }
-        simulated.drawn.begin_step(&simulated.body);
-        let before: Vec<bool> = at_it.iter().map(|(_, tool)| tool.contact.normal().is_some()).collect();
-        let stepped = step(&mut simulated.body, &mut at_it, (span.ticks(), span.max_ticks()));
-        for ((tool_entity, tool), was_touching) in at_it.iter_mut().zip(before) {
+        simulated.drawn.start_step(&simulated.body);
+        let before: Vec<bool> = own_tools.iter().map(|(_, tool)| tool.contact.normal().is_some()).collect();
+        let stepped = step(&mut simulated.body, &mut own_tools, (span.ticks(), span.max_ticks()));
+        for ((tool_entity, tool), was_touching) in own_tools.iter_mut().zip(before) {
             let touched = tool.contact.normal().zip(tool.contact.touched().first());
             tool.contact_point = touched.map(|(normal, touched)| {
                 let point_m = touched.point_m(&simulated.body);
@@ -51,11 +51,11 @@ pub(super) fn step_bodies(
             let (tool_entity, contact) = (*tool_entity, &tool.contact);
             match (was_touching, contact.normal().zip(contact.touched().first())) {
                 (true, None) => {
-                    ended.write(ContactEnd { tool: tool_entity, body: entity });
+                    ends.write(ContactEnd { tool: tool_entity, body: entity });
                 }
                 (false, Some((normal, touched))) => {
                     let point_m = touched.point_m(&simulated.body);
-                    began.write(ContactStart { tool: tool_entity, body: entity, point_m, normal });
+                    starts.write(ContactStart { tool: tool_entity, body: entity, point_m, normal });
                 }
                 _ => {}
             }
@@ -63,8 +63,8 @@ pub(super) fn step_bodies(
         match stepped {
             Ok(report) => {
                 (simulated.last_step, simulated.failed) = (report, None);
-                let found = simulated.watch.note(&report);
-                faults.write_batch(found.map(|kind| HapticFault { entity: Some(entity), kind }));
+                let kinds = simulated.watch.record(&report);
+                faults.write_batch(kinds.map(|kind| HapticFault { entity: Some(entity), kind }));
             }
             Err(error) => {
                 bring_to_rest(simulated);
@@ -78,25 +78,25 @@ pub(super) fn step_bodies(
     }
 }
 
-/// Steps `body` along the paths of `tools`, in `most` ticks at most, or by `period` ticks if there are none, and notes what it
-/// displayed to each.
+/// Steps `body` along the paths of `tools` in at most `max_ticks` ticks, or by `period` ticks without tools, and records the force on
+/// each tool.
 fn step(
     body: &mut Body,
     tools: &mut [(Entity, Mut<ToolLoop>)],
-    (period, most): (usize, usize),
+    (period, max_ticks): (usize, usize),
 ) -> Result<StepReport, BodyError> {
-    let asked = tools.first().map_or(period, |(_, tool)| tool.path.len() - 1);
-    let ticks = asked.min(most);
-    let pace = |tool: &ToolLoop| Pace::new(tool.path.len() - 1, ticks, asked > most);
-    let stretched: Vec<Option<Vec<ToolPoint>>> = tools
+    let due = tools.first().map_or(period, |(_, tool)| tool.path.len() - 1);
+    let ticks = due.min(max_ticks);
+    let pace = |tool: &ToolLoop| Pace::new(tool.path.len() - 1, ticks, due > max_ticks);
+    let resampled: Vec<Option<Vec<ToolPoint>>> = tools
         .iter()
-        .map(|(_, tool)| (tool.path.len() != ticks + 1).then(|| stretch(&tool.path, pace(tool))))
+        .map(|(_, tool)| (tool.path.len() != ticks + 1).then(|| resample(&tool.path, pace(tool))))
         .collect();
     let mut forces: Vec<Vec<DVec3>> = vec![Vec::with_capacity(ticks); tools.len()];
     let mut runs = Vec::with_capacity(tools.len());
-    for ((_, tool), stretched) in tools.iter_mut().zip(&stretched) {
+    for ((_, tool), resampled) in tools.iter_mut().zip(&resampled) {
         let ToolLoop { contact, path, .. } = &mut **tool;
-        runs.push(ToolRun { contact, path: stretched.as_ref().unwrap_or(path) });
+        runs.push(ToolRun { contact, path: resampled.as_ref().unwrap_or(path) });
     }
     let stepped = body.advance_tools(&mut runs, ticks, SemiImplicitEuler::default(), |_, now_n| {
         forces.iter_mut().zip(now_n).for_each(|(forces, now)| forces.push(*now));
@@ -105,7 +105,7 @@ fn step(
         if stepped.is_err() {
             tool.contact.release();
         } else {
-            // One for each of its own ticks.
+            // One force for each sample of the tool's own path.
             let pace = pace(tool);
             tool.full_forces_n.extend((1..=pace.samples).filter_map(|i| forces.get(pace.tick_of(i) - 1)));
         }
@@ -113,25 +113,25 @@ fn step(
     stepped
 }
 
-/// How a path of so many samples after the first is walked in so many ticks.
+/// Distribution of a path of `samples` samples after the first over `ticks` ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Pace {
     samples: usize,
     ticks: usize,
-    /// At the end, ticks of one sample each; before them all go by evenly.
-    even: usize,
+    /// Number of ticks at the end with one sample each; the samples before are distributed evenly.
+    single: usize,
 }
 
 impl Pace {
-    /// A path that is too long (`is_late`) keeps its own pace in the newer half of the ticks.
+    /// The distribution; a path that is too long (`is_late`) has one sample per tick in the newer half of the ticks.
     fn new(samples: usize, ticks: usize, is_late: bool) -> Self {
-        Self { samples, ticks, even: if is_late { (ticks / 2).min(samples) } else { 0 } }
+        Self { samples, ticks, single: if is_late { (ticks / 2).min(samples) } else { 0 } }
     }
 
-    /// The place on the path after `tick`, in samples.
+    /// Position on the path after `tick`, in samples.
     fn place(self, tick: usize) -> f64 {
-        let (ticks, samples) = (self.ticks - self.even, self.samples - self.even);
-        if ticks == 0 && self.even == 0 {
+        let (ticks, samples) = (self.ticks - self.single, self.samples - self.single);
+        if ticks == 0 && self.single == 0 {
             samples as f64
         } else if tick <= ticks {
             samples as f64 * tick as f64 / ticks as f64
@@ -140,15 +140,15 @@ impl Pace {
         }
     }
 
-    /// The tick, from 1, during which `sample`, from 1, is reached.
+    /// The tick, from 1, in which `sample`, from 1, is reached.
     fn tick_of(self, sample: usize) -> usize {
-        let (ticks, samples) = (self.ticks - self.even, self.samples - self.even);
+        let (ticks, samples) = (self.ticks - self.single, self.samples - self.single);
         if sample <= samples { (sample * ticks).div_ceil(samples).max(1) } else { ticks + sample - samples }
     }
 }
 
-/// `path`, of at least one point, walked at `pace`.
-fn stretch(path: &[ToolPoint], pace: Pace) -> Vec<ToolPoint> {
+/// Resamples `path`, of at least one point, at `pace`.
+fn resample(path: &[ToolPoint], pace: Pace) -> Vec<ToolPoint> {
     let last = path.len() - 1;
     let at = |tick: usize| {
         let place = pace.place(tick);
@@ -162,40 +162,40 @@ fn stretch(path: &[ToolPoint], pace: Pace) -> Vec<ToolPoint> {
     (0..=pace.ticks).map(at).collect()
 }
 
-/// Compares what every loop displayed with what the full body says for the same samples.
+/// Compares the rendered force of every loop with the full body's force at the same samples.
 pub(super) fn measure_force_error(mut tools: Query<&mut ToolLoop>) {
     for mut tool in &mut tools {
         let ToolLoop { handle, full_forces_n: full_n, consumed, error, .. } = &mut *tool;
-        let displayed = handle.displayed();
+        let rendered = handle.displayed();
         let first = consumed.and_then(|newest| newest.checked_sub(full_n.len() as u64));
-        let pair = |(i, full): (usize, &DVec3)| Some((displayed.get(first? + 1 + i as u64)?, *full));
+        let pair = |(i, full): (usize, &DVec3)| Some((rendered.get(first? + 1 + i as u64)?, *full));
         *error = ForceError::of(full_n.iter().enumerate().filter_map(pair));
     }
 }
 
-/// What could not be stepped from here may be from rest.
+/// Sets all velocities to zero, from which the next step may succeed.
 fn bring_to_rest(simulated: &mut SimulatedBody) {
     let x = simulated.body.positions_m().to_vec();
-    // The positions are the body's own, so they fit.
+    // Cannot fail: the positions are the body's own.
     let _ = simulated.body.set_state(&x, &vec![DVec3::ZERO; x.len()]);
 }
 
-/// Builds a local model for every tool that has new samples, into the slot of the exchange.
+/// Builds a local model for every tool with new samples, in the slot of the exchange.
 pub(super) fn build_local_models(
     mut bodies: Query<&mut SimulatedBody>,
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, &mut LocalModelStats)>,
     period: ModelPeriod,
     mut faults: MessageWriter<HapticFault>,
 ) {
-    // It speaks for one period after another that it took to build.
-    let usual_s = BuilderOptions::default().horizon_s;
-    let horizon_s = (2.0 * period.s()).clamp(usual_s, 10.0);
-    // What every tool does, for those beside it.
+    // A local model is active for one period, after a period in which it is built.
+    let default_s = BuilderOptions::default().horizon_s;
+    let horizon_s = (2.0 * period.s()).clamp(default_s, 10.0);
+    // The contacts of all tools, for the local models of the others.
     let all: Vec<(Entity, Entity, ToolContact)> = tools
         .iter()
         .filter_map(|(entity, _, tool, _)| Some((entity, tool.body?, tool.contact.clone())))
         .collect();
-    for (entity, asked, mut tool, mut newest) in &mut tools {
+    for (entity, described, mut tool, mut stats) in &mut tools {
         let ToolLoop {
             handle,
             contact,
@@ -215,13 +215,13 @@ pub(super) fn build_local_models(
         let model = handle.model_slot();
         let simulated = body.and_then(|body| Some((body, bodies.get_mut(body).ok()?)));
         let Some((body, mut simulated)) = simulated else {
-            // Nothing to be felt: that is a model too, or the last touch would last until it is stale.
+            // An empty model replaces the previous one, which would render force until it is stale.
             model.clear(sequence);
             *built = true;
             continue;
         };
         let SimulatedBody { body: full, builder, epoch, .. } = &mut *simulated;
-        // Where it has been felt is where the local model before had its support set.
+        // Contact outside the support set of the previous local model.
         let is_beyond = *has_support && contact.touched_nodes().iter().any(|node| !support.contains(node));
         if is_beyond && !std::mem::replace(was_beyond, true) {
             let nodes = support.len();
@@ -232,19 +232,19 @@ pub(super) fn build_local_models(
         support.clear();
         *has_support = false;
         let id = ModelId { body: body.to_bits(), epoch: *epoch, sequence };
-        let beside = |other: &&(Entity, Entity, ToolContact)| other.0 != entity && other.1 == body;
+        let is_other = |other: &&(Entity, Entity, ToolContact)| other.0 != entity && other.1 == body;
         let others: Vec<&ToolContact> = all
             .iter()
-            .filter(beside)
+            .filter(is_other)
             .map(|(_, _, contact)| contact)
             .filter(|c| c.validate(full).is_ok())
             .collect();
-        // It is within bounds.
+        // Cannot fail: the value is clamped.
         let _ = builder.set_horizon_s(horizon_s);
-        match builder.build_with_other_tools(asked.scheme, full, (contact, point), &others, id, model) {
+        match builder.build_with_other_tools(described.scheme, full, (contact, point), &others, id, model) {
             Ok(report) => {
-                (*built, *newest) = (true, report.into());
-                if asked.scheme == Scheme::NearFieldExact {
+                (*built, *stats) = (true, report.into());
+                if described.scheme == Scheme::NearFieldExact {
                     support.extend(builder.support());
                     *has_support = true;
                 }
@@ -256,7 +256,7 @@ pub(super) fn build_local_models(
     }
 }
 
-/// Hands over the local models that have been built.
+/// Publishes the local models that have been built.
 pub(super) fn publish_local_models(mut tools: Query<&mut ToolLoop>) {
     for mut tool in &mut tools {
         if std::mem::take(&mut tool.built) {
@@ -270,28 +270,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_path_is_stretched_from_its_beginning_to_its_end() {
+    fn resampled_path_keeps_start_and_end() {
         let at = |x: f64| ToolPoint { position_m: DVec3::X * x, velocity_m_per_s: DVec3::Y * x };
         let path: Vec<ToolPoint> = (0..=4).map(|i| at(f64::from(i))).collect();
-        let stretch =
-            |path: &[ToolPoint], ticks: usize| stretch(path, Pace::new(path.len() - 1, ticks, false));
-        assert_eq!(stretch(&path, 4), path);
-        let longer = stretch(&path, 5);
+        let resample =
+            |path: &[ToolPoint], ticks: usize| resample(path, Pace::new(path.len() - 1, ticks, false));
+        assert_eq!(resample(&path, 4), path);
+        let longer = resample(&path, 5);
         assert_eq!((longer.len(), longer[0], longer[5]), (6, at(0.0), at(4.0)));
         assert!((longer[1].position_m.x - 0.8).abs() < 1e-15);
-        assert_eq!(stretch(&path, 2), [at(0.0), at(2.0), at(4.0)]);
-        // A hand of which nothing is new stays where it is.
-        assert_eq!(stretch(&path[..1], 3), [at(0.0); 4]);
-        assert_eq!(stretch(&path, 0), [at(4.0)]);
+        assert_eq!(resample(&path, 2), [at(0.0), at(2.0), at(4.0)]);
+        // A path without new samples stays at its point.
+        assert_eq!(resample(&path[..1], 3), [at(0.0); 4]);
+        assert_eq!(resample(&path, 0), [at(4.0)]);
     }
 
     #[test]
-    fn the_newer_half_of_a_path_that_is_too_long_keeps_its_pace() {
+    fn late_path_has_one_sample_per_tick_in_its_newer_half() {
         let at = |x: f64| ToolPoint { position_m: DVec3::X * x, velocity_m_per_s: DVec3::ZERO };
         let path: Vec<ToolPoint> = (0..=10).map(|i| at(f64::from(i))).collect();
         let pace = Pace::new(10, 4, true);
-        assert_eq!(stretch(&path, pace), [0.0, 4.0, 8.0, 9.0, 10.0].map(at));
+        assert_eq!(resample(&path, pace), [0.0, 4.0, 8.0, 9.0, 10.0].map(at));
         assert_eq!([1, 4, 5, 8, 9, 10].map(|sample| pace.tick_of(sample)), [1, 1, 2, 2, 3, 4]);
-        assert_eq!(stretch(&path, Pace::new(10, 1, true)), [0.0, 10.0].map(at));
+        assert_eq!(resample(&path, Pace::new(10, 1, true)), [0.0, 10.0].map(at));
     }
 }

@@ -1,8 +1,8 @@
-//! Reports a tool that renders no force where there should be one, with the cause.
+//! Detects and reports a missing force, with its cause.
 //!
-//! A model step is without force when the mean force that reaches the device is below 1 % of that which the full body
-//! computes, when the tool overlaps the body without a contact, or when no body is within reach. What lasts for half a second is
-//! reported. The pause of an app, a device that fails and a local model that is too old are left out: other faults report them.
+//! A model step lacks force when the mean force that reaches the device is below 1 % of the full body's, when the tool overlaps the body
+//! without a contact, or when no body is within reach. A lack of half a second is reported. Pauses of the app, failing devices and stale
+//! local models are excluded: other faults report them.
 
 use super::components::HapticTool;
 use super::force_watch::ForceStep;
@@ -17,20 +17,20 @@ use palpate_haptics::{BlackBoxTick, SafetyAction};
 /// Share of the full body's force below which a force counts as none.
 const NO_FORCE_SHARE: f64 = 0.01;
 
-/// Mean force of the full body below which nothing has to be felt, N.
-const NOTHING_N: f64 = 1e-3;
+/// Mean force of the full body below which no force is expected, N.
+const MIN_EXPECTED_N: f64 = 1e-3;
 
 /// Depth of an overlap that needs a contact, as a share of the tool's radius.
 const DEPTH_SHARE: f64 = 0.05;
 
-/// Share of a point's weight on free nodes below which the surface counts as fixed: what contact needs to begin.
+/// Share of a point's weight on free nodes below which the surface counts as fixed: a contact does not start there.
 const FIXED_SHARE: f64 = 0.3;
 
-/// All bodies that are asked for, simulated or not.
+/// All bodies, simulated or not.
 type Bodies<'w, 's> =
     Query<'w, 's, (Entity, Option<&'static SimulatedBody>, Option<&'static BodyBuild>), With<DeformableBody>>;
 
-/// Reports every tool that has been without force for half a second, once for each cause.
+/// Reports every tool without force for half a second, once for each cause.
 pub(super) fn report_missing_force(
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop)>,
     bodies: Bodies<'_, '_>,
@@ -38,17 +38,17 @@ pub(super) fn report_missing_force(
     mut faults: MessageWriter<HapticFault>,
 ) {
     surfaces.retain(|body| bodies.contains(body));
-    for (entity, asked, mut tool) in &mut tools {
+    for (entity, described, mut tool) in &mut tools {
         let ticks = tool.path.len().saturating_sub(1) as u64;
         let Some(at_m) = tool.path.last().map(|point| point.position_m).filter(|_| ticks > 0) else {
             continue;
         };
-        let step = if tool.handle.settings().paused || tool.refused_body.is_some() {
+        let step = if tool.handle.settings().paused || tool.rejected_body.is_some() {
             ForceStep::Unknown
         } else {
             match tool.body.and_then(|body| Some((body, bodies.get(body).ok()?.1?))) {
-                None => ForceStep::Missing(unreachable(&bodies, asked.body)),
-                Some(body) => tool.classify(asked, body, &bodies, &mut surfaces, at_m),
+                None => ForceStep::Missing(missing_body(&bodies, described.body)),
+                Some(body) => tool.classify(described, body, &bodies, &mut surfaces, at_m),
             }
         };
         if let Some(cause) = tool.force_watch.record(step, ticks) {
@@ -57,12 +57,12 @@ pub(super) fn report_missing_force(
     }
 }
 
-/// Why there is no simulated body, for a tool that may touch `only` or any.
-fn unreachable(bodies: &Bodies<'_, '_>, only: Option<Entity>) -> NoForceCause {
+/// The reason why there is no simulated body for a tool that can touch only `only`, or any body.
+fn missing_body(bodies: &Bodies<'_, '_>, only: Option<Entity>) -> NoForceCause {
     let mut rejected = None;
     for (body, simulated, build) in bodies.iter().filter(|(body, ..)| only.is_none_or(|only| only == *body)) {
         match build {
-            // It is simulated from the next model step on.
+            // The tool selects the body at the next model step.
             _ if simulated.is_some() => return NoForceCause::BodyNotReady { body, waited_s: 0.0 },
             Some(BodyBuild::MeshLoading | BodyBuild::Running(_) | BodyBuild::Outdated) => {
                 return NoForceCause::BodyNotReady { body, waited_s: 0.0 };
@@ -76,10 +76,10 @@ fn unreachable(bodies: &Bodies<'_, '_>, only: Option<Entity>) -> NoForceCause {
 }
 
 impl ToolLoop {
-    /// What the last model step shows of this tool at the body `on`, its device at `at_m`.
+    /// Classifies the last model step of this tool at the body `on`, with its device at `at_m`.
     fn classify(
         &mut self,
-        asked: &HapticTool,
+        described: &HapticTool,
         on: (Entity, &SimulatedBody),
         bodies: &Bodies<'_, '_>,
         surfaces: &mut Surfaces,
@@ -90,14 +90,14 @@ impl ToolLoop {
         let watch = &mut self.force_watch;
         let was_clear = std::mem::replace(&mut watch.clear_of, Some(now).filter(|_| is_clear)) == Some(now);
         watch.entered = watch.entered.filter(|(body, shape, _)| !is_clear && (*body, *shape) == now);
-        if let Some(step) = self.compare_forces(asked) {
+        if let Some(step) = self.compare_forces(described) {
             return step;
         }
         if self.is_in_contact() {
             return ForceStep::Quiet;
         }
         if let Some(overlap) = surfaces.overlap(on, &self.contact, at_m) {
-            return self.explain(now, overlap, was_clear);
+            return self.classify_overlap(now, overlap, was_clear);
         }
         let Some(radius_m) = self.contact.shape().map(|(shape, _)| shape.radius_m()) else {
             return ForceStep::Quiet;
@@ -107,9 +107,9 @@ impl ToolLoop {
         if self.force_watch.left_workspace {
             return ForceStep::Quiet;
         }
-        let reachable = bodies.iter().filter(|(other, ..)| asked.body.is_none() || *other == body);
+        let candidates = bodies.iter().filter(|(other, ..)| described.body.is_none() || *other == body);
         let mut nearest: Option<(f64, Entity)> = None;
-        for (other, simulated, _) in reachable {
+        for (other, simulated, _) in candidates {
             let Some(simulated) = simulated else { continue };
             let Some(apart_m) = beyond_workspace_m(&self.description, &frame, simulated.body(), radius_m)
             else {
@@ -124,8 +124,8 @@ impl ToolLoop {
         })
     }
 
-    /// Why a tool that overlaps a body, of that shape and place, has no contact.
-    fn explain(
+    /// Determines why a tool that overlaps `body`, with the contact key `shape`, has no contact.
+    fn classify_overlap(
         &mut self,
         (body, shape): (Entity, (u64, u64)),
         overlap: Overlap,
@@ -140,7 +140,7 @@ impl ToolLoop {
                 (true, false) => ForceStep::Missing(NoForceCause::NoContact { body, point_m }),
             };
         }
-        // What was outside of the same body in the last step has gone in through a surface that did not yield.
+        // A tool that was outside the same body in the last step has entered through a surface that did not yield.
         if was_clear && is_fixed {
             self.force_watch.entered = Some((body, shape, point_m));
         }
@@ -150,12 +150,12 @@ impl ToolLoop {
         })
     }
 
-    /// Compares the force that reached the device over the last model step with that of the full body; `None` where the full body
-    /// computes none.
-    fn compare_forces(&mut self, asked: &HapticTool) -> Option<ForceStep> {
+    /// Compares the force that reached the device over the last model step with that of the full body; `None` if the full body computes
+    /// no force.
+    fn compare_forces(&mut self, described: &HapticTool) -> Option<ForceStep> {
         let newest = self.consumed?;
         let full_n = mean(self.full_forces_n.iter().map(|force_n| force_n.length()));
-        if full_n < NOTHING_N {
+        if full_n < MIN_EXPECTED_N {
             return None;
         }
         let before_first = newest.saturating_sub(self.full_forces_n.len() as u64);
@@ -169,13 +169,13 @@ impl ToolLoop {
             .take_while(|tick| tick.sequence > before_first)
             .copied()
             .collect();
-        let shown = |tick: &BlackBoxTick| self.device_resolution * frame.force_to_device(tick.written_n);
+        let rendered = |tick: &BlackBoxTick| self.device_resolution * frame.force_to_device(tick.written_n);
         let is_none = |force_n: f64| force_n < NO_FORCE_SHARE * full_n;
         let after = |stage: fn(&BlackBoxTick) -> DVec3| mean(ticks.iter().map(|tick| stage(tick).length()));
         if ticks.is_empty() {
             return Some(ForceStep::Unknown);
         }
-        if !is_none(mean(ticks.iter().map(|tick| shown(tick).length()))) {
+        if !is_none(mean(ticks.iter().map(|tick| rendered(tick).length()))) {
             return Some(ForceStep::Rendered);
         }
         let has_failed = |tick: &BlackBoxTick| {
@@ -193,7 +193,7 @@ impl ToolLoop {
         } else if is_none(safety.max_force_n) {
             NoForceCause::ForceLimit { max_force_n: safety.max_force_n }
         } else if is_none(before_n) {
-            NoForceCause::LocalModel { scheme: asked.scheme }
+            NoForceCause::LocalModel { scheme: described.scheme }
         } else if is_none(after(|tick| tick.after.gains_n)) {
             if ticks.iter().any(|tick| tick.acted.contains(SafetyAction::Waiting)) {
                 NoForceCause::StartThreshold { force_n: before_n, start_below_n: safety.arm_below_n }

@@ -4,16 +4,16 @@ use super::components::{ContactEnd, ContactStart, GraspEnd, GraspStart};
 use crate::fault::HapticFault;
 use bevy::prelude::*;
 
-/// Triggers the observers of every message of the frame: ends before starts.
+/// Triggers the observers of all messages of the frame: grasp ends, contact ends, contact starts, grasp starts, faults.
 pub(super) fn trigger_observers(
     mut commands: Commands,
-    (mut grasps_ended, mut contacts_ended): (MessageReader<GraspEnd>, MessageReader<ContactEnd>),
-    (mut contacts_started, mut grasps_started): (MessageReader<ContactStart>, MessageReader<GraspStart>),
+    (mut grasp_ends, mut contact_ends): (MessageReader<GraspEnd>, MessageReader<ContactEnd>),
+    (mut contact_starts, mut grasp_starts): (MessageReader<ContactStart>, MessageReader<GraspStart>),
     mut faults: MessageReader<HapticFault>,
 ) {
-    grasps_ended.read().for_each(|event| commands.trigger(*event));
-    contacts_ended.read().for_each(|event| commands.trigger(*event));
-    contacts_started.read().for_each(|event| commands.trigger(*event));
-    grasps_started.read().for_each(|event| commands.trigger(*event));
+    grasp_ends.read().for_each(|event| commands.trigger(*event));
+    contact_ends.read().for_each(|event| commands.trigger(*event));
+    contact_starts.read().for_each(|event| commands.trigger(*event));
+    grasp_starts.read().for_each(|event| commands.trigger(*event));
     faults.read().for_each(|fault| commands.trigger(fault.clone()));
 }

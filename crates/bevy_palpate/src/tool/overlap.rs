@@ -1,4 +1,4 @@
-//! Where a tool is relative to a body, whether they are in contact or not.
+//! Overlap of a tool with a body, independent of contact.
 
 use crate::body::SimulatedBody;
 use bevy::ecs::entity::EntityHashMap;
@@ -7,33 +7,34 @@ use glam::DVec3;
 use palpate_body::{Body, SurfaceTree, ToolContact};
 use palpate_haptics::{DeviceDescription, DeviceFrame};
 
-/// The surfaces of bodies, as trees that are kept from one model step to the next.
+/// Surface trees of bodies, kept from one model step to the next.
 #[derive(Default)]
 pub(super) struct Surfaces {
-    /// Shape of the body ([`SimulatedBody::shape`]) and its tree.
+    /// Number of the body's shape ([`SimulatedBody::shape`]) and its tree.
     trees: EntityHashMap<(u64, SurfaceTree)>,
 }
 
-/// A tool in the surface of a body.
+/// Overlap of a tool with the surface of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Overlap {
-    /// The nearest point of the surface, m.
+    /// Nearest point of the surface, m.
     pub(super) point_m: DVec3,
-    /// How far the tool is beyond that surface, m: its radius when its centre is on it.
+    /// Radius of the tool minus the distance of its centre from the surface, m.
     pub(super) depth_m: f64,
     /// Radius of the tool, m.
     pub(super) radius_m: f64,
-    /// Share of the nearest point that nodes carry which can move, 0 to 1.
+    /// Weight of the nearest point on free nodes, 0 to 1.
     pub(super) free_share: f64,
 }
 
 impl Surfaces {
-    /// Forgets bodies for which `is_there` is false.
-    pub(super) fn retain(&mut self, is_there: impl Fn(Entity) -> bool) {
-        self.trees.retain(|entity, _| is_there(*entity));
+    /// Removes the trees of bodies for which `exists` is false.
+    pub(super) fn retain(&mut self, exists: impl Fn(Entity) -> bool) {
+        self.trees.retain(|entity, _| exists(*entity));
     }
 
-    /// The overlap of `contact` with the body `entity`, its device at `device_m`; `None` where they are apart or it holds a point.
+    /// The overlap of `contact` with the body `entity`, with the device at `device_m`; `None` if they are apart or the contact holds a
+    /// point.
     pub(super) fn overlap(
         &mut self,
         (entity, simulated): (Entity, &SimulatedBody),
@@ -47,8 +48,8 @@ impl Surfaces {
         if !((low - radius_m).cmple(core_m).all() && (high + radius_m).cmpge(core_m).all()) {
             return None;
         }
-        let known = self.trees.remove(&entity).filter(|(shape, _)| *shape == simulated.shape);
-        let tree = match known {
+        let cached = self.trees.remove(&entity).filter(|(shape, _)| *shape == simulated.shape);
+        let tree = match cached {
             Some((_, mut tree)) => {
                 tree.refit(body);
                 tree
@@ -69,8 +70,8 @@ impl Surfaces {
     }
 }
 
-/// Distance from the workspace of the device `description`, mapped by `frame`, to `body`, less `radius_m`, m; `None` if the
-/// tool can reach it. Compares boxes in the device's frame, so that it is an underestimate.
+/// Distance from the workspace of the device `description`, mapped by `frame`, to `body`, minus `radius_m`, m; `None` if the tool can reach
+/// the body. Compares boxes in the device frame, which underestimates the distance.
 pub(super) fn beyond_workspace_m(
     description: &DeviceDescription,
     frame: &DeviceFrame,
@@ -83,7 +84,7 @@ pub(super) fn beyond_workspace_m(
     Some(apart.length() * frame.scale - radius_m).filter(|distance_m| *distance_m > 0.0)
 }
 
-/// Whether the device is where its description says that it can be.
+/// Whether the device is inside the workspace of its description.
 pub(super) fn is_in_workspace(description: &DeviceDescription, frame: &DeviceFrame, at_m: DVec3) -> bool {
     let at = frame.position_to_device_m(at_m);
     let [from, to] = description.workspace_m;
@@ -91,10 +92,10 @@ pub(super) fn is_in_workspace(description: &DeviceDescription, frame: &DeviceFra
     (from - margin).cmple(at).all() && (to + margin).cmpge(at).all()
 }
 
-/// A place may be beyond the workspace by so much of its distance from the origin, and that many metres.
+/// Tolerance of the workspace, relative to the distance from the origin, and in metres.
 const ROUNDING: f64 = 1e-9;
 
-/// Corners of the box round `map` of all points of the surface of `body`.
+/// Corners of the bounding box of all points of the surface of `body`, mapped by `map`.
 fn bounds(body: &Body, map: impl Fn(DVec3) -> DVec3) -> Option<(DVec3, DVec3)> {
     let points = body.surface().points.iter().map(|point| map(point.of(body.positions_m())));
     points.map(|at| (at, at)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))

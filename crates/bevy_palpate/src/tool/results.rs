@@ -1,4 +1,4 @@
-//! What a tool shows of itself.
+//! Results of a tool.
 
 use bevy::prelude::*;
 use glam::DVec3;
@@ -6,7 +6,7 @@ use palpate_haptics::TickRecord;
 use palpate_local::Sample;
 use palpate_reduce::BuildReport;
 
-/// The force on the hand, and the tool's contact, at the newest tick that the app has read. It is changed only when a value differs.
+/// The force on the hand, and the tool's contact, at the newest tick that the app has read. Changes only when a value differs.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct ToolForce {
@@ -16,7 +16,7 @@ pub struct ToolForce {
     pub model_force_n: DVec3,
     /// Sequence number of the sample at which these forces were rendered.
     pub sample: u64,
-    /// Position of the device at that sample, m, world frame. The tool's [`Transform`] has that of the proxy.
+    /// Position of the device at that sample, m, world frame. The tool's [`Transform`] has the position of the proxy.
     pub device_position_m: DVec3,
     /// Contact with a body after the last model step; `None` without contact.
     pub contact: Option<ToolContactPoint>,
@@ -36,69 +36,69 @@ pub struct ToolForce {
 pub struct ToolContactPoint {
     /// Point of the body's surface, m, world frame.
     pub point_m: DVec3,
-    /// Unit normal of the surface there, out of the body.
+    /// Unit normal of the surface there, out of the body, world frame.
     pub normal: DVec3,
-    /// Displacement of that point against the normal from its place on the undeformed body, m: the depth of the dent.
+    /// Displacement of that point from its position on the undeformed body, against the normal, m: the depth of the indentation.
     pub depth_m: f64,
 }
 
-/// The loop's account of itself since its start, renewed every 64 ticks.
+/// Timing and counters of the loop since its start, updated every 64 ticks.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct LoopTiming {
-    /// Ticks done.
+    /// Number of ticks.
     pub ticks: u64,
-    /// Deadlines that passed without a tick.
+    /// Number of deadlines that passed without a tick.
     pub missed_deadlines: u64,
-    /// Median of the time from deadline to tick, µs.
+    /// Lateness, the time from a deadline to its tick: median, µs.
     pub lateness_p50_us: f64,
-    /// Its 99th percentile, µs.
+    /// Lateness: 99th percentile, µs.
     pub lateness_p99_us: f64,
-    /// Its 99.9th percentile, µs.
+    /// Lateness: 99.9th percentile, µs.
     pub lateness_p999_us: f64,
-    /// Its maximum, µs.
+    /// Lateness: maximum, µs.
     pub lateness_max_us: f64,
-    /// Of the last 100 periods, the share that had a tick, 0 to 1.
+    /// Share of the last 100 periods that had a tick, 0 to 1.
     pub on_time_ratio_100: f64,
-    /// Of the last 1000.
+    /// Share of the last 1000 periods that had a tick, 0 to 1.
     pub on_time_ratio_1000: f64,
-    /// Ticks that took longer than a period.
+    /// Number of ticks that took longer than a period.
     pub overruns: u64,
-    /// Median of the time that a tick takes, device included, µs.
+    /// Duration of a tick, device included: median, µs.
     pub cost_p50_us: f64,
-    /// Its 99th percentile, µs.
+    /// Duration of a tick, device included: 99th percentile, µs.
     pub cost_p99_us: f64,
-    /// 99th percentile of the time that the device takes to be read, µs.
+    /// Duration of reading the device: 99th percentile, µs.
     pub read_p99_us: f64,
-    /// 99th percentile of the time that it takes to be written, µs.
+    /// Duration of writing to the device: 99th percentile, µs.
     pub write_p99_us: f64,
-    /// Ticks at which the impulses of the tool's contacts were not found as well as they should be.
+    /// Number of ticks at which the contact solver did not converge.
     pub unconverged_ticks: u64,
-    /// Readings that could not be used.
+    /// Number of rejected readings.
     pub rejected_readings: u64,
-    /// Device errors, on reading and on writing.
+    /// Number of device errors, on reading and on writing.
     pub device_errors: u64,
-    /// Local models that were refused or given up.
+    /// Number of local models that were rejected or abandoned.
     pub models_rejected: u64,
-    /// Events that were lost because the app did not listen.
+    /// Number of events that were dropped because their queue was full.
     pub dropped_events: u64,
 }
 
-/// The newest local model that was built for the tool, and what that took. See [`palpate_reduce::BuildReport`].
+/// Report about the newest local model of the tool, updated at every model step that builds one ([`palpate_reduce::BuildReport`]).
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct LocalModelStats {
-    /// Degrees of freedom that the loop steps at a tick.
+    /// Number of degrees of freedom that the loop steps at a tick.
     pub states: usize,
-    /// Nodes of the support set.
+    /// Number of nodes in the support set.
     pub support_nodes: usize,
-    /// Whether the body buckled and its clamped tangent had to do: the far field is stiffer than the body.
+    /// Whether the body buckled and its tangent was clamped: the far field is stiffer than the body.
     pub tangent_clamped: bool,
-    /// Whether nodes that the tool may reach before the next local model did not find room in the support set.
+    /// Whether nodes within reach before the next local model exceed the capacity of the support set.
     pub support_truncated: bool,
-    /// A bound of the relative error of the reduced stiffness at 80 Hz; `None` for schemes that have none.
+    /// Bound of the relative error of the reduced stiffness at 80 Hz; `None` for schemes without one.
     pub error_bound: Option<f64>,
-    /// How long it took, s.
+    /// Duration of the build, s.
     pub time_s: f64,
 }
 
@@ -107,51 +107,44 @@ impl From<BuildReport> for LocalModelStats {
         let BuildReport {
             states,
             support_nodes,
-            tangent_clamped: is_clamped,
-            support_truncated: is_cut,
+            tangent_clamped,
+            support_truncated,
             error_bound,
             time_s,
             ..
         } = report;
-        Self {
-            states,
-            support_nodes,
-            tangent_clamped: is_clamped,
-            support_truncated: is_cut,
-            error_bound,
-            time_s,
-        }
+        Self { states, support_nodes, tangent_clamped, support_truncated, error_bound, time_s }
     }
 }
 
-/// How far the force on the hand was from that of the full body over the last model step, at the same samples and before
-/// the safety chain. Ticks at which no local model spoke do not count.
+/// Difference between the force of the local model and that of the full body over the last model step, at the same samples and before
+/// the safety chain. Ticks without an active local model do not count.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct ForceError {
     /// RMS of the difference, N.
     pub rms_n: f64,
-    /// Largest difference, N.
+    /// Maximum of the difference, N.
     pub peak_n: f64,
-    /// RMS of the difference over that of the full body's force; `None` where that is zero.
+    /// RMS of the difference divided by the RMS of the full body's force; `None` if the latter is zero.
     pub relative: Option<f64>,
-    /// That as a share of 7 %, the difference that a person just notices.
+    /// [`Self::relative`] divided by [`Self::FORCE_JND`].
     pub jnd_ratio: Option<f64>,
-    /// Ticks that were compared.
+    /// Number of compared ticks.
     pub ticks: usize,
 }
 
 impl ForceError {
-    /// The just noticeable difference of a force: a person notices about 7 to 10 %; the stricter end.
+    /// Just noticeable difference of a force, relative: the lower end of 7 to 10 %.
     pub const FORCE_JND: f64 = 0.07;
 
-    /// Of pairs of what was displayed and what the full body says, N.
+    /// The error of pairs of a rendered force and the full body's force, N.
     pub(crate) fn of(pairs: impl Iterator<Item = (DVec3, DVec3)>) -> Self {
         let (mut error, mut reference, mut peak_n, mut ticks) = (0.0, 0.0, 0.0_f64, 0);
-        for (displayed, full) in pairs {
-            error += (displayed - full).length_squared();
+        for (rendered, full) in pairs {
+            error += (rendered - full).length_squared();
             reference += full.length_squared();
-            peak_n = peak_n.max((displayed - full).length());
+            peak_n = peak_n.max((rendered - full).length());
             ticks += 1;
         }
         let relative = (reference > 0.0).then(|| f64::sqrt(error / reference));
@@ -165,18 +158,17 @@ impl ForceError {
     }
 }
 
-/// What a tool touches now.
+/// The body that a tool touches or holds, and the state of the contact. Updated at every model step, and changed only when a value differs.
 ///
-/// One rule holds whenever a tool and a body come together otherwise than by the tool's motion: the body is spawned, replaced by one
-/// with other nodes, moved by its transform or chosen by [`HapticTool::body`](crate::HapticTool::body); or the tool is started, changed
-/// in shape, released from a grasp, or moved in a pause or while samples were lost. The tool's centre decides. Outside of the body, the tool touches at
-/// once, however far its radius overlaps. Inside, it touches nothing until all of it has left the body:
-/// [`ContactState::Inside`], which is reported after half a second
-/// ([`NoForceCause::Inside`](crate::NoForceCause::Inside)).
+/// A tool and a body can meet other than by the tool's motion: the body is spawned, replaced by one with other nodes, moved by its
+/// transform or selected by [`HapticTool::body`](crate::HapticTool::body); or the tool is started, changes its shape, is released from a
+/// grasp, or moves during a pause or while samples are lost. The position of the tool's centre then decides. Outside the body, the contact
+/// starts at once, however far the tool's radius overlaps. Inside, it starts only after the whole tool has left the body
+/// ([`ContactState::Inside`]), which is reported after half a second ([`NoForceCause::Inside`](crate::NoForceCause::Inside)).
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct TouchedBody {
-    /// The touched or held body; `None` while the tool is free.
+    /// The touched or held body; `None` without contact.
     pub body: Option<Entity>,
     /// State of the contact after the last model step.
     pub state: ContactState,
@@ -186,45 +178,46 @@ pub struct TouchedBody {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Debug, Default, PartialEq, Hash, Clone)]
 pub enum ContactState {
-    /// There is no body to touch, or the loop does not run.
+    /// No body can be touched, or the loop does not run.
     #[default]
     NoBody,
-    /// The tool is outside of the body and touches nothing.
+    /// The tool is outside the body, without contact.
     Clear,
-    /// The tool pushes the body's surface.
+    /// The tool pushes against the body's surface.
     Touching,
     /// The tool holds a point of the body ([`ToolGrasp`](crate::ToolGrasp)).
     Holding,
-    /// The tool is inside the body without having pushed its way there: it renders no force until all of it has left. See
-    /// [`TouchedBody`].
+    /// The tool's centre is inside the body without having been pushed in. It renders no force until the whole tool has left the body
+    /// ([`TouchedBody`]).
     Inside,
 }
 
-/// Put it on a tool to record every tick. A tick takes 736 bytes, so an hour 2.6 GB; see `keep`.
+/// Recording of every tick and sample of a tool. A tick takes 736 bytes, an hour 2.6 GB; [`Self::keep`] limits the size.
 #[derive(Component, Clone, Debug, Reflect)]
 #[reflect(Component, Debug, Default, Clone)]
 pub struct TickRecording {
-    /// The ticks since it was put there, as far as they have been fetched.
+    /// Ticks since the component was inserted, added in every frame.
     #[reflect(ignore)]
     pub records: Vec<TickRecord>,
-    /// The samples that were felt: one for each period, those of missed deadlines included.
+    /// Samples of the loop: one for each period, including interpolated ones for missed deadlines.
     #[reflect(ignore)]
     pub samples: Vec<Sample>,
-    /// Ticks that are missing because the app fetched them too late.
+    /// Number of ticks that are missing because the app read them too late.
     pub dropped: u64,
-    /// How many ticks and samples are kept at least; when there are twice as many the older half is forgotten.
+    /// Minimum number of ticks and of samples that are kept; at twice as many the older half is discarded.
     pub keep: usize,
 }
 
 impl Default for TickRecording {
-    /// Keeps everything.
+    /// Keeps all ticks.
     fn default() -> Self {
         Self { records: Vec::new(), samples: Vec::new(), dropped: 0, keep: usize::MAX }
     }
 }
 
 impl TickRecording {
-    pub(super) fn forget(&mut self) {
+    /// Discards the older half of what exceeds twice [`Self::keep`].
+    pub(super) fn discard_old(&mut self) {
         if self.records.len() / 2 >= self.keep {
             self.records.drain(..self.records.len() - self.keep);
         }

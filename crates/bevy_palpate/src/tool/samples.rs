@@ -1,4 +1,4 @@
-//! Takes the samples of the loops: the paths along which bodies are stepped.
+//! Reads the samples of the loops: the paths along which bodies are stepped.
 
 use super::components::ContactEnd;
 use super::tool_loop::{Driver, ToolLoop};
@@ -8,11 +8,11 @@ use bevy::prelude::*;
 use palpate_body::ToolPoint;
 use palpate_local::{Sample, SampleHistory};
 
-/// In lock step turns the loops; then takes every tool's new samples.
+/// In lock step runs the loops; then reads the new samples of every tool.
 pub(super) fn receive(
     mut tools: Query<(Entity, &mut ToolLoop)>,
     rate: Res<ModelRate>,
-    mut ended: MessageWriter<ContactEnd>,
+    mut ends: MessageWriter<ContactEnd>,
     mut faults: MessageWriter<HapticFault>,
 ) {
     for (entity, mut tool) in &mut tools {
@@ -20,27 +20,27 @@ pub(super) fn receive(
         if let Driver::Lockstep(lockstep) = &mut tool.driver {
             lockstep.get().run(rate.ticks() as usize);
         }
-        // In lock step no time passes in a pause.
+        // In lock step no time passes during a pause.
         if std::mem::take(&mut tool.was_paused) && matches!(tool.driver, Driver::Thread(_)) {
-            // What the hand did meanwhile is nobody's business; it begins anew where it is now.
+            // Discard motion during the pause; restart from the newest sample.
             tool.consumed = tool.handle.samples().newest().map(|sample| sample.sequence);
-            tool.reset_contact(entity).map(|message| ended.write(message));
+            tool.reset_contact(entity).map(|message| ends.write(message));
         }
         let lost = take_path(tool.handle.samples(), &mut tool.consumed, &mut tool.path);
         if lost > 0 {
-            // The tool is elsewhere without having moved there: a touched node must not be thrown.
-            tool.reset_contact(entity).map(|message| ended.write(message));
+            // The tool jumps along the missing path; a contact would accelerate the touched nodes.
+            tool.reset_contact(entity).map(|message| ends.write(message));
             let kind = HapticFaultKind::SamplesLost { lost };
             faults.write(HapticFault { entity: Some(entity), kind });
         }
     }
 }
 
-/// Longest path that a body is moved along at once, in samples: what the loop keeps, with a margin for ticks while it is read.
-/// The body takes no more steps for a long path than for a short one ([`ModelSpan`](crate::schedule::ModelSpan)).
+/// Maximum length of a path, samples: the capacity of the loop's history minus a margin for ticks while it is read. The number of the
+/// body's steps has a limit of its own ([`ModelSpan`](crate::schedule::ModelSpan)).
 const MAX_PATH: u64 = 500;
 
-/// Puts the samples after `consumed` into `path`, behind the one it begins at; returns how many are lost.
+/// Writes the sample `consumed` and all later ones to `path`; returns the number of lost samples.
 fn take_path(samples: &SampleHistory, consumed: &mut Option<u64>, path: &mut Vec<ToolPoint>) -> u64 {
     path.clear();
     let (Some(newest), Some(oldest)) = (samples.newest(), samples.oldest_sequence()) else { return 0 };
@@ -70,31 +70,31 @@ mod tests {
         history
     }
 
-    fn taken(history: &SampleHistory, mut consumed: Option<u64>) -> (Vec<f64>, Option<u64>, u64) {
+    fn path_of(history: &SampleHistory, mut consumed: Option<u64>) -> (Vec<f64>, Option<u64>, u64) {
         let mut path = Vec::new();
         let lost = take_path(history, &mut consumed, &mut path);
         (path.iter().map(|p| p.position_m.x).collect(), consumed, lost)
     }
 
     #[test]
-    fn a_path_begins_where_the_last_one_ended() {
-        assert_eq!(taken(&history(1..=5), None), (vec![1.0, 2.0, 3.0, 4.0, 5.0], Some(5), 0));
-        assert_eq!(taken(&history(1..=5), Some(3)), (vec![3.0, 4.0, 5.0], Some(5), 0));
-        assert_eq!(taken(&history(1..=5), Some(5)), (vec![5.0], Some(5), 0));
+    fn path_starts_at_the_end_of_the_previous_one() {
+        assert_eq!(path_of(&history(1..=5), None), (vec![1.0, 2.0, 3.0, 4.0, 5.0], Some(5), 0));
+        assert_eq!(path_of(&history(1..=5), Some(3)), (vec![3.0, 4.0, 5.0], Some(5), 0));
+        assert_eq!(path_of(&history(1..=5), Some(5)), (vec![5.0], Some(5), 0));
     }
 
     #[test]
-    fn at_most_500_ticks_are_consumed_and_the_lost_ones_counted() {
-        let (path, consumed, lost) = taken(&history(1..=700), Some(100));
+    fn path_has_at_most_500_ticks_and_counts_lost_ones() {
+        let (path, consumed, lost) = path_of(&history(1..=700), Some(100));
         assert_eq!((path.len(), path[0], consumed, lost), (501, 200.0, Some(700), 100));
-        // The samples were begun anew after a gap.
-        let (path, _, lost) = taken(&history(350..=360), Some(300));
+        // The history was restarted after a gap.
+        let (path, _, lost) = path_of(&history(350..=360), Some(300));
         assert_eq!((path.len(), lost), (11, 50));
     }
 
     #[test]
-    fn without_samples_there_is_no_path() {
+    fn path_is_empty_without_samples() {
         let none = SampleHistory::with_capacity(4).unwrap();
-        assert_eq!(taken(&none, Some(3)), (vec![], Some(3), 0));
+        assert_eq!(path_of(&none, Some(3)), (vec![], Some(3), 0));
     }
 }

@@ -1,4 +1,4 @@
-//! What is set of a tool's loop while it runs.
+//! Validates and applies the settings of running loops.
 
 use super::components::ToolSettings;
 use super::results::TickRecording;
@@ -10,7 +10,7 @@ use bevy::prelude::*;
 use palpate_haptics::{LoopSettings, SafetySettings};
 use palpate_local::ModelId;
 
-/// Takes changed settings if they make sense; if not, says so once and keeps the old ones.
+/// Accepts changed settings if they are valid; otherwise reports a fault and keeps the previous ones.
 pub(super) fn validate_settings(
     mut tools: Query<(Entity, &ToolSettings, &mut ToolLoop), Changed<ToolSettings>>,
     period: ModelPeriod,
@@ -29,46 +29,47 @@ pub(super) fn validate_settings(
     }
 }
 
-/// Sets every loop to what its tool's settings and the app ask for.
+/// Applies the tool's settings, its body and the app's pause to every loop.
 pub(super) fn apply_settings(
     mut tools: Query<(&mut ToolLoop, Has<TickRecording>)>,
     bodies: Query<(), With<SimulatedBody>>,
     time: Res<Time<Virtual>>,
-    clock: Res<LoopMode>,
+    mode: Res<LoopMode>,
     period: ModelPeriod,
 ) {
-    // At another speed than that of real time a thread cannot follow.
-    let paused = time.is_paused() || *clock == LoopMode::Threaded && time.relative_speed_f64() != 1.0;
+    // A loop on a thread runs in real time only.
+    let paused = time.is_paused() || *mode == LoopMode::Threaded && time.relative_speed_f64() != 1.0;
     for (mut tool, record) in &mut tools {
         tool.was_paused |= paused;
         let body = tool.body.filter(|&body| bodies.contains(body)).map_or(ModelId::NO_BODY, Entity::to_bits);
         let before = tool.handle.settings().body.unwrap_or(ModelId::NO_BODY);
         if ![body, ModelId::NO_BODY].contains(&before) {
-            // A model of the old body may wait in the exchange; this one takes its place.
+            // An empty model replaces one of the old body that may wait in the exchange.
             let sequence = tool.consumed.unwrap_or(0);
             tool.handle.model_slot().clear(sequence);
             tool.handle.publish_model();
         }
-        let asked = LoopSettings {
+        let settings = LoopSettings {
             body: Some(body),
             paused,
             record,
             ..loop_settings(&tool.settings, tool.device_safety, period.s())
         };
-        if asked != *tool.handle.settings() {
-            // They have been checked; the loop would keep its old ones.
-            let _ = tool.handle.set_settings(asked);
+        if settings != *tool.handle.settings() {
+            // Cannot fail: the settings have been validated.
+            let _ = tool.handle.set_settings(settings);
         }
     }
 }
 
-/// The settings of a loop that gets a local model every `model_period_s` seconds. A safety chain of which nothing was set is set as the device asks for.
+/// The settings of a loop that receives a local model every `model_period_s` seconds. The default safety settings are replaced by
+/// `device_safety`, those that follow from the device's description.
 pub(super) fn loop_settings(
     tool: &ToolSettings,
-    of_device: SafetySettings,
+    device_safety: SafetySettings,
     model_period_s: f64,
 ) -> LoopSettings {
     let ToolSettings { frame, safety, velocity } = *tool;
-    let safety = if safety == SafetySettings::default() { of_device } else { safety };
+    let safety = if safety == SafetySettings::default() { device_safety } else { safety };
     LoopSettings { frame, safety, velocity, model_period_s, ..LoopSettings::default() }
 }

@@ -6,25 +6,25 @@ use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind, ToolSizeFault};
 use bevy::prelude::*;
 
-/// Smallest radius of a tool as a share of a cell.
-const LEAST_OF_CELL: f64 = 0.1;
+/// Minimum radius of a tool as a share of a cell.
+const MIN_SHARE_OF_CELL: f64 = 0.1;
 
-/// Reports once for each pair of a touching tool and a body that the tool is too small or too large.
+/// Reports a tool in contact that is too small or too large for its body, once for each pair.
 pub(super) fn report_sizes(
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop)>,
     bodies: Query<&SimulatedBody>,
     mut faults: MessageWriter<HapticFault>,
 ) {
-    for (entity, asked, mut tool) in &mut tools {
+    for (entity, described, mut tool) in &mut tools {
         let Some(body) = tool.body.filter(|_| !tool.contact.touched().is_empty()) else { continue };
         let Ok(simulated) = bodies.get(body) else { continue };
-        let now = ComparedSizes { body, shape: simulated.shape, tool: asked.shape };
+        let now = ComparedSizes { body, shape: simulated.shape, tool: described.shape };
         if tool.compared_sizes.replace(now) == Some(now) {
             continue;
         }
-        let (radius_m, cell_m) = (asked.shape.radius_m(), simulated.cell_m());
+        let (radius_m, cell_m) = (described.shape.radius_m(), simulated.cell_m());
         let side_m = simulated.longest_side_m();
-        let fault = if radius_m < LEAST_OF_CELL * cell_m {
+        let fault = if radius_m < MIN_SHARE_OF_CELL * cell_m {
             ToolSizeFault::TooSmall { radius_m, cell_m, body }
         } else if radius_m > 0.5 * side_m {
             ToolSizeFault::TooLarge { radius_m, side_m, body }

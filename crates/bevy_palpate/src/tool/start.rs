@@ -1,4 +1,4 @@
-//! A tool's loop: started and stopped.
+//! Starts the loops of tools.
 
 use super::components::{ContactEnd, HapticTool, ToolSettings};
 use super::convergence_watch::ConvergenceWatch;
@@ -21,26 +21,26 @@ use palpate_local::{Capacity, HandOverSettings, NearFieldCapacity};
 /// Length of a tick, s.
 const TICK_S: f64 = 1e-3;
 
-/// A tool that is a tool no longer has no loop.
+/// Stops the loop when [`HapticTool`] is removed.
 pub(super) fn remove_loop(removed: On<Remove, HapticTool>, mut commands: Commands) {
     commands.entity(removed.entity).try_remove::<ToolLoop>();
 }
 
-/// A tool whose device was not there.
+/// A tool whose device is not connected.
 #[derive(Debug)]
 pub(super) struct RetryStart {
     tool: Entity,
-    /// When it is looked for again, s of real time.
+    /// Time of the next attempt, s of real time.
     again_s: f64,
-    /// What has been told.
-    told: String,
+    /// The reported fault.
+    reported: String,
 }
 
-/// Devices that may be plugged in are looked for so often, s: it may cost a frame.
+/// Time between two attempts to find a device that is not connected, s. An attempt may take as long as a frame.
 const RETRY_S: f64 = 2.0;
 
-/// Starts a loop for every new tool, another one for a tool whose device has changed, and tries again what could
-/// not be started when something has changed that may help, or, on threads, when a device may have been plugged in.
+/// Starts a loop for every new tool, and another one for a tool whose device has changed. Retries a failed start when settings or
+/// registered devices have changed or, on threads, when a device may have been connected.
 pub(super) fn start_loops(
     mut commands: Commands,
     mut tools: Query<(Entity, Ref<HapticTool>, Ref<ToolSettings>, Option<&mut ToolLoop>, Has<TickRecording>)>,
@@ -48,19 +48,19 @@ pub(super) fn start_loops(
     mode: Res<LoopMode>,
     period: ModelPeriod,
     (time, mut waiting): (Option<Res<Time<Real>>>, Local<Vec<RetryStart>>),
-    (mut ended, mut faults): (MessageWriter<ContactEnd>, MessageWriter<HapticFault>),
+    (mut ends, mut faults): (MessageWriter<ContactEnd>, MessageWriter<HapticFault>),
 ) {
     let now_s = time.map_or(0.0, |time| time.elapsed_secs_f64());
     waiting.retain(|waiting| tools.get(waiting.tool).is_ok_and(|(.., running, _)| running.is_none()));
     for (entity, tool, settings, running, record) in &mut tools {
-        let helped = running.is_none() && (settings.is_changed() || devices.is_changed());
-        let asked_anew = tool.is_changed() || helped;
-        let waited = waiting.iter().position(|waiting| waiting.tool == entity);
-        let is_due = waited.is_some_and(|i| waiting[i].again_s <= now_s);
-        if !(asked_anew || is_due) {
+        let may_start = running.is_none() && (settings.is_changed() || devices.is_changed());
+        let is_changed = tool.is_changed() || may_start;
+        let retry = waiting.iter().position(|waiting| waiting.tool == entity);
+        let is_due = retry.is_some_and(|i| waiting[i].again_s <= now_s);
+        if !(is_changed || is_due) {
             continue;
         }
-        let waited = waited.map(|i| waiting.swap_remove(i));
+        let retry = retry.map(|i| waiting.swap_remove(i));
         let mut fault = |kind| {
             faults.write(HapticFault { entity: Some(entity), kind });
         };
@@ -76,31 +76,31 @@ pub(super) fn start_loops(
                 let is_same =
                     |a: &ToolContact, b: &ToolContact| (a.shape(), a.coupling()) == (b.shape(), b.coupling());
                 if !is_same(&running.untouched, &contact) {
-                    running.release(entity).map(|message| ended.write(message));
+                    running.release(entity).map(|message| ends.write(message));
                     running.untouched = contact.clone();
                     running.contact = contact;
                 }
                 continue;
             }
-            // The old loop ends before its device is asked for again.
+            // The old loop ends before its device is opened again.
             running.driver.stop().map(&mut fault);
             commands.entity(entity).remove::<ToolLoop>();
         }
-        let asked = |of_device| LoopSettings { record, ..loop_settings(&settings, of_device, period.s()) };
-        if let Err(error) = asked(SafetySettings::default()).validate() {
+        let settings_for = |safety| LoopSettings { record, ..loop_settings(&settings, safety, period.s()) };
+        if let Err(error) = settings_for(SafetySettings::default()).validate() {
             fault(HapticFaultKind::Settings(error.into()));
             continue;
         }
         let started = devices.make(&tool.device).and_then(|device| {
             let description = device.describe();
-            let of_device = description.safety(TICK_S);
-            let shown =
+            let device_safety = description.safety(TICK_S);
+            let device_resolution =
                 DMat3::from_cols_array_2d(&DVec3::AXES.map(|axis| device.quantized_force_n(axis).to_array()));
-            let (handle, driver) = start(device, *mode, asked(of_device))?;
-            Ok((handle, driver, of_device, description, shown))
+            let (handle, driver) = start(device, *mode, settings_for(device_safety))?;
+            Ok((handle, driver, device_safety, description, device_resolution))
         });
         match started {
-            Ok((handle, driver, of_device, description, shown)) => {
+            Ok((handle, driver, device_safety, description, device_resolution)) => {
                 commands.entity(entity).try_insert(ToolLoop {
                     handle,
                     driver,
@@ -120,14 +120,14 @@ pub(super) fn start_loops(
                     poses: None,
                     built: false,
                     was_paused: false,
-                    refused_body: None,
+                    rejected_body: None,
                     force_watch: ForceWatch::default(),
                     convergence: ConvergenceWatch::default(),
                     compared_sizes: None,
                     description,
-                    device_resolution: shown,
+                    device_resolution,
                     settings: *settings,
-                    device_safety: of_device,
+                    device_safety,
                     emergency_stops: 0,
                     dropped_events: 0,
                     recorded_to: None,
@@ -136,23 +136,23 @@ pub(super) fn start_loops(
                 });
             }
             Err(error) => {
-                let may_come = error.is_about_what_is_plugged_in() && *mode == LoopMode::Threaded;
+                let may_connect = error.depends_on_connected_devices() && *mode == LoopMode::Threaded;
                 let kind = HapticFaultKind::Device(error.into());
-                let told = kind.report();
-                // Once, and again when it is another one.
-                if asked_anew || waited.is_none_or(|waited| waited.told != told) {
+                let reported = kind.report();
+                // Reported once, and again if another fault takes its place.
+                if is_changed || retry.is_none_or(|retry| retry.reported != reported) {
                     fault(kind);
                 }
-                if may_come {
-                    waiting.push(RetryStart { tool: entity, again_s: now_s + RETRY_S, told });
+                if may_connect {
+                    waiting.push(RetryStart { tool: entity, again_s: now_s + RETRY_S, reported });
                 }
             }
         }
     }
 }
 
-/// Room for local models of any body, which a tool may meet while its loop runs: for support sets of 27 nodes, as surfaces carried
-/// by cells need them, each with eight points of the surface.
+/// Capacity for the local models of any body that a tool may touch while its loop runs: for support sets of 27 nodes, as surfaces embedded
+/// in cells need them, each with eight points of the surface.
 const MAX_CAPACITY: Capacity = Capacity {
     order: 96,
     near: NearFieldCapacity { nodes: 27, order: 96, ring: 400, springs: 702, points: 216, triangles: 864 },

@@ -1,4 +1,4 @@
-//! The running loop of a tool, and what the model side keeps of it.
+//! The running loop of a tool, with its state on the model side.
 
 use super::components::{ContactEnd, GraspEnd, GraspedPoint, ToolSettings};
 use super::convergence_watch::ConvergenceWatch;
@@ -19,46 +19,46 @@ use palpate_haptics::{
     SafetySettings, StopOutcome,
 };
 
-/// The running loop of a tool, and the model side's account of it. Removing it stops the loop.
+/// The running loop of a tool, with its state on the model side. Removing the component stops the loop.
 #[derive(Component, Debug)]
 #[component(on_remove = stop_loop)]
 pub struct ToolLoop {
     pub(crate) handle: HapticHandle,
     pub(super) driver: Driver,
     pub(crate) contact: ToolContact,
-    /// The same contact before it touches or holds anything.
+    /// The same contact before it touches or holds a point.
     pub(super) untouched: ToolContact,
-    /// The button that grasps was pressed when it was last looked at.
+    /// Whether the grasp button was pressed at the last model step.
     pub(super) was_pressed: bool,
-    /// The contact with that body after the last model step.
+    /// Contact with the body after the last model step.
     pub(super) contact_point: Option<ToolContactPoint>,
-    /// The body it touches or can touch.
+    /// The body that the tool touches or can touch.
     pub(crate) body: Option<Entity>,
-    /// The shape and place of that body to which the contact belongs.
+    /// [`SimulatedBody::contact_key`](crate::SimulatedBody) of the body to which the contact belongs.
     pub(super) contact_key: (u64, u64),
-    /// Sequence number of the sample up to which the body has been moved.
+    /// Sequence number of the sample up to which the body has been stepped.
     pub(crate) consumed: Option<u64>,
-    /// The path since then: where it began and one point for each tick.
+    /// Path of the last model step: the start and one point for each tick.
     pub(crate) path: Vec<ToolPoint>,
-    /// The support set of the last local model, of the body's shape of then.
+    /// Support set of the last local model, in the node numbers of the body at that time.
     pub(super) support: Vec<usize>,
-    /// Whether there was one: nothing within reach is a support set too.
+    /// Whether the last local model had a support set, which may be empty.
     pub(super) has_support: bool,
-    /// It has been said that the tool touched beyond that.
+    /// Whether contact beyond the support set has been reported.
     pub(super) reported_beyond_support: bool,
-    /// What the full body displayed over the last model step, tick by tick, N.
+    /// Force of the full body at each tick of the last model step, N.
     pub(crate) full_forces_n: Vec<DVec3>,
-    /// How far the loop was from that.
+    /// Difference between these forces and those of the loop.
     pub(super) error: ForceError,
-    /// Where the tool was at the last two model steps.
+    /// Poses at the last two model steps.
     pub(super) poses: Option<[Pose; 2]>,
-    /// A local model waits to be published.
+    /// Whether a local model waits to be published.
     pub(super) built: bool,
-    /// There has been a pause since the last model step.
+    /// Whether the app was paused since the last model step.
     pub(super) was_paused: bool,
-    /// The entity that was refused to it as a body, so that it is said once.
-    pub(super) refused_body: Option<Entity>,
-    /// Why no force is rendered, if none is.
+    /// The entity without a body that has been reported.
+    pub(super) rejected_body: Option<Entity>,
+    /// Time without a rendered force, and its cause.
     pub(super) force_watch: ForceWatch,
     /// Ticks of the last second at which the loop's contact solver did not converge.
     pub(super) convergence: ConvergenceWatch,
@@ -66,23 +66,24 @@ pub struct ToolLoop {
     pub(super) compared_sizes: Option<ComparedSizes>,
     /// Description of the device at the start of the loop.
     pub(super) description: DeviceDescription,
-    /// The force that the device can show of a unit force along each axis, its own frame.
+    /// The force that the device can render for a unit force along each axis, device frame.
     pub(super) device_resolution: DMat3,
-    /// The newest settings that make sense.
+    /// The newest valid settings.
     pub(crate) settings: ToolSettings,
     /// The safety chain's settings that follow from the device's description.
     pub(crate) device_safety: SafetySettings,
-    /// How often the device has been stopped by the watchdog, as far as that has been said.
+    /// Number of emergency stops by the watchdog that have been reported.
     pub(super) emergency_stops: u64,
-    /// Events lost, as far as that has been said.
+    /// Number of dropped events that have been reported.
     pub(super) dropped_events: u64,
-    /// Sequence number of the newest sample that has been recorded, and records lost so far.
+    /// Sequence number of the newest recorded sample.
     pub(super) recorded_to: Option<u64>,
+    /// Number of dropped records that have been added to the recording.
     pub(super) dropped_records: u64,
     pub(crate) device: DeviceSelector,
 }
 
-/// What makes the loop tick.
+/// Runner of a loop.
 pub(super) enum Driver {
     Thread(LoopThread),
     Lockstep(Box<SyncCell<Lockstep<dyn HapticDevice>>>),
@@ -90,7 +91,7 @@ pub(super) enum Driver {
 }
 
 impl Driver {
-    /// Ends the loop with zero force; what did not go well is a fault.
+    /// Stops the loop with zero force; returns the fault of a thread that panicked or did not stop.
     pub(super) fn stop(&mut self) -> Option<HapticFaultKind> {
         match std::mem::replace(self, Self::Stopped) {
             Self::Thread(mut thread) => match thread.stop() {
@@ -115,43 +116,44 @@ impl std::fmt::Debug for Driver {
 }
 
 impl ToolLoop {
-    /// The body that the tool touches or can touch.
+    /// Returns the body that the tool touches or can touch.
     #[must_use]
     pub fn body(&self) -> Option<Entity> {
         self.body
     }
 
-    /// How the tool acts on that body now.
+    /// Returns the contact of the tool with that body.
     #[must_use]
     pub fn contact(&self) -> &ToolContact {
         &self.contact
     }
 
-    /// Whether it touches or holds something.
+    /// Whether the tool touches or holds a point.
     pub(super) fn is_in_contact(&self) -> bool {
         !self.contact.touched().is_empty() || self.contact.held_point().is_some()
     }
 
-    /// The support set of its newest local model, as the body numbers its nodes; empty for a scheme that has none.
+    /// Returns the support set of the newest local model, as node numbers of the body; empty for a scheme without one.
     #[must_use]
     pub fn support(&self) -> &[usize] {
         if self.has_support { &self.support } else { &[] }
     }
 
-    /// The loop's newest account of itself: counters and histograms since its start.
+    /// Returns the loop's newest report: counters and histograms since its start.
     pub fn report(&mut self) -> &LoopReport {
         self.handle.report()
     }
 
-    /// Lets go, and begins again as a tool that has just met its body; the message to be written if something was touched or held.
+    /// Ends the contact, and resets it to the state of a tool that has just been started; returns the message to be written if there was
+    /// a contact.
     #[must_use]
     pub(super) fn reset_contact(&mut self, tool: Entity) -> Option<ContactEnd> {
-        let ended = self.release(tool);
+        let end = self.release(tool);
         self.contact = self.untouched.clone();
-        ended
+        end
     }
 
-    /// Lets go of what is touched or held; the message to be written if something was.
+    /// Ends the contact; returns the message to be written if there was one.
     #[must_use]
     pub(super) fn release(&mut self, tool: Entity) -> Option<ContactEnd> {
         self.has_support = false;
@@ -180,23 +182,23 @@ impl ToolLoop {
         }
     }
 
-    /// From the device to the tool behind its coupling, m, at the last model step. The tool's [`Transform`] is where the tool is.
+    /// Returns the vector from the device to the proxy at the last model step, m, world frame.
     #[must_use]
     pub fn proxy_offset_m(&self) -> DVec3 {
         self.poses.map_or(DVec3::ZERO, |[_, last]| last.proxy_offset_m)
     }
 }
 
-/// Where a tool was at a model step.
+/// Pose of a tool at a model step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pose {
-    /// The sample's number.
+    /// Sequence number of the sample.
     pub(super) sequence: u64,
-    /// From the device to the tool behind its coupling, m.
+    /// Vector from the device to the proxy, m, world frame.
     pub(super) proxy_offset_m: DVec3,
 }
 
-/// A body, its shape ([`SimulatedBody::shape`]) and a tool's shape.
+/// A body, the number of its shape and a tool's shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ComparedSizes {
     pub(super) body: Entity,
@@ -205,7 +207,7 @@ pub(super) struct ComparedSizes {
 }
 
 impl ToolLoop {
-    /// Takes the events there are and gives the faults among them to `fault`.
+    /// Reads the loop's events, and passes the faults among them to `fault`.
     pub(super) fn take_faults(&mut self, fault: &mut impl FnMut(HapticFaultKind)) {
         while let Some(event) = self.handle.next_event() {
             if event.kind.is_fault() {
@@ -214,7 +216,7 @@ impl ToolLoop {
                 info!("haptic loop: {}", event.kind);
             }
         }
-        // A loop that hangs cannot tell.
+        // A loop that hangs writes no event.
         if let Driver::Thread(thread) = &self.driver {
             let stops = thread.emergency_stops();
             if std::mem::replace(&mut self.emergency_stops, stops) < stops {
@@ -228,7 +230,7 @@ impl ToolLoop {
         }
     }
 
-    /// Adds to `recording` what it has not got yet.
+    /// Adds new samples and records to `recording`.
     pub(super) fn record(&mut self, recording: &mut TickRecording) {
         let samples = self.handle.samples();
         if let (Some(newest), Some(oldest)) = (samples.newest(), samples.oldest_sequence()) {
@@ -239,15 +241,15 @@ impl ToolLoop {
         recording.records.extend(std::iter::from_fn(|| self.handle.next_record()));
         let dropped = self.handle.report().dropped_records;
         recording.dropped += dropped - std::mem::replace(&mut self.dropped_records, dropped);
-        recording.forget();
+        recording.discard_old();
     }
 }
 
-/// What a loop leaves behind: zero force, no contact, and a word about a device that did not let it end.
+/// Stops the loop when the component is removed: resets the results, ends contact and grasp, and reports the last faults and ticks.
 fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
     let Some(mut tool) = world.get_mut::<ToolLoop>(entity) else { return };
-    let (fault, ended) = (tool.driver.stop(), tool.release(entity));
-    // Its last words, and its last ticks.
+    let (fault, contact_end) = (tool.driver.stop(), tool.release(entity));
+    // Events and ticks between the last poll and the stop.
     let (mut kinds, mut rest) = (Vec::from_iter(fault), TickRecording::default());
     tool.take_faults(&mut |kind| kinds.push(kind));
     tool.record(&mut rest);
@@ -259,8 +261,8 @@ fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) 
     if let Some(mut faults) = world.get_resource_mut::<Messages<HapticFault>>() {
         faults.write_batch(kinds.into_iter().map(|kind| HapticFault { entity: Some(entity), kind }));
     }
-    if let (Some(ended), Some(mut messages)) = (ended, world.get_resource_mut::<Messages<ContactEnd>>()) {
-        messages.write(ended);
+    if let (Some(end), Some(mut messages)) = (contact_end, world.get_resource_mut::<Messages<ContactEnd>>()) {
+        messages.write(end);
     }
     if let Some(mut force) = world.get_mut::<ToolForce>(entity) {
         *force = ToolForce::default();

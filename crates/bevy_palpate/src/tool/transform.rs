@@ -1,11 +1,11 @@
-//! The transforms of tools: interpolated between the last two model steps, as bodies are.
+//! Transforms of tools: interpolated between the last two model steps, like bodies.
 
 use super::tool_loop::{Pose, ToolLoop};
 use crate::schedule::ModelOverstep;
 use bevy::prelude::*;
 use glam::DVec3;
 
-/// Notes where every tool is at a model step.
+/// Records the pose of every tool at a model step.
 pub(super) fn record_poses(mut tools: Query<&mut ToolLoop>) {
     for mut tool in &mut tools {
         let ToolLoop { path, contact, consumed, poses, .. } = &mut *tool;
@@ -17,7 +17,7 @@ pub(super) fn record_poses(mut tools: Query<&mut ToolLoop>) {
     }
 }
 
-/// Moves every tool, every frame, to where it was when the bodies were as they are drawn: between the last two model steps.
+/// Sets the transform of every tool in every frame to its pose at the time of the drawn bodies, between the last two model steps.
 pub(super) fn interpolate_tool_transforms(
     mut tools: Query<(&mut ToolLoop, &mut Transform, Option<&ChildOf>)>,
     parents: Query<&GlobalTransform>,
@@ -26,7 +26,7 @@ pub(super) fn interpolate_tool_transforms(
     let share = overstep.share();
     for (mut tool, mut transform, child_of) in &mut tools {
         let ToolLoop { handle, poses, .. } = &mut *tool;
-        // `latest_tick` and `samples` read the same buffer; neither takes anything out of it.
+        // `latest_tick` and `samples` read the same buffer without consuming it.
         let samples = handle.samples();
         let (sample, proxy_offset_m) = match poses {
             Some([from, to]) => {
@@ -37,19 +37,19 @@ pub(super) fn interpolate_tool_transforms(
             None => (samples.newest(), DVec3::ZERO),
         };
         let Some(sample) = sample else { continue };
-        let place = Transform {
+        let pose = Transform {
             translation: (sample.position_m + proxy_offset_m).as_vec3(),
             rotation: sample.orientation.as_quat(),
             scale: transform.scale,
         };
-        // Where there is a parent it is in that one's frame.
+        // With a parent the transform is relative to it.
         let parent = child_of.and_then(|child_of| parents.get(child_of.parent()).ok());
-        let place = match parent {
-            Some(parent) => GlobalTransform::from(place).reparented_to(parent),
-            None => place,
+        let pose = match parent {
+            Some(parent) => GlobalTransform::from(pose).reparented_to(parent),
+            None => pose,
         };
-        if place.is_finite() {
-            transform.set_if_neq(place);
+        if pose.is_finite() {
+            transform.set_if_neq(pose);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Writes the results of every tool.
+//! Writes the results of tools to their components.
 
 use super::results::{ForceError, LoopTiming, ToolForce, TouchedBody};
 use super::tool_loop::ToolLoop;
@@ -6,13 +6,13 @@ use bevy::prelude::*;
 use glam::DVec3;
 use palpate_haptics::TickRecord;
 
-/// Writes the results of every tool.
+/// Writes force, timing and contact of every tool.
 pub(super) fn write_results(
     mut tools: Query<(&mut ToolLoop, &mut ToolForce, &mut LoopTiming, &mut TouchedBody)>,
 ) {
-    for (mut tool, mut force, mut timing, mut touching) in &mut tools {
+    for (mut tool, mut force, mut timing, mut touched) in &mut tools {
         let body = tool.body.filter(|_| tool.is_in_contact());
-        touching.set_if_neq(TouchedBody { body, state: tool.contact_state() });
+        touched.set_if_neq(TouchedBody { body, state: tool.contact_state() });
         let tick_s = tool.handle.config().hand_over.tick_s;
         let mut now = ToolForce { contact: tool.contact_point, ..*force };
         if let Some(TickRecord { rendered, safety, force_n, sample, .. }) = tool.handle.latest_tick() {
@@ -57,7 +57,7 @@ pub(super) fn write_results(
     }
 }
 
-/// Writes the errors of all tools.
+/// Writes the force error of every tool.
 pub(super) fn write_errors(mut tools: Query<(&ToolLoop, &mut ForceError)>) {
     for (tool, mut error) in &mut tools {
         error.set_if_neq(tool.error);

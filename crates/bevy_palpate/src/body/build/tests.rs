@@ -6,7 +6,7 @@ use std::future::{pending, poll_fn};
 use std::sync::{Arc, Mutex};
 use std::task::{Poll, Waker};
 
-/// What a build waits for: whether it may end, and whom to tell then.
+/// A gate that a build waits for: whether it is open, and the task to wake.
 #[derive(Clone, Default)]
 struct Gate(Arc<Mutex<(bool, Option<Waker>)>>);
 
@@ -43,8 +43,11 @@ fn scene() -> (App, Handle<Mesh>, Entity) {
     (app, mesh, entity)
 }
 
-/// Updates until `done`; panics when it does not come to that.
-fn until(app: &mut App, mut done: impl FnMut(&mut App) -> bool) {
+/// Updates until `done` returns true.
+///
+/// # Panics
+/// After 10,000 updates.
+fn update_until(app: &mut App, mut done: impl FnMut(&mut App) -> bool) {
     let is_done = (0..10_000).any(|_| {
         app.update();
         std::thread::yield_now();
@@ -53,30 +56,30 @@ fn until(app: &mut App, mut done: impl FnMut(&mut App) -> bool) {
     assert!(is_done);
 }
 
-fn is_making(app: &App, entity: Entity) -> bool {
+fn is_building(app: &App, entity: Entity) -> bool {
     matches!(app.world().get::<BodyBuild>(entity), Some(BodyBuild::Running(_)))
 }
 
-/// Holds back the build that is under way.
+/// Replaces the running build by one that waits for the returned gate.
 fn hold(app: &mut App, entity: Entity) -> Gate {
     let (gate, pool) = (Gate::default(), AsyncComputeTaskPool::get());
     let mut build = app.world_mut().get_mut::<BodyBuild>(entity).unwrap();
-    let BodyBuild::Running(making) = &mut *build else { panic!("nothing is being made") };
-    let task = std::mem::replace(&mut making.task, pool.spawn(pending()));
+    let BodyBuild::Running(running) = &mut *build else { panic!("no build is running") };
+    let task = std::mem::replace(&mut running.task, pool.spawn(pending()));
     let passed = gate.clone().passed();
-    making.task = pool.spawn(async move {
+    running.task = pool.spawn(async move {
         passed.await;
         task.await
     });
     gate
 }
 
-/// A body of a ball whose mesh has changed to one of 12 rings, which is being made and held back.
+/// A body of a ball whose mesh has changed to one of 12 rings, with the build from the new mesh waiting for the gate.
 fn reloading() -> (App, Handle<Mesh>, Entity, Gate) {
     let (mut app, mesh, entity) = scene();
-    until(&mut app, |app| app.world().get::<SimulatedBody>(entity).is_some());
+    update_until(&mut app, |app| app.world().get::<SimulatedBody>(entity).is_some());
     app.world_mut().resource_mut::<Assets<Mesh>>().insert(&mesh, ball(12)).unwrap();
-    until(&mut app, |app| is_making(app, entity));
+    update_until(&mut app, |app| is_building(app, entity));
     let gate = hold(&mut app, entity);
     (app, mesh, entity, gate)
 }
@@ -89,7 +92,7 @@ fn density(app: &App, entity: Entity) -> f64 {
     app.world().get::<SimulatedBody>(entity).unwrap().tissue().density_kg_per_m3
 }
 
-/// What it shows has as many vertices as it is made of.
+/// Asserts that the drawn mesh has the vertices of the mesh from which the body was built.
 fn assert_is_shown(app: &App, entity: Entity) {
     let shown = app.world().get::<Mesh3d>(entity).unwrap();
     let shown = app.world().resource::<Assets<Mesh>>().get(&shown.0).unwrap();
@@ -98,16 +101,16 @@ fn assert_is_shown(app: &App, entity: Entity) {
 }
 
 #[test]
-fn a_new_mesh_is_not_lost_when_something_else_changes_while_it_is_made() {
+fn mesh_change_survives_component_changes_during_the_build() {
     let (mut app, _, entity, gate) = reloading();
     for i in 1..20 {
         app.world_mut().get_mut::<Tissue>(entity).unwrap().density_kg_per_m3 = 1000.0 + f64::from(i);
         app.update();
-        assert!(is_making(&app, entity) && vertices(&app, entity) == ball(6).count_vertices());
+        assert!(is_building(&app, entity) && vertices(&app, entity) == ball(6).count_vertices());
     }
     gate.open();
-    until(&mut app, |app| vertices(app, entity) == ball(12).count_vertices());
-    until(&mut app, |app| density(app, entity) == 1019.0);
+    update_until(&mut app, |app| vertices(app, entity) == ball(12).count_vertices());
+    update_until(&mut app, |app| density(app, entity) == 1019.0);
     assert_eq!(vertices(&app, entity), ball(12).count_vertices());
     app.update();
     assert_is_shown(&app, entity);
@@ -115,22 +118,22 @@ fn a_new_mesh_is_not_lost_when_something_else_changes_while_it_is_made() {
 }
 
 #[test]
-fn a_mesh_that_changes_while_an_earlier_one_is_made_is_made_next() {
+fn mesh_change_during_a_build_is_built_afterwards() {
     let (mut app, mesh, entity, gate) = reloading();
     app.world_mut().resource_mut::<Assets<Mesh>>().insert(&mesh, ball(9)).unwrap();
     (0..5).for_each(|_| app.update());
-    assert!(is_making(&app, entity));
+    assert!(is_building(&app, entity));
     gate.open();
-    // In between it is a body of a mesh that is not there any more, and shown as that.
-    until(&mut app, |app| vertices(app, entity) != ball(6).count_vertices());
+    // In between the body is that of the first change, and is drawn as such.
+    update_until(&mut app, |app| vertices(app, entity) != ball(6).count_vertices());
     assert_is_shown(&app, entity);
-    until(&mut app, |app| vertices(app, entity) == ball(9).count_vertices());
+    update_until(&mut app, |app| vertices(app, entity) == ball(9).count_vertices());
     app.update();
     assert_is_shown(&app, entity);
 }
 
 #[test]
-fn a_block_does_not_wait_for_the_mesh_that_it_takes_the_place_of() {
+fn block_replaces_a_mesh_body_without_waiting_for_its_build() {
     let (mut app, _, entity, gate) = reloading();
     app.world_mut().entity_mut(entity).insert(DeformableBody::block([3; 3], 0.1));
     app.update();
@@ -141,9 +144,9 @@ fn a_block_does_not_wait_for_the_mesh_that_it_takes_the_place_of() {
 }
 
 #[test]
-fn a_body_that_is_taken_away_while_it_is_made_does_not_come_back() {
+fn body_removed_during_its_build_stays_removed() {
     let (mut app, _, entity) = scene();
-    until(&mut app, |app| is_making(app, entity));
+    update_until(&mut app, |app| is_building(app, entity));
     let gate = hold(&mut app, entity);
     app.world_mut().entity_mut(entity).remove::<DeformableBody>();
     gate.open();

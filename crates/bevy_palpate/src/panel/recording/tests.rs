@@ -11,7 +11,7 @@ fn frame() -> DeviceFrame {
     }
 }
 
-/// Where the hand is at a tick, in the device's frame, m.
+/// Position at a tick, m, device frame.
 fn hand(sequence: u64) -> DVec3 {
     DVec3::new(1e-4 * sequence as f64, 0.01 * (0.01 * sequence as f64).sin(), -0.02)
 }
@@ -31,31 +31,31 @@ fn folder(name: &str) -> PathBuf {
 }
 
 #[test]
-fn what_was_recorded_through_a_frame_is_what_the_device_did() {
+fn recording_through_a_frame_is_in_the_device_frame() {
     let (mut recorder, mut history) = (Recorder::default(), SampleHistory::with_capacity(512).unwrap());
     recorder.start(Entity::PLACEHOLDER);
     for step in 1..=20 {
         push(&mut history, 50 * (step - 1)..50 * step);
         recorder.record(&history, &frame());
     }
-    // From the newest sample of the first look on.
+    // The recording starts with the newest sample of the first call.
     assert!((recorder.duration_s() - 0.951).abs() < 1e-12, "{}", recorder.duration_s());
     let path = folder("frame").join("a/hand.csv");
     write(&recorder.running.take().unwrap().readings, path.clone()).unwrap();
     let read = Trajectory::from_csv_file(&path).unwrap();
-    for (found, sequence) in read.positions_m().iter().zip(49..) {
-        assert!(found.distance(hand(sequence)) < 2e-7, "{sequence}");
+    for (position_m, sequence) in read.positions_m().iter().zip(49..) {
+        assert!(position_m.distance(hand(sequence)) < 2e-7, "{sequence}");
     }
-    // It is not overwritten.
-    let beside = write(&[Reading::at(DVec3::ZERO); 5], path.clone()).unwrap();
-    assert_eq!(beside, path.with_file_name("hand-1.csv"));
+    // The file is not overwritten.
+    let other = write(&[Reading::at(DVec3::ZERO); 5], path.clone()).unwrap();
+    assert_eq!(other, path.with_file_name("hand-1.csv"));
     assert_eq!(Trajectory::from_csv_file(&path).unwrap().positions_m().len(), read.positions_m().len());
     assert_eq!(next_free(path.parent().unwrap()), path.with_file_name("hand-2.csv"));
     std::fs::remove_dir_all(folder("frame")).ok();
 }
 
 #[test]
-fn a_hole_in_the_samples_is_time_in_which_the_hand_stays() {
+fn gap_in_the_samples_repeats_the_last_reading() {
     let (mut recorder, mut history) = (Recorder::default(), SampleHistory::with_capacity(512).unwrap());
     recorder.start(Entity::PLACEHOLDER);
     push(&mut history, 0..10);
@@ -68,17 +68,17 @@ fn a_hole_in_the_samples_is_time_in_which_the_hand_stays() {
     assert!(readings[31].position_m.distance(hand(40)) < 1e-12);
 }
 
-/// An app in lock step with a block and a tool that grasps, moved by `device`.
+/// An app in lock step with a block and a tool with a grasp, moved by `device`.
 fn grasping_app(device: DeviceSelector) -> (App, Entity) {
     use crate::prelude::*;
     let mut app = App::new();
     app.add_plugins(MinimalPlugins)
-        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { mode: LoopMode::Lockstep, ..default() }))
+        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep)))
         .insert_resource(Time::<Fixed>::from_hz(20.0))
         .insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(std::time::Duration::from_millis(
             50,
         )));
-    // Comes down on the top, closes there, pulls up and turns, opens, closes again.
+    // Presses on the top, closes there, pulls up and rotates, opens, closes again.
     app.world_mut().resource_mut::<HapticDevices>().register("surgeon", || {
         Ok(ScriptedDevice::new(|n, _| {
             let t = n as f64 * 1e-3;
@@ -94,39 +94,38 @@ fn grasping_app(device: DeviceSelector) -> (App, Entity) {
         Tissue { youngs_modulus_pa: 20e3, ..default() },
         FixedRegion::Face(BoxFace::Bottom),
     ));
-    let tool = HapticTool { device, ..default() };
-    let tool = app.world_mut().spawn((tool, ToolGrasp::default())).id();
+    let tool = app.world_mut().spawn((HapticTool::new(device), ToolGrasp::default())).id();
     app.update();
     (app, tool)
 }
 
-/// Whether it holds, where, and what is felt, after each of `steps` model steps that `look` has seen.
-fn held(
+/// Grasp, grasped point and force after each of `steps` model steps; `inspect` is called after each.
+fn grasps(
     app: &mut App,
     tool: Entity,
     steps: usize,
-    mut look: impl FnMut(&mut ToolLoop),
+    mut inspect: impl FnMut(&mut ToolLoop),
 ) -> Vec<(bool, DVec3, DVec3)> {
     (0..steps)
         .map(|_| {
             app.update();
-            look(&mut app.world_mut().get_mut::<ToolLoop>(tool).unwrap());
-            let grasping = app.world().get::<GraspedPoint>(tool).unwrap();
+            inspect(&mut app.world_mut().get_mut::<ToolLoop>(tool).unwrap());
+            let grasped = app.world().get::<GraspedPoint>(tool).unwrap();
             let force = app.world().get::<ToolForce>(tool).unwrap();
-            (grasping.body.is_some(), grasping.point_m, force.force_n)
+            (grasped.body.is_some(), grasped.point_m, force.force_n)
         })
         .collect()
 }
 
 #[test]
-fn a_recorded_grasp_is_replayed() {
+fn replay_of_a_recorded_grasp_grasps_the_same() {
     let path = folder("grasp").join("hand.csv");
     let mut recorder = Recorder::default();
     let (mut app, tool) = grasping_app(DeviceSelector::named("surgeon"));
     recorder.start(tool);
-    // All of it: a recording begins with the newest sample.
+    // From the first sample on, instead of the newest one.
     recorder.running.as_mut().unwrap().newest = Some(0);
-    let live = held(&mut app, tool, 26, |tool| {
+    let live = grasps(&mut app, tool, 26, |tool| {
         let frame = tool.settings.frame;
         recorder.record(tool.handle.samples(), &frame);
     });
@@ -134,33 +133,32 @@ fn a_recorded_grasp_is_replayed() {
     write(&readings, path.clone()).unwrap();
     assert!(std::fs::read_to_string(&path).unwrap().starts_with("t_s,x_m,y_m,z_m,buttons,qx,"));
     let (mut app, tool) = grasping_app(DeviceSelector::replay(path.display().to_string()));
-    let replayed = held(&mut app, tool, 26, |_| ());
+    let replayed = grasps(&mut app, tool, 26, |_| ());
     let closed: Vec<bool> = live.iter().map(|(closed, ..)| *closed).collect();
     assert!(closed.contains(&true) && closed.windows(2).filter(|pair| pair[0] != pair[1]).count() >= 3);
-    for (step, ((held, point_m, force_n), (again, there_m, felt_n))) in live.iter().zip(&replayed).enumerate()
-    {
-        assert_eq!(held, again, "step {step}");
-        assert!(point_m.distance(*there_m) < 1e-6, "step {step}: {point_m}, {there_m}");
-        assert!(force_n.distance(*felt_n) < 0.02, "step {step}: {force_n}, {felt_n}");
+    for (step, (live, replayed)) in live.iter().zip(&replayed).enumerate() {
+        assert_eq!(live.0, replayed.0, "step {step}");
+        assert!(live.1.distance(replayed.1) < 1e-6, "step {step}: {}, {}", live.1, replayed.1);
+        assert!(live.2.distance(replayed.2) < 0.02, "step {step}: {}, {}", live.2, replayed.2);
     }
     std::fs::remove_dir_all(folder("grasp")).ok();
 }
 
 #[test]
-fn what_cannot_be_written_or_read_says_which_file_and_why() {
-    let nothing = write(&[Reading::at(DVec3::ZERO)], "never.csv".into()).unwrap_err();
-    assert!(nothing.to_string().contains("at least 2"), "{nothing}");
+fn errors_of_writing_and_reading_have_file_and_reason() {
+    let too_short = write(&[Reading::at(DVec3::ZERO)], "never.csv".into());
+    assert!(matches!(too_short, Err(WriteError::Trajectory(_))), "{too_short:?}");
     let mut recorder = Recorder::default();
     let mut tool = HapticTool::default();
     let devices = HapticDevices::default();
     recorder.replay((Entity::PLACEHOLDER, &mut tool), "no/such/hand.csv".into(), &devices);
-    let why = recorder.told.as_ref().unwrap().as_ref().unwrap_err();
-    assert!(why.contains("no/such/hand.csv"), "{why}");
+    let reason = recorder.message.as_ref().unwrap().as_ref().unwrap_err();
+    assert!(reason.contains("no/such/hand.csv"), "{reason}");
     assert_eq!(tool, HapticTool::default());
     assert!(recorder.device_before(Entity::PLACEHOLDER).is_none());
 }
 
-/// A recorder that has recorded 1 s.
+/// A recorder with a recording of 1 s.
 fn recorded() -> Recorder {
     let (mut recorder, mut history) = (Recorder::default(), SampleHistory::with_capacity(2048).unwrap());
     recorder.start(Entity::PLACEHOLDER);
@@ -182,11 +180,11 @@ fn wait(recorder: &mut Recorder) {
 }
 
 #[test]
-fn what_cannot_be_written_is_kept_until_it_is() {
+fn recording_that_cannot_be_written_is_kept_until_it_is_written() {
     IoTaskPool::get_or_init(Default::default);
     let folder = folder("kept");
     std::fs::create_dir_all(&folder).unwrap();
-    // A file where a folder must be: nobody may write there.
+    // A file where a folder must be: no file can be created there.
     let in_the_way = folder.join("file");
     std::fs::write(&in_the_way, "").unwrap();
     let mut recorder = recorded();
@@ -194,19 +192,19 @@ fn what_cannot_be_written_is_kept_until_it_is() {
     assert!(recorder.tool().is_none() && recorder.is_writing());
     for _ in 0..2 {
         wait(&mut recorder);
-        let why = recorder.told.clone().unwrap().unwrap_err();
-        assert!(why.contains("hand.csv") && recorder.written.is_none(), "{why}");
+        let reason = recorder.message.clone().unwrap().unwrap_err();
+        assert!(reason.contains("hand.csv") && recorder.written.is_none(), "{reason}");
         assert_eq!(recorder.unwritten_s(), Some(1.0));
         recorder.write_again(in_the_way.join("hand.csv"));
     }
     wait(&mut recorder);
     recorder.write_again(folder.join("hand.csv"));
     wait(&mut recorder);
-    assert!(recorder.told.as_ref().unwrap().is_ok() && recorder.unwritten_s().is_none());
+    assert!(recorder.message.as_ref().unwrap().is_ok() && recorder.unwritten_s().is_none());
     assert_eq!(recorder.written, Some(folder.join("hand.csv")));
     let read = Trajectory::from_csv_file(folder.join("hand.csv")).unwrap();
     assert!(read.positions_m().len() == 1000 && read.positions_m()[999].distance(hand(1000)) < 2e-7);
-    // A name that has been taken meanwhile: the next that is free.
+    // The file exists by now: the next free name.
     let mut recorder = recorded();
     recorder.stop(folder.join("hand.csv"));
     wait(&mut recorder);
@@ -215,18 +213,18 @@ fn what_cannot_be_written_is_kept_until_it_is() {
 }
 
 #[test]
-fn a_recording_that_no_file_can_hold_is_not_kept() {
+fn recording_without_a_trajectory_is_discarded() {
     IoTaskPool::get_or_init(Default::default);
     let mut recorder = Recorder::default();
     recorder.start(Entity::PLACEHOLDER);
     recorder.stop("never.csv".into());
     wait(&mut recorder);
-    assert!(recorder.told.clone().unwrap().unwrap_err().contains("at least 2"));
+    assert!(recorder.message.clone().unwrap().is_err());
     assert!(recorder.unwritten_s().is_none() && !Path::new("never.csv").exists());
 }
 
 #[test]
-fn what_could_not_be_written_can_be_thrown_away() {
+fn unwritten_recording_can_be_discarded() {
     let mut recorder = Recorder { unwritten: vec![Reading::at(DVec3::X); 10], ..Recorder::default() };
     assert_eq!(recorder.unwritten_s(), Some(0.01));
     recorder.discard();
@@ -234,7 +232,7 @@ fn what_could_not_be_written_can_be_thrown_away() {
 }
 
 #[test]
-fn going_back_gives_the_first_device_however_many_replays_there_were() {
+fn restoring_after_several_replays_returns_the_first_device() {
     let folder = folder("back");
     let (mut recorder, mut tool) = (Recorder::default(), HapticTool::default());
     for name in ["a.csv", "b.csv"] {

@@ -1,4 +1,4 @@
-//! Numbers that are being set.
+//! A slider with a number.
 
 use crate::body::Tissue;
 use bevy_egui::egui;
@@ -6,16 +6,16 @@ use glam::DVec3;
 use palpate_body::{Block, BodyError};
 use std::ops::RangeInclusive;
 
-/// A slider with a number beside it. The slider has a range; what is typed may be anything, and is for its type to judge.
+/// A slider with a number. The range limits the slider only; a typed number may be any, and is validated by its type.
 pub(super) struct NumberField {
     label: &'static str,
     unit: &'static str,
-    /// What one unit is in the value.
+    /// Value of one unit.
     scale: f64,
     range: RangeInclusive<f64>,
     is_log: bool,
     is_whole: bool,
-    /// What it means that the value is `f64::MAX`.
+    /// Meaning of the value `f64::MAX`.
     unlimited: Option<&'static str>,
 }
 
@@ -71,7 +71,7 @@ impl NumberField {
     }
 }
 
-/// Whether a body can be made of `tissue`, as far as that does not depend on the body.
+/// Validates `tissue`, as far as that does not depend on the body.
 ///
 /// # Errors
 /// [`BodyError::Parameter`].

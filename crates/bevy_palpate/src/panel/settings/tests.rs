@@ -1,29 +1,27 @@
 use super::*;
 
-fn refused(view: &View, part: Part) -> &str {
-    view.refused[part as usize].as_deref().unwrap_or("")
+fn rejection(view: &View, part: Part) -> &str {
+    view.rejected[part as usize].as_deref().unwrap_or("")
 }
 
 #[test]
-fn nonsense_is_refused_in_the_words_of_its_type_and_what_was_stays() {
+fn value_out_of_range_is_rejected_with_the_error_of_its_type() {
     let mut view = View::default();
     let good = SafetySettings::default();
     let bad = SafetySettings { fade_s: -1.0, ..good };
     assert_eq!(view.accept(Part::Limits, &good, bad, SafetySettings::validate), None);
-    assert_eq!(
-        refused(&view, Part::Limits),
-        "fade, s is -1; it must be finite and at least 0. It stays as it was."
-    );
-    // Nothing changed: the word stays until something is taken.
+    let error = bad.validate().unwrap_err();
+    assert_eq!(rejection(&view, Part::Limits), format!("{error}. The previous value is kept."));
+    // Without a change the message stays until a value is accepted.
     assert_eq!(view.accept(Part::Limits, &good, good, SafetySettings::validate), None);
-    assert!(!refused(&view, Part::Limits).is_empty());
+    assert!(!rejection(&view, Part::Limits).is_empty());
     let better = SafetySettings { fade_s: 0.2, ..good };
     assert_eq!(view.accept(Part::Limits, &good, better, SafetySettings::validate), Some(better));
-    assert_eq!(refused(&view, Part::Limits), "");
+    assert_eq!(rejection(&view, Part::Limits), "");
 }
 
 #[test]
-fn materials_that_are_none_are_refused() {
+fn tissues_out_of_range_are_rejected() {
     let good = Tissue::default();
     for bad in [
         Tissue { youngs_modulus_pa: 0.0, ..good },
@@ -34,37 +32,38 @@ fn materials_that_are_none_are_refused() {
     ] {
         let mut view = View::default();
         assert_eq!(view.accept(Part::Material, &good, bad, check_tissue), None, "{bad:?}");
-        assert!(refused(&view, Part::Material).contains("must be"), "{}", refused(&view, Part::Material));
+        assert!(matches!(check_tissue(&bad), Err(palpate_body::BodyError::Parameter { .. })), "{bad:?}");
+        assert!(!rejection(&view, Part::Material).is_empty(), "{bad:?}");
     }
     assert!(check_tissue(&good).is_ok());
 }
 
 #[test]
-fn a_material_that_the_body_refuses_gives_way_to_the_last_good_one() {
+fn rejected_tissue_is_reverted_to_the_last_valid_one() {
     let (body, other) = (Entity::from_bits(7), Entity::from_bits(8));
     let good = Tissue::default();
     let of = |youngs_modulus_pa| Tissue { youngs_modulus_pa, ..good };
     let mut view = View::default();
-    // Dragged: two changes before the body has been made of the first.
-    view.try_tissue(body, good, of(1e5));
-    view.try_tissue(body, of(1e5), of(1e9));
+    // A dragged slider: two changes before the body has been built with the first.
+    view.start_change(body, good, of(1e5));
+    view.start_change(body, of(1e5), of(1e9));
     assert_eq!(view.revert_tissue(other, of(1e9), "no"), None);
     assert_eq!(view.revert_tissue(body, of(1e9), "too stiff"), Some(good));
-    assert_eq!(refused(&view, Part::Material), "too stiff. The material before is back.");
+    assert_eq!(rejection(&view, Part::Material), "too stiff. The previous material is restored.");
     assert_eq!(view.revert_tissue(body, good, "again"), None);
-    // What the body was made of in between is the last good one.
-    view.try_tissue(body, good, of(1e5));
+    // The tissue with which the body was built in between is the last valid one.
+    view.start_change(body, good, of(1e5));
     view.confirm_tissue(|_| Some(good));
-    assert!(view.trial.is_some(), "it is not made of that yet");
+    assert!(view.pending.is_some(), "the body is not built with it yet");
     view.confirm_tissue(|_| Some(of(1e5)));
-    assert_eq!(view.trial, None);
-    view.try_tissue(body, of(1e5), of(1e9));
-    // The app has set another one meanwhile: that is not the panel's to take back.
+    assert_eq!(view.pending, None);
+    view.start_change(body, of(1e5), of(1e9));
+    // The app has set another tissue since, which the panel does not revert.
     assert_eq!(view.revert_tissue(body, of(2e5), "too stiff"), None);
 }
 
 #[test]
-fn angles_and_rotations_are_the_same_turn() {
+fn angles_and_rotations_convert_both_ways() {
     for degrees in [DVec3::ZERO, DVec3::new(10.0, -120.0, 35.0), DVec3::new(-89.0, 170.0, 1.0)] {
         let rotation = rotation_of(degrees);
         assert!((degrees_of(rotation) - degrees).length() < 1e-9, "{degrees}");
@@ -73,7 +72,7 @@ fn angles_and_rotations_are_the_same_turn() {
     assert!((rotation_of(DVec3::X * 90.0) * DVec3::Y - DVec3::Z).length() < 1e-12);
 }
 
-/// Types `text` into the number of a slider, then Enter; the value afterwards.
+/// Types `text` into the number of a slider, then Enter; returns the value afterwards.
 fn typed(text: &str) -> f64 {
     let context = egui::Context::default();
     let mut value = 20e3;
@@ -105,7 +104,7 @@ fn typed(text: &str) -> f64 {
 }
 
 #[test]
-fn what_is_typed_comes_through_in_its_unit_and_unclamped() {
+fn typed_number_is_scaled_and_not_clamped() {
     assert_eq!(typed("35.5"), 35.5e3);
     assert_eq!(typed("-3"), -3e3);
     assert_eq!(typed("5000"), 5e6);

@@ -1,4 +1,4 @@
-//! What is computed beside the app, so that neither frame nor model step waits for it.
+//! Background tasks of the panel, for which neither frame nor model step waits.
 
 use crate::cost::timed;
 use crate::panel::scheme_comparison::{SchemeComparison, SchemeSample, StepInput};
@@ -8,95 +8,95 @@ use palpate_body::{Body, ToolContact, ToolPoint};
 use palpate_local::{HandOverSettings, Scheme};
 use palpate_reduce::{Bode, BuilderOptions};
 
-/// The schemes that do not run.
+/// Computes all schemes on the samples of the loop.
 #[derive(Default)]
 pub(super) struct ComparisonTask {
     task: Option<Task<ComparisonOutput>>,
-    shadow: Option<SchemeComparison>,
+    comparison: Option<SchemeComparison>,
     queue: Vec<StepInput>,
-    /// Of the last model step, ms.
+    /// Time of the last model step, ms.
     pub(super) cost_ms: f64,
-    /// Model steps that were left out.
+    /// Number of skipped model steps.
     pub(super) skipped: u64,
 }
 
 struct ComparisonOutput {
-    shadow: Option<SchemeComparison>,
-    told: Vec<SchemeSample>,
+    comparison: Option<SchemeComparison>,
+    samples: Vec<SchemeSample>,
     cost_ms: f64,
 }
 
-/// Model steps that may wait. When there are more the machine is too slow: all are left out, and the schemes begin anew.
-const MOST_WAITING: usize = 6;
+/// Maximum number of queued model steps. Beyond it the machine is too slow: all are skipped, and the schemes restart.
+const MAX_QUEUED: usize = 6;
 
 impl ComparisonTask {
-    /// Forgets everything.
+    /// Discards task, comparison and queue.
     pub(super) fn reset(&mut self) {
-        if self.task.is_some() || self.shadow.is_some() || !self.queue.is_empty() {
+        if self.task.is_some() || self.comparison.is_some() || !self.queue.is_empty() {
             *self = Self::default();
         }
     }
 
     /// Adds a model step of a loop with `settings`.
-    pub(super) fn push(&mut self, moment: StepInput, settings: HandOverSettings) {
-        self.queue.push(moment);
-        if self.queue.len() > MOST_WAITING {
+    pub(super) fn push(&mut self, input: StepInput, settings: HandOverSettings) {
+        self.queue.push(input);
+        if self.queue.len() > MAX_QUEUED {
             self.skipped += self.queue.len() as u64;
             self.queue.clear();
-            self.shadow = None;
+            self.comparison = None;
         }
         if self.task.is_none() && !self.queue.is_empty() {
-            let (shadow, queue) = (self.shadow.take(), std::mem::take(&mut self.queue));
-            let run = async move { compare(shadow, &queue, settings) };
+            let (comparison, queue) = (self.comparison.take(), std::mem::take(&mut self.queue));
+            let run = async move { compare(comparison, &queue, settings) };
             self.task = Some(AsyncComputeTaskPool::get().spawn(run));
         }
     }
 
-    /// What has been computed since the last call.
+    /// Returns the forces computed since the last call.
     pub(super) fn take(&mut self) -> Vec<SchemeSample> {
         let Some(done) = self.task.as_mut().and_then(check_ready) else { return Vec::new() };
-        (self.task, self.shadow, self.cost_ms) = (None, done.shadow, done.cost_ms);
-        done.told
+        (self.task, self.comparison, self.cost_ms) = (None, done.comparison, done.cost_ms);
+        done.samples
     }
 }
 
 fn compare(
-    mut shadow: Option<SchemeComparison>,
-    moments: &[StepInput],
+    mut comparison: Option<SchemeComparison>,
+    inputs: &[StepInput],
     settings: HandOverSettings,
 ) -> ComparisonOutput {
-    let (told, time) = timed(|| {
-        let mut told = Vec::new();
-        for moment in moments {
-            let kept = shadow.take().filter(|shadow| shadow.fits(moment, &Scheme::ALL));
-            match kept.map_or_else(|| SchemeComparison::new(moment, &Scheme::ALL, settings), Ok) {
+    let (samples, time) = timed(|| {
+        let mut samples = Vec::new();
+        for input in inputs {
+            let kept = comparison.take().filter(|comparison| comparison.fits(input, &Scheme::ALL));
+            match kept.map_or_else(|| SchemeComparison::new(input, &Scheme::ALL, settings), Ok) {
                 Ok(mut fitting) => {
-                    told.extend(fitting.step(moment));
-                    shadow = Some(fitting);
+                    samples.extend(fitting.step(input));
+                    comparison = Some(fitting);
                 }
-                Err(error) => told.extend(Scheme::ALL.map(|scheme| (scheme, Err(error.to_string())))),
+                Err(error) => samples.extend(Scheme::ALL.map(|scheme| (scheme, Err(error.to_string())))),
             }
         }
-        told
+        samples
     });
-    ComparisonOutput { shadow, told, cost_ms: 1e3 * time.as_secs_f64() / moments.len().max(1) as f64 }
+    ComparisonOutput { comparison, samples, cost_ms: 1e3 * time.as_secs_f64() / inputs.len().max(1) as f64 }
 }
 
-/// The answer over frequency.
+/// Computes the frequency response.
 #[derive(Default)]
 pub(super) struct BodeTask {
     task: Option<Task<Result<Bode, String>>>,
-    asked_s: Option<f64>,
+    started_s: Option<f64>,
     pub(super) newest: Option<Result<Bode, String>>,
 }
 
-/// Most free nodes of a body whose answer is computed: beyond, it takes longer than anybody waits.
+/// Maximum number of free nodes of a body whose frequency response is computed; beyond it takes too long.
 const MAX_NODES: usize = 2000;
-/// Time between two questions, s.
+/// Minimum time between two starts, s.
 const EVERY_S: f64 = 1.0;
 
 impl BodeTask {
-    /// Asks, unless the last question is not answered yet or was asked within the last second.
+    /// Starts a computation, unless one is running or was started within the last second.
     pub(super) fn request(
         &mut self,
         now_s: f64,
@@ -105,23 +105,23 @@ impl BodeTask {
         tool: ToolPoint,
         scheme: Scheme,
     ) {
-        if self.task.is_some() || self.asked_s.is_some_and(|asked| now_s - asked < EVERY_S) {
+        if self.task.is_some() || self.started_s.is_some_and(|started_s| now_s - started_s < EVERY_S) {
             return;
         }
         let free = body.network().free().len();
         if free > MAX_NODES {
-            let why = format!("The body has {free} free nodes; the plot is made for up to {MAX_NODES}.");
-            self.newest = Some(Err(why));
+            let reason = format!("The body has {free} free nodes; the plot needs at most {MAX_NODES}.");
+            self.newest = Some(Err(reason));
         } else if Bode::driven_node(body, contact).is_none() {
-            // The last answer stays to be read.
-            self.newest.get_or_insert_with(|| Err("Touch the body: the plot is of the touched node.".into()));
+            // The last response stays visible.
+            self.newest.get_or_insert_with(|| Err("Touch the body: the plot shows the touched node.".into()));
         } else {
-            self.asked_s = Some(now_s);
+            self.started_s = Some(now_s);
             let (body, contact) = (body.clone(), contact.clone());
             let run = async move {
                 let (options, hz) = (BuilderOptions::of(&body), Bode::frequencies_hz());
                 let bode = Bode::compare(&body, &contact, tool, scheme, options, &hz);
-                bode.map_err(|error| error.to_string())?.ok_or_else(|| "Nothing is touched.".into())
+                bode.map_err(|error| error.to_string())?.ok_or_else(|| "The tool has no contact.".into())
             };
             self.task = Some(AsyncComputeTaskPool::get().spawn(run));
         }

@@ -1,4 +1,4 @@
-//! The parts about the loop as it runs: its safety chain, its time, its frequency response.
+//! The parts of the panel about the running loop: safety chain, timing, frequency response.
 
 use super::HapticWidgets;
 use crate::panel::settings::grid;
@@ -9,7 +9,7 @@ use bevy_egui::egui;
 use palpate_body::StepReport;
 
 impl HapticWidgets<'_, '_> {
-    /// The stages of the safety chain, lit when they act.
+    /// Draws the stages of the safety chain, lit when they act.
     pub fn safety(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
         let now_s = self.time.elapsed_secs_f64();
@@ -21,14 +21,19 @@ impl HapticWidgets<'_, '_> {
         lamps.show(ui, now_s);
     }
 
-    /// How late the loop's ticks were, and whether contact converges in its ticks and in the steps of the body.
+    /// Draws lateness and cost of the loop's ticks, and the convergence of contact in its ticks and in the steps of the body.
     pub fn timing(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
         let Some(mut shown) = self.entity().and_then(|tool| self.tools.get_mut(tool).ok()) else { return };
         let LoopTiming { lateness_p50_us, lateness_p99_us, lateness_p999_us, lateness_max_us, .. } =
             *shown.timing;
         let LoopTiming {
-            ticks, missed_deadlines, cost_p50_us, cost_p99_us, unconverged_ticks: unsolved, ..
+            ticks,
+            missed_deadlines,
+            cost_p50_us,
+            cost_p99_us,
+            unconverged_ticks: unconverged,
+            ..
         } = *shown.timing;
         let body = shown.running.as_ref().and_then(|running| running.body());
         let step = body.and_then(|body| self.bodies.get(body).ok()).map(|(body, ..)| body.last_step());
@@ -50,16 +55,16 @@ impl HapticWidgets<'_, '_> {
             ui.label(format!("{cost_p50_us:.0} median · {cost_p99_us:.0} p99"));
             ui.end_row();
             ui.label("not converged");
-            let share = 100.0 * unsolved as f64 / ticks.max(1) as f64;
-            theme::healthy(ui, unsolved == 0, format!("{unsolved} of {ticks} ticks  ({share:.2} %)"));
+            let share = 100.0 * unconverged as f64 / ticks.max(1) as f64;
+            theme::healthy(ui, unconverged == 0, format!("{unconverged} of {ticks} ticks  ({share:.2} %)"));
             ui.end_row();
             if let Some((text, is_healthy)) = step.map(|step| unconverged_steps(&step)) {
                 ui.label("");
                 theme::healthy(ui, is_healthy, text);
                 ui.end_row();
             }
-            if let Some([forces, reports]) = devices::counted(&self.devices, &shown.tool.device) {
-                ui.label("forces taken");
+            if let Some([forces, reports]) = devices::counters(&self.devices, &shown.tool.device) {
+                ui.label("written forces");
                 ui.label(forces);
                 ui.end_row();
                 ui.label("reports");
@@ -77,17 +82,17 @@ impl HapticWidgets<'_, '_> {
         }
     }
 
-    /// The Bode plot of the local model beside that of the full body.
+    /// Draws the Bode plots of the local model and of the full body.
     pub fn bode(&mut self, ui: &mut egui::Ui) {
         theme::apply(ui);
-        let watched = self.watched.bypass_change_detection();
-        watched.drawn.bode = true;
-        match watched.bode() {
+        let history = self.history.bypass_change_detection();
+        history.drawn.bode = true;
+        match history.bode() {
             None => {
-                theme::small(ui, "is being computed …");
+                theme::small(ui, "computing …");
             }
-            Some(Err(why)) => {
-                theme::small(ui, why.as_str());
+            Some(Err(reason)) => {
+                theme::small(ui, reason.as_str());
             }
             Some(Ok(bode)) => {
                 ui.horizontal_wrapped(|ui| {
@@ -97,12 +102,12 @@ impl HapticWidgets<'_, '_> {
                 });
                 theme::small(
                     ui,
-                    format!("force over displacement of node {} along the force, re 1 N/m", bode.node),
+                    format!("force per displacement of node {} along the force, re 1 N/m", bode.node),
                 );
                 if bode.local.is_empty() {
                     theme::small(
                         ui,
-                        format!("{} answers nothing between two model steps.", theme::name(bode.scheme)),
+                        format!("{} has no response between two model steps.", theme::name(bode.scheme)),
                     );
                 }
                 plots::bode(ui, bode);
@@ -111,12 +116,12 @@ impl HapticWidgets<'_, '_> {
     }
 }
 
-/// Substeps of the body's last model step in which contact did not converge, and whether there are none.
+/// Text about the substeps of the body's last model step in which contact did not converge, and whether there are none.
 fn unconverged_steps(report: &StepReport) -> (String, bool) {
-    let StepReport { ticks, substeps, unconverged: unsolved, .. } = *report;
+    let StepReport { ticks, substeps, unconverged, .. } = *report;
     // A substep may be solved several times.
-    let (of, unsolved) = (ticks * substeps, unsolved.min(ticks * substeps));
-    (format!("{unsolved} of {of} substeps of the body in the last model step"), unsolved == 0)
+    let (of, unconverged) = (ticks * substeps, unconverged.min(ticks * substeps));
+    (format!("{unconverged} of {of} substeps of the body in the last model step"), unconverged == 0)
 }
 
 #[cfg(test)]
@@ -124,12 +129,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn unconverged_substeps_are_counted_once_each() {
+    fn unconverged_substeps_count_once_each() {
         let report = StepReport { ticks: 50, substeps: 4, ..StepReport::default() };
         let text = "0 of 200 substeps of the body in the last model step";
         assert_eq!(unconverged_steps(&report), (text.into(), true));
-        for (unsolved, shown) in [(3, "3 of 200"), (900, "200 of 200")] {
-            let (text, is_healthy) = unconverged_steps(&StepReport { unconverged: unsolved, ..report });
+        for (unconverged, shown) in [(3, "3 of 200"), (900, "200 of 200")] {
+            let (text, is_healthy) = unconverged_steps(&StepReport { unconverged, ..report });
             assert!(text.starts_with(shown) && !is_healthy, "{text}");
         }
     }
