@@ -38,7 +38,8 @@ pub struct ToolContactPoint {
     pub point_m: DVec3,
     /// Unit normal of the surface there, out of the body, world frame.
     pub normal: DVec3,
-    /// Displacement of that point from its position on the undeformed body, against the normal, m: the depth of the indentation.
+    /// Displacement of that point from its position on the undeformed body, against the normal, m: the dent that the cells resolve. The tool is
+    /// deeper by what the added compliance ([`ContactCompliance`](crate::ContactCompliance)) gives way below the size of a cell.
     pub depth_m: f64,
 }
 
