@@ -12,7 +12,7 @@ use background::{BodeTask, ComparisonTask};
 use bevy::prelude::*;
 use palpate_body::ToolContact;
 use palpate_haptics::BlackBox;
-use palpate_local::{ModelId, Sample, Scheme};
+use palpate_local::{ModelId, Sample};
 use palpate_reduce::Bode;
 
 /// Curves and background tasks of the shown tool.
@@ -27,7 +27,7 @@ pub(crate) struct ToolHistory {
     /// The newest sample in the curves.
     pub(super) newest: Option<u64>,
     pub(super) full: Curve,
-    /// Forces in the order of [`Scheme::ALL`]: of the loop for the running scheme, computed for the others.
+    /// Forces in the order of [`Scheme::ALL`](palpate_local::Scheme::ALL): of the loop for the running scheme, computed for the others.
     pub(super) schemes: [Curve; 6],
     /// Error of each scheme over the last second, relative to the full body's force.
     pub(super) errors: [Trace; 6],
