@@ -283,7 +283,7 @@ fn ten_thousand_presses_converge() {
     let seed = std::env::var("SEED").map_or(0, |seed| seed.parse::<u64>().unwrap());
     // In parts, each of which prints what was seen.
     for (part, begin) in (0..count).step_by(500).enumerate() {
-        let seed = 0xD1B5_4A32_D192_ED03 ^ (seed << 32 | part as u64 + 1);
+        let seed = 0xD1B5_4A32_D192_ED03 ^ ((seed << 32) | (part as u64 + 1));
         let _ = presses((count - begin).min(500), &[5, 6, 7, 8, 9, 10, 11], seed);
     }
 }
