@@ -34,7 +34,7 @@ pub use tool_loop::ToolLoop;
 
 use crate::cost::FrameCost;
 use crate::device::HapticDevices;
-use crate::fault::HapticFault;
+use crate::fault::{FaultSeverity, HapticFault};
 use crate::schedule::{
     HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, LoopMode, ModelRate, ModelSchedule,
 };
@@ -66,6 +66,8 @@ impl Plugin for ToolPlugin {
             .register_type::<TickRecording>()
             .register_type::<ContactStart>()
             .register_type::<ContactEnd>()
+            .register_type::<HapticFault>()
+            .register_type::<FaultSeverity>()
             .register_type::<GraspStart>()
             .register_type::<GraspEnd>()
             .register_type::<ToolContactPoint>()
