@@ -75,7 +75,7 @@ impl Crate {
                     let child: ModulePath = path.iter().cloned().chain([item.ident.to_string()]).collect();
                     match &item.content {
                         Some((_, items)) => {
-                            self.add_items(&child, file, &folder.join(item.ident.to_string()), items)
+                            self.add_items(&child, file, &folder.join(item.ident.to_string()), items);
                         }
                         None => {
                             let file = folder.join(format!("{}.rs", item.ident));
