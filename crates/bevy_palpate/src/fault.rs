@@ -412,14 +412,7 @@ impl HapticFaultKind {
     /// The fault's message and those of its causes, as one line.
     #[must_use]
     pub fn report(&self) -> String {
-        let mut text = self.to_string();
-        let mut cause = std::error::Error::source(self);
-        while let Some(error) = cause {
-            text.push_str(": ");
-            text.push_str(&error.to_string());
-            cause = error.source();
-        }
-        text
+        palpate_haptics::report(self)
     }
 }
 

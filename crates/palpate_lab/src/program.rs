@@ -32,7 +32,7 @@ pub fn exit_code(result: Result<(), LabError>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            let code = reject(&format!("error: {}", error.chain()));
+            let code = reject(&format!("error: {}", palpate_haptics::report(&error)));
             if matches!(error, LabError::NotSurvived { .. } | LabError::Broken(_)) {
                 ExitCode::FAILURE
             } else {
@@ -55,18 +55,4 @@ fn reject(line: &str) -> ExitCode {
     // A closed standard error leaves no other way to report.
     let _ = writeln!(std::io::stderr(), "{line}");
     ExitCode::from(2)
-}
-
-impl LabError {
-    /// The message and its causes, in one line.
-    fn chain(&self) -> String {
-        let mut text = self.to_string();
-        let mut cause = std::error::Error::source(self);
-        while let Some(error) = cause {
-            text.push_str(": ");
-            text.push_str(&error.to_string());
-            cause = error.source();
-        }
-        text
-    }
 }

@@ -1,6 +1,6 @@
 //! Expected and actual outcome of a fault.
 
-use super::scene::{FAULT_TICK, LIMITS, SceneRun, chain, intact_force_n};
+use super::scene::{FAULT_TICK, LIMITS, SceneRun, intact_force_n};
 use glam::DVec3;
 use palpate_haptics::LoopEventKind;
 use serde::Serialize;
@@ -102,7 +102,7 @@ impl Outcome {
             ticks_to_safe: within.and(zero_after).unwrap_or(0),
             is_bridged: within.is_none(),
             recovered,
-            reported: event.map(chain).unwrap_or_default(),
+            reported: event.map(|event| palpate_haptics::report(event)).unwrap_or_default(),
             why,
         }
     }

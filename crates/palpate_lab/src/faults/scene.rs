@@ -142,14 +142,3 @@ impl SceneRun {
 pub(crate) fn intact_force_n(tick: u64) -> f64 {
     (-STIFFNESS * hand_m(tick).z).max(0.0)
 }
-
-/// Message of an event and of its causes.
-pub(crate) fn chain(kind: &LoopEventKind) -> String {
-    let mut text = kind.to_string();
-    let mut cause = std::error::Error::source(kind);
-    while let Some(error) = cause {
-        text = format!("{text}: {error}");
-        cause = error.source();
-    }
-    text
-}
