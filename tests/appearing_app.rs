@@ -1,12 +1,14 @@
-//! A body and a tool that come together otherwise than by the tool's motion: one rule, however it happens. In lock step.
+//! A body and a tool that meet other than by the tool's motion, in lock step: one rule for all causes.
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{HapticFaultKind, NoForceCause, SutureFault, ToolSizeFault};
-use palpate_tests::app::{Contacts, lockstep_app, step, take_causes, take_faults};
+use palpate_tests::app::{
+    Contact, assert_no_faults, contacts, lockstep_app, spawn_tool, step, take_causes, take_faults,
+};
 
-/// Height of the tool's centre while the scene changes, m: outside of the block at rest, and inside of it. The tool has a radius
-/// of 5 mm and the top of the block is at 50 mm.
+/// Height of the tool's centre while the scene changes, m: outside the block at rest, and inside it. The tool has a radius of 5 mm, and the
+/// top of the block is at 50 mm.
 const OUTSIDE_M: f64 = 0.0515;
 const INSIDE_M: f64 = 0.0465;
 
@@ -14,16 +16,15 @@ fn block() -> impl Bundle {
     (DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(BoxFace::Bottom))
 }
 
-/// A tool that comes down from above to `height_m` within 0.3 s and leaves after 4 s.
+/// Spawns a tool that descends to `height_m` within 0.3 s and leaves after 4 s.
 fn tool(app: &mut App, height_m: f64) -> Entity {
-    app.world_mut().resource_mut::<HapticDevices>().register("hand", move || {
-        Ok(ScriptedDevice::new(move |n, _| {
+    spawn_tool(app, move || {
+        ScriptedDevice::new(move |n, _| {
             let t = n as f64 * 1e-3;
             let down = (t / 0.3).min(1.0) * (1.0 - ((t - 4.0) / 0.3).clamp(0.0, 1.0));
             Ok(Reading::at(DVec3::new(0.012, 0.06 + (height_m - 0.06) * down, 0.009)))
-        }))
-    });
-    app.world_mut().spawn(HapticTool { device: DeviceSelector::named("hand"), ..default() }).id()
+        })
+    })
 }
 
 fn state(app: &App, tool: Entity) -> ContactState {
@@ -34,10 +35,10 @@ fn force(app: &App, tool: Entity) -> f64 {
     app.world().get::<ToolForce>(tool).unwrap().force_n.length()
 }
 
-/// A way for a tool and a body to come together; gives the body.
+/// Makes a tool and a body meet; returns the body.
 type Way = fn(&mut App, Entity) -> Entity;
 
-/// Spawns a block, which the tool touches on its way down, and waits until it rests in it.
+/// Spawns a block, which the tool touches on its way down, and waits until the tool rests in it.
 fn touched(app: &mut App, tool: Entity) -> Entity {
     let body = app.world_mut().spawn(block()).id();
     step(app, 16);
@@ -74,11 +75,11 @@ const WAYS: [(&str, Way); 7] = [
         app.world_mut().entity_mut(body).insert(DeformableBody::block([6, 6, 6], 0.1));
         body
     }),
-    ("another one asked for, and this one again", |app, tool| {
+    ("another one selected, and this one again", |app, tool| {
         let body = touched(app, tool);
         let far = app.world_mut().spawn((block(), Transform::from_xyz(0.24, 0.0, 0.0))).id();
         app.world_mut().get_mut::<HapticTool>(tool).unwrap().body = Some(far);
-        // Until the dent has gone.
+        // Waits until the indentation has gone.
         step(app, 20);
         assert_eq!(state(app, tool), ContactState::Clear);
         app.world_mut().get_mut::<HapticTool>(tool).unwrap().body = Some(body);
@@ -93,9 +94,8 @@ const WAYS: [(&str, Way); 7] = [
     }),
 ];
 
-/// The tool's centre decides: outside of the body it touches at once.
 #[test]
-fn a_body_that_appears_at_a_tool_whose_centre_is_outside_is_touched_at_once() {
+fn tool_with_its_centre_outside_touches_an_appearing_body_at_once() {
     for (what, way) in WAYS {
         let mut app = lockstep_app();
         let tool = tool(&mut app, OUTSIDE_M);
@@ -110,14 +110,14 @@ fn a_body_that_appears_at_a_tool_whose_centre_is_outside_is_touched_at_once() {
     }
 }
 
-/// Inside it waits until all of it has left, which is reported once.
+/// The state [`ContactState::Inside`] is reported once.
 #[test]
-fn a_body_that_appears_round_the_centre_of_a_tool_waits_for_it_to_leave() {
+fn tool_with_its_centre_inside_an_appearing_body_touches_only_after_leaving() {
     for (what, way) in WAYS {
         let mut app = lockstep_app();
         let tool = tool(&mut app, INSIDE_M);
         let body = way(&mut app, tool);
-        let touched = app.world().resource::<Contacts>().0.len();
+        let before = contacts(&app).len();
         step(&mut app, 1);
         let _ = take_causes(&mut app);
         assert_eq!(state(&app, tool), ContactState::Inside, "{what}");
@@ -125,16 +125,16 @@ fn a_body_that_appears_round_the_centre_of_a_tool_waits_for_it_to_leave() {
         step(&mut app, 20);
         assert_eq!((state(&app, tool), force(&app, tool)), (ContactState::Inside, 0.0), "{what}");
         assert_eq!(take_causes(&mut app), [(tool, NoForceCause::Inside { body })], "{what}");
-        // It leaves and has touched nothing since.
+        // The tool leaves without another contact.
         step(&mut app, 60);
         assert_eq!(state(&app, tool), ContactState::Clear, "{what}");
-        let began = app.world().resource::<Contacts>().0[touched..].iter().filter(|told| **told == "began");
-        assert_eq!((began.count(), take_causes(&mut app)), (0, vec![]), "{what}");
+        assert!(!contacts(&app)[before..].contains(&Contact::Start), "{what}");
+        assert_eq!(take_causes(&mut app), [], "{what}");
     }
 }
 
 #[test]
-fn a_tool_that_grows_into_a_body_touches_as_its_centre_is_outside() {
+fn tool_that_grows_into_a_body_touches_with_its_centre_outside() {
     let mut app = lockstep_app();
     app.world_mut().spawn(block());
     let tool = tool(&mut app, 0.056);
@@ -144,11 +144,11 @@ fn a_tool_that_grows_into_a_body_touches_as_its_centre_is_outside() {
     step(&mut app, 12);
     assert_eq!(state(&app, tool), ContactState::Touching);
     assert!(force(&app, tool) > 0.5);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_no_faults(&mut app);
 }
 
 #[test]
-fn the_state_of_a_contact_follows_it() {
+fn touched_body_has_the_state_of_the_contact() {
     let mut app = lockstep_app();
     let tool = tool(&mut app, OUTSIDE_M);
     assert_eq!(state(&app, tool), ContactState::NoBody);
@@ -167,49 +167,42 @@ fn the_state_of_a_contact_follows_it() {
     assert_eq!(app.world().get::<TouchedBody>(tool), Some(&TouchedBody::default()));
 }
 
-/// Every fault of a tool's size, with its tool.
-#[derive(Resource, Default)]
-struct Sizes(Vec<(Entity, ToolSizeFault)>);
-
-fn collect_sizes(mut faults: MessageReader<HapticFault>, mut sizes: ResMut<Sizes>) {
-    for fault in faults.read() {
-        if let (Some(tool), HapticFaultKind::ToolSize(size)) = (fault.entity, &fault.kind) {
-            sizes.0.push((tool, *size));
-        }
-    }
+/// Faults of a tool's size since the last call, each with its tool.
+fn take_sizes(app: &mut App) -> Vec<(Entity, ToolSizeFault)> {
+    let size = |fault: HapticFault| match fault.kind {
+        HapticFaultKind::ToolSize(size) => Some((fault.entity?, size)),
+        _ => None,
+    };
+    take_faults(app).into_iter().filter_map(size).collect()
 }
 
 #[test]
-fn tools_that_do_not_suit_the_body_they_touch_are_reported_once() {
+fn tool_of_unsuitable_size_is_reported_once() {
     // A cell is 20 mm, the body 100 mm.
     for (radius_m, is_small, is_large) in
         [(0.0019, true, false), (0.0021, false, false), (0.049, false, false), (0.051, false, true)]
     {
         let mut app = lockstep_app();
-        app.init_resource::<Sizes>().add_systems(Last, collect_sizes);
         let body = app.world_mut().spawn(block()).id();
-        let make = move || {
-            Ok(ScriptedDevice::new(move |n, _| {
-                // Down to 2 mm deep, up and down again.
+        let tool = spawn_tool(&mut app, move || {
+            ScriptedDevice::new(move |n, _| {
+                // Down to a depth of 2 mm, up and down again.
                 let above = 0.001 + 0.003 * (n as f64 * 6e-3).cos();
                 Ok(Reading::at(DVec3::new(0.012, 0.05 + radius_m + above, 0.009)))
-            }))
-        };
-        app.world_mut().resource_mut::<HapticDevices>().register("hand", make);
-        let shape = ToolShape::Sphere { radius_m };
-        let asked = HapticTool { device: DeviceSelector::named("hand"), shape, ..default() };
-        let tool = app.world_mut().spawn(asked).id();
+            })
+        });
+        app.world_mut().get_mut::<HapticTool>(tool).unwrap().shape = ToolShape::Sphere { radius_m };
         step(&mut app, 60);
-        assert!(app.world().resource::<Contacts>().0.len() >= 4, "it touches several times");
-        let sizes = std::mem::take(&mut app.world_mut().resource_mut::<Sizes>().0);
+        assert!(contacts(&app).len() >= 4, "the tool touches several times");
+        let sizes = take_sizes(&mut app);
         match sizes[..] {
             [] => assert!(!is_small && !is_large, "{radius_m} m"),
-            [(told, ToolSizeFault::TooSmall { radius_m: r, cell_m, body: on })] => {
-                assert!(is_small && (told, on, r) == (tool, body, radius_m), "{radius_m} m");
+            [(reported, ToolSizeFault::TooSmall { radius_m: r, cell_m, body: on })] => {
+                assert!(is_small && (reported, on, r) == (tool, body, radius_m), "{radius_m} m");
                 assert!((cell_m - 0.02).abs() < 1e-12, "{cell_m} m");
             }
-            [(told, ToolSizeFault::TooLarge { radius_m: r, side_m, body: on })] => {
-                assert!(is_large && (told, on, r) == (tool, body, radius_m), "{radius_m} m");
+            [(reported, ToolSizeFault::TooLarge { radius_m: r, side_m, body: on })] => {
+                assert!(is_large && (reported, on, r) == (tool, body, radius_m), "{radius_m} m");
                 assert!((side_m - 0.1).abs() < 1e-12, "{side_m} m");
             }
             _ => panic!("{sizes:?}"),
@@ -217,22 +210,18 @@ fn tools_that_do_not_suit_the_body_they_touch_are_reported_once() {
     }
 }
 
-/// Every fault of a suture, with its entity.
-#[derive(Resource, Default)]
-struct Sutures(Vec<(Entity, SutureFault)>);
-
-fn collect_sutures(mut faults: MessageReader<HapticFault>, mut sutures: ResMut<Sutures>) {
-    for fault in faults.read() {
-        if let (Some(suture), HapticFaultKind::Suture(why)) = (fault.entity, &fault.kind) {
-            sutures.0.push((suture, why.clone()));
-        }
-    }
+/// Faults of sutures since the last call, each with its suture.
+fn take_sutures(app: &mut App) -> Vec<(Entity, SutureFault)> {
+    let suture = |fault: HapticFault| match fault.kind {
+        HapticFaultKind::Suture(cause) => Some((fault.entity?, cause)),
+        _ => None,
+    };
+    take_faults(app).into_iter().filter_map(suture).collect()
 }
 
 #[test]
-fn sutures_without_an_effect_are_reported_once_and_sewn_when_they_have_one() {
+fn sutures_without_effect_are_reported_once_and_sewn_when_they_have_one() {
     let mut app = lockstep_app();
-    app.init_resource::<Sutures>().add_systems(Last, collect_sutures);
     let body = app.world_mut().spawn(block()).id();
     let mut sew = |ends_m: [DVec3; 2]| {
         let suture = Suture {
@@ -251,10 +240,10 @@ fn sutures_without_an_effect_are_reported_once_and_sewn_when_they_have_one() {
     let good = sew([top(-0.03), top(-0.01)]);
     let half = sew([top(0.05), bottom(0.05)]);
     step(&mut app, 10);
-    let told = std::mem::take(&mut app.world_mut().resource_mut::<Sutures>().0);
-    let [(first, SutureFault::SamePoint { at_m }), (second, SutureFault::FixedEnds { ends_m })] = &told[..]
+    let faults = take_sutures(&mut app);
+    let [(first, SutureFault::SamePoint { at_m }), (second, SutureFault::FixedEnds { ends_m })] = &faults[..]
     else {
-        panic!("{told:?}")
+        panic!("{faults:?}")
     };
     assert_eq!((*first, *second), (same, fixed));
     assert!((*at_m - top(0.01)).length() < 1e-9, "{at_m}");
@@ -262,15 +251,15 @@ fn sutures_without_an_effect_are_reported_once_and_sewn_when_they_have_one() {
     let tension = |app: &App, suture: Entity| app.world().get::<SutureForce>(suture).unwrap().tension_n;
     assert_eq!([same, fixed].map(|suture| tension(&app, suture)), [0.0; 2]);
     assert!([good, half].into_iter().all(|suture| tension(&app, suture) > 0.0));
-    // With another part fixed the thread has an effect.
+    // With another fixed region the thread has an effect.
     app.world_mut().entity_mut(body).insert(FixedRegion::Face(BoxFace::Top));
     step(&mut app, 10);
     assert!(tension(&app, fixed) > 0.0);
-    let told = std::mem::take(&mut app.world_mut().resource_mut::<Sutures>().0);
-    let suture = |(suture, why): &(Entity, SutureFault)| (*suture, std::mem::discriminant(why));
+    let faults = take_sutures(&mut app);
+    let kind = |(suture, cause): &(Entity, SutureFault)| (*suture, std::mem::discriminant(cause));
     let expected = [
         (same, SutureFault::SamePoint { at_m: DVec3::ZERO }),
         (good, SutureFault::FixedEnds { ends_m: [DVec3::ZERO; 2] }),
     ];
-    assert_eq!(told.iter().map(suture).collect::<Vec<_>>(), expected.iter().map(suture).collect::<Vec<_>>());
+    assert_eq!(faults.iter().map(kind).collect::<Vec<_>>(), expected.iter().map(kind).collect::<Vec<_>>());
 }

@@ -1,9 +1,12 @@
-//! A tool in an app that gives way, and what an app is told of its local models.
+//! Virtual coupling, contact compliance, statistics of local models and the black box in an app, in lock step.
 
 use bevy_palpate::prelude::*;
+use bevy_palpate::{BlackBoxDump, HapticFaultKind, SimulatedBody, ToolLoop};
+use palpate_body::BodyError;
+use palpate_laws::LawError;
 use palpate_tests::app::*;
 
-/// Down through a 10 cm block at 0.25 m/s after 0.1 s, in which its loop gets a local model, and up again.
+/// A device that moves through a 10 cm block at 0.25 m/s and back, from 0.1 s on, when its loop has a local model.
 fn piercing_hand() -> ScriptedDevice {
     ScriptedDevice::new(|n, _| {
         let t = (n as f64 * 1e-3 - 0.1).max(0.0);
@@ -12,7 +15,7 @@ fn piercing_hand() -> ScriptedDevice {
     })
 }
 
-/// The largest force before the safety chain over 36 model steps, and that at the end, N.
+/// Maximum force before the safety chain over 36 model steps, and the force at the end, N.
 fn pierce(coupling: ToolCoupling) -> (f64, f64) {
     let mut app = lockstep_app();
     let (_, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, piercing_hand);
@@ -23,31 +26,31 @@ fn pierce(coupling: ToolCoupling) -> (f64, f64) {
         last = app.world().get::<ToolForce>(tool).unwrap().model_force_n.length();
         force = force.max(last);
     }
-    // The block gives way only until its cells are inverted and its surface folds, and both are reported.
-    let faults = take_faults(&mut app);
-    let is_expected = |fault: &String| {
-        fault.contains("cells of the body have been inverted") || fault.contains("beyond the")
+    // Some cells are inverted and the surface folds; both are reported.
+    let kinds = take_kinds(&mut app);
+    let is_expected = |kind: &HapticFaultKind| {
+        matches!(kind, HapticFaultKind::InvertedCells { .. } | HapticFaultKind::BeyondSupport { .. })
     };
-    assert!(faults.len() < 3 && faults.iter().all(is_expected), "{faults:?}");
+    assert!(kinds.len() < 3 && kinds.iter().all(is_expected), "{kinds:?}");
     (force, last)
 }
 
 #[test]
-fn a_tool_gives_way_by_default_and_only_then() {
-    let ToolCoupling::Virtual { max_force_n: most_n, .. } = ToolCoupling::default() else {
-        panic!("it gives way")
+fn virtual_coupling_is_the_default_and_limits_the_force() {
+    let ToolCoupling::Virtual { max_force_n, .. } = ToolCoupling::default() else {
+        panic!("the default is a virtual coupling")
     };
     let (force, last) = pierce(ToolCoupling::default());
-    assert!(force <= most_n * (1.0 + 1e-9) && force > 0.98 * most_n, "{force} N");
+    assert!(force <= max_force_n * (1.0 + 1e-9) && force > 0.98 * max_force_n, "{force} N");
     assert_eq!(last, 0.0);
     let gentle = ToolCoupling::Virtual { stiffness_n_per_m: 5e3, max_force_n: 2.0 };
     let (force, _) = pierce(gentle);
     assert!(force <= 2.0 * (1.0 + 1e-9) && force > 1.9, "{force} N");
     let (force, _) = pierce(ToolCoupling::Rigid);
-    assert!(force > 1.5 * most_n, "{force} N");
+    assert!(force > 1.5 * max_force_n, "{force} N");
 }
 
-/// Down onto a 10 cm block, and 2 mm deep into it from 0.4 s on.
+/// A device that descends onto a 10 cm block and rests at a depth of 2 mm from 0.4 s on.
 fn resting_hand() -> ScriptedDevice {
     ScriptedDevice::new(|n, _| {
         let height = 0.057 - 0.004 * (n as f64 * 2.5e-3).min(1.0);
@@ -56,15 +59,15 @@ fn resting_hand() -> ScriptedDevice {
 }
 
 #[test]
-fn the_added_compliance_is_switched_while_a_tool_touches() {
+fn contact_compliance_switches_during_contact() {
     let mut app = lockstep_app();
     let (body, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, resting_hand);
     let mut force_after = |change: fn(&mut bevy::prelude::EntityWorldMut)| {
         change(&mut app.world_mut().entity_mut(body));
         step(&mut app, 40);
-        let is_added = app.world().get::<bevy_palpate::SimulatedBody>(body).unwrap().body().adds_compliance();
+        let is_added = app.world().get::<SimulatedBody>(body).unwrap().body().adds_compliance();
         let force_n = app.world().get::<ToolForce>(tool).unwrap().model_force_n.y;
-        assert_eq!(take_faults(&mut app), [""; 0]);
+        assert_no_faults(&mut app);
         (is_added, force_n)
     };
     let (is_added, added_n) = force_after(|_| ());
@@ -73,7 +76,7 @@ fn the_added_compliance_is_switched_while_a_tool_touches() {
         body.insert(ContactCompliance::GridOnly);
     });
     assert!(!is_added && grid_n > 2.5 * added_n, "{grid_n} N, {added_n} N");
-    // Another build of the body has it too.
+    // A rebuilt body keeps it.
     let (is_added, rebuilt_n) =
         force_after(|body| body.get_mut::<Tissue>().unwrap().density_kg_per_m3 *= 1.01);
     assert!(!is_added && (rebuilt_n / grid_n - 1.0).abs() < 0.02, "{rebuilt_n} N, {grid_n} N");
@@ -91,21 +94,23 @@ fn the_added_compliance_is_switched_while_a_tool_touches() {
 }
 
 #[test]
-fn a_coupling_that_makes_no_sense_is_refused_and_the_old_one_stays() {
+fn coupling_with_negative_force_is_rejected_and_the_previous_one_stays() {
     let mut app = lockstep_app();
     let (_, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, pressing_hand);
     step(&mut app, 2);
     let bad = ToolCoupling::Virtual { stiffness_n_per_m: 20e3, max_force_n: -1.0 };
     app.world_mut().get_mut::<HapticTool>(tool).unwrap().coupling = bad;
     step(&mut app, 1);
-    let said = take_faults(&mut app);
-    assert!(said.len() == 1 && said[0].contains("largest force of a tool's coupling is -1 N"), "{said:?}");
-    let coupling = app.world().get::<bevy_palpate::ToolLoop>(tool).unwrap().contact().coupling().unwrap();
+    let kinds = take_kinds(&mut app);
+    let is_force =
+        matches!(kinds[..], [HapticFaultKind::Tool(BodyError::Tool(LawError::CouplingForce(-1.0)))]);
+    assert!(is_force, "{kinds:?}");
+    let coupling = app.world().get::<ToolLoop>(tool).unwrap().contact().coupling().unwrap();
     assert_eq!(coupling.max_force_n, 10.0);
 }
 
 #[test]
-fn an_app_knows_what_its_local_models_are() {
+fn local_model_stats_describe_the_newest_local_model() {
     let mut app = lockstep_app();
     let (_, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, pressing_hand);
     assert_eq!(app.world().get::<LocalModelStats>(tool), Some(&LocalModelStats::default()));
@@ -117,14 +122,14 @@ fn an_app_knows_what_its_local_models_are() {
     step(&mut app, 1);
     let hold = *app.world().get::<LocalModelStats>(tool).unwrap();
     assert_eq!((hold.states, hold.error_bound), (0, None));
-    // A tool that is one no longer has none.
+    // Without the tool the component is reset.
     app.world_mut().entity_mut(tool).remove::<HapticTool>();
     step(&mut app, 1);
     assert_eq!(app.world().get::<LocalModelStats>(tool), Some(&LocalModelStats::default()));
 }
 
 #[test]
-fn an_app_keeps_the_last_ticks_when_something_goes_wrong_and_when_it_asks() {
+fn black_box_is_written_at_a_device_failure_and_on_request() {
     let folder = std::env::temp_dir().join(format!("palpate-black-box-{}", std::process::id()));
     let mut app = lockstep_app();
     // A device that fails once, at the 300th tick.
@@ -135,15 +140,18 @@ fn an_app_keeps_the_last_ticks_when_something_goes_wrong_and_when_it_asks() {
         })
     };
     let (_, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, hand);
-    app.world_mut().entity_mut(tool).insert(bevy_palpate::BlackBoxDump::in_folder(&folder));
+    app.world_mut().entity_mut(tool).insert(BlackBoxDump::in_folder(&folder));
     step(&mut app, 5);
-    let files =
-        |app: &bevy::app::App| app.world().get::<bevy_palpate::BlackBoxDump>(tool).unwrap().files().to_vec();
+    let files = |app: &bevy::app::App| app.world().get::<BlackBoxDump>(tool).unwrap().files().to_vec();
     assert_eq!(files(&app), [""; 0].map(std::path::PathBuf::from));
     step(&mut app, 3);
     assert_eq!(files(&app).len(), 1);
+    // The name contains the reported fault.
+    let report = take_reports(&mut app).remove(0).to_lowercase();
+    let words: Vec<&str> =
+        report.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty()).collect();
     let name = files(&app)[0].file_name().unwrap().to_string_lossy().into_owned();
-    assert!(name.contains("the-device-failed"), "{name}");
+    assert!(name.contains(&words[..5].join("-")), "{name}, {report}");
     let ticks = palpate_haptics::Recording::read_csv(&files(&app)[0]).unwrap();
     assert!(
         ticks
@@ -151,8 +159,10 @@ fn an_app_keeps_the_last_ticks_when_something_goes_wrong_and_when_it_asks() {
             .iter()
             .any(|tick| tick.read_failed == Some(palpate_haptics::RecordedDeviceError::TimedOut))
     );
-    app.world_mut().get_mut::<bevy_palpate::BlackBoxDump>(tool).unwrap().request("a user asked");
+    app.world_mut().get_mut::<BlackBoxDump>(tool).unwrap().request("user request");
     step(&mut app, 1);
     assert_eq!(files(&app).len(), 2);
+    let name = files(&app)[1].file_name().unwrap().to_string_lossy().into_owned();
+    assert!(name.contains("user-request"), "{name}");
     std::fs::remove_dir_all(folder).unwrap();
 }

@@ -1,4 +1,4 @@
-//! What Bevy's diagnostics say of a headless app.
+//! Bevy's diagnostics of a headless app, in lock step.
 
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, DiagnosticsStore};
 use bevy::prelude::*;
@@ -15,7 +15,7 @@ fn value(app: &App, path: &DiagnosticPath) -> f64 {
 }
 
 #[test]
-fn everything_is_measured_and_agrees() {
+fn diagnostics_agree_with_the_components() {
     let mut app = lockstep_app();
     let (_, tool) = spawn_scene(&mut app, Scheme::Tangent, pressing_hand);
     step(&mut app, 12);
@@ -28,7 +28,7 @@ fn everything_is_measured_and_agrees() {
     assert_eq!(value(&app, &Of::LOCAL_MODEL_ERROR), error.rms_n);
     let share = 100.0 * error.jnd_ratio.unwrap();
     assert_eq!(value(&app, &Of::LOCAL_MODEL_ERROR_NOTICEABLE), share);
-    // In lock step there are no deadlines, and no clock is read in a tick.
+    // Lock step has no deadlines, and reads no clock in a tick.
     for path in [Of::MISSED_DEADLINES, Of::LATENESS_P99, Of::TICK_COST_P99] {
         assert_eq!(value(&app, &path), 0.0, "{path}");
     }
@@ -47,10 +47,10 @@ fn everything_is_measured_and_agrees() {
 }
 
 #[test]
-fn a_frame_costs_its_model_step_and_what_is_done_around_it() {
+fn frame_cost_includes_the_model_step() {
     let mut app = lockstep_app();
     spawn_scene(&mut app, Scheme::NearFieldExact, pressing_hand);
-    // The first update steps nothing.
+    // The first update runs no model step.
     let steps = app.world().resource::<ModelStepCount>().0;
     assert_eq!(steps, 0);
     for _ in 0..10 {
@@ -68,12 +68,11 @@ fn a_frame_costs_its_model_step_and_what_is_done_around_it() {
     assert_eq!(measured as u64, app.world().resource::<ModelStepCount>().0);
 }
 
-/// An app that does without them loses nothing else.
 #[test]
-fn the_diagnostics_can_be_left_out() {
+fn app_runs_without_the_diagnostics_plugin() {
     let mut app = App::new();
     app.add_plugins(MinimalPlugins).add_plugins(
-        PalpatePlugins.set(HapticSchedulePlugin { mode: LoopMode::Lockstep, ..default() }).disable::<Of>(),
+        PalpatePlugins.set(HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep)).disable::<Of>(),
     );
     (0..5).for_each(|_| app.update());
     let store = app.world().get_resource::<DiagnosticsStore>();

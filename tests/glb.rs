@@ -1,17 +1,17 @@
-//! GLB files, and the smallest pictures in them, byte by byte.
+//! Minimal GLB files, with minimal pictures.
 
 use bevy::mesh::VertexAttributeValues;
 use bevy::prelude::*;
 
 /// A picture in a GLB file.
 pub struct Picture {
-    /// Its MIME type.
+    /// MIME type of the picture.
     pub mime: &'static str,
-    /// Its file.
+    /// File of the picture.
     pub bytes: Vec<u8>,
 }
 
-/// The file of a mesh with positions and indices; each picture is the colour of a material, the mesh has the first.
+/// Returns the file of a mesh with positions and indices. Each picture is the base colour of a material; the mesh has the first one.
 #[must_use]
 pub fn glb(mesh: &Mesh, pictures: &[Picture]) -> Vec<u8> {
     let positions = match mesh.attribute(Mesh::ATTRIBUTE_POSITION) {
@@ -71,7 +71,7 @@ pub fn glb(mesh: &Mesh, pictures: &[Picture]) -> Vec<u8> {
     file
 }
 
-/// One red pixel as PNG.
+/// Returns one red pixel as PNG.
 #[must_use]
 pub fn png() -> Picture {
     let mut bytes = vec![0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a];
@@ -81,9 +81,9 @@ pub fn png() -> Picture {
         bytes.extend(&checked);
         bytes.extend(crc(&checked).to_be_bytes());
     };
-    // One by one pixel, 8 bits, red, green and blue.
+    // One pixel, 8 bits, red, green and blue.
     chunk(b"IHDR", &[0, 0, 0, 1, 0, 0, 0, 1, 8, 2, 0, 0, 0]);
-    // One stored block of deflate: no filter, the pixel; then Adler's sum.
+    // One stored block of deflate: no filter, the pixel; then the Adler checksum.
     let line = [0, 255, 0, 0];
     let (a, b) = line.iter().fold((1_u32, 0_u32), |(a, b), x| (a + x, b + a + x));
     let stored =
@@ -100,21 +100,21 @@ fn crc(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(u32::MAX, byte)
 }
 
-/// Eight by eight grey pixels as JPEG: one block, whose mean is that of grey and in which there is nothing else.
+/// Returns eight by eight grey pixels as JPEG: one block, with only a mean.
 #[must_use]
 pub fn jpeg() -> Picture {
-    // Start; a table of quanta that are all 1.
+    // Start of image; a quantization table of ones.
     let mut bytes = vec![0xff, 0xd8, 0xff, 0xdb, 0, 67, 0];
     bytes.extend([1; 64]);
     // Baseline, 8 bits, 8 by 8, one component.
     bytes.extend([0xff, 0xc0, 0, 11, 8, 0, 8, 0, 8, 1, 1, 0x11, 0]);
-    // Codes of means and of the rest: in both "0" is the only one, of the symbol 0.
+    // Huffman tables of means and of the rest, each with the single code "0" of the symbol 0.
     for table in [0x00, 0x10] {
-        // One code of one bit, none of two to sixteen, the symbol.
+        // One code of one bit, no longer ones, the symbol.
         bytes.extend([0xff, 0xc4, 0, 20, table, 1]);
         bytes.extend([0; 15 + 1]);
     }
-    // The scan: mean as before, end of block, ones to the end of the byte.
+    // Start of scan; zero difference of the mean, end of block, padding; end of image.
     bytes.extend([0xff, 0xda, 0, 8, 1, 1, 0, 0, 63, 0, 0x3f, 0xff, 0xd9]);
     Picture { mime: "image/jpeg", bytes }
 }

@@ -1,12 +1,14 @@
-//! Tools that grasp and threads that are sewn, in a headless app in lock step.
+//! Grasps and sutures in a headless app, in lock step.
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{SimulatedBody, ToolLoop};
-use palpate_tests::app::{Contacts, lockstep_app, spawn_scene, step, take_faults};
+use bevy_palpate::{HapticFaultKind, SimulatedBody, SutureFault, ToolLoop};
+use palpate_body::BodyError;
+use palpate_tests::app::Contact::{End, Start};
+use palpate_tests::app::{assert_no_faults, contacts, lockstep_app, spawn_scene, step, take_kinds};
 
-/// A hand that comes down beside the middle of the top of a 10 cm block for 0.2 s, touching it by 0.3 mm, closes there from 0.3 s
-/// to 0.9 s, and meanwhile goes up by 4 mm and across by 3 mm; it opens, waits, and goes away.
+/// A device that descends onto the top of a 10 cm block within 0.2 s, to a depth of 0.3 mm. The button is pressed from 0.3 s to 0.9 s,
+/// while the device moves up by 4 mm and across by 3 mm. Then it opens, waits and leaves.
 fn grasping_hand() -> ScriptedDevice {
     ScriptedDevice::new(|n, _| {
         let t = n as f64 * 1e-3;
@@ -29,7 +31,7 @@ fn grasping(app: &App, tool: Entity) -> GraspedPoint {
 }
 
 #[test]
-fn a_tool_that_grasps_pulls_and_lets_go() {
+fn grasp_pulls_and_releases() {
     let mut app = lockstep_app();
     let (body, tool) = grasping_scene(&mut app, ToolGrasp::default());
     step(&mut app, 6);
@@ -40,12 +42,12 @@ fn a_tool_that_grasps_pulls_and_lets_go() {
     assert_eq!(held.body, Some(body));
     step(&mut app, 8);
     let force = *app.world().get::<ToolForce>(tool).unwrap();
-    // The body pulls back, down and across; a touch can only push.
+    // The body pulls back, down and across; a contact without grasp can only push.
     assert!(touch.y > 0.0 && force.force_n.y < -0.2 && force.force_n.x < -0.1, "{touch}, {force:?}");
     let moved = grasping(&app, tool).point_m - held.point_m;
-    // The point goes with the hand, but for the coupling: 20 kN/m.
-    let behind = force.model_force_n / 20e3;
-    assert!((moved - DVec3::new(0.003, 0.004, 0.0) - behind).length() < 3e-5, "{moved}, {behind}");
+    // The point follows the device, except for the coupling of 20 kN/m.
+    let offset = force.model_force_n / 20e3;
+    assert!((moved - DVec3::new(0.003, 0.004, 0.0) - offset).length() < 3e-5, "{moved}, {offset}");
     assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, Some(body));
     let error = app.world().get::<ForceError>(tool).unwrap();
     assert!(error.relative.is_some_and(|relative| relative < 0.02), "{error:?}");
@@ -53,15 +55,15 @@ fn a_tool_that_grasps_pulls_and_lets_go() {
     assert_eq!(grasping(&app, tool), GraspedPoint::default());
     step(&mut app, 6);
     assert_eq!(app.world().get::<ToolForce>(tool).unwrap().force_n, DVec3::ZERO);
-    let told = &app.world().resource::<Contacts>().0;
-    // One contact for touch and grasp; after it the tool may touch what it has let go of.
-    assert_eq!(told[..2], ["began", "ended"]);
-    assert_eq!(told.len() % 2, 0, "{told:?}");
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    // One contact includes touch and grasp; the tool may touch the released body again.
+    let contacts = contacts(&app);
+    assert_eq!(contacts[..2], [Start, End]);
+    assert_eq!(contacts.len() % 2, 0, "{contacts:?}");
+    assert_no_faults(&mut app);
 }
 
 #[test]
-fn a_tool_that_has_let_go_grasps_again() {
+fn tool_grasps_again_after_a_release() {
     let mut app = lockstep_app();
     let (_, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, || {
         ScriptedDevice::new(|n, _| {
@@ -80,7 +82,7 @@ fn a_tool_that_has_let_go_grasps_again() {
 }
 
 #[test]
-fn a_grasp_beyond_its_reach_or_with_another_button_holds_nothing() {
+fn grasp_out_of_reach_or_with_another_button_holds_nothing() {
     for grasp in [ToolGrasp { reach_m: 1e-3, ..default() }, ToolGrasp { button: 1, ..default() }] {
         let mut app = lockstep_app();
         let (_, tool) = grasping_scene(&mut app, grasp);
@@ -89,13 +91,13 @@ fn a_grasp_beyond_its_reach_or_with_another_button_holds_nothing() {
     }
 }
 
-/// However a grasp ends, its tool can touch again and nothing is held.
+/// Afterwards the tool can touch again and holds nothing.
 #[test]
-fn every_end_of_a_grasp_lets_go() {
-    type End = fn(&mut World, Entity, Entity);
-    let ends: [(&str, End); 6] = [
+fn every_cause_ends_the_grasp_and_the_contact() {
+    type Cause = fn(&mut World, Entity, Entity);
+    let causes: [(&str, Cause); 6] = [
         ("body despawned", |world, body, _| assert!(world.despawn(body))),
-        ("it grasps no longer", |world, _, tool| {
+        ("ToolGrasp removed", |world, _, tool| {
             world.entity_mut(tool).remove::<ToolGrasp>();
         }),
         ("fewer nodes", |world, body, _| {
@@ -104,14 +106,14 @@ fn every_end_of_a_grasp_lets_go() {
         ("another shape of tool", |world, _, tool| {
             world.get_mut::<HapticTool>(tool).unwrap().shape = ToolShape::Sphere { radius_m: 0.004 };
         }),
-        ("device gone", |world, _, tool| {
+        ("device missing", |world, _, tool| {
             world.get_mut::<HapticTool>(tool).unwrap().device = DeviceSelector::named("none");
         }),
-        ("tool is a tool no longer", |world, _, tool| {
+        ("HapticTool removed", |world, _, tool| {
             world.entity_mut(tool).remove::<HapticTool>();
         }),
     ];
-    for (what, end) in ends {
+    for (what, end) in causes {
         let mut app = lockstep_app();
         let (body, tool) = grasping_scene(&mut app, ToolGrasp::default());
         step(&mut app, 9);
@@ -121,12 +123,12 @@ fn every_end_of_a_grasp_lets_go() {
         assert_eq!(grasping(&app, tool), GraspedPoint::default(), "{what}");
         let held = app.world().get::<ToolLoop>(tool).and_then(|tool| tool.contact().held_point());
         assert_eq!(held, None, "{what}");
-        assert_eq!(app.world().resource::<Contacts>().0[..2], ["began", "ended"], "{what}");
+        assert_eq!(contacts(&app)[..2], [Start, End], "{what}");
     }
 }
 
 #[test]
-fn a_scheme_that_is_switched_keeps_the_grasp() {
+fn change_of_scheme_keeps_the_grasp() {
     let mut app = lockstep_app();
     let (body, tool) = grasping_scene(&mut app, ToolGrasp::default());
     step(&mut app, 9);
@@ -136,17 +138,17 @@ fn a_scheme_that_is_switched_keeps_the_grasp() {
 }
 
 #[test]
-fn what_is_fixed_cannot_be_grasped_and_that_is_told() {
+fn grasp_of_a_fixed_point_is_a_fault() {
     let mut app = lockstep_app();
     let (body, tool) = grasping_scene(&mut app, ToolGrasp::default());
     app.world_mut().entity_mut(body).insert(FixedRegion::Face(BoxFace::Top));
     step(&mut app, 10);
     assert_eq!(grasping(&app, tool), GraspedPoint::default());
-    let said = take_faults(&mut app);
-    assert!(said.len() == 1 && said[0].starts_with("the tool cannot hold what it has grasped"), "{said:?}");
+    let kinds = take_kinds(&mut app);
+    assert!(matches!(kinds[..], [HapticFaultKind::Grasp(_)]), "{kinds:?}");
 }
 
-/// A block with a gaping slit in its top, and a thread across its middle.
+/// An app with a block, an open slit in its top, and a thread across the middle of the slit; returns app, body and suture.
 fn sutured(length_m: f64, tear_limit_n: f64) -> (App, Entity, Entity) {
     let mut app = lockstep_app();
     let slit = Slit { length_m: 0.06, depth_m: 0.02, opening_m: 0.01 };
@@ -165,7 +167,7 @@ fn force(app: &App, suture: Entity) -> SutureForce {
 }
 
 #[test]
-fn a_thread_pulls_both_lips_alike_and_a_slack_one_not_at_all() {
+fn taut_thread_pulls_both_lips_equally_and_a_slack_one_does_not() {
     let (mut app, _, suture) = sutured(0.02, f64::INFINITY);
     step(&mut app, 10);
     assert_eq!(force(&app, suture).tension_n, 0.0);
@@ -175,13 +177,13 @@ fn a_thread_pulls_both_lips_alike_and_a_slack_one_not_at_all() {
     assert!((a.distance(b) - 0.006).abs() < 1e-6, "{}", a.distance(b));
     assert!(tension_n > 0.05 && !is_torn, "{tension_n} N");
     assert!((left + right).length() < 1e-3 * tension_n, "{left} and {right}");
-    // The left lip is drawn to the right and pulls back.
+    // The thread pulls the left lip to the right, and the body pulls it back.
     assert!((left.x / tension_n + 1.0).abs() < 1e-3, "{left}, {tension_n} N");
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_no_faults(&mut app);
 }
 
 #[test]
-fn a_thread_that_stretches_pulls_with_its_stiffness_times_its_lengthening() {
+fn tension_is_stiffness_times_extension() {
     let (mut app, _, suture) = sutured(0.006, f64::INFINITY);
     for stiffness_n_per_m in [30.0, 300.0] {
         app.world_mut().get_mut::<Suture>(suture).unwrap().stiffness_n_per_m = stiffness_n_per_m;
@@ -194,11 +196,11 @@ fn a_thread_that_stretches_pulls_with_its_stiffness_times_its_lengthening() {
         );
         assert!((left + right).length() < 1e-3 * tension_n, "{left} and {right}");
     }
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_no_faults(&mut app);
 }
 
 #[test]
-fn a_thread_tears_at_its_limit_and_is_told_once() {
+fn thread_tears_at_its_limit_with_one_message() {
     let (mut app, body, suture) = sutured(0.006, f64::INFINITY);
     step(&mut app, 60);
     let held = force(&app, suture).tension_n;
@@ -212,13 +214,13 @@ fn a_thread_tears_at_its_limit_and_is_told_once() {
     step(&mut app, 40);
     let after = force(&app, suture);
     assert!(after.is_torn && after.tension_n == 0.0, "{after:?}");
-    // The wound gapes again.
+    // The slit opens again.
     assert!(after.ends_m[0].distance(after.ends_m[1]) > 0.012, "{after:?}");
     assert_eq!(app.world().resource::<Messages<SutureTorn>>().len(), 0);
 }
 
 #[test]
-fn a_thread_that_is_taken_out_or_whose_body_changes_holds_what_is_left() {
+fn ties_follow_a_rebuilt_body_and_a_despawned_suture() {
     let (mut app, body, suture) = sutured(0.006, f64::INFINITY);
     step(&mut app, 20);
     let ties = |app: &App| app.world().get::<SimulatedBody>(body).unwrap().body().ties().len();
@@ -230,35 +232,40 @@ fn a_thread_that_is_taken_out_or_whose_body_changes_holds_what_is_left() {
     app.world_mut().despawn(suture);
     step(&mut app, 1);
     assert_eq!(ties(&app), 0);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_no_faults(&mut app);
 }
 
 #[test]
-fn a_thread_that_is_given_a_senseless_length_keeps_the_old_one() {
+fn thread_keeps_its_length_when_a_nan_length_is_rejected() {
     let (mut app, _, suture) = sutured(0.006, f64::INFINITY);
     step(&mut app, 20);
     app.world_mut().get_mut::<Suture>(suture).unwrap().length_m = f64::NAN;
     step(&mut app, 3);
-    assert_eq!(take_faults(&mut app).len(), 1);
+    let kinds = take_kinds(&mut app);
+    assert!(matches!(kinds[..], [HapticFaultKind::Suture(SutureFault::Thread(_))]), "{kinds:?}");
     assert!(force(&app, suture).tension_n > 0.05);
 }
 
 #[test]
-fn sutures_that_make_no_sense_are_told_once_and_do_nothing() {
+fn invalid_sutures_are_reported_once_and_have_no_effect() {
     let (mut app, body, suture) = sutured(-1.0, 1.0);
     step(&mut app, 3);
-    let said = take_faults(&mut app);
-    assert!(said.len() == 1 && said[0].contains("length of a thread, m is -1"), "{said:?}");
-    for (change, expected) in [
-        ((body, [DVec3::ZERO, DVec3::Y], 0.01), "the body's surface is not within 0.02 m"),
-        ((suture, [DVec3::ZERO; 2], 0.01), "is no body"),
+    let fault = |app: &mut App| match &take_kinds(app)[..] {
+        [HapticFaultKind::Suture(fault)] => fault.clone(),
+        kinds => panic!("{kinds:?}"),
+    };
+    let negative = fault(&mut app);
+    let SutureFault::Thread(BodyError::Parameter { value: -1.0, .. }) = negative else {
+        panic!("{negative}")
+    };
+    for (body, ends_m, expected) in [
+        (body, [DVec3::ZERO, DVec3::Y], SutureFault::TooFar { end_m: DVec3::ZERO, within_m: 0.02 }),
+        (suture, [DVec3::ZERO; 2], SutureFault::NotABody { body: suture }),
     ] {
-        let (body, ends_m, length_m) = change;
-        let again = Suture { body, ends_m, length_m, stiffness_n_per_m: 100.0, tear_limit_n: 1.0 };
-        app.world_mut().entity_mut(suture).insert(again);
+        let changed = Suture { body, ends_m, length_m: 0.01, stiffness_n_per_m: 100.0, tear_limit_n: 1.0 };
+        app.world_mut().entity_mut(suture).insert(changed);
         step(&mut app, 3);
-        let said = take_faults(&mut app);
-        assert!(said.len() == 1 && said[0].contains(expected), "{said:?}");
+        assert_eq!(fault(&mut app), expected);
         assert_eq!(force(&app, suture), SutureForce::default());
     }
 }

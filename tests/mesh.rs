@@ -1,29 +1,30 @@
-//! Meshes, bodies of them and a hand for them, in lock step.
+//! Meshes, bodies from meshes, and a tool for them, in lock step.
 
-use crate::app::lockstep_app;
+pub use crate::app::force_n as force;
+use crate::app::{lockstep_app, spawn_tool};
 use bevy::asset::RenderAssetUsages;
 use bevy::mesh::{Indices, MeshPlugin, PrimitiveTopology, VertexAttributeValues};
 use bevy::prelude::*;
 use bevy_palpate::SimulatedBody;
 use bevy_palpate::prelude::*;
 
-/// 6 cm in radius.
+/// Radius of the ball, m.
 pub const RADIUS: f64 = 0.06;
 
-/// A lock step app that has meshes.
+/// Returns an app in lock step with mesh assets.
 pub fn mesh_app() -> App {
     let mut app = lockstep_app();
     app.add_plugins((AssetPlugin::default(), MeshPlugin));
     app
 }
 
-/// A ball of [`RADIUS`] round the origin.
+/// Returns a ball of [`RADIUS`], centred at the origin.
 #[must_use]
 pub fn ball() -> Mesh {
     Sphere::new(RADIUS as f32).mesh().ico(20).unwrap_or_else(|_| Sphere::new(RADIUS as f32).mesh().build())
 }
 
-/// Corners and triangles as a mesh.
+/// Returns a mesh of corners and triangles.
 #[must_use]
 pub fn mesh_of(corners: &[[f32; 3]], triangles: &[[u32; 3]]) -> Mesh {
     Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
@@ -31,7 +32,7 @@ pub fn mesh_of(corners: &[[f32; 3]], triangles: &[[u32; 3]]) -> Mesh {
         .with_inserted_indices(Indices::U32(triangles.iter().flatten().copied().collect()))
 }
 
-/// The triangles of a box whose corner `i` is at +x if bit 0 of `i` is set, at +y for bit 1, at +z for bit 2.
+/// Triangles of a box whose corner `i` is at +x if bit 0 of `i` is set, at +y for bit 1, at +z for bit 2.
 pub const BOX: [[u32; 3]; 12] = [
     [0, 4, 6],
     [0, 6, 2],
@@ -47,7 +48,7 @@ pub const BOX: [[u32; 3]; 12] = [
     [4, 7, 6],
 ];
 
-/// A box from `low` to `high`, corners in the order of [`BOX`].
+/// Returns a box from `low` to `high`, with the corners in the order of [`BOX`].
 #[must_use]
 pub fn cuboid(low: Vec3, high: Vec3) -> Mesh {
     let corner = |i: u32| {
@@ -57,15 +58,15 @@ pub fn cuboid(low: Vec3, high: Vec3) -> Mesh {
     mesh_of(&(0..8).map(corner).collect::<Vec<_>>(), &BOX)
 }
 
-/// Two meshes as one.
+/// Returns two meshes as one.
 #[must_use]
 pub fn both(mut a: Mesh, b: &Mesh) -> Mesh {
-    // Both have positions and indices alike.
+    // Cannot fail: both have positions and indices.
     let _ = a.merge(b);
     a
 }
 
-/// `mesh` without its first ten triangles.
+/// Returns `mesh` without its first ten triangles.
 #[must_use]
 pub fn torn(mut mesh: Mesh) -> Mesh {
     let left = mesh.indices().map(|indices| indices.iter().skip(30).map(|i| i as u32).collect());
@@ -73,18 +74,18 @@ pub fn torn(mut mesh: Mesh) -> Mesh {
     mesh
 }
 
-/// Adds `mesh` to the app's.
+/// Adds `mesh` to the app's assets.
 pub fn add(app: &mut App, mesh: Mesh) -> Handle<Mesh> {
     app.world_mut().resource_mut::<Assets<Mesh>>().add(mesh)
 }
 
-/// Changes the mesh that `handle` names.
+/// Replaces the mesh of `handle`.
 pub fn replace(app: &mut App, handle: &Handle<Mesh>, mesh: Mesh) {
-    // A handle of `add` may be written to.
+    // Cannot fail for a handle of `add`.
     let _ = app.world_mut().resource_mut::<Assets<Mesh>>().insert(handle, mesh);
 }
 
-/// Presses the top of a ball at the origin, 6 mm deep within 0.3 s, and stays.
+/// Returns a device that presses the top of a ball at the origin to a depth of 6 mm within 0.3 s.
 #[must_use]
 pub fn presser() -> ScriptedDevice {
     ScriptedDevice::new(|n, _| {
@@ -93,41 +94,31 @@ pub fn presser() -> ScriptedDevice {
     })
 }
 
-/// A tool with that device.
+/// Spawns a tool with that device.
 pub fn hand(app: &mut App) -> Entity {
-    app.world_mut().resource_mut::<HapticDevices>().register("hand", || Ok(presser()));
-    app.world_mut().spawn(HapticTool { device: DeviceSelector::named("hand"), ..default() }).id()
+    spawn_tool(app, presser)
 }
 
-/// A body of `mesh` with eight cells along, fixed below −[`RADIUS`]/2.
+/// Spawns a body of `mesh` with eight cells along its longest side, fixed below −[`RADIUS`]/2.
 pub fn spawn(app: &mut App, mesh: Mesh) -> Entity {
     let mesh = add(app, mesh);
     spawn_of(app, mesh)
 }
 
-/// The same of a mesh that is there.
+/// Spawns that body of an existing mesh.
 pub fn spawn_of(app: &mut App, mesh: Handle<Mesh>) -> Entity {
     let floor = BodyRegion::HalfSpace { point_m: DVec3::Y * -0.5 * RADIUS, outward: DVec3::Y };
     let shape = DeformableBody::Mesh(MeshShape { cells_along_longest_axis: 8, ..MeshShape::new(mesh) });
     app.world_mut().spawn((shape, FixedRegion::Regions(vec![floor]))).id()
 }
 
-/// What a tool's device is given, N.
-///
-/// # Panics
-/// When there is no such tool.
-#[must_use]
-pub fn force(app: &App, tool: Entity) -> DVec3 {
-    app.world().entity(tool).get::<ToolForce>().map_or(DVec3::NAN, |force| force.force_n)
-}
-
-/// The body of an entity.
+/// Returns the simulated body of an entity.
 #[must_use]
 pub fn body(app: &App, entity: Entity) -> Option<&SimulatedBody> {
     app.world().get::<SimulatedBody>(entity)
 }
 
-/// Positions or normals of what an entity shows; empty if it shows nothing.
+/// Returns positions or normals of the mesh that an entity shows; empty without one.
 #[must_use]
 pub fn shown(app: &App, entity: Entity, normals: bool) -> Vec<Vec3> {
     let id = if normals { Mesh::ATTRIBUTE_NORMAL } else { Mesh::ATTRIBUTE_POSITION };
@@ -141,11 +132,11 @@ pub fn shown(app: &App, entity: Entity, normals: bool) -> Vec<Vec3> {
     }
 }
 
-/// How often meshes were written, those of bodies among them.
+/// Number of writes to meshes.
 #[derive(Resource, Default)]
 pub struct Written(pub usize);
 
-/// Counts from now on.
+/// Starts to count the writes to meshes.
 pub fn count_writes(app: &mut App) {
     app.init_resource::<Written>().add_systems(
         Last,
@@ -155,7 +146,7 @@ pub fn count_writes(app: &mut App) {
     );
 }
 
-/// The writes since the last call.
+/// Returns the number of writes since the last call.
 pub fn take_writes(app: &mut App) -> usize {
     std::mem::take(&mut app.world_mut().resource_mut::<Written>().0)
 }

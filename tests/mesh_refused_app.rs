@@ -1,16 +1,17 @@
-//! Odd meshes in an app, in lock step: each gives a body, or a fault that says what to do.
+//! Unusual meshes in an app, in lock step: each becomes a body or a fault.
 
 use bevy::asset::RenderAssetUsages;
 use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
-use bevy_palpate::SimulatedBody;
 use bevy_palpate::prelude::*;
-use palpate_tests::app::{step, take_faults};
+use bevy_palpate::{HapticFaultKind, MeshFault, SimulatedBody};
+use palpate_body::{BodyError, MeshError};
+use palpate_tests::app::{assert_no_faults, step, take_kinds};
 use palpate_tests::mesh::{
     RADIUS, add, ball, body, both, cuboid, mesh_app as app, mesh_of, shown, spawn, torn,
 };
 
-/// A box of `edge` round `at`.
+/// A box with edges of `edge`, centred at `at`.
 fn box_at(at: Vec3, edge: f32) -> Mesh {
     cuboid(at - 0.5 * edge, at + 0.5 * edge)
 }
@@ -25,7 +26,7 @@ fn with_corner(corner: [f32; 3]) -> Mesh {
     mesh_of(&corners, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 }
 
-/// Two boxes side by side with one wall between them: at its edges three triangles meet.
+/// Two adjacent boxes with a common wall, at whose edges three triangles meet.
 fn with_inner_wall() -> Mesh {
     let corners: Vec<[f32; 3]> = (0..12_u32)
         .map(|i| [0.05 * (i / 4) as f32, 0.05 * (i & 1) as f32, 0.05 * (i >> 1 & 1) as f32])
@@ -46,8 +47,21 @@ fn with_inner_wall() -> Mesh {
     mesh_of(&corners, &triangles)
 }
 
+/// The error of a mesh that was read but rejected.
+fn mesh_error(kind: &HapticFaultKind) -> Option<&MeshError> {
+    if let HapticFaultKind::BuildBody(BodyError::Mesh(error)) = kind { Some(error) } else { None }
+}
+
+/// Checks the kind of a fault.
+type Expected = fn(&HapticFaultKind) -> bool;
+
+/// Whether the mesh has another size than expected, and `factor` is the suggested scale.
+fn is_size(kind: &HapticFaultKind, expected: f64) -> bool {
+    matches!(mesh_error(kind), Some(MeshError::Size { factor, .. }) if (factor / expected - 1.0).abs() < 1e-9)
+}
+
 #[test]
-fn meshes_that_make_no_body_are_faults_that_say_what_to_do() {
+fn meshes_that_cannot_become_a_body_are_faults() {
     let usage = RenderAssetUsages::default();
     let lines = Mesh::new(PrimitiveTopology::LineList, usage);
     let bare = Mesh::new(PrimitiveTopology::TriangleList, usage);
@@ -57,37 +71,48 @@ fn meshes_that_make_no_body_are_faults_that_say_what_to_do() {
     let pair = both(box_at(Vec3::ZERO, 0.06), &box_at(Vec3::new(0.03, 0.02, 0.01), 0.06));
     let apart = both(box_at(Vec3::Y * -0.05, 0.05), &box_at(Vec3::Y * 0.08, 0.05));
     let nested = both(box_at(Vec3::ZERO, 0.12), &box_at(Vec3::ZERO, 0.04));
-    for (what, mesh, says) in [
-        ("lines", lines, "TriangleList"),
-        ("no positions", bare, "no positions"),
-        ("an open square", Rectangle::new(0.1, 0.1).mesh().build(), "fill them"),
-        ("a hole", torn(ball()), "fill them"),
-        ("no thickness", squashed, "give it a volume"),
-        ("parts that cross", pair, "unite the parts"),
-        ("an inner wall", with_inner_wall(), "remove inner walls"),
-        ("millimetres", of_units(1e3), "Scale it by 0.001"),
-        ("micrometres", of_units(1e6), "Scale it by 0.000001"),
-        ("huge", of_units(1e12), "Scale it by"),
-        ("tiny", of_units(1e-3), "Scale it by 1000"),
-        ("next to nothing", Sphere::new(1e-5).mesh().ico(2).unwrap(), "metres"),
-        ("not a number", with_corner([f32::NAN, 0.0, 0.1]), "not a finite number"),
-        ("infinite", with_corner([0.0, f32::INFINITY, 0.1]), "not a finite number"),
-        ("a shell in a shell", nested, "turn it inside out"),
-        ("two pieces", apart, "make a body of each"),
-        ("far away", at_x(1e5), "move it to the origin"),
-        ("too far for its cells", at_x(3000.0), "move it to the origin"),
-    ] {
+    let is_holes: Expected = |kind| matches!(mesh_error(kind), Some(MeshError::Holes { .. }));
+    let is_not_finite: Expected = |kind| matches!(mesh_error(kind), Some(MeshError::NotFinite { .. }));
+    let cases: [(&str, Mesh, Expected); 18] = [
+        ("lines", lines, |kind| {
+            matches!(kind, HapticFaultKind::Mesh(MeshFault::Topology(PrimitiveTopology::LineList)))
+        }),
+        ("no positions", bare, |kind| matches!(kind, HapticFaultKind::Mesh(MeshFault::NoPositions))),
+        ("an open square", Rectangle::new(0.1, 0.1).mesh().build(), is_holes),
+        ("a hole", torn(ball()), is_holes),
+        ("no thickness", squashed, |kind| matches!(mesh_error(kind), Some(MeshError::Flat { .. }))),
+        ("crossing parts", pair, |kind| matches!(mesh_error(kind), Some(MeshError::Crossing { .. }))),
+        ("an inner wall", with_inner_wall(), |kind| {
+            matches!(mesh_error(kind), Some(MeshError::NonManifold { .. }))
+        }),
+        ("millimetres", of_units(1e3), |kind| is_size(kind, 1e-3)),
+        ("micrometres", of_units(1e6), |kind| is_size(kind, 1e-6)),
+        ("huge", of_units(1e12), |kind| matches!(mesh_error(kind), Some(MeshError::Size { .. }))),
+        ("tiny", of_units(1e-3), |kind| is_size(kind, 1e3)),
+        ("nearly nothing", Sphere::new(1e-5).mesh().ico(2).unwrap(), |kind| {
+            matches!(mesh_error(kind), Some(MeshError::Size { .. }))
+        }),
+        ("not a number", with_corner([f32::NAN, 0.0, 0.1]), is_not_finite),
+        ("infinite", with_corner([0.0, f32::INFINITY, 0.1]), is_not_finite),
+        ("a shell in a shell", nested, |kind| matches!(mesh_error(kind), Some(MeshError::Nested { .. }))),
+        ("two pieces", apart, |kind| matches!(mesh_error(kind), Some(MeshError::Pieces { pieces: 2, .. }))),
+        ("far away", at_x(1e5), |kind| matches!(mesh_error(kind), Some(MeshError::LostDigits { .. }))),
+        ("too far for its cells", at_x(3000.0), |kind| {
+            matches!(mesh_error(kind), Some(MeshError::CoarseGrid { .. }))
+        }),
+    ];
+    for (what, mesh, is_expected) in cases {
         let mut app = app();
         let entity = spawn(&mut app, mesh);
         step(&mut app, 3);
-        let said = take_faults(&mut app);
-        assert!(said.len() == 1 && said[0].contains(says), "{what}: {said:?}");
+        let kinds = take_kinds(&mut app);
+        assert!(kinds.len() == 1 && is_expected(&kinds[0]), "{what}: {kinds:?}");
         assert!(app.world().get::<SimulatedBody>(entity).is_none(), "{what}");
     }
 }
 
 #[test]
-fn odd_meshes_that_enclose_a_volume_are_bodies_of_its_mass() {
+fn unusual_meshes_with_a_volume_become_bodies_of_its_mass() {
     let apart = both(box_at(Vec3::Y * -0.05, 0.05), &box_at(Vec3::Y * 0.08, 0.05));
     let hollow = both(box_at(Vec3::ZERO, 0.12), &inside_out(box_at(Vec3::ZERO, 0.04)));
     let at_an_edge = both(box_at(Vec3::splat(-0.03), 0.06), &box_at(Vec3::new(0.03, 0.03, -0.03), 0.06));
@@ -111,31 +136,35 @@ fn odd_meshes_that_enclose_a_volume_are_bodies_of_its_mass() {
         let mesh = add(&mut app, mesh);
         let entity = app.world_mut().spawn(DeformableBody::from_mesh(mesh)).id();
         step(&mut app, 5);
-        assert_eq!(take_faults(&mut app), [""; 0], "{what}");
+        assert_no_faults(&mut app);
         let mass_kg: f64 = body(&app, entity).unwrap().body().network().mass_kg().iter().sum();
         assert!((mass_kg / (1000.0 * volume_m3) - 1.0).abs() < 1e-4, "{what}: {mass_kg} kg");
     }
 }
 
 #[test]
-fn what_the_message_says_helps() {
+fn unit_and_cells_along_have_their_effect_and_their_limits() {
     let mut app = app();
     let mesh = add(&mut app, ball().scaled_by(Vec3::splat(1000.0)));
     let shape = MeshShape { metres_per_unit: 0.001, ..MeshShape::new(mesh.clone()) };
     let entity = app.world_mut().spawn(DeformableBody::Mesh(shape)).id();
     step(&mut app, 2);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_no_faults(&mut app);
     assert!(shown(&app, entity, false).iter().all(|x| (f64::from(x.length()) - RADIUS).abs() < 1e-5));
     for scale in [0.0, -1.0, f64::NAN] {
         let shape = MeshShape { metres_per_unit: scale, ..MeshShape::new(mesh.clone()) };
         app.world_mut().spawn(DeformableBody::Mesh(shape));
         step(&mut app, 1);
-        let said = take_faults(&mut app);
-        assert!(said.len() == 1 && said[0].contains("scaled by"), "{said:?}");
+        let kinds = take_kinds(&mut app);
+        let [HapticFaultKind::Mesh(MeshFault::Scale(reported))] = kinds[..] else { panic!("{kinds:?}") };
+        assert_eq!(reported.to_bits(), scale.to_bits());
     }
-    for (cells_along, says) in
-        [(0, "it must be 1 to 127"), (1000, "it must be 1 to 127"), (100, "cells along it")]
-    {
+    let cases: [(usize, Expected); 3] = [
+        (0, |kind| matches!(mesh_error(kind), Some(MeshError::Cells { .. }))),
+        (1000, |kind| matches!(mesh_error(kind), Some(MeshError::Cells { .. }))),
+        (100, |kind| matches!(mesh_error(kind), Some(MeshError::TooManyNodes { along: 100, .. }))),
+    ];
+    for (cells_along, is_expected) in cases {
         let shape = MeshShape {
             cells_along_longest_axis: cells_along,
             metres_per_unit: 0.001,
@@ -143,52 +172,56 @@ fn what_the_message_says_helps() {
         };
         app.world_mut().spawn(DeformableBody::Mesh(shape));
         step(&mut app, 1);
-        let said = take_faults(&mut app);
-        assert!(said.len() == 1 && said[0].contains(says), "{said:?}");
+        let kinds = take_kinds(&mut app);
+        assert!(kinds.len() == 1 && is_expected(&kinds[0]), "{cells_along}: {kinds:?}");
     }
 }
 
-/// In millimetres and far from the origin, single precision loses as many digits as in metres.
+/// Far from the origin, single precision loses as many digits in millimetres as in metres.
 #[test]
-fn lost_digits_are_noticed_whatever_the_unit() {
-    for (away_mm, is_taken) in [(0.0, true), (1e4, true), (3e6, false), (1e8, false)] {
+fn lost_digits_are_detected_for_every_unit() {
+    for (away_mm, is_accepted) in [(0.0, true), (1e4, true), (3e6, false), (1e8, false)] {
         let mut app = app();
         let far = ball().scaled_by(Vec3::splat(1000.0)).translated_by(Vec3::X * away_mm);
         let mesh = add(&mut app, far);
         let shape = MeshShape { metres_per_unit: 0.001, ..MeshShape::new(mesh) };
         let entity = app.world_mut().spawn(DeformableBody::Mesh(shape)).id();
         step(&mut app, 2);
-        let said = take_faults(&mut app);
-        assert_eq!(said.is_empty(), is_taken, "{away_mm} mm: {said:?}");
-        assert!(said.iter().all(|said| said.contains("move it to the origin")), "{away_mm} mm: {said:?}");
-        assert_eq!(body(&app, entity).is_some(), is_taken);
+        let kinds = take_kinds(&mut app);
+        assert_eq!(kinds.is_empty(), is_accepted, "{away_mm} mm: {kinds:?}");
+        let is_expected = |kind: &HapticFaultKind| {
+            matches!(mesh_error(kind), Some(MeshError::LostDigits { .. } | MeshError::CoarseGrid { .. }))
+        };
+        assert!(kinds.iter().all(is_expected), "{away_mm} mm: {kinds:?}");
+        assert_eq!(body(&app, entity).is_some(), is_accepted);
     }
 }
 
 #[test]
-fn what_became_of_a_mesh_can_be_asked() {
+fn mesh_report_has_repairs_cells_and_excess_mass() {
     let mut app = app();
     let entity = spawn(&mut app, inside_out(box_at(Vec3::ZERO, 0.12)));
     let of_block = app.world_mut().spawn(DeformableBody::block([3; 3], 0.1)).id();
     step(&mut app, 2);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_no_faults(&mut app);
     let report = body(&app, entity).unwrap().mesh_report().unwrap();
     assert_eq!((report.repairs.turned, report.cells.cells, report.cells.raised), (12, 512, 0));
     assert!((report.cells.cell_m - 0.015).abs() < 1e-8 && report.deviation_m < 1e-6, "{report:?}");
     assert_eq!(body(&app, of_block).unwrap().mesh_report(), None);
-    // A sheet of a twentieth of a millimetre in cells of a centimetre: said, for it weighs twice what it should.
+    // A sheet of a twentieth of a millimetre in cells of a centimetre has twice its mass, which is reported.
     let sheet = cuboid(Vec3::new(-0.05, 0.0, -0.05), Vec3::new(0.05, 5e-5, 0.05));
     let mesh = add(&mut app, sheet);
     let entity = app.world_mut().spawn(DeformableBody::from_mesh(mesh)).id();
     step(&mut app, 3);
-    let said = take_faults(&mut app);
-    assert!(said.len() == 1 && said[0].contains("100.0 % heavier"), "{said:?}");
+    let kinds = take_kinds(&mut app);
+    let [HapticFaultKind::MassExcess { share, .. }] = kinds[..] else { panic!("{kinds:?}") };
+    assert!((share - 1.0).abs() < 1e-4, "{share}");
     let simulated = body(&app, entity).unwrap();
     let mass_kg: f64 = simulated.body().network().mass_kg().iter().sum();
     assert!((mass_kg / (1000.0 * 0.1 * 0.1 * 5e-5) - 2.0).abs() < 1e-4, "{mass_kg} kg");
     assert!((simulated.mesh_report().unwrap().cells.raised_share - 1.0).abs() < 1e-4);
-    // Of another tissue it is the same mesh: nothing new to say.
+    // Another tissue of the same mesh is not reported again.
     app.world_mut().get_mut::<Tissue>(entity).unwrap().youngs_modulus_pa = 30e3;
     step(&mut app, 3);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_no_faults(&mut app);
 }

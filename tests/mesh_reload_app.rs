@@ -1,15 +1,17 @@
-//! Meshes that change under their bodies, in lock step: while they are touched, to the worse, and to the better again.
+//! Meshes that change under their bodies, in lock step: during contact, to an invalid mesh, and back.
 
 use bevy::mesh::{Mesh, VertexAttributeValues};
 use bevy::prelude::*;
-use bevy_palpate::NoForceCause;
 use bevy_palpate::prelude::*;
-use palpate_tests::app::{Contacts, step, take_causes, take_faults};
+use bevy_palpate::{HapticFaultKind, NoForceCause};
+use palpate_body::{BodyError, MeshError};
+use palpate_tests::app::Contact::{End, Start};
+use palpate_tests::app::{assert_no_faults, contacts, step, take_causes, take_faults, take_kinds};
 use palpate_tests::mesh::{
     RADIUS, add, ball, body, force, hand, mesh_app as app, replace, shown, spawn_of, torn,
 };
 
-/// A ball of other triangles, so with other vertices.
+/// A ball of fewer triangles.
 fn coarser() -> Mesh {
     Sphere::new(RADIUS as f32).mesh().ico(12).unwrap()
 }
@@ -24,7 +26,7 @@ fn is_a_ball(app: &App, entity: Entity, vertices: usize) -> bool {
 }
 
 #[test]
-fn a_mesh_that_changes_while_it_is_touched_is_let_go_of_and_touched_anew() {
+fn mesh_change_during_contact_ends_the_contact() {
     let mut app = app();
     let mesh = add(&mut app, ball());
     let entity = spawn_of(&mut app, mesh.clone());
@@ -41,17 +43,17 @@ fn a_mesh_that_changes_while_it_is_touched_is_let_go_of_and_touched_anew() {
         assert!(force(&app, tool).is_finite());
     }
     assert!(body(&app, entity).unwrap().epoch() > epoch);
-    // What the hand felt of the old body it does not feel twice of the new one.
+    // The change does not raise the force.
     assert!(strongest < 1.5 * before.length(), "{strongest} N, {before} before");
-    assert_eq!(app.world().resource::<Contacts>().0[..2], ["began", "ended"]);
+    assert_eq!(contacts(&app)[..2], [Start, End]);
     assert_eq!(shown(&app, entity, false).len(), coarser().count_vertices());
-    // The new ball is round, and the hand's centre in it.
+    // The new ball is undeformed, with the tool's centre inside.
     assert_eq!(take_causes(&mut app), [(tool, NoForceCause::Inside { body: entity })]);
     assert_eq!(take_faults(&mut app).len(), 1);
 }
 
 #[test]
-fn after_a_mesh_that_is_refused_the_body_is_drawn_as_it_was_whatever_changes_then() {
+fn rejected_mesh_change_keeps_the_drawn_mesh() {
     let mut app = app();
     let red = |mesh: Mesh| {
         let vertices = mesh.count_vertices();
@@ -64,31 +66,33 @@ fn after_a_mesh_that_is_refused_the_body_is_drawn_as_it_was_whatever_changes_the
     assert!(is_a_ball(&app, entity, vertices));
     replace(&mut app, &mesh, torn(coarser()));
     step(&mut app, 3);
-    let said = take_faults(&mut app);
-    assert!(said.len() == 1 && said[0].contains("holes"), "{said:?}");
+    let kinds = take_kinds(&mut app);
+    let is_holes =
+        matches!(kinds[..], [HapticFaultKind::BuildBody(BodyError::Mesh(MeshError::Holes { .. }))]);
+    assert!(is_holes, "{kinds:?}");
     assert!(is_a_ball(&app, entity, vertices));
-    // Drawn anew, since other nodes are fixed: of the mesh that it is made of, and in its colours.
+    // Another fixed region rebuilds the body from the previous mesh, with its colours.
     app.world_mut().entity_mut(entity).insert(FixedRegion::Face(BoxFace::Bottom));
     step(&mut app, 3);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_no_faults(&mut app);
     assert!(is_a_ball(&app, entity, vertices));
     let drawn = app.world().get::<Mesh3d>(entity).unwrap().0.clone();
     let drawn = app.world().resource::<Assets<Mesh>>().get(&drawn).unwrap();
     assert!(drawn.indices().unwrap().iter().all(|index| index < vertices));
     let Some(VertexAttributeValues::Float32x4(colors)) = drawn.attribute(Mesh::ATTRIBUTE_COLOR) else {
-        panic!("it has no colours")
+        panic!("no colours")
     };
     assert!(colors.iter().all(|color| *color == [1.0, 0.0, 0.0, 1.0]) && colors.len() == vertices);
-    // Put right: taken, though nothing else changes.
+    // A valid mesh is accepted without any other change.
     replace(&mut app, &mesh, coarser());
     step(&mut app, 3);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_no_faults(&mut app);
     assert!(is_a_ball(&app, entity, coarser().count_vertices()));
 }
 
-/// What is refused because of something else is not refused itself.
+/// A mesh is not rejected for the sake of another component.
 #[test]
-fn a_mesh_that_changed_along_with_a_tissue_that_is_none_is_taken_with_the_next_one() {
+fn mesh_change_with_an_invalid_tissue_is_built_with_the_next_tissue() {
     let mut app = app();
     let mesh = add(&mut app, ball());
     let entity = spawn_of(&mut app, mesh.clone());
@@ -97,10 +101,13 @@ fn a_mesh_that_changed_along_with_a_tissue_that_is_none_is_taken_with_the_next_o
     app.update();
     app.world_mut().get_mut::<Tissue>(entity).unwrap().density_kg_per_m3 = -1.0;
     step(&mut app, 3);
-    let said = take_faults(&mut app);
-    assert!(!said.is_empty() && said.iter().all(|said| said.contains("density")), "{said:?}");
+    let kinds = take_kinds(&mut app);
+    let is_density = |kind: &HapticFaultKind| {
+        matches!(kind, HapticFaultKind::BuildBody(BodyError::Parameter { value: -1.0, .. }))
+    };
+    assert!(!kinds.is_empty() && kinds.iter().all(is_density), "{kinds:?}");
     app.world_mut().get_mut::<Tissue>(entity).unwrap().density_kg_per_m3 = 900.0;
     step(&mut app, 3);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_no_faults(&mut app);
     assert!(is_a_ball(&app, entity, coarser().count_vertices()));
 }

@@ -1,41 +1,34 @@
-//! Bodies of meshes under the clock of threads, where they are made beside the app.
+//! Bodies from meshes with loops on threads, where background tasks build them.
 
 use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticFaultKind, ModelStepCount, SimulatedBody, SlowStep, StepPart};
-use palpate_tests::app::{listen, take_faults, update_until};
+use bevy_palpate::{FaultSeverity, HapticFaultKind, ModelStepCount, SimulatedBody, SlowStep, StepPart};
+use palpate_body::{BodyError, MeshError};
+use palpate_tests::app::{collect_messages, spawn_tool, take_kinds, update_until, update_until_done};
 use palpate_tests::mesh::{add, ball, body, replace, shown, spawn_of, torn};
 
 fn app() -> App {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, PalpatePlugins, AssetPlugin::default(), MeshPlugin));
-    listen(&mut app);
+    collect_messages(&mut app);
     app
 }
 
-/// Faults that are no matter of the machine's load.
-fn faults(app: &mut App) -> Vec<String> {
-    take_faults(app).into_iter().filter(|fault| !fault.starts_with("a model step takes")).collect()
+/// Kinds of the faults since the last call that do not depend on the machine's load.
+fn kinds(app: &mut App) -> Vec<HapticFaultKind> {
+    take_kinds(app).into_iter().filter(|kind| kind.severity() > FaultSeverity::Load).collect()
 }
 
-/// Updates until `done`, ten thousand times at most; whether it came to that.
-fn until(app: &mut App, mut done: impl FnMut(&mut App) -> bool) -> bool {
-    (0..10_000).any(|_| {
-        app.update();
-        std::thread::yield_now();
-        done(app)
-    })
-}
-
-fn of_balls(app: &mut App) -> (Handle<Mesh>, Entity) {
+/// Spawns a body of a ball and waits until it is built.
+fn spawn_ball(app: &mut App) -> (Handle<Mesh>, Entity) {
     let mesh = add(app, ball());
     let entity = spawn_of(app, mesh.clone());
-    assert!(until(app, |app| body(app, entity).is_some()));
+    assert!(update_until_done(app, |app| body(app, entity).is_some()));
     (mesh, entity)
 }
 
-/// The reports of slow steps, and how long they took at most, in ticks of the body.
+/// Reported slow steps, and the maximum number of a body's ticks in a step.
 #[derive(Resource, Default)]
 struct Slow(Vec<SlowStep>, usize);
 
@@ -53,9 +46,9 @@ fn collect_slow(
     slow.1 = slow.1.max(ticks.unwrap_or(0));
 }
 
-/// A sphere of ten cells along, at a rate at which no machine can step it under a tool.
+/// A sphere with ten cells along its diameter, at a rate at which no machine can step it under a tool.
 #[test]
-fn a_body_too_large_for_its_rate_is_reported_once_with_the_cells_that_would_do() {
+fn body_too_large_for_its_rate_is_reported_once_with_a_suggested_number_of_cells() {
     let mut app = App::new();
     let schedule = HapticSchedulePlugin { rate: ModelRate::try_from_hz(100.0).unwrap(), ..default() };
     app.add_plugins((MinimalPlugins, PalpatePlugins.set(schedule), AssetPlugin::default(), MeshPlugin));
@@ -63,15 +56,13 @@ fn a_body_too_large_for_its_rate_is_reported_once_with_the_cells_that_would_do()
     let mesh = add(&mut app, Sphere::new(0.05).into());
     let fixed = FixedRegion::Face(BoxFace::Bottom);
     let entity = app.world_mut().spawn((DeformableBody::from_mesh(mesh), fixed)).id();
-    assert!(until(&mut app, |app| body(app, entity).is_some()));
-    let press = || Ok(ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::new(0.001, 0.052, 0.002)))));
-    app.world_mut().resource_mut::<HapticDevices>().register("hand", press);
-    app.world_mut().spawn(HapticTool { device: DeviceSelector::named("hand"), ..default() });
+    assert!(update_until_done(&mut app, |app| body(app, entity).is_some()));
+    spawn_tool(&mut app, || ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::new(0.001, 0.052, 0.002)))));
     let steps = |app: &App| app.world().resource::<ModelStepCount>().0;
-    let begin = steps(&app);
-    update_until(&mut app, "forty steps", |app| steps(app) > begin + 40);
-    let Slow(told, ticks) = app.world().resource::<Slow>();
-    let [slow] = told[..] else { panic!("{told:?}") };
+    let start = steps(&app);
+    update_until(&mut app, "forty steps", |app| steps(app) > start + 40);
+    let Slow(reported, ticks) = app.world().resource::<Slow>();
+    let [slow] = reported[..] else { panic!("{reported:?}") };
     assert!(slow.nodes > 900 && slow.cells_along.is_some_and(|cells| (1..10).contains(&cells)), "{slow}");
     assert!(slow.largest() != StepPart::Other && slow.step_ms > slow.period_ms, "{slow}");
     assert!(*ticks <= 20, "{ticks} ticks");
@@ -82,54 +73,59 @@ fn mass_kg(app: &App, entity: Entity) -> f64 {
 }
 
 #[test]
-fn a_body_is_made_beside_the_app_and_what_is_refused_is_said() {
+fn rejected_background_build_is_reported_once() {
     let mut app = app();
-    let (mesh, entity) = of_balls(&mut app);
-    assert_eq!(faults(&mut app), [""; 0]);
+    let (mesh, entity) = spawn_ball(&mut app);
+    let none = kinds(&mut app);
+    assert!(none.is_empty(), "{none:?}");
     replace(&mut app, &mesh, torn(ball()));
-    let mut said = Vec::new();
-    assert!(until(&mut app, |app| {
-        said.extend(faults(app));
-        !said.is_empty()
+    let mut reported = Vec::new();
+    assert!(update_until_done(&mut app, |app| {
+        reported.extend(kinds(app));
+        !reported.is_empty()
     }));
-    assert!(said.len() == 1 && said[0].contains("holes"), "{said:?}");
+    let is_holes =
+        matches!(reported[..], [HapticFaultKind::BuildBody(BodyError::Mesh(MeshError::Holes { .. }))]);
+    assert!(is_holes, "{reported:?}");
     (0..50).for_each(|_| app.update());
-    assert_eq!(faults(&mut app), [""; 0]);
-    assert!(body(&app, entity).is_some());
+    let none = kinds(&mut app);
+    assert!(none.is_empty() && body(&app, entity).is_some(), "{none:?}");
 }
 
-/// As with a slider that is dragged: the body follows, though no value lasts until it has been made.
+/// As with a dragged slider: no value lasts until the body has been built with it.
 #[test]
-fn a_body_follows_a_tissue_that_changes_at_every_frame() {
+fn body_follows_a_tissue_that_changes_in_every_frame() {
     let mut app = app();
-    let (_, entity) = of_balls(&mut app);
+    let (_, entity) = spawn_ball(&mut app);
     let (first, epoch) = (mass_kg(&app, entity), body(&app, entity).unwrap().epoch());
     let mut density = 1000.0;
-    let follows = until(&mut app, |app| {
+    let follows = update_until_done(&mut app, |app| {
         density += 0.01;
         app.world_mut().get_mut::<Tissue>(entity).unwrap().density_kg_per_m3 = density;
         body(app, entity).unwrap().epoch() > epoch + 5
     });
     assert!(follows && mass_kg(&app, entity) > first);
-    // And is made of the last one in the end.
+    // Finally the body has the last value.
     app.world_mut().get_mut::<Tissue>(entity).unwrap().density_kg_per_m3 = 2000.0;
-    assert!(until(&mut app, |app| (mass_kg(app, entity) / (2.0 * first) - 1.0).abs() < 1e-9));
-    assert_eq!(faults(&mut app), [""; 0]);
+    assert!(update_until_done(&mut app, |app| (mass_kg(app, entity) / (2.0 * first) - 1.0).abs() < 1e-9));
+    let none = kinds(&mut app);
+    assert!(none.is_empty(), "{none:?}");
 }
 
 #[test]
-fn a_mesh_that_changes_is_not_lost_when_something_else_changes_with_it() {
+fn mesh_change_is_built_although_the_tissue_changes_too() {
     let mut app = app();
-    let (mesh, entity) = of_balls(&mut app);
+    let (mesh, entity) = spawn_ball(&mut app);
     let vertices = |app: &App| shown(app, entity, false).len();
     let other = Sphere::new(0.06).mesh().ico(12).unwrap();
     assert_ne!(vertices(&app), other.count_vertices());
     replace(&mut app, &mesh, other.clone());
-    // At every frame from the one in which the change is made to that in which it can be seen.
+    // In every frame from the change to its detection.
     for density in 1..5 {
         app.world_mut().get_mut::<Tissue>(entity).unwrap().density_kg_per_m3 = 1000.0 + f64::from(density);
         app.update();
     }
-    assert!(until(&mut app, |app| vertices(app) == other.count_vertices()));
-    assert_eq!(faults(&mut app), [""; 0]);
+    assert!(update_until_done(&mut app, |app| vertices(app) == other.count_vertices()));
+    let none = kinds(&mut app);
+    assert!(none.is_empty(), "{none:?}");
 }

@@ -1,21 +1,21 @@
-//! Hands that press where the triangles of a quad meet, in an app: everything converges, and the force lasts.
+//! Tools that press where triangles meet, in an app: the contact solver converges, and the force is steady.
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{SimulatedBody, TickRecording};
 use palpate_haptics::{DeviceDescription, DeviceError, TickRecord};
-use palpate_tests::app::{listen, lockstep_app, step, take_faults, update_until};
+use palpate_tests::app::{assert_no_faults, collect_messages, lockstep_app, spawn_tool, step, update_until};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// What the body's steps took, all together.
+/// Sums over the body's steps.
 #[derive(Resource, Default)]
 struct Steps {
     count: usize,
     touching: usize,
-    unsolved: usize,
-    most_sweeps: usize,
+    unconverged: usize,
+    max_sweeps: usize,
 }
 
 fn collect_steps(bodies: Query<&SimulatedBody>, mut steps: ResMut<Steps>) {
@@ -23,22 +23,22 @@ fn collect_steps(bodies: Query<&SimulatedBody>, mut steps: ResMut<Steps>) {
         let report = body.last_step();
         steps.count += 1;
         steps.touching += usize::from(report.touched > 0);
-        steps.unsolved += report.unconverged;
-        steps.most_sweeps = steps.most_sweeps.max(report.sweeps);
+        steps.unconverged += report.unconverged;
+        steps.max_sweeps = steps.max_sweeps.max(report.sweeps);
     }
 }
 
-/// The README's body and tool; every tick and every step is recorded.
+/// Spawns the README's body and tool; every tick and every step is recorded.
 fn spawn<D: HapticDevice + 'static>(app: &mut App, device: impl Fn() -> D + Send + Sync + 'static) -> Entity {
     app.init_resource::<Steps>().add_systems(ModelSchedule, collect_steps.in_set(HapticSystems::Last));
-    app.world_mut().resource_mut::<HapticDevices>().register("hand", move || Ok(device()));
     app.world_mut().spawn((
         DeformableBody::block([6, 6, 6], 0.1),
         Tissue { youngs_modulus_pa: 20e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5 },
         FixedRegion::Face(BoxFace::Bottom),
     ));
-    let tool = HapticTool { device: DeviceSelector::named("hand"), ..default() };
-    app.world_mut().spawn((tool, TickRecording::default())).id()
+    let tool = spawn_tool(app, device);
+    app.world_mut().entity_mut(tool).insert(TickRecording::default());
+    tool
 }
 
 fn records(app: &App, tool: Entity) -> &[TickRecord] {
@@ -49,9 +49,8 @@ fn is_touching(record: &TickRecord) -> bool {
     record.rendered.force_n != DVec3::ZERO
 }
 
-/// The README's own program.
 #[test]
-fn the_hand_of_the_readme_converges_in_every_tick_and_step() {
+fn contact_of_the_readme_program_converges_in_every_tick_and_step() {
     let mut app = lockstep_app();
     let tool = spawn(&mut app, || {
         ScriptedDevice::new(|n, _| {
@@ -62,18 +61,18 @@ fn the_hand_of_the_readme_converges_in_every_tick_and_step() {
     step(&mut app, 60);
     let records = records(&app, tool);
     let touching = records.iter().filter(|record| is_touching(record)).count();
-    let unsolved = records.iter().filter(|record| record.rendered.unconverged).count();
-    assert!(records.len() >= 2900 && touching > 800, "{} ticks, {touching} touch", records.len());
-    assert_eq!(unsolved, 0);
+    let unconverged = records.iter().filter(|record| record.rendered.unconverged).count();
+    assert!(records.len() >= 2900 && touching > 800, "{} ticks, {touching} in contact", records.len());
+    assert_eq!(unconverged, 0);
     assert_eq!(app.world().get::<LoopTiming>(tool).unwrap().unconverged_ticks, 0);
     let steps = app.world().resource::<Steps>();
     assert!(steps.touching > 15, "{} of {}", steps.touching, steps.count);
-    assert_eq!(steps.unsolved, 0);
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_eq!(steps.unconverged, 0);
+    assert_no_faults(&mut app);
 }
 
-/// The most sweeps of a step while a hand goes 5 mm deep and stays.
-fn most_sweeps(x_m: f64, z_m: f64) -> usize {
+/// Maximum number of sweeps in a step while a tool presses to a depth of 5 mm and rests.
+fn max_sweeps(x_m: f64, z_m: f64) -> usize {
     let mut app = lockstep_app();
     let tool = spawn(&mut app, move || {
         ScriptedDevice::new(move |n, _| {
@@ -84,21 +83,21 @@ fn most_sweeps(x_m: f64, z_m: f64) -> usize {
     step(&mut app, 40);
     assert!(is_touching(records(&app, tool).last().unwrap()));
     let steps = app.world().resource::<Steps>();
-    assert_eq!(steps.unsolved, 0, "at ({x_m}, {z_m}) m");
-    steps.most_sweeps
+    assert_eq!(steps.unconverged, 0, "at ({x_m}, {z_m}) m");
+    steps.max_sweeps
 }
 
-/// The work of a step, in place of its time: no place is much dearer than another.
+/// Counts the work of a step instead of its time.
 #[test]
-fn a_hand_where_triangles_meet_takes_no_more_sweeps_than_one_beside() {
-    let beside = most_sweeps(4.3e-3, 1e-3);
+fn contact_where_triangles_meet_needs_at_most_twice_the_sweeps() {
+    let inside = max_sweeps(4.3e-3, 1e-3);
     for (x_m, z_m) in [(0.0, 0.0), (0.0, 1e-3), (0.01, 0.01), (0.01, 0.0), (-4e-3, 4e-3)] {
-        let sweeps = most_sweeps(x_m, z_m);
-        assert!(sweeps <= 2 * beside, "{sweeps} at ({x_m}, {z_m}) m, {beside} beside");
+        let sweeps = max_sweeps(x_m, z_m);
+        assert!(sweeps <= 2 * inside, "{sweeps} at ({x_m}, {z_m}) m, {inside} inside a triangle");
     }
 }
 
-/// A hand at x = z = 0 that waits for a second, comes down and stays 5 mm deep.
+/// A device at x = z = 0 that waits for a second, descends and stays at a depth of 5 mm.
 #[derive(Clone, Default)]
 struct Held(Arc<AtomicU64>);
 
@@ -110,7 +109,7 @@ impl HapticDevice for Held {
         Ok(())
     }
     fn read(&mut self, _: Duration) -> Result<Reading, DeviceError> {
-        // A machine so busy that samples were lost has let go of it: it comes out every five seconds.
+        // Lost samples on a busy machine end the contact: the device leaves the body every five seconds.
         let n = (self.0.fetch_add(1, Ordering::SeqCst) % 5000).saturating_sub(1000);
         let depth_m = (2e-5 * n as f64 - 2e-3).min(5e-3);
         Ok(Reading::at(DVec3::Y * (0.055 - depth_m)))
@@ -123,24 +122,24 @@ impl HapticDevice for Held {
     }
 }
 
-/// On a thread: 500 ticks in a row, held, with a force that does not change by a tenth.
+/// With the loop on a thread: a force that changes by less than 10 % over 500 consecutive ticks.
 #[test]
-fn a_hand_held_where_triangles_meet_is_pushed_steadily() {
+fn force_at_rest_where_triangles_meet_is_steady() {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, PalpatePlugins));
-    listen(&mut app);
+    collect_messages(&mut app);
     let hand = Held::default();
     let tool = spawn(&mut app, move || hand.clone());
-    update_until(&mut app, "the hand is held for 500 ticks and pushed evenly in each", |app| {
+    update_until(&mut app, "500 ticks at rest with a steady force", |app| {
         let records = records(app, tool);
         let last = &records[records.len().saturating_sub(500)..];
         let is_held = |record: &TickRecord| {
             record.sample.is_some_and(|sample| (sample.position_m.y - 0.05).abs() < 1e-9)
         };
         let forces = || last.iter().map(|record| record.force_n.y);
-        let (least, most) = (forces().fold(f64::MAX, f64::min), forces().fold(0.0, f64::max));
-        last.len() == 500 && last.iter().all(is_held) && least > 0.5 && least > 0.9 * most
+        let (min, max) = (forces().fold(f64::MAX, f64::min), forces().fold(0.0, f64::max));
+        last.len() == 500 && last.iter().all(is_held) && min > 0.5 && min > 0.9 * max
     });
     assert!(records(&app, tool).iter().all(|record| !record.rendered.unconverged));
-    assert_eq!(app.world().resource::<Steps>().unsolved, 0);
+    assert_eq!(app.world().resource::<Steps>().unconverged, 0);
 }

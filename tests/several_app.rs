@@ -1,11 +1,14 @@
-//! Several tools and several bodies in one app, in lock step: what comes and goes while it is touched.
+//! Several tools and several bodies in an app, in lock step: spawned and despawned during contact.
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{NoForceCause, SimulatedBody, ToolLoop};
-use palpate_tests::app::{Contacts, lockstep_app, step, take_causes, take_faults};
+use palpate_tests::app::Contact::{End, Start};
+use palpate_tests::app::{
+    assert_no_faults, contacts, force_n as force, lockstep_app, step, take_causes, take_faults,
+};
 
-/// Presses the top of a 10 cm block round `center` at (x, z), 5 mm deep within 0.2 s, and stays.
+/// A device that presses the top of a 10 cm block centred at `center` at (x, z), to a depth of 5 mm within 0.2 s.
 fn presser(center: DVec3, x: f64, z: f64) -> impl Fn() -> ScriptedDevice + Send + Sync + 'static {
     move || {
         ScriptedDevice::new(move |n, _| {
@@ -21,7 +24,7 @@ fn hand(
     device: impl Fn() -> ScriptedDevice + Send + Sync + 'static,
 ) -> Entity {
     app.world_mut().resource_mut::<HapticDevices>().register(name, move || Ok(device()));
-    app.world_mut().spawn(HapticTool { device: DeviceSelector::named(name), ..default() }).id()
+    app.world_mut().spawn(HapticTool::new(name)).id()
 }
 
 fn block(app: &mut App, x: f32) -> Entity {
@@ -29,10 +32,6 @@ fn block(app: &mut App, x: f32) -> Entity {
     app.world_mut()
         .spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(BoxFace::Bottom), place))
         .id()
-}
-
-fn force(app: &App, tool: Entity) -> DVec3 {
-    app.world().get::<ToolForce>(tool).unwrap().force_n
 }
 
 fn error(app: &App, tool: Entity) -> f64 {
@@ -49,33 +48,33 @@ fn two_on_one() -> (App, Entity, [Entity; 2]) {
 }
 
 #[test]
-fn two_hands_on_one_body_feel_each_other() {
+fn two_tools_on_one_body_influence_each_other() {
     let (mut app, body, tools) = two_on_one();
     for tool in tools {
         assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, Some(body));
         assert!(force(&app, tool).y > 0.2, "{}", force(&app, tool));
         assert!(error(&app, tool) < 5e-3, "{}", error(&app, tool));
     }
-    let beside = force(&app, tools[0]).y;
-    // What the base bears is what both hands give.
+    let with_other = force(&app, tools[0]).y;
+    // The force on the fixed base equals the sum of both tools.
     let simulated = app.world().get::<SimulatedBody>(body).unwrap();
     let network = simulated.body().network();
     let fixed = (0..network.node_count()).filter(|&node| network.is_fixed(node));
     let base: DVec3 = fixed.map(|node| simulated.body().internal_force_on_n(node)).sum();
     let hands = force(&app, tools[0]) + force(&app, tools[1]);
     assert!((base + hands).length() < 0.02 * hands.length(), "{base} {hands}");
-    // Alone the same place is stiffer, for the other one has pressed it down.
+    // Without the other tool, which pressed the surface down, the force is larger.
     app.world_mut().entity_mut(tools[1]).despawn();
     step(&mut app, 20);
     let alone = force(&app, tools[0]).y;
-    assert!(alone > 1.02 * beside, "{alone} N alone, {beside} N beside another");
+    assert!(alone > 1.02 * with_other, "{alone} N alone, {with_other} N with another tool");
     assert!(error(&app, tools[0]) < 5e-3);
-    assert_eq!(take_faults(&mut app), [""; 0]);
-    assert_eq!(app.world().resource::<Contacts>().0, ["began", "began", "ended"]);
+    assert_no_faults(&mut app);
+    assert_eq!(contacts(&app), [Start, Start, End]);
 }
 
 #[test]
-fn the_same_two_hands_give_the_same_bits() {
+fn two_tools_give_the_same_bits_in_every_run() {
     let bits = || {
         let (app, body, tools) = two_on_one();
         let x = app.world().get::<SimulatedBody>(body).unwrap().body().positions_m().to_vec();
@@ -86,24 +85,24 @@ fn the_same_two_hands_give_the_same_bits() {
 }
 
 #[test]
-fn a_body_that_goes_while_two_touch_it_leaves_them_without_force() {
+fn despawned_body_leaves_two_tools_without_force() {
     let (mut app, body, tools) = two_on_one();
     app.world_mut().entity_mut(body).despawn();
     step(&mut app, 12);
     for tool in tools {
         assert_eq!(force(&app, tool), DVec3::ZERO);
         assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, None);
-        assert!(app.world().get::<ToolLoop>(tool).is_some(), "the loop goes on");
+        assert!(app.world().get::<ToolLoop>(tool).is_some(), "the loop continues");
     }
-    assert_eq!(app.world().resource::<Contacts>().0, ["began", "began", "ended", "ended"]);
-    // Half a second without any body is reported for each.
+    assert_eq!(contacts(&app), [Start, Start, End, End]);
+    // Half a second without a body is reported for each tool.
     let causes = take_causes(&mut app);
     assert!(tools.iter().all(|tool| causes.contains(&(*tool, NoForceCause::NoBody))), "{causes:?}");
     assert_eq!(take_faults(&mut app).len(), 2);
 }
 
 #[test]
-fn material_that_changes_under_two_hands_is_felt_by_both() {
+fn tissue_change_during_contact_acts_on_two_tools() {
     let (mut app, body, tools) = two_on_one();
     let before = tools.map(|tool| force(&app, tool).y);
     app.world_mut().get_mut::<Tissue>(body).unwrap().youngs_modulus_pa *= 0.5;
@@ -113,11 +112,11 @@ fn material_that_changes_under_two_hands_is_felt_by_both() {
         assert!((share - 0.5).abs() < 0.02, "{share}");
         assert!(force(&app, tool).is_finite());
     }
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_no_faults(&mut app);
 }
 
 #[test]
-fn every_hand_finds_the_body_that_is_nearest() {
+fn every_tool_selects_the_nearest_body() {
     let mut app = lockstep_app();
     let bodies = [0.0, 0.3, 0.6].map(|x| block(&mut app, x));
     let at = |x: f64| presser(DVec3::X * x, 0.01, 0.004);
@@ -127,26 +126,26 @@ fn every_hand_finds_the_body_that_is_nearest() {
         assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, Some(body));
         assert!(force(&app, tool).y > 0.5);
     }
-    // They are alike, and so are what they give, however far from the origin.
+    // Equal scenes give equal forces, at any distance from the origin.
     let forces = tools.map(|tool| force(&app, tool));
     assert!(forces.iter().all(|f| (*f - forces[0]).length() < 1e-5), "{forces:?}");
-    // One goes; the others do not notice.
+    // The despawned body does not influence the others.
     app.world_mut().entity_mut(bodies[0]).despawn();
     step(&mut app, 10);
     assert!(force(&app, tools[0]).y > 0.5 && force(&app, tools[2]).y > 0.5);
-    // The hand without a body is taken by the nearest that is left, which its device does not reach.
+    // The tool without a body selects the nearest remaining one, which its device does not reach.
     assert_eq!(force(&app, tools[1]), DVec3::ZERO);
     let causes = take_causes(&mut app);
-    let [(told, NoForceCause::OutOfWorkspace { body, distance_m })] = causes[..] else {
+    let [(tool, NoForceCause::OutOfWorkspace { body, distance_m })] = causes[..] else {
         panic!("{causes:?}")
     };
-    // From 0.2 m to 0.25 m, less the tool's radius.
-    assert!((told, body) == (tools[1], bodies[1]) && (distance_m - 0.045).abs() < 1e-3, "{distance_m} m");
+    // From 0.2 m to 0.25 m, minus the tool's radius.
+    assert!((tool, body) == (tools[1], bodies[1]) && (distance_m - 0.045).abs() < 1e-3, "{distance_m} m");
     assert_eq!(take_faults(&mut app).len(), 1);
 }
 
 #[test]
-fn a_cloned_scene_has_a_hand_for_its_own_body() {
+fn cloned_tool_refers_to_the_cloned_body() {
     use bevy::ecs::entity::EntityHashMap;
 
     let (body, copy) = (Entity::from_raw_u32(1).unwrap(), Entity::from_raw_u32(2).unwrap());
@@ -157,10 +156,10 @@ fn a_cloned_scene_has_a_hand_for_its_own_body() {
 }
 
 #[test]
-fn a_hand_that_goes_from_one_body_to_another_touches_that() {
+fn tool_that_moves_to_another_body_touches_it() {
     let mut app = lockstep_app();
     let first = block(&mut app, 0.0);
-    // Down on the first one, up, over to the second within half a second, and down on that.
+    // Presses on the first body, moves up and over to the second within half a second, and presses on it.
     let tool = hand(&mut app, "wanderer", || {
         ScriptedDevice::new(|n, _| {
             let t = n as f64 * 1e-3;
@@ -173,17 +172,17 @@ fn a_hand_that_goes_from_one_body_to_another_touches_that() {
     assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, Some(first));
     let there = force(&app, tool);
     assert!(there.y > 0.5, "{there}");
-    // One that comes when the hand has a body already.
+    // A body that is spawned while the tool has another one.
     let second = block(&mut app, 0.3);
     step(&mut app, 30);
     assert_eq!(app.world().get::<TouchedBody>(tool).unwrap().body, Some(second));
     let here = force(&app, tool);
     assert!((here - there).length() < 0.02 * there.length(), "{there}, then {here}");
-    assert_eq!(take_faults(&mut app), [""; 0]);
+    assert_no_faults(&mut app);
 }
 
 #[test]
-fn a_pause_while_two_hands_touch_fades_nothing_in_and_changes_no_bit() {
+fn pause_with_two_tools_in_contact_changes_no_bit() {
     let run = |pause: bool| {
         let (mut app, body, tools) = two_on_one();
         if pause {
