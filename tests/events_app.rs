@@ -312,9 +312,8 @@ fn severities_are_ordered_and_follow_the_kind() {
 fn tool_force_has_sample_device_position_and_contact() {
     let mut app = lockstep_app();
     let (body, tool) = spawn_scene(&mut app, Scheme::NearFieldExact, resting_hand);
-    step(&mut app, 1);
-    assert_eq!(tool_force(&app, tool).contact, None);
-    step(&mut app, 29);
+    assert_eq!(tool_force(&app, tool), ToolForce::default());
+    step(&mut app, 30);
     let force = tool_force(&app, tool);
     // One sample per tick, 50 per model step.
     assert!((1499..=1500).contains(&force.sample), "{}", force.sample);

@@ -259,7 +259,7 @@ fn invalid_sutures_are_reported_once_and_have_no_effect() {
         panic!("{negative}")
     };
     for (body, ends_m, expected) in [
-        (body, [DVec3::ZERO, DVec3::Y], SutureFault::TooFar { end_m: DVec3::ZERO, within_m: 0.02 }),
+        (body, [DVec3::ZERO, DVec3::Y], SutureFault::TooFar { end_m: DVec3::Y, within_m: 0.02 }),
         (suture, [DVec3::ZERO; 2], SutureFault::NotABody { body: suture }),
     ] {
         let changed = Suture { body, ends_m, length_m: 0.01, stiffness_n_per_m: 100.0, tear_limit_n: 1.0 };

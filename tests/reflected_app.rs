@@ -5,7 +5,7 @@ use bevy_palpate::prelude::*;
 use palpate_tests::app::lockstep_app;
 
 /// Reflected types by kind.
-const REFLECTED: [(&str, &[&str]); 6] = [
+const REFLECTED: [(&str, &[&str]); 5] = [
     (
         "component",
         &[
@@ -35,7 +35,6 @@ const REFLECTED: [(&str, &[&str]); 6] = [
         "message",
         &["BodyReady", "ContactStart", "ContactEnd", "GraspStart", "GraspEnd", "HapticFault", "SutureTorn"],
     ),
-    ("event", &["BodyReady", "ContactStart", "ContactEnd", "GraspStart", "GraspEnd", "SutureTorn"]),
     (
         "part",
         &[

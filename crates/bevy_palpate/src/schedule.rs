@@ -1,7 +1,7 @@
 //! The schedule of the model steps, its rate and the mode of the loops.
 
 use crate::cost::{FrameCost, timed};
-use crate::fault::{HapticFault, HapticFaultKind};
+use crate::fault::{FaultSeverity, HapticFault, HapticFaultKind};
 use crate::step_times::StepTimes;
 use bevy::app::{RunFixedMainLoop, RunFixedMainLoopSystems};
 use bevy::ecs::schedule::{InternedScheduleLabel, LogLevel, ScheduleBuildSettings, ScheduleLabel};
@@ -296,6 +296,8 @@ impl Plugin for HapticSchedulePlugin {
             .register_type::<ModelRate>()
             .register_type::<LoopMode>()
             .register_type::<ModelStepCount>()
+            .register_type::<HapticFault>()
+            .register_type::<FaultSeverity>()
             .add_message::<HapticFault>()
             .add_systems(RunFixedMainLoop, start_frame.in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop))
             .add_systems(self.schedule, cost.timed(run_model_steps))
