@@ -157,7 +157,7 @@ fn state_changes_only_when_it_differs() {
     app.init_resource::<Changes>().add_systems(
         Last,
         |changed: Query<(), Changed<BodyState>>, mut changes: ResMut<Changes>| {
-            changes.0 += changed.iter().count()
+            changes.0 += changed.iter().count();
         },
     );
     let mesh: Handle<Mesh> = app.world().resource::<Assets<Mesh>>().reserve_handle();
@@ -339,7 +339,7 @@ fn tool_force_changes_only_when_a_value_differs() {
     app.init_resource::<Changes>().add_systems(
         Last,
         |changed: Query<(), Changed<ToolForce>>, mut changes: ResMut<Changes>| {
-            changes.0 += changed.iter().count()
+            changes.0 += changed.iter().count();
         },
     );
     spawn_scene(&mut app, Scheme::NearFieldExact, resting_hand);

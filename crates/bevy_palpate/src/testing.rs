@@ -40,7 +40,6 @@ const MAX_BUILD_UPDATES: usize = 100_000;
 /// time. It has no window and no threads for loops, and gives the same bits in every run.
 ///
 /// Bodies of GLB files also need `ImagePlugin`, `WorldSerializationPlugin` and `GltfPlugin` (feature `gltf`).
-#[must_use]
 pub fn headless_app() -> App {
     let schedule = HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep);
     let mut app = App::new();

@@ -112,7 +112,7 @@ impl SimulatedBody {
         bounds.map_or(0.0, |(low, high)| (high - low).max_element())
     }
 
-    /// Value of [`MeshShape::cells_along_longest_axis`] with which the body was built; `None` for a block.
+    /// Value of [`MeshShape::cells_along_longest_axis`](super::shape::MeshShape) with which the body was built; `None` for a block.
     pub(crate) fn cells_along(&self) -> Option<usize> {
         self.built_shape.mesh().map(|shape| shape.cells_along_longest_axis)
     }
