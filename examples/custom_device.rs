@@ -1,5 +1,5 @@
-//! This example demonstrates a device of your own: the trait `HapticDevice` for a simulated hand, a mass that a muscle like a spring
-//! draws along a sinusoid and that the force pushes back.
+//! This example demonstrates a device driver: the trait `HapticDevice` for a simulated hand, a mass on a spring that follows a sinusoidal
+//! target and is pushed back by the force.
 
 use bevy::prelude::*;
 use bevy_palpate::TickRecording;
@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 use std::io::Write;
 use std::time::Duration;
 
-/// The hand: x'' = (k (wish − x) − b x' + F)/m.
+/// The hand: x'' = (k (target − x) − b x' + F)/m.
 #[derive(Debug, Default)]
 struct SpringHand {
     tick: u64,
@@ -37,7 +37,7 @@ impl HapticDevice for SpringHand {
     }
 
     fn open(&mut self) -> Result<(), DeviceError> {
-        *self = Self { open: true, position_m: wish_m(0), ..Self::default() };
+        *self = Self { open: true, position_m: target_m(0), ..Self::default() };
         Ok(())
     }
 
@@ -46,7 +46,7 @@ impl HapticDevice for SpringHand {
             return Err(DeviceError::NotOpen);
         }
         self.tick += 1;
-        let pull = STIFFNESS_N_PER_M * (wish_m(self.tick) - self.position_m) + self.force_n;
+        let pull = STIFFNESS_N_PER_M * (target_m(self.tick) - self.position_m) + self.force_n;
         self.velocity_m_per_s += TICK_S * (pull - DAMPING_NS_PER_M * self.velocity_m_per_s) / MASS_KG;
         self.position_m += TICK_S * self.velocity_m_per_s;
         Ok(Reading::at(DVec3::new(0.012, self.position_m, 0.009)))
@@ -66,12 +66,12 @@ impl HapticDevice for SpringHand {
     }
 }
 
-/// Where the hand wants to be, m: twice in three seconds from 15 mm above the body's top to 10 mm below it.
-fn wish_m(tick: u64) -> f64 {
+/// Target of the hand, m: from 15 mm above the body's top to 10 mm below it, twice in three seconds.
+fn target_m(tick: u64) -> f64 {
     0.05 + 0.005 + 0.0025 + 0.0125 * (TAU * tick as f64 * TICK_S / 1.5).cos()
 }
 
-/// A hand that is a device of your own touches a soft block.
+/// A simulated, spring-driven device touches a soft block.
 #[derive(Clone, Debug, Parser)]
 struct Options {
     #[command(flatten)]
@@ -82,7 +82,7 @@ fn main() -> AppExit {
     let Options { stage: options } = Options::parse();
     let stage = Stage {
         name: "custom_device",
-        title: "A device of your own: a hand drawn by a spring, pushed back by the body",
+        title: "A device driver: a hand driven by a spring, pushed back by the body",
         seconds: 3.0,
         ..default()
     };
@@ -103,12 +103,11 @@ fn set_up(mut commands: Commands) {
 }
 
 fn set_up_hands(mut commands: Commands, options: Res<StageOptions>) {
-    let device = DeviceSelector::named("spring hand");
-    let tool = HapticTool { device, scheme: options.scheme, ..default() };
+    let tool = HapticTool::new("spring hand").with_scheme(options.scheme);
     commands.spawn((tool, TickRecording { keep: 60_000, ..default() }));
 }
 
-/// How far the hand stayed behind its wish where it was pushed most, and the force there.
+/// Reports the maximum force, and the tracking error at that time.
 fn report(tools: Query<&TickRecording>, mut done: Local<bool>) -> Result {
     let Ok(recording) = tools.single() else { return Ok(()) };
     if std::mem::replace(&mut *done, true) {
@@ -118,17 +117,17 @@ fn report(tools: Query<&TickRecording>, mut done: Local<bool>) -> Result {
     let Some((record, sample)) = strongest.and_then(|record| Some((record, record.sample?))) else {
         return Ok(());
     };
-    let (force_n, behind_m) = (record.force_n.y, sample.position_m.y - wish_m(sample.sequence));
-    let still = recording.records.iter().filter(|record| record.force_n.y > 0.0).count();
+    let (force_n, error_m) = (record.force_n.y, sample.position_m.y - target_m(sample.sequence));
+    let ticks = recording.records.iter().filter(|record| record.force_n.y > 0.0).count();
     let mut out = std::io::stdout().lock();
-    writeln!(out, "largest force, N         {force_n:.3}   at {:.3} s", sample.time_s)?;
+    writeln!(out, "maximum force, N         {force_n:.3}   at {:.3} s", sample.time_s)?;
     writeln!(
         out,
-        "hand behind its wish, mm {:.2}   by the force alone at rest {:.2}",
-        1e3 * behind_m,
+        "tracking error, mm       {:.2}   force / stiffness {:.2}",
+        1e3 * error_m,
         1e3 * force_n / STIFFNESS_N_PER_M
     )?;
-    writeln!(out, "ticks in touch           {still} of {}", recording.records.len())?;
-    writeln!(out, r#"{{"force_n":{force_n:.4},"behind_m":{behind_m:.6},"touch_ticks":{still}}}"#)?;
+    writeln!(out, "ticks in contact         {ticks} of {}", recording.records.len())?;
+    writeln!(out, r#"{{"force_n":{force_n:.4},"error_m":{error_m:.6},"contact_ticks":{ticks}}}"#)?;
     Ok(())
 }

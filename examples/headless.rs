@@ -1,5 +1,5 @@
-//! This example demonstrates a test of a haptic scene: no renderer, no threads, no sleeping. In lock step every update of the app is
-//! one model step, and the same scene gives the same bits.
+//! This example demonstrates a test of a haptic scene without a renderer, threads or sleeps. In lock step the same scene gives the same
+//! bits.
 
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
@@ -9,24 +9,24 @@ use clap::Parser;
 use std::io::Write;
 use std::time::Duration;
 
-/// What a run has come to.
+/// Result of a run.
 #[derive(Debug, PartialEq)]
 struct Outcome {
-    touched: usize,
-    let_go: usize,
+    contact_starts: usize,
+    contact_ends: usize,
     peak_n: f64,
-    largest_error: f64,
-    /// Bits of every force that was written to the device, folded.
+    max_error: f64,
+    /// Hash of the bits of all forces that were written to the device.
     bits: u64,
 }
 
-/// A hand presses a block, in lock step; what comes of it is checked.
+/// A tool presses a block, in lock step; the example checks the result.
 #[derive(Clone, Copy, Debug, Parser)]
 struct Options {
-    /// How long it runs, s: the hand is away again after 1.2 s
+    /// Duration, s: the tool has left the body after 1.2 s
     #[arg(long, default_value_t = 1.3, value_parser = seconds)]
     seconds: f64,
-    /// It never has a window, and takes this as the other scenes do
+    /// No effect: accepted like in the other scenes
     #[arg(long)]
     headless: bool,
 }
@@ -42,39 +42,39 @@ fn main() -> Result {
     let near = run(Scheme::NearFieldExact);
     let hold = run(Scheme::Hold);
     assert_eq!(near, run(Scheme::NearFieldExact), "the same scene gives the same bits");
-    assert_eq!((near.touched, near.let_go), (1, 1), "one touch, told at both its ends");
+    assert_eq!((near.contact_starts, near.contact_ends), (1, 1), "one contact");
     assert!((0.5..5.0).contains(&near.peak_n), "6 mm into tissue of 20 kPa: {} N", near.peak_n);
-    assert!(near.largest_error < 0.07, "nobody notices an error of {}", near.largest_error);
-    assert!(hold.largest_error > 3.0 * near.largest_error, "the held force is farther off");
+    assert!(near.max_error < 0.07, "an error of {} is noticeable", near.max_error);
+    assert!(hold.max_error > 3.0 * near.max_error, "the error of Scheme::Hold is larger");
     let mut out = std::io::stdout().lock();
     writeln!(out, "peak force, N                      {:.3}", near.peak_n)?;
-    writeln!(out, "largest error of a model step      {:.2} %", 100.0 * near.largest_error)?;
-    writeln!(out, "the same with the force held       {:.2} %", 100.0 * hold.largest_error)?;
-    writeln!(out, "bits of all forces, twice the same {:016x}", near.bits)?;
+    writeln!(out, "maximum error of a model step      {:.2} %", 100.0 * near.max_error)?;
+    writeln!(out, "the same with Scheme::Hold         {:.2} %", 100.0 * hold.max_error)?;
+    writeln!(out, "bits of all forces, in both runs   {:016x}", near.bits)?;
     Ok(())
 }
 
-/// A hand presses a block for 1.2 s and leaves.
+/// Runs the scene: a tool presses a block for 1.2 s and leaves.
 fn run(scheme: Scheme, seconds: f64) -> Outcome {
     let mut app = App::new();
     app.add_plugins(MinimalPlugins)
-        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { mode: LoopMode::Lockstep, ..default() }))
+        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep)))
         .insert_resource(Time::<Fixed>::from_hz(20.0))
         .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
     app.world_mut().resource_mut::<HapticDevices>().register("hand", || Ok(pressing_hand()));
     app.world_mut().spawn((DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(BoxFace::Bottom)));
-    let tool = HapticTool { device: DeviceSelector::named("hand"), scheme, ..default() };
+    let tool = HapticTool::new("hand").with_scheme(scheme);
     let tool = app.world_mut().spawn((tool, TickRecording::default())).id();
 
-    let mut outcome = Outcome { touched: 0, let_go: 0, peak_n: 0.0, largest_error: 0.0, bits: 0 };
+    let mut outcome = Outcome { contact_starts: 0, contact_ends: 0, peak_n: 0.0, max_error: 0.0, bits: 0 };
     // The first update only starts the clock.
     for _ in 0..=(20.0 * seconds).round() as usize {
         app.update();
         let world = app.world_mut();
-        outcome.touched += world.resource_mut::<Messages<ContactStart>>().drain().count();
-        outcome.let_go += world.resource_mut::<Messages<ContactEnd>>().drain().count();
+        outcome.contact_starts += world.resource_mut::<Messages<ContactStart>>().drain().count();
+        outcome.contact_ends += world.resource_mut::<Messages<ContactEnd>>().drain().count();
         if let Some(error) = world.get::<ForceError>(tool).and_then(|error| error.relative) {
-            outcome.largest_error = outcome.largest_error.max(error);
+            outcome.max_error = outcome.max_error.max(error);
         }
     }
     if let Some(recording) = app.world().get::<TickRecording>(tool) {
@@ -87,7 +87,7 @@ fn run(scheme: Scheme, seconds: f64) -> Outcome {
     outcome
 }
 
-/// Down from 2 mm above the top to 6 mm below it, and up again.
+/// A device that moves from 2 mm above the top to a depth of 6 mm and back.
 fn pressing_hand() -> ScriptedDevice {
     ScriptedDevice::new(|n, _| {
         let t = (n as f64 * 1e-3).min(1.2);

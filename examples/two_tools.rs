@@ -1,5 +1,5 @@
-//! This example demonstrates two hands on one body: what one presses the other feels. Each tool is an entity with a device and a loop of
-//! its own; the body is stepped along both.
+//! This example demonstrates two tools on one body, which influence each other. Each tool is an entity with its own device and loop; the
+//! body is stepped along both.
 
 use bevy::prelude::*;
 use bevy_palpate::TickRecording;
@@ -8,20 +8,20 @@ use clap::Parser;
 use palpate_stage::{SetUpHands, SetUpScene, Stage, StageOptions, ToolPaint, register_hand};
 use std::io::Write;
 
-/// Where the two hands are, m, across the body.
+/// Positions of the two tools across the body, m.
 const LEFT_M: f64 = -0.013;
 const RIGHT_M: f64 = 0.013;
 const TOP_M: f64 = 0.03;
 const RADIUS_M: f64 = 0.008;
 
-/// The left hand rests on a soft slab; the right one presses beside it and leaves again.
+/// The left tool rests on a soft slab; the right one presses next to it and leaves.
 #[derive(Clone, Debug, Parser)]
 struct Options {
     #[command(flatten)]
     stage: StageOptions,
 }
 
-/// Which hand a tool is.
+/// Side of a tool.
 #[derive(Component, Clone, Copy, PartialEq)]
 enum Hand {
     Left,
@@ -32,7 +32,7 @@ fn main() -> AppExit {
     let Options { stage: options } = Options::parse();
     let stage = Stage {
         name: "two_tools",
-        title: "Two hands on one body: what the orange one presses the blue one feels",
+        title: "Two tools on one body: the orange one changes the force on the blue one",
         eye_m: Vec3::new(0.0, 0.095, 0.165),
         focus_m: Vec3::new(0.0, 0.012, 0.0),
         floor_m: -0.0302,
@@ -48,17 +48,17 @@ fn main() -> AppExit {
     app.run()
 }
 
-/// A hand that presses at `x_m`, `depth_m` deep.
+/// The reading of a device at `x_m` and a depth of `depth_m`.
 fn press(x_m: f64, depth_m: f64) -> Reading {
     Reading::at(DVec3::new(x_m, TOP_M + RADIUS_M - depth_m, 0.0))
 }
 
-/// Down to 4 mm within half a second, and there it stays.
+/// Depth of the left tool: 4 mm from half a second on.
 fn left_depth_m(t: f64) -> f64 {
     0.014 * (t / 0.5).min(1.0) - 0.010
 }
 
-/// From 15 mm above to 12 mm deep and back, between 1 s and 2.4 s.
+/// Depth of the right tool: from 15 mm above the surface to a depth of 12 mm and back, between 1 s and 2.4 s.
 fn right_depth_m(t: f64) -> f64 {
     let way = ((t - 1.0) / 1.4).clamp(0.0, 1.0);
     0.027 * (std::f64::consts::PI * way).sin().powi(2) - 0.015
@@ -76,48 +76,44 @@ fn set_up_hands(mut commands: Commands, options: Res<StageOptions>) {
     for (hand, name, paint) in
         [(Hand::Left, "left", ToolPaint::Blue), (Hand::Right, "right", ToolPaint::Orange)]
     {
-        let tool = HapticTool {
-            device: DeviceSelector::named(name),
-            scheme: options.scheme,
-            shape: ToolShape::Sphere { radius_m: RADIUS_M },
-            ..default()
-        };
+        let shape = ToolShape::Sphere { radius_m: RADIUS_M };
+        let tool = HapticTool::new(name).with_scheme(options.scheme).with_shape(shape);
         commands.spawn((tool, hand, paint, TickRecording { keep: 60_000, ..default() }));
     }
 }
 
-/// What the left hand felt alone and with the right one beside it.
+/// Reports the force on the left tool, alone and with the right one.
 fn report(tools: Query<(&Hand, &TickRecording)>, mut done: Local<bool>) -> Result {
-    let of = |wanted| tools.iter().find(|(hand, _)| **hand == wanted).map(|(_, recording)| recording);
+    let of = |side| tools.iter().find(|(hand, _)| **hand == side).map(|(_, recording)| recording);
     let (Some(left), Some(right)) = (of(Hand::Left), of(Hand::Right)) else { return Ok(()) };
     if std::mem::replace(&mut *done, true) {
         return Ok(());
     }
     let peak = right.records.iter().max_by(|a, b| a.force_n.length().total_cmp(&b.force_n.length()));
-    let felt =
+    let left_n =
         |at: u64| left.records.iter().find(|record| record.sequence == at).map(|record| record.force_n);
-    let (Some(pressed), Some(alone_n)) = (peak, felt(950)) else {
-        writeln!(std::io::stdout(), "it takes 2 s for the right hand to press")?;
+    let (Some(peak), Some(alone_n)) = (peak, left_n(950)) else {
+        writeln!(std::io::stdout(), "no report: the right tool presses after 2 s")?;
         return Ok(());
     };
-    let (right_n, beside_n) = (pressed.force_n, felt(pressed.sequence).unwrap_or_default());
-    let change_n = beside_n - alone_n;
+    let (right_n, both_n) = (peak.force_n, left_n(peak.sequence).unwrap_or_default());
+    let change_n = both_n - alone_n;
     let mut out = std::io::stdout().lock();
-    writeln!(out, "force, N            across    out   along")?;
+    writeln!(out, "force, N             across    out   along")?;
     for (what, f) in [
-        ("left hand alone", alone_n),
-        ("right hand", right_n),
-        ("left hand beside it", beside_n),
-        ("so it felt", change_n),
+        ("left tool alone", alone_n),
+        ("right tool", right_n),
+        ("left tool with right", both_n),
+        ("change", change_n),
     ] {
-        writeln!(out, "{what:19} {:6.3} {:6.3} {:7.3}", f.x, f.y, f.z)?;
+        writeln!(out, "{what:20} {:6.3} {:6.3} {:7.3}", f.x, f.y, f.z)?;
     }
     writeln!(
         out,
-        r#"{{"alone_n":{:.4},"right_n":{:.4},"beside_n":{:.4}}}"#,
+        r#"{{"alone_n":{:.4},"right_n":{:.4},"both_n":{:.4}}}"#,
         alone_n.length(),
         right_n.length(),
-        beside_n.length()
+        both_n.length()
     )?;
     Ok(())
 }

@@ -1,5 +1,5 @@
-//! This example demonstrates a body of your own: what a glTF or GLB file shows, as one closed mesh, tapped by a hand from above. What is
-//! wrong with a mesh is said with what to do about it.
+//! This example demonstrates a body from a glTF or GLB file: its meshes are joined to one closed mesh, and a tool taps it from above. An
+//! invalid mesh is reported with the remedy.
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
@@ -9,24 +9,24 @@ use palpate_stage::{MeshFile, SetUpHands, SetUpScene, Stage, StageOptions, regis
 use std::io::Write;
 use std::path::PathBuf;
 
-/// A closed mesh of your own becomes a soft body, which a hand taps from above.
+/// A closed mesh from a file becomes a soft body, which a tool taps from above.
 #[derive(Clone, Debug, Parser, Resource)]
 #[command(
-    after_help = "All meshes of the file's scene are put together, where its nodes place them; they must join to one closed body. It is \
-    brought to the middle of the stage.\n\nExamples:\n  your_mesh assets/meshes/organ.glb\n  your_mesh cup.glb --scale 0.001 --cells 14 --youngs-modulus 5000"
+    after_help = "All meshes of the file's scene are joined, with the transforms of their nodes; they must form one closed body. It is \
+    moved to the centre of the stage.\n\nExamples:\n  your_mesh assets/meshes/organ.glb\n  your_mesh cup.glb --scale 0.001 --cells 14 --youngs-modulus 5000"
 )]
 struct Options {
     #[command(flatten)]
     stage: StageOptions,
     /// A .glb or .gltf file
     file: PathBuf,
-    /// Take only this mesh of it, counted from 0
+    /// Use only the mesh with this index, from 0
     #[arg(long)]
     mesh: Option<usize>,
-    /// Metres to a unit of the mesh: 0.001 for one in millimetres
+    /// Metres per unit of the mesh: 0.001 for millimetres
     #[arg(long, default_value_t = 1.0)]
     scale: f64,
-    /// Cells along its longest side
+    /// Number of cells along the longest side
     #[arg(long, default_value_t = 10)]
     cells: usize,
     /// Young's modulus, Pa
@@ -34,20 +34,23 @@ struct Options {
     youngs_modulus: f64,
 }
 
-/// The mesh as it was read, and where its middle is, m.
+/// The mesh of the file, and its centre, m.
 #[derive(Resource)]
 struct Shown {
     mesh: Mesh,
     middle_m: DVec3,
 }
 
-/// A hand that taps: where it comes down, and how it goes, m.
+/// A tapping motion.
 #[derive(Clone, Copy)]
 struct Tap {
+    /// Highest point of the body, m.
     top_m: DVec3,
+    /// Radius of the tool, m.
     radius_m: f64,
-    /// How high it starts over the top, and how far it goes down.
+    /// Initial height over the top, m.
     above_m: f64,
+    /// Amplitude of the motion, m.
     down_m: f64,
 }
 
@@ -64,30 +67,30 @@ fn main() -> AppExit {
     let (middle_m, half_m) = (0.5 * (low_m + high_m), 0.5 * (high_m - low_m));
     let stage = Stage {
         name: "your_mesh",
-        title: "A closed mesh of your own is a soft body",
+        title: "A closed mesh from a file is a soft body",
         seconds: 3.0,
         ..default()
     };
     let stage = if half_m.is_finite() { stage.around([-half_m, half_m].map(|m| m.as_vec3())) } else { stage };
     let mut app = stage.app(&options.stage);
     if parts > 1 {
-        let _ = writeln!(std::io::stderr(), "{parts} parts of the file are taken as one mesh");
+        let _ = writeln!(std::io::stderr(), "{parts} parts of the file are joined to one mesh");
     }
     app.insert_resource(options)
         .insert_resource(Shown { mesh, middle_m })
         .init_resource::<Tapped>()
         .add_systems(SetUpScene, set_up)
         .add_systems(SetUpHands, set_up_hand)
-        .add_systems(ModelSchedule, listen.in_set(HapticSystems::Last))
+        .add_systems(ModelSchedule, record.in_set(HapticSystems::Last))
         .add_systems(Last, report.run_if(on_message::<AppExit>))
         .run()
 }
 
-/// The largest force on the hand, N, and its error there.
+/// Maximum force on the hand, N, and maximum relative error.
 #[derive(Resource, Default)]
 struct Tapped {
-    most_n: f64,
-    largest_error: f64,
+    max_n: f64,
+    max_error: f64,
 }
 
 fn set_up(
@@ -109,7 +112,7 @@ fn set_up(
     ));
 }
 
-/// A ball as large as a twelfth of the body's smallest side, which taps its top from above, a tenth of that side deep.
+/// Spawns a ball with a radius of a twelfth of the body's smallest side, which taps the top to a depth of a tenth of that side.
 fn set_up_hand(world: &mut World) {
     let mut bodies = world.query::<&SimulatedBody>();
     let Ok(body) = bodies.single(world) else { return };
@@ -121,12 +124,8 @@ fn set_up_hand(world: &mut World) {
     let tap = Tap { top_m, radius_m: side_m / 12.0, above_m: 0.15 * side_m, down_m: 0.25 * side_m };
     let scheme = world.resource::<StageOptions>().scheme;
     register_hand(world, "tapping", move |t| tap.reading(t));
-    world.spawn(HapticTool {
-        device: DeviceSelector::named("tapping"),
-        scheme,
-        shape: ToolShape::Sphere { radius_m: tap.radius_m },
-        ..default()
-    });
+    let shape = ToolShape::Sphere { radius_m: tap.radius_m };
+    world.spawn(HapticTool::new("tapping").with_scheme(scheme).with_shape(shape));
 }
 
 impl Tap {
@@ -136,10 +135,10 @@ impl Tap {
     }
 }
 
-fn listen(tools: Query<(&ToolForce, &ForceError)>, mut tapped: ResMut<Tapped>) {
+fn record(tools: Query<(&ToolForce, &ForceError)>, mut tapped: ResMut<Tapped>) {
     for (force, error) in &tools {
-        tapped.most_n = tapped.most_n.max(force.force_n.length());
-        tapped.largest_error = tapped.largest_error.max(error.relative.unwrap_or(0.0));
+        tapped.max_n = tapped.max_n.max(force.force_n.length());
+        tapped.max_error = tapped.max_error.max(error.relative.unwrap_or(0.0));
     }
 }
 
@@ -153,20 +152,20 @@ fn report(bodies: Query<&SimulatedBody>, tapped: Res<Tapped>, mut done: Local<bo
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
-        "nodes                    {}, of which {} are fixed",
+        "nodes                    {}, {} of them fixed",
         network.node_count(),
         network.node_count() - network.free().len()
     )?;
-    writeln!(out, "points of its surface    {}", body.body().surface().points.len())?;
+    writeln!(out, "points of the surface    {}", body.body().surface().points.len())?;
     writeln!(out, "mass, kg                 {mass_kg:.4}")?;
-    writeln!(out, "largest force, N         {:.3}", tapped.most_n)?;
-    writeln!(out, "largest error            {:.2} % of a model step's force", 100.0 * tapped.largest_error)?;
+    writeln!(out, "maximum force, N         {:.3}", tapped.max_n)?;
+    writeln!(out, "maximum error            {:.2} % of the force in a model step", 100.0 * tapped.max_error)?;
     writeln!(
         out,
         r#"{{"nodes":{},"mass_kg":{mass_kg:.5},"force_n":{:.4},"error":{:.5}}}"#,
         network.node_count(),
-        tapped.most_n,
-        tapped.largest_error
+        tapped.max_n,
+        tapped.max_error
     )?;
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Force over depth: as it is felt, as the full body answers, as theory has it.
+//! Force over depth: rendered, of the full body, and of the theory.
 
 #![cfg(feature = "panel")]
 
@@ -8,7 +8,7 @@ use bevy::prelude::*;
 use bevy_egui::EguiContexts;
 use palpate_stage::{Plot, plot_window};
 
-/// Shows what is felt of the tip that presses now, beside what the full body and the theory say of it.
+/// Plots the rendered force of the present tip, with that of the full body and of the theory.
 pub fn show(mut contexts: EguiContexts, measured: Res<Measured>) -> Result {
     let tip = measured.tip();
     let modulus = theory::reduced_modulus_pa(YOUNGS_MODULUS_PA);
@@ -18,7 +18,8 @@ pub fn show(mut contexts: EguiContexts, measured: Res<Measured>) -> Result {
     let layer = depths()
         .map(|d| [1e3 * d, theory::half_space_n(tip, modulus, d) * theory::layer(tip, THICKNESS_M, d)])
         .collect();
-    let felt = measured.curve().iter().map(|pressed| [1e3 * pressed.depth_m, pressed.felt_n]).collect();
+    let rendered =
+        measured.curve().iter().map(|pressed| [1e3 * pressed.depth_m, pressed.rendered_n]).collect();
     let full = measured.curve().iter().map(|pressed| [1e3 * pressed.depth_m, pressed.full_n]).collect();
     plot_window(
         &mut contexts,
@@ -28,10 +29,10 @@ pub fn show(mut contexts: EguiContexts, measured: Res<Measured>) -> Result {
             lines: &[
                 ("half-space", [120, 160, 220], half_space),
                 ("full body", [190, 190, 190], full),
-                // Over the curve that it predicts, which it hardly differs from.
+                // Drawn over the full body's curve, from which it hardly differs.
                 ("layer", [240, 228, 66], layer),
             ],
-            points: &[("felt", [255, 120, 90], felt)],
+            points: &[("rendered", [255, 120, 90], rendered)],
         },
     )
 }

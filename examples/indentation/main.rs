@@ -1,8 +1,8 @@
-//! This example demonstrates indentation: a ball and a flat punch pressed slowly into a soft layer, force over depth
-//! against the theory of elasticity.
+//! This example demonstrates indentation: a ball and a flat punch are pressed slowly into a soft layer. It compares force over depth with
+//! the theory of elasticity.
 //!
-//! `cargo run --release --example indentation` prints the ratios of measured and predicted force; with
-//! `--features panel,gizmos` the curve grows beside the picture.
+//! `cargo run --release --example indentation` prints the ratios of measured and predicted force; `--features panel,gizmos` plots the curve
+//! in a window.
 
 mod curve;
 mod hand;
@@ -13,16 +13,16 @@ use bevy::prelude::*;
 use clap::Parser;
 use palpate_stage::{Stage, StageOptions};
 
-/// A ball and a flat punch are pressed into a soft layer; force over depth against Hertz and the flat punch.
+/// A ball and a flat punch are pressed into a soft layer; force over depth is compared with Hertz and the flat punch.
 #[derive(Clone, Debug, Parser)]
 #[command(
-    after_help = "The layer is 180 by 60 by 180 mm, of 20 kPa and Poisson's ratio 1/4, its bottom held; the ball has a radius of \
+    after_help = "The layer is 180 by 60 by 180 mm, of 20 kPa and Poisson's ratio 1/4, with a fixed bottom; the ball has a radius of \
     40 mm, the punch of 20 mm. In a window the mouse can press instead (key M).\n\nExamples:\n  indentation --tip ball\n  indentation --pictures . --at 2.4"
 )]
 pub struct Options {
     #[command(flatten)]
     stage: StageOptions,
-    /// What presses; both are pressed one after the other if nothing is said
+    /// Tip of the tool [default: both, one after the other]
     #[arg(long)]
     tip: Option<scene::Tip>,
 }
@@ -36,7 +36,7 @@ pub fn app(options: &Options) -> App {
     let tips = options.tip.map_or(vec![scene::Tip::Ball, scene::Tip::Punch], |tip| vec![tip]);
     let stage = Stage {
         name: "indentation",
-        title: "A ball and a flat punch pressed into a soft layer: force over depth, against Hertz",
+        title: "A ball and a flat punch pressed into a soft layer: force over depth, compared with Hertz",
         eye_m: Vec3::new(0.05, 0.14, 0.24),
         focus_m: Vec3::new(0.035, 0.005, 0.0),
         floor_m: -0.0302,

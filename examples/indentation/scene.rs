@@ -1,4 +1,4 @@
-//! A layer, a tool that presses, and what is measured.
+//! A layer, a pressing tool, and the measurement.
 
 use super::{hand, theory};
 use bevy::prelude::*;
@@ -8,14 +8,16 @@ use clap::ValueEnum;
 use palpate_stage::{HandTime, SetUpHands, SetUpScene, StageOptions, register_hand};
 use std::io::Write;
 
-/// Thickness of the layer and its width, m, and the cells through it.
+/// Thickness of the layer, m.
 pub const THICKNESS_M: f64 = 0.06;
+/// Width of the layer, m.
 const WIDTH_M: f64 = 0.18;
+/// Number of cells through the layer.
 const CELLS: usize = 4;
 /// Young's modulus, Pa.
 pub const YOUNGS_MODULUS_PA: f64 = 20e3;
 
-/// What presses.
+/// Tip of the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Tip {
     /// A ball of radius 40 mm.
@@ -25,7 +27,7 @@ pub enum Tip {
 }
 
 impl Tip {
-    /// Its name.
+    /// Name of the tip.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ball => "ball",
@@ -33,7 +35,7 @@ impl Tip {
         }
     }
 
-    /// Its radius, m.
+    /// Radius of the tip, m.
     pub fn radius_m(self) -> f64 {
         match self {
             Self::Ball => 0.04,
@@ -41,7 +43,7 @@ impl Tip {
         }
     }
 
-    /// How far its lowest point is below its position, m.
+    /// Distance of the lowest point below the position of the tip, m.
     pub fn low_m(self) -> f64 {
         match self {
             Self::Ball => self.radius_m(),
@@ -57,9 +59,9 @@ impl Tip {
     }
 }
 
-/// The layer, the tool, the measurement.
+/// Adds the layer, the tool and the measurement.
 pub struct ScenePlugin {
-    /// What presses, one after the other.
+    /// Tips, one after the other.
     pub tips: Vec<Tip>,
 }
 
@@ -76,48 +78,48 @@ impl Plugin for ScenePlugin {
                 ModelSchedule,
                 (change_tip.in_set(HapticSystems::First), measure.in_set(HapticSystems::Last)),
             )
-            .add_systems(Last, report.pipe(fail).run_if(on_message::<AppExit>));
+            .add_systems(Last, report.pipe(palpate_stage::exit_on_error).run_if(on_message::<AppExit>));
     }
 }
 
-/// What has been measured so far.
+/// The measurement.
 #[derive(Resource, Default)]
 pub struct Measured {
     tips: Vec<Tip>,
-    /// When the hand does what.
+    /// Time of the device.
     hand: HandTime,
-    /// Which of them presses now.
+    /// Index of the present tip.
     now: usize,
-    /// Of every tip at every model step on the way down.
+    /// Values of each tip at every model step on the way down.
     curves: Vec<Vec<Pressed>>,
-    /// Where it waited, by tip and stair: the last there.
+    /// Last values of each tip at rest on each step.
     waited: Vec<[Option<Pressed>; hand::DEPTHS_M.len()]>,
 }
 
-/// How a tip presses.
+/// Depth and forces of a tip.
 #[derive(Clone, Copy, Debug)]
 pub struct Pressed {
-    /// Its depth, m.
+    /// Depth, m.
     pub depth_m: f64,
-    /// The force on the hand, N: what the scheme makes of it, and the safety chain lets through.
-    pub felt_n: f64,
-    /// What the full body answers, N.
+    /// Force on the hand, N: rendered by the scheme, after the safety chain.
+    pub rendered_n: f64,
+    /// Force of the full body, N.
     pub full_n: f64,
 }
 
 impl Measured {
-    /// The tip that presses now.
+    /// The present tip.
     pub fn tip(&self) -> Tip {
         self.tips[self.now]
     }
 
-    /// What was measured where a tip waited, by tips and the hand's stairs.
+    /// The values at rest, by tip and step.
     pub fn waited(&self) -> impl Iterator<Item = (Tip, &Pressed)> {
         let of_tips = self.tips.iter().zip(&self.waited);
         of_tips.flat_map(|(tip, waited)| waited.iter().flatten().map(|pressed| (*tip, pressed)))
     }
 
-    /// Its curve, on the way down.
+    /// The curve of the present tip on the way down.
     #[cfg(feature = "panel")]
     pub fn curve(&self) -> &[Pressed] {
         self.curves.get(self.now).map_or(&[], Vec::as_slice)
@@ -137,20 +139,17 @@ fn set_up(mut commands: Commands, mut measured: ResMut<Measured>) {
 }
 
 fn set_up_hand(mut commands: Commands, options: Res<StageOptions>, measured: Res<Measured>) {
-    let tool = HapticTool {
-        device: DeviceSelector::named("stairs"),
-        scheme: options.scheme,
-        shape: measured.tip().shape(),
-        friction: 0.0,
-        // The depth is to be the hand's.
-        coupling: ToolCoupling::Rigid,
-        ..default()
-    };
+    // With a rigid coupling the depth of the tool is that of the device.
+    let tool = HapticTool::new("stairs")
+        .with_scheme(options.scheme)
+        .with_shape(measured.tip().shape())
+        .with_friction(0.0)
+        .with_coupling(ToolCoupling::Rigid);
     commands.spawn((tool, TickRecording { keep: 1000, ..default() }));
 }
 
 fn change_tip(mut measured: ResMut<Measured>, mut tools: Query<&mut HapticTool>) {
-    // Before the next one's turn begins.
+    // Changes before the next tip starts.
     let turns = (measured.hand.s() + 0.5 * hand::CHANGE_S) / hand::SECONDS;
     let now = (turns as usize).min(measured.tips.len() - 1);
     if std::mem::replace(&mut measured.now, now) != now {
@@ -158,7 +157,7 @@ fn change_tip(mut measured: ResMut<Measured>, mut tools: Query<&mut HapticTool>)
     }
 }
 
-/// Notes how deep the tip is, what is felt and what the full body answers.
+/// Records depth and forces of the tip.
 fn measure(
     tools: Query<(&ToolLoop, &ToolForce, &TickRecording)>,
     bodies: Query<&SimulatedBody>,
@@ -168,13 +167,13 @@ fn measure(
     let Some(sample) = recording.samples.last() else { return };
     let tip = measured.tip();
     let now = measured.now;
-    let (felt_n, full_n) = (force.force_n.y, tool.contact().displayed_force_n(body.body()).y);
+    let (rendered_n, full_n) = (force.force_n.y, tool.contact().displayed_force_n(body.body()).y);
     let t = measured.hand.s() - now as f64 * hand::SECONDS;
     let depth_m = 0.5 * THICKNESS_M + tip.low_m() - sample.position_m.y;
     if depth_m <= 0.0 {
         return;
     }
-    let pressed = Pressed { depth_m, felt_n, full_n };
+    let pressed = Pressed { depth_m, rendered_n, full_n };
     let deepest = measured.curves[now].last().map_or(0.0, |before| before.depth_m);
     if depth_m > deepest + 2e-5 {
         measured.curves[now].push(pressed);
@@ -184,42 +183,37 @@ fn measure(
     }
 }
 
-/// A table, and the same as one line of JSON.
+/// Prints a table, and the same values as a line of JSON.
 fn report(measured: Res<Measured>, mut done: Local<bool>) -> Result {
     if std::mem::replace(&mut *done, true) {
         return Ok(());
     }
     let mut out = std::io::stdout().lock();
     let modulus = theory::reduced_modulus_pa(YOUNGS_MODULUS_PA);
-    writeln!(out, "tip         depth, mm   felt, N   force, N   half-space, N   ratio   layer, N   ratio")?;
+    writeln!(
+        out,
+        "tip         depth, mm   rendered, N   force, N   half-space, N   ratio   layer, N   ratio"
+    )?;
     let mut json = Vec::new();
-    for (tip, &Pressed { depth_m, felt_n, full_n: force_n }) in measured.waited() {
+    for (tip, &Pressed { depth_m, rendered_n, full_n: force_n }) in measured.waited() {
         let half_space_n = theory::half_space_n(tip, modulus, depth_m);
         let layer_n = half_space_n * theory::layer(tip, THICKNESS_M, depth_m);
         let (ratio, of_layer) = (force_n / half_space_n, force_n / layer_n);
         writeln!(
             out,
-            "{:10}  {:9.2}   {felt_n:7.3}   {force_n:8.3}   {half_space_n:13.3}   {ratio:5.3}   {layer_n:8.3}   {of_layer:5.3}",
+            "{:10}  {:9.2}   {rendered_n:11.3}   {force_n:8.3}   {half_space_n:13.3}   {ratio:5.3}   {layer_n:8.3}   {of_layer:5.3}",
             tip.name(),
             1e3 * depth_m
         )?;
         json.push(format!(
-            r#"{{"tip":"{}","depth_m":{depth_m:.6},"felt_n":{felt_n:.5},"force_n":{force_n:.5},"to_half_space":{ratio:.4},"to_layer":{of_layer:.4}}}"#,
+            r#"{{"tip":"{}","depth_m":{depth_m:.6},"rendered_n":{rendered_n:.5},"force_n":{force_n:.5},"to_half_space":{ratio:.4},"to_layer":{of_layer:.4}}}"#,
             tip.name()
         ));
     }
     writeln!(
         out,
-        "\nThe layer is stiffer than the half-space of the formulas because its bottom is held.\n[{}]",
+        "\nThe layer is stiffer than the half-space of the formulas because its bottom is fixed.\n[{}]",
         json.join(",")
     )?;
     Ok(())
-}
-
-/// Ends the app with an error if there is no report.
-fn fail(In(result): In<Result>, mut exit: MessageWriter<AppExit>) {
-    if let Err(error) = result {
-        error!("the report cannot be made: {error}");
-        exit.write(AppExit::error());
-    }
 }

@@ -8,10 +8,10 @@ pub fn reduced_modulus_pa(youngs_modulus_pa: f64) -> f64 {
     youngs_modulus_pa / (1.0 - NU * NU)
 }
 
-/// Poisson's ratio of every body of springs.
+/// Poisson's ratio of the spring lattice.
 const NU: f64 = 0.25;
 
-/// What a half-space answers, N: Hertz, F = 4/3 E* √R d^1.5, for the ball; F = 2 E* a d for the punch.
+/// Force of a half-space, N: Hertz, F = 4/3 E* √R d^1.5, for the ball; F = 2 E* a d for the punch.
 pub fn half_space_n(tip: Tip, modulus_pa: f64, depth_m: f64) -> f64 {
     let (r, d) = (tip.radius_m(), depth_m.max(0.0));
     match tip {
@@ -20,9 +20,9 @@ pub fn half_space_n(tip: Tip, modulus_pa: f64, depth_m: f64) -> f64 {
     }
 }
 
-/// How much stiffer a layer of thickness `thickness_m` is whose bottom is held: E. K. Dimitriadis, F. Horkay, J. Maresca, B.
-/// Kachar, R. S. Chadwick, Biophys. J. 82 (2002) 2798, for the ball with a contact of radius √(R d); for the punch to the first
-/// order in its radius.
+/// Ratio of the force of a layer of `thickness_m` with a fixed bottom to that of the half-space: E. K. Dimitriadis, F. Horkay, J. Maresca,
+/// B. Kachar, R. S. Chadwick, Biophys. J. 82 (2002) 2798, for the ball with a contact of radius √(R d); for the punch to first order in
+/// its radius.
 pub fn layer(tip: Tip, thickness_m: f64, depth_m: f64) -> f64 {
     let alpha = -(1.2876 - 1.4678 * NU + 1.3442 * NU * NU) / (1.0 - NU);
     let beta = (0.6387 - 1.0277 * NU + 1.5164 * NU * NU) / (1.0 - NU);

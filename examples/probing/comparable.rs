@@ -1,24 +1,23 @@
-//! Which part of a recording can be compared with the full body, which begins at rest and is stepped along every sample.
+//! Selects the part of a recording that can be compared with the full body, which starts at rest and is stepped along every sample.
 
 use palpate_local::Sample;
 
-/// Most samples that are compared: a window may have been open for an hour, and nobody waits for that.
-const MOST: usize = 10_000;
-/// A hand that has felt nothing for so many ticks has left a body at rest.
+/// Maximum number of compared samples, which limits the time of the comparison after hours with a window.
+const MAX_SAMPLES: usize = 10_000;
+/// Ticks without force after which the body is at rest.
 const AT_REST: u64 = 150;
 
-/// What the loop that ran last recorded, with the numbers of the samples: slow motion starts another loop, which counts from the
-/// beginning.
+/// Records of the last loop, with `number` as the sample's number: slow motion starts another loop, which counts from zero.
 pub fn of_last_loop<T>(records: &[T], number: impl Fn(&T) -> u64) -> &[T] {
     let restart = records.windows(2).rposition(|pair| number(&pair[1]) < number(&pair[0]));
     &records[restart.map_or(0, |at| at + 1)..]
 }
 
-/// The index of the first sample that can be compared: after the last hole, and not in the middle of a touch. `touches` are the
-/// numbers of the samples at which something was felt, in ascending order.
-pub fn begin(samples: &[Sample], touches: impl Iterator<Item = u64>) -> usize {
-    let hole = samples.windows(2).rposition(|pair| pair[1].sequence != pair[0].sequence + 1);
-    let first = hole.map_or(0, |at| at + 1).max(samples.len().saturating_sub(MOST));
+/// Index of the first sample that can be compared: after the last gap, and outside a contact. `touches` are the numbers of the samples with
+/// force, in ascending order.
+pub fn start(samples: &[Sample], touches: impl Iterator<Item = u64>) -> usize {
+    let gap = samples.windows(2).rposition(|pair| pair[1].sequence != pair[0].sequence + 1);
+    let first = gap.map_or(0, |at| at + 1).max(samples.len().saturating_sub(MAX_SAMPLES));
     let (Some(from), Some(to)) = (samples.get(first), samples.last()) else { return first };
     if from.sequence == 0 {
         return first;

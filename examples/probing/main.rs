@@ -1,8 +1,7 @@
-//! This example demonstrates the whole ring: a recorded hand probes a soft organ and finds a lump in it. The organ steps at
-//! 20 Hz in a Bevy app, the local model ticks at 1 kHz on a thread of its own; afterwards every scheme is judged against
-//! the full body on the samples that were felt.
+//! This example demonstrates the full pipeline: a recorded motion probes a soft organ and finds a lump in it. The organ is stepped at 20 Hz
+//! in a Bevy app, the local model at 1 kHz on a thread. Afterwards every scheme is compared with the full body on the same samples.
 //!
-//! `cargo run --release --example probing` runs anywhere; `--features panel,gizmos` shows it.
+//! `cargo run --release --example probing` runs headless; `--features panel,gizmos` opens a window.
 
 mod comparable;
 mod options;
@@ -21,11 +20,11 @@ fn main() -> AppExit {
     let options = Options::parse();
     let stage = Stage {
         name: "probing",
-        title: "A hand probes an organ for a lump, felt at 1,000 Hz; the body steps at 20 Hz",
+        title: "A hand probes an organ for a lump: force at 1,000 Hz, body at 20 Hz",
         floor_m: -0.0132,
         focus_m: Vec3::new(0.005, 0.03, 0.0),
         eye_m: Vec3::new(0.07, 0.115, 0.13),
-        // What the loop's thread does is what it is about.
+        // The example demonstrates the loop on a thread.
         mode: LoopMode::Threaded,
         ..Stage::default()
     };

@@ -6,10 +6,10 @@ use palpate_haptics::Trajectory;
 use palpate_stage::{StageOptions, folder};
 use std::path::PathBuf;
 
-/// The hand that comes with the repository.
+/// The trajectory in the repository.
 const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/trajectories/probe.csv");
 
-/// A recorded hand probes a soft organ; every scheme is then judged against the full body.
+/// A recorded motion probes a soft organ; every scheme is then compared with the full body.
 #[derive(Clone, Debug, Parser, Resource)]
 #[command(
     after_help = "The organ is 126 by 67 by 76 mm, its top at y = 0.054 m; a lump lies below it at x = -10, z = -6 mm. The tool is \
@@ -18,16 +18,16 @@ const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/trajector
 pub struct Options {
     #[command(flatten)]
     pub stage: StageOptions,
-    /// A hand of your own: CSV with the header t_s,x_m,y_m,z_m and a row each millisecond, positions of the
-    /// tool's centre in the scene; it is repeated at its end
+    /// Recorded trajectory: CSV with the header t_s,x_m,y_m,z_m and a row per millisecond, positions of the tool's
+    /// centre in the scene; it repeats
     #[arg(long, value_name = "FILE", default_value = BUILT_IN, hide_default_value = true, value_parser = trajectory)]
     pub trajectory: Trajectory,
-    /// Where the trace and the plot are written
+    /// Folder of the trace and the plot
     #[arg(long, value_name = "DIR", default_value = "target/palpate/probing", value_parser = folder)]
     pub out: PathBuf,
 }
 
-/// Reads the file before anything starts, so that what is wrong with it is said at once.
+/// Reads the file, which reports errors before the scene starts.
 fn trajectory(path: &str) -> Result<Trajectory, String> {
     Trajectory::from_csv_file(path).map_err(|error| {
         let cause = std::error::Error::source(&error).map(|cause| format!(": {cause}"));

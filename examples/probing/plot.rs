@@ -1,4 +1,4 @@
-//! Force over time: the whole run, and the strongest touch from near.
+//! Plot of force over time: the whole run, and the strongest contact magnified.
 
 use crate::report::Run;
 use bevy_palpate::prelude::Scheme;
@@ -18,7 +18,7 @@ struct Curve {
     points: Vec<(f64, f64)>,
 }
 
-/// Half the time shown around the strongest touch, s.
+/// Half the time shown around the strongest contact, s.
 const NEAR_S: f64 = 0.35;
 
 /// Writes the plot to `path`.
@@ -35,12 +35,12 @@ pub fn force_over_time(run: &Run, path: &Path) -> PlotResult {
     let (panels, legend) = area.split_horizontally(830);
     let (upper, lower) = panels.split_vertically(400);
     panel(&upper, "Force along the surface normal", whole, &curves)?;
-    panel(&lower, "The strongest touch", near, &curves)?;
+    panel(&lower, "Strongest contact", near, &curves)?;
     draw_legend(&legend, &curves)?;
     area.present().map_err(text)
 }
 
-/// The names beside the panels, where they hide nothing.
+/// Draws the names next to the panels.
 fn draw_legend(area: &Canvas, curves: &[Curve]) -> PlotResult {
     for (line, curve) in curves.iter().enumerate() {
         let y = 60 + 22 * line as i32;
@@ -71,8 +71,8 @@ fn curves(run: &Run) -> Vec<Curve> {
         })
         .collect();
     curves.push(Curve { name: "full body at 1 kHz", color: BLACK, points: along(&run.comparison.oracle_n) });
-    let felt = run.records.iter().filter_map(|r| Some((r.sample?.time_s, r.force_n.y))).collect();
-    curves.push(Curve { name: "written to the device", color: RGBColor(0, 114, 178), points: felt });
+    let written = run.records.iter().filter_map(|r| Some((r.sample?.time_s, r.force_n.y))).collect();
+    curves.push(Curve { name: "written to the device", color: RGBColor(0, 114, 178), points: written });
     curves
 }
 
@@ -102,7 +102,7 @@ fn panel(area: &Canvas, title: &str, time: Range<f64>, curves: &[Curve]) -> Plot
     Ok(())
 }
 
-/// The plotter's errors hold references to its canvas.
+/// Converts an error of plotters, which has references to its canvas, to text.
 fn text(error: impl std::fmt::Display) -> Box<dyn std::error::Error + Send + Sync> {
     error.to_string().into()
 }

@@ -1,4 +1,4 @@
-//! At the end: a table, the trace as CSV and a plot as SVG.
+//! Report at the end: a table, the trace as CSV and a plot as SVG.
 
 use crate::options::Options;
 use crate::{comparable, plot, touches};
@@ -16,11 +16,11 @@ pub struct ReportPlugin;
 
 impl Plugin for ReportPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(Last, report.pipe(fail).run_if(on_message::<AppExit>));
+        app.add_systems(Last, report.pipe(palpate_stage::exit_on_error).run_if(on_message::<AppExit>));
     }
 }
 
-/// Everything that one run has to tell.
+/// Data of a run.
 pub struct Run<'a> {
     pub samples: &'a [Sample],
     pub records: &'a [TickRecord],
@@ -41,13 +41,13 @@ fn report(
     if std::mem::replace(&mut *done, true) || recording.samples.is_empty() {
         return Ok(());
     }
-    // The same body at rest, and a tool of the same size.
+    // The same body at rest, and the same tool.
     let (network, surface) = (simulated.body().network().clone(), simulated.body().surface().clone());
     let contact = tool.contact()?;
     let number = |record: &TickRecord| record.sample.map_or(0, |sample| sample.sequence);
     let records = comparable::of_last_loop(&recording.records, number);
-    let felt = records.iter().filter(|record| record.rendered.force_n != DVec3::ZERO).map(number);
-    let samples = &recording.samples[comparable::begin(&recording.samples, felt)..];
+    let touches = records.iter().filter(|record| record.rendered.force_n != DVec3::ZERO).map(number);
+    let samples = &recording.samples[comparable::start(&recording.samples, touches)..];
     let at_rest = Body::new(network, surface)?;
     let builder = BuilderOptions::of(&at_rest);
     let settings = ComparisonOptions { builder, period_ticks: rate.ticks() as usize, ..default() };
@@ -66,14 +66,6 @@ fn report(
     Ok(())
 }
 
-/// Ends the app with an error if there is no report.
-fn fail(In(result): In<Result>, mut exit: MessageWriter<AppExit>) {
-    if let Err(error) = result {
-        error!("the report cannot be made: {error}");
-        exit.write(AppExit::error());
-    }
-}
-
 fn print_table(
     run: &Run,
     recording: &TickRecording,
@@ -83,7 +75,7 @@ fn print_table(
 ) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
     let peak = run.records.iter().map(|r| r.force_n.length()).fold(0.0, f64::max);
-    // Of the records, because the loop's own account is renewed every 64 ticks only.
+    // From the records, because the loop's report is updated only every 64 ticks.
     let missed: u64 = run.records.iter().map(|r| r.elapsed - 1).sum();
     writeln!(out, "\nticks                    {}", run.records.len())?;
     writeln!(out, "missed deadlines         {missed}")?;
@@ -101,24 +93,30 @@ fn print_table(
     writeln!(out, "\nforce error against the full body at 1 kHz, relative RMS")?;
     let percent = |error: Option<f64>| match error {
         Some(error) => format!("{:6.2} %", 100.0 * error),
-        None => "-  (the hand touched nothing)".into(),
+        None => "-  (no contact)".into(),
     };
     for scheme in Scheme::ALL {
         writeln!(out, "  {:22} {}", scheme.name(), percent(run.comparison.relative_rms_error(scheme, 0)))?;
     }
-    writeln!(out, "  {:22} {}   ({} on the thread)", "as felt", percent(felt_error(run)), scheme.name())
+    writeln!(
+        out,
+        "  {:22} {}   ({} on the thread)",
+        "as rendered",
+        percent(rendered_error(run)),
+        scheme.name()
+    )
 }
 
-/// The errors that have a reference, as shares of it.
+/// The relative errors that have a reference, as JSON.
 fn errors_json(run: &Run) -> String {
     let of_schemes = Scheme::ALL.map(|scheme| (scheme.name(), run.comparison.relative_rms_error(scheme, 0)));
-    let all = of_schemes.into_iter().chain([("as_felt", felt_error(run))]);
-    let known = all.filter_map(|(name, error)| Some(format!(r#""{name}":{:.5}"#, error?)));
-    format!("{{{}}}", known.collect::<Vec<_>>().join(","))
+    let all = of_schemes.into_iter().chain([("as_rendered", rendered_error(run))]);
+    let fields = all.filter_map(|(name, error)| Some(format!(r#""{name}":{:.5}"#, error?)));
+    format!("{{{}}}", fields.collect::<Vec<_>>().join(","))
 }
 
-/// The error of what the loop itself said, before the safety chain.
-fn felt_error(run: &Run) -> Option<f64> {
+/// Relative error of the force that the loop rendered, before the safety chain.
+fn rendered_error(run: &Run) -> Option<f64> {
     let first = run.samples.first()?.sequence;
     let (mut error, mut reference) = (0.0, 0.0);
     for record in run.records {

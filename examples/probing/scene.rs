@@ -1,4 +1,4 @@
-//! A soft organ and a tool moved by a recorded hand.
+//! A soft organ and a tool with a recorded motion.
 
 use crate::options::Options;
 use bevy::prelude::*;
@@ -10,11 +10,11 @@ use std::sync::Arc;
 
 /// Spawns the scene.
 pub struct ScenePlugin {
-    /// The hand that probes, again and again.
+    /// The trajectory, which repeats.
     pub hand: Trajectory,
 }
 
-/// The name of its device.
+/// Name of the device.
 const RECORDED: &str = "recorded hand";
 
 impl Plugin for ScenePlugin {
@@ -28,14 +28,14 @@ impl Plugin for ScenePlugin {
     }
 }
 
-/// The organ lies so high that the recorded hand meets it, m.
+/// Height at which the recorded trajectory touches the organ, m.
 const UP_M: f32 = 0.024;
 
 fn set_up(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn(organ(&assets));
 }
 
-/// What is probed: a liver as large as a hand, with a lump below its top that is ten times as stiff.
+/// The organ: a liver of the size of a hand, with a lump of ten times the stiffness below its top.
 fn organ(assets: &AssetServer) -> impl Bundle {
     let lump = BodyRegion::Sphere { center_m: DVec3::new(-0.010, 0.018, -0.006), radius_m: 0.010 };
     (
@@ -45,7 +45,7 @@ fn organ(assets: &AssetServer) -> impl Bundle {
             region: lump,
             tissue: Tissue { youngs_modulus_pa: 100e3, ..default() },
         }]),
-        // What it lies on.
+        // The support of the organ.
         FixedRegion::Regions(vec![BodyRegion::HalfSpace {
             point_m: DVec3::new(0.0, -0.015, 0.0),
             outward: DVec3::Y,
@@ -56,8 +56,8 @@ fn organ(assets: &AssetServer) -> impl Bundle {
 
 fn set_up_hand(mut commands: Commands, options: Res<Options>, stage: Res<StageOptions>) {
     commands.spawn((
-        HapticTool { device: DeviceSelector::named(RECORDED), scheme: stage.scheme, ..default() },
-        // A window may stay open for hours: the report at its end is of the last minute or two.
+        HapticTool::new(RECORDED).with_scheme(stage.scheme),
+        // With a window the report is about the last one or two minutes.
         TickRecording { keep: options.stage.seconds.map_or(60_000, |s| (s * 1000.0) as usize), ..default() },
     ));
 }

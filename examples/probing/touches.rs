@@ -1,21 +1,23 @@
-//! Where the hand pressed, and how stiff it was there: how a lump is found.
+//! Contacts of a run, with their stiffness, which reveals the lump.
 
 use crate::report::Run;
 use glam::DVec3;
 use palpate_body::{Body, SurfaceTree};
 use std::io::Write;
 
-/// One touch, from the first force to the last.
+/// A contact, at the time of its maximum force.
 pub struct Touch {
-    /// When its force was greatest, s, where the tool was, m, and that force, N.
+    /// Time, s.
     time_s: f64,
+    /// Position of the tool, m.
     position_m: DVec3,
+    /// Force, N.
     force_n: f64,
-    /// How deep the tool was below the surface as it is at rest, m.
+    /// Depth of the tool below the undeformed surface, m.
     depth_m: f64,
 }
 
-/// The touches of `run`, of a ball of `radius_m`, on a body that is `at_rest`.
+/// Finds the contacts of `run`, of a ball of `radius_m`, on a body that is `at_rest`.
 pub fn find(run: &Run, at_rest: &Body, radius_m: f64) -> Vec<Touch> {
     let tree = SurfaceTree::new(at_rest);
     let mut touches: Vec<Touch> = Vec::new();
@@ -37,12 +39,12 @@ pub fn find(run: &Run, at_rest: &Body, radius_m: f64) -> Vec<Touch> {
         let closest = tree.closest(touch.position_m, 2.0 * radius_m + 0.05);
         touch.depth_m = closest.map_or(0.0, |closest| radius_m - closest.distance_m);
     }
-    // What is a touch to a hand.
+    // Discards contacts below the threshold of perception.
     touches.retain(|touch| touch.force_n > 0.05);
     touches
 }
 
-/// All of them as JSON.
+/// The contacts as JSON.
 pub fn json(touches: &[Touch]) -> String {
     let one = |Touch { time_s, position_m: DVec3 { x, z, .. }, force_n, depth_m }: &Touch| {
         format!(
@@ -52,10 +54,10 @@ pub fn json(touches: &[Touch]) -> String {
     format!("[{}]", touches.iter().map(one).collect::<Vec<_>>().join(","))
 }
 
-/// A row for each.
+/// Prints a row for each contact.
 pub fn print(touches: &[Touch]) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
-    writeln!(out, "\nwhere it pressed, x, z, mm   depth, mm   force, N   N/mm")?;
+    writeln!(out, "\ncontacts at x, z, mm         depth, mm   force, N   N/mm")?;
     for Touch { time_s, position_m, force_n, depth_m } in touches {
         let [x, _, z] = (1e3 * *position_m).to_array();
         let depth_mm = 1e3 * depth_m;

@@ -1,4 +1,4 @@
-//! Where meshes come from: the repository's `assets`, or any file.
+//! Asset plugins for the repository's `assets` and for files of the user.
 
 use bevy::asset::UnapprovedPathMode;
 use bevy::gltf::GltfPlugin;
@@ -6,17 +6,17 @@ use bevy::image::{CompressedImageFormatSupport, CompressedImageFormats, ImagePlu
 use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 
-/// The folder of the repository's assets; a path that begins at the root is taken as it is.
+/// The plugin for the repository's assets and absolute paths.
 pub(crate) fn plugin() -> AssetPlugin {
     AssetPlugin {
         file_path: concat!(env!("CARGO_MANIFEST_DIR"), "/../assets").into(),
-        // A scene may be given a mesh of the user's.
+        // A scene may load a file of the user.
         unapproved_path_mode: UnapprovedPathMode::Allow,
         ..default()
     }
 }
 
-/// What reads meshes where nothing is drawn.
+/// Adds the plugins that load meshes without a renderer.
 pub(crate) fn add_without_window(app: &mut App) {
     app.insert_resource(CompressedImageFormatSupport(CompressedImageFormats::NONE));
     app.add_plugins((

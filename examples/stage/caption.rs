@@ -1,4 +1,4 @@
-//! What is written over a scene: its title, the keys, how time goes, and curves.
+//! Captions of a scene: title, state, keys, and curves.
 
 use crate::keys::keys_are_elsewhere;
 use crate::scene::Shown;
@@ -25,18 +25,18 @@ impl Plugin for CaptionPlugin {
     }
 }
 
-/// Whether the keys are shown.
+/// Whether the list of keys is visible.
 #[derive(Resource, Default)]
 struct Help(bool);
 
 const KEYS: [(&str, &str); 8] = [
-    ("R", "again from the start"),
+    ("R", "restart"),
     ("Space", "pause"),
     ("S", "slow motion, 1/10"),
     ("1 … 6", "scheme: hold to near field exact"),
-    ("M", "mouse or the scene's hand"),
-    ("P  G  H", "panel, lattice, these keys"),
-    ("left button, wheel", "grasp, depth of the mouse's hand"),
+    ("M", "mouse or the scene's own device"),
+    ("P  G  H", "panel, gizmos, this list"),
+    ("left button, wheel", "grasp, depth of the mouse"),
     ("right, middle, Ctrl + wheel", "camera"),
 ];
 
@@ -67,10 +67,10 @@ fn write(
             for (tool, force) in &tools {
                 let line = format!("{}   {:4.2} N", tool.scheme.name(), force.force_n.length());
                 let line = RichText::new(line).size(13.0).monospace().color(Color32::from_gray(215));
-                // However narrow the area was while there was no tool.
+                // The area is narrow before the first tool.
                 ui.add(egui::Label::new(line).extend());
             }
-            // Nobody presses a key on a picture.
+            // Pictures show no keys.
             if *shown == Shown::InPictures {
                 return;
             }
@@ -88,9 +88,9 @@ fn write(
             context,
             |ui| {
                 egui::Grid::new("keys").show(ui, |ui| {
-                    for (key, does) in KEYS {
+                    for (key, action) in KEYS {
                         ui.label(RichText::new(key).monospace().strong());
-                        ui.label(does);
+                        ui.label(action);
                         ui.end_row();
                     }
                 });
@@ -100,22 +100,22 @@ fn write(
     Ok(())
 }
 
-/// A scene's curves.
+/// Curves of a scene.
 pub struct Plot<'a> {
-    /// What it shows.
+    /// Title of the plot.
     pub title: &'a str,
-    /// What its axes are, with units.
+    /// Labels of the axes, with units.
     pub axes: [&'a str; 2],
     /// Name, colour (red, green, blue) and points of each line.
     pub lines: &'a [(&'a str, [u8; 3], Vec<[f64; 2]>)],
-    /// The same of points that are not joined.
+    /// Name, colour and positions of each set of separate points.
     pub points: &'a [(&'a str, [u8; 3], Vec<[f64; 2]>)],
 }
 
-/// Shows `plot` in the lower right corner.
+/// Draws `plot` in the lower right corner.
 ///
 /// # Errors
-/// When there is no place to write on.
+/// Without a context of bevy_egui.
 pub fn plot_window(contexts: &mut EguiContexts, plot: &Plot<'_>) -> Result {
     let color = |[r, g, b]: [u8; 3]| Color32::from_rgb(r, g, b);
     let frame = egui::Frame::NONE.fill(Color32::from_black_alpha(175)).corner_radius(6.0).inner_margin(8.0);

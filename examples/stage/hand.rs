@@ -1,4 +1,4 @@
-//! Hands of scenes: scripts that go on where they were when their loop starts again.
+//! Scripted devices of scenes, which continue their motion when their loop restarts.
 
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
@@ -6,37 +6,36 @@ use bevy_palpate::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// How far a scene's hand has come in its script: one millisecond for every reading since the scene was set up. A loop that starts
-/// anew goes on from there, because time goes slowly now for instance; only a scene that begins again begins it again. So what
-/// depends on what the hand does asks the hand for its time, and no other clock.
+/// Time of a scripted device: one millisecond per reading since the start of the scene. It continues when the loop restarts, for example
+/// for slow motion, and is reset by a restart of the scene. Systems that depend on the device's motion use this time.
 #[derive(Clone, Debug, Default)]
 pub struct HandTime(Arc<AtomicU64>);
 
-/// The times of a scene's hands, by the names of their devices.
+/// Times of a scene's devices, by name.
 #[derive(Resource, Default)]
 pub(crate) struct HandTimes(HashMap<String, HandTime>);
 
 impl HandTime {
-    /// The time of the next reading, s.
+    /// Returns the time of the next reading, s.
     #[must_use]
     pub fn s(&self) -> f64 {
         self.0.load(Ordering::Relaxed) as f64 * 1e-3
     }
 
-    /// The time of the reading that is asked for now, s.
-    fn go_on(&self) -> f64 {
+    /// Returns the time of the present reading, s, and advances by a millisecond.
+    fn advance(&self) -> f64 {
         self.0.fetch_add(1, Ordering::Relaxed) as f64 * 1e-3
     }
 }
 
 impl HandTimes {
-    /// All hands are at their beginning. No loop may be running.
-    pub(crate) fn begin_again(&self) {
+    /// Resets the times. No loop may be running.
+    pub(crate) fn restart(&self) {
         self.0.values().for_each(|time| time.0.store(0, Ordering::Relaxed));
     }
 }
 
-/// Registers the device `name`, whose hand does what `script` says of every time (s); in the place of one of the same name.
+/// Registers the device `name` with the reading `script(t)` at time t, s; replaces a device of the same name.
 pub fn register_hand(
     world: &mut World,
     name: &str,
@@ -47,7 +46,7 @@ pub fn register_hand(
     let of_device = time.clone();
     world.get_resource_or_init::<HapticDevices>().register(name, move || {
         let (time, script) = (of_device.clone(), script.clone());
-        Ok(ScriptedDevice::new(move |_, _| Ok(script(time.go_on()))))
+        Ok(ScriptedDevice::new(move |_, _| Ok(script(time.advance()))))
     });
     time
 }

@@ -1,9 +1,9 @@
-//! The plugin's own instruments over a scene: the one place where they are added.
+//! Panel and gizmos of a scene.
 
 use crate::StageOptions;
 use bevy::prelude::*;
 
-/// Adds what the features bring: the panel, opened by P, and what G draws over the scene.
+/// Adds the panel (key P) and the gizmos (key G), as far as the features are enabled.
 pub(crate) fn add(app: &mut App, options: &StageOptions) {
     #[cfg(feature = "panel")]
     app.add_plugins(bevy_palpate::HapticPanelPlugin {
@@ -14,7 +14,7 @@ pub(crate) fn add(app: &mut App, options: &StageOptions) {
     #[cfg(not(feature = "panel"))]
     {
         if options.panel {
-            crate::scene::say("this program has no panel: build it with --features panel,gizmos");
+            crate::scene::print_error("this program has no panel: build it with --features panel,gizmos");
         }
     }
     #[cfg(feature = "gizmos")]
@@ -39,11 +39,10 @@ mod gizmos {
     use bevy::prelude::*;
     use bevy_palpate::HapticGizmos;
 
-    /// What is drawn over the scene, one after the other: nothing, contact and force, the near field, the strained lattice, the
-    /// basis.
+    /// Number of views: none, contact and force, near field, strained lattice, basis.
     const VIEWS: usize = 5;
 
-    /// Which of them.
+    /// Index of the present view.
     #[derive(Resource)]
     pub struct View(pub usize);
 

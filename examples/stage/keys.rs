@@ -1,4 +1,4 @@
-//! The keys, and what the mouse's buttons do beside the hand.
+//! Keys, and the mouse's effect on tools and camera.
 
 use crate::device::GiveHid;
 use crate::scene::{ResetScene, set_up_hands};
@@ -17,27 +17,27 @@ impl Plugin for KeysPlugin {
                 PreUpdate,
                 (give_mouse, grasp_with_mouse).chain().after(set_up_hands).before(HapticUpdateSystems::Tools),
             )
-            .configure_sets(PreUpdate, GiveHid.after(give_mouse).run_if(not(is_the_mouses)))
+            .configure_sets(PreUpdate, GiveHid.after(give_mouse).run_if(not(has_mouse)))
             .add_systems(Update, (press.run_if(not(keys_are_elsewhere)), zoom));
     }
 }
 
-/// Whose hand moves the first tool.
+/// Device of the first tool.
 #[derive(Resource, Default)]
 pub(crate) enum Hand {
-    /// The mouse's, if the scene does without its own and no device is asked for; not decided yet.
+    /// Not decided yet: the mouse if the scene has no device and `--hid` is not given.
     #[default]
     Undecided,
     Mouse,
-    /// The scene's, or that of the device that is asked for.
+    /// The scene's own device, or that of `--hid`.
     Own,
 }
 
-fn is_the_mouses(hand: Res<Hand>) -> bool {
+fn has_mouse(hand: Res<Hand>) -> bool {
     matches!(*hand, Hand::Mouse)
 }
 
-/// The scheme of each digit, and the key.
+/// The key of each scheme, in the order of [`Scheme::ALL`].
 const SCHEME_KEYS: [KeyCode; 6] =
     [KeyCode::Digit1, KeyCode::Digit2, KeyCode::Digit3, KeyCode::Digit4, KeyCode::Digit5, KeyCode::Digit6];
 
@@ -51,7 +51,7 @@ fn press(world: &mut World) {
     if let Some(scheme) = scheme {
         let mut tools = world.query::<&mut HapticTool>();
         tools.iter_mut(world).for_each(|mut tool| tool.scheme = scheme);
-        // A scene that begins again keeps it.
+        // A restarted scene keeps the scheme.
         world.resource_mut::<StageOptions>().scheme = scheme;
     }
     if pause {
@@ -76,7 +76,7 @@ fn press(world: &mut World) {
     }
 }
 
-/// The first tool of a scene that has just been set up gets the mouse, if that is asked for or there is no other device.
+/// Selects the mouse for the first tool of a new scene, if it was chosen or there is no other device.
 fn give_mouse(
     mut tools: Query<(Entity, &mut HapticTool)>,
     stage: Res<Stage>,
@@ -93,12 +93,11 @@ fn give_mouse(
     }
 }
 
-/// A tool that grasps only while it has the mouse.
+/// Marks a tool that has its grasp from the mouse.
 #[derive(Component)]
 struct GraspsWithMouse;
 
-/// A tool with the mouse grasps with the left button; one that got its grasp so loses it with the mouse. What was recorded of the
-/// mouse grasps as the mouse did.
+/// Adds a grasp to a tool with the mouse, and removes it with the mouse. A recording of the mouse keeps the grasp.
 fn grasp_with_mouse(
     mut commands: Commands,
     tools: Query<(Entity, &HapticTool, Has<ToolGrasp>, Has<GraspsWithMouse>), Changed<HapticTool>>,
@@ -117,7 +116,7 @@ fn grasp_with_mouse(
     }
 }
 
-/// Ctrl and the wheel bring the camera nearer; the wheel alone is the hand's.
+/// Zooms with Ctrl and the wheel; the wheel alone moves the tool.
 fn zoom(keys: Res<ButtonInput<KeyCode>>, mut cameras: Query<&mut PanOrbitCamera>) {
     let zooms = keys.any_pressed([KeyCode::ControlLeft, KeyCode::ControlRight]);
     for mut camera in &mut cameras {
@@ -125,31 +124,31 @@ fn zoom(keys: Res<ButtonInput<KeyCode>>, mut cameras: Query<&mut PanOrbitCamera>
     }
 }
 
-/// The pointer turns or moves the camera, or the wheel is the camera's.
+/// Whether the mouse controls the camera.
 pub(crate) fn camera_turns(buttons: Res<ButtonInput<MouseButton>>, keys: Res<ButtonInput<KeyCode>>) -> bool {
     buttons.any_pressed([MouseButton::Right, MouseButton::Middle])
         || keys.any_pressed([KeyCode::ControlLeft, KeyCode::ControlRight])
 }
 
-/// The pointer is over something that is written on the scene.
+/// Whether the pointer is over the panel.
 #[cfg(feature = "panel")]
 pub(crate) fn pointer_is_elsewhere(wants: Res<bevy_egui::input::EguiWantsInput>) -> bool {
     wants.wants_any_pointer_input()
 }
 
-/// There is nothing else that the pointer could be over.
+/// Without a panel the pointer is always over the scene.
 #[cfg(not(feature = "panel"))]
 pub(crate) fn pointer_is_elsewhere() -> bool {
     false
 }
 
-/// What is typed goes into a field of the panel.
+/// Whether a text field of the panel has the keyboard.
 #[cfg(feature = "panel")]
 pub(crate) fn keys_are_elsewhere(wants: Option<Res<bevy_egui::input::EguiWantsInput>>) -> bool {
     wants.is_some_and(|wants| wants.wants_any_keyboard_input())
 }
 
-/// There is no field to type into.
+/// Without a panel there is no text field.
 #[cfg(not(feature = "panel"))]
 pub(crate) fn keys_are_elsewhere() -> bool {
     false

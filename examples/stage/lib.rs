@@ -1,19 +1,20 @@
-//! The stage of palpate's scenes: what they would otherwise all repeat. A scene brings its bodies in systems of
-//! [`SetUpScene`], its hands in those of [`SetUpHands`], and a [`Stage`] that says what is to be seen; the stage opens a window, draws pictures or runs headless, gives
-//! light, floor, camera and keys, and ends in time. It is part of the examples and of no library.
+//! The stage of palpate's scenes: the code that they share. A scene spawns its bodies in systems of [`SetUpScene`] and its tools in those
+//! of [`SetUpHands`], and describes its view with [`Stage`]. The stage opens a window, draws pictures or runs headless, adds light, floor,
+//! camera and keys, and exits in time. It belongs to the examples, not to a library.
 //!
-//! | key | does |
+//! | key | action |
 //! | --- | --- |
-//! | R | body and hand as at the start |
-//! | Space | pause: the force fades, and comes back after it |
-//! | S | slow motion, see [`time`](mod@time) |
-//! | 1 … 6 | the scheme with which the loop makes force |
-//! | M | the mouse or the scene's own hand, or the device of `--hid` |
-//! | P, G, H | panel; force and contact, lattice, nothing; help |
+//! | R | restarts the scene |
+//! | Space | pauses: the force fades, and resumes afterwards |
+//! | S | slow motion ([`time`](mod@time)) |
+//! | 1 … 6 | scheme by which the loop renders force |
+//! | M | mouse, or the scene's own device or the device of `--hid` |
+//! | P, G, H | panel; gizmos; help |
 //!
-//! While a field of the panel is typed into, keys do nothing else.
+//! The keys have no effect while a text field of the panel has the keyboard.
 //!
-//! With the mouse, the left button grasps and the wheel is depth. The right mouse button turns the camera, the middle one moves it, Ctrl and the wheel bring it nearer.
+//! With the mouse, the left button grasps and the wheel changes the depth. The right button rotates the camera, the middle one moves it,
+//! Ctrl and the wheel zoom.
 
 mod assets;
 #[cfg(feature = "panel")]
@@ -41,4 +42,4 @@ pub use caption::{Plot, plot_window};
 pub use hand::{HandTime, register_hand};
 pub use mesh_file::{MeshFile, MeshFileError};
 pub use options::{StageOptions, folder};
-pub use scene::{SceneTime, SetUpHands, SetUpScene, Stage, ToolPaint};
+pub use scene::{SceneTime, SetUpHands, SetUpScene, Stage, ToolPaint, exit_on_error};

@@ -1,4 +1,4 @@
-//! A mesh from a glTF or GLB file: everything that the file shows, as one.
+//! Reads a glTF or GLB file as one mesh.
 
 use crate::assets;
 use bevy::app::ScheduleRunnerPlugin;
@@ -10,18 +10,18 @@ use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// What is in a file.
+/// Content of a file.
 #[derive(Clone, Debug)]
 pub struct MeshFile {
-    /// All triangles, where the file's nodes place them.
+    /// All triangles, transformed by the nodes of the file.
     pub mesh: Mesh,
-    /// The corners of the box round them, in the file's units.
+    /// Corners of the bounding box, in the units of the file.
     pub bounds: [DVec3; 2],
-    /// How many meshes with how many parts of one material were put together.
+    /// Number of joined primitives.
     pub parts: usize,
 }
 
-/// Why a file gives no mesh, with what to do about it.
+/// Reason why a file cannot be read as a mesh, with the remedy.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MeshFileError(String);
 
@@ -33,28 +33,28 @@ impl std::fmt::Display for MeshFileError {
 
 impl std::error::Error for MeshFileError {}
 
-/// How long a file may take, s.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// Maximum time to load a file.
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 impl MeshFile {
-    /// Reads the file at `path`: its default scene, or only the mesh of index `only` in it. Textures are left out.
+    /// Reads the default scene of the file at `path`, or only the mesh with index `only` in it, without textures.
     ///
     /// # Errors
-    /// [`MeshFileError`] when there is no such file, it is no glTF, or it holds no triangles.
+    /// [`MeshFileError`] if the file does not exist, is no glTF, or has no triangles.
     #[expect(
         clippy::disallowed_methods,
-        reason = "a file is waited for before the app that has loops begins"
+        reason = "the file is loaded before the start of the app with loops"
     )]
     pub fn read(path: &Path, only: Option<usize>) -> Result<Self, MeshFileError> {
-        let refused = |why: String| MeshFileError(format!("{}: {why}", path.display()));
+        let error = |reason: String| MeshFileError(format!("{}: {reason}", path.display()));
         let is_gltf = path
             .extension()
             .is_some_and(|ending| ending.eq_ignore_ascii_case("glb") || ending.eq_ignore_ascii_case("gltf"));
         if !is_gltf {
-            return Err(refused("a mesh is read from a .glb or .gltf file; export it as one".into()));
+            return Err(error("the file must end in .glb or .gltf; export the mesh in this format".into()));
         }
         let path: PathBuf =
-            path.canonicalize().map_err(|error| refused(format!("it cannot be read: {error}")))?;
+            path.canonicalize().map_err(|source| error(format!("the file cannot be read: {source}")))?;
         let mut app = App::new();
         app.add_plugins(MinimalPlugins.set(ScheduleRunnerPlugin::run_once()));
         assets::add_without_window(&mut app);
@@ -66,33 +66,33 @@ impl MeshFile {
             (settings.load_cameras, settings.load_lights, settings.load_animations) = (false, false, false);
             settings.include_source = true;
         };
-        // Of the path as it is: one that is read as text may hold a # or what else means something in it.
+        // Parsing the path as text would give a # in it a special meaning.
         let builder = app.world().resource::<AssetServer>().load_builder().with_settings(settings);
         let file: Handle<Gltf> = builder.load(AssetPath::from_path_buf(path));
-        let began = Instant::now();
+        let start = Instant::now();
         loop {
             app.update();
             match app.world().resource::<AssetServer>().load_state(&file) {
-                LoadState::Failed(error) => {
-                    return Err(refused(format!("it is no glTF that can be read: {error}")));
+                LoadState::Failed(source) => {
+                    return Err(error(format!("the file is not a valid glTF file: {source}")));
                 }
                 LoadState::Loaded if app.world().resource::<Assets<Gltf>>().contains(&file) => break,
-                _ if began.elapsed() > PATIENCE => {
-                    return Err(refused("it takes too long to be read".into()));
+                _ if start.elapsed() > TIMEOUT => {
+                    return Err(error(format!("the file is not loaded after {} s", TIMEOUT.as_secs())));
                 }
                 _ => std::thread::sleep(Duration::from_millis(1)),
             }
         }
-        put_together(app.world(), &file, only).map_err(refused)
+        join(app.world(), &file, only).map_err(error)
     }
 }
 
-/// The triangles of the nodes of a file, where they are.
-fn put_together(world: &World, file: &Handle<Gltf>, only: Option<usize>) -> Result<MeshFile, String> {
-    let gltf = world.resource::<Assets<Gltf>>().get(file).ok_or("it is gone")?;
-    let source = gltf.source.as_ref().ok_or("its nodes are not known")?;
+/// Joins the meshes of the nodes of a file.
+fn join(world: &World, file: &Handle<Gltf>, only: Option<usize>) -> Result<MeshFile, String> {
+    let gltf = world.resource::<Assets<Gltf>>().get(file).ok_or("the asset was removed")?;
+    let source = gltf.source.as_ref().ok_or("the file has no nodes")?;
     if let Some(index) = only.filter(|index| *index >= gltf.meshes.len()) {
-        return Err(format!("there is no mesh {index}; it has {}, counted from 0", gltf.meshes.len()));
+        return Err(format!("mesh {index} does not exist; the index must be below {}", gltf.meshes.len()));
     }
     let mut nodes: Vec<_> = match source.default_scene().or(source.scenes().next()) {
         Some(scene) => scene.nodes().map(|node| (node, Mat4::IDENTITY)).collect(),
@@ -104,7 +104,7 @@ fn put_together(world: &World, file: &Handle<Gltf>, only: Option<usize>) -> Resu
         placed.extend(node.mesh().map(|mesh| (mesh.index(), at)));
         nodes.extend(node.children().map(|child| (child, at)));
     }
-    // Meshes that no node shows are where they are.
+    // Without nodes with meshes, all meshes are used untransformed.
     if placed.is_empty() {
         placed.extend((0..gltf.meshes.len()).map(|index| (index, Mat4::IDENTITY)));
     }
@@ -113,18 +113,18 @@ fn put_together(world: &World, file: &Handle<Gltf>, only: Option<usize>) -> Resu
     for (index, at) in placed {
         let mesh = gltf.meshes.get(index).and_then(|mesh| world.resource::<Assets<GltfMesh>>().get(mesh));
         for part in mesh.map_or(&[][..], |mesh| &mesh.primitives) {
-            let part = world.resource::<Assets<Mesh>>().get(&part.mesh).ok_or("a part of it is gone")?;
-            whole.add(part, at).map_err(|why| format!("mesh {index} {why}"))?;
+            let part = world.resource::<Assets<Mesh>>().get(&part.mesh).ok_or("a mesh asset was removed")?;
+            whole.add(part, at).map_err(|reason| format!("mesh {index} {reason}"))?;
         }
     }
     whole.finish()
 }
 
-/// The parts so far.
+/// The joined mesh.
 #[derive(Default)]
 struct Whole {
     positions: Vec<[f32; 3]>,
-    /// As many, or none where a part has none.
+    /// Normals of the parts that have some.
     normals: Vec<[f32; 3]>,
     corners: Vec<u32>,
     parts: usize,
@@ -133,7 +133,7 @@ struct Whole {
 impl Whole {
     fn add(&mut self, part: &Mesh, at: Mat4) -> Result<(), String> {
         if part.primitive_topology() != PrimitiveTopology::TriangleList {
-            return Err(format!("is a {:?}; a body is made of triangles", part.primitive_topology()));
+            return Err(format!("is a {:?}; it must be a TriangleList", part.primitive_topology()));
         }
         let Some(VertexAttributeValues::Float32x3(positions)) = part.attribute(Mesh::ATTRIBUTE_POSITION)
         else {
@@ -142,19 +142,19 @@ impl Whole {
         let first = self.positions.len() as u32;
         self.positions.extend(positions.iter().map(|p| at.transform_point3((*p).into()).to_array()));
         if let Some(VertexAttributeValues::Float32x3(normals)) = part.attribute(Mesh::ATTRIBUTE_NORMAL) {
-            let turn = Mat3::from_mat4(at).inverse().transpose();
+            let transform = Mat3::from_mat4(at).inverse().transpose();
             self.normals
-                .extend(normals.iter().map(|n| (turn * Vec3::from(*n)).normalize_or_zero().to_array()));
+                .extend(normals.iter().map(|n| (transform * Vec3::from(*n)).normalize_or_zero().to_array()));
         }
-        let begin = self.corners.len();
+        let start = self.corners.len();
         match part.indices() {
             Some(Indices::U16(indices)) => self.corners.extend(indices.iter().map(|&i| first + u32::from(i))),
             Some(Indices::U32(indices)) => self.corners.extend(indices.iter().map(|&i| first + i)),
             None => self.corners.extend((0..positions.len() as u32).map(|i| first + i)),
         }
-        // A mirrored part is wound the other way.
+        // Reverses the winding of a mirrored part.
         if at.determinant() < 0.0 {
-            self.corners[begin..].chunks_exact_mut(3).for_each(|triangle| triangle.swap(1, 2));
+            self.corners[start..].chunks_exact_mut(3).for_each(|triangle| triangle.swap(1, 2));
         }
         self.parts += 1;
         Ok(())
@@ -162,7 +162,7 @@ impl Whole {
 
     fn finish(self) -> Result<MeshFile, String> {
         if self.corners.is_empty() {
-            return Err("it holds no triangles; export a closed mesh".into());
+            return Err("the file has no triangles; export a closed mesh".into());
         }
         let corner = |pick: fn(DVec3, DVec3) -> DVec3| {
             self.positions.iter().map(|p| Vec3::from(*p).as_dvec3()).reduce(pick).unwrap_or_default()

@@ -1,32 +1,31 @@
-//! The part of the command line that all scenes share.
+//! The command-line options of all scenes.
 
 use bevy::prelude::Resource;
 use bevy_palpate::prelude::{HidSelector, Scheme};
 use clap::Args;
 use std::path::PathBuf;
 
-/// What can be said to every scene.
+/// Options of every scene.
 #[derive(Args, Clone, Debug, Resource)]
 pub struct StageOptions {
-    /// Time after which it ends, s [default: as long as the scene takes; with a window: until it is closed]
+    /// Duration, s [default: that of the scene; with a window: until it is closed]
     #[arg(long, value_parser = seconds)]
     pub seconds: Option<f64>,
-    /// How the loop makes force between two model steps: hold, low_pass, tangent, neighbourhood, krylov_linear or
+    /// Scheme by which the loop renders force between two model steps: hold, low_pass, tangent, neighbourhood, krylov_linear or
     /// near_field_exact
     #[arg(long, default_value_t)]
     pub scheme: Scheme,
-    /// Give the first tool to a device that is plugged in: first, cap, joystick, board, or a serial number
-    #[arg(long, value_name = "DEVICE", num_args = 0..=1, default_missing_value = "first", value_parser = crate::device::choice)]
+    /// HID device of the first tool: first, cap, joystick, board, or a serial number
+    #[arg(long, value_name = "DEVICE", num_args = 0..=1, default_missing_value = "first", value_parser = crate::device::selector)]
     #[arg(conflicts_with = "pictures")]
     pub hid: Option<HidSelector>,
-    /// Run without a window even if this program has one
+    /// Run without a window
     #[arg(long)]
     pub headless: bool,
     /// Open the panel at the start
     #[arg(long)]
     pub panel: bool,
-    /// What is drawn over the scene at the start: 0 nothing, 1 contact, tool and force, 2 the near field, 3 the strained lattice, 4
-    /// the basis
+    /// Gizmos at the start: 0 none, 1 contact, tool and force, 2 near field, 3 strained lattice, 4 basis
     #[arg(long, default_value_t = 1, value_parser = view)]
     pub gizmos: usize,
     /// Draw pictures into this folder instead of opening a window, at the times of --at, in lock step
@@ -64,10 +63,10 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     }
 }
 
-/// Makes the folder, so that what is wrong with it is said before anything starts.
+/// Creates the folder, which reports errors before the scene starts.
 ///
 /// # Errors
-/// What the operating system says.
+/// The error of the operating system.
 pub fn folder(path: &str) -> Result<PathBuf, String> {
     std::fs::create_dir_all(path).map(|()| path.into()).map_err(|error| error.to_string())
 }

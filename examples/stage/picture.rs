@@ -1,6 +1,6 @@
-//! Pictures without a window, for a page or a test.
+//! Pictures without a window, for documents and tests.
 
-use crate::scene::{SceneTime, Shown, say};
+use crate::scene::{SceneTime, Shown, print_error};
 use crate::{Stage, StageOptions, assets, display, view};
 use bevy::app::ScheduleRunnerPlugin;
 use bevy::camera::RenderTarget;
@@ -14,29 +14,29 @@ use bevy::winit::WinitPlugin;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// The pictures that are still to be drawn.
+/// The pictures to be drawn.
 #[derive(Resource)]
 struct Album {
     name: &'static str,
     folder: PathBuf,
-    /// Times, s, the last first.
+    /// Times in descending order, s.
     at_s: Vec<f64>,
     drawn: usize,
     target: Handle<Image>,
     waits: bool,
 }
 
-/// Draws the scene into `folder` as `NAME-1.png` and so on, and ends; says why if that cannot be.
+/// Draws the scene into `folder` as `NAME-1.png` and so on, and exits. Without a driver, prints the reason and exits with an error.
 pub(crate) fn draw(app: &mut App, stage: &Stage, folder: &Path, options: &StageOptions) -> Shown {
-    if let Err(why) = display::check_driver() {
-        say(&format!("{why}: {} draws nothing", stage.name));
+    if let Err(reason) = display::check_driver() {
+        print_error(&format!("{reason}: {} draws nothing", stage.name));
         app.add_plugins(MinimalPlugins).add_systems(Startup, |mut exit: MessageWriter<AppExit>| {
             exit.write(AppExit::error());
         });
         return Shown::InPictures;
     }
     let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
-    // A picture must not be drawn before what is to be drawn is ready.
+    // The pipelines must be ready before the first picture.
     let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
     app.add_plugins(DefaultPlugins.set(window).set(render).set(assets::plugin()).disable::<WinitPlugin>())
         .add_plugins(ScheduleRunnerPlugin::run_loop(Duration::ZERO));
@@ -44,7 +44,7 @@ pub(crate) fn draw(app: &mut App, stage: &Stage, folder: &Path, options: &StageO
     let mut at_s = options.at.clone();
     at_s.sort_by(|a, b| b.total_cmp(a));
     let [width, height] = options.size;
-    // What is written over the scene is drawn for this format and no other.
+    // The captions need this format.
     let image = Image::new_target_texture(width, height, TextureFormat::Rgba8UnormSrgb, None);
     let target = app.world_mut().resource_mut::<Assets<Image>>().add(image);
     app.insert_resource(Album {
@@ -63,14 +63,14 @@ pub(crate) fn draw(app: &mut App, stage: &Stage, folder: &Path, options: &StageO
 fn aim(mut commands: Commands, album: Res<Album>, cameras: Query<Entity, With<Camera3d>>) {
     for camera in &cameras {
         let mut camera = commands.entity(camera);
-        // Without the noise that hides bands on a screen: a picture is half as large.
+        // Dithering doubles the size of a file.
         camera.insert((RenderTarget::Image(album.target.clone().into()), DebandDither::Disabled));
         #[cfg(feature = "panel")]
         camera.insert(bevy_egui::PrimaryEguiContext);
     }
 }
 
-/// Takes a picture when its time has come; time stands still until it is there.
+/// Takes each picture at its time; pauses the time until it is saved.
 fn take(
     mut commands: Commands,
     mut album: ResMut<Album>,

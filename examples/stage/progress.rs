@@ -1,4 +1,4 @@
-//! How far a scene is, where there is no window to see it.
+//! Progress of a scene without a window.
 
 use crate::scene::Shown;
 use crate::{SceneTime, Stage, StageOptions};
@@ -17,11 +17,11 @@ impl Plugin for ProgressPlugin {
     }
 }
 
-/// A bar on a terminal; elsewhere a line each second.
+/// A bar on a terminal, otherwise a line per second.
 #[derive(Resource)]
 struct Progress(ProgressBar);
 
-/// Clears the bar, so that the scene's result stands alone.
+/// Clears the bar before the scene's report.
 fn finish(progress: Res<Progress>) {
     progress.0.finish_and_clear();
 }
@@ -31,7 +31,7 @@ fn show_progress(
     time: Res<SceneTime>,
     (stage, options): (Res<Stage>, Res<StageOptions>),
     progress: Res<Progress>,
-    mut said: Local<u64>,
+    mut printed_s: Local<u64>,
 ) {
     let bar = &progress.0;
     if bar.length().is_none() {
@@ -44,7 +44,7 @@ fn show_progress(
     let forces: Vec<String> = tools.iter().map(|force| format!("{:5.2} N", force.force_n.length())).collect();
     let line = forces.join(", ");
     let second = bar.position() / 1000;
-    if bar.is_hidden() && std::mem::replace(&mut *said, second) != second {
+    if bar.is_hidden() && std::mem::replace(&mut *printed_s, second) != second {
         let _ = writeln!(std::io::stderr(), "{second} s: {line}");
     }
     bar.set_message(line);

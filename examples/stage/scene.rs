@@ -1,4 +1,4 @@
-//! A scene on the stage: begun, begun again, ended.
+//! A scene on the stage: start, restart, exit.
 
 use crate::hand::HandTimes;
 use crate::progress::ProgressPlugin;
@@ -11,42 +11,42 @@ use bevy_palpate::prelude::*;
 use bevy_palpate::{HapticUpdateSystems, SimulatedBody};
 use std::time::Duration;
 
-/// Spawns a scene's bodies, at the start and at every reset: systems are added to it as to `Startup`.
+/// Schedule that spawns a scene's bodies, at the start and at every restart.
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
 pub struct SetUpScene;
 
-/// Spawns a scene's tools, once its bodies are there: one that is read from a file takes its time.
+/// Schedule that spawns a scene's tools once its bodies are built.
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
 pub struct SetUpHands;
 
-/// The scene's hands are still to come.
+/// Whether the scene's tools wait for its bodies.
 #[derive(Resource, Default)]
 struct AwaitsBodies(bool);
 
-/// What a scene says of itself.
+/// Description of a scene.
 #[derive(Resource, Clone, Copy, Debug)]
 pub struct Stage {
-    /// Its name.
+    /// Name of the scene.
     pub name: &'static str,
-    /// What it shows, in one line.
+    /// Title, one line.
     pub title: &'static str,
-    /// Where the camera is at first, m, and what it looks at.
+    /// Initial position of the camera, m.
     pub eye_m: Vec3,
-    /// What it looks at.
+    /// Initial focus of the camera, m.
     pub focus_m: Vec3,
-    /// Where the floor is, m.
+    /// Height of the floor, m.
     pub floor_m: f32,
-    /// How large what is shown is, m: fog, shadows, the mouse's way and the length of arrows go with it.
+    /// Size of the scene, m, which scales fog, shadows, the mouse's workspace and arrows.
     pub size_m: f32,
-    /// How long it takes, s.
+    /// Duration without a window, s.
     pub seconds: f64,
-    /// The clock of the loops where there is no window.
+    /// Mode of the loops without a window.
     pub mode: LoopMode,
-    /// The scene's own hand is there, so the mouse is not the first device.
+    /// Whether the scene has a device of its own; otherwise the mouse moves the first tool.
     pub has_hand: bool,
 }
 
-/// The size for which the stage's own sizes are given, m.
+/// Reference size of the stage's own sizes, m.
 const USUAL_M: f32 = 0.1;
 
 impl Default for Stage {
@@ -65,25 +65,25 @@ impl Default for Stage {
     }
 }
 
-/// What a tool is painted with; blue if nothing is said.
+/// Colour of a tool; blue by default.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ToolPaint {
-    /// The first of several, or the only one.
+    /// For the first of several tools, or the only one.
     #[default]
     Blue,
-    /// The second.
+    /// For the second tool.
     Orange,
 }
 
-/// Time since the scene's hands came, s, in model steps.
+/// Time of the model steps since the scene's tools were spawned, s.
 #[derive(Resource, Clone, Copy, Debug, Default)]
 pub struct SceneTime(pub f64);
 
-/// Asks for the scene as it was at the start.
+/// Restarts the scene.
 #[derive(Message, Clone, Copy, Debug)]
 pub(crate) struct ResetScene;
 
-/// How a scene is shown.
+/// Output of a scene.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Shown {
     #[cfg(feature = "window")]
@@ -94,48 +94,48 @@ pub(crate) enum Shown {
 }
 
 impl Stage {
-    /// The same stage round what lies between two corners, m: seen from in front and above, its floor just below.
+    /// Returns the stage for a scene between two corners, m, viewed from above in front, with the floor just below.
     #[must_use]
     pub fn around(self, [low_m, high_m]: [Vec3; 2]) -> Self {
         let size_m = (high_m - low_m).max_element().clamp(1e-4, 1e4);
         let focus_m = 0.5 * (low_m + high_m);
-        // As large as in the other scenes.
+        // The same apparent size as in the other scenes.
         let eye_m = focus_m + 1.35 * size_m * Vec3::new(0.75, 0.80, 1.05);
         Self { eye_m, focus_m, floor_m: low_m.y - 0.002 * size_m, size_m, ..self }
     }
 
-    /// Its size as a multiple of the usual one.
+    /// Returns the size relative to the reference size.
     #[must_use]
     pub(crate) fn magnified(&self) -> f32 {
         self.size_m / USUAL_M
     }
 
-    /// An app with this stage, to which the scene's own systems are added.
+    /// Returns an app with this stage, for the scene's own systems.
     pub fn app(self, options: &StageOptions) -> App {
         let mut app = App::new();
         app.insert_resource(options.clone()).insert_resource(self).init_resource::<SceneTime>();
         let shown = show(&mut app, &self, options);
-        let clock = match shown {
+        let mode = match shown {
             #[cfg(feature = "window")]
             Shown::InWindow => LoopMode::Threaded,
             #[cfg(feature = "window")]
             Shown::InPictures => LoopMode::Lockstep,
-            // A device that is plugged in has the time of its hand.
+            // A real device runs in real time.
             Shown::Headless if options.hid.is_some() => LoopMode::Threaded,
             Shown::Headless => self.mode,
         };
         if shown == Shown::Headless {
-            let frame = Duration::from_millis(if clock == LoopMode::Threaded { 5 } else { 0 });
+            let frame = Duration::from_millis(if mode == LoopMode::Threaded { 5 } else { 0 });
             let runner = ScheduleRunnerPlugin::run_loop(frame);
             app.add_plugins((MinimalPlugins.set(runner), LogPlugin::default(), ProgressPlugin));
             assets::add_without_window(&mut app);
         }
         crate::device::add(&mut app);
-        if clock == LoopMode::Lockstep {
+        if mode == LoopMode::Lockstep {
             time::step_by_step(&mut app);
         }
         app.insert_resource(shown)
-            .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { mode: clock, ..default() }))
+            .add_plugins(PalpatePlugins.set(HapticSchedulePlugin::default().with_mode(mode)))
             .add_message::<ResetScene>()
             .init_schedule(SetUpScene)
             .init_schedule(SetUpHands)
@@ -148,7 +148,7 @@ impl Stage {
             )
             .add_systems(
                 PreUpdate,
-                (end_if_refused, set_up_hands)
+                (exit_if_rejected, set_up_hands)
                     .chain()
                     .after(HapticUpdateSystems::Bodies)
                     .before(HapticUpdateSystems::Tools)
@@ -163,11 +163,11 @@ impl Stage {
                         .run_if(resource_exists::<time::Returning>),
                 ),
             )
-            .add_systems(Update, end_in_time);
+            .add_systems(Update, exit_in_time);
         app
     }
 
-    /// How long the scene runs, s; `None` until it is closed.
+    /// Returns the duration of the scene, s; `None` if it runs until it is closed.
     #[must_use]
     pub(crate) fn end_s(&self, options: &StageOptions, shown: Shown) -> Option<f64> {
         options.seconds.or((shown == Shown::Headless).then_some(self.seconds))
@@ -188,46 +188,54 @@ fn show(app: &mut App, stage: &Stage, options: &StageOptions) -> Shown {
 #[cfg(not(feature = "window"))]
 fn show(_app: &mut App, _stage: &Stage, options: &StageOptions) -> Shown {
     if options.pictures.is_some() || options.panel {
-        say("this program cannot draw: build it with --features panel,gizmos");
+        print_error("this program cannot draw: build it with --features panel,gizmos");
     }
     Shown::Headless
 }
 
-/// Says something before there is a log.
-#[expect(clippy::print_stderr, reason = "there is no log before there is an app")]
-pub(crate) fn say(what: &str) {
-    eprintln!("{what}");
+/// Prints a message to the error output, before the app has a log.
+#[expect(clippy::print_stderr, reason = "without an app there is no log")]
+pub(crate) fn print_error(text: &str) {
+    eprintln!("{text}");
+}
+
+/// Exits the app with an error if the report of a scene failed.
+pub fn exit_on_error(In(result): In<Result>, mut exit: MessageWriter<AppExit>) {
+    if let Err(error) = result {
+        error!("the report failed: {error}");
+        exit.write(AppExit::error());
+    }
 }
 
 fn set_up(world: &mut World) {
-    let mut there =
+    let mut previous =
         world.query_filtered::<Entity, Or<(With<DeformableBody>, With<HapticTool>, With<Suture>)>>();
-    for entity in there.iter(world).collect::<Vec<_>>() {
+    for entity in previous.iter(world).collect::<Vec<_>>() {
         world.despawn(entity);
     }
-    // With the tools their loops have ended.
-    world.resource::<HandTimes>().begin_again();
+    // The loops have ended with their tools.
+    world.resource::<HandTimes>().restart();
     world.insert_resource(SceneTime::default());
     world.insert_resource(AwaitsBodies(true));
     world.run_schedule(SetUpScene);
 }
 
-/// Spawns the hands once all bodies are there.
+/// Spawns the tools once all bodies are built.
 pub(crate) fn set_up_hands(world: &mut World) {
-    let mut to_come = world.query_filtered::<(), (With<DeformableBody>, Without<SimulatedBody>)>();
-    if to_come.iter(world).next().is_none() {
+    let mut pending = world.query_filtered::<(), (With<DeformableBody>, Without<SimulatedBody>)>();
+    if pending.iter(world).next().is_none() {
         world.insert_resource(AwaitsBodies(false));
         world.run_schedule(SetUpHands);
     }
 }
 
-/// A body that cannot be built is the end of its scene; what to do about it is in the fault, which is logged.
-fn end_if_refused(
+/// Exits if a body is rejected; the fault in the log has the reason.
+fn exit_if_rejected(
     mut faults: MessageReader<HapticFault>,
-    to_come: Query<(), (With<DeformableBody>, Without<SimulatedBody>)>,
+    pending: Query<(), (With<DeformableBody>, Without<SimulatedBody>)>,
     mut exit: MessageWriter<AppExit>,
 ) {
-    if faults.read().any(|fault| fault.entity.is_some_and(|entity| to_come.contains(entity))) {
+    if faults.read().any(|fault| fault.entity.is_some_and(|entity| pending.contains(entity))) {
         exit.write(AppExit::error());
     }
 }
@@ -238,7 +246,7 @@ fn count_time(rate: Res<ModelRate>, awaits: Res<AwaitsBodies>, mut time: ResMut<
     }
 }
 
-fn end_in_time(
+fn exit_in_time(
     time: Res<SceneTime>,
     stage: Res<Stage>,
     options: Res<StageOptions>,

@@ -1,26 +1,26 @@
-//! The clocks of a scene.
+//! Time of a scene, and slow motion.
 //!
-//! With a window the loops run on threads, in real time. Slow motion cannot: a thread has the device's own time. So it
-//! changes to the lock-step clock at a tenth of the speed, with a model step every 5 ms instead of every 50 ms, so that there are
-//! as many pictures as before: what it shows is the same body and hand, with a local model that is renewed ten times as often.
-//! Going into slow motion and out of it starts the loops again. The scene goes on where it is: its hands do
-//! ([`register_hand`](crate::register_hand)), and what was held is held again after a model step; a device of another kind begins as
-//! it does when it is opened. The force begins as at every start, once it is small.
+//! With a window the loops run on threads, in real time, which slow motion cannot do. Slow motion therefore switches to lock step at a
+//! tenth of the speed, with a model step every 5 ms instead of 50 ms, which keeps the frame rate. It shows the same body and tool, with
+//! local models ten times as often.
 //!
-//! Without a window, and for pictures, a scene runs in lock step and as fast as it can, unless it is about the thread.
+//! Each switch restarts the loops. The scene continues: devices of [`register_hand`](crate::register_hand) continue their motion, and a
+//! held point is held again after a model step. Other devices start as when they are opened. The force starts, as always, once it is small.
+//!
+//! Without a window, and for pictures, a scene runs in lock step as fast as possible, unless it demonstrates threads.
 
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_palpate::prelude::*;
 use std::time::Duration;
 
-/// The speed of slow motion.
+/// Relative speed of slow motion.
 pub const SLOW: f64 = 0.1;
 
-/// Model steps in slow motion come every so many ticks.
+/// Ticks between two model steps in slow motion.
 const SLOW_TICKS: u32 = 5;
 
-/// What there was before slow motion.
+/// Settings before slow motion.
 #[derive(Resource, Clone, Copy)]
 struct AtFullSpeed {
     mode: LoopMode,
@@ -28,22 +28,22 @@ struct AtFullSpeed {
     timestep: Duration,
 }
 
-/// What there will be after the next model step, which is still a short one: nothing is held until it is over.
+/// Settings after the next model step, which is still a short one: it restores the grasp.
 #[derive(Resource)]
 pub(crate) struct Returning(AtFullSpeed);
 
-/// Time goes on by one model step at every update, however long that takes.
+/// Makes every update one model step.
 pub(crate) fn step_by_step(app: &mut App) {
     app.insert_resource(Time::<Fixed>::from_hz(20.0))
         .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
 }
 
-/// Goes into slow motion or out of it, back to the clock and the rate that there were before; a rate that was set meanwhile stays.
+/// Starts or ends slow motion. The end restores mode and rate; a rate that was set during slow motion stays.
 pub fn set_slow(world: &mut World, slow: bool) {
     if slow == is_slow(world.resource::<Time<Virtual>>()) {
         return;
     }
-    let slowly = ModelRate::every_ticks(SLOW_TICKS).unwrap_or_default();
+    let slow_rate = ModelRate::every_ticks(SLOW_TICKS).unwrap_or_default();
     if slow {
         let before = world.remove_resource::<Returning>().map_or_else(
             || AtFullSpeed {
@@ -55,13 +55,13 @@ pub fn set_slow(world: &mut World, slow: bool) {
         );
         world.insert_resource(before);
         world.insert_resource(LoopMode::Lockstep);
-        world.insert_resource(slowly);
-        // Or several model steps would wait for each other, and be seen as one.
+        world.insert_resource(slow_rate);
+        // Otherwise several model steps would fall into one tick of the fixed main loop.
         world.resource_mut::<Time<Fixed>>().set_timestep(Duration::from_millis(SLOW_TICKS.into()));
     } else if let Some(before) = world.remove_resource::<AtFullSpeed>() {
         world.insert_resource(before.mode);
-        let set_meanwhile = *world.resource::<ModelRate>();
-        let rate = if set_meanwhile == slowly { before.rate } else { set_meanwhile };
+        let present = *world.resource::<ModelRate>();
+        let rate = if present == slow_rate { before.rate } else { present };
         world.insert_resource(Returning(AtFullSpeed { rate, ..before }));
     }
     world.resource_mut::<Time<Virtual>>().set_relative_speed_f64(if slow { SLOW } else { 1.0 });
@@ -69,7 +69,7 @@ pub fn set_slow(world: &mut World, slow: bool) {
     let tools: Vec<Entity> = tools
         .iter_mut(world)
         .map(|(entity, mut tool)| {
-            // A tool that has changed and has no loop gets one.
+            // A changed tool without a loop starts another one.
             tool.set_changed();
             entity
         })
@@ -79,7 +79,7 @@ pub fn set_slow(world: &mut World, slow: bool) {
     }
 }
 
-/// After the first model step at full speed.
+/// Restores rate and timestep after the first model step at full speed.
 pub(crate) fn return_to_full_speed(
     mut commands: Commands,
     returning: Res<Returning>,
@@ -91,7 +91,7 @@ pub(crate) fn return_to_full_speed(
     commands.remove_resource::<Returning>();
 }
 
-/// Whether time goes slowly.
+/// Whether slow motion is on.
 #[must_use]
 pub fn is_slow(time: &Time<Virtual>) -> bool {
     time.relative_speed_f64() < 1.0

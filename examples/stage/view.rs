@@ -1,6 +1,6 @@
-//! What is to be seen: camera, light, floor, and what bodies, tools and threads look like.
+//! The view: camera, light, floor, and the looks of bodies, tools and threads.
 
-use crate::scene::{Shown, ToolPaint, say};
+use crate::scene::{Shown, ToolPaint, print_error};
 use crate::{Stage, StageOptions, assets, display, instruments, keys};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
@@ -15,10 +15,10 @@ const FLOOR: Color = Color::srgb(0.13, 0.15, 0.185);
 const BACKGROUND: Color = Color::srgb(0.035, 0.042, 0.055);
 const THREAD: Color = Color::srgb(0.93, 0.93, 0.86);
 
-/// Opens a window with everything in it, unless there is no place for one; says why not.
+/// Opens a window with the view. Without a display or a driver, prints the reason and runs headless.
 pub(crate) fn open_window(app: &mut App, stage: &Stage, options: &StageOptions) -> Shown {
-    if let Err(why) = display::check() {
-        say(&format!("{why}: {} runs without a window", stage.name));
+    if let Err(reason) = display::check() {
+        print_error(&format!("{reason}: {} runs without a window", stage.name));
         return Shown::Headless;
     }
     let window = Window { title: format!("{}: {}", stage.name, stage.title), ..default() };
@@ -27,14 +27,14 @@ pub(crate) fn open_window(app: &mut App, stage: &Stage, options: &StageOptions) 
     )
     .add_plugins((PanOrbitCameraPlugin, mouse(stage), keys::KeysPlugin));
     furnish(app, options);
-    app.add_systems(PostStartup, let_the_camera_turn).configure_sets(
+    app.add_systems(PostStartup, add_orbit_camera).configure_sets(
         PreUpdate,
         MouseDeviceSystems.run_if(not(keys::camera_turns).and_then(not(keys::pointer_is_elsewhere))),
     );
     Shown::InWindow
 }
 
-/// The mouse's hand begins a little above what the camera looks at, and goes as far and as fast as that is large.
+/// The mouse device: starts above the focus of the camera, with a workspace and a maximum speed proportional to the size of the stage.
 fn mouse(stage: &Stage) -> MouseDevicePlugin {
     let magnified = stage.magnified();
     let start_m = (stage.focus_m + Vec3::Y * 0.7 * stage.size_m).as_dvec3();
@@ -47,7 +47,7 @@ fn mouse(stage: &Stage) -> MouseDevicePlugin {
     MouseDevicePlugin { hand, line_m: magnified * usual.line_m, ..usual }
 }
 
-/// Light, floor, looks, and what is written and drawn over the scene.
+/// Adds light, floor, looks, captions and instruments.
 pub(crate) fn furnish(app: &mut App, options: &StageOptions) {
     app.insert_resource(ClearColor(BACKGROUND))
         .insert_resource(GlobalAmbientLight { brightness: 150.0, ..default() })
@@ -68,10 +68,10 @@ fn light_up(
     let magnified = stage.magnified();
     commands.spawn((
         Camera3d::default(),
-        // Centimetres are seen from near: the default near plane would cut into a body.
+        // The default near plane would cut into a body of centimetres.
         Projection::Perspective(PerspectiveProjection { near: 0.005 * magnified, ..default() }),
         Transform::from_translation(stage.eye_m).looking_at(stage.focus_m, Vec3::Y),
-        // The floor ends nowhere.
+        // Hides the edges of the floor.
         DistanceFog {
             color: BACKGROUND,
             falloff: FogFalloff::Linear { start: 0.35 * magnified, end: 1.3 * magnified },
@@ -85,7 +85,7 @@ fn light_up(
             shadow_maps_enabled: true,
             ..default()
         },
-        // Shadows of a decimetre, not of the hundred metres that are the default.
+        // Shadows within a decimetre, instead of the default hundred metres.
         bevy::light::CascadeShadowConfigBuilder {
             num_cascades: 1,
             minimum_distance: 0.02 * magnified,
@@ -93,10 +93,10 @@ fn light_up(
             ..default()
         }
         .build(),
-        // Low enough that a dent has a dark side.
+        // Low, to give an indentation a dark side.
         Transform::from_xyz(0.75, 0.62, 0.30).looking_at(Vec3::ZERO, Vec3::Y),
     ));
-    // A weaker light from the other side, so that no face is black.
+    // A weaker light from the other side, to brighten the dark faces.
     commands.spawn((
         DirectionalLight {
             illuminance: 1_300.0,
@@ -117,13 +117,13 @@ fn light_up(
     ));
 }
 
-fn let_the_camera_turn(mut commands: Commands, cameras: Query<Entity, With<Camera3d>>, stage: Res<Stage>) {
+fn add_orbit_camera(mut commands: Commands, cameras: Query<Entity, With<Camera3d>>, stage: Res<Stage>) {
     for camera in &cameras {
         commands.entity(camera).insert(PanOrbitCamera {
             focus: stage.focus_m,
             button_orbit: MouseButton::Right,
             button_pan: MouseButton::Middle,
-            // The wheel is the mouse's depth; see `keys`.
+            // The wheel changes the depth of the mouse device; `keys` enables zoom with Ctrl.
             zoom_sensitivity: 0.0,
             zoom_lower_limit: 0.05 * stage.magnified(),
             use_real_time: true,
@@ -142,7 +142,7 @@ fn dress_bodies(
             base_color: FLESH,
             perceptual_roughness: 0.36,
             reflectance: 0.5,
-            // A slit shows its inside, and a thin body both its sides.
+            // A slit shows the inside, and a thin body both sides.
             double_sided: true,
             cull_mode: None,
             ..default()
@@ -151,11 +151,11 @@ fn dress_bodies(
     }
 }
 
-/// The shape that a tool looks like.
+/// The shape that a tool shows.
 #[derive(Component)]
 struct Dressed(ToolShape);
 
-/// A tip as large as what touches, and a handle, so that it is seen from everywhere.
+/// Adds a tip of the tool's size, and a handle, which is visible from all sides.
 fn dress_tools(
     mut commands: Commands,
     tools: Query<(Entity, &HapticTool, Option<&ToolPaint>), Changed<HapticTool>>,
@@ -188,7 +188,7 @@ fn dress_tools(
             }
             ToolShape::FlatPunch { axis, .. } => {
                 let up = Quat::from_rotation_arc(Vec3::Y, -axis.as_vec3());
-                // Its position is the middle of its face.
+                // The position of a punch is the centre of its face.
                 let at = |height: f32| {
                     Transform::from_rotation(up).with_translation(up * Vec3::Y * (0.5 * height))
                 };
@@ -225,16 +225,16 @@ fn dress_sutures(
     }
 }
 
-/// Between its ends; a torn one is gone.
+/// Stretches each thread between its ends; hides a torn one.
 fn stretch_threads(mut sutures: Query<(&SutureForce, &mut Transform), With<Suture>>) {
     for (force, mut transform) in &mut sutures {
         let [a, b] = force.ends_m.map(|end| end.as_vec3() + Vec3::Y * THREAD_M);
         let along = b - a;
-        let seen = if force.is_torn { 0.0 } else { 1.0 };
+        let visible = if force.is_torn { 0.0 } else { 1.0 };
         *transform = Transform {
             translation: 0.5 * (a + b),
             rotation: along.try_normalize().map_or(Quat::IDENTITY, |d| Quat::from_rotation_arc(Vec3::Y, d)),
-            scale: seen * Vec3::new(1.0, along.length(), 1.0),
+            scale: visible * Vec3::new(1.0, along.length(), 1.0),
         };
     }
 }

@@ -1,15 +1,15 @@
-//! The hand: grasps the left edge, pulls it across, lets go, waits, grasps the right edge and pulls it away.
+//! The scripted device: grasps the left edge, pulls it across, releases it, waits, grasps the right edge and pulls it away.
 
 use super::wound::TOP_M;
 use bevy_palpate::prelude::*;
 
 /// Radius of the tool, m.
 pub const RADIUS_M: f64 = 0.004;
-/// How long it takes, s.
+/// Duration of the motion, s.
 pub const SECONDS: f64 = 5.2;
 
-/// Times, s, places of the tool's lowest point, mm across, over the top and along the wound, and whether it is closed from then on.
-/// It gives the edge back to the threads before it opens.
+/// Times, s, positions of the tool's lowest point, mm across, over the top and along the wound, and whether the grasp is closed from then
+/// on. The tool moves the edge back to the threads before it opens.
 const WAY: [(f64, [f64; 3], bool); 15] = [
     (0.0, [-9.0, 20.0, 0.0], false),
     (0.4, [-8.0, -0.3, 0.0], false),
@@ -28,7 +28,7 @@ const WAY: [(f64, [f64; 3], bool); 15] = [
     (4.75, [26.0, 5.0, 0.0], true),
 ];
 
-/// What the hand does at time `t` (s).
+/// The reading at time `t`, s.
 pub fn reading(t: f64) -> Reading {
     let later = WAY.iter().position(|(at, ..)| *at > t).unwrap_or(WAY.len());
     let (from, to) = (WAY[later.max(1) - 1], WAY[later.min(WAY.len() - 1)]);

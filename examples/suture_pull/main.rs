@@ -1,8 +1,8 @@
-//! This example demonstrates grasp and suture: a hand takes a wound's edge, pulls it across, three threads are sewn and pulled
-//! tight, and in the end the hand tears them.
+//! This example demonstrates grasp and suture: a tool grasps a wound's edge and pulls it across, three threads are sewn and tightened, and
+//! the tool finally tears them.
 //!
-//! `cargo run --release --example suture_pull` prints the forces; `--features panel,gizmos` shows it, and with key M the mouse's left
-//! button grasps.
+//! `cargo run --release --example suture_pull` prints the forces; `--features panel,gizmos` opens a window, in which key M selects the
+//! mouse, whose left button grasps.
 
 mod hand;
 mod scene;
@@ -14,7 +14,7 @@ use bevy::prelude::*;
 use clap::Parser;
 use palpate_stage::{Stage, StageOptions};
 
-/// A wound's edge is grasped and pulled across; threads hold it, with the same force on both sides, until they tear.
+/// A tool grasps a wound's edge and pulls it across; threads hold it, with equal forces on both sides, until they tear.
 #[derive(Clone, Debug, Parser)]
 #[command(after_help = "Examples:\n  suture_pull --seconds 3\n  suture_pull --pictures . --at 1.2,2.8")]
 pub struct Options {

@@ -1,4 +1,4 @@
-//! The tension of the threads over time.
+//! Plot of the threads' tension over time.
 
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, EguiPrimaryContextPass};
@@ -11,19 +11,19 @@ impl Plugin for TensionPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<Curves>()
             .add_systems(SetUpScene, |mut curves: ResMut<Curves>| *curves = Curves::default())
-            .add_systems(ModelSchedule, note.in_set(HapticSystems::Last))
+            .add_systems(ModelSchedule, record.in_set(HapticSystems::Last))
             .add_systems(EguiPrimaryContextPass, show);
     }
 }
 
-/// Over time, s: the hand's force and the sum of the threads' tensions on each side of the wound, N.
+/// Force on the hand and sum of the threads' tensions on each side of the wound, N, over time, s.
 #[derive(Resource, Default)]
 struct Curves {
     hand: Vec<[f64; 2]>,
     sides: [Vec<[f64; 2]>; 2],
 }
 
-fn note(
+fn record(
     time: Res<SceneTime>,
     tools: Query<&ToolForce>,
     sutures: Query<&SutureForce>,
@@ -42,7 +42,7 @@ fn show(mut contexts: EguiContexts, curves: Res<Curves>) -> Result {
     plot_window(
         &mut contexts,
         &Plot {
-            title: "what the threads and the hand hold",
+            title: "forces of threads and hand",
             axes: ["time, s", "force, N"],
             lines: &[
                 ("hand", [90, 170, 255], curves.hand.clone()),

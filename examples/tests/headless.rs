@@ -1,6 +1,6 @@
-//! Every scene, run as a user runs it without a window: what it prints is what the physics says, and what goes wrong is said.
+//! Every scene, run as a user runs it without a window: the printed values agree with the physics, and errors are reported.
 //!
-//! `cargo test` builds the scenes beside this test. Where they are not, because only tests were asked for, cargo runs them.
+//! `cargo test` builds the scenes next to this test. If they are not built, because only tests were requested, cargo runs them.
 
 #[path = "../probing/comparable.rs"]
 mod comparable;
@@ -11,21 +11,21 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::{Mutex, PoisonError};
 
-/// One scene at a time: what one does on a thread in real time must not wait for the others.
+/// Runs one scene at a time: a loop on a thread must not wait for other scenes.
 static STAGE: Mutex<()> = Mutex::new(());
 
 /// Runs the scene `name` with `args` and `--headless`.
 fn run(name: &str, args: &[&str]) -> Output {
     let _alone = STAGE.lock().unwrap_or_else(PoisonError::into_inner);
-    let beside = std::env::current_exe().unwrap();
-    let built = beside.parent().unwrap().with_file_name("examples").join(name);
+    let test = std::env::current_exe().unwrap();
+    let built = test.parent().unwrap().with_file_name("examples").join(name);
     let mut command = if built.exists() {
         Command::new(built)
     } else {
         let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
         let mut command = Command::new(cargo);
         command.args(["run", "--quiet", "--locked", "-p", "palpate_examples", "--example", name]);
-        // As this test was built, so that nothing is built twice.
+        // With the features of this test, to build nothing twice.
         if cfg!(feature = "panel") {
             command.args(["--features", "panel,gizmos"]);
         }
@@ -38,15 +38,15 @@ fn run(name: &str, args: &[&str]) -> Output {
     command.args(args).arg("--headless").output().unwrap()
 }
 
-/// What a scene prints.
+/// Standard output of a scene.
 fn printed(name: &str, args: &[&str]) -> String {
     let output = run(name, args);
-    let (out, said) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{name} {args:?}: {}\n{out}\n{said}", output.status);
+    let (out, errors) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{name} {args:?}: {}\n{out}\n{errors}", output.status);
     out.into_owned()
 }
 
-/// The line of JSON in what was printed.
+/// The last line of JSON of an output.
 fn json(printed: &str) -> Value {
     let line = printed.lines().rev().find(|line| line.starts_with(['{', '['])).expect(printed);
     serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}"))
@@ -57,16 +57,16 @@ fn number(value: &Value, key: &str) -> f64 {
 }
 
 #[test]
-fn indentation_is_hertz_and_the_flat_punch() {
+fn indentation_agrees_with_hertz_and_the_flat_punch() {
     for (tip, half_space, layer) in [("ball", 1.05..1.7, 0.95..1.05), ("punch", 1.15..1.7, 0.95..1.05)] {
-        let told = json(&printed("indentation", &["--tip", tip, "--seconds", "3"]));
-        let stairs = told.as_array().unwrap();
-        assert_eq!(stairs.len(), 4, "{told}");
+        let report = json(&printed("indentation", &["--tip", tip, "--seconds", "3"]));
+        let stairs = report.as_array().unwrap();
+        assert_eq!(stairs.len(), 4, "{report}");
         for stair in stairs {
             assert!(half_space.contains(&number(stair, "to_half_space")), "{stair}");
             assert!(layer.contains(&number(stair, "to_layer")), "{stair}");
-            // At rest the hand feels what the full body answers.
-            assert!((number(stair, "felt_n") / number(stair, "force_n") - 1.0).abs() < 0.05, "{stair}");
+            // At rest the rendered force is that of the full body.
+            assert!((number(stair, "rendered_n") / number(stair, "force_n") - 1.0).abs() < 0.05, "{stair}");
         }
         let depths: Vec<f64> = stairs.iter().map(|stair| number(stair, "depth_m")).collect();
         assert!(
@@ -77,11 +77,11 @@ fn indentation_is_hertz_and_the_flat_punch() {
 }
 
 #[test]
-fn both_sides_of_a_wound_are_pulled_alike_and_threads_tear_at_their_limit() {
+fn threads_pull_both_sides_equally_and_tear_at_their_limit() {
     let limit_n = 0.25;
-    let told = json(&printed("suture_pull", &["--tear-limit", "0.25"]));
-    let threads = told["threads"].as_array().unwrap();
-    assert_eq!(threads.len(), 3, "{told}");
+    let report = json(&printed("suture_pull", &["--tear-limit", "0.25"]));
+    let threads = report["threads"].as_array().unwrap();
+    assert_eq!(threads.len(), 3, "{report}");
     for thread in threads {
         let tension_n = number(thread, "tension_n");
         assert!(tension_n > 0.02 && tension_n < limit_n, "{thread}");
@@ -90,34 +90,34 @@ fn both_sides_of_a_wound_are_pulled_alike_and_threads_tear_at_their_limit() {
         }
         assert!(number(thread, "sum_n") < 0.01 * tension_n, "equal and opposite: {thread}");
         // 300 N/m.
-        assert!((300.0 * number(thread, "longer_m") / tension_n - 1.0).abs() < 0.01, "a spring: {thread}");
+        assert!((300.0 * number(thread, "extension_m") / tension_n - 1.0).abs() < 0.01, "a spring: {thread}");
     }
-    let torn: Vec<f64> = told["torn_at_n"].as_array().unwrap().iter().filter_map(Value::as_f64).collect();
-    assert_eq!(torn.len(), 3, "{told}");
+    let torn: Vec<f64> = report["torn_at_n"].as_array().unwrap().iter().filter_map(Value::as_f64).collect();
+    assert_eq!(torn.len(), 3, "{report}");
     assert!(torn.iter().all(|at_n| (limit_n..1.1 * limit_n).contains(at_n)), "{torn:?}");
-    assert!(number(&told, "sewn_m") < 0.7 * number(&told, "apart_m"), "{told}");
-    // What never tears never does.
-    let told = json(&printed("suture_pull", &["--tear-limit", "1000"]));
-    assert_eq!(told["torn_at_n"].as_array().unwrap().len(), 0, "{told}");
+    assert!(number(&report, "sewn_m") < 0.7 * number(&report, "apart_m"), "{report}");
+    // With a high limit no thread tears.
+    let report = json(&printed("suture_pull", &["--tear-limit", "1000"]));
+    assert_eq!(report["torn_at_n"].as_array().unwrap().len(), 0, "{report}");
 }
 
 #[test]
 fn probing_finds_the_lump_where_it_is() {
     let folder = std::env::temp_dir().join(format!("palpate-probing-{}", std::process::id()));
-    let told = json(&printed("probing", &["--seconds", "5", "--out", &folder.display().to_string()]));
-    let touches = told["touches"].as_array().unwrap();
+    let report = json(&printed("probing", &["--seconds", "5", "--out", &folder.display().to_string()]));
+    let touches = report["touches"].as_array().unwrap();
     let stiffness = |touch: &Value| number(touch, "force_n") / number(touch, "depth_m");
     let stiffest = touches.iter().max_by(|a, b| stiffness(a).total_cmp(&stiffness(b))).expect("no touch");
-    let beside = |touch: &Value| (number(touch, "x_m") + 0.010).hypot(number(touch, "z_m") + 0.006);
-    assert!(beside(stiffest) < 0.004, "{told}");
-    for other in touches.iter().filter(|touch| beside(touch) > 0.015) {
-        assert!(stiffness(stiffest) > 1.3 * stiffness(other), "{told}");
+    let distance_m = |touch: &Value| (number(touch, "x_m") + 0.010).hypot(number(touch, "z_m") + 0.006);
+    assert!(distance_m(stiffest) < 0.004, "{report}");
+    for other in touches.iter().filter(|touch| distance_m(touch) > 0.015) {
+        assert!(stiffness(stiffest) > 1.3 * stiffness(other), "{report}");
     }
-    // What ships is near the full body, and holding the force is not.
-    let error = |scheme: &str| number(&told["errors"], scheme);
-    assert!(error("near_field_exact") < 0.02 && error("hold") > 0.05, "{told}");
-    // How late the thread was is no business of a test; that its models were taken is.
-    assert!(error("as_felt") < error("hold"), "{told}");
+    // The default scheme is close to the full body, holding the force is not.
+    let error = |scheme: &str| number(&report["errors"], scheme);
+    assert!(error("near_field_exact") < 0.02 && error("hold") > 0.05, "{report}");
+    // Independent of the lateness of the thread, its local models were adopted.
+    assert!(error("as_rendered") < error("hold"), "{report}");
     for file in ["trace.csv", "force.svg"] {
         assert!(folder.join(file).metadata().unwrap().len() > 1000, "{file}");
     }
@@ -125,40 +125,40 @@ fn probing_finds_the_lump_where_it_is() {
 }
 
 #[test]
-fn one_hand_feels_the_other_through_a_body() {
-    let told = json(&printed("two_tools", &["--seconds", "2.5"]));
-    let [alone_n, right_n, beside_n] = ["alone_n", "right_n", "beside_n"].map(|key| number(&told, key));
-    assert!(alone_n > 0.2 && right_n > alone_n, "{told}");
-    assert!((beside_n - alone_n).abs() > 0.05 * alone_n, "{told}");
+fn one_tool_changes_the_force_on_the_other() {
+    let report = json(&printed("two_tools", &["--seconds", "2.5"]));
+    let [alone_n, right_n, both_n] = ["alone_n", "right_n", "both_n"].map(|key| number(&report, key));
+    assert!(alone_n > 0.2 && right_n > alone_n, "{report}");
+    assert!((both_n - alone_n).abs() > 0.05 * alone_n, "{report}");
 }
 
 #[test]
-fn a_hand_of_springs_stays_behind_its_wish_by_force_over_stiffness() {
-    let told = json(&printed("custom_device", &["--seconds", "1.6"]));
-    let (force_n, behind_m) = (number(&told, "force_n"), number(&told, "behind_m"));
-    assert!(force_n > 0.5 && number(&told, "touch_ticks") > 200.0, "{told}");
-    // It moves, so not quite: its damping takes a part.
-    assert!((behind_m / (force_n / 300.0) - 1.0).abs() < 0.25, "{told}");
+fn tracking_error_of_a_spring_driven_device_is_force_over_stiffness() {
+    let report = json(&printed("custom_device", &["--seconds", "1.6"]));
+    let (force_n, error_m) = (number(&report, "force_n"), number(&report, "error_m"));
+    assert!(force_n > 0.5 && number(&report, "contact_ticks") > 200.0, "{report}");
+    // Approximately, because damping acts on the moving mass.
+    assert!((error_m / (force_n / 300.0) - 1.0).abs() < 0.25, "{report}");
 }
 
 #[test]
-fn the_test_of_a_scene_passes_itself() {
-    let told = printed("headless", &["--seconds", "1.5"]);
-    assert!(told.contains("bits of all forces, twice the same"), "{told}");
+fn headless_example_passes() {
+    let report = printed("headless", &["--seconds", "1.5"]);
+    assert!(report.contains("bits of all forces"), "{report}");
     let output = run("headless", &["--seconds", "1"]);
     assert!(!output.status.success() && String::from_utf8_lossy(&output.stderr).contains("1.3 to 3600"));
 }
 
 #[test]
-fn the_organ_is_a_mesh_of_yours() {
+fn your_mesh_accepts_the_organ() {
     let organ = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/meshes/organ.glb");
-    let told = json(&printed("your_mesh", &[organ, "--seconds", "1.6"]));
-    assert!(number(&told, "force_n") > 0.2 && number(&told, "error") < 0.1, "{told}");
-    // A third of its box of 126 by 67 by 76 mm, of water.
-    assert!((0.15..0.5).contains(&number(&told, "mass_kg")), "{told}");
+    let report = json(&printed("your_mesh", &[organ, "--seconds", "1.6"]));
+    assert!(number(&report, "force_n") > 0.2 && number(&report, "error") < 0.1, "{report}");
+    // A third of its bounding box of 126 by 67 by 76 mm, with the density of water.
+    assert!((0.15..0.5).contains(&number(&report, "mass_kg")), "{report}");
 }
 
-/// A glTF file of tetrahedra of side 1, one for each place, or of one triangle of such a tetrahedron.
+/// Writes a glTF file of tetrahedra with edges of 1, one at each place; without one triangle if `is_open`.
 fn tetrahedra(folder: &Path, name: &str, places: &[f32], is_open: bool) -> PathBuf {
     let corners = [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let mut bytes: Vec<u8> = corners.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
@@ -184,7 +184,7 @@ fn tetrahedra(folder: &Path, name: &str, places: &[f32], is_open: bool) -> PathB
 }
 
 #[test]
-fn a_mesh_of_yours_may_lie_anywhere_and_a_wrong_one_is_told_with_what_to_do() {
+fn your_mesh_accepts_meshes_far_from_the_origin_and_reports_invalid_ones() {
     let folder = std::env::temp_dir().join(format!("palpate #{} meshes", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let write = |name: &str, bytes: &[u8]| {
@@ -194,28 +194,28 @@ fn a_mesh_of_yours_may_lie_anywhere_and_a_wrong_one_is_told_with_what_to_do() {
     // 6 cm and 2 m, far from the origin, in a folder with a space and a #.
     let far = tetrahedra(&folder, "far # off.gltf", &[30.0], false);
     for (scale, mass_kg) in [("0.06", 0.036), ("2", 1333.0)] {
-        let told = json(&printed(
+        let report = json(&printed(
             "your_mesh",
             &[&far.display().to_string(), "--seconds", "1", "--scale", scale, "--cells", "5"],
         ));
-        assert!((number(&told, "mass_kg") / mass_kg - 1.0).abs() < 0.01, "{told}");
-        // A sharp corner of soft tissue bears a few millinewtons.
-        assert!(number(&told, "force_n") > 0.001, "{told}");
+        assert!((number(&report, "mass_kg") / mass_kg - 1.0).abs() < 0.01, "{report}");
+        // The force of a sharp corner of soft tissue is a few millinewtons.
+        assert!(number(&report, "force_n") > 0.001, "{report}");
     }
     for (file, expected) in [
-        (folder.join("none.glb"), "it cannot be read"),
-        (write("picture.png", b"\x89PNG\r\n\x1a\n"), "a mesh is read from a .glb or .gltf file"),
-        (write("picture.glb", b"\x89PNG\r\n\x1a\n"), "it is no glTF that can be read"),
-        (write("empty.glb", b""), "it is no glTF that can be read"),
-        (tetrahedra(&folder, "open.gltf", &[0.0], true), "the mesh has holes"),
-        (tetrahedra(&folder, "pieces.gltf", &[0.0, 5.0], false), "in 2 pieces"),
-        (tetrahedra(&folder, "crossing.gltf", &[0.0, 0.1], false), "passes through itself"),
+        (folder.join("none.glb"), "cannot be read"),
+        (write("picture.png", b"\x89PNG\r\n\x1a\n"), "must end in .glb or .gltf"),
+        (write("picture.glb", b"\x89PNG\r\n\x1a\n"), "not a valid glTF file"),
+        (write("empty.glb", b""), "not a valid glTF file"),
+        (tetrahedra(&folder, "open.gltf", &[0.0], true), "holes"),
+        (tetrahedra(&folder, "pieces.gltf", &[0.0, 5.0], false), "2 pieces"),
+        (tetrahedra(&folder, "crossing.gltf", &[0.0, 0.1], false), "through itself"),
     ] {
         let output = run("your_mesh", &[&file.display().to_string(), "--seconds", "1"]);
-        let said =
+        let text =
             format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-        assert!(!output.status.success(), "{}: {said}", file.display());
-        assert!(said.contains(expected), "{}: {said}", file.display());
+        assert!(!output.status.success(), "{}: {text}", file.display());
+        assert!(text.contains(expected), "{}: {text}", file.display());
     }
     std::fs::remove_dir_all(folder).ok();
 }
@@ -226,16 +226,16 @@ fn samples(first: u64, count: u64) -> Vec<Sample> {
 }
 
 #[test]
-fn a_run_is_compared_from_where_the_body_is_at_rest() {
+fn comparison_starts_where_the_body_is_at_rest() {
     let whole = samples(0, 5000);
-    assert_eq!(comparable::begin(&whole, 100..5000), 0, "a whole run from its first sample");
-    let after_a_hole = [samples(0, 1000), samples(3000, 2000)].concat();
-    // Between the two touches there was too little time.
-    let index = comparable::begin(&after_a_hole, (0..900).chain(2900..3400).chain(3500..3900));
-    assert_eq!(after_a_hole[index].sequence, 3899 + 150);
+    assert_eq!(comparable::start(&whole, 100..5000), 0, "a whole run from its first sample");
+    let with_gap = [samples(0, 1000), samples(3000, 2000)].concat();
+    // The time between the two contacts is too short.
+    let index = comparable::start(&with_gap, (0..900).chain(2900..3400).chain(3500..3900));
+    assert_eq!(with_gap[index].sequence, 3899 + 150);
     let long = samples(0, 30_000);
-    assert_eq!(long[comparable::begin(&long, 0..20_100)].sequence, 20_099 + 150);
-    assert_eq!(comparable::begin(&long, 0..30_000), 20_000, "a hand that never left is compared as it is");
+    assert_eq!(long[comparable::start(&long, 0..20_100)].sequence, 20_099 + 150);
+    assert_eq!(comparable::start(&long, 0..30_000), 20_000, "a permanent contact is compared as it is");
     let restarted: Vec<u64> = (0..50).chain(0..20).collect();
     assert_eq!(comparable::of_last_loop(&restarted, |number| *number).len(), 20);
 }

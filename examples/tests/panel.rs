@@ -1,6 +1,6 @@
-//! The panel and the gizmos, drawn off-screen: there is something where it belongs, and it costs what it may.
+//! The panel and the gizmos, drawn off-screen: their content, and their cost.
 //!
-//! Skipped, with the reason printed, where there is no graphics driver (Mesa's software Vulkan will do).
+//! Skipped, with the reason printed, without a graphics driver (Mesa's software Vulkan is sufficient).
 
 use bevy::camera::RenderTarget;
 use bevy::diagnostic::DiagnosticsStore;
@@ -18,11 +18,11 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 const SIZE: UVec2 = UVec2::new(1280, 720);
-/// Left edge of the panel, roughly.
+/// Approximate left edge of the panel, pixels.
 const PANEL: u32 = 900;
 
-/// Says why nothing can be drawn here, if so.
-#[expect(clippy::print_stderr, reason = "a test that is skipped says why")]
+/// Whether there is a graphics driver; prints the reason of a skipped test.
+#[expect(clippy::print_stderr, reason = "the reason of a skipped test")]
 fn has_driver() -> bool {
     let instance = wgpu::Instance::default();
     let found = !bevy::tasks::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY)).is_empty();
@@ -38,14 +38,14 @@ struct Picture(Option<Image>);
 #[derive(Resource)]
 struct Target(Handle<Image>);
 
-/// A block under a hand that presses and wipes, seen by a camera whose picture nobody else has; an update is a model step.
+/// A block under a tool that presses and slides, with a camera that renders to an image; each update is a model step.
 fn app() -> App {
     let mut app = App::new();
     let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
-    // A picture must not be drawn before what is to be drawn is ready.
+    // The pipelines must be ready before the first picture.
     let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
     app.add_plugins(DefaultPlugins.set(window).set(render).disable::<WinitPlugin>())
-        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin { mode: LoopMode::Lockstep, ..default() }))
+        .add_plugins(PalpatePlugins.set(HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep)))
         .add_plugins((HapticPanelPlugin::default(), HapticGizmosPlugin))
         .insert_resource(Time::<Fixed>::from_hz(20.0))
         .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)))
@@ -89,22 +89,22 @@ fn setup(
     ));
     let light = DirectionalLight { illuminance: 5_000.0, ..default() };
     commands.spawn((light, Transform::from_xyz(0.3, 0.8, 0.5).looking_at(Vec3::ZERO, Vec3::Y)));
-    commands.spawn((Name::new("hand"), HapticTool { device: DeviceSelector::named("hand"), ..default() }));
+    commands.spawn((Name::new("hand"), HapticTool::new("hand")));
 }
 
-/// Updates that nobody sees, so that nothing has to be drawn.
+/// Updates without an active camera, to draw nothing.
 fn pass(app: &mut App, updates: usize) {
-    let see = |app: &mut App, is_active| {
+    let set_cameras = |app: &mut App, is_active| {
         let world = app.world_mut();
         world.query::<&mut Camera>().iter_mut(world).for_each(|mut camera| camera.is_active = is_active);
     };
     app.update();
-    see(app, false);
+    set_cameras(app, false);
     (1..updates).for_each(|_| app.update());
-    see(app, true);
+    set_cameras(app, true);
 }
 
-/// The picture after some more updates, which is also kept as `name`.
+/// The picture after further updates, which is also saved as `name`.
 fn picture(app: &mut App, updates: usize, name: &str) -> Image {
     (0..updates).for_each(|_| app.update());
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
@@ -121,10 +121,10 @@ fn picture(app: &mut App, updates: usize, name: &str) -> Image {
             return image;
         }
     }
-    panic!("no picture came back");
+    panic!("no picture after 50 updates");
 }
 
-/// Pixels of `image` from x = `from` to `to` that are within a little of `color` (sRGB, 0 to 255).
+/// Number of pixels of `image` from x = `from` to `to` that are close to `color` (sRGB, 0 to 255).
 fn count(image: &Image, (from, to): (u32, u32), color: [i32; 3]) -> usize {
     let near = |pixel: &[u8]| (0..3).all(|i| (i32::from(pixel[i]) - color[i]).abs() <= 24);
     let all = (0..SIZE.y).flat_map(|y| (from..to).map(move |x| UVec3::new(x, y, 0)));
@@ -139,14 +139,14 @@ fn median_ms(app: &App, path: &bevy::diagnostic::DiagnosticPath) -> f64 {
 }
 
 #[test]
-fn the_panel_shows_the_curves_and_closes() {
+fn panel_draws_its_curves_and_closes() {
     if !has_driver() {
         return;
     }
     let mut app = app();
     let open = picture(&mut app, 60, "panel.png");
     let (panel, scene) = ((PANEL, SIZE.x), (0, PANEL));
-    // Full body and near field exact are drawn, and there is text.
+    // The curves of the full body and of the near field exact, and text.
     let [full, near, text] =
         [[240, 242, 246], [40, 200, 150], [140, 140, 140]].map(|c| count(&open, panel, c));
     assert!(full > 300 && near > 100 && text > 300, "{full} {near} {text}");
@@ -160,13 +160,13 @@ fn the_panel_shows_the_curves_and_closes() {
     // The last twenty frames were closed ones.
     let store = app.world().resource::<DiagnosticsStore>();
     let cost = store.get(&HapticPanelPlugin::COST).unwrap();
-    let mut late: Vec<f64> = cost.values().skip(cost.history_len() - 20).copied().collect();
-    late.sort_by(f64::total_cmp);
-    assert!(late[10] < 0.5, "a closed panel costs {} ms", late[10]);
+    let mut recent: Vec<f64> = cost.values().skip(cost.history_len() - 20).copied().collect();
+    recent.sort_by(f64::total_cmp);
+    assert!(recent[10] < 0.5, "a closed panel costs {} ms", recent[10]);
 }
 
 #[test]
-fn the_gizmos_draw_what_they_are_asked_for() {
+fn gizmos_draw_the_selected_parts() {
     if !has_driver() {
         return;
     }
@@ -193,7 +193,7 @@ fn the_gizmos_draw_what_they_are_asked_for() {
     assert!(count(&basis, whole, yellow) > 20 && count(&lattice, whole, yellow) < 20);
     let cost = median_ms(&app, &HapticGizmosPlugin::COST);
     assert!(cost < 20.0, "{cost} ms");
-    // Nothing at all.
+    // Without gizmos.
     app.world_mut().resource_mut::<GizmoConfigStore>().config_mut::<HapticGizmos>().0.enabled = false;
     let nothing = picture(&mut app, 1, "gizmos_off.png");
     let tool = [217, 230, 255];

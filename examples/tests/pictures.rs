@@ -1,25 +1,26 @@
-//! Every scene is drawn, by Mesa's software driver if there is no other, and what must be on its picture is looked for there.
+//! Draws every scene, with Mesa's software driver if there is no other, and checks the pictures for their content.
 //!
-//! `cargo test -p palpate_examples --features panel,gizmos --test pictures` leaves the pictures in `target/palpate/pictures`. Those of
-//! the README are in `assets/pictures`: copy the last of each scene there when it has become better.
+//! `cargo test -p palpate_examples --features panel,gizmos --test pictures` writes the pictures to `target/palpate/pictures`. Those of the
+//! README are in `assets/pictures`: copy the last one of a scene there to update them.
 
 use image::{Rgb, RgbImage};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A scene, its times (s), and what must be on its last picture.
+/// A scene and the content of its last picture.
 struct Scene {
     name: &'static str,
-    /// What else it is told.
+    /// Further arguments.
     args: &'static [&'static str],
+    /// Times of the pictures, s.
     at_s: &'static str,
-    /// What is drawn over it.
+    /// Value of `--gizmos`.
     gizmos: &'static str,
-    /// Pixels that must be there, at least: what, a colour's description, how many.
+    /// Content: name, test of a pixel, and minimum number of such pixels.
     has: &'static [(&'static str, fn(Rgb<u8>) -> bool, usize)],
 }
 
-/// As the stage paints bodies: flesh, lit or in shadow.
+/// Whether a pixel has the colour of bodies, lit or in shadow.
 fn is_flesh([r, g, b]: [u8; 3]) -> bool {
     let [r, g, b] = [r, g, b].map(f32::from);
     r > 60.0 && r > 1.35 * g && r > 1.25 * b
@@ -112,7 +113,7 @@ const SCENES: [Scene; 6] = [
     },
 ];
 
-/// Draws `scene`; `None` where nothing can be drawn.
+/// Draws `scene`; `None` without a graphics driver.
 fn draw(scene: &Scene, folder: &Path) -> Option<Vec<RgbImage>> {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
     let mut run = Command::new(cargo);
@@ -124,11 +125,11 @@ fn draw(scene: &Scene, folder: &Path) -> Option<Vec<RgbImage>> {
         .arg(folder)
         .args(scene.args);
     let output = run.output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    if said.contains("draws nothing") {
+    let errors = String::from_utf8_lossy(&output.stderr);
+    if errors.contains("draws nothing") {
         return None;
     }
-    assert!(output.status.success(), "{}: {said}", scene.name);
+    assert!(output.status.success(), "{}: {errors}", scene.name);
     let pictures = scene.at_s.split(',').enumerate().map(|(index, _)| {
         let file = folder.join(format!("{}-{}.png", scene.name, index + 1));
         let picture = image::open(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
@@ -137,28 +138,28 @@ fn draw(scene: &Scene, folder: &Path) -> Option<Vec<RgbImage>> {
     Some(pictures.collect())
 }
 
-/// What is wrong with `pictures` of `scene`.
-fn complaints(scene: &Scene, pictures: &[RgbImage]) -> Vec<String> {
-    let mut complaints = Vec::new();
+/// Errors in the `pictures` of `scene`.
+fn errors(scene: &Scene, pictures: &[RgbImage]) -> Vec<String> {
+    let mut errors = Vec::new();
     let Some(last) = pictures.last() else { return vec![format!("{}: no pictures", scene.name)] };
-    for (what, is_it, least) in scene.has {
+    for (what, is_it, min) in scene.has {
         let found = last.pixels().filter(|&&pixel| is_it(pixel)).count();
-        if found < *least {
-            complaints.push(format!("{}: {found} pixels of {what}, not {least}", scene.name));
+        if found < *min {
+            errors.push(format!("{}: {found} pixels of {what}, not {min}", scene.name));
         }
     }
     for pair in pictures.windows(2) {
         let differs = |(a, b): (&Rgb<u8>, &Rgb<u8>)| {
             let apart: u32 = a.0.iter().zip(b.0).map(|(&a, b)| u32::from(a.abs_diff(b))).sum();
-            // Of the body, not of what moves before it.
+            // Pixels of the body, not of a tool in front of it.
             body(*a) && body(*b) && apart > 24
         };
         let moved = pair[0].pixels().zip(pair[1].pixels()).filter(|pair| differs(*pair)).count();
         if moved < 150 {
-            complaints.push(format!("{}: the body moved in {moved} pixels only", scene.name));
+            errors.push(format!("{}: the body moved in {moved} pixels only", scene.name));
         }
     }
-    complaints
+    errors
 }
 
 fn folder() -> PathBuf {
@@ -170,27 +171,27 @@ fn folder() -> PathBuf {
 }
 
 #[test]
-fn every_scene_shows_what_it_is_about() {
+fn pictures_of_every_scene_have_their_content() {
     let folder = folder();
-    let mut wrong = Vec::new();
+    let mut all = Vec::new();
     for scene in &SCENES {
         let Some(pictures) = draw(scene, &folder) else {
-            #[expect(clippy::print_stderr, reason = "why nothing is tested")]
+            #[expect(clippy::print_stderr, reason = "the reason of a skipped test")]
             {
                 eprintln!("skipped: there is no graphics driver (Vulkan on Linux)");
             }
             return;
         };
-        wrong.extend(complaints(scene, &pictures));
+        all.extend(errors(scene, &pictures));
     }
-    assert!(wrong.is_empty(), "{wrong:#?}\nsee {}", folder.display());
+    assert!(all.is_empty(), "{all:#?}\nsee {}", folder.display());
 }
 
 #[test]
-fn a_blank_picture_and_one_that_stands_still_are_noticed() {
+fn blank_and_unchanged_pictures_are_errors() {
     let blank = RgbImage::from_pixel(640, 360, Rgb([20, 24, 30]));
     for scene in &SCENES {
-        let said = complaints(scene, &[blank.clone(), blank.clone()]);
-        assert_eq!(said.len(), scene.has.len() + 1, "{said:?}");
+        let found = errors(scene, &[blank.clone(), blank.clone()]);
+        assert_eq!(found.len(), scene.has.len() + 1, "{found:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Slow motion in scenes that depend on when the hand does what: what comes of them is the same.
+//! Slow motion in scenes that depend on the time of the device: the results are the same.
 
 #[expect(dead_code, reason = "its main is not called")]
 #[path = "../indentation/main.rs"]
@@ -24,12 +24,12 @@ fn until(app: &mut App, end_s: f64) {
 }
 
 #[test]
-fn indentation_measures_as_before_after_slow_motion_in_mid_stroke() {
+fn indentation_is_unchanged_by_slow_motion() {
     let options = indentation::Options::parse_from(["indentation", "--headless", "--seconds", "60"]);
     let mut app = indentation::app(&options);
     app.finish();
     app.cleanup();
-    // On the way down to the second stair, and into the wait on it.
+    // From the way down to the second step until the rest on it.
     until(&mut app, 1.05);
     set_slow(app.world_mut(), true);
     until(&mut app, 1.3);
@@ -39,12 +39,12 @@ fn indentation_measures_as_before_after_slow_motion_in_mid_stroke() {
     assert_eq!(app.world().resource::<Measured>().tip(), Tip::Ball);
     until(&mut app, 3.05);
     let measured = app.world().resource::<Measured>();
-    assert_eq!(measured.tip(), Tip::Punch, "its turn has come with the hand's");
+    assert_eq!(measured.tip(), Tip::Punch, "the tip changes with the device's time");
     let waited: Vec<(Tip, Pressed)> = measured.waited().map(|(tip, pressed)| (tip, *pressed)).collect();
     assert_eq!(waited.len(), 4, "{waited:?}");
     for ((tip, pressed), depth_m) in waited.iter().zip([0.002, 0.004, 0.006, 0.008]) {
         assert!(*tip == Tip::Ball && (pressed.depth_m - depth_m).abs() < 1e-6, "{waited:?}");
-        // Hertz on a half-space, and a layer that is stiffer the deeper it is pressed.
+        // Hertz on a half-space; the layer is stiffer at larger depths.
         let hertz_n = 4.0 / 3.0 * (20e3 / (1.0 - 0.0625)) * 0.04_f64.sqrt() * depth_m.powf(1.5);
         assert!((1.05..1.7).contains(&(pressed.full_n / hertz_n)), "{pressed:?}, {hertz_n} N");
     }
@@ -53,14 +53,14 @@ fn indentation_measures_as_before_after_slow_motion_in_mid_stroke() {
 }
 
 #[test]
-fn a_wound_that_is_sewn_is_pulled_open_after_slow_motion_and_not_sewn_again() {
+fn slow_motion_keeps_the_threads_of_a_sewn_wound() {
     let options = suture_pull::Options::parse_from(["suture_pull", "--headless", "--seconds", "60"]);
     let mut app = suture_pull::app(&options);
     app.finish();
     app.cleanup();
     let is_held = |app: &mut App| {
         let mut tools = app.world_mut().query::<&GraspedPoint>();
-        tools.single(app.world()).is_ok_and(|grasping| grasping.body.is_some())
+        tools.single(app.world()).is_ok_and(|grasped| grasped.body.is_some())
     };
     let threads = |app: &mut App| {
         let mut sutures = app.world_mut().query::<&SutureForce>();
@@ -71,7 +71,7 @@ fn a_wound_that_is_sewn_is_pulled_open_after_slow_motion_and_not_sewn_again() {
     assert!(is_held(&mut app) && threads(&mut app) == (3, 0), "{:?}", threads(&mut app));
     set_slow(app.world_mut(), true);
     until(&mut app, 1.48);
-    assert!(is_held(&mut app), "what was held is held again");
+    assert!(is_held(&mut app), "the grasp closes again");
     set_slow(app.world_mut(), false);
     until(&mut app, 3.0);
     assert!(!is_held(&mut app) && threads(&mut app) == (3, 0), "{:?}", threads(&mut app));

@@ -1,4 +1,4 @@
-//! The keys, pressed in a scene without a window.
+//! Keys in a scene without a window.
 
 use super::*;
 use crate::{HandTime, SceneTime, SetUpHands, SetUpScene, Stage, register_hand};
@@ -12,7 +12,7 @@ struct Options {
     stage: StageOptions,
 }
 
-/// A hand that comes down on a block in 1 s, presses it 10 mm deep in another, and stays; each update is a model step.
+/// A device that descends onto a block within 1 s, presses to a depth of 10 mm within another, and stays; each update is a model step.
 fn scene() -> (App, HandTime) {
     scene_with(&["test", "--headless", "--seconds", "3600"])
 }
@@ -28,8 +28,7 @@ fn scene_with(options: &[&str]) -> (App, HandTime) {
             commands.spawn((DeformableBody::block([4; 3], 0.1), FixedRegion::Face(BoxFace::Bottom)));
         })
         .add_systems(SetUpHands, |mut commands: Commands, options: Res<StageOptions>| {
-            let device = DeviceSelector::named("hand");
-            commands.spawn(HapticTool { device, scheme: options.scheme, ..default() });
+            commands.spawn(HapticTool::new("hand").with_scheme(options.scheme));
         });
     let hand =
         register_hand(app.world_mut(), "hand", |t| Reading::at(DVec3::Y * (0.065 - 0.01 * t.min(2.0))));
@@ -66,33 +65,33 @@ fn body(app: &mut App) -> Entity {
 }
 
 #[test]
-fn slow_motion_goes_on_where_body_and_hand_are() {
+fn slow_motion_continues_the_motion_of_body_and_tool() {
     let (mut app, hand) = scene();
     pass(&mut app, 30);
     assert!((hand.s() - 1.5).abs() < 1e-9 && (app.world().resource::<SceneTime>().0 - 1.5).abs() < 1e-9);
     let (before_m, at) = (tool_m(&mut app), body(&mut app));
     tap(&mut app, KeyCode::KeyS);
     pass(&mut app, 21);
-    // The first update was still at full speed, the others are steps of 5 ms.
-    let slowly_s = hand.s() - 1.55;
-    assert!((slowly_s - 0.105).abs() < 0.006, "{slowly_s} s");
+    // The first update is still at full speed, the others are steps of 5 ms.
+    let slow_s = hand.s() - 1.55;
+    assert!((slow_s - 0.105).abs() < 0.006, "{slow_s} s");
     assert!((app.world().resource::<SceneTime>().0 - hand.s()).abs() < 0.006);
     let moved_m = tool_m(&mut app) - before_m;
-    // It is drawn where it was up to a model step ago.
-    assert!((-2.1e-3..-1.5e-3).contains(&moved_m.y), "{moved_m}: it neither jumps nor begins anew");
-    assert!(single::<TouchedBody>(&mut app).body == Some(at), "what was touched is touched again");
+    // The drawn tool lags by up to a model step.
+    assert!((-2.1e-3..-1.5e-3).contains(&moved_m.y), "{moved_m}: it neither jumps nor restarts");
+    assert!(single::<TouchedBody>(&mut app).body == Some(at), "the contact starts again");
     tap(&mut app, KeyCode::KeyS);
     pass(&mut app, 4);
-    let fast_s = hand.s() - 1.55 - slowly_s;
+    let fast_s = hand.s() - 1.55 - slow_s;
     assert!((fast_s - 0.2).abs() < 0.06, "{fast_s} s");
     let world = app.world();
-    assert_eq!(*world.resource::<LoopMode>(), LoopMode::Lockstep, "the clock that there was before");
+    assert_eq!(*world.resource::<LoopMode>(), LoopMode::Lockstep, "the previous mode");
     assert_eq!(world.resource::<ModelRate>().ticks(), 50);
     assert_eq!(world.resource::<Time<Fixed>>().timestep().as_millis(), 50);
 }
 
 #[test]
-fn a_rate_that_was_set_is_kept_through_slow_motion() {
+fn slow_motion_keeps_a_changed_rate() {
     let (mut app, _) = scene();
     pass(&mut app, 2);
     app.insert_resource(ModelRate::every_ticks(25).unwrap());
@@ -106,7 +105,7 @@ fn a_rate_that_was_set_is_kept_through_slow_motion() {
     tap(&mut app, KeyCode::KeyS);
     pass(&mut app, 2);
     assert_eq!(app.world().resource::<ModelRate>().ticks(), 10);
-    // Back and forth at once.
+    // Off and on in the same frame.
     tap(&mut app, KeyCode::KeyS);
     time::set_slow(app.world_mut(), false);
     time::set_slow(app.world_mut(), true);
@@ -116,7 +115,7 @@ fn a_rate_that_was_set_is_kept_through_slow_motion() {
 }
 
 #[test]
-fn a_scene_begins_again_with_the_scheme_that_was_chosen() {
+fn restarted_scene_keeps_the_selected_scheme() {
     let (mut app, hand) = scene();
     for (key, scheme) in SCHEME_KEYS.into_iter().zip(Scheme::ALL) {
         tap(&mut app, key);
@@ -126,7 +125,7 @@ fn a_scene_begins_again_with_the_scheme_that_was_chosen() {
     pass(&mut app, 30);
     let before = body(&mut app);
     tap(&mut app, KeyCode::KeyR);
-    // It is set up in the next update.
+    // The scene is set up in the next update.
     pass(&mut app, 3);
     assert_ne!(body(&mut app), before);
     assert!(hand.s() < 0.16 && app.world().resource::<SceneTime>().0 < 0.16, "{} s", hand.s());
@@ -135,7 +134,7 @@ fn a_scene_begins_again_with_the_scheme_that_was_chosen() {
 }
 
 #[test]
-fn a_pause_stands_still() {
+fn pause_stops_the_model_steps() {
     let (mut app, hand) = scene();
     pass(&mut app, 5);
     tap(&mut app, KeyCode::Space);
@@ -149,7 +148,7 @@ fn a_pause_stands_still() {
 }
 
 #[test]
-fn the_mouse_takes_the_hand_and_gives_it_back() {
+fn mouse_replaces_the_scene_s_device_and_back() {
     let (mut app, hand) = scene();
     pass(&mut app, 3);
     tap(&mut app, KeyCode::KeyM);
@@ -159,7 +158,7 @@ fn the_mouse_takes_the_hand_and_gives_it_back() {
     let mut loops = app.world_mut().query::<&ToolLoop>();
     assert!(
         loops.single(app.world()).is_ok() && hand.s() == 0.0,
-        "the scene has begun again, without its hand"
+        "the scene has restarted, without its own device"
     );
     tap(&mut app, KeyCode::KeyM);
     pass(&mut app, 3);
@@ -178,18 +177,18 @@ fn set_device(app: &mut App, device: DeviceSelector) {
 }
 
 #[test]
-fn a_tool_grasps_with_the_mouse_and_only_with_it() {
+fn tool_grasps_only_with_the_mouse() {
     let (mut app, _) = scene();
     pass(&mut app, 2);
-    // As a choice in the panel does.
+    // As by a selection in the panel.
     let mouse = DeviceSelector::named(MouseDevicePlugin::NAME);
     set_device(&mut app, mouse.clone());
     assert!(grasps(&mut app));
     set_device(&mut app, DeviceSelector::replay("hand-1.csv"));
-    assert!(grasps(&mut app), "what the mouse grasped is grasped again");
+    assert!(grasps(&mut app), "a recording of the mouse keeps the grasp");
     set_device(&mut app, DeviceSelector::named("hand"));
     assert!(!grasps(&mut app));
-    // A tool that grasps by itself goes on doing so.
+    // A tool with its own grasp keeps it.
     let own = ToolGrasp { reach_m: 0.02, ..default() };
     let tool = app.world_mut().query_filtered::<Entity, With<HapticTool>>().single(app.world()).unwrap();
     app.world_mut().entity_mut(tool).insert(own);
@@ -200,11 +199,11 @@ fn a_tool_grasps_with_the_mouse_and_only_with_it() {
 }
 
 #[test]
-fn the_mouse_takes_the_hand_from_a_device_that_is_plugged_in_and_gives_it_back() {
+fn mouse_replaces_a_hid_device_and_back() {
     let (mut app, _) = scene_with(&["test", "--headless", "--seconds", "3600", "--hid", "nowhere"]);
-    let plugged_in = DeviceSelector::Hid(HidSelector { serial: Some("nowhere".into()), ..default() });
+    let hid = DeviceSelector::Hid(HidSelector { serial: Some("nowhere".into()), ..default() });
     let frame = |app: &mut App| single::<ToolSettings>(app).frame;
-    // The loops are on threads, as they are with such a device.
+    // With a HID device the loops run on threads.
     let wait = |app: &mut App, device: &DeviceSelector| {
         for _ in 0..200 {
             app.update();
@@ -212,22 +211,22 @@ fn the_mouse_takes_the_hand_from_a_device_that_is_plugged_in_and_gives_it_back()
                 return;
             }
         }
-        panic!("{:?} has the tool", single::<HapticTool>(app).device);
+        panic!("the device is {:?}", single::<HapticTool>(app).device);
     };
-    wait(&mut app, &plugged_in);
+    wait(&mut app, &hid);
     assert!(frame(&mut app) != DeviceFrame::default());
     for _ in 0..5 {
         tap(&mut app, KeyCode::KeyM);
         wait(&mut app, &DeviceSelector::named(MouseDevicePlugin::NAME));
-        assert_eq!(frame(&mut app), DeviceFrame::default(), "the mouse's frame is its own");
+        assert_eq!(frame(&mut app), DeviceFrame::default(), "the mouse has the default frame");
         tap(&mut app, KeyCode::KeyM);
-        wait(&mut app, &plugged_in);
+        wait(&mut app, &hid);
     }
 }
 
 #[cfg(feature = "panel")]
 #[test]
-fn what_is_typed_into_a_field_presses_no_key() {
+fn typing_into_a_field_has_no_effect_on_the_scene() {
     use bevy_egui::EguiContext;
     use bevy_egui::input::{EguiWantsInput, write_egui_wants_input_system};
     let (mut app, _) = scene();

@@ -1,6 +1,6 @@
 use super::*;
 
-/// A glTF file of text, `nodes` and `meshes` as JSON, with the corners of one tetrahedron as accessor 0 (positions) and 1 (indices).
+/// Writes a glTF file with `nodes` and `meshes` as JSON. Accessors 0 and 1 are positions and indices of a tetrahedron.
 fn gltf(name: &str, nodes: &str, meshes: &str) -> PathBuf {
     let corners = [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let mut bytes: Vec<u8> = corners.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
@@ -16,7 +16,7 @@ fn gltf(name: &str, nodes: &str, meshes: &str) -> PathBuf {
         "buffers":[{{"byteLength":72,"uri":"corners.bin"}}]}}"#,
         roots.join(",")
     );
-    // A folder whose name means something in an asset's path.
+    // A folder whose name has a special character of asset paths.
     let folder = std::env::temp_dir().join(format!("palpate #{} {name}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("corners.bin"), bytes).unwrap();
@@ -27,22 +27,22 @@ fn gltf(name: &str, nodes: &str, meshes: &str) -> PathBuf {
 
 const TRIANGLES: &str = r#"{"attributes":{"POSITION":0},"indices":1}"#;
 
-fn done(path: &Path) {
+fn remove(path: &Path) {
     std::fs::remove_dir_all(path.parent().unwrap()).ok();
 }
 
 #[test]
-fn all_parts_of_all_meshes_are_taken_where_their_nodes_place_them() {
-    // One twice as large and moved by a parent, one mirrored, and one that no scene shows.
+fn all_primitives_are_joined_with_the_transforms_of_their_nodes() {
+    // One scaled by two and moved by a parent, one mirrored, and one outside the scene.
     let nodes = r#"{"name":"root","translation":[10,0,0],"children":[2]},{"name":"root","mesh":1,"scale":[-1,1,1]},
         {"mesh":0,"scale":[2,2,2]},{"mesh":0,"translation":[0,0,99]}"#;
     let meshes = format!(r#"{{"primitives":[{TRIANGLES},{TRIANGLES}]}},{{"primitives":[{TRIANGLES}]}}"#);
     let path = gltf("nodes", nodes, &meshes);
     let MeshFile { mesh, bounds, parts } = MeshFile::read(&path, None).unwrap();
-    // Without normals of its own every triangle has its three corners for itself.
+    // Without normals in the file, every triangle has its own vertices.
     assert_eq!((parts, mesh.count_vertices()), (3, 36));
     assert_eq!(bounds, [DVec3::new(-1.0, 0.0, 0.0), DVec3::new(12.0, 2.0, 2.0)]);
-    // Every part encloses a volume that is above zero: none is wound inside out, the mirrored one neither.
+    // Every part has a positive volume: none is inside out, including the mirrored one.
     let positions = mesh.attribute(Mesh::ATTRIBUTE_POSITION).unwrap().as_float3().unwrap();
     let corners: Vec<Vec3> =
         mesh.indices().unwrap().iter().map(|corner| Vec3::from(positions[corner])).collect();
@@ -51,16 +51,16 @@ fn all_parts_of_all_meshes_are_taken_where_their_nodes_place_them() {
             part.chunks(3).map(|t| (t[0] - part[0]).dot((t[1] - part[0]).cross(t[2] - part[0]))).sum();
         assert!(volume > 0.9, "{part:?}");
     }
-    // Only one of them.
+    // A single mesh.
     let only = MeshFile::read(&path, Some(1)).unwrap();
     assert_eq!((only.parts, only.bounds), (1, [DVec3::new(-1.0, 0.0, 0.0), DVec3::new(0.0, 1.0, 1.0)]));
     let error = MeshFile::read(&path, Some(2)).unwrap_err().to_string();
-    assert!(error.ends_with("there is no mesh 2; it has 2, counted from 0"), "{error}");
-    done(&path);
+    assert!(error.ends_with("mesh 2 does not exist; the index must be below 2"), "{error}");
+    remove(&path);
 }
 
 #[test]
-fn what_gives_no_mesh_says_why() {
+fn files_without_a_mesh_are_errors_with_path_and_reason() {
     let line = r#"{"attributes":{"POSITION":0},"mode":1}"#;
     let lines = gltf("lines", r#"{"name":"root","mesh":0}"#, &format!(r#"{{"primitives":[{line}]}}"#));
     let nothing = gltf("nothing", r#"{"name":"root"}"#, "");
@@ -71,16 +71,16 @@ fn what_gives_no_mesh_says_why() {
     let empty = nothing.with_file_name("empty.glb");
     std::fs::write(&empty, b"").unwrap();
     for (path, expected) in [
-        (lines.clone(), "mesh 0 is a LineList; a body is made of triangles"),
-        (nothing.clone(), "it holds no triangles; export a closed mesh"),
-        (no_bin.clone(), "it is no glTF that can be read"),
-        (picture, "it is no glTF that can be read"),
-        (empty, "it is no glTF that can be read"),
-        (nothing.with_file_name("cup.glb"), "it cannot be read: No such file"),
-        (nothing.with_file_name("cup.stl"), "a mesh is read from a .glb or .gltf file; export it as one"),
+        (lines.clone(), "mesh 0 is a LineList"),
+        (nothing.clone(), "no triangles"),
+        (no_bin.clone(), "not a valid glTF file"),
+        (picture, "not a valid glTF file"),
+        (empty, "not a valid glTF file"),
+        (nothing.with_file_name("cup.glb"), "cannot be read"),
+        (nothing.with_file_name("cup.stl"), "must end in .glb or .gltf"),
     ] {
         let error = MeshFile::read(&path, None).unwrap_err().to_string();
         assert!(error.contains(expected) && error.starts_with(&path.display().to_string()), "{error}");
     }
-    [lines, nothing, no_bin].iter().for_each(|path| done(path));
+    [lines, nothing, no_bin].iter().for_each(|path| remove(path));
 }
