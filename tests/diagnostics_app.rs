@@ -25,9 +25,9 @@ fn diagnostics_agree_with_the_components() {
     let force = world.get::<ToolForce>(tool).unwrap().force_n.length();
     assert!(force > 0.1 && value(&app, &Of::FORCE) == force);
     let error = world.get::<ForceError>(tool).unwrap();
-    assert_eq!(value(&app, &Of::LOCAL_MODEL_ERROR), error.rms_n);
+    assert_eq!(value(&app, &Of::FORCE_ERROR), error.rms_n);
     let share = 100.0 * error.jnd_ratio.unwrap();
-    assert_eq!(value(&app, &Of::LOCAL_MODEL_ERROR_NOTICEABLE), share);
+    assert_eq!(value(&app, &Of::FORCE_JND_RATIO), share);
     // Lock step has no deadlines, and reads no clock in a tick.
     for path in [Of::MISSED_DEADLINES, Of::LATENESS_P99, Of::TICK_COST_P99] {
         assert_eq!(value(&app, &path), 0.0, "{path}");
@@ -37,8 +37,8 @@ fn diagnostics_agree_with_the_components() {
         Of::MODEL_STEP_COST,
         Of::LOCAL_MODEL_BUILD,
         Of::FORCE,
-        Of::LOCAL_MODEL_ERROR,
-        Of::LOCAL_MODEL_ERROR_NOTICEABLE,
+        Of::FORCE_ERROR,
+        Of::FORCE_JND_RATIO,
         Of::LATENESS_P99,
         Of::TICK_COST_P99,
     ] {

@@ -50,7 +50,7 @@ fn force_error_is_measured_at_every_model_step() {
         // Fifty ticks in a step, except before the first local model.
         assert!(errors[2..].iter().all(|error| error.ticks == 50), "{errors:?}");
         let store = app.world().resource::<bevy::diagnostic::DiagnosticsStore>();
-        let diagnostic = store.get(&bevy_palpate::HapticDiagnosticsPlugin::LOCAL_MODEL_ERROR).unwrap();
+        let diagnostic = store.get(&bevy_palpate::HapticDiagnosticsPlugin::FORCE_ERROR).unwrap();
         assert_eq!(diagnostic.value(), errors.last().map(|error| error.rms_n));
         let relative: Vec<f64> = errors.iter().filter_map(|error| error.relative).collect();
         let jnd_ratio: Vec<f64> = errors.iter().filter_map(|error| error.jnd_ratio).collect();
@@ -369,7 +369,7 @@ fn invalid_tools_are_faults_with_their_cause() {
         other => panic!("{other}"),
     };
     let unknown = |kind: &HapticFaultKind| match &*device_fault(kind) {
-        DeviceFault::UnknownName { name, known } => (name.clone(), known.clone()),
+        DeviceFault::UnknownName { name, registered } => (name.clone(), registered.clone()),
         other => panic!("{other}"),
     };
     assert_eq!(kinds.len(), 6, "{kinds:?}");
@@ -378,7 +378,7 @@ fn invalid_tools_are_faults_with_their_cause() {
     assert_eq!(unknown(&kinds[1]), ("default".into(), "a, broken".into()));
     assert_eq!(unknown(&kinds[2]), ("b".into(), "a, broken".into()));
     let broken = device_fault(&kinds[3]);
-    assert!(matches!(&*broken, DeviceFault::Make(cause) if cause.to_string() == "no cable"), "{broken}");
+    assert!(matches!(&*broken, DeviceFault::Create(cause) if cause.to_string() == "no cable"), "{broken}");
     assert_eq!(kinds[3].report(), "the tool has no device: the device could not be created: no cable");
     let replay = device_fault(&kinds[4]);
     let DeviceFault::Trajectory(TrajectoryError::Csv(CsvError::File { path, source })) = &*replay else {

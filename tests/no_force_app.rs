@@ -134,7 +134,7 @@ impl HapticDevice for Planar {
     fn write(&mut self, force_n: DVec3) -> Result<(), DeviceError> {
         self.0.write(force_n)
     }
-    fn quantized_force_n(&self, force_n: DVec3) -> DVec3 {
+    fn displayable_force_n(&self, force_n: DVec3) -> DVec3 {
         force_n.with_z(0.0)
     }
     fn close(&mut self) -> Result<(), DeviceError> {
@@ -194,8 +194,8 @@ fn a_hand_that_starts_in_a_touch_is_named() {
     app.world_mut().entity_mut(body).insert(Tissue { youngs_modulus_pa: 600e3, ..Tissue::default() });
     let tool = tool(&mut app, |_| (), rests_on_top);
     let cause = only_cause(&mut app, tool);
-    let NoForceCause::StartThreshold { force_n, start_below_n } = cause else { panic!("{cause:?}") };
-    assert!(start_below_n == 0.5 && (0.5..50.0).contains(&force_n), "{force_n} N");
+    let NoForceCause::StartThreshold { force_n, arm_below_n } = cause else { panic!("{cause:?}") };
+    assert!(arm_below_n == 0.5 && (0.5..50.0).contains(&force_n), "{force_n} N");
 }
 
 /// Into the bottom from below: with the radius only, and with the centre.

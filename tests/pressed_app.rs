@@ -15,7 +15,7 @@ struct Steps {
     count: usize,
     touching: usize,
     unconverged: usize,
-    max_sweeps: usize,
+    max_iterations: usize,
 }
 
 fn collect_steps(bodies: Query<&SimulatedBody>, mut steps: ResMut<Steps>) {
@@ -24,7 +24,7 @@ fn collect_steps(bodies: Query<&SimulatedBody>, mut steps: ResMut<Steps>) {
         steps.count += 1;
         steps.touching += usize::from(report.touched > 0);
         steps.unconverged += report.unconverged;
-        steps.max_sweeps = steps.max_sweeps.max(report.sweeps);
+        steps.max_iterations = steps.max_iterations.max(report.iterations);
     }
 }
 
@@ -71,8 +71,8 @@ fn contact_of_the_readme_program_converges_in_every_tick_and_step() {
     assert_no_faults(&mut app);
 }
 
-/// Maximum number of sweeps in a step while a tool presses to a depth of 5 mm and rests.
-fn max_sweeps(x_m: f64, z_m: f64) -> usize {
+/// Maximum number of iterations in a step while a tool presses to a depth of 5 mm and rests.
+fn max_iterations(x_m: f64, z_m: f64) -> usize {
     let mut app = lockstep_app();
     let tool = spawn(&mut app, move || {
         ScriptedDevice::new(move |n, _| {
@@ -84,16 +84,16 @@ fn max_sweeps(x_m: f64, z_m: f64) -> usize {
     assert!(is_touching(records(&app, tool).last().unwrap()));
     let steps = app.world().resource::<Steps>();
     assert_eq!(steps.unconverged, 0, "at ({x_m}, {z_m}) m");
-    steps.max_sweeps
+    steps.max_iterations
 }
 
 /// Counts the work of a step instead of its time.
 #[test]
 fn contact_where_triangles_meet_needs_at_most_twice_the_sweeps() {
-    let inside = max_sweeps(4.3e-3, 1e-3);
+    let inside = max_iterations(4.3e-3, 1e-3);
     for (x_m, z_m) in [(0.0, 0.0), (0.0, 1e-3), (0.01, 0.01), (0.01, 0.0), (-4e-3, 4e-3)] {
-        let sweeps = max_sweeps(x_m, z_m);
-        assert!(sweeps <= 2 * inside, "{sweeps} at ({x_m}, {z_m}) m, {inside} inside a triangle");
+        let iterations = max_iterations(x_m, z_m);
+        assert!(iterations <= 2 * inside, "{iterations} at ({x_m}, {z_m}) m, {inside} inside a triangle");
     }
 }
 

@@ -89,9 +89,9 @@ fn threaded_run_is_reproduced_bit_by_bit() {
     assert!(records.iter().any(|r| r.settings.is_some()), "the settings change during the run");
     let (mut swaps, mut max_force_n) = (0, 0.0_f64);
     for recorded in &records {
-        if let Some(taken) = recorded.taken {
+        if let Some(model) = recorded.new_model {
             // All model steps up to the accepted one; the loop has not read those in between.
-            while let Some(sequence) = steps.next_if(|&s| s <= taken.sequence) {
+            while let Some(sequence) = steps.next_if(|&s| s <= model.sequence) {
                 model_side.step(sequence, |s| samples[&s], &mut handle);
             }
         }

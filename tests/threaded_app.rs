@@ -211,7 +211,7 @@ fn slow_model_step_ages_the_local_model_without_delaying_the_loop() {
     let slow = app.world().resource::<Slow>();
     let [step] = slow.reported[..] else { panic!("{:?}", slow.reported) };
     assert!(step.step_ms >= 150.0 && (step.period_ms - 50.0).abs() < 1e-9 && step.nodes == 216, "{step:?}");
-    assert!(step.other_ms() >= 149.0 && step.cells_along.is_none(), "{step:?}");
+    assert!(step.other_ms() >= 149.0 && step.suggested_cells_along.is_none(), "{step:?}");
     // One step in a frame; the body catches up at most one period, and none after a slow step.
     assert_eq!(slow.max_steps, 1);
     assert!(slow.max_ticks <= 100, "{} ticks", slow.max_ticks);

@@ -120,13 +120,13 @@ impl HapticDevices {
                 Ok(Box::new(ReplayDevice::new(Trajectory::from_csv_file(find(path))?, at_end)))
             }
             DeviceSelector::Named(name) => match self.named.get(name) {
-                Some(make) => make().map_err(DeviceFault::Make),
+                Some(make) => make().map_err(DeviceFault::Create),
                 None => {
-                    let known = match self.names()[..] {
+                    let registered = match self.names()[..] {
                         [] => "none".to_owned(),
                         ref names => names.join(", "),
                     };
-                    Err(DeviceFault::UnknownName { name: name.clone(), known })
+                    Err(DeviceFault::UnknownName { name: name.clone(), registered })
                 }
             },
             #[cfg(feature = "hid")]

@@ -20,8 +20,8 @@ use bevy::prelude::*;
 /// | [`LATENESS_P99`](Self::LATENESS_P99) | µs | every model step | time from deadline to tick, 99th percentile |
 /// | [`TICK_COST_P99`](Self::TICK_COST_P99) | µs | every model step | duration of a tick, 99th percentile |
 /// | [`FORCE`](Self::FORCE) | N | every model step | force written to the device |
-/// | [`LOCAL_MODEL_ERROR`](Self::LOCAL_MODEL_ERROR) | N | every model step | RMS error of the force against the full body |
-/// | [`LOCAL_MODEL_ERROR_NOTICEABLE`](Self::LOCAL_MODEL_ERROR_NOTICEABLE) | % | every model step | relative error divided by the just noticeable difference |
+/// | [`FORCE_ERROR`](Self::FORCE_ERROR) | N | every model step | RMS error of the force against the full body |
+/// | [`FORCE_JND_RATIO`](Self::FORCE_JND_RATIO) | % | every model step | relative error divided by the just noticeable difference |
 ///
 /// With several tools each value is the maximum, except the missed deadlines. `HapticPanelPlugin::COST` and `HapticGizmosPlugin::COST`
 /// measure panel and gizmos, which are not part of the frame's cost.
@@ -44,10 +44,9 @@ impl HapticDiagnosticsPlugin {
     /// Force written to the device, N.
     pub const FORCE: DiagnosticPath = DiagnosticPath::const_new("palpate/force");
     /// RMS error of the local model's force over the last model step, N.
-    pub const LOCAL_MODEL_ERROR: DiagnosticPath = DiagnosticPath::const_new("palpate/local_model_error");
+    pub const FORCE_ERROR: DiagnosticPath = DiagnosticPath::const_new("palpate/force_error");
     /// Relative error of the local model's force divided by [`ForceError::FORCE_JND`], %.
-    pub const LOCAL_MODEL_ERROR_NOTICEABLE: DiagnosticPath =
-        DiagnosticPath::const_new("palpate/local_model_error_noticeable");
+    pub const FORCE_JND_RATIO: DiagnosticPath = DiagnosticPath::const_new("palpate/force_jnd_ratio");
 }
 
 impl Plugin for HapticDiagnosticsPlugin {
@@ -60,8 +59,8 @@ impl Plugin for HapticDiagnosticsPlugin {
             (Self::LATENESS_P99, " µs"),
             (Self::TICK_COST_P99, " µs"),
             (Self::FORCE, " N"),
-            (Self::LOCAL_MODEL_ERROR, " N"),
-            (Self::LOCAL_MODEL_ERROR_NOTICEABLE, " %"),
+            (Self::FORCE_ERROR, " N"),
+            (Self::FORCE_JND_RATIO, " %"),
         ] {
             app.register_diagnostic(Diagnostic::new(path).with_suffix(suffix));
         }
@@ -98,8 +97,8 @@ fn measure_step(
     add(Plugin::FORCE, largest(&mut tools.iter().map(|(.., force)| force.force_n.length())));
     let errors = tools.iter().map(|(_, error, ..)| error).filter(|error| error.ticks > 0);
     if let Some(worst) = errors.max_by(|a, b| a.rms_n.total_cmp(&b.rms_n)) {
-        add(Plugin::LOCAL_MODEL_ERROR, Some(worst.rms_n));
-        add(Plugin::LOCAL_MODEL_ERROR_NOTICEABLE, worst.jnd_ratio.map(|share| 100.0 * share));
+        add(Plugin::FORCE_ERROR, Some(worst.rms_n));
+        add(Plugin::FORCE_JND_RATIO, worst.jnd_ratio.map(|share| 100.0 * share));
     }
 }
 

@@ -327,19 +327,19 @@ pub enum SutureFault {
 #[non_exhaustive]
 pub enum DeviceFault {
     /// No device of this name is registered.
-    #[error("no device is registered as \"{name}\" in HapticDevices; registered are: {known}")]
+    #[error("no device is registered as \"{name}\" in HapticDevices; registered are: {registered}")]
     UnknownName {
         /// The selected name.
         name: String,
         /// The registered names, separated by commas.
-        known: String,
+        registered: String,
     },
     /// The file of a recorded trajectory cannot be read.
     #[error("the recorded trajectory cannot be read")]
     Trajectory(#[from] TrajectoryError),
     /// The registered function failed.
     #[error("the device could not be created")]
-    Make(#[source] Box<dyn std::error::Error + Send + Sync>),
+    Create(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// The device needs a cargo feature that is not enabled.
     #[error("this kind of device needs the feature `{feature}` of bevy_palpate, which is not enabled")]
     FeatureDisabled {
@@ -377,7 +377,7 @@ impl HapticFaultKind {
             Self::Loop(event) => match event {
                 LoopEventKind::DeadlinesMissed(_)
                 | LoopEventKind::Gap(_)
-                | LoopEventKind::ModelRefused(_)
+                | LoopEventKind::ModelRejected(_)
                 | LoopEventKind::ModelStale(_) => FaultSeverity::Load,
                 LoopEventKind::Panicked | LoopEventKind::EmergencyStopped => FaultSeverity::Error,
                 _ => FaultSeverity::Warning,

@@ -46,7 +46,7 @@ pub(crate) fn report_slow_step(
         bodies_ms,
         local_models_ms,
         nodes: largest.map_or(0, |(_, simulated)| nodes(simulated)),
-        cells_along: largest.and_then(|(_, simulated)| simulated.cells_along()).map(fewer),
+        suggested_cells_along: largest.and_then(|(_, simulated)| simulated.cells_along()).map(fewer),
     });
     faults.write(HapticFault { entity: largest.map(|(entity, _)| entity), kind });
 }

@@ -78,7 +78,7 @@ impl StepWatch {
     pub(crate) fn record(&mut self, report: &StepReport) -> impl Iterator<Item = HapticFaultKind> + use<> {
         let ticks = report.ticks as u64;
         // Without iterations of the solver there was no contact, obstacle or suture.
-        let of = if report.sweeps > 0 { (report.ticks * report.substeps) as u64 } else { 0 };
+        let of = if report.iterations > 0 { (report.ticks * report.substeps) as u64 } else { 0 };
         // A step may be solved several times.
         let unconverged = (report.unconverged as u64).min(of);
         let cells = report.inverted_cells;
@@ -106,7 +106,7 @@ mod tests {
 
     /// `unconverged` of 200 steps.
     fn solved(unconverged: usize) -> StepReport {
-        StepReport { sweeps: 10, unconverged, ..StepReport::default() }
+        StepReport { iterations: 10, unconverged, ..StepReport::default() }
     }
 
     fn inverted(cells: usize) -> StepReport {

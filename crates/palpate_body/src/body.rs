@@ -243,7 +243,7 @@ impl Body {
     /// Sets the ties.
     ///
     /// # Errors
-    /// [`BodyError::CannotHold`] if a tie names a node that does not exist. The ties are then unchanged.
+    /// [`BodyError::InvalidNode`] if a tie names a node that does not exist. The ties are then unchanged.
     pub fn set_ties(&mut self, ties: Vec<Tie>) -> Result<(), BodyError> {
         ties.iter().try_for_each(|tie| tie.validate(self.x.len()))?;
         self.ties = ties;

@@ -4,7 +4,7 @@ use crate::MeshError;
 use palpate_laws::LawError;
 use thiserror::Error;
 
-/// The reason why a body cannot be built or stepped.
+/// Reason why a body cannot be built or stepped.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum BodyError {
@@ -88,7 +88,7 @@ pub enum BodyError {
         "node {node} and its part of {nodes} nodes have no fixed node; fix one of them, or allow an unconstrained body \
          (`allow_unconstrained`, or `FixedRegion::None` of a component)"
     )]
-    Unheld {
+    Unconstrained {
         /// First free node of the part.
         node: usize,
         /// Number of nodes of the part.
@@ -213,12 +213,12 @@ pub enum BodyError {
         below: usize,
     },
     /// A tool cannot hold a node.
-    #[error("the tool cannot hold node {node}: {why}")]
-    CannotHold {
+    #[error("the tool cannot hold node {node}: {reason}")]
+    InvalidNode {
         /// Index of the node.
         node: usize,
         /// Reason.
-        why: &'static str,
+        reason: &'static str,
     },
     /// A point of the tool's path is not finite. The body is unchanged.
     #[error("point {index} of the tool's path is not finite")]

@@ -111,7 +111,7 @@ impl Network {
                 }
             }
             if !held {
-                return Err(BodyError::Unheld { node: start, nodes });
+                return Err(BodyError::Unconstrained { node: start, nodes });
             }
             if start != self.free[0] {
                 return Err(BodyError::Disconnected { node: start, first: self.free[0] });

@@ -201,7 +201,7 @@ impl Tie {
             TieEnd::Anchor { .. } => &[],
         };
         match self.a.nodes().iter().chain(of_b).find(|(node, _)| *node >= nodes) {
-            Some(&(node, _)) => Err(BodyError::CannotHold { node, why: "there is no such node" }),
+            Some(&(node, _)) => Err(BodyError::InvalidNode { node, reason: "there is no such node" }),
             None => Ok(()),
         }
     }

@@ -61,7 +61,7 @@ impl ToolContact {
     /// motion.
     ///
     /// # Errors
-    /// [`BodyError::CannotHold`] if the node does not exist or is fixed; [`BodyError::Path`] if `tool_m` is not
+    /// [`BodyError::InvalidNode`] if the node does not exist or is fixed; [`BodyError::Path`] if `tool_m` is not
     /// finite.
     pub fn hold(body: &Body, node: usize, tool_m: DVec3) -> Result<Self, BodyError> {
         can_hold(body, &[node])?;
@@ -72,7 +72,7 @@ impl ToolContact {
     /// Creates a tool at `tool_m` (m) that holds `point` permanently at its present offset, by impulses on its nodes.
     ///
     /// # Errors
-    /// [`BodyError::CannotHold`] if the point has a node that does not exist, or no free node; [`BodyError::Path`] if
+    /// [`BodyError::InvalidNode`] if the point has a node that does not exist, or no free node; [`BodyError::Path`] if
     /// `tool_m` is not finite.
     pub fn hold_point(body: &Body, point: BodyPoint, tool_m: DVec3) -> Result<Self, BodyError> {
         can_hold(body, &point.named())?;
@@ -230,7 +230,7 @@ impl ToolContact {
     /// Rejects a contact with nodes that do not exist in `body` or are fixed.
     ///
     /// # Errors
-    /// [`BodyError::CannotHold`].
+    /// [`BodyError::InvalidNode`].
     pub fn validate(&self, body: &Body) -> Result<(), BodyError> {
         match &self.hold {
             Hold::Node { node, .. } => can_hold(body, &[*node]),
@@ -270,11 +270,11 @@ fn finite(tool_m: DVec3) -> Result<DVec3, BodyError> {
 fn can_hold(body: &Body, nodes: &[usize]) -> Result<(), BodyError> {
     let network = body.network();
     if let Some(&node) = nodes.iter().find(|&&node| node >= network.node_count()) {
-        return Err(BodyError::CannotHold { node, why: "there is no such node" });
+        return Err(BodyError::InvalidNode { node, reason: "there is no such node" });
     }
     match nodes.first() {
         Some(&node) if nodes.iter().all(|&node| network.is_fixed(node)) => {
-            Err(BodyError::CannotHold { node, why: "it is fixed" })
+            Err(BodyError::InvalidNode { node, reason: "it is fixed" })
         }
         _ => Ok(()),
     }

@@ -25,8 +25,8 @@ fn rejects_invalid_links() {
 
 #[test]
 fn rejects_unconstrained_and_disconnected_parts() {
-    assert_eq!(network(4, vec![link(0, 1), link(2, 3)]), Err(BodyError::Unheld { node: 2, nodes: 2 }));
-    assert_eq!(network(3, vec![link(0, 1)]), Err(BodyError::Unheld { node: 2, nodes: 1 }));
+    assert_eq!(network(4, vec![link(0, 1), link(2, 3)]), Err(BodyError::Unconstrained { node: 2, nodes: 2 }));
+    assert_eq!(network(3, vec![link(0, 1)]), Err(BodyError::Unconstrained { node: 2, nodes: 1 }));
     // Constrained, but in two parts connected by fixed nodes only.
     let rest: Vec<DVec3> = (0..4).map(|i| DVec3::X * f64::from(i)).collect();
     let fixed = vec![true, false, false, true];

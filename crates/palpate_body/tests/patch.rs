@@ -329,7 +329,7 @@ proptest! {
         let mut forces = Vec::new();
         let report = body.advance_observed(Some((&mut tool, &path)), 120, integrator, |_, f| forces.push(f)).unwrap();
         prop_assert_eq!(report.unconverged, 0, "{:?}", report);
-        prop_assert!(report.sweeps <= 60, "{:?}", report);
+        prop_assert!(report.iterations <= 60, "{:?}", report);
         prop_assert!(forces.iter().all(|f| f.is_finite()));
         // Beyond the edge there is no contact.
         prop_assert!((place.0 + slide).abs() > 0.049 || forces[119].length() > 0.0);

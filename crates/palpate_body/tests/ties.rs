@@ -369,7 +369,7 @@ fn rejects_invalid_ties() {
     assert!(body.move_tie(0, DVec3::X).is_err(), "a suture has no anchor");
     assert!(body.move_tie(1, DVec3::X).is_err(), "there is no such tie");
     let rejected = body.set_ties(vec![Tie::grasp(node(27), DVec3::ZERO).unwrap()]);
-    assert_eq!(rejected, Err(BodyError::CannotHold { node: 27, why: "there is no such node" }));
+    assert_eq!(rejected, Err(BodyError::InvalidNode { node: 27, reason: "there is no such node" }));
     // A fixed point cannot be moved, and the step stays finite.
     body.set_ties(vec![Tie::grasp(node(0), DVec3::Z).unwrap()]).unwrap();
     body.advance(None, 5, SemiImplicitEuler::default()).unwrap();

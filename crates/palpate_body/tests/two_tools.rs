@@ -121,7 +121,7 @@ fn rejects_two_driving_tools_and_changes_nothing() {
     let [(a, a_path), (b, b_path)] = &mut hold;
     let mut both = [ToolRun { contact: a, path: a_path }, ToolRun { contact: b, path: b_path }];
     let rejected = body.advance_tools(&mut both, 10, SemiImplicitEuler::default(), |_, _| ());
-    assert!(matches!(rejected, Err(BodyError::CannotHold { node: 122, .. })), "{rejected:?}");
+    assert!(matches!(rejected, Err(BodyError::InvalidNode { node: 122, .. })), "{rejected:?}");
     // One drives a node; the other pushes the surface that the node pulls along.
     let moved: Vec<ToolPoint> =
         (0..=300).map(|i| ToolPoint::at_rest(at[112] + DVec3::Z * 1e-5 * f64::from(i))).collect();

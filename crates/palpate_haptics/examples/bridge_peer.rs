@@ -110,8 +110,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let (y_mm, force_n) = (1e3 * state.position_m.y, state.force_n.length());
             let _ = writeln!(
                 out,
-                "hand at {y_mm:6.1} mm, {force_n:5.2} N; {} forces, {} lost, {} late, {} refused; {} sessions, {} silences",
-                counts.taken, counts.lost, counts.late, counts.refused, counts.sessions, counts.silences
+                "hand at {y_mm:6.1} mm, {force_n:5.2} N; {} forces, {} lost, {} late, {} rejected; {} sessions, {} silences",
+                counts.accepted, counts.lost, counts.late, counts.rejected, counts.sessions, counts.silences
             );
         }
         stop.store(true, Ordering::Release);

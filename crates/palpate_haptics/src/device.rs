@@ -54,7 +54,7 @@ pub trait HapticDevice: Send {
 
     /// The component of `force_n` along the actuated axes, N, device frame: a linear projection that ignores force limits.
     /// The default returns `force_n`. An app can use it to report a force that lies along axes without a motor.
-    fn quantized_force_n(&self, force_n: DVec3) -> DVec3 {
+    fn displayable_force_n(&self, force_n: DVec3) -> DVec3 {
         force_n
     }
 

@@ -31,7 +31,7 @@ pub enum LoopEventKind {
     ModelAdopted(ModelSwap),
     /// A local model was rejected or abandoned; the previous one stays active.
     #[error("local model rejected; the previous one stays active and its force fades once stale")]
-    ModelRefused(#[source] LocalModelError),
+    ModelRejected(#[source] LocalModelError),
     /// A local model of another body was rejected.
     #[error(
         "local model of body {} rejected: the tool touches another body; publish models of LoopSettings::body",
@@ -103,7 +103,7 @@ impl LoopEventKind {
     #[must_use]
     pub fn is_fault(&self) -> bool {
         match self {
-            Self::ModelRefused(_)
+            Self::ModelRejected(_)
             | Self::WrongBody(_)
             | Self::DeviceFailed(_)
             | Self::ReopenFailed(_)

@@ -121,7 +121,7 @@ impl HapticLoop {
         let periods = Periods { sequence: self.sequence, elapsed };
         let estimator = self.settings.velocity;
         self.sampler.take_sample(&mut self.hand_over, estimator, periods, &in_scene, has_jumped);
-        let taken = if has_arrived { Some(self.take_model()) } else { None };
+        let new_model = if has_arrived { Some(self.take_model()) } else { None };
         let rendered = self.hand_over.render();
         self.record_model(&rendered);
         let input = self.safety_input(&rendered, elapsed, has_jumped);
@@ -148,7 +148,7 @@ impl HapticLoop {
             reading,
             sample,
             settings,
-            taken,
+            new_model,
             rendered,
             safety,
             force_n,
@@ -311,7 +311,7 @@ impl HapticLoop {
         } else {
             match self.hand_over.submit(model) {
                 SubmitResult::Accepted | SubmitResult::Busy => return id,
-                SubmitResult::Rejected(error) => LoopEventKind::ModelRefused(error),
+                SubmitResult::Rejected(error) => LoopEventKind::ModelRejected(error),
             }
         };
         self.report.models_rejected += 1;
@@ -328,7 +328,7 @@ impl HapticLoop {
         }
         if let Some(error) = rendered.abandoned {
             self.report.models_rejected += 1;
-            self.emit(LoopEventKind::ModelRefused(error));
+            self.emit(LoopEventKind::ModelRejected(error));
         }
     }
 }

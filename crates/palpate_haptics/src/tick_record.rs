@@ -21,7 +21,7 @@ pub struct TickOutput {
     /// Settings adopted at this tick, with their number.
     pub settings: Option<(u64, LoopSettings)>,
     /// Local model that arrived at this tick.
-    pub taken: Option<ModelId>,
+    pub new_model: Option<ModelId>,
     /// Force before the safety chain, and the local model that rendered it.
     pub rendered: RenderedForce,
     /// Actions of the safety chain.
@@ -41,7 +41,7 @@ impl TickOutput {
             reading,
             sample,
             settings,
-            taken,
+            new_model,
             rendered,
             safety,
             force_n,
@@ -52,7 +52,7 @@ impl TickOutput {
             reading,
             sample,
             settings,
-            taken,
+            new_model,
             rendered,
             safety,
             force_n,
@@ -65,7 +65,7 @@ impl TickOutput {
 /// Record of one complete tick.
 ///
 /// Another loop reproduces the forces bit for bit when it receives the same `elapsed` and `reading`, the local models named by
-/// `taken`, and the `settings` where they changed.
+/// `new_model`, and the `settings` where they changed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TickRecord {
     /// Periods since the loop's start.
@@ -79,7 +79,7 @@ pub struct TickRecord {
     /// Settings adopted at this tick, with their number.
     pub settings: Option<(u64, LoopSettings)>,
     /// Local model that arrived at this tick.
-    pub taken: Option<ModelId>,
+    pub new_model: Option<ModelId>,
     /// Force before the safety chain, and the local model that rendered it.
     pub rendered: RenderedForce,
     /// Actions of the safety chain.

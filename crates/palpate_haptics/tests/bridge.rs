@@ -242,14 +242,14 @@ fn read_returns_newest_sample_and_never_an_older_one() {
     }
     read_until((3, 3e-3), &|_| true);
     let counts = monitor.counts();
-    assert_eq!((counts.taken, counts.lost), (3, 0));
+    assert_eq!((counts.accepted, counts.lost), (3, 0));
     // 6 arrives before 5, 4 is lost, the others arrive twice.
     for number in [3, 2, 6, 5, 6, 5] {
         peer.send(number, Body::Sample(sampled(number as f64 * 1e-3)));
     }
     read_until((6, 6e-3), &|counts| counts.duplicated == 4);
     let counts = monitor.counts();
-    assert_eq!((counts.taken, counts.lost, counts.late, counts.duplicated), (4, 1, 1, 4));
+    assert_eq!((counts.accepted, counts.lost, counts.late, counts.duplicated), (4, 1, 1, 4));
     // Packets that violate the protocol, come from another sender, or belong to another session.
     peer.send_bytes(b"PLPB");
     peer.send_bytes(&[0; 200]);
@@ -267,7 +267,7 @@ fn read_returns_newest_sample_and_never_an_older_one() {
     read_until((7, 7e-3), &|counts| counts.foreign == 2);
     let counts = monitor.counts();
     assert_eq!((counts.corrupt, counts.foreign, counts.other_session), (4, 2, 2));
-    assert_eq!((counts.taken, counts.lost, counts.late), (5, 1, 1));
+    assert_eq!((counts.accepted, counts.lost, counts.late), (5, 1, 1));
 }
 
 #[test]
@@ -285,7 +285,7 @@ fn skips_all_but_newest_of_simultaneous_samples() {
     assert!(numbers.is_sorted());
     numbers.dedup();
     let counts = device.monitor().counts();
-    assert_eq!((counts.taken, counts.skipped + numbers.len() as u64), (100, 100));
+    assert_eq!((counts.accepted, counts.skipped + numbers.len() as u64), (100, 100));
 }
 
 #[test]
@@ -309,7 +309,7 @@ fn reading_contains_all_data_of_sample() {
         read.is_ok()
     });
     assert_eq!(read, Ok(sampled.reading(77)));
-    assert_eq!(device.monitor().counts().unshown, 2);
+    assert_eq!(device.monitor().counts().forces_in_flight, 2);
 }
 
 #[test]
@@ -396,7 +396,7 @@ fn numbers_forces_and_rejects_invalid_ones() {
         assert_eq!(packet, Packet { session: peer.session, number, body: Body::Force(force_n) });
     }
     assert!(peer.receives_nothing());
-    assert_eq!(device.monitor().counts().refused, 12);
+    assert_eq!(device.monitor().counts().rejected, 12);
 }
 
 #[test]

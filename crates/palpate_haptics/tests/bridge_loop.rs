@@ -100,7 +100,7 @@ fn lockstep_over_bridge_is_bit_identical() {
     assert_eq!(written(&mut bridged), expected);
     assert_eq!(applied[1..], expected[..1999]);
     let counts = lockstep.device().monitor().counts();
-    assert_eq!((counts.taken, counts.lost, counts.skipped), (2000, 0, 0));
+    assert_eq!((counts.accepted, counts.lost, counts.skipped), (2000, 0, 0));
     // The hand rests between both springs.
     let rest = 0.02 * 200.0 / (200.0 + STIFFNESS);
     assert!((applied[1999].x + STIFFNESS * rest).abs() < 1e-3, "{}", applied[1999]);
@@ -144,7 +144,7 @@ fn threaded_peer_applies_the_written_forces() {
     let last = applied[1499].1;
     assert!((last.x + STIFFNESS * 0.02 * 2.0 / 3.0).abs() < 0.01, "{last}");
     let counts = monitor.counts();
-    assert!(counts.taken > 100 && counts.corrupt + counts.foreign + counts.late == 0, "{counts:?}");
+    assert!(counts.accepted > 100 && counts.corrupt + counts.foreign + counts.late == 0, "{counts:?}");
 }
 
 fn kinds(handle: &mut HapticHandle) -> Vec<LoopEventKind> {
@@ -297,7 +297,7 @@ fn loop_with_bridged_device_neither_allocates_nor_frees() {
     let (_handle, haptic_loop) = spring_loop();
     let flag = Arc::clone(&stop);
     let stopper = std::thread::spawn(move || {
-        wait_for(|| monitor.counts().taken > 300);
+        wait_for(|| monitor.counts().accepted > 300);
         flag.store(true, Ordering::SeqCst);
     });
     let mut ended = None;

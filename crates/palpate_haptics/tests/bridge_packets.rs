@@ -145,7 +145,7 @@ fn each_violation_has_its_own_error() {
 /// The quantity out of range.
 fn quantity_of(error: PacketError) -> &'static str {
     match error {
-        PacketError::Beyond { what, .. } => what,
+        PacketError::OutOfRange { what, .. } => what,
         _ => panic!("{error}"),
     }
 }

@@ -220,7 +220,7 @@ fn cpp_peer_of_page_follows_protocol() {
     wait_for(|| {
         // The peer applies forces written at most a few ticks ago.
         tick_until(&mut device, force_n, |_| true);
-        device.monitor().counts().unshown < 20
+        device.monitor().counts().forces_in_flight < 20
     });
 
     // Timeout: the peer sets zero force and ends the session.

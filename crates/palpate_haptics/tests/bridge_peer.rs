@@ -74,7 +74,7 @@ fn applies_newest_force_and_samples_report_its_number() {
     let force = |x: f64| Body::Force(DVec3::X * x);
     palpate.send(1, force(1.0));
     palpate.send(2, force(2.0));
-    advance_until(&mut peer, START, |counts| counts.taken == 2);
+    advance_until(&mut peer, START, |counts| counts.accepted == 2);
     assert_eq!(
         (peer.forces_written(), peer.force_n(), device.force_n()),
         (2, DVec3::X * 2.0, DVec3::X * 2.0)
@@ -86,7 +86,7 @@ fn applies_newest_force_and_samples_report_its_number() {
     advance_until(&mut peer, START, |counts| counts.duplicated == 2);
     assert_eq!((peer.forces_written(), device.force_n()), (4, DVec3::X * 4.0));
     let counts = peer.monitor().counts();
-    assert_eq!((counts.taken, counts.late, counts.lost), (3, 1, 0));
+    assert_eq!((counts.accepted, counts.late, counts.lost), (3, 1, 0));
     // Samples are numbered without a gap, and contain the number of the force.
     let mut last = (0, 0);
     wait_for(|| {
@@ -120,14 +120,14 @@ fn sample_contains_all_data_of_reading() {
     device.hand.lock().unwrap().reading = Err(DeviceError::TimedOut);
     peer.advance(START);
     assert!(palpate.receives_nothing() && peer.session().is_some());
-    assert_eq!(peer.monitor().counts().refused, 1);
+    assert_eq!(peer.monitor().counts().rejected, 1);
 }
 
 #[test]
 fn watchdog_sets_zero_force_and_ends_session_finally() {
     let (device, mut peer, mut palpate) = in_session();
     palpate.send(1, Body::Force(DVec3::X));
-    advance_until(&mut peer, START, |counts| counts.taken == 1);
+    advance_until(&mut peer, START, |counts| counts.accepted == 1);
     // Exactly the watchdog time, then one microsecond more.
     peer.advance(START + WATCHDOG);
     assert_eq!(device.force_n(), DVec3::X);
@@ -144,7 +144,7 @@ fn watchdog_sets_zero_force_and_ends_session_finally() {
     palpate.session += 1;
     start_session(&mut peer, &mut palpate, now);
     palpate.send(1, Body::Force(DVec3::Y));
-    advance_until(&mut peer, now, |counts| counts.taken == 2);
+    advance_until(&mut peer, now, |counts| counts.accepted == 2);
     assert_eq!(device.force_n(), DVec3::Y);
     assert_eq!(peer.monitor().counts().silences, 1);
 }
@@ -155,7 +155,7 @@ fn late_hello_does_not_resume_ended_session() {
     for how in 0..3 {
         let (device, mut peer, mut palpate) = in_session();
         palpate.send(5, Body::Force(DVec3::X));
-        advance_until(&mut peer, START, |counts| counts.taken == 1);
+        advance_until(&mut peer, START, |counts| counts.accepted == 1);
         let mut now = START;
         match how {
             0 => palpate.send(6, Body::Stop),
@@ -185,7 +185,7 @@ fn late_hello_does_not_resume_ended_session() {
             assert_eq!((peer.session(), device.force_n()), (None, DVec3::ZERO));
         }
         let counts = peer.monitor().counts();
-        assert_eq!((counts.sessions, counts.taken), (1, 1));
+        assert_eq!((counts.sessions, counts.accepted), (1, 1));
         // Another sender with the same number, and the first one with another number.
         let mut other = ManualEnd::new(peer.address());
         other.session = palpate.session;
@@ -206,9 +206,9 @@ fn rejected_packets_do_not_reset_watchdog() {
     let (device, mut peer, mut palpate) = in_session();
     let ms = |ms| START + Duration::from_millis(ms);
     palpate.send(1, Body::Force(DVec3::X));
-    advance_until(&mut peer, ms(10), |counts| counts.taken == 1);
+    advance_until(&mut peer, ms(10), |counts| counts.accepted == 1);
     palpate.send(2, Body::Force(DVec3::X * 2.0));
-    advance_until(&mut peer, ms(30), |counts| counts.taken == 2);
+    advance_until(&mut peer, ms(30), |counts| counts.accepted == 2);
     let mut stranger = ManualEnd::new(peer.address());
     stranger.session = palpate.session;
     stranger.send(3, Body::Force(DVec3::Z));
@@ -236,8 +236,8 @@ fn rejected_packets_do_not_reset_watchdog() {
     });
     assert_eq!((device.force_n(), peer.forces_written()), (DVec3::X * 2.0, 2));
     let counts = peer.monitor().counts();
-    assert_eq!((counts.foreign, counts.refused, counts.other_session), (2, 1, 2));
-    assert_eq!((counts.taken, counts.duplicated, counts.lost), (2, 2, 0));
+    assert_eq!((counts.foreign, counts.rejected, counts.other_session), (2, 1, 2));
+    assert_eq!((counts.accepted, counts.duplicated, counts.lost), (2, 2, 0));
     peer.advance(ms(51));
     assert_eq!((device.force_n(), peer.session()), (DVec3::ZERO, None));
 }
@@ -247,7 +247,7 @@ fn rejected_packets_do_not_reset_watchdog() {
 fn peer_ends_session_after_its_own_pause_before_receiving() {
     let (device, mut peer, mut palpate) = in_session();
     palpate.send(1, Body::Force(DVec3::X));
-    advance_until(&mut peer, START, |counts| counts.taken == 1);
+    advance_until(&mut peer, START, |counts| counts.accepted == 1);
     palpate.send(2, Body::Force(DVec3::X * 2.0));
     advance_until(&mut peer, START + Duration::from_secs(1), |counts| counts.other_session == 1);
     let forces = device.hand.lock().unwrap().forces.clone();
@@ -260,7 +260,7 @@ fn peer_ends_session_after_its_own_pause_before_receiving() {
 fn stop_sets_zero_force_at_once() {
     let (device, mut peer, palpate) = in_session();
     palpate.send(1, Body::Force(DVec3::X));
-    advance_until(&mut peer, START, |counts| counts.taken == 1);
+    advance_until(&mut peer, START, |counts| counts.accepted == 1);
     palpate.send(2, Body::Stop);
     wait_for(|| {
         peer.receive(START);
@@ -339,7 +339,7 @@ fn failed_device_ends_session_and_is_reopened_for_next() {
 fn failing_at_1_n(written: DeviceError, panics: bool) -> (TestDevice, BridgePeer) {
     let (device, mut peer, palpate) = in_session();
     palpate.send(1, Body::Force(DVec3::X));
-    advance_until(&mut peer, START, |counts| counts.taken == 1);
+    advance_until(&mut peer, START, |counts| counts.accepted == 1);
     let mut hand = device.hand.lock().unwrap();
     (hand.written, hand.panics) = (Err(written), panics);
     drop(hand);
@@ -410,7 +410,7 @@ fn closes_device_after_100_ms_of_failed_zero_force() {
 fn driver_panic_counts_as_device_failure() {
     let (device, mut peer, mut palpate) = in_session();
     palpate.send(1, Body::Force(DVec3::X));
-    advance_until(&mut peer, START, |counts| counts.taken == 1);
+    advance_until(&mut peer, START, |counts| counts.accepted == 1);
     {
         let mut hand = device.hand.lock().unwrap();
         (hand.reading, hand.panics) = (Err(DeviceError::Disconnected), true);
@@ -425,7 +425,7 @@ fn closing_peer_reports_end_and_sets_zero_force() {
     for how in 0..3 {
         let (device, mut peer, mut palpate) = in_session();
         palpate.send(1, Body::Force(DVec3::X));
-        advance_until(&mut peer, START, |counts| counts.taken == 1);
+        advance_until(&mut peer, START, |counts| counts.accepted == 1);
         match how {
             0 => drop(peer),
             1 => peer.close(),
@@ -477,7 +477,7 @@ fn bind_rejects_devices_that_cannot_be_served() {
     let mut beyond = TestDevice::new();
     beyond.description.max_force_n = 2000.0;
     let rejected = bind(beyond).unwrap_err();
-    let BridgeError::Description(PacketError::Beyond { value: 2000.0, least: 0.0, most: 1000.0, .. }) =
+    let BridgeError::Description(PacketError::OutOfRange { value: 2000.0, min: 0.0, max: 1000.0, .. }) =
         rejected
     else {
         panic!("{rejected:?}")

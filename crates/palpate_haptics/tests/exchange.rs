@@ -137,7 +137,7 @@ fn models_and_settings_are_not_torn_at_full_speed() {
                 break;
             }
             let first = haptic_loop.tick(1, Ok(reading(sequence)));
-            if let Some(id) = first.taken {
+            if let Some(id) = first.new_model {
                 assert_eq!(id.epoch, 3 * id.body, "the identity is torn");
                 write(id, twin_handle.model_slot());
                 twin_handle.publish_model();

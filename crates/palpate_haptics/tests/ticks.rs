@@ -66,7 +66,7 @@ fn published_model_renders_force_at_next_tick() {
     publish(&mut handle, 1, |_| ());
     let output = tick(&mut haptic_loop, 1, at(0.02));
     assert!((output.device_force_n - DVec3::X * -2.0).length() < 1e-15);
-    assert_eq!(output.taken.unwrap().sequence, 1);
+    assert_eq!(output.new_model.unwrap().sequence, 1);
     assert!(matches!(events(&mut handle)[..], [LoopEventKind::ModelAdopted(_)]));
 }
 
@@ -175,7 +175,7 @@ fn accepts_any_number_of_elapsed_periods() {
     assert!(
         events(&mut handle)
             .iter()
-            .any(|e| matches!(e, LoopEventKind::ModelRefused(LocalModelError::Order { .. })))
+            .any(|e| matches!(e, LoopEventKind::ModelRejected(LocalModelError::Order { .. })))
     );
 }
 
@@ -319,7 +319,7 @@ fn rejects_local_model_with_nan_or_of_another_body() {
     publish(&mut handle, 3, |m| m.id.body = 9);
     assert_eq!(tick(&mut haptic_loop, 1, at(0.01)).device_force_n, DVec3::X * -1.0);
     let expected = [
-        LoopEventKind::ModelRefused(LocalModelError::NotFinite { what: "force" }),
+        LoopEventKind::ModelRejected(LocalModelError::NotFinite { what: "force" }),
         LoopEventKind::WrongBody(ModelId { body: 9, epoch: 0, sequence: 3 }),
     ];
     assert_eq!(events(&mut handle), expected);

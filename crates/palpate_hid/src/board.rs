@@ -14,7 +14,7 @@
 //! After 10 ms without a report in either direction, the driver sends a zero report to wake the board up, and reading
 //! [times out](palpate_haptics::DeviceError::TimedOut) until the next report. Firmware for reports of 8 and 14 bytes has a watchdog: it
 //! switches the motors off 0.5 s after the last report, which also bounds the force of a killed program. Firmware for reports of
-//! 64 bytes is unpublished and may have no watchdog, so [`HidDevice::ends_by_itself`](crate::HidDevice::ends_by_itself) is `false`.
+//! 64 bytes is unpublished and may have no watchdog, so [`HidDevice::has_force_timeout`](crate::HidDevice::has_force_timeout) is `false`.
 //!
 //! Sources: forsslund/haptikfabrikenapi at b8d6c94, `src/fsusbhapticdevicethread.cpp` and `firmware/main.cpp`.
 

@@ -122,8 +122,8 @@ impl HidDevice {
     /// joystick whose effects cannot have a duration of 0.25 to 1 s, and for a board with reports of 64 bytes, whose firmware is
     /// unpublished.
     #[must_use]
-    pub fn ends_by_itself(&self) -> bool {
-        self.driver.ends_by_itself()
+    pub fn has_force_timeout(&self) -> bool {
+        self.driver.has_force_timeout()
     }
 
     /// Calibration handle of a board, which stays valid while the loop owns the device; `None` for other kinds.
@@ -190,7 +190,7 @@ impl HapticDevice for HidDevice {
         self.driver.describe()
     }
 
-    fn quantized_force_n(&self, force_n: DVec3) -> DVec3 {
+    fn displayable_force_n(&self, force_n: DVec3) -> DVec3 {
         self.driver.displayed_force_n(force_n)
     }
 

@@ -50,7 +50,7 @@ pub(crate) trait Driver: Send {
     fn mark_disconnected(&mut self) {}
 
     /// Whether the firmware is documented to end its force when reports stop.
-    fn ends_by_itself(&self) -> bool;
+    fn has_force_timeout(&self) -> bool;
 
     /// Output reports that end all force, independent of the protocol state; empty for a device without motors.
     fn stop_reports(&self) -> Vec<Vec<u8>>;

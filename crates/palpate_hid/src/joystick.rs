@@ -298,7 +298,7 @@ impl Driver for Joystick {
         stopped
     }
 
-    fn ends_by_itself(&self) -> bool {
+    fn has_force_timeout(&self) -> bool {
         self.layout.has_finite_effects
     }
 

@@ -84,7 +84,7 @@ impl HidSelector {
         let present = bus.list()?;
         let mut found: Vec<FoundDevice> = present
             .iter()
-            .filter_map(|info| FoundDevice::known(bus, info, self.treat_teensy_as_board))
+            .filter_map(|info| FoundDevice::identify(bus, info, self.treat_teensy_as_board))
             .collect();
         found.retain(|found| self.matches(found.kind, &found.info));
         let rank = |found: &FoundDevice| HidKind::ALL.iter().position(|&kind| kind == found.kind);
@@ -146,7 +146,7 @@ impl FoundDevice {
     /// Identifies the kind of `info`; `None` for an unsupported device. The report descriptor is read only where IDs and usages are not
     /// sufficient.
     #[must_use]
-    pub fn known(bus: &dyn HidBus, info: &HidInfo, treat_teensy_as_board: bool) -> Option<Self> {
+    pub fn identify(bus: &dyn HidBus, info: &HidInfo, treat_teensy_as_board: bool) -> Option<Self> {
         let descriptor = || bus.descriptor(info).ok().and_then(|bytes| ReportDescriptor::parse(&bytes).ok());
         let kind = if space_mouse::is_space_mouse(info) {
             HidKind::SpaceMouse

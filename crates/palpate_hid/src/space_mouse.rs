@@ -242,7 +242,7 @@ impl Driver for SpaceMouse {
         Ok(())
     }
 
-    fn ends_by_itself(&self) -> bool {
+    fn has_force_timeout(&self) -> bool {
         // A device without motors has no force to end.
         true
     }

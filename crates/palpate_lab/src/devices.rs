@@ -87,7 +87,7 @@ impl Devices {
     fn list(&self, bus: &dyn HidBus, output: &Output) -> Result<(), LabError> {
         let infos = bus.list()?;
         let lines: Vec<Line> = infos.iter().map(|info| line(bus, info, self.teensy_is_board)).collect();
-        let is_supported = |info: &&HidInfo, is_board| FoundDevice::known(bus, info, is_board).is_some();
+        let is_supported = |info: &&HidInfo, is_board| FoundDevice::identify(bus, info, is_board).is_some();
         let may_be = infos.iter().filter(|info| !self.teensy_is_board && !is_supported(info, false));
         let may_be_boards =
             may_be.filter(|info| is_supported(info, true)).map(|info| info.path.clone()).collect();

@@ -9,7 +9,7 @@ use crate::{PATCH_ROWS, PRESSURE_POINTS, PatchLayout, PatchScale, PatchSurface};
 
 /// A vertex of a triangulated surface that carries part of a contact's load.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct CarriedPoint {
+pub struct LoadedPoint {
     /// Index of the vertex.
     pub point: usize,
     /// Share of the contact's force on this vertex. The shares of all vertices sum to 1.
@@ -19,20 +19,20 @@ pub struct CarriedPoint {
 }
 
 /// Maximum number of surface points that carry a contact.
-pub const MAX_CARRIED: usize = 3 * PRESSURE_POINTS;
+pub const MAX_LOADED_POINTS: usize = 3 * PRESSURE_POINTS;
 
 impl PatchLayout {
     /// Distributes the patch's force over the vertices of the surface and accumulates the sums of the rows in the
     /// same pass.
     ///
     /// `corners` returns the vertices of a triangle. The result replaces the contents of `carried`, which needs a
-    /// capacity of [`MAX_CARRIED`]; vertices beyond its capacity are merged into the last one.
+    /// capacity of [`MAX_LOADED_POINTS`]; vertices beyond its capacity are merged into the last one.
     pub fn carry(
         &mut self,
         surface: &impl PatchSurface,
         corners: impl Fn(usize) -> Option<[usize; 3]>,
         scale: &PatchScale,
-        carried: &mut Vec<CarriedPoint>,
+        carried: &mut Vec<LoadedPoint>,
     ) {
         carried.clear();
         // The vertices of the last triangle in the list: the next place is often on the same triangle.
@@ -47,7 +47,7 @@ impl PatchLayout {
                     points.map(|point| {
                         carried.iter().position(|known| known.point == point).unwrap_or_else(|| {
                             if carried.len() < carried.capacity() {
-                                carried.push(CarriedPoint { point, ..CarriedPoint::default() });
+                                carried.push(LoadedPoint { point, ..LoadedPoint::default() });
                             }
                             carried.len().saturating_sub(1)
                         })

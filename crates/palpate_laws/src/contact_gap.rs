@@ -69,7 +69,7 @@ pub struct ContactGap {
     pub gap_m: DVec3,
     /// Part of the gap that existed before the step, m. The position update closes it, and it leaves no velocity
     /// behind.
-    pub overdue_m: DVec3,
+    pub initial_violation_m: DVec3,
 }
 
 impl ContactGap {
@@ -86,6 +86,6 @@ impl ContactGap {
         let taken = before.clamp(-h * UPTAKE_SPEED_M_PER_S * series.takes_up, 0.0);
         let normal_m = if before < 0.0 { left + apart_m - before } else { apart_m };
         let gap_m = normal_m * push - (moved_m + series.across_m).reject_from_normalized(push);
-        Self { normal_m, gap_m, overdue_m: (left - taken) * push }
+        Self { normal_m, gap_m, initial_violation_m: (left - taken) * push }
     }
 }

@@ -24,7 +24,7 @@ pub struct ProxyStep {
     /// Remaining displacement to the device, m, from the position that the proxy would have if it moved with the
     /// device. The gaps of the rows refer to that position. The displacement is shorter if the proxy may not go that
     /// far in one step.
-    pub short_m: DVec3,
+    pub remaining_m: DVec3,
 }
 
 /// Motion of a tool in one step.
@@ -52,14 +52,14 @@ impl ToolMove {
             return Self { from_m: device_m.0, to_m: device_m.1, proxy: None };
         };
         let behind_m = device_m.0 - proxy_m;
-        let proxy = Some(ProxyStep { coupling, short_m: coupling.short_m(behind_m, radius_m) });
+        let proxy = Some(ProxyStep { coupling, remaining_m: coupling.remaining_m(behind_m, radius_m) });
         Self { from_m: proxy_m, to_m: device_m.1 - behind_m, proxy }
     }
 
     /// Displacement of the proxy by its coupling if nothing blocks it, m.
     #[must_use]
-    pub fn short_m(&self) -> DVec3 {
-        self.proxy.map_or(DVec3::ZERO, |proxy| proxy.short_m)
+    pub fn remaining_m(&self) -> DVec3 {
+        self.proxy.map_or(DVec3::ZERO, |proxy| proxy.remaining_m)
     }
 }
 
@@ -93,7 +93,7 @@ impl VirtualCoupling {
     /// way. A touching tool is limited to half its radius, and to the coupling's stretch if that is longer. It
     /// therefore crosses no surface undetected.
     #[must_use]
-    pub fn short_m(&self, behind_m: DVec3, radius_m: Option<f64>) -> DVec3 {
+    pub fn remaining_m(&self, behind_m: DVec3, radius_m: Option<f64>) -> DVec3 {
         match radius_m {
             None => behind_m,
             Some(radius_m) => behind_m.clamp_length_max(self.stretch_m().max(0.5 * radius_m)),

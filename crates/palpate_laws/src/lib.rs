@@ -99,7 +99,7 @@ mod triangle;
 mod unilateral;
 mod volume_barrier;
 
-pub use carried_points::{CarriedPoint, MAX_CARRIED};
+pub use carried_points::{LoadedPoint, MAX_LOADED_POINTS};
 pub use constraint_row::{ConstraintLaw, ConstraintRow, GAP_TOLERANCE_M, MAX_CORRECTION_SPEED_M_PER_S};
 pub use contact_gap::{ContactGap, SeriesDeflection, is_out_of_reach, mobility};
 pub use coulomb::Coulomb;
@@ -111,7 +111,7 @@ pub use grid_compliance::{lattice_compliance, normal_compliance_at, tangential_c
 pub use indentation::{Indentation, Pressure};
 pub use patch::{Patch, PatchScale, PatchStart};
 pub use patch_rows::{MAX_PATCHES, PatchLayout, RowLayout};
-pub use patch_seed::{KnownPatch, KnownPatches, Seed};
+pub use patch_seed::{ActivePatch, ActivePatches, Seed};
 pub use patch_surface::{Neighbour, POINT_NODES, PatchSurface, SurfacePlace};
 pub use pressure_points::{PATCH_ROWS, PRESSURE_POINTS, PressurePoint};
 pub use proxy_solver::{ProxyState, solve_with_proxies, solve_with_proxy};

@@ -32,7 +32,7 @@ pub struct Patch {
     /// Offset from the tool's position to its deepest point along the normal, m.
     pub tip_m: DVec3,
     /// Normal force, averaged over some milliseconds, N.
-    pub eased_n: f64,
+    pub averaged_n: f64,
 }
 
 /// Start of the search for a patch: the patch of the previous step, or a triangle.
@@ -46,10 +46,10 @@ pub struct PatchStart {
     pub axis: DVec3,
     /// Contact radius, m.
     pub contact_m: f64,
-    /// Averaged normal force, N; see [`Patch::eased_n`].
-    pub eased_n: f64,
+    /// Averaged normal force, N; see [`Patch::averaged_n`].
+    pub averaged_n: f64,
     /// Penetration depth in tool radii.
-    pub bedded: f64,
+    pub depth_ratio: f64,
     rounds: usize,
 }
 
@@ -57,20 +57,28 @@ impl PatchStart {
     /// Start at a place of a triangle with that normal.
     #[must_use]
     pub fn on(foot: SurfacePlace, normal: DVec3) -> Self {
-        Self { foot, normal, axis: normal, contact_m: 0.0, eased_n: 0.0, bedded: 0.0, rounds: MAX_ROUNDS }
+        Self {
+            foot,
+            normal,
+            axis: normal,
+            contact_m: 0.0,
+            averaged_n: 0.0,
+            depth_ratio: 0.0,
+            rounds: MAX_ROUNDS,
+        }
     }
 }
 
 impl Patch {
     /// Averaged force after `span_s` seconds under a force of `force_n`, N.
     pub(crate) fn eased(&self, force_n: f64, span_s: f64) -> f64 {
-        self.eased_n + (force_n - self.eased_n) * -(-span_s / EASING_S).exp_m1()
+        self.averaged_n + (force_n - self.averaged_n) * -(-span_s / EASING_S).exp_m1()
     }
 
     /// Start of the next step's search.
-    pub(crate) fn after(&self, contact_m: f64, eased_n: f64, bedded: f64) -> PatchStart {
+    pub(crate) fn after(&self, contact_m: f64, averaged_n: f64, depth_ratio: f64) -> PatchStart {
         let Self { foot, normal, axis, .. } = *self;
-        PatchStart { foot, normal, axis, contact_m, eased_n, bedded, rounds: 1 }
+        PatchStart { foot, normal, axis, contact_m, averaged_n, depth_ratio, rounds: 1 }
     }
 }
 
@@ -157,16 +165,16 @@ fn tangents(normal: DVec3, axes: [DVec3; 3]) -> [DVec3; 2] {
 
 impl ToolShape {
     /// Offset from the tool's position to the middle of its possible contact with a surface of unit normal `normal`,
-    /// m, and the distance of the surface from there along the normal, m. The deeper a punch is (`bedded`, in radii),
+    /// m, and the distance of the surface from there along the normal, m. The deeper a punch is (`depth_ratio`, in radii),
     /// the less it touches with its rim.
-    fn support(&self, normal: DVec3, bedded: f64) -> (DVec3, f64) {
+    fn support(&self, normal: DVec3, depth_ratio: f64) -> (DVec3, f64) {
         match *self {
             Self::Sphere { radius_m } => (DVec3::ZERO, radius_m),
             Self::FlatPunch { radius_m, axis } => {
                 let along = -normal.dot(axis);
                 let aside = -normal - along * axis;
                 // From the middle of the face to its rim as the punch tilts, and on to the end of its side.
-                let tilt = TILT + bedded;
+                let tilt = TILT + depth_ratio;
                 let rim = aside / (aside.length_squared() + tilt * tilt).sqrt();
                 let behind = (0.5 - 0.5 * along / TILT).clamp(0.0, 1.0);
                 let tip = radius_m * (rim - behind * axis);
@@ -258,11 +266,11 @@ impl Patch {
         start: &PatchStart,
         scale: &PatchScale,
     ) -> Option<Self> {
-        let PatchStart { foot: start, normal, axis, contact_m, eased_n, bedded, rounds } = *start;
+        let PatchStart { foot: start, normal, axis, contact_m, averaged_n, depth_ratio, rounds } = *start;
         let (mut foot, mut normal, mut is_on_edge) = (start, normal, false);
         let mut along = axis;
         for _ in 0..rounds {
-            let (reach, _) = shape.support(normal, bedded);
+            let (reach, _) = shape.support(normal, depth_ratio);
             let middle = center_m + reach;
             let direction = (along, tangents(along, scale.axes));
             let mut seen = Projection::new(surface, Edges::Smooth, middle, direction);
@@ -302,7 +310,7 @@ impl Patch {
                 break;
             }
         }
-        let (reach, depth) = shape.support(normal, bedded);
+        let (reach, depth) = shape.support(normal, depth_ratio);
         let raised = match *shape {
             ToolShape::FlatPunch { radius_m, axis } if is_on_edge => {
                 let away = (surface.place_m(foot)? - center_m).reject_from_normalized(normal);
@@ -312,7 +320,7 @@ impl Patch {
             }
             _ => 0.0,
         };
-        Some(Self { foot, normal, axis: along, tip_m: reach - (depth - raised) * normal, eased_n })
+        Some(Self { foot, normal, axis: along, tip_m: reach - (depth - raised) * normal, averaged_n })
     }
 
     /// Two unit vectors perpendicular to the normal that rotate with the body.

@@ -34,10 +34,10 @@ impl Patch {
         elastic: (Option<f64>, f64),
         (force_n, span_s): (f64, f64),
     ) -> PatchStart {
-        let eased_n = self.eased(force_n, span_s);
+        let averaged_n = self.eased(force_n, span_s);
         let (_, law, contact_m) = contact(shape, self.normal, elastic, force_n);
-        let bedded = law.map_or(0.0, |law| law.approach_m(eased_n) / law.radius_m);
-        self.after(contact_m, eased_n, bedded)
+        let depth_ratio = law.map_or(0.0, |law| law.approach_m(averaged_n) / law.radius_m);
+        self.after(contact_m, averaged_n, depth_ratio)
     }
 }
 
@@ -132,7 +132,7 @@ impl PatchLayout {
         let force_n: f64 = row_n.iter().sum();
         // With added compliance, law and grid follow the force together, and their ratio hardly changes. Without it
         // the contact would widen under a force that then falls, and oscillate.
-        let widening_n = if scale.spread_m > 0.0 { force_n } else { patch.eased_n };
+        let widening_n = if scale.spread_m > 0.0 { force_n } else { patch.averaged_n };
         let (pressure, law, radius_m) =
             contact(shape, patch.normal, (modulus_pa, poissons_ratio), widening_n);
         let apart = rows_apart(radius_m, scale.cell_m);
@@ -222,7 +222,7 @@ impl PatchLayout {
     /// grid under the patch's pressure, per newton.
     #[must_use]
     pub fn missing_compliance(&self, grid_m_per_n: f64, cell_m: f64) -> Option<SeriesCompliance> {
-        let forces = (self.force_n, self.patch.eased_n);
+        let forces = (self.force_n, self.patch.averaged_n);
         self.law.map(|law| SeriesCompliance::missing(law, (grid_m_per_n, cell_m), forces))
     }
 

@@ -100,7 +100,7 @@ impl Seed {
 
     /// Whether a contact here is separate from the patch `known`, which started on a triangle with the given rest
     /// normal. It is if the surface faces another way, or if the tool touches it beyond the patch.
-    fn is_apart(&self, rest_normal: DVec3, known: &KnownPatch, cell_m: f64) -> bool {
+    fn is_apart(&self, rest_normal: DVec3, known: &ActivePatch, cell_m: f64) -> bool {
         let is_met = self.order.1 < 0.0;
         self.rest_normal.dot(rest_normal) < SEPARATE_COSINE
             || is_met && self.at_m.distance(known.at_m) > known.across_m(cell_m)
@@ -117,7 +117,7 @@ fn around_m(shape: &ToolShape) -> f64 {
 
 /// An existing patch of a tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct KnownPatch {
+pub struct ActivePatch {
     /// The patch.
     pub patch: Patch,
     /// Position of its foot, m.
@@ -128,7 +128,7 @@ pub struct KnownPatch {
     pub radius_m: f64,
 }
 
-impl KnownPatch {
+impl ActivePatch {
     /// Distance from its foot beyond which a contact is separate, m.
     fn across_m(&self, cell_m: f64) -> f64 {
         BEYOND_RADII * self.radius_m + BEYOND_CELLS * cell_m
@@ -137,18 +137,18 @@ impl KnownPatch {
 
 /// The existing patches of a tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct KnownPatches {
-    all: [KnownPatch; MAX_PATCHES],
+pub struct ActivePatches {
+    all: [ActivePatch; MAX_PATCHES],
     count: usize,
 }
 
-impl KnownPatches {
-    fn iter(&self) -> impl Iterator<Item = &KnownPatch> {
+impl ActivePatches {
+    fn iter(&self) -> impl Iterator<Item = &ActivePatch> {
         self.all.iter().take(self.count)
     }
 
     /// Adds a patch. Returns whether the capacity sufficed.
-    pub fn add(&mut self, patch: KnownPatch) -> bool {
+    pub fn add(&mut self, patch: ActivePatch) -> bool {
         let Some(to) = self.all.get_mut(self.count) else { return false };
         *to = patch;
         self.count += 1;
@@ -184,7 +184,7 @@ impl KnownPatches {
         seeds: &mut Vec<Seed>,
         cell_m: f64,
         find: impl Fn(&PatchStart) -> Option<Patch>,
-        mut begin: impl FnMut(Patch, &Seed) -> Option<KnownPatch>,
+        mut begin: impl FnMut(Patch, &Seed) -> Option<ActivePatch>,
     ) {
         loop {
             // A seed that is not separate now will not be later.
@@ -194,7 +194,7 @@ impl KnownPatches {
             seeds.retain(|seed| seed.place.triangle != first.place.triangle);
             let Some(patch) = find(&PatchStart::on(first.place, first.normal)) else { continue };
             // Two seeds that lead to the same place are one patch.
-            let is_same = |known: &KnownPatch| {
+            let is_same = |known: &ActivePatch| {
                 known.patch.foot.triangle == patch.foot.triangle
                     || known.patch.normal.dot(patch.normal) > SAME_COSINE
                         && !first.is_apart(first.rest_normal, known, cell_m)

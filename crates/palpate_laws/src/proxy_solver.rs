@@ -98,7 +98,7 @@ pub fn solve_with_proxies(
     for tool in &mut *tools {
         // Start where the coupling would saturate if the proxy stayed: the final force then points towards the
         // device.
-        let goal = tool.proxy.short_m.clamp_length_max(tool.proxy.coupling.stretch_m());
+        let goal = tool.proxy.remaining_m.clamp_length_max(tool.proxy.coupling.stretch_m());
         tool.velocity_m_per_s = goal / h;
         (tool.per_kg, tool.lightest_per_kg) = (1.0 / (tool.proxy.coupling.stiffness_n_per_m * h * h), 0.0);
     }
@@ -155,7 +155,7 @@ impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> CoupledProblem<'_, A, F>
             return true;
         };
         let (h, max_force_n) = (self.h, proxy.coupling.max_force_n);
-        let goal = proxy.short_m.clamp_length_max(proxy.coupling.stretch_m());
+        let goal = proxy.remaining_m.clamp_length_max(proxy.coupling.stretch_m());
         let force = self.force_n(index);
         let excess = force.length() - max_force_n;
         if excess > FORCE_TOLERANCE * max_force_n {
@@ -165,9 +165,9 @@ impl<A: ImpulseResponse, F: Fn(usize) -> Option<usize>> CoupledProblem<'_, A, F>
             self.find_yield(index, force.normalize(), search, first);
             return false;
         }
-        if is_first && excess < -FORCE_TOLERANCE * max_force_n && goal != proxy.short_m {
+        if is_first && excess < -FORCE_TOLERANCE * max_force_n && goal != proxy.remaining_m {
             // The limit allows more displacement, perhaps all of it.
-            let more = proxy.short_m - goal;
+            let more = proxy.remaining_m - goal;
             let excess_of_all = self.apply_yield(index, -more).length() - max_force_n;
             if excess_of_all > FORCE_TOLERANCE * max_force_n {
                 let too_much = Some((more.length(), excess));
@@ -301,7 +301,7 @@ mod tests {
         mut rows: Vec<ConstraintRow>,
     ) -> (Vec<ConstraintRow>, Vec<DVec3>, DVec3) {
         let mut masses = Apart(vec![DVec3::ZERO; rows.len()]);
-        let proxy = ProxyStep { coupling, short_m: DVec3::Z * short };
+        let proxy = ProxyStep { coupling, remaining_m: DVec3::Z * short };
         let (report, moved) = solve_with_proxy(
             &mut rows,
             &mut masses,
@@ -356,7 +356,7 @@ mod tests {
         }
         let proxy = |max_force_n| ProxyStep {
             coupling: VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n },
-            short_m: DVec3::ZERO,
+            remaining_m: DVec3::ZERO,
         };
         let mut tools = [ProxyState::new(proxy(50.0)), ProxyState::new(proxy(0.5))];
         let mut rows = [held(0.4e-3), held(-0.4e-3)];
@@ -376,8 +376,8 @@ mod tests {
         let (_, _, moved) = step(coupling, 3e-3, vec![]);
         assert_eq!(moved, DVec3::Z * 3e-3);
         assert_eq!(coupling.stretch_m(), 0.25e-3);
-        assert_eq!(coupling.short_m(DVec3::X, Some(0.01)), DVec3::X * 0.005);
-        assert_eq!(coupling.short_m(DVec3::X, None), DVec3::X);
+        assert_eq!(coupling.remaining_m(DVec3::X, Some(0.01)), DVec3::X * 0.005);
+        assert_eq!(coupling.remaining_m(DVec3::X, None), DVec3::X);
         assert_eq!(coupling.limit(DVec3::X * 7.0), DVec3::X * 5.0);
     }
 }

@@ -46,17 +46,17 @@ impl SeriesCompliance {
     }
 
     /// Compliance that a grid of cells of `cell_m` lacks: δ_s = δ − C_g F, minus the softening of springs.
-    /// `grid_m_per_n` is the linear compliance C_g of the grid, m/N. `force_n` is the force, N, and `eased_n` its
+    /// `grid_m_per_n` is the linear compliance C_g of the grid, m/N. `force_n` is the force, N, and `averaged_n` its
     /// average over some milliseconds.
     #[must_use]
     pub fn missing(
         law: Indentation,
         (grid_m_per_n, cell_m): (f64, f64),
-        (force_n, eased_n): (f64, f64),
+        (force_n, averaged_n): (f64, f64),
     ) -> Self {
         let ratio = |part: f64, of: f64| if of > 0.0 { part / of } else { 0.0 };
         let base = (1.0 - ratio(grid_m_per_n * force_n, law.approach_m(force_n))).clamp(0.0, 1.0);
-        let (eased_m, grid_m) = (law.approach_m(eased_n), grid_m_per_n * eased_n);
+        let (eased_m, grid_m) = (law.approach_m(averaged_n), grid_m_per_n * averaged_n);
         // A grid that does not resolve a punch's rim may deflect too much in proportion.
         let (Softening { s, r }, grid_m) = match law.pressure {
             Pressure::Ball => (BALL_SOFTENING, grid_m),

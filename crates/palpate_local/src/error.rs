@@ -21,14 +21,14 @@ pub enum LocalModelError {
         capacity: usize,
     },
     /// A size of the near field exceeds the capacity of the loop.
-    #[error("the local model has {found} {what}; it must have at most {room}")]
-    Room {
+    #[error("the local model has {found} {what}; it must have at most {capacity}")]
+    Capacity {
         /// Name of the elements.
         what: &'static str,
         /// Number of elements in the model.
         found: usize,
         /// Number of elements for which the buffers were allocated.
-        room: usize,
+        capacity: usize,
     },
     /// An index in the near field is out of range.
     #[error("{what} of the local model has an index that is out of range")]

@@ -231,7 +231,7 @@ impl LocalModel {
     /// Checks sizes and indices, and that every number in use is finite.
     ///
     /// # Errors
-    /// [`LocalModelError::NotFinite`], [`LocalModelError::Size`], [`LocalModelError::Order`], [`LocalModelError::Room`],
+    /// [`LocalModelError::NotFinite`], [`LocalModelError::Size`], [`LocalModelError::Order`], [`LocalModelError::Capacity`],
     /// [`LocalModelError::Index`].
     pub fn validate(&self) -> Result<(), LocalModelError> {
         let normal = match self.contact {
@@ -257,7 +257,7 @@ impl LocalModel {
     /// Copies `other` without allocation.
     ///
     /// # Errors
-    /// [`LocalModelError::Order`], [`LocalModelError::Room`] when `other` exceeds the capacity; `self` is then unchanged.
+    /// [`LocalModelError::Order`], [`LocalModelError::Capacity`] when `other` exceeds the capacity; `self` is then unchanged.
     pub fn copy_from(&mut self, other: &Self) -> Result<(), LocalModelError> {
         other.near.fits(self.near.capacity())?;
         self.reduced.copy_from(&other.reduced)?;

@@ -259,9 +259,9 @@ impl NearField {
     /// Checks that the sizes are at most `capacity`.
     ///
     /// # Errors
-    /// [`LocalModelError::Room`].
+    /// [`LocalModelError::Capacity`].
     pub(crate) fn fits(&self, capacity: NearFieldCapacity) -> Result<(), LocalModelError> {
-        for (what, found, room) in [
+        for (what, found, capacity) in [
             ("nodes of S", self.nodes, capacity.nodes),
             ("columns of the basis", self.order, capacity.order),
             ("nodes of the ring", self.ring, capacity.ring),
@@ -270,8 +270,8 @@ impl NearField {
             ("points of the surface", self.points, capacity.points),
             ("triangles", self.triangles, capacity.triangles),
         ] {
-            if found > room {
-                return Err(LocalModelError::Room { what, found, room });
+            if found > capacity {
+                return Err(LocalModelError::Capacity { what, found, capacity });
             }
         }
         Ok(())
@@ -299,7 +299,7 @@ impl NearField {
     /// Checks sizes and indices, and that every number in use is finite.
     ///
     /// # Errors
-    /// [`LocalModelError::Room`], [`LocalModelError::Size`], [`LocalModelError::NotFinite`], [`LocalModelError::Index`],
+    /// [`LocalModelError::Capacity`], [`LocalModelError::Size`], [`LocalModelError::NotFinite`], [`LocalModelError::Index`],
     /// [`LocalModelError::Setting`].
     pub fn validate(&self) -> Result<(), LocalModelError> {
         // Checked first: the products below then cannot overflow.
@@ -427,7 +427,7 @@ impl NearField {
     /// Copies `other` without allocation.
     ///
     /// # Errors
-    /// [`LocalModelError::Room`] when `other` exceeds the capacity; `self` is then unchanged.
+    /// [`LocalModelError::Capacity`] when `other` exceeds the capacity; `self` is then unchanged.
     pub(crate) fn copy_from(&mut self, other: &Self) -> Result<(), LocalModelError> {
         other.fits(self.capacity())?;
         if other.integrator.is_implicit() {

@@ -183,7 +183,7 @@ impl ContactSolver {
         z: &[f64],
         z_dot: &mut [f64],
     ) -> (bool, DVec3) {
-        let mut proxy_m = tool.short_m();
+        let mut proxy_m = tool.remaining_m();
         let s = field.nodes;
         let is_held = field.support == Support::Held;
         for (index, row) in self.rows.iter_mut().enumerate() {
@@ -244,7 +244,7 @@ impl ContactSolver {
         let (Some(velocity), Some(impulses), Some(of_support)) =
             (self.support_velocity.get_mut(..s), self.impulses.get_mut(..s), z_dot.get_mut(..s))
         else {
-            return tool.short_m();
+            return tool.remaining_m();
         };
         velocity.copy_from_slice(of_support);
         impulses.fill(0.0);

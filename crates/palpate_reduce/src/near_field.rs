@@ -276,5 +276,5 @@ fn write_tool(input: &BuildInput<'_>, support: &SupportSet, field: &mut NearFiel
 }
 
 fn too_many(what: &'static str, found: usize, max: usize) -> ReduceError {
-    LocalModelError::Room { what, found, room: max }.into()
+    LocalModelError::Capacity { what, found, capacity: max }.into()
 }

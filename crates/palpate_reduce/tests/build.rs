@@ -279,7 +279,7 @@ fn build_rejects_contact_with_another_body() {
     for node in [0, 400] {
         let foreign = ToolContact::hold(&big, node, DVec3::ZERO).unwrap();
         let result = builder.build(Scheme::Tangent, &body, &foreign, ToolPoint::default(), ID, &mut model);
-        assert!(matches!(result, Err(ReduceError::Body(BodyError::CannotHold { .. }))));
+        assert!(matches!(result, Err(ReduceError::Body(BodyError::InvalidNode { .. }))));
         assert_eq!(model.contact, Contact::Apart);
     }
 }

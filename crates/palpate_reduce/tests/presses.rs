@@ -199,7 +199,7 @@ struct Statistics {
     unconverged_steps: usize,
     unconverged_ticks: usize,
     touching_ticks: usize,
-    max_sweeps: usize,
+    max_iterations: usize,
     /// Maximum over all presses of the longest step with contact divided by the median, in thread time.
     max_step_time_ratio: f64,
 }
@@ -248,7 +248,7 @@ fn run(press: Press, statistics: &mut Statistics) {
         }
         assert!(contact.displayed_force_n(&body).is_finite());
         statistics.unconverged_steps += report.unconverged;
-        statistics.max_sweeps = statistics.max_sweeps.max(report.sweeps);
+        statistics.max_iterations = statistics.max_iterations.max(report.iterations);
     }
     times.sort_by(f64::total_cmp);
     if let (Some(longest), Some(median)) = (times.last(), times.get(times.len() / 2)) {
@@ -269,7 +269,7 @@ fn presses(count: usize, sizes: &[usize], seed: u64) -> Statistics {
     }
     assert_eq!(statistics.unconverged_steps, 0, "{statistics:?}");
     assert!(100_000 * statistics.unconverged_ticks <= statistics.touching_ticks, "{statistics:?}");
-    assert!(statistics.max_sweeps <= 60, "{statistics:?}");
+    assert!(statistics.max_iterations <= 60, "{statistics:?}");
     statistics
 }
 

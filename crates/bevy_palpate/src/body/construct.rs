@@ -128,8 +128,8 @@ impl BuildInput {
         if self.fixed.is_none() {
             block = block.allow_unconstrained();
         }
-        if let Some(Slit { length_m, depth_m, opening_m: gape_m }) = self.slit {
-            block = block.slit(palpate_body::Slit { length_m, depth_m, gape_m });
+        if let Some(Slit { length_m, depth_m, opening_m }) = self.slit {
+            block = block.slit(palpate_body::Slit { length_m, depth_m, opening_m });
         }
         let built = block.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
         Body::new(built.network, built.surface)

@@ -42,7 +42,7 @@ impl Hid {
 
     pub(super) fn present(&self) -> Result<Vec<(HidSelector, String)>, HidError> {
         let bus = self.bus()?;
-        let supported = |info| FoundDevice::known(&*bus, info, true);
+        let supported = |info| FoundDevice::identify(&*bus, info, true);
         // Every Teensy program with raw HID has the numbers of a board.
         let label = |found: &FoundDevice| match (found.kind, found.info.vendor) {
             (HidKind::Board, TEENSY) => {

@@ -97,14 +97,14 @@ pub enum NoForceCause {
     },
     /// The loop started, or resumed, in contact; the force starts once it is below the threshold.
     #[error(
-        "the loop started in contact with {force_n:.3} N and waits for less than {start_below_n} N; lift the tool once, or raise \
+        "the loop started in contact with {force_n:.3} N and waits for less than {arm_below_n} N; lift the tool once, or raise \
          arm_below_n of ToolSettings::safety"
     )]
     StartThreshold {
         /// Force of the local model, N.
         force_n: f64,
         /// [`SafetySettings::arm_below_n`](palpate_haptics::SafetySettings::arm_below_n), N.
-        start_below_n: f64,
+        arm_below_n: f64,
     },
     /// The limit of the force's rate of change is so low that the force is still nearly zero.
     #[error("max_slew_n_per_s of ToolSettings::safety is {max_slew_n_per_s} N/s; raise it")]

@@ -17,7 +17,7 @@ pub struct SlowStep {
     pub nodes: usize,
     /// Suggested [`MeshShape::cells_along_longest_axis`](crate::MeshShape::cells_along_longest_axis) of that body; `None` for a block. An
     /// estimate, with a time proportional to the number of cells.
-    pub cells_along: Option<usize>,
+    pub suggested_cells_along: Option<usize>,
 }
 
 /// Part of a model step.
@@ -54,14 +54,14 @@ impl SlowStep {
 
 impl Display for SlowStep {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        let Self { step_ms, period_ms, bodies_ms, local_models_ms, nodes, cells_along } = self;
+        let Self { step_ms, period_ms, bodies_ms, local_models_ms, nodes, suggested_cells_along } = self;
         write!(
             f,
             "a model step takes {step_ms:.0} ms of {period_ms:.0} ms: bodies {bodies_ms:.0} ms, local models \
              {local_models_ms:.0} ms, other {:.0} ms; the largest body has {nodes} nodes; ",
             self.other_ms()
         )?;
-        match (self.largest(), cells_along) {
+        match (self.largest(), suggested_cells_along) {
             (StepPart::Other, _) => f.write_str("shorten the app's own systems in ModelSchedule"),
             (_, Some(cells)) => {
                 write!(f, "set MeshShape::cells_along_longest_axis to {cells}, or lower ModelRate")
@@ -83,12 +83,12 @@ mod tests {
             bodies_ms: 60.0,
             local_models_ms: 30.0,
             nodes: 991,
-            cells_along: Some(6),
+            suggested_cells_along: Some(6),
         };
         assert_eq!((step.largest(), step.other_ms()), (StepPart::Bodies, 10.0));
         let text = step.to_string();
         assert!(text.ends_with("set MeshShape::cells_along_longest_axis to 6, or lower ModelRate"), "{text}");
-        let local = SlowStep { bodies_ms: 20.0, local_models_ms: 70.0, cells_along: None, ..step };
+        let local = SlowStep { bodies_ms: 20.0, local_models_ms: 70.0, suggested_cells_along: None, ..step };
         assert_eq!(local.largest(), StepPart::LocalModels);
         assert!(local.to_string().ends_with("use fewer nodes, or lower ModelRate"), "{local}");
         let other = SlowStep { bodies_ms: 20.0, local_models_ms: 10.0, ..step };

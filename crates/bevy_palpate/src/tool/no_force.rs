@@ -196,7 +196,7 @@ impl ToolLoop {
             NoForceCause::LocalModel { scheme: described.scheme }
         } else if is_none(after(|tick| tick.after.gains_n)) {
             if ticks.iter().any(|tick| tick.acted.contains(SafetyAction::Waiting)) {
-                NoForceCause::StartThreshold { force_n: before_n, start_below_n: safety.arm_below_n }
+                NoForceCause::StartThreshold { force_n: before_n, arm_below_n: safety.arm_below_n }
             } else {
                 NoForceCause::StartRamp { ramp_s: safety.ramp_s }
             }

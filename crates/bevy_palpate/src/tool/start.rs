@@ -94,8 +94,9 @@ pub(super) fn start_loops(
         let started = devices.make(&tool.device).and_then(|device| {
             let description = device.describe();
             let device_safety = description.safety(TICK_S);
-            let device_resolution =
-                DMat3::from_cols_array_2d(&DVec3::AXES.map(|axis| device.quantized_force_n(axis).to_array()));
+            let device_resolution = DMat3::from_cols_array_2d(
+                &DVec3::AXES.map(|axis| device.displayable_force_n(axis).to_array()),
+            );
             let (handle, driver) = start(device, *mode, settings_for(device_safety))?;
             Ok((handle, driver, device_safety, description, device_resolution))
         });

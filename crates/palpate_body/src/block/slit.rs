@@ -18,7 +18,7 @@ pub struct Slit {
     /// Depth, m, rounded to whole cells.
     pub depth_m: f64,
     /// Distance between the lips at rest, in the middle of the side, m.
-    pub gape_m: f64,
+    pub opening_m: f64,
 }
 
 /// The slit in terms of nodes of the lattice.
@@ -64,7 +64,7 @@ impl Cut {
             (1.0..=most_deep).contains(&depth),
             "at least 1, less than the block has",
         )?;
-        let gape = slit.gape_m;
+        let gape = slit.opening_m;
         check("gape of a slit, m", gape, (0.0..=cell.x).contains(&gape), "at least 0, a cell at most")?;
         let first = (along_z - 1 - length as usize) / 2;
         Ok(Self {
@@ -104,7 +104,7 @@ pub(super) fn cut(slit: Slit, block: ([usize; 3], DVec3), pieces: &mut Pieces<'_
     let mut right: HashMap<usize, usize> = HashMap::new();
     for node in (0..lattice).filter(|&node| cut.is_open(cut.ijk(node))) {
         right.insert(node, pieces.rest_m.len());
-        let bend = DVec3::X * (0.5 * slit.gape_m * cut.bend(cut.ijk(node)));
+        let bend = DVec3::X * (0.5 * slit.opening_m * cut.bend(cut.ijk(node)));
         pieces.mass_kg[node] *= 0.5;
         pieces.rest_m.push(pieces.rest_m[node] + bend);
         pieces.mass_kg.push(pieces.mass_kg[node]);

@@ -103,8 +103,8 @@ fn fixes_regions_in_addition_to_faces() {
     assert!(made.network.is_fixed(124));
 }
 
-fn slit(gape_m: f64) -> Slit {
-    Slit { length_m: 0.06, depth_m: 0.04, gape_m }
+fn slit(opening_m: f64) -> Slit {
+    Slit { length_m: 0.06, depth_m: 0.04, opening_m }
 }
 
 #[test]
@@ -187,8 +187,8 @@ fn rejects_invalid_slits() {
         Slit { length_m: f64::NAN, ..good },
         Slit { depth_m: 0.1, ..good },
         Slit { depth_m: 0.001, ..good },
-        Slit { gape_m: 0.03, ..good },
-        Slit { gape_m: -0.001, ..good },
+        Slit { opening_m: 0.03, ..good },
+        Slit { opening_m: -0.001, ..good },
     ] {
         assert!(
             matches!(block([5, 6, 11]).slit(bad).uniform(&LATTICE), Err(BodyError::Parameter { .. })),

@@ -43,7 +43,7 @@ impl Body {
         let mut columns = Columns::default();
         let mut impulses = Vec::new();
         // Without rows a proxy is displaced freely.
-        let mut drawn: Vec<DVec3> = step.tools.iter().map(|tool| tool.way.short_m()).collect();
+        let mut drawn: Vec<DVec3> = step.tools.iter().map(|tool| tool.way.remaining_m()).collect();
         // A push out of one obstacle may lead into another: repeat until no constraint is added.
         for pass in 0..MAX_ACTIVE_SET_PASSES {
             let active_count = rows.len();
@@ -247,7 +247,7 @@ impl Body {
                 solve_with_couplings(constraints, &mut rows, &mut response, &proxies, step.h)
             }
         };
-        report.sweeps = report.sweeps.max(solver.iterations);
+        report.iterations = report.iterations.max(solver.iterations);
         report.unconverged += usize::from(!solver.converged);
         Ok((rows.into_iter().map(|row| row.impulse_ns).collect(), drawn))
     }

@@ -30,7 +30,7 @@ impl Body {
     ///
     /// # Errors
     /// [`BodyError::PathLength`] and [`BodyError::Path`] for a path of the wrong length or with values that are not
-    /// finite; [`BodyError::CannotHold`] for a contact with another body; [`BodyError::Parameter`],
+    /// finite; [`BodyError::InvalidNode`] for a contact with another body; [`BodyError::Parameter`],
     /// [`BodyError::Substeps`], [`BodyError::TooLarge`], [`BodyError::NotConverged`] and [`BodyError::Indefinite`] if
     /// the integrator cannot take the step; [`BodyError::Diverged`] if a value is no longer finite. Body and tool are
     /// then unchanged.
@@ -69,7 +69,7 @@ impl Body {
     /// displayed forces of all tools in their order.
     ///
     /// # Errors
-    /// As [`Body::advance`]; [`BodyError::CannotHold`] also if two tools drive nodes.
+    /// As [`Body::advance`]; [`BodyError::InvalidNode`] also if two tools drive nodes.
     pub fn advance_tools(
         &mut self,
         tools: &mut [ToolRun<'_>],
@@ -82,7 +82,10 @@ impl Body {
         for ToolRun { contact, path } in &*tools {
             contact.validate(self)?;
             if let (Some(node), Some(_)) = (contact.driven_node(), driven) {
-                return Err(BodyError::CannotHold { node, why: "another tool drives a node of the body" });
+                return Err(BodyError::InvalidNode {
+                    node,
+                    reason: "another tool drives a node of the body",
+                });
             }
             driven = driven.or(contact.driven_node());
             if path.len().checked_sub(1) != Some(ticks) {

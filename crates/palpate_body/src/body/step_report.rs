@@ -19,8 +19,8 @@ pub struct StepReport {
     pub touched: usize,
     /// Maximum number of contact patches that a tool lacked, because it has at most four.
     pub left_out: usize,
-    /// Maximum number of sweeps of the constraint solver.
-    pub sweeps: usize,
+    /// Maximum number of iterations of the constraint solver.
+    pub iterations: usize,
     /// Number of solutions that did not converge: the constraints are contradictory or redundant, or convergence is
     /// too slow.
     pub unconverged: usize,

@@ -8,7 +8,7 @@ use crate::weights::{Weights, add_weight};
 use crate::{SurfaceTree, ToolContact};
 use glam::DVec3;
 use palpate_laws::{
-    CarriedPoint, KnownPatch, KnownPatches, MAX_CARRIED, MAX_PATCHES, PATCH_ROWS, Patch, PatchLayout,
+    ActivePatch, ActivePatches, LoadedPoint, MAX_LOADED_POINTS, MAX_PATCHES, PATCH_ROWS, Patch, PatchLayout,
     PatchScale, PatchStart, PatchSurface, RowLayout, Seed, SeriesCompliance, SurfacePlace, ToolShape,
     mobility, normal_compliance_at,
 };
@@ -73,7 +73,7 @@ impl Body {
         let (shape, radius, moved) = (*shape, shape.radius_m(), from_m.distance(to_m));
         let speed2 = |&node: &usize| self.v[node].length_squared();
         let fastest = self.network.free().iter().map(speed2).fold(0.0, f64::max).sqrt();
-        let short = coupling.map_or(0.0, |c| c.short_m(from_m - proxy_m, Some(radius)).length());
+        let short = coupling.map_or(0.0, |c| c.remaining_m(from_m - proxy_m, Some(radius)).length());
         // Nodes are pushed by the tool or move by themselves. The next section finds patches from further away.
         let beside = 2.0 * fastest * span_s + short;
         let reach = 1.5 * radius + moved + beside;
@@ -113,13 +113,13 @@ impl Body {
         let surface = PlacedSurface { surface: &self.contact_surface, x: &x };
         let scale = self.patch_scale();
         let find = |start: &PatchStart| Patch::find(&surface, &shape, way.1, start, &scale);
-        let known_patch = |row: &ToolPatch| KnownPatch {
+        let known_patch = |row: &ToolPatch| ActivePatch {
             patch: row.patch,
             at_m: row.corners.iter().map(|&(point, w)| w * x[point]).sum(),
             rest_normal: row.rest_normal,
             radius_m: row.radius_m,
         };
-        let (mut approach, mut all) = (ToolPatches::default(), KnownPatches::default());
+        let (mut approach, mut all) = (ToolPatches::default(), ActivePatches::default());
         for touched in before.chunk_by(|a, b| a.patch == b.patch) {
             let Some(first) = touched.first() else { continue };
             let mut row_n = [0.0; PATCH_ROWS];
@@ -223,12 +223,12 @@ impl Body {
         let modulus_pa = self.modulus_at_pa(triangle, weights);
         let scale = self.patch_scale();
         let mut layout = PatchLayout::new(shape, &patch, (modulus_pa, POISSONS_RATIO), &row_n, &scale);
-        let mut carried = Vec::with_capacity(MAX_CARRIED);
+        let mut carried = Vec::with_capacity(MAX_LOADED_POINTS);
         let corners_of = |triangle: usize| self.contact_surface.triangles().get(triangle).copied();
         layout.carry(surface, corners_of, &scale, &mut carried);
         let mut mean: Weights = Vec::new();
         let mut own: [Weights; PATCH_ROWS] = Default::default();
-        for CarriedPoint { point, share, of_rows } in carried {
+        for LoadedPoint { point, share, of_rows } in carried {
             for &(node, w) in self.contact_surface.points()[point].nodes() {
                 add_weight(&mut mean, node, share * w);
                 let parts = own.iter_mut().zip(of_rows).filter(|(_, part)| *part > 0.0);

@@ -34,7 +34,7 @@ impl Body {
                 nodes: row.nodes.clone(),
                 law: ConstraintLaw::Unilateral { coulomb: law, series },
                 gap: gap.gap_m,
-                overdue: gap.overdue_m,
+                overdue: gap.initial_violation_m,
             })
         };
         let rows =

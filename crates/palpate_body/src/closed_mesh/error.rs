@@ -3,7 +3,7 @@
 use glam::DVec3;
 use thiserror::Error;
 
-/// The reason why a mesh cannot become a body. Positions are in the coordinates of the mesh, m.
+/// Reason why a mesh cannot become a body. Positions are in the coordinates of the mesh, m.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum MeshError {

@@ -156,7 +156,7 @@ fn report_counts_a_cell_inverted_by_hand() {
 
 #[test]
 fn blocks_slits_and_meshes_have_cells_and_keep_them() {
-    let slit = Slit { length_m: 0.06, depth_m: 0.03, gape_m: 0.004 };
+    let slit = Slit { length_m: 0.06, depth_m: 0.03, opening_m: 0.004 };
     let block = Block::new([7, 6, 7], DVec3::new(0.06, 0.05, 0.06))
         .unwrap()
         .fix(Face::NegY)

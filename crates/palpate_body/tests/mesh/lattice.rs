@@ -213,7 +213,7 @@ fn nodes_are_fixed_by_region_and_by_vertex() {
     let held = fixed(&fit().fix_vertices(&one).unwrap().tissue(&TISSUE).unwrap());
     assert!(held.len() == 1 && by_region.network.rest_m()[held[0]].distance(shape.vertices[0]) < 1e-12);
     let rejected = |lattice: CellLattice<'_>| lattice.tissue(&TISSUE).unwrap_err();
-    assert_eq!(rejected(fit()), BodyError::Unheld { node: 0, nodes: 216 });
+    assert_eq!(rejected(fit()), BodyError::Unconstrained { node: 0, nodes: 216 });
     assert_eq!(rejected(fit().fix(Region::from_fn(|_| true))), BodyError::AllFixed(216));
     let nothing = rejected(fit().fix(Region::from_fn(low)).fix(Region::from_fn(|_| false)));
     assert!(matches!(

@@ -13,13 +13,16 @@ fn rejects_invalid_tools() {
         assert!(matches!(rejected, Err(BodyError::Tool(_))));
     }
     let rejected = |node, at| ToolContact::hold(&body, node, at).unwrap_err();
-    assert_eq!(rejected(216, DVec3::ZERO), BodyError::CannotHold { node: 216, why: "there is no such node" });
-    assert_eq!(rejected(0, DVec3::ZERO), BodyError::CannotHold { node: 0, why: "it is fixed" });
+    assert_eq!(
+        rejected(216, DVec3::ZERO),
+        BodyError::InvalidNode { node: 216, reason: "there is no such node" }
+    );
+    assert_eq!(rejected(0, DVec3::ZERO), BodyError::InvalidNode { node: 0, reason: "it is fixed" });
     assert_eq!(rejected(215, DVec3::NAN), BodyError::Path { index: 0 });
     let fixed = BodyPoint::new(vec![(0, 0.5), (1, 0.5)]).unwrap();
     assert_eq!(
         ToolContact::hold_point(&body, fixed, DVec3::ZERO),
-        Err(BodyError::CannotHold { node: 0, why: "it is fixed" })
+        Err(BodyError::InvalidNode { node: 0, reason: "it is fixed" })
     );
 }
 
@@ -76,10 +79,10 @@ fn rejects_a_contact_of_another_body_without_a_step() {
     };
     let (mut body, path) = (block(), [ToolPoint::default(); 2]);
     let before = body.positions_m().to_vec();
-    for (node, why) in [(400, "there is no such node"), (0, "it is fixed")] {
+    for (node, reason) in [(400, "there is no such node"), (0, "it is fixed")] {
         let mut foreign = ToolContact::hold(&big, node, DVec3::ZERO).unwrap();
         let rejected = body.advance(Some((&mut foreign, &path)), 1, SemiImplicitEuler::default());
-        assert_eq!(rejected, Err(BodyError::CannotHold { node, why }));
+        assert_eq!(rejected, Err(BodyError::InvalidNode { node, reason }));
     }
     assert_eq!(body.positions_m(), before);
 }

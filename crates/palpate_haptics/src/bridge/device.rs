@@ -155,8 +155,8 @@ impl Session {
                     if self.is_fresh {
                         add_one(&counters.skipped);
                     }
-                    let unshown = self.sent.load(Ordering::Acquire).saturating_sub(sampled.shown);
-                    counters.unshown.store(unshown, Ordering::Relaxed);
+                    let in_flight = self.sent.load(Ordering::Acquire).saturating_sub(sampled.shown);
+                    counters.forces_in_flight.store(in_flight, Ordering::Relaxed);
                     (self.newest, self.is_fresh) = (Some(sampled.reading(packet.number)), true);
                     self.received_ns = self.clock.now_ns();
                 }
@@ -254,7 +254,7 @@ impl HapticDevice for BridgeDevice {
             return Err(DeviceError::Disconnected);
         }
         if !is_within(force_n, self.welcome.max_force_n) {
-            add_one(&self.monitor.counters().refused);
+            add_one(&self.monitor.counters().rejected);
             return Err(DeviceError::Protocol("a force that is not finite, or above the device's maximum"));
         }
         session.send(Body::Force(force_n))

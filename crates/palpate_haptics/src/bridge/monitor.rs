@@ -12,7 +12,7 @@ pub struct BridgeCounts {
     /// Sessions ended by a timeout of the other end.
     pub silences: u64,
     /// Packets newer than all previous ones.
-    pub taken: u64,
+    pub accepted: u64,
     /// Newer packets that were not used because an even newer one followed before their use.
     pub skipped: u64,
     /// Packets missing in the sequence of numbers.
@@ -29,9 +29,9 @@ pub struct BridgeCounts {
     pub other_session: u64,
     /// At the peer: rejected forces above the device's maximum, and readings out of the range of the protocol. At palpate's end:
     /// rejected forces that were not finite or above the maximum.
-    pub refused: u64,
+    pub rejected: u64,
     /// At palpate's end: forces sent by the arrival of the newest sample, but not yet applied when that sample was measured.
-    pub unshown: u64,
+    pub forces_in_flight: u64,
 }
 
 /// Reads the counts of one end of a bridge, from any thread. The counts of one call may differ by a few packets in time.
@@ -43,7 +43,7 @@ pub struct BridgeMonitor(Arc<Counters>);
 pub(super) struct Counters {
     pub(super) sessions: AtomicU64,
     pub(super) silences: AtomicU64,
-    pub(super) taken: AtomicU64,
+    pub(super) accepted: AtomicU64,
     pub(super) skipped: AtomicU64,
     pub(super) lost: AtomicU64,
     pub(super) late: AtomicU64,
@@ -51,8 +51,8 @@ pub(super) struct Counters {
     pub(super) corrupt: AtomicU64,
     pub(super) foreign: AtomicU64,
     pub(super) other_session: AtomicU64,
-    pub(super) refused: AtomicU64,
-    pub(super) unshown: AtomicU64,
+    pub(super) rejected: AtomicU64,
+    pub(super) forces_in_flight: AtomicU64,
 }
 
 impl BridgeMonitor {
@@ -65,7 +65,7 @@ impl BridgeMonitor {
         BridgeCounts {
             sessions: read(&counters.sessions),
             silences: read(&counters.silences),
-            taken: read(&counters.taken),
+            accepted: read(&counters.accepted),
             skipped: read(&counters.skipped),
             lost: read(&counters.lost),
             late: read(&counters.late),
@@ -73,8 +73,8 @@ impl BridgeMonitor {
             corrupt: read(&counters.corrupt),
             foreign: read(&counters.foreign),
             other_session: read(&counters.other_session),
-            refused: read(&counters.refused),
-            unshown: read(&counters.unshown),
+            rejected: read(&counters.rejected),
+            forces_in_flight: read(&counters.forces_in_flight),
         }
     }
 
@@ -89,7 +89,7 @@ impl Counters {
         match arrival {
             Arrival::Newer { missing } => {
                 self.lost.fetch_add(missing, Ordering::Relaxed);
-                add_one(&self.taken);
+                add_one(&self.accepted);
             }
             Arrival::Duplicate => add_one(&self.duplicated),
             Arrival::Late { was_missing } => {

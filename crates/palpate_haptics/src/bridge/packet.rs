@@ -178,5 +178,5 @@ fn number(what: &'static str, value: f64, allowed: RangeInclusive<f64>) -> Resul
     if allowed.contains(&value) {
         return Ok(());
     }
-    Err(PacketError::Beyond { what, value, least: *allowed.start(), most: *allowed.end() })
+    Err(PacketError::OutOfRange { what, value, min: *allowed.start(), max: *allowed.end() })
 }

@@ -210,7 +210,7 @@ impl BridgePeer {
         };
         let packet = Packet { session: session.id, number: session.sampled, body: Body::Sample(sampled) };
         if let Err(SendError::Packet) = self.socket.send(&packet, session.palpate) {
-            add_one(&self.monitor.counters().refused);
+            add_one(&self.monitor.counters().rejected);
         }
     }
 
@@ -252,7 +252,7 @@ impl BridgePeer {
         match packet.body {
             Body::Force(force_n) => {
                 if !is_within(force_n, self.welcome.max_force_n) {
-                    add_one(&counters.refused);
+                    add_one(&counters.rejected);
                     return false;
                 }
                 let is_newer = counters.note(session.order.note(packet.number));

@@ -182,7 +182,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
             normal: n.vector(),
             axis: n.vector(),
             tip_m: n.vector(),
-            eased_n: n.next(),
+            averaged_n: n.next(),
         },
         rest_normal: n.vector(),
         row_n: [(); PATCH_ROWS].map(|()| n.next()),

@@ -303,7 +303,7 @@ impl Driver for BoardDriver {
         self.calibrator.connection_lost();
     }
 
-    fn ends_by_itself(&self) -> bool {
+    fn has_force_timeout(&self) -> bool {
         // Firmware for reports of 64 bytes is unpublished.
         self.form != BoardForm::Bytes64
     }

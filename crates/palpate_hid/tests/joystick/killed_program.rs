@@ -24,7 +24,7 @@ fn firmware_ends_the_force_within_half_a_second() {
     for kind in kinds() {
         let bench = Bench::new(&kind.descriptor, SimulatedStick::default());
         let mut device = bench.device(full_force());
-        assert!(device.ends_by_itself());
+        assert!(device.has_force_timeout());
         device.open().unwrap();
         let (count_n, force_n) = (50.0 / kind.full, DVec3::X * 10.0);
         device.write(force_n).unwrap();
@@ -94,7 +94,7 @@ fn effects_are_endless_without_a_suitable_duration() {
     let reports = bench.log.take();
     assert!(reports.iter().any(|line| line.starts_with("write 01 01 01 ff ff 00")), "{reports:?}");
     assert!(reports.iter().any(|line| line == "write 0a 01 01 ff"), "{reports:?}");
-    assert!(!device.ends_by_itself());
+    assert!(!device.has_force_timeout());
     device.write(DVec3::X * 10.0).unwrap();
     (0..2000).for_each(|_| advance_1_ms(&bench, &mut device));
     assert!((bench.force_n()[0] - 10.0).abs() < 0.002);

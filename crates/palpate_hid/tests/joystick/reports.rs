@@ -238,7 +238,7 @@ fn force_is_projected_limited_and_reversed() {
         assert_eq!(applied(max_5_n, force_n), [0.0, 0.0], "non-finite force");
     }
     let device = bench.device(upright);
-    assert_eq!(device.quantized_force_n(DVec3::new(1.0, 2.0, 3.0)), DVec3::new(1.0, 2.0, 0.0));
+    assert_eq!(device.displayable_force_n(DVec3::new(1.0, 2.0, 3.0)), DVec3::new(1.0, 2.0, 0.0));
     let description = device.describe();
     assert_eq!(description.max_force_n, 5.0);
     assert_eq!(description.rate_hz, 500.0);
@@ -296,7 +296,7 @@ fn wheel_has_one_axis() {
     let position_m = device.read(NOW).unwrap().position_m;
     assert!(position_m.x > 0.03 && position_m.z == 0.0);
     assert_eq!((device.describe().rate_hz, device.describe().workspace_m[1].z), (1000.0, 0.0));
-    assert_eq!(device.quantized_force_n(DVec3::ONE), DVec3::X);
+    assert_eq!(device.displayable_force_n(DVec3::ONE), DVec3::X);
 }
 
 #[test]

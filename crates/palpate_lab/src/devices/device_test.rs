@@ -85,7 +85,7 @@ impl DeviceTest {
         if self.needs_confirmation {
             let is_terminal = std::io::stdin().is_terminal();
             let (mut question, mut reply) = (std::io::stderr().lock(), std::io::stdin().lock());
-            let described = (&device.describe(), kind, device.ends_by_itself());
+            let described = (&device.describe(), kind, device.has_force_timeout());
             self.confirm(described, &mut question, &mut reply, is_terminal)?;
         }
         // An interruption ends the test with zero force.
@@ -108,7 +108,7 @@ impl DeviceTest {
     /// its force by itself.
     pub(super) fn confirm(
         &self,
-        (device, kind, ends_by_itself): (&DeviceDescription, HidKind, bool),
+        (device, kind, has_force_timeout): (&DeviceDescription, HidKind, bool),
         question: &mut dyn Write,
         reply: &mut dyn BufRead,
         is_terminal: bool,
@@ -139,7 +139,7 @@ impl DeviceTest {
                 "{name} will push and pull along each of its axes with up to {max_force_n:.2} N for {} s.",
                 self.seconds
             )?;
-            if !ends_by_itself {
+            if !has_force_timeout {
                 let why = match kind {
                     HidKind::Board => "It is not published whether its firmware has a watchdog",
                     _ => "Its protocol has no time limit for forces",

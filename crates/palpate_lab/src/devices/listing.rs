@@ -24,13 +24,13 @@ pub(super) struct Line {
     pub(super) serial: String,
     pub(super) path: String,
     /// Error when opening the device; empty without error and for unsupported kinds.
-    pub(super) refused: String,
+    pub(super) error: String,
 }
 
 /// Entry of the device `info`.
 pub(super) fn line(bus: &dyn HidBus, info: &HidInfo, teensy_is_board: bool) -> Line {
-    let found = FoundDevice::known(bus, info, teensy_is_board);
-    let refused = match &found {
+    let found = FoundDevice::identify(bus, info, teensy_is_board);
+    let error = match &found {
         Some(_) => bus.open(info).err().map(|error| error.to_string()).unwrap_or_default(),
         None => String::new(),
     };
@@ -41,7 +41,7 @@ pub(super) fn line(bus: &dyn HidBus, info: &HidInfo, teensy_is_board: bool) -> L
         product: format!("{:04x}", info.product),
         serial: info.serial.clone(),
         path: info.path.clone(),
-        refused,
+        error,
     }
 }
 
@@ -72,10 +72,10 @@ fn head(out: &mut dyn Write) -> std::io::Result<()> {
 
 /// Prints a device.
 pub(super) fn row(line: &Line, out: &mut dyn Write) -> std::io::Result<()> {
-    let Line { kind, name, vendor, product, serial, path, refused } = line;
+    let Line { kind, name, vendor, product, serial, path, error } = line;
     let kind = kind.as_deref().unwrap_or("unsupported");
     let numbers = format!("{vendor}:{product}");
     let or = |text: &str| if text.is_empty() { "-".to_owned() } else { text.to_owned() };
     writeln!(out, "{kind:<24}{numbers:<11}{:<16}{path:<16}{}", or(serial), or(name))?;
-    if refused.is_empty() { Ok(()) } else { writeln!(out, "    {refused}") }
+    if error.is_empty() { Ok(()) } else { writeln!(out, "    {error}") }
 }

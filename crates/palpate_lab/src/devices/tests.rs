@@ -52,14 +52,14 @@ fn list_has_kinds_and_open_errors() {
     };
     let cap = of("/dev/cap");
     assert_eq!(
-        (cap.kind.as_deref(), cap.vendor.as_str(), cap.refused.as_str()),
+        (cap.kind.as_deref(), cap.vendor.as_str(), cap.error.as_str()),
         (Some("SpaceMouse"), "256f", "")
     );
     assert_eq!(of("/dev/mouse").kind, None);
     let held = bus.open(&info("/dev/cap", 0xC635)).unwrap();
     let error = bus.open(&info("/dev/cap", 0xC635)).err().unwrap();
     assert!(matches!(error, HidError::Busy { .. }), "{error}");
-    assert_eq!(of("/dev/cap").refused, error.to_string());
+    assert_eq!(of("/dev/cap").error, error.to_string());
     drop(held);
     let mut text = Vec::new();
     let mut listed = Listed { devices: vec![cap], others: 1, may_be_boards: Vec::new() };
@@ -157,7 +157,7 @@ fn only_yes_confirms_a_test() {
     let device = HidDevice::find(bus, &test.selector, &HidOptions::default()).unwrap();
     let mut question = Vec::new();
     let mut confirm = |reply: &str| {
-        let described = (&device.describe(), HidKind::SpaceMouse, device.ends_by_itself());
+        let described = (&device.describe(), HidKind::SpaceMouse, device.has_force_timeout());
         test.confirm(described, &mut question, &mut reply.as_bytes(), true)
     };
     assert!(confirm("y\n").is_ok() && confirm("yes\n").is_ok());
@@ -223,7 +223,7 @@ fn question_warns_of_a_force_that_may_stay() {
         let device = HidDevice::find(bus.clone(), &selector, &HidOptions::default()).unwrap();
         let test = DeviceTest { selector, ..test(&bus, 1.0) };
         let mut question = Vec::new();
-        let of_device = (&device.describe(), HidKind::Board, device.ends_by_itself());
+        let of_device = (&device.describe(), HidKind::Board, device.has_force_timeout());
         test.confirm(of_device, &mut question, &mut "y\n".as_bytes(), true).unwrap();
         let question = String::from_utf8(question).unwrap();
         assert_eq!(
@@ -249,7 +249,7 @@ fn board_without_an_arm_is_only_read() {
     let options = HidOptions { board: options, ..HidOptions::default() };
     let device = HidDevice::find(bus, &test.selector, &options).unwrap();
     let mut question = Vec::new();
-    let of_device = (&device.describe(), HidKind::Board, device.ends_by_itself());
+    let of_device = (&device.describe(), HidKind::Board, device.has_force_timeout());
     test.confirm(of_device, &mut question, &mut "y\n".as_bytes(), true).unwrap();
     let question = String::from_utf8(question).unwrap();
     assert!(question.contains("name its arm (--board)") && !question.contains("push and pull"), "{question}");

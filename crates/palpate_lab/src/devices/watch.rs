@@ -33,7 +33,7 @@ pub(super) fn watch(
             print_change(output, "out", &line)?;
         }
         // Access rights are granted a moment after a device appears.
-        for (info, line) in listed.iter_mut().filter(|(_, line)| !line.refused.is_empty()) {
+        for (info, line) in listed.iter_mut().filter(|(_, line)| !line.error.is_empty()) {
             let now = describe(info);
             if now != *line {
                 print_change(output, "now", &now)?;

@@ -76,7 +76,7 @@ fn models_changed(change: impl Fn(&mut palpate_local::LocalModel) -> bool + 'sta
 
 const DEVICE_FAILED: Option<EventTest> = Some(|event| matches!(event, LoopEventKind::DeviceFailed(_)));
 const JUMPED: Option<EventTest> = Some(|event| *event == LoopEventKind::DeviceFailed(DeviceError::Jumped));
-const MODEL_REFUSED: Option<EventTest> = Some(|event| matches!(event, LoopEventKind::ModelRefused(_)));
+const MODEL_REFUSED: Option<EventTest> = Some(|event| matches!(event, LoopEventKind::ModelRejected(_)));
 
 /// Ticks until zero force without readings: 20 that are bridged, 100 of fading, and a margin.
 const READ_TIMEOUT: u64 = 122;

@@ -60,7 +60,7 @@ pub(super) struct Report {
     model_steps: u64,
     model_step_ms: ModelStep,
     models_adopted: u64,
-    models_refused: u64,
+    models_rejected: u64,
     /// Maximum age of an active local model, ms.
     oldest_model_ms: f64,
     /// Number of samples that arrived faster than the body could be stepped.
@@ -149,7 +149,7 @@ impl Report {
                 max: 1e3 * stats.max_time.as_secs_f64(),
             },
             models_adopted: report.models_adopted,
-            models_refused: report.models_rejected,
+            models_rejected: report.models_rejected,
             oldest_model_ms: audit.oldest_model_ticks as f64 * tick_ms,
             samples_lost: stats.samples_lost,
             real_time: report.real_time.into(),
@@ -203,7 +203,7 @@ impl Report {
                 "local models",
                 format!(
                     "{} adopted, {} rejected, maximum age {:.0} ms",
-                    self.models_adopted, self.models_refused, self.oldest_model_ms
+                    self.models_adopted, self.models_rejected, self.oldest_model_ms
                 ),
             ),
             ("real-time priority", priority.clone()),

@@ -16,7 +16,7 @@ fn devices_are_listed_as_a_table_or_as_json() {
     assert!(output.status.success());
     let listed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     for device in listed["devices"].as_array().unwrap() {
-        assert!(["kind", "name", "vendor", "path", "refused"].iter().all(|key| device.get(key).is_some()));
+        assert!(["kind", "name", "vendor", "path", "error"].iter().all(|key| device.get(key).is_some()));
     }
     let output = devices(&[]);
     assert!(output.status.success());

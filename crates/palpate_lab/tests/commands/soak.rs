@@ -33,7 +33,7 @@ fn assert_guarantees(report: &Value, load: &str, seconds: u64) {
     for key in ["allocations_on_loop", "forces_out_of_limits", "dropped_records", "dropped_events"] {
         assert_eq!(count(report, key), 0, "{key}: {report}");
     }
-    assert!(report["models_refused"].is_u64() && report["samples_lost"].is_u64());
+    assert!(report["models_rejected"].is_u64() && report["samples_lost"].is_u64());
     let (ticks, missed) = (count(report, "ticks"), count(report, "missed"));
     assert!(ticks > 0 && ticks + missed >= 1000 * seconds - 500, "{ticks} ticks, {missed} missed");
     assert!(count(report, "bare_ticks") > 0 && count(report, "model_steps") > 0);

@@ -95,9 +95,9 @@ impl NearContact {
     pub(super) fn is_finite(&self) -> bool {
         let PatchScale { cell_m, spread_m, axes } = self.scale;
         let patch = |p: &NearPatch| {
-            let Patch { foot, normal, axis, tip_m, eased_n } = p.patch;
+            let Patch { foot, normal, axis, tip_m, averaged_n } = p.patch;
             [p.rest_normal, normal, axis, tip_m].iter().chain(&p.force_n).all(|v| v.is_finite())
-                && foot.weights.iter().chain(&p.row_n).chain(&[eased_n]).all(|v| v.is_finite())
+                && foot.weights.iter().chain(&p.row_n).chain(&[averaged_n]).all(|v| v.is_finite())
         };
         let numbers = [cell_m, spread_m, self.poissons_ratio].iter().all(|v| v.is_finite()) && cell_m > 0.0;
         numbers && axes.iter().all(|axis| axis.is_finite()) && self.patches().iter().all(patch)

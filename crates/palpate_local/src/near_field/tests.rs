@@ -97,7 +97,7 @@ fn validate_rejects_wrong_sizes_and_indices() {
         corrupt(&mut bad);
         let error = bad.validate().unwrap_err();
         match i {
-            0..7 => assert!(matches!(error, LocalModelError::Room { .. }), "{error}"),
+            0..7 => assert!(matches!(error, LocalModelError::Capacity { .. }), "{error}"),
             7..12 => assert!(matches!(error, LocalModelError::Index { .. }), "{error}"),
             _ => assert!(matches!(error, LocalModelError::Setting { .. }), "{error}"),
         }
@@ -118,7 +118,7 @@ fn copy_is_complete_and_rejects_sizes_above_capacity() {
     assert_eq!((to.tetrahedra, to.tetrahedron[0].nodes), (1, [2, 1, 0, 3]));
     assert_eq!(to.validate(), Ok(()));
     let mut small = NearField::with_capacity(NearFieldCapacity { ring: 0, ..CAPACITY });
-    let error = LocalModelError::Room { what: "nodes of the ring", found: 1, room: 0 };
+    let error = LocalModelError::Capacity { what: "nodes of the ring", found: 1, capacity: 0 };
     assert_eq!(small.copy_from(&triangle()), Err(error));
     assert_eq!(small.nodes, 0);
 }

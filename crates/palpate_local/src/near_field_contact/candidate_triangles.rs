@@ -9,7 +9,7 @@ use super::placed_surface::PlacedSurface;
 use crate::NearFieldCapacity;
 use crate::dense::{touched_capacity, zeros};
 use glam::DVec3;
-use palpate_laws::{KnownPatches, PatchSurface, Seed, ToolShape};
+use palpate_laws::{ActivePatches, PatchSurface, Seed, ToolShape};
 
 /// How far tool and surface may move before the list is rebuilt, the larger of: a share of the tool's radius, a share of a cell.
 const MARGIN_RADII: f64 = 0.5;
@@ -62,7 +62,7 @@ impl CandidateTriangles {
         &mut self,
         surface: &PlacedSurface<'_>,
         (shape, path, reach_m): (&ToolShape, (DVec3, DVec3), f64),
-        known: &KnownPatches,
+        known: &ActivePatches,
         mut visit: impl FnMut(usize, [DVec3; 3], DVec3),
     ) {
         let (core_m, farthest_m) = (shape.core_m(path.0), Seed::farthest_m(shape, path, reach_m));

@@ -11,7 +11,7 @@ use crate::dense::{touched_capacity, vec3_at};
 use crate::{NearField, NearFieldCapacity, NearPatch};
 use glam::DVec3;
 use palpate_laws::{
-    CarriedPoint, KnownPatch, KnownPatches, MAX_CARRIED, MAX_PATCHES, PATCH_ROWS, Patch, PatchLayout,
+    ActivePatch, ActivePatches, LoadedPoint, MAX_LOADED_POINTS, MAX_PATCHES, PATCH_ROWS, Patch, PatchLayout,
     PatchStart, PatchSurface, Seed, SurfacePlace, ToolMove, ToolShape,
 };
 
@@ -32,7 +32,7 @@ pub(super) struct ContactPatches {
     seeds: Vec<Seed>,
     candidates: CandidateTriangles,
     points: PointCache,
-    carried: Vec<CarriedPoint>,
+    carried: Vec<LoadedPoint>,
     /// Whether a patch was dropped because the maximum number was reached.
     pub(super) is_full: bool,
 }
@@ -46,7 +46,7 @@ impl ContactPatches {
             seeds: Vec::with_capacity(capacity.triangles),
             candidates: CandidateTriangles::with_capacity(capacity),
             points: PointCache::with_capacity(capacity.points),
-            carried: touched_capacity(MAX_CARRIED, CarriedPoint::default()),
+            carried: touched_capacity(MAX_LOADED_POINTS, LoadedPoint::default()),
             is_full: false,
         }
     }
@@ -69,7 +69,7 @@ impl ContactPatches {
     /// The current patches, the positions of the surface points, and a buffer for the points that carry a patch.
     pub(super) fn parts(
         &mut self,
-    ) -> (impl Iterator<Item = &TickPatch>, &mut PointCache, &mut Vec<CarriedPoint>) {
+    ) -> (impl Iterator<Item = &TickPatch>, &mut PointCache, &mut Vec<LoadedPoint>) {
         (self.current.iter().flatten(), &mut self.points, &mut self.carried)
     }
 
@@ -96,9 +96,9 @@ impl ContactPatches {
             let at_m = surface.place_m(patch.foot)?;
             *current.get_mut(count)? = Some(TickPatch { near, layout });
             count += 1;
-            Some(KnownPatch { patch, at_m, rest_normal, radius_m: layout.pressure.1 })
+            Some(ActivePatch { patch, at_m, rest_normal, radius_m: layout.pressure.1 })
         };
-        let mut found = KnownPatches::default();
+        let mut found = ActivePatches::default();
         for near in previous.iter().take(*previous_count) {
             let elastic = elastic(near.patch.foot);
             let force_n = near.row_n.iter().sum();
@@ -113,7 +113,7 @@ impl ContactPatches {
             }
         }
         let max_speed = (0..field.nodes).map(|i| vec3_at(motion.z_dot, i).length()).fold(0.0, f64::max);
-        let reach_m = 2.0 * max_speed * field.tick_s + tool.short_m().length();
+        let reach_m = 2.0 * max_speed * field.tick_s + tool.remaining_m().length();
         seeds.clear();
         let path = (tool.from_m, tool.to_m);
         candidates.for_each(&surface, (shape, path, reach_m), &found, |index, corners, rest_normal| {

@@ -82,7 +82,7 @@ impl ContactRow {
             *across_m_per_n = deflection.across_m_per_n;
         }
         let gap = ContactGap::new(apart_m, self.inward, tool.to_m - tool.from_m, deflection, h);
-        (self.gap_m, self.gap, self.initial_violation) = (gap.normal_m, gap.gap_m, gap.overdue_m);
+        (self.gap_m, self.gap, self.initial_violation) = (gap.normal_m, gap.gap_m, gap.initial_violation_m);
         (self.impulse_ns, self.is_active) = (DVec3::ZERO, false);
     }
 

@@ -11,8 +11,7 @@ use super::placed_surface::NodeMotion;
 use crate::NearField;
 use glam::DVec3;
 use palpate_laws::{
-    CarriedPoint, ConstraintLaw, Coulomb, PATCH_ROWS, PatchLayout, SeriesCompliance, is_out_of_reach,
-    mobility,
+    ConstraintLaw, Coulomb, LoadedPoint, PATCH_ROWS, PatchLayout, SeriesCompliance, is_out_of_reach, mobility,
 };
 
 /// Writes the rows of the patches of a tick into `rows`, and their weights into `weights`, s numbers a row; `mean` is a buffer of s
@@ -42,7 +41,7 @@ pub(super) fn write_patch_rows(
         let mut layout = *layout;
         let corners = |triangle: usize| Some(field.triangle.get(triangle)?.points);
         layout.carry(&surface, corners, &field.contact.scale, carried);
-        for CarriedPoint { point, share, of_rows } in &*carried {
+        for LoadedPoint { point, share, of_rows } in &*carried {
             let (Some(near_point), Some(x)) = (field.point.get(*point), surface.point_m(*point)) else {
                 continue;
             };

@@ -63,8 +63,10 @@ pub(super) fn write(
         let is_reachable = is_of_support || nodes.all(|(node, _)| body.network().is_fixed(*node));
         if field.triangles == capacity.triangles || field.points + new > capacity.points {
             if is_of_support {
-                let (found, room) = (field.points + new, capacity.points);
-                return Err(LocalModelError::Room { what: "points of the surface", found, room }.into());
+                let (found, capacity) = (field.points + new, capacity.points);
+                return Err(
+                    LocalModelError::Capacity { what: "points of the surface", found, capacity }.into()
+                );
             }
             continue;
         }

@@ -34,16 +34,16 @@ pub enum PacketError {
     #[error("a hello, a sample, a force or a stop has the number 0; they are counted from 1")]
     Counted,
     /// A number is not finite or out of range.
-    #[error("{what} is {value}; it must be {least} to {most}")]
-    Beyond {
+    #[error("{what} is {value}; it must be {min} to {max}")]
+    OutOfRange {
         /// Quantity, with its unit.
         what: &'static str,
         /// Rejected number.
         value: f64,
         /// Minimum.
-        least: f64,
+        min: f64,
         /// Maximum.
-        most: f64,
+        max: f64,
     },
     /// The orientation is not a unit quaternion.
     #[error("the orientation is not a unit quaternion; its squared length must be 1 within 0.0002")]

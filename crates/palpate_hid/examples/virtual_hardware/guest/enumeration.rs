@@ -48,7 +48,7 @@ pub fn run() -> Outcome {
     for (device, serial, kind) in &plugged {
         let info = present.iter().find(|info| info.serial == *serial);
         let info = info.ok_or_else(|| format!("{serial} is not listed"))?;
-        let known = FoundDevice::known(&*bus, info, true).map(|found| found.kind);
+        let known = FoundDevice::identify(&*bus, info, true).map(|found| found.kind);
         ensure(known == Some(*kind), || format!("{} is identified as {known:?}", info.label()))?;
         ensure(info.path == device.node, || format!("{serial} is at {}, not {}", info.path, device.node))?;
         let selector = HidSelector {
