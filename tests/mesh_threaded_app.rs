@@ -63,7 +63,10 @@ fn body_too_large_for_its_rate_is_reported_once_with_a_suggested_number_of_cells
     update_until(&mut app, "forty steps", |app| steps(app) > start + 40);
     let Slow(reported, ticks) = app.world().resource::<Slow>();
     let [slow] = reported[..] else { panic!("{reported:?}") };
-    assert!(slow.nodes > 900 && slow.suggested_cells_along.is_some_and(|cells| (1..10).contains(&cells)), "{slow}");
+    assert!(
+        slow.nodes > 900 && slow.suggested_cells_along.is_some_and(|cells| (1..10).contains(&cells)),
+        "{slow}"
+    );
     assert!(slow.largest() != StepPart::Other && slow.step_ms > slow.period_ms, "{slow}");
     assert!(*ticks <= 20, "{ticks} ticks");
 }

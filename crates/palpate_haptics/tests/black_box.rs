@@ -1,14 +1,11 @@
 //! The black box of a running loop.
 
-#[path = "shared/wait.rs"]
-mod wait;
-
+use crate::wait::wait_for;
 use glam::DVec3;
 use palpate_haptics::*;
 use palpate_local::{Contact, ModelId, Scheme};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use wait::wait_for;
 
 /// A loop in lock step with a swinging hand, and a local model of 300 N from tick 100 on.
 fn run(ticks: usize) -> HapticHandle {

@@ -1,17 +1,12 @@
 //! palpate's end of a bridge, and the handshake of both ends. The test mostly plays the peer.
 
-#[path = "shared/bridge.rs"]
-mod ends;
-#[path = "shared/wait.rs"]
-mod wait;
-
-use ends::*;
+use crate::ends::*;
+use crate::wait::wait_for;
 use glam::{DQuat, DVec3};
 use palpate_haptics::bridge::packet::*;
 use palpate_haptics::bridge::*;
 use palpate_haptics::*;
 use std::time::Duration;
-use wait::wait_for;
 
 const TICK: Duration = Duration::from_millis(1);
 const LONG: Duration = Duration::from_secs(1);

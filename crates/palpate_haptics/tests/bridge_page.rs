@@ -3,12 +3,8 @@
 
 #![cfg(unix)]
 
-#[path = "shared/bridge.rs"]
-mod ends;
-#[path = "shared/wait.rs"]
-mod wait;
-
-use ends::ManualEnd;
+use crate::ends::ManualEnd;
+use crate::wait::wait_for;
 use glam::DVec3;
 use palpate_haptics::bridge::packet::*;
 use palpate_haptics::bridge::*;
@@ -18,7 +14,6 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
-use wait::wait_for;
 
 const TICK: Duration = Duration::from_millis(1);
 const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/bridge.md");

@@ -1,18 +1,13 @@
 //! The peer, with a simulated clock. The test plays palpate.
 
-#[path = "shared/bridge.rs"]
-mod ends;
-#[path = "shared/wait.rs"]
-mod wait;
-
-use ends::*;
+use crate::ends::*;
+use crate::wait::wait_for;
 use glam::DVec3;
 use palpate_haptics::bridge::packet::*;
 use palpate_haptics::bridge::*;
 use palpate_haptics::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use wait::wait_for;
 
 const WATCHDOG: Duration = Duration::from_millis(20);
 const START: Duration = Duration::from_secs(1000);

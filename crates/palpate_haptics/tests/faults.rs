@@ -1,15 +1,12 @@
 //! Devices that jump, block or disconnect. `palpate-lab faults` injects every fault and measures the resulting forces.
 
-#[path = "shared/wait.rs"]
-mod wait;
-
+use crate::wait::wait_for;
 use glam::DVec3;
 use palpate_haptics::*;
 use palpate_local::{Contact, Scheme};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
-use wait::wait_for;
 
 fn settings() -> LoopSettings {
     let safety = SafetySettings { arm_below_n: f64::MAX, ramp_s: 0.0, ..SafetySettings::default() };

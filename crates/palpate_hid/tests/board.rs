@@ -1,14 +1,9 @@
 //! Driver of 3-DOF boards with a simulated board: its arm, a hand, and the firmware's report exchange.
 
-#[path = "board/bench.rs"]
 mod bench;
-#[path = "board/homing.rs"]
 mod homing;
-#[path = "board/polhem.rs"]
 mod polhem;
-#[path = "board/report_exchange.rs"]
 mod report_exchange;
-#[path = "board/shutdown.rs"]
 mod shutdown;
 
 use bench::*;

@@ -1,9 +1,6 @@
 //! Kinematics of a WoodenHaptics: finite differences, a published pose, and inverse.
 
-#[path = "shared/arm.rs"]
-mod every_arm;
-
-use every_arm::*;
+use crate::every_arm::*;
 use glam::{DVec3, Vec3Swizzles};
 use palpate_hid::*;
 use proptest::prelude::*;

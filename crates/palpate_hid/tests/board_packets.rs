@@ -1,9 +1,6 @@
 //! Reports of 3-DOF boards, compared byte by byte with data files, and their report descriptors.
 
-#[path = "shared/bytes.rs"]
-mod bytes;
-
-use bytes::{bytes, words};
+use crate::bytes::{bytes, words};
 use palpate_hid::simulated::*;
 use palpate_hid::*;
 use proptest::prelude::*;

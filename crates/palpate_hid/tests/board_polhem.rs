@@ -1,10 +1,7 @@
 //! Kinematics of a Polhem: poses with closed-form solutions, lengths of the bars, the formula of the source, finite differences, and
 //! inverse.
 
-#[path = "shared/arm.rs"]
-mod every_arm;
-
-use every_arm::*;
+use crate::every_arm::*;
 use glam::{DVec2, DVec3, Vec3Swizzles};
 use palpate_hid::*;
 use proptest::prelude::*;

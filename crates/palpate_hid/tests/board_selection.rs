@@ -1,9 +1,6 @@
 //! Identification of 3-DOF boards, and rejected devices and options.
 
-#[path = "shared/bytes.rs"]
-mod bytes;
-
-use bytes::bytes;
+use crate::bytes::bytes;
 use palpate_hid::simulated::*;
 use palpate_hid::*;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! Random presses on blocks and meshes: the contact solvers of the body's step and of the loop's tick converge for any place, depth and tool.
 //!
 //! ```sh
-//! PRESSES=1000 cargo test --release -p palpate_reduce --test presses -- --ignored --nocapture
+//! PRESSES=1000 cargo test --release -p palpate_reduce --test suite presses -- --ignored --nocapture
 //! ```
 //!
 //! The default number of presses is ten thousand, which take hours. `SEED` selects the random sequence.

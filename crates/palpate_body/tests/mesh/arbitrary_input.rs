@@ -1,6 +1,6 @@
 //! Arbitrary input gives a body or an error, without a panic or a hang.
 
-use crate::shapes::{Shape, sphere, torus};
+use super::shapes::{Shape, sphere, torus};
 use glam::DVec3;
 use palpate_body::{CellLattice, CellSize, MeshError, Tissue};
 use proptest::prelude::*;

@@ -1,6 +1,6 @@
 //! Closed meshes: accepted, repaired and rejected ones.
 
-use crate::shapes::{Shape, cube, cuboid, sphere, torus};
+use super::shapes::{Shape, cube, cuboid, sphere, torus};
 use glam::{DQuat, DVec3};
 use palpate_body::{ClosedMesh, MeshError, MeshRepairs};
 use proptest::prelude::*;

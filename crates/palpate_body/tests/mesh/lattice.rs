@@ -1,6 +1,6 @@
 //! The network of a mesh: masses, springs, fixed nodes and position.
 
-use crate::shapes::{Shape, cube, cuboid, sphere, torus};
+use super::shapes::{Shape, cube, cuboid, sphere, torus};
 use glam::{DMat3, DQuat, DVec3};
 use palpate_body::*;
 use palpate_laws::ForceLaw;

@@ -1,6 +1,6 @@
 //! Limits of meshes: distance from the origin in single precision, number of nodes, excess mass.
 
-use crate::shapes::{Shape, cuboid, sphere};
+use super::shapes::{Shape, cuboid, sphere};
 use glam::DVec3;
 use palpate_body::{CellLattice, CellSize, ClosedMesh, MeshError, Tissue};
 

@@ -1,6 +1,6 @@
 //! Motion of bodies made of meshes: stiffness, stable step, gravity and a poke.
 
-use crate::shapes::{Shape, cuboid, sphere, torus};
+use super::shapes::{Shape, cuboid, sphere, torus};
 use glam::{DQuat, DVec3};
 use palpate_body::*;
 

@@ -1,6 +1,6 @@
 //! The drawn mesh: positions and normals.
 
-use crate::shapes::{Shape, cuboid, sphere, torus};
+use super::shapes::{Shape, cuboid, sphere, torus};
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use palpate_body::*;
 

@@ -1,6 +1,6 @@
 //! Calibration of the counters, also after the board was unplugged.
 
-use crate::bench::*;
+use super::bench::*;
 use glam::DVec3;
 use palpate_haptics::*;
 use palpate_hid::simulated::*;

@@ -1,6 +1,6 @@
 //! Report exchange: sequence numbers, silences, zero on closing, malformed reports.
 
-use crate::bench::*;
+use super::bench::*;
 use glam::DVec3;
 use palpate_haptics::*;
 use palpate_hid::simulated::*;

@@ -1,6 +1,6 @@
 //! Closing of a board that rejects reports.
 
-use crate::bench::*;
+use super::bench::*;
 use glam::DVec3;
 use palpate_haptics::*;
 use palpate_hid::simulated::*;

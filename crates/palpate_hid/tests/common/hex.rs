@@ -1,9 +1,6 @@
 //! Parsing of data files: hexadecimal bytes, comments after `#`, parts that begin with a name in brackets.
 
-#[path = "../shared/bytes.rs"]
-mod shared;
-
-pub use shared::bytes;
+pub use crate::bytes::bytes;
 
 /// Lines of the part `name`.
 pub fn part(text: &str, name: &str) -> Vec<String> {

@@ -4,7 +4,7 @@ use palpate_body::{Body, SemiImplicitEuler, ToolContact, ToolPoint};
 use palpate_haptics::*;
 use palpate_local::{ModelId, Sample, Scheme};
 use palpate_reduce::{BuilderOptions, LocalModelBuilder};
-use palpate_tests::{DRIVEN_NODE, reference_body, reference_offset};
+use palpate_tests_without_bevy::{DRIVEN_NODE, reference_body, reference_offset};
 
 /// The model side of a run: the body, stepped along the samples, and the local models built from it.
 struct ModelSide {

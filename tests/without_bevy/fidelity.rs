@@ -6,14 +6,14 @@
 use palpate_body::ToolContact;
 use palpate_local::Scheme;
 use palpate_reduce::{Comparison, ComparisonOptions};
-use palpate_tests::{DRIVEN_NODE, reference_body, reference_samples};
+use palpate_tests_without_bevy::{DRIVEN_NODE, reference_body, reference_samples};
 use serde_json::Value;
 
 /// First sample of the error, at 0.2 s.
 const FROM: usize = 200;
 
 fn reference() -> Value {
-    serde_json::from_str(include_str!("data/fidelity_6x6x6.json")).unwrap()
+    serde_json::from_str(include_str!("../data/fidelity_6x6x6.json")).unwrap()
 }
 
 fn compare(delay_ticks: usize, replay_per_tick: usize) -> Comparison {

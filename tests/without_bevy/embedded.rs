@@ -4,7 +4,7 @@ use glam::DVec3;
 use palpate_body::*;
 use palpate_local::{Sample, Scheme};
 use palpate_reduce::*;
-use palpate_tests::{peak, samples};
+use palpate_tests_without_bevy::{peak, samples};
 
 const NEAR: Scheme = Scheme::NearFieldExact;
 const EXPLICIT: LocalIntegrator = LocalIntegrator::Explicit;

@@ -155,7 +155,7 @@ fn held_point_follows_the_tool_with_the_internal_force() {
 
 #[test]
 fn held_triangle_matches_the_reference() {
-    let text = include_str!("../../../../tests/data/contact_held_triangle.json");
+    let text = include_str!("../../../tests/data/contact_held_triangle.json");
     let data: serde_json::Value = serde_json::from_str(text).unwrap();
     let expected: Vec<[f64; 3]> = serde_json::from_value(data["force_n"].clone()).unwrap();
     let node = |i: usize, j: usize| i + 6 * (j + 6 * 5);

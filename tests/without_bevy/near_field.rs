@@ -5,7 +5,7 @@ use palpate_body::*;
 use palpate_haptics::{VelocityEstimator, VelocityState};
 use palpate_local::{Sample, Scheme};
 use palpate_reduce::*;
-use palpate_tests::{DRIVEN_NODE, reference_body, reference_samples, samples};
+use palpate_tests_without_bevy::{DRIVEN_NODE, reference_body, reference_samples, samples};
 use std::f64::consts::TAU;
 
 /// First sample of the error, at 0.2 s.

@@ -234,7 +234,7 @@ fn circle<'a>(imports: &BTreeMap<&'a Path, BTreeMap<&'a Path, String>>) -> Optio
 }
 
 fn roots() -> Vec<PathBuf> {
-    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates");
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../crates");
     let folders = std::fs::read_dir(crates).unwrap().map(|entry| entry.unwrap().path());
     let roots = folders.flat_map(|folder| ["src/lib.rs", "src/main.rs"].map(|root| folder.join(root)));
     let mut roots: Vec<PathBuf> = roots.filter(|root| root.exists()).collect();

@@ -1,0 +1,11 @@
+//! Tests of local models, their builder, and the reduction of linear systems.
+
+mod balanced;
+mod build;
+mod compressed;
+mod contact;
+mod linear;
+mod presses;
+mod properties;
+mod report;
+mod response;

@@ -1,0 +1,17 @@
+//! Headless apps in lock step.
+
+mod appearing_app;
+mod coupled_app;
+mod diagnostics_app;
+mod events_app;
+mod glb_app;
+mod grasped_app;
+mod hid_app;
+mod lockstep_app;
+mod mesh_app;
+mod mesh_refused_app;
+mod mesh_reload_app;
+mod no_force_app;
+mod pressed_app;
+mod reflected_app;
+mod several_app;

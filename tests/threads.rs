@@ -1,0 +1,4 @@
+//! Apps with loops on threads, in real time.
+
+mod mesh_threaded_app;
+mod threaded_app;

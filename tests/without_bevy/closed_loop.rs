@@ -1,0 +1,7 @@
+//! Closed loops of body and local model.
+
+mod embedded;
+mod fidelity;
+mod near_field;
+mod near_touch;
+mod replayed_thread;
