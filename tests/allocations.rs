@@ -1,6 +1,7 @@
 //! Allocations of a frame with a body, compared with a bare Bevy app.
 
 use allocation_counter::measure;
+use bevy::ecs::schedule::SingleThreadedExecutor;
 use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
@@ -13,6 +14,10 @@ use std::time::Duration;
 /// Minimum number of allocations in a frame without a model step; each frame writes one mesh.
 fn allocations_of_a_frame(app: &mut App) -> u64 {
     count_writes(app);
+    // The executor with threads allocates for each system.
+    for (_, schedule) in app.world_mut().resource_mut::<Schedules>().iter_mut() {
+        schedule.set_executor(SingleThreadedExecutor::new());
+    }
     // Shorter than a tick of the fixed main loop: some frames have none.
     app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(7)));
     let steps = |app: &App| app.world().get_resource::<ModelStepCount>().map(|steps| steps.0);
