@@ -11,6 +11,7 @@ mod lockstep_app;
 mod mesh_app;
 mod mesh_refused_app;
 mod mesh_reload_app;
+mod model_time_app;
 mod no_force_app;
 mod pressed_app;
 mod reflected_app;

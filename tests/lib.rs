@@ -9,6 +9,7 @@ pub struct Readme;
 
 /// Headless apps: in lock step with one model step per update, or with loops on threads.
 pub mod app {
+    use bevy::ecs::schedule::{LogLevel, ScheduleBuildSettings};
     use bevy::prelude::*;
     use bevy::time::TimeUpdateStrategy;
     use bevy_palpate::prelude::*;
@@ -99,6 +100,13 @@ pub mod app {
             .insert_resource(Time::<Fixed>::from_hz(20.0))
             .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
         collect_messages(&mut app);
+        // The order of palpate's own systems leaves nothing to chance.
+        app.edit_schedule(ModelSchedule, |schedule| {
+            schedule.set_build_settings(ScheduleBuildSettings {
+                ambiguity_detection: LogLevel::Error,
+                ..default()
+            });
+        });
         app
     }
 

@@ -173,6 +173,17 @@ pub enum HapticFaultKind {
         /// Relative speed of the app's clock.
         speed: f64,
     },
+    /// The model rate is above the rate of Bevy's fixed main loop, in which the model steps run. They run at the lower rate.
+    #[error(
+        "the model rate is {model_hz:.0} Hz, and Bevy's fixed main loop runs at {fixed_hz:.0} Hz; with loops on threads the model steps run at the \
+         lower rate: insert Time::<Fixed>::from_hz({model_hz:.0}.0), or lower ModelRate"
+    )]
+    ModelRateLimited {
+        /// Rate of the resource [`ModelRate`](crate::ModelRate), Hz.
+        model_hz: f64,
+        /// Rate of Bevy's fixed main loop, Hz.
+        fixed_hz: f64,
+    },
     /// A tool overlaps a body or has no body to touch, and renders no force: for half a second, or for 5 s while a body is being built.
     /// Reported once, and again after the force or a body in reach has returned or the cause has changed.
     #[error("the tool renders no force")]
@@ -389,6 +400,7 @@ impl HapticFaultKind {
             | Self::BlackBox(_)
             | Self::BeyondSupport { .. }
             | Self::UnsupportedTimeScale { .. }
+            | Self::ModelRateLimited { .. }
             | Self::Unconverged { .. }
             | Self::UnconvergedSteps { .. }
             | Self::InvertedCells { .. }

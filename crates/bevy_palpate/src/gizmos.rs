@@ -4,7 +4,7 @@ mod colors;
 
 use crate::body::SimulatedBody;
 use crate::cost::FrameCost;
-use crate::schedule::ModelStepCount;
+use crate::model_time::ModelStepCount;
 use crate::tool::{HapticTool, ToolForce, ToolLoop};
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
 use bevy::ecs::entity::EntityHashMap;

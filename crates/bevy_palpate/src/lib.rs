@@ -45,7 +45,7 @@
 //!   [`TouchedBody`], [`GraspedPoint`], [`ForceError`], [`LocalModelStats`], [`LoopTiming`]; messages and events [`ContactStart`],
 //!   [`ContactEnd`], [`GraspStart`], [`GraspEnd`]; every tick in [`TickRecording`], the last ones in [`BlackBoxDump`].
 //! * Devices: [`DeviceSelector`], [`HapticDevices`], [`HidSelector`]; with the feature `window` `MouseDevicePlugin`.
-//! * Time: [`ModelSchedule`], [`HapticSystems`], [`ModelRate`], [`LoopMode`], [`HapticSchedulePlugin`].
+//! * Time: [`ModelSchedule`], [`HapticSystems`], [`Time<Model>`](Model), [`ModelRate`], [`LoopMode`], [`HapticSchedulePlugin`].
 //! * Faults: [`HapticFault`], [`FaultSeverity`], [`NoForceCause`]. Costs and errors as diagnostics: [`HapticDiagnosticsPlugin`].
 //! * Tests: [`testing`].
 //! * Display: `HapticPanelPlugin` with `HapticPanel` and `HapticWidgets` (feature `panel`), `HapticGizmosPlugin` with `HapticGizmos`
@@ -81,6 +81,7 @@ mod fault;
 #[cfg(feature = "gizmos")]
 mod gizmos;
 pub mod guide;
+mod model_time;
 #[cfg(feature = "window")]
 mod mouse;
 #[cfg(feature = "panel")]
@@ -114,15 +115,13 @@ pub use fault::{
 };
 #[cfg(feature = "gizmos")]
 pub use gizmos::{HapticGizmos, HapticGizmosOverride, HapticGizmosPlugin};
+pub use model_time::{LoopMode, Model, ModelRate, ModelStepCount};
 #[cfg(feature = "window")]
 pub use mouse::{MouseDevice, MouseDevicePlugin, MouseDeviceSystems};
 #[cfg(feature = "panel")]
 pub use panel::{HapticPanel, HapticPanelPlugin, HapticWidgets};
 pub use plugins::{FaultLogPlugin, PalpatePlugins};
-pub use schedule::{
-    HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, LoopMode, ModelRate, ModelSchedule,
-    ModelStepCount,
-};
+pub use schedule::{HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, ModelSchedule};
 pub use suture::{Suture, SutureForce, SuturePlugin, SutureTorn};
 pub use tool::{
     BlackBoxDump, ContactEnd, ContactStart, ContactState, ForceError, GraspEnd, GraspStart, GraspedPoint,

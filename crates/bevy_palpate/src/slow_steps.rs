@@ -2,7 +2,7 @@
 
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind, SlowStep};
-use crate::schedule::{LoopMode, ModelPeriod};
+use crate::model_time::{LoopMode, ModelPeriod};
 use crate::step_times::StepTimes;
 use bevy::prelude::*;
 
@@ -54,7 +54,7 @@ pub(crate) fn report_slow_step(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::schedule::ModelRate;
+    use crate::model_time::ModelRate;
     use std::time::Duration;
 
     fn reported(world: &mut World, steps_ms: &[(u64, usize)]) -> Vec<f64> {

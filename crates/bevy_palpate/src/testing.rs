@@ -18,8 +18,9 @@
 //! ```
 
 use crate::body::{BodyState, DeformableBody};
+use crate::model_time::{LoopMode, ModelStepCount};
 use crate::plugins::PalpatePlugins;
-use crate::schedule::{HapticSchedulePlugin, LoopMode, ModelStepCount};
+use crate::schedule::HapticSchedulePlugin;
 use bevy::app::PluginsState;
 use bevy::asset::AssetPlugin;
 use bevy::mesh::MeshPlugin;

@@ -35,9 +35,8 @@ pub use tool_loop::ToolLoop;
 use crate::cost::FrameCost;
 use crate::device::HapticDevices;
 use crate::fault::{FaultSeverity, HapticFault};
-use crate::schedule::{
-    HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, LoopMode, ModelRate, ModelSchedule,
-};
+use crate::model_time::{LoopMode, ModelRate};
+use crate::schedule::{HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, ModelSchedule};
 use crate::step_times::StepTimes;
 use crate::suture::SutureSystems;
 use bevy::prelude::*;

@@ -10,7 +10,7 @@ use super::simulated::{SimulatedBody, SourceMesh};
 use super::state::BodyState;
 use super::tissue::{Inclusions, Tissue};
 use crate::fault::{HapticFault, HapticFaultKind, MeshFault};
-use crate::schedule::LoopMode;
+use crate::model_time::LoopMode;
 use bevy::ecs::query::QueryData;
 use bevy::prelude::*;
 use bevy::tasks::AsyncComputeTaskPool;

@@ -2,7 +2,7 @@
 
 use super::shape::DeformableBody;
 use super::simulated::{SimulatedBody, SourceMesh};
-use crate::schedule::ModelOverstep;
+use crate::model_time::ModelOverstep;
 use bevy::prelude::*;
 
 /// Assigns a mesh to every new body, if the app has mesh assets. A body with a [`Mesh3d`] of its own keeps it, unless it is the mesh from

@@ -5,7 +5,7 @@ mod number_field;
 
 use super::theme;
 use crate::body::Tissue;
-use crate::schedule::ModelRate;
+use crate::model_time::ModelRate;
 use crate::tool::ToolSettings;
 use bevy::math::EulerRot;
 use bevy::prelude::*;

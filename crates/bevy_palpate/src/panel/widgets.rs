@@ -13,7 +13,7 @@ use super::theme;
 use super::tool_history::ToolHistory;
 use crate::body::{SimulatedBody, Tissue};
 use crate::device::HapticDevices;
-use crate::schedule::ModelRate;
+use crate::model_time::ModelRate;
 use crate::tool::{ForceError, HapticTool, LocalModelStats, LoopTiming, ToolForce, ToolLoop, ToolSettings};
 use bevy::ecs::query::QueryData;
 use bevy::ecs::system::SystemParam;

@@ -5,7 +5,7 @@ use super::results::{ForceError, LocalModelStats, ToolContactPoint};
 use super::tool_loop::ToolLoop;
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
-use crate::schedule::{ModelPeriod, ModelSpan};
+use crate::model_time::{ModelPeriod, ModelSpan};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{Body, BodyError, SemiImplicitEuler, StepReport, ToolContact, ToolPoint, ToolRun};

@@ -3,7 +3,7 @@
 use super::components::ContactEnd;
 use super::tool_loop::{Driver, ToolLoop};
 use crate::fault::{HapticFault, HapticFaultKind};
-use crate::schedule::ModelRate;
+use crate::model_time::ModelRate;
 use bevy::prelude::*;
 use palpate_body::ToolPoint;
 use palpate_local::{Sample, SampleHistory};
@@ -37,7 +37,7 @@ pub(super) fn receive(
 }
 
 /// Maximum length of a path, samples: the capacity of the loop's history minus a margin for ticks while it is read. The number of the
-/// body's steps has a limit of its own ([`ModelSpan`](crate::schedule::ModelSpan)).
+/// body's steps has a limit of its own ([`ModelSpan`](crate::model_time::ModelSpan)).
 const MAX_PATH: u64 = 500;
 
 /// Writes the sample `consumed` and all later ones to `path`; returns the number of lost samples.

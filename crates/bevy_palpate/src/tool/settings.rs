@@ -5,7 +5,7 @@ use super::results::TickRecording;
 use super::tool_loop::ToolLoop;
 use crate::body::SimulatedBody;
 use crate::fault::{HapticFault, HapticFaultKind};
-use crate::schedule::{LoopMode, ModelPeriod};
+use crate::model_time::{LoopMode, ModelPeriod};
 use bevy::prelude::*;
 use palpate_haptics::{LoopSettings, SafetySettings};
 use palpate_local::ModelId;

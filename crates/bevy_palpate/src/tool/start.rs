@@ -8,7 +8,7 @@ use super::settings::loop_settings;
 use super::tool_loop::{Driver, ToolLoop};
 use crate::device::HapticDevices;
 use crate::fault::{DeviceFault, HapticFault, HapticFaultKind};
-use crate::schedule::{LoopMode, ModelPeriod};
+use crate::model_time::{LoopMode, ModelPeriod};
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
 use glam::{DMat3, DVec3};

@@ -1,7 +1,7 @@
 //! Transforms of tools: interpolated between the last two model steps, like bodies.
 
 use super::tool_loop::{Pose, ToolLoop};
-use crate::schedule::ModelOverstep;
+use crate::model_time::ModelOverstep;
 use bevy::prelude::*;
 use glam::DVec3;
 
