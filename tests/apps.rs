@@ -1,6 +1,7 @@
 //! Headless apps in lock step.
 
 mod appearing_app;
+mod block_parts_app;
 mod coupled_app;
 mod diagnostics_app;
 mod events_app;

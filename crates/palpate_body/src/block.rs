@@ -1,14 +1,16 @@
 //! A block: a regular lattice of nodes in three dimensions, each joined to its 26 neighbours.
 
 mod slit;
+mod tissue;
 
 pub use slit::Slit;
 
 use crate::error::{check_damping_ratio, check_positive};
 use crate::lattice;
-use crate::{BodyError, BodyPoint, Grid, Link, Network, NetworkBuilder, Region, Surface};
+use crate::{BodyError, BodyPoint, Grid, Link, Network, NetworkBuilder, Region, Surface, Tissue};
 use glam::{DQuat, DVec3};
 use palpate_laws::Spring;
+use slit::LipShares;
 
 /// A side of a block, named by the axis of its outward normal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -62,6 +64,7 @@ pub struct Block {
     fixed_within: Vec<Region>,
     allow_free: bool,
     slit: Option<Slit>,
+    regions: Vec<(Region, Tissue)>,
 }
 
 /// A block with its material.
@@ -84,20 +87,19 @@ pub struct UniformLattice {
     pub mass_kg: f64,
 }
 
-impl BlockBody {
-    /// Adds the grid of cells of `cell_m` with Young's modulus `modulus_pa`, Pa.
-    pub(crate) fn laid_in(
-        mut self,
-        change: impl FnOnce(Grid) -> Grid,
-        cell_m: DVec3,
-        modulus_pa: f64,
-    ) -> Self {
-        let nodes = self.network.node_count();
-        let grid = Grid::new(cell_m.element_product().cbrt(), vec![modulus_pa; nodes]);
-        self.network = self.network.with_grid(change(grid));
-        self
-    }
+/// Material of the nodes and springs of a block.
+pub(crate) struct LatticeMaterial<'a> {
+    /// Mass of every node, kg.
+    pub(crate) mass_kg: Vec<f64>,
+    /// Young's modulus at every node, Pa.
+    pub(crate) youngs_modulus_pa: Vec<f64>,
+    /// Stiffness, N/m, and damping, N s/m, of the spring from node (i, j, k) in the direction of a step, for the masses of its ends, kg.
+    pub(crate) spring: &'a dyn Fn([usize; 3], [i32; 3], (f64, f64)) -> (f64, f64),
+    /// Shares of what lies in the plane of a slit.
+    pub(crate) lips: LipShares<'a>,
+}
 
+impl BlockBody {
     /// Rotates the block by `rotation` about the origin and then translates it by `translation_m`, m.
     ///
     /// # Errors
@@ -133,6 +135,7 @@ impl Block {
             fixed_within: Vec::new(),
             allow_free: false,
             slit: None,
+            regions: Vec::new(),
         })
     }
 
@@ -179,6 +182,14 @@ impl Block {
         self
     }
 
+    /// Fills `region` with `tissue`; later regions override earlier ones. A cell takes the mean over 4 × 4 × 4 places in it.
+    /// [`Block::tissue`](Self::tissue) uses the regions; [`Block::uniform`] has none.
+    #[must_use]
+    pub fn region(mut self, region: Region, tissue: Tissue) -> Self {
+        self.regions.push((region, tissue));
+        self
+    }
+
     /// Number of nodes along x, y, z.
     #[must_use]
     pub fn nodes(&self) -> [usize; 3] {
@@ -211,28 +222,32 @@ impl Block {
         let mass = check_positive("mass of the block, kg", lattice.mass_kg)?;
         let ratio = check_damping_ratio(lattice.damping_ratio)?;
         let m = mass / self.node_total() as f64;
-        let built = self.build(vec![m; self.node_total()], |_, _| k, |k, _, _| ratio * (k * m).sqrt())?;
         // An isotropic network has E = Σ k ℓ²/(6 V) over the springs of a cell.
         let cell = self.cell_m();
         let squares: f64 = lattice::steps()
             .map(|step| (cell * DVec3::from_array(step.map(f64::from))).length_squared())
             .sum();
         let modulus = k * squares / (6.0 * cell.element_product());
-        Ok(built.laid_in(Grid::of_equal_springs, self.cell_m(), modulus))
+        let material = LatticeMaterial {
+            mass_kg: vec![m; self.node_total()],
+            youngs_modulus_pa: vec![modulus; self.node_total()],
+            spring: &|_, _, _| (k, ratio * (k * m).sqrt()),
+            lips: LipShares::HALVES,
+        };
+        self.build(material, Grid::of_equal_springs)
     }
 
     pub(crate) fn node_total(&self) -> usize {
         self.nodes.iter().product()
     }
 
-    /// Builds the lattice from the mass of every node, the stiffness of the spring at node (i, j, k) in the direction
-    /// of a step, and the damping as a function of stiffness and the two masses.
+    /// Builds the lattice, whose grid is changed by `change`.
     pub(crate) fn build(
         &self,
-        mut mass_kg: Vec<f64>,
-        stiffness: impl Fn([usize; 3], [i32; 3]) -> f64,
-        damping: impl Fn(f64, f64, f64) -> f64,
+        material: LatticeMaterial<'_>,
+        change: impl FnOnce(Grid) -> Grid,
     ) -> Result<BlockBody, BodyError> {
+        let LatticeMaterial { mut mass_kg, mut youngs_modulus_pa, spring, lips } = material;
         let mut rest_m: Vec<DVec3> = self.grid().map(|ijk| self.rest(ijk)).collect();
         let mut links = Vec::with_capacity(13 * rest_m.len());
         for ijk in self.grid() {
@@ -241,8 +256,7 @@ impl Block {
                     continue;
                 };
                 let (a, b) = (self.node(ijk), self.node(other));
-                let k = stiffness(ijk, step);
-                let c = damping(k, mass_kg[a], mass_kg[b]);
+                let (k, c) = spring(ijk, step, (mass_kg[a], mass_kg[b]));
                 let spring = Spring::linear(k, rest_m[a].distance(rest_m[b]), c)
                     .map_err(|source| BodyError::Law { link: links.len(), source })?;
                 links.push(Link { a, b, spring });
@@ -257,12 +271,15 @@ impl Block {
         let mut cells = self.cells();
         if let Some(slit) = self.slit {
             let (rest_m, mass_kg, fixed) = (&mut rest_m, &mut mass_kg, &mut fixed);
+            let youngs_modulus_pa = &mut youngs_modulus_pa;
             slit::cut(
                 slit,
                 (self.nodes, self.cell_m()),
                 &mut slit::Pieces {
                     rest_m,
                     mass_kg,
+                    youngs_modulus_pa,
+                    lips,
                     fixed,
                     links: &mut links,
                     cells: &mut cells,
@@ -272,7 +289,8 @@ impl Block {
         }
         let network = NetworkBuilder::of(rest_m, mass_kg, fixed, links).with_cells(cells);
         let network = if self.allow_free { network.allow_unconstrained() } else { network }.build()?;
-        Ok(BlockBody { network, surface })
+        let grid = Grid::new(self.cell_m().element_product().cbrt(), youngs_modulus_pa);
+        Ok(BlockBody { network: network.with_grid(change(grid)), surface })
     }
 
     /// All (i, j, k), in the order of their indices.
@@ -291,11 +309,6 @@ impl Block {
     fn rest(&self, ijk: [usize; 3]) -> DVec3 {
         let cell = self.cell_m();
         self.center_m - 0.5 * self.size_m + cell * DVec3::from_array(ijk.map(|n| n as f64))
-    }
-
-    /// Number of cells beside the node along `axis`: 1 at either end, else 2.
-    pub(crate) fn cells_beside(&self, ijk: [usize; 3], axis: usize) -> u32 {
-        if ijk[axis] == 0 || ijk[axis] + 1 == self.nodes[axis] { 1 } else { 2 }
     }
 
     fn on_face(&self, ijk: [usize; 3], face: Face) -> bool {

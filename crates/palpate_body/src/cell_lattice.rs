@@ -9,6 +9,7 @@ mod material;
 pub(crate) use embedding::Embedding;
 pub use kept_cells::MeshCells;
 
+use crate::cell_tissue::check_tissue;
 use crate::touch_surface::TouchSurface;
 use crate::{BodyError, ClosedMesh, MeshError, Network, NetworkBuilder, Region, Skin, Surface, Tissue};
 use cell_grid::CellGrid;
@@ -215,8 +216,8 @@ impl<'a> CellLattice<'a> {
     /// [`MeshError::EmptyRegion`] for a region without any part of the body; [`MeshError::TooManyNodes`] beyond
     /// [`CellLattice::MAX_NODES`].
     pub fn tissue(&self, tissue: &Tissue) -> Result<MeshBody, BodyError> {
-        material::check_tissue(tissue)?;
-        self.regions.iter().try_for_each(|(_, other)| material::check_tissue(other))?;
+        check_tissue(tissue)?;
+        self.regions.iter().try_for_each(|(_, other)| check_tissue(other))?;
         let (mesh, grid) = (self.mesh, self.grid);
         let kept = KeptCells::choose(&grid, fill::fill(mesh, &grid));
         let (pieces, smallest) = kept_cells::pieces(&grid, &kept.cells);

@@ -96,6 +96,7 @@ mod block;
 mod body;
 mod body_point;
 mod cell_lattice;
+mod cell_tissue;
 mod cells;
 mod closed_mesh;
 mod conjugate_gradients;

@@ -1,7 +1,7 @@
 //! From the material parameters of a tissue to the springs of a lattice.
 
-use crate::error::{check_damping_ratio, check_positive};
-use crate::{Block, BlockBody, BodyError};
+use crate::BodyError;
+use crate::error::check_positive;
 use glam::DVec3;
 
 /// A homogeneous isotropic tissue, represented by a lattice of springs.
@@ -101,40 +101,10 @@ impl CellStiffness {
     }
 }
 
-impl Block {
-    /// Creates the block filled with `tissue`.
-    ///
-    /// # Errors
-    /// [`BodyError`] if a parameter is invalid, the cells are too far from cubes, all nodes are fixed, or none is
-    /// without [`Block::allow_unconstrained`].
-    pub fn tissue(&self, tissue: &Tissue) -> Result<BlockBody, BodyError> {
-        let density = check_positive("density, kg/m3", tissue.density_kg_per_m3)?;
-        let ratio = check_damping_ratio(tissue.damping_ratio)?;
-        let springs = CellStiffness::isotropic(tissue.youngs_modulus_pa, self.cell_m())?;
-        let cell_mass = density * self.cell_m().element_product();
-        let mass = self
-            .grid()
-            .map(|ijk| {
-                cell_mass / 8.0 * (0..3).map(|axis| f64::from(self.cells_beside(ijk, axis))).product::<f64>()
-            })
-            .collect();
-        let built = self.build(
-            mass,
-            |ijk, step| {
-                let across = (0..3).filter(|&axis| step[axis] == 0);
-                springs.along(step)
-                    * across.map(|axis| f64::from(self.cells_beside(ijk, axis)) / 2.0).product::<f64>()
-            },
-            |k, m_a, m_b| ratio * (k * 2.0 * m_a * m_b / (m_a + m_b)).sqrt(),
-        )?;
-        Ok(built.laid_in(|grid| grid, self.cell_m(), tissue.youngs_modulus_pa))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Network;
+    use crate::{Block, Network};
     use glam::DMat3;
     use palpate_laws::ForceLaw;
 

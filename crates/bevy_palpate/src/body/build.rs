@@ -12,6 +12,7 @@ use super::tissue::{Inclusions, Tissue};
 use crate::fault::{HapticFault, HapticFaultKind, MeshFault};
 use crate::model_time::LoopMode;
 use bevy::ecs::query::QueryData;
+use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use bevy::tasks::AsyncComputeTaskPool;
 use bevy::tasks::futures::check_ready;
@@ -97,10 +98,18 @@ impl BodyQueryItem<'_, '_> {
     }
 }
 
+/// Components whose removal changes a body.
+#[derive(SystemParam)]
+pub(super) struct RemovedParts<'w, 's> {
+    slits: RemovedComponents<'w, 's, Slit>,
+    inclusions: RemovedComponents<'w, 's, Inclusions>,
+}
+
 /// Builds new and changed bodies.
 pub(super) fn build_bodies(
     mut commands: Commands,
     mut bodies: Query<BodyQuery>,
+    mut removed: RemovedParts,
     mut meshes: Meshes,
     transforms: TransformHelper,
     mode: Option<Res<LoopMode>>,
@@ -109,13 +118,14 @@ pub(super) fn build_bodies(
 ) {
     meshes
         .update(|id| bodies.iter().any(|body| body.shape.mesh().is_some_and(|shape| shape.mesh.id() == id)));
+    let removed: Vec<Entity> = removed.slits.read().chain(removed.inclusions.read()).collect();
     for mut body in &mut bodies {
         let entity = body.entity;
         let is_new_mesh = meshes.has_changed(&body.shape);
         if is_new_mesh {
             body.set_source(SourceMesh::Changed);
         }
-        let is_changed = is_new_mesh || body.is_changed();
+        let is_changed = is_new_mesh || body.is_changed() || removed.contains(&entity);
         if !(is_changed || body.is_due(&transforms)) {
             continue;
         }

@@ -95,12 +95,6 @@ impl BuildInput {
         let node_count = nodes.iter().fold(1_usize, |product, n| product.saturating_mul(*n));
         for (what, value, max, allowed) in [
             (
-                "number of inclusions of a block",
-                self.inclusions.len(),
-                0,
-                "0: use a mesh for several tissues",
-            ),
-            (
                 "number of fixed vertices of a block",
                 fixed_vertices,
                 0,
@@ -119,6 +113,13 @@ impl BuildInput {
             }
         }
         let mut block = Block::new(nodes, size_m)?;
+        let (low, high) = (ClosedMesh::MIN_SIZE_M, ClosedMesh::MAX_SIZE_M);
+        let longest_m = size_m.max_element();
+        if !(low..=high).contains(&longest_m) {
+            let (what, allowed) =
+                ("longest side of a block, m", "0.001 to 10, as of a mesh: check the unit of DeformableBody");
+            return Err(BodyError::Parameter { what, value: longest_m, allowed });
+        }
         for &face in self.fixed.faces() {
             block = block.fix(face.into());
         }
@@ -130,6 +131,9 @@ impl BuildInput {
         }
         if let Some(Slit { length_m, depth_m, opening_m }) = self.slit {
             block = block.slit(palpate_body::Slit { length_m, depth_m, opening_m });
+        }
+        for &Inclusion { region, tissue } in &self.inclusions {
+            block = block.region(region.into(), tissue.into());
         }
         let built = block.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
         Body::new(built.network, built.surface)

@@ -55,6 +55,11 @@ pub(super) fn install(
         drawn: RenderMesh::default(),
         sutures: Vec::new(),
     };
+    if old.as_ref().is_none_or(|old| old.built_fixed != new.built_fixed) && new.is_unconstrained() {
+        info!(
+            "the body of {entity} has no fixed part and floats; add a FixedRegion unless it is meant to move"
+        );
+    }
     let Some(old) = old else {
         report_mesh(faults, entity, &new);
         new.move_to(at);

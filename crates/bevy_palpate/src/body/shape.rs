@@ -106,8 +106,8 @@ pub enum FixedRegion {
     Vertices(Vec<bool>),
 }
 
-/// A cut into the top of a block, in its middle plane across x, along z; see [`palpate_body::Slit`]. Removing the component does not
-/// change a body that has been built.
+/// A cut into the top of a block, in its middle plane across x, along z; see [`palpate_body::Slit`]. Without the component the
+/// block is whole.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Debug, PartialEq, Clone)]
 pub struct Slit {

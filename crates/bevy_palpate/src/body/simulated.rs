@@ -104,6 +104,11 @@ impl SimulatedBody {
         to.translation().as_dvec3() + rotation(to) * local_m
     }
 
+    /// Whether no node is fixed.
+    pub(super) fn is_unconstrained(&self) -> bool {
+        self.body.network().free().len() == self.body.network().node_count()
+    }
+
     /// Returns the longest side of the bounding box of all nodes at rest, m, along the world's axes at the pose of the build.
     #[must_use]
     pub fn longest_side_m(&self) -> f64 {

@@ -33,10 +33,10 @@ impl From<Tissue> for palpate_body::Tissue {
     }
 }
 
-/// Regions of a mesh body with other tissue, for example a lump in an organ. Where regions overlap the last one applies.
+/// Regions of a body with other tissue, for example a lump in an organ. Where regions overlap the last one applies.
 ///
-/// Insert the component on the entity with [`DeformableBody`](crate::DeformableBody); it may change during contact. On a block inclusions
-/// are rejected.
+/// Insert the component on the entity with [`DeformableBody`](crate::DeformableBody); it may change or be removed during contact. A cell
+/// that lies partly in a region takes the mean over 4 × 4 × 4 places in it.
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct Inclusions(pub Vec<Inclusion>);

@@ -8,8 +8,8 @@ use std::collections::HashMap;
 
 /// A slit in the side +y of a block: along z, in the middle plane across x, centred on that side.
 ///
-/// The nodes in the slit are duplicated, one for each lip, with half their mass each. The springs in its plane are
-/// split likewise. The lips meet at the ends and at the bottom. At rest the slit is open: the lips are bent apart in
+/// The nodes in the slit are duplicated, one for each lip, each with the mass of its own cells. The springs in its plane are split
+/// likewise. The lips meet at the ends and at the bottom. At rest the slit is open: the lips are bent apart in
 /// a parabola along z, and less with depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slit {
@@ -32,10 +32,26 @@ struct Cut {
     ends: [usize; 2],
 }
 
+/// Shares of the lip at lower x in the nodes and springs in the plane of a slit.
+#[derive(Clone, Copy)]
+pub(crate) struct LipShares<'a> {
+    /// Share of the mass of node (i, j, k).
+    pub(crate) mass: &'a dyn Fn([usize; 3]) -> f64,
+    /// Share of the stiffness and damping of the spring from node (i, j, k) in the direction of a step.
+    pub(crate) spring: &'a dyn Fn([usize; 3], [i32; 3]) -> f64,
+}
+
+impl LipShares<'static> {
+    /// Shares of a block of one tissue.
+    pub(crate) const HALVES: Self = Self { mass: &|_| 0.5, spring: &|_, _| 0.5 };
+}
+
 /// The lists of a block under construction.
 pub(super) struct Pieces<'a> {
     pub(super) rest_m: &'a mut Vec<DVec3>,
     pub(super) mass_kg: &'a mut Vec<f64>,
+    pub(super) youngs_modulus_pa: &'a mut Vec<f64>,
+    pub(super) lips: LipShares<'a>,
     pub(super) fixed: &'a mut Vec<bool>,
     pub(super) links: &'a mut Vec<Link>,
     pub(super) cells: &'a mut Vec<[usize; 8]>,
@@ -105,9 +121,11 @@ pub(super) fn cut(slit: Slit, block: ([usize; 3], DVec3), pieces: &mut Pieces<'_
     for node in (0..lattice).filter(|&node| cut.is_open(cut.ijk(node))) {
         right.insert(node, pieces.rest_m.len());
         let bend = DVec3::X * (0.5 * slit.opening_m * cut.bend(cut.ijk(node)));
-        pieces.mass_kg[node] *= 0.5;
+        let (mass_kg, share) = (pieces.mass_kg[node], (pieces.lips.mass)(cut.ijk(node)));
+        pieces.mass_kg[node] = share * mass_kg;
         pieces.rest_m.push(pieces.rest_m[node] + bend);
-        pieces.mass_kg.push(pieces.mass_kg[node]);
+        pieces.mass_kg.push((1.0 - share) * mass_kg);
+        pieces.youngs_modulus_pa.push(pieces.youngs_modulus_pa[node]);
         pieces.fixed.push(pieces.fixed[node]);
         pieces.rest_m[node] -= bend;
     }
@@ -122,8 +140,12 @@ pub(super) fn cut(slit: Slit, block: ([usize; 3], DVec3), pieces: &mut Pieces<'_
         if side.is_gt() {
             (link.a, link.b) = (on_right(link.a), on_right(link.b));
         } else if side.is_eq() {
-            link.spring = link.spring.scaled(0.5, 0.5).map_err(law)?;
-            doubled.push(Link { a: on_right(link.a), b: on_right(link.b), spring: link.spring });
+            let (from, to) = (cut.ijk(link.a), cut.ijk(link.b));
+            let step = std::array::from_fn(|axis| to[axis] as i32 - from[axis] as i32);
+            let left = (pieces.lips.spring)(from, step);
+            let right = link.spring.scaled(1.0 - left, 1.0 - left).map_err(law)?;
+            doubled.push(Link { a: on_right(link.a), b: on_right(link.b), spring: right });
+            link.spring = link.spring.scaled(left, left).map_err(law)?;
         }
     }
     pieces.links.extend(doubled);
