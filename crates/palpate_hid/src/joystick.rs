@@ -36,18 +36,21 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+pub(crate) mod array_base;
 mod effect;
 mod effect_duration;
 mod force_scale;
 mod input;
 mod layout;
+mod off_reports;
 mod options;
 mod report_encoding;
 pub(crate) mod usages;
 
+pub use array_base::{PidArrayBase, PidArrayBases};
 pub use options::JoystickOptions;
 
-use crate::driver::Driver;
+use crate::driver::{Driver, StopReport};
 use crate::link::{Handled, Link};
 use crate::{HidError, HidInfo, ReportDescriptor, ReportKind};
 use effect::{Effect, check_capacity};
@@ -88,6 +91,8 @@ struct Joystick {
     scale: f64,
     /// Whether the effects have to be started again.
     is_stopped: bool,
+    /// Whether the actuators were switched off after an effect rejected zero.
+    is_off: bool,
     /// Latest position as a fraction of the travel, pressed buttons, and the time of their report.
     latest: Option<([f64; 2], u32, Duration)>,
 }
@@ -101,8 +106,8 @@ pub(crate) fn driver(
     let name = info.label();
     let layout = Layout::of(&name, descriptor, &options)?;
     let (effects, accepted_at, scale, latest) = (Vec::new(), Duration::ZERO, 1.0, None);
-    let is_stopped = false;
-    Ok(Box::new(Joystick { name, options, layout, effects, accepted_at, scale, is_stopped, latest }))
+    let (is_stopped, is_off) = (false, false);
+    Ok(Box::new(Joystick { name, options, layout, effects, accepted_at, scale, is_stopped, is_off, latest }))
 }
 
 impl Joystick {
@@ -151,7 +156,11 @@ impl Joystick {
         }
         if zeroed.is_err() {
             self.is_stopped = true;
-            let _ = link.write(&self.layout.control.disable);
+            let off = &self.layout.control.off;
+            // In one of two readings the reports enable the actuators for a moment, so they are not repeated.
+            if !(self.is_off && off.is_ambiguous()) {
+                self.is_off = off.send(link).is_ok();
+            }
         }
         zeroed
     }
@@ -159,6 +168,7 @@ impl Joystick {
     /// Starts the effects again after another thread may have stopped them.
     fn restart(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.zero_all(link)?;
+        self.is_off = false;
         link.write(&self.layout.control.enable)?;
         self.effects.iter_mut().try_for_each(|effect| effect.start(link))?;
         self.is_stopped = false;
@@ -225,7 +235,8 @@ impl Driver for Joystick {
             let _ = link.write(&self.layout.control.reset);
             return Err(error);
         }
-        (self.accepted_at, self.scale, self.is_stopped) = (link.clock.now(), 1.0, false);
+        (self.accepted_at, self.scale) = (link.clock.now(), 1.0);
+        (self.is_stopped, self.is_off) = (false, false);
         Ok(())
     }
 
@@ -293,7 +304,7 @@ impl Driver for Joystick {
         for effect in &self.effects {
             stopped = stopped.and(effect.free(link));
         }
-        stopped = stopped.and(link.write(&self.layout.control.disable));
+        stopped = stopped.and(self.layout.control.off.send(link));
         self.effects.clear();
         stopped
     }
@@ -302,10 +313,11 @@ impl Driver for Joystick {
         self.layout.has_finite_effects
     }
 
-    fn stop_reports(&self) -> Vec<Vec<u8>> {
+    fn stop_reports(&self) -> Vec<StopReport> {
         let zero = self.effects.iter().map(Effect::zero_report);
         let control = &self.layout.control;
-        // The last two work without effect indices.
-        zero.chain([control.stop_all.clone(), control.disable.clone()]).collect()
+        // The last ones work without effect indices.
+        let first = zero.chain([control.stop_all.clone()]).map(StopReport::required);
+        first.chain(control.off.stop_reports()).collect()
     }
 }

@@ -15,7 +15,7 @@ mod report;
 pub(crate) use models::is_space_mouse;
 pub use report::{ParseReportError, SpaceMouseReport};
 
-use crate::driver::Driver;
+use crate::driver::{Driver, StopReport};
 use crate::link::{Handled, Link};
 use crate::{HidError, HidInfo};
 use glam::{DQuat, DVec3};
@@ -247,7 +247,7 @@ impl Driver for SpaceMouse {
         true
     }
 
-    fn stop_reports(&self) -> Vec<Vec<u8>> {
+    fn stop_reports(&self) -> Vec<StopReport> {
         Vec::new()
     }
 }

@@ -2,6 +2,7 @@
 
 mod arm;
 mod device_test;
+mod joystick_flags;
 mod listing;
 mod watch;
 
@@ -10,7 +11,9 @@ use crate::output::Output;
 use arm::Arm;
 use clap::Args;
 use listing::{Line, Listed, line, print};
-use palpate_hid::{FoundDevice, HidBus, HidError, HidInfo, HidSelector, JoystickOptions, SystemBus};
+use palpate_hid::{
+    FoundDevice, HidBus, HidError, HidInfo, HidSelector, JoystickOptions, PidArrayBases, SystemBus,
+};
 use std::sync::Arc;
 
 /// HID devices: list, watch, or test one gently
@@ -35,6 +38,10 @@ pub(crate) struct Devices {
     /// proportion
     #[arg(long, default_value_t = JoystickOptions::CAREFUL_FULL_SCALE_N, allow_hyphen_values = true, requires = "test")]
     full_scale_n: f64,
+    /// First number of a joystick's PID arrays with Logical Minimum 0: minimum (0) or one; or a list for single arrays, such as
+    /// control=one,operation=minimum, with the names control, operation, type and status
+    #[arg(long, value_name = "BASE", value_parser = joystick_flags::pid_arrays, requires = "test")]
+    pid_arrays: Option<PidArrayBases>,
     /// Arm of a board. No board reports it, and with the dimensions of another arm a force may be several times as large. A board
     /// without this flag is read and exerts no force
     #[arg(long, value_enum, requires = "test")]
@@ -71,7 +78,11 @@ impl Devices {
             Some(id) => device_test::DeviceTest {
                 selector: selector(id, self.teensy_is_board, &*bus)?,
                 force_n: self.force_n,
-                full_scale_n: self.full_scale_n,
+                joystick: JoystickOptions {
+                    full_scale_n: self.full_scale_n,
+                    pid_arrays: self.pid_arrays.unwrap_or_default(),
+                    ..JoystickOptions::default()
+                },
                 arm: self.board,
                 seconds: self.seconds.unwrap_or(6.0),
                 needs_confirmation: !self.yes,

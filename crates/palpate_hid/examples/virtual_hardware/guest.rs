@@ -16,7 +16,7 @@ use check::{Outcome, Unavailable};
 use std::process::ExitCode;
 
 /// Scenarios in this order; each creates its own devices.
-const SCENARIOS: [(&str, fn() -> Outcome); 14] = [
+const SCENARIOS: [(&str, fn() -> Outcome); 15] = [
     ("enumeration", enumeration::run),
     ("palpate_lab", lab::run),
     ("wired_space_mouse", space_mouse::wired),
@@ -26,6 +26,7 @@ const SCENARIOS: [(&str, fn() -> Outcome); 14] = [
     ("joystick_openffboard", joystick::openffboard),
     ("joystick_rhino", joystick::rhino),
     ("joystick_arduino", joystick::arduino),
+    ("joystick_arrays", joystick::arrays),
     ("unplugged_joystick", unplugged::joystick),
     ("board_8", board::bytes_8),
     ("board_14", board::bytes_14),

@@ -3,6 +3,7 @@
 mod parsed_report;
 
 use super::Firmware;
+use crate::joystick::array_base::{PidArrayBases, offset};
 use crate::joystick::usages::*;
 use crate::{DescriptorError, ReportDescriptor, ReportKind};
 use parsed_report::{Effect, ParsedReport};
@@ -61,6 +62,7 @@ pub struct JoystickFirmware {
     effects: Vec<Option<Effect>>,
     creation_status: CreationStatus,
     fails_creation: bool,
+    bases: PidArrayBases,
     is_on: bool,
     is_paused: bool,
     gain: f64,
@@ -92,6 +94,7 @@ impl JoystickFirmware {
             effects: vec![None; stick.max_effects],
             creation_status: CreationStatus::None,
             fails_creation: false,
+            bases: PidArrayBases::default(),
             is_on: false,
             is_paused: false,
             gain: 1.0,
@@ -142,6 +145,16 @@ impl JoystickFirmware {
     /// Makes the creation of effects fail.
     pub fn break_effects(&mut self) {
         self.fails_creation = true;
+    }
+
+    /// Sets how the firmware numbers its arrays with the Logical Minimum 0; by default from 0.
+    pub fn number_arrays(&mut self, bases: PidArrayBases) {
+        self.bases = bases;
+    }
+
+    /// Switches the actuators on, as a driver of the operating system may leave them.
+    pub fn switch_on(&mut self) {
+        self.is_on = true;
     }
 
     fn step(&mut self) {
@@ -273,7 +286,7 @@ impl Firmware for JoystickFirmware {
 
     fn output(&mut self, report: &[u8]) -> bool {
         let descriptor = Arc::clone(&self.descriptor);
-        let report = ParsedReport::of(&descriptor, ReportKind::Output, report);
+        let report = ParsedReport::of(&descriptor, ReportKind::Output, report, self.bases);
         report.is_some_and(|report| self.process(&report).is_some())
     }
 
@@ -285,9 +298,11 @@ impl Firmware for JoystickFirmware {
         data.fill(0);
         let is =
             |named: Named| requested.fields.iter().any(|it| descriptor.around(it).any(|a| a == named.usage));
+        let base = self.bases.load_status;
         let mut put = |named: Named, value: i64| {
             if let Some(field) = requested.field(named.usage) {
-                let value = if field.is_array { field.value_of(named.usage) } else { Some(value) };
+                let number = || Some(field.value_of(named.usage)? + offset(field, base));
+                let value = if field.is_array { number() } else { Some(value) };
                 value.and_then(|value| field.set(data, value));
             }
         };
@@ -312,7 +327,7 @@ impl Firmware for JoystickFirmware {
 
     fn set_feature(&mut self, report: &[u8]) -> bool {
         let descriptor = Arc::clone(&self.descriptor);
-        let report = ParsedReport::of(&descriptor, ReportKind::Feature, report);
+        let report = ParsedReport::of(&descriptor, ReportKind::Feature, report, self.bases);
         if !report.is_some_and(|report| report.belongs_to(CREATE_EFFECT) && report.is_set(ET_CONSTANT)) {
             return false;
         }

@@ -35,8 +35,8 @@ pub(super) struct DeviceTest {
     pub(super) selector: HidSelector,
     /// Maximum force, N.
     pub(super) force_n: f64,
-    /// Assumed maximum force of a joystick, N.
-    pub(super) full_scale_n: f64,
+    /// Options of a joystick; the maximum force is that of the test.
+    pub(super) joystick: JoystickOptions,
     /// Arm of a board; a board without an arm exerts no force.
     pub(super) arm: Option<Arm>,
     pub(super) seconds: f64,
@@ -74,11 +74,8 @@ impl DeviceTest {
         let homing = if self.needs_confirmation { BoardHoming::AtOpen } else { BoardHoming::Awaited };
         let kinematics = self.arm.map_or_else(BoardKinematics::default, Arm::kinematics);
         let board = BoardOptions { homing, kinematics, ..BoardOptions::default() };
-        let joystick = JoystickOptions {
-            full_scale_n: self.full_scale_n,
-            max_force_n: self.force_n.min(self.full_scale_n),
-            ..JoystickOptions::default()
-        };
+        let joystick =
+            JoystickOptions { max_force_n: self.force_n.min(self.joystick.full_scale_n), ..self.joystick };
         let options = HidOptions { board, joystick, ..HidOptions::default() };
         let device = HidDevice::find(bus, &self.selector, &options)?;
         let kind = device.found().kind;
@@ -129,7 +126,7 @@ impl DeviceTest {
             (HidKind::Joystick, _) => writeln!(
                 question,
                 "Its maximum force is assumed to be {} N; if it is larger, the test is stronger in proportion (--full-scale-n).",
-                self.full_scale_n
+                self.joystick.full_scale_n
             )?,
             (HidKind::SpaceMouse, _) => {}
         }

@@ -100,7 +100,7 @@ fn test(bus: &SimulatedBus, seconds: f64) -> DeviceTest {
     DeviceTest {
         selector: selector("7", false, bus).unwrap(),
         force_n: 0.3,
-        full_scale_n: JoystickOptions::CAREFUL_FULL_SCALE_N,
+        joystick: JoystickOptions::default(),
         arm: Some(Arm::WoodenHaptics),
         seconds,
         needs_confirmation: false,
@@ -136,7 +136,7 @@ fn test_of_a_board_stays_below_its_force_and_ends_at_zero() {
     let test = DeviceTest {
         selector,
         force_n: 0.3,
-        full_scale_n: JoystickOptions::CAREFUL_FULL_SCALE_N,
+        joystick: JoystickOptions::default(),
         arm: Some(Arm::WoodenHaptics),
         seconds: 1.2,
         needs_confirmation: false,
@@ -188,7 +188,7 @@ fn question_names_the_arm_of_a_board() {
         let test = DeviceTest {
             selector,
             force_n: 0.3,
-            full_scale_n: 500.0,
+            joystick: JoystickOptions::default(),
             arm: Some(arm),
             seconds: 1.0,
             needs_confirmation: true,

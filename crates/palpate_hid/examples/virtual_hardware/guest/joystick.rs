@@ -6,9 +6,11 @@ use super::touch;
 use super::uhid::Identity;
 use super::virtual_device::{Pace, VirtualDevice};
 use glam::DVec3;
-use palpate_haptics::{Lockstep, haptic_loop};
+use palpate_haptics::{HapticDevice, Lockstep, haptic_loop};
 use palpate_hid::simulated::{JoystickFirmware, SimulatedStick};
-use palpate_hid::{HidDevice, HidKind, HidOptions, HidSelector, JoystickOptions, SystemBus};
+use palpate_hid::{
+    HidDevice, HidKind, HidOptions, HidSelector, JoystickOptions, PidArrayBase, PidArrayBases, SystemBus,
+};
 use std::error::Error;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -52,18 +54,31 @@ const ARDUINO: Make = Make {
     crossed: 0.0,
 };
 
+/// Force on the device with ambiguous arrays, N.
+const FORCE_N: DVec3 = DVec3::new(0.4, 0.0, -0.2);
 /// Number of compared ticks.
 const TICKS: u64 = 500;
 /// Stiffness of the virtual spring to the centre, N/m.
 const STIFFNESS_N_PER_M: f64 = 100.0;
 
+/// Bytes of a text in hexadecimal; comments follow a #.
+fn bytes(text: &str) -> Result<Vec<u8>, Box<dyn Error>> {
+    let words = text.lines().flat_map(|line| line.split('#').next().unwrap_or_default().split_whitespace());
+    Ok(words.map(|word| u8::from_str_radix(word, 16)).collect::<Result<_, _>>()?)
+}
+
 /// Plugs a joystick in.
 pub fn plug(serial: &str, make: &Make, pace: Pace) -> Result<(VirtualDevice, Joystick), Box<dyn Error>> {
-    let words = make
-        .descriptor
-        .lines()
-        .flat_map(|line| line.split('#').next().unwrap_or_default().split_whitespace());
-    let descriptor = words.map(|word| u8::from_str_radix(word, 16)).collect::<Result<Vec<u8>, _>>()?;
+    plug_with(serial, make, bytes(make.descriptor)?, pace)
+}
+
+/// Plugs a joystick in with another report descriptor.
+fn plug_with(
+    serial: &str,
+    make: &Make,
+    descriptor: Vec<u8>,
+    pace: Pace,
+) -> Result<(VirtualDevice, Joystick), Box<dyn Error>> {
     let joystick = Arc::new(Mutex::new(JoystickFirmware::new(&descriptor, SimulatedStick::default())?));
     let identity = Identity {
         name: "Virtual joystick",
@@ -76,12 +91,16 @@ pub fn plug(serial: &str, make: &Make, pace: Pace) -> Result<(VirtualDevice, Joy
 
 /// Finds the joystick with this serial number.
 pub fn find(serial: &str) -> Result<HidDevice, Box<dyn Error>> {
+    find_with(serial, JoystickOptions::default())
+}
+
+/// Finds the joystick with this serial number. Its full scale is that of the simulated stick, so that the applied force is the sent one.
+fn find_with(serial: &str, joystick: JoystickOptions) -> Result<HidDevice, Box<dyn Error>> {
     let selector =
         HidSelector { kind: Some(HidKind::Joystick), serial: Some(serial.into()), ..HidSelector::default() };
-    // Full scale of the simulated stick, so that the applied force is the sent one.
     let full_scale_n = SimulatedStick::default().full_scale_n;
-    let joystick = JoystickOptions { full_scale_n, ..JoystickOptions::default() };
-    let options = HidOptions { joystick, ..HidOptions::default() };
+    let options =
+        HidOptions { joystick: JoystickOptions { full_scale_n, ..joystick }, ..HidOptions::default() };
     Ok(HidDevice::find(Arc::new(SystemBus::new()?), &selector, &options)?)
 }
 
@@ -106,6 +125,43 @@ pub fn rhino() -> Outcome {
 
 pub fn arduino() -> Outcome {
     run("arduino", &ARDUINO)
+}
+
+/// A control array with the Logical Minimum 0, whose firmware numbers from 1, and whose actuators the system's driver has left on. The
+/// device is rejected without the option, has its force with the right one, and is off at the end with the wrong one, too.
+pub fn arrays() -> Outcome {
+    let (old, new) = (bytes("09 9b 09 9c 15 01 25 06")?, bytes("09 9b 09 9c 15 00 25 05")?);
+    let mut descriptor = bytes(ARDUINO.descriptor)?;
+    let at = descriptor.windows(old.len()).position(|items| items == old).ok_or("no control array")?;
+    descriptor[at..at + old.len()].copy_from_slice(&new);
+    let (plugged, joystick) = plug_with("arrays", &ARDUINO, descriptor, Pace::Manual)?;
+    of(&joystick, |joystick| {
+        joystick.number_arrays(PidArrayBases::all(PidArrayBase::One));
+        joystick.switch_on();
+    });
+    let rejected = find("arrays").err().map(|error| error.to_string()).unwrap_or_default();
+    ensure(rejected.contains("JoystickOptions::pid_arrays"), || format!("it is not rejected: {rejected}"))?;
+    let open = |base| -> Result<HidDevice, Box<dyn Error>> {
+        let pid_arrays = PidArrayBases::all(base);
+        let mut device = find_with("arrays", JoystickOptions { pid_arrays, ..JoystickOptions::default() })?;
+        device.open()?;
+        device.write(FORCE_N)?;
+        Ok(device)
+    };
+    let is_off = || of(&joystick, |joystick| !joystick.is_on()) && applied_force_n(&joystick) == DVec3::ZERO;
+    let mut device = open(PidArrayBase::One)?;
+    wait_until("its motors apply the force", || applied_force_n(&joystick).distance(FORCE_N) < 0.005)?;
+    let applied_n = applied_force_n(&joystick);
+    device.close()?;
+    wait_until("it is off", is_off)?;
+    of(&joystick, JoystickFirmware::switch_on);
+    open(PidArrayBase::LogicalMinimum)?.close()?;
+    wait_until("it is off with the wrong option", is_off)?;
+    plugged.unplug();
+    Ok(format!(
+        "rejected without the option; {} and {} N of 0.4 and -0.2 N with it; off at the end",
+        applied_n.x, applied_n.z
+    ))
 }
 
 fn run(serial: &str, make: &Make) -> Outcome {
