@@ -58,6 +58,9 @@ pub enum LoopEventKind {
         "the device offers no emergency stop: if it blocks the loop, only its own firmware ends the force"
     )]
     NoEmergencyStop,
+    /// A setting that the user should check for this device ([`crate::HapticDevice::notice`]).
+    #[error("check a setting of the device: {0}")]
+    DeviceNotice(&'static str),
     /// The watchdog stopped the device, because the loop was blocked in it or could not write to it for too long. The start stage
     /// of the safety chain is armed again.
     #[error(
@@ -117,6 +120,7 @@ impl LoopEventKind {
             Self::Started
             | Self::RealTime(_)
             | Self::NoEmergencyStop
+            | Self::DeviceNotice(_)
             | Self::Reconnected
             | Self::Stopped
             | Self::ModelAdopted(_)

@@ -194,6 +194,10 @@ impl HapticDevice for HidDevice {
         self.driver.displayed_force_n(force_n)
     }
 
+    fn notice(&self) -> Option<&'static str> {
+        self.driver.notice()
+    }
+
     fn open(&mut self) -> Result<(), DeviceError> {
         if self.link.is_some() {
             return Err(DeviceError::AlreadyOpen);

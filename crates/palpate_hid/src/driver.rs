@@ -49,6 +49,11 @@ pub(crate) trait Driver: Send {
         force_n
     }
 
+    /// A setting that the user should check for this device, and its remedy.
+    fn notice(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Initialises a newly opened device, at zero force.
     fn start(&mut self, link: &mut Link) -> Result<(), DeviceError>;
 

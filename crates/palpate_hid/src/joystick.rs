@@ -213,6 +213,13 @@ impl Driver for Joystick {
         axes.map(|axis| force_n.dot(*axis) * *axis).sum()
     }
 
+    fn notice(&self) -> Option<&'static str> {
+        // Descriptors do not state which axes have a motor.
+        self.layout.input.has_y().then_some(
+            "it declares the axes x and y; if it is a wheel with one motor, whose y is a pedal, force along y is lost or acts along x:              set `JoystickOptions::use_y` to false (palpate-lab devices --test: --no-y)",
+        )
+    }
+
     fn start(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.effects.clear();
         self.latest = None;

@@ -10,6 +10,7 @@ use crate::error::{LabError, check};
 use crate::output::Output;
 use arm::Arm;
 use clap::Args;
+use joystick_flags::Reverse;
 use listing::{Line, Listed, line, print};
 use palpate_hid::{
     FoundDevice, HidBus, HidError, HidInfo, HidSelector, JoystickOptions, PidArrayBases, SystemBus,
@@ -42,6 +43,12 @@ pub(crate) struct Devices {
     /// control=one,operation=minimum, with the names control, operation, type and status
     #[arg(long, value_name = "BASE", value_parser = joystick_flags::pid_arrays, requires = "test")]
     pid_arrays: Option<PidArrayBases>,
+    /// Use only x of a joystick, for a wheel: it has one motor, and its y is a pedal
+    #[arg(long, requires = "test")]
+    no_y: bool,
+    /// Reverse the force of a joystick along x, along y, or both
+    #[arg(long, value_name = "AXES", requires = "test", value_enum)]
+    reverse: Option<Reverse>,
     /// Arm of a board. No board reports it, and with the dimensions of another arm a force may be several times as large. A board
     /// without this flag is read and exerts no force
     #[arg(long, value_enum, requires = "test")]
@@ -81,6 +88,8 @@ impl Devices {
                 joystick: JoystickOptions {
                     full_scale_n: self.full_scale_n,
                     pid_arrays: self.pid_arrays.unwrap_or_default(),
+                    use_y: !self.no_y,
+                    reverse: self.reverse.map_or([false; 2], Reverse::axes),
                     ..JoystickOptions::default()
                 },
                 arm: self.board,

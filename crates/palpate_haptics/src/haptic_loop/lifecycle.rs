@@ -19,9 +19,12 @@ impl HapticLoop {
         self.emit(LoopEventKind::RealTime(granted));
     }
 
-    /// Reports that the device is open and the first tick follows.
-    pub(crate) fn start(&mut self) {
+    /// Reports that the device is open and the first tick follows, and the `notice` of the device.
+    pub(crate) fn start(&mut self, notice: Option<&'static str>) {
         self.emit(LoopEventKind::Started);
+        if let Some(notice) = notice {
+            self.emit(LoopEventKind::DeviceNotice(notice));
+        }
     }
 
     /// Reports that the device runs without a watchdog.

@@ -64,6 +64,8 @@ pub(super) struct TestReport {
     pub(super) highest_m: [f64; 3],
     /// Buttons that were pressed at any time.
     pub(super) buttons: u32,
+    /// Settings that should be checked for this device.
+    pub(super) notes: Vec<String>,
     /// Errors of the device, each once.
     pub(super) faults: Vec<String>,
 }
@@ -226,6 +228,7 @@ impl DeviceTest {
             lowest_m,
             highest_m,
             buttons: log.buttons,
+            notes: log.notes,
             faults: log.faults,
         })
     }
@@ -249,6 +252,7 @@ struct LoopLog {
     max_force_n: f64,
     buttons: u32,
     first_error: Option<String>,
+    notes: Vec<String>,
     faults: Vec<String>,
     is_disconnected: bool,
 }
@@ -265,6 +269,9 @@ impl LoopLog {
             }
         }
         while let Some(event) = handle.next_event() {
+            if let LoopEventKind::DeviceNotice(notice) = event.kind {
+                self.notes.push(notice.into());
+            }
             if let LoopEventKind::DeviceFailed(error) = event.kind {
                 let text = error.to_string();
                 self.is_disconnected |= error == DeviceError::Disconnected;
@@ -295,6 +302,9 @@ fn print(report: &TestReport, out: &mut dyn Write) -> std::io::Result<()> {
     let mm = |m: [f64; 3]| m.map(|m| format!("{:.1}", 1e3 * m)).join(" ");
     writeln!(out, "moved, mm      {} to {}", mm(report.lowest_m), mm(report.highest_m))?;
     writeln!(out, "buttons        {:b}", report.buttons)?;
+    for note in &report.notes {
+        writeln!(out, "note           {note}")?;
+    }
     for fault in &report.faults {
         writeln!(out, "fault          {fault}")?;
     }

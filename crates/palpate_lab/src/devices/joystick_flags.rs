@@ -1,6 +1,25 @@
 //! Command-line flags for the options of a joystick.
 
+use clap::ValueEnum;
 use palpate_hid::{PidArrayBase, PidArrayBases};
+
+/// Axes whose force is reversed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Reverse {
+    /// x
+    X,
+    /// y
+    Y,
+    /// x and y
+    Xy,
+}
+
+impl Reverse {
+    /// Whether the force of x and of y is reversed.
+    pub(super) fn axes(self) -> [bool; 2] {
+        [self != Self::Y, self != Self::X]
+    }
+}
 
 /// Parses the bases of PID arrays: `minimum` or `one` for all, or a list such as `control=one,operation=minimum`.
 pub(super) fn pid_arrays(text: &str) -> Result<PidArrayBases, String> {
