@@ -138,7 +138,8 @@ impl Joystick {
     /// Creates the effects and starts them at zero.
     fn create_effects(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         for axis in 0..self.axes() {
-            self.effects.push(Effect::create(link, &self.layout, axis)?);
+            let effect = Effect::create(link, &self.layout, axis, &self.effects)?;
+            self.effects.push(effect);
         }
         self.effects.iter().try_for_each(|effect| effect.set(link))?;
         self.effects.iter_mut().try_for_each(|effect| effect.zero(link))?;

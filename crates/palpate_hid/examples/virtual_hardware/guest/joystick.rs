@@ -24,7 +24,7 @@ pub struct Make {
     vendor: u16,
     product: u16,
     /// Report descriptor, in hexadecimal.
-    descriptor: &'static str,
+    pub descriptor: &'static str,
     /// Maximum magnitude of a constant force.
     full: f64,
     /// Fraction of a force along one axis that acts along the other, by the resolution of directions.
@@ -46,7 +46,7 @@ const RHINO: Make = Make {
     // 191 of 255 parts of a turn are 269.65°.
     crossed: 0.0062,
 };
-const ARDUINO: Make = Make {
+pub const ARDUINO: Make = Make {
     vendor: 0x2341,
     product: 0x8036,
     descriptor: include_str!("../../../tests/data/arduino_ffb.txt"),
@@ -54,15 +54,15 @@ const ARDUINO: Make = Make {
     crossed: 0.0,
 };
 
-/// Force on the device with ambiguous arrays, N.
-const FORCE_N: DVec3 = DVec3::new(0.4, 0.0, -0.2);
+/// Force of the scenarios without a loop, N.
+pub const FORCE_N: DVec3 = DVec3::new(0.4, 0.0, -0.2);
 /// Number of compared ticks.
 const TICKS: u64 = 500;
 /// Stiffness of the virtual spring to the centre, N/m.
 const STIFFNESS_N_PER_M: f64 = 100.0;
 
 /// Bytes of a text in hexadecimal; comments follow a #.
-fn bytes(text: &str) -> Result<Vec<u8>, Box<dyn Error>> {
+pub fn bytes(text: &str) -> Result<Vec<u8>, Box<dyn Error>> {
     let words = text.lines().flat_map(|line| line.split('#').next().unwrap_or_default().split_whitespace());
     Ok(words.map(|word| u8::from_str_radix(word, 16)).collect::<Result<_, _>>()?)
 }
