@@ -9,6 +9,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+mod buttons;
 mod models;
 mod report;
 
@@ -18,6 +19,7 @@ pub use report::{ParseReportError, SpaceMouseReport};
 use crate::driver::{Driver, StopReport};
 use crate::link::{Handled, Link};
 use crate::{HidError, HidInfo};
+use buttons::Buttons;
 use glam::{DQuat, DVec3};
 use palpate_haptics::{DeviceDescription, DeviceError, Reading};
 use std::time::Duration;
@@ -95,13 +97,15 @@ impl SpaceMouseOptions {
 struct Cap {
     push: [i16; 3],
     turn: [i16; 3],
-    buttons: u32,
+    buttons: Buttons,
 }
 
 #[derive(Debug)]
 struct SpaceMouse {
     name: String,
     options: SpaceMouseOptions,
+    /// Whether the cap has the axes of the oldest models.
+    has_y_up: bool,
     cap: Cap,
     /// Times at which the last reports of push and of turn arrived.
     pushed_at: Option<Duration>,
@@ -118,6 +122,7 @@ pub(crate) fn driver(info: &HidInfo, options: SpaceMouseOptions) -> Result<Box<d
     Ok(Box::new(SpaceMouse {
         name: info.label(),
         options,
+        has_y_up: models::has_y_up(info),
         cap: Cap::default(),
         pushed_at: None,
         turned_at: None,
@@ -128,10 +133,10 @@ pub(crate) fn driver(info: &HidInfo, options: SpaceMouseOptions) -> Result<Box<d
     }))
 }
 
-/// Converts from the axes of the cap (x to the right, y towards the user, z down; right-handed rotations) to the device frame (x to the
-/// right, y up, z towards the user).
-fn to_frame([x, y, z]: [f64; 3]) -> DVec3 {
-    DVec3::new(x, -z, y)
+/// Converts from the axes of the cap to the device frame (x to the right, y up, z towards the user), for a push and for a turn alike. The
+/// axes of a cap are x to the right, y towards the user, z down; those of the oldest models are x to the right, y up, z away from the user.
+fn to_frame([x, y, z]: [f64; 3], has_y_up: bool) -> DVec3 {
+    if has_y_up { DVec3::new(x, y, -z) } else { DVec3::new(x, -z, y) }
 }
 
 /// Time at which the last of `reports` reports of one kind arrived. All were read at the time `now`, after the queue had been empty at
@@ -146,11 +151,12 @@ impl SpaceMouse {
     /// Deflection as a fraction of the full one, -1 to 1, in the device frame.
     fn deflection(&self, counts: [i16; 3]) -> DVec3 {
         let zone = self.options.dead_zone;
-        to_frame(counts.map(|count| {
+        let parts = counts.map(|count| {
             let part = (f64::from(count) / FULL_DEFLECTION).clamp(-1.0, 1.0);
             // Continuous at the edge of the dead zone.
             part.signum() * ((part.abs() - zone) / (1.0 - zone)).max(0.0)
-        }))
+        });
+        to_frame(parts, self.has_y_up)
     }
 
     fn update(cap: &mut Cap, report: SpaceMouseReport) -> (bool, bool, Handled) {
@@ -168,8 +174,12 @@ impl SpaceMouse {
                 (true, true, Handled::Used(1))
             }
             SpaceMouseReport::Buttons(buttons) => {
-                cap.buttons = buttons;
+                cap.buttons.own = buttons;
                 // A press is never superseded by a later report.
+                (false, false, Handled::Ignored)
+            }
+            SpaceMouseReport::ButtonNumbers(id, pressed) => {
+                cap.buttons.set_numbers(id, pressed);
                 (false, false, Handled::Ignored)
             }
             SpaceMouseReport::Other(_) => (false, false, Handled::Ignored),
@@ -244,7 +254,7 @@ impl Driver for SpaceMouse {
             position_m: self.position_m,
             velocity_m_per_s: Some(velocity),
             orientation: self.orientation,
-            buttons: cap.buttons,
+            buttons: cap.buttons.bits(),
             sequence: None,
         })
     }

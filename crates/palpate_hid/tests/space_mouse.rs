@@ -40,6 +40,10 @@ fn parses_the_reports_of_the_data_file() {
             "turn" => Ok(SpaceMouseReport::Turn(axes(0))),
             "push+turn" => Ok(SpaceMouseReport::PushAndTurn(axes(0), axes(3))),
             "buttons" => Ok(SpaceMouseReport::Buttons(values[0] as u32)),
+            "numbers" => {
+                let pressed = [0, 1, 2, 3, 4, 5].map(|i| values[i + 1] as u16);
+                Ok(SpaceMouseReport::ButtonNumbers(values[0] as u8, pressed))
+            }
             "other" => Ok(SpaceMouseReport::Other(values[0] as u8)),
             _ => Err((values[0] as u8, bytes.len())),
         };
@@ -50,7 +54,7 @@ fn parses_the_reports_of_the_data_file() {
         );
         lines += 1;
     }
-    assert_eq!(lines, 12);
+    assert_eq!(lines, 16);
     assert!(SpaceMouseReport::parse(&[]).is_err());
 }
 
