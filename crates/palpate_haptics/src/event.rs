@@ -73,6 +73,12 @@ pub enum LoopEventKind {
         "the hand jumped by {0:.3} m; force returns once it is small; check the sensor if the hand did not move"
     )]
     HandJumped(f64),
+    /// The position has been the same for this time, s, while the orientation changed.
+    #[error(
+        "the position has not changed for {0:.1} s while the orientation did; check the encoders of the arm and their cables, unless it \
+         is held by its dock"
+    )]
+    PositionFrozen(f64),
     /// A disconnected device was opened again.
     #[error("the device is connected again")]
     Reconnected,
@@ -113,6 +119,7 @@ impl LoopEventKind {
             | Self::DeadlinesMissed(_)
             | Self::EmergencyStopped
             | Self::HandJumped(_)
+            | Self::PositionFrozen(_)
             | Self::ModelStale(_)
             | Self::ForceNotFinite
             | Self::Panicked

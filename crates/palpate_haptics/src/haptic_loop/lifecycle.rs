@@ -6,6 +6,7 @@
 )]
 
 use super::HapticLoop;
+use crate::frozen_position::FrozenPosition;
 use crate::plausibility::Plausibility;
 use crate::real_time;
 use crate::{DeviceError, LoopEventKind};
@@ -42,6 +43,7 @@ impl HapticLoop {
     /// Notes that the device was opened again: the hand may be anywhere, and the start stage is armed again.
     pub(crate) fn reconnected(&mut self) {
         (self.rearm, self.plausibility) = (true, Plausibility::default());
+        self.frozen = FrozenPosition::default();
         self.safety.reset_output();
         self.emit(LoopEventKind::Reconnected);
     }
