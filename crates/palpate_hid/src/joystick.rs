@@ -37,6 +37,7 @@
 )]
 
 pub(crate) mod array_base;
+mod direction_check;
 mod effect;
 mod effect_duration;
 mod force_scale;
@@ -53,6 +54,7 @@ pub use options::JoystickOptions;
 use crate::driver::{Driver, StopReport};
 use crate::link::{Handled, Link};
 use crate::{HidError, HidInfo, ReportDescriptor, ReportKind};
+use direction_check::{DirectionCheck, DirectionFault};
 use effect::{Effect, check_capacity};
 use glam::{DQuat, DVec3};
 use input::ParsedInput;
@@ -93,6 +95,10 @@ struct Joystick {
     is_stopped: bool,
     /// Whether the actuators were switched off after an effect rejected zero.
     is_off: bool,
+    /// Check of the direction of the force; `None` if it is disabled.
+    check: Option<DirectionCheck>,
+    /// Fault of the direction for which the force was removed.
+    fault: Option<DirectionFault>,
     /// Latest position as a fraction of the travel, pressed buttons, and the time of their report.
     latest: Option<([f64; 2], u32, Duration)>,
 }
@@ -107,7 +113,19 @@ pub(crate) fn driver(
     let layout = Layout::of(&name, descriptor, &options)?;
     let (effects, accepted_at, scale, latest) = (Vec::new(), Duration::ZERO, 1.0, None);
     let (is_stopped, is_off) = (false, false);
-    Ok(Box::new(Joystick { name, options, layout, effects, accepted_at, scale, is_stopped, is_off, latest }))
+    Ok(Box::new(Joystick {
+        name,
+        options,
+        layout,
+        effects,
+        accepted_at,
+        scale,
+        is_stopped,
+        is_off,
+        check: None,
+        fault: None,
+        latest,
+    }))
 }
 
 impl Joystick {
@@ -118,21 +136,52 @@ impl Joystick {
         }
     }
 
-    /// Magnitudes of x and y for a force: projected on the plane, or on the line of x, and limited to the maximum force.
-    fn magnitudes(&self, force_n: DVec3) -> [i64; 2] {
+    /// Components of a force along x and y, N: projected on the plane, or on the line of x, and limited to the maximum force.
+    fn in_plane(&self, force_n: DVec3) -> [f64; 2] {
         let [x, y] = self.options.plane;
         let along_y = if self.axes() == 2 { force_n.dot(y) } else { 0.0 };
         let in_plane = [force_n.dot(x), along_y];
         let length = in_plane[0].hypot(in_plane[1]);
-        // A NaN becomes the magnitude 0.
-        let shorter = if length > self.options.max_force_n { self.options.max_force_n / length } else { 1.0 };
+        let max_n = self.options.max_force_n;
+        // The comparison is false for NaN, which becomes zero.
+        let shorter = if length <= max_n { 1.0 } else { max_n / length };
+        in_plane.map(|force_n| if force_n.is_finite() { shorter * force_n } else { 0.0 })
+    }
+
+    /// Magnitudes of x and y for the components `in_plane` of a force, N.
+    fn magnitudes(&self, [x, y]: [f64; 2]) -> [i64; 2] {
         let [is_x_reversed, is_y_reversed] = self.options.reverse;
         let magnitude = |force_n: f64, is_reversed: bool| {
             let sign = if is_reversed { -1.0 } else { 1.0 };
-            self.layout.scale.counts(sign * self.scale * shorter * force_n)
+            self.layout.scale.counts(sign * self.scale * force_n)
         };
-        let [x, y] = in_plane;
         [magnitude(x, is_x_reversed), magnitude(y, is_y_reversed)]
+    }
+
+    /// Gain by the check of the direction. After a fault the effects are at zero, and the actuators are off unless it may pass.
+    fn check_direction(
+        &mut self,
+        link: &mut Link,
+        now: Duration,
+        in_plane: [f64; 2],
+    ) -> Result<f64, DeviceError> {
+        let Some(check) = &mut self.check else { return Ok(1.0) };
+        match check.gain(now, in_plane) {
+            Ok(gain) => {
+                self.fault = None;
+                Ok(gain)
+            }
+            Err(fault) => {
+                if self.fault.replace(fault) != Some(fault) {
+                    let _ = self.zero_all(link);
+                    self.is_stopped = true;
+                    if fault != DirectionFault::AtEnd {
+                        self.is_off = self.layout.control.off.send(link).is_ok();
+                    }
+                }
+                Err(fault.error())
+            }
+        }
     }
 
     /// Creates the effects and starts them at zero.
@@ -224,6 +273,9 @@ impl Driver for Joystick {
     fn start(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.effects.clear();
         self.latest = None;
+        let JoystickOptions { travel_m, max_force_n, check_direction, .. } = self.options;
+        (self.check, self.fault) =
+            (check_direction.then(|| DirectionCheck::new(travel_m, max_force_n)), None);
         // Discard reports from before the opening.
         link.drain(Duration::ZERO, |_| Handled::Ignored)?;
         link.write(&self.layout.control.reset)?;
@@ -262,6 +314,10 @@ impl Driver for Joystick {
         let now = link.clock.now();
         if let Some((position, buttons)) = newest {
             self.latest = Some((position, buttons, now));
+            let [along_x, along_y] = self.options.travel_m;
+            if let Some(check) = &mut self.check {
+                check.note_position(now, [position[0] * along_x, position[1] * along_y]);
+            }
         }
         let (position, buttons, reported_at) = self.latest.ok_or(DeviceError::TimedOut)?;
         let silence_s = now.saturating_sub(reported_at).as_secs_f64();
@@ -280,10 +336,12 @@ impl Driver for Joystick {
 
     fn write(&mut self, link: &mut Link, force_n: DVec3) -> Result<(), DeviceError> {
         let now = link.clock.now();
+        let in_plane = self.in_plane(force_n);
+        let gain = self.check_direction(link, now, in_plane)?;
         if self.is_stopped || now.saturating_sub(self.accepted_at) > RESTART {
             self.restart(link)?;
         }
-        let magnitudes = self.magnitudes(force_n);
+        let magnitudes = self.magnitudes(in_plane.map(|force_n| gain * force_n));
         for (effect, magnitude) in self.effects.iter_mut().zip(magnitudes) {
             effect.target = magnitude;
         }

@@ -4,6 +4,7 @@ mod arm;
 mod device_test;
 mod joystick_flags;
 mod listing;
+mod response;
 mod watch;
 
 use crate::error::{LabError, check};
@@ -20,7 +21,8 @@ use std::sync::Arc;
 /// HID devices: list, watch, or test one gently
 ///
 /// Without an option the devices are listed. A test reads the device for some seconds and lets it push and pull gently along each of
-/// its axes, below 0.5 N, with the loop and safety chain of an app. It requires a confirmation.
+/// its axes, below 0.5 N, with the loop and safety chain of an app. It states which axes move and in which direction, and names the
+/// option to change for a reversed or missing motor. It requires a confirmation.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab devices\n  palpate-lab devices --watch\n  palpate-lab devices --test 256f:c635\n  palpate-lab devices --test /dev/hidraw3 --force-n 0.2\n  palpate-lab devices --test 1234:0006 --board polhem-v3"
@@ -90,6 +92,8 @@ impl Devices {
                     pid_arrays: self.pid_arrays.unwrap_or_default(),
                     use_y: !self.no_y,
                     reverse: self.reverse.map_or([false; 2], Reverse::axes),
+                    // The test states the directions itself.
+                    check_direction: false,
                     ..JoystickOptions::default()
                 },
                 arm: self.board,

@@ -17,7 +17,7 @@ use check::{Outcome, Unavailable};
 use std::process::ExitCode;
 
 /// Scenarios in this order; each creates its own devices.
-const SCENARIOS: [(&str, fn() -> Outcome); 16] = [
+const SCENARIOS: [(&str, fn() -> Outcome); 17] = [
     ("enumeration", enumeration::run),
     ("palpate_lab", lab::run),
     ("wired_space_mouse", space_mouse::wired),
@@ -28,6 +28,7 @@ const SCENARIOS: [(&str, fn() -> Outcome); 16] = [
     ("joystick_rhino", joystick::rhino),
     ("joystick_arduino", joystick::arduino),
     ("joystick_arrays", joystick::arrays),
+    ("joystick_reversed", joystick::reversed),
     ("joystick_late_effects", late_effects::run),
     ("unplugged_joystick", unplugged::joystick),
     ("board_8", board::bytes_8),

@@ -63,6 +63,7 @@ pub struct JoystickFirmware {
     creation_status: CreationStatus,
     fails_creation: bool,
     bases: PidArrayBases,
+    wiring: [[f64; 2]; 2],
     is_on: bool,
     is_paused: bool,
     gain: f64,
@@ -95,6 +96,7 @@ impl JoystickFirmware {
             creation_status: CreationStatus::None,
             fails_creation: false,
             bases: PidArrayBases::default(),
+            wiring: [[1.0, 0.0], [0.0, 1.0]],
             is_on: false,
             is_paused: false,
             gain: 1.0,
@@ -108,10 +110,11 @@ impl JoystickFirmware {
             return [0.0; 2];
         }
         let playing = self.effects.iter().flatten().filter(|effect| effect.left_s > 0.0);
-        playing.fold([0.0; 2], |[x, y], effect| {
+        let [x, y] = playing.fold([0.0; 2], |[x, y], effect| {
             let part = self.gain * effect.gain * effect.magnitude * self.stick.full_scale_n;
             [x + part * effect.along[0], y + part * effect.along[1]]
-        })
+        });
+        self.wiring.map(|[by_x, by_y]| by_x * x + by_y * y)
     }
 
     /// Position of the stick, m.
@@ -150,6 +153,17 @@ impl JoystickFirmware {
     /// Sets how the firmware numbers its arrays with the Logical Minimum 0; by default from 0.
     pub fn number_arrays(&mut self, bases: PidArrayBases) {
         self.bases = bases;
+    }
+
+    /// Sets the wiring of the motors: row i has the parts of an effect's force along x and y that act along axis i. A motor of x that is
+    /// wired the other way has the first row `[-1.0, 0.0]`.
+    pub fn wire_motors(&mut self, wiring: [[f64; 2]; 2]) {
+        self.wiring = wiring;
+    }
+
+    /// Sets the velocity of the stick, m/s, as a bump does.
+    pub fn bump(&mut self, velocity_m_per_s: [f64; 2]) {
+        self.velocity_m_per_s = velocity_m_per_s;
     }
 
     /// Switches the actuators on, as a driver of the operating system may leave them.

@@ -1,6 +1,7 @@
 //! A gentle test of one device with the loop and safety chain of an app.
 
 use super::arm::Arm;
+use super::response::{AXES, Motion, Response, Responses, board_advice, joystick_advice};
 use crate::error::LabError;
 use crate::output::Output;
 use glam::DVec3;
@@ -64,6 +65,10 @@ pub(super) struct TestReport {
     pub(super) highest_m: [f64; 3],
     /// Buttons that were pressed at any time.
     pub(super) buttons: u32,
+    /// Motion under a force along each axis with a motor.
+    pub(super) responses: Vec<Response>,
+    /// Settings that the motions show to be wrong.
+    pub(super) advice: Vec<String>,
     /// Settings that should be checked for this device.
     pub(super) notes: Vec<String>,
     /// Errors of the device, each once.
@@ -168,6 +173,8 @@ impl DeviceTest {
     pub(super) fn test(&self, device: HidDevice) -> Result<TestReport, LabError> {
         let (found, counters) = (device.found().clone(), device.counters());
         let description = device.describe();
+        let has_motor = |axis: &DVec3| device.quantized_force_n(*axis).length() > 0.5;
+        let axes: Vec<DVec3> = DVec3::AXES.into_iter().filter(has_motor).collect();
         let config = LoopConfig { device: description.limits(), ..LoopConfig::default() };
         let safety = SafetySettings {
             max_force_n: self.force_n,
@@ -188,7 +195,7 @@ impl DeviceTest {
             && !log.is_disconnected
             && !INTERRUPTED.load(Ordering::Relaxed)
         {
-            let force_n = force(start.elapsed().as_secs_f64(), max_force_n);
+            let force_n = force(start.elapsed().as_secs_f64(), max_force_n, &axes);
             if let Some(sample) = handle.samples().newest().copied() {
                 let model = handle.model_slot();
                 model.id.sequence = sample.sequence;
@@ -211,6 +218,12 @@ impl DeviceTest {
                 log.first_error.unwrap_or_else(|| "the device delivered no reading".into()),
             ));
         }
+        let responses = log.responses.all();
+        let advice = match found.kind {
+            HidKind::Joystick => joystick_advice(&responses, self.joystick.reverse),
+            HidKind::Board => board_advice(&responses),
+            HidKind::SpaceMouse => Vec::new(),
+        };
         let rounded = |v: DVec3| v.to_array().map(|m| (1e6 * m).round() / 1e6);
         let [lowest_m, highest_m] = log.bounds_m.unwrap_or_default().map(rounded);
         Ok(TestReport {
@@ -228,19 +241,21 @@ impl DeviceTest {
             lowest_m,
             highest_m,
             buttons: log.buttons,
+            responses,
+            advice,
             notes: log.notes,
             faults: log.faults,
         })
     }
 }
 
-/// Force at `at_s`, N: zero at first, then a sine along each axis in turn.
-fn force(at_s: f64, max_force_n: f64) -> DVec3 {
+/// Force at `at_s`, N: zero at first, then a sine along each of `axes` in turn.
+fn force(at_s: f64, max_force_n: f64, axes: &[DVec3]) -> DVec3 {
     let since_s = at_s - WAIT_S;
-    if since_s < 0.0 {
+    if since_s < 0.0 || axes.is_empty() {
         return DVec3::ZERO;
     }
-    let axis = DVec3::AXES[(since_s / AXIS_S) as usize % 3];
+    let axis = axes[(since_s / AXIS_S) as usize % axes.len()];
     max_force_n * (TAU * since_s / AXIS_S).sin() * axis
 }
 
@@ -251,6 +266,7 @@ struct LoopLog {
     bounds_m: Option<[DVec3; 2]>,
     max_force_n: f64,
     buttons: u32,
+    responses: Responses,
     first_error: Option<String>,
     notes: Vec<String>,
     faults: Vec<String>,
@@ -266,6 +282,7 @@ impl LoopLog {
                 let [low, high] = self.bounds_m.unwrap_or([at; 2]);
                 self.bounds_m = Some([low.min(at), high.max(at)]);
                 self.buttons |= reading.buttons;
+                self.responses.take(record.force_n, at);
             }
         }
         while let Some(event) = handle.next_event() {
@@ -302,6 +319,19 @@ fn print(report: &TestReport, out: &mut dyn Write) -> std::io::Result<()> {
     let mm = |m: [f64; 3]| m.map(|m| format!("{:.1}", 1e3 * m)).join(" ");
     writeln!(out, "moved, mm      {} to {}", mm(report.lowest_m), mm(report.highest_m))?;
     writeln!(out, "buttons        {:b}", report.buttons)?;
+    for Response { axis, moved_m, motion } in &report.responses {
+        let axis = AXES[*axis];
+        let how = match motion {
+            Motion::Along => "along the force".to_owned(),
+            Motion::Reversed => "against the force".to_owned(),
+            Motion::Across(other) => format!("along {}", AXES[*other]),
+            Motion::None => "not moved".to_owned(),
+        };
+        writeln!(out, "force along {axis}  {how}: {} mm", mm(*moved_m))?;
+    }
+    for advice in &report.advice {
+        writeln!(out, "setting        {advice}")?;
+    }
     for note in &report.notes {
         writeln!(out, "note           {note}")?;
     }

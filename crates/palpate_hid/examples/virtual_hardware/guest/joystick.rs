@@ -1,7 +1,7 @@
 //! Force-feedback joysticks of three makes: effects are created from their report descriptors, and the force on the hand is the sent
 //! force, to one count of each magnitude.
 
-use super::check::{Outcome, ensure, wait_until};
+use super::check::{Outcome, ensure, pause, wait_until};
 use super::touch;
 use super::uhid::Identity;
 use super::virtual_device::{Pace, VirtualDevice};
@@ -69,17 +69,18 @@ pub fn bytes(text: &str) -> Result<Vec<u8>, Box<dyn Error>> {
 
 /// Plugs a joystick in.
 pub fn plug(serial: &str, make: &Make, pace: Pace) -> Result<(VirtualDevice, Joystick), Box<dyn Error>> {
-    plug_with(serial, make, bytes(make.descriptor)?, pace)
+    plug_with(serial, make, bytes(make.descriptor)?, SimulatedStick::default(), pace)
 }
 
-/// Plugs a joystick in with another report descriptor.
-fn plug_with(
+/// Plugs a joystick in with another report descriptor and another stick.
+pub fn plug_with(
     serial: &str,
     make: &Make,
     descriptor: Vec<u8>,
+    stick: SimulatedStick,
     pace: Pace,
 ) -> Result<(VirtualDevice, Joystick), Box<dyn Error>> {
-    let joystick = Arc::new(Mutex::new(JoystickFirmware::new(&descriptor, SimulatedStick::default())?));
+    let joystick = Arc::new(Mutex::new(JoystickFirmware::new(&descriptor, stick)?));
     let identity = Identity {
         name: "Virtual joystick",
         serial: serial.into(),
@@ -90,8 +91,10 @@ fn plug_with(
 }
 
 /// Finds the joystick with this serial number.
+///
+/// The direction of its force is not checked, so that the applied force is the sent one at every tick.
 pub fn find(serial: &str) -> Result<HidDevice, Box<dyn Error>> {
-    find_with(serial, JoystickOptions::default())
+    find_with(serial, JoystickOptions { check_direction: false, ..JoystickOptions::default() })
 }
 
 /// Finds the joystick with this serial number. Its full scale is that of the simulated stick, so that the applied force is the sent one.
@@ -134,7 +137,8 @@ pub fn arrays() -> Outcome {
     let mut descriptor = bytes(ARDUINO.descriptor)?;
     let at = descriptor.windows(old.len()).position(|items| items == old).ok_or("no control array")?;
     descriptor[at..at + old.len()].copy_from_slice(&new);
-    let (plugged, joystick) = plug_with("arrays", &ARDUINO, descriptor, Pace::Manual)?;
+    let (plugged, joystick) =
+        plug_with("arrays", &ARDUINO, descriptor, SimulatedStick::default(), Pace::Manual)?;
     of(&joystick, |joystick| {
         joystick.number_arrays(PidArrayBases::all(PidArrayBase::One));
         joystick.switch_on();
@@ -162,6 +166,37 @@ pub fn arrays() -> Outcome {
         "rejected without the option; {} and {} N of 0.4 and -0.2 N with it; off at the end",
         applied_n.x, applied_n.z
     ))
+}
+
+/// A motor of x that is wired the other way, a plane at 5 mm, and a hand that goes to 15 mm: the joystick loses its force, and the error
+/// names the option.
+pub fn reversed() -> Outcome {
+    let (plugged, joystick) = plug("reversed", &ARDUINO, Pace::Manual)?;
+    of(&joystick, |joystick| joystick.wire_motors([[-1.0, 0.0], [0.0, 1.0]]));
+    let device = find_with("reversed", JoystickOptions::default())?;
+    // A tick counts as 1 ms, whatever its real time.
+    let ms = Arc::<AtomicU64>::default();
+    let of_driver = Arc::clone(&ms);
+    let mut device = device.with_clock(move || Duration::from_millis(of_driver.load(Ordering::Relaxed)));
+    device.open()?;
+    let mut error = None;
+    while error.is_none() && ms.fetch_add(1, Ordering::Relaxed) < 3000 {
+        let time_s = 1e-3 * ms.load(Ordering::Relaxed) as f64;
+        of(&joystick, |joystick| joystick.move_hand([0.015 * (2.0 * time_s).min(1.0), 0.0]));
+        // The firmware returns a report only at every second poll.
+        while !plugged.send_report()? {}
+        let at_m = device.read(Duration::ZERO)?.position_m;
+        error = device.write(DVec3::X * (-400.0 * (at_m.x - 0.005)).clamp(-5.0, 0.0)).err();
+        // The report passes through the kernel.
+        pause(Duration::from_micros(300));
+    }
+    let text = error.map(|error| error.to_string()).unwrap_or_default();
+    ensure(text.contains("`JoystickOptions::reverse`"), || format!("a reversed motor gives {text:?}"))?;
+    wait_until("it is off", || of(&joystick, |joystick| !joystick.is_on()))?;
+    let reported_ms = ms.load(Ordering::Relaxed);
+    device.close()?;
+    plugged.unplug();
+    Ok(format!("without force after {reported_ms} ms, off, and the option is named"))
 }
 
 fn run(serial: &str, make: &Make) -> Outcome {
