@@ -58,6 +58,12 @@ pub trait HapticDevice: Send {
         force_n
     }
 
+    /// A setting that the user should check for this device, and its remedy, if there is one. The loop reports it once the device is
+    /// open ([`crate::LoopEventKind::DeviceNotice`]).
+    fn notice(&self) -> Option<&'static str> {
+        None
+    }
+
     /// A second path to the actuators, for a watchdog on another thread. The loop requests it after every `open`. Without one,
     /// which is the default, only the device's firmware can end the force of a blocked loop.
     fn emergency_stop(&mut self) -> Option<Box<dyn EmergencyStop>> {

@@ -58,6 +58,9 @@ pub enum LoopEventKind {
         "the device offers no emergency stop: if it blocks the loop, only its own firmware ends the force"
     )]
     NoEmergencyStop,
+    /// A setting that the user should check for this device ([`crate::HapticDevice::notice`]).
+    #[error("check a setting of the device: {0}")]
+    DeviceNotice(&'static str),
     /// The watchdog stopped the device, because the loop was blocked in it or could not write to it for too long. The start stage
     /// of the safety chain is armed again.
     #[error(
@@ -70,6 +73,12 @@ pub enum LoopEventKind {
         "the hand jumped by {0:.3} m; force returns once it is small; check the sensor if the hand did not move"
     )]
     HandJumped(f64),
+    /// The position has been the same for this time, s, while the orientation changed.
+    #[error(
+        "the position has not changed for {0:.1} s while the orientation did; check the encoders of the arm and their cables, unless it \
+         is held by its dock"
+    )]
+    PositionFrozen(f64),
     /// A disconnected device was opened again.
     #[error("the device is connected again")]
     Reconnected,
@@ -110,6 +119,7 @@ impl LoopEventKind {
             | Self::DeadlinesMissed(_)
             | Self::EmergencyStopped
             | Self::HandJumped(_)
+            | Self::PositionFrozen(_)
             | Self::ModelStale(_)
             | Self::ForceNotFinite
             | Self::Panicked
@@ -117,6 +127,7 @@ impl LoopEventKind {
             Self::Started
             | Self::RealTime(_)
             | Self::NoEmergencyStop
+            | Self::DeviceNotice(_)
             | Self::Reconnected
             | Self::Stopped
             | Self::ModelAdopted(_)

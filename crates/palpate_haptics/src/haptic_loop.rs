@@ -10,6 +10,7 @@ mod lifecycle;
 use crate::black_box::BlackBox;
 use crate::displayed_forces::DisplayedForces;
 use crate::exchange::{HapticHandle, LoopChannels, exchange};
+use crate::frozen_position::FrozenPosition;
 use crate::plausibility::Plausibility;
 use crate::sampling::{HandMotion, Periods, Sampler};
 use crate::{
@@ -58,6 +59,7 @@ pub struct HapticLoop {
     /// Ticks in a row without an accepted reading.
     silent_ticks: u64,
     plausibility: Plausibility,
+    frozen: FrozenPosition,
     /// Whether the next tick arms the start stage of the safety chain again.
     rearm: bool,
     /// Ticks in a row in which writing to the device failed.
@@ -85,6 +87,7 @@ impl HapticLoop {
             sequence: 0,
             silent_ticks: 0,
             plausibility: Plausibility::default(),
+            frozen: FrozenPosition::default(),
             rearm: false,
             unwritten_ticks: 0,
             is_stale: false,
@@ -205,6 +208,13 @@ impl HapticLoop {
         if let Some(distance_m) = accepted.jumped_m {
             self.rearm = true;
             self.emit(LoopEventKind::HandJumped(distance_m));
+        }
+        // Without motors there is no arm whose encoder could be lost; the position of a mouse stays while the cap is turned.
+        if self.config.device.force_n > 0.0 {
+            let elapsed_s = elapsed as f64 * self.config.hand_over.tick_s;
+            if let Some(frozen_s) = self.frozen.check(&accepted.reading, elapsed_s) {
+                self.emit(LoopEventKind::PositionFrozen(frozen_s));
+            }
         }
         Ok(accepted.reading)
     }

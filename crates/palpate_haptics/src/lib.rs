@@ -98,6 +98,7 @@ mod error;
 mod event;
 mod exchange;
 mod frame;
+mod frozen_position;
 mod haptic_loop;
 mod lockstep;
 mod loop_report;

@@ -17,7 +17,7 @@ impl<D: HapticDevice + ?Sized> Lockstep<D> {
     /// Errors of [`HapticDevice::open`].
     pub fn new(mut haptic_loop: HapticLoop, mut device: Box<D>) -> Result<Self, DeviceError> {
         device.open()?;
-        haptic_loop.start();
+        haptic_loop.start(device.notice());
         Ok(Self { haptic_loop, device })
     }
 

@@ -174,7 +174,7 @@ fn open_and_run(
     }
     let real_time = haptic_loop.config().real_time;
     let is_watched = companions.watchdog.is_some_and(|watchdog| watchdog.begin(device, real_time));
-    haptic_loop.start();
+    haptic_loop.start(device.notice());
     if !is_watched {
         haptic_loop.no_emergency_stop();
     }

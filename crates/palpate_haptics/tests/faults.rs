@@ -56,6 +56,33 @@ fn accepts_persistent_jump_and_rejects_glitches() {
     assert!((jumped.unwrap() - 0.05).abs() < 1e-12);
 }
 
+/// A device whose orientation changes while its position stays the same: reported after half a second, and the loop goes on. A device
+/// without motors, such as a SpaceMouse whose cap is only turned, is not reported.
+#[test]
+fn frozen_position_is_reported_after_half_a_second() {
+    for (force_n, is_reported) in [(20.0, true), (0.0, false)] {
+        let config = LoopConfig { device: DeviceLimits::of_force(force_n), ..LoopConfig::default() };
+        let (mut handle, mut haptic_loop) = haptic_loop(config, settings()).unwrap();
+        for tick in 0..2000_u32 {
+            let orientation = glam::DQuat::from_rotation_y(1e-3 * f64::from(tick));
+            let reading = Reading { orientation, ..Reading::at(DVec3::X) };
+            let output = haptic_loop.tick(1, Ok(reading));
+            haptic_loop.finish_tick(output, None, Ok(()));
+        }
+        let events: Vec<LoopEvent> = std::iter::from_fn(|| handle.next_event()).collect();
+        if !is_reported {
+            assert_eq!(events, []);
+            continue;
+        }
+        let [LoopEvent { sequence, kind: kind @ LoopEventKind::PositionFrozen(frozen_s) }] = events[..]
+        else {
+            panic!("{events:?}")
+        };
+        assert!((500..=503).contains(&sequence) && (0.5..0.503).contains(&frozen_s), "{events:?}");
+        assert!(kind.is_fault() && kind.to_string().contains("check the encoders"));
+    }
+}
+
 #[test]
 fn fast_hand_is_no_jump_also_after_missed_deadlines() {
     let (mut handle, mut haptic_loop) = haptic_loop(LoopConfig::default(), settings()).unwrap();

@@ -20,3 +20,9 @@ pub(crate) fn monotonic() -> Box<dyn Clock> {
     let start = std::time::Instant::now();
     Box::new(move || start.elapsed())
 }
+
+/// Waits while a device is opened.
+#[expect(clippy::disallowed_methods, reason = "no tick runs while a device is opened")]
+pub(crate) fn wait(time: Duration) {
+    std::thread::sleep(time);
+}

@@ -1,6 +1,6 @@
 //! A HID device as a haptic device: finding, opening and reopening.
 
-use crate::driver::{Driver, StopCounter};
+use crate::driver::{Driver, StopCounter, StopReport};
 use crate::link::Link;
 use crate::{
     BoardCalibration, BoardOptions, Clock, FoundDevice, HidBus, HidConnection, HidCounters, HidError,
@@ -194,6 +194,10 @@ impl HapticDevice for HidDevice {
         self.driver.displayed_force_n(force_n)
     }
 
+    fn notice(&self) -> Option<&'static str> {
+        self.driver.notice()
+    }
+
     fn open(&mut self) -> Result<(), DeviceError> {
         if self.link.is_some() {
             return Err(DeviceError::AlreadyOpen);
@@ -280,20 +284,22 @@ impl Drop for HidDevice {
 /// Stops a device from another thread through a second connection.
 struct SharedStop {
     connection: Box<dyn HidConnection>,
-    reports: Vec<Vec<u8>>,
+    reports: Vec<StopReport>,
     sent: Option<StopCounter>,
 }
 
 impl EmergencyStop for SharedStop {
     fn stop(&mut self) -> Result<(), DeviceError> {
         let mut stopped = Ok(());
-        for report in &self.reports {
+        for StopReport { bytes, is_optional } in &self.reports {
             // Send all reports, even if one fails.
-            let written = self.connection.write(report);
+            let written = self.connection.write(bytes);
             if let (Ok(()), Some(sent)) = (written, &self.sent) {
                 sent.increment();
             }
-            stopped = written.and(stopped);
+            if !is_optional {
+                stopped = written.and(stopped);
+            }
         }
         stopped
     }

@@ -24,6 +24,21 @@ impl StopCounter {
     }
 }
 
+/// Output report that ends force.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct StopReport {
+    pub(crate) bytes: Vec<u8>,
+    /// Whether the device may reject the report.
+    pub(crate) is_optional: bool,
+}
+
+impl StopReport {
+    /// A report that the device must accept.
+    pub(crate) fn required(bytes: Vec<u8>) -> Self {
+        Self { bytes, is_optional: false }
+    }
+}
+
 /// Protocol of one kind of device. The contract of [`HapticDevice`](palpate_haptics::HapticDevice) applies.
 pub(crate) trait Driver: Send {
     /// Describes the device.
@@ -32,6 +47,11 @@ pub(crate) trait Driver: Send {
     /// Component of a force that the motors can display, N, in the device frame.
     fn displayed_force_n(&self, force_n: DVec3) -> DVec3 {
         force_n
+    }
+
+    /// A setting that the user should check for this device, and its remedy.
+    fn notice(&self) -> Option<&'static str> {
+        None
     }
 
     /// Initialises a newly opened device, at zero force.
@@ -53,7 +73,7 @@ pub(crate) trait Driver: Send {
     fn has_force_timeout(&self) -> bool;
 
     /// Output reports that end all force, independent of the protocol state; empty for a device without motors.
-    fn stop_reports(&self) -> Vec<Vec<u8>>;
+    fn stop_reports(&self) -> Vec<StopReport>;
 
     /// Counter for stop reports sent by other threads, if the driver needs it.
     fn stop_counter(&self) -> Option<StopCounter> {

@@ -93,6 +93,17 @@ pub enum HidError {
         /// Description of what is missing.
         lacks: String,
     },
+    /// The report descriptor has arrays with the Logical Minimum 0, which firmware numbers from 0 or from 1.
+    #[error(
+        "{device}: the array{} of {} begin{} with Logical Minimum 0, which firmware numbers from 0 or from 1; set `JoystickOptions::pid_arrays` to the base that gives a force (palpate-lab devices --test: --pid-arrays minimum, or one)",
+        plural(.arrays), .arrays.join(", "), if .arrays.len() == 1 { "s" } else { "" }
+    )]
+    AmbiguousArrays {
+        /// Name of the device.
+        device: String,
+        /// Reports with such an array.
+        arrays: Vec<String>,
+    },
     /// An option is out of range.
     #[error("{what} is {found}; it must be {allowed}")]
     Option {
@@ -126,6 +137,9 @@ impl HidError {
             Self::Descriptor { .. } | Self::Unsupported { .. } => {
                 DeviceError::Protocol("its report descriptor lacks what the driver needs")
             }
+            Self::AmbiguousArrays { .. } => DeviceError::Unavailable(
+                "arrays of its report descriptor begin with 0 and can be read in two ways; set `JoystickOptions::pid_arrays`",
+            ),
             Self::Open { source, .. } => source.raw_os_error().map_or(
                 DeviceError::Unavailable("the operating system cannot open it; plug it in again"),
                 DeviceError::Os,
@@ -145,6 +159,11 @@ fn rule(vendor: u16, product: u16) -> String {
     format!(
         r#"SUBSYSTEM=="hidraw", ATTRS{{idVendor}}=="{vendor:04x}", ATTRS{{idProduct}}=="{product:04x}", TAG+="uaccess""#
     )
+}
+
+/// Ending of a noun for `items`.
+fn plural(items: &[String]) -> &'static str {
+    if items.len() == 1 { "" } else { "s" }
 }
 
 fn hint(teensy: Option<&str>) -> String {

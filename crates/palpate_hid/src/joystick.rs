@@ -36,20 +36,25 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+pub(crate) mod array_base;
+mod direction_check;
 mod effect;
 mod effect_duration;
 mod force_scale;
 mod input;
 mod layout;
+mod off_reports;
 mod options;
 mod report_encoding;
 pub(crate) mod usages;
 
+pub use array_base::{PidArrayBase, PidArrayBases};
 pub use options::JoystickOptions;
 
-use crate::driver::Driver;
+use crate::driver::{Driver, StopReport};
 use crate::link::{Handled, Link};
 use crate::{HidError, HidInfo, ReportDescriptor, ReportKind};
+use direction_check::{DirectionCheck, DirectionFault};
 use effect::{Effect, check_capacity};
 use glam::{DQuat, DVec3};
 use input::ParsedInput;
@@ -88,6 +93,12 @@ struct Joystick {
     scale: f64,
     /// Whether the effects have to be started again.
     is_stopped: bool,
+    /// Whether the actuators were switched off after an effect rejected zero.
+    is_off: bool,
+    /// Check of the direction of the force; `None` if it is disabled.
+    check: Option<DirectionCheck>,
+    /// Fault of the direction for which the force was removed.
+    fault: Option<DirectionFault>,
     /// Latest position as a fraction of the travel, pressed buttons, and the time of their report.
     latest: Option<([f64; 2], u32, Duration)>,
 }
@@ -101,8 +112,20 @@ pub(crate) fn driver(
     let name = info.label();
     let layout = Layout::of(&name, descriptor, &options)?;
     let (effects, accepted_at, scale, latest) = (Vec::new(), Duration::ZERO, 1.0, None);
-    let is_stopped = false;
-    Ok(Box::new(Joystick { name, options, layout, effects, accepted_at, scale, is_stopped, latest }))
+    let (is_stopped, is_off) = (false, false);
+    Ok(Box::new(Joystick {
+        name,
+        options,
+        layout,
+        effects,
+        accepted_at,
+        scale,
+        is_stopped,
+        is_off,
+        check: None,
+        fault: None,
+        latest,
+    }))
 }
 
 impl Joystick {
@@ -113,27 +136,59 @@ impl Joystick {
         }
     }
 
-    /// Magnitudes of x and y for a force: projected on the plane, or on the line of x, and limited to the maximum force.
-    fn magnitudes(&self, force_n: DVec3) -> [i64; 2] {
+    /// Components of a force along x and y, N: projected on the plane, or on the line of x, and limited to the maximum force.
+    fn in_plane(&self, force_n: DVec3) -> [f64; 2] {
         let [x, y] = self.options.plane;
         let along_y = if self.axes() == 2 { force_n.dot(y) } else { 0.0 };
         let in_plane = [force_n.dot(x), along_y];
         let length = in_plane[0].hypot(in_plane[1]);
-        // A NaN becomes the magnitude 0.
-        let shorter = if length > self.options.max_force_n { self.options.max_force_n / length } else { 1.0 };
+        let max_n = self.options.max_force_n;
+        // The comparison is false for NaN, which becomes zero.
+        let shorter = if length <= max_n { 1.0 } else { max_n / length };
+        in_plane.map(|force_n| if force_n.is_finite() { shorter * force_n } else { 0.0 })
+    }
+
+    /// Magnitudes of x and y for the components `in_plane` of a force, N.
+    fn magnitudes(&self, [x, y]: [f64; 2]) -> [i64; 2] {
         let [is_x_reversed, is_y_reversed] = self.options.reverse;
         let magnitude = |force_n: f64, is_reversed: bool| {
             let sign = if is_reversed { -1.0 } else { 1.0 };
-            self.layout.scale.counts(sign * self.scale * shorter * force_n)
+            self.layout.scale.counts(sign * self.scale * force_n)
         };
-        let [x, y] = in_plane;
         [magnitude(x, is_x_reversed), magnitude(y, is_y_reversed)]
+    }
+
+    /// Gain by the check of the direction. After a fault the effects are at zero, and the actuators are off unless it may pass.
+    fn check_direction(
+        &mut self,
+        link: &mut Link,
+        now: Duration,
+        in_plane: [f64; 2],
+    ) -> Result<f64, DeviceError> {
+        let Some(check) = &mut self.check else { return Ok(1.0) };
+        match check.gain(now, in_plane) {
+            Ok(gain) => {
+                self.fault = None;
+                Ok(gain)
+            }
+            Err(fault) => {
+                if self.fault.replace(fault) != Some(fault) {
+                    let _ = self.zero_all(link);
+                    self.is_stopped = true;
+                    if fault != DirectionFault::AtEnd {
+                        self.is_off = self.layout.control.off.send(link).is_ok();
+                    }
+                }
+                Err(fault.error())
+            }
+        }
     }
 
     /// Creates the effects and starts them at zero.
     fn create_effects(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         for axis in 0..self.axes() {
-            self.effects.push(Effect::create(link, &self.layout, axis)?);
+            let effect = Effect::create(link, &self.layout, axis, &self.effects)?;
+            self.effects.push(effect);
         }
         self.effects.iter().try_for_each(|effect| effect.set(link))?;
         self.effects.iter_mut().try_for_each(|effect| effect.zero(link))?;
@@ -151,7 +206,11 @@ impl Joystick {
         }
         if zeroed.is_err() {
             self.is_stopped = true;
-            let _ = link.write(&self.layout.control.disable);
+            let off = &self.layout.control.off;
+            // In one of two readings the reports enable the actuators for a moment, so they are not repeated.
+            if !(self.is_off && off.is_ambiguous()) {
+                self.is_off = off.send(link).is_ok();
+            }
         }
         zeroed
     }
@@ -159,6 +218,7 @@ impl Joystick {
     /// Starts the effects again after another thread may have stopped them.
     fn restart(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.zero_all(link)?;
+        self.is_off = false;
         link.write(&self.layout.control.enable)?;
         self.effects.iter_mut().try_for_each(|effect| effect.start(link))?;
         self.is_stopped = false;
@@ -203,9 +263,19 @@ impl Driver for Joystick {
         axes.map(|axis| force_n.dot(*axis) * *axis).sum()
     }
 
+    fn notice(&self) -> Option<&'static str> {
+        // Descriptors do not state which axes have a motor.
+        self.layout.input.has_y().then_some(
+            "it declares the axes x and y; if it is a wheel with one motor, whose y is a pedal, force along y is lost or acts along x:              set `JoystickOptions::use_y` to false (palpate-lab devices --test: --no-y)",
+        )
+    }
+
     fn start(&mut self, link: &mut Link) -> Result<(), DeviceError> {
         self.effects.clear();
         self.latest = None;
+        let JoystickOptions { travel_m, max_force_n, check_direction, .. } = self.options;
+        (self.check, self.fault) =
+            (check_direction.then(|| DirectionCheck::new(travel_m, max_force_n)), None);
         // Discard reports from before the opening.
         link.drain(Duration::ZERO, |_| Handled::Ignored)?;
         link.write(&self.layout.control.reset)?;
@@ -225,7 +295,8 @@ impl Driver for Joystick {
             let _ = link.write(&self.layout.control.reset);
             return Err(error);
         }
-        (self.accepted_at, self.scale, self.is_stopped) = (link.clock.now(), 1.0, false);
+        (self.accepted_at, self.scale) = (link.clock.now(), 1.0);
+        (self.is_stopped, self.is_off) = (false, false);
         Ok(())
     }
 
@@ -243,6 +314,10 @@ impl Driver for Joystick {
         let now = link.clock.now();
         if let Some((position, buttons)) = newest {
             self.latest = Some((position, buttons, now));
+            let [along_x, along_y] = self.options.travel_m;
+            if let Some(check) = &mut self.check {
+                check.note_position(now, [position[0] * along_x, position[1] * along_y]);
+            }
         }
         let (position, buttons, reported_at) = self.latest.ok_or(DeviceError::TimedOut)?;
         let silence_s = now.saturating_sub(reported_at).as_secs_f64();
@@ -261,10 +336,12 @@ impl Driver for Joystick {
 
     fn write(&mut self, link: &mut Link, force_n: DVec3) -> Result<(), DeviceError> {
         let now = link.clock.now();
+        let in_plane = self.in_plane(force_n);
+        let gain = self.check_direction(link, now, in_plane)?;
         if self.is_stopped || now.saturating_sub(self.accepted_at) > RESTART {
             self.restart(link)?;
         }
-        let magnitudes = self.magnitudes(force_n);
+        let magnitudes = self.magnitudes(in_plane.map(|force_n| gain * force_n));
         for (effect, magnitude) in self.effects.iter_mut().zip(magnitudes) {
             effect.target = magnitude;
         }
@@ -293,7 +370,7 @@ impl Driver for Joystick {
         for effect in &self.effects {
             stopped = stopped.and(effect.free(link));
         }
-        stopped = stopped.and(link.write(&self.layout.control.disable));
+        stopped = stopped.and(self.layout.control.off.send(link));
         self.effects.clear();
         stopped
     }
@@ -302,10 +379,11 @@ impl Driver for Joystick {
         self.layout.has_finite_effects
     }
 
-    fn stop_reports(&self) -> Vec<Vec<u8>> {
+    fn stop_reports(&self) -> Vec<StopReport> {
         let zero = self.effects.iter().map(Effect::zero_report);
         let control = &self.layout.control;
-        // The last two work without effect indices.
-        zero.chain([control.stop_all.clone(), control.disable.clone()]).collect()
+        // The last ones work without effect indices.
+        let first = zero.chain([control.stop_all.clone()]).map(StopReport::required);
+        first.chain(control.off.stop_reports()).collect()
     }
 }

@@ -61,7 +61,7 @@ pub use descriptor::{
 };
 pub use device::{HidDevice, HidOptions};
 pub use error::HidError;
-pub use joystick::JoystickOptions;
+pub use joystick::{JoystickOptions, PidArrayBase, PidArrayBases};
 pub use selector::{FoundDevice, HidKind, HidSelector};
 pub use space_mouse::{ParseReportError, SpaceMouseOptions, SpaceMouseReport};
 pub use system::SystemBus;

@@ -9,6 +9,16 @@ use std::time::Duration;
 /// bounds the loop for a device that sends faster than it can be read.
 const MAX_REPORTS_PER_DRAIN: usize = 128;
 
+/// Number of unread reports that hidraw keeps: one place in its ring of 64 (`HIDRAW_BUFFER_SIZE`) stays free. It drops newer ones.
+const QUEUE_CAPACITY: u64 = 63;
+
+/// Result of reading all pending reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Drained {
+    /// Whether the queue was full, so that newer reports may be lost.
+    pub(crate) was_full: bool,
+}
+
 /// Result of processing one input report.
 pub(crate) enum Handled {
     /// The driver used the report. A later report of the same kind (a small number) in the same tick makes it count as skipped.
@@ -63,7 +73,7 @@ impl Link {
         &mut self,
         within: Duration,
         mut take: impl FnMut(&[u8]) -> Handled,
-    ) -> Result<(), DeviceError> {
+    ) -> Result<Drained, DeviceError> {
         let (mut read, mut skipped, mut malformed) = (0, 0, 0);
         let mut kinds = 0_u64;
         let mut wait = within;
@@ -90,7 +100,7 @@ impl Link {
             }
         }
         self.counters.note_read(read, skipped, malformed);
-        ended
+        ended.map(|()| Drained { was_full: read + malformed >= QUEUE_CAPACITY })
     }
 
     /// Sends an output report.
@@ -158,7 +168,7 @@ mod test {
 
     fn call_all(link: &mut Link) -> [Result<(), DeviceError>; 4] {
         [
-            link.drain(Duration::ZERO, |_| Handled::Ignored),
+            link.drain(Duration::ZERO, |_| Handled::Ignored).map(|_| ()),
             link.write(&[1]),
             link.feature(&mut [1]).map(|_| ()),
             link.set_feature(&[1]),

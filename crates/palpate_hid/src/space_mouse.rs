@@ -9,21 +9,25 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+mod buttons;
 mod models;
 mod report;
 
 pub(crate) use models::is_space_mouse;
 pub use report::{ParseReportError, SpaceMouseReport};
 
-use crate::driver::Driver;
+use crate::driver::{Driver, StopReport};
 use crate::link::{Handled, Link};
 use crate::{HidError, HidInfo};
+use buttons::Buttons;
 use glam::{DQuat, DVec3};
 use palpate_haptics::{DeviceDescription, DeviceError, Reading};
 use std::time::Duration;
 
 /// Full deflection, counts.
 const FULL_DEFLECTION: f64 = 350.0;
+/// Shortest period of a cap's reports of one kind, s: 8 ms by cable, 16 ms by radio.
+const REPORT_PERIOD_S: f64 = 0.008;
 /// Maximum time between two readings over which the deflection is integrated, s.
 const MAX_STEP_S: f64 = 0.02;
 
@@ -38,7 +42,8 @@ pub struct SpaceMouseOptions {
     pub half_size_m: DVec3,
     /// Fraction of the full deflection that is treated as none, at least 0 and below 1, because caps seldom rest at zero.
     pub dead_zone: f64,
-    /// Time after the last report after which the cap is treated as released, s. Some models do not report their return to rest.
+    /// Time after the last report after which the cap is treated as released, s. Some models do not report their return to rest, and
+    /// the operating system drops reports of a queue that is full.
     pub stale_after_s: f64,
 }
 
@@ -92,18 +97,22 @@ impl SpaceMouseOptions {
 struct Cap {
     push: [i16; 3],
     turn: [i16; 3],
-    buttons: u32,
+    buttons: Buttons,
 }
 
 #[derive(Debug)]
 struct SpaceMouse {
     name: String,
     options: SpaceMouseOptions,
+    /// Whether the cap has the axes of the oldest models.
+    has_y_up: bool,
     cap: Cap,
-    /// Times of the last reports of push and of turn.
+    /// Times at which the last reports of push and of turn arrived.
     pushed_at: Option<Duration>,
     turned_at: Option<Duration>,
     read_at: Option<Duration>,
+    /// Time at which the queue of reports was last emptied.
+    emptied_at: Duration,
     position_m: DVec3,
     orientation: DQuat,
 }
@@ -113,30 +122,41 @@ pub(crate) fn driver(info: &HidInfo, options: SpaceMouseOptions) -> Result<Box<d
     Ok(Box::new(SpaceMouse {
         name: info.label(),
         options,
+        has_y_up: models::has_y_up(info),
         cap: Cap::default(),
         pushed_at: None,
         turned_at: None,
         read_at: None,
+        emptied_at: Duration::ZERO,
         position_m: DVec3::ZERO,
         orientation: DQuat::IDENTITY,
     }))
 }
 
-/// Converts from the axes of the cap (x to the right, y towards the user, z down; right-handed rotations) to the device frame (x to the
-/// right, y up, z towards the user).
-fn to_frame([x, y, z]: [f64; 3]) -> DVec3 {
-    DVec3::new(x, -z, y)
+/// Converts from the axes of the cap to the device frame (x to the right, y up, z towards the user), for a push and for a turn alike. The
+/// axes of a cap are x to the right, y towards the user, z down; those of the oldest models are x to the right, y up, z away from the user.
+fn to_frame([x, y, z]: [f64; 3], has_y_up: bool) -> DVec3 {
+    if has_y_up { DVec3::new(x, y, -z) } else { DVec3::new(x, -z, y) }
+}
+
+/// Time at which the last of `reports` reports of one kind arrived. All were read at the time `now`, after the queue had been empty at
+/// the time `last`. A report can be almost as old as that: after a stall the cap may have been released since. A full queue holds the
+/// oldest reports, and how long the last of them has been there is unknown.
+fn arrival([last, now]: [Duration; 2], reports: u32, was_full: bool) -> Duration {
+    let newest = last + Duration::from_secs_f64(REPORT_PERIOD_S * f64::from(reports));
+    if was_full { last } else { newest.min(now) }
 }
 
 impl SpaceMouse {
     /// Deflection as a fraction of the full one, -1 to 1, in the device frame.
     fn deflection(&self, counts: [i16; 3]) -> DVec3 {
         let zone = self.options.dead_zone;
-        to_frame(counts.map(|count| {
+        let parts = counts.map(|count| {
             let part = (f64::from(count) / FULL_DEFLECTION).clamp(-1.0, 1.0);
             // Continuous at the edge of the dead zone.
             part.signum() * ((part.abs() - zone) / (1.0 - zone)).max(0.0)
-        }))
+        });
+        to_frame(parts, self.has_y_up)
     }
 
     fn update(cap: &mut Cap, report: SpaceMouseReport) -> (bool, bool, Handled) {
@@ -154,8 +174,12 @@ impl SpaceMouse {
                 (true, true, Handled::Used(1))
             }
             SpaceMouseReport::Buttons(buttons) => {
-                cap.buttons = buttons;
+                cap.buttons.own = buttons;
                 // A press is never superseded by a later report.
+                (false, false, Handled::Ignored)
+            }
+            SpaceMouseReport::ButtonNumbers(id, pressed) => {
+                cap.buttons.set_numbers(id, pressed);
                 (false, false, Handled::Ignored)
             }
             SpaceMouseReport::Other(_) => (false, false, Handled::Ignored),
@@ -179,27 +203,30 @@ impl Driver for SpaceMouse {
         (self.position_m, self.orientation) = (DVec3::ZERO, DQuat::IDENTITY);
         // Discard reports from before the opening.
         link.drain(Duration::ZERO, |_| Handled::Ignored)?;
+        self.emptied_at = link.clock.now();
         // Some models have no light.
         let _ = link.write(&report::LIGHT_ON);
         Ok(())
     }
 
     fn read(&mut self, link: &mut Link, _: Duration) -> Result<Reading, DeviceError> {
-        let (mut cap, mut pushed, mut turned) = (self.cap, false, false);
-        link.drain(Duration::ZERO, |bytes| match SpaceMouseReport::parse(bytes) {
+        let (mut cap, mut pushes, mut turns) = (self.cap, 0, 0);
+        let drained = link.drain(Duration::ZERO, |bytes| match SpaceMouseReport::parse(bytes) {
             Ok(report) => {
                 let (push, turn, understood) = Self::update(&mut cap, report);
-                (pushed, turned) = (pushed || push, turned || turn);
+                (pushes, turns) = (pushes + u32::from(push), turns + u32::from(turn));
                 understood
             }
             Err(ParseReportError { .. }) => Handled::Malformed,
         })?;
         let now = link.clock.now();
-        if pushed {
-            self.pushed_at = Some(now);
+        let last = std::mem::replace(&mut self.emptied_at, now);
+        let arrival = |reports: u32| arrival([last, now], reports, drained.was_full);
+        if pushes > 0 {
+            self.pushed_at = Some(arrival(pushes));
         }
-        if turned {
-            self.turned_at = Some(now);
+        if turns > 0 {
+            self.turned_at = Some(arrival(turns));
         }
         let is_old = |at: Option<Duration>| {
             at.is_none_or(|at| now.saturating_sub(at).as_secs_f64() > self.options.stale_after_s)
@@ -227,7 +254,7 @@ impl Driver for SpaceMouse {
             position_m: self.position_m,
             velocity_m_per_s: Some(velocity),
             orientation: self.orientation,
-            buttons: cap.buttons,
+            buttons: cap.buttons.bits(),
             sequence: None,
         })
     }
@@ -247,7 +274,7 @@ impl Driver for SpaceMouse {
         true
     }
 
-    fn stop_reports(&self) -> Vec<Vec<u8>> {
+    fn stop_reports(&self) -> Vec<StopReport> {
         Vec::new()
     }
 }

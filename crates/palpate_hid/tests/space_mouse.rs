@@ -40,6 +40,10 @@ fn parses_the_reports_of_the_data_file() {
             "turn" => Ok(SpaceMouseReport::Turn(axes(0))),
             "push+turn" => Ok(SpaceMouseReport::PushAndTurn(axes(0), axes(3))),
             "buttons" => Ok(SpaceMouseReport::Buttons(values[0] as u32)),
+            "numbers" => {
+                let pressed = [0, 1, 2, 3, 4, 5].map(|i| values[i + 1] as u16);
+                Ok(SpaceMouseReport::ButtonNumbers(values[0] as u8, pressed))
+            }
             "other" => Ok(SpaceMouseReport::Other(values[0] as u8)),
             _ => Err((values[0] as u8, bytes.len())),
         };
@@ -50,7 +54,7 @@ fn parses_the_reports_of_the_data_file() {
         );
         lines += 1;
     }
-    assert_eq!(lines, 12);
+    assert_eq!(lines, 16);
     assert!(SpaceMouseReport::parse(&[]).is_err());
 }
 
@@ -158,10 +162,18 @@ fn push_moves_the_point_until_the_cap_is_silent() {
 fn point_stays_in_its_box_and_a_stall_moves_it_little() {
     let (mut device, _, cap, time) = open(SpaceMouseOptions::default());
     device.read(PERIOD).unwrap();
-    cap.push([0, 350, 0]);
-    time.advance(5000);
-    // After a stall of 5 s at most 20 ms are integrated.
-    assert!((device.read(PERIOD).unwrap().position_m - DVec3::Z * 0.1 * 0.02).length() < 1e-12);
+    let mut stall = |reports: u32, ms: u64| {
+        (0..reports).for_each(|_| cap.push([0, 350, 0]));
+        time.advance(ms);
+        let before_m = device.read(PERIOD).unwrap().position_m;
+        time.advance(ms);
+        device.read(PERIOD).unwrap();
+        before_m
+    };
+    // One report and 5 s of silence: the cap was released.
+    assert_eq!(stall(1, 5000), DVec3::ZERO);
+    // After a stall of 0.4 s with a report every 8 ms at most 20 ms are integrated.
+    assert!((stall(50, 400) - DVec3::Z * 0.1 * 0.02).length() < 1e-12);
     for _ in 0..2000 {
         cap.push([0, 32767, 0]);
         time.advance(1);

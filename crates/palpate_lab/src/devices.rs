@@ -2,21 +2,27 @@
 
 mod arm;
 mod device_test;
+mod joystick_flags;
 mod listing;
+mod response;
 mod watch;
 
 use crate::error::{LabError, check};
 use crate::output::Output;
 use arm::Arm;
 use clap::Args;
+use joystick_flags::Reverse;
 use listing::{Line, Listed, line, print};
-use palpate_hid::{FoundDevice, HidBus, HidError, HidInfo, HidSelector, JoystickOptions, SystemBus};
+use palpate_hid::{
+    FoundDevice, HidBus, HidError, HidInfo, HidSelector, JoystickOptions, PidArrayBases, SystemBus,
+};
 use std::sync::Arc;
 
 /// HID devices: list, watch, or test one gently
 ///
 /// Without an option the devices are listed. A test reads the device for some seconds and lets it push and pull gently along each of
-/// its axes, below 0.5 N, with the loop and safety chain of an app. It requires a confirmation.
+/// its axes, below 0.5 N, with the loop and safety chain of an app. It states which axes move and in which direction, and names the
+/// option to change for a reversed or missing motor. It requires a confirmation.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  palpate-lab devices\n  palpate-lab devices --watch\n  palpate-lab devices --test 256f:c635\n  palpate-lab devices --test /dev/hidraw3 --force-n 0.2\n  palpate-lab devices --test 1234:0006 --board polhem-v3"
@@ -35,6 +41,16 @@ pub(crate) struct Devices {
     /// proportion
     #[arg(long, default_value_t = JoystickOptions::CAREFUL_FULL_SCALE_N, allow_hyphen_values = true, requires = "test")]
     full_scale_n: f64,
+    /// First number of a joystick's PID arrays with Logical Minimum 0: minimum (0) or one; or a list for single arrays, such as
+    /// control=one,operation=minimum, with the names control, operation, type and status
+    #[arg(long, value_name = "BASE", value_parser = joystick_flags::pid_arrays, requires = "test")]
+    pid_arrays: Option<PidArrayBases>,
+    /// Use only x of a joystick, for a wheel: it has one motor, and its y is a pedal
+    #[arg(long, requires = "test")]
+    no_y: bool,
+    /// Reverse the force of a joystick along x, along y, or both
+    #[arg(long, value_name = "AXES", requires = "test", value_enum)]
+    reverse: Option<Reverse>,
     /// Arm of a board. No board reports it, and with the dimensions of another arm a force may be several times as large. A board
     /// without this flag is read and exerts no force
     #[arg(long, value_enum, requires = "test")]
@@ -71,7 +87,15 @@ impl Devices {
             Some(id) => device_test::DeviceTest {
                 selector: selector(id, self.teensy_is_board, &*bus)?,
                 force_n: self.force_n,
-                full_scale_n: self.full_scale_n,
+                joystick: JoystickOptions {
+                    full_scale_n: self.full_scale_n,
+                    pid_arrays: self.pid_arrays.unwrap_or_default(),
+                    use_y: !self.no_y,
+                    reverse: self.reverse.map_or([false; 2], Reverse::axes),
+                    // The test states the directions itself.
+                    check_direction: false,
+                    ..JoystickOptions::default()
+                },
                 arm: self.board,
                 seconds: self.seconds.unwrap_or(6.0),
                 needs_confirmation: !self.yes,

@@ -13,7 +13,8 @@ pub struct DeviceDescription {
     pub workspace_m: [DVec3; 2],
     /// Maximum force, N; zero for a device without motors.
     pub max_force_n: f64,
-    /// Rate at which the device can be read and written, Hz.
+    /// Nominal rate at which the device can be read and written, Hz. It is stated before the device is open, and not measured: a driver
+    /// may infer it from the protocol. [`crate::LoopReport`] has measured times of reading and writing.
     pub rate_hz: f64,
 }
 

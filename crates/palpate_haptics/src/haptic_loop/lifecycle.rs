@@ -6,6 +6,7 @@
 )]
 
 use super::HapticLoop;
+use crate::frozen_position::FrozenPosition;
 use crate::plausibility::Plausibility;
 use crate::real_time;
 use crate::{DeviceError, LoopEventKind};
@@ -19,9 +20,12 @@ impl HapticLoop {
         self.emit(LoopEventKind::RealTime(granted));
     }
 
-    /// Reports that the device is open and the first tick follows.
-    pub(crate) fn start(&mut self) {
+    /// Reports that the device is open and the first tick follows, and the `notice` of the device.
+    pub(crate) fn start(&mut self, notice: Option<&'static str>) {
         self.emit(LoopEventKind::Started);
+        if let Some(notice) = notice {
+            self.emit(LoopEventKind::DeviceNotice(notice));
+        }
     }
 
     /// Reports that the device runs without a watchdog.
@@ -39,6 +43,7 @@ impl HapticLoop {
     /// Notes that the device was opened again: the hand may be anywhere, and the start stage is armed again.
     pub(crate) fn reconnected(&mut self) {
         (self.rearm, self.plausibility) = (true, Plausibility::default());
+        self.frozen = FrozenPosition::default();
         self.safety.reset_output();
         self.emit(LoopEventKind::Reconnected);
     }

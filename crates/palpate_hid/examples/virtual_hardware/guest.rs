@@ -5,6 +5,7 @@ mod check;
 mod enumeration;
 mod joystick;
 mod lab;
+mod late_effects;
 mod queue;
 mod space_mouse;
 mod touch;
@@ -16,7 +17,7 @@ use check::{Outcome, Unavailable};
 use std::process::ExitCode;
 
 /// Scenarios in this order; each creates its own devices.
-const SCENARIOS: [(&str, fn() -> Outcome); 14] = [
+const SCENARIOS: [(&str, fn() -> Outcome); 17] = [
     ("enumeration", enumeration::run),
     ("palpate_lab", lab::run),
     ("wired_space_mouse", space_mouse::wired),
@@ -26,6 +27,9 @@ const SCENARIOS: [(&str, fn() -> Outcome); 14] = [
     ("joystick_openffboard", joystick::openffboard),
     ("joystick_rhino", joystick::rhino),
     ("joystick_arduino", joystick::arduino),
+    ("joystick_arrays", joystick::arrays),
+    ("joystick_reversed", joystick::reversed),
+    ("joystick_late_effects", late_effects::run),
     ("unplugged_joystick", unplugged::joystick),
     ("board_8", board::bytes_8),
     ("board_14", board::bytes_14),

@@ -6,7 +6,7 @@ use super::report_credits::{ReportCredits, SILENCE_TIMEOUT};
 use super::{
     BoardBytes, BoardCalibration, BoardForm, BoardInput, BoardKinematics, BoardOptions, BoardOutput,
 };
-use crate::driver::{Driver, StopCounter};
+use crate::driver::{Driver, StopCounter, StopReport};
 use crate::link::{Handled, Link};
 use glam::{DQuat, DVec3};
 use palpate_haptics::{DeviceDescription, DeviceError, Reading};
@@ -308,8 +308,8 @@ impl Driver for BoardDriver {
         self.form != BoardForm::Bytes64
     }
 
-    fn stop_reports(&self) -> Vec<Vec<u8>> {
-        vec![self.zero.as_slice().to_vec()]
+    fn stop_reports(&self) -> Vec<StopReport> {
+        vec![StopReport::required(self.zero.as_slice().to_vec())]
     }
 
     fn stop_counter(&self) -> Option<StopCounter> {

@@ -3,18 +3,25 @@
 use super::effect_duration::RESTART_PERIOD;
 use super::layout::{Layout, Pool};
 use super::report_encoding::{UsageValue, put};
+use crate::clock;
 use crate::link::Link;
 use palpate_haptics::DeviceError;
 use std::time::Duration;
 
 /// Time after which an unchanged magnitude is sent again, in case a report was lost.
 const REFRESH: Duration = Duration::from_millis(25);
-/// Maximum number of reads of the status of a new effect.
-const MAX_STATUS_READS: usize = 16;
+/// Time within which the device must report the status of a new effect.
+const STATUS_TIMEOUT: Duration = Duration::from_millis(200);
+/// Time between two reads of the status.
+const STATUS_PERIOD: Duration = Duration::from_millis(1);
+/// Maximum number of reads of the status, each after a period.
+const MAX_STATUS_READS: u32 = 200;
 
 /// A constant-force effect, with its reports.
 #[derive(Clone, Debug)]
 pub(super) struct Effect {
+    /// Index of the effect in the device.
+    index: i64,
     /// Set Effect report. This and the following reports contain the index of the effect.
     set: Vec<u8>,
     magnitude: Vec<u8>,
@@ -33,14 +40,20 @@ pub(super) struct Effect {
 }
 
 impl Effect {
-    /// Creates an effect in the device, for the axis with index `axis`.
-    pub(super) fn create(link: &mut Link, layout: &Layout, axis: usize) -> Result<Self, DeviceError> {
+    /// Creates an effect in the device, for the axis with index `axis`, in addition to `others`.
+    pub(super) fn create(
+        link: &mut Link,
+        layout: &Layout,
+        axis: usize,
+        others: &[Self],
+    ) -> Result<Self, DeviceError> {
         link.set_feature(&layout.create)?;
-        let index = read_new_effect_index(link, layout)?;
+        let index = wait_for_index(link, layout, others)?;
         let [x, y] = &layout.set_effect;
         let set = if axis == 0 { x } else { y };
         let zero = layout.constant_force.for_effect(index);
         Ok(Self {
+            index,
             set: set.for_effect(index),
             magnitude: zero.clone(),
             zero,
@@ -122,36 +135,72 @@ impl Effect {
     }
 }
 
-/// Reads the index of the newly created effect.
-fn read_new_effect_index(link: &mut Link, layout: &Layout) -> Result<i64, DeviceError> {
-    let load = &layout.block_load;
-    let mut report = load.blank.clone();
-    for _ in 0..MAX_STATUS_READS {
-        report.copy_from_slice(&load.blank);
-        let length = link.feature(&mut report)?;
-        let data = match report.split_first() {
-            Some((id, data)) if length == report.len() && load.blank.first() == Some(id) => data,
-            _ => {
-                return Err(DeviceError::Protocol(
-                    "the status report of a new effect does not match the report descriptor",
-                ));
+/// Waits for the index of the newly created effect, for at most 200 ms. A device may need some milliseconds. Until then it reports no
+/// status, the status of the effect before, or nothing at all.
+fn wait_for_index(link: &mut Link, layout: &Layout, others: &[Effect]) -> Result<i64, DeviceError> {
+    let (mut report, start) = (layout.block_load.blank.clone(), link.clock.now());
+    let mut last = DeviceError::Protocol(NO_STATUS);
+    for read in 0..MAX_STATUS_READS {
+        if read > 0 {
+            clock::wait(STATUS_PERIOD);
+        }
+        match read_status(link, layout, &mut report) {
+            // Index 0 means none. In an array that is numbered from 0, an empty report has the number of success.
+            Ok(Status::Created(0)) => last = DeviceError::Protocol(INDEX_OUT_OF_RANGE),
+            Ok(Status::Created(index)) if others.iter().any(|other| other.index == index) => {
+                last =
+                    DeviceError::Protocol("the device reports the index of an earlier effect for a new one");
             }
-        };
-        let is_set = |value: &Option<UsageValue>| value.as_ref().is_some_and(|value| value.is_set(data));
-        if load.success.is_set(data) {
-            let index = load.index.get(data).filter(|&index| layout.has_index(index));
-            return index.ok_or(DeviceError::Protocol(
-                "the index of a new effect is outside the range in the report descriptor",
-            ));
+            Ok(Status::Created(index)) => {
+                let index = Some(index).filter(|&index| layout.has_index(index));
+                return index.ok_or(DeviceError::Protocol(INDEX_OUT_OF_RANGE));
+            }
+            Ok(Status::Failed(reason)) => return Err(DeviceError::Protocol(reason)),
+            Ok(Status::Pending) => last = DeviceError::Protocol(NO_STATUS),
+            Err(DeviceError::Disconnected) => return Err(DeviceError::Disconnected),
+            Err(error) => last = error,
         }
-        if is_set(&load.full) {
-            return Err(DeviceError::Protocol("the device has no memory for another effect"));
-        }
-        if is_set(&load.error) {
-            return Err(DeviceError::Protocol("the device failed to create a constant-force effect"));
+        if link.clock.now().saturating_sub(start) >= STATUS_TIMEOUT {
+            break;
         }
     }
-    Err(DeviceError::Protocol("the device reports no status for a new effect"))
+    Err(last)
+}
+
+/// Error text for an index that does not fit into the reports.
+const INDEX_OUT_OF_RANGE: &str = "the index of a new effect is outside the range in the report descriptor";
+/// Error text for a device that never reports a status.
+const NO_STATUS: &str = "the device reports no status for a new effect within 200 ms";
+
+/// Status of the effect that was created last.
+enum Status {
+    /// The effect exists, and has this index.
+    Created(i64),
+    /// The effect was not created, for this reason.
+    Failed(&'static str),
+    /// The device has not reported the effect.
+    Pending,
+}
+
+fn read_status(link: &mut Link, layout: &Layout, report: &mut [u8]) -> Result<Status, DeviceError> {
+    let load = &layout.block_load;
+    report.copy_from_slice(&load.blank);
+    let length = link.feature(report)?;
+    let data = match report.split_first() {
+        Some((id, data)) if length == load.blank.len() && load.blank.first() == Some(id) => data,
+        _ => {
+            return Err(DeviceError::Protocol(
+                "the status report of a new effect does not match the report descriptor",
+            ));
+        }
+    };
+    let is_set = |value: &Option<UsageValue>| value.as_ref().is_some_and(|value| value.is_set(data));
+    Ok(match load.index.get(data) {
+        Some(index) if load.success.is_set(data) => Status::Created(index),
+        _ if is_set(&load.full) => Status::Failed("the device has no memory for another effect"),
+        _ if is_set(&load.error) => Status::Failed("the device failed to create a constant-force effect"),
+        _ => Status::Pending,
+    })
 }
 
 /// Checks the capacity for `effects` effects. A device that rejects the pool report may have it; some clear their memory when it is

@@ -1,9 +1,11 @@
 //! Report layout of a force-feedback joystick, found by the usages in its descriptor. Report IDs, widths and positions of fields differ
 //! from device to device.
 
+use super::array_base::{PidArrayBase, PidArrayBases, is_ambiguous};
 use super::effect_duration;
 use super::force_scale::ForceScale;
 use super::input::InputLayout;
+use super::off_reports::OffReports;
 use super::report_encoding::{ReportTemplate, UsageValue, blank, max_value, put, put_raw};
 use super::usages::*;
 use crate::{Field, HidError, JoystickOptions, Report, ReportDescriptor, ReportKind};
@@ -46,7 +48,7 @@ pub(super) struct Control {
     /// Ends a pause; `None` without the command.
     pub(super) resume: Option<Vec<u8>>,
     pub(super) enable: Vec<u8>,
-    pub(super) disable: Vec<u8>,
+    pub(super) off: OffReports,
     pub(super) stop_all: Vec<u8>,
 }
 
@@ -72,13 +74,13 @@ impl Layout {
     /// Finds the layout in `descriptor`; errors name the device `device`.
     ///
     /// # Errors
-    /// [`HidError::Unsupported`], which names the missing usage.
+    /// [`HidError::Unsupported`], which names the missing usage; [`HidError::AmbiguousArrays`].
     pub(super) fn of(
         device: &str,
         descriptor: &ReportDescriptor,
         options: &JoystickOptions,
     ) -> Result<Self, HidError> {
-        let find = UsageFinder { device, descriptor };
+        let find = UsageFinder { device, descriptor, bases: options.pid_arrays };
         if !descriptor.is_numbered() {
             return Err(find.lacks("report IDs"));
         }
@@ -97,7 +99,7 @@ impl Layout {
         let constant_force = ReportTemplate { bytes: blank(report), index };
 
         let (_, create) = find.command_report(ReportKind::Feature, CREATE_EFFECT, ET_CONSTANT)?;
-        Ok(Self {
+        let layout = Self {
             axes,
             control: find.control()?,
             gain: find.gain(),
@@ -120,7 +122,9 @@ impl Layout {
                 .ok()
                 .map(|(report, index)| ReportTemplate { bytes: blank(report), index: index.clone() }),
             input,
-        })
+        };
+        find.reject_ambiguous_arrays()?;
+        Ok(layout)
     }
 
     /// Whether all reports can hold the effect index `index`. Index 0 means none.
@@ -137,7 +141,17 @@ impl Layout {
 struct UsageFinder<'a> {
     device: &'a str,
     descriptor: &'a ReportDescriptor,
+    bases: PidArrayBases,
 }
+
+/// Usages that the driver uses as values of arrays, one for each array: type and collection of the report, and the usage.
+const ARRAYS: [(ReportKind, Named, Named); 5] = [
+    (ReportKind::Output, CONTROL, DISABLE_ACTUATORS),
+    (ReportKind::Output, OPERATION_REPORT, OP_START),
+    (ReportKind::Output, SET_EFFECT, ET_CONSTANT),
+    (ReportKind::Feature, CREATE_EFFECT, ET_CONSTANT),
+    (ReportKind::Feature, BLOCK_LOAD, LOAD_SUCCESS),
+];
 
 impl<'a> UsageFinder<'a> {
     fn lacks(self, what: &str) -> HidError {
@@ -154,6 +168,32 @@ impl<'a> UsageFinder<'a> {
         };
         let within = within.iter().map(label).collect::<Vec<_>>().join(" or ");
         self.lacks(&format!("{} in {kind} report of {within}", label(&wanted)))
+    }
+
+    /// Base of an array in the report of `within`, if it is set.
+    fn base(self, within: Named) -> Option<PidArrayBase> {
+        let PidArrayBases { control, operation, effect_type, load_status } = self.bases;
+        match within.usage {
+            usage if usage == CONTROL.usage => control,
+            usage if usage == OPERATION_REPORT.usage => operation,
+            usage if usage == BLOCK_LOAD.usage => load_status,
+            _ => effect_type,
+        }
+    }
+
+    /// Rejects arrays that firmware may number in two ways, unless an option states which.
+    fn reject_ambiguous_arrays(self) -> Result<(), HidError> {
+        let is_unsettled = |&&(kind, within, wanted): &&(ReportKind, Named, Named)| {
+            let found = self.descriptor.find(kind, within.usage, wanted.usage);
+            self.base(within).is_none() && found.is_some_and(|(_, field)| is_ambiguous(field))
+        };
+        let unsettled = ARRAYS.iter().filter(is_unsettled);
+        let arrays: Vec<String> =
+            unsettled.map(|(_, within, _)| format!("{} ({})", within.name, within.usage)).collect();
+        if arrays.is_empty() {
+            return Ok(());
+        }
+        Err(HidError::AmbiguousArrays { device: self.device.to_owned(), arrays })
     }
 
     /// Field with the usage `wanted` in a collection `within`.
@@ -181,8 +221,8 @@ impl<'a> UsageFinder<'a> {
         wanted: Named,
     ) -> Result<(&'a Report, UsageValue), HidError> {
         let (report, field) = self.field(kind, within, wanted)?;
-        let value =
-            UsageValue::of(field, wanted.usage).ok_or_else(|| self.missing(kind, wanted, &[within]))?;
+        let value = UsageValue::of(field, wanted.usage, self.base(within))
+            .ok_or_else(|| self.missing(kind, wanted, &[within]))?;
         Ok((report, value))
     }
 
@@ -206,9 +246,15 @@ impl<'a> UsageFinder<'a> {
             reset: command(RESET)?,
             resume: command(CONTINUE).ok(),
             enable: command(ENABLE_ACTUATORS)?,
-            disable: command(DISABLE_ACTUATORS)?,
+            off: self.off()?,
             stop_all: command(STOP_ALL)?,
         })
+    }
+
+    fn off(self) -> Result<OffReports, HidError> {
+        let (report, field) = self.field(ReportKind::Output, CONTROL, DISABLE_ACTUATORS)?;
+        OffReports::of(report, field, self.base(CONTROL))
+            .ok_or_else(|| self.missing(ReportKind::Output, DISABLE_ACTUATORS, &[CONTROL]))
     }
 
     fn gain(self) -> Option<Vec<u8>> {
@@ -234,7 +280,8 @@ impl<'a> UsageFinder<'a> {
 
     fn block_load(self) -> Result<BlockLoad, HidError> {
         let (report, success) = self.usage_value(ReportKind::Feature, BLOCK_LOAD, LOAD_SUCCESS)?;
-        let other = |status: Named| UsageValue::of(report.field(status.usage)?, status.usage);
+        let base = self.base(BLOCK_LOAD);
+        let other = |status: Named| UsageValue::of(report.field(status.usage)?, status.usage, base);
         Ok(BlockLoad {
             blank: blank(report),
             index: self.field_of(report, BLOCK_LOAD, INDEX)?.clone(),

@@ -1,5 +1,6 @@
 //! Options of a force-feedback joystick.
 
+use super::array_base::PidArrayBases;
 use crate::HidError;
 use glam::DVec3;
 
@@ -30,11 +31,20 @@ pub struct JoystickOptions {
     /// Whether y is used, if the device has it. Disable it for a wheel, which has one motor and whose y is a pedal; the joystick then moves
     /// on a line.
     pub use_y: bool,
+    /// Whether the direction of the force is checked, once after each opening: while the hand presses in for the first time, the force
+    /// alternates for about half a second between its value and a third of it. A joystick that moves against the changes of the force
+    /// loses its force, and its error names the option to change.
+    pub check_direction: bool,
+    /// First numbers of PID arrays whose Logical Minimum is 0, which firmware numbers in one of two ways. By default a joystick with such
+    /// an array is rejected. With the wrong value it shows no force or the wrong one; it is stopped in a form that both kinds of firmware
+    /// execute.
+    pub pid_arrays: PidArrayBases,
 }
 
 impl Default for JoystickOptions {
     /// Full scale [`JoystickOptions::CAREFUL_FULL_SCALE_N`], which makes the force too small rather than too large; maximum force 5 N, a
-    /// hundredth of it; travel ±60 mm; x to the right and, as usual for joysticks, y towards the user; timeout 0.25 s.
+    /// hundredth of it; travel ±60 mm; x to the right and, as usual for joysticks, y towards the user; timeout 0.25 s; the direction
+    /// is checked; arrays with the Logical Minimum 0 are rejected.
     fn default() -> Self {
         Self {
             full_scale_n: Self::CAREFUL_FULL_SCALE_N,
@@ -44,6 +54,8 @@ impl Default for JoystickOptions {
             reverse: [false; 2],
             silent_after_s: Some(0.25),
             use_y: true,
+            check_direction: true,
+            pid_arrays: PidArrayBases::default(),
         }
     }
 }

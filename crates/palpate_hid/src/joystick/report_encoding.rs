@@ -1,5 +1,6 @@
 //! Encoding of output reports.
 
+use super::array_base::{PidArrayBase, offset};
 use crate::{Field, Report, Usage};
 
 /// Report with its ID and data of zeros.
@@ -41,9 +42,9 @@ pub(super) struct UsageValue {
 }
 
 impl UsageValue {
-    /// Value of `usage` in `field`; `None` where the field cannot represent it.
-    pub(super) fn of(field: &Field, usage: Usage) -> Option<Self> {
-        let value = if field.is_array { field.value_of(usage)? } else { 1 };
+    /// Value of `usage` in `field`, an array with the base `base` or a field of its own; `None` where the field cannot represent it.
+    pub(super) fn of(field: &Field, usage: Usage, base: Option<PidArrayBase>) -> Option<Self> {
+        let value = if field.is_array { field.value_of(usage)? + offset(field, base) } else { 1 };
         let is_representable = (1..=32).contains(&field.bits) && (0..=max_value(field)).contains(&value);
         is_representable.then(|| Self { field: field.clone(), value })
     }
@@ -102,7 +103,7 @@ mod test {
     /// As in OpenFFBoard: fields of one bit with the declared range 1 to 6.
     #[test]
     fn one_bit_field_ignores_its_declared_range() {
-        let value = UsageValue::of(&field(3, 1, 1, 6), Usage::new(0x0F, 0x9A)).unwrap();
+        let value = UsageValue::of(&field(3, 1, 1, 6), Usage::new(0x0F, 0x9A), None).unwrap();
         let mut report = [9, 0];
         value.write(&mut report);
         assert_eq!(report, [9, 0x08]);

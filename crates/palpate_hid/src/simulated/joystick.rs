@@ -3,6 +3,7 @@
 mod parsed_report;
 
 use super::Firmware;
+use crate::joystick::array_base::{PidArrayBases, offset};
 use crate::joystick::usages::*;
 use crate::{DescriptorError, ReportDescriptor, ReportKind};
 use parsed_report::{Effect, ParsedReport};
@@ -61,6 +62,8 @@ pub struct JoystickFirmware {
     effects: Vec<Option<Effect>>,
     creation_status: CreationStatus,
     fails_creation: bool,
+    bases: PidArrayBases,
+    wiring: [[f64; 2]; 2],
     is_on: bool,
     is_paused: bool,
     gain: f64,
@@ -92,6 +95,8 @@ impl JoystickFirmware {
             effects: vec![None; stick.max_effects],
             creation_status: CreationStatus::None,
             fails_creation: false,
+            bases: PidArrayBases::default(),
+            wiring: [[1.0, 0.0], [0.0, 1.0]],
             is_on: false,
             is_paused: false,
             gain: 1.0,
@@ -105,10 +110,11 @@ impl JoystickFirmware {
             return [0.0; 2];
         }
         let playing = self.effects.iter().flatten().filter(|effect| effect.left_s > 0.0);
-        playing.fold([0.0; 2], |[x, y], effect| {
+        let [x, y] = playing.fold([0.0; 2], |[x, y], effect| {
             let part = self.gain * effect.gain * effect.magnitude * self.stick.full_scale_n;
             [x + part * effect.along[0], y + part * effect.along[1]]
-        })
+        });
+        self.wiring.map(|[by_x, by_y]| by_x * x + by_y * y)
     }
 
     /// Position of the stick, m.
@@ -142,6 +148,27 @@ impl JoystickFirmware {
     /// Makes the creation of effects fail.
     pub fn break_effects(&mut self) {
         self.fails_creation = true;
+    }
+
+    /// Sets how the firmware numbers its arrays with the Logical Minimum 0; by default from 0.
+    pub fn number_arrays(&mut self, bases: PidArrayBases) {
+        self.bases = bases;
+    }
+
+    /// Sets the wiring of the motors: row i has the parts of an effect's force along x and y that act along axis i. A motor of x that is
+    /// wired the other way has the first row `[-1.0, 0.0]`.
+    pub fn wire_motors(&mut self, wiring: [[f64; 2]; 2]) {
+        self.wiring = wiring;
+    }
+
+    /// Sets the velocity of the stick, m/s, as a bump does.
+    pub fn bump(&mut self, velocity_m_per_s: [f64; 2]) {
+        self.velocity_m_per_s = velocity_m_per_s;
+    }
+
+    /// Switches the actuators on, as a driver of the operating system may leave them.
+    pub fn switch_on(&mut self) {
+        self.is_on = true;
     }
 
     fn step(&mut self) {
@@ -273,7 +300,7 @@ impl Firmware for JoystickFirmware {
 
     fn output(&mut self, report: &[u8]) -> bool {
         let descriptor = Arc::clone(&self.descriptor);
-        let report = ParsedReport::of(&descriptor, ReportKind::Output, report);
+        let report = ParsedReport::of(&descriptor, ReportKind::Output, report, self.bases);
         report.is_some_and(|report| self.process(&report).is_some())
     }
 
@@ -285,9 +312,11 @@ impl Firmware for JoystickFirmware {
         data.fill(0);
         let is =
             |named: Named| requested.fields.iter().any(|it| descriptor.around(it).any(|a| a == named.usage));
+        let base = self.bases.load_status;
         let mut put = |named: Named, value: i64| {
             if let Some(field) = requested.field(named.usage) {
-                let value = if field.is_array { field.value_of(named.usage) } else { Some(value) };
+                let number = || Some(field.value_of(named.usage)? + offset(field, base));
+                let value = if field.is_array { number() } else { Some(value) };
                 value.and_then(|value| field.set(data, value));
             }
         };
@@ -312,7 +341,7 @@ impl Firmware for JoystickFirmware {
 
     fn set_feature(&mut self, report: &[u8]) -> bool {
         let descriptor = Arc::clone(&self.descriptor);
-        let report = ParsedReport::of(&descriptor, ReportKind::Feature, report);
+        let report = ParsedReport::of(&descriptor, ReportKind::Feature, report, self.bases);
         if !report.is_some_and(|report| report.belongs_to(CREATE_EFFECT) && report.is_set(ET_CONSTANT)) {
             return false;
         }

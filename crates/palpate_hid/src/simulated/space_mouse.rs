@@ -77,6 +77,11 @@ impl SpaceMouseFirmware {
         self.queue.push_back(SpaceMouseReport::Buttons(buttons));
     }
 
+    /// Queues report 1C of the Enterprise: numbers of pressed buttons, from 1; 0 for none.
+    pub fn press_numbers(&mut self, pressed: [u16; 6]) {
+        self.queue.push_back(SpaceMouseReport::ButtonNumbers(0x1C, pressed));
+    }
+
     /// Number of queued reports.
     #[must_use]
     pub fn pending(&self) -> usize {
@@ -124,6 +129,9 @@ fn encode(report: SpaceMouseReport) -> Vec<u8> {
         }
         SpaceMouseReport::Buttons(buttons) => {
             [3].into_iter().chain(buttons.to_le_bytes().into_iter().take(2)).collect()
+        }
+        SpaceMouseReport::ButtonNumbers(id, pressed) => {
+            [id].into_iter().chain(pressed.into_iter().flat_map(u16::to_le_bytes)).collect()
         }
         SpaceMouseReport::Other(id) => vec![id],
     }

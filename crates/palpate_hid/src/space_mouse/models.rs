@@ -25,3 +25,12 @@ pub(crate) fn is_space_mouse(info: &HidInfo) -> bool {
     };
     is_listed && info.applications.contains(&MULTI_AXIS)
 }
+
+/// Product IDs of SpaceMouse Plus XT and Classic, whose y points up and z away from the user. spacenavd lists them with neither
+/// `DF_SWAPYZ` nor `DF_INVYZ` (src/dev.c at bac572a), unlike all other caps.
+const Y_UP: [u16; 2] = [0xC603, 0xC606];
+
+/// Whether the cap's y points up and its z away from the user. Otherwise y points towards the user and z down.
+pub(super) fn has_y_up(info: &HidInfo) -> bool {
+    info.vendor == LOGITECH && Y_UP.contains(&info.product)
+}

@@ -175,8 +175,8 @@ fn rejects_invalid_replies_to_effect_creation() {
     for (bytes, expected) in [
         ("12 01 02 00 01", "the device has no memory for another effect"),
         ("12 01 03 00 01", "the device failed to create a constant-force effect"),
-        ("12 01 00 00 01", "the device reports no status for a new effect"),
-        ("12 01 04 00 01", "the device reports no status for a new effect"),
+        ("12 01 00 00 01", "the device reports no status for a new effect within 200 ms"),
+        ("12 01 04 00 01", "the device reports no status for a new effect within 200 ms"),
         ("12 00 01 00 01", bad_index),
         ("12 29 01 00 01", bad_index),
         ("12 01 01 00", mismatch),
@@ -190,8 +190,13 @@ fn rejects_invalid_replies_to_effect_creation() {
         assert_eq!(device.open(), Err(DeviceError::Protocol(expected)), "{bytes}");
     }
     let reply = Some(hex::bytes("12 28 01 00 01"));
-    let (mut device, ..) = with_queue(&openffboard().descriptor, full_force(), reply);
+    let one_axis = JoystickOptions { use_y: false, ..full_force() };
+    let (mut device, ..) = with_queue(&openffboard().descriptor, one_axis, reply.clone());
     device.open().unwrap();
+    // The same index for two effects.
+    let (mut device, ..) = with_queue(&openffboard().descriptor, full_force(), reply);
+    let repeated = "the device reports the index of an earlier effect for a new one";
+    assert_eq!(device.open(), Err(DeviceError::Protocol(repeated)));
 }
 
 /// A device whose reports have different ranges of the effect index.
@@ -221,6 +226,20 @@ fn rejects_an_index_outside_the_range_of_any_report() {
 }
 
 proptest! {
+    // Each rejected reply is read for 200 ms.
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn arbitrary_replies_do_not_panic(reply in prop::collection::vec(any::<u8>(), 1..8), kind in 0_usize..3) {
+        let (mut device, ..) = with_queue(&kinds()[kind].descriptor, full_force(), Some(reply));
+        if device.open().is_ok() {
+            let _ = device.write(DVec3::X);
+            let _ = device.close();
+        }
+    }
+}
+
+proptest! {
     #[test]
     fn arbitrary_reports_do_not_panic(
         reports in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..80), 0..20),
@@ -236,15 +255,6 @@ proptest! {
         queue.lock().unwrap().extend(reports);
         if let Ok(reading) = device.read(NOW) {
             prop_assert!(reading.position_m.abs().max_element() <= 0.06 && reading.is_usable());
-        }
-    }
-
-    #[test]
-    fn arbitrary_replies_do_not_panic(reply in prop::collection::vec(any::<u8>(), 1..8), kind in 0_usize..3) {
-        let (mut device, ..) = with_queue(&kinds()[kind].descriptor, full_force(), Some(reply));
-        if device.open().is_ok() {
-            let _ = device.write(DVec3::X);
-            let _ = device.close();
         }
     }
 

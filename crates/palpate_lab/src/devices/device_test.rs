@@ -1,6 +1,7 @@
 //! A gentle test of one device with the loop and safety chain of an app.
 
 use super::arm::Arm;
+use super::response::{AXES, Motion, Response, Responses, board_advice, joystick_advice};
 use crate::error::LabError;
 use crate::output::Output;
 use glam::DVec3;
@@ -35,8 +36,8 @@ pub(super) struct DeviceTest {
     pub(super) selector: HidSelector,
     /// Maximum force, N.
     pub(super) force_n: f64,
-    /// Assumed maximum force of a joystick, N.
-    pub(super) full_scale_n: f64,
+    /// Options of a joystick; the maximum force is that of the test.
+    pub(super) joystick: JoystickOptions,
     /// Arm of a board; a board without an arm exerts no force.
     pub(super) arm: Option<Arm>,
     pub(super) seconds: f64,
@@ -64,6 +65,12 @@ pub(super) struct TestReport {
     pub(super) highest_m: [f64; 3],
     /// Buttons that were pressed at any time.
     pub(super) buttons: u32,
+    /// Motion under a force along each axis with a motor.
+    pub(super) responses: Vec<Response>,
+    /// Settings that the motions show to be wrong.
+    pub(super) advice: Vec<String>,
+    /// Settings that should be checked for this device.
+    pub(super) notes: Vec<String>,
     /// Errors of the device, each once.
     pub(super) faults: Vec<String>,
 }
@@ -74,11 +81,8 @@ impl DeviceTest {
         let homing = if self.needs_confirmation { BoardHoming::AtOpen } else { BoardHoming::Awaited };
         let kinematics = self.arm.map_or_else(BoardKinematics::default, Arm::kinematics);
         let board = BoardOptions { homing, kinematics, ..BoardOptions::default() };
-        let joystick = JoystickOptions {
-            full_scale_n: self.full_scale_n,
-            max_force_n: self.force_n.min(self.full_scale_n),
-            ..JoystickOptions::default()
-        };
+        let joystick =
+            JoystickOptions { max_force_n: self.force_n.min(self.joystick.full_scale_n), ..self.joystick };
         let options = HidOptions { board, joystick, ..HidOptions::default() };
         let device = HidDevice::find(bus, &self.selector, &options)?;
         let kind = device.found().kind;
@@ -129,7 +133,7 @@ impl DeviceTest {
             (HidKind::Joystick, _) => writeln!(
                 question,
                 "Its maximum force is assumed to be {} N; if it is larger, the test is stronger in proportion (--full-scale-n).",
-                self.full_scale_n
+                self.joystick.full_scale_n
             )?,
             (HidKind::SpaceMouse, _) => {}
         }
@@ -169,6 +173,8 @@ impl DeviceTest {
     pub(super) fn test(&self, device: HidDevice) -> Result<TestReport, LabError> {
         let (found, counters) = (device.found().clone(), device.counters());
         let description = device.describe();
+        let has_motor = |axis: &DVec3| device.quantized_force_n(*axis).length() > 0.5;
+        let axes: Vec<DVec3> = DVec3::AXES.into_iter().filter(has_motor).collect();
         let config = LoopConfig { device: description.limits(), ..LoopConfig::default() };
         let safety = SafetySettings {
             max_force_n: self.force_n,
@@ -189,7 +195,7 @@ impl DeviceTest {
             && !log.is_disconnected
             && !INTERRUPTED.load(Ordering::Relaxed)
         {
-            let force_n = force(start.elapsed().as_secs_f64(), max_force_n);
+            let force_n = force(start.elapsed().as_secs_f64(), max_force_n, &axes);
             if let Some(sample) = handle.samples().newest().copied() {
                 let model = handle.model_slot();
                 model.id.sequence = sample.sequence;
@@ -212,6 +218,12 @@ impl DeviceTest {
                 log.first_error.unwrap_or_else(|| "the device delivered no reading".into()),
             ));
         }
+        let responses = log.responses.all();
+        let advice = match found.kind {
+            HidKind::Joystick => joystick_advice(&responses, self.joystick.reverse),
+            HidKind::Board => board_advice(&responses),
+            HidKind::SpaceMouse => Vec::new(),
+        };
         let rounded = |v: DVec3| v.to_array().map(|m| (1e6 * m).round() / 1e6);
         let [lowest_m, highest_m] = log.bounds_m.unwrap_or_default().map(rounded);
         Ok(TestReport {
@@ -229,18 +241,21 @@ impl DeviceTest {
             lowest_m,
             highest_m,
             buttons: log.buttons,
+            responses,
+            advice,
+            notes: log.notes,
             faults: log.faults,
         })
     }
 }
 
-/// Force at `at_s`, N: zero at first, then a sine along each axis in turn.
-fn force(at_s: f64, max_force_n: f64) -> DVec3 {
+/// Force at `at_s`, N: zero at first, then a sine along each of `axes` in turn.
+fn force(at_s: f64, max_force_n: f64, axes: &[DVec3]) -> DVec3 {
     let since_s = at_s - WAIT_S;
-    if since_s < 0.0 {
+    if since_s < 0.0 || axes.is_empty() {
         return DVec3::ZERO;
     }
-    let axis = DVec3::AXES[(since_s / AXIS_S) as usize % 3];
+    let axis = axes[(since_s / AXIS_S) as usize % axes.len()];
     max_force_n * (TAU * since_s / AXIS_S).sin() * axis
 }
 
@@ -251,7 +266,9 @@ struct LoopLog {
     bounds_m: Option<[DVec3; 2]>,
     max_force_n: f64,
     buttons: u32,
+    responses: Responses,
     first_error: Option<String>,
+    notes: Vec<String>,
     faults: Vec<String>,
     is_disconnected: bool,
 }
@@ -265,9 +282,13 @@ impl LoopLog {
                 let [low, high] = self.bounds_m.unwrap_or([at; 2]);
                 self.bounds_m = Some([low.min(at), high.max(at)]);
                 self.buttons |= reading.buttons;
+                self.responses.take(record.force_n, at);
             }
         }
         while let Some(event) = handle.next_event() {
+            if let LoopEventKind::DeviceNotice(notice) = event.kind {
+                self.notes.push(notice.into());
+            }
             if let LoopEventKind::DeviceFailed(error) = event.kind {
                 let text = error.to_string();
                 self.is_disconnected |= error == DeviceError::Disconnected;
@@ -298,6 +319,22 @@ fn print(report: &TestReport, out: &mut dyn Write) -> std::io::Result<()> {
     let mm = |m: [f64; 3]| m.map(|m| format!("{:.1}", 1e3 * m)).join(" ");
     writeln!(out, "moved, mm      {} to {}", mm(report.lowest_m), mm(report.highest_m))?;
     writeln!(out, "buttons        {:b}", report.buttons)?;
+    for Response { axis, moved_m, motion } in &report.responses {
+        let axis = AXES[*axis];
+        let how = match motion {
+            Motion::Along => "along the force".to_owned(),
+            Motion::Reversed => "against the force".to_owned(),
+            Motion::Across(other) => format!("along {}", AXES[*other]),
+            Motion::None => "not moved".to_owned(),
+        };
+        writeln!(out, "force along {axis}  {how}: {} mm", mm(*moved_m))?;
+    }
+    for advice in &report.advice {
+        writeln!(out, "setting        {advice}")?;
+    }
+    for note in &report.notes {
+        writeln!(out, "note           {note}")?;
+    }
     for fault in &report.faults {
         writeln!(out, "fault          {fault}")?;
     }

@@ -97,10 +97,14 @@ fn selects_by_path_serial_number_or_vendor_and_product() {
 }
 
 fn test(bus: &SimulatedBus, seconds: f64) -> DeviceTest {
+    DeviceTest { selector: selector("7", false, bus).unwrap(), ..test_of(seconds) }
+}
+
+fn test_of(seconds: f64) -> DeviceTest {
     DeviceTest {
-        selector: selector("7", false, bus).unwrap(),
+        selector: HidSelector::default(),
         force_n: 0.3,
-        full_scale_n: JoystickOptions::CAREFUL_FULL_SCALE_N,
+        joystick: JoystickOptions::default(),
         arm: Some(Arm::WoodenHaptics),
         seconds,
         needs_confirmation: false,
@@ -136,7 +140,7 @@ fn test_of_a_board_stays_below_its_force_and_ends_at_zero() {
     let test = DeviceTest {
         selector,
         force_n: 0.3,
-        full_scale_n: JoystickOptions::CAREFUL_FULL_SCALE_N,
+        joystick: JoystickOptions::default(),
         arm: Some(Arm::WoodenHaptics),
         seconds: 1.2,
         needs_confirmation: false,
@@ -188,7 +192,7 @@ fn question_names_the_arm_of_a_board() {
         let test = DeviceTest {
             selector,
             force_n: 0.3,
-            full_scale_n: 500.0,
+            joystick: JoystickOptions::default(),
             arm: Some(arm),
             seconds: 1.0,
             needs_confirmation: true,
@@ -255,4 +259,43 @@ fn board_without_an_arm_is_only_read() {
     assert!(question.contains("name its arm (--board)") && !question.contains("push and pull"), "{question}");
     let report = test.test(device).unwrap();
     assert!(report.ticks > 500 && report.max_force_n == 0.0, "{report:?}");
+}
+
+/// Motors wired in several ways: the test names `reverse` or `use_y`, and nothing for a joystick of the right sign.
+#[test]
+fn test_of_a_joystick_names_reverse_or_use_y() {
+    use palpate_hid::simulated::{JoystickFirmware, SimulatedStick};
+    use std::sync::Mutex;
+
+    let text = include_str!("../../../palpate_hid/tests/data/openffboard_2axis.txt");
+    let words = text.lines().flat_map(|line| line.split('#').next().unwrap_or_default().split_whitespace());
+    let descriptor: Vec<u8> = words.map(|word| u8::from_str_radix(word, 16).unwrap()).collect();
+    for (wiring, advised) in [
+        ([[1.0, 0.0], [0.0, 1.0]], None),
+        ([[-1.0, 0.0], [0.0, 1.0]], Some("set `JoystickOptions::reverse` to [true, false] (--reverse x)")),
+        ([[1.0, 1.0], [0.0, 0.0]], Some("set `JoystickOptions::use_y` to false (--no-y)")),
+    ] {
+        let mut firmware = JoystickFirmware::new(&descriptor, SimulatedStick::default()).unwrap();
+        firmware.wire_motors(wiring);
+        let bus = Arc::new(SimulatedBus::default());
+        let info =
+            HidInfo { path: "/dev/stick".into(), applications: vec![Usage::new(1, 4)], ..HidInfo::default() };
+        let firmware = Arc::new(Mutex::new(firmware));
+        bus.plug(info, descriptor.clone(), Arc::clone(&firmware));
+        let joystick =
+            JoystickOptions { full_scale_n: 50.0, check_direction: false, ..JoystickOptions::default() };
+        let selector = selector("/dev/stick", false, &*bus).unwrap();
+        let test = DeviceTest { selector, joystick, ..test_of(3.8) };
+        let options = HidOptions { joystick, ..HidOptions::default() };
+        let device = HidDevice::find(bus, &test.selector, &options).unwrap();
+        let report = test.test(device).unwrap();
+        assert!(report.notes.len() == 1 && report.notes[0].contains("use_y"), "{report:?}");
+        match advised {
+            None => assert!(report.advice.is_empty(), "{report:?}"),
+            Some(option) => {
+                assert!(report.advice.len() == 1 && report.advice[0].contains(option), "{report:?}");
+            }
+        }
+        assert!(!firmware.lock().unwrap().is_on());
+    }
 }

@@ -4,6 +4,7 @@ use super::check::{Outcome, Unavailable, ensure};
 use super::enumeration::plug_all;
 use super::joystick;
 use super::virtual_device::Pace;
+use palpate_hid::simulated::SimulatedStick;
 use std::error::Error;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -35,7 +36,7 @@ pub fn run() -> Outcome {
     drop(plugged);
     let (forces, max_n) = test_joystick()?;
     Ok(format!(
-        "all {count} devices are listed by serial number; a joystick took {forces} forces up to {max_n:.2} N"
+        "all {count} devices are listed by serial number; a joystick took {forces} forces up to {max_n:.2} N, and a reversed one names its option"
     ))
 }
 
@@ -47,7 +48,10 @@ const FORCE_N: f64 = 0.2;
 #[expect(clippy::disallowed_methods, reason = "the program runs in real time")]
 fn test_joystick() -> Result<(f64, f64), Box<dyn Error>> {
     let pace = Pace::Every(Duration::from_millis(2));
-    let (_plugged, stick) = joystick::plug("tested", &joystick::OPENFFBOARD, pace)?;
+    // The emulated kernel takes about 150 reports a second, each of which advances the stick by a step.
+    let own = SimulatedStick { step_s: 6e-3, ..SimulatedStick::default() };
+    let descriptor = joystick::bytes(joystick::OPENFFBOARD.descriptor)?;
+    let (_plugged, stick) = joystick::plug_with("tested", &joystick::OPENFFBOARD, descriptor, own, pace)?;
     let of_test = [
         "devices",
         "--test",
@@ -71,6 +75,13 @@ fn test_joystick() -> Result<(f64, f64), Box<dyn Error>> {
         std::thread::sleep(Duration::from_millis(5));
     }
     let tested = testing.wait_with_output()?;
+    // The same with a motor that is wired the other way.
+    joystick::of(&stick, |stick| stick.wire_motors([[-1.0, 0.0], [0.0, 1.0]]));
+    let reversed = Command::new(PROGRAM).args(of_test).arg("--yes").output()?;
+    let shown = String::from_utf8_lossy(&reversed.stdout);
+    ensure(reversed.status.success() && shown.contains("(--reverse x)"), || {
+        format!("a reversed motor gives {}: {shown}", reversed.status)
+    })?;
     let output = String::from_utf8_lossy(&tested.stdout);
     let number = |name: &str| {
         let (_, rest) = output.split_once(&format!("\"{name}\":"))?;
@@ -79,6 +90,9 @@ fn test_joystick() -> Result<(f64, f64), Box<dyn Error>> {
     let (forces, max_n) =
         number("forces").zip(number("max_force_n")).ok_or_else(|| format!("the output is {output}"))?;
     ensure(tested.status.success() && forces > 20.0, || format!("{}: {output}", tested.status))?;
+    ensure(output.contains("\"advice\":[]") || output.contains("\"advice\": []"), || {
+        format!("a motor of the right sign gives advice: {output}")
+    })?;
     ensure(
         max_n > 0.5 * FORCE_N && max_n <= FORCE_N && applied_n <= FORCE_N * 1.01 && applied_n > 0.0,
         || format!("up to {applied_n} N were applied: {output}"),

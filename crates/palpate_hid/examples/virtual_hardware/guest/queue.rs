@@ -5,6 +5,8 @@ use super::space_mouse;
 use super::virtual_device::Pace;
 use palpate_haptics::HapticDevice;
 use palpate_hid::simulated::SpaceMouseLayout;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// Number of reports sent without reading.
@@ -16,16 +18,15 @@ pub fn run() -> Outcome {
     let (plugged, cap) = space_mouse::plug("queue", SpaceMouseLayout::Combined, Pace::Manual)?;
     let device = space_mouse::find("queue")?;
     let counters = device.counters();
-    let mut ms = 0;
-    let mut device = device.with_clock(move || {
-        ms += 1;
-        Duration::from_millis(ms)
-    });
+    let ms = Arc::<AtomicU64>::default();
+    let of_driver = Arc::clone(&ms);
+    let mut device = device.with_clock(move || Duration::from_millis(of_driver.load(Ordering::Relaxed)));
     device.open()?;
     device.read(Duration::ZERO)?;
     // Speed for a deflection, m/s.
     let speed = |count: i16| 0.1 * (f64::from(count) / 350.0 - 0.02) / (1.0 - 0.02);
     let mut read = |expected: i16| -> Outcome {
+        ms.fetch_add(1, Ordering::Relaxed);
         let reading = device.read(Duration::ZERO)?;
         let found = reading.velocity_m_per_s.ok_or("the driver gives no velocity")?.x;
         let target = speed(expected);
@@ -48,7 +49,23 @@ pub fn run() -> Outcome {
     read(300)?;
     let counted = (counters.read(), counters.skipped());
     ensure(counted == (KEPT as u64 + 1, KEPT as u64 - 1), || format!("then they are {counted:?}"))?;
+    // A stall of 400 ms, in which the cap is released and the report of it is lost.
+    let before_m = device.read(Duration::ZERO)?.position_m;
+    for count in [300; SENT as usize].into_iter().chain([0]) {
+        space_mouse::of(&cap, |cap| cap.push([count, 0, 0], [0; 3]));
+        plugged.send_report()?;
+    }
+    ms.fetch_add(400, Ordering::Relaxed);
+    let mut moved_m = 0.0;
+    for _ in 0..200 {
+        moved_m = device.read(Duration::ZERO)?.position_m.distance(before_m);
+        ms.fetch_add(1, Ordering::Relaxed);
+    }
+    ensure(moved_m == 0.0, || format!("after a lost release the point moves by {moved_m} m"))?;
     device.close()?;
     plugged.unplug();
-    Ok(format!("of {SENT} reports the oldest {KEPT} were kept, {} were skipped", KEPT - 1))
+    Ok(format!(
+        "of {SENT} reports the oldest {KEPT} were kept, {} were skipped; a lost release moves the point by {moved_m} m",
+        KEPT - 1
+    ))
 }

@@ -1,6 +1,7 @@
 //! Reports received by the simulated joystick, parsed by the descriptor independently of the driver's code, so that each checks the
 //! other.
 
+use crate::joystick::array_base::{PidArrayBases, offset};
 use crate::joystick::usages::*;
 use crate::{Field, Report, ReportDescriptor, ReportKind, Usage};
 
@@ -28,14 +29,20 @@ pub(super) struct ParsedReport<'a> {
     descriptor: &'a ReportDescriptor,
     report: &'a Report,
     data: &'a [u8],
+    bases: PidArrayBases,
 }
 
 impl<'a> ParsedReport<'a> {
-    /// Parses `bytes`; `None` without a report of that ID and length.
-    pub(super) fn of(descriptor: &'a ReportDescriptor, kind: ReportKind, bytes: &'a [u8]) -> Option<Self> {
+    /// Parses `bytes`, with arrays numbered as `bases` states; `None` without a report of that ID and length.
+    pub(super) fn of(
+        descriptor: &'a ReportDescriptor,
+        kind: ReportKind,
+        bytes: &'a [u8],
+        bases: PidArrayBases,
+    ) -> Option<Self> {
         let (&id, data) = bytes.split_first()?;
         let report = descriptor.report(kind, id).filter(|report| report.bytes() == data.len())?;
-        Some(Self { descriptor, report, data })
+        Some(Self { descriptor, report, data, bases })
     }
 
     fn around(&self, field: &Field, usage: Usage) -> bool {
@@ -59,10 +66,24 @@ impl<'a> ParsedReport<'a> {
 
     pub(super) fn is_set(&self, named: Named) -> bool {
         self.field(named).is_some_and(|field| match field.get(self.data) {
-            Some(value) if field.is_array => field.usage_of(value) == Some(named.usage),
+            Some(value) if field.is_array => {
+                field.usage_of(value - self.array_offset(field)) == Some(named.usage)
+            }
             Some(value) => value != 0,
             None => false,
         })
+    }
+
+    /// Difference of the firmware's numbers from those that the Logical Minimum of an array gives.
+    fn array_offset(&self, field: &Field) -> i64 {
+        let base = if self.belongs_to(CONTROL) {
+            self.bases.control
+        } else if self.belongs_to(OPERATION_REPORT) {
+            self.bases.operation
+        } else {
+            self.bases.effect_type
+        };
+        offset(field, base)
     }
 
     /// Whether all bits of a field are set.
