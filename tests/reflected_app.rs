@@ -50,6 +50,7 @@ const REFLECTED: [(&str, &[&str]); 6] = [
             "MeshShape",
             "ToolContactPoint",
             "ToolCoupling",
+            "TrajectoryAsset",
         ],
     ),
     (
@@ -83,7 +84,7 @@ const REFLECTED: [(&str, &[&str]); 6] = [
 ];
 
 /// Types without reflection: simulated bodies and reports about meshes, loops and devices, errors, plugins, schedules and sets.
-const NOT_REFLECTED: [&str; 24] = [
+const NOT_REFLECTED: [&str; 25] = [
     "BodyPlugin",
     "DeviceFault",
     "FaultLogPlugin",
@@ -107,6 +108,7 @@ const NOT_REFLECTED: [&str; 24] = [
     "ToolLoop",
     "ToolPlugin",
     "ToolSizeFault",
+    "TrajectoryLoader",
     "prelude",
 ];
 

@@ -6,10 +6,11 @@ mod slow_step;
 pub use no_force::NoForceCause;
 pub use slow_step::{SlowStep, StepPart};
 
+use bevy::asset::AssetLoadError;
 use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
 use palpate_body::BodyError;
-use palpate_haptics::{BlackBoxError, DeviceError, HapticsError, LoopEventKind, TrajectoryError};
+use palpate_haptics::{BlackBoxError, DeviceError, HapticsError, LoopEventKind};
 use palpate_reduce::ReduceError;
 use std::sync::Arc;
 use thiserror::Error;
@@ -334,9 +335,20 @@ pub enum DeviceFault {
         /// The registered names, separated by commas.
         known: String,
     },
-    /// The file of a recorded trajectory cannot be read.
-    #[error("the recorded trajectory cannot be read")]
-    Trajectory(#[from] TrajectoryError),
+    /// A recorded trajectory cannot be loaded.
+    #[error("the recorded trajectory cannot be loaded")]
+    Trajectory(#[source] Arc<AssetLoadError>),
+    /// A recorded trajectory has not been loaded for 5 s. The tool starts once it is.
+    #[error(
+        "the recorded trajectory {trajectory} is not loaded; load it with AssetServer::load, or add it to Assets<TrajectoryAsset>"
+    )]
+    TrajectoryNotLoaded {
+        /// Path of the trajectory, or its number if it has none.
+        trajectory: String,
+    },
+    /// The app has no trajectories.
+    #[error("the app has no assets; add Bevy's AssetPlugin, or register a ReplayDevice in HapticDevices")]
+    NoTrajectories,
     /// The registered function failed.
     #[error("the device could not be created")]
     Make(#[source] Box<dyn std::error::Error + Send + Sync>),

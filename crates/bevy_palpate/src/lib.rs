@@ -44,7 +44,7 @@
 //! * Tools: [`HapticTool`] with [`ToolSettings`] and [`ToolCoupling`]; [`ToolGrasp`] for tools that hold; results [`ToolForce`],
 //!   [`TouchedBody`], [`GraspedPoint`], [`ForceError`], [`LocalModelStats`], [`LoopTiming`]; messages and events [`ContactStart`],
 //!   [`ContactEnd`], [`GraspStart`], [`GraspEnd`]; every tick in [`TickRecording`], the last ones in [`BlackBoxDump`].
-//! * Devices: [`DeviceSelector`], [`HapticDevices`], [`HidSelector`]; with the feature `window` `MouseDevicePlugin`.
+//! * Devices: [`DeviceSelector`], [`HapticDevices`], [`HidSelector`], recorded trajectories [`TrajectoryAsset`]; with the feature `window` `MouseDevicePlugin`.
 //! * Time: [`ModelSchedule`], [`HapticSystems`], [`ModelRate`], [`LoopMode`], [`HapticSchedulePlugin`].
 //! * Faults: [`HapticFault`], [`FaultSeverity`], [`NoForceCause`]. Costs and errors as diagnostics: [`HapticDiagnosticsPlugin`].
 //! * Tests: [`testing`].
@@ -106,7 +106,9 @@ pub use body::{
     BodyPlugin, BodyReady, BodyRegion, BodyState, BoxFace, ContactCompliance, DeformableBody, FixedRegion,
     Inclusion, Inclusions, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,
 };
-pub use device::{DeviceSelector, HapticDevices, HidDeviceKind, HidSelector};
+pub use device::{
+    DeviceSelector, HapticDevices, HidDeviceKind, HidSelector, TrajectoryAsset, TrajectoryLoader,
+};
 pub use diagnostics::HapticDiagnosticsPlugin;
 pub use fault::{
     DeviceFault, FaultSeverity, HapticFault, HapticFaultKind, MeshFault, NoForceCause, SlowStep, StepPart,

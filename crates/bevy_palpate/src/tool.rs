@@ -18,6 +18,7 @@ mod settings;
 mod size;
 mod start;
 mod tool_loop;
+mod trajectories;
 mod transform;
 mod write_results;
 
@@ -33,7 +34,7 @@ pub use results::{
 pub use tool_loop::ToolLoop;
 
 use crate::cost::FrameCost;
-use crate::device::HapticDevices;
+use crate::device::{HapticDevices, TrajectoryAsset, add_trajectory_assets};
 use crate::fault::{FaultSeverity, HapticFault};
 use crate::schedule::{
     HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, LoopMode, ModelRate, ModelSchedule,
@@ -52,6 +53,7 @@ impl Plugin for ToolPlugin {
     fn build(&self, app: &mut App) {
         let cost = FrameCost::of(app);
         let times = StepTimes::of(app);
+        add_trajectory_assets(app);
         app.init_resource::<HapticDevices>()
             .register_type::<HapticTool>()
             .register_type::<ToolSettings>()
@@ -71,6 +73,7 @@ impl Plugin for ToolPlugin {
             .register_type::<GraspStart>()
             .register_type::<GraspEnd>()
             .register_type::<ToolContactPoint>()
+            .register_type::<TrajectoryAsset>()
             .add_message::<HapticFault>()
             .add_message::<ContactStart>()
             .add_message::<ContactEnd>()
@@ -127,6 +130,8 @@ impl Plugin for ToolPlugin {
     }
 
     fn finish(&self, app: &mut App) {
+        // AssetPlugin may have been added later.
+        add_trajectory_assets(app);
         // Without the plugin the schedule, its rate and its mode take their defaults.
         if !app.world().contains_resource::<ModelRate>() || !app.world().contains_resource::<LoopMode>() {
             app.add_plugins(HapticSchedulePlugin::default());

@@ -184,7 +184,7 @@ fn tool_grasps_only_with_the_mouse() {
     let mouse = DeviceSelector::named(MouseDevicePlugin::NAME);
     set_device(&mut app, mouse.clone());
     assert!(grasps(&mut app));
-    set_device(&mut app, DeviceSelector::replay("hand-1.csv"));
+    set_device(&mut app, DeviceSelector::replay(Handle::default()));
     assert!(grasps(&mut app), "a recording of the mouse keeps the grasp");
     set_device(&mut app, DeviceSelector::named("hand"));
     assert!(!grasps(&mut app));

@@ -12,7 +12,7 @@ use super::state::HapticPanel;
 use super::theme;
 use super::tool_history::ToolHistory;
 use crate::body::{SimulatedBody, Tissue};
-use crate::device::HapticDevices;
+use crate::device::{HapticDevices, TrajectoryAsset};
 use crate::schedule::ModelRate;
 use crate::tool::{ForceError, HapticTool, LocalModelStats, LoopTiming, ToolForce, ToolLoop, ToolSettings};
 use bevy::ecs::query::QueryData;
@@ -48,6 +48,7 @@ pub struct HapticWidgets<'w, 's> {
     tools: Query<'w, 's, Shown>,
     bodies: Query<'w, 's, (&'static SimulatedBody, &'static mut Tissue, Option<&'static Name>)>,
     devices: Res<'w, HapticDevices>,
+    trajectories: Option<ResMut<'w, Assets<TrajectoryAsset>>>,
     rate: ResMut<'w, ModelRate>,
     time: Res<'w, Time<Real>>,
     points: Local<'s, CurvePoints>,
@@ -369,7 +370,7 @@ impl HapticWidgets<'_, '_> {
             }
             let device = tool.1.device.clone();
             if replay {
-                recorder.replay(tool, view.file.clone(), &self.devices);
+                recorder.replay(tool, &view.file, self.trajectories.as_deref_mut());
             } else if back {
                 recorder.restore_device(tool);
             }
