@@ -5,10 +5,11 @@ use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    BodyReady, BodyState, FaultSeverity, GraspEnd, GraspStart, HapticFaultKind, ModelStepCount,
-    SimulatedBody, ToolContactPoint, ToolPlugin, testing,
+    BodyReady, BodyState, DeviceSelector, FaultSeverity, GraspEnd, GraspStart, HapticFaultKind,
+    HapticSchedulePlugin, HidSelector, LoopMode, ModelRate, ModelSchedule, ModelStepCount, SimulatedBody,
+    ToolContactPoint, ToolCoupling, ToolPlugin, testing,
 };
-use palpate_haptics::LoopEventKind;
+use palpate_haptics::{LoopEventKind, Reading, ScriptedDevice};
 use palpate_tests::app::{
     assert_no_faults, collect_messages, force_n, lockstep_app, pressing_hand, spawn_block, spawn_scene,
     spawn_tool, step, take_faults, take_kinds, update_until,

@@ -44,7 +44,8 @@ pub mod app {
     use bevy::prelude::*;
     use bevy::time::TimeUpdateStrategy;
     use bevy_palpate::prelude::*;
-    use bevy_palpate::{HapticFaultKind, NoForceCause};
+    use bevy_palpate::{HapticFaultKind, HapticSchedulePlugin, LoopMode, NoForceCause};
+    use palpate_haptics::{HapticDevice, Reading, ScriptedDevice};
     use std::time::Duration;
 
     /// Faults of an app, in order.

@@ -2,9 +2,12 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{DeviceFault, HapticFaultKind, ModelStepCount, SimulatedBody, TickRecording, ToolLoop};
+use bevy_palpate::{
+    DeviceFault, DeviceSelector, ForceError, HapticFaultKind, HapticSchedulePlugin, HapticSystems, LoopMode,
+    ModelRate, ModelSchedule, ModelStepCount, SimulatedBody, TickRecording, ToolLoop,
+};
 use palpate_body::BodyError;
-use palpate_haptics::HapticsError;
+use palpate_haptics::{HapticsError, Reading, ScriptedDevice};
 use palpate_laws::LawError;
 use palpate_tests::app::Contact::{End, Start};
 use palpate_tests::app::{

@@ -4,9 +4,11 @@ use bevy::asset::{AssetPlugin, Handle};
 use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticFaultKind, NoForceCause};
+use bevy_palpate::{ContactState, DeviceSelector, HapticFaultKind, NoForceCause};
 use glam::DQuat;
-use palpate_haptics::{DeviceDescription, DeviceError};
+use palpate_haptics::{
+    DeviceDescription, DeviceError, HapticDevice, Reading, SafetySettings, ScriptedDevice,
+};
 use palpate_tests::app::{
     assert_no_faults, force_n, lockstep_app, pressing_hand, spawn_block, spawn_scene, spawn_tool, step,
     take_causes, take_faults, take_kinds,

@@ -2,8 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{SimulatedBody, TickRecording};
-use palpate_haptics::{DeviceDescription, DeviceError, TickRecord};
+use bevy_palpate::{HapticSystems, LoopTiming, ModelSchedule, SimulatedBody, TickRecording};
+use palpate_haptics::{DeviceDescription, DeviceError, HapticDevice, Reading, ScriptedDevice, TickRecord};
 use palpate_tests::app::{assert_no_faults, collect_messages, lockstep_app, spawn_tool, step, update_until};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -3,9 +3,12 @@
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    FaultSeverity, HapticFaultKind, ModelStepCount, SimulatedBody, SlowStep, TickRecording, ToolLoop,
+    FaultSeverity, HapticFaultKind, HapticSystems, ModelSchedule, ModelStepCount, SimulatedBody, SlowStep,
+    TickRecording, ToolLoop,
 };
-use palpate_haptics::{DeviceDescription, DeviceError, LoopEventKind, TickRecord};
+use palpate_haptics::{
+    DeviceDescription, DeviceError, HapticDevice, LoopEventKind, Reading, ScriptedDevice, TickRecord,
+};
 use palpate_tests::app::Contact::{End, Start};
 use palpate_tests::app::{
     collect_messages, contacts, force_n, spawn_block, spawn_tool, take_faults, take_kinds, update_until,

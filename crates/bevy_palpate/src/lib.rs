@@ -9,6 +9,7 @@
 //!
 //! ```
 //! use bevy::prelude::*;
+//! use bevy_palpate::palpate_haptics::{Reading, ScriptedDevice};
 //! use bevy_palpate::{prelude::*, testing};
 //!
 //! fn setup(mut commands: Commands, mut devices: ResMut<HapticDevices>) {
@@ -36,7 +37,8 @@
 //!
 //! # Contents
 //!
-//! The [guide] goes from the first body to a driver of your own. The items by topic:
+//! The [guide] goes from the first body to a driver of your own. The items by topic; the [`prelude`] has those that nearly every app names,
+//! all others are at the root of the crate:
 //!
 //! * Bodies: [`DeformableBody`], a block or any closed mesh, with [`Tissue`], [`FixedRegion`], [`Inclusions`], [`Slit`] and
 //!   [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`].
@@ -44,9 +46,11 @@
 //! * Tools: [`HapticTool`] with [`ToolSettings`] and [`ToolCoupling`]; [`ToolGrasp`] for tools that hold; results [`ToolForce`],
 //!   [`TouchedBody`], [`GraspedPoint`], [`ForceError`], [`LocalModelStats`], [`LoopTiming`]; messages and events [`ContactStart`],
 //!   [`ContactEnd`], [`GraspStart`], [`GraspEnd`]; every tick in [`TickRecording`], the last ones in [`BlackBoxDump`].
-//! * Devices: [`DeviceSelector`], [`HapticDevices`], [`HidSelector`], recorded trajectories [`TrajectoryAsset`]; with the feature `window` `MouseDevicePlugin`.
-//! * Time: [`ModelSchedule`], [`HapticSystems`], [`ModelRate`], [`LoopMode`], [`HapticSchedulePlugin`].
-//! * Faults: [`HapticFault`], [`FaultSeverity`], [`NoForceCause`]. Costs and errors as diagnostics: [`HapticDiagnosticsPlugin`].
+//! * Devices: [`DeviceSelector`], [`HapticDevices`], [`HidSelector`], recorded trajectories [`TrajectoryAsset`]; with the feature
+//!   `window` `MouseDevicePlugin`.
+//! * Time: [`ModelSchedule`], [`HapticSystems`], [`ModelRate`], [`ModelStepCount`], [`LoopMode`], [`HapticSchedulePlugin`].
+//! * Faults: [`HapticFault`] with [`HapticFaultKind`] and [`FaultSeverity`], [`NoForceCause`]. Costs and errors as diagnostics:
+//!   [`HapticDiagnosticsPlugin`].
 //! * Tests: [`testing`].
 //! * Display: `HapticPanelPlugin` with `HapticPanel` and `HapticWidgets` (feature `panel`), `HapticGizmosPlugin` with `HapticGizmos`
 //!   (feature `gizmos`).
@@ -136,20 +140,15 @@ pub use tool::{
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// What an app with haptic bodies needs.
+/// What nearly every app with haptic bodies names: the plugins, the components of bodies, tools and sutures, their messages, and the values
+/// in them. Everything else is at the root of the crate or of [`palpate_haptics`]; the [front page](crate#contents) lists it.
 pub mod prelude {
     pub use crate::{
-        BodyRegion, BoxFace, ContactCompliance, ContactEnd, ContactStart, ContactState, DeformableBody,
-        DeviceSelector, FaultLogPlugin, FixedRegion, ForceError, GraspedPoint, HapticDevices, HapticFault,
-        HapticSchedulePlugin, HapticSystems, HapticTool, HidDeviceKind, HidSelector, Inclusion, Inclusions,
-        LocalModelStats, LoopMode, LoopTiming, MeshShape, ModelRate, ModelSchedule, PalpatePlugins, Slit,
-        Suture, SutureForce, SutureTorn, Tissue, ToolCoupling, ToolForce, ToolGrasp, ToolSettings,
-        TouchedBody,
+        BodyReady, BoxFace, ContactEnd, ContactStart, DeformableBody, FixedRegion, GraspEnd, GraspStart,
+        GraspedPoint, HapticDevices, HapticFault, HapticTool, PalpatePlugins, Suture, SutureForce,
+        SutureTorn, Tissue, ToolForce, ToolGrasp, ToolSettings, TouchedBody,
     };
-    pub use glam::{DQuat, DVec3};
+    pub use glam::DVec3;
     pub use palpate_body::ToolShape;
-    pub use palpate_haptics::{
-        DeviceFrame, HapticDevice, Reading, SafetySettings, ScriptedDevice, VelocityEstimator,
-    };
     pub use palpate_local::Scheme;
 }

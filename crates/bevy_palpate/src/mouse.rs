@@ -206,9 +206,12 @@ fn target_on_ray(ray: Ray3d, target_m: Vec3, forward: Dir3, away_m: f32) -> Opti
 mod tests {
     use super::*;
     use crate::prelude::*;
+    use crate::{HapticSchedulePlugin, LoopMode};
     use bevy::camera::{RenderTargetInfo, Viewport};
     use bevy::time::TimeUpdateStrategy;
     use bevy::window::WindowResolution;
+    use glam::DQuat;
+    use palpate_haptics::DeviceFrame;
     use std::time::Duration;
 
     /// A camera half a metre in front of the origin, a window of 400 by 400 pixels, and a tool with the mouse.

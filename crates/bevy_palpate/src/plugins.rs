@@ -24,7 +24,7 @@ use bevy::prelude::*;
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// use bevy_palpate::prelude::*;
+/// use bevy_palpate::{FaultLogPlugin, HapticSchedulePlugin, LoopMode, prelude::*};
 /// # let mut app = App::new();
 /// app.add_plugins(MinimalPlugins).add_plugins(
 ///     PalpatePlugins

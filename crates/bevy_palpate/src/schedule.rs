@@ -161,7 +161,7 @@ impl ModelClock {
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// use bevy_palpate::prelude::*;
+/// use bevy_palpate::{HapticSchedulePlugin, ModelRate, prelude::*};
 /// # let mut app = App::new();
 /// let schedule = HapticSchedulePlugin::default().with_rate(ModelRate::from_hz(25.0)).in_schedule(FixedPostUpdate);
 /// app.add_plugins((MinimalPlugins, PalpatePlugins.set(schedule)));

@@ -2,6 +2,7 @@
 //!
 //! ```
 //! use bevy::prelude::*;
+//! use bevy_palpate::palpate_haptics::{Reading, ScriptedDevice};
 //! use bevy_palpate::{prelude::*, testing};
 //!
 //! // A test of a scene: a tool presses 5 mm into a block, and the block pushes back.

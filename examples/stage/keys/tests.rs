@@ -3,8 +3,9 @@
 use super::*;
 use crate::{HandTime, SceneTime, SetUpHands, SetUpScene, Stage, register_hand};
 use bevy::input::mouse::AccumulatedMouseScroll;
-use bevy_palpate::{ModelStepCount, ToolLoop};
+use bevy_palpate::{HidSelector, LoopMode, ModelRate, ModelStepCount, ToolLoop};
 use clap::Parser;
+use palpate_haptics::{DeviceFrame, Reading};
 
 #[derive(Parser)]
 struct Options {

@@ -17,7 +17,7 @@ use palpate_haptics::{CsvError, Trajectory, TrajectoryError};
 ///
 /// ```
 /// use bevy::prelude::*;
-/// use bevy_palpate::{TrajectoryAsset, palpate_haptics::Trajectory, prelude::*};
+/// use bevy_palpate::{DeviceSelector, TrajectoryAsset, palpate_haptics::Trajectory, prelude::*};
 ///
 /// fn setup(mut commands: Commands, assets: Res<AssetServer>, mut trajectories: ResMut<Assets<TrajectoryAsset>>) {
 ///     // The folder is Bevy's: `assets` next to `Cargo.toml`, or next to the program.

@@ -54,7 +54,7 @@ impl HapticTool {
     /// that name in [`HapticDevices`](crate::HapticDevices).
     ///
     /// ```
-    /// use bevy_palpate::prelude::*;
+    /// use bevy_palpate::{DeviceSelector, prelude::*};
     ///
     /// let tool = HapticTool::new("hand").with_shape(ToolShape::Sphere { radius_m: 0.01 }).with_friction(0.0);
     /// assert_eq!(tool.device, DeviceSelector::named("hand"));

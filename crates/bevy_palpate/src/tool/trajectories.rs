@@ -78,10 +78,11 @@ mod tests {
     use crate::prelude::*;
     use crate::testing;
     use crate::tool::ToolLoop;
+    use crate::{DeviceSelector, HapticSchedulePlugin, LoopMode};
     use bevy::asset::io::memory::{Dir, MemoryAssetReader};
     use bevy::asset::io::{AssetSourceBuilder, AssetSourceId};
     use bevy::time::TimeUpdateStrategy;
-    use palpate_haptics::Trajectory;
+    use palpate_haptics::{Reading, ScriptedDevice, Trajectory};
     use std::path::Path;
     use std::time::Duration;
 

@@ -71,6 +71,9 @@ fn gap_in_the_samples_repeats_the_last_reading() {
 /// An app in lock step with a block and a tool with a grasp, moved by `device`.
 fn grasping_app(device: DeviceSelector) -> (App, Entity) {
     use crate::prelude::*;
+    use crate::{HapticSchedulePlugin, LoopMode};
+    use glam::DQuat;
+    use palpate_haptics::{Reading, ScriptedDevice};
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, AssetPlugin::default()))
         .add_plugins(PalpatePlugins.set(HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep)))
