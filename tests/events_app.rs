@@ -9,7 +9,7 @@ use bevy_palpate::{
     HapticSchedulePlugin, HidSelector, LoopMode, ModelRate, ModelSchedule, ModelStepCount, SimulatedBody,
     ToolContactPoint, ToolCoupling, ToolPlugin, testing,
 };
-use palpate_haptics::{LoopEventKind, Reading, ScriptedDevice};
+use palpate_haptics::{DeviceError, LoopEventKind, Reading, ScriptedDevice};
 use palpate_tests::app::{
     assert_no_faults, collect_messages, force_n, lockstep_app, pressing_hand, spawn_block, spawn_scene,
     spawn_tool, step, take_faults, take_kinds, update_until,
@@ -102,7 +102,7 @@ fn block_is_ready_rejected_and_ready_again() {
     app.world_mut().get_mut::<Tissue>(body).unwrap().density_kg_per_m3 = -1.0;
     app.update();
     let faults = take_faults(&mut app);
-    let [HapticFault { entity: Some(entity), kind }] = &faults[..] else { panic!("{faults:?}") };
+    let [HapticFault { entity: Some(entity), kind, .. }] = &faults[..] else { panic!("{faults:?}") };
     assert_eq!((*entity, state(&app, body)), (body, BodyState::Rejected(kind.report())));
     assert_eq!((epoch(&app), events(&mut app)), (first, vec![Fault(Some(body), FaultSeverity::Error)]));
     app.world_mut().get_mut::<Tissue>(body).unwrap().density_kg_per_m3 = 900.0;
@@ -304,9 +304,29 @@ fn severities_are_ordered_and_follow_the_kind() {
         (HapticFaultKind::NonFiniteTransform, FaultSeverity::Error),
         (HapticFaultKind::LoopEnded, FaultSeverity::Error),
     ] {
-        let fault = HapticFault { entity: None, kind };
+        let fault = HapticFault::new(None, kind);
         assert_eq!((fault.severity(), fault.kind.severity()), (expected, expected), "{fault:?}");
     }
+}
+
+/// A device that fails once in 100 ms: each failure and each recovery is an event of the loop.
+#[test]
+fn failure_ten_times_a_second_is_reported_once_in_five_seconds() {
+    let mut app = lockstep_app();
+    let tool = spawn_tool(&mut app, || {
+        ScriptedDevice::new(|n, _| match n % 100 {
+            50 => Err(DeviceError::Protocol("a test")),
+            _ => Ok(Reading::at(DVec3::Y)),
+        })
+    });
+    step(&mut app, 240);
+    let is_failure = |fault: &HapticFault| {
+        fault.entity == Some(tool)
+            && matches!(fault.kind, HapticFaultKind::Loop(LoopEventKind::DeviceFailed(_)))
+    };
+    let faults: Vec<HapticFault> = take_faults(&mut app).into_iter().filter(is_failure).collect();
+    let counts: Vec<u32> = faults.iter().map(|fault| fault.suppressed_count).collect();
+    assert!(matches!(counts[..], [0, 45..=55, 45..=55]), "{counts:?}");
 }
 
 #[test]

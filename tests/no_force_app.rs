@@ -241,7 +241,8 @@ fn reports_a_selected_entity_without_body_only_once() {
     app.world_mut().get_mut::<HapticTool>(tool).unwrap().body = Some(tool);
     step(&mut app, 40);
     let faults = take_faults(&mut app);
-    let [HapticFault { entity: Some(entity), kind: HapticFaultKind::NotABody { body } }] = faults[..] else {
+    let [HapticFault { entity: Some(entity), kind: HapticFaultKind::NotABody { body }, .. }] = faults[..]
+    else {
         panic!("{faults:?}")
     };
     assert_eq!((entity, body), (tool, tool));

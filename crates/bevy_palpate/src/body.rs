@@ -25,7 +25,7 @@ pub use state::{BodyReady, BodyState};
 pub use tissue::{Inclusion, Inclusions, Tissue};
 
 use crate::cost::FrameCost;
-use crate::fault::HapticFault;
+use crate::fault::add_faults;
 use crate::schedule::HapticUpdateSystems;
 use bevy::asset::AssetEventSystems;
 use bevy::prelude::*;
@@ -37,6 +37,7 @@ pub struct BodyPlugin;
 
 impl Plugin for BodyPlugin {
     fn build(&self, app: &mut App) {
+        add_faults(app);
         let cost = FrameCost::of(app);
         app.register_type::<DeformableBody>()
             .register_type::<Tissue>()
@@ -47,7 +48,6 @@ impl Plugin for BodyPlugin {
             .register_type::<Slit>()
             .register_type::<BodyState>()
             .register_type::<BodyReady>()
-            .add_message::<HapticFault>()
             .add_message::<BodyReady>()
             .add_systems(
                 PreUpdate,

@@ -2,11 +2,14 @@
 
 mod no_force;
 mod slow_step;
+mod writer;
 
 pub use no_force::NoForceCause;
 pub use slow_step::{SlowStep, StepPart};
+pub(crate) use writer::{FaultLimits, FaultWriter, add_faults};
 
 use bevy::asset::AssetLoadError;
+use bevy::log::Level;
 use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
 use palpate_body::BodyError;
@@ -19,6 +22,9 @@ use thiserror::Error;
 ///
 /// A fault is a message, and an event for observers, which run in [`Last`]. [`FaultLogPlugin`](crate::FaultLogPlugin) writes faults to the
 /// log; with `MinimalPlugins` add Bevy's `LogPlugin` to see them.
+///
+/// Faults that recur by themselves, such as lost samples, missed deadlines or a stale local model, are written at most once in 5 s of real
+/// time for each entity and kind; [`Self::suppressed_count`] counts the others.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -40,9 +46,27 @@ pub struct HapticFault {
     pub entity: Option<Entity>,
     /// The fault, with its cause.
     pub kind: HapticFaultKind,
+    /// Number of faults of the same entity and kind that were suppressed since the last one that was written.
+    pub suppressed_count: u32,
 }
 
 impl HapticFault {
+    /// Returns a fault without suppressed ones.
+    #[must_use]
+    pub fn new(entity: Option<Entity>, kind: HapticFaultKind) -> Self {
+        Self { entity, kind, suppressed_count: 0 }
+    }
+
+    /// The fault's message and those of its causes as one line, with the number of suppressed faults.
+    #[must_use]
+    pub fn report(&self) -> String {
+        let report = self.kind.report();
+        match self.suppressed_count {
+            0 => report,
+            count => format!("{report} (and {count} more since the last report)"),
+        }
+    }
+
     /// Severity of the fault.
     #[must_use]
     pub fn severity(&self) -> FaultSeverity {
@@ -428,15 +452,48 @@ impl HapticFaultKind {
     }
 }
 
-/// Writes every fault to the log as a warning; missed deadlines, which a busy machine produces, at debug level.
+/// Writes every fault to the log: errors as errors, others as warnings; missed deadlines, which a busy machine produces, at debug level.
 pub(crate) fn log_faults(mut faults: MessageReader<HapticFault>) {
-    for HapticFault { entity, kind } in faults.read() {
-        match entity {
-            Some(entity) if matches!(kind, HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(_))) => {
-                debug!("{entity}: {}", kind.report());
-            }
-            Some(entity) => warn!("{entity}: {}", kind.report()),
-            None => warn!("{}", kind.report()),
+    for fault in faults.read() {
+        let of = fault.entity.map(|entity| format!("{entity}: ")).unwrap_or_default();
+        match log_level(fault) {
+            Level::ERROR => error!("{of}{}", fault.report()),
+            Level::DEBUG => debug!("{of}{}", fault.report()),
+            _ => warn!("{of}{}", fault.report()),
         }
+    }
+}
+
+/// Level at which the fault is logged.
+fn log_level(fault: &HapticFault) -> Level {
+    match fault.severity() {
+        FaultSeverity::Error => Level::ERROR,
+        _ if matches!(fault.kind, HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(_))) => Level::DEBUG,
+        FaultSeverity::Warning | FaultSeverity::Load => Level::WARN,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_logged_as_errors_and_degraded_states_as_warnings() {
+        for (kind, level) in [
+            (HapticFaultKind::LoopEnded, Level::ERROR),
+            (HapticFaultKind::InvertedCells { cells: 2 }, Level::WARN),
+            (HapticFaultKind::SamplesLost { lost: 1 }, Level::WARN),
+            (HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(3)), Level::DEBUG),
+        ] {
+            assert_eq!(log_level(&HapticFault::new(None, kind.clone())), level, "{kind}");
+        }
+    }
+
+    #[test]
+    fn report_has_the_number_of_suppressed_faults() {
+        let fault = HapticFault::new(None, HapticFaultKind::SamplesLost { lost: 1 });
+        assert_eq!(fault.report(), fault.kind.report());
+        let report = HapticFault { suppressed_count: 29, ..fault }.report();
+        assert!(report.ends_with("(and 29 more since the last report)"), "{report}");
     }
 }

@@ -1,7 +1,7 @@
 //! The schedule of the model steps, its rate and the mode of the loops.
 
 use crate::cost::{FrameCost, timed};
-use crate::fault::{HapticFault, HapticFaultKind};
+use crate::fault::{FaultWriter, HapticFaultKind, add_faults};
 use crate::step_times::StepTimes;
 use bevy::app::{RunFixedMainLoop, RunFixedMainLoopSystems};
 use bevy::ecs::schedule::{InternedScheduleLabel, LogLevel, ScheduleBuildSettings, ScheduleLabel};
@@ -268,6 +268,7 @@ impl ModelOverstep<'_> {
 
 impl Plugin for HapticSchedulePlugin {
     fn build(&self, app: &mut App) {
+        add_faults(app);
         // Keeps systems that have already been added to the schedule.
         app.edit_schedule(ModelSchedule, |schedule| {
             schedule.set_build_settings(ScheduleBuildSettings {
@@ -296,7 +297,6 @@ impl Plugin for HapticSchedulePlugin {
             .register_type::<ModelRate>()
             .register_type::<LoopMode>()
             .register_type::<ModelStepCount>()
-            .add_message::<HapticFault>()
             .add_systems(RunFixedMainLoop, start_frame.in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop))
             .add_systems(self.schedule, cost.timed(run_model_steps))
             .configure_sets(PreUpdate, (HapticUpdateSystems::Bodies, HapticUpdateSystems::Tools).chain())
@@ -338,11 +338,11 @@ fn report_time_scale(
     time: Res<Time<Virtual>>,
     mode: Res<LoopMode>,
     mut last: Local<Option<f64>>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     let speed = time.relative_speed_f64();
     if last.replace(speed) != Some(speed) && speed != 1.0 && *mode == LoopMode::Threaded {
-        faults.write(HapticFault { entity: None, kind: HapticFaultKind::UnsupportedTimeScale { speed } });
+        faults.write(None, HapticFaultKind::UnsupportedTimeScale { speed });
     }
 }
 

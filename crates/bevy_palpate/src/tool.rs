@@ -35,7 +35,7 @@ pub use tool_loop::ToolLoop;
 
 use crate::cost::FrameCost;
 use crate::device::{HapticDevices, TrajectoryAsset, add_trajectory_assets};
-use crate::fault::{FaultSeverity, HapticFault};
+use crate::fault::{FaultSeverity, HapticFault, add_faults};
 use crate::schedule::{
     HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, LoopMode, ModelRate, ModelSchedule,
 };
@@ -51,6 +51,7 @@ pub struct ToolPlugin;
 
 impl Plugin for ToolPlugin {
     fn build(&self, app: &mut App) {
+        add_faults(app);
         let cost = FrameCost::of(app);
         let times = StepTimes::of(app);
         add_trajectory_assets(app);
@@ -74,7 +75,6 @@ impl Plugin for ToolPlugin {
             .register_type::<GraspEnd>()
             .register_type::<ToolContactPoint>()
             .register_type::<TrajectoryAsset>()
-            .add_message::<HapticFault>()
             .add_message::<ContactStart>()
             .add_message::<ContactEnd>()
             .add_message::<GraspStart>()

@@ -4,7 +4,7 @@ use super::components::ToolSettings;
 use super::results::TickRecording;
 use super::tool_loop::ToolLoop;
 use crate::body::SimulatedBody;
-use crate::fault::{HapticFault, HapticFaultKind};
+use crate::fault::{FaultWriter, HapticFaultKind};
 use crate::schedule::{LoopMode, ModelPeriod};
 use bevy::prelude::*;
 use palpate_haptics::{LoopSettings, SafetySettings};
@@ -14,16 +14,13 @@ use palpate_local::ModelId;
 pub(super) fn validate_settings(
     mut tools: Query<(Entity, &ToolSettings, &mut ToolLoop), Changed<ToolSettings>>,
     period: ModelPeriod,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     for (entity, settings, mut tool) in &mut tools {
         match loop_settings(settings, tool.device_safety, period.s()).validate() {
             Ok(()) => tool.settings = *settings,
             Err(error) => {
-                faults.write(HapticFault {
-                    entity: Some(entity),
-                    kind: HapticFaultKind::Settings(error.into()),
-                });
+                faults.write(entity, HapticFaultKind::Settings(error.into()));
             }
         }
     }

@@ -8,7 +8,7 @@ use super::settings::loop_settings;
 use super::tool_loop::{Driver, ToolLoop};
 use super::trajectories::Trajectories;
 use crate::device::HapticDevices;
-use crate::fault::{DeviceFault, HapticFault, HapticFaultKind};
+use crate::fault::{DeviceFault, FaultWriter, HapticFaultKind};
 use crate::schedule::{LoopMode, ModelPeriod};
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
@@ -54,7 +54,7 @@ pub(super) fn start_loops(
     mode: Res<LoopMode>,
     period: ModelPeriod,
     (time, mut waiting): (Option<Res<Time<Real>>>, Local<Vec<RetryStart>>),
-    (mut ends, mut faults): (MessageWriter<ContactEnd>, MessageWriter<HapticFault>),
+    (mut ends, mut faults): (MessageWriter<ContactEnd>, FaultWriter),
 ) {
     let now_s = time.map_or(0.0, |time| time.elapsed_secs_f64());
     trajectories.update();
@@ -71,7 +71,7 @@ pub(super) fn start_loops(
         }
         let retry = retry.map(|i| waiting.swap_remove(i));
         let mut fault = |kind| {
-            faults.write(HapticFault { entity: Some(entity), kind });
+            faults.write(entity, kind);
         };
         let contact = match tool.contact() {
             Ok(contact) => contact,
