@@ -398,7 +398,7 @@ fn invalid_settings_are_reported_once_and_the_previous_ones_stay() {
         let mut app = lockstep_app();
         let (body, tool) = spawn_scene(&mut app, Scheme::Tangent, pressing_hand);
         step(&mut app, 10);
-        app.world_mut().get_mut::<ToolSettings>(tool).unwrap().safety.max_slew_n_per_s = bad;
+        app.world_mut().get_mut::<ToolSettings>(tool).unwrap().safety.max_slew_n_per_s = Some(bad);
         app.world_mut().get_mut::<Tissue>(body).unwrap().youngs_modulus_pa *= 1.1;
         step(&mut app, 4);
         let kinds = take_kinds(&mut app);

@@ -48,6 +48,7 @@ const REFLECTED: [(&str, &[&str]); 6] = [
             "HidDeviceKind",
             "Inclusion",
             "MeshShape",
+            "SafetyOverrides",
             "ToolContactPoint",
             "ToolCoupling",
             "TrajectoryAsset",

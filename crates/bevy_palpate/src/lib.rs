@@ -43,9 +43,9 @@
 //! * Bodies: [`DeformableBody`], a block or any closed mesh, with [`Tissue`], [`FixedRegion`], [`Inclusions`], [`Slit`] and
 //!   [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`].
 //! * Sutures: [`Suture`]; result [`SutureForce`]; message [`SutureTorn`].
-//! * Tools: [`HapticTool`] with [`ToolSettings`] and [`ToolCoupling`]; [`ToolGrasp`] for tools that hold; results [`ToolForce`],
-//!   [`TouchedBody`], [`GraspedPoint`], [`ForceError`], [`LocalModelStats`], [`LoopTiming`]; messages and events [`ContactStart`],
-//!   [`ContactEnd`], [`GraspStart`], [`GraspEnd`]; every tick in [`TickRecording`], the last ones in [`BlackBoxDump`].
+//! * Tools: [`HapticTool`] with [`ToolSettings`], [`SafetyOverrides`] and [`ToolCoupling`]; [`ToolGrasp`] for tools that hold; results
+//!   [`ToolForce`], [`TouchedBody`], [`GraspedPoint`], [`ForceError`], [`LocalModelStats`], [`LoopTiming`]; messages and events
+//!   [`ContactStart`], [`ContactEnd`], [`GraspStart`], [`GraspEnd`]; every tick in [`TickRecording`], the last ones in [`BlackBoxDump`].
 //! * Devices: [`DeviceSelector`], [`HapticDevices`], [`HidSelector`], recorded trajectories [`TrajectoryAsset`]; with the feature
 //!   `window` `MouseDevicePlugin`.
 //! * Time: [`ModelSchedule`], [`HapticSystems`], [`ModelRate`], [`ModelStepCount`], [`LoopMode`], [`HapticSchedulePlugin`].
@@ -132,8 +132,8 @@ pub use schedule::{
 pub use suture::{Suture, SutureForce, SuturePlugin, SutureTorn};
 pub use tool::{
     BlackBoxDump, ContactEnd, ContactStart, ContactState, ForceError, GraspEnd, GraspStart, GraspedPoint,
-    HapticTool, LocalModelStats, LoopTiming, TickRecording, ToolContactPoint, ToolCoupling, ToolForce,
-    ToolGrasp, ToolLoop, ToolPlugin, ToolSettings, TouchedBody,
+    HapticTool, LocalModelStats, LoopTiming, SafetyOverrides, TickRecording, ToolContactPoint, ToolCoupling,
+    ToolForce, ToolGrasp, ToolLoop, ToolPlugin, ToolSettings, TouchedBody,
 };
 
 #[cfg(doctest)]

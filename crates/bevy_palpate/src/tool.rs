@@ -13,6 +13,7 @@ mod no_force;
 mod observers;
 mod overlap;
 mod results;
+mod safety;
 mod samples;
 mod settings;
 mod size;
@@ -31,6 +32,7 @@ pub use results::{
     ContactState, ForceError, LocalModelStats, LoopTiming, TickRecording, ToolContactPoint, ToolForce,
     TouchedBody,
 };
+pub use safety::SafetyOverrides;
 pub use tool_loop::ToolLoop;
 
 use crate::cost::FrameCost;

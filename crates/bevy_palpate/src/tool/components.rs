@@ -1,11 +1,12 @@
 //! The components that describe a tool, and the messages about its contacts and grasps.
 
 use super::results::{ForceError, LocalModelStats, LoopTiming, ToolForce, TouchedBody};
+use super::safety::SafetyOverrides;
 use crate::device::DeviceSelector;
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{BodyError, ToolContact, ToolShape, VirtualCoupling};
-use palpate_haptics::{DeviceFrame, SafetySettings, VelocityEstimator};
+use palpate_haptics::{DeviceFrame, VelocityEstimator};
 use palpate_local::Scheme;
 
 /// A haptic tool: a sphere, or the end of a flat punch, at the position of its device. Requires [`ToolSettings`] and the results
@@ -144,10 +145,9 @@ pub struct ToolSettings {
     /// Mapping from the device frame to the world frame: rotation, scale and offset.
     #[reflect(remote = crate::reflect::ReflectedDeviceFrame)]
     pub frame: DeviceFrame,
-    /// Limits of the safety chain. The default value stands for the limits that follow from the device's description
-    /// ([`palpate_haptics::DeviceDescription::safety`]).
-    #[reflect(remote = crate::reflect::ReflectedSafetySettings)]
-    pub safety: SafetySettings,
+    /// Limits of the safety chain that differ from those of the device. [`ToolLoop::safety`](crate::ToolLoop::safety) returns all that are in
+    /// effect.
+    pub safety: SafetyOverrides,
     /// Source of the samples' velocity.
     #[reflect(remote = crate::reflect::ReflectedVelocityEstimator)]
     pub velocity: VelocityEstimator,

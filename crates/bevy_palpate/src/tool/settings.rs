@@ -59,14 +59,14 @@ pub(super) fn apply_settings(
     }
 }
 
-/// The settings of a loop that receives a local model every `model_period_s` seconds. The default safety settings are replaced by
-/// `device_safety`, those that follow from the device's description.
+/// The settings of a loop that receives a local model every `model_period_s` seconds. `device_safety` are the safety settings that follow
+/// from the device's description.
 pub(super) fn loop_settings(
     tool: &ToolSettings,
     device_safety: SafetySettings,
     model_period_s: f64,
 ) -> LoopSettings {
     let ToolSettings { frame, safety, velocity } = *tool;
-    let safety = if safety == SafetySettings::default() { device_safety } else { safety };
+    let safety = safety.apply_to(device_safety);
     LoopSettings { frame, safety, velocity, model_period_s, ..LoopSettings::default() }
 }

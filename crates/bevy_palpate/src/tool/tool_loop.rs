@@ -139,6 +139,12 @@ impl ToolLoop {
         if self.has_support { &self.support } else { &[] }
     }
 
+    /// Returns the settings of the safety chain: those of the device with [`ToolSettings::safety`].
+    #[must_use]
+    pub fn safety(&self) -> SafetySettings {
+        self.settings.safety.apply_to(self.device_safety)
+    }
+
     /// Returns the loop's newest report: counters and histograms since its start.
     pub fn report(&mut self) -> &LoopReport {
         self.handle.report()
