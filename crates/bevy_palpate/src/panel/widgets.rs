@@ -416,7 +416,7 @@ fn note_on_cells(cells: usize, inverted: usize) -> Option<(String, bool)> {
 const RECENT_S: f64 = 5.0;
 
 /// Text about a local model, and whether it is a warning: that the body buckles, or that the tool touched beyond the support set `beyond_s`
-/// ago. A truncated support set alone, as most are, is no warning.
+/// ago. A truncated support set alone is no warning.
 fn note_on_model(build: &LocalModelStats, beyond_s: Option<f64>) -> Option<(String, bool)> {
     if build.tangent_clamped {
         Some(("the body buckles: clamped tangent".into(), true))
