@@ -309,6 +309,41 @@ fn severities_are_ordered_and_follow_the_kind() {
     }
 }
 
+#[test]
+fn testing_collects_faults_and_waits_for_rejections() {
+    let mut app = testing::headless_app();
+    let body = spawn_block(&mut app);
+    testing::wait_for_body(&mut app, body);
+    testing::assert_no_faults(&mut app, FaultSeverity::Load);
+    let empty = app.world_mut().spawn(DeformableBody::block([0; 3], 0.1)).id();
+    let reason = testing::wait_for_rejection(&mut app, empty);
+    // The faults of several model steps are collected.
+    let tool = app.world_mut().spawn(HapticTool::new("missing")).id();
+    testing::advance_model_steps(&mut app, 10);
+    let faults = testing::take_faults(&mut app);
+    assert_eq!(faults.iter().map(|fault| fault.entity).collect::<Vec<_>>(), [Some(empty), Some(tool)]);
+    assert_eq!((faults[0].kind.report(), faults[0].report()), (reason.clone(), reason));
+    assert_eq!(testing::take_faults(&mut app).len(), 0);
+    testing::assert_no_faults(&mut app, FaultSeverity::Load);
+}
+
+#[test]
+#[should_panic(expected = "faults of severity Warning or above")]
+fn testing_asserts_the_severity() {
+    let mut app = testing::headless_app();
+    app.world_mut().spawn(HapticTool::new("missing"));
+    testing::advance_model_steps(&mut app, 1);
+    testing::assert_no_faults(&mut app, FaultSeverity::Warning);
+}
+
+#[test]
+#[should_panic(expected = "expected to be rejected")]
+fn testing_waits_for_a_rejection_only() {
+    let mut app = testing::headless_app();
+    let body = spawn_block(&mut app);
+    testing::wait_for_rejection(&mut app, body);
+}
+
 /// A device that fails once in 100 ms: each failure and each recovery is an event of the loop.
 #[test]
 fn failure_ten_times_a_second_is_reported_once_in_five_seconds() {
