@@ -344,6 +344,49 @@ fn testing_waits_for_a_rejection_only() {
     testing::wait_for_rejection(&mut app, body);
 }
 
+/// The place of the tool in the world, from its transform and those of its parents.
+fn world_place(app: &mut App, tool: Entity) -> Vec3 {
+    let place =
+        |In(tool): In<Entity>, helper: TransformHelper| helper.compute_global_transform(tool).unwrap();
+    app.world_mut().run_system_cached_with(place, tool).unwrap().translation()
+}
+
+#[test]
+fn tool_with_a_parent_is_drawn_where_its_device_is() {
+    let mut app = lockstep_app();
+    let device_m = DVec3::new(0.3, 0.1, -0.2);
+    spawn_block(&mut app);
+    let tool = spawn_tool(&mut app, move || ScriptedDevice::new(move |_, _| Ok(Reading::at(device_m))));
+    app.world_mut().get_mut::<Transform>(tool).unwrap().scale = Vec3::splat(0.5);
+    let parent = Transform::from_xyz(1.0, -2.0, 0.5)
+        .with_rotation(Quat::from_euler(EulerRot::XYZ, 0.3, -0.8, 1.1))
+        .with_scale(Vec3::splat(2.0));
+    let root = app.world_mut().spawn(Transform::from_xyz(0.0, 0.4, 0.0).with_scale(Vec3::splat(3.0))).id();
+    let parent = app.world_mut().spawn((parent, ChildOf(root))).id();
+    app.world_mut().entity_mut(tool).insert(ChildOf(parent));
+    for _ in 0..10 {
+        // A parent that moves in every frame does not move the tool.
+        app.world_mut().get_mut::<Transform>(root).unwrap().translation.x += 0.1;
+        step(&mut app, 1);
+        let place = world_place(&mut app, tool);
+        assert!((place - device_m.as_vec3()).length() < 1e-5, "{place}");
+        assert_eq!(app.world().get::<Transform>(tool).unwrap().scale, Vec3::splat(0.5));
+    }
+    assert_eq!(tool_force(&app, tool).device_position_m, device_m);
+    assert_no_faults(&mut app);
+    // A parent that cannot be inverted is reported once, and the tool stays.
+    let before = *app.world().get::<Transform>(tool).unwrap();
+    app.world_mut().get_mut::<Transform>(root).unwrap().scale.y = 0.0;
+    step(&mut app, 3);
+    let kinds: Vec<HapticFaultKind> = take_faults(&mut app).into_iter().map(|fault| fault.kind).collect();
+    assert!(matches!(kinds[..], [HapticFaultKind::ToolParent]), "{kinds:?}");
+    assert_eq!(*app.world().get::<Transform>(tool).unwrap(), before);
+    app.world_mut().entity_mut(tool).remove::<ChildOf>();
+    step(&mut app, 1);
+    assert_eq!(app.world().get::<Transform>(tool).unwrap().translation, device_m.as_vec3());
+    assert_no_faults(&mut app);
+}
+
 /// A device that fails once in 100 ms: each failure and each recovery is an event of the loop.
 #[test]
 fn failure_ten_times_a_second_is_reported_once_in_five_seconds() {

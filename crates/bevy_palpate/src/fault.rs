@@ -1,19 +1,21 @@
 //! Faults of bodies, tools, sutures and loops, as messages.
 
+mod device;
+mod log;
 mod no_force;
 mod slow_step;
 mod writer;
 
+pub use device::DeviceFault;
+pub(crate) use log::log_faults;
 pub use no_force::NoForceCause;
 pub use slow_step::{SlowStep, StepPart};
 pub(crate) use writer::{FaultLimits, FaultWriter, add_faults};
 
-use bevy::asset::AssetLoadError;
-use bevy::log::Level;
 use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
 use palpate_body::BodyError;
-use palpate_haptics::{BlackBoxError, DeviceError, HapticsError, LoopEventKind};
+use palpate_haptics::{BlackBoxError, HapticsError, LoopEventKind};
 use palpate_reduce::ReduceError;
 use std::sync::Arc;
 use thiserror::Error;
@@ -184,6 +186,12 @@ pub enum HapticFaultKind {
         /// The entity.
         body: Entity,
     },
+    /// The transform of a tool's parent is not finite, or has a scale of zero. The tool works, but stays where it was drawn last.
+    #[error(
+        "the transform of the tool's parent cannot be inverted, so the tool cannot be drawn; give the parents a finite transform with \
+         a scale other than 0, or remove ChildOf"
+    )]
+    ToolParent,
     /// The event queue of a loop was full, because the app did not read it for too long.
     #[error("{dropped} loop events were dropped: the event queue was full")]
     EventsDropped {
@@ -347,63 +355,6 @@ pub enum SutureFault {
     Thread(#[from] BodyError),
 }
 
-/// Reason why a tool has no device.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum DeviceFault {
-    /// No device of this name is registered.
-    #[error("no device is registered as \"{name}\" in HapticDevices; registered are: {known}")]
-    UnknownName {
-        /// The selected name.
-        name: String,
-        /// The registered names, separated by commas.
-        known: String,
-    },
-    /// A recorded trajectory cannot be loaded.
-    #[error("the recorded trajectory cannot be loaded")]
-    Trajectory(#[source] Arc<AssetLoadError>),
-    /// A recorded trajectory has not been loaded for 5 s. The tool starts once it is.
-    #[error(
-        "the recorded trajectory {trajectory} is not loaded; load it with AssetServer::load, or add it to Assets<TrajectoryAsset>"
-    )]
-    TrajectoryNotLoaded {
-        /// Path of the trajectory, or its number if it has none.
-        trajectory: String,
-    },
-    /// The app has no trajectories.
-    #[error("the app has no assets; add Bevy's AssetPlugin, or register a ReplayDevice in HapticDevices")]
-    NoTrajectories,
-    /// The registered function failed.
-    #[error("the device could not be created")]
-    Make(#[source] Box<dyn std::error::Error + Send + Sync>),
-    /// The device needs a cargo feature that is not enabled.
-    #[error("this kind of device needs the feature `{feature}` of bevy_palpate, which is not enabled")]
-    FeatureDisabled {
-        /// Name of the feature.
-        feature: &'static str,
-    },
-    /// The HID device is not connected, or cannot be used.
-    #[cfg(feature = "hid")]
-    #[error(transparent)]
-    Hid(#[from] palpate_hid::HidError),
-    /// The loop could not be set up.
-    #[error("the loop could not be set up")]
-    Loop(#[from] HapticsError),
-    /// The device could not be opened.
-    #[error("the device could not be opened")]
-    Open(#[from] DeviceError),
-}
-
-impl DeviceFault {
-    /// Whether connecting or disconnecting a device may remove the fault.
-    pub(crate) fn depends_on_connected_devices(&self) -> bool {
-        #[cfg(feature = "hid")]
-        return matches!(self, Self::Hid(_));
-        #[cfg(not(feature = "hid"))]
-        false
-    }
-}
-
 impl HapticFaultKind {
     /// Severity of the fault.
     #[must_use]
@@ -428,6 +379,7 @@ impl HapticFaultKind {
             | Self::Unconverged { .. }
             | Self::UnconvergedSteps { .. }
             | Self::InvertedCells { .. }
+            | Self::ToolParent
             | Self::ToolSize(_) => FaultSeverity::Warning,
             Self::BuildBody(_)
             | Self::Mesh(_)
@@ -452,42 +404,9 @@ impl HapticFaultKind {
     }
 }
 
-/// Writes every fault to the log: errors as errors, others as warnings; missed deadlines, which a busy machine produces, at debug level.
-pub(crate) fn log_faults(mut faults: MessageReader<HapticFault>) {
-    for fault in faults.read() {
-        let of = fault.entity.map(|entity| format!("{entity}: ")).unwrap_or_default();
-        match log_level(fault) {
-            Level::ERROR => error!("{of}{}", fault.report()),
-            Level::DEBUG => debug!("{of}{}", fault.report()),
-            _ => warn!("{of}{}", fault.report()),
-        }
-    }
-}
-
-/// Level at which the fault is logged.
-fn log_level(fault: &HapticFault) -> Level {
-    match fault.severity() {
-        FaultSeverity::Error => Level::ERROR,
-        _ if matches!(fault.kind, HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(_))) => Level::DEBUG,
-        FaultSeverity::Warning | FaultSeverity::Load => Level::WARN,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn errors_are_logged_as_errors_and_degraded_states_as_warnings() {
-        for (kind, level) in [
-            (HapticFaultKind::LoopEnded, Level::ERROR),
-            (HapticFaultKind::InvertedCells { cells: 2 }, Level::WARN),
-            (HapticFaultKind::SamplesLost { lost: 1 }, Level::WARN),
-            (HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(3)), Level::DEBUG),
-        ] {
-            assert_eq!(log_level(&HapticFault::new(None, kind.clone())), level, "{kind}");
-        }
-    }
 
     #[test]
     fn report_has_the_number_of_suppressed_faults() {

@@ -13,7 +13,9 @@ use palpate_local::Scheme;
 /// [`ToolForce`], [`LocalModelStats`], [`ForceError`], [`LoopTiming`] and [`TouchedBody`].
 ///
 /// Inserting it starts a loop; removing it stops the loop with zero force and joins its thread. The [`Transform`] is that of the proxy,
-/// interpolated between the last two model steps like the bodies. With a parent it is relative to the parent; parents do not move the tool.
+/// interpolated between the last two model steps like the bodies; its scale is the app's. Parents do not move the tool: whatever their
+/// place, rotation and scale, the transform relative to them puts the tool where its device is. A parent whose transform cannot be inverted
+/// is a fault ([`HapticFaultKind::ToolParent`](crate::HapticFaultKind::ToolParent)).
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[require(ToolSettings, ToolForce, LocalModelStats, ForceError, LoopTiming, TouchedBody, Transform)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]

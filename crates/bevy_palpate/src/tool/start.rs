@@ -137,6 +137,7 @@ pub(super) fn start_loops(
                     built: false,
                     was_paused: false,
                     rejected_body: None,
+                    reported_parent: false,
                     force_watch: ForceWatch::default(),
                     convergence: ConvergenceWatch::default(),
                     compared_sizes: None,

@@ -58,6 +58,8 @@ pub struct ToolLoop {
     pub(super) was_paused: bool,
     /// The entity without a body that has been reported.
     pub(super) rejected_body: Option<Entity>,
+    /// Whether a parent whose transform cannot be inverted has been reported.
+    pub(super) reported_parent: bool,
     /// Time without a rendered force, and its cause.
     pub(super) force_watch: ForceWatch,
     /// Ticks of the last second at which the loop's contact solver did not converge.
