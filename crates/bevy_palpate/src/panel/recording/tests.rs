@@ -139,7 +139,6 @@ fn replay_of_a_recorded_grasp_grasps_the_same() {
     let read = Trajectory::from_csv_file(&path).unwrap();
     let handle = app.world_mut().resource_mut::<Assets<TrajectoryAsset>>().add(TrajectoryAsset(read));
     app.world_mut().get_mut::<HapticTool>(tool).unwrap().device = handle.into();
-    app.update();
     let replayed = grasps(&mut app, tool, 26, |_| ());
     let closed: Vec<bool> = live.iter().map(|(closed, ..)| *closed).collect();
     assert!(closed.contains(&true) && closed.windows(2).filter(|pair| pair[0] != pair[1]).count() >= 3);
