@@ -1,13 +1,11 @@
 //! Warns of a build without optimisation.
 
-fn main() {
+use std::io::Write;
+
+fn main() -> std::io::Result<()> {
     let level = std::env::var("OPT_LEVEL").unwrap_or_default();
-    for instruction in instructions(&level) {
-        #[expect(clippy::print_stdout, reason = "cargo reads the output of a build script")]
-        {
-            println!("{instruction}");
-        }
-    }
+    let mut out = std::io::stdout();
+    instructions(&level).into_iter().try_for_each(|instruction| writeln!(out, "{instruction}"))
 }
 
 /// Instructions to cargo for a crate that is compiled at `opt_level`.

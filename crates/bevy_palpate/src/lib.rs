@@ -40,20 +40,25 @@
 //! The [guide] goes from the first body to a driver of your own. The items by topic; the [`prelude`] has those that nearly every app names,
 //! all others are at the root of the crate:
 //!
-//! * Bodies: [`DeformableBody`], a block or any closed mesh, with [`Tissue`], [`FixedRegion`], [`Inclusions`], [`Slit`] and
-//!   [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`].
+//! * Bodies: [`DeformableBody`], a block or a closed mesh ([`MeshShape`]), with [`Tissue`], [`FixedRegion`] of a [`BoxFace`] or of
+//!   [`BodyRegion`]s, [`Inclusions`] of [`Inclusion`]s, [`Slit`] and [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the
+//!   full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`].
 //! * Sutures: [`Suture`]; result [`SutureForce`]; message [`SutureTorn`].
 //! * Tools: [`HapticTool`] with [`ToolSettings`], [`SafetyOverrides`] and [`ToolCoupling`]; [`ToolGrasp`] for tools that hold; results
-//!   [`ToolForce`], [`TouchedBody`], [`GraspedPoint`], [`ForceError`], [`LocalModelStats`], [`LoopTiming`]; messages and events
-//!   [`ContactStart`], [`ContactEnd`], [`GraspStart`], [`GraspEnd`]; every tick in [`TickRecording`], the last ones in [`BlackBoxDump`].
-//! * Devices: [`DeviceSelector`], [`HapticDevices`], [`HidSelector`], recorded trajectories [`TrajectoryAsset`]; with the feature
-//!   `window` `MouseDevicePlugin`.
-//! * Time: [`ModelSchedule`], [`HapticSystems`], [`ModelRate`], [`ModelStepCount`], [`LoopMode`], [`HapticSchedulePlugin`].
-//! * Faults: [`HapticFault`] with [`HapticFaultKind`] and [`FaultSeverity`], [`NoForceCause`]. Costs and errors as diagnostics:
-//!   [`HapticDiagnosticsPlugin`].
+//!   [`ToolForce`] with [`ToolContactPoint`], [`TouchedBody`] with [`ContactState`], [`GraspedPoint`], [`ForceError`], [`LocalModelStats`],
+//!   [`LoopTiming`]; messages and events [`ContactStart`], [`ContactEnd`], [`GraspStart`], [`GraspEnd`]; every tick in [`TickRecording`],
+//!   the last ones in [`BlackBoxDump`]; the running loop [`ToolLoop`].
+//! * Devices: [`DeviceSelector`], [`HapticDevices`], [`HidSelector`], [`HidDeviceKind`]; recorded trajectories [`TrajectoryAsset`],
+//!   [`TrajectoryLoader`]; with the feature `window` `MouseDevicePlugin`, `MouseDevice` and `MouseDeviceSystems`. A driver implements
+//!   [`palpate_haptics::HapticDevice`].
+//! * Time: [`ModelSchedule`], [`HapticSystems`], [`HapticUpdateSystems`], [`ModelRate`], [`ModelStepCount`], [`LoopMode`].
+//! * Faults: [`HapticFault`] with [`HapticFaultKind`] and [`FaultSeverity`]; their causes [`NoForceCause`], [`DeviceFault`], [`MeshFault`],
+//!   [`SutureFault`], [`ToolSizeFault`], [`SlowStep`] with [`StepPart`].
+//! * Plugins: [`PalpatePlugins`], of [`HapticSchedulePlugin`], [`BodyPlugin`], [`ToolPlugin`], [`SuturePlugin`],
+//!   [`HapticDiagnosticsPlugin`] (costs and errors as diagnostics) and [`FaultLogPlugin`].
 //! * Tests: [`testing`].
-//! * Display: `HapticPanelPlugin` with `HapticPanel` and `HapticWidgets` (feature `panel`), `HapticGizmosPlugin` with `HapticGizmos`
-//!   (feature `gizmos`).
+//! * Display: `HapticPanelPlugin` with `HapticPanel` and `HapticWidgets` (feature `panel`), `HapticGizmosPlugin` with `HapticGizmos` and
+//!   `HapticGizmosOverride` (feature `gizmos`).
 //! * The crates below: [`palpate_haptics`], [`palpate_body`], [`palpate_local`], [`palpate_reduce`], and `palpate_hid` (feature `hid`).
 //!
 //! # Feature flags

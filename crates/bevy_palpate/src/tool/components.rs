@@ -160,7 +160,8 @@ pub struct ToolSettings {
 /// Like [`ContactEnd`], [`GraspStart`] and [`GraspEnd`] it is a message, readable in the same model step after
 /// [`HapticSystems::StepBodies`](crate::HapticSystems::StepBodies), and an event for observers of the tool, which run in [`Last`]. In a
 /// model step a tool ends at most one contact and then starts at most one; observers run in that order, ends before starts. A pause of the
-/// app ends a contact of a loop on a thread, because the device may have moved; it starts again after the pause.
+/// app ends a contact of a loop on a thread, in the first model step after the pause, because the device may have moved. The contact starts
+/// again in that step or later; [`TouchedBody`] states when. In lock step a pause has no effect on contacts.
 ///
 /// ```
 /// # use bevy::prelude::*;
