@@ -47,8 +47,8 @@ impl PluginGroup for PalpatePlugins {
     }
 }
 
-/// Writes every [`HapticFault`](crate::HapticFault) to the log: [`FaultSeverity::Error`](crate::FaultSeverity::Error) as an error, others as a
-/// warning, and missed deadlines at debug level. Recoveries are no faults; the loops log them as info.
+/// Writes every [`HapticFault`](crate::HapticFault) to the log: [`FaultSeverity::Error`](crate::FaultSeverity::Error) as an error, others
+/// as a warning, and missed deadlines at debug level. Recoveries are no faults; the loops log them as info.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FaultLogPlugin;
 

@@ -147,8 +147,8 @@ pub struct ToolSettings {
     /// Mapping from the device frame to the world frame: rotation, scale and offset.
     #[reflect(remote = crate::reflect::ReflectedDeviceFrame)]
     pub frame: DeviceFrame,
-    /// Limits of the safety chain that differ from those of the device. [`ToolLoop::safety`](crate::ToolLoop::safety) returns all that are in
-    /// effect.
+    /// Limits of the safety chain that differ from those of the device. [`ToolLoop::safety`](crate::ToolLoop::safety) returns all that
+    /// are in effect.
     pub safety: SafetyOverrides,
     /// Source of the samples' velocity.
     #[reflect(remote = crate::reflect::ReflectedVelocityEstimator)]

@@ -6,8 +6,8 @@ use palpate_haptics::SafetySettings;
 /// Defines the overrides of the fields of [`SafetySettings`], and what is done with each of them.
 macro_rules! overrides {
     ($($(#[$attribute:meta])* $field:ident: $type:ty,)+) => {
-        /// Settings of the safety chain that differ from those of the device. A field of `None` keeps the device's value, which follows from
-        /// its description ([`DeviceDescription::safety`](palpate_haptics::DeviceDescription::safety)).
+        /// Settings of the safety chain that differ from those of the device. A field of `None` keeps the device's value, which follows
+        /// from its description ([`DeviceDescription::safety`](palpate_haptics::DeviceDescription::safety)).
         ///
         /// ```
         /// # use bevy::prelude::*;
