@@ -12,7 +12,11 @@ use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy::world_serialization::WorldSerializationPlugin;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticDiagnosticsPlugin, SimulatedBody};
+use bevy_palpate::{
+    DeviceSelector, ForceError, HapticDiagnosticsPlugin, LocalModelStats, LoopTiming, SimulatedBody,
+    ToolCoupling,
+};
+use palpate_haptics::{Reading, ScriptedDevice};
 use std::time::Duration;
 
 /// Frames per second.

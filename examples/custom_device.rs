@@ -5,7 +5,7 @@ use bevy::prelude::*;
 use bevy_palpate::TickRecording;
 use bevy_palpate::prelude::*;
 use clap::Parser;
-use palpate_haptics::{DeviceDescription, DeviceError};
+use palpate_haptics::{DeviceDescription, DeviceError, HapticDevice, Reading};
 use palpate_stage::{SetUpHands, SetUpScene, Stage, StageOptions};
 use std::f64::consts::TAU;
 use std::io::Write;

@@ -3,9 +3,10 @@
 
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
-use bevy_palpate::TickRecording;
 use bevy_palpate::prelude::*;
+use bevy_palpate::{ForceError, HapticSchedulePlugin, LoopMode, TickRecording};
 use clap::Parser;
+use palpate_haptics::{Reading, ScriptedDevice};
 use std::io::Write;
 use std::time::Duration;
 

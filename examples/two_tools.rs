@@ -5,6 +5,7 @@ use bevy::prelude::*;
 use bevy_palpate::TickRecording;
 use bevy_palpate::prelude::*;
 use clap::Parser;
+use palpate_haptics::Reading;
 use palpate_stage::{SetUpHands, SetUpScene, Stage, StageOptions, ToolPaint, register_hand};
 use std::io::Write;
 

@@ -3,8 +3,9 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{MeshShape, SimulatedBody};
+use bevy_palpate::{ForceError, HapticSystems, MeshShape, ModelSchedule, SimulatedBody};
 use clap::Parser;
+use palpate_haptics::Reading;
 use palpate_stage::{MeshFile, SetUpHands, SetUpScene, Stage, StageOptions, register_hand};
 use std::io::Write;
 use std::path::PathBuf;

@@ -7,6 +7,7 @@ use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_palpate::ModelStepCount;
 use bevy_palpate::prelude::*;
+use palpate_haptics::{Reading, ScriptedDevice};
 use palpate_tests::app::{assert_no_faults, step};
 use palpate_tests::mesh::{RADIUS, add, ball, count_writes, force, mesh_app, spawn, take_writes};
 use std::time::Duration;

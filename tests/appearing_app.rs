@@ -2,7 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticFaultKind, NoForceCause, SutureFault, ToolSizeFault};
+use bevy_palpate::{ContactState, HapticFaultKind, NoForceCause, SutureFault, ToolSizeFault};
+use palpate_haptics::{Reading, ScriptedDevice};
 use palpate_tests::app::{
     Contact, assert_no_faults, contacts, lockstep_app, spawn_tool, step, take_causes, take_faults,
 };

@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{BodyState, HapticFaultKind, SimulatedBody};
+use bevy_palpate::{BodyRegion, BodyState, HapticFaultKind, Inclusion, Inclusions, SimulatedBody, Slit};
 use palpate_body::BodyError;
 use palpate_tests::app::Contact::Start;
 use palpate_tests::app::{
@@ -32,8 +32,12 @@ fn pressed_n(start: impl Fn(&mut EntityWorldMut), later: impl Fn(&mut EntityWorl
 
 #[test]
 fn lump_in_a_block_raises_the_force_until_it_is_removed() {
-    let insert = |body: &mut EntityWorldMut| drop(body.insert(lump(200e3)));
-    let remove = |body: &mut EntityWorldMut| drop(body.remove::<Inclusions>());
+    let insert = |body: &mut EntityWorldMut| {
+        body.insert(lump(200e3));
+    };
+    let remove = |body: &mut EntityWorldMut| {
+        body.remove::<Inclusions>();
+    };
     let nothing = |_: &mut EntityWorldMut| ();
     let plain_n = pressed_n(nothing, nothing);
     let stiff_n = pressed_n(insert, nothing);

@@ -1,8 +1,11 @@
 //! Virtual coupling, contact compliance, statistics of local models and the black box in an app, in lock step.
 
 use bevy_palpate::prelude::*;
-use bevy_palpate::{BlackBoxDump, HapticFaultKind, SimulatedBody, ToolLoop};
+use bevy_palpate::{
+    BlackBoxDump, ContactCompliance, HapticFaultKind, LocalModelStats, SimulatedBody, ToolCoupling, ToolLoop,
+};
 use palpate_body::BodyError;
+use palpate_haptics::{Reading, ScriptedDevice};
 use palpate_laws::LawError;
 use palpate_tests::app::*;
 

@@ -3,7 +3,10 @@
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, DiagnosticsStore};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticDiagnosticsPlugin as Of, ModelStepCount};
+use bevy_palpate::{
+    ForceError, HapticDiagnosticsPlugin as Of, HapticSchedulePlugin, LocalModelStats, LoopMode,
+    ModelStepCount,
+};
 use palpate_tests::app::{lockstep_app, pressing_hand, spawn_scene, step};
 
 fn of<'a>(app: &'a App, path: &DiagnosticPath) -> &'a Diagnostic {

@@ -5,10 +5,11 @@ use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    BodyReady, BodyState, FaultSeverity, GraspEnd, GraspStart, HapticFaultKind, ModelStepCount,
-    SimulatedBody, ToolContactPoint, ToolPlugin, testing,
+    BodyReady, BodyState, DeviceSelector, FaultSeverity, GraspEnd, GraspStart, HapticFaultKind,
+    HapticSchedulePlugin, HidSelector, LoopMode, ModelRate, ModelSchedule, ModelStepCount, SimulatedBody,
+    ToolContactPoint, ToolCoupling, ToolPlugin, testing,
 };
-use palpate_haptics::LoopEventKind;
+use palpate_haptics::{DeviceError, LoopEventKind, Reading, ScriptedDevice};
 use palpate_tests::app::{
     assert_no_faults, collect_messages, force_n, lockstep_app, pressing_hand, spawn_block, spawn_scene,
     spawn_tool, step, take_faults, take_kinds, update_until,
@@ -101,7 +102,7 @@ fn block_is_ready_rejected_and_ready_again() {
     app.world_mut().get_mut::<Tissue>(body).unwrap().density_kg_per_m3 = -1.0;
     app.update();
     let faults = take_faults(&mut app);
-    let [HapticFault { entity: Some(entity), kind }] = &faults[..] else { panic!("{faults:?}") };
+    let [HapticFault { entity: Some(entity), kind, .. }] = &faults[..] else { panic!("{faults:?}") };
     assert_eq!((*entity, state(&app, body)), (body, BodyState::Rejected(kind.report())));
     assert_eq!((epoch(&app), events(&mut app)), (first, vec![Fault(Some(body), FaultSeverity::Error)]));
     app.world_mut().get_mut::<Tissue>(body).unwrap().density_kg_per_m3 = 900.0;
@@ -303,9 +304,107 @@ fn severities_are_ordered_and_follow_the_kind() {
         (HapticFaultKind::NonFiniteTransform, FaultSeverity::Error),
         (HapticFaultKind::LoopEnded, FaultSeverity::Error),
     ] {
-        let fault = HapticFault { entity: None, kind };
+        let fault = HapticFault::new(None, kind);
         assert_eq!((fault.severity(), fault.kind.severity()), (expected, expected), "{fault:?}");
     }
+}
+
+#[test]
+fn testing_collects_faults_and_waits_for_rejections() {
+    let mut app = testing::headless_app();
+    let body = spawn_block(&mut app);
+    testing::wait_for_body(&mut app, body);
+    testing::assert_no_faults(&mut app, FaultSeverity::Load);
+    let empty = app.world_mut().spawn(DeformableBody::block([0; 3], 0.1)).id();
+    let reason = testing::wait_for_rejection(&mut app, empty);
+    // The faults of several model steps are collected.
+    let tool = app.world_mut().spawn(HapticTool::new("missing")).id();
+    testing::advance_model_steps(&mut app, 10);
+    let faults = testing::take_faults(&mut app);
+    assert_eq!(faults.iter().map(|fault| fault.entity).collect::<Vec<_>>(), [Some(empty), Some(tool)]);
+    assert_eq!((faults[0].kind.report(), faults[0].report()), (reason.clone(), reason));
+    assert_eq!(testing::take_faults(&mut app).len(), 0);
+    testing::assert_no_faults(&mut app, FaultSeverity::Load);
+}
+
+#[test]
+#[should_panic(expected = "faults of severity Warning or above")]
+fn testing_asserts_the_severity() {
+    let mut app = testing::headless_app();
+    app.world_mut().spawn(HapticTool::new("missing"));
+    testing::advance_model_steps(&mut app, 1);
+    testing::assert_no_faults(&mut app, FaultSeverity::Warning);
+}
+
+#[test]
+#[should_panic(expected = "expected to be rejected")]
+fn testing_waits_for_a_rejection_only() {
+    let mut app = testing::headless_app();
+    let body = spawn_block(&mut app);
+    testing::wait_for_rejection(&mut app, body);
+}
+
+/// The place of the tool in the world, from its transform and those of its parents.
+fn world_place(app: &mut App, tool: Entity) -> Vec3 {
+    let place =
+        |In(tool): In<Entity>, helper: TransformHelper| helper.compute_global_transform(tool).unwrap();
+    app.world_mut().run_system_cached_with(place, tool).unwrap().translation()
+}
+
+#[test]
+fn tool_with_a_parent_is_drawn_where_its_device_is() {
+    let mut app = lockstep_app();
+    let device_m = DVec3::new(0.3, 0.1, -0.2);
+    spawn_block(&mut app);
+    let tool = spawn_tool(&mut app, move || ScriptedDevice::new(move |_, _| Ok(Reading::at(device_m))));
+    app.world_mut().get_mut::<Transform>(tool).unwrap().scale = Vec3::splat(0.5);
+    let parent = Transform::from_xyz(1.0, -2.0, 0.5)
+        .with_rotation(Quat::from_euler(EulerRot::XYZ, 0.3, -0.8, 1.1))
+        .with_scale(Vec3::splat(2.0));
+    let root = app.world_mut().spawn(Transform::from_xyz(0.0, 0.4, 0.0).with_scale(Vec3::splat(3.0))).id();
+    let parent = app.world_mut().spawn((parent, ChildOf(root))).id();
+    app.world_mut().entity_mut(tool).insert(ChildOf(parent));
+    for _ in 0..10 {
+        // A parent that moves in every frame does not move the tool.
+        app.world_mut().get_mut::<Transform>(root).unwrap().translation.x += 0.1;
+        step(&mut app, 1);
+        let place = world_place(&mut app, tool);
+        assert!((place - device_m.as_vec3()).length() < 1e-5, "{place}");
+        assert_eq!(app.world().get::<Transform>(tool).unwrap().scale, Vec3::splat(0.5));
+    }
+    assert_eq!(tool_force(&app, tool).device_position_m, device_m);
+    assert_no_faults(&mut app);
+    // A parent that cannot be inverted is reported once, and the tool stays.
+    let before = *app.world().get::<Transform>(tool).unwrap();
+    app.world_mut().get_mut::<Transform>(root).unwrap().scale.y = 0.0;
+    step(&mut app, 3);
+    let kinds: Vec<HapticFaultKind> = take_faults(&mut app).into_iter().map(|fault| fault.kind).collect();
+    assert!(matches!(kinds[..], [HapticFaultKind::ToolParent]), "{kinds:?}");
+    assert_eq!(*app.world().get::<Transform>(tool).unwrap(), before);
+    app.world_mut().entity_mut(tool).remove::<ChildOf>();
+    step(&mut app, 1);
+    assert_eq!(app.world().get::<Transform>(tool).unwrap().translation, device_m.as_vec3());
+    assert_no_faults(&mut app);
+}
+
+/// A device that fails once in 100 ms: each failure and each recovery is an event of the loop.
+#[test]
+fn failure_ten_times_a_second_is_reported_once_in_five_seconds() {
+    let mut app = lockstep_app();
+    let tool = spawn_tool(&mut app, || {
+        ScriptedDevice::new(|n, _| match n % 100 {
+            50 => Err(DeviceError::Protocol("a test")),
+            _ => Ok(Reading::at(DVec3::Y)),
+        })
+    });
+    step(&mut app, 240);
+    let is_failure = |fault: &HapticFault| {
+        fault.entity == Some(tool)
+            && matches!(fault.kind, HapticFaultKind::Loop(LoopEventKind::DeviceFailed(_)))
+    };
+    let faults: Vec<HapticFault> = take_faults(&mut app).into_iter().filter(is_failure).collect();
+    let counts: Vec<u32> = faults.iter().map(|fault| fault.suppressed_count).collect();
+    assert!(matches!(counts[..], [0, 45..=55, 45..=55]), "{counts:?}");
 }
 
 #[test]

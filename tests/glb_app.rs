@@ -6,8 +6,9 @@ use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy::world_serialization::WorldSerializationPlugin;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticFaultKind, MeshFault, SimulatedBody};
+use bevy_palpate::{ForceError, HapticFaultKind, MeshFault, SimulatedBody};
 use palpate_body::{BodyError, MeshError};
+use palpate_haptics::{Reading, ScriptedDevice};
 use palpate_tests::app::Contact::{End, Start};
 use palpate_tests::app::{
     assert_no_faults, contacts, lockstep_app, spawn_tool, step, take_kinds, update_until_done,

@@ -2,8 +2,9 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticFaultKind, SimulatedBody, SutureFault, ToolLoop};
+use bevy_palpate::{DeviceSelector, ForceError, HapticFaultKind, SimulatedBody, Slit, SutureFault, ToolLoop};
 use palpate_body::BodyError;
+use palpate_haptics::{Reading, ScriptedDevice};
 use palpate_tests::app::Contact::{End, Start};
 use palpate_tests::app::{assert_no_faults, contacts, lockstep_app, spawn_scene, step, take_kinds};
 

@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{DeviceFault, FaultSeverity, HapticFaultKind};
+use bevy_palpate::{DeviceFault, DeviceSelector, FaultSeverity, HapticFaultKind, HidDeviceKind, HidSelector};
 use palpate_haptics::{DeviceError, DeviceFrame, LoopEventKind};
 use palpate_hid::simulated::{BoardFirmware, Firmware, SimulatedBus};
 use palpate_hid::{

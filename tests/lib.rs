@@ -13,7 +13,8 @@ pub mod app {
     use bevy::prelude::*;
     use bevy::time::TimeUpdateStrategy;
     use bevy_palpate::prelude::*;
-    use bevy_palpate::{HapticFaultKind, NoForceCause};
+    use bevy_palpate::{HapticFaultKind, HapticSchedulePlugin, LoopMode, NoForceCause};
+    use palpate_haptics::{HapticDevice, Reading, ScriptedDevice};
     use std::time::Duration;
 
     /// Faults of an app, in order.
@@ -101,7 +102,7 @@ pub mod app {
             .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
         collect_messages(&mut app);
         // The order of palpate's own systems leaves nothing to chance.
-        app.edit_schedule(ModelSchedule, |schedule| {
+        app.edit_schedule(bevy_palpate::ModelSchedule, |schedule| {
             schedule.set_build_settings(ScheduleBuildSettings {
                 ambiguity_detection: LogLevel::Error,
                 ..default()

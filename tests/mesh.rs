@@ -5,8 +5,9 @@ use crate::app::{lockstep_app, spawn_tool};
 use bevy::asset::RenderAssetUsages;
 use bevy::mesh::{Indices, MeshPlugin, PrimitiveTopology, VertexAttributeValues};
 use bevy::prelude::*;
-use bevy_palpate::SimulatedBody;
 use bevy_palpate::prelude::*;
+use bevy_palpate::{BodyRegion, MeshShape, SimulatedBody};
+use palpate_haptics::{Reading, ScriptedDevice};
 
 /// Radius of the ball, m.
 pub const RADIUS: f64 = 0.06;

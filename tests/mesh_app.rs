@@ -4,7 +4,10 @@ use bevy::mesh::{Indices, VertexAttributeValues};
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticFaultKind, NoForceCause, SimulatedBody, ToolLoop};
+use bevy_palpate::{
+    BodyRegion, ContactState, ForceError, HapticFaultKind, Inclusion, Inclusions, NoForceCause,
+    SimulatedBody, ToolLoop,
+};
 use palpate_body::{BodyError, MeshError};
 use palpate_tests::app::Contact::{End, Start};
 use palpate_tests::app::{assert_no_faults, contacts, step, take_causes, take_faults, take_kinds};

@@ -4,7 +4,7 @@ use bevy::asset::RenderAssetUsages;
 use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticFaultKind, MeshFault, SimulatedBody};
+use bevy_palpate::{HapticFaultKind, MeshFault, MeshShape, SimulatedBody};
 use palpate_body::{BodyError, MeshError};
 use palpate_tests::app::{assert_no_faults, step, take_kinds};
 use palpate_tests::mesh::{

@@ -3,8 +3,12 @@
 use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{FaultSeverity, HapticFaultKind, ModelStepCount, SimulatedBody, SlowStep, StepPart};
+use bevy_palpate::{
+    FaultSeverity, HapticFaultKind, HapticSchedulePlugin, ModelRate, ModelStepCount, SimulatedBody, SlowStep,
+    StepPart,
+};
 use palpate_body::{BodyError, MeshError};
+use palpate_haptics::{Reading, ScriptedDevice};
 use palpate_tests::app::{collect_messages, spawn_tool, take_kinds, update_until, update_until_done};
 use palpate_tests::mesh::{add, ball, body, replace, shown, spawn_of, torn};
 

@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticFaultKind, Model, testing};
+use bevy_palpate::{HapticFaultKind, HapticSystems, Model, ModelRate, ModelSchedule, ToolSettings, testing};
 use palpate_tests::app::{collect_messages, lockstep_app, pressing_hand, spawn_scene, step, take_kinds};
 use std::time::Duration;
 

@@ -4,9 +4,9 @@ use bevy::asset::{AssetPlugin, Handle};
 use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticFaultKind, NoForceCause};
+use bevy_palpate::{ContactState, DeviceSelector, HapticFaultKind, NoForceCause, SafetyOverrides};
 use glam::DQuat;
-use palpate_haptics::{DeviceDescription, DeviceError};
+use palpate_haptics::{DeviceDescription, DeviceError, HapticDevice, Reading, ScriptedDevice};
 use palpate_tests::app::{
     assert_no_faults, force_n, lockstep_app, pressing_hand, spawn_block, spawn_scene, spawn_tool, step,
     take_causes, take_faults, take_kinds,
@@ -41,7 +41,7 @@ fn set(app: &mut App, tool: Entity, set: impl Fn(&mut ToolSettings)) {
     set(&mut app.world_mut().get_mut::<ToolSettings>(tool).unwrap());
 }
 
-fn settings(app: &App, tool: Entity) -> SafetySettings {
+fn settings(app: &App, tool: Entity) -> SafetyOverrides {
     app.world().get::<ToolSettings>(tool).unwrap().safety
 }
 
@@ -71,7 +71,7 @@ fn reports_a_force_limit_of_zero() {
     let mut app = lockstep_app();
     spawn_block(&mut app);
     let tool = tool(&mut app, |_| (), presses);
-    set(&mut app, tool, |settings| settings.safety.max_force_n = 0.0);
+    set(&mut app, tool, |settings| settings.safety.max_force_n = Some(0.0));
     assert_eq!(only_cause(&mut app, tool), NoForceCause::ForceLimit { max_force_n: 0.0 });
 }
 
@@ -80,13 +80,13 @@ fn reports_an_endless_ramp_and_another_cause_after_a_force() {
     let mut app = lockstep_app();
     spawn_block(&mut app);
     let tool = tool(&mut app, |_| (), presses);
-    set(&mut app, tool, |settings| settings.safety.ramp_s = 1e9);
+    set(&mut app, tool, |settings| settings.safety.ramp_s = Some(1e9));
     assert_eq!(only_cause(&mut app, tool), NoForceCause::StartRamp { ramp_s: 1e9 });
     let safety = settings(&app, tool);
-    set(&mut app, tool, |settings| settings.safety.ramp_s = 0.1);
+    set(&mut app, tool, |settings| settings.safety.ramp_s = Some(0.1));
     step(&mut app, 20);
     assert!(force_n(&app, tool).y > 0.5);
-    set(&mut app, tool, |settings| settings.safety = SafetySettings { max_force_n: 0.0, ..safety });
+    set(&mut app, tool, |settings| settings.safety = SafetyOverrides { max_force_n: Some(0.0), ..safety });
     step(&mut app, 20);
     assert_eq!(take_causes(&mut app), [(tool, NoForceCause::ForceLimit { max_force_n: 0.0 })]);
 }
@@ -96,7 +96,7 @@ fn reports_a_slew_rate_of_nearly_zero() {
     let mut app = lockstep_app();
     spawn_block(&mut app);
     let tool = tool(&mut app, |_| (), presses);
-    set(&mut app, tool, |settings| settings.safety.max_slew_n_per_s = 1e-9);
+    set(&mut app, tool, |settings| settings.safety.max_slew_n_per_s = Some(1e-9));
     assert_eq!(only_cause(&mut app, tool), NoForceCause::GrowthLimit { max_slew_n_per_s: 1e-9 });
 }
 
@@ -239,7 +239,8 @@ fn reports_a_selected_entity_without_body_only_once() {
     app.world_mut().get_mut::<HapticTool>(tool).unwrap().body = Some(tool);
     step(&mut app, 40);
     let faults = take_faults(&mut app);
-    let [HapticFault { entity: Some(entity), kind: HapticFaultKind::NotABody { body } }] = faults[..] else {
+    let [HapticFault { entity: Some(entity), kind: HapticFaultKind::NotABody { body }, .. }] = faults[..]
+    else {
         panic!("{faults:?}")
     };
     assert_eq!((entity, body), (tool, tool));

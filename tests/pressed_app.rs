@@ -2,8 +2,10 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{SimulatedBody, TickRecording};
-use palpate_haptics::{DeviceDescription, DeviceError, TickRecord};
+use bevy_palpate::{
+    HapticSystems, LocalModelStats, LoopTiming, ModelSchedule, SimulatedBody, TickRecording, testing,
+};
+use palpate_haptics::{DeviceDescription, DeviceError, HapticDevice, Reading, ScriptedDevice, TickRecord};
 use palpate_tests::app::{assert_no_faults, collect_messages, lockstep_app, spawn_tool, step, update_until};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -69,6 +71,48 @@ fn contact_of_the_readme_program_converges_in_every_tick_and_step() {
     assert!(steps.touching > 15, "{} of {}", steps.touching, steps.count);
     assert_eq!(steps.unconverged, 0);
     assert_no_faults(&mut app);
+}
+
+/// Number of local models that are built in contact, and of those whose support set is truncated, for a tool that presses 5 mm deep and
+/// slides by 20 mm at `speed_m_per_s`.
+fn truncated(of_mesh: bool, radius_m: f64, speed_m_per_s: f64) -> (usize, usize) {
+    let mut app = testing::headless_app();
+    let device = move || {
+        ScriptedDevice::new(move |n, _| {
+            let t = n as f64 * 1e-3;
+            let depth_m = (0.02 * t - 2e-3).min(5e-3);
+            let slid_m = (speed_m_per_s * (t - 0.5).max(0.0)).min(0.02);
+            Ok(Reading::at(DVec3::new(slid_m, 0.05 + radius_m - depth_m, 0.009)))
+        })
+    };
+    let mesh = app.world_mut().resource_mut::<Assets<Mesh>>().add(Cuboid::new(0.1, 0.1, 0.1));
+    let block = DeformableBody::block([6; 3], 0.1);
+    let body = if of_mesh { DeformableBody::from_mesh(mesh) } else { block };
+    let body = app.world_mut().spawn((body, FixedRegion::Face(BoxFace::Bottom))).id();
+    testing::wait_for_body(&mut app, body);
+    let tool = spawn_tool(&mut app, device);
+    app.world_mut().get_mut::<HapticTool>(tool).unwrap().shape = ToolShape::Sphere { radius_m };
+    let (mut built, mut truncated) = (0, 0);
+    for _ in 0..20 {
+        testing::advance_model_steps(&mut app, 1);
+        if app.world().get::<TouchedBody>(tool).unwrap().body.is_some() {
+            built += 1;
+            truncated += usize::from(app.world().get::<LocalModelStats>(tool).unwrap().support_truncated);
+        }
+    }
+    (built, truncated)
+}
+
+#[test]
+fn support_set_is_truncated_only_under_a_wide_tool() {
+    for of_mesh in [false, true] {
+        for speed_m_per_s in [0.0, 0.1] {
+            assert_eq!(truncated(of_mesh, 0.005, speed_m_per_s), (18, 0), "{of_mesh} {speed_m_per_s}");
+        }
+    }
+    // A ball of 6 cm under which lie more nodes than a support set has.
+    let (built, truncated) = truncated(true, 0.03, 0.1);
+    assert!(built == 18 && truncated > 9, "{truncated} of {built}");
 }
 
 /// Maximum number of iterations in a step while a tool presses to a depth of 5 mm and rests.

@@ -48,8 +48,10 @@ const REFLECTED: [(&str, &[&str]); 6] = [
             "HidDeviceKind",
             "Inclusion",
             "MeshShape",
+            "SafetyOverrides",
             "ToolContactPoint",
             "ToolCoupling",
+            "TrajectoryAsset",
         ],
     ),
     (
@@ -83,7 +85,7 @@ const REFLECTED: [(&str, &[&str]); 6] = [
 ];
 
 /// Types without reflection: simulated bodies and reports about meshes, loops and devices, errors, plugins, schedules and sets.
-const NOT_REFLECTED: [&str; 24] = [
+const NOT_REFLECTED: [&str; 25] = [
     "BodyPlugin",
     "DeviceFault",
     "FaultLogPlugin",
@@ -107,6 +109,7 @@ const NOT_REFLECTED: [&str; 24] = [
     "ToolLoop",
     "ToolPlugin",
     "ToolSizeFault",
+    "TrajectoryLoader",
     "prelude",
 ];
 
@@ -148,6 +151,36 @@ fn public_types_are_reflected_or_listed_as_not_reflected() {
         let is_reflected = REFLECTED.iter().any(|(_, names)| names.contains(&name.as_str()));
         assert!(is_reflected || NOT_REFLECTED.contains(&name.as_str()), "{name} is in neither list");
     }
+}
+
+/// What is not in the prelude is found on the front page.
+#[test]
+fn front_page_lists_every_exported_name() {
+    let source = include_str!("../crates/bevy_palpate/src/lib.rs");
+    let (page, exports) = source.split_once("#![forbid").unwrap();
+    let names = exported().into_iter().filter(|name| name != "prelude");
+    let missing: Vec<String> = names.filter(|name| !page.contains(&format!("[`{name}`]"))).collect();
+    assert!(missing.is_empty(), "{missing:?}");
+    // With features these are exported, too.
+    for name in ["HapticGizmosOverride", "HapticWidgets", "MouseDevice", "MouseDeviceSystems"] {
+        assert!(page.contains(&format!("`{name}`")) && exports.contains(name), "{name}");
+    }
+}
+
+/// The crates below are exported, with the types that belong to the device trait and to surfaces.
+#[test]
+fn companion_types_are_reachable_from_the_crate() {
+    use bevy_palpate::palpate_body::SurfaceTree;
+    use bevy_palpate::palpate_haptics::{
+        DeviceDescription, DeviceError, HapticDevice, LoopEventKind, Reading, ScriptedDevice,
+    };
+    fn is_device<D: HapticDevice>(device: &D) -> DeviceDescription {
+        device.describe()
+    }
+    let device = ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::ZERO)));
+    assert!(is_device(&device).max_force_n > 0.0);
+    assert!(LoopEventKind::DeviceFailed(DeviceError::NotOpen).is_fault());
+    assert!(std::any::type_name::<SurfaceTree>().contains("palpate_body"));
 }
 
 #[test]

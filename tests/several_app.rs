@@ -2,7 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{NoForceCause, SimulatedBody, ToolLoop};
+use bevy_palpate::{ForceError, NoForceCause, SimulatedBody, ToolLoop};
+use palpate_haptics::{Reading, ScriptedDevice};
 use palpate_tests::app::Contact::{End, Start};
 use palpate_tests::app::{
     assert_no_faults, contacts, force_n as force, lockstep_app, step, take_causes, take_faults,

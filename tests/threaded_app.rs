@@ -3,9 +3,12 @@
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    FaultSeverity, HapticFaultKind, ModelStepCount, SimulatedBody, SlowStep, TickRecording, ToolLoop,
+    FaultSeverity, HapticFaultKind, HapticSystems, ModelSchedule, ModelStepCount, SimulatedBody, SlowStep,
+    TickRecording, ToolLoop,
 };
-use palpate_haptics::{DeviceDescription, DeviceError, LoopEventKind, TickRecord};
+use palpate_haptics::{
+    DeviceDescription, DeviceError, HapticDevice, LoopEventKind, Reading, ScriptedDevice, TickRecord,
+};
 use palpate_tests::app::Contact::{End, Start};
 use palpate_tests::app::{
     collect_messages, contacts, force_n, spawn_block, spawn_tool, take_faults, take_kinds, update_until,
@@ -120,6 +123,10 @@ fn pause_fades_the_force_without_a_fault() {
     // The device moved into the body during the pause, and has to leave it first.
     hand.reads.store(0, Ordering::SeqCst);
     update_until(&mut app, "the hand is pushed back again", |app| force(app, tool) > 0.3);
+    // The pause has ended the contact. Another one starts; the loop may detect it before the next model step.
+    update_until(&mut app, "a contact after that of the pause", |app| contacts(app).len() >= 3);
+    let contacts = contacts(&app);
+    assert!(contacts.chunks(2).all(|pair| [Start, End].starts_with(pair)), "{contacts:?}");
     // A busy machine may lose a few samples at any time; those of the pause must not count as lost.
     let lost = |kind: HapticFaultKind| match kind {
         HapticFaultKind::SamplesLost { lost } => Some(lost),

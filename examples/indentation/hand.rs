@@ -1,6 +1,7 @@
 //! The scripted device: down in steps, and up again, once for every tip.
 
 use bevy_palpate::prelude::*;
+use palpate_haptics::Reading;
 
 /// Depths of the steps, m.
 pub const DEPTHS_M: [f64; 4] = [0.002, 0.004, 0.006, 0.008];

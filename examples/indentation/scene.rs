@@ -3,7 +3,7 @@
 use super::{hand, theory};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{ModelSchedule, SimulatedBody, TickRecording, ToolLoop};
+use bevy_palpate::{HapticSystems, ModelSchedule, SimulatedBody, TickRecording, ToolCoupling, ToolLoop};
 use clap::ValueEnum;
 use palpate_stage::{HandTime, SetUpHands, SetUpScene, StageOptions, register_hand};
 use std::io::Write;

@@ -4,7 +4,7 @@ use crate::options::Options;
 use crate::{comparable, plot, touches};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{ModelStepCount, SimulatedBody, TickRecording};
+use bevy_palpate::{LoopTiming, ModelRate, ModelStepCount, SimulatedBody, TickRecording};
 use palpate_body::Body;
 use palpate_haptics::TickRecord;
 use palpate_local::Sample;

@@ -4,7 +4,7 @@ use crate::options::Options;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{BodyRegion, Inclusion, Inclusions, TickRecording};
-use palpate_haptics::Trajectory;
+use palpate_haptics::{Reading, Trajectory};
 use palpate_stage::{SetUpHands, SetUpScene, StageOptions, register_hand};
 use std::sync::Arc;
 

@@ -3,8 +3,8 @@
 use crate::scene::set_up_hands;
 use crate::{Stage, StageOptions};
 use bevy::prelude::*;
-use bevy_palpate::HapticUpdateSystems;
 use bevy_palpate::prelude::*;
+use bevy_palpate::{HapticUpdateSystems, HidDeviceKind, HidSelector};
 
 /// Parses the option `--hid`: the first device of any kind, of one kind, or the device with a serial number.
 ///

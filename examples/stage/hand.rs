@@ -3,6 +3,7 @@
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
+use palpate_haptics::{Reading, ScriptedDevice};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 

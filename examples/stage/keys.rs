@@ -5,7 +5,7 @@ use crate::scene::{ResetScene, set_up_hands};
 use crate::{Stage, StageOptions, time};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticUpdateSystems, MouseDevice, MouseDevicePlugin};
+use bevy_palpate::{DeviceSelector, HapticUpdateSystems, MouseDevice, MouseDevicePlugin};
 use bevy_panorbit_camera::PanOrbitCamera;
 
 pub(crate) struct KeysPlugin;

@@ -1,7 +1,8 @@
 //! The command-line options of all scenes.
 
 use bevy::prelude::Resource;
-use bevy_palpate::prelude::{HidSelector, Scheme};
+use bevy_palpate::HidSelector;
+use bevy_palpate::prelude::Scheme;
 use clap::Args;
 use std::path::PathBuf;
 

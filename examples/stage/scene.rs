@@ -8,7 +8,10 @@ use bevy::ecs::schedule::ScheduleLabel;
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticUpdateSystems, SimulatedBody};
+use bevy_palpate::{
+    HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, LoopMode, ModelRate, ModelSchedule,
+    SimulatedBody,
+};
 use std::time::Duration;
 
 /// Schedule that spawns a scene's bodies, at the start and at every restart.

@@ -12,6 +12,7 @@
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_palpate::prelude::*;
+use bevy_palpate::{LoopMode, ModelRate};
 use std::time::Duration;
 
 /// Relative speed of slow motion.

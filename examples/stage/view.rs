@@ -36,12 +36,11 @@ pub(crate) fn open_window(app: &mut App, stage: &Stage, options: &StageOptions) 
 
 /// The mouse device: starts above the focus of the camera, with a workspace and a maximum speed proportional to the size of the stage.
 fn mouse(stage: &Stage) -> MouseDevicePlugin {
-    let magnified = stage.magnified();
+    let magnified = f64::from(stage.magnified());
     let start_m = (stage.focus_m + Vec3::Y * 0.7 * stage.size_m).as_dvec3();
     let usual = FollowerSettings::default();
-    let workspace_m =
-        usual.workspace_m.map(|corner_m| stage.focus_m.as_dvec3() + f64::from(magnified) * corner_m);
-    let max_speed_m_per_s = f64::from(magnified) * usual.max_speed_m_per_s;
+    let workspace_m = usual.workspace_m.map(|corner_m| stage.focus_m.as_dvec3() + magnified * corner_m);
+    let max_speed_m_per_s = magnified * usual.max_speed_m_per_s;
     let hand = FollowerSettings { start_m, workspace_m, max_speed_m_per_s, ..usual };
     let usual = MouseDevicePlugin::default();
     MouseDevicePlugin { hand, line_m: magnified * usual.line_m, ..usual }

@@ -2,6 +2,7 @@
 
 use super::wound::TOP_M;
 use bevy_palpate::prelude::*;
+use palpate_haptics::Reading;
 
 /// Radius of the tool, m.
 pub const RADIUS_M: f64 = 0.004;

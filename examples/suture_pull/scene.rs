@@ -2,8 +2,8 @@
 
 use super::{hand, wound};
 use bevy::prelude::*;
-use bevy_palpate::SimulatedBody;
 use bevy_palpate::prelude::*;
+use bevy_palpate::{HapticSystems, ModelSchedule, SimulatedBody};
 use palpate_stage::{SetUpHands, SetUpScene, StageOptions, register_hand};
 use std::io::Write;
 

@@ -3,6 +3,7 @@
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, EguiPrimaryContextPass};
 use bevy_palpate::prelude::*;
+use bevy_palpate::{HapticSystems, ModelSchedule};
 use palpate_stage::{Plot, SceneTime, SetUpScene, plot_window};
 
 pub struct TensionPlugin;

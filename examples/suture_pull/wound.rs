@@ -1,8 +1,8 @@
 //! A soft slab with a wound, and its threads.
 
 use bevy::prelude::*;
-use bevy_palpate::SimulatedBody;
 use bevy_palpate::prelude::*;
+use bevy_palpate::{ModelRate, SimulatedBody, Slit};
 use palpate_body::{BodyPoint, SurfaceTree};
 
 /// Height of the slab's top, m.

@@ -13,7 +13,10 @@ use bevy::window::ExitCondition;
 use bevy::winit::WinitPlugin;
 use bevy_egui::{EguiGlobalSettings, PrimaryEguiContext};
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticGizmos, HapticGizmosPlugin, HapticPanel, HapticPanelPlugin};
+use bevy_palpate::{
+    HapticGizmos, HapticGizmosPlugin, HapticPanel, HapticPanelPlugin, HapticSchedulePlugin, LoopMode,
+};
+use palpate_haptics::{Reading, ScriptedDevice};
 use std::path::PathBuf;
 use std::time::Duration;
 

@@ -25,7 +25,7 @@ pub use state::{BodyReady, BodyState};
 pub use tissue::{Inclusion, Inclusions, Tissue};
 
 use crate::cost::FrameCost;
-use crate::fault::HapticFault;
+use crate::fault::add_faults;
 use crate::schedule::HapticUpdateSystems;
 use bevy::asset::AssetEventSystems;
 use bevy::prelude::*;
@@ -37,6 +37,7 @@ pub struct BodyPlugin;
 
 impl Plugin for BodyPlugin {
     fn build(&self, app: &mut App) {
+        add_faults(app);
         let cost = FrameCost::of(app);
         app.register_type::<DeformableBody>()
             .register_type::<Tissue>()
@@ -47,7 +48,6 @@ impl Plugin for BodyPlugin {
             .register_type::<Slit>()
             .register_type::<BodyState>()
             .register_type::<BodyReady>()
-            .add_message::<HapticFault>()
             .add_message::<BodyReady>()
             .add_systems(
                 PreUpdate,
@@ -61,6 +61,7 @@ impl Plugin for BodyPlugin {
                     .chain()
                     .in_set(HapticUpdateSystems::Bodies),
             )
+            .add_systems(PreStartup, warn_without_optimization)
             .add_observer(remove_simulation)
             .add_systems(
                 PostUpdate,
@@ -69,6 +70,19 @@ impl Plugin for BodyPlugin {
                     .before(TransformSystems::Propagate),
             );
     }
+}
+
+/// Logs one warning in a program whose numerical crates are not optimised.
+fn warn_without_optimization() {
+    if let Some(text) = optimization_warning(palpate_body::is_optimized()) {
+        warn_once!("{text}");
+    }
+}
+
+fn optimization_warning(is_optimized: bool) -> Option<&'static str> {
+    let text = "palpate is built without optimisation: model steps take hundreds of milliseconds and the loop misses deadlines; build \
+                with --release, or add [profile.dev.package.\"*\"] with opt-level = 3 to the Cargo.toml of the workspace";
+    (!is_optimized).then_some(text)
 }
 
 /// Removes the simulated body and its mesh together with [`DeformableBody`], and restores the mesh that was replaced.
@@ -87,4 +101,15 @@ fn remove_simulation(
         };
     }
     entity.try_remove::<SimulatedBody>();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::optimization_warning;
+
+    #[test]
+    fn only_a_build_without_optimisation_is_warned_of() {
+        assert!(optimization_warning(true).is_none());
+        assert!(optimization_warning(false).is_some_and(|text| text.contains("profile.dev.package")));
+    }
 }

@@ -3,25 +3,25 @@
 #[cfg(feature = "hid")]
 mod hid;
 mod hid_selector;
+mod trajectory;
 
 pub use hid_selector::{HidDeviceKind, HidSelector};
+pub(crate) use trajectory::add_trajectory_assets;
+pub use trajectory::{TrajectoryAsset, TrajectoryLoader};
 
 use crate::fault::DeviceFault;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
-use palpate_haptics::{HapticDevice, ReplayDevice, ReplayEnd, Trajectory};
-use std::path::PathBuf;
+use palpate_haptics::{HapticDevice, ReplayDevice, ReplayEnd};
 
 /// Selects the device of a tool. A selector is plain data; [`HapticDevices`] creates the device when the tool's loop starts.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Debug, Default, PartialEq, Hash, Clone)]
 pub enum DeviceSelector {
-    /// Replays a recorded trajectory: a CSV file with the header `t_s,x_m,y_m,z_m`, optional buttons and orientation, and one row per
-    /// millisecond ([`Trajectory`]).
+    /// Replays a recorded trajectory. The tool starts once the asset is loaded; [`TrajectoryAsset`] describes later changes of it.
     Replay {
-        /// Path of the file, relative to the working directory. If there is none, the folder `assets` below the first of these that has the
-        /// file: the working directory, `BEVY_ASSET_ROOT`, `CARGO_MANIFEST_DIR`, the program's folder.
-        path: String,
+        /// The trajectory.
+        trajectory: Handle<TrajectoryAsset>,
         /// Whether the trajectory starts again at its end.
         repeat: bool,
     },
@@ -32,10 +32,10 @@ pub enum DeviceSelector {
 }
 
 impl DeviceSelector {
-    /// Selects a recorded trajectory that repeats.
+    /// Selects a recorded trajectory that repeats, for example `DeviceSelector::replay(asset_server.load("hand.csv"))`.
     #[must_use]
-    pub fn replay(path: impl Into<String>) -> Self {
-        Self::Replay { path: path.into(), repeat: true }
+    pub fn replay(trajectory: Handle<TrajectoryAsset>) -> Self {
+        Self::Replay { trajectory, repeat: true }
     }
 
     /// Selects the device registered as `name`.
@@ -62,6 +62,13 @@ impl From<String> for DeviceSelector {
     /// Selects the device registered under that name.
     fn from(name: String) -> Self {
         Self::Named(name)
+    }
+}
+
+impl From<Handle<TrajectoryAsset>> for DeviceSelector {
+    /// Selects the trajectory, which repeats.
+    fn from(trajectory: Handle<TrajectoryAsset>) -> Self {
+        Self::replay(trajectory)
     }
 }
 
@@ -109,15 +116,23 @@ impl HapticDevices {
         names
     }
 
-    /// Creates the device that `selector` selects, without opening it.
+    /// Creates the device that `selector` selects, without opening it. `trajectories` are the app's, if it has any.
     ///
     /// # Errors
-    /// [`DeviceFault`] if the name is not registered, the file cannot be read, or the device cannot be created.
-    pub fn make(&self, selector: &DeviceSelector) -> Result<Box<dyn HapticDevice>, DeviceFault> {
+    /// [`DeviceFault`] if the name is not registered, the trajectory is not loaded, or the device cannot be created.
+    pub fn make(
+        &self,
+        selector: &DeviceSelector,
+        trajectories: Option<&Assets<TrajectoryAsset>>,
+    ) -> Result<Box<dyn HapticDevice>, DeviceFault> {
         match selector {
-            DeviceSelector::Replay { path, repeat } => {
+            DeviceSelector::Replay { trajectory, repeat } => {
+                let TrajectoryAsset(loaded) = trajectories
+                    .ok_or(DeviceFault::NoTrajectories)?
+                    .get(trajectory)
+                    .ok_or_else(|| trajectory::not_loaded(trajectory))?;
                 let at_end = if *repeat { ReplayEnd::Repeat } else { ReplayEnd::Stay };
-                Ok(Box::new(ReplayDevice::new(Trajectory::from_csv_file(find(path))?, at_end)))
+                Ok(Box::new(ReplayDevice::new(loaded.clone(), at_end)))
             }
             DeviceSelector::Named(name) => match self.named.get(name) {
                 Some(make) => make().map_err(DeviceFault::Create),
@@ -171,16 +186,6 @@ impl HapticDevices {
     pub fn hid_calibration(&self, choice: &HidSelector) -> Option<palpate_hid::BoardCalibration> {
         self.hid.newest(choice).and_then(|created| created.calibration)
     }
-}
-
-/// Returns the existing file `path`, or the file below an `assets` folder; `path` if there is none.
-fn find(path: &str) -> PathBuf {
-    let of = |variable| std::env::var_os(variable).map(PathBuf::from);
-    let program = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.to_owned()));
-    let roots = [Some(PathBuf::new()), of("BEVY_ASSET_ROOT"), of("CARGO_MANIFEST_DIR"), program];
-    let below_assets = roots.into_iter().flatten().map(|root| root.join("assets").join(path));
-    let mut candidates = std::iter::once(PathBuf::from(path)).chain(below_assets);
-    candidates.find(|file| file.exists()).unwrap_or_else(|| path.into())
 }
 
 impl std::fmt::Debug for HapticDevices {

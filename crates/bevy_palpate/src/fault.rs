@@ -1,15 +1,21 @@
 //! Faults of bodies, tools, sutures and loops, as messages.
 
+mod device;
+mod log;
 mod no_force;
 mod slow_step;
+mod writer;
 
+pub use device::DeviceFault;
+pub(crate) use log::log_faults;
 pub use no_force::NoForceCause;
 pub use slow_step::{SlowStep, StepPart};
+pub(crate) use writer::{FaultLimits, FaultWriter, add_faults};
 
 use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
 use palpate_body::BodyError;
-use palpate_haptics::{BlackBoxError, DeviceError, HapticsError, LoopEventKind, TrajectoryError};
+use palpate_haptics::{BlackBoxError, HapticsError, LoopEventKind};
 use palpate_reduce::ReduceError;
 use std::sync::Arc;
 use thiserror::Error;
@@ -18,6 +24,9 @@ use thiserror::Error;
 ///
 /// A fault is a message, and an event for observers, which run in [`Last`]. [`FaultLogPlugin`](crate::FaultLogPlugin) writes faults to the
 /// log; with `MinimalPlugins` add Bevy's `LogPlugin` to see them.
+///
+/// Faults that recur by themselves, such as lost samples, missed deadlines or a stale local model, are written at most once in 5 s of real
+/// time for each entity and kind; [`Self::suppressed_count`] counts the others.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -39,9 +48,27 @@ pub struct HapticFault {
     pub entity: Option<Entity>,
     /// The fault, with its cause.
     pub kind: HapticFaultKind,
+    /// Number of faults of the same entity and kind that were suppressed since the last one that was written.
+    pub suppressed_count: u32,
 }
 
 impl HapticFault {
+    /// Returns a fault without suppressed ones.
+    #[must_use]
+    pub fn new(entity: Option<Entity>, kind: HapticFaultKind) -> Self {
+        Self { entity, kind, suppressed_count: 0 }
+    }
+
+    /// The fault's message and those of its causes as one line, with the number of suppressed faults.
+    #[must_use]
+    pub fn report(&self) -> String {
+        let report = self.kind.report();
+        match self.suppressed_count {
+            0 => report,
+            count => format!("{report} (and {count} more since the last report)"),
+        }
+    }
+
     /// Severity of the fault.
     #[must_use]
     pub fn severity(&self) -> FaultSeverity {
@@ -159,6 +186,12 @@ pub enum HapticFaultKind {
         /// The entity.
         body: Entity,
     },
+    /// The transform of a tool's parent is not finite, or has a scale of zero. The tool works, but stays where it was drawn last.
+    #[error(
+        "the transform of the tool's parent cannot be inverted, so the tool cannot be drawn; give the parents a finite transform with \
+         a scale other than 0, or remove ChildOf"
+    )]
+    ToolParent,
     /// The event queue of a loop was full, because the app did not read it for too long.
     #[error("{dropped} loop events were dropped: the event queue was full")]
     EventsDropped {
@@ -333,52 +366,6 @@ pub enum SutureFault {
     Thread(#[from] BodyError),
 }
 
-/// Reason why a tool has no device.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum DeviceFault {
-    /// No device of this name is registered.
-    #[error("no device is registered as \"{name}\" in HapticDevices; registered are: {registered}")]
-    UnknownName {
-        /// The selected name.
-        name: String,
-        /// The registered names, separated by commas.
-        registered: String,
-    },
-    /// The file of a recorded trajectory cannot be read.
-    #[error("the recorded trajectory cannot be read")]
-    Trajectory(#[from] TrajectoryError),
-    /// The registered function failed.
-    #[error("the device could not be created")]
-    Create(#[source] Box<dyn std::error::Error + Send + Sync>),
-    /// The device needs a cargo feature that is not enabled.
-    #[error("this kind of device needs the feature `{feature}` of bevy_palpate, which is not enabled")]
-    FeatureDisabled {
-        /// Name of the feature.
-        feature: &'static str,
-    },
-    /// The HID device is not connected, or cannot be used.
-    #[cfg(feature = "hid")]
-    #[error(transparent)]
-    Hid(#[from] palpate_hid::HidError),
-    /// The loop could not be set up.
-    #[error("the loop could not be set up")]
-    Loop(#[from] HapticsError),
-    /// The device could not be opened.
-    #[error("the device could not be opened")]
-    Open(#[from] DeviceError),
-}
-
-impl DeviceFault {
-    /// Whether connecting or disconnecting a device may remove the fault.
-    pub(crate) fn depends_on_connected_devices(&self) -> bool {
-        #[cfg(feature = "hid")]
-        return matches!(self, Self::Hid(_));
-        #[cfg(not(feature = "hid"))]
-        false
-    }
-}
-
 impl HapticFaultKind {
     /// Severity of the fault.
     #[must_use]
@@ -404,6 +391,7 @@ impl HapticFaultKind {
             | Self::Unconverged { .. }
             | Self::UnconvergedSteps { .. }
             | Self::InvertedCells { .. }
+            | Self::ToolParent
             | Self::ToolSize(_) => FaultSeverity::Warning,
             Self::BuildBody(_)
             | Self::Mesh(_)
@@ -428,15 +416,15 @@ impl HapticFaultKind {
     }
 }
 
-/// Writes every fault to the log as a warning; missed deadlines, which a busy machine produces, at debug level.
-pub(crate) fn log_faults(mut faults: MessageReader<HapticFault>) {
-    for HapticFault { entity, kind } in faults.read() {
-        match entity {
-            Some(entity) if matches!(kind, HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(_))) => {
-                debug!("{entity}: {}", kind.report());
-            }
-            Some(entity) => warn!("{entity}: {}", kind.report()),
-            None => warn!("{}", kind.report()),
-        }
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn report_has_the_number_of_suppressed_faults() {
+        let fault = HapticFault::new(None, HapticFaultKind::SamplesLost { lost: 1 });
+        assert_eq!(fault.report(), fault.kind.report());
+        let report = HapticFault { suppressed_count: 29, ..fault }.report();
+        assert!(report.ends_with("(and 29 more since the last report)"), "{report}");
     }
 }

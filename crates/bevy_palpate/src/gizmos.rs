@@ -276,8 +276,10 @@ fn draw_contact(gizmos: &mut Gizmos<HapticGizmos>, simulated: &SimulatedBody, to
 mod tests {
     use super::*;
     use crate::prelude::*;
+    use crate::{DeviceSelector, HapticSchedulePlugin, LoopMode};
     use bevy::gizmos::GizmoAsset;
     use bevy::time::TimeUpdateStrategy;
+    use palpate_haptics::{Reading, ScriptedDevice};
     use std::time::Duration;
 
     /// Two blocks of `nodes`³ nodes, one pressed by a tool, with the basis drawn; an update is a model step.

@@ -9,6 +9,7 @@
 //!
 //! ```
 //! use bevy::prelude::*;
+//! use bevy_palpate::palpate_haptics::{Reading, ScriptedDevice};
 //! use bevy_palpate::{prelude::*, testing};
 //!
 //! fn setup(mut commands: Commands, mut devices: ResMut<HapticDevices>) {
@@ -36,20 +37,28 @@
 //!
 //! # Contents
 //!
-//! The [guide] goes from the first body to a driver of your own. The items by topic:
+//! The [guide] goes from the first body to a driver of your own. The items by topic; the [`prelude`] has those that nearly every app names,
+//! all others are at the root of the crate:
 //!
-//! * Bodies: [`DeformableBody`], a block or any closed mesh, with [`Tissue`], [`FixedRegion`], [`Inclusions`], [`Slit`] and
-//!   [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`].
+//! * Bodies: [`DeformableBody`], a block or a closed mesh ([`MeshShape`]), with [`Tissue`], [`FixedRegion`] of a [`BoxFace`] or of
+//!   [`BodyRegion`]s, [`Inclusions`] of [`Inclusion`]s, [`Slit`] and [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the
+//!   full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`].
 //! * Sutures: [`Suture`]; result [`SutureForce`]; message [`SutureTorn`].
-//! * Tools: [`HapticTool`] with [`ToolSettings`] and [`ToolCoupling`]; [`ToolGrasp`] for tools that hold; results [`ToolForce`],
-//!   [`TouchedBody`], [`GraspedPoint`], [`ForceError`], [`LocalModelStats`], [`LoopTiming`]; messages and events [`ContactStart`],
-//!   [`ContactEnd`], [`GraspStart`], [`GraspEnd`]; every tick in [`TickRecording`], the last ones in [`BlackBoxDump`].
-//! * Devices: [`DeviceSelector`], [`HapticDevices`], [`HidSelector`]; with the feature `window` `MouseDevicePlugin`.
-//! * Time: [`ModelSchedule`], [`HapticSystems`], [`Time<Model>`](Model), [`ModelRate`], [`LoopMode`], [`HapticSchedulePlugin`].
-//! * Faults: [`HapticFault`], [`FaultSeverity`], [`NoForceCause`]. Costs and errors as diagnostics: [`HapticDiagnosticsPlugin`].
+//! * Tools: [`HapticTool`] with [`ToolSettings`], [`SafetyOverrides`] and [`ToolCoupling`]; [`ToolGrasp`] for tools that hold; results
+//!   [`ToolForce`] with [`ToolContactPoint`], [`TouchedBody`] with [`ContactState`], [`GraspedPoint`], [`ForceError`], [`LocalModelStats`],
+//!   [`LoopTiming`]; messages and events [`ContactStart`], [`ContactEnd`], [`GraspStart`], [`GraspEnd`]; every tick in [`TickRecording`],
+//!   the last ones in [`BlackBoxDump`]; the running loop [`ToolLoop`].
+//! * Devices: [`DeviceSelector`], [`HapticDevices`], [`HidSelector`], [`HidDeviceKind`]; recorded trajectories [`TrajectoryAsset`],
+//!   [`TrajectoryLoader`]; with the feature `window` `MouseDevicePlugin`, `MouseDevice` and `MouseDeviceSystems`. A driver implements
+//!   [`palpate_haptics::HapticDevice`].
+//! * Time: [`ModelSchedule`], [`HapticSystems`], [`HapticUpdateSystems`], [`Time<Model>`](Model), [`ModelRate`], [`ModelStepCount`], [`LoopMode`].
+//! * Faults: [`HapticFault`] with [`HapticFaultKind`] and [`FaultSeverity`]; their causes [`NoForceCause`], [`DeviceFault`], [`MeshFault`],
+//!   [`SutureFault`], [`ToolSizeFault`], [`SlowStep`] with [`StepPart`].
+//! * Plugins: [`PalpatePlugins`], of [`HapticSchedulePlugin`], [`BodyPlugin`], [`ToolPlugin`], [`SuturePlugin`],
+//!   [`HapticDiagnosticsPlugin`] (costs and errors as diagnostics) and [`FaultLogPlugin`].
 //! * Tests: [`testing`].
-//! * Display: `HapticPanelPlugin` with `HapticPanel` and `HapticWidgets` (feature `panel`), `HapticGizmosPlugin` with `HapticGizmos`
-//!   (feature `gizmos`).
+//! * Display: `HapticPanelPlugin` with `HapticPanel` and `HapticWidgets` (feature `panel`), `HapticGizmosPlugin` with `HapticGizmos` and
+//!   `HapticGizmosOverride` (feature `gizmos`).
 //! * The crates below: [`palpate_haptics`], [`palpate_body`], [`palpate_local`], [`palpate_reduce`], and `palpate_hid` (feature `hid`).
 //!
 //! # Feature flags
@@ -107,7 +116,9 @@ pub use body::{
     BodyPlugin, BodyReady, BodyRegion, BodyState, BoxFace, ContactCompliance, DeformableBody, FixedRegion,
     Inclusion, Inclusions, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,
 };
-pub use device::{DeviceSelector, HapticDevices, HidDeviceKind, HidSelector};
+pub use device::{
+    DeviceSelector, HapticDevices, HidDeviceKind, HidSelector, TrajectoryAsset, TrajectoryLoader,
+};
 pub use diagnostics::HapticDiagnosticsPlugin;
 pub use fault::{
     DeviceFault, FaultSeverity, HapticFault, HapticFaultKind, MeshFault, NoForceCause, SlowStep, StepPart,
@@ -125,28 +136,23 @@ pub use schedule::{HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, Mod
 pub use suture::{Suture, SutureForce, SuturePlugin, SutureTorn};
 pub use tool::{
     BlackBoxDump, ContactEnd, ContactStart, ContactState, ForceError, GraspEnd, GraspStart, GraspedPoint,
-    HapticTool, LocalModelStats, LoopTiming, TickRecording, ToolContactPoint, ToolCoupling, ToolForce,
-    ToolGrasp, ToolLoop, ToolPlugin, ToolSettings, TouchedBody,
+    HapticTool, LocalModelStats, LoopTiming, SafetyOverrides, TickRecording, ToolContactPoint, ToolCoupling,
+    ToolForce, ToolGrasp, ToolLoop, ToolPlugin, ToolSettings, TouchedBody,
 };
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// What an app with haptic bodies needs.
+/// What nearly every app with haptic bodies names: the plugins, the components of bodies, tools and sutures, their messages, and the values
+/// in them. Everything else is at the root of the crate or of [`palpate_haptics`]; the [front page](crate#contents) lists it.
 pub mod prelude {
     pub use crate::{
-        BodyRegion, BoxFace, ContactCompliance, ContactEnd, ContactStart, ContactState, DeformableBody,
-        DeviceSelector, FaultLogPlugin, FixedRegion, ForceError, GraspedPoint, HapticDevices, HapticFault,
-        HapticSchedulePlugin, HapticSystems, HapticTool, HidDeviceKind, HidSelector, Inclusion, Inclusions,
-        LocalModelStats, LoopMode, LoopTiming, MeshShape, ModelRate, ModelSchedule, PalpatePlugins, Slit,
-        Suture, SutureForce, SutureTorn, Tissue, ToolCoupling, ToolForce, ToolGrasp, ToolSettings,
-        TouchedBody,
+        BodyReady, BoxFace, ContactEnd, ContactStart, DeformableBody, FixedRegion, GraspEnd, GraspStart,
+        GraspedPoint, HapticDevices, HapticFault, HapticTool, PalpatePlugins, Suture, SutureForce,
+        SutureTorn, Tissue, ToolForce, ToolGrasp, ToolSettings, TouchedBody,
     };
-    pub use glam::{DQuat, DVec3};
+    pub use glam::DVec3;
     pub use palpate_body::ToolShape;
-    pub use palpate_haptics::{
-        DeviceFrame, HapticDevice, Reading, SafetySettings, ScriptedDevice, VelocityEstimator,
-    };
     pub use palpate_local::Scheme;
 }

@@ -6,6 +6,7 @@ use bevy::camera::{NormalizedRenderTarget, RenderTarget};
 use bevy::input::mouse::{AccumulatedMouseScroll, MouseScrollUnit};
 use bevy::prelude::*;
 use bevy::window::PrimaryWindow;
+use glam::DVec3;
 use palpate_haptics::{DeviceFrame, FollowerSettings, FollowerTarget, Reading};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -22,7 +23,7 @@ pub struct MouseDevicePlugin {
     /// Mass, spring, start and workspace of the device, in the device frame.
     pub hand: FollowerSettings,
     /// Distance that one line of the wheel moves the target away from the camera, m, world frame.
-    pub line_m: f32,
+    pub line_m: f64,
     /// The mouse buttons that are the device's buttons 0, 1, … up to 31; later ones are ignored.
     pub buttons: &'static [MouseButton],
 }
@@ -44,14 +45,14 @@ impl Default for MouseDevicePlugin {
 #[reflect(Resource, Debug)]
 pub struct MouseDevice {
     /// Position that the device moves to, m, device frame. Updated in every frame by the pointer.
-    pub target_m: Vec3,
-    line_m: f32,
+    pub target_m: DVec3,
+    line_m: f64,
     #[reflect(ignore)]
     buttons: &'static [MouseButton],
     /// Initial target, m.
-    start_m: Vec3,
+    start_m: DVec3,
     /// Corners of the workspace, m.
-    workspace_m: [Vec3; 2],
+    workspace_m: [DVec3; 2],
     /// Pressed buttons: bit i for button i.
     pressed: u32,
     /// The first tool with the mouse, and its frame.
@@ -75,14 +76,14 @@ impl MouseDevice {
     }
 
     /// The target in the world frame, m.
-    fn world_target_m(&self) -> Vec3 {
-        self.frame().to_scene(&Reading::at(self.target_m.as_dvec3())).position_m.as_vec3()
+    fn world_target_m(&self) -> DVec3 {
+        self.frame().to_scene(&Reading::at(self.target_m)).position_m
     }
 
     /// Sets the target to `world_m` in the world frame, clamped to the workspace.
-    fn set_world_target(&mut self, world_m: Vec3) {
+    fn set_world_target(&mut self, world_m: DVec3) {
         let [low, high] = self.workspace_m;
-        self.target_m = self.frame().position_to_device_m(world_m.as_dvec3()).as_vec3().clamp(low, high);
+        self.target_m = self.frame().position_to_device_m(world_m).clamp(low, high);
     }
 }
 
@@ -94,8 +95,8 @@ pub struct MouseDeviceSystems;
 impl Plugin for MouseDevicePlugin {
     fn build(&self, app: &mut App) {
         let (hand, follower) = (self.hand, Follower::default());
-        let [low, high] = hand.workspace_m.map(|corner| corner.as_vec3());
-        let start_m = hand.start_m.as_vec3().clamp(low, high);
+        let [low, high] = hand.workspace_m;
+        let start_m = hand.start_m.clamp(low, high);
         app.register_type::<MouseDevice>().insert_resource(MouseDevice {
             target_m: start_m,
             line_m: self.line_m,
@@ -154,7 +155,7 @@ fn follow_pointer(
             MouseScrollUnit::Line => 1.0,
             MouseScrollUnit::Pixel => MouseScrollUnit::SCROLL_UNIT_CONVERSION_FACTOR,
         };
-        let away_m = mouse.line_m * wheel.delta.y / pixels_per_line;
+        let away_m = mouse.line_m * f64::from(wheel.delta.y / pixels_per_line);
         let world_m = target_on_ray(ray, mouse.world_target_m(), at.forward(), away_m);
         world_m.into_iter().for_each(|world_m| mouse.set_world_target(world_m));
     }
@@ -191,24 +192,30 @@ fn update_follower(pressed: Res<ButtonInput<MouseButton>>, mut mouse: ResMut<Mou
     let mouse = mouse.bypass_change_detection();
     mouse.pressed = pressed;
     if let Some(follower) = &mut *mouse.follower.lock().unwrap_or_else(PoisonError::into_inner) {
-        follower.set(mouse.target_m.as_dvec3(), pressed);
+        follower.set(mouse.target_m, pressed);
     }
 }
 
 /// Intersection of `ray` with the plane through `target_m` with normal `forward`, moved by `away_m` along the normal; `None` if they are
-/// parallel.
-fn target_on_ray(ray: Ray3d, target_m: Vec3, forward: Dir3, away_m: f32) -> Option<Vec3> {
-    let origin = target_m + forward * away_m;
-    ray.intersect_plane(origin, InfinitePlane3d::new(forward)).map(|distance| ray.get_point(distance))
+/// parallel, or if it lies behind the ray.
+fn target_on_ray(ray: Ray3d, target_m: DVec3, forward: Dir3, away_m: f64) -> Option<DVec3> {
+    let (normal, direction) = (forward.as_dvec3(), ray.direction.as_dvec3());
+    let towards = direction.dot(normal);
+    let distance_m = ((target_m - ray.origin.as_dvec3()).dot(normal) + away_m) / towards;
+    (towards.abs() > f64::from(f32::EPSILON) && distance_m > 0.0)
+        .then(|| ray.origin.as_dvec3() + distance_m * direction)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::prelude::*;
+    use crate::{HapticSchedulePlugin, LoopMode};
     use bevy::camera::{RenderTargetInfo, Viewport};
     use bevy::time::TimeUpdateStrategy;
     use bevy::window::WindowResolution;
+    use glam::DQuat;
+    use palpate_haptics::DeviceFrame;
     use std::time::Duration;
 
     /// A camera half a metre in front of the origin, a window of 400 by 400 pixels, and a tool with the mouse.
@@ -271,7 +278,7 @@ mod tests {
         let at = settled(&mut app, tool);
         assert!((at.x - 0.2).abs() < 1e-5, "{at}");
         app.world_mut().resource_mut::<MouseDevice>().reset();
-        assert_eq!(app.world().resource::<MouseDevice>().target_m, Vec3::ZERO);
+        assert_eq!(app.world().resource::<MouseDevice>().target_m, DVec3::ZERO);
     }
 
     #[test]
@@ -373,12 +380,15 @@ mod tests {
         assert!(registration.data::<ReflectResource>().is_some());
         let mouse: &dyn Reflect = app.world().resource::<MouseDevice>();
         let target = mouse.reflect_ref().as_struct().unwrap().field("target_m").unwrap();
-        assert_eq!(target.try_downcast_ref::<Vec3>(), Some(&Vec3::ZERO));
+        assert_eq!(target.try_downcast_ref::<DVec3>(), Some(&DVec3::ZERO));
     }
 
     #[test]
     fn ray_parallel_to_the_plane_has_no_target() {
         let ray = Ray3d::new(Vec3::ZERO, Dir3::X);
-        assert_eq!(target_on_ray(ray, Vec3::Y, Dir3::Y, 0.0), None);
+        assert_eq!(target_on_ray(ray, DVec3::Y, Dir3::Y, 0.0), None);
+        // Behind the camera.
+        assert_eq!(target_on_ray(ray, -DVec3::X, Dir3::X, 0.5), None);
+        assert_eq!(target_on_ray(ray, DVec3::X, Dir3::X, 0.5), Some(1.5 * DVec3::X));
     }
 }

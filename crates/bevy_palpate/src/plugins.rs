@@ -24,7 +24,7 @@ use bevy::prelude::*;
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// use bevy_palpate::prelude::*;
+/// use bevy_palpate::{FaultLogPlugin, HapticSchedulePlugin, LoopMode, prelude::*};
 /// # let mut app = App::new();
 /// app.add_plugins(MinimalPlugins).add_plugins(
 ///     PalpatePlugins
@@ -47,7 +47,8 @@ impl PluginGroup for PalpatePlugins {
     }
 }
 
-/// Writes every [`HapticFault`](crate::HapticFault) to the log as a warning; missed deadlines at debug level.
+/// Writes every [`HapticFault`](crate::HapticFault) to the log: [`FaultSeverity::Error`](crate::FaultSeverity::Error) as an error, others
+/// as a warning, and missed deadlines at debug level. Recoveries are no faults; the loops log them as info.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FaultLogPlugin;
 

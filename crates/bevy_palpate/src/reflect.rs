@@ -24,22 +24,6 @@ pub(crate) enum ReflectedVelocityEstimator {
     Device,
 }
 
-/// Reflection of [`palpate_haptics::SafetySettings`].
-#[bevy::reflect::reflect_remote(palpate_haptics::SafetySettings)]
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ReflectedSafetySettings {
-    pub arm_below_n: f64,
-    pub ramp_s: f64,
-    pub stale_after_periods: f64,
-    pub device_timeout_ticks: u64,
-    pub fade_s: f64,
-    pub max_speed_m_per_s: f64,
-    pub passivity_damping_ns_per_m: f64,
-    pub passivity_tolerance_j: f64,
-    pub max_force_n: f64,
-    pub max_slew_n_per_s: f64,
-}
-
 /// Reflection of [`palpate_haptics::DeviceFrame`].
 #[bevy::reflect::reflect_remote(palpate_haptics::DeviceFrame)]
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! The schedule of the model steps: its system sets and its plugin.
 
 use crate::cost::{FrameCost, timed};
-use crate::fault::{HapticFault, HapticFaultKind};
+use crate::fault::{FaultWriter, HapticFaultKind, add_faults};
 use crate::model_time::{LoopMode, Model, ModelClock, ModelRate, ModelStepCount, max_periods};
 use crate::step_times::StepTimes;
 use bevy::app::{RunFixedMainLoop, RunFixedMainLoopSystems};
@@ -50,7 +50,7 @@ pub enum HapticUpdateSystems {
 ///
 /// ```
 /// # use bevy::prelude::*;
-/// use bevy_palpate::prelude::*;
+/// use bevy_palpate::{HapticSchedulePlugin, ModelRate, prelude::*};
 /// # let mut app = App::new();
 /// let schedule = HapticSchedulePlugin::default().with_rate(ModelRate::from_hz(25.0)).in_schedule(FixedUpdate);
 /// app.add_plugins((MinimalPlugins, PalpatePlugins.set(schedule)));
@@ -95,6 +95,7 @@ impl HapticSchedulePlugin {
 
 impl Plugin for HapticSchedulePlugin {
     fn build(&self, app: &mut App) {
+        add_faults(app);
         // Keeps systems that have already been added to the schedule.
         app.edit_schedule(ModelSchedule, |schedule| {
             schedule.configure_sets(
@@ -121,7 +122,6 @@ impl Plugin for HapticSchedulePlugin {
             .register_type::<ModelRate>()
             .register_type::<LoopMode>()
             .register_type::<ModelStepCount>()
-            .add_message::<HapticFault>()
             .add_systems(RunFixedMainLoop, start_frame.in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop))
             .add_systems(self.schedule, cost.timed(run_model_steps))
             .configure_sets(PreUpdate, (HapticUpdateSystems::Bodies, HapticUpdateSystems::Tools).chain())
@@ -174,7 +174,7 @@ fn report_rates(
     mode: Res<LoopMode>,
     fixed: Res<Time<Fixed>>,
     mut last: Local<Option<(ModelRate, Duration)>>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     let rates = (*rate, fixed.timestep());
     let is_limited = *mode == LoopMode::Threaded && rate.period() < fixed.timestep();
@@ -182,10 +182,7 @@ fn report_rates(
         *last = None;
     } else if last.replace(rates) != Some(rates) {
         let (model_hz, fixed_hz) = (1.0 / rate.period_s(), 1.0 / fixed.timestep().as_secs_f64());
-        faults.write(HapticFault {
-            entity: None,
-            kind: HapticFaultKind::ModelRateLimited { model_hz, fixed_hz },
-        });
+        faults.write(None, HapticFaultKind::ModelRateLimited { model_hz, fixed_hz });
     }
 }
 
@@ -195,10 +192,10 @@ fn report_time_scale(
     time: Res<Time<Virtual>>,
     mode: Res<LoopMode>,
     mut last: Local<Option<f64>>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     let speed = time.relative_speed_f64();
     if last.replace(speed) != Some(speed) && speed != 1.0 && *mode == LoopMode::Threaded {
-        faults.write(HapticFault { entity: None, kind: HapticFaultKind::UnsupportedTimeScale { speed } });
+        faults.write(None, HapticFaultKind::UnsupportedTimeScale { speed });
     }
 }

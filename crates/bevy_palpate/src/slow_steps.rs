@@ -1,7 +1,7 @@
 //! Reports model steps that take longer than their period.
 
 use crate::body::SimulatedBody;
-use crate::fault::{HapticFault, HapticFaultKind, SlowStep};
+use crate::fault::{FaultWriter, HapticFaultKind, SlowStep};
 use crate::model_time::{LoopMode, ModelPeriod};
 use crate::step_times::StepTimes;
 use bevy::prelude::*;
@@ -16,7 +16,7 @@ pub(crate) fn report_slow_step(
     mode: Res<LoopMode>,
     period: ModelPeriod,
     mut in_time_s: Local<Option<f64>>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     if !times.take_is_new() {
         return;
@@ -48,16 +48,19 @@ pub(crate) fn report_slow_step(
         nodes: largest.map_or(0, |(_, simulated)| nodes(simulated)),
         suggested_cells_along: largest.and_then(|(_, simulated)| simulated.cells_along()).map(fewer),
     });
-    faults.write(HapticFault { entity: largest.map(|(entity, _)| entity), kind });
+    faults.write(largest.map(|(entity, _)| entity), kind);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fault::{FaultLimits, HapticFault};
     use crate::model_time::ModelRate;
     use std::time::Duration;
 
+    /// The reported durations, without the limit of their rate.
     fn reported(world: &mut World, steps_ms: &[(u64, usize)]) -> Vec<f64> {
+        world.insert_resource(FaultLimits::default());
         for (ms, times) in steps_ms {
             for _ in 0..*times {
                 world.resource_mut::<StepTimes>().record(Duration::from_millis(*ms));

@@ -1,7 +1,7 @@
 //! Sutures: threads through bodies.
 
 use crate::body::{DeformableBody, SimulatedBody};
-use crate::fault::{HapticFault, HapticFaultKind, SutureFault};
+use crate::fault::{FaultWriter, HapticFaultKind, SutureFault, add_faults};
 use crate::schedule::{HapticSystems, ModelSchedule};
 use bevy::prelude::*;
 use glam::DVec3;
@@ -97,10 +97,10 @@ pub(crate) enum SutureSystems {
 
 impl Plugin for SuturePlugin {
     fn build(&self, app: &mut App) {
+        add_faults(app);
         app.register_type::<Suture>()
             .register_type::<SutureForce>()
             .register_type::<SutureTorn>()
-            .add_message::<HapticFault>()
             .add_message::<SutureTorn>()
             .configure_sets(
                 ModelSchedule,
@@ -119,7 +119,7 @@ fn sew(
     mut bodies: Query<(Entity, &mut SimulatedBody)>,
     described_bodies: Query<(), With<DeformableBody>>,
     mut changed: Local<Vec<Entity>>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     changed.clear();
     for (entity, suture, mut sewn, mut force) in &mut sutures {
@@ -156,7 +156,7 @@ fn sew(
             Err(error) => {
                 *force = SutureForce::default();
                 sewn.rejected_shape = shape;
-                faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::Suture(error) });
+                faults.write(entity, HapticFaultKind::Suture(error));
             }
         }
     }
@@ -185,7 +185,7 @@ fn sew(
         }
         if let Err((entity, error)) = set {
             let kind = HapticFaultKind::Suture(SutureFault::Thread(error));
-            faults.write(HapticFault { entity: Some(entity), kind });
+            faults.write(entity, kind);
         }
     }
 }

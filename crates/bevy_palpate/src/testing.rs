@@ -2,7 +2,8 @@
 //!
 //! ```
 //! use bevy::prelude::*;
-//! use bevy_palpate::{prelude::*, testing};
+//! use bevy_palpate::palpate_haptics::{Reading, ScriptedDevice};
+//! use bevy_palpate::{FaultSeverity, prelude::*, testing};
 //!
 //! // A test of a scene: a tool presses 5 mm into a block, and the block pushes back.
 //! let mut app = testing::headless_app();
@@ -15,9 +16,17 @@
 //! testing::advance_model_steps(&mut app, 30);
 //! let force = app.world().get::<ToolForce>(tool).unwrap();
 //! assert!(force.force_n.y > 0.1, "{force:?}");
+//! testing::assert_no_faults(&mut app, FaultSeverity::Load);
+//!
+//! // A body of no nodes is rejected.
+//! let body = app.world_mut().spawn(DeformableBody::block([0; 3], 0.1)).id();
+//! let reason = testing::wait_for_rejection(&mut app, body);
+//! let faults = testing::take_faults(&mut app);
+//! assert_eq!((faults[0].entity, faults[0].kind.report()), (Some(body), reason));
 //! ```
 
 use crate::body::{BodyState, DeformableBody};
+use crate::fault::{FaultSeverity, HapticFault};
 use crate::model_time::{LoopMode, ModelStepCount};
 use crate::plugins::PalpatePlugins;
 use crate::schedule::HapticSchedulePlugin;
@@ -38,7 +47,7 @@ const MAX_UPDATES: usize = 1000;
 const MAX_BUILD_UPDATES: usize = 100_000;
 
 /// Returns an app for tests: Bevy's `MinimalPlugins`, assets and meshes, and [`PalpatePlugins`] in [`LoopMode::Lockstep`] with simulated
-/// time. It has no window and no threads for loops, and gives the same bits in every run.
+/// time. It has no window and no threads for loops, gives the same bits in every run, and collects faults for [`take_faults`].
 ///
 /// Bodies of GLB files also need `ImagePlugin`, `WorldSerializationPlugin` and `GltfPlugin` (feature `gltf`).
 pub fn headless_app() -> App {
@@ -46,7 +55,47 @@ pub fn headless_app() -> App {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), MeshPlugin, PalpatePlugins.set(schedule)))
         .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(UPDATE_MS)));
+    collect_faults(&mut app);
     app
+}
+
+/// Faults of the app since the last [`take_faults`].
+#[derive(Resource, Default)]
+struct CollectedFaults(Vec<HapticFault>);
+
+/// Collects the faults of an app that is not made by [`headless_app`], for [`take_faults`]. A second call has no effect.
+pub fn collect_faults(app: &mut App) {
+    if app.world().contains_resource::<CollectedFaults>() {
+        return;
+    }
+    app.add_message::<HapticFault>().init_resource::<CollectedFaults>().add_systems(
+        Last,
+        |mut messages: MessageReader<HapticFault>, mut faults: ResMut<CollectedFaults>| {
+            faults.0.extend(messages.read().cloned());
+        },
+    );
+}
+
+/// Returns the faults of all updates since the last call, in order.
+///
+/// # Panics
+/// If the app does not collect faults ([`collect_faults`]).
+pub fn take_faults(app: &mut App) -> Vec<HapticFault> {
+    let faults = app.world_mut().get_resource_mut::<CollectedFaults>();
+    let mut faults = faults.expect("the app does not collect faults; call testing::collect_faults first");
+    std::mem::take(&mut faults.0)
+}
+
+/// Takes the faults since the last call, and asserts that none of them has the severity `from` or a higher one.
+///
+/// # Panics
+/// With the reports of those faults. If the app does not collect faults ([`collect_faults`]).
+#[track_caller]
+pub fn assert_no_faults(app: &mut App, from: FaultSeverity) {
+    let faults = take_faults(app);
+    let found: Vec<String> =
+        faults.iter().filter(|fault| fault.severity() >= from).map(HapticFault::report).collect();
+    assert!(found.is_empty(), "faults of severity {from:?} or above: {found:#?}");
 }
 
 /// Updates `app` until `steps` more model steps have run. Finishes its plugins first if necessary.
@@ -73,21 +122,41 @@ pub fn advance_model_steps(app: &mut App, steps: u64) {
 ///
 /// # Panics
 /// If the entity has no [`DeformableBody`], if the body is rejected, or if it is not built within 100,000 updates.
+#[track_caller]
 pub fn wait_for_body(app: &mut App, entity: Entity) {
+    if let BodyState::Rejected(reason) = built_state(app, entity) {
+        panic!("the body of {entity} is rejected: {reason}");
+    }
+}
+
+/// Updates `app` until the body of `entity` is rejected, and returns the reason ([`BodyState::Rejected`]). Finishes the app's plugins first
+/// if necessary.
+///
+/// # Panics
+/// If the entity has no [`DeformableBody`], if the body is built, or if it is not rejected within 100,000 updates.
+#[track_caller]
+pub fn wait_for_rejection(app: &mut App, entity: Entity) -> String {
+    match built_state(app, entity) {
+        BodyState::Rejected(reason) => reason,
+        _ => panic!("the body of {entity} is built; it was expected to be rejected"),
+    }
+}
+
+/// Updates the app at least once, until the body is built or rejected.
+#[track_caller]
+fn built_state(app: &mut App, entity: Entity) -> BodyState {
     finish_plugins(app);
     assert!(app.world().get::<DeformableBody>(entity).is_some(), "{entity} has no DeformableBody");
-    let is_ready = (0..MAX_BUILD_UPDATES).any(|_| {
+    let state = (0..MAX_BUILD_UPDATES).find_map(|_| {
         app.update();
-        match app.world().get::<BodyState>(entity) {
-            Some(BodyState::Ready) => true,
-            Some(BodyState::Rejected(reason)) => panic!("the body of {entity} is rejected: {reason}"),
-            _ => {
-                std::thread::yield_now();
-                false
-            }
+        let state = app.world().get::<BodyState>(entity).cloned();
+        let is_built = matches!(state, Some(BodyState::Ready | BodyState::Rejected(_)));
+        if !is_built {
+            std::thread::yield_now();
         }
+        state.filter(|_| is_built)
     });
-    assert!(is_ready, "the body of {entity} is not built after {MAX_BUILD_UPDATES} updates");
+    state.unwrap_or_else(|| panic!("the body of {entity} is not built after {MAX_BUILD_UPDATES} updates"))
 }
 
 /// Finishes the plugins of an app that has not run, like its runner.

@@ -13,11 +13,13 @@ mod no_force;
 mod observers;
 mod overlap;
 mod results;
+mod safety;
 mod samples;
 mod settings;
 mod size;
 mod start;
 mod tool_loop;
+mod trajectories;
 mod transform;
 mod write_results;
 
@@ -30,11 +32,12 @@ pub use results::{
     ContactState, ForceError, LocalModelStats, LoopTiming, TickRecording, ToolContactPoint, ToolForce,
     TouchedBody,
 };
+pub use safety::SafetyOverrides;
 pub use tool_loop::ToolLoop;
 
 use crate::cost::FrameCost;
-use crate::device::HapticDevices;
-use crate::fault::{FaultSeverity, HapticFault};
+use crate::device::{HapticDevices, TrajectoryAsset, add_trajectory_assets};
+use crate::fault::{FaultSeverity, HapticFault, add_faults};
 use crate::model_time::{LoopMode, ModelRate};
 use crate::schedule::{HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, ModelSchedule};
 use crate::step_times::StepTimes;
@@ -49,8 +52,10 @@ pub struct ToolPlugin;
 
 impl Plugin for ToolPlugin {
     fn build(&self, app: &mut App) {
+        add_faults(app);
         let cost = FrameCost::of(app);
         let times = StepTimes::of(app);
+        add_trajectory_assets(app);
         app.init_resource::<HapticDevices>()
             .register_type::<HapticTool>()
             .register_type::<ToolSettings>()
@@ -70,7 +75,7 @@ impl Plugin for ToolPlugin {
             .register_type::<GraspStart>()
             .register_type::<GraspEnd>()
             .register_type::<ToolContactPoint>()
-            .add_message::<HapticFault>()
+            .register_type::<TrajectoryAsset>()
             .add_message::<ContactStart>()
             .add_message::<ContactEnd>()
             .add_message::<GraspStart>()
@@ -126,6 +131,8 @@ impl Plugin for ToolPlugin {
     }
 
     fn finish(&self, app: &mut App) {
+        // AssetPlugin may have been added later.
+        add_trajectory_assets(app);
         // Without the plugin the schedule, its rate and its mode take their defaults.
         if !app.world().contains_resource::<ModelRate>() || !app.world().contains_resource::<LoopMode>() {
             app.add_plugins(HapticSchedulePlugin::default());

@@ -1,18 +1,10 @@
 //! The check of measured motion against written force: motors that are wired the other way, or to one axis, in a closed loop with a
 //! virtual plane and a hand.
 
-#[expect(dead_code, reason = "other tests use the rest")]
-#[path = "common/hex.rs"]
-mod hex;
-#[expect(dead_code, reason = "other tests use the rest")]
-#[path = "common/joystick_bench.rs"]
-mod joystick_bench;
-#[expect(dead_code, reason = "other tests use the rest")]
-#[path = "common/report_log.rs"]
-mod report_log;
-
+use crate::hex;
+use crate::joystick_bench;
+use crate::joystick_bench::{Bench, calibrated};
 use glam::{DMat3, DVec3};
-use joystick_bench::{Bench, calibrated};
 use palpate_haptics::*;
 use palpate_hid::JoystickOptions;
 use palpate_hid::simulated::*;

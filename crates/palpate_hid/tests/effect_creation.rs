@@ -1,17 +1,8 @@
 //! The status of a new effect (Block Load), which a device may report late.
 
-#[expect(dead_code, reason = "other tests use the rest")]
-#[path = "common/hex.rs"]
-mod hex;
-#[expect(dead_code, reason = "other tests use the rest")]
-#[path = "common/joystick_bench.rs"]
-mod joystick_bench;
-#[expect(dead_code, reason = "other tests use the rest")]
-#[path = "common/report_log.rs"]
-mod report_log;
-
+use crate::hex;
+use crate::joystick_bench::{Bench, PATH, full_force, info};
 use glam::DVec3;
-use joystick_bench::{Bench, PATH, full_force, info};
 use palpate_haptics::{DeviceError, HapticDevice};
 use palpate_hid::simulated::*;
 use std::sync::{Arc, Mutex};

@@ -1,20 +1,13 @@
 //! PID arrays whose Logical Minimum is 0: firmware numbers their usages from 0, as HID 1.11 has it, or from 1, as Linux does.
 
-#[expect(dead_code, reason = "other tests use the rest")]
-#[path = "common/hex.rs"]
-mod hex;
-#[expect(dead_code, reason = "other tests use the rest")]
-#[path = "common/joystick_bench.rs"]
-mod joystick_bench;
-#[path = "common/report_log.rs"]
-mod report_log;
-
+use crate::hex;
+use crate::joystick_bench;
+use crate::joystick_bench::{Bench, full_force, info};
+use crate::report_log::RecordedFirmware;
 use glam::DVec3;
-use joystick_bench::{Bench, full_force, info};
 use palpate_haptics::{DeviceError, HapticDevice};
 use palpate_hid::simulated::*;
 use palpate_hid::*;
-use report_log::RecordedFirmware;
 use std::sync::Arc;
 
 /// Force of the tests, N, and the tolerance: half a count of 50 N.

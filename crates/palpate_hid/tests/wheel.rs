@@ -1,17 +1,8 @@
 //! A wheel that declares y: one motor, and a pedal as the second axis. Nothing in its descriptor distinguishes it from a joystick.
 
-#[expect(dead_code, reason = "other tests use the rest")]
-#[path = "common/hex.rs"]
-mod hex;
-#[expect(dead_code, reason = "other tests use the rest")]
-#[path = "common/joystick_bench.rs"]
-mod joystick_bench;
-#[expect(dead_code, reason = "other tests use the rest")]
-#[path = "common/report_log.rs"]
-mod report_log;
-
+use crate::hex;
+use crate::joystick_bench::{Bench, full_force, info};
 use glam::DVec3;
-use joystick_bench::{Bench, full_force, info};
 use palpate_haptics::{HapticDevice, Lockstep, LoopConfig, LoopEventKind, LoopSettings, haptic_loop};
 use palpate_hid::simulated::*;
 use palpate_hid::*;

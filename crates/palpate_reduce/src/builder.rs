@@ -24,7 +24,8 @@ pub struct BuildReport {
     /// Whether the clamped tangent was used because the exact one could not be factorised, for example in a buckling body. The far field
     /// is then stiffer than the body.
     pub tangent_clamped: bool,
-    /// Whether nodes that the tool can reach within the horizon were left out of S because of its maximum size.
+    /// Whether S is too small: its maximum size left out nodes that the tool touches now, or touches within the horizon if it keeps its
+    /// velocity. Nodes that it reaches only by accelerating do not count.
     pub support_truncated: bool,
     /// Integrator of the ticks; `None` for a model without support set.
     pub integrator: Option<TickIntegrator>,

@@ -3,8 +3,9 @@
 use super::*;
 use crate::{HandTime, SceneTime, SetUpHands, SetUpScene, Stage, register_hand};
 use bevy::input::mouse::AccumulatedMouseScroll;
-use bevy_palpate::{ModelStepCount, ToolLoop};
+use bevy_palpate::{HidSelector, LoopMode, ModelRate, ModelStepCount, ToolLoop};
 use clap::Parser;
+use palpate_haptics::{DeviceFrame, Reading};
 
 #[derive(Parser)]
 struct Options {
@@ -184,7 +185,7 @@ fn tool_grasps_only_with_the_mouse() {
     let mouse = DeviceSelector::named(MouseDevicePlugin::NAME);
     set_device(&mut app, mouse.clone());
     assert!(grasps(&mut app));
-    set_device(&mut app, DeviceSelector::replay("hand-1.csv"));
+    set_device(&mut app, DeviceSelector::replay(Handle::default()));
     assert!(grasps(&mut app), "a recording of the mouse keeps the grasp");
     set_device(&mut app, DeviceSelector::named("hand"));
     assert!(!grasps(&mut app));

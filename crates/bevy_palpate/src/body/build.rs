@@ -9,7 +9,7 @@ use super::shape::{DeformableBody, FixedRegion, Slit};
 use super::simulated::{SimulatedBody, SourceMesh};
 use super::state::BodyState;
 use super::tissue::{Inclusions, Tissue};
-use crate::fault::{HapticFault, HapticFaultKind, MeshFault};
+use crate::fault::{FaultWriter, HapticFaultKind, MeshFault};
 use crate::model_time::LoopMode;
 use bevy::ecs::query::QueryData;
 use bevy::ecs::system::SystemParam;
@@ -114,7 +114,7 @@ pub(super) fn build_bodies(
     transforms: TransformHelper,
     mode: Option<Res<LoopMode>>,
     mut builds: ResMut<BodyBuilds>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     meshes
         .update(|id| bodies.iter().any(|body| body.shape.mesh().is_some_and(|shape| shape.mesh.id() == id)));
@@ -209,7 +209,7 @@ pub(super) fn poll_builds(
     mut bodies: Query<(Entity, &mut BodyBuild, Option<&mut SimulatedBody>)>,
     transforms: TransformHelper,
     mut builds: ResMut<BodyBuilds>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     for (entity, mut build, mut simulated) in &mut bodies {
         let BodyBuild::Running(PendingBuild { task, is_outdated, source }) = &mut *build else { continue };
@@ -244,14 +244,9 @@ pub(super) fn poll_builds(
 }
 
 /// Sets the state of the body of `entity` to rejected, and reports the fault.
-fn reject(
-    commands: &mut Commands,
-    faults: &mut MessageWriter<HapticFault>,
-    entity: Entity,
-    kind: HapticFaultKind,
-) {
+fn reject(commands: &mut Commands, faults: &mut FaultWriter, entity: Entity, kind: HapticFaultKind) {
     commands.entity(entity).try_insert(BodyState::Rejected(kind.report()));
-    faults.write(HapticFault { entity: Some(entity), kind });
+    faults.write(entity, kind);
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use super::construct::checked_pose;
 use super::pending::BodyBuilds;
 use super::simulated::SimulatedBody;
-use crate::fault::HapticFault;
+use crate::fault::FaultWriter;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 
@@ -12,7 +12,7 @@ pub(super) fn follow_transforms(
     mut bodies: Query<(Entity, &mut SimulatedBody)>,
     transforms: TransformHelper,
     mut builds: ResMut<BodyBuilds>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     for (entity, mut simulated) in &mut bodies {
         let Ok(now) = transforms.compute_global_transform(entity) else { continue };
@@ -30,7 +30,7 @@ pub(super) fn follow_transforms(
             Err(kind) => {
                 // Reported once; the body stays where it was.
                 if !std::mem::replace(&mut simulated.reported_pose, true) {
-                    faults.write(HapticFault { entity: Some(entity), kind });
+                    faults.write(entity, kind);
                 }
             }
         }

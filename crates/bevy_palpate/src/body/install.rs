@@ -5,7 +5,7 @@ use super::pending::BodyBuild;
 use super::render_mesh::RenderMesh;
 use super::simulated::{MeshReport, SimulatedBody, SourceMesh};
 use super::state::{BodyReady, BodyState};
-use crate::fault::{HapticFault, HapticFaultKind};
+use crate::fault::{FaultWriter, HapticFaultKind};
 use crate::step_watch::StepWatch;
 use bevy::prelude::*;
 use palpate_body::{MeshRepairs, StepReport};
@@ -23,7 +23,7 @@ pub(super) struct FinishedBuild {
 /// Moves the new body from the pose of its build to the present pose `at`.
 pub(super) fn install(
     commands: &mut Commands,
-    faults: &mut MessageWriter<HapticFault>,
+    faults: &mut FaultWriter,
     (entity, old): (Entity, Option<&mut SimulatedBody>),
     (build, at): (FinishedBuild, GlobalTransform),
     epoch: u64,
@@ -111,7 +111,7 @@ pub(super) fn clear_build(commands: &mut Commands, entity: Entity) {
 const MAX_MASS_EXCESS: f64 = 0.01;
 
 /// Logs the repairs of a new mesh, and reports a body that is too heavy.
-fn report_mesh(faults: &mut MessageWriter<HapticFault>, entity: Entity, body: &SimulatedBody) {
+fn report_mesh(faults: &mut FaultWriter, entity: Entity, body: &SimulatedBody) {
     let Some(MeshReport { repairs, cells, .. }) = body.report else { return };
     let MeshRepairs { welded, collapsed, duplicates, back_to_back, turned, pinched_edges } = repairs;
     // Every mesh with seams has coincident vertices: these alone are not logged.
@@ -124,6 +124,6 @@ fn report_mesh(faults: &mut MessageWriter<HapticFault>, entity: Entity, body: &S
     }
     if cells.raised_share > MAX_MASS_EXCESS {
         let kind = HapticFaultKind::MassExcess { share: cells.raised_share, cells: cells.raised };
-        faults.write(HapticFault { entity: Some(entity), kind });
+        faults.write(entity, kind);
     }
 }

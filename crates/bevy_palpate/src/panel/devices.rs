@@ -163,7 +163,7 @@ mod tests {
         assert_eq!(label, "SpaceMouse: SpaceMouse (256f:c635, serial 7)");
         assert_eq!(name_of(selector), "SpaceMouse 256f:c635 7");
         assert_eq!(counters(&devices, selector), None);
-        assert!(devices.make(selector).is_ok());
+        assert!(devices.make(selector, None).is_ok());
         let [forces, reports] = counters(&devices, selector).expect("one was created");
         assert_eq!(forces, "none");
         assert_eq!(reports, "0 read · 0 skipped for newer ones · 0 malformed");

@@ -27,13 +27,14 @@ impl FaultLog {
         self.beyond_support.get(&tool).map(|at_s| now_s - at_s)
     }
 
-    fn add(&mut self, text: String, now_s: f64) {
+    /// Adds `times` faults with this text.
+    fn add(&mut self, text: String, times: u32, now_s: f64) {
         match self.faults.back_mut() {
-            Some((last, times, at)) if *last == text => {
-                *times += 1;
+            Some((last, sum, at)) if *last == text => {
+                *sum = sum.saturating_add(times);
                 *at = now_s;
             }
-            _ => self.faults.push_back((text, 1, now_s)),
+            _ => self.faults.push_back((text, times, now_s)),
         }
         if self.faults.len() > MAX_FAULTS {
             self.faults.pop_front();
@@ -70,7 +71,7 @@ pub(super) fn collect_faults(
         {
             *tissue = before;
         }
-        log.add(text, time.elapsed_secs_f64());
+        log.add(text, fault.suppressed_count.saturating_add(1), time.elapsed_secs_f64());
     }
 }
 
@@ -96,7 +97,7 @@ mod tests {
         world.resource_mut::<HapticPanel>().view.start_change(body, good, set);
         let reject = |world: &mut World| {
             let kind = HapticFaultKind::BuildBody(palpate_body::BodyError::NoNodes);
-            world.write_message(HapticFault { entity: Some(body), kind });
+            world.write_message(HapticFault::new(Some(body), kind));
         };
         for _ in 0..200 {
             world.run_system_cached(collect_faults).unwrap();
@@ -121,7 +122,7 @@ mod tests {
         world.insert_resource(panel());
         let [tool, other] = [0; 2].map(|_| world.spawn(HapticTool::default()).id());
         let kind = HapticFaultKind::BeyondSupport { nodes: 18 };
-        world.write_message(HapticFault { entity: Some(tool), kind });
+        world.write_message(HapticFault::new(Some(tool), kind));
         world.run_system_cached(collect_faults).unwrap();
         let log = world.resource::<FaultLog>();
         assert_eq!((log.beyond_support_s(tool, 3.0), log.beyond_support_s(other, 3.0)), (Some(3.0), None));
@@ -133,9 +134,9 @@ mod tests {
     #[test]
     fn repeated_faults_are_counted_and_old_ones_discarded() {
         let mut log = FaultLog::default();
-        ["a", "a", "b", "a"].iter().zip(0..).for_each(|(text, t)| log.add((*text).into(), f64::from(t)));
+        ["a", "a", "b", "a"].iter().zip(0..).for_each(|(text, t)| log.add((*text).into(), 1, f64::from(t)));
         assert_eq!(log.faults, [("a".into(), 2, 1.0), ("b".into(), 1, 2.0), ("a".into(), 1, 3.0)]);
-        (0..20).for_each(|i| log.add(i.to_string(), 4.0));
+        (0..20).for_each(|i| log.add(i.to_string(), 1, 4.0));
         assert_eq!(log.faults.len(), MAX_FAULTS);
     }
 }

@@ -1,7 +1,7 @@
 //! Records the motion of a device to a file for the replay device, and replays a file.
 
-use crate::device::{DeviceSelector, HapticDevices};
-use crate::fault::HapticFaultKind;
+use crate::device::{DeviceSelector, TrajectoryAsset};
+use crate::fault::DeviceFault;
 use crate::tool::HapticTool;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
@@ -137,21 +137,22 @@ impl Recorder {
         self.written = done.ok();
     }
 
-    /// Replaces the device of `tool` by the recording at `path`, if it can be read.
+    /// Replaces the device of `tool` by the recording at `path`, if it can be read. The path is not one of Bevy's asset folder: recordings
+    /// are written anywhere.
     pub(super) fn replay(
         &mut self,
         (entity, tool): (Entity, &mut HapticTool),
-        path: String,
-        devices: &HapticDevices,
+        path: &str,
+        trajectories: Option<&mut Assets<TrajectoryAsset>>,
     ) {
-        let selector = DeviceSelector::replay(path);
-        self.message = Some(match devices.make(&selector) {
-            Ok(device) => {
+        self.message = Some(match (Trajectory::from_csv_file(path), trajectories) {
+            (Ok(trajectory), Some(trajectories)) => {
                 self.before.entry(entity).or_insert_with(|| tool.device.clone());
-                tool.device = selector;
-                Ok(format!("Replays {} repeatedly.", device.describe().name))
+                tool.device = trajectories.add(TrajectoryAsset(trajectory)).into();
+                Ok(format!("Replays {path} repeatedly."))
             }
-            Err(error) => Err(HapticFaultKind::Device(error.into()).report()),
+            (Err(error), _) => Err(palpate_haptics::report(&error)),
+            (_, None) => Err(DeviceFault::NoTrajectories.to_string()),
         });
     }
 
@@ -195,7 +196,10 @@ pub(super) fn next_free(folder: &Path) -> PathBuf {
 /// Label of a device.
 pub(super) fn name_of(device: &DeviceSelector) -> String {
     match device {
-        DeviceSelector::Replay { path, .. } => format!("replay of {path}"),
+        DeviceSelector::Replay { trajectory, .. } => match trajectory.path() {
+            Some(path) => format!("replay of {path}"),
+            None => "replay of a recording".into(),
+        },
         DeviceSelector::Named(name) => name.clone(),
         DeviceSelector::Hid(selector) => selector.to_string(),
     }

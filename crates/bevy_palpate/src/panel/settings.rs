@@ -6,7 +6,7 @@ mod number_field;
 use super::theme;
 use crate::body::Tissue;
 use crate::model_time::ModelRate;
-use crate::tool::ToolSettings;
+use crate::tool::{SafetyOverrides, ToolSettings};
 use bevy::math::EulerRot;
 use bevy::prelude::*;
 use bevy_egui::egui;
@@ -152,20 +152,21 @@ impl View {
         self.pending = Some(PendingChange { body, valid, set });
     }
 
-    /// Shows the limits of the safety chain and applies changes. The default stands for the device's limits; the first change sets all.
+    /// Shows the limits of the safety chain and applies changes. A change sets one limit; the others stay those of the device.
     pub(super) fn limits(
         &mut self,
         ui: &mut egui::Ui,
         settings: &mut Mut<ToolSettings>,
         of_device: SafetySettings,
     ) {
-        let is_unset = settings.safety == SafetySettings::default();
+        let is_unset = settings.safety == SafetyOverrides::default();
         if is_unset {
-            theme::small(ui, "the device's limits; a change sets all of them");
+            theme::small(ui, "the device's limits");
         } else if ui.button("use the device's limits").clicked() {
-            settings.safety = SafetySettings::default();
+            settings.safety = SafetyOverrides::default();
         }
-        let active = if settings.safety == SafetySettings::default() { of_device } else { settings.safety };
+        let overrides = settings.safety;
+        let active = overrides.apply_to(of_device);
         let mut draft = active;
         grid(ui, "palpate_limits", |ui| {
             NumberField::new("maximum force", "N", 1.0, 0.5..=20.0)
@@ -199,7 +200,7 @@ impl View {
             ui.end_row();
         });
         if let Some(safety) = self.accept(Part::Limits, &active, draft, SafetySettings::validate) {
-            settings.safety = safety;
+            settings.safety = overrides.with_changes(&active, &safety);
         }
         self.show_rejection(ui, Part::Limits);
     }

@@ -12,7 +12,7 @@ use super::state::HapticPanel;
 use super::theme;
 use super::tool_history::ToolHistory;
 use crate::body::{SimulatedBody, Tissue};
-use crate::device::HapticDevices;
+use crate::device::{HapticDevices, TrajectoryAsset};
 use crate::model_time::ModelRate;
 use crate::tool::{ForceError, HapticTool, LocalModelStats, LoopTiming, ToolForce, ToolLoop, ToolSettings};
 use bevy::ecs::query::QueryData;
@@ -48,6 +48,7 @@ pub struct HapticWidgets<'w, 's> {
     tools: Query<'w, 's, Shown>,
     bodies: Query<'w, 's, (&'static SimulatedBody, &'static mut Tissue, Option<&'static Name>)>,
     devices: Res<'w, HapticDevices>,
+    trajectories: Option<ResMut<'w, Assets<TrajectoryAsset>>>,
     rate: ResMut<'w, ModelRate>,
     time: Res<'w, Time<Real>>,
     points: Local<'s, CurvePoints>,
@@ -369,7 +370,7 @@ impl HapticWidgets<'_, '_> {
             }
             let device = tool.1.device.clone();
             if replay {
-                recorder.replay(tool, view.file.clone(), &self.devices);
+                recorder.replay(tool, &view.file, self.trajectories.as_deref_mut());
             } else if back {
                 recorder.restore_device(tool);
             }
@@ -415,7 +416,7 @@ fn note_on_cells(cells: usize, inverted: usize) -> Option<(String, bool)> {
 const RECENT_S: f64 = 5.0;
 
 /// Text about a local model, and whether it is a warning: that the body buckles, or that the tool touched beyond the support set `beyond_s`
-/// ago. A truncated support set alone, as most are, is no warning.
+/// ago. A truncated support set alone is no warning.
 fn note_on_model(build: &LocalModelStats, beyond_s: Option<f64>) -> Option<(String, bool)> {
     if build.tangent_clamped {
         Some(("the body buckles: clamped tangent".into(), true))

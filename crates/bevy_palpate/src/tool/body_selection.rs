@@ -3,7 +3,7 @@
 use super::components::{ContactEnd, HapticTool};
 use super::tool_loop::ToolLoop;
 use crate::body::{DeformableBody, SimulatedBody};
-use crate::fault::{HapticFault, HapticFaultKind};
+use crate::fault::{FaultWriter, HapticFaultKind};
 use bevy::prelude::*;
 use glam::DVec3;
 
@@ -13,7 +13,7 @@ pub(super) fn select_bodies(
     bodies: Query<(Entity, &SimulatedBody)>,
     described_bodies: Query<(), With<DeformableBody>>,
     mut ends: MessageWriter<ContactEnd>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     for (entity, described, mut tool) in &mut tools {
         let Some(at) = tool.path.last().map(|point| point.position_m) else { continue };
@@ -30,10 +30,7 @@ pub(super) fn select_bodies(
             None => tool.rejected_body = None,
             Some(body) => {
                 if tool.rejected_body.replace(body) != Some(body) {
-                    faults.write(HapticFault {
-                        entity: Some(entity),
-                        kind: HapticFaultKind::NotABody { body },
-                    });
+                    faults.write(entity, HapticFaultKind::NotABody { body });
                 }
             }
         }

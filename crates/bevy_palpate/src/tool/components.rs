@@ -1,18 +1,21 @@
 //! The components that describe a tool, and the messages about its contacts and grasps.
 
 use super::results::{ForceError, LocalModelStats, LoopTiming, ToolForce, TouchedBody};
+use super::safety::SafetyOverrides;
 use crate::device::DeviceSelector;
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{BodyError, ToolContact, ToolShape, VirtualCoupling};
-use palpate_haptics::{DeviceFrame, SafetySettings, VelocityEstimator};
+use palpate_haptics::{DeviceFrame, VelocityEstimator};
 use palpate_local::Scheme;
 
 /// A haptic tool: a sphere, or the end of a flat punch, at the position of its device. Requires [`ToolSettings`] and the results
 /// [`ToolForce`], [`LocalModelStats`], [`ForceError`], [`LoopTiming`] and [`TouchedBody`].
 ///
 /// Inserting it starts a loop; removing it stops the loop with zero force and joins its thread. The [`Transform`] is that of the proxy,
-/// interpolated between the last two model steps like the bodies. With a parent it is relative to the parent; parents do not move the tool.
+/// interpolated between the last two model steps like the bodies; its scale is the app's. Parents do not move the tool: whatever their
+/// place, rotation and scale, the transform relative to them puts the tool where its device is. A parent whose transform cannot be inverted
+/// is a fault ([`HapticFaultKind::ToolParent`](crate::HapticFaultKind::ToolParent)).
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[require(ToolSettings, ToolForce, LocalModelStats, ForceError, LoopTiming, TouchedBody, Transform)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
@@ -54,7 +57,7 @@ impl HapticTool {
     /// that name in [`HapticDevices`](crate::HapticDevices).
     ///
     /// ```
-    /// use bevy_palpate::prelude::*;
+    /// use bevy_palpate::{DeviceSelector, prelude::*};
     ///
     /// let tool = HapticTool::new("hand").with_shape(ToolShape::Sphere { radius_m: 0.01 }).with_friction(0.0);
     /// assert_eq!(tool.device, DeviceSelector::named("hand"));
@@ -144,10 +147,9 @@ pub struct ToolSettings {
     /// Mapping from the device frame to the world frame: rotation, scale and offset.
     #[reflect(remote = crate::reflect::ReflectedDeviceFrame)]
     pub frame: DeviceFrame,
-    /// Limits of the safety chain. The default value stands for the limits that follow from the device's description
-    /// ([`palpate_haptics::DeviceDescription::safety`]).
-    #[reflect(remote = crate::reflect::ReflectedSafetySettings)]
-    pub safety: SafetySettings,
+    /// Limits of the safety chain that differ from those of the device. [`ToolLoop::safety`](crate::ToolLoop::safety) returns all that
+    /// are in effect.
+    pub safety: SafetyOverrides,
     /// Source of the samples' velocity.
     #[reflect(remote = crate::reflect::ReflectedVelocityEstimator)]
     pub velocity: VelocityEstimator,
@@ -158,7 +160,8 @@ pub struct ToolSettings {
 /// Like [`ContactEnd`], [`GraspStart`] and [`GraspEnd`] it is a message, readable in the same model step after
 /// [`HapticSystems::StepBodies`](crate::HapticSystems::StepBodies), and an event for observers of the tool, which run in [`Last`]. In a
 /// model step a tool ends at most one contact and then starts at most one; observers run in that order, ends before starts. A pause of the
-/// app ends a contact of a loop on a thread, because the device may have moved; it starts again after the pause.
+/// app ends a contact of a loop on a thread, in the first model step after the pause, because the device may have moved. The contact starts
+/// again in that step or later; [`TouchedBody`] states when. In lock step a pause has no effect on contacts.
 ///
 /// ```
 /// # use bevy::prelude::*;

@@ -5,7 +5,7 @@ use super::components::{
 };
 use super::tool_loop::ToolLoop;
 use crate::body::SimulatedBody;
-use crate::fault::{HapticFault, HapticFaultKind};
+use crate::fault::{FaultWriter, HapticFaultKind};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{Body, BodyError, ClosestPoint, SurfaceTree, ToolContact};
@@ -17,7 +17,7 @@ pub(super) fn grasp(
     mut starts: MessageWriter<ContactStart>,
     mut ends: MessageWriter<ContactEnd>,
     (mut grasp_starts, mut grasp_ends): (MessageWriter<GraspStart>, MessageWriter<GraspEnd>),
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     for (entity, described, mut tool, grasp, grasped) in &mut tools {
         let tool = &mut *tool;
@@ -42,7 +42,7 @@ pub(super) fn grasp(
                 Ok(None) => {}
                 Err(error) => {
                     let kind = HapticFaultKind::Grasp(error);
-                    faults.write(HapticFault { entity: Some(entity), kind });
+                    faults.write(entity, kind);
                 }
             }
         }

@@ -3,7 +3,7 @@
 use super::black_box::BlackBoxDump;
 use super::results::TickRecording;
 use super::tool_loop::{Driver, ToolLoop};
-use crate::fault::{HapticFault, HapticFaultKind};
+use crate::fault::{FaultWriter, HapticFaultKind};
 use bevy::prelude::*;
 use palpate_haptics::LoopEventKind;
 
@@ -11,17 +11,17 @@ use palpate_haptics::LoopEventKind;
 pub(super) fn poll_loops(
     mut commands: Commands,
     mut tools: Query<(Entity, &mut ToolLoop, Option<&mut TickRecording>, Option<&mut BlackBoxDump>)>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     for (entity, mut tool, recording, black_box) in &mut tools {
         let tool = &mut *tool;
         let mut fault = |kind| {
-            faults.write(HapticFault { entity: Some(entity), kind });
+            faults.write(entity, kind);
         };
         // Checked before the queues are read, which then contain the last events of an ended loop.
         let has_ended = matches!(&tool.driver, Driver::Thread(thread) if !thread.is_running());
         let mut dump_reason = None;
-        tool.take_faults(&mut |kind| {
+        tool.take_faults(entity, &mut |kind| {
             if !matches!(kind, HapticFaultKind::Loop(LoopEventKind::DeadlinesMissed(_))) {
                 dump_reason.get_or_insert_with(|| kind.report());
             }

@@ -4,7 +4,7 @@ use super::components::{ContactEnd, ContactStart, HapticTool};
 use super::results::{ForceError, LocalModelStats, ToolContactPoint};
 use super::tool_loop::ToolLoop;
 use crate::body::SimulatedBody;
-use crate::fault::{HapticFault, HapticFaultKind};
+use crate::fault::{FaultWriter, HapticFaultKind};
 use crate::model_time::{ModelPeriod, ModelSpan};
 use bevy::prelude::*;
 use glam::DVec3;
@@ -23,7 +23,7 @@ pub(super) fn step_bodies(
     span: ModelSpan,
     mut starts: MessageWriter<ContactStart>,
     mut ends: MessageWriter<ContactEnd>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     for (_, mut tool) in &mut tools {
         tool.full_forces_n.clear();
@@ -64,14 +64,14 @@ pub(super) fn step_bodies(
             Ok(report) => {
                 (simulated.last_step, simulated.failed) = (report, None);
                 let kinds = simulated.watch.record(&report);
-                faults.write_batch(kinds.map(|kind| HapticFault { entity: Some(entity), kind }));
+                kinds.into_iter().for_each(|kind| faults.write(entity, kind));
             }
             Err(error) => {
                 bring_to_rest(simulated);
                 let kind = std::mem::discriminant(&error);
                 if simulated.failed.replace(kind) != Some(kind) {
                     let kind = HapticFaultKind::StepBody(error);
-                    faults.write(HapticFault { entity: Some(entity), kind });
+                    faults.write(entity, kind);
                 }
             }
         }
@@ -185,7 +185,7 @@ pub(super) fn build_local_models(
     mut bodies: Query<&mut SimulatedBody>,
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, &mut LocalModelStats)>,
     period: ModelPeriod,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     // A local model is active for one period, after a period in which it is built.
     let default_s = BuilderOptions::default().horizon_s;
@@ -225,8 +225,7 @@ pub(super) fn build_local_models(
         let is_beyond = *has_support && contact.touched_nodes().iter().any(|node| !support.contains(node));
         if is_beyond && !std::mem::replace(was_beyond, true) {
             let nodes = support.len();
-            faults
-                .write(HapticFault { entity: Some(entity), kind: HapticFaultKind::BeyondSupport { nodes } });
+            faults.write(entity, HapticFaultKind::BeyondSupport { nodes });
         }
         *was_beyond = is_beyond;
         support.clear();
@@ -250,7 +249,7 @@ pub(super) fn build_local_models(
                 }
             }
             Err(error) => {
-                faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::LocalModel(error) });
+                faults.write(entity, HapticFaultKind::LocalModel(error));
             }
         }
     }

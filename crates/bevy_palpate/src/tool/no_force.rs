@@ -9,7 +9,7 @@ use super::force_watch::ForceStep;
 use super::overlap::{Overlap, Surfaces, beyond_workspace_m, is_in_workspace};
 use super::tool_loop::ToolLoop;
 use crate::body::{BodyBuild, DeformableBody, SimulatedBody};
-use crate::fault::{HapticFault, HapticFaultKind, NoForceCause};
+use crate::fault::{FaultWriter, HapticFaultKind, NoForceCause};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_haptics::{BlackBoxTick, SafetyAction};
@@ -35,7 +35,7 @@ pub(super) fn report_missing_force(
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop)>,
     bodies: Bodies<'_, '_>,
     mut surfaces: Local<Surfaces>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     surfaces.retain(|body| bodies.contains(body));
     for (entity, described, mut tool) in &mut tools {
@@ -52,7 +52,7 @@ pub(super) fn report_missing_force(
             }
         };
         if let Some(cause) = tool.force_watch.record(step, ticks) {
-            faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::NoForce(cause) });
+            faults.write(entity, HapticFaultKind::NoForce(cause));
         }
     }
 }

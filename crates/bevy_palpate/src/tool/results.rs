@@ -95,7 +95,8 @@ pub struct LocalModelStats {
     pub support_nodes: usize,
     /// Whether the body buckled and its tangent was clamped: the far field is stiffer than the body.
     pub tangent_clamped: bool,
-    /// Whether nodes within reach before the next local model exceed the capacity of the support set.
+    /// Whether the support set is too small: its capacity left out nodes that the tool touches now, or touches before the next local model
+    /// if it keeps its velocity. False in ordinary contact; true for a tool that is wide or fast compared with the nodes' spacing.
     pub support_truncated: bool,
     /// Bound of the relative error of the reduced stiffness at 80 Hz; `None` for schemes without one.
     pub error_bound: Option<f64>,

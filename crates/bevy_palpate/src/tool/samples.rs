@@ -2,7 +2,7 @@
 
 use super::components::ContactEnd;
 use super::tool_loop::{Driver, ToolLoop};
-use crate::fault::{HapticFault, HapticFaultKind};
+use crate::fault::{FaultWriter, HapticFaultKind};
 use crate::model_time::ModelRate;
 use bevy::prelude::*;
 use palpate_body::ToolPoint;
@@ -13,7 +13,7 @@ pub(super) fn receive(
     mut tools: Query<(Entity, &mut ToolLoop)>,
     rate: Res<ModelRate>,
     mut ends: MessageWriter<ContactEnd>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     for (entity, mut tool) in &mut tools {
         let tool = &mut *tool;
@@ -31,7 +31,7 @@ pub(super) fn receive(
             // The tool jumps along the missing path; a contact would accelerate the touched nodes.
             tool.reset_contact(entity).map(|message| ends.write(message));
             let kind = HapticFaultKind::SamplesLost { lost };
-            faults.write(HapticFault { entity: Some(entity), kind });
+            faults.write(entity, kind);
         }
     }
 }

@@ -4,7 +4,7 @@ use super::components::ToolSettings;
 use super::results::TickRecording;
 use super::tool_loop::ToolLoop;
 use crate::body::SimulatedBody;
-use crate::fault::{HapticFault, HapticFaultKind};
+use crate::fault::{FaultWriter, HapticFaultKind};
 use crate::model_time::{LoopMode, ModelPeriod};
 use bevy::prelude::*;
 use palpate_haptics::{LoopSettings, SafetySettings};
@@ -14,16 +14,13 @@ use palpate_local::ModelId;
 pub(super) fn validate_settings(
     mut tools: Query<(Entity, &ToolSettings, &mut ToolLoop), Changed<ToolSettings>>,
     period: ModelPeriod,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     for (entity, settings, mut tool) in &mut tools {
         match loop_settings(settings, tool.device_safety, period.s()).validate() {
             Ok(()) => tool.settings = *settings,
             Err(error) => {
-                faults.write(HapticFault {
-                    entity: Some(entity),
-                    kind: HapticFaultKind::Settings(error.into()),
-                });
+                faults.write(entity, HapticFaultKind::Settings(error.into()));
             }
         }
     }
@@ -62,14 +59,14 @@ pub(super) fn apply_settings(
     }
 }
 
-/// The settings of a loop that receives a local model every `model_period_s` seconds. The default safety settings are replaced by
-/// `device_safety`, those that follow from the device's description.
+/// The settings of a loop that receives a local model every `model_period_s` seconds. `device_safety` are the safety settings that follow
+/// from the device's description.
 pub(super) fn loop_settings(
     tool: &ToolSettings,
     device_safety: SafetySettings,
     model_period_s: f64,
 ) -> LoopSettings {
     let ToolSettings { frame, safety, velocity } = *tool;
-    let safety = if safety == SafetySettings::default() { device_safety } else { safety };
+    let safety = safety.apply_to(device_safety);
     LoopSettings { frame, safety, velocity, model_period_s, ..LoopSettings::default() }
 }

@@ -3,7 +3,7 @@
 use super::components::HapticTool;
 use super::tool_loop::{ComparedSizes, ToolLoop};
 use crate::body::SimulatedBody;
-use crate::fault::{HapticFault, HapticFaultKind, ToolSizeFault};
+use crate::fault::{FaultWriter, HapticFaultKind, ToolSizeFault};
 use bevy::prelude::*;
 
 /// Minimum radius of a tool as a share of a cell.
@@ -13,7 +13,7 @@ const MIN_SHARE_OF_CELL: f64 = 0.1;
 pub(super) fn report_sizes(
     mut tools: Query<(Entity, &HapticTool, &mut ToolLoop)>,
     bodies: Query<&SimulatedBody>,
-    mut faults: MessageWriter<HapticFault>,
+    mut faults: FaultWriter,
 ) {
     for (entity, described, mut tool) in &mut tools {
         let Some(body) = tool.body.filter(|_| !tool.contact.touched().is_empty()) else { continue };
@@ -31,6 +31,6 @@ pub(super) fn report_sizes(
         } else {
             continue;
         };
-        faults.write(HapticFault { entity: Some(entity), kind: HapticFaultKind::ToolSize(fault) });
+        faults.write(entity, HapticFaultKind::ToolSize(fault));
     }
 }

@@ -6,8 +6,9 @@ use super::force_watch::ForceWatch;
 use super::results::{ForceError, TickRecording};
 use super::settings::loop_settings;
 use super::tool_loop::{Driver, ToolLoop};
+use super::trajectories::Trajectories;
 use crate::device::HapticDevices;
-use crate::fault::{DeviceFault, HapticFault, HapticFaultKind};
+use crate::fault::{DeviceFault, FaultWriter, HapticFaultKind};
 use crate::model_time::{LoopMode, ModelPeriod};
 use bevy::platform::cell::SyncCell;
 use bevy::prelude::*;
@@ -26,35 +27,43 @@ pub(super) fn remove_loop(removed: On<Remove, HapticTool>, mut commands: Command
     commands.entity(removed.entity).try_remove::<ToolLoop>();
 }
 
-/// A tool whose device is not connected.
+/// A tool whose device is not connected, or whose trajectory is not loaded.
 #[derive(Debug)]
 pub(super) struct RetryStart {
     tool: Entity,
+    /// Time of the first attempt, s of real time.
+    since_s: f64,
     /// Time of the next attempt, s of real time.
     again_s: f64,
-    /// The reported fault.
+    /// The reported fault; empty if there is none.
     reported: String,
 }
 
 /// Time between two attempts to find a device that is not connected, s. An attempt may take as long as a frame.
 const RETRY_S: f64 = 2.0;
 
-/// Starts a loop for every new tool, and another one for a tool whose device has changed. Retries a failed start when settings or
-/// registered devices have changed or, on threads, when a device may have been connected.
+/// Time after which a trajectory that is not loaded is a fault, s.
+const MAX_LOAD_S: f64 = 5.0;
+
+/// Starts a loop for every new tool, and another one for a tool whose device or trajectory has changed. Retries a failed start when
+/// settings or registered devices have changed, when its trajectory is loaded or, on threads, when a device may have been connected.
 pub(super) fn start_loops(
     mut commands: Commands,
     mut tools: Query<(Entity, Ref<HapticTool>, Ref<ToolSettings>, Option<&mut ToolLoop>, Has<TickRecording>)>,
-    devices: Res<HapticDevices>,
+    (devices, mut trajectories): (Res<HapticDevices>, Trajectories),
     mode: Res<LoopMode>,
     period: ModelPeriod,
     (time, mut waiting): (Option<Res<Time<Real>>>, Local<Vec<RetryStart>>),
-    (mut ends, mut faults): (MessageWriter<ContactEnd>, MessageWriter<HapticFault>),
+    (mut ends, mut faults): (MessageWriter<ContactEnd>, FaultWriter),
 ) {
     let now_s = time.map_or(0.0, |time| time.elapsed_secs_f64());
+    trajectories.update();
     waiting.retain(|waiting| tools.get(waiting.tool).is_ok_and(|(.., running, _)| running.is_none()));
     for (entity, tool, settings, running, record) in &mut tools {
-        let may_start = running.is_none() && (settings.is_changed() || devices.is_changed());
-        let is_changed = tool.is_changed() || may_start;
+        let is_modified = trajectories.is_modified(&tool.device);
+        let may_start = running.is_none()
+            && (settings.is_changed() || devices.is_changed() || trajectories.is_added(&tool.device));
+        let is_changed = tool.is_changed() || may_start || is_modified;
         let retry = waiting.iter().position(|waiting| waiting.tool == entity);
         let is_due = retry.is_some_and(|i| waiting[i].again_s <= now_s);
         if !(is_changed || is_due) {
@@ -62,7 +71,7 @@ pub(super) fn start_loops(
         }
         let retry = retry.map(|i| waiting.swap_remove(i));
         let mut fault = |kind| {
-            faults.write(HapticFault { entity: Some(entity), kind });
+            faults.write(entity, kind);
         };
         let contact = match tool.contact() {
             Ok(contact) => contact,
@@ -72,7 +81,7 @@ pub(super) fn start_loops(
             }
         };
         if let Some(mut running) = running {
-            if running.device == tool.device {
+            if running.device == tool.device && !is_modified {
                 let is_same =
                     |a: &ToolContact, b: &ToolContact| (a.shape(), a.coupling()) == (b.shape(), b.coupling());
                 if !is_same(&running.untouched, &contact) {
@@ -91,7 +100,14 @@ pub(super) fn start_loops(
             fault(HapticFaultKind::Settings(error.into()));
             continue;
         }
-        let started = devices.make(&tool.device).and_then(|device| {
+        let since_s = retry.as_ref().filter(|_| !is_changed).map_or(now_s, |retry| retry.since_s);
+        let is_ready = trajectories.is_ready(&tool.device);
+        if matches!(is_ready, Ok(false)) && now_s - since_s < MAX_LOAD_S {
+            waiting.push(RetryStart { tool: entity, since_s, again_s: now_s, reported: String::new() });
+            continue;
+        }
+        let device = is_ready.and_then(|_| devices.make(&tool.device, trajectories.assets()));
+        let started = device.and_then(|device| {
             let description = device.describe();
             let device_safety = description.safety(TICK_S);
             let device_resolution = DMat3::from_cols_array_2d(
@@ -122,6 +138,7 @@ pub(super) fn start_loops(
                     built: false,
                     was_paused: false,
                     rejected_body: None,
+                    reported_parent: false,
                     force_watch: ForceWatch::default(),
                     convergence: ConvergenceWatch::default(),
                     compared_sizes: None,
@@ -138,14 +155,17 @@ pub(super) fn start_loops(
             }
             Err(error) => {
                 let may_connect = error.depends_on_connected_devices() && *mode == LoopMode::Threaded;
+                // A trajectory is checked in every frame, because it may still fail to load.
+                let may_load = matches!(error, DeviceFault::TrajectoryNotLoaded { .. });
                 let kind = HapticFaultKind::Device(error.into());
                 let reported = kind.report();
                 // Reported once, and again if another fault takes its place.
                 if is_changed || retry.is_none_or(|retry| retry.reported != reported) {
                     fault(kind);
                 }
-                if may_connect {
-                    waiting.push(RetryStart { tool: entity, again_s: now_s + RETRY_S, reported });
+                if may_connect || may_load {
+                    let again_s = if may_load { now_s } else { now_s + RETRY_S };
+                    waiting.push(RetryStart { tool: entity, since_s, again_s, reported });
                 }
             }
         }

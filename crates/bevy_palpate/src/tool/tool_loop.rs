@@ -7,7 +7,7 @@ use super::results::{
     ContactState, ForceError, LocalModelStats, TickRecording, ToolContactPoint, ToolForce, TouchedBody,
 };
 use crate::device::DeviceSelector;
-use crate::fault::{HapticFault, HapticFaultKind};
+use crate::fault::{FaultLimits, HapticFault, HapticFaultKind};
 use bevy::ecs::lifecycle::HookContext;
 use bevy::ecs::world::DeferredWorld;
 use bevy::platform::cell::SyncCell;
@@ -58,6 +58,8 @@ pub struct ToolLoop {
     pub(super) was_paused: bool,
     /// The entity without a body that has been reported.
     pub(super) rejected_body: Option<Entity>,
+    /// Whether a parent whose transform cannot be inverted has been reported.
+    pub(super) reported_parent: bool,
     /// Time without a rendered force, and its cause.
     pub(super) force_watch: ForceWatch,
     /// Ticks of the last second at which the loop's contact solver did not converge.
@@ -139,6 +141,12 @@ impl ToolLoop {
         if self.has_support { &self.support } else { &[] }
     }
 
+    /// Returns the settings of the safety chain: those of the device with [`ToolSettings::safety`].
+    #[must_use]
+    pub fn safety(&self) -> SafetySettings {
+        self.settings.safety.apply_to(self.device_safety)
+    }
+
     /// Returns the loop's newest report: counters and histograms since its start.
     pub fn report(&mut self) -> &LoopReport {
         self.handle.report()
@@ -207,13 +215,16 @@ pub(super) struct ComparedSizes {
 }
 
 impl ToolLoop {
-    /// Reads the loop's events, and passes the faults among them to `fault`.
-    pub(super) fn take_faults(&mut self, fault: &mut impl FnMut(HapticFaultKind)) {
+    /// Reads the loop's events, passes the faults among them to `fault`, and logs recoveries of `tool`.
+    pub(super) fn take_faults(&mut self, tool: Entity, fault: &mut impl FnMut(HapticFaultKind)) {
         while let Some(event) = self.handle.next_event() {
-            if event.kind.is_fault() {
-                fault(HapticFaultKind::Loop(event.kind));
-            } else if let LoopEventKind::RealTime(_) | LoopEventKind::NoEmergencyStop = event.kind {
-                info!("haptic loop: {}", event.kind);
+            match event.kind {
+                kind if kind.is_fault() => fault(HapticFaultKind::Loop(kind)),
+                LoopEventKind::RealTime(_)
+                | LoopEventKind::NoEmergencyStop
+                | LoopEventKind::Reconnected
+                | LoopEventKind::DeviceRecovered(_) => info!("{tool}: {}", event.kind),
+                _ => {}
             }
         }
         // A loop that hangs writes no event.
@@ -251,15 +262,20 @@ fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) 
     let (fault, contact_end) = (tool.driver.stop(), tool.release(entity));
     // Events and ticks between the last poll and the stop.
     let (mut kinds, mut rest) = (Vec::from_iter(fault), TickRecording::default());
-    tool.take_faults(&mut |kind| kinds.push(kind));
+    tool.take_faults(entity, &mut |kind| kinds.push(kind));
     tool.record(&mut rest);
     if let Some(mut recording) = world.get_mut::<TickRecording>(entity) {
         recording.samples.append(&mut rest.samples);
         recording.records.append(&mut rest.records);
         recording.dropped += rest.dropped;
     }
-    if let Some(mut faults) = world.get_resource_mut::<Messages<HapticFault>>() {
-        faults.write_batch(kinds.into_iter().map(|kind| HapticFault { entity: Some(entity), kind }));
+    let now_s = world.get_resource::<Time<Real>>().map_or(0.0, Time::elapsed_secs_f64);
+    let faults = world.get_resource_mut::<FaultLimits>().map(|mut limits| {
+        let limited = kinds.into_iter().filter_map(|kind| limits.limit(Some(entity), kind, now_s));
+        limited.collect::<Vec<_>>()
+    });
+    if let (Some(faults), Some(mut messages)) = (faults, world.get_resource_mut::<Messages<HapticFault>>()) {
+        messages.write_batch(faults);
     }
     if let (Some(end), Some(mut messages)) = (contact_end, world.get_resource_mut::<Messages<ContactEnd>>()) {
         messages.write(end);

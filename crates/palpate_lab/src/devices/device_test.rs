@@ -173,7 +173,7 @@ impl DeviceTest {
     pub(super) fn test(&self, device: HidDevice) -> Result<TestReport, LabError> {
         let (found, counters) = (device.found().clone(), device.counters());
         let description = device.describe();
-        let has_motor = |axis: &DVec3| device.quantized_force_n(*axis).length() > 0.5;
+        let has_motor = |axis: &DVec3| device.displayable_force_n(*axis).length() > 0.5;
         let axes: Vec<DVec3> = DVec3::AXES.into_iter().filter(has_motor).collect();
         let config = LoopConfig { device: description.limits(), ..LoopConfig::default() };
         let safety = SafetySettings {

@@ -5,6 +5,7 @@ use glam::DVec3;
 use palpate_body::{Body, SurfaceTree, ToolContact, ToolPoint};
 use palpate_laws::ToolShape;
 use palpate_local::{NearFieldCapacity, Support};
+use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
 /// Maximum sizes of a support set and its basis.
@@ -38,7 +39,7 @@ pub(super) struct SupportSet {
     pub(super) weights: Vec<f64>,
     /// Triangles of the contact surface that nodes of S alone carry.
     pub(super) triangles: Vec<usize>,
-    /// Whether triangles within reach were left out because of the limits.
+    /// Whether triangles that a tool of constant velocity touches within the horizon were left out because of the limits.
     pub(super) is_truncated: bool,
 }
 
@@ -79,22 +80,22 @@ impl SupportSet {
         let around = shape.radius_m() + reach;
         let touched: Vec<usize> =
             contact.touched().iter().flat_map(|t| t.nodes.iter().map(|(node, _)| *node)).collect();
-        let mut near: Vec<((bool, bool, f64), usize)> = surface
+        let mut near: Vec<(Expected, usize)> = surface
             .parts_of(tree.near(at - around, at + around))
             .into_iter()
             .filter(|&triangle| surface.triangles()[triangle].iter().any(|&point| is_free(point)))
             .map(|triangle| {
                 let corners = surface.triangles()[triangle];
-                let (is_behind, distance) = path_distance(at, path, corners.map(position));
+                let mut expected = Expected::on_path(at, path, corners.map(position));
                 // Touched triangles come first, even where the tool is behind them.
                 let mut nodes = corners.iter().flat_map(|&point| points[point].nodes());
-                let is_touched = !touched.is_empty() && nodes.all(|(node, _)| touched.contains(node));
-                ((!is_touched, is_behind && !is_touched, distance), triangle)
+                expected.is_touched = !touched.is_empty() && nodes.all(|(node, _)| touched.contains(node));
+                (expected, triangle)
             })
             .collect();
-        near.sort_by(|(a, _), (b, _)| a.0.cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.total_cmp(&b.2)));
+        near.sort_by(|(a, _), (b, _)| a.order(b));
         let (mut nodes, mut triangles, mut is_truncated) = (Vec::new(), Vec::new(), false);
-        for (_, triangle) in near {
+        for (expected, triangle) in near {
             let corners = surface.triangles()[triangle];
             let mut new: Vec<usize> = Vec::new();
             for &(node, _) in corners.iter().flat_map(|&point| points[point].nodes()) {
@@ -106,7 +107,7 @@ impl SupportSet {
                 nodes.extend(new);
                 triangles.push(triangle);
             } else {
-                is_truncated = true;
+                is_truncated |= expected.is_within(shape.radius_m());
             }
         }
         let weights = vec![0.0; nodes.len()];
@@ -133,18 +134,44 @@ impl SupportSet {
 const PATH_INTERVALS: u32 = 8;
 const PATH_WEIGHT: f64 = 0.3;
 
-/// Whether a tool at `at` is behind a triangle, and the distance of the triangle from the tool's path, m, plus a share of the distance
-/// along the path.
-fn path_distance(at: DVec3, path: DVec3, corners: [DVec3; 3]) -> (bool, f64) {
-    let [a, b, c] = corners;
-    let is_behind = (at - a).dot((b - a).cross(c - a)) < 0.0;
-    let distances = (0..=PATH_INTERVALS).map(|i| {
-        let travelled = path * (f64::from(i) / f64::from(PATH_INTERVALS));
-        let weights = palpate_laws::nearest_weights(at + travelled, corners);
-        let point: DVec3 = corners.iter().zip(weights).map(|(x, w)| w * *x).sum();
-        let distance = point.distance(at + travelled) + PATH_WEIGHT * travelled.length();
-        // A degenerate triangle has no nearest point; its neighbours cover it.
-        if distance.is_nan() { f64::INFINITY } else { distance }
-    });
-    (is_behind, distances.fold(f64::INFINITY, f64::min))
+/// How soon a tool of constant velocity reaches a triangle.
+struct Expected {
+    /// Whether the tool touches the triangle now.
+    is_touched: bool,
+    /// Whether the tool is behind the triangle.
+    is_behind: bool,
+    /// Distance of the triangle from the path of the tool's centre, m.
+    distance_m: f64,
+    /// The same, plus a share of the distance along the path, m.
+    weighted_m: f64,
+}
+
+impl Expected {
+    /// Of a triangle that is not touched, for a tool at `at` with the path `path`.
+    fn on_path(at: DVec3, path: DVec3, corners: [DVec3; 3]) -> Self {
+        let [a, b, c] = corners;
+        let is_behind = (at - a).dot((b - a).cross(c - a)) < 0.0;
+        let (mut distance_m, mut weighted_m) = (f64::INFINITY, f64::INFINITY);
+        for i in 0..=PATH_INTERVALS {
+            let travelled = path * (f64::from(i) / f64::from(PATH_INTERVALS));
+            let weights = palpate_laws::nearest_weights(at + travelled, corners);
+            let point: DVec3 = corners.iter().zip(weights).map(|(x, w)| w * *x).sum();
+            // A degenerate triangle has no nearest point; its neighbours cover it. `min` ignores NaN.
+            let distance = point.distance(at + travelled);
+            distance_m = distance_m.min(distance);
+            weighted_m = weighted_m.min(distance + PATH_WEIGHT * travelled.length());
+        }
+        Self { is_touched: false, is_behind, distance_m, weighted_m }
+    }
+
+    /// Touched triangles come first; those that the tool is behind come last.
+    fn order(&self, other: &Self) -> Ordering {
+        let rank = |x: &Self| (!x.is_touched, x.is_behind && !x.is_touched);
+        rank(self).cmp(&rank(other)).then(self.weighted_m.total_cmp(&other.weighted_m))
+    }
+
+    /// Whether a tool of this radius touches the triangle.
+    fn is_within(&self, radius_m: f64) -> bool {
+        self.is_touched || !self.is_behind && self.distance_m < radius_m
+    }
 }

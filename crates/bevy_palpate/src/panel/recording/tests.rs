@@ -71,8 +71,11 @@ fn gap_in_the_samples_repeats_the_last_reading() {
 /// An app in lock step with a block and a tool with a grasp, moved by `device`.
 fn grasping_app(device: DeviceSelector) -> (App, Entity) {
     use crate::prelude::*;
+    use crate::{HapticSchedulePlugin, LoopMode};
+    use glam::DQuat;
+    use palpate_haptics::{Reading, ScriptedDevice};
     let mut app = App::new();
-    app.add_plugins(MinimalPlugins)
+    app.add_plugins((MinimalPlugins, AssetPlugin::default()))
         .add_plugins(PalpatePlugins.set(HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep)))
         .insert_resource(Time::<Fixed>::from_hz(20.0))
         .insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(std::time::Duration::from_millis(
@@ -132,7 +135,10 @@ fn replay_of_a_recorded_grasp_grasps_the_same() {
     let readings = recorder.running.take().unwrap().readings;
     write(&readings, path.clone()).unwrap();
     assert!(std::fs::read_to_string(&path).unwrap().starts_with("t_s,x_m,y_m,z_m,buttons,qx,"));
-    let (mut app, tool) = grasping_app(DeviceSelector::replay(path.display().to_string()));
+    let (mut app, tool) = grasping_app(DeviceSelector::default());
+    let read = Trajectory::from_csv_file(&path).unwrap();
+    let handle = app.world_mut().resource_mut::<Assets<TrajectoryAsset>>().add(TrajectoryAsset(read));
+    app.world_mut().get_mut::<HapticTool>(tool).unwrap().device = handle.into();
     let replayed = grasps(&mut app, tool, 26, |_| ());
     let closed: Vec<bool> = live.iter().map(|(closed, ..)| *closed).collect();
     assert!(closed.contains(&true) && closed.windows(2).filter(|pair| pair[0] != pair[1]).count() >= 3);
@@ -150,8 +156,7 @@ fn errors_of_writing_and_reading_have_file_and_reason() {
     assert!(matches!(too_short, Err(WriteError::Trajectory(_))), "{too_short:?}");
     let mut recorder = Recorder::default();
     let mut tool = HapticTool::default();
-    let devices = HapticDevices::default();
-    recorder.replay((Entity::PLACEHOLDER, &mut tool), "no/such/hand.csv".into(), &devices);
+    recorder.replay((Entity::PLACEHOLDER, &mut tool), "no/such/hand.csv", Some(&mut Assets::default()));
     let reason = recorder.message.as_ref().unwrap().as_ref().unwrap_err();
     assert!(reason.contains("no/such/hand.csv"), "{reason}");
     assert_eq!(tool, HapticTool::default());
@@ -235,11 +240,13 @@ fn unwritten_recording_can_be_discarded() {
 fn restoring_after_several_replays_returns_the_first_device() {
     let folder = folder("back");
     let (mut recorder, mut tool) = (Recorder::default(), HapticTool::default());
+    let mut trajectories = Assets::default();
     for name in ["a.csv", "b.csv"] {
         write(&[Reading::at(DVec3::X); 10], folder.join(name)).unwrap();
         let path = folder.join(name).display().to_string();
-        recorder.replay((Entity::PLACEHOLDER, &mut tool), path.clone(), &HapticDevices::default());
-        assert_eq!(tool.device, DeviceSelector::replay(path));
+        recorder.replay((Entity::PLACEHOLDER, &mut tool), &path, Some(&mut trajectories));
+        let DeviceSelector::Replay { trajectory, repeat: true } = &tool.device else { panic!("no replay") };
+        assert_eq!(trajectories.get(trajectory).unwrap().0.positions_m(), [DVec3::X; 10]);
     }
     recorder.restore_device((Entity::PLACEHOLDER, &mut tool));
     assert_eq!(tool.device, DeviceSelector::default());
