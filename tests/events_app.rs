@@ -1,67 +1,17 @@
 //! State of bodies, observers, contact results and schedule options in an app, in lock step.
 
-use bevy::asset::{AssetPlugin, Handle};
-use bevy::mesh::MeshPlugin;
+use crate::observed_events::Received::{Fault, Grasp, Leave, Ready, Release, Torn, Touch};
+use crate::observed_events::{Received, events, observed_app};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    BodyReady, BodyState, DeviceSelector, FaultSeverity, GraspEnd, GraspStart, HapticFaultKind,
-    HapticSchedulePlugin, HidSelector, LoopMode, ModelRate, ModelSchedule, ModelStepCount, SimulatedBody,
-    ToolContactPoint, ToolCoupling, ToolPlugin, testing,
+    DeviceSelector, FaultSeverity, HapticFaultKind, HidSelector, ToolContactPoint, ToolCoupling,
 };
 use palpate_haptics::{DeviceError, LoopEventKind, Reading, ScriptedDevice};
 use palpate_tests::app::{
-    assert_no_faults, collect_messages, force_n, lockstep_app, pressing_hand, spawn_block, spawn_scene,
-    spawn_tool, step, take_faults, take_kinds, update_until,
+    assert_no_faults, force_n, lockstep_app, pressing_hand, resting_hand, spawn_block, spawn_scene,
+    spawn_tool, step, take_faults, take_kinds,
 };
-use palpate_tests::mesh::{add, ball, mesh_app, replace, spawn_of, torn};
-use std::time::Duration;
-
-/// An event that an observer has received.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Received {
-    Touch(Entity, Entity),
-    Leave(Entity, Entity),
-    Grasp(Entity, Entity),
-    Release(Entity, Entity),
-    Torn(Entity, Entity),
-    Ready(Entity),
-    Fault(Option<Entity>, FaultSeverity),
-}
-use Received::{Fault, Grasp, Leave, Ready, Release, Torn, Touch};
-
-/// Events of global observers, in order.
-#[derive(Resource, Default)]
-struct Events(Vec<Received>);
-
-/// Adds global observers for all events.
-fn observe(app: &mut App) {
-    app.init_resource::<Events>()
-        .add_observer(|e: On<ContactStart>, mut all: ResMut<Events>| all.0.push(Touch(e.tool, e.body)))
-        .add_observer(|e: On<ContactEnd>, mut all: ResMut<Events>| all.0.push(Leave(e.tool, e.body)))
-        .add_observer(|e: On<GraspStart>, mut all: ResMut<Events>| all.0.push(Grasp(e.tool, e.body)))
-        .add_observer(|e: On<GraspEnd>, mut all: ResMut<Events>| all.0.push(Release(e.tool, e.body)))
-        .add_observer(|e: On<SutureTorn>, mut all: ResMut<Events>| all.0.push(Torn(e.suture, e.body)))
-        .add_observer(|e: On<HapticFault>, mut all: ResMut<Events>| all.0.push(Fault(e.entity, e.severity())))
-        .add_observer(|e: On<BodyReady>, bodies: Query<&SimulatedBody>, mut all: ResMut<Events>| {
-            assert!(bodies.contains(e.body), "an observer of BodyReady finds the simulated body");
-            all.0.push(Ready(e.body));
-        });
-}
-
-fn events(app: &mut App) -> Vec<Received> {
-    std::mem::take(&mut app.world_mut().resource_mut::<Events>().0)
-}
-
-fn observed_app() -> App {
-    let mut app = lockstep_app();
-    observe(&mut app);
-    app
-}
-
-fn state(app: &App, body: Entity) -> BodyState {
-    app.world().get::<BodyState>(body).unwrap().clone()
-}
 
 fn tool_force(app: &App, tool: Entity) -> ToolForce {
     *app.world().get::<ToolForce>(tool).unwrap()
@@ -69,14 +19,6 @@ fn tool_force(app: &App, tool: Entity) -> ToolForce {
 
 fn contact(app: &App, tool: Entity) -> ToolContactPoint {
     tool_force(app, tool).contact.expect("a contact")
-}
-
-/// A device that presses 5 mm into the top of a 10 cm block within 0.2 s and stays.
-fn resting_hand() -> ScriptedDevice {
-    ScriptedDevice::new(|n, _| {
-        let depth_m = 0.006 * (n as f64 / 200.0).min(1.0) - 0.001;
-        Ok(Reading::at(DVec3::new(0.011, 0.055 - depth_m, 0.009)))
-    })
 }
 
 /// A device that rests on the surface with its button pressed from 0.3 s to 0.6 s.
@@ -87,115 +29,6 @@ fn grasping_hand() -> ScriptedDevice {
         let buttons = u32::from((0.3..0.6).contains(&t));
         Ok(Reading { buttons, ..Reading::at(DVec3::new(0.012, 0.0597 - 0.005 * down, 0.009)) })
     })
-}
-
-#[test]
-fn block_is_ready_rejected_and_ready_again() {
-    let mut app = observed_app();
-    let body = spawn_block(&mut app);
-    assert_eq!(state(&app, body), BodyState::Loading);
-    app.update();
-    assert_eq!((state(&app, body), events(&mut app)), (BodyState::Ready, vec![Ready(body)]));
-    let epoch = |app: &App| app.world().get::<SimulatedBody>(body).unwrap().epoch();
-    let first = epoch(&app);
-    // A rejected change keeps the simulated body.
-    app.world_mut().get_mut::<Tissue>(body).unwrap().density_kg_per_m3 = -1.0;
-    app.update();
-    let faults = take_faults(&mut app);
-    let [HapticFault { entity: Some(entity), kind, .. }] = &faults[..] else { panic!("{faults:?}") };
-    assert_eq!((*entity, state(&app, body)), (body, BodyState::Rejected(kind.report())));
-    assert_eq!((epoch(&app), events(&mut app)), (first, vec![Fault(Some(body), FaultSeverity::Error)]));
-    app.world_mut().get_mut::<Tissue>(body).unwrap().density_kg_per_m3 = 900.0;
-    app.update();
-    assert_eq!((state(&app, body), events(&mut app)), (BodyState::Ready, vec![Ready(body)]));
-    assert!(epoch(&app) > first);
-    // Without the component there is no state.
-    app.world_mut().entity_mut(body).remove::<DeformableBody>();
-    app.update();
-    assert_eq!(app.world().get::<BodyState>(body), None);
-    assert_no_faults(&mut app);
-}
-
-#[test]
-fn rejected_transform_is_a_rejected_state_until_it_is_corrected() {
-    let mut app = observed_app();
-    let scaled = Transform::from_scale(Vec3::splat(2.0));
-    let body = app.world_mut().spawn((DeformableBody::block([4; 3], 0.1), scaled)).id();
-    app.update();
-    assert!(matches!(state(&app, body), BodyState::Rejected(reason) if !reason.is_empty()));
-    assert_eq!(events(&mut app), [Fault(Some(body), FaultSeverity::Error)]);
-    app.world_mut().get_mut::<Transform>(body).unwrap().scale = Vec3::ONE;
-    app.update();
-    assert_eq!((state(&app, body), events(&mut app)), (BodyState::Ready, vec![Ready(body)]));
-}
-
-#[test]
-fn mesh_is_loading_until_it_is_added_and_rejected_with_holes() {
-    let mut app = mesh_app();
-    observe(&mut app);
-    let mesh: Handle<Mesh> = app.world().resource::<Assets<Mesh>>().reserve_handle();
-    let body = spawn_of(&mut app, mesh.clone());
-    step(&mut app, 3);
-    assert_eq!((state(&app, body), events(&mut app)), (BodyState::Loading, vec![]));
-    replace(&mut app, &mesh, ball());
-    step(&mut app, 2);
-    assert_eq!((state(&app, body), events(&mut app)), (BodyState::Ready, vec![Ready(body)]));
-    replace(&mut app, &mesh, torn(ball()));
-    step(&mut app, 2);
-    assert!(matches!(state(&app, body), BodyState::Rejected(_)));
-    assert_eq!(events(&mut app), [Fault(Some(body), FaultSeverity::Error)]);
-    replace(&mut app, &mesh, ball());
-    step(&mut app, 2);
-    assert_eq!((state(&app, body), events(&mut app)), (BodyState::Ready, vec![Ready(body)]));
-}
-
-/// The state does not count as changed while a mesh is being loaded.
-#[test]
-fn state_changes_only_when_it_differs() {
-    #[derive(Resource, Default)]
-    struct Changes(usize);
-    let mut app = mesh_app();
-    app.init_resource::<Changes>().add_systems(
-        Last,
-        |changed: Query<(), Changed<BodyState>>, mut changes: ResMut<Changes>| {
-            changes.0 += changed.iter().count();
-        },
-    );
-    let mesh: Handle<Mesh> = app.world().resource::<Assets<Mesh>>().reserve_handle();
-    spawn_of(&mut app, mesh);
-    step(&mut app, 10);
-    assert!(app.world().resource::<Changes>().0 <= 2, "{} changes", app.world().resource::<Changes>().0);
-}
-
-#[test]
-fn background_build_is_in_the_state_building() {
-    let mut app = App::new();
-    app.add_plugins((MinimalPlugins, PalpatePlugins, AssetPlugin::default(), MeshPlugin));
-    collect_messages(&mut app);
-    observe(&mut app);
-    let mesh = add(&mut app, ball());
-    let body = spawn_of(&mut app, mesh);
-    // The task ends after the update that starts it at the earliest.
-    app.update();
-    assert_eq!(state(&app, body), BodyState::Building);
-    assert!(app.world().get::<SimulatedBody>(body).is_none());
-    update_until(&mut app, "the body is built", |app| state(app, body) == BodyState::Ready);
-    assert!(events(&mut app).contains(&Ready(body)));
-    // A change of the tissue is built in the background too; the previous body stays.
-    app.world_mut().get_mut::<Tissue>(body).unwrap().density_kg_per_m3 = 900.0;
-    app.update();
-    assert_eq!(state(&app, body), BodyState::Building);
-    assert!(app.world().get::<SimulatedBody>(body).is_some());
-    update_until(&mut app, "the body is built again", |app| state(app, body) == BodyState::Ready);
-}
-
-#[test]
-fn body_ready_is_also_a_message() {
-    let mut app = lockstep_app();
-    let body = spawn_block(&mut app);
-    app.update();
-    let messages: Vec<BodyReady> = app.world_mut().resource_mut::<Messages<BodyReady>>().drain().collect();
-    assert_eq!(messages, [BodyReady { body }]);
 }
 
 #[test]
@@ -307,41 +140,6 @@ fn severities_are_ordered_and_follow_the_kind() {
         let fault = HapticFault::new(None, kind);
         assert_eq!((fault.severity(), fault.kind.severity()), (expected, expected), "{fault:?}");
     }
-}
-
-#[test]
-fn testing_collects_faults_and_waits_for_rejections() {
-    let mut app = testing::headless_app();
-    let body = spawn_block(&mut app);
-    testing::wait_for_body(&mut app, body);
-    testing::assert_no_faults(&mut app, FaultSeverity::Load);
-    let empty = app.world_mut().spawn(DeformableBody::block([0; 3], 0.1)).id();
-    let reason = testing::wait_for_rejection(&mut app, empty);
-    // The faults of several model steps are collected.
-    let tool = app.world_mut().spawn(HapticTool::new("missing")).id();
-    testing::advance_model_steps(&mut app, 10);
-    let faults = testing::take_faults(&mut app);
-    assert_eq!(faults.iter().map(|fault| fault.entity).collect::<Vec<_>>(), [Some(empty), Some(tool)]);
-    assert_eq!((faults[0].kind.report(), faults[0].report()), (reason.clone(), reason));
-    assert_eq!(testing::take_faults(&mut app).len(), 0);
-    testing::assert_no_faults(&mut app, FaultSeverity::Load);
-}
-
-#[test]
-#[should_panic(expected = "faults of severity Warning or above")]
-fn testing_asserts_the_severity() {
-    let mut app = testing::headless_app();
-    app.world_mut().spawn(HapticTool::new("missing"));
-    testing::advance_model_steps(&mut app, 1);
-    testing::assert_no_faults(&mut app, FaultSeverity::Warning);
-}
-
-#[test]
-#[should_panic(expected = "expected to be rejected")]
-fn testing_waits_for_a_rejection_only() {
-    let mut app = testing::headless_app();
-    let body = spawn_block(&mut app);
-    testing::wait_for_rejection(&mut app, body);
 }
 
 /// The place of the tool in the world, from its transform and those of its parents.
@@ -487,69 +285,6 @@ fn contact_depth_is_independent_of_a_move_by_the_transform() {
 }
 
 #[test]
-fn model_steps_run_in_the_selected_schedule() {
-    #[derive(Resource, Default)]
-    struct Order(Vec<&'static str>);
-    for is_post in [false, true] {
-        let mut app = App::new();
-        let mut schedule = HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep);
-        if is_post {
-            schedule = schedule.in_schedule(FixedPostUpdate);
-        }
-        let step_s = Duration::from_millis(50);
-        app.add_plugins((MinimalPlugins, PalpatePlugins.set(schedule)))
-            .insert_resource(Time::<Fixed>::from_hz(20.0))
-            .insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(step_s))
-            .init_resource::<Order>()
-            .add_systems(FixedPreUpdate, |mut order: ResMut<Order>| order.0.push("pre"))
-            .add_systems(FixedPostUpdate, |mut order: ResMut<Order>| order.0.push("post"))
-            .add_systems(FixedLast, |mut order: ResMut<Order>| order.0.push("last"))
-            .add_systems(ModelSchedule, |mut order: ResMut<Order>| order.0.push("model"));
-        (0..3).for_each(|_| app.update());
-        let order = &app.world().resource::<Order>().0;
-        let place = |name: &str| order.iter().position(|other| *other == name).unwrap();
-        assert_eq!(order.iter().filter(|name| **name == "model").count(), 2, "{order:?}");
-        assert!(place("pre") < place("model") && place("model") < place("last"), "{order:?}");
-        if !is_post {
-            assert!(place("model") < place("post"), "{order:?}");
-        }
-    }
-}
-
-/// A system ordered after all of [`FixedUpdate`] precedes the model step in [`FixedPostUpdate`].
-#[test]
-fn model_step_in_fixed_post_update_reads_the_results_of_fixed_update() {
-    #[derive(Resource, Default)]
-    struct Order(Vec<&'static str>);
-    let schedule = HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep).in_schedule(FixedPostUpdate);
-    let mut app = App::new();
-    app.add_plugins((MinimalPlugins, PalpatePlugins.set(schedule)))
-        .insert_resource(Time::<Fixed>::from_hz(20.0))
-        .insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)))
-        .init_resource::<Order>()
-        .add_systems(FixedUpdate, |mut order: ResMut<Order>| order.0.push("update"))
-        .add_systems(ModelSchedule, |mut order: ResMut<Order>| order.0.push("model"));
-    (0..3).for_each(|_| app.update());
-    assert_eq!(app.world().resource::<Order>().0, ["update", "model", "update", "model"]);
-}
-
-#[test]
-fn tool_plugin_adds_the_schedule_plugin() {
-    let mut app = App::new();
-    app.add_plugins((MinimalPlugins, PalpatePlugins.build().disable::<HapticSchedulePlugin>()));
-    app.finish();
-    app.cleanup();
-    assert!(app.is_plugin_added::<HapticSchedulePlugin>() && app.is_plugin_added::<ToolPlugin>());
-    assert_eq!(*app.world().resource::<ModelRate>(), ModelRate::default());
-    assert_eq!(*app.world().resource::<LoopMode>(), LoopMode::Threaded);
-    app.insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
-    let body = spawn_block(&mut app);
-    (0..10).for_each(|_| app.update());
-    assert!(app.world().resource::<ModelStepCount>().0 > 3);
-    assert!(app.world().get::<SimulatedBody>(body).is_some());
-}
-
-#[test]
 fn new_tool_selects_the_named_device_and_keeps_the_defaults() {
     let tool = HapticTool::new("x");
     assert_eq!(tool, HapticTool { device: DeviceSelector::named("x"), ..HapticTool::default() });
@@ -571,54 +306,6 @@ fn new_tool_selects_the_named_device_and_keeps_the_defaults() {
     };
     assert_eq!(changed, expected);
     assert_eq!(HapticTool::new(HidSelector::first()).device, DeviceSelector::first_hid());
-}
-
-#[test]
-fn testing_helpers_wait_for_the_body_and_count_model_steps() {
-    let mut app = testing::headless_app();
-    let body = spawn_block(&mut app);
-    let tool = spawn_tool(&mut app, resting_hand);
-    testing::wait_for_body(&mut app, body);
-    assert_eq!(state(&app, body), BodyState::Ready);
-    let count = |app: &App| app.world().resource::<ModelStepCount>().0;
-    for steps in [1, 3, 20] {
-        let before = count(&app);
-        testing::advance_model_steps(&mut app, steps);
-        assert_eq!(count(&app), before + steps);
-    }
-    assert!(force_n(&app, tool).y > 0.5, "{}", force_n(&app, tool));
-}
-
-#[test]
-#[should_panic(expected = "has no DeformableBody")]
-fn wait_for_body_panics_without_deformable_body() {
-    let mut app = testing::headless_app();
-    let entity = app.world_mut().spawn_empty().id();
-    testing::wait_for_body(&mut app, entity);
-}
-
-#[test]
-#[should_panic(expected = "is rejected")]
-fn wait_for_body_panics_if_the_body_is_rejected() {
-    let mut app = testing::headless_app();
-    let body = app.world_mut().spawn(DeformableBody::block([1, 6, 6], 0.1)).id();
-    testing::wait_for_body(&mut app, body);
-}
-
-#[test]
-#[should_panic(expected = "no model step")]
-fn advance_model_steps_panics_if_the_time_is_paused() {
-    let mut app = testing::headless_app();
-    app.world_mut().resource_mut::<Time<Virtual>>().pause();
-    testing::advance_model_steps(&mut app, 1);
-}
-
-#[test]
-#[should_panic(expected = "no model step")]
-fn advance_model_steps_panics_without_palpate() {
-    let mut app = App::new();
-    app.add_plugins(MinimalPlugins);
-    testing::advance_model_steps(&mut app, 1);
 }
 
 #[test]

@@ -162,6 +162,15 @@ pub mod app {
         })
     }
 
+    /// A device that presses 5 mm into the top of a 10 cm block within 0.2 s and stays.
+    #[must_use]
+    pub fn resting_hand() -> ScriptedDevice {
+        ScriptedDevice::new(|n, _| {
+            let depth_m = 0.006 * (n as f64 / 200.0).min(1.0) - 0.001;
+            Ok(Reading::at(DVec3::new(0.011, 0.055 - depth_m, 0.009)))
+        })
+    }
+
     /// Spawns a block with 6 × 6 × 6 nodes and edges of 10 cm at the origin, fixed at its bottom.
     pub fn spawn_block(app: &mut App) -> Entity {
         app.world_mut().spawn((DeformableBody::block([6; 3], 0.1), FixedRegion::Face(BoxFace::Bottom))).id()
