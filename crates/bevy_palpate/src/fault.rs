@@ -377,7 +377,9 @@ impl HapticFaultKind {
                 | LoopEventKind::Gap(_)
                 | LoopEventKind::ModelRejected(_)
                 | LoopEventKind::ModelStale(_) => FaultSeverity::Load,
-                LoopEventKind::Panicked | LoopEventKind::EmergencyStopped => FaultSeverity::Error,
+                LoopEventKind::Panicked | LoopEventKind::EmergencyStopped | LoopEventKind::OpenFailed(_) => {
+                    FaultSeverity::Error
+                }
                 _ => FaultSeverity::Warning,
             },
             Self::MassExcess { .. }

@@ -25,8 +25,9 @@ use std::time::Duration;
 /// * `read` and `write` must not allocate or log. They must not block longer than the given time: a tick is 1 ms.
 /// * Positions and forces are in the device's own frame, in metres and newtons.
 /// * `close` and `Drop` leave the actuators at zero force in every case. The loop also writes zero force before it closes.
-/// * A device is created closed, and can be opened again after it was closed. After [`DeviceError::Disconnected`] the loop closes
-///   the device and tries to open it twice a second; opening may then take longer than a tick.
+/// * A device is created closed, and can be opened again after it was closed. A loop on a thread tries twice a second to open a device that
+///   cannot be opened, at the start and after [`DeviceError::Disconnected`], when it closes the device first. Opening may take longer than
+///   a tick.
 pub trait HapticDevice: Send {
     /// Name, workspace, maximum force and rate of the device.
     fn describe(&self) -> DeviceDescription;

@@ -79,6 +79,9 @@ pub enum LoopEventKind {
          is held by its dock"
     )]
     PositionFrozen(f64),
+    /// The device cannot be opened at the start of the loop. The loop tries twice a second, and emits this event once for each new reason.
+    #[error("the device cannot be opened; the loop tries again twice a second")]
+    OpenFailed(#[source] DeviceError),
     /// A disconnected device was opened again.
     #[error("the device is connected again")]
     Reconnected,
@@ -115,6 +118,7 @@ impl LoopEventKind {
             Self::ModelRejected(_)
             | Self::WrongBody(_)
             | Self::DeviceFailed(_)
+            | Self::OpenFailed(_)
             | Self::ReopenFailed(_)
             | Self::DeadlinesMissed(_)
             | Self::EmergencyStopped

@@ -121,7 +121,8 @@ impl Drop for LoopThread {
     }
 }
 
-/// Opens `device` and runs `haptic_loop` on the calling thread until `stop` is set; then writes zero force and closes the device.
+/// Opens `device` and runs `haptic_loop` on the calling thread until `stop` is set; then writes zero force and closes the device. A device
+/// that cannot be opened is tried again twice a second.
 /// [`HapticLoop::spawn`] does the same on a new thread, with a watchdog.
 pub fn run(haptic_loop: HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) -> StoppedLoop {
     open_and_run(haptic_loop, device, stop, Companions::default())
@@ -168,8 +169,8 @@ fn open_and_run(
     haptic_loop.set_up_thread();
     // The companions never outlive the loop.
     let stop_companions = StopCompanions(companions);
-    if let Err(error) = device.open() {
-        haptic_loop.end(Err(error));
+    if !open_first(&mut haptic_loop, device, stop) {
+        haptic_loop.end(Ok(()));
         return StoppedLoop { _memory: haptic_loop };
     }
     let real_time = haptic_loop.config().real_time;
@@ -193,6 +194,25 @@ fn open_and_run(
         }
     }
     StoppedLoop { _memory: haptic_loop }
+}
+
+/// Opens the device, and tries again twice a second until it succeeds. Returns false if `stop` was set before.
+fn open_first(haptic_loop: &mut HapticLoop, device: &mut dyn HapticDevice, stop: &AtomicBool) -> bool {
+    let period = Duration::from_secs_f64(haptic_loop.config().hand_over.tick_s);
+    let clock = MonotonicClock::start();
+    let mut last_reason = None;
+    loop {
+        let Err(error) = device.open() else { return true };
+        if last_reason.replace(error) != Some(error) {
+            haptic_loop.open_failed(error);
+        }
+        for _ in 0..RECONNECT_TICKS {
+            if stop.load(Ordering::Acquire) {
+                return false;
+            }
+            clock.sleep_until(clock.now_ns() + period.as_nanos() as u64);
+        }
+    }
 }
 
 /// Memory of a loop that has ended, to be freed on another thread than the loop's.

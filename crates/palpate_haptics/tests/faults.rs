@@ -157,7 +157,10 @@ impl HapticDevice for FaultyDevice {
 }
 
 fn start() -> (HapticHandle, LoopThread, Arc<Controls>) {
-    let controls = Arc::new(Controls::default());
+    start_with(Arc::new(Controls::default()))
+}
+
+fn start_with(controls: Arc<Controls>) -> (HapticHandle, LoopThread, Arc<Controls>) {
     let config = LoopConfig { real_time: RealTimeRequest::NONE, ..LoopConfig::default() };
     let (mut handle, haptic_loop) = haptic_loop(config, settings()).unwrap();
     let thread = haptic_loop.spawn(Box::new(FaultyDevice(Arc::clone(&controls)))).unwrap();
@@ -201,6 +204,28 @@ fn disconnected_device_is_reopened() {
     let recovered =
         kinds(&mut handle).into_iter().any(|kind| matches!(kind, LoopEventKind::DeviceRecovered(_)));
     assert!(recovered);
+}
+
+/// The first opening is repeated like later ones, and each new reason is reported once.
+#[test]
+fn device_that_appears_after_the_start_is_opened() {
+    let controls = Arc::new(Controls::default());
+    controls.is_disconnected.store(true, Ordering::SeqCst);
+    let (mut handle, mut thread, controls) = start_with(controls);
+    wait_for(|| controls.opens.load(Ordering::SeqCst) >= 2);
+    *controls.open_error.lock().unwrap() = Some(DeviceError::Os(13));
+    wait_for(|| controls.opens.load(Ordering::SeqCst) >= 4);
+    assert_eq!(controls.reads.load(Ordering::SeqCst), 0);
+    controls.is_disconnected.store(false, Ordering::SeqCst);
+    wait_for(|| controls.reads.load(Ordering::SeqCst) > 50);
+    assert!(matches!(thread.stop(), StopOutcome::Joined));
+    let events = kinds(&mut handle);
+    let failed: Vec<LoopEventKind> =
+        events.iter().copied().filter(|kind| matches!(kind, LoopEventKind::OpenFailed(_))).collect();
+    let expected = [DeviceError::Disconnected, DeviceError::Os(13)];
+    assert_eq!(failed, expected.map(LoopEventKind::OpenFailed), "{events:?}");
+    assert!(failed.iter().all(LoopEventKind::is_fault));
+    assert!(events.contains(&LoopEventKind::Started));
 }
 
 /// Each new reason is reported once.

@@ -193,18 +193,20 @@ fn blocking_device_is_detached() {
 }
 
 #[test]
-fn reports_failed_open_and_writes_nothing() {
+fn device_that_cannot_be_opened_is_reported_and_gets_no_force() {
     let (mut handle, haptic_loop) = haptic_loop(LoopConfig::default(), LoopSettings::default()).unwrap();
     let mut device = ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::ZERO)));
     device.open().unwrap();
     let mut thread = haptic_loop.spawn(Box::new(device)).unwrap();
-    wait_for(|| !thread.is_running());
+    wait_for(|| handle.report().device_errors > 0);
+    assert!(thread.is_running() && !handle.report().ended);
+    // The stop does not wait for the next attempt.
     assert!(matches!(thread.stop(), StopOutcome::Joined));
     let kinds: Vec<LoopEventKind> = std::iter::from_fn(|| handle.next_event()).map(|e| e.kind).collect();
     let [LoopEventKind::RealTime(_), failed, stopped] = kinds[..] else { panic!("{kinds:?}") };
-    assert_eq!(failed, LoopEventKind::DeviceFailed(DeviceError::AlreadyOpen));
+    assert_eq!(failed, LoopEventKind::OpenFailed(DeviceError::AlreadyOpen));
     assert_eq!(stopped, LoopEventKind::Stopped);
-    assert!(handle.report().ended);
+    assert!(handle.report().ended && handle.report().ticks == 0);
 }
 
 /// A triangle on springs that the tool touches, and a far field of order two.

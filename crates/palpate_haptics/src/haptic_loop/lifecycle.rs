@@ -48,6 +48,13 @@ impl HapticLoop {
         self.emit(LoopEventKind::Reconnected);
     }
 
+    /// Reports that the device could not be opened at the start of the loop.
+    pub(crate) fn open_failed(&mut self, error: DeviceError) {
+        self.report.device_errors += 1;
+        self.emit(LoopEventKind::OpenFailed(error));
+        self.publish_report();
+    }
+
     /// Reports that a disconnected device could not be opened again.
     pub(crate) fn reopen_failed(&mut self, error: DeviceError) {
         self.emit(LoopEventKind::ReopenFailed(error));
