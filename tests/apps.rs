@@ -18,6 +18,7 @@ mod model_time_app;
 mod no_force_app;
 mod observed_events;
 mod pressed_app;
+mod queries_app;
 mod reflected_app;
 mod schedule_app;
 mod several_app;

@@ -27,6 +27,7 @@ const REFLECTED: [(&str, &[&str]); 6] = [
             "ToolForce",
             "ToolGrasp",
             "ToolSettings",
+            "TouchLayers",
             "TouchedBody",
         ],
     ),
@@ -85,7 +86,7 @@ const REFLECTED: [(&str, &[&str]); 6] = [
 ];
 
 /// Types without reflection: simulated bodies and reports about meshes, loops and devices, errors, plugins, schedules and sets.
-const NOT_REFLECTED: [&str; 25] = [
+const NOT_REFLECTED: [&str; 28] = [
     "BodyPlugin",
     "DeviceFault",
     "FaultLogPlugin",
@@ -98,6 +99,9 @@ const NOT_REFLECTED: [&str; 25] = [
     "BlackBoxDump",
     "MeshReport",
     "MeshFault",
+    "BodyQuery",
+    "BodySurfacePoint",
+    "Model",
     "ModelSchedule",
     "NoForceCause",
     "PalpatePlugins",

@@ -14,6 +14,7 @@ mod render_systems;
 mod shape;
 mod simulated;
 mod state;
+mod surface_trees;
 mod tissue;
 
 pub use compliance::ContactCompliance;
@@ -22,6 +23,7 @@ pub use region::{BodyRegion, BoxFace};
 pub use shape::{DeformableBody, FixedRegion, MeshShape, Slit};
 pub use simulated::{MeshReport, SimulatedBody};
 pub use state::{BodyReady, BodyState};
+pub(crate) use surface_trees::SurfaceTrees;
 pub use tissue::{Inclusion, Inclusions, Tissue};
 
 use crate::cost::FrameCost;

@@ -42,16 +42,16 @@
 //!
 //! * Bodies: [`DeformableBody`], a block or a closed mesh ([`MeshShape`]), with [`Tissue`], [`FixedRegion`] of a [`BoxFace`] or of
 //!   [`BodyRegion`]s, [`Inclusions`] of [`Inclusion`]s, [`Slit`] and [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the
-//!   full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`].
+//!   full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`]; places on and in bodies [`BodyQuery`], [`BodySurfacePoint`].
 //! * Sutures: [`Suture`]; result [`SutureForce`]; message [`SutureTorn`].
-//! * Tools: [`HapticTool`] with [`ToolSettings`], [`SafetyOverrides`] and [`ToolCoupling`]; [`ToolGrasp`] for tools that hold; results
+//! * Tools: [`HapticTool`] with [`ToolSettings`], [`SafetyOverrides`], [`ToolCoupling`] and [`TouchLayers`]; [`ToolGrasp`] for tools that hold; results
 //!   [`ToolForce`] with [`ToolContactPoint`], [`TouchedBody`] with [`ContactState`], [`GraspedPoint`], [`ForceError`], [`LocalModelStats`],
 //!   [`LoopTiming`]; messages and events [`ContactStart`], [`ContactEnd`], [`GraspStart`], [`GraspEnd`]; every tick in [`TickRecording`],
 //!   the last ones in [`BlackBoxDump`]; the running loop [`ToolLoop`].
 //! * Devices: [`DeviceSelector`], [`HapticDevices`], [`HidSelector`], [`HidDeviceKind`]; recorded trajectories [`TrajectoryAsset`],
 //!   [`TrajectoryLoader`]; with the feature `window` `MouseDevicePlugin`, `MouseDevice` and `MouseDeviceSystems`. A driver implements
 //!   [`palpate_haptics::HapticDevice`].
-//! * Time: [`ModelSchedule`], [`HapticSystems`], [`HapticUpdateSystems`], [`Time<Model>`](Model), [`ModelRate`], [`ModelStepCount`], [`LoopMode`].
+//! * Time: [`ModelSchedule`], [`HapticSystems`], [`HapticUpdateSystems`], the time [`Model`], [`ModelRate`], [`ModelStepCount`], [`LoopMode`].
 //! * Faults: [`HapticFault`] with [`HapticFaultKind`] and [`FaultSeverity`]; their causes [`NoForceCause`], [`DeviceFault`], [`MeshFault`],
 //!   [`SutureFault`], [`ToolSizeFault`], [`SlowStep`] with [`StepPart`].
 //! * Plugins: [`PalpatePlugins`], of [`HapticSchedulePlugin`], [`BodyPlugin`], [`ToolPlugin`], [`SuturePlugin`],
@@ -83,6 +83,7 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 mod body;
+mod body_query;
 mod cost;
 mod device;
 mod diagnostics;
@@ -90,6 +91,7 @@ mod fault;
 #[cfg(feature = "gizmos")]
 mod gizmos;
 pub mod guide;
+mod layers;
 mod model_time;
 #[cfg(feature = "window")]
 mod mouse;
@@ -116,6 +118,7 @@ pub use body::{
     BodyPlugin, BodyReady, BodyRegion, BodyState, BoxFace, ContactCompliance, DeformableBody, FixedRegion,
     Inclusion, Inclusions, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,
 };
+pub use body_query::{BodyQuery, BodySurfacePoint};
 pub use device::{
     DeviceSelector, HapticDevices, HidDeviceKind, HidSelector, TrajectoryAsset, TrajectoryLoader,
 };
@@ -126,6 +129,7 @@ pub use fault::{
 };
 #[cfg(feature = "gizmos")]
 pub use gizmos::{HapticGizmos, HapticGizmosOverride, HapticGizmosPlugin};
+pub use layers::TouchLayers;
 pub use model_time::{LoopMode, Model, ModelRate, ModelStepCount};
 #[cfg(feature = "window")]
 pub use mouse::{MouseDevice, MouseDevicePlugin, MouseDeviceSystems};

@@ -59,6 +59,7 @@ impl Plugin for ToolPlugin {
         app.init_resource::<HapticDevices>()
             .register_type::<HapticTool>()
             .register_type::<ToolSettings>()
+            .register_type::<crate::layers::TouchLayers>()
             .register_type::<ToolGrasp>()
             .register_type::<GraspedPoint>()
             .register_type::<ToolForce>()

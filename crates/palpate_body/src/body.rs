@@ -2,6 +2,7 @@
 
 mod constraint;
 mod constraint_solver;
+mod deformation;
 mod energy_accounting;
 mod point_forces;
 mod stability;
@@ -14,6 +15,7 @@ mod tie_rows;
 mod tool_patches;
 mod tool_rows;
 
+pub use deformation::{CellPlace, Deformation};
 pub use step::ToolRun;
 pub use step_report::StepReport;
 

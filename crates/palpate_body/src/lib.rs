@@ -122,7 +122,7 @@ mod touch_surface;
 mod weights;
 
 pub use block::{Block, BlockBody, Face, Slit, UniformLattice};
-pub use body::{Body, BodyState, StepReport, ToolRun};
+pub use body::{Body, BodyState, CellPlace, Deformation, StepReport, ToolRun};
 pub use body_point::BodyPoint;
 pub use cell_lattice::{CellLattice, CellSize, MeshBody, MeshCells};
 pub use cells::BarrierTetrahedron;

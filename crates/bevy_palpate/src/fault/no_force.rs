@@ -8,7 +8,7 @@ use thiserror::Error;
 
 /// Cause of a missing force, with the remedy.
 ///
-/// Points and forces are in the world frame unless a field states otherwise. With the first four causes no body is within reach. With the
+/// Points and forces are in the world frame unless a field states otherwise. With the first five causes no body is within reach. With the
 /// next three the tool overlaps a body without a contact. With the others the full body computes a force of which less than 1 %
 /// reaches the device.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -17,6 +17,12 @@ pub enum NoForceCause {
     /// The world has no [`DeformableBody`](crate::DeformableBody).
     #[error("the world has no body; spawn an entity with DeformableBody")]
     NoBody,
+    /// No body that the tool may touch has one of its [`TouchLayers`](crate::TouchLayers).
+    #[error("body {body} has none of the tool's TouchLayers; add a layer of the one to the other")]
+    OtherLayers {
+        /// One of the bodies.
+        body: Entity,
+    },
     /// Every body that the tool may touch was rejected.
     #[error(
         "body {body} was rejected; correct its components as its own fault describes (BodyState::Rejected)"

@@ -4,26 +4,34 @@ use super::components::{ContactEnd, HapticTool};
 use super::tool_loop::ToolLoop;
 use crate::body::{DeformableBody, SimulatedBody};
 use crate::fault::{FaultWriter, HapticFaultKind};
+use crate::layers::TouchLayers;
 use bevy::prelude::*;
 use glam::DVec3;
 
-/// Selects for every tool with samples the body of [`HapticTool::body`], or the nearest one.
+/// Simulated bodies with their layers.
+type Bodies<'w, 's> = Query<'w, 's, (Entity, &'static SimulatedBody, Option<&'static TouchLayers>)>;
+
+/// Selects for every tool with samples the body of [`HapticTool::body`], or the nearest one, of those that share a layer with the tool.
 pub(super) fn select_bodies(
-    mut tools: Query<(Entity, &HapticTool, &mut ToolLoop)>,
-    bodies: Query<(Entity, &SimulatedBody)>,
+    mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, Option<&TouchLayers>)>,
+    bodies: Bodies<'_, '_>,
     described_bodies: Query<(), With<DeformableBody>>,
     mut ends: MessageWriter<ContactEnd>,
     mut faults: FaultWriter,
 ) {
-    for (entity, described, mut tool) in &mut tools {
+    for (entity, described, mut tool, layers) in &mut tools {
+        let layers = layers.copied().unwrap_or_default();
+        let is_touchable = |body: Entity| {
+            bodies.get(body).is_ok_and(|(.., of_body)| layers.touches(of_body.copied().unwrap_or_default()))
+        };
         let Some(at) = tool.path.last().map(|point| point.position_m) else { continue };
         let candidate = match (described.body, tool.body) {
             (Some(body), _) => Some(body),
             // A contact keeps its body.
-            (None, Some(body)) if bodies.contains(body) && tool.is_in_contact() => Some(body),
-            (None, last) => nearest(&bodies, at, last),
+            (None, Some(body)) if is_touchable(body) && tool.is_in_contact() => Some(body),
+            (None, last) => nearest(&bodies, layers, at, last),
         };
-        let selected = candidate.filter(|body| bodies.contains(*body));
+        let selected = candidate.filter(|body| is_touchable(*body));
         // A body that is not built yet is no fault.
         let rejected = candidate.filter(|body| !bodies.contains(*body) && !described_bodies.contains(*body));
         match rejected {
@@ -44,11 +52,16 @@ pub(super) fn select_bodies(
 /// Minimum difference of the distances at which a tool changes to a nearer body, m.
 const SWITCH_DISTANCE_M: f64 = 0.005;
 
-/// Returns the body with the surface point nearest to `at`, or the `last` one if it is hardly farther. Of equally near bodies it is always
+/// Returns the body that shares one of `layers` and has the surface point nearest to `at`, or the `last` one if it is hardly farther. Of equally near bodies it is always
 /// the one with the lowest entity.
-fn nearest(bodies: &Query<(Entity, &SimulatedBody)>, at: DVec3, last: Option<Entity>) -> Option<Entity> {
-    let mut all = bodies.iter();
-    if let (Some((only, _)), None) = (all.next(), all.next()) {
+fn nearest(bodies: &Bodies<'_, '_>, layers: TouchLayers, at: DVec3, last: Option<Entity>) -> Option<Entity> {
+    let touchable = || {
+        let shares_layer =
+            |of_body: Option<&TouchLayers>| layers.touches(of_body.copied().unwrap_or_default());
+        bodies.iter().filter(move |(.., of_body)| shares_layer(*of_body))
+    };
+    let mut all = touchable();
+    if let (Some((only, ..)), None) = (all.next(), all.next()) {
         return Some(only);
     }
     let distance = |simulated: &SimulatedBody| {
@@ -57,9 +70,8 @@ fn nearest(bodies: &Query<(Entity, &SimulatedBody)>, at: DVec3, last: Option<Ent
         points.map(|point| point.of(body.positions_m()).distance(at)).fold(f64::INFINITY, f64::min)
     };
     let penalty = |entity: Entity| if last == Some(entity) { 0.0 } else { SWITCH_DISTANCE_M };
-    bodies
-        .iter()
-        .map(|(entity, simulated)| (distance(simulated) + penalty(entity), entity))
+    touchable()
+        .map(|(entity, simulated, _)| (distance(simulated) + penalty(entity), entity))
         .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
         .map(|(_, entity)| entity)
 }

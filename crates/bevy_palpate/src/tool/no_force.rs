@@ -6,10 +6,12 @@
 
 use super::components::HapticTool;
 use super::force_watch::ForceStep;
-use super::overlap::{Overlap, Surfaces, beyond_workspace_m, is_in_workspace};
+use super::overlap::{Overlap, beyond_workspace_m, is_in_workspace, overlap};
 use super::tool_loop::ToolLoop;
-use crate::body::{BodyBuild, DeformableBody, SimulatedBody};
+use crate::body::{BodyBuild, DeformableBody, SimulatedBody, SurfaceTrees};
 use crate::fault::{FaultWriter, HapticFaultKind, NoForceCause};
+use crate::layers::TouchLayers;
+use crate::model_time::ModelStepCount;
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_haptics::{BlackBoxTick, SafetyAction};
@@ -27,18 +29,24 @@ const DEPTH_SHARE: f64 = 0.05;
 const FIXED_SHARE: f64 = 0.3;
 
 /// All bodies, simulated or not.
-type Bodies<'w, 's> =
-    Query<'w, 's, (Entity, Option<&'static SimulatedBody>, Option<&'static BodyBuild>), With<DeformableBody>>;
+type Bodies<'w, 's> = Query<
+    'w,
+    's,
+    (Entity, Option<&'static SimulatedBody>, Option<&'static BodyBuild>, Option<&'static TouchLayers>),
+    With<DeformableBody>,
+>;
 
 /// Reports every tool without force for half a second, once for each cause.
 pub(super) fn report_missing_force(
-    mut tools: Query<(Entity, &HapticTool, &mut ToolLoop)>,
+    mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, Option<&TouchLayers>)>,
     bodies: Bodies<'_, '_>,
-    mut surfaces: Local<Surfaces>,
+    mut trees: Local<SurfaceTrees>,
+    steps: Res<ModelStepCount>,
     mut faults: FaultWriter,
 ) {
-    surfaces.retain(|body| bodies.contains(body));
-    for (entity, described, mut tool) in &mut tools {
+    trees.retain(|body| bodies.contains(body));
+    for (entity, described, mut tool, layers) in &mut tools {
+        let layers = layers.copied().unwrap_or_default();
         let ticks = tool.path.len().saturating_sub(1) as u64;
         let Some(at_m) = tool.path.last().map(|point| point.position_m).filter(|_| ticks > 0) else {
             continue;
@@ -47,8 +55,8 @@ pub(super) fn report_missing_force(
             ForceStep::Unknown
         } else {
             match tool.body.and_then(|body| Some((body, bodies.get(body).ok()?.1?))) {
-                None => ForceStep::Missing(missing_body(&bodies, described.body)),
-                Some(body) => tool.classify(described, body, &bodies, &mut surfaces, at_m),
+                None => ForceStep::Missing(missing_body(&bodies, described.body, layers)),
+                Some(body) => tool.classify((described, layers), body, &bodies, (&mut trees, steps.0), at_m),
             }
         };
         if let Some(cause) = tool.force_watch.record(step, ticks) {
@@ -57,10 +65,16 @@ pub(super) fn report_missing_force(
     }
 }
 
-/// The reason why there is no simulated body for a tool that can touch only `only`, or any body.
-fn missing_body(bodies: &Bodies<'_, '_>, only: Option<Entity>) -> NoForceCause {
-    let mut rejected = None;
-    for (body, simulated, build) in bodies.iter().filter(|(body, ..)| only.is_none_or(|only| only == *body)) {
+/// The reason why there is no simulated body for a tool in `layers` that can touch only `only`, or any body.
+fn missing_body(bodies: &Bodies<'_, '_>, only: Option<Entity>, layers: TouchLayers) -> NoForceCause {
+    let (mut rejected, mut excluded) = (None, None);
+    for (body, simulated, build, of_body) in
+        bodies.iter().filter(|(body, ..)| only.is_none_or(|only| only == *body))
+    {
+        if !layers.touches(of_body.copied().unwrap_or_default()) {
+            excluded.get_or_insert(body);
+            continue;
+        }
         match build {
             // The tool selects the body at the next model step.
             _ if simulated.is_some() => return NoForceCause::BodyNotReady { body, waited_s: 0.0 },
@@ -72,17 +86,18 @@ fn missing_body(bodies: &Bodies<'_, '_>, only: Option<Entity>) -> NoForceCause {
             }
         }
     }
-    rejected.map_or(NoForceCause::NoBody, |body| NoForceCause::BodyRejected { body })
+    let excluded = excluded.map(|body| NoForceCause::OtherLayers { body });
+    rejected.map(|body| NoForceCause::BodyRejected { body }).or(excluded).unwrap_or(NoForceCause::NoBody)
 }
 
 impl ToolLoop {
     /// Classifies the last model step of this tool at the body `on`, with its device at `at_m`.
     fn classify(
         &mut self,
-        described: &HapticTool,
+        (described, layers): (&HapticTool, TouchLayers),
         on: (Entity, &SimulatedBody),
         bodies: &Bodies<'_, '_>,
-        surfaces: &mut Surfaces,
+        (trees, model_step): (&mut SurfaceTrees, u64),
         at_m: DVec3,
     ) -> ForceStep {
         let (body, simulated) = on;
@@ -96,7 +111,7 @@ impl ToolLoop {
         if self.is_in_contact() {
             return ForceStep::Quiet;
         }
-        if let Some(overlap) = surfaces.overlap(on, &self.contact, at_m) {
+        if let Some(overlap) = overlap(trees, (body, simulated, model_step), &self.contact, at_m) {
             return self.classify_overlap(now, overlap, was_clear);
         }
         let Some(radius_m) = self.contact.shape().map(|(shape, _)| shape.radius_m()) else {
@@ -107,9 +122,12 @@ impl ToolLoop {
         if self.force_watch.left_workspace {
             return ForceStep::Quiet;
         }
-        let candidates = bodies.iter().filter(|(other, ..)| described.body.is_none() || *other == body);
+        let candidates = bodies.iter().filter(|(other, .., of_body)| {
+            (described.body.is_none() || *other == body)
+                && layers.touches(of_body.copied().unwrap_or_default())
+        });
         let mut nearest: Option<(f64, Entity)> = None;
-        for (other, simulated, _) in candidates {
+        for (other, simulated, ..) in candidates {
             let Some(simulated) = simulated else { continue };
             let Some(apart_m) = beyond_workspace_m(&self.description, &frame, simulated.body(), radius_m)
             else {

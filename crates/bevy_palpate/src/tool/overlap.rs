@@ -1,18 +1,10 @@
 //! Overlap of a tool with a body, independent of contact.
 
-use crate::body::SimulatedBody;
-use bevy::ecs::entity::EntityHashMap;
+use crate::body::{SimulatedBody, SurfaceTrees};
 use bevy::prelude::*;
 use glam::DVec3;
-use palpate_body::{Body, SurfaceTree, ToolContact};
+use palpate_body::{Body, ToolContact};
 use palpate_haptics::{DeviceDescription, DeviceFrame};
-
-/// Surface trees of bodies, kept from one model step to the next.
-#[derive(Default)]
-pub(super) struct Surfaces {
-    /// Number of the body's shape ([`SimulatedBody::shape`]) and its tree.
-    trees: EntityHashMap<(u64, SurfaceTree)>,
-}
 
 /// Overlap of a tool with the surface of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,47 +19,31 @@ pub(super) struct Overlap {
     pub(super) free_share: f64,
 }
 
-impl Surfaces {
-    /// Removes the trees of bodies for which `exists` is false.
-    pub(super) fn retain(&mut self, exists: impl Fn(Entity) -> bool) {
-        self.trees.retain(|entity, _| exists(*entity));
+/// The overlap of `contact` with the body `entity` in its shape after model step `step`, with the device at `device_m`; `None` if they are
+/// apart or the contact holds a point.
+pub(super) fn overlap(
+    trees: &mut SurfaceTrees,
+    (entity, simulated, step): (Entity, &SimulatedBody, u64),
+    contact: &ToolContact,
+    device_m: DVec3,
+) -> Option<Overlap> {
+    let (shape, _) = contact.shape()?;
+    let (core_m, radius_m) = (shape.core_m(contact.proxy_m(device_m)), shape.radius_m());
+    let body = simulated.body();
+    let (low, high) = bounds(body, |at_m| at_m)?;
+    if !((low - radius_m).cmple(core_m).all() && (high + radius_m).cmpge(core_m).all()) {
+        return None;
     }
-
-    /// The overlap of `contact` with the body `entity`, with the device at `device_m`; `None` if they are apart or the contact holds a
-    /// point.
-    pub(super) fn overlap(
-        &mut self,
-        (entity, simulated): (Entity, &SimulatedBody),
-        contact: &ToolContact,
-        device_m: DVec3,
-    ) -> Option<Overlap> {
-        let (shape, _) = contact.shape()?;
-        let (core_m, radius_m) = (shape.core_m(contact.proxy_m(device_m)), shape.radius_m());
-        let body = simulated.body();
-        let (low, high) = bounds(body, |at_m| at_m)?;
-        if !((low - radius_m).cmple(core_m).all() && (high + radius_m).cmpge(core_m).all()) {
-            return None;
-        }
-        let cached = self.trees.remove(&entity).filter(|(shape, _)| *shape == simulated.shape);
-        let tree = match cached {
-            Some((_, mut tree)) => {
-                tree.refit(body);
-                tree
-            }
-            None => SurfaceTree::new(body),
-        };
-        let (_, tree) = self.trees.entry(entity).insert((simulated.shape, tree)).into_mut();
-        let closest = tree.closest(core_m, f64::INFINITY)?;
-        let point = closest.body_point(body.surface());
-        let is_free = |(node, _): &&(usize, f64)| !body.network().is_fixed(*node);
-        let overlap = Overlap {
-            point_m: closest.point_m,
-            depth_m: radius_m - closest.distance_m,
-            radius_m,
-            free_share: point.nodes().iter().filter(is_free).map(|(_, weight)| weight).sum(),
-        };
-        Some(overlap).filter(|overlap| overlap.depth_m > 0.0)
-    }
+    let closest = trees.of(entity, simulated, step).closest(core_m, f64::INFINITY)?;
+    let point = closest.body_point(body.surface());
+    let is_free = |(node, _): &&(usize, f64)| !body.network().is_fixed(*node);
+    let overlap = Overlap {
+        point_m: closest.point_m,
+        depth_m: radius_m - closest.distance_m,
+        radius_m,
+        free_share: point.nodes().iter().filter(is_free).map(|(_, weight)| weight).sum(),
+    };
+    Some(overlap).filter(|overlap| overlap.depth_m > 0.0)
 }
 
 /// Distance from the workspace of the device `description`, mapped by `frame`, to `body`, minus `radius_m`, m; `None` if the tool can reach
