@@ -7,6 +7,7 @@ mod obstacle_candidates;
 mod obstacle_rows;
 mod obstacles;
 mod point_forces;
+mod sleep;
 mod stability;
 mod step;
 mod step_report;
@@ -264,8 +265,9 @@ impl Body {
                 allowed: "that of one of the body's ties",
             });
         };
-        tie.move_to(to_m)?;
-        self.quiet_s = 0.0;
+        if tie.move_to(to_m)? {
+            self.quiet_s = 0.0;
+        }
         Ok(())
     }
 
@@ -305,8 +307,11 @@ impl Body {
         &self.v
     }
 
-    /// Whether the body is at rest: no node and no rigid obstacle was faster than 0.1 mm/s for 0.1 s. It
-    /// needs no steps while its surroundings do not change.
+    /// Whether the body is at rest: no node and no rigid obstacle was faster than 0.1 mm/s for 0.1 s.
+    ///
+    /// While its surroundings do not change, it needs no steps: [`Body::advance`] without a tool sets its velocities to
+    /// zero and leaves its state unchanged ([`StepReport::is_asleep`]). A tool, a moved obstacle or tie, and setting
+    /// gravity, loads, obstacles, ties or the state to other values wake it.
     #[must_use]
     pub fn is_settled(&self) -> bool {
         self.quiet_s >= SETTLED_S

@@ -97,6 +97,12 @@ impl Body {
                 return Err(BodyError::Path { index });
             }
         }
+        if tools.is_empty() && ticks > 0 && self.may_sleep() {
+            integrator.steps(None)?;
+            let report = self.sleep(ticks, integrator.tick_s() * ticks as f64);
+            (1..=ticks).for_each(|tick| observe(tick, &[]));
+            return Ok(report);
+        }
         self.before.0.copy_from_slice(&self.x);
         self.before.1.copy_from_slice(&self.v);
         let (quiet, ledger, ties) = (self.quiet_s, self.ledger.clone(), self.ties.clone());
