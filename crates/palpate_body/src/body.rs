@@ -4,7 +4,11 @@ mod constraint;
 mod constraint_solver;
 mod deformation;
 mod energy_accounting;
+mod obstacle_candidates;
+mod obstacle_rows;
+mod obstacles;
 mod point_forces;
+mod sleep;
 mod stability;
 mod step;
 mod step_report;
@@ -23,11 +27,14 @@ use crate::cells::ActiveCells;
 use crate::energy::EnergyLedger;
 use crate::integrator::Workspace;
 use crate::network::NetworkState;
+use crate::obstacle_points::ObstaclePoints;
 use crate::surface::PartialCells;
 use crate::{
-    BarrierTetrahedron, BodyError, ContactSurface, Network, NodeContact, Obstacle, Surface, SurfaceTree, Tie,
+    BarrierTetrahedron, BodyError, ContactSurface, Network, Obstacle, ObstacleContact, ObstacleReaction,
+    Surface, SurfaceTree, Tie,
 };
 use glam::DVec3;
+use obstacle_candidates::ObstacleCandidates;
 use std::sync::Arc;
 
 /// A deformable body: a [`Network`] with positions and velocities of its nodes, a [`Surface`], loads, obstacles and
@@ -46,7 +53,11 @@ pub struct Body {
     obstacles: Vec<Obstacle>,
     ties: Vec<Tie>,
     /// Contacts with obstacles in the last step.
-    contacts: Vec<NodeContact>,
+    contacts: Vec<ObstacleContact>,
+    /// Reaction on each obstacle in the last advance.
+    reactions: Vec<ObstacleReaction>,
+    obstacle_points: Arc<ObstaclePoints>,
+    candidates: ObstacleCandidates,
     x: Vec<DVec3>,
     v: Vec<DVec3>,
     /// Time for which the body has been at rest, s.
@@ -116,6 +127,9 @@ impl Body {
             obstacles: Vec::new(),
             ties: Vec::new(),
             contacts: Vec::new(),
+            reactions: Vec::new(),
+            obstacle_points: Arc::new(ObstaclePoints::new(&surface, &network)),
+            candidates: ObstacleCandidates::default(),
             quiet_s: 0.0,
             force: still.clone(),
             before: (x.clone(), still.clone()),
@@ -223,19 +237,6 @@ impl Body {
         Ok(())
     }
 
-    /// Obstacles of the body.
-    #[must_use]
-    pub fn obstacles(&self) -> &[Obstacle] {
-        &self.obstacles
-    }
-
-    /// Sets the obstacles. A node inside an obstacle is pushed out at 1 m/s.
-    pub fn set_obstacles(&mut self, obstacles: Vec<Obstacle>) {
-        self.obstacles = obstacles;
-        self.contacts.clear();
-        self.quiet_s = 0.0;
-    }
-
     /// Ties of the body.
     #[must_use]
     pub fn ties(&self) -> &[Tie] {
@@ -266,15 +267,10 @@ impl Body {
                 allowed: "that of one of the body's ties",
             });
         };
-        tie.move_to(to_m)?;
-        self.quiet_s = 0.0;
+        if tie.move_to(to_m)? {
+            self.quiet_s = 0.0;
+        }
         Ok(())
-    }
-
-    /// Contacts with obstacles that gave an impulse in the last step.
-    #[must_use]
-    pub fn contacts(&self) -> &[NodeContact] {
-        &self.contacts
     }
 
     /// External force on `node`, N: gravity and its load.
@@ -292,7 +288,9 @@ impl Body {
         assert_eq!(force_n.len(), self.x.len(), "one force for each node");
         force_n.iter_mut().enumerate().for_each(|(node, force)| *force = self.outer_force_on_n(node));
         for contact in self.contacts.iter().filter(|contact| contact.step_s > 0.0) {
-            force_n[contact.node] += contact.impulse_ns / contact.step_s;
+            let on_point = contact.impulse_ns / contact.step_s;
+            let nodes = self.obstacle_points.points[contact.point].nodes();
+            nodes.iter().for_each(|&(node, w)| force_n[node] += w * on_point);
         }
         for tie in &self.ties {
             tie.add_force_n(force_n);
@@ -311,8 +309,11 @@ impl Body {
         &self.v
     }
 
-    /// Whether the body is at rest: no node was faster than 0.1 mm/s for 0.1 s. It needs no steps while its
-    /// surroundings do not change.
+    /// Whether the body is at rest: no node and no rigid obstacle was faster than 0.1 mm/s for 0.1 s.
+    ///
+    /// While its surroundings do not change, it needs no steps: [`Body::advance`] without a tool sets its velocities to
+    /// zero and leaves its state unchanged ([`StepReport::is_asleep`]). A tool, a moved obstacle or tie, and setting
+    /// gravity, loads, obstacles, ties or the state to other values wake it.
     #[must_use]
     pub fn is_settled(&self) -> bool {
         self.quiet_s >= SETTLED_S

@@ -40,7 +40,7 @@
 //! * State and time: [`Body`], [`BodyState`], [`Integrator`], [`StepReport`]; [`Energy`], [`EnergyBalance`].
 //! * Tools: [`ToolContact`] and [`ToolPoint`]; [`TouchedPoint`], a row of a contact patch on the [`ContactSurface`];
 //!   the [`Grid`] of cells below it; [`SurfaceTree`], the nearest point of the surface.
-//! * Constraints: [`Obstacle`] with [`NodeContact`]; [`Tie`] between [`BodyPoint`]s.
+//! * Constraints: [`Obstacle`] with [`ObstacleContact`] and [`ObstacleReaction`]; [`Tie`] between [`BodyPoint`]s.
 //! * Linearisation: [`TangentPattern`], [`Tangent`].
 //!
 //! # Units, frames, signs
@@ -100,6 +100,7 @@ mod cell_tissue;
 mod cells;
 mod closed_mesh;
 mod conjugate_gradients;
+mod contact_newton;
 mod eigenvalue;
 mod energy;
 mod error;
@@ -110,6 +111,8 @@ mod limits;
 mod link;
 mod network;
 mod obstacle;
+mod obstacle_points;
+mod obstacle_step;
 mod optimization;
 mod region;
 mod skin;
@@ -133,7 +136,7 @@ pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplic
 pub use lattice::{Lattice, Neighbours};
 pub use link::Link;
 pub use network::{Grid, Network, NetworkBuilder};
-pub use obstacle::{NodeContact, Obstacle};
+pub use obstacle::{Obstacle, ObstacleContact, ObstacleReaction, RigidMass, RigidMotion};
 pub use optimization::is_optimized;
 pub use palpate_laws::{ToolShape, VirtualCoupling, VolumeBarrier};
 pub use region::Region;

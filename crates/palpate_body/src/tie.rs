@@ -149,17 +149,17 @@ impl Tie {
         }
     }
 
-    /// Moves the anchor. It moves at constant speed and reaches `to_m` at the end of the next advance.
+    /// Moves the anchor. It moves at constant speed and reaches `to_m` at the end of the next advance. Returns whether
+    /// that changes its motion.
     ///
     /// # Errors
     /// [`BodyError::Parameter`] if the position is not finite or the tie has no anchor.
-    pub(crate) fn move_to(&mut self, to_m: DVec3) -> Result<(), BodyError> {
+    pub(crate) fn move_to(&mut self, to_m: DVec3) -> Result<bool, BodyError> {
         let TieEnd::Anchor { to_m: target, .. } = &mut self.b else {
             return Err(BodyError::Parameter { what: "anchors of the tie", value: 0.0, allowed: "1" });
         };
         check("place of an anchor, m", to_m.abs().max_element(), to_m.is_finite(), "finite")?;
-        *target = to_m;
-        Ok(())
+        Ok(std::mem::replace(target, to_m) != to_m)
     }
 
     /// Weight of `node` in the row: that in the first point minus that in the second.
@@ -170,6 +170,11 @@ impl Tie {
             TieEnd::Anchor { .. } => 0.0,
         };
         of(&self.a) - other
+    }
+
+    /// Whether the anchor moves during the next advance.
+    pub(crate) fn is_moving(&self) -> bool {
+        matches!(self.b, TieEnd::Anchor { from_m, to_m } if from_m != to_m)
     }
 
     /// Ends the motion of the anchor.

@@ -136,7 +136,7 @@ fn dropped_dumbbell_lifts_off_at_the_predicted_time() {
 fn body_on_a_sphere_rests_on_its_surface() {
     let mut body = cube(4, 0.03, 0.002);
     let ball = Obstacle::sphere(DVec3::new(0.002, -0.001, -0.05), 0.05, 0.4).unwrap();
-    body.set_obstacles(vec![ball, ground(0.4)]);
+    body.set_obstacles(vec![ball.clone(), ground(0.4)]);
     body.set_gravity(DVec3::Z * -G).unwrap();
     body.advance(None, 2000, fine(4)).unwrap();
     for x in body.positions_m() {

@@ -3,7 +3,7 @@
 use super::Body;
 use crate::energy::EnergyLedger;
 use crate::tie::TieEnd;
-use crate::{BodyPoint, Energy, EnergyBalance, NodeContact};
+use crate::{BodyPoint, Energy, EnergyBalance, ObstacleContact};
 use glam::DVec3;
 
 impl Body {
@@ -77,8 +77,12 @@ impl EnergyLedger {
     /// Adds the effect of obstacles and ties in this step, at mean velocities: anchors and elastic threads do work,
     /// and the rest is dissipated.
     pub(crate) fn add_contacts(&mut self, body: &Body, driven: Option<usize>) {
-        let taken = |c: &NodeContact| -0.5 * c.impulse_ns.dot(self.v[c.node] + c.velocity_m_per_s);
-        self.friction_loss_j += body.contacts().iter().map(taken).sum::<f64>();
+        let lost = |c: &ObstacleContact| {
+            let mean = 0.5 * (body.obstacle_points()[c.point].of(&self.v) + c.velocity_m_per_s);
+            c.impulse_ns.dot(c.carried_m_per_s - mean)
+        };
+        self.friction_loss_j += body.contacts().iter().map(lost).sum::<f64>();
+        self.work_in_j += body.contacts().iter().map(|c| c.impulse_ns.dot(c.carried_m_per_s)).sum::<f64>();
         for tie in body.ties() {
             let (impulse, h) = tie.last;
             // The drive does the work of the ties on its node.

@@ -1,11 +1,13 @@
 //! Time stepping of a body.
 
 use super::StepReport;
+use super::obstacles::check_finite;
 use super::substep::{Substep, ToolStep};
 use super::tool_patches::ToolPatches;
 use super::{Body, MAX_QUIET_CHECK_S, QUIET_M_PER_S, spring_forces};
 use crate::energy::EnergyLedger;
 use crate::integrator::{LinearlyImplicitEuler, SolvedBy, Workspace};
+use crate::obstacle_step::ObstacleStep;
 use crate::tool::{Hold, TouchedPoint};
 use crate::{BodyError, Integrator, Tie, ToolContact, ToolPoint};
 use glam::DVec3;
@@ -95,17 +97,24 @@ impl Body {
                 return Err(BodyError::Path { index });
             }
         }
+        if tools.is_empty() && ticks > 0 && self.may_sleep() {
+            integrator.steps(None)?;
+            let report = self.sleep(ticks, integrator.tick_s() * ticks as f64);
+            (1..=ticks).for_each(|tick| observe(tick, &[]));
+            return Ok(report);
+        }
         self.before.0.copy_from_slice(&self.x);
         self.before.1.copy_from_slice(&self.v);
         let (quiet, ledger, ties) = (self.quiet_s, self.ledger.clone(), self.ties.clone());
-        let contacts = self.contacts.clone();
+        let (contacts, reactions, obstacles) =
+            (self.contacts.clone(), self.reactions.clone(), self.obstacles.clone());
         let tools_before: Vec<ToolContact> = tools.iter().map(|tool| tool.contact.clone()).collect();
         let stepped = self.advance_ticks(tools, ticks, &integrator, &mut observe);
         stepped.inspect_err(|_| {
             self.x.copy_from_slice(&self.before.0);
             self.v.copy_from_slice(&self.before.1);
             (self.quiet_s, self.ledger, self.ties) = (quiet, ledger, ties);
-            self.contacts = contacts;
+            (self.contacts, self.reactions, self.obstacles) = (contacts, reactions, obstacles);
             tools.iter_mut().zip(tools_before).for_each(|(tool, before)| *tool.contact = before);
         })
     }
@@ -121,6 +130,7 @@ impl Body {
             implicit.forget();
         }
         tools.iter_mut().for_each(|tool| tool.contact.touched_nodes.clear());
+        self.begin_obstacles(integrator.tick_s() * ticks as f64);
         let mut forces = vec![DVec3::ZERO; tools.len()];
         let mut rates = integrator.spring_rates(self.network_state());
         let (ticks_per_step, mut spring_substeps) = (integrator.ticks_per_step(), integrator.steps(rates)?);
@@ -169,6 +179,7 @@ impl Body {
             tick += span;
             let moving = self.network.free().iter().any(|&node| self.v[node].length() > QUIET_M_PER_S);
             let checked_s = (integrator.tick_s() * span as f64).min(MAX_QUIET_CHECK_S);
+            let moving = moving || self.has_moving_obstacle(QUIET_M_PER_S);
             let at_rest = !moving && self.active_cells.inverted_count(self.network.barriers(), &self.x) == 0;
             self.quiet_s = if at_rest { self.quiet_s + checked_s } else { 0.0 };
             for (force, tool) in forces.iter_mut().zip(&*tools) {
@@ -179,8 +190,10 @@ impl Body {
         match (0..self.x.len()).find(|&i| !(self.x[i].is_finite() && self.v[i].is_finite())) {
             Some(node) => Err(BodyError::Diverged { node }),
             None => {
+                check_finite(&self.obstacles)?;
                 if ticks > 0 {
                     self.ties.iter_mut().for_each(Tie::arrive);
+                    self.end_obstacles();
                 }
                 report.inverted_cells = self.active_cells.inverted_count(self.network.barriers(), &self.x);
                 Ok(report)
@@ -211,7 +224,8 @@ impl Body {
         if let Some(node) = driven {
             self.ledger = self.ledger.take().map(|ledger| ledger.add_drive(self, node, self.force[node]));
         }
-        let mut step = Substep { h, along, integrator, drive, tools };
+        let obstacles = self.obstacles.iter().map(|of| ObstacleStep::new(of, along, h)).collect();
+        let mut step = Substep { h, along, integrator, drive, tools, obstacles };
         let constrained = step.constrains() || !(self.obstacles.is_empty() && self.ties.is_empty());
         let network = Arc::clone(&self.network);
         let moving = || network.free().iter().copied().filter(move |&node| driven != Some(node));
@@ -244,11 +258,15 @@ impl Body {
                 let weight = network.mass_kg()[node] * self.gravity_m_per_s2;
                 self.force[node] + if outer { weight } else { -self.loads_n[node] }
             };
-            let work = moving().map(|node| -force(node).dot(closing[node] - self.v[node]) * h).sum();
+            let work = moving().map(|node| -force(node).dot(closing.nodes[node] - self.v[node]) * h).sum();
             self.ledger = self.ledger.take().map(|ledger| ledger.add_gap_closing(work));
         }
-        let v = closing.as_ref().unwrap_or(&self.v);
+        let v = closing.as_ref().map_or(&self.v, |closing| &closing.nodes);
         moving().for_each(|node| self.x[node] += v[node] * h);
+        if !step.obstacles.is_empty() {
+            let closing = closing.as_ref().map(|closing| closing.obstacles.as_slice());
+            self.end_obstacle_step(&step.obstacles, closing, h);
+        }
         if let Some(ledger) = self.ledger.take() {
             let touched = step.tools.iter().flat_map(|tool| &tool.contact.touched);
             let contact_j = touched.map(TouchedPoint::stored_j).sum();

@@ -7,13 +7,15 @@ use crate::integrator::SolvedBy;
 pub struct StepReport {
     /// Number of ticks.
     pub ticks: usize,
-    /// Maximum number of substeps per tick; 1 when a step spans several ticks.
+    /// Maximum number of substeps per tick; 1 when a step spans several ticks, 0 of a body that is asleep.
     pub substeps: usize,
     /// Solver of the steps.
     pub solved_by: SolvedBy,
     /// Number of steps with a clamped tangent.
     pub clamped: usize,
-    /// Maximum number of nodes in contact with obstacles.
+    /// Whether the body is settled and was not stepped: its state is unchanged, except that its velocities are zero.
+    pub is_asleep: bool,
+    /// Maximum number of points in contact with obstacles.
     pub contacts: usize,
     /// Maximum number of active rows of contact patches of a tool: one or nine for each patch.
     pub touched: usize,

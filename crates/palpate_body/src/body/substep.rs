@@ -1,6 +1,7 @@
 //! Data of a substep and its tools.
 
 use super::tool_patches::ToolPatch;
+use crate::obstacle_step::ObstacleStep;
 use crate::tool::Hold;
 use crate::{Integrator, ToolContact};
 use glam::DVec3;
@@ -16,6 +17,8 @@ pub(super) struct Substep<'a> {
     /// The driven node and its displacement in this step, m.
     pub(super) drive: Option<(usize, DVec3)>,
     pub(super) tools: Vec<ToolStep<'a>>,
+    /// Motion of every obstacle.
+    pub(super) obstacles: Vec<ObstacleStep>,
 }
 
 /// A tool in a substep.

@@ -62,7 +62,14 @@ impl Body {
                     }
                 }
             };
-            rows.push(Constraint { source: ConstraintSource::Tie(index), nodes, law, gap, overdue });
+            rows.push(Constraint {
+                source: ConstraintSource::Tie(index),
+                nodes,
+                rigid: None,
+                law,
+                gap,
+                overdue,
+            });
         }
         rows
     }

@@ -32,6 +32,7 @@ impl Body {
                     push,
                 },
                 nodes: row.nodes.clone(),
+                rigid: None,
                 law: ConstraintLaw::Unilateral { coulomb: law, series },
                 gap: gap.gap_m,
                 overdue: gap.initial_violation_m,
@@ -71,6 +72,7 @@ impl Body {
         Some(Constraint {
             source: ConstraintSource::Grip(index),
             nodes,
+            rigid: None,
             law: ConstraintLaw::Bilateral,
             gap,
             overdue,
