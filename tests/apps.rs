@@ -22,4 +22,5 @@ mod queries_app;
 mod reflected_app;
 mod schedule_app;
 mod several_app;
+mod surroundings_app;
 mod testing_app;

@@ -12,13 +12,17 @@ const REFLECTED: [(&str, &[&str]); 6] = [
             "BodyState",
             "ContactCompliance",
             "DeformableBody",
+            "ExternalForce",
             "FixedRegion",
             "ForceError",
             "GraspedPoint",
+            "GravityScale",
             "HapticTool",
             "Inclusions",
             "LocalModelStats",
             "LoopTiming",
+            "Obstacle",
+            "ObstacleForce",
             "Slit",
             "Suture",
             "SutureForce",
@@ -31,7 +35,7 @@ const REFLECTED: [(&str, &[&str]); 6] = [
             "TouchedBody",
         ],
     ),
-    ("resource", &["LoopMode", "ModelRate", "ModelStepCount"]),
+    ("resource", &["Gravity", "LoopMode", "ModelRate", "ModelStepCount"]),
     (
         "message",
         &["BodyReady", "ContactStart", "ContactEnd", "GraspStart", "GraspEnd", "HapticFault", "SutureTorn"],
@@ -48,7 +52,9 @@ const REFLECTED: [(&str, &[&str]); 6] = [
             "HidSelector",
             "HidDeviceKind",
             "Inclusion",
+            "Load",
             "MeshShape",
+            "ObstacleShape",
             "SafetyOverrides",
             "ToolContactPoint",
             "ToolCoupling",
@@ -86,7 +92,7 @@ const REFLECTED: [(&str, &[&str]); 6] = [
 ];
 
 /// Types without reflection: simulated bodies and reports about meshes, loops and devices, errors, plugins, schedules and sets.
-const NOT_REFLECTED: [&str; 28] = [
+const NOT_REFLECTED: [&str; 29] = [
     "BodyPlugin",
     "DeviceFault",
     "FaultLogPlugin",
@@ -109,6 +115,7 @@ const NOT_REFLECTED: [&str; 28] = [
     "SlowStep",
     "StepPart",
     "SutureFault",
+    "SurroundingsPlugin",
     "SuturePlugin",
     "ToolLoop",
     "ToolPlugin",

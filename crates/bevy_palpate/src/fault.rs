@@ -206,6 +206,21 @@ pub enum HapticFaultKind {
         /// Relative speed of the app's clock.
         speed: f64,
     },
+    /// The gravity on a body is not finite. The previous one acts.
+    #[error("the gravity on a body is not finite; change Gravity or GravityScale")]
+    Gravity(#[source] BodyError),
+    /// An obstacle was rejected. Bodies pass through it until its components change.
+    #[error("the obstacle is rejected; change Obstacle, its mesh or its Transform")]
+    Obstacle(#[source] BodyError),
+    /// A load of an [`ExternalForce`](crate::ExternalForce) is not finite. The previous loads act.
+    #[error("a load is not finite; change ExternalForce")]
+    ExternalForce(#[source] BodyError),
+    /// The region of a load contains no free node of the body. The load has no effect.
+    #[error("load {index} of ExternalForce contains no free node of the body; move or enlarge its region")]
+    EmptyLoad {
+        /// Index of the load.
+        index: usize,
+    },
     /// The model rate is above the rate of Bevy's fixed main loop, in which the model steps run. They run at the lower rate.
     #[error(
         "the model rate is {model_hz:.0} Hz, and Bevy's fixed main loop runs at {fixed_hz:.0} Hz; with loops on threads the model steps run at the \
@@ -389,6 +404,7 @@ impl HapticFaultKind {
             | Self::BlackBox(_)
             | Self::BeyondSupport { .. }
             | Self::UnsupportedTimeScale { .. }
+            | Self::EmptyLoad { .. }
             | Self::ModelRateLimited { .. }
             | Self::Unconverged { .. }
             | Self::UnconvergedSteps { .. }
@@ -399,6 +415,9 @@ impl HapticFaultKind {
             | Self::Mesh(_)
             | Self::NonUnitScale { .. }
             | Self::NonFiniteTransform
+            | Self::Gravity(_)
+            | Self::Obstacle(_)
+            | Self::ExternalForce(_)
             | Self::StepBody(_)
             | Self::Device(_)
             | Self::Tool(_)

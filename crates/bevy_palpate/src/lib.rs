@@ -43,6 +43,8 @@
 //! * Bodies: [`DeformableBody`], a block or a closed mesh ([`MeshShape`]), with [`Tissue`], [`FixedRegion`] of a [`BoxFace`] or of
 //!   [`BodyRegion`]s, [`Inclusions`] of [`Inclusion`]s, [`Slit`] and [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the
 //!   full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`]; places on and in bodies [`BodyQuery`], [`BodySurfacePoint`].
+//! * Surroundings: [`Gravity`] and [`GravityScale`]; [`Obstacle`] of an [`ObstacleShape`], with the result [`ObstacleForce`];
+//!   [`ExternalForce`] of [`Load`]s.
 //! * Sutures: [`Suture`]; result [`SutureForce`]; message [`SutureTorn`].
 //! * Tools: [`HapticTool`] with [`ToolSettings`], [`SafetyOverrides`], [`ToolCoupling`] and [`TouchLayers`]; [`ToolGrasp`] for tools that hold; results
 //!   [`ToolForce`] with [`ToolContactPoint`], [`TouchedBody`] with [`ContactState`], [`GraspedPoint`], [`ForceError`], [`LocalModelStats`],
@@ -54,7 +56,7 @@
 //! * Time: [`ModelSchedule`], [`HapticSystems`], [`HapticUpdateSystems`], the time [`Model`], [`ModelRate`], [`ModelStepCount`], [`LoopMode`].
 //! * Faults: [`HapticFault`] with [`HapticFaultKind`] and [`FaultSeverity`]; their causes [`NoForceCause`], [`DeviceFault`], [`MeshFault`],
 //!   [`SutureFault`], [`ToolSizeFault`], [`SlowStep`] with [`StepPart`].
-//! * Plugins: [`PalpatePlugins`], of [`HapticSchedulePlugin`], [`BodyPlugin`], [`ToolPlugin`], [`SuturePlugin`],
+//! * Plugins: [`PalpatePlugins`], of [`HapticSchedulePlugin`], [`BodyPlugin`], [`ToolPlugin`], [`SurroundingsPlugin`], [`SuturePlugin`],
 //!   [`HapticDiagnosticsPlugin`] (costs and errors as diagnostics) and [`FaultLogPlugin`].
 //! * Tests: [`testing`].
 //! * Display: `HapticPanelPlugin` with `HapticPanel` and `HapticWidgets` (feature `panel`), `HapticGizmosPlugin` with `HapticGizmos` and
@@ -103,6 +105,7 @@ mod schedule;
 mod slow_steps;
 mod step_times;
 mod step_watch;
+mod surroundings;
 mod suture;
 pub mod testing;
 mod tool;
@@ -137,6 +140,9 @@ pub use mouse::{MouseDevice, MouseDevicePlugin, MouseDeviceSystems};
 pub use panel::{HapticPanel, HapticPanelPlugin, HapticWidgets};
 pub use plugins::{FaultLogPlugin, PalpatePlugins};
 pub use schedule::{HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, ModelSchedule};
+pub use surroundings::{
+    ExternalForce, Gravity, GravityScale, Load, Obstacle, ObstacleForce, ObstacleShape, SurroundingsPlugin,
+};
 pub use suture::{Suture, SutureForce, SuturePlugin, SutureTorn};
 pub use tool::{
     BlackBoxDump, ContactEnd, ContactStart, ContactState, ForceError, GraspEnd, GraspStart, GraspedPoint,

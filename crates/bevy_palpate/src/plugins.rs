@@ -4,6 +4,7 @@ use crate::body::BodyPlugin;
 use crate::diagnostics::HapticDiagnosticsPlugin;
 use crate::fault::log_faults;
 use crate::schedule::HapticSchedulePlugin;
+use crate::surroundings::SurroundingsPlugin;
 use crate::suture::SuturePlugin;
 use crate::tool::ToolPlugin;
 use bevy::app::PluginGroupBuilder;
@@ -16,6 +17,7 @@ use bevy::prelude::*;
 /// | [`HapticSchedulePlugin`] | the schedule [`ModelSchedule`](crate::ModelSchedule), its rate and the mode of the loops |
 /// | [`BodyPlugin`] | deformable bodies and their meshes |
 /// | [`ToolPlugin`] | devices, loops, model steps, local models, results |
+/// | [`SurroundingsPlugin`] | gravity, obstacles and external forces |
 /// | [`SuturePlugin`] | threads through bodies |
 /// | [`HapticDiagnosticsPlugin`] | durations and errors in Bevy's diagnostics |
 /// | [`FaultLogPlugin`] | faults in the log |
@@ -41,6 +43,7 @@ impl PluginGroup for PalpatePlugins {
             .add(HapticSchedulePlugin::default())
             .add(BodyPlugin)
             .add(ToolPlugin)
+            .add(SurroundingsPlugin)
             .add(SuturePlugin)
             .add(HapticDiagnosticsPlugin)
             .add(FaultLogPlugin)

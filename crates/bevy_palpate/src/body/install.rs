@@ -54,6 +54,8 @@ pub(super) fn install(
         source,
         drawn: RenderMesh::default(),
         sutures: Vec::new(),
+        obstacles: Vec::new(),
+        has_loads: false,
     };
     if old.as_ref().is_none_or(|old| old.built_fixed != new.built_fixed) && new.is_unconstrained() {
         info!(

@@ -93,7 +93,7 @@ impl DeformableBody {
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub enum FixedRegion {
-    /// No part: the body floats.
+    /// No part: the body floats, or falls with [`Gravity`](crate::Gravity).
     #[default]
     None,
     /// One side: of a block the nodes of its face, of a mesh the outermost nodes on that side of its bounds.

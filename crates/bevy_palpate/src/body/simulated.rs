@@ -49,6 +49,10 @@ pub struct SimulatedBody {
     pub(crate) drawn: RenderMesh,
     /// The sutures of the body, in the order of its ties.
     pub(crate) sutures: Vec<Entity>,
+    /// The obstacles of the body with their versions, in the order of [`Body::obstacles`].
+    pub(crate) obstacles: Vec<(Entity, u64)>,
+    /// Whether the body has the loads of an external force.
+    pub(crate) has_loads: bool,
 }
 
 impl SimulatedBody {
@@ -102,6 +106,13 @@ impl SimulatedBody {
         let rotation = |pose: &GlobalTransform| pose.rotation().as_dquat();
         let local_m = rotation(from).inverse() * (rest_m - from.translation().as_dvec3());
         to.translation().as_dvec3() + rotation(to) * local_m
+    }
+
+    /// Position of a node at rest in the body's own frame, m.
+    pub(crate) fn rest_local_m(&self, node: usize) -> DVec3 {
+        let pose = &self.rest_pose;
+        let rest_m = self.body.network().rest_m()[node];
+        pose.rotation().as_dquat().inverse() * (rest_m - pose.translation().as_dvec3())
     }
 
     /// Whether no node is fixed.

@@ -1,0 +1,48 @@
+//! What acts on bodies beside tools: gravity, obstacles and external forces.
+
+mod apply;
+mod external_force;
+mod gravity;
+mod obstacle;
+mod prepare;
+
+pub use external_force::{ExternalForce, Load};
+pub use gravity::{Gravity, GravityScale};
+pub use obstacle::{Obstacle, ObstacleForce, ObstacleShape};
+
+use crate::cost::FrameCost;
+use crate::fault::add_faults;
+use crate::schedule::{HapticSystems, HapticUpdateSystems, ModelSchedule};
+use bevy::prelude::*;
+
+/// Applies [`Gravity`], [`Obstacle`] and [`ExternalForce`] to the bodies at every model step, and writes [`ObstacleForce`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SurroundingsPlugin;
+
+impl Plugin for SurroundingsPlugin {
+    fn build(&self, app: &mut App) {
+        add_faults(app);
+        let cost = FrameCost::of(app);
+        app.init_resource::<Gravity>()
+            .register_type::<Gravity>()
+            .register_type::<GravityScale>()
+            .register_type::<Obstacle>()
+            .register_type::<ObstacleForce>()
+            .register_type::<ExternalForce>()
+            .add_systems(
+                PreUpdate,
+                cost.timed(prepare::prepare_obstacles).in_set(HapticUpdateSystems::Bodies),
+            )
+            .add_observer(prepare::remove_obstacle)
+            .add_systems(
+                ModelSchedule,
+                (
+                    (apply::apply_gravity, apply::apply_loads, apply::place_obstacles)
+                        .chain()
+                        .after(HapticSystems::ReceiveSamples)
+                        .before(HapticSystems::StepBodies),
+                    apply::write_forces.in_set(HapticSystems::Writeback),
+                ),
+            );
+    }
+}
