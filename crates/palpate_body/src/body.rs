@@ -1,5 +1,6 @@
 //! A body: a network with its state, surface and constraints.
 
+mod candidate_search;
 mod constraint;
 mod constraint_solver;
 mod deformation;
@@ -62,6 +63,8 @@ pub struct Body {
     v: Vec<DVec3>,
     /// Time for which the body has been at rest, s.
     quiet_s: f64,
+    /// Whether a tool touched or held the body at the end of the last advance.
+    is_touched: bool,
     force: Vec<DVec3>,
     before: (Vec<DVec3>, Vec<DVec3>),
     pub(crate) ledger: Option<EnergyLedger>,
@@ -131,6 +134,7 @@ impl Body {
             obstacle_points: Arc::new(ObstaclePoints::new(&surface, &network)),
             candidates: ObstacleCandidates::default(),
             quiet_s: 0.0,
+            is_touched: false,
             force: still.clone(),
             before: (x.clone(), still.clone()),
             ledger: None,

@@ -153,6 +153,19 @@ impl ToolContact {
         }
     }
 
+    /// Whether the tool acts on the body: it touches or holds it, or is behind its coupling.
+    pub(crate) fn acts(&self) -> bool {
+        !self.touched.is_empty() || self.proxy_m.is_some() || !matches!(self.hold, Hold::Nothing { .. })
+    }
+
+    /// Notes that the tool has been out of reach of the body.
+    pub(crate) fn set_out_of_reach(&mut self) {
+        self.touched_nodes.clear();
+        if let Hold::Nothing { clear, .. } = &mut self.hold {
+            *clear = true;
+        }
+    }
+
     /// Whether the tool can touch: it holds nothing and is not inside the body.
     #[must_use]
     pub fn is_clear(&self) -> bool {

@@ -143,12 +143,38 @@ fn settled_body_sleeps_without_drift_and_wakes() {
             .fold(0.0, f64::max);
         assert!(moved < 1e-4, "{what}: {moved} m");
     }
-    // A tool wakes it, too.
-    let at = DVec3::Z;
+    // A tool within reach wakes it, too; one that is far away does not.
+    let top = body.positions_m().iter().map(|x| x.z).fold(f64::MIN, f64::max);
     let shape = ToolShape::Sphere { radius_m: 0.005 };
-    let mut tool = ToolContact::touch(shape, 0.3).unwrap();
-    let path = vec![ToolPoint::at_rest(at); 2];
-    assert!(!body.advance(Some((&mut tool, &path)), 1, explicit()).unwrap().is_asleep);
+    for (z, is_asleep) in [(1.0, true), (top + 0.008, false)] {
+        let mut tool = ToolContact::touch(shape, 0.3).unwrap();
+        let path = vec![ToolPoint::at_rest(DVec3::Z * z); 2];
+        let report = body.clone().advance(Some((&mut tool, &path)), 1, explicit()).unwrap();
+        assert_eq!(report.is_asleep, is_asleep, "{z}");
+        assert!(tool.is_clear());
+    }
+}
+
+#[test]
+fn body_settled_under_a_tool_returns_when_the_tool_is_gone() {
+    let mut body = cube(4, 0.05, 20e3);
+    body.set_obstacles(vec![ground(0.4)]);
+    let top = |body: &Body| body.positions_m().iter().map(|x| x.z).fold(f64::MIN, f64::max);
+    body.advance(None, 3000, explicit()).unwrap();
+    let rest = top(&body);
+    let mut tool = ToolContact::touch(ToolShape::Sphere { radius_m: 0.01 }, 0.0).unwrap();
+    let place = |depth: f64| ToolPoint::at_rest(DVec3::new(0.003, 0.002, rest + 0.01 - depth));
+    let down: Vec<ToolPoint> = (0..=500).map(|i| place(0.004 * f64::from(i) / 500.0 - 0.001)).collect();
+    body.advance(Some((&mut tool, &down)), 500, explicit()).unwrap();
+    body.advance(Some((&mut tool, &vec![place(0.003); 3001])), 3000, explicit()).unwrap();
+    let pressed = body.positions_m().to_vec();
+    assert!(body.is_settled());
+    // Without the tool the dent closes; a body that kept sleeping would keep it.
+    let report = body.advance(None, 50, explicit()).unwrap();
+    assert!(!report.is_asleep);
+    body.advance(None, 3000, explicit()).unwrap();
+    let moved = body.positions_m().iter().zip(&pressed).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    assert!(moved > 5e-4 && (top(&body) - rest).abs() < 2e-6, "{moved} m, {} m", top(&body) - rest);
 }
 
 #[test]

@@ -1,19 +1,38 @@
-//! Advances of a body at rest, which cost nothing.
+//! Advances of a body at rest without a tool near it, which cost nothing.
 
-use super::{Body, QUIET_M_PER_S, StepReport};
+use super::{Body, QUIET_M_PER_S, StepReport, ToolRun};
 use crate::{ObstacleReaction, Tie};
 use glam::DVec3;
 
 impl Body {
-    /// Whether an advance without tools changes nothing.
-    pub(super) fn may_sleep(&self) -> bool {
-        self.is_settled() && !self.ties.iter().any(Tie::is_moving) && !self.has_moving_obstacle(QUIET_M_PER_S)
+    /// Whether an advance with `tools` changes nothing.
+    pub(super) fn may_sleep(&self, tools: &[ToolRun<'_>]) -> bool {
+        self.is_settled()
+            && tools.iter().all(|tool| self.is_out_of_reach(tool))
+            && !self.ties.iter().any(Tie::is_moving)
+            && !self.has_moving_obstacle(QUIET_M_PER_S)
+    }
+
+    /// Whether a tool neither acts on the body nor comes near its surface.
+    fn is_out_of_reach(&self, tool: &ToolRun<'_>) -> bool {
+        let Some((shape, _)) = tool.contact.shape().filter(|_| !tool.contact.acts()) else { return false };
+        let steps = tool.path.windows(2).map(|pair| pair[0].position_m.distance(pair[1].position_m));
+        // As far as contact is searched, and once more.
+        let reach_m = 3.0 * (shape.radius_m() + steps.fold(0.0, f64::max));
+        let bounds = |places: &mut dyn Iterator<Item = DVec3>| {
+            places.map(|x| (x, x)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+        };
+        let path = bounds(&mut tool.path.iter().map(|point| point.position_m));
+        let surface = bounds(&mut self.surface.points.iter().map(|point| point.of(&self.x)));
+        let (Some(path), Some(surface)) = (path, surface) else { return tool.path.is_empty() };
+        !((path.0 - reach_m).cmple(surface.1).all() && (path.1 + reach_m).cmpge(surface.0).all())
     }
 
     /// Advances by `ticks` ticks of together `duration_s` without a motion. Velocities become zero; obstacles bear the
     /// forces of the last step.
-    pub(super) fn sleep(&mut self, ticks: usize, duration_s: f64) -> StepReport {
+    pub(super) fn sleep(&mut self, tools: &mut [ToolRun<'_>], ticks: usize, duration_s: f64) -> StepReport {
         self.v.fill(DVec3::ZERO);
+        tools.iter_mut().for_each(|tool| tool.contact.set_out_of_reach());
         let reaction = ObstacleReaction { duration_s, ..ObstacleReaction::default() };
         self.reactions = vec![reaction; self.obstacles.len()];
         for contact in self.contacts.iter().filter(|contact| contact.step_s > 0.0) {

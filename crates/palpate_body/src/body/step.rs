@@ -97,10 +97,15 @@ impl Body {
                 return Err(BodyError::Path { index });
             }
         }
-        if tools.is_empty() && ticks > 0 && self.may_sleep() {
+        // A tool that is gone no longer holds the body in its shape.
+        if std::mem::take(&mut self.is_touched) && !tools.iter().any(|tool| tool.contact.acts()) {
+            self.quiet_s = 0.0;
+        }
+        if ticks > 0 && self.may_sleep(tools) {
             integrator.steps(None)?;
-            let report = self.sleep(ticks, integrator.tick_s() * ticks as f64);
-            (1..=ticks).for_each(|tick| observe(tick, &[]));
+            let report = self.sleep(tools, ticks, integrator.tick_s() * ticks as f64);
+            let forces = vec![DVec3::ZERO; tools.len()];
+            (1..=ticks).for_each(|tick| observe(tick, &forces));
             return Ok(report);
         }
         self.before.0.copy_from_slice(&self.x);
@@ -187,6 +192,7 @@ impl Body {
             }
             observe(tick, &forces);
         }
+        self.is_touched = tools.iter().any(|tool| tool.contact.acts());
         match (0..self.x.len()).find(|&i| !(self.x[i].is_finite() && self.v[i].is_finite())) {
             Some(node) => Err(BodyError::Diverged { node }),
             None => {
