@@ -7,7 +7,10 @@ use glam::DVec3;
 impl Body {
     /// Whether an advance without tools changes nothing.
     pub(super) fn may_sleep(&self) -> bool {
-        self.is_settled() && !self.ties.iter().any(Tie::is_moving) && !self.has_moving_obstacle(QUIET_M_PER_S)
+        self.is_settled()
+            && self.fixed_target.is_none()
+            && !self.ties.iter().any(Tie::is_moving)
+            && !self.has_moving_obstacle(QUIET_M_PER_S)
     }
 
     /// Advances by `ticks` ticks of together `duration_s` without a motion. Velocities become zero; obstacles bear the
