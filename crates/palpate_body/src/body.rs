@@ -5,6 +5,7 @@ mod constraint;
 mod constraint_solver;
 mod deformation;
 mod energy_accounting;
+mod fixed_motion;
 mod obstacle_candidates;
 mod obstacle_rows;
 mod obstacles;
@@ -28,13 +29,14 @@ use crate::cells::ActiveCells;
 use crate::energy::EnergyLedger;
 use crate::integrator::Workspace;
 use crate::network::NetworkState;
+use crate::obstacle::Pose;
 use crate::obstacle_points::ObstaclePoints;
 use crate::surface::PartialCells;
 use crate::{
     BarrierTetrahedron, BodyError, ContactSurface, Network, Obstacle, ObstacleContact, ObstacleReaction,
     Surface, SurfaceTree, Tie,
 };
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use obstacle_candidates::ObstacleCandidates;
 use std::sync::Arc;
 
@@ -55,6 +57,9 @@ pub struct Body {
     ties: Vec<Tie>,
     /// Contacts with obstacles in the last step.
     contacts: Vec<ObstacleContact>,
+    /// Pose of the fixed nodes relative to rest, and that at the end of the next advance, if they move.
+    fixed_pose: Pose,
+    fixed_target: Option<Pose>,
     /// Reaction on each obstacle in the last advance.
     reactions: Vec<ObstacleReaction>,
     obstacle_points: Arc<ObstaclePoints>,
@@ -99,6 +104,12 @@ pub struct BodyState {
     pub quiet_s: f64,
     /// Ties, including torn ones.
     pub ties: Vec<Tie>,
+    /// Position of the fixed nodes relative to rest, m; see [`Body::move_fixed`].
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub fixed_position_m: DVec3,
+    /// Rotation of the fixed nodes relative to rest.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub fixed_rotation: DQuat,
 }
 
 impl Body {
@@ -130,6 +141,8 @@ impl Body {
             obstacles: Vec::new(),
             ties: Vec::new(),
             contacts: Vec::new(),
+            fixed_pose: Pose::at(DVec3::ZERO),
+            fixed_target: None,
             reactions: Vec::new(),
             obstacle_points: Arc::new(ObstaclePoints::new(&surface, &network)),
             candidates: ObstacleCandidates::default(),
@@ -331,6 +344,8 @@ impl Body {
             velocities_m_per_s: self.v.clone(),
             quiet_s: self.quiet_s,
             ties: self.ties.clone(),
+            fixed_position_m: self.fixed_pose.position_m,
+            fixed_rotation: self.fixed_pose.rotation,
         }
     }
 
@@ -340,7 +355,9 @@ impl Body {
     /// As [`Body::set_state`].
     pub fn restore(&mut self, state: &BodyState) -> Result<(), BodyError> {
         state.ties.iter().try_for_each(|tie| tie.validate(self.x.len()))?;
+        let fixed_pose = Pose::new(state.fixed_position_m, state.fixed_rotation)?;
         self.set_state(&state.positions_m, &state.velocities_m_per_s)?;
+        (self.fixed_pose, self.fixed_target) = (fixed_pose, None);
         self.ties.clone_from(&state.ties);
         self.quiet_s = state.quiet_s;
         Ok(())

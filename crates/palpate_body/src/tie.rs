@@ -172,6 +172,17 @@ impl Tie {
         of(&self.a) - other
     }
 
+    /// Nodes of both ends, each once.
+    pub(crate) fn nodes(&self) -> Vec<usize> {
+        let mut nodes = self.a.named();
+        if let TieEnd::Point(b) = &self.b {
+            nodes.extend(b.named());
+        }
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    }
+
     /// Whether the anchor moves during the next advance.
     pub(crate) fn is_moving(&self) -> bool {
         matches!(self.b, TieEnd::Anchor { from_m, to_m } if from_m != to_m)

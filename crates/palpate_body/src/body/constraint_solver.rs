@@ -52,13 +52,13 @@ impl Body {
         let mut near = Vec::new();
         let mut rows = self.tie_rows(step);
         rows.extend(
-            step.tools.iter().enumerate().filter_map(|(index, tool)| self.grip_row((index, tool), h)),
+            step.tools.iter().enumerate().filter_map(|(index, tool)| self.grip_row((index, tool), step)),
         );
         let touchable: Vec<Vec<Constraint>> = step
             .tools
             .iter()
             .enumerate()
-            .map(|(index, tool)| self.tool_contact_rows((index, tool), h))
+            .map(|(index, tool)| self.tool_contact_rows((index, tool), step))
             .collect();
         let mut columns = Columns::default();
         let mut impulses = Vec::new();
@@ -69,7 +69,7 @@ impl Body {
             let active_count = rows.len();
             self.activate_obstacle_contacts(step, &mut near, &mut rows);
             for (index, touchable) in touchable.iter().enumerate() {
-                self.activate_tool_contacts(touchable, (h, drawn[index]), &mut rows);
+                self.activate_tool_contacts(touchable, (step, drawn[index]), &mut rows);
             }
             if rows.len() == active_count && (pass > 0 || rows.is_empty()) {
                 break;

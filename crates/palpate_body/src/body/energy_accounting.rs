@@ -74,6 +74,15 @@ impl EnergyLedger {
         self
     }
 
+    /// Adds the work on moved fixed nodes in this step, against `internal_n` and loads. They have no energy of their own.
+    pub(crate) fn add_carried(mut self, body: &Body, internal_n: &[DVec3]) -> Self {
+        for node in (0..self.x.len()).filter(|&node| body.network().is_fixed(node)) {
+            let moved = body.positions_m()[node] - self.x[node];
+            self.work_in_j -= (internal_n[node] + body.loads_n()[node]).dot(moved);
+        }
+        self
+    }
+
     /// Adds the effect of obstacles and ties in this step, at mean velocities: anchors and elastic threads do work,
     /// and the rest is dissipated.
     pub(crate) fn add_contacts(&mut self, body: &Body, driven: Option<usize>) {
@@ -83,8 +92,19 @@ impl EnergyLedger {
         };
         self.friction_loss_j += body.contacts().iter().map(lost).sum::<f64>();
         self.work_in_j += body.contacts().iter().map(|c| c.impulse_ns.dot(c.carried_m_per_s)).sum::<f64>();
+        let fixed = |node: usize| body.network().is_fixed(node);
+        for c in body.contacts() {
+            // Moved fixed nodes pass on their share.
+            for &(node, w) in body.obstacle_points()[c.point].nodes().iter().filter(|(node, _)| fixed(*node))
+            {
+                self.work_in_j -= w * c.impulse_ns.dot(body.velocities_m_per_s()[node]);
+            }
+        }
         for tie in body.ties() {
             let (impulse, h) = tie.last;
+            for &node in tie.nodes().iter().filter(|node| fixed(**node)) {
+                self.work_in_j -= tie.weight(node) * impulse.dot(body.velocities_m_per_s()[node]);
+            }
             // The drive does the work of the ties on its node.
             if let Some(node) = driven.filter(|_| h > 0.0) {
                 let moved = body.positions_m()[node] - self.x[node];

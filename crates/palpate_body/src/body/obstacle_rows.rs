@@ -11,8 +11,9 @@ use palpate_laws::{ConstraintLaw, MAX_CORRECTION_SPEED_M_PER_S};
 pub(super) struct NearPoint {
     point: usize,
     obstacle: usize,
-    /// Position of the point at the beginning of the step, m.
+    /// Position of the point without the motion of responding nodes in this step, m, and its given displacement.
     at_m: DVec3,
+    given_m: DVec3,
     /// Gap to the obstacle at the beginning of the step, and to the obstacle at the end of the step, m.
     before_m: f64,
     gap_m: f64,
@@ -56,7 +57,8 @@ impl Body {
             let overdue_m = of.before_m.max(-h * MAX_CORRECTION_SPEED_M_PER_S);
             let motion = &step.obstacles[of.obstacle];
             let moved = motion.from.displacement_m(&motion.to, of.at_m);
-            let across = moved - moved.dot(of.normal) * of.normal;
+            let slid = moved - of.given_m;
+            let across = slid - slid.dot(of.normal) * of.normal;
             let gap_m = overdue_m - (of.before_m - of.gap_m);
             rows.push(Constraint {
                 source: ConstraintSource::Obstacle {
@@ -81,16 +83,17 @@ impl Body {
             let (what, motion) = (&self.obstacles[obstacle], &step.obstacles[obstacle]);
             let at_m = self.obstacle_points.points[point].of(&self.x);
             let (gap_m, normal) = what.gap_at(&motion.to, at_m, f64::INFINITY)?;
-            let before_m = if motion.from == motion.to {
+            let given_m = step.given_m(self.obstacle_points.points[point].nodes());
+            let before_m = if motion.from == motion.to && given_m == DVec3::ZERO {
                 gap_m
             } else {
-                what.gap_at(&motion.from, at_m, f64::INFINITY)?.0
+                what.gap_at(&motion.from, at_m - given_m, f64::INFINITY)?.0
             };
             let rigid =
                 motion.rigid.as_ref().map(|rigid| RigidPoint { obstacle, arm_m: at_m - rigid.center_m });
             let same = |of: &&NearPoint| (of.point, of.obstacle) == (point, obstacle);
             let is_active = known.iter().find(same).is_some_and(|of| of.is_active);
-            Some(NearPoint { point, obstacle, at_m, before_m, gap_m, normal, rigid, is_active })
+            Some(NearPoint { point, obstacle, at_m, given_m, before_m, gap_m, normal, rigid, is_active })
         };
         self.candidates.pairs.iter().filter_map(pair).collect()
     }

@@ -8,6 +8,7 @@ impl Body {
     /// Whether an advance with `tools` changes nothing.
     pub(super) fn may_sleep(&self, tools: &[ToolRun<'_>]) -> bool {
         self.is_settled()
+            && self.fixed_target.is_none()
             && tools.iter().all(|tool| self.is_out_of_reach(tool))
             && !self.ties.iter().any(Tie::is_moving)
             && !self.has_moving_obstacle(QUIET_M_PER_S)

@@ -135,6 +135,7 @@ impl Body {
             implicit.forget();
         }
         tools.iter_mut().for_each(|tool| tool.contact.touched_nodes.clear());
+        self.begin_fixed_motion();
         self.begin_obstacles(integrator.tick_s() * ticks as f64);
         let mut forces = vec![DVec3::ZERO; tools.len()];
         let mut rates = integrator.spring_rates(self.network_state());
@@ -184,7 +185,7 @@ impl Body {
             tick += span;
             let moving = self.network.free().iter().any(|&node| self.v[node].length() > QUIET_M_PER_S);
             let checked_s = (integrator.tick_s() * span as f64).min(MAX_QUIET_CHECK_S);
-            let moving = moving || self.has_moving_obstacle(QUIET_M_PER_S);
+            let moving = moving || self.fixed_target.is_some() || self.has_moving_obstacle(QUIET_M_PER_S);
             let at_rest = !moving && self.active_cells.inverted_count(self.network.barriers(), &self.x) == 0;
             self.quiet_s = if at_rest { self.quiet_s + checked_s } else { 0.0 };
             for (force, tool) in forces.iter_mut().zip(&*tools) {
@@ -200,6 +201,7 @@ impl Body {
                 if ticks > 0 {
                     self.ties.iter_mut().for_each(Tie::arrive);
                     self.end_obstacles();
+                    self.end_fixed_motion();
                 }
                 report.inverted_cells = self.active_cells.inverted_count(self.network.barriers(), &self.x);
                 Ok(report)
@@ -224,14 +226,18 @@ impl Body {
                 (self.x[node], self.v[node]) = (at, *velocity_m_per_s);
             }
         }
+        let mut given = self.carry_fixed(along.1, h);
         spring_forces(&self.network, &self.x, &self.v, &mut self.force);
         self.active_cells.add_forces(self.network.barriers(), &self.x, &mut self.force);
         let driven = drive.map(|(node, _)| node);
         if let Some(node) = driven {
             self.ledger = self.ledger.take().map(|ledger| ledger.add_drive(self, node, self.force[node]));
         }
+        let carried = given.clone();
+        given.extend(drive);
+        given.sort_unstable_by_key(|(node, _)| *node);
         let obstacles = self.obstacles.iter().map(|of| ObstacleStep::new(of, along, h)).collect();
-        let mut step = Substep { h, along, integrator, drive, tools, obstacles };
+        let mut step = Substep { h, along, integrator, drive, given, tools, obstacles };
         let constrained = step.constrains() || !(self.obstacles.is_empty() && self.ties.is_empty());
         let network = Arc::clone(&self.network);
         let moving = || network.free().iter().copied().filter(move |&node| driven != Some(node));
@@ -244,8 +250,14 @@ impl Body {
                 }
             }
             Integrator::LinearlyImplicitEuler(settings) => {
+                self.add_carried_tension(&carried);
                 self.implicit_velocities(driven, h, settings, constrained, report)?;
             }
+        }
+        carried.iter().for_each(|&(node, moved)| self.x[node] += moved);
+        let is_explicit = matches!(integrator, Integrator::SemiImplicitEuler(_));
+        if self.fixed_target.is_some() && is_explicit {
+            self.ledger = self.ledger.take().map(|ledger| ledger.add_carried(self, &self.force));
         }
         let mut closing = None;
         if constrained {
@@ -273,7 +285,12 @@ impl Body {
             let closing = closing.as_ref().map(|closing| closing.obstacles.as_slice());
             self.end_obstacle_step(&step.obstacles, closing, h);
         }
-        if let Some(ledger) = self.ledger.take() {
+        if let Some(mut ledger) = self.ledger.take() {
+            if self.fixed_target.is_some() && !is_explicit {
+                let mut force = vec![DVec3::ZERO; self.x.len()];
+                self.internal_forces_n(&mut force);
+                ledger = ledger.add_carried(self, &force);
+            }
             let touched = step.tools.iter().flat_map(|tool| &tool.contact.touched);
             let contact_j = touched.map(TouchedPoint::stored_j).sum();
             self.ledger = Some(ledger.end_step(self, h, contact_j));

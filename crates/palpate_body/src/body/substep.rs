@@ -16,6 +16,9 @@ pub(super) struct Substep<'a> {
     pub(super) integrator: &'a Integrator,
     /// The driven node and its displacement in this step, m.
     pub(super) drive: Option<(usize, DVec3)>,
+    /// Displacements of all nodes whose motion in this step is given, m, in ascending order of the nodes: the driven
+    /// node and moved fixed nodes. They are already at their positions of the end of the step.
+    pub(super) given: Vec<(usize, DVec3)>,
     pub(super) tools: Vec<ToolStep<'a>>,
     /// Motion of every obstacle.
     pub(super) obstacles: Vec<ObstacleStep>,
@@ -47,6 +50,12 @@ impl<'a> ToolStep<'a> {
 }
 
 impl Substep<'_> {
+    /// Displacement of the weighted sum of `nodes` by the nodes whose motion is given, m.
+    pub(super) fn given_m(&self, nodes: &[(usize, f64)]) -> DVec3 {
+        let of = |node: usize| self.given.binary_search_by_key(&node, |(given, _)| *given).ok();
+        nodes.iter().filter_map(|&(node, w)| Some(w * self.given[of(node)?].1)).sum()
+    }
+
     /// Whether a tool may give an impulse.
     pub(super) fn constrains(&self) -> bool {
         self.tools.iter().any(|tool| match tool.contact.hold {

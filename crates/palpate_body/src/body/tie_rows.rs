@@ -31,10 +31,8 @@ impl Body {
                     (place(step.along.0), place(step.along.1) - place(step.along.0))
                 }
             };
-            // A driven node is already at its position of the end of the step.
-            let pulled = drive.map_or(DVec3::ZERO, |(driven, by)| {
-                nodes.iter().filter(|(node, _)| *node == driven).map(|(_, w)| *w * by).sum()
-            });
+            // A driven or moved node is already at its position of the end of the step.
+            let pulled = step.given_m(&nodes);
             let (apart, moved) = (at - other - pulled, moved - pulled);
             nodes.retain(|(node, _)| drive.is_none_or(|(driven, _)| driven != *node));
             let (law, gap, overdue) = match tie.kind {

@@ -188,7 +188,12 @@ impl TriangleMesh {
     /// lies beside the border. The shell has no side walls.
     pub(super) fn gap_m(&self, x_m: DVec3, within_m: f64) -> Option<(f64, DVec3)> {
         let corners_m = |triangle: usize| self.triangles[triangle].map(|vertex| self.vertices_m[vertex]);
-        let reach_m = if self.is_closed { within_m } else { within_m + self.thickness_m };
+        // Points deep inside are far from the surface.
+        let reach_m = match self.is_closed {
+            true if self.bvh.root_aabb().contains_local_point(x_m) => f64::INFINITY,
+            true => within_m,
+            false => within_m + self.thickness_m,
+        };
         let (triangle, (_, (nearest_m, location))) = self.bvh.find_best(
             reach_m,
             |node: &BvhNode, _| node.aabb().distance_to_local_point(x_m, true),
