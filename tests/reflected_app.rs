@@ -19,6 +19,7 @@ const REFLECTED: [(&str, &[&str]); 6] = [
             "GravityScale",
             "HapticTool",
             "Inclusions",
+            "KinematicBody",
             "LocalModelStats",
             "LoopTiming",
             "Obstacle",

@@ -6,11 +6,14 @@ use bevy::prelude::*;
 use bevy_palpate::palpate_haptics::{Reading, ScriptedDevice};
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    BodyRegion, ExternalForce, Gravity, GravityScale, HapticFaultKind, Obstacle, ObstacleForce,
-    SimulatedBody, TouchLayers,
+    BodyRegion, ExternalForce, Gravity, GravityScale, HapticFaultKind, KinematicBody, Obstacle,
+    ObstacleForce, SimulatedBody, TouchLayers,
 };
 use palpate_body::BodyError;
-use palpate_tests::app::{assert_no_faults, lockstep_app, spawn_block, step, take_kinds};
+use palpate_tests::app::{
+    Contact, assert_no_faults, contacts, force_n, lockstep_app, resting_hand, spawn_block, spawn_tool, step,
+    take_kinds,
+};
 
 const G: f64 = 9.81;
 /// Weight of a block of 10 cm with the density of water, N.
@@ -179,7 +182,9 @@ fn resting_height(spawn: impl Fn(&mut App)) -> f64 {
 
 #[test]
 fn block_rests_at_the_same_height_on_every_shape_with_a_flat_top() {
-    let plane = resting_height(|app| drop(app.world_mut().spawn(Obstacle::half_space()).id()));
+    let plane = resting_height(|app| {
+        app.world_mut().spawn(Obstacle::half_space());
+    });
     assert!((0.045..0.05).contains(&plane), "{plane}");
     let below = Transform::from_xyz(0.0, -0.1, 0.0);
     let cuboid = resting_height(|app| {
@@ -273,4 +278,71 @@ fn invalid_surroundings_are_faults_and_have_no_effect() {
         "{kinds:?}"
     );
     assert!(center(&app, entity).1.is_finite());
+}
+
+#[test]
+fn kinematic_body_follows_its_parent_and_keeps_its_contact() {
+    let mut app = lockstep_app();
+    let tray = app.world_mut().spawn(Transform::default()).id();
+    let body = (DeformableBody::block([6; 3], 0.1), FixedRegion::Face(BoxFace::Bottom), KinematicBody);
+    let entity = app.world_mut().spawn((body, ChildOf(tray))).id();
+    let tool = spawn_tool(&mut app, resting_hand);
+    step(&mut app, 30);
+    assert_eq!(contacts(&app), [Contact::Start]);
+    let fixed = |app: &App| body_of(app, entity, 0);
+    let (start, force) = (fixed(&app), force_n(&app, tool));
+    // 10 mm sideways within a second under the resting tool, which drags on the surface.
+    for _ in 0..20 {
+        app.world_mut().get_mut::<Transform>(tray).unwrap().translation.x += 0.5e-3;
+        step(&mut app, 1);
+    }
+    assert!((fixed(&app) - start - DVec3::X * 0.01).length() < 1e-7, "{}", fixed(&app) - start);
+    assert_eq!(contacts(&app), [Contact::Start], "the contact persists");
+    let dragged = force_n(&app, tool);
+    assert!(
+        dragged.x > 0.05 * force.y && (dragged.y / force.y - 1.0).abs() < 0.2,
+        "{dragged}, {force} before"
+    );
+    // A jump moves the whole body, and ends the contact.
+    app.world_mut().get_mut::<Transform>(tray).unwrap().translation.x += 10.0;
+    step(&mut app, 1);
+    assert!((fixed(&app) - start - DVec3::X * 10.01).length() < 1e-5);
+    assert_eq!(contacts(&app), [Contact::Start, Contact::End]);
+    assert_no_faults(&mut app);
+}
+
+/// Position of a node.
+fn body_of(app: &App, entity: Entity, node: usize) -> DVec3 {
+    body(app, entity).positions_m()[node]
+}
+
+#[test]
+fn accelerated_mount_swings_the_tissue_and_a_rotating_one_turns_it() {
+    let mut app = lockstep_app();
+    let body_parts = (DeformableBody::block([5; 3], 0.1), FixedRegion::Face(BoxFace::Bottom), KinematicBody);
+    let entity = app.world_mut().spawn(body_parts).id();
+    step(&mut app, 2);
+    let top = 5 * 5 * 5 - 1;
+    let lag = |app: &App| {
+        let node = |node| body_of(app, entity, node);
+        (node(top) - node(4)).x
+    };
+    let rest = lag(&app);
+    // From rest to 0.1 m/s within a model step: the top stays behind the mount.
+    app.world_mut().get_mut::<Transform>(entity).unwrap().translation.x += 5e-3;
+    step(&mut app, 1);
+    assert!(lag(&app) < rest - 5e-4, "{} m", lag(&app) - rest);
+    step(&mut app, 40);
+    // A body falls asleep below 0.1 mm/s, some hundredths of a millimetre before its rest.
+    assert!((lag(&app) - rest).abs() < 5e-5, "{} m", lag(&app) - rest);
+    // A quarter turn in two seconds.
+    for i in 1..=40 {
+        let turned = Quat::from_rotation_y(std::f32::consts::FRAC_PI_2 * i as f32 / 40.0);
+        app.world_mut().get_mut::<Transform>(entity).unwrap().rotation = turned;
+        step(&mut app, 1);
+    }
+    step(&mut app, 40);
+    let at = body_of(&app, entity, top) - DVec3::X * 5e-3;
+    assert!((at - DVec3::new(0.05, 0.05, -0.05)).length() < 1e-4, "{at}");
+    assert_no_faults(&mut app);
 }

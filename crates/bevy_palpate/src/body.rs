@@ -18,9 +18,10 @@ mod surface_trees;
 mod tissue;
 
 pub use compliance::ContactCompliance;
+pub(crate) use follow_transform::CarryBodies;
 pub(crate) use pending::BodyBuild;
 pub use region::{BodyRegion, BoxFace};
-pub use shape::{DeformableBody, FixedRegion, MeshShape, Slit};
+pub use shape::{DeformableBody, FixedRegion, KinematicBody, MeshShape, Slit};
 pub use simulated::{MeshReport, SimulatedBody};
 pub use state::{BodyReady, BodyState};
 pub(crate) use surface_trees::SurfaceTrees;
@@ -28,7 +29,7 @@ pub use tissue::{Inclusion, Inclusions, Tissue};
 
 use crate::cost::FrameCost;
 use crate::fault::add_faults;
-use crate::schedule::HapticUpdateSystems;
+use crate::schedule::{HapticSystems, HapticUpdateSystems, ModelSchedule};
 use bevy::asset::AssetEventSystems;
 use bevy::prelude::*;
 
@@ -48,6 +49,7 @@ impl Plugin for BodyPlugin {
             .register_type::<Inclusions>()
             .init_resource::<pending::BodyBuilds>()
             .register_type::<Slit>()
+            .register_type::<KinematicBody>()
             .register_type::<BodyState>()
             .register_type::<BodyReady>()
             .add_message::<BodyReady>()
@@ -64,6 +66,13 @@ impl Plugin for BodyPlugin {
                     .in_set(HapticUpdateSystems::Bodies),
             )
             .add_systems(PreStartup, warn_without_optimization)
+            .add_systems(
+                ModelSchedule,
+                follow_transform::carry_bodies
+                    .in_set(CarryBodies)
+                    .after(HapticSystems::ReceiveSamples)
+                    .before(HapticSystems::StepBodies),
+            )
             .add_observer(remove_simulation)
             .add_systems(
                 PostUpdate,

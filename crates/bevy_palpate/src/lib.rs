@@ -41,7 +41,7 @@
 //! all others are at the root of the crate:
 //!
 //! * Bodies: [`DeformableBody`], a block or a closed mesh ([`MeshShape`]), with [`Tissue`], [`FixedRegion`] of a [`BoxFace`] or of
-//!   [`BodyRegion`]s, [`Inclusions`] of [`Inclusion`]s, [`Slit`] and [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the
+//!   [`BodyRegion`]s, [`Inclusions`] of [`Inclusion`]s, [`Slit`], [`KinematicBody`] and [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the
 //!   full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`]; places on and in bodies [`BodyQuery`], [`BodySurfacePoint`].
 //! * Surroundings: [`Gravity`] and [`GravityScale`]; [`Obstacle`] of an [`ObstacleShape`], with the result [`ObstacleForce`];
 //!   [`ExternalForce`] of [`Load`]s.
@@ -119,7 +119,7 @@ pub use palpate_reduce;
 
 pub use body::{
     BodyPlugin, BodyReady, BodyRegion, BodyState, BoxFace, ContactCompliance, DeformableBody, FixedRegion,
-    Inclusion, Inclusions, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,
+    Inclusion, Inclusions, KinematicBody, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,
 };
 pub use body_query::{BodyQuery, BodySurfacePoint};
 pub use device::{

@@ -10,6 +10,7 @@ pub use external_force::{ExternalForce, Load};
 pub use gravity::{Gravity, GravityScale};
 pub use obstacle::{Obstacle, ObstacleForce, ObstacleShape};
 
+use crate::body::CarryBodies;
 use crate::cost::FrameCost;
 use crate::fault::add_faults;
 use crate::schedule::{HapticSystems, HapticUpdateSystems, ModelSchedule};
@@ -40,6 +41,7 @@ impl Plugin for SurroundingsPlugin {
                     (apply::apply_gravity, apply::apply_loads, apply::place_obstacles)
                         .chain()
                         .after(HapticSystems::ReceiveSamples)
+                        .after(CarryBodies)
                         .before(HapticSystems::StepBodies),
                     apply::write_forces.in_set(HapticSystems::Writeback),
                 ),

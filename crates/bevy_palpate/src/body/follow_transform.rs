@@ -2,19 +2,70 @@
 
 use super::construct::checked_pose;
 use super::pending::BodyBuilds;
+use super::shape::KinematicBody;
 use super::simulated::SimulatedBody;
 use crate::fault::FaultWriter;
+use crate::model_time::Model;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 
-/// Moves the bodies whose entities have been moved. Contacts with them end, because the nodes are displaced without a motion.
-pub(super) fn follow_transforms(
-    mut bodies: Query<(Entity, &mut SimulatedBody)>,
+/// The systems that carry kinematic bodies, before a step.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct CarryBodies;
+
+/// Speed above which the motion of a kinematic body counts as a jump, m/s.
+const JUMP_M_PER_S: f64 = 25.0;
+
+/// Moves the fixed regions of kinematic bodies to the poses of their entities during the next step; after a jump, the whole bodies at once.
+pub(super) fn carry_bodies(
+    mut bodies: Query<(Entity, &mut SimulatedBody), With<KinematicBody>>,
     transforms: TransformHelper,
+    time: Res<Time<Model>>,
     mut builds: ResMut<BodyBuilds>,
     mut faults: FaultWriter,
 ) {
     for (entity, mut simulated) in &mut bodies {
+        let Ok(now) = transforms.compute_global_transform(entity) else { continue };
+        if now == simulated.pose || simulated.is_unconstrained() {
+            continue;
+        }
+        let ((r0, t0), (r1, t1)) = match (checked_pose(&simulated.pose), checked_pose(&now)) {
+            (Ok(before), Ok(now)) => (before, now),
+            (_, Err(kind)) => {
+                if !std::mem::replace(&mut simulated.reported_pose, true) {
+                    faults.write(entity, kind);
+                }
+                continue;
+            }
+            (Err(_), _) => continue,
+        };
+        simulated.reported_pose = false;
+        let rotation: DQuat = (r1 * r0.inverse()).normalize();
+        let shift = t1 - rotation * t0;
+        let moved = |x: &DVec3| (rotation * *x + shift).distance(*x);
+        let farthest_m = simulated.body.positions_m().iter().map(moved).fold(0.0, f64::max);
+        if farthest_m > JUMP_M_PER_S * time.delta_secs_f64() {
+            simulated.jump_to(now, &mut builds);
+            continue;
+        }
+        let (position_m, turned) = simulated.body.fixed_pose();
+        // Cannot fail: the pose is finite.
+        let _ = simulated.body.move_fixed(rotation * position_m + shift, rotation * turned);
+        simulated.pose = now;
+    }
+}
+
+/// Moves the bodies whose entities have been moved. Contacts with them end, because the nodes are displaced without a motion.
+pub(super) fn follow_transforms(
+    mut bodies: Query<(Entity, &mut SimulatedBody, Has<KinematicBody>)>,
+    transforms: TransformHelper,
+    mut builds: ResMut<BodyBuilds>,
+    mut faults: FaultWriter,
+) {
+    for (entity, mut simulated, is_kinematic) in &mut bodies {
+        if is_kinematic && !simulated.is_unconstrained() {
+            continue;
+        }
         let Ok(now) = transforms.compute_global_transform(entity) else { continue };
         if now == simulated.pose {
             simulated.bypass_change_detection().reported_pose = false;
@@ -22,10 +73,8 @@ pub(super) fn follow_transforms(
         }
         match checked_pose(&now) {
             Ok(_) => {
-                simulated.move_to(now);
+                simulated.jump_to(now, &mut builds);
                 simulated.reported_pose = false;
-                simulated.epoch = builds.next();
-                simulated.last_move = simulated.epoch;
             }
             Err(kind) => {
                 // Reported once; the body stays where it was.
@@ -38,6 +87,13 @@ pub(super) fn follow_transforms(
 }
 
 impl SimulatedBody {
+    /// Moves all nodes at once to the pose `now`, which ends the contacts of tools.
+    fn jump_to(&mut self, now: GlobalTransform, builds: &mut BodyBuilds) {
+        self.move_to(now);
+        self.epoch = builds.next();
+        self.last_move = self.epoch;
+    }
+
     /// Moves all nodes rigidly from the previous pose of the entity to the pose `now`, with their velocities. Does nothing if the pose is
     /// rejected.
     pub(super) fn move_to(&mut self, now: GlobalTransform) {

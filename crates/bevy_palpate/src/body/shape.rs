@@ -11,7 +11,8 @@ use glam::DVec3;
 ///
 /// The body is built at the pose of its transform, in the size given here. A scaled transform is rejected
 /// ([`HapticFaultKind::NonUnitScale`](crate::HapticFaultKind::NonUnitScale)), and the body is built once the scale is 1. Moving the
-/// transform of the entity or of a parent later moves the whole body at once, its fixed region included; tools in contact release it.
+/// transform of the entity or of a parent later moves the whole body at once, its fixed region included; tools in contact release it. With
+/// [`KinematicBody`] only the fixed region follows the transform, and the tissue and its contacts follow the fixed region.
 ///
 /// A body can appear where a tool is: it is spawned, replaced, moved, or selected by [`HapticTool::body`](crate::HapticTool::body). A tool
 /// whose centre is outside of it is in contact at once; one whose centre is inside is in contact after it has left. See
@@ -88,6 +89,15 @@ impl DeformableBody {
         if let Self::Mesh(shape) = self { Some(shape) } else { None }
     }
 }
+
+/// Marks a body whose fixed region follows the entity's transform, for example on a moving tray.
+///
+/// The fixed region moves to the new pose during the next model step, at constant velocity; the free tissue follows by its springs, and
+/// contacts persist. A move faster than 25 m/s, and every move of a body without a fixed region, moves the whole body at once, as without
+/// this component. A tool feels the motion from the next local model on.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Component, Debug, Default, PartialEq, Clone)]
+pub struct KinematicBody;
 
 /// The part of a body that cannot move.
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
