@@ -346,3 +346,36 @@ fn accelerated_mount_swings_the_tissue_and_a_rotating_one_turns_it() {
     assert!((at - DVec3::new(0.05, 0.05, -0.05)).length() < 1e-4, "{at}");
     assert_no_faults(&mut app);
 }
+
+#[test]
+fn external_force_on_a_tool_is_felt_without_a_contact_and_on_top_of_one() {
+    let mut app = lockstep_app();
+    spawn_block(&mut app);
+    let tool = spawn_tool(&mut app, || ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::Y * 0.2))));
+    let weight = ExternalForce::new(DVec3::NEG_Y * 0.7);
+    app.world_mut().entity_mut(tool).insert(weight);
+    step(&mut app, 30);
+    assert!((force_n(&app, tool) + DVec3::Y * 0.7).length() < 1e-9, "{}", force_n(&app, tool));
+    app.world_mut().entity_mut(tool).remove::<ExternalForce>();
+    step(&mut app, 3);
+    assert_eq!(force_n(&app, tool), DVec3::ZERO);
+    app.world_mut().entity_mut(tool).insert(ExternalForce::new(DVec3::X * f64::NAN));
+    step(&mut app, 3);
+    assert_eq!(force_n(&app, tool), DVec3::ZERO);
+    let kinds = take_kinds(&mut app);
+    assert!(matches!(kinds[..], [HapticFaultKind::Settings(_)]), "{kinds:?}");
+    // The same press with and without a weight differs by the weight.
+    let pressed = |weight: Option<ExternalForce>| {
+        let mut app = lockstep_app();
+        spawn_block(&mut app);
+        let tool = spawn_tool(&mut app, resting_hand);
+        if let Some(weight) = weight {
+            app.world_mut().entity_mut(tool).insert(weight);
+        }
+        step(&mut app, 30);
+        force_n(&app, tool)
+    };
+    let weight_n = DVec3::new(0.1, -0.2, 0.0);
+    let difference = pressed(Some(ExternalForce::new(weight_n))) - pressed(None);
+    assert!((difference - weight_n).length() < 1e-6, "{difference}");
+}

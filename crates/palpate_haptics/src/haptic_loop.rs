@@ -225,7 +225,8 @@ impl HapticLoop {
         let in_model_periods =
             |ticks: u64| ticks as f64 * self.config.hand_over.tick_s / self.settings.model_period_s;
         SafetyInput {
-            force_n: rendered.force_n,
+            force_n: rendered.force_n + self.settings.external_force_n,
+            external_n: self.settings.external_force_n,
             has_model: rendered.model.is_some(),
             model_age_periods: rendered
                 .model

@@ -44,8 +44,10 @@ use passivity::PassivityObserver;
 /// Input of the safety chain at one tick. Force, displacement and velocity are in the scene's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SafetyInput {
-    /// Rendered force, N.
+    /// Rendered force and external force, N.
     pub force_n: DVec3,
+    /// The external part of it, N. The start stage ramps it up without waiting for it to be small.
+    pub external_n: DVec3,
     /// Whether a local model rendered the force.
     pub has_model: bool,
     /// Age of that local model, in model periods.
@@ -234,7 +236,7 @@ impl SafetyChain {
         if input.has_jumped || self.reading_gain == 0.0 {
             (self.has_started, self.ramp_gain) = (false, 0.0);
         }
-        let is_small = force.length() <= settings.arm_below_n;
+        let is_small = (force - input.external_n).length() <= settings.arm_below_n;
         self.has_started |= input.sampled && input.has_model && is_small;
         report.waiting = !self.has_started;
     }

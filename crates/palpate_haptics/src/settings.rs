@@ -2,6 +2,7 @@
 
 use crate::error::{check, check_positive};
 use crate::{DeviceFrame, DeviceLimits, HapticsError, RealTimeRequest, SafetySettings, VelocityEstimator};
+use glam::DVec3;
 use palpate_local::HandOverSettings;
 
 /// Sizes, rates and limits of a loop, fixed at construction.
@@ -48,6 +49,8 @@ pub struct LoopSettings {
     /// Body whose local models are accepted; the loop drops the models of other bodies at once. `None` accepts all bodies.
     /// A model of [`palpate_local::ModelId::NO_BODY`] is always accepted.
     pub body: Option<u64>,
+    /// Force that is added to that of the local model, N, scene frame, for example the weight of an instrument.
+    pub external_force_n: DVec3,
     /// Whether the app is paused; the force then fades to zero.
     pub paused: bool,
     /// Whether the loop sends a record of every tick.
@@ -64,6 +67,7 @@ impl Default for LoopSettings {
             jump_m_per_s: 20.0,
             model_period_s: 0.05,
             body: None,
+            external_force_n: DVec3::ZERO,
             paused: false,
             record: false,
         }
@@ -95,6 +99,13 @@ impl LoopSettings {
         self.safety.validate()?;
         self.velocity.validate()?;
         check_positive("maximum plausible speed of a hand (jump_m_per_s), m/s", self.jump_m_per_s)?;
+        let external_n = self.external_force_n.abs().max_element();
+        check(
+            "external force (external_force_n), N",
+            external_n,
+            self.external_force_n.is_finite(),
+            "finite",
+        )?;
         check_positive("time between two model steps (model_period_s), s", self.model_period_s)
     }
 }

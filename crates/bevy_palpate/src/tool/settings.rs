@@ -6,19 +6,30 @@ use super::tool_loop::ToolLoop;
 use crate::body::SimulatedBody;
 use crate::fault::{FaultWriter, HapticFaultKind};
 use crate::model_time::{LoopMode, ModelPeriod};
+use crate::surroundings::ExternalForce;
 use bevy::prelude::*;
+use glam::DVec3;
 use palpate_haptics::{LoopSettings, SafetySettings};
 use palpate_local::ModelId;
 
 /// Accepts changed settings if they are valid; otherwise reports a fault and keeps the previous ones.
 pub(super) fn validate_settings(
-    mut tools: Query<(Entity, &ToolSettings, &mut ToolLoop), Changed<ToolSettings>>,
+    mut tools: Query<
+        (Entity, &ToolSettings, Option<&ExternalForce>, &mut ToolLoop),
+        Or<(Changed<ToolSettings>, Changed<ExternalForce>)>,
+    >,
     period: ModelPeriod,
     mut faults: FaultWriter,
 ) {
-    for (entity, settings, mut tool) in &mut tools {
-        match loop_settings(settings, tool.device_safety, period.s()).validate() {
-            Ok(()) => tool.settings = *settings,
+    for (entity, settings, external, mut tool) in &mut tools {
+        let of_loop = loop_settings(settings, tool.device_safety, period.s());
+        let external_force_n = external.map_or(DVec3::ZERO, ExternalForce::total_n);
+        match (LoopSettings { external_force_n, ..of_loop }).validate() {
+            Ok(()) => {
+                if tool.settings != *settings {
+                    tool.settings = *settings;
+                }
+            }
             Err(error) => {
                 faults.write(entity, HapticFaultKind::Settings(error.into()));
             }
@@ -28,7 +39,7 @@ pub(super) fn validate_settings(
 
 /// Applies the tool's settings, its body and the app's pause to every loop.
 pub(super) fn apply_settings(
-    mut tools: Query<(&mut ToolLoop, Has<TickRecording>)>,
+    mut tools: Query<(&mut ToolLoop, Option<&ExternalForce>, Has<TickRecording>)>,
     bodies: Query<(), With<SimulatedBody>>,
     time: Res<Time<Virtual>>,
     mode: Res<LoopMode>,
@@ -36,7 +47,7 @@ pub(super) fn apply_settings(
 ) {
     // A loop on a thread runs in real time only.
     let paused = time.is_paused() || *mode == LoopMode::Threaded && time.relative_speed_f64() != 1.0;
-    for (mut tool, record) in &mut tools {
+    for (mut tool, external, record) in &mut tools {
         tool.was_paused |= paused;
         let body = tool.body.filter(|&body| bodies.contains(body)).map_or(ModelId::NO_BODY, Entity::to_bits);
         let before = tool.handle.settings().body.unwrap_or(ModelId::NO_BODY);
@@ -50,6 +61,11 @@ pub(super) fn apply_settings(
             body: Some(body),
             paused,
             record,
+            // One that is not finite has been reported.
+            external_force_n: external
+                .map(ExternalForce::total_n)
+                .filter(|force_n| force_n.is_finite())
+                .unwrap_or_default(),
             ..loop_settings(&tool.settings, tool.device_safety, period.s())
         };
         if settings != *tool.handle.settings() {
