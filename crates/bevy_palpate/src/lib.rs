@@ -159,8 +159,8 @@ struct Readme;
 pub mod prelude {
     pub use crate::{
         BodyReady, BoxFace, ContactEnd, ContactStart, DeformableBody, FixedRegion, GraspEnd, GraspStart,
-        GraspedPoint, HapticDevices, HapticFault, HapticTool, PalpatePlugins, Suture, SutureForce,
-        SutureTorn, Tissue, ToolForce, ToolGrasp, ToolSettings, TouchedBody,
+        GraspedPoint, Gravity, HapticDevices, HapticFault, HapticTool, Obstacle, PalpatePlugins, Suture,
+        SutureForce, SutureTorn, Tissue, ToolForce, ToolGrasp, ToolSettings, TouchedBody,
     };
     pub use glam::DVec3;
     pub use palpate_body::ToolShape;
