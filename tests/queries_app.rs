@@ -1,4 +1,4 @@
-//! Layers of tools and bodies, and questions about places on and in bodies.
+//! Layers of tools and bodies, and queries of places on and in bodies.
 
 use bevy::ecs::system::RunSystemOnce;
 use bevy::prelude::*;

@@ -1,4 +1,4 @@
-//! Questions of an app about bodies: the closest surface point, depth, force and strain at a place.
+//! Bodies at places of the world: the closest surface point, depth, force and strain.
 
 use crate::body::{SimulatedBody, SurfaceTrees};
 use crate::layers::TouchLayers;
@@ -10,7 +10,7 @@ use palpate_body::Deformation;
 
 /// Reads bodies at places of the world: the closest point of a surface, the depth below it, the force there, and the strain of the tissue.
 ///
-/// The answers are those of the last model step; the drawn meshes lag by up to one step. A system in [`ModelSchedule`](crate::ModelSchedule)
+/// Results are those of the last model step; the drawn meshes lag by up to one step. A system in [`ModelSchedule`](crate::ModelSchedule)
 /// belongs into [`HapticSystems::Last`](crate::HapticSystems::Last).
 ///
 /// ```
