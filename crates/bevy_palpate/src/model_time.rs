@@ -6,7 +6,8 @@ use bevy::prelude::*;
 use palpate_haptics::HapticsError;
 use std::time::Duration;
 
-/// Mode of the loops: on threads or in lock step. A loop keeps the mode in which it was started; set it with [`HapticSchedulePlugin`].
+/// Mode of the loops: on threads or in lock step. A loop keeps the mode in which it was started; set it with
+/// [`HapticSchedulePlugin`](crate::HapticSchedulePlugin).
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Debug, Default, PartialEq, Clone)]
 pub enum LoopMode {

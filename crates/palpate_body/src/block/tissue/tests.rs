@@ -77,7 +77,7 @@ fn lips_of_a_slit_between_two_tissues_have_their_own_tissue() {
         assert_close(mass[right] / mass[left], 1.1);
         let stiffness = |node: usize| -> f64 {
             let links = cut.network.links().iter().filter(|link| link.a == node || link.b == node);
-            links.map(|link| stiffness_n_per_m(link)).sum()
+            links.map(stiffness_n_per_m).sum()
         };
         assert_close(stiffness(right) / stiffness(left), 4.0);
     }
