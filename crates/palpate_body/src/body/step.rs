@@ -97,6 +97,11 @@ impl Body {
                 return Err(BodyError::Path { index });
             }
         }
+        let (quiet, touched) = (self.quiet_s, self.is_touched);
+        if tools.is_empty() && ticks > 0 && touched {
+            // The force of a tool has ended.
+            (self.quiet_s, self.is_touched) = (0.0, false);
+        }
         if tools.is_empty() && ticks > 0 && self.may_sleep() {
             integrator.steps(None)?;
             let report = self.sleep(ticks, integrator.tick_s() * ticks as f64);
@@ -105,18 +110,23 @@ impl Body {
         }
         self.before.0.copy_from_slice(&self.x);
         self.before.1.copy_from_slice(&self.v);
-        let (quiet, ledger, ties) = (self.quiet_s, self.ledger.clone(), self.ties.clone());
+        let (ledger, ties) = (self.ledger.clone(), self.ties.clone());
         let (contacts, reactions, obstacles) =
             (self.contacts.clone(), self.reactions.clone(), self.obstacles.clone());
         let tools_before: Vec<ToolContact> = tools.iter().map(|tool| tool.contact.clone()).collect();
         let stepped = self.advance_ticks(tools, ticks, &integrator, &mut observe);
-        stepped.inspect_err(|_| {
+        let report = stepped.inspect_err(|_| {
             self.x.copy_from_slice(&self.before.0);
             self.v.copy_from_slice(&self.before.1);
-            (self.quiet_s, self.ledger, self.ties) = (quiet, ledger, ties);
+            (self.quiet_s, self.is_touched, self.ledger, self.ties) = (quiet, touched, ledger, ties);
             (self.contacts, self.reactions, self.obstacles) = (contacts, reactions, obstacles);
             tools.iter_mut().zip(tools_before).for_each(|(tool, before)| *tool.contact = before);
-        })
+        })?;
+        if !tools.is_empty() {
+            let acts = |contact: &ToolContact| contact.shape().is_none() || !contact.touched().is_empty();
+            self.is_touched = tools.iter().any(|tool| acts(tool.contact));
+        }
+        Ok(report)
     }
 
     fn advance_ticks(
