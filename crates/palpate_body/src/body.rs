@@ -6,6 +6,7 @@ mod energy_accounting;
 mod fixed_motion;
 mod obstacle_candidates;
 mod obstacle_rows;
+mod obstacle_search;
 mod obstacles;
 mod point_forces;
 mod sleep;
