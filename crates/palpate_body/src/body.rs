@@ -1,6 +1,5 @@
 //! A body: a network with its state, surface and constraints.
 
-mod candidate_search;
 mod constraint;
 mod constraint_solver;
 mod deformation;
@@ -8,6 +7,7 @@ mod energy_accounting;
 mod fixed_motion;
 mod obstacle_candidates;
 mod obstacle_rows;
+mod obstacle_search;
 mod obstacles;
 mod point_forces;
 mod sleep;
@@ -102,6 +102,9 @@ pub struct BodyState {
     pub velocities_m_per_s: Vec<DVec3>,
     /// Time for which the body has been at rest, s; see [`Body::is_settled`].
     pub quiet_s: f64,
+    /// Whether a tool touched or held the body at the end of the last advance. The body then does not sleep without it.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub is_touched: bool,
     /// Ties, including torn ones.
     pub ties: Vec<Tie>,
     /// Position of the fixed nodes relative to rest, m; see [`Body::move_fixed`].
@@ -329,8 +332,8 @@ impl Body {
     /// Whether the body is at rest: no node and no rigid obstacle was faster than 0.1 mm/s for 0.1 s.
     ///
     /// While its surroundings do not change, it needs no steps: [`Body::advance`] without a tool sets its velocities to
-    /// zero and leaves its state unchanged ([`StepReport::is_asleep`]). A tool, a moved obstacle or tie, and setting
-    /// gravity, loads, obstacles, ties or the state to other values wake it.
+    /// zero and leaves its state unchanged ([`StepReport::is_asleep`]). A tool that comes or leaves, a moved obstacle or tie, and
+    /// setting gravity, loads, obstacles, ties or the state to other values wake it.
     #[must_use]
     pub fn is_settled(&self) -> bool {
         self.quiet_s >= SETTLED_S
@@ -343,6 +346,7 @@ impl Body {
             positions_m: self.x.clone(),
             velocities_m_per_s: self.v.clone(),
             quiet_s: self.quiet_s,
+            is_touched: self.is_touched,
             ties: self.ties.clone(),
             fixed_position_m: self.fixed_pose.position_m,
             fixed_rotation: self.fixed_pose.rotation,
@@ -359,7 +363,7 @@ impl Body {
         self.set_state(&state.positions_m, &state.velocities_m_per_s)?;
         (self.fixed_pose, self.fixed_target) = (fixed_pose, None);
         self.ties.clone_from(&state.ties);
-        self.quiet_s = state.quiet_s;
+        (self.quiet_s, self.is_touched) = (state.quiet_s, state.is_touched);
         Ok(())
     }
 

@@ -40,7 +40,8 @@ impl RigidPoint {
         }
     }
 
-    /// Velocity of the point per impulse at the point `other`, 1/kg: 1/m − [r]× I⁻¹ [s]×. Zero for another body.
+    /// Velocity of the point per impulse at the point `other`, 1/kg: 1/m − R I⁻¹ S with the matrices R and S
+    /// of the cross products with the arms. Zero for another body.
     fn per_kg(&self, other: &Self, obstacles: &[ObstacleStep]) -> DMat3 {
         let Some(rigid) = self.of(obstacles).filter(|_| self.obstacle == other.obstacle) else {
             return DMat3::ZERO;

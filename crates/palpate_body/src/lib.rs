@@ -40,7 +40,7 @@
 //! * State and time: [`Body`], [`BodyState`], [`Integrator`], [`StepReport`]; [`Energy`], [`EnergyBalance`].
 //! * Tools: [`ToolContact`] and [`ToolPoint`]; [`TouchedPoint`], a row of a contact patch on the [`ContactSurface`];
 //!   the [`Grid`] of cells below it; [`SurfaceTree`], the nearest point of the surface.
-//! * Constraints: [`Obstacle`] with [`ObstacleContact`] and [`ObstacleReaction`]; [`Tie`] between [`BodyPoint`]s.
+//! * Constraints: [`Obstacle`] with [`ObstacleContact`], [`ObstacleReaction`], [`RigidMass`] and [`RigidMotion`]; [`Tie`] between [`BodyPoint`]s.
 //! * Linearisation: [`TangentPattern`], [`Tangent`].
 //!
 //! # Units, frames, signs
@@ -75,12 +75,18 @@
 //! * A tool is swept along its path and crosses no surface at up to 25 m/s. A faster tool counts as having jumped. If
 //!   it lands inside a body, it touches nothing until all of it has left.
 //! * The displayed force of a touch is the force on the touched nodes, including their own weight.
-//! * Nodes meet obstacles unilaterally and with friction. A step treats a sphere as its tangent plane, so a long step
-//!   may meet a sphere that the node would have passed. Impacts are inelastic. Ties are rigid, except elastic threads;
-//!   see [`Tie`].
+//! * Points of the surface meet obstacles unilaterally and with friction ([`Body::obstacle_points`]). What is smaller than
+//!   their distance may enter between them: a corner of an obstacle, or a loose body of less than two cells. Of a body of a
+//!   mesh, the surface between its points enters by up to a tenth of a cell on a ball of four cells' radius. A step treats
+//!   a curved obstacle as its tangent plane, so a long step may meet a sphere that the point would have passed. Impacts are
+//!   inelastic. Ties are rigid, except elastic threads; see [`Tie`].
+//! * A rigid body ([`Obstacle::with_mass`]) and a soft body are solved together, so their masses and stiffness may have any
+//!   ratio. Rigid bodies do not touch each other. Momentum and angular momentum of both are conserved by explicit steps; a
+//!   linearised implicit step preserves momentum, and angular momentum to first order.
+//! * A point that is pressed into an obstacle by another one, moved, has no solution; [`StepReport::unconverged`] counts
+//!   such steps.
 //! * With the implicit step every node in contact costs three solutions with the matrix of the whole body, and many
-//!   nodes on the ground are slow. A linearised step preserves the momentum of a free body, and its angular momentum to
-//!   first order.
+//!   nodes on the ground are slow.
 //! * The cells of blocks and of cell lattices have volume barriers ([`VolumeBarrier`]): a body that is pressed or
 //!   drawn through itself returns to rest once it is released. A pressure above one to two times Young's modulus
 //!   inverts cells while it acts ([`StepReport::inverted_cells`]). A body whose nodes are set at random, several cells

@@ -143,6 +143,21 @@ fn settled_body_sleeps_without_drift_and_wakes() {
             .fold(0.0, f64::max);
         assert!(moved < 1e-4, "{what}: {moved} m");
     }
+    // A tool that leaves wakes it.
+    let mut held = body.clone();
+    let node = held.positions_m().len() - 1;
+    let grip = held.positions_m()[node] + DVec3::Z * 2e-3;
+    let mut tool = ToolContact::hold(&held, node, held.positions_m()[node]).unwrap();
+    let path: Vec<ToolPoint> = (0..=1000).map(|_| ToolPoint::at_rest(grip)).collect();
+    held.advance(Some((&mut tool, &path)), 1000, explicit()).unwrap();
+    assert!(held.is_settled());
+    let mut restored = body.clone();
+    restored.restore(&held.state()).unwrap();
+    for body in [&mut held, &mut restored] {
+        assert!(!body.advance(None, 50, explicit()).unwrap().is_asleep);
+        assert!(body.positions_m()[node].distance(grip) > 1e-3);
+    }
+    assert_eq!(held.state(), restored.state());
     // A tool within reach wakes it, too; one that is far away does not.
     let top = body.positions_m().iter().map(|x| x.z).fold(f64::MIN, f64::max);
     let shape = ToolShape::Sphere { radius_m: 0.005 };

@@ -105,6 +105,20 @@ pub(super) struct RemovedParts<'w, 's> {
     inclusions: RemovedComponents<'w, 's, Inclusions>,
 }
 
+impl RemovedParts<'_, '_> {
+    /// The entities that have lost a component since the last call.
+    fn take(&mut self) -> Vec<Entity> {
+        self.slits.read().chain(self.inclusions.read()).collect()
+    }
+}
+
+/// Number and mode of the builds.
+#[derive(SystemParam)]
+pub(super) struct BuildMode<'w> {
+    builds: ResMut<'w, BodyBuilds>,
+    mode: Option<Res<'w, LoopMode>>,
+}
+
 /// Builds new and changed bodies.
 pub(super) fn build_bodies(
     mut commands: Commands,
@@ -112,13 +126,12 @@ pub(super) fn build_bodies(
     mut removed: RemovedParts,
     mut meshes: Meshes,
     transforms: TransformHelper,
-    mode: Option<Res<LoopMode>>,
-    mut builds: ResMut<BodyBuilds>,
+    BuildMode { mut builds, mode }: BuildMode,
     mut faults: FaultWriter,
 ) {
     meshes
         .update(|id| bodies.iter().any(|body| body.shape.mesh().is_some_and(|shape| shape.mesh.id() == id)));
-    let removed: Vec<Entity> = removed.slits.read().chain(removed.inclusions.read()).collect();
+    let removed = removed.take();
     for mut body in &mut bodies {
         let entity = body.entity;
         let is_new_mesh = meshes.has_changed(&body.shape);

@@ -2,6 +2,8 @@
 
 use super::obstacle::{Obstacle, ObstacleForce, ObstacleShape};
 use crate::fault::{FaultWriter, HapticFaultKind};
+use bevy::ecs::message::MessageCursor;
+use bevy::ecs::system::SystemParam;
 use bevy::mesh::VertexAttributeValues;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
@@ -32,24 +34,36 @@ pub(crate) fn pose(transform: &GlobalTransform) -> (Vec3, DVec3, DQuat) {
 /// Minimum relative change of a scale for which an obstacle is prepared again.
 const SCALE_TOLERANCE: f32 = 1e-5;
 
+/// Mesh assets and their changes.
+#[derive(SystemParam)]
+pub(super) struct ObstacleMeshes<'w, 's> {
+    assets: Option<Res<'w, Assets<Mesh>>>,
+    events: Option<Res<'w, Messages<AssetEvent<Mesh>>>>,
+    cursor: Local<'s, MessageCursor<AssetEvent<Mesh>>>,
+}
+
+impl ObstacleMeshes<'_, '_> {
+    /// The meshes that have changed since the last call.
+    fn take_modified(&mut self) -> Vec<AssetId<Mesh>> {
+        let Some(events) = &self.events else { return Vec::new() };
+        let of = |event: &AssetEvent<Mesh>| match event {
+            AssetEvent::Modified { id } => Some(*id),
+            _ => None,
+        };
+        self.cursor.read(events).filter_map(of).collect()
+    }
+}
+
 /// Prepares new and changed obstacles, those whose mesh is loaded or changed, and those whose scale has changed.
 pub(super) fn prepare_obstacles(
     mut commands: Commands,
     obstacles: Query<(Entity, Ref<Obstacle>, Option<&PreparedObstacle>, Option<&RejectedObstacle>)>,
     transforms: TransformHelper,
-    meshes: Option<Res<Assets<Mesh>>>,
-    events: Option<Res<Messages<AssetEvent<Mesh>>>>,
-    mut cursor: Local<bevy::ecs::message::MessageCursor<AssetEvent<Mesh>>>,
+    mut meshes: ObstacleMeshes,
     mut versions: Local<u64>,
     mut faults: FaultWriter,
 ) {
-    let modified: Vec<AssetId<Mesh>> = events.map_or_else(Vec::new, |events| {
-        let of = |event: &AssetEvent<Mesh>| match event {
-            AssetEvent::Modified { id } => Some(*id),
-            _ => None,
-        };
-        cursor.read(&events).filter_map(of).collect()
-    });
+    let modified = meshes.take_modified();
     for (entity, obstacle, prepared, rejected) in &obstacles {
         let Ok(transform) = transforms.compute_global_transform(entity) else { continue };
         let (scale, ..) = pose(&transform);
@@ -62,7 +76,7 @@ pub(super) fn prepare_obstacles(
             continue;
         }
         let mesh = match obstacle.mesh() {
-            Some(handle) => match meshes.as_ref().and_then(|meshes| meshes.get(handle)) {
+            Some(handle) => match meshes.assets.as_ref().and_then(|assets| assets.get(handle)) {
                 Some(mesh) => Some(mesh),
                 // The asset is being loaded.
                 None => continue,

@@ -47,6 +47,9 @@ impl Body {
         report: &mut StepReport,
     ) -> Result<Option<Closing>, BodyError> {
         self.contacts.clear();
+        if step.tools.is_empty() && self.ties.is_empty() && !self.is_near_obstacle(step) {
+            return Ok(None);
+        }
         let (h, mut closing) = (step.h, None);
         let before = Unconstrained { nodes: self.v.clone(), obstacles: rigid_velocities(step) };
         let mut near = Vec::new();

@@ -97,9 +97,10 @@ impl Body {
                 return Err(BodyError::Path { index });
             }
         }
+        let (quiet, touched) = (self.quiet_s, self.is_touched);
         // A tool that is gone no longer holds the body in its shape.
-        if std::mem::take(&mut self.is_touched) && !tools.iter().any(|tool| tool.contact.acts()) {
-            self.quiet_s = 0.0;
+        if ticks > 0 && touched && !tools.iter().any(|tool| tool.contact.acts()) {
+            (self.quiet_s, self.is_touched) = (0.0, false);
         }
         if ticks > 0 && self.may_sleep(tools) {
             integrator.steps(None)?;
@@ -110,18 +111,22 @@ impl Body {
         }
         self.before.0.copy_from_slice(&self.x);
         self.before.1.copy_from_slice(&self.v);
-        let (quiet, ledger, ties) = (self.quiet_s, self.ledger.clone(), self.ties.clone());
+        let (ledger, ties) = (self.ledger.clone(), self.ties.clone());
         let (contacts, reactions, obstacles) =
             (self.contacts.clone(), self.reactions.clone(), self.obstacles.clone());
         let tools_before: Vec<ToolContact> = tools.iter().map(|tool| tool.contact.clone()).collect();
         let stepped = self.advance_ticks(tools, ticks, &integrator, &mut observe);
-        stepped.inspect_err(|_| {
+        let report = stepped.inspect_err(|_| {
             self.x.copy_from_slice(&self.before.0);
             self.v.copy_from_slice(&self.before.1);
-            (self.quiet_s, self.ledger, self.ties) = (quiet, ledger, ties);
+            (self.quiet_s, self.is_touched, self.ledger, self.ties) = (quiet, touched, ledger, ties);
             (self.contacts, self.reactions, self.obstacles) = (contacts, reactions, obstacles);
             tools.iter_mut().zip(tools_before).for_each(|(tool, before)| *tool.contact = before);
-        })
+        })?;
+        if ticks > 0 {
+            self.is_touched = tools.iter().any(|tool| tool.contact.acts());
+        }
+        Ok(report)
     }
 
     fn advance_ticks(
@@ -193,7 +198,6 @@ impl Body {
             }
             observe(tick, &forces);
         }
-        self.is_touched = tools.iter().any(|tool| tool.contact.acts());
         match (0..self.x.len()).find(|&i| !(self.x[i].is_finite() && self.v[i].is_finite())) {
             Some(node) => Err(BodyError::Diverged { node }),
             None => {

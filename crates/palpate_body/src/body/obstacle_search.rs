@@ -1,4 +1,4 @@
-//! Search for the points of a body that may touch an obstacle.
+//! Search of the points of a body that may touch an obstacle.
 
 use super::Body;
 use super::obstacle_candidates::ObstacleCandidates;
@@ -23,9 +23,25 @@ impl Body {
         searches
     }
 
+    /// Whether a point may touch an obstacle in this step.
+    pub(super) fn is_near_obstacle(&mut self, step: &Substep<'_>) -> bool {
+        let v = std::mem::take(&mut self.v);
+        self.update_candidates(step, &v);
+        self.v = v;
+        !self.candidates.pairs.is_empty()
+    }
+
     /// Upper bound of the approach of any point and obstacle in this step with the node velocities `v`, m.
     pub(super) fn max_approach_m(&self, step: &Substep<'_>, v: &[DVec3]) -> f64 {
-        let fastest2 = v.iter().map(|v| v.length_squared()).fold(0.0, f64::max);
+        // Four independent maxima take half the time of one.
+        let mut fastest2 = [0.0_f64; 4];
+        for four in v.chunks(4) {
+            for (most, v) in fastest2.iter_mut().zip(four) {
+                let speed2 = v.length_squared();
+                *most = if speed2 > *most { speed2 } else { *most };
+            }
+        }
+        let fastest2 = fastest2.into_iter().fold(0.0, f64::max);
         let of_points_m = step.h * self.obstacle_points.max_speed_ratio * fastest2.sqrt();
         let is_moving = step.obstacles.iter().any(|of| of.rigid.is_some() || of.from != of.to);
         if !is_moving {
