@@ -13,6 +13,10 @@ const TOLERANCE: f64 = 1e-11;
 /// Compliance added to every row, relative to its own. Redundant rows have no unique impulses without it.
 const REGULARISATION: f64 = 1e-10;
 
+/// Maximum ratio of the largest impulse to that at the start. Contradictory rows have no solution, and their impulses grow
+/// with the inverse of the regularisation.
+const MAX_GROWTH: f64 = 100.0;
+
 /// State of a row in an iteration.
 #[derive(Clone, Copy)]
 enum RowState {
@@ -34,8 +38,8 @@ pub(crate) fn applies(law: &ConstraintLaw) -> bool {
 /// A. Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353).
 ///
 /// Gauss-Seidel converges slowly where all rows share a few soft modes, for example below a rigid body, or in a long
-/// step of a body that moves freely. The result is a start for it, not a solution. If a value is not finite, the
-/// impulses do not change. [`applies`] must hold for all rows.
+/// step of a body that moves freely. The result is a start for it, not a solution. If an impulse is not finite or grows too
+/// much, the impulses do not change. [`applies`] must hold for all rows.
 pub(crate) fn improve(rows: &mut [ConstraintRow], response: &mut DelassusMatrix, h: f64) {
     let n = rows.len();
     let product = |impulses: &[DVec3], row: usize| -> DVec3 {
@@ -89,6 +93,11 @@ pub(crate) fn improve(rows: &mut [ConstraintRow], response: &mut DelassusMatrix,
         if change <= TOLERANCE * largest {
             break;
         }
+    }
+    let largest = |sizes: &mut dyn Iterator<Item = f64>| sizes.fold(0.0, f64::max);
+    let before = largest(&mut rows.iter().map(|row| row.impulse_ns.length()));
+    if largest(&mut impulses.iter().map(|impulse| impulse.length())) > MAX_GROWTH * before {
+        return;
     }
     for (i, impulse) in impulses.into_iter().enumerate() {
         let allowed = match rows[i].law {
