@@ -43,14 +43,14 @@ pub(super) struct ObstacleMeshes<'w, 's> {
 }
 
 impl ObstacleMeshes<'_, '_> {
-    /// The meshes that have changed since the last call.
-    fn take_modified(&mut self) -> Vec<AssetId<Mesh>> {
+    /// The meshes for which `is_source` is true and that have changed since the last call. Drawn meshes of bodies change in every frame.
+    fn take_modified(&mut self, is_source: impl Fn(AssetId<Mesh>) -> bool) -> Vec<AssetId<Mesh>> {
         let Some(events) = &self.events else { return Vec::new() };
         let of = |event: &AssetEvent<Mesh>| match event {
             AssetEvent::Modified { id } => Some(*id),
             _ => None,
         };
-        self.cursor.read(events).filter_map(of).collect()
+        self.cursor.read(events).filter_map(of).filter(|id| is_source(*id)).collect()
     }
 }
 
@@ -63,7 +63,9 @@ pub(super) fn prepare_obstacles(
     mut versions: Local<u64>,
     mut faults: FaultWriter,
 ) {
-    let modified = meshes.take_modified();
+    let modified = meshes.take_modified(|id| {
+        obstacles.iter().any(|(_, obstacle, ..)| obstacle.mesh().is_some_and(|mesh| mesh.id() == id))
+    });
     for (entity, obstacle, prepared, rejected) in &obstacles {
         let Ok(transform) = transforms.compute_global_transform(entity) else { continue };
         let (scale, ..) = pose(&transform);
