@@ -237,7 +237,7 @@ mod tests {
         let frames = [1, 1, 1, 1, 1, 1, 1].map(&mut frame);
         assert_eq!(frames, [vec![], vec![], vec![], vec![1], vec![], vec![], vec![1]]);
         // A frame of a quarter of a second: one step, and the rest in the next frame.
-        assert_eq!([16, 1, 1, 1, 1].map(&mut frame), [vec![1], vec![4], vec![], vec![], vec![1]]);
+        assert_eq!([16, 1, 1, 1, 1].map(&mut frame), [vec![1], vec![4], vec![1], vec![], vec![]]);
     }
 
     #[test]
