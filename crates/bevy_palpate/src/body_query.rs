@@ -68,7 +68,7 @@ impl BodyQuery<'_, '_> {
         within_m: f64,
         layers: TouchLayers,
     ) -> Option<BodySurfacePoint> {
-        let touchable = |of_body: Option<&TouchLayers>| layers.touches(of_body.copied().unwrap_or_default());
+        let touchable = |of_body| TouchLayers::are_shared(Some(&layers), of_body);
         let bodies: Vec<Entity> =
             self.bodies.iter().filter(|(.., of_body)| touchable(*of_body)).map(|(body, ..)| body).collect();
         let points = bodies.into_iter().filter_map(|body| self.closest_within(body, place_m, within_m));

@@ -42,6 +42,11 @@ impl TouchLayers {
         Self(1 << index)
     }
 
+    /// Whether two entities with these components have a layer in common; an entity without the component is in all layers.
+    pub(crate) fn are_shared(a: Option<&Self>, b: Option<&Self>) -> bool {
+        a.copied().unwrap_or_default().touches(b.copied().unwrap_or_default())
+    }
+
     /// Returns whether the two have a layer in common.
     #[must_use]
     pub const fn touches(self, other: Self) -> bool {

@@ -4,7 +4,7 @@ use super::construct::checked_pose;
 use super::pending::BodyBuilds;
 use super::shape::KinematicBody;
 use super::simulated::SimulatedBody;
-use crate::fault::FaultWriter;
+use crate::fault::{FaultWriter, HapticFaultKind};
 use crate::model_time::Model;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
@@ -29,19 +29,14 @@ pub(super) fn carry_bodies(
         if now == simulated.pose || simulated.is_unconstrained() {
             continue;
         }
-        let ((r0, t0), (r1, t1)) = match (checked_pose(&simulated.pose), checked_pose(&now)) {
-            (Ok(before), Ok(now)) => (before, now),
-            (_, Err(kind)) => {
-                if !std::mem::replace(&mut simulated.reported_pose, true) {
-                    faults.write(entity, kind);
-                }
+        let (rotation, shift) = match motion_between(&simulated.pose, &now) {
+            Ok(motion) => motion,
+            Err(kind) => {
+                simulated.report_pose(entity, kind, &mut faults);
                 continue;
             }
-            (Err(_), _) => continue,
         };
         simulated.reported_pose = false;
-        let rotation: DQuat = (r1 * r0.inverse()).normalize();
-        let shift = t1 - rotation * t0;
         let moved = |x: &DVec3| (rotation * *x + shift).distance(*x);
         let farthest_m = simulated.body.positions_m().iter().map(moved).fold(0.0, f64::max);
         if farthest_m > JUMP_M_PER_S * time.delta_secs_f64() {
@@ -76,17 +71,26 @@ pub(super) fn follow_transforms(
                 simulated.jump_to(now, &mut builds);
                 simulated.reported_pose = false;
             }
-            Err(kind) => {
-                // Reported once; the body stays where it was.
-                if !std::mem::replace(&mut simulated.reported_pose, true) {
-                    faults.write(entity, kind);
-                }
-            }
+            Err(kind) => simulated.report_pose(entity, kind, &mut faults),
         }
     }
 }
 
+/// The rigid motion x → rotation · x + shift from one pose to another; the pose that is rejected otherwise.
+fn motion_between(from: &GlobalTransform, to: &GlobalTransform) -> Result<(DQuat, DVec3), HapticFaultKind> {
+    let ((r0, t0), (r1, t1)) = (checked_pose(from)?, checked_pose(to)?);
+    let rotation = (r1 * r0.inverse()).normalize();
+    Ok((rotation, t1 - rotation * t0))
+}
+
 impl SimulatedBody {
+    /// Reports a rejected pose once; the body stays where it was.
+    fn report_pose(&mut self, entity: Entity, kind: HapticFaultKind, faults: &mut FaultWriter) {
+        if !std::mem::replace(&mut self.reported_pose, true) {
+            faults.write(entity, kind);
+        }
+    }
+
     /// Moves all nodes at once to the pose `now`, which ends the contacts of tools.
     fn jump_to(&mut self, now: GlobalTransform, builds: &mut BodyBuilds) {
         self.move_to(now);
@@ -97,10 +101,8 @@ impl SimulatedBody {
     /// Moves all nodes rigidly from the previous pose of the entity to the pose `now`, with their velocities. Does nothing if the pose is
     /// rejected.
     pub(super) fn move_to(&mut self, now: GlobalTransform) {
-        let (Ok((r0, t0)), Ok((r1, t1))) = (checked_pose(&self.pose), checked_pose(&now)) else { return };
+        let Ok((rotation, shift)) = motion_between(&self.pose, &now) else { return };
         self.pose = now;
-        let rotation: DQuat = (r1 * r0.inverse()).normalize();
-        let shift: DVec3 = t1 - rotation * t0;
         if rotation.is_near_identity() && shift == DVec3::ZERO {
             return;
         }

@@ -101,17 +101,18 @@ impl SimulatedBody {
 
     /// Position of a point of the undeformed body at the entity's pose, m, world frame.
     pub(crate) fn undeformed_m(&self, point: &BodyPoint) -> DVec3 {
-        let rest_m = point.of(self.body.network().rest_m());
-        let (from, to) = (&self.rest_pose, &self.pose);
-        let rotation = |pose: &GlobalTransform| pose.rotation().as_dquat();
-        let local_m = rotation(from).inverse() * (rest_m - from.translation().as_dvec3());
-        to.translation().as_dvec3() + rotation(to) * local_m
+        let local_m = self.local_m(point.of(self.body.network().rest_m()));
+        self.pose.translation().as_dvec3() + self.pose.rotation().as_dquat() * local_m
     }
 
     /// Position of a node at rest in the body's own frame, m.
     pub(crate) fn rest_local_m(&self, node: usize) -> DVec3 {
+        self.local_m(self.body.network().rest_m()[node])
+    }
+
+    /// Transforms a place of the rest shape into the body's own frame, m.
+    fn local_m(&self, rest_m: DVec3) -> DVec3 {
         let pose = &self.rest_pose;
-        let rest_m = self.body.network().rest_m()[node];
         pose.rotation().as_dquat().inverse() * (rest_m - pose.translation().as_dvec3())
     }
 

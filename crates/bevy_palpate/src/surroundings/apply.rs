@@ -87,20 +87,21 @@ pub(super) fn place_obstacles(
     obstacles: Query<(Entity, &PreparedObstacle, Option<&TouchLayers>)>,
     transforms: TransformHelper,
 ) {
-    let mut placed: Vec<(Entity, &PreparedObstacle, TouchLayers, DVec3, DQuat)> = obstacles
+    let mut placed: Vec<(Entity, &PreparedObstacle, Option<&TouchLayers>, DVec3, DQuat)> = obstacles
         .iter()
         .filter_map(|(entity, prepared, layers)| {
             let (_, position_m, rotation) = pose(&transforms.compute_global_transform(entity).ok()?);
             let is_finite = position_m.is_finite() && rotation.is_finite();
-            let layers = layers.copied().unwrap_or_default();
             is_finite.then_some((entity, prepared, layers, position_m, rotation))
         })
         .collect();
     placed.sort_unstable_by_key(|(entity, ..)| *entity);
     for (body, mut simulated, layers) in &mut bodies {
-        let layers = layers.copied().unwrap_or_default();
-        let wanted =
-            || placed.iter().filter(move |(entity, _, of, ..)| *entity != body && of.touches(layers));
+        let wanted = || {
+            placed
+                .iter()
+                .filter(move |(entity, _, of, ..)| *entity != body && TouchLayers::are_shared(*of, layers))
+        };
         let is_same = wanted()
             .map(|(entity, prepared, ..)| (*entity, prepared.version))
             .eq(simulated.obstacles.iter().copied());

@@ -20,9 +20,8 @@ pub(super) fn select_bodies(
     mut faults: FaultWriter,
 ) {
     for (entity, described, mut tool, layers) in &mut tools {
-        let layers = layers.copied().unwrap_or_default();
         let is_touchable = |body: Entity| {
-            bodies.get(body).is_ok_and(|(.., of_body)| layers.touches(of_body.copied().unwrap_or_default()))
+            bodies.get(body).is_ok_and(|(.., of_body)| TouchLayers::are_shared(layers, of_body))
         };
         let Some(at) = tool.path.last().map(|point| point.position_m) else { continue };
         let candidate = match (described.body, tool.body) {
@@ -54,12 +53,13 @@ const SWITCH_DISTANCE_M: f64 = 0.005;
 
 /// Returns the body that shares one of `layers` and has the surface point nearest to `at`, or the `last` one if it is hardly farther. Of equally near bodies it is always
 /// the one with the lowest entity.
-fn nearest(bodies: &Bodies<'_, '_>, layers: TouchLayers, at: DVec3, last: Option<Entity>) -> Option<Entity> {
-    let touchable = || {
-        let shares_layer =
-            |of_body: Option<&TouchLayers>| layers.touches(of_body.copied().unwrap_or_default());
-        bodies.iter().filter(move |(.., of_body)| shares_layer(*of_body))
-    };
+fn nearest(
+    bodies: &Bodies<'_, '_>,
+    layers: Option<&TouchLayers>,
+    at: DVec3,
+    last: Option<Entity>,
+) -> Option<Entity> {
+    let touchable = || bodies.iter().filter(move |(.., of_body)| TouchLayers::are_shared(layers, *of_body));
     let mut all = touchable();
     if let (Some((only, ..)), None) = (all.next(), all.next()) {
         return Some(only);

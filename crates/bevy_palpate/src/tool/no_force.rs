@@ -46,7 +46,6 @@ pub(super) fn report_missing_force(
 ) {
     trees.retain(|body| bodies.contains(body));
     for (entity, described, mut tool, layers) in &mut tools {
-        let layers = layers.copied().unwrap_or_default();
         let ticks = tool.path.len().saturating_sub(1) as u64;
         let Some(at_m) = tool.path.last().map(|point| point.position_m).filter(|_| ticks > 0) else {
             continue;
@@ -66,12 +65,12 @@ pub(super) fn report_missing_force(
 }
 
 /// The reason why there is no simulated body for a tool in `layers` that can touch only `only`, or any body.
-fn missing_body(bodies: &Bodies<'_, '_>, only: Option<Entity>, layers: TouchLayers) -> NoForceCause {
+fn missing_body(bodies: &Bodies<'_, '_>, only: Option<Entity>, layers: Option<&TouchLayers>) -> NoForceCause {
     let (mut rejected, mut excluded) = (None, None);
     for (body, simulated, build, of_body) in
         bodies.iter().filter(|(body, ..)| only.is_none_or(|only| only == *body))
     {
-        if !layers.touches(of_body.copied().unwrap_or_default()) {
+        if !TouchLayers::are_shared(layers, of_body) {
             excluded.get_or_insert(body);
             continue;
         }
@@ -94,7 +93,7 @@ impl ToolLoop {
     /// Classifies the last model step of this tool at the body `on`, with its device at `at_m`.
     fn classify(
         &mut self,
-        (described, layers): (&HapticTool, TouchLayers),
+        (described, layers): (&HapticTool, Option<&TouchLayers>),
         on: (Entity, &SimulatedBody),
         bodies: &Bodies<'_, '_>,
         (trees, model_step): (&mut SurfaceTrees, u64),
@@ -123,8 +122,7 @@ impl ToolLoop {
             return ForceStep::Quiet;
         }
         let candidates = bodies.iter().filter(|(other, .., of_body)| {
-            (described.body.is_none() || *other == body)
-                && layers.touches(of_body.copied().unwrap_or_default())
+            (described.body.is_none() || *other == body) && TouchLayers::are_shared(layers, *of_body)
         });
         let mut nearest: Option<(f64, Entity)> = None;
         for (other, simulated, ..) in candidates {
