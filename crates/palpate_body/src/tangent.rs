@@ -178,6 +178,18 @@ impl Tangent {
         SparseColMatRef::new(self.symbolic.as_ref(), &self.damping)
     }
 
+    /// Adds `block` to K at the free nodes `row` and `column`, given as indices of `network.free()`. Nodes that are neither
+    /// linked nor in a common cell have no entries: then nothing is added.
+    pub fn add_to_stiffness(&mut self, row: usize, column: usize, block: DMat3) {
+        if column >= self.symbolic.ncols() / 3 {
+            return;
+        }
+        let range = self.symbolic.col_range(3 * column);
+        if let Ok(place) = self.symbolic.row_idx()[range.clone()].binary_search(&(3 * row)) {
+            Slot { first: range.start + place, stride: range.len() }.add(block, &mut self.stiffness);
+        }
+    }
+
     /// Adds `shift_n_per_m[i]` to entry (i, i) of K.
     ///
     /// # Panics

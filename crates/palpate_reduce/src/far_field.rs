@@ -3,6 +3,7 @@
 pub(crate) mod basis;
 
 use crate::ReduceError;
+use crate::obstacle_constraints::ObstacleConstraints;
 use crate::options::BuilderOptions;
 use basis::{Basis, leading_inputs};
 use faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot;
@@ -21,6 +22,7 @@ pub(crate) struct FarField {
     matrix: Vec<f64>,
     internal_n: Vec<DVec3>,
     external_n: Vec<DVec3>,
+    constraints: ObstacleConstraints,
     basis: Option<Basis>,
 }
 
@@ -35,15 +37,23 @@ impl FarField {
             matrix: vec![0.0; pattern.symbolic().row_idx().len()],
             internal_n: vec![DVec3::ZERO; nodes],
             external_n: vec![DVec3::ZERO; nodes],
+            constraints: ObstacleConstraints::default(),
             basis: None,
         })
     }
 
-    /// Reads the internal and external forces on all nodes, the latter with those of the `others`, the other tools on the body.
+    /// Reads the internal and external forces on all nodes, the latter with those of the `others`, the other tools on the body, and the
+    /// contacts with obstacles.
     pub(crate) fn read_forces(&mut self, body: &Body, others: &[&ToolContact]) {
         body.internal_forces_n(&mut self.internal_n);
         body.outer_forces_n(&mut self.external_n);
         others.iter().for_each(|other| other.add_force_n(&mut self.external_n));
+        self.constraints = ObstacleConstraints::of(body);
+    }
+
+    /// The contacts with obstacles.
+    pub(crate) fn constraints(&self) -> &ObstacleConstraints {
+        &self.constraints
     }
 
     /// Internal force on every node, N.
@@ -76,7 +86,7 @@ impl FarField {
     /// Builds V for the support set `support`, with at most `max_columns` columns: a rational Krylov basis of second order.
     ///
     /// In order of importance, it spans the static response to S and to the forces, v_N, the responses at the shifts, and the
-    /// high-frequency end of the response. See [`crate::SecondOrderSystem::krylov_basis`] for the sources of the method.
+    /// high-frequency end of the response. All satisfy the contacts with obstacles, except v_N if the obstacles move. See [`crate::SecondOrderSystem::krylov_basis`] for the sources of the method.
     pub(crate) fn build_basis(
         &mut self,
         body: &Body,
@@ -104,7 +114,15 @@ impl FarField {
                 }
             }
         }
-        let mut basis = Basis::new(network, &is_support, max_columns);
+        let constraints = self.constraints.on(|index| !is_support[index]);
+        let held = (!constraints.is_empty()).then(|| {
+            let mut held = tangent.clone();
+            constraints.add_to(&mut held);
+            held
+        });
+        let held_k = held.as_ref().map_or(k, Tangent::stiffness);
+        let moves = constraints.is_moving();
+        let mut basis = Basis::new(network, &is_support, max_columns, constraints);
         for (index, &node) in network.free().iter().enumerate().filter(|(index, _)| !is_support[*index]) {
             let force = self.internal_n[node] + self.external_n[node];
             (0..3).for_each(|axis| static_rhs[(3 * index + axis, coupled)] = force[axis]);
@@ -122,7 +140,7 @@ impl FarField {
                         (true, true) => 1.0,
                         (false, true) => 0.0,
                         (diagonal, false) => {
-                            k.val()[entry] + damping * b.val()[entry] + if diagonal { m } else { 0.0 }
+                            held_k.val()[entry] + damping * b.val()[entry] + if diagonal { m } else { 0.0 }
                         }
                     };
                 }
@@ -137,7 +155,11 @@ impl FarField {
         basis.extend(static_rhs.as_ref(), tolerance);
         let v = body.velocities_m_per_s();
         let velocity = Mat::from_fn(unknowns, 1, |dof, _| v[network.free()[dof / 3]][dof % 3]);
-        basis.extend(velocity.as_ref(), tolerance);
+        if moves {
+            basis.extend_free(velocity.as_ref(), tolerance);
+        } else {
+            basis.extend(velocity.as_ref(), tolerance);
+        }
         for shift_hz in options.shifts_hz.into_iter().flatten() {
             if basis.columns_left() == 0 {
                 break;

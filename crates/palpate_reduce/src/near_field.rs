@@ -154,11 +154,14 @@ impl NearFieldBuilder {
         (field.tick_s, field.is_cut) = (options.tick_s, support.is_truncated);
         self.roles.fill(NodeRole::Far);
         self.ring.clear();
+        let held: Vec<usize> = far_field.constraints().held_nodes().collect();
+        // A node on an obstacle keeps its velocity, as a fixed one.
+        let is_held = |node| network.free_index(node).is_some_and(|index| held.contains(&index));
         for (i, &node) in support.nodes.iter().enumerate() {
             self.roles[node] = NodeRole::Support(i);
             field.weight[i] = support.weights[i];
             field.node_m[i] = x[node];
-            let is_free = !network.is_fixed(node);
+            let is_free = !(network.is_fixed(node) || is_held(node));
             field.node_per_kg[i] = if is_free { 1.0 / network.mass_kg()[node] } else { 0.0 };
             field.force[3 * i..3 * i + 3].copy_from_slice(&far_field.external_n()[node].to_array());
             field.velocity[3 * i..3 * i + 3].copy_from_slice(&v[node].to_array());

@@ -1,5 +1,6 @@
 //! The basis V of the far field, orthonormal with respect to the mass matrix.
 
+use crate::obstacle_constraints::ObstacleConstraints;
 use faer::linalg::matmul::{matmul, triangular};
 use faer::{Accum, Mat, MatRef, Par, Side};
 use glam::{DMat3, DVec3};
@@ -22,11 +23,17 @@ pub(crate) struct Basis {
     columns: Mat<f64>,
     /// V by rows, 3 × `nodes` of p, written by [`Basis::finish`].
     rows: Vec<f64>,
+    constraints: ObstacleConstraints,
 }
 
 impl Basis {
-    /// An empty basis of at most `max_columns` columns.
-    pub(crate) fn new(network: &Network, is_support: &[bool], max_columns: usize) -> Self {
+    /// An empty basis of at most `max_columns` columns, which satisfy `constraints`.
+    pub(crate) fn new(
+        network: &Network,
+        is_support: &[bool],
+        max_columns: usize,
+        constraints: ObstacleConstraints,
+    ) -> Self {
         let mut row = vec![None; is_support.len()];
         let mut nodes = Vec::new();
         for (index, &node) in network.free().iter().enumerate().filter(|(index, _)| !is_support[*index]) {
@@ -35,7 +42,7 @@ impl Basis {
         }
         let free_index = (0..network.node_count()).map(|node| network.free_index(node)).collect();
         let columns = Mat::zeros(3 * nodes.len(), max_columns.min(3 * nodes.len()));
-        Self { nodes, row, free_index, order: 0, columns, rows: Vec::new() }
+        Self { nodes, row, free_index, order: 0, columns, rows: Vec::new(), constraints }
     }
 
     /// Number p of columns.
@@ -67,8 +74,18 @@ impl Basis {
     }
 
     /// Adds the columns of `matrix`, given over all free degrees of freedom, orthonormalised by QR with column pivoting: the most
-    /// independent first. Drops columns whose independent part is below `tolerance` of their length, or that exceed the capacity.
+    /// independent first. Drops columns whose independent part is below `tolerance` of their length, or that exceed the capacity. What
+    /// violates the constraints is removed before.
     pub(crate) fn extend(&mut self, matrix: MatRef<'_, f64>, tolerance: f64) {
+        self.add(matrix, tolerance, true);
+    }
+
+    /// As [`Basis::extend`], without the constraints.
+    pub(crate) fn extend_free(&mut self, matrix: MatRef<'_, f64>, tolerance: f64) {
+        self.add(matrix, tolerance, false);
+    }
+
+    fn add(&mut self, matrix: MatRef<'_, f64>, tolerance: f64, is_constrained: bool) {
         if self.columns_left() == 0 {
             return;
         }
@@ -79,6 +96,10 @@ impl Basis {
         let mut new = Mat::from_fn(weighted.nrows(), nonzero.len(), |i, j| {
             weighted[(i, nonzero[j])] / lengths[nonzero[j]]
         });
+        if is_constrained && !self.constraints.is_empty() {
+            let place = |index: usize| self.row[index].map(|first| (first, self.nodes[first / 3].1));
+            self.constraints.project(&mut new, place);
+        }
         self.project_out(&mut new);
         let factors = new.col_piv_qr();
         let r = factors.thin_R();
