@@ -33,7 +33,8 @@
 //!
 //! * Networks: [`Network`], built by a [`NetworkBuilder`] from nodes and [`Link`]s; [`Lattice`], regular in one to
 //!   three dimensions; [`Block`], a lattice with its [`Surface`], with or without a [`Slit`].
-//! * Meshes: [`ClosedMesh`] from triangles that enclose a volume, or a [`MeshError`] with the remedy;
+//! * Meshes: [`ClosedMesh`] from triangles that enclose a volume, or a [`MeshError`] with the remedy; [`JoinedMesh`] from
+//!   several [`MeshPart`]s, each with a [`Region`];
 //!   [`CellLattice`], cubic cells fitted to it, with tissue and fixed nodes by [`Region`]; the resulting [`MeshBody`]
 //!   with its [`Skin`].
 //! * Material: [`UniformLattice`], equal springs; [`Tissue`], from Young's modulus and density.
@@ -115,6 +116,7 @@ mod integrator;
 mod lattice;
 mod limits;
 mod link;
+mod mesh_parts;
 mod network;
 mod obstacle;
 mod obstacle_points;
@@ -141,6 +143,7 @@ pub use error::BodyError;
 pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplicitEuler, SolvedBy};
 pub use lattice::{Lattice, Neighbours};
 pub use link::Link;
+pub use mesh_parts::{JoinedMesh, MeshPart};
 pub use network::{Grid, Network, NetworkBuilder};
 pub use obstacle::{Obstacle, ObstacleContact, ObstacleReaction, RigidMass, RigidMotion};
 pub use optimization::is_optimized;

@@ -129,8 +129,7 @@ pub(super) fn build_bodies(
     BuildMode { mut builds, mode }: BuildMode,
     mut faults: FaultWriter,
 ) {
-    meshes
-        .update(|id| bodies.iter().any(|body| body.shape.mesh().is_some_and(|shape| shape.mesh.id() == id)));
+    meshes.update(|id| bodies.iter().any(|body| body.shape.is_made_of(id)));
     let removed = removed.take();
     for mut body in &mut bodies {
         let entity = body.entity;

@@ -9,7 +9,8 @@ use crate::fault::HapticFaultKind;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 use palpate_body::{
-    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, MeshBody, Region, SemiImplicitEuler, Skin,
+    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, JoinedMesh, MeshBody, Region,
+    SemiImplicitEuler, Skin,
 };
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use std::sync::Arc;
@@ -31,7 +32,7 @@ pub(super) struct BuildOutput {
     pub(super) builder: LocalModelBuilder,
     /// Of a body from a mesh: the skin that moves its vertices, and the closed mesh.
     pub(super) skin: Option<Skin>,
-    pub(super) closed: Option<Arc<ClosedMesh>>,
+    pub(super) closed: Option<Arc<JoinedMesh>>,
     pub(super) report: Option<MeshReport>,
 }
 
@@ -124,7 +125,7 @@ impl BuildInput {
             block = block.fix(face.into());
         }
         for &region in self.fixed.regions() {
-            block = block.fix_within(region.into());
+            block = block.fix_within(region.of(&[])?);
         }
         if self.fixed.is_none() {
             block = block.allow_unconstrained();
@@ -133,13 +134,14 @@ impl BuildInput {
             block = block.slit(palpate_body::Slit { length_m, depth_m, opening_m });
         }
         for &Inclusion { region, tissue } in &self.inclusions {
-            block = block.region(region.into(), tissue.into());
+            block = block.region(region.of(&[])?, tissue.into());
         }
         let built = block.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
         Body::new(built.network, built.surface)
     }
 
-    fn mesh(&self, closed: &ClosedMesh, cells_along: usize) -> Result<(Body, Skin, MeshReport), BodyError> {
+    fn mesh(&self, joined: &JoinedMesh, cells_along: usize) -> Result<(Body, Skin, MeshReport), BodyError> {
+        let (closed, parts) = (&joined.mesh, &joined.regions);
         if let Some(slit) = self.slit {
             let (what, allowed) = ("length of a slit in a mesh, m", "absent: only a block can have a Slit");
             return Err(BodyError::Parameter { what, value: slit.length_m, allowed });
@@ -150,7 +152,7 @@ impl BuildInput {
             lattice = lattice.fix(layer);
         }
         for &region in self.fixed.regions() {
-            lattice = lattice.fix(region.into());
+            lattice = lattice.fix(region.of(parts)?);
         }
         if let FixedRegion::Vertices(vertices) = &self.fixed {
             lattice = lattice.fix_vertices(vertices)?;
@@ -159,7 +161,7 @@ impl BuildInput {
             lattice = lattice.allow_unconstrained();
         }
         for &Inclusion { region, tissue } in &self.inclusions {
-            lattice = lattice.region(region.into(), tissue.into());
+            lattice = lattice.region(region.of(parts)?, tissue.into());
         }
         let built = lattice.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
         let MeshBody { cells, deviation_m, .. } = built;

@@ -1,6 +1,6 @@
 //! The mesh assets of bodies.
 
-use super::mesh_source::Source;
+use super::mesh_source::{self, Source};
 use super::shape::{DeformableBody, MeshShape};
 use crate::fault::MeshFault;
 use bevy::asset::LoadState;
@@ -33,18 +33,25 @@ impl Meshes<'_, '_> {
 
     /// Whether the mesh of `shape` had changed at the last call of [`Self::update`].
     pub(super) fn has_changed(&self, shape: &DeformableBody) -> bool {
-        shape.mesh().is_some_and(|shape| self.changed.contains(&shape.mesh.id()))
+        self.changed.iter().any(|id| shape.is_made_of(*id))
     }
 
-    /// The mesh of `shape`; `None` while it is being loaded.
+    /// The mesh of `shape` with its parts; `None` while one is being loaded.
     pub(super) fn source(&self, shape: &MeshShape) -> Result<Option<Source>, MeshFault> {
         let assets = self.assets.as_ref().ok_or(MeshFault::NoMeshes)?;
-        if let Some(mesh) = assets.get(&shape.mesh) {
-            return Source::read(mesh, shape).map(Some);
+        let mut parts = Vec::with_capacity(1 + shape.parts.len());
+        let mut is_loading = false;
+        for handle in shape.handles() {
+            if let Some(mesh) = assets.get(handle) {
+                parts.push(mesh_source::read(mesh)?);
+                continue;
+            }
+            match self.server.as_ref().and_then(|server| server.get_load_state(handle)) {
+                Some(LoadState::Failed(error)) => return Err(MeshFault::NotLoaded(error.to_string())),
+                _ => is_loading = true,
+            }
         }
-        match self.server.as_ref().and_then(|server| server.get_load_state(&shape.mesh)) {
-            Some(LoadState::Failed(error)) => Err(MeshFault::NotLoaded(error.to_string())),
-            _ => Ok(None),
-        }
+        let source = Source::raw(parts, shape.metres_per_unit)?;
+        Ok((!is_loading).then_some(source))
     }
 }

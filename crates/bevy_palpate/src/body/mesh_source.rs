@@ -1,62 +1,59 @@
 //! Conversion of Bevy's meshes to closed meshes.
 
-use super::shape::MeshShape;
 use crate::fault::MeshFault;
 use bevy::mesh::{Indices, Mesh, MeshAccessError, PrimitiveTopology, VertexAttributeValues};
 use glam::DVec3;
-use palpate_body::{BodyError, ClosedMesh};
+use palpate_body::{BodyError, JoinedMesh, MeshPart};
 use std::sync::Arc;
 
 /// The mesh from which a body is built.
 pub(super) enum Source {
-    /// Data of a mesh asset: vertices, metres per unit, triangles, and normals if there are any.
-    Raw { vertices: Vec<[f32; 3]>, scale_m: f64, triangles: Vec<[usize; 3]>, normals: Option<Vec<DVec3>> },
+    /// Data of mesh assets, and metres per unit.
+    Raw { parts: Vec<MeshPart>, scale_m: f64 },
     /// A mesh that has been closed before.
-    Closed(Arc<ClosedMesh>),
+    Closed(Arc<JoinedMesh>),
 }
 
 impl Source {
-    /// Reads the data of `mesh`.
-    pub(super) fn read(mesh: &Mesh, shape: &MeshShape) -> Result<Self, MeshFault> {
-        let scale_m = shape.metres_per_unit;
-        if !(scale_m.is_finite() && scale_m > 0.0) {
-            return Err(MeshFault::Scale(scale_m));
+    /// The data of the parts of a mesh.
+    pub(super) fn raw(parts: Vec<MeshPart>, scale_m: f64) -> Result<Self, MeshFault> {
+        if scale_m.is_finite() && scale_m > 0.0 {
+            Ok(Self::Raw { parts, scale_m })
+        } else {
+            Err(MeshFault::Scale(scale_m))
         }
-        if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
-            return Err(MeshFault::Topology(mesh.primitive_topology()));
-        }
-        let vectors = |id| match mesh.try_attribute(id) {
-            Ok(VertexAttributeValues::Float32x3(values)) => Ok(values),
-            Err(MeshAccessError::ExtractedToRenderWorld) => Err(MeshFault::NotInMemory),
-            Ok(_) | Err(MeshAccessError::NotFound) => Err(MeshFault::NoPositions),
-        };
-        let to_f64 = |v: &[f32; 3]| DVec3::from_array(v.map(f64::from));
-        let vertices = vectors(Mesh::ATTRIBUTE_POSITION)?.clone();
-        let normals =
-            vectors(Mesh::ATTRIBUTE_NORMAL).ok().map(|normals| normals.iter().map(to_f64).collect());
-        let corners: Vec<usize> = match mesh.try_indices() {
-            Ok(Indices::U16(indices)) => indices.iter().map(|&i| i.into()).collect(),
-            Ok(Indices::U32(indices)) => indices.iter().map(|&i| i as usize).collect(),
-            Err(_) => (0..vertices.len()).collect(),
-        };
-        if !corners.len().is_multiple_of(3) {
-            return Err(MeshFault::Incomplete(corners.len()));
-        }
-        let triangles = corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
-        Ok(Self::Raw { vertices, scale_m, triangles, normals })
     }
 
     /// Converts the data to a closed mesh.
-    pub(super) fn close(self) -> Result<Arc<ClosedMesh>, BodyError> {
+    pub(super) fn close(self) -> Result<Arc<JoinedMesh>, BodyError> {
         match self {
             Self::Closed(mesh) => Ok(mesh),
-            Self::Raw { vertices, scale_m, triangles, normals } => {
-                let mesh = ClosedMesh::from_single(&vertices, scale_m, triangles)?;
-                Ok(Arc::new(match normals {
-                    Some(normals) => mesh.with_normals(normals)?,
-                    None => mesh,
-                }))
-            }
+            Self::Raw { parts, scale_m } => Ok(Arc::new(JoinedMesh::new(&parts, scale_m)?)),
         }
     }
+}
+
+/// Reads the data of `mesh`.
+pub(super) fn read(mesh: &Mesh) -> Result<MeshPart, MeshFault> {
+    if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
+        return Err(MeshFault::Topology(mesh.primitive_topology()));
+    }
+    let vectors = |id| match mesh.try_attribute(id) {
+        Ok(VertexAttributeValues::Float32x3(values)) => Ok(values),
+        Err(MeshAccessError::ExtractedToRenderWorld) => Err(MeshFault::NotInMemory),
+        Ok(_) | Err(MeshAccessError::NotFound) => Err(MeshFault::NoPositions),
+    };
+    let to_f64 = |v: &[f32; 3]| DVec3::from_array(v.map(f64::from));
+    let vertices = vectors(Mesh::ATTRIBUTE_POSITION)?.clone();
+    let normals = vectors(Mesh::ATTRIBUTE_NORMAL).ok().map(|normals| normals.iter().map(to_f64).collect());
+    let corners: Vec<usize> = match mesh.try_indices() {
+        Ok(Indices::U16(indices)) => indices.iter().map(|&i| i.into()).collect(),
+        Ok(Indices::U32(indices)) => indices.iter().map(|&i| i as usize).collect(),
+        Err(_) => (0..vertices.len()).collect(),
+    };
+    if !corners.len().is_multiple_of(3) {
+        return Err(MeshFault::Incomplete(corners.len()));
+    }
+    let triangles = corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+    Ok(MeshPart { vertices, triangles, normals })
 }

@@ -2,6 +2,7 @@
 
 use bevy::prelude::*;
 use glam::DVec3;
+use palpate_body::{BodyError, Region};
 
 /// A side of a body, in its own frame, named as in Bevy: y is up, −z is forward.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
@@ -48,6 +49,8 @@ pub enum BodyRegion {
         /// Radius of the capsule, m.
         radius_m: f64,
     },
+    /// A part of a mesh, as an index of [`MeshShape::parts`](crate::MeshShape::parts), which defines its region.
+    Part(usize),
     /// The points on one side of a plane.
     HalfSpace {
         /// A point of the plane, m.
@@ -57,14 +60,20 @@ pub enum BodyRegion {
     },
 }
 
-impl From<BodyRegion> for palpate_body::Region {
-    fn from(region: BodyRegion) -> Self {
-        match region {
-            BodyRegion::Sphere { center_m, radius_m } => Self::Sphere { center_m, radius_m },
-            BodyRegion::Cuboid { center_m, half_m } => Self::Cuboid { center_m, half_m },
-            BodyRegion::Capsule { from_m, to_m, radius_m } => Self::Capsule { from_m, to_m, radius_m },
-            BodyRegion::HalfSpace { point_m, outward } => Self::HalfSpace { point_m, outward },
-        }
+impl BodyRegion {
+    /// The region of a body whose mesh has the regions `parts`.
+    pub(crate) fn of(self, parts: &[Region]) -> Result<Region, BodyError> {
+        Ok(match self {
+            Self::Sphere { center_m, radius_m } => Region::Sphere { center_m, radius_m },
+            Self::Cuboid { center_m, half_m } => Region::Cuboid { center_m, half_m },
+            Self::Capsule { from_m, to_m, radius_m } => Region::Capsule { from_m, to_m, radius_m },
+            Self::HalfSpace { point_m, outward } => Region::HalfSpace { point_m, outward },
+            Self::Part(index) => parts.get(index).cloned().ok_or(BodyError::Parameter {
+                what: "index in BodyRegion::Part",
+                value: index as f64,
+                allowed: "below the number of MeshShape::parts; a block has none",
+            })?,
+        })
     }
 }
 

@@ -134,9 +134,9 @@ impl RenderMesh {
     }
 
     /// Returns a mesh with the present vertices and normals, and the other attributes of `source`: colours, texture coordinates.
-    pub(super) fn make_mesh(&self, triangles: &[[usize; 3]], source: Option<&Mesh>) -> Mesh {
+    pub(super) fn make_mesh(&self, triangles: &[[usize; 3]], source: Option<Mesh>) -> Mesh {
         let usage = RenderAssetUsages::MAIN_WORLD | RenderAssetUsages::RENDER_WORLD;
-        let mut mesh = source.cloned().unwrap_or_else(|| Mesh::new(PrimitiveTopology::TriangleList, usage));
+        let mut mesh = source.unwrap_or_else(|| Mesh::new(PrimitiveTopology::TriangleList, usage));
         mesh.asset_usage = usage;
         // The mesh is deformed by the body, not by joints.
         mesh.remove_attribute(Mesh::ATTRIBUTE_JOINT_INDEX);

@@ -3,6 +3,7 @@
 use super::shape::DeformableBody;
 use super::simulated::{SimulatedBody, SourceMesh};
 use crate::model_time::ModelOverstep;
+use bevy::mesh::VertexAttributeValues;
 use bevy::prelude::*;
 
 /// Assigns a mesh to every new body, if the app has mesh assets. A body with a [`Mesh3d`] of its own keeps it, unless it is the mesh from
@@ -71,17 +72,37 @@ impl SimulatedBody {
 
     /// Returns a mesh of the body with the attributes of its source mesh; if the source has changed, with those of the drawn mesh.
     fn make_mesh(&self, meshes: &Assets<Mesh>) -> Mesh {
-        let of_source = self.built_shape.mesh().filter(|_| self.source == SourceMesh::Same);
-        let candidates = [of_source.map(|shape| &shape.mesh), Some(&self.drawn.mesh)];
-        let fits = |mesh: &&Mesh| {
+        let has_positions = |mesh: &Mesh| {
             let positions = mesh.try_attribute(Mesh::ATTRIBUTE_POSITION);
             positions.is_ok_and(|positions| positions.len() == self.drawn.positions.len())
         };
-        let source = candidates.into_iter().flatten().find_map(|handle| meshes.get(handle).filter(fits));
+        let of_source = self.source_mesh(meshes).filter(has_positions);
+        let source =
+            of_source.or_else(|| meshes.get(&self.drawn.mesh).filter(|mesh| has_positions(mesh)).cloned());
         let triangles = match &self.closed {
-            Some(closed) => closed.triangles(),
+            Some(joined) => joined.mesh.triangles(),
             None => &self.body.surface().triangles,
         };
         self.drawn.make_mesh(triangles, source.filter(|_| self.skin.is_some()))
+    }
+
+    /// The mesh of which the body is made, with the parts of its surface; `None` if it is not available. Attributes that a part lacks are left
+    /// out.
+    fn source_mesh(&self, meshes: &Assets<Mesh>) -> Option<Mesh> {
+        let shape = self.built_shape.mesh().filter(|_| self.source == SourceMesh::Same)?;
+        let joined = &self.closed.as_ref()?.joined;
+        let mut parts = shape.handles().enumerate().filter(|(index, _)| joined.contains(index));
+        let mut mesh = meshes.get(parts.next()?.1)?.clone();
+        for (_, part) in parts {
+            mesh.merge(meshes.get(part)?).ok()?;
+        }
+        let vertices = mesh.count_vertices();
+        let is_partial = |values: &VertexAttributeValues| values.len() != vertices;
+        let partial: Vec<_> =
+            mesh.attributes().filter(|(_, values)| is_partial(values)).map(|(of, _)| of.id).collect();
+        for attribute in partial {
+            mesh.remove_attribute(attribute);
+        }
+        Some(mesh)
     }
 }

@@ -43,13 +43,36 @@ pub enum DeformableBody {
 /// colours and textures. A background task builds the body once the mesh is loaded, and again whenever the mesh changes. A mesh that cannot
 /// be used (holes, intersections, wrong units) is reported as a [`HapticFault`](crate::HapticFault) with the remedy.
 ///
-/// A glTF handle names one primitive as it is stored, without the transforms of the file's nodes. Join a file of several or transformed
-/// parts first; `examples/stage/mesh_file.rs` shows how.
+/// A glTF handle names one primitive as it is stored, without the transforms of the file's nodes. The other primitives of the same mesh are
+/// its [`parts`](Self::parts). Join a file of transformed parts first; `examples/stage/mesh_file.rs` shows how.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_palpate::{BodyRegion, Inclusion, Inclusions, MeshShape, prelude::*};
+/// fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+///     // A liver with a tumour: the second primitive of the file has its own tissue.
+///     let shape = MeshShape {
+///         parts: vec![assets.load("liver.glb#Mesh0/Primitive1")],
+///         ..MeshShape::new(assets.load("liver.glb#Mesh0/Primitive0"))
+///     };
+///     let tumour = Tissue { youngs_modulus_pa: 100e3, ..default() };
+///     let inclusion = Inclusion { region: BodyRegion::Part(0), tissue: tumour };
+///     commands.spawn((DeformableBody::Mesh(shape), Inclusions(vec![inclusion])));
+/// }
+/// ```
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[reflect(Debug, PartialEq, Clone)]
 pub struct MeshShape {
     /// The mesh: a triangle list near its origin, where single precision resolves its cells.
     pub mesh: Handle<Mesh>,
+    /// Further parts of the body in the same unit and frame, for example the other primitives of a glTF mesh. [`BodyRegion::Part`] names
+    /// the region of a part, for a tissue, a fixed part or a load.
+    ///
+    /// A part with holes belongs to the surface: it closes the mesh, and its region is what is nearer to it than to the other parts of the
+    /// surface. A closed part that lies inside, with at least half of its volume, is an inclusion: its region is its inside, and it is not
+    /// drawn. Another closed part belongs to the surface, and its region is its inside too. The body is drawn as one mesh with one
+    /// material: the vertices of the mesh, then those of the parts of its surface.
+    pub parts: Vec<Handle<Mesh>>,
     /// Length of a unit of the mesh, m: 0.001 for a mesh in millimetres.
     pub metres_per_unit: f64,
     /// Number of cells along its longest side. Ten divide an organ into some hundred cells, twenty into some thousand; the time of a model
@@ -61,7 +84,12 @@ impl MeshShape {
     /// `mesh` in metres, ten cells along its longest side.
     #[must_use]
     pub fn new(mesh: Handle<Mesh>) -> Self {
-        Self { mesh, metres_per_unit: 1.0, cells_along_longest_axis: 10 }
+        Self { mesh, parts: Vec::new(), metres_per_unit: 1.0, cells_along_longest_axis: 10 }
+    }
+
+    /// The mesh, then its parts.
+    pub(super) fn handles(&self) -> impl Iterator<Item = &Handle<Mesh>> {
+        std::iter::once(&self.mesh).chain(&self.parts)
     }
 }
 
@@ -88,6 +116,11 @@ impl DeformableBody {
     pub(super) fn mesh(&self) -> Option<&MeshShape> {
         if let Self::Mesh(shape) = self { Some(shape) } else { None }
     }
+
+    /// Whether the body is made of the mesh asset `id`, alone or with others.
+    pub(super) fn is_made_of(&self, id: AssetId<Mesh>) -> bool {
+        self.mesh().is_some_and(|shape| shape.handles().any(|mesh| mesh.id() == id))
+    }
 }
 
 /// Marks a body whose fixed region follows the entity's transform, for example on a moving tray.
@@ -112,7 +145,7 @@ pub enum FixedRegion {
     Faces(Vec<BoxFace>),
     /// The nodes within one of these, in the body's own frame.
     Regions(Vec<BodyRegion>),
-    /// Of a mesh: the nodes that carry the vertices for which this is true, one for each vertex.
+    /// Of a mesh: the nodes that carry the vertices for which this is true, one for each vertex of the mesh and of the parts of its surface.
     Vertices(Vec<bool>),
 }
 

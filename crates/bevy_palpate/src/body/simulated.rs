@@ -6,7 +6,9 @@ use super::tissue::Tissue;
 use crate::step_watch::StepWatch;
 use bevy::prelude::*;
 use glam::DVec3;
-use palpate_body::{Body, BodyError, BodyPoint, ClosedMesh, MeshCells, MeshRepairs, Skin, StepReport};
+use palpate_body::{
+    Body, BodyError, BodyPoint, ClosedMesh, JoinedMesh, MeshCells, MeshRepairs, Region, Skin, StepReport,
+};
 use palpate_reduce::LocalModelBuilder;
 use std::sync::Arc;
 
@@ -40,8 +42,8 @@ pub struct SimulatedBody {
     pub(super) built_tissue: Tissue,
     /// Of a body from a mesh: the skin that moves the vertices.
     pub(super) skin: Option<Skin>,
-    /// Of a body from a mesh: the closed mesh.
-    pub(super) closed: Option<Arc<ClosedMesh>>,
+    /// Of a body from a mesh: the closed mesh, and the regions of its parts.
+    pub(super) closed: Option<Arc<JoinedMesh>>,
     /// Of a body from a mesh: repairs and cells.
     pub(super) report: Option<MeshReport>,
     /// Comparison of the closed mesh with the current asset.
@@ -77,7 +79,12 @@ impl SimulatedBody {
     /// Returns the closed mesh from which the body was built; `None` for a block.
     #[must_use]
     pub fn closed_mesh(&self) -> Option<&ClosedMesh> {
-        self.closed.as_deref()
+        self.closed.as_ref().map(|joined| &joined.mesh)
+    }
+
+    /// The regions of the parts of the mesh, in the body's own frame.
+    pub(crate) fn part_regions(&self) -> &[Region] {
+        self.closed.as_ref().map_or(&[], |joined| &joined.regions)
     }
 
     /// Returns the tissue of the simulated body. It lags behind the [`Tissue`] component while a build is running.

@@ -10,7 +10,7 @@ use crate::layers::TouchLayers;
 use bevy::ecs::entity::EntityHashMap;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
-use palpate_body::Region;
+use palpate_body::BodyError;
 
 /// Sets the gravity of every body. A value that is not finite is reported once, and leaves the previous one.
 pub(super) fn apply_gravity(
@@ -49,23 +49,28 @@ pub(super) fn apply_loads(
             continue;
         }
         simulated.has_loads = has_loads;
-        let (per_node, empty) = node_loads(&simulated, loads.as_deref());
-        if let Some(index) = empty {
-            faults.write(entity, HapticFaultKind::EmptyLoad { index });
-        }
-        if let Err(error) = simulated.body.set_loads(&per_node) {
+        let set = node_loads(&simulated, loads.as_deref()).and_then(|(per_node, empty)| {
+            if let Some(index) = empty {
+                faults.write(entity, HapticFaultKind::EmptyLoad { index });
+            }
+            simulated.body.set_loads(&per_node)
+        });
+        if let Err(error) = set {
             faults.write(entity, HapticFaultKind::ExternalForce(error));
         }
     }
 }
 
 /// Force on every node, N, and the index of the first load whose region contains no free node.
-fn node_loads(simulated: &SimulatedBody, loads: Option<&ExternalForce>) -> (Vec<DVec3>, Option<usize>) {
+fn node_loads(
+    simulated: &SimulatedBody,
+    loads: Option<&ExternalForce>,
+) -> Result<(Vec<DVec3>, Option<usize>), BodyError> {
     let network = simulated.body.network();
     let mut per_node = vec![DVec3::ZERO; network.node_count()];
     let mut empty = None;
     for (index, load) in loads.iter().flat_map(|loads| &loads.0).enumerate() {
-        let region = load.region.map(Region::from);
+        let region = load.region.map(|region| region.of(simulated.part_regions())).transpose()?;
         let is_loaded = |node: &&usize| {
             region.as_ref().is_none_or(|region| region.contains(simulated.rest_local_m(**node)))
         };
@@ -78,7 +83,7 @@ fn node_loads(simulated: &SimulatedBody, loads: Option<&ExternalForce>) -> (Vec<
             per_node[node] += load.force_n * (network.mass_kg()[node] / mass);
         }
     }
-    (per_node, empty)
+    Ok((per_node, empty))
 }
 
 /// Gives every body the obstacles that share a layer with it, and moves them to their present places during the step.

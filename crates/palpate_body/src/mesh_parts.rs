@@ -1,0 +1,189 @@
+//! A closed mesh in several parts, for example the primitives of a glTF mesh.
+
+use crate::{ClosedMesh, MeshError, Region};
+use glam::DVec3;
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
+use parry3d_f64::query::PointQuery;
+use parry3d_f64::shape::Triangle;
+use std::sync::Arc;
+
+/// Triangles of a part of a mesh.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeshPart {
+    /// Vertices, in the unit of the mesh.
+    pub vertices: Vec<[f32; 3]>,
+    /// Triangles, as indices of the vertices.
+    pub triangles: Vec<[usize; 3]>,
+    /// Normals of the vertices, if there are any.
+    pub normals: Option<Vec<DVec3>>,
+}
+
+/// A closed mesh joined of parts, with the region of each part.
+#[derive(Clone, Debug)]
+pub struct JoinedMesh {
+    /// The surface of the body: the vertices of the joined parts, one part after the other.
+    pub mesh: ClosedMesh,
+    /// Region of each part after the first. The first part is the rest of the body.
+    pub regions: Vec<Region>,
+    /// Indices of the parts that belong to the surface. The others lie inside.
+    pub joined: Vec<usize>,
+}
+
+/// Number of samples along each side of a part's bounds, which show whether it lies inside the others.
+const SAMPLES: usize = 8;
+
+impl JoinedMesh {
+    /// Joins `parts`, in units of `scale_m` metres.
+    ///
+    /// A part with holes belongs to the surface; together such parts must close it. Its region contains the places that are
+    /// nearer to its triangles than to those of the other parts of the surface. A closed part that lies inside, with at
+    /// least half of its volume, is an inclusion: its region is its inside, with its boundary. Another closed part belongs to
+    /// the surface, and its region is its inside too. The surface has normals if all its parts have them.
+    ///
+    /// # Errors
+    /// [`MeshError`] of the joined surface; indices of triangles and vertices count through the joined parts.
+    pub fn new(parts: &[MeshPart], scale_m: f64) -> Result<Self, MeshError> {
+        let close = |indices: &[usize]| {
+            let joined = join(indices.iter().map(|&index| &parts[index]));
+            let mesh = ClosedMesh::from_single(&joined.vertices, scale_m, joined.triangles)?;
+            match joined.normals {
+                Some(normals) => mesh.with_normals(normals),
+                None => Ok(mesh),
+            }
+        };
+        let closed: Vec<Option<Arc<ClosedPart>>> = (0..parts.len())
+            .map(|index| ClosedPart::new(&parts[index], scale_m).filter(|_| index > 0).map(Arc::new))
+            .collect();
+        let mut joined: Vec<usize> = (0..parts.len()).filter(|&index| closed[index].is_none()).collect();
+        let mut mesh = close(&joined)?;
+        let beside = |(index, part): (usize, &Option<Arc<ClosedPart>>)| {
+            part.as_ref().filter(|part| !part.is_inside(&mesh)).map(|_| index)
+        };
+        let beside: Vec<usize> = closed.iter().enumerate().filter_map(beside).collect();
+        if !beside.is_empty() {
+            joined.extend(beside);
+            joined.sort_unstable();
+            mesh = close(&joined)?;
+        }
+        let mut nearest = None;
+        let mut region = |index: usize| match &closed[index] {
+            Some(part) => {
+                let part = Arc::clone(part);
+                Region::from_fn(move |x| part.contains(x))
+            }
+            None => {
+                let nearest =
+                    nearest.get_or_insert_with(|| Arc::new(PartTriangles::new(parts, &joined, scale_m)));
+                let nearest = Arc::clone(nearest);
+                Region::from_fn(move |x| nearest.nearest_part(x, f64::INFINITY) == Some(index))
+            }
+        };
+        let regions = (1..parts.len()).map(&mut region).collect();
+        Ok(Self { mesh, regions, joined })
+    }
+}
+
+/// A part that is closed by itself.
+struct ClosedPart {
+    /// The part, magnified by `factor` if it is too small or too large for a body.
+    mesh: ClosedMesh,
+    factor: f64,
+    triangles: PartTriangles,
+    tolerance_m: f64,
+}
+
+/// Distance from the boundary of a part, relative to its size, up to which a place is in it.
+const ON_BOUNDARY: f64 = 1e-6;
+
+impl ClosedPart {
+    /// `None` for a part that is not closed.
+    fn new(part: &MeshPart, scale_m: f64) -> Option<Self> {
+        let close =
+            |factor: f64| ClosedMesh::from_single(&part.vertices, factor * scale_m, part.triangles.clone());
+        let (mesh, factor) = match close(1.0) {
+            Ok(mesh) => (mesh, 1.0),
+            Err(MeshError::Size { size_m, .. }) => {
+                let factor = 0.1 / size_m;
+                (close(factor).ok()?, factor)
+            }
+            Err(_) => return None,
+        };
+        let [low, high] = mesh.bounds_m();
+        let tolerance_m = ON_BOUNDARY * (high - low).max_element() / factor;
+        let triangles = PartTriangles::new(std::slice::from_ref(part), &[0], scale_m);
+        Some(Self { mesh, factor, triangles, tolerance_m })
+    }
+
+    /// Whether `x_m` is inside or on the boundary.
+    fn contains(&self, x_m: DVec3) -> bool {
+        self.mesh.contains(self.factor * x_m) || self.triangles.nearest_part(x_m, self.tolerance_m).is_some()
+    }
+
+    /// Whether at least half of the volume lies inside `mesh`.
+    fn is_inside(&self, mesh: &ClosedMesh) -> bool {
+        let [low, high] = self.mesh.bounds_m();
+        let places = crate::lattice::grid([SAMPLES; 3]).map(|place| {
+            let within = DVec3::from_array(place.map(|n| (n as f64 + 0.5) / SAMPLES as f64));
+            low + within * (high - low)
+        });
+        let (inside, total) =
+            places.filter(|place| self.mesh.contains(*place)).fold((0, 0), |(inside, total), place| {
+                (inside + usize::from(mesh.contains(place / self.factor)), total + 1)
+            });
+        total > 0 && 2 * inside >= total
+    }
+}
+
+/// The triangles of several parts, with the vertices one part after the other.
+fn join<'a>(parts: impl Iterator<Item = &'a MeshPart>) -> MeshPart {
+    let mut joined = MeshPart { normals: Some(Vec::new()), ..MeshPart::default() };
+    for MeshPart { vertices, triangles, normals } in parts {
+        // An index beyond the part's own vertices stays out of range, and is rejected.
+        let (first, count) = (joined.vertices.len(), vertices.len());
+        let shifted = |vertex: usize| if vertex < count { first + vertex } else { usize::MAX };
+        joined.triangles.extend(triangles.iter().map(|t| t.map(shifted)));
+        joined.vertices.extend(vertices);
+        joined.normals = joined.normals.zip(normals.as_ref()).map(|(mut joined, normals)| {
+            joined.extend(normals);
+            joined
+        });
+    }
+    joined
+}
+
+/// Triangles with the part to which each belongs.
+struct PartTriangles {
+    triangles: Vec<(Triangle, usize)>,
+    bvh: Bvh,
+}
+
+impl PartTriangles {
+    fn new(parts: &[MeshPart], joined: &[usize], scale_m: f64) -> Self {
+        let of_part = |&index: &usize| {
+            let MeshPart { vertices, triangles, .. } = &parts[index];
+            let at_m = |vertex: usize| scale_m * DVec3::from_array(vertices[vertex].map(f64::from));
+            triangles.iter().map(move |&[a, b, c]| (Triangle::new(at_m(a), at_m(b), at_m(c)), index))
+        };
+        let triangles: Vec<(Triangle, usize)> = joined.iter().flat_map(of_part).collect();
+        let bounds: Vec<Aabb> = triangles
+            .iter()
+            .map(|(Triangle { a, b, c }, _)| Aabb::new(a.min(*b).min(*c), a.max(*b).max(*c)))
+            .collect();
+        Self { bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &bounds), triangles }
+    }
+
+    /// Part of the triangle nearest to `x_m`; `None` if none is within `within_m`.
+    fn nearest_part(&self, x_m: DVec3, within_m: f64) -> Option<usize> {
+        let (_, (_, part)) = self.bvh.find_best(
+            within_m,
+            |node: &BvhNode, _| node.aabb().distance_to_local_point(x_m, true),
+            |leaf, _| {
+                let (triangle, part) = &self.triangles[leaf as usize];
+                let distance_m = triangle.distance_to_local_point(x_m, false);
+                Some((distance_m, *part))
+            },
+        )?;
+        Some(part)
+    }
+}
