@@ -11,7 +11,7 @@ use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::LltError;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
-use faer::{Mat, Side};
+use faer::{Mat, MatRef, Side};
 use glam::DVec3;
 use palpate_body::{Body, Network, Tangent, TangentPattern, ToolContact};
 
@@ -152,7 +152,21 @@ impl FarField {
         let tolerance = options.basis_tolerance;
         let coupling = static_rhs.subcols(0, coupled).to_owned();
         solve(0.0, &mut static_rhs)?;
-        basis.extend(static_rhs.as_ref(), tolerance);
+        // Without columns for all motions of S, those for the motions that loads cause.
+        let loads = (coupled + 1 > basis.columns_left())
+            .then(|| load_motions(k, &free, coupling.as_ref(), static_rhs.subcols(0, coupled)))
+            .flatten();
+        if loads.is_some() {
+            basis.extend(static_rhs.subcols(coupled, 1), tolerance);
+            let response = static_rhs.subcols(0, coupled);
+            let motions = leading_motions(&basis, response, loads.as_ref(), 3 * basis.columns_left() / 5);
+            basis.extend(
+                motions.map_or(response.to_owned(), |motions| response * motions).as_ref(),
+                tolerance,
+            );
+        } else {
+            basis.extend(static_rhs.as_ref(), tolerance);
+        }
         let v = body.velocities_m_per_s();
         let velocity = Mat::from_fn(unknowns, 1, |dof, _| v[network.free()[dof / 3]][dof % 3]);
         if moves {
@@ -165,9 +179,10 @@ impl FarField {
                 break;
             }
             // A shift adds A⁻¹(σ²M + σB) times the static response. With few columns left, the motions of S that move most mass are selected.
-            let response = static_rhs.subcols(0, coupled);
-            let few = (basis.columns_left() < coupled)
-                .then(|| leading_inputs(basis.weighted(response).as_ref(), basis.columns_left()))
+            let left = basis.columns_left();
+            let count = if loads.is_some() { left / 2 + 1 } else { left };
+            let few = (left < coupled)
+                .then(|| leading_motions(&basis, static_rhs.subcols(0, coupled), loads.as_ref(), count))
                 .flatten();
             let mut shifted = few.map_or_else(|| coupling.clone(), |few| &coupling * few);
             solve(std::f64::consts::TAU * shift_hz, &mut shifted)?;
@@ -177,6 +192,44 @@ impl FarField {
         basis.finish();
         Ok(basis)
     }
+}
+
+/// The `count` motions of S, as columns, whose static `response` moves most mass; of the motions by unit loads if `loads` has them.
+fn leading_motions(
+    basis: &Basis,
+    response: MatRef<'_, f64>,
+    loads: Option<&Mat<f64>>,
+    count: usize,
+) -> Option<Mat<f64>> {
+    match loads {
+        Some(loads) => {
+            let leading = leading_inputs(basis.weighted((response * loads).as_ref()).as_ref(), count)?;
+            Some(loads * leading)
+        }
+        None => leading_inputs(basis.weighted(response).as_ref(), count),
+    }
+}
+
+/// Motions of S by unit static loads on its degrees of freedom: the inverse of K_SS − K_Sr K_rr⁻¹ K_rS. `coupling` is K_rS, and `response`
+/// K_rr⁻¹ K_rS.
+fn load_motions(
+    k: SparseColMatRef<'_, usize, f64>,
+    free: &[usize],
+    coupling: MatRef<'_, f64>,
+    response: MatRef<'_, f64>,
+) -> Option<Mat<f64>> {
+    let n = 3 * free.len();
+    let mut condensed = -(coupling.transpose() * response);
+    for i in 0..n {
+        for j in 0..n {
+            let dof = |at: usize| 3 * free[at / 3] + at % 3;
+            condensed[(i, j)] += k.get(dof(i), dof(j)).copied().unwrap_or(0.0);
+        }
+    }
+    let factor = condensed.llt(Side::Lower).ok()?;
+    let mut motions = Mat::identity(n, n);
+    factor.solve_in_place(&mut motions);
+    Some(motions)
 }
 
 fn factorise(

@@ -8,13 +8,11 @@ use crate::fault::{FaultWriter, HapticFaultKind};
 use crate::model_time::Model;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
+use palpate_body::Body;
 
 /// The systems that carry kinematic bodies, before a step.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct CarryBodies;
-
-/// Speed above which the motion of a kinematic body counts as a jump, m/s.
-const JUMP_M_PER_S: f64 = 25.0;
 
 /// Moves the fixed regions of kinematic bodies to the poses of their entities during the next step; after a jump, the whole bodies at once.
 pub(super) fn carry_bodies(
@@ -39,7 +37,7 @@ pub(super) fn carry_bodies(
         simulated.reported_pose = false;
         let moved = |x: &DVec3| (rotation * *x + shift).distance(*x);
         let farthest_m = simulated.body.positions_m().iter().map(moved).fold(0.0, f64::max);
-        if farthest_m > JUMP_M_PER_S * time.delta_secs_f64() {
+        if farthest_m > Body::MAX_CARRIED_M_PER_S * time.delta_secs_f64() {
             simulated.jump_to(now, &mut builds);
             continue;
         }

@@ -7,10 +7,10 @@ use crate::obstacle_step::ObstacleStep;
 use crate::{BodyError, BodyPoint, Obstacle, ObstacleContact, ObstacleReaction, RigidMotion};
 use glam::{DQuat, DVec3};
 
-/// Speed above which the motion of an obstacle counts as a jump, m/s.
-const JUMP_M_PER_S: f64 = 25.0;
-
 impl Body {
+    /// Maximum speed of moved obstacles and fixed nodes, m/s. A faster motion counts as a jump.
+    pub const MAX_CARRIED_M_PER_S: f64 = 25.0;
+
     /// Obstacles of the body.
     #[must_use]
     pub fn obstacles(&self) -> &[Obstacle] {
@@ -140,7 +140,7 @@ impl Body {
             let Some(target) = obstacle.target else { continue };
             let radius_m = self.x.iter().map(|x| x.distance(middle)).fold(0.0, f64::max);
             let moved_m = obstacle.pose.max_displacement_m(&target, middle, radius_m);
-            if moved_m > JUMP_M_PER_S * duration_s {
+            if moved_m > Self::MAX_CARRIED_M_PER_S * duration_s {
                 obstacle.pose = target;
             }
         }
