@@ -174,7 +174,14 @@ fn front_page_lists_every_exported_name() {
     let missing: Vec<String> = names.filter(|name| !page.contains(&format!("[`{name}`]"))).collect();
     assert!(missing.is_empty(), "{missing:?}");
     // With features these are exported, too.
-    for name in ["HapticGizmosOverride", "HapticWidgets", "MouseDevice", "MouseDeviceSystems"] {
+    for name in [
+        "AvianPlugin",
+        "NotAnObstacle",
+        "HapticGizmosOverride",
+        "HapticWidgets",
+        "MouseDevice",
+        "MouseDeviceSystems",
+    ] {
         assert!(page.contains(&format!("`{name}`")) && exports.contains(name), "{name}");
     }
 }

@@ -1,6 +1,6 @@
 //! Draws every scene, with Mesa's software driver if there is no other, and checks the pictures for their content.
 //!
-//! `cargo test -p palpate_examples --features panel,gizmos --test pictures` writes the pictures to `target/palpate/pictures`. Those of the
+//! `cargo test -p palpate_examples --features panel,gizmos,avian --test pictures` writes the pictures to `target/palpate/pictures`. Those of the
 //! README are in `assets/pictures`: copy the last one of a scene there to update them.
 
 use image::{Rgb, RgbImage};
@@ -52,7 +52,7 @@ fn thread(Rgb([r, g, b]): Rgb<u8>) -> bool {
     r > 150 && g > 145 && b > 120 && r >= b && r.abs_diff(g) < 14 && r - b < 60 && !title(Rgb([r, g, b]))
 }
 
-const SCENES: [Scene; 6] = [
+static SCENES: [Scene; 7] = [
     Scene {
         name: "probing",
         args: &[],
@@ -98,6 +98,18 @@ const SCENES: [Scene; 6] = [
         ],
     },
     Scene {
+        name: "tray",
+        args: &[],
+        at_s: "0.5,2.4",
+        gizmos: "1",
+        has: &[
+            ("body", body, 8_000),
+            ("tool", first_tool, 100),
+            ("lump", second_tool, 150),
+            ("title", title, 150),
+        ],
+    },
+    Scene {
         name: "custom_device",
         args: &[],
         at_s: "0.5,0.75",
@@ -113,11 +125,19 @@ const SCENES: [Scene; 6] = [
     },
 ];
 
+/// Those of this test, to build nothing twice.
+const FEATURES: &str = if cfg!(feature = "avian") { "panel,gizmos,avian" } else { "panel,gizmos" };
+
+/// The scenes that [`FEATURES`] build.
+fn scenes() -> impl Iterator<Item = &'static Scene> {
+    SCENES.iter().filter(|scene| cfg!(feature = "avian") || scene.name != "tray")
+}
+
 /// Draws `scene`; `None` without a graphics driver.
 fn draw(scene: &Scene, folder: &Path) -> Option<Vec<RgbImage>> {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
     let mut run = Command::new(cargo);
-    run.args(["run", "--quiet", "--locked", "-p", "palpate_examples", "--features", "panel,gizmos"]);
+    run.args(["run", "--quiet", "--locked", "-p", "palpate_examples", "--features", FEATURES]);
     if !cfg!(debug_assertions) {
         run.arg("--release");
     }
@@ -174,7 +194,7 @@ fn folder() -> PathBuf {
 fn pictures_of_every_scene_have_their_content() {
     let folder = folder();
     let mut all = Vec::new();
-    for scene in &SCENES {
+    for scene in scenes() {
         let Some(pictures) = draw(scene, &folder) else {
             #[expect(clippy::print_stderr, reason = "the reason of a skipped test")]
             {
@@ -190,7 +210,7 @@ fn pictures_of_every_scene_have_their_content() {
 #[test]
 fn blank_and_unchanged_pictures_are_errors() {
     let blank = RgbImage::from_pixel(640, 360, Rgb([20, 24, 30]));
-    for scene in &SCENES {
+    for scene in scenes() {
         let found = errors(scene, &[blank.clone(), blank.clone()]);
         assert_eq!(found.len(), scene.has.len() + 1, "{found:?}");
     }

@@ -71,6 +71,7 @@ const ALLOWED: [(&str, &[&str]); 9] = [
             "palpate_hid",
             "bevy",
             "glam",
+            "avian3d",
             "bevy_egui",
             "egui_plot",
             "winit",
@@ -119,8 +120,8 @@ fn the_default_build_has_no_renderer() {
         "the tree is not that of the workspace"
     );
     // The reader of glTF files depends on `bevy_window`, the description of a window. Nothing may open one.
-    for renderer in ["wgpu", "winit", "bevy_render", "bevy_pbr", "bevy_winit", "egui"] {
-        assert!(!names.contains(renderer), "the default build has {renderer}");
+    for other in ["wgpu", "winit", "bevy_render", "bevy_pbr", "bevy_winit", "egui", "avian3d"] {
+        assert!(!names.contains(other), "the default build has {other}");
     }
 }
 

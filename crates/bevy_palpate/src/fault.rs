@@ -212,6 +212,15 @@ pub enum HapticFaultKind {
     /// An obstacle was rejected. Bodies pass through it until its components change.
     #[error("the obstacle is rejected; change Obstacle, its mesh or its Transform")]
     Obstacle(#[source] BodyError),
+    /// The shape of a collider of avian3d is no obstacle. Soft bodies pass through it.
+    #[error(
+        "a collider is a {shape}, which is no obstacle; use a solid shape or a triangle mesh, add an Obstacle to its entity, or exclude it by \
+         NotAnObstacle"
+    )]
+    UnsupportedCollider {
+        /// Kind of the shape.
+        shape: &'static str,
+    },
     /// A load of an [`ExternalForce`](crate::ExternalForce) is not finite. The previous loads act.
     #[error("a load is not finite; change ExternalForce")]
     ExternalForce(#[source] BodyError),
@@ -417,6 +426,7 @@ impl HapticFaultKind {
             | Self::NonFiniteTransform
             | Self::Gravity(_)
             | Self::Obstacle(_)
+            | Self::UnsupportedCollider { .. }
             | Self::ExternalForce(_)
             | Self::StepBody(_)
             | Self::Device(_)

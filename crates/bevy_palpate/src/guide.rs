@@ -7,14 +7,15 @@
 //! 5. [Meshes](meshes): bodies of your own meshes, and what is rejected.
 //! 6. [Grasps and sutures](grasping): tools that hold, threads that pull.
 //! 7. [Gravity, tables and loads](surroundings): what acts on a body beside tools.
-//! 8. [Tuning](tuning): model rate, nodes, coupling, friction, tissue; what costs what.
-//! 9. [Safety: before you touch](safety): the safety chain, the first minutes with a motor.
-//! 10. [Diagnostics and faults](diagnostics): results, severities, causes of a missing force, the black box.
-//! 11. [Headless tests](headless_tests): a scene that gives the same bits in every run.
-//! 12. [Writing a driver](drivers): a complete device.
-//! 13. [Accuracy](accuracy): how close the force is to that of the full body, and to theory; limits.
-//! 14. [Tools](tools): the command `palpate-lab`.
-//! 15. [Glossary](glossary): the terms, their items and their sources.
+//! 8. `avian`, with the feature of that name: rigid bodies of avian3d.
+//! 9. [Tuning](tuning): model rate, nodes, coupling, friction, tissue; what costs what.
+//! 10. [Safety: before you touch](safety): the safety chain, the first minutes with a motor.
+//! 11. [Diagnostics and faults](diagnostics): results, severities, causes of a missing force, the black box.
+//! 12. [Headless tests](headless_tests): a scene that gives the same bits in every run.
+//! 13. [Writing a driver](drivers): a complete device.
+//! 14. [Accuracy](accuracy): how close the force is to that of the full body, and to theory; limits.
+//! 15. [Tools](tools): the command `palpate-lab`.
+//! 16. [Glossary](glossary): the terms, their items and their sources.
 //!
 //! Programs of a guide page import `bevy::prelude::*` and [`bevy_palpate::prelude::*`](crate::prelude). Items that are not in the prelude
 //! are imported by name, from `bevy_palpate` or from the crates that it re-exports, such as [`palpate_haptics`].
@@ -39,6 +40,10 @@ pub mod grasping {}
 
 #[doc = include_str!("guide/surroundings.md")]
 pub mod surroundings {}
+
+#[cfg(feature = "avian")]
+#[doc = include_str!("guide/avian.md")]
+pub mod avian {}
 
 #[doc = include_str!("guide/tuning.md")]
 pub mod tuning {}

@@ -44,7 +44,8 @@
 //!   [`BodyRegion`]s, [`Inclusions`] of [`Inclusion`]s, [`Slit`], [`KinematicBody`] and [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the
 //!   full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`]; places on and in bodies [`BodyQuery`], [`BodySurfacePoint`].
 //! * Surroundings: [`Gravity`] and [`GravityScale`]; [`Obstacle`] of an [`ObstacleShape`], with the result [`ObstacleForce`];
-//!   [`ExternalForce`] of [`Load`]s.
+//!   [`ExternalForce`] of [`Load`]s;
+//!   with the feature `avian` the rigid bodies of avian3d: `AvianPlugin`, `NotAnObstacle`.
 //! * Sutures: [`Suture`]; result [`SutureForce`]; message [`SutureTorn`].
 //! * Tools: [`HapticTool`] with [`ToolSettings`], [`SafetyOverrides`], [`ToolCoupling`] and [`TouchLayers`]; [`ToolGrasp`] for tools that hold; results
 //!   [`ToolForce`] with [`ToolContactPoint`], [`TouchedBody`] with [`ContactState`], [`GraspedPoint`], [`ForceError`], [`LocalModelStats`],
@@ -69,6 +70,7 @@
 //! | --- | --- |
 //! | `hid` | devices over HID: SpaceMouse, force-feedback joysticks, 3-DOF boards (`palpate_hid`) |
 //! | `gltf` | bodies from glTF and GLB files, with PNG and JPEG textures or without |
+//! | `avian` | the colliders of [avian3d](https://docs.rs/avian3d/0.7) 0.7 are obstacles, and its dynamic bodies receive the reaction |
 //! | `window` | a renderer and a window (Bevy's `bevy_pbr` and `bevy_winit`), the mouse as a device, and `gltf` |
 //! | `panel` | a panel of plots and sliders for every tool (`bevy_egui`, `egui_plot`), and `window` |
 //! | `gizmos` | lattice, contact, near field and basis drawn over the scene, and `window` |
@@ -84,6 +86,8 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
+#[cfg(feature = "avian")]
+mod avian;
 mod body;
 mod body_query;
 mod cost;
@@ -117,6 +121,8 @@ pub use palpate_hid;
 pub use palpate_local;
 pub use palpate_reduce;
 
+#[cfg(feature = "avian")]
+pub use avian::{AvianPlugin, NotAnObstacle};
 pub use body::{
     BodyPlugin, BodyReady, BodyRegion, BodyState, BoxFace, ContactCompliance, DeformableBody, FixedRegion,
     Inclusion, Inclusions, KinematicBody, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,

@@ -107,6 +107,12 @@ pub(crate) struct ModelClock {
 }
 
 impl ModelClock {
+    /// Time of the fixed main loop after the end of the present model step.
+    #[cfg_attr(not(feature = "avian"), expect(dead_code, reason = "used with the feature `avian`"))]
+    pub(crate) fn ahead(&self) -> Duration {
+        self.time
+    }
+
     /// Notes that a frame begins.
     pub(crate) fn start_frame(&mut self) {
         self.has_stepped = false;

@@ -18,6 +18,7 @@ use bevy::prelude::*;
 /// | [`BodyPlugin`] | deformable bodies and their meshes |
 /// | [`ToolPlugin`] | devices, loops, model steps, local models, results |
 /// | [`SurroundingsPlugin`] | gravity, obstacles and external forces |
+/// | `AvianPlugin`, with the feature `avian` | the colliders of avian3d as obstacles |
 /// | [`SuturePlugin`] | threads through bodies |
 /// | [`HapticDiagnosticsPlugin`] | durations and errors in Bevy's diagnostics |
 /// | [`FaultLogPlugin`] | faults in the log |
@@ -39,14 +40,17 @@ pub struct PalpatePlugins;
 
 impl PluginGroup for PalpatePlugins {
     fn build(self) -> PluginGroupBuilder {
-        PluginGroupBuilder::start::<Self>()
+        let plugins = PluginGroupBuilder::start::<Self>()
             .add(HapticSchedulePlugin::default())
             .add(BodyPlugin)
             .add(ToolPlugin)
             .add(SurroundingsPlugin)
             .add(SuturePlugin)
             .add(HapticDiagnosticsPlugin)
-            .add(FaultLogPlugin)
+            .add(FaultLogPlugin);
+        #[cfg(feature = "avian")]
+        let plugins = plugins.add(crate::avian::AvianPlugin);
+        plugins
     }
 }
 

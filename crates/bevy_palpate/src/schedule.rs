@@ -46,6 +46,10 @@ pub enum HapticUpdateSystems {
     Tools,
 }
 
+/// Within the schedule of the app that runs the model steps.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct RunModelSteps;
+
 /// Adds the schedule [`ModelSchedule`] and the resources [`ModelRate`], [`LoopMode`] and [`ModelStepCount`].
 ///
 /// ```
@@ -111,6 +115,9 @@ impl Plugin for HapticSchedulePlugin {
                     .chain(),
             );
         });
+        // A model step moves avian's bodies with the tick that has just ended.
+        #[cfg(feature = "avian")]
+        app.configure_sets(self.schedule, RunModelSteps.after(avian3d::prelude::PhysicsSystems::Last));
         let cost = FrameCost::of(app);
         app.insert_resource(self.rate)
             .insert_resource(self.mode)
@@ -123,7 +130,7 @@ impl Plugin for HapticSchedulePlugin {
             .register_type::<LoopMode>()
             .register_type::<ModelStepCount>()
             .add_systems(RunFixedMainLoop, start_frame.in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop))
-            .add_systems(self.schedule, cost.timed(run_model_steps))
+            .add_systems(self.schedule, cost.timed(run_model_steps).in_set(RunModelSteps))
             .configure_sets(PreUpdate, (HapticUpdateSystems::Bodies, HapticUpdateSystems::Tools).chain())
             .add_systems(
                 PreUpdate,

@@ -40,14 +40,19 @@ impl RigidPoint {
         }
     }
 
-    /// Velocity of the point per impulse at the point `other`, 1/kg: 1/m − R I⁻¹ S with the matrices R and S
-    /// of the cross products with the arms. Zero for another body.
+    /// Velocity of the point per impulse at the point `other`, 1/kg: A + B S − R Bᵀ − R C S with the linear (A), coupling (B)
+    /// and angular (C) response and the matrices R and S of the cross products with the arms. Zero for another body.
     fn per_kg(&self, other: &Self, obstacles: &[ObstacleStep]) -> DMat3 {
         let Some(rigid) = self.of(obstacles).filter(|_| self.obstacle == other.obstacle) else {
             return DMat3::ZERO;
         };
-        let turning = cross_matrix(self.arm_m) * rigid.inverse * cross_matrix(other.arm_m);
-        DMat3::from_diagonal(DVec3::splat(rigid.per_kg)) - turning
+        let (arm, other_arm, response) =
+            (cross_matrix(self.arm_m), cross_matrix(other.arm_m), &rigid.response);
+        let turning = arm * response.angular * other_arm;
+        if response.coupling == DMat3::ZERO {
+            return response.linear - turning;
+        }
+        response.linear + response.coupling * other_arm - arm * response.coupling.transpose() - turning
     }
 }
 

@@ -41,7 +41,8 @@
 //! * State and time: [`Body`], [`BodyState`], [`Integrator`], [`StepReport`]; [`Energy`], [`EnergyBalance`].
 //! * Tools: [`ToolContact`] and [`ToolPoint`]; [`TouchedPoint`], a row of a contact patch on the [`ContactSurface`];
 //!   the [`Grid`] of cells below it; [`SurfaceTree`], the nearest point of the surface.
-//! * Constraints: [`Obstacle`] with [`ObstacleContact`], [`ObstacleReaction`], [`RigidMass`] and [`RigidMotion`]; [`Tie`] between [`BodyPoint`]s.
+//! * Constraints: [`Obstacle`] with [`ObstacleContact`], [`ObstacleReaction`], [`RigidMass`] and [`RigidMotion`],
+//!   or [`CoupledMotion`] and [`RigidResponse`]; [`Tie`] between [`BodyPoint`]s.
 //! * Linearisation: [`TangentPattern`], [`Tangent`].
 //!
 //! # Units, frames, signs
@@ -145,7 +146,9 @@ pub use lattice::{Lattice, Neighbours};
 pub use link::Link;
 pub use mesh_parts::{JoinedMesh, MeshPart};
 pub use network::{Grid, Network, NetworkBuilder};
-pub use obstacle::{Obstacle, ObstacleContact, ObstacleReaction, RigidMass, RigidMotion};
+pub use obstacle::{
+    CoupledMotion, Obstacle, ObstacleContact, ObstacleReaction, RigidMass, RigidMotion, RigidResponse,
+};
 pub use optimization::is_optimized;
 pub use palpate_laws::{ToolShape, VirtualCoupling, VolumeBarrier};
 pub use region::Region;

@@ -1,6 +1,7 @@
 //! Rigid obstacles: their shapes, poses and masses.
 
 mod contact;
+mod coupled;
 mod hull;
 mod pose;
 mod rigid_body;
@@ -8,6 +9,8 @@ mod shape;
 mod triangle_mesh;
 
 pub use contact::{ObstacleContact, ObstacleReaction};
+pub(crate) use coupled::Coupled;
+pub use coupled::{CoupledMotion, RigidResponse};
 pub(crate) use pose::Pose;
 pub use rigid_body::{RigidMass, RigidMotion};
 
@@ -15,14 +18,15 @@ use crate::BodyError;
 use crate::error::{check, check_positive};
 use glam::{DQuat, DVec3};
 use palpate_laws::Coulomb;
-use shape::Shape;
+use shape::{Part, Shape};
 use std::sync::Arc;
 use triangle_mesh::TriangleMesh;
 
 /// A rigid obstacle. Points of a body cannot enter it, and slide on it with friction.
 ///
 /// A shape is given in the frame of the obstacle, and [`Obstacle::with_pose`] places it. An obstacle stands still, is
-/// moved by [`crate::Body::move_obstacle`], or moves as a rigid body if it has a mass ([`Obstacle::with_mass`]).
+/// moved by [`crate::Body::move_obstacle`], moves as a rigid body if it has a mass ([`Obstacle::with_mass`]), or follows the
+/// motion of a rigid body of another solver ([`crate::Body::couple_obstacle`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Obstacle {
     shape: Shape,
@@ -31,6 +35,8 @@ pub struct Obstacle {
     /// Pose at the end of the next advance, if it moves.
     pub(crate) target: Option<Pose>,
     pub(crate) rigid: Option<(RigidMass, RigidMotion)>,
+    /// Motion and response in the next advance, if another solver moves it.
+    pub(crate) coupled: Option<Coupled>,
 }
 
 impl Obstacle {
@@ -127,7 +133,8 @@ impl Obstacle {
     }
 
     fn new(shape: Shape, friction: f64) -> Result<Self, BodyError> {
-        Self { shape, friction, pose: Pose::at(DVec3::ZERO), target: None, rigid: None }.checked()
+        Self { shape, friction, pose: Pose::at(DVec3::ZERO), target: None, rigid: None, coupled: None }
+            .checked()
     }
 
     fn checked(self) -> Result<Self, BodyError> {
@@ -141,7 +148,7 @@ impl Obstacle {
     /// # Errors
     /// [`BodyError::Parameter`] if the position is not finite or the rotation is not a unit quaternion within 0.001.
     pub fn with_pose(self, position_m: DVec3, rotation: DQuat) -> Result<Self, BodyError> {
-        Ok(Self { pose: Pose::new(position_m, rotation)?, target: None, ..self })
+        Ok(Self { pose: Pose::new(position_m, rotation)?, target: None, coupled: None, ..self })
     }
 
     /// Sets the thickness of the shell behind an open triangle mesh, m. A point that jumps deeper than that behind the
@@ -164,6 +171,31 @@ impl Obstacle {
         }
     }
 
+    /// Creates the union of `parts`, each in its pose in the frame of the union and with its own friction. Masses and motions
+    /// of the parts have no effect. The effort grows with their number.
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] if there is no part.
+    pub fn compound(parts: &[Self]) -> Result<Self, BodyError> {
+        let friction = parts.first().map(|part| part.friction).ok_or(BodyError::Parameter {
+            what: "parts of an obstacle",
+            value: 0.0,
+            allowed: "at least 1",
+        })?;
+        let of = |part: &Self| Part { shape: part.shape.clone(), pose: part.pose, friction: part.friction };
+        Self::new(Shape::Compound(parts.iter().map(of).collect()), friction)
+    }
+
+    /// Returns the obstacle with all points within `margin_m` (m) of it: with rounded edges and corners.
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] if the margin is negative or not finite.
+    pub fn with_margin(self, margin_m: f64) -> Result<Self, BodyError> {
+        let is_margin = margin_m.is_finite() && margin_m >= 0.0;
+        check("margin of an obstacle, m", margin_m, is_margin, "finite and at least 0")?;
+        Ok(Self { shape: Shape::Rounded { shape: Arc::new(self.shape), margin_m }, ..self })
+    }
+
     /// Gives the obstacle a mass: it moves freely with `motion` and under the contacts of the body. It does not
     /// collide with other obstacles.
     ///
@@ -172,6 +204,12 @@ impl Obstacle {
     pub fn with_mass(self, mass: RigidMass, motion: RigidMotion) -> Result<Self, BodyError> {
         motion.validate()?;
         Ok(Self { rigid: Some((mass, motion)), ..self })
+    }
+
+    /// Rejects an obstacle with a mass, which cannot be moved.
+    pub(crate) fn check_massless(&self) -> Result<(), BodyError> {
+        let mass_kg = self.rigid_mass().map_or(0.0, RigidMass::mass_kg);
+        check("mass of a moved obstacle, kg", mass_kg, self.rigid.is_none(), "none").map(drop)
     }
 
     /// Coefficient of friction μ.
@@ -240,19 +278,25 @@ impl Obstacle {
 
     /// Distance of the farthest point from the centre of mass, m; 1 m for a half-space.
     pub(crate) fn reach_m(&self) -> f64 {
-        self.shape.reach_m(self.rigid_mass().map_or(DVec3::ZERO, RigidMass::center_m))
+        let of_coupled = self.coupled.as_ref().map(|coupled| coupled.motion.center_m);
+        self.shape.reach_m(of_coupled.or(self.rigid_mass().map(RigidMass::center_m)).unwrap_or_default())
     }
 
-    /// Upper bound of the speed of its points, m/s; 0 without a mass.
+    /// Upper bound of the speed of its points, m/s; 0 if it neither has a mass nor is coupled.
     pub(crate) fn speed_m_per_s(&self) -> f64 {
+        if let Some(coupled) = &self.coupled {
+            let to = self.target.as_ref().unwrap_or(&self.pose);
+            return coupled.speed_m_per_s(&self.pose, to, self.reach_m());
+        }
         self.rigid_motion().map_or(0.0, |motion| {
             motion.velocity_m_per_s.length() + motion.angular_velocity_rad_per_s.length() * self.reach_m()
         })
     }
 
-    /// The contact law at a normal.
-    pub(crate) fn law(&self, normal: DVec3) -> Option<Coulomb> {
-        Coulomb::new(normal, self.friction).ok()
+    /// The contact law at `at_m` with a normal, in a pose.
+    pub(crate) fn law(&self, pose: &Pose, at_m: DVec3, normal: DVec3) -> Option<Coulomb> {
+        let of_part = self.shape.friction(pose.local_m(at_m));
+        Coulomb::new(normal, of_part.unwrap_or(self.friction)).ok()
     }
 }
 

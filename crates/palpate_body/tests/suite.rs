@@ -1,6 +1,7 @@
 //! Tests of the full body.
 
 mod closest;
+mod coupled_obstacles;
 mod coupling;
 mod elasticity;
 mod facing;

@@ -1,5 +1,6 @@
 //! Applies gravity, loads and obstacles to the bodies before a step, and writes the forces on the obstacles after it.
 
+use super::coupled::CoupledObstacle;
 use super::external_force::ExternalForce;
 use super::gravity::{Gravity, GravityScale};
 use super::obstacle::ObstacleForce;
@@ -86,43 +87,59 @@ fn node_loads(
     Ok((per_node, empty))
 }
 
+/// An obstacle at its place in the present step.
+struct Placed<'a> {
+    entity: Entity,
+    version: u64,
+    obstacle: &'a palpate_body::Obstacle,
+    layers: Option<&'a TouchLayers>,
+    /// Position, m, and rotation: now, or at the beginning of the step if it is coupled.
+    pose: (DVec3, DQuat),
+    coupled: Option<&'a CoupledObstacle>,
+}
+
 /// Gives every body the obstacles that share a layer with it, and moves them to their present places during the step.
 pub(super) fn place_obstacles(
     mut bodies: Query<(Entity, &mut SimulatedBody, Option<&TouchLayers>)>,
     obstacles: Query<(Entity, &PreparedObstacle, Option<&TouchLayers>)>,
+    coupled: Query<(Entity, &CoupledObstacle, Option<&TouchLayers>)>,
     transforms: TransformHelper,
 ) {
-    let mut placed: Vec<(Entity, &PreparedObstacle, Option<&TouchLayers>, DVec3, DQuat)> = obstacles
-        .iter()
-        .filter_map(|(entity, prepared, layers)| {
-            let (_, position_m, rotation) = pose(&transforms.compute_global_transform(entity).ok()?);
-            let is_finite = position_m.is_finite() && rotation.is_finite();
-            is_finite.then_some((entity, prepared, layers, position_m, rotation))
-        })
-        .collect();
-    placed.sort_unstable_by_key(|(entity, ..)| *entity);
+    let standing = obstacles.iter().filter_map(|(entity, prepared, layers)| {
+        let (_, position_m, rotation) = pose(&transforms.compute_global_transform(entity).ok()?);
+        let PreparedObstacle { obstacle, version, .. } = prepared;
+        let pose = (position_m, rotation);
+        Some(Placed { entity, version: *version, obstacle, layers, pose, coupled: None })
+    });
+    let moving = coupled.iter().map(|(entity, of, layers)| {
+        let (obstacle, version, pose) = (&of.obstacle, of.version, of.start);
+        Placed { entity, version, obstacle, layers, pose, coupled: Some(of) }
+    });
+    let is_finite = |of: &Placed| of.pose.0.is_finite() && of.pose.1.is_finite();
+    let mut placed: Vec<Placed> = standing.chain(moving).filter(is_finite).collect();
+    placed.sort_unstable_by_key(|of| of.entity);
     for (body, mut simulated, layers) in &mut bodies {
         let wanted = || {
-            placed
-                .iter()
-                .filter(move |(entity, _, of, ..)| *entity != body && TouchLayers::are_shared(*of, layers))
+            placed.iter().filter(move |of| of.entity != body && TouchLayers::are_shared(of.layers, layers))
         };
-        let is_same = wanted()
-            .map(|(entity, prepared, ..)| (*entity, prepared.version))
-            .eq(simulated.obstacles.iter().copied());
+        let keys = || wanted().map(|of| (of.entity, of.version));
+        let is_same = keys().eq(simulated.obstacles.iter().copied());
         if !is_same {
-            let shapes = wanted().filter_map(|(_, prepared, _, position_m, rotation)| {
-                prepared.obstacle.clone().with_pose(*position_m, *rotation).ok()
-            });
-            let shapes = shapes.collect();
-            simulated.obstacles =
-                wanted().map(|(entity, prepared, ..)| (*entity, prepared.version)).collect();
+            let shapes =
+                wanted().filter_map(|of| of.obstacle.clone().with_pose(of.pose.0, of.pose.1).ok()).collect();
+            simulated.obstacles = keys().collect();
             simulated.body.set_obstacles(shapes);
-            continue;
         }
-        for (index, (.., position_m, rotation)) in wanted().enumerate() {
+        for (index, of) in wanted().enumerate() {
             // Cannot fail: the obstacle exists, has no mass, and its pose is finite.
-            let _ = simulated.body.move_obstacle(index, *position_m, *rotation);
+            if let Some(coupled) = of.coupled {
+                if coupled.has_jumped {
+                    let _ = simulated.body.place_obstacle(index, of.pose.0, of.pose.1);
+                }
+                let _ = simulated.body.couple_obstacle(index, coupled.motion_for(body));
+            } else if is_same {
+                let _ = simulated.body.move_obstacle(index, of.pose.0, of.pose.1);
+            }
         }
     }
 }

@@ -15,8 +15,8 @@ pub(crate) struct PreparedObstacle {
     pub(crate) obstacle: palpate_body::Obstacle,
     /// Greater than the versions of all obstacles before.
     pub(crate) version: u64,
-    /// Scale of the entity.
-    scale: Vec3,
+    /// Scale of the entity for which it was prepared.
+    pub(crate) scale: Vec3,
 }
 
 /// Marks an obstacle whose present components were rejected and reported.

@@ -51,11 +51,12 @@ impl Body {
             if of.gap_m + h * velocity.dot(of.normal) >= 0.0 {
                 continue;
             }
-            let Some(law) = self.obstacles[of.obstacle].law(of.normal) else { continue };
+            let motion = &step.obstacles[of.obstacle];
+            let law = self.obstacles[of.obstacle].law(&motion.to, of.at_m, of.normal);
+            let Some(law) = law else { continue };
             of.is_active = true;
             // The part that existed before the step is closed slowly; the obstacle's own motion is followed.
             let overdue_m = of.before_m.max(-h * MAX_CORRECTION_SPEED_M_PER_S);
-            let motion = &step.obstacles[of.obstacle];
             let moved = motion.from.displacement_m(&motion.to, of.at_m);
             let slid = moved - of.given_m;
             let across = slid - slid.dot(of.normal) * of.normal;

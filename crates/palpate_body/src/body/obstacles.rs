@@ -2,9 +2,9 @@
 
 use super::Body;
 use crate::error::check;
-use crate::obstacle::Pose;
+use crate::obstacle::{Coupled, Pose};
 use crate::obstacle_step::ObstacleStep;
-use crate::{BodyError, BodyPoint, Obstacle, ObstacleContact, ObstacleReaction, RigidMotion};
+use crate::{BodyError, BodyPoint, CoupledMotion, Obstacle, ObstacleContact, ObstacleReaction, RigidMotion};
 use glam::{DQuat, DVec3};
 
 impl Body {
@@ -45,15 +45,9 @@ impl Body {
     ) -> Result<(), BodyError> {
         let target = Pose::new(position_m, rotation)?;
         let obstacle = self.obstacle_mut(index)?;
-        if let Some(mass) = obstacle.rigid_mass() {
-            let value = mass.mass_kg();
-            return Err(BodyError::Parameter {
-                what: "mass of a moved obstacle, kg",
-                value,
-                allowed: "none",
-            });
-        }
+        obstacle.check_massless()?;
         let before = obstacle.target;
+        obstacle.coupled = None;
         obstacle.target = (target != obstacle.pose).then_some(target);
         if obstacle.target != before {
             self.quiet_s = 0.0;
@@ -75,10 +69,27 @@ impl Body {
     ) -> Result<(), BodyError> {
         let pose = Pose::new(position_m, rotation)?;
         let obstacle = self.obstacle_mut(index)?;
+        obstacle.coupled = None;
         if (obstacle.pose, obstacle.target) != (pose, None) {
             (obstacle.pose, obstacle.target) = (pose, None);
             self.quiet_s = 0.0;
         }
+        Ok(())
+    }
+
+    /// Moves the obstacle at `index` during the next advance as another solver has moved a rigid body, and lets it respond to
+    /// the impulses of this body. The reaction ([`Body::obstacle_reactions`]) has the impulse and the deviation from the given
+    /// motion, by which the other solver corrects its own. A jump is treated as in [`Body::move_obstacle`].
+    ///
+    /// # Errors
+    /// [`BodyError::Parameter`] if there is no such obstacle, it has a mass, a value is not finite or the rotation is not a
+    /// unit quaternion within 0.001. The obstacle is then unchanged.
+    pub fn couple_obstacle(&mut self, index: usize, motion: CoupledMotion) -> Result<(), BodyError> {
+        motion.validate()?;
+        let (target, coupled) = (Pose::new(motion.position_m, motion.rotation)?, Coupled::new(motion));
+        let obstacle = self.obstacle_mut(index)?;
+        obstacle.check_massless()?;
+        (obstacle.target, obstacle.coupled) = (Some(target), Some(coupled));
         Ok(())
     }
 
@@ -130,6 +141,12 @@ impl Body {
         &self.reactions
     }
 
+    /// Sets the duration of the next advance for coupled obstacles, s.
+    pub(super) fn set_coupling_duration(&mut self, duration_s: f64) {
+        let coupled = self.obstacles.iter_mut().filter_map(|obstacle| obstacle.coupled.as_mut());
+        coupled.for_each(|coupled| coupled.duration_s = duration_s);
+    }
+
     /// Prepares the obstacles for an advance of `duration_s`.
     pub(super) fn begin_obstacles(&mut self, duration_s: f64) {
         self.candidates.forget();
@@ -142,6 +159,10 @@ impl Body {
             let moved_m = obstacle.pose.max_displacement_m(&target, middle, radius_m);
             if moved_m > Self::MAX_CARRIED_M_PER_S * duration_s {
                 obstacle.pose = target;
+                if let Some(coupled) = &mut obstacle.coupled {
+                    coupled.motion.velocity_change_m_per_s = DVec3::ZERO;
+                    coupled.motion.angular_velocity_change_rad_per_s = DVec3::ZERO;
+                }
             }
         }
     }
@@ -154,27 +175,39 @@ impl Body {
         h: f64,
     ) {
         for (index, (obstacle, of)) in self.obstacles.iter_mut().zip(step).enumerate() {
-            let (Some((_, motion)), Some(rigid)) = (&mut obstacle.rigid, &of.rigid) else { continue };
+            let Some(rigid) = &of.rigid else { continue };
             let closing = closing.and_then(|closing| closing[index]).unwrap_or(rigid.velocity);
-            (obstacle.pose, *motion) = rigid.end(obstacle.pose.rotation, closing, h);
+            if let Some(coupled) = &mut obstacle.coupled {
+                rigid.end_coupled(coupled, closing, h);
+            }
+            if let (Some((_, motion)), Some(end)) =
+                (&mut obstacle.rigid, rigid.end(obstacle.pose.rotation, closing, h))
+            {
+                (obstacle.pose, *motion) = end;
+            }
         }
         self.candidates.end_step();
     }
 
     /// Ends the motions of the advance.
     pub(super) fn end_obstacles(&mut self) {
-        for obstacle in &mut self.obstacles {
-            if let Some(target) = obstacle.target.take() {
-                obstacle.pose = target;
-            }
+        for (obstacle, reaction) in self.obstacles.iter_mut().zip(&mut self.reactions) {
+            let Some(target) = obstacle.target.take() else { continue };
+            let end = obstacle.coupled.take().map(|coupled| {
+                reaction.displacement_m = coupled.displacement_m;
+                reaction.turn_rad = coupled.turn.to_scaled_axis();
+                coupled.pose(&target, &target, 1.0).0
+            });
+            obstacle.pose = end.unwrap_or(target);
         }
     }
 
     /// Whether an obstacle moves: it is moved, or it is a rigid body faster than `below_m_per_s`.
     pub(super) fn has_moving_obstacle(&self, below_m_per_s: f64) -> bool {
-        self.obstacles
-            .iter()
-            .any(|obstacle| obstacle.target.is_some() || obstacle.speed_m_per_s() > below_m_per_s)
+        self.obstacles.iter().any(|obstacle| {
+            let is_moved = obstacle.target.is_some() && obstacle.coupled.is_none();
+            is_moved || obstacle.speed_m_per_s() > below_m_per_s
+        })
     }
 }
 
@@ -184,6 +217,13 @@ pub(super) fn check_finite(obstacles: &[Obstacle]) -> Result<(), BodyError> {
     for obstacle in obstacles {
         let at = obstacle.position_m();
         check(what, at.abs().max_element(), at.is_finite() && obstacle.rotation().is_finite(), "finite")?;
+        if let Some(of) = &obstacle.coupled {
+            let is_finite = of.displacement_m.is_finite()
+                && of.velocity_m_per_s.is_finite()
+                && of.angular_velocity_rad_per_s.is_finite()
+                && of.turn.is_finite();
+            check(what, of.displacement_m.abs().max_element(), is_finite, "finite")?;
+        }
         let Some(motion) = obstacle.rigid_motion() else { continue };
         motion.validate()?;
     }

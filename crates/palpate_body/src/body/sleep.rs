@@ -43,6 +43,7 @@ impl Body {
             let reaction = &mut self.reactions[contact.obstacle];
             reaction.impulse_ns += impulse_ns;
             reaction.angular_impulse_nms += arm_m.cross(impulse_ns);
+            reaction.moment_nms += at_m.cross(impulse_ns);
         }
         for (obstacle, reaction) in self.obstacles.iter_mut().zip(&mut self.reactions) {
             let Some((mass, motion)) = &mut obstacle.rigid else { continue };

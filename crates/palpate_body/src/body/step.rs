@@ -102,6 +102,7 @@ impl Body {
         if ticks > 0 && touched && !tools.iter().any(|tool| tool.contact.acts()) {
             (self.quiet_s, self.is_touched) = (0.0, false);
         }
+        self.set_coupling_duration(integrator.tick_s() * ticks as f64);
         if ticks > 0 && self.may_sleep(tools) {
             integrator.steps(None)?;
             let report = self.sleep(tools, ticks, integrator.tick_s() * ticks as f64);

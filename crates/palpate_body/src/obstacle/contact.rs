@@ -34,10 +34,17 @@ pub struct ObstacleReaction {
     /// Angular impulse on the obstacle about its position, N m s. Each step counts about the position at its
     /// beginning.
     pub angular_impulse_nms: DVec3,
-    /// Change of the velocity of the obstacle's centre of mass by the contacts, m/s; zero without a mass.
+    /// Angular impulse on the obstacle about the origin, N m s: the body's angular momentum about it changes by the
+    /// opposite.
+    pub moment_nms: DVec3,
+    /// Change of the velocity of the obstacle's centre of mass by the contacts, m/s; zero if it neither has a mass nor is coupled.
     pub velocity_change_m_per_s: DVec3,
-    /// Change of the obstacle's angular velocity by the contacts, rad/s; zero without a mass.
+    /// Change of the obstacle's angular velocity by the contacts, rad/s; zero if it neither has a mass nor is coupled.
     pub angular_velocity_change_rad_per_s: DVec3,
+    /// Displacement of the centre of mass of a coupled obstacle from the end of its given path, m.
+    pub displacement_m: DVec3,
+    /// Rotation vector of a coupled obstacle from the end of its given path, rad.
+    pub turn_rad: DVec3,
     /// Length of the advance, s.
     pub duration_s: f64,
 }

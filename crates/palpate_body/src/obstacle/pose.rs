@@ -72,7 +72,7 @@ impl Pose {
     }
 
     /// Angle between the rotations, rad.
-    fn angle_to(&self, to: &Self) -> f64 {
+    pub(crate) fn angle_to(&self, to: &Self) -> f64 {
         if self.rotation == to.rotation {
             return 0.0;
         }

@@ -1,5 +1,6 @@
 //! Shapes of obstacles in their own frame: distance and normal at a point.
 
+use super::pose::Pose;
 use super::triangle_mesh::TriangleMesh;
 use glam::DVec3;
 use std::sync::Arc;
@@ -23,6 +24,21 @@ pub(super) enum Shape {
         radius_m: f64,
     },
     Mesh(Arc<TriangleMesh>),
+    /// The points within a margin of another shape.
+    Rounded {
+        shape: Arc<Shape>,
+        margin_m: f64,
+    },
+    /// The union of parts; at least one.
+    Compound(Arc<[Part]>),
+}
+
+/// A part of a compound.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Part {
+    pub(super) shape: Shape,
+    pub(super) pose: Pose,
+    pub(super) friction: f64,
 }
 
 /// Distance from an edge, relative to the size of the shape, below which a point counts as being on it.
@@ -43,6 +59,11 @@ impl Shape {
                 Some((out.length() - radius_m, out.try_normalize().unwrap_or(DVec3::Z)))
             }
             Self::Mesh(mesh) => mesh.gap_m(x_m, within_m),
+            Self::Rounded { shape, margin_m } => {
+                let (gap_m, normal) = shape.gap_m(x_m, within_m + margin_m)?;
+                Some((gap_m - margin_m, normal))
+            }
+            Self::Compound(parts) => nearest(parts, x_m, within_m).map(|(_, gap)| gap),
         }
     }
 
@@ -54,8 +75,31 @@ impl Shape {
             Self::Cuboid { half_m } => (center_m.abs() + half_m).length(),
             Self::Capsule { half_length_m, radius_m } => center_m.length() + half_length_m + radius_m,
             Self::Mesh(mesh) => mesh.reach_m(center_m),
+            Self::Rounded { shape, margin_m } => shape.reach_m(center_m) + margin_m,
+            Self::Compound(parts) => {
+                let of = |part: &Part| part.shape.reach_m(part.pose.local_m(center_m));
+                parts.iter().map(of).fold(0.0, f64::max)
+            }
         }
     }
+
+    /// Coefficient of friction of the part of a compound that is nearest to `x_m`; `None` for other shapes.
+    pub(super) fn friction(&self, x_m: DVec3) -> Option<f64> {
+        match self {
+            Self::Compound(parts) => Some(nearest(parts, x_m, f64::INFINITY)?.0.friction),
+            _ => None,
+        }
+    }
+}
+
+/// The part with the smallest gap at `x_m`, the first of equal ones, and gap and normal there.
+fn nearest(parts: &[Part], x_m: DVec3, within_m: f64) -> Option<(&Part, (f64, DVec3))> {
+    let gap = |part: &Part| {
+        let (gap_m, normal) = part.shape.gap_m(part.pose.local_m(x_m), within_m)?;
+        Some((gap_m, part.pose.rotation * normal))
+    };
+    let gaps = parts.iter().filter_map(|part| Some((part, gap(part)?)));
+    gaps.reduce(|best, next| if next.1.0 < best.1.0 { next } else { best })
 }
 
 /// Gap and normal of a box. On an edge and in a corner the normal is the mean of the adjacent faces. Inside it is that
