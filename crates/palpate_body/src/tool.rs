@@ -155,7 +155,12 @@ impl ToolContact {
 
     /// Whether the tool acts on the body: it touches or holds it, or is behind its coupling.
     pub(crate) fn acts(&self) -> bool {
-        !self.touched.is_empty() || self.proxy_m.is_some() || !matches!(self.hold, Hold::Nothing { .. })
+        self.touches() || self.proxy_m.is_some()
+    }
+
+    /// Whether the tool touches or holds the body.
+    pub(crate) fn touches(&self) -> bool {
+        !self.touched.is_empty() || !matches!(self.hold, Hold::Nothing { .. })
     }
 
     /// Notes that the tool has been out of reach of the body.
@@ -213,14 +218,39 @@ impl ToolContact {
     /// If the contact belongs to a body with more nodes; see [`ToolContact::validate`].
     #[must_use]
     pub fn displayed_force_n(&self, body: &Body) -> DVec3 {
-        let force_n = match &self.hold {
+        Self::shared_force_n([(self, body)])
+    }
+
+    /// Force on the hand of a tool with several `contacts`, each with its body, N: the sum of their forces, see
+    /// [`ToolContact::displayed_force_n`]. The coupling limits the sum, not its parts: a tool that is clamped between two bodies may bear
+    /// more from each of them.
+    ///
+    /// # Panics
+    /// As [`ToolContact::displayed_force_n`].
+    #[must_use]
+    pub fn shared_force_n<'a>(contacts: impl IntoIterator<Item = (&'a Self, &'a Body)>) -> DVec3 {
+        let mut coupling = None;
+        let forces = contacts.into_iter().map(|(contact, body)| {
+            coupling = coupling.or(contact.coupling);
+            contact.force_of_body_n(body)
+        });
+        let force_n = forces.reduce(|a, b| a + b).unwrap_or_default();
+        coupling.map_or(force_n, |coupling| coupling.limit(force_n))
+    }
+
+    /// Force of `body` on the tool, N, as [`ToolContact::displayed_force_n`] without the limit of the coupling.
+    ///
+    /// # Panics
+    /// As [`ToolContact::displayed_force_n`].
+    #[must_use]
+    pub fn force_of_body_n(&self, body: &Body) -> DVec3 {
+        match &self.hold {
             Hold::Node { node, .. } => body.internal_force_on_n(*node),
             Hold::Point { point, .. } => point.internal_force_n(body),
             Hold::Nothing { friction, .. } => {
                 touched_point::displayed_force_n(&self.touched, *friction, body)
             }
-        };
-        self.coupling.map_or(force_n, |coupling| coupling.limit(force_n))
+        }
     }
 
     /// Adds the forces of the tool on the nodes in the last step to `force_n`, N. The force on a driven node is not
