@@ -5,3 +5,4 @@ mod fidelity;
 mod near_field;
 mod near_touch;
 mod replayed_thread;
+mod two_bodies;

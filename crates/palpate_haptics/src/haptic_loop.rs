@@ -248,8 +248,8 @@ impl HapticLoop {
         let (number, settings) = *self.channels.settings.output_buffer();
         self.settings = settings;
         self.report.settings_number = number;
-        if let Some(body) = settings.body {
-            self.hand_over.retain_body(body);
+        if let Some(bodies) = settings.bodies() {
+            self.hand_over.retain_bodies(&bodies);
         }
         self.emit(LoopEventKind::SettingsAdopted(number));
         Some((number, settings))
@@ -315,13 +315,23 @@ impl HapticLoop {
     /// Submits the local model that arrived.
     fn take_model(&mut self) -> ModelId {
         let model = self.channels.models.output_buffer();
-        let id = model.id;
-        let rejected = if self.settings.body.is_some_and(|body| ![body, ModelId::NO_BODY].contains(&id.body))
-        {
+        let (id, second) = (model.id, model.second.body);
+        let bodies = self.settings.bodies();
+        let is_accepted = |body: u64| bodies.is_none_or(|bodies| bodies.contains(&body));
+        let has_second = second != ModelId::NO_BODY && is_accepted(second);
+        let is_wrong = id.body != ModelId::NO_BODY && !is_accepted(id.body) && !has_second;
+        let rejected = if is_wrong {
             LoopEventKind::WrongBody(id)
         } else {
             match self.hand_over.submit(model) {
-                SubmitResult::Accepted | SubmitResult::Busy => return id,
+                SubmitResult::Accepted => {
+                    // A body may have been removed while the model waited.
+                    if let Some([first, second]) = bodies {
+                        self.hand_over.retain_bodies(&[first, second, ModelId::NO_BODY]);
+                    }
+                    return id;
+                }
+                SubmitResult::Busy => return id,
                 SubmitResult::Rejected(error) => LoopEventKind::ModelRejected(error),
             }
         };

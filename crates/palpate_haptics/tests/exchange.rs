@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const CAPACITY: Capacity = Capacity {
     order: 6,
     near: NearFieldCapacity { nodes: 3, order: 6, ring: 3, springs: 6, points: 3, triangles: 1 },
+    second: NearFieldCapacity::NONE,
 };
 const TICK_S: f64 = 1e-3;
 const TICKS: u64 = if cfg!(miri) { 60 } else { 200_000 };

@@ -33,6 +33,11 @@ pub struct NearFieldCapacity {
     pub triangles: usize,
 }
 
+impl NearFieldCapacity {
+    /// No near field.
+    pub const NONE: Self = Self { nodes: 0, order: 0, ring: 0, springs: 0, points: 0, triangles: 0 };
+}
+
 impl Default for NearFieldCapacity {
     /// Sizes for sixteen nodes of a lattice in which each node has 26 neighbours.
     fn default() -> Self {

@@ -6,7 +6,7 @@ mod error_bound;
 mod ring_projection;
 mod support;
 mod surface;
-mod tick_integrator;
+pub(crate) mod tick_integrator;
 
 pub(crate) use capacity::capacity;
 
@@ -45,6 +45,8 @@ pub(crate) struct BuildInput<'a> {
     /// The other tools on the body; their forces are constant.
     pub(crate) others: &'a [&'a ToolContact],
     pub(crate) options: &'a BuilderOptions,
+    /// Integrator of the ticks, for fields under one tool; `None` for that of the body alone.
+    pub(crate) integrator: Option<TickIntegrator>,
 }
 
 /// Role of a node in a near field, with its index in S or in the ring.
@@ -107,7 +109,7 @@ impl NearFieldBuilder {
         basis: &Basis,
         field: &mut NearField,
     ) -> Result<(), ReduceError> {
-        let &BuildInput { body, is_clamped, contact, options, .. } = input;
+        let &BuildInput { body, is_clamped, contact, options, integrator, .. } = input;
         let (network, v) = (body.network(), body.velocities_m_per_s());
         self.write_support(far_field, input, support, field)?;
         field.order = basis.order();
@@ -131,7 +133,7 @@ impl NearFieldBuilder {
         );
         let far = (&is_near[..], &far_tetrahedra[..]);
         basis.congruence(body, far, is_clamped, &mut field.stiffness, &mut field.damping);
-        field.integrator = tick_integrator::select(body, options);
+        field.integrator = integrator.unwrap_or_else(|| tick_integrator::select(body, options));
         tick_integrator::write_matrices(field)
     }
 
@@ -263,7 +265,9 @@ fn write_surface_only(input: &BuildInput<'_>, field: &mut NearField) -> Result<(
     let support = SupportSet::empty(shape, friction);
     write_tool(input, &support, field);
     field.tick_s = options.tick_s;
-    field.integrator = TickIntegrator::Explicit { substeps: 1 };
+    // Nothing moves.
+    let substeps = input.integrator.map_or(1, TickIntegrator::substeps);
+    field.integrator = TickIntegrator::Explicit { substeps };
     surface::write(body, contact, (&support, &[]), field.proxy_m, field).inspect_err(|_| field.clear())
 }
 
