@@ -7,6 +7,7 @@ mod convergence;
 mod convergence_watch;
 mod force_watch;
 mod grasp;
+mod local_models;
 mod loop_events;
 mod model;
 mod no_force;
@@ -15,6 +16,7 @@ mod overlap;
 mod results;
 mod safety;
 mod samples;
+mod second_contact;
 mod settings;
 mod size;
 mod start;
@@ -106,9 +108,9 @@ impl Plugin for ToolPlugin {
                         .before(SutureSystems::Report),
                     times
                         .local_models
-                        .timed(model::build_local_models)
+                        .timed(local_models::build_local_models)
                         .in_set(HapticSystems::BuildLocalModels),
-                    model::publish_local_models.in_set(HapticSystems::PublishLocalModels),
+                    local_models::publish_local_models.in_set(HapticSystems::PublishLocalModels),
                     (
                         loop_events::poll_loops,
                         write_results::write_results,

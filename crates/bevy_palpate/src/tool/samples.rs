@@ -24,12 +24,12 @@ pub(super) fn receive(
         if std::mem::take(&mut tool.was_paused) && matches!(tool.driver, Driver::Thread(_)) {
             // Discard motion during the pause; restart from the newest sample.
             tool.consumed = tool.handle.samples().newest().map(|sample| sample.sequence);
-            tool.reset_contact(entity).map(|message| ends.write(message));
+            ends.write_batch(tool.reset_contacts(entity));
         }
         let lost = take_path(tool.handle.samples(), &mut tool.consumed, &mut tool.path);
         if lost > 0 {
             // The tool jumps along the missing path; a contact would accelerate the touched nodes.
-            tool.reset_contact(entity).map(|message| ends.write(message));
+            ends.write_batch(tool.reset_contacts(entity));
             let kind = HapticFaultKind::SamplesLost { lost };
             faults.write(entity, kind);
         }

@@ -85,9 +85,11 @@ pub(super) fn start_loops(
                 let is_same =
                     |a: &ToolContact, b: &ToolContact| (a.shape(), a.coupling()) == (b.shape(), b.coupling());
                 if !is_same(&running.untouched, &contact) {
-                    running.release(entity).map(|message| ends.write(message));
+                    ends.write_batch(running.release(entity));
                     running.untouched = contact.clone();
                     running.contact = contact;
+                    // The next selection of bodies finds it again.
+                    running.second = None;
                 }
                 continue;
             }
@@ -127,6 +129,8 @@ pub(super) fn start_loops(
                     contact_point: None,
                     body: None,
                     contact_key: (0, 0),
+                    second: None,
+                    reported_left_out: false,
                     consumed: None,
                     path: Vec::with_capacity(256),
                     support: Vec::new(),
@@ -172,12 +176,12 @@ pub(super) fn start_loops(
     }
 }
 
-/// Capacity for the local models of any body that a tool may touch while its loop runs: for support sets of 27 nodes, as surfaces embedded
-/// in cells need them, each with eight points of the surface.
-const MAX_CAPACITY: Capacity = Capacity {
-    order: 96,
-    near: NearFieldCapacity { nodes: 27, order: 96, ring: 400, springs: 702, points: 216, triangles: 864 },
-};
+/// Capacity for the local models of any two bodies that a tool may touch while its loop runs.
+const MAX_CAPACITY: Capacity = Capacity { order: 96, near: OF_BODY, second: OF_BODY };
+
+/// Capacity for a body: for support sets of 27 nodes, as surfaces embedded in cells need them, each with eight points of the surface.
+const OF_BODY: NearFieldCapacity =
+    NearFieldCapacity { nodes: 27, order: 96, ring: 400, springs: 702, points: 216, triangles: 864 };
 
 fn start(
     device: Box<dyn HapticDevice>,
