@@ -6,3 +6,4 @@ mod near_field;
 mod near_touch;
 mod replayed_thread;
 mod two_bodies;
+mod two_tools;

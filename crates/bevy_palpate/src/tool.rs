@@ -5,6 +5,7 @@ mod body_selection;
 mod components;
 mod convergence;
 mod convergence_watch;
+mod force_slots;
 mod force_watch;
 mod grasp;
 mod local_models;
@@ -59,6 +60,7 @@ impl Plugin for ToolPlugin {
         let times = StepTimes::of(app);
         add_trajectory_assets(app);
         app.init_resource::<HapticDevices>()
+            .init_resource::<force_slots::ForceSlots>()
             .register_type::<HapticTool>()
             .register_type::<ToolSettings>()
             .register_type::<crate::layers::TouchLayers>()

@@ -10,6 +10,7 @@ mod lifecycle;
 use crate::black_box::BlackBox;
 use crate::displayed_forces::DisplayedForces;
 use crate::exchange::{HapticHandle, LoopChannels, exchange};
+use crate::force_board::ForceBoard;
 use crate::frozen_position::FrozenPosition;
 use crate::plausibility::Plausibility;
 use crate::sampling::{HandMotion, Periods, Sampler};
@@ -17,7 +18,8 @@ use crate::{
     BlackBoxTick, DeviceError, HapticsError, LoopConfig, LoopEvent, LoopEventKind, LoopReport, LoopSettings,
     MAX_BRIDGED_TICKS, Reading, SafetyChain, SafetyInput, TickOutput, TickTiming,
 };
-use palpate_local::{HandOver, ModelId, RenderedForce, SubmitResult};
+use palpate_local::{HandOver, ModelId, OtherToolForce, RenderedForce, SubmitResult};
+use std::sync::Arc;
 
 /// Upper bound on the periods between two ticks: about three years of ticks of 1 ms.
 const MAX_ELAPSED: u64 = 100_000_000_000;
@@ -69,9 +71,19 @@ pub struct HapticLoop {
     /// Whether the rendered force was not finite at the last tick.
     is_not_finite: bool,
     report: LoopReport,
+    /// The board on which the loop publishes its forces, with its slot and the identity of its tool.
+    board: Option<(Arc<ForceBoard>, usize, u64)>,
+    /// The force of the followed tool that was read last.
+    other: Option<OtherToolForce>,
 }
 
 impl HapticLoop {
+    /// Connects the loop to a `board`: it publishes its forces in `slot`, as those of the tool with the identity `tool`, and reads those
+    /// of [`LoopSettings::other`]. No other loop may publish in the slot.
+    pub fn connect(&mut self, board: Arc<ForceBoard>, slot: usize, tool: u64) {
+        self.board = Some((board, slot, tool));
+    }
+
     fn new(config: LoopConfig, settings: LoopSettings, channels: LoopChannels) -> Result<Self, HapticsError> {
         let tick_s = config.hand_over.tick_s;
         Ok(Self {
@@ -93,6 +105,8 @@ impl HapticLoop {
             is_stale: false,
             is_not_finite: false,
             report: LoopReport::new(),
+            board: None,
+            other: None,
         })
     }
 
@@ -123,10 +137,14 @@ impl HapticLoop {
         let has_jumped = has_recovered || frame != self.settings.frame;
         let periods = Periods { sequence: self.sequence, elapsed };
         let estimator = self.settings.velocity;
-        self.sampler.take_sample(&mut self.hand_over, estimator, periods, &in_scene, has_jumped);
+        let other = self.read_other();
+        self.sampler.take_sample(&mut self.hand_over, estimator, periods, (&in_scene, other), has_jumped);
         let new_model = if has_arrived { Some(self.take_model()) } else { None };
         let rendered = self.hand_over.render();
         self.record_model(&rendered);
+        if let Some((board, slot, tool)) = &self.board {
+            board.publish(*slot, *tool, self.hand_over.forces_on_bodies_n());
+        }
         let input = self.safety_input(&rendered, elapsed, has_jumped);
         let (force_n, safety) = self.safety.apply(&self.settings.safety, &input);
         self.report.safety_acted += u64::from(safety.acted());
@@ -239,6 +257,16 @@ impl HapticLoop {
             velocity_m_per_s,
             elapsed,
         }
+    }
+
+    /// The newest force of the followed tool.
+    fn read_other(&mut self) -> Option<OtherToolForce> {
+        let followed = self.settings.other?;
+        let (board, ..) = self.board.as_ref()?;
+        let is_followed = |force: &OtherToolForce| (force.tool, force.body) == (followed.tool, followed.body);
+        let newest = board.read(followed.slot, followed.tool, followed.body);
+        self.other = newest.or(self.other.filter(is_followed));
+        self.other
     }
 
     fn adopt_settings(&mut self) -> Option<(u64, LoopSettings)> {

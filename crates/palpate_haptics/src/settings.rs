@@ -1,6 +1,7 @@
 //! Configuration of a loop: fixed at construction, and settable while it runs.
 
 use crate::error::{check, check_positive};
+use crate::force_board::FollowedTool;
 use crate::{DeviceFrame, DeviceLimits, HapticsError, RealTimeRequest, SafetySettings, VelocityEstimator};
 use glam::DVec3;
 use palpate_local::HandOverSettings;
@@ -52,6 +53,8 @@ pub struct LoopSettings {
     /// A second body whose local models are accepted, alone or with the first. Of a model of two bodies the loop drops the part of a body
     /// that is not accepted. No effect without [`Self::body`].
     pub second_body: Option<u64>,
+    /// Another tool on a body of this one. The loop reads its force at every tick, and the local model follows it.
+    pub other: Option<FollowedTool>,
     /// Force that is added to that of the local model, N, scene frame, for example the weight of an instrument.
     pub external_force_n: DVec3,
     /// Whether the app is paused; the force then fades to zero.
@@ -71,6 +74,7 @@ impl Default for LoopSettings {
             model_period_s: 0.05,
             body: None,
             second_body: None,
+            other: None,
             external_force_n: DVec3::ZERO,
             paused: false,
             record: false,

@@ -226,7 +226,7 @@ fn sample(sequence: u64) -> Sample {
         velocity_m_per_s =
             velocity.step(VelocityEstimator::BackwardDifference, reading(s).position_m, None, TICK_S);
     }
-    Sample { sequence, time_s, position_m, velocity_m_per_s, orientation, buttons, origin }
+    Sample { sequence, time_s, position_m, velocity_m_per_s, orientation, buttons, origin, other: None }
 }
 
 fn timing(sequence: u64) -> TickTiming {

@@ -6,8 +6,8 @@
 )]
 
 use crate::{
-    Capacity, Contact, LocalModel, LocalModelError, LocalState, LowPass, ModelId, Sample, SampleHistory,
-    Scheme,
+    Capacity, Contact, LocalModel, LocalModelError, LocalState, LowPass, MAX_BODIES, ModelId, Sample,
+    SampleHistory, Scheme,
 };
 use glam::DVec3;
 use palpate_laws::unilateral_force;
@@ -221,6 +221,16 @@ impl HandOver {
     #[must_use]
     pub fn active(&self) -> Option<&LocalModel> {
         self.rendered_at.map(|_| &self.active.model)
+    }
+
+    /// The force of the tool on each body of the active model in the last tick, N, with the identity of the body: see
+    /// [`LocalState::forces_on_bodies_n`].
+    #[must_use]
+    pub fn forces_on_bodies_n(&self) -> [(u64, DVec3); MAX_BODIES] {
+        match self.rendered_at {
+            Some(_) => self.active.state.forces_on_bodies_n(&self.active.model),
+            None => [(ModelId::NO_BODY, DVec3::ZERO); MAX_BODIES],
+        }
     }
 
     /// Submits a new model: validates it and copies it as the candidate.

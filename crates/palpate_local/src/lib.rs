@@ -123,7 +123,7 @@ pub use near_field::{
     NearContact, NearEnd, NearField, NearFieldCapacity, NearPatch, NearPoint, NearSpring, NearTetrahedron,
     NearTriangle, Support, TickIntegrator,
 };
-pub use sample::{Sample, SampleHistory, SampleOrigin};
+pub use sample::{OtherToolForce, Sample, SampleHistory, SampleOrigin};
 pub use tick::LocalState;
 
 #[cfg(doctest)]

@@ -246,6 +246,11 @@ impl BodyContacts {
         self.correction_velocity.get(..len)
     }
 
+    /// Force of the tool on the body in the last step, N.
+    pub(crate) fn applied_n(&self) -> DVec3 {
+        self.rows.iter().map(|row| row.body_force_n).sum()
+    }
+
     /// Ends a step of length `h`: stores the forces of the rows and of the patches.
     pub(crate) fn end_step(&mut self, h: f64) {
         self.rows.iter_mut().for_each(|row| row.store_force(h));

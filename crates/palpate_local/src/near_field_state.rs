@@ -95,8 +95,13 @@ impl NearFieldState {
             self.are_forces_current = false;
         }
         self.update_internal_forces(field);
-        self.collect_forces(field);
+        self.collect_forces(field, sample);
         self.accelerate(field, h);
+    }
+
+    /// Force of the tool on the body in the last substep, N.
+    pub(crate) fn applied_n(&self) -> DVec3 {
+        self.contacts.applied_n()
     }
 
     /// The body for the solution of the constraints in a substep.
@@ -303,8 +308,9 @@ impl NearFieldState {
         }
     }
 
-    /// Sums the forces on z: near springs and tetrahedra, far field, and external forces.
-    fn collect_forces(&mut self, field: &NearField) {
+    /// Sums the forces on z: near springs and tetrahedra, far field, external forces, and the change of another tool's force since the model
+    /// step.
+    fn collect_forces(&mut self, field: &NearField, sample: &Sample) {
         let (n, s, p) = (field.unknowns(), 3 * field.nodes, field.order);
         let (Some(force), Some(z), Some(z_dot)) =
             (self.force.get_mut(..n), self.z.get(..n), self.z_dot.get(..n))
@@ -312,6 +318,13 @@ impl NearFieldState {
             return;
         };
         force.iter_mut().zip(&field.force).for_each(|(to, from)| *to = *from);
+        let of_other = sample
+            .other
+            .filter(|now| now.tool != 0 && (now.tool, now.body) == (field.other.tool, field.other.body));
+        if let Some(now) = of_other {
+            let change_n = now.force_n - field.other.force_n;
+            add_columns(force, &field.other_influence, &change_n.to_array(), 1.0);
+        }
         let (on_s, on_q) = force.split_at_mut(s.min(n));
         let (q, q_dot) = (z.get(s..).unwrap_or_default(), z_dot.get(s..).unwrap_or_default());
         add_columns(on_q, &field.stiffness, q, -1.0);

@@ -20,6 +20,8 @@ pub(crate) struct NearFieldsState {
     device_m: DVec3,
     /// Position of the tool behind its coupling, m.
     proxy_m: DVec3,
+    /// Force of the tool on each body, N: the mean of its impulses over the last tick.
+    applied_n: [DVec3; MAX_BODIES],
     /// Force on the hand, N.
     displayed_n: DVec3,
 }
@@ -34,6 +36,7 @@ impl NearFieldsState {
             contacts: JointContacts::new(),
             device_m: DVec3::ZERO,
             proxy_m: DVec3::ZERO,
+            applied_n: [DVec3::ZERO; MAX_BODIES],
             displayed_n: DVec3::ZERO,
         }
     }
@@ -45,6 +48,16 @@ impl NearFieldsState {
             (self.device_m, self.proxy_m) = (field.start_m, field.proxy_m);
         }
         self.displayed_n = force_n;
+        // Those of the body's last step, until the first tick.
+        self.applied_n = fields.map(|field| match field.support {
+            Support::Touched { .. } => field.contact.patches().iter().flat_map(|patch| patch.force_n).sum(),
+            Support::Held | Support::Driven => -force_n,
+        });
+    }
+
+    /// Force of the tool on each body, N: the mean of its impulses over the last tick.
+    pub(crate) fn applied_n(&self) -> [DVec3; MAX_BODIES] {
+        self.applied_n
     }
 
     /// Whether the contact solver failed to converge in the last tick, or dropped contacts because a buffer was full.
@@ -70,7 +83,8 @@ impl NearFieldsState {
         // The same for all fields: see `LocalModel::validate`.
         let substeps = tool_field.integrator.substeps();
         let h = tool_field.tick_s / f64::from(substeps);
-        let Self { of_body, contacts, proxy_m, .. } = self;
+        let Self { of_body, contacts, proxy_m, applied_n, .. } = self;
+        *applied_n = [DVec3::ZERO; MAX_BODIES];
         let mut bodies = of_body.each_mut();
         let mut states = bodies.iter_mut().zip(fields).filter(|(_, field)| !field.is_empty());
         let tool = |device_m: (DVec3, DVec3), proxy_m: DVec3| {
@@ -96,8 +110,10 @@ impl NearFieldsState {
             });
             let is_corrected;
             (is_corrected, *proxy_m) = contacts.resolve(&mut in_step, &tool(device_m, *proxy_m), h);
-            for (state, field) in bodies.iter_mut().zip(fields).filter(|(_, field)| !field.is_empty()) {
+            let states = bodies.iter_mut().zip(fields).zip(&mut *applied_n);
+            for ((state, field), applied_n) in states.filter(|((_, field), _)| !field.is_empty()) {
                 state.end_step(field, is_corrected, h);
+                *applied_n += state.applied_n() / f64::from(substeps);
             }
         }
         self.device_m = to;

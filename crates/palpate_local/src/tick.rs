@@ -7,7 +7,7 @@
 
 use crate::dense::{dot, subtract_product, zeros};
 use crate::near_fields_state::NearFieldsState;
-use crate::{Capacity, Contact, LocalModel, NearField, Sample, Scheme};
+use crate::{Capacity, Contact, LocalModel, MAX_BODIES, ModelId, NearField, Sample, Scheme};
 use glam::DVec3;
 use palpate_laws::unilateral_force;
 
@@ -106,6 +106,17 @@ impl LocalState {
         match model.contact {
             Contact::Touching { normal } => unilateral_force(force, normal),
             Contact::Apart | Contact::Held => force,
+        }
+    }
+
+    /// The force of the tool on each body of `model`, N, the mean of its contact impulses over the last tick, with the identity of the body.
+    /// Zero for schemes other than [`Scheme::NearFieldExact`], which solve no contact.
+    #[must_use]
+    pub fn forces_on_bodies_n(&self, model: &LocalModel) -> [(u64, DVec3); MAX_BODIES] {
+        let [first, second] = self.near.applied_n();
+        match model.scheme {
+            Scheme::NearFieldExact => [(model.id.body, first), (model.second.body, second)],
+            _ => [(ModelId::NO_BODY, DVec3::ZERO); MAX_BODIES],
         }
     }
 

@@ -164,7 +164,9 @@ impl LocalModelBuilder {
     }
 
     /// As [`LocalModelBuilder::build`], with other tools on the body. The forces of the `others` in the last step of the body are constant
-    /// until the next local model. [`Scheme::Neighbourhood`] ignores them, as in the seed paper.
+    /// until the next local model, except in [`Scheme::NearFieldExact`] that of the nearest one with an identity
+    /// ([`ToolContact::with_identity`]): it follows the samples ([`palpate_local::Sample::other`]). [`Scheme::Neighbourhood`] ignores the
+    /// others, as in the seed paper.
     ///
     /// # Errors
     /// As [`LocalModelBuilder::build`], of every contact.
@@ -215,7 +217,7 @@ impl LocalModelBuilder {
         let mut error_bound = None;
         if scheme == Scheme::NearFieldExact {
             model.force_n = contact.displayed_force_n(body);
-            let input = (body, contact, tool, others);
+            let input = (body, id.body, contact, tool, others);
             (error_bound, model.clamped) = self.write_near_field(input, None, &mut model.near)?;
         }
         let points = contact.points();
@@ -255,7 +257,7 @@ impl LocalModelBuilder {
     /// factorised. Returns the bound of its error where there is one, and whether the tangent is clamped.
     fn write_near_field(
         &mut self,
-        (body, contact, tool, others): (&Body, &ToolContact, ToolPoint, &[&ToolContact]),
+        (body, identity, contact, tool, others): (&Body, u64, &ToolContact, ToolPoint, &[&ToolContact]),
         integrator: Option<TickIntegrator>,
         near: &mut NearField,
     ) -> Result<(Option<f64>, bool), ReduceError> {
@@ -263,7 +265,17 @@ impl LocalModelBuilder {
         loop {
             self.pattern.fill(body, is_clamped, &mut self.tangent);
             let (tangent, options) = (&self.tangent, &self.options);
-            let input = BuildInput { body, tangent, is_clamped, contact, tool, others, options, integrator };
+            let input = BuildInput {
+                body,
+                tangent,
+                is_clamped,
+                contact,
+                tool,
+                others,
+                identity,
+                options,
+                integrator,
+            };
             match self.near_field.build(&mut self.far_field, &input, near) {
                 Err(error) if is_indefinite(&error) && !is_clamped => is_clamped = true,
                 Err(error) => {
@@ -364,7 +376,7 @@ impl BodyUnderTool<'_> {
             builder.far_field.set_basis(None);
             let integrator = Some(tick_integrator::with_substeps(integrator, a.max(b)));
             let (error_bound, tangent_clamped) = builder
-                .write_near_field((body, contact, tool, others), integrator, near)
+                .write_near_field((body, identity.0, contact, tool, others), integrator, near)
                 .map_err(|error| (index, error))?;
             model.clamped |= tangent_clamped;
             let scheme = Scheme::NearFieldExact;

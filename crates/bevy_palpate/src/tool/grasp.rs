@@ -52,7 +52,7 @@ pub(super) fn grasp(
                         let (point_m, normal) = (closest.point_m, closest.normal);
                         starts.write(ContactStart { tool: entity, body: on, point_m, normal });
                     }
-                    (tool.contact, tool.has_support) = (contact, false);
+                    (tool.contact, tool.has_support) = (contact.with_identity(entity.to_bits()), false);
                 }
                 Ok(None) => {}
                 Err(error) => {

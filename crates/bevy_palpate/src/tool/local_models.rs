@@ -9,6 +9,7 @@ use crate::fault::{FaultWriter, HapticFaultKind};
 use crate::model_time::ModelPeriod;
 use bevy::prelude::*;
 use palpate_body::{Body, ToolContact};
+use palpate_haptics::FollowedTool;
 use palpate_local::{LocalModel, ModelId, Scheme};
 use palpate_reduce::{BodyUnderTool, BuilderOptions, ReduceError};
 
@@ -27,6 +28,8 @@ pub(super) fn build_local_models(
         .iter()
         .flat_map(|(tool, _, of, _)| of.contacts().map(move |(body, contact)| (tool, body, contact.clone())))
         .collect();
+    let slots: Vec<(u64, usize)> =
+        tools.iter().filter_map(|(tool, _, of, _)| Some((tool.to_bits(), of.slot?))).collect();
     for (entity, described, mut tool, mut stats) in &mut tools {
         let ToolLoop {
             handle,
@@ -36,12 +39,13 @@ pub(super) fn build_local_models(
             body,
             second,
             built,
+            followed,
             support,
             has_support,
             reported_beyond_support: was_beyond,
             ..
         } = &mut *tool;
-        *built = false;
+        (*built, *followed) = (false, None);
         let (Some(&point), Some(sequence)) = (path.last().filter(|_| path.len() > 1), *consumed) else {
             continue;
         };
@@ -99,6 +103,12 @@ pub(super) fn build_local_models(
         match result {
             Ok((report, nodes)) => {
                 (*built, *stats) = (true, report);
+                let other =
+                    model.near_fields().map(|field| field.other).into_iter().find(|other| other.tool != 0);
+                *followed = other.filter(|_| scheme == Scheme::NearFieldExact).and_then(|other| {
+                    let (_, slot) = slots.iter().find(|(tool, _)| *tool == other.tool)?;
+                    Some(FollowedTool { slot: *slot, tool: other.tool, body: other.body })
+                });
                 if scheme == Scheme::NearFieldExact {
                     tool.support.extend(nodes);
                     tool.has_support = true;

@@ -63,6 +63,7 @@ pub(super) fn apply_settings(
         let settings = LoopSettings {
             body: Some(first.unwrap_or(ModelId::NO_BODY)),
             second_body,
+            other: tool.followed,
             paused,
             record,
             // One that is not finite has been reported.

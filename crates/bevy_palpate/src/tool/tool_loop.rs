@@ -16,8 +16,8 @@ use bevy::prelude::*;
 use glam::{DMat3, DVec3};
 use palpate_body::{ToolContact, ToolPoint, ToolShape};
 use palpate_haptics::{
-    DeviceDescription, HapticDevice, HapticHandle, Lockstep, LoopEventKind, LoopReport, LoopThread,
-    SafetySettings, StopOutcome,
+    DeviceDescription, FollowedTool, HapticDevice, HapticHandle, Lockstep, LoopEventKind, LoopReport,
+    LoopThread, SafetySettings, StopOutcome,
 };
 
 /// The running loop of a tool, with its state on the model side. Removing the component stops the loop.
@@ -39,6 +39,10 @@ pub struct ToolLoop {
     pub(super) contact_key: (u64, u64),
     /// A second body that the tool can touch at the same time.
     pub(crate) second: Option<SecondContact>,
+    /// Slot in which the loop publishes its force for other loops.
+    pub(super) slot: Option<usize>,
+    /// The other tool whose force the newest local model follows.
+    pub(super) followed: Option<FollowedTool>,
     /// Whether bodies beyond the second have been reported.
     pub(super) reported_left_out: bool,
     /// Sequence number of the sample up to which the body has been stepped.

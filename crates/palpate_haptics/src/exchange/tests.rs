@@ -8,8 +8,8 @@ use palpate_laws::{
 };
 use palpate_local::{
     Capacity, Cholesky, Contact, HandOverSettings, LocalModel, ModelId, NearContact, NearEnd, NearField,
-    NearFieldCapacity, NearPatch, NearSpring, NearTetrahedron, NearTriangle, Scheme, SecondBody, Support,
-    TickIntegrator,
+    NearFieldCapacity, NearPatch, NearSpring, NearTetrahedron, NearTriangle, OtherToolForce, Scheme,
+    SecondBody, Support, TickIntegrator,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -121,6 +121,8 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         tangent,
         factor,
         impulse_response,
+        other,
+        other_influence,
         energy_j,
         start_m,
         coupling,
@@ -152,6 +154,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         tangent,
         impulse_response,
         compliance,
+        other_influence,
     ] {
         n.fill(list);
     }
@@ -203,6 +206,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
     *integrator =
         if n.is() { TickIntegrator::Explicit { substeps } } else { TickIntegrator::Implicit { substeps } };
     n.factor(factor);
+    *other = OtherToolForce { tool: n.size(1000) as u64, body: n.size(1000) as u64, force_n: n.vector() };
     let (stiffness_n_per_m, max_force_n) = (n.next(), n.next());
     *coupling = n.is().then_some(VirtualCoupling { stiffness_n_per_m, max_force_n });
 }
