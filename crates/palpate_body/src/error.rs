@@ -252,7 +252,7 @@ pub enum BodyError {
 
 /// Failure of a joint advance of several bodies, which are then unchanged.
 #[derive(Clone, Debug, Error, PartialEq)]
-#[error("body {body} of the joint step: {error}")]
+#[error("body {body} of a joint step cannot be stepped")]
 pub struct JointStepError {
     /// Index of the body.
     pub body: usize,

@@ -85,7 +85,7 @@ pub struct LoopTiming {
     pub dropped_events: u64,
 }
 
-/// Report about the newest local model of the tool, updated at every model step that builds one ([`palpate_reduce::BuildReport`]).
+/// Report about the newest local model of the tool, of both bodies if it contains two, updated at every model step that builds one ([`palpate_reduce::BuildReport`]).
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct LocalModelStats {

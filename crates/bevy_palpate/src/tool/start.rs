@@ -52,11 +52,10 @@ const MAX_LOAD_S: f64 = 5.0;
 pub(super) fn start_loops(
     mut commands: Commands,
     mut tools: Query<(Entity, Ref<HapticTool>, Ref<ToolSettings>, Option<&mut ToolLoop>, Has<TickRecording>)>,
-    (devices, mut trajectories): (Res<HapticDevices>, Trajectories),
+    (devices, mut trajectories, mut slots): (Res<HapticDevices>, Trajectories, ResMut<ForceSlots>),
     mode: Res<LoopMode>,
     period: ModelPeriod,
     (time, mut waiting): (Option<Res<Time<Real>>>, Local<Vec<RetryStart>>),
-    mut slots: ResMut<ForceSlots>,
     (mut ends, mut faults): (MessageWriter<ContactEnd>, FaultWriter),
 ) {
     let now_s = time.map_or(0.0, |time| time.elapsed_secs_f64());
