@@ -25,3 +25,4 @@ mod schedule_app;
 mod several_app;
 mod surroundings_app;
 mod testing_app;
+mod two_bodies_app;

@@ -74,6 +74,31 @@ fn two_tools_on_one_body_influence_each_other() {
     assert_eq!(contacts(&app), [Start, Start, End]);
 }
 
+/// Tools 20 mm apart, both of which move: with forces of each other that are constant between model steps, the error would be 3 %.
+#[test]
+fn moving_tools_feel_each_other_between_model_steps() {
+    let mut app = lockstep_app();
+    block(&mut app, 0.0);
+    let swinger = |x: f64, rate: f64| {
+        move || {
+            ScriptedDevice::new(move |n, _| {
+                let t = n as f64 * 1e-3;
+                let depth = 0.005 * (t / 0.2).min(1.0) + 0.002 * (rate * t).sin();
+                Ok(Reading::at(DVec3::new(x, 0.055 - depth, 0.004)))
+            })
+        }
+    };
+    let tools = [hand(&mut app, "left", swinger(-0.01, 14.0)), hand(&mut app, "right", swinger(0.01, 23.0))];
+    step(&mut app, 8);
+    for _ in 0..20 {
+        step(&mut app, 1);
+        for tool in tools {
+            assert!(error(&app, tool) < 0.01, "{}", error(&app, tool));
+        }
+    }
+    assert_no_faults(&mut app);
+}
+
 #[test]
 fn two_tools_give_the_same_bits_in_every_run() {
     let bits = || {

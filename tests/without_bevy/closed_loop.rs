@@ -6,3 +6,5 @@ mod near_field;
 mod near_touch;
 mod replayed_thread;
 mod resting;
+mod two_bodies;
+mod two_tools;

@@ -180,6 +180,17 @@ pub enum HapticFaultKind {
         /// Number of nodes of the local model.
         nodes: usize,
     },
+    /// The tool reaches more bodies than it can touch at once. It touches the nearest ones.
+    #[error(
+        "the tool reaches {reached} bodies; it can touch at most {max} at once, the nearest. Join bodies that belong together, or separate \
+         others from the tool by TouchLayers or HapticTool::body"
+    )]
+    BodiesLeftOut {
+        /// Number of bodies within reach.
+        reached: usize,
+        /// Maximum number of bodies that it touches at once.
+        max: usize,
+    },
     /// [`HapticTool::body`](crate::HapticTool::body) is an entity without a body. The tool touches nothing.
     #[error("HapticTool::body is {body}, which has no DeformableBody")]
     NotABody {
@@ -412,6 +423,7 @@ impl HapticFaultKind {
             | Self::Grasp(_)
             | Self::BlackBox(_)
             | Self::BeyondSupport { .. }
+            | Self::BodiesLeftOut { .. }
             | Self::UnsupportedTimeScale { .. }
             | Self::EmptyLoad { .. }
             | Self::ModelRateLimited { .. }

@@ -10,7 +10,7 @@ use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnost
 use bevy::ecs::entity::EntityHashMap;
 use bevy::prelude::*;
 use glam::DVec3;
-use palpate_body::ToolShape;
+use palpate_body::{ToolContact, ToolShape};
 
 /// Draws the parts of bodies and tools that [`HapticGizmos`] selects.
 ///
@@ -200,12 +200,14 @@ fn draw_tools(
                 gizmos.arrow(proxy, proxy + arrow, colors::FORCE).with_tip_length(0.15 * arrow.length());
             }
         }
-        let Some(simulated) = tool.body().and_then(|body| bodies.get(body).ok()) else { continue };
-        if parts.near_field {
-            draw_near_field(&mut gizmos, simulated, tool.support());
-        }
-        if parts.contact {
-            draw_contact(&mut gizmos, simulated, tool, radius);
+        for ((body, contact), support) in tool.contacts().zip([tool.support(), tool.second_support()]) {
+            let Ok(simulated) = bodies.get(body) else { continue };
+            if parts.near_field {
+                draw_near_field(&mut gizmos, simulated, support);
+            }
+            if parts.contact {
+                draw_contact(&mut gizmos, simulated, contact, radius);
+            }
         }
     }
 }
@@ -255,19 +257,24 @@ fn draw_near_field(gizmos: &mut Gizmos<HapticGizmos>, simulated: &SimulatedBody,
     }
 }
 
-fn draw_contact(gizmos: &mut Gizmos<HapticGizmos>, simulated: &SimulatedBody, tool: &ToolLoop, radius: f32) {
+fn draw_contact(
+    gizmos: &mut Gizmos<HapticGizmos>,
+    simulated: &SimulatedBody,
+    contact: &ToolContact,
+    radius: f32,
+) {
     let x = simulated.drawn_m();
-    if tool.contact().validate(simulated.body()).is_err() {
+    if contact.validate(simulated.body()).is_err() {
         return;
     }
-    for touched in tool.contact().touched() {
+    for touched in contact.touched() {
         let point = touched.body_point().of(x).as_vec3();
         let normal = touched.normal.as_vec3();
         let facing = Isometry3d::new(point, Quat::from_rotation_arc(Vec3::Z, normal));
         gizmos.circle(facing, 0.3 * radius, colors::CONTACT);
         gizmos.arrow(point, point + 2.0 * radius * normal, colors::CONTACT).with_tip_length(0.4 * radius);
     }
-    for (node, _) in tool.contact().points().iter().flat_map(|point| point.nodes()) {
+    for (node, _) in contact.points().iter().flat_map(|point| point.nodes()) {
         gizmos.cross(x[*node].as_vec3(), cross_size(simulated), colors::CONTACT);
     }
 }

@@ -5,8 +5,10 @@ mod body_selection;
 mod components;
 mod convergence;
 mod convergence_watch;
+mod force_slots;
 mod force_watch;
 mod grasp;
+mod local_models;
 mod loop_events;
 mod model;
 mod no_force;
@@ -15,6 +17,7 @@ mod overlap;
 mod results;
 mod safety;
 mod samples;
+mod second_contact;
 mod settings;
 mod size;
 mod start;
@@ -57,6 +60,7 @@ impl Plugin for ToolPlugin {
         let times = StepTimes::of(app);
         add_trajectory_assets(app);
         app.init_resource::<HapticDevices>()
+            .init_resource::<force_slots::ForceSlots>()
             .register_type::<HapticTool>()
             .register_type::<ToolSettings>()
             .register_type::<crate::layers::TouchLayers>()
@@ -106,9 +110,9 @@ impl Plugin for ToolPlugin {
                         .before(SutureSystems::Report),
                     times
                         .local_models
-                        .timed(model::build_local_models)
+                        .timed(local_models::build_local_models)
                         .in_set(HapticSystems::BuildLocalModels),
-                    model::publish_local_models.in_set(HapticSystems::PublishLocalModels),
+                    local_models::publish_local_models.in_set(HapticSystems::PublishLocalModels),
                     (
                         loop_events::poll_loops,
                         write_results::write_results,

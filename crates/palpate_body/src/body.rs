@@ -5,16 +5,19 @@ mod constraint_solver;
 mod deformation;
 mod energy_accounting;
 mod fixed_motion;
+mod joint_step;
 mod obstacle_candidates;
 mod obstacle_rows;
 mod obstacle_search;
 mod obstacles;
 mod point_forces;
+mod shared_tool;
 mod sleep;
 mod stability;
 mod step;
 mod step_report;
 mod substep;
+mod substep_motion;
 mod surface_tree;
 mod tangent;
 mod tie_rows;
@@ -22,6 +25,8 @@ mod tool_patches;
 mod tool_rows;
 
 pub use deformation::{CellPlace, Deformation};
+pub use joint_step::advance_bodies;
+pub use shared_tool::SharedTool;
 pub use step::ToolRun;
 pub use step_report::StepReport;
 

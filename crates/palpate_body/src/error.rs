@@ -220,6 +220,12 @@ pub enum BodyError {
         /// Reason.
         reason: &'static str,
     },
+    /// The contacts of a tool with several bodies do not fit. Bodies and tools are unchanged.
+    #[error("the contacts of a tool with several bodies do not fit: {reason}")]
+    SharedTool {
+        /// Reason.
+        reason: &'static str,
+    },
     /// A point of the tool's path is not finite. The body is unchanged.
     #[error("point {index} of the tool's path is not finite")]
     Path {
@@ -242,6 +248,17 @@ pub enum BodyError {
         /// Index of the first such node.
         node: usize,
     },
+}
+
+/// Failure of a joint advance of several bodies, which are then unchanged.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("body {body} of a joint step cannot be stepped")]
+pub struct JointStepError {
+    /// Index of the body.
+    pub body: usize,
+    /// Reason.
+    #[source]
+    pub error: BodyError,
 }
 
 /// Returns `value` if `ok`, else [`BodyError::Parameter`].

@@ -97,6 +97,64 @@ impl ImpulseResponse for LumpedMassResponse<'_> {
     }
 }
 
+/// Response of one body.
+pub(crate) enum BodyResponse<'a> {
+    LumpedMasses(LumpedMassResponse<'a>),
+    Implicit(DelassusMatrix),
+}
+
+impl BodyResponse<'_> {
+    pub(crate) fn inv_effective_mass_per_kg(&self, row: usize) -> DMat3 {
+        match self {
+            Self::LumpedMasses(response) => response.inv_effective_mass_per_kg(row),
+            Self::Implicit(response) => response.inv_effective_mass_per_kg(row),
+        }
+    }
+}
+
+impl ImpulseResponse for BodyResponse<'_> {
+    fn velocity_m_per_s(&self, row: usize) -> DVec3 {
+        match self {
+            Self::LumpedMasses(response) => response.velocity_m_per_s(row),
+            Self::Implicit(response) => response.velocity_m_per_s(row),
+        }
+    }
+
+    fn apply_impulse(&mut self, row: usize, impulse_ns: DVec3) {
+        match self {
+            Self::LumpedMasses(response) => response.apply_impulse(row, impulse_ns),
+            Self::Implicit(response) => response.apply_impulse(row, impulse_ns),
+        }
+    }
+}
+
+/// Response of several bodies, whose rows follow each other: block diagonal, because an impulse moves only the body of its row.
+pub(crate) struct JointResponse<'a> {
+    bodies: Vec<BodyResponse<'a>>,
+    /// Body of every row, and index of the row there.
+    rows: Vec<(usize, usize)>,
+}
+
+impl<'a> JointResponse<'a> {
+    /// Joins `bodies` with the given numbers of rows.
+    pub(crate) fn new(bodies: Vec<BodyResponse<'a>>, counts: impl Iterator<Item = usize>) -> Self {
+        let rows = counts.enumerate().flat_map(|(body, count)| (0..count).map(move |row| (body, row)));
+        Self { rows: rows.collect(), bodies }
+    }
+}
+
+impl ImpulseResponse for JointResponse<'_> {
+    fn velocity_m_per_s(&self, row: usize) -> DVec3 {
+        let (body, row) = self.rows[row];
+        self.bodies[body].velocity_m_per_s(row)
+    }
+
+    fn apply_impulse(&mut self, row: usize, impulse_ns: DVec3) {
+        let (body, row) = self.rows[row];
+        self.bodies[body].apply_impulse(row, impulse_ns);
+    }
+}
+
 /// Response of the implicit step, A = M + hB + h²K: the Delassus matrix H A⁻¹ Hᵀ couples all rows.
 pub(crate) struct DelassusMatrix {
     /// Blocks in row-major order, 1/kg.

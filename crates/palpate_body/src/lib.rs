@@ -40,7 +40,8 @@
 //! * Material: [`UniformLattice`], equal springs; [`Tissue`], from Young's modulus and density.
 //! * State and time: [`Body`], [`BodyState`], [`Integrator`], [`StepReport`]; [`Energy`], [`EnergyBalance`].
 //! * Tools: [`ToolContact`] and [`ToolPoint`]; [`TouchedPoint`], a row of a contact patch on the [`ContactSurface`];
-//!   the [`Grid`] of cells below it; [`SurfaceTree`], the nearest point of the surface.
+//!   the [`Grid`] of cells below it; [`SurfaceTree`], the nearest point of the surface. A [`SharedTool`] touches several
+//!   bodies, which [`advance_bodies`] steps together.
 //! * Constraints: [`Obstacle`] with [`ObstacleContact`], [`ObstacleReaction`], [`RigidMass`] and [`RigidMotion`],
 //!   or [`CoupledMotion`] and [`RigidResponse`]; [`Tie`] between [`BodyPoint`]s.
 //! * Linearisation: [`TangentPattern`], [`Tangent`].
@@ -134,13 +135,13 @@ mod touch_surface;
 mod weights;
 
 pub use block::{Block, BlockBody, Face, Slit, UniformLattice};
-pub use body::{Body, BodyState, CellPlace, Deformation, StepReport, ToolRun};
+pub use body::{Body, BodyState, CellPlace, Deformation, SharedTool, StepReport, ToolRun, advance_bodies};
 pub use body_point::BodyPoint;
 pub use cell_lattice::{CellLattice, CellSize, MeshBody, MeshCells};
 pub use cells::BarrierTetrahedron;
 pub use closed_mesh::{ClosedMesh, MeshError, MeshRepairs};
 pub use energy::{Energy, EnergyBalance};
-pub use error::BodyError;
+pub use error::{BodyError, JointStepError};
 pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplicitEuler, SolvedBy};
 pub use lattice::{Lattice, Neighbours};
 pub use link::Link;

@@ -4,6 +4,7 @@ mod touched_point;
 
 pub use touched_point::TouchedPoint;
 
+use crate::weights::add_weight;
 use crate::{Body, BodyError, BodyPoint};
 use glam::DVec3;
 use palpate_laws::{Coulomb, ToolShape, VirtualCoupling};
@@ -44,6 +45,8 @@ pub struct ToolContact {
     pub(crate) gripped: (DVec3, f64),
     /// Position behind the coupling, m; `None` if it is at the device.
     pub(crate) proxy_m: Option<DVec3>,
+    /// Identity of the tool, 0 without one.
+    pub(crate) identity: u64,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -96,7 +99,7 @@ impl ToolContact {
 
     fn new(hold: Hold) -> Self {
         let (touched, touched_nodes, gripped) = (Vec::new(), Vec::new(), (DVec3::ZERO, 0.0));
-        Self { hold, touched, touched_nodes, gripped, coupling: None, proxy_m: None }
+        Self { hold, touched, touched_nodes, gripped, coupling: None, proxy_m: None, identity: 0 }
     }
 
     /// Puts the tool behind `coupling`: the body touches a proxy, and the coupling pulls the proxy to the device with
@@ -112,6 +115,50 @@ impl ToolContact {
             self.hold = Hold::Point { point: BodyPoint::node(node), offset_m };
         }
         Ok(self)
+    }
+
+    /// Gives the tool an identity, by which the local models of other tools follow its force between two model steps.
+    #[must_use]
+    pub fn with_identity(mut self, identity: u64) -> Self {
+        self.identity = identity;
+        self
+    }
+
+    /// Identity of the tool, 0 without one.
+    #[must_use]
+    pub fn identity(&self) -> u64 {
+        self.identity
+    }
+
+    /// Force of the tool on the body in the last step, N: the sum of its impulses over the length of the step. Zero for a driven node.
+    #[must_use]
+    pub fn applied_force_n(&self) -> DVec3 {
+        let (impulse_ns, step_s) = self.gripped;
+        match &self.hold {
+            Hold::Node { .. } => DVec3::ZERO,
+            Hold::Point { .. } if step_s > 0.0 => impulse_ns / step_s,
+            Hold::Point { .. } => DVec3::ZERO,
+            Hold::Nothing { .. } => self.touched.iter().map(TouchedPoint::force_n).sum(),
+        }
+    }
+
+    /// Shares of the nodes in the force of the tool on the body in the last step: their sum is 1. Empty for a tool that neither touches nor
+    /// holds the body, and for a driven node.
+    #[must_use]
+    pub fn force_shares(&self) -> Vec<(usize, f64)> {
+        let mut shares = Vec::new();
+        match &self.hold {
+            Hold::Node { .. } => {}
+            Hold::Point { point, .. } => shares.extend_from_slice(point.nodes()),
+            Hold::Nothing { .. } => {
+                let sum: f64 = self.touched.iter().map(TouchedPoint::pressing_n).sum();
+                for touched in self.touched.iter().filter(|_| sum > 0.0) {
+                    let share = touched.pressing_n() / sum;
+                    touched.nodes.iter().for_each(|&(node, w)| add_weight(&mut shares, node, share * w));
+                }
+            }
+        }
+        shares
     }
 
     /// Coupling to the device, if there is one.
@@ -155,7 +202,12 @@ impl ToolContact {
 
     /// Whether the tool acts on the body: it touches or holds it, or is behind its coupling.
     pub(crate) fn acts(&self) -> bool {
-        !self.touched.is_empty() || self.proxy_m.is_some() || !matches!(self.hold, Hold::Nothing { .. })
+        self.touches() || self.proxy_m.is_some()
+    }
+
+    /// Whether the tool touches or holds the body.
+    pub(crate) fn touches(&self) -> bool {
+        !self.touched.is_empty() || !matches!(self.hold, Hold::Nothing { .. })
     }
 
     /// Notes that the tool has been out of reach of the body.
@@ -213,14 +265,39 @@ impl ToolContact {
     /// If the contact belongs to a body with more nodes; see [`ToolContact::validate`].
     #[must_use]
     pub fn displayed_force_n(&self, body: &Body) -> DVec3 {
-        let force_n = match &self.hold {
+        Self::shared_force_n([(self, body)])
+    }
+
+    /// Force on the hand of a tool with several `contacts`, each with its body, N: the sum of their forces, see
+    /// [`ToolContact::displayed_force_n`]. The coupling limits the sum, not its parts: a tool that is clamped between two bodies may bear
+    /// more from each of them.
+    ///
+    /// # Panics
+    /// As [`ToolContact::displayed_force_n`].
+    #[must_use]
+    pub fn shared_force_n<'a>(contacts: impl IntoIterator<Item = (&'a Self, &'a Body)>) -> DVec3 {
+        let mut coupling = None;
+        let forces = contacts.into_iter().map(|(contact, body)| {
+            coupling = coupling.or(contact.coupling);
+            contact.force_of_body_n(body)
+        });
+        let force_n = forces.reduce(|a, b| a + b).unwrap_or_default();
+        coupling.map_or(force_n, |coupling| coupling.limit(force_n))
+    }
+
+    /// Force of `body` on the tool, N, as [`ToolContact::displayed_force_n`] without the limit of the coupling.
+    ///
+    /// # Panics
+    /// As [`ToolContact::displayed_force_n`].
+    #[must_use]
+    pub fn force_of_body_n(&self, body: &Body) -> DVec3 {
+        match &self.hold {
             Hold::Node { node, .. } => body.internal_force_on_n(*node),
             Hold::Point { point, .. } => point.internal_force_n(body),
             Hold::Nothing { friction, .. } => {
                 touched_point::displayed_force_n(&self.touched, *friction, body)
             }
-        };
-        self.coupling.map_or(force_n, |coupling| coupling.limit(force_n))
+        }
     }
 
     /// Adds the forces of the tool on the nodes in the last step to `force_n`, N. The force on a driven node is not

@@ -21,4 +21,5 @@ mod rest;
 mod rigid_obstacles;
 mod ties;
 mod touch;
+mod two_bodies;
 mod two_tools;

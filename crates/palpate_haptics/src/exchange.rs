@@ -8,6 +8,8 @@
 //! | settings | app → loop | triple buffer of one struct with a number | the newest apply; the loop acknowledges their number |
 //! | report | loop → app | triple buffer | the newest is read |
 //! | events, tick records | loop → app | bounded queues, `try_send` only | dropped and counted |
+//!
+//! Loops of several tools also exchange their forces with each other: [`crate::ForceBoard`].
 
 use crate::black_box::BlackBox;
 use crate::displayed_forces::DisplayedForces;

@@ -10,6 +10,7 @@ mod lifecycle;
 use crate::black_box::BlackBox;
 use crate::displayed_forces::DisplayedForces;
 use crate::exchange::{HapticHandle, LoopChannels, exchange};
+use crate::force_board::ForceBoard;
 use crate::frozen_position::FrozenPosition;
 use crate::plausibility::Plausibility;
 use crate::sampling::{HandMotion, Periods, Sampler};
@@ -17,7 +18,8 @@ use crate::{
     BlackBoxTick, DeviceError, HapticsError, LoopConfig, LoopEvent, LoopEventKind, LoopReport, LoopSettings,
     MAX_BRIDGED_TICKS, Reading, SafetyChain, SafetyInput, TickOutput, TickTiming,
 };
-use palpate_local::{HandOver, ModelId, RenderedForce, SubmitResult};
+use palpate_local::{HandOver, ModelId, OtherToolForce, RenderedForce, SubmitResult};
+use std::sync::Arc;
 
 /// Upper bound on the periods between two ticks: about three years of ticks of 1 ms.
 const MAX_ELAPSED: u64 = 100_000_000_000;
@@ -69,9 +71,19 @@ pub struct HapticLoop {
     /// Whether the rendered force was not finite at the last tick.
     is_not_finite: bool,
     report: LoopReport,
+    /// The board on which the loop publishes its forces, with its slot and the identity of its tool.
+    board: Option<(Arc<ForceBoard>, usize, u64)>,
+    /// The force of the followed tool that was read last.
+    other: Option<OtherToolForce>,
 }
 
 impl HapticLoop {
+    /// Connects the loop to a `board`: it publishes its forces in `slot`, as those of the tool with the identity `tool`, and reads those
+    /// of [`LoopSettings::other`]. No other loop may publish in the slot.
+    pub fn connect(&mut self, board: Arc<ForceBoard>, slot: usize, tool: u64) {
+        self.board = Some((board, slot, tool));
+    }
+
     fn new(config: LoopConfig, settings: LoopSettings, channels: LoopChannels) -> Result<Self, HapticsError> {
         let tick_s = config.hand_over.tick_s;
         Ok(Self {
@@ -93,6 +105,8 @@ impl HapticLoop {
             is_stale: false,
             is_not_finite: false,
             report: LoopReport::new(),
+            board: None,
+            other: None,
         })
     }
 
@@ -123,10 +137,14 @@ impl HapticLoop {
         let has_jumped = has_recovered || frame != self.settings.frame;
         let periods = Periods { sequence: self.sequence, elapsed };
         let estimator = self.settings.velocity;
-        self.sampler.take_sample(&mut self.hand_over, estimator, periods, &in_scene, has_jumped);
+        let other = self.read_other();
+        self.sampler.take_sample(&mut self.hand_over, estimator, periods, (&in_scene, other), has_jumped);
         let new_model = if has_arrived { Some(self.take_model()) } else { None };
         let rendered = self.hand_over.render();
         self.record_model(&rendered);
+        if let Some((board, slot, tool)) = &self.board {
+            board.publish(*slot, *tool, self.hand_over.forces_on_bodies_n());
+        }
         let input = self.safety_input(&rendered, elapsed, has_jumped);
         let (force_n, safety) = self.safety.apply(&self.settings.safety, &input);
         self.report.safety_acted += u64::from(safety.acted());
@@ -241,6 +259,16 @@ impl HapticLoop {
         }
     }
 
+    /// The newest force of the followed tool.
+    fn read_other(&mut self) -> Option<OtherToolForce> {
+        let followed = self.settings.other?;
+        let (board, ..) = self.board.as_ref()?;
+        let is_followed = |force: &OtherToolForce| (force.tool, force.body) == (followed.tool, followed.body);
+        let newest = board.read(followed.slot, followed.tool, followed.body);
+        self.other = newest.or(self.other.filter(is_followed));
+        self.other
+    }
+
     fn adopt_settings(&mut self) -> Option<(u64, LoopSettings)> {
         if !self.channels.settings.update() {
             return None;
@@ -248,8 +276,8 @@ impl HapticLoop {
         let (number, settings) = *self.channels.settings.output_buffer();
         self.settings = settings;
         self.report.settings_number = number;
-        if let Some(body) = settings.body {
-            self.hand_over.retain_body(body);
+        if let Some(bodies) = settings.bodies() {
+            self.hand_over.retain_bodies(&bodies);
         }
         self.emit(LoopEventKind::SettingsAdopted(number));
         Some((number, settings))
@@ -315,13 +343,23 @@ impl HapticLoop {
     /// Submits the local model that arrived.
     fn take_model(&mut self) -> ModelId {
         let model = self.channels.models.output_buffer();
-        let id = model.id;
-        let rejected = if self.settings.body.is_some_and(|body| ![body, ModelId::NO_BODY].contains(&id.body))
-        {
+        let (id, second) = (model.id, model.second.body);
+        let bodies = self.settings.bodies();
+        let is_accepted = |body: u64| bodies.is_none_or(|bodies| bodies.contains(&body));
+        let has_second = second != ModelId::NO_BODY && is_accepted(second);
+        let is_wrong = id.body != ModelId::NO_BODY && !is_accepted(id.body) && !has_second;
+        let rejected = if is_wrong {
             LoopEventKind::WrongBody(id)
         } else {
             match self.hand_over.submit(model) {
-                SubmitResult::Accepted | SubmitResult::Busy => return id,
+                SubmitResult::Accepted => {
+                    // A body may have been removed while the model waited.
+                    if let Some([first, second]) = bodies {
+                        self.hand_over.retain_bodies(&[first, second, ModelId::NO_BODY]);
+                    }
+                    return id;
+                }
+                SubmitResult::Busy => return id,
                 SubmitResult::Rejected(error) => LoopEventKind::ModelRejected(error),
             }
         };

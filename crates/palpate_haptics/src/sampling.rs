@@ -8,7 +8,7 @@
 use crate::velocity::VelocityState;
 use crate::{DeviceError, Reading, VelocityEstimator};
 use glam::{DQuat, DVec3};
-use palpate_local::{HandOver, Sample, SampleOrigin};
+use palpate_local::{HandOver, OtherToolForce, Sample, SampleOrigin};
 
 /// Missed deadlines in a row that are bridged by interpolated samples; after more, the sample history restarts.
 pub const MAX_BRIDGED_TICKS: u64 = 200;
@@ -18,6 +18,8 @@ pub const MAX_BRIDGED_TICKS: u64 = 200;
 pub(crate) struct Sampler {
     tick_s: f64,
     velocity: VelocityState,
+    /// Force of another tool in the samples of this tick.
+    other: Option<OtherToolForce>,
 }
 
 /// Periods that end with a tick.
@@ -31,19 +33,20 @@ pub(crate) struct Periods {
 
 impl Sampler {
     pub(crate) fn new(tick_s: f64) -> Self {
-        Self { tick_s, velocity: VelocityState::default() }
+        Self { tick_s, velocity: VelocityState::default(), other: None }
     }
 
-    /// Appends the sample of this tick, and samples for the missed deadlines before it. `reading` is in the scene's frame. After a
-    /// jump (`has_jumped`) there is no interpolation and no velocity, because the motion in between was not observed.
+    /// Appends the sample of this tick, and samples for the missed deadlines before it. `reading` is in the scene's frame; all samples
+    /// get the force `other` of another tool. After a jump (`has_jumped`) there is no interpolation and no velocity, because the motion in between was not observed.
     pub(crate) fn take_sample(
         &mut self,
         hand_over: &mut HandOver,
         estimator: VelocityEstimator,
         periods: Periods,
-        reading: &Result<Reading, DeviceError>,
+        (reading, other): (&Result<Reading, DeviceError>, Option<OtherToolForce>),
         has_jumped: bool,
     ) {
+        self.other = other;
         let Periods { sequence: newest, elapsed } = periods;
         let last = hand_over.history().newest().copied();
         let first_missed = newest.saturating_sub(elapsed - 1);
@@ -110,6 +113,7 @@ impl Sampler {
             orientation: reading.orientation,
             buttons: reading.buttons,
             origin,
+            other: self.other,
         });
     }
 }

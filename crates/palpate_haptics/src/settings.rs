@@ -1,6 +1,7 @@
 //! Configuration of a loop: fixed at construction, and settable while it runs.
 
 use crate::error::{check, check_positive};
+use crate::force_board::FollowedTool;
 use crate::{DeviceFrame, DeviceLimits, HapticsError, RealTimeRequest, SafetySettings, VelocityEstimator};
 use glam::DVec3;
 use palpate_local::HandOverSettings;
@@ -49,6 +50,11 @@ pub struct LoopSettings {
     /// Body whose local models are accepted; the loop drops the models of other bodies at once. `None` accepts all bodies.
     /// A model of [`palpate_local::ModelId::NO_BODY`] is always accepted.
     pub body: Option<u64>,
+    /// A second body whose local models are accepted, alone or with the first. Of a model of two bodies the loop drops the part of a body
+    /// that is not accepted. No effect without [`Self::body`].
+    pub second_body: Option<u64>,
+    /// Another tool on a body of this one. The loop reads its force at every tick, and the local model follows it.
+    pub other: Option<FollowedTool>,
     /// Force that is added to that of the local model, N, scene frame, for example the weight of an instrument.
     pub external_force_n: DVec3,
     /// Whether the app is paused; the force then fades to zero.
@@ -67,6 +73,8 @@ impl Default for LoopSettings {
             jump_m_per_s: 20.0,
             model_period_s: 0.05,
             body: None,
+            second_body: None,
+            other: None,
             external_force_n: DVec3::ZERO,
             paused: false,
             record: false,
@@ -90,6 +98,12 @@ impl LoopConfig {
 }
 
 impl LoopSettings {
+    /// The bodies whose local models are accepted; `None` for all.
+    pub(crate) fn bodies(&self) -> Option<[u64; 2]> {
+        let body = self.body?;
+        Some([body, self.second_body.unwrap_or(body)])
+    }
+
     /// Checks all ranges.
     ///
     /// # Errors

@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const CAPACITY: Capacity = Capacity {
     order: 6,
     near: NearFieldCapacity { nodes: 3, order: 6, ring: 3, springs: 6, points: 3, triangles: 1 },
+    second: NearFieldCapacity::NONE,
 };
 const TICK_S: f64 = 1e-3;
 const TICKS: u64 = if cfg!(miri) { 60 } else { 200_000 };
@@ -225,7 +226,7 @@ fn sample(sequence: u64) -> Sample {
         velocity_m_per_s =
             velocity.step(VelocityEstimator::BackwardDifference, reading(s).position_m, None, TICK_S);
     }
-    Sample { sequence, time_s, position_m, velocity_m_per_s, orientation, buttons, origin }
+    Sample { sequence, time_s, position_m, velocity_m_per_s, orientation, buttons, origin, other: None }
 }
 
 fn timing(sequence: u64) -> TickTiming {

@@ -251,8 +251,9 @@ fn touched_triangle(field: &mut NearField, is_implicit: bool) {
 /// Covers the runner, the tick, reports and records, with models that have a state and change all the time.
 #[test]
 fn loop_thread_neither_allocates_nor_frees() {
-    let hand_over =
-        HandOverSettings { capacity: Capacity { order: 12, ..Capacity::default() }, ..Default::default() };
+    let near = Capacity::default().near;
+    let capacity = Capacity { order: 12, near, second: near };
+    let hand_over = HandOverSettings { capacity, ..Default::default() };
     let config = LoopConfig { hand_over, event_capacity: 16, record_capacity: 32, ..LoopConfig::default() };
     let settings = LoopSettings { record: true, ..LoopSettings::default() };
     let (handle, haptic_loop) = haptic_loop(config, settings).unwrap();
@@ -265,13 +266,21 @@ fn loop_thread_neither_allocates_nor_frees() {
         while !flag.load(Ordering::SeqCst) {
             let mut handle = other.lock().unwrap();
             let sequence = handle.samples().newest().map_or(0, |s| s.sequence);
-            let settings = LoopSettings { paused: sequence % 7 == 0, ..*handle.settings() };
+            let (body, second_body) = (Some(1), (sequence % 5 != 0).then_some(2));
+            let settings =
+                LoopSettings { paused: sequence % 7 == 0, body, second_body, ..*handle.settings() };
             handle.set_settings(settings).unwrap();
             let model = handle.model_slot();
             let near = sequence % 3;
             let scheme = if near > 0 { Scheme::NearFieldExact } else { Scheme::Neighbourhood };
             (model.scheme, model.contact, model.id.sequence) = (scheme, Contact::Held, sequence);
             touched_triangle(&mut model.near, near == 2);
+            model.id.body = 1;
+            model.second.clear();
+            if sequence % 2 == 0 {
+                touched_triangle(&mut model.second.near, near == 2);
+                model.second.body = 2;
+            }
             model.reduced.order = 12;
             model.reduced.step_s = 1e-3;
             let identity: Vec<f64> = (0..144).map(|i| f64::from(u8::from(i % 13 == 0))).collect();

@@ -48,6 +48,12 @@ pub enum LocalModelError {
         /// Order of the model.
         order: usize,
     },
+    /// The second body of the model does not fit the first.
+    #[error("the second body of the local model does not fit: {problem}")]
+    SecondBody {
+        /// What does not fit.
+        problem: &'static str,
+    },
     /// A pivot of the factor of the implicit step is not positive.
     #[error("pivot {index} of the local model's implicit step is {pivot}; it must be above 0")]
     Pivot {

@@ -6,8 +6,8 @@
 )]
 
 use crate::{
-    Capacity, Contact, LocalModel, LocalModelError, LocalState, LowPass, ModelId, Sample, SampleHistory,
-    Scheme,
+    Capacity, Contact, LocalModel, LocalModelError, LocalState, LowPass, MAX_BODIES, ModelId, Sample,
+    SampleHistory, Scheme,
 };
 use glam::DVec3;
 use palpate_laws::unilateral_force;
@@ -47,10 +47,9 @@ impl HandOverSettings {
     /// replay outside 1 to 10000 samples a tick, or a history outside 1 to 1000000 samples.
     pub fn validate(&self) -> Result<(), LocalModelError> {
         let Self { tick_s, capacity, history, replay_per_tick, cutoff_hz } = *self;
-        let near = capacity.near;
-        let sizes =
-            [capacity.order, near.nodes, near.order, near.ring, near.springs, near.points, near.triangles];
-        let max_size = sizes.into_iter().max().unwrap_or(0);
+        let near = [capacity.near, capacity.second]
+            .map(|near| [near.nodes, near.order, near.ring, near.springs, near.points, near.triangles]);
+        let max_size = near.into_iter().flatten().chain([capacity.order]).max().unwrap_or(0);
         for (what, value, ok, allowed) in [
             ("tick, s", tick_s, (1e-5..=0.1).contains(&tick_s), "1e-5 to 0.1"),
             ("maximum size of a local model", max_size as f64, max_size <= 4096, "at most 4096"),
@@ -155,8 +154,8 @@ pub struct ModelSwap {
     pub replayed_samples: u64,
     /// Force of the new model minus the force of the old one at this tick, N, both before the filter of [`Scheme::LowPass`].
     pub force_jump_n: DVec3,
-    /// Energy of the body in the new model minus its energy in the old one, J. Positive: the swap adds energy. `None` where
-    /// one of the models has no energy, or belongs to another body or epoch.
+    /// Energy of the bodies in the new model minus its energy in the old one, J. Positive: the swap adds energy. `None` where
+    /// one of the models has no energy, or belongs to other bodies or epochs.
     pub energy_jump_j: Option<f64>,
 }
 
@@ -207,12 +206,13 @@ impl HandOver {
         !self.is_catching_up() && !self.history.is_empty()
     }
 
-    /// Drops the models of all bodies but `body`. Without an active model the force is zero.
-    pub fn retain_body(&mut self, body: u64) {
-        if self.rendered_at.is_some() && self.active.model.id.body != body {
+    /// Drops the models of all bodies but `bodies`. Without an active model the force is zero. Of a model of two bodies it drops the one
+    /// that is not among `bodies`, and keeps the other.
+    pub fn retain_bodies(&mut self, bodies: &[u64]) {
+        if self.rendered_at.is_some() && !self.active.model.retain_bodies(bodies) {
             self.rendered_at = None;
         }
-        if self.candidate.model.id.body != body {
+        if self.replay.is_some() && !self.candidate.model.retain_bodies(bodies) {
             self.replay = None;
         }
     }
@@ -221,6 +221,16 @@ impl HandOver {
     #[must_use]
     pub fn active(&self) -> Option<&LocalModel> {
         self.rendered_at.map(|_| &self.active.model)
+    }
+
+    /// The force of the tool on each body of the active model in the last tick, N, with the identity of the body: see
+    /// [`LocalState::forces_on_bodies_n`].
+    #[must_use]
+    pub fn forces_on_bodies_n(&self) -> [(u64, DVec3); MAX_BODIES] {
+        match self.rendered_at {
+            Some(_) => self.active.state.forces_on_bodies_n(&self.active.model),
+            None => [(ModelId::NO_BODY, DVec3::ZERO); MAX_BODIES],
+        }
     }
 
     /// Submits a new model: validates it and copies it as the candidate.
@@ -243,6 +253,14 @@ impl HandOver {
             return Err(LocalModelError::FromTheFuture { model: sequence, newest });
         }
         if self.rendered_at.is_some() {
+            let epoch_of = |body: u64| {
+                let mut bodies = self.active.model.bodies().into_iter().flatten();
+                bodies.find(|(active, _)| *active == body).map(|(_, epoch)| epoch)
+            };
+            let second = (model.second.body, model.second.epoch);
+            if let Some(active) = epoch_of(second.0).filter(|active| second.1 < *active) {
+                return Err(LocalModelError::OldEpoch { model: second.1, active });
+            }
             let active = self.active.model.id;
             let same_body = active.body == model.id.body;
             if same_body && model.id.epoch < active.epoch {
@@ -308,8 +326,11 @@ impl HandOver {
         replayed_samples: u64,
     ) -> (DVec3, ModelSwap) {
         let energy_j = |instance: &ModelInstance| instance.state.energy_j(&instance.model);
-        let (from, to) = (self.active.model.id, self.candidate.model.id);
-        let is_same_body = self.rendered_at.is_some() && (from.body, from.epoch) == (to.body, to.epoch);
+        let to = self.candidate.model.id;
+        let (mut from_bodies, mut to_bodies) = (self.active.model.bodies(), self.candidate.model.bodies());
+        from_bodies.sort_unstable();
+        to_bodies.sort_unstable();
+        let is_same_body = self.rendered_at.is_some() && from_bodies == to_bodies;
         let old_energy_j = energy_j(&self.active).filter(|_| is_same_body);
         let energy_jump_j = energy_j(&self.candidate).zip(old_energy_j).map(|(new, old)| new - old);
         std::mem::swap(&mut self.active, &mut self.candidate);

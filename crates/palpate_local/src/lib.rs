@@ -84,6 +84,9 @@
 //! is integrated explicitly, as the body is, or linearly implicitly ([`TickIntegrator`]); see [`NearField`]. Contact impulses are found by
 //! projected Gauss-Seidel on the Delassus operator of the active rows ([`palpate_laws::solve_projected_gauss_seidel`]).
 //!
+//! A model of `NearFieldExact` contains up to two bodies ([`SecondBody`]), for an instrument between two organs. Each has a near field of
+//! its own. They share the tool: its proxy, and one solution of the contacts of both with the coupling.
+//!
 //! # Units, frames, signs
 //!
 //! SI, `f64`, the frame of the scene. The force is that of the body on the hand.
@@ -101,11 +104,13 @@
 mod dense;
 mod error;
 mod hand_over;
+mod joint_contact;
 mod low_pass;
 mod model;
 mod near_field;
 mod near_field_contact;
 mod near_field_state;
+mod near_fields_state;
 mod sample;
 mod tick;
 
@@ -113,12 +118,12 @@ pub use dense::Cholesky;
 pub use error::LocalModelError;
 pub use hand_over::{HandOver, HandOverSettings, ModelSwap, RenderedForce, SubmitResult};
 pub use low_pass::LowPass;
-pub use model::{Capacity, Contact, LocalModel, ModelId, Scheme};
+pub use model::{Capacity, Contact, LocalModel, MAX_BODIES, ModelId, Scheme, SecondBody};
 pub use near_field::{
     NearContact, NearEnd, NearField, NearFieldCapacity, NearPatch, NearPoint, NearSpring, NearTetrahedron,
     NearTriangle, Support, TickIntegrator,
 };
-pub use sample::{Sample, SampleHistory, SampleOrigin};
+pub use sample::{OtherToolForce, Sample, SampleHistory, SampleOrigin};
 pub use tick::LocalState;
 
 #[cfg(doctest)]

@@ -6,7 +6,7 @@
 )]
 
 use crate::dense::{Cholesky, zeros};
-use crate::{LocalModelError, NearField, NearFieldCapacity};
+use crate::{LocalModelError, NearField, NearFieldCapacity, Support};
 use glam::{DMat3, DVec3};
 
 /// How the loop computes the force between two model steps.
@@ -133,6 +133,25 @@ pub struct LocalModel {
     pub reduced: Reduced,
     /// The near field and the reduced far field (`NearFieldExact`); empty for other schemes.
     pub near: NearField,
+    /// A second body under the tool (`NearFieldExact`).
+    pub second: SecondBody,
+}
+
+/// Maximum number of bodies that a local model contains.
+pub const MAX_BODIES: usize = 2;
+
+/// The second body of a local model of [`Scheme::NearFieldExact`], for an instrument between two organs.
+///
+/// The tool touches both bodies: it has one proxy, which their contacts and its coupling determine together. Nothing else joins the two
+/// near fields.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SecondBody {
+    /// Identity of the body; [`ModelId::NO_BODY`] for a model of one body.
+    pub body: u64,
+    /// Number of rebuilds of the body: see [`ModelId::epoch`].
+    pub epoch: u64,
+    /// Its near field; empty without a second body.
+    pub near: NearField,
 }
 
 /// Maximum sizes of a local model, fixed at construction. Larger models are rejected.
@@ -142,12 +161,14 @@ pub struct Capacity {
     pub order: usize,
     /// Maximum sizes of the near field.
     pub near: NearFieldCapacity,
+    /// Maximum sizes of the near field of a second body; [`NearFieldCapacity::NONE`] for models of one body.
+    pub second: NearFieldCapacity,
 }
 
 impl Default for Capacity {
-    /// Order 96, and near fields of sixteen nodes.
+    /// Order 96, and near fields of sixteen nodes of one body.
     fn default() -> Self {
-        Self { order: 96, near: NearFieldCapacity::default() }
+        Self { order: 96, near: NearFieldCapacity::default(), second: NearFieldCapacity::NONE }
     }
 }
 
@@ -155,10 +176,7 @@ impl Capacity {
     /// Capacity for linear reduced dynamics of order `order` and no near field.
     #[must_use]
     pub fn of_order(order: usize) -> Self {
-        Self {
-            order,
-            near: NearFieldCapacity { nodes: 0, order: 0, ring: 0, springs: 0, points: 0, triangles: 0 },
-        }
+        Self { order, near: NearFieldCapacity::NONE, second: NearFieldCapacity::NONE }
     }
 }
 
@@ -201,6 +219,11 @@ impl LocalModel {
             clamped: false,
             reduced: Reduced::with_capacity(capacity.order),
             near: NearField::with_capacity(capacity.near),
+            second: SecondBody {
+                body: ModelId::NO_BODY,
+                epoch: 0,
+                near: NearField::with_capacity(capacity.second),
+            },
         }
     }
 
@@ -210,6 +233,19 @@ impl LocalModel {
         (self.scheme, self.contact, self.force_n) = (Scheme::Hold, Contact::Apart, DVec3::ZERO);
         self.reduced.order = 0;
         self.near.clear();
+        self.second.clear();
+    }
+
+    /// The near fields of all bodies; empty ones have no body or no surface within reach.
+    #[must_use]
+    pub fn near_fields(&self) -> [&NearField; MAX_BODIES] {
+        [&self.near, &self.second.near]
+    }
+
+    /// Whether the model has a near field that is not empty.
+    #[must_use]
+    pub fn has_near_field(&self) -> bool {
+        !(self.near.is_empty() && self.second.near.is_empty())
     }
 
     /// Whether the model has a dynamic state: a near field, or a linear dynamic scheme in contact.
@@ -218,14 +254,18 @@ impl LocalModel {
         match self.scheme {
             Scheme::Hold | Scheme::LowPass | Scheme::Tangent => false,
             Scheme::Neighbourhood | Scheme::KrylovLinear => self.contact != Contact::Apart,
-            Scheme::NearFieldExact => !self.near.is_empty(),
+            Scheme::NearFieldExact => self.has_near_field(),
         }
     }
 
     /// The tick for which the model was built, s.
     #[must_use]
     pub fn step_s(&self) -> f64 {
-        if self.scheme == Scheme::NearFieldExact { self.near.tick_s } else { self.reduced.step_s }
+        match self.scheme {
+            Scheme::NearFieldExact if self.near.is_empty() => self.second.near.tick_s,
+            Scheme::NearFieldExact => self.near.tick_s,
+            _ => self.reduced.step_s,
+        }
     }
 
     /// Checks sizes and indices, and that every number in use is finite.
@@ -251,7 +291,26 @@ impl LocalModel {
             }
         }
         self.reduced.validate()?;
-        self.near.validate()
+        self.near.validate()?;
+        self.second.validate(&self.near)
+    }
+
+    /// Removes the near fields of all bodies but `bodies`. Returns whether the model still has one of these.
+    pub(crate) fn retain_bodies(&mut self, bodies: &[u64]) -> bool {
+        if self.second.body != ModelId::NO_BODY && !bodies.contains(&self.second.body) {
+            self.second.clear();
+        }
+        let has_first = bodies.contains(&self.id.body);
+        if !has_first {
+            self.near.clear();
+        }
+        has_first || self.second.body != ModelId::NO_BODY
+    }
+
+    /// Body and epoch of each near field of the model.
+    pub(crate) fn bodies(&self) -> [Option<(u64, u64)>; MAX_BODIES] {
+        let second = Some((self.second.body, self.second.epoch));
+        [Some((self.id.body, self.id.epoch)), second.filter(|(body, _)| *body != ModelId::NO_BODY)]
     }
 
     /// Copies `other` without allocation.
@@ -260,8 +319,11 @@ impl LocalModel {
     /// [`LocalModelError::Order`], [`LocalModelError::Capacity`] when `other` exceeds the capacity; `self` is then unchanged.
     pub fn copy_from(&mut self, other: &Self) -> Result<(), LocalModelError> {
         other.near.fits(self.near.capacity())?;
+        other.second.near.fits(self.second.near.capacity())?;
         self.reduced.copy_from(&other.reduced)?;
         self.near.copy_from(&other.near)?;
+        self.second.near.copy_from(&other.second.near)?;
+        (self.second.body, self.second.epoch) = (other.second.body, other.second.epoch);
         self.id = other.id;
         self.scheme = other.scheme;
         self.contact = other.contact;
@@ -272,6 +334,37 @@ impl LocalModel {
         self.damping_ns_per_m = other.damping_ns_per_m;
         self.clamped = other.clamped;
         Ok(())
+    }
+}
+
+impl SecondBody {
+    /// Becomes that of a model of one body.
+    pub fn clear(&mut self) {
+        (self.body, self.epoch) = (ModelId::NO_BODY, 0);
+        self.near.clear();
+    }
+
+    /// Checks the near field, and that it has the same tool and the same substeps as the `first` one, unless one of them is empty.
+    fn validate(&self, first: &NearField) -> Result<(), LocalModelError> {
+        self.near.validate()?;
+        if self.near.is_empty() {
+            return Ok(());
+        }
+        let second = &self.near;
+        let tool = |field: &NearField| (field.support, field.coupling, field.start_m, field.proxy_m);
+        let is_touch = matches!(second.support, Support::Touched { .. });
+        let is_same = first.is_empty()
+            || tool(first) == tool(second)
+                && first.tick_s == second.tick_s
+                && first.integrator.substeps() == second.integrator.substeps();
+        match (self.body != ModelId::NO_BODY, is_touch, is_same) {
+            (true, true, true) => Ok(()),
+            (false, ..) => Err(LocalModelError::SecondBody { problem: "it has no identity" }),
+            (_, false, _) => Err(LocalModelError::SecondBody { problem: "the tool does not touch it" }),
+            (.., false) => Err(LocalModelError::SecondBody {
+                problem: "its tool, tick or substeps are not those of the first",
+            }),
+        }
     }
 }
 
@@ -371,81 +464,4 @@ impl Reduced {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn model(order: usize) -> LocalModel {
-        let mut model = LocalModel::empty(Capacity::of_order(order));
-        model.scheme = Scheme::Neighbourhood;
-        model.contact = Contact::Held;
-        model.reduced.order = order;
-        model.reduced.step_s = 1e-3;
-        let identity: Vec<f64> =
-            (0..order * order).map(|i| f64::from(u8::from(i % (order + 1) == 0))).collect();
-        model.reduced.implicit.factorise(order, &identity).unwrap();
-        model
-    }
-
-    #[test]
-    fn validate_rejects_non_finite_numbers() {
-        let good = model(3);
-        assert_eq!(good.validate(), Ok(()));
-        type Corrupt = fn(&mut LocalModel);
-        let cases: [(&str, Corrupt); 8] = [
-            ("force", |m| m.force_n.y = f64::NAN),
-            ("position", |m| m.position_m.x = f64::INFINITY),
-            ("velocity", |m| m.velocity_m_per_s.z = f64::NAN),
-            ("normal", |m| m.contact = Contact::Touching { normal: DVec3::NAN }),
-            ("stiffness", |m| m.stiffness_n_per_m.y_axis.z = f64::NAN),
-            ("damping", |m| m.damping_ns_per_m.x_axis.x = f64::NAN),
-            ("reduced stiffness", |m| m.reduced.stiffness[8] = f64::NAN),
-            ("reduced velocity", |m| m.reduced.velocity[0] = f64::NEG_INFINITY),
-        ];
-        for (what, corrupt) in cases {
-            let mut bad = good.clone();
-            corrupt(&mut bad);
-            assert_eq!(bad.validate(), Err(LocalModelError::NotFinite { what }));
-        }
-    }
-
-    #[test]
-    fn scheme_names_parse_to_the_scheme() {
-        for scheme in Scheme::ALL {
-            assert_eq!(scheme.to_string().parse(), Ok(scheme));
-        }
-        assert_eq!(" low-pass".parse(), Ok(Scheme::LowPass));
-        assert_eq!("linear".parse::<Scheme>(), Err(LocalModelError::UnknownScheme));
-    }
-
-    #[test]
-    fn validate_rejects_parts_of_wrong_size() {
-        let mut short = model(3);
-        short.reduced.damping_rc.truncate(8);
-        let (what, found) = ("coupling damping", 8);
-        assert_eq!(short.validate(), Err(LocalModelError::Size { what, found, needed: 9, order: 3 }));
-        let mut unfactored = model(3);
-        unfactored.reduced.order = 2;
-        assert!(matches!(unfactored.validate(), Err(LocalModelError::Size { what: "implicit factor", .. })));
-    }
-
-    #[test]
-    fn validate_rejects_excessive_order_without_overflow() {
-        for order in [4, usize::MAX] {
-            let mut vast = model(3);
-            vast.reduced.order = order;
-            assert_eq!(vast.validate(), Err(LocalModelError::Order { order, capacity: 3 }));
-        }
-    }
-
-    #[test]
-    fn copy_is_complete_and_rejects_order_above_capacity() {
-        let from = model(3);
-        let mut to = model(5);
-        to.copy_from(&from).unwrap();
-        assert_eq!((to.id, to.scheme, to.reduced.order), (from.id, from.scheme, 3));
-        assert_eq!(to.validate(), Ok(()));
-        let mut small = LocalModel::empty(Capacity::of_order(2));
-        assert_eq!(small.copy_from(&from), Err(LocalModelError::Order { order: 3, capacity: 2 }));
-        assert_eq!(small, LocalModel::empty(Capacity::of_order(2)));
-    }
-}
+mod tests;

@@ -5,40 +5,18 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)
 )]
 
+mod capacity;
 mod elements;
 mod surface;
 
+pub use capacity::NearFieldCapacity;
 pub use elements::{NearEnd, NearSpring, NearTetrahedron};
 pub use surface::{NearContact, NearPatch, NearPoint, NearTriangle};
 
-use crate::LocalModelError;
 use crate::dense::{Cholesky, zeros};
+use crate::{LocalModelError, OtherToolForce};
 use glam::DVec3;
 use palpate_laws::{MAX_PATCHES, Spring, ToolShape, VirtualCoupling};
-
-/// Maximum sizes of a near field, fixed at construction. Larger near fields are rejected.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NearFieldCapacity {
-    /// Maximum number of nodes of the support set S.
-    pub nodes: usize,
-    /// Maximum number p of columns of the far field's basis V.
-    pub order: usize,
-    /// Maximum number of ring nodes: nodes outside S that share a near spring or tetrahedron with S.
-    pub ring: usize,
-    /// Maximum number of near springs. The maximum number of near tetrahedra is twice that.
-    pub springs: usize,
-    /// Maximum number of surface points.
-    pub points: usize,
-    /// Maximum number of surface triangles.
-    pub triangles: usize,
-}
-
-impl Default for NearFieldCapacity {
-    /// Sizes for sixteen nodes of a lattice in which each node has 26 neighbours.
-    fn default() -> Self {
-        Self { nodes: 16, order: 64, ring: 112, springs: 400, points: 96, triangles: 192 }
-    }
-}
 
 /// How the tool acts on the support set S.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -152,6 +130,12 @@ pub struct NearField {
     pub factor: Cholesky,
     /// For implicit ticks: the change of ż by a unit impulse on each degree of freedom of S, n numbers for each of 3s.
     pub impulse_response: Vec<f64>,
+    /// Another tool on the body at the model step, whose present force the samples hold ([`crate::Sample::other`]). Its tool is 0 where
+    /// there is none: the forces of all other tools are then constant.
+    pub other: OtherToolForce,
+    /// The forces on z by a unit force of that tool on the body along x, y and z, n numbers each: (w, Vᵀ w) with the shares w of the nodes
+    /// in its force at the model step.
+    pub other_influence: Vec<f64>,
     /// Energy of the whole body at the model step, J.
     pub energy_j: f64,
     /// Position of the device at the model step, m.
@@ -202,6 +186,8 @@ impl NearField {
             tangent: zeros(n * n),
             factor: Cholesky::with_capacity(n),
             impulse_response: zeros(n * 3 * nodes),
+            other: OtherToolForce::default(),
+            other_influence: zeros(3 * n),
             energy_j: 0.0,
             start_m: DVec3::ZERO,
             coupling: None,
@@ -253,6 +239,7 @@ impl NearField {
         (self.springs, self.points, self.triangles) = (0, 0, 0);
         self.tetrahedra = 0;
         self.is_cut = false;
+        self.other = OtherToolForce::default();
         self.contact.count = 0;
     }
 
@@ -278,10 +265,11 @@ impl NearField {
     }
 
     /// The lists of numbers with their names and the number of entries in use.
-    fn parts(&self) -> [(&'static str, &Vec<f64>, usize); 10] {
+    fn parts(&self) -> [(&'static str, &Vec<f64>, usize); 11] {
         let (s, p, n) = (self.nodes, self.order, self.unknowns());
         // Explicit ticks do not use the matrices of implicit ones.
         let implicit = if self.integrator.is_implicit() { n } else { 0 };
+        let of_other = if self.other.tool == 0 { 0 } else { 3 * n };
         [
             ("weights", &self.weight, s),
             ("inverse masses", &self.node_per_kg, s),
@@ -293,6 +281,7 @@ impl NearField {
             ("near-field tangent", &self.tangent, implicit * implicit),
             ("near-field impulse response", &self.impulse_response, implicit * 3 * s),
             ("grid compliance", &self.compliance, if self.contact.adds_compliance { s * s } else { 0 }),
+            ("influence of another tool", &self.other_influence, of_other),
         ]
     }
 
@@ -343,6 +332,7 @@ impl NearField {
             ("start of the tool", self.start_m.is_finite() && self.proxy_m.is_finite()),
             ("coupling of the tool", self.coupling.is_none_or(|coupling| coupling.validate().is_ok())),
             ("energy", self.energy_j.is_finite()),
+            ("force of another tool", self.other.force_n.is_finite()),
             ("factor", !self.integrator.is_implicit() || self.factor.is_finite()),
         ] {
             if !ok {
@@ -440,6 +430,7 @@ impl NearField {
         (self.tick_s, self.is_cut) = (other.tick_s, other.is_cut);
         (self.start_m, self.energy_j) = (other.start_m, other.energy_j);
         (self.coupling, self.proxy_m) = (other.coupling, other.proxy_m);
+        self.other = other.other;
         self.contact = other.contact;
         copy(&mut self.node_m, &other.node_m, other.nodes);
         copy(&mut self.ring_m, &other.ring_m, other.ring);
@@ -458,6 +449,7 @@ impl NearField {
             &mut self.tangent,
             &mut self.impulse_response,
             &mut self.compliance,
+            &mut self.other_influence,
         ];
         for (to, (_, from, used)) in targets.into_iter().zip(other.parts()) {
             copy(to, from, used);

@@ -1,4 +1,4 @@
-//! The tool's constraints in a tick of the near field: a held point, or the contact patches, solved as in the body's step.
+//! The tool's constraints on one body in a tick of its near field: a held point, or the contact patches.
 
 #![cfg_attr(
     not(test),
@@ -13,41 +13,32 @@ mod patch_rows;
 mod placed_surface;
 mod support_response;
 
+pub(crate) use contact_row::ContactRow;
 pub(crate) use placed_surface::NodeMotion;
+pub(crate) use support_response::SupportResponse;
 
 use crate::dense::{touched_capacity, zeros};
 use crate::{NearField, NearFieldCapacity, Support, TickIntegrator};
 use contact_patches::ContactPatches;
-use contact_row::{ContactRow, row_weights, weighted_sum};
+use contact_row::{row_weights, weighted_sum};
 use displayed_force::DisplayedForce;
-use glam::{DMat3, DVec3};
-use palpate_laws::{
-    ConstraintRow, GAP_TOLERANCE_M, MAX_PATCHES, PATCH_ROWS, SolverLimits, ToolMove,
-    solve_projected_gauss_seidel, solve_with_proxy,
-};
-use support_response::SupportResponse;
+use glam::DVec3;
+use palpate_laws::{GAP_TOLERANCE_M, MAX_PATCHES, PATCH_ROWS, ToolMove};
 
 /// Maximum number of rows of a tick.
-const MAX_ROWS: usize = MAX_PATCHES * PATCH_ROWS;
-/// Maximum number of passes of the active-set method in a step.
-const MAX_ACTIVE_SET_PASSES: usize = 4;
-/// Limits of projected Gauss-Seidel in one pass.
-const SOLVER_LIMITS: SolverLimits = SolverLimits { max_iterations: 60, tolerance: 1e-6 };
-/// Upper bound of the row updates in a tick, which bounds the duration of the tick.
-const MAX_ROW_UPDATES: usize = 1000;
+pub(crate) const MAX_ROWS: usize = MAX_PATCHES * PATCH_ROWS;
 
-/// Detects the tool's contacts in a tick and solves for their impulses. All buffers are allocated at construction.
+/// Detects the tool's contacts with one body in a tick, and holds their rows for the solver. All buffers are allocated at construction.
 #[derive(Debug)]
-pub(crate) struct ContactSolver {
+pub(crate) struct BodyContacts {
     patches: ContactPatches,
     rows: Vec<ContactRow>,
     /// Weights of the rows over S, s numbers a row.
     weights: Vec<f64>,
     /// Weights of the mean of a patch over S.
     mean: Vec<f64>,
-    /// Indices of the active rows of a step, and the problem that they form.
+    /// Indices of the active rows of a step.
     active: Vec<usize>,
-    problem: Vec<ConstraintRow>,
     /// For implicit ticks: the velocities of S that unit impulses on the rows cause, 3 × 3s numbers a row.
     responses: Vec<f64>,
     /// ż without contact impulses.
@@ -57,14 +48,13 @@ pub(crate) struct ContactSolver {
     /// Velocities of S, and the sum of the impulses on its nodes.
     support_velocity: Vec<f64>,
     impulses: Vec<f64>,
-    /// Row updates left in this tick.
-    row_updates_left: usize,
-    is_unconverged: bool,
+    /// Whether contacts of this tick were dropped because a buffer is full.
+    is_full: bool,
     displayed_force: DisplayedForce,
     capacity: NearFieldCapacity,
 }
 
-impl Clone for ContactSolver {
+impl Clone for BodyContacts {
     /// Clones the patches, and allocates all buffers with the capacity of the original: a tick must not allocate.
     fn clone(&self) -> Self {
         let mut copy = Self::with_capacity(self.capacity);
@@ -73,25 +63,21 @@ impl Clone for ContactSolver {
     }
 }
 
-impl ContactSolver {
+impl BodyContacts {
     pub(crate) fn with_capacity(capacity: NearFieldCapacity) -> Self {
         let (n, of_support) = (3 * capacity.nodes + capacity.order, 3 * capacity.nodes);
-        let ContactRow { law, gap: gap_m, impulse_ns, .. } = ContactRow::default();
-        let row = ConstraintRow { law, gap_m, inv_effective_mass_per_kg: DMat3::ZERO, impulse_ns };
         Self {
             patches: ContactPatches::with_capacity(capacity),
             rows: touched_capacity(MAX_ROWS, ContactRow::default()),
             weights: zeros((MAX_ROWS + PATCH_ROWS) * capacity.nodes),
             mean: zeros(capacity.nodes),
             active: touched_capacity(MAX_ROWS, 0),
-            problem: touched_capacity(MAX_ROWS, row),
             responses: zeros(MAX_ROWS * 3 * of_support),
             free_velocity: zeros(n),
             correction_velocity: zeros(n),
             support_velocity: zeros(of_support),
             impulses: zeros(of_support),
-            row_updates_left: MAX_ROW_UPDATES,
-            is_unconverged: false,
+            is_full: false,
             displayed_force: DisplayedForce::with_capacity(MAX_ROWS),
             capacity,
         }
@@ -101,12 +87,12 @@ impl ContactSolver {
     pub(crate) fn restart(&mut self, field: &NearField) {
         self.patches.restart(field);
         self.rows.clear();
-        self.is_unconverged = false;
+        self.is_full = false;
     }
 
     /// Begins a tick: detects the contacts of a tool that moves by `tool`, and writes their rows.
     pub(crate) fn begin_tick(&mut self, field: &NearField, tool: &ToolMove, motion: &NodeMotion<'_>) {
-        (self.row_updates_left, self.is_unconverged) = (MAX_ROW_UPDATES, false);
+        self.is_full = false;
         match field.support {
             Support::Driven => self.rows.clear(),
             Support::Held => {
@@ -119,44 +105,15 @@ impl ContactSolver {
                 let buffers = (&mut self.rows, &mut self.weights[..], &mut self.mean[..]);
                 let is_full =
                     patch_rows::write_patch_rows(field, &mut self.patches, friction, motion, buffers);
-                self.is_unconverged |= is_full || self.patches.is_full;
+                self.is_full = is_full || self.patches.is_full;
             }
         }
         support_response::write_row_responses(field, &self.weights, self.rows.len(), &mut self.responses);
     }
 
-    /// Number of row updates in this tick.
-    pub(crate) fn row_updates(&self) -> usize {
-        MAX_ROW_UPDATES - self.row_updates_left
-    }
-
-    /// Whether a solve of this tick did not converge, or contacts were dropped because a buffer is full.
-    pub(crate) fn is_unconverged(&self) -> bool {
-        self.is_unconverged
-    }
-
-    /// Solves the constraints of a step of length `h` in which the tool moves by `tool`, and changes `z_dot` to satisfy them.
-    ///
-    /// Returns the tool's position at the end, m, behind its coupling. Where a gap was violated before the step, it also returns the
-    /// velocities by which the positions move, which correct the violation; `z_dot` keeps nothing of the correction.
-    pub(crate) fn resolve(
-        &mut self,
-        field: &NearField,
-        tool: &ToolMove,
-        h: f64,
-        z: &[f64],
-        z_dot: &mut [f64],
-    ) -> (Option<&[f64]>, DVec3) {
-        let (is_corrected, proxy_displacement_m) = self.solve_active_set(field, tool, h, z, z_dot);
-        self.rows.iter_mut().for_each(|row| row.store_force(h));
-        let rows = &self.rows;
-        self.patches.store_forces(|patch, index| {
-            rows.iter()
-                .find(|row| row.patch_row == Some((patch, index)))
-                .map_or((0.0, DVec3::ZERO), |row| (row.normal_force_n, row.body_force_n))
-        });
-        let correction = self.correction_velocity.get(..z_dot.len()).filter(|_| is_corrected);
-        (correction, tool.to_m + proxy_displacement_m)
+    /// Whether contacts of this tick were dropped because a buffer is full.
+    pub(crate) fn is_full(&self) -> bool {
+        self.is_full
     }
 
     /// The force on the hand after the last step of a tick, of length `h`, N: see [`DisplayedForce::compute`]. Only rows with an impulse
@@ -173,82 +130,72 @@ impl ContactSolver {
         displayed_force.compute(field, (active, rows, weights), internal_n, friction, h)
     }
 
-    /// The active-set method: activates every row whose gap closes, solves for the impulses of all active rows, and repeats until no
-    /// further row is activated. Returns whether an initial violation was corrected, and the displacement of the tool by its coupling, m.
-    fn solve_active_set(
+    /// Whether the tick has rows.
+    pub(crate) fn has_rows(&self) -> bool {
+        !self.rows.is_empty()
+    }
+
+    /// Begins a step of length `h` in which the tool moves by `tool`: sets the gaps of all rows, and keeps `z_dot` as the velocities
+    /// without impulses.
+    pub(crate) fn begin_step(
         &mut self,
         field: &NearField,
         tool: &ToolMove,
         h: f64,
         z: &[f64],
-        z_dot: &mut [f64],
-    ) -> (bool, DVec3) {
-        let mut proxy_m = tool.remaining_m();
-        let s = field.nodes;
-        let is_held = field.support == Support::Held;
+        z_dot: &[f64],
+    ) {
         for (index, row) in self.rows.iter_mut().enumerate() {
-            let weights = row_weights(&self.weights, s, index);
-            if is_held {
+            let weights = row_weights(&self.weights, field.nodes, index);
+            if field.support == Support::Held {
                 row.set_held_gap(field, weights, tool, h, z);
             } else {
                 row.set_contact_gap(weights, tool, h, z);
             }
         }
-        let (Some(free_velocity), false) = (self.free_velocity.get_mut(..z_dot.len()), self.rows.is_empty())
-        else {
-            return (false, proxy_m);
-        };
-        free_velocity.copy_from_slice(z_dot);
+        self.free_velocity.iter_mut().zip(z_dot).for_each(|(to, from)| *to = *from);
         self.active.clear();
-        let mut is_corrected = false;
-        for _ in 0..MAX_ACTIVE_SET_PASSES {
-            let active_before = self.active.len();
-            for (index, row) in self.rows.iter_mut().enumerate() {
-                let weights = row_weights(&self.weights, s, index);
-                let gap = row.gap_m + (h * weighted_sum(weights, z_dot) - proxy_m).dot(row.inward);
-                if !row.is_active && (is_held || gap < 0.0) {
-                    row.is_active = true;
-                    self.active.push(index);
-                }
-            }
-            if self.active.len() == active_before {
-                break;
-            }
-            is_corrected =
-                self.rows.iter().any(|row| row.is_active && row.initial_violation.length() > GAP_TOLERANCE_M);
-            if is_corrected {
-                proxy_m = self.solve_impulses(field, tool, h, z_dot, |row| row.gap);
-                if let Some(correction) = self.correction_velocity.get_mut(..z_dot.len()) {
-                    correction.copy_from_slice(z_dot);
-                }
-                self.solve_impulses(field, tool, h, z_dot, |row| row.gap - row.initial_violation);
-            } else {
-                proxy_m = self.solve_impulses(field, tool, h, z_dot, |row| row.gap);
-            }
-        }
-        (is_corrected, proxy_m)
     }
 
-    /// Solves for the impulses of the active rows with the given gaps, and writes the resulting velocities into `z_dot`. Returns the
-    /// displacement of the tool by its coupling, m.
-    fn solve_impulses(
-        &mut self,
-        field: &NearField,
-        tool: &ToolMove,
-        h: f64,
+    /// Activates every row whose gap closes with the velocities `z_dot`, and the tool displaced by `proxy_m`. Returns whether there was
+    /// one.
+    pub(crate) fn activate(&mut self, field: &NearField, h: f64, z_dot: &[f64], proxy_m: DVec3) -> bool {
+        let (before, is_held) = (self.active.len(), field.support == Support::Held);
+        for (index, row) in self.rows.iter_mut().enumerate() {
+            let weights = row_weights(&self.weights, field.nodes, index);
+            let gap = row.gap_m + (h * weighted_sum(weights, z_dot) - proxy_m).dot(row.inward);
+            if !row.is_active && (is_held || gap < 0.0) {
+                row.is_active = true;
+                self.active.push(index);
+            }
+        }
+        self.active.len() > before
+    }
+
+    /// Number of active rows.
+    pub(crate) fn active_count(&self) -> usize {
+        self.active.len()
+    }
+
+    /// Whether the gap of an active row was violated before the step.
+    pub(crate) fn has_initial_violation(&self) -> bool {
+        self.rows.iter().any(|row| row.is_active && row.initial_violation.length() > GAP_TOLERANCE_M)
+    }
+
+    /// Resets `z_dot` and the buffers of a solve to the velocities without impulses. Returns the active rows with their response.
+    pub(crate) fn begin_solve<'a>(
+        &'a mut self,
+        field: &'a NearField,
         z_dot: &mut [f64],
-        gap: impl Fn(&ContactRow) -> DVec3,
-    ) -> DVec3 {
-        z_dot.iter_mut().zip(&self.free_velocity).for_each(|(to, from)| *to = *from);
+    ) -> (SupportResponse<'a>, impl Iterator<Item = &'a ContactRow>) {
         let s = 3 * field.nodes;
-        let (Some(velocity), Some(impulses), Some(of_support)) =
-            (self.support_velocity.get_mut(..s), self.impulses.get_mut(..s), z_dot.get_mut(..s))
-        else {
-            return tool.remaining_m();
-        };
-        velocity.copy_from_slice(of_support);
+        z_dot.iter_mut().zip(&self.free_velocity).for_each(|(to, from)| *to = *from);
+        let velocity = self.support_velocity.get_mut(..s).unwrap_or_default();
+        velocity.iter_mut().zip(&*z_dot).for_each(|(to, from)| *to = *from);
+        let impulses = self.impulses.get_mut(..s).unwrap_or_default();
         impulses.fill(0.0);
-        let mut response = SupportResponse {
+        let rows = &self.rows;
+        let response = SupportResponse {
             active: &self.active,
             weights: &self.weights,
             response: &self.responses,
@@ -256,42 +203,62 @@ impl ContactSolver {
             velocity,
             impulses,
         };
-        self.problem.clear();
-        for (index, row) in self.active.iter().enumerate() {
-            let Some(row) = self.rows.get(*row) else { continue };
-            self.problem.push(ConstraintRow {
-                law: row.law,
-                gap_m: gap(row),
-                inv_effective_mass_per_kg: response.inv_effective_mass_per_kg(index),
-                // Cold start, as in the body's step: redundant rows then share a load in the same way.
-                impulse_ns: DVec3::ZERO,
-            });
-        }
-        let count = self.active.len();
-        let max_iterations = SOLVER_LIMITS.max_iterations.min(self.row_updates_left / count.max(1)).max(1);
-        let limits = SolverLimits { max_iterations, ..SOLVER_LIMITS };
-        let (report, proxy_m) = match tool.proxy {
-            Some(proxy) => solve_with_proxy(&mut self.problem, &mut response, |_| true, proxy, h, limits),
-            None => (solve_projected_gauss_seidel(&mut self.problem, &mut response, h, limits), DVec3::ZERO),
-        };
-        self.row_updates_left = self.row_updates_left.saturating_sub(report.iterations * count);
-        self.is_unconverged |= !report.converged;
-        for (index, row) in self.active.iter().zip(&self.problem) {
+        (response, self.active.iter().filter_map(|row| rows.get(*row)))
+    }
+
+    /// Stores the impulses of the active rows after a solve, and writes the resulting velocities into `z_dot`.
+    pub(crate) fn end_solve(
+        &mut self,
+        field: &NearField,
+        impulses_ns: impl Iterator<Item = DVec3>,
+        z_dot: &mut [f64],
+    ) {
+        for (index, impulse_ns) in self.active.iter().zip(impulses_ns) {
             if let Some(to) = self.rows.get_mut(*index) {
-                to.impulse_ns = row.impulse_ns;
+                to.impulse_ns = impulse_ns;
             }
         }
+        let s = 3 * field.nodes;
         match field.integrator {
-            TickIntegrator::Explicit { .. } => of_support.copy_from_slice(velocity),
+            TickIntegrator::Explicit { .. } => {
+                z_dot.iter_mut().zip(&self.support_velocity).take(s).for_each(|(to, from)| *to = *from);
+            }
             TickIntegrator::Implicit { .. } => {
                 let n = z_dot.len();
-                for (column, impulse) in field.impulse_response.chunks_exact(n.max(1)).zip(&*impulses) {
+                for (column, impulse) in
+                    field.impulse_response.chunks_exact(n.max(1)).zip(&self.impulses).take(s)
+                {
                     if *impulse != 0.0 {
                         z_dot.iter_mut().zip(column).for_each(|(v, c)| *v += impulse * c);
                     }
                 }
             }
         }
-        proxy_m
+    }
+
+    /// Keeps `z_dot` as the velocities that move the positions, because a gap was violated before the step.
+    pub(crate) fn keep_correction(&mut self, z_dot: &[f64]) {
+        self.correction_velocity.iter_mut().zip(z_dot).for_each(|(to, from)| *to = *from);
+    }
+
+    /// The first `len` of the velocities that were last kept as a correction.
+    pub(crate) fn correction(&self, len: usize) -> Option<&[f64]> {
+        self.correction_velocity.get(..len)
+    }
+
+    /// Force of the tool on the body in the last step, N.
+    pub(crate) fn applied_n(&self) -> DVec3 {
+        self.rows.iter().map(|row| row.body_force_n).sum()
+    }
+
+    /// Ends a step of length `h`: stores the forces of the rows and of the patches.
+    pub(crate) fn end_step(&mut self, h: f64) {
+        self.rows.iter_mut().for_each(|row| row.store_force(h));
+        let rows = &self.rows;
+        self.patches.store_forces(|patch, index| {
+            rows.iter()
+                .find(|row| row.patch_row == Some((patch, index)))
+                .map_or((0.0, DVec3::ZERO), |row| (row.normal_force_n, row.body_force_n))
+        });
     }
 }

@@ -1,4 +1,4 @@
-//! The state of a near field and its tick: integrates the nodes of S and the reduced far field under the tool's constraints.
+//! The state of a near field in a tick: the nodes of S and the reduced far field, between the solutions of the tool's constraints.
 
 #![cfg_attr(
     not(test),
@@ -6,7 +6,8 @@
 )]
 
 use crate::dense::{add_columns, dot, set_vec3, subtract_product, vec3_at, zeros};
-use crate::near_field_contact::{ContactSolver, NodeMotion};
+use crate::joint_contact::BodyInStep;
+use crate::near_field_contact::{BodyContacts, NodeMotion};
 use crate::{NearEnd, NearField, NearFieldCapacity, Sample, Support, TickIntegrator};
 use glam::DVec3;
 use palpate_laws::{ToolMove, VolumeBarrier};
@@ -31,13 +32,7 @@ pub(crate) struct NearFieldState {
     /// Whether `internal_n` and `ring_n` belong to the current state.
     are_forces_current: bool,
     scratch: Vec<f64>,
-    contacts: ContactSolver,
-    /// Position of the device at the last sample, m.
-    device_m: DVec3,
-    /// Position of the tool behind its coupling, m.
-    proxy_m: DVec3,
-    /// Force on the hand, N.
-    displayed_n: DVec3,
+    contacts: BodyContacts,
 }
 
 /// An end of springs: position, m, velocity, m/s, and the sum of the spring forces on it, N.
@@ -63,15 +58,12 @@ impl NearFieldState {
             ends: vec![SpringEnd::default(); capacity.nodes + capacity.ring],
             are_forces_current: false,
             scratch: zero,
-            contacts: ContactSolver::with_capacity(capacity),
-            device_m: DVec3::ZERO,
-            proxy_m: DVec3::ZERO,
-            displayed_n: DVec3::ZERO,
+            contacts: BodyContacts::with_capacity(capacity),
         }
     }
 
-    /// Resets to the model step: z = 0, ż = ż_N, and `force_n` as the displayed force.
-    pub(crate) fn start(&mut self, field: &NearField, force_n: DVec3) {
+    /// Resets to the model step: z = 0, ż = ż_N.
+    pub(crate) fn start(&mut self, field: &NearField) {
         self.z.fill(0.0);
         self.z_dot.fill(0.0);
         self.z_dot.iter_mut().zip(&field.velocity).take(field.unknowns()).for_each(|(to, from)| *to = *from);
@@ -81,51 +73,48 @@ impl NearFieldState {
         let s = 3 * field.nodes;
         multiply_ring_basis(field, self.z_dot.get(s..field.unknowns()).unwrap_or_default(), &mut self.ring_v);
         self.contacts.restart(field);
-        (self.device_m, self.proxy_m, self.displayed_n) = (field.start_m, field.proxy_m, force_n);
     }
 
-    /// Whether the contact solver failed to converge in the last tick, or dropped contacts because a buffer was full.
-    pub(crate) fn is_unconverged(&self) -> bool {
-        self.contacts.is_unconverged()
+    /// Whether contacts of this tick were dropped because a buffer is full.
+    pub(crate) fn is_full(&self) -> bool {
+        self.contacts.is_full()
     }
 
-    /// Number of row updates of the contact solver in the last tick.
-    pub(crate) fn row_updates(&self) -> usize {
-        self.contacts.row_updates()
-    }
-
-    /// Force on the hand, N.
-    pub(crate) fn displayed_n(&self) -> DVec3 {
-        self.displayed_n
-    }
-
-    /// Advances the state by one tick to `sample`.
-    pub(crate) fn advance(&mut self, field: &NearField, sample: &Sample) {
-        if field.is_empty() {
-            (self.device_m, self.proxy_m) = (sample.position_m, sample.position_m);
-            return;
-        }
-        let (from, to) = (self.device_m, sample.position_m);
-        let substeps = field.integrator.substeps();
-        let h = field.tick_s / f64::from(substeps);
-        let tool = ToolMove::new(field.coupling, (from, to), self.proxy_m, tool_radius_m(field));
+    /// Begins a tick in which the tool moves by `tool`: detects its contacts.
+    pub(crate) fn begin_tick(&mut self, field: &NearField, tool: &ToolMove) {
         let motion = NodeMotion { z: &self.z, z_dot: &self.z_dot, ring_dx: &self.ring_dx };
-        self.contacts.begin_tick(field, &tool, &motion);
-        for i in 1..=substeps {
-            let at = |i: u32| from + (to - from) * (f64::from(i) / f64::from(substeps));
-            let device = (at(i - 1), at(i));
-            if field.support == Support::Driven {
-                set_vec3(&mut self.z, 0, device.1 - field.start_m);
-                set_vec3(&mut self.z_dot, 0, sample.velocity_m_per_s);
-                self.are_forces_current = false;
-            }
-            self.update_internal_forces(field);
-            self.collect_forces(field);
-            self.step(field, device, h);
+        self.contacts.begin_tick(field, tool, &motion);
+    }
+
+    /// Begins a substep of length `h`, at whose end the device is at `device_m` with the velocity of `sample`: computes the velocities
+    /// without constraints.
+    pub(crate) fn begin_step(&mut self, field: &NearField, device_m: DVec3, sample: &Sample, h: f64) {
+        if field.support == Support::Driven {
+            set_vec3(&mut self.z, 0, device_m - field.start_m);
+            set_vec3(&mut self.z_dot, 0, sample.velocity_m_per_s);
+            self.are_forces_current = false;
         }
         self.update_internal_forces(field);
-        self.device_m = to;
-        let force_n = match field.support {
+        self.collect_forces(field, sample);
+        self.accelerate(field, h);
+    }
+
+    /// Force of the tool on the body in the last substep, N.
+    pub(crate) fn applied_n(&self) -> DVec3 {
+        self.contacts.applied_n()
+    }
+
+    /// The body for the solution of the constraints in a substep.
+    pub(crate) fn in_step<'a>(&'a mut self, field: &'a NearField) -> Option<BodyInStep<'a>> {
+        let n = field.unknowns();
+        let (z, z_dot) = (self.z.get(..n)?, self.z_dot.get_mut(..n)?);
+        Some(BodyInStep { field, contacts: &mut self.contacts, z, z_dot })
+    }
+
+    /// Force of the body on the tool after the last substep of a tick, of length `h`, N, without the limit of the coupling.
+    pub(crate) fn force_n(&mut self, field: &NearField, h: f64) -> DVec3 {
+        self.update_internal_forces(field);
+        match field.support {
             Support::Driven => self.internal_n.first().copied().unwrap_or_default(),
             Support::Held => {
                 // Fixed nodes do not contribute.
@@ -137,8 +126,7 @@ impl NearFieldState {
             Support::Touched { friction, .. } => {
                 self.contacts.displayed_n(field, &self.internal_n, friction, h)
             }
-        };
-        self.displayed_n = field.coupling.map_or(force_n, |coupling| coupling.limit(force_n));
+        }
     }
 
     /// Energy of the whole body in this state, J: the energy at the model step plus the change by z. External forces count as a
@@ -192,17 +180,13 @@ impl NearFieldState {
         field.energy_j + kinetic + elastic + far + outer
     }
 
-    /// Advances by a substep of length `h` with the forces at its start, while the device moves between the two positions `device`.
-    fn step(&mut self, field: &NearField, device: (DVec3, DVec3), h: f64) {
+    /// Changes the velocities by the forces over a substep of length `h`.
+    fn accelerate(&mut self, field: &NearField, h: f64) {
         let (n, s) = (field.unknowns(), 3 * field.nodes);
-        // The velocity of a driven node is prescribed.
-        let first = if field.support == Support::Driven { s } else { 0 };
-        let (Some(z), Some(z_dot), Some(force), Some(scratch)) = (
-            self.z.get_mut(..n),
-            self.z_dot.get_mut(..n),
-            self.force.get_mut(..n),
-            self.scratch.get_mut(..n),
-        ) else {
+        let first = first_moving(field);
+        let (Some(z_dot), Some(force), Some(scratch)) =
+            (self.z_dot.get_mut(..n), self.force.get_mut(..n), self.scratch.get_mut(..n))
+        else {
             return;
         };
         match field.integrator {
@@ -236,10 +220,14 @@ impl NearFieldState {
                 z_dot.iter_mut().zip(&*force).skip(first).for_each(|(v, change)| *v += change);
             }
         }
-        let tool = ToolMove::new(field.coupling, device, self.proxy_m, tool_radius_m(field));
-        let (correction, proxy_m) = self.contacts.resolve(field, &tool, h, z, z_dot);
-        self.proxy_m = proxy_m;
-        let is_corrected = correction.is_some();
+    }
+
+    /// Ends a substep of length `h`: moves the positions with the velocities, or with those of the correction where a gap was violated.
+    pub(crate) fn end_step(&mut self, field: &NearField, is_corrected: bool, h: f64) {
+        let (n, s) = (field.unknowns(), 3 * field.nodes);
+        let first = first_moving(field);
+        let (Some(z), Some(z_dot)) = (self.z.get_mut(..n), self.z_dot.get(..n)) else { return };
+        let correction = self.contacts.correction(n).filter(|_| is_corrected);
         let v = correction.unwrap_or(z_dot);
         let moving = z.get_mut(first..).into_iter().flatten().zip(v.get(first..).into_iter().flatten());
         moving.for_each(|(z, v)| *z += h * v);
@@ -320,8 +308,9 @@ impl NearFieldState {
         }
     }
 
-    /// Sums the forces on z: near springs and tetrahedra, far field, and external forces.
-    fn collect_forces(&mut self, field: &NearField) {
+    /// Sums the forces on z: near springs and tetrahedra, far field, external forces, and the change of another tool's force since the model
+    /// step.
+    fn collect_forces(&mut self, field: &NearField, sample: &Sample) {
         let (n, s, p) = (field.unknowns(), 3 * field.nodes, field.order);
         let (Some(force), Some(z), Some(z_dot)) =
             (self.force.get_mut(..n), self.z.get(..n), self.z_dot.get(..n))
@@ -329,6 +318,13 @@ impl NearFieldState {
             return;
         };
         force.iter_mut().zip(&field.force).for_each(|(to, from)| *to = *from);
+        let of_other = sample
+            .other
+            .filter(|now| now.tool != 0 && (now.tool, now.body) == (field.other.tool, field.other.body));
+        if let Some(now) = of_other {
+            let change_n = now.force_n - field.other.force_n;
+            add_columns(force, &field.other_influence, &change_n.to_array(), 1.0);
+        }
         let (on_s, on_q) = force.split_at_mut(s.min(n));
         let (q, q_dot) = (z.get(s..).unwrap_or_default(), z_dot.get(s..).unwrap_or_default());
         add_columns(on_q, &field.stiffness, q, -1.0);
@@ -350,12 +346,9 @@ impl NearFieldState {
     }
 }
 
-/// Radius of a touching tool, m; `None` for a tool that drives or holds.
-fn tool_radius_m(field: &NearField) -> Option<f64> {
-    match field.support {
-        Support::Touched { shape, .. } => Some(shape.radius_m()),
-        Support::Driven | Support::Held => None,
-    }
+/// First degree of freedom of z whose velocity is not prescribed: that after the driven node.
+fn first_moving(field: &NearField) -> usize {
+    if field.support == Support::Driven { 3 * field.nodes } else { 0 }
 }
 
 /// Writes the ring's rows of V q into `to`.

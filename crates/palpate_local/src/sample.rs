@@ -25,6 +25,19 @@ pub struct Sample {
     pub buttons: u32,
     /// Origin of the sample.
     pub origin: SampleOrigin,
+    /// Newest force of another tool at this tick, if the loop follows one.
+    pub other: Option<OtherToolForce>,
+}
+
+/// Force of another tool on a body, as the loop of that tool displays it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OtherToolForce {
+    /// Identity of the tool.
+    pub tool: u64,
+    /// Identity of the body: see [`crate::ModelId`].
+    pub body: u64,
+    /// Force of that tool on the body, N: the mean of its contact impulses over a tick.
+    pub force_n: DVec3,
 }
 
 /// Origin of a sample.
@@ -50,6 +63,7 @@ impl Default for Sample {
             orientation: DQuat::IDENTITY,
             buttons: 0,
             origin: SampleOrigin::Measured,
+            other: None,
         }
     }
 }

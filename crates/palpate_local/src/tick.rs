@@ -6,8 +6,8 @@
 )]
 
 use crate::dense::{dot, subtract_product, zeros};
-use crate::near_field_state::NearFieldState;
-use crate::{Capacity, Contact, LocalModel, Sample, Scheme};
+use crate::near_fields_state::NearFieldsState;
+use crate::{Capacity, Contact, LocalModel, MAX_BODIES, ModelId, NearField, Sample, Scheme};
 use glam::DVec3;
 use palpate_laws::unilateral_force;
 
@@ -18,7 +18,7 @@ pub struct LocalState {
     q_dot: Vec<f64>,
     rhs: Vec<f64>,
     scratch: Vec<f64>,
-    near: NearFieldState,
+    near: NearFieldsState,
 }
 
 /// Cost of a row update of the contact solver, in multiplications.
@@ -29,13 +29,13 @@ impl LocalState {
     #[must_use]
     pub fn with_capacity(capacity: Capacity) -> Self {
         let zero = zeros(capacity.order);
-        let near = NearFieldState::with_capacity(capacity.near);
+        let near = NearFieldsState::with_capacity(capacity);
         Self { q: zero.clone(), q_dot: zero.clone(), rhs: zero.clone(), scratch: zero, near }
     }
 
     /// Resets to the model step of `model`: q = 0, q̇ = q̇_N.
     pub fn start(&mut self, model: &LocalModel) {
-        self.near.start(&model.near, model.force_n);
+        self.near.start(model.near_fields(), model.force_n);
         self.q.fill(0.0);
         self.q_dot.fill(0.0);
         for (to, from) in self.q_dot.iter_mut().zip(&model.reduced.velocity).take(model.reduced.order) {
@@ -52,7 +52,7 @@ impl LocalState {
             return;
         }
         if model.scheme == Scheme::NearFieldExact {
-            self.near.advance(&model.near, sample);
+            self.near.advance(model.near_fields(), sample);
             return;
         }
         let r = &model.reduced;
@@ -91,7 +91,7 @@ impl LocalState {
         let dv = sample.velocity_m_per_s - model.velocity_m_per_s;
         let force = match (model.contact, model.scheme) {
             (_, Scheme::NearFieldExact) => {
-                return if !model.near.is_empty() { self.near.displayed_n() } else { DVec3::ZERO };
+                return if model.has_near_field() { self.near.displayed_n() } else { DVec3::ZERO };
             }
             (Contact::Apart, _) => return DVec3::ZERO,
             (_, Scheme::Hold | Scheme::LowPass) => model.force_n,
@@ -109,11 +109,24 @@ impl LocalState {
         }
     }
 
+    /// The force of the tool on each body of `model`, N, the mean of its contact impulses over the last tick, with the identity of the body.
+    /// Zero for schemes other than [`Scheme::NearFieldExact`], which solve no contact.
+    #[must_use]
+    pub fn forces_on_bodies_n(&self, model: &LocalModel) -> [(u64, DVec3); MAX_BODIES] {
+        let [first, second] = self.near.applied_n();
+        match model.scheme {
+            Scheme::NearFieldExact => [(model.id.body, first), (model.second.body, second)],
+            _ => [(ModelId::NO_BODY, DVec3::ZERO); MAX_BODIES],
+        }
+    }
+
     /// Whether the contact solver failed to converge in the last tick: a limit of rows or row updates was reached, or the constraints
     /// contradict each other. Always false for schemes that solve no contacts in a tick.
     #[must_use]
     pub fn is_unconverged(&self, model: &LocalModel) -> bool {
-        model.scheme == Scheme::NearFieldExact && !model.near.is_empty() && self.near.is_unconverged()
+        model.scheme == Scheme::NearFieldExact
+            && model.has_near_field()
+            && self.near.is_unconverged(model.near_fields())
     }
 
     /// Approximate cost of the last tick, in multiplications.
@@ -121,16 +134,18 @@ impl LocalState {
         if model.scheme != Scheme::NearFieldExact {
             return 3 * model.reduced.order * model.reduced.order;
         }
+        let fields = model.near_fields().into_iter().filter(|field| !field.is_empty());
+        let of_fields = fields.map(NearField::multiplications).reduce(usize::saturating_add);
         let contacts = ROW_UPDATE_WORK * self.near.row_updates();
-        if !model.near.is_empty() { model.near.multiplications().saturating_add(contacts) } else { 0 }
+        of_fields.map_or(0, |work| work.saturating_add(contacts))
     }
 
-    /// Energy of the whole body in this state of `model`, J; `None` for schemes other than [`Scheme::NearFieldExact`] and where the tool
+    /// Energy of all bodies in this state of `model`, J; `None` for schemes other than [`Scheme::NearFieldExact`] and where the tool
     /// reaches nothing.
     #[must_use]
     pub fn energy_j(&self, model: &LocalModel) -> Option<f64> {
-        let has_energy = model.scheme == Scheme::NearFieldExact && !model.near.is_empty();
-        has_energy.then(|| self.near.energy_j(&model.near))
+        let has_energy = model.scheme == Scheme::NearFieldExact && model.has_near_field();
+        has_energy.then(|| self.near.energy_j(model.near_fields()))
     }
 
     /// K_cr V q + B_cr V (q̇ − q̇_N).

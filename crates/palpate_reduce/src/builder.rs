@@ -1,13 +1,15 @@
 //! Builds local models of a body.
 
 use crate::far_field::FarField;
-use crate::near_field::{self, BuildInput, NearFieldBuilder};
+use crate::near_field::{self, BuildInput, NearFieldBuilder, tick_integrator};
 use crate::options::{BuilderOptions, MAX_ORDER, validate_horizon};
 use crate::static_stiffness::StaticStiffness;
 use crate::{ReduceError, krylov_linear, neighbourhood};
 use glam::{DMat3, DVec3};
 use palpate_body::{Body, BodyPoint, Tangent, TangentPattern, ToolContact, ToolPoint};
-use palpate_local::{Capacity, Contact, LocalModel, ModelId, Scheme, TickIntegrator};
+use palpate_local::{
+    Capacity, Contact, LocalModel, ModelId, NearField, NearFieldCapacity, Scheme, TickIntegrator,
+};
 use std::time::Instant;
 
 /// Properties of a local model that has been built, and the time it took.
@@ -34,6 +36,21 @@ pub struct BuildReport {
     pub error_bound: Option<f64>,
     /// Time that the build took, s.
     pub time_s: f64,
+}
+
+impl BuildReport {
+    /// The report with the sizes of the near field `near`, or of a reduced system of order `order`.
+    fn with_sizes(self, near: &NearField, order: usize) -> Self {
+        let order = near.order.max(order);
+        Self {
+            states: 3 * near.nodes + order,
+            order,
+            support_nodes: near.nodes,
+            support_truncated: near.is_cut,
+            integrator: (near.nodes > 0).then_some(near.integrator),
+            ..self
+        }
+    }
 }
 
 /// Builds local models of one body. The sparsity pattern of its tangent and the symbolic factorisations are computed once.
@@ -76,7 +93,7 @@ impl LocalModelBuilder {
             static_stiffness,
             far_field,
             near_field: NearFieldBuilder::new(body),
-            capacity: Capacity { order, near },
+            capacity: Capacity { order, near, second: NearFieldCapacity::NONE },
             neighbourhood: neighbourhood::Workspace::new(body),
         })
     }
@@ -85,6 +102,13 @@ impl LocalModelBuilder {
     #[must_use]
     pub fn capacity(&self) -> Capacity {
         self.capacity
+    }
+
+    /// Maximum sizes of the local models of this body and a second one: see [`BodyUnderTool::build_pair`].
+    #[must_use]
+    pub fn capacity_with(&self, second: &Self) -> Capacity {
+        let order = self.capacity.order.max(second.capacity.order);
+        Capacity { order, near: self.capacity.near, second: second.capacity.near }
     }
 
     /// Sets the horizon of the next local models, s: see [`BuilderOptions::horizon_s`].
@@ -140,7 +164,9 @@ impl LocalModelBuilder {
     }
 
     /// As [`LocalModelBuilder::build`], with other tools on the body. The forces of the `others` in the last step of the body are constant
-    /// until the next local model. [`Scheme::Neighbourhood`] ignores them, as in the seed paper.
+    /// until the next local model, except in [`Scheme::NearFieldExact`] that of the nearest one with an identity
+    /// ([`ToolContact::with_identity`]): it follows the samples ([`palpate_local::Sample::other`]). [`Scheme::Neighbourhood`] ignores the
+    /// others, as in the seed paper.
     ///
     /// # Errors
     /// As [`LocalModelBuilder::build`], of every contact.
@@ -157,19 +183,10 @@ impl LocalModelBuilder {
         let now = || Instant::now();
         let start = now();
         let error_bound = self.write(scheme, body, (contact, tool), others, id, model)?;
-        let LocalModel { near, reduced, .. } = &*model;
-        let (is_near, order) = (near.nodes > 0, near.order.max(reduced.order));
-        Ok(BuildReport {
-            scheme,
-            states: 3 * near.nodes + order,
-            order,
-            support_nodes: near.nodes,
-            tangent_clamped: model.clamped,
-            support_truncated: near.is_cut,
-            integrator: is_near.then_some(near.integrator),
-            error_bound,
-            time_s: (now() - start).as_secs_f64(),
-        })
+        let of =
+            BuildReport { scheme, tangent_clamped: model.clamped, error_bound, ..BuildReport::default() };
+        let time_s = (now() - start).as_secs_f64();
+        Ok(BuildReport { time_s, ..of.with_sizes(&model.near, model.reduced.order) })
     }
 
     /// Writes `model` as [`LocalModelBuilder::build_with_other_tools`] does, and returns the bound of its error where there is one.
@@ -192,6 +209,7 @@ impl LocalModelBuilder {
         model.clamped = false;
         model.reduced.order = 0;
         model.near.clear();
+        model.second.clear();
         model.contact = Contact::Apart;
         self.far_field.set_basis(None);
         contact.validate(body)?;
@@ -199,13 +217,8 @@ impl LocalModelBuilder {
         let mut error_bound = None;
         if scheme == Scheme::NearFieldExact {
             model.force_n = contact.displayed_force_n(body);
-            error_bound = self.with_tangent(body, model, |this, model| {
-                let LocalModel { near, clamped, .. } = model;
-                let (tangent, options) = (&this.tangent, &this.options);
-                let input =
-                    BuildInput { body, tangent, is_clamped: *clamped, contact, tool, others, options };
-                this.near_field.build(&mut this.far_field, &input, near)
-            })?;
+            let input = (body, id.body, contact, tool, others);
+            (error_bound, model.clamped) = self.write_near_field(input, None, &mut model.near)?;
         }
         let points = contact.points();
         let Some(node) = max_weight_node(&points, body) else {
@@ -240,6 +253,40 @@ impl LocalModelBuilder {
         Ok(error_bound)
     }
 
+    /// Writes the near field of a body with `contact`, with the exact tangent, or with the clamped one if the exact one cannot be
+    /// factorised. Returns the bound of its error where there is one, and whether the tangent is clamped.
+    fn write_near_field(
+        &mut self,
+        (body, identity, contact, tool, others): (&Body, u64, &ToolContact, ToolPoint, &[&ToolContact]),
+        integrator: Option<TickIntegrator>,
+        near: &mut NearField,
+    ) -> Result<(Option<f64>, bool), ReduceError> {
+        let mut is_clamped = false;
+        loop {
+            self.pattern.fill(body, is_clamped, &mut self.tangent);
+            let (tangent, options) = (&self.tangent, &self.options);
+            let input = BuildInput {
+                body,
+                tangent,
+                is_clamped,
+                contact,
+                tool,
+                others,
+                identity,
+                options,
+                integrator,
+            };
+            match self.near_field.build(&mut self.far_field, &input, near) {
+                Err(error) if is_indefinite(&error) && !is_clamped => is_clamped = true,
+                Err(error) => {
+                    near.clear();
+                    return Err(error);
+                }
+                Ok(error_bound) => return Ok((error_bound, is_clamped)),
+            }
+        }
+    }
+
     /// Runs `build` with the exact tangent, and with the clamped one if the exact one cannot be factorised.
     fn with_tangent<T>(
         &mut self,
@@ -254,13 +301,92 @@ impl LocalModelBuilder {
             match build(self, model) {
                 Err(error) if is_indefinite(&error) && !clamped => clamped = true,
                 result => {
-                    return result.inspect_err(|_| {
-                        model.reduced.order = 0;
-                        model.near.clear();
-                    });
+                    return result.inspect_err(|_| model.reduced.order = 0);
                 }
             }
         }
+    }
+}
+
+/// A body under a tool that touches two bodies.
+#[derive(Debug)]
+pub struct BodyUnderTool<'a> {
+    /// Builder of the body.
+    pub builder: &'a mut LocalModelBuilder,
+    /// The body.
+    pub body: &'a Body,
+    /// Contact of the tool with the body.
+    pub contact: &'a ToolContact,
+    /// The other tools on the body: see [`LocalModelBuilder::build_with_other_tools`].
+    pub others: &'a [&'a ToolContact],
+    /// Identity and epoch of the body: see [`ModelId`].
+    pub identity: (u64, u64),
+}
+
+impl BodyUnderTool<'_> {
+    /// Builds the local model of [`Scheme::NearFieldExact`] of two bodies under one tool into `model`, at their current states with the tool
+    /// at `tool`, for the sample `sequence`. The model has the capacity of [`LocalModelBuilder::capacity_with`]. Returns the reports of both
+    /// bodies.
+    ///
+    /// # Errors
+    /// As [`LocalModelBuilder::build`], with the index of the body. `model` then displays zero force.
+    pub fn build_pair(
+        first: Self,
+        second: Self,
+        tool: ToolPoint,
+        sequence: u64,
+        model: &mut LocalModel,
+    ) -> Result<[BuildReport; 2], (usize, ReduceError)> {
+        model.clear(sequence);
+        (model.scheme, model.clamped) = (Scheme::NearFieldExact, false);
+        let written = Self::write_pair([first, second], tool, sequence, model);
+        written.inspect_err(|_| model.clear(sequence))
+    }
+
+    fn write_pair(
+        pair: [Self; 2],
+        tool: ToolPoint,
+        sequence: u64,
+        model: &mut LocalModel,
+    ) -> Result<[BuildReport; 2], (usize, ReduceError)> {
+        #[expect(clippy::disallowed_methods, reason = "the duration is reported only")]
+        let now = || Instant::now();
+        for (index, Self { body, contact, others, .. }) in pair.iter().enumerate() {
+            let all = std::iter::once(contact).chain(*others);
+            all.copied().try_for_each(|other| other.validate(body)).map_err(|error| (index, error.into()))?;
+        }
+        model.force_n = ToolContact::shared_force_n(pair.iter().map(|of| (of.contact, of.body)));
+        (model.position_m, model.velocity_m_per_s) = (tool.position_m, tool.velocity_m_per_s);
+        let normal = pair.iter().find_map(|of| of.contact.normal());
+        model.contact = normal.map_or(Contact::Apart, |normal| Contact::Touching { normal });
+        // All fields of a tick have the same substeps, as the bodies in the full step.
+        let integrators = pair.each_ref().map(|of| tick_integrator::select(of.body, &of.builder.options));
+        let [a, b] = integrators.map(TickIntegrator::substeps);
+        let mut reports = [BuildReport::default(); 2];
+        for (index, (of, integrator)) in pair.into_iter().zip(integrators).enumerate() {
+            let start = now();
+            let Self { builder, body, contact, others, identity } = of;
+            let near = if index == 0 {
+                model.id = ModelId { body: identity.0, epoch: identity.1, sequence };
+                &mut model.near
+            } else {
+                (model.second.body, model.second.epoch) = identity;
+                &mut model.second.near
+            };
+            builder.far_field.set_basis(None);
+            let integrator = Some(tick_integrator::with_substeps(integrator, a.max(b)));
+            let (error_bound, tangent_clamped) = builder
+                .write_near_field((body, identity.0, contact, tool, others), integrator, near)
+                .map_err(|error| (index, error))?;
+            model.clamped |= tangent_clamped;
+            let scheme = Scheme::NearFieldExact;
+            let report = BuildReport { scheme, tangent_clamped, error_bound, ..BuildReport::default() };
+            let time_s = (now() - start).as_secs_f64();
+            if let Some(to) = reports.get_mut(index) {
+                *to = BuildReport { time_s, ..report.with_sizes(near, 0) };
+            }
+        }
+        Ok(reports)
     }
 }
 

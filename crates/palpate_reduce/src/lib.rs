@@ -99,7 +99,7 @@ mod static_stiffness;
 
 pub use balancing::{Balancing, Truncated};
 pub use bode::{Bode, BodePoint};
-pub use builder::{BuildReport, LocalModelBuilder};
+pub use builder::{BodyUnderTool, BuildReport, LocalModelBuilder};
 pub use comparison::{Comparison, ComparisonOptions, relative_rms_error};
 pub use dense_system::DenseSystem;
 pub use error::ReduceError;

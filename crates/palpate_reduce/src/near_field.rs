@@ -6,7 +6,7 @@ mod error_bound;
 mod ring_projection;
 mod support;
 mod surface;
-mod tick_integrator;
+pub(crate) mod tick_integrator;
 
 pub(crate) use capacity::capacity;
 
@@ -16,7 +16,9 @@ use crate::far_field::basis::Basis;
 use crate::options::BuilderOptions;
 use glam::DVec3;
 use palpate_body::{BarrierTetrahedron, Body, SurfaceTree, Tangent, ToolContact, ToolPoint, VolumeBarrier};
-use palpate_local::{LocalModelError, NearEnd, NearField, NearSpring, NearTetrahedron, TickIntegrator};
+use palpate_local::{
+    LocalModelError, NearEnd, NearField, NearSpring, NearTetrahedron, OtherToolForce, TickIntegrator,
+};
 use support::{SupportLimits, SupportSet};
 
 /// Volume ratio up to which tetrahedra with a node in S are near: the tool may compress them further before the next model step.
@@ -44,7 +46,11 @@ pub(crate) struct BuildInput<'a> {
     pub(crate) tool: ToolPoint,
     /// The other tools on the body; their forces are constant.
     pub(crate) others: &'a [&'a ToolContact],
+    /// Identity of the body.
+    pub(crate) identity: u64,
     pub(crate) options: &'a BuilderOptions,
+    /// Integrator of the ticks, for fields under one tool; `None` for that of the body alone.
+    pub(crate) integrator: Option<TickIntegrator>,
 }
 
 /// Role of a node in a near field, with its index in S or in the ring.
@@ -107,7 +113,7 @@ impl NearFieldBuilder {
         basis: &Basis,
         field: &mut NearField,
     ) -> Result<(), ReduceError> {
-        let &BuildInput { body, is_clamped, contact, options, .. } = input;
+        let &BuildInput { body, is_clamped, contact, options, integrator, .. } = input;
         let (network, v) = (body.network(), body.velocities_m_per_s());
         self.write_support(far_field, input, support, field)?;
         field.order = basis.order();
@@ -129,9 +135,10 @@ impl NearFieldBuilder {
                 field.velocity[3 * s + j] = momentum;
             },
         );
+        write_other(input, basis, &self.roles, field);
         let far = (&is_near[..], &far_tetrahedra[..]);
         basis.congruence(body, far, is_clamped, &mut field.stiffness, &mut field.damping);
-        field.integrator = tick_integrator::select(body, options);
+        field.integrator = integrator.unwrap_or_else(|| tick_integrator::select(body, options));
         tick_integrator::write_matrices(field)
     }
 
@@ -266,8 +273,39 @@ fn write_surface_only(input: &BuildInput<'_>, field: &mut NearField) -> Result<(
     let support = SupportSet::empty(shape, friction);
     write_tool(input, &support, field);
     field.tick_s = options.tick_s;
-    field.integrator = TickIntegrator::Explicit { substeps: 1 };
+    // Nothing moves.
+    let substeps = input.integrator.map_or(1, TickIntegrator::substeps);
+    field.integrator = TickIntegrator::Explicit { substeps };
     surface::write(body, contact, (&support, &[]), field.proxy_m, field).inspect_err(|_| field.clear())
+}
+
+/// Writes the influence of the nearest other tool with an identity.
+fn write_other(input: &BuildInput<'_>, basis: &Basis, roles: &[NodeRole], field: &mut NearField) {
+    let &BuildInput { body, contact, tool, others, identity, .. } = input;
+    let (at_m, network) = (contact.proxy_m(tool.position_m), body.network());
+    let place = |shares: &[(usize, f64)]| -> DVec3 {
+        shares.iter().map(|&(node, w)| w * body.positions_m()[node]).sum()
+    };
+    let acting =
+        others.iter().filter(|other| other.identity() != 0).map(|other| (other, other.force_shares()));
+    let nearest = acting
+        .filter(|(_, shares)| !shares.is_empty())
+        .min_by(|(_, a), (_, b)| place(a).distance(at_m).total_cmp(&place(b).distance(at_m)));
+    let Some((other, shares)) = nearest else { return };
+    let (n, s) = (field.unknowns(), 3 * field.nodes);
+    let Some(influence) = field.other_influence.get_mut(..3 * n) else { return };
+    influence.fill(0.0);
+    for (axis, column) in influence.chunks_exact_mut(n.max(1)).enumerate() {
+        for &(node, w) in shares.iter().filter(|(node, _)| !network.is_fixed(*node)) {
+            if let NodeRole::Support(i) = roles[node] {
+                column[3 * i + axis] += w;
+            }
+        }
+        let mut force = vec![DVec3::ZERO; network.node_count()];
+        shares.iter().for_each(|&(node, w)| force[node] = DVec3::AXES[axis] * w);
+        basis.project(|node| force[node], |_| DVec3::ZERO, |j, f, _| column[s + j] = f);
+    }
+    field.other = OtherToolForce { tool: other.identity(), body: identity, force_n: other.applied_force_n() };
 }
 
 /// Writes how the tool acts, its coupling and position, and the energy of the body.

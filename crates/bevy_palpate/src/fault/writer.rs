@@ -54,6 +54,7 @@ fn recurring(kind: &HapticFaultKind) -> Option<Recurring> {
         HapticFaultKind::SamplesLost { .. }
         | HapticFaultKind::EventsDropped { .. }
         | HapticFaultKind::BeyondSupport { .. }
+        | HapticFaultKind::BodiesLeftOut { .. }
         | HapticFaultKind::LocalModel(_)
         | HapticFaultKind::SlowStep(_)
         | HapticFaultKind::Unconverged { .. }

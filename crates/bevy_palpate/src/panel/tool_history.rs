@@ -127,10 +127,13 @@ pub(super) fn update_history(
     }
     let shown = panel.shown(tools.iter().map(|(entity, ..)| entity));
     let on = shown.and_then(|tool| tools.get(tool).ok()?.2.body);
-    let other_tools = tools.iter().filter(|(entity, _, tool)| Some(*entity) != shown && tool.body == on);
+    let other_tools = tools.iter().filter(|(entity, ..)| Some(*entity) != shown);
+    let on_body = |tool: &ToolLoop| -> Vec<ToolContact> {
+        tool.contacts().filter(|(body, _)| Some(*body) == on).map(|(_, contact)| contact.clone()).collect()
+    };
     let compares = history.requested.forces && panel.compare && on.is_some();
     let mut others: Vec<ToolContact> =
-        if compares { other_tools.map(|(.., tool)| tool.contact.clone()).collect() } else { Vec::new() };
+        if compares { other_tools.flat_map(|(.., tool)| on_body(tool)).collect() } else { Vec::new() };
     let Some((entity, described, mut tool)) = shown.and_then(|tool| tools.get_mut(tool).ok()) else {
         history.clear_forces();
         return;
@@ -163,7 +166,9 @@ pub(super) fn update_history(
     }
     history.newest = Some(consumed);
     history.compare_errors(running);
-    if panel.compare {
+    // The comparison is that of one body.
+    let touches_two = tool.second().is_some_and(|(_, contact)| !contact.touched().is_empty());
+    if panel.compare && !touches_two {
         let id = ModelId { body: body.to_bits(), epoch: simulated.epoch(), sequence: consumed };
         let all_samples = tool.handle.samples();
         let samples: Vec<Sample> = (first..=consumed).filter_map(|s| all_samples.get(s).copied()).collect();

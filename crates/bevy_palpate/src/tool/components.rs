@@ -32,14 +32,15 @@ pub struct HapticTool {
     pub friction: f64,
     /// Coupling of the tool to the device. A change ends a contact.
     pub coupling: ToolCoupling,
-    /// Body that the tool can touch; `None` for the nearest one, which changes only without contact. A change ends a contact;
-    /// [`TouchedBody`] describes how the next one starts.
+    /// Body that the tool can touch; `None` for all bodies that share a layer with it: the nearest one, and a second one that it reaches
+    /// at the same time. A touched body is replaced only without contact. A change ends contacts; [`TouchedBody`] describes how the next
+    /// one starts.
     #[entities]
     pub body: Option<Entity>,
 }
 
 impl Default for HapticTool {
-    /// The device `"default"`, [`Scheme::NearFieldExact`], a sphere of radius 5 mm, friction 0.3, a virtual coupling, the nearest body.
+    /// The device `"default"`, [`Scheme::NearFieldExact`], a sphere of radius 5 mm, friction 0.3, a virtual coupling, all bodies.
     fn default() -> Self {
         Self {
             device: DeviceSelector::default(),
@@ -159,7 +160,8 @@ pub struct ToolSettings {
 ///
 /// Like [`ContactEnd`], [`GraspStart`] and [`GraspEnd`] it is a message, readable in the same model step after
 /// [`HapticSystems::StepBodies`](crate::HapticSystems::StepBodies), and an event for observers of the tool, which run in [`Last`]. In a
-/// model step a tool ends at most one contact and then starts at most one; observers run in that order, ends before starts. A pause of the
+/// model step a tool ends at most one contact with each body and then starts at most one; observers run in that order, ends before starts.
+/// A tool has at most two contacts at once, each with a start and an end of its own. A pause of the
 /// app ends a contact of a loop on a thread, in the first model step after the pause, because the device may have moved. The contact starts
 /// again in that step or later; [`TouchedBody`] states when. In lock step a pause has no effect on contacts.
 ///

@@ -26,18 +26,33 @@ pub(super) fn grasp(
         let was_pressed = std::mem::replace(&mut tool.was_pressed, pressed);
         let closes = pressed && !was_pressed;
         if !pressed && tool.contact.held_point().is_some() {
-            tool.release(entity).map(|message| ends.write(message));
+            ends.write_batch(tool.release(entity));
+        }
+        if let (true, Some(at)) = (closes, tool.path.last().map(|point| point.position_m)) {
+            // The nearer of two bodies.
+            let distance_m = |body: Entity| {
+                let body = bodies.get(body).ok()?.body();
+                Some(SurfaceTree::new(body).closest(at, f64::INFINITY)?.distance_m.abs())
+            };
+            let second = tool.second.as_ref().and_then(|second| distance_m(second.body));
+            if let (Some(first), Some(second)) = (tool.body.and_then(distance_m), second)
+                && second < first
+            {
+                tool.exchange_bodies();
+            }
         }
         let body = tool.body.and_then(|body| Some((body, bodies.get(body).ok()?.body())));
         let place = tool.path.last().map(|point| point.position_m);
         if let (true, Some(grasp), Some((on, body)), Some(at)) = (closes, grasp, body, place) {
             match hold(body, described.coupling, at, grasp.reach_m) {
                 Ok(Some((contact, closest))) => {
+                    // A tool that holds touches nothing else.
+                    tool.drop_second(entity).map(|message| ends.write(message));
                     if !tool.is_in_contact() {
                         let (point_m, normal) = (closest.point_m, closest.normal);
                         starts.write(ContactStart { tool: entity, body: on, point_m, normal });
                     }
-                    (tool.contact, tool.has_support) = (contact, false);
+                    (tool.contact, tool.has_support) = (contact.with_identity(entity.to_bits()), false);
                 }
                 Ok(None) => {}
                 Err(error) => {

@@ -1,18 +1,19 @@
-//! The model side of a step: steps the bodies, builds and publishes the local models.
+//! The model side of a step: steps the bodies along the paths of the tools.
 
-use super::components::{ContactEnd, ContactStart, HapticTool};
-use super::results::{ForceError, LocalModelStats, ToolContactPoint};
+use super::components::{ContactEnd, ContactStart};
+use super::results::{ForceError, ToolContactPoint};
 use super::tool_loop::ToolLoop;
 use crate::body::SimulatedBody;
 use crate::fault::{FaultWriter, HapticFaultKind};
-use crate::model_time::{ModelPeriod, ModelSpan};
+use crate::model_time::ModelSpan;
 use bevy::prelude::*;
 use glam::DVec3;
-use palpate_body::{Body, BodyError, SemiImplicitEuler, StepReport, ToolContact, ToolPoint, ToolRun};
-use palpate_local::{ModelId, Scheme};
-use palpate_reduce::BuilderOptions;
+use palpate_body::{
+    Body, JointStepError, SemiImplicitEuler, SharedTool, StepReport, ToolPoint, advance_bodies,
+};
 
-/// Steps every body: along the samples of the tools that can touch it, or by the model period without samples.
+/// Steps every body: along the samples of the tools that can touch it, or by the model period without samples. Bodies that share a tool
+/// are stepped together.
 ///
 /// The first of several tools determines the number of ticks. The loops of the others run on threads of their own and may differ by a few
 /// ticks: their paths are resampled to the same number. A path longer than the limit of a step ([`ModelSpan`]) is resampled to the limit:
@@ -28,63 +29,119 @@ pub(super) fn step_bodies(
     for (_, mut tool) in &mut tools {
         tool.full_forces_n.clear();
     }
-    for (entity, mut simulated) in &mut bodies {
-        let simulated = &mut *simulated;
-        let mut own_tools: Vec<(Entity, Mut<ToolLoop>)> =
-            tools.iter_mut().filter(|(_, tool)| tool.body == Some(entity) && !tool.path.is_empty()).collect();
+    let groups = groups(
+        bodies.iter().map(|(body, _)| body),
+        tools
+            .iter()
+            .filter(|(_, tool)| !tool.path.is_empty())
+            .map(|(_, tool)| tool.contacts().map(|(body, _)| body)),
+    );
+    for group in groups {
+        let mut group: Vec<(Entity, Mut<SimulatedBody>)> =
+            bodies.iter_mut().filter(|(body, _)| group.contains(body)).collect();
+        let mut own_tools: Vec<(Entity, Mut<ToolLoop>)> = tools
+            .iter_mut()
+            .filter(|(_, tool)| {
+                !tool.path.is_empty() && tool.body.is_some_and(|body| place(&group, body).is_some())
+            })
+            .collect();
         own_tools.sort_unstable_by_key(|(tool, _)| *tool);
         for (tool_entity, tool) in &mut own_tools {
-            if std::mem::replace(&mut tool.contact_key, simulated.contact_key()) != simulated.contact_key() {
-                tool.reset_contact(*tool_entity).map(|message| ends.write(message));
+            let key = |body: Entity| place(&group, body).map_or((0, 0), |place| group[place].1.contact_key());
+            let first = tool.body.map_or((0, 0), key);
+            if std::mem::replace(&mut tool.contact_key, first) != first {
+                tool.reset_first(*tool_entity).map(|message| ends.write(message));
+            }
+            let second = tool.second.as_ref().map(|second| key(second.body));
+            if let (Some(of), Some(now)) = (&mut tool.second, second)
+                && std::mem::replace(&mut of.contact_key, now) != now
+            {
+                tool.reset_second(*tool_entity).map(|message| ends.write(message));
             }
         }
-        simulated.drawn.start_step(&simulated.body);
-        let before: Vec<bool> = own_tools.iter().map(|(_, tool)| tool.contact.normal().is_some()).collect();
-        let stepped = step(&mut simulated.body, &mut own_tools, (span.ticks(), span.max_ticks()));
-        for ((tool_entity, tool), was_touching) in own_tools.iter_mut().zip(before) {
-            let touched = tool.contact.normal().zip(tool.contact.touched().first());
-            tool.contact_point = touched.map(|(normal, touched)| {
+        for (_, simulated) in &mut group {
+            let simulated = &mut **simulated;
+            simulated.drawn.start_step(&simulated.body);
+        }
+        let is_touching = |tool: &ToolLoop| -> Vec<(Entity, bool)> {
+            tool.contacts().map(|(body, contact)| (body, contact.normal().is_some())).collect()
+        };
+        let before: Vec<Vec<(Entity, bool)>> = own_tools.iter().map(|(_, tool)| is_touching(tool)).collect();
+        let stepped = step(&mut group, &mut own_tools, (span.ticks(), span.max_ticks()));
+        for ((tool_entity, tool), before) in own_tools.iter_mut().zip(before) {
+            let simulated = |body: Entity| place(&group, body).map(|place| &*group[place].1);
+            tool.contact_point = tool.body.and_then(simulated).and_then(|simulated| {
+                let (normal, touched) = tool.contact.normal().zip(tool.contact.touched().first())?;
                 let point_m = touched.point_m(&simulated.body);
                 let depth_m = (simulated.undeformed_m(&touched.body_point()) - point_m).dot(normal);
-                ToolContactPoint { point_m, normal, depth_m }
+                Some(ToolContactPoint { point_m, normal, depth_m })
             });
-            let (tool_entity, contact) = (*tool_entity, &tool.contact);
-            match (was_touching, contact.normal().zip(contact.touched().first())) {
-                (true, None) => {
-                    ends.write(ContactEnd { tool: tool_entity, body: entity });
+            for ((body, contact), (_, was_touching)) in tool.contacts().zip(before) {
+                let Some(simulated) = simulated(body) else { continue };
+                match (was_touching, contact.normal().zip(contact.touched().first())) {
+                    (true, None) => {
+                        ends.write(ContactEnd { tool: *tool_entity, body });
+                    }
+                    (false, Some((normal, touched))) => {
+                        let point_m = touched.point_m(&simulated.body);
+                        starts.write(ContactStart { tool: *tool_entity, body, point_m, normal });
+                    }
+                    _ => {}
                 }
-                (false, Some((normal, touched))) => {
-                    let point_m = touched.point_m(&simulated.body);
-                    starts.write(ContactStart { tool: tool_entity, body: entity, point_m, normal });
-                }
-                _ => {}
             }
         }
         match stepped {
-            Ok(report) => {
-                (simulated.last_step, simulated.failed) = (report, None);
-                let kinds = simulated.watch.record(&report);
-                kinds.into_iter().for_each(|kind| faults.write(entity, kind));
+            Ok(reports) => {
+                for ((entity, simulated), report) in group.iter_mut().zip(reports) {
+                    (simulated.last_step, simulated.failed) = (report, None);
+                    let kinds = simulated.watch.record(&report);
+                    kinds.into_iter().for_each(|kind| faults.write(*entity, kind));
+                }
             }
-            Err(error) => {
+            Err(JointStepError { body, error }) => {
+                let Some((entity, simulated)) = group.get_mut(body) else { continue };
                 bring_to_rest(simulated);
                 let kind = std::mem::discriminant(&error);
                 if simulated.failed.replace(kind) != Some(kind) {
                     let kind = HapticFaultKind::StepBody(error);
-                    faults.write(entity, kind);
+                    faults.write(*entity, kind);
                 }
             }
         }
     }
 }
 
-/// Steps `body` along the paths of `tools` in at most `max_ticks` ticks, or by `period` ticks without tools, and records the force on
-/// each tool.
+/// Groups `bodies` that are connected by tools; `tools` holds the bodies of each.
+fn groups(
+    bodies: impl Iterator<Item = Entity>,
+    tools: impl Iterator<Item = impl Iterator<Item = Entity>>,
+) -> Vec<Vec<Entity>> {
+    let mut groups: Vec<Vec<Entity>> = bodies.map(|body| vec![body]).collect();
+    for mut tool in tools {
+        let (Some(first), Some(second)) = (tool.next(), tool.next()) else { continue };
+        let of = |body: Entity| groups.iter().position(|group| group.contains(&body));
+        if let (Some(a), Some(b)) = (of(first), of(second))
+            && a != b
+        {
+            let joined = groups.remove(a.max(b));
+            groups[a.min(b)].extend(joined);
+        }
+    }
+    groups
+}
+
+/// Index of `body` in `group`.
+fn place(group: &[(Entity, Mut<SimulatedBody>)], body: Entity) -> Option<usize> {
+    group.iter().position(|(entity, _)| *entity == body)
+}
+
+/// Steps the bodies of `group` along the paths of `tools` in at most `max_ticks` ticks, or by `period` ticks without tools, and records the
+/// force on each tool.
 fn step(
-    body: &mut Body,
+    group: &mut [(Entity, Mut<SimulatedBody>)],
     tools: &mut [(Entity, Mut<ToolLoop>)],
     (period, max_ticks): (usize, usize),
-) -> Result<StepReport, BodyError> {
+) -> Result<Vec<StepReport>, JointStepError> {
     let due = tools.first().map_or(period, |(_, tool)| tool.path.len() - 1);
     let ticks = due.min(max_ticks);
     let pace = |tool: &ToolLoop| Pace::new(tool.path.len() - 1, ticks, due > max_ticks);
@@ -93,17 +150,25 @@ fn step(
         .map(|(_, tool)| (tool.path.len() != ticks + 1).then(|| resample(&tool.path, pace(tool))))
         .collect();
     let mut forces: Vec<Vec<DVec3>> = vec![Vec::with_capacity(ticks); tools.len()];
-    let mut runs = Vec::with_capacity(tools.len());
+    let mut shared = Vec::with_capacity(tools.len());
     for ((_, tool), resampled) in tools.iter_mut().zip(&resampled) {
-        let ToolLoop { contact, path, .. } = &mut **tool;
-        runs.push(ToolRun { contact, path: resampled.as_ref().unwrap_or(path) });
+        let ToolLoop { contact, path, body, second, .. } = &mut **tool;
+        let second = second.as_mut().map(|second| (second.body, &mut second.contact));
+        let all = body.map(|body| (body, contact)).into_iter().chain(second);
+        let contacts = all.filter_map(|(body, contact)| Some((place(group, body)?, contact))).collect();
+        shared.push(SharedTool { contacts, path: resampled.as_ref().unwrap_or(path) });
     }
-    let stepped = body.advance_tools(&mut runs, ticks, SemiImplicitEuler::default(), |_, now_n| {
+    let mut bodies: Vec<&mut Body> = group.iter_mut().map(|(_, simulated)| &mut simulated.body).collect();
+    let integrator = SemiImplicitEuler::default();
+    let stepped = advance_bodies(&mut bodies, &mut shared, ticks, integrator, |_, now_n| {
         forces.iter_mut().zip(now_n).for_each(|(forces, now)| forces.push(*now));
     });
     for ((_, tool), forces) in tools.iter_mut().zip(forces) {
         if stepped.is_err() {
             tool.contact.release();
+            tool.second.iter_mut().for_each(|second| {
+                second.contact.release();
+            });
         } else {
             // One force for each sample of the tool's own path.
             let pace = pace(tool);
@@ -178,90 +243,6 @@ fn bring_to_rest(simulated: &mut SimulatedBody) {
     let x = simulated.body.positions_m().to_vec();
     // Cannot fail: the positions are the body's own.
     let _ = simulated.body.set_state(&x, &vec![DVec3::ZERO; x.len()]);
-}
-
-/// Builds a local model for every tool with new samples, in the slot of the exchange.
-pub(super) fn build_local_models(
-    mut bodies: Query<&mut SimulatedBody>,
-    mut tools: Query<(Entity, &HapticTool, &mut ToolLoop, &mut LocalModelStats)>,
-    period: ModelPeriod,
-    mut faults: FaultWriter,
-) {
-    // A local model is active for one period, after a period in which it is built.
-    let default_s = BuilderOptions::default().horizon_s;
-    let horizon_s = (2.0 * period.s()).clamp(default_s, 10.0);
-    // The contacts of all tools, for the local models of the others.
-    let all: Vec<(Entity, Entity, ToolContact)> = tools
-        .iter()
-        .filter_map(|(entity, _, tool, _)| Some((entity, tool.body?, tool.contact.clone())))
-        .collect();
-    for (entity, described, mut tool, mut stats) in &mut tools {
-        let ToolLoop {
-            handle,
-            contact,
-            path,
-            consumed,
-            body,
-            built,
-            support,
-            has_support,
-            reported_beyond_support: was_beyond,
-            ..
-        } = &mut *tool;
-        *built = false;
-        let (Some(&point), Some(sequence)) = (path.last().filter(|_| path.len() > 1), *consumed) else {
-            continue;
-        };
-        let model = handle.model_slot();
-        let simulated = body.and_then(|body| Some((body, bodies.get_mut(body).ok()?)));
-        let Some((body, mut simulated)) = simulated else {
-            // An empty model replaces the previous one, which would render force until it is stale.
-            model.clear(sequence);
-            *built = true;
-            continue;
-        };
-        let SimulatedBody { body: full, builder, epoch, .. } = &mut *simulated;
-        // Contact outside the support set of the previous local model.
-        let is_beyond = *has_support && contact.touched_nodes().iter().any(|node| !support.contains(node));
-        if is_beyond && !std::mem::replace(was_beyond, true) {
-            let nodes = support.len();
-            faults.write(entity, HapticFaultKind::BeyondSupport { nodes });
-        }
-        *was_beyond = is_beyond;
-        support.clear();
-        *has_support = false;
-        let id = ModelId { body: body.to_bits(), epoch: *epoch, sequence };
-        let is_other = |other: &&(Entity, Entity, ToolContact)| other.0 != entity && other.1 == body;
-        let others: Vec<&ToolContact> = all
-            .iter()
-            .filter(is_other)
-            .map(|(_, _, contact)| contact)
-            .filter(|c| c.validate(full).is_ok())
-            .collect();
-        // Cannot fail: the value is clamped.
-        let _ = builder.set_horizon_s(horizon_s);
-        match builder.build_with_other_tools(described.scheme, full, (contact, point), &others, id, model) {
-            Ok(report) => {
-                (*built, *stats) = (true, report.into());
-                if described.scheme == Scheme::NearFieldExact {
-                    support.extend(builder.support());
-                    *has_support = true;
-                }
-            }
-            Err(error) => {
-                faults.write(entity, HapticFaultKind::LocalModel(error));
-            }
-        }
-    }
-}
-
-/// Publishes the local models that have been built.
-pub(super) fn publish_local_models(mut tools: Query<&mut ToolLoop>) {
-    for mut tool in &mut tools {
-        if std::mem::take(&mut tool.built) {
-            tool.handle.publish_model();
-        }
-    }
 }
 
 #[cfg(test)]

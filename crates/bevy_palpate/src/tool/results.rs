@@ -18,7 +18,7 @@ pub struct ToolForce {
     pub sample: u64,
     /// Position of the device at that sample, m, world frame. The tool's [`Transform`] has the position of the proxy.
     pub device_position_m: DVec3,
-    /// Contact with a body after the last model step; `None` without contact.
+    /// Contact with [`TouchedBody::body`] after the last model step; `None` without contact.
     pub contact: Option<ToolContactPoint>,
     /// Whether the safety chain changed the force.
     pub safety_limited: bool,
@@ -85,7 +85,7 @@ pub struct LoopTiming {
     pub dropped_events: u64,
 }
 
-/// Report about the newest local model of the tool, updated at every model step that builds one ([`palpate_reduce::BuildReport`]).
+/// Report about the newest local model of the tool, of both bodies if it contains two, updated at every model step that builds one ([`palpate_reduce::BuildReport`]).
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct LocalModelStats {
@@ -116,6 +116,20 @@ impl From<BuildReport> for LocalModelStats {
             ..
         } = report;
         Self { states, support_nodes, tangent_clamped, support_truncated, error_bound, time_s }
+    }
+}
+
+impl LocalModelStats {
+    /// The statistics of a local model of two bodies, these and those of a `second` one.
+    pub(super) fn with_second(self, second: Self) -> Self {
+        Self {
+            states: self.states + second.states,
+            support_nodes: self.support_nodes + second.support_nodes,
+            tangent_clamped: self.tangent_clamped || second.tangent_clamped,
+            support_truncated: self.support_truncated || second.support_truncated,
+            error_bound: self.error_bound.into_iter().chain(second.error_bound).reduce(f64::max),
+            time_s: self.time_s + second.time_s,
+        }
     }
 }
 
@@ -160,7 +174,7 @@ impl ForceError {
     }
 }
 
-/// The body that a tool touches or holds, and the state of the contact. Updated at every model step, and changed only when a value differs.
+/// The body or the two bodies that a tool touches or holds, and the state of the contact. Updated at every model step, and changed only when a value differs.
 ///
 /// A tool and a body can meet other than by the tool's motion: the body is spawned, replaced by one with other nodes, moved by its
 /// transform or selected by [`HapticTool::body`](crate::HapticTool::body); or the tool is started, changes its shape, is released from a
@@ -170,8 +184,10 @@ impl ForceError {
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct TouchedBody {
-    /// The touched or held body; `None` without contact.
+    /// The touched or held body, of two that which the tool has touched longer; `None` without contact.
     pub body: Option<Entity>,
+    /// The second touched body, if the tool touches two at once: an instrument between two organs.
+    pub second: Option<Entity>,
     /// State of the contact after the last model step.
     pub state: ContactState,
 }
@@ -185,7 +201,7 @@ pub enum ContactState {
     NoBody,
     /// The tool is outside the body, without contact.
     Clear,
-    /// The tool pushes against the body's surface.
+    /// The tool pushes against the surface of a body, or of two.
     Touching,
     /// The tool holds a point of the body ([`ToolGrasp`](crate::ToolGrasp)).
     Holding,

@@ -15,21 +15,28 @@ pub(super) fn receive(
     mut ends: MessageWriter<ContactEnd>,
     mut faults: FaultWriter,
 ) {
+    // Tick by tick, because the loops read each other's forces.
+    let mut in_order: Vec<(Entity, Mut<ToolLoop>)> = tools.iter_mut().collect();
+    in_order.sort_unstable_by_key(|(tool, _)| *tool);
+    for _ in 0..rate.ticks() {
+        for (_, tool) in &mut in_order {
+            if let Driver::Lockstep(lockstep) = &mut tool.driver {
+                lockstep.get().run(1);
+            }
+        }
+    }
     for (entity, mut tool) in &mut tools {
         let tool = &mut *tool;
-        if let Driver::Lockstep(lockstep) = &mut tool.driver {
-            lockstep.get().run(rate.ticks() as usize);
-        }
         // In lock step no time passes during a pause.
         if std::mem::take(&mut tool.was_paused) && matches!(tool.driver, Driver::Thread(_)) {
             // Discard motion during the pause; restart from the newest sample.
             tool.consumed = tool.handle.samples().newest().map(|sample| sample.sequence);
-            tool.reset_contact(entity).map(|message| ends.write(message));
+            ends.write_batch(tool.reset_contacts(entity));
         }
         let lost = take_path(tool.handle.samples(), &mut tool.consumed, &mut tool.path);
         if lost > 0 {
             // The tool jumps along the missing path; a contact would accelerate the touched nodes.
-            tool.reset_contact(entity).map(|message| ends.write(message));
+            ends.write_batch(tool.reset_contacts(entity));
             let kind = HapticFaultKind::SamplesLost { lost };
             faults.write(entity, kind);
         }

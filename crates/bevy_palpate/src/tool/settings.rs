@@ -37,7 +37,7 @@ pub(super) fn validate_settings(
     }
 }
 
-/// Applies the tool's settings, its body and the app's pause to every loop.
+/// Applies the tool's settings, its bodies and the app's pause to every loop.
 pub(super) fn apply_settings(
     mut tools: Query<(&mut ToolLoop, Option<&ExternalForce>, Has<TickRecording>)>,
     bodies: Query<(), With<SimulatedBody>>,
@@ -49,16 +49,21 @@ pub(super) fn apply_settings(
     let paused = time.is_paused() || *mode == LoopMode::Threaded && time.relative_speed_f64() != 1.0;
     for (mut tool, external, record) in &mut tools {
         tool.was_paused |= paused;
-        let body = tool.body.filter(|&body| bodies.contains(body)).map_or(ModelId::NO_BODY, Entity::to_bits);
-        let before = tool.handle.settings().body.unwrap_or(ModelId::NO_BODY);
-        if ![body, ModelId::NO_BODY].contains(&before) {
-            // An empty model replaces one of the old body that may wait in the exchange.
+        let of = |body: Option<Entity>| body.filter(|&body| bodies.contains(body)).map(Entity::to_bits);
+        let (first, second_body) = (of(tool.body), of(tool.second.as_ref().map(|second| second.body)));
+        let before = tool.handle.settings();
+        let before = [before.body.filter(|body| *body != ModelId::NO_BODY), before.second_body];
+        let is_kept = |before: &u64| [first, second_body].contains(&Some(*before));
+        if before.iter().flatten().next().is_some() && !before.iter().flatten().any(is_kept) {
+            // An empty model replaces one of the old bodies that may wait in the exchange.
             let sequence = tool.consumed.unwrap_or(0);
             tool.handle.model_slot().clear(sequence);
             tool.handle.publish_model();
         }
         let settings = LoopSettings {
-            body: Some(body),
+            body: Some(first.unwrap_or(ModelId::NO_BODY)),
+            second_body,
+            other: tool.followed,
             paused,
             record,
             // One that is not finite has been reported.

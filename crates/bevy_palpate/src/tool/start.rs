@@ -2,6 +2,7 @@
 
 use super::components::{ContactEnd, HapticTool, ToolSettings};
 use super::convergence_watch::ConvergenceWatch;
+use super::force_slots::ForceSlots;
 use super::force_watch::ForceWatch;
 use super::results::{ForceError, TickRecording};
 use super::settings::loop_settings;
@@ -15,9 +16,10 @@ use bevy::prelude::*;
 use glam::{DMat3, DVec3};
 use palpate_body::ToolContact;
 use palpate_haptics::{
-    HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopSettings, SafetySettings, haptic_loop,
+    ForceBoard, HapticDevice, HapticHandle, Lockstep, LoopConfig, LoopSettings, SafetySettings, haptic_loop,
 };
 use palpate_local::{Capacity, HandOverSettings, NearFieldCapacity};
+use std::sync::Arc;
 
 /// Length of a tick, s.
 const TICK_S: f64 = 1e-3;
@@ -50,13 +52,14 @@ const MAX_LOAD_S: f64 = 5.0;
 pub(super) fn start_loops(
     mut commands: Commands,
     mut tools: Query<(Entity, Ref<HapticTool>, Ref<ToolSettings>, Option<&mut ToolLoop>, Has<TickRecording>)>,
-    (devices, mut trajectories): (Res<HapticDevices>, Trajectories),
+    (devices, mut trajectories, mut slots): (Res<HapticDevices>, Trajectories, ResMut<ForceSlots>),
     mode: Res<LoopMode>,
     period: ModelPeriod,
     (time, mut waiting): (Option<Res<Time<Real>>>, Local<Vec<RetryStart>>),
     (mut ends, mut faults): (MessageWriter<ContactEnd>, FaultWriter),
 ) {
     let now_s = time.map_or(0.0, |time| time.elapsed_secs_f64());
+    let mut used: Vec<usize> = tools.iter().filter_map(|(.., running, _)| running?.slot).collect();
     trajectories.update();
     waiting.retain(|waiting| tools.get(waiting.tool).is_ok_and(|(.., running, _)| running.is_none()));
     for (entity, tool, settings, running, record) in &mut tools {
@@ -74,7 +77,7 @@ pub(super) fn start_loops(
             faults.write(entity, kind);
         };
         let contact = match tool.contact() {
-            Ok(contact) => contact,
+            Ok(contact) => contact.with_identity(entity.to_bits()),
             Err(error) => {
                 fault(HapticFaultKind::Tool(error));
                 continue;
@@ -85,9 +88,11 @@ pub(super) fn start_loops(
                 let is_same =
                     |a: &ToolContact, b: &ToolContact| (a.shape(), a.coupling()) == (b.shape(), b.coupling());
                 if !is_same(&running.untouched, &contact) {
-                    running.release(entity).map(|message| ends.write(message));
+                    ends.write_batch(running.release(entity));
                     running.untouched = contact.clone();
                     running.contact = contact;
+                    // The next selection of bodies finds it again.
+                    running.second = None;
                 }
                 continue;
             }
@@ -113,11 +118,14 @@ pub(super) fn start_loops(
             let device_resolution = DMat3::from_cols_array_2d(
                 &DVec3::AXES.map(|axis| device.displayable_force_n(axis).to_array()),
             );
-            let (handle, driver) = start(device, *mode, settings_for(device_safety))?;
-            Ok((handle, driver, device_safety, description, device_resolution))
+            let place = slots.place(&used).map(|(board, slot)| (board, slot, entity.to_bits()));
+            let slot = place.as_ref().map(|(_, slot, _)| *slot);
+            let (handle, driver) = start(device, *mode, settings_for(device_safety), place)?;
+            used.extend(slot);
+            Ok((slot, handle, driver, device_safety, description, device_resolution))
         });
         match started {
-            Ok((handle, driver, device_safety, description, device_resolution)) => {
+            Ok((slot, handle, driver, device_safety, description, device_resolution)) => {
                 commands.entity(entity).try_insert(ToolLoop {
                     handle,
                     driver,
@@ -127,6 +135,10 @@ pub(super) fn start_loops(
                     contact_point: None,
                     body: None,
                     contact_key: (0, 0),
+                    second: None,
+                    reported_left_out: false,
+                    slot,
+                    followed: None,
                     consumed: None,
                     path: Vec::with_capacity(256),
                     support: Vec::new(),
@@ -172,23 +184,27 @@ pub(super) fn start_loops(
     }
 }
 
-/// Capacity for the local models of any body that a tool may touch while its loop runs: for support sets of 27 nodes, as surfaces embedded
-/// in cells need them, each with eight points of the surface.
-const MAX_CAPACITY: Capacity = Capacity {
-    order: 96,
-    near: NearFieldCapacity { nodes: 27, order: 96, ring: 400, springs: 702, points: 216, triangles: 864 },
-};
+/// Capacity for the local models of any two bodies that a tool may touch while its loop runs.
+const MAX_CAPACITY: Capacity = Capacity { order: 96, near: OF_BODY, second: OF_BODY };
+
+/// Capacity for a body: for support sets of 27 nodes, as surfaces embedded in cells need them, each with eight points of the surface.
+const OF_BODY: NearFieldCapacity =
+    NearFieldCapacity { nodes: 27, order: 96, ring: 400, springs: 702, points: 216, triangles: 864 };
 
 fn start(
     device: Box<dyn HapticDevice>,
     mode: LoopMode,
     settings: LoopSettings,
+    place: Option<(Arc<ForceBoard>, usize, u64)>,
 ) -> Result<(HapticHandle, Driver), DeviceFault> {
     let description = device.describe();
     description.validate()?;
     let hand_over = HandOverSettings { capacity: MAX_CAPACITY, ..HandOverSettings::default() };
     let config = LoopConfig { device: description.limits(), hand_over, ..LoopConfig::default() };
-    let (handle, haptic_loop) = haptic_loop(config, settings)?;
+    let (handle, mut haptic_loop) = haptic_loop(config, settings)?;
+    if let Some((board, slot, tool)) = place {
+        haptic_loop.connect(board, slot, tool);
+    }
     let driver = match mode {
         LoopMode::Threaded => Driver::Thread(haptic_loop.spawn(device)?),
         LoopMode::Lockstep => Driver::Lockstep(Box::new(SyncCell::new(Lockstep::new(haptic_loop, device)?))),

@@ -6,6 +6,7 @@ use super::force_watch::ForceWatch;
 use super::results::{
     ContactState, ForceError, LocalModelStats, TickRecording, ToolContactPoint, ToolForce, TouchedBody,
 };
+use super::second_contact::SecondContact;
 use crate::device::DeviceSelector;
 use crate::fault::{FaultLimits, HapticFault, HapticFaultKind};
 use bevy::ecs::lifecycle::HookContext;
@@ -15,8 +16,8 @@ use bevy::prelude::*;
 use glam::{DMat3, DVec3};
 use palpate_body::{ToolContact, ToolPoint, ToolShape};
 use palpate_haptics::{
-    DeviceDescription, HapticDevice, HapticHandle, Lockstep, LoopEventKind, LoopReport, LoopThread,
-    SafetySettings, StopOutcome,
+    DeviceDescription, FollowedTool, HapticDevice, HapticHandle, Lockstep, LoopEventKind, LoopReport,
+    LoopThread, SafetySettings, StopOutcome,
 };
 
 /// The running loop of a tool, with its state on the model side. Removing the component stops the loop.
@@ -36,6 +37,14 @@ pub struct ToolLoop {
     pub(crate) body: Option<Entity>,
     /// [`SimulatedBody::contact_key`](crate::SimulatedBody) of the body to which the contact belongs.
     pub(super) contact_key: (u64, u64),
+    /// A second body that the tool can touch at the same time.
+    pub(crate) second: Option<SecondContact>,
+    /// Slot in which the loop publishes its force for other loops.
+    pub(super) slot: Option<usize>,
+    /// The other tool whose force the newest local model follows.
+    pub(super) followed: Option<FollowedTool>,
+    /// Whether bodies beyond the second have been reported.
+    pub(super) reported_left_out: bool,
     /// Sequence number of the sample up to which the body has been stepped.
     pub(crate) consumed: Option<u64>,
     /// Path of the last model step: the start and one point for each tick.
@@ -130,15 +139,56 @@ impl ToolLoop {
         &self.contact
     }
 
-    /// Whether the tool touches or holds a point.
+    /// Returns the second body that the tool touches or can touch, with the contact; `None` if only one is within its reach.
+    #[must_use]
+    pub fn second(&self) -> Option<(Entity, &ToolContact)> {
+        self.second.as_ref().map(|second| (second.body, &second.contact))
+    }
+
+    /// Returns all bodies that the tool touches or can touch, with the contacts.
+    pub fn contacts(&self) -> impl Iterator<Item = (Entity, &ToolContact)> {
+        self.body.map(|body| (body, &self.contact)).into_iter().chain(self.second())
+    }
+
+    /// Whether the tool touches or holds a point of a body.
     pub(super) fn is_in_contact(&self) -> bool {
+        self.is_in_contact_with_first() || self.second.as_ref().is_some_and(SecondContact::is_touched)
+    }
+
+    /// Whether the tool touches or holds a point of [`Self::body`].
+    pub(super) fn is_in_contact_with_first(&self) -> bool {
         !self.contact.touched().is_empty() || self.contact.held_point().is_some()
+    }
+
+    /// Exchanges the first and the second body.
+    pub(super) fn exchange_bodies(&mut self) {
+        let (Some(first), Some(second)) = (&mut self.body, &mut self.second) else { return };
+        std::mem::swap(first, &mut second.body);
+        std::mem::swap(&mut self.contact, &mut second.contact);
+        std::mem::swap(&mut self.contact_key, &mut second.contact_key);
+        std::mem::swap(&mut self.support, &mut second.support);
+        std::mem::swap(&mut self.has_support, &mut second.has_support);
+        std::mem::swap(&mut self.reported_beyond_support, &mut second.reported_beyond_support);
+    }
+
+    /// Ends the contact with the second body, which the tool no longer can touch; returns the message to be written if there was a
+    /// contact.
+    #[must_use]
+    pub(super) fn drop_second(&mut self, tool: Entity) -> Option<ContactEnd> {
+        let second = self.second.take()?;
+        second.is_touched().then_some(ContactEnd { tool, body: second.body })
     }
 
     /// Returns the support set of the newest local model, as node numbers of the body; empty for a scheme without one.
     #[must_use]
     pub fn support(&self) -> &[usize] {
         if self.has_support { &self.support } else { &[] }
+    }
+
+    /// Returns the support set on the second body; empty without one.
+    #[must_use]
+    pub fn second_support(&self) -> &[usize] {
+        self.second.as_ref().filter(|second| second.has_support).map_or(&[], |second| &second.support)
     }
 
     /// Returns the settings of the safety chain: those of the device with [`ToolSettings::safety`].
@@ -152,18 +202,42 @@ impl ToolLoop {
         self.handle.report()
     }
 
-    /// Ends the contact, and resets it to the state of a tool that has just been started; returns the message to be written if there was
-    /// a contact.
+    /// Ends the contacts with both bodies, and resets them to the state of a tool that has just been started; returns the messages to be
+    /// written.
+    pub(super) fn reset_contacts(&mut self, tool: Entity) -> impl Iterator<Item = ContactEnd> + use<> {
+        let ends = [self.reset_first(tool), self.reset_second(tool)];
+        ends.into_iter().flatten()
+    }
+
+    /// Ends the contact with the first body, and resets it; returns the message to be written if there was a contact.
     #[must_use]
-    pub(super) fn reset_contact(&mut self, tool: Entity) -> Option<ContactEnd> {
-        let end = self.release(tool);
+    pub(super) fn reset_first(&mut self, tool: Entity) -> Option<ContactEnd> {
+        let end = self.release_first(tool);
         self.contact = self.untouched.clone();
         end
     }
 
-    /// Ends the contact; returns the message to be written if there was one.
+    /// Ends the contact with the second body, and resets it; returns the message to be written if there was a contact.
     #[must_use]
-    pub(super) fn release(&mut self, tool: Entity) -> Option<ContactEnd> {
+    pub(super) fn reset_second(&mut self, tool: Entity) -> Option<ContactEnd> {
+        let second = self.second.as_mut()?;
+        let touched = second.is_touched();
+        *second = SecondContact {
+            contact_key: second.contact_key,
+            ..SecondContact::new(second.body, &self.untouched)
+        };
+        touched.then_some(ContactEnd { tool, body: second.body })
+    }
+
+    /// Ends the contacts with both bodies; returns the messages to be written.
+    pub(super) fn release(&mut self, tool: Entity) -> impl Iterator<Item = ContactEnd> + use<> {
+        let ends = [self.release_first(tool), self.reset_second(tool)];
+        ends.into_iter().flatten()
+    }
+
+    /// Ends the contact with the first body; returns the message to be written if there was one.
+    #[must_use]
+    fn release_first(&mut self, tool: Entity) -> Option<ContactEnd> {
         self.has_support = false;
         let held = self.contact.held_point().is_some();
         if held {
@@ -181,7 +255,7 @@ impl ToolLoop {
             ContactState::NoBody
         } else if self.contact.held_point().is_some() {
             ContactState::Holding
-        } else if !self.contact.touched().is_empty() {
+        } else if self.is_in_contact() {
             ContactState::Touching
         } else if self.contact.is_clear() {
             ContactState::Clear
@@ -259,7 +333,7 @@ impl ToolLoop {
 /// Stops the loop when the component is removed: resets the results, ends contact and grasp, and reports the last faults and ticks.
 fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) {
     let Some(mut tool) = world.get_mut::<ToolLoop>(entity) else { return };
-    let (fault, contact_end) = (tool.driver.stop(), tool.release(entity));
+    let (fault, contact_ends) = (tool.driver.stop(), tool.release(entity));
     // Events and ticks between the last poll and the stop.
     let (mut kinds, mut rest) = (Vec::from_iter(fault), TickRecording::default());
     tool.take_faults(entity, &mut |kind| kinds.push(kind));
@@ -277,8 +351,8 @@ fn stop_loop(mut world: DeferredWorld, HookContext { entity, .. }: HookContext) 
     if let (Some(faults), Some(mut messages)) = (faults, world.get_resource_mut::<Messages<HapticFault>>()) {
         messages.write_batch(faults);
     }
-    if let (Some(end), Some(mut messages)) = (contact_end, world.get_resource_mut::<Messages<ContactEnd>>()) {
-        messages.write(end);
+    if let Some(mut messages) = world.get_resource_mut::<Messages<ContactEnd>>() {
+        messages.write_batch(contact_ends);
     }
     if let Some(mut force) = world.get_mut::<ToolForce>(entity) {
         *force = ToolForce::default();

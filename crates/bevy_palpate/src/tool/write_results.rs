@@ -11,8 +11,9 @@ pub(super) fn write_results(
     mut tools: Query<(&mut ToolLoop, &mut ToolForce, &mut LoopTiming, &mut TouchedBody)>,
 ) {
     for (mut tool, mut force, mut timing, mut touched) in &mut tools {
-        let body = tool.body.filter(|_| tool.is_in_contact());
-        touched.set_if_neq(TouchedBody { body, state: tool.contact_state() });
+        let body = tool.body.filter(|_| tool.is_in_contact_with_first());
+        let second = tool.second.as_ref().filter(|second| second.is_touched()).map(|second| second.body);
+        touched.set_if_neq(TouchedBody { body, second, state: tool.contact_state() });
         let tick_s = tool.handle.config().hand_over.tick_s;
         let mut now = ToolForce { contact: tool.contact_point, ..*force };
         if let Some(TickRecord { rendered, safety, force_n, sample, .. }) = tool.handle.latest_tick() {

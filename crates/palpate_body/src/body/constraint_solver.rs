@@ -1,18 +1,19 @@
-//! Solution of the constraints of obstacles, ties and tools in a substep.
+//! Solution of the constraints of obstacles, ties and tools in a substep, jointly for the bodies that share tools.
 
 use super::constraint::{Constraint, ConstraintSource, is_prescribed};
+use super::obstacle_rows::NearPoint;
 use super::substep::Substep;
 use super::{Body, StepReport};
 use crate::contact_newton;
-use crate::impulse_response::{DelassusMatrix, LumpedMassResponse, ResponseRow};
+use crate::impulse_response::{BodyResponse, DelassusMatrix, JointResponse, LumpedMassResponse, ResponseRow};
 use crate::integrator::Columns;
 use crate::obstacle_step::RigidVelocity;
 use crate::weights::Weights;
 use crate::{BodyError, Integrator, ObstacleContact, ToolContact, TouchedPoint};
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use palpate_laws::{
     ConstraintRow, GAP_TOLERANCE_M, ImpulseResponse, ProxyState, ProxyStep, SolverLimits, SolverReport,
-    solve_projected_gauss_seidel, solve_with_proxies,
+    ToolMove, solve_projected_gauss_seidel, solve_with_proxies,
 };
 
 /// Maximum number of passes over the active set.
@@ -23,6 +24,17 @@ const SOLVER_LIMITS: SolverLimits = SolverLimits { max_iterations: 1000, toleran
 /// rows for it.
 const EARLY_ITERATIONS: usize = 100;
 const MAX_NEWTON_ROWS: usize = 300;
+
+/// A body of a joint step, with its substep.
+pub(super) struct SteppedBody<'m, 's> {
+    /// Index of the body in the joint step.
+    pub(super) index: usize,
+    pub(super) body: &'m mut Body,
+    pub(super) step: Substep<'s>,
+    pub(super) report: &'m mut StepReport,
+    /// Velocities that move the positions, if they differ from those at the end of the step.
+    pub(super) closing: Option<Closing>,
+}
 
 /// Velocities for the position update, which close gaps that existed before the step.
 pub(super) struct Closing {
@@ -37,79 +49,128 @@ struct Unconstrained {
     obstacles: Vec<Option<RigidVelocity>>,
 }
 
-impl Body {
-    /// Changes the velocities at the end of a step to satisfy the constraints of obstacles, ties and tools.
-    ///
-    /// If a gap existed before the step, returns separate velocities for the position update, which close that gap.
-    pub(super) fn solve_constraints(
-        &mut self,
-        step: &mut Substep<'_>,
-        report: &mut StepReport,
-    ) -> Result<Option<Closing>, BodyError> {
-        self.contacts.clear();
-        if step.tools.is_empty() && self.ties.is_empty() && !self.is_near_obstacle(step) {
-            return Ok(None);
+/// The constraint rows of one body in a substep, and their solution.
+struct BodyRows<'r, 'm, 's> {
+    of: &'r mut SteppedBody<'m, 's>,
+    before: Unconstrained,
+    near: Vec<NearPoint>,
+    touchable: Vec<Vec<Constraint>>,
+    rows: Vec<Constraint>,
+    impulses: Vec<DVec3>,
+    columns: Columns,
+}
+
+/// Changes the velocities of `bodies` at the end of a step to satisfy the constraints of obstacles, ties and tools. `tools` holds the
+/// motion of every tool of the joint step.
+///
+/// If a gap existed before the step, it sets separate velocities for the position update, which close that gap. Returns the
+/// displacement of each tool by its coupling, m.
+///
+/// # Errors
+/// As [`Body::advance`], with the index of the body.
+pub(super) fn solve_constraints(
+    bodies: &mut [SteppedBody<'_, '_>],
+    tools: &[ToolMove],
+) -> Result<Vec<DVec3>, (usize, BodyError)> {
+    let mut all = Vec::with_capacity(bodies.len());
+    for of in bodies {
+        if !of.step.constrained {
+            continue;
         }
-        let (h, mut closing) = (step.h, None);
-        let before = Unconstrained { nodes: self.v.clone(), obstacles: rigid_velocities(step) };
-        let mut near = Vec::new();
-        let mut rows = self.tie_rows(step);
+        let SteppedBody { body, step, .. } = &mut *of;
+        body.contacts.clear();
+        if step.tools.is_empty() && body.ties.is_empty() && !body.is_near_obstacle(step) {
+            continue;
+        }
+        let before = Unconstrained { nodes: body.v.clone(), obstacles: rigid_velocities(step) };
+        let mut rows = body.tie_rows(step);
         rows.extend(
-            step.tools.iter().enumerate().filter_map(|(index, tool)| self.grip_row((index, tool), step)),
+            step.tools.iter().enumerate().filter_map(|(index, tool)| body.grip_row((index, tool), step)),
         );
-        let touchable: Vec<Vec<Constraint>> = step
+        let touchable = step
             .tools
             .iter()
             .enumerate()
-            .map(|(index, tool)| self.tool_contact_rows((index, tool), step))
+            .map(|(index, tool)| body.tool_contact_rows((index, tool), step))
             .collect();
-        let mut columns = Columns::default();
-        let mut impulses = Vec::new();
-        // Without rows a proxy is displaced freely.
-        let mut drawn: Vec<DVec3> = step.tools.iter().map(|tool| tool.way.remaining_m()).collect();
-        // A push out of one obstacle may lead into another: repeat until no constraint is added.
-        for pass in 0..MAX_ACTIVE_SET_PASSES {
-            let active_count = rows.len();
-            self.activate_obstacle_contacts(step, &mut near, &mut rows);
-            for (index, touchable) in touchable.iter().enumerate() {
-                self.activate_tool_contacts(touchable, (step, drawn[index]), &mut rows);
-            }
-            if rows.len() == active_count && (pass > 0 || rows.is_empty()) {
-                break;
-            }
-            let overdue = rows.iter().any(|row| row.overdue.length() > GAP_TOLERANCE_M);
-            if overdue {
-                let whole: Vec<DVec3> = rows.iter().map(|row| row.gap).collect();
-                (_, drawn) = self.solve_rows(step, &rows, &whole, &before, &mut columns, report)?;
-                closing = Some(Closing { nodes: self.v.clone(), obstacles: rigid_velocities(step) });
-            } else {
-                closing = None;
-            }
-            let due = |row: &Constraint| if overdue { row.gap - row.overdue } else { row.gap };
-            let gaps: Vec<DVec3> = rows.iter().map(due).collect();
-            let (found, went) = self.solve_rows(step, &rows, &gaps, &before, &mut columns, report)?;
-            (impulses, drawn) = (found, if overdue { drawn } else { went });
+        let (near, impulses, columns) = (Vec::new(), Vec::new(), Columns::default());
+        all.push(BodyRows { of, before, near, touchable, rows, impulses, columns });
+    }
+    let row_count = |all: &[BodyRows<'_, '_, '_>]| -> usize { all.iter().map(|of| of.rows.len()).sum() };
+    // Without rows a proxy is displaced freely.
+    let mut drawn: Vec<DVec3> = tools.iter().map(ToolMove::remaining_m).collect();
+    // A push out of one obstacle may lead into another: repeat until no constraint is added.
+    for pass in 0..MAX_ACTIVE_SET_PASSES {
+        let active_count = row_count(&all);
+        for of in &mut all {
+            of.activate(&drawn);
         }
-        for (tool, drawn) in step.tools.iter_mut().zip(&drawn).filter(|(tool, _)| tool.way.proxy.is_some()) {
-            tool.way.to_m += *drawn;
-            tool.contact.proxy_m = Some(tool.way.to_m);
+        let count = row_count(&all);
+        if count == active_count && (pass > 0 || count == 0) {
+            break;
         }
-        let moving = closing.as_ref().map(|closing| closing.nodes.as_slice());
-        if !(rows.is_empty() || self.obstacles.is_empty()) {
-            self.candidates.step_m = self.max_approach_m(step, moving.unwrap_or(&self.v));
+        let is_overdue = |row: &Constraint| row.overdue.length() > GAP_TOLERANCE_M;
+        let overdue = all.iter().any(|of| of.rows.iter().any(is_overdue));
+        if overdue {
+            drawn = solve_rows(&mut all, |row| row.gap, tools)?;
         }
-        let closing_obstacles = closing.as_ref().map_or(&[][..], |closing| &closing.obstacles);
-        let work = self.record_impulses(step, &rows, &impulses, (moving, closing_obstacles, &drawn), report);
-        if let Some(mut ledger) = self.ledger.take() {
-            ledger.add_contacts(self, step.drive.map(|(node, _)| node));
-            for (nodes, impulse, moved) in work {
-                ledger.add_tool(self, &nodes, impulse, moved / h);
-            }
-            self.ledger = Some(ledger);
+        for of in &mut all {
+            of.of.closing = overdue
+                .then(|| Closing { nodes: of.of.body.v.clone(), obstacles: rigid_velocities(&of.of.step) });
         }
-        Ok(closing)
+        if overdue {
+            solve_rows(&mut all, |row| row.gap - row.overdue, tools)?;
+        } else {
+            drawn = solve_rows(&mut all, |row| row.gap, tools)?;
+        }
+    }
+    for of in &mut all {
+        of.store(&drawn);
+    }
+    Ok(drawn)
+}
+
+impl BodyRows<'_, '_, '_> {
+    /// Adds the rows that would be violated at the end of the step, with the tools displaced by `drawn`.
+    fn activate(&mut self, drawn: &[DVec3]) {
+        let SteppedBody { body, step, .. } = &mut *self.of;
+        body.activate_obstacle_contacts(step, &mut self.near, &mut self.rows);
+        for (tool, touchable) in step.tools.iter().zip(&self.touchable) {
+            body.activate_tool_contacts(touchable, (step, drawn[tool.index]), &mut self.rows);
+        }
     }
 
+    /// Stores the results of all rows. `drawn` is the displacement of each tool by its coupling.
+    fn store(&mut self, drawn: &[DVec3]) {
+        let SteppedBody { body, step, report, closing, .. } = &mut *self.of;
+        let h = step.h;
+        let drawn: Vec<DVec3> = step.tools.iter().map(|tool| drawn[tool.index]).collect();
+        for (tool, drawn) in step.tools.iter_mut().zip(&drawn).filter(|(tool, _)| tool.way.proxy.is_some()) {
+            tool.way.to_m += *drawn;
+        }
+        let moving = closing.as_ref().map(|closing| closing.nodes.as_slice());
+        if !(self.rows.is_empty() || body.obstacles.is_empty()) {
+            body.candidates.step_m = body.max_approach_m(step, moving.unwrap_or(&body.v));
+        }
+        let closing_obstacles = closing.as_ref().map_or(&[][..], |closing| &closing.obstacles);
+        let work = body.record_impulses(
+            step,
+            &self.rows,
+            &self.impulses,
+            (moving, closing_obstacles, &drawn),
+            report,
+        );
+        if let Some(mut ledger) = body.ledger.take() {
+            ledger.add_contacts(body, step.drive.map(|(node, _)| node));
+            for (nodes, impulse, moved) in work {
+                ledger.add_tool(body, &nodes, impulse, moved / h);
+            }
+            body.ledger = Some(ledger);
+        }
+    }
+}
+
+impl Body {
     /// Stores the result of every row. Nodes and obstacles move with the closing velocities, and `drawn` is the
     /// displacement of each tool by its coupling. Returns each tool row's nodes, impulse and the tool's displacement.
     fn record_impulses(
@@ -210,89 +271,119 @@ impl Body {
         }
         work
     }
+}
 
-    /// Solves the rows for the given gaps. Velocities start at `before` and end with all impulses applied. Returns
-    /// the impulses, and the displacement of each tool by its coupling.
-    fn solve_rows(
-        &mut self,
-        step: &mut Substep<'_>,
-        constraints: &[Constraint],
-        gaps: &[DVec3],
-        before: &Unconstrained,
-        columns: &mut Columns,
-        report: &mut StepReport,
-    ) -> Result<(Vec<DVec3>, Vec<DVec3>), BodyError> {
+/// Solves the rows of all bodies for the gaps `gap`. Velocities start at those without impulses and end with all impulses applied.
+/// Stores the impulses, and returns the displacement of each tool by its coupling.
+///
+/// Only couplings join the bodies: the motion of a tool without one is prescribed, and each body is then solved by itself.
+fn solve_rows(
+    bodies: &mut [BodyRows<'_, '_, '_>],
+    gap: impl Fn(&Constraint) -> DVec3,
+    tools: &[ToolMove],
+) -> Result<Vec<DVec3>, (usize, BodyError)> {
+    let h = bodies.first().map_or(0.0, |of| of.of.step.h);
+    let mut of_nodes: Vec<Vec<ResponseRow>> = Vec::with_capacity(bodies.len());
+    for of in &mut *bodies {
+        let SteppedBody { index, body, step, .. } = &mut *of.of;
         let drive = step.drive;
-        let responding = |(node, _): &(usize, f64)| !is_prescribed(&self.network, drive, *node);
-        let of_nodes: Vec<ResponseRow> = constraints
+        let responding = |(node, _): &(usize, f64)| !is_prescribed(&body.network, drive, *node);
+        let rows: Vec<ResponseRow> = of
+            .rows
             .iter()
             .map(|row| ResponseRow {
                 nodes: row.nodes.iter().copied().filter(responding).collect(),
                 rigid: row.rigid,
             })
             .collect();
-        let row_without_impulse = |(row, &gap_m): (&Constraint, &DVec3)| ConstraintRow {
+        body.v.copy_from_slice(&of.before.nodes);
+        set_rigid_velocities(step, &of.before.obstacles);
+        if let (Integrator::LinearlyImplicitEuler(settings), Some(implicit)) =
+            (step.integrator, &body.implicit)
+        {
+            let touched = rows.iter().flat_map(|row| &row.nodes).map(|(node, _)| *node);
+            implicit
+                .add_columns(&body.network, touched, settings, &mut of.columns)
+                .map_err(|error| (*index, error))?;
+        }
+        of_nodes.push(rows);
+    }
+    let (mut constraints, mut problems, mut responses) = (Vec::new(), Vec::new(), Vec::new());
+    for (of, of_nodes) in bodies.iter_mut().zip(&of_nodes) {
+        let BodyRows { of, rows, columns, .. } = of;
+        let SteppedBody { body, step, .. } = &mut **of;
+        let Body { network, v, implicit, .. } = &mut **body;
+        let is_implicit =
+            matches!(step.integrator, Integrator::LinearlyImplicitEuler(_)) && implicit.is_some();
+        let response = if is_implicit {
+            let block = |i, j| columns.block(network, i, j);
+            BodyResponse::Implicit(DelassusMatrix::new(of_nodes, v, &step.obstacles, block))
+        } else {
+            let (mass_kg, obstacles) = (network.mass_kg(), &mut step.obstacles[..]);
+            BodyResponse::LumpedMasses(LumpedMassResponse { rows: of_nodes, mass_kg, v, obstacles })
+        };
+        let problem = |(index, row): (usize, &Constraint)| ConstraintRow {
             law: row.law,
-            gap_m,
-            inv_effective_mass_per_kg: DMat3::ZERO,
+            gap_m: gap(row),
+            inv_effective_mass_per_kg: response.inv_effective_mass_per_kg(index),
             impulse_ns: DVec3::ZERO,
         };
-        let mut rows: Vec<ConstraintRow> = constraints.iter().zip(gaps).map(row_without_impulse).collect();
-        self.v.copy_from_slice(&before.nodes);
-        set_rigid_velocities(step, &before.obstacles);
-        let proxies: Vec<Option<ProxyStep>> = step.tools.iter().map(|tool| tool.way.proxy).collect();
-        let (solver, drawn) = match (step.integrator, &self.implicit) {
-            (Integrator::LinearlyImplicitEuler(settings), Some(implicit)) => {
-                let touched = of_nodes.iter().flat_map(|row| &row.nodes).map(|(node, _)| *node);
-                implicit.add_columns(&self.network, touched, settings, columns)?;
-                let mut response = DelassusMatrix::new(&of_nodes, &before.nodes, &step.obstacles, |i, j| {
-                    columns.block(&self.network, i, j)
-                });
-                rows.iter_mut().enumerate().for_each(|(i, row)| {
-                    row.inv_effective_mass_per_kg = response.inv_effective_mass_per_kg(i);
-                });
-                let solved = solve_strongly_coupled(constraints, &mut rows, &mut response, &proxies, step.h);
-                for (row, ConstraintRow { impulse_ns, .. }) in of_nodes.iter().zip(&rows) {
-                    for &(node, w) in &row.nodes {
-                        columns.push(&self.network, node, w * *impulse_ns, &mut self.v);
-                    }
-                    if let Some(rigid) = &row.rigid {
-                        rigid.apply(&mut step.obstacles, -*impulse_ns);
-                    }
-                }
-                solved
-            }
-            _ => {
-                let mass_kg = self.network.mass_kg();
-                let obstacles = &mut step.obstacles;
-                let mut response = LumpedMassResponse { rows: &of_nodes, mass_kg, v: &mut self.v, obstacles };
-                rows.iter_mut().enumerate().for_each(|(i, row)| {
-                    row.inv_effective_mass_per_kg = response.inv_effective_mass_per_kg(i);
-                });
-                solve_with_couplings(constraints, &mut rows, &mut response, &proxies, step.h)
+        problems.push(rows.iter().enumerate().map(problem).collect::<Vec<_>>());
+        let tool_of = |row: &Constraint| Some(step.tools[row.source.tool()?].index);
+        constraints.push(rows.iter().map(tool_of).collect::<Vec<_>>());
+        responses.push(response);
+    }
+    let proxies: Vec<Option<ProxyStep>> = tools.iter().map(|tool| tool.proxy).collect();
+    let mut drawn = vec![DVec3::ZERO; tools.len()];
+    let reports: Vec<SolverReport> = if proxies.iter().any(Option::is_some) {
+        let mut response = JointResponse::new(responses, problems.iter().map(Vec::len));
+        let mut rows = problems.concat();
+        let tools: Vec<Option<usize>> = constraints.concat();
+        let solved = solve_with_couplings(&mut rows, &mut response, (&tools, &proxies), h, &mut drawn);
+        let mut rest = &rows[..];
+        for problem in &mut problems {
+            let (own, after) = rest.split_at(problem.len());
+            problem.copy_from_slice(own);
+            rest = after;
+        }
+        vec![solved; bodies.len()]
+    } else {
+        let solve = |(problem, response): (&mut Vec<ConstraintRow>, &mut BodyResponse<'_>)| match response {
+            BodyResponse::Implicit(response) => solve_strongly_coupled(problem, response, h),
+            response @ BodyResponse::LumpedMasses(_) => {
+                solve_projected_gauss_seidel(problem, response, h, SOLVER_LIMITS)
             }
         };
+        problems.iter_mut().zip(&mut responses).map(solve).collect()
+    };
+    for ((of, of_nodes), (problem, solver)) in
+        bodies.iter_mut().zip(&of_nodes).zip(problems.into_iter().zip(reports))
+    {
+        let BodyRows { of, columns, impulses, .. } = of;
+        let SteppedBody { body, step, report, .. } = &mut **of;
+        *impulses = problem.into_iter().map(|row| row.impulse_ns).collect();
         report.iterations = report.iterations.max(solver.iterations);
         report.unconverged += usize::from(!solver.converged);
-        Ok((rows.into_iter().map(|row| row.impulse_ns).collect(), drawn))
+        let is_implicit =
+            matches!(step.integrator, Integrator::LinearlyImplicitEuler(_)) && body.implicit.is_some();
+        // The response of lumped masses has applied the impulses to the velocities.
+        for (row, impulse_ns) in of_nodes.iter().zip(&*impulses).filter(|_| is_implicit) {
+            for &(node, w) in &row.nodes {
+                columns.push(&body.network, node, w * *impulse_ns, &mut body.v);
+            }
+            if let Some(rigid) = &row.rigid {
+                rigid.apply(&mut step.obstacles, -*impulse_ns);
+            }
+        }
     }
+    Ok(drawn)
 }
 
-/// [`solve_with_couplings`] for the strongly coupled rows of an implicit step: if Gauss-Seidel has not converged early,
+/// [`solve_projected_gauss_seidel`] for the strongly coupled rows of an implicit step: if Gauss-Seidel has not converged early,
 /// Newton's method improves its start.
-fn solve_strongly_coupled(
-    constraints: &[Constraint],
-    rows: &mut [ConstraintRow],
-    response: &mut DelassusMatrix,
-    proxies: &[Option<ProxyStep>],
-    h: f64,
-) -> (SolverReport, Vec<DVec3>) {
-    let has_coupling = proxies.iter().any(Option::is_some);
-    if has_coupling
-        || rows.len() > MAX_NEWTON_ROWS
-        || !rows.iter().all(|row| contact_newton::applies(&row.law))
-    {
-        return solve_with_couplings(constraints, rows, response, proxies, h);
+fn solve_strongly_coupled(rows: &mut [ConstraintRow], response: &mut DelassusMatrix, h: f64) -> SolverReport {
+    if rows.len() > MAX_NEWTON_ROWS || !rows.iter().all(|row| contact_newton::applies(&row.law)) {
+        return solve_projected_gauss_seidel(rows, response, h, SOLVER_LIMITS);
     }
     let early = SolverLimits { max_iterations: EARLY_ITERATIONS, ..SOLVER_LIMITS };
     let mut solved = solve_projected_gauss_seidel(rows, response, h, early);
@@ -301,31 +392,27 @@ fn solve_strongly_coupled(
         let again = solve_projected_gauss_seidel(rows, response, h, early);
         solved = SolverReport { iterations: solved.iterations + again.iterations, ..again };
     }
-    (solved, vec![DVec3::ZERO; proxies.len()])
+    solved
 }
 
-/// Solves the rows of `constraints`, with couplings if tools have any. Returns the displacement of each tool by its
-/// coupling.
+/// Solves `rows` with the couplings of tools. `tool_of_row` holds the tool of every row, and `proxies` those behind couplings. Writes the
+/// displacement of each of these by its coupling.
 fn solve_with_couplings(
-    constraints: &[Constraint],
     rows: &mut [ConstraintRow],
     response: &mut impl ImpulseResponse,
-    proxies: &[Option<ProxyStep>],
+    (tool_of_row, proxies): (&[Option<usize>], &[Option<ProxyStep>]),
     h: f64,
-) -> (SolverReport, Vec<DVec3>) {
-    let mut drawn = vec![DVec3::ZERO; proxies.len()];
+    drawn: &mut [DVec3],
+) -> SolverReport {
     let behind: Vec<usize> = (0..proxies.len()).filter(|&tool| proxies[tool].is_some()).collect();
     let mut tools: Vec<ProxyState> = proxies.iter().flatten().map(|proxy| ProxyState::new(*proxy)).collect();
-    if tools.is_empty() {
-        return (solve_projected_gauss_seidel(rows, response, h, SOLVER_LIMITS), drawn);
-    }
     let tool_of = |row: usize| {
-        let tool = constraints[row].source.tool()?;
+        let tool = tool_of_row[row]?;
         behind.iter().position(|behind| *behind == tool)
     };
     let solved = solve_with_proxies(rows, response, &mut tools, tool_of, h, SOLVER_LIMITS);
     behind.iter().zip(&tools).for_each(|(&index, tool)| drawn[index] = tool.displacement_m(h));
-    (solved, drawn)
+    solved
 }
 
 fn rigid_velocities(step: &Substep<'_>) -> Vec<Option<RigidVelocity>> {

@@ -3,7 +3,7 @@
 use super::tool_patches::ToolPatch;
 use crate::obstacle_step::ObstacleStep;
 use crate::tool::Hold;
-use crate::{Integrator, ToolContact};
+use crate::{Integrator, Network, ToolContact};
 use glam::DVec3;
 use palpate_laws::ToolMove;
 
@@ -22,10 +22,14 @@ pub(super) struct Substep<'a> {
     pub(super) tools: Vec<ToolStep<'a>>,
     /// Motion of every obstacle.
     pub(super) obstacles: Vec<ObstacleStep>,
+    /// Whether the velocities may be constrained at all.
+    pub(super) constrained: bool,
 }
 
-/// A tool in a substep.
+/// A tool on a body in a substep.
 pub(super) struct ToolStep<'a> {
+    /// Index of the tool in the joint step.
+    pub(super) index: usize,
     pub(super) contact: &'a mut ToolContact,
     /// Motion of the tool.
     pub(super) way: ToolMove,
@@ -35,21 +39,13 @@ pub(super) struct ToolStep<'a> {
     pub(super) patches: &'a mut [ToolPatch],
 }
 
-impl<'a> ToolStep<'a> {
-    /// Creates the step of a tool whose device moves between the positions `device_m` and has the given velocity at
-    /// the end.
-    pub(super) fn new(
-        contact: &'a mut ToolContact,
-        (device_m, velocity_m_per_s): ((DVec3, DVec3), DVec3),
-        patches: &'a mut [ToolPatch],
-    ) -> Self {
-        let radius_m = contact.shape().map(|(shape, _)| shape.radius_m());
-        let way = ToolMove::new(contact.coupling, device_m, contact.proxy_m(device_m.0), radius_m);
-        Self { contact, way, velocity_m_per_s, patches }
-    }
-}
-
 impl Substep<'_> {
+    /// The nodes that move freely: those that are neither fixed nor driven.
+    pub(super) fn moving<'n>(&self, network: &'n Network) -> impl Iterator<Item = usize> + use<'n> {
+        let driven = self.drive.map(|(node, _)| node);
+        network.free().iter().copied().filter(move |&node| driven != Some(node))
+    }
+
     /// Displacement of the weighted sum of `nodes` by the nodes whose motion is given, m.
     pub(super) fn given_m(&self, nodes: &[(usize, f64)]) -> DVec3 {
         let of = |node: usize| self.given.binary_search_by_key(&node, |(given, _)| *given).ok();

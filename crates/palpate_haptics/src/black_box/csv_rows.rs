@@ -91,7 +91,17 @@ pub(super) fn read_row(path: &Path, line: u64, row: &StringRecord) -> Result<Bla
         let (x, y, z, w) = (fields.number()?, fields.number()?, fields.number()?, fields.number()?);
         let orientation = DQuat::from_xyzw(x, y, z, w);
         let buttons = fields.parsed("a whole number below 2^32", |text| text.parse().ok())?;
-        Ok(Sample { sequence, time_s, position_m, velocity_m_per_s, orientation, buttons, origin })
+        // The file has no forces of other tools.
+        Ok(Sample {
+            sequence,
+            time_s,
+            position_m,
+            velocity_m_per_s,
+            orientation,
+            buttons,
+            origin,
+            other: None,
+        })
     })?;
     let model = fields.optional(3, |fields| {
         let (sequence, body, epoch) = (fields.count()?, fields.count()?, fields.count()?);

@@ -8,14 +8,14 @@ use palpate_laws::{
 };
 use palpate_local::{
     Capacity, Cholesky, Contact, HandOverSettings, LocalModel, ModelId, NearContact, NearEnd, NearField,
-    NearFieldCapacity, NearPatch, NearSpring, NearTetrahedron, NearTriangle, Scheme, Support, TickIntegrator,
+    NearFieldCapacity, NearPatch, NearSpring, NearTetrahedron, NearTriangle, OtherToolForce, Scheme,
+    SecondBody, Support, TickIntegrator,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
 
-const CAPACITY: Capacity = Capacity {
-    order: 5,
-    near: NearFieldCapacity { nodes: 4, order: 6, ring: 8, springs: 12, points: 5, triangles: 5 },
-};
+const CAPACITY: Capacity = Capacity { order: 5, near: OF_BODY, second: OF_BODY };
+const OF_BODY: NearFieldCapacity =
+    NearFieldCapacity { nodes: 4, order: 6, ring: 8, springs: 12, points: 5, triangles: 5 };
 
 /// Number of models to be received.
 const RECEIVED: u64 = if cfg!(miri) { 20 } else { 10_000 };
@@ -65,6 +65,7 @@ fn write(number: u64, model: &mut LocalModel) {
         clamped,
         reduced,
         near,
+        second: SecondBody { body: second_body, epoch: second_epoch, near: second_near },
     } = model;
     *id = ModelId { body: number + 1, epoch: number + 2, sequence: number };
     *scheme = Scheme::ALL[n.size(5)];
@@ -86,6 +87,8 @@ fn write(number: u64, model: &mut LocalModel) {
     }
     n.factor(&mut reduced.implicit);
     write_near(n, near);
+    (*second_body, *second_epoch) = (number + 3, number + 4);
+    write_near(n, second_near);
 }
 
 fn write_near(n: &mut Numbers, near: &mut NearField) {
@@ -118,6 +121,8 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         tangent,
         factor,
         impulse_response,
+        other,
+        other_influence,
         energy_j,
         start_m,
         coupling,
@@ -149,6 +154,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         tangent,
         impulse_response,
         compliance,
+        other_influence,
     ] {
         n.fill(list);
     }
@@ -200,6 +206,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
     *integrator =
         if n.is() { TickIntegrator::Explicit { substeps } } else { TickIntegrator::Implicit { substeps } };
     n.factor(factor);
+    *other = OtherToolForce { tool: n.size(1000) as u64, body: n.size(1000) as u64, force_n: n.vector() };
     let (stiffness_n_per_m, max_force_n) = (n.next(), n.next());
     *coupling = n.is().then_some(VirtualCoupling { stiffness_n_per_m, max_force_n });
 }

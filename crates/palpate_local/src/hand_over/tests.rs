@@ -265,13 +265,13 @@ fn model_without_state_becomes_active_after_a_jump_of_samples() {
 }
 
 #[test]
-fn retain_body_drops_models_of_other_bodies() {
+fn retain_bodies_drops_models_of_other_bodies() {
     let mut h = hand_over(1);
     run(&mut h, 0..20, 5, 5);
     h.submit(&model(6));
-    h.retain_body(1);
+    h.retain_bodies(&[1]);
     assert!(h.is_catching_up() && h.active().is_some());
-    h.retain_body(2);
+    h.retain_bodies(&[2]);
     assert!(!h.is_catching_up() && h.active().is_none());
     assert_eq!(h.render().force_n, DVec3::ZERO);
 }

@@ -12,10 +12,10 @@ use palpate_laws::{ConstraintLaw, ContactGap, MAX_CORRECTION_SPEED_M_PER_S, Seri
 
 /// A constraint row on a point Σ w_i x_i over the nodes of S. The weights are stored apart: see [`row_weights`].
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ContactRow {
+pub(crate) struct ContactRow {
     /// Index of the patch in the tick, and of the row in the patch; `None` for a held point.
     pub(super) patch_row: Option<(usize, usize)>,
-    pub(super) law: ConstraintLaw,
+    pub(crate) law: ConstraintLaw,
     /// Inward unit normal, the direction in which the tool pushes.
     pub(super) inward: DVec3,
     /// From the tool's position to its point of contact, m.
@@ -28,10 +28,10 @@ pub(super) struct ContactRow {
     pub(super) body_force_n: DVec3,
     /// As in [`ContactGap`].
     pub(super) gap_m: f64,
-    pub(super) gap: DVec3,
+    pub(crate) gap: DVec3,
     /// The part of the gap that was violated before the step; only positions correct it, m.
-    pub(super) initial_violation: DVec3,
-    pub(super) impulse_ns: DVec3,
+    pub(crate) initial_violation: DVec3,
+    pub(crate) impulse_ns: DVec3,
     /// Whether the row is in the active set of the step.
     pub(super) is_active: bool,
 }

@@ -13,7 +13,7 @@ use palpate_laws::ImpulseResponse;
 
 /// W = H A⁻¹ Hᵀ of the active rows, applied one impulse at a time. A is the mass matrix of S in explicit ticks, and the implicit
 /// matrix of the whole near field, times h, in implicit ones.
-pub(super) struct SupportResponse<'a> {
+pub(crate) struct SupportResponse<'a> {
     /// Indices of the active rows.
     pub(super) active: &'a [usize],
     pub(super) weights: &'a [f64],
@@ -59,7 +59,7 @@ impl SupportResponse<'_> {
     }
 
     /// The diagonal block of W of a row, the inverse of its effective mass, 1/kg.
-    pub(super) fn inv_effective_mass_per_kg(&self, index: usize) -> DMat3 {
+    pub(crate) fn inv_effective_mass_per_kg(&self, index: usize) -> DMat3 {
         let weights = self.weights(index);
         if self.field.integrator.is_implicit() {
             let s = 3 * self.field.nodes;

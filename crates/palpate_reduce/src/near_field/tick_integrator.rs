@@ -14,7 +14,7 @@ const IMPLICIT_SUBSTEPS: u32 = 2;
 const MAX_SUBSTEPS: usize = 64;
 
 /// Selects the integrator of the ticks of local models of `body`.
-pub(super) fn select(body: &Body, options: &BuilderOptions) -> TickIntegrator {
+pub(crate) fn select(body: &Body, options: &BuilderOptions) -> TickIntegrator {
     let substeps =
         SemiImplicitEuler { tick_s: options.tick_s, ..SemiImplicitEuler::default() }.substeps(body);
     let explicit = |max: usize| {
@@ -27,6 +27,18 @@ pub(super) fn select(body: &Body, options: &BuilderOptions) -> TickIntegrator {
         LocalIntegrator::Implicit { substeps } => Some(TickIntegrator::Implicit { substeps }),
     }
     .unwrap_or(TickIntegrator::Implicit { substeps: IMPLICIT_SUBSTEPS })
+}
+
+/// `integrator` with at least `min_substeps` substeps: fields under one tool have the same substeps.
+pub(crate) fn with_substeps(integrator: TickIntegrator, min_substeps: u32) -> TickIntegrator {
+    match integrator {
+        TickIntegrator::Explicit { substeps } => {
+            TickIntegrator::Explicit { substeps: substeps.max(min_substeps) }
+        }
+        TickIntegrator::Implicit { substeps } => {
+            TickIntegrator::Implicit { substeps: substeps.max(min_substeps) }
+        }
+    }
 }
 
 /// Writes the matrices of implicit ticks into `field`: the stiffness over z, the factor of M/h + B + h K, and the impulse response of S.
