@@ -88,3 +88,21 @@ fn resting_mesh_matches_the_oracle_as_a_fixed_one() {
         assert!(near < 0.025 && hold > 0.3, "at {place_m}: {near}, {hold}");
     }
 }
+
+/// A slab of a hundred times the mass of the block, carried against the weight of both, gives way slowly.
+#[test]
+fn block_on_a_heavy_rigid_body_matches_the_oracle() {
+    let half_m = DVec3::new(0.1, 0.1, 0.02);
+    let mass = RigidMass::of_cuboid(100.0, half_m).unwrap();
+    let carried = RigidMotion { acceleration_m_per_s2: 9.81 / 100.0 * DVec3::Z, ..RigidMotion::default() };
+    let slab = Obstacle::cuboid(half_m, 0.5)
+        .unwrap()
+        .with_pose(-half_m.z * DVec3::Z, glam::DQuat::IDENTITY)
+        .unwrap()
+        .with_mass(mass, carried)
+        .unwrap();
+    let body = resting_block([6, 6, 6], DVec3::splat(0.1), slab);
+    let [hold, near] = errors(&body, DVec3::ZERO);
+    println!("{hold} {near}");
+    assert!(near < 0.01 && hold > 0.3, "{near}, {hold}");
+}

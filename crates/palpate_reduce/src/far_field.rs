@@ -86,7 +86,7 @@ impl FarField {
     /// Builds V for the support set `support`, with at most `max_columns` columns: a rational Krylov basis of second order.
     ///
     /// In order of importance, it spans the static response to S and to the forces, v_N, the responses at the shifts, and the
-    /// high-frequency end of the response. All satisfy the contacts with obstacles, except v_N if the obstacles move. See [`crate::SecondOrderSystem::krylov_basis`] for the sources of the method.
+    /// high-frequency end of the response. All satisfy the contacts with obstacles; if the obstacles move, a last column carries the points in contact. See [`crate::SecondOrderSystem::krylov_basis`] for the sources of the method.
     pub(crate) fn build_basis(
         &mut self,
         body: &Body,
@@ -169,10 +169,9 @@ impl FarField {
         }
         let v = body.velocities_m_per_s();
         let velocity = Mat::from_fn(unknowns, 1, |dof, _| v[network.free()[dof / 3]][dof % 3]);
+        basis.extend(velocity.as_ref(), tolerance);
         if moves {
-            basis.extend_free(velocity.as_ref(), tolerance);
-        } else {
-            basis.extend(velocity.as_ref(), tolerance);
+            basis.add_carried(velocity.as_ref(), tolerance);
         }
         for shift_hz in options.shifts_hz.into_iter().flatten() {
             if basis.columns_left() == 0 {

@@ -68,9 +68,9 @@
 //! semidefinite tangent is used, and [`palpate_local::LocalModel::clamped`] is set.
 //!
 //! A near field has the contact patches of the body, the surface of the support set, and the nearest other triangles. The latter are limited
-//! by its capacity and to 1.5 m from the tool, and are static until the next hand-over. Contacts of the body with fixed and moved obstacles
-//! are constraints until then: they neither open nor close, and slip only if they slip now. Contacts with rigid bodies, which have a mass,
-//! and ties are constant forces. The linear schemes, the static stiffness and [`Bode`]
+//! by its capacity and to 1.5 m from the tool, and are static until the next hand-over. Contacts of the body with obstacles are
+//! constraints until then: they neither open nor close, and slip only if they slip now. Ties, and contacts with rigid bodies that give way
+//! more than a twentieth as easily as the body, are constant forces. The linear schemes, the static stiffness and [`Bode`]
 //! leave out the compliance of contacts smaller than a cell.
 
 #![forbid(unsafe_code)]

@@ -4,8 +4,9 @@ use faer::Mat;
 use glam::{DMat3, DVec3};
 use palpate_body::{Body, ObstacleContact, Tangent};
 
-/// The contacts of a body with fixed and moved obstacles that bear force. They hold until the next local model: a contact neither opens nor
-/// closes, and slips only if it slips now. Contacts with rigid bodies, which give way, are left out: their forces are constant.
+/// The contacts of a body with obstacles that bear force. They hold until the next local model: a contact neither opens nor closes, and slips
+/// only if it slips now. An obstacle with a mass holds in the directions in which it gives way much less than the body; in the others the
+/// force is constant.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ObstacleConstraints {
     rows: Vec<Row>,
@@ -22,6 +23,8 @@ struct Row {
     directions: Vec<DVec3>,
 }
 
+/// Response of an obstacle, relative to that of the whole body as a rigid mass, up to which it holds.
+const HOLDING_RESPONSE: f64 = 0.05;
 /// Share of the limit of friction up to which a contact sticks.
 const STICKING: f64 = 0.99;
 /// Weight of a node above which a contact holds it.
@@ -39,10 +42,11 @@ impl ObstacleConstraints {
     pub(crate) fn of(body: &Body) -> Self {
         let network = body.network();
         let mut is_moving = false;
+        let mass_kg: f64 = network.mass_kg().iter().sum();
         let row = |contact: &ObstacleContact| {
             let obstacle = &body.obstacles()[contact.obstacle];
             let pressing_ns = contact.impulse_ns.dot(contact.normal);
-            if obstacle.rigid_mass().is_some() || pressing_ns <= 0.0 {
+            if pressing_ns <= 0.0 {
                 return None;
             }
             let nodes = body.obstacle_points()[contact.point].nodes();
@@ -52,8 +56,11 @@ impl ObstacleConstraints {
             let across_ns = (contact.impulse_ns - pressing_ns * contact.normal).length();
             let is_sticking =
                 across_ns <= STICKING * obstacle.friction() * pressing_ns && obstacle.friction() > 0.0;
-            let directions = if is_sticking { DVec3::AXES.to_vec() } else { vec![contact.normal] };
-            (!nodes.is_empty()).then_some(Row { nodes, directions })
+            let (along, across) = contact.normal.any_orthonormal_pair();
+            let mut directions =
+                if is_sticking { vec![contact.normal, along, across] } else { vec![contact.normal] };
+            directions.retain(|d| mass_kg * d.dot(contact.response_per_kg * *d) <= HOLDING_RESPONSE);
+            (!(nodes.is_empty() || directions.is_empty())).then_some(Row { nodes, directions })
         };
         let rows = body.contacts().iter().filter_map(row).collect();
         Self { rows, is_moving }

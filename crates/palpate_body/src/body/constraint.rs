@@ -16,7 +16,7 @@ pub(super) struct Constraint {
     pub(super) law: ConstraintLaw,
     pub(super) gap: DVec3,
     /// Part of the gap that existed before the step. The position update closes it, and it leaves no velocity behind.
-    pub(super) overdue: DVec3,
+    pub(super) initial_violation: DVec3,
 }
 
 #[derive(Clone, Copy, PartialEq)]

@@ -10,7 +10,7 @@ use crate::integrator::Columns;
 use crate::obstacle_step::RigidVelocity;
 use crate::weights::Weights;
 use crate::{BodyError, Integrator, ObstacleContact, ToolContact, TouchedPoint};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use palpate_laws::{
     ConstraintRow, GAP_TOLERANCE_M, ImpulseResponse, ProxyState, ProxyStep, SolverLimits, SolverReport,
     ToolMove, solve_projected_gauss_seidel, solve_with_proxies,
@@ -98,55 +98,57 @@ pub(super) fn solve_constraints(
     }
     let row_count = |all: &[BodyRows<'_, '_, '_>]| -> usize { all.iter().map(|of| of.rows.len()).sum() };
     // Without rows a proxy is displaced freely.
-    let mut drawn: Vec<DVec3> = tools.iter().map(ToolMove::remaining_m).collect();
+    let mut displacements: Vec<DVec3> = tools.iter().map(ToolMove::remaining_m).collect();
     // A push out of one obstacle may lead into another: repeat until no constraint is added.
     for pass in 0..MAX_ACTIVE_SET_PASSES {
         let active_count = row_count(&all);
         for of in &mut all {
-            of.activate(&drawn);
+            of.activate(&displacements);
         }
         let count = row_count(&all);
         if count == active_count && (pass > 0 || count == 0) {
             break;
         }
-        let is_overdue = |row: &Constraint| row.overdue.length() > GAP_TOLERANCE_M;
-        let overdue = all.iter().any(|of| of.rows.iter().any(is_overdue));
-        if overdue {
-            drawn = solve_rows(&mut all, |row| row.gap, tools)?;
+        let is_violated = |row: &Constraint| row.initial_violation.length() > GAP_TOLERANCE_M;
+        let is_any_violated = all.iter().any(|of| of.rows.iter().any(is_violated));
+        if is_any_violated {
+            displacements = solve_rows(&mut all, |row| row.gap, tools)?;
         }
         for of in &mut all {
-            of.of.closing = overdue
+            of.of.closing = is_any_violated
                 .then(|| Closing { nodes: of.of.body.v.clone(), obstacles: rigid_velocities(&of.of.step) });
         }
-        if overdue {
-            solve_rows(&mut all, |row| row.gap - row.overdue, tools)?;
+        if is_any_violated {
+            solve_rows(&mut all, |row| row.gap - row.initial_violation, tools)?;
         } else {
-            drawn = solve_rows(&mut all, |row| row.gap, tools)?;
+            displacements = solve_rows(&mut all, |row| row.gap, tools)?;
         }
     }
     for of in &mut all {
-        of.store(&drawn);
+        of.store(&displacements);
     }
-    Ok(drawn)
+    Ok(displacements)
 }
 
 impl BodyRows<'_, '_, '_> {
-    /// Adds the rows that would be violated at the end of the step, with the tools displaced by `drawn`.
-    fn activate(&mut self, drawn: &[DVec3]) {
+    /// Adds the rows that would be violated at the end of the step, with the tools displaced by `displacements`.
+    fn activate(&mut self, displacements: &[DVec3]) {
         let SteppedBody { body, step, .. } = &mut *self.of;
         body.activate_obstacle_contacts(step, &mut self.near, &mut self.rows);
         for (tool, touchable) in step.tools.iter().zip(&self.touchable) {
-            body.activate_tool_contacts(touchable, (step, drawn[tool.index]), &mut self.rows);
+            body.activate_tool_contacts(touchable, (step, displacements[tool.index]), &mut self.rows);
         }
     }
 
-    /// Stores the results of all rows. `drawn` is the displacement of each tool by its coupling.
-    fn store(&mut self, drawn: &[DVec3]) {
+    /// Stores the results of all rows. `displacements` is the displacement of each tool by its coupling.
+    fn store(&mut self, displacements: &[DVec3]) {
         let SteppedBody { body, step, report, closing, .. } = &mut *self.of;
         let h = step.h;
-        let drawn: Vec<DVec3> = step.tools.iter().map(|tool| drawn[tool.index]).collect();
-        for (tool, drawn) in step.tools.iter_mut().zip(&drawn).filter(|(tool, _)| tool.way.proxy.is_some()) {
-            tool.way.to_m += *drawn;
+        let displacements: Vec<DVec3> = step.tools.iter().map(|tool| displacements[tool.index]).collect();
+        for (tool, displacement_m) in
+            step.tools.iter_mut().zip(&displacements).filter(|(tool, _)| tool.way.proxy.is_some())
+        {
+            tool.way.to_m += *displacement_m;
         }
         let moving = closing.as_ref().map(|closing| closing.nodes.as_slice());
         if !(self.rows.is_empty() || body.obstacles.is_empty()) {
@@ -157,7 +159,7 @@ impl BodyRows<'_, '_, '_> {
             step,
             &self.rows,
             &self.impulses,
-            (moving, closing_obstacles, &drawn),
+            (moving, closing_obstacles, &displacements),
             report,
         );
         if let Some(mut ledger) = body.ledger.take() {
@@ -171,14 +173,14 @@ impl BodyRows<'_, '_, '_> {
 }
 
 impl Body {
-    /// Stores the result of every row. Nodes and obstacles move with the closing velocities, and `drawn` is the
+    /// Stores the result of every row. Nodes and obstacles move with the closing velocities, and `displacements` is the
     /// displacement of each tool by its coupling. Returns each tool row's nodes, impulse and the tool's displacement.
     fn record_impulses(
         &mut self,
         step: &mut Substep<'_>,
         rows: &[Constraint],
         impulses: &[DVec3],
-        (closing, closing_obstacles, drawn): (Option<&[DVec3]>, &[Option<RigidVelocity>], &[DVec3]),
+        (closing, closing_obstacles, displacements): (Option<&[DVec3]>, &[Option<RigidVelocity>], &[DVec3]),
         report: &mut StepReport,
     ) -> Vec<(Weights, DVec3, DVec3)> {
         let (h, mut work) = (step.h, Vec::new());
@@ -211,6 +213,8 @@ impl Body {
                         (Some(_), _) => end_m_per_s,
                         (None, _) => DVec3::ZERO,
                     };
+                    let response =
+                        motion.rigid.as_ref().map(|rigid| rigid.response.at(at_m - rigid.center_m));
                     self.contacts.push(ObstacleContact {
                         point,
                         obstacle,
@@ -220,12 +224,13 @@ impl Body {
                         velocity_m_per_s: velocity,
                         slip_m_per_s: velocity - end_m_per_s,
                         step_s: h,
+                        response_per_kg: response.unwrap_or(DMat3::ZERO),
                         carried_m_per_s,
                     });
                     self.reactions[obstacle].add(motion, at_m, -impulse_ns);
                 }
                 ConstraintSource::Touch { tool, patch: (patch, index), apart_m, push, .. } => {
-                    let drawn = drawn[tool];
+                    let displacement_m = displacements[tool];
                     let tool = &mut step.tools[tool];
                     let moved = tool.way.to_m - tool.way.from_m;
                     work.push((row.nodes.clone(), impulse_ns, moved));
@@ -241,7 +246,7 @@ impl Body {
                         corners: of.corners,
                         nodes: row.nodes.clone(),
                         normal: -push,
-                        gap_m: apart_m + (h * closing - drawn).dot(push),
+                        gap_m: apart_m + (h * closing - displacement_m).dot(push),
                         impulse_ns,
                         slip_m_per_s: velocity - moved / h,
                         step_s: h,
@@ -334,12 +339,13 @@ fn solve_rows(
         responses.push(response);
     }
     let proxies: Vec<Option<ProxyStep>> = tools.iter().map(|tool| tool.proxy).collect();
-    let mut drawn = vec![DVec3::ZERO; tools.len()];
+    let mut displacements = vec![DVec3::ZERO; tools.len()];
     let reports: Vec<SolverReport> = if proxies.iter().any(Option::is_some) {
         let mut response = JointResponse::new(responses, problems.iter().map(Vec::len));
         let mut rows = problems.concat();
         let tools: Vec<Option<usize>> = constraints.concat();
-        let solved = solve_with_couplings(&mut rows, &mut response, (&tools, &proxies), h, &mut drawn);
+        let solved =
+            solve_with_couplings(&mut rows, &mut response, (&tools, &proxies), h, &mut displacements);
         let mut rest = &rows[..];
         for problem in &mut problems {
             let (own, after) = rest.split_at(problem.len());
@@ -376,7 +382,7 @@ fn solve_rows(
             }
         }
     }
-    Ok(drawn)
+    Ok(displacements)
 }
 
 /// [`solve_projected_gauss_seidel`] for the strongly coupled rows of an implicit step: if Gauss-Seidel has not converged early,
@@ -402,7 +408,7 @@ fn solve_with_couplings(
     response: &mut impl ImpulseResponse,
     (tool_of_row, proxies): (&[Option<usize>], &[Option<ProxyStep>]),
     h: f64,
-    drawn: &mut [DVec3],
+    displacements: &mut [DVec3],
 ) -> SolverReport {
     let behind: Vec<usize> = (0..proxies.len()).filter(|&tool| proxies[tool].is_some()).collect();
     let mut tools: Vec<ProxyState> = proxies.iter().flatten().map(|proxy| ProxyState::new(*proxy)).collect();
@@ -411,7 +417,7 @@ fn solve_with_couplings(
         behind.iter().position(|behind| *behind == tool)
     };
     let solved = solve_with_proxies(rows, response, &mut tools, tool_of, h, SOLVER_LIMITS);
-    behind.iter().zip(&tools).for_each(|(&index, tool)| drawn[index] = tool.displacement_m(h));
+    behind.iter().zip(&tools).for_each(|(&index, tool)| displacements[index] = tool.displacement_m(h));
     solved
 }
 

@@ -56,11 +56,11 @@ impl Body {
             let Some(law) = law else { continue };
             of.is_active = true;
             // The part that existed before the step is closed slowly; the obstacle's own motion is followed.
-            let overdue_m = of.before_m.max(-h * MAX_CORRECTION_SPEED_M_PER_S);
+            let initial_violation_m = of.before_m.max(-h * MAX_CORRECTION_SPEED_M_PER_S);
             let moved = motion.from.displacement_m(&motion.to, of.at_m);
             let slid = moved - of.given_m;
             let across = slid - slid.dot(of.normal) * of.normal;
-            let gap_m = overdue_m - (of.before_m - of.gap_m);
+            let gap_m = initial_violation_m - (of.before_m - of.gap_m);
             rows.push(Constraint {
                 source: ConstraintSource::Obstacle {
                     point: of.point,
@@ -73,7 +73,7 @@ impl Body {
                 rigid: of.rigid,
                 law: ConstraintLaw::Unilateral { coulomb: law, series: None },
                 gap: gap_m * of.normal - across,
-                overdue: overdue_m.min(0.0) * of.normal,
+                initial_violation: initial_violation_m.min(0.0) * of.normal,
             });
         }
     }

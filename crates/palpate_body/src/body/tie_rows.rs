@@ -35,7 +35,7 @@ impl Body {
             let pulled = step.given_m(&nodes);
             let (apart, moved) = (at - other - pulled, moved - pulled);
             nodes.retain(|(node, _)| drive.is_none_or(|(driven, _)| driven != *node));
-            let (law, gap, overdue) = match tie.kind {
+            let (law, gap, initial_violation) = match tie.kind {
                 TieKind::Joint => {
                     let closing = apart.clamp_length_max(h * MAX_CORRECTION_SPEED_M_PER_S);
                     (ConstraintLaw::Bilateral, closing - moved, closing)
@@ -66,7 +66,7 @@ impl Body {
                 rigid: None,
                 law,
                 gap,
-                overdue,
+                initial_violation,
             });
         }
         rows

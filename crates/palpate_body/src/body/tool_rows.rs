@@ -39,7 +39,7 @@ impl Body {
                 rigid: None,
                 law: ConstraintLaw::Unilateral { coulomb: law, series },
                 gap: gap.gap_m,
-                overdue: gap.initial_violation_m,
+                initial_violation: gap.initial_violation_m,
             })
         };
         let rows =
@@ -49,11 +49,11 @@ impl Body {
         rows.filter_map(|(patch, index, of_patch)| row(patch, index, of_patch)).collect()
     }
 
-    /// Adds the rows that the tool, displaced by `drawn`, would penetrate at the end of the step.
+    /// Adds the rows that the tool, displaced by `displacement_m`, would penetrate at the end of the step.
     pub(super) fn activate_tool_contacts(
         &self,
         touchable: &[Constraint],
-        (step, drawn): (&Substep<'_>, DVec3),
+        (step, displacement_m): (&Substep<'_>, DVec3),
         rows: &mut Vec<Constraint>,
     ) {
         for row in touchable {
@@ -61,7 +61,7 @@ impl Body {
             let responding =
                 row.nodes.iter().filter(|(node, _)| !is_prescribed(&self.network, step.drive, *node));
             let velocity: DVec3 = responding.map(|&(node, w)| w * self.v[node]).sum();
-            let gap = gap_m + (step.h * velocity - drawn).dot(push);
+            let gap = gap_m + (step.h * velocity - displacement_m).dot(push);
             if gap < 0.0 && !rows.iter().any(|known| known.source == row.source) {
                 rows.push(row.clone());
             }
@@ -77,8 +77,8 @@ impl Body {
         let Hold::Point { point, offset_m } = &tool.contact.hold else { return None };
         let given = step.given_m(point.nodes());
         let apart = point.of(&self.x) - given - (tool.way.from_m + *offset_m);
-        let overdue = apart.clamp_length_max(step.h * MAX_CORRECTION_SPEED_M_PER_S);
-        let gap = overdue - (tool.way.to_m - tool.way.from_m - given);
+        let initial_violation = apart.clamp_length_max(step.h * MAX_CORRECTION_SPEED_M_PER_S);
+        let gap = initial_violation - (tool.way.to_m - tool.way.from_m - given);
         let nodes = point.nodes().to_vec();
         Some(Constraint {
             source: ConstraintSource::Grip(index),
@@ -86,7 +86,7 @@ impl Body {
             rigid: None,
             law: ConstraintLaw::Bilateral,
             gap,
-            overdue,
+            initial_violation,
         })
     }
 }

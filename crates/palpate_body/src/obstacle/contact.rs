@@ -1,6 +1,6 @@
 //! Results of contacts with obstacles.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 /// Contact of a point of a body with an obstacle in the last step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,6 +22,8 @@ pub struct ObstacleContact {
     pub slip_m_per_s: DVec3,
     /// Length of the step, s.
     pub step_s: f64,
+    /// Velocity of the obstacle at the point per impulse there, 1/kg; zero for a fixed or moved obstacle.
+    pub response_per_kg: DMat3,
     /// Mean velocity of the obstacle at the point during the step, m/s.
     pub(crate) carried_m_per_s: DVec3,
 }

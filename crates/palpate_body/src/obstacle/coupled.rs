@@ -31,6 +31,15 @@ impl RigidResponse {
         )
     }
 
+    /// Returns the velocity of the point at `arm_m` from the centre of mass per impulse there, 1/kg.
+    pub(crate) fn at(&self, arm_m: DVec3) -> DMat3 {
+        let column = |impulse: DVec3| {
+            let (linear, angular) = self.change(impulse, arm_m.cross(impulse));
+            linear + angular.cross(arm_m)
+        };
+        DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
+    }
+
     fn is_finite(&self) -> bool {
         self.linear.is_finite() && self.coupling.is_finite() && self.angular.is_finite()
     }

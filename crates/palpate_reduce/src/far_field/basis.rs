@@ -24,7 +24,12 @@ pub(crate) struct Basis {
     /// V by rows, 3 × `nodes` of p, written by [`Basis::finish`].
     rows: Vec<f64>,
     constraints: ObstacleConstraints,
+    /// The column that moves the points in contact with moving obstacles.
+    carried: Option<usize>,
 }
+
+/// Factor by which the column of points in contact is heavier than they are, so that it keeps its velocity.
+const CARRIED_MASS: f64 = 1e8;
 
 impl Basis {
     /// An empty basis of at most `max_columns` columns, which satisfy `constraints`.
@@ -42,7 +47,7 @@ impl Basis {
         }
         let free_index = (0..network.node_count()).map(|node| network.free_index(node)).collect();
         let columns = Mat::zeros(3 * nodes.len(), max_columns.min(3 * nodes.len()));
-        Self { nodes, row, free_index, order: 0, columns, rows: Vec::new(), constraints }
+        Self { nodes, row, free_index, order: 0, columns, rows: Vec::new(), constraints, carried: None }
     }
 
     /// Number p of columns.
@@ -80,9 +85,12 @@ impl Basis {
         self.add(matrix, tolerance, true);
     }
 
-    /// As [`Basis::extend`], without the constraints.
-    pub(crate) fn extend_free(&mut self, matrix: MatRef<'_, f64>, tolerance: f64) {
-        self.add(matrix, tolerance, false);
+    /// Adds a column for the motion of the points in contact as in `velocity`, after its other part has been added. The points keep that
+    /// velocity. The column is orthogonal to all that satisfy the constraints.
+    pub(crate) fn add_carried(&mut self, velocity: MatRef<'_, f64>, tolerance: f64) {
+        let before = self.order;
+        self.add(velocity, tolerance, false);
+        self.carried = (self.order > before).then_some(before);
     }
 
     fn add(&mut self, matrix: MatRef<'_, f64>, tolerance: f64, is_constrained: bool) {
@@ -125,8 +133,9 @@ impl Basis {
         let p = self.order;
         self.rows = vec![0.0; 3 * self.nodes.len() * p];
         for (j, column) in self.columns.subcols(0, p).col_iter().enumerate() {
+            let scale = if self.carried == Some(j) { 1.0 / CARRIED_MASS.sqrt() } else { 1.0 };
             for (i, value) in column.iter().enumerate() {
-                self.rows[i * p + j] = value / self.nodes[i / 3].1;
+                self.rows[i * p + j] = scale * value / self.nodes[i / 3].1;
             }
         }
     }
@@ -146,7 +155,7 @@ impl Basis {
         }
     }
 
-    /// Calls `visit` with column and entries of Vᵀ f and Vᵀ g, for two fields of vectors over the nodes.
+    /// Calls `visit` with column and entries of Vᵀ f and Vᵀ g, for a force f on the nodes and their momentum g.
     pub(crate) fn project(
         &self,
         f: impl Fn(usize) -> DVec3,
@@ -164,6 +173,9 @@ impl Basis {
                     *g_q += v * g[axis];
                 }
             }
+        }
+        if let Some(carried) = self.carried {
+            g_q[carried] *= CARRIED_MASS;
         }
         f_q.iter().zip(&g_q).enumerate().for_each(|(j, (f, g))| visit(j, *f, *g));
     }
