@@ -4,7 +4,8 @@
 //! PRESSES=1000 cargo test --release -p palpate_reduce --test suite presses -- --ignored --nocapture
 //! ```
 //!
-//! The default number of presses is ten thousand, which take hours. `SEED` selects the random sequence.
+//! The default number of presses is ten thousand, which take hours, in parts of five hundred. `SEED` selects the random sequence, and `PART`
+//! a single part, from 1.
 
 use cpu_time::ThreadTime;
 use glam::{DQuat, DVec3};
@@ -95,6 +96,7 @@ fn select_body<'a>(random: &mut Random, bodies: &'a [Body]) -> &'a Body {
 }
 
 /// A tool that approaches a place, presses to a depth, stops, and may slide.
+#[derive(Clone)]
 struct Press {
     body: Body,
     contact: ToolContact,
@@ -204,7 +206,31 @@ struct Statistics {
     max_step_time_ratio: f64,
 }
 
-fn run(press: Press, statistics: &mut Statistics) {
+/// Ratio of the longest step to the median above which the press is repeated: the machine may have delayed a step.
+const REPEATED_RATIO: f64 = 2.0;
+const REPETITIONS: usize = 4;
+
+/// Runs `press`. The time of a step is the shortest of several runs if it looks long.
+fn run(press: &Press, statistics: &mut Statistics) {
+    let mut times = step_times(press.clone(), statistics);
+    if ratio(&times) > REPEATED_RATIO {
+        for _ in 0..REPETITIONS {
+            let again = step_times(press.clone(), &mut Statistics::default());
+            times.iter_mut().zip(again).for_each(|(time, again)| *time = time.min(again));
+        }
+    }
+    statistics.max_step_time_ratio = statistics.max_step_time_ratio.max(ratio(&times));
+}
+
+/// The longest of `times` divided by their median; 0 without times.
+fn ratio(times: &[f64]) -> f64 {
+    let mut sorted = times.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.last().zip(sorted.get(times.len() / 2)).map_or(0.0, |(longest, median)| longest / median)
+}
+
+/// Runs a press and returns the thread time of every step with contact, s.
+fn step_times(press: Press, statistics: &mut Statistics) -> Vec<f64> {
     let ticks = ((press.deepest_tick() as usize).min(600) + 150).next_multiple_of(PERIOD);
     let samples: Vec<Sample> = (0..=ticks).map(|tick| press.sample(tick)).collect();
     let Press { mut body, mut contact, is_implicit, .. } = press;
@@ -250,10 +276,7 @@ fn run(press: Press, statistics: &mut Statistics) {
         statistics.unconverged_steps += report.unconverged;
         statistics.max_iterations = statistics.max_iterations.max(report.iterations);
     }
-    times.sort_by(f64::total_cmp);
-    if let (Some(longest), Some(median)) = (times.last(), times.get(times.len() / 2)) {
-        statistics.max_step_time_ratio = statistics.max_step_time_ratio.max(longest / median);
-    }
+    times
 }
 
 fn presses(count: usize, sizes: &[usize], seed: u64) -> Statistics {
@@ -262,7 +285,7 @@ fn presses(count: usize, sizes: &[usize], seed: u64) -> Statistics {
     bodies.push(of_mesh(&ellipsoid(DVec3::new(0.06, 0.04, 0.025)), 9));
     bodies.push(of_mesh(&cuboid(DVec3::new(0.1, 0.07, 0.053)), 8));
     let (mut random, mut statistics) = (Random(seed), Statistics::default());
-    (0..count).for_each(|_| run(Press::random(&mut random, &bodies), &mut statistics));
+    (0..count).for_each(|_| run(&Press::random(&mut random, &bodies), &mut statistics));
     #[expect(clippy::print_stdout, reason = "the statistics are the result of the run")]
     {
         println!("{count} presses: {statistics:?}");
@@ -284,8 +307,12 @@ fn twenty_four_presses_converge() {
 fn ten_thousand_presses_converge() {
     let count = std::env::var("PRESSES").map_or(10_000, |count| count.parse().unwrap());
     let seed = std::env::var("SEED").map_or(0, |seed| seed.parse::<u64>().unwrap());
-    // In parts, each of which prints its statistics.
+    let only = std::env::var("PART").map(|part| part.parse::<usize>().unwrap()).ok();
+    // Each part prints its statistics.
     for (part, begin) in (0..count).step_by(500).enumerate() {
+        if only.is_some_and(|only| only != part + 1) {
+            continue;
+        }
         let seed = 0xD1B5_4A32_D192_ED03 ^ ((seed << 32) | (part as u64 + 1));
         let _ = presses((count - begin).min(500), &[5, 6, 7, 8, 9, 10, 11], seed);
     }

@@ -2,7 +2,7 @@
 
 use super::components::{ContactEnd, HapticTool, ToolSettings};
 use super::convergence_watch::ConvergenceWatch;
-use super::force_slots::ForceSlots;
+use super::force_slots::{ForceSlots, UsedSlots};
 use super::force_watch::ForceWatch;
 use super::results::{ForceError, TickRecording};
 use super::settings::loop_settings;
@@ -59,7 +59,8 @@ pub(super) fn start_loops(
     (mut ends, mut faults): (MessageWriter<ContactEnd>, FaultWriter),
 ) {
     let now_s = time.map_or(0.0, |time| time.elapsed_secs_f64());
-    let mut used: Vec<usize> = tools.iter().filter_map(|(.., running, _)| running?.slot).collect();
+    let mut used = UsedSlots::default();
+    tools.iter().filter_map(|(.., running, _)| running?.slot).for_each(|slot| used.add(slot));
     trajectories.update();
     waiting.retain(|waiting| tools.get(waiting.tool).is_ok_and(|(.., running, _)| running.is_none()));
     for (entity, tool, settings, running, record) in &mut tools {
@@ -118,10 +119,10 @@ pub(super) fn start_loops(
             let device_resolution = DMat3::from_cols_array_2d(
                 &DVec3::AXES.map(|axis| device.displayable_force_n(axis).to_array()),
             );
-            let place = slots.place(&used).map(|(board, slot)| (board, slot, entity.to_bits()));
+            let place = slots.place(used).map(|(board, slot)| (board, slot, entity.to_bits()));
             let slot = place.as_ref().map(|(_, slot, _)| *slot);
             let (handle, driver) = start(device, *mode, settings_for(device_safety), place)?;
-            used.extend(slot);
+            slot.into_iter().for_each(|slot| used.add(slot));
             Ok((slot, handle, driver, device_safety, description, device_resolution))
         });
         match started {
@@ -189,7 +190,7 @@ const MAX_CAPACITY: Capacity = Capacity { order: 96, near: OF_BODY, second: OF_B
 
 /// Capacity for a body: for support sets of 27 nodes, as surfaces embedded in cells need them, each with eight points of the surface.
 const OF_BODY: NearFieldCapacity =
-    NearFieldCapacity { nodes: 27, order: 96, ring: 400, springs: 702, points: 216, triangles: 864 };
+    NearFieldCapacity { nodes: 27, order: 48, ring: 400, springs: 702, points: 216, triangles: 864 };
 
 fn start(
     device: Box<dyn HapticDevice>,
