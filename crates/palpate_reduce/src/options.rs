@@ -66,11 +66,15 @@ impl Default for BuilderOptions {
 
 impl BuilderOptions {
     /// The defaults for `body`. If cells carry its surface, a surface point has eight nodes: the support set then has up to 27
-    /// nodes, those of eight cells.
+    /// nodes, those of eight cells, and the basis up to 96 columns.
     #[must_use]
     pub fn of(body: &Body) -> Self {
         let is_embedded = body.surface().points.iter().any(|point| point.nodes().len() > 1);
-        if is_embedded { Self { support_nodes: 27, ..Self::default() } } else { Self::default() }
+        if is_embedded {
+            Self { support_nodes: 27, order_limit: 96, ..Self::default() }
+        } else {
+            Self::default()
+        }
     }
 
     /// Checks the ranges of all options.

@@ -190,7 +190,7 @@ const MAX_CAPACITY: Capacity = Capacity { order: 96, near: OF_BODY, second: OF_B
 
 /// Capacity for a body: for support sets of 27 nodes, as surfaces embedded in cells need them, each with eight points of the surface.
 const OF_BODY: NearFieldCapacity =
-    NearFieldCapacity { nodes: 27, order: 48, ring: 400, springs: 702, points: 216, triangles: 864 };
+    NearFieldCapacity { nodes: 27, order: 96, ring: 400, springs: 702, points: 216, triangles: 864 };
 
 fn start(
     device: Box<dyn HapticDevice>,

@@ -25,7 +25,8 @@ impl SupportLimits {
         let touched: BTreeSet<usize> =
             contact.touched().iter().flat_map(|t| t.nodes.iter().map(|n| n.0)).collect();
         let nodes = options.support_nodes.max(touched.len() + touched.len() / 3).min(capacity.nodes);
-        let order = options.order_limit.min(capacity.order);
+        let order = if nodes > options.support_nodes { 4 * nodes } else { 0 };
+        let order = options.order_limit.max(order).min(capacity.order);
         Self { nodes, order, triangles: capacity.triangles }
     }
 }
