@@ -53,7 +53,9 @@ impl JoinedMesh {
             }
         };
         let closed: Vec<Option<Arc<ClosedPart>>> = (0..parts.len())
-            .map(|index| ClosedPart::new(&parts[index], scale_m).filter(|_| index > 0).map(Arc::new))
+            .map(
+                |index| if index == 0 { None } else { ClosedPart::new(&parts[index], scale_m).map(Arc::new) },
+            )
             .collect();
         let mut joined: Vec<usize> = (0..parts.len()).filter(|&index| closed[index].is_none()).collect();
         let mut mesh = close(&joined)?;

@@ -39,19 +39,18 @@ impl Meshes<'_, '_> {
     /// The mesh of `shape` with its parts; `None` while one is being loaded.
     pub(super) fn source(&self, shape: &MeshShape) -> Result<Option<Source>, MeshFault> {
         let assets = self.assets.as_ref().ok_or(MeshFault::NoMeshes)?;
-        let mut parts = Vec::with_capacity(1 + shape.parts.len());
-        let mut is_loading = false;
-        for handle in shape.handles() {
-            if let Some(mesh) = assets.get(handle) {
-                parts.push(mesh_source::read(mesh)?);
-                continue;
-            }
-            match self.server.as_ref().and_then(|server| server.get_load_state(handle)) {
-                Some(LoadState::Failed(error)) => return Err(MeshFault::NotLoaded(error.to_string())),
-                _ => is_loading = true,
+        for handle in shape.handles().filter(|handle| !assets.contains(*handle)) {
+            let state = self.server.as_ref().and_then(|server| server.get_load_state(handle));
+            if let Some(LoadState::Failed(error)) = state {
+                return Err(MeshFault::NotLoaded(error.to_string()));
             }
         }
-        let source = Source::raw(parts, shape.metres_per_unit)?;
-        Ok((!is_loading).then_some(source))
+        // The data are copied once all parts are there, not in every frame before.
+        let Some(meshes) = shape.handles().map(|handle| assets.get(handle)).collect::<Option<Vec<_>>>()
+        else {
+            return Ok(None);
+        };
+        let parts = meshes.into_iter().map(mesh_source::read).collect::<Result<_, _>>()?;
+        Source::raw(parts, shape.metres_per_unit).map(Some)
     }
 }
