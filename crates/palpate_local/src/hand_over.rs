@@ -257,15 +257,13 @@ impl HandOver {
                 let mut bodies = self.active.model.bodies().into_iter().flatten();
                 bodies.find(|(active, _)| *active == body).map(|(_, epoch)| epoch)
             };
-            let second = (model.second.body, model.second.epoch);
-            if let Some(active) = epoch_of(second.0).filter(|active| second.1 < *active) {
-                return Err(LocalModelError::OldEpoch { model: second.1, active });
+            for (body, epoch) in model.bodies().into_iter().flatten() {
+                if let Some(active) = epoch_of(body).filter(|active| epoch < *active) {
+                    return Err(LocalModelError::OldEpoch { model: epoch, active });
+                }
             }
             let active = self.active.model.id;
             let same_body = active.body == model.id.body;
-            if same_body && model.id.epoch < active.epoch {
-                return Err(LocalModelError::OldEpoch { model: model.id.epoch, active: active.epoch });
-            }
             // A model of no body may be repeated for the same sample.
             let newer =
                 sequence > active.sequence || sequence == active.sequence && active.body == ModelId::NO_BODY;
