@@ -88,29 +88,16 @@ fn run(
         let last = i + 1 == samples.len();
         if i > 0 && (i % PERIOD == 0 || last) {
             let from = run.oracle.len() - 1;
-            let [a, b] = &mut bodies;
-            let [on_a, on_b] = &mut contacts;
-            let tools = SharedTool { contacts: vec![(0, on_a), (1, on_b)], path: &path[from..=i] };
             let forces = &mut run.oracle;
-            let integrator = SemiImplicitEuler::default();
-            advance_bodies(&mut [a, b], &mut [tools], i - from, integrator, |_, f| forces.push(f[0]))
-                .unwrap();
+            advance_pair(&mut bodies, &mut contacts, &path[from..=i], |force| forces.push(force));
         }
         if i > 0 && i % PERIOD == 0 {
             let mut model = LocalModel::empty(capacity);
             let near: Vec<usize> = (0..2).filter(|&body| reaches(body, sample.position_m)).collect();
             match near[..] {
                 [_, _] => {
-                    let [a, b] = &mut builders;
-                    let under = |index: usize, builder| BodyUnderTool {
-                        builder,
-                        body: &bodies[index],
-                        contact: &contacts[index],
-                        others: &[],
-                        identity: (index as u64 + 1, 0),
-                    };
-                    BodyUnderTool::build_pair(under(0, a), under(1, b), path[i], sample.sequence, &mut model)
-                        .unwrap();
+                    let at = (path[i], sample.sequence);
+                    build_pair(&mut builders, &bodies, &contacts, at, &mut model);
                     run.models[2] += 1;
                 }
                 _ => {
@@ -142,6 +129,36 @@ fn run(
 }
 
 /// A ball behind a virtual coupling.
+/// Advances both bodies along `path`, and calls `observe` with the force on the hand after every tick.
+fn advance_pair(
+    [a, b]: &mut [Body; 2],
+    [on_a, on_b]: &mut [ToolContact; 2],
+    path: &[ToolPoint],
+    mut observe: impl FnMut(DVec3),
+) {
+    let tool = SharedTool { contacts: vec![(0, on_a), (1, on_b)], path };
+    let integrator = SemiImplicitEuler::default();
+    advance_bodies(&mut [a, b], &mut [tool], path.len() - 1, integrator, |_, f| observe(f[0])).unwrap();
+}
+
+/// Builds the local model of both bodies under the tool `at` a point and sample. Their identities are 1 and 2.
+fn build_pair(
+    [a, b]: &mut [LocalModelBuilder; 2],
+    bodies: &[Body; 2],
+    contacts: &[ToolContact; 2],
+    (tool, sequence): (ToolPoint, u64),
+    model: &mut LocalModel,
+) {
+    let under = |index: usize, builder| BodyUnderTool {
+        builder,
+        body: &bodies[index],
+        contact: &contacts[index],
+        others: &[],
+        identity: (index as u64 + 1, 0),
+    };
+    BodyUnderTool::build_pair(under(0, a), under(1, b), tool, sequence, model).unwrap();
+}
+
 fn ball(radius_m: f64, friction: f64) -> ToolContact {
     let coupling = VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 10.0 };
     ToolContact::touch(ToolShape::Sphere { radius_m }, friction).unwrap().with_coupling(coupling).unwrap()
@@ -308,25 +325,9 @@ fn removed_body_leaves_the_part_of_the_other_one() {
     let mut contacts = [ball(0.01, 0.3), ball(0.01, 0.3)];
     let still = samples(200, |_| DVec3::new(0.003, 0.004, 0.0));
     let path: Vec<ToolPoint> = still.iter().map(|s| ToolPoint::at_rest(s.position_m)).collect();
-    {
-        let [a, b] = &mut bodies;
-        let [on_a, on_b] = &mut contacts;
-        let tools = SharedTool { contacts: vec![(0, on_a), (1, on_b)], path: &path[..151] };
-        let integrator = SemiImplicitEuler::default();
-        advance_bodies(&mut [a, b], &mut [tools], 150, integrator, |_, _| ()).unwrap();
-    }
+    advance_pair(&mut bodies, &mut contacts, &path[..151], |_| ());
     let mut model = LocalModel::empty(capacity);
-    {
-        let [a, b] = &mut builders;
-        let under = |index: usize, builder| BodyUnderTool {
-            builder,
-            body: &bodies[index],
-            contact: &contacts[index],
-            others: &[],
-            identity: (index as u64 + 1, 0),
-        };
-        BodyUnderTool::build_pair(under(0, a), under(1, b), path[150], 150, &mut model).unwrap();
-    }
+    build_pair(&mut builders, &bodies, &contacts, (path[150], 150), &mut model);
     let parts = [0, 1].map(|i| contacts[i].force_of_body_n(&bodies[i]));
     assert!(parts[0].z > 0.1 && parts[1].z < -0.1, "{parts:?}");
     for kept in [0, 1] {

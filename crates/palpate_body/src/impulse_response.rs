@@ -42,7 +42,7 @@ impl RigidPoint {
 
     /// Velocity of the point per impulse at the point `other`, 1/kg: A + B S − R Bᵀ − R C S with the linear (A), coupling (B)
     /// and angular (C) response and the matrices R and S of the cross products with the arms. Zero for another body.
-    fn per_kg(&self, other: &Self, obstacles: &[ObstacleStep]) -> DMat3 {
+    pub(crate) fn per_kg(&self, other: &Self, obstacles: &[ObstacleStep]) -> DMat3 {
         let Some(rigid) = self.of(obstacles).filter(|_| self.obstacle == other.obstacle) else {
             return DMat3::ZERO;
         };

@@ -131,19 +131,14 @@ impl TangentPattern {
             let free = tetrahedron.nodes.map(|node| network.free_index(node));
             for (row, blocks) in free.into_iter().zip(tetrahedron.stiffness(x, barriers_clamped)) {
                 for (column, block) in free.into_iter().zip(blocks) {
-                    if let Some(slot) = row.zip(column).and_then(|(row, column)| self.slot(row, column)) {
+                    let nodes = row.zip(column);
+                    if let Some(slot) = nodes.and_then(|(row, column)| Slot::of(&self.symbolic, row, column))
+                    {
                         slot.add(block, &mut tangent.stiffness);
                     }
                 }
             }
         }
-    }
-
-    /// Location of the block of two free nodes.
-    fn slot(&self, row: usize, column: usize) -> Option<Slot> {
-        let range = self.symbolic.col_range(3 * column);
-        let place = self.symbolic.row_idx()[range.clone()].binary_search(&(3 * row)).ok()?;
-        Some(Slot { first: range.start + place, stride: range.len() })
     }
 
     /// Positions of the entries, for a symbolic factorisation.
@@ -154,6 +149,13 @@ impl TangentPattern {
 }
 
 impl Slot {
+    /// Location of the block of two free nodes; `None` if the pattern has none.
+    fn of(symbolic: &SymbolicSparseColMat<usize>, row: usize, column: usize) -> Option<Self> {
+        let range = (column < symbolic.ncols() / 3).then(|| symbolic.col_range(3 * column))?;
+        let place = symbolic.row_idx()[range.clone()].binary_search(&(3 * row)).ok()?;
+        Some(Self { first: range.start + place, stride: range.len() })
+    }
+
     fn add(self, block: DMat3, values: &mut [f64]) {
         for c in 0..3 {
             let column = block.col(c);
@@ -181,12 +183,8 @@ impl Tangent {
     /// Adds `block` to K at the free nodes `row` and `column`, given as indices of `network.free()`. Nodes that are neither
     /// linked nor in a common cell have no entries: then nothing is added.
     pub fn add_to_stiffness(&mut self, row: usize, column: usize, block: DMat3) {
-        if column >= self.symbolic.ncols() / 3 {
-            return;
-        }
-        let range = self.symbolic.col_range(3 * column);
-        if let Ok(place) = self.symbolic.row_idx()[range.clone()].binary_search(&(3 * row)) {
-            Slot { first: range.start + place, stride: range.len() }.add(block, &mut self.stiffness);
+        if let Some(slot) = Slot::of(&self.symbolic, row, column) {
+            slot.add(block, &mut self.stiffness);
         }
     }
 

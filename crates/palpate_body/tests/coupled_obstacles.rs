@@ -120,14 +120,9 @@ fn coupled_obstacle_without_response_moves_as_a_moved_one() {
             let (at, turn) = (DVec3::new(2e-3 * t, 0.0, -0.11 + 1e-3 * t), DQuat::from_rotation_z(0.01 * t));
             if is_coupled {
                 let motion = CoupledMotion {
-                    position_m: at,
-                    rotation: turn,
-                    center_m: DVec3::ZERO,
-                    velocity_change_m_per_s: DVec3::ZERO,
-                    angular_velocity_change_rad_per_s: DVec3::ZERO,
                     expected_ns: DVec3::X,
                     expected_nms: DVec3::Y,
-                    response: RigidResponse::ZERO,
+                    ..CoupledMotion::prescribed(at, turn)
                 };
                 body.couple_obstacle(0, motion).unwrap();
             } else {
@@ -153,16 +148,7 @@ fn body_on_a_resting_coupled_obstacle_sleeps() {
     let plate = Obstacle::cuboid(DVec3::new(0.3, 0.3, 0.01), 0.5).unwrap();
     body.set_obstacles(vec![plate.with_pose(at, DQuat::IDENTITY).unwrap()]);
     let mut step = |at: DVec3, noise: f64| {
-        let motion = CoupledMotion {
-            position_m: at + DVec3::X * noise,
-            rotation: DQuat::IDENTITY,
-            center_m: DVec3::ZERO,
-            velocity_change_m_per_s: DVec3::ZERO,
-            angular_velocity_change_rad_per_s: DVec3::ZERO,
-            expected_ns: DVec3::ZERO,
-            expected_nms: DVec3::ZERO,
-            response: RigidResponse::ZERO,
-        };
+        let motion = CoupledMotion::prescribed(at + DVec3::X * noise, DQuat::IDENTITY);
         body.couple_obstacle(0, motion).unwrap();
         body.advance(None, 50, explicit()).unwrap().is_asleep
     };
@@ -224,14 +210,8 @@ fn rejects_invalid_coupled_motions() {
     let mass = RigidMass::of_sphere(1.0, 0.1).unwrap();
     body.set_obstacles(vec![ball.clone(), ball.with_mass(mass, RigidMotion::default()).unwrap()]);
     let valid = CoupledMotion {
-        position_m: DVec3::Z,
-        rotation: DQuat::IDENTITY,
-        center_m: DVec3::ZERO,
-        velocity_change_m_per_s: DVec3::ZERO,
-        angular_velocity_change_rad_per_s: DVec3::ZERO,
-        expected_ns: DVec3::ZERO,
-        expected_nms: DVec3::ZERO,
         response: response(1.0, 0.1),
+        ..CoupledMotion::prescribed(DVec3::Z, DQuat::IDENTITY)
     };
     let nan = DVec3::NAN;
     for (index, motion) in [

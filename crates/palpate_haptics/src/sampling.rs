@@ -37,7 +37,8 @@ impl Sampler {
     }
 
     /// Appends the sample of this tick, and samples for the missed deadlines before it. `reading` is in the scene's frame; all samples
-    /// get the force `other` of another tool. After a jump (`has_jumped`) there is no interpolation and no velocity, because the motion in between was not observed.
+    /// get the force `other` of another tool. After a jump (`has_jumped`) there is no interpolation and no velocity, because the motion in
+    /// between was not observed.
     pub(crate) fn take_sample(
         &mut self,
         hand_over: &mut HandOver,

@@ -182,7 +182,8 @@ impl LocalModelBuilder {
         #[expect(clippy::disallowed_methods, reason = "the duration is reported only")]
         let now = || Instant::now();
         let start = now();
-        let error_bound = self.write(scheme, body, (contact, tool), others, id, model)?;
+        let written = self.write(scheme, body, (contact, tool), others, id, model);
+        let error_bound = written.inspect_err(|_| model.reduced.order = 0)?;
         let of =
             BuildReport { scheme, tangent_clamped: model.clamped, error_bound, ..BuildReport::default() };
         let time_s = (now() - start).as_secs_f64();
@@ -230,20 +231,20 @@ impl LocalModelBuilder {
         model.force_n = contact.displayed_force_n(body);
         match scheme {
             Scheme::Hold | Scheme::LowPass => {}
-            Scheme::Tangent => self.with_tangent(body, model, |this, model| {
-                model.stiffness_n_per_m = this.static_stiffness.at(
-                    &mut this.tangent,
-                    body,
-                    &points,
-                    (normals, contact.touched()),
-                )?;
+            Scheme::Tangent => self.with_tangent(body, |this, is_clamped| {
+                model.clamped = is_clamped;
+                let touched = (normals, contact.touched());
+                model.stiffness_n_per_m =
+                    this.static_stiffness.at(&mut this.tangent, body, &points, touched)?;
                 Ok(())
             })?,
-            Scheme::Neighbourhood => self.with_tangent(body, model, |this, model| {
+            Scheme::Neighbourhood => self.with_tangent(body, |this, is_clamped| {
+                model.clamped = is_clamped;
                 let BuilderOptions { tick_s, rings, .. } = this.options;
                 this.neighbourhood.build(body, &this.tangent, node, rings, tick_s, model)
             })?,
-            Scheme::KrylovLinear => self.with_tangent(body, model, |this, model| {
+            Scheme::KrylovLinear => self.with_tangent(body, |this, is_clamped| {
+                model.clamped = is_clamped;
                 let (far_field, tangent, options) = (&mut this.far_field, &this.tangent, &this.options);
                 krylov_linear::build(far_field, (body, others), tangent, node, options, model)
             })?,
@@ -261,10 +262,8 @@ impl LocalModelBuilder {
         integrator: Option<TickIntegrator>,
         near: &mut NearField,
     ) -> Result<(Option<f64>, bool), ReduceError> {
-        let mut is_clamped = false;
-        loop {
-            self.pattern.fill(body, is_clamped, &mut self.tangent);
-            let (tangent, options) = (&self.tangent, &self.options);
+        let built = self.with_tangent(body, |this, is_clamped| {
+            let (tangent, options) = (&this.tangent, &this.options);
             let input = BuildInput {
                 body,
                 tangent,
@@ -276,33 +275,24 @@ impl LocalModelBuilder {
                 options,
                 integrator,
             };
-            match self.near_field.build(&mut self.far_field, &input, near) {
-                Err(error) if is_indefinite(&error) && !is_clamped => is_clamped = true,
-                Err(error) => {
-                    near.clear();
-                    return Err(error);
-                }
-                Ok(error_bound) => return Ok((error_bound, is_clamped)),
-            }
-        }
+            Ok((this.near_field.build(&mut this.far_field, &input, near)?, is_clamped))
+        });
+        built.inspect_err(|_| near.clear())
     }
 
-    /// Runs `build` with the exact tangent, and with the clamped one if the exact one cannot be factorised.
+    /// Runs `build` with the exact tangent, and with the clamped one if the exact one cannot be factorised. `build` gets whether it is
+    /// clamped.
     fn with_tangent<T>(
         &mut self,
         body: &Body,
-        model: &mut LocalModel,
-        build: impl Fn(&mut Self, &mut LocalModel) -> Result<T, ReduceError>,
+        mut build: impl FnMut(&mut Self, bool) -> Result<T, ReduceError>,
     ) -> Result<T, ReduceError> {
-        let mut clamped = false;
+        let mut is_clamped = false;
         loop {
-            self.pattern.fill(body, clamped, &mut self.tangent);
-            model.clamped = clamped;
-            match build(self, model) {
-                Err(error) if is_indefinite(&error) && !clamped => clamped = true,
-                result => {
-                    return result.inspect_err(|_| model.reduced.order = 0);
-                }
+            self.pattern.fill(body, is_clamped, &mut self.tangent);
+            match build(self, is_clamped) {
+                Err(error) if is_indefinite(&error) && !is_clamped => is_clamped = true,
+                result => return result,
             }
         }
     }

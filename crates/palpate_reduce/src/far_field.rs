@@ -86,7 +86,8 @@ impl FarField {
     /// Builds V for the support set `support`, with at most `max_columns` columns: a rational Krylov basis of second order.
     ///
     /// In order of importance, it spans the static response to S and to the forces, v_N, the responses at the shifts, and the
-    /// high-frequency end of the response. All satisfy the contacts with obstacles; if the obstacles move, a last column carries the points in contact. See [`crate::SecondOrderSystem::krylov_basis`] for the sources of the method.
+    /// high-frequency end of the response. All satisfy the contacts with obstacles; if the obstacles move, one more column carries the points
+    /// in contact. See [`crate::SecondOrderSystem::krylov_basis`] for the sources of the method.
     pub(crate) fn build_basis(
         &mut self,
         body: &Body,
@@ -156,10 +157,17 @@ impl FarField {
         let loads = (coupled + 1 > basis.columns_left())
             .then(|| load_motions(k, &free, coupling.as_ref(), static_rhs.subcols(0, coupled)))
             .flatten();
+        let of_loads = loads.as_ref().map(|loads| static_rhs.subcols(0, coupled) * loads);
+        // The `count` motions of S, as columns, whose static response moves most mass; of the motions by loads where there are any.
+        let leading_motions = |basis: &Basis, count: usize| {
+            let response = of_loads.as_ref().map_or(static_rhs.subcols(0, coupled), Mat::as_ref);
+            let leading = leading_inputs(basis.weighted(response).as_ref(), count)?;
+            Some(loads.as_ref().map_or_else(|| leading.clone(), |loads| loads * &leading))
+        };
         if loads.is_some() {
             basis.extend(static_rhs.subcols(coupled, 1), tolerance);
             let response = static_rhs.subcols(0, coupled);
-            let motions = leading_motions(&basis, response, loads.as_ref(), 3 * basis.columns_left() / 5);
+            let motions = leading_motions(&basis, 3 * basis.columns_left() / 5);
             basis.extend(
                 motions.map_or(response.to_owned(), |motions| response * motions).as_ref(),
                 tolerance,
@@ -180,9 +188,7 @@ impl FarField {
             // A shift adds A⁻¹(σ²M + σB) times the static response. With few columns left, the motions of S that move most mass are selected.
             let left = basis.columns_left();
             let count = if loads.is_some() { left / 2 + 1 } else { left };
-            let few = (left < coupled)
-                .then(|| leading_motions(&basis, static_rhs.subcols(0, coupled), loads.as_ref(), count))
-                .flatten();
+            let few = (left < coupled).then(|| leading_motions(&basis, count)).flatten();
             let mut shifted = few.map_or_else(|| coupling.clone(), |few| &coupling * few);
             solve(std::f64::consts::TAU * shift_hz, &mut shifted)?;
             basis.extend(shifted.as_ref(), tolerance);
@@ -190,22 +196,6 @@ impl FarField {
         basis.extend(coupling.as_ref(), tolerance);
         basis.finish();
         Ok(basis)
-    }
-}
-
-/// The `count` motions of S, as columns, whose static `response` moves most mass; of the motions by unit loads if `loads` has them.
-fn leading_motions(
-    basis: &Basis,
-    response: MatRef<'_, f64>,
-    loads: Option<&Mat<f64>>,
-    count: usize,
-) -> Option<Mat<f64>> {
-    match loads {
-        Some(loads) => {
-            let leading = leading_inputs(basis.weighted((response * loads).as_ref()).as_ref(), count)?;
-            Some(loads * leading)
-        }
-        None => leading_inputs(basis.weighted(response).as_ref(), count),
     }
 }
 

@@ -65,6 +65,9 @@ impl Default for BuilderOptions {
 }
 
 impl BuilderOptions {
+    /// Speed that a tool at rest may reach within the horizon, m/s. The support set has what it then reaches.
+    pub const REACH_SPEED_M_PER_S: f64 = 0.2;
+
     /// The defaults for `body`. If cells carry its surface, a surface point has eight nodes: the support set then has up to 27
     /// nodes, those of eight cells, and the basis up to 96 columns.
     #[must_use]

@@ -14,7 +14,7 @@ use avian3d::prelude::{
 };
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
-use palpate_body::{CoupledMotion, RigidResponse};
+use palpate_body::CoupledMotion;
 use std::sync::Arc;
 
 /// The shape of a collider as it was converted. It holds the shape, so that another one cannot be at its address.
@@ -171,18 +171,9 @@ fn obstacle(from: &[Converted], mut report: impl FnMut(ShapeError)) -> Option<pa
 impl CoupledObstacle {
     /// The obstacle before its first model step.
     fn standing(obstacle: palpate_body::Obstacle, version: u64) -> Self {
-        let motion = CoupledMotion {
-            position_m: DVec3::NAN,
-            rotation: DQuat::IDENTITY,
-            center_m: DVec3::ZERO,
-            velocity_change_m_per_s: DVec3::ZERO,
-            angular_velocity_change_rad_per_s: DVec3::ZERO,
-            expected_ns: DVec3::ZERO,
-            expected_nms: DVec3::ZERO,
-            response: RigidResponse::ZERO,
-        };
         // Without a finite place it is left out.
         let start = (DVec3::NAN, DQuat::IDENTITY);
+        let motion = CoupledMotion::prescribed(start.0, start.1);
         Self { obstacle, version, start, has_jumped: true, motion, expected: Vec::new() }
     }
 }

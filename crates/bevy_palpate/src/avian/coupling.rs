@@ -22,6 +22,19 @@ pub(super) struct State {
 }
 
 impl State {
+    fn of(
+        position: &Position,
+        rotation: &Rotation,
+        linear: &LinearVelocity,
+        angular: &AngularVelocity,
+    ) -> Self {
+        Self {
+            position_m: double(position.0),
+            rotation: double_rotation(rotation.0),
+            velocity: Wrench::new(double(linear.0), double(angular.0)),
+        }
+    }
+
     pub(super) fn center_m(&self, local_m: DVec3) -> DVec3 {
         self.position_m + self.rotation * local_m
     }
@@ -70,11 +83,7 @@ pub(super) struct Kinematics {
 
 impl KinematicsItem<'_, '_> {
     pub(super) fn state(&self) -> State {
-        State {
-            position_m: double(self.position.0),
-            rotation: double_rotation(self.rotation.0),
-            velocity: Wrench::new(double(self.linear.0), double(self.angular.0)),
-        }
+        State::of(self.position, self.rotation, self.linear, self.angular)
     }
 }
 
@@ -92,11 +101,7 @@ pub(super) struct StateMut {
 
 impl StateMutItem<'_, '_> {
     pub(super) fn state(&self) -> State {
-        State {
-            position_m: double(self.position.0),
-            rotation: double_rotation(self.rotation.0),
-            velocity: Wrench::new(double(self.linear.0), double(self.angular.0)),
-        }
+        State::of(&self.position, &self.rotation, &self.linear, &self.angular)
     }
 
     /// Moves the body. A changed position of avian overrides changes of the transform until the next tick, so a move of the body by the

@@ -1,6 +1,7 @@
 //! Selects the bodies that a tool can touch.
 
 use super::components::{ContactEnd, HapticTool};
+use super::local_models::horizon_s;
 use super::second_contact::SecondContact;
 use super::tool_loop::ToolLoop;
 use crate::body::{DeformableBody, SimulatedBody, SurfaceTrees};
@@ -10,6 +11,7 @@ use crate::model_time::{ModelPeriod, ModelStepCount};
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_local::MAX_BODIES;
+use palpate_reduce::BuilderOptions;
 
 /// Simulated bodies with their layers.
 type Bodies<'w, 's> = Query<'w, 's, (Entity, &'static SimulatedBody, Option<&'static TouchLayers>)>;
@@ -103,9 +105,6 @@ pub(super) fn select_bodies(
 /// Minimum difference of the distances at which a tool changes to a nearer body, m.
 const SWITCH_DISTANCE_M: f64 = 0.005;
 
-/// Speed that a tool at rest may reach before the next local models, m/s.
-const REACH_SPEED_M_PER_S: f64 = 0.2;
-
 /// How far a tool reaches.
 struct Reach {
     /// Centre of the tool, m.
@@ -120,9 +119,8 @@ impl Reach {
     fn of(tool: &ToolLoop, described: &HapticTool, period_s: f64) -> Self {
         let last = tool.path.last().copied().unwrap_or_default();
         let proxy_m = tool.contact.proxy_m(last.position_m);
-        // A local model is built for one period, and active in the next.
-        let horizon_s = (2.0 * period_s).clamp(0.1, 10.0);
-        let moved_m = horizon_s * (last.velocity_m_per_s.length() + REACH_SPEED_M_PER_S);
+        let speed_m_per_s = last.velocity_m_per_s.length() + BuilderOptions::REACH_SPEED_M_PER_S;
+        let moved_m = horizon_s(period_s) * speed_m_per_s;
         let radius_m = described.shape.radius_m();
         let within_m = radius_m + moved_m + proxy_m.distance(last.position_m);
         Self { at_m: described.shape.core_m(proxy_m), within_m, touch_m: radius_m }
@@ -146,8 +144,8 @@ fn distance_m(
     Some(closest.distance_m.max(0.0))
 }
 
-/// Returns the body that shares one of `layers` and has the surface point nearest to `at`, or the `last` one if it is hardly farther. Of equally near bodies it is always
-/// the one with the lowest entity.
+/// Returns the body that shares one of `layers` and has the surface point nearest to `at`, or the `last` one if it is hardly farther. Of
+/// equally near bodies it is always the one with the lowest entity.
 fn nearest(
     bodies: &Bodies<'_, '_>,
     layers: Option<&TouchLayers>,

@@ -20,9 +20,7 @@ pub(super) fn build_local_models(
     period: ModelPeriod,
     mut faults: FaultWriter,
 ) {
-    // A local model is active for one period, after a period in which it is built.
-    let default_s = BuilderOptions::default().horizon_s;
-    let horizon_s = (2.0 * period.s()).clamp(default_s, 10.0);
+    let horizon_s = horizon_s(period.s());
     // The contacts of all tools, for the local models of the others.
     let all: Vec<ContactOfTool> = tools
         .iter()
@@ -121,6 +119,12 @@ pub(super) fn build_local_models(
     }
 }
 
+/// Horizon of the local models for model steps of `period_s`, s: a local model is active for one period, after a period in which it is
+/// built.
+pub(super) fn horizon_s(period_s: f64) -> f64 {
+    (2.0 * period_s).clamp(BuilderOptions::default().horizon_s, 10.0)
+}
+
 /// A tool, a body and the tool's contact with it.
 type ContactOfTool = (Entity, Entity, ToolContact);
 
@@ -141,32 +145,25 @@ fn build_pair(
     (point, sequence, horizon_s): (palpate_body::ToolPoint, u64, f64),
     model: &mut LocalModel,
 ) -> Result<LocalModelStats, ReduceError> {
-    let others = [others(all, tool, (first.0, &a.body)), others(all, tool, (second.0, &b.body))];
-    let [of_a, of_b] = &others;
-
-    for simulated in [&mut *a, &mut *b] {
-        // Cannot fail: the value is clamped.
-        let _ = simulated.builder.set_horizon_s(horizon_s);
-    }
-    let SimulatedBody { body: body_a, builder: builder_a, epoch: epoch_a, .. } = a;
-    let SimulatedBody { body: body_b, builder: builder_b, epoch: epoch_b, .. } = b;
-    let first = BodyUnderTool {
-        builder: builder_a,
-        body: body_a,
-        contact: first.1,
-        others: of_a,
-        identity: (first.0.to_bits(), *epoch_a),
-    };
-    let second = BodyUnderTool {
-        builder: builder_b,
-        body: body_b,
-        contact: second.1,
-        others: of_b,
-        identity: (second.0.to_bits(), *epoch_b),
-    };
+    let [of_a, of_b] = [others(all, tool, (first.0, &a.body)), others(all, tool, (second.0, &b.body))];
+    let first = under_tool(a, first, &of_a, horizon_s);
+    let second = under_tool(b, second, &of_b, horizon_s);
     let built = BodyUnderTool::build_pair(first, second, point, sequence, model);
     let [a, b] = built.map_err(|(_, error)| error)?;
     Ok(LocalModelStats::from(a).with_second(b.into()))
+}
+
+/// `simulated`, the body of an entity, under a tool with the given contact, for a local model with the given horizon.
+fn under_tool<'a>(
+    simulated: &'a mut SimulatedBody,
+    (entity, contact): (Entity, &'a ToolContact),
+    others: &'a [&'a ToolContact],
+    horizon_s: f64,
+) -> BodyUnderTool<'a> {
+    let SimulatedBody { body, builder, epoch, .. } = simulated;
+    // Cannot fail: the value is clamped.
+    let _ = builder.set_horizon_s(horizon_s);
+    BodyUnderTool { builder, body, contact, others, identity: (entity.to_bits(), *epoch) }
 }
 
 /// Publishes the local models that have been built.

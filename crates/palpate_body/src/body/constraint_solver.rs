@@ -36,6 +36,13 @@ pub(super) struct SteppedBody<'m, 's> {
     pub(super) closing: Option<Closing>,
 }
 
+impl SteppedBody<'_, '_> {
+    /// Whether impulses act through the linear system of an implicit step.
+    fn is_implicit(&self) -> bool {
+        matches!(self.step.integrator, Integrator::LinearlyImplicitEuler(_)) && self.body.implicit.is_some()
+    }
+}
+
 /// Velocities for the position update, which close gaps that existed before the step.
 pub(super) struct Closing {
     pub(super) nodes: Vec<DVec3>,
@@ -213,8 +220,7 @@ impl Body {
                         (Some(_), _) => end_m_per_s,
                         (None, _) => DVec3::ZERO,
                     };
-                    let response =
-                        motion.rigid.as_ref().map(|rigid| rigid.response.at(at_m - rigid.center_m));
+                    let response = row.rigid.map(|point| point.per_kg(&point, &step.obstacles));
                     self.contacts.push(ObstacleContact {
                         point,
                         obstacle,
@@ -316,10 +322,9 @@ fn solve_rows(
     let (mut constraints, mut problems, mut responses) = (Vec::new(), Vec::new(), Vec::new());
     for (of, of_nodes) in bodies.iter_mut().zip(&of_nodes) {
         let BodyRows { of, rows, columns, .. } = of;
+        let is_implicit = of.is_implicit();
         let SteppedBody { body, step, .. } = &mut **of;
-        let Body { network, v, implicit, .. } = &mut **body;
-        let is_implicit =
-            matches!(step.integrator, Integrator::LinearlyImplicitEuler(_)) && implicit.is_some();
+        let Body { network, v, .. } = &mut **body;
         let response = if is_implicit {
             let block = |i, j| columns.block(network, i, j);
             BodyResponse::Implicit(DelassusMatrix::new(of_nodes, v, &step.obstacles, block))
@@ -366,12 +371,11 @@ fn solve_rows(
         bodies.iter_mut().zip(&of_nodes).zip(problems.into_iter().zip(reports))
     {
         let BodyRows { of, columns, impulses, .. } = of;
+        let is_implicit = of.is_implicit();
         let SteppedBody { body, step, report, .. } = &mut **of;
         *impulses = problem.into_iter().map(|row| row.impulse_ns).collect();
         report.iterations = report.iterations.max(solver.iterations);
         report.unconverged += usize::from(!solver.converged);
-        let is_implicit =
-            matches!(step.integrator, Integrator::LinearlyImplicitEuler(_)) && body.implicit.is_some();
         // The response of lumped masses has applied the impulses to the velocities.
         for (row, impulse_ns) in of_nodes.iter().zip(&*impulses).filter(|_| is_implicit) {
             for &(node, w) in &row.nodes {

@@ -293,13 +293,14 @@ fn step(
     for of in stepped.iter().filter(|of| of.step.constrained) {
         of.step.tools.iter().for_each(|tool| is_held[tool.index] = true);
     }
-    let drawn = solve_constraints(&mut stepped, &ways)?;
+    let displacements = solve_constraints(&mut stepped, &ways)?;
     for SteppedBody { body, step, closing, .. } in stepped {
         body.end_substep(step, closing);
     }
-    for ((tool, way), (is_held, drawn)) in tools.iter_mut().zip(&ways).zip(is_held.into_iter().zip(drawn)) {
+    let held = is_held.into_iter().zip(displacements);
+    for ((tool, way), (is_held, displacement_m)) in tools.iter_mut().zip(&ways).zip(held) {
         // Where nothing nearby holds it back, the proxy is at the device.
-        tool.set_proxy(way.proxy.filter(|_| is_held).map(|_| way.to_m + drawn));
+        tool.set_proxy(way.proxy.filter(|_| is_held).map(|_| way.to_m + displacement_m));
     }
     Ok(())
 }

@@ -31,15 +31,6 @@ impl RigidResponse {
         )
     }
 
-    /// Returns the velocity of the point at `arm_m` from the centre of mass per impulse there, 1/kg.
-    pub(crate) fn at(&self, arm_m: DVec3) -> DMat3 {
-        let column = |impulse: DVec3| {
-            let (linear, angular) = self.change(impulse, arm_m.cross(impulse));
-            linear + angular.cross(arm_m)
-        };
-        DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
-    }
-
     fn is_finite(&self) -> bool {
         self.linear.is_finite() && self.coupling.is_finite() && self.angular.is_finite()
     }
@@ -83,6 +74,21 @@ pub struct CoupledMotion {
 }
 
 impl CoupledMotion {
+    /// Creates the motion to `position_m` (m) and `rotation` at constant velocity, without a response and an expected impulse.
+    #[must_use]
+    pub fn prescribed(position_m: DVec3, rotation: DQuat) -> Self {
+        Self {
+            position_m,
+            rotation,
+            center_m: DVec3::ZERO,
+            velocity_change_m_per_s: DVec3::ZERO,
+            angular_velocity_change_rad_per_s: DVec3::ZERO,
+            expected_ns: DVec3::ZERO,
+            expected_nms: DVec3::ZERO,
+            response: RigidResponse::ZERO,
+        }
+    }
+
     pub(crate) fn validate(&self) -> Result<(), BodyError> {
         for (what, value) in [
             ("centre of mass of an obstacle, m", self.center_m),

@@ -43,9 +43,6 @@ pub(super) struct SupportSet {
     pub(super) is_truncated: bool,
 }
 
-/// Speed that a tool at rest may reach within the horizon, m/s.
-const REACH_SPEED_M_PER_S: f64 = 0.2;
-
 impl SupportSet {
     /// The support set of `body` under `contact` with the tool at `tool`, for the horizon `horizon_s`. `None` where the tool reaches
     /// nothing.
@@ -74,7 +71,7 @@ impl SupportSet {
         let is_free =
             |point: usize| points[point].nodes().iter().any(|(node, _)| !body.network().is_fixed(*node));
         let at = contact.proxy_m(tool.position_m);
-        let reach = horizon_s * (tool.velocity_m_per_s.length() + REACH_SPEED_M_PER_S);
+        let reach = horizon_s * (tool.velocity_m_per_s.length() + BuilderOptions::REACH_SPEED_M_PER_S);
         // Triangles are sorted by the order in which a tool of constant velocity reaches them; those that it is behind come last.
         let path = horizon_s * tool.velocity_m_per_s;
         let around = shape.radius_m() + reach;
