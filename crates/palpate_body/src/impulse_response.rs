@@ -165,19 +165,17 @@ pub(crate) struct DelassusMatrix {
 
 impl DelassusMatrix {
     /// Creates the matrix for `rows`. `v` holds the velocities of the nodes without impulses, `obstacles` those of the
-    /// rigid bodies; `block(i, j)` is the velocity of node i per impulse on node j.
+    /// rigid bodies; `block(nodes, j)` is the velocity of the weighted sum of `nodes` per impulse on row j.
     pub(crate) fn new(
         rows: &[ResponseRow],
         v: &[DVec3],
         obstacles: &[ObstacleStep],
-        block: impl Fn(usize, usize) -> DMat3,
+        block: impl Fn(&[(usize, f64)], usize) -> DMat3,
     ) -> Self {
         let mut delassus = Vec::with_capacity(rows.len() * rows.len());
         for row in rows {
-            for other in rows {
-                let pairs =
-                    row.nodes.iter().flat_map(|&(i, w)| other.nodes.iter().map(move |&(j, o)| (i, j, w * o)));
-                let of_nodes: DMat3 = pairs.map(|(i, j, w)| block(i, j) * w).sum();
+            for (column, other) in rows.iter().enumerate() {
+                let of_nodes = block(&row.nodes, column);
                 delassus.push(match (&row.rigid, &other.rigid) {
                     (Some(rigid), Some(other)) => of_nodes + rigid.per_kg(other, obstacles),
                     _ => of_nodes,

@@ -312,9 +312,9 @@ fn solve_rows(
         if let (Integrator::LinearlyImplicitEuler(settings), Some(implicit)) =
             (step.integrator, &body.implicit)
         {
-            let touched = rows.iter().flat_map(|row| &row.nodes).map(|(node, _)| *node);
+            let nodes = rows.iter().map(|row| &row.nodes[..]);
             implicit
-                .add_columns(&body.network, touched, settings, &mut of.columns)
+                .add_columns(&body.network, nodes, settings, &mut of.columns)
                 .map_err(|error| (*index, error))?;
         }
         of_nodes.push(rows);
@@ -326,7 +326,7 @@ fn solve_rows(
         let SteppedBody { body, step, .. } = &mut **of;
         let Body { network, v, .. } = &mut **body;
         let response = if is_implicit {
-            let block = |i, j| columns.block(network, i, j);
+            let block = |nodes: &[(usize, f64)], row| columns.block(network, nodes, row);
             BodyResponse::Implicit(DelassusMatrix::new(of_nodes, v, &step.obstacles, block))
         } else {
             let (mass_kg, obstacles) = (network.mass_kg(), &mut step.obstacles[..]);
@@ -377,9 +377,10 @@ fn solve_rows(
         report.iterations = report.iterations.max(solver.iterations);
         report.unconverged += usize::from(!solver.converged);
         // The response of lumped masses has applied the impulses to the velocities.
-        for (row, impulse_ns) in of_nodes.iter().zip(&*impulses).filter(|_| is_implicit) {
-            for &(node, w) in &row.nodes {
-                columns.push(&body.network, node, w * *impulse_ns, &mut body.v);
+        for (index, (row, impulse_ns)) in of_nodes.iter().zip(&*impulses).enumerate().filter(|_| is_implicit)
+        {
+            if *impulse_ns != DVec3::ZERO {
+                columns.push(&body.network, index, *impulse_ns, &mut body.v);
             }
             if let Some(rigid) = &row.rigid {
                 rigid.apply(&mut step.obstacles, -*impulse_ns);

@@ -226,22 +226,26 @@ impl Workspace {
         }
     }
 
-    /// Adds the columns of A⁻¹ of the free nodes `nodes` to `columns`, for the matrix of the last
-    /// [`Workspace::solve`].
-    pub(crate) fn add_columns(
+    /// Adds the columns of A⁻¹Hᵀ of the `rows` that have none in `columns`, for the matrix of the last
+    /// [`Workspace::solve`]. Each row holds the weights of its nodes.
+    pub(crate) fn add_columns<'r>(
         &self,
         network: &Network,
-        nodes: impl Iterator<Item = usize>,
+        rows: impl Iterator<Item = &'r [(usize, f64)]>,
         settings: &LinearlyImplicitEuler,
         columns: &mut Columns,
     ) -> Result<(), BodyError> {
-        let (unknown, dofs) = (columns.unknown(nodes), self.last.len());
-        if unknown.is_empty() {
+        let (added, dofs): (Vec<_>, _) = (rows.skip(columns.row_count()).collect(), self.last.len());
+        if added.is_empty() {
             return Ok(());
         }
-        let mut rhs = Mat::zeros(dofs, 3 * unknown.len());
-        for (i, index) in unknown.iter().filter_map(|&node| network.free_index(node)).enumerate() {
-            (0..3).for_each(|axis| rhs[(3 * index + axis, 3 * i + axis)] = 1.0);
+        let mut rhs = Mat::zeros(dofs, 3 * added.len());
+        for (row, nodes) in added.into_iter().enumerate() {
+            for &(node, w) in nodes {
+                if let Some(index) = network.free_index(node) {
+                    (0..3).for_each(|axis| rhs[(3 * index + axis, 3 * row + axis)] += w);
+                }
+            }
         }
         match &self.factor {
             Some(factor) => factor.solve_in_place(&mut rhs),
@@ -254,7 +258,7 @@ impl Workspace {
                 }
             }
         }
-        columns.add(&unknown, rhs);
+        columns.add(rhs);
         Ok(())
     }
 
