@@ -125,6 +125,42 @@ fn the_default_build_has_no_renderer() {
     }
 }
 
+/// A library or program whose unit tests are switched off is not compiled a second time, and has none.
+#[test]
+fn switched_off_unit_tests_hide_no_test() {
+    let manifest = concat!(env!("CARGO_MANIFEST_DIR"), "/../../Cargo.toml");
+    let metadata = MetadataCommand::new().manifest_path(manifest).no_deps().exec().unwrap();
+    let mut switched_off = 0;
+    for package in metadata.workspace_packages() {
+        let sources: Vec<_> =
+            package.targets.iter().filter(|target| !target.test && (target.is_lib() || target.is_bin())).collect();
+        for folder in sources.iter().filter_map(|target| target.src_path.parent()) {
+            switched_off += 1;
+            // A program without unit tests may lie beside a library that has some.
+            let is_program = sources.iter().all(|target| target.is_bin());
+            let hidden = files_with_tests(folder.as_std_path(), is_program);
+            assert!(hidden.is_empty(), "tests that do not run: {hidden:?}");
+        }
+    }
+    assert!(switched_off > 0);
+}
+
+/// Rust files in `folder` that contain a test; with `only_main`, of `main.rs` alone.
+fn files_with_tests(folder: &std::path::Path, only_main: bool) -> Vec<std::path::PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries
+        .flat_map(|path| {
+            if path.is_dir() {
+                return if only_main { Vec::new() } else { files_with_tests(&path, false) };
+            }
+            let is_examined = path.extension().is_some_and(|extension| extension == "rs")
+                && (!only_main || path.file_name().is_some_and(|name| name == "main.rs"));
+            let has_test = is_examined && std::fs::read_to_string(&path).unwrap().contains("#[test]");
+            if has_test { vec![path] } else { Vec::new() }
+        })
+        .collect()
+}
+
 #[test]
 fn every_feature_is_in_every_table() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");

@@ -108,6 +108,3 @@ fn points(frequencies_hz: &[f64], response: &[Mat<c64>], n: DVec3) -> Vec<BodePo
     let finite = |p: &BodePoint| p.gain_db.is_finite() && p.phase_deg.is_finite();
     frequencies_hz.iter().zip(response.iter().map(entry)).map(point).filter(finite).collect()
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,5 +1,9 @@
-use super::*;
-use palpate_body::{Block, Face, SemiImplicitEuler, Tissue, ToolShape};
+//! Frequency responses of local models and of the body.
+
+use glam::DVec3;
+use palpate_body::*;
+use palpate_local::Scheme;
+use palpate_reduce::*;
 
 /// A block of tissue with a sphere at rest 4 mm deep.
 fn pressed() -> (Body, ToolContact, ToolPoint) {

@@ -1,6 +1,7 @@
 //! Tests of local models, their builder, and the reduction of linear systems.
 
 mod balanced;
+mod bode;
 mod build;
 mod compressed;
 mod contact;
