@@ -9,7 +9,7 @@ use bevy::log::LogPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, LoopMode, ModelRate, ModelSchedule,
+    HapticSchedulePlugin, HapticSystems, HapticUpdateSystems, LoopMode, Model, ModelRate, ModelSchedule,
     SimulatedBody,
 };
 use std::time::Duration;
@@ -22,9 +22,14 @@ pub struct SetUpScene;
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
 pub struct SetUpHands;
 
-/// Whether the scene's tools wait for its bodies.
+/// State of the wait of the scene's tools for its bodies.
 #[derive(Resource, Default)]
-struct AwaitsBodies(bool);
+struct AwaitsBodies {
+    /// Whether the tools wait.
+    waits: bool,
+    /// Time of the model at which all bodies were built, s.
+    built_s: Option<f64>,
+}
 
 /// Description of a scene.
 #[derive(Resource, Clone, Copy, Debug)]
@@ -47,7 +52,12 @@ pub struct Stage {
     pub mode: LoopMode,
     /// Whether the scene has a device of its own; otherwise the mouse moves the first tool.
     pub has_hand: bool,
+    /// Whether the tools wait until the bodies have come to rest, for at most [`MAX_SETTLING_S`].
+    pub settles: bool,
 }
+
+/// Maximum time that tools wait for bodies to come to rest, s.
+const MAX_SETTLING_S: f64 = 5.0;
 
 /// Reference size of the stage's own sizes, m.
 const USUAL_M: f32 = 0.1;
@@ -64,6 +74,7 @@ impl Default for Stage {
             seconds: 5.0,
             mode: LoopMode::Lockstep,
             has_hand: true,
+            settles: false,
         }
     }
 }
@@ -155,7 +166,7 @@ impl Stage {
                     .chain()
                     .after(HapticUpdateSystems::Bodies)
                     .before(HapticUpdateSystems::Tools)
-                    .run_if(|awaits: Res<AwaitsBodies>| awaits.0),
+                    .run_if(|awaits: Res<AwaitsBodies>| awaits.waits),
             )
             .add_systems(
                 ModelSchedule,
@@ -211,23 +222,33 @@ pub fn exit_on_error(In(result): In<Result>, mut exit: MessageWriter<AppExit>) {
 }
 
 fn set_up(world: &mut World) {
-    let mut previous =
-        world.query_filtered::<Entity, Or<(With<DeformableBody>, With<HapticTool>, With<Suture>)>>();
+    let mut previous = world
+        .query_filtered::<Entity, Or<(With<DeformableBody>, With<HapticTool>, With<Suture>, With<Obstacle>)>>(
+        );
     for entity in previous.iter(world).collect::<Vec<_>>() {
         world.despawn(entity);
     }
     // The loops have ended with their tools.
     world.resource::<HandTimes>().restart();
     world.insert_resource(SceneTime::default());
-    world.insert_resource(AwaitsBodies(true));
+    world.insert_resource(AwaitsBodies { waits: true, built_s: None });
     world.run_schedule(SetUpScene);
 }
 
-/// Spawns the tools once all bodies are built.
+/// Spawns the tools once all bodies are built, and at rest if the scene has bodies that settle.
 pub(crate) fn set_up_hands(world: &mut World) {
     let mut pending = world.query_filtered::<(), (With<DeformableBody>, Without<SimulatedBody>)>();
-    if pending.iter(world).next().is_none() {
-        world.insert_resource(AwaitsBodies(false));
+    if pending.iter(world).next().is_some() {
+        return;
+    }
+    let now_s = world.resource::<Time<Model>>().elapsed_secs_f64();
+    let built_s = *world.resource_mut::<AwaitsBodies>().built_s.get_or_insert(now_s);
+    let mut bodies = world.query::<&SimulatedBody>();
+    let is_settling = world.resource::<Stage>().settles
+        && now_s < built_s + MAX_SETTLING_S
+        && bodies.iter(world).any(|body| !body.body().is_settled());
+    if !is_settling {
+        world.insert_resource(AwaitsBodies::default());
         world.run_schedule(SetUpHands);
     }
 }
@@ -244,7 +265,7 @@ fn exit_if_rejected(
 }
 
 fn count_time(rate: Res<ModelRate>, awaits: Res<AwaitsBodies>, mut time: ResMut<SceneTime>) {
-    if !awaits.0 {
+    if !awaits.waits {
         time.0 += rate.period_s();
     }
 }
@@ -260,3 +281,6 @@ fn exit_in_time(
         exit.write(AppExit::Success);
     }
 }
+
+#[cfg(test)]
+mod tests;
