@@ -4,7 +4,9 @@ use palpate_local::Sample;
 
 /// Maximum number of compared samples, which limits the time of the comparison after hours with a window.
 const MAX_SAMPLES: usize = 10_000;
-/// Ticks without force after which the body is at rest.
+/// Number of the first sample of a loop.
+const FIRST: u64 = 1;
+/// Ticks without force after which the body is nearly at rest.
 const AT_REST: u64 = 150;
 
 /// Records of the last loop, with `number` as the sample's number: slow motion starts another loop, which counts from zero.
@@ -19,7 +21,7 @@ pub fn start(samples: &[Sample], touches: impl Iterator<Item = u64>) -> usize {
     let gap = samples.windows(2).rposition(|pair| pair[1].sequence != pair[0].sequence + 1);
     let first = gap.map_or(0, |at| at + 1).max(samples.len().saturating_sub(MAX_SAMPLES));
     let (Some(from), Some(to)) = (samples.get(first), samples.last()) else { return first };
-    if from.sequence == 0 {
+    if from.sequence <= FIRST {
         return first;
     }
     let mut pressed = from.sequence;
