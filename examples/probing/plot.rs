@@ -1,6 +1,6 @@
 //! Plot of force over time: the whole run, and the strongest contact magnified.
 
-use crate::report::Run;
+use super::report::Run;
 use bevy_palpate::prelude::Scheme;
 use plotters::prelude::*;
 use std::ops::Range;

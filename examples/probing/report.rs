@@ -1,11 +1,11 @@
 //! Report at the end: a table, the trace as CSV and a plot as SVG.
 
-use crate::options::Options;
-use crate::{comparable, plot, touches};
+use super::options::Options;
+use super::scene::AtRest;
+use super::{comparable, plot, touches};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{LoopTiming, ModelRate, ModelStepCount, SimulatedBody, TickRecording};
-use palpate_body::Body;
+use bevy_palpate::{LoopTiming, ModelRate, ModelStepCount, TickRecording};
 use palpate_haptics::TickRecord;
 use palpate_local::Sample;
 use palpate_reduce::{BuilderOptions, Comparison, ComparisonOptions};
@@ -29,32 +29,28 @@ pub struct Run<'a> {
 
 fn report(
     tools: Query<(&HapticTool, &TickRecording, &LoopTiming)>,
-    bodies: Query<&SimulatedBody>,
+    at_rest: Option<Res<AtRest>>,
     steps: Res<ModelStepCount>,
     rate: Res<ModelRate>,
     options: Res<Options>,
     mut done: Local<bool>,
 ) -> Result {
-    let (Ok((tool, recording, timing)), Ok(simulated)) = (tools.single(), bodies.single()) else {
-        return Ok(());
-    };
+    let (Ok((tool, recording, timing)), Some(at_rest)) = (tools.single(), at_rest) else { return Ok(()) };
+    let at_rest = &at_rest.0;
     if std::mem::replace(&mut *done, true) || recording.samples.is_empty() {
         return Ok(());
     }
-    // The same body at rest, and the same tool.
-    let (network, surface) = (simulated.body().network().clone(), simulated.body().surface().clone());
     let contact = tool.contact()?;
     let number = |record: &TickRecord| record.sample.map_or(0, |sample| sample.sequence);
     let records = comparable::of_last_loop(&recording.records, number);
     let touches = records.iter().filter(|record| record.rendered.force_n != DVec3::ZERO).map(number);
     let samples = &recording.samples[comparable::start(&recording.samples, touches)..];
-    let at_rest = Body::new(network, surface)?;
-    let builder = BuilderOptions::of(&at_rest);
+    let builder = BuilderOptions::of(at_rest);
     let settings = ComparisonOptions { builder, period_ticks: rate.ticks() as usize, ..default() };
-    let comparison = Comparison::run(&at_rest, &contact, samples, &Scheme::ALL, &settings)?;
+    let comparison = Comparison::run(at_rest, &contact, samples, &Scheme::ALL, &settings)?;
     let run = Run { samples, records, comparison };
     print_table(&run, recording, timing, steps.0, tool.scheme)?;
-    let touches = touches::find(&run, &at_rest, tool.shape.radius_m());
+    let touches = touches::find(&run, at_rest, tool.shape.radius_m());
     touches::print(&touches)?;
     let trace = options.out.join("trace.csv");
     write_trace(&run, BufWriter::new(std::fs::File::create(&trace)?))?;

@@ -1,9 +1,10 @@
 //! A soft organ and a tool with a recorded motion.
 
-use crate::options::Options;
+use super::options::Options;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{BodyRegion, Inclusion, Inclusions, TickRecording};
+use bevy_palpate::{BodyRegion, Inclusion, Inclusions, SimulatedBody, TickRecording};
+use palpate_body::Body;
 use palpate_haptics::{Reading, Trajectory};
 use palpate_stage::{SetUpHands, SetUpScene, StageOptions, register_hand};
 use std::sync::Arc;
@@ -24,37 +25,55 @@ impl Plugin for ScenePlugin {
             let row = (t / Trajectory::PERIOD_S).round() as usize % hand.positions_m().len();
             hand.reading(row).unwrap_or(Reading::at(DVec3::ZERO))
         });
-        app.add_systems(SetUpScene, set_up).add_systems(SetUpHands, set_up_hand);
+        app.insert_resource(Gravity::EARTH)
+            .add_systems(SetUpScene, set_up)
+            .add_systems(SetUpHands, set_up_hand);
     }
 }
 
-/// Height at which the recorded trajectory touches the organ, m.
-const UP_M: f32 = 0.024;
+/// Height of the organ's frame when its surface just touches the table, m.
+const UP_M: f32 = 0.0266;
+/// Position of the organ's frame along x, m.
+const ACROSS_M: f32 = 0.0188;
+
+/// The organ at rest, before the first contact.
+#[derive(Resource)]
+pub struct AtRest(pub Body);
 
 fn set_up(mut commands: Commands, assets: Res<AssetServer>) {
+    commands.spawn(Obstacle::half_space());
     commands.spawn(organ(&assets));
 }
 
-/// The organ: a liver of the size of a hand, with a lump of ten times the stiffness below its top.
+/// The organ: a liver of the size of a hand, with a lump of ten times the stiffness below its top. It lies on the table as it does at rest,
+/// before its weight has deformed it.
 fn organ(assets: &AssetServer) -> impl Bundle {
-    let lump = BodyRegion::Sphere { center_m: DVec3::new(-0.010, 0.018, -0.006), radius_m: 0.010 };
+    // Young's modulus of a healthy liver. The damping lets the organ come to rest without rocking.
+    let tissue = Tissue { youngs_modulus_pa: 5e3, density_kg_per_m3: 1000.0, damping_ratio: 1.0 };
+    let lump = BodyRegion::Sphere { center_m: DVec3::new(-0.034, 0.013, -0.0075), radius_m: 0.010 };
     (
         DeformableBody::from_mesh(assets.load("meshes/organ.glb#Mesh0/Primitive0")),
-        Tissue { youngs_modulus_pa: 10e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5 },
+        tissue,
         Inclusions(vec![Inclusion {
             region: lump,
-            tissue: Tissue { youngs_modulus_pa: 100e3, ..default() },
+            tissue: Tissue { youngs_modulus_pa: 10.0 * tissue.youngs_modulus_pa, ..default() },
         }]),
-        // The support of the organ.
-        FixedRegion::Regions(vec![BodyRegion::HalfSpace {
-            point_m: DVec3::new(0.0, -0.015, 0.0),
-            outward: DVec3::Y,
-        }]),
-        Transform::from_xyz(0.0, UP_M, 0.0),
+        Transform::from_xyz(ACROSS_M, UP_M, 0.0).with_rotation(Quat::from_euler(
+            EulerRot::YXZ,
+            0.0,
+            3.8_f32.to_radians(),
+            -17.5_f32.to_radians(),
+        )),
     )
 }
 
-fn set_up_hand(mut commands: Commands, options: Res<Options>, stage: Res<StageOptions>) {
+fn set_up_hand(
+    mut commands: Commands,
+    options: Res<Options>,
+    stage: Res<StageOptions>,
+    organ: Single<&SimulatedBody>,
+) {
+    commands.insert_resource(AtRest(organ.body().clone()));
     commands.spawn((
         HapticTool::new(RECORDED).with_scheme(stage.scheme),
         // With a window the report is about the last one or two minutes.

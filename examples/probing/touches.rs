@@ -1,6 +1,6 @@
 //! Contacts of a run, with their stiffness, which reveals the lump.
 
-use crate::report::Run;
+use super::report::Run;
 use glam::DVec3;
 use palpate_body::{Body, SurfaceTree};
 use std::io::Write;

@@ -52,7 +52,7 @@ pub struct Stage {
     pub mode: LoopMode,
     /// Whether the scene has a device of its own; otherwise the mouse moves the first tool.
     pub has_hand: bool,
-    /// Whether the tools wait until the bodies have come to rest, for at most [`MAX_SETTLING_S`].
+    /// Whether the tools wait until the bodies have come to rest, for at most 5 s.
     pub settles: bool,
 }
 

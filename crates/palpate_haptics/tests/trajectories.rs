@@ -176,9 +176,53 @@ fn generated_trajectory_has_plausible_speed_tremor_and_depth() {
     let tremor = positions.iter().zip(still.positions_m()).map(|(a, b)| (*a - *b).length_squared() / 3.0);
     let rms = (tremor.sum::<f64>() / positions.len() as f64).sqrt();
     assert!((rms - 1e-4).abs() < 1e-9, "{rms} m");
-    let lowest = positions.iter().map(|p| p.y).fold(f64::MAX, f64::min);
-    assert!((probe.surface_m - lowest - probe.depth_m).abs() < 2e-3);
+    // The last probe is the deepest. The oscillation of a dwell adds 8 % of its depth.
+    let deepest = still.positions_m().iter().map(|p| depth_m(&probe, *p)).fold(0.0, f64::max);
+    assert!((deepest / probe.depth_m - 1.08).abs() < 5e-3, "{deepest} m");
     assert_ne!(Probe { seed: 2, ..probe }.trajectory().unwrap(), hand);
+}
+
+/// Depth of `at` below the surface of `probe`, m: the distance from the surface's closest point, by Newton steps along the normal.
+fn depth_m(probe: &Probe, at: DVec3) -> f64 {
+    let [x, z] = probe.curvature_per_m;
+    let mut foot = at;
+    for _ in 0..20 {
+        let from_top = foot - probe.top_m;
+        let fall_m = 0.5 * (x * from_top.x * from_top.x + z * from_top.z * from_top.z);
+        foot.y = probe.top_m.y - fall_m;
+        let normal = DVec3::new(x * from_top.x, 1.0, z * from_top.z).normalize();
+        let across = (at - foot) - (at - foot).dot(normal) * normal;
+        foot += across;
+    }
+    let normal_y = (at - foot).y;
+    -at.distance(foot).copysign(normal_y)
+}
+
+#[test]
+fn probes_a_dome_at_the_same_depths_as_a_plane() {
+    let dome = Probe { tremor_m: 0.0, ..Probe::default() };
+    let plane = Probe { curvature_per_m: [0.0; 2], ..dome };
+    let (over_dome, over_plane) = (dome.trajectory().unwrap(), plane.trajectory().unwrap());
+    for (a, b) in over_dome.positions_m().iter().zip(over_plane.positions_m()) {
+        let (on_dome_m, on_plane_m) = (depth_m(&dome, *a), plane.top_m.y - b.y);
+        assert!((on_dome_m - on_plane_m).abs() < 1e-6, "{on_dome_m} m, {on_plane_m} m");
+    }
+}
+
+#[test]
+fn slides_along_the_circle_while_it_dwells() {
+    let probe = Probe { tremor_m: 0.0, curvature_per_m: [0.0; 2], ..Probe::default() };
+    let hand = probe.trajectory().unwrap();
+    let across_m = |tick: usize| {
+        let at = hand.positions_m()[tick];
+        DVec3::new(at.x - probe.center_m[0], 0.0, at.z - probe.center_m[1])
+    };
+    for probed in 0..4 {
+        let [from, to] = [350, 650].map(|tick| across_m(1250 * probed + tick));
+        assert!((from.distance(to) - probe.slide_m).abs() < 1e-9);
+        assert!(((0.5 * (from + to)).length() - probe.radius_m).abs() < 1e-9);
+        assert!((to - from).dot(from + to).abs() < 1e-9, "along the tangent");
+    }
 }
 
 #[test]
@@ -190,7 +234,14 @@ fn rejects_probe_parameters_out_of_range() {
         Probe { depth_m: f64::NAN, ..good },
         Probe { depth_m: -0.01, ..good },
         Probe { tremor_m: f64::INFINITY, ..good },
-        Probe { surface_m: f64::NAN, ..good },
+        Probe { top_m: DVec3::new(0.0, f64::NAN, 0.0), ..good },
+        Probe { top_m: DVec3::X * 1.5, ..good },
+        Probe { curvature_per_m: [0.0, f64::NAN], ..good },
+        Probe { curvature_per_m: [-101.0, 0.0], ..good },
+        Probe { center_m: [0.0, -2.0], ..good },
+        Probe { center_m: [f64::NAN, 0.0], ..good },
+        Probe { radius_m: -0.01, ..good },
+        Probe { slide_m: 0.2, ..good },
     ] {
         assert!(matches!(bad.trajectory(), Err(HapticsError::Setting { .. })), "{bad:?}");
     }

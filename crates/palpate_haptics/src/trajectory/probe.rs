@@ -6,24 +6,35 @@ use crate::error::check;
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-/// Parameters of a trajectory that presses into several places of a horizontal surface (normal +y), one after the other.
+/// Parameters of a trajectory that presses into several places of a curved surface, one after the other, and slides along it.
 ///
 /// # The generator
 ///
-/// One probe takes 1.25 s: down 350 ms, dwell 300 ms with a small oscillation of the depth, up 350 ms, across to the next place
-/// 250 ms. Each movement has minimum jerk, s(τ) = 10τ³ − 15τ⁴ + 6τ⁵ (Flash and Hogan, Journal of
+/// The surface is y = y₀ − ½ (κₓ (x − x₀)² + κ_z (z − z₀)²), with (x₀, y₀, z₀) its top and κ its curvature. The hand presses along the
+/// surface's normal at places on a circle.
+///
+/// One probe takes 1.25 s: down 350 ms, dwell 300 ms with a small oscillation of the depth and a slide along the circle's tangent, up
+/// 350 ms, across to the next place 250 ms. Each movement has minimum jerk, s(τ) = 10τ³ − 15τ⁴ + 6τ⁵ (Flash and Hogan, Journal of
 /// Neuroscience 5 (1985) 1688). Added to it is physiological tremor: on each axis five sinusoids between
 /// 8 and 12 Hz (the band of the hand's tremor: Elble and Randall, Electroencephalography and Clinical
 /// Neurophysiology 44 (1978) 72) of 0.1 mm RMS together, with phases from a seed. All frequencies are whole
 /// multiples of the inverse of the duration: the trajectory ends where it begins and can be repeated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
-    /// Height of the tool's centre when the tool just touches the surface, m.
-    pub surface_m: f64,
+    /// Position of the tool's centre when the tool just touches the top of the surface, m.
+    pub top_m: DVec3,
+    /// Curvature of the surface along x and z at its top, 1/m; positive on a dome, zero on a plane.
+    pub curvature_per_m: [f64; 2],
+    /// Centre of the circle of the probed places, its x and z, m.
+    pub center_m: [f64; 2],
+    /// Radius of the circle of the probed places, m.
+    pub radius_m: f64,
     /// Number of probed places.
     pub probes: u32,
     /// Depth of the deepest probe, m.
     pub depth_m: f64,
+    /// Length of the slide during a dwell, m.
+    pub slide_m: f64,
     /// RMS amplitude of the tremor on each axis, m.
     pub tremor_m: f64,
     /// Seed of the tremor's phases.
@@ -31,9 +42,20 @@ pub struct Probe {
 }
 
 impl Default for Probe {
-    /// A 10 cm block round the origin and a tool of 5 mm radius: four probes, 5 s, up to 10 mm deep.
+    /// The organ of the scene `probing` at rest on its table, and a tool of 5 mm radius: four probes, 5 s, up to 10 mm deep, with slides of
+    /// 8 mm.
     fn default() -> Self {
-        Self { surface_m: 0.055, probes: 4, depth_m: 0.010, tremor_m: 1e-4, seed: 1 }
+        Self {
+            top_m: DVec3::new(-0.008, 0.0572, 0.0),
+            curvature_per_m: [14.0, 20.0],
+            center_m: [0.004, 0.0041],
+            radius_m: 0.018,
+            probes: 4,
+            depth_m: 0.010,
+            slide_m: 0.008,
+            tremor_m: 1e-4,
+            seed: 1,
+        }
     }
 }
 
@@ -41,25 +63,37 @@ impl Default for Probe {
 const PHASES: [f64; 4] = [350.0, 300.0, 350.0, 250.0];
 /// Height above the surface between two probes, m.
 const HOVER_M: f64 = 0.006;
-/// Centre and radius of the circle of the probed places, m. No place coincides with a node of the 6 x 6 x 6 block.
-const CIRCLE_M: (DVec3, f64) = (DVec3::new(0.008, 0.0, 0.007), 0.022);
 
 impl Probe {
     /// Generates the trajectory.
     ///
     /// # Errors
-    /// [`HapticsError::Setting`] for a number that is not finite, a number of probes other than 1 to 1000, and a depth or tremor
-    /// other than 0 to 0.1 m.
+    /// [`HapticsError::Setting`] for a number that is not finite, a number of probes other than 1 to 1000, coordinates other than
+    /// −1 to 1 m, a radius other than 0 to 1 m, a curvature other than −100 to 100, and a depth, slide or tremor other than 0 to 0.1 m.
     pub fn trajectory(&self) -> Result<Trajectory, HapticsError> {
         let probes = self.probes;
         check("number of probes", f64::from(probes), (1..=1000).contains(&probes), "1 to 1000")?;
-        check(
-            "height of the surface, m",
-            self.surface_m,
-            self.surface_m.abs() <= 1.0,
-            "within 1 m of the origin",
-        )?;
-        for (what, value) in [("depth of the probes, m", self.depth_m), ("tremor, m", self.tremor_m)] {
+        let [x, y, z] = self.top_m.to_array();
+        let [circle_x, circle_z] = self.center_m;
+        for (what, value) in [
+            ("x of the surface's top, m", x),
+            ("y of the surface's top, m", y),
+            ("z of the surface's top, m", z),
+            ("x of the circle of places, m", circle_x),
+            ("z of the circle of places, m", circle_z),
+        ] {
+            check(what, value, value.abs() <= 1.0, "-1 to 1")?;
+        }
+        let radius_m = self.radius_m;
+        check("radius of the circle of places, m", radius_m, (0.0..=1.0).contains(&radius_m), "0 to 1")?;
+        for curvature in self.curvature_per_m {
+            check("curvature, 1/m", curvature, curvature.abs() <= 100.0, "-100 to 100")?;
+        }
+        for (what, value) in [
+            ("depth of the probes, m", self.depth_m),
+            ("slide, m", self.slide_m),
+            ("tremor, m", self.tremor_m),
+        ] {
             check(what, value, (0.0..=0.1).contains(&value), "0 to 0.1")?;
         }
         let cycle = PHASES.iter().sum::<f64>() as usize;
@@ -77,27 +111,42 @@ impl Probe {
 
     /// Position without tremor, m, at `tick` of probe number `probe`.
     fn intended(&self, probe: f64, tick: f64) -> DVec3 {
-        let place = |n: f64| {
-            let angle = TAU * (n / f64::from(self.probes) + 0.1);
-            CIRCLE_M.0 + CIRCLE_M.1 * DVec3::new(angle.cos(), 0.0, angle.sin())
+        // Place of probe `n` across, `slid` of its slide after it, from -0.5 to 0.5.
+        let place = |n: f64, slid: f64| {
+            let (sin, cos) = (TAU * (n / f64::from(self.probes) + 0.1)).sin_cos();
+            let [x, z] = self.center_m;
+            let along_m = slid * self.slide_m;
+            DVec3::new(x + self.radius_m * cos - along_m * sin, 0.0, z + self.radius_m * sin + along_m * cos)
         };
         // Depths increase to `depth_m` at the last probe.
         let depth = self.depth_m * (0.5 + 0.5 * (probe + 1.0) / f64::from(self.probes));
-        let (hover, deep) = (self.surface_m + HOVER_M, self.surface_m - depth);
+        let (hover, deep) = (HOVER_M, -depth);
         let [down, dwell, up, across] = PHASES;
-        let (height, along) = match tick {
-            t if t < down => (hover + (deep - hover) * minimum_jerk(t / down), 0.0),
+        let (height, at) = match tick {
+            t if t < down => (hover + (deep - hover) * minimum_jerk(t / down), place(probe, -0.5)),
             t if t < down + dwell => {
-                let oscillation = 0.08 * depth * (TAU * 2.0 * (t - down) / dwell).sin();
-                (deep + oscillation, 0.0)
+                let dwelt = (t - down) / dwell;
+                let oscillation = 0.08 * depth * (TAU * 2.0 * dwelt).sin();
+                (deep + oscillation, place(probe, minimum_jerk(dwelt) - 0.5))
             }
             t if t < down + dwell + up => {
-                (deep + (hover - deep) * minimum_jerk((t - down - dwell) / up), 0.0)
+                (deep + (hover - deep) * minimum_jerk((t - down - dwell) / up), place(probe, 0.5))
             }
-            t => (hover, minimum_jerk((t - down - dwell - up) / across)),
+            t => {
+                let along = minimum_jerk((t - down - dwell - up) / across);
+                (hover, place(probe, 0.5).lerp(place(probe + 1.0, -0.5), along))
+            }
         };
-        let at = place(probe).lerp(place(probe + 1.0), along);
-        DVec3::new(at.x, height, at.z)
+        self.above(at, height)
+    }
+
+    /// Position at `height` above the surface along its normal, m, at the x and z of `at`.
+    fn above(&self, at: DVec3, height: f64) -> DVec3 {
+        let [x, z] = self.curvature_per_m;
+        let from_top = at - self.top_m;
+        let normal = DVec3::new(x * from_top.x, 1.0, z * from_top.z).normalize();
+        let fall = 0.5 * (x * from_top.x * from_top.x + z * from_top.z * from_top.z);
+        DVec3::new(at.x, self.top_m.y - fall, at.z) + height * normal
     }
 
     fn tremor(&self, duration_s: f64) -> impl Fn(f64) -> DVec3 {
