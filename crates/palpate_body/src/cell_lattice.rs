@@ -304,8 +304,10 @@ impl<'a> CellLattice<'a> {
         let at = self.mesh.points_m();
         let mut places: Vec<DVec3> =
             (0..at.len()).filter(|&point| points[point]).map(|point| at[point]).collect();
-        for t in self.mesh.closed_triangles().iter().filter(|t| t.iter().all(|&point| points[point])) {
-            let [a, b, c] = t.map(|point| at[point]);
+        let of_points = |t: &[usize; 3]| t.map(|vertex| point_of[vertex].filter(|&point| points[point]));
+        for corners in self.mesh.triangles().iter().map(of_points) {
+            let [Some(a), Some(b), Some(c)] = corners else { continue };
+            let [a, b, c] = [a, b, c].map(|point| at[point]);
             let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
             let parts = (2.0 * longest / self.grid.cell_m).ceil() as usize;
             for (p, q) in (0..=parts).flat_map(|p| (0..=parts - p).map(move |q| (p, q))) {

@@ -1,18 +1,26 @@
 //! A closed triangle mesh that encloses a body.
 
+mod assumptions;
 mod coincident;
 mod crossing;
+mod enclose;
 mod error;
 mod geometry;
 mod inside;
+mod open_parts;
 mod orient;
+mod surface_nets;
 mod weld;
+mod winding_samples;
+mod winding_tree;
 
+pub use assumptions::MeshAssumptions;
 pub use error::MeshError;
 
 use geometry::{TOLERANCE, same_winding, volume};
 use glam::DVec3;
 use inside::Inside;
+use surface_nets::ClosedSurface;
 
 /// A closed surface of triangles, created from a mesh that encloses a volume.
 ///
@@ -45,8 +53,10 @@ pub struct ClosedMesh {
     center_m: DVec3,
     /// Welded vertices, relative to the centre, m.
     points_m: Vec<DVec3>,
-    /// Triangles of welded points, counter-clockwise as seen from outside.
+    /// The enclosing surface: triangles, counter-clockwise as seen from outside, and its own points if they are not the welded vertices.
     closed: Vec<[usize; 3]>,
+    enclosing_m: Option<Vec<DVec3>>,
+    assumptions: Option<MeshAssumptions>,
     parts: usize,
     volume_m3: f64,
     half_size_m: DVec3,
@@ -191,11 +201,121 @@ impl ClosedMesh {
             center_m,
             points_m,
             closed: triangles,
+            enclosing_m: None,
+            assumptions: None,
             parts,
             volume_m3,
             half_size_m,
             repairs,
             inside,
+            grid_m: None,
+        })
+    }
+
+    /// Creates a closed surface around the inside of `triangles`, given as indices into `vertices_m` (m), whether or not they are closed: the
+    /// inside is where the generalised winding number of the triangles is beyond 1/2. Holes count as closed, overlapping parts as united, and
+    /// parts that face inward are turned.
+    ///
+    /// A mesh that [`ClosedMesh::new`] accepts gives the same result. Otherwise the surface is extracted from samples, 128 along the longest
+    /// side, and moved onto the triangles; [`ClosedMesh::assumptions`] reports it.
+    ///
+    /// # Errors
+    /// [`MeshError`]: [`MeshError::NoInside`] if the triangles have no inside, and those about indices, coordinates and size.
+    pub fn enclose(vertices_m: Vec<DVec3>, triangles: Vec<[usize; 3]>) -> Result<Self, MeshError> {
+        let measured = Measured::of(&vertices_m, &triangles)?;
+        let grid_m = if measured.is_single { measured.distance_m() * f64::from(f32::EPSILON) } else { 0.0 };
+        Self::enclose_measured(vertices_m, triangles, measured, grid_m)
+    }
+
+    /// [`ClosedMesh::enclose`] of single-precision `vertices` in units of `scale_m` metres; see [`ClosedMesh::from_single`].
+    ///
+    /// # Errors
+    /// As [`ClosedMesh::enclose`].
+    pub fn enclose_single(
+        vertices: &[[f32; 3]],
+        scale_m: f64,
+        triangles: Vec<[usize; 3]>,
+    ) -> Result<Self, MeshError> {
+        let wide = |x: &[f32; 3]| scale_m * DVec3::from_array(x.map(f64::from));
+        let vertices_m: Vec<DVec3> = vertices.iter().map(wide).collect();
+        let measured = Measured::of(&vertices_m, &triangles)?;
+        let grid_m = measured.distance_m() * f64::from(f32::EPSILON);
+        let mut mesh = Self::enclose_measured(vertices_m, triangles, measured, grid_m)?;
+        mesh.grid_m = Some(grid_m);
+        Ok(mesh)
+    }
+
+    fn enclose_measured(
+        vertices_m: Vec<DVec3>,
+        triangles: Vec<[usize; 3]>,
+        measured: Measured,
+        grid_m: f64,
+    ) -> Result<Self, MeshError> {
+        let (low, high) = measured.bounds_m;
+        let closed = Self::close_measured(vertices_m.clone(), triangles.clone(), measured, grid_m);
+        match closed {
+            Err(
+                MeshError::Holes { .. }
+                | MeshError::NonManifold { .. }
+                | MeshError::OneSided { .. }
+                | MeshError::Crossing { .. }
+                | MeshError::Tangled { .. }
+                | MeshError::Nested { .. }
+                | MeshError::Flat { .. },
+            ) => Self::enclose_open(vertices_m, triangles, low, high),
+            closed => closed,
+        }
+    }
+
+    fn enclose_open(
+        vertices_m: Vec<DVec3>,
+        mut drawn: Vec<[usize; 3]>,
+        low_m: DVec3,
+        high_m: DVec3,
+    ) -> Result<Self, MeshError> {
+        let size_m = (high_m - low_m).max_element();
+        let (center_m, half_size_m) = (0.5 * (low_m + high_m), 0.5 * (high_m - low_m));
+        check_size(size_m, center_m)?;
+        let tolerance_m = TOLERANCE * size_m;
+        let welded = weld::weld(&vertices_m, &drawn, center_m, tolerance_m);
+        let points_m = welded.points_m;
+        let mut repairs = MeshRepairs { welded: welded.count, ..MeshRepairs::default() };
+        let of_points: Vec<(usize, [usize; 3])> = drawn
+            .iter()
+            .enumerate()
+            .map(|(index, corners)| {
+                (index, corners.map(|vertex| welded.point_of[vertex].unwrap_or_default()))
+            })
+            .filter(|(_, [a, b, c])| a != b && b != c && c != a)
+            .collect();
+        repairs.collapsed = drawn.len() - of_points.len();
+        let distinct = coincident::distinct(&of_points, true);
+        (repairs.duplicates, repairs.back_to_back) = (distinct.duplicates, distinct.back_to_back);
+        let kept: Vec<[usize; 3]> = distinct.kept.iter().map(|&k| of_points[k].1).collect();
+        let enclosed = enclose::enclose(&kept, &points_m, (center_m, half_size_m), tolerance_m)?;
+        for ((index, given), now) in distinct.kept.iter().map(|&k| of_points[k]).zip(&enclosed.oriented) {
+            if !same_winding(given, *now) {
+                drawn[index].swap(1, 2);
+                repairs.turned += 1;
+            }
+        }
+        repairs.pinched_edges = enclosed.assumptions.branching_edge_count;
+        let ClosedSurface { points_m: enclosing_m, triangles: closed } = enclosed.surface;
+        Ok(Self {
+            vertices_m,
+            normals: None,
+            triangles: drawn,
+            point_of: welded.point_of,
+            center_m,
+            points_m,
+            inside: Inside::new(&closed, &enclosing_m, half_size_m),
+            volume_m3: volume(&closed, &enclosing_m),
+            closed,
+            enclosing_m: Some(enclosing_m),
+            parts: enclosed.assumptions.part_count,
+            assumptions: Some(enclosed.assumptions),
+            half_size_m,
+            repairs,
             grid_m: None,
         })
     }
@@ -250,6 +370,12 @@ impl ClosedMesh {
         self.repairs
     }
 
+    /// Assumptions about a mesh that is not closed by itself; `None` for one that is.
+    #[must_use]
+    pub fn assumptions(&self) -> Option<MeshAssumptions> {
+        self.assumptions
+    }
+
     /// Whether `place_m` is inside. The test is exact after vertices and place are rounded to 2⁻²⁵ of the mesh's
     /// size.
     #[must_use]
@@ -270,7 +396,13 @@ impl ClosedMesh {
         &self.points_m
     }
 
-    /// Triangles of welded vertices, counter-clockwise as seen from outside.
+    /// Points of the enclosing surface, relative to the centre, m.
+    pub(crate) fn enclosing_points_m(&self) -> &[DVec3] {
+        self.enclosing_m.as_deref().unwrap_or(&self.points_m)
+    }
+
+    /// Triangles of the enclosing surface, counter-clockwise as seen from outside, as indices of
+    /// [`ClosedMesh::enclosing_points_m`].
     pub(crate) fn closed_triangles(&self) -> &[[usize; 3]] {
         &self.closed
     }

@@ -30,9 +30,10 @@ impl TouchSurface {
         cell_m: f64,
         spacing: f64,
     ) -> Self {
-        let clustered = cluster::cluster(mesh.closed_triangles(), mesh.points_m(), spacing * cell_m);
-        let mut points_m: Vec<DVec3> = clustered.kept.iter().map(|&point| mesh.points_m()[point]).collect();
-        let deviation_m = deviation(mesh.points_m(), &clustered.triangles, &points_m);
+        let enclosing_m = mesh.enclosing_points_m();
+        let clustered = cluster::cluster(mesh.closed_triangles(), enclosing_m, spacing * cell_m);
+        let mut points_m: Vec<DVec3> = clustered.kept.iter().map(|&point| enclosing_m[point]).collect();
+        let deviation_m = deviation(enclosing_m, &clustered.triangles, &points_m);
         let triangles = subdivide::subdivide(clustered.triangles, &mut points_m, (1.0 + spacing) * cell_m);
         let points: Vec<_> = points_m.iter().map(|x| point_at(*x)).collect();
         let vertices = (0..points.len()).collect();

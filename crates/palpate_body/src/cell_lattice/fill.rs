@@ -25,7 +25,7 @@ pub(super) fn fill(mesh: &ClosedMesh, grid: &CellGrid) -> Fill {
     let mut fill = Fill { share: vec![0.0; grid.cell_total()], surface: BTreeMap::new() };
     let mut before = vec![0.0; grid.cell_total()];
     for t in mesh.closed_triangles() {
-        let corners = t.map(|point| grid.in_cells(mesh.points_m()[point]));
+        let corners = t.map(|point| grid.in_cells(mesh.enclosing_points_m()[point]));
         slabs(corners.to_vec(), 2, grid.cells[2], |z, piece| {
             slabs(piece, 1, grid.cells[1], |y, piece| {
                 slabs(piece, 0, grid.cells[0], |x, piece| {

@@ -14,10 +14,11 @@ pub(super) struct Surface {
 }
 
 /// Selection among triangles with the same corners.
-struct Distinct {
-    kept: Vec<usize>,
-    duplicates: usize,
-    back_to_back: usize,
+pub(super) struct Distinct {
+    /// Indices of the given triangles that are kept.
+    pub kept: Vec<usize>,
+    pub duplicates: usize,
+    pub back_to_back: usize,
 }
 
 /// Orients `triangles` with each set of corners at most once. The first entry of a pair is the index of the original
@@ -46,7 +47,8 @@ pub(super) fn without_coincident(
     }
 }
 
-fn distinct(triangles: &[(usize, [usize; 3])], cancel: bool) -> Distinct {
+/// Keeps one of the triangles with the same corners; with `cancel`, none of two opposite ones.
+pub(super) fn distinct(triangles: &[(usize, [usize; 3])], cancel: bool) -> Distinct {
     // Sorted corners, parity of the permutation, and index.
     let mut sorted: Vec<([usize; 3], bool, usize)> =
         triangles.iter().enumerate().map(|(k, (_, corners))| sort(*corners, k)).collect();

@@ -85,6 +85,14 @@ pub enum MeshError {
         /// Position on the part, m.
         at_m: DVec3,
     },
+    /// The mesh has no inside: its winding number is below 1/2 everywhere.
+    #[error(
+        "the mesh encloses nothing that is thicker than {spacing_m:.2e} m: it is a sheet, or its walls are thinner; give it a thickness, or use a larger mesh"
+    )]
+    NoInside {
+        /// Distance between samples of the winding number, m.
+        spacing_m: f64,
+    },
     /// Some edges have only one triangle.
     #[error(
         "the mesh has holes: {edges} edges have one triangle only, one of them at {at_m:.4}; fill them, or join the mesh with its other parts"

@@ -19,7 +19,7 @@ pub(super) struct Inside {
 }
 
 /// Units along half the longest side. Products of three differences fit in 128 bits.
-const UNITS: f64 = (1_u32 << 25) as f64;
+pub(super) const UNITS: f64 = (1_u32 << 25) as f64;
 
 impl std::fmt::Debug for Inside {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -136,6 +136,20 @@ fn crossing(&[a, b, c]: &[[i64; 3]; 3], p: [i64; 3]) -> i64 {
     let beyond = px * (by * cz - bz * cy) + py * (bz * cx - bx * cz) + pz * (bx * cy - by * cx);
     // The triangle is ahead if p lies behind its plane as seen along the ray.
     if beyond.signum() == -i128::from(facing) { facing } else { 0 }
+}
+
+/// Where the line along x at (y, z) crosses the triangle: +1 or −1 as it leaves or enters, and x. All in integers, so that lines through edges
+/// and corners of a closed surface cross it as often as lines beside them.
+pub(super) fn row_crossing(&[a, b, c]: &[[i64; 3]; 3], [y, z]: [i64; 2]) -> Option<(i64, f64)> {
+    let facing = cross_x(b, a, c).signum();
+    let p = [0, y, z];
+    if facing == 0 || [(a, b), (b, c), (c, a)].into_iter().any(|(from, to)| side(from, to, p) != facing) {
+        return None;
+    }
+    let [[bx, by, bz], [cx, cy, cz]] = [b, c].map(|to| [0, 1, 2].map(|i| (to[i] - a[i]) as f64));
+    let (nx, ny, nz) = (by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx);
+    let x = a[0] as f64 - (ny * (y - a[1]) as f64 + nz * (z - a[2]) as f64) / nx;
+    Some((facing, x.clamp(a[0].min(b[0]).min(c[0]) as f64, a[0].max(b[0]).max(c[0]) as f64)))
 }
 
 /// (b − a) × (c − a) along x.

@@ -1,0 +1,224 @@
+//! Parts, orientation and holes of a mesh that need not close.
+
+use super::winding_tree::WindingTree;
+use glam::DVec3;
+use std::collections::BTreeMap;
+
+/// Triangles that are oriented as far as their edges determine it, with caps on their holes.
+pub(super) struct OpenParts {
+    /// Triangles in the given order; a closed part faces outward, unless it is a cavity.
+    pub triangles: Vec<[usize; 3]>,
+    /// Triangles that close all holes: the sum of `triangles` and caps has no boundary.
+    pub caps: Vec<[DVec3; 3]>,
+    /// Number of parts connected by edges of two triangles.
+    pub part_count: usize,
+    /// Number of parts that faced inward.
+    pub reoriented_parts: usize,
+    /// Number of holes, and of edges along them.
+    pub hole_count: usize,
+    pub open_edge_count: usize,
+    /// Number of edges with more than two triangles.
+    pub branching_edge_count: usize,
+}
+
+/// One side of a triangle.
+struct Side {
+    /// Lower and higher point of the edge.
+    edge: (usize, usize),
+    triangle: usize,
+    /// Whether the triangle runs from the lower to the higher point.
+    is_up: bool,
+}
+
+impl OpenParts {
+    /// Orients `triangles` of `points_m`.
+    pub(super) fn new(triangles: &[[usize; 3]], points_m: &[DVec3]) -> Self {
+        let sides = sides(triangles);
+        let branching_edge_count =
+            sides.chunk_by(|a, b| a.edge == b.edge).filter(|edge| edge.len() > 2).count();
+        let (part, part_count, turned) = connect(&sides, triangles.len());
+        let mut oriented: Vec<[usize; 3]> = triangles
+            .iter()
+            .zip(&turned)
+            .map(|(&[a, b, c], is_turned)| if *is_turned { [a, c, b] } else { [a, b, c] })
+            .collect();
+        let mut parts = vec![Vec::new(); part_count];
+        oriented.iter().zip(&part).for_each(|(t, part)| parts[*part].push(*t));
+        let turn = parts_to_turn(&parts, points_m);
+        for (t, _) in oriented.iter_mut().zip(&part).filter(|(_, part)| turn[**part]) {
+            t.swap(1, 2);
+        }
+        let loops = boundary_loops(&oriented);
+        Self {
+            caps: caps(&loops, points_m),
+            triangles: oriented,
+            part_count,
+            reoriented_parts: turn.iter().filter(|turn| **turn).count(),
+            hole_count: loops.len(),
+            open_edge_count: loops.iter().map(Vec::len).sum(),
+            branching_edge_count,
+        }
+    }
+}
+
+fn sides(triangles: &[[usize; 3]]) -> Vec<Side> {
+    let mut sides = Vec::with_capacity(3 * triangles.len());
+    for (triangle, t) in triangles.iter().enumerate() {
+        for corner in 0..3 {
+            let (a, b) = (t[corner], t[(corner + 1) % 3]);
+            sides.push(Side { edge: (a.min(b), a.max(b)), triangle, is_up: a < b });
+        }
+    }
+    sides.sort_unstable_by_key(|side| (side.edge, side.triangle));
+    sides
+}
+
+/// Part of every triangle, the number of parts, and whether each triangle is turned so that it agrees with the first of its part. Edges
+/// of exactly two triangles connect; on a one-sided part the first path decides.
+fn connect(sides: &[Side], triangle_count: usize) -> (Vec<usize>, usize, Vec<bool>) {
+    let mut neighbours = vec![[None; 3]; triangle_count];
+    for edge in sides.chunk_by(|a, b| a.edge == b.edge) {
+        if let [a, b] = edge {
+            let agrees = a.is_up != b.is_up;
+            for (own, other) in [(a, b), (b, a)] {
+                if let Some(free) = neighbours[own.triangle].iter_mut().find(|entry| entry.is_none()) {
+                    *free = Some((other.triangle, agrees));
+                }
+            }
+        }
+    }
+    let (mut part, mut turned) = (vec![usize::MAX; triangle_count], vec![false; triangle_count]);
+    let mut part_count = 0;
+    for start in 0..triangle_count {
+        if part[start] != usize::MAX {
+            continue;
+        }
+        part[start] = part_count;
+        let mut front = vec![start];
+        while let Some(triangle) = front.pop() {
+            for &(other, agrees) in neighbours[triangle].iter().flatten() {
+                if part[other] == usize::MAX {
+                    (part[other], turned[other]) = (part_count, turned[triangle] == agrees);
+                    front.push(other);
+                }
+            }
+        }
+        part_count += 1;
+    }
+    (part, part_count, turned)
+}
+
+/// Whether each part is to be turned, so that it faces outward, or inward if it is a cavity of another part: a part whose orientation as
+/// given is opposite to that of the smallest part around it.
+fn parts_to_turn(parts: &[Vec<[usize; 3]>], points_m: &[DVec3]) -> Vec<bool> {
+    let corners = |t: &[usize; 3]| t.map(|point| points_m[point]);
+    let shapes: Vec<Shape> = parts
+        .iter()
+        .map(|triangles| {
+            let caps = caps(&boundary_loops(triangles), points_m);
+            let all = || triangles.iter().map(corners).chain(caps.iter().copied());
+            let volume_m3 = all().map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
+            let low_m = all().flatten().fold(DVec3::INFINITY, DVec3::min);
+            let high_m = all().flatten().fold(DVec3::NEG_INFINITY, DVec3::max);
+            Shape { volume_m3, bounds_m: (low_m, high_m), first_m: corners(&triangles[0]) }
+        })
+        .collect();
+    let mut order: Vec<usize> = (0..parts.len()).collect();
+    order.sort_by(|&a, &b| shapes[b].volume_m3.abs().total_cmp(&shapes[a].volume_m3.abs()).then(a.cmp(&b)));
+    // Trees of the parts that may contain others.
+    let mut trees: BTreeMap<usize, WindingTree> = BTreeMap::new();
+    let mut faces_out = vec![true; parts.len()];
+    let mut examined = 0;
+    for (rank, &own) in order.iter().enumerate() {
+        let [a, b, c] = shapes[own].first_m;
+        let place_m = (a + b + c) / 3.0;
+        let mut container = None;
+        for &other in &order[..rank.min(MAX_CONTAINERS)] {
+            let (low, high) = shapes[other].bounds_m;
+            if !(place_m.cmpge(low).all() && place_m.cmple(high).all()) {
+                continue;
+            }
+            examined += 1;
+            if examined > MAX_EXAMINED {
+                break;
+            }
+            let tree = trees
+                .entry(other)
+                .or_insert_with(|| WindingTree::new(parts[other].iter().map(corners).collect()));
+            if tree.winding(place_m).abs() > 0.5 {
+                // Later parts are smaller.
+                container = Some(other);
+            }
+        }
+        faces_out[own] = container.is_none_or(|other| {
+            let is_opposite = (shapes[own].volume_m3 < 0.0) != (shapes[other].volume_m3 < 0.0);
+            !(is_opposite && faces_out[other])
+        });
+    }
+    (0..parts.len())
+        .map(|part| (shapes[part].volume_m3 < 0.0) == faces_out[part] && shapes[part].volume_m3 != 0.0)
+        .collect()
+}
+
+/// A part with its holes capped.
+struct Shape {
+    volume_m3: f64,
+    bounds_m: (DVec3, DVec3),
+    first_m: [DVec3; 3],
+}
+
+/// Maximum number of parts, the largest, that may contain cavities, and of pairs of parts that are examined. Files of thousands of parts
+/// would take too long.
+const MAX_CONTAINERS: usize = 1000;
+const MAX_EXAMINED: usize = 20_000;
+
+/// Closed loops of the directed edges that `triangles` leave without an opposite.
+fn boundary_loops(triangles: &[[usize; 3]]) -> Vec<Vec<usize>> {
+    let mut edges: Vec<((usize, usize), bool)> = triangles
+        .iter()
+        .flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)])
+        .map(|(a, b)| ((a.min(b), a.max(b)), a < b))
+        .collect();
+    edges.sort_unstable();
+    // Open edges that leave each point. As many enter it.
+    let mut leaving: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for same in edges.chunk_by(|a, b| a.0 == b.0) {
+        let (low, high) = same[0].0;
+        let up = same.iter().filter(|(_, is_up)| *is_up).count();
+        let down = same.len() - up;
+        let (from, to) = if up > down { (low, high) } else { (high, low) };
+        leaving.entry(from).or_default().extend(std::iter::repeat_n(to, up.abs_diff(down)));
+    }
+    let mut loops = Vec::new();
+    let starts: Vec<usize> = leaving.keys().copied().collect();
+    for start in starts {
+        // The path ends at its start, with all loops through it. A loop is cut off where the path meets itself, so that loops are simple.
+        let (mut path, mut place) = (vec![start], BTreeMap::from([(start, 0)]));
+        while let Some(next) = path.last().and_then(|at| leaving.get_mut(at)).and_then(Vec::pop) {
+            if let Some(&from) = place.get(&next) {
+                let closed: Vec<usize> = path.drain(from + 1..).collect();
+                closed.iter().for_each(|point| {
+                    place.remove(point);
+                });
+                loops.push(std::iter::once(next).chain(closed).collect());
+            } else {
+                place.insert(next, path.len());
+                path.push(next);
+            }
+        }
+    }
+    loops
+}
+
+/// Fans around the middle of each loop, opposite to the loop's edges.
+fn caps(loops: &[Vec<usize>], points_m: &[DVec3]) -> Vec<[DVec3; 3]> {
+    let mut caps = Vec::new();
+    for corners in loops.iter().filter(|corners| corners.len() > 2) {
+        let middle_m = corners.iter().map(|&point| points_m[point]).sum::<DVec3>() / corners.len() as f64;
+        for (index, &from) in corners.iter().enumerate() {
+            let to = corners[(index + 1) % corners.len()];
+            caps.push([points_m[to], points_m[from], middle_m]);
+        }
+    }
+    caps
+}

@@ -1,0 +1,158 @@
+//! Samples of the winding number on a grid.
+
+use super::inside::{UNITS, row_crossing};
+use super::winding_tree::WindingTree;
+use glam::DVec3;
+
+/// Winding numbers of triangles at the points of a grid, with at least one layer of points outside their bounds.
+///
+/// The number at a point is the integer of the triangles with their holes capped, counted along rows of the grid, less the winding number of
+/// the caps. This is the generalised winding number of the open triangles without an error near them.
+pub(super) struct WindingSamples {
+    pub counts: [usize; 3],
+    pub spacing_m: f64,
+    /// Position of the first point, relative to the centre of the mesh, m.
+    pub first_m: DVec3,
+    /// Winding number at each point, x fastest.
+    pub winding: Vec<f32>,
+}
+
+/// Side of the blocks of points in which the winding number of distant caps is interpolated, in points.
+const BLOCK: usize = 4;
+/// Winding number of the caps at the corners of a block above which its points are computed one by one.
+const NEAR_CAPS: f64 = 0.15;
+
+impl WindingSamples {
+    /// Samples `triangles`, whose corners lie within ±`half_size_m`, at points about `spacing_m` apart.
+    pub(super) fn new(
+        triangles: impl Iterator<Item = [DVec3; 3]>,
+        caps: &[[DVec3; 3]],
+        half_size_m: DVec3,
+        spacing_m: f64,
+    ) -> Self {
+        let counts = (2.0 * half_size_m / spacing_m).to_array().map(|along| along.ceil() as usize + 3);
+        let extent_m = spacing_m * DVec3::from_array(counts.map(|n| (n - 1) as f64));
+        let mut samples =
+            Self { counts, spacing_m, first_m: -0.5 * extent_m, winding: vec![0.0; counts.iter().product()] };
+        samples.count_crossings(triangles.chain(caps.iter().copied()), half_size_m);
+        samples.subtract_caps(&WindingTree::new(caps.to_vec()));
+        samples.clear_outermost();
+        samples
+    }
+
+    pub(super) fn index(&self, [i, j, k]: [usize; 3]) -> usize {
+        i + self.counts[0] * (j + self.counts[1] * k)
+    }
+
+    pub(super) fn at_m(&self, [i, j, k]: [usize; 3]) -> DVec3 {
+        self.first_m + self.spacing_m * DVec3::new(i as f64, j as f64, k as f64)
+    }
+
+    /// Adds the signed number of triangles that a ray from each point along +x crosses.
+    fn count_crossings(&mut self, triangles: impl Iterator<Item = [DVec3; 3]>, half_size_m: DVec3) {
+        // Crossings between a point and the next one, at the point.
+        let mut after = vec![0_i64; self.winding.len()];
+        let unit_m = half_size_m.max_element() / UNITS;
+        let whole = |x: f64| (x / unit_m).round() as i64;
+        let in_points = |x_m: f64, axis: usize| (x_m - self.first_m[axis]) / self.spacing_m;
+        for t in triangles {
+            let (low, high) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
+            let range = |axis: usize| {
+                let begin = in_points(low[axis], axis).floor().max(0.0) as usize;
+                let end = in_points(high[axis], axis).ceil().max(0.0) as usize + 1;
+                begin..end.min(self.counts[axis])
+            };
+            let t = t.map(|x| x.to_array().map(whole));
+            for k in range(2) {
+                for j in range(1) {
+                    let at_m = self.at_m([0, j, k]);
+                    let Some((sign, x)) = row_crossing(&t, [whole(at_m.y), whole(at_m.z)]) else { continue };
+                    let points = in_points(x * unit_m, 0).ceil().clamp(0.0, self.counts[0] as f64) as usize;
+                    if points > 0 {
+                        after[self.index([points - 1, j, k])] += sign;
+                    }
+                }
+            }
+        }
+        for row in 0..self.counts[1] * self.counts[2] {
+            let mut sum = 0;
+            for point in (row * self.counts[0]..(row + 1) * self.counts[0]).rev() {
+                sum += after[point];
+                self.winding[point] = sum as f32;
+            }
+        }
+    }
+
+    /// Sets the outermost samples to zero: they lie outside the mesh.
+    fn clear_outermost(&mut self) {
+        for place in crate::lattice::grid(self.counts) {
+            if (0..3).any(|axis| place[axis] == 0 || place[axis] + 1 == self.counts[axis]) {
+                let point = self.index(place);
+                self.winding[point] = 0.0;
+            }
+        }
+    }
+
+    /// Subtracts the winding number of the caps, in blocks: interpolated between the corners where it is small on all of them.
+    fn subtract_caps(&mut self, caps: &WindingTree) {
+        if caps.is_empty() {
+            return;
+        }
+        let blocks = self.counts.map(|n| (n - 1).div_ceil(BLOCK));
+        let corners = blocks.map(|n| n + 1);
+        let corner_index = |[i, j, k]: [usize; 3]| i + corners[0] * (j + corners[1] * k);
+        let at_corner: Vec<f64> = {
+            let places: Vec<DVec3> =
+                crate::lattice::grid(corners).map(|place| self.at_m(place.map(|n| n * BLOCK))).collect();
+            in_parallel(&places, |place_m| caps.winding(*place_m))
+        };
+        let mut near = Vec::new();
+        for block in crate::lattice::grid(blocks) {
+            let of: [f64; 8] = std::array::from_fn(|c| {
+                at_corner[corner_index([block[0] + (c & 1), block[1] + (c >> 1 & 1), block[2] + (c >> 2)])]
+            });
+            let is_near = of.iter().any(|w| w.abs() > NEAR_CAPS);
+            let range = |axis: usize| {
+                let begin = block[axis] * BLOCK;
+                // The last block has its upper layer too.
+                let end = if block[axis] + 1 == blocks[axis] { self.counts[axis] } else { begin + BLOCK };
+                begin..end
+            };
+            for k in range(2) {
+                for j in range(1) {
+                    for i in range(0) {
+                        let point = self.index([i, j, k]);
+                        if is_near {
+                            near.push((point, self.at_m([i, j, k])));
+                            continue;
+                        }
+                        let t = [i - block[0] * BLOCK, j - block[1] * BLOCK, k - block[2] * BLOCK]
+                            .map(|n| n as f64 / BLOCK as f64);
+                        let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
+                        let low = mix(mix(of[0], of[1], t[0]), mix(of[2], of[3], t[0]), t[1]);
+                        let high = mix(mix(of[4], of[5], t[0]), mix(of[6], of[7], t[0]), t[1]);
+                        self.winding[point] -= mix(low, high, t[2]) as f32;
+                    }
+                }
+            }
+        }
+        let exact = in_parallel(&near, |(_, place_m)| caps.winding(*place_m));
+        for ((point, _), w) in near.into_iter().zip(exact) {
+            self.winding[point] -= w as f32;
+        }
+    }
+}
+
+/// `each` of all `items`, on all processors.
+fn in_parallel<T: Sync>(items: &[T], each: impl Fn(&T) -> f64 + Sync) -> Vec<f64> {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let share = items.len().div_ceil(threads).max(1024);
+    let mut results = vec![0.0; items.len()];
+    std::thread::scope(|scope| {
+        for (items, results) in items.chunks(share).zip(results.chunks_mut(share)) {
+            let each = &each;
+            scope.spawn(move || items.iter().zip(results).for_each(|(item, result)| *result = each(item)));
+        }
+    });
+    results
+}
