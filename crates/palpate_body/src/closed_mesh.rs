@@ -10,6 +10,7 @@ mod inside;
 mod open_parts;
 mod orient;
 mod surface_nets;
+mod thicken;
 mod weld;
 mod winding_samples;
 mod winding_tree;
@@ -217,14 +218,20 @@ impl ClosedMesh {
     /// parts that face inward are turned.
     ///
     /// A mesh that [`ClosedMesh::new`] accepts gives the same result. Otherwise the surface is extracted from samples, 128 along the longest
-    /// side, and moved onto the triangles; [`ClosedMesh::assumptions`] reports it.
+    /// side, and moved onto the triangles; [`ClosedMesh::assumptions`] reports it. With `thickness_m`, open parts are sheets of that
+    /// thickness, centred on their triangles, instead.
     ///
     /// # Errors
-    /// [`MeshError`]: [`MeshError::NoInside`] if the triangles have no inside, and those about indices, coordinates and size.
-    pub fn enclose(vertices_m: Vec<DVec3>, triangles: Vec<[usize; 3]>) -> Result<Self, MeshError> {
+    /// [`MeshError`]: [`MeshError::NoInside`] if the triangles have no inside, [`MeshError::Thickness`], and those about indices,
+    /// coordinates and size.
+    pub fn enclose(
+        vertices_m: Vec<DVec3>,
+        triangles: Vec<[usize; 3]>,
+        thickness_m: Option<f64>,
+    ) -> Result<Self, MeshError> {
         let measured = Measured::of(&vertices_m, &triangles)?;
         let grid_m = if measured.is_single { measured.distance_m() * f64::from(f32::EPSILON) } else { 0.0 };
-        Self::enclose_measured(vertices_m, triangles, measured, grid_m)
+        Self::enclose_measured(vertices_m, triangles, thickness_m, measured, grid_m)
     }
 
     /// [`ClosedMesh::enclose`] of single-precision `vertices` in units of `scale_m` metres; see [`ClosedMesh::from_single`].
@@ -235,12 +242,13 @@ impl ClosedMesh {
         vertices: &[[f32; 3]],
         scale_m: f64,
         triangles: Vec<[usize; 3]>,
+        thickness_m: Option<f64>,
     ) -> Result<Self, MeshError> {
         let wide = |x: &[f32; 3]| scale_m * DVec3::from_array(x.map(f64::from));
         let vertices_m: Vec<DVec3> = vertices.iter().map(wide).collect();
         let measured = Measured::of(&vertices_m, &triangles)?;
         let grid_m = measured.distance_m() * f64::from(f32::EPSILON);
-        let mut mesh = Self::enclose_measured(vertices_m, triangles, measured, grid_m)?;
+        let mut mesh = Self::enclose_measured(vertices_m, triangles, thickness_m, measured, grid_m)?;
         mesh.grid_m = Some(grid_m);
         Ok(mesh)
     }
@@ -248,10 +256,16 @@ impl ClosedMesh {
     fn enclose_measured(
         vertices_m: Vec<DVec3>,
         triangles: Vec<[usize; 3]>,
+        thickness_m: Option<f64>,
         measured: Measured,
         grid_m: f64,
     ) -> Result<Self, MeshError> {
         let (low, high) = measured.bounds_m;
+        let size_m = measured.size_m();
+        if let Some(thickness_m) = thickness_m.filter(|thickness_m| !thicken::is_valid(*thickness_m, size_m))
+        {
+            return Err(MeshError::Thickness { thickness_m, size_m });
+        }
         let closed = Self::close_measured(vertices_m.clone(), triangles.clone(), measured, grid_m);
         match closed {
             Err(
@@ -262,7 +276,7 @@ impl ClosedMesh {
                 | MeshError::Tangled { .. }
                 | MeshError::Nested { .. }
                 | MeshError::Flat { .. },
-            ) => Self::enclose_open(vertices_m, triangles, low, high),
+            ) => Self::enclose_open(vertices_m, triangles, thickness_m, low, high),
             closed => closed,
         }
     }
@@ -270,11 +284,13 @@ impl ClosedMesh {
     fn enclose_open(
         vertices_m: Vec<DVec3>,
         mut drawn: Vec<[usize; 3]>,
+        thickness_m: Option<f64>,
         low_m: DVec3,
         high_m: DVec3,
     ) -> Result<Self, MeshError> {
         let size_m = (high_m - low_m).max_element();
-        let (center_m, half_size_m) = (0.5 * (low_m + high_m), 0.5 * (high_m - low_m));
+        let center_m = 0.5 * (low_m + high_m);
+        let half_size_m = 0.5 * (high_m - low_m) + 0.5 * thickness_m.unwrap_or(0.0);
         check_size(size_m, center_m)?;
         let tolerance_m = TOLERANCE * size_m;
         let welded = weld::weld(&vertices_m, &drawn, center_m, tolerance_m);
@@ -292,7 +308,7 @@ impl ClosedMesh {
         let distinct = coincident::distinct(&of_points, true);
         (repairs.duplicates, repairs.back_to_back) = (distinct.duplicates, distinct.back_to_back);
         let kept: Vec<[usize; 3]> = distinct.kept.iter().map(|&k| of_points[k].1).collect();
-        let enclosed = enclose::enclose(&kept, &points_m, (center_m, half_size_m), tolerance_m)?;
+        let enclosed = enclose::enclose(&kept, &points_m, (center_m, half_size_m), thickness_m, tolerance_m)?;
         for ((index, given), now) in distinct.kept.iter().map(|&k| of_points[k]).zip(&enclosed.oriented) {
             if !same_winding(given, *now) {
                 drawn[index].swap(1, 2);
@@ -352,7 +368,7 @@ impl ClosedMesh {
         self.volume_m3
     }
 
-    /// Minimum and maximum coordinates, m.
+    /// Minimum and maximum coordinates, m, with the thickness of sheets.
     #[must_use]
     pub fn bounds_m(&self) -> [DVec3; 2] {
         [self.center_m - self.half_size_m, self.center_m + self.half_size_m]

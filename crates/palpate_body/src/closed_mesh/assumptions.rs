@@ -19,6 +19,8 @@ pub struct MeshAssumptions {
     pub part_count: usize,
     /// Number of parts that faced inward and were turned.
     pub reoriented_part_count: usize,
+    /// Thickness of the open parts, which are sheets, m; `None` if their holes count as closed.
+    pub thickness_m: Option<f64>,
     /// Share of the samples of the winding number in the bounds of the mesh that are between 0.1 and 0.9 in magnitude, where the inside is
     /// uncertain.
     pub uncertain_share: f64,
@@ -44,15 +46,21 @@ impl fmt::Display for MeshAssumptions {
         .into_iter()
         .flatten()
         .collect();
-        let found = match found.split_last() {
-            None => "a surface that is not simple".to_owned(),
-            Some((last, [])) => last.clone(),
-            Some((last, others)) => format!("{} and {last}", others.join(", ")),
-        };
-        write!(
-            f,
-            "the mesh has {found}; its inside is where its winding number exceeds 1/2, which is uncertain in {:.2} % of its bounds",
-            100.0 * self.uncertain_share
-        )
+        match found.split_last() {
+            None => write!(f, "the mesh is not closed")?,
+            Some((last, [])) => write!(f, "the mesh has {last}")?,
+            Some((last, others)) => write!(f, "the mesh has {} and {last}", others.join(", "))?,
+        }
+        if let Some(thickness_m) = self.thickness_m {
+            write!(f, "; its open parts are sheets of {thickness_m} m")?;
+        }
+        if self.thickness_m.is_none() || self.uncertain_share > 0.0 {
+            let percent = 100.0 * self.uncertain_share;
+            write!(
+                f,
+                "; its inside is where its winding number exceeds 1/2, which is uncertain in {percent:.2} % of its bounds"
+            )?;
+        }
+        Ok(())
     }
 }

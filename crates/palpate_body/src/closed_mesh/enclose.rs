@@ -4,6 +4,7 @@ use super::assumptions::MeshAssumptions;
 use super::geometry::volume;
 use super::open_parts::OpenParts;
 use super::surface_nets::{self, ClosedSurface, is_inside};
+use super::thicken::thicken;
 use super::winding_samples::WindingSamples;
 use super::{MeshError, crossing};
 use glam::DVec3;
@@ -23,7 +24,8 @@ pub(super) struct Enclosed {
     pub assumptions: MeshAssumptions,
 }
 
-/// Encloses `triangles` of `points_m`, which lie within ±`half_size_m` and have no repeated corners.
+/// Encloses `triangles` of `points_m`, which lie within ±`half_size_m` and have no repeated corners. Open parts become sheets of
+/// `thickness_m`, if it is given; `half_size_m` includes it.
 ///
 /// # Errors
 /// [`MeshError::NoInside`] if no sample is inside.
@@ -31,26 +33,66 @@ pub(super) fn enclose(
     triangles: &[[usize; 3]],
     points_m: &[DVec3],
     (center_m, half_size_m): (DVec3, DVec3),
+    thickness_m: Option<f64>,
     tolerance_m: f64,
 ) -> Result<Enclosed, MeshError> {
     let parts = OpenParts::new(triangles, points_m);
-    let crossing_count = match crossing::check(&parts.triangles, points_m, center_m, tolerance_m) {
-        Err(MeshError::Crossing { pairs, .. }) => pairs,
-        _ => 0,
-    };
-    let corners: Vec<[DVec3; 3]> = parts.triangles.iter().map(|t| t.map(|point| points_m[point])).collect();
-    let spacing_m = 2.0 * half_size_m.max_element() / SAMPLES_ALONG as f64;
-    let mut samples = WindingSamples::new(corners.iter().copied(), &parts.caps, half_size_m, spacing_m);
-    let uncertain = samples.winding.iter().filter(|w| UNCERTAIN.contains(&w.abs())).count();
-    let assumptions = MeshAssumptions {
+    let mut assumptions = MeshAssumptions {
         hole_count: parts.hole_count,
         open_edge_count: parts.open_edge_count,
         branching_edge_count: parts.branching_edge_count,
-        crossing_count,
+        crossing_count: crossings(&parts.triangles, points_m, center_m, tolerance_m),
         part_count: parts.part_count,
         reoriented_part_count: parts.reoriented_parts,
-        uncertain_share: uncertain as f64 / samples.winding.len() as f64,
+        ..MeshAssumptions::default()
     };
+    let spacing_m = 2.0 * half_size_m.max_element() / SAMPLES_ALONG as f64;
+    let surface = match thickness_m.filter(|_| parts.open_edge_count > 0) {
+        None => sampled(&parts, points_m, half_size_m, spacing_m, &mut assumptions)?,
+        Some(thickness_m) => {
+            (assumptions.hole_count, assumptions.thickness_m) = (0, Some(thickness_m));
+            let thickened = thicken(&parts, points_m, thickness_m);
+            let sheets = OpenParts::new(&thickened.triangles, &thickened.points_m);
+            let is_simple = sheets.open_edge_count == 0
+                && sheets.branching_edge_count == 0
+                && crossings(&sheets.triangles, &thickened.points_m, center_m, tolerance_m) == 0;
+            if is_simple {
+                ClosedSurface { points_m: thickened.points_m, triangles: sheets.triangles }
+            } else {
+                let finest_m = 2.0 * half_size_m.max_element() / MAX_SAMPLES_ALONG as f64;
+                let spacing_m = (thickness_m / SAMPLES_ACROSS).clamp(finest_m, spacing_m);
+                sampled(&sheets, &thickened.points_m, half_size_m, spacing_m, &mut assumptions)?
+            }
+        }
+    };
+    Ok(Enclosed { oriented: parts.triangles, surface, assumptions })
+}
+
+/// Number of samples across a sheet, and the maximum number along the longest side.
+const SAMPLES_ACROSS: f64 = 3.0;
+const MAX_SAMPLES_ALONG: usize = 256;
+
+/// Number of pairs of triangles that cross, as far as the search goes.
+fn crossings(triangles: &[[usize; 3]], points_m: &[DVec3], center_m: DVec3, tolerance_m: f64) -> usize {
+    match crossing::check(triangles, points_m, center_m, tolerance_m) {
+        Err(MeshError::Crossing { pairs, .. }) => pairs,
+        Err(_) => 1,
+        Ok(()) => 0,
+    }
+}
+
+/// Extracts the surface from samples `spacing_m` apart.
+fn sampled(
+    parts: &OpenParts,
+    points_m: &[DVec3],
+    half_size_m: DVec3,
+    spacing_m: f64,
+    assumptions: &mut MeshAssumptions,
+) -> Result<ClosedSurface, MeshError> {
+    let corners: Vec<[DVec3; 3]> = parts.triangles.iter().map(|t| t.map(|point| points_m[point])).collect();
+    let mut samples = WindingSamples::new(corners.iter().copied(), &parts.caps, half_size_m, spacing_m);
+    let uncertain = samples.winding.iter().filter(|w| UNCERTAIN.contains(&w.abs())).count();
+    assumptions.uncertain_share = uncertain as f64 / samples.winding.len() as f64;
     remove_specks(&mut samples);
     if !samples.winding.iter().any(|w| is_inside(*w)) {
         return Err(MeshError::NoInside { spacing_m });
@@ -61,7 +103,7 @@ pub(super) fn enclose(
     if volume(&surface.triangles, &surface.points_m) <= spacing_m.powi(3) {
         return Err(MeshError::NoInside { spacing_m });
     }
-    Ok(Enclosed { oriented: parts.triangles, surface, assumptions })
+    Ok(surface)
 }
 
 /// Sets the winding number of small components of the inside to zero.

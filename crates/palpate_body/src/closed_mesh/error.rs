@@ -87,11 +87,23 @@ pub enum MeshError {
     },
     /// The mesh has no inside: its winding number is below 1/2 everywhere.
     #[error(
-        "the mesh encloses nothing that is thicker than {spacing_m:.2e} m: it is a sheet, or its walls are thinner; give it a thickness, or use a larger mesh"
+        "the mesh encloses nothing that is thicker than {spacing_m:.2e} m: it is a sheet, or has thinner walls; set \
+         `thickness_m` (--thickness-m), which makes its open parts sheets"
     )]
     NoInside {
         /// Distance between samples of the winding number, m.
         spacing_m: f64,
+    },
+    /// The thickness of sheets is out of range.
+    #[error(
+        "the thickness of the open parts of the mesh is {thickness_m} m; it must be more than a thousandth of the longest side and at most \
+         the longest side, {size_m} m: change `thickness_m` (--thickness-m)"
+    )]
+    Thickness {
+        /// The thickness, m.
+        thickness_m: f64,
+        /// Longest side, m.
+        size_m: f64,
     },
     /// Some edges have only one triangle.
     #[error(

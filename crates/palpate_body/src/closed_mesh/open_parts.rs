@@ -8,6 +8,8 @@ use std::collections::BTreeMap;
 pub(super) struct OpenParts {
     /// Triangles in the given order; a closed part faces outward, unless it is a cavity.
     pub triangles: Vec<[usize; 3]>,
+    /// Part of each triangle.
+    pub part: Vec<usize>,
     /// Triangles that close all holes: the sum of `triangles` and caps has no boundary.
     pub caps: Vec<[DVec3; 3]>,
     /// Number of parts connected by edges of two triangles.
@@ -52,6 +54,7 @@ impl OpenParts {
         Self {
             caps: caps(&loops, points_m),
             triangles: oriented,
+            part,
             part_count,
             reoriented_parts: turn.iter().filter(|turn| **turn).count(),
             hole_count: loops.len(),

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use std::f64::consts::PI;
 
 fn enclose(shape: &Shape) -> ClosedMesh {
-    ClosedMesh::enclose(shape.vertices.clone(), shape.triangles.clone()).unwrap()
+    ClosedMesh::enclose(shape.vertices.clone(), shape.triangles.clone(), None).unwrap()
 }
 
 /// Without the triangles whose corners all satisfy `is_open`.
@@ -163,17 +163,88 @@ fn sheet_has_no_inside() {
             .collect(),
         ..sheet
     };
-    let error =
-        ClosedMesh::enclose(only_top.vertices, only_top.triangles).map(|mesh| mesh.volume_m3()).unwrap_err();
+    let error = ClosedMesh::enclose(only_top.vertices, only_top.triangles, None)
+        .map(|mesh| mesh.volume_m3())
+        .unwrap_err();
     assert!(matches!(error, MeshError::NoInside { .. }), "{error}");
     // Every triangle in both windings.
     let both = opened(cube(0.1), |x| x.z > 0.049);
     let both = both.clone().and(&both.inside_out());
-    let mesh = ClosedMesh::enclose(both.vertices, both.triangles).map(|mesh| mesh.volume_m3());
+    let mesh = ClosedMesh::enclose(both.vertices, both.triangles, None).map(|mesh| mesh.volume_m3());
     assert!(
         matches!(mesh, Err(MeshError::NoInside { .. }))
             || mesh.is_ok_and(|volume| is_within(volume, 1e-3, 0.02))
     );
+}
+
+/// Triangles of the upper side of a box.
+fn top_of(shape: Shape, top_m: f64) -> Shape {
+    let vertices = shape.vertices.clone();
+    let is_top = |t: &&[usize; 3]| t.iter().all(|&v| vertices[v].z > top_m);
+    Shape { triangles: shape.triangles.iter().filter(is_top).copied().collect(), ..shape }
+}
+
+#[test]
+fn sheet_with_a_thickness_is_a_plate() {
+    let sheet = top_of(cuboid(DVec3::new(0.1, 0.06, 0.02), [10, 6, 2]), 0.0099);
+    for turn in [DQuat::IDENTITY, DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.7)] {
+        let Shape { vertices, triangles } = sheet.clone().turned(turn);
+        let mesh = ClosedMesh::enclose(vertices, triangles, Some(0.002)).unwrap();
+        assert!(is_within(mesh.volume_m3(), 0.1 * 0.06 * 0.002, 1e-9), "{} m³", mesh.volume_m3());
+        assert!(
+            mesh.contains(turn * DVec3::new(0.03, 0.01, 0.0109))
+                && mesh.contains(turn * DVec3::new(0.03, 0.01, 0.0091))
+        );
+        assert!(!mesh.contains(turn * DVec3::new(0.03, 0.01, 0.0111)));
+        assert_eq!(mesh.assumptions().unwrap().thickness_m, Some(0.002));
+        let made = CellLattice::fit(&mesh, CellSize::Along(10))
+            .unwrap()
+            .allow_unconstrained()
+            .tissue(&Tissue::default())
+            .unwrap();
+        let mass_kg: f64 = made.network.mass_kg().iter().sum();
+        assert!(is_within(mass_kg, 0.012, 1e-6), "{mass_kg} kg");
+    }
+}
+
+#[test]
+fn bowl_with_a_thickness_is_a_shell() {
+    // A hemisphere up to the rim of its triangles: the area of the polyhedron times the thickness, exact for small curvature.
+    let bowl = opened(sphere(0.05, 32), |x| x.z > -1e-9);
+    let area: f64 = bowl
+        .triangles
+        .iter()
+        .map(|t| {
+            let [a, b, c] = t.map(|v| bowl.vertices[v]);
+            0.5 * (b - a).cross(c - a).length()
+        })
+        .sum();
+    let mesh = ClosedMesh::enclose(bowl.vertices.clone(), bowl.triangles.clone(), Some(0.002)).unwrap();
+    assert!(is_within(mesh.volume_m3(), 0.002 * area, 5e-3), "{} m³, {}", mesh.volume_m3(), 0.002 * area);
+    assert!(!mesh.contains(DVec3::new(0.0, 0.0, -0.02)));
+    // Without a thickness it is filled.
+    assert!(enclose(&bowl).contains(DVec3::new(0.0, 0.0, -0.02)));
+}
+
+#[test]
+fn crossing_sheets_are_united() {
+    let sheet = top_of(cuboid(DVec3::new(0.1, 0.1, 0.02), [5; 3]), 0.0099).moved(DVec3::Z * -0.01);
+    let Shape { vertices, triangles } = sheet.clone().and(&sheet.turned(DQuat::from_rotation_x(1.2)));
+    let mesh = ClosedMesh::enclose(vertices, triangles, Some(0.006)).unwrap();
+    let common = 0.1 * 0.006 * 0.006 / 1.2_f64.sin();
+    assert!(is_within(mesh.volume_m3(), 2.0 * 0.1 * 0.1 * 0.006 - common, 0.02), "{} m³", mesh.volume_m3());
+}
+
+#[test]
+fn thickness_out_of_range_is_rejected() {
+    let Shape { vertices, triangles } = top_of(cube(0.1), 0.049);
+    for thickness_m in [0.0, -0.001, 1e-5, 0.11, f64::NAN, f64::INFINITY] {
+        let made = ClosedMesh::enclose(vertices.clone(), triangles.clone(), Some(thickness_m));
+        assert!(
+            matches!(made.map(|mesh| mesh.volume_m3()), Err(MeshError::Thickness { .. })),
+            "{thickness_m}"
+        );
+    }
 }
 
 #[test]
@@ -196,7 +267,7 @@ proptest! {
         vertices in prop::collection::vec(prop::array::uniform3(-0.1..0.1f64), 3..12),
         triangles in prop::collection::vec(prop::array::uniform3(0..12usize), 1..40),
     ) {
-        let made = ClosedMesh::enclose(vertices.into_iter().map(DVec3::from_array).collect(), triangles);
+        let made = ClosedMesh::enclose(vertices.into_iter().map(DVec3::from_array).collect(), triangles, None);
         if let Ok(mesh) = made {
             prop_assert!(mesh.volume_m3() > 0.0, "{}", mesh.volume_m3());
             let lattice = CellLattice::fit(&mesh, CellSize::Along(5)).unwrap().allow_unconstrained();
