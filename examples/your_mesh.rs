@@ -1,5 +1,5 @@
-//! This example demonstrates a body from a glTF or GLB file: its meshes are joined to one closed mesh, and a tool taps it from above. An
-//! invalid mesh is reported with the remedy.
+//! This example demonstrates a body from a glTF or GLB file: its meshes are joined to one mesh, whose inside becomes the body, and a tool taps
+//! it from above. A mesh that cannot be used is reported with the remedy.
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
@@ -10,11 +10,11 @@ use palpate_stage::{MeshFile, SetUpHands, SetUpScene, Stage, StageOptions, regis
 use std::io::Write;
 use std::path::PathBuf;
 
-/// A closed mesh from a file becomes a soft body, which a tool taps from above.
+/// A mesh from a file becomes a soft body, which a tool taps from above.
 #[derive(Clone, Debug, Parser, Resource)]
 #[command(
-    after_help = "All meshes of the file's scene are joined, with the transforms of their nodes; they must form one closed body. It is \
-    moved to the centre of the stage.\n\nExamples:\n  your_mesh assets/meshes/organ.glb\n  your_mesh cup.glb --scale 0.001 --cells 14 --youngs-modulus 5000"
+    after_help = "All meshes of the file's scene are joined, with the transforms of their nodes. The body is their inside: where \
+    their winding number exceeds 1/2, which closes holes and unites parts that cross. It is moved to the centre of the stage.\n\nExamples:\n  your_mesh assets/meshes/organ.glb\n  your_mesh cup.glb --scale 0.001 --cells 14 --youngs-modulus 5000"
 )]
 struct Options {
     #[command(flatten)]
@@ -27,6 +27,12 @@ struct Options {
     /// Metres per unit of the mesh: 0.001 for millimetres
     #[arg(long, default_value_t = 1.0)]
     scale: f64,
+    /// Accept only a mesh that is closed and does not cross itself
+    #[arg(long)]
+    strict: bool,
+    /// Thickness of parts with holes, m: they become sheets; without it their holes are closed
+    #[arg(long, value_name = "M")]
+    thickness_m: Option<f64>,
     /// Number of cells along the longest side
     #[arg(long, default_value_t = 10)]
     cells: usize,
@@ -66,12 +72,8 @@ fn main() -> AppExit {
     };
     let [low_m, high_m] = bounds.map(|corner| options.scale * corner);
     let (middle_m, half_m) = (0.5 * (low_m + high_m), 0.5 * (high_m - low_m));
-    let stage = Stage {
-        name: "your_mesh",
-        title: "A closed mesh from a file is a soft body",
-        seconds: 3.0,
-        ..default()
-    };
+    let stage =
+        Stage { name: "your_mesh", title: "A mesh from a file is a soft body", seconds: 3.0, ..default() };
     let stage = if half_m.is_finite() { stage.around([-half_m, half_m].map(|m| m.as_vec3())) } else { stage };
     let mut app = stage.app(&options.stage);
     if parts > 1 {
@@ -105,6 +107,8 @@ fn set_up(
         DeformableBody::Mesh(MeshShape {
             metres_per_unit: options.scale,
             cells_along_longest_axis: options.cells,
+            strict: options.strict,
+            thickness_m: options.thickness_m,
             ..MeshShape::new(meshes.add(shown.mesh.clone()))
         }),
         Tissue { youngs_modulus_pa: options.youngs_modulus, ..default() },
@@ -159,6 +163,12 @@ fn report(bodies: Query<&SimulatedBody>, tapped: Res<Tapped>, mut done: Local<bo
     )?;
     writeln!(out, "points of the surface    {}", body.body().surface().points.len())?;
     writeln!(out, "mass, kg                 {mass_kg:.4}")?;
+    if let Some(report) = body.mesh_report() {
+        writeln!(out, "deviation of surface, m  {:.5}", report.deviation_m)?;
+        if let Some(assumptions) = report.assumptions {
+            writeln!(out, "assumed                  {assumptions}")?;
+        }
+    }
     writeln!(out, "maximum force, N         {:.3}", tapped.max_n)?;
     writeln!(out, "maximum error            {:.2} % of the force in a model step", 100.0 * tapped.max_error)?;
     writeln!(

@@ -100,7 +100,7 @@ pub fn hand(app: &mut App) -> Entity {
     spawn_tool(app, presser)
 }
 
-/// Spawns a body of `mesh` with eight cells along its longest side, fixed below −[`RADIUS`]/2.
+/// Spawns a body of `mesh`, which must be closed, with eight cells along its longest side, fixed below −[`RADIUS`]/2.
 pub fn spawn(app: &mut App, mesh: Mesh) -> Entity {
     let mesh = add(app, mesh);
     spawn_of(app, mesh)
@@ -109,7 +109,8 @@ pub fn spawn(app: &mut App, mesh: Mesh) -> Entity {
 /// Spawns that body of an existing mesh.
 pub fn spawn_of(app: &mut App, mesh: Handle<Mesh>) -> Entity {
     let floor = BodyRegion::HalfSpace { point_m: DVec3::Y * -0.5 * RADIUS, outward: DVec3::Y };
-    let shape = DeformableBody::Mesh(MeshShape { cells_along_longest_axis: 8, ..MeshShape::new(mesh) });
+    let shape = MeshShape { cells_along_longest_axis: 8, strict: true, ..MeshShape::new(mesh) };
+    let shape = DeformableBody::Mesh(shape);
     app.world_mut().spawn((shape, FixedRegion::Regions(vec![floor]))).id()
 }
 

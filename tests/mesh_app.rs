@@ -5,7 +5,7 @@ use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    BodyRegion, ContactState, ForceError, HapticFaultKind, Inclusion, Inclusions, NoForceCause,
+    BodyRegion, ContactState, ForceError, HapticFaultKind, Inclusion, Inclusions, MeshShape, NoForceCause,
     SimulatedBody, ToolLoop,
 };
 use palpate_body::{BodyError, MeshError};
@@ -138,7 +138,8 @@ fn mesh_of_a_body_at_rest_is_not_written_between_model_steps() {
 fn body_is_built_when_its_mesh_is_added_or_changed() {
     let mut app = app();
     let handle = app.world().resource::<Assets<Mesh>>().reserve_handle();
-    let entity = app.world_mut().spawn(DeformableBody::from_mesh(handle.clone())).id();
+    let shape = MeshShape { strict: true, ..MeshShape::new(handle.clone()) };
+    let entity = app.world_mut().spawn(DeformableBody::Mesh(shape)).id();
     step(&mut app, 3);
     assert!(app.world().get::<SimulatedBody>(entity).is_none());
     assert_no_faults(&mut app);

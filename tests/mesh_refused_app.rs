@@ -142,6 +142,50 @@ fn unusual_meshes_with_a_volume_become_bodies_of_its_mass() {
     }
 }
 
+/// Meshes that are rejected where they must be closed.
+#[test]
+fn meshes_that_are_not_closed_become_bodies_of_their_inside() {
+    let pair = both(box_at(Vec3::ZERO, 0.06), &box_at(Vec3::new(0.03, 0.02, 0.01), 0.06));
+    let nested = both(box_at(Vec3::ZERO, 0.12), &box_at(Vec3::ZERO, 0.04));
+    let square = Rectangle::new(0.1, 0.1).mesh().build();
+    let ball_m3 = 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3);
+    for (what, mesh, thickness_m, volume_m3, share) in [
+        // The triangle of a fine ball that is missing is small.
+        ("a hole", torn(ball()), None, ball_m3, 0.02),
+        ("crossing parts", pair, None, 2.0 * 0.06_f64.powi(3) - 0.03 * 0.04 * 0.05, 5e-3),
+        ("an inner wall", with_inner_wall(), None, 0.1 * 0.05 * 0.05, 5e-3),
+        ("a shell in a shell", nested, None, 0.12_f64.powi(3), 5e-3),
+        ("an open square", square.clone(), Some(0.01), 0.1 * 0.1 * 0.01, 1e-6),
+    ] {
+        let mut app = app();
+        let mesh = add(&mut app, mesh);
+        let shape = MeshShape { thickness_m, ..MeshShape::new(mesh) };
+        let entity = app.world_mut().spawn(DeformableBody::Mesh(shape)).id();
+        step(&mut app, 5);
+        assert_no_faults(&mut app);
+        let simulated = body(&app, entity).unwrap();
+        let mass_kg: f64 = simulated.body().network().mass_kg().iter().sum();
+        assert!((mass_kg / (1000.0 * volume_m3) - 1.0).abs() < share, "{what}: {mass_kg} kg");
+        let assumptions = simulated.mesh_report().unwrap().assumptions.unwrap();
+        assert_eq!(assumptions.thickness_m, thickness_m, "{what}");
+    }
+    let squashed = ball().scaled_by(Vec3::new(1.0, 0.0, 1.0));
+    for (what, mesh, thickness_m) in
+        [("an open square", square, None), ("no thickness", squashed, Some(0.01))]
+    {
+        let mut app = app();
+        let mesh = add(&mut app, mesh);
+        let shape = MeshShape { thickness_m, ..MeshShape::new(mesh) };
+        app.world_mut().spawn(DeformableBody::Mesh(shape));
+        step(&mut app, 3);
+        let kinds = take_kinds(&mut app);
+        assert!(
+            kinds.len() == 1 && matches!(mesh_error(&kinds[0]), Some(MeshError::NoInside { .. })),
+            "{what}: {kinds:?}"
+        );
+    }
+}
+
 #[test]
 fn unit_and_cells_along_have_their_effect_and_their_limits() {
     let mut app = app();

@@ -132,8 +132,11 @@ fn switched_off_unit_tests_hide_no_test() {
     let metadata = MetadataCommand::new().manifest_path(manifest).no_deps().exec().unwrap();
     let mut switched_off = 0;
     for package in metadata.workspace_packages() {
-        let sources: Vec<_> =
-            package.targets.iter().filter(|target| !target.test && (target.is_lib() || target.is_bin())).collect();
+        let sources: Vec<_> = package
+            .targets
+            .iter()
+            .filter(|target| !target.test && (target.is_lib() || target.is_bin()))
+            .collect();
         for folder in sources.iter().filter_map(|target| target.src_path.parent()) {
             switched_off += 1;
             // A program without unit tests may lie beside a library that has some.

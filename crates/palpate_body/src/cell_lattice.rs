@@ -97,7 +97,7 @@ pub struct MeshBody {
     pub skin: Skin,
     /// Statistics of the cells.
     pub cells: MeshCells,
-    /// Maximum distance of a vertex of the mesh from the touchable surface, m.
+    /// Maximum distance of a point of the mesh's enclosing surface from the touchable surface, m.
     pub deviation_m: f64,
 }
 

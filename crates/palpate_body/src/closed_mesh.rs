@@ -67,6 +67,18 @@ pub struct ClosedMesh {
     grid_m: Option<f64>,
 }
 
+/// How a mesh becomes a closed surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MeshClosing {
+    /// The mesh must be closed by itself, as for [`ClosedMesh::new`].
+    Strict,
+    /// The surface encloses the inside of the mesh, as of [`ClosedMesh::enclose`].
+    Enclose {
+        /// Thickness of open parts, m.
+        thickness_m: Option<f64>,
+    },
+}
+
 /// Repairs of a mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MeshRepairs {

@@ -139,7 +139,7 @@ pub use body::{Body, BodyState, CellPlace, Deformation, SharedTool, StepReport, 
 pub use body_point::BodyPoint;
 pub use cell_lattice::{CellLattice, CellSize, MeshBody, MeshCells};
 pub use cells::BarrierTetrahedron;
-pub use closed_mesh::{ClosedMesh, MeshAssumptions, MeshError, MeshRepairs};
+pub use closed_mesh::{ClosedMesh, MeshAssumptions, MeshClosing, MeshError, MeshRepairs};
 pub use energy::{Energy, EnergyBalance};
 pub use error::{BodyError, JointStepError};
 pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplicitEuler, SolvedBy};

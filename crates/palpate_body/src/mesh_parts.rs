@@ -1,6 +1,6 @@
 //! A closed mesh in several parts, for example the primitives of a glTF mesh.
 
-use crate::{ClosedMesh, MeshError, Region};
+use crate::{ClosedMesh, MeshClosing, MeshError, Region};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
@@ -34,7 +34,7 @@ pub struct JoinedMesh {
 const SAMPLES: usize = 8;
 
 impl JoinedMesh {
-    /// Joins `parts`, in units of `scale_m` metres.
+    /// Joins `parts`, in units of `scale_m` metres. `closing` applies to the joined surface.
     ///
     /// A part with holes belongs to the surface; together such parts must close it. Its region contains the places that are
     /// nearer to its triangles than to those of the other parts of the surface. A closed part that lies inside, with at
@@ -43,10 +43,15 @@ impl JoinedMesh {
     ///
     /// # Errors
     /// [`MeshError`] of the joined surface; indices of triangles and vertices count through the joined parts.
-    pub fn new(parts: &[MeshPart], scale_m: f64) -> Result<Self, MeshError> {
+    pub fn new(parts: &[MeshPart], scale_m: f64, closing: MeshClosing) -> Result<Self, MeshError> {
         let close = |indices: &[usize]| {
             let joined = join(indices.iter().map(|&index| &parts[index]));
-            let mesh = ClosedMesh::from_single(&joined.vertices, scale_m, joined.triangles)?;
+            let mesh = match closing {
+                MeshClosing::Strict => ClosedMesh::from_single(&joined.vertices, scale_m, joined.triangles)?,
+                MeshClosing::Enclose { thickness_m } => {
+                    ClosedMesh::enclose_single(&joined.vertices, scale_m, joined.triangles, thickness_m)?
+                }
+            };
             match joined.normals {
                 Some(normals) => mesh.with_normals(normals),
                 None => Ok(mesh),

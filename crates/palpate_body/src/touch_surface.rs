@@ -16,7 +16,7 @@ use parry3d_f64::shape::Triangle;
 /// vertices. Vertices are clustered first, and long edges are halved afterwards.
 pub(crate) struct TouchSurface {
     pub surface: Surface,
-    /// Maximum distance of a vertex of the mesh from the surface, m.
+    /// Maximum distance of a point of the mesh's enclosing surface from this one, m.
     pub deviation_m: f64,
 }
 

@@ -165,7 +165,8 @@ impl BuildInput {
         }
         let built = lattice.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
         let MeshBody { cells, deviation_m, .. } = built;
-        let report = MeshReport { repairs: closed.repairs(), cells, deviation_m };
+        let (repairs, assumptions) = (closed.repairs(), closed.assumptions());
+        let report = MeshReport { repairs, assumptions, cells, deviation_m };
         Ok((Body::new(built.network, built.surface)?, built.skin, report))
     }
 }

@@ -114,7 +114,10 @@ const MAX_MASS_EXCESS: f64 = 0.01;
 
 /// Logs the repairs of a new mesh, and reports a body that is too heavy.
 fn report_mesh(faults: &mut FaultWriter, entity: Entity, body: &SimulatedBody) {
-    let Some(MeshReport { repairs, cells, .. }) = body.report else { return };
+    let Some(MeshReport { repairs, assumptions, cells, .. }) = body.report else { return };
+    if let Some(assumptions) = assumptions {
+        warn!("{entity}: {assumptions}");
+    }
     let MeshRepairs { welded, collapsed, duplicates, back_to_back, turned, pinched_edges } = repairs;
     // Every mesh with seams has coincident vertices: these alone are not logged.
     if (MeshRepairs { welded: 0, ..repairs }) != MeshRepairs::default() {

@@ -51,6 +51,6 @@ impl Meshes<'_, '_> {
             return Ok(None);
         };
         let parts = meshes.into_iter().map(mesh_source::read).collect::<Result<_, _>>()?;
-        Source::raw(parts, shape.metres_per_unit).map(Some)
+        Source::raw(parts, shape).map(Some)
     }
 }

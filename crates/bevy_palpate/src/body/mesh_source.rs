@@ -1,24 +1,31 @@
 //! Conversion of Bevy's meshes to closed meshes.
 
+use super::shape::MeshShape;
 use crate::fault::MeshFault;
 use bevy::mesh::{Indices, Mesh, MeshAccessError, PrimitiveTopology, VertexAttributeValues};
 use glam::DVec3;
-use palpate_body::{BodyError, JoinedMesh, MeshPart};
+use palpate_body::{BodyError, JoinedMesh, MeshClosing, MeshPart};
 use std::sync::Arc;
 
 /// The mesh from which a body is built.
 pub(super) enum Source {
-    /// Data of mesh assets, and metres per unit.
-    Raw { parts: Vec<MeshPart>, scale_m: f64 },
+    /// Data of mesh assets, metres per unit, and how they are closed.
+    Raw { parts: Vec<MeshPart>, scale_m: f64, closing: MeshClosing },
     /// A mesh that has been closed before.
     Closed(Arc<JoinedMesh>),
 }
 
 impl Source {
     /// The data of the parts of a mesh.
-    pub(super) fn raw(parts: Vec<MeshPart>, scale_m: f64) -> Result<Self, MeshFault> {
+    pub(super) fn raw(parts: Vec<MeshPart>, shape: &MeshShape) -> Result<Self, MeshFault> {
+        let scale_m = shape.metres_per_unit;
+        let closing = if shape.strict {
+            MeshClosing::Strict
+        } else {
+            MeshClosing::Enclose { thickness_m: shape.thickness_m }
+        };
         if scale_m.is_finite() && scale_m > 0.0 {
-            Ok(Self::Raw { parts, scale_m })
+            Ok(Self::Raw { parts, scale_m, closing })
         } else {
             Err(MeshFault::Scale(scale_m))
         }
@@ -28,7 +35,7 @@ impl Source {
     pub(super) fn close(self) -> Result<Arc<JoinedMesh>, BodyError> {
         match self {
             Self::Closed(mesh) => Ok(mesh),
-            Self::Raw { parts, scale_m } => Ok(Arc::new(JoinedMesh::new(&parts, scale_m)?)),
+            Self::Raw { parts, scale_m, closing } => Ok(Arc::new(JoinedMesh::new(&parts, scale_m, closing)?)),
         }
     }
 }

@@ -6,7 +6,7 @@ use super::tissue::Tissue;
 use bevy::prelude::*;
 use glam::DVec3;
 
-/// A deformable body that tools can touch: a block, or the inside of a closed mesh. Requires [`Tissue`], [`FixedRegion`],
+/// A deformable body that tools can touch: a block, or the inside of a mesh. Requires [`Tissue`], [`FixedRegion`],
 /// [`BodyState`] and [`Transform`].
 ///
 /// The body is built at the pose of its transform, in the size given here. A scaled transform is rejected
@@ -33,15 +33,15 @@ pub enum DeformableBody {
         /// Size along x, y, z, m.
         size_m: DVec3,
     },
-    /// A closed mesh, filled.
+    /// A mesh, filled.
     Mesh(MeshShape),
 }
 
-/// A closed mesh as the shape of a body.
+/// A mesh as the shape of a body.
 ///
-/// The mesh is filled with cubic cells ([`palpate_body::CellLattice`]), which carry its surface. Its own vertices follow, with their
+/// The inside of the mesh is filled with cubic cells ([`palpate_body::CellLattice`]), which carry its surface. Its own vertices follow, with their
 /// colours and textures. A background task builds the body once the mesh is loaded, and again whenever the mesh changes. A mesh that cannot
-/// be used (holes, intersections, wrong units) is reported as a [`HapticFault`](crate::HapticFault) with the remedy.
+/// be used (wrong units, no inside) is reported as a [`HapticFault`](crate::HapticFault) with the remedy.
 ///
 /// A glTF handle names one primitive as it is stored, without the transforms of the file's nodes. The other primitives of the same mesh are
 /// its [`parts`](Self::parts). Join a file of transformed parts first; `examples/stage/mesh_file.rs` shows how.
@@ -75,16 +75,30 @@ pub struct MeshShape {
     pub parts: Vec<Handle<Mesh>>,
     /// Length of a unit of the mesh, m: 0.001 for a mesh in millimetres.
     pub metres_per_unit: f64,
+    /// Whether the mesh must be closed, without crossings: otherwise its inside is where its winding number exceeds 1/2, so that it may have
+    /// holes, overlapping parts and parts that face inward. [`MeshReport::assumptions`](crate::MeshReport::assumptions) states what was
+    /// assumed, which is also logged.
+    pub strict: bool,
+    /// Thickness that open parts get, m: sheets such as skin or a diaphragm. With `None` their holes count as closed. Parts without holes are
+    /// unaffected.
+    pub thickness_m: Option<f64>,
     /// Number of cells along its longest side. Ten divide an organ into some hundred cells, twenty into some thousand; the time of a model
     /// step grows faster than their number. More than [`palpate_body::CellLattice::MAX_NODES`] nodes are rejected.
     pub cells_along_longest_axis: usize,
 }
 
 impl MeshShape {
-    /// `mesh` in metres, ten cells along its longest side.
+    /// `mesh` in metres, with its holes closed, and ten cells along its longest side.
     #[must_use]
     pub fn new(mesh: Handle<Mesh>) -> Self {
-        Self { mesh, parts: Vec::new(), metres_per_unit: 1.0, cells_along_longest_axis: 10 }
+        Self {
+            mesh,
+            parts: Vec::new(),
+            metres_per_unit: 1.0,
+            strict: false,
+            thickness_m: None,
+            cells_along_longest_axis: 10,
+        }
     }
 
     /// The mesh, then its parts.
@@ -106,7 +120,7 @@ impl DeformableBody {
         Self::Block { nodes, size_m }
     }
 
-    /// The inside of a closed mesh in metres, with ten cells along its longest side. [`MeshShape`] has other units and cell sizes.
+    /// The inside of a mesh in metres, with ten cells along its longest side. [`MeshShape`] has other units and cell sizes.
     #[must_use]
     pub fn from_mesh(mesh: Handle<Mesh>) -> Self {
         Self::Mesh(MeshShape::new(mesh))

@@ -7,7 +7,8 @@ use crate::step_watch::StepWatch;
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{
-    Body, BodyError, BodyPoint, ClosedMesh, JoinedMesh, MeshCells, MeshRepairs, Region, Skin, StepReport,
+    Body, BodyError, BodyPoint, ClosedMesh, JoinedMesh, MeshAssumptions, MeshCells, MeshRepairs, Region,
+    Skin, StepReport,
 };
 use palpate_reduce::LocalModelBuilder;
 use std::sync::Arc;
@@ -172,9 +173,11 @@ impl SimulatedBody {
 pub struct MeshReport {
     /// Repairs of the mesh.
     pub repairs: MeshRepairs,
+    /// What was assumed about the inside of a mesh that is not closed by itself.
+    pub assumptions: Option<MeshAssumptions>,
     /// Cells that fill the mesh: number, size and excess mass.
     pub cells: MeshCells,
-    /// Maximum distance of a vertex of the mesh from the surface that tools touch, m.
+    /// Maximum distance of the surface of the mesh's inside from the surface that tools touch, m.
     pub deviation_m: f64,
 }
 
