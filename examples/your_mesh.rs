@@ -3,8 +3,9 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{ForceError, HapticSystems, MeshShape, ModelSchedule, SimulatedBody};
+use bevy_palpate::{ForceError, HapticSystems, MeshPieces, MeshShape, ModelSchedule, SimulatedBody};
 use clap::Parser;
+use glam::DVec2;
 use palpate_haptics::Reading;
 use palpate_stage::{MeshFile, SetUpHands, SetUpScene, Stage, StageOptions, register_hand};
 use std::io::Write;
@@ -33,9 +34,15 @@ struct Options {
     /// Thickness of parts with holes, m: they become sheets; without it their holes are closed
     #[arg(long, value_name = "M")]
     thickness_m: Option<f64>,
+    /// Use only the piece with this index, from 0, in the order of descending volumes, instead of the largest
+    #[arg(long)]
+    piece: Option<usize>,
     /// Number of cells along the longest side
     #[arg(long, default_value_t = 10)]
     cells: usize,
+    /// Place of the tap: x and z from the middle of the body, mm; by default the middle of its top
+    #[arg(long, value_name = "X,Z", value_parser = place, allow_hyphen_values = true)]
+    at: Option<DVec2>,
     /// Young's modulus, Pa
     #[arg(long, default_value_t = 10e3)]
     youngs_modulus: f64,
@@ -109,12 +116,25 @@ fn set_up(
             cells_along_longest_axis: options.cells,
             strict: options.strict,
             thickness_m: options.thickness_m,
+            pieces: options.piece.map_or(MeshPieces::Largest, MeshPieces::Index),
             ..MeshShape::new(meshes.add(shown.mesh.clone()))
         }),
         Tissue { youngs_modulus_pa: options.youngs_modulus, ..default() },
-        FixedRegion::Face(BoxFace::Bottom),
+        FixedRegion::Base { side: BoxFace::Bottom, share: BASE },
         Transform::from_translation(-shown.middle_m.as_vec3()),
     ));
+}
+
+/// Share of the height that is fixed.
+const BASE: f64 = 0.2;
+
+/// Reads two numbers, mm.
+fn place(text: &str) -> Result<DVec2, String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
+    match numbers[..] {
+        [x, z] if x.is_finite() && z.is_finite() => Ok(DVec2::new(x, z)),
+        _ => Err("it must be two numbers with a comma between them, mm: 12,-5".into()),
+    }
 }
 
 /// Spawns a ball with a radius of a twelfth of the body's smallest side, which taps the top to a depth of a tenth of that side.
@@ -124,13 +144,43 @@ fn set_up_hand(world: &mut World) {
     let body = body.body();
     let points = || body.surface().points.iter().map(|point| point.of(body.positions_m()));
     let corner = |pick: fn(DVec3, DVec3) -> DVec3| points().reduce(pick).unwrap_or_default();
-    let side_m = (corner(DVec3::max) - corner(DVec3::min)).min_element();
-    let Some(top_m) = points().max_by(|a, b| a.y.total_cmp(&b.y)) else { return };
+    let (low_m, high_m) = (corner(DVec3::min), corner(DVec3::max));
+    let (side_m, middle_m) = ((high_m - low_m).min_element(), 0.5 * (low_m + high_m).xz());
+    let found = match world.resource::<Options>().at {
+        Some(at_mm) => top_at(body, middle_m + 1e-3 * at_mm),
+        // There may be a hole in the middle.
+        None => top_at(body, middle_m).or_else(|| {
+            let distance = |x: &DVec3| x.xz().distance(middle_m);
+            points()
+                .filter(|x| x.y > 0.5 * (low_m.y + high_m.y))
+                .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        }),
+    };
+    let Some(top_m) = found else {
+        let _ = writeln!(std::io::stderr(), "error: no part of the body is at this place; change --at");
+        world.write_message(AppExit::error());
+        return;
+    };
     let tap = Tap { top_m, radius_m: side_m / 12.0, above_m: 0.15 * side_m, down_m: 0.25 * side_m };
     let scheme = world.resource::<StageOptions>().scheme;
     register_hand(world, "tapping", move |t| tap.reading(t));
     let shape = ToolShape::Sphere { radius_m: tap.radius_m };
     world.spawn(HapticTool::new("tapping").with_scheme(scheme).with_shape(shape));
+}
+
+/// The highest point of the surface of `body` at `at_m`, x and z.
+fn top_at(body: &palpate_body::Body, at_m: DVec2) -> Option<DVec3> {
+    let surface = body.surface();
+    let point_m = |point: usize| surface.points[point].of(body.positions_m());
+    let on_line = (0..surface.triangles.len()).filter_map(|triangle| {
+        let [a, b, c] = surface.corners(triangle).map(point_m);
+        let area = |p: DVec2, q: DVec2, r: DVec2| (q - p).perp_dot(r - p);
+        let [p, q, r] = [a.xz(), b.xz(), c.xz()];
+        let weights = [area(at_m, q, r), area(p, at_m, r), area(p, q, at_m)].map(|part| part / area(p, q, r));
+        let is_inside = weights.iter().all(|weight| *weight >= -1e-9);
+        is_inside.then(|| weights[0] * a + weights[1] * b + weights[2] * c)
+    });
+    on_line.max_by(|a, b| a.y.total_cmp(&b.y))
 }
 
 impl Tap {

@@ -4,7 +4,7 @@ use bevy::asset::RenderAssetUsages;
 use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticFaultKind, MeshFault, MeshShape, SimulatedBody};
+use bevy_palpate::{HapticFaultKind, MeshFault, MeshPieces, MeshShape, SimulatedBody};
 use palpate_body::{BodyError, MeshError};
 use palpate_tests::app::{assert_no_faults, step, take_kinds};
 use palpate_tests::mesh::{
@@ -69,11 +69,10 @@ fn meshes_that_cannot_become_a_body_are_faults() {
     let at_x = |x: f32| ball().translated_by(Vec3::X * x);
     let squashed = ball().scaled_by(Vec3::new(1.0, 0.0, 1.0));
     let pair = both(box_at(Vec3::ZERO, 0.06), &box_at(Vec3::new(0.03, 0.02, 0.01), 0.06));
-    let apart = both(box_at(Vec3::Y * -0.05, 0.05), &box_at(Vec3::Y * 0.08, 0.05));
     let nested = both(box_at(Vec3::ZERO, 0.12), &box_at(Vec3::ZERO, 0.04));
     let is_holes: Expected = |kind| matches!(mesh_error(kind), Some(MeshError::Holes { .. }));
     let is_not_finite: Expected = |kind| matches!(mesh_error(kind), Some(MeshError::NotFinite { .. }));
-    let cases: [(&str, Mesh, Expected); 18] = [
+    let cases: [(&str, Mesh, Expected); 17] = [
         ("lines", lines, |kind| {
             matches!(kind, HapticFaultKind::Mesh(MeshFault::Topology(PrimitiveTopology::LineList)))
         }),
@@ -95,7 +94,6 @@ fn meshes_that_cannot_become_a_body_are_faults() {
         ("not a number", with_corner([f32::NAN, 0.0, 0.1]), is_not_finite),
         ("infinite", with_corner([0.0, f32::INFINITY, 0.1]), is_not_finite),
         ("a shell in a shell", nested, |kind| matches!(mesh_error(kind), Some(MeshError::Nested { .. }))),
-        ("two pieces", apart, |kind| matches!(mesh_error(kind), Some(MeshError::Pieces { pieces: 2, .. }))),
         ("far away", at_x(1e5), |kind| matches!(mesh_error(kind), Some(MeshError::LostDigits { .. }))),
         ("too far for its cells", at_x(3000.0), |kind| {
             matches!(mesh_error(kind), Some(MeshError::CoarseGrid { .. }))
@@ -113,7 +111,6 @@ fn meshes_that_cannot_become_a_body_are_faults() {
 
 #[test]
 fn unusual_meshes_with_a_volume_become_bodies_of_its_mass() {
-    let apart = both(box_at(Vec3::Y * -0.05, 0.05), &box_at(Vec3::Y * 0.08, 0.05));
     let hollow = both(box_at(Vec3::ZERO, 0.12), &inside_out(box_at(Vec3::ZERO, 0.04)));
     let at_an_edge = both(box_at(Vec3::splat(-0.03), 0.06), &box_at(Vec3::new(0.03, 0.03, -0.03), 0.06));
     let shared = {
@@ -127,7 +124,6 @@ fn unusual_meshes_with_a_volume_become_bodies_of_its_mass() {
         ("inside out", inside_out(box_at(Vec3::ZERO, 0.1)), 1e-3),
         ("of mixed winding", shared, 1e-3),
         ("with a cavity", hollow, 0.12_f64.powi(3) - 0.04_f64.powi(3)),
-        ("in two pieces that may float", apart, 2.0 * 0.05_f64.powi(3)),
         ("pinched at an edge", at_an_edge, 2.0 * 0.06_f64.powi(3)),
         ("ten metres away", box_at(Vec3::X * 10.0, 0.1), 1e-3),
         ("given twice", both(box_at(Vec3::ZERO, 0.1), &box_at(Vec3::ZERO, 0.1)), 1e-3),
@@ -140,6 +136,56 @@ fn unusual_meshes_with_a_volume_become_bodies_of_its_mass() {
         let mass_kg: f64 = body(&app, entity).unwrap().body().network().mass_kg().iter().sum();
         assert!((mass_kg / (1000.0 * volume_m3) - 1.0).abs() < 1e-4, "{what}: {mass_kg} kg");
     }
+}
+
+#[test]
+fn largest_piece_or_the_selected_one_or_all_become_the_body() {
+    let volumes_m3 = [0.06_f64.powi(3), 0.04_f64.powi(3)];
+    let pieces = both(box_at(Vec3::Y * 0.08, 0.04), &box_at(Vec3::Y * -0.05, 0.06));
+    for (selected, expected_m3) in [
+        (MeshPieces::Largest, Ok(volumes_m3[0])),
+        (MeshPieces::Index(0), Ok(volumes_m3[0])),
+        (MeshPieces::Index(1), Ok(volumes_m3[1])),
+        (MeshPieces::All, Ok(volumes_m3[0] + volumes_m3[1])),
+        (MeshPieces::Index(2), Err(())),
+    ] {
+        let mut app = app();
+        let mesh = add(&mut app, pieces.clone());
+        let shape = MeshShape { pieces: selected, ..MeshShape::new(mesh) };
+        let entity = app.world_mut().spawn(DeformableBody::Mesh(shape)).id();
+        step(&mut app, 3);
+        let kinds = take_kinds(&mut app);
+        let Ok(volume_m3) = expected_m3 else {
+            assert!(
+                matches!(mesh_error(&kinds[0]), Some(MeshError::Piece { index: 2, count: 2 })),
+                "{kinds:?}"
+            );
+            continue;
+        };
+        assert!(kinds.is_empty(), "{kinds:?}");
+        let simulated = body(&app, entity).unwrap();
+        let mass_kg: f64 = simulated.body().network().mass_kg().iter().sum();
+        assert!((mass_kg / (1000.0 * volume_m3) - 1.0).abs() < 1e-4, "{selected:?}: {mass_kg} kg");
+        let report = simulated.mesh_report().unwrap();
+        assert_eq!(report.piece_count, 2);
+        assert!(
+            (report.piece_share * volumes_m3.iter().sum::<f64>() / volume_m3 - 1.0).abs() < 1e-4,
+            "{report:?}"
+        );
+        // Only the body is drawn.
+        let drawn = app.world().get::<Mesh3d>(entity).unwrap().0.clone();
+        let triangles =
+            app.world().resource::<Assets<Mesh>>().get(&drawn).unwrap().indices().unwrap().len() / 3;
+        assert_eq!(triangles, if selected == MeshPieces::All { 24 } else { 12 });
+    }
+    // A fixed region does not hold pieces that float.
+    let mut app = app();
+    let mesh = add(&mut app, pieces);
+    let shape = MeshShape { pieces: MeshPieces::All, ..MeshShape::new(mesh) };
+    app.world_mut().spawn((DeformableBody::Mesh(shape), FixedRegion::Face(BoxFace::Bottom)));
+    step(&mut app, 3);
+    let kinds = take_kinds(&mut app);
+    assert!(matches!(mesh_error(&kinds[0]), Some(MeshError::Pieces { pieces: 2, .. })), "{kinds:?}");
 }
 
 /// Meshes that are rejected where they must be closed.

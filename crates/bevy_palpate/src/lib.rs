@@ -125,7 +125,7 @@ pub use palpate_reduce;
 pub use avian::{AvianPlugin, NotAnObstacle};
 pub use body::{
     BodyPlugin, BodyReady, BodyRegion, BodyState, BoxFace, ContactCompliance, DeformableBody, FixedRegion,
-    Inclusion, Inclusions, KinematicBody, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,
+    Inclusion, Inclusions, KinematicBody, MeshPieces, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,
 };
 pub use body_query::{BodyQuery, BodySurfacePoint};
 pub use device::{

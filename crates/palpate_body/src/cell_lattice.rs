@@ -220,10 +220,12 @@ impl<'a> CellLattice<'a> {
         self.regions.iter().try_for_each(|(_, other)| check_tissue(other))?;
         let (mesh, grid) = (self.mesh, self.grid);
         let kept = KeptCells::choose(&grid, fill::fill(mesh, &grid));
-        let (pieces, smallest) = kept_cells::pieces(&grid, &kept.cells);
-        if pieces > 1 && !self.allow_free {
-            let middle = DVec3::from_array(grid.place(smallest).map(|n| n as f64)) + 0.5;
-            return Err(MeshError::Pieces { pieces, at_m: mesh.center_m() + grid.at_m(middle) }.into());
+        let pieces = kept_cells::pieces(&grid, &kept.cells);
+        let smallest = pieces.iter().filter(|_| pieces.len() > 1).min_by_key(|piece| piece.len());
+        if let (false, Some(&index)) = (self.allow_free, smallest.and_then(|piece| piece.first())) {
+            let middle = DVec3::from_array(grid.place(kept.cells[index].0).map(|n| n as f64)) + 0.5;
+            let at_m = mesh.center_m() + grid.at_m(middle);
+            return Err(MeshError::Pieces { pieces: pieces.len(), at_m }.into());
         }
         let embedding = Embedding::new(grid, &kept);
         self.check_nodes(embedding.nodes().len())?;
@@ -248,6 +250,20 @@ impl<'a> CellLattice<'a> {
             cells: MeshCells { cell_m: grid.cell_m, ..kept.report },
             deviation_m: touched.deviation_m,
         })
+    }
+
+    /// Volume of each piece of the cells, m³, and a function that finds the piece nearest to a place relative to the mesh's centre, m.
+    pub(crate) fn pieces(&self) -> (Vec<f64>, impl Fn(DVec3) -> usize + use<>) {
+        let kept = KeptCells::choose(&self.grid, fill::fill(self.mesh, &self.grid));
+        let pieces = kept_cells::pieces(&self.grid, &kept.cells);
+        let embedding = Embedding::new(self.grid, &kept);
+        let mut piece_of = vec![0; kept.cells.len()];
+        for (piece, cells) in pieces.iter().enumerate() {
+            cells.iter().for_each(|&cell| piece_of[cell] = piece);
+        }
+        let cell_m3 = self.grid.cell_m.powi(3);
+        let volume = |cells: &Vec<usize>| cells.iter().map(|&cell| cell_m3 * kept.cells[cell].1).sum();
+        (pieces.iter().map(volume).collect(), move |place_m| piece_of[embedding.locate(place_m).0])
     }
 
     fn check_nodes(&self, nodes: usize) -> Result<(), MeshError> {

@@ -119,6 +119,7 @@ mod lattice;
 mod limits;
 mod link;
 mod mesh_parts;
+mod mesh_pieces;
 mod network;
 mod obstacle;
 mod obstacle_points;
@@ -145,7 +146,8 @@ pub use error::{BodyError, JointStepError};
 pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplicitEuler, SolvedBy};
 pub use lattice::{Lattice, Neighbours};
 pub use link::Link;
-pub use mesh_parts::{JoinedMesh, MeshPart};
+pub use mesh_parts::{JoinOptions, JoinedMesh, MeshPart};
+pub use mesh_pieces::{MeshPiece, PieceSelection};
 pub use network::{Grid, Network, NetworkBuilder};
 pub use obstacle::{
     CoupledMotion, Obstacle, ObstacleContact, ObstacleReaction, RigidMass, RigidMotion, RigidResponse,

@@ -1,6 +1,6 @@
 //! A closed mesh in several parts, for example the primitives of a glTF mesh.
 
-use crate::{ClosedMesh, MeshClosing, MeshError, Region};
+use crate::{CellSize, ClosedMesh, MeshClosing, MeshError, PieceSelection, Region};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
@@ -28,13 +28,30 @@ pub struct JoinedMesh {
     pub regions: Vec<Region>,
     /// Indices of the parts that belong to the surface. The others lie inside.
     pub joined: Vec<usize>,
+    /// Number of pieces of the joined surface that no cells connect.
+    pub piece_count: usize,
+    /// Share of the selected pieces in the volume, from 0 to 1.
+    pub piece_share: f64,
+}
+
+/// How parts are joined to the surface of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JoinOptions {
+    /// Length of a unit of the parts, m.
+    pub scale_m: f64,
+    /// How the surface is closed.
+    pub closing: MeshClosing,
+    /// Pieces of the surface that are kept.
+    pub pieces: PieceSelection,
+    /// Size of the cells that connect pieces.
+    pub cells: CellSize,
 }
 
 /// Number of samples along each side of a part's bounds, which show whether it lies inside the others.
 const SAMPLES: usize = 8;
 
 impl JoinedMesh {
-    /// Joins `parts`, in units of `scale_m` metres. `closing` applies to the joined surface.
+    /// Joins `parts`.
     ///
     /// A part with holes belongs to the surface; together such parts must close it. Its region contains the places that are
     /// nearer to its triangles than to those of the other parts of the surface. A closed part that lies inside, with at
@@ -43,20 +60,9 @@ impl JoinedMesh {
     ///
     /// # Errors
     /// [`MeshError`] of the joined surface; indices of triangles and vertices count through the joined parts.
-    pub fn new(parts: &[MeshPart], scale_m: f64, closing: MeshClosing) -> Result<Self, MeshError> {
-        let close = |indices: &[usize]| {
-            let joined = join(indices.iter().map(|&index| &parts[index]));
-            let mesh = match closing {
-                MeshClosing::Strict => ClosedMesh::from_single(&joined.vertices, scale_m, joined.triangles)?,
-                MeshClosing::Enclose { thickness_m } => {
-                    ClosedMesh::enclose_single(&joined.vertices, scale_m, joined.triangles, thickness_m)?
-                }
-            };
-            match joined.normals {
-                Some(normals) => mesh.with_normals(normals),
-                None => Ok(mesh),
-            }
-        };
+    pub fn new(parts: &[MeshPart], options: JoinOptions) -> Result<Self, MeshError> {
+        let JoinOptions { scale_m, .. } = options;
+        let close = |indices: &[usize]| close(join(indices.iter().map(|&index| &parts[index])), &options);
         let closed: Vec<Option<Arc<ClosedPart>>> = (0..parts.len())
             .map(
                 |index| if index == 0 { None } else { ClosedPart::new(&parts[index], scale_m).map(Arc::new) },
@@ -87,8 +93,46 @@ impl JoinedMesh {
             }
         };
         let regions = (1..parts.len()).map(&mut region).collect();
-        Ok(Self { mesh, regions, joined })
+        let (mesh, piece_count, piece_share) = select(mesh, &joined, parts, &options)?;
+        Ok(Self { mesh, regions, joined, piece_count, piece_share })
     }
+}
+
+fn close(joined: MeshPart, options: &JoinOptions) -> Result<ClosedMesh, MeshError> {
+    let MeshPart { vertices, triangles, normals } = joined;
+    let mesh = match options.closing {
+        MeshClosing::Strict => ClosedMesh::from_single(&vertices, options.scale_m, triangles)?,
+        MeshClosing::Enclose { thickness_m } => {
+            ClosedMesh::enclose_single(&vertices, options.scale_m, triangles, thickness_m)?
+        }
+    };
+    match normals {
+        Some(normals) => mesh.with_normals(normals),
+        None => Ok(mesh),
+    }
+}
+
+/// The selected pieces of `mesh`, the number of its pieces, and the share of the selected ones in its volume.
+fn select(
+    mesh: ClosedMesh,
+    joined: &[usize],
+    parts: &[MeshPart],
+    options: &JoinOptions,
+) -> Result<(ClosedMesh, usize, f64), MeshError> {
+    // Errors of the cells are those of the body.
+    let pieces = mesh.pieces(options.cells).unwrap_or_default();
+    let Some(index) = options.pieces.index(pieces.len().max(1))? else {
+        return Ok((mesh, pieces.len(), 1.0));
+    };
+    if pieces.len() < 2 {
+        return Ok((mesh, pieces.len(), 1.0));
+    }
+    let total_m3: f64 = pieces.iter().map(|piece| piece.volume_m3).sum();
+    let share = pieces[index].volume_m3 / total_m3;
+    let mut selected = join(joined.iter().map(|&index| &parts[index]));
+    selected.triangles =
+        pieces[index].triangles.iter().map(|&triangle| selected.triangles[triangle]).collect();
+    Ok((close(selected, options)?, pieces.len(), share))
 }
 
 /// A part that is closed by itself.

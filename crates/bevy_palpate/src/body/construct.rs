@@ -127,6 +127,9 @@ impl BuildInput {
         for &region in self.fixed.regions() {
             block = block.fix_within(region.of(&[])?);
         }
+        if let Some((side, share)) = base(&self.fixed)? {
+            block = block.fix(side.into()).fix_within(layer([-0.5 * size_m, 0.5 * size_m], side, share));
+        }
         if self.fixed.is_none() {
             block = block.allow_unconstrained();
         }
@@ -154,6 +157,10 @@ impl BuildInput {
         for &region in self.fixed.regions() {
             lattice = lattice.fix(region.of(parts)?);
         }
+        if let Some((side, share)) = base(&self.fixed)? {
+            let outermost = outermost(closed, lattice.cell_m(), side);
+            lattice = lattice.fix(outermost).fix(layer(closed.bounds_m(), side, share));
+        }
         if let FixedRegion::Vertices(vertices) = &self.fixed {
             lattice = lattice.fix_vertices(vertices)?;
         }
@@ -166,22 +173,46 @@ impl BuildInput {
         let built = lattice.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
         let MeshBody { cells, deviation_m, .. } = built;
         let (repairs, assumptions) = (closed.repairs(), closed.assumptions());
-        let report = MeshReport { repairs, assumptions, cells, deviation_m };
+        let JoinedMesh { piece_count, piece_share, .. } = *joined;
+        let report = MeshReport { repairs, assumptions, piece_count, piece_share, cells, deviation_m };
         Ok((Body::new(built.network, built.surface)?, built.skin, report))
     }
 }
 
 /// Region of the outermost layer of nodes on one side of a mesh with cells of `cell_m`: they lie outside its bounds, the next ones inside.
-fn outermost(closed: &ClosedMesh, cell_m: f64, face: BoxFace) -> Region {
-    let [low, high] = closed.bounds_m();
-    let (axis, is_high) = match face {
-        BoxFace::Left => (DVec3::X, false),
-        BoxFace::Right => (DVec3::X, true),
-        BoxFace::Bottom => (DVec3::Y, false),
-        BoxFace::Top => (DVec3::Y, true),
-        BoxFace::Front => (DVec3::Z, false),
-        BoxFace::Back => (DVec3::Z, true),
-    };
-    let (at, outward) = if is_high { (high, -axis) } else { (low, axis) };
+fn outermost(closed: &ClosedMesh, cell_m: f64, side: BoxFace) -> Region {
+    let (at, outward) = plane(closed.bounds_m(), side);
     Region::HalfSpace { point_m: at + 0.49 * cell_m * outward, outward }
+}
+
+/// Side and share of [`FixedRegion::Base`].
+fn base(fixed: &FixedRegion) -> Result<Option<(BoxFace, f64)>, BodyError> {
+    match *fixed {
+        FixedRegion::Base { share, .. } if !(share > 0.0 && share < 1.0) => {
+            let (what, allowed) = ("share of FixedRegion::Base", "above 0 and below 1");
+            Err(BodyError::Parameter { what, value: share, allowed })
+        }
+        FixedRegion::Base { side, share } => Ok(Some((side, share))),
+        _ => Ok(None),
+    }
+}
+
+/// Region within `share` of the extent of `bounds_m` from one side.
+fn layer(bounds_m: [DVec3; 2], side: BoxFace, share: f64) -> Region {
+    let (at, outward) = plane(bounds_m, side);
+    let extent_m = (bounds_m[1] - bounds_m[0]).dot(outward).abs();
+    // Outermost nodes lie up to half a cell outside; a plane through nodes contains them.
+    Region::HalfSpace { point_m: at + (share + 1e-9) * extent_m * outward, outward }
+}
+
+/// A corner of `bounds_m` on one side, and the direction from there into the bounds.
+fn plane([low, high]: [DVec3; 2], side: BoxFace) -> (DVec3, DVec3) {
+    match side {
+        BoxFace::Left => (low, DVec3::X),
+        BoxFace::Right => (high, DVec3::NEG_X),
+        BoxFace::Bottom => (low, DVec3::Y),
+        BoxFace::Top => (high, DVec3::NEG_Y),
+        BoxFace::Front => (low, DVec3::Z),
+        BoxFace::Back => (high, DVec3::NEG_Z),
+    }
 }

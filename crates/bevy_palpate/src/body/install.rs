@@ -114,9 +114,17 @@ const MAX_MASS_EXCESS: f64 = 0.01;
 
 /// Logs the repairs of a new mesh, and reports a body that is too heavy.
 fn report_mesh(faults: &mut FaultWriter, entity: Entity, body: &SimulatedBody) {
-    let Some(MeshReport { repairs, assumptions, cells, .. }) = body.report else { return };
+    let Some(MeshReport { repairs, assumptions, piece_count, piece_share, cells, .. }) = body.report else {
+        return;
+    };
     if let Some(assumptions) = assumptions {
         warn!("{entity}: {assumptions}");
+    }
+    if piece_share < 1.0 {
+        let percent = 100.0 * piece_share;
+        warn!(
+            "{entity}: the mesh has {piece_count} pieces; one with {percent:.1} % of the volume is the body: MeshShape::pieces selects others"
+        );
     }
     let MeshRepairs { welded, collapsed, duplicates, back_to_back, turned, pinched_edges } = repairs;
     // Every mesh with seams has coincident vertices: these alone are not logged.

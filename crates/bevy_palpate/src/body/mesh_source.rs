@@ -4,13 +4,13 @@ use super::shape::MeshShape;
 use crate::fault::MeshFault;
 use bevy::mesh::{Indices, Mesh, MeshAccessError, PrimitiveTopology, VertexAttributeValues};
 use glam::DVec3;
-use palpate_body::{BodyError, JoinedMesh, MeshClosing, MeshPart};
+use palpate_body::{BodyError, CellSize, JoinOptions, JoinedMesh, MeshClosing, MeshPart};
 use std::sync::Arc;
 
 /// The mesh from which a body is built.
 pub(super) enum Source {
-    /// Data of mesh assets, metres per unit, and how they are closed.
-    Raw { parts: Vec<MeshPart>, scale_m: f64, closing: MeshClosing },
+    /// Data of mesh assets, and how they are joined.
+    Raw { parts: Vec<MeshPart>, options: JoinOptions },
     /// A mesh that has been closed before.
     Closed(Arc<JoinedMesh>),
 }
@@ -25,7 +25,9 @@ impl Source {
             MeshClosing::Enclose { thickness_m: shape.thickness_m }
         };
         if scale_m.is_finite() && scale_m > 0.0 {
-            Ok(Self::Raw { parts, scale_m, closing })
+            let cells = CellSize::Along(shape.cells_along_longest_axis);
+            let options = JoinOptions { scale_m, closing, pieces: shape.pieces.into(), cells };
+            Ok(Self::Raw { parts, options })
         } else {
             Err(MeshFault::Scale(scale_m))
         }
@@ -35,7 +37,7 @@ impl Source {
     pub(super) fn close(self) -> Result<Arc<JoinedMesh>, BodyError> {
         match self {
             Self::Closed(mesh) => Ok(mesh),
-            Self::Raw { parts, scale_m, closing } => Ok(Arc::new(JoinedMesh::new(&parts, scale_m, closing)?)),
+            Self::Raw { parts, options } => Ok(Arc::new(JoinedMesh::new(&parts, options)?)),
         }
     }
 }

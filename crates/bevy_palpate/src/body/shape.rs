@@ -5,6 +5,7 @@ use super::state::BodyState;
 use super::tissue::Tissue;
 use bevy::prelude::*;
 use glam::DVec3;
+use palpate_body::PieceSelection;
 
 /// A deformable body that tools can touch: a block, or the inside of a mesh. Requires [`Tissue`], [`FixedRegion`],
 /// [`BodyState`] and [`Transform`].
@@ -82,9 +83,36 @@ pub struct MeshShape {
     /// Thickness that open parts get, m: sheets such as skin or a diaphragm. With `None` their holes count as closed. Parts without holes are
     /// unaffected.
     pub thickness_m: Option<f64>,
+    /// Which pieces become the body, of a mesh whose pieces are more than a cell apart.
+    pub pieces: MeshPieces,
     /// Number of cells along its longest side. Ten divide an organ into some hundred cells, twenty into some thousand; the time of a model
     /// step grows faster than their number. More than [`palpate_body::CellLattice::MAX_NODES`] nodes are rejected.
     pub cells_along_longest_axis: usize,
+}
+
+/// Which pieces of a mesh become the body. Pieces are what no cells connect: two kidneys in one file.
+///
+/// [`MeshReport`](crate::MeshReport) counts them. The other pieces are neither touched nor drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Debug, Default, PartialEq, Clone)]
+pub enum MeshPieces {
+    /// The piece of the largest volume.
+    #[default]
+    Largest,
+    /// The piece with this index, from 0, in the order of descending volumes.
+    Index(usize),
+    /// All pieces, as one body; with a fixed region this is rejected, because it would not hold them all.
+    All,
+}
+
+impl From<MeshPieces> for PieceSelection {
+    fn from(pieces: MeshPieces) -> Self {
+        match pieces {
+            MeshPieces::Largest => Self::Largest,
+            MeshPieces::Index(index) => Self::Index(index),
+            MeshPieces::All => Self::All,
+        }
+    }
 }
 
 impl MeshShape {
@@ -97,6 +125,7 @@ impl MeshShape {
             metres_per_unit: 1.0,
             strict: false,
             thickness_m: None,
+            pieces: MeshPieces::Largest,
             cells_along_longest_axis: 10,
         }
     }
@@ -157,6 +186,14 @@ pub enum FixedRegion {
     Face(BoxFace),
     /// Several sides.
     Faces(Vec<BoxFace>),
+    /// The nodes within a share of the extent from one side, at least those of [`Self::Face`]: the lowest fifth of an organ in a mould. The
+    /// outermost nodes of a round body are few, and hold it at a point.
+    Base {
+        /// The side.
+        side: BoxFace,
+        /// Share of the extent of the body between this side and the opposite one, above 0 and below 1.
+        share: f64,
+    },
     /// The nodes within one of these, in the body's own frame.
     Regions(Vec<BodyRegion>),
     /// Of a mesh: the nodes that carry the vertices for which this is true, one for each vertex of the mesh and of the parts of its surface.
@@ -181,7 +218,7 @@ impl FixedRegion {
         match self {
             Self::Face(face) => std::slice::from_ref(face),
             Self::Faces(faces) => faces,
-            Self::None | Self::Regions(_) | Self::Vertices(_) => &[],
+            Self::None | Self::Base { .. } | Self::Regions(_) | Self::Vertices(_) => &[],
         }
     }
 
@@ -191,7 +228,7 @@ impl FixedRegion {
 
     /// Whether no part is fixed.
     pub(super) fn is_none(&self) -> bool {
-        let is_vertices = matches!(self, Self::Vertices(_));
-        self.faces().is_empty() && self.regions().is_empty() && !is_vertices
+        let is_other = matches!(self, Self::Base { .. } | Self::Vertices(_));
+        self.faces().is_empty() && self.regions().is_empty() && !is_other
     }
 }

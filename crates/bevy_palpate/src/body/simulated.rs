@@ -175,6 +175,10 @@ pub struct MeshReport {
     pub repairs: MeshRepairs,
     /// What was assumed about the inside of a mesh that is not closed by itself.
     pub assumptions: Option<MeshAssumptions>,
+    /// Number of pieces of the mesh.
+    pub piece_count: usize,
+    /// Share of the body's pieces in the volume of all, from 0 to 1.
+    pub piece_share: f64,
     /// Cells that fill the mesh: number, size and excess mass.
     pub cells: MeshCells,
     /// Maximum distance of the surface of the mesh's inside from the surface that tools touch, m.

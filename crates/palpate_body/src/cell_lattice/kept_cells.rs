@@ -131,26 +131,24 @@ fn joined_without(grid: &CellGrid, kept: &[bool], cell: usize) -> bool {
     at_faces.into_iter().all(|i| reached[i])
 }
 
-/// Number of pieces of the kept cells, connected by faces, and a cell of the smallest.
-pub(super) fn pieces(grid: &CellGrid, cells: &[(usize, f64)]) -> (usize, usize) {
-    let mut left = vec![false; grid.cell_total()];
-    cells.iter().for_each(|(cell, _)| left[*cell] = true);
-    let (mut pieces, mut smallest) = (0, (usize::MAX, 0));
+/// Pieces of the kept cells, connected by faces: the indices of each in `cells`.
+pub(super) fn pieces(grid: &CellGrid, cells: &[(usize, f64)]) -> Vec<Vec<usize>> {
+    let mut left = vec![None; grid.cell_total()];
+    cells.iter().enumerate().for_each(|(index, (cell, _))| left[*cell] = Some(index));
+    let mut pieces = Vec::new();
     for &(start, _) in cells {
-        if !std::mem::take(&mut left[start]) {
-            continue;
-        }
-        let (mut front, mut size) = (vec![start], 1);
-        while let Some(cell) = front.pop() {
-            for (step, other) in grid.round(cell) {
-                if step.iter().map(|s| s.abs()).sum::<i32>() == 1 && std::mem::take(&mut left[other]) {
-                    size += 1;
-                    front.push(other);
+        let Some(first) = left[start].take() else { continue };
+        let mut piece = vec![first];
+        let mut next = 0;
+        while let Some(&index) = piece.get(next) {
+            next += 1;
+            for (step, other) in grid.round(cells[index].0) {
+                if step.iter().map(|s| s.abs()).sum::<i32>() == 1 {
+                    piece.extend(left[other].take());
                 }
             }
         }
-        pieces += 1;
-        smallest = smallest.min((size, start));
+        pieces.push(piece);
     }
-    (pieces, smallest.1)
+    pieces
 }

@@ -203,7 +203,7 @@ pub enum MeshError {
     },
     /// The mesh consists of pieces that share no cell.
     #[error(
-        "the mesh is in {pieces} pieces that no cells connect, one at {at_m:.4}: make a body of each, use larger cells, or \
+        "the mesh is in {pieces} pieces that no cells connect, one at {at_m:.4}: select one, make a body of each, use larger cells, or \
          allow separate parts (`allow_unconstrained`, or `FixedRegion::None` of a component)"
     )]
     Pieces {
@@ -211,6 +211,16 @@ pub enum MeshError {
         pieces: usize,
         /// Centre of a cell of the smallest piece, m.
         at_m: DVec3,
+    },
+    /// The selected piece does not exist.
+    #[error(
+        "piece {index} of the mesh is selected; it has {count} pieces, with indices from 0: change `pieces` (--piece)"
+    )]
+    Piece {
+        /// Index of the piece.
+        index: usize,
+        /// Number of pieces.
+        count: usize,
     },
     /// A region contains no part of the body.
     #[error(

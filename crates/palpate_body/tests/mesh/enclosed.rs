@@ -248,6 +248,23 @@ fn thickness_out_of_range_is_rejected() {
 }
 
 #[test]
+fn pieces_are_sorted_by_their_volumes() {
+    let apart =
+        cube(0.02).moved(DVec3::X * -0.1).and(&sphere(0.05, 8)).and(&cube(0.04).moved(DVec3::X * 0.1));
+    let mesh = enclose(&apart);
+    let pieces = mesh.pieces(CellSize::Along(22)).unwrap();
+    let triangles: Vec<usize> = pieces.iter().map(|piece| piece.triangles.len()).collect();
+    assert_eq!(triangles, [6 * 2 * 8 * 8, 12, 12]);
+    let volumes = [sphere(0.05, 8).volume(), 0.04_f64.powi(3), 0.02_f64.powi(3)];
+    for (piece, volume) in pieces.iter().zip(volumes) {
+        assert!(is_within(piece.volume_m3, volume, 1e-9), "{piece:?}");
+    }
+    assert!((pieces[2].bounds_m[0] - DVec3::new(-0.11, -0.01, -0.01)).length() < 1e-15);
+    // Larger cells connect them.
+    assert_eq!(mesh.pieces(CellSize::Along(3)).unwrap().len(), 1);
+}
+
+#[test]
 fn report_reads_as_a_sentence() {
     let mesh = enclose(&opened(cuboid(DVec3::splat(0.1), [8; 3]), |x| x.z > 0.0499));
     let text = mesh.assumptions().unwrap().to_string();

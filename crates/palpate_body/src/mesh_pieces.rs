@@ -1,0 +1,71 @@
+//! Pieces of a mesh that no cells connect.
+
+use crate::{CellLattice, CellSize, ClosedMesh, MeshError};
+use glam::DVec3;
+
+/// A piece of a mesh: its cells share no face with those of another piece.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshPiece {
+    /// Indices of its triangles in [`ClosedMesh::triangles`], ascending.
+    pub triangles: Vec<usize>,
+    /// Enclosed volume, m³.
+    pub volume_m3: f64,
+    /// Minimum and maximum coordinates of its triangles, m.
+    pub bounds_m: [DVec3; 2],
+}
+
+/// Which pieces of a mesh become the body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PieceSelection {
+    /// The piece of the largest volume.
+    #[default]
+    Largest,
+    /// The piece with this index, from 0, in the order of descending volumes.
+    Index(usize),
+    /// All pieces, as one body.
+    All,
+}
+
+impl PieceSelection {
+    /// Indices of the selected ones of `count` pieces.
+    ///
+    /// # Errors
+    /// [`MeshError::Piece`] for an index that does not exist.
+    pub(crate) fn index(self, count: usize) -> Result<Option<usize>, MeshError> {
+        match self {
+            Self::All => Ok(None),
+            Self::Largest => Ok(Some(0)),
+            Self::Index(index) if index < count => Ok(Some(index)),
+            Self::Index(index) => Err(MeshError::Piece { index, count }),
+        }
+    }
+}
+
+impl ClosedMesh {
+    /// The pieces into which cells of size `size` divide the mesh, in the order of descending volumes. Of a mesh of one piece it is all of its
+    /// triangles.
+    ///
+    /// # Errors
+    /// As [`CellLattice::fit`].
+    pub fn pieces(&self, size: CellSize) -> Result<Vec<MeshPiece>, MeshError> {
+        let at_vertex = |vertex: usize| self.vertices_m()[vertex];
+        let (volumes_m3, piece_of) = CellLattice::fit(self, size)?.pieces();
+        let empty = |&volume_m3: &f64| MeshPiece {
+            triangles: Vec::new(),
+            volume_m3,
+            bounds_m: [DVec3::INFINITY, DVec3::NEG_INFINITY],
+        };
+        let mut pieces: Vec<MeshPiece> = volumes_m3.iter().map(empty).collect();
+        for (index, t) in self.triangles().iter().enumerate() {
+            let corners = t.map(at_vertex);
+            let MeshPiece { triangles, bounds_m: [low, high], .. } =
+                &mut pieces[piece_of(corners.iter().sum::<DVec3>() / 3.0 - self.center_m())];
+            triangles.push(index);
+            for x in corners {
+                (*low, *high) = (low.min(x), high.max(x));
+            }
+        }
+        pieces.sort_by(|a, b| b.volume_m3.total_cmp(&a.volume_m3));
+        Ok(pieces)
+    }
+}
