@@ -74,7 +74,8 @@ impl LocalModelBuilder {
     /// factorisation.
     pub fn new(body: &Body, options: BuilderOptions) -> Result<Self, ReduceError> {
         options.validate()?;
-        let BuilderOptions { rings, regularisation_per_s, order_limit, support_nodes, .. } = options;
+        let BuilderOptions { rings, regularisation_per_s, .. } = options;
+        let (max_nodes, order_limit) = (options.max_nodes(), options.order_for(options.max_nodes()));
         let pattern = TangentPattern::new(body);
         let static_stiffness = StaticStiffness::new(&pattern, body, regularisation_per_s)?;
         let order_capacity = neighbourhood::Workspace::max_order(body, rings);
@@ -85,7 +86,7 @@ impl LocalModelBuilder {
         let far_field = FarField::new(body, &pattern)?;
         // A basis has at most as many columns as there are unknowns.
         let order = order_capacity.max(order_limit.min(3 * body.network().free().len()));
-        let near = near_field::capacity(body, support_nodes, order_limit);
+        let near = near_field::capacity(body, max_nodes, order_limit);
         Ok(Self {
             options,
             tangent: pattern.zero(),

@@ -83,7 +83,7 @@ impl NearFieldBuilder {
         let &BuildInput { body, tangent, contact, tool, others, options, .. } = input;
         field.clear();
         self.support.clear();
-        let limits = SupportLimits::new(contact, options, field.capacity());
+        let limits = SupportLimits::new(options, field.capacity());
         let tree = contact.shape().map(|_| {
             let tree = self.tree.get_or_insert_with(|| SurfaceTree::new(body));
             tree.refit(body);
@@ -95,7 +95,8 @@ impl NearFieldBuilder {
         };
         self.support.extend(&support.nodes);
         far_field.read_forces(body, others);
-        let basis = far_field.build_basis(body, tangent, &support.nodes, options, limits.order)?;
+        let order = options.order_for(support.nodes.len()).min(field.capacity().order);
+        let basis = far_field.build_basis(body, tangent, &support.nodes, options, order)?;
         self.write(far_field, input, &support, &basis, field).inspect_err(|_| field.clear())?;
         // The direction in which the tool pushes or moves.
         let direction = contact.normal().or(tool.velocity_m_per_s.try_normalize()).unwrap_or(DVec3::Z);

@@ -6,7 +6,9 @@ use palpate_body::Body;
 /// Maximum reduced order for which a loop allocates buffers.
 pub(crate) const MAX_ORDER: usize = 4096;
 /// Maximum number of nodes of a support set.
-const MAX_SUPPORT_NODES: usize = 32;
+const MAX_SUPPORT_NODES: usize = 96;
+/// Columns of the basis for each node of a support set of more than [`BuilderOptions::support_nodes`] nodes.
+const ORDER_PER_NODE: usize = 3;
 
 /// How the loop integrates the ticks of a near field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -38,8 +40,11 @@ pub struct BuilderOptions {
     pub basis_tolerance: f64,
     /// Maximum number of basis columns, 1 to 4096.
     pub order_limit: usize,
-    /// Maximum number of nodes of the support set of `NearFieldExact`, 3 to 32.
+    /// Maximum number of nodes of the support set of `NearFieldExact`, 3 to 96.
     pub support_nodes: usize,
+    /// Maximum number of nodes of the support set where the tool touches more than [`Self::support_nodes`], up to 96; a smaller number than
+    /// that has no effect. The basis then has up to three columns for each node, if that is more than [`Self::order_limit`].
+    pub max_support_nodes: usize,
     /// Horizon of a local model, s: the support set contains what the tool can reach within it. 0.001 to 10.
     pub horizon_s: f64,
     /// Integrator of the ticks of `NearFieldExact`.
@@ -47,7 +52,7 @@ pub struct BuilderOptions {
 }
 
 impl Default for BuilderOptions {
-    /// Ticks of 1 ms, one ring, σ₀ of 2π · 0.01 s⁻¹, one shift at 20 Hz, tolerance 1e-9, order 48, 9 support nodes, a horizon of 0.1 s, and
+    /// Ticks of 1 ms, one ring, σ₀ of 2π · 0.01 s⁻¹, one shift at 20 Hz, tolerance 1e-9, order 48, 9 support nodes (24 under a large tool), a horizon of 0.1 s, and
     /// the integrator selected by its cost.
     fn default() -> Self {
         Self {
@@ -58,6 +63,7 @@ impl Default for BuilderOptions {
             basis_tolerance: 1e-9,
             order_limit: 48,
             support_nodes: 9,
+            max_support_nodes: 24,
             horizon_s: 0.1,
             integrator: LocalIntegrator::Auto,
         }
@@ -69,21 +75,43 @@ impl BuilderOptions {
     pub const REACH_SPEED_M_PER_S: f64 = 0.2;
 
     /// The defaults for `body`. If cells carry its surface, a surface point has eight nodes: the support set then has up to 27
-    /// nodes, those of eight cells, and the basis up to 96 columns.
+    /// nodes, those of eight cells, or 64 under a large tool, and the basis up to 96 columns, or 192.
     #[must_use]
     pub fn of(body: &Body) -> Self {
         let is_embedded = body.surface().points.iter().any(|point| point.nodes().len() > 1);
         if is_embedded {
-            Self { support_nodes: 27, order_limit: 96, ..Self::default() }
+            Self { support_nodes: 27, max_support_nodes: 64, order_limit: 96, ..Self::default() }
         } else {
             Self::default()
         }
     }
 
+    /// Maximum number of nodes of any support set.
+    pub(crate) fn max_nodes(&self) -> usize {
+        self.max_support_nodes.max(self.support_nodes)
+    }
+
+    /// Maximum number of basis columns for a support set of `nodes` nodes.
+    pub(crate) fn order_for(&self, nodes: usize) -> usize {
+        if nodes > self.support_nodes {
+            self.order_limit.max(ORDER_PER_NODE * nodes)
+        } else {
+            self.order_limit
+        }
+    }
+
     /// Checks the ranges of all options.
     pub(crate) fn validate(&self) -> Result<(), ReduceError> {
-        let Self { tick_s, rings, regularisation_per_s, basis_tolerance, order_limit, support_nodes, .. } =
-            *self;
+        let Self {
+            tick_s,
+            rings,
+            regularisation_per_s,
+            basis_tolerance,
+            order_limit,
+            support_nodes,
+            max_support_nodes,
+            ..
+        } = *self;
         let bad_shift = self.shifts_hz.into_iter().flatten().find(|hz| !(hz.is_finite() && *hz > 0.0));
         let substeps = match self.integrator {
             LocalIntegrator::Implicit { substeps } => substeps,
@@ -112,7 +140,13 @@ impl BuilderOptions {
                 "nodes of the support set",
                 support_nodes as f64,
                 (3..=MAX_SUPPORT_NODES).contains(&support_nodes),
-                "3 to 32",
+                "3 to 96",
+            ),
+            (
+                "nodes of the support set under a large tool",
+                max_support_nodes as f64,
+                max_support_nodes <= MAX_SUPPORT_NODES,
+                "at most 96",
             ),
         ] {
             if !ok {

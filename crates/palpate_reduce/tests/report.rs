@@ -105,15 +105,15 @@ fn report_matches_the_built_model() {
     assert_eq!(report.integrator, Some(TickIntegrator::Explicit { substeps: 4 }));
     assert!(report.time_s > 0.0 && report.error_bound.is_some_and(|bound| bound < 0.05), "{report:?}");
     // A ball that stays, or slides over one node spacing of 20 mm within the horizon, touches no more than nine nodes. One that slides
-    // over three of them touches more, for which thirty-two nodes suffice.
+    // over three of them touches more, for which the support set grows.
     assert!(!report.support_truncated);
     let slides = |v: f64| ToolPoint { velocity_m_per_s: DVec3::X * v, ..above(0.052) };
     let horizon_s = BuilderOptions::default().horizon_s;
     let truncated = |v: f64, options| build(&body, &ball, slides(v), options).0.support_truncated;
     assert!(!truncated(0.02 / horizon_s, BuilderOptions::default()));
-    assert!(truncated(0.06 / horizon_s, BuilderOptions::default()));
-    let large = BuilderOptions { support_nodes: 32, ..BuilderOptions::default() };
-    assert!(!truncated(0.06 / horizon_s, large));
+    let nine = BuilderOptions { max_support_nodes: 9, ..BuilderOptions::default() };
+    assert!(truncated(0.06 / horizon_s, nine));
+    assert!(!truncated(0.06 / horizon_s, BuilderOptions::default()));
     // A stiff body has implicit ticks; a tool out of reach has no support set.
     let (stiff, _) = build(&block(50e3), &ball, above(0.056), BuilderOptions::default());
     assert_eq!(stiff.integrator, Some(TickIntegrator::Implicit { substeps: 2 }));

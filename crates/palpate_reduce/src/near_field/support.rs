@@ -6,28 +6,22 @@ use palpate_body::{Body, SurfaceTree, ToolContact, ToolPoint};
 use palpate_laws::ToolShape;
 use palpate_local::{NearFieldCapacity, Support};
 use std::cmp::Ordering;
-use std::collections::BTreeSet;
 
-/// Maximum sizes of a support set and its basis.
+/// Maximum sizes of a support set.
 pub(super) struct SupportLimits {
     /// Maximum number of nodes.
-    pub(super) nodes: usize,
-    /// Maximum number of columns of the basis.
-    pub(super) order: usize,
+    nodes: usize,
+    /// Maximum number of nodes that carry triangles which the tool touches, or will first touch.
+    touched_nodes: usize,
     /// Maximum number of triangles.
-    pub(super) triangles: usize,
+    triangles: usize,
 }
 
 impl SupportLimits {
-    /// The limits of `options`, raised where the tool touches more nodes: the surface around a large tool needs nodes too. `capacity` bounds
-    /// them.
-    pub(super) fn new(contact: &ToolContact, options: &BuilderOptions, capacity: NearFieldCapacity) -> Self {
-        let touched: BTreeSet<usize> =
-            contact.touched().iter().flat_map(|t| t.nodes.iter().map(|n| n.0)).collect();
-        let nodes = options.support_nodes.max(touched.len() + touched.len() / 3).min(capacity.nodes);
-        let order = if nodes > options.support_nodes { 4 * nodes } else { 0 };
-        let order = options.order_limit.max(order).min(capacity.order);
-        Self { nodes, order, triangles: capacity.triangles }
+    /// The limits of `options`, which `capacity` bounds.
+    pub(super) fn new(options: &BuilderOptions, capacity: NearFieldCapacity) -> Self {
+        let nodes = options.support_nodes.min(capacity.nodes);
+        Self { nodes, touched_nodes: capacity.nodes, triangles: capacity.triangles }
     }
 }
 
@@ -100,7 +94,13 @@ impl SupportSet {
                     new.push(node);
                 }
             }
-            if nodes.len() + new.len() <= limits.nodes && triangles.len() < limits.triangles {
+            let max_nodes =
+                if expected.is_touched || touched.is_empty() && expected.is_within(shape.radius_m()) {
+                    limits.touched_nodes
+                } else {
+                    limits.nodes
+                };
+            if nodes.len() + new.len() <= max_nodes && triangles.len() < limits.triangles {
                 nodes.extend(new);
                 triangles.push(triangle);
             } else {
