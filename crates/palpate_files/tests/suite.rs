@@ -1,5 +1,6 @@
 //! All tests of the crate.
 
+mod broken;
 mod compressed;
 mod cube;
 mod errors;
