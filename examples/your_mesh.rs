@@ -1,4 +1,4 @@
-//! This example demonstrates a body from a glTF or GLB file: its meshes are joined to one mesh, whose inside becomes the body, and a tool taps
+//! This example demonstrates a body from a mesh file: its meshes are joined to one mesh, whose inside becomes the body, and a tool taps
 //! it from above. A mesh that cannot be used is reported with the remedy.
 
 use bevy::prelude::*;
@@ -7,7 +7,7 @@ use bevy_palpate::{ForceError, HapticSystems, MeshPieces, MeshShape, ModelSchedu
 use clap::Parser;
 use glam::DVec2;
 use palpate_haptics::Reading;
-use palpate_stage::{MeshFile, SetUpHands, SetUpScene, Stage, StageOptions, register_hand};
+use palpate_stage::{MeshFile, Selection, SetUpHands, SetUpScene, Stage, StageOptions, register_hand};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -20,11 +20,17 @@ use std::path::PathBuf;
 struct Options {
     #[command(flatten)]
     stage: StageOptions,
-    /// A .glb or .gltf file
+    /// A .glb, .gltf, .obj, .stl or .ply file
     file: PathBuf,
-    /// Use only the mesh with this index, from 0
+    /// List the primitives of the file, and end
     #[arg(long)]
+    list: bool,
+    /// Use only the mesh with this index, from 0
+    #[arg(long, conflicts_with = "node")]
     mesh: Option<usize>,
+    /// Use only the nodes with this name
+    #[arg(long, value_name = "NAME")]
+    node: Option<String>,
     /// Metres per unit of the mesh: 0.001 for millimetres
     #[arg(long, default_value_t = 1.0)]
     scale: f64,
@@ -70,7 +76,24 @@ struct Tap {
 
 fn main() -> AppExit {
     let options = Options::parse();
-    let MeshFile { mesh, bounds, parts } = match MeshFile::read(&options.file, options.mesh) {
+    if options.list {
+        return match MeshFile::list(&options.file) {
+            Ok(list) => {
+                let _ = write!(std::io::stdout(), "{list}");
+                AppExit::Success
+            }
+            Err(error) => {
+                let _ = writeln!(std::io::stderr(), "error: {error}");
+                AppExit::error()
+            }
+        };
+    }
+    let selection = match (options.mesh, &options.node) {
+        (Some(index), _) => Selection::Mesh(index),
+        (None, Some(name)) => Selection::Node(name.clone()),
+        (None, None) => Selection::All,
+    };
+    let MeshFile { mesh, bounds, parts } = match MeshFile::read(&options.file, &selection) {
         Ok(file) => file,
         Err(error) => {
             let _ = writeln!(std::io::stderr(), "error: {error}");

@@ -1,24 +1,33 @@
-//! Reads a glTF or GLB file as one mesh.
+//! Reads a file as one mesh.
 
-use crate::assets;
-use bevy::app::ScheduleRunnerPlugin;
-use bevy::asset::{AssetPath, LoadState, RenderAssetUsages};
-use bevy::gltf::{Gltf, GltfLoaderSettings, GltfMesh};
-use bevy::mesh::{Indices, PrimitiveTopology, VertexAttributeValues};
+use bevy::asset::RenderAssetUsages;
+use bevy::mesh::{Indices, PrimitiveTopology};
 use bevy::prelude::*;
 use glam::DVec3;
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use palpate_files::MeshPiece;
+use std::path::Path;
 
 /// Content of a file.
 #[derive(Clone, Debug)]
 pub struct MeshFile {
-    /// All triangles, transformed by the nodes of the file.
+    /// All selected triangles, transformed by the nodes of the file.
     pub mesh: Mesh,
     /// Corners of the bounding box, in the units of the file.
     pub bounds: [DVec3; 2],
     /// Number of joined primitives.
     pub parts: usize,
+}
+
+/// Which primitives of a file are read.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Selection {
+    /// All.
+    #[default]
+    All,
+    /// Those of the mesh with this index.
+    Mesh(usize),
+    /// Those of the nodes with this name.
+    Node(String),
 }
 
 /// Reason why a file cannot be read as a mesh, with the remedy.
@@ -33,149 +42,79 @@ impl std::fmt::Display for MeshFileError {
 
 impl std::error::Error for MeshFileError {}
 
-/// Maximum time to load a file.
-const TIMEOUT: Duration = Duration::from_secs(60);
-
 impl MeshFile {
-    /// Reads the default scene of the file at `path`, or only the mesh with index `only` in it, without textures.
+    /// Reads the selected primitives of the file at `path`.
     ///
     /// # Errors
-    /// [`MeshFileError`] if the file does not exist, is no glTF, or has no triangles.
-    #[expect(
-        clippy::disallowed_methods,
-        reason = "the file is loaded before the start of the app with loops"
-    )]
-    pub fn read(path: &Path, only: Option<usize>) -> Result<Self, MeshFileError> {
+    /// [`MeshFileError`] if the file cannot be read, or nothing is selected.
+    pub fn read(path: &Path, selection: &Selection) -> Result<Self, MeshFileError> {
         let error = |reason: String| MeshFileError(format!("{}: {reason}", path.display()));
-        let is_gltf = path
-            .extension()
-            .is_some_and(|ending| ending.eq_ignore_ascii_case("glb") || ending.eq_ignore_ascii_case("gltf"));
-        if !is_gltf {
-            return Err(error("the file must end in .glb or .gltf; export the mesh in this format".into()));
-        }
-        let path: PathBuf =
-            path.canonicalize().map_err(|source| error(format!("the file cannot be read: {source}")))?;
-        let mut app = App::new();
-        app.add_plugins(MinimalPlugins.set(ScheduleRunnerPlugin::run_once()));
-        assets::add_without_window(&mut app);
-        app.finish();
-        app.cleanup();
-        let settings = |settings: &mut GltfLoaderSettings| {
-            settings.load_meshes = RenderAssetUsages::MAIN_WORLD;
-            settings.load_materials = RenderAssetUsages::empty();
-            (settings.load_cameras, settings.load_lights, settings.load_animations) = (false, false, false);
-            settings.include_source = true;
+        let file = palpate_files::MeshFile::read(path).map_err(|source| error(source.to_string()))?;
+        let selected: Vec<&MeshPiece> = match selection {
+            Selection::All => file.pieces.iter().collect(),
+            Selection::Mesh(index) => file.of_mesh(*index).collect(),
+            Selection::Node(name) => file.of_node(name).collect(),
         };
-        // Parsing the path as text would give a # in it a special meaning.
-        let builder = app.world().resource::<AssetServer>().load_builder().with_settings(settings);
-        let file: Handle<Gltf> = builder.load(AssetPath::from_path_buf(path));
-        let start = Instant::now();
-        loop {
-            app.update();
-            match app.world().resource::<AssetServer>().load_state(&file) {
-                LoadState::Failed(source) => {
-                    return Err(error(format!("the file is not a valid glTF file: {source}")));
-                }
-                LoadState::Loaded if app.world().resource::<Assets<Gltf>>().contains(&file) => break,
-                _ if start.elapsed() > TIMEOUT => {
-                    return Err(error(format!("the file is not loaded after {} s", TIMEOUT.as_secs())));
-                }
-                _ => std::thread::sleep(Duration::from_millis(1)),
-            }
+        if selected.is_empty() {
+            return Err(error(format!(
+                "nothing in it is {}; --list lists its content",
+                described(selection)
+            )));
         }
-        join(app.world(), &file, only).map_err(error)
+        Ok(join(&selected))
+    }
+
+    /// Lists the primitives of the file at `path`, a line each.
+    ///
+    /// # Errors
+    /// [`MeshFileError`] if the file cannot be read.
+    pub fn list(path: &Path) -> Result<String, MeshFileError> {
+        let file = palpate_files::MeshFile::read(path)
+            .map_err(|source| MeshFileError(format!("{}: {source}", path.display())))?;
+        let line = |piece: &MeshPiece| {
+            let name = |name: &Option<String>| name.clone().unwrap_or_else(|| "-".into());
+            format!(
+                "mesh {} primitive {}  node {}  mesh name {}  material {}  {} triangles\n",
+                piece.mesh,
+                piece.primitive,
+                name(&piece.node),
+                name(&piece.mesh_name),
+                name(&piece.material),
+                piece.triangles.len()
+            )
+        };
+        Ok(file.pieces.iter().map(line).collect())
     }
 }
 
-/// Joins the meshes of the nodes of a file.
-fn join(world: &World, file: &Handle<Gltf>, only: Option<usize>) -> Result<MeshFile, String> {
-    let gltf = world.resource::<Assets<Gltf>>().get(file).ok_or("the asset was removed")?;
-    let source = gltf.source.as_ref().ok_or("the file has no nodes")?;
-    if let Some(index) = only.filter(|index| *index >= gltf.meshes.len()) {
-        return Err(format!("mesh {index} does not exist; the index must be below {}", gltf.meshes.len()));
+fn described(selection: &Selection) -> String {
+    match selection {
+        Selection::All => "a triangle".into(),
+        Selection::Mesh(index) => format!("mesh {index}"),
+        Selection::Node(name) => format!("a node with the name {name}"),
     }
-    let mut nodes: Vec<_> = match source.default_scene().or(source.scenes().next()) {
-        Some(scene) => scene.nodes().map(|node| (node, Mat4::IDENTITY)).collect(),
-        None => Vec::new(),
+}
+
+/// Joins `pieces`. The mesh has normals if all of them have some.
+fn join(pieces: &[&MeshPiece]) -> MeshFile {
+    let (mut positions, mut normals, mut corners) = (Vec::new(), Vec::<[f32; 3]>::new(), Vec::new());
+    for piece in pieces {
+        let first = positions.len() as u32;
+        positions.extend_from_slice(&piece.vertices);
+        normals.extend(piece.normals.iter().flatten());
+        corners.extend(piece.triangles.iter().flatten().map(|corner| first + corner));
+    }
+    let corner = |pick: fn(DVec3, DVec3) -> DVec3| {
+        positions.iter().map(|p| Vec3::from_array(*p).as_dvec3()).reduce(pick).unwrap_or_default()
     };
-    let mut placed = Vec::new();
-    while let Some((node, above)) = nodes.pop() {
-        let at = above * Mat4::from_cols_array_2d(&node.transform().matrix());
-        placed.extend(node.mesh().map(|mesh| (mesh.index(), at)));
-        nodes.extend(node.children().map(|child| (child, at)));
+    let bounds = [corner(DVec3::min), corner(DVec3::max)];
+    let mut mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default());
+    if normals.len() == positions.len() {
+        mesh.insert_attribute(Mesh::ATTRIBUTE_NORMAL, normals);
     }
-    // Without nodes with meshes, all meshes are used untransformed.
-    if placed.is_empty() {
-        placed.extend((0..gltf.meshes.len()).map(|index| (index, Mat4::IDENTITY)));
-    }
-    placed.retain(|(index, _)| only.is_none_or(|only| only == *index));
-    let mut whole = Whole::default();
-    for (index, at) in placed {
-        let mesh = gltf.meshes.get(index).and_then(|mesh| world.resource::<Assets<GltfMesh>>().get(mesh));
-        for part in mesh.map_or(&[][..], |mesh| &mesh.primitives) {
-            let part = world.resource::<Assets<Mesh>>().get(&part.mesh).ok_or("a mesh asset was removed")?;
-            whole.add(part, at).map_err(|reason| format!("mesh {index} {reason}"))?;
-        }
-    }
-    whole.finish()
-}
-
-/// The joined mesh.
-#[derive(Default)]
-struct Whole {
-    positions: Vec<[f32; 3]>,
-    /// Normals of the parts that have some.
-    normals: Vec<[f32; 3]>,
-    corners: Vec<u32>,
-    parts: usize,
-}
-
-impl Whole {
-    fn add(&mut self, part: &Mesh, at: Mat4) -> Result<(), String> {
-        if part.primitive_topology() != PrimitiveTopology::TriangleList {
-            return Err(format!("is a {:?}; it must be a TriangleList", part.primitive_topology()));
-        }
-        let Some(VertexAttributeValues::Float32x3(positions)) = part.attribute(Mesh::ATTRIBUTE_POSITION)
-        else {
-            return Err("has no positions of three numbers each".into());
-        };
-        let first = self.positions.len() as u32;
-        self.positions.extend(positions.iter().map(|p| at.transform_point3((*p).into()).to_array()));
-        if let Some(VertexAttributeValues::Float32x3(normals)) = part.attribute(Mesh::ATTRIBUTE_NORMAL) {
-            let transform = Mat3::from_mat4(at).inverse().transpose();
-            self.normals
-                .extend(normals.iter().map(|n| (transform * Vec3::from(*n)).normalize_or_zero().to_array()));
-        }
-        let start = self.corners.len();
-        match part.indices() {
-            Some(Indices::U16(indices)) => self.corners.extend(indices.iter().map(|&i| first + u32::from(i))),
-            Some(Indices::U32(indices)) => self.corners.extend(indices.iter().map(|&i| first + i)),
-            None => self.corners.extend((0..positions.len() as u32).map(|i| first + i)),
-        }
-        // Reverses the winding of a mirrored part.
-        if at.determinant() < 0.0 {
-            self.corners[start..].chunks_exact_mut(3).for_each(|triangle| triangle.swap(1, 2));
-        }
-        self.parts += 1;
-        Ok(())
-    }
-
-    fn finish(self) -> Result<MeshFile, String> {
-        if self.corners.is_empty() {
-            return Err("the file has no triangles; export a closed mesh".into());
-        }
-        let corner = |pick: fn(DVec3, DVec3) -> DVec3| {
-            self.positions.iter().map(|p| Vec3::from(*p).as_dvec3()).reduce(pick).unwrap_or_default()
-        };
-        let bounds = [corner(DVec3::min), corner(DVec3::max)];
-        let mut mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default());
-        if self.normals.len() == self.positions.len() {
-            mesh.insert_attribute(Mesh::ATTRIBUTE_NORMAL, self.normals);
-        }
-        mesh.insert_attribute(Mesh::ATTRIBUTE_POSITION, self.positions);
-        mesh.insert_indices(Indices::U32(self.corners));
-        Ok(MeshFile { mesh, bounds, parts: self.parts })
-    }
+    mesh.insert_attribute(Mesh::ATTRIBUTE_POSITION, positions);
+    mesh.insert_indices(Indices::U32(corners));
+    MeshFile { mesh, bounds, parts: pieces.len() }
 }
 
 #[cfg(test)]

@@ -38,7 +38,7 @@ const ALLOWED: [(&str, &[&str]); 10] = [
             "clap",
             "ctrlc",
             "glam",
-            "gltf",
+            "palpate_files",
             "indicatif",
             "plotters",
             "serde",

@@ -186,11 +186,12 @@ pub(super) fn start_loops(
 }
 
 /// Capacity for the local models of any two bodies that a tool may touch while its loop runs.
-const MAX_CAPACITY: Capacity = Capacity { order: 96, near: OF_BODY, second: OF_BODY };
+const MAX_CAPACITY: Capacity = Capacity { order: 192, near: OF_BODY, second: OF_BODY };
 
-/// Capacity for a body: for support sets of 27 nodes, as surfaces embedded in cells need them, each with eight points of the surface.
+/// Capacity for a body: for support sets of 64 nodes, as surfaces embedded in cells need them under a large tool, and ten points of the
+/// surface for each.
 const OF_BODY: NearFieldCapacity =
-    NearFieldCapacity { nodes: 27, order: 96, ring: 400, springs: 702, points: 216, triangles: 864 };
+    NearFieldCapacity { nodes: 64, order: 192, ring: 950, springs: 1664, points: 640, triangles: 1280 };
 
 fn start(
     device: Box<dyn HapticDevice>,

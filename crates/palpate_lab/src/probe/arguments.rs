@@ -28,7 +28,7 @@ pub(crate) struct Probe {
     /// Edge of the block along x, m; its cells are cubes
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.1, conflicts_with = "mesh", help_heading = "Body")]
     pub(super) edge_m: f64,
-    /// Body from a closed mesh: the default scene of a .glb or .gltf file
+    /// Body from a closed mesh: a .glb, .gltf, .obj, .stl or .ply file
     #[arg(long, value_name = "FILE", help_heading = "Body")]
     pub(super) mesh: Option<PathBuf>,
     /// Cells along the longest side of the mesh
