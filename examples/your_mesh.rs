@@ -48,7 +48,7 @@ struct Options {
     cells: usize,
     /// Place of the tap: x and z from the middle of the body, mm; by default the middle of its top
     #[arg(long, value_name = "X,Z", value_parser = place, allow_hyphen_values = true)]
-    at: Option<DVec2>,
+    tap: Option<DVec2>,
     /// Young's modulus, Pa
     #[arg(long, default_value_t = 10e3)]
     youngs_modulus: f64,
@@ -169,7 +169,7 @@ fn set_up_hand(world: &mut World) {
     let corner = |pick: fn(DVec3, DVec3) -> DVec3| points().reduce(pick).unwrap_or_default();
     let (low_m, high_m) = (corner(DVec3::min), corner(DVec3::max));
     let (side_m, middle_m) = ((high_m - low_m).min_element(), 0.5 * (low_m + high_m).xz());
-    let found = match world.resource::<Options>().at {
+    let found = match world.resource::<Options>().tap {
         Some(at_mm) => top_at(body, middle_m + 1e-3 * at_mm),
         // There may be a hole in the middle.
         None => top_at(body, middle_m).or_else(|| {
@@ -180,7 +180,7 @@ fn set_up_hand(world: &mut World) {
         }),
     };
     let Some(top_m) = found else {
-        let _ = writeln!(std::io::stderr(), "error: no part of the body is at this place; change --at");
+        let _ = writeln!(std::io::stderr(), "error: no part of the body is at this place; change --tap");
         world.write_message(AppExit::error());
         return;
     };

@@ -110,8 +110,8 @@ fn support_set_is_truncated_only_under_a_wide_tool() {
             assert_eq!(truncated(of_mesh, 0.005, speed_m_per_s), (18, 0), "{of_mesh} {speed_m_per_s}");
         }
     }
-    // A ball of 6 cm under which lie more nodes than a support set has.
-    let (built, truncated) = truncated(true, 0.03, 0.1);
+    // A ball of 9 cm under which lie more nodes than a support set has.
+    let (built, truncated) = truncated(true, 0.045, 0.1);
     assert!(built == 18 && truncated > 9, "{truncated} of {built}");
 }
 

@@ -40,7 +40,7 @@
 //! The [guide] goes from the first body to a driver of your own. The items by topic; the [`prelude`] has those that nearly every app names,
 //! all others are at the root of the crate:
 //!
-//! * Bodies: [`DeformableBody`], a block or a closed mesh ([`MeshShape`]), with [`Tissue`], [`FixedRegion`] of a [`BoxFace`] or of
+//! * Bodies: [`DeformableBody`], a block or a mesh ([`MeshShape`], [`MeshPieces`]), with [`Tissue`], [`FixedRegion`] of a [`BoxFace`] or of
 //!   [`BodyRegion`]s, [`Inclusions`] of [`Inclusion`]s, [`Slit`], [`KinematicBody`] and [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the
 //!   full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`]; places on and in bodies [`BodyQuery`], [`BodySurfacePoint`].
 //! * Surroundings: [`Gravity`] and [`GravityScale`]; [`Obstacle`] of an [`ObstacleShape`], with the result [`ObstacleForce`];

@@ -83,7 +83,7 @@ impl NearFieldBuilder {
         let &BuildInput { body, tangent, contact, tool, others, options, .. } = input;
         field.clear();
         self.support.clear();
-        let limits = SupportLimits::new(options, field.capacity());
+        let limits = SupportLimits::new(contact, options, field.capacity());
         let tree = contact.shape().map(|_| {
             let tree = self.tree.get_or_insert_with(|| SurfaceTree::new(body));
             tree.refit(body);

@@ -6,6 +6,7 @@ use palpate_body::{Body, SurfaceTree, ToolContact, ToolPoint};
 use palpate_laws::ToolShape;
 use palpate_local::{NearFieldCapacity, Support};
 use std::cmp::Ordering;
+use std::collections::BTreeSet;
 
 /// Maximum sizes of a support set.
 pub(super) struct SupportLimits {
@@ -18,12 +19,18 @@ pub(super) struct SupportLimits {
 }
 
 impl SupportLimits {
-    /// The limits of `options`, which `capacity` bounds.
-    pub(super) fn new(options: &BuilderOptions, capacity: NearFieldCapacity) -> Self {
-        let nodes = options.support_nodes.min(capacity.nodes);
+    /// The limits of `options`, raised where the tool touches more nodes: it slides onto others. `capacity` bounds them.
+    pub(super) fn new(contact: &ToolContact, options: &BuilderOptions, capacity: NearFieldCapacity) -> Self {
+        let touched: BTreeSet<usize> =
+            contact.touched().iter().flat_map(|t| t.nodes.iter().map(|n| n.0)).collect();
+        let beside = (touched.len() / 3).min(MAX_NODES_BESIDE);
+        let nodes = options.support_nodes.max(touched.len() + beside).min(capacity.nodes);
         Self { nodes, touched_nodes: capacity.nodes, triangles: capacity.triangles }
     }
 }
+
+/// Maximum number of nodes beside the touched ones where these are more than usual.
+const MAX_NODES_BESIDE: usize = 4;
 
 /// A support set S, and how the tool acts on it.
 pub(super) struct SupportSet {
