@@ -46,7 +46,7 @@ struct Options {
     /// Number of cells along the longest side
     #[arg(long, default_value_t = 10)]
     cells: usize,
-    /// Place of the tap: x and z from the middle of the body, mm; by default the middle of its top
+    /// Place of the tap: x and z from the centre of mass, mm; by default the top above it
     #[arg(long, value_name = "X,Z", value_parser = place, allow_hyphen_values = true)]
     tap: Option<DVec2>,
     /// Young's modulus, Pa
@@ -168,10 +168,13 @@ fn set_up_hand(world: &mut World) {
     let points = || body.surface().points.iter().map(|point| point.of(body.positions_m()));
     let corner = |pick: fn(DVec3, DVec3) -> DVec3| points().reduce(pick).unwrap_or_default();
     let (low_m, high_m) = (corner(DVec3::min), corner(DVec3::max));
-    let (side_m, middle_m) = ((high_m - low_m).min_element(), 0.5 * (low_m + high_m).xz());
+    let side_m = (high_m - low_m).min_element();
+    let masses = body.network().mass_kg();
+    let moment: DVec3 = body.positions_m().iter().zip(masses).map(|(x, mass_kg)| *mass_kg * *x).sum();
+    let middle_m = (moment / masses.iter().sum::<f64>()).xz();
     let found = match world.resource::<Options>().tap {
         Some(at_mm) => top_at(body, middle_m + 1e-3 * at_mm),
-        // There may be a hole in the middle.
+        // There may be a hole.
         None => top_at(body, middle_m).or_else(|| {
             let distance = |x: &DVec3| x.xz().distance(middle_m);
             points()
