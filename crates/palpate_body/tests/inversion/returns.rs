@@ -88,7 +88,7 @@ fn bar_drawn_slowly_to_150_or_60_percent_and_released_returns_to_rest() {
 #[test]
 fn block_pressed_30_mm_by_a_held_node_or_a_ball_returns_to_rest() {
     for (integrator, holds) in integrators().into_iter().flat_map(|i| [true, false].map(|holds| (i, holds))) {
-        let mut body = block([9; 3], DVec3::splat(0.1), &Tissue::default());
+        let mut body = block([11; 3], DVec3::splat(0.1), &Tissue::default());
         let radius_m = if holds { 0.0 } else { 0.01 };
         let place = |i: usize| ToolPoint {
             position_m: DVec3::Y * (0.05 + radius_m - 0.03 * i as f64 / 500.0),
@@ -96,7 +96,7 @@ fn block_pressed_30_mm_by_a_held_node_or_a_ball_returns_to_rest() {
         };
         let path: Vec<ToolPoint> = (0..=500).map(place).collect();
         let mut tool = if holds {
-            ToolContact::hold(&body, 4 + 9 * (8 + 9 * 4), path[0].position_m).unwrap()
+            ToolContact::hold(&body, 5 + 11 * (10 + 11 * 5), path[0].position_m).unwrap()
         } else {
             ToolContact::touch(ToolShape::Sphere { radius_m }, 0.3).unwrap()
         };
