@@ -42,7 +42,7 @@ pub struct BuilderOptions {
     pub order_limit: usize,
     /// Maximum number of nodes of the support set of `NearFieldExact`, 3 to 96.
     pub support_nodes: usize,
-    /// Maximum number of nodes of the support set where the tool touches more than [`Self::support_nodes`], up to 96; a smaller number than
+    /// Capacity for nodes of the support set where the tool touches more than [`Self::support_nodes`], up to 96; a smaller number than
     /// that has no effect. The basis then has up to three columns for each node, if that is more than [`Self::order_limit`].
     pub max_support_nodes: usize,
     /// Horizon of a local model, s: the support set contains what the tool can reach within it. 0.001 to 10.
@@ -52,7 +52,7 @@ pub struct BuilderOptions {
 }
 
 impl Default for BuilderOptions {
-    /// Ticks of 1 ms, one ring, σ₀ of 2π · 0.01 s⁻¹, one shift at 20 Hz, tolerance 1e-9, order 48, 9 support nodes (24 under a large tool), a horizon of 0.1 s, and
+    /// Ticks of 1 ms, one ring, σ₀ of 2π · 0.01 s⁻¹, one shift at 20 Hz, tolerance 1e-9, order 48, 9 support nodes, a horizon of 0.1 s, and
     /// the integrator selected by its cost.
     fn default() -> Self {
         Self {
@@ -63,7 +63,7 @@ impl Default for BuilderOptions {
             basis_tolerance: 1e-9,
             order_limit: 48,
             support_nodes: 9,
-            max_support_nodes: 24,
+            max_support_nodes: 9,
             horizon_s: 0.1,
             integrator: LocalIntegrator::Auto,
         }

@@ -111,9 +111,13 @@ fn report_matches_the_built_model() {
     let horizon_s = BuilderOptions::default().horizon_s;
     let truncated = |v: f64, options| build(&body, &ball, slides(v), options).0.support_truncated;
     assert!(!truncated(0.02 / horizon_s, BuilderOptions::default()));
-    let nine = BuilderOptions { max_support_nodes: 9, ..BuilderOptions::default() };
-    assert!(truncated(0.06 / horizon_s, nine));
-    assert!(!truncated(0.06 / horizon_s, BuilderOptions::default()));
+    assert!(truncated(0.06 / horizon_s, BuilderOptions::default()));
+    for large in [
+        BuilderOptions { support_nodes: 32, ..BuilderOptions::default() },
+        BuilderOptions { max_support_nodes: 24, ..BuilderOptions::default() },
+    ] {
+        assert!(!truncated(0.06 / horizon_s, large));
+    }
     // A stiff body has implicit ticks; a tool out of reach has no support set.
     let (stiff, _) = build(&block(50e3), &ball, above(0.056), BuilderOptions::default());
     assert_eq!(stiff.integrator, Some(TickIntegrator::Implicit { substeps: 2 }));

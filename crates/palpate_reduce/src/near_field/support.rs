@@ -90,8 +90,11 @@ impl SupportSet {
                 expected.is_touched = !touched.is_empty() && nodes.all(|(node, _)| touched.contains(node));
                 (expected, triangle)
             })
+            // A box has corners beyond the reach, which depend on its orientation.
+            .filter(|(expected, _)| expected.is_touched || expected.start_m <= around)
             .collect();
-        near.sort_by(|(a, _), (b, _)| a.order(b));
+        let resolution_m = ORDER_RESOLUTION * around;
+        near.sort_by(|(a, i), (b, j)| a.order(b, resolution_m).then(i.cmp(j)));
         let (mut nodes, mut triangles, mut is_truncated) = (Vec::new(), Vec::new(), false);
         for (expected, triangle) in near {
             let corners = surface.triangles()[triangle];
@@ -137,6 +140,9 @@ impl SupportSet {
 /// Number of intervals into which the tool's path is divided, and weight of the distance along the path.
 const PATH_INTERVALS: u32 = 8;
 const PATH_WEIGHT: f64 = 0.3;
+/// Resolution of the distances that are compared, relative to the reach of the tool, and offset of the limits between them.
+const ORDER_RESOLUTION: f64 = 1e-6;
+const OFF_LIMITS: f64 = 0.37;
 
 /// How soon a tool of constant velocity reaches a triangle.
 struct Expected {
@@ -144,6 +150,8 @@ struct Expected {
     is_touched: bool,
     /// Whether the tool is behind the triangle.
     is_behind: bool,
+    /// Distance of the triangle from the tool's centre, m.
+    start_m: f64,
     /// Distance of the triangle from the path of the tool's centre, m.
     distance_m: f64,
     /// The same, plus a share of the distance along the path, m.
@@ -155,7 +163,7 @@ impl Expected {
     fn on_path(at: DVec3, path: DVec3, corners: [DVec3; 3]) -> Self {
         let [a, b, c] = corners;
         let is_behind = (at - a).dot((b - a).cross(c - a)) < 0.0;
-        let (mut distance_m, mut weighted_m) = (f64::INFINITY, f64::INFINITY);
+        let (mut distance_m, mut weighted_m, mut start_m) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
         for i in 0..=PATH_INTERVALS {
             let travelled = path * (f64::from(i) / f64::from(PATH_INTERVALS));
             let weights = palpate_laws::nearest_weights(at + travelled, corners);
@@ -163,15 +171,21 @@ impl Expected {
             // A degenerate triangle has no nearest point; its neighbours cover it. `min` ignores NaN.
             let distance = point.distance(at + travelled);
             distance_m = distance_m.min(distance);
+            if i == 0 {
+                start_m = start_m.min(distance);
+            }
             weighted_m = weighted_m.min(distance + PATH_WEIGHT * travelled.length());
         }
-        Self { is_touched: false, is_behind, distance_m, weighted_m }
+        Self { is_touched: false, is_behind, start_m, distance_m, weighted_m }
     }
 
     /// Touched triangles come first; those that the tool is behind come last.
-    fn order(&self, other: &Self) -> Ordering {
+    /// Distances that differ by less than `resolution_m` are equal: a rotated body has other rounding errors, and the same support set.
+    fn order(&self, other: &Self, resolution_m: f64) -> Ordering {
         let rank = |x: &Self| (!x.is_touched, x.is_behind && !x.is_touched);
-        rank(self).cmp(&rank(other)).then(self.weighted_m.total_cmp(&other.weighted_m))
+        // Common distances are far from the limits between two numbers.
+        let number = |x: &Self| (x.weighted_m / resolution_m + OFF_LIMITS).floor();
+        rank(self).cmp(&rank(other)).then(number(self).total_cmp(&number(other)))
     }
 
     /// Whether a tool of this radius touches the triangle.
