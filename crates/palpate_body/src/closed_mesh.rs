@@ -3,10 +3,12 @@
 mod assumptions;
 mod coincident;
 mod crossing;
+mod edges;
 mod enclose;
 mod error;
 mod geometry;
 mod inside;
+mod measured;
 mod open_parts;
 mod orient;
 mod surface_nets;
@@ -21,6 +23,7 @@ pub use error::MeshError;
 use geometry::{TOLERANCE, same_winding, volume};
 use glam::DVec3;
 use inside::Inside;
+use measured::{Measured, check_size};
 use surface_nets::ClosedSurface;
 
 /// A closed surface of triangles, created from a mesh that encloses a volume.
@@ -96,12 +99,9 @@ pub struct MeshRepairs {
     pub pinched_edges: usize,
 }
 
-/// Coordinates beyond this, m, have no digits left for a body.
-const MAX_COORDINATE_M: f64 = 1e15;
-
 impl ClosedMesh {
     /// Maximum number of triangles of a mesh. The maximum number of vertices is three times as large.
-    pub const MAX_TRIANGLES: usize = 2_000_000;
+    pub const MAX_TRIANGLES: usize = crate::limits::MAX_MESH_TRIANGLES;
     /// Minimum length of the longest side, m.
     pub const MIN_SIZE_M: f64 = crate::limits::MIN_MESH_SIZE_M;
     /// Maximum length of the longest side, m.
@@ -130,8 +130,7 @@ impl ClosedMesh {
         scale_m: f64,
         triangles: Vec<[usize; 3]>,
     ) -> Result<Self, MeshError> {
-        let wide = |x: &[f32; 3]| scale_m * DVec3::from_array(x.map(f64::from));
-        let vertices_m: Vec<DVec3> = vertices.iter().map(wide).collect();
+        let vertices_m = in_metres(vertices, scale_m);
         let measured = Measured::of(&vertices_m, &triangles)?;
         let grid_m = measured.distance_m() * f64::from(f32::EPSILON);
         let mut mesh = Self::close_measured(vertices_m, triangles, measured, grid_m)?;
@@ -199,12 +198,7 @@ impl ClosedMesh {
             inside = Inside::new(&triangles, &points_m, half_size_m);
         }
         // The drawn triangles follow. Omitted ones keep their winding.
-        for ((index, given), now) in surface.kept.iter().map(|&k| of_points[k]).zip(&triangles) {
-            if !same_winding(given, *now) {
-                drawn[index].swap(1, 2);
-                repairs.turned += 1;
-            }
-        }
+        repairs.turned = turn(&mut drawn, surface.kept.iter().map(|&k| of_points[k]), &triangles);
         let volume_m3 = volume(&triangles, &points_m);
         Ok(Self {
             vertices_m,
@@ -256,8 +250,7 @@ impl ClosedMesh {
         triangles: Vec<[usize; 3]>,
         thickness_m: Option<f64>,
     ) -> Result<Self, MeshError> {
-        let wide = |x: &[f32; 3]| scale_m * DVec3::from_array(x.map(f64::from));
-        let vertices_m: Vec<DVec3> = vertices.iter().map(wide).collect();
+        let vertices_m = in_metres(vertices, scale_m);
         let measured = Measured::of(&vertices_m, &triangles)?;
         let grid_m = measured.distance_m() * f64::from(f32::EPSILON);
         let mut mesh = Self::enclose_measured(vertices_m, triangles, thickness_m, measured, grid_m)?;
@@ -321,12 +314,7 @@ impl ClosedMesh {
         (repairs.duplicates, repairs.back_to_back) = (distinct.duplicates, distinct.back_to_back);
         let kept: Vec<[usize; 3]> = distinct.kept.iter().map(|&k| of_points[k].1).collect();
         let enclosed = enclose::enclose(&kept, &points_m, (center_m, half_size_m), thickness_m, tolerance_m)?;
-        for ((index, given), now) in distinct.kept.iter().map(|&k| of_points[k]).zip(&enclosed.oriented) {
-            if !same_winding(given, *now) {
-                drawn[index].swap(1, 2);
-                repairs.turned += 1;
-            }
-        }
+        repairs.turned = turn(&mut drawn, distinct.kept.iter().map(|&k| of_points[k]), &enclosed.oriented);
         repairs.pinched_edges = enclosed.assumptions.branching_edge_count;
         let ClosedSurface { points_m: enclosing_m, triangles: closed } = enclosed.surface;
         Ok(Self {
@@ -452,67 +440,24 @@ impl ClosedMesh {
     }
 }
 
-/// Measurements of a mesh before any computation.
-struct Measured {
-    /// Bounds of the vertices in use.
-    bounds_m: (DVec3, DVec3),
-    /// Whether all coordinates in use are single-precision numbers.
-    is_single: bool,
+/// Single-precision `vertices` in units of `scale_m` metres, m.
+fn in_metres(vertices: &[[f32; 3]], scale_m: f64) -> Vec<DVec3> {
+    vertices.iter().map(|x| scale_m * DVec3::from_array(x.map(f64::from))).collect()
 }
 
-impl Measured {
-    /// Checks indices and coordinates, and measures the mesh.
-    fn of(vertices_m: &[DVec3], triangles: &[[usize; 3]]) -> Result<Self, MeshError> {
-        if triangles.is_empty() {
-            return Err(MeshError::Empty);
+/// Turns the `drawn` triangles whose winding differs from `oriented`, and returns their number. `given` has the index of each and its corners
+/// before.
+fn turn(
+    drawn: &mut [[usize; 3]],
+    given: impl Iterator<Item = (usize, [usize; 3])>,
+    oriented: &[[usize; 3]],
+) -> usize {
+    let mut turned = 0;
+    for ((index, given), now) in given.zip(oriented) {
+        if !same_winding(given, *now) {
+            drawn[index].swap(1, 2);
+            turned += 1;
         }
-        let most = ClosedMesh::MAX_TRIANGLES;
-        for (what, found, most) in
-            [("triangles", triangles.len(), most), ("vertices", vertices_m.len(), 3 * most)]
-        {
-            if found > most {
-                return Err(MeshError::TooLarge { what, found, most });
-            }
-        }
-        let vertices = vertices_m.len();
-        for (triangle, corners) in triangles.iter().enumerate() {
-            if let Some(&vertex) = corners.iter().find(|vertex| **vertex >= vertices) {
-                return Err(MeshError::Index { triangle, vertex, vertices });
-            }
-        }
-        let taken = |x: &DVec3| x.is_finite() && x.abs().max_element() < MAX_COORDINATE_M;
-        if let Some(vertex) = vertices_m.iter().position(|x| !taken(x)) {
-            return Err(MeshError::NotFinite { vertex });
-        }
-        let (mut low, mut high, mut is_single) = (DVec3::INFINITY, DVec3::NEG_INFINITY, true);
-        for &vertex in triangles.iter().flatten() {
-            let x = vertices_m[vertex];
-            (low, high) = (low.min(x), high.max(x));
-            is_single &= x.as_vec3().as_dvec3() == x;
-        }
-        Ok(Self { bounds_m: (low, high), is_single })
     }
-
-    fn size_m(&self) -> f64 {
-        (self.bounds_m.1 - self.bounds_m.0).max_element()
-    }
-
-    /// Maximum absolute coordinate, m.
-    fn distance_m(&self) -> f64 {
-        let (low, high) = self.bounds_m;
-        low.abs().max(high.abs()).max_element()
-    }
-}
-
-fn check_size(size_m: f64, center_m: DVec3) -> Result<(), MeshError> {
-    if (ClosedMesh::MIN_SIZE_M..=ClosedMesh::MAX_SIZE_M).contains(&size_m) {
-        return Ok(());
-    }
-    if size_m < 1e-12 {
-        return Err(MeshError::Flat { at_m: center_m });
-    }
-    // Millimetres, centimetres or inches read as metres, and metres read as a smaller unit; otherwise scale to 0.1 m.
-    let usual = [1e-3, 1e-2, 1e3, 1e-6, 1e6].into_iter().find(|f| (0.01..=2.0).contains(&(f * size_m)));
-    let factor = usual.unwrap_or(0.1 / size_m);
-    Err(MeshError::Size { size_m, factor })
+    turned
 }

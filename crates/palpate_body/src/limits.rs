@@ -8,3 +8,5 @@ pub(crate) const MIN_MESH_SIZE_M: f64 = 1e-3;
 pub(crate) const MAX_MESH_SIZE_M: f64 = 10.0;
 /// Maximum number of cells along the longest side of a mesh.
 pub(crate) const MAX_CELLS_ALONG: usize = 127;
+/// Maximum number of triangles of a mesh.
+pub(crate) const MAX_MESH_TRIANGLES: usize = 2_000_000;

@@ -1,5 +1,6 @@
 //! Parts, orientation and holes of a mesh that need not close.
 
+use super::edges::{Side, open_edges, sides};
 use super::winding_tree::WindingTree;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -21,15 +22,6 @@ pub(super) struct OpenParts {
     pub open_edge_count: usize,
     /// Number of edges with more than two triangles.
     pub branching_edge_count: usize,
-}
-
-/// One side of a triangle.
-struct Side {
-    /// Lower and higher point of the edge.
-    edge: (usize, usize),
-    triangle: usize,
-    /// Whether the triangle runs from the lower to the higher point.
-    is_up: bool,
 }
 
 impl OpenParts {
@@ -62,18 +54,6 @@ impl OpenParts {
             branching_edge_count,
         }
     }
-}
-
-fn sides(triangles: &[[usize; 3]]) -> Vec<Side> {
-    let mut sides = Vec::with_capacity(3 * triangles.len());
-    for (triangle, t) in triangles.iter().enumerate() {
-        for corner in 0..3 {
-            let (a, b) = (t[corner], t[(corner + 1) % 3]);
-            sides.push(Side { edge: (a.min(b), a.max(b)), triangle, is_up: a < b });
-        }
-    }
-    sides.sort_unstable_by_key(|side| (side.edge, side.triangle));
-    sides
 }
 
 /// Part of every triangle, the number of parts, and whether each triangle is turned so that it agrees with the first of its part. Edges
@@ -177,20 +157,10 @@ const MAX_EXAMINED: usize = 20_000;
 
 /// Closed loops of the directed edges that `triangles` leave without an opposite.
 fn boundary_loops(triangles: &[[usize; 3]]) -> Vec<Vec<usize>> {
-    let mut edges: Vec<((usize, usize), bool)> = triangles
-        .iter()
-        .flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)])
-        .map(|(a, b)| ((a.min(b), a.max(b)), a < b))
-        .collect();
-    edges.sort_unstable();
     // Open edges that leave each point. As many enter it.
     let mut leaving: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for same in edges.chunk_by(|a, b| a.0 == b.0) {
-        let (low, high) = same[0].0;
-        let up = same.iter().filter(|(_, is_up)| *is_up).count();
-        let down = same.len() - up;
-        let (from, to) = if up > down { (low, high) } else { (high, low) };
-        leaving.entry(from).or_default().extend(std::iter::repeat_n(to, up.abs_diff(down)));
+    for ((from, to), ()) in open_edges(triangles.iter().map(|t| (*t, ()))) {
+        leaving.entry(from).or_default().push(to);
     }
     let mut loops = Vec::new();
     let starts: Vec<usize> = leaving.keys().copied().collect();

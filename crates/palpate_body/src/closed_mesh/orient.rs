@@ -1,6 +1,7 @@
 //! Closedness and orientation of a mesh by its edges.
 
 use super::MeshError;
+use super::edges::{Side, sides};
 use super::geometry::volume;
 use glam::DVec3;
 
@@ -12,15 +13,6 @@ pub(super) struct Oriented {
     pub part: Vec<usize>,
     pub parts: usize,
     pub pinched_edges: usize,
-}
-
-/// One side of a triangle.
-struct Side {
-    /// Lower and higher point of the edge.
-    edge: (usize, usize),
-    triangle: usize,
-    /// Whether the triangle runs from the lower to the higher point.
-    up: bool,
 }
 
 /// Flips triangles until neighbours are consistent.
@@ -44,7 +36,7 @@ pub(super) fn orient(
     }
     let (odd, first_odd) = count(groups().filter(|group| group.len() % 2 == 1));
     let (pinched_edges, first_pinched) = count(groups().filter(|group| group.len() > 2));
-    let balanced = |group: &&[Side]| 2 * group.iter().filter(|side| side.up).count() == group.len();
+    let balanced = |group: &&[Side]| 2 * group.iter().filter(|side| side.is_up).count() == group.len();
     let agreed = groups().all(|group| balanced(&group));
     if let Some(side) = first_odd {
         return Err(MeshError::NonManifold { edges: odd, at_m: middle(side) });
@@ -115,18 +107,6 @@ pub(super) fn check_thickness(
     }
 }
 
-fn sides(triangles: &[[usize; 3]]) -> Vec<Side> {
-    let mut sides = Vec::with_capacity(3 * triangles.len());
-    for (triangle, t) in triangles.iter().enumerate() {
-        for corner in 0..3 {
-            let (a, b) = (t[corner], t[(corner + 1) % 3]);
-            sides.push(Side { edge: (a.min(b), a.max(b)), triangle, up: a < b });
-        }
-    }
-    sides.sort_unstable_by_key(|side| (side.edge, side.triangle));
-    sides
-}
-
 fn count<'a>(mut groups: impl Iterator<Item = &'a [Side]>) -> (usize, Option<&'a Side>) {
     let first = groups.next().and_then(<[Side]>::first);
     (usize::from(first.is_some()) + groups.count(), first)
@@ -149,7 +129,7 @@ fn neighbours(sides: &[Side], triangles: usize) -> Neighbours {
     let pairs = || {
         sides.chunk_by(|a, b| a.edge == b.edge).flat_map(|group| {
             let next = group.iter().cycle().skip(1);
-            group.iter().zip(next).map(|(a, b)| (a.triangle, b.triangle, a.up != b.up))
+            group.iter().zip(next).map(|(a, b)| (a.triangle, b.triangle, a.is_up != b.is_up))
         })
     };
     let mut start = vec![0; triangles + 1];

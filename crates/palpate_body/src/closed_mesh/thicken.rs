@@ -1,5 +1,6 @@
 //! Sheets with a thickness.
 
+use super::edges::open_edges;
 use super::geometry::TOLERANCE;
 use super::open_parts::OpenParts;
 use glam::DVec3;
@@ -15,7 +16,7 @@ pub(super) struct Thickened {
 /// points, and a wall along every open edge. Closed parts stay as they are.
 pub(super) fn thicken(parts: &OpenParts, points_m: &[DVec3], thickness_m: f64) -> Thickened {
     let mut is_open = vec![false; parts.part_count];
-    let edges = open_edges(parts);
+    let edges = open_edges(parts.triangles.iter().copied().zip(parts.part.iter().copied()));
     edges.iter().for_each(|(_, part)| is_open[*part] = true);
     // Points of a part at which another part begins move with their own part.
     let mut normals: BTreeMap<(usize, usize), DVec3> = BTreeMap::new();
@@ -47,32 +48,10 @@ pub(super) fn thicken(parts: &OpenParts, points_m: &[DVec3], thickness_m: f64) -
     made
 }
 
-/// Directed edges of triangles without an opposite in their part, with the part.
-fn open_edges(parts: &OpenParts) -> Vec<((usize, usize), usize)> {
-    let mut edges: Vec<(usize, (usize, usize), bool)> = parts
-        .triangles
-        .iter()
-        .zip(&parts.part)
-        .flat_map(|(&[a, b, c], &part)| {
-            [(a, b), (b, c), (c, a)].map(|(a, b)| (part, (a.min(b), a.max(b)), a < b))
-        })
-        .collect();
-    edges.sort_unstable();
-    let mut open = Vec::new();
-    for same in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        let (part, (low, high), _) = same[0];
-        let up = same.iter().filter(|(.., is_up)| *is_up).count();
-        let down = same.len() - up;
-        let edge = if up > down { (low, high) } else { (high, low) };
-        open.extend(std::iter::repeat_n((edge, part), up.abs_diff(down)));
-    }
-    open
-}
-
 /// Whether `thickness_m` is a thickness for a mesh whose longest side is `size_m`.
 pub(super) fn is_valid(thickness_m: f64, size_m: f64) -> bool {
     thickness_m > MIN_SHARE * size_m && thickness_m <= size_m
 }
 
 /// Minimum thickness relative to the size: far above the tolerance of coincident points.
-pub(super) const MIN_SHARE: f64 = 1e3 * TOLERANCE;
+const MIN_SHARE: f64 = 1e3 * TOLERANCE;
