@@ -82,10 +82,7 @@ fn main() -> AppExit {
                 let _ = write!(std::io::stdout(), "{list}");
                 AppExit::Success
             }
-            Err(error) => {
-                let _ = writeln!(std::io::stderr(), "error: {error}");
-                AppExit::error()
-            }
+            Err(error) => failed(error),
         };
     }
     let selection = match (options.mesh, &options.node) {
@@ -95,10 +92,7 @@ fn main() -> AppExit {
     };
     let MeshFile { mesh, bounds, parts } = match MeshFile::read(&options.file, &selection) {
         Ok(file) => file,
-        Err(error) => {
-            let _ = writeln!(std::io::stderr(), "error: {error}");
-            return AppExit::error();
-        }
+        Err(error) => return failed(error),
     };
     let [low_m, high_m] = bounds.map(|corner| options.scale * corner);
     let (middle_m, half_m) = (0.5 * (low_m + high_m), 0.5 * (high_m - low_m));
@@ -117,6 +111,12 @@ fn main() -> AppExit {
         .add_systems(ModelSchedule, record.in_set(HapticSystems::Last))
         .add_systems(Last, report.run_if(on_message::<AppExit>))
         .run()
+}
+
+/// Prints the reason, and returns the exit that reports it.
+fn failed(reason: impl std::fmt::Display) -> AppExit {
+    let _ = writeln!(std::io::stderr(), "error: {reason}");
+    AppExit::error()
 }
 
 /// Maximum force on the hand, N, and maximum relative error.
@@ -183,8 +183,7 @@ fn set_up_hand(world: &mut World) {
         }),
     };
     let Some(top_m) = found else {
-        let _ = writeln!(std::io::stderr(), "error: no part of the body is at this place; change --tap");
-        world.write_message(AppExit::error());
+        world.write_message(failed("no part of the body is at this place; change --tap"));
         return;
     };
     let tap = Tap { top_m, radius_m: side_m / 12.0, above_m: 0.15 * side_m, down_m: 0.25 * side_m };
