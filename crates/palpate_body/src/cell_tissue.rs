@@ -14,27 +14,34 @@ pub(crate) fn check_tissue(tissue: &Tissue) -> Result<(), BodyError> {
     check_damping_ratio(tissue.damping_ratio).map(drop)
 }
 
-/// Mean tissue of each cell over 4 × 4 × 4 samples. The last region that contains a sample applies.
+/// Mean tissue of each cell over those of 4 × 4 × 4 samples that are inside the body, or over all if none is. The last region that contains
+/// a sample applies.
 ///
-/// `places` are the lowest corners of the cells, `at_m` maps a place in units of cells to its position, m, and `cell_m` is the size of a
-/// cell for error texts.
+/// `places` are the lowest corners of the cells, `at_m` maps a place in units of cells to its position, m, `is_inside` tests a position in a
+/// cell with this number, and `cell_m` is the size of a cell for error texts.
 pub(crate) fn cell_tissues(
     places: impl Iterator<Item = [usize; 3]>,
     at_m: impl Fn(DVec3) -> DVec3,
+    is_inside: impl Fn(usize, DVec3) -> bool,
     tissue: &Tissue,
     regions: &[(Region, Tissue)],
     cell_m: f64,
 ) -> Result<Vec<Tissue>, BodyError> {
     let mut held = vec![false; regions.len()];
-    let total = SAMPLES.pow(3) as f64;
-    let mean = |place: [usize; 3]| {
+    let mean = |(cell, place): (usize, [usize; 3])| {
         if regions.is_empty() {
             return *tissue;
         }
-        let mut sum = Tissue { youngs_modulus_pa: 0.0, density_kg_per_m3: 0.0, damping_ratio: 0.0 };
-        for sample in crate::lattice::grid([SAMPLES; 3]) {
+        let at_sample = |sample: [usize; 3]| {
             let within = DVec3::from_array(sample.map(|s| (s as f64 + 0.5) / SAMPLES as f64));
-            let at_m = at_m(DVec3::from_array(place.map(|n| n as f64)) + within);
+            at_m(DVec3::from_array(place.map(|n| n as f64)) + within)
+        };
+        let all = || crate::lattice::grid([SAMPLES; 3]).map(at_sample);
+        let inside: Vec<DVec3> = all().filter(|at_m| is_inside(cell, *at_m)).collect();
+        let samples = if inside.is_empty() { all().collect() } else { inside };
+        let total = samples.len() as f64;
+        let mut sum = Tissue { youngs_modulus_pa: 0.0, density_kg_per_m3: 0.0, damping_ratio: 0.0 };
+        for at_m in samples {
             let mut own = tissue;
             for (index, (region, other)) in regions.iter().enumerate() {
                 if region.contains(at_m) {
@@ -48,7 +55,7 @@ pub(crate) fn cell_tissues(
         }
         sum
     };
-    let tissues = places.map(mean).collect();
+    let tissues = places.enumerate().map(mean).collect();
     match held.iter().position(|held| !held) {
         Some(index) => Err(MeshError::EmptyRegion { what: "region of tissue", index, cell_m }.into()),
         None => Ok(tissues),

@@ -1,6 +1,7 @@
 //! A closed triangle mesh that encloses a body.
 
 mod assumptions;
+mod closed_surface;
 mod coincident;
 mod crossing;
 mod edges;
@@ -20,11 +21,11 @@ mod winding_tree;
 pub use assumptions::MeshAssumptions;
 pub use error::MeshError;
 
+use closed_surface::ClosedSurface;
 use geometry::{TOLERANCE, same_winding, volume};
 use glam::DVec3;
 use inside::Inside;
 use measured::{Measured, check_size};
-use surface_nets::ClosedSurface;
 
 /// A closed surface of triangles, created from a mesh that encloses a volume.
 ///
@@ -223,8 +224,9 @@ impl ClosedMesh {
     /// inside is where the generalised winding number of the triangles is beyond 1/2. Holes count as closed, overlapping parts as united, and
     /// parts that face inward are turned.
     ///
-    /// A mesh that [`ClosedMesh::new`] accepts gives the same result. Otherwise the surface is extracted from samples, 128 along the longest
-    /// side, and moved onto the triangles; [`ClosedMesh::assumptions`] reports it. With `thickness_m`, open parts are sheets of that
+    /// A mesh that [`ClosedMesh::new`] accepts gives the same result. Small holes of a mesh that does not pass through itself are closed by
+    /// fans of triangles. Otherwise the surface is extracted from samples, 128 along the longest side, or up to 256 for a thin mesh, and moved
+    /// onto the triangles. [`ClosedMesh::assumptions`] reports both. With `thickness_m`, open parts are sheets of that
     /// thickness, centred on their triangles, instead.
     ///
     /// # Errors
@@ -421,6 +423,12 @@ impl ClosedMesh {
     /// [`ClosedMesh::enclosing_points_m`].
     pub(crate) fn closed_triangles(&self) -> &[[usize; 3]] {
         &self.closed
+    }
+
+    /// Where the line along `axis` through `at_m` crosses a triangle of the enclosing surface: +1 or −1 as it leaves or enters, and the
+    /// coordinate, m. Places are relative to the centre.
+    pub(crate) fn line_crossing(&self, triangle: usize, axis: usize, at_m: DVec3) -> Option<(i64, f64)> {
+        self.inside.line_crossing(triangle, axis, at_m)
     }
 
     /// The welded vertex of each vertex that a triangle uses.

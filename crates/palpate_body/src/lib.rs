@@ -110,6 +110,7 @@ mod cells;
 mod closed_mesh;
 mod conjugate_gradients;
 mod contact_newton;
+mod disjoint_sets;
 mod eigenvalue;
 mod energy;
 mod error;
@@ -133,6 +134,7 @@ mod tie;
 mod tissue;
 mod tool;
 mod touch_surface;
+mod vertex_normals;
 mod weights;
 
 pub use block::{Block, BlockBody, Face, Slit, UniformLattice};

@@ -46,22 +46,24 @@ impl ClosedMesh {
     /// triangles.
     ///
     /// # Errors
-    /// As [`CellLattice::fit`].
+    /// As [`CellLattice::fit`], and [`MeshError::TooManyNodes`].
     pub fn pieces(&self, size: CellSize) -> Result<Vec<MeshPiece>, MeshError> {
         let at_vertex = |vertex: usize| self.vertices_m()[vertex];
-        let (volumes_m3, piece_of) = CellLattice::fit(self, size)?.pieces();
+        let places = self.triangles().iter().map(|t| {
+            let [a, b, c] = t.map(at_vertex);
+            ((a + b + c) / 3.0 - self.center_m(), (b - a).cross(c - a))
+        });
+        let (volumes_m3, piece_of) = CellLattice::fit(self, size)?.pieces(places)?;
         let empty = |&volume_m3: &f64| MeshPiece {
             triangles: Vec::new(),
             volume_m3,
             bounds_m: [DVec3::INFINITY, DVec3::NEG_INFINITY],
         };
         let mut pieces: Vec<MeshPiece> = volumes_m3.iter().map(empty).collect();
-        for (index, t) in self.triangles().iter().enumerate() {
-            let corners = t.map(at_vertex);
-            let MeshPiece { triangles, bounds_m: [low, high], .. } =
-                &mut pieces[piece_of(corners.iter().sum::<DVec3>() / 3.0 - self.center_m())];
+        for (index, (t, piece)) in self.triangles().iter().zip(piece_of).enumerate() {
+            let MeshPiece { triangles, bounds_m: [low, high], .. } = &mut pieces[piece];
             triangles.push(index);
-            for x in corners {
+            for x in t.map(at_vertex) {
                 (*low, *high) = (low.min(x), high.max(x));
             }
         }

@@ -1,6 +1,7 @@
 //! The drawn mesh of a body.
 
 use crate::cell_lattice::Embedding;
+use crate::vertex_normals::vertex_normals;
 use crate::{BodyError, ClosedMesh, MeshError};
 use glam::{DAffine3, DVec3, Vec3A};
 use std::collections::BTreeMap;
@@ -33,14 +34,24 @@ pub struct Skin {
 const AGREE: f64 = 0.999;
 
 impl Skin {
-    pub(crate) fn new(mesh: &ClosedMesh, embedding: &Embedding) -> Self {
+    pub(crate) fn new(mesh: &ClosedMesh, embedding: &Embedding<'_>) -> Self {
         let grouped = Grouped::new(mesh);
+        let of_points: Vec<[usize; 3]> = mesh
+            .triangles()
+            .iter()
+            .filter_map(|&[a, b, c]| {
+                let [a, b, c] = [a, b, c].map(|vertex| mesh.point_of()[vertex]);
+                Some([a?, b?, c?])
+            })
+            .collect();
+        let normals = vertex_normals(&of_points, mesh.points_m());
         let mut placed: Vec<(usize, DVec3, usize)> = Vec::with_capacity(grouped.place_m.len());
-        for (point, &(place_m, on_surface)) in grouped.place_m.iter().enumerate() {
-            let (cell, local) = embedding.locate(place_m);
+        for (index, &(place_m, point)) in grouped.place_m.iter().enumerate() {
+            let normal = point.map_or(DVec3::ZERO, |point| normals[point]);
+            let (cell, local) = embedding.locate(place_m, normal);
             // A vertex without triangles may lie anywhere; it is not visible.
-            let local = if on_surface { local } else { local.clamp(DVec3::ZERO, DVec3::ONE) };
-            placed.push((cell, local, point));
+            let local = if point.is_some() { local } else { local.clamp(DVec3::ZERO, DVec3::ONE) };
+            placed.push((cell, local, index));
         }
         placed.sort_by_key(|&(cell, _, point)| (cell, point));
         let mut rank = vec![0; placed.len()];
@@ -155,8 +166,8 @@ impl Skin {
 struct Grouped {
     /// Group of each vertex.
     of: Vec<usize>,
-    /// Position of each group relative to the mesh's centre, m, and whether a triangle uses it.
-    place_m: Vec<(DVec3, bool)>,
+    /// Position of each group relative to the mesh's centre, m, and its welded point, if a triangle uses it.
+    place_m: Vec<(DVec3, Option<usize>)>,
 }
 
 impl Grouped {
@@ -174,19 +185,19 @@ impl Grouped {
                         Some(&(_, group)) => group,
                         None => {
                             groups.push((normal, made.place_m.len()));
-                            made.add(mesh.points_m()[*point], true)
+                            made.add(mesh.points_m()[*point], Some(*point))
                         }
                     }
                 }
-                None => made.add(mesh.vertices_m()[vertex] - mesh.center_m(), false),
+                None => made.add(mesh.vertices_m()[vertex] - mesh.center_m(), None),
             };
             made.of.push(group);
         }
         made
     }
 
-    fn add(&mut self, place_m: DVec3, on_surface: bool) -> usize {
-        self.place_m.push((place_m, on_surface));
+    fn add(&mut self, place_m: DVec3, point: Option<usize>) -> usize {
+        self.place_m.push((place_m, point));
         self.place_m.len() - 1
     }
 }

@@ -3,6 +3,7 @@
 mod cluster;
 mod subdivide;
 
+use crate::vertex_normals::vertex_normals;
 use crate::{BodyPoint, ClosedMesh, Surface};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
@@ -23,10 +24,10 @@ pub(crate) struct TouchSurface {
 impl TouchSurface {
     /// Creates the surface with points at least `spacing` cells of `cell_m` apart and edges of at most 1 + `spacing`
     /// cells. With these limits few clustered edges are halved again. `point_at` embeds a position, relative to the
-    /// mesh's centre, in the body.
+    /// mesh's centre, with the outward normal there, in the body.
     pub(crate) fn new(
         mesh: &ClosedMesh,
-        point_at: impl Fn(DVec3) -> BodyPoint,
+        point_at: impl Fn(DVec3, DVec3) -> BodyPoint,
         cell_m: f64,
         spacing: f64,
     ) -> Self {
@@ -35,7 +36,8 @@ impl TouchSurface {
         let mut points_m: Vec<DVec3> = clustered.kept.iter().map(|&point| enclosing_m[point]).collect();
         let deviation_m = deviation(enclosing_m, &clustered.triangles, &points_m);
         let triangles = subdivide::subdivide(clustered.triangles, &mut points_m, (1.0 + spacing) * cell_m);
-        let points: Vec<_> = points_m.iter().map(|x| point_at(*x)).collect();
+        let normals = vertex_normals(&triangles, &points_m);
+        let points: Vec<_> = points_m.iter().zip(normals).map(|(x, normal)| point_at(*x, normal)).collect();
         let vertices = (0..points.len()).collect();
         Self { surface: Surface { points, vertices, triangles }, deviation_m }
     }

@@ -2,6 +2,7 @@
 
 mod arbitrary_input;
 mod closed;
+mod composite;
 mod enclosed;
 mod lattice;
 mod limits;

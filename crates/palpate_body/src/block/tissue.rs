@@ -18,7 +18,8 @@ impl Block {
         self.regions.iter().try_for_each(|(_, other)| check_tissue(other))?;
         let (cell, cells) = (self.cell_m(), self.nodes.map(|n| n - 1));
         let at_m = |place: DVec3| self.center_m - 0.5 * self.size_m + cell * place;
-        let tissues = cell_tissues(lattice::grid(cells), at_m, tissue, &self.regions, cell.min_element())?;
+        let tissues =
+            cell_tissues(lattice::grid(cells), at_m, |_, _| true, tissue, &self.regions, cell.min_element())?;
         let beside = |ijk: [usize; 3], step: [i32; 3]| {
             let index = |[i, j, k]: [usize; 3]| i + cells[0] * (j + cells[1] * k);
             cells_beside(ijk, step, cells).map(move |place| (place, index(place)))

@@ -35,6 +35,19 @@ impl CellGrid {
         self.low_m + self.cell_m * in_cells
     }
 
+    /// The cell before `cell` along `axis`.
+    pub(super) fn before(&self, cell: usize, axis: usize) -> Option<usize> {
+        let mut place = self.place(cell);
+        place[axis] = place[axis].checked_sub(1)?;
+        Some(self.index(place))
+    }
+
+    /// Number of faces between two cells: 0 for the same one, 1 for cells that share a face, more for others.
+    pub(super) fn faces_between(&self, a: usize, b: usize) -> usize {
+        let (a, b) = (self.place(a), self.place(b));
+        (0..3).map(|axis| a[axis].abs_diff(b[axis])).sum()
+    }
+
     /// The up to 26 neighbours of a cell, with the steps to them.
     pub(super) fn round(&self, cell: usize) -> impl Iterator<Item = ([i32; 3], usize)> {
         let (grid, own) = (*self, self.place(cell));

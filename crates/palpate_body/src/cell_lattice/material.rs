@@ -1,9 +1,9 @@
 //! Masses and springs of partly filled cells.
 
-use super::embedding::Embedding;
+use super::embedding::{Embedding, corner};
 use crate::cell_tissue::{cell_tissues, cells_beside};
 use crate::lattice::steps;
-use crate::{BodyError, CellStiffness, Link, Region, Tissue};
+use crate::{BodyError, CellStiffness, ClosedMesh, Link, Region, Tissue};
 use glam::DVec3;
 use palpate_laws::Spring;
 
@@ -14,18 +14,22 @@ pub(super) struct Material {
     pub youngs_modulus_pa: Vec<f64>,
 }
 
+/// Filled share of a cell above which all of it is inside.
+const WHOLE: f64 = 1.0 - 1e-9;
+
 /// Masses and springs of cells with the filled shares `share`, made of `tissue`, or of another tissue in `regions`.
 pub(super) fn material(
-    embedding: &Embedding,
+    embedding: &Embedding<'_>,
     share: &[f64],
-    tissue: &Tissue,
-    regions: &[(Region, Tissue)],
-    center_m: DVec3,
+    (tissue, regions): (&Tissue, &[(Region, Tissue)]),
+    mesh: &ClosedMesh,
     rest_m: &[DVec3],
 ) -> Result<Material, BodyError> {
     let grid = embedding.grid();
-    let at_m = |place: DVec3| center_m + grid.at_m(place);
-    let means = cell_tissues(embedding.places().iter().copied(), at_m, tissue, regions, grid.cell_m)?;
+    let at_m = |place: DVec3| mesh.center_m() + grid.at_m(place);
+    let is_inside = |cell: usize, at_m: DVec3| share[cell] > WHOLE || mesh.contains(at_m);
+    let places = embedding.places().iter().copied();
+    let means = cell_tissues(places, at_m, is_inside, tissue, regions, grid.cell_m)?;
     let mut mass_kg = vec![0.0; embedding.nodes().len()];
     for ((nodes, share), mean) in embedding.cells().iter().zip(share).zip(&means) {
         let eighth = mean.density_kg_per_m3 * share * grid.cell_m.powi(3) / 8.0;
@@ -33,27 +37,31 @@ pub(super) fn material(
     }
     // For a modulus of 1 Pa: springs are proportional to it.
     let springs = CellStiffness::isotropic(1.0, DVec3::splat(grid.cell_m))?;
-    let mut of_cell = vec![None; grid.cell_total()];
-    embedding.places().iter().enumerate().for_each(|(cell, place)| of_cell[grid.index(*place)] = Some(cell));
     let mut links = Vec::with_capacity(13 * rest_m.len());
     for (a, &ijk) in embedding.nodes().iter().enumerate() {
         for step in steps() {
-            let (mut k, mut ratio) = (0.0, 0.0);
             let along = springs.along(step) / f64::from(1 << step.iter().filter(|s| **s == 0).count());
-            for cell in cells_beside(ijk, step, grid.cells).filter_map(|place| of_cell[grid.index(place)]) {
+            // Stiffness, and its product with the damping ratio, of the springs to each other end.
+            let mut springs: Vec<(usize, f64, f64)> = Vec::with_capacity(1);
+            for (cell, corner, other) in cells_of_spring(embedding, ijk, step) {
+                let nodes = &embedding.cells()[cell];
+                if nodes[corner] != a {
+                    continue;
+                }
                 let part = share[cell] * means[cell].youngs_modulus_pa * along;
-                k += part;
-                ratio += part * means[cell].damping_ratio;
+                let ratio = part * means[cell].damping_ratio;
+                match springs.iter_mut().find(|(b, ..)| *b == nodes[other]) {
+                    Some((_, k, sum)) => (*k, *sum) = (*k + part, *sum + ratio),
+                    None => springs.push((nodes[other], part, ratio)),
+                }
             }
-            if k == 0.0 {
-                continue;
+            for (b, k, ratio) in springs.into_iter().filter(|(_, k, _)| *k > 0.0) {
+                let (m_a, m_b) = (mass_kg[a], mass_kg[b]);
+                let c = ratio / k * (k * 2.0 * m_a * m_b / (m_a + m_b)).sqrt();
+                let spring = Spring::linear(k, rest_m[a].distance(rest_m[b]), c)
+                    .map_err(|source| BodyError::Law { link: links.len(), source })?;
+                links.push(Link { a, b, spring });
             }
-            let Some(b) = embedding.node(stepped(ijk, step)) else { continue };
-            let (m_a, m_b) = (mass_kg[a], mass_kg[b]);
-            let c = ratio / k * (k * 2.0 * m_a * m_b / (m_a + m_b)).sqrt();
-            let spring = Spring::linear(k, rest_m[a].distance(rest_m[b]), c)
-                .map_err(|source| BodyError::Law { link: links.len(), source })?;
-            links.push(Link { a, b, spring });
         }
     }
     let (mut modulus, mut filled) = (vec![0.0; mass_kg.len()], vec![0.0; mass_kg.len()]);
@@ -67,6 +75,16 @@ pub(super) fn material(
     Ok(Material { mass_kg, links, youngs_modulus_pa })
 }
 
-fn stepped(ijk: [usize; 3], step: [i32; 3]) -> [usize; 3] {
-    std::array::from_fn(|axis| ijk[axis].wrapping_add_signed(step[axis] as isize))
+/// Kept parts of the cells that have both the corner of the grid at `ijk` and the one a `step` from it, with the numbers of these corners.
+fn cells_of_spring(
+    embedding: &Embedding<'_>,
+    ijk: [usize; 3],
+    step: [i32; 3],
+) -> impl Iterator<Item = (usize, usize, usize)> {
+    cells_beside(ijk, step, embedding.grid().cells).flat_map(move |place| {
+        let number = |at: [usize; 3]| (0..8).find(|&c| corner(place, c) == at);
+        let stepped = std::array::from_fn(|axis| ijk[axis].wrapping_add_signed(step[axis] as isize));
+        let ends = number(ijk).zip(number(stepped));
+        embedding.kept_in(place).iter().filter_map(move |&cell| ends.map(|(a, b)| (cell, a, b)))
+    })
 }

@@ -1,18 +1,21 @@
 //! A closed surface around the inside of any mesh.
 
 use super::assumptions::MeshAssumptions;
+use super::closed_surface::ClosedSurface;
 use super::geometry::volume;
+use super::inside::Inside;
 use super::open_parts::OpenParts;
-use super::surface_nets::{self, ClosedSurface, is_inside};
+use super::surface_nets::{self, is_inside};
 use super::thicken::thicken;
 use super::winding_samples::WindingSamples;
 use super::{MeshError, crossing};
 use glam::DVec3;
 
-/// Number of samples of the winding number along the longest side.
+/// Number of samples of the winding number along the longest side, and for a thin mesh.
 const SAMPLES_ALONG: usize = 128;
-/// Winding numbers between these, in magnitude, are uncertain.
-const UNCERTAIN: std::ops::Range<f32> = 0.1..0.9;
+const MAX_SAMPLES_ALONG: usize = 256;
+/// Number of samples across a sheet, or across the mean thickness of a mesh.
+const SAMPLES_ACROSS: f64 = 3.0;
 /// Minimum share of the samples inside of a component that is kept; smaller ones are specks where triangles cross.
 const MIN_COMPONENT: f64 = 1e-4;
 
@@ -37,48 +40,88 @@ pub(super) fn enclose(
     tolerance_m: f64,
 ) -> Result<Enclosed, MeshError> {
     let parts = OpenParts::new(triangles, points_m);
+    let bounds = Bounds { center_m, half_size_m, tolerance_m };
     let mut assumptions = MeshAssumptions {
-        hole_count: parts.hole_count,
+        hole_count: parts.holes.len(),
         open_edge_count: parts.open_edge_count,
         branching_edge_count: parts.branching_edge_count,
-        crossing_count: crossings(&parts.triangles, points_m, center_m, tolerance_m),
+        crossing_count: bounds.crossings(&parts.triangles, points_m),
         part_count: parts.part_count,
         reoriented_part_count: parts.reoriented_parts,
         ..MeshAssumptions::default()
     };
-    let spacing_m = 2.0 * half_size_m.max_element() / SAMPLES_ALONG as f64;
+    let size_m = 2.0 * half_size_m.max_element();
+    let (coarsest_m, finest_m) = (size_m / SAMPLES_ALONG as f64, size_m / MAX_SAMPLES_ALONG as f64);
     let surface = match thickness_m.filter(|_| parts.open_edge_count > 0) {
-        None => sampled(&parts, points_m, half_size_m, spacing_m, &mut assumptions)?,
+        None => {
+            let is_capped = parts.open_edge_count > 0 && parts.cap_share(points_m) < MAX_CAP_SHARE;
+            let capped = is_capped.then(|| parts.capped(points_m));
+            match capped.and_then(|capped| bounds.simple(&capped.triangles, capped.points_m)) {
+                Some(surface) => {
+                    let samples = sample(&parts, points_m, half_size_m, 4.0 * coarsest_m);
+                    assumptions.uncertain_share = samples.uncertain_share();
+                    surface
+                }
+                None => {
+                    let across_m = parts.mean_thickness_m(points_m) / SAMPLES_ACROSS;
+                    let spacing_m = across_m.clamp(finest_m, coarsest_m);
+                    sampled(&parts, points_m, half_size_m, spacing_m, &mut assumptions)?
+                }
+            }
+        }
         Some(thickness_m) => {
             (assumptions.hole_count, assumptions.thickness_m) = (0, Some(thickness_m));
             let thickened = thicken(&parts, points_m, thickness_m);
-            let sheets = OpenParts::new(&thickened.triangles, &thickened.points_m);
-            let is_simple = sheets.open_edge_count == 0
-                && sheets.branching_edge_count == 0
-                && crossings(&sheets.triangles, &thickened.points_m, center_m, tolerance_m) == 0;
-            if is_simple {
-                ClosedSurface { points_m: thickened.points_m, triangles: sheets.triangles }
-            } else {
-                let finest_m = 2.0 * half_size_m.max_element() / MAX_SAMPLES_ALONG as f64;
-                let spacing_m = (thickness_m / SAMPLES_ACROSS).clamp(finest_m, spacing_m);
-                sampled(&sheets, &thickened.points_m, half_size_m, spacing_m, &mut assumptions)?
+            match bounds.simple(&thickened.triangles, thickened.points_m.clone()) {
+                Some(surface) => surface,
+                None => {
+                    let sheets = OpenParts::new(&thickened.triangles, &thickened.points_m);
+                    let spacing_m = (thickness_m / SAMPLES_ACROSS).clamp(finest_m, coarsest_m);
+                    sampled(&sheets, &thickened.points_m, half_size_m, spacing_m, &mut assumptions)?
+                }
             }
         }
     };
     Ok(Enclosed { oriented: parts.triangles, surface, assumptions })
 }
 
-/// Number of samples across a sheet, and the maximum number along the longest side.
-const SAMPLES_ACROSS: f64 = 3.0;
-const MAX_SAMPLES_ALONG: usize = 256;
+/// Share of the caps in the area of a surface up to which its holes are closed by them. Beyond it the winding number closes them.
+const MAX_CAP_SHARE: f64 = 0.2;
 
-/// Number of pairs of triangles that cross, as far as the search goes.
-fn crossings(triangles: &[[usize; 3]], points_m: &[DVec3], center_m: DVec3, tolerance_m: f64) -> usize {
-    match crossing::check(triangles, points_m, center_m, tolerance_m) {
-        Err(MeshError::Crossing { pairs, .. }) => pairs,
-        Err(_) => 1,
-        Ok(()) => 0,
+/// Bounds of the mesh, and the tolerance of coincident points.
+struct Bounds {
+    center_m: DVec3,
+    half_size_m: DVec3,
+    tolerance_m: f64,
+}
+
+impl Bounds {
+    /// The surface of `triangles`, if it is closed and does not pass through itself, and parts within others are cavities.
+    fn simple(&self, triangles: &[[usize; 3]], points_m: Vec<DVec3>) -> Option<ClosedSurface> {
+        let parts = OpenParts::new(triangles, &points_m);
+        let is_simple = parts.open_edge_count == 0
+            && parts.branching_edge_count == 0
+            && self.crossings(&parts.triangles, &points_m) == 0
+            && Inside::new(&parts.triangles, &points_m, self.half_size_m)
+                .parts_to_turn(&parts.part, parts.part_count, self.center_m)
+                .is_ok_and(|turned| !turned.contains(&true));
+        is_simple.then_some(ClosedSurface { points_m, triangles: parts.triangles })
     }
+
+    /// Number of pairs of triangles that cross, as far as the search goes.
+    fn crossings(&self, triangles: &[[usize; 3]], points_m: &[DVec3]) -> usize {
+        match crossing::check(triangles, points_m, self.center_m, self.tolerance_m) {
+            Err(MeshError::Crossing { pairs, .. }) => pairs,
+            Err(_) => 1,
+            Ok(()) => 0,
+        }
+    }
+}
+
+/// Samples the winding number at points `spacing_m` apart.
+fn sample(parts: &OpenParts, points_m: &[DVec3], half_size_m: DVec3, spacing_m: f64) -> WindingSamples {
+    let corners = parts.triangles.iter().map(|t| t.map(|point| points_m[point]));
+    WindingSamples::new(corners, &parts.caps, half_size_m, spacing_m)
 }
 
 /// Extracts the surface from samples `spacing_m` apart.
@@ -89,14 +132,13 @@ fn sampled(
     spacing_m: f64,
     assumptions: &mut MeshAssumptions,
 ) -> Result<ClosedSurface, MeshError> {
-    let corners: Vec<[DVec3; 3]> = parts.triangles.iter().map(|t| t.map(|point| points_m[point])).collect();
-    let mut samples = WindingSamples::new(corners.iter().copied(), &parts.caps, half_size_m, spacing_m);
-    let uncertain = samples.winding.iter().filter(|w| UNCERTAIN.contains(&w.abs())).count();
-    assumptions.uncertain_share = uncertain as f64 / samples.winding.len() as f64;
+    let mut samples = sample(parts, points_m, half_size_m, spacing_m);
+    assumptions.uncertain_share = samples.uncertain_share();
     remove_specks(&mut samples);
     if !samples.winding.iter().any(|w| is_inside(*w)) {
         return Err(MeshError::NoInside { spacing_m });
     }
+    let corners: Vec<[DVec3; 3]> = parts.triangles.iter().map(|t| t.map(|point| points_m[point])).collect();
     let mut surface = surface_nets::enclose(&samples, &corners);
     surface.points_m.iter_mut().for_each(|x| *x = x.clamp(-half_size_m, half_size_m));
     // A sheet has samples in its plane, and no volume.

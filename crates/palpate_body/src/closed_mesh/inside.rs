@@ -119,6 +119,14 @@ impl Inside {
         Ok(turn)
     }
 
+    /// Where the line along `axis` through `at_m` crosses a triangle: +1 or −1 as it leaves or enters, and the coordinate, m.
+    pub fn line_crossing(&self, triangle: usize, axis: usize, at_m: DVec3) -> Option<(i64, f64)> {
+        let turned = |x: [i64; 3]| [x[axis], x[(axis + 1) % 3], x[(axis + 2) % 3]];
+        let corners = self.triangles[triangle].map(turned);
+        let [_, y, z] = turned((at_m / self.unit_m).round().as_i64vec3().to_array());
+        row_crossing(&corners, [y, z]).map(|(sign, x)| (sign, self.unit_m * x))
+    }
+
     fn corners_m(&self, triangle: usize) -> [DVec3; 3] {
         self.triangles[triangle].map(|[x, y, z]| self.unit_m * DVec3::new(x as f64, y as f64, z as f64))
     }

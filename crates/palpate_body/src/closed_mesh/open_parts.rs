@@ -1,5 +1,6 @@
 //! Parts, orientation and holes of a mesh that need not close.
 
+use super::closed_surface::ClosedSurface;
 use super::edges::{Side, open_edges, sides};
 use super::winding_tree::WindingTree;
 use glam::DVec3;
@@ -13,12 +14,13 @@ pub(super) struct OpenParts {
     pub part: Vec<usize>,
     /// Triangles that close all holes: the sum of `triangles` and caps has no boundary.
     pub caps: Vec<[DVec3; 3]>,
+    /// Closed loops of points along the holes.
+    pub holes: Vec<Vec<usize>>,
     /// Number of parts connected by edges of two triangles.
     pub part_count: usize,
     /// Number of parts that faced inward.
     pub reoriented_parts: usize,
-    /// Number of holes, and of edges along them.
-    pub hole_count: usize,
+    /// Number of edges along the holes.
     pub open_edge_count: usize,
     /// Number of edges with more than two triangles.
     pub branching_edge_count: usize,
@@ -49,11 +51,42 @@ impl OpenParts {
             part,
             part_count,
             reoriented_parts: turn.iter().filter(|turn| **turn).count(),
-            hole_count: loops.len(),
             open_edge_count: loops.iter().map(Vec::len).sum(),
+            holes: loops,
             branching_edge_count,
         }
     }
+
+    /// The triangles with the caps on their holes, as one surface.
+    pub(super) fn capped(&self, points_m: &[DVec3]) -> ClosedSurface {
+        let mut surface = ClosedSurface { points_m: points_m.to_vec(), triangles: self.triangles.clone() };
+        for corners in self.holes.iter().filter(|corners| corners.len() > 2) {
+            let middle = surface.points_m.len();
+            surface.points_m.push(middle_m(corners, points_m));
+            surface.triangles.extend(rim(corners).map(|(from, to)| [to, from, middle]));
+        }
+        surface
+    }
+
+    /// Share of the caps in the area of the triangles.
+    pub(super) fn cap_share(&self, points_m: &[DVec3]) -> f64 {
+        let caps: f64 = self.caps.iter().copied().map(double_area).sum();
+        caps / self.triangles.iter().map(|t| double_area(t.map(|point| points_m[point]))).sum::<f64>()
+    }
+
+    /// Twice the volume per area of the surface with its caps: the thickness of a wall.
+    pub(super) fn mean_thickness_m(&self, points_m: &[DVec3]) -> f64 {
+        let all = || {
+            let own = self.triangles.iter().map(|t| t.map(|point| points_m[point]));
+            own.chain(self.caps.iter().copied())
+        };
+        let volume: f64 = all().map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
+        2.0 * volume.abs() / all().map(|t| 0.5 * double_area(t)).sum::<f64>()
+    }
+}
+
+fn double_area([a, b, c]: [DVec3; 3]) -> f64 {
+    (b - a).cross(c - a).length()
 }
 
 /// Part of every triangle, the number of parts, and whether each triangle is turned so that it agrees with the first of its part. Edges
@@ -185,13 +218,18 @@ fn boundary_loops(triangles: &[[usize; 3]]) -> Vec<Vec<usize>> {
 
 /// Fans around the middle of each loop, opposite to the loop's edges.
 fn caps(loops: &[Vec<usize>], points_m: &[DVec3]) -> Vec<[DVec3; 3]> {
-    let mut caps = Vec::new();
-    for corners in loops.iter().filter(|corners| corners.len() > 2) {
-        let middle_m = corners.iter().map(|&point| points_m[point]).sum::<DVec3>() / corners.len() as f64;
-        for (index, &from) in corners.iter().enumerate() {
-            let to = corners[(index + 1) % corners.len()];
-            caps.push([points_m[to], points_m[from], middle_m]);
-        }
-    }
-    caps
+    let fan = |corners: &Vec<usize>| {
+        let middle_m = middle_m(corners, points_m);
+        rim(corners).map(|(from, to)| [points_m[to], points_m[from], middle_m]).collect::<Vec<_>>()
+    };
+    loops.iter().filter(|corners| corners.len() > 2).flat_map(fan).collect()
+}
+
+fn middle_m(corners: &[usize], points_m: &[DVec3]) -> DVec3 {
+    corners.iter().map(|&point| points_m[point]).sum::<DVec3>() / corners.len() as f64
+}
+
+/// Edges along a loop.
+fn rim(corners: &[usize]) -> impl Iterator<Item = (usize, usize)> {
+    corners.iter().copied().zip(corners.iter().copied().cycle().skip(1))
 }

@@ -1,17 +1,13 @@
 //! A closed surface around the samples inside a mesh.
 
+use super::closed_surface::ClosedSurface;
 use super::winding_samples::WindingSamples;
+use crate::vertex_normals::vertex_normals;
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::Triangle;
-
-/// A closed surface of triangles that face outward.
-pub(super) struct ClosedSurface {
-    pub points_m: Vec<DVec3>,
-    pub triangles: Vec<[usize; 3]>,
-}
 
 /// Distance, in spacings of the samples, up to which a point moves onto the mesh.
 const MAX_MOVE: f64 = 1.0;
@@ -26,7 +22,7 @@ pub(super) fn enclose(samples: &WindingSamples, triangles: &[[DVec3; 3]]) -> Clo
     let mesh = Nearest::new(triangles);
     for _ in 0..RELAXATIONS {
         relax(&mut surface);
-        let normals = normals(&surface);
+        let normals = vertex_normals(&surface.triangles, &surface.points_m);
         for (x, normal) in surface.points_m.iter_mut().zip(normals) {
             if let Some(on_mesh) = mesh.nearest(*x, normal, MAX_MOVE * samples.spacing_m) {
                 *x = on_mesh;
@@ -115,15 +111,6 @@ fn relax(surface: &mut ClosedSurface) {
             *x = 0.5 * (*x + sum / count);
         }
     }
-}
-
-fn normals(surface: &ClosedSurface) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; surface.points_m.len()];
-    for t in &surface.triangles {
-        let [a, b, c] = t.map(|point| surface.points_m[point]);
-        t.iter().for_each(|&point| normals[point] += (b - a).cross(c - a));
-    }
-    normals
 }
 
 /// Triangles for the search of the nearest one.

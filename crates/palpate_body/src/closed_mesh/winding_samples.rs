@@ -17,6 +17,8 @@ pub(super) struct WindingSamples {
     pub winding: Vec<f32>,
 }
 
+/// Winding numbers between these, in magnitude, are uncertain.
+const UNCERTAIN: std::ops::Range<f32> = 0.1..0.9;
 /// Side of the blocks of points in which the winding number of distant caps is interpolated, in points.
 const BLOCK: usize = 4;
 /// Winding number of the caps at the corners of a block above which its points are computed one by one.
@@ -38,6 +40,12 @@ impl WindingSamples {
         samples.subtract_caps(&WindingTree::new(caps.to_vec()));
         samples.clear_outermost();
         samples
+    }
+
+    /// Share of the samples whose winding number is between 0.1 and 0.9 in magnitude, so that the inside is uncertain.
+    pub(super) fn uncertain_share(&self) -> f64 {
+        let uncertain = self.winding.iter().filter(|w| UNCERTAIN.contains(&w.abs())).count();
+        uncertain as f64 / self.winding.len() as f64
     }
 
     pub(super) fn index(&self, [i, j, k]: [usize; 3]) -> usize {

@@ -1,5 +1,6 @@
 //! Clustering of vertices.
 
+use crate::vertex_normals::vertex_normals;
 use glam::DVec3;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -19,7 +20,7 @@ pub(super) struct Clustered {
 /// separates the two sides of a thin wall. Degenerate triangles are omitted.
 pub(super) fn cluster(triangles: &[[usize; 3]], points_m: &[DVec3], spacing_m: f64) -> Clustered {
     let edges = Edges::new(triangles, points_m.len());
-    let normals = normals(triangles, points_m);
+    let normals = vertex_normals(triangles, points_m);
     let along = |seed: usize, point: usize| normals[seed].dot(normals[point]) > 0.0;
     let mut seed_of = vec![usize::MAX; points_m.len()];
     // The last seed that visited each point.
@@ -103,16 +104,6 @@ fn distinct(triangles: impl Iterator<Item = [usize; 3]>) -> Vec<[usize; 3]> {
         }
     }
     kept
-}
-
-/// Area-weighted normals of points.
-fn normals(triangles: &[[usize; 3]], points_m: &[DVec3]) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; points_m.len()];
-    for t in triangles {
-        let [a, b, c] = t.map(|point| points_m[point]);
-        t.iter().for_each(|&point| normals[point] += (b - a).cross(c - a));
-    }
-    normals.iter().map(|n| n.normalize_or_zero()).collect()
 }
 
 /// For each point the other ends of its edges.

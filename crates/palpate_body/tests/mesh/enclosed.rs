@@ -260,8 +260,8 @@ fn pieces_are_sorted_by_their_volumes() {
         assert!(is_within(piece.volume_m3, volume, 1e-9), "{piece:?}");
     }
     assert!((pieces[2].bounds_m[0] - DVec3::new(-0.11, -0.01, -0.01)).length() < 1e-15);
-    // Larger cells connect them.
-    assert_eq!(mesh.pieces(CellSize::Along(3)).unwrap().len(), 1);
+    // Larger cells do not connect them.
+    assert_eq!(mesh.pieces(CellSize::Along(3)).unwrap().len(), 3);
 }
 
 #[test]

@@ -151,8 +151,8 @@ fn rejects_separate_pieces_unless_allowed() {
     assert!(at_m.distance(DVec3::new(0.1, 1.0, 0.0)) < 0.02, "{at_m}");
     let both = fit(16).allow_unconstrained().tissue(&TISSUE).unwrap();
     assert!((mass(&both.network) / (1000.0 * mesh.volume_m3()) - 1.0).abs() < 1e-12);
-    // In cells as wide as the gap they are one piece.
-    assert!(fit(2).tissue(&TISSUE).is_ok());
+    // In cells as wide as the gap they are still two.
+    assert!(matches!(fit(2).tissue(&TISSUE), Err(BodyError::Mesh(MeshError::Pieces { pieces: 2, .. }))));
 }
 
 #[test]
