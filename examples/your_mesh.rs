@@ -6,8 +6,9 @@ use bevy_palpate::prelude::*;
 use bevy_palpate::{ForceError, HapticSystems, MeshPieces, MeshShape, ModelSchedule, SimulatedBody};
 use clap::Parser;
 use glam::DVec2;
+use palpate_files::MeshSelection;
 use palpate_haptics::Reading;
-use palpate_stage::{MeshFile, Selection, SetUpHands, SetUpScene, Stage, StageOptions, register_hand};
+use palpate_stage::{MeshFile, SetUpHands, SetUpScene, Stage, StageOptions, register_hand};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -85,11 +86,7 @@ fn main() -> AppExit {
             Err(error) => failed(error),
         };
     }
-    let selection = match (options.mesh, &options.node) {
-        (Some(index), _) => Selection::Mesh(index),
-        (None, Some(name)) => Selection::Node(name.clone()),
-        (None, None) => Selection::All,
-    };
+    let selection = MeshSelection::new(options.mesh, options.node.as_deref());
     let MeshFile { mesh, bounds, parts } = match MeshFile::read(&options.file, &selection) {
         Ok(file) => file,
         Err(error) => return failed(error),
