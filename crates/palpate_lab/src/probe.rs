@@ -2,13 +2,12 @@
 
 mod arguments;
 mod hertz;
-mod mesh_file;
 mod options;
 mod plot;
 mod press;
 mod report;
 mod scene;
-mod top;
+mod touching;
 
 pub(crate) use arguments::Probe;
 

@@ -3,7 +3,8 @@
 use super::arguments::Probe;
 use super::hertz;
 use super::options::{CouplingKind, Tool};
-use super::press::{PressAt, TICK_S};
+use super::press::PressAt;
+use crate::multirate::TICK_S;
 use crate::output::csv;
 use glam::DVec3;
 use serde::Serialize;
