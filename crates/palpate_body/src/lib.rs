@@ -114,6 +114,7 @@ mod eigenvalue;
 mod energy;
 mod error;
 mod face;
+mod implausible_size;
 mod impulse_response;
 mod integrator;
 mod lattice;
@@ -145,6 +146,7 @@ pub use closed_mesh::{ClosedMesh, MeshAssumptions, MeshClosing, MeshError, MeshR
 pub use energy::{Energy, EnergyBalance};
 pub use error::{BodyError, JointStepError};
 pub use face::Face;
+pub use implausible_size::ImplausibleSize;
 pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplicitEuler, SolvedBy};
 pub use lattice::{Lattice, Neighbours};
 pub use link::Link;

@@ -9,8 +9,8 @@ use crate::fault::HapticFaultKind;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 use palpate_body::{
-    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Face, JoinedMesh, MeshBody, Region,
-    SemiImplicitEuler, Skin,
+    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Face, ImplausibleSize, JoinedMesh, MeshBody,
+    Region, SemiImplicitEuler, Skin,
 };
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use std::sync::Arc;
@@ -175,7 +175,17 @@ impl BuildInput {
         let MeshBody { cells, deviation_m, .. } = built;
         let (repairs, assumptions) = (closed.repairs(), closed.assumptions());
         let JoinedMesh { piece_count, piece_share, .. } = *joined;
-        let report = MeshReport { repairs, assumptions, piece_count, piece_share, cells, deviation_m };
+        let [low, high] = closed.bounds_m();
+        let implausible_size = ImplausibleSize::of((high - low).max_element());
+        let report = MeshReport {
+            repairs,
+            assumptions,
+            implausible_size,
+            piece_count,
+            piece_share,
+            cells,
+            deviation_m,
+        };
         Ok((Body::new(built.network, built.surface)?, built.skin, report))
     }
 }
