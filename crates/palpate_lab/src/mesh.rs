@@ -37,8 +37,8 @@ impl Mesh {
         let start = now();
         let part = file.and_then(|file| mesh_input::join(&file, &self.selection()));
         let mut built = BuiltMesh::of(part.map_err(|error| self.unreadable(&error))?, self, start)?;
-        let taps = Taps::run(&mut built, self.taps)?;
-        Ok(Report::of(&built, &taps))
+        let taps = Taps::run(&mut built, self.taps, self.coupling())?;
+        Ok(Report::of(&built, &taps, self.coupling()))
     }
 
     fn print_list(&self, output: &Output) -> Result<(), LabError> {

@@ -1,8 +1,9 @@
 //! Arguments of `palpate-lab mesh` and their allowed ranges.
 
+use crate::app_tool::COUPLING;
 use crate::error::{LabError, check, number, whole};
 use clap::Args;
-use palpate_body::{CellLattice, ClosedMesh};
+use palpate_body::{CellLattice, ClosedMesh, VirtualCoupling};
 use palpate_files::MeshSelection;
 use std::path::PathBuf;
 
@@ -53,6 +54,9 @@ pub(crate) struct Mesh {
     /// Young's modulus, Pa
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 10e3, help_heading = "Body")]
     pub(super) youngs_pa: f64,
+    /// Maximum force of the virtual coupling, N
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = COUPLING.max_force_n, help_heading = "Hand")]
+    pub(super) max_force_n: f64,
     /// Places that are tapped
     #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 3, help_heading = "Hand")]
     pub(super) taps: usize,
@@ -75,11 +79,18 @@ impl Mesh {
             check("--thickness-m", thickness_m, thickness_m > 0.0, "finite and above 0")?;
         }
         check("--youngs-pa", self.youngs_pa, (1.0..=1e9).contains(&self.youngs_pa), "1 to 1e9")?;
+        let max_force_n = self.max_force_n;
+        check("--max-force-n", max_force_n, (1e-3..=1e3).contains(&max_force_n), "0.001 to 1000")?;
         check("--taps", self.taps as f64, self.taps <= MAX_TAPS, format!("0 to {MAX_TAPS}"))
     }
 
     pub(super) fn selection(&self) -> MeshSelection {
         MeshSelection::new(self.mesh, self.node.as_deref())
+    }
+
+    /// Coupling between the hand and the tool.
+    pub(super) fn coupling(&self) -> VirtualCoupling {
+        VirtualCoupling { max_force_n: self.max_force_n, ..COUPLING }
     }
 
     /// The error of a file that is rejected because of `why`.

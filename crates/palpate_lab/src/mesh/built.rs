@@ -44,7 +44,6 @@ impl BuiltMesh {
         };
         build(part, options, scale_m, start).map_err(|error| {
             let flag = match &error {
-                ReduceError::Body(BodyError::Mesh(MeshError::Size { .. })) => "; change --scale or --size-m",
                 ReduceError::Body(BodyError::Mesh(
                     MeshError::TooManyNodes { .. } | MeshError::CoarseGrid { .. } | MeshError::Pieces { .. },
                 )) => "; change --cells",

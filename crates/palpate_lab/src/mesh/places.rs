@@ -18,10 +18,9 @@ const TOLERANCE: f64 = 1e-9;
 
 /// Up to `count` different places of the surface of `body`, m, for a tool of radius `radius_m`.
 ///
-/// The first one is the top above the centre of mass, or, where there is a hole, the nearest corner of the upper half
-/// that is visible from above. Each further one
-/// is the middle of a triangle that faces up, is visible from above and moves freely, with the largest distance from the earlier ones along x
-/// and z.
+/// The first one is the top above the centre of mass, or, where there is a hole, the nearest corner of the upper half that is visible from
+/// above. Each further one is the middle of a triangle that faces up, is visible from above and moves freely, with the largest distance from
+/// the earlier ones along x and z.
 pub(super) fn places(body: &Body, top: &Top, count: usize, radius_m: f64) -> Vec<DVec3> {
     let first = above_center_of_mass(body, top).filter(|_| count > 0);
     let mut places: Vec<DVec3> = first.into_iter().collect();

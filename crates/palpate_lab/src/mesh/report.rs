@@ -2,7 +2,9 @@
 
 use super::built::BuiltMesh;
 use super::taps::{TappedPlace, Taps};
+use crate::app_tool::limit_reached;
 use crate::error::LabError;
+use palpate_body::{ImplausibleSize, VirtualCoupling};
 use palpate_files::MeshPiece;
 use serde::Serialize;
 use std::io::Write;
@@ -39,6 +41,8 @@ pub(super) struct Report {
     live_error: LiveError,
     /// Model steps in which the tool touched nodes beyond the support set of its local model.
     beyond_support: usize,
+    /// Sentences about an implausible size and a force at its limit, with the flag to change.
+    warnings: Vec<String>,
     /// What was assumed, as a sentence.
     #[serde(skip)]
     assumed: Option<String>,
@@ -83,13 +87,19 @@ pub(super) struct ListedPiece<'a> {
 }
 
 impl Report {
-    pub(super) fn of(built: &BuiltMesh, taps: &Taps) -> Self {
+    pub(super) fn of(built: &BuiltMesh, taps: &Taps, coupling: VirtualCoupling) -> Self {
         let network = built.body.network();
         let assumptions = built.closed.assumptions();
         let assumed = assumptions.unwrap_or_default();
         let [low, high] = built.closed.bounds_m();
         let mut errors = taps.errors.clone();
         errors.sort_by(f64::total_cmp);
+        let size = ImplausibleSize::of((high - low).max_element());
+        let peak_n = taps.places.iter().flat_map(|tapped| tapped.peaks_n).fold(0.0, f64::max);
+        let warnings = [
+            size.map(|size| format!("{size}; change --scale or --size-m")),
+            limit_reached(coupling, peak_n).map(|limit| format!("{limit}; change --max-force-n")),
+        ];
         Self {
             accepted: true,
             reason: None,
@@ -116,6 +126,7 @@ impl Report {
                 first_touch: taps.first_touch,
             },
             beyond_support: taps.beyond_support,
+            warnings: warnings.into_iter().flatten().collect(),
             assumed: assumptions.map(|assumptions| assumptions.to_string()),
         }
     }
@@ -152,6 +163,7 @@ impl Report {
                 tap.peak_n
             )?;
         }
+        self.warnings.iter().try_for_each(|warning| writeln!(out, "warning            {warning}"))?;
         if self.taps.is_empty() {
             return Ok(());
         }

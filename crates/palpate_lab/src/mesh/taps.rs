@@ -2,13 +2,13 @@
 
 use super::built::BuiltMesh;
 use super::places::places;
-use crate::app_tool::{COUPLING, FRICTION};
+use crate::app_tool::FRICTION;
 use crate::error::LabError;
 use crate::multirate::{ModelStep, MultirateRun, PERIOD_TICKS, TICK_S};
 use crate::progress;
 use crate::top::Top;
 use glam::DVec3;
-use palpate_body::{SemiImplicitEuler, ToolContact, ToolShape};
+use palpate_body::{SemiImplicitEuler, ToolContact, ToolShape, VirtualCoupling};
 use palpate_reduce::{ReduceError, relative_rms_error};
 use std::f64::consts::PI;
 
@@ -38,15 +38,16 @@ pub(super) struct TappedPlace {
     pub(super) peaks_n: [f64; REPEATS],
 }
 
-/// Motion of the hand over a place.
-struct Motion {
+/// The hand over a place, and its tool.
+struct Hand {
     place_m: DVec3,
     radius_m: f64,
     /// Smallest side of the body, m.
     side_m: f64,
+    coupling: VirtualCoupling,
 }
 
-impl Motion {
+impl Hand {
     /// Position of the hand at `tick`: from 0.15 of the side above the surface down to 0.1 below it.
     fn position_m(&self, tick: usize) -> DVec3 {
         let down = (PI * TICK_S * tick as f64 / TAP_S).sin().powi(2);
@@ -56,15 +57,19 @@ impl Motion {
 
 impl Taps {
     /// Taps the body at up to `count` places. The body is at rest before the first tap of each place.
-    pub(super) fn run(built: &mut BuiltMesh, count: usize) -> Result<Self, LabError> {
+    pub(super) fn run(
+        built: &mut BuiltMesh,
+        count: usize,
+        coupling: VirtualCoupling,
+    ) -> Result<Self, LabError> {
         let top = Top::of(&built.body);
         let side_m = (top.high_m - top.low_m).min_element();
         let radius_m = side_m / 12.0;
         let mut taps = Self { places: Vec::new(), errors: Vec::new(), first_touch: None, beyond_support: 0 };
         let bar = progress::bar(count);
         for place_m in places(&built.body, &top, count, radius_m) {
-            let motion = Motion { place_m, radius_m, side_m };
-            let tapped = taps.tap(built, &motion);
+            let hand = Hand { place_m, radius_m, side_m, coupling };
+            let tapped = taps.tap(built, &hand);
             let [x_mm, _, z_mm] = (1e3 * place_m).to_array();
             let peaks_n = tapped.map_err(|source| LabError::Press { x_mm, z_mm, source })?;
             taps.places.push(TappedPlace { place_m, peaks_n });
@@ -75,17 +80,17 @@ impl Taps {
     }
 
     /// Taps one place, and returns the maximum force of each tap.
-    fn tap(&mut self, built: &mut BuiltMesh, motion: &Motion) -> Result<[f64; REPEATS], ReduceError> {
-        let shape = ToolShape::Sphere { radius_m: motion.radius_m };
-        let contact = ToolContact::touch(shape, FRICTION)?.with_coupling(COUPLING)?;
+    fn tap(&mut self, built: &mut BuiltMesh, hand: &Hand) -> Result<[f64; REPEATS], ReduceError> {
+        let shape = ToolShape::Sphere { radius_m: hand.radius_m };
+        let contact = ToolContact::touch(shape, FRICTION)?.with_coupling(hand.coupling)?;
         let under_tool = (built.body.clone(), contact);
         let integrator = SemiImplicitEuler::default().into();
-        let mut run = MultirateRun::new(under_tool, &mut built.builder, integrator, motion.position_m(0))?;
+        let mut run = MultirateRun::new(under_tool, &mut built.builder, integrator, hand.position_m(0))?;
         let mut peaks_n = [0.0; REPEATS];
         let mut last_n = DVec3::ZERO;
         for peak_n in &mut peaks_n {
             for _ in 0..TAP_STEPS {
-                let step = run.step(|tick| motion.position_m(tick))?;
+                let step = run.step(|tick| hand.position_m(tick))?;
                 *peak_n = step.loop_n.iter().map(|force_n| force_n.length()).fold(*peak_n, f64::max);
                 self.record(&step, last_n);
                 last_n = step.body_n[PERIOD_TICKS - 1];

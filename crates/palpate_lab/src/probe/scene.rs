@@ -80,7 +80,7 @@ fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<(Network, Surface)
     let failed = |error| rejected(path, &error);
     let file = MeshFile::read(path).and_then(|file| mesh_input::join(&file, &MeshSelection::All));
     let MeshPart { vertices, triangles, .. } = file.map_err(|error| unusable(path, &error))?;
-    let mesh = ClosedMesh::from_single(&vertices, probe.metres_per_unit, triangles);
+    let mesh = ClosedMesh::from_single(&vertices, probe.scale, triangles);
     let mesh = mesh.map_err(|error| failed(error.into()))?;
     let lattice =
         CellLattice::fit(&mesh, CellSize::Along(probe.cells)).map_err(|error| failed(error.into()))?;
@@ -119,7 +119,6 @@ fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<(Network, Surface)
 /// Error for a mesh that cannot become a body, with the flag to change where there is one.
 fn rejected(path: &Path, error: &BodyError) -> LabError {
     let flag = match error {
-        BodyError::Mesh(MeshError::Size { .. }) => "; change --metres-per-unit",
         BodyError::Mesh(
             MeshError::TooManyNodes { .. } | MeshError::CoarseGrid { .. } | MeshError::Pieces { .. },
         ) => "; change --cells",

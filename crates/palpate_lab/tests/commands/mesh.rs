@@ -114,8 +114,8 @@ fn cube_has_its_cells_and_the_force_of_its_tissue() {
     let taps = report["taps"].as_array().unwrap();
     let [x, y, z] = numbers(&taps[0]["place_m"])[..] else { panic!("{report}") };
     assert!(taps.len() == 1 && x.abs().max(z.abs()) < 1e-6 && (y - 0.1).abs() < 1e-6, "{report}");
-    // A ball of 1/120 m, pressed 10 mm deep into a half-space of 10 kPa. The cube is stiffer, because its bottom is fixed, and softer, because
-    // its sides are free.
+    // A ball of 1/120 m, pressed 10 mm deep into a half-space of 10 kPa. The cube is stiffer, because its bottom is fixed, and softer,
+    // because its sides are free.
     let (radius, modulus) = (0.1 / 12.0, 10e3 / (1.0 - 1.0 / 16.0));
     let hertz = 4.0 / 3.0 * modulus * radius * radius + 2.0 * modulus * radius * (0.01 - radius);
     close(number(&taps[0]["peak_n"]), hertz, 0.2);
@@ -232,7 +232,44 @@ fn size_is_set_by_a_scale_or_a_length() {
         close(number(&report["mass_kg"]), 125.0 * length * length * length, 1e-6);
     }
     let reason = reason(&file, &[]);
-    assert!(reason.contains("100 m long") && reason.ends_with("change --scale or --size-m"), "{reason}");
+    assert!(
+        reason.contains("100 m long")
+            && reason.ends_with("`metres_per_unit` (--scale), for example by 0.001"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn implausible_sizes_and_the_force_limit_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = cube().file(folder.path(), "cube.obj");
+    let tap = ["--cells", "4", "--taps", "1"];
+    let report = |more: &[&str]| accepted(&file, &[&tap[..], more].concat());
+    assert_eq!(report(&[])["warnings"], Value::Array(Vec::new()));
+    // 60 times the length makes 3,600 times the force of 3 N.
+    let large = report(&["--size-m", "6"]);
+    let [size, limit] = &large["warnings"].as_array().unwrap()[..] else { panic!("{large}") };
+    let (size, limit) = (size.as_str().unwrap(), limit.as_str().unwrap());
+    assert!(
+        size.starts_with("the body is 6.000 m long") && size.ends_with("change --scale or --size-m"),
+        "{size}"
+    );
+    assert!(size.contains("centimetres needs the factor 0.010, which gives 0.060 m"), "{size}");
+    assert_eq!(limit, "the force reached 10 N, the limit of the virtual coupling; change --max-force-n");
+    close(number(&large["taps"][0]["peak_n"]), 10.0, 1e-6);
+    let small = report(&["--scale", "0.03"]);
+    let warnings = small["warnings"].as_array().unwrap();
+    assert!(warnings.len() == 1 && warnings[0].as_str().unwrap().contains("0.003 m long"), "{small}");
+    let peak_n = number(&report(&[])["taps"][0]["peak_n"]);
+    let low = report(&["--max-force-n", "0.1"]);
+    close(number(&low["taps"][0]["peak_n"]), 0.1, 1e-6);
+    assert!(
+        peak_n > 1.0
+            && low["warnings"][0]
+                == "the force reached 0.1 N, the limit of the virtual coupling; change --max-force-n"
+    );
+    let text = String::from_utf8(run(&["mesh", &file, "--taps", "0", "--size-m", "6"]).stdout).unwrap();
+    assert!(text.contains("warning            the body is 6.000 m long"), "{text}");
 }
 
 #[test]
@@ -322,6 +359,7 @@ fn rejects_invalid_flags_of_mesh_by_name() {
             "the argument '--thickness-m <M>' cannot be used with '--strict'",
         ),
         (&["a.glb", "--youngs-pa", "inf"], "--youngs-pa is inf; it must be 1 to 1e9"),
+        (&["a.glb", "--max-force-n", "0"], "--max-force-n is 0; it must be 0.001 to 1000"),
         (&["a.glb", "--taps", "101"], "--taps is 101; it must be 0 to 100"),
         (&["a.glb", "--piece", "x"], "invalid value 'x' for '--piece <INDEX>': it must be a whole number"),
         (
