@@ -3,11 +3,16 @@
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{ForceError, HapticSystems, MeshPieces, MeshShape, ModelSchedule, SimulatedBody};
+use bevy_palpate::{
+    ForceError, HapticSystems, MeshPieces, MeshShape, ModelSchedule, SimulatedBody, TickRecording,
+    ToolCoupling,
+};
 use clap::Parser;
 use glam::DVec2;
-use palpate_haptics::Reading;
-use palpate_stage::{MeshFile, Selection, SetUpHands, SetUpScene, Stage, StageOptions, register_hand};
+use palpate_files::MeshSelection;
+use palpate_haptics::{Reading, TickRecord};
+use palpate_stage::{MeshFile, SetUpHands, SetUpScene, Stage, StageOptions, register_hand};
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -15,7 +20,7 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Parser, Resource)]
 #[command(
     after_help = "All meshes of the file's scene are joined, with the transforms of their nodes. The body is their inside: where \
-    their winding number exceeds 1/2, which closes holes and unites parts that cross. It is moved to the centre of the stage.\n\nExamples:\n  your_mesh assets/meshes/organ.glb\n  your_mesh cup.glb --scale 0.001 --cells 14 --youngs-modulus 5000"
+    their winding number exceeds 1/2, which closes holes and unites parts that cross. It is moved to the centre of the stage.\n\nExamples:\n  your_mesh assets/meshes/organ.glb\n  your_mesh cup.glb --size-m 0.1 --cells 14 --youngs-modulus 5000"
 )]
 struct Options {
     #[command(flatten)]
@@ -34,6 +39,9 @@ struct Options {
     /// Metres per unit of the mesh: 0.001 for millimetres
     #[arg(long, default_value_t = 1.0)]
     scale: f64,
+    /// Longest extent of the selected primitives, m: they are scaled to it
+    #[arg(long, value_name = "L", conflicts_with = "scale")]
+    size_m: Option<f64>,
     /// Accept only a mesh that is closed and does not cross itself
     #[arg(long)]
     strict: bool,
@@ -59,6 +67,7 @@ struct Options {
 struct Shown {
     mesh: Mesh,
     middle_m: DVec3,
+    metres_per_unit: f64,
 }
 
 /// A tapping motion.
@@ -85,16 +94,14 @@ fn main() -> AppExit {
             Err(error) => failed(error),
         };
     }
-    let selection = match (options.mesh, &options.node) {
-        (Some(index), _) => Selection::Mesh(index),
-        (None, Some(name)) => Selection::Node(name.clone()),
-        (None, None) => Selection::All,
-    };
+    let selection = MeshSelection::new(options.mesh, options.node.as_deref());
     let MeshFile { mesh, bounds, parts } = match MeshFile::read(&options.file, &selection) {
         Ok(file) => file,
         Err(error) => return failed(error),
     };
-    let [low_m, high_m] = bounds.map(|corner| options.scale * corner);
+    let metres_per_unit =
+        options.size_m.map_or(options.scale, |size_m| size_m / (bounds[1] - bounds[0]).max_element());
+    let [low_m, high_m] = bounds.map(|corner| metres_per_unit * corner);
     let (middle_m, half_m) = (0.5 * (low_m + high_m), 0.5 * (high_m - low_m));
     let stage =
         Stage { name: "your_mesh", title: "A mesh from a file is a soft body", seconds: 3.0, ..default() };
@@ -104,12 +111,12 @@ fn main() -> AppExit {
         let _ = writeln!(std::io::stderr(), "{parts} parts of the file are joined to one mesh");
     }
     app.insert_resource(options)
-        .insert_resource(Shown { mesh, middle_m })
+        .insert_resource(Shown { mesh, middle_m, metres_per_unit })
         .init_resource::<Tapped>()
         .add_systems(SetUpScene, set_up)
         .add_systems(SetUpHands, set_up_hand)
         .add_systems(ModelSchedule, record.in_set(HapticSystems::Last))
-        .add_systems(Last, report.run_if(on_message::<AppExit>))
+        .add_systems(Last, (record_ticks, report.run_if(on_message::<AppExit>)).chain())
         .run()
 }
 
@@ -119,11 +126,12 @@ fn failed(reason: impl std::fmt::Display) -> AppExit {
     AppExit::error()
 }
 
-/// Maximum force on the hand, N, and maximum relative error.
+/// Maximum force on the hand, N, maximum relative error, and limits that the force has reached.
 #[derive(Resource, Default)]
 struct Tapped {
     max_n: f64,
     max_error: f64,
+    limits: BTreeSet<String>,
 }
 
 fn set_up(
@@ -135,7 +143,7 @@ fn set_up(
     *tapped = Tapped::default();
     commands.spawn((
         DeformableBody::Mesh(MeshShape {
-            metres_per_unit: options.scale,
+            metres_per_unit: shown.metres_per_unit,
             cells_along_longest_axis: options.cells,
             strict: options.strict,
             thickness_m: options.thickness_m,
@@ -190,7 +198,8 @@ fn set_up_hand(world: &mut World) {
     let scheme = world.resource::<StageOptions>().scheme;
     register_hand(world, "tapping", move |t| tap.reading(t));
     let shape = ToolShape::Sphere { radius_m: tap.radius_m };
-    world.spawn(HapticTool::new("tapping").with_scheme(scheme).with_shape(shape));
+    let tool = HapticTool::new("tapping").with_scheme(scheme).with_shape(shape);
+    world.spawn((tool, TickRecording::default()));
 }
 
 /// The highest point of the surface of `body` at `at_m`, x and z.
@@ -215,11 +224,45 @@ impl Tap {
     }
 }
 
-fn record(tools: Query<(&ToolForce, &ForceError)>, mut tapped: ResMut<Tapped>) {
-    for (force, error) in &tools {
-        tapped.max_n = tapped.max_n.max(force.force_n.length());
+fn record(tools: Query<&ForceError>, mut tapped: ResMut<Tapped>) {
+    for error in &tools {
         tapped.max_error = tapped.max_error.max(error.relative.unwrap_or(0.0));
     }
+}
+
+fn record_ticks(mut tools: Query<(&HapticTool, &mut TickRecording)>, mut tapped: ResMut<Tapped>) {
+    for (tool, mut recording) in &mut tools {
+        for tick in recording.records.drain(..) {
+            tapped.max_n = tapped.max_n.max(tick.force_n.length());
+            tapped.limits.extend(limits(&tool.coupling, &tick));
+        }
+    }
+}
+
+/// The limits that the force has reached at a tick, with the fields to change.
+fn limits(coupling: &ToolCoupling, tick: &TickRecord) -> impl Iterator<Item = String> {
+    let safety = &tick.safety;
+    let coupling = match *coupling {
+        ToolCoupling::Virtual { max_force_n, .. }
+            if tick.rendered.force_n.length() >= (1.0 - 1e-6) * max_force_n =>
+        {
+            Some(format!("{max_force_n} N, the limit of the virtual coupling: change HapticTool::coupling"))
+        }
+        _ => None,
+    };
+    let magnitude = safety.magnitude_limited.then(|| {
+        let limit_n = safety.after.magnitude_n.length();
+        format!(
+            "{limit_n:.1} N, the limit of the safety chain or the device: change SafetyOverrides::max_force_n"
+        )
+    });
+    let slew = safety.slew_limited.then(|| {
+        "the limit of its growth in the safety chain: change SafetyOverrides::max_slew_n_per_s".to_owned()
+    });
+    let speed = safety.speed_guarded.then(|| {
+        "the velocity guard of the safety chain: change SafetyOverrides::max_speed_m_per_s".to_owned()
+    });
+    [coupling, magnitude, slew, speed].into_iter().flatten()
 }
 
 fn report(bodies: Query<&SimulatedBody>, tapped: Res<Tapped>, mut done: Local<bool>) -> Result {
@@ -240,11 +283,17 @@ fn report(bodies: Query<&SimulatedBody>, tapped: Res<Tapped>, mut done: Local<bo
     writeln!(out, "mass, kg                 {mass_kg:.4}")?;
     if let Some(report) = body.mesh_report() {
         writeln!(out, "deviation of surface, m  {:.5}", report.deviation_m)?;
+        if let Some(size) = report.implausible_size {
+            writeln!(out, "implausible size         {size}; change --scale or --size-m")?;
+        }
         if let Some(assumptions) = report.assumptions {
             writeln!(out, "assumed                  {assumptions}")?;
         }
     }
     writeln!(out, "maximum force, N         {:.3}", tapped.max_n)?;
+    for limit in &tapped.limits {
+        writeln!(out, "the force reached        {limit}")?;
+    }
     writeln!(out, "maximum error            {:.2} % of the force in a model step", 100.0 * tapped.max_error)?;
     writeln!(
         out,

@@ -241,6 +241,23 @@ fn unit_and_cells_along_have_their_effect_and_their_limits() {
     step(&mut app, 2);
     assert_no_faults(&mut app);
     assert!(shown(&app, entity, false).iter().all(|x| (f64::from(x.length()) - RADIUS).abs() < 1e-5));
+    // A ball of 120 units. Sizes that are legal and implausible are reported with the factor of a common unit.
+    for (scale, size_m, factor) in [(0.001, None, 1.0), (0.02, Some(2.4), 1e-2), (2e-5, Some(0.0024), 1e2)] {
+        let shape =
+            MeshShape { metres_per_unit: scale, cells_along_longest_axis: 4, ..MeshShape::new(mesh.clone()) };
+        let entity =
+            app.world_mut().spawn((DeformableBody::Mesh(shape), FixedRegion::Face(BoxFace::Bottom))).id();
+        step(&mut app, 2);
+        let size = body(&app, entity).unwrap().mesh_report().unwrap().implausible_size;
+        let is_as_expected = match (size, size_m) {
+            (Some(size), Some(expected)) => {
+                (size.size_m / expected - 1.0).abs() < 0.01 && (size.factor / factor - 1.0).abs() < 1e-9
+            }
+            (size, expected) => size.is_none() && expected.is_none(),
+        };
+        assert!(is_as_expected, "{scale}: {size:?}");
+        app.world_mut().despawn(entity);
+    }
     for scale in [0.0, -1.0, f64::NAN] {
         let shape = MeshShape { metres_per_unit: scale, ..MeshShape::new(mesh.clone()) };
         app.world_mut().spawn(DeformableBody::Mesh(shape));

@@ -40,6 +40,6 @@ mod view;
 #[cfg(feature = "panel")]
 pub use caption::{Plot, plot_window};
 pub use hand::{HandTime, register_hand};
-pub use mesh_file::{MeshFile, MeshFileError, Selection};
+pub use mesh_file::{MeshFile, MeshFileError};
 pub use options::{StageOptions, folder};
 pub use scene::{SceneTime, SetUpHands, SetUpScene, Stage, ToolPaint, exit_on_error};

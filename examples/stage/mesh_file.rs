@@ -4,7 +4,7 @@ use bevy::asset::RenderAssetUsages;
 use bevy::mesh::{Indices, PrimitiveTopology};
 use bevy::prelude::*;
 use glam::DVec3;
-use palpate_files::MeshPiece;
+use palpate_files::{MeshPiece, MeshSelection};
 use std::path::Path;
 
 /// Content of a file.
@@ -18,21 +18,15 @@ pub struct MeshFile {
     pub parts: usize,
 }
 
-/// Which primitives of a file are read.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum Selection {
-    /// All.
-    #[default]
-    All,
-    /// Those of the mesh with this index.
-    Mesh(usize),
-    /// Those of the nodes with this name.
-    Node(String),
-}
-
 /// Reason why a file cannot be read as a mesh, with the remedy.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MeshFileError(String);
+
+impl MeshFileError {
+    fn new(path: &Path, source: &palpate_files::MeshFileError) -> Self {
+        Self(format!("{}: {source}", path.display()))
+    }
+}
 
 impl std::fmt::Display for MeshFileError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -47,21 +41,10 @@ impl MeshFile {
     ///
     /// # Errors
     /// [`MeshFileError`] if the file cannot be read, or nothing is selected.
-    pub fn read(path: &Path, selection: &Selection) -> Result<Self, MeshFileError> {
-        let error = |reason: String| MeshFileError(format!("{}: {reason}", path.display()));
-        let file = palpate_files::MeshFile::read(path).map_err(|source| error(source.to_string()))?;
-        let selected: Vec<&MeshPiece> = match selection {
-            Selection::All => file.pieces.iter().collect(),
-            Selection::Mesh(index) => file.of_mesh(*index).collect(),
-            Selection::Node(name) => file.of_node(name).collect(),
-        };
-        if selected.is_empty() {
-            return Err(error(format!(
-                "nothing in it is {}; --list lists its content",
-                described(selection)
-            )));
-        }
-        Ok(join(&selected))
+    pub fn read(path: &Path, selection: &MeshSelection) -> Result<Self, MeshFileError> {
+        let error = |source: palpate_files::MeshFileError| MeshFileError::new(path, &source);
+        let file = palpate_files::MeshFile::read(path).map_err(error)?;
+        Ok(join(&file.select(selection).map_err(error)?))
     }
 
     /// Lists the primitives of the file at `path`, a line each.
@@ -69,29 +52,8 @@ impl MeshFile {
     /// # Errors
     /// [`MeshFileError`] if the file cannot be read.
     pub fn list(path: &Path) -> Result<String, MeshFileError> {
-        let file = palpate_files::MeshFile::read(path)
-            .map_err(|source| MeshFileError(format!("{}: {source}", path.display())))?;
-        let line = |piece: &MeshPiece| {
-            let name = |name: &Option<String>| name.clone().unwrap_or_else(|| "-".into());
-            format!(
-                "mesh {} primitive {}  node {}  mesh name {}  material {}  {} triangles\n",
-                piece.mesh,
-                piece.primitive,
-                name(&piece.node),
-                name(&piece.mesh_name),
-                name(&piece.material),
-                piece.triangles.len()
-            )
-        };
-        Ok(file.pieces.iter().map(line).collect())
-    }
-}
-
-fn described(selection: &Selection) -> String {
-    match selection {
-        Selection::All => "a triangle".into(),
-        Selection::Mesh(index) => format!("mesh {index}"),
-        Selection::Node(name) => format!("a node with the name {name}"),
+        let file = palpate_files::MeshFile::read(path).map_err(|source| MeshFileError::new(path, &source))?;
+        Ok(file.pieces.iter().map(|piece| format!("{piece}\n")).collect())
     }
 }
 

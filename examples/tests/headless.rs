@@ -228,7 +228,29 @@ fn your_mesh_accepts_meshes_far_from_the_origin_and_reports_invalid_ones() {
         assert!(output.status.success() && format!("{text}{log}").contains(reported), "{text}{log}");
         assert!((number(&json(&text), "mass_kg") / volume - 1.0).abs() < 0.02, "{text}");
     }
+    // Implausible sizes in both directions, with the flag and the field that change them.
+    for size_m in ["6", "0.003"] {
+        let output = run(
+            "your_mesh",
+            &[&far.display().to_string(), "--seconds", "1", "--size-m", size_m, "--cells", "5"],
+        );
+        let (text, log) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        assert!(output.status.success() && text.contains("; change --scale or --size-m"), "{text}{log}");
+        assert!(format!("{text}{log}").contains("; change MeshShape::metres_per_unit"), "{text}{log}");
+    }
     std::fs::remove_dir_all(folder).ok();
+}
+
+#[test]
+fn your_mesh_names_the_limit_of_the_force() {
+    let organ = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/meshes/organ.glb");
+    let limit =
+        "the force reached        10 N, the limit of the virtual coupling: change HapticTool::coupling";
+    let common = printed("your_mesh", &[organ, "--seconds", "1", "--cells", "6"]);
+    assert!(!common.contains("the force reached"), "{common}");
+    // Forces grow with the area.
+    let large = printed("your_mesh", &[organ, "--seconds", "1", "--cells", "6", "--size-m", "6"]);
+    assert!(large.contains(limit), "{large}");
 }
 
 /// Samples of a loop from `first` on.

@@ -13,13 +13,16 @@ pub use kept_cells::MeshCells;
 
 use crate::cell_tissue::check_tissue;
 use crate::touch_surface::TouchSurface;
-use crate::{BodyError, ClosedMesh, MeshError, Network, NetworkBuilder, Region, Skin, Surface, Tissue};
+use crate::{BodyError, ClosedMesh, Face, MeshError, Network, NetworkBuilder, Region, Skin, Surface, Tissue};
 use cell_grid::CellGrid;
 use cell_parts::CellParts;
 use embedding::trilinear_weights;
 use glam::{DQuat, DVec3};
 use kept_cells::KeptCells;
 
+/// Depth below the bounds of a mesh of a layer with its outermost nodes, in cells: they lie at most half a cell outside, and the next ones at
+/// least half a cell inside.
+const OUTERMOST_CELLS: f64 = 0.49;
 /// Tolerance of the filled share of a whole cell.
 const WHOLE_CELL: f64 = 1e-9;
 
@@ -167,6 +170,28 @@ impl<'a> CellLattice<'a> {
     pub fn fix(mut self, region: Region) -> Self {
         self.fixed.push(region);
         self
+    }
+
+    /// Fixes the outermost nodes on the side `face` of the mesh: they lie outside its bounds, and the next ones inside.
+    #[must_use]
+    pub fn fix_outermost(self, face: Face) -> Self {
+        let depth_m = OUTERMOST_CELLS * self.grid.cell_m;
+        self.fix_layer(face, depth_m)
+    }
+
+    /// Fixes the nodes within `share` of the extent of the mesh from its side `face`, and at least those of
+    /// [`CellLattice::fix_outermost`].
+    #[must_use]
+    pub fn fix_base(self, face: Face, share: f64) -> Self {
+        let extent_m = 2.0 * self.mesh.half_size_m()[face.axis()];
+        // A plane through nodes contains them.
+        let depth_m = ((share + WHOLE_CELL) * extent_m).max(OUTERMOST_CELLS * self.grid.cell_m);
+        self.fix_layer(face, depth_m)
+    }
+
+    fn fix_layer(self, face: Face, depth_m: f64) -> Self {
+        let layer = Region::layer(self.mesh.bounds_m(), face, depth_m);
+        self.fix(layer)
     }
 
     /// Fixes the nodes that carry the named `vertices` of the given mesh, and the nodes that carry triangles with

@@ -1,5 +1,6 @@
 //! Regions of space for tissue and fixed nodes.
 
+use crate::Face;
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -47,6 +48,15 @@ impl Region {
         Self::Where(Arc::new(inside))
     }
 
+    /// Creates the region within `depth_m` of the side `face` of the box from `bounds_m[0]` to `bounds_m[1]`, m, and all that lies
+    /// beyond that side.
+    #[must_use]
+    pub fn layer(bounds_m: [DVec3; 2], face: Face, depth_m: f64) -> Self {
+        let inward = -face.normal();
+        let at_m = bounds_m[usize::from(face.is_positive())];
+        Self::HalfSpace { point_m: at_m + depth_m * inward, outward: inward }
+    }
+
     /// Whether `place_m` is in the region, including its boundary.
     #[must_use]
     pub fn contains(&self, place_m: DVec3) -> bool {
@@ -79,6 +89,20 @@ impl std::fmt::Debug for Region {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn layer_extends_from_its_side_to_its_depth() {
+        let bounds_m = [DVec3::splat(-1.0), DVec3::splat(2.0)];
+        for face in Face::ALL {
+            let layer = Region::layer(bounds_m, face, 0.3);
+            let side = if face.is_positive() { 2.0 } else { 1.0 };
+            assert!(
+                layer.contains((side - 0.299) * face.normal()) && layer.contains(99.0 * face.normal()),
+                "{face:?}"
+            );
+            assert!(!layer.contains((side - 0.301) * face.normal()), "{face:?}");
+        }
+    }
 
     #[test]
     fn places_on_either_side_of_each_boundary() {

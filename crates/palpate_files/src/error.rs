@@ -118,4 +118,10 @@ pub enum MeshFileError {
         /// Name of the format.
         format: &'static str,
     },
+    /// The file has pieces, and none of them is selected.
+    #[error("nothing in the file is {selection}; change --mesh or --node, or list the content with --list")]
+    NothingSelected {
+        /// What is selected.
+        selection: String,
+    },
 }

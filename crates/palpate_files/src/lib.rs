@@ -77,9 +77,11 @@ mod obj;
 mod piece;
 mod ply;
 mod polygon;
+mod selection;
 mod stl;
 
 pub use error::MeshFileError;
 pub use format::MeshFormat;
 pub use mesh_file::MeshFile;
 pub use piece::MeshPiece;
+pub use selection::MeshSelection;

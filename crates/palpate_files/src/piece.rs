@@ -34,6 +34,23 @@ impl MeshPiece {
     }
 }
 
+impl std::fmt::Display for MeshPiece {
+    /// Writes one line for a list of the content of a file.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let name = |name: &Option<String>| name.clone().unwrap_or_else(|| "-".into());
+        write!(
+            f,
+            "mesh {} primitive {}  node {}  mesh name {}  material {}  {} triangles",
+            self.mesh,
+            self.primitive,
+            name(&self.node),
+            name(&self.mesh_name),
+            name(&self.material),
+            self.triangles.len()
+        )
+    }
+}
+
 /// Smallest and largest coordinates of `points`.
 pub(crate) fn bounds<'a>(points: impl Iterator<Item = &'a [f32; 3]>) -> Option<[[f32; 3]; 2]> {
     points.fold(None, |bounds, point| {

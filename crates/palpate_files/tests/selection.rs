@@ -1,6 +1,7 @@
 //! Selection of pieces.
 
 use crate::gltf_builder::Builder;
+use palpate_files::{MeshFileError, MeshSelection};
 use serde_json::json;
 
 #[test]
@@ -22,4 +23,21 @@ fn pieces_are_selected_by_mesh_and_by_node() {
     assert_eq!(file.of_node("middle").count(), 0);
     assert_eq!(file.pieces[1].material.as_deref(), Some("skin"));
     assert_eq!(file.triangle_count(), 60);
+    let selected = |mesh, node| file.select(&MeshSelection::new(mesh, node)).map(places);
+    assert_eq!(selected(None, None).unwrap().len(), 5);
+    assert_eq!(selected(Some(0), None).unwrap(), [(0, 0)]);
+    assert_eq!(selected(None, Some("right")).unwrap(), [(1, 0), (1, 1)]);
+    for (mesh, node, expected) in
+        [(Some(2), None, "mesh 2"), (None, Some("middle"), "a node with the name middle")]
+    {
+        let error = selected(mesh, node).unwrap_err();
+        assert!(
+            matches!(&error, MeshFileError::NothingSelected { selection } if selection == expected),
+            "{error}"
+        );
+    }
+    assert_eq!(
+        file.pieces[1].to_string(),
+        "mesh 1 primitive 0  node right  mesh name -  material skin  12 triangles"
+    );
 }

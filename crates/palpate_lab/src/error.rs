@@ -28,9 +28,11 @@ pub enum LabError {
     /// A trajectory could not be read.
     #[error("the trajectory cannot be read")]
     Trajectory(#[from] palpate_haptics::TrajectoryError),
-    /// A mesh could not be read from a file.
-    #[error("--mesh {}: {why}", .path.display())]
+    /// A mesh file cannot become a body.
+    #[error("{flag}{}: {why}", .path.display())]
     Mesh {
+        /// Flag of the file with a space after it; empty for a file without a flag.
+        flag: &'static str,
         /// File of the mesh.
         path: PathBuf,
         /// Problem and remedy.

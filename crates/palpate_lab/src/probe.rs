@@ -2,13 +2,12 @@
 
 mod arguments;
 mod hertz;
-mod mesh_file;
 mod options;
 mod plot;
 mod press;
 mod report;
 mod scene;
-mod top;
+mod touching;
 
 pub(crate) use arguments::Probe;
 
@@ -45,7 +44,7 @@ impl Probe {
             bar.inc(1);
         }
         bar.finish_and_clear();
-        let report = Report::of(self, &presses, self.at_count());
+        let report = Report::of(self, scene.top.size_m(), &presses, self.at_count());
         if let Some(folder) = output.folder() {
             let mut files = vec![
                 ("probe.csv", report::ticks_csv(&presses)),

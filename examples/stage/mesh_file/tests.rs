@@ -39,7 +39,7 @@ fn all_primitives_are_joined_with_the_transforms_of_their_nodes() {
         {"mesh":0,"scale":[2,2,2]},{"mesh":0,"translation":[0,0,99]}"#;
     let meshes = format!(r#"{{"primitives":[{TRIANGLES},{TRIANGLES}]}},{{"primitives":[{TRIANGLES}]}}"#);
     let path = gltf("nodes", nodes, &meshes);
-    let MeshFile { mesh, bounds, parts } = MeshFile::read(&path, &Selection::All).unwrap();
+    let MeshFile { mesh, bounds, parts } = MeshFile::read(&path, &MeshSelection::All).unwrap();
     assert_eq!((parts, mesh.count_vertices()), (3, 12));
     assert_eq!(bounds, [DVec3::new(-1.0, 0.0, 0.0), DVec3::new(12.0, 2.0, 2.0)]);
     // Every part has a positive volume: none is inside out, including the mirrored one.
@@ -52,10 +52,10 @@ fn all_primitives_are_joined_with_the_transforms_of_their_nodes() {
         assert!(volume > 0.9, "{part:?}");
     }
     // A single mesh.
-    let only = MeshFile::read(&path, &Selection::Mesh(1)).unwrap();
+    let only = MeshFile::read(&path, &MeshSelection::Mesh(1)).unwrap();
     assert_eq!((only.parts, only.bounds), (1, [DVec3::new(-1.0, 0.0, 0.0), DVec3::new(0.0, 1.0, 1.0)]));
-    let error = MeshFile::read(&path, &Selection::Mesh(2)).unwrap_err().to_string();
-    assert!(error.ends_with("nothing in it is mesh 2; --list lists its content"), "{error}");
+    let error = MeshFile::read(&path, &MeshSelection::Mesh(2)).unwrap_err().to_string();
+    assert!(error.contains("nothing in the file is mesh 2; change --mesh or --node"), "{error}");
     remove(&path);
 }
 
@@ -79,7 +79,7 @@ fn files_without_a_mesh_are_errors_with_path_and_reason() {
         (nothing.with_file_name("cup.glb"), "cannot be read"),
         (nothing.with_file_name("cup.stl"), "cannot be read"),
     ] {
-        let error = MeshFile::read(&path, &Selection::All).unwrap_err().to_string();
+        let error = MeshFile::read(&path, &MeshSelection::All).unwrap_err().to_string();
         assert!(error.contains(expected) && error.starts_with(&path.display().to_string()), "{error}");
     }
     [lines, nothing, no_bin].iter().for_each(|path| remove(path));

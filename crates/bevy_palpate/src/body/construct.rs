@@ -9,8 +9,8 @@ use crate::fault::HapticFaultKind;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 use palpate_body::{
-    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, JoinedMesh, MeshBody, Region,
-    SemiImplicitEuler, Skin,
+    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Face, ImplausibleSize, JoinedMesh, MeshBody,
+    Region, SemiImplicitEuler, Skin,
 };
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use std::sync::Arc;
@@ -128,7 +128,10 @@ impl BuildInput {
             block = block.fix_within(region.of(&[])?);
         }
         if let Some((side, share)) = base(&self.fixed)? {
-            block = block.fix(side.into()).fix_within(layer([-0.5 * size_m, 0.5 * size_m], side, share));
+            let side = Face::from(side);
+            // A plane through nodes contains them.
+            let depth_m = (share + 1e-9) * size_m[side.axis()];
+            block = block.fix(side).fix_within(Region::layer([-0.5 * size_m, 0.5 * size_m], side, depth_m));
         }
         if self.fixed.is_none() {
             block = block.allow_unconstrained();
@@ -151,15 +154,13 @@ impl BuildInput {
         }
         let mut lattice = CellLattice::fit(closed, CellSize::Along(cells_along))?;
         for &face in self.fixed.faces() {
-            let layer = outermost(closed, lattice.cell_m(), face);
-            lattice = lattice.fix(layer);
+            lattice = lattice.fix_outermost(face.into());
         }
         for &region in self.fixed.regions() {
             lattice = lattice.fix(region.of(parts)?);
         }
         if let Some((side, share)) = base(&self.fixed)? {
-            let outermost = outermost(closed, lattice.cell_m(), side);
-            lattice = lattice.fix(outermost).fix(layer(closed.bounds_m(), side, share));
+            lattice = lattice.fix_base(side.into(), share);
         }
         if let FixedRegion::Vertices(vertices) = &self.fixed {
             lattice = lattice.fix_vertices(vertices)?;
@@ -174,15 +175,19 @@ impl BuildInput {
         let MeshBody { cells, deviation_m, .. } = built;
         let (repairs, assumptions) = (closed.repairs(), closed.assumptions());
         let JoinedMesh { piece_count, piece_share, .. } = *joined;
-        let report = MeshReport { repairs, assumptions, piece_count, piece_share, cells, deviation_m };
+        let [low, high] = closed.bounds_m();
+        let implausible_size = ImplausibleSize::of((high - low).max_element());
+        let report = MeshReport {
+            repairs,
+            assumptions,
+            implausible_size,
+            piece_count,
+            piece_share,
+            cells,
+            deviation_m,
+        };
         Ok((Body::new(built.network, built.surface)?, built.skin, report))
     }
-}
-
-/// Region of the outermost layer of nodes on one side of a mesh with cells of `cell_m`: they lie outside its bounds, the next ones inside.
-fn outermost(closed: &ClosedMesh, cell_m: f64, side: BoxFace) -> Region {
-    let (at, outward) = plane(closed.bounds_m(), side);
-    Region::HalfSpace { point_m: at + 0.49 * cell_m * outward, outward }
 }
 
 /// Side and share of [`FixedRegion::Base`].
@@ -194,25 +199,5 @@ fn base(fixed: &FixedRegion) -> Result<Option<(BoxFace, f64)>, BodyError> {
         }
         FixedRegion::Base { side, share } => Ok(Some((side, share))),
         _ => Ok(None),
-    }
-}
-
-/// Region within `share` of the extent of `bounds_m` from one side.
-fn layer(bounds_m: [DVec3; 2], side: BoxFace, share: f64) -> Region {
-    let (at, outward) = plane(bounds_m, side);
-    let extent_m = (bounds_m[1] - bounds_m[0]).dot(outward).abs();
-    // Outermost nodes lie up to half a cell outside; a plane through nodes contains them.
-    Region::HalfSpace { point_m: at + (share + 1e-9) * extent_m * outward, outward }
-}
-
-/// A corner of `bounds_m` on one side, and the direction from there into the bounds.
-fn plane([low, high]: [DVec3; 2], side: BoxFace) -> (DVec3, DVec3) {
-    match side {
-        BoxFace::Left => (low, DVec3::X),
-        BoxFace::Right => (high, DVec3::NEG_X),
-        BoxFace::Bottom => (low, DVec3::Y),
-        BoxFace::Top => (high, DVec3::NEG_Y),
-        BoxFace::Front => (low, DVec3::Z),
-        BoxFace::Back => (high, DVec3::NEG_Z),
     }
 }

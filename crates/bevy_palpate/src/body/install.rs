@@ -3,12 +3,13 @@
 use super::construct::{BuildInput, BuildOutput};
 use super::pending::BodyBuild;
 use super::render_mesh::RenderMesh;
+use super::shape::DeformableBody;
 use super::simulated::{MeshReport, SimulatedBody, SourceMesh};
 use super::state::{BodyReady, BodyState};
 use crate::fault::{FaultWriter, HapticFaultKind};
 use crate::step_watch::StepWatch;
 use bevy::prelude::*;
-use palpate_body::{MeshRepairs, StepReport};
+use palpate_body::{ImplausibleSize, MeshRepairs, StepReport};
 use std::sync::Arc;
 
 /// A finished build with its input.
@@ -63,7 +64,7 @@ pub(super) fn install(
         );
     }
     let Some(old) = old else {
-        report_mesh(faults, entity, &new);
+        report_shape(faults, entity, &new);
         new.move_to(at);
         commands.entity(entity).try_insert((new, BodyState::Ready));
         send_ready(commands, entity);
@@ -78,7 +79,7 @@ pub(super) fn install(
     };
     let is_same_shape = is_same_mesh && old.built_shape == new.built_shape;
     if !is_same_shape {
-        report_mesh(faults, entity, &new);
+        report_shape(faults, entity, &new);
     }
     let is_same = is_same_shape
         && (&old.built_fixed, old.built_slit) == (&new.built_fixed, new.built_slit)
@@ -112,11 +113,21 @@ pub(super) fn clear_build(commands: &mut Commands, entity: Entity) {
 /// Maximum relative excess of a body's mass over that of its mesh that is not reported.
 const MAX_MASS_EXCESS: f64 = 0.01;
 
-/// Logs the repairs of a new mesh, and reports a body that is too heavy.
-fn report_mesh(faults: &mut FaultWriter, entity: Entity, body: &SimulatedBody) {
-    let Some(MeshReport { repairs, assumptions, piece_count, piece_share, cells, .. }) = body.report else {
+/// Logs an implausible size of a new body, and the repairs of its mesh, and reports a body that is too heavy.
+fn report_shape(faults: &mut FaultWriter, entity: Entity, body: &SimulatedBody) {
+    if let DeformableBody::Block { size_m, .. } = body.built_shape
+        && let Some(size) = ImplausibleSize::of(size_m.max_element())
+    {
+        warn!("{entity}: {size}; change size_m of DeformableBody::Block");
+    }
+    let Some(MeshReport { repairs, assumptions, implausible_size, piece_count, piece_share, cells, .. }) =
+        body.report
+    else {
         return;
     };
+    if let Some(size) = implausible_size {
+        warn!("{entity}: {size}; change MeshShape::metres_per_unit");
+    }
     if let Some(assumptions) = assumptions {
         warn!("{entity}: {assumptions}");
     }

@@ -7,8 +7,8 @@ use crate::step_watch::StepWatch;
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{
-    Body, BodyError, BodyPoint, ClosedMesh, JoinedMesh, MeshAssumptions, MeshCells, MeshRepairs, Region,
-    Skin, StepReport,
+    Body, BodyError, BodyPoint, ClosedMesh, ImplausibleSize, JoinedMesh, MeshAssumptions, MeshCells,
+    MeshRepairs, Region, Skin, StepReport,
 };
 use palpate_reduce::LocalModelBuilder;
 use std::sync::Arc;
@@ -175,6 +175,8 @@ pub struct MeshReport {
     pub repairs: MeshRepairs,
     /// What was assumed about the inside of a mesh that is not closed by itself.
     pub assumptions: Option<MeshAssumptions>,
+    /// The size of the body, if it is legal and implausible in metres. It is also logged.
+    pub implausible_size: Option<ImplausibleSize>,
     /// Number of pieces of the mesh.
     pub piece_count: usize,
     /// Share of the body's pieces in the volume of all, from 0 to 1.

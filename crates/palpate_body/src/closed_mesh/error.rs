@@ -42,8 +42,7 @@ pub enum MeshError {
     },
     /// The mesh is too small or too large, probably because of its units.
     #[error(
-        "the mesh is {size_m} m long; it must be {least} m to {most} m: check its units, or scale it, for example by \
-         {factor}",
+        "the mesh is {size_m} m long; it must be {least} m to {most} m: scale it by `metres_per_unit` (--scale), for example by {factor}",
         least = crate::limits::MIN_MESH_SIZE_M,
         most = crate::limits::MAX_MESH_SIZE_M
     )]

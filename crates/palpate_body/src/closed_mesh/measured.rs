@@ -1,6 +1,7 @@
 //! Checks and measurements of a mesh before any computation.
 
 use super::MeshError;
+use crate::implausible_size::common_factor;
 use crate::limits::{MAX_MESH_SIZE_M, MAX_MESH_TRIANGLES, MIN_MESH_SIZE_M};
 use glam::DVec3;
 
@@ -70,8 +71,5 @@ pub(super) fn check_size(size_m: f64, center_m: DVec3) -> Result<(), MeshError> 
     if size_m < 1e-12 {
         return Err(MeshError::Flat { at_m: center_m });
     }
-    // Millimetres, centimetres or inches read as metres, and metres read as a smaller unit; otherwise scale to 0.1 m.
-    let usual = [1e-3, 1e-2, 1e3, 1e-6, 1e6].into_iter().find(|f| (0.01..=2.0).contains(&(f * size_m)));
-    let factor = usual.unwrap_or(0.1 / size_m);
-    Err(MeshError::Size { size_m, factor })
+    Err(MeshError::Size { size_m, factor: common_factor(size_m) })
 }

@@ -204,6 +204,13 @@ fn nodes_are_fixed_by_region_and_by_vertex() {
     let low = |x: DVec3| x.z < -0.049;
     let by_region = fit().fix(Region::from_fn(low)).tissue(&TISSUE).unwrap();
     assert_eq!(fixed(&by_region), (0..36).collect::<Vec<_>>());
+    // Layers of 36 nodes, 20 mm apart. A share that ends at a layer contains it.
+    for (share, layers) in [(-1.0, 1), (0.0, 1), (0.39, 2), (0.4, 3), (0.41, 3)] {
+        let by_base = fit().fix_base(Face::NegZ, share).tissue(&TISSUE).unwrap();
+        assert_eq!(fixed(&by_base), (0..36 * layers).collect::<Vec<_>>(), "{share}");
+    }
+    let by_side = fit().fix_outermost(Face::PosZ).tissue(&TISSUE).unwrap();
+    assert_eq!(fixed(&by_side), (180..216).collect::<Vec<_>>());
     // Four corners of one face: its triangles carry all nodes of it, although the mesh has no vertices there.
     let mask: Vec<bool> = shape.vertices.iter().map(|x| low(*x)).collect();
     let by_vertex = fit().fix_vertices(&mask).unwrap().tissue(&TISSUE).unwrap();

@@ -34,9 +34,9 @@ pub(crate) struct Probe {
     /// Cells along the longest side of the mesh
     #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 10, requires = "mesh", help_heading = "Body")]
     pub(super) cells: usize,
-    /// Length of a unit of the mesh file, m
-    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 1.0, requires = "mesh", help_heading = "Body")]
-    pub(super) metres_per_unit: f64,
+    /// Length of a unit of the mesh file, m: 0.001 for millimetres
+    #[arg(value_parser = number, allow_hyphen_values = true, long, value_name = "M_PER_UNIT", default_value_t = 1.0, requires = "mesh", help_heading = "Body")]
+    pub(super) scale: f64,
     /// Young's modulus, Pa
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 20e3, help_heading = "Body")]
     pub(super) youngs_pa: f64,
@@ -109,8 +109,7 @@ impl Probe {
         let most = CellLattice::MAX_CELLS_ALONG;
         let allowed = format!("1 to {most} along the longest side");
         check("--cells", self.cells as f64, (1..=most).contains(&self.cells), allowed)?;
-        let unit = self.metres_per_unit;
-        check("--metres-per-unit", unit, (1e-9..=1e9).contains(&unit), "1e-9 to 1e9")?;
+        check("--scale", self.scale, (1e-9..=1e9).contains(&self.scale), "1e-9 to 1e9")?;
         check("--youngs-pa", self.youngs_pa, (1.0..=1e9).contains(&self.youngs_pa), "1 to 1e9")?;
         check("--density", self.density, (1.0..=1e5).contains(&self.density), "1 to 100000")?;
         check("--damping", self.damping, (0.0..=100.0).contains(&self.damping), "0 to 100")?;

@@ -1,9 +1,10 @@
 //! Figures of `palpate-lab probe`.
 
-use super::press::{PressAt, TICK_S};
+use super::press::PressAt;
 use super::report::Report;
 use crate::error::LabError;
 use crate::figure::{Curve, Panel, Scale, svg};
+use crate::multirate::TICK_S;
 
 /// Maximum number of presses in a figure.
 const MAX_DRAWN: usize = 4;

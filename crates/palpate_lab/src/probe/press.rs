@@ -2,17 +2,11 @@
 
 use super::options::{IntegratorKind, Place};
 use super::scene::Scene;
+use crate::multirate::{MultirateRun, PERIOD_TICKS, TICK_S};
 use glam::DVec3;
-use palpate_body::{Integrator, LinearlyImplicitEuler, SemiImplicitEuler, ToolPoint};
-use palpate_haptics::{VelocityEstimator, VelocityState};
-use palpate_local::{HandOver, HandOverSettings, LocalModel, ModelId, Sample, Scheme, SubmitResult};
+use palpate_body::{Integrator, LinearlyImplicitEuler, SemiImplicitEuler};
 use palpate_reduce::{BuilderOptions, LocalIntegrator, LocalModelBuilder, ReduceError};
-use std::time::Instant;
 
-/// Length of a tick, s.
-pub(super) const TICK_S: f64 = 1e-3;
-/// Ticks between two model steps: 20 Hz.
-const PERIOD_TICKS: usize = 50;
 /// Ticks of rest before the hand moves: two model steps. The loop then has a local model, and the hand moves right after a
 /// model step.
 const REST_TICKS: usize = 2 * PERIOD_TICKS;
@@ -86,26 +80,12 @@ impl Press {
     /// local model from the tick after its model step.
     pub(super) fn run(scene: &Scene, touching_m: DVec3, motion: &Motion) -> Result<Self, ReduceError> {
         let (integrator, local) = motion.integrators();
-        let (mut body, mut contact) = (scene.body.clone(), scene.contact.clone());
-        let options = BuilderOptions { integrator: local, ..BuilderOptions::of(&body) };
-        let mut builder = LocalModelBuilder::new(&body, options)?;
-        let settings = HandOverSettings { capacity: builder.capacity(), ..HandOverSettings::default() };
-        let mut hand_over = HandOver::new(settings)?;
-        let mut model = LocalModel::empty(builder.capacity());
-        let mut velocity = VelocityState::default();
+        let options = BuilderOptions { integrator: local, ..BuilderOptions::of(&scene.body) };
+        let mut builder = LocalModelBuilder::new(&scene.body, options)?;
         let unturn = scene.turn.conjugate();
-        let mut sample_at = |tick: usize| {
-            let position_m = scene.turn * (touching_m - motion.depth_at_m(tick) * DVec3::Y);
-            Sample {
-                sequence: tick as u64,
-                time_s: TICK_S * tick as f64,
-                position_m,
-                velocity_m_per_s: velocity.step(VelocityEstimator::default(), position_m, None, TICK_S),
-                ..Sample::default()
-            }
-        };
-        let mut newest = sample_at(0);
-        hand_over.push(newest);
+        let position_m = |tick: usize| scene.turn * (touching_m - motion.depth_at_m(tick) * DVec3::Y);
+        let under_tool = (scene.body.clone(), scene.contact.clone());
+        let mut run = MultirateRun::new(under_tool, &mut builder, integrator, position_m(0))?;
         let mut press = Self {
             depth_m: vec![motion.depth_at_m(0)],
             body_n: vec![DVec3::ZERO],
@@ -118,50 +98,19 @@ impl Press {
             is_settled: false,
         };
         let (arrival, hold) = (motion.arrival_tick(), (motion.hold_s / TICK_S).ceil() as usize);
-        let mut tick = 0;
-        while tick < arrival || (!press.is_settled && tick < arrival + hold) {
-            let id = ModelId { body: 0, epoch: 0, sequence: newest.sequence };
-            let built = builder.build(
-                Scheme::NearFieldExact,
-                &body,
-                &contact,
-                tool_point(&newest),
-                id,
-                &mut model,
-            )?;
-            press.build_ms_max = press.build_ms_max.max(1e3 * built.time_s);
-            let mut is_waiting = true;
-            let mut path = vec![tool_point(&newest)];
-            for _ in 0..PERIOD_TICKS {
-                tick += 1;
-                newest = sample_at(tick);
-                path.push(tool_point(&newest));
-                hand_over.push(newest);
-                if is_waiting && hand_over.is_ready() {
-                    match hand_over.submit(&model) {
-                        SubmitResult::Accepted => is_waiting = false,
-                        SubmitResult::Busy => {}
-                        SubmitResult::Rejected(error) => return Err(error.into()),
-                    }
-                }
-                let rendered = hand_over.render();
-                press.unconverged_ticks += usize::from(rendered.unconverged);
-                press.loop_n.push(unturn * rendered.force_n);
-                press.depth_m.push(motion.depth_at_m(tick));
-            }
-            let observe = |_: usize, force_n: DVec3| press.body_n.push(unturn * force_n);
-            #[expect(
-                clippy::disallowed_methods,
-                reason = "the time of a step is reported and affects no result"
-            )]
-            let now = || Instant::now();
-            let start = now();
-            let report =
-                body.advance_observed(Some((&mut contact, &path)), PERIOD_TICKS, integrator, observe)?;
-            press.step_ms.push(1e3 * (now() - start).as_secs_f64());
-            press.unconverged_steps += report.unconverged;
-            press.inverted_cells = press.inverted_cells.max(report.inverted_cells);
-            press.is_settled = tick >= arrival + MIN_HOLD_TICKS && body.is_settled();
+        while run.tick() < arrival || (!press.is_settled && run.tick() < arrival + hold) {
+            press
+                .depth_m
+                .extend((run.tick() + 1..=run.tick() + PERIOD_TICKS).map(|tick| motion.depth_at_m(tick)));
+            let step = run.step(position_m)?;
+            press.body_n.extend(step.body_n.into_iter().map(|force_n| unturn * force_n));
+            press.loop_n.extend(step.loop_n.into_iter().map(|force_n| unturn * force_n));
+            press.unconverged_ticks += step.unconverged_ticks;
+            press.unconverged_steps += step.report.unconverged;
+            press.inverted_cells = press.inverted_cells.max(step.report.inverted_cells);
+            press.step_ms.push(step.step_ms);
+            press.build_ms_max = press.build_ms_max.max(1e3 * step.built.time_s);
+            press.is_settled = run.tick() >= arrival + MIN_HOLD_TICKS && run.body().is_settled();
         }
         Ok(press)
     }
@@ -180,10 +129,6 @@ impl Press {
     pub(super) fn first_force_ticks(&self) -> [Option<usize>; 2] {
         [&self.body_n, &self.loop_n].map(|forces| forces.iter().position(|f| *f != DVec3::ZERO))
     }
-}
-
-fn tool_point(sample: &Sample) -> ToolPoint {
-    ToolPoint { position_m: sample.position_m, velocity_m_per_s: sample.velocity_m_per_s }
 }
 
 /// A press and its place.

@@ -3,9 +3,12 @@
 use super::arguments::Probe;
 use super::hertz;
 use super::options::{CouplingKind, Tool};
-use super::press::{PressAt, TICK_S};
+use super::press::PressAt;
+use crate::app_tool::{COUPLING, limit_reached};
+use crate::multirate::TICK_S;
 use crate::output::csv;
 use glam::DVec3;
+use palpate_body::ImplausibleSize;
 use serde::Serialize;
 use std::io::Write;
 
@@ -18,6 +21,8 @@ pub(super) struct Report {
     loop_ripple: Option<f64>,
     /// Closed form of the half-space: Hertz's for a sphere, the flat punch's for a punch, N.
     hertz_n: f64,
+    /// Sentences about an implausible size and a force at its limit, with the flag to change.
+    warnings: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -52,7 +57,16 @@ pub(super) struct PressReport {
 
 impl Report {
     /// The report on `presses`, of which the first `at_count` are not part of the scan.
-    pub(super) fn of(probe: &Probe, presses: &[PressAt], at_count: usize) -> Self {
+    pub(super) fn of(probe: &Probe, size_m: f64, presses: &[PressAt], at_count: usize) -> Self {
+        let flag = if probe.mesh.is_some() { "--scale" } else { "--edge-m" };
+        let size = ImplausibleSize::of(size_m).map(|size| format!("{size}; change {flag}"));
+        let forces = presses.iter().flat_map(|at| &at.press.loop_n);
+        let peak_n = forces.map(|force_n| force_n.length()).fold(0.0, f64::max);
+        let limit = match probe.coupling {
+            CouplingKind::Rigid => None,
+            CouplingKind::Virtual => limit_reached(COUPLING, peak_n),
+        };
+        let limit = limit.map(|limit| format!("{limit}; change --coupling: rigid has no limit"));
         let presses: Vec<PressReport> = presses.iter().map(|press| PressReport::of(probe, press)).collect();
         let scan = &presses[at_count..];
         Self {
@@ -60,6 +74,7 @@ impl Report {
             loop_ripple: ripple(scan.iter().map(|press| press.loop_force_n[1])),
             hertz_n: hertz::force_n(probe.tool, probe.youngs_pa, 1e-3 * probe.depth_mm),
             presses,
+            warnings: size.into_iter().chain(limit).collect(),
         }
     }
 
@@ -125,7 +140,8 @@ impl Report {
                 "ripple of the scan, (max - min) / mean: {body:.2} % full body, {in_loop:.2} % loop"
             )?;
         }
-        writeln!(out, "{closed_form}: {:.4} N", self.hertz_n)
+        writeln!(out, "{closed_form}: {:.4} N", self.hertz_n)?;
+        self.warnings.iter().try_for_each(|warning| writeln!(out, "warning: {warning}"))
     }
 
     /// A row for each press.

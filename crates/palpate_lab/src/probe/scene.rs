@@ -1,15 +1,17 @@
 //! The body and the tool of `palpate-lab probe`.
 
 use super::arguments::Probe;
-use super::mesh_file;
 use super::options::{CouplingKind, Lump, Tool};
-use super::top::Top;
+use crate::app_tool::COUPLING;
 use crate::error::LabError;
+use crate::mesh_input;
+use crate::top::Top;
 use glam::{DQuat, DVec3};
 use palpate_body::{
-    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Face, MeshError, Network, Region, Surface,
-    Tissue, ToolContact, ToolShape, VirtualCoupling,
+    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Face, MeshError, MeshPart, Network, Region,
+    Surface, Tissue, ToolContact, ToolShape,
 };
+use palpate_files::{MeshFile, MeshSelection};
 use std::path::Path;
 
 /// A body at rest with its lowest layer fixed, and the tool that presses it.
@@ -22,9 +24,6 @@ pub(super) struct Scene {
     /// The surface before the rotation.
     pub(super) top: Top,
 }
-
-/// Default virtual coupling of the plugin.
-const COUPLING: VirtualCoupling = VirtualCoupling { stiffness_n_per_m: 20e3, max_force_n: 10.0 };
 
 impl Scene {
     pub(super) fn of(probe: &Probe) -> Result<Self, LabError> {
@@ -79,9 +78,10 @@ fn block(probe: &Probe, tissue: Tissue) -> Result<(Network, Surface), LabError> 
 /// Unturned network and surface of cells fitted to the mesh of a file, the lowest layer of nodes fixed.
 fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<(Network, Surface), LabError> {
     let failed = |error| rejected(path, &error);
-    let read = mesh_file::read(path)?;
-    let positions_m = read.positions.iter().map(|x| probe.metres_per_unit * *x).collect();
-    let mesh = ClosedMesh::new(positions_m, read.triangles).map_err(|error| failed(error.into()))?;
+    let file = MeshFile::read(path).and_then(|file| mesh_input::join(&file, &MeshSelection::All));
+    let MeshPart { vertices, triangles, .. } = file.map_err(|error| unusable(path, &error))?;
+    let mesh = ClosedMesh::from_single(&vertices, probe.scale, triangles);
+    let mesh = mesh.map_err(|error| failed(error.into()))?;
     let lattice =
         CellLattice::fit(&mesh, CellSize::Along(probe.cells)).map_err(|error| failed(error.into()))?;
     let cell_m = lattice.cell_m();
@@ -119,13 +119,16 @@ fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<(Network, Surface)
 /// Error for a mesh that cannot become a body, with the flag to change where there is one.
 fn rejected(path: &Path, error: &BodyError) -> LabError {
     let flag = match error {
-        BodyError::Mesh(MeshError::Size { .. }) => "; change --metres-per-unit",
         BodyError::Mesh(
             MeshError::TooManyNodes { .. } | MeshError::CoarseGrid { .. } | MeshError::Pieces { .. },
         ) => "; change --cells",
         _ => "",
     };
-    LabError::Mesh { path: path.to_owned(), why: format!("{error}{flag}") }
+    unusable(path, &format!("{error}{flag}"))
+}
+
+fn unusable(path: &Path, why: &impl ToString) -> LabError {
+    LabError::Mesh { flag: "--mesh ", path: path.to_owned(), why: why.to_string() }
 }
 
 impl Lump {

@@ -3,6 +3,7 @@
 mod blackbox;
 mod closeness;
 mod devices;
+mod mesh;
 mod organ;
 mod paper_commands;
 mod probe;
@@ -52,7 +53,7 @@ fn rejects_invalid_arguments_in_one_line_and_writes_nothing() {
 
 #[test]
 fn help_has_examples() {
-    for command in ["fidelity", "blackbox", "probe"] {
+    for command in ["fidelity", "blackbox", "probe", "mesh"] {
         let output = run(&[command, "--help"]);
         assert!(output.status.success());
         assert!(String::from_utf8(output.stdout).unwrap().contains("Examples:"), "{command}");

@@ -96,6 +96,26 @@ fn lump_integrator_and_coupling_change_the_force() {
 }
 
 #[test]
+fn force_limit_and_implausible_size_are_named() {
+    let warnings = |more: &[&str]| probe(&[&["--at", "3,2"], more].concat())["warnings"].clone();
+    let stiff = ["--youngs-pa", "2e6"];
+    assert_eq!(warnings(&stiff), Value::Array(Vec::new()));
+    let coupled = warnings(&[&stiff[..], &["--coupling", "virtual"]].concat());
+    assert_eq!(
+        coupled,
+        serde_json::json!([
+            "the force reached 10 N, the limit of the virtual coupling; change --coupling: rigid has no limit"
+        ])
+    );
+    let large = ["probe", "--nodes", "5,5,5", "--edge-m", "6", "--hold-s", "0.1", "--at", "0,0"];
+    let text = String::from_utf8(run(&large).stdout).unwrap();
+    assert!(
+        text.contains("warning: the body is 6.000 m long") && text.contains("; change --edge-m"),
+        "{text}"
+    );
+}
+
+#[test]
 fn scan_has_a_ripple_and_files() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
@@ -155,7 +175,7 @@ fn mesh_of_whole_cells_has_about_the_force_of_the_block() {
     let folder = tempfile::tempdir().unwrap();
     let path = box_file(folder.path());
     let press = ["--hold-s", "0.3", "--at", "3,2", "--depth-mm", "1.5"];
-    let mesh = ["probe", "--mesh", &path, "--metres-per-unit", "0.001", "--cells", "4"];
+    let mesh = ["probe", "--mesh", &path, "--scale", "0.001", "--cells", "4"];
     let here = json(&[&mesh[..], &press].concat());
     let block = json(&[&["probe", "--nodes", "5,3,4", "--edge-m", "0.04"], &press[..]].concat());
     for of in ["body_force_n", "loop_force_n"] {
@@ -166,7 +186,10 @@ fn mesh_of_whole_cells_has_about_the_force_of_the_block() {
     assert!(beyond.starts_with("error: --at has the place 21,0 mm, where no surface lies below"), "{beyond}");
     assert!(beyond.contains("-20.0 to 20.0 mm along x and -15.0 to 15.0 mm along z"), "{beyond}");
     let units = rejected(&["probe", "--mesh", &path]);
-    assert!(units.contains("40 m") && units.contains("change --metres-per-unit"), "{units}");
+    assert!(
+        units.contains("40 m") && units.contains("`metres_per_unit` (--scale), for example by 0.001"),
+        "{units}"
+    );
     std::fs::remove_file(folder.path().join("box.bin")).unwrap();
     assert!(rejected(&["probe", "--mesh", &path]).contains("box.bin`, which cannot be read"));
     std::fs::write(&path, "{").unwrap();

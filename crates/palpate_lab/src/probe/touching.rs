@@ -1,56 +1,30 @@
-//! The undeformed surface and the position at which a tool from above first touches it.
+//! Position at which a tool from above first touches the undeformed surface.
 
 use super::options::{Place, Tool};
+use crate::top::{MARGIN, Top, height_m};
 use glam::{DVec2, DVec3, Vec3Swizzles};
-use palpate_body::{Body, SurfaceTree};
-
-/// Surface of the unturned body at rest.
-pub(super) struct Top {
-    triangles: Vec<[DVec3; 3]>,
-    tree: SurfaceTree,
-    low_m: DVec3,
-    high_m: DVec3,
-}
 
 /// Gap at which a sphere counts as touching, m.
 const GAP_M: f64 = 1e-12;
-/// Rounding allowed to barycentric weights and to the radius of a disc, relative.
-const MARGIN: f64 = 1e-9;
 /// Maximum number of steps down to the surface; each is as long as the gap.
 const MAX_STEPS: usize = 2000;
 
 impl Top {
-    pub(super) fn of(body: &Body) -> Self {
-        let (surface, x) = (body.surface(), body.positions_m());
-        let at = |point: usize| surface.points[point].of(x);
-        let triangles: Vec<[DVec3; 3]> =
-            (0..surface.triangles.len()).map(|triangle| surface.corners(triangle).map(at)).collect();
-        let corners = || triangles.iter().flatten();
-        let low_m = corners().copied().reduce(DVec3::min).unwrap_or_default();
-        let high_m = corners().copied().reduce(DVec3::max).unwrap_or_default();
-        Self { tree: SurfaceTree::new(body), triangles, low_m, high_m }
-    }
-
     /// The centre of the top: the middle of the bounds along x and z, at the height of the highest point, m.
-    pub(super) fn center_m(&self) -> DVec3 {
+    pub(in crate::probe) fn center_m(&self) -> DVec3 {
         DVec3 { y: self.high_m.y, ..0.5 * (self.low_m + self.high_m) }
     }
 
     /// The bounds along x and z, mm from the centre of the top.
-    pub(super) fn bounds_mm(&self) -> [DVec2; 2] {
+    pub(in crate::probe) fn bounds_mm(&self) -> [DVec2; 2] {
         [self.low_m, self.high_m].map(|corner| 1e3 * (corner - self.center_m()).xz())
     }
 
-    /// Longest side of the body's bounds, m.
-    pub(super) fn size_m(&self) -> f64 {
-        (self.high_m - self.low_m).max_element()
-    }
-
     /// Centre of `tool` where it just touches the surface at `place`, m; `None` where no surface lies below the centre.
-    pub(super) fn touching_m(&self, tool: Tool, place: Place) -> Option<DVec3> {
+    pub(in crate::probe) fn touching_m(&self, tool: Tool, place: Place) -> Option<DVec3> {
         let center = self.center_m();
         let at = DVec2::new(center.x + 1e-3 * place.x_mm, center.z + 1e-3 * place.z_mm);
-        self.triangles.iter().find_map(|triangle| height_m(triangle, at))?;
+        self.highest_m(at)?;
         let y = match tool {
             Tool::Sphere { radius_m } => self.sphere_height_m(radius_m, at),
             Tool::Punch { radius_m } => {
@@ -74,15 +48,6 @@ impl Top {
         }
         y
     }
-}
-
-/// Height of `triangle` at `at` (x, z), m; `None` outside it and for an upright triangle.
-fn height_m([a, b, c]: &[DVec3; 3], at: DVec2) -> Option<f64> {
-    let (to_b, to_c, to_at) = (b.xz() - a.xz(), c.xz() - a.xz(), at - a.xz());
-    let area = to_b.perp_dot(to_c);
-    let weights = [to_at.perp_dot(to_c) / area, to_b.perp_dot(to_at) / area];
-    let is_inside = weights.iter().all(|w| *w >= -MARGIN) && weights.iter().sum::<f64>() <= 1.0 + MARGIN;
-    is_inside.then(|| a.y + weights[0] * (b.y - a.y) + weights[1] * (c.y - a.y))
 }
 
 /// Greatest height of `triangle` over the disc of `radius_m` round `at` (x, z), m; `None` outside the disc.
@@ -109,12 +74,6 @@ mod tests {
 
     /// A slope of 1 in 2 along x, from (0, 0, 0).
     const SLOPE: [DVec3; 3] = [DVec3::ZERO, DVec3::new(4.0, 2.0, 4.0), DVec3::new(4.0, 2.0, -4.0)];
-
-    #[test]
-    fn height_of_a_slope_is_that_of_its_plane() {
-        assert!((height_m(&SLOPE, DVec2::new(2.0, 1.0)).unwrap() - 1.0).abs() < 1e-12);
-        assert_eq!(height_m(&SLOPE, DVec2::new(2.0, 2.1)), None);
-    }
 
     #[test]
     fn disc_meets_the_highest_point_below_it() {

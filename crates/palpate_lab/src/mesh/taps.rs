@@ -1,0 +1,112 @@
+//! The taps of `palpate-lab mesh`: the force on the hand, and its difference from the force of the full body.
+
+use super::built::BuiltMesh;
+use super::places::places;
+use crate::app_tool::FRICTION;
+use crate::error::LabError;
+use crate::multirate::{ModelStep, MultirateRun, PERIOD_TICKS, TICK_S};
+use crate::progress;
+use crate::top::Top;
+use glam::DVec3;
+use palpate_body::{SemiImplicitEuler, ToolContact, ToolShape, VirtualCoupling};
+use palpate_reduce::{ReduceError, relative_rms_error};
+use std::f64::consts::PI;
+
+/// Duration of a tap, s.
+const TAP_S: f64 = 1.5;
+/// Model steps of a tap.
+const TAP_STEPS: usize = 30;
+/// Number of taps of a place.
+const REPEATS: usize = 2;
+
+/// All taps.
+pub(super) struct Taps {
+    pub(super) places: Vec<TappedPlace>,
+    /// Error of the loop in each model step with a force of the full body: the RMS of the difference over the RMS of that force.
+    pub(super) errors: Vec<f64>,
+    /// Maximum of these errors over the steps in which contact begins.
+    pub(super) first_touch: Option<f64>,
+    /// Number of model steps in which the tool touched nodes beyond the support set of its local model.
+    pub(super) beyond_support: usize,
+}
+
+/// A place that was tapped.
+pub(super) struct TappedPlace {
+    /// Undeformed surface there, m.
+    pub(super) place_m: DVec3,
+    /// Maximum force on the hand in each tap, N.
+    pub(super) peaks_n: [f64; REPEATS],
+}
+
+/// The hand over a place, and its tool.
+struct Hand {
+    place_m: DVec3,
+    radius_m: f64,
+    /// Smallest side of the body, m.
+    side_m: f64,
+    coupling: VirtualCoupling,
+}
+
+impl Hand {
+    /// Position of the hand at `tick`: from 0.15 of the side above the surface down to 0.1 below it.
+    fn position_m(&self, tick: usize) -> DVec3 {
+        let down = (PI * TICK_S * tick as f64 / TAP_S).sin().powi(2);
+        self.place_m + (self.radius_m + (0.15 - 0.25 * down) * self.side_m) * DVec3::Y
+    }
+}
+
+impl Taps {
+    /// Taps the body at up to `count` places. The body is at rest before the first tap of each place.
+    pub(super) fn run(
+        built: &mut BuiltMesh,
+        count: usize,
+        coupling: VirtualCoupling,
+    ) -> Result<Self, LabError> {
+        let top = Top::of(&built.body);
+        let side_m = (top.high_m - top.low_m).min_element();
+        let radius_m = side_m / 12.0;
+        let mut taps = Self { places: Vec::new(), errors: Vec::new(), first_touch: None, beyond_support: 0 };
+        let bar = progress::bar(count);
+        for place_m in places(&built.body, &top, count, radius_m) {
+            let hand = Hand { place_m, radius_m, side_m, coupling };
+            let tapped = taps.tap(built, &hand);
+            let [x_mm, _, z_mm] = (1e3 * place_m).to_array();
+            let peaks_n = tapped.map_err(|source| LabError::Press { x_mm, z_mm, source })?;
+            taps.places.push(TappedPlace { place_m, peaks_n });
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        Ok(taps)
+    }
+
+    /// Taps one place, and returns the maximum force of each tap.
+    fn tap(&mut self, built: &mut BuiltMesh, hand: &Hand) -> Result<[f64; REPEATS], ReduceError> {
+        let shape = ToolShape::Sphere { radius_m: hand.radius_m };
+        let contact = ToolContact::touch(shape, FRICTION)?.with_coupling(hand.coupling)?;
+        let under_tool = (built.body.clone(), contact);
+        let integrator = SemiImplicitEuler::default().into();
+        let mut run = MultirateRun::new(under_tool, &mut built.builder, integrator, hand.position_m(0))?;
+        let mut peaks_n = [0.0; REPEATS];
+        let mut last_n = DVec3::ZERO;
+        for peak_n in &mut peaks_n {
+            for _ in 0..TAP_STEPS {
+                let step = run.step(|tick| hand.position_m(tick))?;
+                *peak_n = step.loop_n.iter().map(|force_n| force_n.length()).fold(*peak_n, f64::max);
+                self.record(&step, last_n);
+                last_n = step.body_n[PERIOD_TICKS - 1];
+            }
+        }
+        Ok(peaks_n)
+    }
+
+    /// Adds a model step. The full body's force was `last_n` at the tick before it.
+    fn record(&mut self, step: &ModelStep, last_n: DVec3) {
+        self.beyond_support += usize::from(step.is_beyond_support);
+        let Some(error) = relative_rms_error(&step.loop_n, &step.body_n) else { return };
+        self.errors.push(error);
+        let before = std::iter::once(&last_n).chain(&step.body_n);
+        if before.zip(&step.body_n).any(|(before, now)| *before == DVec3::ZERO && *now != DVec3::ZERO) {
+            self.first_touch = Some(self.first_touch.map_or(error, |largest| largest.max(error)));
+        }
+    }
+}
