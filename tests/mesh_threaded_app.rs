@@ -64,7 +64,7 @@ fn body_too_large_for_its_rate_is_reported_once_with_a_suggested_number_of_cells
     spawn_tool(&mut app, || ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::new(0.001, 0.052, 0.002)))));
     let steps = |app: &App| app.world().resource::<ModelStepCount>().0;
     let start = steps(&app);
-    update_until(&mut app, "forty steps", |app| steps(app) > start + 40);
+    update_until(&mut app, "twenty steps", |app| steps(app) > start + 20);
     let Slow(reported, ticks) = app.world().resource::<Slow>();
     let [slow] = reported[..] else { panic!("{reported:?}") };
     assert!(

@@ -36,7 +36,7 @@ fn corner(make: impl Fn(usize, Face, DVec3) -> Body) -> [Body; 2] {
 }
 
 /// Forces of the full pair and of the loop at every sample, and what happened at hand-overs.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Run {
     oracle: Vec<DVec3>,
     rendered: Vec<DVec3>,
@@ -53,14 +53,46 @@ impl Run {
     }
 }
 
-/// Runs the pair along `samples`. A body is in the model step and in the local model while `reaches` holds for the tool.
-fn run(
+/// A loop whose local models arrive after `delay` ticks.
+struct DelayedLoop {
+    delay: usize,
+    // Boxed because of its size.
+    hand_over: Box<HandOver>,
+    pending: Vec<(usize, LocalModel)>,
+    run: Run,
+}
+
+impl DelayedLoop {
+    fn new(delay: usize, settings: HandOverSettings) -> Self {
+        let hand_over = Box::new(HandOver::new(settings).unwrap());
+        Self { delay, hand_over, pending: Vec::new(), run: Run::default() }
+    }
+
+    fn tick(&mut self, tick: usize, sample: Sample) {
+        self.hand_over.push(sample);
+        if self.hand_over.is_ready() && self.pending.first().is_some_and(|(at, _)| *at <= tick) {
+            let (_, model) = self.pending.remove(0);
+            assert_eq!(self.hand_over.submit(&model), SubmitResult::Accepted);
+        }
+        let (rendered, run) = (self.hand_over.render(), &mut self.run);
+        run.unconverged += usize::from(rendered.unconverged);
+        // The first model has no predecessor.
+        if let Some(swap) = rendered.swap.filter(|swap| swap.to.sequence > PERIOD as u64) {
+            run.max_jump_n = run.max_jump_n.max(swap.force_jump_n.length());
+        }
+        run.rendered.push(rendered.force_n);
+    }
+}
+
+/// Runs the pair along `samples`, and a loop for each of `delays`. A body is in the model step and in the local model while `reaches` holds
+/// for the tool. The path of the tool is prescribed, so all loops get the local models of one run of the pair.
+fn run<const N: usize>(
     bodies: &[Body; 2],
     tool: &ToolContact,
     samples: &[Sample],
-    delay: usize,
+    delays: [usize; N],
     reaches: impl Fn(usize, DVec3) -> bool,
-) -> Run {
+) -> [Run; N] {
     let mut bodies = bodies.clone();
     let mut contacts = [tool.clone(), tool.clone()];
     let mut builders =
@@ -77,19 +109,18 @@ fn run(
         to.points = to.points.max(from.points);
         to.triangles = to.triangles.max(from.triangles);
     }
-    let mut hand_over = HandOver::new(HandOverSettings { capacity, ..HandOverSettings::default() }).unwrap();
+    let settings = HandOverSettings { capacity, ..HandOverSettings::default() };
+    let mut loops = delays.map(|delay| DelayedLoop::new(delay, settings));
     let path: Vec<ToolPoint> = samples
         .iter()
         .map(|s| ToolPoint { position_m: s.position_m, velocity_m_per_s: s.velocity_m_per_s })
         .collect();
-    let mut run = Run { oracle: vec![DVec3::ZERO], ..Run::default() };
-    let mut pending: Vec<(usize, LocalModel)> = Vec::new();
+    let (mut oracle, mut models) = (vec![DVec3::ZERO], [0; 3]);
     for (i, sample) in samples.iter().enumerate() {
         let last = i + 1 == samples.len();
         if i > 0 && (i % PERIOD == 0 || last) {
-            let from = run.oracle.len() - 1;
-            let forces = &mut run.oracle;
-            advance_pair(&mut bodies, &mut contacts, &path[from..=i], |force| forces.push(force));
+            let from = oracle.len() - 1;
+            advance_pair(&mut bodies, &mut contacts, &path[from..=i], |force| oracle.push(force));
         }
         if i > 0 && i % PERIOD == 0 {
             let mut model = LocalModel::empty(capacity);
@@ -98,7 +129,7 @@ fn run(
                 [_, _] => {
                     let at = (path[i], sample.sequence);
                     build_pair(&mut builders, &bodies, &contacts, at, &mut model);
-                    run.models[2] += 1;
+                    models[2] += 1;
                 }
                 _ => {
                     let one = near.first().copied().unwrap_or(0);
@@ -107,25 +138,16 @@ fn run(
                     builders[one]
                         .build(scheme, &bodies[one], &contacts[one], path[i], id, &mut model)
                         .unwrap();
-                    run.models[one] += 1;
+                    models[one] += 1;
                 }
             }
-            pending.push((i + delay, model));
+            for to in &mut loops {
+                to.pending.push((i + to.delay, model.clone()));
+            }
         }
-        hand_over.push(*sample);
-        if hand_over.is_ready() && pending.first().is_some_and(|(at, _)| *at <= i) {
-            let (_, model) = pending.remove(0);
-            assert_eq!(hand_over.submit(&model), SubmitResult::Accepted);
-        }
-        let rendered = hand_over.render();
-        run.unconverged += usize::from(rendered.unconverged);
-        // The first model has no predecessor.
-        if let Some(swap) = rendered.swap.filter(|swap| swap.to.sequence > PERIOD as u64) {
-            run.max_jump_n = run.max_jump_n.max(swap.force_jump_n.length());
-        }
-        run.rendered.push(rendered.force_n);
+        loops.iter_mut().for_each(|to| to.tick(i, *sample));
     }
-    run
+    loops.map(|done| Run { oracle: oracle.clone(), models, ..done.run })
 }
 
 /// A ball behind a virtual coupling.
@@ -210,8 +232,9 @@ fn tool_on_two_bodies_matches_the_full_pair() {
         let scenes = [("sandwich", sandwich(make), 0.01, between), ("corner", corner(make), 0.02, cornered)];
         for (scene, pair, radius_m, motions) in scenes {
             for (motion, at) in motions {
-                for (delay, max_error) in [0, 40].into_iter().zip(max_errors) {
-                    let run = run(&pair, &ball(radius_m, 0.3), &samples(1000, at), delay, ALWAYS);
+                let delays = [0, 40];
+                let runs = run(&pair, &ball(radius_m, 0.3), &samples(1000, at), delays, ALWAYS);
+                for ((delay, run), max_error) in delays.into_iter().zip(runs).zip(max_errors) {
                     let (peak, error) = (peak(&run.oracle), run.error(100));
                     let (percent, jump) = (100.0 * error, 100.0 * run.max_jump_n / peak);
                     let what = format!("{bodies}, {scene}, {motion}, {delay} ms");
@@ -239,8 +262,9 @@ fn hand_over_between_one_and_two_bodies_is_continuous() {
         let pair = corner(make);
         // Within what the tool reaches in two model steps.
         let reaches = |body: usize, at: DVec3| [at.z, 0.04 - at.x][body] < radius_m + 0.02;
-        for (delay, max_error) in [(0, 0.0015), (40, 0.005)] {
-            let run = run(&pair, &ball(radius_m, 0.3), &samples(2000, at), delay, reaches);
+        let delays = [0, 40];
+        let runs = run(&pair, &ball(radius_m, 0.3), &samples(2000, at), delays, reaches);
+        for ((delay, run), max_error) in delays.into_iter().zip(runs).zip([0.0015, 0.005]) {
             assert!(run.models.iter().all(|models| *models >= 5), "{:?}", run.models);
             let peak = peak(&run.oracle);
             let error = run.error(100);
@@ -305,7 +329,7 @@ fn random_error(seed: u64) -> f64 {
             + 0.0005 * DVec3::splat(wave(3))
     };
     let friction = 0.6 * next();
-    let run = run(&[a, b], &ball(radius_m, friction), &samples(700, at), 0, ALWAYS);
+    let [run] = run(&[a, b], &ball(radius_m, friction), &samples(700, at), [0], ALWAYS);
     assert_eq!(run.unconverged, 0, "seed {seed}");
     assert!(run.rendered.iter().all(|force| force.is_finite()));
     run.error(100)

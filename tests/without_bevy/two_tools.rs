@@ -41,56 +41,88 @@ impl Run {
     }
 }
 
-/// Runs both loops in lock step, tick by tick. Without `follows`, each holds the force of the other one constant.
-fn run(body: &Body, paths: [&[Sample]; 2], delay: usize, follows: bool) -> Run {
+/// How a pair of loops is run.
+#[derive(Clone, Copy)]
+struct Variant {
+    /// Delay of the local models, in ticks.
+    delay: usize,
+    /// Whether each loop follows the present force of the other tool. Without, it holds that force constant.
+    follows: bool,
+}
+
+/// Both loops in lock step, tick by tick.
+struct LoopPair {
+    variant: Variant,
+    // Boxed because of their size.
+    loops: [Box<HandOver>; 2],
+    pending: [Vec<(usize, LocalModel)>; 2],
+    rendered: [Vec<DVec3>; 2],
+}
+
+impl LoopPair {
+    fn new(variant: Variant, settings: HandOverSettings) -> Self {
+        let loops = [(); 2].map(|()| Box::new(HandOver::new(settings).unwrap()));
+        Self { variant, loops, pending: Default::default(), rendered: Default::default() }
+    }
+
+    fn tick(&mut self, tick: usize, samples: [Sample; 2]) {
+        for (tool, sample) in samples.into_iter().enumerate() {
+            let [(_, force_n), _] = self.loops[1 - tool].forces_on_bodies_n();
+            let other = OtherToolForce { tool: 12 - tool as u64, body: BODY, force_n };
+            let (hand_over, pending) = (&mut self.loops[tool], &mut self.pending[tool]);
+            let has_force = self.variant.follows && hand_over.active().is_some();
+            hand_over.push(Sample { other: has_force.then_some(other), ..sample });
+            if hand_over.is_ready() && pending.first().is_some_and(|(at, _)| *at <= tick) {
+                let (_, model) = pending.remove(0);
+                assert_eq!(hand_over.submit(&model), SubmitResult::Accepted);
+            }
+            self.rendered[tool].push(hand_over.render().force_n);
+        }
+    }
+}
+
+/// Runs the full body along `paths`, and a pair of loops for each of `variants`. The paths are prescribed, so all loops get the local models
+/// of one run of the body.
+fn run<const N: usize>(body: &Body, paths: [&[Sample]; 2], variants: [Variant; N]) -> [Run; N] {
     let mut body = body.clone();
     let mut contacts = [ball(11), ball(12)];
     let mut builder = LocalModelBuilder::new(&body, BuilderOptions::of(&body)).unwrap();
     let settings = HandOverSettings { capacity: builder.capacity(), ..HandOverSettings::default() };
-    let mut loops = [(); 2].map(|()| HandOver::new(settings).unwrap());
+    let mut pairs = variants.map(|variant| LoopPair::new(variant, settings));
     let points = paths.map(|path| {
         path.iter()
             .map(|s| ToolPoint { position_m: s.position_m, velocity_m_per_s: s.velocity_m_per_s })
             .collect::<Vec<_>>()
     });
-    let mut run = Run { oracle: [(); 2].map(|()| vec![DVec3::ZERO]), rendered: Default::default() };
-    let mut pending: [Vec<(usize, LocalModel)>; 2] = Default::default();
+    let mut oracle = [(); 2].map(|()| vec![DVec3::ZERO]);
     for i in 0..paths[0].len() {
         if i > 0 && (i % PERIOD == 0 || i + 1 == paths[0].len()) {
-            let from = run.oracle[0].len() - 1;
+            let from = oracle[0].len() - 1;
             let [a, b] = &mut contacts;
             let mut tools = [
                 ToolRun { contact: a, path: &points[0][from..=i] },
                 ToolRun { contact: b, path: &points[1][from..=i] },
             ];
-            let oracle = &mut run.oracle;
             body.advance_tools(&mut tools, i - from, SemiImplicitEuler::default(), |_, f| {
                 oracle.iter_mut().zip(f).for_each(|(to, f)| to.push(*f));
             })
             .unwrap();
         }
-        for tool in 0..2 {
-            if i > 0 && i % PERIOD == 0 {
+        if i > 0 && i % PERIOD == 0 {
+            for tool in 0..2 {
                 let mut model = LocalModel::empty(builder.capacity());
                 let id = ModelId { body: BODY, epoch: 0, sequence: i as u64 };
                 let (own, other) = ((&contacts[tool], points[tool][i]), [&contacts[1 - tool]]);
                 let scheme = Scheme::NearFieldExact;
                 builder.build_with_other_tools(scheme, &body, own, &other, id, &mut model).unwrap();
-                pending[tool].push((i + delay, model));
+                for pair in &mut pairs {
+                    pair.pending[tool].push((i + pair.variant.delay, model.clone()));
+                }
             }
-            let [(_, force_n), _] = loops[1 - tool].forces_on_bodies_n();
-            let other = OtherToolForce { tool: 12 - tool as u64, body: BODY, force_n };
-            let hand_over = &mut loops[tool];
-            let has_force = follows && hand_over.active().is_some();
-            hand_over.push(Sample { other: has_force.then_some(other), ..paths[tool][i] });
-            if hand_over.is_ready() && pending[tool].first().is_some_and(|(at, _)| *at <= i) {
-                let (_, model) = pending[tool].remove(0);
-                assert_eq!(hand_over.submit(&model), SubmitResult::Accepted);
-            }
-            run.rendered[tool].push(hand_over.render().force_n);
         }
+        pairs.iter_mut().for_each(|pair| pair.tick(i, paths.map(|path| path[i])));
     }
-    run
+    pairs.map(|pair| Run { oracle: oracle.clone(), rendered: pair.rendered })
 }
 
 #[test]
@@ -113,10 +145,14 @@ fn loops_of_two_tools_feel_each_other_between_model_steps() {
             ];
             for (motion, a, b) in motions {
                 let (a, b) = (samples(1000, a), samples(1000, b));
-                for delay in [0, 40] {
-                    let [held, followed] = [false, true].map(|follows| run(body, [&a, &b], delay, follows));
+                let delays = [0, 40];
+                let held = delays.map(|delay| Variant { delay, follows: false });
+                let followed = delays.map(|delay| Variant { delay, follows: true });
+                let runs = run(body, [&a, &b], [held[0], followed[0], held[1], followed[1]]);
+                for (delay, runs) in delays.into_iter().zip(runs.as_chunks::<2>().0) {
+                    let [held, followed] = runs;
                     let percent = |run: &Run| [0, 1].map(|tool| 100.0 * run.error(tool));
-                    let (held, followed) = (percent(&held), percent(&followed));
+                    let (held, followed) = (percent(held), percent(followed));
                     let most = |of: [f64; 2]| of[0].max(of[1]);
                     assert!(most(followed) < 0.75 * most(held), "{name}, {motion}: {held:?} {followed:?}");
                     assert!(
@@ -141,7 +177,8 @@ fn forces_of_still_tools_at_one_place_come_to_rest() {
             let still = |side: f64| {
                 samples(700, |t| DVec3::new(0.5 * side * apart, 0.004, 0.06 - 0.004 * (t / 0.2).min(1.0)))
             };
-            let run = run(&body, [&still(-1.0), &still(1.0)], 40, true);
+            let follows = Variant { delay: 40, follows: true };
+            let [run] = run(&body, [&still(-1.0), &still(1.0)], [follows]);
             for (rendered, oracle) in run.rendered.iter().zip(&run.oracle) {
                 let end = *oracle.last().unwrap();
                 assert!(end.z > 0.1, "{end}");

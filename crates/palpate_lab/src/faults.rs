@@ -16,7 +16,7 @@ use std::io::Write;
 ///
 /// A simulated hand presses an elastic surface with 2 N, lifts and presses again, for at least 4 s. A fault occurs in the first touch:
 /// in the device, its driver, the model side, a local model, the settings or the app. Most faults run in lock step, faults of threads
-/// on real threads. Forces are compared with those of the same movement without a fault.
+/// on real threads, all at once. Forces are compared with those of the same movement without a fault.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "It exits with 1 if a fault was not survived.\n\nExamples:\n  palpate-lab faults\n  palpate-lab faults --only jump --json"
@@ -46,11 +46,7 @@ impl Faults {
         // The panics are intended; their messages are not printed.
         let hook = std::panic::take_hook();
         std::panic::set_hook(Box::new(|_| ()));
-        let threaded: Result<Vec<Outcome>, LabError> = threaded::all()
-            .into_iter()
-            .filter(|(name, ..)| name.contains(&self.only))
-            .map(|(name, expected, run)| Ok(Outcome::of(name, expected, &run()?, THREAD_GROWTH)))
-            .collect();
+        let threaded = self.run_threaded();
         std::panic::set_hook(hook);
         faults.extend(threaded?);
         if faults.is_empty() {
@@ -61,6 +57,20 @@ impl Faults {
         let report = Report { faults };
         output.print(&report, |out| print(&report, out))?;
         if names.is_empty() { Ok(()) } else { Err(LabError::NotSurvived { names }) }
+    }
+
+    /// Runs the faults of threads at the same time: each lasts as long as its scene, and its loop is idle for most of that time.
+    fn run_threaded(&self) -> Result<Vec<Outcome>, LabError> {
+        let mut selected = threaded::all();
+        selected.retain(|(name, ..)| name.contains(&self.only));
+        std::thread::scope(|scope| {
+            let runs: Vec<_> = selected.iter().map(|(.., run)| scope.spawn(run)).collect();
+            let outcomes = selected.iter().zip(runs).map(|((name, expected, _), run)| {
+                let run = run.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+                Ok(Outcome::of(name, *expected, &run, THREAD_GROWTH))
+            });
+            outcomes.collect()
+        })
     }
 }
 

@@ -88,12 +88,20 @@ impl Spring {
     #[inline]
     pub fn force_on_a(&self, d: DVec3, d_dot: DVec3) -> DVec3 {
         let length = d.length();
-        if length == 0.0 {
+        // One division instead of three: springs dominate the cost of a step.
+        self.force_on_a_along(d, length, length.recip(), d_dot)
+    }
+
+    /// The same as [`Spring::force_on_a`], for callers that compute |d|, m, and 1/|d|, 1/m, of many springs together.
+    #[must_use]
+    #[inline]
+    pub fn force_on_a_along(&self, d: DVec3, length_m: f64, per_length: f64, d_dot: DVec3) -> DVec3 {
+        if length_m == 0.0 {
             return DVec3::ZERO;
         }
-        // One division instead of three: springs dominate the cost of a step.
-        let u = d * length.recip();
-        let tension = self.law.at(length - self.rest_length_m).force_n + self.damping_ns_per_m * u.dot(d_dot);
+        let u = d * per_length;
+        let tension =
+            self.law.at(length_m - self.rest_length_m).force_n + self.damping_ns_per_m * u.dot(d_dot);
         tension * u
     }
 

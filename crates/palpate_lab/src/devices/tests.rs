@@ -270,11 +270,7 @@ fn test_of_a_joystick_names_reverse_or_use_y() {
     let text = include_str!("../../../palpate_hid/tests/data/openffboard_2axis.txt");
     let words = text.lines().flat_map(|line| line.split('#').next().unwrap_or_default().split_whitespace());
     let descriptor: Vec<u8> = words.map(|word| u8::from_str_radix(word, 16).unwrap()).collect();
-    for (wiring, advised) in [
-        ([[1.0, 0.0], [0.0, 1.0]], None),
-        ([[-1.0, 0.0], [0.0, 1.0]], Some("set `JoystickOptions::reverse` to [true, false] (--reverse x)")),
-        ([[1.0, 1.0], [0.0, 0.0]], Some("set `JoystickOptions::use_y` to false (--no-y)")),
-    ] {
+    let test_with_wiring = |wiring| {
         let mut firmware = JoystickFirmware::new(&descriptor, SimulatedStick::default()).unwrap();
         firmware.wire_motors(wiring);
         let bus = Arc::new(SimulatedBus::default());
@@ -289,6 +285,21 @@ fn test_of_a_joystick_names_reverse_or_use_y() {
         let options = HidOptions { joystick, ..HidOptions::default() };
         let device = HidDevice::find(bus, &test.selector, &options).unwrap();
         let report = test.test(device).unwrap();
+        assert!(!firmware.lock().unwrap().is_on());
+        report
+    };
+    let cases = [
+        ([[1.0, 0.0], [0.0, 1.0]], None),
+        ([[-1.0, 0.0], [0.0, 1.0]], Some("set `JoystickOptions::reverse` to [true, false] (--reverse x)")),
+        ([[1.0, 1.0], [0.0, 0.0]], Some("set `JoystickOptions::use_y` to false (--no-y)")),
+    ];
+    // A test lasts as long as its forces, and its loop is idle for most of that time.
+    let of_wiring = &test_with_wiring;
+    let reports = std::thread::scope(|scope| {
+        let running = cases.map(|(wiring, _)| scope.spawn(move || of_wiring(wiring)));
+        running.map(|test| test.join().unwrap())
+    });
+    for ((_, advised), report) in cases.into_iter().zip(reports) {
         assert!(report.notes.len() == 1 && report.notes[0].contains("use_y"), "{report:?}");
         match advised {
             None => assert!(report.advice.is_empty(), "{report:?}"),
@@ -296,6 +307,5 @@ fn test_of_a_joystick_names_reverse_or_use_y() {
                 assert!(report.advice.len() == 1 && report.advice[0].contains(option), "{report:?}");
             }
         }
-        assert!(!firmware.lock().unwrap().is_on());
     }
 }

@@ -38,17 +38,17 @@ enum AppFault {
 }
 
 /// Name, expected outcome and run of a fault.
-pub(crate) type ThreadedFault = (&'static str, Expected, Box<dyn Fn() -> Result<SceneRun, LabError>>);
+pub(crate) type ThreadedFault = (&'static str, Expected, Scenario);
+
+/// Run of a fault, on any thread.
+type Scenario = Box<dyn Fn() -> Result<SceneRun, LabError> + Send + Sync>;
 
 /// Additional time allowed on a busy machine, ms: threads run in wall-clock time.
 const BUSY: u64 = 150;
 
 /// All faults on a thread.
 pub(crate) fn all() -> Vec<ThreadedFault> {
-    let scene = |fault: DeviceFault,
-                 can_be_stopped: bool,
-                 app: AppFault|
-     -> Box<dyn Fn() -> Result<SceneRun, LabError>> {
+    let scene = |fault: DeviceFault, can_be_stopped: bool, app: AppFault| -> Scenario {
         Box::new(move || run(fault, can_be_stopped, app))
     };
     let expected = |zero_within, recovers, reports: Option<fn(&LoopEventKind) -> bool>| Expected {

@@ -66,16 +66,16 @@ fn assert_guarantees(report: &Value, load: &str, seconds: u64) {
 
 #[test]
 fn soak_without_load_accounts_for_every_deadline_and_allocates_nothing() {
-    let report = json(&["--seconds", "3", "--load", "none", "--nodes", "6"]);
-    assert_guarantees(&report, "none", 3);
+    let report = json(&["--seconds", "2", "--load", "none", "--nodes", "6"]);
+    assert_guarantees(&report, "none", 2);
     assert_eq!(count(&report, "load_rounds"), 0);
     assert!(count(&report, "models_adopted") > 0 && count(&report, "ticks_with_force") > 0, "{report}");
 }
 
 #[test]
 fn soak_under_cpu_load_accounts_for_every_deadline_and_allocates_nothing() {
-    let report = json(&["--seconds", "3", "--load", "cpu"]);
-    assert_guarantees(&report, "cpu", 3);
+    let report = json(&["--seconds", "2", "--load", "cpu"]);
+    assert_guarantees(&report, "cpu", 2);
     assert!(count(&report, "load_rounds") > 0);
 }
 
