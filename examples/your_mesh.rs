@@ -286,6 +286,9 @@ fn report(bodies: Query<&SimulatedBody>, tapped: Res<Tapped>, mut done: Local<bo
         if let Some(size) = report.implausible_size {
             writeln!(out, "implausible size         {size}; change --scale or --size-m")?;
         }
+        if let Some(thin) = report.thin_parts {
+            writeln!(out, "thin parts               {thin}; --cells changes them")?;
+        }
         if let Some(assumptions) = report.assumptions {
             writeln!(out, "assumed                  {assumptions}")?;
         }

@@ -4,6 +4,7 @@ mod assumptions;
 mod closed_surface;
 mod coincident;
 mod crossing;
+mod distance_transform;
 mod edges;
 mod enclose;
 mod error;
@@ -14,12 +15,14 @@ mod open_parts;
 mod orient;
 mod surface_nets;
 mod thicken;
+mod thin_parts;
 mod weld;
 mod winding_samples;
 mod winding_tree;
 
 pub use assumptions::MeshAssumptions;
 pub use error::MeshError;
+pub use thin_parts::ThinParts;
 
 use closed_surface::ClosedSurface;
 use geometry::{TOLERANCE, same_winding, volume};

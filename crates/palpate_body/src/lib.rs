@@ -144,7 +144,7 @@ pub use body::{Body, BodyState, CellPlace, Deformation, SharedTool, StepReport, 
 pub use body_point::BodyPoint;
 pub use cell_lattice::{CellLattice, CellSize, MeshBody, MeshCells};
 pub use cells::BarrierTetrahedron;
-pub use closed_mesh::{ClosedMesh, MeshAssumptions, MeshClosing, MeshError, MeshRepairs};
+pub use closed_mesh::{ClosedMesh, MeshAssumptions, MeshClosing, MeshError, MeshRepairs, ThinParts};
 pub use energy::{Energy, EnergyBalance};
 pub use error::{BodyError, JointStepError};
 pub use face::Face;

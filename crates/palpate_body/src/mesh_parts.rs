@@ -28,7 +28,7 @@ pub struct JoinedMesh {
     pub regions: Vec<Region>,
     /// Indices of the parts that belong to the surface. The others lie inside.
     pub joined: Vec<usize>,
-    /// Number of pieces of the joined surface that no cells connect.
+    /// Number of pieces of the joined surface that are not connected.
     pub piece_count: usize,
     /// Share of the selected pieces in the volume, from 0 to 1.
     pub piece_share: f64,
@@ -43,7 +43,7 @@ pub struct JoinOptions {
     pub closing: MeshClosing,
     /// Pieces of the surface that are kept.
     pub pieces: PieceSelection,
-    /// Size of the cells that connect pieces.
+    /// Size of the cells with which pieces are found.
     pub cells: CellSize,
 }
 

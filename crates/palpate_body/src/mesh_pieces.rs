@@ -1,9 +1,9 @@
-//! Pieces of a mesh that no cells connect.
+//! Pieces of a mesh that are not connected.
 
 use crate::{CellLattice, CellSize, ClosedMesh, MeshError};
 use glam::DVec3;
 
-/// A piece of a mesh: its cells share no face with those of another piece.
+/// A piece of a mesh: nothing inside connects it with another piece, however near that is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshPiece {
     /// Indices of its triangles in [`ClosedMesh::triangles`], ascending.
@@ -42,7 +42,7 @@ impl PieceSelection {
 }
 
 impl ClosedMesh {
-    /// The pieces into which cells of size `size` divide the mesh, in the order of descending volumes. Of a mesh of one piece it is all of its
+    /// The pieces of the mesh, found with cells of size `size`, in the order of descending volumes. Of a mesh of one piece it is all of its
     /// triangles.
     ///
     /// # Errors

@@ -2,6 +2,7 @@
 
 mod cluster;
 mod subdivide;
+mod thickness;
 
 use crate::vertex_normals::vertex_normals;
 use crate::{BodyPoint, ClosedMesh, Surface};
@@ -21,8 +22,12 @@ pub(crate) struct TouchSurface {
     pub deviation_m: f64,
 }
 
+/// Distance of points relative to the thickness below them, and minimum distance relative to that where the body is thick.
+const THICKNESS_SHARE: f64 = 0.5;
+const MIN_SPACING_SHARE: f64 = 0.25;
+
 impl TouchSurface {
-    /// Creates the surface with points at least `spacing` cells of `cell_m` apart and edges of at most 1 + `spacing`
+    /// Creates the surface with points at least `spacing` cells of `cell_m` apart, closer where the body is thin, and edges of at most 1 + `spacing`
     /// cells. With these limits few clustered edges are halved again. `point_at` embeds a position, relative to the
     /// mesh's centre, with the outward normal there, in the body.
     pub(crate) fn new(
@@ -32,7 +37,25 @@ impl TouchSurface {
         spacing: f64,
     ) -> Self {
         let enclosing_m = mesh.enclosing_points_m();
-        let clustered = cluster::cluster(mesh.closed_triangles(), enclosing_m, spacing * cell_m);
+        let normals: Vec<DVec3> = vertex_normals(mesh.closed_triangles(), enclosing_m)
+            .into_iter()
+            .map(DVec3::normalize_or_zero)
+            .collect();
+        let spacing_m = spacing * cell_m;
+        // Points further apart than half the thickness of a finger would lose it.
+        let thickness_m = thickness::thickness_m(
+            mesh.closed_triangles(),
+            enclosing_m,
+            &normals,
+            spacing_m / THICKNESS_SHARE,
+        );
+        let apart_m: Vec<f64> = thickness_m
+            .iter()
+            .map(|thickness_m| {
+                (THICKNESS_SHARE * thickness_m).clamp(MIN_SPACING_SHARE * spacing_m, spacing_m)
+            })
+            .collect();
+        let clustered = cluster::cluster(mesh.closed_triangles(), enclosing_m, &normals, &apart_m);
         let mut points_m: Vec<DVec3> = clustered.kept.iter().map(|&point| enclosing_m[point]).collect();
         let deviation_m = deviation(enclosing_m, &clustered.triangles, &points_m);
         let triangles = subdivide::subdivide(clustered.triangles, &mut points_m, (1.0 + spacing) * cell_m);

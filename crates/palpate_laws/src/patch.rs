@@ -121,7 +121,11 @@ const RING_POINTS: [DVec2; 8] = [
 /// moves, and an immediate feedback of the force would oscillate.
 const EASING_S: f64 = 8e-3;
 /// Iterations that alternate between foot and normal of a new patch. An existing patch needs one.
-const MAX_ROUNDS: usize = 3;
+const MAX_ROUNDS: usize = 6;
+/// Share of the new normal in an iteration after the first one of a new patch. An iteration without relaxation multiplies the error of the
+/// normal by −r/R, with the height r of the tool's middle and the radius of curvature R of the surface, and does not converge on a surface
+/// that is more curved than the tool.
+const RELAXATION: f64 = 0.5;
 /// Change of the normal below which the iteration ends.
 const NORMAL_TOLERANCE: f64 = 1e-12;
 /// A foot further aside than this fraction of the tool's radius lies on an edge.
@@ -269,7 +273,7 @@ impl Patch {
         let PatchStart { foot: start, normal, axis, contact_m, averaged_n, depth_ratio, rounds } = *start;
         let (mut foot, mut normal, mut is_on_edge) = (start, normal, false);
         let mut along = axis;
-        for _ in 0..rounds {
+        for round in 0..rounds {
             let (reach, _) = shape.support(normal, depth_ratio);
             let middle = center_m + reach;
             let direction = (along, tangents(along, scale.axes));
@@ -296,6 +300,9 @@ impl Patch {
                         foot = other;
                     }
                 }
+            }
+            if round > 0 || rounds == 1 {
+                next = normal.lerp(next, RELAXATION).try_normalize().unwrap_or(next);
             }
             // Far below the surface a small rotation of the direction would lead to a different place.
             let level = match shape {

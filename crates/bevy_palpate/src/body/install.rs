@@ -9,7 +9,7 @@ use super::state::{BodyReady, BodyState};
 use crate::fault::{FaultWriter, HapticFaultKind};
 use crate::step_watch::StepWatch;
 use bevy::prelude::*;
-use palpate_body::{ImplausibleSize, MeshRepairs, StepReport};
+use palpate_body::{ImplausibleSize, MeshRepairs, StepReport, ThinParts};
 use std::sync::Arc;
 
 /// A finished build with its input.
@@ -120,11 +120,20 @@ fn report_shape(faults: &mut FaultWriter, entity: Entity, body: &SimulatedBody) 
     {
         warn!("{entity}: {size}; change size_m of DeformableBody::Block");
     }
-    let Some(MeshReport { repairs, assumptions, implausible_size, piece_count, piece_share, cells, .. }) =
-        body.report
-    else {
-        return;
-    };
+    let Some(report) = body.report else { return };
+    let MeshReport {
+        repairs,
+        assumptions,
+        implausible_size,
+        piece_count,
+        piece_share,
+        thin_parts,
+        cells,
+        ..
+    } = report;
+    if let Some(thin) = thin_parts.filter(|thin| thin.share > ThinParts::MAX_SHARE) {
+        warn!("{entity}: {thin}: MeshShape::cells_along_longest_axis");
+    }
     if let Some(size) = implausible_size {
         warn!("{entity}: {size}; change MeshShape::metres_per_unit");
     }

@@ -83,14 +83,14 @@ pub struct MeshShape {
     /// Thickness that open parts get, m: sheets such as skin or a diaphragm. With `None` their holes count as closed. Parts without holes are
     /// unaffected.
     pub thickness_m: Option<f64>,
-    /// Which pieces become the body, of a mesh whose pieces are more than a cell apart.
+    /// Which pieces become the body, of a mesh of several that are not connected.
     pub pieces: MeshPieces,
     /// Number of cells along its longest side. Ten divide an organ into some hundred cells, twenty into some thousand; the time of a model
     /// step grows faster than their number. More than [`palpate_body::CellLattice::MAX_NODES`] nodes are rejected.
     pub cells_along_longest_axis: usize,
 }
 
-/// Which pieces of a mesh become the body. Pieces are what no cells connect: two kidneys in one file.
+/// Which pieces of a mesh become the body. Pieces are not connected, however near they are: two kidneys in one file.
 ///
 /// [`MeshReport`](crate::MeshReport) counts them. The other pieces are neither touched nor drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]

@@ -8,7 +8,7 @@ use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{
     Body, BodyError, BodyPoint, ClosedMesh, ImplausibleSize, JoinedMesh, MeshAssumptions, MeshCells,
-    MeshRepairs, Region, Skin, StepReport,
+    MeshRepairs, Region, Skin, StepReport, ThinParts,
 };
 use palpate_reduce::LocalModelBuilder;
 use std::sync::Arc;
@@ -181,6 +181,8 @@ pub struct MeshReport {
     pub piece_count: usize,
     /// Share of the body's pieces in the volume of all, from 0 to 1.
     pub piece_share: f64,
+    /// Parts that are thinner than two cells. They are logged if they have more than a tenth of the volume.
+    pub thin_parts: Option<ThinParts>,
     /// Cells that fill the mesh: number, size and excess mass.
     pub cells: MeshCells,
     /// Maximum distance of the surface of the mesh's inside from the surface that tools touch, m.

@@ -200,10 +200,9 @@ pub enum MeshError {
         /// Number of cells along the longest side that stays below it.
         advised: usize,
     },
-    /// The mesh consists of pieces that share no cell.
+    /// The mesh consists of pieces that are not connected.
     #[error(
-        "the mesh is in {pieces} pieces that no cells connect, one at {at_m:.4}: select one, make a body of each, use larger cells, or \
-         allow separate parts (`allow_unconstrained`, or `FixedRegion::None` of a component)"
+        "the mesh is in {pieces} pieces that are not connected, one at {at_m:.4}: select one, make a body of each, or allow separate parts (`allow_unconstrained`, or `FixedRegion::None` of a component)"
     )]
     Pieces {
         /// Number of pieces.

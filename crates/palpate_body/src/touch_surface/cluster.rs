@@ -1,6 +1,5 @@
 //! Clustering of vertices.
 
-use crate::vertex_normals::vertex_normals;
 use glam::DVec3;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -15,12 +14,16 @@ pub(super) struct Clustered {
 /// Clusters points (J. Rossignac and P. Borrel, "Multi-resolution 3D approximations for rendering complex scenes",
 /// 1993). The clusters are Voronoi cells along the edges instead of boxes.
 ///
-/// Points are kept in order if they are at least `spacing_m` from earlier kept points that edges connect within that
+/// Points are kept in order if they are at least their own or the others' `apart_m` from earlier kept points that edges connect within that
 /// distance. Every other point joins the kept point nearest along edges, except one with an opposite normal. This
 /// separates the two sides of a thin wall. Degenerate triangles are omitted.
-pub(super) fn cluster(triangles: &[[usize; 3]], points_m: &[DVec3], spacing_m: f64) -> Clustered {
+pub(super) fn cluster(
+    triangles: &[[usize; 3]],
+    points_m: &[DVec3],
+    normals: &[DVec3],
+    apart_m: &[f64],
+) -> Clustered {
     let edges = Edges::new(triangles, points_m.len());
-    let normals = vertex_normals(triangles, points_m);
     let along = |seed: usize, point: usize| normals[seed].dot(normals[point]) > 0.0;
     let mut seed_of = vec![usize::MAX; points_m.len()];
     // The last seed that visited each point.
@@ -35,7 +38,7 @@ pub(super) fn cluster(triangles: &[[usize; 3]], points_m: &[DVec3], spacing_m: f
         let mut front = vec![seed];
         while let Some(point) = front.pop() {
             for &other in edges.of(point) {
-                let near = points_m[seed].distance(points_m[other]) < spacing_m;
+                let near = points_m[seed].distance(points_m[other]) < apart_m[seed].min(apart_m[other]);
                 if seen[other] != seed && near && along(seed, other) {
                     seen[other] = seed;
                     front.push(other);

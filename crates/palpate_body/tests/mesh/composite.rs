@@ -276,3 +276,30 @@ proptest! {
         prop_assert!(few <= 0.15 * all, "{:?}", sides);
     }
 }
+
+#[test]
+fn parts_are_thin_where_no_ball_with_a_radius_of_a_cell_is_near() {
+    let thin = |shape: &Shape, cell_m: f64| shape.close().unwrap().thin_parts(cell_m);
+    for thick in [cube(0.1), sphere(0.05, 16), cuboid(DVec3::new(0.1, 0.05, 0.02), [1; 3])] {
+        let found = thin(&thick, 0.01);
+        assert!(found.share < 0.02 && found.resolving_cell_m.is_none(), "{found:?}");
+    }
+    let plate = cuboid(DVec3::new(0.1, 0.1, 0.012), [1; 3]);
+    let found = thin(&plate, 0.01);
+    assert!(found.share > 0.99, "{found:?}");
+    // Two of these cells are as thick as the plate.
+    assert!((0.0045..0.0066).contains(&found.resolving_cell_m.unwrap()), "{found:?}");
+    assert!(
+        found
+            .to_string()
+            .starts_with("100 % of the volume is thinner than two cells of 0.0100 m; it keeps its mass")
+    );
+    // A wall between samples.
+    let sheet = cuboid(DVec3::new(0.1, 0.1, 0.0003), [1; 3]);
+    assert!(thin(&sheet, 0.01).share > 0.99);
+    // A plate beside a cube: its share of the volume.
+    let (wide, small) = (cuboid(DVec3::new(0.1, 0.1, 0.004), [1; 3]), cube(0.06).moved(DVec3::Z * 0.05));
+    let share = wide.volume() / (wide.volume() + small.volume());
+    let found = thin(&wide.and(&small), 0.01);
+    assert!((found.share - share).abs() < 0.02, "{found:?}, {share}");
+}

@@ -45,7 +45,7 @@ impl BuiltMesh {
         build(part, options, scale_m, start).map_err(|error| {
             let flag = match &error {
                 ReduceError::Body(BodyError::Mesh(
-                    MeshError::TooManyNodes { .. } | MeshError::CoarseGrid { .. } | MeshError::Pieces { .. },
+                    MeshError::TooManyNodes { .. } | MeshError::CoarseGrid { .. },
                 )) => "; change --cells",
                 _ => "",
             };

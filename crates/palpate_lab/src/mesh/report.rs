@@ -4,7 +4,7 @@ use super::built::BuiltMesh;
 use super::taps::{TappedPlace, Taps};
 use crate::app_tool::limit_reached;
 use crate::error::LabError;
-use palpate_body::{ImplausibleSize, VirtualCoupling};
+use palpate_body::{ImplausibleSize, ThinParts, VirtualCoupling};
 use palpate_files::MeshPiece;
 use serde::Serialize;
 use std::io::Write;
@@ -33,6 +33,9 @@ pub(super) struct Report {
     reoriented: usize,
     /// Share of the bounds in which the inside is uncertain.
     uncertain_share: f64,
+    /// Share of the volume that is thinner than two cells, and the side of the cells that resolve it, m.
+    thin_share: f64,
+    resolving_cell_m: Option<f64>,
     /// Maximum distance of the mesh's inside from the touched surface, m.
     deviation_m: f64,
     /// Time from the triangles to the body, ms.
@@ -41,7 +44,7 @@ pub(super) struct Report {
     live_error: LiveError,
     /// Model steps in which the tool touched nodes beyond the support set of its local model.
     beyond_support: usize,
-    /// Sentences about an implausible size and a force at its limit, with the flag to change.
+    /// Sentences about thin parts, an implausible size and a force at its limit, with the flag to change.
     warnings: Vec<String>,
     /// What was assumed, as a sentence.
     #[serde(skip)]
@@ -96,7 +99,9 @@ impl Report {
         errors.sort_by(f64::total_cmp);
         let size = ImplausibleSize::of((high - low).max_element());
         let peak_n = taps.places.iter().flat_map(|tapped| tapped.peaks_n).fold(0.0, f64::max);
+        let thin = built.closed.thin_parts(built.cells.cell_m);
         let warnings = [
+            (thin.share > ThinParts::MAX_SHARE).then(|| format!("{thin}; change --cells")),
             size.map(|size| format!("{size}; change --scale or --size-m")),
             limit_reached(coupling, peak_n).map(|limit| format!("{limit}; change --max-force-n")),
         ];
@@ -116,6 +121,8 @@ impl Report {
             crossings: assumed.crossing_count,
             reoriented: assumed.reoriented_part_count,
             uncertain_share: assumed.uncertain_share,
+            thin_share: thin.share,
+            resolving_cell_m: thin.resolving_cell_m,
             deviation_m: built.deviation_m,
             build_ms: built.build_ms,
             taps: taps.places.iter().map(TapReport::of).collect(),

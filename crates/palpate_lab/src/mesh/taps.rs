@@ -8,7 +8,7 @@ use crate::multirate::{ModelStep, MultirateRun, PERIOD_TICKS, TICK_S};
 use crate::progress;
 use crate::top::Top;
 use glam::DVec3;
-use palpate_body::{SemiImplicitEuler, ToolContact, ToolShape, VirtualCoupling};
+use palpate_body::{Body, SemiImplicitEuler, ToolContact, ToolShape, VirtualCoupling};
 use palpate_reduce::{ReduceError, relative_rms_error};
 use std::f64::consts::PI;
 
@@ -18,6 +18,9 @@ const TAP_S: f64 = 1.5;
 const TAP_STEPS: usize = 30;
 /// Number of taps of a place.
 const REPEATS: usize = 2;
+/// Speed of the nodes below which the body is at rest for the next tap, m/s, and maximum number of model steps that the hand waits for it.
+const REST_M_PER_S: f64 = 1e-4;
+const MAX_WAITING_STEPS: usize = 400;
 
 /// All taps.
 pub(super) struct Taps {
@@ -56,7 +59,7 @@ impl Hand {
 }
 
 impl Taps {
-    /// Taps the body at up to `count` places. The body is at rest before the first tap of each place.
+    /// Taps the body at up to `count` places. The body is at rest before each tap.
     pub(super) fn run(
         built: &mut BuiltMesh,
         count: usize,
@@ -89,8 +92,16 @@ impl Taps {
         let mut peaks_n = [0.0; REPEATS];
         let mut last_n = DVec3::ZERO;
         for peak_n in &mut peaks_n {
+            let mut waited = 0;
+            while run.tick() > 0 && !is_at_rest(run.body()) && waited < MAX_WAITING_STEPS {
+                let step = run.step(|_| hand.position_m(0))?;
+                self.record(&step, last_n);
+                last_n = step.body_n[PERIOD_TICKS - 1];
+                waited += 1;
+            }
+            let start = run.tick();
             for _ in 0..TAP_STEPS {
-                let step = run.step(|tick| hand.position_m(tick))?;
+                let step = run.step(|tick| hand.position_m(tick - start))?;
                 *peak_n = step.loop_n.iter().map(|force_n| force_n.length()).fold(*peak_n, f64::max);
                 self.record(&step, last_n);
                 last_n = step.body_n[PERIOD_TICKS - 1];
@@ -109,4 +120,9 @@ impl Taps {
             self.first_touch = Some(self.first_touch.map_or(error, |largest| largest.max(error)));
         }
     }
+}
+
+/// Whether no node of `body` moves.
+fn is_at_rest(body: &Body) -> bool {
+    body.velocities_m_per_s().iter().all(|v| v.length() < REST_M_PER_S)
 }

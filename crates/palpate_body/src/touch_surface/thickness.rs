@@ -1,0 +1,31 @@
+//! Thickness of what a surface encloses.
+
+use glam::DVec3;
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
+use parry3d_f64::query::{Ray, RayCast};
+use parry3d_f64::shape::Triangle;
+
+/// Length of the line from each point against its normal to where it leaves the closed surface, at most `max_m`.
+pub(super) fn thickness_m(
+    triangles: &[[usize; 3]],
+    points_m: &[DVec3],
+    normals: &[DVec3],
+    max_m: f64,
+) -> Vec<f64> {
+    let corners = |t: &[usize; 3]| t.map(|point| points_m[point]);
+    let boxes: Vec<Aabb> =
+        triangles.iter().map(corners).map(|[a, b, c]| Aabb::new(a.min(b).min(c), a.max(b).max(c))).collect();
+    let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+    let along = |point: usize| {
+        let inward = -normals[point];
+        let ray = Ray::new(points_m[point], inward);
+        let leaves = |leaf: u32, nearest_m: f64| {
+            let [a, b, c] = corners(&triangles[leaf as usize]);
+            let is_left = (b - a).cross(c - a).dot(inward) > 0.0;
+            is_left.then(|| Triangle::new(a, b, c).cast_local_ray(&ray, nearest_m, false)).flatten()
+        };
+        bvh.cast_ray(&ray, max_m, leaves).map_or(max_m, |(_, distance_m)| distance_m)
+    };
+    (0..points_m.len()).map(along).collect()
+}
