@@ -50,22 +50,14 @@ pub struct PatchStart {
     pub averaged_n: f64,
     /// Penetration depth in tool radii.
     pub depth_ratio: f64,
-    rounds: usize,
+    is_new: bool,
 }
 
 impl PatchStart {
     /// Start at a place of a triangle with that normal.
     #[must_use]
     pub fn on(foot: SurfacePlace, normal: DVec3) -> Self {
-        Self {
-            foot,
-            normal,
-            axis: normal,
-            contact_m: 0.0,
-            averaged_n: 0.0,
-            depth_ratio: 0.0,
-            rounds: MAX_ROUNDS,
-        }
+        Self { foot, normal, axis: normal, contact_m: 0.0, averaged_n: 0.0, depth_ratio: 0.0, is_new: true }
     }
 }
 
@@ -78,7 +70,7 @@ impl Patch {
     /// Start of the next step's search.
     pub(crate) fn after(&self, contact_m: f64, averaged_n: f64, depth_ratio: f64) -> PatchStart {
         let Self { foot, normal, axis, .. } = *self;
-        PatchStart { foot, normal, axis, contact_m, averaged_n, depth_ratio, rounds: 1 }
+        PatchStart { foot, normal, axis, contact_m, averaged_n, depth_ratio, is_new: false }
     }
 }
 
@@ -120,11 +112,12 @@ const RING_POINTS: [DVec2; 8] = [
 /// Time constant of the averaged force that determines the softening of springs, s. In one tick the tissue hardly
 /// moves, and an immediate feedback of the force would oscillate.
 const EASING_S: f64 = 8e-3;
-/// Iterations that alternate between foot and normal of a new patch. An existing patch needs one.
-const MAX_ROUNDS: usize = 6;
-/// Share of the new normal in an iteration after the first one of a new patch. An iteration without relaxation multiplies the error of the
-/// normal by −r/R, with the height r of the tool's middle and the radius of curvature R of the surface, and does not converge on a surface
-/// that is more curved than the tool.
+/// Iterations that alternate between foot and normal: of a new patch, and of an existing one.
+const BALL_ROUNDS: [usize; 2] = [6, 2];
+const PUNCH_ROUNDS: [usize; 2] = [3, 1];
+/// Share of the new normal in an iteration of a ball after the first one. An iteration without relaxation multiplies the error of the normal
+/// by −r/R, with the height r of the ball's middle and the radius of curvature R of the surface, and does not converge on a surface that is
+/// more curved than the ball.
 const RELAXATION: f64 = 0.5;
 /// Change of the normal below which the iteration ends.
 const NORMAL_TOLERANCE: f64 = 1e-12;
@@ -270,10 +263,12 @@ impl Patch {
         start: &PatchStart,
         scale: &PatchScale,
     ) -> Option<Self> {
-        let PatchStart { foot: start, normal, axis, contact_m, averaged_n, depth_ratio, rounds } = *start;
+        let PatchStart { foot: start, normal, axis, contact_m, averaged_n, depth_ratio, is_new } = *start;
         let (mut foot, mut normal, mut is_on_edge) = (start, normal, false);
         let mut along = axis;
-        for round in 0..rounds {
+        let is_ball = matches!(shape, ToolShape::Sphere { .. });
+        let [of_new, of_old] = if is_ball { BALL_ROUNDS } else { PUNCH_ROUNDS };
+        for round in 0..if is_new { of_new } else { of_old } {
             let (reach, _) = shape.support(normal, depth_ratio);
             let middle = center_m + reach;
             let direction = (along, tangents(along, scale.axes));
@@ -301,7 +296,7 @@ impl Patch {
                     }
                 }
             }
-            if round > 0 || rounds == 1 {
+            if is_ball && round > 0 {
                 next = normal.lerp(next, RELAXATION).try_normalize().unwrap_or(next);
             }
             // Far below the surface a small rotation of the direction would lead to a different place.
