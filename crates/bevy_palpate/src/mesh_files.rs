@@ -20,7 +20,7 @@ const EXTENSIONS: [&str; 5] = ["glb", "gltf", "obj", "stl", "ply"];
 ///
 /// The asset is the joined triangles of the file, at the places that its nodes give them, in the unit of the file: set
 /// [`MeshShape::metres_per_unit`](crate::MeshShape::metres_per_unit) for a file in millimetres. It has normals if every piece has some, and
-/// no colours, materials or pictures. [`palpate_files`](crate::palpate_files) states what is read of each format; compressed glTF needs the
+/// no colours, materials or pictures. [`palpate_files`] states what is read of each format; compressed glTF needs the
 /// features `draco` or `meshopt`. [`MeshFileSettings`] selects a part of the file.
 ///
 /// ```
