@@ -12,6 +12,7 @@ mod hid_app;
 mod invalid_app;
 mod lockstep_app;
 mod mesh_app;
+mod mesh_files_app;
 mod mesh_parts_app;
 mod mesh_refused_app;
 mod mesh_reload_app;

@@ -1,8 +1,7 @@
 //! Reads a file as one mesh.
 
-use bevy::asset::RenderAssetUsages;
-use bevy::mesh::{Indices, PrimitiveTopology};
 use bevy::prelude::*;
+use bevy_palpate::mesh_of_pieces;
 use glam::DVec3;
 use palpate_files::{MeshPiece, MeshSelection};
 use std::path::Path;
@@ -57,26 +56,14 @@ impl MeshFile {
     }
 }
 
-/// Joins `pieces`. The mesh has normals if all of them have some.
+/// Joins `pieces`.
 fn join(pieces: &[&MeshPiece]) -> MeshFile {
-    let (mut positions, mut normals, mut corners) = (Vec::new(), Vec::<[f32; 3]>::new(), Vec::new());
-    for piece in pieces {
-        let first = positions.len() as u32;
-        positions.extend_from_slice(&piece.vertices);
-        normals.extend(piece.normals.iter().flatten());
-        corners.extend(piece.triangles.iter().flatten().map(|corner| first + corner));
-    }
     let corner = |pick: fn(DVec3, DVec3) -> DVec3| {
-        positions.iter().map(|p| Vec3::from_array(*p).as_dvec3()).reduce(pick).unwrap_or_default()
+        let positions = pieces.iter().flat_map(|piece| &piece.vertices);
+        positions.map(|p| Vec3::from_array(*p).as_dvec3()).reduce(pick).unwrap_or_default()
     };
     let bounds = [corner(DVec3::min), corner(DVec3::max)];
-    let mut mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default());
-    if normals.len() == positions.len() {
-        mesh.insert_attribute(Mesh::ATTRIBUTE_NORMAL, normals);
-    }
-    mesh.insert_attribute(Mesh::ATTRIBUTE_POSITION, positions);
-    mesh.insert_indices(Indices::U32(corners));
-    MeshFile { mesh, bounds, parts: pieces.len() }
+    MeshFile { mesh: mesh_of_pieces(pieces), bounds, parts: pieces.len() }
 }
 
 #[cfg(test)]

@@ -70,6 +70,8 @@ const ALLOWED: [(&str, &[&str]); 10] = [
             "palpate_reduce",
             "palpate_haptics",
             "palpate_hid",
+            "palpate_files",
+            "serde",
             "bevy",
             "glam",
             "avian3d",

@@ -41,6 +41,8 @@ pub struct BodyPlugin;
 impl Plugin for BodyPlugin {
     fn build(&self, app: &mut App) {
         add_faults(app);
+        #[cfg(feature = "mesh_files")]
+        crate::mesh_files::add_mesh_file_loader(app);
         let cost = FrameCost::of(app);
         app.register_type::<DeformableBody>()
             .register_type::<Tissue>()
@@ -80,6 +82,12 @@ impl Plugin for BodyPlugin {
                     .before(AssetEventSystems)
                     .before(TransformSystems::Propagate),
             );
+    }
+
+    #[cfg(feature = "mesh_files")]
+    fn finish(&self, app: &mut App) {
+        // AssetPlugin may have been added later.
+        crate::mesh_files::add_mesh_file_loader(app);
     }
 }
 

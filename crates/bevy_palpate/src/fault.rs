@@ -343,6 +343,12 @@ pub enum MeshFault {
     /// The mesh asset cannot be loaded.
     #[error("the mesh cannot be loaded: {0}")]
     NotLoaded(String),
+    /// No asset loader reads the file as a mesh.
+    #[error(
+        "no asset loader reads `{0}` as a mesh; enable the feature `mesh_files` of bevy_palpate, which reads glb, gltf, obj, stl and ply \
+         files, or add a loader of its format"
+    )]
+    NoLoader(String),
     /// The mesh consists of lines, points or strips.
     #[error("the topology of the mesh is {0:?}; it must be TriangleList")]
     Topology(PrimitiveTopology),

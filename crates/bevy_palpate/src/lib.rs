@@ -42,7 +42,8 @@
 //!
 //! * Bodies: [`DeformableBody`], a block or a mesh ([`MeshShape`], [`MeshPieces`]), with [`Tissue`], [`FixedRegion`] of a [`BoxFace`] or of
 //!   [`BodyRegion`]s, [`Inclusions`] of [`Inclusion`]s, [`Slit`], [`KinematicBody`] and [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the
-//!   full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`]; places on and in bodies [`BodyQuery`], [`BodySurfacePoint`].
+//!   full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`]; places on and in bodies [`BodyQuery`], [`BodySurfacePoint`]; with the
+//!   feature `mesh_files` the loader of mesh files `MeshFileLoader` with `MeshFileSettings` and `MeshFileLoadError`, `mesh_of_pieces`.
 //! * Surroundings: [`Gravity`] and [`GravityScale`]; [`Obstacle`] of an [`ObstacleShape`], with the result [`ObstacleForce`];
 //!   [`ExternalForce`] of [`Load`]s;
 //!   with the feature `avian` the rigid bodies of avian3d: `AvianPlugin`, `NotAnObstacle`.
@@ -62,20 +63,24 @@
 //! * Tests: [`testing`].
 //! * Display: `HapticPanelPlugin` with `HapticPanel` and `HapticWidgets` (feature `panel`), `HapticGizmosPlugin` with `HapticGizmos` and
 //!   `HapticGizmosOverride` (feature `gizmos`).
-//! * The crates below: [`palpate_haptics`], [`palpate_body`], [`palpate_local`], [`palpate_reduce`], and `palpate_hid` (feature `hid`).
+//! * The crates below: [`palpate_haptics`], [`palpate_body`], [`palpate_local`], [`palpate_reduce`], `palpate_files` (feature
+//!   `mesh_files`) and `palpate_hid` (feature `hid`).
 //!
 //! # Feature flags
 //!
 //! | feature | adds |
 //! | --- | --- |
 //! | `hid` | devices over HID: SpaceMouse, force-feedback joysticks, 3-DOF boards (`palpate_hid`) |
-//! | `gltf` | bodies from glTF and GLB files, with PNG and JPEG textures or without |
+//! | `mesh_files` | bodies from GLB, glTF, OBJ, STL and PLY files, without Bevy's loaders (`palpate_files`); on by default |
+//! | `draco` | decoder of glTF files with `KHR_draco_mesh_compression`, and `mesh_files` |
+//! | `meshopt` | decoder of glTF files with `EXT_meshopt_compression` or `KHR_meshopt_compression`, and `mesh_files` |
+//! | `gltf` | Bevy's loader of glTF and GLB files: primitives with their materials, with PNG and JPEG textures or without |
 //! | `avian` | the colliders of [avian3d](https://docs.rs/avian3d/0.7) 0.7 are obstacles, and its dynamic bodies receive the reaction |
 //! | `window` | a renderer and a window (Bevy's `bevy_pbr` and `bevy_winit`), the mouse as a device, and `gltf` |
 //! | `panel` | a panel of plots and sliders for every tool (`bevy_egui`, `egui_plot`), and `window` |
 //! | `gizmos` | lattice, contact, near field and basis drawn over the scene, and `window` |
 //!
-//! None is on by default: a headless app builds no renderer.
+//! The others are off by default: a headless app builds no renderer.
 //!
 //! # Units, frames, signs
 //!
@@ -98,6 +103,8 @@ mod fault;
 mod gizmos;
 pub mod guide;
 mod layers;
+#[cfg(feature = "mesh_files")]
+mod mesh_files;
 mod model_time;
 #[cfg(feature = "window")]
 mod mouse;
@@ -115,6 +122,8 @@ pub mod testing;
 mod tool;
 
 pub use palpate_body;
+#[cfg(feature = "mesh_files")]
+pub use palpate_files;
 pub use palpate_haptics;
 #[cfg(feature = "hid")]
 pub use palpate_hid;
@@ -139,6 +148,8 @@ pub use fault::{
 #[cfg(feature = "gizmos")]
 pub use gizmos::{HapticGizmos, HapticGizmosOverride, HapticGizmosPlugin};
 pub use layers::TouchLayers;
+#[cfg(feature = "mesh_files")]
+pub use mesh_files::{MeshFileLoadError, MeshFileLoader, MeshFileSettings, mesh_of_pieces};
 pub use model_time::{LoopMode, Model, ModelRate, ModelStepCount};
 #[cfg(feature = "window")]
 pub use mouse::{MouseDevice, MouseDevicePlugin, MouseDeviceSystems};

@@ -49,7 +49,8 @@ const MAX_BUILD_UPDATES: usize = 100_000;
 /// Returns an app for tests: Bevy's `MinimalPlugins`, assets and meshes, and [`PalpatePlugins`] in [`LoopMode::Lockstep`] with simulated
 /// time. It has no window and no threads for loops, gives the same bits in every run, and collects faults for [`take_faults`].
 ///
-/// Bodies of GLB files also need `ImagePlugin`, `WorldSerializationPlugin` and `GltfPlugin` (feature `gltf`).
+/// Bodies of primitives that Bevy's loader of glTF reads also need `ImagePlugin`, `WorldSerializationPlugin` and `GltfPlugin` (feature
+/// `gltf`).
 pub fn headless_app() -> App {
     let schedule = HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep);
     let mut app = App::new();

@@ -19,22 +19,36 @@ use document::Document;
 use invalid::not_valid;
 use nodes::Placement;
 use shape::Shape;
-use std::collections::HashMap;
-use std::path::Path;
+use std::collections::{BTreeSet, HashMap};
+use std::path::PathBuf;
 
+pub(crate) use buffers::BufferFiles;
 pub(crate) use invalid::NAME;
 
-/// Reads the pieces of a glTF file: one for each primitive of each mesh that a node places. Buffers are relative to `folder`.
-pub(crate) fn read(bytes: &[u8], folder: Option<&Path>) -> Result<Vec<MeshPiece>, MeshFileError> {
+/// Paths of the buffers that are files of their own, relative to the glTF file.
+pub(crate) fn buffer_paths(bytes: &[u8]) -> Result<BTreeSet<PathBuf>, MeshFileError> {
+    let (document, _) = parse(bytes)?;
+    let uris = document.buffers.iter().filter_map(|buffer| buffer.uri.as_deref());
+    Ok(uris.filter_map(buffers::relative_path).collect())
+}
+
+/// The document of a glTF file, and the buffer that a GLB file contains.
+fn parse(bytes: &[u8]) -> Result<(Document, Option<&[u8]>), MeshFileError> {
     let (json, binary) = container::split(bytes)?;
-    let document: Document =
+    let document =
         serde_json::from_slice(json).map_err(|cause| not_valid(format!("its JSON is wrong: {cause}")))?;
+    Ok((document, binary))
+}
+
+/// Reads the pieces of a glTF file: one for each primitive of each mesh that a node places.
+pub(crate) fn read(bytes: &[u8], files: BufferFiles) -> Result<Vec<MeshPiece>, MeshFileError> {
+    let (document, binary) = parse(bytes)?;
     let version = &document.asset.version;
     if !version.starts_with("2.") {
         return Err(not_valid(format!("its version is `{version}`; it must be 2.0")));
     }
     extensions::check(&document)?;
-    let buffers = Buffers::new(&document, binary, folder);
+    let buffers = Buffers::new(&document, binary, files);
     // Several nodes may place one mesh with the same weights.
     let mut known: HashMap<(usize, Vec<u64>), Vec<Shape>> = HashMap::new();
     let mut pieces = Vec::new();

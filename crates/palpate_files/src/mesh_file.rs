@@ -2,9 +2,10 @@
 
 use crate::error::MeshFileError;
 use crate::format::MeshFormat;
+use crate::gltf::BufferFiles;
 use crate::piece::{MeshPiece, bounds};
 use crate::{gltf, obj, ply, stl};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The triangles of a mesh file.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,8 +40,52 @@ impl MeshFile {
         format: MeshFormat,
         folder: Option<&Path>,
     ) -> Result<Self, MeshFileError> {
+        Self::from_content(bytes, format, folder.map_or(BufferFiles::Rejected, BufferFiles::Folder))
+    }
+
+    /// Reads the content of a file. `read_buffer` returns the content of a buffer that is a file of its own; its argument is one of
+    /// [`Self::buffer_paths`]. It is called for the buffers that meshes need.
+    ///
+    /// ```
+    /// use palpate_files::{MeshFile, MeshFormat};
+    /// use std::collections::HashMap;
+    /// use std::path::PathBuf;
+    ///
+    /// /// Reads a file whose buffers are elsewhere than in a folder.
+    /// fn read(gltf: &[u8], archive: &HashMap<PathBuf, Vec<u8>>) -> Result<MeshFile, palpate_files::MeshFileError> {
+    ///     MeshFile::from_bytes_with(gltf, MeshFormat::Gltf, &|path| {
+    ///         archive.get(path).cloned().ok_or_else(|| std::io::ErrorKind::NotFound.into())
+    ///     })
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`MeshFileError`] with the reason; [`MeshFileError::MissingBuffer`] with the error of `read_buffer`.
+    pub fn from_bytes_with(
+        bytes: &[u8],
+        format: MeshFormat,
+        read_buffer: &dyn Fn(&Path) -> std::io::Result<Vec<u8>>,
+    ) -> Result<Self, MeshFileError> {
+        Self::from_content(bytes, format, BufferFiles::Function(read_buffer))
+    }
+
+    /// Paths of the buffers of a glTF file that are files of their own, relative to it, each once, in order. Other formats have none. A
+    /// buffer that no mesh needs is among them.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshFileError::NotValid`] if the file is not glTF.
+    pub fn buffer_paths(bytes: &[u8], format: MeshFormat) -> Result<Vec<PathBuf>, MeshFileError> {
+        match format {
+            MeshFormat::Gltf => Ok(gltf::buffer_paths(bytes)?.into_iter().collect()),
+            MeshFormat::Obj | MeshFormat::Stl | MeshFormat::Ply => Ok(Vec::new()),
+        }
+    }
+
+    fn from_content(bytes: &[u8], format: MeshFormat, files: BufferFiles) -> Result<Self, MeshFileError> {
         let (pieces, format) = match format {
-            MeshFormat::Gltf => (gltf::read(bytes, folder)?, gltf::NAME),
+            MeshFormat::Gltf => (gltf::read(bytes, files)?, gltf::NAME),
             MeshFormat::Obj => (obj::read(bytes)?, obj::NAME),
             MeshFormat::Stl => (stl::read(bytes)?, stl::NAME),
             MeshFormat::Ply => (ply::read(bytes)?, ply::NAME),

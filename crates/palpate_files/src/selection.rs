@@ -3,10 +3,11 @@
 use crate::error::MeshFileError;
 use crate::mesh_file::MeshFile;
 use crate::piece::MeshPiece;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Which pieces of a mesh file are used.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum MeshSelection {
     /// All pieces.
     #[default]

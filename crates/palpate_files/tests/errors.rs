@@ -63,6 +63,19 @@ fn names_the_missing_buffer() {
 }
 
 #[test]
+fn names_the_buffer_that_a_function_cannot_read() {
+    let text = Builder::cube().gltf("parts/cube.bin");
+    let read = |_: &Path| Err(std::io::ErrorKind::NotFound.into());
+    let error = MeshFile::from_bytes_with(&text, MeshFormat::Gltf, &read).unwrap_err();
+    assert!(
+        matches!(&error, MeshFileError::MissingBuffer { buffer: 0, path, .. } if path == Path::new("parts/cube.bin")),
+        "{error}"
+    );
+    let error = MeshFile::buffer_paths(b"{", MeshFormat::Gltf).unwrap_err();
+    assert!(matches!(error, MeshFileError::NotValid { format: "glTF", .. }), "{error}");
+}
+
+#[test]
 fn rejects_buffers_elsewhere() {
     let folder = tempfile::tempdir().unwrap();
     for uri in ["https://example.org/cube.bin", "/dev/zero", "file:///dev/zero"] {

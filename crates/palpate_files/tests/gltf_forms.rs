@@ -4,6 +4,7 @@ use crate::cube;
 use crate::gltf_builder::Builder;
 use palpate_files::{MeshFile, MeshFormat, MeshPiece};
 use serde_json::json;
+use std::path::{Path, PathBuf};
 
 fn only_piece(builder: &Builder) -> MeshPiece {
     let file = builder.read().unwrap();
@@ -42,6 +43,31 @@ fn reads_cube_with_binary_file_beside_it() {
     let path = folder.path().join("cube.gltf");
     std::fs::write(&path, builder.gltf("a%20cube.bin")).unwrap();
     assert_cube(&MeshFile::read(&path).unwrap().pieces[0]);
+}
+
+#[test]
+fn reads_cube_with_buffers_of_a_function() {
+    let mut builder = Builder::cube();
+    let list = json!([
+        { "byteLength": builder.binary.len(), "uri": "parts/a%20cube.bin" },
+        { "byteLength": 9, "uri": "parts/a%20cube.bin" },
+        { "byteLength": 9, "uri": "animation.bin" },
+        { "byteLength": 0, "uri": "data:application/octet-stream;base64," },
+        { "byteLength": 9, "uri": "https://example.org/cube.bin" },
+        { "byteLength": 9, "uri": "/dev/zero" },
+    ]);
+    builder.json["buffers"] = list;
+    let text = builder.json.to_string().into_bytes();
+    let paths = MeshFile::buffer_paths(&text, MeshFormat::Gltf).unwrap();
+    assert_eq!(paths, ["animation.bin", "parts/a cube.bin"].map(PathBuf::from));
+    let file = MeshFile::from_bytes_with(&text, MeshFormat::Gltf, &|path| {
+        assert_eq!(path, Path::new("parts/a cube.bin"), "only what a mesh needs is read");
+        Ok(builder.binary.clone())
+    });
+    assert_cube(&file.unwrap().pieces[0]);
+    // The buffer of a GLB file is in it, and other formats have none.
+    assert!(MeshFile::buffer_paths(&Builder::cube().glb(), MeshFormat::Gltf).unwrap().is_empty());
+    assert!(MeshFile::buffer_paths(b"v 0 0 0", MeshFormat::Obj).unwrap().is_empty());
 }
 
 #[test]

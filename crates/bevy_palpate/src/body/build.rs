@@ -171,9 +171,10 @@ pub(super) fn build_bodies(
                 }
                 continue;
             }
-            Err(NotReady::Rejected(HapticFaultKind::Mesh(MeshFault::NotLoaded(why)))) => {
+            Err(NotReady::Rejected(
+                kind @ HapticFaultKind::Mesh(MeshFault::NotLoaded(_) | MeshFault::NoLoader(_)),
+            )) => {
                 if !matches!(body.build.as_deref(), Some(BodyBuild::MeshFailed)) {
-                    let kind = HapticFaultKind::Mesh(MeshFault::NotLoaded(why));
                     reject(&mut commands, &mut faults, entity, kind);
                     commands.entity(entity).try_insert(BodyBuild::MeshFailed);
                 }

@@ -3,7 +3,7 @@
 use super::mesh_source::{self, Source};
 use super::shape::{DeformableBody, MeshShape};
 use crate::fault::MeshFault;
-use bevy::asset::LoadState;
+use bevy::asset::{AssetLoadError, LoadState};
 use bevy::ecs::message::MessageCursor;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
@@ -42,7 +42,12 @@ impl Meshes<'_, '_> {
         for handle in shape.handles().filter(|handle| !assets.contains(*handle)) {
             let state = self.server.as_ref().and_then(|server| server.get_load_state(handle));
             if let Some(LoadState::Failed(error)) = state {
-                return Err(MeshFault::NotLoaded(error.to_string()));
+                return Err(match &*error {
+                    AssetLoadError::MissingAssetLoader { asset_path, .. } => {
+                        MeshFault::NoLoader(asset_path.clone())
+                    }
+                    error => MeshFault::NotLoaded(error.to_string()),
+                });
             }
         }
         // The data are copied once all parts are there, not in every frame before.

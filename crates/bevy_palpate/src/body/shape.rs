@@ -44,17 +44,19 @@ pub enum DeformableBody {
 /// colours and textures. A background task builds the body once the mesh is loaded, and again whenever the mesh changes. A mesh that cannot
 /// be used (wrong units, no inside) is reported as a [`HapticFault`](crate::HapticFault) with the remedy.
 ///
-/// A glTF handle names one primitive as it is stored, without the transforms of the file's nodes. The other primitives of the same mesh are
-/// its [`parts`](Self::parts). Join a file of transformed parts first; `examples/stage/mesh_file.rs` shows how.
+/// With the feature `mesh_files`, which is on by default, a handle such as `assets.load("liver.stl")` is the whole of a GLB, glTF, OBJ, STL
+/// or PLY file, and the label `Piece0` its first piece; `MeshFileLoader` has the details. Further pieces are its [`parts`](Self::parts).
+/// A file that cannot be loaded is a [`MeshFault`](crate::MeshFault), and the body is [`BodyState::Rejected`].
 ///
 /// ```
 /// # use bevy::prelude::*;
 /// # use bevy_palpate::{BodyRegion, Inclusion, Inclusions, MeshShape, prelude::*};
 /// fn setup(mut commands: Commands, assets: Res<AssetServer>) {
-///     // A liver with a tumour: the second primitive of the file has its own tissue.
+///     // A liver with a tumour: the second material of the file has its own tissue.
 ///     let shape = MeshShape {
-///         parts: vec![assets.load("liver.glb#Mesh0/Primitive1")],
-///         ..MeshShape::new(assets.load("liver.glb#Mesh0/Primitive0"))
+///         parts: vec![assets.load("liver.obj#Piece1")],
+///         metres_per_unit: 0.001,
+///         ..MeshShape::new(assets.load("liver.obj#Piece0"))
 ///     };
 ///     let tumour = Tissue { youngs_modulus_pa: 100e3, ..default() };
 ///     let inclusion = Inclusion { region: BodyRegion::Part(0), tissue: tumour };
@@ -66,7 +68,7 @@ pub enum DeformableBody {
 pub struct MeshShape {
     /// The mesh: a triangle list near its origin, where single precision resolves its cells.
     pub mesh: Handle<Mesh>,
-    /// Further parts of the body in the same unit and frame, for example the other primitives of a glTF mesh. [`BodyRegion::Part`] names
+    /// Further parts of the body in the same unit and frame, for example the other pieces of a file. [`BodyRegion::Part`] names
     /// the region of a part, for a tissue, a fixed part or a load.
     ///
     /// A part with holes belongs to the surface: it closes the mesh, and its region is what is nearer to it than to the other parts of the

@@ -10,17 +10,28 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use std::borrow::Cow;
 use std::cell::{Cell, OnceCell};
 use std::io::{Error, ErrorKind, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Maximum size of all decoded views of a file, in bytes.
 const MAX_DECODED_BYTES: usize = 1 << 30;
+
+/// How buffers are read that are files of their own.
+#[derive(Clone, Copy)]
+pub(crate) enum BufferFiles<'a> {
+    /// They are rejected.
+    Rejected,
+    /// From a folder, to which their paths are relative.
+    Folder(&'a Path),
+    /// By a function of their path relative to the glTF file.
+    Function(&'a dyn Fn(&Path) -> Result<Vec<u8>, Error>),
+}
 
 /// The buffers and views of a document.
 pub(super) struct Buffers<'a> {
     document: &'a Document,
     /// The buffer that a GLB file contains.
     binary: Option<&'a [u8]>,
-    folder: Option<&'a Path>,
+    files: BufferFiles<'a>,
     loaded: Vec<OnceCell<Cow<'a, [u8]>>>,
     /// Contents of compressed views.
     decoded: Vec<OnceCell<Vec<u8>>>,
@@ -28,11 +39,11 @@ pub(super) struct Buffers<'a> {
 }
 
 impl<'a> Buffers<'a> {
-    pub fn new(document: &'a Document, binary: Option<&'a [u8]>, folder: Option<&'a Path>) -> Self {
+    pub fn new(document: &'a Document, binary: Option<&'a [u8]>, files: BufferFiles<'a>) -> Self {
         Self {
             document,
             binary,
-            folder,
+            files,
             loaded: document.buffers.iter().map(|_| OnceCell::new()).collect(),
             decoded: document.buffer_views.iter().map(|_| OnceCell::new()).collect(),
             decoded_bytes: Cell::new(0),
@@ -139,18 +150,32 @@ impl<'a> Buffers<'a> {
                 .map_err(|cause| not_valid(format!("the data URI of buffer {index} is broken: {cause}")))?;
             return Ok(Cow::Owned(content));
         }
-        let relative = without_escapes(uri);
-        let relative = Path::new(&relative);
-        let Some(folder) = self.folder.filter(|_| !uri.contains("://") && relative.is_relative()) else {
-            return Err(MeshFileError::BufferNotReachable {
-                buffer: index,
-                uri: uri.chars().take(80).collect(),
-            });
+        let not_reachable =
+            || MeshFileError::BufferNotReachable { buffer: index, uri: uri.chars().take(80).collect() };
+        let relative = relative_path(uri).ok_or_else(not_reachable)?;
+        let (path, content) = match self.files {
+            BufferFiles::Rejected => return Err(not_reachable()),
+            BufferFiles::Folder(folder) => {
+                let path = folder.join(relative);
+                let content = read_start(&path, buffer.byte_length);
+                (path, content)
+            }
+            BufferFiles::Function(read) => {
+                let content = read(&relative);
+                (relative, content)
+            }
         };
-        let path = folder.join(relative);
-        let content = read_start(&path, buffer.byte_length);
         content.map(Cow::Owned).map_err(|cause| MeshFileError::MissingBuffer { buffer: index, path, cause })
     }
+}
+
+/// Path of a buffer that is a file of its own, relative to the glTF file. `None` for data and for an address elsewhere.
+pub(super) fn relative_path(uri: &str) -> Option<PathBuf> {
+    if uri.starts_with("data:") || uri.contains("://") {
+        return None;
+    }
+    let path = PathBuf::from(without_escapes(uri));
+    path.is_relative().then_some(path)
 }
 
 /// At most the first `length` bytes of a file.
