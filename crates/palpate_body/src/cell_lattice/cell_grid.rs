@@ -42,10 +42,12 @@ impl CellGrid {
         Some(self.index(place))
     }
 
-    /// Number of faces between two cells: 0 for the same one, 1 for cells that share a face, more for others.
-    pub(super) fn faces_between(&self, a: usize, b: usize) -> usize {
+    /// Number of faces between two cells that meet: 0 for the same one, 1 for cells that share a face, 2 for an edge, 3 for a corner. `None`
+    /// for others.
+    pub(super) fn faces_between(&self, a: usize, b: usize) -> Option<usize> {
         let (a, b) = (self.place(a), self.place(b));
-        (0..3).map(|axis| a[axis].abs_diff(b[axis])).sum()
+        let apart = [0, 1, 2].map(|axis| a[axis].abs_diff(b[axis]));
+        apart.iter().all(|n| *n < 2).then(|| apart.iter().sum())
     }
 
     /// The up to 26 neighbours of a cell, with the steps to them.

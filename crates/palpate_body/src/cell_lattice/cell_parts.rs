@@ -118,8 +118,10 @@ impl CellParts {
             parts.sort_unstable();
             parts.dedup();
         }
-        // First through faces that a triangle crosses, then within cells, then through any face.
-        for (groups, faces) in [(&on_triangle, 1), (&on_shell, 0), (&on_shell, 1)] {
+        // First through faces that a triangle crosses, then within cells, through any face, and where the shell meets itself at an edge or a
+        // corner.
+        let stages = [(&on_triangle, 1), (&on_shell, 0), (&on_shell, 1), (&on_shell, 2), (&on_shell, 3)];
+        for (groups, faces) in stages {
             for parts in groups.values() {
                 let first = sets.find(parts[0]);
                 if parts.iter().all(|&part| sets.find(part) == first) {
@@ -127,7 +129,8 @@ impl CellParts {
                 }
                 for (index, &a) in parts.iter().enumerate() {
                     for &b in &parts[index + 1..] {
-                        let is_near = grid.faces_between(self.parts[a].cell, self.parts[b].cell) == faces;
+                        let is_near =
+                            grid.faces_between(self.parts[a].cell, self.parts[b].cell) == Some(faces);
                         if is_near && sets.find(a) != sets.find(b) {
                             sets.unite(a, b);
                             self.link(a, b);

@@ -129,6 +129,20 @@ fn pieces_closer_than_a_cell_are_separate() {
 }
 
 #[test]
+fn boxes_that_meet_at_an_edge_are_one_piece() {
+    // The edge in the middle of a cell, and on a side of cells.
+    for (offset, cells) in [(DVec3::ZERO, 5), (DVec3::ZERO, 4), (DVec3::new(0.003, 0.0, 0.0), 6)] {
+        let (a, b) = (cube(0.05), cube(0.05).moved(DVec3::new(0.05, 0.0, 0.05)));
+        let mut both = a.and(&b).moved(offset);
+        // The vertices on the common edge are the same.
+        both.vertices.iter_mut().for_each(|x| *x = (*x * 1e6).round() / 1e6);
+        let mesh = both.close().unwrap();
+        assert_eq!(mesh.pieces(CellSize::Along(cells)).unwrap().len(), 1, "{offset} {cells}");
+        assert_eq!(piece_count(&free(&mesh, cells).network), 1);
+    }
+}
+
+#[test]
 fn hollow_ball_with_a_thin_wall_is_one_piece_with_its_own_mass() {
     for wall in [0.0005, 0.002, 0.006] {
         let shell = sphere(0.05, 16).and(&sphere(0.05 - wall, 16).inside_out());
