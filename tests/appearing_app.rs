@@ -17,12 +17,12 @@ fn block() -> impl Bundle {
     (DeformableBody::block([6, 6, 6], 0.1), FixedRegion::Face(BoxFace::Bottom))
 }
 
-/// Spawns a tool that descends to `height_m` within 0.3 s and leaves after 4 s.
+/// Spawns a tool that descends to `height_m` within 0.3 s and leaves after 3 s.
 fn tool(app: &mut App, height_m: f64) -> Entity {
     spawn_tool(app, move || {
         ScriptedDevice::new(move |n, _| {
             let t = n as f64 * 1e-3;
-            let down = (t / 0.3).min(1.0) * (1.0 - ((t - 4.0) / 0.3).clamp(0.0, 1.0));
+            let down = (t / 0.3).min(1.0) * (1.0 - ((t - 3.0) / 0.3).clamp(0.0, 1.0));
             Ok(Reading::at(DVec3::new(0.012, 0.06 + (height_m - 0.06) * down, 0.009)))
         })
     })
@@ -127,7 +127,7 @@ fn tool_with_its_centre_inside_an_appearing_body_touches_only_after_leaving() {
         assert_eq!((state(&app, tool), force(&app, tool)), (ContactState::Inside, 0.0), "{what}");
         assert_eq!(take_causes(&mut app), [(tool, NoForceCause::Inside { body })], "{what}");
         // The tool leaves without another contact.
-        step(&mut app, 60);
+        step(&mut app, 40);
         assert_eq!(state(&app, tool), ContactState::Clear, "{what}");
         assert!(!contacts(&app)[before..].contains(&Contact::Start), "{what}");
         assert_eq!(take_causes(&mut app), [], "{what}");

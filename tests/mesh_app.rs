@@ -64,7 +64,7 @@ fn forces_on(mesh: Mesh) -> Vec<DVec3> {
         step(&mut app, 1);
         force(&app, tool)
     };
-    let forces = (0..16).map(|_| steps()).collect();
+    let forces = (0..10).map(|_| steps()).collect();
     assert_no_faults(&mut app);
     forces
 }

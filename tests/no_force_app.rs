@@ -292,19 +292,24 @@ fn ordinary_use_is_not_reported() {
         ("far away", |_| DVec3::splat(0.19)),
     ];
     for (name, at) in hands {
-        for scheme in [Scheme::NearFieldExact, Scheme::Hold] {
-            let mut app = lockstep_app();
-            spawn_block(&mut app);
-            let tool = tool(&mut app, |_| (), at);
-            app.world_mut().get_mut::<HapticTool>(tool).unwrap().scheme = scheme;
-            step(&mut app, 40);
-            app.world_mut().resource_mut::<Time<Virtual>>().pause();
-            (0..40).for_each(|_| app.update());
-            app.world_mut().resource_mut::<Time<Virtual>>().unpause();
-            step(&mut app, 20);
-            let faults = take_faults(&mut app);
-            assert!(faults.is_empty(), "{name}: {faults:?}");
+        let mut app = lockstep_app();
+        spawn_block(&mut app);
+        // On the two halves of the block.
+        for (device, scheme, side) in [("right", Scheme::NearFieldExact, 1.0), ("left", Scheme::Hold, -1.0)] {
+            let scripted = move || {
+                let place = move |t| at(t) * DVec3::new(side, 1.0, 1.0);
+                ScriptedDevice::new(move |n, _| Ok(Reading::at(place(n as f64 * 1e-3))))
+            };
+            app.world_mut().resource_mut::<HapticDevices>().register(device, move || Ok(scripted()));
+            app.world_mut().spawn(HapticTool { scheme, ..HapticTool::new(device) });
         }
+        step(&mut app, 40);
+        app.world_mut().resource_mut::<Time<Virtual>>().pause();
+        (0..40).for_each(|_| app.update());
+        app.world_mut().resource_mut::<Time<Virtual>>().unpause();
+        step(&mut app, 20);
+        let faults = take_faults(&mut app);
+        assert!(faults.is_empty(), "{name}: {faults:?}");
     }
 }
 

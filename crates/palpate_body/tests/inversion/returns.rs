@@ -72,15 +72,15 @@ fn drawn_to(length: f64, network: Network, integrator: Integrator) -> Body {
 
 #[test]
 fn bar_drawn_slowly_to_150_or_60_percent_and_released_returns_to_rest() {
-    let bar = block([5, 13, 5], DVec3::new(0.04, 0.12, 0.04), &Tissue::default());
+    let bar = |nodes| block(nodes, DVec3::new(0.04, 0.12, 0.04), &Tissue::default()).network().clone();
     for (integrator, length) in integrators().into_iter().flat_map(|i| [1.5, 0.6].map(|length| (i, length))) {
-        let mut body = drawn_to(length, bar.network().clone(), integrator);
-        // The compressed bar buckles and oscillates for a long time.
-        let ticks = if length < 1.0 { 60_000 } else { 4_000 };
+        // The compressed bar buckles and oscillates for a long time; it has fewer nodes.
+        let (nodes, ticks) = if length < 1.0 { ([4, 10, 4], 60_000) } else { ([5, 13, 5], 4_000) };
+        let mut body = drawn_to(length, bar(nodes), integrator);
         returns_within(&mut body, integrator, ticks, 1e-4);
     }
     // Springs alone settle 40 mm from rest.
-    let mut alone = drawn_to(1.5, without_cells(bar.network()), integrators()[0]);
+    let mut alone = drawn_to(1.5, without_cells(&bar([5, 13, 5])), integrators()[0]);
     alone.advance(None, 4_000, integrators()[0]).unwrap();
     assert!(alone.is_settled() && off_m(&alone) > 0.039);
 }
