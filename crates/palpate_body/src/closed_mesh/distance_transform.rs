@@ -9,7 +9,7 @@ pub(super) fn squared_distances(counts: [usize; 3], is_in: impl Fn(usize) -> boo
     let strides = [1, counts[0], counts[0] * counts[1]];
     let mut line = Vec::new();
     for axis in 0..3 {
-        for first in (0..total).filter(|point| point / strides[axis] % counts[axis] == 0) {
+        for first in (0..total).filter(|point| (point / strides[axis]).is_multiple_of(counts[axis])) {
             let points = (0..counts[axis]).map(|along| first + along * strides[axis]);
             line.clear();
             line.extend(points.clone().map(|point| distances[point]));
