@@ -67,7 +67,7 @@ struct LiveError {
     median: Option<f64>,
     p95: Option<f64>,
     largest: Option<f64>,
-    /// Maximum over the steps in which contact begins.
+    /// Maximum over the first step with contact of each tap.
     first_touch: Option<f64>,
 }
 

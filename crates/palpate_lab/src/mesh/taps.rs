@@ -4,7 +4,7 @@ use super::built::BuiltMesh;
 use super::places::places;
 use crate::app_tool::FRICTION;
 use crate::error::LabError;
-use crate::multirate::{ModelStep, MultirateRun, PERIOD_TICKS, TICK_S};
+use crate::multirate::{ModelStep, MultirateRun, TICK_S};
 use crate::progress;
 use crate::top::Top;
 use glam::DVec3;
@@ -20,14 +20,14 @@ const TAP_STEPS: usize = 30;
 const REPEATS: usize = 2;
 /// Speed of the nodes below which the body is at rest for the next tap, m/s, and maximum number of model steps that the hand waits for it.
 const REST_M_PER_S: f64 = 1e-4;
-const MAX_WAITING_STEPS: usize = 400;
+const MAX_WAITING_STEPS: usize = 200;
 
 /// All taps.
 pub(super) struct Taps {
     pub(super) places: Vec<TappedPlace>,
     /// Error of the loop in each model step with a force of the full body: the RMS of the difference over the RMS of that force.
     pub(super) errors: Vec<f64>,
-    /// Maximum of these errors over the steps in which contact begins.
+    /// Maximum of these errors over the first step with contact of each tap.
     pub(super) first_touch: Option<f64>,
     /// Number of model steps in which the tool touched nodes beyond the support set of its local model.
     pub(super) beyond_support: usize,
@@ -90,36 +90,53 @@ impl Taps {
         let integrator = SemiImplicitEuler::default().into();
         let mut run = MultirateRun::new(under_tool, &mut built.builder, integrator, hand.position_m(0))?;
         let mut peaks_n = [0.0; REPEATS];
-        let mut last_n = DVec3::ZERO;
         for peak_n in &mut peaks_n {
-            let mut waited = 0;
-            while run.tick() > 0 && !is_at_rest(run.body()) && waited < MAX_WAITING_STEPS {
-                let step = run.step(|_| hand.position_m(0))?;
-                self.record(&step, last_n);
-                last_n = step.body_n[PERIOD_TICKS - 1];
-                waited += 1;
+            if run.tick() > 0 {
+                wait(&mut run, hand)?;
             }
-            let start = run.tick();
+            let (start, mut is_touched) = (run.tick(), false);
             for _ in 0..TAP_STEPS {
                 let step = run.step(|tick| hand.position_m(tick - start))?;
                 *peak_n = step.loop_n.iter().map(|force_n| force_n.length()).fold(*peak_n, f64::max);
-                self.record(&step, last_n);
-                last_n = step.body_n[PERIOD_TICKS - 1];
+                is_touched = self.record(&step, is_touched);
             }
         }
         Ok(peaks_n)
     }
 
-    /// Adds a model step. The full body's force was `last_n` at the tick before it.
-    fn record(&mut self, step: &ModelStep, last_n: DVec3) {
+    /// Adds a model step of a tap in which the tool has touched the body before, or not. Returns whether it has now.
+    fn record(&mut self, step: &ModelStep, is_touched: bool) -> bool {
         self.beyond_support += usize::from(step.is_beyond_support);
-        let Some(error) = relative_rms_error(&step.loop_n, &step.body_n) else { return };
+        let Some(error) = relative_rms_error(&step.loop_n, &step.body_n) else { return is_touched };
         self.errors.push(error);
-        let before = std::iter::once(&last_n).chain(&step.body_n);
-        if before.zip(&step.body_n).any(|(before, now)| *before == DVec3::ZERO && *now != DVec3::ZERO) {
+        if !is_touched {
             self.first_touch = Some(self.first_touch.map_or(error, |largest| largest.max(error)));
         }
+        true
     }
+}
+
+/// Waits with the hand above the body until it is at rest. A slender body swings for minutes, so all nodes are stopped whenever the kinetic
+/// energy has passed a maximum (kinetic damping; P. A. Cundall, "Explicit finite-difference methods in geomechanics", 1976).
+fn wait(run: &mut MultirateRun<'_>, hand: &Hand) -> Result<(), ReduceError> {
+    let mut last_j = 0.0;
+    for _ in 0..MAX_WAITING_STEPS {
+        if is_at_rest(run.body()) {
+            break;
+        }
+        run.step(|_| hand.position_m(0))?;
+        let kinetic_j = kinetic_j(run.body());
+        if kinetic_j < last_j {
+            run.halt()?;
+        }
+        last_j = kinetic_j;
+    }
+    Ok(())
+}
+
+fn kinetic_j(body: &Body) -> f64 {
+    let of_node = |(v, mass_kg): (&DVec3, &f64)| 0.5 * mass_kg * v.length_squared();
+    body.velocities_m_per_s().iter().zip(body.network().mass_kg()).map(of_node).sum()
 }
 
 /// Whether no node of `body` moves.
