@@ -60,7 +60,7 @@ impl CellParts {
                 }
                 continue;
             };
-            let Some(samples) = CellSamples::new(mesh, grid, grid.place(cell), surface) else {
+            let Some(samples) = CellSamples::new(mesh, grid, grid.place(cell), surface, share) else {
                 made.parts.push(CellPart { cell, share, surface: Some(surface.bounds) });
                 triangles_of.push(surface.triangles.clone());
                 continue;

@@ -11,6 +11,8 @@ use std::collections::BTreeMap;
 const ALONG: usize = 8;
 /// Width of a gap that counts as closed, in cells.
 const MIN_GAP: f64 = 1e-5;
+/// Share inside of a cell that no line crosses, above which all lines are inside.
+const FULL: f64 = 0.5;
 /// Length of an interval that counts as empty, in cells.
 const ON_FACE: f64 = 1e-9;
 
@@ -98,12 +100,13 @@ impl Line {
 }
 
 impl CellSamples {
-    /// Finds the components in the cell at `place`; `None` if all of the surface there belongs to one.
+    /// Finds the components in the cell at `place`, of which `share` is inside; `None` if all of the surface there belongs to one.
     pub(super) fn new(
         mesh: &ClosedMesh,
         grid: &CellGrid,
         place: [usize; 3],
         surface: &CellSurface,
+        share: f64,
     ) -> Option<Self> {
         let lines = lines(mesh, grid, place, surface);
         let total = ALONG.pow(3);
@@ -133,6 +136,10 @@ impl CellSamples {
         }
         // What no line meets is divided by its surface.
         let is_met = inside.iter().any(|votes| *votes > 0);
+        if !is_met && share > FULL {
+            // The surface touches a corner or an edge of a full cell.
+            return None;
+        }
         let mut number: BTreeMap<usize, usize> = BTreeMap::new();
         for index in 0..inside.len() {
             let set = sets.find(index);

@@ -143,6 +143,24 @@ fn boxes_that_meet_at_an_edge_are_one_piece() {
 }
 
 #[test]
+fn octahedron_is_one_piece() {
+    // Its faces pass through corners of cells.
+    let vertices = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z].map(|x| 0.06 * x);
+    let triangles = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
+    let mesh = Shape { vertices: vertices.to_vec(), triangles: triangles.to_vec() }.close().unwrap();
+    for cells in 1..12 {
+        let pieces = mesh.pieces(CellSize::Along(cells)).unwrap();
+        assert_eq!(
+            pieces.len(),
+            1,
+            "{cells} cells: {:?}",
+            pieces.iter().map(|p| (p.volume_m3, p.triangles.len())).collect::<Vec<_>>()
+        );
+        assert_eq!(piece_count(&free(&mesh, cells).network), 1);
+    }
+}
+
+#[test]
 fn hollow_ball_with_a_thin_wall_is_one_piece_with_its_own_mass() {
     for wall in [0.0005, 0.002, 0.006] {
         let shell = sphere(0.05, 16).and(&sphere(0.05 - wall, 16).inside_out());
@@ -267,6 +285,30 @@ fn region_outside_the_mesh_does_not_count() {
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn convex_mesh_on_the_grid_is_one_piece(
+        half in prop::array::uniform3(1..24_u32),
+        cells in 1..12usize,
+        is_octahedron in any::<bool>(),
+        turn in 0..3usize,
+    ) {
+        // Sizes in eighths of a number of cells, so that faces, edges and corners lie on the grid.
+        let half = DVec3::from_array(half.map(|n| 0.0025 * f64::from(n)));
+        let shape = if is_octahedron {
+            let corners = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
+            let faces = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
+            Shape { vertices: corners.map(|x| half * x).to_vec(), triangles: faces.to_vec() }
+        } else {
+            let angle = [0.0, std::f64::consts::FRAC_PI_4, std::f64::consts::FRAC_PI_2][turn];
+            cuboid(2.0 * half, [1; 3]).turned(DQuat::from_rotation_z(angle))
+        };
+        let mesh = shape.close().unwrap();
+        let made = free(&mesh, cells);
+        prop_assert_eq!(piece_count(&made.network), 1);
+        let ratio = mass(&made.network) / (1000.0 * mesh.volume_m3());
+        prop_assert!((ratio - 1.0 - made.cells.raised_share).abs() < 1e-9, "{}", ratio);
+    }
 
     #[test]
     fn any_gap_separates_the_prongs(from in 0.02..0.07f64, width in 1e-5..0.01f64, cells in 5..12usize, turned in prop::array::uniform3(-3.0..3.0f64)) {
