@@ -64,7 +64,8 @@ pub(super) fn enclose(
                 }
                 None => {
                     let across_m = parts.mean_thickness_m(points_m) / SAMPLES_ACROSS;
-                    let spacing_m = across_m.clamp(finest_m, coarsest_m);
+                    // Triangles without area have no mean thickness: NaN becomes the finest spacing.
+                    let spacing_m = across_m.max(finest_m).min(coarsest_m);
                     sampled(&parts, points_m, half_size_m, spacing_m, &mut assumptions)?
                 }
             }

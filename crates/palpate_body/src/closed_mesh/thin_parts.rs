@@ -2,8 +2,8 @@
 
 use super::ClosedMesh;
 use super::distance_transform::squared_distances;
+use super::surface_nets;
 use super::winding_samples::WindingSamples;
-use crate::limits::MAX_CELLS_ALONG;
 use std::fmt;
 
 /// Parts of a mesh that are thinner than two cells.
@@ -18,18 +18,21 @@ pub struct ThinParts {
     /// with a radius of a cell. Corners and edges of thick parts are nearer.
     pub share: f64,
     /// Largest tried side of cells with which this share is at most [`ThinParts::MAX_SHARE`], m. `None` if it is now, or if it would take more
-    /// cells along the longest side than a body can have.
+    /// than [`ThinParts::MAX_TRIED_CELLS`] along the longest side.
     pub resolving_cell_m: Option<f64>,
 }
 
 /// Number of samples along a cell, and their maximum number along the mesh.
 const SAMPLES_ALONG_CELL: f64 = 6.0;
-const MAX_SAMPLES_ALONG: f64 = 192.0;
+const MAX_SAMPLES_ALONG: f64 = SAMPLES_ALONG_CELL * ThinParts::MAX_TRIED_CELLS as f64;
 /// Ratio of successive sizes of cells that are tried.
 const SIZE_RATIO: f64 = 0.8;
+
 impl ThinParts {
     /// Share of the volume up to which cells resolve a mesh.
     pub const MAX_SHARE: f64 = 0.1;
+    /// Maximum number of cells along the longest side that are tried.
+    pub const MAX_TRIED_CELLS: usize = 32;
 }
 
 impl ClosedMesh {
@@ -39,7 +42,7 @@ impl ClosedMesh {
     pub fn thin_parts(&self, cell_m: f64) -> ThinParts {
         let share = self.thin_share(cell_m);
         let size_m = 2.0 * self.half_size_m().max_element();
-        let least_m = size_m / (MAX_CELLS_ALONG as f64).min(MAX_SAMPLES_ALONG / SAMPLES_ALONG_CELL);
+        let least_m = size_m / ThinParts::MAX_TRIED_CELLS as f64;
         let smaller = std::iter::successors(Some(SIZE_RATIO * cell_m), |cell_m| Some(SIZE_RATIO * cell_m));
         let resolving_cell_m = (share > ThinParts::MAX_SHARE)
             .then(|| {
@@ -56,7 +59,7 @@ impl ClosedMesh {
         let spacing_m = (cell_m / SAMPLES_ALONG_CELL).max(finest_m);
         let corners = self.closed_triangles().iter().map(|t| t.map(|point| self.enclosing_points_m()[point]));
         let samples = WindingSamples::new(corners, &[], self.half_size_m(), spacing_m);
-        let is_inside = |sample: usize| samples.winding[sample] > 0.5;
+        let is_inside = |sample: usize| surface_nets::is_inside(samples.winding[sample]);
         let cell = cell_m / spacing_m;
         let to_outside = squared_distances(samples.counts, |sample| !is_inside(sample));
         // The surface is about half a sample before the first sample outside, and the centre of a ball up to half a sample from a sample.
@@ -88,7 +91,7 @@ impl fmt::Display for ThinParts {
         match resolving_cell_m {
             Some(cell_m) => write!(f, "; cells of {cell_m:.4} m resolve it"),
             None if share > Self::MAX_SHARE => {
-                write!(f, "; more cells than a body can have would resolve it")
+                write!(f, "; {} cells along the longest side do not resolve it", Self::MAX_TRIED_CELLS)
             }
             None => Ok(()),
         }

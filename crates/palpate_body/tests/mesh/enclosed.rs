@@ -265,6 +265,14 @@ fn pieces_are_sorted_by_their_volumes() {
 }
 
 #[test]
+fn triangles_on_a_line_have_no_inside() {
+    let on_line = [0.0, 0.03, 0.07, 0.1].map(|x| DVec3::new(x, 0.0, 0.0)).to_vec();
+    let made = ClosedMesh::enclose(on_line, vec![[0, 1, 2], [1, 2, 3]], None).map(|mesh| mesh.volume_m3());
+    let Err(MeshError::NoInside { spacing_m }) = made else { panic!("{made:?}") };
+    assert!(spacing_m > 0.0);
+}
+
+#[test]
 fn report_reads_as_a_sentence() {
     let mesh = enclose(&opened(cuboid(DVec3::splat(0.1), [8; 3]), |x| x.z > 0.0499));
     let text = mesh.assumptions().unwrap().to_string();
