@@ -136,6 +136,7 @@ mod tie;
 mod tissue;
 mod tool;
 mod touch_surface;
+mod triangle_bvh;
 mod vertex_normals;
 mod weights;
 

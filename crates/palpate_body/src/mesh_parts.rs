@@ -1,9 +1,9 @@
 //! A closed mesh in several parts, for example the primitives of a glTF mesh.
 
+use crate::triangle_bvh::triangle_bvh;
 use crate::{CellSize, ClosedMesh, MeshClosing, MeshError, PieceSelection, Region};
 use glam::DVec3;
-use parry3d_f64::bounding_volume::Aabb;
-use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
+use parry3d_f64::partitioning::{Bvh, BvhNode};
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::Triangle;
 use std::sync::Arc;
@@ -217,11 +217,8 @@ impl PartTriangles {
             triangles.iter().map(move |&[a, b, c]| (Triangle::new(at_m(a), at_m(b), at_m(c)), index))
         };
         let triangles: Vec<(Triangle, usize)> = joined.iter().flat_map(of_part).collect();
-        let bounds: Vec<Aabb> = triangles
-            .iter()
-            .map(|(Triangle { a, b, c }, _)| Aabb::new(a.min(*b).min(*c), a.max(*b).max(*c)))
-            .collect();
-        Self { bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &bounds), triangles }
+        let bvh = triangle_bvh(triangles.iter().map(|(Triangle { a, b, c }, _)| [*a, *b, *c]));
+        Self { bvh, triangles }
     }
 
     /// Part of the triangle nearest to `x_m`; `None` if none is within `within_m`.

@@ -4,11 +4,11 @@ mod cluster;
 mod subdivide;
 mod thickness;
 
+use crate::triangle_bvh::triangle_bvh;
 use crate::vertex_normals::vertex_normals;
 use crate::{BodyPoint, ClosedMesh, Surface};
 use glam::DVec3;
-use parry3d_f64::bounding_volume::Aabb;
-use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
+use parry3d_f64::partitioning::BvhNode;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::Triangle;
 
@@ -69,13 +69,7 @@ impl TouchSurface {
 /// Maximum distance of `places_m` from the triangles.
 fn deviation(places_m: &[DVec3], triangles: &[[usize; 3]], points_m: &[DVec3]) -> f64 {
     let corners = |triangle: usize| triangles[triangle].map(|point| points_m[point]);
-    let boxes: Vec<Aabb> = (0..triangles.len())
-        .map(|triangle| {
-            let [a, b, c] = corners(triangle);
-            Aabb::new(a.min(b).min(c), a.max(b).max(c))
-        })
-        .collect();
-    let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+    let bvh = triangle_bvh((0..triangles.len()).map(corners));
     let distance = |place_m: &DVec3| {
         let found = bvh.find_best(
             f64::INFINITY,

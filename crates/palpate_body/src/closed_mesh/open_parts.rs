@@ -2,6 +2,7 @@
 
 use super::closed_surface::ClosedSurface;
 use super::edges::{Side, open_edges, sides};
+use super::geometry::volume;
 use super::winding_tree::WindingTree;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -76,12 +77,9 @@ impl OpenParts {
 
     /// Twice the volume per area of the surface with its caps: the thickness of a wall.
     pub(super) fn mean_thickness_m(&self, points_m: &[DVec3]) -> f64 {
-        let all = || {
-            let own = self.triangles.iter().map(|t| t.map(|point| points_m[point]));
-            own.chain(self.caps.iter().copied())
-        };
-        let volume: f64 = all().map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
-        2.0 * volume.abs() / all().map(|t| 0.5 * double_area(t)).sum::<f64>()
+        let ClosedSurface { points_m, triangles } = self.capped(points_m);
+        let double_areas = triangles.iter().map(|t| double_area(t.map(|point| points_m[point])));
+        4.0 * volume(&triangles, &points_m).abs() / double_areas.sum::<f64>()
     }
 }
 

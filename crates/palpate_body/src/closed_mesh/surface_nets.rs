@@ -2,10 +2,10 @@
 
 use super::closed_surface::ClosedSurface;
 use super::winding_samples::WindingSamples;
+use crate::triangle_bvh::triangle_bvh;
 use crate::vertex_normals::vertex_normals;
 use glam::DVec3;
-use parry3d_f64::bounding_volume::Aabb;
-use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
+use parry3d_f64::partitioning::{Bvh, BvhNode};
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::Triangle;
 
@@ -121,9 +121,7 @@ struct Nearest<'a> {
 
 impl<'a> Nearest<'a> {
     fn new(triangles: &'a [[DVec3; 3]]) -> Self {
-        let boxes: Vec<Aabb> =
-            triangles.iter().map(|[a, b, c]| Aabb::new(a.min(*b).min(*c), a.max(*b).max(*c))).collect();
-        Self { triangles, bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes) }
+        Self { triangles, bvh: triangle_bvh(triangles.iter().copied()) }
     }
 
     /// The nearest point of a triangle that faces along `normal`, within `max_m`.

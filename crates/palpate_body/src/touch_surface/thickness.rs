@@ -1,8 +1,7 @@
 //! Thickness of what a surface encloses.
 
+use crate::triangle_bvh::triangle_bvh;
 use glam::DVec3;
-use parry3d_f64::bounding_volume::Aabb;
-use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use parry3d_f64::query::{Ray, RayCast};
 use parry3d_f64::shape::Triangle;
 
@@ -14,9 +13,7 @@ pub(super) fn thickness_m(
     max_m: f64,
 ) -> Vec<f64> {
     let corners = |t: &[usize; 3]| t.map(|point| points_m[point]);
-    let boxes: Vec<Aabb> =
-        triangles.iter().map(corners).map(|[a, b, c]| Aabb::new(a.min(b).min(c), a.max(b).max(c))).collect();
-    let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+    let bvh = triangle_bvh(triangles.iter().map(corners));
     let along = |point: usize| {
         let inward = -normals[point];
         let ray = Ray::new(points_m[point], inward);

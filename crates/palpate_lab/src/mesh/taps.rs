@@ -125,18 +125,13 @@ fn wait(run: &mut MultirateRun<'_>, hand: &Hand) -> Result<(), ReduceError> {
             break;
         }
         run.step(|_| hand.position_m(0))?;
-        let kinetic_j = kinetic_j(run.body());
+        let kinetic_j = run.body().energy().kinetic_j;
         if kinetic_j < last_j {
             run.halt()?;
         }
         last_j = kinetic_j;
     }
     Ok(())
-}
-
-fn kinetic_j(body: &Body) -> f64 {
-    let of_node = |(v, mass_kg): (&DVec3, &f64)| 0.5 * mass_kg * v.length_squared();
-    body.velocities_m_per_s().iter().zip(body.network().mass_kg()).map(of_node).sum()
 }
 
 /// Whether no node of `body` moves.
