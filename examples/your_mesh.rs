@@ -4,7 +4,7 @@
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    ForceError, HapticSystems, MeshPieces, MeshShape, ModelSchedule, SimulatedBody, TickRecording,
+    ForceError, HapticSystems, MeshCellSize, MeshPieces, MeshShape, ModelSchedule, SimulatedBody, TickRecording,
     ToolCoupling,
 };
 use clap::Parser;
@@ -51,9 +51,9 @@ struct Options {
     /// Use only the piece with this index, from 0, in the order of descending volumes, instead of the largest
     #[arg(long)]
     piece: Option<usize>,
-    /// Number of cells along the longest side
-    #[arg(long, default_value_t = 10)]
-    cells: usize,
+    /// Number of cells along the longest side [default: 10; more where parts are thin, and at most 400 nodes]
+    #[arg(long)]
+    cells: Option<usize>,
     /// Place of the tap: x and z from the centre of mass, mm; by default the top above it
     #[arg(long, value_name = "X,Z", value_parser = place, allow_hyphen_values = true)]
     tap: Option<DVec2>,
@@ -144,7 +144,7 @@ fn set_up(
     commands.spawn((
         DeformableBody::Mesh(MeshShape {
             metres_per_unit: shown.metres_per_unit,
-            cells_along_longest_axis: options.cells,
+            cells: options.cells.map_or_else(MeshCellSize::default, MeshCellSize::Along),
             strict: options.strict,
             thickness_m: options.thickness_m,
             pieces: options.piece.map_or(MeshPieces::Largest, MeshPieces::Index),

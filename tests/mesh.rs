@@ -6,7 +6,7 @@ use bevy::asset::RenderAssetUsages;
 use bevy::mesh::{Indices, MeshPlugin, PrimitiveTopology, VertexAttributeValues};
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{BodyRegion, MeshShape, SimulatedBody};
+use bevy_palpate::{BodyRegion, MeshCellSize, MeshShape, SimulatedBody};
 use palpate_haptics::{Reading, ScriptedDevice};
 
 /// Radius of the ball, m.
@@ -109,7 +109,7 @@ pub fn spawn(app: &mut App, mesh: Mesh) -> Entity {
 /// Spawns that body of an existing mesh.
 pub fn spawn_of(app: &mut App, mesh: Handle<Mesh>) -> Entity {
     let floor = BodyRegion::HalfSpace { point_m: DVec3::Y * -0.5 * RADIUS, outward: DVec3::Y };
-    let shape = MeshShape { cells_along_longest_axis: 8, strict: true, ..MeshShape::new(mesh) };
+    let shape = MeshShape { cells: MeshCellSize::Along(8), strict: true, ..MeshShape::new(mesh) };
     let shape = DeformableBody::Mesh(shape);
     app.world_mut().spawn((shape, FixedRegion::Regions(vec![floor]))).id()
 }

@@ -14,7 +14,7 @@ use bevy_palpate::palpate_files::MeshSelection;
 use bevy_palpate::prelude::*;
 use bevy_palpate::testing::{wait_for_body, wait_for_rejection};
 use bevy_palpate::{
-    BodyRegion, HapticFaultKind, HapticSchedulePlugin, Inclusion, Inclusions, LoopMode, MeshFault,
+    BodyRegion, HapticFaultKind, HapticSchedulePlugin, Inclusion, Inclusions, LoopMode, MeshCellSize, MeshFault,
     MeshFileLoader, MeshFileSettings, MeshShape,
 };
 use palpate_tests::app::{assert_no_faults, collect_messages, step, take_kinds, update_until_done};
@@ -91,7 +91,7 @@ fn select(app: &App, path: &str, selection: MeshSelection) -> Handle<Mesh> {
 
 /// Spawns a body of eight cells along its longest side.
 fn spawn(app: &mut App, mesh: Handle<Mesh>) -> Entity {
-    let shape = MeshShape { cells_along_longest_axis: 8, ..MeshShape::new(mesh) };
+    let shape = MeshShape { cells: MeshCellSize::Along(8), ..MeshShape::new(mesh) };
     app.world_mut().spawn(DeformableBody::Mesh(shape)).id()
 }
 
@@ -265,7 +265,7 @@ fn two_materials_have_two_tissues() {
     let mut app = app_of(&[("breast.obj", obj(true))]);
     let shape = MeshShape {
         parts: vec![load(&app, "breast.obj#Piece1")],
-        cells_along_longest_axis: 8,
+        cells: MeshCellSize::Along(8),
         ..MeshShape::new(load(&app, "breast.obj#Piece0"))
     };
     let hard = Tissue { youngs_modulus_pa: 100e3, density_kg_per_m3: 2000.0, ..SOFT };

@@ -4,7 +4,7 @@ use bevy::mesh::Indices;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    BodyRegion, ExternalForce, HapticFaultKind, Inclusion, Inclusions, MeshFault, MeshShape, SimulatedBody,
+    BodyRegion, ExternalForce, HapticFaultKind, Inclusion, Inclusions, MeshCellSize, MeshFault, MeshShape, SimulatedBody,
 };
 use palpate_body::BodyError;
 use palpate_tests::app::{assert_no_faults, step, take_kinds};
@@ -38,7 +38,7 @@ fn part(mesh: &Mesh, is_kept: impl Fn(Vec3) -> bool) -> Mesh {
 
 fn spawn(app: &mut App, mesh: Mesh, parts: Vec<Mesh>, more: impl Bundle) -> Entity {
     let parts = parts.into_iter().map(|part| add(app, part)).collect();
-    let shape = MeshShape { parts, cells_along_longest_axis: 8, ..MeshShape::new(add(app, mesh)) };
+    let shape = MeshShape { parts, cells: MeshCellSize::Along(8), ..MeshShape::new(add(app, mesh)) };
     let entity = app.world_mut().spawn((DeformableBody::Mesh(shape), SOFT, more)).id();
     step(app, 1);
     entity

@@ -4,7 +4,7 @@ use bevy::asset::RenderAssetUsages;
 use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
-use bevy_palpate::{HapticFaultKind, MeshFault, MeshPieces, MeshShape, SimulatedBody};
+use bevy_palpate::{HapticFaultKind, MeshCellSize, MeshFault, MeshPieces, MeshShape, SimulatedBody};
 use palpate_body::{BodyError, MeshError};
 use palpate_tests::app::{assert_no_faults, step, take_kinds};
 use palpate_tests::mesh::{
@@ -244,7 +244,7 @@ fn unit_and_cells_along_have_their_effect_and_their_limits() {
     // A ball of 120 units. Sizes that are legal and implausible are reported with the factor of a common unit.
     for (scale, size_m, factor) in [(0.001, None, 1.0), (0.02, Some(2.4), 1e-2), (2e-5, Some(0.0024), 1e2)] {
         let shape =
-            MeshShape { metres_per_unit: scale, cells_along_longest_axis: 4, ..MeshShape::new(mesh.clone()) };
+            MeshShape { metres_per_unit: scale, cells: MeshCellSize::Along(4), ..MeshShape::new(mesh.clone()) };
         let entity =
             app.world_mut().spawn((DeformableBody::Mesh(shape), FixedRegion::Face(BoxFace::Bottom))).id();
         step(&mut app, 2);
@@ -273,7 +273,7 @@ fn unit_and_cells_along_have_their_effect_and_their_limits() {
     ];
     for (cells_along, is_expected) in cases {
         let shape = MeshShape {
-            cells_along_longest_axis: cells_along,
+            cells: MeshCellSize::Along(cells_along),
             metres_per_unit: 0.001,
             ..MeshShape::new(mesh.clone())
         };

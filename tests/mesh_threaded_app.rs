@@ -4,7 +4,7 @@ use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    FaultSeverity, HapticFaultKind, HapticSchedulePlugin, ModelRate, ModelStepCount, SimulatedBody, SlowStep,
+    FaultSeverity, HapticFaultKind, HapticSchedulePlugin, MeshCellSize, MeshShape, ModelRate, ModelStepCount, SimulatedBody, SlowStep,
     StepPart,
 };
 use palpate_body::{BodyError, MeshError};
@@ -59,7 +59,8 @@ fn body_too_large_for_its_rate_is_reported_once_with_a_suggested_number_of_cells
     app.init_resource::<Slow>().add_systems(Last, collect_slow);
     let mesh = add(&mut app, Sphere::new(0.05).into());
     let fixed = FixedRegion::Face(BoxFace::Bottom);
-    let entity = app.world_mut().spawn((DeformableBody::from_mesh(mesh), fixed)).id();
+    let shape = MeshShape { cells: MeshCellSize::Along(10), ..MeshShape::new(mesh) };
+    let entity = app.world_mut().spawn((DeformableBody::Mesh(shape), fixed)).id();
     assert!(update_until_done(&mut app, |app| body(app, entity).is_some()));
     spawn_tool(&mut app, || ScriptedDevice::new(|_, _| Ok(Reading::at(DVec3::new(0.001, 0.052, 0.002)))));
     let steps = |app: &App| app.world().resource::<ModelStepCount>().0;

@@ -21,7 +21,7 @@ pub use compliance::ContactCompliance;
 pub(crate) use follow_transform::CarryBodies;
 pub(crate) use pending::BodyBuild;
 pub use region::{BodyRegion, BoxFace};
-pub use shape::{DeformableBody, FixedRegion, KinematicBody, MeshPieces, MeshShape, Slit};
+pub use shape::{DeformableBody, FixedRegion, KinematicBody, MeshCellSize, MeshPieces, MeshShape, Slit};
 pub use simulated::{MeshReport, SimulatedBody};
 pub use state::{BodyReady, BodyState};
 pub(crate) use surface_trees::SurfaceTrees;

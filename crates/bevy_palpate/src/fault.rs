@@ -100,8 +100,8 @@ pub enum HapticFaultKind {
     Mesh(#[source] MeshFault),
     /// A body is heavier than its mesh by more than 1 %, because nearly empty cells count as filled to a hundredth. It is simulated.
     #[error(
-        "the body is {percent:.1} % heavier than its mesh, because {cells} of its cells are nearly empty; use smaller cells (raise \
-         MeshShape::cells_along_longest_axis), or thicken the thin parts of the mesh",
+        "the body is {percent:.1} % heavier than its mesh, because {cells} of its cells are nearly empty; use smaller cells (change \
+         MeshShape::cells), or thicken the thin parts of the mesh",
         percent = .share * 100.0
     )]
     MassExcess {

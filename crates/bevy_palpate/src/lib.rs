@@ -40,7 +40,7 @@
 //! The [guide] goes from the first body to a driver of your own. The items by topic; the [`prelude`] has those that nearly every app names,
 //! all others are at the root of the crate:
 //!
-//! * Bodies: [`DeformableBody`], a block or a mesh ([`MeshShape`], [`MeshPieces`]), with [`Tissue`], [`FixedRegion`] of a [`BoxFace`] or of
+//! * Bodies: [`DeformableBody`], a block or a mesh ([`MeshShape`], [`MeshCellSize`], [`MeshPieces`]), with [`Tissue`], [`FixedRegion`] of a [`BoxFace`] or of
 //!   [`BodyRegion`]s, [`Inclusions`] of [`Inclusion`]s, [`Slit`], [`KinematicBody`] and [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the
 //!   full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`]; places on and in bodies [`BodyQuery`], [`BodySurfacePoint`]; with the
 //!   feature `mesh_files` the loader of mesh files `MeshFileLoader` with `MeshFileSettings` and `MeshFileLoadError`, `mesh_of_pieces`.
@@ -134,7 +134,7 @@ pub use palpate_reduce;
 pub use avian::{AvianPlugin, NotAnObstacle};
 pub use body::{
     BodyPlugin, BodyReady, BodyRegion, BodyState, BoxFace, ContactCompliance, DeformableBody, FixedRegion,
-    Inclusion, Inclusions, KinematicBody, MeshPieces, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,
+    Inclusion, Inclusions, KinematicBody, MeshCellSize, MeshPieces, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,
 };
 pub use body_query::{BodyQuery, BodySurfacePoint};
 pub use device::{

@@ -1,5 +1,6 @@
 //! Cubic cells fitted to a closed mesh: a body of any shape.
 
+mod automatic;
 mod cell_grid;
 mod cell_parts;
 mod cell_samples;
@@ -13,27 +14,19 @@ pub use kept_cells::MeshCells;
 
 use crate::cell_tissue::check_tissue;
 use crate::touch_surface::TouchSurface;
-use crate::{BodyError, ClosedMesh, Face, MeshError, Network, NetworkBuilder, Region, Skin, Surface, Tissue};
+use crate::{BodyError, CellSize, ClosedMesh, Face, MeshError, Network, NetworkBuilder, Region, Skin, Surface, Tissue};
 use cell_grid::CellGrid;
 use cell_parts::CellParts;
 use embedding::trilinear_weights;
 use glam::{DQuat, DVec3};
 use kept_cells::KeptCells;
+use std::sync::Arc;
 
 /// Depth below the bounds of a mesh of a layer with its outermost nodes, in cells: they lie at most half a cell outside, and the next ones at
 /// least half a cell inside.
 const OUTERMOST_CELLS: f64 = 0.49;
 /// Tolerance of the filled share of a whole cell.
 const WHOLE_CELL: f64 = 1e-9;
-
-/// Size of the cells.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum CellSize {
-    /// Number of cells along the longest side of the mesh.
-    Along(usize),
-    /// Side of a cell, m.
-    Side(f64),
-}
 
 /// Cubic cells fitted to a closed mesh. [`CellLattice::tissue`] gives them a material.
 ///
@@ -94,6 +87,8 @@ pub struct CellLattice<'a> {
     regions: Vec<(Region, Tissue)>,
     allow_free: bool,
     touch_spacing: f64,
+    /// The parts of the cells, if they were found with their size.
+    parts: Option<Arc<CellParts>>,
 }
 
 /// A body made from a mesh.
@@ -128,6 +123,7 @@ impl<'a> CellLattice<'a> {
         let sides_m = 2.0 * mesh.half_size_m();
         let size_m = sides_m.max_element();
         let cell_m = match size {
+            CellSize::Automatic { max_nodes } => return Self::automatic(mesh, max_nodes),
             CellSize::Along(cells) => size_m / cells as f64,
             CellSize::Side(cell_m) => cell_m,
         };
@@ -156,6 +152,7 @@ impl<'a> CellLattice<'a> {
             regions: Vec::new(),
             allow_free: false,
             touch_spacing: 0.5,
+            parts: None,
         })
     }
 
@@ -163,6 +160,12 @@ impl<'a> CellLattice<'a> {
     #[must_use]
     pub fn cell_m(&self) -> f64 {
         self.grid.cell_m
+    }
+
+    /// Number of cells along the longest side of the mesh.
+    #[must_use]
+    pub fn cells_along(&self) -> usize {
+        self.grid.along()
     }
 
     /// Fixes the nodes in `region`.
@@ -285,7 +288,7 @@ impl<'a> CellLattice<'a> {
             network,
             surface: touched.surface,
             skin: Skin::new(mesh, &embedding),
-            cells: MeshCells { cell_m: grid.cell_m, ..kept.report },
+            cells: MeshCells { cell_m: grid.cell_m, along: grid.along(), ..kept.report },
             deviation_m: touched.deviation_m,
         })
     }
@@ -313,14 +316,17 @@ impl<'a> CellLattice<'a> {
         Ok((pieces.iter().map(volume).collect(), of_places.collect()))
     }
 
-    fn parts(&self) -> Result<CellParts, MeshError> {
+    fn parts(&self) -> Result<Arc<CellParts>, MeshError> {
+        if let Some(parts) = &self.parts {
+            return Ok(Arc::clone(parts));
+        }
         let fill = fill::fill(self.mesh, &self.grid);
         // A lattice has at least as many nodes as cells, and few of its cells are slivers.
         let cells = fill.share.iter().filter(|share| **share > WHOLE_CELL).count();
         if cells > 2 * Self::MAX_NODES {
             self.check_nodes(cells)?;
         }
-        Ok(CellParts::new(self.mesh, &self.grid, fill))
+        Ok(Arc::new(CellParts::new(self.mesh, &self.grid, fill)))
     }
 
     fn check_nodes(&self, nodes: usize) -> Result<(), MeshError> {
@@ -329,7 +335,7 @@ impl<'a> CellLattice<'a> {
             return Ok(());
         }
         // Assume the filled share of the corners of a box; with few cells slightly more lie at the surface.
-        let along = self.grid.cells.into_iter().max().unwrap_or(1);
+        let along = self.grid.along();
         let shares = self.grid.cells.map(|cells| cells as f64 / along as f64);
         let corners =
             |cells: usize| shares.iter().map(|share| (share * cells as f64).ceil() + 1.0).product::<f64>();

@@ -1,7 +1,7 @@
 //! A closed mesh in several parts, for example the primitives of a glTF mesh.
 
 use crate::triangle_bvh::triangle_bvh;
-use crate::{CellSize, ClosedMesh, MeshClosing, MeshError, PieceSelection, Region};
+use crate::{CellLattice, CellSize, ClosedMesh, MeshClosing, MeshError, PieceSelection, Region};
 use glam::DVec3;
 use parry3d_f64::partitioning::{Bvh, BvhNode};
 use parry3d_f64::query::PointQuery;
@@ -32,6 +32,9 @@ pub struct JoinedMesh {
     pub piece_count: usize,
     /// Share of the selected pieces in the volume, from 0 to 1.
     pub piece_share: f64,
+    /// Size of the cells for the selected pieces: [`JoinOptions::cells`], where [`CellSize::Automatic`] is replaced by the chosen
+    /// [`CellSize::Along`].
+    pub cells: CellSize,
 }
 
 /// How parts are joined to the surface of a body.
@@ -43,7 +46,7 @@ pub struct JoinOptions {
     pub closing: MeshClosing,
     /// Pieces of the surface that are kept.
     pub pieces: PieceSelection,
-    /// Size of the cells with which pieces are found.
+    /// Size of the cells with which pieces are found, and of those of the body.
     pub cells: CellSize,
 }
 
@@ -93,8 +96,8 @@ impl JoinedMesh {
             }
         };
         let regions = (1..parts.len()).map(&mut region).collect();
-        let (mesh, piece_count, piece_share) = select(mesh, &joined, parts, &options)?;
-        Ok(Self { mesh, regions, joined, piece_count, piece_share })
+        let Selected { mesh, piece_count, piece_share, cells } = select(mesh, &joined, parts, &options)?;
+        Ok(Self { mesh, regions, joined, piece_count, piece_share, cells })
     }
 }
 
@@ -112,27 +115,49 @@ fn close(joined: MeshPart, options: &JoinOptions) -> Result<ClosedMesh, MeshErro
     }
 }
 
-/// The selected pieces of `mesh`, the number of its pieces, and the share of the selected ones in its volume.
+/// The selected pieces of a mesh.
+struct Selected {
+    mesh: ClosedMesh,
+    /// Number of pieces of the whole mesh.
+    piece_count: usize,
+    /// Share of the selected pieces in the volume.
+    piece_share: f64,
+    cells: CellSize,
+}
+
+/// Selects pieces of `mesh`. Errors of the cells are those of the body.
 fn select(
     mesh: ClosedMesh,
     joined: &[usize],
     parts: &[MeshPart],
     options: &JoinOptions,
-) -> Result<(ClosedMesh, usize, f64), MeshError> {
-    // Errors of the cells are those of the body.
-    let pieces = mesh.pieces(options.cells).unwrap_or_default();
-    let Some(index) = options.pieces.index(pieces.len().max(1))? else {
-        return Ok((mesh, pieces.len(), 1.0));
+) -> Result<Selected, MeshError> {
+    let (pieces, cells) = match CellLattice::fit(&mesh, options.cells) {
+        Ok(lattice) => (mesh.pieces_of_cells(&lattice).unwrap_or_default(), chosen(&lattice, options)),
+        Err(_) => (Vec::new(), options.cells),
     };
-    if pieces.len() < 2 {
-        return Ok((mesh, pieces.len(), 1.0));
-    }
+    let piece_count = pieces.len();
+    let index = options.pieces.index(piece_count.max(1))?;
+    let Some(index) = index.filter(|_| piece_count > 1) else {
+        return Ok(Selected { mesh, piece_count, piece_share: 1.0, cells });
+    };
     let total_m3: f64 = pieces.iter().map(|piece| piece.volume_m3).sum();
-    let share = pieces[index].volume_m3 / total_m3;
+    let piece_share = pieces[index].volume_m3 / total_m3;
     let mut selected = join(joined.iter().map(|&index| &parts[index]));
     selected.triangles =
         pieces[index].triangles.iter().map(|&triangle| selected.triangles[triangle]).collect();
-    Ok((close(selected, options)?, pieces.len(), share))
+    let mesh = close(selected, options)?;
+    // Errors of the size are those of the body, again.
+    let cells = CellLattice::fit(&mesh, options.cells).map_or(options.cells, |lattice| chosen(&lattice, options));
+    Ok(Selected { mesh, piece_count, piece_share, cells })
+}
+
+/// The size of the cells of `lattice`, which was fitted with the size of `options`.
+fn chosen(lattice: &CellLattice<'_>, options: &JoinOptions) -> CellSize {
+    match options.cells {
+        CellSize::Automatic { .. } => CellSize::Along(lattice.cells_along()),
+        given => given,
+    }
 }
 
 /// A part that is closed by itself.

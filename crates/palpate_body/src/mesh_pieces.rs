@@ -48,12 +48,17 @@ impl ClosedMesh {
     /// # Errors
     /// As [`CellLattice::fit`], and [`MeshError::TooManyNodes`].
     pub fn pieces(&self, size: CellSize) -> Result<Vec<MeshPiece>, MeshError> {
+        self.pieces_of_cells(&CellLattice::fit(self, size)?)
+    }
+
+    /// The pieces of the mesh, found with the cells of `lattice`, which are fitted to it.
+    pub(crate) fn pieces_of_cells(&self, lattice: &CellLattice<'_>) -> Result<Vec<MeshPiece>, MeshError> {
         let at_vertex = |vertex: usize| self.vertices_m()[vertex];
         let places = self.triangles().iter().map(|t| {
             let [a, b, c] = t.map(at_vertex);
             ((a + b + c) / 3.0 - self.center_m(), (b - a).cross(c - a))
         });
-        let (volumes_m3, piece_of) = CellLattice::fit(self, size)?.pieces(places)?;
+        let (volumes_m3, piece_of) = lattice.pieces(places)?;
         let empty = |&volume_m3: &f64| MeshPiece {
             triangles: Vec::new(),
             volume_m3,

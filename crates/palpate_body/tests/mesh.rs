@@ -1,6 +1,7 @@
 //! Closed meshes and the bodies made of them.
 
 mod arbitrary_input;
+mod automatic_cells;
 mod closed;
 mod composite;
 mod enclosed;

@@ -9,7 +9,7 @@ use crate::fault::HapticFaultKind;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 use palpate_body::{
-    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Face, ImplausibleSize, JoinedMesh, MeshBody,
+    Block, Body, BodyError, CellLattice, ClosedMesh, Face, ImplausibleSize, JoinedMesh, MeshBody,
     Region, SemiImplicitEuler, Skin,
 };
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
@@ -72,8 +72,8 @@ impl BuildInput {
         };
         let build = || -> Result<BuildOutput, ReduceError> {
             let (body, skin, report) = match (&self.shape, &closed) {
-                (DeformableBody::Mesh(shape), Some(closed)) => {
-                    let (body, skin, report) = self.mesh(closed, shape.cells_along_longest_axis)?;
+                (DeformableBody::Mesh(_), Some(closed)) => {
+                    let (body, skin, report) = self.mesh(closed)?;
                     (body, Some(skin), Some(report))
                 }
                 (DeformableBody::Block { nodes, size_m }, _) => (self.block(*nodes, *size_m)?, None, None),
@@ -146,13 +146,13 @@ impl BuildInput {
         Body::new(built.network, built.surface)
     }
 
-    fn mesh(&self, joined: &JoinedMesh, cells_along: usize) -> Result<(Body, Skin, MeshReport), BodyError> {
+    fn mesh(&self, joined: &JoinedMesh) -> Result<(Body, Skin, MeshReport), BodyError> {
         let (closed, parts) = (&joined.mesh, &joined.regions);
         if let Some(slit) = self.slit {
             let (what, allowed) = ("length of a slit in a mesh, m", "absent: only a block can have a Slit");
             return Err(BodyError::Parameter { what, value: slit.length_m, allowed });
         }
-        let mut lattice = CellLattice::fit(closed, CellSize::Along(cells_along))?;
+        let mut lattice = CellLattice::fit(closed, joined.cells)?;
         for &face in self.fixed.faces() {
             lattice = lattice.fix_outermost(face.into());
         }

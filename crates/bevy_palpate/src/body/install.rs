@@ -132,7 +132,7 @@ fn report_shape(faults: &mut FaultWriter, entity: Entity, body: &SimulatedBody) 
         ..
     } = report;
     if let Some(thin) = thin_parts.filter(|thin| thin.share > ThinParts::MAX_SHARE) {
-        warn!("{entity}: {thin}: MeshShape::cells_along_longest_axis");
+        warn!("{entity}: {thin}: MeshShape::cells");
     }
     if let Some(size) = implausible_size {
         warn!("{entity}: {size}; change MeshShape::metres_per_unit");

@@ -4,7 +4,7 @@ use super::shape::MeshShape;
 use crate::fault::MeshFault;
 use bevy::mesh::{Indices, Mesh, MeshAccessError, PrimitiveTopology, VertexAttributeValues};
 use glam::DVec3;
-use palpate_body::{BodyError, CellSize, JoinOptions, JoinedMesh, MeshClosing, MeshPart};
+use palpate_body::{BodyError, JoinOptions, JoinedMesh, MeshClosing, MeshPart};
 use std::sync::Arc;
 
 /// The mesh from which a body is built.
@@ -25,8 +25,8 @@ impl Source {
             MeshClosing::Enclose { thickness_m: shape.thickness_m }
         };
         if scale_m.is_finite() && scale_m > 0.0 {
-            let cells = CellSize::Along(shape.cells_along_longest_axis);
-            let options = JoinOptions { scale_m, closing, pieces: shape.pieces.into(), cells };
+            let options =
+                JoinOptions { scale_m, closing, pieces: shape.pieces.into(), cells: shape.cells.into() };
             Ok(Self::Raw { parts, options })
         } else {
             Err(MeshFault::Scale(scale_m))

@@ -5,7 +5,7 @@ use super::state::BodyState;
 use super::tissue::Tissue;
 use bevy::prelude::*;
 use glam::DVec3;
-use palpate_body::PieceSelection;
+use palpate_body::{CellSize, PieceSelection};
 
 /// A deformable body that tools can touch: a block, or the inside of a mesh. Requires [`Tissue`], [`FixedRegion`],
 /// [`BodyState`] and [`Transform`].
@@ -87,9 +87,44 @@ pub struct MeshShape {
     pub thickness_m: Option<f64>,
     /// Which pieces become the body, of a mesh of several that are not connected.
     pub pieces: MeshPieces,
-    /// Number of cells along its longest side. Ten divide an organ into some hundred cells, twenty into some thousand; the time of a model
-    /// step grows faster than their number. More than [`palpate_body::CellLattice::MAX_NODES`] nodes are rejected.
-    pub cells_along_longest_axis: usize,
+    /// Size of the cells.
+    pub cells: MeshCellSize,
+}
+
+/// Size of the cells of a mesh.
+///
+/// Smaller cells give a finer deformation, and the time of a model step grows faster than their number. More than
+/// [`palpate_body::CellLattice::MAX_NODES`] nodes are rejected. [`MeshReport::cells`](crate::MeshReport::cells) states the size that a body has.
+#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Debug, Default, PartialEq, Clone)]
+pub enum MeshCellSize {
+    /// Ten cells along the longest side of the mesh; fewer where these have more than `max_nodes` nodes; otherwise more, up to that number of
+    /// nodes, where over a tenth of the volume is thinner than two cells. The default has [`CellSize::DEFAULT_MAX_NODES`], which hold 20 model
+    /// steps per second.
+    Automatic {
+        /// Maximum number of nodes.
+        max_nodes: usize,
+    },
+    /// Number of cells along the longest side of the mesh: ten divide an organ into some hundred cells, twenty into some thousand.
+    Along(usize),
+    /// Side of a cell, m.
+    Side(f64),
+}
+
+impl Default for MeshCellSize {
+    fn default() -> Self {
+        Self::Automatic { max_nodes: CellSize::DEFAULT_MAX_NODES }
+    }
+}
+
+impl From<MeshCellSize> for CellSize {
+    fn from(size: MeshCellSize) -> Self {
+        match size {
+            MeshCellSize::Automatic { max_nodes } => Self::Automatic { max_nodes },
+            MeshCellSize::Along(cells) => Self::Along(cells),
+            MeshCellSize::Side(cell_m) => Self::Side(cell_m),
+        }
+    }
 }
 
 /// Which pieces of a mesh become the body. Pieces are not connected, however near they are: two kidneys in one file.
@@ -118,7 +153,7 @@ impl From<MeshPieces> for PieceSelection {
 }
 
 impl MeshShape {
-    /// `mesh` in metres, with its holes closed, and ten cells along its longest side.
+    /// `mesh` in metres, with its holes closed, and cells of a size chosen for it.
     #[must_use]
     pub fn new(mesh: Handle<Mesh>) -> Self {
         Self {
@@ -128,7 +163,7 @@ impl MeshShape {
             strict: false,
             thickness_m: None,
             pieces: MeshPieces::Largest,
-            cells_along_longest_axis: 10,
+            cells: MeshCellSize::default(),
         }
     }
 
@@ -151,7 +186,7 @@ impl DeformableBody {
         Self::Block { nodes, size_m }
     }
 
-    /// The inside of a mesh in metres, with ten cells along its longest side. [`MeshShape`] has other units and cell sizes.
+    /// The inside of a mesh in metres, with cells of a size chosen for it ([`MeshCellSize`]). [`MeshShape`] has other units and cell sizes.
     #[must_use]
     pub fn from_mesh(mesh: Handle<Mesh>) -> Self {
         Self::Mesh(MeshShape::new(mesh))

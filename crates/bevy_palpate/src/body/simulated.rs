@@ -137,9 +137,9 @@ impl SimulatedBody {
         bounds.map_or(0.0, |(low, high)| (high - low).max_element())
     }
 
-    /// Value of `MeshShape::cells_along_longest_axis` with which the body was built; `None` for a block.
+    /// Number of cells along the longest side of the mesh; `None` for a block.
     pub(crate) fn cells_along(&self) -> Option<usize> {
-        self.built_shape.mesh().map(|shape| shape.cells_along_longest_axis)
+        self.report.map(|report| report.cells.along)
     }
 
     /// Returns the report about the body's mesh: repairs, cells and deviation of the touched surface; `None` for a block.

@@ -34,7 +34,7 @@ pub enum NoForceCause {
     /// The body's mesh is still being loaded, or the body is still being built.
     #[error(
         "body {body} is not built after {waited_s:.1} s; check that its mesh is loaded (a headless app needs AssetPlugin, MeshPlugin \
-         and, for GLB files, App::finish), or reduce MeshShape::cells_along_longest_axis"
+         and, for GLB files, App::finish), or use larger cells (MeshShape::cells)"
     )]
     BodyNotReady {
         /// The body.

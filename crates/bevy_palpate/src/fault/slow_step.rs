@@ -15,7 +15,7 @@ pub struct SlowStep {
     pub local_models_ms: f64,
     /// Number of nodes of the largest body, which is the fault's entity.
     pub nodes: usize,
-    /// Suggested [`MeshShape::cells_along_longest_axis`](crate::MeshShape::cells_along_longest_axis) of that body; `None` for a block. An
+    /// Suggested number of cells along the longest side of that body ([`MeshShape::cells`](crate::MeshShape::cells)); `None` for a block. An
     /// estimate, with a time proportional to the number of cells.
     pub suggested_cells_along: Option<usize>,
 }
@@ -64,7 +64,7 @@ impl Display for SlowStep {
         match (self.largest(), suggested_cells_along) {
             (StepPart::Other, _) => f.write_str("shorten the app's own systems in ModelSchedule"),
             (_, Some(cells)) => {
-                write!(f, "set MeshShape::cells_along_longest_axis to {cells}, or lower ModelRate")
+                write!(f, "set MeshShape::cells to MeshCellSize::Along({cells}), or lower ModelRate")
             }
             (_, None) => f.write_str("use fewer nodes, or lower ModelRate"),
         }
@@ -87,7 +87,7 @@ mod tests {
         };
         assert_eq!((step.largest(), step.other_ms()), (StepPart::Bodies, 10.0));
         let text = step.to_string();
-        assert!(text.ends_with("set MeshShape::cells_along_longest_axis to 6, or lower ModelRate"), "{text}");
+        assert!(text.ends_with("set MeshShape::cells to MeshCellSize::Along(6), or lower ModelRate"), "{text}");
         let local = SlowStep { bodies_ms: 20.0, local_models_ms: 70.0, suggested_cells_along: None, ..step };
         assert_eq!(local.largest(), StepPart::LocalModels);
         assert!(local.to_string().ends_with("use fewer nodes, or lower ModelRate"), "{local}");

@@ -16,6 +16,11 @@ impl CellGrid {
         self.cells.iter().product()
     }
 
+    /// Number of cells along the longest side.
+    pub(super) fn along(&self) -> usize {
+        self.cells.into_iter().fold(1, usize::max)
+    }
+
     pub(super) fn index(&self, [i, j, k]: [usize; 3]) -> usize {
         i + self.cells[0] * (j + self.cells[1] * k)
     }

@@ -9,6 +9,7 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// What is inside a cell, or one of several components of it that are not connected within the cell.
+#[derive(Debug)]
 pub(super) struct CellPart {
     /// Index of the cell in the grid.
     pub cell: usize,
@@ -20,6 +21,7 @@ pub(super) struct CellPart {
 
 /// Parts of all cells that have something inside (Nesme et al., ACM Trans. Graph. 28 (2009) 52: each component of a cell is an element of its
 /// own). Two parts are connected if their cells share a face through which the inside continues.
+#[derive(Debug)]
 pub(super) struct CellParts {
     /// Parts, in the order of their cells.
     pub parts: Vec<CellPart>,

@@ -21,6 +21,7 @@ const ON_FACE: f64 = 1e-9;
 /// Lines along different axes meet at 8³ samples. What a line passes between two crossings of the surface is connected, with the
 /// samples there and with the surface at its ends. The surface is connected along its edges in the cell. So a gap or a wall of any
 /// thickness counts, if lines meet it. Without any, each connected surface bounds a component.
+#[derive(Debug)]
 pub(super) struct CellSamples {
     /// Places inside with their components, 0 to 1 along each side of the cell.
     places: Vec<(DVec3, usize)>,

@@ -15,6 +15,8 @@ const MIN_FILL: f64 = 0.01;
 pub struct MeshCells {
     /// Side of a cell, m.
     pub cell_m: f64,
+    /// Number of cells along the longest side of the mesh.
+    pub along: usize,
     /// Number of cells of the body.
     pub cells: usize,
     /// Number of almost empty cells whose surface a neighbour carries.

@@ -48,10 +48,15 @@ impl ClosedMesh {
             .then(|| {
                 smaller
                     .take_while(|cell_m| *cell_m >= least_m)
-                    .find(|cell_m| self.thin_share(*cell_m) <= ThinParts::MAX_SHARE)
+                    .find(|cell_m| self.is_resolved_by(*cell_m))
             })
             .flatten();
         ThinParts { cell_m, share, resolving_cell_m }
+    }
+
+    /// Whether at most [`ThinParts::MAX_SHARE`] of the volume is thinner than two cells of side `cell_m`, m.
+    pub(crate) fn is_resolved_by(&self, cell_m: f64) -> bool {
+        self.thin_share(cell_m) <= ThinParts::MAX_SHARE
     }
 
     fn thin_share(&self, cell_m: f64) -> f64 {

@@ -39,9 +39,9 @@ pub(crate) struct Mesh {
     /// Longest extent of the selected primitives, m: they are scaled to it
     #[arg(value_parser = number, allow_hyphen_values = true, long, value_name = "L", conflicts_with = "scale", help_heading = "Body")]
     pub(super) size_m: Option<f64>,
-    /// Cells along the longest side
-    #[arg(value_parser = whole, allow_hyphen_values = true, long, default_value_t = 10, help_heading = "Body")]
-    pub(super) cells: usize,
+    /// Cells along the longest side [default: 10; more where parts are thin, and at most 400 nodes]
+    #[arg(value_parser = whole, allow_hyphen_values = true, long, help_heading = "Body")]
+    pub(super) cells: Option<usize>,
     /// Accept only a mesh that is closed and does not cross itself
     #[arg(long, help_heading = "Body")]
     pub(super) strict: bool,
@@ -74,7 +74,9 @@ impl Mesh {
         }
         let most = CellLattice::MAX_CELLS_ALONG;
         let allowed = format!("1 to {most} along the longest side");
-        check("--cells", self.cells as f64, (1..=most).contains(&self.cells), allowed)?;
+        if let Some(cells) = self.cells {
+            check("--cells", cells as f64, (1..=most).contains(&cells), allowed)?;
+        }
         if let Some(thickness_m) = self.thickness_m {
             check("--thickness-m", thickness_m, thickness_m > 0.0, "finite and above 0")?;
         }

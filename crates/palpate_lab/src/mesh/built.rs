@@ -61,10 +61,10 @@ fn build(part: MeshPart, options: &Mesh, scale_m: f64, start: Instant) -> Result
         MeshClosing::Enclose { thickness_m: options.thickness_m }
     };
     let pieces = options.piece.map_or(PieceSelection::Largest, PieceSelection::Index);
-    let cells = CellSize::Along(options.cells);
+    let cells = options.cells.map_or_else(CellSize::default, CellSize::Along);
     let joined =
         JoinedMesh::new(&[part], JoinOptions { scale_m, closing, pieces, cells }).map_err(BodyError::from)?;
-    let JoinedMesh { mesh: closed, piece_count, piece_share, .. } = joined;
+    let JoinedMesh { mesh: closed, piece_count, piece_share, cells, .. } = joined;
     let tissue = Tissue {
         youngs_modulus_pa: options.youngs_pa,
         density_kg_per_m3: DENSITY_KG_PER_M3,

@@ -1,5 +1,5 @@
 use super::*;
-use crate::body::{BodyPlugin, MeshShape};
+use crate::body::{BodyPlugin, MeshCellSize, MeshShape};
 use crate::schedule::HapticSchedulePlugin;
 use bevy::mesh::MeshPlugin;
 use std::future::{pending, poll_fn};
@@ -38,7 +38,7 @@ fn scene() -> (App, Handle<Mesh>, Entity) {
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), MeshPlugin));
     app.add_plugins((HapticSchedulePlugin::default(), BodyPlugin));
     let mesh = app.world_mut().resource_mut::<Assets<Mesh>>().add(ball(6));
-    let shape = MeshShape { cells_along_longest_axis: 6, ..MeshShape::new(mesh.clone()) };
+    let shape = MeshShape { cells: MeshCellSize::Along(6), ..MeshShape::new(mesh.clone()) };
     let entity = app.world_mut().spawn(DeformableBody::Mesh(shape)).id();
     (app, mesh, entity)
 }
