@@ -14,7 +14,8 @@ use std::path::PathBuf;
 /// place is above the centre of mass, the others are far from it and from each other, where the surface faces up and is free. Each place is
 /// tapped twice in a row, 1.5 s each, on a body at rest at first: a ball of 1/12 of the body's smallest side goes down to 1/10 of that side
 /// below the surface. The hand feels local models at 1 kHz, built at 20 Hz in lock step. The error of a model step is the RMS of the
-/// difference between that force and the full body's, over the RMS of the latter.
+/// difference between that force and the full body's, over the RMS of the latter; steps with less than 1 % of the maximum force of their tap
+/// do not count.
 ///
 /// A rejected file ends the program with exit code 2. With `--json` the reason is printed as JSON, too.
 #[derive(Clone, Debug, Args)]

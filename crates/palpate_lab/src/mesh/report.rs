@@ -61,14 +61,16 @@ struct TapReport {
     repeat_spread: Option<f64>,
 }
 
-/// Errors of the loop over the model steps with contact; none without contact.
+/// Errors of the loop over the model steps whose force counts; none without contact.
 #[derive(Serialize)]
 struct LiveError {
     median: Option<f64>,
     p95: Option<f64>,
     largest: Option<f64>,
-    /// Maximum over the first step with contact of each tap.
+    /// Maximum over the first counted step of each tap.
     first_touch: Option<f64>,
+    /// Maximum difference between the two forces in any tick, N.
+    difference_n: f64,
 }
 
 /// A file that is rejected.
@@ -131,6 +133,7 @@ impl Report {
                 p95: quantile(&errors, 0.95),
                 largest: quantile(&errors, 1.0),
                 first_touch: taps.first_touch,
+                difference_n: taps.max_difference_n,
             },
             beyond_support: taps.beyond_support,
             warnings: warnings.into_iter().flatten().collect(),
@@ -174,10 +177,10 @@ impl Report {
         if self.taps.is_empty() {
             return Ok(());
         }
-        let LiveError { median, p95, largest, first_touch } = self.live_error;
+        let LiveError { median, p95, largest, first_touch, difference_n } = self.live_error;
         writeln!(
             out,
-            "error of the loop  median {}, 95th percentile {}, largest {}, at first touch {}",
+            "error of the loop  median {}, 95th percentile {}, largest {}, at first touch {}; at most {difference_n:.4} N",
             percent(median),
             percent(p95),
             percent(largest),

@@ -19,16 +19,23 @@ const TAP_STEPS: usize = 30;
 /// Number of taps of a place.
 const REPEATS: usize = 2;
 /// Speed of the nodes below which the body is at rest for the next tap, m/s, and maximum number of model steps that the hand waits for it.
-const REST_M_PER_S: f64 = 1e-4;
-const MAX_WAITING_STEPS: usize = 200;
+const REST_M_PER_S: f64 = 2e-5;
+const MAX_WAITING_STEPS: usize = 400;
+/// RMS of the full body's force in a model step, relative to its maximum in the tap, below which its relative error does not count: the step
+/// in which the last tick touches, with a force that no device displays.
+const LEAST_FORCE: f64 = 0.01;
 
 /// All taps.
+#[derive(Default)]
 pub(super) struct Taps {
     pub(super) places: Vec<TappedPlace>,
-    /// Error of the loop in each model step with a force of the full body: the RMS of the difference over the RMS of that force.
+    /// Error of the loop in each model step with a force of the full body of at least [`LEAST_FORCE`]: the RMS of the difference over the RMS
+    /// of that force.
     pub(super) errors: Vec<f64>,
-    /// Maximum of these errors over the first step with contact of each tap.
+    /// Maximum of these errors over the first such step of each tap.
     pub(super) first_touch: Option<f64>,
+    /// Maximum difference of the loop's force from that of the full body in any tick, N.
+    pub(super) max_difference_n: f64,
     /// Number of model steps in which the tool touched nodes beyond the support set of its local model.
     pub(super) beyond_support: usize,
 }
@@ -68,7 +75,7 @@ impl Taps {
         let top = Top::of(&built.body);
         let side_m = (top.high_m - top.low_m).min_element();
         let radius_m = side_m / 12.0;
-        let mut taps = Self { places: Vec::new(), errors: Vec::new(), first_touch: None, beyond_support: 0 };
+        let mut taps = Self::default();
         let bar = progress::bar(count);
         for place_m in places(&built.body, &top, count, radius_m) {
             let hand = Hand { place_m, radius_m, side_m, coupling };
@@ -94,26 +101,43 @@ impl Taps {
             if run.tick() > 0 {
                 wait(&mut run, hand)?;
             }
-            let (start, mut is_touched) = (run.tick(), false);
+            let start = run.tick();
+            let mut steps = Vec::with_capacity(TAP_STEPS);
             for _ in 0..TAP_STEPS {
-                let step = run.step(|tick| hand.position_m(tick - start))?;
-                *peak_n = step.loop_n.iter().map(|force_n| force_n.length()).fold(*peak_n, f64::max);
-                is_touched = self.record(&step, is_touched);
+                steps.push(run.step(|tick| hand.position_m(tick - start))?);
             }
+            *peak_n = maximum_n(steps.iter().flat_map(|step| &step.loop_n));
+            self.record(&steps);
         }
         Ok(peaks_n)
     }
 
-    /// Adds a model step of a tap in which the tool has touched the body before, or not. Returns whether it has now.
-    fn record(&mut self, step: &ModelStep, is_touched: bool) -> bool {
-        self.beyond_support += usize::from(step.is_beyond_support);
-        let Some(error) = relative_rms_error(&step.loop_n, &step.body_n) else { return is_touched };
-        self.errors.push(error);
-        if !is_touched {
-            self.first_touch = Some(self.first_touch.map_or(error, |largest| largest.max(error)));
+    /// Adds the model steps of a tap.
+    fn record(&mut self, steps: &[ModelStep]) {
+        self.beyond_support += steps.iter().filter(|step| step.is_beyond_support).count();
+        for (loop_n, body_n) in steps.iter().flat_map(|step| step.loop_n.iter().zip(&step.body_n)) {
+            self.max_difference_n = self.max_difference_n.max(loop_n.distance(*body_n));
         }
-        true
+        let least_n = LEAST_FORCE * maximum_n(steps.iter().flat_map(|step| &step.body_n));
+        let counts = |step: &&ModelStep| rms_n(&step.body_n) >= least_n;
+        let errors: Vec<f64> = steps
+            .iter()
+            .filter(counts)
+            .filter_map(|step| relative_rms_error(&step.loop_n, &step.body_n))
+            .collect();
+        self.first_touch = self.first_touch.into_iter().chain(errors.first().copied()).reduce(f64::max);
+        self.errors.extend(errors);
     }
+}
+
+/// Maximum magnitude of `forces_n`, N.
+fn maximum_n<'a>(forces_n: impl Iterator<Item = &'a DVec3>) -> f64 {
+    forces_n.map(|force_n| force_n.length()).fold(0.0, f64::max)
+}
+
+/// RMS of the magnitudes of `forces_n`, N.
+fn rms_n(forces_n: &[DVec3]) -> f64 {
+    (forces_n.iter().map(|force_n| force_n.length_squared()).sum::<f64>() / forces_n.len() as f64).sqrt()
 }
 
 /// Waits with the hand above the body until it is at rest. A slender body swings for minutes, so all nodes are stopped whenever the kinetic
@@ -121,15 +145,18 @@ impl Taps {
 fn wait(run: &mut MultirateRun<'_>, hand: &Hand) -> Result<(), ReduceError> {
     let mut last_j = 0.0;
     for _ in 0..MAX_WAITING_STEPS {
+        run.step(|_| hand.position_m(0))?;
+        // Nodes that were stopped move again after a step, unless they are at rest.
         if is_at_rest(run.body()) {
             break;
         }
-        run.step(|_| hand.position_m(0))?;
         let kinetic_j = run.body().energy().kinetic_j;
         if kinetic_j < last_j {
             run.halt()?;
+            last_j = 0.0;
+        } else {
+            last_j = kinetic_j;
         }
-        last_j = kinetic_j;
     }
     Ok(())
 }
