@@ -73,14 +73,9 @@ impl<'a> MultirateRun<'a> {
         self.newest.sequence as usize
     }
 
-    /// Sets the velocities of all nodes to zero.
-    ///
-    /// # Errors
-    /// [`ReduceError`] if the body rejects its own positions.
-    pub(crate) fn halt(&mut self) -> Result<(), ReduceError> {
-        let x_m = self.body.positions_m().to_vec();
-        let still = vec![DVec3::ZERO; x_m.len()];
-        Ok(self.body.set_state(&x_m, &still)?)
+    /// Ends the run, and returns the full body.
+    pub(crate) fn into_body(self) -> Body {
+        self.body
     }
 
     /// Builds a local model, and runs the loop and the full body over the next model step. The hand is at `position_m(tick)`, m.

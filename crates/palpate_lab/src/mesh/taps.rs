@@ -4,11 +4,11 @@ use super::built::BuiltMesh;
 use super::places::places;
 use crate::app_tool::FRICTION;
 use crate::error::LabError;
-use crate::multirate::{ModelStep, MultirateRun, TICK_S};
+use crate::multirate::{ModelStep, MultirateRun, PERIOD_TICKS, TICK_S};
 use crate::progress;
 use crate::top::Top;
 use glam::DVec3;
-use palpate_body::{Body, SemiImplicitEuler, ToolContact, ToolShape, VirtualCoupling};
+use palpate_body::{Body, BodyError, Integrator, SemiImplicitEuler, ToolContact, ToolShape, VirtualCoupling};
 use palpate_reduce::{ReduceError, relative_rms_error};
 use std::f64::consts::PI;
 
@@ -18,7 +18,7 @@ const TAP_S: f64 = 1.5;
 const TAP_STEPS: usize = 30;
 /// Number of taps of a place.
 const REPEATS: usize = 2;
-/// Speed of the nodes below which the body is at rest for the next tap, m/s, and maximum number of model steps that the hand waits for it.
+/// Speed of the nodes below which the body is at rest for the next tap, m/s, and maximum number of model steps until it is.
 const REST_M_PER_S: f64 = 2e-5;
 const MAX_WAITING_STEPS: usize = 400;
 /// RMS of the full body's force in a model step, relative to its maximum in the tap, below which its relative error does not count: the step
@@ -92,22 +92,23 @@ impl Taps {
     /// Taps one place, and returns the maximum force of each tap.
     fn tap(&mut self, built: &mut BuiltMesh, hand: &Hand) -> Result<[f64; REPEATS], ReduceError> {
         let shape = ToolShape::Sphere { radius_m: hand.radius_m };
-        let contact = ToolContact::touch(shape, FRICTION)?.with_coupling(hand.coupling)?;
-        let under_tool = (built.body.clone(), contact);
         let integrator = SemiImplicitEuler::default().into();
-        let mut run = MultirateRun::new(under_tool, &mut built.builder, integrator, hand.position_m(0))?;
+        let mut body = built.body.clone();
         let mut peaks_n = [0.0; REPEATS];
-        for peak_n in &mut peaks_n {
-            if run.tick() > 0 {
-                wait(&mut run, hand)?;
+        for (index, peak_n) in peaks_n.iter_mut().enumerate() {
+            if index > 0 {
+                come_to_rest(&mut body, integrator)?;
             }
-            let start = run.tick();
+            let contact = ToolContact::touch(shape, FRICTION)?.with_coupling(hand.coupling)?;
+            let mut run =
+                MultirateRun::new((body, contact), &mut built.builder, integrator, hand.position_m(0))?;
             let mut steps = Vec::with_capacity(TAP_STEPS);
             for _ in 0..TAP_STEPS {
-                steps.push(run.step(|tick| hand.position_m(tick - start))?);
+                steps.push(run.step(|tick| hand.position_m(tick))?);
             }
             *peak_n = maximum_n(steps.iter().flat_map(|step| &step.loop_n));
             self.record(&steps);
+            body = run.into_body();
         }
         Ok(peaks_n)
     }
@@ -140,19 +141,20 @@ fn rms_n(forces_n: &[DVec3]) -> f64 {
     (forces_n.iter().map(|force_n| force_n.length_squared()).sum::<f64>() / forces_n.len() as f64).sqrt()
 }
 
-/// Waits with the hand above the body until it is at rest. A slender body swings for minutes, so all nodes are stopped whenever the kinetic
-/// energy has passed a maximum (kinetic damping; P. A. Cundall, "Explicit finite-difference methods in geomechanics", 1976).
-fn wait(run: &mut MultirateRun<'_>, hand: &Hand) -> Result<(), ReduceError> {
+/// Steps `body` without a tool until it is at rest. A slender body swings for minutes, so all nodes are stopped whenever the kinetic energy
+/// has passed a maximum (kinetic damping; P. A. Cundall, "Explicit finite-difference methods in geomechanics", 1976).
+fn come_to_rest(body: &mut Body, integrator: Integrator) -> Result<(), BodyError> {
     let mut last_j = 0.0;
     for _ in 0..MAX_WAITING_STEPS {
-        run.step(|_| hand.position_m(0))?;
+        body.advance(None, PERIOD_TICKS, integrator)?;
         // Nodes that were stopped move again after a step, unless they are at rest.
-        if is_at_rest(run.body()) {
+        if is_at_rest(body) {
             break;
         }
-        let kinetic_j = run.body().energy().kinetic_j;
+        let kinetic_j = body.energy().kinetic_j;
         if kinetic_j < last_j {
-            run.halt()?;
+            let x_m = body.positions_m().to_vec();
+            body.set_state(&x_m, &vec![DVec3::ZERO; x_m.len()])?;
             last_j = 0.0;
         } else {
             last_j = kinetic_j;
