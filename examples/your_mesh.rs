@@ -4,8 +4,8 @@
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    ForceError, HapticSystems, MeshCellSize, MeshPieces, MeshShape, ModelSchedule, SimulatedBody, TickRecording,
-    ToolCoupling,
+    ForceError, HapticSystems, MeshCellSize, MeshPieces, MeshShape, ModelSchedule, SimulatedBody,
+    TickRecording, ToolCoupling,
 };
 use clap::Parser;
 use glam::DVec2;
@@ -51,6 +51,9 @@ struct Options {
     /// Use only the piece with this index, from 0, in the order of descending volumes, instead of the largest
     #[arg(long)]
     piece: Option<usize>,
+    /// Make a body of each piece; the largest is tapped
+    #[arg(long, conflicts_with = "piece")]
+    each_piece: bool,
     /// Number of cells along the longest side [default: 10; more where parts are thin, and at most 400 nodes]
     #[arg(long)]
     cells: Option<usize>,
@@ -69,6 +72,10 @@ struct Shown {
     middle_m: DVec3,
     metres_per_unit: f64,
 }
+
+/// Marks the body that is tapped.
+#[derive(Component)]
+struct TappedBody;
 
 /// A tapping motion.
 #[derive(Clone, Copy)]
@@ -115,6 +122,7 @@ fn main() -> AppExit {
         .init_resource::<Tapped>()
         .add_systems(SetUpScene, set_up)
         .add_systems(SetUpHands, set_up_hand)
+        .add_systems(Update, spawn_other_pieces)
         .add_systems(ModelSchedule, record.in_set(HapticSystems::Last))
         .add_systems(Last, (record_ticks, report.run_if(on_message::<AppExit>)).chain())
         .run()
@@ -126,12 +134,26 @@ fn failed(reason: impl std::fmt::Display) -> AppExit {
     AppExit::error()
 }
 
-/// Maximum force on the hand, N, maximum relative error, and limits that the force has reached.
+/// What was recorded.
 #[derive(Resource, Default)]
 struct Tapped {
+    /// Maximum force on the hand, N.
     max_n: f64,
-    max_error: f64,
+    /// RMS of the error of each model step, N, and relative to the RMS of the force.
+    errors: Vec<(f64, f64)>,
+    /// Limits that the force has reached.
     limits: BTreeSet<String>,
+}
+
+/// RMS of the force in a model step, relative to the maximum force, below which its relative error does not count: only its last ticks touch.
+const LEAST_FORCE: f64 = 0.01;
+
+impl Tapped {
+    /// Maximum relative error.
+    fn max_error(&self) -> f64 {
+        let counts = |&&(rms_n, error): &&(f64, f64)| rms_n >= error * LEAST_FORCE * self.max_n;
+        self.errors.iter().filter(counts).map(|(_, error)| *error).fold(0.0, f64::max)
+    }
 }
 
 fn set_up(
@@ -141,19 +163,39 @@ fn set_up(
     mut tapped: ResMut<Tapped>,
 ) {
     *tapped = Tapped::default();
-    commands.spawn((
-        DeformableBody::Mesh(MeshShape {
-            metres_per_unit: shown.metres_per_unit,
-            cells: options.cells.map_or_else(MeshCellSize::default, MeshCellSize::Along),
-            strict: options.strict,
-            thickness_m: options.thickness_m,
-            pieces: options.piece.map_or(MeshPieces::Largest, MeshPieces::Index),
-            ..MeshShape::new(meshes.add(shown.mesh.clone()))
-        }),
+    let shape = MeshShape {
+        metres_per_unit: shown.metres_per_unit,
+        cells: options.cells.map_or_else(MeshCellSize::default, MeshCellSize::Along),
+        strict: options.strict,
+        thickness_m: options.thickness_m,
+        pieces: options.piece.map_or(MeshPieces::Largest, MeshPieces::Index),
+        ..MeshShape::new(meshes.add(shown.mesh.clone()))
+    };
+    commands.spawn((body(shape, &shown, &options), TappedBody));
+}
+
+/// A body of `shape`.
+fn body(shape: MeshShape, shown: &Shown, options: &Options) -> impl Bundle {
+    (
+        DeformableBody::Mesh(shape),
         Tissue { youngs_modulus_pa: options.youngs_modulus, ..default() },
         FixedRegion::Base { side: BoxFace::Bottom, share: BASE },
         Transform::from_translation(-shown.middle_m.as_vec3()),
-    ));
+    )
+}
+
+/// Spawns a body for each other piece, once the largest is built and its report has their number.
+fn spawn_other_pieces(
+    mut commands: Commands,
+    largest: Query<(&DeformableBody, &SimulatedBody), (With<TappedBody>, Added<SimulatedBody>)>,
+    (shown, options): (Res<Shown>, Res<Options>),
+) {
+    let Ok((DeformableBody::Mesh(shape), simulated)) = largest.single() else { return };
+    let Some(report) = simulated.mesh_report().filter(|_| options.each_piece) else { return };
+    for index in 1..report.piece_count {
+        let shape = MeshShape { pieces: MeshPieces::Index(index), ..shape.clone() };
+        commands.spawn(body(shape, &shown, &options));
+    }
 }
 
 /// Share of the height that is fixed.
@@ -170,7 +212,7 @@ fn place(text: &str) -> Result<DVec2, String> {
 
 /// Spawns a ball with a radius of a twelfth of the body's smallest side, which taps the top to a depth of a tenth of that side.
 fn set_up_hand(world: &mut World) {
-    let mut bodies = world.query::<&SimulatedBody>();
+    let mut bodies = world.query_filtered::<&SimulatedBody, With<TappedBody>>();
     let Ok(body) = bodies.single(world) else { return };
     let body = body.body();
     let points = || body.surface().points.iter().map(|point| point.of(body.positions_m()));
@@ -226,7 +268,7 @@ impl Tap {
 
 fn record(tools: Query<&ForceError>, mut tapped: ResMut<Tapped>) {
     for error in &tools {
-        tapped.max_error = tapped.max_error.max(error.relative.unwrap_or(0.0));
+        tapped.errors.push((error.rms_n, error.relative.unwrap_or(0.0)));
     }
 }
 
@@ -265,14 +307,23 @@ fn limits(coupling: &ToolCoupling, tick: &TickRecord) -> impl Iterator<Item = St
     [coupling, magnitude, slew, speed].into_iter().flatten()
 }
 
-fn report(bodies: Query<&SimulatedBody>, tapped: Res<Tapped>, mut done: Local<bool>) -> Result {
+fn report(
+    bodies: Query<&SimulatedBody, With<TappedBody>>,
+    all: Query<&SimulatedBody>,
+    tapped: Res<Tapped>,
+    mut done: Local<bool>,
+) -> Result {
     let Ok(body) = bodies.single() else { return Ok(()) };
     if std::mem::replace(&mut *done, true) {
         return Ok(());
     }
     let network = body.body().network();
     let mass_kg: f64 = network.mass_kg().iter().sum();
+    let max_error = tapped.max_error();
     let mut out = std::io::stdout().lock();
+    if let Some(others) = all.iter().len().checked_sub(1).filter(|others| *others > 0) {
+        writeln!(out, "bodies of other pieces   {others}")?;
+    }
     writeln!(
         out,
         "nodes                    {}, {} of them fixed",
@@ -297,13 +348,13 @@ fn report(bodies: Query<&SimulatedBody>, tapped: Res<Tapped>, mut done: Local<bo
     for limit in &tapped.limits {
         writeln!(out, "the force reached        {limit}")?;
     }
-    writeln!(out, "maximum error            {:.2} % of the force in a model step", 100.0 * tapped.max_error)?;
+    writeln!(out, "maximum error            {:.2} % of the force in a model step", 100.0 * max_error)?;
     writeln!(
         out,
         r#"{{"nodes":{},"mass_kg":{mass_kg:.5},"force_n":{:.4},"error":{:.5}}}"#,
         network.node_count(),
         tapped.max_n,
-        tapped.max_error
+        max_error
     )?;
     Ok(())
 }

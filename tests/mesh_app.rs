@@ -5,8 +5,8 @@ use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    BodyRegion, ContactState, ForceError, HapticFaultKind, Inclusion, Inclusions, MeshShape, NoForceCause,
-    SimulatedBody, ToolLoop,
+    BodyRegion, ContactState, ForceError, HapticFaultKind, Inclusion, Inclusions, MeshCellSize, MeshShape,
+    NoForceCause, SimulatedBody, ToolLoop,
 };
 use palpate_body::{BodyError, MeshError};
 use palpate_tests::app::Contact::{End, Start};
@@ -308,7 +308,8 @@ fn shown_source_mesh_is_replaced_by_the_deformed_one_and_restored() {
     let mut app = app();
     let source = add(&mut app, ball());
     let floor = FixedRegion::Face(BoxFace::Bottom);
-    let shape = DeformableBody::from_mesh(source.clone());
+    let fine = MeshShape { cells: MeshCellSize::Along(10), ..MeshShape::new(source.clone()) };
+    let shape = DeformableBody::Mesh(fine);
     let entity = app.world_mut().spawn((shape.clone(), floor.clone(), Mesh3d(source.clone()))).id();
     let other = add(&mut app, Cuboid::from_length(0.1).mesh().build());
     let beside = Transform::from_xyz(1.0, 0.0, 0.0);

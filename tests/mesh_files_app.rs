@@ -14,8 +14,8 @@ use bevy_palpate::palpate_files::MeshSelection;
 use bevy_palpate::prelude::*;
 use bevy_palpate::testing::{wait_for_body, wait_for_rejection};
 use bevy_palpate::{
-    BodyRegion, HapticFaultKind, HapticSchedulePlugin, Inclusion, Inclusions, LoopMode, MeshCellSize, MeshFault,
-    MeshFileLoader, MeshFileSettings, MeshShape,
+    BodyRegion, HapticFaultKind, HapticSchedulePlugin, Inclusion, Inclusions, LoopMode, MeshCellSize,
+    MeshFault, MeshFileLoader, MeshFileSettings, MeshShape,
 };
 use palpate_tests::app::{assert_no_faults, collect_messages, step, take_kinds, update_until_done};
 use palpate_tests::glb::glb;

@@ -4,7 +4,8 @@ use bevy::mesh::Indices;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    BodyRegion, ExternalForce, HapticFaultKind, Inclusion, Inclusions, MeshCellSize, MeshFault, MeshShape, SimulatedBody,
+    BodyRegion, ExternalForce, HapticFaultKind, Inclusion, Inclusions, MeshCellSize, MeshFault, MeshShape,
+    SimulatedBody,
 };
 use palpate_body::BodyError;
 use palpate_tests::app::{assert_no_faults, step, take_kinds};

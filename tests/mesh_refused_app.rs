@@ -243,8 +243,11 @@ fn unit_and_cells_along_have_their_effect_and_their_limits() {
     assert!(shown(&app, entity, false).iter().all(|x| (f64::from(x.length()) - RADIUS).abs() < 1e-5));
     // A ball of 120 units. Sizes that are legal and implausible are reported with the factor of a common unit.
     for (scale, size_m, factor) in [(0.001, None, 1.0), (0.02, Some(2.4), 1e-2), (2e-5, Some(0.0024), 1e2)] {
-        let shape =
-            MeshShape { metres_per_unit: scale, cells: MeshCellSize::Along(4), ..MeshShape::new(mesh.clone()) };
+        let shape = MeshShape {
+            metres_per_unit: scale,
+            cells: MeshCellSize::Along(4),
+            ..MeshShape::new(mesh.clone())
+        };
         let entity =
             app.world_mut().spawn((DeformableBody::Mesh(shape), FixedRegion::Face(BoxFace::Bottom))).id();
         step(&mut app, 2);
@@ -318,7 +321,8 @@ fn mesh_report_has_repairs_cells_and_excess_mass() {
     // A sheet of a twentieth of a millimetre in cells of a centimetre has twice its mass, which is reported.
     let sheet = cuboid(Vec3::new(-0.05, 0.0, -0.05), Vec3::new(0.05, 5e-5, 0.05));
     let mesh = add(&mut app, sheet);
-    let entity = app.world_mut().spawn(DeformableBody::from_mesh(mesh)).id();
+    let shape = MeshShape { cells: MeshCellSize::Along(10), ..MeshShape::new(mesh) };
+    let entity = app.world_mut().spawn(DeformableBody::Mesh(shape)).id();
     step(&mut app, 3);
     let kinds = take_kinds(&mut app);
     let [HapticFaultKind::MassExcess { share, .. }] = kinds[..] else { panic!("{kinds:?}") };

@@ -4,8 +4,8 @@ use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    FaultSeverity, HapticFaultKind, HapticSchedulePlugin, MeshCellSize, MeshShape, ModelRate, ModelStepCount, SimulatedBody, SlowStep,
-    StepPart,
+    FaultSeverity, HapticFaultKind, HapticSchedulePlugin, MeshCellSize, MeshShape, ModelRate, ModelStepCount,
+    SimulatedBody, SlowStep, StepPart,
 };
 use palpate_body::{BodyError, MeshError};
 use palpate_haptics::{Reading, ScriptedDevice};

@@ -236,6 +236,13 @@ fn your_mesh_accepts_meshes_far_from_the_origin_and_reports_invalid_ones() {
         assert!(output.status.success() && format!("{text}{log}").contains(reported), "{text}{log}");
         assert!((number(&json(&text), "mass_kg") / volume - 1.0).abs() < 0.02, "{text}");
     }
+    // Three pieces become three bodies.
+    let pieces = tetrahedra(&folder, "three.gltf", &[0.0, 5.0, 10.0], false);
+    let text = printed(
+        "your_mesh",
+        &[&pieces.display().to_string(), "--seconds", "1", "--scale", "0.1", "--each-piece"],
+    );
+    assert!(text.contains("bodies of other pieces   2"), "{text}");
     // Implausible sizes in both directions, with the flag and the field that change them.
     for size_m in ["6", "0.003"] {
         let output = run(

@@ -134,7 +134,8 @@ pub use palpate_reduce;
 pub use avian::{AvianPlugin, NotAnObstacle};
 pub use body::{
     BodyPlugin, BodyReady, BodyRegion, BodyState, BoxFace, ContactCompliance, DeformableBody, FixedRegion,
-    Inclusion, Inclusions, KinematicBody, MeshCellSize, MeshPieces, MeshReport, MeshShape, SimulatedBody, Slit, Tissue,
+    Inclusion, Inclusions, KinematicBody, MeshCellSize, MeshPieces, MeshReport, MeshShape, SimulatedBody,
+    Slit, Tissue,
 };
 pub use body_query::{BodyQuery, BodySurfacePoint};
 pub use device::{

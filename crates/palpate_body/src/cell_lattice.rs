@@ -14,7 +14,9 @@ pub use kept_cells::MeshCells;
 
 use crate::cell_tissue::check_tissue;
 use crate::touch_surface::TouchSurface;
-use crate::{BodyError, CellSize, ClosedMesh, Face, MeshError, Network, NetworkBuilder, Region, Skin, Surface, Tissue};
+use crate::{
+    BodyError, CellSize, ClosedMesh, Face, MeshError, Network, NetworkBuilder, Region, Skin, Surface, Tissue,
+};
 use cell_grid::CellGrid;
 use cell_parts::CellParts;
 use embedding::trilinear_weights;

@@ -148,7 +148,8 @@ fn select(
         pieces[index].triangles.iter().map(|&triangle| selected.triangles[triangle]).collect();
     let mesh = close(selected, options)?;
     // Errors of the size are those of the body, again.
-    let cells = CellLattice::fit(&mesh, options.cells).map_or(options.cells, |lattice| chosen(&lattice, options));
+    let cells =
+        CellLattice::fit(&mesh, options.cells).map_or(options.cells, |lattice| chosen(&lattice, options));
     Ok(Selected { mesh, piece_count, piece_share, cells })
 }
 

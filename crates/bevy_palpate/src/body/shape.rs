@@ -129,7 +129,29 @@ impl From<MeshCellSize> for CellSize {
 
 /// Which pieces of a mesh become the body. Pieces are not connected, however near they are: two kidneys in one file.
 ///
-/// [`MeshReport`](crate::MeshReport) counts them. The other pieces are neither touched nor drawn.
+/// [`MeshReport::piece_count`](crate::MeshReport::piece_count) counts them. The other pieces are neither touched nor drawn, unless they are bodies
+/// of their own:
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_palpate::{MeshPieces, MeshShape, SimulatedBody, prelude::*};
+/// #[derive(Component)]
+/// struct Largest;
+///
+/// /// Spawns a body for each further piece, once the largest is built.
+/// fn spawn_other_pieces(
+///     mut commands: Commands,
+///     largest: Query<(&DeformableBody, &SimulatedBody), (With<Largest>, Added<SimulatedBody>)>,
+/// ) {
+///     for (body, simulated) in &largest {
+///         let (DeformableBody::Mesh(shape), Some(report)) = (body, simulated.mesh_report()) else { continue };
+///         for index in 1..report.piece_count {
+///             let shape = MeshShape { pieces: MeshPieces::Index(index), ..shape.clone() };
+///             commands.spawn((DeformableBody::Mesh(shape), FixedRegion::Face(BoxFace::Bottom)));
+///         }
+///     }
+/// }
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Debug, Default, PartialEq, Clone)]
 pub enum MeshPieces {

@@ -87,7 +87,10 @@ mod tests {
         };
         assert_eq!((step.largest(), step.other_ms()), (StepPart::Bodies, 10.0));
         let text = step.to_string();
-        assert!(text.ends_with("set MeshShape::cells to MeshCellSize::Along(6), or lower ModelRate"), "{text}");
+        assert!(
+            text.ends_with("set MeshShape::cells to MeshCellSize::Along(6), or lower ModelRate"),
+            "{text}"
+        );
         let local = SlowStep { bodies_ms: 20.0, local_models_ms: 70.0, suggested_cells_along: None, ..step };
         assert_eq!(local.largest(), StepPart::LocalModels);
         assert!(local.to_string().ends_with("use fewer nodes, or lower ModelRate"), "{local}");

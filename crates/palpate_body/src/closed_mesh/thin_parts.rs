@@ -46,9 +46,7 @@ impl ClosedMesh {
         let smaller = std::iter::successors(Some(SIZE_RATIO * cell_m), |cell_m| Some(SIZE_RATIO * cell_m));
         let resolving_cell_m = (share > ThinParts::MAX_SHARE)
             .then(|| {
-                smaller
-                    .take_while(|cell_m| *cell_m >= least_m)
-                    .find(|cell_m| self.is_resolved_by(*cell_m))
+                smaller.take_while(|cell_m| *cell_m >= least_m).find(|cell_m| self.is_resolved_by(*cell_m))
             })
             .flatten();
         ThinParts { cell_m, share, resolving_cell_m }
