@@ -3,6 +3,7 @@
 mod assumptions;
 mod closed_surface;
 mod coincident;
+mod cracks;
 mod crossing;
 mod distance_transform;
 mod edges;
@@ -149,7 +150,7 @@ impl ClosedMesh {
         grid_m: f64,
     ) -> Result<Self, MeshError> {
         let (low, high) = measured.bounds_m;
-        match Self::close(vertices_m, triangles, low, high) {
+        match Self::close(vertices_m, triangles, (low, high), TOLERANCE) {
             // Here holes, slivers and intersections are consequences of lost digits.
             Err(_) if grid_m > 1e-3 * measured.size_m().max(Self::MIN_SIZE_M) => {
                 Err(MeshError::LostDigits { distance_m: measured.distance_m(), grid_m })
@@ -161,14 +162,14 @@ impl ClosedMesh {
     fn close(
         vertices_m: Vec<DVec3>,
         mut drawn: Vec<[usize; 3]>,
-        low_m: DVec3,
-        high_m: DVec3,
+        (low_m, high_m): (DVec3, DVec3),
+        weld_tolerance: f64,
     ) -> Result<Self, MeshError> {
         let size_m = (high_m - low_m).max_element();
         let center_m = 0.5 * (low_m + high_m);
         check_size(size_m, center_m)?;
         let tolerance_m = TOLERANCE * size_m;
-        let welded = weld::weld(&vertices_m, &drawn, center_m, tolerance_m);
+        let welded = weld::weld(&vertices_m, &drawn, center_m, weld_tolerance * size_m);
         let points_m = welded.points_m;
         let mut repairs = MeshRepairs { welded: welded.count, ..MeshRepairs::default() };
         let mut of_points: Vec<(usize, [usize; 3])> = Vec::with_capacity(drawn.len());
@@ -227,8 +228,8 @@ impl ClosedMesh {
     /// inside is where the generalised winding number of the triangles is beyond 1/2. Holes count as closed, overlapping parts as united, and
     /// parts that face inward are turned.
     ///
-    /// A mesh that [`ClosedMesh::new`] accepts gives the same result. Small holes of a mesh that does not pass through itself are closed by
-    /// fans of triangles. Otherwise the surface is extracted from samples, 128 along the longest side, or up to 256 for a thin mesh, and moved
+    /// A mesh that [`ClosedMesh::new`] accepts gives the same result. Cracks of up to 1e-4 of the size are welded if this closes at least half
+    /// of the open edges. Small holes of a mesh that does not pass through itself are closed by fans of triangles. Otherwise the surface is extracted from samples, 128 along the longest side, or up to 256 for a thin mesh, and moved
     /// onto the triangles. [`ClosedMesh::assumptions`] reports both. With `thickness_m`, open parts are sheets of that
     /// thickness, centred on their triangles, instead.
     ///
@@ -286,7 +287,17 @@ impl ClosedMesh {
                 | MeshError::Tangled { .. }
                 | MeshError::Nested { .. }
                 | MeshError::Flat { .. },
-            ) => Self::enclose_open(vertices_m, triangles, thickness_m, low, high),
+            ) => {
+                let center_m = 0.5 * (low + high);
+                let weld_tolerance = cracks::weld_tolerance(&vertices_m, &triangles, center_m, size_m);
+                if weld_tolerance > TOLERANCE
+                    && let Ok(closed) =
+                        Self::close(vertices_m.clone(), triangles.clone(), (low, high), weld_tolerance)
+                {
+                    return Ok(closed);
+                }
+                Self::enclose_open(vertices_m, triangles, thickness_m, (low, high), weld_tolerance)
+            }
             closed => closed,
         }
     }
@@ -295,15 +306,15 @@ impl ClosedMesh {
         vertices_m: Vec<DVec3>,
         mut drawn: Vec<[usize; 3]>,
         thickness_m: Option<f64>,
-        low_m: DVec3,
-        high_m: DVec3,
+        (low_m, high_m): (DVec3, DVec3),
+        weld_tolerance: f64,
     ) -> Result<Self, MeshError> {
         let size_m = (high_m - low_m).max_element();
         let center_m = 0.5 * (low_m + high_m);
         let half_size_m = 0.5 * (high_m - low_m) + 0.5 * thickness_m.unwrap_or(0.0);
         check_size(size_m, center_m)?;
         let tolerance_m = TOLERANCE * size_m;
-        let welded = weld::weld(&vertices_m, &drawn, center_m, tolerance_m);
+        let welded = weld::weld(&vertices_m, &drawn, center_m, weld_tolerance * size_m);
         let points_m = welded.points_m;
         let mut repairs = MeshRepairs { welded: welded.count, ..MeshRepairs::default() };
         let of_points: Vec<(usize, [usize; 3])> = drawn

@@ -1,6 +1,7 @@
 //! The touchable surface of a mesh, with triangles of a size that fits the cells.
 
 mod cluster;
+mod flip;
 mod subdivide;
 mod thickness;
 
@@ -15,7 +16,7 @@ use parry3d_f64::shape::Triangle;
 /// The touchable surface of a mesh.
 ///
 /// Where the mesh is finer than the cells, many triangles would move alike; where it is coarser, a dent would have no
-/// vertices. Vertices are clustered first, and long edges are halved afterwards.
+/// vertices. Vertices are clustered first, edges of slivers are flipped, and long edges are halved afterwards.
 pub(crate) struct TouchSurface {
     pub surface: Surface,
     /// Maximum distance of a point of the mesh's enclosing surface from this one, m.
@@ -55,8 +56,10 @@ impl TouchSurface {
                 (THICKNESS_SHARE * thickness_m).clamp(MIN_SPACING_SHARE * spacing_m, spacing_m)
             })
             .collect();
-        let clustered = cluster::cluster(mesh.closed_triangles(), enclosing_m, &normals, &apart_m);
+        let mut clustered = cluster::cluster(mesh.closed_triangles(), enclosing_m, &normals, &apart_m);
         let mut points_m: Vec<DVec3> = clustered.kept.iter().map(|&point| enclosing_m[point]).collect();
+        let kept_normals: Vec<DVec3> = clustered.kept.iter().map(|&point| normals[point]).collect();
+        flip::flip(&mut clustered.triangles, &points_m, &kept_normals);
         let deviation_m = deviation(enclosing_m, &clustered.triangles, &points_m);
         let triangles = subdivide::subdivide(clustered.triangles, &mut points_m, (1.0 + spacing) * cell_m);
         let normals = vertex_normals(&triangles, &points_m);

@@ -8,5 +8,6 @@ mod enclosed;
 mod lattice;
 mod limits;
 mod motion;
+mod ripple;
 mod shapes;
 mod skin;

@@ -131,7 +131,10 @@ fn parts_to_turn(parts: &[Vec<[usize; 3]>], points_m: &[DVec3]) -> Vec<bool> {
         .map(|triangles| {
             let caps = caps(&boundary_loops(triangles), points_m);
             let all = || triangles.iter().map(corners).chain(caps.iter().copied());
-            let volume_m3 = all().map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
+            let of_origin = || all().map(|[a, b, c]| a.dot(b.cross(c)) / 6.0);
+            let (sum, rounding) =
+                (of_origin().sum::<f64>(), ROUNDING * of_origin().map(f64::abs).sum::<f64>());
+            let volume_m3 = if sum.abs() > rounding { sum } else { 0.0 };
             let low_m = all().flatten().fold(DVec3::INFINITY, DVec3::min);
             let high_m = all().flatten().fold(DVec3::NEG_INFINITY, DVec3::max);
             Shape { volume_m3, bounds_m: (low_m, high_m), first_m: corners(&triangles[0]) }
@@ -173,6 +176,9 @@ fn parts_to_turn(parts: &[Vec<[usize; 3]>], points_m: &[DVec3]) -> Vec<bool> {
         .map(|part| (shapes[part].volume_m3 < 0.0) == faces_out[part] && shapes[part].volume_m3 != 0.0)
         .collect()
 }
+
+/// Volume of a part, relative to the sum of the magnitudes of its terms, that counts as zero: a flat part has no orientation.
+const ROUNDING: f64 = 1e-12;
 
 /// A part with its holes capped.
 struct Shape {

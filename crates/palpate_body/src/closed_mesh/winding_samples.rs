@@ -21,7 +21,8 @@ pub(super) struct WindingSamples {
 const UNCERTAIN: std::ops::Range<f32> = 0.1..0.9;
 /// Side of the blocks of points in which the winding number of distant caps is interpolated, in points.
 const BLOCK: usize = 4;
-/// Winding number of the caps at the corners of a block above which its points are computed one by one.
+/// Difference of the winding number of the caps from one integer, at the corners of a block, above which its points are computed one
+/// by one. In the middle of separate triangles the number is 1.
 const NEAR_CAPS: f64 = 0.15;
 
 impl WindingSamples {
@@ -101,7 +102,8 @@ impl WindingSamples {
         }
     }
 
-    /// Subtracts the winding number of the caps, in blocks: interpolated between the corners where it is small on all of them.
+    /// Subtracts the winding number of the caps, in blocks: interpolated between the corners where it is near the same integer on all of
+    /// them.
     fn subtract_caps(&mut self, caps: &WindingTree) {
         if caps.is_empty() {
             return;
@@ -119,7 +121,7 @@ impl WindingSamples {
             let of: [f64; 8] = std::array::from_fn(|c| {
                 at_corner[corner_index([block[0] + (c & 1), block[1] + (c >> 1 & 1), block[2] + (c >> 2)])]
             });
-            let is_near = of.iter().any(|w| w.abs() > NEAR_CAPS);
+            let is_near = of.iter().any(|w| (w - of[0].round()).abs() > NEAR_CAPS);
             let range = |axis: usize| {
                 let begin = block[axis] * BLOCK;
                 // The last block has its upper layer too.

@@ -84,3 +84,41 @@ fn coarse_surface_is_kept_and_long_edges_are_halved() {
         }
     }
 }
+
+#[test]
+fn clustered_plate_has_no_slivers_and_no_folds() {
+    let mut slivers = 0;
+    for (n, spacing) in [(20, 0.1), (24, 0.1), (24, 0.13), (33, 0.1), (40, 0.11)] {
+        let (points, triangles) = plate(n, 0.3);
+        let normals: Vec<DVec3> =
+            vertex_normals(&triangles, &points).iter().map(|n| n.normalize_or_zero()).collect();
+        let mut made = clustered(&triangles, &points, spacing);
+        let kept: Vec<DVec3> = made.kept.iter().map(|&p| points[p]).collect();
+        let kept_normals: Vec<DVec3> = made.kept.iter().map(|&p| normals[p]).collect();
+        // Area along the mean normal, divided by the square of the longest edge.
+        let shape = |t: &[usize; 3]| {
+            let [a, b, c] = t.map(|p| kept[p]);
+            let normal = t.iter().map(|&p| kept_normals[p]).sum::<DVec3>().normalize();
+            let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+            0.5 * (b - a).cross(c - a).dot(normal) / longest
+        };
+        slivers += made.triangles.iter().filter(|t| shape(t) < 0.01).count();
+        let before = volume(&made.triangles, &kept);
+        let (edges, count) = (edge_count(&made.triangles), made.triangles.len());
+        flip::flip(&mut made.triangles, &kept, &kept_normals);
+        assert!(is_closed(&made.triangles));
+        assert_eq!((edge_count(&made.triangles), made.triangles.len()), (edges, count));
+        let is_on_top = |t: &&[usize; 3]| t.iter().all(|&p| kept[p].z > 0.0);
+        let poorest = made.triangles.iter().filter(is_on_top).map(shape).fold(f64::INFINITY, f64::min);
+        assert!(poorest > 0.01, "{n}, {spacing}: {poorest}");
+        let after = volume(&made.triangles, &kept);
+        assert!((after / before - 1.0).abs() < 0.02, "{before} m³, {after} m³");
+    }
+    assert!(slivers > 0);
+}
+
+/// Number of different edges.
+fn edge_count(triangles: &[[usize; 3]]) -> usize {
+    let edges = triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
+    edges.map(|(a, b)| (a.min(b), a.max(b))).collect::<std::collections::HashSet<_>>().len()
+}

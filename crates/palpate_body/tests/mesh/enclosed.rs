@@ -6,12 +6,12 @@ use palpate_body::{CellLattice, CellSize, ClosedMesh, MeshError, Tissue};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 
-fn enclose(shape: &Shape) -> ClosedMesh {
+pub fn enclose(shape: &Shape) -> ClosedMesh {
     ClosedMesh::enclose(shape.vertices.clone(), shape.triangles.clone(), None).unwrap()
 }
 
 /// Without the triangles whose corners all satisfy `is_open`.
-fn opened(mut shape: Shape, is_open: impl Fn(DVec3) -> bool) -> Shape {
+pub fn opened(mut shape: Shape, is_open: impl Fn(DVec3) -> bool) -> Shape {
     let vertices = shape.vertices.clone();
     shape.triangles.retain(|t| !t.iter().all(|&v| is_open(vertices[v])));
     shape
