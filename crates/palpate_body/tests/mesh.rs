@@ -10,3 +10,4 @@ mod limits;
 mod motion;
 mod shapes;
 mod skin;
+mod soups;
