@@ -11,3 +11,4 @@ mod motion;
 mod shapes;
 mod skin;
 mod soups;
+mod volumes;
