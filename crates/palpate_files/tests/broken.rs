@@ -70,6 +70,11 @@ fn damage(bytes: &[u8], start: usize, random: &mut Random) -> Vec<u8> {
     bytes
 }
 
+#[expect(
+    clippy::disallowed_methods,
+    clippy::print_stdout,
+    reason = "reports the slowest input; nothing depends on it"
+)]
 fn check(bytes: &[u8], start: usize, format: MeshFormat) {
     MeshFile::from_bytes(bytes, format, None).unwrap();
     let mut slowest = (Duration::ZERO, 0);
