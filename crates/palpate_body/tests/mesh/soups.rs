@@ -301,6 +301,11 @@ pub fn build(seed: u64) -> Result<(), BodyError> {
 ///
 /// # Panics
 /// If one of them does, or makes a body that is not right.
+#[expect(
+    clippy::disallowed_methods,
+    clippy::print_stdout,
+    reason = "reports the slowest input; nothing depends on it"
+)]
 pub fn run(first: u64, count: u64) {
     let (mut slowest, mut failed) = ((Duration::ZERO, 0), Vec::new());
     let mut results: BTreeMap<String, usize> = BTreeMap::new();
