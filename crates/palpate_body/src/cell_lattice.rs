@@ -328,7 +328,13 @@ impl<'a> CellLattice<'a> {
         if cells > 2 * Self::MAX_NODES {
             self.check_nodes(cells)?;
         }
-        Ok(Arc::new(CellParts::new(self.mesh, &self.grid, fill)))
+        let parts = CellParts::new(self.mesh, &self.grid, fill);
+        if parts.parts.is_empty() {
+            // The mesh fills less of any cell than rounding leaves.
+            let (cell_m, size_m) = (self.grid.cell_m, 2.0 * self.mesh.half_size_m().max_element());
+            return Err(MeshError::Cells { cell_m, cells: size_m / cell_m, size_m });
+        }
+        Ok(Arc::new(parts))
     }
 
     fn check_nodes(&self, nodes: usize) -> Result<(), MeshError> {

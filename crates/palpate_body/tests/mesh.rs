@@ -11,3 +11,5 @@ mod motion;
 mod ripple;
 mod shapes;
 mod skin;
+mod soups;
+mod volumes;

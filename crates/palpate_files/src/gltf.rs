@@ -18,7 +18,7 @@ use buffers::Buffers;
 use document::Document;
 use invalid::not_valid;
 use nodes::Placement;
-use shape::Shape;
+use shape::{ReadCount, Shape};
 use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 
@@ -53,11 +53,12 @@ pub(crate) fn read(bytes: &[u8], files: BufferFiles) -> Result<Vec<MeshPiece>, M
     let mut known: HashMap<(usize, Vec<u64>), Vec<Shape>> = HashMap::new();
     let mut pieces = Vec::new();
     let mut element_count = 0;
+    let mut read_count = ReadCount::default();
     for placement in nodes::placements(&document)? {
         let weights = weights(&document, &placement);
         let key = (placement.mesh, weights.iter().map(|weight| weight.to_bits()).collect());
         if !known.contains_key(&key) {
-            let shapes = shape::shapes(&document, &buffers, placement.mesh, weights)?;
+            let shapes = shape::shapes(&document, &buffers, placement.mesh, weights, &mut read_count)?;
             known.insert(key.clone(), shapes);
         }
         for shape in known.get(&key).map(Vec::as_slice).unwrap_or_default() {

@@ -3,7 +3,6 @@
 use crate::error::MeshFileError;
 use crate::piece::{MAX_ELEMENTS, MeshPiece};
 use crate::polygon::fan;
-use std::collections::HashMap;
 
 pub(crate) const NAME: &str = "STL";
 /// Bytes of a binary file before its first triangle: a free header and the number of triangles.
@@ -11,40 +10,55 @@ const HEADER_BYTES: usize = 84;
 /// Bytes of a triangle: a normal, three vertices and two bytes without a meaning.
 const TRIANGLE_BYTES: usize = 50;
 
-/// Merges equal vertices: STL has no indices, and each triangle repeats its corners.
+/// Polygons with a position for each corner: STL has no indices.
 #[derive(Default)]
 struct Solid {
     name: Option<String>,
-    vertices: Vec<[f32; 3]>,
-    triangles: Vec<[u32; 3]>,
-    vertex_of: HashMap<[u32; 3], u32>,
+    corners: Vec<[f32; 3]>,
+    /// Number of corners up to the end of each polygon.
+    ends: Vec<usize>,
 }
 
 impl Solid {
-    fn vertex(&mut self, position: [f32; 3]) -> u32 {
+    /// The triangles of the solid. Corners at equal positions are one vertex, numbered in their order.
+    fn into_piece(self) -> MeshPiece {
         // The sum has no negative zero.
-        let key = position.map(|x| (x + 0.0).to_bits());
-        let count = self.vertices.len() as u32;
-        let vertex = *self.vertex_of.entry(key).or_insert(count);
-        if vertex == count {
-            self.vertices.push(position);
+        let key = |position: [f32; 3]| position.map(|x| (x + 0.0).to_bits());
+        let mut sorted: Vec<([u32; 3], u32)> = self.corners.iter().map(|x| key(*x)).zip(0..).collect();
+        sorted.sort_unstable();
+        // The first corner at the position of each corner, then its vertex.
+        let mut vertex_of = vec![0_u32; sorted.len()];
+        for same in sorted.chunk_by(|a, b| a.0 == b.0) {
+            same.iter().for_each(|(_, corner)| vertex_of[*corner as usize] = same[0].1);
         }
-        vertex
+        drop(sorted);
+        let mut vertices = Vec::new();
+        for corner in 0..vertex_of.len() {
+            let first = vertex_of[corner] as usize;
+            if first == corner {
+                vertex_of[corner] = vertices.len() as u32;
+                vertices.push(self.corners[corner]);
+            } else {
+                vertex_of[corner] = vertex_of[first];
+            }
+        }
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        let polygons = starts.zip(&self.ends).map(|(start, end)| &vertex_of[start..*end]);
+        MeshPiece {
+            node: self.name.clone(),
+            mesh_name: self.name,
+            vertices,
+            triangles: polygons.flat_map(fan).collect(),
+            ..MeshPiece::default()
+        }
     }
 }
 
 /// Reads the solids of an STL file.
 pub(crate) fn read(bytes: &[u8]) -> Result<Vec<MeshPiece>, MeshFileError> {
     let solids = if is_text(bytes) { read_text(bytes)? } else { vec![read_binary(bytes)?] };
-    let pieces = solids.into_iter().enumerate().map(|(mesh, solid)| MeshPiece {
-        node: solid.name.clone(),
-        mesh,
-        mesh_name: solid.name,
-        vertices: solid.vertices,
-        triangles: solid.triangles,
-        ..MeshPiece::default()
-    });
-    Ok(pieces.filter(|piece| !piece.triangles.is_empty()).collect())
+    let pieces = solids.into_iter().map(Solid::into_piece).filter(|piece| !piece.triangles.is_empty());
+    Ok(pieces.enumerate().map(|(mesh, piece)| MeshPiece { mesh, ..piece }).collect())
 }
 
 /// Number of triangles that the header of a binary file states.
@@ -80,13 +94,10 @@ fn read_binary(bytes: &[u8]) -> Result<Solid, MeshFileError> {
     let mut solid = Solid::default();
     for triangle in body.chunks_exact(TRIANGLE_BYTES).take(count) {
         let (numbers, _) = triangle.as_chunks::<4>();
-        let mut corners = numbers.iter().skip(3).map(|number| f32::from_le_bytes(*number));
-        let mut corner = || {
-            let mut next = || corners.next().unwrap_or_default();
-            solid.vertex([next(), next(), next()])
-        };
-        let polygon = [corner(), corner(), corner()];
-        solid.triangles.extend(fan(&polygon));
+        // A normal, then three corners.
+        let (vectors, _) = numbers.as_chunks::<3>();
+        solid.corners.extend(vectors.iter().skip(1).map(|vector| vector.map(f32::from_le_bytes)));
+        solid.ends.push(solid.corners.len());
     }
     Ok(solid)
 }
@@ -103,7 +114,6 @@ fn read_text(bytes: &[u8]) -> Result<Vec<Solid>, MeshFileError> {
     let text = String::from_utf8_lossy(bytes);
     let mut solids: Vec<Solid> = Vec::new();
     let mut solid = Solid::default();
-    let mut polygon = Vec::new();
     let mut is_in_solid = false;
     for (line, content) in text.lines().enumerate() {
         let not_valid = |problem: String| MeshFileError::NotValid {
@@ -125,15 +135,16 @@ fn read_text(bytes: &[u8]) -> Result<Vec<Solid>, MeshFileError> {
                         .map_err(|_| not_valid(format!("a coordinate is `{word}`; it must be a number")))
                 };
                 let position = [number()?, number()?, number()?];
-                polygon.push(solid.vertex(position));
+                solid.corners.push(position);
+                check_count(solid.corners.len() / 3)?;
             }
             "endfacet" => {
-                if polygon.len() < 3 {
-                    let problem = format!("a facet has {} vertices; it must have at least 3", polygon.len());
+                let count = solid.corners.len() - solid.ends.last().copied().unwrap_or_default();
+                if count < 3 {
+                    let problem = format!("a facet has {count} vertices; it must have at least 3");
                     return Err(not_valid(problem));
                 }
-                solid.triangles.extend(fan(&polygon));
-                polygon.clear();
+                solid.ends.push(solid.corners.len());
             }
             "endsolid" => is_in_solid = false,
             "facet" | "outer" | "endloop" => {}
@@ -147,5 +158,5 @@ fn read_text(bytes: &[u8]) -> Result<Vec<Solid>, MeshFileError> {
         });
     }
     solids.push(solid);
-    Ok(solids.into_iter().filter(|solid| !solid.triangles.is_empty()).collect())
+    Ok(solids)
 }

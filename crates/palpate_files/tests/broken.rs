@@ -1,11 +1,20 @@
 //! Damaged files of every format: they are read or rejected, without a panic and without a wait.
+//!
+//! ```sh
+//! FILES=100000 cargo test --release -p palpate_files --test suite broken -- --nocapture
+//! ```
+//!
+//! `FILES` is the number of damaged files of each kind. Two thousand are part of every test.
 
 use crate::gltf_builder::Builder;
 use crate::{cube, obj, ply, stl};
-use palpate_files::{MeshFile, MeshFormat};
+use palpate_files::{MeshFile, MeshFileError, MeshFormat};
 use serde_json::json;
+use std::time::{Duration, Instant};
 
-const FILE_COUNT: u64 = 2000;
+fn file_count() -> u64 {
+    std::env::var("FILES").map_or(2000, |text| text.parse().unwrap())
+}
 
 /// A generator of `SplitMix64`.
 struct Random(u64);
@@ -61,10 +70,17 @@ fn damage(bytes: &[u8], start: usize, random: &mut Random) -> Vec<u8> {
     bytes
 }
 
+#[expect(
+    clippy::disallowed_methods,
+    clippy::print_stdout,
+    reason = "reports the slowest input; nothing depends on it"
+)]
 fn check(bytes: &[u8], start: usize, format: MeshFormat) {
     MeshFile::from_bytes(bytes, format, None).unwrap();
-    for seed in 0..FILE_COUNT {
+    let mut slowest = (Duration::ZERO, 0);
+    for seed in 0..file_count() {
         let damaged = damage(bytes, start, &mut Random(seed));
+        let begin = Instant::now();
         if let Ok(file) = MeshFile::from_bytes(&damaged, format, None) {
             for piece in &file.pieces {
                 let count = piece.vertices.len();
@@ -73,7 +89,9 @@ fn check(bytes: &[u8], start: usize, format: MeshFormat) {
                 assert!(piece.normals.as_ref().is_none_or(|normals| normals.len() == count), "{seed}");
             }
         }
+        slowest = slowest.max((begin.elapsed(), seed));
     }
+    println!("{} files of {format:?}; the slowest took {:?}, seed {}", file_count(), slowest.0, slowest.1);
 }
 
 /// A file with nodes, normals, a morph target and a sparse accessor.
@@ -145,5 +163,66 @@ fn damaged_stl_is_read_or_rejected() {
 fn damaged_ply_is_read_or_rejected() {
     for bytes in [ply::text_cube(), ply::binary_cube(false), ply::binary_cube(true)] {
         check(&bytes, 0, MeshFormat::Ply);
+    }
+}
+
+#[test]
+fn rejects_short_file_that_names_an_accessor_too_often() {
+    // 4 million zeros take no byte of the file, and fifty primitives or targets name them.
+    let file = |primitives: usize, targets: usize| {
+        let mut builder = Builder::cube();
+        let zeros =
+            builder.add("accessors", json!({ "componentType": 5126, "count": 4_000_000, "type": "VEC3" }));
+        let primitive = json!({
+            "attributes": { "POSITION": zeros },
+            "indices": builder.json["meshes"][0]["primitives"][0]["indices"],
+            "targets": vec![json!({ "POSITION": zeros }); targets],
+        });
+        builder.json["meshes"][0]["primitives"] = json!(vec![primitive; primitives]);
+        builder.json["meshes"][0]["weights"] = json!(vec![0.5; targets]);
+        builder.glb()
+    };
+    for (primitives, targets) in [(50, 0), (1, 50)] {
+        let error = MeshFile::from_bytes(&file(primitives, targets), MeshFormat::Gltf, None).unwrap_err();
+        assert!(matches!(error, MeshFileError::TooLarge { .. }), "{error}");
+    }
+}
+
+#[test]
+fn rejects_stated_counts_without_content() {
+    let stl = [vec![0; 80], u32::MAX.to_le_bytes().to_vec()].concat();
+    let ply = |count: &str| {
+        let property = "property float x\nproperty float y\nproperty float z";
+        format!("ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{property}\nend_header\n")
+            .into_bytes()
+    };
+    assert!(matches!(MeshFile::from_bytes(&stl, MeshFormat::Stl, None), Err(MeshFileError::NotValid { .. })));
+    for (count, is_too_large) in [("19999999", false), ("4294967295", true), ("18446744073709551615", true)] {
+        let error = MeshFile::from_bytes(&ply(count), MeshFormat::Ply, None).unwrap_err();
+        assert_eq!(matches!(error, MeshFileError::TooLarge { .. }), is_too_large, "{error}");
+    }
+}
+
+#[test]
+fn arbitrary_bytes_are_read_or_rejected() {
+    // Beginnings that reach beyond the first check.
+    let stl_header = [vec![0; 80], 2_u32.to_le_bytes().to_vec()].concat();
+    let ply_header = "ply\nformat binary_big_endian 1.0\nelement vertex 3\nproperty double x\nproperty char y\nproperty short z\n\
+                      element face 2\nproperty list uchar uint vertex_indices\nend_header\n";
+    let beginnings: [(&[u8], MeshFormat); 7] = [
+        (b"", MeshFormat::Gltf),
+        (b"glTF\x02\0\0\0", MeshFormat::Gltf),
+        (b"{\"asset\":{\"version\":\"2.0\"},", MeshFormat::Gltf),
+        (b"f ", MeshFormat::Obj),
+        (b"solid ", MeshFormat::Stl),
+        (&stl_header, MeshFormat::Stl),
+        (ply_header.as_bytes(), MeshFormat::Ply),
+    ];
+    for seed in 0..file_count() {
+        let random = &mut Random(seed);
+        let (beginning, format) = beginnings[random.below(beginnings.len())];
+        let mut bytes = beginning.to_vec();
+        bytes.extend((0..random.below(300)).map(|_| random.below(256) as u8));
+        let _ = MeshFile::from_bytes(&bytes, format, None);
     }
 }

@@ -15,7 +15,8 @@ pub struct Seed {
     pub place: SurfacePlace,
     /// Position, m.
     pub at_m: DVec3,
-    /// Current unit normal of the triangle.
+    /// Unit normal with which a patch starts: from the place to the middle of a ball, and that of the triangle for a punch. The nearest place
+    /// of a curved surface is often on an edge or a corner, and which of its triangles the seed has depends on rounding.
     pub normal: DVec3,
     /// Unit normal of the triangle at rest.
     pub rest_normal: DVec3,
@@ -76,6 +77,7 @@ impl Seed {
             let order = (if away <= 0.0 { sample } else { samples + 1 }, away);
             if best.is_none_or(|best| order < best.order) {
                 let place = SurfacePlace { triangle, weights };
+                let normal = start_normal(shape, core - at_m, normal);
                 best = Some(Self { place, at_m, normal, rest_normal, order });
             }
             if away <= 0.0 {
@@ -106,6 +108,19 @@ impl Seed {
             || is_met && self.at_m.distance(known.at_m) > known.across_m(cell_m)
     }
 }
+
+/// Normal with which a patch starts, for a tool whose core lies `to_core` from the place, on a triangle with the given normal.
+fn start_normal(shape: &ToolShape, to_core: DVec3, normal: DVec3) -> DVec3 {
+    let direction = match shape {
+        ToolShape::Sphere { .. } => to_core.try_normalize(),
+        ToolShape::FlatPunch { .. } => None,
+    };
+    // In or behind the surface the core has no direction.
+    direction.filter(|direction| direction.dot(normal) > MIN_FACING).unwrap_or(normal)
+}
+
+/// Minimum cosine between the direction from a place to the core of a ball and the normal of the triangle there.
+const MIN_FACING: f64 = 1e-3;
 
 /// Maximum distance of the tool's surface from its core, m.
 fn around_m(shape: &ToolShape) -> f64 {

@@ -1,10 +1,10 @@
 //! Edges of triangles.
 
-/// One side of a triangle.
+/// One side of a triangle. Its indices are 32 bits wide, since a mesh has millions of sides.
 pub(super) struct Side {
     /// Lower and higher point of the edge.
-    pub edge: (usize, usize),
-    pub triangle: usize,
+    pub edge: (u32, u32),
+    pub triangle: u32,
     /// Whether the triangle runs from the lower to the higher point.
     pub is_up: bool,
 }
@@ -15,7 +15,8 @@ pub(super) fn sides(triangles: &[[usize; 3]]) -> Vec<Side> {
     for (triangle, t) in triangles.iter().enumerate() {
         for corner in 0..3 {
             let (a, b) = (t[corner], t[(corner + 1) % 3]);
-            sides.push(Side { edge: (a.min(b), a.max(b)), triangle, is_up: a < b });
+            let edge = (a.min(b) as u32, a.max(b) as u32);
+            sides.push(Side { edge, triangle: triangle as u32, is_up: a < b });
         }
     }
     sides.sort_unstable_by_key(|side| (side.edge, side.triangle));

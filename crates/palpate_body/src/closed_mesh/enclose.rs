@@ -134,6 +134,7 @@ fn sampled(
     assumptions: &mut MeshAssumptions,
 ) -> Result<ClosedSurface, MeshError> {
     let mut samples = sample(parts, points_m, half_size_m, spacing_m);
+    let spacing_m = samples.spacing_m;
     assumptions.uncertain_share = samples.uncertain_share();
     remove_specks(&mut samples);
     if !samples.winding.iter().any(|w| is_inside(*w)) {

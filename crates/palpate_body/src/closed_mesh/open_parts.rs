@@ -34,6 +34,7 @@ impl OpenParts {
         let branching_edge_count =
             sides.chunk_by(|a, b| a.edge == b.edge).filter(|edge| edge.len() > 2).count();
         let (part, part_count, turned) = connect(&sides, triangles.len());
+        drop(sides);
         let mut oriented: Vec<[usize; 3]> = triangles
             .iter()
             .zip(&turned)
@@ -95,8 +96,9 @@ fn connect(sides: &[Side], triangle_count: usize) -> (Vec<usize>, usize, Vec<boo
         if let [a, b] = edge {
             let agrees = a.is_up != b.is_up;
             for (own, other) in [(a, b), (b, a)] {
-                if let Some(free) = neighbours[own.triangle].iter_mut().find(|entry| entry.is_none()) {
-                    *free = Some((other.triangle, agrees));
+                if let Some(free) = neighbours[own.triangle as usize].iter_mut().find(|entry| entry.is_none())
+                {
+                    *free = Some((other.triangle as usize, agrees));
                 }
             }
         }

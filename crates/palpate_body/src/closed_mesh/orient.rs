@@ -28,7 +28,8 @@ pub(super) fn orient(
         return Err(MeshError::Flat { at_m: center_m });
     }
     let sides = sides(triangles);
-    let middle = |side: &Side| center_m + 0.5 * (points_m[side.edge.0] + points_m[side.edge.1]);
+    let middle =
+        |side: &Side| center_m + 0.5 * (points_m[side.edge.0 as usize] + points_m[side.edge.1 as usize]);
     let groups = || sides.chunk_by(|a, b| a.edge == b.edge);
     let (edges, first) = count(groups().filter(|group| group.len() == 1));
     if let Some(side) = first {
@@ -129,7 +130,10 @@ fn neighbours(sides: &[Side], triangles: usize) -> Neighbours {
     let pairs = || {
         sides.chunk_by(|a, b| a.edge == b.edge).flat_map(|group| {
             let next = group.iter().cycle().skip(1);
-            group.iter().zip(next).map(|(a, b)| (a.triangle, b.triangle, a.is_up != b.is_up))
+            group
+                .iter()
+                .zip(next)
+                .map(|(a, b)| (a.triangle as usize, b.triangle as usize, a.is_up != b.is_up))
         })
     };
     let mut start = vec![0; triangles + 1];

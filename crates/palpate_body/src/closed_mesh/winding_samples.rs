@@ -21,26 +21,68 @@ pub(super) struct WindingSamples {
 const UNCERTAIN: std::ops::Range<f32> = 0.1..0.9;
 /// Side of the blocks of points in which the winding number of distant caps is interpolated, in points.
 const BLOCK: usize = 4;
-/// Difference of the winding number of the caps from one integer, at the corners of a block, above which its points are computed one
-/// by one. In the middle of separate triangles the number is 1.
+/// Difference of the winding number of the caps from one integer, at the corners of a block, above which its points are computed one by one
+/// if caps are near. In the middle of separate triangles the number is 1.
 const NEAR_CAPS: f64 = 0.15;
+/// Distance from a cap, in blocks, up to which it is near. Beyond it the interpolated number errs by less than a hundredth, as that of a half
+/// plane: h²/(8 · 2π r²) for each of two directions, with h = 1 and r = 1.5 blocks.
+const NEAR_BLOCKS: f64 = 1.5;
+/// Maximum number of terms of the winding numbers of caps, beyond which the samples are further apart: some seconds of one processor. Ratio of
+/// successive spacings, maximum ratio to the given one, and number of blocks at which the terms are counted.
+const MAX_CAP_TERMS: f64 = 5e7;
+const COARSER: f64 = 1.25;
+const MAX_COARSER: f64 = 4.0;
+const EXAMINED_BLOCKS: usize = 256;
 
 impl WindingSamples {
-    /// Samples `triangles`, whose corners lie within ±`half_size_m`, at points about `spacing_m` apart.
+    /// Samples `triangles`, whose corners lie within ±`half_size_m`, at points about `spacing_m` apart, or up to four times as far if the caps
+    /// would take too long.
     pub(super) fn new(
         triangles: impl Iterator<Item = [DVec3; 3]>,
         caps: &[[DVec3; 3]],
         half_size_m: DVec3,
         spacing_m: f64,
     ) -> Self {
-        let counts = (2.0 * half_size_m / spacing_m).to_array().map(|along| along.ceil() as usize + 3);
-        let extent_m = spacing_m * DVec3::from_array(counts.map(|n| (n - 1) as f64));
-        let mut samples =
-            Self { counts, spacing_m, first_m: -0.5 * extent_m, winding: vec![0.0; counts.iter().product()] };
+        let tree = WindingTree::new(caps.to_vec());
+        let mut samples = Self::empty(half_size_m, spacing_m);
+        let mut near = samples.blocks_near(caps);
+        while !tree.is_empty()
+            && COARSER * samples.spacing_m <= MAX_COARSER * spacing_m
+            && samples.cap_terms(&tree, &near) > MAX_CAP_TERMS
+        {
+            samples = Self::empty(half_size_m, COARSER * samples.spacing_m);
+            near = samples.blocks_near(caps);
+        }
+        samples.winding = vec![0.0; samples.counts.iter().product()];
         samples.count_crossings(triangles.chain(caps.iter().copied()), half_size_m);
-        samples.subtract_caps(&WindingTree::new(caps.to_vec()));
+        samples.subtract_caps(&tree, &near);
         samples.clear_outermost();
         samples
+    }
+
+    /// The grid, without winding numbers.
+    fn empty(half_size_m: DVec3, spacing_m: f64) -> Self {
+        let counts = (2.0 * half_size_m / spacing_m).to_array().map(|along| along.ceil() as usize + 3);
+        let extent_m = spacing_m * DVec3::from_array(counts.map(|n| (n - 1) as f64));
+        Self { counts, spacing_m, first_m: -0.5 * extent_m, winding: Vec::new() }
+    }
+
+    /// Number of blocks along each axis.
+    fn blocks(&self) -> [usize; 3] {
+        self.counts.map(|n| (n - 1).div_ceil(BLOCK))
+    }
+
+    /// Estimate of the number of terms of the winding numbers of the caps: at the corners of all blocks, and at the points of those near a cap.
+    fn cap_terms(&self, tree: &WindingTree, is_near: &[bool]) -> f64 {
+        let places: Vec<DVec3> = crate::lattice::grid(self.blocks())
+            .zip(is_near)
+            .filter(|(_, is_near)| **is_near)
+            .map(|(block, _)| self.at_m(block.map(|n| n * BLOCK + BLOCK / 2)))
+            .collect();
+        let examined = || places.iter().step_by(places.len().div_ceil(EXAMINED_BLOCKS).max(1));
+        let terms: usize = examined().map(|place_m| tree.term_count(*place_m)).sum();
+        let mean = terms as f64 / examined().count().max(1) as f64;
+        mean * (is_near.len() + places.len() * BLOCK.pow(3)) as f64
     }
 
     /// Share of the samples whose winding number is between 0.1 and 0.9 in magnitude, so that the inside is uncertain.
@@ -92,6 +134,42 @@ impl WindingSamples {
         }
     }
 
+    /// Whether each block, x fastest, has a cap within [`NEAR_BLOCKS`]. Caps are halved until they are as small as a block.
+    fn blocks_near(&self, caps: &[[DVec3; 3]]) -> Vec<bool> {
+        let blocks = self.blocks();
+        let mut is_near = vec![false; blocks.iter().product()];
+        let block_m = BLOCK as f64 * self.spacing_m;
+        let mut left: Vec<[DVec3; 3]> = Vec::new();
+        for cap in caps {
+            left.push(cap.map(|x| (x - self.first_m) / block_m));
+            while let Some(t) = left.pop() {
+                let (length2, opposite) = longest_side(t);
+                if length2 > 1.0 {
+                    let [a, b, c] = [t[opposite], t[(opposite + 1) % 3], t[(opposite + 2) % 3]];
+                    let middle = 0.5 * (b + c);
+                    left.extend([[a, b, middle], [a, middle, c]]);
+                    continue;
+                }
+                let low = t[0].min(t[1]).min(t[2]) - NEAR_BLOCKS;
+                let high = t[0].max(t[1]).max(t[2]) + NEAR_BLOCKS;
+                let range = |axis: usize| {
+                    let end = (high[axis].floor().max(-1.0) + 1.0) as usize;
+                    low[axis].floor().max(0.0) as usize..end.min(blocks[axis])
+                };
+                for k in range(2) {
+                    for j in range(1) {
+                        let row = blocks[0] * (j + blocks[1] * k);
+                        let along = range(0);
+                        if along.start < along.end {
+                            is_near[row + along.start..row + along.end].fill(true);
+                        }
+                    }
+                }
+            }
+        }
+        is_near
+    }
+
     /// Sets the outermost samples to zero: they lie outside the mesh.
     fn clear_outermost(&mut self) {
         for place in crate::lattice::grid(self.counts) {
@@ -102,13 +180,13 @@ impl WindingSamples {
         }
     }
 
-    /// Subtracts the winding number of the caps, in blocks: interpolated between the corners where it is near the same integer on all of
-    /// them.
-    fn subtract_caps(&mut self, caps: &WindingTree) {
+    /// Subtracts the winding number of the caps, in blocks: interpolated between the corners where caps are far, or where it is near the same
+    /// integer on all of them.
+    fn subtract_caps(&mut self, caps: &WindingTree, has_caps_near: &[bool]) {
         if caps.is_empty() {
             return;
         }
-        let blocks = self.counts.map(|n| (n - 1).div_ceil(BLOCK));
+        let blocks = self.blocks();
         let corners = blocks.map(|n| n + 1);
         let corner_index = |[i, j, k]: [usize; 3]| i + corners[0] * (j + corners[1] * k);
         let at_corner: Vec<f64> = {
@@ -121,7 +199,8 @@ impl WindingSamples {
             let of: [f64; 8] = std::array::from_fn(|c| {
                 at_corner[corner_index([block[0] + (c & 1), block[1] + (c >> 1 & 1), block[2] + (c >> 2)])]
             });
-            let is_near = of.iter().any(|w| (w - of[0].round()).abs() > NEAR_CAPS);
+            let is_near = has_caps_near[block[0] + blocks[0] * (block[1] + blocks[1] * block[2])]
+                && of.iter().any(|w| (w - of[0].round()).abs() > NEAR_CAPS);
             let range = |axis: usize| {
                 let begin = block[axis] * BLOCK;
                 // The last block has its upper layer too.
@@ -151,6 +230,13 @@ impl WindingSamples {
             self.winding[point] -= w as f32;
         }
     }
+}
+
+/// Square of the longest side of a triangle, and the index of the corner opposite to it.
+fn longest_side([a, b, c]: [DVec3; 3]) -> (f64, usize) {
+    let sides = [b.distance_squared(c), c.distance_squared(a), a.distance_squared(b)];
+    let opposite = (1..3).fold(0, |longest, side| if sides[side] > sides[longest] { side } else { longest });
+    (sides[opposite], opposite)
 }
 
 /// `each` of all `items`, on all processors.

@@ -68,26 +68,39 @@ impl WindingTree {
     /// Winding number around `place_m`. The error of the dipoles is below a hundredth.
     pub(super) fn winding(&self, place_m: DVec3) -> f64 {
         let mut sum = 0.0;
+        self.visit(place_m, |group, is_far| {
+            sum += if is_far {
+                group.solid_angle(group.center_m - place_m)
+            } else {
+                self.triangles[group.begin..group.end].iter().map(|t| solid_angle(t, place_m)).sum::<f64>()
+            };
+        });
+        sum / (2.0 * TAU)
+    }
+
+    /// Number of solid angles that [`WindingTree::winding`] adds.
+    pub(super) fn term_count(&self, place_m: DVec3) -> usize {
+        let mut count = 0;
+        self.visit(place_m, |group, is_far| count += if is_far { 1 } else { group.end - group.begin });
+        count
+    }
+
+    /// Calls `each` with every group that is a dipole at `place_m`, and with every other one that is not divided.
+    fn visit(&self, place_m: DVec3, mut each: impl FnMut(&Group, bool)) {
         let mut open = [0_usize; 64];
         let mut count = usize::from(!self.is_empty());
         while count > 0 {
             count -= 1;
             let group = &self.groups[open[count]];
-            let away_m = group.center_m - place_m;
-            if away_m.length_squared() > (FAR_RADII * group.radius_m).powi(2) {
-                sum += group.solid_angle(away_m);
-            } else if group.halves == 0 {
-                sum += self.triangles[group.begin..group.end]
-                    .iter()
-                    .map(|t| solid_angle(t, place_m))
-                    .sum::<f64>();
+            let is_far = (group.center_m - place_m).length_squared() > (FAR_RADII * group.radius_m).powi(2);
+            if is_far || group.halves == 0 {
+                each(group, is_far);
             } else {
                 // Halving keeps the tree flat: two entries for each of at most 31 levels.
                 (open[count], open[count + 1]) = (group.halves, group.halves + 1);
                 count += 2;
             }
         }
-        sum / (2.0 * TAU)
     }
 }
 

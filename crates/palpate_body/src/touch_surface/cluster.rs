@@ -84,7 +84,8 @@ fn nearest(
     }
 }
 
-/// Triangles with three different corners, each once, without pairs of opposite triangles. The surface stays closed.
+/// Triangles with three different corners, without pairs of opposite triangles. The surface stays closed: where more remain of one winding, all
+/// of them do.
 fn distinct(triangles: impl Iterator<Item = [usize; 3]>) -> Vec<[usize; 3]> {
     let mut sorted: Vec<([usize; 3], bool)> = triangles
         .filter(|[a, b, c]| a != b && b != c && c != a)
@@ -100,11 +101,9 @@ fn distinct(triangles: impl Iterator<Item = [usize; 3]>) -> Vec<[usize; 3]> {
     for same in sorted.chunk_by(|a, b| a.0 == b.0) {
         let [a, b, c] = same[0].0;
         let even = same.iter().filter(|(_, even)| *even).count();
-        match (2 * even).cmp(&same.len()) {
-            std::cmp::Ordering::Greater => kept.push([a, b, c]),
-            std::cmp::Ordering::Less => kept.push([a, c, b]),
-            std::cmp::Ordering::Equal => {}
-        }
+        let odd = same.len() - even;
+        let remaining = if even > odd { [a, b, c] } else { [a, c, b] };
+        kept.extend(std::iter::repeat_n(remaining, even.abs_diff(odd)));
     }
     kept
 }

@@ -76,3 +76,13 @@ fn reports_the_excess_mass_of_raised_cells() {
         assert!((weighed - expected).abs() < 1e-9, "{thickness} m: {weighed}");
     }
 }
+
+#[test]
+fn rejects_cells_that_the_mesh_fills_less_than_rounding_leaves() {
+    let mesh = cuboid(DVec3::splat(0.1), [1; 3]).close().unwrap();
+    for cell_m in [2e3, 1e30] {
+        let lattice =
+            CellLattice::fit(&mesh, CellSize::Side(cell_m)).and_then(|_| mesh.pieces(CellSize::Side(cell_m)));
+        assert!(matches!(lattice, Err(MeshError::Cells { .. })), "{lattice:?}");
+    }
+}

@@ -6,6 +6,7 @@ use super::document::{Document, Draco, Primitive};
 use super::draco;
 use super::invalid::not_valid;
 use crate::error::MeshFileError;
+use crate::piece::MAX_ELEMENTS;
 use crate::polygon::{fan, strip};
 
 const TRIANGLES: u32 = 4;
@@ -21,17 +22,40 @@ pub(super) struct Shape {
     pub triangles: Vec<[u32; 3]>,
 }
 
+/// Number of vertices or triangles that have been read, with those of morph targets. A short file may name the same accessors many times.
+#[derive(Default)]
+pub(super) struct ReadCount(usize);
+
+/// Maximum of [`ReadCount`].
+const MAX_READ: usize = 5 * MAX_ELEMENTS;
+
+impl ReadCount {
+    fn add(&mut self, count: usize) -> Result<(), MeshFileError> {
+        self.0 += count;
+        check_count("number of vertices, triangles and displacements of morph targets", self.0, MAX_READ)
+    }
+}
+
+fn check_count(what: &'static str, count: usize, max: usize) -> Result<(), MeshFileError> {
+    if count > max {
+        return Err(MeshFileError::TooLarge { what, value: count as u64, max: max as u64 });
+    }
+    Ok(())
+}
+
 /// Shapes of the primitives of a mesh that consist of triangles, with its morph targets weighted by `weights`.
 pub(super) fn shapes(
     document: &Document,
     buffers: &Buffers,
     mesh: usize,
     weights: &[f64],
+    read_count: &mut ReadCount,
 ) -> Result<Vec<Shape>, MeshFileError> {
     let Some(of) = document.meshes.get(mesh) else {
         return Err(not_valid(format!("mesh {mesh} does not exist")));
     };
     let mut shapes = Vec::new();
+    let mut held = 0;
     for (index, primitive) in of.primitives.iter().enumerate() {
         let mode = primitive.mode.unwrap_or(TRIANGLES);
         if !(TRIANGLES..=TRIANGLE_FAN).contains(&mode) || primitive.attributes.position.is_none() {
@@ -39,7 +63,12 @@ pub(super) fn shapes(
         }
         let mut shape = read(document, buffers, primitive, mode)?;
         shape.primitive = index;
+        let element_count = shape.positions.len().max(shape.triangles.len());
+        held += element_count;
+        check_count("number of vertices or triangles of a mesh", held, MAX_ELEMENTS)?;
+        read_count.add(element_count)?;
         for (target, weight) in primitive.targets.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
+            read_count.add(shape.positions.len())?;
             if let Some(position) = target.position {
                 add(&mut shape.positions, &vectors(document, buffers, position)?, *weight)?;
             }
