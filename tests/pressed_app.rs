@@ -3,7 +3,8 @@
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
-    HapticSystems, LocalModelStats, LoopTiming, ModelSchedule, SimulatedBody, TickRecording, testing,
+    HapticSystems, LocalModelStats, LoopTiming, MeshCellSize, MeshShape, ModelSchedule, SimulatedBody,
+    TickRecording, testing,
 };
 use palpate_haptics::{DeviceDescription, DeviceError, HapticDevice, Reading, ScriptedDevice, TickRecord};
 use palpate_tests::app::{assert_no_faults, collect_messages, lockstep_app, spawn_tool, step, update_until};
@@ -87,7 +88,8 @@ fn truncated(of_mesh: bool, radius_m: f64) -> (usize, usize) {
     };
     let mesh = app.world_mut().resource_mut::<Assets<Mesh>>().add(Cuboid::new(0.1, 0.1, 0.1));
     let block = DeformableBody::block([6; 3], 0.1);
-    let body = if of_mesh { DeformableBody::from_mesh(mesh) } else { block };
+    let shape = MeshShape { cells: MeshCellSize::Along(10), ..MeshShape::new(mesh) };
+    let body = if of_mesh { DeformableBody::Mesh(shape) } else { block };
     let body = app.world_mut().spawn((body, FixedRegion::Face(BoxFace::Bottom))).id();
     testing::wait_for_body(&mut app, body);
     let tool = spawn_tool(&mut app, device);

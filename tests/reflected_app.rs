@@ -54,6 +54,7 @@ const REFLECTED: [(&str, &[&str]); 6] = [
             "HidDeviceKind",
             "Inclusion",
             "Load",
+            "MeshCellSize",
             "MeshPieces",
             "MeshShape",
             "ObstacleShape",
