@@ -19,8 +19,8 @@ const TAP_STEPS: usize = 30;
 /// Number of taps of a place.
 const REPEATS: usize = 2;
 /// Speed of the nodes below which the body is at rest for the next tap, m/s, and maximum number of model steps until it is.
-const REST_M_PER_S: f64 = 2e-5;
-const MAX_WAITING_STEPS: usize = 400;
+const REST_M_PER_S: f64 = 2e-6;
+const MAX_WAITING_STEPS: usize = 1000;
 /// RMS of the full body's force in a model step, relative to its maximum in the tap, below which its relative error does not count: the step
 /// in which the last tick touches, with a force that no device displays.
 const LEAST_FORCE: f64 = 0.01;
@@ -152,13 +152,15 @@ fn come_to_rest(body: &mut Body, integrator: Integrator) -> Result<(), BodyError
             break;
         }
         let kinetic_j = body.energy().kinetic_j;
-        if kinetic_j < last_j {
-            let x_m = body.positions_m().to_vec();
-            body.set_state(&x_m, &vec![DVec3::ZERO; x_m.len()])?;
-            last_j = 0.0;
-        } else {
-            last_j = kinetic_j;
+        let is_past_maximum = kinetic_j < last_j;
+        last_j = if is_past_maximum { 0.0 } else { kinetic_j };
+        // A body whose state is set does not fall asleep before it is at rest.
+        let x_m = body.positions_m().to_vec();
+        let mut v_m_per_s = body.velocities_m_per_s().to_vec();
+        if is_past_maximum {
+            v_m_per_s.fill(DVec3::ZERO);
         }
+        body.set_state(&x_m, &v_m_per_s)?;
     }
     Ok(())
 }
