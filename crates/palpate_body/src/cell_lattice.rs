@@ -324,10 +324,15 @@ impl<'a> CellLattice<'a> {
         }
         let fill = fill::fill(self.mesh, &self.grid);
         // A lattice has at least as many nodes as cells, and few of its cells are slivers.
-        let cells = fill.share.iter().filter(|share| **share > WHOLE_CELL).count();
+        let cells = fill.cells_above(WHOLE_CELL);
         if cells > 2 * Self::MAX_NODES {
             self.check_nodes(cells)?;
         }
+        self.parts_of(fill)
+    }
+
+    /// The parts of the cells that are filled as `fill`.
+    fn parts_of(&self, fill: fill::Fill) -> Result<Arc<CellParts>, MeshError> {
         let parts = CellParts::new(self.mesh, &self.grid, fill);
         if parts.parts.is_empty() {
             // The mesh fills less of any cell than rounding leaves.

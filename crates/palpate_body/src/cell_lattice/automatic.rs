@@ -1,7 +1,7 @@
 //! Cells whose size is chosen for the mesh.
 
 use super::kept_cells::KeptCells;
-use super::{CellLattice, Embedding};
+use super::{CellLattice, Embedding, fill};
 use crate::{CellSize, ClosedMesh, MeshError, ThinParts};
 
 /// Ratio of successive numbers of cells that are tried for thin parts.
@@ -48,11 +48,19 @@ impl<'a> CellLattice<'a> {
     /// Fits `along` cells along the longest side; the error [`MeshError::TooManyNodes`] for more than `max_nodes` nodes.
     fn within(mesh: &'a ClosedMesh, along: usize, max_nodes: usize) -> Result<Self, MeshError> {
         let mut lattice = Self::fit(mesh, CellSize::Along(along))?;
-        let parts = lattice.parts()?;
+        let too_many =
+            |nodes: usize| MeshError::TooManyNodes { along, nodes, most: max_nodes, advised: along - 1 };
+        let fill = fill::fill(mesh, &lattice.grid);
+        // Each cell that is no sliver has a node of its own: that at its lowest corner.
+        let cells = fill.cells_above(KeptCells::SLIVER);
+        if cells > max_nodes {
+            return Err(too_many(cells));
+        }
+        let parts = lattice.parts_of(fill)?;
         let kept = KeptCells::choose(&lattice.grid, &parts);
         let nodes = Embedding::new(lattice.grid, &parts, &kept).nodes().len();
         if nodes > max_nodes {
-            return Err(MeshError::TooManyNodes { along, nodes, most: max_nodes, advised: along - 1 });
+            return Err(too_many(nodes));
         }
         lattice.parts = Some(parts);
         Ok(lattice)

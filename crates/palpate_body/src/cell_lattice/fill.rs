@@ -15,6 +15,13 @@ pub(super) struct Fill {
     pub open: Vec<DVec3>,
 }
 
+impl Fill {
+    /// Number of cells with a larger φ than `share`.
+    pub(super) fn cells_above(&self, share: f64) -> usize {
+        self.share.iter().filter(|filled| **filled > share).count()
+    }
+}
+
 /// The surface of a mesh in a cell.
 pub(super) struct CellSurface {
     /// Its bounds, 0 to 1 along each side of the cell.

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 /// Slivers: a cell filled less than the first number is carried by a neighbour filled at least that much, if its
 /// surface is at most the second number of cells outside the neighbour. The second entry is for almost empty cells.
-const SLIVER_LIMITS: [(f64, f64); 2] = [(0.1, 0.25), (MIN_FILL, 0.5)];
+const SLIVER_LIMITS: [(f64, f64); 2] = [(KeptCells::SLIVER, 0.25), (MIN_FILL, 0.5)];
 /// Minimum filled share of a cell that must be kept.
 const MIN_FILL: f64 = 0.01;
 
@@ -39,6 +39,9 @@ pub(super) struct KeptCells {
 }
 
 impl KeptCells {
+    /// φ below which a part may be a sliver.
+    pub(super) const SLIVER: f64 = 0.1;
+
     /// Chooses the parts. A sliver is removed if a part near it can carry all of its surface (see [`SLIVER_LIMITS`]) and the
     /// others that are connected with it stay connected. Its volume is added to that part.
     pub(super) fn choose(grid: &CellGrid, parts: &CellParts) -> Self {
