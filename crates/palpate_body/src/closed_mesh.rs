@@ -190,7 +190,7 @@ impl ClosedMesh {
         let part = surface.oriented.part;
         let parts = surface.oriented.parts;
         orient::check_thickness(&triangles, &part, parts, &points_m, center_m, tolerance_m)?;
-        crossing::check(&triangles, &points_m, center_m, tolerance_m)?;
+        crossing::check(&triangles, 0, &points_m, center_m, tolerance_m)?;
         let half_size_m = 0.5 * (high_m - low_m);
         let mut inside = Inside::new(&triangles, &points_m, half_size_m);
         let looks_in = inside.parts_to_turn(&part, parts, center_m)?;

@@ -129,6 +129,7 @@ mod obstacle;
 mod obstacle_points;
 mod obstacle_step;
 mod optimization;
+mod parallel;
 mod region;
 mod skin;
 mod surface;

@@ -5,6 +5,7 @@ mod flip;
 mod subdivide;
 mod thickness;
 
+use crate::parallel;
 use crate::triangle_bvh::triangle_bvh;
 use crate::vertex_normals::vertex_normals;
 use crate::{BodyPoint, ClosedMesh, Surface};
@@ -84,7 +85,7 @@ fn deviation(places_m: &[DVec3], triangles: &[[usize; 3]], points_m: &[DVec3]) -
         );
         found.map_or(0.0, |(_, distance)| distance)
     };
-    places_m.iter().map(distance).fold(0.0, f64::max)
+    parallel::map(places_m, distance).into_iter().fold(0.0, f64::max)
 }
 
 #[cfg(test)]

@@ -16,24 +16,50 @@ pub(super) fn weld_tolerance(
     center_m: DVec3,
     size_m: f64,
 ) -> f64 {
-    let open_edges = |tolerance: f64| {
-        let welded = weld::weld(vertices_m, triangles, center_m, tolerance * size_m);
-        let of_points: Vec<[usize; 3]> = triangles
+    let edges = open_edges(vertices_m, triangles, center_m, size_m);
+    let left_open = |tolerance: f64| {
+        let corners: Vec<[usize; 3]> = edges.iter().map(|&[a, b]| [a, b, b]).collect();
+        let welded = weld::weld(vertices_m, &corners, center_m, tolerance * size_m);
+        let mut edges: Vec<[Option<usize>; 2]> = edges
             .iter()
-            .map(|corners| corners.map(|vertex| welded.point_of[vertex].unwrap_or_default()))
-            .filter(|[a, b, c]| a != b && b != c && c != a)
+            .map(|edge| edge.map(|vertex| welded.point_of[vertex]))
+            .filter(|[a, b]| a != b)
+            .map(|[a, b]| [a.min(b), a.max(b)])
             .collect();
-        sides(&of_points).chunk_by(|a, b| a.edge == b.edge).filter(|edge| edge.len() == 1).count()
+        edges.sort_unstable();
+        edges.chunk_by(|a, b| a == b).filter(|same| same.len() == 1).count()
     };
-    let (mut chosen, mut open) = (TOLERANCE, open_edges(TOLERANCE));
+    let (mut chosen, mut open) = (TOLERANCE, edges.len());
     for tolerance in CRACKS {
         if open == 0 {
             break;
         }
-        let left = open_edges(tolerance);
+        let left = left_open(tolerance);
         if 2 * left <= open {
             (chosen, open) = (tolerance, left);
         }
     }
     chosen
+}
+
+/// Edges of one triangle only, as vertices.
+fn open_edges(
+    vertices_m: &[DVec3],
+    triangles: &[[usize; 3]],
+    center_m: DVec3,
+    size_m: f64,
+) -> Vec<[usize; 2]> {
+    let welded = weld::weld(vertices_m, triangles, center_m, TOLERANCE * size_m);
+    let of_points: Vec<[usize; 3]> = triangles
+        .iter()
+        .map(|corners| corners.map(|vertex| welded.point_of[vertex].unwrap_or_default()))
+        .filter(|[a, b, c]| a != b && b != c && c != a)
+        .collect();
+    let mut vertex_of = vec![0; vertices_m.len()];
+    for &vertex in triangles.iter().flatten() {
+        vertex_of[welded.point_of[vertex].unwrap_or_default()] = vertex;
+    }
+    let sides = sides(&of_points);
+    let of_one = sides.chunk_by(|a, b| a.edge == b.edge).filter(|edge| edge.len() == 1);
+    of_one.map(|edge| [edge[0].edge.0, edge[0].edge.1].map(|point| vertex_of[point as usize])).collect()
 }

@@ -2,9 +2,11 @@
 
 use super::MeshError;
 use super::geometry::bounds;
+use crate::parallel;
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
+use std::ops::Range;
 
 /// Maximum number of tested pairs of boxes: per triangle, plus a constant. A mesh of even triangles has about ten
 /// pairs per triangle.
@@ -12,12 +14,16 @@ const MAX_PAIRS: (usize, usize) = (64, 1 << 20);
 /// Number of intersecting pairs after which the search ends.
 const MAX_FOUND: usize = 1000;
 
-/// Rejects triangles that intersect by more than `tolerance_m`, in bounded time.
+/// Number of triangles that a thread examines before the sums of all are compared with the limits.
+const EXAMINED: usize = 4096;
+
+/// Rejects triangles that intersect by more than `tolerance_m`, in bounded time. Those before `first` do not intersect one another.
 ///
 /// # Errors
 /// [`MeshError::Crossing`], [`MeshError::Tangled`].
 pub(super) fn check(
     triangles: &[[usize; 3]],
+    first: usize,
     points_m: &[DVec3],
     center_m: DVec3,
     tolerance_m: f64,
@@ -26,29 +32,65 @@ pub(super) fn check(
     let boxes: Vec<Aabb> = (0..triangles.len()).map(|t| bounds(corners(t), 0.0)).collect();
     let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
     let max_pairs = MAX_PAIRS.0 * triangles.len() + MAX_PAIRS.1;
-    let (mut tested, mut found, mut first) = (0, 0, None);
-    for (own, bounds) in boxes.iter().enumerate() {
-        for other in bvh.intersect_aabb(bounds).map(|other| other as usize) {
-            tested += 1;
-            if other <= own {
-                continue;
+    let examine = |owns: Range<usize>| {
+        let mut examined = Examined::default();
+        for own in owns {
+            for other in bvh.intersect_aabb(&boxes[own]).map(|other| other as usize) {
+                examined.tested += 1;
+                if other >= first && other <= own {
+                    continue;
+                }
+                if let Some(at_m) = meet(triangles, points_m, [own.min(other), own.max(other)], tolerance_m) {
+                    examined.found += 1;
+                    examined.first_m.get_or_insert(at_m);
+                }
             }
-            if let Some(at_m) = meet(triangles, points_m, [own, other], tolerance_m) {
-                found += 1;
-                first.get_or_insert(at_m);
+            if examined.is_enough(max_pairs) {
+                break;
             }
         }
-        if found >= MAX_FOUND {
-            break;
-        }
-        if tested > max_pairs && found == 0 {
-            return Err(MeshError::Tangled { pairs: tested });
-        }
-        if tested > max_pairs {
-            break;
+        examined
+    };
+    let mut all = Examined::default();
+    let ranges: Vec<Range<usize>> = (first..triangles.len())
+        .step_by(EXAMINED)
+        .map(|from| from..(from + EXAMINED).min(triangles.len()))
+        .collect();
+    for ranges in ranges.chunks(parallel::threads()) {
+        for examined in parallel::map_each(ranges, |range| examine(range.clone())) {
+            all.tested += examined.tested;
+            all.found += examined.found;
+            all.first_m = all.first_m.or(examined.first_m);
+            // What later threads examined does not count, so that the result is that of any number of them.
+            if all.is_enough(max_pairs) {
+                return all.result(center_m, max_pairs);
+            }
         }
     }
-    first.map_or(Ok(()), |at_m| Err(MeshError::Crossing { pairs: found, at_m: center_m + at_m }))
+    all.result(center_m, max_pairs)
+}
+
+/// Numbers of tested pairs of boxes and of pairs of triangles that intersect, and where the first do.
+#[derive(Default)]
+struct Examined {
+    tested: usize,
+    found: usize,
+    first_m: Option<DVec3>,
+}
+
+impl Examined {
+    /// Whether the search ends.
+    fn is_enough(&self, max_pairs: usize) -> bool {
+        self.found >= MAX_FOUND || self.tested > max_pairs
+    }
+
+    fn result(self, center_m: DVec3, max_pairs: usize) -> Result<(), MeshError> {
+        match self.first_m {
+            Some(at_m) => Err(MeshError::Crossing { pairs: self.found, at_m: center_m + at_m }),
+            None if self.tested > max_pairs => Err(MeshError::Tangled { pairs: self.tested }),
+            None => Ok(()),
+        }
+    }
 }
 
 /// A point of intersection of two triangles. Triangles that share an edge do not intersect.

@@ -45,7 +45,7 @@ pub(super) fn enclose(
         hole_count: parts.holes.len(),
         open_edge_count: parts.open_edge_count,
         branching_edge_count: parts.branching_edge_count,
-        crossing_count: bounds.crossings(&parts.triangles, points_m),
+        crossing_count: bounds.crossings(&parts.triangles, 0, points_m),
         part_count: parts.part_count,
         reoriented_part_count: parts.reoriented_parts,
         ..MeshAssumptions::default()
@@ -54,9 +54,12 @@ pub(super) fn enclose(
     let (coarsest_m, finest_m) = (size_m / SAMPLES_ALONG as f64, size_m / MAX_SAMPLES_ALONG as f64);
     let surface = match thickness_m.filter(|_| parts.open_edge_count > 0) {
         None => {
-            let is_capped = parts.open_edge_count > 0 && parts.cap_share(points_m) < MAX_CAP_SHARE;
+            let is_capped = parts.open_edge_count > 0
+                && assumptions.crossing_count == 0
+                && parts.cap_share(points_m) < MAX_CAP_SHARE;
             let capped = is_capped.then(|| parts.capped(points_m));
-            match capped.and_then(|capped| bounds.simple(&capped.triangles, capped.points_m)) {
+            let first_cap = parts.triangles.len();
+            match capped.and_then(|capped| bounds.simple(&capped.triangles, first_cap, capped.points_m)) {
                 Some(surface) => {
                     let samples = sample(&parts, points_m, half_size_m, 4.0 * coarsest_m);
                     assumptions.uncertain_share = samples.uncertain_share();
@@ -73,7 +76,7 @@ pub(super) fn enclose(
         Some(thickness_m) => {
             (assumptions.hole_count, assumptions.thickness_m) = (0, Some(thickness_m));
             let thickened = thicken(&parts, points_m, thickness_m);
-            match bounds.simple(&thickened.triangles, thickened.points_m.clone()) {
+            match bounds.simple(&thickened.triangles, 0, thickened.points_m.clone()) {
                 Some(surface) => surface,
                 None => {
                     let sheets = OpenParts::new(&thickened.triangles, &thickened.points_m);
@@ -97,21 +100,22 @@ struct Bounds {
 }
 
 impl Bounds {
-    /// The surface of `triangles`, if it is closed and does not pass through itself, and parts within others are cavities.
-    fn simple(&self, triangles: &[[usize; 3]], points_m: Vec<DVec3>) -> Option<ClosedSurface> {
+    /// The surface of `triangles`, if it is closed and does not pass through itself, and parts within others are cavities. Triangles before
+    /// `first` do not cross one another.
+    fn simple(&self, triangles: &[[usize; 3]], first: usize, points_m: Vec<DVec3>) -> Option<ClosedSurface> {
         let parts = OpenParts::new(triangles, &points_m);
         let is_simple = parts.open_edge_count == 0
             && parts.branching_edge_count == 0
-            && self.crossings(&parts.triangles, &points_m) == 0
+            && self.crossings(&parts.triangles, first, &points_m) == 0
             && Inside::new(&parts.triangles, &points_m, self.half_size_m)
                 .parts_to_turn(&parts.part, parts.part_count, self.center_m)
                 .is_ok_and(|turned| !turned.contains(&true));
         is_simple.then_some(ClosedSurface { points_m, triangles: parts.triangles })
     }
 
-    /// Number of pairs of triangles that cross, as far as the search goes.
-    fn crossings(&self, triangles: &[[usize; 3]], points_m: &[DVec3]) -> usize {
-        match crossing::check(triangles, points_m, self.center_m, self.tolerance_m) {
+    /// Number of pairs of triangles that cross, as far as the search goes, without pairs before `first`.
+    fn crossings(&self, triangles: &[[usize; 3]], first: usize, points_m: &[DVec3]) -> usize {
+        match crossing::check(triangles, first, points_m, self.center_m, self.tolerance_m) {
             Err(MeshError::Crossing { pairs, .. }) => pairs,
             Err(_) => 1,
             Ok(()) => 0,

@@ -2,6 +2,7 @@
 
 use super::inside::{UNITS, row_crossing};
 use super::winding_tree::WindingTree;
+use crate::parallel;
 use glam::DVec3;
 
 /// Winding numbers of triangles at the points of a grid, with at least one layer of points outside their bounds.
@@ -192,7 +193,7 @@ impl WindingSamples {
         let at_corner: Vec<f64> = {
             let places: Vec<DVec3> =
                 crate::lattice::grid(corners).map(|place| self.at_m(place.map(|n| n * BLOCK))).collect();
-            in_parallel(&places, |place_m| caps.winding(*place_m))
+            parallel::map(&places, |place_m| caps.winding(*place_m))
         };
         let mut near = Vec::new();
         for block in crate::lattice::grid(blocks) {
@@ -225,7 +226,7 @@ impl WindingSamples {
                 }
             }
         }
-        let exact = in_parallel(&near, |(_, place_m)| caps.winding(*place_m));
+        let exact = parallel::map(&near, |(_, place_m)| caps.winding(*place_m));
         for ((point, _), w) in near.into_iter().zip(exact) {
             self.winding[point] -= w as f32;
         }
@@ -237,18 +238,4 @@ fn longest_side([a, b, c]: [DVec3; 3]) -> (f64, usize) {
     let sides = [b.distance_squared(c), c.distance_squared(a), a.distance_squared(b)];
     let opposite = (1..3).fold(0, |longest, side| if sides[side] > sides[longest] { side } else { longest });
     (sides[opposite], opposite)
-}
-
-/// `each` of all `items`, on all processors.
-fn in_parallel<T: Sync>(items: &[T], each: impl Fn(&T) -> f64 + Sync) -> Vec<f64> {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let share = items.len().div_ceil(threads).max(1024);
-    let mut results = vec![0.0; items.len()];
-    std::thread::scope(|scope| {
-        for (items, results) in items.chunks(share).zip(results.chunks_mut(share)) {
-            let each = &each;
-            scope.spawn(move || items.iter().zip(results).for_each(|(item, result)| *result = each(item)));
-        }
-    });
-    results
 }

@@ -1,5 +1,6 @@
 //! Thickness of what a surface encloses.
 
+use crate::parallel;
 use crate::triangle_bvh::triangle_bvh;
 use glam::DVec3;
 use parry3d_f64::query::{Ray, RayCast};
@@ -24,5 +25,5 @@ pub(super) fn thickness_m(
         };
         bvh.cast_ray(&ray, max_m, leaves).map_or(max_m, |(_, distance_m)| distance_m)
     };
-    (0..points_m.len()).map(along).collect()
+    parallel::map_ranges(points_m.len(), |range| range.map(along).collect())
 }
