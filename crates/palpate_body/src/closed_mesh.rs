@@ -229,9 +229,9 @@ impl ClosedMesh {
     /// parts that face inward are turned.
     ///
     /// A mesh that [`ClosedMesh::new`] accepts gives the same result. Cracks of up to 1e-4 of the size are welded if this closes at least half
-    /// of the open edges. Small holes of a mesh that does not pass through itself are closed by fans of triangles. Otherwise the surface is extracted from samples, 128 along the longest side, or up to 256 for a thin mesh, and moved
-    /// onto the triangles. [`ClosedMesh::assumptions`] reports both. With `thickness_m`, open parts are sheets of that
-    /// thickness, centred on their triangles, instead.
+    /// of the open edges. Small holes of a mesh that does not pass through itself are closed by fans of triangles. Otherwise the surface is
+    /// extracted from samples, 128 along the longest side, or up to 256 for a thin mesh, and moved onto the triangles.
+    /// [`ClosedMesh::assumptions`] reports both. With `thickness_m`, open parts are sheets of that thickness, centred on their triangles, instead.
     ///
     /// # Errors
     /// [`MeshError`]: [`MeshError::NoInside`] if the triangles have no inside, [`MeshError::Thickness`], and those about indices,
@@ -289,14 +289,14 @@ impl ClosedMesh {
                 | MeshError::Flat { .. },
             ) => {
                 let center_m = 0.5 * (low + high);
-                let weld_tolerance = cracks::weld_tolerance(&vertices_m, &triangles, center_m, size_m);
+                let (welded, weld_tolerance) = cracks::weld_cracks(&vertices_m, &triangles, center_m, size_m);
                 if weld_tolerance > TOLERANCE
                     && let Ok(closed) =
                         Self::close(vertices_m.clone(), triangles.clone(), (low, high), weld_tolerance)
                 {
                     return Ok(closed);
                 }
-                Self::enclose_open(vertices_m, triangles, thickness_m, (low, high), weld_tolerance)
+                Self::enclose_open(vertices_m, triangles, thickness_m, (low, high), welded)
             }
             closed => closed,
         }
@@ -307,14 +307,13 @@ impl ClosedMesh {
         mut drawn: Vec<[usize; 3]>,
         thickness_m: Option<f64>,
         (low_m, high_m): (DVec3, DVec3),
-        weld_tolerance: f64,
+        welded: weld::Welded,
     ) -> Result<Self, MeshError> {
         let size_m = (high_m - low_m).max_element();
         let center_m = 0.5 * (low_m + high_m);
         let half_size_m = 0.5 * (high_m - low_m) + 0.5 * thickness_m.unwrap_or(0.0);
         check_size(size_m, center_m)?;
         let tolerance_m = TOLERANCE * size_m;
-        let welded = weld::weld(&vertices_m, &drawn, center_m, weld_tolerance * size_m);
         let points_m = welded.points_m;
         let mut repairs = MeshRepairs { welded: welded.count, ..MeshRepairs::default() };
         let of_points: Vec<(usize, [usize; 3])> = drawn

@@ -229,7 +229,8 @@ mod tests {
     use super::*;
 
     /// Seeds of a ball of radius 1 above the ridge of a roof, on both of its sides.
-    fn seeds_on_ridge(height: f64, shape: &ToolShape) -> [Seed; 2] {
+    fn seeds_on_ridge(height: f64) -> [Seed; 2] {
+        let ball = ToolShape::Sphere { radius_m: 1.0 };
         let (along, ridge) = (DVec3::X, [DVec3::NEG_X, DVec3::X]);
         let at = DVec3::Z * height + 0.3 * along;
         [-1.0, 1.0].map(|side: f64| {
@@ -237,20 +238,20 @@ mod tests {
             let corners = if side < 0.0 { [ridge[1], ridge[0], eave] } else { [ridge[0], ridge[1], eave] };
             let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
             assert!(normal.z > 0.8);
-            Seed::of(shape, (at, at), (usize::from(side > 0.0), corners, normal), 0.5).unwrap()
+            Seed::of(&ball, (at, at), (usize::from(side > 0.0), corners, normal), 0.5).unwrap()
         })
     }
 
     #[test]
     fn seeds_of_a_ball_on_both_sides_of_an_edge_start_in_the_same_direction() {
         for height in [0.2, 0.9, 1.0, 1.4] {
-            for seed in seeds_on_ridge(height, &ToolShape::Sphere { radius_m: 1.0 }) {
+            for seed in seeds_on_ridge(height) {
                 assert!(seed.normal.distance(DVec3::Z) < 1e-12, "{height}: {seed:?}");
                 assert!(seed.at_m.distance(DVec3::X * 0.3) < 1e-12, "{height}: {seed:?}");
             }
         }
         // On the ridge itself the ball's middle has no direction.
-        for seed in seeds_on_ridge(0.0, &ToolShape::Sphere { radius_m: 1.0 }) {
+        for seed in seeds_on_ridge(0.0) {
             assert!(seed.normal.distance(seed.rest_normal) < 1e-12, "{seed:?}");
         }
     }

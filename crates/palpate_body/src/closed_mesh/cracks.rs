@@ -2,24 +2,25 @@
 
 use super::edges::sides;
 use super::geometry::TOLERANCE;
-use super::weld;
+use super::weld::{Welded, weld};
 use glam::DVec3;
 
 /// Tolerances of coincident vertices, as fractions of the longest side, that are tried on a mesh with open edges.
 const CRACKS: [f64; 2] = [1e-5, 1e-4];
 
-/// The tolerance of coincident vertices, as a fraction of the longest side: [`TOLERANCE`], or a larger one that closes at least half
-/// of the open edges which the one before leaves.
-pub(super) fn weld_tolerance(
+/// Welds vertices within a fraction of the longest side, and returns it too: [`TOLERANCE`], or a larger one that closes at least half of the open
+/// edges which the one before leaves.
+pub(super) fn weld_cracks(
     vertices_m: &[DVec3],
     triangles: &[[usize; 3]],
     center_m: DVec3,
     size_m: f64,
-) -> f64 {
-    let edges = open_edges(vertices_m, triangles, center_m, size_m);
+) -> (Welded, f64) {
+    let welded = weld(vertices_m, triangles, center_m, TOLERANCE * size_m);
+    let edges = open_edges(&welded, triangles);
     let left_open = |tolerance: f64| {
         let corners: Vec<[usize; 3]> = edges.iter().map(|&[a, b]| [a, b, b]).collect();
-        let welded = weld::weld(vertices_m, &corners, center_m, tolerance * size_m);
+        let welded = weld(vertices_m, &corners, center_m, tolerance * size_m);
         let mut edges: Vec<[Option<usize>; 2]> = edges
             .iter()
             .map(|edge| edge.map(|vertex| welded.point_of[vertex]))
@@ -39,23 +40,20 @@ pub(super) fn weld_tolerance(
             (chosen, open) = (tolerance, left);
         }
     }
-    chosen
+    if chosen > TOLERANCE {
+        return (weld(vertices_m, triangles, center_m, chosen * size_m), chosen);
+    }
+    (welded, chosen)
 }
 
 /// Edges of one triangle only, as vertices.
-fn open_edges(
-    vertices_m: &[DVec3],
-    triangles: &[[usize; 3]],
-    center_m: DVec3,
-    size_m: f64,
-) -> Vec<[usize; 2]> {
-    let welded = weld::weld(vertices_m, triangles, center_m, TOLERANCE * size_m);
+fn open_edges(welded: &Welded, triangles: &[[usize; 3]]) -> Vec<[usize; 2]> {
     let of_points: Vec<[usize; 3]> = triangles
         .iter()
         .map(|corners| corners.map(|vertex| welded.point_of[vertex].unwrap_or_default()))
         .filter(|[a, b, c]| a != b && b != c && c != a)
         .collect();
-    let mut vertex_of = vec![0; vertices_m.len()];
+    let mut vertex_of = vec![0; welded.points_m.len()];
     for &vertex in triangles.iter().flatten() {
         vertex_of[welded.point_of[vertex].unwrap_or_default()] = vertex;
     }
